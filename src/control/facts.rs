@@ -1,0 +1,100 @@
+use crate::estimation::{FitFault, TwistFit};
+use crate::geometry::Vec2;
+use crate::goal::Wanted;
+use crate::planner::{Plan, PlannedPulse};
+use crate::signal::{AccelTrace, Drive, Frame};
+use crate::time::PlateTime;
+use crate::vision::{Detection, Stages, Table, Track};
+
+/// The first look: table and parts from nothing.
+#[derive(Clone, Copy, Debug)]
+pub struct LocalisedFacts<'a> {
+    /// The frame looked at.
+    pub frame: &'a Frame,
+    /// The table in it.
+    pub table: &'a Table,
+    /// The parts in it, in the order of the job.
+    pub detections: &'a [Detection],
+    /// What the search went through.
+    pub stages: &'a Stages,
+}
+
+/// One tracked frame.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameFacts<'a> {
+    /// The frame.
+    pub frame: &'a Frame,
+    /// The parts in it.
+    pub tracks: &'a [Track],
+    /// True while the plate vibrates or parts may still coast.
+    pub sounding: bool,
+    /// True for the frame a cycle starts from, taken with everything at rest.
+    pub starts_cycle: bool,
+    /// Wall time tracking took, µs; 0 when no clock runs.
+    pub track_us: f64,
+}
+
+/// One pulse, after it was played.
+#[derive(Clone, Copy, Debug)]
+pub struct PulseFacts<'a> {
+    /// Number of the cycle.
+    pub cycle: u64,
+    /// When it started.
+    pub started_at: PlateTime,
+    /// What was planned.
+    pub planned: &'a PlannedPulse,
+    /// What was sent to the motors.
+    pub drive: &'a Drive,
+    /// What the accelerometers saw.
+    pub trace: &'a AccelTrace,
+    /// What they say of the plate's motion.
+    pub fit: &'a Result<TwistFit, FitFault>,
+}
+
+/// One cycle, after its last pulse and the look that follows it.
+#[derive(Clone, Copy, Debug)]
+pub struct CycleFacts<'a> {
+    /// Number of the cycle, from 0.
+    pub index: u64,
+    /// When the look was taken that the plan rests on.
+    pub observed_at: PlateTime,
+    /// Measured positions then, m.
+    pub observed_m: &'a [Vec2],
+    /// What the goal wanted.
+    pub wanted: &'a Wanted,
+    /// What was planned.
+    pub plan: &'a Plan,
+    /// When the next look was taken.
+    pub ended_at: PlateTime,
+    /// Measured positions then, m.
+    pub result_m: &'a [Vec2],
+    /// Wall time planning took, µs; 0 when no clock runs.
+    pub plan_us: f64,
+    /// Wall time the whole cycle took, µs; 0 when no clock runs.
+    pub cycle_us: f64,
+}
+
+/// How loud an event is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EventLevel {
+    /// The run goes on as it should.
+    Info,
+    /// Something was mended.
+    Warning,
+    /// The run ends because of it.
+    Error,
+}
+
+/// Takes what the control loop tells. A sink changes nothing: runs with and without it are the same.
+pub trait Sink {
+    /// Table and parts were found.
+    fn localised(&mut self, _facts: &LocalisedFacts<'_>) {}
+    /// A frame was tracked.
+    fn frame(&mut self, _facts: &FrameFacts<'_>) {}
+    /// A pulse was played.
+    fn pulse(&mut self, _facts: &PulseFacts<'_>) {}
+    /// A cycle ended.
+    fn cycle(&mut self, _facts: &CycleFacts<'_>) {}
+    /// Something worth a line happened.
+    fn event(&mut self, _at: PlateTime, _level: EventLevel, _text: &str) {}
+}

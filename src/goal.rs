@@ -1,0 +1,29 @@
+//! Where the parts should go, said without a word about plates.
+
+use crate::geometry::Vec2;
+use crate::time::PlateTime;
+
+/// What a goal wants of the parts just now.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Wanted {
+    /// For each part where it should go next, m; near enough for one cycle's step or the final place.
+    pub subgoals_m: Vec<Vec2>,
+    /// For each part where it shall end, m; on endless tasks the end of the present stretch.
+    pub targets_m: Vec<Vec2>,
+    /// What is being done, in words: `lap 2 of 3: branch +x, outwards`.
+    pub phase: String,
+    /// Part of the whole task that is done, 0 to 1; stays 0 on endless tasks.
+    pub progress: f64,
+    /// Laps completed.
+    pub laps: u32,
+    /// For each part the distance from its path, m; 0 where there is no path.
+    pub cross_track_m: Vec<f64>,
+    /// True when nothing is left to do.
+    pub done: bool,
+}
+
+/// A task as a source of subgoals.
+pub trait Goal {
+    /// Looks at where the parts are and says what is wanted next. Called once a cycle, in order of time.
+    fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted;
+}

@@ -1,0 +1,16 @@
+//! A Universal Planar Manipulator: one flat plate, shaken sideways by four voice coils, moves many coins on it
+//! independently, closed over a camera. See `ARCHITECTURE.md` for the rooms and who may import whom.
+
+pub mod control;
+pub mod estimation;
+pub mod geometry;
+pub mod goal;
+pub mod library;
+pub mod planner;
+pub mod random;
+pub mod rig;
+pub mod signal;
+pub mod sim;
+pub mod time;
+pub mod units;
+pub mod vision;

@@ -1,0 +1,69 @@
+use crate::geometry::{Twist, Vec2};
+use crate::signal::Harmonic;
+
+/// One motion the rig can make.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    /// Amplitudes sent to the motors X1, X2, Y1, Y2, counts.
+    pub amplitudes: [i32; 4],
+    /// Measured amplitude T of the plate's pump wave `T (cos wt - ½ cos 2wt)` at full height.
+    pub pump: Twist,
+}
+
+impl Entry {
+    /// Centre of rotation, m; `None` for a translation that is one to the last bit.
+    pub fn center_m(&self) -> Option<Vec2> {
+        self.pump.center_of_rotation()
+    }
+
+    /// Amplitude of the plate's speed under a part at `p_m`, m/s.
+    pub fn speed_at(&self, p_m: Vec2) -> f64 {
+        self.pump.velocity_at(p_m).norm()
+    }
+}
+
+/// The force waveform of one axis (x, y or spin) for one unit of that axis's amplitude: harmonics 1 and 2, with
+/// the pre-compensation that calibration found for the plate's response not being exactly 1/w.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisShape(pub [Harmonic; 2]);
+
+impl AxisShape {
+    /// `cos wt - sin 2wt` (Eq. 8): right for a plate that is a free mass.
+    pub const FREE_MASS: Self = Self([Harmonic { cos: 1.0, sin: 0.0 }, Harmonic { cos: 0.0, sin: -1.0 }]);
+}
+
+/// How far a part goes in one pulse, measured: a grid over the plate's speed amplitude under the part and the
+/// pulse's sustain. For a rotation the speed is spin times radius, so this is d(radius, sustain) of
+/// every entry at once, whatever spin the motors reach there.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DisplacementModel {
+    /// Grid of speed amplitudes, m/s, rising.
+    pub speed_mps: Vec<f64>,
+    /// Grid of sustains, s, rising.
+    pub sustain_s: Vec<f64>,
+    /// `distance_m[i][k]` at `speed_mps[i]`, `sustain_s[k]`, m along the flow.
+    pub distance_m: Vec<Vec<f64>>,
+    /// Standard deviation of one such pulse, m, same shape.
+    pub sd_m: Vec<Vec<f64>>,
+}
+
+/// What `upm calibrate` writes and the planner looks up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Library {
+    /// Name of the rig it was measured on.
+    pub rig: String,
+    /// Fingerprint of that rig's file.
+    pub fingerprint: String,
+    /// Base frequency, rad/s.
+    pub base_radps: f64,
+    /// Attack of every pulse, s.
+    pub attack_s: f64,
+    /// Rest after every pulse, s.
+    pub rest_s: f64,
+    /// Force waveforms of x, y and spin.
+    pub shapes: [AxisShape; 3],
+    /// Every motion, in a fixed order.
+    pub entries: Vec<Entry>,
+    /// How far parts go.
+    pub displacement: DisplacementModel,
+}

@@ -1,0 +1,3 @@
+//! The `upm` command.
+
+fn main() {}

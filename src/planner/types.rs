@@ -1,0 +1,89 @@
+use crate::geometry::Vec2;
+
+/// One part as the planner sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartState {
+    /// Where it is, m.
+    pub position_m: Vec2,
+    /// The step it should make in this cycle, m.
+    pub step_m: Vec2,
+    /// Its outline, m.
+    pub radius_m: f64,
+    /// Measured over predicted distance of this part so far; 1 when nothing is known.
+    pub gain: f64,
+}
+
+/// What the planner may and wants to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlannerParams {
+    /// Half the plate's side, m.
+    pub half_side_m: f64,
+    /// How far a part's rim stays from the plate's edge, m; negative lets it stand over.
+    pub edge_margin_m: f64,
+    /// Gap kept between rims, m.
+    pub separation_m: f64,
+    /// Largest |d| of one rotation, m.
+    pub max_distance_m: f64,
+    /// Smallest |d| worth a pulse, m.
+    pub min_distance_m: f64,
+    /// Most pulses in one sequence.
+    pub max_pulses: usize,
+    /// Candidates taken out of the library for each part.
+    pub candidates_per_part: usize,
+    /// Price of a metre of |d| against a metre of error; more gives sparser sequences.
+    pub sparsity: f64,
+}
+
+/// One rotation of a sequence.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlannedPulse {
+    /// Index into the library's entries.
+    pub entry: usize,
+    /// The rotation d_j, m: how far it moves a part on the nominal field; negative runs the drive in reverse.
+    pub distance_m: f64,
+    /// Sustain that gives that distance, s.
+    pub sustain_s: f64,
+}
+
+/// A limit that shaped or stopped a plan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Limit {
+    /// Part `part` would leave the plate.
+    Edge {
+        /// Index of the part.
+        part: usize,
+    },
+    /// Two parts would touch.
+    Separation {
+        /// Indices of the parts.
+        parts: [usize; 2],
+    },
+    /// No entry of the library moves every part that should move.
+    Unreachable,
+}
+
+/// How planning ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PlanStatus {
+    /// The pulses do what was wanted, to first order.
+    Solved,
+    /// All steps are smaller than the smallest pulse can make.
+    NothingToDo,
+    /// Nothing found within the limits; the one that stopped it.
+    Infeasible(Limit),
+    /// The solver gave up, in its own words.
+    SolverFailed(String),
+}
+
+/// What to play this cycle and what should come of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// How planning ended.
+    pub status: PlanStatus,
+    /// The sequence, first to last; empty unless solved.
+    pub pulses: Vec<PlannedPulse>,
+    /// Entries that were considered.
+    pub candidates: Vec<usize>,
+    /// Where each part is predicted to be after each pulse, m: `predicted_m[pulse][part]`.
+    pub predicted_m: Vec<Vec<Vec2>>,
+}

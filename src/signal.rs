@@ -1,0 +1,13 @@
+//! Plain data that crosses the hardware boundary: frames and traces one way, drives the other.
+
+mod drive;
+mod envelope;
+mod frame;
+mod trace;
+mod twist_wave;
+
+pub use drive::{Drive, Harmonic, MOTORS, Motor};
+pub use envelope::Envelope;
+pub use frame::Frame;
+pub use trace::{AccelTrace, CHANNELS, MISSING_SAMPLE};
+pub use twist_wave::{TwistHarmonic, TwistWave};

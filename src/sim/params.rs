@@ -1,0 +1,124 @@
+use nalgebra::Vector3;
+
+use crate::geometry::{Lens, Vec2};
+
+/// Constant parameters of the simulated rig, apart from all state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SimParams {
+    /// Time step of motors, plate and parts, s.
+    pub step_s: f64,
+    /// The plate.
+    pub plate: PlateParams,
+    /// Waveform generator, amplifiers and voice coils.
+    pub motors: MotorParams,
+    /// The two accelerometers.
+    pub accelerometers: AccelerometerParams,
+    /// The camera.
+    pub camera: CameraParams,
+    /// How parts meet each other.
+    pub contact: ContactParams,
+}
+
+/// A plate on flexible rods: each axis a mass-spring-damper (Eq. 33). Order of triples: x, y, spin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlateParams {
+    /// Side, m.
+    pub side_m: f64,
+    /// Moving mass, kg.
+    pub mass_kg: f64,
+    /// Moment of inertia about the centre, kg m².
+    pub inertia_kgm2: f64,
+    /// Undamped natural frequency of each axis, Hz.
+    pub resonance_hz: [f64; 3],
+    /// Damping ratio of each axis.
+    pub damping_ratio: [f64; 3],
+}
+
+/// From counts to newtons.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotorParams {
+    /// Distance of the lines of action from the centre, m.
+    pub lever_arm_m: f64,
+    /// Force of one count, N.
+    pub newtons_per_count: f64,
+    /// Error of each motor's force, as a part of it.
+    pub gain_error: [f64; 4],
+    /// Samples a second of the waveform generator.
+    pub sample_hz: f64,
+    /// Largest sample, counts; rounding is to whole counts.
+    pub count_limit: f64,
+    /// Corner of the low-pass behind the PWM (two poles, Butterworth), Hz.
+    pub low_pass_hz: f64,
+    /// Force at which a coil's amplifier saturates, N.
+    pub force_limit_n: f64,
+}
+
+/// Two 2-axis accelerometers under opposite corners.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AccelerometerParams {
+    /// Place of number 1 on the plate, m; number 2 is opposite.
+    pub position_m: Vec2,
+    /// Samples a second.
+    pub sample_hz: f64,
+    /// Bits of the converter, sign included.
+    pub bits: u32,
+    /// Largest acceleration shown, m/s².
+    pub range_mps2: f64,
+    /// White noise, m/s² a sample.
+    pub noise_mps2: f64,
+    /// Standard deviation of each channel's constant offset, m/s².
+    pub bias_sd_mps2: f64,
+    /// Standard deviation of each channel's gain error.
+    pub gain_sd: f64,
+}
+
+/// A pinhole camera above the plate, and the light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraParams {
+    /// Columns and rows, px.
+    pub size_px: [usize; 2],
+    /// Frames a second.
+    pub frame_hz: f64,
+    /// Time the shutter is open, s.
+    pub exposure_s: f64,
+    /// The lens.
+    pub lens: Lens,
+    /// Where the camera's centre is, m, in the table frame; it looks down.
+    pub position_m: Vector3<f64>,
+    /// Rotation about the image's x and y axes and about the optical axis, rad.
+    pub tilt_rad: [f64; 3],
+    /// Standard deviation of the lens's Gaussian blur, px.
+    pub blur_px: f64,
+    /// Gray levels of ground, plate and parts in full light.
+    pub levels: [f64; 3],
+    /// How much darker the light's far corner is than its near one, 0 to 1.
+    pub shading: f64,
+    /// Direction in which light falls off, rad, in the image.
+    pub shading_direction_rad: f64,
+    /// Electrons at gray level 255: sets the shot noise. Infinite for none.
+    pub full_well_e: f64,
+    /// Read noise, gray levels.
+    pub read_noise: f64,
+}
+
+/// How parts meet each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactParams {
+    /// Restitution between parts.
+    pub restitution: f64,
+    /// Coulomb friction between rims.
+    pub rim_friction: f64,
+}
+
+/// One part: a disc.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartParams {
+    /// Outline, m.
+    pub radius_m: f64,
+    /// Height, m.
+    pub thickness_m: f64,
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Coulomb friction against the plate.
+    pub friction: f64,
+}

@@ -1,0 +1,17 @@
+//! Conversions at the person's edge. Inside the program every quantity is SI and says so in its name.
+
+/// Standard gravity, m/s² (CGPM 1901).
+pub const GRAVITY_MPS2: f64 = 9.806_65;
+
+/// Metres in one inch, exactly.
+pub const INCH_M: f64 = 0.0254;
+
+/// Metres from millimetres.
+pub fn m_from_mm(mm: f64) -> f64 {
+    mm * 1e-3
+}
+
+/// Millimetres from metres.
+pub fn mm_from_m(m: f64) -> f64 {
+    m * 1e3
+}
