@@ -48,6 +48,8 @@ pub struct RigModel {
     pub frame_size_px: [usize; 2],
     /// Frames a second.
     pub frame_hz: f64,
+    /// Time the shutter is open, s.
+    pub exposure_s: f64,
     /// The lens as its calibration sheet has it.
     pub lens: Lens,
     /// True when parts are darker than the plate.

@@ -8,7 +8,7 @@ pub const INCH_M: f64 = 0.0254;
 
 /// Metres from millimetres.
 pub fn m_from_mm(mm: f64) -> f64 {
-    mm * 1e-3
+    mm / 1e3
 }
 
 /// Millimetres from metres.

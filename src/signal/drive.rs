@@ -92,8 +92,8 @@ mod tests {
             motors: [wave, vec![], vec![], vec![]],
             envelope: Envelope { attack_s: 0.01, sustain_s: 0.1, rest_s: 0.05 },
         };
-        for t in [0.02, 0.05, 0.0777] {
-            let expected = 100.0 * ((377.0 * t as f64).cos() - (2.0 * 377.0 * t).sin());
+        for t in [0.02f64, 0.05, 0.0777] {
+            let expected = 100.0 * ((377.0 * t).cos() - (2.0 * 377.0 * t).sin());
             assert!((drive.counts_at(0, t) - expected).abs() < 1e-9);
         }
         assert_eq!(drive.counts_at(0, 0.125), 0.0);
