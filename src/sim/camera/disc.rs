@@ -1,0 +1,213 @@
+use nalgebra::Matrix2;
+
+use super::edge::{REACH, edge_spread, inverse_sqrt};
+use super::exposure::{Glimpse, Grain};
+use super::tiles::{Grid, LANES, Lanes, Patch, Tile, TileBox};
+use super::view::View;
+use super::{Blur, DiscShape};
+use crate::geometry::{Pose, Vec2, cross};
+
+/// One part's outline as the exposure saw it.
+#[derive(Clone, Debug)]
+pub(super) struct DiscOutline {
+    shape: DiscShape,
+    shown: Vec<Glimpse>,
+    next: Vec<Glimpse>,
+    silhouettes: Vec<Silhouette>,
+    tiles: TileBox,
+}
+
+/// The hull of two circles on the plate's plane: the part's foot, and its top as the camera projects it there.
+///
+/// ```text
+///        .-----.            The hull is the union of the circles about c(t) = foot + t·lean of radius
+///      .'       `.___       R(t) = foot_radius + t·growth, 0 ≤ t ≤ 1. With b the lean's length, y along
+///     /    lean  |   `.     it and x ≥ 0 across it, the circle nearest to (x, y) has
+///    |   foot───────top     t = y/b + x·growth/(b·sqrt(b² - growth²)), clamped to [0, 1].
+///     \          |   .'
+///      `._     _.'``        The distance to the hull is then |p - c(t)| - R(t).
+/// ```
+#[derive(Clone, Copy, Debug)]
+struct Silhouette {
+    foot_m: Vec2,
+    foot_radius_m: f64,
+    lean_m: Vec2,
+    growth_m: f64,
+    /// `t = t0 + t_along·y + t_across·|x|` before clamping.
+    t0: f64,
+    t_along: Vec2,
+    t_across: Vec2,
+    /// Covariance of the motion, m².
+    spread_m2: Matrix2<f64>,
+    weight: f64,
+}
+
+impl DiscOutline {
+    /// A part that is nowhere yet.
+    pub(super) fn new(shape: DiscShape) -> Self {
+        let (shown, next, silhouettes) = (Vec::new(), Vec::new(), Vec::new());
+        Self { shape, shown, next, silhouettes, tiles: TileBox::default() }
+    }
+
+    /// Takes the part's positions of a new exposure, none when it is not to be seen. Calls `stale` with every tile
+    /// whose picture may change.
+    pub(super) fn show(
+        &mut self,
+        positions_m: impl ExactSizeIterator<Item = Vec2> + Clone,
+        grain: &Grain,
+        (view, grid, blur): (&View, &Grid, &Blur),
+        mut stale: impl FnMut(usize),
+    ) {
+        let poses = positions_m.map(|position_m| Pose { position_m, heading_rad: 0.0 });
+        grain.glimpses(poses, &mut self.next);
+        if self.next == self.shown {
+            return;
+        }
+        self.tiles.indices(grid.columns).for_each(&mut stale);
+        std::mem::swap(&mut self.shown, &mut self.next);
+        self.silhouettes.clear();
+        self.silhouettes.extend(self.shown.iter().map(|glimpse| Silhouette::new(&self.shape, glimpse, view)));
+        self.tiles = self.tiles_touched(view, grid, blur);
+        self.tiles.indices(grid.columns).for_each(&mut stale);
+    }
+
+    /// True when the part may be seen in the tile.
+    pub(super) fn touches(&self, column: usize, row: usize) -> bool {
+        self.tiles.contains(column, row)
+    }
+
+    /// Adds the part's coverage of every pixel, averaged over the exposure.
+    pub(super) fn cover(&self, tile: &Tile, blur: &Blur, coverage: &mut Patch) {
+        self.silhouettes.iter().for_each(|silhouette| silhouette.cover(tile, blur, coverage));
+    }
+
+    /// The tiles within reach of the projections of polygons around foot and top.
+    fn tiles_touched(&self, view: &View, grid: &Grid, blur: &Blur) -> TileBox {
+        const CORNERS: u32 = 16;
+        let circumradius_m = self.shape.radius_m / (std::f64::consts::PI / f64::from(CORNERS)).cos();
+        let (mut low, mut high) = (Vec2::repeat(f64::INFINITY), Vec2::repeat(f64::NEG_INFINITY));
+        for glimpse in &self.shown {
+            for k in 0..CORNERS {
+                let (sin, cos) = (f64::from(k) * std::f64::consts::TAU / f64::from(CORNERS)).sin_cos();
+                let p_m = glimpse.pose.position_m + circumradius_m * Vec2::new(cos, sin);
+                for height_m in [0.0, self.shape.thickness_m] {
+                    let p_px = view.image_from_table(p_m, height_m);
+                    (low, high) = (low.inf(&p_px), high.sup(&p_px));
+                }
+            }
+        }
+        if self.shown.is_empty() {
+            return TileBox::default();
+        }
+        // Within a glimpse a part moves by less than the blur's standard deviation.
+        let margin = Vec2::repeat(1.5 * REACH * blur.sd_px());
+        grid.between(low - margin, high + margin)
+    }
+}
+
+impl Silhouette {
+    fn new(shape: &DiscShape, glimpse: &Glimpse, view: &View) -> Self {
+        let foot_m = glimpse.pose.position_m;
+        let (top_m, magnification) = view.shadow(foot_m, shape.thickness_m);
+        let (lean_m, growth_m) = (top_m - foot_m, (magnification - 1.0) * shape.radius_m);
+        let (b2, flank2) = (lean_m.norm_squared(), lean_m.norm_squared() - growth_m * growth_m);
+        let (t0, t_along, t_across) = if flank2 > 0.0 {
+            (0.0, lean_m / b2, lean_m * (growth_m / (b2 * flank2.sqrt())))
+        } else {
+            (1.0, Vec2::zeros(), Vec2::zeros())
+        };
+        let spread_m2 = glimpse.spread.fixed_view::<2, 2>(0, 0).into_owned();
+        let (foot_radius_m, weight) = (shape.radius_m, glimpse.weight);
+        Self { foot_m, foot_radius_m, lean_m, growth_m, t0, t_along, t_across, spread_m2, weight }
+    }
+
+    /// Signed distance on the table, negative inside, m.
+    fn distance_m(&self, p_m: Vec2) -> f64 {
+        let q = p_m - self.foot_m;
+        let t = (self.t0 + self.t_along.dot(&q) + cross(self.t_across, q).abs()).clamp(0.0, 1.0);
+        (q - t * self.lean_m).norm() - (self.foot_radius_m + t * self.growth_m)
+    }
+
+    fn cover(&self, tile: &Tile, blur: &Blur, coverage: &mut Patch) {
+        let covariance = blur.covariance_m2(tile) + self.spread_m2;
+        let clear_m = tile.radius_m + REACH * covariance.trace().sqrt();
+        let distance_m = self.distance_m(tile.center_m);
+        let weight = self.weight as f32;
+        if distance_m < -clear_m {
+            coverage.iter_mut().flatten().for_each(|c| *c += weight);
+        } else if distance_m < clear_m {
+            let rim = Rim::new(self, &covariance);
+            let depths = rim.depths(&tile.block_x_m, &tile.block_y_m);
+            let blocks = coverage.iter_mut().zip(&tile.x_m).zip(&tile.y_m).zip(depths);
+            for (((coverage, x_m), y_m), depth) in blocks {
+                if depth > blur.block_reach {
+                    coverage.iter_mut().for_each(|c| *c += weight);
+                } else if depth > -blur.block_reach {
+                    let depths = rim.depths(x_m, y_m);
+                    coverage.iter_mut().zip(depths).for_each(|(c, z)| *c += weight * edge_spread(z));
+                }
+            }
+        }
+    }
+}
+
+/// A silhouette ready for vector code, with the blur of one tile.
+struct Rim {
+    foot: [f32; 2],
+    lean: [f32; 2],
+    t0: f32,
+    along: [f32; 2],
+    across: [f32; 2],
+    radius: f32,
+    growth: f32,
+    /// How far blur moves the half level inwards on the arcs and on the straight flanks.
+    inwards: [f32; 2],
+    /// xx, twice xy, yy.
+    covariance: [f32; 3],
+}
+
+impl Rim {
+    fn new(silhouette: &Silhouette, covariance: &Matrix2<f64>) -> Self {
+        let pair = |v: Vec2| [v.x as f32, v.y as f32];
+        // Blur moves the half level of a curved edge inwards by its variance over twice the radius,
+        // and that of a straight piece the less the longer it is.
+        let variance = covariance.trace() / 2.0;
+        let bent = variance / (2.0 * silhouette.foot_radius_m);
+        let flank_m = (silhouette.lean_m.norm_squared() - silhouette.growth_m.powi(2)).max(0.0).sqrt();
+        let straight = bent * (1.0 - 0.4 * flank_m / variance.sqrt()).max(0.0);
+        Self {
+            foot: pair(silhouette.foot_m),
+            lean: pair(silhouette.lean_m),
+            t0: silhouette.t0 as f32,
+            along: pair(silhouette.t_along),
+            across: pair(silhouette.t_across),
+            radius: silhouette.foot_radius_m as f32,
+            growth: silhouette.growth_m as f32,
+            inwards: [bent, straight].map(|m| m as f32),
+            covariance: [covariance.m11, 2.0 * covariance.m12, covariance.m22].map(|c| c as f32),
+        }
+    }
+
+    /// How far inside the outline points of the table are, in standard deviations of the blur.
+    /// With w = p - c(t), the edge's normal is w/|w| and the blur along it has the variance wᵀCw/|w|².
+    #[inline(always)]
+    fn depths(&self, x_m: &Lanes, y_m: &Lanes) -> Lanes {
+        // Keeps the circle's very centre from being 0/0; far below what is seen.
+        const TINY_M2: f32 = 1e-14;
+        let mut depths = [0.0; LANES];
+        for ((depth, x), y) in depths.iter_mut().zip(x_m).zip(y_m) {
+            let [qx, qy] = [x - self.foot[0], y - self.foot[1]];
+            let aside = (self.across[0] * qy - self.across[1] * qx).abs();
+            let free = self.t0 + self.along[0] * qx + self.along[1] * qy + aside;
+            let t = free.clamp(0.0, 1.0);
+            let inwards = self.inwards[usize::from(free == t)];
+            let [wx, wy] = [qx - t * self.lean[0], qy - t * self.lean[1]];
+            let w2 = wx * wx + wy * wy + TINY_M2;
+            let [cxx, cxy, cyy] = self.covariance;
+            let variance_w2 = cxx * (wx * wx + TINY_M2) + cxy * wx * wy + cyy * wy * wy;
+            let radius = self.radius + t * self.growth - inwards;
+            *depth = w2 * (radius * inverse_sqrt(w2) - 1.0) * inverse_sqrt(variance_w2);
+        }
+        depths
+    }
+}

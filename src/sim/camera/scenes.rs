@@ -1,0 +1,51 @@
+//! Cameras for tests.
+
+use nalgebra::Vector3;
+
+use super::{CameraParams, DiscShape};
+use crate::geometry::{Lens, Vec2};
+
+/// Side of the plate everywhere, m.
+pub(super) const PLATE_M: f64 = 0.2032;
+
+/// A US penny.
+pub(super) const PENNY: DiscShape = DiscShape { radius_m: 9.525e-3, thickness_m: 1.52e-3 };
+
+/// The whole plate in 1280 × 1024, 4.4 px a millimetre.
+pub(super) fn full() -> CameraParams {
+    CameraParams {
+        size_px: [1280, 1024],
+        frame_hz: 60.0,
+        exposure_s: 2e-3,
+        lens: Lens {
+            focal_px: 2650.0,
+            principal_px: Vec2::new(645.0, 505.0),
+            radial: [-0.15, 0.08],
+            tangential: [4e-4, -3e-4],
+        },
+        position_m: Vector3::new(0.02, -0.015, 0.6),
+        tilt_rad: [0.03, -0.04, 0.02],
+        blur_px: 0.8,
+        levels: [12.0, 220.0, 35.0],
+        shading: 0.15,
+        shading_direction_rad: 0.6,
+        full_well_e: 10_000.0,
+        read_noise: 0.8,
+    }
+}
+
+/// A small picture of the plate's upper right, strongly tilted and distorted, as sharp as the full one.
+pub(super) fn small() -> CameraParams {
+    CameraParams {
+        size_px: [150, 110],
+        lens: Lens {
+            focal_px: 1100.0,
+            principal_px: Vec2::new(40.0, 80.0),
+            radial: [-0.5, 0.4],
+            tangential: [3e-3, -2e-3],
+        },
+        position_m: Vector3::new(0.03, 0.02, 0.55),
+        tilt_rad: [0.09, 0.07, 0.15],
+        ..full()
+    }
+}

@@ -1,0 +1,212 @@
+//! From the drive's counts to the forces on the plate: waveform generator (whole counts, held between samples), low-pass,
+//! voice coils, and how their pulls add up on the plate (UPM paper, sections 3.1 and 3.2, Eq. 7).
+
+use super::MotorParams;
+use super::oscillator::{Motion, Oscillator};
+use super::plate::Wrench;
+use crate::geometry::Vec2;
+use crate::signal::{Drive, MOTORS};
+
+/// Four voice coils with their amplifiers.
+#[derive(Clone, Debug)]
+pub struct Motors {
+    params: MotorParams,
+    step_s: f64,
+    low_pass: Oscillator,
+    low_pass_gain: f64,
+    filtered: [Motion; MOTORS],
+    drive: Option<Drive>,
+    steps: u64,
+    held_sample: Option<u64>,
+    held_counts: [f64; MOTORS],
+}
+
+impl Motors {
+    /// Silent motors that will be stepped by `step_s`.
+    pub fn new(params: &MotorParams, step_s: f64) -> Self {
+        let corner_radps = std::f64::consts::TAU * params.low_pass_hz;
+        Self {
+            params: *params,
+            step_s,
+            low_pass: Oscillator::new(corner_radps, std::f64::consts::FRAC_1_SQRT_2, step_s),
+            low_pass_gain: corner_radps * corner_radps,
+            filtered: [Motion::default(); MOTORS],
+            drive: None,
+            steps: 0,
+            held_sample: None,
+            held_counts: [0.0; MOTORS],
+        }
+    }
+
+    /// Starts `drive` now, in place of any other.
+    pub fn start(&mut self, drive: Drive) {
+        self.drive = Some(drive);
+        self.steps = 0;
+        self.held_sample = None;
+    }
+
+    /// Cuts the amplifiers: no force from now on.
+    pub fn stop(&mut self) {
+        self.drive = None;
+        self.held_counts = [0.0; MOTORS];
+        self.filtered = [Motion::default(); MOTORS];
+    }
+
+    /// True when no drive sounds and the coils' last force has died away (below a thousandth of a count).
+    pub fn is_silent(&self) -> bool {
+        let rate = self.low_pass_gain.sqrt();
+        let faint = |m: &Motion| m.position.abs() < 1e-3 && m.velocity.abs() < 1e-3 * rate;
+        self.drive.is_none() && self.filtered.iter().all(faint)
+    }
+
+    /// One step on; the wrench at its end. A sample of the generator acts on a step when it is the one held at the
+    /// step's middle, which is exact when steps divide samples.
+    pub fn step(&mut self) -> Wrench {
+        self.hold_sample();
+        for (filtered, counts) in self.filtered.iter_mut().zip(self.held_counts) {
+            *filtered = self.low_pass.step(*filtered, self.low_pass_gain * counts);
+        }
+        self.steps += 1;
+        self.wrench()
+    }
+
+    fn hold_sample(&mut self) {
+        let Some(drive) = &self.drive else { return };
+        let sample = ((self.steps as f64 + 0.5) * self.step_s * self.params.sample_hz) as u64;
+        if self.held_sample == Some(sample) {
+            return;
+        }
+        self.held_sample = Some(sample);
+        let t_s = sample as f64 / self.params.sample_hz;
+        if t_s >= drive.envelope.sounding_s() {
+            self.held_counts = [0.0; MOTORS];
+            self.drive = None;
+            return;
+        }
+        let limit = self.params.count_limit;
+        for (motor, counts) in self.held_counts.iter_mut().enumerate() {
+            *counts = drive.counts_at(motor, t_s).round().max(-limit).min(limit);
+        }
+    }
+
+    fn wrench(&self) -> Wrench {
+        let params = &self.params;
+        let mut forces_n = [0.0; MOTORS];
+        for ((force, filtered), gain_error) in forces_n.iter_mut().zip(&self.filtered).zip(params.gain_error) {
+            let wanted = filtered.position * params.newtons_per_count * (1.0 + gain_error);
+            *force = wanted.max(-params.force_limit_n).min(params.force_limit_n);
+        }
+        wrench_of_forces(forces_n, params.lever_arm_m)
+    }
+}
+
+/// What the motors' forces (N, order of [`crate::signal::Motor::ALL`]) do to the plate together (Eq. 7).
+pub fn wrench_of_forces([x1, x2, y1, y2]: [f64; MOTORS], lever_arm_m: f64) -> Wrench {
+    Wrench { force_n: Vec2::new(x1 - x2, y1 - y2), torque_nm: lever_arm_m * ((y1 + y2) - (x1 + x2)) }
+}
+
+/// The weakest forces with the given wrench: Eq. 7 turned round.
+pub fn forces_of_wrench(wrench: Wrench, lever_arm_m: f64) -> [f64; MOTORS] {
+    let (half, turn) = (wrench.force_n * 0.5, wrench.torque_nm / (4.0 * lever_arm_m));
+    [half.x - turn, -half.x - turn, half.y + turn, -half.y + turn]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signal::{Envelope, Harmonic};
+    use proptest::prelude::*;
+    use std::f64::consts::TAU;
+
+    const PARAMS: MotorParams = MotorParams {
+        lever_arm_m: 0.05,
+        newtons_per_count: 0.02,
+        gain_error: [0.0; 4],
+        sample_hz: 20_000.0,
+        count_limit: 511.0,
+        low_pass_hz: 800.0,
+        force_limit_n: 8.0,
+    };
+
+    fn steady(counts: f64, envelope: Envelope) -> Drive {
+        let wave = vec![Harmonic { cos: counts, sin: 0.0 }];
+        Drive { base_radps: TAU * 60.0, motors: [wave, vec![], vec![], vec![]], envelope }
+    }
+
+    #[test]
+    fn each_motor_pushes_where_the_paper_says() {
+        let signs = [(1.0, 0.0, -1.0), (-1.0, 0.0, -1.0), (0.0, 1.0, 1.0), (0.0, -1.0, 1.0)];
+        for (motor, (fx, fy, turn)) in signs.into_iter().enumerate() {
+            let mut forces = [0.0; 4];
+            forces[motor] = 3.0;
+            let wrench = wrench_of_forces(forces, 0.05);
+            assert_eq!((wrench.force_n.x, wrench.force_n.y), (3.0 * fx, 3.0 * fy));
+            assert!((wrench.torque_nm - 0.15 * turn).abs() < 1e-15);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_force_map_turns_round(fx in -9.0..9.0f64, fy in -9.0..9.0f64, torque in -1.0..1.0f64) {
+            let wrench = Wrench { force_n: Vec2::new(fx, fy), torque_nm: torque };
+            let back = wrench_of_forces(forces_of_wrench(wrench, 0.05), 0.05);
+            prop_assert!((back.force_n - wrench.force_n).norm() < 1e-12 && (back.torque_nm - torque).abs() < 1e-12);
+        }
+    }
+
+    /// Gain and delay of hold and Butterworth filter at 60 Hz against their transfer functions.
+    #[test]
+    fn the_low_pass_is_a_butterworth() {
+        let mut motors = Motors::new(&PARAMS, 5e-5);
+        motors.start(steady(200.0, Envelope { attack_s: 0.0, sustain_s: 1.0, rest_s: 0.0 }));
+        let (mut cos, mut sin, w) = (0.0, 0.0, TAU * 60.0);
+        for i in 1..=20_000 {
+            let (s, c) = (w * f64::from(i) * 5e-5).sin_cos();
+            let force = motors.step().force_n.x;
+            if i > 10_000 {
+                cos += force * c * 2e-4;
+                sin += force * s * 2e-4;
+            }
+        }
+        let x = 60.0 / PARAMS.low_pass_hz;
+        let gain = (1.0 + x.powi(4)).sqrt().recip();
+        let delay = (std::f64::consts::SQRT_2 * x).atan2(1.0 - x * x) + w * 2.5e-5;
+        assert!((f64::hypot(cos, sin) / (4.0 * gain) - 1.0).abs() < 2e-3);
+        assert!((sin.atan2(cos) - delay).abs() < 2e-3, "{} {delay}", sin.atan2(cos));
+    }
+
+    #[test]
+    fn counts_are_whole_and_limited_and_so_are_forces() {
+        let always = Envelope { attack_s: 0.0, sustain_s: 1.0, rest_s: 0.0 };
+        let peak = |params: &MotorParams, counts| {
+            let mut motors = Motors::new(params, 5e-5);
+            motors.start(steady(counts, always));
+            (0..4000).map(|_| motors.step().force_n.x.abs()).fold(0.0, f64::max)
+        };
+        assert_eq!(peak(&PARAMS, 0.4), 0.0, "less than half a count is nothing");
+        assert_eq!(peak(&PARAMS, 500.0), 8.0, "the coil's limit");
+        let strong_coils = MotorParams { force_limit_n: 1e3, ..PARAMS };
+        assert!(peak(&strong_coils, 5e4) < 1.2 * 511.0 * 0.02, "the generator's limit");
+        let uneven = MotorParams { gain_error: [0.1, 0.0, 0.0, 0.0], ..PARAMS };
+        assert!((peak(&uneven, 100.0) / peak(&PARAMS, 100.0) - 1.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn falls_silent_after_the_pulse_and_at_once_when_stopped() {
+        let mut motors = Motors::new(&PARAMS, 5e-5);
+        assert!(motors.is_silent());
+        motors.start(steady(200.0, Envelope { attack_s: 0.01, sustain_s: 0.02, rest_s: 0.0 }));
+        for _ in 0..900 {
+            motors.step();
+        }
+        assert!(motors.is_silent());
+        motors.start(steady(200.0, Envelope { attack_s: 0.01, sustain_s: 0.02, rest_s: 0.0 }));
+        for _ in 0..300 {
+            motors.step();
+        }
+        assert!(!motors.is_silent());
+        motors.stop();
+        assert!(motors.is_silent());
+        assert_eq!(motors.step(), Wrench::default());
+    }
+}

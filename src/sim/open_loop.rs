@@ -1,0 +1,231 @@
+//! Open loop: given pulses on given parts, true trajectories out.
+
+use super::motors::forces_of_wrench;
+use super::{PartParams, Parts, Plant, PlateMotion, SimParams, Wrench};
+use crate::geometry::{Pose, Twist, Vec2};
+use crate::random::Streams;
+use crate::signal::{Drive, Envelope, Harmonic, TwistWave};
+
+/// What moves the plate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlateMode {
+    /// The plate's velocity is exactly the one wanted; parts feel that field where they are on the table.
+    Kinematic,
+    /// The motors get the forces that would give a free mass the velocity wanted; rods, low-pass, whole counts
+    /// and the parts' own weight then do as they do.
+    Dynamic,
+}
+
+/// One pulse: plate velocity `amplitude · env(t) · (cos wt - ½ cos 2wt)`, t from the pulse's start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OpenPulse {
+    /// Field along which parts are pumped; a translation is one without spin.
+    pub amplitude: Twist,
+    /// Outline.
+    pub envelope: Envelope,
+}
+
+impl OpenPulse {
+    /// Rotation about `cor_m` at `spin_radps`, counter-clockwise when that is positive.
+    pub fn about(cor_m: Vec2, spin_radps: f64, envelope: Envelope) -> Self {
+        Self { amplitude: Twist::about(cor_m, spin_radps), envelope }
+    }
+}
+
+/// Where one part truly was, in the table frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PartTrajectory {
+    /// Position along x, m.
+    pub x_m: Vec<f64>,
+    /// Position along y, m.
+    pub y_m: Vec<f64>,
+    /// Heading, rad.
+    pub theta_rad: Vec<f64>,
+}
+
+/// Where all parts were at common instants.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Trajectories {
+    /// Instants, s, from zero at the sampling rate to the end of the last pulse's rest.
+    pub t_s: Vec<f64>,
+    /// For each part as many places as there are instants.
+    pub parts: Vec<PartTrajectory>,
+}
+
+/// Why an experiment was not run.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum OpenLoopError {
+    /// The generator cannot play the pulse.
+    #[error("pulse {pulse} needs {peak_counts:.0} counts at a motor, the rig allows {limit_counts:.0}")]
+    TooManyCounts {
+        /// Index of the pulse.
+        pulse: usize,
+        /// Largest sample, counts.
+        peak_counts: f64,
+        /// What is allowed, counts.
+        limit_counts: f64,
+    },
+    /// A coil cannot give the force.
+    #[error("pulse {pulse} needs {peak_n:.1} N of a motor, it gives {limit_n:.1}")]
+    TooMuchForce {
+        /// Index of the pulse.
+        pulse: usize,
+        /// Largest force, N.
+        peak_n: f64,
+        /// What is allowed, N.
+        limit_n: f64,
+    },
+    /// Not a number, negative or without end.
+    #[error("pulse {pulse}: {what}")]
+    BadPulse {
+        /// Index of the pulse.
+        pulse: usize,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+    /// Frequencies must be positive numbers.
+    #[error("base frequency and sampling rate must be positive")]
+    BadFrequency,
+}
+
+/// Plays `pulses` one after another, each with its rest, on `parts` at rest. No randomness enters.
+pub fn simulate(
+    params: &SimParams,
+    mode: PlateMode,
+    parts: &[(PartParams, Pose)],
+    pulses: &[OpenPulse],
+    base_radps: f64,
+    sample_hz: f64,
+) -> Result<Trajectories, OpenLoopError> {
+    if ![base_radps, sample_hz].iter().all(|f| f.is_finite() && *f > 0.0) {
+        return Err(OpenLoopError::BadFrequency);
+    }
+    for (pulse, p) in pulses.iter().enumerate() {
+        check(pulse, p)?;
+    }
+    match mode {
+        PlateMode::Kinematic => Ok(kinematic(params, parts, pulses, base_radps, sample_hz)),
+        PlateMode::Dynamic => dynamic(params, parts, pulses, base_radps, sample_hz),
+    }
+}
+
+fn check(pulse: usize, p: &OpenPulse) -> Result<(), OpenLoopError> {
+    const LONGEST_S: f64 = 600.0;
+    let (twist, envelope) = (&p.amplitude, &p.envelope);
+    if ![twist.velocity_mps.x, twist.velocity_mps.y, twist.spin_radps].iter().all(|v| v.is_finite()) {
+        return Err(OpenLoopError::BadPulse { pulse, what: "its motion is not a number" });
+    }
+    if ![envelope.attack_s, envelope.sustain_s, envelope.rest_s].iter().all(|s| (0.0..=LONGEST_S).contains(s)) {
+        return Err(OpenLoopError::BadPulse { pulse, what: "attack, sustain and rest lie between 0 and 600 s" });
+    }
+    Ok(())
+}
+
+fn kinematic(
+    params: &SimParams,
+    parts: &[(PartParams, Pose)],
+    pulses: &[OpenPulse],
+    base_radps: f64,
+    sample_hz: f64,
+) -> Trajectories {
+    let step_s = params.step_s;
+    let mut moving = Parts::new(parts, &params.contact, params.plate.side_m, step_s);
+    let mut recorder = Recorder::new(parts.len(), sample_hz);
+    let mut steps = 0u64;
+    for pulse in pulses {
+        let wave = TwistWave::pump(pulse.amplitude, base_radps);
+        let length = (pulse.envelope.total_s() / step_s).round() as u64;
+        for i in 0..length {
+            recorder.take_until(steps as f64 * step_s, step_s, &moving);
+            let t_s = (i as f64 + 0.5) * step_s;
+            let twist = wave.at(t_s) * pulse.envelope.at(t_s);
+            moving.step(&PlateMotion { twist, ..Default::default() });
+            steps += 1;
+        }
+    }
+    recorder.take_until(steps as f64 * step_s, step_s, &moving);
+    recorder.done
+}
+
+fn dynamic(
+    params: &SimParams,
+    parts: &[(PartParams, Pose)],
+    pulses: &[OpenPulse],
+    base_radps: f64,
+    sample_hz: f64,
+) -> Result<Trajectories, OpenLoopError> {
+    let drives = pulses
+        .iter()
+        .enumerate()
+        .map(|(i, pulse)| ideal_drive(params, i, pulse, base_radps))
+        .collect::<Result<Vec<_>, _>>()?;
+    let mut plant = Plant::new(params, parts, &Streams::new(0));
+    let step_s = params.step_s;
+    let mut recorder = Recorder::new(parts.len(), sample_hz);
+    for drive in drives {
+        let length = (drive.envelope.total_s() / step_s).round() as u64;
+        plant.play(drive);
+        for _ in 0..length {
+            recorder.take_until(plant.now().secs(), step_s, plant.parts());
+            plant.step();
+        }
+    }
+    recorder.take_until(plant.now().secs(), step_s, plant.parts());
+    Ok(recorder.done)
+}
+
+/// The drive whose forces give a free mass the pulse's velocity, `f = m dv/dt` on each axis, shared evenly among the
+/// motors. The spring, the damper and the slope of the envelope are left out.
+fn ideal_drive(params: &SimParams, pulse: usize, p: &OpenPulse, base_radps: f64) -> Result<Drive, OpenLoopError> {
+    let motors = &params.motors;
+    let amplitude = Wrench {
+        force_n: p.amplitude.velocity_mps * (params.plate.mass_kg * base_radps),
+        torque_nm: p.amplitude.spin_radps * (params.plate.inertia_kgm2 * base_radps),
+    };
+    let counts = forces_of_wrench(amplitude, motors.lever_arm_m).map(|n| n / motors.newtons_per_count);
+    // d/dt (cos wt - ½ cos 2wt) = w (-sin wt + sin 2wt)
+    let wave = |counts: f64| vec![Harmonic { cos: 0.0, sin: -counts }, Harmonic { cos: 0.0, sin: counts }];
+    let drive = Drive { base_radps, motors: counts.map(wave), envelope: p.envelope };
+
+    let peak_counts = drive.peak_counts();
+    if peak_counts > motors.count_limit {
+        return Err(OpenLoopError::TooManyCounts { pulse, peak_counts, limit_counts: motors.count_limit });
+    }
+    let peak_n = peak_counts * motors.newtons_per_count;
+    if peak_n > motors.force_limit_n {
+        return Err(OpenLoopError::TooMuchForce { pulse, peak_n, limit_n: motors.force_limit_n });
+    }
+    Ok(drive)
+}
+
+/// Samples trajectories at exact instants out of steps of another length.
+struct Recorder {
+    sample_hz: f64,
+    done: Trajectories,
+}
+
+impl Recorder {
+    fn new(parts: usize, sample_hz: f64) -> Self {
+        let done = Trajectories { t_s: Vec::new(), parts: vec![PartTrajectory::default(); parts] };
+        Self { sample_hz, done }
+    }
+
+    /// Takes all samples due up to `now_s`, the time of `parts`, none older than a step.
+    fn take_until(&mut self, now_s: f64, step_s: f64, parts: &Parts) {
+        const ROUNDING_S: f64 = 1e-9;
+        loop {
+            let due_s = self.done.t_s.len() as f64 / self.sample_hz;
+            if due_s > now_s + ROUNDING_S {
+                return;
+            }
+            let before_s = (now_s - due_s).clamp(0.0, step_s);
+            for (trajectory, part) in self.done.parts.iter_mut().zip(parts.motions()) {
+                let pose = part.pose_before(before_s);
+                trajectory.x_m.push(pose.position_m.x);
+                trajectory.y_m.push(pose.position_m.y);
+                trajectory.theta_rad.push(pose.heading_rad);
+            }
+            self.done.t_s.push(due_s);
+        }
+    }
+}

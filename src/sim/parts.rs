@@ -1,0 +1,350 @@
+//! The parts on the plate: discs dragged by friction, meeting each other, falling off the edge.
+//!
+//! Inputs: the plate's motion at the middle of a step. States: pose, velocity and spin of each part in the table
+//! frame. Output: the wrench that the parts exert on the plate. Semi-implicit steps: friction changes the velocity,
+//! sticking where it can (see [`DiscFriction::kept`]), and the new velocity carries the part.
+
+use super::collision::Contacts;
+use super::friction::DiscFriction;
+use super::plate::{PlateMotion, Wrench};
+use super::{ContactParams, PartParams};
+use crate::geometry::{Pose, Vec2, cross};
+use crate::units::GRAVITY_MPS2;
+
+/// How far from the plate's edge a fallen part's rim comes to lie, m: clear of the plate however it shakes.
+const FALLEN_CLEARANCE_M: f64 = 5e-3;
+
+/// State of one part in the table frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartMotion {
+    /// Where it is.
+    pub part_in_table: Pose,
+    /// Its velocity, m/s.
+    pub velocity_mps: Vec2,
+    /// Its spin, rad/s, counter-clockwise.
+    pub spin_radps: f64,
+    /// False once its centre has left the plate; it then lies still beside the plate for good.
+    pub on_plate: bool,
+}
+
+impl PartMotion {
+    /// At rest on the plate.
+    pub fn at_rest(part_in_table: Pose) -> Self {
+        Self { part_in_table, velocity_mps: Vec2::zeros(), spin_radps: 0.0, on_plate: true }
+    }
+
+    /// The pose `before_s` earlier, no more than one step.
+    pub fn pose_before(&self, before_s: f64) -> Pose {
+        Pose {
+            position_m: self.part_in_table.position_m - self.velocity_mps * before_s,
+            heading_rad: self.part_in_table.heading_rad - self.spin_radps * before_s,
+        }
+    }
+}
+
+/// One part: constants and state.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Body {
+    pub motion: PartMotion,
+    pub radius_m: f64,
+    pub inverse_mass: f64,
+    mass_kg: f64,
+    /// Speed that friction can take away in one step, μ g h, m/s.
+    reach_mps: f64,
+}
+
+impl Body {
+    fn new(params: &PartParams, part_in_table: Pose, step_s: f64) -> Self {
+        Self {
+            motion: PartMotion::at_rest(part_in_table),
+            radius_m: params.radius_m,
+            inverse_mass: params.mass_kg.recip(),
+            mass_kg: params.mass_kg,
+            reach_mps: params.friction * GRAVITY_MPS2 * step_s,
+        }
+    }
+
+    /// Moment of inertia of a uniform disc, kg m².
+    fn inertia_kgm2(&self) -> f64 {
+        0.5 * self.mass_kg * self.radius_m * self.radius_m
+    }
+
+    /// Friction of one step against a plate that moves at `surface_mps` here and spins at `surface_radps`.
+    /// Returns the changes of velocity and spin.
+    #[inline]
+    fn drag(&mut self, friction: &DiscFriction, surface_mps: Vec2, surface_radps: f64) -> (Vec2, f64) {
+        let slip = self.motion.velocity_mps - surface_mps;
+        let spin_slip = self.motion.spin_radps - surface_radps;
+        let rim_mps = self.radius_m * spin_slip.abs();
+        let [keep_slide, keep_spin] = friction.kept(slip.norm(), rim_mps, self.reach_mps);
+        let change = (slip * (keep_slide - 1.0), spin_slip * (keep_spin - 1.0));
+        self.motion.velocity_mps += change.0;
+        self.motion.spin_radps += change.1;
+        change
+    }
+
+    /// Speed of the fastest point of the rim or less, squared.
+    fn liveliness(&self) -> f64 {
+        self.motion.velocity_mps.norm_squared() + (self.radius_m * self.motion.spin_radps).powi(2)
+    }
+
+    /// The part tips over the edge that it passed at `arm_m` from the plate's centre and comes to rest beside the plate.
+    #[cold]
+    fn fall(&mut self, arm_m: Vec2, half_side_m: f64) {
+        let clear = half_side_m + self.radius_m + FALLEN_CLEARANCE_M;
+        let outwards = clear / arm_m.amax() - 1.0;
+        self.motion.part_in_table.position_m += arm_m * outwards.max(0.0);
+        self.motion.velocity_mps = Vec2::zeros();
+        self.motion.spin_radps = 0.0;
+        self.motion.on_plate = false;
+    }
+}
+
+/// All parts of one plate.
+#[derive(Clone, Debug)]
+pub struct Parts {
+    bodies: Vec<Body>,
+    contacts: Contacts,
+    friction: &'static DiscFriction,
+    half_side_m: f64,
+    step_s: f64,
+    fastest_mps: f64,
+}
+
+impl Parts {
+    /// Parts at rest on a square plate; they will be stepped by `step_s`.
+    /// A part of radius zero is a point: it slides by Coulomb's law and neither spins nor touches others.
+    pub fn new(parts: &[(PartParams, Pose)], contact: &ContactParams, plate_side_m: f64, step_s: f64) -> Self {
+        Self {
+            bodies: parts.iter().map(|(params, pose)| Body::new(params, *pose, step_s)).collect(),
+            contacts: Contacts::new(contact, parts.len(), step_s),
+            friction: DiscFriction::shared(),
+            half_side_m: 0.5 * plate_side_m,
+            step_s,
+            fastest_mps: 0.0,
+        }
+    }
+
+    /// One step on, over a plate that moves as `plate` at the middle of the step.
+    /// Returns what the parts' friction exerts on the plate, about the plate's centre.
+    pub fn step(&mut self, plate: &PlateMotion) -> Wrench {
+        let (center, tilt) = (plate.plate_in_table.position_m, plate.plate_in_table.heading_rad);
+        let (mut impulse, mut turn, mut liveliest) = (Vec2::zeros(), 0.0, 0.0f64);
+        for body in self.bodies.iter_mut().filter(|body| body.motion.on_plate) {
+            let arm = body.motion.part_in_table.position_m - center;
+            let (sped, spun) = body.drag(self.friction, plate.twist.velocity_at(arm), plate.twist.spin_radps);
+            impulse += sped * body.mass_kg;
+            turn += cross(arm, sped) * body.mass_kg + body.inertia_kgm2() * spun;
+            liveliest = liveliest.max(body.liveliness());
+
+            let motion = &mut body.motion;
+            motion.part_in_table.position_m += motion.velocity_mps * self.step_s;
+            motion.part_in_table.heading_rad += motion.spin_radps * self.step_s;
+            let along_plate = Vec2::new(arm.x + tilt * arm.y, arm.y - tilt * arm.x);
+            if along_plate.amax() > self.half_side_m {
+                body.fall(arm, self.half_side_m);
+            }
+        }
+        self.fastest_mps = liveliest.sqrt();
+        self.contacts.step(&mut self.bodies, self.fastest_mps * self.step_s);
+        Wrench { force_n: impulse, torque_nm: turn } * -self.step_s.recip()
+    }
+
+    /// Number of parts, fallen ones included.
+    pub fn len(&self) -> usize {
+        self.bodies.len()
+    }
+
+    /// True when there is none.
+    pub fn is_empty(&self) -> bool {
+        self.bodies.is_empty()
+    }
+
+    /// Every part's state, in the order they were given.
+    pub fn motions(&self) -> impl ExactSizeIterator<Item = &PartMotion> {
+        self.bodies.iter().map(|body| &body.motion)
+    }
+
+    /// Sets part `part` moving; nothing happens when there is no such part.
+    pub fn push(&mut self, part: usize, velocity_mps: Vec2, spin_radps: f64) {
+        if let Some(body) = self.bodies.get_mut(part) {
+            (body.motion.velocity_mps, body.motion.spin_radps) = (velocity_mps, spin_radps);
+        }
+    }
+
+    /// Touches between parts so far.
+    pub fn collisions(&self) -> u64 {
+        self.contacts.touches()
+    }
+
+    /// Speed of the fastest part during the last step, spin of its rim included, m/s.
+    pub fn fastest_mps(&self) -> f64 {
+        self.fastest_mps
+    }
+
+    /// Stops every part where it is.
+    pub fn settle(&mut self) {
+        for body in &mut self.bodies {
+            body.motion.velocity_mps = Vec2::zeros();
+            body.motion.spin_radps = 0.0;
+        }
+        self.fastest_mps = 0.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Twist;
+
+    const PENNY: PartParams = PartParams { radius_m: 9.525e-3, thickness_m: 1.52e-3, mass_kg: 2.5e-3, friction: 0.3 };
+    const CONTACT: ContactParams = ContactParams { restitution: 0.5, rim_friction: 0.2 };
+    const STEP_S: f64 = 5e-5;
+    const DECELERATION: f64 = 0.3 * GRAVITY_MPS2;
+
+    fn one(params: PartParams, velocity_mps: Vec2, spin_radps: f64) -> Parts {
+        let mut parts = Parts::new(&[(params, Pose::IDENTITY)], &CONTACT, 2.0, STEP_S);
+        parts.push(0, velocity_mps, spin_radps);
+        parts
+    }
+
+    /// Steps on a still plate until the part rests; the time, s, and the slip ratio before the last step.
+    fn coast(parts: &mut Parts) -> (f64, f64) {
+        let (mut ratio, mut time_s) = (f64::NAN, 0.0);
+        loop {
+            parts.step(&PlateMotion::default());
+            time_s += STEP_S;
+            assert!(time_s < 10.0, "still moving");
+            let motion = parts.bodies[0].motion;
+            if motion.velocity_mps == Vec2::zeros() && motion.spin_radps == 0.0 {
+                return (time_s, ratio);
+            }
+            ratio = motion.velocity_mps.norm() / (motion.spin_radps * parts.bodies[0].radius_m);
+        }
+    }
+
+    #[test]
+    fn a_sliding_part_stops_after_its_braking_distance() {
+        for params in [PENNY, PartParams { radius_m: 0.0, ..PENNY }] {
+            let mut parts = one(params, Vec2::new(0.3, 0.4), 0.0);
+            let (time_s, _) = coast(&mut parts);
+            let end = parts.bodies[0].motion.part_in_table.position_m;
+            let expected = Vec2::new(0.6, 0.8) * (0.25 / (2.0 * DECELERATION));
+            assert!((end - expected).norm() < 0.5 * STEP_S * 0.5 * 1.01, "{end} {expected}");
+            assert!((time_s - 0.5 / DECELERATION).abs() < 2.0 * STEP_S);
+        }
+    }
+
+    #[test]
+    fn a_spinning_part_stops_after_three_quarters_of_its_rim_speed() {
+        // I w' = -(2/3) μ m g R with I = m R²/2
+        let mut parts = one(PENNY, Vec2::zeros(), 40.0);
+        let (time_s, _) = coast(&mut parts);
+        assert!((time_s - 0.75 * 40.0 * PENNY.radius_m / DECELERATION).abs() < 2.0 * STEP_S, "{time_s}");
+        assert_eq!(parts.bodies[0].motion.part_in_table.position_m, Vec2::zeros());
+    }
+
+    #[test]
+    fn sliding_and_spinning_end_together() {
+        // Farkas et al.: whatever the start, v/(R w) is drawn to 0.653, and both end at once.
+        for start in [0.3, 0.5, 0.653, 0.9, 2.0, 6.0] {
+            let speed = 0.4;
+            let (_, ratio) = coast(&mut one(PENNY, Vec2::new(0.0, speed), speed / (start * PENNY.radius_m)));
+            assert!((ratio - 0.653).abs() < 0.01 + 0.2 * f64::abs(start - 0.653), "{start}: {ratio}");
+        }
+    }
+
+    /// The same part as 400 patches under Coulomb's law, nothing tabulated, in steps a hundred times finer.
+    #[test]
+    fn a_shaken_disc_moves_as_its_patches_do() {
+        const PATCHES: usize = 400;
+        const FINER: usize = 100;
+        let (start, twist_at) = (Vec2::new(0.012, 0.005), |t: f64| {
+            let wave = (377.0 * t).cos() - 0.5 * (754.0 * t).cos();
+            Twist::new(0.05, -0.02, 8.0) * wave
+        });
+        let patches: Vec<Vec2> = (0..PATCHES)
+            .map(|i| {
+                let (radius, angle) = (((i as f64 + 0.5) / PATCHES as f64).sqrt(), 2.399_963_23 * i as f64);
+                Vec2::new(angle.cos(), angle.sin()) * (radius * PENNY.radius_m)
+            })
+            .collect();
+        let (mut p, mut v, mut heading, mut spin) = (start, Vec2::zeros(), 0.0, 0.0);
+        let mut parts = Parts::new(&[(PENNY, Pose { position_m: start, heading_rad: 0.0 })], &CONTACT, 2.0, STEP_S);
+        let h = STEP_S / FINER as f64;
+        for i in 0..1000 {
+            for k in 0..FINER {
+                let plate = twist_at((i as f64 + (k as f64 + 0.5) / FINER as f64) * STEP_S);
+                let (mut pull, mut turn) = (Vec2::zeros(), 0.0);
+                for r in &patches {
+                    let slip = v + crate::geometry::perp(*r) * spin - plate.velocity_at(p + r);
+                    let drag = -slip / (slip.norm() + 1e-6);
+                    pull += drag;
+                    turn += cross(*r, drag);
+                }
+                v += pull * (DECELERATION / PATCHES as f64 * h);
+                spin += turn * (2.0 * DECELERATION / (PENNY.radius_m.powi(2) * PATCHES as f64) * h);
+                p += v * h;
+                heading += spin * h;
+            }
+            parts.step(&PlateMotion { twist: twist_at((i as f64 + 0.5) * STEP_S), ..Default::default() });
+        }
+        let end = parts.bodies[0].motion.part_in_table;
+        let (way, turned) = ((p - start).norm(), heading);
+        assert!(way > 4e-4 && turned.abs() > 0.02, "{way} {turned}");
+        assert!((end.position_m - p).norm() < 5e-3 * way, "{} {p}", end.position_m);
+        assert!((end.heading_rad - heading).abs() < 5e-3 * turned.abs(), "{} {heading}", end.heading_rad);
+    }
+
+    #[test]
+    fn friction_gives_the_plate_what_it_takes_from_the_part() {
+        let mut parts =
+            Parts::new(&[(PENNY, Pose { position_m: Vec2::new(0.05, 0.02), heading_rad: 0.0 })], &CONTACT, 2.0, STEP_S);
+        parts.push(0, Vec2::new(0.2, -0.1), 12.0);
+        let momentum = |parts: &Parts| {
+            let (m, body) = (parts.bodies[0].motion, parts.bodies[0]);
+            let spin = body.inertia_kgm2() * m.spin_radps;
+            (m.velocity_mps * body.mass_kg, cross(m.part_in_table.position_m, m.velocity_mps) * body.mass_kg + spin)
+        };
+        let (p0, l0) = momentum(&parts);
+        let (mut force, mut torque) = (Vec2::zeros(), 0.0);
+        for _ in 0..400 {
+            let wrench = parts.step(&PlateMotion::default());
+            force += wrench.force_n * STEP_S;
+            torque += wrench.torque_nm * STEP_S;
+        }
+        let (p1, l1) = momentum(&parts);
+        assert!((p0 - p1 - force).norm() < 1e-12 && (l0 - l1 - torque).abs() < 1e-12);
+        assert!(force.norm() > 1e-5);
+    }
+
+    #[test]
+    fn a_part_sticks_to_a_plate_it_can_follow_and_slips_off_a_faster_one() {
+        let ride = |acceleration: f64| {
+            let mut parts = one(PENNY, Vec2::zeros(), 0.0);
+            let mut speed = 0.0;
+            for _ in 0..1000 {
+                speed += acceleration * STEP_S;
+                parts.step(&PlateMotion { twist: Twist::new(speed, 0.0, 0.0), ..Default::default() });
+            }
+            parts.bodies[0].motion.velocity_mps.x / speed
+        };
+        assert_eq!(ride(0.999 * DECELERATION), 1.0);
+        assert!((ride(2.0 * DECELERATION) - 0.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_part_beyond_the_edge_lies_beside_the_plate_for_good() {
+        let mut parts = one(PENNY, Vec2::new(3.0, 0.5), 2.0);
+        parts.half_side_m = 0.1;
+        for _ in 0..2000 {
+            parts.step(&PlateMotion::default());
+        }
+        let fallen = parts.bodies[0].motion;
+        assert!(!fallen.on_plate && fallen.velocity_mps == Vec2::zeros());
+        assert!(fallen.part_in_table.position_m.x > 0.1 + PENNY.radius_m);
+        let shaken = PlateMotion { twist: Twist::new(1.0, 1.0, 1.0), ..Default::default() };
+        assert_eq!(parts.step(&shaken), Wrench::default() * -1.0);
+        assert_eq!(parts.bodies[0].motion, fallen);
+    }
+}

@@ -1,0 +1,225 @@
+//! Everything that moves, stepped together: motors, plate, parts, accelerometers. No camera.
+
+use super::accelerometers::Accelerometers;
+use super::motors::Motors;
+use super::parts::Parts;
+use super::plate::{Plate, PlateMotion, Wrench};
+use super::{PartParams, SimParams, Snapshot};
+use crate::geometry::Pose;
+use crate::random::Streams;
+use crate::signal::{AccelTrace, Drive};
+use crate::time::PlateTime;
+
+/// Below these everything counts as standing still: a tenth of a micrometre, ten micrometres a second.
+const STILL_M: f64 = 1e-7;
+const STILL_MPS: f64 = 1e-5;
+
+/// The moving half of the simulated rig. Time goes in whole steps of whole nanoseconds.
+///
+/// The parts' friction acts back on the plate, one step late: exact enough, since friction never exceeds μ m g.
+#[derive(Clone, Debug)]
+pub struct Plant {
+    step_ns: u64,
+    step_s: f64,
+    half_side_m: f64,
+    now_ns: u64,
+    motors: Motors,
+    plate: Plate,
+    parts: Parts,
+    accelerometers: Accelerometers,
+    motion: PlateMotion,
+    reaction: Wrench,
+    pulse_steps: u64,
+    still: bool,
+}
+
+impl Plant {
+    /// At rest, with `parts` on the plate.
+    pub fn new(params: &SimParams, parts: &[(PartParams, Pose)], streams: &Streams) -> Self {
+        let step_ns = PlateTime::from_secs(params.step_s).nanos().max(1);
+        let step_s = step_ns as f64 * 1e-9;
+        Self {
+            step_ns,
+            step_s,
+            half_side_m: 0.5 * params.plate.side_m,
+            now_ns: 0,
+            motors: Motors::new(&params.motors, step_s),
+            plate: Plate::new(&params.plate, step_s),
+            parts: Parts::new(parts, &params.contact, params.plate.side_m, step_s),
+            accelerometers: Accelerometers::new(&params.accelerometers, streams),
+            motion: PlateMotion::default(),
+            reaction: Wrench::default(),
+            pulse_steps: 0,
+            still: true,
+        }
+    }
+
+    /// Time up to which everything has been stepped.
+    pub fn now(&self) -> PlateTime {
+        PlateTime::from_nanos(self.now_ns)
+    }
+
+    /// Starts `drive` now, in place of any other.
+    pub fn play(&mut self, drive: Drive) {
+        self.accelerometers.start(drive.envelope.sounding_s());
+        self.motors.start(drive);
+        self.pulse_steps = 0;
+        self.still = false;
+    }
+
+    /// Motors to zero, now.
+    pub fn stop(&mut self) {
+        self.motors.stop();
+        self.accelerometers.stop();
+    }
+
+    /// Steps on to the first step's end that is not before `time`; skips what stands still.
+    pub fn advance_to(&mut self, time: PlateTime) {
+        while self.now_ns < time.nanos() {
+            if self.still {
+                self.now_ns = time.nanos().div_ceil(self.step_ns) * self.step_ns;
+            } else {
+                self.step();
+            }
+        }
+    }
+
+    /// One step on.
+    pub fn step(&mut self) {
+        self.plate.step(self.motors.step() + self.reaction);
+        let before = std::mem::replace(&mut self.motion, self.plate.motion());
+        self.reaction = self.parts.step(&before.midway(&self.motion));
+        let from_s = self.pulse_steps as f64 * self.step_s;
+        self.accelerometers.observe(from_s, &before, from_s + self.step_s, &self.motion);
+        self.pulse_steps += 1;
+        self.now_ns += self.step_ns;
+        if self.motors.is_silent() && self.barely_moves() {
+            self.settle();
+        }
+    }
+
+    /// True when nothing moves and nothing will.
+    pub fn is_still(&self) -> bool {
+        self.still
+    }
+
+    /// The plate's motion now.
+    pub fn plate(&self) -> &PlateMotion {
+        &self.motion
+    }
+
+    /// The parts now.
+    pub fn parts(&self) -> &Parts {
+        &self.parts
+    }
+
+    /// The parts, to set them moving by hand.
+    pub fn parts_mut(&mut self) -> &mut Parts {
+        self.still = false;
+        &mut self.parts
+    }
+
+    /// What the accelerometers saw of the last pulse, up to now.
+    pub fn trace(&self) -> &AccelTrace {
+        self.accelerometers.trace()
+    }
+
+    /// Poses at `time`, which lies within the last step.
+    pub fn snapshot_at(&self, time: PlateTime, snapshot: &mut Snapshot) {
+        let before_s = self.now().secs_since(time).min(self.step_s);
+        snapshot.plate_in_table = self.motion.pose_before(before_s);
+        snapshot.parts_in_table.clear();
+        snapshot.parts_in_table.extend(self.parts.motions().map(|part| part.pose_before(before_s)));
+    }
+
+    fn barely_moves(&self) -> bool {
+        let (pose, twist) = (&self.motion.plate_in_table, &self.motion.twist);
+        pose.position_m.amax() < STILL_M
+            && pose.heading_rad.abs() * self.half_side_m < STILL_M
+            && twist.velocity_mps.amax() < STILL_MPS
+            && twist.spin_radps.abs() * self.half_side_m < STILL_MPS
+            && self.parts.fastest_mps() < STILL_MPS
+    }
+
+    fn settle(&mut self) {
+        self.motors.stop();
+        self.plate.settle();
+        self.parts.settle();
+        self.motion = PlateMotion::default();
+        self.reaction = Wrench::default();
+        self.still = true;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Vec2;
+    use crate::signal::{Envelope, Harmonic};
+    use crate::sim::pump_tests::rig_params;
+
+    fn plant(params: &SimParams) -> Plant {
+        let penny = PartParams { radius_m: 9.525e-3, thickness_m: 1.52e-3, mass_kg: 2.5e-3, friction: 0.3 };
+        Plant::new(params, &[(penny, Pose { position_m: Vec2::new(0.05, 0.02), heading_rad: 0.0 })], &Streams::new(1))
+    }
+
+    /// All axes at once, 0.12 s long.
+    fn drive() -> Drive {
+        let wave = |counts: f64| vec![Harmonic { cos: 0.0, sin: -counts }, Harmonic { cos: 0.0, sin: counts }];
+        Drive {
+            base_radps: 377.0,
+            motors: [wave(300.0), wave(-100.0), wave(250.0), wave(50.0)],
+            envelope: Envelope { attack_s: 0.01, sustain_s: 0.1, rest_s: 0.0 },
+        }
+    }
+
+    #[test]
+    fn still_time_is_skipped_to_whole_steps() {
+        let mut plant = plant(&rig_params());
+        plant.advance_to(PlateTime::from_nanos(7_200_000_000_010_001));
+        assert_eq!(plant.now().nanos(), 7_200_000_000_050_000);
+        plant.play(drive());
+        assert!(!plant.is_still());
+        plant.advance_to(plant.now() + 60.0);
+        assert!(plant.is_still());
+    }
+
+    #[test]
+    fn snapshots_within_a_step_lie_on_the_way() {
+        let mut plant = plant(&rig_params());
+        plant.play(drive());
+        let (mut snapshot, mut reached) = (Snapshot::default(), 0.0f64);
+        for _ in 0..2000 {
+            let (plate, part) = (plant.plate().plate_in_table, plant.parts().motions().next().unwrap().part_in_table);
+            let time = plant.now();
+            plant.step();
+            plant.snapshot_at(time, &mut snapshot);
+            assert!((snapshot.parts_in_table[0].position_m - part.position_m).norm() < 1e-12);
+            assert!((snapshot.plate_in_table.position_m - plate.position_m).norm() < 2e-8);
+            assert!((snapshot.plate_in_table.heading_rad - plate.heading_rad).abs() < 1e-6);
+            reached = reached.max(plate.position_m.norm());
+        }
+        assert!(reached > 1e-4);
+    }
+
+    #[test]
+    fn the_trace_is_the_plates_acceleration() {
+        let mut params = rig_params();
+        let sensors = &mut params.accelerometers;
+        (sensors.noise_mps2, sensors.bias_sd_mps2, sensors.gain_sd) = (0.0, 0.0, 0.0);
+        let (place, every) = (sensors.position_m, 4);
+        let mut plant = plant(&params);
+        plant.play(drive());
+        let mut felt = vec![plant.plate().acceleration_felt_at(place)];
+        for _ in 0..2400 {
+            plant.step();
+            felt.push(plant.plate().acceleration_felt_at(place));
+        }
+        let trace = plant.trace();
+        assert_eq!(trace.len(), 601);
+        for (i, felt) in felt.iter().step_by(every).enumerate() {
+            let shown = f64::from(trace.counts[0][i]) * trace.mps2_per_count;
+            assert!((shown - felt.x).abs() <= 0.51 * trace.mps2_per_count, "{i}: {shown} {felt}");
+        }
+    }
+}

@@ -1,0 +1,366 @@
+//! The simulated rig behind the hardware boundary: the plant under a camera, its truth shown through a probe alone.
+
+use super::{Camera, DiscShape, PartParams, PartTruth, Plant, SimParams, Snapshot, TruthProbe};
+use crate::geometry::Pose;
+use crate::random::Streams;
+use crate::rig::{Rig, RigFault, RigModel};
+use crate::signal::{AccelTrace, Drive, Frame};
+use crate::time::PlateTime;
+
+/// Pictures of a moving scene within one exposure; odd, so that one lies at its middle.
+const EXPOSURE_SNAPSHOTS: usize = 5;
+const MIDDLE: usize = EXPOSURE_SNAPSHOTS / 2;
+/// No pulse, its rest included, is longer than this, s.
+const LONGEST_PULSE_S: f64 = 600.0;
+
+/// A [`Rig`] made of equations. Time passes only in [`Rig::capture`], and stops on whole simulation steps.
+#[derive(Debug)]
+pub struct SimRig {
+    model: RigModel,
+    plant: Plant,
+    camera: Camera,
+    probe: TruthProbe,
+    exposure: [Snapshot; EXPOSURE_SNAPSHOTS],
+    last_frame: u64,
+    quiet_at: PlateTime,
+    rest_s: f64,
+}
+
+/// When the shutter opens and closes around the middle of frame `index`.
+#[derive(Clone, Copy, Debug)]
+struct Exposure {
+    index: u64,
+    opens: PlateTime,
+    middle: PlateTime,
+    length_s: f64,
+}
+
+impl Exposure {
+    /// Instant of snapshot `i`, the middle of its share of the exposure.
+    fn instant(&self, i: usize) -> PlateTime {
+        self.opens + self.length_s * (i as f64 + 0.5) / EXPOSURE_SNAPSHOTS as f64
+    }
+
+    fn closes(&self) -> PlateTime {
+        self.opens + self.length_s
+    }
+}
+
+impl SimRig {
+    /// A rig at rest with `parts` lying on its plate. `model` is what control is told of it, `params` how it is.
+    pub fn new(model: RigModel, params: SimParams, parts: Vec<(PartParams, Pose)>, streams: Streams) -> Self {
+        let discs = parts
+            .iter()
+            .map(|(part, _)| DiscShape { radius_m: part.radius_m, thickness_m: part.thickness_m })
+            .collect();
+        let rig = Self {
+            model,
+            plant: Plant::new(&params, &parts, &streams),
+            camera: Camera::new(params.camera, params.plate.side_m, discs, streams.stream("camera")),
+            probe: TruthProbe::default(),
+            exposure: Default::default(),
+            last_frame: 0,
+            quiet_at: PlateTime::ZERO,
+            rest_s: 0.0,
+        };
+        rig.publish(PlateTime::ZERO, 0.0);
+        rig
+    }
+
+    /// The camera as it truly is, for those who publish truth.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// A window on the truth; it shows the middle of the last exposure.
+    pub fn probe(&self) -> TruthProbe {
+        self.probe.clone()
+    }
+
+    /// The first exposure that opens now or later, after the last one.
+    fn next_exposure(&self) -> Exposure {
+        let params = self.camera.params();
+        let length_s = params.exposure_s.max(0.0);
+        let index_now = ((self.now().secs() + 0.5 * length_s) * params.frame_hz).floor().max(0.0) as u64;
+        let mut index = index_now.max(self.last_frame + 1);
+        loop {
+            let middle = PlateTime::from_secs(index as f64 / params.frame_hz);
+            let opens = PlateTime::from_nanos(middle.nanos().saturating_sub((0.5e9 * length_s).round() as u64));
+            if opens >= self.now() {
+                return Exposure { index, opens, middle, length_s };
+            }
+            index += 1;
+        }
+    }
+
+    /// Shows the world of `before_s` ago, at most one step, as the truth at `at`.
+    fn publish(&self, at: PlateTime, before_s: f64) {
+        self.probe.update(|truth| {
+            truth.at = at;
+            truth.parts.clear();
+            truth.parts.extend(self.plant.parts().motions().map(|part| PartTruth {
+                part_in_table: part.pose_before(before_s),
+                velocity_mps: part.velocity_mps,
+                on_plate: part.on_plate,
+            }));
+            truth.plate_in_table = self.plant.plate().pose_before(before_s);
+            truth.collisions = self.plant.parts().collisions();
+        });
+    }
+
+    fn check(&self, drive: &Drive) -> Result<(), RigFault> {
+        let bad = |what: &str| Err(RigFault::BadDrive(what.to_owned()));
+        let envelope = &drive.envelope;
+        if !(drive.base_radps.is_finite() && drive.base_radps > 0.0) {
+            return bad("the base frequency is not a positive number");
+        }
+        if drive.motors.iter().flatten().any(|h| !(h.cos.is_finite() && h.sin.is_finite())) {
+            return bad("an amplitude is not a number");
+        }
+        if [envelope.attack_s, envelope.sustain_s, envelope.rest_s].iter().any(|s| !(s.is_finite() && *s >= 0.0)) {
+            return bad("attack, sustain or rest is negative or not a number");
+        }
+        if envelope.sustain_s > self.model.max_sustain_s * (1.0 + 1e-9) {
+            return bad("the sustain is longer than the rig allows");
+        }
+        if envelope.total_s() > LONGEST_PULSE_S {
+            return bad("the pulse is longer than ten minutes");
+        }
+        if self.now() < self.quiet_at {
+            return Err(RigFault::Busy(self.quiet_at));
+        }
+        let (peak_counts, limit_counts) = (drive.peak_counts(), self.model.count_limit);
+        if peak_counts > limit_counts {
+            return Err(RigFault::DriveTooStrong { peak_counts, limit_counts });
+        }
+        Ok(())
+    }
+}
+
+impl Rig for SimRig {
+    fn now(&self) -> PlateTime {
+        self.plant.now()
+    }
+
+    fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
+        self.check(drive)?;
+        self.quiet_at = self.now() + drive.envelope.total_s();
+        self.rest_s = drive.envelope.rest_s;
+        self.plant.play(drive.clone());
+        Ok(())
+    }
+
+    fn quiet_at(&self) -> PlateTime {
+        self.quiet_at
+    }
+
+    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
+        let exposure = self.next_exposure();
+        self.plant.advance_to(exposure.opens);
+        let taken = if self.plant.is_still() {
+            self.plant.advance_to(exposure.middle);
+            self.plant.snapshot_at(exposure.middle, &mut self.exposure[0]);
+            self.publish(exposure.middle, 0.0);
+            1
+        } else {
+            for i in 0..EXPOSURE_SNAPSHOTS {
+                let instant = exposure.instant(i);
+                self.plant.advance_to(instant);
+                self.plant.snapshot_at(instant, &mut self.exposure[i]);
+                if i == MIDDLE {
+                    self.publish(exposure.middle, self.now().secs_since(exposure.middle));
+                }
+            }
+            EXPOSURE_SNAPSHOTS
+        };
+        self.camera.render(&self.exposure[..taken], frame);
+        (frame.index, frame.exposed_at) = (exposure.index, exposure.middle);
+        self.last_frame = exposure.index;
+        self.plant.advance_to(exposure.closes());
+        Ok(())
+    }
+
+    fn trace(&self) -> AccelTrace {
+        self.plant.trace().clone()
+    }
+
+    fn stop(&mut self) {
+        self.plant.stop();
+        self.quiet_at = self.quiet_at.min(self.now() + self.rest_s);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Lens, Vec2};
+    use crate::signal::{Envelope, Harmonic};
+    use crate::sim::pump_tests::rig_params;
+    use std::f64::consts::TAU;
+
+    const ENVELOPE: Envelope = Envelope { attack_s: 0.01, sustain_s: 0.06, rest_s: 0.05 };
+
+    fn model(params: &SimParams) -> RigModel {
+        RigModel {
+            name: "test".to_owned(),
+            plate_side_m: params.plate.side_m,
+            lever_arm_m: params.motors.lever_arm_m,
+            plate_mass_kg: params.plate.mass_kg,
+            plate_inertia_kgm2: params.plate.inertia_kgm2,
+            newtons_per_count: params.motors.newtons_per_count,
+            count_limit: params.motors.count_limit,
+            base_radps: TAU * 60.0,
+            attack_s: 0.01,
+            rest_s: 0.05,
+            max_sustain_s: 0.2,
+            accelerometer_in_plate_m: params.accelerometers.position_m,
+            frame_size_px: params.camera.size_px,
+            frame_hz: params.camera.frame_hz,
+            exposure_s: params.camera.exposure_s,
+            lens: Lens::ideal(1000.0, Vec2::new(320.0, 240.0)),
+            dark_parts: true,
+        }
+    }
+
+    fn rig(seed: u64) -> SimRig {
+        let penny = PartParams { radius_m: 9.525e-3, thickness_m: 1.52e-3, mass_kg: 2.5e-3, friction: 0.3 };
+        let at = |x, y| Pose { position_m: Vec2::new(x, y), heading_rad: 0.0 };
+        let params = rig_params();
+        SimRig::new(model(&params), params, vec![(penny, at(0.05, 0.02)), (penny, at(-0.04, 0.0))], Streams::new(seed))
+    }
+
+    /// Spin about the plate's centre, both harmonics.
+    fn drive(counts: f64) -> Drive {
+        let wave = |sign: f64| {
+            let first = Harmonic { cos: 0.0, sin: -sign * counts };
+            vec![first, Harmonic { cos: 0.0, sin: sign * counts }]
+        };
+        Drive { base_radps: TAU * 60.0, motors: [wave(-1.0), wave(-1.0), wave(1.0), wave(1.0)], envelope: ENVELOPE }
+    }
+
+    fn capture(rig: &mut SimRig) -> Frame {
+        let mut frame = Frame::new(1, 1);
+        rig.capture(&mut frame).unwrap();
+        frame
+    }
+
+    #[test]
+    fn frames_come_at_their_rate_and_time_passes_only_there() {
+        let mut rig = rig(1);
+        assert_eq!(rig.now(), PlateTime::ZERO);
+        let params = rig.camera.params().to_owned();
+        for index in 1..200u64 {
+            if index == 20 {
+                rig.play(&drive(200.0)).unwrap();
+            }
+            let frame = capture(&mut rig);
+            assert_eq!(frame.index, index);
+            assert_eq!(frame.exposed_at, PlateTime::from_secs(index as f64 / params.frame_hz));
+            assert_eq!(rig.probe().read().at, frame.exposed_at);
+            let late = rig.now() - frame.exposed_at - 0.5 * params.exposure_s;
+            assert!((-1e-9..5.1e-5).contains(&late), "{late}");
+        }
+    }
+
+    #[test]
+    fn a_pulse_sounds_moves_parts_and_leaves_a_trace() {
+        let mut rig = rig(1);
+        capture(&mut rig);
+        let before = rig.probe().read();
+        let start = rig.now();
+        rig.play(&drive(300.0)).unwrap();
+        assert!((rig.quiet_at() - start - ENVELOPE.total_s()).abs() < 1e-9);
+        assert_eq!(rig.play(&drive(300.0)), Err(RigFault::Busy(rig.quiet_at())));
+        assert!(rig.trace().is_empty());
+        while rig.now() < rig.quiet_at() {
+            capture(&mut rig);
+        }
+        let (after, trace) = (rig.probe().read(), rig.trace());
+        assert_eq!(trace.len(), (ENVELOPE.sounding_s() * trace.sample_hz) as usize + 1);
+        assert!(trace.counts.iter().all(|c| c.iter().any(|&n| n.abs() > 50)));
+        for (a, b) in before.parts.iter().zip(&after.parts) {
+            let moved = b.part_in_table.position_m - a.part_in_table.position_m;
+            assert!(moved.norm() > 2e-4, "{moved}");
+            assert!(moved.dot(&crate::geometry::perp(a.part_in_table.position_m)) > 0.0, "counter-clockwise");
+        }
+        rig.play(&drive(300.0)).unwrap();
+        assert!(rig.trace().is_empty(), "a new pulse forgets the last trace");
+    }
+
+    #[test]
+    fn refuses_what_is_not_a_drive() {
+        let mut rig = rig(1);
+        let with = |change: fn(&mut Drive)| {
+            let mut drive = drive(300.0);
+            change(&mut drive);
+            drive
+        };
+        assert!(matches!(rig.play(&drive(1e4)), Err(RigFault::DriveTooStrong { .. })));
+        for bad in [
+            with(|d| d.base_radps = f64::NAN),
+            with(|d| d.base_radps = 0.0),
+            with(|d| d.motors[2][0].cos = f64::INFINITY),
+            with(|d| d.envelope.attack_s = -0.1),
+            with(|d| d.envelope.sustain_s = 0.3),
+            with(|d| d.envelope.rest_s = 1e9),
+        ] {
+            assert!(matches!(rig.play(&bad), Err(RigFault::BadDrive(_))), "{bad:?}");
+        }
+        assert!(rig.plant.is_still());
+    }
+
+    #[test]
+    fn stop_ends_the_pulse_now() {
+        let mut rig = rig(1);
+        rig.stop();
+        assert_eq!(rig.quiet_at(), PlateTime::ZERO);
+        rig.play(&drive(300.0)).unwrap();
+        capture(&mut rig);
+        capture(&mut rig);
+        rig.stop();
+        let (stopped, length) = (rig.now(), rig.trace().len());
+        assert!((rig.quiet_at() - stopped - ENVELOPE.rest_s).abs() < 1e-9);
+        while rig.now() < rig.quiet_at() {
+            capture(&mut rig);
+        }
+        assert_eq!(rig.trace().len(), length);
+        let peak = |rig: &SimRig| rig.plant.plate().twist.spin_radps.abs();
+        let ringing = peak(&rig);
+        (0..240).for_each(|_| drop(capture(&mut rig)));
+        assert!(peak(&rig) < 1e-3 * ringing, "no force feeds the plate any more");
+        rig.play(&drive(300.0)).unwrap();
+    }
+
+    #[test]
+    fn equal_seeds_give_equal_runs() {
+        let run = |seed| {
+            let mut rig = rig(seed);
+            for i in 0..40 {
+                if i % 12 == 1 {
+                    rig.play(&drive(250.0)).unwrap();
+                }
+                capture(&mut rig);
+            }
+            (rig.probe().read(), rig.trace())
+        };
+        assert_eq!(run(5), run(5));
+        assert_ne!(run(5).1, run(6).1);
+    }
+
+    #[test]
+    fn stands_still_again_and_then_takes_one_snapshot() {
+        let mut rig = rig(1);
+        capture(&mut rig);
+        rig.play(&drive(300.0)).unwrap();
+        capture(&mut rig);
+        assert!(!rig.plant.is_still());
+        (0..300).for_each(|_| drop(capture(&mut rig)));
+        assert!(rig.plant.is_still());
+        let (truth, later) = (rig.probe().read(), {
+            capture(&mut rig);
+            rig.probe().read()
+        });
+        assert_eq!(truth.parts, later.parts);
+        assert_eq!(later.plate_in_table, Pose::IDENTITY);
+    }
+}
