@@ -1,3 +1,5 @@
+use nalgebra::Complex;
+
 use crate::geometry::Twist;
 use crate::signal::{CHANNELS, TwistWave};
 
@@ -10,9 +12,47 @@ pub struct TwistFit {
     pub residual_rms_mps2: f64,
     /// The plate's velocity as a two-harmonic twist (Eq. 13, App. B), times from the start of the pulse.
     pub wave: TwistWave,
+    /// The same as phasors of x (m/s), y (m/s) and spin (rad/s), for calibration.
+    pub axes: [AxisPhasors; 3],
     /// Amplitude T of the pump wave `T (cos wt' - ½ cos 2wt')` that comes nearest; parts flow along its field.
     /// Its sign is that of the mean force (Eq. 14), so its centre of rotation and spin are those of the flow.
     pub pump: Twist,
+    /// How much of a pump wave the motion is.
+    pub quality: PumpQuality,
+}
+
+/// The velocity of one axis: `v(t) = Re(first e^{jwt} + second e^{2jwt})`, times from the start of the pulse.
+/// A harmonic `c cos + s sin` is the phasor `c - js`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AxisPhasors {
+    /// At the base frequency.
+    pub first: Complex<f64>,
+    /// At twice the base frequency.
+    pub second: Complex<f64>,
+}
+
+impl AxisPhasors {
+    /// `second · conj(first)² / |first|³`, which no shift of time changes: -½ for a pump wave that pushes forwards,
+    /// +½ for one that pushes backwards (Eq. 5); `None` for an axis that stands still.
+    pub fn harmonic_ratio(&self) -> Option<Complex<f64>> {
+        let size = self.first.norm();
+        let ratio = self.second * (self.first.conj() / size).powi(2) / size;
+        ratio.is_finite().then_some(ratio)
+    }
+}
+
+/// How far a motion is from the pump wave nearest to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PumpQuality {
+    /// Where in the base period the pump wave has its `t' = 0`: `w t0`, rad, from 0 to 2π.
+    pub start_rad: f64,
+    /// Share of the acceleration's energy that is in the pump wave, 0 to 1.
+    pub purity: f64,
+    /// Second over first harmonic of the velocity along the pump's direction; ½ is right.
+    pub harmonic_ratio: f64,
+    /// By how much the second harmonic leads the one a pump wave would have, rad, from -π/2 to π/2; 0 is right, at the
+    /// ends the mean force vanishes.
+    pub harmonic_phase_rad: f64,
 }
 
 /// Why a trace gives no answer.
@@ -52,4 +92,7 @@ pub enum FitFault {
         /// What is needed, m/s².
         needed_mps2: f64,
     },
+    /// The trace, or what it is read with, makes no sense.
+    #[error("trace cannot be read: {0}")]
+    Unreadable(&'static str),
 }
