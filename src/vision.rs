@@ -1,5 +1,29 @@
 //! Eyes: the table once, every coin, then each coin again and again. Frames in, measurements out.
 
+mod coins;
+#[cfg(test)]
+mod coins_tests;
+mod convolution;
+mod disk;
+mod edges;
+mod hough;
+mod lines;
+mod locate;
+mod quad;
+#[cfg(test)]
+mod render;
+mod rim;
+mod sampling;
+mod shading;
+mod table;
+#[cfg(test)]
+mod table_tests;
+mod tracking;
+#[cfg(test)]
+mod tracking_tests;
 mod types;
 
+pub use coins::CoinFinder;
+pub use locate::{TableFault, locate_table};
+pub use tracking::Tracker;
 pub use types::{Detection, HoughArray, Plane, Stages, Table, Track};

@@ -1,0 +1,171 @@
+//! Hough array over angle and distance (Duda and Hart, 1972), each edge voting only near its own gradient's direction.
+
+use std::f64::consts::TAU;
+
+use super::HoughArray;
+use crate::geometry::Vec2;
+
+/// Columns: half a degree each.
+const ANGLES: usize = 720;
+/// How far to both sides of its own direction an edge votes, columns.
+const SPREAD: usize = 8;
+/// Peaks nearer than this in angle, columns, and in distance, rows, are one peak.
+const APART: (usize, usize) = (10, 8);
+
+/// An edge in ideal coordinates, where the table's sides are straight.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct IdealEdge {
+    /// Place, px.
+    pub(super) at: Vec2,
+    /// Unit vector from light to dark.
+    pub(super) outward: Vec2,
+}
+
+/// The line `normal · p = offset` in ideal coordinates, px.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Line {
+    pub(super) normal: Vec2,
+    pub(super) offset: f64,
+}
+
+impl Line {
+    /// The line through two points, its normal a quarter turn from `a → b` towards negative angles.
+    pub(super) fn through(a: Vec2, b: Vec2) -> Self {
+        let along = (b - a).normalize();
+        let normal = Vec2::new(along.y, -along.x);
+        Self { normal, offset: normal.dot(&a) }
+    }
+
+    /// Signed distance of `p`.
+    pub(super) fn distance(&self, p: Vec2) -> f64 {
+        self.normal.dot(&p) - self.offset
+    }
+
+    /// Place of `p` along the line.
+    pub(super) fn along(&self, p: Vec2) -> f64 {
+        self.normal.x * p.y - self.normal.y * p.x
+    }
+
+    /// Where two lines meet.
+    pub(super) fn meets(&self, other: &Self) -> Option<Vec2> {
+        let (n, m) = (self.normal, other.normal);
+        let det = n.x * m.y - n.y * m.x;
+        let p = Vec2::new(self.offset * m.y - other.offset * n.y, other.offset * n.x - self.offset * m.x) / det;
+        (det.abs() > 1e-6 && p.x.is_finite() && p.y.is_finite()).then_some(p)
+    }
+}
+
+/// Votes of all edges about `center`. An edge votes for lines whose normal points from light to dark, the way out of
+/// the plate; lines that would lie at negative distance are entered turned by half a turn.
+pub(super) fn vote(edges: &[IdealEdge], center: Vec2, farthest_px: f64, px_per_row: f64) -> HoughArray {
+    let distances = (farthest_px / px_per_row).ceil() as usize + 2;
+    let mut votes = vec![0.0f32; ANGLES * distances];
+    let directions: Vec<Vec2> = (0..ANGLES).map(|column| direction(column as f64)).collect();
+    for edge in edges {
+        let p = edge.at - center;
+        let own = (edge.outward.y.atan2(edge.outward.x) / TAU * ANGLES as f64).round() as i64;
+        for column in own - SPREAD as i64..=own + SPREAD as i64 {
+            let column = column.rem_euclid(ANGLES as i64) as usize;
+            let distance = p.dot(&directions[column]);
+            let column = if distance < 0.0 { (column + ANGLES / 2) % ANGLES } else { column };
+            let row = distance.abs() / px_per_row;
+            let (first, share) = (row as usize, row.fract() as f32);
+            if first + 1 < distances {
+                votes[first * ANGLES + column] += 1.0 - share;
+                votes[(first + 1) * ANGLES + column] += share;
+            }
+        }
+    }
+    HoughArray { angles: ANGLES, distances, px_per_row, votes, peaks: Vec::new() }
+}
+
+fn direction(column: f64) -> Vec2 {
+    let (sin, cos) = (column / ANGLES as f64 * TAU).sin_cos();
+    Vec2::new(cos, sin)
+}
+
+/// The highest peaks, highest first: column and row, at most `count`, none below `least` of the highest.
+pub(super) fn peaks(array: &HoughArray, count: usize, least: f32) -> Vec<(usize, usize)> {
+    let mut votes = array.votes.clone();
+    let mut found = Vec::new();
+    let mut floor = f32::MIN_POSITIVE;
+    while found.len() < count {
+        let highest =
+            votes.iter().enumerate().fold((0, 0.0f32), |best, (i, &v)| if v > best.1 { (i, v) } else { best });
+        if highest.1 < floor {
+            break;
+        }
+        floor = floor.max(least * highest.1);
+        let peak = (highest.0 % array.angles, highest.0 / array.angles);
+        suppress(&mut votes, array, peak);
+        found.push(peak);
+    }
+    found
+}
+
+/// Clears what belongs to `peak`; across distance 0 the neighbourhood goes on half a turn further.
+fn suppress(votes: &mut [f32], array: &HoughArray, peak: (usize, usize)) {
+    let (angles, distances) = (array.angles as i64, array.distances as i64);
+    let (across, up) = (APART.0 as i64, APART.1 as i64);
+    for row in peak.1 as i64 - up..=peak.1 as i64 + up {
+        let turn = if row < 0 { angles / 2 } else { 0 };
+        for column in peak.0 as i64 - across..=peak.0 as i64 + across {
+            let cell = row.abs() * angles + (column + turn).rem_euclid(angles);
+            if row < distances
+                && let Some(vote) = votes.get_mut(cell as usize)
+            {
+                *vote = 0.0;
+            }
+        }
+    }
+}
+
+/// The line of a peak, below a cell by the centroid of the votes around it.
+pub(super) fn line_at(array: &HoughArray, peak: (usize, usize), center: Vec2) -> Line {
+    let (mut sum, mut column, mut row) = (0.0, 0.0, 0.0);
+    for dr in -1..=1i64 {
+        for dc in -2..=2i64 {
+            let (r, c) = (peak.1 as i64 + dr, (peak.0 as i64 + dc).rem_euclid(array.angles as i64));
+            let cell = r * array.angles as i64 + c;
+            let vote = if r < 0 { 0.0 } else { f64::from(array.votes.get(cell as usize).copied().unwrap_or(0.0)) };
+            sum += vote;
+            column += vote * dc as f64;
+            row += vote * dr as f64;
+        }
+    }
+    let (column, row) = if sum > 0.0 { (column / sum, row / sum) } else { (0.0, 0.0) };
+    let normal = direction(peak.0 as f64 + column);
+    Line { normal, offset: (peak.1 as f64 + row) * array.px_per_row + normal.dot(&center) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_line_of_edges_is_the_highest_peak(angle in 0.0..TAU, distance in -150.0..150.0f64) {
+            let (center, outward) = (Vec2::new(200.0, 150.0), Vec2::new(angle.cos(), angle.sin()));
+            let along = Vec2::new(-outward.y, outward.x);
+            let edges: Vec<_> = (-80..80)
+                .map(|t| IdealEdge { at: center + distance * outward + f64::from(t) * along, outward })
+                .collect();
+            let array = vote(&edges, center, 250.0, 1.0);
+            let peak = peaks(&array, 4, 0.5)[0];
+            let line = line_at(&array, peak, center);
+            for edge in &edges {
+                prop_assert!(line.distance(edge.at).abs() < 1.5, "{line:?} {}", line.distance(edge.at));
+            }
+            prop_assert_eq!(peaks(&array, 4, 0.5).len(), 1);
+        }
+
+        #[test]
+        fn lines_meet_where_they_cross(x in -9.0..9.0f64, y in -9.0..9.0f64, a in 0.0..1.0f64, b in 1.5..2.5f64) {
+            let p = Vec2::new(x, y);
+            let [l, m] = [a, b].map(|a| Line::through(p, p + Vec2::new(a.cos(), a.sin())));
+            prop_assert!((l.meets(&m).unwrap() - p).norm() < 1e-9);
+            prop_assert!(l.meets(&l).is_none());
+        }
+    }
+}

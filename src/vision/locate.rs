@@ -1,0 +1,226 @@
+use nalgebra::Matrix2;
+
+use super::edges::{EdgeMap, edge_map};
+use super::hough::{IdealEdge, Line, line_at, peaks, vote};
+use super::lines::refine;
+use super::quad::{Quad, SeenLine, quads};
+use super::sampling::Sampler;
+use super::{Plane, Stages, Table};
+use crate::geometry::{Lens, Vec2};
+use crate::signal::Frame;
+
+/// Most pixels a picture may have.
+const MOST_PIXELS: usize = 64_000_000;
+/// Shortest side of a picture, px.
+const LEAST_SIZE: usize = 32;
+/// Lines looked at: a table's four, a second table's, and clutter.
+const MOST_LINES: usize = 16;
+/// Weakest line looked at, as a part of the strongest one's votes.
+const LEAST_LINE: f32 = 0.12;
+
+/// Why there is no table.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TableFault {
+    /// Width and height do not agree with the number of pixels.
+    #[error("picture of {width} x {height} px holds {pixels} pixels")]
+    Malformed {
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+        /// Gray levels there are.
+        pixels: usize,
+    },
+    /// Nothing can be seen in so small a picture.
+    #[error("picture of {width} x {height} px is too small, {LEAST_SIZE} x {LEAST_SIZE} px are needed")]
+    TooSmall {
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+    },
+    /// More than memory should be spent on.
+    #[error("picture of {width} x {height} px is too large, {MOST_PIXELS} pixels are the most")]
+    TooLarge {
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+    },
+    /// The plate's side is no length.
+    #[error("plate of side {side_m} m: a positive length is needed")]
+    BadSide {
+        /// What was given, m.
+        side_m: f64,
+    },
+    /// The lens is none: a number that is not finite, a focal length that is not positive.
+    #[error("the lens's numbers make no lens")]
+    BadLens,
+    /// An even picture, or nothing but noise.
+    #[error("no edges stand out in the picture")]
+    NoEdges,
+    /// Edges, but too few straight lines.
+    #[error("only {found} straight lines found, a table has 4")]
+    TooFewLines {
+        /// How many there are.
+        found: usize,
+    },
+    /// Lines, but no four that make a bright square on dark ground.
+    #[error("no four lines make a bright square on dark ground")]
+    NotASquare,
+    /// Part of the table lies outside the picture.
+    #[error("the table is cut by the picture's border")]
+    CutByFrame,
+    /// A side that hardly shows.
+    #[error("the {side} side of the table is hidden")]
+    SideHidden {
+        /// Which: `top`, `right`, `bottom`, `left`.
+        side: &'static str,
+    },
+    /// Two squares side by side.
+    #[error("more than one table in the picture")]
+    MoreThanOne,
+}
+
+/// Finds the table from nothing: edges, Hough, four peaks, four sides, corners, frame. `side_m` is the plate's side,
+/// `lens` its calibration sheet. Of the stages edges and Hough votes are filled in; votes are cast in ideal
+/// coordinates, where the lens bends nothing. In pictures beyond 2048 px both are in pixels averaged over squares.
+///
+/// # Errors
+/// When there is not exactly one table to be seen whole; misuse (a picture or lens that is none) as well.
+pub fn locate_table(frame: &Frame, lens: &Lens, side_m: f64) -> Result<(Table, Stages), TableFault> {
+    check(frame, lens, side_m)?;
+    let Some(sampler) = Sampler::new(frame) else {
+        return Err(TableFault::TooSmall { width: frame.width, height: frame.height });
+    };
+    let map = edge_map(frame);
+    if map.points.is_empty() {
+        return Err(TableFault::NoEdges);
+    }
+    let edges = ideal_edges(&map, lens);
+    let size = Vec2::new(frame.width as f64, frame.height as f64);
+    let center = (size - Vec2::repeat(1.0)) / 2.0;
+    let px_per_row = map.bin as f64;
+    let mut hough = vote(&edges, center, size.norm() * 0.75, px_per_row);
+    let found = peaks(&hough, MOST_LINES, LEAST_LINE);
+    let lines: Vec<SeenLine> = found
+        .iter()
+        .map(|&peak| SeenLine::new(line_at(&hough, peak, center), &edges, 3.0 * px_per_row, 2.0 * px_per_row))
+        .collect();
+    let quad = choose(&lines, lens, &sampler, frame, &edges)?;
+    hough.peaks = quad.lines.iter().filter_map(|&i| found.get(i).copied()).collect();
+    let corners = refined_corners(&sampler, lens, quad.corners, map.bin)?;
+    let table = Table::from_ideal_corners(corners, side_m, lens).ok_or(TableFault::NotASquare)?;
+    if !table.corners_px.iter().all(|&corner| sampler.contains(corner, 0.0)) {
+        return Err(TableFault::CutByFrame);
+    }
+    Ok((table, Stages { edges: map.plane, hough, disk_response: Plane::default() }))
+}
+
+fn check(frame: &Frame, lens: &Lens, side_m: f64) -> Result<(), TableFault> {
+    let &Frame { width, height, .. } = frame;
+    if width.checked_mul(height) != Some(frame.pixels.len()) {
+        return Err(TableFault::Malformed { width, height, pixels: frame.pixels.len() });
+    }
+    if frame.pixels.len() > MOST_PIXELS {
+        return Err(TableFault::TooLarge { width, height });
+    }
+    if width < LEAST_SIZE || height < LEAST_SIZE {
+        return Err(TableFault::TooSmall { width, height });
+    }
+    if !(side_m > 0.0 && side_m.is_finite()) {
+        return Err(TableFault::BadSide { side_m });
+    }
+    let numbers = lens.radial.iter().chain(&lens.tangential).chain(lens.principal_px.iter());
+    if !(lens.focal_px > 0.0 && lens.focal_px.is_finite() && numbers.clone().all(|x| x.is_finite())) {
+        return Err(TableFault::BadLens);
+    }
+    Ok(())
+}
+
+/// Edges in ideal coordinates. A gradient is a covector: it goes over by the transposed Jacobian.
+fn ideal_edges(map: &EdgeMap, lens: &Lens) -> Vec<IdealEdge> {
+    let edges = map.points.iter().map(|point| {
+        if lens.is_ideal() {
+            return IdealEdge { at: point.at_px, outward: -point.gradient.normalize() };
+        }
+        let at = lens.ideal_from_image(point.at_px);
+        let gradient: Vec2 = Matrix2::transpose(&lens.jacobian_at_ideal(at)) * point.gradient;
+        IdealEdge { at, outward: -gradient.normalize() }
+    });
+    edges.filter(|edge| edge.at.iter().chain(edge.outward.iter()).all(|x| x.is_finite())).collect()
+}
+
+/// The one table among the lines, or why there is none.
+fn choose(
+    lines: &[SeenLine],
+    lens: &Lens,
+    sampler: &Sampler,
+    frame: &Frame,
+    edges: &[IdealEdge],
+) -> Result<Quad, TableFault> {
+    let inside = |p: Vec2| sampler.contains(lens.image_from_ideal(p), 0.0);
+    let shown = |a: Vec2, b: Vec2| {
+        let steps = 32;
+        (0..steps).filter(|&i| inside(a + (b - a) * ((f64::from(i) + 0.5) / f64::from(steps)))).count() as f64
+            / f64::from(steps)
+    };
+    let least_side_px = (0.08 * frame.width.min(frame.height) as f64).max(16.0);
+    let found = quads(lines, least_side_px, shown);
+    let Some(best) = found.first() else {
+        return Err(no_quad(lines, lens, sampler, frame, edges));
+    };
+    if !best.corners.iter().all(|&corner| inside(corner)) {
+        return Err(TableFault::CutByFrame);
+    }
+    if found.iter().any(|other| best.rivals(other)) {
+        return Err(TableFault::MoreThanOne);
+    }
+    Ok(best.clone())
+}
+
+/// Tells a table that leaves the picture from something that is no table: two or more of the strongest lines
+/// then run into the picture's border.
+fn no_quad(lines: &[SeenLine], lens: &Lens, sampler: &Sampler, frame: &Frame, edges: &[IdealEdge]) -> TableFault {
+    let margin = 0.012 * frame.width.max(frame.height) as f64 + 4.0;
+    let leaves = |line: &Line| {
+        let near =
+            edges.iter().filter(|e| line.distance(e.at).abs() < 3.0 && e.outward.dot(&line.normal).abs() > 0.966);
+        let mut at_border = near.filter(|e| !sampler.contains(lens.image_from_ideal(e.at), margin));
+        at_border.nth(2).is_some()
+    };
+    if lines.iter().take(4).filter(|seen| leaves(&seen.line)).count() >= 2 {
+        TableFault::CutByFrame
+    } else if lines.len() < 4 {
+        TableFault::TooFewLines { found: lines.len() }
+    } else {
+        TableFault::NotASquare
+    }
+}
+
+/// Corners from sides refined twice: first as far out as the Hough cells are coarse, then close by.
+fn refined_corners(
+    sampler: &Sampler,
+    lens: &Lens,
+    mut corners: [Vec2; 4],
+    bin: usize,
+) -> Result<[Vec2; 4], TableFault> {
+    const NAMES: [&str; 4] = ["top", "right", "bottom", "left"];
+    for reach_px in [4 * bin + 3, 5, 4] {
+        let mut sides = [Line { normal: Vec2::x(), offset: 0.0 }; 4];
+        for (i, side) in sides.iter_mut().enumerate() {
+            let (from, to) = (corners[i], corners[(i + 1) % 4]);
+            let facing = Line::through(from, to).normal;
+            let name = if facing.y.abs() >= facing.x.abs() {
+                usize::from(facing.y > 0.0) * 2
+            } else {
+                usize::from(facing.x < 0.0) * 2 + 1
+            };
+            *side = refine(sampler, lens, from, to, reach_px).ok_or(TableFault::SideHidden { side: NAMES[name] })?;
+        }
+        for i in 0..4 {
+            corners[i] = sides[(i + 3) % 4].meets(&sides[i]).ok_or(TableFault::NotASquare)?;
+        }
+    }
+    Ok(corners)
+}
