@@ -1,5 +1,14 @@
 //! The COR library: what a rig was measured to be able to do, and how far parts go when it does.
 
+mod displacement;
+mod drive;
+mod fault;
+mod file;
+mod raw;
 mod types;
+mod validate;
 
+pub use drive::drive_for;
+pub use fault::LibraryFault;
+pub use raw::{RawDisplacement, RawEntry, RawLibrary, RawShapes};
 pub use types::{AxisShape, DisplacementModel, Entry, Library};

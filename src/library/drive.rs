@@ -1,0 +1,91 @@
+use super::{AxisShape, Library};
+use crate::signal::{Drive, Envelope, Harmonic};
+
+/// The drive that plays the motor amplitudes X1, X2, Y1, Y2 (counts) with the waveforms of x, y and spin.
+///
+/// The four amplitudes are three axis amplitudes (Eq. 7), `f_x = X1 - X2`, `f_y = Y1 - Y2`,
+/// `S = (Y1 + Y2) - (X1 + X2)` (torque over lever arm), and a fourth part `X1 + X2 + Y1 + Y2` that only squeezes the
+/// plate and makes no net force or torque. Each axis plays its own waveform; the squeeze is dropped, so that no motor
+/// spends counts on it.
+pub fn drive_for(amplitudes: [i32; 4], shapes: &[AxisShape; 3], base_radps: f64, envelope: Envelope) -> Drive {
+    let [x1, x2, y1, y2] = amplitudes.map(f64::from);
+    let [x, y, spin] = shapes;
+    let force_x = x.0.map(|h| scaled(h, x1 - x2));
+    let force_y = y.0.map(|h| scaled(h, y1 - y2));
+    let torque = spin.0.map(|h| scaled(h, (y1 + y2) - (x1 + x2)));
+    let motor = |force: &[Harmonic; 2], side: f64, turn: f64| {
+        force.iter().zip(&torque).map(|(&f, &s)| sum(scaled(f, 0.5 * side), scaled(s, 0.25 * turn))).collect()
+    };
+    let motors = [
+        motor(&force_x, 1.0, -1.0),
+        motor(&force_x, -1.0, -1.0),
+        motor(&force_y, 1.0, 1.0),
+        motor(&force_y, -1.0, 1.0),
+    ];
+    Drive { base_radps, motors, envelope }
+}
+
+impl Library {
+    /// The drive of entry number `entry` held for `sustain_s`; `None` when there is no such entry.
+    /// [`Drive::reversed`] makes parts flow the other way.
+    pub fn drive(&self, entry: usize, sustain_s: f64) -> Option<Drive> {
+        let entry = self.entries.get(entry)?;
+        let envelope = Envelope { attack_s: self.attack_s, sustain_s, rest_s: self.rest_s };
+        Some(drive_for(entry.amplitudes, &self.shapes, self.base_radps, envelope))
+    }
+}
+
+fn scaled(harmonic: Harmonic, by: f64) -> Harmonic {
+    Harmonic { cos: harmonic.cos * by, sin: harmonic.sin * by }
+}
+
+fn sum(a: Harmonic, b: Harmonic) -> Harmonic {
+    Harmonic { cos: a.cos + b.cos, sin: a.sin + b.sin }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const ENVELOPE: Envelope = Envelope { attack_s: 0.0, sustain_s: 1.0, rest_s: 0.0 };
+
+    /// Forces along x, y and torque over lever arm at `t`, from the four motors by Eq. 7.
+    fn wrench(drive: &Drive, t_s: f64) -> [f64; 3] {
+        let [x1, x2, y1, y2] = [0, 1, 2, 3].map(|motor| drive.counts_at(motor, t_s));
+        [x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2)]
+    }
+
+    fn shape(c1: f64, s1: f64, c2: f64, s2: f64) -> AxisShape {
+        AxisShape([Harmonic { cos: c1, sin: s1 }, Harmonic { cos: c2, sin: s2 }])
+    }
+
+    #[test]
+    fn equal_shapes_leave_the_amplitudes_but_for_the_squeeze() {
+        let drive = drive_for([-250, 10, 128, 112], &[AxisShape::FREE_MASS; 3], 377.0, ENVELOPE);
+        let kept = drive.motors.each_ref().map(|harmonics| harmonics[0].cos);
+        assert_eq!(kept, [-250.0, 10.0, 128.0, 112.0], "these four sum to zero");
+        let squeezed = drive_for([-150, 110, 228, 212], &[AxisShape::FREE_MASS; 3], 377.0, ENVELOPE);
+        assert_eq!(squeezed, drive, "a common part of 100 counts moves nothing");
+    }
+
+    proptest! {
+        #[test]
+        fn each_axis_plays_its_own_waveform(amplitudes: [i16; 4], t_s in 0.001..0.9f64, tilt in -0.3..0.3f64) {
+            let amplitudes = amplitudes.map(i32::from);
+            let shapes = [shape(1.0, tilt, 0.1, -1.1), shape(0.9, 0.0, tilt, -1.0), shape(1.2, -tilt, 0.0, -0.8)];
+            let drive = drive_for(amplitudes, &shapes, 377.0, ENVELOPE);
+            let [x1, x2, y1, y2] = amplitudes.map(f64::from);
+            let axes = [x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2)];
+            for ((got, axis), shape) in wrench(&drive, t_s).iter().zip(axes).zip(shapes) {
+                let wave = |k: usize| {
+                    let (sin, cos) = ((k + 1) as f64 * 377.0 * t_s).sin_cos();
+                    shape.0[k].cos * cos + shape.0[k].sin * sin
+                };
+                prop_assert!((got - axis * (wave(0) + wave(1))).abs() < 1e-6);
+            }
+            let squeeze: f64 = (0..4).map(|motor| drive.counts_at(motor, t_s)).sum();
+            prop_assert!(squeeze.abs() < 1e-6);
+        }
+    }
+}

@@ -1,0 +1,157 @@
+use std::f64::consts::TAU;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{AxisShape, DisplacementModel, Entry, Library};
+use crate::geometry::{Twist, Vec2};
+use crate::signal::Harmonic;
+use crate::units::{m_from_mm, mm_from_m};
+
+/// A library as its file has it, not yet validated: [`Library::try_from`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawLibrary {
+    /// Name of the rig it was measured on.
+    pub rig: String,
+    /// Fingerprint of that rig's file.
+    pub fingerprint: String,
+    /// Base frequency.
+    pub base_hz: f64,
+    /// Attack of every pulse.
+    pub attack_s: f64,
+    /// Rest after every pulse.
+    pub rest_s: f64,
+    /// Force waveforms.
+    pub shapes: RawShapes,
+    /// Every motion.
+    pub entries: Vec<RawEntry>,
+    /// How far parts go.
+    pub displacement: RawDisplacement,
+}
+
+/// Force waveforms of the axes: `[cos, sin]` of harmonics 1 and 2 for one unit of amplitude.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawShapes {
+    /// Along x.
+    pub x: [[f64; 2]; 2],
+    /// Along y.
+    pub y: [[f64; 2]; 2],
+    /// About the centre.
+    pub spin: [[f64; 2]; 2],
+}
+
+/// One motion: what is sent to the motors and the plate's measured pump twist.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawEntry {
+    /// Amplitudes of the motors X1, X2, Y1, Y2, counts.
+    pub amplitudes: [i32; 4],
+    /// Velocity amplitude of the plate's centre, x and y.
+    pub velocity_mm_s: [f64; 2],
+    /// Spin amplitude, counter-clockwise.
+    pub spin_rad_s: f64,
+}
+
+/// Measured distances over the plate's speed amplitude under the part and the pulse's sustain.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawDisplacement {
+    /// Rising speeds.
+    pub speed_mm_s: Vec<f64>,
+    /// Rising sustains.
+    pub sustain_s: Vec<f64>,
+    /// One row a speed, one column a sustain.
+    pub distance_mm: Vec<Vec<f64>>,
+    /// Standard deviation of one pulse, same shape.
+    pub sd_mm: Vec<Vec<f64>>,
+}
+
+/// Rounded to `decimals`, so that files stay small and a saved library loads to the same bytes again.
+fn rounded(value: f64, decimals: i32) -> f64 {
+    let scale = 10f64.powi(decimals);
+    let rounded = (value * scale).round() / scale;
+    if rounded == 0.0 { 0.0 } else { rounded }
+}
+
+fn rounded_mm(values_m: &[f64], decimals: i32) -> Vec<f64> {
+    values_m.iter().map(|&m| rounded(mm_from_m(m), decimals)).collect()
+}
+
+fn all_m(values_mm: &[f64]) -> Vec<f64> {
+    values_mm.iter().map(|&mm| m_from_mm(mm)).collect()
+}
+
+fn raw_shape(shape: &AxisShape) -> [[f64; 2]; 2] {
+    shape.0.map(|h| [rounded(h.cos, 6), rounded(h.sin, 6)])
+}
+
+fn shape(raw: [[f64; 2]; 2]) -> AxisShape {
+    AxisShape(raw.map(|[cos, sin]| Harmonic { cos, sin }))
+}
+
+impl From<&Library> for RawLibrary {
+    fn from(library: &Library) -> Self {
+        let [x, y, spin] = library.shapes.each_ref().map(raw_shape);
+        Self {
+            rig: library.rig.clone(),
+            fingerprint: library.fingerprint.clone(),
+            base_hz: rounded(library.base_radps / TAU, 6),
+            attack_s: rounded(library.attack_s, 6),
+            rest_s: rounded(library.rest_s, 6),
+            shapes: RawShapes { x, y, spin },
+            entries: library.entries.iter().map(RawEntry::from).collect(),
+            displacement: RawDisplacement::from(&library.displacement),
+        }
+    }
+}
+
+impl From<&Entry> for RawEntry {
+    fn from(entry: &Entry) -> Self {
+        let Twist { velocity_mps, spin_radps } = entry.pump;
+        let velocity_mm_s = [velocity_mps.x, velocity_mps.y].map(|v| rounded(mm_from_m(v), 3));
+        Self { amplitudes: entry.amplitudes, velocity_mm_s, spin_rad_s: rounded(spin_radps, 5) }
+    }
+}
+
+impl From<&DisplacementModel> for RawDisplacement {
+    fn from(model: &DisplacementModel) -> Self {
+        let table = |rows: &[Vec<f64>]| rows.iter().map(|row| rounded_mm(row, 4)).collect();
+        Self {
+            speed_mm_s: rounded_mm(&model.speed_mps, 3),
+            sustain_s: model.sustain_s.iter().map(|&s| rounded(s, 6)).collect(),
+            distance_mm: table(&model.distance_m),
+            sd_mm: table(&model.sd_m),
+        }
+    }
+}
+
+impl RawLibrary {
+    /// The same in SI, nothing checked.
+    pub(super) fn into_library(self) -> Library {
+        let table = |rows: &[Vec<f64>]| rows.iter().map(|row| all_m(row)).collect();
+        let entry = |raw: &RawEntry| {
+            let [vx, vy] = raw.velocity_mm_s.map(m_from_mm);
+            Entry {
+                amplitudes: raw.amplitudes,
+                pump: Twist { velocity_mps: Vec2::new(vx, vy), spin_radps: raw.spin_rad_s },
+            }
+        };
+        Library {
+            base_radps: TAU * self.base_hz,
+            attack_s: self.attack_s,
+            rest_s: self.rest_s,
+            shapes: [shape(self.shapes.x), shape(self.shapes.y), shape(self.shapes.spin)],
+            entries: self.entries.iter().map(entry).collect(),
+            displacement: DisplacementModel {
+                speed_mps: all_m(&self.displacement.speed_mm_s),
+                sustain_s: self.displacement.sustain_s.clone(),
+                distance_m: table(&self.displacement.distance_mm),
+                sd_m: table(&self.displacement.sd_mm),
+            },
+            rig: self.rig,
+            fingerprint: self.fingerprint,
+        }
+    }
+}
