@@ -1,5 +1,24 @@
 //! From wanted steps to pulses: candidate CORs out of the library, the QP for the d_j, the sequence.
 
+mod candidates;
+mod field;
+mod fit;
+mod limits;
+mod plan;
+mod program;
+mod reach;
+mod sequence;
+mod sparsify;
+mod task;
 mod types;
 
+#[cfg(test)]
+mod closed_loop;
+#[cfg(test)]
+mod fixture;
+#[cfg(test)]
+mod tests;
+
+pub use plan::Planner;
+pub use reach::Reach;
 pub use types::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};

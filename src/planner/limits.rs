@@ -1,0 +1,167 @@
+//! The plate's edge and the parts' rims: linear for the quadratic program, exact for the check of a sequence.
+
+use super::{Limit, PartState, PlannerParams};
+use crate::geometry::Vec2;
+
+/// Slack below which a limit counts as kept, m.
+const ROUNDING_M: f64 = 1e-7;
+
+/// One linear limit on the steps of one or two parts: `normal · (u_a - u_b) <= room`; `b` is missing for an edge.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct HalfSpace {
+    normal: Vec2,
+    part: usize,
+    other: Option<usize>,
+    /// Never negative: a limit that is broken already may stay as it is but not get worse.
+    pub room_m: f64,
+    /// What it stands for.
+    pub limit: Limit,
+}
+
+impl HalfSpace {
+    /// Factor of number `step` in the flat vector of steps x, y of each part.
+    pub fn coefficient(&self, step: usize) -> f64 {
+        let along = self.normal[step % 2];
+        match step / 2 {
+            part if part == self.part => along,
+            part if Some(part) == self.other => -along,
+            _ => 0.0,
+        }
+    }
+
+    /// How far flat steps `u` overstep it, m; negative when they keep it.
+    pub fn excess_m(&self, steps_m: &[f64]) -> f64 {
+        let of = |part: usize| self.normal.x * steps_m[2 * part] + self.normal.y * steps_m[2 * part + 1];
+        of(self.part) - self.other.map_or(0.0, of) - self.room_m
+    }
+}
+
+/// The linear limits around `parts` that steps of up to `reach_m` can meet.
+///
+/// `tighter_m` is kept on top of what the parameters ask, for what linearisation leaves out.
+pub(super) fn half_spaces(parts: &[PartState], params: &PlannerParams, reach_m: f64, tighter_m: f64) -> Vec<HalfSpace> {
+    let mut found = Vec::new();
+    for (i, part) in parts.iter().enumerate() {
+        let bound = edge_bound_m(part, params);
+        for normal in [Vec2::x(), -Vec2::x(), Vec2::y(), -Vec2::y()] {
+            let room_m = bound - normal.dot(&part.position_m);
+            if room_m < reach_m {
+                let room_m = (room_m - 0.25 * tighter_m).max(0.0);
+                found.push(HalfSpace { normal, part: i, other: None, room_m, limit: Limit::Edge { part: i } });
+            }
+        }
+    }
+    for (i, a) in parts.iter().enumerate() {
+        for (j, b) in parts.iter().enumerate().skip(i + 1) {
+            let apart = b.position_m - a.position_m;
+            let distance = apart.norm();
+            let room_m = distance - a.radius_m - b.radius_m - params.separation_m;
+            if room_m < 2.0 * reach_m && distance > 0.0 {
+                let limit = Limit::Separation { parts: [i, j] };
+                let room_m = (room_m - tighter_m).max(0.0);
+                found.push(HalfSpace { normal: apart / distance, part: i, other: Some(j), room_m, limit });
+            }
+        }
+    }
+    found
+}
+
+/// The limit that the wanted steps overstep most; `None` when they keep all.
+pub(super) fn most_violated(half_spaces: &[HalfSpace], steps_m: &[f64]) -> Option<Limit> {
+    let worst = half_spaces.iter().map(|h| (h.excess_m(steps_m), h.limit)).fold(None, |worst, (excess, limit)| {
+        let beaten = worst.is_some_and(|(most, _)| excess <= most);
+        if beaten || excess <= 0.0 { worst } else { Some((excess, limit)) }
+    });
+    worst.map(|(_, limit)| limit)
+}
+
+fn edge_bound_m(part: &PartState, params: &PlannerParams) -> f64 {
+    params.half_side_m - part.radius_m - params.edge_margin_m
+}
+
+/// The part of edge margin and separation that a sequence may use up on its way; the plan as a whole keeps all of it.
+const ON_THE_WAY: f64 = 0.5;
+
+/// The limits a whole sequence keeps, each as it was set or as it stood at the start where that was worse.
+#[derive(Clone, Debug)]
+pub(super) struct Clearances {
+    /// For each part the largest |x| or |y|, m.
+    bound_m: Vec<f64>,
+    /// For each pair i < j, row by row, the smallest distance of centres squared, m².
+    distance_sq_m2: Vec<f64>,
+}
+
+impl Clearances {
+    /// Of parts as they lie.
+    pub fn of(parts: &[PartState], params: &PlannerParams) -> Self {
+        let spare_m = ON_THE_WAY * params.edge_margin_m.max(0.0);
+        let bound = |p: &PartState| (edge_bound_m(p, params) + spare_m).max(p.position_m.amax()) + ROUNDING_M;
+        let distance = |a: &PartState, b: &PartState| {
+            let asked = a.radius_m + b.radius_m + (1.0 - ON_THE_WAY) * params.separation_m;
+            ((a.position_m - b.position_m).norm().min(asked) - ROUNDING_M).max(0.0).powi(2)
+        };
+        let pairs = parts.iter().enumerate().flat_map(|(i, a)| parts[i + 1..].iter().map(move |b| distance(a, b)));
+        Self { bound_m: parts.iter().map(bound).collect(), distance_sq_m2: pairs.collect() }
+    }
+
+    /// The first limit that is broken while all parts go in straight lines from `before` to `after`, in step.
+    pub fn broken_by(&self, before_m: &[Vec2], after_m: &[Vec2]) -> Option<Limit> {
+        let off = after_m.iter().zip(&self.bound_m).position(|(p, &bound)| p.amax() > bound);
+        if let Some(part) = off {
+            return Some(Limit::Edge { part });
+        }
+        let mut pairs = self.distance_sq_m2.iter();
+        for i in 0..after_m.len() {
+            for j in i + 1..after_m.len() {
+                let allowed = pairs.next().copied().unwrap_or(0.0);
+                if nearest_sq(before_m[i] - before_m[j], after_m[i] - after_m[j]) < allowed {
+                    return Some(Limit::Separation { parts: [i, j] });
+                }
+            }
+        }
+        None
+    }
+}
+
+/// Square of the distance of the segment from `a` to `b` from the origin.
+fn nearest_sq(a: Vec2, b: Vec2) -> f64 {
+    let along = b - a;
+    let length_sq = along.norm_squared();
+    let way = if length_sq > 0.0 { (-a.dot(&along) / length_sq).clamp(0.0, 1.0) } else { 0.0 };
+    (a + along * way).norm_squared()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::planner::fixture::{HALF_SIDE_M, PENNY_M, params, penny};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn nearest_is_the_least_of_many(ax in -1.0..1.0f64, ay in -1.0..1.0f64, bx in -1.0..1.0f64, by in -1.0..1.0f64) {
+            let (a, b) = (Vec2::new(ax, ay), Vec2::new(bx, by));
+            let sampled =
+                (0..=1000).map(|k| (a + (b - a) * (f64::from(k) * 1e-3)).norm_squared()).fold(f64::INFINITY, f64::min);
+            let exact = nearest_sq(a, b);
+            prop_assert!(exact <= sampled + 1e-12 && exact.sqrt() > sampled.sqrt() - 2e-3);
+        }
+    }
+
+    #[test]
+    fn a_limit_that_is_broken_may_stay_but_not_get_worse() {
+        let over = penny(Vec2::new(HALF_SIDE_M, 0.0), Vec2::zeros());
+        let near = penny(Vec2::new(HALF_SIDE_M - 2.0 * PENNY_M, 0.0), Vec2::zeros());
+        let limits = half_spaces(&[over, near], &params(), 0.005, 0.0);
+        assert!(limits.iter().all(|limit| limit.room_m >= 0.0), "staying is always allowed");
+        assert_eq!(most_violated(&limits, &[0.0; 4]), None);
+        assert_eq!(most_violated(&limits, &[0.001, 0.0, 0.0, 0.0]), Some(Limit::Edge { part: 0 }));
+        assert_eq!(most_violated(&limits, &[-0.001, 0.0, 0.001, 0.0]), Some(Limit::Separation { parts: [0, 1] }));
+        let clearances = Clearances::of(&[over, near], &params());
+        let at = [over.position_m, near.position_m];
+        assert_eq!(clearances.broken_by(&at, &at), None);
+        assert_eq!(clearances.broken_by(&at, &[at[0] + Vec2::new(1e-4, 0.0), at[1]]), Some(Limit::Edge { part: 0 }));
+        let closer = [at[0], at[1] + Vec2::new(1e-4, 0.0)];
+        assert_eq!(clearances.broken_by(&at, &closer), Some(Limit::Separation { parts: [0, 1] }));
+    }
+}

@@ -1,0 +1,199 @@
+use std::sync::Arc;
+
+use super::candidates::{add_best, starting_set, survey};
+use super::field::Columns;
+use super::limits::most_violated;
+use super::program::{self, Solution, Variable};
+use super::sequence::{Flow, Sequence, arrange};
+use super::task::Task;
+use super::{Limit, PartState, Plan, PlanStatus, PlannerParams, sparsify};
+use crate::library::Library;
+
+/// How much of the steps a smaller set of pulses may leave undone, and below which error nothing is gained.
+const LEFT_UNDONE: f64 = 0.15;
+const LEFT_UNDONE_M: f64 = 0.15e-3;
+
+/// Fewest candidates, however few parts.
+const MIN_CANDIDATES: usize = 12;
+
+/// |d| from which on the program made use of a column, m.
+const USED_M: f64 = 1e-5;
+
+/// One pulse that leaves less than this part of the error is enough.
+const ALONE: f64 = 0.08;
+
+/// A sequence is worth playing when it leaves less than this part of the error.
+const BETTER: f64 = 0.998;
+
+/// Step away from a limit that stopped everything, m.
+const ROOM_M: f64 = 2e-3;
+
+/// Parts of the wanted step that are tried when the sequence of the whole does not keep the limits.
+const FRACTIONS: [f64; 3] = [1.0, 0.5, 0.25];
+
+/// Turns wanted steps into a sequence of pulses.
+#[derive(Clone, Debug)]
+pub struct Planner {
+    pub(super) library: Arc<Library>,
+    pub(super) params: PlannerParams,
+    columns: Columns,
+}
+
+impl Planner {
+    /// A planner for one rig's library.
+    pub fn new(library: Arc<Library>, params: PlannerParams) -> Self {
+        Self { library, params, columns: Columns::default() }
+    }
+
+    /// The library it plans with.
+    pub fn library(&self) -> &Library {
+        &self.library
+    }
+
+    /// What it may and wants to do.
+    pub fn params(&self) -> &PlannerParams {
+        &self.params
+    }
+
+    /// Plans one cycle: the pulses that bring every part its step, or as much of it as the limits leave.
+    ///
+    /// Where no order of pulses gets past a limit that the steps themselves keep, the plan makes room instead: the
+    /// parts of that limit go away from it and the steps wait for the next cycle.
+    pub fn plan(&mut self, parts: &[PartState]) -> Plan {
+        let Some(task) = Task::of(parts, &self.params) else {
+            return ended(PlanStatus::SolverFailed("a part is not where numbers are".into()), Vec::new());
+        };
+        if task.largest_m < 0.5 * self.params.min_distance_m {
+            return ended(PlanStatus::NothingToDo, Vec::new());
+        }
+        let sustain_s = self.typical_sustain_s(task.largest_m);
+        survey(&mut self.columns, &self.library, parts, sustain_s, task.largest_m);
+        let plan = self.attempt(&task);
+        match plan.status {
+            PlanStatus::Infeasible(limit) if most_violated(&task.half_spaces, &task.wanted_m) != Some(limit) => {
+                let room = self.attempt(&task.making_room(limit, ROOM_M));
+                if room.status == PlanStatus::Solved { room } else { plan }
+            }
+            _ => plan,
+        }
+    }
+
+    fn attempt(&self, task: &Task<'_>) -> Plan {
+        let (candidates, relaxed) = match self.relax(task) {
+            Ok(found) => found,
+            Err(words) => return ended(PlanStatus::SolverFailed(words), Vec::new()),
+        };
+        let alone = self.single_pulse(task);
+        let found = match alone {
+            Some(alone) if task.left_by(&alone) < ALONE => Ok(alone),
+            alone => {
+                let support = self.sparsify(task, &candidates, &relaxed);
+                self.sequence(task, &support).or_else(|limit| alone.ok_or(limit))
+            }
+        };
+        let limit = match found {
+            Ok(Sequence { pulses, predicted_m }) => {
+                return Plan { status: PlanStatus::Solved, pulses, candidates, predicted_m };
+            }
+            Err(limit) => most_violated(&task.half_spaces, &task.wanted_m).or(limit),
+        };
+        ended(PlanStatus::Infeasible(limit.unwrap_or(Limit::Unreachable)), candidates)
+    }
+
+    /// The sustain of a pulse that makes the largest step on a fast belt, s.
+    fn typical_sustain_s(&self, largest_m: f64) -> f64 {
+        let model = &self.library.displacement;
+        let fast = model.speed_mps.last().copied().unwrap_or(0.0);
+        let typical_m = (0.7 * largest_m).clamp(model.min_distance(fast), model.max_distance(fast));
+        model.sustain_for(fast, typical_m).unwrap_or(0.0)
+    }
+
+    /// The sparse program over candidates out of the whole library: solved over a starting set, then again over
+    /// the columns that were used and those that its prices ask for.
+    fn relax(&self, task: &Task<'_>) -> Result<(Vec<usize>, Solution), String> {
+        let count = (self.params.candidates_per_part * task.parts.len()).max(MIN_CANDIDATES);
+        let cost_m = self.params.sparsity * task.largest_m;
+        let started = starting_set(&self.columns, &task.wanted_m, count / 2);
+        let first = self.relax_over(task, &started, cost_m)?;
+        let used = |&(_, d): &(&usize, &f64)| d.abs() > USED_M;
+        let mut candidates: Vec<usize> = started.iter().zip(&first.distance_m).filter(used).map(|(&j, _)| j).collect();
+        let already = candidates.len();
+        add_best(&self.columns, &mut candidates, &first.prices_m, cost_m, count);
+        if candidates.len() == already {
+            return Ok((started, first));
+        }
+        let relaxed = self.relax_over(task, &candidates, cost_m)?;
+        Ok((candidates, relaxed))
+    }
+
+    fn relax_over(&self, task: &Task<'_>, candidates: &[usize], cost_m: f64) -> Result<Solution, String> {
+        let variable = |&entry: &usize| {
+            let (_, high_m) = self.distance_bounds_m(entry, &task.positions_m);
+            Variable { cost_m, low_m: -high_m, high_m }
+        };
+        let variables: Vec<Variable> = candidates.iter().map(variable).collect();
+        program::solve(&self.columns.select(candidates), &variables, &[], &task.wanted_m, &task.half_spaces)
+    }
+
+    /// Entries that are enough, with the distance the relaxed program gave them, m.
+    fn sparsify(&self, task: &Task<'_>, candidates: &[usize], relaxed: &Solution) -> Vec<(usize, f64)> {
+        let found: Vec<(usize, f64)> = candidates.iter().copied().zip(relaxed.distance_m.iter().copied()).collect();
+        let large = |&(_, d): &(usize, f64)| d.abs() >= 0.5 * self.params.min_distance_m;
+        let large: Vec<(usize, f64)> = found.into_iter().filter(large).collect();
+        let entries: Vec<usize> = large.iter().map(|&(entry, _)| entry).collect();
+        let per_part_m = LEFT_UNDONE_M.max(LEFT_UNDONE * task.largest_m);
+        let tolerance_m = per_part_m * (task.parts.len() as f64).sqrt();
+        let columns = self.columns.select(&entries);
+        let kept = sparsify::keep(&columns, &relaxed.moved_m, tolerance_m, self.params.max_pulses);
+        kept.into_iter().map(|k| large[k]).collect()
+    }
+
+    /// A sequence of the supporting entries that keeps the limits all the way, for the whole step or a part of it.
+    fn sequence(&self, task: &Task<'_>, support: &[(usize, f64)]) -> Result<Sequence, Option<Limit>> {
+        let mut stopped_by = None;
+        for fraction in FRACTIONS {
+            let wanted: Vec<f64> = task.wanted_m.iter().map(|w| fraction * w).collect();
+            let Some(pulses) = self.fitted(task, &wanted, support) else { continue };
+            match arrange(self.flow(task), &task.clearances, &pulses) {
+                Ok(first) => {
+                    let best = self.refined(task, &wanted, first);
+                    if task.left_by(&best) < BETTER {
+                        return Ok(best);
+                    }
+                }
+                Err(limit) => stopped_by = stopped_by.or(limit),
+            }
+        }
+        Err(stopped_by)
+    }
+
+    /// The one pulse that lowers the error most within the limits; `None` when none does.
+    fn single_pulse(&self, task: &Task<'_>) -> Option<Sequence> {
+        let gain = |entry: usize| {
+            let along = self.columns.dot(entry, &task.wanted_m);
+            let length_sq = self.columns.dot(entry, self.columns.column(entry));
+            let (low_m, high_m) = self.distance_bounds_m(entry, &task.positions_m);
+            if length_sq <= 0.0 || high_m <= 0.0 {
+                return (0.0, entry, 0.0);
+            }
+            let distance_m = (along.abs() / length_sq).clamp(low_m, high_m);
+            (2.0 * distance_m * along.abs() - distance_m * distance_m * length_sq, entry, distance_m.copysign(along))
+        };
+        let mut gains: Vec<(f64, usize, f64)> = (0..self.columns.len()).map(gain).filter(|g| g.0 > 0.0).collect();
+        gains.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        gains.truncate(64);
+        let found = gains.into_iter().find_map(|(_, entry, distance_m)| {
+            let found = arrange(self.flow(task), &task.clearances, &[(entry, distance_m)]).ok()?;
+            (task.left_by(&found) < BETTER).then_some(found)
+        })?;
+        Some(self.refined(task, &task.wanted_m, found))
+    }
+
+    pub(super) fn flow<'a>(&'a self, task: &Task<'a>) -> Flow<'a> {
+        Flow { library: &self.library, parts: task.parts }
+    }
+}
+
+fn ended(status: PlanStatus, candidates: Vec<usize>) -> Plan {
+    Plan { status, pulses: Vec::new(), candidates, predicted_m: Vec::new() }
+}
