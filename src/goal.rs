@@ -1,5 +1,12 @@
 //! Where the parts should go, said without a word about plates.
 
+mod plus_sign;
+mod polyline;
+mod trajectories;
+
+pub use plus_sign::{PlusSign, PlusSignParams};
+pub use trajectories::{PathParams, Trajectories};
+
 use crate::geometry::Vec2;
 use crate::time::PlateTime;
 

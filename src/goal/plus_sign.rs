@@ -1,0 +1,347 @@
+use super::{Goal, Wanted};
+use crate::geometry::{Vec2, cross};
+use crate::time::PlateTime;
+
+/// The paper's first task (section 3.4, Fig. 13): one part goes to the centre by translations along x, then y, and then
+/// follows the branches of a plus sign clockwise: out to the edge, back to the centre, next branch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlusSignParams {
+    /// Half the plate's side, m.
+    pub half_side_m: f64,
+    /// The part's outline, m.
+    pub part_radius_m: f64,
+    /// Distance of the part's rim from the plate's edge at the end of a branch, m.
+    pub edge_margin_m: f64,
+    /// Laps of four branches; 0 for going on without end.
+    pub laps: u32,
+    /// How near to the end of a stretch is there, m.
+    pub arrive_m: f64,
+    /// How far ahead of the part the subgoal is at most, m.
+    pub stride_m: f64,
+}
+
+/// Ways of the branches, clockwise from -x.
+const BRANCHES: [(Vec2, &str); 4] = [
+    (Vec2::new(-1.0, 0.0), "-x"),
+    (Vec2::new(0.0, 1.0), "+y"),
+    (Vec2::new(1.0, 0.0), "+x"),
+    (Vec2::new(0.0, -1.0), "-y"),
+];
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stage {
+    CentreAlongX,
+    CentreAlongY,
+    Out { lap: u32, branch: usize },
+    Back { lap: u32, branch: usize },
+    Done,
+}
+
+/// A straight way to go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Stretch {
+    from_m: Vec2,
+    to_m: Vec2,
+}
+
+impl Stretch {
+    fn length_m(&self) -> f64 {
+        (self.to_m - self.from_m).norm()
+    }
+
+    /// Unit vector along it; zero when it has no length.
+    fn direction(&self) -> Vec2 {
+        (self.to_m - self.from_m).try_normalize(0.0).unwrap_or_default()
+    }
+
+    /// How far along `p_m` is, m: negative before the start, more than the length past the end.
+    fn along_m(&self, p_m: Vec2) -> f64 {
+        (p_m - self.from_m).dot(&self.direction())
+    }
+
+    /// The point `stride_m` ahead of the foot of `p_m`, the end at most.
+    fn carrot_m(&self, p_m: Vec2, stride_m: f64) -> Vec2 {
+        let foot_m = self.along_m(p_m).clamp(0.0, self.length_m());
+        self.from_m + self.direction() * (foot_m + stride_m).min(self.length_m())
+    }
+}
+
+/// [`PlusSignParams`] at work. It steers the first part; others are told to stay where they were first seen.
+#[derive(Clone, Debug)]
+pub struct PlusSign {
+    params: PlusSignParams,
+    stage: Stage,
+    stretch: Stretch,
+    /// Where each part was last seen.
+    seen_m: Vec<Vec2>,
+    /// Where each part was first seen.
+    first_seen_m: Vec<Vec2>,
+    /// Furthest along the present stretch so far, as a part of its length.
+    furthest: f64,
+}
+
+impl PlusSign {
+    /// A task at its beginning. A branch too short for the part has no length.
+    pub fn new(params: PlusSignParams) -> Self {
+        let nowhere = Stretch { from_m: Vec2::zeros(), to_m: Vec2::zeros() };
+        let (seen_m, first_seen_m) = (Vec::new(), Vec::new());
+        Self { params, stage: Stage::CentreAlongX, stretch: nowhere, seen_m, first_seen_m, furthest: 0.0 }
+    }
+
+    /// Distance of the part's centre from the plate's at the end of a branch, m.
+    pub fn reach_m(&self) -> f64 {
+        let PlusSignParams { half_side_m, part_radius_m, edge_margin_m, .. } = self.params;
+        (half_side_m - part_radius_m - edge_margin_m).max(0.0)
+    }
+
+    /// Takes note of where parts are; a position that is not a number leaves a part where it was.
+    fn look(&mut self, parts_in_table_m: &[Vec2]) {
+        let begins = self.first_seen_m.is_empty();
+        self.seen_m.resize(parts_in_table_m.len(), Vec2::zeros());
+        for (seen, part) in self.seen_m.iter_mut().zip(parts_in_table_m) {
+            if part.iter().all(|x| x.is_finite()) {
+                *seen = *part;
+            }
+        }
+        self.first_seen_m.truncate(self.seen_m.len());
+        self.first_seen_m.extend(self.seen_m.iter().skip(self.first_seen_m.len()).copied());
+        if begins {
+            let start = self.seen_m.first().copied().unwrap_or_default();
+            self.stretch = Stretch { from_m: start, to_m: Vec2::new(0.0, start.y) };
+        }
+    }
+
+    fn arrived(&self, part_m: Vec2) -> bool {
+        let arrive_m = self.params.arrive_m;
+        let there = self.stretch.along_m(part_m) >= self.stretch.length_m() - arrive_m;
+        match self.stage {
+            Stage::Back { lap, branch: 3 } if self.is_last(lap) => (part_m - self.stretch.to_m).norm() <= arrive_m,
+            Stage::Done => false,
+            _ => there,
+        }
+    }
+
+    fn advance(&mut self, part_m: Vec2) {
+        let centre = Vec2::zeros();
+        self.stage = match self.stage {
+            Stage::CentreAlongX => Stage::CentreAlongY,
+            Stage::CentreAlongY => Stage::Out { lap: 0, branch: 0 },
+            Stage::Out { lap, branch } => Stage::Back { lap, branch },
+            Stage::Back { lap, branch: 3 } if self.is_last(lap) => Stage::Done,
+            Stage::Back { lap, branch: 3 } => Stage::Out { lap: lap.saturating_add(1), branch: 0 },
+            Stage::Back { lap, branch } => Stage::Out { lap, branch: branch + 1 },
+            Stage::Done => Stage::Done,
+        };
+        self.stretch = match self.stage {
+            Stage::CentreAlongX | Stage::CentreAlongY => Stretch { from_m: Vec2::new(0.0, part_m.y), to_m: centre },
+            Stage::Out { branch, .. } => Stretch { from_m: centre, to_m: self.tip_m(branch) },
+            Stage::Back { branch, .. } => Stretch { from_m: self.tip_m(branch), to_m: centre },
+            Stage::Done => Stretch { from_m: centre, to_m: centre },
+        };
+        self.furthest = 0.0;
+    }
+
+    fn is_last(&self, lap: u32) -> bool {
+        self.params.laps.checked_sub(1) == Some(lap)
+    }
+
+    fn tip_m(&self, branch: usize) -> Vec2 {
+        BRANCHES[branch].0 * self.reach_m()
+    }
+
+    fn laps_done(&self) -> u32 {
+        match self.stage {
+            Stage::Out { lap, .. } | Stage::Back { lap, .. } => lap,
+            Stage::Done => self.params.laps,
+            Stage::CentreAlongX | Stage::CentreAlongY => 0,
+        }
+    }
+
+    fn progress(&self) -> f64 {
+        let branches_done = match self.stage {
+            _ if self.params.laps == 0 => return 0.0,
+            Stage::CentreAlongX | Stage::CentreAlongY => return 0.0,
+            Stage::Done => return 1.0,
+            Stage::Out { branch, .. } => branch as f64 + 0.5 * self.furthest,
+            Stage::Back { branch, .. } => branch as f64 + 0.5 + 0.5 * self.furthest,
+        };
+        (f64::from(self.laps_done()) + branches_done / 4.0) / f64::from(self.params.laps)
+    }
+
+    fn phase(&self) -> String {
+        let lap_of = |lap: u32| match self.params.laps {
+            0 => format!("lap {}", u64::from(lap) + 1),
+            laps => format!("lap {} of {laps}", u64::from(lap) + 1),
+        };
+        match self.stage {
+            Stage::CentreAlongX => "to the centre, along x".into(),
+            Stage::CentreAlongY => "to the centre, along y".into(),
+            Stage::Out { lap, branch } => format!("{}: branch {}, outwards", lap_of(lap), BRANCHES[branch].1),
+            Stage::Back { lap, branch } => format!("{}: branch {}, back", lap_of(lap), BRANCHES[branch].1),
+            Stage::Done => "done".into(),
+        }
+    }
+
+    fn cross_track_m(&self, part_m: Vec2) -> f64 {
+        match self.stage {
+            Stage::Out { .. } | Stage::Back { .. } => cross(self.stretch.direction(), part_m).abs(),
+            Stage::CentreAlongX | Stage::CentreAlongY | Stage::Done => 0.0,
+        }
+    }
+}
+
+impl Goal for PlusSign {
+    fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+        self.look(parts_in_table_m);
+        let Some(part_m) = self.seen_m.first().copied() else {
+            return Wanted { phase: "no part".into(), ..Wanted::default() };
+        };
+        // From anywhere at most both centring stretches and one stretch more are over at once.
+        for _ in 0..3 {
+            if self.arrived(part_m) {
+                self.advance(part_m);
+            }
+        }
+        let length_m = self.stretch.length_m();
+        let along = if length_m > 0.0 { (self.stretch.along_m(part_m) / length_m).clamp(0.0, 1.0) } else { 0.0 };
+        self.furthest = self.furthest.max(along);
+        let mut wanted = Wanted {
+            subgoals_m: self.first_seen_m.clone(),
+            targets_m: self.first_seen_m.clone(),
+            phase: self.phase(),
+            progress: self.progress(),
+            laps: self.laps_done(),
+            cross_track_m: vec![0.0; parts_in_table_m.len()],
+            done: self.stage == Stage::Done,
+        };
+        wanted.subgoals_m[0] = self.stretch.carrot_m(part_m, self.params.stride_m);
+        wanted.targets_m[0] = self.stretch.to_m;
+        wanted.cross_track_m[0] = self.cross_track_m(part_m);
+        wanted
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Streams;
+    use proptest::prelude::*;
+    use rand::RngExt;
+
+    const PARAMS: PlusSignParams = PlusSignParams {
+        half_side_m: 0.1016,
+        part_radius_m: 0.009525,
+        edge_margin_m: 0.003,
+        laps: 2,
+        arrive_m: 0.0005,
+        stride_m: 0.008,
+    };
+
+    /// Follows a plus sign until it is done; says where each stretch of a branch ended and how many cycles it took.
+    fn follow(params: PlusSignParams, start_m: Vec2, mut step: impl FnMut(Vec2, Vec2) -> Vec2) -> (Vec<Vec2>, usize) {
+        let (mut goal, mut part_m, mut ends) = (PlusSign::new(params), start_m, Vec::new());
+        let (mut stage, mut progress) = (goal.stage, 0.0);
+        let mut cycle = 0;
+        loop {
+            assert!(cycle < 5000, "not done: {stage:?}");
+            let wanted = goal.next(PlateTime::ZERO, &[part_m]);
+            let before = std::mem::replace(&mut stage, goal.stage);
+            if before != stage && matches!(before, Stage::Out { .. } | Stage::Back { .. }) {
+                ends.push(part_m);
+            }
+            assert!(wanted.progress >= progress && wanted.progress <= 1.0, "{wanted:?}");
+            progress = wanted.progress;
+            if wanted.done {
+                assert_eq!((wanted.laps, wanted.progress, wanted.targets_m[0]), (params.laps, 1.0, Vec2::zeros()));
+                return (ends, cycle);
+            }
+            part_m = step(part_m, wanted.subgoals_m[0]);
+            cycle += 1;
+        }
+    }
+
+    #[test]
+    fn a_perfect_part_goes_to_the_centre_and_then_clockwise() {
+        let start_m = Vec2::new(0.05, -0.03);
+        let (ends, cycles) = follow(PARAMS, start_m, |_, subgoal| subgoal);
+        let reach = PARAMS.half_side_m - PARAMS.part_radius_m - PARAMS.edge_margin_m;
+        let mut expected = Vec::new();
+        for (x, y) in [(-1.0, 0.0), (0.0, 1.0), (1.0, 0.0), (0.0, -1.0)].repeat(2) {
+            expected.extend([Vec2::new(x, y) * reach, Vec2::zeros()]);
+        }
+        assert_eq!(ends.len(), expected.len());
+        for (end, expected) in ends.iter().zip(&expected) {
+            assert!((end - expected).norm() <= PARAMS.arrive_m + 1e-12, "{end} for {expected}");
+        }
+        let strides = |length: f64| ((length - PARAMS.arrive_m) / PARAMS.stride_m).ceil() as usize;
+        assert_eq!(cycles, strides(0.05) + strides(0.03) + 16 * strides(reach));
+    }
+
+    #[test]
+    fn phases_are_said_in_words() {
+        let mut goal = PlusSign::new(PARAMS);
+        let mut phase = |x: f64, y: f64| goal.next(PlateTime::ZERO, &[Vec2::new(x, y)]).phase;
+        assert_eq!(phase(0.05, -0.03), "to the centre, along x");
+        assert_eq!(phase(0.0, -0.03), "to the centre, along y");
+        assert_eq!(phase(0.0, 0.0), "lap 1 of 2: branch -x, outwards");
+        assert_eq!(phase(-0.09, 0.0), "lap 1 of 2: branch -x, back");
+        assert_eq!(phase(0.0, 0.0), "lap 1 of 2: branch +y, outwards");
+    }
+
+    #[test]
+    fn without_an_end_it_goes_on() {
+        let mut goal = PlusSign::new(PlusSignParams { laps: 0, ..PARAMS });
+        let mut part_m = Vec2::new(0.01, 0.01);
+        for _ in 0..2000 {
+            let wanted = goal.next(PlateTime::ZERO, &[part_m]);
+            assert!(!wanted.done && wanted.progress == 0.0);
+            part_m = wanted.subgoals_m[0];
+        }
+        assert!(goal.next(PlateTime::ZERO, &[part_m]).laps >= 20);
+    }
+
+    #[test]
+    fn other_parts_are_told_to_stay() {
+        let mut goal = PlusSign::new(PARAMS);
+        let other = Vec2::new(-0.05, 0.05);
+        goal.next(PlateTime::ZERO, &[Vec2::new(0.05, 0.0), other]);
+        let wanted = goal.next(PlateTime::ZERO, &[Vec2::new(0.04, 0.0), other + Vec2::new(0.001, 0.0)]);
+        assert_eq!((wanted.subgoals_m[1], wanted.targets_m[1]), (other, other));
+        assert_eq!(goal.next(PlateTime::ZERO, &[]).subgoals_m.len(), 0);
+    }
+
+    proptest! {
+        #[test]
+        fn clumsy_parts_get_there_too(seed in 0u64..1000, x in -0.09..0.09f64, y in -0.09..0.09f64) {
+            let mut rng = Streams::new(seed).stream("walk");
+            let mut noise = |size: f64| Vec2::new(rng.random_range(-size..size), rng.random_range(-size..size));
+            let clumsy = |part: Vec2, subgoal: Vec2| {
+                let gain = 0.9 + 400.0 * noise(0.001).x;
+                part + gain * (subgoal - part) + noise(0.0004)
+            };
+            let (ends, _) = follow(PARAMS, Vec2::new(x, y), clumsy);
+            prop_assert_eq!(ends.len(), 16);
+            for (i, end) in ends.iter().enumerate().step_by(2) {
+                let way = BRANCHES[i / 2 % 4].0;
+                prop_assert!(end.dot(&way) > PlusSign::new(PARAMS).reach_m() - PARAMS.arrive_m - 1e-12);
+            }
+        }
+
+        #[test]
+        fn subgoals_stay_on_the_branch_and_within_a_stride(positions in proptest::collection::vec(
+            prop_oneof![(-0.1..0.1f64, -0.1..0.1f64), (Just(f64::NAN), Just(0.0)), (Just(0.0), Just(f64::INFINITY))], 1..60)) {
+            let mut goal = PlusSign::new(PARAMS);
+            for (x, y) in positions {
+                let wanted = goal.next(PlateTime::ZERO, &[Vec2::new(x, y)]);
+                let (subgoal, stretch) = (wanted.subgoals_m[0], goal.stretch);
+                let part = goal.seen_m[0];
+                let foot = stretch.from_m + stretch.direction() * stretch.along_m(part).clamp(0.0, stretch.length_m());
+                prop_assert!((subgoal - foot).norm() <= PARAMS.stride_m + 1e-12);
+                prop_assert!(cross(stretch.direction(), subgoal - stretch.from_m).abs() < 1e-12);
+                prop_assert!((subgoal - stretch.to_m).norm() <= stretch.length_m() + 1e-12);
+                prop_assert!(wanted.cross_track_m[0] >= 0.0 && wanted.cross_track_m[0] <= part.norm() + 1e-12);
+                prop_assert!(subgoal.iter().chain(wanted.targets_m[0].iter()).all(|x| x.is_finite()) && wanted.progress.is_finite());
+            }
+        }
+    }
+}
