@@ -1,5 +1,15 @@
 //! The cycle: look, ask the goal, plan, play, look again; and the supervisor that ends it in good order.
+//!
+//! Nothing here, nor in anything imported from here, can reach ground truth: frames and traces are all there is.
 
+pub mod calibration;
+mod cycle;
+mod ending;
+mod eyes;
 mod facts;
+mod learning;
 
+pub use cycle::{ControlParams, Devices, Finish, run};
+pub use ending::{Ending, Outcome};
+pub use eyes::{ExpectedPart, Eyes, Moment};
 pub use facts::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};

@@ -17,6 +17,8 @@ pub struct LocalisedFacts<'a> {
     pub detections: &'a [Detection],
     /// What the search went through.
     pub stages: &'a Stages,
+    /// Wall time the search took, µs; 0 when no clock runs.
+    pub localise_us: f64,
 }
 
 /// One tracked frame.

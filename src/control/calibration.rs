@@ -1,0 +1,170 @@
+//! Calibration: what can this rig do, and how far do parts go when it does? (UPM paper, sections 3.2 and 4.1.)
+//!
+//! 1. [`axes`]: one pulse along x, y and spin each; the response of both harmonics gives the pre-compensation
+//!    of every axis and the gain matrix from motor amplitudes to the plate's twist.
+//! 2. [`displacement`]: a few motions, pulses of rising length, the camera measures how far the coins go. This comes
+//!    before the many pulses of the next step carry the coins off the plate.
+//! 3. [`steering`]: centres of rotation over and around the plate and translations, each played both ways at the
+//!    strongest the motors allow and read back through the accelerometers.
+
+mod axes;
+mod displacement;
+mod steering;
+mod workbench;
+
+use std::sync::atomic::AtomicBool;
+
+use super::ending::Ending;
+use super::eyes::ExpectedPart;
+use crate::estimation::FitFault;
+use crate::library::Library;
+use crate::rig::{PartKind, Rig, RigFault, RigModel};
+use workbench::Workbench;
+
+/// A rig this many times faster than the gentle speed needs gentle motions of their own.
+const STRONG: f64 = 2.0;
+
+/// What to measure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CalibrationParams {
+    /// Rows and columns of the grid of centres over the plate.
+    pub grid: usize,
+    /// Half the grid's side as a part of half the plate's.
+    pub grid_reach: f64,
+    /// Radii of the rings of centres outside the plate, as parts of half the plate's side.
+    pub rings: Vec<f64>,
+    /// Centres on each ring.
+    pub ring_centers: usize,
+    /// Directions of translation.
+    pub translations: usize,
+    /// Plate speed amplitude of the gentle motions, m/s; they make the shortest steps.
+    pub gentle_mps: f64,
+    /// Rows and columns of the gentle motions' grid of centres.
+    pub gentle_grid: usize,
+    /// Directions of gentle translation.
+    pub gentle_translations: usize,
+    /// Part of the motors' limit that is used.
+    pub effort: f64,
+    /// Sustain of the pulses that are read through the accelerometers, s.
+    pub read_sustain_s: f64,
+    /// Longest displacement to be measured, m.
+    pub longest_m: f64,
+    /// Sustains measured.
+    pub sustains: usize,
+    /// The kind of coin on the plate.
+    pub kinds: Vec<PartKind>,
+    /// The coins.
+    pub coins: Vec<ExpectedPart>,
+}
+
+impl CalibrationParams {
+    /// The full library with these coins on the plate.
+    pub fn full(kinds: Vec<PartKind>, coins: Vec<ExpectedPart>) -> Self {
+        Self {
+            grid: 15,
+            grid_reach: 1.05,
+            rings: vec![1.6, 2.4, 4.0, 8.0],
+            ring_centers: 16,
+            translations: 48,
+            gentle_mps: 0.04,
+            gentle_grid: 7,
+            gentle_translations: 24,
+            effort: 0.97,
+            read_sustain_s: 0.1,
+            longest_m: 12e-3,
+            sustains: 8,
+            kinds,
+            coins,
+        }
+    }
+}
+
+/// How far calibration has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CalibrationProgress {
+    /// What is being measured.
+    pub stage: &'static str,
+    /// Measurements done in this stage.
+    pub done: usize,
+    /// Measurements in this stage.
+    pub total: usize,
+    /// Plate time so far, s.
+    pub plate_time_s: f64,
+}
+
+/// Why there is no library.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CalibrationFault {
+    /// The rig refused or failed.
+    #[error("rig: {0}")]
+    Rig(#[from] RigFault),
+    /// Table or coins were not found.
+    #[error("{0}")]
+    Look(String),
+    /// A trace could not be read.
+    #[error("{what}: {fault}")]
+    Trace {
+        /// What was played.
+        what: String,
+        /// Why it could not be read.
+        fault: FitFault,
+    },
+    /// The three axes do not move the plate independently.
+    #[error("motors do not move x, y and spin independently (gain matrix is singular)")]
+    Singular,
+    /// The drive is too weak to slide a coin.
+    #[error("the strongest pulse moves the coins {moved_mm:.3} mm: too weak to slide them")]
+    TooWeak {
+        /// Largest displacement seen, mm.
+        moved_mm: f64,
+    },
+    /// Stopped from outside.
+    #[error("stopped from outside, motors at zero")]
+    Stopped,
+}
+
+impl From<Ending> for CalibrationFault {
+    fn from(ending: Ending) -> Self {
+        Self::Look(ending.reason)
+    }
+}
+
+/// Measures `rig` and returns its library. Motors are at zero when this returns.
+pub fn calibrate(
+    rig: &mut dyn Rig,
+    model: &RigModel,
+    fingerprint: &str,
+    params: &CalibrationParams,
+    stop: &AtomicBool,
+    progress: &mut dyn FnMut(CalibrationProgress),
+) -> Result<Library, CalibrationFault> {
+    let mut bench = Workbench { rig, model, stop, progress };
+    let measured = measure(&mut bench, fingerprint, params);
+    bench.rig.stop();
+    measured
+}
+
+fn measure(
+    bench: &mut Workbench<'_>,
+    fingerprint: &str,
+    params: &CalibrationParams,
+) -> Result<Library, CalibrationFault> {
+    let half_side_m = 0.5 * bench.model.plate_side_m;
+    let axes = axes::measure(bench, params)?;
+    let mut library = Library {
+        rig: bench.model.name.clone(),
+        fingerprint: fingerprint.to_owned(),
+        base_radps: bench.model.base_radps,
+        attack_s: bench.model.attack_s,
+        rest_s: bench.model.rest_s,
+        shapes: axes.shapes,
+        entries: steering::measure(bench, &axes, params, &displacement::motions(half_side_m, params.gentle_mps))?,
+        displacement: Default::default(),
+    };
+    library.displacement = displacement::measure(bench, &library, params)?;
+    let too_strong = axes.top_speed_mps(bench.model.count_limit) > STRONG * params.gentle_mps;
+    let gentle = if too_strong { steering::gentle_motions(half_side_m, params) } else { Vec::new() };
+    let wanted = [steering::strong_motions(half_side_m, params), gentle].concat();
+    library.entries = steering::measure(bench, &axes, params, &wanted)?;
+    Ok(library)
+}

@@ -1,0 +1,244 @@
+use std::f64::consts::FRAC_PI_4;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::super::eyes::{Eyes, Moment};
+use super::super::facts::Sink;
+use super::steering::Motion;
+use super::workbench::Workbench;
+use super::{CalibrationFault, CalibrationParams};
+use crate::geometry::{Twist, Vec2};
+use crate::library::{DisplacementModel, Entry, Library};
+use crate::time::StoppedClock;
+
+/// Speed nodes of the model.
+const SPEEDS: usize = 14;
+/// Strength of the pull towards straight lines between nodes; settles nodes that no coin passed.
+const SMOOTHING: f64 = 0.02;
+/// Speeds at which the gentle motions are measured, as parts of the library's gentle speed: the model needs both
+/// sides of it.
+const GENTLE_STEPS: [f64; 3] = [0.6, 1.2, 4.0];
+/// The plate's edge keeps this distance from a coin's rim, m.
+const EDGE_M: f64 = 4e-3;
+/// Displacement below which the strongest pulse counts as no motion, m.
+const STILL_M: f64 = 0.2e-3;
+
+/// One coin in one pulse.
+struct Sample {
+    speed_mps: f64,
+    sustain: usize,
+    distance_m: f64,
+}
+
+struct Quiet;
+impl Sink for Quiet {}
+
+/// Sends the coins to and fro with every entry of `library` and fits the displacement model to what the camera saw.
+pub(super) fn measure(
+    bench: &mut Workbench<'_>,
+    library: &Library,
+    params: &CalibrationParams,
+) -> Result<DisplacementModel, CalibrationFault> {
+    let mut eyes = Eyes::open(bench.rig, bench.model, &params.kinds, &params.coins, &mut Quiet, &StoppedClock)?;
+    let sustain_s = choose_sustains(bench, &mut eyes, library, params)?;
+    let motions = library.entries.len();
+    let mut samples = Vec::new();
+    for (k, &sustain) in sustain_s.iter().enumerate() {
+        for entry in 0..motions {
+            bench.report("displacement", k * motions + entry, motions * sustain_s.len());
+            for reversed in [false, true] {
+                samples.extend(pulse(bench, &mut eyes, library, params, (entry, reversed), (k, sustain))?);
+            }
+        }
+    }
+    Ok(fit(&samples, sustain_s))
+}
+
+/// Motions that show coins anywhere many speeds in many directions: centres across the plate and outside it,
+/// translations; each as strong as the motors allow, and gently.
+pub(super) fn motions(half_side_m: f64, gentle_mps: f64) -> Vec<Motion> {
+    const CENTERS: [[f64; 2]; 8] =
+        [[0.0, 0.0], [-0.6, -0.3], [0.3, 0.6], [0.6, -0.6], [-0.3, 0.3], [1.5, 0.7], [-1.2, 1.5], [-0.6, -2.0]];
+    let centers = CENTERS.map(|[x, y]| Twist::about(Vec2::new(x, y) * half_side_m, 1.0));
+    let translations = (0..4).map(|i| {
+        let (sin, cos) = (FRAC_PI_4 * f64::from(i)).sin_cos();
+        Twist::new(cos, sin, 0.0)
+    });
+    let directions: Vec<Twist> = centers.into_iter().chain(translations).collect();
+    let strong = directions.iter().map(|&direction| Motion { direction, top_mps: f64::INFINITY });
+    let gentle = GENTLE_STEPS
+        .iter()
+        .flat_map(|step| directions.iter().map(move |&direction| Motion { direction, top_mps: step * gentle_mps }));
+    strong.chain(gentle).collect()
+}
+
+/// Lengthens the pulse until a coin goes as far as shall be measured; sustains evenly up to there.
+fn choose_sustains(
+    bench: &mut Workbench<'_>,
+    eyes: &mut Eyes,
+    library: &Library,
+    params: &CalibrationParams,
+) -> Result<Vec<f64>, CalibrationFault> {
+    let longest_s = bench.model.max_sustain_s;
+    let speed = |entry: &Entry| entry.pump.velocity_mps.norm();
+    let by_speed = |a: &(usize, &Entry), b: &(usize, &Entry)| speed(a.1).total_cmp(&speed(b.1));
+    let entry = library.entries.iter().enumerate().max_by(by_speed).map_or(0, |(entry, _)| entry);
+    let mut farthest = 0.0f64;
+    let mut top_s = longest_s;
+    for step in 1..=12 {
+        let sustain_s = longest_s * f64::from(step) / 12.0;
+        for reversed in [false, true] {
+            for sample in pulse(bench, eyes, library, params, (entry, reversed), (0, sustain_s))? {
+                farthest = farthest.max(sample.distance_m);
+            }
+        }
+        if farthest >= params.longest_m {
+            top_s = sustain_s;
+            break;
+        }
+    }
+    if farthest < STILL_M {
+        return Err(CalibrationFault::TooWeak { moved_mm: farthest * 1e3 });
+    }
+    let last = (params.sustains.max(2) - 1) as f64;
+    Ok((0..params.sustains.max(2)).map(|k| top_s * k as f64 / last).collect())
+}
+
+/// Plays one pulse and measures every coin; nothing is played that could carry one over the edge.
+fn pulse(
+    bench: &mut Workbench<'_>,
+    eyes: &mut Eyes,
+    library: &Library,
+    params: &CalibrationParams,
+    (entry, reversed): (usize, bool),
+    (sustain, sustain_s): (usize, f64),
+) -> Result<Vec<Sample>, CalibrationFault> {
+    let before = look_at_rest(bench, eyes)?;
+    let (Some(motion), Some(drive)) = (library.entries.get(entry), library.drive(entry, sustain_s)) else {
+        return Ok(Vec::new());
+    };
+    let pump = if reversed { -motion.pump } else { motion.pump };
+    let reach = 0.5 * bench.model.plate_side_m - EDGE_M - params.kinds.first().map_or(0.0, |kind| kind.radius_m);
+    let leaves = |p: &Vec2| (p + pump.direction_at(*p) * (2.0 * params.longest_m)).amax() > reach;
+    let outwards = |p: &Vec2| p.dot(&pump.direction_at(*p)) > 0.0;
+    if before.iter().any(|p| leaves(p) && outwards(p)) {
+        return Ok(Vec::new());
+    }
+    bench.rig.play(&if reversed { drive.reversed() } else { drive })?;
+    while bench.rig.now() < bench.rig.quiet_at() {
+        bench.stop_check()?;
+        eyes.look(bench.rig, Moment::Pulse, &mut Quiet, &StoppedClock)?;
+    }
+    let after = look_at_rest(bench, eyes)?;
+    let sample = |(a, b): (&Vec2, &Vec2)| {
+        let middle = 0.5 * (a + b);
+        let distance_m = (b - a).dot(&pump.direction_at(middle));
+        Sample { speed_mps: pump.velocity_at(middle).norm(), sustain, distance_m }
+    };
+    Ok(before.iter().zip(&after).map(sample).collect())
+}
+
+fn look_at_rest(bench: &mut Workbench<'_>, eyes: &mut Eyes) -> Result<Vec<Vec2>, CalibrationFault> {
+    const LOOKS: usize = 120;
+    for _ in 0..LOOKS {
+        bench.stop_check()?;
+        if eyes.look(bench.rig, Moment::Cycle, &mut Quiet, &StoppedClock)? && eyes.missing_for() == 0 {
+            return Ok(eyes.positions_m());
+        }
+    }
+    Err(CalibrationFault::Look("a coin was lost during calibration".into()))
+}
+
+/// Least squares of a piecewise linear curve over speed for every sustain; distances never fall with sustain.
+fn fit(samples: &[Sample], sustain_s: Vec<f64>) -> DisplacementModel {
+    let moving = samples.iter().filter(|s| s.distance_m > 0.05e-3).map(|s| s.speed_mps);
+    let slowest = moving.fold(f64::INFINITY, f64::min);
+    let fastest = samples.iter().map(|s| s.speed_mps).fold(0.0, f64::max);
+    let first = 0.8 * slowest.min(fastest);
+    let ratio = (fastest / first).powf(1.0 / (SPEEDS - 1) as f64);
+    let speed_mps: Vec<f64> = (0..SPEEDS as i32).map(|i| first * ratio.powi(i)).collect();
+
+    let columns: Vec<(Vec<f64>, Vec<f64>)> = (0..sustain_s.len())
+        .map(|k| {
+            let here: Vec<&Sample> = samples.iter().filter(|s| s.sustain == k).collect();
+            fit_curve(&here, &speed_mps)
+        })
+        .collect();
+    let mut distance_m: Vec<Vec<f64>> =
+        (0..SPEEDS).map(|i| columns.iter().map(|(distance, _)| distance[i].max(0.0)).collect()).collect();
+    for row in &mut distance_m {
+        for k in 1..row.len() {
+            row[k] = row[k].max(row[k - 1]);
+        }
+    }
+    let sd_m = (0..SPEEDS).map(|i| columns.iter().map(|(_, sd)| sd[i]).collect()).collect();
+    DisplacementModel { speed_mps, sustain_s, distance_m, sd_m }
+}
+
+/// Node values and the scatter about them of one sustain's samples.
+fn fit_curve(samples: &[&Sample], speed_mps: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let nodes = speed_mps.len();
+    let mut normal = DMatrix::<f64>::identity(nodes, nodes) * 1e-9;
+    let mut right = DVector::<f64>::zeros(nodes);
+    for sample in samples {
+        let (i, part) = place(speed_mps, sample.speed_mps);
+        for (a, wa) in [(i, 1.0 - part), (i + 1, part)] {
+            right[a] += wa * sample.distance_m;
+            for (b, wb) in [(i, 1.0 - part), (i + 1, part)] {
+                normal[(a, b)] += wa * wb;
+            }
+        }
+    }
+    for i in 1..nodes - 1 {
+        let bend = [(i - 1, 1.0), (i, -2.0), (i + 1, 1.0)];
+        for (a, wa) in bend {
+            for (b, wb) in bend {
+                normal[(a, b)] += SMOOTHING * wa * wb;
+            }
+        }
+    }
+    let values = normal.cholesky().map_or_else(|| DVector::zeros(nodes), |factor| factor.solve(&right));
+    let mut scatter = vec![(0.0, 1e-12); nodes];
+    for sample in samples {
+        let (i, part) = place(speed_mps, sample.speed_mps);
+        let error = sample.distance_m - ((1.0 - part) * values[i] + part * values[i + 1]);
+        for (a, weight) in [(i, 1.0 - part), (i + 1, part)] {
+            scatter[a].0 += weight * error * error;
+            scatter[a].1 += weight;
+        }
+    }
+    (values.iter().copied().collect(), scatter.iter().map(|(sum, weight)| (sum / weight).sqrt()).collect())
+}
+
+/// The node at or below `speed` and the part of the way to the next one, clamped to the grid.
+fn place(speed_mps: &[f64], speed: f64) -> (usize, f64) {
+    let i = speed_mps.partition_point(|&node| node <= speed).clamp(1, speed_mps.len() - 1) - 1;
+    let part = (speed - speed_mps[i]) / (speed_mps[i + 1] - speed_mps[i]);
+    (i, part.clamp(0.0, 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_fit_finds_a_known_curve_again() {
+        let truth = |speed: f64, k: usize| (speed - 0.005).max(0.0) * 0.05 * (k + 1) as f64;
+        let mut samples = Vec::new();
+        for k in 0..3 {
+            for i in 0..200 {
+                let speed_mps = 0.004 + 0.0002 * f64::from(i);
+                samples.push(Sample { speed_mps, sustain: k, distance_m: truth(speed_mps, k) });
+            }
+        }
+        let model = fit(&samples, vec![0.0, 0.1, 0.2]);
+        for (i, &speed) in model.speed_mps.iter().enumerate().skip(3) {
+            for k in 0..3 {
+                assert!(
+                    (model.distance_m[i][k] - truth(speed, k)).abs() < 0.05 * truth(speed, k) + 1e-5,
+                    "{speed} {k}"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,138 @@
+use std::f64::consts::{FRAC_1_SQRT_2, TAU};
+
+use nalgebra::Vector3;
+
+use super::axes::{Axes, as_vector};
+use super::workbench::Workbench;
+use super::{CalibrationFault, CalibrationParams};
+use crate::geometry::{Twist, Vec2};
+use crate::library::Entry;
+
+/// A motion to be measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Motion {
+    /// Its field, any scale.
+    pub direction: Twist,
+    /// Plate speed amplitude that it shall not exceed anywhere on the plate, m/s; infinite for all that the motors give.
+    pub top_mps: f64,
+}
+
+/// Size of the amplitudes a drive's peak is first tried with; large, so that rounding does not show.
+const TRIAL_COUNTS: f64 = 1e4;
+
+/// A miss of the wanted centre above this part of its distance from the plate's middle is corrected once.
+const MISS: f64 = 0.01;
+
+/// Plays every wanted motion as strongly as the motors allow and writes down what the plate really did.
+pub(super) fn measure(
+    bench: &mut Workbench<'_>,
+    axes: &Axes,
+    params: &CalibrationParams,
+    wanted: &[Motion],
+) -> Result<Vec<Entry>, CalibrationFault> {
+    let counts_from_twist = axes.twist_from_counts.try_inverse().ok_or(CalibrationFault::Singular)?;
+    let mut entries = Vec::with_capacity(wanted.len());
+    for (i, Motion { direction, top_mps }) in wanted.iter().enumerate() {
+        bench.report("centres", i, wanted.len());
+        let mut aim = as_vector(*direction);
+        let mut entry = play(bench, axes, params, counts_from_twist * aim, *top_mps)?;
+        let miss = miss(&entry.pump, direction, 0.5 * bench.model.plate_side_m);
+        if miss.norm() > MISS * aim.norm() {
+            aim -= miss;
+            entry = play(bench, axes, params, counts_from_twist * aim, *top_mps)?;
+        }
+        entries.push(entry);
+    }
+    Ok(entries)
+}
+
+/// Plays axis amplitudes `counts` (any scale) as strongly as motors and `top_mps` allow, both ways, and reads the
+/// plate's twist.
+fn play(
+    bench: &mut Workbench<'_>,
+    axes: &Axes,
+    params: &CalibrationParams,
+    counts: Vector3<f64>,
+    top_mps: f64,
+) -> Result<Entry, CalibrationFault> {
+    let trial = counts * (TRIAL_COUNTS / counts.amax().max(f64::MIN_POSITIVE));
+    let peak = bench.drive(amplitudes(trial), &axes.shapes, params.read_sustain_s).peak_counts();
+    let strongest = trial * (params.effort * bench.model.count_limit / peak);
+    let expected = axes.twist_from_counts * strongest;
+    let corner_m = bench.model.plate_side_m * FRAC_1_SQRT_2;
+    let fastest_mps = expected.xy().norm() + expected.z.abs() * corner_m;
+    let amplitudes = amplitudes(strongest * (top_mps / fastest_mps).min(1.0));
+    let drive = bench.drive(amplitudes, &axes.shapes, params.read_sustain_s);
+    let what = format!("amplitudes {amplitudes:?}");
+    let there = bench.read_twist(&what, &drive)?;
+    let back = bench.read_twist(&what, &drive.reversed())?;
+    Ok(Entry { amplitudes, pump: (there.pump - back.pump) * 0.5 })
+}
+
+/// Whole motor amplitudes for axis amplitudes fx, fy, s in counts; opposite motors share the work.
+fn amplitudes(axis_counts: Vector3<f64>) -> [i32; 4] {
+    let [fx, fy, s] = [axis_counts.x, axis_counts.y, axis_counts.z];
+    [fx / 2.0 - s / 4.0, -fx / 2.0 - s / 4.0, fy / 2.0 + s / 4.0, -fy / 2.0 + s / 4.0].map(|a| a.round() as i32)
+}
+
+/// How far `found` is from the direction `wanted`, both scaled alike, as a twist vector. Spin counts by what it
+/// moves at `reach_m`.
+fn miss(found: &Twist, wanted: &Twist, reach_m: f64) -> Vector3<f64> {
+    let weight = Vector3::new(1.0, 1.0, reach_m);
+    let found = as_vector(*found).component_mul(&weight);
+    let wanted = as_vector(*wanted).component_mul(&weight);
+    let scale = found.dot(&wanted) / found.norm_squared().max(f64::MIN_POSITIVE);
+    (found * scale - wanted).component_div(&weight)
+}
+
+/// As strong as the motors allow: a grid of centres, rings outside the plate, translations.
+pub(super) fn strong_motions(half_side_m: f64, params: &CalibrationParams) -> Vec<Motion> {
+    let rings = params.rings.iter().enumerate().flat_map(|(k, radius)| {
+        (0..params.ring_centers).map(move |i| {
+            let angle = TAU * (i as f64 + 0.5 * (k % 2) as f64) / params.ring_centers as f64;
+            let center = Vec2::new(angle.cos(), angle.sin()) * *radius * half_side_m;
+            Twist::about(center, 1.0 / (radius * half_side_m))
+        })
+    });
+    let directions = grid(params.grid, params.grid_reach * half_side_m).chain(rings);
+    let directions = directions.chain(translations(params.translations));
+    directions.map(|direction| Motion { direction, top_mps: f64::INFINITY }).collect()
+}
+
+/// A coarser grid and translations, gently: for steps shorter than a strong pulse can make.
+pub(super) fn gentle_motions(half_side_m: f64, params: &CalibrationParams) -> Vec<Motion> {
+    let directions = grid(params.gentle_grid, params.grid_reach * half_side_m);
+    let directions = directions.chain(translations(params.gentle_translations));
+    directions.map(|direction| Motion { direction, top_mps: params.gentle_mps }).collect()
+}
+
+fn grid(n: usize, reach_m: f64) -> impl Iterator<Item = Twist> {
+    let at = move |i: usize| reach_m * (2.0 * i as f64 / (n.max(2) - 1) as f64 - 1.0);
+    (0..n * n).map(move |i| Twist::about(Vec2::new(at(i % n), at(i / n)), 1.0))
+}
+
+/// Both ways along a line are one entry, so half a turn is enough.
+fn translations(n: usize) -> impl Iterator<Item = Twist> {
+    (0..n).map(move |i| {
+        let angle = 0.5 * TAU * i as f64 / n as f64;
+        Twist::new(angle.cos(), angle.sin(), 0.0)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn amplitudes_add_up_to_the_axes() {
+        let [x1, x2, y1, y2] = amplitudes(Vector3::new(100.0, -60.0, 400.0)).map(f64::from);
+        assert_eq!([x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2)], [100.0, -60.0, 400.0]);
+    }
+
+    #[test]
+    fn a_scaled_twist_does_not_miss() {
+        let wanted = Twist::about(Vec2::new(0.05, -0.02), 1.0);
+        assert!(miss(&(wanted * 7.0), &wanted, 0.1).norm() < 1e-12);
+        assert!(miss(&Twist::about(Vec2::new(0.06, -0.02), 3.0), &wanted, 0.1).norm() > 1e-3);
+    }
+}

@@ -1,0 +1,275 @@
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::ending::{Ending, Outcome};
+use super::eyes::{ExpectedPart, Eyes, Moment};
+use super::learning::Gains;
+use super::{CycleFacts, EventLevel, PulseFacts, Sink};
+use crate::estimation::fit_twist;
+use crate::geometry::Vec2;
+use crate::goal::{Goal, Wanted};
+use crate::library::Library;
+use crate::planner::{Limit, PartState, Plan, PlanStatus, PlannedPulse, Planner, PlannerParams};
+use crate::rig::{PartKind, Rig, RigModel};
+use crate::time::{Clock, PlateTime};
+
+/// Steps are halved this often before an infeasible plan ends the run.
+const STEP_HALVINGS: usize = 3;
+/// Plate time without a pulse after which a run counts as stalled, s.
+const STALLED_S: f64 = 10.0;
+
+/// What a run needs to know beside the rig's model.
+#[derive(Clone, Debug)]
+pub struct ControlParams {
+    /// Kinds of parts on the plate.
+    pub kinds: Vec<PartKind>,
+    /// The parts, in the order of the job.
+    pub parts: Vec<ExpectedPart>,
+    /// Plate time after which the run ends, s.
+    pub time_limit_s: f64,
+    /// True when the time limit is the task's natural end.
+    pub endless: bool,
+    /// Frames at rest without a part after which it is lost.
+    pub lost_after_frames: u32,
+    /// Limits and weights of the planner.
+    pub planner: PlannerParams,
+}
+
+/// What a run plays on and tells to.
+pub struct Devices<'a> {
+    /// The plate.
+    pub rig: &'a mut dyn Rig,
+    /// What is known of it.
+    pub model: &'a RigModel,
+    /// Takes the facts.
+    pub sink: &'a mut dyn Sink,
+    /// For timings only.
+    pub clock: &'a dyn Clock,
+    /// Set from outside to stop.
+    pub stop: &'a AtomicBool,
+}
+
+/// How a run ended and where things stood then.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finish {
+    /// How and why.
+    pub ending: Ending,
+    /// What the goal last wanted; `None` when it was never asked.
+    pub wanted: Option<Wanted>,
+    /// Where the parts were last seen, m; empty when they never were.
+    pub measured_m: Vec<Vec2>,
+    /// Indices of the parts that are lost.
+    pub lost: Vec<usize>,
+}
+
+impl Finish {
+    fn blind(ending: Ending) -> Self {
+        Self { ending, wanted: None, measured_m: Vec::new(), lost: Vec::new() }
+    }
+}
+
+/// Runs `goal` to its end. Motors are at zero when this returns, whatever happened.
+pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, params: &ControlParams) -> Finish {
+    let Devices { rig, model, sink, clock, stop } = devices;
+    let finish = match Eyes::open(rig, model, &params.kinds, &params.parts, sink, clock) {
+        Ok(eyes) => {
+            let planner = Planner::new(Arc::clone(library), params.planner);
+            let gains = Gains::new(params.parts.len());
+            let (rig, sink) = (&mut *rig, &mut *sink);
+            let wanted = None;
+            let mut cycle =
+                Cycle { rig, model, sink, clock, stop, library, goal, params, eyes, planner, gains, wanted, index: 0 };
+            cycle.until_end()
+        }
+        Err(ending) => Finish::blind(ending),
+    };
+    rig.stop();
+    let level = if finish.ending.outcome == Outcome::Failed { EventLevel::Error } else { EventLevel::Info };
+    sink.event(rig.now(), level, &finish.ending.reason);
+    finish
+}
+
+struct Cycle<'a> {
+    rig: &'a mut dyn Rig,
+    model: &'a RigModel,
+    sink: &'a mut dyn Sink,
+    clock: &'a dyn Clock,
+    stop: &'a AtomicBool,
+    library: &'a Arc<Library>,
+    goal: &'a mut dyn Goal,
+    params: &'a ControlParams,
+    eyes: Eyes,
+    planner: Planner,
+    gains: Gains,
+    wanted: Option<Wanted>,
+    index: u64,
+}
+
+impl Cycle<'_> {
+    fn until_end(&mut self) -> Finish {
+        let mut last_pulse_at = self.rig.now();
+        let mut look = self.look_at_rest();
+        let ending = loop {
+            look = match look {
+                Ok(observed) => self.once(observed, &mut last_pulse_at),
+                Err(ending) => break ending,
+            };
+        };
+        let lost =
+            if self.eyes.missing_for() > self.params.lost_after_frames { self.eyes.unseen() } else { Vec::new() };
+        Finish { ending, wanted: self.wanted.take(), measured_m: self.eyes.positions_m(), lost }
+    }
+
+    /// One cycle from a look at rest to the next, whose positions it returns.
+    fn once(&mut self, observed: Vec<Vec2>, last_pulse_at: &mut PlateTime) -> Result<Vec<Vec2>, Ending> {
+        let started = self.clock.elapsed();
+        let observed_at = self.eyes.seen_at();
+        let wanted = self.goal.next(observed_at, &observed);
+        self.wanted = Some(wanted.clone());
+        if wanted.done {
+            return Err(Ending::completed(wanted.phase));
+        }
+        self.check_limits()?;
+        let planning = self.clock.elapsed();
+        let plan = self.plan(&observed, &wanted)?;
+        let plan_us = (self.clock.elapsed() - planning).as_secs_f64() * 1e6;
+
+        for pulse in &plan.pulses {
+            self.play(pulse)?;
+            *last_pulse_at = self.rig.now();
+        }
+        let result = self.look_at_rest()?;
+        if plan.pulses.is_empty() {
+            if self.rig.now() - *last_pulse_at > STALLED_S {
+                return Err(Ending::failed(format!("stalled: no pulse for {STALLED_S} s of plate time")));
+            }
+            return Ok(result);
+        }
+        if let Some(predicted) = plan.predicted_m.last() {
+            self.gains.learn(&observed, predicted, &result);
+        }
+        let cycle_us = (self.clock.elapsed() - started).as_secs_f64() * 1e6;
+        self.sink.cycle(&CycleFacts {
+            index: self.index,
+            observed_at,
+            observed_m: &observed,
+            wanted: &wanted,
+            plan: &plan,
+            ended_at: self.eyes.seen_at(),
+            result_m: &result,
+            plan_us,
+            cycle_us,
+        });
+        self.index += 1;
+        Ok(result)
+    }
+
+    fn check_limits(&self) -> Result<(), Ending> {
+        self.check_stop()?;
+        let limit_s = self.params.time_limit_s;
+        if self.rig.now().secs() >= limit_s {
+            let reason = format!("plate time limit of {limit_s} s reached");
+            return Err(if self.params.endless { Ending::completed(reason) } else { Ending::failed(reason) });
+        }
+        Ok(())
+    }
+
+    /// Plans the wanted steps; where they are infeasible, half of them, and half again.
+    fn plan(&mut self, observed: &[Vec2], wanted: &Wanted) -> Result<Plan, Ending> {
+        let mut scale = 1.0;
+        for _ in 0..=STEP_HALVINGS {
+            let plan = self.planner.plan(&self.part_states(observed, wanted, scale));
+            match &plan.status {
+                PlanStatus::Solved | PlanStatus::NothingToDo => return Ok(plan),
+                PlanStatus::Infeasible(limit) => {
+                    let why = format!("step infeasible, {}: trying half of it", self.in_words(*limit));
+                    self.sink.event(self.rig.now(), EventLevel::Warning, &why);
+                }
+                PlanStatus::SolverFailed(why) => {
+                    let why = format!("solver gave up ({why}): trying half the step");
+                    self.sink.event(self.rig.now(), EventLevel::Warning, &why);
+                }
+            }
+            scale *= 0.5;
+        }
+        Err(Ending::failed(format!("no feasible step in cycle {}, {}", self.index, wanted.phase)))
+    }
+
+    fn part_states(&self, observed: &[Vec2], wanted: &Wanted, scale: f64) -> Vec<PartState> {
+        let states = observed.iter().zip(&wanted.subgoals_m).zip(&self.params.parts).enumerate();
+        states
+            .map(|(i, ((&position_m, subgoal), part))| PartState {
+                position_m,
+                step_m: (subgoal - position_m) * scale,
+                radius_m: self.params.kinds.get(part.kind).map_or(0.0, |kind| kind.radius_m),
+                gain: self.gains.get(i),
+            })
+            .collect()
+    }
+
+    fn in_words(&self, limit: Limit) -> String {
+        let id = |part: usize| self.params.parts.get(part).map_or("?", |part| part.id.as_str());
+        match limit {
+            Limit::Edge { part } => format!("{} would leave the plate", id(part)),
+            Limit::Separation { parts: [a, b] } => format!("{} and {} would touch", id(a), id(b)),
+            Limit::Unreachable => "no motion of the library moves every part that should move".into(),
+        }
+    }
+
+    /// Plays one pulse and follows the parts until everything rests.
+    fn play(&mut self, planned: &PlannedPulse) -> Result<(), Ending> {
+        let drive = self
+            .library
+            .drive(planned.entry, planned.sustain_s)
+            .map(|drive| if planned.distance_m < 0.0 { drive.reversed() } else { drive })
+            .ok_or_else(|| Ending::failed(format!("library has no entry {}", planned.entry)))?;
+        let started_at = self.rig.now();
+        self.rig.play(&drive)?;
+        while self.rig.now() < self.rig.quiet_at() {
+            self.check_stop()?;
+            self.eyes.look(self.rig, Moment::Pulse, self.sink, self.clock)?;
+        }
+        let trace = self.rig.trace();
+        let fit = fit_twist(&trace, &drive.envelope, drive.base_radps, self.model.accelerometer_in_plate_m);
+        self.sink.pulse(&PulseFacts {
+            cycle: self.index,
+            started_at,
+            planned,
+            drive: &drive,
+            trace: &trace,
+            fit: &fit,
+        });
+        Ok(())
+    }
+
+    fn check_stop(&self) -> Result<(), Ending> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Err(Ending::cancelled("stopped from outside, motors at zero"));
+        }
+        Ok(())
+    }
+
+    /// Looks until a frame taken at rest shows every part; a part that stays away is lost.
+    fn look_at_rest(&mut self) -> Result<Vec<Vec2>, Ending> {
+        loop {
+            self.check_stop()?;
+            let at_rest = self.eyes.look(self.rig, Moment::Cycle, self.sink, self.clock)?;
+            if at_rest && self.eyes.missing_for() == 0 {
+                return Ok(self.eyes.positions_m());
+            }
+            if at_rest && self.eyes.missing_for() > self.params.lost_after_frames {
+                return Err(self.lost());
+            }
+        }
+    }
+
+    fn lost(&self) -> Ending {
+        let places = self.eyes.positions_m();
+        let each = self.eyes.unseen().into_iter().map(|part| {
+            let id = self.params.parts.get(part).map_or("?", |part| part.id.as_str());
+            let place = places.get(part).copied().unwrap_or_default() * 1e3;
+            format!("{id} is lost, last seen at ({:.1}, {:.1}) mm", place.x, place.y)
+        });
+        Ending::failed(each.collect::<Vec<_>>().join("; "))
+    }
+}
