@@ -8,6 +8,7 @@ pub mod goal;
 pub mod library;
 pub mod planner;
 pub mod random;
+pub mod recording;
 pub mod rig;
 pub mod signal;
 pub mod sim;

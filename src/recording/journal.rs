@@ -1,0 +1,166 @@
+mod lines;
+
+use std::io::{self, Write};
+use std::sync::Arc;
+
+use self::lines::{CycleLine, EventLine, Line, LocalisedLine, SentLine, UnfinishedLine};
+use crate::control::{CycleFacts, EventLevel, LocalisedFacts, PulseFacts, Sink};
+use crate::library::Library;
+use crate::time::PlateTime;
+
+/// Writes `journal.jsonl`: one JSON object a line, each with a `type`.
+///
+/// `localised`: table and parts as first found. `cycle`: what was observed, wanted, planned, sent to the motors, read
+/// back from the accelerometers, predicted and measured. `event`: level and text. `unfinished_cycle`: pulses sent in a
+/// cycle that never ended. Lengths are millimetres to 1e-4, times seconds to 1e-6, counts to 1e-3. Nothing
+/// depends on wall time, so equal seeds give equal bytes.
+///
+/// The first write that fails is kept and told by [`Journal::finish`]; nothing is written after it.
+#[derive(Debug)]
+pub struct Journal<W: Write> {
+    out: W,
+    library: Arc<Library>,
+    sent: Vec<SentLine>,
+    sent_in_cycle: u64,
+    line: Vec<u8>,
+    fault: Option<io::Error>,
+}
+
+impl<W: Write> Journal<W> {
+    /// Writes to `out`, which should be buffered; `library` names the centres of rotation.
+    pub fn new(out: W, library: Arc<Library>) -> Self {
+        Self { out, library, sent: Vec::new(), sent_in_cycle: 0, line: Vec::new(), fault: None }
+    }
+
+    /// Writes out what is pending and flushes. `Err` with the first write that failed during the run.
+    pub fn finish(mut self) -> io::Result<()> {
+        self.put_unfinished();
+        match self.fault {
+            Some(fault) => Err(fault),
+            None => self.out.flush(),
+        }
+    }
+
+    fn put(&mut self, line: &Line<'_>) {
+        if self.fault.is_some() {
+            return;
+        }
+        self.line.clear();
+        let written = serde_json::to_writer(&mut self.line, line).map_err(io::Error::from).and_then(|()| {
+            self.line.push(b'\n');
+            self.out.write_all(&self.line)
+        });
+        self.fault = written.err();
+    }
+
+    /// Pulses of a cycle that was broken off still get their line.
+    fn put_unfinished(&mut self) {
+        if !self.sent.is_empty() {
+            let sent = std::mem::take(&mut self.sent);
+            self.put(&Line::UnfinishedCycle(UnfinishedLine { cycle: self.sent_in_cycle, sent: &sent }));
+        }
+    }
+}
+
+impl<W: Write> Sink for Journal<W> {
+    fn localised(&mut self, facts: &LocalisedFacts<'_>) {
+        self.put(&Line::Localised(LocalisedLine::new(facts)));
+    }
+
+    fn pulse(&mut self, facts: &PulseFacts<'_>) {
+        if facts.cycle != self.sent_in_cycle {
+            self.put_unfinished();
+            self.sent_in_cycle = facts.cycle;
+        }
+        self.sent.push(SentLine::new(facts));
+    }
+
+    fn cycle(&mut self, facts: &CycleFacts<'_>) {
+        if facts.index != self.sent_in_cycle {
+            self.put_unfinished();
+        }
+        let sent = std::mem::take(&mut self.sent);
+        let library = Arc::clone(&self.library);
+        self.put(&Line::Cycle(CycleLine::new(facts, &sent, &library)));
+    }
+
+    fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
+        self.put(&Line::Event(EventLine::new(at, level, text)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::testing;
+
+    fn written(run: impl FnOnce(&mut Journal<&mut Vec<u8>>)) -> String {
+        let mut bytes = Vec::new();
+        let mut journal = Journal::new(&mut bytes, Arc::new(testing::library()));
+        run(&mut journal);
+        journal.finish().unwrap();
+        String::from_utf8(bytes).unwrap()
+    }
+
+    #[test]
+    fn golden_bytes() {
+        let text = written(|journal| {
+            let mut run = testing::SyntheticRun::new(2);
+            run.localise(journal);
+            run.cycle(journal);
+            journal.event(PlateTime::from_secs(1.5), EventLevel::Warning, "part 1 \"lost\" for 3 frames");
+        });
+        assert_eq!(text, include_str!("journal/golden.jsonl"));
+    }
+
+    #[test]
+    fn equal_runs_give_equal_bytes_and_wall_time_leaves_no_trace() {
+        let play = |wall_us: f64| {
+            written(|journal| {
+                let mut run = testing::SyntheticRun::new(3);
+                run.wall_us = wall_us;
+                run.localise(journal);
+                (0..5).for_each(|_| run.cycle(journal));
+            })
+        };
+        assert_eq!(play(0.0), play(123.4));
+        assert_eq!(play(0.0).lines().count(), 6);
+    }
+
+    #[test]
+    fn every_line_is_json_with_a_type() {
+        let text = written(|journal| {
+            let mut run = testing::SyntheticRun::new(1);
+            run.localise(journal);
+            run.cycle(journal);
+            run.pulses_without_an_end(journal);
+        });
+        let types: Vec<String> = text
+            .lines()
+            .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap()["type"].as_str().unwrap().to_owned())
+            .collect();
+        assert_eq!(types, ["localised", "cycle", "unfinished_cycle"]);
+    }
+
+    #[test]
+    fn a_full_disk_is_told_at_the_end() {
+        struct Full(usize);
+        impl Write for Full {
+            fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+                if bytes.len() > self.0 {
+                    return Err(io::ErrorKind::StorageFull.into());
+                }
+                self.0 -= bytes.len();
+                Ok(bytes.len())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        let mut journal = Journal::new(Full(100), Arc::new(testing::library()));
+        for _ in 0..9 {
+            journal.event(PlateTime::ZERO, EventLevel::Info, "a line of some length");
+        }
+        assert_eq!(journal.finish().unwrap_err().kind(), io::ErrorKind::StorageFull);
+    }
+}

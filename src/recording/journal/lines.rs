@@ -1,0 +1,296 @@
+//! The lines of the journal as serde sees them. Numbers are rounded to fixed decimals before they are written, so
+//! that the text is short and does not hang on the last bits of a sum.
+
+use serde::{Serialize, Serializer};
+
+use crate::control::{CycleFacts, EventLevel, LocalisedFacts, PulseFacts};
+use crate::geometry::Vec2;
+use crate::library::Library;
+use crate::planner::{Limit, PlanStatus};
+use crate::recording::motion::Motion;
+use crate::signal::{Harmonic, MOTORS};
+use crate::time::PlateTime;
+use crate::units::mm_from_m;
+
+/// A number with `DECIMALS` decimals; not a number is written as null.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fixed<const DECIMALS: i32>(f64);
+
+impl<const DECIMALS: i32> Serialize for Fixed<DECIMALS> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let scale = 10_f64.powi(DECIMALS);
+        let rounded = (self.0 * scale).round() / scale;
+        serializer.serialize_f64(if rounded.is_finite() { rounded + 0.0 } else { self.0 })
+    }
+}
+
+type Mm = Fixed<4>;
+type PointMm = [Mm; 2];
+type Seconds = Fixed<6>;
+
+fn mm(length_m: f64) -> Mm {
+    Fixed(mm_from_m(length_m))
+}
+
+fn point_mm(p_m: Vec2) -> PointMm {
+    [mm(p_m.x), mm(p_m.y)]
+}
+
+fn points_mm(points_m: &[Vec2]) -> Vec<PointMm> {
+    points_m.iter().copied().map(point_mm).collect()
+}
+
+fn fixed_pair<const DECIMALS: i32>(p: Vec2) -> [Fixed<DECIMALS>; 2] {
+    [Fixed(p.x), Fixed(p.y)]
+}
+
+fn seconds(at: PlateTime) -> Seconds {
+    Fixed(at.secs())
+}
+
+#[derive(Serialize)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub(super) enum Line<'a> {
+    Localised(LocalisedLine),
+    Cycle(CycleLine<'a>),
+    UnfinishedCycle(UnfinishedLine<'a>),
+    Event(EventLine<'a>),
+}
+
+#[derive(Serialize)]
+pub(super) struct LocalisedLine {
+    at_s: Seconds,
+    corners_px: [[Fixed<3>; 2]; 4],
+    side_px: Fixed<3>,
+    rotation_deg: Fixed<4>,
+    parts: Vec<FoundPart>,
+}
+
+#[derive(Serialize)]
+struct FoundPart {
+    kind: usize,
+    center_px: [Fixed<3>; 2],
+    radius_px: Fixed<3>,
+    position_mm: PointMm,
+    score: Fixed<4>,
+}
+
+impl LocalisedLine {
+    pub(super) fn new(facts: &LocalisedFacts<'_>) -> Self {
+        let parts = facts.detections.iter().map(|part| FoundPart {
+            kind: part.kind,
+            center_px: fixed_pair(part.center_px),
+            radius_px: Fixed(part.radius_px),
+            position_mm: point_mm(part.position_m),
+            score: Fixed(part.score),
+        });
+        Self {
+            at_s: seconds(facts.frame.exposed_at),
+            corners_px: facts.table.corners_px.map(fixed_pair),
+            side_px: Fixed(facts.table.side_px),
+            rotation_deg: Fixed(facts.table.rotation_rad.to_degrees()),
+            parts: parts.collect(),
+        }
+    }
+}
+
+#[derive(Serialize)]
+pub(super) struct CycleLine<'a> {
+    cycle: u64,
+    observed_at_s: Seconds,
+    observed_mm: Vec<PointMm>,
+    wanted: WantedPart<'a>,
+    plan: PlanPart<'a>,
+    sent: &'a [SentLine],
+    predicted_mm: Option<Vec<PointMm>>,
+    ended_at_s: Seconds,
+    result_mm: Vec<PointMm>,
+}
+
+impl<'a> CycleLine<'a> {
+    pub(super) fn new(facts: &CycleFacts<'a>, sent: &'a [SentLine], library: &Library) -> Self {
+        Self {
+            cycle: facts.index,
+            observed_at_s: seconds(facts.observed_at),
+            observed_mm: points_mm(facts.observed_m),
+            wanted: WantedPart::new(facts),
+            plan: PlanPart::new(facts, library),
+            sent,
+            predicted_mm: facts.plan.predicted_m.last().map(|predicted_m| points_mm(predicted_m)),
+            ended_at_s: seconds(facts.ended_at),
+            result_mm: points_mm(facts.result_m),
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct WantedPart<'a> {
+    phase: &'a str,
+    progress: Fixed<6>,
+    laps: u32,
+    subgoals_mm: Vec<PointMm>,
+    targets_mm: Vec<PointMm>,
+    cross_track_mm: Vec<Mm>,
+}
+
+impl<'a> WantedPart<'a> {
+    fn new(facts: &CycleFacts<'a>) -> Self {
+        let wanted = facts.wanted;
+        Self {
+            phase: &wanted.phase,
+            progress: Fixed(wanted.progress),
+            laps: wanted.laps,
+            subgoals_mm: points_mm(&wanted.subgoals_m),
+            targets_mm: points_mm(&wanted.targets_m),
+            cross_track_mm: wanted.cross_track_m.iter().copied().map(mm).collect(),
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct PlanPart<'a> {
+    #[serde(flatten)]
+    status: StatusPart<'a>,
+    candidates: usize,
+    pulses: Vec<PlannedPart>,
+}
+
+#[derive(Serialize)]
+#[serde(tag = "status", rename_all = "snake_case")]
+enum StatusPart<'a> {
+    Solved,
+    NothingToDo,
+    Infeasible { limit: &'static str, limited_parts: Vec<usize> },
+    SolverFailed { reason: &'a str },
+}
+
+#[derive(Serialize)]
+struct PlannedPart {
+    entry: usize,
+    #[serde(flatten)]
+    motion: Option<MotionPart>,
+    d_mm: Mm,
+    sustain_s: Seconds,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+enum MotionPart {
+    About { cor_mm: PointMm, rotation: i8 },
+    Along { direction: [Fixed<4>; 2] },
+}
+
+impl MotionPart {
+    fn new(motion: Motion) -> Self {
+        match motion {
+            Motion::About { center_m, counter_clockwise } => {
+                Self::About { cor_mm: point_mm(center_m), rotation: if counter_clockwise { 1 } else { -1 } }
+            }
+            Motion::Along { direction } => Self::Along { direction: fixed_pair(direction) },
+        }
+    }
+}
+
+impl<'a> PlanPart<'a> {
+    fn new(facts: &CycleFacts<'a>, library: &Library) -> Self {
+        let plan = facts.plan;
+        let status = match &plan.status {
+            PlanStatus::Solved => StatusPart::Solved,
+            PlanStatus::NothingToDo => StatusPart::NothingToDo,
+            PlanStatus::SolverFailed(reason) => StatusPart::SolverFailed { reason },
+            PlanStatus::Infeasible(limit) => {
+                let (limit, limited_parts) = match *limit {
+                    Limit::Edge { part } => ("edge", vec![part]),
+                    Limit::Separation { parts } => ("separation", parts.to_vec()),
+                    Limit::Unreachable => ("unreachable", Vec::new()),
+                };
+                StatusPart::Infeasible { limit, limited_parts }
+            }
+        };
+        let pulses = plan.pulses.iter().map(|pulse| PlannedPart {
+            entry: pulse.entry,
+            motion: library.entries.get(pulse.entry).and_then(|entry| Motion::of(&entry.pump)).map(MotionPart::new),
+            d_mm: mm(pulse.distance_m),
+            sustain_s: Fixed(pulse.sustain_s),
+        });
+        Self { status, candidates: plan.candidates.len(), pulses: pulses.collect() }
+    }
+}
+
+/// One pulse as it was sent and what the accelerometers read of it.
+#[derive(Debug, Serialize)]
+pub(super) struct SentLine {
+    started_at_s: Seconds,
+    base_hz: Fixed<4>,
+    attack_s: Seconds,
+    sustain_s: Seconds,
+    rest_s: Seconds,
+    /// For each motor, for each harmonic: cos and sin, counts.
+    counts: [Vec<[Fixed<3>; 2]>; MOTORS],
+    read: ReadPart,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+enum ReadPart {
+    Fit {
+        /// Velocity of the plate's centre, mm/s, at the pump wave's amplitude.
+        pump_mm_s: [Fixed<3>; 2],
+        pump_rad_s: Fixed<5>,
+        #[serde(flatten)]
+        motion: Option<MotionPart>,
+        residual_m_s2: Fixed<4>,
+    },
+    Fault {
+        fault: String,
+    },
+}
+
+impl SentLine {
+    pub(super) fn new(facts: &PulseFacts<'_>) -> Self {
+        let drive = facts.drive;
+        let counts = |harmonics: &Vec<Harmonic>| harmonics.iter().map(|h| [Fixed(h.cos), Fixed(h.sin)]).collect();
+        let read = match facts.fit {
+            Ok(fit) => ReadPart::Fit {
+                pump_mm_s: fixed_pair(fit.pump.velocity_mps * 1e3),
+                pump_rad_s: Fixed(fit.pump.spin_radps),
+                motion: Motion::of(&fit.pump).map(MotionPart::new),
+                residual_m_s2: Fixed(fit.residual_rms_mps2),
+            },
+            Err(fault) => ReadPart::Fault { fault: fault.to_string() },
+        };
+        Self {
+            started_at_s: seconds(facts.started_at),
+            base_hz: Fixed(drive.base_radps / std::f64::consts::TAU),
+            attack_s: Fixed(drive.envelope.attack_s),
+            sustain_s: Fixed(drive.envelope.sustain_s),
+            rest_s: Fixed(drive.envelope.rest_s),
+            counts: drive.motors.each_ref().map(counts),
+            read,
+        }
+    }
+}
+
+#[derive(Serialize)]
+pub(super) struct UnfinishedLine<'a> {
+    pub(super) cycle: u64,
+    pub(super) sent: &'a [SentLine],
+}
+
+#[derive(Serialize)]
+pub(super) struct EventLine<'a> {
+    at_s: Seconds,
+    level: &'static str,
+    text: &'a str,
+}
+
+impl<'a> EventLine<'a> {
+    pub(super) fn new(at: PlateTime, level: EventLevel, text: &'a str) -> Self {
+        let level = match level {
+            EventLevel::Info => "info",
+            EventLevel::Warning => "warning",
+            EventLevel::Error => "error",
+        };
+        Self { at_s: seconds(at), level, text }
+    }
+}

@@ -1,0 +1,40 @@
+use super::records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
+use crate::control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use crate::time::PlateTime;
+
+/// Keeps everything but the pictures, for tests.
+#[derive(Clone, Debug, Default)]
+pub struct MemorySink {
+    /// Every localisation.
+    pub localised: Vec<LocalisedRecord>,
+    /// Frames tracked.
+    pub frames: u64,
+    /// Every pulse.
+    pub pulses: Vec<PulseRecord>,
+    /// Every cycle.
+    pub cycles: Vec<CycleRecord>,
+    /// Every event.
+    pub events: Vec<EventRecord>,
+}
+
+impl Sink for MemorySink {
+    fn localised(&mut self, facts: &LocalisedFacts<'_>) {
+        self.localised.push(facts.into());
+    }
+
+    fn frame(&mut self, _facts: &FrameFacts<'_>) {
+        self.frames += 1;
+    }
+
+    fn pulse(&mut self, facts: &PulseFacts<'_>) {
+        self.pulses.push(facts.into());
+    }
+
+    fn cycle(&mut self, facts: &CycleFacts<'_>) {
+        self.cycles.push(facts.into());
+    }
+
+    fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
+        self.events.push(EventRecord { at, level, text: text.to_owned() });
+    }
+}

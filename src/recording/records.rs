@@ -1,0 +1,115 @@
+use crate::control::{CycleFacts, EventLevel, LocalisedFacts, PulseFacts};
+use crate::estimation::{FitFault, TwistFit};
+use crate::geometry::Vec2;
+use crate::goal::Wanted;
+use crate::planner::{Plan, PlannedPulse};
+use crate::signal::{AccelTrace, Drive, Frame};
+use crate::time::PlateTime;
+use crate::vision::{Detection, Stages, Table};
+
+/// [`LocalisedFacts`], owned.
+#[derive(Clone, Debug)]
+pub struct LocalisedRecord {
+    /// The frame looked at.
+    pub frame: Frame,
+    /// The table in it.
+    pub table: Table,
+    /// The parts in it.
+    pub detections: Vec<Detection>,
+    /// What the search went through.
+    pub stages: Stages,
+    /// Wall time the search took, µs.
+    pub localise_us: f64,
+}
+
+impl From<&LocalisedFacts<'_>> for LocalisedRecord {
+    fn from(facts: &LocalisedFacts<'_>) -> Self {
+        Self {
+            frame: facts.frame.clone(),
+            table: facts.table.clone(),
+            detections: facts.detections.to_vec(),
+            stages: facts.stages.clone(),
+            localise_us: facts.localise_us,
+        }
+    }
+}
+
+/// [`PulseFacts`], owned.
+#[derive(Clone, Debug)]
+pub struct PulseRecord {
+    /// Number of the cycle.
+    pub cycle: u64,
+    /// When it started.
+    pub started_at: PlateTime,
+    /// What was planned.
+    pub planned: PlannedPulse,
+    /// What was sent to the motors.
+    pub drive: Drive,
+    /// What the accelerometers saw.
+    pub trace: AccelTrace,
+    /// What they say of the plate's motion.
+    pub fit: Result<TwistFit, FitFault>,
+}
+
+impl From<&PulseFacts<'_>> for PulseRecord {
+    fn from(facts: &PulseFacts<'_>) -> Self {
+        Self {
+            cycle: facts.cycle,
+            started_at: facts.started_at,
+            planned: facts.planned.clone(),
+            drive: facts.drive.clone(),
+            trace: facts.trace.clone(),
+            fit: facts.fit.clone(),
+        }
+    }
+}
+
+/// [`CycleFacts`], owned.
+#[derive(Clone, Debug)]
+pub struct CycleRecord {
+    /// Number of the cycle, from 0.
+    pub index: u64,
+    /// When the look was taken that the plan rests on.
+    pub observed_at: PlateTime,
+    /// Measured positions then, m.
+    pub observed_m: Vec<Vec2>,
+    /// What the goal wanted.
+    pub wanted: Wanted,
+    /// What was planned.
+    pub plan: Plan,
+    /// When the next look was taken.
+    pub ended_at: PlateTime,
+    /// Measured positions then, m.
+    pub result_m: Vec<Vec2>,
+    /// Wall time planning took, µs.
+    pub plan_us: f64,
+    /// Wall time the whole cycle took, µs.
+    pub cycle_us: f64,
+}
+
+impl From<&CycleFacts<'_>> for CycleRecord {
+    fn from(facts: &CycleFacts<'_>) -> Self {
+        Self {
+            index: facts.index,
+            observed_at: facts.observed_at,
+            observed_m: facts.observed_m.to_vec(),
+            wanted: facts.wanted.clone(),
+            plan: facts.plan.clone(),
+            ended_at: facts.ended_at,
+            result_m: facts.result_m.to_vec(),
+            plan_us: facts.plan_us,
+            cycle_us: facts.cycle_us,
+        }
+    }
+}
+
+/// One event.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EventRecord {
+    /// When.
+    pub at: PlateTime,
+    /// How loud.
+    pub level: EventLevel,
+    /// In words.
+    pub text: String,
+}

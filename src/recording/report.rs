@@ -1,0 +1,90 @@
+use serde::{Deserialize, Serialize};
+
+use super::timings::TimingsReport;
+use crate::control;
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// The goal was reached.
+    Completed,
+    /// It was not.
+    Failed,
+    /// Somebody stopped it.
+    Cancelled,
+}
+
+impl From<control::Outcome> for Outcome {
+    fn from(outcome: control::Outcome) -> Self {
+        match outcome {
+            control::Outcome::Completed => Self::Completed,
+            control::Outcome::Failed => Self::Failed,
+            control::Outcome::Cancelled => Self::Cancelled,
+        }
+    }
+}
+
+/// `report.json`. Lengths in mm, to 1e-4.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// Name of the job.
+    pub name: String,
+    /// Its seed.
+    pub seed: u64,
+    /// Version of this program.
+    pub version: String,
+    /// How the run ended.
+    pub outcome: Outcome,
+    /// Why, in words.
+    pub reason: String,
+    /// The experiment's own time, s.
+    pub plate_time_s: f64,
+    /// Time on the wall, s.
+    pub wall_time_s: f64,
+    /// Frames tracked.
+    pub frames: u64,
+    /// Cycles ended.
+    pub cycles: u64,
+    /// Pulses played.
+    pub pulses: u64,
+    /// Laps completed.
+    pub laps: u32,
+    /// Touches between parts; `None` on a rig that does not tell.
+    pub collisions: Option<u64>,
+    /// Parts lost.
+    pub lost_parts: usize,
+    /// Largest distance of a part from its target at the end, from truth where there is one; `None` without targets.
+    pub max_error_mm: Option<f64>,
+    /// Root mean square of those distances.
+    pub rms_error_mm: Option<f64>,
+    /// Measured against true positions over every frame that shows the part, root mean square; `None` without truth.
+    pub sensing_rms_error_mm: Option<f64>,
+    /// The same over frames taken at rest alone.
+    pub sensing_rms_error_at_rest_mm: Option<f64>,
+    /// Measured distance from the path over all cycles in which a part had one, root mean square; `None` without paths.
+    pub cross_track_rms_mm: Option<f64>,
+    /// Its maximum.
+    pub cross_track_max_mm: Option<f64>,
+    /// Every part, in the order of the job.
+    pub parts: Vec<PartReport>,
+    /// How long things took, µs of wall time.
+    pub timing_us: TimingsReport,
+}
+
+/// One part at the end of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PartReport {
+    /// Name in this run: `penny-1`.
+    pub id: String,
+    /// Its kind.
+    pub kind: String,
+    /// Where it should be; `None` when nothing was wanted of it.
+    pub target_mm: Option<[f64; 2]>,
+    /// Where it was last seen; `None` when it never was.
+    pub measured_mm: Option<[f64; 2]>,
+    /// Where it truly is; `None` on a rig that does not tell.
+    pub true_mm: Option<[f64; 2]>,
+    /// Distance to the target, from truth where there is one.
+    pub error_mm: Option<f64>,
+}

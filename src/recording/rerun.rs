@@ -1,0 +1,29 @@
+//! Streams a run to Rerun: into a file and, if asked, to a viewer as well.
+//!
+//! Facts are copied into owned messages and go through a bounded queue to a recorder thread, which encodes and logs
+//! them. The file never loses anything: when the queue is full the control loop waits. A viewer gets a copy of
+//! what goes into the file from a thread and a queue of its own; when it falls behind or is not there, messages to
+//! it are dropped and counted, and nobody waits.
+//!
+//! Timelines: `plate_time` and `cycle`. What a person sees, by entity path: `camera` (what each cycle started from),
+//! `vision` (how table and parts were found), `table` (from above, mm), `plan`, `motors`, `accelerometers`,
+//! `errors`, `timing`, `log`. Rerun's 2D views have y down; `table` is logged with y negated, so up is up.
+
+mod blueprint;
+mod camera;
+mod file;
+mod live;
+mod paint;
+mod picture;
+mod plots;
+mod recorder;
+mod signals;
+mod sink;
+mod table;
+#[cfg(test)]
+mod tests;
+mod trails;
+mod vision;
+mod words;
+
+pub use sink::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext};

@@ -1,0 +1,64 @@
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+use rerun::external::re_uri::ProxyUri;
+use rerun::log::LogMsg;
+use rerun::sink::{GrpcSink, LogSink};
+
+/// Messages that may wait for the viewer.
+const QUEUE: usize = 512;
+
+/// How long the end of a run waits for the viewer to take what is left.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// The sending end towards a viewer. A gRPC sink blocks for good when its viewer is frozen or absent, so it lives on
+/// a thread of its own behind a queue that drops.
+#[derive(Clone)]
+pub(super) struct LiveQueue {
+    queue: SyncSender<LogMsg>,
+    dropped: Arc<AtomicU64>,
+}
+
+impl LiveQueue {
+    /// Passes `message` on, or drops it when the viewer lags. Never waits.
+    pub(super) fn offer(&self, message: LogMsg) {
+        if let Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) = self.queue.try_send(message) {
+            self.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// The thread that feeds a viewer.
+pub(super) struct Live {
+    done: Receiver<()>,
+    dropped: Arc<AtomicU64>,
+}
+
+impl Live {
+    /// Starts feeding the viewer at `uri`.
+    pub(super) fn start(uri: ProxyUri) -> std::io::Result<(Self, LiveQueue)> {
+        let (queue, messages) = sync_channel::<LogMsg>(QUEUE);
+        let (done_tx, done) = sync_channel(1);
+        thread::Builder::new().name("viewer".into()).spawn(move || {
+            let viewer = GrpcSink::new(uri);
+            while let Ok(message) = messages.recv() {
+                viewer.send(message);
+            }
+            if viewer.flush_blocking(PATIENCE).is_ok() {
+                done_tx.try_send(()).ok();
+            }
+        })?;
+        let dropped = Arc::new(AtomicU64::new(0));
+        Ok((Self { done, dropped: Arc::clone(&dropped) }, LiveQueue { queue, dropped }))
+    }
+
+    /// Waits a little for the viewer to take the rest; a stuck thread is left behind. Call when every
+    /// [`LiveQueue`] is gone. Messages dropped, and whether the viewer has all others.
+    pub(super) fn finish(self) -> (u64, bool) {
+        let caught_up = self.done.recv_timeout(PATIENCE).is_ok();
+        (self.dropped.load(Ordering::Relaxed), caught_up)
+    }
+}

@@ -1,0 +1,219 @@
+use std::sync::mpsc::{Receiver, SyncSender};
+use std::time::Duration;
+
+use rerun::log::ChunkBatcherConfig;
+use rerun::{
+    AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, SerializedComponentColumn, TimeCell, TimeColumn,
+};
+
+use super::blueprint;
+use super::camera::CameraView;
+use super::file::RrdFile;
+use super::plots::Plots;
+use super::signals::Signals;
+use super::sink::RunContext;
+use super::table::TableView;
+use super::vision;
+use super::words::Words;
+use crate::geometry::Vec2;
+use crate::recording::records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
+use crate::signal::Frame;
+use crate::sim::Truth;
+use crate::time::PlateTime;
+use crate::vision::Track;
+
+/// Timeline of the experiment's own time.
+pub(super) const PLATE_TIME: &str = "plate_time";
+/// Timeline of cycles.
+const CYCLE: &str = "cycle";
+
+/// Name of the application in the viewer.
+pub(super) const APPLICATION: &str = "upm";
+
+/// How long chunks are gathered before they are written.
+const GATHER: Duration = Duration::from_millis(500);
+
+/// What the control loop's thread hands over.
+pub(super) enum Message {
+    Localised(Box<LocalisedRecord>),
+    Looks(Looks),
+    Picture { frame: Frame, tracks: Vec<Track> },
+    Pulse(Box<PulseRecord>),
+    Cycle(Box<CycleRecord>),
+    Event(EventRecord),
+}
+
+/// Some looks in a row, thinned out. Every list but `at` has `parts` values a look.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Looks {
+    parts: usize,
+    pub(super) at: Vec<PlateTime>,
+    pub(super) measured_m: Vec<Vec2>,
+    pub(super) image_px: Vec<Vec2>,
+    /// Empty when the rig tells no truth.
+    pub(super) true_m: Vec<Vec2>,
+    frames: u32,
+    track_us: f64,
+}
+
+impl Looks {
+    pub(super) fn new(parts: usize) -> Self {
+        Self { parts, ..Self::default() }
+    }
+
+    pub(super) fn parts(&self) -> usize {
+        self.parts
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.at.is_empty()
+    }
+
+    pub(super) fn tracked_in(&mut self, us: f64) {
+        self.frames += 1;
+        self.track_us += us;
+    }
+
+    /// Mean time tracking took, µs.
+    pub(super) fn mean_track_us(&self) -> f64 {
+        self.track_us / f64::from(self.frames.max(1))
+    }
+
+    /// Takes one look; one that shows other parts than the run has is left out.
+    pub(super) fn push(&mut self, at: PlateTime, tracks: &[Track], truth: Option<&Truth>) {
+        if tracks.len() != self.parts || truth.is_some_and(|truth| truth.parts.len() != self.parts) {
+            return;
+        }
+        self.at.push(at);
+        self.measured_m.extend(tracks.iter().map(|track| track.seen.position_m));
+        self.image_px.extend(tracks.iter().map(|track| track.seen.center_px));
+        self.true_m.extend(truth.into_iter().flat_map(|t| &t.parts).map(|part| part.part_in_table.position_m));
+    }
+}
+
+/// A recording stream whose faults are words, in the two timelines of a run.
+pub(super) struct Tape(RecordingStream);
+
+/// Done, or what could not be logged.
+pub(super) type Logged = Result<(), String>;
+
+impl Tape {
+    fn start(file: RrdFile, context: &RunContext) -> Result<Self, String> {
+        let builder = RecordingStreamBuilder::new(APPLICATION).enabled(true);
+        let (_, info, _, _, hooks, _) = builder.into_args();
+        let batching = ChunkBatcherConfig { flush_tick: GATHER, ..ChunkBatcherConfig::DEFAULT };
+        let stream =
+            RecordingStream::new(info, None, Some(batching), hooks, Box::new(file)).map_err(|e| e.to_string())?;
+        stream.set_log_time_enabled(false);
+        stream.set_log_tick_enabled(false);
+        blueprint::send(&stream, context)?;
+        stream.send_recording_name(format!("{}, seed {}", context.name, context.seed)).map_err(|e| e.to_string())?;
+        Ok(Self(stream))
+    }
+
+    /// All that is logged next belongs to this moment.
+    fn at(&self, at: PlateTime, cycle: u64) {
+        self.0.set_time(PLATE_TIME, TimeCell::from_duration_nanos(nanos(at)));
+        self.0.set_time_sequence(CYCLE, i64::try_from(cycle).unwrap_or(i64::MAX));
+    }
+
+    pub(super) fn log(&self, path: &str, what: &impl AsComponents) -> Logged {
+        self.0.log(path, what).map_err(|e| format!("{path}: {e}"))
+    }
+
+    /// Logs something that holds for the whole run.
+    pub(super) fn log_static(&self, path: &str, what: &impl AsComponents) -> Logged {
+        self.0.log_static(path, what).map_err(|e| format!("{path}: {e}"))
+    }
+
+    /// Logs many moments at once, in plate time alone.
+    pub(super) fn log_columns(
+        &self,
+        path: &str,
+        times_ns: impl IntoIterator<Item = i64>,
+        columns: impl IntoIterator<Item = SerializedComponentColumn>,
+    ) -> Logged {
+        let times = TimeColumn::new_duration_nanos(PLATE_TIME, times_ns);
+        self.0.send_columns(EntityPath::from(path), [times], columns).map_err(|e| format!("{path}: {e}"))
+    }
+}
+
+/// Plate time as Rerun counts it, ns.
+pub(super) fn nanos(at: PlateTime) -> i64 {
+    i64::try_from(at.nanos()).unwrap_or(i64::MAX)
+}
+
+/// The thread that turns facts into what a person sees.
+pub(super) struct Recorder {
+    tape: Tape,
+    cycle: u64,
+    camera: CameraView,
+    table: TableView,
+    signals: Signals,
+    plots: Plots,
+    words: Words,
+    context: RunContext,
+}
+
+impl Recorder {
+    /// Opens the stream into `file` and logs what never changes.
+    pub(super) fn start(file: RrdFile, context: RunContext) -> Result<Self, String> {
+        let tape = Tape::start(file, &context)?;
+        let camera = CameraView::new(&context);
+        let table = TableView::start(&tape, &context)?;
+        let signals = Signals::start(&tape)?;
+        let plots = Plots::start(&tape, &context)?;
+        Ok(Self { tape, cycle: 0, camera, table, signals, plots, words: Words::default(), context })
+    }
+
+    /// Logs every message until the sender is gone. After a fault the rest is thrown away, so nobody waits.
+    pub(super) fn run(mut self, messages: &Receiver<Message>, pixels_back: &SyncSender<Vec<u8>>) -> Logged {
+        let mut recorded = Ok(());
+        while let Ok(message) = messages.recv() {
+            if recorded.is_ok() {
+                recorded = self.record(message, pixels_back);
+            }
+        }
+        let flushed = self.tape.0.flush_blocking().map_err(|e| e.to_string());
+        recorded.and(flushed)
+    }
+
+    fn record(&mut self, message: Message, pixels_back: &SyncSender<Vec<u8>>) -> Logged {
+        match message {
+            Message::Localised(found) => {
+                self.tape.at(found.frame.exposed_at, self.cycle);
+                vision::log(&self.tape, &found, &self.context)?;
+                self.words.localised(&self.tape, &found, &self.context)?;
+                self.camera.localised(&self.tape, found.table)
+            }
+            Message::Looks(looks) => {
+                self.camera.looks(&looks);
+                self.table.looks(&self.tape, &looks)?;
+                self.plots.looks(&self.tape, &looks)
+            }
+            Message::Picture { frame, tracks } => {
+                self.tape.at(frame.exposed_at, self.cycle);
+                let logged = self.camera.picture(&self.tape, &frame, &tracks);
+                pixels_back.try_send(frame.pixels).ok();
+                logged?;
+                self.table.trails(&self.tape)
+            }
+            Message::Pulse(pulse) => self.signals.pulse(&self.tape, &pulse),
+            Message::Cycle(cycle) => {
+                self.tape.at(cycle.observed_at, cycle.index);
+                self.camera.wanted(&self.tape, &cycle)?;
+                self.table.cycle(&self.tape, &cycle, &self.context)?;
+                self.plots.planned(&self.tape, &cycle)?;
+                self.words.planned(&self.tape, &cycle, &self.context)?;
+                self.tape.at(cycle.ended_at, cycle.index);
+                self.plots.ended(&self.tape, &cycle)?;
+                self.cycle = cycle.index + 1;
+                Ok(())
+            }
+            Message::Event(event) => {
+                self.tape.at(event.at, self.cycle);
+                self.words.event(&self.tape, &event)
+            }
+        }
+    }
+}

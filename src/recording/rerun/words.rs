@@ -1,0 +1,74 @@
+use rerun::{TextLog, TextLogLevel};
+
+use super::recorder::{Logged, Tape};
+use super::sink::RunContext;
+use crate::control::EventLevel;
+use crate::planner::{PlanStatus, PlannedPulse};
+use crate::recording::motion::Motion;
+use crate::recording::records::{CycleRecord, EventRecord, LocalisedRecord};
+use crate::units::mm_from_m;
+
+/// The run in words.
+#[derive(Default)]
+pub(super) struct Words {
+    phase: String,
+}
+
+impl Words {
+    pub(super) fn localised(&self, tape: &Tape, found: &LocalisedRecord, context: &RunContext) -> Logged {
+        let text = format!(
+            "found the table, side {:.1} px, turned by {:.2}°, and {} of {} parts",
+            found.table.side_px,
+            found.table.rotation_rad.to_degrees(),
+            found.detections.len(),
+            context.parts.len()
+        );
+        say(tape, TextLogLevel::INFO, text)
+    }
+
+    pub(super) fn planned(&mut self, tape: &Tape, cycle: &CycleRecord, context: &RunContext) -> Logged {
+        if cycle.wanted.phase != self.phase {
+            self.phase.clone_from(&cycle.wanted.phase);
+            say(tape, TextLogLevel::INFO, self.phase.clone())?;
+        }
+        let (level, plan) = match &cycle.plan.status {
+            PlanStatus::Solved => (TextLogLevel::DEBUG, sequence(&cycle.plan.pulses, context)),
+            PlanStatus::NothingToDo => (TextLogLevel::DEBUG, "nothing to do".to_owned()),
+            PlanStatus::Infeasible(limit) => (TextLogLevel::WARN, format!("no plan: {limit:?}")),
+            PlanStatus::SolverFailed(reason) => (TextLogLevel::WARN, format!("no plan: {reason}")),
+        };
+        let errors = cycle.result_m.iter().zip(&cycle.wanted.subgoals_m).map(|(at, subgoal)| (at - subgoal).norm());
+        let worst_mm = mm_from_m(errors.fold(0.0, f64::max));
+        say(tape, level, format!("cycle {}: {plan}; ends within {worst_mm:.2} mm of the subgoals", cycle.index))
+    }
+
+    pub(super) fn event(&self, tape: &Tape, event: &EventRecord) -> Logged {
+        let level = match event.level {
+            EventLevel::Info => TextLogLevel::INFO,
+            EventLevel::Warning => TextLogLevel::WARN,
+            EventLevel::Error => TextLogLevel::ERROR,
+        };
+        say(tape, level, event.text.clone())
+    }
+}
+
+fn say(tape: &Tape, level: &str, text: String) -> Logged {
+    tape.log("log", &TextLog::new(text).with_level(level))
+}
+
+/// `4.0 mm about (10, -35), -2.1 mm along (0.00, 1.00)`.
+fn sequence(pulses: &[PlannedPulse], context: &RunContext) -> String {
+    let words = pulses.iter().map(|pulse| {
+        let distance_mm = mm_from_m(pulse.distance_m);
+        match context.library.entries.get(pulse.entry).and_then(|entry| Motion::of(&entry.pump)) {
+            Some(Motion::About { center_m, .. }) => {
+                format!("{distance_mm:.1} mm about ({:.0}, {:.0})", mm_from_m(center_m.x), mm_from_m(center_m.y))
+            }
+            Some(Motion::Along { direction }) => {
+                format!("{distance_mm:.1} mm along ({:.2}, {:.2})", direction.x, direction.y)
+            }
+            None => format!("{distance_mm:.1} mm"),
+        }
+    });
+    words.collect::<Vec<_>>().join(", ")
+}

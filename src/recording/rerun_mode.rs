@@ -1,0 +1,66 @@
+use std::fmt;
+use std::str::FromStr;
+
+/// Where the Rerun recording of a run goes: `off`, `save`, `connect`, `connect=URL` or `spawn`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum RerunMode {
+    /// Nowhere.
+    Off,
+    /// Into the run folder.
+    #[default]
+    Save,
+    /// Into the run folder and to a running viewer.
+    Connect {
+        /// Its address, `rerun+http://HOST:PORT/proxy`; `None` for a viewer on this machine.
+        url: Option<String>,
+    },
+    /// Into the run folder and to a viewer started for it.
+    Spawn,
+}
+
+/// Not a [`RerunMode`].
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is not one of off, save, connect, connect=URL, spawn")]
+pub struct BadRerunMode(String);
+
+impl FromStr for RerunMode {
+    type Err = BadRerunMode;
+
+    fn from_str(text: &str) -> Result<Self, BadRerunMode> {
+        match text.split_once('=') {
+            None if text == "off" => Ok(Self::Off),
+            None if text == "save" => Ok(Self::Save),
+            None if text == "connect" => Ok(Self::Connect { url: None }),
+            None if text == "spawn" => Ok(Self::Spawn),
+            Some(("connect", url)) if !url.is_empty() => Ok(Self::Connect { url: Some(url.to_owned()) }),
+            _ => Err(BadRerunMode(text.to_owned())),
+        }
+    }
+}
+
+impl fmt::Display for RerunMode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Off => f.write_str("off"),
+            Self::Save => f.write_str("save"),
+            Self::Connect { url: None } => f.write_str("connect"),
+            Self::Connect { url: Some(url) } => write!(f, "connect={url}"),
+            Self::Spawn => f.write_str("spawn"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reads_what_it_writes() {
+        for text in ["off", "save", "connect", "connect=rerun+http://10.0.0.2:9876/proxy", "spawn"] {
+            assert_eq!(text.parse::<RerunMode>().unwrap().to_string(), text);
+        }
+        for text in ["", "connect=", "save=x", "Off"] {
+            assert!(text.parse::<RerunMode>().is_err(), "{text}");
+        }
+    }
+}

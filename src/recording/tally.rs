@@ -1,0 +1,294 @@
+use super::report::{Outcome, PartReport, Report};
+use super::timings::Timings;
+use crate::control::{CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use crate::geometry::Vec2;
+use crate::sim::TruthProbe;
+use crate::time::PlateTime;
+use crate::units::mm_from_m;
+
+/// A look and the truth belong together when they are no farther apart than this, s: a part at 0.1 m/s moves 0.1 µm.
+const SAME_MOMENT_S: f64 = 1e-6;
+
+/// Counts what happens and compares what is measured with the truth, as far as the rig tells it.
+#[derive(Debug, Default)]
+pub struct Tally {
+    truth: Option<TruthProbe>,
+    frames: u64,
+    cycles: u64,
+    pulses: u64,
+    sensing: MeanSquare,
+    sensing_at_rest: MeanSquare,
+    cross_track: MeanSquare,
+    timings: Timings,
+}
+
+/// How a run ended, as far as a sink cannot know it.
+#[derive(Clone, Debug)]
+pub struct Ending {
+    /// Name of the job.
+    pub name: String,
+    /// Its seed.
+    pub seed: u64,
+    /// How.
+    pub outcome: Outcome,
+    /// Why, in words.
+    pub reason: String,
+    /// The experiment's own time.
+    pub plate_time: PlateTime,
+    /// Time on the wall, s.
+    pub wall_time_s: f64,
+    /// Laps completed.
+    pub laps: u32,
+    /// Parts lost.
+    pub lost_parts: usize,
+    /// Every part, in the order of the job.
+    pub parts: Vec<PartEnding>,
+}
+
+/// Where one part ended, as control knows it.
+#[derive(Clone, Debug)]
+pub struct PartEnding {
+    /// Name in this run.
+    pub id: String,
+    /// Its kind.
+    pub kind: String,
+    /// Where it should be, m.
+    pub target_m: Option<Vec2>,
+    /// Where it was last seen, m.
+    pub measured_m: Option<Vec2>,
+}
+
+impl Tally {
+    /// Compares with `truth` where there is one.
+    pub fn new(truth: Option<TruthProbe>) -> Self {
+        Self { truth, ..Self::default() }
+    }
+
+    /// Pulses played so far.
+    pub fn pulses(&self) -> u64 {
+        self.pulses
+    }
+
+    /// Wall times so far.
+    pub fn timings(&self) -> &Timings {
+        &self.timings
+    }
+
+    /// The whole report. Truth is read now, so call it before the rig goes on.
+    pub fn report(&self, ending: Ending) -> Report {
+        let truth = self.truth.as_ref().map(TruthProbe::read);
+        let mut errors = MeanSquare::default();
+        let mut parts = Vec::with_capacity(ending.parts.len());
+        for (i, part) in ending.parts.into_iter().enumerate() {
+            let true_m = truth.as_ref().and_then(|truth| truth.parts.get(i)).map(|p| p.part_in_table.position_m);
+            let error_m = true_m.or(part.measured_m).zip(part.target_m).map(|(at, target)| (at - target).norm());
+            error_m.into_iter().for_each(|error_m| errors.push(error_m));
+            parts.push(PartReport {
+                id: part.id,
+                kind: part.kind,
+                target_mm: part.target_m.map(point_mm),
+                measured_mm: part.measured_m.map(point_mm),
+                true_mm: true_m.map(point_mm),
+                error_mm: error_m.map(mm),
+            });
+        }
+        Report {
+            name: ending.name,
+            seed: ending.seed,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            outcome: ending.outcome,
+            reason: ending.reason,
+            plate_time_s: rounded(ending.plate_time.secs()),
+            wall_time_s: rounded(ending.wall_time_s),
+            frames: self.frames,
+            cycles: self.cycles,
+            pulses: self.pulses,
+            laps: ending.laps,
+            collisions: truth.map(|truth| truth.collisions),
+            lost_parts: ending.lost_parts,
+            max_error_mm: errors.max_mm(),
+            rms_error_mm: errors.rms_mm(),
+            sensing_rms_error_mm: self.sensing.rms_mm(),
+            sensing_rms_error_at_rest_mm: self.sensing_at_rest.rms_mm(),
+            cross_track_rms_mm: self.cross_track.rms_mm(),
+            cross_track_max_mm: self.cross_track.max_mm(),
+            parts,
+            timing_us: self.timings.report(),
+        }
+    }
+}
+
+impl Sink for Tally {
+    fn localised(&mut self, facts: &LocalisedFacts<'_>) {
+        self.timings.localise.push(facts.localise_us);
+    }
+
+    fn frame(&mut self, facts: &FrameFacts<'_>) {
+        self.frames += 1;
+        self.timings.track.push(facts.track_us);
+        let Some(truth) = self.truth.as_ref().map(TruthProbe::read) else { return };
+        if (truth.at - facts.frame.exposed_at).abs() > SAME_MOMENT_S {
+            return;
+        }
+        for (track, part) in facts.tracks.iter().zip(&truth.parts) {
+            if track.frames_unseen > 0 || !part.on_plate {
+                continue;
+            }
+            let error_m = (track.seen.position_m - part.part_in_table.position_m).norm();
+            self.sensing.push(error_m);
+            if !facts.sounding {
+                self.sensing_at_rest.push(error_m);
+            }
+        }
+    }
+
+    fn pulse(&mut self, _facts: &PulseFacts<'_>) {
+        self.pulses += 1;
+    }
+
+    fn cycle(&mut self, facts: &CycleFacts<'_>) {
+        self.cycles += 1;
+        self.timings.plan.push(facts.plan_us);
+        self.timings.cycle.push(facts.cycle_us);
+        // 0 stands for a part that has no path just now
+        let off_path = facts.wanted.cross_track_m.iter().filter(|&&off_m| off_m != 0.0);
+        off_path.for_each(|off_m| self.cross_track.push(off_m.abs()));
+    }
+}
+
+/// Root mean square and maximum of lengths, m.
+#[derive(Clone, Copy, Debug, Default)]
+struct MeanSquare {
+    count: u64,
+    sum_m2: f64,
+    max_m: f64,
+}
+
+impl MeanSquare {
+    fn push(&mut self, length_m: f64) {
+        self.count += 1;
+        self.sum_m2 += length_m * length_m;
+        self.max_m = self.max_m.max(length_m);
+    }
+
+    fn rms_mm(&self) -> Option<f64> {
+        (self.count > 0).then(|| mm((self.sum_m2 / self.count as f64).sqrt()))
+    }
+
+    fn max_mm(&self) -> Option<f64> {
+        (self.count > 0).then(|| mm(self.max_m))
+    }
+}
+
+fn rounded(value: f64) -> f64 {
+    (value * 1e4).round() / 1e4 + 0.0
+}
+
+fn mm(length_m: f64) -> f64 {
+    rounded(mm_from_m(length_m))
+}
+
+fn point_mm(p_m: Vec2) -> [f64; 2] {
+    [mm(p_m.x), mm(p_m.y)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::testing::SyntheticRun;
+
+    fn ending(parts: Vec<PartEnding>) -> Ending {
+        Ending {
+            name: "test".into(),
+            seed: 7,
+            outcome: Outcome::Completed,
+            reason: "all parts in place".into(),
+            plate_time: PlateTime::from_secs(3.25),
+            wall_time_s: 0.5,
+            laps: 0,
+            lost_parts: 0,
+            parts,
+        }
+    }
+
+    fn part(target_m: Option<Vec2>, measured_m: Vec2) -> PartEnding {
+        PartEnding { id: "penny-1".into(), kind: "penny".into(), target_m, measured_m: Some(measured_m) }
+    }
+
+    #[test]
+    fn counts_and_figures() {
+        let mut tally = Tally::new(None);
+        let mut run = SyntheticRun::new(2);
+        run.wall_us = 50.0;
+        run.localise(&mut tally);
+        (0..4).for_each(|_| run.cycle(&mut tally));
+        let target = Some(Vec2::zeros());
+        let parts =
+            vec![part(target, Vec2::new(0.0003, 0.0004)), part(target, Vec2::zeros()), part(None, Vec2::zeros())];
+        let report = tally.report(ending(parts));
+        assert_eq!((report.cycles, report.pulses, report.frames), (4, run.pulses_played, run.frames_taken));
+        assert_eq!((report.max_error_mm, report.rms_error_mm), (Some(0.5), Some(0.3536)));
+        assert_eq!((report.collisions, report.sensing_rms_error_mm), (None, None));
+        assert_eq!(report.parts[2].error_mm, None);
+        assert_eq!(report.timing_us.track.max, 50.0);
+        assert!(report.cross_track_max_mm >= report.cross_track_rms_mm && report.cross_track_rms_mm > Some(0.0));
+    }
+
+    #[test]
+    fn measured_positions_are_held_against_the_truth() {
+        let mut run = SyntheticRun::new(2);
+        run.sensing_offset_m = Vec2::new(3e-5, 4e-5);
+        let mut tally = Tally::new(Some(run.truth.clone()));
+        (0..3).for_each(|_| run.cycle(&mut tally));
+        let report = tally.report(ending(vec![part(Some(run.parts_m[0]), Vec2::zeros())]));
+        assert_eq!(report.sensing_rms_error_mm, Some(0.05));
+        assert_eq!(report.sensing_rms_error_at_rest_mm, Some(0.05));
+        assert_eq!((report.max_error_mm, report.collisions), (Some(0.0), Some(0)), "truth, not measurement, counts");
+    }
+
+    #[test]
+    fn looks_at_another_moment_are_not_compared() {
+        let mut run = SyntheticRun::new(1);
+        let mut tally = Tally::new(Some(Default::default()));
+        run.cycle(&mut tally);
+        assert_eq!(tally.report(ending(Vec::new())).sensing_rms_error_mm, None);
+    }
+
+    #[test]
+    fn json_has_the_names_of_the_contract() {
+        let report = Tally::new(None).report(ending(vec![part(None, Vec2::zeros())]));
+        let json = serde_json::to_value(&report).unwrap();
+        for key in [
+            "outcome",
+            "reason",
+            "plate_time_s",
+            "wall_time_s",
+            "frames",
+            "cycles",
+            "pulses",
+            "laps",
+            "collisions",
+            "lost_parts",
+            "max_error_mm",
+            "rms_error_mm",
+            "sensing_rms_error_mm",
+            "cross_track_rms_mm",
+            "cross_track_max_mm",
+            "seed",
+            "name",
+            "version",
+        ] {
+            assert!(json.get(key).is_some(), "{key}");
+        }
+        for key in ["id", "kind", "target_mm", "measured_mm", "true_mm", "error_mm"] {
+            assert!(json["parts"][0].get(key).is_some(), "parts: {key}");
+        }
+        for key in ["localise", "track", "plan", "cycle"] {
+            for figure in ["p50", "p99", "max"] {
+                assert!(json["timing_us"][key][figure].is_number(), "{key}: {figure}");
+            }
+        }
+        assert_eq!(json["outcome"], "completed");
+        assert_eq!(serde_json::from_value::<Report>(json).unwrap(), report);
+    }
+}

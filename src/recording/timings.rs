@@ -1,0 +1,120 @@
+use serde::{Deserialize, Serialize};
+
+/// Values kept of each duration before every other one is let go.
+const KEPT: usize = 4096;
+
+/// Wall times of a run, µs. Memory stays bounded however long the run.
+#[derive(Clone, Debug, Default)]
+pub struct Timings {
+    /// Searches of a whole frame.
+    pub localise: Durations,
+    /// Tracking of one frame.
+    pub track: Durations,
+    /// Plans.
+    pub plan: Durations,
+    /// Whole cycles.
+    pub cycle: Durations,
+}
+
+impl Timings {
+    /// The figures of all four.
+    pub fn report(&self) -> TimingsReport {
+        TimingsReport {
+            localise: self.localise.quantiles(),
+            track: self.track.quantiles(),
+            plan: self.plan.quantiles(),
+            cycle: self.cycle.quantiles(),
+        }
+    }
+}
+
+/// Durations of one kind: an evenly spaced sample of at most 4096 and the exact maximum.
+#[derive(Clone, Debug, Default)]
+pub struct Durations {
+    kept_us: Vec<f64>,
+    /// One in `2^halvings` is kept.
+    halvings: u32,
+    seen: u64,
+    max_us: f64,
+}
+
+impl Durations {
+    /// Takes one duration, µs.
+    pub fn push(&mut self, us: f64) {
+        self.max_us = self.max_us.max(us);
+        if self.seen.trailing_zeros() >= self.halvings {
+            if self.kept_us.len() == KEPT {
+                let mut index = 0;
+                self.kept_us.retain(|_| {
+                    index += 1;
+                    index % 2 == 1
+                });
+                self.halvings += 1;
+            }
+            if self.seen.trailing_zeros() >= self.halvings {
+                self.kept_us.push(us);
+            }
+        }
+        self.seen += 1;
+    }
+
+    /// Median, 99th percentile (both by nearest rank over the sample) and maximum; zeros when nothing was seen.
+    pub fn quantiles(&self) -> Quantiles {
+        let mut sorted = self.kept_us.clone();
+        sorted.sort_by(f64::total_cmp);
+        let rank = |q: f64| {
+            let index = (q * sorted.len() as f64).ceil() as usize;
+            sorted.get(index.saturating_sub(1)).copied().unwrap_or(0.0)
+        };
+        let rounded = |us: f64| (us * 10.0).round() / 10.0;
+        Quantiles { p50: rounded(rank(0.50)), p99: rounded(rank(0.99)), max: rounded(self.max_us) }
+    }
+}
+
+/// `timing_us` of `report.json`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TimingsReport {
+    /// Searches of a whole frame.
+    pub localise: Quantiles,
+    /// Tracking of one frame.
+    pub track: Quantiles,
+    /// Plans.
+    pub plan: Quantiles,
+    /// Whole cycles.
+    pub cycle: Quantiles,
+}
+
+/// How long something takes, µs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Quantiles {
+    /// Median.
+    pub p50: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// Longest.
+    pub max: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn short_runs_are_exact() {
+        let mut durations = Durations::default();
+        assert_eq!(durations.quantiles(), Quantiles::default());
+        (1..=100).rev().for_each(|us| durations.push(f64::from(us)));
+        assert_eq!(durations.quantiles(), Quantiles { p50: 50.0, p99: 99.0, max: 100.0 });
+    }
+
+    #[test]
+    fn long_runs_stay_small_and_near() {
+        let mut durations = Durations::default();
+        (0..100_000).for_each(|i| durations.push(f64::from(i * 7919 % 100_000)));
+        assert!(durations.kept_us.len() <= KEPT && durations.kept_us.len() > KEPT / 4);
+        let quantiles = durations.quantiles();
+        assert!((quantiles.p50 - 50_000.0).abs() < 2_500.0, "{quantiles:?}");
+        assert!((quantiles.p99 - 99_000.0).abs() < 500.0, "{quantiles:?}");
+        assert_eq!(quantiles.max, 99_999.0);
+    }
+}
