@@ -1,0 +1,176 @@
+use std::fmt;
+
+use serde_json::Value;
+
+/// Most faults listed for one file; a file with more has one thing wrong with it many times.
+const MOST_FAULTS: usize = 200;
+
+/// Longest value shown in a fault, characters.
+const LONGEST_SHOWN: usize = 60;
+
+/// One thing wrong with one file. Displays as one line:
+/// `configs/x.json: parts[1].kind: found "pennyy", allowed: penny, nickel, dime, quarter (did you mean penny?)`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// The file as the person named it.
+    pub file: String,
+    /// Where in it: `parts[1].position_mm[0]`, `$` for the whole.
+    pub path: String,
+    /// What stands there.
+    pub found: String,
+    /// What may stand there.
+    pub allowed: String,
+}
+
+impl Fault {
+    /// Puts the four together.
+    pub fn new(file: &str, path: &Path, found: impl Into<String>, allowed: impl Into<String>) -> Self {
+        Self { file: file.to_owned(), path: path.to_string(), found: found.into(), allowed: allowed.into() }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let line = format!("{}: {}: found {}, allowed: {}", self.file, self.path, self.found, self.allowed);
+        for c in line.chars() {
+            if c.is_control() { write!(f, "{}", c.escape_default())? } else { write!(f, "{c}")? }
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Fault {}
+
+/// A place in a JSON document.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Path(String);
+
+impl Path {
+    /// The whole document.
+    pub fn root() -> Self {
+        Self::default()
+    }
+
+    /// The member `key` of the object here.
+    pub fn key(&self, key: &str) -> Self {
+        let plain = !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c));
+        match (plain, self.0.is_empty()) {
+            (false, _) => Self(format!("{}[{}]", self.0, shown(&Value::from(key)))),
+            (true, true) => Self(key.to_owned()),
+            (true, false) => Self(format!("{}.{key}", self.0)),
+        }
+    }
+
+    /// Item `i` of the list here.
+    pub fn index(&self, i: usize) -> Self {
+        Self(format!("{}[{i}]", self.0))
+    }
+}
+
+impl fmt::Display for Path {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if self.0.is_empty() { "$" } else { &self.0 })
+    }
+}
+
+/// The faults of one file, in the order in which they were found.
+#[derive(Debug)]
+pub(super) struct Faults {
+    file: String,
+    list: Vec<Fault>,
+}
+
+impl Faults {
+    pub(super) fn of(file: &str) -> Self {
+        Self { file: file.to_owned(), list: Vec::new() }
+    }
+
+    pub(super) fn push(&mut self, path: &Path, found: impl Into<String>, allowed: impl Into<String>) {
+        let fault = Fault::new(&self.file, path, found, allowed);
+        self.append(vec![fault]);
+    }
+
+    /// Takes over what was found in another file.
+    pub(super) fn append(&mut self, others: Vec<Fault>) {
+        self.list.extend(others);
+        self.list.truncate(MOST_FAULTS);
+    }
+
+    /// A fault at `path` unless `holds`.
+    pub(super) fn demand(&mut self, holds: bool, path: &Path, found: impl fmt::Display, allowed: impl Into<String>) {
+        if !holds {
+            self.push(path, found.to_string(), allowed);
+        }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    /// `made` when nothing was wrong, else every fault.
+    pub(super) fn into_result<T>(self, made: Option<T>) -> Result<T, Vec<Fault>> {
+        match made {
+            Some(made) if self.list.is_empty() => Ok(made),
+            _ => Err(self.list),
+        }
+    }
+
+    pub(super) fn into_list(self) -> Vec<Fault> {
+        self.list
+    }
+}
+
+/// A value in a few characters.
+pub(super) fn shown(value: &Value) -> String {
+    let text = value.to_string();
+    match value {
+        Value::Object(_) => "an object".to_owned(),
+        Value::Array(items) if text.len() > LONGEST_SHOWN => format!("a list of {}", items.len()),
+        _ if text.len() > LONGEST_SHOWN => text.chars().take(LONGEST_SHOWN).chain(['…']).collect(),
+        _ => text,
+    }
+}
+
+/// `a, b, c`, with the one that `found` was probably meant to be.
+pub(super) fn one_of(found: &str, choices: &[&str]) -> String {
+    let list = choices.join(", ");
+    let near = |choice: &&&str| strsim::damerau_levenshtein(found, choice) <= 1 + choice.len() / 4;
+    let meant = (found.len() <= LONGEST_SHOWN)
+        .then(|| choices.iter().filter(near).min_by_key(|choice| strsim::damerau_levenshtein(found, choice)))
+        .flatten();
+    match meant {
+        Some(meant) => format!("{list} (did you mean {meant}?)"),
+        None => list,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_is_one_line() {
+        let path = Path::root().key("parts").index(1).key("kind");
+        let fault = Fault::new("configs/x.json", &path, "\"pennyy\"", one_of("pennyy", &["penny", "nickel", "dime"]));
+        let line =
+            r#"configs/x.json: parts[1].kind: found "pennyy", allowed: penny, nickel, dime (did you mean penny?)"#;
+        assert_eq!(fault.to_string(), line);
+        let odd = Fault::new("a\nb.json", &Path::root().key("we\nird key"), "x\r\n", "y");
+        assert_eq!(odd.to_string(), r#"a\nb.json: ["we\nird key"]: found x\r\n, allowed: y"#);
+        assert_eq!(Path::root().to_string(), "$");
+    }
+
+    #[test]
+    fn only_near_words_are_proposed() {
+        assert_eq!(one_of("toleranc_mm", &["seed", "tolerance_mm"]), "seed, tolerance_mm (did you mean tolerance_mm?)");
+        assert_eq!(one_of("zebra", &["seed", "tolerance_mm"]), "seed, tolerance_mm");
+        assert_eq!(one_of(&"x".repeat(1 << 20), &["seed"]), "seed");
+    }
+
+    #[test]
+    fn long_values_are_cut() {
+        assert_eq!(shown(&Value::from("é".repeat(1000))).chars().count(), LONGEST_SHOWN + 1);
+        assert_eq!(shown(&Value::from(vec![1; 1000])), "a list of 1000");
+        assert_eq!(shown(&Value::from(vec![1, 2])), "[1,2]");
+    }
+}

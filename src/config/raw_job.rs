@@ -1,0 +1,205 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use super::raw_rig::RigSource;
+
+/// A job: which rig, which parts, and what to do with them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "job")]
+pub struct RawJob {
+    /// Name of the job and of its run folder: 1 to 64 letters, digits, `.`, `_` and `-`.
+    #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
+    pub name: String,
+    /// Seed of everything random.
+    #[serde(default = "one_u64")]
+    pub seed: u64,
+    /// The rig: a path relative to this file, or the object itself. A job sent to a daemon may leave it out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rig: Option<RigSource>,
+    /// The daemon's plate to run on; means nothing elsewhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 1, max = 64))]
+    pub plate: Option<String>,
+    /// COR library in place of the rig's: a path relative to this file, or the object itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub library: Option<LibrarySource>,
+    /// Parts on the plate.
+    #[schemars(length(min = 1, max = 64))]
+    pub parts: Vec<RawParts>,
+    /// What to do.
+    pub task: RawTask,
+    /// How motions are found.
+    #[serde(default)]
+    pub planner: PlannerChoice,
+    /// A part this near its target has arrived, mm.
+    #[serde(default = "tolerance_mm")]
+    #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
+    pub tolerance_mm: f64,
+    /// When to give up.
+    #[serde(default)]
+    pub limits: RawLimits,
+}
+
+fn one_u64() -> u64 {
+    1
+}
+
+fn one() -> u32 {
+    1
+}
+
+fn tolerance_mm() -> f64 {
+    0.5
+}
+
+/// A COR library named by its file or written out; the library room reads the object.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum LibrarySource {
+    /// Path of a library file, relative to the file it stands in.
+    File(String),
+    /// The library itself.
+    Inline(Map<String, Value>),
+}
+
+/// Parts of one kind.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawParts {
+    /// penny, nickel, dime, quarter or a kind of the rig's.
+    pub kind: String,
+    /// How many.
+    #[serde(default = "one")]
+    #[schemars(range(min = 1, max = 64))]
+    pub count: u32,
+    /// Where it starts, mm; only with count 1. Left out: at random, by the seed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    pub position_mm: Option<[f64; 2]>,
+}
+
+/// What to do.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+pub enum RawTask {
+    /// One part goes to the centre, then along the branches of a plus sign, clockwise, out and back.
+    PlusSign {
+        /// Rounds over all four branches; 0 is without end.
+        #[serde(default = "one")]
+        #[schemars(range(max = 1_000_000))]
+        laps: u32,
+        /// How far the part's rim stays from the plate's edge, mm.
+        #[serde(default = "edge_margin_mm")]
+        #[schemars(range(min = 0.0, max = 1000.0))]
+        edge_margin_mm: f64,
+    },
+    /// Every part follows its own path.
+    Trajectories {
+        /// One path for each part, in the order of `parts`.
+        #[schemars(length(min = 1, max = 64))]
+        paths: Vec<RawPath>,
+    },
+    /// Every part goes to a place.
+    Arrange {
+        /// One place for each part, in the order of `parts`, mm.
+        #[schemars(length(min = 1, max = 64), inner(inner(range(min = -1000.0, max = 1000.0))))]
+        targets_mm: Vec<[f64; 2]>,
+        /// Who goes where.
+        #[serde(default)]
+        assignment: Assignment,
+    },
+    /// Every part goes into its kind's bin.
+    Sort {
+        /// The bins.
+        #[schemars(length(min = 1, max = 16))]
+        bins: Vec<RawBin>,
+    },
+    /// Every part stays where it is.
+    Hold {
+        /// How long, s.
+        #[schemars(range(max = 1e6), extend("exclusiveMinimum" = 0.0))]
+        duration_s: f64,
+    },
+}
+
+fn edge_margin_mm() -> f64 {
+    5.0
+}
+
+/// A path of one part.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawPath {
+    /// Corners of the path, mm, in order.
+    #[schemars(length(min = 1, max = 1000), inner(inner(range(min = -1000.0, max = 1000.0))))]
+    pub waypoints_mm: Vec<[f64; 2]>,
+    /// Speed along it, mm/s.
+    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+    pub speed_mm_s: f64,
+    /// How often the corners are gone through, from the last straight back to the first; 0 is without end.
+    #[serde(default = "one")]
+    #[schemars(range(max = 1_000_000))]
+    pub repeat: u32,
+}
+
+/// Who goes where.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Assignment {
+    /// Parts of one kind may exchange their targets.
+    #[default]
+    Optimal,
+    /// Each part has its own target.
+    Fixed,
+}
+
+/// A bin.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawBin {
+    /// Kinds that belong here.
+    #[schemars(length(min = 1, max = 64))]
+    pub kinds: Vec<String>,
+    /// The rectangle in which their rims must lie.
+    pub region_mm: RawRegion,
+}
+
+/// A rectangle, mm.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawRegion {
+    /// Lower left corner, mm.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    pub min: [f64; 2],
+    /// Upper right corner, mm.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    pub max: [f64; 2],
+}
+
+/// How motions are found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PlannerChoice {
+    /// Rotations about measured centres, one after another.
+    #[default]
+    CorSequence,
+    /// One motion of many harmonics that moves every part at once.
+    SynthesizedField,
+}
+
+/// When to give up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RawLimits {
+    /// Longest plate time of the run, s.
+    #[schemars(range(max = 1e6), extend("exclusiveMinimum" = 0.0))]
+    pub plate_time_s: f64,
+}
+
+impl Default for RawLimits {
+    fn default() -> Self {
+        Self { plate_time_s: 600.0 }
+    }
+}

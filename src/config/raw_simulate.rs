@@ -1,0 +1,93 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::raw_rig::RigSource;
+
+/// An open-loop experiment: given pulses on given parts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "simulate")]
+pub struct RawSimulate {
+    /// The rig: a path relative to this file, or the object itself.
+    pub rig: RigSource,
+    /// How the plate moves.
+    #[serde(default)]
+    pub plate: PlateMode,
+    /// Parts on the plate.
+    #[schemars(length(min = 1, max = 64))]
+    pub parts: Vec<RawPlaced>,
+    /// Pulses, one after another.
+    #[schemars(length(min = 1, max = 1000))]
+    pub pulses: Vec<RawPulse>,
+    /// Samples a second of the trajectories put out.
+    #[serde(default = "sample_hz")]
+    #[schemars(range(min = 1.0, max = 100_000.0))]
+    pub sample_hz: f64,
+}
+
+fn sample_hz() -> f64 {
+    1000.0
+}
+
+/// How the plate moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PlateMode {
+    /// Driven by its motors: mass, springs, gains and all.
+    #[default]
+    Dynamic,
+    /// Exactly as the pulse says: spin `omega_rad_s · env(t)·(cos wt - ½ cos 2wt)` about the COR.
+    Kinematic,
+}
+
+/// A part and where it starts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawPlaced {
+    /// penny, nickel, dime, quarter or a kind of the rig's.
+    pub kind: String,
+    /// Where it starts, mm; its centre lies on the plate.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    pub position_mm: [f64; 2],
+}
+
+/// A pulse: a rotation (`cor_mm`, `omega_rad_s`) or a translation (`direction_deg`, `speed_mps`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawPulse {
+    /// Centre of rotation, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(inner(range(min = -1e6, max = 1e6)))]
+    pub cor_mm: Option<[f64; 2]>,
+    /// Amplitude of the spin, rad/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+    pub omega_rad_s: Option<f64>,
+    /// Direction of a translation, degrees counter-clockwise from x.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = -360.0, max = 360.0))]
+    pub direction_deg: Option<f64>,
+    /// Amplitude of a translation's speed, m/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
+    pub speed_mps: Option<f64>,
+    /// 1 as said, parts flow counter-clockwise; -1 in reverse.
+    #[serde(default = "forwards")]
+    #[schemars(range(min = -1, max = 1))]
+    pub rotation: i32,
+    /// Length at full height, s.
+    #[schemars(range(min = 0.0, max = 60.0))]
+    pub sustain_s: f64,
+    /// Attack and decay, s. Left out: the rig's.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub attack_s: Option<f64>,
+    /// Rest after it, s. Left out: the rig's.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 60.0))]
+    pub rest_s: Option<f64>,
+}
+
+fn forwards() -> i32 {
+    1
+}

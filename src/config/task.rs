@@ -1,0 +1,193 @@
+use super::fault::{Faults, Path};
+use super::job::{PartGroup, each_kind, known_kind};
+use super::raw_job::{Assignment, RawBin, RawPath, RawTask};
+use super::rig::RigSpec;
+use super::room::{check_apart, check_inside, fits};
+use crate::geometry::Vec2;
+use crate::units::{m_from_mm, mm_from_m};
+
+/// What to do, in SI.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TaskSpec {
+    /// One part goes to the centre, then along the branches of a plus sign, clockwise, out and back.
+    PlusSign {
+        /// Rounds over all four branches; 0 is without end.
+        laps: u32,
+        /// How far the part's rim stays from the plate's edge, m.
+        edge_margin_m: f64,
+    },
+    /// Every part follows its own path.
+    Trajectories {
+        /// One for each part.
+        paths: Vec<PathSpec>,
+    },
+    /// Every part goes to a place.
+    Arrange {
+        /// One for each part, m.
+        targets_m: Vec<Vec2>,
+        /// Who goes where.
+        assignment: Assignment,
+    },
+    /// Every part goes into its kind's bin.
+    Sort {
+        /// The bins; every part's kind is in exactly one.
+        bins: Vec<BinSpec>,
+    },
+    /// Every part stays where it is.
+    Hold {
+        /// How long, s.
+        duration_s: f64,
+    },
+}
+
+/// A path of one part.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathSpec {
+    /// Its corners, m.
+    pub waypoints_m: Vec<Vec2>,
+    /// Speed along it, m/s.
+    pub speed_mps: f64,
+    /// How often the corners are gone through; 0 is without end.
+    pub repeat: u32,
+}
+
+/// A bin: a rectangle in which the rims of some kinds must lie.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BinSpec {
+    /// Indices into the rig's kinds.
+    pub kinds: Vec<usize>,
+    /// Lower left corner, m.
+    pub min_m: Vec2,
+    /// Upper right corner, m.
+    pub max_m: Vec2,
+}
+
+/// The task in SI; faults where it asks for what cannot be.
+pub(super) fn build(raw: &RawTask, groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) -> Option<TaskSpec> {
+    let scene = Scene::new(groups, rig);
+    match raw {
+        RawTask::PlusSign { laps, edge_margin_mm } => scene.plus_sign(*laps, *edge_margin_mm, faults),
+        RawTask::Trajectories { paths } => scene.trajectories(paths, faults),
+        RawTask::Arrange { targets_mm, assignment } => scene.arrange(targets_mm, *assignment, faults),
+        RawTask::Sort { bins } => scene.sort(bins, faults),
+        RawTask::Hold { duration_s } => Some(TaskSpec::Hold { duration_s: *duration_s }),
+    }
+}
+
+/// What a task is judged against.
+struct Scene<'a> {
+    at: Path,
+    rig: &'a RigSpec,
+    half_m: f64,
+    kinds: Vec<usize>,
+    radii_m: Vec<f64>,
+}
+
+impl<'a> Scene<'a> {
+    fn new(groups: &[PartGroup], rig: &'a RigSpec) -> Self {
+        let kinds = each_kind(groups);
+        let radii_m = kinds.iter().map(|&kind| rig.kinds.get(kind).map_or(0.0, |spec| spec.kind.radius_m)).collect();
+        Self { at: Path::root().key("task"), rig, half_m: 0.5 * rig.model.plate_side_m, kinds, radii_m }
+    }
+
+    fn plus_sign(&self, laps: u32, edge_margin_mm: f64, faults: &mut Faults) -> Option<TaskSpec> {
+        let found = format!("{} parts", self.kinds.len());
+        faults.demand(self.kinds.len() == 1, &Path::root().key("parts"), found, "exactly one part for plus_sign");
+        let edge_margin_m = m_from_mm(edge_margin_mm);
+        let most_m = self.half_m - self.radii_m.iter().copied().fold(0.0, f64::max);
+        let allowed = format!("below {:.3} (else no branch is left)", mm_from_m(most_m));
+        faults.demand(edge_margin_m < most_m, &self.at.key("edge_margin_mm"), edge_margin_mm, allowed);
+        Some(TaskSpec::PlusSign { laps, edge_margin_m })
+    }
+
+    fn trajectories(&self, raw: &[RawPath], faults: &mut Faults) -> Option<TaskSpec> {
+        let at = self.at.key("paths");
+        self.demand_one_each(raw.len(), "paths", &at, faults);
+        let paths: Vec<PathSpec> = raw.iter().map(PathSpec::from).collect();
+        let mut starts = Vec::with_capacity(paths.len());
+        for (i, (path, &radius_m)) in paths.iter().zip(&self.radii_m).enumerate() {
+            let at = at.index(i).key("waypoints_mm");
+            for (k, &waypoint_m) in path.waypoints_m.iter().enumerate() {
+                check_inside(waypoint_m, radius_m, self.half_m, &at.index(k), faults);
+            }
+            starts.extend(path.waypoints_m.first().map(|&start_m| (start_m, radius_m, at.index(0))));
+        }
+        check_apart(&starts, faults);
+        Some(TaskSpec::Trajectories { paths })
+    }
+
+    fn arrange(&self, targets_mm: &[[f64; 2]], assignment: Assignment, faults: &mut Faults) -> Option<TaskSpec> {
+        let at = self.at.key("targets_mm");
+        self.demand_one_each(targets_mm.len(), "targets", &at, faults);
+        let targets_m: Vec<Vec2> = targets_mm.iter().copied().map(point_m).collect();
+        let discs: Vec<(Vec2, f64, Path)> =
+            targets_m.iter().zip(&self.radii_m).zip(0..).map(|((&to, &radius), i)| (to, radius, at.index(i))).collect();
+        for (target_m, radius_m, at) in &discs {
+            check_inside(*target_m, *radius_m, self.half_m, at, faults);
+        }
+        check_apart(&discs, faults);
+        Some(TaskSpec::Arrange { targets_m, assignment })
+    }
+
+    fn sort(&self, raw: &[RawBin], faults: &mut Faults) -> Option<TaskSpec> {
+        let at = self.at.key("bins");
+        let mut bins: Vec<BinSpec> = Vec::with_capacity(raw.len());
+        for (i, raw) in raw.iter().enumerate() {
+            let at = at.index(i);
+            let bin = self.bin(raw, &at, faults);
+            for (k, kind) in bin.kinds.iter().enumerate() {
+                let taken = bins.iter().any(|other| other.kinds.contains(kind));
+                let name = raw.kinds.get(k).map_or("", String::as_str);
+                let found = format!("{name:?} a second time");
+                faults.demand(!taken, &at.key("kinds").index(k), found, "each kind in one bin");
+            }
+            bins.push(bin);
+        }
+        for (kind, spec) in self.rig.kinds.iter().enumerate().filter(|(kind, _)| self.kinds.contains(kind)) {
+            let found = format!("no bin for {}", spec.kind.name);
+            faults.demand(bins.iter().any(|bin| bin.kinds.contains(&kind)), &at, found, "a bin for every kind of part");
+        }
+        Some(TaskSpec::Sort { bins })
+    }
+
+    fn bin(&self, raw: &RawBin, at: &Path, faults: &mut Faults) -> BinSpec {
+        let kind = |(i, name): (usize, &String)| known_kind(name, self.rig, &at.key("kinds").index(i), faults);
+        let kinds: Vec<usize> = raw.kinds.iter().enumerate().filter_map(kind).collect();
+        let bin = BinSpec { kinds, min_m: point_m(raw.region_mm.min), max_m: point_m(raw.region_mm.max) };
+        let at = at.key("region_mm");
+        for (name, corner_m) in [("min", bin.min_m), ("max", bin.max_m)] {
+            check_inside(corner_m, 0.0, self.half_m, &at.key(name), faults);
+        }
+        let size_m = bin.max_m - bin.min_m;
+        let radii_m: Vec<f64> = (self.kinds.iter().zip(&self.radii_m))
+            .filter(|(kind, _)| bin.kinds.contains(kind))
+            .map(|(_, &radius_m)| radius_m)
+            .collect();
+        // the square around a rectangle bounds how many fit; a side must hold the largest part
+        let widest_m = radii_m.iter().copied().fold(0.0, |widest, radius_m| f64::max(widest, 2.0 * radius_m));
+        let room = size_m.min() > 0.0 && size_m.min() >= widest_m && fits(&radii_m, size_m.max(), 0.0);
+        let found = format!("{:.3} x {:.3} mm", mm_from_m(size_m.x), mm_from_m(size_m.y));
+        let allowed = format!("min below max and room for the {} parts of its kinds", radii_m.len());
+        faults.demand(room, &at, found, allowed);
+        bin
+    }
+
+    fn demand_one_each(&self, found: usize, what: &str, at: &Path, faults: &mut Faults) {
+        let parts = self.kinds.len();
+        faults.demand(found == parts, at, format!("{found} {what}"), format!("{parts}, one for each part"));
+    }
+}
+
+impl From<&RawPath> for PathSpec {
+    fn from(raw: &RawPath) -> Self {
+        Self {
+            waypoints_m: raw.waypoints_mm.iter().copied().map(point_m).collect(),
+            speed_mps: m_from_mm(raw.speed_mm_s),
+            repeat: raw.repeat,
+        }
+    }
+}
+
+fn point_m(mm: [f64; 2]) -> Vec2 {
+    Vec2::from(mm.map(m_from_mm))
+}
