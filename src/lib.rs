@@ -11,6 +11,7 @@ pub mod planner;
 pub mod random;
 pub mod recording;
 pub mod rig;
+pub mod run;
 pub mod signal;
 pub mod sim;
 pub mod time;

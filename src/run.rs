@@ -1,0 +1,223 @@
+//! Composition: a validated job becomes a rig, a goal, a control loop and sinks; out come a run folder and a report.
+//! The command line, the tests and whoever else runs jobs all run this.
+
+mod bench;
+mod calibrate;
+mod first_frame;
+mod folder;
+mod library;
+mod paced;
+mod simulate;
+mod verify;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use crate::config::{Fault, JobSpec};
+use crate::control::{self, Devices, Finish, Sink};
+use crate::library::{Library, LibraryFault};
+use crate::recording::{self, Fanout, Journal, PartEnding, Report, RerunMode, Tally};
+use crate::time::Clock;
+
+pub use crate::sim::Trajectories;
+pub use bench::{Bench, NamedTruth};
+pub use calibrate::{calibrate, calibration_params};
+pub use first_frame::{FirstFrame, FirstFrameError, TruePart, first_frame};
+pub use folder::RunFolder;
+pub use library::job_library;
+pub use simulate::simulate;
+pub use verify::{Verdict, VerifyError, verify};
+
+/// How to run, beside the job.
+#[derive(Clone, Debug)]
+pub struct RunOptions {
+    /// Folder in which the run's own folder is made.
+    pub out: PathBuf,
+    /// Wall time of the start for the folder's name, `20260101T000000Z`.
+    pub started_utc: String,
+    /// Where the recording goes.
+    pub rerun: RerunMode,
+    /// True to let plate time pass no faster than the clock.
+    pub real_time: bool,
+}
+
+/// What a run leaves.
+#[derive(Clone, Debug)]
+pub struct RunResult {
+    /// Its folder.
+    pub folder: PathBuf,
+    /// What `report.json` says.
+    pub report: Report,
+    /// What went wrong beside the run itself: a recording that is not whole.
+    pub warnings: Vec<String>,
+}
+
+/// Why a job was not run, or its run not written down.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The job cannot be run.
+    #[error("{0}")]
+    Job(Fault),
+    /// The library is none or of another rig.
+    #[error("{}", one_a_line(.0))]
+    Library(Vec<LibraryFault>),
+    /// A file of the run folder could not be written.
+    #[error("{path}: cannot be written: {reason}")]
+    Write {
+        /// Which.
+        path: String,
+        /// Why.
+        reason: String,
+    },
+    /// The recording could not be started.
+    #[error("recording: {0}")]
+    Recording(String),
+}
+
+impl RunError {
+    /// One line for every fault.
+    pub fn lines(&self) -> Vec<String> {
+        self.to_string().lines().map(str::to_owned).collect()
+    }
+
+    /// True when the fault lies in what was given, not in the machine.
+    pub fn is_bad_input(&self) -> bool {
+        matches!(self, Self::Job(_) | Self::Library(_))
+    }
+}
+
+fn one_a_line(faults: &[LibraryFault]) -> String {
+    faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}
+
+/// Runs `job` to its end and writes its folder. `watcher` is told everything, too; it changes nothing.
+pub fn run(
+    job: &JobSpec,
+    options: &RunOptions,
+    clock: &dyn Clock,
+    stop: &AtomicBool,
+    watcher: &mut dyn Sink,
+) -> Result<RunResult, RunError> {
+    job.check_runnable().map_err(RunError::Job)?;
+    let library = job_library(job).map_err(RunError::Library)?;
+    let mut bench = Bench::new(job, &library).map_err(RunError::Job)?;
+    let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
+    folder.write_effective(job, &library)?;
+
+    let started = clock.elapsed();
+    let mut journal = Journal::new(folder.journal()?, Arc::clone(&library));
+    let mut tally = Tally::new(Some(bench.truth()));
+    let mut recorder = Recorder::start(options, &folder, &bench, job, &library)?;
+    let mut named = NamedTruth::new(bench.truth());
+    let mut sinks =
+        Fanout::new().with(&mut named).with(&mut journal).with(&mut tally).with(recorder.sink()).with(watcher);
+    let finish = play(&mut bench, &library, options.real_time, &mut sinks, clock, stop);
+    let wall_time_s = (clock.elapsed() - started).as_secs_f64();
+
+    journal.finish().map_err(|error| folder.write_error("journal.jsonl", &error))?;
+    let warnings = recorder.finish().into_iter().collect();
+    let report = tally.report(ending(job, &bench, finish, wall_time_s));
+    folder.write_report(&report)?;
+    Ok(RunResult { folder: folder.path().to_owned(), report, warnings })
+}
+
+/// The control loop on the bench.
+fn play(
+    bench: &mut Bench,
+    library: &Arc<Library>,
+    real_time: bool,
+    sink: &mut dyn Sink,
+    clock: &dyn Clock,
+    stop: &AtomicBool,
+) -> Finish {
+    let Bench { rig, model, goal, params, .. } = bench;
+    if real_time {
+        let mut rig = paced::Paced::new(rig, clock);
+        control::run(Devices { rig: &mut rig, model, sink, clock, stop }, library, goal.as_mut(), params)
+    } else {
+        control::run(Devices { rig, model, sink, clock, stop }, library, goal.as_mut(), params)
+    }
+}
+
+fn ending(job: &JobSpec, bench: &Bench, finish: Finish, wall_time_s: f64) -> recording::Ending {
+    let Finish { ending, wanted, measured_m, lost } = finish;
+    let parts = bench.params.parts.iter().enumerate().map(|(i, part)| PartEnding {
+        id: part.id.clone(),
+        kind: bench.params.kinds.get(part.kind).map(|kind| kind.name.clone()).unwrap_or_default(),
+        target_m: wanted.as_ref().and_then(|wanted| wanted.targets_m.get(i).copied()),
+        measured_m: measured_m.get(i).copied(),
+    });
+    recording::Ending {
+        name: job.name.clone(),
+        seed: job.seed(),
+        outcome: ending.outcome.into(),
+        reason: ending.reason,
+        plate_time: bench.now(),
+        wall_time_s,
+        laps: wanted.as_ref().map_or(0, |wanted| wanted.laps),
+        lost_parts: lost.len(),
+        parts: parts.collect(),
+    }
+}
+
+/// The Rerun recording, where this build has it.
+struct Recorder {
+    #[cfg(feature = "rerun")]
+    sink: recording::RerunSink,
+    #[cfg(not(feature = "rerun"))]
+    sink: NoRecording,
+}
+
+impl Recorder {
+    #[cfg(feature = "rerun")]
+    fn start(
+        options: &RunOptions,
+        folder: &RunFolder,
+        bench: &Bench,
+        job: &JobSpec,
+        library: &Arc<Library>,
+    ) -> Result<Self, RunError> {
+        use recording::{RerunSink, RunContext};
+        let context = RunContext {
+            name: job.name.clone(),
+            seed: job.seed(),
+            library: Arc::clone(library),
+            model: bench.model.clone(),
+            parts: bench.part_looks(),
+            truth: Some(bench.truth()),
+        };
+        let path = folder.path().join("run.rrd");
+        let sink = RerunSink::start(&options.rerun, &path, context);
+        sink.map(|sink| Self { sink }).map_err(|error| RunError::Recording(error.to_string()))
+    }
+
+    #[cfg(not(feature = "rerun"))]
+    fn start(options: &RunOptions, _: &RunFolder, _: &Bench, _: &JobSpec, _: &Arc<Library>) -> Result<Self, RunError> {
+        match options.rerun {
+            RerunMode::Off => Ok(Self { sink: NoRecording }),
+            _ => Err(RunError::Recording("this build has no Rerun; run with --rerun off".into())),
+        }
+    }
+
+    fn sink(&mut self) -> &mut dyn Sink {
+        &mut self.sink
+    }
+
+    /// Closes the recording; what is wrong with it in words.
+    #[cfg(feature = "rerun")]
+    fn finish(self) -> Option<String> {
+        self.sink.finish().err().map(|error| error.to_string())
+    }
+
+    #[cfg(not(feature = "rerun"))]
+    fn finish(self) -> Option<String> {
+        None
+    }
+}
+
+#[cfg(not(feature = "rerun"))]
+struct NoRecording;
+
+#[cfg(not(feature = "rerun"))]
+impl Sink for NoRecording {}

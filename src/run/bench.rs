@@ -1,0 +1,161 @@
+use std::sync::Arc;
+
+use crate::config::{Fault, JobSpec, PlacedPart, TaskSpec, place_parts};
+use crate::control::{ControlParams, ExpectedPart, LocalisedFacts, Sink};
+use crate::geometry::Pose;
+use crate::goal::{Goal, PathParams, PlusSign, PlusSignParams, Trajectories};
+use crate::library::Library;
+use crate::planner::PlannerParams;
+use crate::random::Streams;
+use crate::rig::{PartKind, Rig, RigModel};
+use crate::sim::{SimRig, TruthProbe};
+use crate::time::PlateTime;
+
+/// Longest step wanted of a part in one cycle, m.
+const LONGEST_STEP_M: f64 = 5e-3;
+/// How far a part's reference may run ahead of it, m.
+const LEAD_M: f64 = 4e-3;
+/// Gap the planner keeps between rims, m.
+const SEPARATION_M: f64 = 2e-3;
+/// How far inside the edge the planner keeps rims, m.
+const EDGE_MARGIN_M: f64 = 1e-3;
+/// Seconds at rest without a part after which it is lost.
+const LOST_AFTER_S: f64 = 0.5;
+
+/// A job's simulated rig, its goal and all that control needs.
+pub struct Bench {
+    /// The rig.
+    pub rig: SimRig,
+    /// What control knows of it.
+    pub model: RigModel,
+    /// What the job wants.
+    pub goal: Box<dyn Goal>,
+    /// Limits and parts.
+    pub params: ControlParams,
+    /// Parts where they start.
+    pub placed: Vec<PlacedPart>,
+}
+
+impl Bench {
+    /// Places the parts and puts everything together.
+    pub fn new(job: &JobSpec, library: &Arc<Library>) -> Result<Self, Fault> {
+        let (rig, placed) = simulated_rig(job)?;
+        let (kinds, kind_of_part) = kinds_present(job, &placed);
+        let parts = placed.iter().zip(kind_of_part).zip(given_positions(job)).map(|((part, kind), given)| {
+            ExpectedPart { id: part.id.clone(), kind, expected_m: given.then_some(part.position_m) }
+        });
+        let model = job.rig.model.clone();
+        let params = ControlParams {
+            parts: parts.collect(),
+            time_limit_s: job.plate_time_limit_s,
+            endless: matches!(job.task, TaskSpec::PlusSign { laps: 0, .. }),
+            lost_after_frames: (LOST_AFTER_S * model.frame_hz) as u32,
+            planner: planner_params(job, library),
+            kinds,
+        };
+        let goal = goal(job, &placed);
+        Ok(Self { rig, model, goal, params, placed })
+    }
+
+    /// Plate time now.
+    pub fn now(&self) -> PlateTime {
+        self.rig.now()
+    }
+
+    /// A window on the truth.
+    pub fn truth(&self) -> TruthProbe {
+        self.rig.probe()
+    }
+
+    /// How the parts are drawn.
+    #[cfg(feature = "rerun")]
+    pub fn part_looks(&self) -> Vec<crate::recording::PartLook> {
+        let look = |part: &ExpectedPart| {
+            let kind = self.params.kinds.get(part.kind);
+            crate::recording::PartLook {
+                id: part.id.clone(),
+                kind: kind.map(|kind| kind.name.clone()).unwrap_or_default(),
+                radius_m: kind.map_or(0.0, |kind| kind.radius_m),
+            }
+        };
+        self.params.parts.iter().map(look).collect()
+    }
+}
+
+/// The rig of a job with its parts where they start.
+pub(super) fn simulated_rig(job: &JobSpec) -> Result<(SimRig, Vec<PlacedPart>), Fault> {
+    let streams = Streams::new(job.seed());
+    let placed = place_parts(job, streams)?;
+    let poses = placed.iter().map(|part| (part.params, Pose { position_m: part.position_m, heading_rad: 0.0 }));
+    let rig = SimRig::new(job.rig.model.clone(), job.rig.sim.clone(), poses.collect(), streams);
+    Ok((rig, placed))
+}
+
+/// The kinds that lie on the plate, and each part's index into them.
+fn kinds_present(job: &JobSpec, placed: &[PlacedPart]) -> (Vec<PartKind>, Vec<usize>) {
+    let mut numbers: Vec<usize> = placed.iter().map(|part| part.kind).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    let of_part = placed.iter().map(|part| numbers.binary_search(&part.kind).unwrap_or_default()).collect();
+    let kinds = numbers.iter().filter_map(|&number| job.rig.kinds.get(number)).map(|spec| spec.kind.clone());
+    (kinds.collect(), of_part)
+}
+
+/// For each part whether the job says where it starts.
+fn given_positions(job: &JobSpec) -> impl Iterator<Item = bool> {
+    job.parts.iter().flat_map(|group| std::iter::repeat_n(group.position_m.is_some(), group.count))
+}
+
+fn planner_params(job: &JobSpec, library: &Library) -> PlannerParams {
+    let fastest = library.displacement.speed_mps.last().copied().unwrap_or_default();
+    PlannerParams {
+        half_side_m: 0.5 * job.rig.model.plate_side_m,
+        edge_margin_m: EDGE_MARGIN_M,
+        separation_m: SEPARATION_M,
+        max_distance_m: library.displacement.max_distance(fastest).min(2.0 * LONGEST_STEP_M),
+        min_distance_m: 0.3e-3,
+        max_pulses: 24,
+        candidates_per_part: 24,
+        sparsity: 0.05,
+    }
+}
+
+fn goal(job: &JobSpec, placed: &[PlacedPart]) -> Box<dyn Goal> {
+    match &job.task {
+        TaskSpec::PlusSign { laps, edge_margin_m } => Box::new(PlusSign::new(PlusSignParams {
+            half_side_m: 0.5 * job.rig.model.plate_side_m,
+            part_radius_m: placed.first().map_or(0.0, |part| part.params.radius_m),
+            edge_margin_m: *edge_margin_m,
+            laps: *laps,
+            arrive_m: job.tolerance_m,
+            stride_m: LONGEST_STEP_M,
+        })),
+        TaskSpec::Trajectories { paths } => {
+            let paths = paths.iter().map(|path| PathParams {
+                waypoints_m: path.waypoints_m.clone(),
+                speed_mps: path.speed_mps,
+                repeat: path.repeat,
+            });
+            Box::new(Trajectories::new(paths.collect(), LEAD_M, job.tolerance_m))
+        }
+        // `JobSpec::check_runnable` refuses the other tasks; with no path there is nothing to do
+        _ => Box::new(Trajectories::new(Vec::new(), LEAD_M, job.tolerance_m)),
+    }
+}
+
+/// Puts the truth into the order in which control named the parts; comes first among the sinks.
+pub struct NamedTruth(TruthProbe);
+
+impl NamedTruth {
+    /// For this truth.
+    pub fn new(truth: TruthProbe) -> Self {
+        Self(truth)
+    }
+}
+
+impl Sink for NamedTruth {
+    fn localised(&mut self, facts: &LocalisedFacts<'_>) {
+        let seen_m: Vec<_> = facts.detections.iter().map(|detection| detection.position_m).collect();
+        self.0.order_by(&seen_m);
+    }
+}

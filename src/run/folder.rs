@@ -1,0 +1,69 @@
+use std::fs::{self, File};
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::RunError;
+use crate::config::JobSpec;
+use crate::library::Library;
+use crate::recording::Report;
+
+/// Folders of one name that may exist before a new one is refused.
+const MOST_NAMESAKES: u32 = 1000;
+
+/// The folder a run writes into: `effective.json`, `journal.jsonl`, `run.rrd`, `report.json`.
+#[derive(Clone, Debug)]
+pub struct RunFolder(PathBuf);
+
+impl RunFolder {
+    /// Makes `OUT/<name>-<seed>-<utc>/`; a number is added when that exists.
+    pub fn create(out: &Path, job: &JobSpec, started_utc: &str) -> Result<Self, RunError> {
+        let plain = format!("{}-{}-{started_utc}", job.name, job.seed());
+        let failed = |path: &Path, reason: String| RunError::Write { path: path.display().to_string(), reason };
+        fs::create_dir_all(out).map_err(|error| failed(out, error.to_string()))?;
+        for number in 1..MOST_NAMESAKES {
+            let name = if number == 1 { plain.clone() } else { format!("{plain}-{number}") };
+            let path = out.join(name);
+            match fs::create_dir(&path) {
+                Ok(()) => return Ok(Self(path)),
+                Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(failed(&path, error.to_string())),
+            }
+        }
+        Err(failed(&out.join(plain), "too many runs of this name in this second".into()))
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+
+    pub(super) fn write_error(&self, name: &str, error: &dyn std::fmt::Display) -> RunError {
+        RunError::Write { path: self.0.join(name).display().to_string(), reason: error.to_string() }
+    }
+
+    /// Writes `effective.json`: the version, and the job with rig, library and every default written out.
+    pub(super) fn write_effective(&self, job: &JobSpec, library: &Library) -> Result<(), RunError> {
+        let library = match serde_json::from_str(&library.to_json()) {
+            Ok(Value::Object(members)) => members,
+            _ => return Err(self.write_error("effective.json", &"the library has no JSON form")),
+        };
+        let effective = json!({ "version": env!("CARGO_PKG_VERSION"), "job": job.effective_with_library(library) });
+        self.write_json("effective.json", &effective)
+    }
+
+    pub(super) fn write_report(&self, report: &Report) -> Result<(), RunError> {
+        self.write_json("report.json", report)
+    }
+
+    pub(super) fn journal(&self) -> Result<BufWriter<File>, RunError> {
+        let file = File::create(self.0.join("journal.jsonl"));
+        file.map(BufWriter::new).map_err(|error| self.write_error("journal.jsonl", &error))
+    }
+
+    fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<(), RunError> {
+        let text = serde_json::to_string_pretty(value).map_err(|error| self.write_error(name, &error))?;
+        fs::write(self.0.join(name), text + "\n").map_err(|error| self.write_error(name, &error))
+    }
+}

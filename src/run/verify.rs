@@ -1,0 +1,115 @@
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use serde_json::Value;
+
+use super::{Bench, NamedTruth, RunError, job_library, play};
+use crate::config::{Fault, JobSpec, Origin};
+use crate::control::Sink;
+use crate::recording::{Fanout, Journal};
+use crate::time::StoppedClock;
+
+/// What comparing a run with its repetition showed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Byte for byte the same journal, this many lines.
+    Equal {
+        /// Lines.
+        lines: usize,
+    },
+    /// The journals part ways.
+    Differs {
+        /// First line that differs, from 1.
+        line: usize,
+        /// What the run folder says there.
+        recorded: String,
+        /// What the repetition says there.
+        repeated: String,
+    },
+}
+
+/// Why a run could not be repeated.
+#[derive(Debug, thiserror::Error)]
+pub enum VerifyError {
+    /// A file of the run folder is missing or unreadable.
+    #[error("{path}: {reason}")]
+    Read {
+        /// Which.
+        path: String,
+        /// Why.
+        reason: String,
+    },
+    /// The job in `effective.json` is not valid.
+    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
+    Job(Vec<Fault>),
+    /// It cannot be run.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+/// Runs the job of the run folder `run` again, from that folder alone, and compares the journals.
+/// A run that was stopped from outside is compared as far as it went.
+pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<Verdict, VerifyError> {
+    let effective = run.join("effective.json");
+    let job = effective_job(&read(&effective)?, &effective)?;
+    let recorded = read(&run.join("journal.jsonl"))?;
+    let library = job_library(&job).map_err(RunError::Library)?;
+    let mut bench = Bench::new(&job, &library).map_err(RunError::Job)?;
+    let mut bytes = Vec::new();
+    let mut journal = Journal::new(&mut bytes, Arc::clone(&library));
+    let mut named = NamedTruth::new(bench.truth());
+    let mut sinks = Fanout::new().with(&mut named).with(&mut journal).with(watcher);
+    play(&mut bench, &library, false, &mut sinks, &StoppedClock, stop);
+    let broken = |error: std::io::Error| VerifyError::Read { path: "journal".into(), reason: error.to_string() };
+    journal.finish().map_err(broken)?;
+    Ok(compare(&recorded, &String::from_utf8_lossy(&bytes)))
+}
+
+fn read(path: &Path) -> Result<String, VerifyError> {
+    fs::read_to_string(path)
+        .map_err(|error| VerifyError::Read { path: path.display().to_string(), reason: error.to_string() })
+}
+
+fn effective_job(text: &str, path: &Path) -> Result<JobSpec, VerifyError> {
+    let file = path.display().to_string();
+    let no_job = |reason: String| VerifyError::Read { path: file.clone(), reason };
+    let effective: Value = serde_json::from_str(text).map_err(|error| no_job(error.to_string()))?;
+    let job = effective.get("job").ok_or_else(|| no_job("job: found nothing, allowed: the job".into()))?;
+    JobSpec::from_json(&job.to_string(), &Origin::of_file(path), None).map_err(VerifyError::Job)
+}
+
+fn compare(recorded: &str, repeated: &str) -> Verdict {
+    if recorded == repeated {
+        return Verdict::Equal { lines: recorded.lines().count() };
+    }
+    let (mut a, mut b) = (recorded.split_inclusive('\n'), repeated.split_inclusive('\n'));
+    let mut line = 1;
+    loop {
+        match (a.next(), b.next()) {
+            (Some(x), Some(y)) if x == y => line += 1,
+            (x, y) => {
+                let shown = |text: Option<&str>| text.map_or("(end)", str::trim_end).to_owned();
+                return Verdict::Differs { line, recorded: shown(x), repeated: shown(y) };
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_difference_is_named() {
+        assert_eq!(compare("a\nb\n", "a\nb\n"), Verdict::Equal { lines: 2 });
+        let differs = |recorded: &str, repeated: &str| match compare(recorded, repeated) {
+            Verdict::Differs { line, .. } => line,
+            Verdict::Equal { .. } => 0,
+        };
+        assert_eq!(differs("a\nb\n", "a\nc\n"), 2);
+        assert_eq!(differs("a\nb\n", "a\n"), 2);
+        assert_eq!(differs("a\nb", "a\nb\n"), 2);
+    }
+}
