@@ -1,6 +1,7 @@
 //! A Universal Planar Manipulator: one flat plate, shaken sideways by four voice coils, moves many coins on it
 //! independently, closed over a camera. See `ARCHITECTURE.md` for the rooms and who may import whom.
 
+pub mod cli;
 pub mod config;
 pub mod control;
 pub mod estimation;

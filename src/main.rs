@@ -1,3 +1,7 @@
-//! The `upm` command.
+//! The `upm` command: everything it does is in the library.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    upm::cli::main()
+}

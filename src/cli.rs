@@ -1,0 +1,113 @@
+//! The `upm` command: arguments in, exit status out. Results go to stdout, everything else to stderr.
+
+/// A line on stdout. A reader that has gone away (`| head`) has seen enough and is no error.
+macro_rules! say {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        writeln!(std::io::stdout(), $($text)*).ok();
+    }};
+}
+
+mod args;
+mod calibrate;
+mod check;
+mod failure;
+mod locate;
+mod progress;
+mod render;
+mod replay;
+mod run;
+mod simulate;
+mod summary;
+mod verify;
+
+use std::io::IsTerminal;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::{CommandFactory, Parser};
+use tracing::level_filters::LevelFilter;
+
+use args::{Cli, Command, Common};
+use failure::Failure;
+
+/// The job ran and did not reach its goal.
+const NOT_REACHED: u8 = 1;
+/// Bad usage or a bad file.
+const BAD_INPUT: u8 = 2;
+/// Stopped by Ctrl-C.
+const INTERRUPTED: u8 = 130;
+
+/// Parses the command line and does what it says. Exit status: 0 done, 1 goal not reached, 2 bad usage or a bad
+/// file, 130 interrupted.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    start_logging(cli.common);
+    match dispatch(cli) {
+        Ok(status) => ExitCode::from(status),
+        Err(failure) => {
+            for line in &failure.lines {
+                eprintln!("upm: {line}");
+            }
+            ExitCode::from(failure.status)
+        }
+    }
+}
+
+fn dispatch(cli: Cli) -> Result<u8, Failure> {
+    let common = cli.common;
+    match cli.command {
+        Command::Run(args) => run::run(&args, common),
+        Command::Calibrate(args) => calibrate::calibrate(&args, common),
+        Command::Render(args) => render::render(&args),
+        Command::Locate(args) => locate::locate(&args, common),
+        Command::Simulate(args) => simulate::simulate(&args, common),
+        Command::Replay(args) => replay::replay(&args),
+        Command::Verify(args) => verify::verify(&args, common),
+        Command::Check(args) => check::check(&args, common),
+        Command::Schema(args) => check::schema(&args),
+        Command::Completions(args) => {
+            clap_complete::generate(args.shell, &mut Cli::command(), "upm", &mut std::io::stdout());
+            Ok(0)
+        }
+    }
+}
+
+fn start_logging(common: Common) {
+    let level = match (common.quiet, common.verbose) {
+        (true, _) => LevelFilter::ERROR,
+        (false, 0) => LevelFilter::WARN,
+        (false, 1) => LevelFilter::INFO,
+        (false, 2) => LevelFilter::DEBUG,
+        (false, _) => LevelFilter::TRACE,
+    };
+    tracing_subscriber::fmt()
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_max_level(level)
+        .without_time()
+        .init();
+}
+
+/// A flag that Ctrl-C sets; a second Ctrl-C ends the process at once.
+fn stop_on_interrupt() -> Arc<AtomicBool> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    let handler = move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(i32::from(INTERRUPTED));
+        }
+    };
+    if let Err(error) = ctrlc::set_handler(handler) {
+        tracing::warn!("Ctrl-C will not stop cleanly: {error}");
+    }
+    stop
+}
+
+/// Prints a result as one JSON document.
+fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(value).map_err(|error| Failure::failed(error.to_string()))?;
+    say!("{text}");
+    Ok(())
+}

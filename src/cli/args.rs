@@ -1,0 +1,169 @@
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// One flat plate, shaken sideways, moves many coins on it independently, closed over a camera.
+#[derive(Parser, Debug)]
+#[command(name = "upm", version, max_term_width = 100, arg_required_else_help = true)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+    /// Flags every command takes.
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// Flags every command takes.
+#[derive(Args, Debug, Clone, Copy)]
+pub struct Common {
+    /// Print the machine-readable result alone on stdout
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Say more on stderr (-vv for everything)
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub verbose: u8,
+    /// Say nothing on stderr but errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+}
+
+/// The commands.
+#[derive(Subcommand, Debug)]
+pub enum Command {
+    /// Run one job and leave a run folder: journal, report, recording
+    Run(RunArgs),
+    /// Measure what a rig can do and write its COR library
+    Calibrate(CalibrateArgs),
+    /// Render the first camera frame of a job, and where everything truly is
+    Render(RenderArgs),
+    /// Find table and parts in a picture
+    Locate(LocateArgs),
+    /// Open loop: given pulses on given parts, true trajectories out
+    Simulate(SimulateArgs),
+    /// Open a run in the Rerun viewer
+    Replay(RunFolderArgs),
+    /// Run a job again from its run folder alone and compare the journals byte for byte
+    Verify(RunFolderArgs),
+    /// Validate job, rig, experiment and library files
+    Check(CheckArgs),
+    /// Print the JSON Schema of a file
+    Schema(SchemaArgs),
+    /// Print completions for a shell
+    Completions(CompletionsArgs),
+}
+
+/// `upm run`.
+#[derive(Args, Debug)]
+pub struct RunArgs {
+    /// Job file
+    #[arg(value_name = "JOB.json")]
+    pub job: PathBuf,
+    /// Seed in place of the job's
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+    /// Folder that run folders are made in
+    #[arg(long, value_name = "DIR", default_value = "runs")]
+    pub out: PathBuf,
+    /// As fast as possible, or no faster than the clock
+    #[arg(long, value_enum, default_value_t = Pace::Max)]
+    pub pace: Pace,
+    /// What becomes of the Rerun recording: off, save, connect[=URL] or spawn
+    #[arg(long, value_name = "MODE", default_value = default_rerun())]
+    pub rerun: String,
+}
+
+/// How fast plate time passes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Pace {
+    /// As fast as the machine can.
+    Max,
+    /// One second of plate time a second.
+    RealTime,
+}
+
+fn default_rerun() -> &'static str {
+    if cfg!(feature = "rerun") { "save" } else { "off" }
+}
+
+/// `upm calibrate`.
+#[derive(Args, Debug)]
+pub struct CalibrateArgs {
+    /// Rig file
+    #[arg(long, value_name = "RIG.json")]
+    pub rig: PathBuf,
+    /// Where the library goes
+    #[arg(long, value_name = "LIBRARY.json")]
+    pub out: PathBuf,
+    /// Seed of noise, friction and coin places
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// `upm render`.
+#[derive(Args, Debug)]
+pub struct RenderArgs {
+    /// Job file
+    #[arg(value_name = "JOB.json")]
+    pub job: PathBuf,
+    /// Where the picture goes (png, jpg, pgm, tiff)
+    #[arg(long, value_name = "FRAME.png")]
+    pub out: PathBuf,
+    /// Where the truth goes: corners and parts
+    #[arg(long, value_name = "TRUTH.json")]
+    pub truth: Option<PathBuf>,
+    /// Seed in place of the job's
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+}
+
+/// `upm locate`.
+#[derive(Args, Debug)]
+pub struct LocateArgs {
+    /// Picture: PNG, JPEG, PNM or TIFF, gray or colour
+    #[arg(value_name = "IMAGE")]
+    pub image: PathBuf,
+    /// Rig file; without it an 8x8 in table, pennies, no lens distortion
+    #[arg(long, value_name = "RIG.json")]
+    pub rig: Option<PathBuf>,
+}
+
+/// `upm simulate`.
+#[derive(Args, Debug)]
+pub struct SimulateArgs {
+    /// Experiment file
+    #[arg(value_name = "EXPERIMENT.json")]
+    pub experiment: PathBuf,
+}
+
+/// Commands on a finished run.
+#[derive(Args, Debug)]
+pub struct RunFolderArgs {
+    /// Run folder, as `upm run` leaves it
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+}
+
+/// `upm check`.
+#[derive(Args, Debug)]
+pub struct CheckArgs {
+    /// Files to validate
+    #[arg(value_name = "FILE", required = true)]
+    pub files: Vec<PathBuf>,
+}
+
+/// `upm schema`.
+#[derive(Args, Debug)]
+pub struct SchemaArgs {
+    /// job, rig or simulate
+    #[arg(value_name = "NAME")]
+    pub name: String,
+}
+
+/// `upm completions`.
+#[derive(Args, Debug)]
+pub struct CompletionsArgs {
+    /// Shell
+    #[arg(value_enum)]
+    pub shell: clap_complete::Shell,
+}

@@ -1,0 +1,46 @@
+use std::io::IsTerminal;
+
+use serde_json::json;
+
+use super::args::{CalibrateArgs, Common};
+use super::failure::Failure;
+use super::progress::StageProgress;
+use super::{INTERRUPTED, print_json, stop_on_interrupt};
+use crate::config::RigSpec;
+use crate::control::calibration::CalibrationFault;
+use crate::library::Library;
+use crate::run::{calibrate as calibrate_rig, calibration_params};
+use crate::units::mm_from_m;
+
+pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Failure> {
+    let rig = RigSpec::load(&args.rig).map_err(Failure::faults)?;
+    let stop = stop_on_interrupt();
+    let progress = StageProgress::new(common.quiet || !std::io::stderr().is_terminal());
+    let params = calibration_params(&rig);
+    let library = calibrate_rig(&rig, args.seed, &params, &stop, &mut |step| progress.show(step));
+    progress.finish();
+    let library = match library {
+        Ok(library) => library,
+        Err(CalibrationFault::Stopped) => return Ok(INTERRUPTED),
+        Err(fault) => return Err(Failure::failed(format!("calibration of {}: {fault}", rig.model.name))),
+    };
+    library.save(&args.out).map_err(|error| Failure::write(&args.out, error))?;
+    if common.json {
+        print_json(
+            &json!({ "rig": library.rig, "fingerprint": library.fingerprint, "entries": library.entries.len() }),
+        )?;
+    } else {
+        print_summary(&library);
+        say!("  {:18} {}", "written to", args.out.display());
+    }
+    Ok(0)
+}
+
+fn print_summary(library: &Library) {
+    say!("{}: {} motions measured", library.rig, library.entries.len());
+    let model = &library.displacement;
+    let (Some(slow), Some(fast)) = (model.speed_mps.first(), model.speed_mps.last()) else { return };
+    say!("  {:18} {:.0} to {:.0} mm/s under the coins", "plate speeds", mm_from_m(*slow), mm_from_m(*fast));
+    let range = [model.min_distance(*fast), model.max_distance(*fast)].map(mm_from_m);
+    say!("  {:18} {:.2} to {:.1} mm at the fastest", "steps", range[0], range[1]);
+}

@@ -1,0 +1,75 @@
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::control::calibration::CalibrationProgress;
+use crate::control::{CycleFacts, EventLevel, LocalisedFacts, Sink};
+use crate::time::PlateTime;
+
+/// Thousandths, so that a bar can stand for any fraction.
+const FULL: u64 = 1000;
+
+/// Shows a run as a bar on stderr; silent without a terminal.
+pub(super) struct RunProgress {
+    bar: ProgressBar,
+}
+
+impl RunProgress {
+    pub fn new(quiet: bool) -> Self {
+        Self { bar: bar(quiet) }
+    }
+
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+impl Sink for RunProgress {
+    fn localised(&mut self, facts: &LocalisedFacts<'_>) {
+        self.bar.set_message(format!("table found, {} parts", facts.detections.len()));
+    }
+
+    fn cycle(&mut self, facts: &CycleFacts<'_>) {
+        self.bar.set_position((facts.wanted.progress * FULL as f64) as u64);
+        self.bar.set_message(format!("plate {:6.1} s  {}", facts.ended_at.secs(), facts.wanted.phase));
+    }
+
+    fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
+        match level {
+            EventLevel::Info => tracing::info!("plate {at}: {text}"),
+            EventLevel::Warning => self.bar.suspend(|| tracing::warn!("plate {at}: {text}")),
+            EventLevel::Error => self.bar.suspend(|| tracing::error!("plate {at}: {text}")),
+        }
+    }
+}
+
+/// Shows a calibration as a bar on stderr.
+pub(super) struct StageProgress {
+    bar: ProgressBar,
+}
+
+impl StageProgress {
+    pub fn new(quiet: bool) -> Self {
+        Self { bar: bar(quiet) }
+    }
+
+    pub fn show(&self, progress: CalibrationProgress) {
+        let CalibrationProgress { stage, done, total, plate_time_s } = progress;
+        self.bar.set_position(FULL * done as u64 / total.max(1) as u64);
+        self.bar.set_message(format!("plate {plate_time_s:6.1} s  {stage} {done} of {total}"));
+    }
+
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+fn bar(quiet: bool) -> ProgressBar {
+    let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) };
+    let bar = ProgressBar::with_draw_target(Some(FULL), target);
+    if let Ok(style) = ProgressStyle::with_template("[{bar:30.cyan}] {percent:>3} %  {msg}") {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}

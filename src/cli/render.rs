@@ -1,0 +1,43 @@
+use std::fs;
+
+use image::GrayImage;
+use serde_json::{Value, json};
+
+use super::args::RenderArgs;
+use super::failure::Failure;
+use crate::config::JobSpec;
+use crate::run::{FirstFrame, FirstFrameError, first_frame};
+use crate::units::mm_from_m;
+
+pub(super) fn render(args: &RenderArgs) -> Result<u8, Failure> {
+    let mut job = JobSpec::load(&args.job).map_err(Failure::faults)?;
+    if let Some(seed) = args.seed {
+        job = job.with_seed(seed);
+    }
+    let first = first_frame(&job).map_err(|error| match error {
+        FirstFrameError::Job(fault) => Failure::faults([fault]),
+        FirstFrameError::Rig(fault) => Failure::failed(fault.to_string()),
+    })?;
+    if let Some(path) = &args.truth {
+        fs::write(path, format!("{:#}\n", truth(&first))).map_err(|error| Failure::write(path, error))?;
+    }
+    let frame = first.frame;
+    GrayImage::from_raw(frame.width as u32, frame.height as u32, frame.pixels)
+        .ok_or_else(|| Failure::failed("the camera's frame has no picture"))?
+        .save(&args.out)
+        .map_err(|error| Failure::write(&args.out, error))?;
+    Ok(0)
+}
+
+fn truth(first: &FirstFrame) -> Value {
+    let parts = first.parts.iter().map(|part| {
+        json!({
+            "id": part.id,
+            "kind": part.kind,
+            "position_mm": [mm_from_m(part.position_m.x), mm_from_m(part.position_m.y)],
+            "foot_px": [part.foot_px.x, part.foot_px.y],
+        })
+    });
+    let corners_px = first.corners_px.map(|corner| [corner.x, corner.y]);
+    json!({ "table": { "corners_px": corners_px }, "parts": parts.collect::<Vec<_>>() })
+}

@@ -1,0 +1,49 @@
+use std::io::IsTerminal;
+
+use super::args::{Common, Pace, RunArgs};
+use super::failure::Failure;
+use super::progress::RunProgress;
+use super::summary::print_summary;
+use super::{INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
+use crate::config::JobSpec;
+use crate::recording::{Outcome, RerunMode};
+use crate::run::{RunError, RunOptions, run as run_job};
+use crate::time::MonotonicClock;
+
+pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
+    let rerun: RerunMode = args.rerun.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;
+    let mut job = JobSpec::load(&args.job).map_err(Failure::faults)?;
+    if let Some(seed) = args.seed {
+        job = job.with_seed(seed);
+    }
+    let options =
+        RunOptions { out: args.out.clone(), started_utc: utc_now(), rerun, real_time: args.pace == Pace::RealTime };
+    let stop = stop_on_interrupt();
+    let mut progress = RunProgress::new(common.quiet || !std::io::stderr().is_terminal());
+    let result = run_job(&job, &options, &MonotonicClock::new(), &stop, &mut progress);
+    progress.finish();
+    let result = result.map_err(|error| run_failure(&error))?;
+    for warning in &result.warnings {
+        tracing::warn!("{warning}");
+    }
+    if common.json {
+        print_json(&result.report)?;
+    } else {
+        print_summary(&job, &result);
+    }
+    Ok(match result.report.outcome {
+        Outcome::Completed => 0,
+        Outcome::Failed => NOT_REACHED,
+        Outcome::Cancelled => INTERRUPTED,
+    })
+}
+
+pub(super) fn run_failure(error: &RunError) -> Failure {
+    let failure = if error.is_bad_input() { Failure::bad_input } else { Failure::failed };
+    Failure { lines: error.lines(), ..failure(String::new()) }
+}
+
+/// The wall time for a folder's name, `20260101T000000Z`.
+fn utc_now() -> String {
+    jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ").to_string()
+}

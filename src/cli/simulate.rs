@@ -1,0 +1,48 @@
+use serde_json::json;
+
+use super::args::{Common, SimulateArgs};
+use super::failure::Failure;
+use super::print_json;
+use crate::config::SimulateSpec;
+use crate::run::{Trajectories, simulate as simulate_open_loop};
+use crate::units::mm_from_m;
+
+pub(super) fn simulate(args: &SimulateArgs, common: Common) -> Result<u8, Failure> {
+    let spec = SimulateSpec::load(&args.experiment).map_err(Failure::faults)?;
+    let result = simulate_open_loop(&spec)
+        .map_err(|error| Failure::bad_input(format!("{}: {error}", args.experiment.display())))?;
+    if common.json {
+        print_json(&as_json(&result))?;
+    } else {
+        print_table(&spec, &result);
+    }
+    Ok(0)
+}
+
+fn as_json(result: &Trajectories) -> serde_json::Value {
+    let mm = |values: &[f64]| values.iter().copied().map(mm_from_m).collect::<Vec<_>>();
+    let parts = result
+        .parts
+        .iter()
+        .map(|part| json!({ "x_mm": mm(&part.x_m), "y_mm": mm(&part.y_m), "theta_rad": part.theta_rad }));
+    json!({ "t_s": result.t_s, "parts": parts.collect::<Vec<_>>() })
+}
+
+fn print_table(spec: &SimulateSpec, result: &Trajectories) {
+    say!("{:.3} s of plate time, {} pulses", result.t_s.last().unwrap_or(&0.0), spec.pulses.len());
+    say!("  {:12} {:>19} {:>19} {:>9} {:>9}", "part", "from mm", "to mm", "moved mm", "turned °");
+    for (placed, part) in spec.parts.iter().zip(&result.parts) {
+        let ends = |values: &[f64]| [values.first(), values.last()].map(|v| v.copied().unwrap_or_default());
+        let (x, y, theta) = (ends(&part.x_m).map(mm_from_m), ends(&part.y_m).map(mm_from_m), ends(&part.theta_rad));
+        let moved = (x[1] - x[0]).hypot(y[1] - y[0]);
+        say!(
+            "  {:12} {:9.3},{:9.3} {:9.3},{:9.3} {moved:9.3} {:9.2}",
+            placed.id,
+            x[0],
+            y[0],
+            x[1],
+            y[1],
+            (theta[1] - theta[0]).to_degrees()
+        );
+    }
+}

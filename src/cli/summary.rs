@@ -1,0 +1,51 @@
+use crate::config::JobSpec;
+use crate::recording::{Outcome, Report};
+use crate::run::RunResult;
+
+/// What a person wants to know when a run is over.
+pub(super) fn print_summary(job: &JobSpec, result: &RunResult) {
+    let Report { name, seed, outcome, reason, .. } = &result.report;
+    let outcome = match outcome {
+        Outcome::Completed => "completed",
+        Outcome::Failed => "failed",
+        Outcome::Cancelled => "cancelled",
+    };
+    say!("{name} on {}, seed {seed}: {outcome}: {reason}", job.rig.model.name);
+    for (label, text) in rows(&result.report) {
+        say!("  {label:15} {text}");
+    }
+    say!("  {:15} {}", "run folder", result.folder.display());
+    if result.folder.join("run.rrd").exists() {
+        say!("  {:15} upm replay {}", "watch it", result.folder.display());
+    }
+}
+
+fn rows(report: &Report) -> Vec<(&'static str, String)> {
+    let faster = report.plate_time_s / report.wall_time_s.max(1e-9);
+    let mut rows = vec![
+        (
+            "plate time",
+            format!("{:.1} s, run in {:.1} s ({faster:.1} times faster)", report.plate_time_s, report.wall_time_s),
+        ),
+        ("work", format!("{} cycles, {} pulses, {} frames", report.cycles, report.pulses, report.frames)),
+    ];
+    if report.laps > 0 {
+        rows.push(("laps", report.laps.to_string()));
+    }
+    if let (Some(rms), Some(max)) = (report.cross_track_rms_mm, report.cross_track_max_mm) {
+        rows.push(("cross-track", format!("{rms:.2} mm rms, {max:.2} mm at most")));
+    }
+    if let Some(rms) = report.sensing_rms_error_mm {
+        rows.push(("sensing error", format!("{rms:.3} mm rms against the truth")));
+    }
+    if let Some(error) = report.max_error_mm {
+        rows.push(("final error", format!("{error:.2} mm at most")));
+    }
+    if let Some(collisions) = report.collisions.filter(|&touches| touches > 0) {
+        rows.push(("collisions", collisions.to_string()));
+    }
+    if report.lost_parts > 0 {
+        rows.push(("lost parts", report.lost_parts.to_string()));
+    }
+    rows
+}
