@@ -1,0 +1,174 @@
+//! Paths as they are written in Rust sources, without a compiler: enough for sources that compile.
+
+/// A path as written in a source: `crate::geometry::Vec2`, made absolute where it starts with `super`.
+#[derive(Debug)]
+pub struct Mention {
+    pub line: usize,
+    pub segments: Vec<String>,
+    pub in_test: bool,
+}
+
+#[derive(Clone, Debug)]
+struct Token {
+    text: String,
+    line: usize,
+}
+
+impl Token {
+    fn is_name(&self) -> bool {
+        self.text.starts_with(|c: char| c.is_alphanumeric() || c == '_')
+    }
+}
+
+/// Names, `::` and single marks; comments, strings and characters left out.
+fn tokens(source: &str) -> Vec<Token> {
+    let (mut tokens, mut rest, mut line) = (Vec::new(), source, 1);
+    while let Some(c) = rest.chars().next() {
+        let hashes = rest.trim_start_matches(['b', 'r']).chars().take_while(|&c| c == '#').count();
+        let raw =
+            rest.trim_start_matches('b').strip_prefix('r').is_some_and(|r| r[hashes.min(r.len())..].starts_with('"'));
+        let name = rest.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(rest.len());
+        let (length, kept) = if rest.starts_with("//") {
+            (rest.find('\n').unwrap_or(rest.len()), false)
+        } else if rest.starts_with("/*") {
+            (rest.find("*/").map_or(rest.len(), |end| end + 2), false)
+        } else if raw {
+            let start = rest.find('"').map_or(0, |i| i + 1);
+            let close = format!("\"{}", "#".repeat(hashes));
+            (rest[start..].find(&close).map_or(rest.len(), |end| start + end + close.len()), false)
+        } else if c == '"' {
+            (quoted_length(rest), false)
+        } else if c == '\'' {
+            (character_length(rest), false)
+        } else if name > 0 {
+            (name, true)
+        } else if rest.starts_with("::") {
+            (2, true)
+        } else {
+            (c.len_utf8(), !c.is_whitespace())
+        };
+        let (text, after) = rest.split_at(length);
+        if kept {
+            tokens.push(Token { text: text.to_owned(), line });
+        }
+        line += text.matches('\n').count();
+        rest = after;
+    }
+    tokens
+}
+
+fn quoted_length(rest: &str) -> usize {
+    let mut escaped = false;
+    for (i, c) in rest.char_indices().skip(1) {
+        match c {
+            '"' if !escaped => return i + 1,
+            _ => escaped = c == '\\' && !escaped,
+        }
+    }
+    rest.len()
+}
+
+/// Of a character with its quotes; 1 for the quote of a lifetime.
+fn character_length(rest: &str) -> usize {
+    let mut chars = rest.char_indices().skip(1);
+    match (chars.next(), chars.next()) {
+        (Some((_, '\\')), Some((after, _))) => rest[after + 1..].find('\'').map_or(rest.len(), |end| after + end + 2),
+        (Some(_), Some((end, '\''))) => end + 1,
+        _ => 1,
+    }
+}
+
+/// What a source says: its paths and the modules it declares for tests alone.
+#[derive(Debug, Default)]
+pub struct Scan {
+    pub mentions: Vec<Mention>,
+    pub test_modules: Vec<String>,
+}
+
+/// `depth` is how deep the file's module lies: 1 for `src/goal.rs`, 2 for `src/goal/plus_sign.rs`.
+pub fn scan(source: &str, depth: usize) -> Scan {
+    let tokens = tokens(source);
+    let text = |i: usize| tokens.get(i).map_or("", |t| t.text.as_str());
+    let mut scan = Scan::default();
+    // For each open brace: does it open a module, is it in a test.
+    let mut scopes: Vec<(bool, bool)> = Vec::new();
+    let (mut pending_test, mut pending_module) = (false, false);
+    let mut i = 0;
+    while i < tokens.len() {
+        let in_test = pending_test || scopes.last().is_some_and(|s| s.1);
+        let mut paths = Vec::new();
+        let next = match text(i) {
+            "#" if text(i + 1) == "[" && text(i + 2) == "cfg" => {
+                let end = (i..tokens.len()).find(|&k| text(k) == "]").unwrap_or(tokens.len());
+                let names: Vec<&str> = (i..end).map(text).collect();
+                pending_test |= names.contains(&"test") && !names.contains(&"not");
+                end
+            }
+            "use" if text(i + 1) != "<" => use_tree(&tokens, i + 1, &[], &mut paths),
+            "mod" if text(i + 2) == ";" => {
+                scan.test_modules.extend(in_test.then(|| text(i + 1).to_owned()));
+                i + 2
+            }
+            "mod" => {
+                pending_module = true;
+                i + 1
+            }
+            "{" => {
+                scopes.push((std::mem::take(&mut pending_module), in_test));
+                pending_test = false;
+                i + 1
+            }
+            "}" => {
+                scopes.pop();
+                i + 1
+            }
+            ";" => {
+                pending_test = false;
+                i + 1
+            }
+            _ if tokens[i].is_name() && text(i + 1) == "::" && (i == 0 || text(i - 1) != "::") => {
+                let mut end = i;
+                while text(end + 1) == "::" && tokens.get(end + 2).is_some_and(Token::is_name) {
+                    end += 2;
+                }
+                paths.push((tokens[i].line, (i..=end).step_by(2).map(|k| text(k).to_owned()).collect()));
+                end + 1
+            }
+            _ => i + 1,
+        };
+        let deep = depth + scopes.iter().filter(|s| s.0).count();
+        scan.mentions.extend(paths.into_iter().map(|(line, p)| Mention { line, segments: absolute(p, deep), in_test }));
+        i = next;
+    }
+    scan
+}
+
+/// Unfolds the tree of a `use` that starts at token `i`; gives the token after it.
+fn use_tree(tokens: &[Token], mut i: usize, before: &[String], paths: &mut Vec<(usize, Vec<String>)>) -> usize {
+    let mut path = before.to_vec();
+    while let Some(token) = tokens.get(i) {
+        match token.text.as_str() {
+            "{" => {
+                while tokens.get(i).is_some_and(|t| t.text != "}" && t.text != ";") {
+                    i = use_tree(tokens, i + 1, &path, paths);
+                }
+                return i + 1;
+            }
+            "as" => i += 1,
+            "::" => {}
+            "}" | "," | ";" => break,
+            name => path.push(name.to_owned()),
+        }
+        i += 1;
+    }
+    if path.len() > before.len() {
+        paths.push((tokens.get(i).map_or(0, |t| t.line), path));
+    }
+    i
+}
+
+/// A `super` path that climbs to the crate's root is a `crate` path.
+fn absolute(path: Vec<String>, depth: usize) -> Vec<String> {
+    let climbs = path.iter().take_while(|s| *s == "super").count();
+    if climbs < depth { path } else { std::iter::once("crate".into()).chain(path.into_iter().skip(climbs)).collect() }
+}

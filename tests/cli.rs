@@ -1,0 +1,176 @@
+//! The command line from the outside: exit status, one line a fault, results on stdout.
+#![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+fn upm() -> Command {
+    let mut command = Command::cargo_bin("upm").unwrap();
+    command.current_dir(root());
+    command
+}
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The shipped plus-sign job with its rig's path made absolute, changed, in a file of its own.
+fn job(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
+    let text = fs::read_to_string(root().join("configs/plus-sign.json")).unwrap();
+    let mut job: Value = serde_json::from_str(&text).unwrap();
+    job["rig"] = json!(root().join("configs/rigs/upm-1.json"));
+    change(&mut job);
+    let path = folder.join("job.json");
+    fs::write(&path, job.to_string()).unwrap();
+    path
+}
+
+/// Runs `upm` with these arguments, expects this exit status, gives back stdout and stderr.
+fn status(args: &[&str], expected: i32) -> (String, String) {
+    let output = upm().args(args).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    let (stdout, stderr) = (text(output.stdout), text(output.stderr));
+    assert_eq!(output.status.code(), Some(expected), "{args:?}\nstdout: {stdout}\nstderr: {stderr}");
+    assert!(!stderr.contains("panicked"), "{stderr}");
+    (stdout, stderr)
+}
+
+#[test]
+fn every_bad_job_is_refused_in_one_line_with_its_path() {
+    type Change = fn(&mut Value);
+    let cases: [(&str, Change); 10] = [
+        ("$.colour", |job| job["colour"] = json!("red")),
+        ("$.seed", |job| job["seed"] = json!("seven")),
+        ("$.parts[0].kind", |job| job["parts"][0]["kind"] = json!("pennyy")),
+        ("$.parts[0].count", |job| job["parts"][0]["count"] = json!(500)),
+        ("$.parts[0].position_mm", |job| job["parts"][0]["position_mm"] = json!([500, 0])),
+        ("$.task", |job| job["task"] = json!({"type": "dance"})),
+        ("$.task.edge_margin_mm", |job| job["task"]["edge_margin_mm"] = json!(-1)),
+        ("$.tolerance_mm", |job| job["tolerance_mm"] = json!(0)),
+        ("$.limits.plate_time_s", |job| job["limits"]["plate_time_s"] = json!(-5)),
+        ("$.rig", |job| job["rig"] = json!("no/such/rig.json")),
+    ];
+    for (path, change) in cases {
+        let folder = TempDir::new().unwrap();
+        let file = job(folder.path(), change);
+        for command in ["run", "check"] {
+            let (stdout, stderr) = status(&[command, file.to_str().unwrap()], 2);
+            assert!(stdout.is_empty(), "{path}: {stdout}");
+            let shown = path.trim_start_matches("$.");
+            assert!(stderr.contains(shown), "{command} {path}: {stderr}");
+            assert!(stderr.contains("allowed"), "{command} {path}: {stderr}");
+        }
+        assert!(!folder.path().join("runs").exists(), "{path}: a refused job leaves no run folder");
+    }
+}
+
+#[test]
+fn an_unknown_key_is_answered_with_the_likely_one() {
+    let folder = TempDir::new().unwrap();
+    let file = job(folder.path(), |job| job["tolerence_mm"] = json!(1));
+    let (_, stderr) = status(&["check", file.to_str().unwrap()], 2);
+    assert!(stderr.contains("tolerance_mm"), "{stderr}");
+}
+
+#[test]
+fn files_that_are_none_are_refused() {
+    let folder = TempDir::new().unwrap();
+    let path = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        fs::write(&path, bytes).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    status(&["run", "no-such-job.json"], 2);
+    status(&["run", &path("empty.json", b"")], 2);
+    status(&["run", &path("half.json", b"{\"name\": \"x\"")], 2);
+    status(&["run", &path("latin.json", b"{\"name\": \"\xe9\"}")], 2);
+    status(&["check", &path("deep.json", "[".repeat(100_000).as_bytes())], 2);
+    status(&["locate", &path("no.png", b"not a picture")], 2);
+    status(&["locate", "no-such-picture.png"], 2);
+    status(&["schema", "nonsense"], 2);
+    status(&["verify", folder.path().to_str().unwrap()], 2);
+    status(&["frobnicate"], 2);
+}
+
+#[test]
+fn a_picture_without_a_table_says_so() {
+    let folder = TempDir::new().unwrap();
+    let picture = folder.path().join("black.png");
+    image::GrayImage::new(640, 480).save(&picture).unwrap();
+    let (_, stderr) = status(&["locate", picture.to_str().unwrap()], 1);
+    assert_eq!(stderr.trim().lines().count(), 1, "{stderr}");
+    let dot = folder.path().join("dot.png");
+    image::GrayImage::new(1, 1).save(&dot).unwrap();
+    status(&["locate", dot.to_str().unwrap()], 1);
+}
+
+#[test]
+fn a_rendered_frame_is_located_again() {
+    let folder = TempDir::new().unwrap();
+    let (frame, truth) = (folder.path().join("frame.png"), folder.path().join("truth.json"));
+    let (frame, truth) = (frame.to_str().unwrap(), truth.to_str().unwrap());
+    status(&["render", "configs/plus-sign.json", "--out", frame, "--truth", truth], 0);
+    let (stdout, _) = status(&["locate", frame, "--rig", "configs/rigs/upm-1.json", "--json"], 0);
+    let found: Value = serde_json::from_str(&stdout).unwrap();
+    let truth: Value = serde_json::from_str(&fs::read_to_string(truth).unwrap()).unwrap();
+    assert_eq!(found["parts"].as_array().unwrap().len(), 1);
+    let at = |value: &Value, i: usize| value["parts"][0]["position_mm"][i].as_f64().unwrap();
+    for axis in 0..2 {
+        let error = at(&found, axis) - at(&truth, axis);
+        assert!(error.abs() < 0.1, "axis {axis} off by {error} mm");
+    }
+    assert_eq!(found["parts"][0]["kind"], "penny");
+}
+
+#[test]
+fn simulate_prints_trajectories() {
+    let folder = TempDir::new().unwrap();
+    let experiment = folder.path().join("experiment.json");
+    let text = json!({
+        "rig": root().join("configs/rigs/upm-1.json"),
+        "plate": "kinematic",
+        "parts": [{"kind": "penny", "position_mm": [50, 0]}],
+        "pulses": [{"cor_mm": [0, 0], "rotation": 1, "sustain_s": 0.1, "attack_s": 0.01, "rest_s": 0.05, "omega_rad_s": 8}],
+        "sample_hz": 1000,
+    });
+    fs::write(&experiment, text.to_string()).unwrap();
+    let (stdout, _) = status(&["simulate", experiment.to_str().unwrap(), "--json"], 0);
+    let result: Value = serde_json::from_str(&stdout).unwrap();
+    let y = result["parts"][0]["y_mm"].as_array().unwrap();
+    assert_eq!(y.len(), result["t_s"].as_array().unwrap().len());
+    let moved = y.last().unwrap().as_f64().unwrap();
+    assert!((2.0..12.0).contains(&moved), "a counter-clockwise pulse carries the coin up: {moved} mm");
+}
+
+#[test]
+fn schemas_and_completions_are_printed() {
+    for name in ["job", "rig", "simulate"] {
+        let (stdout, _) = status(&["schema", name], 0);
+        let schema: Value = serde_json::from_str(&stdout).unwrap();
+        assert!(schema["properties"].is_object(), "{name}");
+    }
+    let (stdout, _) = status(&["completions", "bash"], 0);
+    assert!(stdout.contains("upm"));
+    let (stdout, _) = status(&["--version"], 0);
+    assert!(stdout.starts_with("upm "));
+}
+
+#[test]
+fn the_shipped_files_are_valid() {
+    let mut files: Vec<String> = Vec::new();
+    for folder in ["configs", "configs/rigs", "assets/libraries"] {
+        for entry in fs::read_dir(root().join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_some_and(|extension| extension == "json") {
+                files.push(path.to_str().unwrap().to_owned());
+            }
+        }
+    }
+    assert!(files.len() >= 6, "{files:?}");
+    let args: Vec<&str> = std::iter::once("check").chain(files.iter().map(String::as_str)).collect();
+    status(&args, 0);
+}

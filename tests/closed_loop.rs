@@ -1,0 +1,142 @@
+//! The whole loop through the command line: run, report, journal, verification, endings.
+#![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A job on a shipped rig, written to `folder`.
+fn job(folder: &Path, rig: &str, change: impl FnOnce(&mut Value)) -> PathBuf {
+    let mut job = json!({
+        "name": "test",
+        "seed": 3,
+        "rig": root().join(format!("configs/rigs/{rig}.json")),
+        "parts": [{"kind": "penny"}],
+        "task": {"type": "plus_sign", "laps": 1, "edge_margin_mm": 50},
+        "limits": {"plate_time_s": 200},
+    });
+    change(&mut job);
+    let path = folder.join("job.json");
+    fs::write(&path, job.to_string()).unwrap();
+    path
+}
+
+struct Run {
+    folder: PathBuf,
+    report: Value,
+    status: i32,
+}
+
+fn run(job: &Path, out: &Path, rerun: &str) -> Run {
+    let output = Command::cargo_bin("upm")
+        .unwrap()
+        .args(["run", job.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rerun", rerun, "--json"])
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!stderr.contains("panicked"), "{stderr}");
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {stderr}"));
+    let mut folders: Vec<PathBuf> = fs::read_dir(out).unwrap().map(|entry| entry.unwrap().path()).collect();
+    assert_eq!(folders.len(), 1);
+    Run { folder: folders.remove(0), report, status: output.status.code().unwrap() }
+}
+
+fn number(report: &Value, key: &str) -> f64 {
+    report[key].as_f64().unwrap_or_else(|| panic!("{key} in {report}"))
+}
+
+#[test]
+fn plus_sign_completes_on_the_weak_rig() {
+    let folder = TempDir::new().unwrap();
+    let run = run(&job(folder.path(), "upm-1", |_| ()), &folder.path().join("out"), "off");
+    assert_eq!(run.status, 0, "{}", run.report);
+    assert_eq!(run.report["outcome"], "completed");
+    assert_eq!(run.report["laps"], 1);
+    assert_eq!(run.report["lost_parts"], 0);
+    assert!(number(&run.report, "cross_track_rms_mm") <= 1.0, "{}", run.report);
+    assert!(number(&run.report, "sensing_rms_error_mm") <= 0.1, "{}", run.report);
+    assert!(number(&run.report, "max_error_mm") <= 0.6, "{}", run.report);
+    let saved: Value = serde_json::from_str(&fs::read_to_string(run.folder.join("report.json")).unwrap()).unwrap();
+    assert_eq!(saved, run.report);
+}
+
+#[test]
+fn two_coins_follow_their_own_paths_on_the_strong_rig() {
+    let folder = TempDir::new().unwrap();
+    let file = job(folder.path(), "upm-2", |job| {
+        job["parts"] = json!([
+            {"kind": "penny", "position_mm": [-70, 0]},
+            {"kind": "quarter", "position_mm": [70, 0]},
+        ]);
+        job["task"] = json!({"type": "trajectories", "paths": [
+            {"waypoints_mm": [[-70, 20], [-50, 20]], "speed_mm_s": 15, "repeat": 1},
+            {"waypoints_mm": [[70, -20], [50, 0]], "speed_mm_s": 15, "repeat": 1},
+        ]});
+    });
+    let run = run(&file, &folder.path().join("out"), "off");
+    assert_eq!(run.status, 0, "{}", run.report);
+    assert_eq!(run.report["collisions"], 0);
+    assert!(number(&run.report, "max_error_mm") <= 1.0, "{}", run.report);
+}
+
+#[test]
+fn equal_seeds_give_equal_journals_with_and_without_recording() {
+    for rig in ["upm-1", "upm-2"] {
+        let folder = TempDir::new().unwrap();
+        let file = job(folder.path(), rig, |job| job["limits"]["plate_time_s"] = json!(6));
+        let recorded = if cfg!(feature = "rerun") { "save" } else { "off" };
+        let runs = [run(&file, &folder.path().join("a"), "off"), run(&file, &folder.path().join("b"), recorded)];
+        let [a, b] = runs.map(|run| fs::read(run.folder.join("journal.jsonl")).unwrap());
+        assert!(a.len() > 1000);
+        assert!(a == b, "{rig}: journals differ");
+    }
+}
+
+#[test]
+fn another_seed_gives_another_journal() {
+    let folder = TempDir::new().unwrap();
+    let journal = |seed: u64| {
+        let file = job(folder.path(), "upm-1", |job| {
+            job["seed"] = json!(seed);
+            job["limits"]["plate_time_s"] = json!(2);
+        });
+        fs::read(run(&file, &folder.path().join(seed.to_string()), "off").folder.join("journal.jsonl")).unwrap()
+    };
+    assert_ne!(journal(1), journal(2));
+}
+
+#[test]
+fn a_run_folder_alone_is_enough_to_verify_it() {
+    for rig in ["upm-1", "upm-2"] {
+        let folder = TempDir::new().unwrap();
+        let file = job(folder.path(), rig, |job| job["limits"]["plate_time_s"] = json!(5));
+        let done = run(&file, &folder.path().join("out"), "off");
+        fs::remove_file(file).unwrap();
+        let verify = || {
+            let run = done.folder.to_str().unwrap();
+            Command::cargo_bin("upm").unwrap().args(["verify", run]).output().unwrap().status.code()
+        };
+        assert_eq!(verify(), Some(0));
+        let journal = done.folder.join("journal.jsonl");
+        let text = fs::read_to_string(&journal).unwrap();
+        fs::write(&journal, text.replacen("\"cycle\":1", "\"cycle\":9", 1)).unwrap();
+        assert_eq!(verify(), Some(1), "a changed journal must not pass");
+    }
+}
+
+#[test]
+fn running_out_of_time_is_a_failure_with_its_reason() {
+    let folder = TempDir::new().unwrap();
+    let file = job(folder.path(), "upm-1", |job| job["limits"]["plate_time_s"] = json!(1.5));
+    let run = run(&file, &folder.path().join("out"), "off");
+    assert_eq!(run.status, 1);
+    assert_eq!(run.report["outcome"], "failed");
+    assert!(run.report["reason"].as_str().unwrap().contains("1.5 s"), "{}", run.report);
+}
