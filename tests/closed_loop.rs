@@ -140,3 +140,64 @@ fn running_out_of_time_is_a_failure_with_its_reason() {
     assert_eq!(run.report["outcome"], "failed");
     assert!(run.report["reason"].as_str().unwrap().contains("1.5 s"), "{}", run.report);
 }
+
+/// The shipped library of `upm-1`, changed, next to the job that names it.
+fn with_library(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
+    let text = fs::read_to_string(root().join("assets/libraries/upm-1.json")).unwrap();
+    let mut library: Value = serde_json::from_str(&text).unwrap();
+    change(&mut library);
+    fs::write(folder.join("library.json"), library.to_string()).unwrap();
+    job(folder, "upm-1", |job| job["library"] = json!("library.json"))
+}
+
+#[test]
+fn a_coin_that_leaves_the_plate_ends_the_run_as_failed() {
+    let folder = TempDir::new().unwrap();
+    // a library that has every direction wrong drives the coin away from where it should go
+    let file = with_library(folder.path(), |library| {
+        for entry in library["entries"].as_array_mut().unwrap() {
+            for amplitude in entry["amplitudes"].as_array_mut().unwrap() {
+                *amplitude = json!(-amplitude.as_i64().unwrap());
+            }
+        }
+    });
+    let run = run(&file, &folder.path().join("out"), "off");
+    assert_eq!(run.status, 1, "{}", run.report);
+    assert_eq!(run.report["outcome"], "failed");
+    assert_eq!(run.report["lost_parts"], 1);
+    assert!(run.report["reason"].as_str().unwrap().contains("penny-1 is lost"), "{}", run.report);
+    assert!(fs::metadata(run.folder.join("journal.jsonl")).unwrap().len() > 0);
+}
+
+#[test]
+fn motions_out_of_the_motors_reach_are_refused() {
+    let folder = TempDir::new().unwrap();
+    let file = with_library(folder.path(), |library| library["entries"][3]["amplitudes"] = json!([900, -900, 0, 0]));
+    let output = Command::cargo_bin("upm").unwrap().args(["run", file.to_str().unwrap()]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(stderr.contains("library.json: entries[3].amplitudes: found"), "{stderr}");
+}
+
+#[test]
+fn an_interrupt_closes_the_run_in_good_order() {
+    let folder = TempDir::new().unwrap();
+    let file = job(folder.path(), "upm-1", |_| ());
+    let out = folder.path().join("out");
+    let child = std::process::Command::new(env!("CARGO_BIN_EXE_upm"))
+        .args(["run", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--pace", "real-time", "--json"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    assert!(std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["outcome"], "cancelled");
+    let folder = fs::read_dir(&out).unwrap().next().unwrap().unwrap().path();
+    let journal = fs::read_to_string(folder.join("journal.jsonl")).unwrap();
+    assert!(journal.lines().all(|line| serde_json::from_str::<Value>(line).is_ok()), "no half line");
+    assert!(folder.join("report.json").exists());
+}

@@ -178,7 +178,10 @@ impl PlusSign {
             Stage::CentreAlongY => "to the centre, along y".into(),
             Stage::Out { lap, branch } => format!("{}: branch {}, outwards", lap_of(lap), BRANCHES[branch].1),
             Stage::Back { lap, branch } => format!("{}: branch {}, back", lap_of(lap), BRANCHES[branch].1),
-            Stage::Done => "done".into(),
+            Stage::Done => match self.params.laps {
+                1 => "1 lap driven".into(),
+                laps => format!("{laps} laps driven"),
+            },
         }
     }
 

@@ -47,7 +47,7 @@ impl Trajectories {
         let finished = self.followers.iter().filter(|f| f.finished(self.arrive_m)).count();
         match self.followers.iter().map(|f| f.path.repeat).max() {
             None => "no parts".into(),
-            _ if done => "done".into(),
+            _ if done => "all paths followed to their ends".into(),
             _ if on_path < of => format!("to the first waypoints: {on_path} of {of} there"),
             Some(1) => format!("along the paths: {finished} of {of} at the end"),
             Some(_) => format!("round the paths, lap {}: {finished} of {of} at the end", u64::from(self.laps()) + 1),

@@ -6,7 +6,7 @@ use std::fmt;
 pub struct LibraryFault {
     /// The file as the person named it.
     pub file: String,
-    /// JSON path inside it: `entries[3].spin_rad_s`; `.` for the whole file.
+    /// JSON path inside it: `entries[3].spin_rad_s`; `$` for the whole file.
     pub path: String,
     /// What is there.
     pub found: String,

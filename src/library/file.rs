@@ -46,7 +46,7 @@ impl Library {
     pub fn load(path: &Path) -> Result<Self, Vec<LibraryFault>> {
         let file = path.display().to_string();
         let text = std::fs::read_to_string(path)
-            .map_err(|error| vec![LibraryFault::new(".", error, "a readable file").in_file(&file)])?;
+            .map_err(|error| vec![LibraryFault::new("$", error, "a readable file").in_file(&file)])?;
         Self::from_json(&text, &file)
     }
 }

@@ -41,6 +41,17 @@ impl Library {
         }
         Ok(())
     }
+
+    /// Entries that the rig's motors cannot reach: their waveforms peak above `count_limit`.
+    pub fn unreachable_entries(&self, count_limit: f64) -> Vec<LibraryFault> {
+        let peak = |entry: usize| self.drive(entry, 0.0).map_or(0.0, |drive| drive.peak_counts());
+        let fault = |(entry, peak): (usize, f64)| {
+            let allowed = format!("amplitudes whose waveform peaks at {count_limit:.0} counts or less");
+            LibraryFault::new(format!("entries[{entry}].amplitudes"), format!("a peak of {peak:.0} counts"), allowed)
+        };
+        let peaks = (0..self.entries.len()).map(|entry| (entry, peak(entry)));
+        peaks.filter(|&(_, peak)| peak > count_limit).map(fault).collect()
+    }
 }
 
 /// Smaller eigenvalue of the sum of τ τ^T over all entries, with τ the unit flow at the plate's centre.

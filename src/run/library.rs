@@ -21,12 +21,21 @@ pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
             }]);
         }
     };
-    library.check_fits(&job.rig.model.name, &job.rig.fingerprint).map_err(|fault| {
-        let file = match &job.library {
-            Some(LibraryRef::File(path)) => path.display().to_string(),
-            _ => fault.file,
-        };
-        vec![LibraryFault { file, ..fault }]
-    })?;
-    Ok(Arc::new(library))
+    let model = &job.rig.model;
+    let misfit = library.check_fits(&model.name, &job.rig.fingerprint).err();
+    let faults: Vec<LibraryFault> = misfit
+        .into_iter()
+        .chain(library.unreachable_entries(model.count_limit))
+        .map(|fault| in_file(fault, job))
+        .collect();
+    if faults.is_empty() { Ok(Arc::new(library)) } else { Err(faults) }
+}
+
+/// The fault under the name of the file the library came from.
+fn in_file(fault: LibraryFault, job: &JobSpec) -> LibraryFault {
+    let file = match &job.library {
+        Some(LibraryRef::File(path)) => path.display().to_string(),
+        _ => format!("{}: library", job.file),
+    };
+    LibraryFault { file, ..fault }
 }
