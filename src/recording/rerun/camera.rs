@@ -21,7 +21,7 @@ pub(super) struct CameraView {
 impl CameraView {
     pub(super) fn new(context: &RunContext) -> Self {
         let ids: Vec<String> = context.parts.iter().map(|part| part.id.clone()).collect();
-        Self { trails: Trails::new(ids.len(), 2.0), ids, table: None, halved: Vec::new() }
+        Self { trails: Trails::new(ids.len(), 6.0), ids, table: None, halved: Vec::new() }
     }
 
     pub(super) fn localised(&mut self, tape: &Tape, table: Table) -> Logged {

@@ -46,7 +46,7 @@ impl TableView {
         if context.truth.is_some() {
             tape.log_static("table/true", &truth.with_colors([paint::color(paint::TRUE)]))?;
         }
-        let trails = Trails::new(context.parts.len(), 5e-4);
+        let trails = Trails::new(context.parts.len(), 1.5e-3);
         let ids = context.parts.iter().map(|part| part.id.clone()).collect();
         Ok(Self { half_side_m, ids, measured: trails.clone(), truth: trails })
     }

@@ -3,7 +3,7 @@ use std::collections::VecDeque;
 use crate::geometry::Vec2;
 
 /// Points kept of each trail.
-const POINTS: usize = 240;
+const POINTS: usize = 600;
 
 /// Where several things have been of late.
 #[derive(Clone, Debug)]
