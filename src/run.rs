@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::config::{Fault, JobSpec};
-use crate::control::{self, Devices, Finish, Sink};
+use crate::control::{self, Devices, Ending, Finish, Sink};
 use crate::library::{Library, LibraryFault};
 use crate::recording::{self, Fanout, Journal, PartEnding, Report, RerunMode, Tally};
 use crate::time::Clock;
@@ -103,23 +103,46 @@ pub fn run(
     let library = job_library(job).map_err(RunError::Library)?;
     let mut bench = Bench::new(job, &library).map_err(RunError::Job)?;
     let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
-    folder.write_effective(job, &library)?;
+    let session = Session { job, library, options, clock, stop };
+    let done = session.run_into(&folder, &mut bench, watcher);
+    if let Err(error) = &done {
+        // no run folder without a reason in it, as far as it can be written at all
+        let failed = Finish { ending: Ending::failed(error.to_string()), ..Finish::default() };
+        folder.write_report(&Tally::default().report(ending(job, &bench, failed, 0.0))).ok();
+    }
+    done
+}
 
-    let started = clock.elapsed();
-    let mut journal = Journal::new(folder.journal()?, Arc::clone(&library));
-    let mut tally = Tally::new(Some(bench.truth()));
-    let mut recorder = Recorder::start(options, &folder, &bench, job, &library)?;
-    let mut named = NamedTruth::new(bench.truth());
-    let mut sinks =
-        Fanout::new().with(&mut named).with(&mut journal).with(&mut tally).with(recorder.sink()).with(watcher);
-    let finish = play(&mut bench, &library, options.real_time, &mut sinks, clock, stop);
-    let wall_time_s = (clock.elapsed() - started).as_secs_f64();
+/// One run of one job.
+struct Session<'a> {
+    job: &'a JobSpec,
+    library: Arc<Library>,
+    options: &'a RunOptions,
+    clock: &'a dyn Clock,
+    stop: &'a AtomicBool,
+}
 
-    journal.finish().map_err(|error| folder.write_error("journal.jsonl", &error))?;
-    let warnings = recorder.finish().into_iter().collect();
-    let report = tally.report(ending(job, &bench, finish, wall_time_s));
-    folder.write_report(&report)?;
-    Ok(RunResult { folder: folder.path().to_owned(), report, warnings })
+impl Session<'_> {
+    /// Runs to the end and writes everything into `folder`.
+    fn run_into(&self, folder: &RunFolder, bench: &mut Bench, watcher: &mut dyn Sink) -> Result<RunResult, RunError> {
+        let Self { job, library, options, clock, stop } = self;
+        folder.write_effective(job, library)?;
+        let started = clock.elapsed();
+        let mut journal = Journal::new(folder.journal()?, Arc::clone(library));
+        let mut tally = Tally::new(Some(bench.truth()));
+        let mut recorder = Recorder::start(options, folder, bench, job, library)?;
+        let mut named = NamedTruth::new(bench.truth());
+        let mut sinks =
+            Fanout::new().with(&mut named).with(&mut journal).with(&mut tally).with(recorder.sink()).with(watcher);
+        let finish = play(bench, library, options.real_time, &mut sinks, *clock, stop);
+        let wall_time_s = (clock.elapsed() - started).as_secs_f64();
+
+        let warnings = recorder.finish().into_iter().collect();
+        let report = tally.report(ending(job, bench, finish, wall_time_s));
+        folder.write_report(&report)?;
+        journal.finish().map_err(|error| folder.write_error("journal.jsonl", &error))?;
+        Ok(RunResult { folder: folder.path().to_owned(), report, warnings })
+    }
 }
 
 /// The control loop on the bench.

@@ -201,3 +201,18 @@ fn an_interrupt_closes_the_run_in_good_order() {
     assert!(journal.lines().all(|line| serde_json::from_str::<Value>(line).is_ok()), "no half line");
     assert!(folder.join("report.json").exists());
 }
+
+#[test]
+#[cfg(feature = "rerun")]
+fn a_run_that_cannot_begin_leaves_its_reason() {
+    let folder = TempDir::new().unwrap();
+    let file = job(folder.path(), "upm-1", |_| ());
+    let out = folder.path().join("out");
+    let args = ["run", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rerun", "connect=nonsense"];
+    let output = Command::cargo_bin("upm").unwrap().args(args).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let folder = fs::read_dir(&out).unwrap().next().unwrap().unwrap().path();
+    let report: Value = serde_json::from_str(&fs::read_to_string(folder.join("report.json")).unwrap()).unwrap();
+    assert_eq!(report["outcome"], "failed");
+    assert!(report["reason"].as_str().unwrap().contains("nonsense"), "{report}");
+}

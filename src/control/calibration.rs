@@ -1,10 +1,10 @@
 //! Calibration: what can this rig do, and how far do parts go when it does? (UPM paper, sections 3.2 and 4.1.)
 //!
-//! 1. [`axes`]: one pulse along x, y and spin each; the response of both harmonics gives the pre-compensation
+//! 1. Axes: one pulse along x, y and spin each; the response of both harmonics gives the pre-compensation
 //!    of every axis and the gain matrix from motor amplitudes to the plate's twist.
-//! 2. [`displacement`]: a few motions, pulses of rising length, the camera measures how far the coins go. This comes
+//! 2. Displacement: a few motions, pulses of rising length, the camera measures how far the coins go. This comes
 //!    before the many pulses of the next step carry the coins off the plate.
-//! 3. [`steering`]: centres of rotation over and around the plate and translations, each played both ways at the
+//! 3. Steering: centres of rotation over and around the plate and translations, each played both ways at the
 //!    strongest the motors allow and read back through the accelerometers.
 
 mod axes;

@@ -50,7 +50,7 @@ pub struct Devices<'a> {
 }
 
 /// How a run ended and where things stood then.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Finish {
     /// How and why.
     pub ending: Ending,
@@ -60,12 +60,6 @@ pub struct Finish {
     pub measured_m: Vec<Vec2>,
     /// Indices of the parts that are lost.
     pub lost: Vec<usize>,
-}
-
-impl Finish {
-    fn blind(ending: Ending) -> Self {
-        Self { ending, wanted: None, measured_m: Vec::new(), lost: Vec::new() }
-    }
 }
 
 /// Runs `goal` to its end. Motors are at zero when this returns, whatever happened.
@@ -81,7 +75,7 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
                 Cycle { rig, model, sink, clock, stop, library, goal, params, eyes, planner, gains, wanted, index: 0 };
             cycle.until_end()
         }
-        Err(ending) => Finish::blind(ending),
+        Err(ending) => Finish { ending, ..Finish::default() },
     };
     rig.stop();
     let level = if finish.ending.outcome == Outcome::Failed { EventLevel::Error } else { EventLevel::Info };

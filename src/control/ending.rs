@@ -1,18 +1,19 @@
 use crate::rig::RigFault;
 
 /// How a run ended. A lost coin or a missing table is an ending, not an error.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Outcome {
     /// The goal was reached.
     Completed,
-    /// It cannot be reached any more, or not in time.
+    /// It cannot be reached any more, or not in time; or the run never began.
+    #[default]
     Failed,
     /// Somebody stopped it.
     Cancelled,
 }
 
 /// An outcome and the reason in words.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ending {
     /// How.
     pub outcome: Outcome,

@@ -2,9 +2,9 @@ use std::sync::Arc;
 
 use crate::config::{Fault, JobSpec, PlacedPart, TaskSpec, place_parts};
 use crate::control::{ControlParams, ExpectedPart, LocalisedFacts, Sink};
-use crate::geometry::Pose;
+use crate::geometry::{Pose, Vec2};
 use crate::goal::{Goal, PathParams, PlusSign, PlusSignParams, Trajectories};
-use crate::library::Library;
+use crate::library::{Entry, Library};
 use crate::planner::PlannerParams;
 use crate::random::Streams;
 use crate::rig::{PartKind, Rig, RigModel};
@@ -12,7 +12,9 @@ use crate::sim::{SimRig, TruthProbe};
 use crate::time::PlateTime;
 
 /// Longest step wanted of a part in one cycle, m.
-const LONGEST_STEP_M: f64 = 5e-3;
+const LONGEST_STEP_M: f64 = 8e-3;
+/// Part of the strong entries' reach at the plate's centre that a step may ask for.
+const ONE_PULSE: f64 = 0.9;
 /// How far a part's reference may run ahead of it, m.
 const LEAD_M: f64 = 4e-3;
 /// Gap the planner keeps between rims, m.
@@ -53,7 +55,7 @@ impl Bench {
             planner: planner_params(job, library),
             kinds,
         };
-        let goal = goal(job, &placed);
+        let goal = goal(job, library, &placed);
         Ok(Self { rig, model, goal, params, placed })
     }
 
@@ -112,7 +114,7 @@ fn planner_params(job: &JobSpec, library: &Library) -> PlannerParams {
         half_side_m: 0.5 * job.rig.model.plate_side_m,
         edge_margin_m: EDGE_MARGIN_M,
         separation_m: SEPARATION_M,
-        max_distance_m: library.displacement.max_distance(fastest).min(2.0 * LONGEST_STEP_M),
+        max_distance_m: library.displacement.max_distance(fastest),
         min_distance_m: 0.3e-3,
         max_pulses: 24,
         candidates_per_part: 24,
@@ -120,7 +122,16 @@ fn planner_params(job: &JobSpec, library: &Library) -> PlannerParams {
     }
 }
 
-fn goal(job: &JobSpec, placed: &[PlacedPart]) -> Box<dyn Goal> {
+/// A step that one pulse can make in most directions: a longer one would take several, each about another centre.
+fn stride_m(library: &Library) -> f64 {
+    let at_center = |entry: &Entry| library.displacement.max_distance(entry.speed_at(Vec2::zeros()));
+    let mut reach_m: Vec<f64> = library.entries.iter().map(at_center).collect();
+    reach_m.sort_by(f64::total_cmp);
+    let strong_m = reach_m.get(reach_m.len() * 9 / 10).copied().unwrap_or_default();
+    LONGEST_STEP_M.min(ONE_PULSE * strong_m)
+}
+
+fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Goal> {
     match &job.task {
         TaskSpec::PlusSign { laps, edge_margin_m } => Box::new(PlusSign::new(PlusSignParams {
             half_side_m: 0.5 * job.rig.model.plate_side_m,
@@ -128,7 +139,7 @@ fn goal(job: &JobSpec, placed: &[PlacedPart]) -> Box<dyn Goal> {
             edge_margin_m: *edge_margin_m,
             laps: *laps,
             arrive_m: job.tolerance_m,
-            stride_m: LONGEST_STEP_M,
+            stride_m: stride_m(library),
         })),
         TaskSpec::Trajectories { paths } => {
             let paths = paths.iter().map(|path| PathParams {
