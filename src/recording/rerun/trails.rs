@@ -44,10 +44,10 @@ mod tests {
     #[test]
     fn trails_stay_short_and_coarse() {
         let mut trails = Trails::new(1, 1.0);
-        (0..1000).for_each(|i| trails.push(&[Vec2::new(f64::from(i) * 0.5, 0.0)]));
+        (0..4 * POINTS as i32).for_each(|i| trails.push(&[Vec2::new(f64::from(i) * 0.5, 0.0)]));
         let strips = trails.strips(|p| [p.x as f32, p.y as f32]);
         assert_eq!(strips[0].len(), POINTS);
-        assert_eq!(strips[0].last(), Some(&[499.0, 0.0]));
+        assert_eq!(strips[0].last(), Some(&[2.0 * POINTS as f32 - 1.0, 0.0]));
         assert!(strips[0].windows(2).all(|pair| pair[1][0] - pair[0][0] == 1.0));
     }
 }
