@@ -1,10 +1,15 @@
 //! The `upm` command: arguments in, exit status out. Results go to stdout, everything else to stderr.
 
-/// A line on stdout. A reader that has gone away (`| head`) has seen enough and is no error.
+/// A line on stdout, as a `Result`. A reader that has gone away (`| head`) has seen enough and is no error.
 macro_rules! say {
+    ($($text:tt)*) => { $crate::cli::put(format_args!($($text)*)) };
+}
+
+/// A line on stderr; where that cannot be written, nobody can be told.
+macro_rules! complain {
     ($($text:tt)*) => {{
         use std::io::Write as _;
-        writeln!(std::io::stdout(), $($text)*).ok();
+        writeln!(std::io::stderr(), $($text)*).ok();
     }};
 }
 
@@ -21,7 +26,7 @@ mod simulate;
 mod summary;
 mod verify;
 
-use std::io::IsTerminal;
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -48,7 +53,7 @@ pub fn main() -> ExitCode {
         Ok(status) => ExitCode::from(status),
         Err(failure) => {
             for line in &failure.lines {
-                eprintln!("upm: {line}");
+                complain!("upm: {line}");
             }
             ExitCode::from(failure.status)
         }
@@ -60,7 +65,7 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
     match cli.command {
         Command::Run(args) => run::run(&args, common),
         Command::Calibrate(args) => calibrate::calibrate(&args, common),
-        Command::Render(args) => render::render(&args),
+        Command::Render(args) => render::render(&args, common),
         Command::Locate(args) => locate::locate(&args, common),
         Command::Simulate(args) => simulate::simulate(&args, common),
         Command::Replay(args) => replay::replay(&args),
@@ -68,7 +73,9 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Check(args) => check::check(&args, common),
         Command::Schema(args) => check::schema(&args),
         Command::Completions(args) => {
-            clap_complete::generate(args.shell, &mut Cli::command(), "upm", &mut std::io::stdout());
+            let mut script = Vec::new();
+            clap_complete::generate(args.shell, &mut Cli::command(), "upm", &mut script);
+            say!("{}", String::from_utf8_lossy(&script).trim_end())?;
             Ok(0)
         }
     }
@@ -108,6 +115,14 @@ fn stop_on_interrupt() -> Arc<AtomicBool> {
 /// Prints a result as one JSON document.
 fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(value).map_err(|error| Failure::failed(error.to_string()))?;
-    say!("{text}");
-    Ok(())
+    say!("{text}")
+}
+
+/// Writes a line to stdout.
+fn put(text: std::fmt::Arguments<'_>) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::failed(format!("stdout: {error}"))),
+        _ => Ok(()),
+    }
 }

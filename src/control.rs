@@ -10,6 +10,6 @@ mod facts;
 mod learning;
 
 pub use cycle::{ControlParams, Devices, Finish, run};
-pub use ending::{Ending, Outcome};
+pub use ending::{Ending, Outcome, STOPPED};
 pub use eyes::{ExpectedPart, Eyes, Moment};
 pub use facts::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};

@@ -26,7 +26,7 @@ pub use calibrate::{calibrate, calibration_params};
 pub use first_frame::{FirstFrame, FirstFrameError, TruePart, first_frame};
 pub use folder::RunFolder;
 pub use library::job_library;
-pub use simulate::simulate;
+pub use simulate::{check_simulate, simulate};
 pub use verify::{Verdict, VerifyError, verify};
 
 /// How to run, beside the job.
@@ -70,6 +70,9 @@ pub enum RunError {
         /// Why.
         reason: String,
     },
+    /// The recording cannot go where it was said to go.
+    #[error("--rerun: {0}")]
+    RerunMode(String),
     /// The recording could not be started.
     #[error("recording: {0}")]
     Recording(String),
@@ -83,7 +86,7 @@ impl RunError {
 
     /// True when the fault lies in what was given, not in the machine.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Job(_) | Self::Library(_))
+        matches!(self, Self::Job(_) | Self::Library(_) | Self::RerunMode(_))
     }
 }
 
@@ -100,12 +103,13 @@ pub fn run(
     watcher: &mut dyn Sink,
 ) -> Result<RunResult, RunError> {
     job.check_runnable().map_err(RunError::Job)?;
+    Recorder::check(&options.rerun).map_err(RunError::RerunMode)?;
     let library = job_library(job).map_err(RunError::Library)?;
     let mut bench = Bench::new(job, &library).map_err(RunError::Job)?;
     let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
     let session = Session { job, library, options, clock, stop };
     let done = session.run_into(&folder, &mut bench, watcher);
-    if let Err(error) = &done {
+    if let (Err(error), false) = (&done, folder.has_report()) {
         // no run folder without a reason in it, as far as it can be written at all
         let failed = Finish { ending: Ending::failed(error.to_string()), ..Finish::default() };
         folder.write_report(&Tally::default().report(ending(job, &bench, failed, 0.0))).ok();
@@ -137,10 +141,15 @@ impl Session<'_> {
         let finish = play(bench, library, options.real_time, &mut sinks, *clock, stop);
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
-        let warnings = recorder.finish().into_iter().collect();
-        let report = tally.report(ending(job, bench, finish, wall_time_s));
+        let warnings = recorder.finish(&options.rerun).into_iter().collect();
+        let written = journal.finish().map_err(|error| folder.write_error("journal.jsonl", &error));
+        let mut ending = ending(job, bench, finish, wall_time_s);
+        if let Err(error) = &written {
+            (ending.outcome, ending.reason) = (recording::Outcome::Failed, error.to_string());
+        }
+        let report = tally.report(ending);
         folder.write_report(&report)?;
-        journal.finish().map_err(|error| folder.write_error("journal.jsonl", &error))?;
+        written?;
         Ok(RunResult { folder: folder.path().to_owned(), report, warnings })
     }
 }
@@ -194,6 +203,19 @@ struct Recorder {
 
 impl Recorder {
     #[cfg(feature = "rerun")]
+    fn check(mode: &RerunMode) -> Result<(), String> {
+        recording::RerunSink::check(mode).map_err(|error| error.to_string())
+    }
+
+    #[cfg(not(feature = "rerun"))]
+    fn check(mode: &RerunMode) -> Result<(), String> {
+        match mode {
+            RerunMode::Off => Ok(()),
+            _ => Err(format!("found {mode}, allowed: off, as this build has no Rerun")),
+        }
+    }
+
+    #[cfg(feature = "rerun")]
     fn start(
         options: &RunOptions,
         folder: &RunFolder,
@@ -216,11 +238,8 @@ impl Recorder {
     }
 
     #[cfg(not(feature = "rerun"))]
-    fn start(options: &RunOptions, _: &RunFolder, _: &Bench, _: &JobSpec, _: &Arc<Library>) -> Result<Self, RunError> {
-        match options.rerun {
-            RerunMode::Off => Ok(Self { sink: NoRecording }),
-            _ => Err(RunError::Recording("this build has no Rerun; run with --rerun off".into())),
-        }
+    fn start(_: &RunOptions, _: &RunFolder, _: &Bench, _: &JobSpec, _: &Arc<Library>) -> Result<Self, RunError> {
+        Ok(Self { sink: NoRecording })
     }
 
     fn sink(&mut self) -> &mut dyn Sink {
@@ -229,12 +248,19 @@ impl Recorder {
 
     /// Closes the recording; what is wrong with it in words.
     #[cfg(feature = "rerun")]
-    fn finish(self) -> Option<String> {
-        self.sink.finish().err().map(|error| error.to_string())
+    fn finish(self, mode: &RerunMode) -> Option<String> {
+        let live = matches!(mode, RerunMode::Connect { .. } | RerunMode::Spawn);
+        match self.sink.finish() {
+            Err(error) => Some(error.to_string()),
+            Ok(stats) if live && !stats.viewer_caught_up => {
+                Some("the viewer did not take the whole run; the recording in the run folder is whole".into())
+            }
+            Ok(_) => None,
+        }
     }
 
     #[cfg(not(feature = "rerun"))]
-    fn finish(self) -> Option<String> {
+    fn finish(self, _: &RerunMode) -> Option<String> {
         None
     }
 }

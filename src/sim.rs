@@ -20,7 +20,7 @@ pub use accelerometers::Accelerometers;
 pub use camera::{Camera, DiscShape, Snapshot};
 pub use friction::DiscFriction;
 pub use motors::{Motors, forces_of_wrench, wrench_of_forces};
-pub use open_loop::{OpenLoopError, OpenPulse, PartTrajectory, PlateMode, Trajectories, simulate};
+pub use open_loop::{OpenLoopError, OpenPulse, PartTrajectory, PlateMode, Trajectories, check_pulses, simulate};
 pub use params::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PartParams, PlateParams, SimParams};
 pub use parts::{PartMotion, Parts};
 pub use plant::Plant;

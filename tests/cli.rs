@@ -60,9 +60,12 @@ fn every_bad_job_is_refused_in_one_line_with_its_path() {
         for command in ["run", "check"] {
             let (stdout, stderr) = status(&[command, file.to_str().unwrap()], 2);
             assert!(stdout.is_empty(), "{path}: {stdout}");
-            let shown = path.trim_start_matches("$.");
-            assert!(stderr.contains(shown), "{command} {path}: {stderr}");
-            assert!(stderr.contains("allowed"), "{command} {path}: {stderr}");
+            let fault = format!("job.json: {}", path.trim_start_matches("$."));
+            let lines: Vec<&str> = stderr.lines().collect();
+            assert!(lines.iter().any(|line| line.contains(&fault)), "{command} {path}: {stderr}");
+            for line in lines {
+                assert!(line.contains(": found ") && line.contains(", allowed: "), "{command} {path}: {line}");
+            }
         }
         assert!(!folder.path().join("runs").exists(), "{path}: a refused job leaves no run folder");
     }
@@ -157,6 +160,25 @@ fn schemas_and_completions_are_printed() {
     assert!(stdout.contains("upm"));
     let (stdout, _) = status(&["--version"], 0);
     assert!(stdout.starts_with("upm "));
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_reader_that_goes_away_is_no_panic_and_a_full_disk_is_told() {
+    for args in [&["completions", "bash"][..], &["schema", "job"], &["check", "configs/plus-sign.json"]] {
+        let full = fs::File::options().write(true).open("/dev/full").unwrap();
+        let child = std::process::Command::new(env!("CARGO_BIN_EXE_upm"))
+            .args(args)
+            .current_dir(root())
+            .stdout(full)
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap();
+        let output = child.wait_with_output().unwrap();
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{args:?}: {stderr}");
+        assert!(stderr.contains("stdout"), "{args:?}: {stderr}");
+    }
 }
 
 #[test]

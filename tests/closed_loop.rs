@@ -190,7 +190,7 @@ fn an_interrupt_closes_the_run_in_good_order() {
         .stderr(std::process::Stdio::piped())
         .spawn()
         .unwrap();
-    std::thread::sleep(std::time::Duration::from_secs(3));
+    wait_for_journal(&out);
     assert!(std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
@@ -200,6 +200,23 @@ fn an_interrupt_closes_the_run_in_good_order() {
     let journal = fs::read_to_string(folder.join("journal.jsonl")).unwrap();
     assert!(journal.lines().all(|line| serde_json::from_str::<Value>(line).is_ok()), "no half line");
     assert!(folder.join("report.json").exists());
+    let verify =
+        Command::cargo_bin("upm").unwrap().args(["verify", folder.to_str().unwrap(), "--json"]).output().unwrap();
+    let verdict: Value = serde_json::from_slice(&verify.stdout).unwrap();
+    assert_eq!((&verdict["equal"], &verdict["stopped"]), (&json!(true), &json!(true)), "{verdict}");
+}
+
+/// Waits until a run in `out` has written the first lines of its journal; the file is buffered, so its folder and then
+/// some cycles of real time are what can be waited for.
+fn wait_for_journal(out: &Path) {
+    let begun = || fs::read_dir(out).is_ok_and(|mut runs| runs.next().is_some());
+    for _ in 0..200 {
+        if begun() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    std::thread::sleep(std::time::Duration::from_secs(3));
 }
 
 #[test]
@@ -208,11 +225,15 @@ fn a_run_that_cannot_begin_leaves_its_reason() {
     let folder = TempDir::new().unwrap();
     let file = job(folder.path(), "upm-1", |_| ());
     let out = folder.path().join("out");
-    let args = ["run", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rerun", "connect=nonsense"];
-    let output = Command::cargo_bin("upm").unwrap().args(args).output().unwrap();
-    assert_eq!(output.status.code(), Some(1));
+    let args = ["run", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rerun"];
+    let bad_address = Command::cargo_bin("upm").unwrap().args(args).arg("connect=nonsense").output().unwrap();
+    assert_eq!(bad_address.status.code(), Some(2));
+    assert!(!out.exists(), "bad usage leaves nothing");
+    let no_viewer = Command::cargo_bin("upm").unwrap().args(args).arg("spawn").env("PATH", "").output().unwrap();
+    assert_eq!(no_viewer.status.code(), Some(1));
+    assert_eq!(String::from_utf8(no_viewer.stderr).unwrap().lines().count(), 1);
     let folder = fs::read_dir(&out).unwrap().next().unwrap().unwrap().path();
     let report: Value = serde_json::from_str(&fs::read_to_string(folder.join("report.json")).unwrap()).unwrap();
     assert_eq!(report["outcome"], "failed");
-    assert!(report["reason"].as_str().unwrap().contains("nonsense"), "{report}");
+    assert!(report["reason"].as_str().unwrap().contains("Rerun viewer"), "{report}");
 }

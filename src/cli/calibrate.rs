@@ -1,4 +1,5 @@
 use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
@@ -14,6 +15,8 @@ use crate::units::mm_from_m;
 
 pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Failure> {
     let rig = RigSpec::load(&args.rig).map_err(Failure::faults)?;
+    // found out before a long measurement, not after it
+    let draft = draft_beside(&args.out).map_err(|error| Failure::write(&args.out, error))?;
     let stop = stop_on_interrupt();
     let progress = StageProgress::new(common.quiet || !std::io::stderr().is_terminal());
     let params = calibration_params(&rig);
@@ -21,26 +24,43 @@ pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Fail
     progress.finish();
     let library = match library {
         Ok(library) => library,
-        Err(CalibrationFault::Stopped) => return Ok(INTERRUPTED),
-        Err(fault) => return Err(Failure::failed(format!("calibration of {}: {fault}", rig.model.name))),
+        Err(fault) => {
+            std::fs::remove_file(&draft).ok();
+            if fault == CalibrationFault::Stopped {
+                return Ok(INTERRUPTED);
+            }
+            return Err(Failure::failed(format!("calibration of {}: {fault}", rig.model.name)));
+        }
     };
-    library.save(&args.out).map_err(|error| Failure::write(&args.out, error))?;
+    library
+        .save(&draft)
+        .and_then(|()| std::fs::rename(&draft, &args.out))
+        .map_err(|error| Failure::write(&args.out, error))?;
     if common.json {
         print_json(
             &json!({ "rig": library.rig, "fingerprint": library.fingerprint, "entries": library.entries.len() }),
         )?;
     } else {
-        print_summary(&library);
-        say!("  {:18} {}", "written to", args.out.display());
+        print_summary(&library)?;
+        say!("  {:18} {}", "written to", args.out.display())?;
     }
     Ok(0)
 }
 
-fn print_summary(library: &Library) {
-    say!("{}: {} motions measured", library.rig, library.entries.len());
+/// An empty file beside `out` that the library is written to before it takes its place.
+fn draft_beside(out: &Path) -> std::io::Result<PathBuf> {
+    let mut name = out.file_name().unwrap_or_default().to_owned();
+    name.push(".part");
+    let draft = out.with_file_name(name);
+    std::fs::File::create(&draft)?;
+    Ok(draft)
+}
+
+fn print_summary(library: &Library) -> Result<(), Failure> {
+    say!("{}: {} motions measured", library.rig, library.entries.len())?;
     let model = &library.displacement;
-    let (Some(slow), Some(fast)) = (model.speed_mps.first(), model.speed_mps.last()) else { return };
-    say!("  {:18} {:.0} to {:.0} mm/s under the coins", "plate speeds", mm_from_m(*slow), mm_from_m(*fast));
+    let (Some(slow), Some(fast)) = (model.speed_mps.first(), model.speed_mps.last()) else { return Ok(()) };
+    say!("  {:18} {:.0} to {:.0} mm/s under the coins", "plate speeds", mm_from_m(*slow), mm_from_m(*fast))?;
     let range = [model.min_distance(*fast), model.max_distance(*fast)].map(mm_from_m);
-    say!("  {:18} {:.2} to {:.1} mm at the fastest", "steps", range[0], range[1]);
+    say!("  {:18} {:.2} to {:.1} mm at the fastest", "steps", range[0], range[1])
 }

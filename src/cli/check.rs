@@ -7,7 +7,7 @@ use super::failure::Failure;
 use super::{BAD_INPUT, print_json};
 use crate::config::{self, JobSpec, RigSpec, SimulateSpec};
 use crate::library::Library;
-use crate::run::job_library;
+use crate::run::{check_simulate, job_library};
 
 /// What a file turned out to be: a line for people, or its faults.
 type Finding = Result<String, Vec<String>>;
@@ -28,8 +28,8 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
     } else {
         for (path, finding) in &findings {
             match finding {
-                Ok(says) => say!("{}: ok, {says}", path.display()),
-                Err(faults) => faults.iter().for_each(|fault| eprintln!("upm: {fault}")),
+                Ok(says) => say!("{}: ok, {says}", path.display())?,
+                Err(faults) => faults.iter().for_each(|fault| complain!("upm: {fault}")),
             }
         }
     }
@@ -45,6 +45,7 @@ fn check_file(path: &Path) -> Finding {
         Ok(format!("library of {}, {} motions", library.rig, library.entries.len()))
     } else if has("pulses") {
         let experiment = SimulateSpec::load(path).map_err(lines)?;
+        check_simulate(&experiment).map_err(|error| vec![format!("{}: {error}", path.display())])?;
         Ok(format!("experiment, {} pulses on {} parts", experiment.pulses.len(), experiment.parts.len()))
     } else if has("motors") {
         let rig = RigSpec::load(path).map_err(lines)?;

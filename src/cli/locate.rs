@@ -30,7 +30,7 @@ struct Setting {
 pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let frame = read_picture(&args.image)?;
     let setting = match &args.rig {
-        Some(path) => from_rig(&RigSpec::load(path).map_err(Failure::faults)?, &frame)?,
+        Some(path) => from_rig(&RigSpec::load(path).map_err(Failure::faults)?, &frame, &args.image)?,
         None => papers_table(&frame),
     };
     let (table, _) = locate_table(&frame, &setting.lens, setting.plate_side_m)
@@ -40,15 +40,16 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     if common.json {
         print_json(&as_json(&table, &parts, &setting.kinds))?;
     } else {
-        print_table(&table, &parts, &setting.kinds);
+        print_table(&table, &parts, &setting.kinds)?;
     }
     Ok(0)
 }
 
 fn read_picture(path: &Path) -> Result<Frame, Failure> {
-    let bytes = std::fs::read(path).map_err(|e| Failure::bad_input(format!("{}: {e}", path.display())))?;
+    let bytes = std::fs::read(path)
+        .map_err(|e| Failure::bad_input(format!("{}: found {e}, allowed: a picture", path.display())))?;
     let no_picture = |e: &dyn std::fmt::Display| {
-        Failure::bad_input(format!("{}: no picture (PNG, JPEG, PNM or TIFF is allowed): {e}", path.display()))
+        Failure::bad_input(format!("{}: found no picture ({e}), allowed: PNG, JPEG, PNM or TIFF", path.display()))
     };
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| no_picture(&e))?;
     let mut limits = Limits::default();
@@ -63,12 +64,15 @@ fn read_picture(path: &Path) -> Result<Frame, Failure> {
     Ok(frame)
 }
 
-fn from_rig(rig: &RigSpec, frame: &Frame) -> Result<Setting, Failure> {
+fn from_rig(rig: &RigSpec, frame: &Frame, image: &Path) -> Result<Setting, Failure> {
     let [width, height] = rig.model.frame_size_px;
     if [frame.width, frame.height] != [width, height] {
         return Err(Failure::bad_input(format!(
-            "picture is {}x{} px, the camera of rig {} gives {width}x{height}",
-            frame.width, frame.height, rig.model.name
+            "{}: found {}x{} px, allowed: {width}x{height} px, what the camera of rig {} gives",
+            image.display(),
+            frame.width,
+            frame.height,
+            rig.model.name
         )));
     }
     Ok(Setting {
@@ -111,14 +115,16 @@ fn as_json(table: &Table, parts: &[Detection], kinds: &[PartKind]) -> Value {
     })
 }
 
-fn print_table(table: &Table, parts: &[Detection], kinds: &[PartKind]) {
-    say!("table: side {:.1} px, turned {:.2} deg", table.side_px, table.rotation_rad.to_degrees());
+fn print_table(table: &Table, parts: &[Detection], kinds: &[PartKind]) -> Result<(), Failure> {
+    say!("table: side {:.1} px, turned {:.2} deg", table.side_px, table.rotation_rad.to_degrees())?;
     for (name, corner) in ["top left", "top right", "bottom right", "bottom left"].iter().zip(table.corners_px) {
-        say!("  {name:12} ({:8.2}, {:8.2}) px", corner.x, corner.y);
+        say!("  {name:12} ({:8.2}, {:8.2}) px", corner.x, corner.y)?;
     }
-    say!("parts: {}", parts.len());
+    say!("parts: {}", parts.len())?;
     for part in parts {
         let (name, at) = (kinds.get(part.kind).map_or("?", |kind| kind.name.as_str()), part.position_m * 1e3);
-        say!("  {name:12} ({:8.2}, {:8.2}) mm   radius {:.2} px   score {:.3}", at.x, at.y, part.radius_px, part.score);
+        let (radius, score) = (part.radius_px, part.score);
+        say!("  {name:12} ({:8.2}, {:8.2}) mm   radius {radius:.2} px   score {score:.3}", at.x, at.y)?;
     }
+    Ok(())
 }

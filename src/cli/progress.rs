@@ -36,7 +36,7 @@ impl Sink for RunProgress {
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
         match level {
-            EventLevel::Info => tracing::info!("plate {at}: {text}"),
+            EventLevel::Info => self.bar.suspend(|| tracing::info!("plate {at}: {text}")),
             EventLevel::Warning => self.bar.suspend(|| tracing::warn!("plate {at}: {text}")),
             EventLevel::Error => self.bar.suspend(|| tracing::error!("plate {at}: {text}")),
         }

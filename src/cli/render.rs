@@ -3,13 +3,25 @@ use std::fs;
 use image::GrayImage;
 use serde_json::{Value, json};
 
-use super::args::RenderArgs;
+use super::args::{Common, RenderArgs};
 use super::failure::Failure;
+use super::print_json;
 use crate::config::JobSpec;
 use crate::run::{FirstFrame, FirstFrameError, first_frame};
 use crate::units::mm_from_m;
 
-pub(super) fn render(args: &RenderArgs) -> Result<u8, Failure> {
+/// Endings of picture files that can be written.
+const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "pgm", "tif", "tiff"];
+
+pub(super) fn render(args: &RenderArgs, common: Common) -> Result<u8, Failure> {
+    let ending = args.out.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
+    if !PICTURES.contains(&ending.as_str()) {
+        let allowed = PICTURES.join(", ");
+        return Err(Failure::bad_input(format!(
+            "--out: found {}, allowed: a name ending in {allowed}",
+            args.out.display()
+        )));
+    }
     let mut job = JobSpec::load(&args.job).map_err(Failure::faults)?;
     if let Some(seed) = args.seed {
         job = job.with_seed(seed);
@@ -18,14 +30,18 @@ pub(super) fn render(args: &RenderArgs) -> Result<u8, Failure> {
         FirstFrameError::Job(fault) => Failure::faults([fault]),
         FirstFrameError::Rig(fault) => Failure::failed(fault.to_string()),
     })?;
-    if let Some(path) = &args.truth {
-        fs::write(path, format!("{:#}\n", truth(&first))).map_err(|error| Failure::write(path, error))?;
-    }
+    let truth = truth(&first);
     let frame = first.frame;
     GrayImage::from_raw(frame.width as u32, frame.height as u32, frame.pixels)
         .ok_or_else(|| Failure::failed("the camera's frame has no picture"))?
         .save(&args.out)
         .map_err(|error| Failure::write(&args.out, error))?;
+    if let Some(path) = &args.truth {
+        fs::write(path, format!("{truth:#}\n")).map_err(|error| Failure::write(path, error))?;
+    }
+    if common.json {
+        print_json(&truth)?;
+    }
     Ok(0)
 }
 

@@ -29,7 +29,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     if common.json {
         print_json(&result.report)?;
     } else {
-        print_summary(&job, &result);
+        print_summary(&job, &result)?;
     }
     Ok(match result.report.outcome {
         Outcome::Completed => 0,

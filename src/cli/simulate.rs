@@ -14,7 +14,7 @@ pub(super) fn simulate(args: &SimulateArgs, common: Common) -> Result<u8, Failur
     if common.json {
         print_json(&as_json(&result))?;
     } else {
-        print_table(&spec, &result);
+        print_table(&spec, &result)?;
     }
     Ok(0)
 }
@@ -28,9 +28,9 @@ fn as_json(result: &Trajectories) -> serde_json::Value {
     json!({ "t_s": result.t_s, "parts": parts.collect::<Vec<_>>() })
 }
 
-fn print_table(spec: &SimulateSpec, result: &Trajectories) {
-    say!("{:.3} s of plate time, {} pulses", result.t_s.last().unwrap_or(&0.0), spec.pulses.len());
-    say!("  {:12} {:>19} {:>19} {:>9} {:>9}", "part", "from mm", "to mm", "moved mm", "turned °");
+fn print_table(spec: &SimulateSpec, result: &Trajectories) -> Result<(), Failure> {
+    say!("{:.3} s of plate time, {} pulses", result.t_s.last().unwrap_or(&0.0), spec.pulses.len())?;
+    say!("  {:12} {:>19} {:>19} {:>9} {:>9}", "part", "from mm", "to mm", "moved mm", "turned °")?;
     for (placed, part) in spec.parts.iter().zip(&result.parts) {
         let ends = |values: &[f64]| [values.first(), values.last()].map(|v| v.copied().unwrap_or_default());
         let (x, y, theta) = (ends(&part.x_m).map(mm_from_m), ends(&part.y_m).map(mm_from_m), ends(&part.theta_rad));
@@ -43,6 +43,7 @@ fn print_table(spec: &SimulateSpec, result: &Trajectories) {
             x[1],
             y[1],
             (theta[1] - theta[0]).to_degrees()
-        );
+        )?;
     }
+    Ok(())
 }

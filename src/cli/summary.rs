@@ -1,23 +1,25 @@
+use super::failure::Failure;
 use crate::config::JobSpec;
 use crate::recording::{Outcome, Report};
 use crate::run::RunResult;
 
 /// What a person wants to know when a run is over.
-pub(super) fn print_summary(job: &JobSpec, result: &RunResult) {
+pub(super) fn print_summary(job: &JobSpec, result: &RunResult) -> Result<(), Failure> {
     let Report { name, seed, outcome, reason, .. } = &result.report;
     let outcome = match outcome {
         Outcome::Completed => "completed",
         Outcome::Failed => "failed",
         Outcome::Cancelled => "cancelled",
     };
-    say!("{name} on {}, seed {seed}: {outcome}: {reason}", job.rig.model.name);
+    say!("{name} on {}, seed {seed}: {outcome}: {reason}", job.rig.model.name)?;
     for (label, text) in rows(&result.report) {
-        say!("  {label:15} {text}");
+        say!("  {label:15} {text}")?;
     }
-    say!("  {:15} {}", "run folder", result.folder.display());
+    say!("  {:15} {}", "run folder", result.folder.display())?;
     if result.folder.join("run.rrd").exists() {
-        say!("  {:15} upm replay {}", "watch it", result.folder.display());
+        say!("  {:15} upm replay {}", "watch it", result.folder.display())?;
     }
+    Ok(())
 }
 
 fn rows(report: &Report) -> Vec<(&'static str, String)> {

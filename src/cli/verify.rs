@@ -1,10 +1,12 @@
 use std::io::IsTerminal;
 
+use serde_json::{Value, json};
+
 use super::args::{Common, RunFolderArgs};
 use super::failure::Failure;
 use super::progress::RunProgress;
 use super::run::run_failure;
-use super::{INTERRUPTED, NOT_REACHED, stop_on_interrupt};
+use super::{INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
 use crate::run::{Verdict, VerifyError, verify as verify_run};
 
 /// Characters of a differing line that are shown.
@@ -18,16 +20,37 @@ pub(super) fn verify(args: &RunFolderArgs, common: Common) -> Result<u8, Failure
     if stop.load(std::sync::atomic::Ordering::Relaxed) {
         return Ok(INTERRUPTED);
     }
-    match verdict.map_err(failure)? {
-        Verdict::Equal { lines } => {
-            say!("{}: the repetition's journal is equal byte for byte, {lines} lines", args.run.display());
-            Ok(0)
+    let verdict = verdict.map_err(failure)?;
+    if common.json {
+        print_json(&as_json(&verdict))?
+    } else {
+        print_verdict(args, &verdict)?
+    }
+    Ok(if matches!(verdict, Verdict::Differs { .. }) { NOT_REACHED } else { 0 })
+}
+
+fn as_json(verdict: &Verdict) -> Value {
+    match verdict {
+        Verdict::Equal { lines, stopped } => json!({ "equal": true, "lines": lines, "stopped": stopped }),
+        Verdict::Differs { line, recorded, repeated } => {
+            json!({ "equal": false, "line": line, "recorded": recorded, "repeated": repeated })
+        }
+    }
+}
+
+fn print_verdict(args: &RunFolderArgs, verdict: &Verdict) -> Result<(), Failure> {
+    let run = args.run.display();
+    match verdict {
+        Verdict::Equal { lines, stopped: false } => {
+            say!("{run}: the repetition's journal is equal byte for byte, {lines} lines")
+        }
+        Verdict::Equal { lines, stopped: true } => {
+            say!("{run}: stopped from outside; equal byte for byte up to there, {lines} lines")
         }
         Verdict::Differs { line, recorded, repeated } => {
-            say!("{}: journals differ from line {line} on", args.run.display());
-            say!("  recorded: {}", shown(&recorded));
-            say!("  repeated: {}", shown(&repeated));
-            Ok(NOT_REACHED)
+            say!("{run}: journals differ from line {line} on")?;
+            say!("  recorded: {}", shown(recorded))?;
+            say!("  repeated: {}", shown(repeated))
         }
     }
 }

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::ending::{Ending, Outcome};
+use super::ending::{Ending, Outcome, STOPPED};
 use super::eyes::{ExpectedPart, Eyes, Moment};
 use super::learning::Gains;
 use super::{CycleFacts, EventLevel, PulseFacts, Sink};
@@ -129,6 +129,7 @@ impl Cycle<'_> {
         let plan_us = (self.clock.elapsed() - planning).as_secs_f64() * 1e6;
 
         for pulse in &plan.pulses {
+            self.check_limits()?;
             self.play(pulse)?;
             *last_pulse_at = self.rig.now();
         }
@@ -238,7 +239,7 @@ impl Cycle<'_> {
 
     fn check_stop(&self) -> Result<(), Ending> {
         if self.stop.load(Ordering::Relaxed) {
-            return Err(Ending::cancelled("stopped from outside, motors at zero"));
+            return Err(Ending::cancelled(STOPPED));
         }
         Ok(())
     }

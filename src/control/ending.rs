@@ -12,6 +12,9 @@ pub enum Outcome {
     Cancelled,
 }
 
+/// Reason of a run that somebody stopped.
+pub const STOPPED: &str = "stopped from outside, motors at zero";
+
 /// An outcome and the reason in words.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ending {

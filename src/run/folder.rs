@@ -53,6 +53,10 @@ impl RunFolder {
         self.write_json("effective.json", &effective)
     }
 
+    pub(super) fn has_report(&self) -> bool {
+        self.0.join("report.json").exists()
+    }
+
     pub(super) fn write_report(&self, report: &Report) -> Result<(), RunError> {
         self.write_json("report.json", report)
     }
@@ -64,6 +68,10 @@ impl RunFolder {
 
     fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<(), RunError> {
         let text = serde_json::to_string_pretty(value).map_err(|error| self.write_error(name, &error))?;
-        fs::write(self.0.join(name), text + "\n").map_err(|error| self.write_error(name, &error))
+        // whole or not at all: what stands under its name was written to its end
+        let draft = self.0.join(format!("{name}.part"));
+        fs::write(&draft, text + "\n")
+            .and_then(|()| fs::rename(&draft, self.0.join(name)))
+            .map_err(|error| self.write_error(name, &error))
     }
 }

@@ -1,16 +1,27 @@
 use crate::config::{self, SimulateSpec};
 use crate::geometry::Pose;
-use crate::sim::{self, OpenLoopError, OpenPulse, Trajectories};
+use crate::sim::{self, OpenLoopError, OpenPulse, PlateMode, Trajectories};
 
 /// Plays the pulses of an experiment on its parts, open loop.
 pub fn simulate(spec: &SimulateSpec) -> Result<Trajectories, OpenLoopError> {
     let at_rest = |position_m| Pose { position_m, heading_rad: 0.0 };
     let parts: Vec<_> = spec.parts.iter().map(|part| (part.params, at_rest(part.position_m))).collect();
-    let pulses: Vec<_> =
-        spec.pulses.iter().map(|pulse| OpenPulse { amplitude: pulse.pump, envelope: pulse.envelope }).collect();
-    let mode = match spec.plate {
-        config::PlateMode::Dynamic => sim::PlateMode::Dynamic,
-        config::PlateMode::Kinematic => sim::PlateMode::Kinematic,
-    };
-    sim::simulate(&spec.rig.sim, mode, &parts, &pulses, spec.rig.model.base_radps, spec.sample_hz)
+    let base_radps = spec.rig.model.base_radps;
+    sim::simulate(&spec.rig.sim, mode(spec), &parts, &pulses(spec), base_radps, spec.sample_hz)
+}
+
+/// Refuses what [`simulate`] would refuse, without playing it.
+pub fn check_simulate(spec: &SimulateSpec) -> Result<(), OpenLoopError> {
+    sim::check_pulses(&spec.rig.sim, mode(spec), &pulses(spec), spec.rig.model.base_radps)
+}
+
+fn pulses(spec: &SimulateSpec) -> Vec<OpenPulse> {
+    spec.pulses.iter().map(|pulse| OpenPulse { amplitude: pulse.pump, envelope: pulse.envelope }).collect()
+}
+
+fn mode(spec: &SimulateSpec) -> PlateMode {
+    match spec.plate {
+        config::PlateMode::Dynamic => PlateMode::Dynamic,
+        config::PlateMode::Kinematic => PlateMode::Kinematic,
+    }
 }

@@ -7,17 +7,22 @@ use serde_json::Value;
 
 use super::{Bench, NamedTruth, RunError, job_library, play};
 use crate::config::{Fault, JobSpec, Origin};
-use crate::control::Sink;
+use crate::control::{STOPPED, Sink};
 use crate::recording::{Fanout, Journal};
 use crate::time::StoppedClock;
+
+/// The event of a stop stands among the last lines of a journal.
+const TAIL_LINES: usize = 4;
 
 /// What comparing a run with its repetition showed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// Byte for byte the same journal, this many lines.
+    /// Byte for byte the same journal.
     Equal {
-        /// Lines.
+        /// Lines compared.
         lines: usize,
+        /// True when the run was stopped from outside, and compared up to there.
+        stopped: bool,
     },
     /// The journals part ways.
     Differs {
@@ -81,8 +86,10 @@ fn effective_job(text: &str, path: &Path) -> Result<JobSpec, VerifyError> {
 }
 
 fn compare(recorded: &str, repeated: &str) -> Verdict {
-    if recorded == repeated {
-        return Verdict::Equal { lines: recorded.lines().count() };
+    let before_stop = before_stop(recorded);
+    let (recorded, stopped) = (before_stop.unwrap_or(recorded), before_stop.is_some());
+    if recorded == repeated || stopped && repeated.starts_with(recorded) {
+        return Verdict::Equal { lines: recorded.lines().count(), stopped };
     }
     let (mut a, mut b) = (recorded.split_inclusive('\n'), repeated.split_inclusive('\n'));
     let mut line = 1;
@@ -90,26 +97,55 @@ fn compare(recorded: &str, repeated: &str) -> Verdict {
         match (a.next(), b.next()) {
             (Some(x), Some(y)) if x == y => line += 1,
             (x, y) => {
-                let shown = |text: Option<&str>| text.map_or("(end)", str::trim_end).to_owned();
+                let shown = |text: Option<&str>| text.map_or("(end)", |text| text.trim_end_matches('\n')).to_owned();
                 return Verdict::Differs { line, recorded: shown(x), repeated: shown(y) };
             }
         }
     }
 }
 
+/// The journal up to the moment somebody stopped the run; `None` when nobody did. What follows, the event and a
+/// cycle that never ended, the repetition cannot know of.
+fn before_stop(journal: &str) -> Option<&str> {
+    let is_stop = |line: &str| {
+        let event: Option<Value> = serde_json::from_str(line).ok();
+        event.is_some_and(|event| event["type"] == "event" && event["text"] == STOPPED)
+    };
+    let mut end = journal.len();
+    for line in journal.split_inclusive('\n').rev().take(TAIL_LINES) {
+        end -= line.len();
+        if is_stop(line) {
+            return journal.get(..end);
+        }
+    }
+    None
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn the_first_difference_is_named() {
-        assert_eq!(compare("a\nb\n", "a\nb\n"), Verdict::Equal { lines: 2 });
-        let differs = |recorded: &str, repeated: &str| match compare(recorded, repeated) {
+    fn differs_at(recorded: &str, repeated: &str) -> usize {
+        match compare(recorded, repeated) {
             Verdict::Differs { line, .. } => line,
             Verdict::Equal { .. } => 0,
-        };
-        assert_eq!(differs("a\nb\n", "a\nc\n"), 2);
-        assert_eq!(differs("a\nb\n", "a\n"), 2);
-        assert_eq!(differs("a\nb", "a\nb\n"), 2);
+        }
+    }
+
+    #[test]
+    fn the_first_difference_is_named() {
+        assert_eq!(compare("a\nb\n", "a\nb\n"), Verdict::Equal { lines: 2, stopped: false });
+        assert_eq!(differs_at("a\nb\n", "a\nc\n"), 2);
+        assert_eq!(differs_at("a\nb\n", "a\n"), 2);
+        assert_eq!(differs_at("a\nb", "a\nb\n"), 2);
+    }
+
+    #[test]
+    fn a_stopped_run_is_compared_as_far_as_it_went() {
+        let stop = format!("{{\"type\":\"event\",\"text\":\"{STOPPED}\"}}\n{{\"type\":\"unfinished_cycle\"}}\n");
+        let recorded = format!("a\nb\n{stop}");
+        assert_eq!(compare(&recorded, "a\nb\nc\n"), Verdict::Equal { lines: 2, stopped: true });
+        assert_eq!(differs_at(&recorded, "a\nx\nc\n"), 2);
+        assert_eq!(differs_at(&recorded, "a\n"), 2);
     }
 }

@@ -56,7 +56,7 @@ pub struct Trajectories {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OpenLoopError {
     /// The generator cannot play the pulse.
-    #[error("pulse {pulse} needs {peak_counts:.0} counts at a motor, the rig allows {limit_counts:.0}")]
+    #[error("pulses[{pulse}]: found a peak of {peak_counts:.0} counts at a motor, allowed: {limit_counts:.0} or less")]
     TooManyCounts {
         /// Index of the pulse.
         pulse: usize,
@@ -66,7 +66,7 @@ pub enum OpenLoopError {
         limit_counts: f64,
     },
     /// A coil cannot give the force.
-    #[error("pulse {pulse} needs {peak_n:.1} N of a motor, it gives {limit_n:.1}")]
+    #[error("pulses[{pulse}]: found a peak of {peak_n:.1} N at a motor, allowed: {limit_n:.1} or less")]
     TooMuchForce {
         /// Index of the pulse.
         pulse: usize,
@@ -76,7 +76,7 @@ pub enum OpenLoopError {
         limit_n: f64,
     },
     /// Not a number, negative or without end.
-    #[error("pulse {pulse}: {what}")]
+    #[error("pulses[{pulse}]: {what}")]
     BadPulse {
         /// Index of the pulse.
         pulse: usize,
@@ -86,6 +86,22 @@ pub enum OpenLoopError {
     /// Frequencies must be positive numbers.
     #[error("base frequency and sampling rate must be positive")]
     BadFrequency,
+}
+
+/// Refuses pulses that [`simulate`] would refuse.
+pub fn check_pulses(
+    params: &SimParams,
+    mode: PlateMode,
+    pulses: &[OpenPulse],
+    base_radps: f64,
+) -> Result<(), OpenLoopError> {
+    for (pulse, p) in pulses.iter().enumerate() {
+        check(pulse, p)?;
+        if mode == PlateMode::Dynamic {
+            ideal_drive(params, pulse, p, base_radps)?;
+        }
+    }
+    Ok(())
 }
 
 /// Plays `pulses` one after another, each with its rest, on `parts` at rest. No randomness enters.
@@ -100,9 +116,7 @@ pub fn simulate(
     if ![base_radps, sample_hz].iter().all(|f| f.is_finite() && *f > 0.0) {
         return Err(OpenLoopError::BadFrequency);
     }
-    for (pulse, p) in pulses.iter().enumerate() {
-        check(pulse, p)?;
-    }
+    check_pulses(params, mode, pulses, base_radps)?;
     match mode {
         PlateMode::Kinematic => Ok(kinematic(params, parts, pulses, base_radps, sample_hz)),
         PlateMode::Dynamic => dynamic(params, parts, pulses, base_radps, sample_hz),

@@ -73,7 +73,7 @@ pub enum RecordingError {
         reason: String,
     },
     /// No viewer could be started.
-    #[error("cannot start the Rerun viewer: {0}")]
+    #[error("cannot start the Rerun viewer (`pip install rerun-sdk==0.36.3` brings one): {0}")]
     Spawn(String),
     /// A thread could not be started, or died.
     #[error("recorder thread: {0}")]
@@ -117,6 +117,14 @@ struct Running {
 }
 
 impl RerunSink {
+    /// Refuses a mode with an address that is none, before anything is started.
+    pub fn check(mode: &RerunMode) -> Result<(), RecordingError> {
+        match mode {
+            RerunMode::Connect { url: Some(url) } => parse_address(url.clone()).map(|_| ()),
+            _ => Ok(()),
+        }
+    }
+
     /// Starts recording into `path`; with [`RerunMode::Off`] does nothing, now and later.
     pub fn start(mode: &RerunMode, path: &Path, context: RunContext) -> Result<Self, RecordingError> {
         let live = match viewer_address(mode)? {
@@ -264,10 +272,19 @@ fn viewer_address(mode: &RerunMode) -> Result<Option<ProxyUri>, RecordingError> 
             // the viewer's own default is to listen on every interface
             let extra_args = vec!["--bind".to_owned(), "127.0.0.1".to_owned()];
             let options = rerun::SpawnOptions { hide_welcome_screen: true, extra_args, ..Default::default() };
-            let viewer = rerun::spawn(&options).map_err(|e| RecordingError::Spawn(e.to_string()))?;
+            let viewer = rerun::spawn(&options).map_err(|e| RecordingError::Spawn(first_line(&e.to_string())))?;
             format!("rerun+http://127.0.0.1:{}/proxy", viewer.port)
         }
     };
+    parse_address(url).map(Some)
+}
+
+fn parse_address(url: String) -> Result<ProxyUri, RecordingError> {
     let address = url.parse::<ProxyUri>().map_err(|e| e.to_string());
-    address.map(Some).map_err(|reason| RecordingError::Address { url, reason })
+    address.map_err(|reason| RecordingError::Address { url, reason })
+}
+
+/// Rerun's words for a missing viewer go on over a dozen lines, with the whole search path among them.
+fn first_line(text: &str) -> String {
+    text.lines().next().unwrap_or_default().trim_end().to_owned()
 }
