@@ -7,8 +7,10 @@ mod file;
 mod raw;
 mod types;
 mod validate;
+mod wording;
 
 pub use drive::drive_for;
 pub use fault::LibraryFault;
 pub use raw::{RawDisplacement, RawEntry, RawLibrary, RawShapes};
 pub use types::{AxisShape, DisplacementModel, Entry, Library};
+pub use validate::RigFacts;

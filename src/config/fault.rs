@@ -131,6 +131,11 @@ pub(super) fn shown(value: &Value) -> String {
     }
 }
 
+/// `1 part`, `2 parts`.
+pub(super) fn counted(number: usize, what: &str) -> String {
+    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
+}
+
 /// `a, b, c`, with the one that `found` was probably meant to be.
 pub(super) fn one_of(found: &str, choices: &[&str]) -> String {
     let list = choices.join(", ");

@@ -1,6 +1,6 @@
 use rand_distr::{Distribution, StandardNormal, Uniform};
 
-use super::fault::{Fault, Path};
+use super::fault::{Fault, Path, counted};
 use super::job::JobSpec;
 use super::room::{START_GAP_M, START_MARGIN_M};
 use crate::geometry::Vec2;
@@ -44,7 +44,7 @@ pub fn place_parts(job: &JobSpec, streams: Streams) -> Result<Vec<PlacedPart>, F
             return Ok(parts.into_iter().map(|(part, _)| part).collect());
         }
     }
-    let found = format!("{} parts, no places for them in {ROUNDS} rounds of {TRIES} tries each", parts.len());
+    let found = format!("{}, not all placed in {ROUNDS} rounds of {TRIES} tries each", counted(parts.len(), "part"));
     Err(Fault::new(&job.file, &Path::root().key("parts"), found, "fewer or smaller parts, or given positions"))
 }
 

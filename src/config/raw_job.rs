@@ -59,8 +59,10 @@ fn tolerance_mm() -> f64 {
 #[serde(untagged)]
 pub enum LibrarySource {
     /// Path of a library file, relative to the file it stands in.
+    #[schemars(title = "path")]
     File(String),
     /// The library itself.
+    #[schemars(title = "library")]
     Inline(Map<String, Value>),
 }
 

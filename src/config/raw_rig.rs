@@ -332,6 +332,7 @@ impl Default for RawSimulation {
 #[serde(untagged)]
 pub enum RigSource {
     /// Path of a rig file, relative to the file it stands in.
+    #[schemars(title = "path")]
     File(String),
     /// The rig itself.
     Inline(Box<RawRig>),

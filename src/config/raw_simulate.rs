@@ -73,7 +73,7 @@ pub struct RawPulse {
     pub speed_mps: Option<f64>,
     /// 1 as said, parts flow counter-clockwise; -1 in reverse.
     #[serde(default = "forwards")]
-    #[schemars(range(min = -1, max = 1))]
+    #[schemars(extend("enum" = [-1, 1]))]
     pub rotation: i32,
     /// Length at full height, s.
     #[schemars(range(min = 0.0, max = 60.0))]

@@ -1,7 +1,7 @@
 use super::fault::{Faults, Path};
 use super::job::is_plain_name;
 use super::kinds::NAMES;
-use super::raw_rig::RawRig;
+use super::raw_rig::{RawLevels, RawRig};
 use super::view;
 use crate::sim::SimParams;
 use crate::units::mm_from_m;
@@ -93,12 +93,7 @@ fn check_camera(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Faults) {
     let period_s = 1.0 / camera.frame_hz;
     let allowed = format!("below {period_s:.6} (one frame's period)");
     faults.demand(camera.exposure_s < period_s, &at.key("exposure_s"), camera.exposure_s, allowed);
-    for (name, other, found) in [("ground", "plate", camera.levels.ground), ("part", "plate", camera.levels.part)] {
-        let apart = (found - camera.levels.plate).abs();
-        let allowed =
-            format!("20 or more away from levels.{other}, {} (else there is nothing to see)", camera.levels.plate);
-        faults.demand(apart >= 20.0, &at.key("levels").key(name), found, allowed);
-    }
+    check_levels(&camera.levels, &at.key("levels"), faults);
     let lowest_mm = 0.5 * raw.plate.side_mm;
     let height = &at.key("position_mm").index(2);
     let [_, _, z_mm] = camera.position_mm;
@@ -117,4 +112,23 @@ fn check_camera(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Faults) {
         let allowed = format!("a distortion that is one-to-one over the plate of {} mm", mm_from_m(sim.plate.side_m));
         faults.push(&at.key("radial"), "a lens that folds the picture", allowed);
     }
+}
+
+/// What vision needs of the gray levels. The finder takes a part for one from 20 % of the plate's level, at most 255, up;
+/// 60 leaves room for shading and noise. The table is the bright square whose edges stand out beside the picture's
+/// strongest, those of the parts: it is lost where its step is a fifth of theirs and found where it is a quarter.
+fn check_levels(levels: &RawLevels, at: &Path, faults: &mut Faults) {
+    const LEAST_PART: f64 = 60.0;
+    const LEAST_GROUND: f64 = 40.0;
+    const GROUND_SHARE: f64 = 0.3;
+    let RawLevels { ground, plate, part } = *levels;
+    let contrast = (plate - part).abs();
+    let allowed = format!("{LEAST_PART} or more away from levels.plate, {plate} (parts must stand out on the plate)");
+    faults.demand(contrast >= LEAST_PART, &at.key("part"), part, allowed);
+    let least = LEAST_GROUND.max(GROUND_SHARE * contrast);
+    let allowed = format!(
+        "{least} or more below levels.plate, {plate} (the table is found as a bright square on dark ground; at least \
+         {LEAST_GROUND}, and {GROUND_SHARE} of the step from plate to part)"
+    );
+    faults.demand(plate - ground >= least, &at.key("ground"), ground, allowed);
 }

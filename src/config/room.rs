@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::fault::{Faults, Path};
+use super::fault::{Faults, Path, counted};
 use super::job::PartGroup;
 use super::rig::RigSpec;
 use crate::geometry::Vec2;
@@ -17,18 +17,22 @@ pub const START_MARGIN_M: f64 = 5e-3;
 /// Shortfall that is rounding and no fault, m.
 const ROUNDING_M: f64 = 1e-9;
 
-/// Parts too large, started off the plate or in one another, or more than there is room for.
+/// True when a part of `kind` has room on the plate at all, else a fault at `at`.
+pub(super) fn check_size(kind: usize, rig: &RigSpec, at_random: bool, at: &Path, faults: &mut Faults) -> bool {
+    let margin_m = if at_random { START_MARGIN_M } else { 0.0 };
+    let found = rig.kinds.get(kind).map_or(0.0, |spec| mm_from_m(2.0 * spec.kind.radius_m));
+    let most = mm_from_m(rig.model.plate_side_m - 2.0 * margin_m);
+    faults.demand(found <= most, at, format!("a part of {found:.3} mm"), format!("up to {most:.3} mm on this plate"));
+    found <= most
+}
+
+/// Parts started off the plate or in one another, or more than there is room for.
 pub(super) fn check(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
     let (half_m, at) = (0.5 * rig.model.plate_side_m, Path::root().key("parts"));
     let radius = |group: &PartGroup| rig.kinds.get(group.kind).map_or(0.0, |spec| spec.kind.radius_m);
     for (i, group) in groups.iter().enumerate() {
-        let (radius_m, at) = (radius(group), at.index(i));
-        let margin_m = if group.position_m.is_none() { START_MARGIN_M } else { 0.0 };
-        let (found, most) = (mm_from_m(2.0 * radius_m), mm_from_m(2.0 * (half_m - margin_m)));
-        let allowed = format!("up to {most:.3} mm on this plate");
-        faults.demand(found <= most, &at.key("kind"), format!("a part of {found:.3} mm"), allowed);
         if let Some(position_m) = group.position_m {
-            check_inside(position_m, radius_m, half_m, &at.key("position_mm"), faults);
+            check_inside(position_m, radius(group), half_m, &at.index(i).key("position_mm"), faults);
         }
     }
     let given: Vec<(Vec2, f64, Path)> = (0..)
@@ -69,7 +73,7 @@ fn check_number(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
     const MOST_PARTS: usize = 64;
     let (side_m, at) = (rig.model.plate_side_m, Path::root().key("parts"));
     let total: usize = groups.iter().map(|group| group.count).sum();
-    faults.demand(total <= MOST_PARTS, &at, format!("{total} parts"), format!("up to {MOST_PARTS} in all"));
+    faults.demand(total <= MOST_PARTS, &at, counted(total, "part"), format!("up to {MOST_PARTS} in all"));
     let radii = |groups: &mut dyn Iterator<Item = &PartGroup>| -> Vec<f64> {
         let one = |group: &PartGroup| rig.kinds.get(group.kind).map_or(0.0, |spec| spec.kind.radius_m);
         groups.flat_map(|group| std::iter::repeat_n(one(group), group.count)).collect()
@@ -77,7 +81,7 @@ fn check_number(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
     let all = radii(&mut groups.iter());
     let random = radii(&mut groups.iter().filter(|group| group.position_m.is_none()));
     if !fits(&all, side_m, 0.0) || !fits(&random, side_m - 2.0 * START_MARGIN_M, START_GAP_M) {
-        faults.push(&at, format!("{total} parts"), "as many as lie on the plate side by side");
+        faults.push(&at, counted(total, "part"), "as many as lie on the plate side by side");
     }
 }
 

@@ -2,10 +2,11 @@ use schemars::{JsonSchema, schema_for};
 use serde_json::Value;
 
 use super::{RawJob, RawRig, RawSimulate};
+use crate::library::RawLibrary;
 
 /// Names that [`schema`] knows.
 pub fn schema_names() -> &'static [&'static str] {
-    &["job", "rig", "simulate"]
+    &["job", "rig", "simulate", "library"]
 }
 
 /// The JSON Schema (draft 2020-12) of the file called `name`, `None` when there is none.
@@ -14,6 +15,7 @@ pub fn schema(name: &str) -> Option<Value> {
         "job" => Some(of::<RawJob>()),
         "rig" => Some(of::<RawRig>()),
         "simulate" => Some(of::<RawSimulate>()),
+        "library" => Some(of::<RawLibrary>()),
         _ => None,
     }
 }

@@ -138,10 +138,16 @@ impl<'a> Walker<'a> {
     }
 
     fn described(&self, name: &str, schema: &Value) -> String {
+        let title = schema.get("title").and_then(Value::as_str);
         match name {
+            "integer" if schema.get("enum").is_some() => {
+                let numbers = schema.get("enum").and_then(Value::as_array).into_iter().flatten();
+                numbers.map(Value::to_string).collect::<Vec<_>>().join(" or ")
+            }
             "number" => format!("a number{}", range(schema)),
             "integer" if schema.get("maximum").is_none() => format!("a whole number{} in 64 bits", range(schema)),
             "integer" => format!("a whole number{}", range(schema)),
+            "string" if title.is_some() => format!("a {}", title.unwrap_or_default()),
             "string" => match schema.get("maxLength") {
                 Some(_) => format!("a string of{}", lengths(schema, "minLength", "maxLength", " characters")),
                 None => "a string".to_owned(),
@@ -151,7 +157,7 @@ impl<'a> Walker<'a> {
                 format!("a list of{} ({of} each)", lengths(schema, "minItems", "maxItems", " items"))
             }
             "boolean" => "true or false".to_owned(),
-            "object" => "an object".to_owned(),
+            "object" => title.map_or("an object".to_owned(), |title| format!("a {title} object")),
             other => other.to_owned(),
         }
     }
@@ -200,7 +206,9 @@ fn in_range(value: &Value, schema: &Value) -> bool {
     let holds = |key, test: fn(f64, f64) -> bool| {
         schema.get(key).and_then(Value::as_f64).is_none_or(|limit| test(found, limit))
     };
+    let listed = schema.get("enum").and_then(Value::as_array).is_none_or(|numbers| numbers.contains(value));
     found.is_finite()
+        && listed
         && holds("minimum", |x, limit| x >= limit)
         && holds("maximum", |x, limit| x <= limit)
         && holds("exclusiveMinimum", |x, limit| x > limit)

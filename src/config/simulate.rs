@@ -89,7 +89,6 @@ impl PulseSpec {
 }
 
 fn check_pulse(raw: &RawPulse, at: &Path, faults: &mut Faults) {
-    faults.demand(raw.rotation != 0, &at.key("rotation"), raw.rotation, "1, -1");
     let given = [raw.cor_mm.is_some(), raw.omega_rad_s.is_some(), raw.direction_deg.is_some(), raw.speed_mps.is_some()];
     if !matches!(given, [true, true, false, false] | [false, false, true, true]) {
         let names = ["cor_mm", "omega_rad_s", "direction_deg", "speed_mps"];

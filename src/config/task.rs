@@ -1,4 +1,4 @@
-use super::fault::{Faults, Path};
+use super::fault::{Faults, Path, counted};
 use super::job::{PartGroup, each_kind, known_kind};
 use super::raw_job::{Assignment, RawBin, RawPath, RawTask};
 use super::rig::RigSpec;
@@ -91,7 +91,7 @@ impl<'a> Scene<'a> {
     }
 
     fn plus_sign(&self, laps: u32, edge_margin_mm: f64, faults: &mut Faults) -> Option<TaskSpec> {
-        let found = format!("{} parts", self.kinds.len());
+        let found = counted(self.kinds.len(), "part");
         faults.demand(self.kinds.len() == 1, &Path::root().key("parts"), found, "exactly one part for plus_sign");
         let edge_margin_m = m_from_mm(edge_margin_mm);
         let most_m = self.half_m - self.radii_m.iter().copied().fold(0.0, f64::max);
@@ -102,7 +102,7 @@ impl<'a> Scene<'a> {
 
     fn trajectories(&self, raw: &[RawPath], faults: &mut Faults) -> Option<TaskSpec> {
         let at = self.at.key("paths");
-        self.demand_one_each(raw.len(), "paths", &at, faults);
+        self.demand_one_each(raw.len(), "path", &at, faults);
         let paths: Vec<PathSpec> = raw.iter().map(PathSpec::from).collect();
         let mut starts = Vec::with_capacity(paths.len());
         for (i, (path, &radius_m)) in paths.iter().zip(&self.radii_m).enumerate() {
@@ -118,7 +118,7 @@ impl<'a> Scene<'a> {
 
     fn arrange(&self, targets_mm: &[[f64; 2]], assignment: Assignment, faults: &mut Faults) -> Option<TaskSpec> {
         let at = self.at.key("targets_mm");
-        self.demand_one_each(targets_mm.len(), "targets", &at, faults);
+        self.demand_one_each(targets_mm.len(), "target", &at, faults);
         let targets_m: Vec<Vec2> = targets_mm.iter().copied().map(point_m).collect();
         let discs: Vec<(Vec2, f64, Path)> =
             targets_m.iter().zip(&self.radii_m).zip(0..).map(|((&to, &radius), i)| (to, radius, at.index(i))).collect();
@@ -167,14 +167,14 @@ impl<'a> Scene<'a> {
         let widest_m = radii_m.iter().copied().fold(0.0, |widest, radius_m| f64::max(widest, 2.0 * radius_m));
         let room = size_m.min() > 0.0 && size_m.min() >= widest_m && fits(&radii_m, size_m.max(), 0.0);
         let found = format!("{:.3} x {:.3} mm", mm_from_m(size_m.x), mm_from_m(size_m.y));
-        let allowed = format!("min below max and room for the {} parts of its kinds", radii_m.len());
+        let allowed = format!("min below max and room for the {} of its kinds", counted(radii_m.len(), "part"));
         faults.demand(room, &at, found, allowed);
         bin
     }
 
     fn demand_one_each(&self, found: usize, what: &str, at: &Path, faults: &mut Faults) {
         let parts = self.kinds.len();
-        faults.demand(found == parts, at, format!("{found} {what}"), format!("{parts}, one for each part"));
+        faults.demand(found == parts, at, counted(found, what), format!("{parts}, one for each part"));
     }
 }
 

@@ -2,7 +2,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use serde::Serialize;
+use serde_json::Value;
 
+use super::wording::reworded;
 use super::{Library, LibraryFault, RawLibrary};
 
 impl Library {
@@ -29,11 +31,10 @@ impl Library {
         out
     }
 
-    /// Reads [`Self::to_json`]; `file` is named in the faults, of which all are told.
+    /// Reads [`Self::to_json`]; `file` is named in the faults. The first key or type that is wrong is told alone; once
+    /// those are right, every value that is.
     pub fn from_json(text: &str, file: &str) -> Result<Self, Vec<LibraryFault>> {
-        let reader = &mut serde_json::Deserializer::from_str(text);
-        let raw: RawLibrary =
-            serde_path_to_error::deserialize(reader).map_err(|error| vec![unreadable(&error, file)])?;
+        let raw: RawLibrary = serde_json::from_str(text).map_err(|_| vec![unreadable(text).in_file(file)])?;
         Self::try_from(raw).map_err(|faults| faults.into_iter().map(|fault| fault.in_file(file)).collect())
     }
 
@@ -60,26 +61,34 @@ fn lines(values: &[impl Serialize]) -> String {
     values.iter().map(|value| format!("    {}", json(value))).collect::<Vec<_>>().join(",\n")
 }
 
-/// serde's message, parted where it says what it expected.
-fn unreadable(error: &serde_path_to_error::Error<serde_json::Error>, file: &str) -> LibraryFault {
-    let message = error.inner().to_string();
-    let (found, allowed) =
-        message.split_once(", expected ").unwrap_or((&message, "a library as `upm calibrate` writes it"));
-    LibraryFault::new(error.path().to_string(), found, allowed).in_file(file)
+/// Why `text` is no library: it is not JSON, or a value of it has not the shape, or a key stands twice. The value is
+/// read apart from the text, which would count the items of a list that is too long as bad syntax.
+fn unreadable(text: &str) -> LibraryFault {
+    let value: Value = match serde_json::from_str(text) {
+        Ok(value) => value,
+        Err(error) => return LibraryFault::new("$", error, "JSON, nested at most 127 deep, numbers within 64 bits"),
+    };
+    let of_value = serde_path_to_error::deserialize::<_, RawLibrary>(value).err();
+    let reader = &mut serde_json::Deserializer::from_str(text);
+    match of_value.or_else(|| serde_path_to_error::deserialize::<_, RawLibrary>(reader).err()) {
+        Some(error) => reworded(&error.path().to_string(), &error.inner().to_string()),
+        None => LibraryFault::new("$", "a file that cannot be read", "what `upm schema library` prints"),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::geometry::Twist;
-    use crate::library::{AxisShape, DisplacementModel, Entry};
+    use crate::library::{AxisShape, DisplacementModel, Entry, RigFacts};
     use proptest::prelude::*;
+    use std::f64::consts::TAU;
 
     fn library(entries: Vec<Entry>) -> Library {
         Library {
             rig: "bench".into(),
             fingerprint: "12ab".into(),
-            base_radps: std::f64::consts::TAU * 60.0,
+            base_radps: TAU * 60.0,
             attack_s: 0.01,
             rest_s: 0.03,
             shapes: [AxisShape::FREE_MASS; 3],
@@ -100,15 +109,15 @@ mod tests {
     }
 
     fn entry() -> impl Strategy<Value = Entry> {
-        (any::<[i32; 4]>(), -2.0..2.0f64, -2.0..2.0f64, -20.0..20.0f64)
-            .prop_map(|(amplitudes, vx, vy, spin)| Entry { amplitudes, pump: Twist::new(vx, vy, spin) })
+        (proptest::array::uniform3(-1000..1000_i32), -2.0..2.0f64, -2.0..2.0f64, -20.0..20.0f64)
+            .prop_map(|([a, b, c], vx, vy, spin)| Entry { amplitudes: [a, b, c, 1001], pump: Twist::new(vx, vy, spin) })
     }
 
     proptest! {
         #[test]
         fn comes_back_from_its_file(more in proptest::collection::vec(entry(), 0..20), base_hz in 10.0..200.0f64) {
             let entries = three().into_iter().chain(more).collect();
-            let saved = Library { base_radps: std::f64::consts::TAU * base_hz, ..library(entries) };
+            let saved = Library { base_radps: TAU * base_hz, ..library(entries) };
             let text = saved.to_json();
             let read = Library::from_json(&text, "l.json").unwrap();
             for (a, b) in saved.entries.iter().zip(&read.entries) {
@@ -129,6 +138,11 @@ mod tests {
         assert!(text.lines().any(|l| l == line), "{text}");
     }
 
+    fn told(text: &str) -> Vec<String> {
+        let faults = Library::from_json(text, "l.json").unwrap_err();
+        faults.iter().map(|fault| fault.to_string().replacen("l.json: ", "", 1)).collect()
+    }
+
     #[test]
     fn every_fault_is_told_on_a_line() {
         let mut bad = library(three());
@@ -141,10 +155,10 @@ mod tests {
         assert_eq!(
             told,
             [
-                "l.json: rest_s: found -1, allowed: a number not below 0",
+                "l.json: rest_s: found -1, allowed: a number from 0 to 100",
                 "l.json: entries[1]: found a plate that does not move, allowed: a velocity or a spin",
                 "l.json: displacement.speed_mm_s[1]: found 100 after 500, allowed: at least 2 rising numbers above 0",
-                "l.json: displacement.sd_mm: found 1 rows, allowed: 2, one for each speed",
+                "l.json: displacement.sd_mm: found 1 row, allowed: 2, one for each speed",
             ]
         );
     }
@@ -153,15 +167,40 @@ mod tests {
     fn foreign_keys_and_types_are_told_with_their_path() {
         let text = library(three()).to_json();
         let wrong = text.replacen("\"spin_rad_s\":8.0", "\"spin_rad_s\":\"fast\"", 1);
-        let told = Library::from_json(&wrong, "l.json").unwrap_err()[0].to_string();
-        assert!(
-            told.starts_with("l.json: entries[2].spin_rad_s: found invalid type: string \"fast\", allowed: f64"),
-            "{told}"
-        );
-        let more = text.replacen("\"rest_s\"", "\"color\": 1, \"rest_s\"", 1);
-        assert!(Library::from_json(&more, "l.json").unwrap_err()[0].found.contains("unknown field `color`"));
-        let huge = text.replacen("[100,", "[3000000000,", 1);
-        assert!(Library::from_json(&huge, "l.json").unwrap_err()[0].path.starts_with("entries[0].amplitudes"));
+        assert_eq!(told(&wrong), ["entries[2].spin_rad_s: found \"fast\", allowed: a number"]);
+        for (from, to, line) in [
+            (
+                "\"rest_s\"",
+                "\"color\": 1, \"rest_s\"",
+                "color: found unknown key \"color\", allowed: rig, fingerprint, base_hz, attack_s, rest_s, shapes, entries, displacement",
+            ),
+            ("\"rest_s\": 0.03,", "", "rest_s: found nothing, allowed: a number"),
+            (
+                "\"rest_s\"",
+                "\"rig\": \"b\", \"rest_s\"",
+                "rig: found the key \"rig\" a second time, allowed: each key once",
+            ),
+            (",\"spin_rad_s\":8.0", "", "entries[2].spin_rad_s: found nothing, allowed: a number"),
+            (
+                "  \"speed_mm_s\": [100.0,500.0],",
+                "",
+                "displacement.speed_mm_s: found nothing, allowed: a list of numbers",
+            ),
+            ("[100,", "[3000000000,", "entries[0].amplitudes[0]: found 3000000000, allowed: a whole number"),
+            ("[100,", "[0.5,", "entries[0].amplitudes[0]: found 0.5, allowed: a whole number"),
+            ("[100,-100,0,0]", "[100,-100,0]", "entries[0].amplitudes: found a list of 3, allowed: a list of 4 items"),
+            ("[100,-100,0,0]", "[100,-100,0,0,0]", "entries[0].amplitudes: found a list of 5, allowed: fewer items"),
+            ("[100,-100,0,0]", "{}", "entries[0].amplitudes: found an object, allowed: a list of 4 items"),
+            ("0.03", "null", "rest_s: found null, allowed: a number"),
+            ("0.03", "[]", "rest_s: found a list, allowed: a number"),
+        ] {
+            let changed = text.replacen(from, to, 1);
+            assert_ne!(changed, text, "{from}");
+            assert_eq!(told(&changed), [line]);
+        }
+        assert!(told("[]")[0].starts_with("$: found "), "{:?}", told("[]"));
+        assert!(told("{")[0].starts_with("$: found EOF while parsing an object at line 1"), "{:?}", told("{"));
+        assert!(told(&format!("{text} x"))[0].starts_with("$: found trailing characters"), "only one document a file");
     }
 
     #[test]
@@ -174,9 +213,91 @@ mod tests {
     #[test]
     fn another_rig_is_refused() {
         let library = library(three());
-        assert_eq!(library.check_fits("bench", "12ab"), Ok(()));
-        assert_eq!(library.check_fits("other", "12ab").unwrap_err().path, "rig");
-        assert_eq!(library.check_fits("bench", "34cd").unwrap_err().path, "fingerprint");
+        let rig = RigFacts {
+            name: "bench",
+            fingerprint: "12ab",
+            base_radps: library.base_radps,
+            attack_s: 0.01,
+            rest_s: 0.03,
+            count_limit: 1000.0,
+        };
+        let paths = |rig: RigFacts<'_>| -> Vec<String> {
+            library.check_fits(&rig).into_iter().map(|fault| fault.path).collect()
+        };
+        assert_eq!(paths(rig), [""; 0]);
+        assert_eq!(paths(RigFacts { name: "other", ..rig }), ["rig"]);
+        assert_eq!(paths(RigFacts { fingerprint: "34cd", ..rig }), ["fingerprint"]);
+        assert_eq!(paths(RigFacts { base_radps: 1.00001 * rig.base_radps, ..rig }), ["base_hz"]);
+        let fault = &library.check_fits(&RigFacts { base_radps: TAU * 50.0, ..rig })[0];
+        assert_eq!((fault.found.as_str(), fault.allowed.as_str()), ("60", "50, as the rig has it"));
+        assert_eq!(paths(RigFacts { attack_s: 0.010_002, ..rig }), ["attack_s"]);
+        let both = RigFacts { fingerprint: "34cd", rest_s: 0.0, ..rig };
+        assert_eq!(paths(both), ["fingerprint", "rest_s"]);
+        let weak = RigFacts { count_limit: 10.0, ..rig };
+        assert_eq!(paths(weak), [0, 1, 2].map(|i| format!("entries[{i}].amplitudes")));
+    }
+
+    #[test]
+    fn a_rig_of_odd_numbers_fits_the_library_saved_for_it() {
+        let saved = Library { attack_s: 0.012_345_678_9, base_radps: TAU * 60.123_456_78, ..library(three()) };
+        let rig = RigFacts {
+            name: "bench",
+            fingerprint: "12ab",
+            base_radps: saved.base_radps,
+            attack_s: saved.attack_s,
+            rest_s: saved.rest_s,
+            count_limit: 1000.0,
+        };
+        assert_eq!(Library::from_json(&saved.to_json(), "l.json").unwrap().check_fits(&rig), []);
+    }
+
+    #[test]
+    fn numbers_beyond_any_rig_are_refused() {
+        let refused = |change: &dyn Fn(&mut Library)| {
+            let mut bad = library(three());
+            change(&mut bad);
+            told(&bad.to_json())
+        };
+        type Change = fn(&mut Library);
+        let cases: [(Change, &str); 10] = [
+            (
+                |l| l.shapes[2].0[1].sin = 1e300,
+                "shapes.spin: found [[1.0, 0.0], [0.0, 1e300]], allowed: numbers from -1000 to 1000, not all zero",
+            ),
+            (|l| l.base_radps = TAU * 20_000.0, "base_hz: found 20000, allowed: a number from 1 to 10000"),
+            (|l| l.attack_s = 101.0, "attack_s: found 101, allowed: a number from 0 to 100"),
+            (
+                |l| l.entries[1].amplitudes[2] = -1_000_001,
+                "entries[1].amplitudes[2]: found -1000001, allowed: a whole number from -1000000 to 1000000",
+            ),
+            (
+                |l| l.entries[0].amplitudes = [0; 4],
+                "entries[0].amplitudes: found [0, 0, 0, 0], allowed: four that make a force or a torque, not all the same",
+            ),
+            (
+                |l| l.entries[0].amplitudes = [7; 4],
+                "entries[0].amplitudes: found [7, 7, 7, 7], allowed: four that make a force or a torque, not all the same",
+            ),
+            (
+                |l| l.entries[2].pump = Twist::new(0.0, 101.0, 0.0),
+                "entries[2].velocity_mm_s[1]: found 101000, allowed: a number from -100000 to 100000",
+            ),
+            (
+                |l| l.entries[2].pump = Twist::new(0.1, 0.0, -10_001.0),
+                "entries[2].spin_rad_s: found -10001, allowed: a number from -10000 to 10000",
+            ),
+            (
+                |l| l.displacement.distance_m[1][2] = 1.5,
+                "displacement.distance_mm[1][2]: found 1500, allowed: a number from 0 to 1000",
+            ),
+            (
+                |l| l.displacement.sustain_s[2] = 200.0,
+                "displacement.sustain_s[2]: found 200, allowed: a number from 0 to 100",
+            ),
+        ];
+        for (change, line) in cases {
+            assert_eq!(refused(&change), [line]);
+        }
     }
 
     #[test]

@@ -8,19 +8,32 @@ use crate::geometry::{Twist, Vec2};
 use crate::signal::Harmonic;
 use crate::units::{m_from_mm, mm_from_m};
 
+/// Bounds that no plate a person could build exceeds; numbers beyond are slips of the unit.
+pub(super) const BASE_HZ: (f64, f64) = (1.0, 10_000.0);
+pub(super) const MOST_TIME_S: f64 = 100.0;
+pub(super) const MOST_AMPLITUDE: i32 = 1_000_000;
+pub(super) const MOST_SHAPE: f64 = 1e3;
+pub(super) const MOST_SPEED_MM_S: f64 = 1e5;
+pub(super) const MOST_SPIN_RAD_S: f64 = 1e4;
+pub(super) const MOST_DISTANCE_MM: f64 = 1e3;
+
 /// A library as its file has it, not yet validated: [`Library::try_from`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(title = "library")]
 pub struct RawLibrary {
     /// Name of the rig it was measured on.
     pub rig: String,
     /// Fingerprint of that rig's file.
     pub fingerprint: String,
     /// Base frequency.
+    #[schemars(range(min = BASE_HZ.0, max = BASE_HZ.1))]
     pub base_hz: f64,
     /// Attack of every pulse.
+    #[schemars(range(min = 0.0, max = MOST_TIME_S))]
     pub attack_s: f64,
     /// Rest after every pulse.
+    #[schemars(range(min = 0.0, max = MOST_TIME_S))]
     pub rest_s: f64,
     /// Force waveforms.
     pub shapes: RawShapes,
@@ -35,10 +48,13 @@ pub struct RawLibrary {
 #[serde(deny_unknown_fields)]
 pub struct RawShapes {
     /// Along x.
+    #[schemars(inner(inner(range(min = -MOST_SHAPE, max = MOST_SHAPE))))]
     pub x: [[f64; 2]; 2],
     /// Along y.
+    #[schemars(inner(inner(range(min = -MOST_SHAPE, max = MOST_SHAPE))))]
     pub y: [[f64; 2]; 2],
     /// About the centre.
+    #[schemars(inner(inner(range(min = -MOST_SHAPE, max = MOST_SHAPE))))]
     pub spin: [[f64; 2]; 2],
 }
 
@@ -47,10 +63,13 @@ pub struct RawShapes {
 #[serde(deny_unknown_fields)]
 pub struct RawEntry {
     /// Amplitudes of the motors X1, X2, Y1, Y2, counts.
+    #[schemars(inner(range(min = -MOST_AMPLITUDE, max = MOST_AMPLITUDE)))]
     pub amplitudes: [i32; 4],
     /// Velocity amplitude of the plate's centre, x and y.
+    #[schemars(inner(range(min = -MOST_SPEED_MM_S, max = MOST_SPEED_MM_S)))]
     pub velocity_mm_s: [f64; 2],
     /// Spin amplitude, counter-clockwise.
+    #[schemars(range(min = -MOST_SPIN_RAD_S, max = MOST_SPIN_RAD_S))]
     pub spin_rad_s: f64,
 }
 
@@ -59,12 +78,16 @@ pub struct RawEntry {
 #[serde(deny_unknown_fields)]
 pub struct RawDisplacement {
     /// Rising speeds.
+    #[schemars(length(min = 2), inner(range(min = 0.0, max = MOST_SPEED_MM_S)))]
     pub speed_mm_s: Vec<f64>,
     /// Rising sustains.
+    #[schemars(length(min = 2), inner(range(min = 0.0, max = MOST_TIME_S)))]
     pub sustain_s: Vec<f64>,
     /// One row a speed, one column a sustain.
+    #[schemars(inner(inner(range(min = 0.0, max = MOST_DISTANCE_MM))))]
     pub distance_mm: Vec<Vec<f64>>,
     /// Standard deviation of one pulse, same shape.
+    #[schemars(inner(inner(range(min = 0.0, max = MOST_DISTANCE_MM))))]
     pub sd_mm: Vec<Vec<f64>>,
 }
 

@@ -1,4 +1,9 @@
-use super::raw::{RawDisplacement, RawEntry, RawLibrary};
+use std::f64::consts::TAU;
+
+use super::raw::{
+    BASE_HZ, MOST_AMPLITUDE, MOST_DISTANCE_MM, MOST_SHAPE, MOST_SPEED_MM_S, MOST_SPIN_RAD_S, MOST_TIME_S,
+    RawDisplacement, RawEntry, RawLibrary,
+};
 use super::{Library, LibraryFault};
 use crate::geometry::Vec2;
 
@@ -7,6 +12,12 @@ const MIN_ENTRIES: usize = 3;
 
 /// Two directions count as two when the flows at the centre spread by more than about 6 degrees.
 const MIN_SPREAD: f64 = 0.01;
+
+/// Relative difference between two numbers that are the same.
+const SAME: f64 = 1e-6;
+
+/// Largest error of a number rounded to the file's six decimals, Hz or s.
+const FILE_ROUNDING: f64 = 0.501e-6;
 
 impl TryFrom<RawLibrary> for Library {
     type Error = Vec<LibraryFault>;
@@ -25,21 +36,48 @@ impl TryFrom<RawLibrary> for Library {
     }
 }
 
+/// What a library must agree on with the rig it is used on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigFacts<'a> {
+    /// Name in its file.
+    pub name: &'a str,
+    /// Fingerprint of its file.
+    pub fingerprint: &'a str,
+    /// Base frequency of its drive, rad/s.
+    pub base_radps: f64,
+    /// Attack of every pulse, s.
+    pub attack_s: f64,
+    /// Rest after every pulse, s.
+    pub rest_s: f64,
+    /// Largest sample a motor may be told to play, counts.
+    pub count_limit: f64,
+}
+
 impl Library {
-    /// Refuses a library that was measured on another rig: distances and centres hold for one rig only.
-    pub fn check_fits(&self, rig_name: &str, fingerprint: &str) -> Result<(), LibraryFault> {
-        if self.rig != rig_name {
-            return Err(LibraryFault::new(
-                "rig",
-                format!("{:?}", self.rig),
-                format!("{rig_name:?}, the rig of this run"),
-            ));
+    /// Everything that keeps the library from being used on `rig`: distances and centres hold for one rig and its
+    /// drive only. A library of a rig of another name is one fault, for all others follow from it.
+    pub fn check_fits(&self, rig: &RigFacts<'_>) -> Vec<LibraryFault> {
+        if self.rig != rig.name {
+            let allowed = format!("{:?}, the rig of this run", rig.name);
+            return vec![LibraryFault::new("rig", format!("{:?}", self.rig), allowed)];
         }
-        if self.fingerprint != fingerprint {
-            let allowed = format!("{fingerprint:?}: the rig's file has changed, calibrate again");
-            return Err(LibraryFault::new("fingerprint", format!("{:?}", self.fingerprint), allowed));
+        let mut faults = Vec::new();
+        if self.fingerprint != rig.fingerprint {
+            let allowed = format!("{:?}: the rig's file has changed, calibrate again", rig.fingerprint);
+            faults.push(LibraryFault::new("fingerprint", format!("{:?}", self.fingerprint), allowed));
         }
-        Ok(())
+        for (path, found, its) in [
+            ("base_hz", self.base_radps / TAU, rig.base_radps / TAU),
+            ("attack_s", self.attack_s, rig.attack_s),
+            ("rest_s", self.rest_s, rig.rest_s),
+        ] {
+            if (found - its).abs() > SAME * its.abs() + FILE_ROUNDING {
+                let [found, its] = [found, its].map(|value| (value * 1e9).round() / 1e9);
+                faults.push(LibraryFault::new(path, found, format!("{its}, as the rig has it")));
+            }
+        }
+        faults.extend(self.unreachable_entries(rig.count_limit));
+        faults
     }
 
     /// Entries that the rig's motors cannot reach: their waveforms peak above `count_limit`.
@@ -61,6 +99,11 @@ fn spread_at_center(library: &Library) -> f64 {
     0.5 * (xx + yy) - (0.5 * (xx - yy)).hypot(xy)
 }
 
+/// `1 row`, `2 rows`.
+fn counted(number: usize, one: &str, many: &str) -> String {
+    format!("{number} {}", if number == 1 { one } else { many })
+}
+
 struct Faults(Vec<LibraryFault>);
 
 impl Faults {
@@ -72,56 +115,75 @@ impl Faults {
         if raw.rig.is_empty() {
             self.add("rig", "\"\"", "the name of a rig");
         }
-        if !(raw.base_hz.is_finite() && raw.base_hz > 0.0) {
-            self.add("base_hz", raw.base_hz, "a positive number");
-        }
-        self.check_not_negative("attack_s", raw.attack_s);
-        self.check_not_negative("rest_s", raw.rest_s);
+        self.check_within("base_hz", raw.base_hz, BASE_HZ);
+        self.check_within("attack_s", raw.attack_s, (0.0, MOST_TIME_S));
+        self.check_within("rest_s", raw.rest_s, (0.0, MOST_TIME_S));
         for (name, shape) in [("x", raw.shapes.x), ("y", raw.shapes.y), ("spin", raw.shapes.spin)] {
             let flat = shape.as_flattened();
-            if flat.iter().any(|v| !v.is_finite()) || flat.iter().all(|&v| v == 0.0) {
-                self.add(format!("shapes.{name}"), format!("{shape:?}"), "numbers, not all zero");
+            let bounded = flat.iter().all(|v| v.abs() <= MOST_SHAPE);
+            if !bounded || flat.iter().all(|&v| v == 0.0) {
+                let allowed = format!("numbers from -{MOST_SHAPE} to {MOST_SHAPE}, not all zero");
+                self.add(format!("shapes.{name}"), format!("{shape:?}"), &allowed);
             }
         }
     }
 
-    fn check_not_negative(&mut self, path: impl Into<String>, value: f64) {
-        if !(value.is_finite() && value >= 0.0) {
-            self.add(path, value, "a number not below 0");
+    /// A fault unless `value` is a number from the first to the second of `range`.
+    fn check_within(&mut self, path: impl Into<String>, value: f64, range: (f64, f64)) {
+        let (low, high) = range;
+        if !(low..=high).contains(&value) {
+            self.add(path, value, &format!("a number from {low} to {high}"));
         }
     }
 
     fn check_entries(&mut self, entries: &[RawEntry]) {
         if entries.len() < MIN_ENTRIES {
-            self.add("entries", format!("{} entries", entries.len()), "at least 3");
+            self.add("entries", counted(entries.len(), "entry", "entries"), "at least 3");
         }
         for (i, entry) in entries.iter().enumerate() {
+            self.check_amplitudes(entry.amplitudes, &format!("entries[{i}].amplitudes"));
             let [vx, vy] = entry.velocity_mm_s;
-            if !(vx.is_finite() && vy.is_finite() && entry.spin_rad_s.is_finite()) {
-                self.add(format!("entries[{i}]"), "a number that is not finite", "finite numbers");
-            } else if vx == 0.0 && vy == 0.0 && entry.spin_rad_s == 0.0 {
+            for (k, v) in [vx, vy].into_iter().enumerate() {
+                self.check_within(format!("entries[{i}].velocity_mm_s[{k}]"), v, (-MOST_SPEED_MM_S, MOST_SPEED_MM_S));
+            }
+            let most = MOST_SPIN_RAD_S;
+            self.check_within(format!("entries[{i}].spin_rad_s"), entry.spin_rad_s, (-most, most));
+            if vx == 0.0 && vy == 0.0 && entry.spin_rad_s == 0.0 {
                 self.add(format!("entries[{i}]"), "a plate that does not move", "a velocity or a spin");
             }
         }
     }
 
-    fn check_displacement(&mut self, raw: &RawDisplacement) {
-        self.check_rising("displacement.speed_mm_s", &raw.speed_mm_s, "at least 2 rising numbers above 0");
-        if raw.speed_mm_s.first().is_some_and(|&slowest| slowest <= 0.0) {
-            self.add("displacement.speed_mm_s[0]", raw.speed_mm_s[0], "a number above 0");
+    /// By Eq. 7 four equal amplitudes only squeeze the plate: no net force, no torque.
+    fn check_amplitudes(&mut self, amplitudes: [i32; 4], path: &str) {
+        let range = -MOST_AMPLITUDE..=MOST_AMPLITUDE;
+        for (k, amplitude) in amplitudes.into_iter().enumerate().filter(|(_, amplitude)| !range.contains(amplitude)) {
+            let allowed = format!("a whole number from -{MOST_AMPLITUDE} to {MOST_AMPLITUDE}");
+            self.add(format!("{path}[{k}]"), amplitude, &allowed);
         }
-        self.check_rising("displacement.sustain_s", &raw.sustain_s, "at least 2 rising numbers not below 0");
-        if raw.sustain_s.first().is_some_and(|&shortest| shortest < 0.0) {
-            self.add("displacement.sustain_s[0]", raw.sustain_s[0], "a number not below 0");
-        }
-        for (name, table) in [("distance_mm", &raw.distance_mm), ("sd_mm", &raw.sd_mm)] {
-            self.check_table(name, table, raw.speed_mm_s.len(), raw.sustain_s.len());
+        if amplitudes.iter().all(|&amplitude| amplitude == amplitudes[0]) {
+            self.add(path, format!("{amplitudes:?}"), "four that make a force or a torque, not all the same");
         }
     }
 
-    fn check_rising(&mut self, path: &str, grid: &[f64], allowed: &str) {
+    fn check_displacement(&mut self, raw: &RawDisplacement) {
+        let (speeds, sustains) = (&raw.speed_mm_s, &raw.sustain_s);
+        self.check_rising("displacement.speed_mm_s", speeds, MOST_SPEED_MM_S, "at least 2 rising numbers above 0");
+        if speeds.first().is_some_and(|&slowest| slowest == 0.0) {
+            self.add("displacement.speed_mm_s[0]", 0, "a number above 0");
+        }
+        self.check_rising("displacement.sustain_s", sustains, MOST_TIME_S, "at least 2 rising numbers not below 0");
+        for (name, table) in [("distance_mm", &raw.distance_mm), ("sd_mm", &raw.sd_mm)] {
+            self.check_table(name, table, speeds.len(), sustains.len());
+        }
+    }
+
+    fn check_rising(&mut self, path: &str, grid: &[f64], most: f64, allowed: &str) {
         if grid.len() < 2 {
-            self.add(path, format!("{} numbers", grid.len()), allowed);
+            self.add(path, counted(grid.len(), "number", "numbers"), allowed);
+        }
+        for (i, &value) in grid.iter().enumerate() {
+            self.check_within(format!("{path}[{i}]"), value, (0.0, most));
         }
         for (i, pair) in grid.windows(2).enumerate() {
             let rises = pair[1].is_finite() && pair[1] > pair[0];
@@ -135,17 +197,17 @@ impl Faults {
         if table.len() != rows {
             self.add(
                 format!("displacement.{name}"),
-                format!("{} rows", table.len()),
+                counted(table.len(), "row", "rows"),
                 &format!("{rows}, one for each speed"),
             );
         }
         for (i, row) in table.iter().enumerate() {
             if row.len() != columns {
                 let allowed = format!("{columns}, one for each sustain");
-                self.add(format!("displacement.{name}[{i}]"), format!("{} numbers", row.len()), &allowed);
+                self.add(format!("displacement.{name}[{i}]"), counted(row.len(), "number", "numbers"), &allowed);
             }
             for (k, &value) in row.iter().enumerate() {
-                self.check_not_negative(format!("displacement.{name}[{i}][{k}]"), value);
+                self.check_within(format!("displacement.{name}[{i}][{k}]"), value, (0.0, MOST_DISTANCE_MM));
             }
         }
     }

@@ -51,7 +51,7 @@ impl Bench {
             parts: parts.collect(),
             time_limit_s: job.plate_time_limit_s,
             endless: matches!(job.task, TaskSpec::PlusSign { laps: 0, .. }),
-            lost_after_frames: (LOST_AFTER_S * model.frame_hz) as u32,
+            lost_after_frames: lost_after_frames(model.frame_hz),
             planner: planner_params(job, library),
             kinds,
         };
@@ -82,6 +82,11 @@ impl Bench {
         };
         self.params.parts.iter().map(look).collect()
     }
+}
+
+/// Frames without a part after which it is lost: at slow frame rates one bad picture alone shall not end a run.
+fn lost_after_frames(frame_hz: f64) -> u32 {
+    (LOST_AFTER_S * frame_hz).max(2.0) as u32
 }
 
 /// The rig of a job with its parts where they start.
@@ -168,5 +173,15 @@ impl Sink for NamedTruth {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
         let seen_m: Vec<_> = facts.detections.iter().map(|detection| detection.position_m).collect();
         self.0.order_by(&seen_m);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_bad_picture_loses_no_part() {
+        assert_eq!([0.5, 3.9, 4.0, 60.0].map(lost_after_frames), [2, 2, 2, 30]);
     }
 }

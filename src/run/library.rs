@@ -3,7 +3,7 @@ use std::sync::Arc;
 use serde_json::Value;
 
 use crate::config::{JobSpec, LibraryRef};
-use crate::library::{Library, LibraryFault};
+use crate::library::{Library, LibraryFault, RigFacts};
 
 /// The COR library a job runs with, checked against its rig.
 pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
@@ -22,12 +22,15 @@ pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
         }
     };
     let model = &job.rig.model;
-    let misfit = library.check_fits(&model.name, &job.rig.fingerprint).err();
-    let faults: Vec<LibraryFault> = misfit
-        .into_iter()
-        .chain(library.unreachable_entries(model.count_limit))
-        .map(|fault| in_file(fault, job))
-        .collect();
+    let rig = RigFacts {
+        name: &model.name,
+        fingerprint: &job.rig.fingerprint,
+        base_radps: model.base_radps,
+        attack_s: model.attack_s,
+        rest_s: model.rest_s,
+        count_limit: model.count_limit,
+    };
+    let faults: Vec<LibraryFault> = library.check_fits(&rig).into_iter().map(|fault| in_file(fault, job)).collect();
     if faults.is_empty() { Ok(Arc::new(library)) } else { Err(faults) }
 }
 

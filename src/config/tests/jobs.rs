@@ -144,6 +144,44 @@ fn parts_too_large_or_too_many_are_faults() {
 }
 
 #[test]
+fn nothing_is_told_that_follows_from_a_part_too_large() {
+    let mut rig = value_of("rigs/upm-1.json");
+    set(&mut rig, "/kinds", json!({"tray": {"diameter_mm": 300, "mass_g": 80, "thickness_mm": 2}}));
+    let path = json!({"waypoints_mm": [[0, 0], [20, 0]], "speed_mm_s": 5});
+    for task in [
+        json!({"type": "plus_sign"}),
+        json!({"type": "trajectories", "paths": [path]}),
+        json!({"type": "arrange", "targets_mm": [[0, 0]]}),
+        json!({"type": "sort", "bins": [{"kinds": ["tray"], "region_mm": {"min": [0, 0], "max": [40, 40]}}]}),
+    ] {
+        for part in [json!({"kind": "tray"}), json!({"kind": "tray", "position_mm": [10, 0]})] {
+            let faults = lines(job(&json!({"name": "a", "rig": rig, "parts": [part], "task": task})).unwrap_err());
+            assert_eq!(faults.len(), 1, "{faults:?}");
+            assert!(faults[0].starts_with("parts[0].kind: found a part of 300.000 mm"), "{faults:?}");
+        }
+    }
+}
+
+#[test]
+fn kinds_on_the_plate_must_be_told_apart_by_size() {
+    let mut rig = value_of("rigs/upm-2.json");
+    let disc = |diameter_mm: f64| json!({"diameter_mm": diameter_mm, "mass_g": 3, "thickness_mm": 2});
+    set(&mut rig, "/kinds", json!({"cent": disc(19.3), "token": disc(19.7)}));
+    let with = |names: &[&str]| {
+        let parts: Vec<Value> = names.iter().map(|name| json!({"kind": name})).collect();
+        job(&json!({"name": "a", "rig": rig, "parts": parts, "task": {"type": "hold", "duration_s": 1}}))
+    };
+    let faults = lines(with(&["dime", "penny", "penny", "cent", "cent"]).unwrap_err());
+    let line = "parts[3].kind: found cent of 19.300 mm beside penny of 19.050 mm, allowed: kinds whose diameters \
+                differ by 3 % or more (the camera tells kinds by size)";
+    assert_eq!(faults, [line]);
+    assert!(with(&["cent", "token"]).is_err());
+    assert!(with(&["penny", "token"]).is_ok());
+    assert!(with(&["cent"]).is_ok(), "kinds that are not on the plate disturb nobody");
+    assert!(with(&["penny", "nickel", "dime", "quarter"]).is_ok());
+}
+
+#[test]
 fn schemas_describe_every_key() {
     fn undescribed(schema: &Value, at: &str, found: &mut Vec<String>) {
         for (key, member) in schema.get("properties").and_then(Value::as_object).into_iter().flatten() {

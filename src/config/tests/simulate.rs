@@ -37,7 +37,9 @@ fn pulses_become_twists_and_envelopes() {
 #[test]
 fn impossible_experiments_are_faults() {
     for (pointer, value, at, allowed) in [
-        ("/pulses/0/rotation", json!(0), "pulses[0].rotation", "1, -1"),
+        ("/pulses/0/rotation", json!(0), "pulses[0].rotation", "-1 or 1"),
+        ("/pulses/0/rotation", json!(3_000_000_000_u64), "pulses[0].rotation", "-1 or 1"),
+        ("/rig", json!(3), "rig", "a path or a rig object"),
         ("/pulses/0/speed_mps", json!(1), "pulses[0]", "cor_mm and omega_rad_s, or direction_deg and speed_mps"),
         ("/pulses/0/omega_rad_s", json!(0), "pulses[0].omega_rad_s", "above 0"),
         ("/pulses/1/sustain", json!(0), "pulses[1].sustain", "did you mean sustain_s?"),
