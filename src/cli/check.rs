@@ -54,7 +54,7 @@ fn check_file(path: &Path) -> Finding {
         let job = JobSpec::load(path).map_err(lines)?;
         job.check_runnable().map_err(|fault| vec![fault.to_string()])?;
         job_library(&job).map_err(lines)?;
-        Ok(format!("job {} on {}, {} parts", job.name, job.rig.model.name, job.kinds_of_parts().len()))
+        Ok(format!("job {} on {}, parts: {}", job.name, job.rig.model.name, job.kinds_of_parts().len()))
     }
 }
 
