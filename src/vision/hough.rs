@@ -146,6 +146,8 @@ mod tests {
     proptest! {
         #[test]
         fn a_line_of_edges_is_the_highest_peak(angle in 0.0..TAU, distance in -150.0..150.0f64) {
+            // a line through the centre has two directions, and the votes of both rows at zero may part
+            prop_assume!(distance.abs() > 3.0);
             let (center, outward) = (Vec2::new(200.0, 150.0), Vec2::new(angle.cos(), angle.sin()));
             let along = Vec2::new(-outward.y, outward.x);
             let edges: Vec<_> = (-80..80)
