@@ -74,13 +74,17 @@ pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<V
 
 fn read(path: &Path) -> Result<String, VerifyError> {
     fs::read_to_string(path)
-        .map_err(|error| VerifyError::Read { path: path.display().to_string(), reason: error.to_string() })
+        .map_err(|error| VerifyError::Read { path: path.display().to_string(), reason: not_of_a_run(&error) })
+}
+
+fn not_of_a_run(found: &dyn std::fmt::Display) -> String {
+    format!("$: found {found}, allowed: what `upm run` left in a run folder")
 }
 
 fn effective_job(text: &str, path: &Path) -> Result<JobSpec, VerifyError> {
     let file = path.display().to_string();
     let no_job = |reason: String| VerifyError::Read { path: file.clone(), reason };
-    let effective: Value = serde_json::from_str(text).map_err(|error| no_job(error.to_string()))?;
+    let effective: Value = serde_json::from_str(text).map_err(|error| no_job(not_of_a_run(&error)))?;
     let job = effective.get("job").ok_or_else(|| no_job("job: found nothing, allowed: the job".into()))?;
     JobSpec::from_json(&job.to_string(), &Origin::of_file(path), None).map_err(VerifyError::Job)
 }
