@@ -1,12 +1,14 @@
 //! A Universal Planar Manipulator: one flat plate, shaken sideways by four voice coils, moves many coins on it
 //! independently, closed over a camera. See `ARCHITECTURE.md` for the rooms and who may import whom.
 
+pub mod chart;
 pub mod cli;
 pub mod config;
 pub mod control;
 pub mod estimation;
 pub mod geometry;
 pub mod goal;
+pub mod lab;
 pub mod library;
 pub mod planner;
 pub mod random;

@@ -38,9 +38,13 @@ const ROOMS: &[(&str, &[&str])] = &[
             "sim::Truth",
             "sim::PartTruth",
             "sim::TruthProbe",
+            "chart",
+            "lab::Motion",
+            "lab::Track",
         ],
     ),
-    ("lab", &["signal", "sim"]),
+    ("chart", &[]),
+    ("lab", &["chart", "signal", "rig", "sim", "estimation", "library", "control"]),
     (
         "config",
         &[
@@ -71,7 +75,7 @@ const ROOMS: &[(&str, &[&str])] = &[
         ],
     ),
     ("service", &["signal", "recording", "config", "run"]),
-    ("cli", &["signal", "rig", "vision", "library", "control", "recording", "config", "run", "service", "lab"]),
+    ("cli", &["signal", "rig", "vision", "library", "control", "recording", "config", "run", "service", "lab", "chart"]),
     ("main", &["cli"]),
 ];
 

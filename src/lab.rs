@@ -1,0 +1,38 @@
+//! The papers' experiments on the simulated plate: each plays its pulses, measures, and sets the figures beside those of
+//! a closed form or of the paper. Nothing here is used by a run.
+
+mod outcome;
+
+pub use outcome::{Figure, Motion, Outcome, Series, Track};
+
+use crate::rig::RigModel;
+use crate::sim::{PartParams, SimParams};
+
+/// The rig an experiment is made on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LabRig {
+    /// What is known of it beforehand.
+    pub model: RigModel,
+    /// How it is.
+    pub sim: SimParams,
+    /// The coin put on it.
+    pub penny: PartParams,
+    /// Seed of noise and sensor errors.
+    pub seed: u64,
+}
+
+/// Why an experiment came to nothing.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LabFault {
+    /// This rig cannot do it.
+    #[error("{0}")]
+    Rig(String),
+    /// A trace could not be read.
+    #[error("{what}: {fault}")]
+    Trace {
+        /// What was played.
+        what: String,
+        /// Why it could not be read.
+        fault: crate::estimation::FitFault,
+    },
+}

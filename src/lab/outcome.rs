@@ -1,0 +1,84 @@
+use crate::chart::Chart;
+
+/// One number an experiment comes to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figure {
+    /// What it is: `COR of row b along x`.
+    pub name: String,
+    /// Its unit; `1` for a ratio.
+    pub unit: String,
+    /// What came out here.
+    pub measured: f64,
+    /// What it is compared with.
+    pub reference: Option<f64>,
+    /// Where the reference is from: `UPM paper, Eq. 15`.
+    pub source: String,
+}
+
+impl Figure {
+    /// A figure with something to compare it with.
+    pub fn against(name: impl Into<String>, unit: &str, measured: f64, reference: f64, source: &str) -> Self {
+        Self { reference: Some(reference), ..Self::alone(name, unit, measured, source) }
+    }
+
+    /// A figure by itself; `source` says how it was found.
+    pub fn alone(name: impl Into<String>, unit: &str, measured: f64, source: &str) -> Self {
+        Self { name: name.into(), unit: unit.to_owned(), measured, reference: None, source: source.to_owned() }
+    }
+
+    /// How far `measured` is from the reference, as a part of it; `None` where there is none or it is zero.
+    pub fn relative_error(&self) -> Option<f64> {
+        self.reference.filter(|&reference| reference != 0.0).map(|reference| (self.measured - reference) / reference)
+    }
+}
+
+/// Numbers over something, for plots of people's own; the unit is in the name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    /// `speed_mps`.
+    pub name: String,
+    /// In order.
+    pub values: Vec<f64>,
+}
+
+impl Series {
+    /// Values under a name.
+    pub fn new(name: &str, values: impl IntoIterator<Item = f64>) -> Self {
+        Self { name: name.to_owned(), values: values.into_iter().collect() }
+    }
+}
+
+/// Parts moving over plate time, to be played back.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// Half the plate's side, m.
+    pub half_side_m: f64,
+    /// Instants, s.
+    pub t_s: Vec<f64>,
+    /// Parts.
+    pub tracks: Vec<Track>,
+}
+
+/// One part's way.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Track {
+    /// Name.
+    pub label: String,
+    /// Radius, m.
+    pub radius_m: f64,
+    /// Its place at each instant, m, table frame.
+    pub places_m: Vec<[f64; 2]>,
+}
+
+/// All that an experiment leaves.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outcome {
+    /// The table.
+    pub figures: Vec<Figure>,
+    /// The curves behind it.
+    pub series: Vec<Series>,
+    /// Pictures.
+    pub charts: Vec<Chart>,
+    /// What moved.
+    pub motion: Option<Motion>,
+}
