@@ -1,4 +1,5 @@
 use crate::chart::Chart;
+use crate::signal::RecordedPulse;
 
 /// One number an experiment comes to.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,4 +82,6 @@ pub struct Outcome {
     pub charts: Vec<Chart>,
     /// What moved.
     pub motion: Option<Motion>,
+    /// The trace it read.
+    pub recorded: Option<RecordedPulse>,
 }

@@ -1,3 +1,6 @@
+use super::Envelope;
+use crate::geometry::Vec2;
+
 /// Channels of a trace, in order: x and y of accelerometer 1, x and y of accelerometer 2.
 pub const CHANNELS: usize = 4;
 
@@ -35,4 +38,19 @@ impl AccelTrace {
     pub fn time_s(&self, i: usize) -> f64 {
         self.first_sample_s + i as f64 / self.sample_hz
     }
+}
+
+/// A trace with what is needed to read it: a recording of one pulse on any rig.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedPulse {
+    /// What the accelerometers saw.
+    pub trace: AccelTrace,
+    /// Outline of the pulse.
+    pub envelope: Envelope,
+    /// Base frequency of the drive, rad/s.
+    pub base_radps: f64,
+    /// Place of accelerometer 1 on the plate, m; number 2 is opposite.
+    pub accelerometer_in_plate_m: Vec2,
+    /// What each channel shows for a true 1: its gain.
+    pub channel_gain: [f64; CHANNELS],
 }
