@@ -1,6 +1,7 @@
 //! What the accelerometers say: a trace becomes harmonics, a plate twist, a centre of rotation
 //! (UPM paper, section 3.2, App. B and C).
 
+mod gains;
 mod harmonics;
 mod pump;
 mod rigid;
@@ -10,10 +11,11 @@ mod window;
 #[cfg(test)]
 mod plate_tests;
 
+pub use gains::relative_gains;
 pub use harmonics::{Coefficients, HarmonicFit, fit_channels, velocity_mps};
 pub use pump::{force_sign, nearest_pump};
 pub use rigid::twist_from_corners;
-pub use types::{AxisPhasors, FitFault, PumpQuality, TwistFit};
+pub use types::{AccelerometerPair, AxisPhasors, FitFault, PumpQuality, TwistFit};
 pub use window::{MAX_PERIODS, Window, accelerations_mps2, sustain_window};
 
 use nalgebra::Complex;
@@ -25,23 +27,26 @@ use crate::signal::{AccelTrace, CHANNELS, Envelope, TwistHarmonic, TwistWave};
 pub const WEAKEST_MPS2: f64 = 0.3;
 
 /// The plate's motion at full height of a pulse shaped by `envelope`, out of what its accelerometers saw.
-/// `base_radps` is the drive's base frequency, `accelerometer_in_plate_m` the place of number 1.
+/// `base_radps` is the drive's base frequency.
 pub fn fit_twist(
     trace: &AccelTrace,
     envelope: &Envelope,
     base_radps: f64,
-    accelerometer_in_plate_m: Vec2,
+    sensors: &AccelerometerPair,
 ) -> Result<TwistFit, FitFault> {
-    let arm_m = accelerometer_in_plate_m.norm();
+    let arm_m = sensors.position_m.norm();
     if !(arm_m.is_finite() && arm_m > 0.0) {
         return Err(FitFault::Unreadable("accelerometers have no distance between them"));
+    }
+    if !sensors.gain.iter().all(|gain| gain.is_finite() && *gain > 0.0) {
+        return Err(FitFault::Unreadable("a gain is not a number above 0"));
     }
     let window = sustain_window(trace, envelope, base_radps)?;
     let channels = accelerations_mps2(trace, &window)?;
     let fits = fit_channels(&window, &channels, base_radps)?;
-    let accel_mps2 = fits.map(|fit| fit.coefficients);
+    let accel_mps2 = std::array::from_fn(|channel| fits[channel].coefficients.map(|c| c / sensors.gain[channel]));
     refuse_weak(&accel_mps2)?;
-    let wave = twist_wave(&accel_mps2, base_radps, accelerometer_in_plate_m);
+    let wave = twist_wave(&accel_mps2, base_radps, sensors.position_m);
     let axes = axis_phasors(&wave);
     let (pump, quality) = nearest_pump(&axes, arm_m);
     let residual_sum: f64 = fits.iter().map(|fit| fit.residual_sum).sum();

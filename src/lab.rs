@@ -1,9 +1,18 @@
 //! The papers' experiments on the simulated plate: each plays its pulses, measures, and sets the figures beside those of
 //! a closed form or of the paper. Nothing here is used by a run.
 
+mod cor_map;
+mod cor_steering;
 mod outcome;
+mod shaken;
+#[cfg(test)]
+mod testing;
+mod waveform_fit;
 
+pub use cor_map::cor_map;
+pub use cor_steering::cor_steering;
 pub use outcome::{Figure, Motion, Outcome, Series, Track};
+pub use waveform_fit::{waveform_fit, waveform_fit_of};
 
 use crate::rig::RigModel;
 use crate::sim::{PartParams, SimParams};

@@ -1,7 +1,8 @@
 //! Calibration: what can this rig do, and how far do parts go when it does? (UPM paper, sections 3.2 and 4.1.)
 //!
-//! 1. Axes: one pulse along x, y and spin each; the response of both harmonics gives the pre-compensation
-//!    of every axis and the gain matrix from motor amplitudes to the plate's twist.
+//! 1. Axes: pulses along x, y and spin; that the plate is rigid gives the accelerometers' gains against each other, the
+//!    response of both harmonics the pre-compensation of every axis and the gain matrix from motor amplitudes to the
+//!    plate's twist.
 //! 2. Displacement: a few motions, pulses of rising length, the camera measures how far the coins go. This comes
 //!    before the many pulses of the next step carry the coins off the plate.
 //! 3. Steering: centres of rotation over and around the plate and translations, each played both ways at the
@@ -17,12 +18,19 @@ use std::sync::atomic::AtomicBool;
 use super::ending::Ending;
 use super::eyes::ExpectedPart;
 use crate::estimation::FitFault;
-use crate::library::Library;
+use crate::library::{Entry, Library};
 use crate::rig::{PartKind, Rig, RigFault, RigModel};
+use crate::units::GRAVITY_MPS2;
+use steering::Motion;
 use workbench::Workbench;
+
+pub use axes::Axes;
 
 /// A rig this many times faster than the gentle speed needs gentle motions of their own.
 const STRONG: f64 = 2.0;
+
+/// Velocity lags force by 90° on a free mass, by nothing at resonance; an axis nearer to that than this is refused.
+const LEAST_LAG_DEG: f64 = 45.0;
 
 /// What to measure.
 #[derive(Clone, Debug, PartialEq)]
@@ -113,10 +121,30 @@ pub enum CalibrationFault {
     #[error("motors do not move x, y and spin independently (gain matrix is singular)")]
     Singular,
     /// The drive is too weak to slide a coin.
-    #[error("the strongest pulse moves the coins {moved_mm:.3} mm: too weak to slide them")]
+    #[error(
+        "found a displacement of {moved_mm:.3} mm in the strongest pulse, at {peak_mps2:.2} m/s² of the plate, allowed: \
+         {needed_mm} mm or more (a part slides from its friction coefficient times {GRAVITY_MPS2} m/s² on)"
+    )]
     TooWeak {
         /// Largest displacement seen, mm.
         moved_mm: f64,
+        /// What counts as a displacement, mm.
+        needed_mm: f64,
+        /// Largest acceleration of the plate in that pulse, m/s².
+        peak_mps2: f64,
+    },
+    /// An axis answers ahead of what a mass would: its resonance is not below the drive's frequency.
+    #[error(
+        "{axis}: found a velocity {lag_deg:.0}° behind the force at {base_hz:.1} Hz, allowed: {LEAST_LAG_DEG}° or more (the \
+         resonance must lie below the drive's frequency, where velocity is the force's integral, 90° behind it)"
+    )]
+    Resonance {
+        /// Which.
+        axis: &'static str,
+        /// By how much velocity lags force at the base frequency, degrees.
+        lag_deg: f64,
+        /// The drive's base frequency, Hz.
+        base_hz: f64,
     },
     /// Stopped from outside.
     #[error("stopped from outside, motors at zero")]
@@ -129,6 +157,38 @@ impl From<Ending> for CalibrationFault {
     }
 }
 
+/// Measures how the axes of `rig` answer, by its accelerometers alone. Motors are at zero when this returns.
+pub fn measure_axes(
+    rig: &mut dyn Rig,
+    model: &RigModel,
+    params: &CalibrationParams,
+    stop: &AtomicBool,
+    progress: &mut dyn FnMut(CalibrationProgress),
+) -> Result<Axes, CalibrationFault> {
+    let mut bench = Workbench::new(rig, model, stop, progress);
+    let axes = axes::measure(&mut bench, params);
+    bench.rig.stop();
+    axes
+}
+
+/// What the accelerometers alone can measure of a library: the axes, then every motion as strong as the motors
+/// allow. Motors are at zero when this returns.
+pub fn steer(
+    rig: &mut dyn Rig,
+    model: &RigModel,
+    params: &CalibrationParams,
+    stop: &AtomicBool,
+    progress: &mut dyn FnMut(CalibrationProgress),
+) -> Result<(Axes, Vec<Entry>), CalibrationFault> {
+    let mut bench = Workbench::new(rig, model, stop, progress);
+    let steered = axes::measure(&mut bench, params).and_then(|axes| {
+        let entries = steering::measure(&mut bench, &axes, params, &wanted(&axes, model, params))?;
+        Ok((axes, entries))
+    });
+    bench.rig.stop();
+    steered
+}
+
 /// Measures `rig` and returns its library. Motors are at zero when this returns.
 pub fn calibrate(
     rig: &mut dyn Rig,
@@ -138,7 +198,7 @@ pub fn calibrate(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Library, CalibrationFault> {
-    let mut bench = Workbench { rig, model, stop, progress };
+    let mut bench = Workbench::new(rig, model, stop, progress);
     let measured = measure(&mut bench, fingerprint, params);
     bench.rig.stop();
     measured
@@ -154,17 +214,24 @@ fn measure(
     let mut library = Library {
         rig: bench.model.name.clone(),
         fingerprint: fingerprint.to_owned(),
+        plate_side_m: bench.model.plate_side_m,
         base_radps: bench.model.base_radps,
         attack_s: bench.model.attack_s,
         rest_s: bench.model.rest_s,
+        accelerometer_gain: axes.accelerometer_gain,
         shapes: axes.shapes,
         entries: steering::measure(bench, &axes, params, &displacement::motions(half_side_m, params.gentle_mps))?,
         displacement: Default::default(),
     };
     library.displacement = displacement::measure(bench, &library, params)?;
-    let too_strong = axes.top_speed_mps(bench.model.count_limit) > STRONG * params.gentle_mps;
-    let gentle = if too_strong { steering::gentle_motions(half_side_m, params) } else { Vec::new() };
-    let wanted = [steering::strong_motions(half_side_m, params), gentle].concat();
-    library.entries = steering::measure(bench, &axes, params, &wanted)?;
+    library.entries = steering::measure(bench, &axes, params, &wanted(&axes, bench.model, params))?;
     Ok(library)
+}
+
+/// The motions of a library for a rig with these axes.
+fn wanted(axes: &Axes, model: &RigModel, params: &CalibrationParams) -> Vec<Motion> {
+    let half_side_m = 0.5 * model.plate_side_m;
+    let too_strong = axes.top_speed_mps(model.count_limit) > STRONG * params.gentle_mps;
+    let gentle = if too_strong { steering::gentle_motions(half_side_m, params) } else { Vec::new() };
+    [steering::strong_motions(half_side_m, params), gentle].concat()
 }

@@ -5,7 +5,7 @@ use super::ending::{Ending, Outcome, STOPPED};
 use super::eyes::{ExpectedPart, Eyes, Moment};
 use super::learning::Gains;
 use super::{CycleFacts, EventLevel, PulseFacts, Sink};
-use crate::estimation::fit_twist;
+use crate::estimation::{AccelerometerPair, fit_twist};
 use crate::geometry::Vec2;
 use crate::goal::{Goal, Wanted};
 use crate::library::Library;
@@ -225,7 +225,11 @@ impl Cycle<'_> {
             self.eyes.look(self.rig, Moment::Pulse, self.sink, self.clock)?;
         }
         let trace = self.rig.trace();
-        let fit = fit_twist(&trace, &drive.envelope, drive.base_radps, self.model.accelerometer_in_plate_m);
+        let sensors = AccelerometerPair {
+            position_m: self.model.accelerometer_in_plate_m,
+            gain: self.library.accelerometer_gain,
+        };
+        let fit = fit_twist(&trace, &drive.envelope, drive.base_radps, &sensors);
         self.sink.pulse(&PulseFacts {
             cycle: self.index,
             started_at,

@@ -11,6 +11,7 @@ use crate::random::{Rng, Streams};
 use crate::signal::MISSING_SAMPLE;
 
 const R1_M: Vec2 = Vec2::new(0.09, 0.085);
+const SENSORS: AccelerometerPair = AccelerometerPair { position_m: R1_M, gain: [1.0; CHANNELS] };
 const SAMPLE_HZ: f64 = 5000.0;
 const MPS2_PER_COUNT: f64 = 60.0 / 1024.0;
 const PULSE: Envelope = Envelope { attack_s: 0.015, sustain_s: 0.08, rest_s: 0.03 };
@@ -105,7 +106,7 @@ fn center_error_m(base_hz: f64, envelope: &Envelope, trials: u32) -> f64 {
         let sign = if trial % 2 == 0 { 1.0 } else { -1.0 };
         let plate = turning_plate(&mut rng, base_hz, center_m, sign);
         let trace = digitised(&plate.accelerations(envelope), 0.15, 0.3, &mut rng);
-        let fit = fit_twist(&trace, envelope, plate.base_radps, R1_M).unwrap();
+        let fit = fit_twist(&trace, envelope, plate.base_radps, &SENSORS).unwrap();
         let (truth, _) = nearest_pump(&plate.steady(), R1_M.norm());
         assert!(fit.pump.spin_radps * sign > 0.0, "flow turns the way the force does");
         let error = fit.pump.center_of_rotation().unwrap() - truth.center_of_rotation().unwrap();
@@ -139,7 +140,7 @@ fn phasors_of_every_axis_match_the_transfer_function() {
         let drive = std::array::from_fn(|axis| rng.random_range(5.0..10.0) * if axis == 2 { 8.0 } else { 1.0 });
         let plate = Plate::random(&mut rng, 60.0, drive);
         let trace = digitised(&plate.accelerations(&PULSE), 0.0, 0.3, &mut rng);
-        let fit = fit_twist(&trace, &PULSE, plate.base_radps, R1_M).unwrap();
+        let fit = fit_twist(&trace, &PULSE, plate.base_radps, &SENSORS).unwrap();
         for (axis, (read, truth)) in fit.axes.iter().zip(plate.steady()).enumerate() {
             let error = (read.first - truth.first).norm() / truth.first.norm();
             let second = (read.second - truth.second).norm() / truth.second.norm();
@@ -153,7 +154,9 @@ fn bad_traces_are_refused() {
     let mut rng = Streams::new(6).stream("plates");
     let plate = turning_plate(&mut rng, 60.0, Vec2::new(0.03, 0.0), 1.0);
     let trace = digitised(&plate.accelerations(&PULSE), 0.15, 0.3, &mut rng);
-    let fit = |trace: &AccelTrace, pulse: &Envelope, r1: Vec2| fit_twist(trace, pulse, plate.base_radps, r1);
+    let fit = |trace: &AccelTrace, pulse: &Envelope, r1: Vec2| {
+        fit_twist(trace, pulse, plate.base_radps, &AccelerometerPair::exact(r1))
+    };
     assert!(fit(&trace, &PULSE, R1_M).is_ok());
     assert!(matches!(fit(&trace, &PULSE, Vec2::zeros()), Err(FitFault::Unreadable(_))));
     assert!(matches!(fit(&trace, &Envelope { sustain_s: 0.016, ..PULSE }, R1_M), Err(FitFault::TooShort { .. })));

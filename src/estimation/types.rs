@@ -1,12 +1,28 @@
 use nalgebra::Complex;
 
-use crate::geometry::Twist;
+use crate::geometry::{Twist, Vec2};
 use crate::signal::{CHANNELS, TwistWave};
+
+/// Where the accelerometers are and what their channels show for a true 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AccelerometerPair {
+    /// Place of number 1 on the plate, m; number 2 is opposite.
+    pub position_m: Vec2,
+    /// Gain of each channel.
+    pub gain: [f64; CHANNELS],
+}
+
+impl AccelerometerPair {
+    /// Channels that show what there is.
+    pub fn exact(position_m: Vec2) -> Self {
+        Self { position_m, gain: [1.0; CHANNELS] }
+    }
+}
 
 /// The plate's motion at full height of a pulse, read from one trace.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TwistFit {
-    /// Least-squares acceleration coefficients of each channel, m/s²: c1, s1, c2, s2 (Eq. 12).
+    /// Least-squares acceleration coefficients of each channel, m/s², its gain taken out: c1, s1, c2, s2 (Eq. 12).
     pub accel_mps2: [[f64; 4]; CHANNELS],
     /// Root mean square of what the fit leaves over, m/s².
     pub residual_rms_mps2: f64,

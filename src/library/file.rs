@@ -17,9 +17,16 @@ impl Library {
         for (key, value) in [("rig", json(&raw.rig)), ("fingerprint", json(&raw.fingerprint))] {
             let _ = writeln!(out, "  \"{key}\": {value},");
         }
-        for (key, value) in [("base_hz", raw.base_hz), ("attack_s", raw.attack_s), ("rest_s", raw.rest_s)] {
+        let numbers = [
+            ("plate_side_mm", raw.plate_side_mm),
+            ("base_hz", raw.base_hz),
+            ("attack_s", raw.attack_s),
+            ("rest_s", raw.rest_s),
+        ];
+        for (key, value) in numbers {
             let _ = writeln!(out, "  \"{key}\": {},", json(&value));
         }
+        let _ = writeln!(out, "  \"accelerometer_gain\": {},", json(&raw.accelerometer_gain));
         let _ = writeln!(out, "  \"shapes\": {},", json(&raw.shapes));
         let _ = writeln!(out, "  \"entries\": [\n{}\n  ],", lines(&raw.entries));
         let displacement = &raw.displacement;
@@ -88,9 +95,11 @@ mod tests {
         Library {
             rig: "bench".into(),
             fingerprint: "12ab".into(),
+            plate_side_m: 0.2,
             base_radps: TAU * 60.0,
             attack_s: 0.01,
             rest_s: 0.03,
+            accelerometer_gain: [1.0, 0.99, 1.01, 1.0],
             shapes: [AxisShape::FREE_MASS; 3],
             entries,
             displacement: DisplacementModel {
@@ -172,7 +181,7 @@ mod tests {
             (
                 "\"rest_s\"",
                 "\"color\": 1, \"rest_s\"",
-                "color: found unknown key \"color\", allowed: rig, fingerprint, base_hz, attack_s, rest_s, shapes, entries, displacement",
+                "color: found unknown key \"color\", allowed: rig, fingerprint, plate_side_mm, base_hz, attack_s, rest_s, accelerometer_gain, shapes, entries, displacement",
             ),
             ("\"rest_s\": 0.03,", "", "rest_s: found nothing, allowed: a number"),
             (
@@ -216,6 +225,7 @@ mod tests {
         let rig = RigFacts {
             name: "bench",
             fingerprint: "12ab",
+            plate_side_m: 0.2,
             base_radps: library.base_radps,
             attack_s: 0.01,
             rest_s: 0.03,
@@ -227,6 +237,7 @@ mod tests {
         assert_eq!(paths(rig), [""; 0]);
         assert_eq!(paths(RigFacts { name: "other", ..rig }), ["rig"]);
         assert_eq!(paths(RigFacts { fingerprint: "34cd", ..rig }), ["fingerprint"]);
+        assert_eq!(paths(RigFacts { plate_side_m: 0.3, ..rig }), ["plate_side_mm"]);
         assert_eq!(paths(RigFacts { base_radps: 1.00001 * rig.base_radps, ..rig }), ["base_hz"]);
         let fault = &library.check_fits(&RigFacts { base_radps: TAU * 50.0, ..rig })[0];
         assert_eq!((fault.found.as_str(), fault.allowed.as_str()), ("60", "50, as the rig has it"));
@@ -243,6 +254,7 @@ mod tests {
         let rig = RigFacts {
             name: "bench",
             fingerprint: "12ab",
+            plate_side_m: 0.2,
             base_radps: saved.base_radps,
             attack_s: saved.attack_s,
             rest_s: saved.rest_s,
@@ -259,12 +271,14 @@ mod tests {
             told(&bad.to_json())
         };
         type Change = fn(&mut Library);
-        let cases: [(Change, &str); 10] = [
+        let cases: [(Change, &str); 12] = [
             (
                 |l| l.shapes[2].0[1].sin = 1e300,
                 "shapes.spin: found [[1.0, 0.0], [0.0, 1e300]], allowed: numbers from -1000 to 1000, not all zero",
             ),
             (|l| l.base_radps = TAU * 20_000.0, "base_hz: found 20000, allowed: a number from 1 to 10000"),
+            (|l| l.plate_side_m = 0.0, "plate_side_mm: found 0, allowed: a number from 1 to 10000"),
+            (|l| l.accelerometer_gain[2] = 3.0, "accelerometer_gain[2]: found 3, allowed: a number from 0.5 to 2"),
             (|l| l.attack_s = 101.0, "attack_s: found 101, allowed: a number from 0 to 100"),
             (
                 |l| l.entries[1].amplitudes[2] = -1_000_001,

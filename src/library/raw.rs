@@ -5,10 +5,12 @@ use serde::{Deserialize, Serialize};
 
 use super::{AxisShape, DisplacementModel, Entry, Library};
 use crate::geometry::{Twist, Vec2};
-use crate::signal::Harmonic;
+use crate::signal::{CHANNELS, Harmonic};
 use crate::units::{m_from_mm, mm_from_m};
 
 /// Bounds that no plate a person could build exceeds; numbers beyond are slips of the unit.
+pub(super) const PLATE_SIDE_MM: (f64, f64) = (1.0, 1e4);
+pub(super) const GAIN: (f64, f64) = (0.5, 2.0);
 pub(super) const BASE_HZ: (f64, f64) = (1.0, 10_000.0);
 pub(super) const MOST_TIME_S: f64 = 100.0;
 pub(super) const MOST_AMPLITUDE: i32 = 1_000_000;
@@ -26,6 +28,9 @@ pub struct RawLibrary {
     pub rig: String,
     /// Fingerprint of that rig's file.
     pub fingerprint: String,
+    /// Side of that rig's plate.
+    #[schemars(range(min = PLATE_SIDE_MM.0, max = PLATE_SIDE_MM.1))]
+    pub plate_side_mm: f64,
     /// Base frequency.
     #[schemars(range(min = BASE_HZ.0, max = BASE_HZ.1))]
     pub base_hz: f64,
@@ -35,6 +40,9 @@ pub struct RawLibrary {
     /// Rest after every pulse.
     #[schemars(range(min = 0.0, max = MOST_TIME_S))]
     pub rest_s: f64,
+    /// What each accelerometer channel (x and y of number 1, x and y of number 2) shows for a true 1.
+    #[schemars(inner(range(min = GAIN.0, max = GAIN.1)))]
+    pub accelerometer_gain: [f64; CHANNELS],
     /// Force waveforms.
     pub shapes: RawShapes,
     /// Every motion.
@@ -120,9 +128,11 @@ impl From<&Library> for RawLibrary {
         Self {
             rig: library.rig.clone(),
             fingerprint: library.fingerprint.clone(),
+            plate_side_mm: rounded(mm_from_m(library.plate_side_m), 6),
             base_hz: rounded(library.base_radps / TAU, 6),
             attack_s: rounded(library.attack_s, 6),
             rest_s: rounded(library.rest_s, 6),
+            accelerometer_gain: library.accelerometer_gain.map(|gain| rounded(gain, 5)),
             shapes: RawShapes { x, y, spin },
             entries: library.entries.iter().map(RawEntry::from).collect(),
             displacement: RawDisplacement::from(&library.displacement),
@@ -162,9 +172,11 @@ impl RawLibrary {
             }
         };
         Library {
+            plate_side_m: m_from_mm(self.plate_side_mm),
             base_radps: TAU * self.base_hz,
             attack_s: self.attack_s,
             rest_s: self.rest_s,
+            accelerometer_gain: self.accelerometer_gain,
             shapes: [shape(self.shapes.x), shape(self.shapes.y), shape(self.shapes.spin)],
             entries: self.entries.iter().map(entry).collect(),
             displacement: DisplacementModel {

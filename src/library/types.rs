@@ -1,5 +1,5 @@
 use crate::geometry::{Twist, Vec2};
-use crate::signal::Harmonic;
+use crate::signal::{CHANNELS, Harmonic};
 
 /// One motion the rig can make.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,12 +54,16 @@ pub struct Library {
     pub rig: String,
     /// Fingerprint of that rig's file.
     pub fingerprint: String,
+    /// Side of that rig's plate, m.
+    pub plate_side_m: f64,
     /// Base frequency, rad/s.
     pub base_radps: f64,
     /// Attack of every pulse, s.
     pub attack_s: f64,
     /// Rest after every pulse, s.
     pub rest_s: f64,
+    /// What each accelerometer channel shows for a true 1, against the others.
+    pub accelerometer_gain: [f64; CHANNELS],
     /// Force waveforms of x, y and spin.
     pub shapes: [AxisShape; 3],
     /// Every motion, in a fixed order.

@@ -1,11 +1,12 @@
 use std::f64::consts::TAU;
 
 use super::raw::{
-    BASE_HZ, MOST_AMPLITUDE, MOST_DISTANCE_MM, MOST_SHAPE, MOST_SPEED_MM_S, MOST_SPIN_RAD_S, MOST_TIME_S,
-    RawDisplacement, RawEntry, RawLibrary,
+    BASE_HZ, GAIN, MOST_AMPLITUDE, MOST_DISTANCE_MM, MOST_SHAPE, MOST_SPEED_MM_S, MOST_SPIN_RAD_S, MOST_TIME_S,
+    PLATE_SIDE_MM, RawDisplacement, RawEntry, RawLibrary,
 };
 use super::{Library, LibraryFault};
 use crate::geometry::Vec2;
+use crate::units::mm_from_m;
 
 /// Fewest entries that can steer a part.
 const MIN_ENTRIES: usize = 3;
@@ -16,7 +17,7 @@ const MIN_SPREAD: f64 = 0.01;
 /// Relative difference between two numbers that are the same.
 const SAME: f64 = 1e-6;
 
-/// Largest error of a number rounded to the file's six decimals, Hz or s.
+/// Largest error of a number rounded to the file's six decimals, mm, Hz or s.
 const FILE_ROUNDING: f64 = 0.501e-6;
 
 impl TryFrom<RawLibrary> for Library {
@@ -45,6 +46,8 @@ pub struct RigFacts<'a> {
     pub fingerprint: &'a str,
     /// Base frequency of its drive, rad/s.
     pub base_radps: f64,
+    /// Side of its plate, m.
+    pub plate_side_m: f64,
     /// Attack of every pulse, s.
     pub attack_s: f64,
     /// Rest after every pulse, s.
@@ -67,6 +70,7 @@ impl Library {
             faults.push(LibraryFault::new("fingerprint", format!("{:?}", self.fingerprint), allowed));
         }
         for (path, found, its) in [
+            ("plate_side_mm", mm_from_m(self.plate_side_m), mm_from_m(rig.plate_side_m)),
             ("base_hz", self.base_radps / TAU, rig.base_radps / TAU),
             ("attack_s", self.attack_s, rig.attack_s),
             ("rest_s", self.rest_s, rig.rest_s),
@@ -115,9 +119,13 @@ impl Faults {
         if raw.rig.is_empty() {
             self.add("rig", "\"\"", "the name of a rig");
         }
+        self.check_within("plate_side_mm", raw.plate_side_mm, PLATE_SIDE_MM);
         self.check_within("base_hz", raw.base_hz, BASE_HZ);
         self.check_within("attack_s", raw.attack_s, (0.0, MOST_TIME_S));
         self.check_within("rest_s", raw.rest_s, (0.0, MOST_TIME_S));
+        for (k, &gain) in raw.accelerometer_gain.iter().enumerate() {
+            self.check_within(format!("accelerometer_gain[{k}]"), gain, GAIN);
+        }
         for (name, shape) in [("x", raw.shapes.x), ("y", raw.shapes.y), ("spin", raw.shapes.spin)] {
             let flat = shape.as_flattened();
             let bounded = flat.iter().all(|v| v.abs() <= MOST_SHAPE);

@@ -61,9 +61,11 @@ fn build() -> Arc<Library> {
     Arc::new(Library {
         rig: "fixture".into(),
         fingerprint: String::new(),
+        plate_side_m: 2.0 * HALF_SIDE_M,
         base_radps: BASE_RADPS,
         attack_s: ATTACK_S,
         rest_s: REST_S,
+        accelerometer_gain: [1.0; 4],
         shapes: [AxisShape::FREE_MASS; 3],
         entries: pumps.map(|pump| Entry { amplitudes: [0; 4], pump }).collect(),
         displacement: displacement(),

@@ -32,9 +32,11 @@ pub(super) fn library() -> Library {
     Library {
         rig: "made up".into(),
         fingerprint: "0".into(),
+        plate_side_m: SIDE_M,
         base_radps: BASE_RADPS,
         attack_s: 0.01,
         rest_s: 0.04,
+        accelerometer_gain: [1.0; 4],
         shapes: [AxisShape::FREE_MASS; 3],
         entries: entries.collect(),
         displacement: DisplacementModel::default(),

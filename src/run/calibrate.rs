@@ -44,3 +44,64 @@ pub fn calibration_params(rig: &RigSpec) -> CalibrationParams {
     let coin = |i: usize| ExpectedPart { id: format!("coin-{}", i + 1), kind: 0, expected_m: None };
     CalibrationParams::full(kinds, (0..COINS.len()).map(coin).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::PathBuf;
+
+    /// A small calibration of a shipped rig under a camera of a quarter of the pixels: nine centres on the plate, a
+    /// ring of four, four translations.
+    fn small() -> (RigSpec, CalibrationParams) {
+        let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+        let mut rig = RigSpec::load(&root.join("configs/rigs/upm-1.json")).unwrap();
+        rig.sim.camera.lens.focal_px *= 0.5;
+        rig.sim.camera.lens.principal_px *= 0.5;
+        rig.sim.camera.size_px = [640, 512];
+        (rig.model.lens, rig.model.frame_size_px) = (rig.sim.camera.lens, rig.sim.camera.size_px);
+        let params = CalibrationParams {
+            grid: 3,
+            rings: vec![2.0],
+            ring_centers: 4,
+            translations: 4,
+            longest_m: 4e-3,
+            sustains: 3,
+            ..calibration_params(&rig)
+        };
+        (rig, params)
+    }
+
+    fn made(rig: &RigSpec, params: &CalibrationParams) -> Result<Library, CalibrationFault> {
+        calibrate(rig, 1, params, &AtomicBool::new(false), &mut |_| ())
+    }
+
+    /// `UPM_REMAKE_GOLDEN=1` writes the file anew.
+    #[test]
+    fn a_small_library_comes_out_the_same_again() {
+        let (rig, params) = small();
+        let file = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/golden/small-library.json");
+        let library = made(&rig, &params).unwrap();
+        if std::env::var_os("UPM_REMAKE_GOLDEN").is_some() {
+            library.save(&file).unwrap();
+        }
+        assert_eq!(library.to_json(), std::fs::read_to_string(&file).unwrap());
+        assert_eq!(library.entries.len(), 9 + 4 + 4);
+    }
+
+    #[test]
+    fn a_drive_too_weak_to_slide_a_coin_is_refused_with_the_limit() {
+        let (mut rig, params) = small();
+        rig.sim.motors.newtons_per_count *= 0.05;
+        rig.model.newtons_per_count *= 0.05;
+        let fault = made(&rig, &params).unwrap_err().to_string();
+        assert!(fault.contains("allowed: ") && fault.contains("slides"), "{fault}");
+    }
+
+    #[test]
+    fn a_resonance_above_the_drive_is_refused() {
+        let (mut rig, params) = small();
+        rig.sim.plate.resonance_hz[2] = 90.0;
+        let fault = made(&rig, &params).unwrap_err();
+        assert!(matches!(fault, CalibrationFault::Resonance { axis: "axis spin", .. }), "{fault}");
+    }
+}

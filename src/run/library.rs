@@ -25,6 +25,7 @@ pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
     let rig = RigFacts {
         name: &model.name,
         fingerprint: &job.rig.fingerprint,
+        plate_side_m: model.plate_side_m,
         base_radps: model.base_radps,
         attack_s: model.attack_s,
         rest_s: model.rest_s,

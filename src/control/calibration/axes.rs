@@ -1,30 +1,39 @@
+use std::f64::consts::TAU;
+
 use nalgebra::{Complex, Matrix3, Vector3};
 
 use super::workbench::Workbench;
-use super::{CalibrationFault, CalibrationParams};
+use super::{CalibrationFault, CalibrationParams, LEAST_LAG_DEG};
+use crate::estimation::{AxisPhasors, Coefficients, TwistFit, relative_gains};
 use crate::geometry::Twist;
 use crate::library::AxisShape;
-use crate::signal::Harmonic;
+use crate::rig::RigModel;
+use crate::signal::{CHANNELS, Harmonic};
 
 /// Times the pre-compensation is measured and mended; the last pass only confirms.
 const PASSES: usize = 3;
 /// Peak of `cos a - sin 2a`.
 const WAVE_PEAK: f64 = 1.7602;
+/// Amplitude that a waveform's peak is tried with.
+const TRIAL_COUNTS: i32 = 10_000;
 /// Part of the count limit the axis pulses use; leaves room for the mended waveform's higher peak.
 const EFFORT: f64 = 0.75;
+const NAMES: [&str; 3] = ["axis x", "axis y", "axis spin"];
 
 /// How the three axes answer.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Axes {
-    /// Waveforms that make every axis move as `A (sin wt + ½ cos 2wt)`.
+pub struct Axes {
+    /// Waveforms that make every axis move as `A (sin wt + ½ cos 2wt)`, A per count that of a free mass.
     pub shapes: [AxisShape; 3],
     /// Twist (m/s, m/s, rad/s) from axis amplitudes `fx = X1-X2`, `fy = Y1-Y2`, `s = (Y1+Y2)-(X1+X2)` in counts.
     pub twist_from_counts: Matrix3<f64>,
+    /// What each accelerometer channel shows for a true 1, against the others.
+    pub accelerometer_gain: [f64; CHANNELS],
 }
 
 impl Axes {
     /// Plate speed amplitude of the strongest translation along x, m/s.
-    pub fn top_speed_mps(&self, count_limit: f64) -> f64 {
+    pub(super) fn top_speed_mps(&self, count_limit: f64) -> f64 {
         let strongest = 2.0 * count_limit / WAVE_PEAK;
         self.twist_from_counts.column(0).xy().norm() * strongest
     }
@@ -40,39 +49,74 @@ fn axis_amplitudes(axis: usize, counts: i32) -> ([i32; 4], f64) {
 }
 
 pub(super) fn measure(bench: &mut Workbench<'_>, params: &CalibrationParams) -> Result<Axes, CalibrationFault> {
-    const NAMES: [&str; 3] = ["axis x", "axis y", "axis spin"];
-    let counts = (EFFORT * params.effort * bench.model.count_limit / WAVE_PEAK) as i32;
     let sustain_s = params.read_sustain_s.max(0.25).min(bench.model.max_sustain_s);
     let mut shapes = [AxisShape::FREE_MASS; 3];
     let mut twist_from_counts = Matrix3::zeros();
+    let mut shown = Vec::new();
     for pass in 0..PASSES {
         for axis in 0..3 {
             bench.report("axes", 3 * pass + axis, 3 * PASSES);
-            let (amplitudes, amplitude) = axis_amplitudes(axis, counts);
+            let headroom = bench.headroom(axis_amplitudes(axis, TRIAL_COUNTS).0, &shapes);
+            let counts = EFFORT * params.effort * headroom * f64::from(TRIAL_COUNTS);
+            let (amplitudes, amplitude) = axis_amplitudes(axis, counts as i32);
             let drive = bench.drive(amplitudes, &shapes, sustain_s);
             let there = bench.read_twist(NAMES[axis], &drive)?;
             let back = bench.read_twist(NAMES[axis], &drive.reversed())?;
-            let mean = |f: fn(&crate::estimation::AxisPhasors) -> Complex<f64>| {
-                (f(&there.axes[axis]) - f(&back.axes[axis])) / Complex::from(2.0 * amplitude)
-            };
+            shown.push(half_difference(&there, &back, &bench.sensors.gain));
+            let response = per_count(&there.axes[axis], &back.axes[axis], amplitude);
             twist_from_counts.set_column(axis, &(as_vector((there.pump - back.pump) * (0.5 / amplitude))));
+            refuse_resonance(axis, shapes[axis], &response, bench.model)?;
             if pass + 1 < PASSES {
-                shapes[axis] = mended(shapes[axis], mean(|phasors| phasors.first), mean(|phasors| phasors.second));
+                shapes[axis] = mended(shapes[axis], &response, free_mass_speed(axis, bench.model));
             }
         }
+        bench.sensors.gain = relative_gains(&shown, bench.sensors.position_m);
     }
-    Ok(Axes { shapes, twist_from_counts })
+    Ok(Axes { shapes, twist_from_counts, accelerometer_gain: bench.sensors.gain })
+}
+
+/// What the channels showed, their gains put back in, with all that does not turn round with the drive left out.
+fn half_difference(there: &TwistFit, back: &TwistFit, gain: &[f64; CHANNELS]) -> [Coefficients; CHANNELS] {
+    let (there, back) = (&there.accel_mps2, &back.accel_mps2);
+    std::array::from_fn(|c| std::array::from_fn(|k| 0.5 * (there[c][k] - back[c][k]) * gain[c]))
+}
+
+fn per_count(there: &AxisPhasors, back: &AxisPhasors, amplitude: f64) -> AxisPhasors {
+    let mean = |there: Complex<f64>, back: Complex<f64>| (there - back) / Complex::from(2.0 * amplitude);
+    AxisPhasors { first: mean(there.first, back.first), second: mean(there.second, back.second) }
+}
+
+/// Speed amplitude of one count on a free mass (Eq. 33 far above resonance): `N/(m w)`, for spin `r N/(I w)`.
+fn free_mass_speed(axis: usize, model: &RigModel) -> f64 {
+    let force_n = model.newtons_per_count;
+    let accel =
+        if axis < 2 { force_n / model.plate_mass_kg } else { model.lever_arm_m * force_n / model.plate_inertia_kgm2 };
+    accel / model.base_radps
+}
+
+fn phasor(harmonic: Harmonic) -> Complex<f64> {
+    Complex::new(harmonic.cos, -harmonic.sin)
+}
+
+fn refuse_resonance(
+    axis: usize,
+    shape: AxisShape,
+    response: &AxisPhasors,
+    model: &RigModel,
+) -> Result<(), CalibrationFault> {
+    let lag_deg = -(response.first / phasor(shape.0[0])).arg().to_degrees();
+    if lag_deg >= LEAST_LAG_DEG {
+        return Ok(());
+    }
+    Err(CalibrationFault::Resonance { axis: NAMES[axis], lag_deg, base_hz: model.base_radps / TAU })
 }
 
 /// The waveform that makes the axis answer as `A (sin wt + ½ cos 2wt)`, phasors -jA and A/2, from how it answered
-/// (velocity phasors per count) to `shape`. The first harmonic keeps unit height.
-fn mended(shape: AxisShape, first: Complex<f64>, second: Complex<f64>) -> AxisShape {
-    let phasor = |harmonic: Harmonic| Complex::new(harmonic.cos, -harmonic.sin);
+/// (velocity phasors per count) to `shape`. With A that of a free mass Eq. 15 holds for the amplitudes sent.
+fn mended(shape: AxisShape, response: &AxisPhasors, speed: f64) -> AxisShape {
     let AxisShape([old_first, old_second]) = shape;
-    let gain_first = first / phasor(old_first);
-    let gain_second = second / phasor(old_second);
-    let force_first = -Complex::i() * gain_first.norm() / gain_first;
-    let force_second = Complex::from(0.5 * gain_first.norm()) / gain_second;
+    let force_first = -Complex::i() * speed * phasor(old_first) / response.first;
+    let force_second = Complex::from(0.5 * speed) * phasor(old_second) / response.second;
     let new = [force_first, force_second].map(|force| Harmonic { cos: force.re, sin: -force.im });
     if new.iter().all(|harmonic| harmonic.cos.is_finite() && harmonic.sin.is_finite()) { AxisShape(new) } else { shape }
 }
@@ -87,12 +131,11 @@ mod tests {
 
     #[test]
     fn mending_inverts_the_response() {
-        let response = [Complex::from_polar(0.9, -1.7), Complex::from_polar(0.4, -1.2)];
-        let unit = [Complex::new(1.0, 0.0), Complex::i()];
-        let AxisShape(mended) = mended(AxisShape::FREE_MASS, response[0] * unit[0], response[1] * unit[1]);
-        let velocity: Vec<Complex<f64>> =
-            mended.iter().zip(response).map(|(h, gain)| Complex::new(h.cos, -h.sin) * gain).collect();
-        assert!((velocity[0] - Complex::new(0.0, -0.9)).norm() < 1e-12);
-        assert!((velocity[1] - Complex::new(0.45, 0.0)).norm() < 1e-12);
+        let gain = [Complex::from_polar(0.9, -1.7), Complex::from_polar(0.4, -1.2)];
+        let response = AxisPhasors { first: gain[0], second: gain[1] * Complex::i() };
+        let AxisShape(mended) = mended(AxisShape::FREE_MASS, &response, 0.7);
+        let velocity: Vec<Complex<f64>> = mended.iter().zip(gain).map(|(&h, gain)| phasor(h) * gain).collect();
+        assert!((velocity[0] - Complex::new(0.0, -0.7)).norm() < 1e-12);
+        assert!((velocity[1] - Complex::new(0.35, 0.0)).norm() < 1e-12);
     }
 }

@@ -98,7 +98,8 @@ fn choose_sustains(
         }
     }
     if farthest < STILL_M {
-        return Err(CalibrationFault::TooWeak { moved_mm: farthest * 1e3 });
+        let peak_mps2 = bench.peak_mps2();
+        return Err(CalibrationFault::TooWeak { moved_mm: farthest * 1e3, needed_mm: STILL_M * 1e3, peak_mps2 });
     }
     let last = (params.sustains.max(2) - 1) as f64;
     Ok((0..params.sustains.max(2)).map(|k| top_s * k as f64 / last).collect())

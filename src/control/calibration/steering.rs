@@ -56,8 +56,7 @@ fn play(
     top_mps: f64,
 ) -> Result<Entry, CalibrationFault> {
     let trial = counts * (TRIAL_COUNTS / counts.amax().max(f64::MIN_POSITIVE));
-    let peak = bench.drive(amplitudes(trial), &axes.shapes, params.read_sustain_s).peak_counts();
-    let strongest = trial * (params.effort * bench.model.count_limit / peak);
+    let strongest = trial * (params.effort * bench.headroom(amplitudes(trial), &axes.shapes));
     let expected = axes.twist_from_counts * strongest;
     let corner_m = bench.model.plate_side_m * FRAC_1_SQRT_2;
     let fastest_mps = expected.xy().norm() + expected.z.abs() * corner_m;

@@ -1,20 +1,33 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{CalibrationFault, CalibrationProgress};
-use crate::estimation::{TwistFit, fit_twist};
+use crate::estimation::{AccelerometerPair, TwistFit, fit_twist};
 use crate::library::{AxisShape, drive_for};
 use crate::rig::{Rig, RigModel};
-use crate::signal::{Drive, Envelope, Frame};
+use crate::signal::{Drive, Envelope, Frame, MISSING_SAMPLE};
 
 /// The rig with what every measurement needs.
 pub(super) struct Workbench<'a> {
     pub rig: &'a mut dyn Rig,
     pub model: &'a RigModel,
+    /// The accelerometers as far as they are known by now.
+    pub sensors: AccelerometerPair,
     pub stop: &'a AtomicBool,
     pub progress: &'a mut dyn FnMut(CalibrationProgress),
 }
 
-impl Workbench<'_> {
+impl<'a> Workbench<'a> {
+    /// With accelerometers as their data sheet has them.
+    pub fn new(
+        rig: &'a mut dyn Rig,
+        model: &'a RigModel,
+        stop: &'a AtomicBool,
+        progress: &'a mut dyn FnMut(CalibrationProgress),
+    ) -> Self {
+        let sensors = AccelerometerPair::exact(model.accelerometer_in_plate_m);
+        Self { rig, model, sensors, stop, progress }
+    }
+
     pub fn report(&mut self, stage: &'static str, done: usize, total: usize) {
         let plate_time_s = self.rig.now().secs();
         (self.progress)(CalibrationProgress { stage, done, total, plate_time_s });
@@ -26,8 +39,20 @@ impl Workbench<'_> {
         drive_for(amplitudes, shapes, self.model.base_radps, envelope)
     }
 
+    /// How many times stronger than `amplitudes` a pulse may be until a motor is at its limit.
+    pub fn headroom(&self, amplitudes: [i32; 4], shapes: &[AxisShape; 3]) -> f64 {
+        self.model.count_limit / self.drive(amplitudes, shapes, 0.0).peak_counts().max(f64::MIN_POSITIVE)
+    }
+
     pub fn stop_check(&self) -> Result<(), CalibrationFault> {
         if self.stop.load(Ordering::Relaxed) { Err(CalibrationFault::Stopped) } else { Ok(()) }
+    }
+
+    /// Largest acceleration any channel showed in the last pulse, m/s².
+    pub fn peak_mps2(&self) -> f64 {
+        let trace = self.rig.trace();
+        let shown = trace.counts.iter().flatten().filter(|&&count| count != MISSING_SAMPLE);
+        f64::from(shown.map(|count| count.unsigned_abs()).max().unwrap_or(0)) * trace.mps2_per_count
     }
 
     /// Plays a pulse to the end of its rest and reads the accelerometers.
@@ -39,7 +64,7 @@ impl Workbench<'_> {
             self.stop_check()?;
             self.rig.capture(&mut frame)?;
         }
-        fit_twist(&self.rig.trace(), &drive.envelope, drive.base_radps, self.model.accelerometer_in_plate_m)
+        fit_twist(&self.rig.trace(), &drive.envelope, drive.base_radps, &self.sensors)
             .map_err(|fault| CalibrationFault::Trace { what: what.to_owned(), fault })
     }
 }

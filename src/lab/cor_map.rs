@@ -1,0 +1,150 @@
+use nalgebra::Vector2;
+
+use super::shaken::{ShakenPlate, steady_motion};
+use super::{Figure, LabFault, LabRig, Outcome, Series};
+use crate::chart::{Axis, Chart, Color, Layer, Mark};
+use crate::estimation::nearest_pump;
+use crate::geometry::{Twist, Vec2};
+use crate::library::{Entry, drive_for};
+use crate::signal::Envelope;
+use crate::units::mm_from_m;
+
+/// Centres farther than this many half sides are translations to the eye.
+const FARTHEST: f64 = 10.0;
+
+/// A motion as calibration read it and as it truly is.
+struct Read {
+    read: Twist,
+    truth: Twist,
+}
+
+/// The centres of rotation of a whole library (UPM paper, sections 3.2 and 4.1): calibration steers them over and around
+/// the plate and reads each through the accelerometers; the simulated plate tells where each truly was.
+pub fn cor_map(lab: &LabRig) -> Result<Outcome, LabFault> {
+    let mut plate = ShakenPlate::new(lab);
+    let (axes, entries) = plate.steer()?;
+    let envelope = Envelope { attack_s: lab.model.attack_s, sustain_s: 0.1, rest_s: 0.0 };
+    let arm_m = lab.model.accelerometer_in_plate_m.norm();
+    let read = |entry: &Entry| {
+        let drive = drive_for(entry.amplitudes, &axes.shapes, lab.model.base_radps, envelope);
+        Read { read: entry.pump, truth: nearest_pump(&steady_motion(lab, &drive), arm_m).0 }
+    };
+    let read: Vec<Read> = entries.iter().map(read).collect();
+    let half_side_m = 0.5 * lab.model.plate_side_m;
+    Ok(Outcome {
+        figures: figures(&read, half_side_m),
+        series: series(&read),
+        charts: vec![chart(&read, half_side_m)],
+        ..Outcome::default()
+    })
+}
+
+/// Centres of what was read and of the truth, where both have one nearer than [`FARTHEST`].
+fn centers(read: &[Read], half_side_m: f64) -> impl Iterator<Item = (Vec2, Vec2)> + '_ {
+    read.iter().filter_map(move |motion| {
+        let (read, truth) = (motion.read.center_of_rotation()?, motion.truth.center_of_rotation()?);
+        (truth.norm() < FARTHEST * half_side_m).then_some((read, truth))
+    })
+}
+
+fn figures(read: &[Read], half_side_m: f64) -> Vec<Figure> {
+    const TRUTH: &str = "against the simulated plate's true motion";
+    let (inside, outside): (Vec<_>, Vec<_>) =
+        centers(read, half_side_m).partition(|(_, truth)| truth.amax() <= half_side_m);
+    let rms = |squares: &mut dyn Iterator<Item = f64>| {
+        let (sum, count) = squares.fold((0.0, 0), |(sum, count), square| (sum + square, count + 1));
+        (sum / f64::from(count.max(1))).sqrt()
+    };
+    let miss_mm = |(read, truth): &(Vec2, Vec2)| mm_from_m((read - truth).norm());
+    let share = |(read, truth): &(Vec2, Vec2)| 100.0 * (read - truth).norm() / truth.norm();
+    let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
+    let translations = read.len() - inside.len() - outside.len();
+    let turned_deg = |motion: &Read| motion.read.velocity_mps.angle(&motion.truth.velocity_mps).to_degrees();
+    let straight =
+        read.iter().filter(|m| m.truth.center_of_rotation().is_none_or(|c| c.norm() >= FARTHEST * half_side_m));
+    vec![
+        Figure::alone("centres inside the plate", "1", inside.len() as f64, "counted"),
+        Figure::alone("centres outside", "1", outside.len() as f64, "counted, to ten half sides"),
+        Figure::alone("translations", "1", translations as f64, "counted"),
+        Figure::alone("read-out inside, rms", "mm", rms(&mut inside.iter().map(|c| miss_mm(c).powi(2))), TRUTH),
+        Figure::alone("read-out inside, worst", "mm", largest(&mut inside.iter().map(miss_mm)), TRUTH),
+        Figure::alone(
+            "read-out outside, rms",
+            "% of distance",
+            rms(&mut outside.iter().map(|c| share(c).powi(2))),
+            TRUTH,
+        ),
+        Figure::alone("read-out outside, worst", "% of distance", largest(&mut outside.iter().map(share)), TRUTH),
+        Figure::alone("direction of translations, worst", "°", largest(&mut straight.map(turned_deg)), TRUTH),
+        Figure::alone(
+            "wrong way round",
+            "1",
+            read.iter().filter(|m| is_wrong_way(m)).count() as f64,
+            "counted, Eq. 14",
+        ),
+    ]
+}
+
+/// True when what was read would send parts backwards.
+fn is_wrong_way(motion: &Read) -> bool {
+    let Read { read, truth } = motion;
+    let along = read.velocity_mps.dot(&truth.velocity_mps) + read.spin_radps * truth.spin_radps * 1e-2;
+    along <= 0.0
+}
+
+fn series(read: &[Read]) -> Vec<Series> {
+    let columns: [(&str, fn(&Read) -> f64); 6] = [
+        ("velocity_x_read_mps", |m| m.read.velocity_mps.x),
+        ("velocity_y_read_mps", |m| m.read.velocity_mps.y),
+        ("spin_read_radps", |m| m.read.spin_radps),
+        ("velocity_x_true_mps", |m| m.truth.velocity_mps.x),
+        ("velocity_y_true_mps", |m| m.truth.velocity_mps.y),
+        ("spin_true_radps", |m| m.truth.spin_radps),
+    ];
+    columns.into_iter().map(|(name, of)| Series::new(name, read.iter().map(of))).collect()
+}
+
+fn chart(read: &[Read], half_side_m: f64) -> Chart {
+    const AROUND: f64 = 2.6;
+    /// Misses are too small to be seen at scale.
+    const ENLARGED: f64 = 20.0;
+    let near: Vec<(Vec2, Vec2)> =
+        centers(read, half_side_m).filter(|(_, truth)| truth.amax() < AROUND * half_side_m).collect();
+    let mm = |p: Vector2<f64>| [mm_from_m(p.x), mm_from_m(p.y)];
+    let vectors = near.iter().map(|(read, truth)| mm((read - truth) * ENLARGED)).collect();
+    let edge = Some([-mm_from_m(AROUND * half_side_m), mm_from_m(AROUND * half_side_m)]);
+    Chart {
+        name: "cor-map".into(),
+        title: format!("Centres of rotation of the library; misses of the read-out {ENLARGED:.0} times enlarged"),
+        x: Axis { range: edge, ..Axis::new("x (mm)") },
+        y: Axis { range: edge, ..Axis::new("y (mm)") },
+        map: true,
+        layers: vec![
+            Layer::plate(mm_from_m(half_side_m)),
+            Layer::new("true centre", Mark::Dots, Color::Blue, near.iter().map(|(_, truth)| mm(*truth))),
+            Layer::new("miss", Mark::Arrows { vectors }, Color::Red, near.iter().map(|(_, truth)| mm(*truth))),
+        ],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::lab_rig;
+    use super::*;
+
+    #[test]
+    fn centres_are_read_to_half_a_millimetre() {
+        for name in ["upm-1", "upm-2"] {
+            for seed in [1, 2] {
+                let outcome = cor_map(&LabRig { seed, ..lab_rig(name) }).unwrap();
+                let figure = |name: &str| outcome.figures.iter().find(|figure| figure.name == name).unwrap().measured;
+                assert!(figure("centres inside the plate") > 100.0 && figure("centres outside") > 40.0);
+                let inside_mm = figure("read-out inside, rms");
+                assert!(inside_mm < 0.5, "{name}, seed {seed}: {inside_mm} mm");
+                let outside = figure("read-out outside, worst");
+                assert!(outside < 2.0, "{name}, seed {seed}: {outside} %");
+                assert_eq!(figure("wrong way round"), 0.0);
+            }
+        }
+    }
+}

@@ -1,0 +1,188 @@
+use super::shaken::ShakenPlate;
+use super::{Figure, LabFault, LabRig, Outcome, Series};
+use crate::chart::{Axis, Chart, Color, Layer, Mark};
+use crate::control::calibration::Axes;
+use crate::estimation::{AccelerometerPair, fit_twist};
+use crate::geometry::Vec2;
+use crate::library::{AxisShape, drive_for};
+use crate::signal::Envelope;
+use crate::units::{INCH_M, mm_from_m};
+
+/// One row of the paper's Table 1.
+struct Row {
+    name: &'static str,
+    /// Amplitudes X1, X2, Y1, Y2 in units of 128 as sent.
+    amplitudes: [i32; 4],
+    /// Centre of rotation that the paper read, in, magnitudes; its columns stand for y and x of Eq. 15.
+    read_in: [f64; 2],
+}
+
+const ROWS: [Row; 6] = [
+    Row { name: "a", amplitudes: [-1, -1, 1, 1], read_in: [0.22, 0.02] },
+    Row { name: "b", amplitudes: [-2, 0, 1, 1], read_in: [2.92, 0.04] },
+    Row { name: "c", amplitudes: [-2, 0, 0, 2], read_in: [2.72, 2.52] },
+    Row { name: "d", amplitudes: [-1, -1, 0, 2], read_in: [0.18, 2.66] },
+    Row { name: "e", amplitudes: [-1, -1, -1, 3], read_in: [0.14, 5.34] },
+    Row { name: "f", amplitudes: [0, -2, -1, 3], read_in: [3.25, 5.54] },
+];
+/// The unit as the paper sent it, counts.
+const UNIT: i32 = 128;
+/// Part of the motors' limit that the strongest row may use.
+const EFFORT: f64 = 0.97;
+/// Sustain of each pulse, s.
+const SUSTAIN_S: f64 = 0.25;
+
+/// Table 1 of the UPM paper (section 4.1): amplitudes step the centre of rotation over the plate, the accelerometers
+/// read where it went. The paper's amplitudes go to the motors through the whole chain, all scaled alike where they would
+/// exceed the motors' limit: Eq. 15 knows only their ratios.
+pub fn cor_steering(lab: &LabRig) -> Result<Outcome, LabFault> {
+    let mut plate = ShakenPlate::new(lab);
+    let axes = plate.axes()?;
+    let sensors = AccelerometerPair { position_m: lab.model.accelerometer_in_plate_m, gain: axes.accelerometer_gain };
+    let unit = unit_within_limits(lab, &axes);
+    if unit < 1 {
+        return Err(LabFault::Rig(format!("{}: its motors' limit leaves no amplitude for Table 1", lab.model.name)));
+    }
+    let mut read = |shapes: &[AxisShape; 3]| -> Result<Vec<Vec2>, LabFault> {
+        ROWS.iter()
+            .map(|row| {
+                let drive = drive_for(row.amplitudes.map(|a| a * unit), shapes, lab.model.base_radps, envelope(lab));
+                let trace = plate.play(&drive)?;
+                let what = || format!("row {}", row.name);
+                let fit = fit_twist(&trace, &drive.envelope, drive.base_radps, &sensors)
+                    .map_err(|fault| LabFault::Trace { what: what(), fault })?;
+                fit.pump.center_of_rotation().ok_or_else(|| LabFault::Rig(format!("{}: no spin", what())))
+            })
+            .collect()
+    };
+    let found_m = read(&axes.shapes)?;
+    let plain_m = read(&[AxisShape::FREE_MASS; 3])?;
+    let expected_m = ROWS.each_ref().map(|row| eq_15(lab, row));
+    Ok(Outcome {
+        figures: figures(&found_m, &plain_m, &expected_m, unit),
+        series: series(&found_m, &plain_m, &expected_m),
+        charts: vec![chart(lab, &found_m, &plain_m, &expected_m)],
+        ..Outcome::default()
+    })
+}
+
+fn envelope(lab: &LabRig) -> Envelope {
+    let sustain_s = SUSTAIN_S.min(lab.model.max_sustain_s);
+    Envelope { attack_s: lab.model.attack_s, sustain_s, rest_s: lab.model.rest_s }
+}
+
+/// The paper's unit, or the largest with which every row stays within the motors' limit, with both waveforms.
+fn unit_within_limits(lab: &LabRig, axes: &Axes) -> i32 {
+    let peak = |row: &Row, shapes: &[AxisShape; 3]| {
+        drive_for(row.amplitudes.map(|a| a * UNIT), shapes, lab.model.base_radps, envelope(lab)).peak_counts()
+    };
+    let peaks = ROWS.iter().flat_map(|row| [peak(row, &axes.shapes), peak(row, &[AxisShape::FREE_MASS; 3])]);
+    let room = EFFORT * lab.model.count_limit / peaks.fold(f64::MIN_POSITIVE, f64::max);
+    (f64::from(UNIT) * room.min(1.0)) as i32
+}
+
+/// `C = κ (Y2 - Y1, X1 - X2)/S`, `κ = I/(M r)` (Eq. 15), m.
+fn eq_15(lab: &LabRig, row: &Row) -> Vec2 {
+    let [x1, x2, y1, y2] = row.amplitudes.map(f64::from);
+    let kappa_m = lab.model.plate_inertia_kgm2 / (lab.model.plate_mass_kg * lab.model.lever_arm_m);
+    Vec2::new(y2 - y1, x1 - x2) * (kappa_m / ((y1 + y2) - (x1 + x2)))
+}
+
+fn figures(found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2], unit: i32) -> Vec<Figure> {
+    const EQ_15: &str = "UPM paper, Eq. 15";
+    let inches = |m: f64| m / INCH_M;
+    let mut figures = Vec::new();
+    for ((row, found), expected) in ROWS.iter().zip(found_m).zip(expected_m) {
+        for (axis, found, expected) in [("x", found.x, expected.x), ("y", found.y, expected.y)] {
+            let name = format!("row {}: COR along {axis}", row.name);
+            figures.push(Figure::against(name, "in", inches(found), inches(expected), EQ_15));
+        }
+    }
+    for (i, pair) in found_m.windows(2).enumerate() {
+        let expected = (expected_m[i + 1] - expected_m[i]).norm();
+        let name = format!("step {} to {}", ROWS[i].name, ROWS[i + 1].name);
+        let source = "UPM paper, Eq. 15; its Table 1 has 2.48 to 3.14";
+        figures.push(Figure::against(name, "in", inches((pair[1] - pair[0]).norm()), inches(expected), source));
+    }
+    let worst = |read: &[Vec2]| read.iter().zip(expected_m).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+    let source = "largest distance from Eq. 15";
+    figures.push(Figure::alone("worst COR", "in", inches(worst(found_m)), source));
+    figures.push(Figure::alone("worst COR without pre-compensation", "in", inches(worst(plain_m)), source));
+    let source = "the paper's 128, less where a motor would exceed its limit";
+    figures.push(Figure::against("amplitude unit sent", "counts", f64::from(unit), f64::from(UNIT), source));
+    figures
+}
+
+fn series(found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]) -> Vec<Series> {
+    let inches = |name: &str, values: Vec<f64>| Series::new(name, values.into_iter().map(|m| m / INCH_M));
+    let [x, y] = [|v: &Vec2| v.x, |v: &Vec2| v.y];
+    vec![
+        inches("cor_x_in", found_m.iter().map(x).collect()),
+        inches("cor_y_in", found_m.iter().map(y).collect()),
+        inches("cor_x_without_precompensation_in", plain_m.iter().map(x).collect()),
+        inches("cor_y_without_precompensation_in", plain_m.iter().map(y).collect()),
+        inches("cor_x_eq_15_in", expected_m.iter().map(x).collect()),
+        inches("cor_y_eq_15_in", expected_m.iter().map(y).collect()),
+        Series::new("paper_cor_x_in", ROWS.iter().map(|row| row.read_in[1])),
+        Series::new("paper_cor_y_in", ROWS.iter().map(|row| row.read_in[0])),
+    ]
+}
+
+fn chart(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]) -> Chart {
+    let mm = |points: &[Vec2]| -> Vec<[f64; 2]> { points.iter().map(|p| [mm_from_m(p.x), mm_from_m(p.y)]).collect() };
+    // The paper gives magnitudes: the signs are those of Eq. 15.
+    let paper: Vec<Vec2> = ROWS
+        .iter()
+        .zip(expected_m)
+        .map(|(row, e)| Vec2::new(row.read_in[1].copysign(e.x), row.read_in[0].copysign(e.y)) * INCH_M)
+        .collect();
+    Chart {
+        name: "cor-steering".into(),
+        title: "Table 1: where the centre of rotation went".into(),
+        x: Axis::new("x (mm)"),
+        y: Axis::new("y (mm)"),
+        map: true,
+        layers: vec![
+            Layer::plate(mm_from_m(0.5 * lab.model.plate_side_m)),
+            Layer::new("the way of Eq. 15", Mark::Dashes, Color::Gray, mm(expected_m)),
+            Layer::new("Eq. 15", Mark::Circles { radius: 4.0 }, Color::Gray, mm(expected_m)),
+            Layer::new("read in the paper", Mark::Crosses, Color::Orange, mm(&paper)),
+            Layer::new("read here, no pre-compensation", Mark::Crosses, Color::Purple, mm(plain_m)),
+            Layer::new("read here", Mark::Dots, Color::Blue, mm(found_m)),
+        ],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::lab_rig;
+    use super::*;
+
+    #[test]
+    fn table_1_comes_out_through_the_whole_chain() {
+        for (name, seed) in [("upm-1", 1), ("upm-1", 2), ("upm-1", 3), ("upm-2", 1)] {
+            let outcome = cor_steering(&LabRig { seed, ..lab_rig(name) }).unwrap();
+            let (mut rows, mut steps) = (0, 0);
+            for figure in &outcome.figures {
+                let off = figure.measured - figure.reference.unwrap_or_default();
+                if figure.name.starts_with("row") {
+                    rows += 1;
+                    assert!(off.abs() < 0.15, "{name}, seed {seed}: {figure:?}");
+                }
+                if figure.name.starts_with("step") && name == "upm-1" {
+                    steps += 1;
+                    assert!((2.48..=3.14).contains(&figure.measured), "{figure:?}");
+                }
+            }
+            assert_eq!((rows, steps), (12, if name == "upm-1" { 5 } else { 0 }));
+        }
+    }
+
+    #[test]
+    fn a_rig_that_cannot_be_read_says_so() {
+        let mut lab = lab_rig("upm-1");
+        lab.sim.accelerometers.range_mps2 = 2.0;
+        let fault = cor_steering(&lab).unwrap_err().to_string();
+        assert!(fault.contains("clipped"), "{fault}");
+    }
+}

@@ -1,0 +1,98 @@
+//! The plate alone, shaken: played without a picture, and how it truly moves in the end.
+
+use std::f64::consts::TAU;
+use std::sync::atomic::AtomicBool;
+
+use nalgebra::Complex;
+
+use super::{LabFault, LabRig};
+use crate::control::calibration::{self, Axes, CalibrationFault, CalibrationParams};
+use crate::estimation::AxisPhasors;
+use crate::geometry::Twist;
+use crate::library::Entry;
+use crate::random::Streams;
+use crate::rig::{Rig, RigModel};
+use crate::signal::{AccelTrace, Drive, Envelope, Frame};
+use crate::sim::{Plant, SimRig};
+
+/// Time after which the rods have stopped ringing, s.
+const SETTLED_S: f64 = 2.5;
+/// Time over which the steady motion is taken, s.
+const WINDOW_S: f64 = 1.0;
+
+/// A rig without parts whose camera is one pixel: time passes at almost no cost.
+#[derive(Debug)]
+pub(super) struct ShakenPlate {
+    model: RigModel,
+    rig: SimRig,
+    frame: Frame,
+}
+
+impl ShakenPlate {
+    pub fn new(lab: &LabRig) -> Self {
+        let mut sim = lab.sim.clone();
+        sim.camera.size_px = [1, 1];
+        let model = RigModel { frame_size_px: [1, 1], ..lab.model.clone() };
+        let rig = SimRig::new(model.clone(), sim, Vec::new(), Streams::new(lab.seed));
+        Self { model, rig, frame: Frame::new(1, 1) }
+    }
+
+    /// Plays a pulse to the end of its rest; what the accelerometers saw.
+    pub fn play(&mut self, drive: &Drive) -> Result<AccelTrace, LabFault> {
+        let refused = |fault: crate::rig::RigFault| LabFault::Rig(fault.to_string());
+        self.rig.play(drive).map_err(refused)?;
+        while self.rig.now() < self.rig.quiet_at() {
+            self.rig.capture(&mut self.frame).map_err(refused)?;
+        }
+        Ok(self.rig.trace())
+    }
+
+    /// How the axes answer, as calibration finds it.
+    pub fn axes(&mut self) -> Result<Axes, LabFault> {
+        let params = CalibrationParams::full(Vec::new(), Vec::new());
+        let found =
+            calibration::measure_axes(&mut self.rig, &self.model, &params, &AtomicBool::new(false), &mut |_| ());
+        found.map_err(told)
+    }
+
+    /// The axes and every motion of the library, as calibration finds them.
+    pub fn steer(&mut self) -> Result<(Axes, Vec<Entry>), LabFault> {
+        let params = CalibrationParams::full(Vec::new(), Vec::new());
+        let found = calibration::steer(&mut self.rig, &self.model, &params, &AtomicBool::new(false), &mut |_| ());
+        found.map_err(told)
+    }
+}
+
+fn told(fault: CalibrationFault) -> LabFault {
+    match fault {
+        CalibrationFault::Trace { what, fault } => LabFault::Trace { what, fault },
+        other => LabFault::Rig(other.to_string()),
+    }
+}
+
+/// How the plate truly moves once the rods have settled under `drive`, whatever its envelope: the twist's first two
+/// harmonics, by a discrete Fourier transform under a Hann window, phases as in the drive.
+pub(super) fn steady_motion(lab: &LabRig, drive: &Drive) -> [AxisPhasors; 3] {
+    let length_s = SETTLED_S + WINDOW_S;
+    let envelope = Envelope { attack_s: drive.envelope.attack_s, sustain_s: length_s, rest_s: 0.0 };
+    let mut plant = Plant::new(&lab.sim, &[], &Streams::new(lab.seed));
+    plant.play(Drive { envelope, ..drive.clone() });
+    let [from, steps] = [SETTLED_S, WINDOW_S].map(|time_s| (time_s / lab.sim.step_s).round() as usize);
+    for _ in 0..from {
+        plant.step();
+    }
+    let mut sums = [[Complex::new(0.0, 0.0); 2]; 3];
+    let mut weights = 0.0;
+    for i in 0..steps {
+        plant.step();
+        let weight = 1.0 - (TAU * (i as f64 + 0.5) / steps as f64).cos();
+        let turn = Complex::from_polar(1.0, -drive.base_radps * (from + i + 1) as f64 * lab.sim.step_s);
+        let Twist { velocity_mps, spin_radps } = plant.plate().twist;
+        for (sum, value) in sums.iter_mut().zip([velocity_mps.x, velocity_mps.y, spin_radps]) {
+            sum[0] += turn * (weight * value);
+            sum[1] += turn * turn * (weight * value);
+        }
+        weights += weight;
+    }
+    sums.map(|[first, second]| AxisPhasors { first: first * (2.0 / weights), second: second * (2.0 / weights) })
+}

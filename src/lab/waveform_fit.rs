@@ -1,0 +1,234 @@
+use super::shaken::{ShakenPlate, steady_motion};
+use super::{Figure, LabFault, LabRig, Outcome, Series};
+use crate::chart::{Axis, Chart, Color, Layer, Mark};
+use crate::control::calibration::Axes;
+use crate::estimation::{
+    AccelerometerPair, AxisPhasors, Coefficients, TwistFit, Window, accelerations_mps2, fit_channels, fit_twist,
+    nearest_pump, sustain_window,
+};
+use crate::library::{AxisShape, drive_for};
+use crate::signal::{CHANNELS, Drive, Envelope, RecordedPulse};
+use crate::units::mm_from_m;
+
+/// The amplitudes played: row c of the paper's Table 1, one centre of rotation off both axes, in units.
+const AMPLITUDES: [i32; 4] = [-2, 0, 0, 2];
+/// Part of the motors' limit used.
+const EFFORT: f64 = 0.9;
+const SUSTAIN_S: f64 = 0.1;
+const CHANNEL_NAMES: [&str; CHANNELS] = ["x1", "y1", "x2", "y2"];
+const AXES: [&str; 3] = ["x", "y", "spin"];
+
+/// The least-squares fit of the accelerometers' traces (UPM paper, section 3.2, Eq. 12 and 13, App. B): one pulse
+/// through the whole chain, read back and set beside how the plate truly moves; and what calibration's
+/// pre-compensation makes of every axis.
+pub fn waveform_fit(lab: &LabRig) -> Result<Outcome, LabFault> {
+    let mut plate = ShakenPlate::new(lab);
+    let axes = plate.axes()?;
+    let drive = drive(lab, &axes.shapes);
+    let recorded = RecordedPulse {
+        trace: plate.play(&drive)?,
+        envelope: drive.envelope,
+        base_radps: drive.base_radps,
+        accelerometer_in_plate_m: lab.model.accelerometer_in_plate_m,
+        channel_gain: axes.accelerometer_gain,
+    };
+    let mut outcome = waveform_fit_of(&recorded)?;
+    let fit = read(&recorded)?;
+    outcome.figures.extend(against_truth(lab, &drive, &fit));
+    outcome.figures.extend(precompensation(lab, &axes));
+    outcome.recorded = Some(recorded);
+    Ok(outcome)
+}
+
+/// The same fit of a trace from anywhere; nothing is known of its rig but what comes with it.
+pub fn waveform_fit_of(recorded: &RecordedPulse) -> Result<Outcome, LabFault> {
+    let fit = read(recorded)?;
+    let unreadable = |fault| LabFault::Trace { what: "trace".into(), fault };
+    let window = sustain_window(&recorded.trace, &recorded.envelope, recorded.base_radps).map_err(unreadable)?;
+    let shown = accelerations_mps2(&recorded.trace, &window).map_err(unreadable)?;
+    let fitted = fit_channels(&window, &shown, recorded.base_radps).map_err(unreadable)?.map(|fit| fit.coefficients);
+    let curves = fitted.map(|c| curve(&c, &window, recorded.base_radps));
+    let mut series = vec![Series::new("time_s", window.times_s())];
+    for ((name, shown), curve) in CHANNEL_NAMES.iter().zip(&shown).zip(&curves) {
+        series.push(Series::new(&format!("{name}_mps2"), shown.iter().copied()));
+        series.push(Series::new(&format!("{name}_fitted_mps2"), curve.iter().copied()));
+    }
+    Ok(Outcome { figures: figures(&fit), series, charts: vec![chart(&window, &shown, &curves)], ..Outcome::default() })
+}
+
+fn read(recorded: &RecordedPulse) -> Result<TwistFit, LabFault> {
+    let sensors = AccelerometerPair { position_m: recorded.accelerometer_in_plate_m, gain: recorded.channel_gain };
+    fit_twist(&recorded.trace, &recorded.envelope, recorded.base_radps, &sensors)
+        .map_err(|fault| LabFault::Trace { what: "trace".into(), fault })
+}
+
+/// As strong as the motors allow.
+fn drive(lab: &LabRig, shapes: &[AxisShape; 3]) -> Drive {
+    const TRIAL: i32 = 1000;
+    let sustain_s = SUSTAIN_S.min(lab.model.max_sustain_s);
+    let envelope = Envelope { attack_s: lab.model.attack_s, sustain_s, rest_s: lab.model.rest_s };
+    let of = |unit: i32| drive_for(AMPLITUDES.map(|a| a * unit), shapes, lab.model.base_radps, envelope);
+    let unit = f64::from(TRIAL) * EFFORT * lab.model.count_limit / of(TRIAL).peak_counts();
+    of(unit as i32)
+}
+
+fn curve(c: &Coefficients, window: &Window, base_radps: f64) -> Vec<f64> {
+    let at = |t_s: f64| {
+        let (sin, cos) = (base_radps * t_s).sin_cos();
+        let (sin2, cos2) = (2.0 * base_radps * t_s).sin_cos();
+        c[0] * cos + c[1] * sin + c[2] * cos2 + c[3] * sin2
+    };
+    window.times_s().map(at).collect()
+}
+
+fn figures(fit: &TwistFit) -> Vec<Figure> {
+    let mut figures = Vec::new();
+    for (name, c) in CHANNEL_NAMES.iter().zip(&fit.accel_mps2) {
+        for (k, value) in ["cos wt", "sin wt", "cos 2wt", "sin 2wt"].iter().zip(c) {
+            figures.push(Figure::alone(format!("{name}: {k}"), "m/s²", *value, "least squares, Eq. 12"));
+        }
+    }
+    let app_b = "two corners, UPM paper App. B and Eq. 6";
+    if let Some(center_m) = fit.pump.center_of_rotation() {
+        figures.push(Figure::alone("COR along x", "mm", mm_from_m(center_m.x), app_b));
+        figures.push(Figure::alone("COR along y", "mm", mm_from_m(center_m.y), app_b));
+    }
+    figures.push(Figure::alone("spin", "rad/s", fit.pump.spin_radps, "App. B, its sign by Eq. 14"));
+    figures.push(Figure::alone("left over", "m/s²", fit.residual_rms_mps2, "rms of what the fit does not say"));
+    figures.push(Figure::against("second over first harmonic", "1", fit.quality.harmonic_ratio, 0.5, "Eq. 5"));
+    let phase_deg = fit.quality.harmonic_phase_rad.to_degrees();
+    figures.push(Figure::against("second harmonic's lead", "°", phase_deg, 0.0, "Eq. 5"));
+    figures
+}
+
+/// What was read beside how the plate truly moves once it has settled.
+fn against_truth(lab: &LabRig, drive: &Drive, fit: &TwistFit) -> Vec<Figure> {
+    const TRUTH: &str = "the simulated plate's true motion, settled";
+    let truth = nearest_pump(&steady_motion(lab, drive), lab.model.accelerometer_in_plate_m.norm()).0;
+    let mut figures =
+        vec![Figure::against("spin, against truth", "rad/s", fit.pump.spin_radps, truth.spin_radps, TRUTH)];
+    if let (Some(read), Some(truth)) = (fit.pump.center_of_rotation(), truth.center_of_rotation()) {
+        for (axis, read, truth) in [("x", read.x, truth.x), ("y", read.y, truth.y)] {
+            let name = format!("COR along {axis}, against truth");
+            figures.push(Figure::against(name, "mm", mm_from_m(read), mm_from_m(truth), TRUTH));
+        }
+    }
+    figures
+}
+
+/// Ratio and phase of the harmonics of every axis, driven by itself, before and after pre-compensation; true motion.
+fn precompensation(lab: &LabRig, axes: &Axes) -> Vec<Figure> {
+    const SOURCE: &str = "Eq. 5, on the simulated plate's true motion";
+    let mut figures = Vec::new();
+    for (axis, name) in AXES.iter().enumerate() {
+        for (shapes, how) in [([AxisShape::FREE_MASS; 3], "as Eq. 8"), (axes.shapes, "pre-compensated")] {
+            let ratio = axis_ratio(lab, axis, &shapes);
+            let name = format!("axis {name}, {how}");
+            figures.push(Figure::against(format!("{name}: second over first"), "1", ratio.norm(), 0.5, SOURCE));
+            let phase_deg = (-ratio).arg().to_degrees();
+            figures.push(Figure::against(format!("{name}: second's lead"), "°", phase_deg, 0.0, SOURCE));
+        }
+    }
+    figures
+}
+
+/// True `second · conj(first)² / |first|³` of one axis driven by itself; -½ is right.
+fn axis_ratio(lab: &LabRig, axis: usize, shapes: &[AxisShape; 3]) -> nalgebra::Complex<f64> {
+    let amplitudes =
+        [[1, -1, 0, 0], [0, 0, 1, -1], [-1, -1, 1, 1]][axis].map(|a| a * (lab.model.count_limit * 0.4) as i32);
+    let envelope = Envelope { attack_s: lab.model.attack_s, sustain_s: SUSTAIN_S, rest_s: 0.0 };
+    let motion: [AxisPhasors; 3] = steady_motion(lab, &drive_for(amplitudes, shapes, lab.model.base_radps, envelope));
+    motion[axis].harmonic_ratio().unwrap_or_default()
+}
+
+fn chart(window: &Window, shown: &[Vec<f64>; CHANNELS], curves: &[Vec<f64>; CHANNELS]) -> Chart {
+    let points = |values: &[f64]| -> Vec<[f64; 2]> {
+        window.times_s().map(|t| t * 1e3).zip(values).map(|(t, v)| [t, *v]).collect()
+    };
+    let mut layers = Vec::new();
+    for (i, name) in CHANNEL_NAMES.iter().enumerate() {
+        layers.push(Layer::new(&format!("{name} as sampled"), Mark::Dots, Color::nth(i), points(&shown[i])));
+        layers.push(Layer::new(&format!("{name} fitted"), Mark::Line, Color::nth(i), points(&curves[i])));
+    }
+    Chart {
+        name: "waveform-fit".into(),
+        title: "Two harmonics fitted to the accelerometers' samples".into(),
+        x: Axis::new("time in the pulse (ms)"),
+        y: Axis::new("acceleration (m/s²)"),
+        map: false,
+        layers,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::lab_rig;
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn what_is_read_is_what_is_true() {
+        for name in ["upm-1", "upm-2"] {
+            let outcome = waveform_fit(&lab_rig(name)).unwrap();
+            let mut seen = 0;
+            for figure in outcome.figures.iter().filter(|figure| figure.name.ends_with("against truth")) {
+                let off = (figure.measured - figure.reference.unwrap()).abs();
+                let bar = if figure.unit == "mm" { 0.5 } else { 0.02 * figure.measured.abs() };
+                assert!(off < bar, "{name}: {figure:?}");
+                seen += 1;
+            }
+            assert_eq!(seen, 3);
+            assert!(outcome.recorded.is_some() && outcome.series.len() == 9);
+        }
+    }
+
+    #[test]
+    fn a_recorded_trace_reads_the_same() {
+        let outcome = waveform_fit(&lab_rig("upm-1")).unwrap();
+        let again = waveform_fit_of(outcome.recorded.as_ref().unwrap()).unwrap();
+        assert_eq!(again.figures[..], outcome.figures[..again.figures.len()]);
+    }
+
+    /// Ratio within 1 %, phase within 1°: the second harmonic is where Eq. 5 wants it on every axis.
+    fn worst_after_calibration(lab: &LabRig) -> (f64, f64) {
+        let axes = ShakenPlate::new(lab).axes().unwrap();
+        let ratios = [0, 1, 2].map(|axis| axis_ratio(lab, axis, &axes.shapes));
+        let amplitude = ratios.iter().map(|r| (r.norm() / 0.5 - 1.0).abs()).fold(0.0, f64::max);
+        let phase_deg = ratios.iter().map(|r| (-r).arg().to_degrees().abs()).fold(0.0, f64::max);
+        (amplitude, phase_deg)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+        #[test]
+        fn calibration_compensates_any_resonance_from_5_to_25_hz(
+            resonance_hz in proptest::array::uniform3(5.0..25.0f64), damping in proptest::array::uniform3(0.02..0.3f64), seed in 0..1000u64,
+        ) {
+            let mut lab = LabRig { seed, ..lab_rig("upm-1") };
+            lab.sim.plate.resonance_hz = resonance_hz;
+            lab.sim.plate.damping_ratio = damping;
+            let (amplitude, phase_deg) = worst_after_calibration(&lab);
+            prop_assert!(amplitude < 0.01 && phase_deg < 1.0, "{amplitude}, {phase_deg}°");
+        }
+    }
+
+    #[test]
+    fn a_resonance_above_the_drive_is_refused_with_the_reason() {
+        let mut lab = lab_rig("upm-1");
+        lab.sim.plate.resonance_hz[1] = 75.0;
+        let fault = ShakenPlate::new(&lab).axes().unwrap_err().to_string();
+        assert!(fault.contains("axis y") && fault.contains("below the drive's frequency"), "{fault}");
+    }
+
+    #[test]
+    fn clipped_and_missing_samples_give_no_centre() {
+        let recorded = waveform_fit(&lab_rig("upm-1")).unwrap().recorded.unwrap();
+        let middle = recorded.trace.len() / 2;
+        for (count, word) in [(crate::signal::MISSING_SAMPLE, "lacks"), (1023, "clipped")] {
+            let mut bad = recorded.clone();
+            bad.trace.counts[2][middle] = count;
+            let fault = waveform_fit_of(&bad).unwrap_err().to_string();
+            assert!(fault.contains(word), "{fault}");
+        }
+    }
+}
