@@ -3,6 +3,7 @@
 
 mod cor_map;
 mod cor_steering;
+mod force_sign;
 mod outcome;
 mod shaken;
 #[cfg(test)]

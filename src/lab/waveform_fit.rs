@@ -1,3 +1,4 @@
+use super::force_sign::force_signs;
 use super::shaken::{ShakenPlate, steady_motion};
 use super::{Figure, LabFault, LabRig, Outcome, Series};
 use crate::chart::{Axis, Chart, Color, Layer, Mark};
@@ -15,6 +16,8 @@ const AMPLITUDES: [i32; 4] = [-2, 0, 0, 2];
 /// Part of the motors' limit used.
 const EFFORT: f64 = 0.9;
 const SUSTAIN_S: f64 = 0.1;
+/// Random drives whose sign is asked for.
+const SIGNS: u32 = 10_000;
 const CHANNEL_NAMES: [&str; CHANNELS] = ["x1", "y1", "x2", "y2"];
 const AXES: [&str; 3] = ["x", "y", "spin"];
 
@@ -24,6 +27,16 @@ const AXES: [&str; 3] = ["x", "y", "spin"];
 pub fn waveform_fit(lab: &LabRig) -> Result<Outcome, LabFault> {
     let mut plate = ShakenPlate::new(lab);
     let axes = plate.axes()?;
+    let mut outcome = one_pulse(lab, &mut plate, &axes)?;
+    outcome.figures.extend(precompensation(lab, &axes));
+    let signs = force_signs(lab, &mut plate, SIGNS)?;
+    let right = 100.0 * f64::from(signs.right) / f64::from(signs.tried);
+    let source = "Eq. 14, random drives off the null through the whole chain";
+    outcome.figures.push(Figure::against(format!("force signs right, of {SIGNS}"), "%", right, 100.0, source));
+    Ok(outcome)
+}
+
+fn one_pulse(lab: &LabRig, plate: &mut ShakenPlate, axes: &Axes) -> Result<Outcome, LabFault> {
     let drive = drive(lab, &axes.shapes);
     let recorded = RecordedPulse {
         trace: plate.play(&drive)?,
@@ -33,9 +46,7 @@ pub fn waveform_fit(lab: &LabRig) -> Result<Outcome, LabFault> {
         channel_gain: axes.accelerometer_gain,
     };
     let mut outcome = waveform_fit_of(&recorded)?;
-    let fit = read(&recorded)?;
-    outcome.figures.extend(against_truth(lab, &drive, &fit));
-    outcome.figures.extend(precompensation(lab, &axes));
+    outcome.figures.extend(against_truth(lab, &drive, &read(&recorded)?));
     outcome.recorded = Some(recorded);
     Ok(outcome)
 }
@@ -166,10 +177,17 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn pulse(name: &str) -> Outcome {
+        let lab = lab_rig(name);
+        let mut plate = ShakenPlate::new(&lab);
+        let axes = plate.axes().unwrap();
+        one_pulse(&lab, &mut plate, &axes).unwrap()
+    }
+
     #[test]
     fn what_is_read_is_what_is_true() {
         for name in ["upm-1", "upm-2"] {
-            let outcome = waveform_fit(&lab_rig(name)).unwrap();
+            let outcome = pulse(name);
             let mut seen = 0;
             for figure in outcome.figures.iter().filter(|figure| figure.name.ends_with("against truth")) {
                 let off = (figure.measured - figure.reference.unwrap()).abs();
@@ -184,7 +202,7 @@ mod tests {
 
     #[test]
     fn a_recorded_trace_reads_the_same() {
-        let outcome = waveform_fit(&lab_rig("upm-1")).unwrap();
+        let outcome = pulse("upm-1");
         let again = waveform_fit_of(outcome.recorded.as_ref().unwrap()).unwrap();
         assert_eq!(again.figures[..], outcome.figures[..again.figures.len()]);
     }
@@ -222,7 +240,7 @@ mod tests {
 
     #[test]
     fn clipped_and_missing_samples_give_no_centre() {
-        let recorded = waveform_fit(&lab_rig("upm-1")).unwrap().recorded.unwrap();
+        let recorded = pulse("upm-1").recorded.unwrap();
         let middle = recorded.trace.len() / 2;
         for (count, word) in [(crate::signal::MISSING_SAMPLE, "lacks"), (1023, "clipped")] {
             let mut bad = recorded.clone();

@@ -1,0 +1,108 @@
+use std::f64::consts::TAU;
+
+use nalgebra::Complex;
+use rand::RngExt;
+
+use super::shaken::{ShakenPlate, steady_motion};
+use super::{LabFault, LabRig};
+use crate::estimation::{Coefficients, accelerations_mps2, fit_channels, force_sign, sustain_window};
+use crate::random::{Rng, Streams};
+use crate::signal::{Drive, Envelope, Harmonic};
+
+/// Within this of the null, in the sine of the phase, either sign is right.
+const NULL: f64 = 0.0175;
+/// Mean of the sign of a velocity below which the sum over a cycle says nothing.
+const FAINT: f64 = 2e-3;
+
+/// How often the sign of the force was told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Signs {
+    pub tried: u32,
+    pub right: u32,
+}
+
+/// Sends `count` random drives along x, both harmonics of any phase, through the whole chain and asks Eq. 14 for the sign
+/// of the mean friction force; the truth is the sign of the plate's velocity averaged over a cycle.
+pub(super) fn force_signs(lab: &LabRig, plate: &mut ShakenPlate, count: u32) -> Result<Signs, LabFault> {
+    let mut rng = Streams::new(lab.seed).stream("force signs");
+    let response = response(lab);
+    let mut signs = Signs { tried: 0, right: 0 };
+    while signs.tried < count {
+        let drive = random_drive(lab, &mut rng);
+        let Some(truth) = true_sign(&drive, &response) else { continue };
+        let trace = plate.play(&drive)?;
+        let unreadable = |fault| LabFault::Trace { what: "random drive".into(), fault };
+        let window = sustain_window(&trace, &drive.envelope, drive.base_radps).map_err(unreadable)?;
+        let channels = accelerations_mps2(&trace, &window).map_err(unreadable)?;
+        let [x1, ..] = fit_channels(&window, &channels, drive.base_radps).map_err(unreadable)?;
+        signs.tried += 1;
+        signs.right += u32::from(force_sign(&x1.coefficients) == truth);
+    }
+    Ok(signs)
+}
+
+fn random_drive(lab: &LabRig, rng: &mut Rng) -> Drive {
+    let mut draw = || Harmonic { cos: rng.random_range(-1.0..1.0), sin: rng.random_range(-1.0..1.0) };
+    let wave = [draw(), draw()];
+    let effort = rng.random_range(0.3..0.95) * lab.model.count_limit;
+    let unit = along_x(lab, &wave);
+    let scale = effort / unit.peak_counts();
+    along_x(lab, &wave.map(|h| Harmonic { cos: h.cos * scale, sin: h.sin * scale }))
+}
+
+fn along_x(lab: &LabRig, wave: &[Harmonic; 2]) -> Drive {
+    let against = wave.map(|h| Harmonic { cos: -h.cos, sin: -h.sin });
+    let envelope = Envelope { attack_s: lab.model.attack_s, sustain_s: 3.5 * TAU / lab.model.base_radps, rest_s: 0.01 };
+    Drive { base_radps: lab.model.base_radps, motors: [wave.to_vec(), against.to_vec(), vec![], vec![]], envelope }
+}
+
+/// Velocity phasors along x for one count of each harmonic. The chain is linear but for whole counts and limits.
+fn response(lab: &LabRig) -> [Complex<f64>; 2] {
+    const COUNTS: f64 = 100.0;
+    let wave = [Harmonic { cos: COUNTS, sin: 0.0 }; 2];
+    let motion = steady_motion(lab, &along_x(lab, &wave))[0];
+    [motion.first, motion.second].map(|phasor| phasor / COUNTS)
+}
+
+/// Sign of the mean friction on a part at rest; `None` too near the null.
+fn true_sign(drive: &Drive, response: &[Complex<f64>; 2]) -> Option<f64> {
+    let phasor =
+        |k: usize| drive.motors[0].get(k).map(|h| Complex::new(h.cos, -h.sin) * response[k]).unwrap_or_default();
+    let (first, second) = (phasor(0), phasor(1));
+    let sense = (first * first * second.conj()).re;
+    if sense.abs() < NULL * first.norm_sqr() * second.norm() {
+        return None;
+    }
+    let mean = mean_sign(&[first.re, -first.im, second.re, -second.im]);
+    (mean.abs() > FAINT).then(|| mean.signum())
+}
+
+fn mean_sign(v: &Coefficients) -> f64 {
+    const STEPS: u32 = 2000;
+    let sign_at = |i: u32| {
+        let (sin, cos) = (TAU * (f64::from(i) + 0.5) / f64::from(STEPS)).sin_cos();
+        (v[0] * cos + v[1] * sin + v[2] * (cos * cos - sin * sin) + v[3] * 2.0 * sin * cos).signum()
+    };
+    (0..STEPS).map(sign_at).sum::<f64>() / f64::from(STEPS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::lab_rig;
+    use super::*;
+
+    #[test]
+    fn the_sign_is_told_through_the_whole_chain() {
+        for name in ["upm-1", "upm-2"] {
+            let lab = lab_rig(name);
+            let signs = force_signs(&lab, &mut ShakenPlate::new(&lab), 1000).unwrap();
+            assert!(signs.tried == 1000 && signs.right >= 999, "{name}: {signs:?}");
+        }
+    }
+
+    #[test]
+    fn the_truth_knows_the_papers_wave() {
+        assert!((mean_sign(&[1.0, 0.0, -0.5, 0.0]) - 0.2386).abs() < 2e-3);
+        assert!((mean_sign(&[-1.0, 0.0, 0.5, 0.0]) + 0.2386).abs() < 2e-3);
+    }
+}
