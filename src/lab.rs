@@ -1,9 +1,15 @@
 //! The papers' experiments on the simulated plate: each plays its pulses, measures, and sets the figures beside those of
 //! a closed form or of the paper. Nothing here is used by a run.
 
+mod experiment;
 mod outcome;
+mod recorded;
+mod table;
 
+pub use experiment::{EXPERIMENTS, Experiment, WAVEFORM_FIT, experiment};
 pub use outcome::{Figure, Motion, Outcome, Series, Track};
+pub use recorded::waveform_fit_of;
+pub use table::{COLUMNS, HEADS, NUMBERS};
 
 use crate::rig::RigModel;
 use crate::sim::{PartParams, SimParams};

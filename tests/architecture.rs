@@ -39,7 +39,11 @@ const ROOMS: &[(&str, &[&str])] = &[
             "sim::PartTruth",
             "sim::TruthProbe",
             "chart",
+            "lab::Figure",
+            "lab::HEADS",
             "lab::Motion",
+            "lab::NUMBERS",
+            "lab::Outcome",
             "lab::Track",
         ],
     ),
@@ -75,7 +79,10 @@ const ROOMS: &[(&str, &[&str])] = &[
         ],
     ),
     ("service", &["signal", "recording", "config", "run"]),
-    ("cli", &["signal", "rig", "vision", "library", "control", "recording", "config", "run", "service", "lab", "chart"]),
+    (
+        "cli",
+        &["signal", "rig", "vision", "library", "control", "recording", "config", "run", "service", "lab", "chart"],
+    ),
     ("main", &["cli"]),
 ];
 

@@ -1,0 +1,188 @@
+use super::{Figure, LabFault, LabRig, Outcome, Series};
+use crate::chart::{Axis, Chart, Color, Layer, Mark};
+use crate::estimation::{
+    FitFault, TwistFit, accelerations_mps2, axis_phasors, fit_twist, nearest_pump, sustain_window, twist_wave,
+};
+use crate::geometry::{Twist, Vec2};
+use crate::random::Streams;
+use crate::signal::{CHANNELS, Drive, Envelope, Harmonic, MOTORS, RecordedPulse};
+use crate::sim::{Plant, Wrench, forces_of_wrench};
+use crate::units::mm_from_m;
+
+const CHANNEL_NAMES: [&str; CHANNELS] = ["x1", "y1", "x2", "y2"];
+
+/// Where the pulse played by [`waveform_fit`] turns, as a part of the plate's half side.
+const AIM: [f64; 2] = [0.5, 0.2];
+
+/// Part of the count limit that it uses.
+const LOUDNESS: f64 = 0.8;
+
+/// Plays a pulse about one centre and reads it back.
+pub(super) fn waveform_fit(rig: &LabRig) -> Result<Outcome, LabFault> {
+    let aim_m = Vec2::from(AIM) * (0.5 * rig.model.plate_side_m);
+    let drive = drive_about(aim_m, rig);
+    let mut plant = Plant::new(&rig.sim, &[], &Streams::new(rig.seed));
+    let end = plant.now() + drive.envelope.sounding_s();
+    plant.play(drive.clone());
+    plant.advance_to(end);
+    let mut outcome = waveform_fit_of(&RecordedPulse {
+        trace: plant.trace().clone(),
+        envelope: drive.envelope,
+        base_radps: drive.base_radps,
+        accelerometer_in_plate_m: rig.model.accelerometer_in_plate_m,
+        channel_gain: [1.0; CHANNELS],
+    })?;
+    let aim = [("COR along x", aim_m.x), ("COR along y", aim_m.y)];
+    for (name, aim_m) in aim {
+        if let Some(figure) = outcome.figures.iter_mut().find(|figure| figure.name == name) {
+            figure.reference = Some(mm_from_m(aim_m));
+            figure.source = "aim of a drive for a plate without springs, UPM paper, Eq. 7".to_owned();
+        }
+    }
+    Ok(outcome)
+}
+
+/// A rotation about `center_m` by the waveform of Eq. 8, for a plate without springs.
+fn drive_about(center_m: Vec2, rig: &LabRig) -> Drive {
+    let model = &rig.model;
+    let Twist { velocity_mps, spin_radps } = Twist::about(center_m, 1.0);
+    let wrench =
+        Wrench { force_n: velocity_mps * model.plate_mass_kg, torque_nm: spin_radps * model.plate_inertia_kgm2 };
+    let forces_n = forces_of_wrench(wrench, model.lever_arm_m);
+    let envelope = Envelope { attack_s: model.attack_s, sustain_s: 0.1_f64.min(model.max_sustain_s), rest_s: 0.0 };
+    let drive = |scale: f64| {
+        let motors: [_; MOTORS] = forces_n.map(|force_n| {
+            let counts = scale * force_n;
+            vec![Harmonic { cos: 0.0, sin: -counts }, Harmonic { cos: 0.0, sin: counts }]
+        });
+        Drive { base_radps: model.base_radps, motors, envelope }
+    };
+    drive(LOUDNESS * model.count_limit / drive(1.0).peak_counts())
+}
+
+/// Reads the plate's motion out of a trace recorded on any rig (UPM paper, section 3.2, App. B and C).
+pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<Outcome, LabFault> {
+    let fault = |fault| LabFault::Trace { what: "recorded pulse".to_owned(), fault };
+    let fit = fit(pulse).map_err(fault)?;
+    let window = sustain_window(&pulse.trace, &pulse.envelope, pulse.base_radps).map_err(fault)?;
+    let shown = accelerations_mps2(&pulse.trace, &window).map_err(fault)?;
+    let times_s: Vec<f64> = window.times_s().collect();
+    let mut series = vec![Series::new("time_s", times_s.iter().copied())];
+    let mut layers = Vec::new();
+    for (channel, (name, shown)) in CHANNEL_NAMES.iter().zip(shown).enumerate() {
+        let gain = pulse.channel_gain[channel];
+        let mean = shown.iter().sum::<f64>() / shown.len().max(1) as f64;
+        let measured: Vec<f64> = shown.iter().map(|shown| (shown - mean) / gain).collect();
+        let fitted: Vec<f64> = times_s.iter().map(|t| at(&fit.accel_mps2[channel], pulse.base_radps * t)).collect();
+        layers.push(Layer::new(name, Mark::Dots, Color::nth(channel), points(&times_s, &measured)));
+        layers.push(Layer::new("", Mark::Line, Color::nth(channel), points(&times_s, &fitted)));
+        series.push(Series::new(&format!("{name}_measured_mps2"), measured));
+        series.push(Series::new(&format!("{name}_fitted_mps2"), fitted));
+    }
+    let chart = Chart {
+        name: "waveform-fit".to_owned(),
+        title: "Accelerations without their mean, and the two harmonics fitted to them".to_owned(),
+        x: Axis::new("time from the start of the pulse (ms)"),
+        y: Axis::new("acceleration (m/s²)"),
+        map: false,
+        layers,
+    };
+    Ok(Outcome { figures: figures(&fit), series, charts: vec![chart], motion: None, recorded: Some(pulse.clone()) })
+}
+
+/// Values over milliseconds.
+fn points(times_s: &[f64], values: &[f64]) -> Vec<[f64; 2]> {
+    times_s.iter().zip(values).map(|(t, &value)| [t * 1e3, value]).collect()
+}
+
+fn figures(fit: &TwistFit) -> Vec<Figure> {
+    let mut figures = Vec::new();
+    if let Some(center_m) = fit.pump.center_of_rotation() {
+        let source = "least squares, Eq. 12, 13 and 6";
+        figures.push(Figure::alone("COR along x", "mm", mm_from_m(center_m.x), source));
+        figures.push(Figure::alone("COR along y", "mm", mm_from_m(center_m.y), source));
+    }
+    let quality = &fit.quality;
+    figures.push(Figure::alone("spin amplitude", "rad/s", fit.pump.spin_radps, "sign by the force test, Eq. 14"));
+    figures.push(Figure::against("second over first harmonic", "1", quality.harmonic_ratio, 0.5, "UPM paper, Eq. 5"));
+    let phase_deg = quality.harmonic_phase_rad.to_degrees();
+    figures.push(Figure::against("phase of the second harmonic", "deg", phase_deg, 0.0, "UPM paper, Eq. 5"));
+    figures.push(Figure::alone("residual rms", "m/s²", fit.residual_rms_mps2, "trace less harmonics and drift"));
+    figures
+}
+
+/// The fit with the channels' gains taken out. Least squares is linear in every channel, so a gain divides the
+/// coefficients as it would divide the samples.
+fn fit(pulse: &RecordedPulse) -> Result<TwistFit, FitFault> {
+    let RecordedPulse { trace, envelope, base_radps, accelerometer_in_plate_m, channel_gain } = pulse;
+    let fit = fit_twist(trace, envelope, *base_radps, *accelerometer_in_plate_m)?;
+    let accel_mps2 = std::array::from_fn(|channel| fit.accel_mps2[channel].map(|c| c / channel_gain[channel]));
+    let wave = twist_wave(&accel_mps2, *base_radps, *accelerometer_in_plate_m);
+    let axes = axis_phasors(&wave);
+    let (pump, quality) = nearest_pump(&axes, accelerometer_in_plate_m.norm());
+    Ok(TwistFit { accel_mps2, wave, axes, pump, quality, ..fit })
+}
+
+/// Two harmonics at the phase `wt`.
+fn at([c1, s1, c2, s2]: &[f64; 4], phase_rad: f64) -> f64 {
+    let ((sin1, cos1), (sin2, cos2)) = (phase_rad.sin_cos(), (2.0 * phase_rad).sin_cos());
+    c1 * cos1 + s1 * sin1 + c2 * cos2 + s2 * sin2
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signal::{AccelTrace, MISSING_SAMPLE};
+    use std::f64::consts::TAU;
+
+    /// Accelerations `w T(p) (sin 2wt - sin wt)` of a pump wave about `center_m`, through channels of these gains.
+    fn pump_trace(center_m: Vec2, spin_radps: f64, channel_gain: [f64; CHANNELS]) -> RecordedPulse {
+        let (place_m, base_radps) = (Vec2::new(-0.09, 0.08), TAU * 55.0);
+        let twist = Twist::about(center_m, spin_radps);
+        let (one, two) = (twist.velocity_at(place_m), twist.velocity_at(-place_m));
+        let (sample_hz, mps2_per_count) = (4000.0, 0.002);
+        let sample = |amplitude_mps: f64, gain: f64| {
+            let count = move |i: i32| {
+                let phase = base_radps * f64::from(i) / sample_hz;
+                let accel = base_radps * amplitude_mps * ((2.0 * phase).sin() - phase.sin());
+                (gain * accel / mps2_per_count).round() as i16
+            };
+            (0..600).map(count).collect::<Vec<i16>>()
+        };
+        let amplitudes = [one.x, one.y, two.x, two.y];
+        let counts = std::array::from_fn(|channel| sample(amplitudes[channel], channel_gain[channel]));
+        let trace = AccelTrace { sample_hz, first_sample_s: 0.0, mps2_per_count, count_limit: 32767, counts };
+        let envelope = Envelope { attack_s: 0.02, sustain_s: 0.1, rest_s: 0.0 };
+        RecordedPulse { trace, envelope, base_radps, accelerometer_in_plate_m: place_m, channel_gain }
+    }
+
+    fn figure(outcome: &Outcome, name: &str) -> f64 {
+        outcome.figures.iter().find(|figure| figure.name == name).unwrap().measured
+    }
+
+    #[test]
+    fn a_pump_wave_is_read_back_whatever_the_channels_gains() {
+        for gain in [[1.0; CHANNELS], [1.04, 0.97, 1.0, 0.92]] {
+            let outcome = waveform_fit_of(&pump_trace(Vec2::new(0.04, -0.03), -0.15, gain)).unwrap();
+            let read = ["COR along x", "COR along y", "spin amplitude"].map(|name| figure(&outcome, name));
+            for (read, expected) in read.into_iter().zip([40.0, -30.0, -0.15]) {
+                assert!((read - expected).abs() < 1e-3 * expected.abs(), "{read} {expected}");
+            }
+            assert!((figure(&outcome, "second over first harmonic") - 0.5).abs() < 1e-3);
+            assert!(figure(&outcome, "residual rms") < 0.002);
+        }
+    }
+
+    #[test]
+    fn a_spoiled_trace_gives_no_figure() {
+        for (count, fault) in [
+            (MISSING_SAMPLE, FitFault::Missing { channel: 1, samples: 1 }),
+            (32767, FitFault::Clipped { channel: 1, samples: 1, limit: 32767 }),
+        ] {
+            let mut pulse = pump_trace(Vec2::new(0.04, -0.03), 0.15, [1.0; CHANNELS]);
+            pulse.trace.counts[1][450] = count;
+            let what = "recorded pulse".to_owned();
+            assert_eq!(waveform_fit_of(&pulse), Err(LabFault::Trace { what, fault }));
+        }
+    }
+}
