@@ -97,11 +97,17 @@ fn raw_of(pulse: &RecordedPulse) -> RawTrace {
         first_sample_s: trace.first_sample_s,
         mps2_per_count: trace.mps2_per_count,
         count_limit: trace.count_limit,
-        base_hz: pulse.base_radps / TAU,
+        base_hz: rounded(pulse.base_radps / TAU),
         attack_s: envelope.attack_s,
         sustain_s: envelope.sustain_s,
-        position_mm: [pulse.accelerometer_in_plate_m.x, pulse.accelerometer_in_plate_m.y].map(mm_from_m),
+        position_mm: [pulse.accelerometer_in_plate_m.x, pulse.accelerometer_in_plate_m.y]
+            .map(|m| rounded(mm_from_m(m))),
         channel_gain: pulse.channel_gain,
         counts: RawCounts { x1, y1, x2, y2 },
     }
+}
+
+/// To a billionth: 60 Hz that became rad/s are written as 60 again.
+fn rounded(value: f64) -> f64 {
+    (value * 1e9).round() / 1e9
 }

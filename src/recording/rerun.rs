@@ -11,6 +11,7 @@
 
 mod blueprint;
 mod camera;
+mod cells;
 mod charts;
 mod file;
 mod lab;

@@ -1,8 +1,9 @@
 //! Charts in 2D views. A map keeps the units of its axes; a curve is drawn in a box with ticks of its own, since a 2D
 //! view has no axes and a plot over time takes nothing but time along x. Views have y down, so y is negated.
 
-use rerun::{Arrows2D, Color, Ellipses2D, LineStrips2D, Points2D};
+use rerun::{Arrows2D, Color, Ellipses2D, Image, LineStrips2D, Points2D, Transform3D};
 
+use super::cells::Raster;
 use super::paint::{self, thin};
 use super::recorder::{Logged, Tape};
 use crate::chart::{self, Chart, Layer, Mark};
@@ -11,10 +12,13 @@ use crate::chart::{self, Chart, Layer, Mark};
 const BOX: [f64; 2] = [160.0, 100.0];
 
 /// Room around the picture for ticks and words, in hundredths of its height: left and right, below and above.
-const MARGIN: [[f64; 2]; 2] = [[18.0, 8.0], [20.0, 24.0]];
+const MARGIN: [[f64; 2]; 2] = [[18.0, 8.0], [24.0, 32.0]];
 
 /// Ticks along an axis, about.
 const TICKS: f64 = 5.0;
+
+/// Words are drawn over all layers, which are drawn in their order.
+const WORDS: f32 = 1e3;
 
 /// A chart and where it lies in its view.
 pub(super) struct ChartView<'a> {
@@ -48,7 +52,7 @@ impl<'a> ChartView<'a> {
         self.log_legend(tape, &format!("{root}/legend"))?;
         for (i, layer) in self.chart.layers.iter().enumerate() {
             let name: String = layer.label.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
-            self.log_layer(tape, &format!("{root}/{}_{name}", i + 1), layer)?;
+            self.log_layer(tape, &format!("{root}/{}_{name}", i + 1), layer, i as f32)?;
         }
         Ok(())
     }
@@ -63,18 +67,22 @@ impl<'a> ChartView<'a> {
         [x + (right * self.unit) as f32, y + (below * self.unit) as f32]
     }
 
-    fn log_layer(&self, tape: &Tape, path: &str, layer: &Layer) -> Logged {
+    fn log_layer(&self, tape: &Tape, path: &str, layer: &Layer, order: f32) -> Logged {
         let (color, points) = (color(layer.color), &layer.points);
         let seen = || points.iter().copied().filter(is_finite).map(|point| self.place(point));
-        let strips =
-            |strips: Vec<Vec<[f32; 2]>>| LineStrips2D::new(strips).with_colors([color]).with_radii([thin(1.0)]);
+        let strips = |strips: Vec<Vec<[f32; 2]>>| {
+            LineStrips2D::new(strips).with_colors([color]).with_radii([thin(1.0)]).with_draw_order(order)
+        };
         match &layer.mark {
             Mark::Line => tape.log_static(path, &strips(self.lines(points))),
             Mark::Dashes => {
                 let broken = self.lines(points).iter().flat_map(|line| dashes(line, 2.0 * self.unit as f32)).collect();
                 tape.log_static(path, &strips(broken))
             }
-            Mark::Dots => tape.log_static(path, &Points2D::new(seen()).with_colors([color]).with_radii([thin(2.5)])),
+            Mark::Dots => {
+                let dots = Points2D::new(seen()).with_colors([color]).with_radii([thin(2.0)]);
+                tape.log_static(path, &dots.with_draw_order(order))
+            }
             Mark::Crosses => {
                 let arm = 1.2 * self.unit as f32;
                 let strokes = |[x, y]: [f32; 2]| {
@@ -85,7 +93,7 @@ impl<'a> ChartView<'a> {
             Mark::Circles { radius } => {
                 let half = self.scale.map(|scale| (radius * scale) as f32);
                 let circles = Ellipses2D::from_centers_and_half_sizes(seen(), seen().map(|_| half));
-                tape.log_static(path, &circles.with_colors([color]).with_line_radii([thin(1.0)]))
+                tape.log_static(path, &circles.with_colors([color]).with_line_radii([thin(1.0)]).with_draw_order(order))
             }
             Mark::Arrows { vectors } => {
                 let (from, along): (Vec<_>, Vec<_>) = points
@@ -95,27 +103,21 @@ impl<'a> ChartView<'a> {
                     .map(|(&point, &vector)| (self.place(point), self.place(vector)))
                     .unzip();
                 let arrows = Arrows2D::from_vectors(along).with_origins(from).with_colors([color]);
-                tape.log_static(path, &arrows.with_radii([thin(1.0)]))
+                tape.log_static(path, &arrows.with_radii([thin(1.0)]).with_draw_order(order))
             }
-            Mark::Cells { side, values } => self.log_cells(tape, path, layer, *side, values),
+            Mark::Cells { side, values } => self.log_cells(tape, path, layer, (*side, values), order),
         }
     }
 
-    /// Each cell is a line as thick as it is long: boxes have no filling.
-    fn log_cells(&self, tape: &Tape, path: &str, layer: &Layer, side: f64, values: &[f64]) -> Logged {
-        let half = 0.5 * side;
-        let cells = layer.points.iter().zip(values).filter(|(point, value)| is_finite(point) && value.is_finite());
-        let (strips, colors): (Vec<_>, Vec<_>) = cells
-            .map(|(&[x, y], &value)| {
-                let [r, g, b] = layer.color.rgb();
-                let opaque = 30.0 + 225.0 * value.clamp(0.0, 1.0);
-                let strip = [self.place([x - half, y]), self.place([x + half, y])];
-                (strip, Color::from_unmultiplied_rgba(r, g, b, opaque as u8))
-            })
-            .unzip();
-        let thick = rerun::Radius::new_scene_units((half * self.scale[1]) as f32);
-        let cells = LineStrips2D::new(strips).with_colors(colors).with_radii([thick]);
-        tape.log_static(path, &cells.with_draw_order(-10.0))
+    /// Cells as one picture: boxes have no filling.
+    fn log_cells(&self, tape: &Tape, path: &str, layer: &Layer, (side, values): (f64, &[f64]), order: f32) -> Logged {
+        let cells: Vec<([f64; 2], f64)> = layer.points.iter().copied().zip(values.iter().copied()).collect();
+        let Some(raster) = Raster::of(&cells, side, layer.color.rgb()) else { return Ok(()) };
+        let [x, y] = self.place(raster.top_left);
+        let pixel = self.scale.map(|scale| (raster.pixel * scale) as f32);
+        let place = Transform3D::from_translation_scale([x, y, 0.0], [pixel[0], pixel[1], 1.0]);
+        tape.log_static(path, &place)?;
+        tape.log_static(path, &Image::from_rgba32(raster.rgba, raster.size_px).with_draw_order(order))
     }
 
     /// Lines through the points, broken where one is no number.
@@ -130,8 +132,8 @@ impl<'a> ChartView<'a> {
         let frame = [[left, below], [right, below], [right, above], [left, above], [left, below]];
         let mut strips = vec![frame.map(|corner| self.place(corner)).to_vec()];
         let mut words = vec![
-            (self.beside([0.5 * (left + right), below], 0.0, 9.0), self.chart.x.label.clone()),
-            (self.beside([left, above], 0.0, -9.0), self.chart.y.label.clone()),
+            (self.beside([0.5 * (left + right), below], 0.0, 12.0), self.chart.x.label.clone()),
+            (self.beside([left, above], 0.0, -16.0), self.chart.y.label.clone()),
         ];
         for (tick, text) in ticks(self.range[0]) {
             strips.push(vec![self.place([tick, below]), self.beside([tick, below], 0.0, 1.5)]);
@@ -156,7 +158,7 @@ impl<'a> ChartView<'a> {
         let words = named
             .iter()
             .enumerate()
-            .map(|(i, layer)| (self.beside([left + (i as f64 + 0.5) * step, above], 0.0, -19.0), layer.label.clone()));
+            .map(|(i, layer)| (self.beside([left + (i as f64 + 0.5) * step, above], 0.0, -28.0), layer.label.clone()));
         let words = written(words.collect()).with_colors(named.iter().map(|layer| color(layer.color)));
         tape.log_static(path, &words.with_radii([thin(4.0)]))
     }
@@ -165,7 +167,7 @@ impl<'a> ChartView<'a> {
 /// Words, each hanging from a point.
 fn written(words: Vec<([f32; 2], String)>) -> Points2D {
     let (places, words): (Vec<_>, Vec<_>) = words.into_iter().unzip();
-    Points2D::new(places).with_labels(words).with_show_labels(true).with_radii([thin(0.1)])
+    Points2D::new(places).with_labels(words).with_show_labels(true).with_radii([thin(0.1)]).with_draw_order(WORDS)
 }
 
 /// The chart's colour, a little lighter: views are dark.

@@ -46,10 +46,9 @@ fn log(file: RrdFile, title: &str, outcome: &Outcome) -> Logged {
         let page = page(&mut layout, outcome, &charts);
         layout.send(stream, vec![page])
     })?;
-    tape.log_static(
-        "figures",
-        &TextDocument::new(table(title, &outcome.figures)).with_media_type(MediaType::markdown()),
-    )?;
+    // at a time, so that the time panel has its timeline even where nothing moves
+    let figures = TextDocument::new(table(title, &outcome.figures)).with_media_type(MediaType::markdown());
+    tape.log_columns("figures", [0], figures.columns_of_unit_batches().map_err(|e| e.to_string())?)?;
     for (path, chart) in &charts {
         chart.log(&tape, path)?;
     }
