@@ -17,6 +17,9 @@ mod args;
 mod calibrate;
 mod check;
 mod failure;
+mod lab;
+mod lab_recording;
+mod lab_table;
 mod locate;
 mod progress;
 mod render;
@@ -68,6 +71,7 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Render(args) => render::render(&args, common),
         Command::Locate(args) => locate::locate(&args, common),
         Command::Simulate(args) => simulate::simulate(&args, common),
+        Command::Lab(args) => lab::lab(&args, common),
         Command::Replay(args) => replay::replay(&args),
         Command::Verify(args) => verify::verify(&args, common),
         Command::Check(args) => check::check(&args, common),

@@ -19,6 +19,7 @@ mod place;
 mod raw_job;
 mod raw_rig;
 mod raw_simulate;
+mod raw_trace;
 mod read;
 mod rig;
 mod rig_checks;
@@ -29,6 +30,7 @@ mod simulate;
 mod task;
 #[cfg(test)]
 mod tests;
+mod trace;
 mod view;
 
 pub use fault::{Fault, Path};
@@ -43,9 +45,11 @@ pub use raw_rig::{
     RawResonance, RawRig, RawSimulation, RigSource,
 };
 pub use raw_simulate::{PlateMode, RawPlaced, RawPulse, RawSimulate};
+pub use raw_trace::{RawCounts, RawTrace};
 pub use read::{MOST_BYTES, Origin};
 pub use rig::{FrictionSpec, RigSpec, fingerprint};
 pub use room::{START_GAP_M, START_MARGIN_M};
 pub use schema::{schema, schema_names};
 pub use simulate::{PulseSpec, SimulateSpec};
 pub use task::{BinSpec, PathSpec, TaskSpec};
+pub use trace::{load_trace, trace_from_json, trace_to_json};

@@ -3,17 +3,23 @@
 
 mod cor_map;
 mod cor_steering;
+mod experiment;
 mod force_sign;
 mod outcome;
+mod recorded;
 mod shaken;
+mod table;
 #[cfg(test)]
 mod testing;
 mod waveform_fit;
 
 pub use cor_map::cor_map;
 pub use cor_steering::cor_steering;
+pub use experiment::{EXPERIMENTS, Experiment, WAVEFORM_FIT, experiment};
 pub use outcome::{Figure, Motion, Outcome, Series, Track};
-pub use waveform_fit::{waveform_fit, waveform_fit_of};
+pub use recorded::waveform_fit_of;
+pub use table::{COLUMNS, HEADS, NUMBERS};
+pub use waveform_fit::waveform_fit;
 
 use crate::rig::RigModel;
 use crate::sim::{PartParams, SimParams};

@@ -41,11 +41,13 @@ pub enum Command {
     Locate(LocateArgs),
     /// Open loop: given pulses on given parts, true trajectories out
     Simulate(SimulateArgs),
+    /// Make one of the papers' experiments: a table, plots; without a name, list them
+    Lab(LabArgs),
     /// Open a run in the Rerun viewer
     Replay(RunFolderArgs),
     /// Run a job again from its run folder alone and compare the journals byte for byte
     Verify(RunFolderArgs),
-    /// Validate job, rig, experiment and library files
+    /// Validate job, rig, experiment, library and trace files
     Check(CheckArgs),
     /// Print the JSON Schema of a file
     Schema(SchemaArgs),
@@ -136,6 +138,30 @@ pub struct SimulateArgs {
     pub experiment: PathBuf,
 }
 
+/// `upm lab`.
+#[derive(Args, Debug)]
+pub struct LabArgs {
+    /// Which one; left out, all are listed
+    #[arg(value_name = "EXPERIMENT")]
+    pub experiment: Option<String>,
+    /// Rig file; without it the shipped upm-1
+    #[arg(long, value_name = "RIG.json")]
+    pub rig: Option<PathBuf>,
+    /// Seed of noise and sensor errors
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Read this recorded trace in place of playing a pulse (waveform-fit alone)
+    #[arg(long, value_name = "TRACE.json", requires = "experiment", conflicts_with_all = ["rig", "seed"])]
+    pub trace: Option<PathBuf>,
+    /// Folder that plots go into
+    #[arg(long, value_name = "DIR", default_value = "runs/lab")]
+    pub out: PathBuf,
+    /// What becomes of a Rerun recording: off, save, connect[=URL] or spawn. Off unless asked for: table and plots tell
+    /// most of it
+    #[arg(long, value_name = "MODE", default_value = "off")]
+    pub rerun: String,
+}
+
 /// Commands on a finished run.
 #[derive(Args, Debug)]
 pub struct RunFolderArgs {
@@ -155,7 +181,7 @@ pub struct CheckArgs {
 /// `upm schema`.
 #[derive(Args, Debug)]
 pub struct SchemaArgs {
-    /// job, rig or simulate
+    /// job, rig, simulate, library or trace
     #[arg(value_name = "NAME")]
     pub name: String,
 }

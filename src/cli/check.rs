@@ -47,6 +47,9 @@ fn check_file(path: &Path) -> Finding {
         let experiment = SimulateSpec::load(path).map_err(lines)?;
         check_simulate(&experiment).map_err(|error| vec![format!("{}: {error}", path.display())])?;
         Ok(format!("experiment, {} pulses on {} parts", experiment.pulses.len(), experiment.parts.len()))
+    } else if has("counts") {
+        let trace = config::load_trace(path).map_err(lines)?.trace;
+        Ok(format!("trace, 4 channels of {} samples at {:.0} Hz", trace.len(), trace.sample_hz))
     } else if has("motors") {
         let rig = RigSpec::load(path).map_err(lines)?;
         Ok(format!("rig {}, {:.0} mm plate", rig.model.name, rig.model.plate_side_m * 1e3))

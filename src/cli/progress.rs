@@ -64,9 +64,31 @@ impl StageProgress {
     }
 }
 
+/// Shows on stderr that work goes on whose length nobody knows.
+pub(super) struct Spinner {
+    bar: ProgressBar,
+}
+
+impl Spinner {
+    pub fn start(quiet: bool, message: &'static str) -> Self {
+        let bar = ProgressBar::with_draw_target(None, target(quiet));
+        bar.set_style(ProgressStyle::default_spinner());
+        bar.set_message(message);
+        bar.enable_steady_tick(Duration::from_millis(200));
+        Self { bar }
+    }
+
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+fn target(quiet: bool) -> ProgressDrawTarget {
+    if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) }
+}
+
 fn bar(quiet: bool) -> ProgressBar {
-    let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) };
-    let bar = ProgressBar::with_draw_target(Some(FULL), target);
+    let bar = ProgressBar::with_draw_target(Some(FULL), target(quiet));
     if let Ok(style) = ProgressStyle::with_template("[{bar:30.cyan}] {percent:>3} %  {msg}") {
         bar.set_style(style.progress_chars("=> "));
     }

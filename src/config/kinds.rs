@@ -2,6 +2,7 @@ use super::fault::{Faults, Path};
 use super::job::is_plain_name;
 use super::raw_rig::RawRig;
 use crate::rig::PartKind;
+use crate::sim::PartParams;
 use crate::units::m_from_mm;
 
 /// US coins: name, diameter mm, mass g, height mm.
@@ -21,6 +22,14 @@ pub struct KindSpec {
     pub mass_kg: f64,
     /// Coulomb friction against the plate.
     pub friction: f64,
+}
+
+impl KindSpec {
+    /// A part of this kind as it is simulated, its friction that of the kind.
+    pub fn part(&self) -> PartParams {
+        let PartKind { radius_m, thickness_m, .. } = self.kind;
+        PartParams { radius_m, thickness_m, mass_kg: self.mass_kg, friction: self.friction }
+    }
 }
 
 /// The four coins, then the rig's own kinds by name.

@@ -61,6 +61,15 @@ impl RigSpec {
         faults.into_result(made)
     }
 
+    /// The shipped rig upm-1, which is part of the program. Its library is not: that is a file of its own.
+    pub fn upm_1() -> Result<Self, Vec<Fault>> {
+        const FILE: &str = "configs/rigs/upm-1.json";
+        let raw: RawRig = parse(include_str!("../../configs/rigs/upm-1.json"), FILE)?;
+        let mut faults = Faults::of(FILE);
+        let made = Self::build(RawRig { library: None, ..raw }, &Origin::of_request(FILE), &Path::root(), &mut faults);
+        faults.into_result(made)
+    }
+
     /// The rig that `source`, found at `at`, names or is. Pushes faults of the rig's own file under its name.
     pub(super) fn from_source(source: RigSource, origin: &Origin, at: &Path, faults: &mut Faults) -> Option<Self> {
         let named = match source {

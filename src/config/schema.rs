@@ -1,12 +1,12 @@
 use schemars::{JsonSchema, schema_for};
 use serde_json::Value;
 
-use super::{RawJob, RawRig, RawSimulate};
+use super::{RawJob, RawRig, RawSimulate, RawTrace};
 use crate::library::RawLibrary;
 
 /// Names that [`schema`] knows.
 pub fn schema_names() -> &'static [&'static str] {
-    &["job", "rig", "simulate", "library"]
+    &["job", "rig", "simulate", "library", "trace"]
 }
 
 /// The JSON Schema (draft 2020-12) of the file called `name`, `None` when there is none.
@@ -16,6 +16,7 @@ pub fn schema(name: &str) -> Option<Value> {
         "rig" => Some(of::<RawRig>()),
         "simulate" => Some(of::<RawSimulate>()),
         "library" => Some(of::<RawLibrary>()),
+        "trace" => Some(of::<RawTrace>()),
         _ => None,
     }
 }

@@ -4,6 +4,7 @@ mod mutation;
 mod placing;
 mod rigs;
 mod simulate;
+mod traces;
 
 use serde_json::Value;
 

@@ -1,14 +1,11 @@
 use super::force_sign::force_signs;
+use super::recorded::{fit, waveform_fit_of};
 use super::shaken::{ShakenPlate, steady_motion};
-use super::{Figure, LabFault, LabRig, Outcome, Series};
-use crate::chart::{Axis, Chart, Color, Layer, Mark};
+use super::{Figure, LabFault, LabRig, Outcome};
 use crate::control::calibration::Axes;
-use crate::estimation::{
-    AccelerometerPair, AxisPhasors, Coefficients, TwistFit, Window, accelerations_mps2, fit_channels, fit_twist,
-    nearest_pump, sustain_window,
-};
+use crate::estimation::{AxisPhasors, TwistFit, nearest_pump};
 use crate::library::{AxisShape, drive_for};
-use crate::signal::{CHANNELS, Drive, Envelope, RecordedPulse};
+use crate::signal::{Drive, Envelope, RecordedPulse};
 use crate::units::mm_from_m;
 
 /// The amplitudes played: row c of the paper's Table 1, one centre of rotation off both axes, in units.
@@ -18,7 +15,6 @@ const EFFORT: f64 = 0.9;
 const SUSTAIN_S: f64 = 0.1;
 /// Random drives whose sign is asked for.
 const SIGNS: u32 = 10_000;
-const CHANNEL_NAMES: [&str; CHANNELS] = ["x1", "y1", "x2", "y2"];
 const AXES: [&str; 3] = ["x", "y", "spin"];
 
 /// The least-squares fit of the accelerometers' traces (UPM paper, section 3.2, Eq. 12 and 13, App. B): one pulse
@@ -46,31 +42,10 @@ fn one_pulse(lab: &LabRig, plate: &mut ShakenPlate, axes: &Axes) -> Result<Outco
         channel_gain: axes.accelerometer_gain,
     };
     let mut outcome = waveform_fit_of(&recorded)?;
-    outcome.figures.extend(against_truth(lab, &drive, &read(&recorded)?));
+    let fit = fit(&recorded).map_err(|fault| LabFault::Trace { what: "pulse".into(), fault })?;
+    outcome.figures.extend(against_truth(lab, &drive, &fit));
     outcome.recorded = Some(recorded);
     Ok(outcome)
-}
-
-/// The same fit of a trace from anywhere; nothing is known of its rig but what comes with it.
-pub fn waveform_fit_of(recorded: &RecordedPulse) -> Result<Outcome, LabFault> {
-    let fit = read(recorded)?;
-    let unreadable = |fault| LabFault::Trace { what: "trace".into(), fault };
-    let window = sustain_window(&recorded.trace, &recorded.envelope, recorded.base_radps).map_err(unreadable)?;
-    let shown = accelerations_mps2(&recorded.trace, &window).map_err(unreadable)?;
-    let fitted = fit_channels(&window, &shown, recorded.base_radps).map_err(unreadable)?.map(|fit| fit.coefficients);
-    let curves = fitted.map(|c| curve(&c, &window, recorded.base_radps));
-    let mut series = vec![Series::new("time_s", window.times_s())];
-    for ((name, shown), curve) in CHANNEL_NAMES.iter().zip(&shown).zip(&curves) {
-        series.push(Series::new(&format!("{name}_mps2"), shown.iter().copied()));
-        series.push(Series::new(&format!("{name}_fitted_mps2"), curve.iter().copied()));
-    }
-    Ok(Outcome { figures: figures(&fit), series, charts: vec![chart(&window, &shown, &curves)], ..Outcome::default() })
-}
-
-fn read(recorded: &RecordedPulse) -> Result<TwistFit, LabFault> {
-    let sensors = AccelerometerPair { position_m: recorded.accelerometer_in_plate_m, gain: recorded.channel_gain };
-    fit_twist(&recorded.trace, &recorded.envelope, recorded.base_radps, &sensors)
-        .map_err(|fault| LabFault::Trace { what: "trace".into(), fault })
 }
 
 /// As strong as the motors allow.
@@ -81,35 +56,6 @@ fn drive(lab: &LabRig, shapes: &[AxisShape; 3]) -> Drive {
     let of = |unit: i32| drive_for(AMPLITUDES.map(|a| a * unit), shapes, lab.model.base_radps, envelope);
     let unit = f64::from(TRIAL) * EFFORT * lab.model.count_limit / of(TRIAL).peak_counts();
     of(unit as i32)
-}
-
-fn curve(c: &Coefficients, window: &Window, base_radps: f64) -> Vec<f64> {
-    let at = |t_s: f64| {
-        let (sin, cos) = (base_radps * t_s).sin_cos();
-        let (sin2, cos2) = (2.0 * base_radps * t_s).sin_cos();
-        c[0] * cos + c[1] * sin + c[2] * cos2 + c[3] * sin2
-    };
-    window.times_s().map(at).collect()
-}
-
-fn figures(fit: &TwistFit) -> Vec<Figure> {
-    let mut figures = Vec::new();
-    for (name, c) in CHANNEL_NAMES.iter().zip(&fit.accel_mps2) {
-        for (k, value) in ["cos wt", "sin wt", "cos 2wt", "sin 2wt"].iter().zip(c) {
-            figures.push(Figure::alone(format!("{name}: {k}"), "m/s²", *value, "least squares, Eq. 12"));
-        }
-    }
-    let app_b = "two corners, UPM paper App. B and Eq. 6";
-    if let Some(center_m) = fit.pump.center_of_rotation() {
-        figures.push(Figure::alone("COR along x", "mm", mm_from_m(center_m.x), app_b));
-        figures.push(Figure::alone("COR along y", "mm", mm_from_m(center_m.y), app_b));
-    }
-    figures.push(Figure::alone("spin", "rad/s", fit.pump.spin_radps, "App. B, its sign by Eq. 14"));
-    figures.push(Figure::alone("left over", "m/s²", fit.residual_rms_mps2, "rms of what the fit does not say"));
-    figures.push(Figure::against("second over first harmonic", "1", fit.quality.harmonic_ratio, 0.5, "Eq. 5"));
-    let phase_deg = fit.quality.harmonic_phase_rad.to_degrees();
-    figures.push(Figure::against("second harmonic's lead", "°", phase_deg, 0.0, "Eq. 5"));
-    figures
 }
 
 /// What was read beside how the plate truly moves once it has settled.
@@ -150,25 +96,6 @@ fn axis_ratio(lab: &LabRig, axis: usize, shapes: &[AxisShape; 3]) -> nalgebra::C
     let envelope = Envelope { attack_s: lab.model.attack_s, sustain_s: SUSTAIN_S, rest_s: 0.0 };
     let motion: [AxisPhasors; 3] = steady_motion(lab, &drive_for(amplitudes, shapes, lab.model.base_radps, envelope));
     motion[axis].harmonic_ratio().unwrap_or_default()
-}
-
-fn chart(window: &Window, shown: &[Vec<f64>; CHANNELS], curves: &[Vec<f64>; CHANNELS]) -> Chart {
-    let points = |values: &[f64]| -> Vec<[f64; 2]> {
-        window.times_s().map(|t| t * 1e3).zip(values).map(|(t, v)| [t, *v]).collect()
-    };
-    let mut layers = Vec::new();
-    for (i, name) in CHANNEL_NAMES.iter().enumerate() {
-        layers.push(Layer::new(&format!("{name} as sampled"), Mark::Dots, Color::nth(i), points(&shown[i])));
-        layers.push(Layer::new(&format!("{name} fitted"), Mark::Line, Color::nth(i), points(&curves[i])));
-    }
-    Chart {
-        name: "waveform-fit".into(),
-        title: "Two harmonics fitted to the accelerometers' samples".into(),
-        x: Axis::new("time in the pulse (ms)"),
-        y: Axis::new("acceleration (m/s²)"),
-        map: false,
-        layers,
-    }
 }
 
 #[cfg(test)]
@@ -236,17 +163,5 @@ mod tests {
         lab.sim.plate.resonance_hz[1] = 75.0;
         let fault = ShakenPlate::new(&lab).axes().unwrap_err().to_string();
         assert!(fault.contains("axis y") && fault.contains("below the drive's frequency"), "{fault}");
-    }
-
-    #[test]
-    fn clipped_and_missing_samples_give_no_centre() {
-        let recorded = pulse("upm-1").recorded.unwrap();
-        let middle = recorded.trace.len() / 2;
-        for (count, word) in [(crate::signal::MISSING_SAMPLE, "lacks"), (1023, "clipped")] {
-            let mut bad = recorded.clone();
-            bad.trace.counts[2][middle] = count;
-            let fault = waveform_fit_of(&bad).unwrap_err().to_string();
-            assert!(fault.contains(word), "{fault}");
-        }
     }
 }

@@ -11,7 +11,12 @@
 
 mod blueprint;
 mod camera;
+mod cells;
+mod charts;
 mod file;
+mod lab;
+#[cfg(test)]
+mod lab_tests;
 mod live;
 mod paint;
 mod picture;
@@ -26,4 +31,5 @@ mod trails;
 mod vision;
 mod words;
 
+pub use lab::record_lab;
 pub use sink::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext};

@@ -1,8 +1,9 @@
 use proptest::prelude::*;
 use serde_json::{Map, Value, json};
 
+use super::traces::trace;
 use super::{origin, text_of, value_of};
-use crate::config::{Fault, JobSpec, RigSpec, SimulateSpec, place_parts};
+use crate::config::{Fault, JobSpec, RigSpec, SimulateSpec, place_parts, trace_from_json};
 use crate::random::Streams;
 
 fn scalar() -> impl Strategy<Value = Value> {
@@ -74,6 +75,7 @@ fn read(text: &str) -> Result<(), TestCaseError> {
     }
     refused(RigSpec::from_json(text, &origin()))?;
     refused(SimulateSpec::from_json(text, &origin()))?;
+    refused(trace_from_json(text, "trace.json"))?;
     if let Some(job) = refused(JobSpec::from_json(text, &origin(), None))? {
         let placed = place_parts(&job, Streams::new(job.seed()));
         prop_assert!(placed.is_err() || placed.iter().flatten().all(|part| part.position_m.norm().is_finite()));
@@ -92,13 +94,14 @@ proptest! {
 
     #[test]
     fn mutated_files_never_panic(
-        which in 0..4_usize,
+        which in 0..5_usize,
         changes in proptest::collection::vec((any::<prop::sample::Index>(), prop_oneof![scalar(), anything()]), 1..4),
     ) {
         let mut document = match which {
             0 => whole("plus-sign.json", "rigs/upm-1.json"),
             1 => whole("trajectories.json", "rigs/upm-2.json"),
             2 => value_of("rigs/upm-1.json"),
+            3 => trace(),
             _ => experiment(),
         };
         for (index, value) in changes {

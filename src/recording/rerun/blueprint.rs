@@ -85,7 +85,7 @@ fn errors(layout: &mut Layout) -> ContainerLike {
 
 /// Collects properties of views on the way.
 #[derive(Default)]
-struct Layout {
+pub(super) struct Layout {
     properties: Vec<(String, Vec<SerializedComponentBatch>)>,
 }
 
@@ -105,7 +105,8 @@ impl Layout {
         self.bounded(Spatial2DView::new(name).with_origin(origin), [0.0, width], [0.0, height])
     }
 
-    fn bounded(&mut self, view: Spatial2DView, x: [f64; 2], y: [f64; 2]) -> ContainerLike {
+    /// A view that shows just this stretch of x and y.
+    pub(super) fn bounded(&mut self, view: Spatial2DView, x: [f64; 2], y: [f64; 2]) -> ContainerLike {
         let range = datatypes::Range2D { x_range: datatypes::Range1D(x), y_range: datatypes::Range1D(y) };
         let view = view.into();
         self.set(&view, "VisualBounds2D", &VisualBounds2D::new(range));
@@ -140,7 +141,8 @@ impl Layout {
         }
     }
 
-    fn send(self, stream: &RecordingStream, pages: Vec<ContainerLike>) -> Result<(), String> {
+    /// Sends the pages, each a tab, into `stream`.
+    pub(super) fn send(self, stream: &RecordingStream, pages: Vec<ContainerLike>) -> Result<(), String> {
         let blueprint = Blueprint::new(Tabs::new(pages))
             .with_auto_layout(false)
             .with_auto_views(false)

@@ -98,7 +98,12 @@ pub(super) struct Tape(RecordingStream);
 pub(super) type Logged = Result<(), String>;
 
 impl Tape {
-    fn start(file: RrdFile, context: &RunContext) -> Result<Self, String> {
+    /// Opens a recording called `name` into `file`, the layout first.
+    pub(super) fn start(
+        file: RrdFile,
+        name: String,
+        send_layout: impl FnOnce(&RecordingStream) -> Logged,
+    ) -> Result<Self, String> {
         let builder = RecordingStreamBuilder::new(APPLICATION).enabled(true);
         let (_, info, _, _, hooks, _) = builder.into_args();
         let batching = ChunkBatcherConfig { flush_tick: GATHER, ..ChunkBatcherConfig::DEFAULT };
@@ -106,9 +111,14 @@ impl Tape {
             RecordingStream::new(info, None, Some(batching), hooks, Box::new(file)).map_err(|e| e.to_string())?;
         stream.set_log_time_enabled(false);
         stream.set_log_tick_enabled(false);
-        blueprint::send(&stream, context)?;
-        stream.send_recording_name(format!("{}, seed {}", context.name, context.seed)).map_err(|e| e.to_string())?;
+        send_layout(&stream)?;
+        stream.send_recording_name(name).map_err(|e| e.to_string())?;
         Ok(Self(stream))
+    }
+
+    /// Waits until all that was logged is in the file.
+    pub(super) fn flush(&self) -> Logged {
+        self.0.flush_blocking().map_err(|e| e.to_string())
     }
 
     /// All that is logged next belongs to this moment.
@@ -158,7 +168,8 @@ pub(super) struct Recorder {
 impl Recorder {
     /// Opens the stream into `file` and logs what never changes.
     pub(super) fn start(file: RrdFile, context: RunContext) -> Result<Self, String> {
-        let tape = Tape::start(file, &context)?;
+        let name = format!("{}, seed {}", context.name, context.seed);
+        let tape = Tape::start(file, name, |stream| blueprint::send(stream, &context))?;
         let camera = CameraView::new(&context);
         let table = TableView::start(&tape, &context)?;
         let signals = Signals::start(&tape)?;
@@ -174,7 +185,7 @@ impl Recorder {
                 recorded = self.record(message, pixels_back);
             }
         }
-        let flushed = self.tape.0.flush_blocking().map_err(|e| e.to_string());
+        let flushed = self.tape.flush();
         recorded.and(flushed)
     }
 

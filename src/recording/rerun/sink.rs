@@ -127,14 +127,11 @@ impl RerunSink {
 
     /// Starts recording into `path`; with [`RerunMode::Off`] does nothing, now and later.
     pub fn start(mode: &RerunMode, path: &Path, context: RunContext) -> Result<Self, RecordingError> {
-        let live = match viewer_address(mode)? {
-            Some(uri) => Some(Live::start(uri).map_err(thread_fault)?),
-            None if *mode == RerunMode::Off => return Ok(Self(None)),
-            None => None,
-        };
-        let file =
-            File::create(path).map_err(|e| RecordingError::Create { path: path.to_owned(), reason: e.to_string() })?;
-        Self::into_writer(Box::new(file), live, path, context)
+        if *mode == RerunMode::Off {
+            return Ok(Self(None));
+        }
+        let (file, live) = open(mode, path)?;
+        Self::into_writer(file, live, path, context)
     }
 
     /// Records into `out`, which is called `path` in errors.
@@ -182,15 +179,7 @@ impl Running {
             Ok(recorded) => recorded,
             Err(_) => Err("recorder thread died".to_owned()),
         };
-        let closed = self.file.close();
-        let (viewer_missed, viewer_caught_up) = self.live.map_or((0, false), Live::finish);
-        let path = self.path;
-        match (closed, recorded) {
-            (Err(reason), _) | (_, Err(reason)) => Err(RecordingError::Write { path, reason }),
-            (Ok((file_bytes, messages)), Ok(())) => {
-                Ok(RecordingStats { file_bytes, messages, viewer_missed, viewer_caught_up })
-            }
-        }
+        close(&self.path, &self.file, self.live, recorded)
     }
 
     /// Waits when the recorder lags. A dead recorder is told of by `close`.
@@ -255,6 +244,35 @@ impl Sink for RerunSink {
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
         if let Some(running) = &mut self.0 {
             running.send(Message::Event(EventRecord { at, level, text: text.to_owned() }));
+        }
+    }
+}
+
+/// Where a recording goes: a file, and with a viewer what feeds it.
+pub(super) type Destination = (Box<dyn Write + Send>, Option<(Live, LiveQueue)>);
+
+/// Opens the file at `path` and the viewer of `mode`, if there is one.
+pub(super) fn open(mode: &RerunMode, path: &Path) -> Result<Destination, RecordingError> {
+    let live = viewer_address(mode)?.map(Live::start).transpose().map_err(thread_fault)?;
+    let file =
+        File::create(path).map_err(|e| RecordingError::Create { path: path.to_owned(), reason: e.to_string() })?;
+    Ok((Box::new(file), live))
+}
+
+/// Closes `file` and lets the viewer take what is left. `Err` with the first fault of writing it or of what was
+/// `recorded`.
+pub(super) fn close(
+    path: &Path,
+    file: &RrdFile,
+    live: Option<Live>,
+    recorded: Result<(), String>,
+) -> Result<RecordingStats, RecordingError> {
+    let closed = file.close();
+    let (viewer_missed, viewer_caught_up) = live.map_or((0, false), Live::finish);
+    match (closed, recorded) {
+        (Err(reason), _) | (_, Err(reason)) => Err(RecordingError::Write { path: path.to_owned(), reason }),
+        (Ok((file_bytes, messages)), Ok(())) => {
+            Ok(RecordingStats { file_bytes, messages, viewer_missed, viewer_caught_up })
         }
     }
 }

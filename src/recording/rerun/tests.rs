@@ -37,7 +37,7 @@ fn record(mode: &RerunMode, path: &Path, cycles: usize) -> Result<RecordingStats
 }
 
 /// The recording and the blueprint in the file at `path`.
-fn stores(path: &Path) -> (ChunkStore, ChunkStore) {
+pub(super) fn stores(path: &Path) -> (ChunkStore, ChunkStore) {
     let mut file = std::fs::File::open(path).unwrap();
     let stores = ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut file).unwrap();
     let mut parted: (Vec<_>, Vec<_>) = stores.into_values().partition(|store| store.id().is_recording());

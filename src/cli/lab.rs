@@ -1,0 +1,115 @@
+use std::fs;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::args::{Common, LabArgs};
+use super::failure::Failure;
+use super::lab_recording;
+use super::lab_table::table;
+use super::print_json;
+use super::progress::Spinner;
+use crate::chart::svg;
+use crate::config::{RigSpec, load_trace, trace_to_json};
+use crate::lab::{EXPERIMENTS, LabRig, Outcome, WAVEFORM_FIT, experiment, waveform_fit_of};
+use crate::recording::RerunMode;
+
+pub(super) fn lab(args: &LabArgs, common: Common) -> Result<u8, Failure> {
+    let Some(name) = &args.experiment else { return list(common) };
+    let rerun: RerunMode = args.rerun.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;
+    lab_recording::check(&rerun)?;
+    let (on, outcome) = match &args.trace {
+        Some(trace) => (trace.display().to_string(), read_trace(name, trace)?),
+        None => make(name, args, common)?,
+    };
+    let title = format!("{name}, {on}");
+    let mut written = write_files(name, &outcome, args)?;
+    if rerun != RerunMode::Off {
+        let path = args.out.join(format!("{name}.rrd"));
+        lab_recording::record(&rerun, &path, &title, &outcome)?;
+        written.push(path);
+    }
+    if common.json {
+        return print_json(&as_json(name, &outcome)).map(|()| 0);
+    }
+    say!("{title}")?;
+    table(&outcome.figures).into_iter().try_for_each(|line| say!("  {line}"))?;
+    written.iter().try_for_each(|path| say!("  {:10} {}", "written", path.display()))?;
+    Ok(0)
+}
+
+fn list(common: Common) -> Result<u8, Failure> {
+    if common.json {
+        let rows = EXPERIMENTS.iter().map(|one| json!({ "experiment": one.name, "about": one.about }));
+        print_json(&rows.collect::<Vec<_>>())?;
+    } else {
+        let width = EXPERIMENTS.iter().map(|one| one.name.len()).max().unwrap_or(0);
+        EXPERIMENTS.iter().try_for_each(|one| say!("{:width$}  {}", one.name, one.about))?;
+    }
+    Ok(0)
+}
+
+/// What the experiment called `name` comes to on the rig, and which rig that is.
+fn make(name: &str, args: &LabArgs, common: Common) -> Result<(String, Outcome), Failure> {
+    let Some(experiment) = experiment(name) else {
+        let names: Vec<&str> = EXPERIMENTS.iter().map(|one| one.name).collect();
+        return Err(Failure::bad_input(format!("lab: found {name:?}, allowed: {}", names.join(", "))));
+    };
+    let rig = match &args.rig {
+        Some(path) => RigSpec::load(path),
+        None => RigSpec::upm_1(),
+    };
+    let rig = lab_rig(&rig.map_err(Failure::faults)?, args.seed)?;
+    let spinner = Spinner::start(common.quiet || !std::io::stderr().is_terminal(), experiment.about);
+    let outcome = (experiment.run)(&rig);
+    spinner.finish();
+    let outcome = outcome.map_err(|fault| Failure::failed(format!("{name} on {}: {fault}", rig.model.name)))?;
+    Ok((format!("rig {}, seed {}", rig.model.name, rig.seed), outcome))
+}
+
+fn lab_rig(spec: &RigSpec, seed: u64) -> Result<LabRig, Failure> {
+    let penny = spec.kind("penny").and_then(|kind| spec.kinds.get(kind));
+    let penny = penny.ok_or_else(|| Failure::failed(format!("rig {} knows no penny", spec.model.name)))?.part();
+    Ok(LabRig { model: spec.model.clone(), sim: spec.sim.clone(), penny, seed })
+}
+
+/// What the trace file at `path` says.
+fn read_trace(name: &str, path: &Path) -> Result<Outcome, Failure> {
+    if name != WAVEFORM_FIT {
+        return Err(Failure::bad_input(format!("--trace: found experiment {name:?}, allowed: {WAVEFORM_FIT}")));
+    }
+    let pulse = load_trace(path).map_err(Failure::faults)?;
+    waveform_fit_of(&pulse).map_err(|fault| Failure::failed(format!("{}: {fault}", path.display())))
+}
+
+/// Writes plots and the trace into the folder; the files, in this order.
+fn write_files(name: &str, outcome: &Outcome, args: &LabArgs) -> Result<Vec<PathBuf>, Failure> {
+    fs::create_dir_all(&args.out).map_err(|error| Failure::write(&args.out, error))?;
+    let mut files: Vec<(PathBuf, String)> =
+        outcome.charts.iter().map(|chart| (args.out.join(format!("{}.svg", chart.name)), svg(chart))).collect();
+    // one that was read from a file need not be written to another
+    if let Some(pulse) = outcome.recorded.as_ref().filter(|_| args.trace.is_none()) {
+        files.push((args.out.join(format!("{name}-trace.json")), trace_to_json(pulse)));
+    }
+    for (path, text) in &files {
+        fs::write(path, text).map_err(|error| Failure::write(path, error))?;
+    }
+    Ok(files.into_iter().map(|(path, _)| path).collect())
+}
+
+fn as_json(name: &str, outcome: &Outcome) -> Value {
+    let figures = outcome.figures.iter().map(|figure| {
+        json!({
+            "name": figure.name,
+            "unit": figure.unit,
+            "measured": figure.measured,
+            "reference": figure.reference,
+            "source": figure.source,
+            "relative_error": figure.relative_error(),
+        })
+    });
+    let series: serde_json::Map<String, Value> =
+        outcome.series.iter().map(|series| (series.name.clone(), json!(series.values))).collect();
+    json!({ "experiment": name, "figures": figures.collect::<Vec<_>>(), "series": series })
+}

@@ -1,0 +1,134 @@
+use super::{Figure, LabFault, Outcome, Series};
+use crate::chart::{Axis, Chart, Color, Layer, Mark};
+use crate::estimation::{AccelerometerPair, FitFault, TwistFit, accelerations_mps2, fit_twist, sustain_window};
+use crate::signal::{CHANNELS, RecordedPulse};
+use crate::units::mm_from_m;
+
+const CHANNEL_NAMES: [&str; CHANNELS] = ["x1", "y1", "x2", "y2"];
+
+/// Reads the plate's motion out of a trace recorded on any rig (UPM paper, section 3.2, App. B and C).
+pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<Outcome, LabFault> {
+    let fault = |fault| LabFault::Trace { what: "recorded pulse".to_owned(), fault };
+    let fit = fit(pulse).map_err(fault)?;
+    let window = sustain_window(&pulse.trace, &pulse.envelope, pulse.base_radps).map_err(fault)?;
+    let shown = accelerations_mps2(&pulse.trace, &window).map_err(fault)?;
+    let times_s: Vec<f64> = window.times_s().collect();
+    let mut series = vec![Series::new("time_s", times_s.iter().copied())];
+    let mut layers = Vec::new();
+    for (channel, (name, shown)) in CHANNEL_NAMES.iter().zip(shown).enumerate() {
+        let gain = pulse.channel_gain[channel];
+        let mean = shown.iter().sum::<f64>() / shown.len().max(1) as f64;
+        let measured: Vec<f64> = shown.iter().map(|shown| (shown - mean) / gain).collect();
+        let fitted: Vec<f64> = times_s.iter().map(|t| at(&fit.accel_mps2[channel], pulse.base_radps * t)).collect();
+        layers.push(Layer::new(name, Mark::Dots, Color::nth(channel), points(&times_s, &measured)));
+        layers.push(Layer::new("", Mark::Line, Color::nth(channel), points(&times_s, &fitted)));
+        series.push(Series::new(&format!("{name}_measured_mps2"), measured));
+        series.push(Series::new(&format!("{name}_fitted_mps2"), fitted));
+    }
+    let chart = Chart {
+        name: "waveform-fit".to_owned(),
+        title: "Accelerations without their mean, and the two harmonics fitted to them".to_owned(),
+        x: Axis::new("time from the start of the pulse (ms)"),
+        y: Axis::new("acceleration (m/s²)"),
+        map: false,
+        layers,
+    };
+    Ok(Outcome { figures: figures(&fit), series, charts: vec![chart], motion: None, recorded: Some(pulse.clone()) })
+}
+
+/// Values over milliseconds.
+fn points(times_s: &[f64], values: &[f64]) -> Vec<[f64; 2]> {
+    times_s.iter().zip(values).map(|(t, &value)| [t * 1e3, value]).collect()
+}
+
+fn figures(fit: &TwistFit) -> Vec<Figure> {
+    let mut figures = Vec::new();
+    if let Some(center_m) = fit.pump.center_of_rotation() {
+        let source = "least squares, Eq. 12, 13 and 6";
+        figures.push(Figure::alone("COR along x", "mm", mm_from_m(center_m.x), source));
+        figures.push(Figure::alone("COR along y", "mm", mm_from_m(center_m.y), source));
+    }
+    let quality = &fit.quality;
+    figures.push(Figure::alone("spin amplitude", "rad/s", fit.pump.spin_radps, "sign by the force test, Eq. 14"));
+    figures.push(Figure::against("second over first harmonic", "1", quality.harmonic_ratio, 0.5, "UPM paper, Eq. 5"));
+    let phase_deg = quality.harmonic_phase_rad.to_degrees();
+    figures.push(Figure::against("phase of the second harmonic", "deg", phase_deg, 0.0, "UPM paper, Eq. 5"));
+    figures.push(Figure::alone("residual rms", "m/s²", fit.residual_rms_mps2, "trace less harmonics and drift"));
+    for (name, coefficients) in CHANNEL_NAMES.iter().zip(&fit.accel_mps2) {
+        for (wave, value) in ["cos wt", "sin wt", "cos 2wt", "sin 2wt"].iter().zip(coefficients) {
+            figures.push(Figure::alone(format!("{name}: {wave}"), "m/s²", *value, "least squares, Eq. 12"));
+        }
+    }
+    figures
+}
+
+/// The fit, the channels' gains taken out.
+pub(super) fn fit(pulse: &RecordedPulse) -> Result<TwistFit, FitFault> {
+    let sensors = AccelerometerPair { position_m: pulse.accelerometer_in_plate_m, gain: pulse.channel_gain };
+    fit_twist(&pulse.trace, &pulse.envelope, pulse.base_radps, &sensors)
+}
+
+/// Two harmonics at the phase `wt`.
+fn at([c1, s1, c2, s2]: &[f64; 4], phase_rad: f64) -> f64 {
+    let ((sin1, cos1), (sin2, cos2)) = (phase_rad.sin_cos(), (2.0 * phase_rad).sin_cos());
+    c1 * cos1 + s1 * sin1 + c2 * cos2 + s2 * sin2
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Twist, Vec2};
+    use crate::signal::{AccelTrace, Envelope, MISSING_SAMPLE};
+    use std::f64::consts::TAU;
+
+    /// Accelerations `w T(p) (sin 2wt - sin wt)` of a pump wave about `center_m`, through channels of these gains.
+    fn pump_trace(center_m: Vec2, spin_radps: f64, channel_gain: [f64; CHANNELS]) -> RecordedPulse {
+        let (place_m, base_radps) = (Vec2::new(-0.09, 0.08), TAU * 55.0);
+        let twist = Twist::about(center_m, spin_radps);
+        let (one, two) = (twist.velocity_at(place_m), twist.velocity_at(-place_m));
+        let (sample_hz, mps2_per_count) = (4000.0, 0.002);
+        let sample = |amplitude_mps: f64, gain: f64| {
+            let count = move |i: i32| {
+                let phase = base_radps * f64::from(i) / sample_hz;
+                let accel = base_radps * amplitude_mps * ((2.0 * phase).sin() - phase.sin());
+                (gain * accel / mps2_per_count).round() as i16
+            };
+            (0..600).map(count).collect::<Vec<i16>>()
+        };
+        let amplitudes = [one.x, one.y, two.x, two.y];
+        let counts = std::array::from_fn(|channel| sample(amplitudes[channel], channel_gain[channel]));
+        let trace = AccelTrace { sample_hz, first_sample_s: 0.0, mps2_per_count, count_limit: 32767, counts };
+        let envelope = Envelope { attack_s: 0.02, sustain_s: 0.1, rest_s: 0.0 };
+        RecordedPulse { trace, envelope, base_radps, accelerometer_in_plate_m: place_m, channel_gain }
+    }
+
+    fn figure(outcome: &Outcome, name: &str) -> f64 {
+        outcome.figures.iter().find(|figure| figure.name == name).unwrap().measured
+    }
+
+    #[test]
+    fn a_pump_wave_is_read_back_whatever_the_channels_gains() {
+        for gain in [[1.0; CHANNELS], [1.04, 0.97, 1.0, 0.92]] {
+            let outcome = waveform_fit_of(&pump_trace(Vec2::new(0.04, -0.03), -0.15, gain)).unwrap();
+            let read = ["COR along x", "COR along y", "spin amplitude"].map(|name| figure(&outcome, name));
+            for (read, expected) in read.into_iter().zip([40.0, -30.0, -0.15]) {
+                assert!((read - expected).abs() < 1e-3 * expected.abs(), "{read} {expected}");
+            }
+            assert!((figure(&outcome, "second over first harmonic") - 0.5).abs() < 1e-3);
+            assert!(figure(&outcome, "residual rms") < 0.002);
+        }
+    }
+
+    #[test]
+    fn a_spoiled_trace_gives_no_figure() {
+        for (count, fault) in [
+            (MISSING_SAMPLE, FitFault::Missing { channel: 1, samples: 1 }),
+            (32767, FitFault::Clipped { channel: 1, samples: 1, limit: 32767 }),
+        ] {
+            let mut pulse = pump_trace(Vec2::new(0.04, -0.03), 0.15, [1.0; CHANNELS]);
+            pulse.trace.counts[1][450] = count;
+            let what = "recorded pulse".to_owned();
+            assert_eq!(waveform_fit_of(&pulse), Err(LabFault::Trace { what, fault }));
+        }
+    }
+}
