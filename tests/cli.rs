@@ -277,3 +277,27 @@ fn coverage_is_drawn_for_one_library() {
     let nowhere = folder.path().join("no/such/folder/map.svg");
     status(&["check", library, "--picture", nowhere.to_str().unwrap()], 1);
 }
+
+#[test]
+fn what_a_library_cannot_reach_is_marked() {
+    let folder = TempDir::new().unwrap();
+    let text = fs::read_to_string(root().join("assets/libraries/upm-1.json")).unwrap();
+    let mut library: Value = serde_json::from_str(&text).unwrap();
+    let motion = |velocity: [f64; 2], spin: f64| json!({"amplitudes": [-273, 69, 270, -66], "velocity_mm_s": velocity, "spin_rad_s": spin});
+    // along x everywhere; along y only far from one centre, which is at (-25, 15) mm
+    library["entries"] = json!([motion([40.0, 0.0], 0.0), motion([30.0, 0.0], 0.0), motion([6.0, 10.0], 0.4)]);
+    let (path, map) = (folder.path().join("poor.json"), folder.path().join("map.svg"));
+    fs::write(&path, library.to_string()).unwrap();
+    let (path, map) = (path.to_str().unwrap(), map.to_str().unwrap());
+    let (said, _) = status(&["check", path, "--rig", "configs/rigs/upm-1.json", "--picture", map], 0);
+    let marked =
+        said.lines().skip_while(|line| !line.contains("! where")).skip(1).collect::<String>().matches('!').count();
+    assert!((50..200).contains(&marked), "{said}");
+    assert!(fs::read_to_string(map).unwrap().contains("out of reach"));
+    let told = coverage(&[path, "--rig", "configs/rigs/upm-1.json"]);
+    let share = told["out_of_reach_share"].as_f64().unwrap();
+    assert!((share - marked as f64 / 441.0).abs() < 1e-4, "{share} {marked}");
+    assert_eq!(told["centres"], json!({"inside": 1, "outside": 0, "translations": 2}));
+    let degrees = told["weakest"]["direction_deg"].as_f64().unwrap();
+    assert!((degrees - 90.0).abs() < 5.0, "{degrees}");
+}

@@ -23,6 +23,8 @@ const HEAD: f64 = 0.45;
 const HEAD_WIDTH: f64 = 0.42;
 /// Corners of a circle.
 const CORNERS: u32 = 72;
+/// By this much a cell reaches under the next to the right and below, px: no seam shows between them.
+const UNDERLAP_PX: f64 = 0.5;
 /// Share of the full colour at value 0.
 const LIGHTEST: f64 = 0.06;
 
@@ -181,8 +183,9 @@ pub(super) fn circle(sheet: &Sheet<'_>, at: Px, radius: i32, color: Color) -> Dr
     sheet.draw(&Circle::new(at, radius, paint(color).stroke_width(fine(THIN_PX) as u32)))
 }
 
-pub(super) fn cell(sheet: &Sheet<'_>, corners: [Px; 2], value: f64, color: Color) -> Drawn {
+pub(super) fn cell(sheet: &Sheet<'_>, [upper_left, (right, bottom)]: [Px; 2], value: f64, color: Color) -> Drawn {
     let share = LIGHTEST + (1.0 - LIGHTEST) * value.clamp(0.0, 1.0);
     let [r, g, b] = color.rgb().map(|full| (255.0 + share * (f64::from(full) - 255.0)).round() as u8);
-    sheet.draw(&Rectangle::new(corners, RGBColor(r, g, b).filled()))
+    let lower_right = (right + fine(UNDERLAP_PX), bottom + fine(UNDERLAP_PX));
+    sheet.draw(&Rectangle::new([upper_left, lower_right], RGBColor(r, g, b).filled()))
 }

@@ -36,9 +36,7 @@ impl Covered {
         };
         let mut lines: Vec<String> =
             self.figures(coverage).into_iter().map(|(label, text)| format!("{label:16} {text}")).collect();
-        lines.push(
-            "tenths of the longest of these steps over the plate, ! where some direction is out of reach:".into(),
-        );
+        lines.push("longest step in the weakest direction, 9 for the best places, ! where out of reach:".into());
         lines.extend(map(coverage));
         lines
     }
@@ -63,7 +61,10 @@ impl Covered {
         }
         let unreached = 100.0 * coverage.unreached_share();
         let least = mm(Place::LEAST_SHARE * coverage.best_step_m);
-        figures.push(("out of reach", format!("{unreached:.1} % (some direction below {least:.2} mm a pulse)")));
+        figures.push((
+            "out of reach",
+            format!("{unreached:.1} % of places (a direction with less than {least:.2} mm a pulse)"),
+        ));
         let (idle, all) = (coverage.never_strongest.len(), inside + outside + translations);
         figures.push(("never strongest", format!("{idle} of {all} motions, wherever and whichever way")));
         figures
@@ -106,10 +107,10 @@ impl Covered {
 }
 
 fn steps(place: &Place) -> String {
-    let longest = format!("{:.2} ± {:.2} mm", mm(place.longest_step_m), mm(place.longest_sd_m));
+    let (longest, sd) = (mm(place.longest_step_m), mm(place.longest_sd_m));
     match place.shortest_step_m {
-        Some(shortest_m) => format!("{:.2} mm to {longest}", mm(shortest_m)),
-        None => format!("{longest} at most"),
+        Some(shortest_m) => format!("{:.2} to {longest:.2} mm, the longest ± {sd:.2} mm", mm(shortest_m)),
+        None => format!("{longest:.2} ± {sd:.2} mm at most"),
     }
 }
 

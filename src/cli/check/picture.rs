@@ -46,14 +46,17 @@ fn layers(coverage: &Coverage) -> Vec<Layer> {
         }
     }
     let reach = format!("longest step in the weakest direction, 0 to {:.2} mm", mm_from_m(strongest_m));
-    let least = format!("below {:.2} mm in that direction", mm_from_m(Place::LEAST_SHARE * coverage.best_step_m));
-    vec![
-        Layer::new(&reach, cells, Color::Gray, coverage.places.iter().map(at)),
+    let least = format!("out of reach: below {:.2} mm", mm_from_m(Place::LEAST_SHARE * coverage.best_step_m));
+    let mut layers = vec![
+        Layer::new(&reach, cells, Color::Orange, coverage.places.iter().map(at)),
         Layer::plate(mm_from_m(coverage.half_side_m)),
-        Layer::new("centre of rotation", Mark::Dots, Color::Orange, centers),
-        Layer::new("weakest direction", Mark::Arrows { vectors }, Color::Blue, from),
-        Layer::new(&least, Mark::Crosses, Color::Red, unreached.map(at)),
-    ]
+        Layer::new("centre of rotation", Mark::Dots, Color::Blue, centers),
+        Layer::new("weakest direction", Mark::Arrows { vectors }, Color::Gray, from),
+    ];
+    if unreached.clone().next().is_some() {
+        layers.push(Layer::new(&least, Mark::Crosses, Color::Red, unreached.map(at)));
+    }
+    layers
 }
 
 /// Places on a coarser grid about the same middle.
