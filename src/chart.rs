@@ -61,7 +61,7 @@ pub enum Mark {
     Dots,
     /// A cross at each.
     Crosses,
-    /// A circle's outline about each, radius in the axes' unit.
+    /// A circle's outline about each, radius in the axes' unit; round on a map.
     Circles {
         /// Radius.
         radius: f64,

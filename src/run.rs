@@ -3,6 +3,7 @@
 
 mod bench;
 mod calibrate;
+mod coverage;
 mod first_frame;
 mod folder;
 mod library;
@@ -23,6 +24,7 @@ use crate::time::Clock;
 pub use crate::sim::Trajectories;
 pub use bench::{Bench, NamedTruth};
 pub use calibrate::{calibrate, calibration_params};
+pub use coverage::{Coverage, Gap, Place, half_side_of_centers, library_faults};
 pub use first_frame::{FirstFrame, FirstFrameError, TruePart, first_frame};
 pub use folder::RunFolder;
 pub use library::job_library;

@@ -95,6 +95,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("tokio", &["src/service"]),
     ("axum", &["src/service"]),
     ("clap", &["src/cli"]),
+    ("plotters", &["src/chart"]),
     ("serde", SERDE),
     ("serde_json", SERDE),
     ("schemars", SERDE),

@@ -1,6 +1,163 @@
-use super::Chart;
+mod clip;
+mod legend;
+mod marks;
+mod range;
+mod scale;
+mod text;
 
-/// The chart as an SVG document.
+#[cfg(test)]
+mod tests;
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::Color as _;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::{Chart, Color};
+use legend::Legend;
+use marks::Frame;
+use scale::Scale;
+
+/// Width of every picture, px.
+const WIDTH_PX: f64 = 900.0;
+/// The backend knows whole pixels only: it draws this many times larger, and the document is shown smaller.
+const FINE: f64 = 10.0;
+/// Space around everything, px.
+const MARGIN_PX: f64 = 16.0;
+/// Size of the title, of labels and of the numbers on the axes, px.
+const TITLE_PX: f64 = 18.0;
+const LABEL_PX: f64 = 14.0;
+const TICK_PX: f64 = 12.5;
+/// From one line of text to the next, in sizes.
+const LINE: f64 = 1.4;
+/// What the numbers and the label below the x axis take, px.
+const BELOW_PX: f64 = 48.0;
+/// From there to the legend, px.
+const GAP_PX: f64 = 8.0;
+/// Height of a plot that is no map, over its width.
+const USUAL: f64 = 0.55;
+/// Most numbers along an axis.
+const MOST_TICKS: usize = 9;
+
+type Sheet<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+
+/// The chart as an SVG document, 900 px wide and as tall as it needs.
+///
+/// Points that are not numbers are left out, lines end at the rim of the plot. Labels of layers stand below it.
 pub fn svg(chart: &Chart) -> String {
-    chart.title.clone()
+    let layout = Layout::of(chart);
+    let (width, height) = (fine(WIDTH_PX) as u32, fine(layout.height_px()) as u32);
+    let mut document = String::new();
+    let sheet = SVGBackend::with_string(&mut document, (width, height)).into_drawing_area();
+    // writing into a string has no way to fail
+    layout.draw(chart, &sheet).and_then(|()| sheet.present()).ok();
+    drop(sheet);
+    let shown = format!("width=\"{WIDTH_PX}\" height=\"{}\"", layout.height_px());
+    document.replacen(&format!("width=\"{width}\" height=\"{height}\""), &shown, 1)
+}
+
+/// The backend's pixels for `px` of the picture.
+fn fine(px: f64) -> i32 {
+    (FINE * px).round() as i32
+}
+
+fn paint(color: Color) -> RGBColor {
+    let [r, g, b] = color.rgb();
+    RGBColor(r, g, b)
+}
+
+/// Letters of size `px`, to the right of a place or about it.
+fn font(px: f64, pos: HPos) -> TextStyle<'static> {
+    // the backend writes sizes of letters 1.24 times smaller
+    TextStyle::from(("sans-serif", 1.24 * FINE * px)).color(&BLACK).pos(Pos::new(pos, VPos::Center))
+}
+
+/// The scale over `range` with as many numbers as stand side by side in `width_px`.
+fn scale_across(range: [f64; 2], width_px: f64) -> Scale {
+    let scales = (3..=MOST_TICKS).rev().map(|most| (most, Scale::over(range, most)));
+    let mut fitting = scales.filter(|(most, scale)| *most as f64 * (scale.width_px(TICK_PX) + TICK_PX) <= width_px);
+    fitting.next().map_or_else(|| Scale::over(range, 2), |(_, scale)| scale)
+}
+
+/// What goes where on the picture.
+struct Layout {
+    title: Vec<String>,
+    x: Scale,
+    y: Scale,
+    /// What the numbers and the label left of the y axis take, px.
+    left_px: f64,
+    plot_height_px: f64,
+    legend: Legend,
+}
+
+impl Layout {
+    fn of(chart: &Chart) -> Self {
+        let mut x = range::shown(&chart.x, &chart.layers, 0);
+        let mut y = range::shown(&chart.y, &chart.layers, 1);
+        if chart.map {
+            range::make_fit(&mut x, &mut y);
+        }
+        let aspect = if chart.map { (y[1] - y[0]) / (x[1] - x[0]) } else { USUAL };
+        let y = Scale::over(y, MOST_TICKS);
+        let left_px = y.width_px(TICK_PX) + 2.5 * LABEL_PX;
+        let plot_width_px = WIDTH_PX - 2.0 * MARGIN_PX - left_px;
+        let x = scale_across(x, plot_width_px);
+        Self {
+            title: text::lines(&chart.title, TITLE_PX, WIDTH_PX - 2.0 * MARGIN_PX),
+            x,
+            y,
+            left_px,
+            plot_height_px: plot_width_px * aspect,
+            legend: Legend::of(&chart.layers, WIDTH_PX - 2.0 * MARGIN_PX),
+        }
+    }
+
+    fn plot_top_px(&self) -> f64 {
+        MARGIN_PX + LINE * TITLE_PX * self.title.len() as f64
+    }
+
+    fn legend_top_px(&self) -> f64 {
+        self.plot_top_px() + self.plot_height_px + BELOW_PX + GAP_PX
+    }
+
+    fn height_px(&self) -> f64 {
+        (self.legend_top_px() + self.legend.height_px() + MARGIN_PX).ceil()
+    }
+
+    fn draw(&self, chart: &Chart, sheet: &Sheet<'_>) -> Drawn {
+        sheet.fill(&WHITE)?;
+        for (i, line) in self.title.iter().enumerate() {
+            let at = (fine(0.5 * WIDTH_PX), fine(MARGIN_PX + LINE * TITLE_PX * (i as f64 + 0.35)));
+            sheet.draw(&Text::new(line.clone(), at, font(TITLE_PX, HPos::Center)))?;
+        }
+        let frame = self.draw_axes(chart, sheet)?;
+        for layer in &chart.layers {
+            marks::draw(layer, &frame, sheet)?;
+        }
+        self.legend.draw(sheet, MARGIN_PX, self.legend_top_px())
+    }
+
+    /// Axes, grid and labels; gives back where the marks go.
+    fn draw_axes(&self, chart: &Chart, sheet: &Sheet<'_>) -> Result<Frame, DrawingAreaErrorKind<std::io::Error>> {
+        let mut plot = ChartBuilder::on(sheet)
+            .margin_top(fine(self.plot_top_px()))
+            .margin_bottom(fine(self.height_px() - self.legend_top_px() + GAP_PX))
+            .margin_left(fine(MARGIN_PX))
+            .margin_right(fine(MARGIN_PX))
+            .x_label_area_size(fine(BELOW_PX))
+            .y_label_area_size(fine(self.left_px))
+            .build_cartesian_2d(self.x.clone(), self.y.clone())?;
+        plot.configure_mesh()
+            .label_style(font(TICK_PX, HPos::Center))
+            .axis_desc_style(font(LABEL_PX, HPos::Center))
+            .x_desc(text::plain(&chart.x.label))
+            .y_desc(text::plain(&chart.y.label))
+            .bold_line_style(RGBColor(225, 225, 225).stroke_width(fine(1.0) as u32))
+            .axis_style(RGBColor(90, 90, 90).stroke_width(fine(1.0) as u32))
+            .set_all_tick_mark_size(fine(5.0))
+            .draw()?;
+        let (across, down) = plot.plotting_area().get_pixel_range();
+        Ok(Frame { x: self.x.range, y: self.y.range, across: [across.start, across.end], down: [down.start, down.end] })
+    }
 }

@@ -172,10 +172,21 @@ pub struct RunFolderArgs {
 
 /// `upm check`.
 #[derive(Args, Debug)]
+#[command(
+    after_help = "Of a COR library it tells what is covered: where the centres of rotation lie, how far one pulse moves a \
+                  part in the direction in which it moves it least, and where some direction cannot be reached."
+)]
 pub struct CheckArgs {
-    /// Files to validate
+    /// Files to validate: jobs, rigs, experiments, COR libraries
     #[arg(value_name = "FILE", required = true)]
     pub files: Vec<PathBuf>,
+    /// Rig that libraries must have been measured on; their coverage is that of its plate. Without it: of the square
+    /// that holds half of a library's centres
+    #[arg(long, value_name = "RIG.json")]
+    pub rig: Option<PathBuf>,
+    /// Draw the coverage of the one library given as a map
+    #[arg(long, value_name = "MAP.svg")]
+    pub picture: Option<PathBuf>,
 }
 
 /// `upm schema`.

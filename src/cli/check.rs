@@ -1,3 +1,6 @@
+mod covered;
+mod picture;
+
 use std::path::Path;
 
 use serde_json::{Value, json};
@@ -5,60 +8,133 @@ use serde_json::{Value, json};
 use super::args::{CheckArgs, Common, SchemaArgs};
 use super::failure::Failure;
 use super::{BAD_INPUT, print_json};
+use crate::chart;
 use crate::config::{self, JobSpec, RigSpec, SimulateSpec};
 use crate::library::Library;
-use crate::run::{check_simulate, job_library};
+use crate::run::{check_simulate, job_library, library_faults};
+use covered::Covered;
 
-/// What a file turned out to be: a line for people, or its faults.
-type Finding = Result<String, Vec<String>>;
+/// What a valid file turned out to be.
+struct Found {
+    /// A line for people.
+    says: String,
+    /// What a library covers.
+    covered: Option<Covered>,
+}
+
+/// What a file turned out to be, or its faults.
+type Finding = Result<Found, Vec<String>>;
 
 pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
-    let findings: Vec<(&Path, Finding)> = args.files.iter().map(|path| (path.as_path(), check_file(path))).collect();
-    let bad = findings.iter().any(|(_, finding)| finding.is_err());
+    if let Some(path) = &args.picture {
+        check_picture_name(path, args.files.len())?;
+    }
+    let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::faults)?;
+    let findings: Vec<(&Path, Finding)> =
+        args.files.iter().map(|path| (path.as_path(), check_file(path, rig.as_ref()))).collect();
+    if let Some(path) = &args.picture {
+        draw(path, &findings)?;
+    }
     if common.json {
-        let rows = findings.iter().map(|(path, finding)| {
-            json!({
-                "file": path,
-                "valid": finding.is_ok(),
-                "says": finding.as_ref().ok(),
-                "faults": finding.as_ref().err(),
-            })
-        });
+        let rows = findings.iter().map(|(path, finding)| row(path, finding));
         print_json(&rows.collect::<Vec<_>>())?;
     } else {
         for (path, finding) in &findings {
-            match finding {
-                Ok(says) => say!("{}: ok, {says}", path.display())?,
-                Err(faults) => faults.iter().for_each(|fault| complain!("upm: {fault}")),
-            }
+            print(path, finding)?;
         }
     }
-    Ok(if bad { BAD_INPUT } else { 0 })
+    Ok(if findings.iter().any(|(_, finding)| finding.is_err()) { BAD_INPUT } else { 0 })
 }
 
-/// Validates a file as what its keys say it is.
-fn check_file(path: &Path) -> Finding {
+fn check_picture_name(path: &Path, files: usize) -> Result<(), Failure> {
+    if files != 1 {
+        return Err(Failure::bad_input(format!("--picture: found {files} files to check, allowed: one library")));
+    }
+    let is_svg = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("svg"));
+    if is_svg {
+        Ok(())
+    } else {
+        Err(Failure::bad_input(format!("--picture: found {}, allowed: a name ending in svg", path.display())))
+    }
+}
+
+/// Draws what the one library covers; nothing when it is faulty, which is told elsewhere.
+fn draw(path: &Path, findings: &[(&Path, Finding)]) -> Result<(), Failure> {
+    for (file, finding) in findings {
+        let Ok(found) = finding else { continue };
+        let Some(covered) = &found.covered else {
+            let file = file.display();
+            return Err(Failure::bad_input(format!("--picture: found {file}, a {}, allowed: one library", found.says)));
+        };
+        let Some(coverage) = &covered.coverage else {
+            return Err(Failure::bad_input(
+                "--picture: found a library without centres and no --rig, allowed: a --rig",
+            ));
+        };
+        let drawn = chart::svg(&picture::chart(coverage, &covered.rig_name));
+        std::fs::write(path, drawn).map_err(|error| Failure::write(path, error))?;
+    }
+    Ok(())
+}
+
+fn row(path: &Path, finding: &Finding) -> Value {
+    let mut row = json!({
+        "file": path,
+        "valid": finding.is_ok(),
+        "says": finding.as_ref().ok().map(|found| &found.says),
+        "faults": finding.as_ref().err(),
+    });
+    if let Ok(Found { covered: Some(covered), .. }) = finding {
+        row["coverage"] = covered.json();
+    }
+    row
+}
+
+fn print(path: &Path, finding: &Finding) -> Result<(), Failure> {
+    match finding {
+        Ok(found) => {
+            say!("{}: ok, {}", path.display(), found.says)?;
+            let lines = found.covered.as_ref().map(Covered::lines).unwrap_or_default();
+            lines.iter().try_for_each(|line| say!("  {line}"))?;
+        }
+        Err(faults) => faults.iter().for_each(|fault| complain!("upm: {fault}")),
+    }
+    Ok(())
+}
+
+/// Validates a file as what its keys say it is; a library against `rig`, too.
+fn check_file(path: &Path, rig: Option<&RigSpec>) -> Finding {
     let value = std::fs::read_to_string(path).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
     let has = |key: &str| value.as_ref().is_some_and(|value| value.get(key).is_some());
-    if has("entries") {
-        let library = Library::load(path).map_err(lines)?;
-        Ok(format!("library of {}, {} motions", library.rig, library.entries.len()))
+    let says = if has("entries") {
+        return check_library(path, rig);
     } else if has("pulses") {
         let experiment = SimulateSpec::load(path).map_err(lines)?;
         check_simulate(&experiment).map_err(|error| vec![format!("{}: {error}", path.display())])?;
-        Ok(format!("experiment, {} pulses on {} parts", experiment.pulses.len(), experiment.parts.len()))
+        format!("experiment, {} pulses on {} parts", experiment.pulses.len(), experiment.parts.len())
     } else if has("counts") {
         let trace = config::load_trace(path).map_err(lines)?.trace;
-        Ok(format!("trace, 4 channels of {} samples at {:.0} Hz", trace.len(), trace.sample_hz))
+        format!("trace, 4 channels of {} samples at {:.0} Hz", trace.len(), trace.sample_hz)
     } else if has("motors") {
         let rig = RigSpec::load(path).map_err(lines)?;
-        Ok(format!("rig {}, {:.0} mm plate", rig.model.name, rig.model.plate_side_m * 1e3))
+        format!("rig {}, {:.0} mm plate", rig.model.name, rig.model.plate_side_m * 1e3)
     } else {
         let job = JobSpec::load(path).map_err(lines)?;
         job.check_runnable().map_err(|fault| vec![fault.to_string()])?;
         job_library(&job).map_err(lines)?;
-        Ok(format!("job {} on {}, parts: {}", job.name, job.rig.model.name, job.kinds_of_parts().len()))
+        format!("job {} on {}, parts: {}", job.name, job.rig.model.name, job.kinds_of_parts().len())
+    };
+    Ok(Found { says, covered: None })
+}
+
+fn check_library(path: &Path, rig: Option<&RigSpec>) -> Finding {
+    let library = Library::load(path).map_err(lines)?;
+    let faults = rig.map(|rig| library_faults(&library, &path.display().to_string(), rig)).unwrap_or_default();
+    if !faults.is_empty() {
+        return Err(lines(faults));
     }
+    let says = format!("library of {}, {} motions", library.rig, library.entries.len());
+    Ok(Found { says, covered: Some(Covered::by(&library, rig.map(|rig| rig.model.plate_side_m))) })
 }
 
 fn lines<F: std::fmt::Display>(faults: Vec<F>) -> Vec<String> {

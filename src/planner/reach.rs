@@ -1,8 +1,9 @@
 use super::Planner;
 use crate::geometry::Vec2;
+use crate::library::{DisplacementModel, Entry, Library};
 
 /// How well a library moves a part at one place.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Reach {
     /// Singular values of the flows of all entries there, larger first; an entry counts 1 where its belt
     /// is as good as the best measured, 0 where it moves nothing.
@@ -11,31 +12,103 @@ pub struct Reach {
     pub weakest_direction: Vec2,
     /// What the best single entry does along it, 0 to 1; 0: that direction cannot be reached.
     pub weakest_projection: f64,
+    /// What the longest pulse of that entry does along it, m.
+    pub longest_step_m: f64,
+    /// Standard deviation of such a step, m.
+    pub longest_sd_m: f64,
+    /// The least that a pulse of an entry for this direction does along it, m: of one that flows within 30 degrees of it
+    /// and makes at least a twentieth of the longest step there. `None` when there is no such entry.
+    pub shortest_step_m: Option<f64>,
+    /// Entries that do most along some direction, rising.
+    pub strongest: Vec<usize>,
 }
 
 /// Directions looked at over half a turn.
 const DIRECTIONS: usize = 180;
 
+/// Cosine of the angle up to which an entry is one for a direction.
+const ALONG: f64 = 0.866;
+
+/// Least part of the longest step of an entry that is one for short steps; one that does less turns a part or leaves
+/// it where it is.
+const GENTLE: f64 = 0.05;
+
 impl Planner {
     /// How well the library moves a part at `position_m` in every direction, with its longest pulse.
     pub fn reach(&self, position_m: Vec2) -> Reach {
-        let model = &self.library().displacement;
-        let best_m = model.speed_mps.last().map_or(0.0, |&fastest| model.max_distance(fastest));
+        Reach::of(self.library(), position_m)
+    }
+}
+
+impl Reach {
+    /// How well `library` moves a part at `position_m` in every direction, with its longest pulse.
+    pub fn of(library: &Library, position_m: Vec2) -> Self {
+        let Library { displacement: model, entries, .. } = library;
+        let best_m = best_step(model);
         let part = if best_m > 0.0 { 1.0 / best_m } else { 0.0 };
-        let flow = |entry: &crate::library::Entry| {
+        let flow = |entry: &Entry| {
             entry.pump.direction_at(position_m) * (model.max_distance(entry.speed_at(position_m)) * part)
         };
-        let flows: Vec<Vec2> = self.library().entries.iter().map(flow).collect();
-        let projection = |direction: Vec2| flows.iter().map(|f| f.dot(&direction).abs()).fold(0.0, f64::max);
-        let directions = (0..DIRECTIONS).map(|k| {
-            let (sin, cos) = (std::f64::consts::PI * k as f64 / DIRECTIONS as f64).sin_cos();
-            Vec2::new(cos, sin)
+        let flows: Vec<Vec2> = entries.iter().map(flow).collect();
+        let mut strongest = Vec::new();
+        let (mut weakest_projection, mut weakest_direction, mut weakest_entry) = (f64::INFINITY, Vec2::x(), None);
+        for direction in directions() {
+            let (projection, entry) = strongest_along(&flows, direction);
+            strongest.extend(entry);
+            if projection < weakest_projection {
+                (weakest_projection, weakest_direction, weakest_entry) = (projection, direction, entry);
+            }
+        }
+        strongest.sort_unstable();
+        strongest.dedup();
+        let longest_step_m = weakest_projection * best_m;
+        let longest_sd_m = weakest_entry.map_or(0.0, |entry| {
+            let (speed, longest_s) = (entries[entry].speed_at(position_m), model.sustain_s.last().copied());
+            let along = entries[entry].pump.direction_at(position_m).dot(&weakest_direction).abs();
+            model.sd(speed, longest_s.unwrap_or(0.0)) * along
         });
-        let (weakest_projection, weakest_direction) = directions
-            .map(|direction| (projection(direction), direction))
-            .fold((f64::INFINITY, Vec2::x()), |weakest, next| if next.0 < weakest.0 { next } else { weakest });
-        Reach { singular_values: singular_values(&flows), weakest_direction, weakest_projection }
+        Self {
+            singular_values: singular_values(&flows),
+            weakest_direction,
+            weakest_projection,
+            longest_step_m,
+            longest_sd_m,
+            shortest_step_m: shortest_step(library, position_m, weakest_direction, GENTLE * longest_step_m),
+            strongest,
+        }
     }
+}
+
+/// What the longest pulse does on the fastest belt that was measured, m.
+fn best_step(model: &DisplacementModel) -> f64 {
+    model.speed_mps.last().map_or(0.0, |&fastest| model.max_distance(fastest))
+}
+
+fn directions() -> impl Iterator<Item = Vec2> {
+    (0..DIRECTIONS).map(|k| {
+        let (sin, cos) = (std::f64::consts::PI * k as f64 / DIRECTIONS as f64).sin_cos();
+        Vec2::new(cos, sin)
+    })
+}
+
+/// The most that one of `flows` does along `direction`, and which; none when all do nothing.
+fn strongest_along(flows: &[Vec2], direction: Vec2) -> (f64, Option<usize>) {
+    flows.iter().map(|flow| flow.dot(&direction).abs()).enumerate().fold((0.0, None), |best, (entry, projection)| {
+        if projection > best.0 { (projection, Some(entry)) } else { best }
+    })
+}
+
+/// The least that an entry for `direction` does along it, of those whose longest is at least `least_m` and not nothing.
+fn shortest_step(library: &Library, position_m: Vec2, direction: Vec2, least_m: f64) -> Option<f64> {
+    let model = &library.displacement;
+    let shortest = |entry: &Entry| {
+        let along = entry.pump.direction_at(position_m).dot(&direction).abs();
+        let speed_mps = entry.speed_at(position_m);
+        let longest_m = along * model.max_distance(speed_mps);
+        let suits = along >= ALONG && longest_m > 0.0 && longest_m >= least_m;
+        suits.then(|| along * model.min_distance(speed_mps))
+    };
+    library.entries.iter().filter_map(shortest).reduce(f64::min)
 }
 
 /// Of the 2 × M matrix of `flows`, from the eigenvalues of its 2 × 2 product with itself.

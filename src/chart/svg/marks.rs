@@ -1,0 +1,191 @@
+use std::f64::consts::TAU;
+
+use plotters::prelude::*;
+use plotters::style::Color as _;
+
+use super::range::drawable;
+use super::{Drawn, Sheet, clip, fine, paint};
+use crate::chart::{Color, Layer, Mark};
+
+/// Width of lines, px.
+const LINE_PX: f64 = 1.8;
+/// Width of outlines, crosses and arrows, px.
+const THIN_PX: f64 = 1.3;
+const DOT_PX: f64 = 2.6;
+/// Half the size of a cross, px.
+const CROSS_PX: f64 = 4.0;
+/// Dash and the gap after it, px.
+const DASH_PX: [f64; 2] = [8.0, 5.0];
+/// Longest head of an arrow, px, and as a part of the arrow.
+const HEAD_PX: f64 = 9.0;
+const HEAD: f64 = 0.45;
+/// Half the width of a head over its length.
+const HEAD_WIDTH: f64 = 0.42;
+/// Corners of a circle.
+const CORNERS: u32 = 72;
+/// By this much a cell reaches under the next to the right and below, px: no seam shows between them.
+const UNDERLAP_PX: f64 = 0.5;
+/// Share of the full colour at value 0.
+const LIGHTEST: f64 = 0.06;
+
+/// Place on the sheet, in the backend's pixels.
+pub(super) type Px = (i32, i32);
+
+/// Where a plot is on the sheet and what it shows.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frame {
+    /// Range of x and y.
+    pub x: [f64; 2],
+    pub y: [f64; 2],
+    /// Pixels of the left and right, the upper and lower rim.
+    pub across: [i32; 2],
+    pub down: [i32; 2],
+}
+
+impl Frame {
+    fn px(&self, [x, y]: [f64; 2]) -> Px {
+        let part = |value: f64, [low, high]: [f64; 2]| (value - low) / (high - low);
+        let along = |part: f64, [from, to]: [i32; 2]| from + (part * f64::from(to - from)).round() as i32;
+        (along(part(x, self.x), self.across), along(1.0 - part(y, self.y), self.down))
+    }
+
+    fn holds(&self, [x, y]: [f64; 2]) -> bool {
+        (self.x[0]..=self.x[1]).contains(&x) && (self.y[0]..=self.y[1]).contains(&y)
+    }
+
+    fn runs(&self, points: impl IntoIterator<Item = [f64; 2]>) -> Vec<Vec<Px>> {
+        let px = |run: Vec<[f64; 2]>| run.into_iter().map(|point| self.px(point)).collect();
+        clip::runs(points, self.x, self.y, drawable).into_iter().map(px).collect()
+    }
+}
+
+/// Draws what of `layer` lies within the frame.
+pub(super) fn draw(layer: &Layer, frame: &Frame, sheet: &Sheet<'_>) -> Drawn {
+    let Layer { points, mark, color, .. } = layer;
+    let seen = || points.iter().copied().filter(|&point| frame.holds(point)).map(|point| frame.px(point));
+    match mark {
+        Mark::Line => frame.runs(points.iter().copied()).into_iter().try_for_each(|run| line(sheet, run, *color)),
+        Mark::Dashes => frame.runs(points.iter().copied()).iter().try_for_each(|run| dashes(sheet, run, *color)),
+        Mark::Dots => seen().try_for_each(|at| dot(sheet, at, *color)),
+        Mark::Crosses => seen().try_for_each(|at| cross(sheet, at, *color)),
+        Mark::Circles { radius } => {
+            let outlines = points.iter().flat_map(|&center| frame.runs(outline(center, radius.abs())));
+            outlines.into_iter().try_for_each(|run| thin_line(sheet, run, *color))
+        }
+        Mark::Arrows { vectors } => points.iter().zip(vectors).try_for_each(|(&from, &vector)| {
+            let to = [from[0] + vector[0], from[1] + vector[1]];
+            match frame.runs([from, to]).first().map(Vec::as_slice) {
+                Some(&[from_px, to_px]) => arrow(sheet, from_px, to_px, frame.holds(to), *color),
+                _ => Ok(()),
+            }
+        }),
+        Mark::Cells { side, values } => {
+            points.iter().zip(values).try_for_each(|(&center, &value)| match frame.square(center, 0.5 * side.abs()) {
+                Some(corners) if !value.is_nan() => cell(sheet, corners, value, *color),
+                _ => Ok(()),
+            })
+        }
+    }
+}
+
+impl Frame {
+    /// Upper left and lower right corner of what of a square lies within the frame.
+    fn square(&self, center: [f64; 2], half: f64) -> Option<[Px; 2]> {
+        if !center.iter().chain([&half]).all(|&value| drawable(value)) {
+            return None;
+        }
+        let within = |axis: usize, [low, high]: [f64; 2]| {
+            let (from, to) = ((center[axis] - half).max(low), (center[axis] + half).min(high));
+            (from < to).then_some([from, to])
+        };
+        let ([left, right], [bottom, top]) = (within(0, self.x)?, within(1, self.y)?);
+        Some([self.px([left, top]), self.px([right, bottom])])
+    }
+}
+
+fn outline(center: [f64; 2], radius: f64) -> impl Iterator<Item = [f64; 2]> {
+    (0..=CORNERS).map(move |k| {
+        let (sin, cos) = (TAU * f64::from(k % CORNERS) / f64::from(CORNERS)).sin_cos();
+        [center[0] + radius * cos, center[1] + radius * sin]
+    })
+}
+
+pub(super) fn line(sheet: &Sheet<'_>, run: Vec<Px>, color: Color) -> Drawn {
+    sheet.draw(&PathElement::new(run, paint(color).stroke_width(fine(LINE_PX) as u32)))
+}
+
+fn thin_line(sheet: &Sheet<'_>, run: Vec<Px>, color: Color) -> Drawn {
+    sheet.draw(&PathElement::new(run, paint(color).stroke_width(fine(THIN_PX) as u32)))
+}
+
+pub(super) fn dashes(sheet: &Sheet<'_>, run: &[Px], color: Color) -> Drawn {
+    let (mut on, mut left) = (true, FINE_DASH[0]);
+    let mut dash: Vec<Px> = run.first().copied().into_iter().collect();
+    for pair in run.windows(2) {
+        let [(x, y), (to_x, to_y)] = [pair[0], pair[1]].map(|(x, y)| (f64::from(x), f64::from(y)));
+        let length = (to_x - x).hypot(to_y - y);
+        let mut done = 0.0;
+        while length - done > left {
+            done += left;
+            let at = (x + (to_x - x) * done / length, y + (to_y - y) * done / length);
+            let at = (at.0.round() as i32, at.1.round() as i32);
+            if on {
+                dash.push(at);
+                line(sheet, std::mem::take(&mut dash), color)?;
+            } else {
+                dash.push(at);
+            }
+            on = !on;
+            left = FINE_DASH[usize::from(!on)];
+        }
+        left -= length - done;
+        if on {
+            dash.push(pair[1]);
+        }
+    }
+    if dash.len() > 1 { line(sheet, dash, color) } else { Ok(()) }
+}
+
+const FINE_DASH: [f64; 2] = [super::FINE * DASH_PX[0], super::FINE * DASH_PX[1]];
+
+pub(super) fn dot(sheet: &Sheet<'_>, at: Px, color: Color) -> Drawn {
+    sheet.draw(&Circle::new(at, fine(DOT_PX), paint(color).filled()))
+}
+
+pub(super) fn cross(sheet: &Sheet<'_>, (x, y): Px, color: Color) -> Drawn {
+    let arm = fine(CROSS_PX);
+    thin_line(sheet, vec![(x - arm, y - arm), (x + arm, y + arm)], color)?;
+    thin_line(sheet, vec![(x - arm, y + arm), (x + arm, y - arm)], color)
+}
+
+/// A shaft, with a head where the arrow ends within the plot.
+pub(super) fn arrow(sheet: &Sheet<'_>, from: Px, to: Px, ends_here: bool, color: Color) -> Drawn {
+    let (x, y) = (f64::from(to.0 - from.0), f64::from(to.1 - from.1));
+    let length = x.hypot(y);
+    if length < 1.0 {
+        return Ok(());
+    }
+    if !ends_here {
+        return thin_line(sheet, vec![from, to], color);
+    }
+    let (along_x, along_y) = (x / length, y / length);
+    let head = (super::FINE * HEAD_PX).min(HEAD * length);
+    let corner = |side: f64| {
+        let across = side * HEAD_WIDTH * head;
+        let place = (-along_x * head - along_y * across, -along_y * head + along_x * across);
+        (to.0 + place.0.round() as i32, to.1 + place.1.round() as i32)
+    };
+    thin_line(sheet, vec![from, corner(0.0)], color)?;
+    sheet.draw(&Polygon::new(vec![to, corner(1.0), corner(-1.0)], paint(color)))
+}
+
+pub(super) fn circle(sheet: &Sheet<'_>, at: Px, radius: i32, color: Color) -> Drawn {
+    sheet.draw(&Circle::new(at, radius, paint(color).stroke_width(fine(THIN_PX) as u32)))
+}
+
+pub(super) fn cell(sheet: &Sheet<'_>, [upper_left, (right, bottom)]: [Px; 2], value: f64, color: Color) -> Drawn {
+    let share = LIGHTEST + (1.0 - LIGHTEST) * value.clamp(0.0, 1.0);
+    let [r, g, b] = color.rgb().map(|full| (255.0 + share * (f64::from(full) - 255.0)).round() as u8);
+    let lower_right = (right + fine(UNDERLAP_PX), bottom + fine(UNDERLAP_PX));
+    sheet.draw(&Rectangle::new([upper_left, lower_right], RGBColor(r, g, b).filled()))
+}

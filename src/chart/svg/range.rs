@@ -1,0 +1,72 @@
+use crate::chart::{Axis, Layer, Mark};
+
+/// Numbers beyond this are left out like those that are none: nothing measured is so large.
+const MOST: f64 = 1e100;
+/// Empty space at each end of a range that the layers ask for, as a part of it.
+const MARGIN: f64 = 0.04;
+/// Narrowest range, as a part of its larger end: narrower, and neighbouring numbers are the same.
+const NARROWEST: f64 = 1e-9;
+/// Narrowest range around zero.
+const NARROWEST_AT_ZERO: f64 = 1e-12;
+/// Heights of a map over its width that fit a page.
+const ASPECTS: [f64; 2] = [0.3, 1.05];
+
+/// True for a number that can be drawn.
+pub(super) fn drawable(value: f64) -> bool {
+    value.abs() <= MOST
+}
+
+/// The range that `axis`, number 0 or 1, shows: its own where it is one, else what `layers` need.
+pub(super) fn shown(axis: &Axis, layers: &[Layer], number: usize) -> [f64; 2] {
+    let own = axis.range.filter(|ends| ends.iter().all(|&end| drawable(end)) && ends[0] < ends[1]);
+    if let Some([low, high]) = own {
+        return widened(low, high);
+    }
+    let [low, high] = layers
+        .iter()
+        .flat_map(|layer| extents(layer, number))
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], [from, to]| [low.min(from), high.max(to)]);
+    if low > high {
+        return [0.0, 1.0];
+    }
+    let margin = MARGIN * (high - low);
+    if margin > 0.0 { widened(low - margin, high + margin) } else { widened(low - 0.5, high + 0.5) }
+}
+
+/// At least as wide as numbers of this size need.
+fn widened(low: f64, high: f64) -> [f64; 2] {
+    let least = (NARROWEST * low.abs().max(high.abs())).max(NARROWEST_AT_ZERO);
+    let missing = 0.5 * (least - (high - low)).max(0.0);
+    [low - missing, high + missing]
+}
+
+/// Widens one of the ranges of a map so that its plot, with one unit as long along x as along y, fits a page.
+pub(super) fn make_fit(x: &mut [f64; 2], y: &mut [f64; 2]) {
+    let [flattest, tallest] = ASPECTS;
+    widen_to(y, flattest * (x[1] - x[0]));
+    widen_to(x, (y[1] - y[0]) / tallest);
+}
+
+fn widen_to(range: &mut [f64; 2], width: f64) {
+    let missing = 0.5 * (width - (range[1] - range[0])).max(0.0);
+    *range = [range[0] - missing, range[1] + missing];
+}
+
+/// From and to along one axis of everything in `layer` that can be drawn.
+fn extents(layer: &Layer, number: usize) -> impl Iterator<Item = [f64; 2]> {
+    let reach = move |i: usize| match &layer.mark {
+        Mark::Circles { radius } => [-radius.abs(), radius.abs()],
+        Mark::Cells { side, .. } => [-0.5 * side.abs(), 0.5 * side.abs()],
+        Mark::Arrows { vectors } => {
+            let along = vectors.get(i).map_or(0.0, |vector| vector[number]);
+            [along.min(0.0), along.max(0.0)]
+        }
+        Mark::Line | Mark::Dashes | Mark::Dots | Mark::Crosses => [0.0, 0.0],
+    };
+    layer.points.iter().enumerate().filter_map(move |(i, point)| {
+        let [back, ahead] = reach(i);
+        let ends = [point[number] + back, point[number] + ahead];
+        let whole = point.iter().chain(&ends).all(|&value| drawable(value));
+        whole.then_some(ends)
+    })
+}

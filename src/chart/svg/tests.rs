@@ -1,0 +1,182 @@
+use proptest::prelude::*;
+
+use super::svg;
+use crate::chart::{Axis, Chart, Color, Layer, Mark};
+
+fn chart(map: bool, layers: Vec<Layer>) -> Chart {
+    let (x, y) = (Axis::new("x (mm)"), Axis::new("y (mm)"));
+    Chart { name: "test".into(), title: "A title".into(), x, y, map, layers }
+}
+
+/// Every mark, at these points.
+fn every_mark(points: &[[f64; 2]]) -> Vec<Layer> {
+    let marks = [
+        Mark::Line,
+        Mark::Dashes,
+        Mark::Dots,
+        Mark::Crosses,
+        Mark::Circles { radius: 12.0 },
+        Mark::Arrows { vectors: points.to_vec() },
+        Mark::Cells { side: 5.0, values: points.iter().map(|point| point[0]).collect() },
+    ];
+    let label = |mark: &Mark| format!("the {}", format!("{mark:?}").to_lowercase().split(' ').next().unwrap());
+    marks
+        .into_iter()
+        .enumerate()
+        .map(|(i, mark)| Layer::new(&label(&mark), mark, Color::nth(i), points.iter().copied()))
+        .collect()
+}
+
+/// The tags of a document, each with its attributes; fails unless they nest and every text is escaped.
+fn tags(document: &str) -> Vec<&str> {
+    let mut open = Vec::new();
+    let mut found = Vec::new();
+    let mut rest = document;
+    while let Some((text, after)) = rest.split_once('<') {
+        assert!(!text.contains('>') && text.split('&').skip(1).all(|entity| entity.contains(';')), "{text}");
+        let (tag, after) = after.split_once('>').unwrap();
+        assert_eq!(tag.matches('"').count() % 2, 0, "{tag}");
+        if let Some(name) = tag.strip_prefix('/') {
+            assert_eq!(open.pop(), Some(name), "{document}");
+        } else {
+            if !tag.ends_with('/') {
+                open.push(tag.split(' ').next().unwrap());
+            }
+            found.push(tag);
+        }
+        rest = after;
+    }
+    assert!(open.is_empty() && rest.trim().is_empty(), "{open:?} {rest}");
+    assert!(
+        found[0].starts_with("svg width=\"900\"") && found.iter().filter(|tag| tag.starts_with("svg")).count() == 1
+    );
+    found
+}
+
+/// Value of an attribute of a tag.
+fn attribute<'a>(tag: &'a str, name: &str) -> &'a str {
+    tag.split_once(&format!(" {name}=\"")).unwrap().1.split('"').next().unwrap()
+}
+
+/// Points of the polylines in the colour of `color`, in the document's own unit.
+fn polylines(document: &str, color: Color) -> Vec<Vec<[f64; 2]>> {
+    let [r, g, b] = color.rgb();
+    let stroke = format!("stroke=\"#{r:02X}{g:02X}{b:02X}\"");
+    let point = |pair: &str| {
+        let (x, y) = pair.split_once(',').unwrap();
+        [x.parse().unwrap(), y.parse().unwrap()]
+    };
+    let lines = tags(document).into_iter().filter(|tag| tag.starts_with("polyline") && tag.contains(&stroke));
+    lines.map(|tag| attribute(tag, "points").split_whitespace().map(point).collect()).collect()
+}
+
+#[test]
+fn circles_on_a_map_are_round_and_as_large_as_they_say() {
+    for far in [[400.0, 100.0], [30.0, 300.0], [200.0, 200.0]] {
+        let circle = Layer::new("", Mark::Circles { radius: 25.0 }, Color::Red, [[60.0, 40.0]]);
+        let ruler = Layer::new("", Mark::Line, Color::Blue, [[0.0, 0.0], [far[0], 0.0]]);
+        let plumb = Layer::new("", Mark::Line, Color::Green, [[0.0, 0.0], [0.0, far[1]]]);
+        let document = svg(&chart(true, vec![circle, ruler, plumb]));
+        let [ruler, plumb] = [Color::Blue, Color::Green].map(|color| polylines(&document, color)[0].clone());
+        let unit_x = (ruler[1][0] - ruler[0][0]) / far[0];
+        let unit_y = (plumb[0][1] - plumb[1][1]) / far[1];
+        assert!((unit_x / unit_y - 1.0).abs() < 2e-3, "{unit_x} {unit_y}");
+        let outline = &polylines(&document, Color::Red)[0];
+        let center = [ruler[0][0] + 60.0 * unit_x, ruler[0][1] - 40.0 * unit_y];
+        for point in outline {
+            let radius = (point[0] - center[0]).hypot(point[1] - center[1]);
+            assert!((radius / (25.0 * unit_x) - 1.0).abs() < 5e-3, "{radius} {}", 25.0 * unit_x);
+        }
+    }
+}
+
+#[test]
+fn every_label_is_there_and_escaped() {
+    let mut chart = chart(true, every_mark(&[[0.0, 0.5], [30.0, 40.0]]));
+    chart.title = "a < b & \"c\"\nand\u{1}more".into();
+    chart.layers[0].label = "<line> & co".into();
+    let document = svg(&chart);
+    let texts = tags(&document).iter().filter(|tag| tag.starts_with("text")).count();
+    assert!(document.contains("a &lt; b &amp; &quot;c&quot; andmore"), "{document}");
+    assert!(document.contains("&lt;line&gt; &amp; co"));
+    for layer in &chart.layers[1..] {
+        assert!(document.contains(&layer.label), "{}", layer.label);
+    }
+    for label in ["x (mm)", "y (mm)"] {
+        assert_eq!(document.matches(label).count(), 1, "{label}");
+    }
+    assert!(texts > 2 + chart.layers.len() + 8, "title, labels of axes and layers, numbers");
+}
+
+#[test]
+fn nothing_is_drawn_outside_a_given_range() {
+    let far = [[-500.0, -20.0], [3.0, 4.0], [900.0, 70.0], [5.0, -1e90], [2.0, 2.0]];
+    let mut chart = chart(false, every_mark(&far));
+    (chart.x.range, chart.y.range) = (Some([0.0, 10.0]), Some([0.0, 5.0]));
+    let document = svg(&chart);
+    let height: f64 = attribute(tags(&document)[0], "height").parse().unwrap();
+    for color in [Color::Blue, Color::Orange, Color::Green, Color::Purple] {
+        for [x, y] in polylines(&document, color).concat() {
+            assert!((0.0..=9000.0).contains(&x) && (0.0..=10.0 * height).contains(&y), "{x} {y}");
+        }
+    }
+    let dots =
+        tags(&document).iter().filter(|tag| tag.starts_with("circle") && tag.contains("stroke=\"none\"")).count();
+    assert_eq!(dots, 3, "two within the range and the legend's");
+}
+
+#[test]
+fn charts_with_little_in_them_are_charts() {
+    let layers = |points: &[[f64; 2]]| every_mark(points);
+    for map in [false, true] {
+        for points in [&[][..], &[[3.0, 4.0]], &[[f64::NAN, 1.0]], &[[2.0, 2.0]; 3], &[[0.0, 0.0], [1e-300, 1e300]]] {
+            tags(&svg(&chart(map, layers(points))));
+        }
+        tags(&svg(&chart(map, Vec::new())));
+    }
+    let mut odd = chart(false, layers(&[[1.0, 2.0]]));
+    odd.title = "word ".repeat(60);
+    odd.layers[0].label = "a long label ".repeat(30);
+    (odd.x.range, odd.y.range) = (Some([5.0, 5.0]), Some([f64::NEG_INFINITY, 2.0]));
+    tags(&svg(&odd));
+}
+
+#[test]
+fn a_dashed_line_is_broken_and_keeps_its_way() {
+    let dashed = Layer::new("", Mark::Dashes, Color::Red, [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]]);
+    let dashes = polylines(&svg(&chart(true, vec![dashed])), Color::Red);
+    assert!(dashes.len() > 50, "{}", dashes.len());
+    let length =
+        |run: &Vec<[f64; 2]>| -> f64 { run.windows(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1])).sum() };
+    for dash in &dashes[..dashes.len() - 1] {
+        assert!((length(dash) - 80.0).abs() < 3.0, "{}", length(dash));
+    }
+}
+
+fn any_number() -> impl Strategy<Value = f64> {
+    prop_oneof![-100.0..100.0f64, any::<f64>(), Just(f64::NAN), Just(f64::INFINITY), Just(f64::NEG_INFINITY), Just(0.0)]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(128))]
+
+    #[test]
+    fn no_numbers_make_it_panic(
+        points in proptest::collection::vec(proptest::array::uniform2(any_number()), 0..12),
+        [size, low, high] in proptest::array::uniform3(any_number()),
+        map: bool,
+        ranged: bool,
+    ) {
+        let mut layers = every_mark(&points);
+        for layer in &mut layers {
+            match &mut layer.mark {
+                Mark::Circles { radius } => *radius = size,
+                Mark::Cells { side, .. } => *side = size,
+                _ => {}
+            }
+        }
+        let mut chart = chart(map, layers);
+        chart.x.range = ranged.then_some([low, high]);
+        tags(&svg(&chart));
+    }
+}

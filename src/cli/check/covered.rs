@@ -1,0 +1,151 @@
+//! What a library covers, told to people and to programs.
+
+use serde_json::{Value, json};
+
+use crate::geometry::Vec2;
+use crate::library::Library;
+use crate::run::{Coverage, Place, half_side_of_centers};
+use crate::units::mm_from_m;
+
+/// The coverage of a library and what plate it is for.
+pub(super) struct Covered {
+    /// Name of the rig the library was measured on.
+    pub rig_name: String,
+    /// True where the plate's side is the rig's, not guessed from the library.
+    side_is_known: bool,
+    /// `None` where nobody knows how large the plate is.
+    pub coverage: Option<Coverage>,
+}
+
+impl Covered {
+    /// What `library` covers of a plate of this side; where that is not known, of the square that holds half of its
+    /// centres.
+    pub fn by(library: &Library, plate_side_m: Option<f64>) -> Self {
+        let half_side_m = plate_side_m.map(|side_m| 0.5 * side_m).or_else(|| half_side_of_centers(library));
+        Self {
+            rig_name: library.rig.clone(),
+            side_is_known: plate_side_m.is_some(),
+            coverage: half_side_m.map(|half_side_m| Coverage::of(library, half_side_m)),
+        }
+    }
+
+    /// Lines for people: figures, then a map.
+    pub fn lines(&self) -> Vec<String> {
+        let Some(coverage) = &self.coverage else {
+            return vec!["coverage unknown: a library without centres does not tell the plate, give --rig".into()];
+        };
+        let mut lines: Vec<String> =
+            self.figures(coverage).into_iter().map(|(label, text)| format!("{label:16} {text}")).collect();
+        lines.push("longest step in the weakest direction, 9 for the best places, ! where out of reach:".into());
+        lines.extend(map(coverage));
+        lines
+    }
+
+    fn figures(&self, coverage: &Coverage) -> Vec<(&'static str, String)> {
+        let side = mm(2.0 * coverage.half_side_m);
+        let (of, plate) = if self.side_is_known {
+            ("plate", format!("{side:.1} mm, the rig's"))
+        } else {
+            ("square", format!("{side:.1} mm, holds half of the centres; the plate itself with --rig"))
+        };
+        let Coverage { inside, outside, translations, .. } = coverage;
+        let mut figures =
+            vec![(of, plate), ("centres", format!("{inside} inside, {outside} outside, {translations} translations"))];
+        if let Some(gap) = coverage.gap {
+            let text = format!("{:.1} mm to the nearest centre, from {} mm", mm(gap.distance_m), shown(gap.position_m));
+            figures.push(("largest gap", text));
+        }
+        if let Some(place) = coverage.weakest() {
+            figures.push(("weakest place", format!("{} mm along {:.0} deg", shown(place.position_m), degrees(place))));
+            figures.push(("one pulse there", steps(place)));
+        }
+        let unreached = 100.0 * coverage.unreached_share();
+        let least = mm(Place::LEAST_SHARE * coverage.best_step_m);
+        figures.push((
+            "out of reach",
+            format!("{unreached:.1} % of places (a direction with less than {least:.2} mm a pulse)"),
+        ));
+        let (idle, all) = (coverage.never_strongest.len(), inside + outside + translations);
+        figures.push(("never strongest", format!("{idle} of {all} motions, wherever and whichever way")));
+        figures
+    }
+
+    /// The same for programs, lengths in millimetres.
+    pub fn json(&self) -> Value {
+        let Some(coverage) = &self.coverage else { return Value::Null };
+        let weakest = coverage.weakest().map(|place| {
+            json!({
+                "position_mm": position(place.position_m),
+                "direction_deg": degrees(place),
+                "share": rounded(place.share),
+                "longest_step_mm": rounded(mm(place.longest_step_m)),
+                "longest_step_sd_mm": rounded(mm(place.longest_sd_m)),
+                "shortest_step_mm": place.shortest_step_m.map(|step_m| rounded(mm(step_m))),
+            })
+        });
+        let gap = coverage
+            .gap
+            .map(|gap| json!({ "position_mm": position(gap.position_m), "distance_mm": rounded(mm(gap.distance_m)) }));
+        let row = |places: &[Place]| -> Vec<f64> { places.iter().map(|p| rounded(mm(p.longest_step_m))).collect() };
+        json!({
+            "side_mm": rounded(mm(2.0 * coverage.half_side_m)),
+            "side_is_the_rigs": self.side_is_known,
+            "centres": {
+                "inside": coverage.inside,
+                "outside": coverage.outside,
+                "translations": coverage.translations,
+            },
+            "largest_gap": gap,
+            "weakest": weakest,
+            "best_step_mm": rounded(mm(coverage.best_step_m)),
+            "out_of_reach_share": rounded(coverage.unreached_share()),
+            "out_of_reach_below_share": Place::LEAST_SHARE,
+            "never_strongest": coverage.never_strongest,
+            "longest_step_mm": coverage.places.chunks(coverage.columns).map(row).collect::<Vec<_>>(),
+        })
+    }
+}
+
+fn steps(place: &Place) -> String {
+    let (longest, sd) = (mm(place.longest_step_m), mm(place.longest_sd_m));
+    match place.shortest_step_m {
+        Some(shortest_m) => format!("{:.2} to {longest:.2} mm, the longest ± {sd:.2} mm", mm(shortest_m)),
+        None => format!("{longest:.2} ± {sd:.2} mm at most"),
+    }
+}
+
+/// The plate from above, a character a place.
+fn map(coverage: &Coverage) -> impl Iterator<Item = String> {
+    let strongest_m = coverage.strongest_step_m();
+    let character = move |place: &Place| {
+        let tenths = (10.0 * place.longest_step_m / strongest_m) as u32;
+        if place.is_reached() { char::from_digit(tenths.min(9), 10).unwrap_or('?') } else { '!' }
+    };
+    coverage.places.chunks(coverage.columns).map(move |row| {
+        let row: Vec<String> = row.iter().map(|place| character(place).to_string()).collect();
+        format!("  {}", row.join(" "))
+    })
+}
+
+fn mm(length_m: f64) -> f64 {
+    mm_from_m(length_m)
+}
+
+/// To a ten-thousandth: more than was measured.
+fn rounded(value: f64) -> f64 {
+    (value * 1e4).round() / 1e4
+}
+
+fn position(position_m: Vec2) -> [f64; 2] {
+    [position_m.x, position_m.y].map(|along_m| rounded(mm(along_m)))
+}
+
+fn shown(position_m: Vec2) -> String {
+    let [x, y] = position(position_m);
+    format!("({x:.1}, {y:.1})")
+}
+
+/// Whole degrees, 0 to 179: the directions that are looked at.
+fn degrees(place: &Place) -> f64 {
+    place.weakest_direction.y.atan2(place.weakest_direction.x).to_degrees().round()
+}

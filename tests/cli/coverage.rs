@@ -1,0 +1,113 @@
+//! `upm check` of a COR library from the outside.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use super::{root, status};
+
+/// What `upm check` says of the one library in `args`.
+fn coverage(args: &[&str]) -> Value {
+    let args: Vec<&str> = ["check", "--json"].iter().chain(args).copied().collect();
+    let rows: Value = serde_json::from_str(&status(&args, 0).0).unwrap();
+    rows[0]["coverage"].clone()
+}
+
+#[test]
+fn coverage_of_the_shipped_libraries_is_told() {
+    for (name, side_mm, motions) in [("upm-1", 203.2, 337), ("upm-2", 304.8, 410)] {
+        let (library, rig) = (format!("assets/libraries/{name}.json"), format!("configs/rigs/{name}.json"));
+        let known = coverage(&[&library, "--rig", &rig]);
+        assert_eq!((&known["side_mm"], &known["side_is_the_rigs"]), (&json!(side_mm), &json!(true)));
+        let count = |key: &str| known["centres"][key].as_u64().unwrap();
+        assert_eq!(count("inside") + count("outside") + count("translations"), motions);
+        assert_eq!(known["out_of_reach_share"], 0.0, "{name} moves parts everywhere and every way");
+        let rows = known["longest_step_mm"].as_array().unwrap();
+        let steps: Vec<f64> =
+            rows.iter().flat_map(|row| row.as_array().unwrap()).map(|v| v.as_f64().unwrap()).collect();
+        let least = steps.iter().copied().fold(f64::INFINITY, f64::min);
+        assert_eq!(known["weakest"]["longest_step_mm"], json!(least));
+        let guessed = coverage(&[&library]);
+        assert_eq!(guessed["side_is_the_rigs"], false);
+        let ratio = guessed["side_mm"].as_f64().unwrap() / side_mm;
+        assert!((0.7..1.1).contains(&ratio), "{name}: {ratio}");
+
+        let (said, _) = status(&["check", &library, "--rig", &rig], 0);
+        assert_eq!(said.lines().filter(|line| line.split(' ').all(|c| c.len() < 2) && line.len() > 40).count(), 21);
+        for label in ["centres", "largest gap", "weakest place", "out of reach", "never strongest"] {
+            assert_eq!(said.lines().filter(|line| line.trim_start().starts_with(label)).count(), 1, "{said}");
+        }
+    }
+}
+
+#[test]
+fn a_library_of_another_rig_is_refused() {
+    let (stdout, stderr) = status(&["check", "assets/libraries/upm-1.json", "--rig", "configs/rigs/upm-2.json"], 2);
+    assert!(stdout.is_empty(), "{stdout}");
+    assert_eq!(
+        stderr.trim(),
+        "upm: assets/libraries/upm-1.json: rig: found \"upm-1\", allowed: \"upm-2\", the rig of this run"
+    );
+    let folder = TempDir::new().unwrap();
+    let text = fs::read_to_string(root().join("configs/rigs/upm-1.json")).unwrap();
+    let mut rig: Value = serde_json::from_str(&text).unwrap();
+    rig.as_object_mut().unwrap().remove("library");
+    rig["plate"]["mass_kg"] = json!(0.4);
+    let heavier = folder.path().join("heavier.json");
+    fs::write(&heavier, rig.to_string()).unwrap();
+    let args = ["check", "assets/libraries/upm-1.json", "--rig", heavier.to_str().unwrap()];
+    let (_, stderr) = status(&args, 2);
+    assert!(stderr.contains("upm-1.json: fingerprint: found ") && stderr.contains(", allowed: "), "{stderr}");
+    status(&["check", "assets/libraries/upm-1.json", "--rig", "no/such/rig.json"], 2);
+}
+
+#[test]
+fn coverage_is_drawn_for_one_library() {
+    let folder = TempDir::new().unwrap();
+    let map = folder.path().join("map.svg");
+    let map = map.to_str().unwrap();
+    let (library, rig) = ("assets/libraries/upm-1.json", "configs/rigs/upm-1.json");
+    status(&["check", library, "--rig", rig, "--picture", map], 0);
+    let drawn = fs::read_to_string(map).unwrap();
+    assert!(drawn.starts_with("<svg ") && drawn.trim_end().ends_with("</svg>"));
+    assert!(drawn.contains("upm-1") && drawn.contains("centre of rotation") && drawn.contains("weakest direction"));
+    fs::remove_file(map).unwrap();
+    for args in [
+        &["check", library, library, "--picture", map][..],
+        &["check", rig, "--picture", map],
+        &["check", library, "--picture", "map.png"],
+    ] {
+        let (stdout, stderr) = status(args, 2);
+        assert!(stdout.is_empty() && stderr.trim().lines().count() == 1, "{stdout}{stderr}");
+        assert!(stderr.contains("--picture: found ") && stderr.contains(", allowed: "), "{stderr}");
+        assert!(!Path::new(map).exists());
+    }
+    let nowhere = folder.path().join("no/such/folder/map.svg");
+    status(&["check", library, "--picture", nowhere.to_str().unwrap()], 1);
+}
+
+#[test]
+fn what_a_library_cannot_reach_is_marked() {
+    let folder = TempDir::new().unwrap();
+    let text = fs::read_to_string(root().join("assets/libraries/upm-1.json")).unwrap();
+    let mut library: Value = serde_json::from_str(&text).unwrap();
+    let motion = |velocity: [f64; 2], spin: f64| json!({"amplitudes": [-273, 69, 270, -66], "velocity_mm_s": velocity, "spin_rad_s": spin});
+    // along x everywhere; along y only far from one centre, which is at (-25, 15) mm
+    library["entries"] = json!([motion([40.0, 0.0], 0.0), motion([30.0, 0.0], 0.0), motion([6.0, 10.0], 0.4)]);
+    let (path, map) = (folder.path().join("poor.json"), folder.path().join("map.svg"));
+    fs::write(&path, library.to_string()).unwrap();
+    let (path, map) = (path.to_str().unwrap(), map.to_str().unwrap());
+    let (said, _) = status(&["check", path, "--rig", "configs/rigs/upm-1.json", "--picture", map], 0);
+    let marked =
+        said.lines().skip_while(|line| !line.contains("! where")).skip(1).collect::<String>().matches('!').count();
+    assert!((50..200).contains(&marked), "{said}");
+    assert!(fs::read_to_string(map).unwrap().contains("out of reach"));
+    let told = coverage(&[path, "--rig", "configs/rigs/upm-1.json"]);
+    let share = told["out_of_reach_share"].as_f64().unwrap();
+    assert!((share - marked as f64 / 441.0).abs() < 1e-4, "{share} {marked}");
+    assert_eq!(told["centres"], json!({"inside": 1, "outside": 0, "translations": 2}));
+    let degrees = told["weakest"]["direction_deg"].as_f64().unwrap();
+    assert!((degrees - 90.0).abs() < 5.0, "{degrees}");
+}

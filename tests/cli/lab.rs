@@ -1,0 +1,175 @@
+//! `upm lab` from the outside.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use super::status;
+
+#[test]
+fn the_experiments_are_listed() {
+    let (stdout, _) = status(&["lab"], 0);
+    let (json, _) = status(&["lab", "--json"], 0);
+    let listed: Value = serde_json::from_str(&json).unwrap();
+    let names: Vec<&str> = listed.as_array().unwrap().iter().map(|one| one["experiment"].as_str().unwrap()).collect();
+    assert!(names.contains(&"waveform-fit"), "{names:?}");
+    assert_eq!(stdout.lines().filter_map(|line| line.split_whitespace().next()).collect::<Vec<_>>(), names);
+    let (stdout, stderr) = status(&["lab", "waveform-fir"], 2);
+    assert!(stdout.is_empty());
+    assert_eq!(stderr, format!("upm: lab: found \"waveform-fir\", allowed: {}\n", names.join(", ")));
+}
+
+#[test]
+fn an_experiment_leaves_its_files_and_its_figures() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("a/b");
+    // from a folder without any files of the project
+    let run = |args: &[&str]| {
+        let mut command = Command::cargo_bin("upm").unwrap();
+        let output = command.current_dir(folder.path()).arg("lab").args(args).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let json = run(&["waveform-fit", "--json", "--seed", "3", "--out", out.to_str().unwrap()]);
+    let result: Value = serde_json::from_str(&json).unwrap();
+    let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    assert_eq!(keys(&result), ["experiment", "figures", "series"]);
+    assert_eq!(result["experiment"], "waveform-fit");
+    for figure in result["figures"].as_array().unwrap() {
+        assert_eq!(keys(figure), ["measured", "name", "reference", "relative_error", "source", "unit"]);
+        assert!(figure["measured"].is_f64() && figure["name"].is_string() && figure["unit"].is_string(), "{figure}");
+        let compared = figure["reference"].as_f64().is_some_and(|reference| reference != 0.0);
+        assert_eq!(figure["relative_error"].is_f64(), compared, "{figure}");
+    }
+    assert!(result["series"].as_object().unwrap().values().all(|values| values[0].is_number()));
+    let files = || fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    assert!(files().any(|name| name.ends_with(".svg")), "{:?}", files().collect::<Vec<_>>());
+    let trace = out.join("waveform-fit-trace.json");
+    let (says, _) = status(&["check", trace.to_str().unwrap()], 0);
+    assert!(says.contains(": ok, trace, 4 channels of "), "{says}");
+
+    let text = run(&["waveform-fit", "--seed", "3"]);
+    assert!(text.starts_with("waveform-fit, rig upm-1, seed 3\n  figure "), "{text}");
+    assert!(!text.contains('\u{1b}'), "no colours in a file: {text}");
+    for path in text.lines().filter_map(|line| line.trim().strip_prefix("written")) {
+        assert!(folder.path().join(path.trim()).starts_with(folder.path().join("runs/lab")), "{path}");
+        assert!(folder.path().join(path.trim()).is_file(), "{path}");
+    }
+    assert_eq!(run(&["waveform-fit", "--seed", "3"]), text, "equal seeds give equal figures");
+}
+
+/// A trace of a pump wave about (40, -30) mm: `a = w v (sin 2wt - sin wt)` in every channel.
+fn trace(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
+    let (place, center, spin) = ([-0.092, 0.092], [0.04, -0.03], 0.15);
+    let (base_hz, sample_hz, mps2_per_count) = (60.0, 5000.0, 0.002);
+    let w = 2.0 * std::f64::consts::PI * base_hz;
+    let channel = |amplitude_mps: f64| {
+        let phase = |i: u32| w * f64::from(i) / sample_hz;
+        let accel = move |phase: f64| w * amplitude_mps * ((2.0 * phase).sin() - phase.sin());
+        (0..700).map(|i| (accel(phase(i)) / mps2_per_count).round() as i64).collect::<Vec<i64>>()
+    };
+    let velocity = |sign: f64| [-spin * (sign * place[1] - center[1]), spin * (sign * place[0] - center[0])];
+    let ([x1, y1], [x2, y2]) = (velocity(1.0).map(channel), velocity(-1.0).map(channel));
+    let mut trace = json!({
+        "sample_hz": sample_hz, "mps2_per_count": mps2_per_count, "count_limit": 32767, "base_hz": base_hz,
+        "attack_s": 0.02, "sustain_s": 0.1, "position_mm": place.map(|m| 1e3 * m),
+        "counts": {"x1": x1, "y1": y1, "x2": x2, "y2": y2},
+    });
+    change(&mut trace);
+    let path = folder.join("trace.json");
+    fs::write(&path, trace.to_string()).unwrap();
+    path
+}
+
+#[test]
+fn a_recorded_trace_gives_the_centre_it_turned_about() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("out");
+    for gain in [1.0, 1.25] {
+        // a channel that shows too much, and says so
+        let file = trace(folder.path(), |trace| {
+            let x2 = trace["counts"]["x2"].as_array().unwrap();
+            let louder = x2.iter().map(|count| json!((gain * count.as_f64().unwrap()).round() as i64)).collect();
+            trace["counts"]["x2"] = louder;
+            trace["channel_gain"] = json!([1, 1, gain, 1]);
+        });
+        let (file, out) = (file.to_str().unwrap(), out.to_str().unwrap());
+        let (stdout, _) = status(&["lab", "waveform-fit", "--trace", file, "--out", out, "--json"], 0);
+        let result: Value = serde_json::from_str(&stdout).unwrap();
+        let cor = |axis: &str| {
+            let figures = result["figures"].as_array().unwrap();
+            let figure = figures.iter().find(|figure| figure["name"] == format!("COR along {axis}"));
+            figure.unwrap()["measured"].as_f64().unwrap()
+        };
+        assert!((cor("x") - 40.0).abs() < 0.05 && (cor("y") + 30.0).abs() < 0.05, "gain {gain}: {stdout}");
+    }
+}
+
+#[test]
+fn a_spoiled_trace_gives_the_reason_and_no_centre() {
+    let folder = TempDir::new().unwrap();
+    for (value, reason) in [(json!(null), "channel 1 lacks 1 samples"), (json!(32767), "channel 1 is clipped in 1 ")] {
+        let file = trace(folder.path(), |trace| trace["counts"]["y1"][450] = value);
+        let file = file.to_str().unwrap();
+        status(&["check", file], 0);
+        for json in [&[][..], &["--json"]] {
+            let (stdout, stderr) = status(&[&["lab", "waveform-fit", "--trace", file], json].concat(), 1);
+            assert!(stdout.is_empty(), "{stdout}");
+            assert!(stderr.starts_with(&format!("upm: {file}: ")) && stderr.contains(reason), "{stderr}");
+            assert_eq!(stderr.lines().count(), 1, "{stderr}");
+        }
+    }
+}
+
+#[test]
+fn a_malformed_trace_and_a_misplaced_one_are_refused() {
+    let folder = TempDir::new().unwrap();
+    type Change = fn(&mut Value);
+    let cases: [(&str, Change); 4] = [
+        ("counts.y2: found ", |trace| trace["counts"]["y2"] = json!([1, 2, 3])),
+        ("counts.x1[7]: found \"a\"", |trace| trace["counts"]["x1"][7] = json!("a")),
+        ("sample_hz: found 100", |trace| trace["sample_hz"] = json!(100)),
+        ("gains: found unknown key", |trace| trace["gains"] = json!([1, 1, 1, 1])),
+    ];
+    for (fault, change) in cases {
+        let file = trace(folder.path(), change);
+        for args in [&["check"][..], &["lab", "waveform-fit", "--trace"]] {
+            let (_, stderr) = status(&[args, &[file.to_str().unwrap()]].concat(), 2);
+            assert!(stderr.contains(&format!("trace.json: {fault}")) && stderr.contains(", allowed: "), "{stderr}");
+            assert_eq!(stderr.lines().count(), 1, "{stderr}");
+        }
+    }
+    let file = trace(folder.path(), |_| {});
+    let file = file.to_str().unwrap();
+    status(&["lab", "waveform-fit", "--trace", "no-such-trace.json"], 2);
+    status(&["lab", "--trace", file], 2);
+    status(&["lab", "waveform-fit", "--trace", file, "--rig", "configs/rigs/upm-2.json"], 2);
+    status(&["lab", "waveform-fit", "--rig", file], 2);
+    status(&["lab", "waveform-fit", "--rerun", "sideways"], 2);
+}
+
+#[test]
+#[cfg(not(feature = "rerun"))]
+fn an_experiment_is_not_recorded_without_rerun() {
+    for mode in ["save", "spawn", "connect"] {
+        let (stdout, stderr) = status(&["lab", "waveform-fit", "--rerun", mode], 2);
+        assert!(stdout.is_empty());
+        assert_eq!(stderr, format!("upm: --rerun: found {mode}, allowed: off, as this build has no Rerun\n"));
+    }
+}
+
+#[test]
+#[cfg(feature = "rerun")]
+fn an_experiment_is_recorded_when_asked() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let (stdout, _) = status(&["lab", "waveform-fit", "--out", out, "--rerun", "save"], 0);
+    let recording = folder.path().join("waveform-fit.rrd");
+    assert!(stdout.contains(recording.to_str().unwrap()), "{stdout}");
+    assert!(fs::read(recording).unwrap().starts_with(b"RRF2"));
+    status(&["lab", "waveform-fit", "--out", out, "--rerun", "connect=nowhere"], 2);
+}
