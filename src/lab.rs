@@ -1,8 +1,15 @@
 //! The papers' experiments on the simulated plate: each plays its pulses, measures, and sets the figures beside those of
 //! a closed form or of the paper. Nothing here is used by a run.
 
+mod coulomb_pump;
+mod disc_friction;
+mod force_curve;
 mod outcome;
+mod pumped;
+#[cfg(test)]
+mod testing;
 
+pub use force_curve::force_curve;
 pub use outcome::{Figure, Motion, Outcome, Series, Track};
 
 use crate::rig::RigModel;

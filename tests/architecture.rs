@@ -75,7 +75,10 @@ const ROOMS: &[(&str, &[&str])] = &[
         ],
     ),
     ("service", &["signal", "recording", "config", "run"]),
-    ("cli", &["signal", "rig", "vision", "library", "control", "recording", "config", "run", "service", "lab", "chart"]),
+    (
+        "cli",
+        &["signal", "rig", "vision", "library", "control", "recording", "config", "run", "service", "lab", "chart"],
+    ),
     ("main", &["cli"]),
 ];
 
@@ -88,6 +91,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("tokio", &["src/service"]),
     ("axum", &["src/service"]),
     ("clap", &["src/cli"]),
+    ("ellip", &["src/lab"]),
     ("serde", SERDE),
     ("serde_json", SERDE),
     ("schemars", SERDE),
