@@ -5,12 +5,17 @@ mod coulomb_pump;
 mod disc_friction;
 mod force_curve;
 mod outcome;
+mod pulses;
 mod pumped;
+mod race_track;
 #[cfg(test)]
 mod testing;
+mod two_parts;
 
 pub use force_curve::force_curve;
 pub use outcome::{Figure, Motion, Outcome, Series, Track};
+pub use race_track::race_track;
+pub use two_parts::two_parts;
 
 use crate::rig::RigModel;
 use crate::sim::{PartParams, SimParams};
