@@ -3,22 +3,32 @@
 
 mod cor_map;
 mod cor_steering;
+mod coulomb_pump;
+mod disc_friction;
 mod experiment;
+mod force_curve;
 mod force_sign;
 mod outcome;
+mod pulses;
+mod pumped;
+mod race_track;
 mod recorded;
 mod shaken;
 mod table;
 #[cfg(test)]
 mod testing;
+mod two_parts;
 mod waveform_fit;
 
 pub use cor_map::cor_map;
 pub use cor_steering::cor_steering;
 pub use experiment::{EXPERIMENTS, Experiment, WAVEFORM_FIT, experiment};
+pub use force_curve::force_curve;
 pub use outcome::{Figure, Motion, Outcome, Series, Track};
+pub use race_track::race_track;
 pub use recorded::waveform_fit_of;
 pub use table::{COLUMNS, HEADS, NUMBERS};
+pub use two_parts::two_parts;
 pub use waveform_fit::waveform_fit;
 
 use crate::rig::RigModel;

@@ -24,10 +24,10 @@ use crate::time::Clock;
 pub use crate::sim::Trajectories;
 pub use bench::{Bench, NamedTruth};
 pub use calibrate::{calibrate, calibration_params};
-pub use coverage::{Coverage, Gap, Place, half_side_of_centers, library_faults};
+pub use coverage::{Coverage, Gap, Place};
 pub use first_frame::{FirstFrame, FirstFrameError, TruePart, first_frame};
 pub use folder::RunFolder;
-pub use library::job_library;
+pub use library::{job_library, library_faults};
 pub use simulate::{check_simulate, simulate};
 pub use verify::{Verdict, VerifyError, verify};
 

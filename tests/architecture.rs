@@ -96,6 +96,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("axum", &["src/service"]),
     ("clap", &["src/cli"]),
     ("plotters", &["src/chart"]),
+    ("ellip", &["src/lab"]),
     ("serde", SERDE),
     ("serde_json", SERDE),
     ("schemars", SERDE),

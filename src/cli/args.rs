@@ -177,11 +177,10 @@ pub struct RunFolderArgs {
                   part in the direction in which it moves it least, and where some direction cannot be reached."
 )]
 pub struct CheckArgs {
-    /// Files to validate: jobs, rigs, experiments, COR libraries
+    /// Files to validate: jobs, rigs, experiments, COR libraries, traces
     #[arg(value_name = "FILE", required = true)]
     pub files: Vec<PathBuf>,
-    /// Rig that libraries must have been measured on; their coverage is that of its plate. Without it: of the square
-    /// that holds half of a library's centres
+    /// Rig that libraries must have been measured on: those of another are refused
     #[arg(long, value_name = "RIG.json")]
     pub rig: Option<PathBuf>,
     /// Draw the coverage of the one library given as a map

@@ -66,12 +66,7 @@ fn draw(path: &Path, findings: &[(&Path, Finding)]) -> Result<(), Failure> {
             let file = file.display();
             return Err(Failure::bad_input(format!("--picture: found {file}, a {}, allowed: one library", found.says)));
         };
-        let Some(coverage) = &covered.coverage else {
-            return Err(Failure::bad_input(
-                "--picture: found a library without centres and no --rig, allowed: a --rig",
-            ));
-        };
-        let drawn = chart::svg(&picture::chart(coverage, &covered.rig_name));
+        let drawn = chart::svg(&picture::chart(&covered.coverage, &covered.rig_name));
         std::fs::write(path, drawn).map_err(|error| Failure::write(path, error))?;
     }
     Ok(())
@@ -134,7 +129,7 @@ fn check_library(path: &Path, rig: Option<&RigSpec>) -> Finding {
         return Err(lines(faults));
     }
     let says = format!("library of {}, {} motions", library.rig, library.entries.len());
-    Ok(Found { says, covered: Some(Covered::by(&library, rig.map(|rig| rig.model.plate_side_m))) })
+    Ok(Found { says, covered: Some(Covered::by(&library)) })
 }
 
 fn lines<F: std::fmt::Display>(faults: Vec<F>) -> Vec<String> {

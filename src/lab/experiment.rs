@@ -24,6 +24,21 @@ pub const EXPERIMENTS: &[Experiment] = &[
         run: super::waveform_fit,
     },
     Experiment {
+        name: "force-curve",
+        about: "mean friction force of the pump against speed, the way to the belt's speed, friction of a disc",
+        run: super::force_curve,
+    },
+    Experiment {
+        name: "race-track",
+        about: "snapshots of three coins on one rotation field (rig upm-2: the weak rig saturates)",
+        run: super::race_track,
+    },
+    Experiment {
+        name: "two-parts",
+        about: "two coins, four centres of rotation: the error of one large step and of several (rig upm-2)",
+        run: super::two_parts,
+    },
+    Experiment {
         name: "cor-map",
         about: "every centre of a calibrated library, as read and as it truly is",
         run: super::cor_map,

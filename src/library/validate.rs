@@ -61,7 +61,7 @@ impl Library {
     /// drive only. A library of a rig of another name is one fault, for all others follow from it.
     pub fn check_fits(&self, rig: &RigFacts<'_>) -> Vec<LibraryFault> {
         if self.rig != rig.name {
-            let allowed = format!("{:?}, the rig of this run", rig.name);
+            let allowed = format!("{:?}, the rig given", rig.name);
             return vec![LibraryFault::new("rig", format!("{:?}", self.rig), allowed)];
         }
         let mut faults = Vec::new();

@@ -1,8 +1,7 @@
 //! What a COR library can do on a plate: how well it moves a part where, and where its centres lie.
 
-use crate::config::RigSpec;
 use crate::geometry::Vec2;
-use crate::library::{Library, LibraryFault, RigFacts};
+use crate::library::Library;
 use crate::planner::Reach;
 
 #[cfg(test)]
@@ -17,9 +16,6 @@ const GAP_STEPS: usize = 200;
 /// A centre farther away than this many sides is that of a translation: the flow turns by less than 6 degrees over
 /// the plate.
 const FAR_SIDES: f64 = 10.0;
-
-/// No plate is this large, m.
-const LARGEST_PLATE_M: f64 = 10.0;
 
 /// What a library can do on a plate.
 #[derive(Clone, Debug, PartialEq)]
@@ -83,8 +79,9 @@ impl Place {
 }
 
 impl Coverage {
-    /// What `library` can do on a plate of this half side.
-    pub fn of(library: &Library, half_side_m: f64) -> Self {
+    /// What `library` can do on its rig's plate.
+    pub fn of(library: &Library) -> Self {
+        let half_side_m = 0.5 * library.plate_side_m;
         let model = &library.displacement;
         let mut is_strongest = vec![false; library.entries.len()];
         let mut places = Vec::with_capacity(PLACES * PLACES);
@@ -132,30 +129,6 @@ impl Coverage {
     pub fn unreached_share(&self) -> f64 {
         self.places.iter().filter(|place| !place.is_reached()).count() as f64 / self.places.len().max(1) as f64
     }
-}
-
-/// Half the side of the square about the middle that holds half of the library's centres, m: a guess at the plate for
-/// a library whose rig is not at hand. `None` for a library without centres.
-pub fn half_side_of_centers(library: &Library) -> Option<f64> {
-    let centers = library.entries.iter().filter_map(|entry| entry.center_m());
-    let mut half_sides_m: Vec<f64> = centers.map(|center| center.amax()).filter(|&h| h < LARGEST_PLATE_M).collect();
-    half_sides_m.sort_by(f64::total_cmp);
-    half_sides_m.get(half_sides_m.len() / 2).copied().filter(|&half_side_m| half_side_m > 0.0)
-}
-
-/// Everything that keeps `library`, read from `file`, from being used on `rig`.
-pub fn library_faults(library: &Library, file: &str, rig: &RigSpec) -> Vec<LibraryFault> {
-    let model = &rig.model;
-    let facts = RigFacts {
-        name: &model.name,
-        fingerprint: &rig.fingerprint,
-        base_radps: model.base_radps,
-        attack_s: model.attack_s,
-        rest_s: model.rest_s,
-        count_limit: model.count_limit,
-    };
-    let faults = library.check_fits(&facts).into_iter();
-    faults.map(|fault| LibraryFault { file: file.to_owned(), ..fault }).collect()
 }
 
 /// Middles of equal squares that fill the plate, row by row from the top.

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use crate::config::{JobSpec, LibraryRef};
+use crate::config::{JobSpec, LibraryRef, RigSpec};
 use crate::library::{Library, LibraryFault, RigFacts};
 
 /// The COR library a job runs with, checked against its rig.
@@ -21,25 +21,26 @@ pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
             }]);
         }
     };
-    let model = &job.rig.model;
-    let rig = RigFacts {
+    let file = match &job.library {
+        Some(LibraryRef::File(path)) => path.display().to_string(),
+        _ => format!("{}: library", job.file),
+    };
+    let faults = library_faults(&library, &file, &job.rig);
+    if faults.is_empty() { Ok(Arc::new(library)) } else { Err(faults) }
+}
+
+/// Everything that keeps `library`, read from `file`, from being used on `rig`.
+pub fn library_faults(library: &Library, file: &str, rig: &RigSpec) -> Vec<LibraryFault> {
+    let model = &rig.model;
+    let facts = RigFacts {
         name: &model.name,
-        fingerprint: &job.rig.fingerprint,
+        fingerprint: &rig.fingerprint,
         plate_side_m: model.plate_side_m,
         base_radps: model.base_radps,
         attack_s: model.attack_s,
         rest_s: model.rest_s,
         count_limit: model.count_limit,
     };
-    let faults: Vec<LibraryFault> = library.check_fits(&rig).into_iter().map(|fault| in_file(fault, job)).collect();
-    if faults.is_empty() { Ok(Arc::new(library)) } else { Err(faults) }
-}
-
-/// The fault under the name of the file the library came from.
-fn in_file(fault: LibraryFault, job: &JobSpec) -> LibraryFault {
-    let file = match &job.library {
-        Some(LibraryRef::File(path)) => path.display().to_string(),
-        _ => format!("{}: library", job.file),
-    };
-    LibraryFault { file, ..fault }
+    let faults = library.check_fits(&facts).into_iter();
+    faults.map(|fault| LibraryFault { file: file.to_owned(), ..fault }).collect()
 }

@@ -4,75 +4,36 @@ use serde_json::{Value, json};
 
 use crate::geometry::Vec2;
 use crate::library::Library;
-use crate::run::{Coverage, Place, half_side_of_centers};
+use crate::run::{Coverage, Place};
 use crate::units::mm_from_m;
 
 /// The coverage of a library and what plate it is for.
 pub(super) struct Covered {
     /// Name of the rig the library was measured on.
     pub rig_name: String,
-    /// True where the plate's side is the rig's, not guessed from the library.
-    side_is_known: bool,
-    /// `None` where nobody knows how large the plate is.
-    pub coverage: Option<Coverage>,
+    /// What it does where.
+    pub coverage: Coverage,
 }
 
 impl Covered {
-    /// What `library` covers of a plate of this side; where that is not known, of the square that holds half of its
-    /// centres.
-    pub fn by(library: &Library, plate_side_m: Option<f64>) -> Self {
-        let half_side_m = plate_side_m.map(|side_m| 0.5 * side_m).or_else(|| half_side_of_centers(library));
-        Self {
-            rig_name: library.rig.clone(),
-            side_is_known: plate_side_m.is_some(),
-            coverage: half_side_m.map(|half_side_m| Coverage::of(library, half_side_m)),
-        }
+    /// What `library` covers of its plate.
+    pub fn by(library: &Library) -> Self {
+        Self { rig_name: library.rig.clone(), coverage: Coverage::of(library) }
     }
 
     /// Lines for people: figures, then a map.
     pub fn lines(&self) -> Vec<String> {
-        let Some(coverage) = &self.coverage else {
-            return vec!["coverage unknown: a library without centres does not tell the plate, give --rig".into()];
-        };
+        let coverage = &self.coverage;
         let mut lines: Vec<String> =
-            self.figures(coverage).into_iter().map(|(label, text)| format!("{label:16} {text}")).collect();
+            figures(coverage).into_iter().map(|(label, text)| format!("{label:16} {text}")).collect();
         lines.push("longest step in the weakest direction, 9 for the best places, ! where out of reach:".into());
         lines.extend(map(coverage));
         lines
     }
 
-    fn figures(&self, coverage: &Coverage) -> Vec<(&'static str, String)> {
-        let side = mm(2.0 * coverage.half_side_m);
-        let (of, plate) = if self.side_is_known {
-            ("plate", format!("{side:.1} mm, the rig's"))
-        } else {
-            ("square", format!("{side:.1} mm, holds half of the centres; the plate itself with --rig"))
-        };
-        let Coverage { inside, outside, translations, .. } = coverage;
-        let mut figures =
-            vec![(of, plate), ("centres", format!("{inside} inside, {outside} outside, {translations} translations"))];
-        if let Some(gap) = coverage.gap {
-            let text = format!("{:.1} mm to the nearest centre, from {} mm", mm(gap.distance_m), shown(gap.position_m));
-            figures.push(("largest gap", text));
-        }
-        if let Some(place) = coverage.weakest() {
-            figures.push(("weakest place", format!("{} mm along {:.0} deg", shown(place.position_m), degrees(place))));
-            figures.push(("one pulse there", steps(place)));
-        }
-        let unreached = 100.0 * coverage.unreached_share();
-        let least = mm(Place::LEAST_SHARE * coverage.best_step_m);
-        figures.push((
-            "out of reach",
-            format!("{unreached:.1} % of places (a direction with less than {least:.2} mm a pulse)"),
-        ));
-        let (idle, all) = (coverage.never_strongest.len(), inside + outside + translations);
-        figures.push(("never strongest", format!("{idle} of {all} motions, wherever and whichever way")));
-        figures
-    }
-
     /// The same for programs, lengths in millimetres.
     pub fn json(&self) -> Value {
-        let Some(coverage) = &self.coverage else { return Value::Null };
+        let coverage = &self.coverage;
         let weakest = coverage.weakest().map(|place| {
             json!({
                 "position_mm": position(place.position_m),
@@ -89,7 +50,6 @@ impl Covered {
         let row = |places: &[Place]| -> Vec<f64> { places.iter().map(|p| rounded(mm(p.longest_step_m))).collect() };
         json!({
             "side_mm": rounded(mm(2.0 * coverage.half_side_m)),
-            "side_is_the_rigs": self.side_is_known,
             "centres": {
                 "inside": coverage.inside,
                 "outside": coverage.outside,
@@ -104,6 +64,31 @@ impl Covered {
             "longest_step_mm": coverage.places.chunks(coverage.columns).map(row).collect::<Vec<_>>(),
         })
     }
+}
+
+fn figures(coverage: &Coverage) -> Vec<(&'static str, String)> {
+    let Coverage { inside, outside, translations, .. } = coverage;
+    let mut figures = vec![
+        ("plate", format!("{:.1} mm", mm(2.0 * coverage.half_side_m))),
+        ("centres", format!("{inside} inside, {outside} outside, {translations} translations")),
+    ];
+    if let Some(gap) = coverage.gap {
+        let text = format!("{:.1} mm to the nearest centre, from {} mm", mm(gap.distance_m), shown(gap.position_m));
+        figures.push(("largest gap", text));
+    }
+    if let Some(place) = coverage.weakest() {
+        figures.push(("weakest place", format!("{} mm along {:.0} deg", shown(place.position_m), degrees(place))));
+        figures.push(("one pulse there", steps(place)));
+    }
+    let unreached = 100.0 * coverage.unreached_share();
+    let least = mm(Place::LEAST_SHARE * coverage.best_step_m);
+    figures.push((
+        "out of reach",
+        format!("{unreached:.1} % of places (a direction with less than {least:.2} mm a pulse)"),
+    ));
+    let (idle, all) = (coverage.never_strongest.len(), inside + outside + translations);
+    figures.push(("never strongest", format!("{idle} of {all} motions, wherever and whichever way")));
+    figures
 }
 
 fn steps(place: &Place) -> String {

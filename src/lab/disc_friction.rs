@@ -1,0 +1,131 @@
+//! Friction of a disc that slides and spins at once: the simulation's table against the closed form in complete
+//! elliptic integrals (Farkas, Bartels, Unger, Wolf, Phys. Rev. Lett. 90, 248302, 2003).
+
+use std::f64::consts::PI;
+
+use ellip::{ellipe, ellipk};
+
+use super::{Figure, Outcome, Series};
+use crate::chart::{Axis, Chart, Color, Layer, Mark};
+use crate::sim::DiscFriction;
+
+/// Slip ratios compared, from 1e-4 to 1e4.
+const RATIOS: usize = 200;
+/// Every how many of them a chart shows a dot.
+const DOTS: usize = 8;
+/// Near 0 and far out the closed form is a difference of nearly equal numbers; its series take over there.
+const SERIES_BELOW: f64 = 0.01;
+
+const FARKAS: &str = "complete elliptic integrals, Farkas et al., Phys. Rev. Lett. 90, 248302 (2003)";
+
+/// Slip ratio, `[f, t]` of the table, `[f, t]` of the closed form.
+struct Row {
+    ratio: f64,
+    table: [f64; 2],
+    exact: [f64; 2],
+}
+
+/// Adds what the comparison comes to.
+pub(super) fn report(outcome: &mut Outcome) {
+    let rows: Vec<Row> = slip_ratios()
+        .map(|ratio| Row {
+            ratio,
+            table: DiscFriction::shared().force_and_torque(ratio, 1.0),
+            exact: closed_form(ratio),
+        })
+        .collect();
+    let source = format!("0 where equal; over {} slip ratios from 1e-4 to 1e4; {FARKAS}", rows.len());
+    for (i, name) in ["force", "torque"].into_iter().enumerate() {
+        // In the total order not-a-number is above all numbers: it would show.
+        let worst = rows.iter().map(|row| (row.table[i] / row.exact[i] - 1.0).abs()).max_by(f64::total_cmp);
+        let name = format!("relative deviation of a disc's {name}, largest");
+        outcome.figures.push(Figure::against(name, "1", worst.unwrap_or(f64::NAN), 0.0, &source));
+    }
+    outcome.series.extend([
+        Series::new("disc_slip_ratio", rows.iter().map(|row| row.ratio)),
+        Series::new("disc_force_over_mu_n", rows.iter().map(|row| row.table[0])),
+        Series::new("disc_force_over_mu_n_closed_form", rows.iter().map(|row| row.exact[0])),
+        Series::new("disc_torque_over_mu_n_r", rows.iter().map(|row| row.table[1])),
+        Series::new("disc_torque_over_mu_n_r_closed_form", rows.iter().map(|row| row.exact[1])),
+    ]);
+    outcome.charts.push(chart(&rows));
+}
+
+/// Evenly spread over eight decades; 1 itself, where force and torque have their corner, is put in the middle.
+fn slip_ratios() -> impl Iterator<Item = f64> {
+    let spread = (0..RATIOS - 1).map(|i| 10f64.powf(8.0 * i as f64 / (RATIOS - 2) as f64 - 4.0));
+    let below = spread.clone().filter(|ratio| *ratio < 1.0 - 1e-9);
+    let above = spread.filter(|ratio| *ratio > 1.0 + 1e-9);
+    let corner = [1.0 - 1e-4, 1.0];
+    below.chain(corner).chain(above)
+}
+
+/// `[F/(μ N), T/(μ N R)]` at slip ratio `e = v/(R w)`.
+fn closed_form(e: f64) -> [f64; 2] {
+    let e2 = e * e;
+    if e < SERIES_BELOW {
+        return [e - e.powi(3) / 8.0, 2.0 / 3.0 - e2 / 2.0];
+    }
+    if e > 1.0 / SERIES_BELOW {
+        return [1.0 - 1.0 / (8.0 * e2), 1.0 / (4.0 * e) + 1.0 / (48.0 * e.powi(3))];
+    }
+    let modulus2 = e2.min(1.0 / e2);
+    let second_kind = ellipe(modulus2).unwrap_or(f64::NAN);
+    // At e = 1 the first kind is infinite and its factor zero; their product is zero.
+    let first_kind = if modulus2 < 1.0 { ellipk(modulus2).unwrap_or(f64::NAN) } else { 0.0 };
+    let scale = 4.0 / (9.0 * PI);
+    if e <= 1.0 {
+        let force = 3.0 / e * ((1.0 + e2) * second_kind - (1.0 - e2) * first_kind);
+        [scale * force, scale * ((4.0 - 2.0 * e2) * second_kind - (1.0 - e2) * first_kind)]
+    } else {
+        let force = 3.0 * ((e2 + 1.0) * second_kind - (e2 - 1.0) * first_kind);
+        let torque = e * ((4.0 - 2.0 * e2) * second_kind + (2.0 * e2 - 5.0 + 3.0 / e2) * first_kind);
+        [scale * force, scale * torque]
+    }
+}
+
+fn chart(rows: &[Row]) -> Chart {
+    let line = |label: &str, i: usize| {
+        let points = rows.iter().map(|row| [row.ratio.log10(), row.exact[i]]);
+        Layer::new(label, Mark::Line, Color::Gray, points)
+    };
+    let dots = |label: &str, i: usize, color| {
+        let points = rows.iter().step_by(DOTS).map(|row| [row.ratio.log10(), row.table[i]]);
+        Layer::new(label, Mark::Dots, color, points)
+    };
+    Chart {
+        name: "force-curve-disc".to_owned(),
+        title: "Friction of a disc that slides at v and spins at w".to_owned(),
+        x: Axis::new("log10 of slip ratio v/(R w)"),
+        y: Axis::new("force over μ N, torque over μ N R"),
+        map: false,
+        layers: vec![
+            line("closed form", 0),
+            line("", 1),
+            dots("force, simulated", 0, Color::Blue),
+            dots("torque, simulated", 1, Color::Orange),
+        ],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn closed_form_and_series_meet() {
+        for e in [SERIES_BELOW, 1.0 / SERIES_BELOW] {
+            let (below, above) = (closed_form(e * (1.0 - 1e-6)), closed_form(e * (1.0 + 1e-6)));
+            for (below, above) in below.into_iter().zip(above) {
+                assert!((below / above - 1.0).abs() < 3e-6, "{e}: {below} {above}");
+            }
+        }
+    }
+
+    #[test]
+    fn two_hundred_ratios_in_order_with_the_corner() {
+        let ratios: Vec<f64> = slip_ratios().collect();
+        assert_eq!(ratios.len(), RATIOS);
+        assert!(ratios.is_sorted() && ratios.contains(&1.0));
+    }
+}

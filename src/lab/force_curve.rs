@@ -1,0 +1,278 @@
+//! The Coulomb pump: mean friction against speed, a part's approach to the belt's speed, and a disc's friction, each
+//! against its closed form; and where parts of this rig begin to slide.
+
+use std::f64::consts::TAU;
+
+use super::pumped::{PumpedLine, sliding_threshold};
+use super::{Figure, LabFault, LabRig, Outcome, Series, coulomb_pump, disc_friction};
+use crate::chart::{Axis, Chart, Color, Layer, Mark};
+use crate::sim::PartParams;
+use crate::units::GRAVITY_MPS2;
+
+/// Speeds at which the mean force is taken, from rest to the belt's.
+const SPEEDS: u32 = 20;
+/// Friction so faint that a part's speed stays as set for a cycle: the limit of fast vibration.
+const FAINT: f64 = 1e-5;
+/// Steps of a cycle for a force: one step too many on one side of the plate's speed is 2e-5 of μ m g.
+const FORCE_STEPS: u32 = 100_000;
+
+/// The paper's example (Appendix A): friction, amplitude of the plate's acceleration `A w` in g, base frequency, time constant.
+const PAPER_FRICTION: f64 = 0.3;
+const PAPER_PEAK_G: f64 = 2.0;
+const PAPER_HZ: f64 = 60.0;
+const PAPER_TIME_CONSTANT_S: f64 = 0.035;
+/// The paper's belt shaken this many times faster: a part's speed changes within a cycle by less than 1 % of the belt's.
+const FASTER: f64 = 100.0;
+const BELT_STEPS: u32 = 2_000;
+/// How long the approach is followed, in time constants.
+const APPROACH: f64 = 3.0;
+
+const APPENDIX_A: &str = "UPM paper, Appendix A, Eqs. 17 and 18";
+
+/// Mean friction force against speed and the viscous approach in the limit of fast vibration, the same approach at the
+/// rig's own frequency, where its parts begin to slide, and the friction of a disc that spins.
+pub fn force_curve(rig: &LabRig) -> Result<Outcome, LabFault> {
+    if ![rig.penny.friction, rig.model.base_radps, rig.sim.step_s].iter().all(|v| v.is_finite() && *v > 0.0) {
+        return Err(LabFault::Rig("friction, base frequency and time step must be positive".to_owned()));
+    }
+    let mut outcome = Outcome::default();
+    report_forces(rig, &mut outcome);
+    report_approach(rig, &mut outcome);
+    disc_friction::report(&mut outcome);
+    report_rig(rig, &mut outcome);
+    Ok(outcome)
+}
+
+fn report_forces(rig: &LabRig, outcome: &mut Outcome) {
+    let line = PumpedLine { amplitude_mps: 1.0, base_radps: TAU * PAPER_HZ, steps: FORCE_STEPS };
+    let part = PartParams { friction: FAINT, ..rig.penny };
+    let at = |i: u32| coulomb_pump::BELT * f64::from(i) / f64::from(SPEEDS - 1);
+    let rows: Vec<[f64; 3]> =
+        (0..SPEEDS).map(at).map(|u| [u, line.mean_force(part, u), coulomb_pump::mean_force(u)]).collect();
+
+    let at_rest = coulomb_pump::mean_force(0.0);
+    let (slower, belt) = rows.split_at(rows.len() - 1);
+    let worst = slower.iter().map(|[_, force, exact]| (force / exact - 1.0).abs()).max_by(f64::total_cmp);
+    for (name, row, source) in [
+        ("mean force on a part at rest, f0", slower.first(), "closed form at rest, the paper's 0.24"),
+        ("mean force at the belt's speed A/2", belt.first(), "closed form: none at A/2"),
+    ] {
+        outcome.figures.extend(row.map(|row| Figure::against(name, "μ m g", row[1], row[2], source)));
+    }
+    let source = format!(
+        "0 where equal; relative to the closed form at the {} speeds below A/2, where it is not zero; {APPENDIX_A}",
+        slower.len()
+    );
+    let name = "relative deviation of the mean force, largest";
+    outcome.figures.push(Figure::against(name, "1", worst.unwrap_or(f64::NAN), 0.0, &source));
+    let at_belt = belt.iter().map(|[_, force, exact]| (force - exact).abs() / at_rest).fold(0.0, f64::max);
+    let source = "0 where equal; as a part of f0, for the closed form is zero there";
+    outcome.figures.push(Figure::against("deviation of the mean force at A/2", "f0", at_belt, 0.0, source));
+    outcome.series.extend([
+        Series::new("force_speed_over_amplitude", rows.iter().map(|row| row[0])),
+        Series::new("force_over_mu_m_g", rows.iter().map(|row| row[1])),
+        Series::new("force_over_mu_m_g_closed_form", rows.iter().map(|row| row[2])),
+    ]);
+    outcome.charts.push(force_chart(&rows));
+}
+
+fn force_chart(rows: &[[f64; 3]]) -> Chart {
+    const CURVE: u32 = 200;
+    let curve = (0..=CURVE).map(|i| coulomb_pump::BELT * f64::from(i) / f64::from(CURVE));
+    let belt = [[0.0, coulomb_pump::mean_force(0.0)], [coulomb_pump::BELT, 0.0]];
+    Chart {
+        name: "force-curve".to_owned(),
+        title: "Mean friction force of the Coulomb pump".to_owned(),
+        x: Axis::new("speed of the part over A"),
+        y: Axis::new("mean force over μ m g"),
+        map: false,
+        layers: vec![
+            Layer::new("viscous belt (Eq. 19)", Mark::Dashes, Color::Gray, belt),
+            Layer::new(
+                "closed form (Eq. 18)",
+                Mark::Line,
+                Color::Blue,
+                curve.map(|u| [u, coulomb_pump::mean_force(u)]),
+            ),
+            Layer::new("simulated", Mark::Dots, Color::Orange, rows.iter().map(|row| [row[0], row[1]])),
+        ],
+    }
+}
+
+/// A part's speed from rest, simulated on the paper's belt and in closed form, at the same instants.
+struct Approach {
+    t_s: Vec<f64>,
+    speed_mps: Vec<f64>,
+    exact_mps: Vec<f64>,
+    belt_mps: f64,
+}
+
+impl Approach {
+    /// `μ g / A` of `line` and `part` is the scale of rates.
+    fn of(line: &PumpedLine, part: PartParams, rate_hz: f64) -> Self {
+        let duration_s = APPROACH / (2.0 * coulomb_pump::mean_force(0.0) * rate_hz);
+        let cycles = (duration_s / line.cycle_s()).ceil() as u32;
+        let speed_mps = line.speeds(part, 0.0, cycles);
+        Self {
+            t_s: (0..=cycles).map(|i| f64::from(i) * line.cycle_s()).collect(),
+            exact_mps: coulomb_pump::speeds(line.cycle_s() * rate_hz, speed_mps.len())
+                .into_iter()
+                .map(|u| u * line.amplitude_mps)
+                .collect(),
+            speed_mps,
+            belt_mps: coulomb_pump::BELT * line.amplitude_mps,
+        }
+    }
+
+    /// When the part has 1 - 1/e of the belt's speed, s; straight lines between the cycles.
+    fn rise_s(&self) -> f64 {
+        let wanted = rise() * self.belt_mps;
+        let steps = self.t_s.windows(2).zip(self.speed_mps.windows(2));
+        let Some((&[from, to], &[before, after])) = steps.into_iter().find(|(_, speeds)| speeds[1] >= wanted) else {
+            return f64::NAN;
+        };
+        from + (to - from) * (wanted - before) / (after - before)
+    }
+
+    /// Largest difference from the closed form, as a part of the belt's speed.
+    fn deviation(&self) -> f64 {
+        let pairs = self.speed_mps.iter().zip(&self.exact_mps);
+        pairs.map(|(speed, exact)| (speed - exact).abs()).max_by(f64::total_cmp).unwrap_or(f64::NAN) / self.belt_mps
+    }
+}
+
+/// The share of the belt's speed that a viscous belt gives in one time constant.
+fn rise() -> f64 {
+    1.0 - (-1.0f64).exp()
+}
+
+fn report_approach(rig: &LabRig, outcome: &mut Outcome) {
+    let amplitude_mps = PAPER_PEAK_G * GRAVITY_MPS2 / (TAU * PAPER_HZ);
+    let line = PumpedLine { amplitude_mps, base_radps: TAU * PAPER_HZ * FASTER, steps: BELT_STEPS };
+    let part = PartParams { friction: PAPER_FRICTION, ..rig.penny };
+    let rate_hz = PAPER_FRICTION * GRAVITY_MPS2 / amplitude_mps;
+
+    // The slope over the first cycle, in which the speed stays near zero.
+    let slope = PumpedLine { steps: FORCE_STEPS, ..line }.mean_force(part, 0.0);
+    let (k2, exact_k2) = (2.0 * slope * rate_hz, 2.0 * coulomb_pump::mean_force(0.0) * rate_hz);
+    let approach = Approach::of(&line, part, rate_hz);
+    let exact_rise_s = coulomb_pump::time_to(rise() * coulomb_pump::BELT) / rate_hz;
+    let setting = format!("μ {PAPER_FRICTION}, A = {PAPER_PEAK_G} g/w at {PAPER_HZ} Hz, shaken {FASTER} times faster");
+    let initial = format!("2 f0 μ g/A, f0 in closed form, against twice the gain over the first cycle; {setting}");
+    let integral = format!("closed-form force integrated over time (not the exponential); {setting}");
+    outcome.figures.extend([
+        Figure::against("initial rate k2", "1/s", k2, exact_k2, &initial),
+        Figure::against("k2 A/(μ g)", "1", k2 / rate_hz, 0.48, "UPM paper, Eq. 21, two digits"),
+        Figure::against("initial time constant 1/k2", "ms", 1e3 / k2, 1e3 / exact_k2, &initial),
+        Figure::against(
+            "initial time constant 1/k2 beside the paper's",
+            "ms",
+            1e3 / k2,
+            1e3 * PAPER_TIME_CONSTANT_S,
+            "UPM paper, Appendix A, as printed; its own formula gives 36.8 ms for A = 2 g/w",
+        ),
+        Figure::against("time to 1 - 1/e of A/2", "ms", 1e3 * approach.rise_s(), 1e3 * exact_rise_s, &integral),
+        Figure::against(
+            "time to 1 - 1/e of A/2 beside the viscous belt's",
+            "ms",
+            1e3 * approach.rise_s(),
+            1e3 / exact_k2,
+            "UPM paper, Eq. 20: the force hangs above the straight line, so that parts get there sooner",
+        ),
+        Figure::against("deviation of speed against time, largest", "A/2", approach.deviation(), 0.0, &integral),
+    ]);
+    outcome.series.extend([
+        Series::new("approach_t_s", approach.t_s.iter().copied()),
+        Series::new("approach_speed_mps", approach.speed_mps.iter().copied()),
+        Series::new("approach_speed_mps_closed_form", approach.exact_mps.iter().copied()),
+    ]);
+    outcome.charts.push(approach_chart(&approach, exact_k2));
+}
+
+fn approach_chart(approach: &Approach, k2: f64) -> Chart {
+    const DOTS: usize = 25;
+    let mm = |values: &[f64]| approach.t_s.iter().zip(values).map(|(t, v)| [1e3 * t, 1e3 * v]).collect::<Vec<_>>();
+    let exponential: Vec<f64> = approach.t_s.iter().map(|t| approach.belt_mps * (1.0 - (-k2 * t).exp())).collect();
+    let every = (approach.t_s.len() / DOTS).max(1);
+    let dots = mm(&approach.speed_mps).into_iter().step_by(every);
+    Chart {
+        name: "force-curve-approach".to_owned(),
+        title: "A part pumped from rest".to_owned(),
+        x: Axis::new("time (ms)"),
+        y: Axis::new("speed (mm/s)"),
+        map: false,
+        layers: vec![
+            Layer::new("viscous belt (Eq. 20)", Mark::Dashes, Color::Gray, mm(&exponential)),
+            Layer::new("closed-form force, integrated", Mark::Line, Color::Blue, mm(&approach.exact_mps)),
+            Layer::new("simulated", Mark::Dots, Color::Orange, dots),
+        ],
+    }
+}
+
+fn report_rig(rig: &LabRig, outcome: &mut Outcome) {
+    let (friction, base_radps, step_s) = (rig.penny.friction, rig.model.base_radps, rig.sim.step_s);
+    let peak = coulomb_pump::peak_acceleration();
+    outcome.figures.push(Figure::against(
+        "plate acceleration A w from which this rig's part slides",
+        "μ g",
+        sliding_threshold(rig.penny, base_radps, step_s),
+        1.0 / peak,
+        "1 over the largest slope of cos a - ½ cos 2a, 1.7602",
+    ));
+    let amplitude_mps = PAPER_PEAK_G * GRAVITY_MPS2 / base_radps;
+    let steps = (TAU / base_radps / step_s).round().max(1.0) as u32;
+    let rate_hz = friction * GRAVITY_MPS2 / amplitude_mps;
+    let approach = Approach::of(&PumpedLine { amplitude_mps, base_radps, steps }, rig.penny, rate_hz);
+    let exact_rise_s = coulomb_pump::time_to(rise() * coulomb_pump::BELT) / rate_hz;
+    outcome.figures.push(Figure::against(
+        "time to 1 - 1/e of A/2 at this rig's frequency and step, A = 2 g/w",
+        "ms",
+        1e3 * approach.rise_s(),
+        1e3 * exact_rise_s,
+        "closed form in the limit of fast vibration; at this frequency the part's speed changes much within a cycle",
+    ));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::lab_rig;
+    use super::*;
+
+    fn figure<'a>(outcome: &'a Outcome, name: &str) -> &'a Figure {
+        outcome.figures.iter().find(|figure| figure.name == name).unwrap()
+    }
+
+    #[test]
+    fn force_approach_disc_and_threshold_are_those_of_the_closed_forms() {
+        let outcome = force_curve(&lab_rig("upm-1")).unwrap();
+        let below = |name: &str, bar: f64| {
+            let measured = figure(&outcome, name).measured;
+            assert!(measured < bar, "{name}: {measured}");
+        };
+        below("relative deviation of the mean force, largest", 0.01);
+        below("deviation of the mean force at A/2", 0.01);
+        below("relative deviation of a disc's force, largest", 0.005);
+        below("relative deviation of a disc's torque, largest", 0.005);
+        below("deviation of speed against time, largest", 0.01);
+        let near = |name: &str, bar: f64| {
+            let error = figure(&outcome, name).relative_error().unwrap();
+            assert!(error.abs() < bar, "{name}: {error}");
+        };
+        near("mean force on a part at rest, f0", 0.01);
+        near("initial rate k2", 0.01);
+        near("initial time constant 1/k2", 0.01);
+        near("time to 1 - 1/e of A/2", 0.01);
+        near("plate acceleration A w from which this rig's part slides", 0.001);
+        assert!(figure(&outcome, "k2 A/(μ g)").relative_error().unwrap().abs() < 0.01);
+        let forces = &outcome.series[1].values;
+        assert_eq!(forces.len(), 20);
+        assert!(forces.is_sorted_by(|a, b| a > b), "falls with speed");
+    }
+
+    #[test]
+    fn a_rig_without_friction_is_refused() {
+        let mut rig = lab_rig("upm-1");
+        rig.penny.friction = 0.0;
+        assert!(matches!(force_curve(&rig), Err(LabFault::Rig(_))));
+    }
+}

@@ -1,0 +1,130 @@
+//! Pulses of rotation about a point, as a rig's motors can play them.
+
+use super::{LabFault, LabRig, coulomb_pump};
+use crate::geometry::{Vec2, cross};
+use crate::signal::Envelope;
+use crate::sim::{OpenLoopError, OpenPulse, PartTrajectory, PlateMode, check_pulses};
+use crate::units::GRAVITY_MPS2;
+
+/// Samples a second of a playback.
+pub(super) const PLAYBACK_HZ: f64 = 60.0;
+/// Samples for one of playback, where angles are counted and the ends of pulses are found.
+pub(super) const FINER: usize = 16;
+/// Free way left between a coin's rim and the plate's edge at the start, m: a rig's plate lets coins drift.
+pub(super) const EDGE_M: f64 = 10e-3;
+
+impl From<OpenLoopError> for LabFault {
+    fn from(error: OpenLoopError) -> Self {
+        Self::Rig(error.to_string())
+    }
+}
+
+/// What [`saturation`] is, for a figure.
+pub(super) const SATURATION: &str = "f0 μ g (S + 2 attacks) over the belt's speed A/2: \
+    pulses move all parts equally far while this is far below 1";
+
+/// The rig's pulse held for `sustain_s`.
+pub(super) fn envelope(rig: &LabRig, sustain_s: f64) -> Envelope {
+    Envelope { attack_s: rig.model.attack_s, sustain_s, rest_s: rig.model.rest_s }
+}
+
+/// The largest amplitude of spin about `cor_m` that the rig's motors play, rad/s: found by halving an interval.
+pub(super) fn strongest_spin(rig: &LabRig, cor_m: Vec2) -> Result<f64, LabFault> {
+    const DOUBLINGS: usize = 40;
+    const HALVINGS: usize = 40;
+    let check = |spin_radps: f64| {
+        let pulse = OpenPulse::about(cor_m, spin_radps, envelope(rig, 0.0));
+        match check_pulses(&rig.sim, PlateMode::Dynamic, &[pulse], rig.model.base_radps) {
+            Ok(()) => Ok(true),
+            Err(OpenLoopError::TooManyCounts { .. } | OpenLoopError::TooMuchForce { .. }) => Ok(false),
+            Err(other) => Err(LabFault::from(other)),
+        }
+    };
+    let (mut played, mut refused) = (0.0, 1.0);
+    for _ in 0..DOUBLINGS {
+        if !check(refused)? {
+            break;
+        }
+        (played, refused) = (refused, 2.0 * refused);
+    }
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (played + refused);
+        if check(middle)? {
+            played = middle;
+        } else {
+            refused = middle;
+        }
+    }
+    Ok(played)
+}
+
+/// Refuses a plate that cannot make a part slide at `radius_m` from its centre of rotation.
+pub(super) fn check_slides(rig: &LabRig, spin_radps: f64, radius_m: f64) -> Result<(), LabFault> {
+    let shaken = spin_radps * radius_m * rig.model.base_radps;
+    let needed = rig.penny.friction * GRAVITY_MPS2 / coulomb_pump::peak_acceleration();
+    if shaken > needed {
+        return Ok(());
+    }
+    Err(LabFault::Rig(format!(
+        "parts stick {:.0} mm from the centre of rotation: found an acceleration A w of {shaken:.2} m/s² there, \
+         needed: more than {needed:.2}",
+        1e3 * radius_m
+    )))
+}
+
+/// Place number `i` of a trajectory.
+pub(super) fn place(trajectory: &PartTrajectory, i: usize) -> Option<Vec2> {
+    Some(Vec2::new(*trajectory.x_m.get(i)?, *trajectory.y_m.get(i)?))
+}
+
+/// All places of a trajectory.
+pub(super) fn places(trajectory: &PartTrajectory) -> impl Iterator<Item = Vec2> {
+    trajectory.x_m.iter().zip(&trajectory.y_m).map(|(&x, &y)| Vec2::new(x, y))
+}
+
+/// The way from `from_m` to `to_m` about `cor_m`: angle, rad, counter-clockwise, and length of the arc, m.
+pub(super) fn turn(cor_m: Vec2, from_m: Vec2, to_m: Vec2) -> (f64, f64) {
+    let (from, to) = (from_m - cor_m, to_m - cor_m);
+    let angle = cross(from, to).atan2(from.dot(&to));
+    (angle, angle * 0.5 * (from.norm() + to.norm()))
+}
+
+/// The speed a pulse gives to a part by the S² law, f0 μ g (S + 2 attacks), over the belt's speed A/2 at `radius_m`.
+/// Displacement is the same everywhere while this is far below 1; above it the plate carries parts along like a belt.
+pub(super) fn saturation(rig: &LabRig, spin_radps: f64, radius_m: f64, envelope: &Envelope) -> f64 {
+    let gained_mps = coulomb_pump::mean_force(0.0) * rig.penny.friction * GRAVITY_MPS2 * envelope.sounding_s();
+    gained_mps / (coulomb_pump::BELT * spin_radps * radius_m)
+}
+
+/// Millimetres, for maps.
+pub(super) fn mm(place_m: Vec2) -> [f64; 2] {
+    [1e3 * place_m.x, 1e3 * place_m.y]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::lab_rig;
+    use super::*;
+
+    #[test]
+    fn the_strongest_spin_is_just_within_the_motors() {
+        for name in ["upm-1", "upm-2"] {
+            let rig = lab_rig(name);
+            let cor = Vec2::new(-0.5, -0.5) * rig.sim.plate.side_m;
+            let spin = strongest_spin(&rig, cor).unwrap();
+            let plays = |spin| {
+                let pulse = OpenPulse::about(cor, spin, envelope(&rig, 0.0));
+                check_pulses(&rig.sim, PlateMode::Dynamic, &[pulse], rig.model.base_radps).is_ok()
+            };
+            assert!(spin > 0.0 && plays(spin) && !plays(1.001 * spin), "{name}: {spin}");
+        }
+    }
+
+    #[test]
+    fn a_quarter_turn_is_a_quarter_turn() {
+        let cor = Vec2::new(0.1, -0.2);
+        let (angle, arc) = turn(cor, cor + Vec2::new(0.05, 0.0), cor + Vec2::new(0.0, 0.05));
+        assert!((angle - std::f64::consts::FRAC_PI_2).abs() < 1e-12 && (arc - 0.05 * angle).abs() < 1e-12);
+        assert!((turn(cor, cor + Vec2::new(0.05, 0.0), cor + Vec2::new(0.05, -0.01)).0) < 0.0);
+    }
+}

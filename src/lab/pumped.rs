@@ -1,0 +1,107 @@
+//! Parts on a plate that moves exactly as told, along one line: what the closed forms speak of.
+
+use std::f64::consts::TAU;
+
+use super::coulomb_pump;
+use crate::geometry::{Pose, Twist, Vec2};
+use crate::signal::TwistWave;
+use crate::sim::{ContactParams, PartParams, Parts, PlateMotion};
+use crate::units::GRAVITY_MPS2;
+
+/// Side of the plate, m: room enough.
+const SIDE_M: f64 = 10.0;
+/// Slip below which a part counts as stuck, m/s.
+const STUCK_MPS: f64 = 1e-9;
+
+/// A plate of velocity `A (cos wt - ½ cos 2wt)` along x, and the grain of its simulation.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PumpedLine {
+    /// A, m/s.
+    pub amplitude_mps: f64,
+    /// w, rad/s.
+    pub base_radps: f64,
+    /// Steps of a cycle.
+    pub steps: u32,
+}
+
+impl PumpedLine {
+    fn step_s(&self) -> f64 {
+        TAU / self.base_radps / f64::from(self.steps)
+    }
+
+    /// Length of a cycle, s.
+    pub fn cycle_s(&self) -> f64 {
+        TAU / self.base_radps
+    }
+
+    fn part(&self, part: PartParams, speed_mps: f64) -> Parts {
+        let contact = ContactParams { restitution: 0.0, rim_friction: 0.0 };
+        let mut parts = Parts::new(&[(part, Pose::IDENTITY)], &contact, SIDE_M, self.step_s());
+        parts.push(0, Vec2::new(speed_mps, 0.0), 0.0);
+        parts
+    }
+
+    /// The plate's motion in the middle of step `step` of a cycle.
+    fn plate_at(&self, wave: &TwistWave, step: u32) -> PlateMotion {
+        PlateMotion { twist: wave.at((f64::from(step) + 0.5) * self.step_s()), ..Default::default() }
+    }
+
+    fn wave(&self) -> TwistWave {
+        TwistWave::pump(Twist::new(self.amplitude_mps, 0.0, 0.0), self.base_radps)
+    }
+
+    /// Speed of `part`, which starts at `from_mps`, after each of `cycles` cycles, m/s; the start comes first.
+    pub fn speeds(&self, part: PartParams, from_mps: f64, cycles: u32) -> Vec<f64> {
+        let (mut parts, wave) = (self.part(part, from_mps), self.wave());
+        let plate: Vec<PlateMotion> = (0..self.steps).map(|step| self.plate_at(&wave, step)).collect();
+        let after_a_cycle = |_| {
+            for motion in &plate {
+                parts.step(motion);
+            }
+            speed_of(&parts)
+        };
+        std::iter::once(from_mps).chain((0..cycles).map(after_a_cycle)).collect()
+    }
+
+    /// Mean force over one cycle, in units of μ m g, on a part that moves at `speed_mps`.
+    pub fn mean_force(&self, part: PartParams, speed_mps: f64) -> f64 {
+        let speeds = self.speeds(part, speed_mps, 1);
+        let gained_mps = speeds.last().copied().unwrap_or(speed_mps) - speed_mps;
+        gained_mps / (part.friction * GRAVITY_MPS2 * self.cycle_s())
+    }
+
+    /// True when `part`, riding along at first, is left behind within two cycles.
+    fn slides(&self, part: PartParams) -> bool {
+        let wave = self.wave();
+        let mut parts = self.part(part, self.plate_at(&wave, 0).twist.velocity_mps.x);
+        (0..2 * self.steps).any(|step| {
+            let motion = self.plate_at(&wave, step);
+            parts.step(&motion);
+            (speed_of(&parts) - motion.twist.velocity_mps.x).abs() > STUCK_MPS
+        })
+    }
+}
+
+/// The amplitude of the plate's acceleration `A w`, in units of μ g, from which `part` slides: by halving an interval.
+pub(super) fn sliding_threshold(part: PartParams, base_radps: f64, step_s: f64) -> f64 {
+    const HALVINGS: usize = 40;
+    let steps = (TAU / base_radps / step_s).round().max(1.0) as u32;
+    let slides = |share: f64| {
+        let amplitude_mps = share * part.friction * GRAVITY_MPS2 / base_radps;
+        PumpedLine { amplitude_mps, base_radps, steps }.slides(part)
+    };
+    let (mut sticks, mut slid) = (0.0, 2.0 / coulomb_pump::peak_acceleration());
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (sticks + slid);
+        if slides(middle) {
+            slid = middle;
+        } else {
+            sticks = middle;
+        }
+    }
+    slid
+}
+
+fn speed_of(parts: &Parts) -> f64 {
+    parts.motions().next().map_or(f64::NAN, |part| part.velocity_mps.x)
+}

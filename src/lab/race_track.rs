@@ -1,0 +1,344 @@
+//! The race track (UPM paper, Fig. 2): three coins on a line to the right of a centre of rotation near the plate's lower
+//! left corner flow along one rotation field. In the ideal field all go equally far, so that the inner ones turn
+//! through larger angles. Here the rig's own plate is shaken about that centre, as strongly as its motors can.
+
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use super::pulses::{
+    EDGE_M, FINER, PLAYBACK_HZ, SATURATION, check_slides, envelope, mm, place, places, saturation, strongest_spin, turn,
+};
+use super::{Figure, LabFault, LabRig, Motion, Outcome, Series, Track};
+use crate::chart::{Axis, Chart, Color, Layer, Mark};
+use crate::geometry::{Pose, Vec2};
+use crate::sim::{OpenPulse, PlateMode, Trajectories, simulate};
+
+/// Where the coins start, as parts of the way from the centre to the plate's other side.
+const LANES: [f64; 3] = [0.4, 0.7, 1.0];
+const NAMES: [&str; 3] = ["inner coin", "middle coin", "outer coin"];
+const OUTER: usize = 2;
+/// Periods for which a pulse is held: as weak as it may be. Shorter ones are nearly all flank, in which the plate drifts
+/// on its rods and takes coins with it.
+const SUSTAINED_PERIODS: f64 = 2.0;
+/// Pictures taken, the start included.
+const SNAPSHOTS: usize = 4;
+/// Pulses tried at first; doubled until a coin has gone as far as the plate allows.
+const FIRST_PULSES: usize = 32;
+const MOST_PULSES: usize = 4096;
+
+const IDEAL: &str = "ideal rotation field: all parts flow equally far (UPM paper, section 2.1)";
+
+/// The field and where the coins start.
+struct Course {
+    cor_m: Vec2,
+    half_side_m: f64,
+    coin_radius_m: f64,
+    starts_m: [Vec2; 3],
+    pulse: OpenPulse,
+    /// Its length with its rest, in whole steps, s.
+    pulse_s: f64,
+}
+
+impl Course {
+    fn on(rig: &LabRig) -> Result<Self, LabFault> {
+        let (half_side_m, coin_radius_m) = (0.5 * rig.sim.plate.side_m, rig.penny.radius_m);
+        let inset_m = half_side_m - coin_radius_m - EDGE_M;
+        let cor_m = Vec2::new(-inset_m, -inset_m);
+        let lane_m = 2.0 * inset_m * (LANES[1] - LANES[0]);
+        if lane_m <= 2.0 * coin_radius_m {
+            return Err(LabFault::Rig(format!(
+                "three coins do not fit beside each other: found lanes {:.1} mm apart, needed: more than {:.1} mm",
+                1e3 * lane_m,
+                2e3 * coin_radius_m
+            )));
+        }
+        let spin_radps = strongest_spin(rig, cor_m)?;
+        check_slides(rig, spin_radps, 2.0 * inset_m * LANES[0])?;
+        let envelope = envelope(rig, SUSTAINED_PERIODS * TAU / rig.model.base_radps);
+        Ok(Self {
+            cor_m,
+            half_side_m,
+            coin_radius_m,
+            starts_m: LANES.map(|lane| cor_m + Vec2::new(2.0 * inset_m * lane, 0.0)),
+            pulse: OpenPulse::about(cor_m, spin_radps, envelope),
+            pulse_s: (envelope.total_s() / rig.sim.step_s).round() * rig.sim.step_s,
+        })
+    }
+
+    fn play(&self, rig: &LabRig, pulses: usize) -> Result<Trajectories, LabFault> {
+        let coins = self.starts_m.map(|start| (rig.penny, Pose { position_m: start, heading_rad: 0.0 }));
+        let pulses = vec![self.pulse; pulses];
+        let sample_hz = PLAYBACK_HZ * FINER as f64;
+        Ok(simulate(&rig.sim, PlateMode::Dynamic, &coins, &pulses, rig.model.base_radps, sample_hz)?)
+    }
+
+    /// The last sample before `pulses` pulses and their rests are over.
+    fn sample_after(&self, pulses: usize) -> usize {
+        const ROUNDING: f64 = 1e-6;
+        (pulses as f64 * self.pulse_s * PLAYBACK_HZ * FINER as f64 + ROUNDING) as usize
+    }
+
+    fn radius_m(&self, coin: usize) -> f64 {
+        (self.starts_m[coin] - self.cor_m).norm()
+    }
+}
+
+/// One coin's way about the centre: at every sample the angle and arc gone so far.
+struct Lap {
+    places_m: Vec<Vec2>,
+    angle_rad: Vec<f64>,
+    arc_m: Vec<f64>,
+}
+
+impl Lap {
+    fn of(places_m: Vec<Vec2>, cor_m: Vec2) -> Self {
+        let (mut angle_rad, mut arc_m) = (vec![0.0], vec![0.0]);
+        let (mut angle, mut arc) = (0.0, 0.0);
+        for pair in places_m.windows(2) {
+            let (turned, gone) = turn(cor_m, pair[0], pair[1]);
+            (angle, arc) = (angle + turned, arc + gone);
+            angle_rad.push(angle);
+            arc_m.push(arc);
+        }
+        Self { places_m, angle_rad, arc_m }
+    }
+
+    fn angle(&self) -> f64 {
+        self.angle_rad.last().copied().unwrap_or(f64::NAN)
+    }
+
+    fn arc(&self) -> f64 {
+        self.arc_m.last().copied().unwrap_or(f64::NAN)
+    }
+
+    /// How much further from the centre the coin is at the end.
+    fn drift_m(&self, cor_m: Vec2) -> f64 {
+        let radius = |place: Option<&Vec2>| place.map_or(f64::NAN, |place| (place - cor_m).norm());
+        radius(self.places_m.last()) - radius(self.places_m.first())
+    }
+}
+
+/// What was played, up to the last pulse before a coin would have left its quarter.
+struct Race {
+    course: Course,
+    pulses: usize,
+    t_s: Vec<f64>,
+    laps: Vec<Lap>,
+}
+
+impl Race {
+    fn run(rig: &LabRig) -> Result<Self, LabFault> {
+        let course = Course::on(rig)?;
+        let mut tried = FIRST_PULSES;
+        loop {
+            let played = course.play(rig, tried)?;
+            let pulses = (1..=tried).take_while(|&k| course.all_in_quarter(&played, k)).last().unwrap_or(0);
+            if pulses == 0 {
+                return Err(LabFault::Rig("one pulse carries a coin out of its quarter of a turn".to_owned()));
+            }
+            if pulses == tried && tried < MOST_PULSES {
+                tried *= 2;
+                continue;
+            }
+            let samples = course.sample_after(pulses) + 1;
+            let lap = |part| Lap::of(places(part).take(samples).collect(), course.cor_m);
+            let laps = played.parts.iter().map(lap).collect();
+            return Ok(Self { t_s: played.t_s.into_iter().take(samples).collect(), course, pulses, laps });
+        }
+    }
+
+    /// Samples of the four snapshots: the start and thirds of the pulses, each at rest.
+    fn snapshots(&self) -> [usize; SNAPSHOTS] {
+        std::array::from_fn(|k| self.course.sample_after(k * self.pulses / (SNAPSHOTS - 1)))
+    }
+
+    /// The narrowest gap between two rims at any time, m.
+    fn least_gap_m(&self) -> f64 {
+        let pairs = [(0, 1), (0, 2), (1, 2)];
+        let gaps = pairs.into_iter().flat_map(|(a, b)| {
+            let together = self.laps[a].places_m.iter().zip(&self.laps[b].places_m);
+            together.map(|(a, b)| (a - b).norm() - 2.0 * self.course.coin_radius_m)
+        });
+        gaps.fold(f64::INFINITY, f64::min)
+    }
+}
+
+impl Course {
+    /// True when no coin has turned by more than a quarter after `pulses` pulses.
+    fn all_in_quarter(&self, played: &Trajectories, pulses: usize) -> bool {
+        played.parts.iter().zip(self.starts_m).all(|(part, start)| {
+            place(part, self.sample_after(pulses)).is_some_and(|at| turn(self.cor_m, start, at).0.abs() < FRAC_PI_2)
+        })
+    }
+}
+
+/// Shakes the rig's plate about a point near its lower left corner until the first coin has made a quarter turn, and
+/// measures how far each came.
+pub fn race_track(rig: &LabRig) -> Result<Outcome, LabFault> {
+    let race = Race::run(rig)?;
+    Ok(Outcome {
+        figures: figures(rig, &race),
+        series: series(&race),
+        charts: vec![map(&race), angles(&race)],
+        motion: Some(motion(&race)),
+        recorded: None,
+    })
+}
+
+fn figures(rig: &LabRig, race: &Race) -> Vec<Figure> {
+    let (course, spin_radps) = (&race.course, race.course.pulse.amplitude.spin_radps);
+    let end_s = race.t_s.last().copied().unwrap_or(0.0);
+    let mut figures = vec![
+        Figure::alone("amplitude of spin", "rad/s", spin_radps, "the largest the rig's motors play about this centre"),
+        Figure::alone("pulses", "1", race.pulses as f64, "until a coin would leave its quarter of a turn"),
+        Figure::alone("plate time", "s", end_s, "pulses and rests"),
+        Figure::alone("least gap between rims", "mm", 1e3 * race.least_gap_m(), "simulated places, all samples"),
+    ];
+    for (i, lap) in race.laps.iter().enumerate() {
+        let saturation = saturation(rig, spin_radps, course.radius_m(i), &course.pulse.envelope);
+        figures.push(Figure::alone(format!("{}: saturation", NAMES[i]), "1", saturation, SATURATION));
+        let radius = format!("starts {:.1} mm from the centre", 1e3 * course.radius_m(i));
+        figures.push(Figure::alone(format!("{}: arc", NAMES[i]), "mm", 1e3 * lap.arc(), &radius));
+        figures.push(Figure::alone(format!("{}: angle turned", NAMES[i]), "deg", lap.angle().to_degrees(), &radius));
+        let drift_mm = 1e3 * lap.drift_m(course.cor_m);
+        figures.push(Figure::against(format!("{}: radial drift", NAMES[i]), "mm", drift_mm, 0.0, IDEAL));
+    }
+    let outer = &race.laps[OUTER];
+    for (i, lap) in race.laps.iter().enumerate().take(OUTER) {
+        let (arcs, angles) = (lap.arc() / outer.arc(), lap.angle() / outer.angle());
+        let limit =
+            format!("{IDEAL}; the belt is slower near the centre, which costs where the saturation is not small");
+        figures.push(Figure::against(format!("{}: arc over the outer coin's", NAMES[i]), "1", arcs, 1.0, &limit));
+        let inverse = course.radius_m(OUTER) / course.radius_m(i);
+        figures.push(Figure::against(
+            format!("{}: angle over the outer coin's", NAMES[i]),
+            "1",
+            angles,
+            inverse,
+            &limit,
+        ));
+    }
+    figures
+}
+
+fn series(race: &Race) -> Vec<Series> {
+    let every = |values: &[f64]| values.iter().step_by(FINER).copied().collect::<Vec<_>>();
+    let mut series = vec![Series::new("t_s", every(&race.t_s))];
+    for (name, lap) in ["inner", "middle", "outer"].into_iter().zip(&race.laps) {
+        let places = lap.places_m.iter().step_by(FINER);
+        series.extend([
+            Series::new(&format!("{name}_x_m"), places.clone().map(|place| place.x)),
+            Series::new(&format!("{name}_y_m"), places.map(|place| place.y)),
+            Series::new(&format!("{name}_arc_m"), every(&lap.arc_m)),
+            Series::new(&format!("{name}_angle_rad"), every(&lap.angle_rad)),
+        ]);
+    }
+    series
+}
+
+fn motion(race: &Race) -> Motion {
+    let track = |(name, lap): (&str, &Lap)| Track {
+        label: name.to_owned(),
+        radius_m: race.course.coin_radius_m,
+        places_m: lap.places_m.iter().step_by(FINER).map(|place| [place.x, place.y]).collect(),
+    };
+    Motion {
+        half_side_m: race.course.half_side_m,
+        t_s: race.t_s.iter().step_by(FINER).copied().collect(),
+        tracks: NAMES.into_iter().zip(&race.laps).map(track).collect(),
+    }
+}
+
+fn map(race: &Race) -> Chart {
+    let course = &race.course;
+    let mut layers = vec![
+        Layer::plate(1e3 * course.half_side_m),
+        Layer::new("centre of rotation", Mark::Crosses, Color::Red, [mm(course.cor_m)]),
+    ];
+    for (i, lap) in race.laps.iter().enumerate() {
+        let path = lap.places_m.iter().step_by(FINER).map(|place| mm(*place));
+        layers.push(Layer::new("", Mark::Line, Color::Gray, path));
+        let seen = race.snapshots().into_iter().filter_map(|sample| lap.places_m.get(sample)).map(|place| mm(*place));
+        let circles = Mark::Circles { radius: 1e3 * course.coin_radius_m };
+        layers.push(Layer::new(NAMES[i], circles, Color::nth(i), seen));
+    }
+    Chart {
+        name: "race-track".to_owned(),
+        title: "Three coins on one rotation field, four snapshots".to_owned(),
+        x: Axis::new("x (mm)"),
+        y: Axis::new("y (mm)"),
+        map: true,
+        layers,
+    }
+}
+
+fn angles(race: &Race) -> Chart {
+    let line = |(i, lap): (usize, &Lap)| {
+        let points = race.t_s.iter().zip(&lap.angle_rad).step_by(FINER).map(|(t, angle)| [*t, angle.to_degrees()]);
+        Layer::new(NAMES[i], Mark::Line, Color::nth(i), points)
+    };
+    Chart {
+        name: "race-track-angles".to_owned(),
+        title: "Angle turned about the centre of rotation".to_owned(),
+        x: Axis::new("plate time (s)"),
+        y: Axis::new("angle (deg)"),
+        map: false,
+        layers: race.laps.iter().enumerate().map(line).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::lab_rig;
+    use super::*;
+
+    fn figure(outcome: &Outcome, name: &str) -> f64 {
+        outcome.figures.iter().find(|figure| figure.name == name).unwrap().measured
+    }
+
+    #[test]
+    fn inner_coins_turn_through_larger_angles_where_the_motors_are_strong() {
+        let outcome = race_track(&lab_rig("upm-2")).unwrap();
+        let angle = NAMES.map(|coin| figure(&outcome, &format!("{coin}: angle turned")));
+        assert!(angle[0] > 1.2 * angle[1] && angle[1] > 1.2 * angle[2] && angle[0] > 80.0, "{angle:?}");
+        for coin in NAMES {
+            assert!(figure(&outcome, &format!("{coin}: saturation")) < 1.0);
+        }
+        for coin in &NAMES[..OUTER] {
+            let arcs = figure(&outcome, &format!("{coin}: arc over the outer coin's"));
+            assert!((0.8..1.05).contains(&arcs), "{coin}: {arcs}");
+        }
+    }
+
+    #[test]
+    fn weak_motors_turn_the_plate_into_a_belt() {
+        let outcome = race_track(&lab_rig("upm-1")).unwrap();
+        let arc = NAMES.map(|coin| figure(&outcome, &format!("{coin}: arc")));
+        assert!(arc[0] < arc[1] && arc[1] < arc[2], "{arc:?}");
+        for coin in NAMES {
+            assert!(figure(&outcome, &format!("{coin}: saturation")) > 1.0);
+        }
+    }
+
+    #[test]
+    fn coins_stay_on_the_plate_and_apart() {
+        for name in ["upm-1", "upm-2"] {
+            let rig = lab_rig(name);
+            let outcome = race_track(&rig).unwrap();
+            assert!(figure(&outcome, "least gap between rims") > 0.0);
+            let motion = outcome.motion.unwrap();
+            let reach = motion.half_side_m - rig.penny.radius_m;
+            assert_eq!(motion.tracks.len(), 3);
+            for track in &motion.tracks {
+                assert_eq!(track.places_m.len(), motion.t_s.len());
+                assert!(track.places_m.iter().flatten().all(|v| v.abs() < reach), "{name}: {}", track.label);
+            }
+        }
+    }
+
+    #[test]
+    fn motors_too_weak_to_slide_a_coin_are_refused() {
+        let mut rig = lab_rig("upm-1");
+        rig.sim.motors.force_limit_n *= 0.1;
+        assert!(matches!(race_track(&rig), Err(LabFault::Rig(why)) if why.contains("stick")));
+    }
+}

@@ -1,0 +1,119 @@
+//! The papers' algorithm on the ideal field (UPM paper, section 2.1): parts flow along
+//! `τ_j(p) = (p - C_j)^⊥ / |p - C_j|` by d_j, one centre after another.
+
+use nalgebra::{Matrix4, Vector4};
+
+use crate::geometry::{Vec2, perp};
+
+/// Parts, N.
+pub const PARTS: usize = 2;
+/// Centres of rotation, M = 2N.
+pub const CENTERS: usize = 4;
+/// Condition number of Φ beyond which the four fields count as dependent.
+const SINGULAR: f64 = 1e6;
+
+/// The places of all parts, m, table frame.
+pub type Places = [Vec2; PARTS];
+
+/// Φ of Eq. 2, 4×4: column j is τ_j at part 1 (x, y), then at part 2.
+pub fn field_matrix(centers_m: &[Vec2; CENTERS], parts_m: &Places) -> Matrix4<f64> {
+    Matrix4::from_fn(|row, column| {
+        let field = direction(centers_m[column], parts_m[row / 2]);
+        if row % 2 == 0 { field.x } else { field.y }
+    })
+}
+
+/// Ratio of the largest to the smallest singular value of Φ.
+pub fn condition(phi: &Matrix4<f64>) -> f64 {
+    let values = phi.singular_values();
+    values.max() / values.min()
+}
+
+/// The d (m) with `Φ d = ΔP` for the way from `parts_m` to `goals_m`; `None` where the fields are dependent.
+pub fn distances(centers_m: &[Vec2; CENTERS], parts_m: &Places, goals_m: &Places) -> Option<[f64; CENTERS]> {
+    let phi = field_matrix(centers_m, parts_m);
+    let condition = condition(&phi);
+    if condition.is_nan() || condition > SINGULAR {
+        return None;
+    }
+    let step = Vector4::from_fn(|row, _| {
+        let way = goals_m[row / 2] - parts_m[row / 2];
+        if row % 2 == 0 { way.x } else { way.y }
+    });
+    phi.lu().solve(&step).map(Into::into)
+}
+
+/// Where a part comes to that flows by `distance_m` about `center_m`: along the circle, exactly.
+pub fn flow(center_m: Vec2, part_m: Vec2, distance_m: f64) -> Vec2 {
+    let arm = part_m - center_m;
+    let radius = arm.norm();
+    if radius == 0.0 {
+        return part_m;
+    }
+    let (sin, cos) = (distance_m / radius).sin_cos();
+    center_m + arm * cos + perp(arm) * sin
+}
+
+/// The same by integrating `dp/ds = τ(p)` in fine steps (Runge-Kutta, fourth order).
+pub fn flow_in_steps(center_m: Vec2, part_m: Vec2, distance_m: f64) -> Vec2 {
+    const STEPS: u32 = 200;
+    let h = distance_m / f64::from(STEPS);
+    (0..STEPS).fold(part_m, |p, _| {
+        let k1 = direction(center_m, p);
+        let k2 = direction(center_m, p + k1 * (0.5 * h));
+        let k3 = direction(center_m, p + k2 * (0.5 * h));
+        let k4 = direction(center_m, p + k3 * h);
+        p + (k1 + (k2 + k3) * 2.0 + k4) * (h / 6.0)
+    })
+}
+
+fn direction(center_m: Vec2, part_m: Vec2) -> Vec2 {
+    let arm = perp(part_m - center_m);
+    let radius = arm.norm();
+    if radius > 0.0 { arm / radius } else { Vec2::zeros() }
+}
+
+/// `E = (1/N) Σ |P'_i - P*_i|`, m.
+pub fn mean_miss(parts_m: &Places, goals_m: &Places) -> f64 {
+    parts_m.iter().zip(goals_m).map(|(part, goal)| (part - goal).norm()).sum::<f64>() / PARTS as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const SQUARE: [Vec2; CENTERS] =
+        [Vec2::new(-1.0, 1.0), Vec2::new(-1.0, -1.0), Vec2::new(1.0, -1.0), Vec2::new(1.0, 1.0)];
+
+    proptest! {
+        #[test]
+        fn flowing_in_steps_is_flowing_along_the_circle(
+            x in -0.8..0.8f64, y in -0.8..0.8f64, center in 0..CENTERS, distance in -1.0..1.0f64,
+        ) {
+            let (start, center) = (Vec2::new(x, y), SQUARE[center]);
+            let end = flow(center, start, distance);
+            prop_assert!((end - flow_in_steps(center, start, distance)).norm() < 1e-9);
+            prop_assert!(((end - center).norm() - (start - center).norm()).abs() < 1e-12);
+        }
+
+        #[test]
+        fn a_small_step_reaches_its_goals_to_first_order(
+            x in -0.6..0.0f64, y in -0.6..0.0f64, u in 0.1..0.6f64, v in 0.1..0.5f64,
+            step in prop::array::uniform4(-1.0..1.0f64),
+        ) {
+            let (scale, parts) = (1e-4, [Vec2::new(x, y), Vec2::new(u, v)]);
+            let goals = [parts[0] + Vec2::new(step[0], step[1]) * scale, parts[1] + Vec2::new(step[2], step[3]) * scale];
+            prop_assume!(condition(&field_matrix(&SQUARE, &parts)) < 30.0);
+            let d = distances(&SQUARE, &parts, &goals).unwrap();
+            let end = parts.map(|part| SQUARE.iter().zip(d).fold(part, |p, (center, d)| flow(*center, p, d)));
+            prop_assert!(mean_miss(&end, &goals) < 0.1 * scale);
+        }
+    }
+
+    #[test]
+    fn two_parts_at_one_place_have_no_solution() {
+        let parts = [Vec2::new(0.2, 0.1); PARTS];
+        assert_eq!(distances(&SQUARE, &parts, &[Vec2::zeros(), Vec2::new(0.1, 0.0)]), None);
+    }
+}

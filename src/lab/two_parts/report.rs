@@ -1,0 +1,156 @@
+//! Figures, series, pictures and the playback of the two parts.
+
+use super::super::pulses::{FINER, PLAYBACK_HZ, SATURATION, mm};
+use super::super::{Figure, LabRig, Motion, Outcome, Series, Track};
+use super::plan::{CENTERS, condition, field_matrix, mean_miss};
+use super::{LOOKS, Runs, STRONG_SPIN_RADPS, Task, Way};
+use crate::chart::{Axis, Chart, Color, Layer, Mark};
+
+/// What is reported besides the runs.
+pub struct Asides {
+    /// What is solved for in one look, m.
+    pub d_m: [f64; CENTERS],
+    /// E of one look in the ideal field by Runge-Kutta, m.
+    pub integrated_miss_m: f64,
+    /// Spin of the rig's plate about each centre, rad/s.
+    pub spin_radps: [f64; CENTERS],
+    /// Shortest pulse of the strong plate and of the rig's, m.
+    pub shortest_m: [f64; 2],
+    /// How saturated it is in the middle.
+    pub saturation: [f64; 2],
+}
+
+/// `runs`: ideal field, strong plate, rig's plate.
+pub fn outcome(rig: &LabRig, task: &Task, runs: &[Runs; 3], asides: &Asides) -> Outcome {
+    let [ideal, strong, own] = runs;
+    let mut figures = of_one_look(task, ideal, asides);
+    for (run, i) in [(strong, 0), (own, 1)] {
+        figures.extend(of_plate(run, ideal, asides.shortest_m[i], asides.saturation[i]));
+    }
+    let spin = asides.spin_radps.into_iter().fold(f64::INFINITY, f64::min);
+    figures.extend([
+        Figure::alone("spin, strong plate", "rad/s", STRONG_SPIN_RADPS, "prescribed: no motors, no rods"),
+        Figure::alone("spin, rig's plate", "rad/s", spin, "the largest its motors play about the corners"),
+    ]);
+    let maps = [("two-parts-ideal", ideal), ("two-parts-strong", strong), ("two-parts-plate", own)];
+    Outcome {
+        figures,
+        series: runs.iter().zip(["ideal_field", "strong_plate", "rigs_plate"]).flat_map(series).collect(),
+        charts: maps.into_iter().filter_map(|(name, run)| map(name, task, run)).chain([misses(runs)]).collect(),
+        motion: own.first().map(|way| motion(rig, task, way)),
+        recorded: None,
+    }
+}
+
+fn of_one_look(task: &Task, ideal: &Runs, asides: &Asides) -> Vec<Figure> {
+    let step_mm = 1e3 * mean_miss(&task.starts_m, &task.goals_m);
+    let condition = condition(&field_matrix(&task.centers_m, &task.starts_m));
+    let mut figures = vec![
+        Figure::alone("mean step of the parts", "mm", step_mm, "chosen large, as in UPM paper, Fig. 3"),
+        Figure::alone("condition number of Φ", "1", condition, "UPM paper, Eq. 2; singular when infinite"),
+    ];
+    for (j, d) in asides.d_m.into_iter().enumerate() {
+        figures.push(Figure::alone(format!("d{} of one look", j + 1), "mm", 1e3 * d, "UPM paper, Eq. 2, solved by LU"));
+    }
+    let runge_kutta = "dP/ds = τ(P) integrated by Runge-Kutta; the paper prints no figure";
+    let second = "2: every look sees the miss of those before, so that only the second order of its own step is left";
+    let measured = |looks: usize| 1e3 * ideal.miss_m(looks).unwrap_or(f64::NAN);
+    let [.., coarse, fine] = LOOKS;
+    let order = (measured(coarse) / measured(fine)).ln() / (fine as f64 / coarse as f64).ln();
+    figures.extend([
+        Figure::against("E of one look, ideal field", "mm", measured(1), 1e3 * asides.integrated_miss_m, runge_kutta),
+        Figure::against("order at which E falls with looks, ideal field", "1", order, 2.0, second),
+    ]);
+    figures
+}
+
+fn of_plate(run: &Runs, ideal: &Runs, shortest_m: f64, saturation: f64) -> Vec<Figure> {
+    let name = run.name;
+    let source = "one period at full height, a part in the middle; ways below half of it are left out";
+    let mut figures = vec![
+        Figure::alone(format!("shortest pulse, {name}"), "mm", 1e3 * shortest_m, source),
+        Figure::alone(format!("saturation, {name}"), "1", saturation, SATURATION),
+    ];
+    for (looks, way) in &run.ways {
+        let label = format!("E of {}, {name}", counted(*looks));
+        let exact = 1e3 * ideal.miss_m(*looks).unwrap_or(f64::NAN);
+        figures.push(Figure::against(label, "mm", 1e3 * way.miss_m, exact, "the ideal field's E in as many looks"));
+    }
+    let reasons: Vec<String> =
+        run.failed.iter().map(|(looks, fault)| format!("{}: {fault}", counted(*looks))).collect();
+    let source = if reasons.is_empty() { "all reached their end".to_owned() } else { reasons.join("; ") };
+    figures.push(Figure::alone(format!("tries that failed, {name}"), "1", run.failed.len() as f64, &source));
+    figures
+}
+
+fn counted(looks: usize) -> String {
+    format!("{looks} {}", if looks == 1 { "look" } else { "looks" })
+}
+
+fn series((run, name): (&Runs, &str)) -> [Series; 2] {
+    [
+        Series::new(&format!("{name}_looks"), run.ways.iter().map(|(looks, _)| *looks as f64)),
+        Series::new(&format!("{name}_miss_m"), run.ways.iter().map(|(_, way)| way.miss_m)),
+    ]
+}
+
+fn motion(rig: &LabRig, task: &Task, way: &Way) -> Motion {
+    let samples: Vec<_> = way.samples.iter().step_by(FINER).collect();
+    let track = |i: usize| Track {
+        label: format!("part {}", i + 1),
+        radius_m: rig.penny.radius_m,
+        places_m: samples.iter().map(|places| [places[i].x, places[i].y]).collect(),
+    };
+    Motion {
+        half_side_m: task.half_side_m,
+        t_s: (0..samples.len()).map(|i| i as f64 / PLAYBACK_HZ).collect(),
+        tracks: vec![track(0), track(1)],
+    }
+}
+
+/// The paper's Fig. 3 (d): starts, goals and the polygonal line through the places after each rotation.
+fn map(name: &str, task: &Task, run: &Runs) -> Option<Chart> {
+    let (looks, way) = run.ways.first()?;
+    let corners = &way.corners;
+    let mut layers = vec![Layer::plate(1e3 * task.half_side_m)];
+    for (j, center) in task.centers_m.into_iter().enumerate() {
+        layers.push(Layer::new(&format!("C{}", j + 1), Mark::Crosses, Color::Gray, [mm(center)]));
+    }
+    for i in 0..task.starts_m.len() {
+        let line = corners.iter().map(|places| mm(places[i]));
+        layers.push(Layer::new(&format!("part {}, in the order of rotations", i + 1), Mark::Line, Color::nth(i), line));
+        let start = Mark::Circles { radius: 3.0 };
+        layers.push(Layer::new(&format!("S{}", i + 1), start, Color::nth(i), [mm(task.starts_m[i])]));
+        layers.push(Layer::new(&format!("F{}", i + 1), Mark::Crosses, Color::Red, [mm(task.goals_m[i])]));
+    }
+    for (j, places) in corners.iter().enumerate().skip(1) {
+        let color = Color::nth(j + 1);
+        layers.push(Layer::new(&format!("{j}"), Mark::Dots, color, places.iter().map(|place| mm(*place))));
+    }
+    Some(Chart {
+        name: name.to_owned(),
+        title: format!("Two parts, four centres of rotation, a large step in {}: {}", counted(*looks), run.name),
+        x: Axis::new("x (mm)"),
+        y: Axis::new("y (mm)"),
+        map: true,
+        layers,
+    })
+}
+
+fn misses(runs: &[Runs; 3]) -> Chart {
+    let mut layers = Vec::new();
+    for (i, run) in runs.iter().enumerate() {
+        let points: Vec<[f64; 2]> =
+            run.ways.iter().map(|(looks, way)| [*looks as f64, (1e3 * way.miss_m).log10()]).collect();
+        layers.push(Layer::new(run.name, Mark::Line, Color::nth(i), points.iter().copied()));
+        layers.push(Layer::new("", Mark::Dots, Color::nth(i), points));
+    }
+    Chart {
+        name: "two-parts-looks".to_owned(),
+        title: "The same step in more looks".to_owned(),
+        x: Axis::new("looks"),
+        y: Axis::new("log10 of E in mm"),
+        map: false,
+        layers,
+    }
+}
