@@ -42,7 +42,7 @@ pub use raw_rig::{
     RawAccelerometers, RawCamera, RawDamping, RawDrive, RawFriction, RawKind, RawLevels, RawMotors, RawPlate,
     RawResonance, RawRig, RawSimulation, RigSource,
 };
-pub use raw_simulate::{PlateMode, RawPlaced, RawPulse, RawSimulate};
+pub use raw_simulate::{PlateMode, RawHarmonic, RawPlaced, RawPulse, RawSimulate};
 pub use read::{MOST_BYTES, Origin};
 pub use rig::{FrictionSpec, RigSpec, fingerprint};
 pub use room::{START_GAP_M, START_MARGIN_M};

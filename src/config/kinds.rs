@@ -23,6 +23,16 @@ pub struct KindSpec {
     pub friction: f64,
 }
 
+/// Least radius of a part that the camera is asked to find, m.
+pub(super) const LEAST_SEEN_RADIUS_M: f64 = 5e-4;
+
+impl KindSpec {
+    /// True unless the part is a point or near to one: fit for open-loop experiments alone.
+    pub fn can_be_seen(&self) -> bool {
+        self.kind.radius_m >= LEAST_SEEN_RADIUS_M
+    }
+}
+
 /// The four coins, then the rig's own kinds by name.
 pub(super) fn kinds_of(raw: &RawRig, at: &Path, faults: &mut Faults) -> Vec<KindSpec> {
     let friction = raw.friction.coefficient;
