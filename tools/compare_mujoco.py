@@ -7,9 +7,10 @@ Looks for a periodic plate motion whose mean friction force points another way a
 a pulse with `upm simulate` (prescribed plate motion) and with MuJoCo, and compares displacements and speed. MuJoCo,
 numpy and scipy are installed from PyPI into the folder `--venv` when they are not there.
 
-Displacements are held against the converged one: upm at its least step. Speeds are CPU time over plate time, best of
-three, both on one core; for upm that of the whole process, for MuJoCo that of the stepping alone (the same loop without
-the steps is taken off). Exit status 1 when a bar is missed: 5 % of the converged displacement, 300 times MuJoCo's speed.
+Displacements are held against the converged one, upm at its least step, and against MuJoCo at 0.5 µs, which comes to the
+same; at 2 µs MuJoCo is off by a few per cent, at 5 µs by ten and more. Speeds are CPU time over plate time, best of three,
+both on one core; for upm that of the whole process, for MuJoCo that of the stepping alone (the same loop without the
+steps is taken off). Exit status 1 when a bar is missed: 5 % of the displacement, 300 times MuJoCo's speed at 2 µs.
 """
 import argparse
 import json
@@ -30,8 +31,8 @@ PARTS, REACH_M, APART_M = 4, 0.08, 0.05
 BASE_HZ, HARMONICS, PEAK_MPS, LENGTH_M = 40.0, 6, 1.0, 0.1
 ATTACK_S, SUSTAIN_S, REST_S = 0.01, 0.1, 0.06
 DEFAULT_STEP_S, LEAST_STEP_S = 5e-5, 1e-6
-MUJOCO_STEPS_S = [2e-6, 5e-6]
-MANY_PULSES = 1000
+MUJOCO_STEPS_S = [5e-6, 2e-6, 5e-7]
+MANY_PULSES = 500
 
 
 def enter_venv(folder):
@@ -114,7 +115,7 @@ def scatter(rng):
 
 def experiment(positions_m, amplitudes, step_s, pulses):
     """The file for `upm simulate`: the pulse played to and fro."""
-    rig = json.loads((ROOT / "configs/rigs/upm-1.json").read_text())
+    rig = json.loads((ROOT / "configs/rigs/upm-2.json").read_text())
     rig["simulation"] = {"step_s": step_s}
     rig["kinds"] = {"point": {"diameter_mm": 0, "mass_g": 1e3 * MASS_KG, "thickness_mm": 1, "friction": FRICTION}}
     rig.pop("library")
@@ -228,7 +229,11 @@ def compare(upm, seed):
 
     converged, _ = run_upm(upm, experiment(places, wave, LEAST_STEP_S, 1))
     one, one_time = best([run_upm(upm, experiment(places, wave, DEFAULT_STEP_S, 1)) for _ in range(3)])
-    _, many_time = best([run_upm(upm, experiment(places, wave, DEFAULT_STEP_S, MANY_PULSES)) for _ in range(3)])
+    many = experiment(places, wave, DEFAULT_STEP_S, MANY_PULSES)
+    drift, many_time = best([run_upm(upm, many) for _ in range(3)])
+    ends_mm = 1e3 * (places + np.stack([drift.real, drift.imag], 1))
+    if np.abs(ends_mm).max() > 0.5 * many["rig"]["plate"]["side_mm"]:
+        sys.exit("a part fell off the plate in the long run: its time says nothing")
     theirs = {step_s: best([run_mujoco(places, wave, step_s) for _ in range(3)]) for step_s in MUJOCO_STEPS_S}
 
     rows = {"upm 50 µs": against(one, converged)}
@@ -237,8 +242,8 @@ def compare(upm, seed):
         "upm, 1 pulse": {**one_time, "plate_s": pulse_s},
     }
     for step_s, (moved, spent) in theirs.items():
-        rows[f"MuJoCo {1e6 * step_s:.0f} µs"] = against(moved, converged)
-        speeds[f"MuJoCo {1e6 * step_s:.0f} µs"] = {**spent, "plate_s": pulse_s}
+        rows[f"MuJoCo {1e6 * step_s:g} µs"] = against(moved, converged)
+        speeds[f"MuJoCo {1e6 * step_s:g} µs"] = {**spent, "plate_s": pulse_s}
     for row in speeds.values():
         row.setdefault("steps", round(row["plate_s"] / DEFAULT_STEP_S))
         row["cpu_s_per_plate_s"] = row["cpu_s"] / row["plate_s"]
@@ -258,11 +263,13 @@ def compare(upm, seed):
 
 def bars(result):
     """Each bar: what, measured, allowed, met."""
-    for name in ("upm 50 µs", "MuJoCo 2 µs"):
-        worst = max(abs(ratio - 1) for ratio in result["displacements"][name]["distance_ratio"])
-        yield f"{name}: distance off the converged one", worst, f"{DISPLACEMENT_BAR} or less", worst <= DISPLACEMENT_BAR
-    worst = max(result["displacements"]["upm 50 µs"]["error"])
-    yield "upm 50 µs: displacement off, direction included", worst, f"{DISPLACEMENT_BAR} or less", worst <= DISPLACEMENT_BAR
+    ours, finest = (result["displacements"][name] for name in ("upm 50 µs", "MuJoCo 0.5 µs"))
+    apart = [abs(a / b - 1) for a, b in zip(ours["distance_mm"], finest["distance_mm"])]
+    for what, worst in [
+        ("upm 50 µs off the converged displacement", max(ours["error"])),
+        ("upm 50 µs off the distance of MuJoCo 0.5 µs", max(apart)),
+    ]:
+        yield what, worst, f"{DISPLACEMENT_BAR} or less", worst <= DISPLACEMENT_BAR
     faster = result["times_faster"][f"upm, {MANY_PULSES} pulses"]
     yield "upm faster than MuJoCo at 2 µs", faster, f"{SPEED_BAR} or more", faster >= SPEED_BAR
 

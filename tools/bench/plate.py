@@ -3,7 +3,7 @@
 
 usage: plate.py [--upm target/release/upm] [--repeats 5] [--json]
 
-(a) 16 pennies on the dynamic plate of upm-2 through `upm simulate`, at full drive and at a weak one: part-steps a second
+(a) 16 pennies on the dynamic plate of upm-2 through `upm simulate`, at full drive and at weaker ones: part-steps a second
 of CPU time on one core, over the whole process, and with the time of the same run with one penny taken off, which leaves
 what each further part costs. Best of the repeats; wall time beside it.
 (b) Five pennies under twenty pulses on both kinds of plate: how far halving the step moves them, as a share of the way
@@ -21,9 +21,11 @@ import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SPEED_BAR, SHIFT_BAR = 2e7, 0.005
-PARTS, PULSES = 16, 500
+AXES = ("x_mm", "y_mm")
+PARTS, PULSES = 16, 120
 HALVING_RADPS = 4.0
-FULL_DRIVE_RADPS, WEAK_DRIVE_RADPS = 4.2, 0.3
+# full: next to the generator's limit; faint: parts hardly slide, friction takes longest to solve
+DRIVES_RADPS = {"full": 4.2, "weak": 0.3, "faint": 0.05}
 
 
 def rig(step_s=None):
@@ -61,16 +63,20 @@ def speed_experiment(parts, spin_radps):
     return {"rig": rig(), "plate": "dynamic", "parts": grid(parts), "pulses": pulses, "sample_hz": 1}
 
 
-def measure_speed(upm, spin_radps, repeats):
+def measure_speed(upm, drive, repeats):
+    spin_radps = DRIVES_RADPS[drive]
     many, one = (speed_experiment(parts, spin_radps) for parts in (PARTS, 1))
-    step_s, drive = many["rig"]["simulation"]["step_s"], many["rig"]["drive"]
-    plate_s = PULSES * (0.1 + 2 * drive["attack_s"] + drive["rest_s"])
+    step_s, pulse = many["rig"]["simulation"]["step_s"], many["rig"]["drive"]
+    plate_s = PULSES * (0.1 + 2 * pulse["attack_s"] + pulse["rest_s"])
     # in turn, so that a slow spell of the machine meets both
     runs = [(run(upm, many), run(upm, one)) for _ in range(repeats)]
+    if any(abs(part[axis][-1]) > 0.5 * many["rig"]["plate"]["side_mm"] for part in runs[0][0][0]["parts"] for axis in AXES):
+        sys.exit("a part fell off the plate: the time says nothing")
     cpu_s, wall_s = (min(pair[0][i] for pair in runs) for i in (1, 2))
     alone_s = min(pair[1][1] for pair in runs)
     steps = plate_s / step_s
     return {
+        "drive": drive,
         "spin_rad_s": spin_radps,
         "plate_s": plate_s,
         "cpu_s": cpu_s,
@@ -118,7 +124,7 @@ def main():
     parser.add_argument("--json", action="store_true")
     args = parser.parse_args()
 
-    speeds = [measure_speed(args.upm, spin, args.repeats) for spin in (FULL_DRIVE_RADPS, WEAK_DRIVE_RADPS)]
+    speeds = [measure_speed(args.upm, drive, args.repeats) for drive in DRIVES_RADPS]
     halvings = [measure_halving(args.upm, plate) for plate in ("kinematic", "dynamic")]
     met = all(s["part_steps_per_s"] >= SPEED_BAR for s in speeds)
     met &= all(h["worst_share"] <= SHIFT_BAR for h in halvings)
@@ -126,10 +132,10 @@ def main():
         print(json.dumps({"speed": speeds, "halving": halvings, "met": met}, indent=1))
     else:
         print(f"{PARTS} pennies on upm-2, dynamic plate, {PULSES} pulses; bar {SPEED_BAR:.0e} part-steps/s, whole process")
-        print("  drive rad/s   plate s    CPU s   wall s   1 part CPU s   part-steps/s   further parts alone")
+        print("  drive    rad/s   plate s    CPU s   wall s   1 part CPU s   part-steps/s   further parts alone")
         for s in speeds:
             print(
-                f"  {s['spin_rad_s']:11.1f} {s['plate_s']:9.1f} {s['cpu_s']:8.3f} {s['wall_s']:8.3f} "
+                f"  {s['drive']:6} {s['spin_rad_s']:7.2f} {s['plate_s']:9.1f} {s['cpu_s']:8.3f} {s['wall_s']:8.3f} "
                 f"{s['one_part_cpu_s']:14.3f} {s['part_steps_per_s']:14.3g} {s['further_part_steps_per_s']:21.3g}  "
                 f"{'ok' if s['part_steps_per_s'] >= SPEED_BAR else 'MISSED'}"
             )
