@@ -44,7 +44,7 @@ pub use raw_rig::{
     RawAccelerometers, RawCamera, RawDamping, RawDrive, RawFriction, RawKind, RawLevels, RawMotors, RawPlate,
     RawResonance, RawRig, RawSimulation, RigSource,
 };
-pub use raw_simulate::{PlateMode, RawPlaced, RawPulse, RawSimulate};
+pub use raw_simulate::{PlateMode, RawHarmonic, RawPlaced, RawPulse, RawSimulate};
 pub use raw_trace::{RawCounts, RawTrace};
 pub use read::{MOST_BYTES, Origin};
 pub use rig::{FrictionSpec, RigSpec, fingerprint};

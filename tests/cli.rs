@@ -156,6 +156,24 @@ fn simulate_prints_trajectories() {
 }
 
 #[test]
+fn a_rotation_is_the_free_wave_it_stands_for() {
+    let folder = TempDir::new().unwrap();
+    let mut outputs = Vec::new();
+    let rotation = json!({"cor_mm": [0, 0], "omega_rad_s": 8, "sustain_s": 0.1});
+    let wave = json!({"harmonics": [{"cos": [0, 0, 8]}, {"cos": [0, 0, -4]}], "sustain_s": 0.1});
+    for (plate, pulse) in [("kinematic", &rotation), ("kinematic", &wave), ("dynamic", &rotation), ("dynamic", &wave)] {
+        let experiment = folder.path().join("experiment.json");
+        let rig = root().join("configs/rigs/upm-2.json");
+        let text = json!({
+            "rig": rig, "plate": plate, "parts": [{"kind": "dime", "position_mm": [50, 10]}], "pulses": [pulse],
+        });
+        fs::write(&experiment, text.to_string()).unwrap();
+        outputs.push(status(&["simulate", experiment.to_str().unwrap(), "--json"], 0).0);
+    }
+    assert!(outputs[0] == outputs[1] && outputs[2] == outputs[3] && outputs[0] != outputs[2]);
+}
+
+#[test]
 fn schemas_and_completions_are_printed() {
     for name in ["job", "rig", "simulate", "library", "trace"] {
         let (stdout, _) = status(&["schema", name], 0);

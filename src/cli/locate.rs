@@ -78,7 +78,7 @@ fn from_rig(rig: &RigSpec, frame: &Frame, image: &Path) -> Result<Setting, Failu
     Ok(Setting {
         lens: rig.model.lens,
         plate_side_m: rig.model.plate_side_m,
-        kinds: rig.kinds.iter().map(|spec| spec.kind.clone()).collect(),
+        kinds: rig.kinds.iter().filter(|spec| spec.can_be_seen()).map(|spec| spec.kind.clone()).collect(),
         dark_parts: rig.model.dark_parts,
     })
 }

@@ -24,11 +24,19 @@ pub struct KindSpec {
     pub friction: f64,
 }
 
+/// Least radius of a part that the camera is asked to find, m.
+pub(super) const LEAST_SEEN_RADIUS_M: f64 = 5e-4;
+
 impl KindSpec {
     /// A part of this kind as it is simulated, its friction that of the kind.
     pub fn part(&self) -> PartParams {
         let PartKind { radius_m, thickness_m, .. } = self.kind;
         PartParams { radius_m, thickness_m, mass_kg: self.mass_kg, friction: self.friction }
+    }
+
+    /// True unless the part is a point or near to one: fit for open-loop experiments alone.
+    pub fn can_be_seen(&self) -> bool {
+        self.kind.radius_m >= LEAST_SEEN_RADIUS_M
     }
 }
 

@@ -293,12 +293,12 @@ impl Default for RawFriction {
     }
 }
 
-/// A kind of part: a disc.
+/// A kind of part: a disc, or a point that slides by Coulomb's law and neither spins nor touches others.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawKind {
-    /// Diameter, mm.
-    #[schemars(range(min = 1.0, max = 1000.0))]
+    /// Diameter, mm; 0 is a point. What the camera shall see has 1 mm or more.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub diameter_mm: f64,
     /// Mass, g.
     #[schemars(range(min = 0.01, max = 10000.0))]

@@ -13,6 +13,10 @@ pub struct RawSimulate {
     /// How the plate moves.
     #[serde(default)]
     pub plate: PlateMode,
+    /// Base frequency w of every pulse, Hz. Left out: the rig's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1.0, max = 1000.0))]
+    pub base_hz: Option<f64>,
     /// Parts on the plate.
     #[schemars(length(min = 1, max = 64))]
     pub parts: Vec<RawPlaced>,
@@ -36,7 +40,7 @@ pub enum PlateMode {
     /// Driven by its motors: mass, springs, gains and all.
     #[default]
     Dynamic,
-    /// Exactly as the pulse says: spin `omega_rad_s · env(t)·(cos wt - ½ cos 2wt)` about the COR.
+    /// Exactly as the pulse says: `env(t)` times its wave.
     Kinematic,
 }
 
@@ -51,7 +55,8 @@ pub struct RawPlaced {
     pub position_mm: [f64; 2],
 }
 
-/// A pulse: a rotation (`cor_mm`, `omega_rad_s`) or a translation (`direction_deg`, `speed_mps`).
+/// A pulse: a rotation (`cor_mm`, `omega_rad_s`) or a translation (`direction_deg`, `speed_mps`), both with the wave
+/// `cos wt - ½ cos 2wt`; or any periodic motion of the plate (`harmonics`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawPulse {
@@ -71,7 +76,11 @@ pub struct RawPulse {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
     pub speed_mps: Option<f64>,
-    /// 1 as said, parts flow counter-clockwise; -1 in reverse.
+    /// The plate's velocity at full height: harmonic k of the base frequency at index k - 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 1, max = 16))]
+    pub harmonics: Option<Vec<RawHarmonic>>,
+    /// 1 as said, parts of a rotation flow counter-clockwise; -1 in reverse.
     #[serde(default = "forwards")]
     #[schemars(extend("enum" = [-1, 1]))]
     pub rotation: i32,
@@ -86,6 +95,19 @@ pub struct RawPulse {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 60.0))]
     pub rest_s: Option<f64>,
+}
+
+/// One harmonic of the plate's velocity: `cos` and `sin` times `cos kwt` and `sin kwt`. Each is the velocity of the
+/// plate's centre along x and y, m/s, and its spin, rad/s, counter-clockwise.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RawHarmonic {
+    /// Amplitudes of `cos kwt`: m/s, m/s, rad/s.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    pub cos: [f64; 3],
+    /// Amplitudes of `sin kwt`: m/s, m/s, rad/s.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    pub sin: [f64; 3],
 }
 
 fn forwards() -> i32 {

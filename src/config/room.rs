@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use super::fault::{Faults, Path, counted};
 use super::job::PartGroup;
+use super::kinds::{KindSpec, LEAST_SEEN_RADIUS_M};
 use super::rig::RigSpec;
 use crate::geometry::Vec2;
 use crate::units::mm_from_m;
@@ -17,13 +18,16 @@ pub const START_MARGIN_M: f64 = 5e-3;
 /// Shortfall that is rounding and no fault, m.
 const ROUNDING_M: f64 = 1e-9;
 
-/// True when a part of `kind` has room on the plate at all, else a fault at `at`.
+/// True when a part of `kind` has room on the plate at all and the camera can find it, else a fault at `at`.
 pub(super) fn check_size(kind: usize, rig: &RigSpec, at_random: bool, at: &Path, faults: &mut Faults) -> bool {
     let margin_m = if at_random { START_MARGIN_M } else { 0.0 };
     let found = rig.kinds.get(kind).map_or(0.0, |spec| mm_from_m(2.0 * spec.kind.radius_m));
-    let most = mm_from_m(rig.model.plate_side_m - 2.0 * margin_m);
-    faults.demand(found <= most, at, format!("a part of {found:.3} mm"), format!("up to {most:.3} mm on this plate"));
-    found <= most
+    let (least, most) = (mm_from_m(2.0 * LEAST_SEEN_RADIUS_M), mm_from_m(rig.model.plate_side_m - 2.0 * margin_m));
+    let (is_seen, fits) = (rig.kinds.get(kind).is_none_or(KindSpec::can_be_seen), found <= most);
+    faults.demand(fits, at, format!("a part of {found:.3} mm"), format!("up to {most:.3} mm on this plate"));
+    let allowed = format!("{least} mm or more (the camera cannot see it; upm simulate takes it)");
+    faults.demand(is_seen, at, format!("a part of {found:.3} mm"), allowed);
+    is_seen && fits
 }
 
 /// Parts started off the plate or in one another, or more than there is room for.

@@ -1,4 +1,4 @@
-use crate::config::{self, SimulateSpec};
+use crate::config::{self, PulseSpec, SimulateSpec};
 use crate::geometry::Pose;
 use crate::sim::{self, OpenLoopError, OpenPulse, PlateMode, Trajectories};
 
@@ -6,17 +6,17 @@ use crate::sim::{self, OpenLoopError, OpenPulse, PlateMode, Trajectories};
 pub fn simulate(spec: &SimulateSpec) -> Result<Trajectories, OpenLoopError> {
     let at_rest = |position_m| Pose { position_m, heading_rad: 0.0 };
     let parts: Vec<_> = spec.parts.iter().map(|part| (part.params, at_rest(part.position_m))).collect();
-    let base_radps = spec.rig.model.base_radps;
-    sim::simulate(&spec.rig.sim, mode(spec), &parts, &pulses(spec), base_radps, spec.sample_hz)
+    sim::simulate(&spec.rig.sim, mode(spec), &parts, &pulses(spec), spec.base_radps, spec.sample_hz)
 }
 
 /// Refuses what [`simulate`] would refuse, without playing it.
 pub fn check_simulate(spec: &SimulateSpec) -> Result<(), OpenLoopError> {
-    sim::check_pulses(&spec.rig.sim, mode(spec), &pulses(spec), spec.rig.model.base_radps)
+    sim::check_pulses(&spec.rig.sim, mode(spec), &pulses(spec), spec.base_radps)
 }
 
 fn pulses(spec: &SimulateSpec) -> Vec<OpenPulse> {
-    spec.pulses.iter().map(|pulse| OpenPulse { amplitude: pulse.pump, envelope: pulse.envelope }).collect()
+    let open = |pulse: &PulseSpec| OpenPulse { harmonics: pulse.harmonics.clone(), envelope: pulse.envelope };
+    spec.pulses.iter().map(open).collect()
 }
 
 fn mode(spec: &SimulateSpec) -> PlateMode {

@@ -9,6 +9,13 @@ pub struct TwistHarmonic {
     pub sin: Twist,
 }
 
+impl TwistHarmonic {
+    /// The two of `amplitude · (cos wt - ½ cos 2wt)`, which pumps parts along the field of `amplitude` (Eq. 5).
+    pub fn pump(amplitude: Twist) -> [Self; 2] {
+        [1.0, -0.5].map(|share| Self { cos: amplitude * share, sin: Twist::ZERO })
+    }
+}
+
 /// A periodic planar velocity of the plate: harmonics `k = 1, 2, …` of one base frequency on x, y and spin.
 /// A rotation about a centre is its two-harmonic special case.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -20,11 +27,9 @@ pub struct TwistWave {
 }
 
 impl TwistWave {
-    /// `amplitude · (cos wt - ½ cos 2wt)`: the wave that pumps parts along the field of `amplitude` (Eq. 5).
+    /// The wave of [`TwistHarmonic::pump`].
     pub fn pump(amplitude: Twist, base_radps: f64) -> Self {
-        let first = TwistHarmonic { cos: amplitude, sin: Twist::ZERO };
-        let second = TwistHarmonic { cos: amplitude * -0.5, sin: Twist::ZERO };
-        Self { base_radps, harmonics: vec![first, second] }
+        Self { base_radps, harmonics: TwistHarmonic::pump(amplitude).to_vec() }
     }
 
     /// The plate's velocity at `t_s`.

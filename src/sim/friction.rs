@@ -99,8 +99,7 @@ impl DiscFriction {
         if slide * slide + (0.75 * rim).powi(2) <= INSIDE_LIMIT_CURVE {
             return [0.0; 2];
         }
-        let x = self.share_of_sliding_left(slide, rim);
-        let [force, torque] = self.force_and_torque(x, 1.0 - x);
+        let (x, [force, torque]) = self.share_of_sliding_left(slide, rim);
         let left = slide - force + rim - 2.0 * torque;
         if left <= 0.0 {
             return [0.0; 2];
@@ -110,29 +109,33 @@ impl DiscFriction {
     }
 
     /// `x = s₁/(s₁+r₁)`: root of a function that runs from `slide` at 0 to `-rim` at 1, by regula falsi, the end that
-    /// stays put weighing half (Illinois).
-    fn share_of_sliding_left(&self, slide: f64, rim: f64) -> f64 {
+    /// stays put weighing half (Illinois). With it force and torque there.
+    fn share_of_sliding_left(&self, slide: f64, rim: f64) -> (f64, [f64; 2]) {
         const TOLERANCE: f64 = 1e-7;
-        let miss = |x: f64| {
-            let [force, torque] = self.force_and_torque(x, 1.0 - x);
-            (1.0 - x) * (slide - force) - x * (rim - 2.0 * torque)
-        };
+        let pull_at = |x: f64| (x, self.at_share_of_sliding(x));
         if slide == 0.0 || rim == 0.0 {
-            return if rim == 0.0 { 1.0 } else { 0.0 };
+            return pull_at(if rim == 0.0 { 1.0 } else { 0.0 });
         }
         let (mut low, mut high) = ((0.0, slide), (1.0, -rim));
         for _ in 0..40 {
-            let x = (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1);
-            let here = (x, miss(x));
+            let (x, [force, torque]) = pull_at((low.0 * high.1 - high.0 * low.1) / (high.1 - low.1));
+            let here = (x, (1.0 - x) * (slide - force) - x * (rim - 2.0 * torque));
             if here.1.abs() <= TOLERANCE {
-                return x;
+                return (x, [force, torque]);
             } else if here.1 > 0.0 {
                 (low, high.1) = (here, 0.5 * high.1);
             } else {
                 (high, low.1) = (here, 0.5 * low.1);
             }
         }
-        0.5 * (low.0 + high.0)
+        pull_at(0.5 * (low.0 + high.0))
+    }
+
+    /// [`Self::force_and_torque`] where `x = v/(v + R|w|)`.
+    #[inline]
+    fn at_share_of_sliding(&self, x: f64) -> [f64; 2] {
+        let [force, torque] = self.reduced(x, 1.0 - x, 1.0);
+        [force * x, torque * (1.0 - x)]
     }
 
     #[inline]

@@ -4,7 +4,7 @@ use super::motors::forces_of_wrench;
 use super::{PartParams, Parts, Plant, PlateMotion, SimParams, Wrench};
 use crate::geometry::{Pose, Twist, Vec2};
 use crate::random::Streams;
-use crate::signal::{Drive, Envelope, Harmonic, TwistWave};
+use crate::signal::{Drive, Envelope, Harmonic, MOTORS, TwistHarmonic, TwistWave};
 
 /// What moves the plate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,19 +16,28 @@ pub enum PlateMode {
     Dynamic,
 }
 
-/// One pulse: plate velocity `amplitude · env(t) · (cos wt - ½ cos 2wt)`, t from the pulse's start.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Most harmonics of a pulse: as many as [`Drive::peak_counts`] answers for.
+const MOST_HARMONICS: usize = 16;
+
+/// One pulse: plate velocity `env(t) · Σ (cos_k cos kwt + sin_k sin kwt)`, t from the pulse's start.
+#[derive(Clone, Debug, PartialEq)]
 pub struct OpenPulse {
-    /// Field along which parts are pumped; a translation is one without spin.
-    pub amplitude: Twist,
+    /// Harmonic `k` of the base frequency w at index `k - 1`.
+    pub harmonics: Vec<TwistHarmonic>,
     /// Outline.
     pub envelope: Envelope,
 }
 
 impl OpenPulse {
+    /// `amplitude · (cos wt - ½ cos 2wt)`: parts are pumped along the field of `amplitude`; a translation is one
+    /// without spin.
+    pub fn pump(amplitude: Twist, envelope: Envelope) -> Self {
+        Self { harmonics: TwistHarmonic::pump(amplitude).to_vec(), envelope }
+    }
+
     /// Rotation about `cor_m` at `spin_radps`, counter-clockwise when that is positive.
     pub fn about(cor_m: Vec2, spin_radps: f64, envelope: Envelope) -> Self {
-        Self { amplitude: Twist::about(cor_m, spin_radps), envelope }
+        Self::pump(Twist::about(cor_m, spin_radps), envelope)
     }
 }
 
@@ -125,10 +134,14 @@ pub fn simulate(
 
 fn check(pulse: usize, p: &OpenPulse) -> Result<(), OpenLoopError> {
     const LONGEST_S: f64 = 600.0;
-    let (twist, envelope) = (&p.amplitude, &p.envelope);
-    if ![twist.velocity_mps.x, twist.velocity_mps.y, twist.spin_radps].iter().all(|v| v.is_finite()) {
+    let is_finite = |twist: &Twist| (twist.velocity_mps.norm() + twist.spin_radps).is_finite();
+    if !p.harmonics.iter().all(|harmonic| is_finite(&harmonic.cos) && is_finite(&harmonic.sin)) {
         return Err(OpenLoopError::BadPulse { pulse, what: "its motion is not a number" });
     }
+    if p.harmonics.len() > MOST_HARMONICS {
+        return Err(OpenLoopError::BadPulse { pulse, what: "it has more than 16 harmonics" });
+    }
+    let envelope = &p.envelope;
     if ![envelope.attack_s, envelope.sustain_s, envelope.rest_s].iter().all(|s| (0.0..=LONGEST_S).contains(s)) {
         return Err(OpenLoopError::BadPulse { pulse, what: "attack, sustain and rest lie between 0 and 600 s" });
     }
@@ -147,7 +160,7 @@ fn kinematic(
     let mut recorder = Recorder::new(parts.len(), sample_hz);
     let mut steps = 0u64;
     for pulse in pulses {
-        let wave = TwistWave::pump(pulse.amplitude, base_radps);
+        let wave = TwistWave { base_radps, harmonics: pulse.harmonics.clone() };
         let length = (pulse.envelope.total_s() / step_s).round() as u64;
         for i in 0..length {
             recorder.take_until(steps as f64 * step_s, step_s, &moving);
@@ -190,16 +203,22 @@ fn dynamic(
 
 /// The drive whose forces give a free mass the pulse's velocity, `f = m dv/dt` on each axis, shared evenly among the
 /// motors. The spring, the damper and the slope of the envelope are left out.
-fn ideal_drive(params: &SimParams, pulse: usize, p: &OpenPulse, base_radps: f64) -> Result<Drive, OpenLoopError> {
+pub(super) fn ideal_drive(
+    params: &SimParams,
+    pulse: usize,
+    p: &OpenPulse,
+    base_radps: f64,
+) -> Result<Drive, OpenLoopError> {
     let motors = &params.motors;
-    let amplitude = Wrench {
-        force_n: p.amplitude.velocity_mps * (params.plate.mass_kg * base_radps),
-        torque_nm: p.amplitude.spin_radps * (params.plate.inertia_kgm2 * base_radps),
-    };
-    let counts = forces_of_wrench(amplitude, motors.lever_arm_m).map(|n| n / motors.newtons_per_count);
-    // d/dt (cos wt - ½ cos 2wt) = w (-sin wt + sin 2wt)
-    let wave = |counts: f64| vec![Harmonic { cos: 0.0, sin: -counts }, Harmonic { cos: 0.0, sin: counts }];
-    let drive = Drive { base_radps, motors: counts.map(wave), envelope: p.envelope };
+    let mut drive = Drive { base_radps, envelope: p.envelope, ..Default::default() };
+    for (k, harmonic) in (1..).zip(&p.harmonics) {
+        let counts = |twist: Twist| counts_of_acceleration(params, twist * (f64::from(k) * base_radps));
+        // d/dt (c cos kwt + s sin kwt) = kw (s cos kwt - c sin kwt)
+        let (cos, sin) = (counts(harmonic.sin), counts(-harmonic.cos));
+        for ((motor, cos), sin) in drive.motors.iter_mut().zip(cos).zip(sin) {
+            motor.push(Harmonic { cos, sin });
+        }
+    }
 
     let peak_counts = drive.peak_counts();
     if peak_counts > motors.count_limit {
@@ -210,6 +229,16 @@ fn ideal_drive(params: &SimParams, pulse: usize, p: &OpenPulse, base_radps: f64)
         return Err(OpenLoopError::TooMuchForce { pulse, peak_n, limit_n: motors.force_limit_n });
     }
     Ok(drive)
+}
+
+/// What each motor plays to give the free plate `acceleration` (m/s², rad/s²).
+fn counts_of_acceleration(params: &SimParams, acceleration: Twist) -> [f64; MOTORS] {
+    let (plate, motors) = (&params.plate, &params.motors);
+    let wrench = Wrench {
+        force_n: acceleration.velocity_mps * plate.mass_kg,
+        torque_nm: acceleration.spin_radps * plate.inertia_kgm2,
+    };
+    forces_of_wrench(wrench, motors.lever_arm_m).map(|n| n / motors.newtons_per_count)
 }
 
 /// Samples trajectories at exact instants out of steps of another length.

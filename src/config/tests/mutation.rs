@@ -57,7 +57,11 @@ fn experiment() -> Value {
     json!({
         "rig": value_of("rigs/upm-1.json"), "plate": "kinematic",
         "parts": [{"kind": "penny", "position_mm": [40, 0]}],
-        "pulses": [{"cor_mm": [0, 0], "omega_rad_s": 8, "sustain_s": 0.1}, {"direction_deg": 90, "speed_mps": 0.05, "sustain_s": 0.1}],
+        "pulses": [
+            {"cor_mm": [0, 0], "omega_rad_s": 8, "sustain_s": 0.1},
+            {"direction_deg": 90, "speed_mps": 0.05, "sustain_s": 0.1},
+            {"harmonics": [{"cos": [0.1, 0, 1], "sin": [0, 0.1, 0]}, {"sin": [0, 0, 1]}], "sustain_s": 0.1}
+        ],
     })
 }
 

@@ -1,0 +1,150 @@
+#!/usr/bin/env python3
+"""How fast the simulated plate is, and what its time step costs in accuracy.
+
+usage: plate.py [--upm target/release/upm] [--repeats 5] [--json]
+
+(a) 16 pennies on the dynamic plate of upm-2 through `upm simulate`, at full drive and at weaker ones: part-steps a second
+of CPU time on one core, over the whole process, and with the time of the same run with one penny taken off, which leaves
+what each further part costs. Best of the repeats; wall time beside it.
+(b) Five pennies under twenty pulses on both kinds of plate: how far halving the step moves them, as a share of the way
+they made. Exit status 1 when a bar is missed: 2e7 part-steps a second, 0.5 % of the way.
+"""
+import argparse
+import json
+import math
+import pathlib
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+SPEED_BAR, SHIFT_BAR = 2e7, 0.005
+PARTS, PULSES = 16, 120
+HALVING_RADPS = 4.0
+# full: next to the generator's limit; faint: parts hardly slide, friction takes longest to solve
+DRIVES_RADPS = {"full": 4.2, "weak": 0.3, "faint": 0.05}
+
+
+def rig(step_s=None):
+    rig = json.loads((ROOT / "configs/rigs/upm-2.json").read_text())
+    rig.pop("library")
+    rig["simulation"]["step_s"] = step_s or rig["simulation"]["step_s"]
+    return rig
+
+
+def run(upm, experiment):
+    """What `upm simulate` puts out; CPU and wall time of the process, s."""
+    with tempfile.NamedTemporaryFile("w", suffix=".json") as file:
+        json.dump(experiment, file)
+        file.flush()
+        before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+        done = subprocess.run([upm, "simulate", file.name, "--json"], capture_output=True, text=True)
+        wall_s, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode:
+        sys.exit(done.stderr.strip())
+    cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return json.loads(done.stdout), cpu_s, wall_s
+
+
+def grid(parts):
+    """Pennies 60 mm apart in rows of four."""
+    return [{"kind": "penny", "position_mm": [60 * (i % 4) - 90, 60 * (i // 4) - 90]} for i in range(parts)]
+
+
+def speed_experiment(parts, spin_radps):
+    """Rotations to and fro about scattered centres."""
+    pulses = []
+    for i in range(PULSES):
+        centre = [80 * math.cos(2.4 * (i // 2)), 80 * math.sin(2.4 * (i // 2))]
+        pulses.append({"cor_mm": centre, "omega_rad_s": spin_radps, "rotation": 1 - 2 * (i % 2), "sustain_s": 0.1})
+    return {"rig": rig(), "plate": "dynamic", "parts": grid(parts), "pulses": pulses, "sample_hz": 1}
+
+
+def measure_speed(upm, drive, repeats):
+    spin_radps = DRIVES_RADPS[drive]
+    many, one = (speed_experiment(parts, spin_radps) for parts in (PARTS, 1))
+    step_s, pulse = many["rig"]["simulation"]["step_s"], many["rig"]["drive"]
+    plate_s = PULSES * (0.1 + 2 * pulse["attack_s"] + pulse["rest_s"])
+    # in turn, so that a slow spell of the machine meets both
+    runs = [(run(upm, many), run(upm, one)) for _ in range(repeats)]
+    ends_mm = [abs(part[axis][-1]) for part in runs[0][0][0]["parts"] for axis in ("x_mm", "y_mm")]
+    if max(ends_mm) > 0.5 * many["rig"]["plate"]["side_mm"]:
+        sys.exit("a part fell off the plate: the time says nothing")
+    cpu_s, wall_s = (min(pair[0][i] for pair in runs) for i in (1, 2))
+    alone_s = min(pair[1][1] for pair in runs)
+    steps = plate_s / step_s
+    return {
+        "drive": drive,
+        "spin_rad_s": spin_radps,
+        "plate_s": plate_s,
+        "cpu_s": cpu_s,
+        "wall_s": wall_s,
+        "one_part_cpu_s": alone_s,
+        "part_steps_per_s": PARTS * steps / cpu_s,
+        "further_part_steps_per_s": (PARTS - 1) * steps / (cpu_s - alone_s),
+    }
+
+
+def halving_experiment(plate, step_s):
+    places = [[90, 90], [-90, 75], [-75, -90], [90, -75], [0, 0]]
+    pulses = []
+    for i in range(20):
+        centre = [60 * math.cos(2.4 * i), 60 * math.sin(2.4 * i)]
+        pulses.append({"cor_mm": centre, "omega_rad_s": HALVING_RADPS, "rotation": 1 - 2 * (i % 2), "sustain_s": 0.02 + 0.003 * i})
+    parts = [{"kind": "penny", "position_mm": place} for place in places]
+    return {"rig": rig(step_s), "plate": plate, "parts": parts, "pulses": pulses, "sample_hz": 1000}
+
+
+def ends_of_pulses(experiment, part):
+    """Where `part` was before the first pulse and after each."""
+    drive, at_s, marks = experiment["rig"]["drive"], 0.0, [0]
+    for pulse in experiment["pulses"]:
+        at_s += pulse["sustain_s"] + 2 * drive["attack_s"] + drive["rest_s"]
+        marks.append(math.floor(at_s * experiment["sample_hz"] + 1e-6))
+    return [complex(part["x_mm"][i], part["y_mm"][i]) for i in marks]
+
+
+def measure_halving(upm, plate):
+    step_s = rig()["simulation"]["step_s"]
+    coarse, fine = (halving_experiment(plate, step) for step in (step_s, 0.5 * step_s))
+    rows = []
+    for a, b in zip(run(upm, coarse)[0]["parts"], run(upm, fine)[0]["parts"]):
+        places, end = ends_of_pulses(fine, b), ends_of_pulses(coarse, a)[-1]
+        way = sum(abs(to - fro) for fro, to in zip(places, places[1:]))
+        rows.append({"way_mm": way, "shift_mm": abs(end - places[-1]), "share": abs(end - places[-1]) / way})
+    return {"plate": plate, "step_s": step_s, "parts": rows, "worst_share": max(row["share"] for row in rows)}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--upm", default=str(ROOT / "target/release/upm"))
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--json", action="store_true")
+    args = parser.parse_args()
+
+    speeds = [measure_speed(args.upm, drive, args.repeats) for drive in DRIVES_RADPS]
+    halvings = [measure_halving(args.upm, plate) for plate in ("kinematic", "dynamic")]
+    met = all(s["part_steps_per_s"] >= SPEED_BAR for s in speeds)
+    met &= all(h["worst_share"] <= SHIFT_BAR for h in halvings)
+    if args.json:
+        print(json.dumps({"speed": speeds, "halving": halvings, "met": met}, indent=1))
+    else:
+        print(f"{PARTS} pennies on upm-2, dynamic plate, {PULSES} pulses; bar {SPEED_BAR:.0e} part-steps/s, whole process")
+        print("  drive    rad/s   plate s    CPU s   wall s   1 part CPU s   part-steps/s   further parts alone")
+        for s in speeds:
+            print(
+                f"  {s['drive']:6} {s['spin_rad_s']:7.2f} {s['plate_s']:9.1f} {s['cpu_s']:8.3f} {s['wall_s']:8.3f} "
+                f"{s['one_part_cpu_s']:14.3f} {s['part_steps_per_s']:14.3g} {s['further_part_steps_per_s']:21.3g}  "
+                f"{'ok' if s['part_steps_per_s'] >= SPEED_BAR else 'MISSED'}"
+            )
+        print(f"\nhalving the step, 5 pennies, 20 pulses; bar {100 * SHIFT_BAR} % of the way")
+        for h in halvings:
+            shares = "".join(f"{100 * row['share']:9.4f}" for row in h["parts"])
+            print(f"  {h['plate']:10} {shares} %   {'ok' if h['worst_share'] <= SHIFT_BAR else 'MISSED'}")
+    sys.exit(0 if met else 1)
+
+
+if __name__ == "__main__":
+    main()
