@@ -33,6 +33,7 @@ struct Course {
     half_side_m: f64,
     coin_radius_m: f64,
     starts_m: [Vec2; 3],
+    spin_radps: f64,
     pulse: OpenPulse,
     /// Its length with its rest, in whole steps, s.
     pulse_s: f64,
@@ -59,6 +60,7 @@ impl Course {
             half_side_m,
             coin_radius_m,
             starts_m: LANES.map(|lane| cor_m + Vec2::new(2.0 * inset_m * lane, 0.0)),
+            spin_radps,
             pulse: OpenPulse::about(cor_m, spin_radps, envelope),
             pulse_s: (envelope.total_s() / rig.sim.step_s).round() * rig.sim.step_s,
         })
@@ -66,7 +68,7 @@ impl Course {
 
     fn play(&self, rig: &LabRig, pulses: usize) -> Result<Trajectories, LabFault> {
         let coins = self.starts_m.map(|start| (rig.penny, Pose { position_m: start, heading_rad: 0.0 }));
-        let pulses = vec![self.pulse; pulses];
+        let pulses = vec![self.pulse.clone(); pulses];
         let sample_hz = PLAYBACK_HZ * FINER as f64;
         Ok(simulate(&rig.sim, PlateMode::Dynamic, &coins, &pulses, rig.model.base_radps, sample_hz)?)
     }
@@ -185,7 +187,7 @@ pub fn race_track(rig: &LabRig) -> Result<Outcome, LabFault> {
 }
 
 fn figures(rig: &LabRig, race: &Race) -> Vec<Figure> {
-    let (course, spin_radps) = (&race.course, race.course.pulse.amplitude.spin_radps);
+    let (course, spin_radps) = (&race.course, race.course.spin_radps);
     let end_s = race.t_s.last().copied().unwrap_or(0.0);
     let mut figures = vec![
         Figure::alone("amplitude of spin", "rad/s", spin_radps, "the largest the rig's motors play about this centre"),
