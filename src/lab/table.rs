@@ -52,7 +52,7 @@ mod tests {
     fn numbers_have_four_digits_or_as_many_as_what_they_are_compared_with() {
         for (value, largest, text) in [
             (1.0, 1.0, "1.000"),
-            (-2.515, 3.14, "-2.515"),
+            (-2.515, 2.75, "-2.515"),
             (12345.6, 12345.6, "12346"),
             (0.000_123_4, 0.000_123_4, "1.234e-4"),
             (0.012_344, 0.012_344, "0.01234"),
