@@ -83,11 +83,12 @@ mod tests {
 
         #[test]
         fn what_the_readings_leave_open_stays_one(errors in proptest::array::uniform4(-0.02..0.02f64)) {
-            // Along x alone: the y channels show nothing, the x channels their ratio.
+            // Along x alone: the x channels show their ratio, the y channels nothing; to the second order in the errors
+            // they stay, since the mean is held.
             let gain = errors.map(|e| 1.0 + e);
             let motions = [[Twist::new(9.0, 0.0, 0.0); 4]];
             let found = relative_gains(&shown(&motions, &gain, R1_M), R1_M);
-            prop_assert!((found[1] - 1.0).abs() < 1e-9 && (found[3] - 1.0).abs() < 1e-9);
+            prop_assert!((found[1] - 1.0).abs() < 4e-4 && (found[1] - found[3]).abs() < 1e-9);
             prop_assert!((found[0] / found[2] * gain[2] / gain[0] - 1.0).abs() < 2e-4);
         }
     }

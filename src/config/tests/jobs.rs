@@ -244,7 +244,7 @@ proptest! {
         task in 0..5_usize,
     ) {
         let parts: Vec<Value> = (places.iter().zip(0..))
-            .map(|(&(x, y), i)| json!({"kind": "penny", "position_mm": [f64::from(x) / 40.0 - 100.0 + 60.0 * f64::from(i), f64::from(y) / 10.0]}))
+            .map(|(&(x, y), i)| json!({"kind": "penny", "position_mm": [f64::from(x) / 50.0 - 100.0 + 60.0 * f64::from(i), f64::from(y) / 10.0]}))
             .collect();
         let targets: Vec<Value> = parts.iter().map(|part| part["position_mm"].clone()).collect();
         let paths: Vec<Value> = targets.iter().map(|at| json!({"waypoints_mm": [at, [0.1, 0.7]], "speed_mm_s": 12.3})).collect();
