@@ -79,7 +79,10 @@ const ROOMS: &[(&str, &[&str])] = &[
         ],
     ),
     ("service", &["signal", "recording", "config", "run"]),
-    ("cli", &["signal", "rig", "vision", "library", "control", "recording", "config", "run", "service", "lab", "chart"]),
+    (
+        "cli",
+        &["signal", "rig", "vision", "library", "control", "recording", "config", "run", "service", "lab", "chart"],
+    ),
     ("main", &["cli"]),
 ];
 

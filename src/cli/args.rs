@@ -144,7 +144,7 @@ pub struct LabArgs {
     /// Which one; left out, all are listed
     #[arg(value_name = "EXPERIMENT")]
     pub experiment: Option<String>,
-    /// Rig file; without it the shipped upm-1
+    /// Rig file; without it the shipped upm-1, or upm-2 where the weak upm-1 cannot show it
     #[arg(long, value_name = "RIG.json")]
     pub rig: Option<PathBuf>,
     /// Seed of noise and sensor errors

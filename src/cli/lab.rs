@@ -58,6 +58,7 @@ fn make(name: &str, args: &LabArgs, common: Common) -> Result<(String, Outcome),
     };
     let rig = match &args.rig {
         Some(path) => RigSpec::load(path),
+        None if experiment.strong_rig => RigSpec::upm_2(),
         None => RigSpec::upm_1(),
     };
     let rig = lab_rig(&rig.map_err(Failure::faults)?, args.seed)?;

@@ -61,12 +61,20 @@ impl RigSpec {
         faults.into_result(made)
     }
 
-    /// The shipped rig upm-1, which is part of the program. Its library is not: that is a file of its own.
+    /// The shipped weak prototype. Shipped rigs are part of the program; their libraries are files of their own.
     pub fn upm_1() -> Result<Self, Vec<Fault>> {
-        const FILE: &str = "configs/rigs/upm-1.json";
-        let raw: RawRig = parse(include_str!("../../configs/rigs/upm-1.json"), FILE)?;
-        let mut faults = Faults::of(FILE);
-        let made = Self::build(RawRig { library: None, ..raw }, &Origin::of_request(FILE), &Path::root(), &mut faults);
+        Self::shipped("configs/rigs/upm-1.json", include_str!("../../configs/rigs/upm-1.json"))
+    }
+
+    /// The shipped strong rig, without its library.
+    pub fn upm_2() -> Result<Self, Vec<Fault>> {
+        Self::shipped("configs/rigs/upm-2.json", include_str!("../../configs/rigs/upm-2.json"))
+    }
+
+    fn shipped(file: &str, text: &str) -> Result<Self, Vec<Fault>> {
+        let raw: RawRig = parse(text, file)?;
+        let mut faults = Faults::of(file);
+        let made = Self::build(RawRig { library: None, ..raw }, &Origin::of_request(file), &Path::root(), &mut faults);
         faults.into_result(made)
     }
 

@@ -75,7 +75,7 @@ fn figures(read: &[Read], half_side_m: f64) -> Vec<Figure> {
             TRUTH,
         ),
         Figure::alone("read-out outside, worst", "% of distance", largest(&mut outside.iter().map(share)), TRUTH),
-        Figure::alone("direction of translations, worst", "°", largest(&mut straight.map(turned_deg)), TRUTH),
+        Figure::alone("direction of translations, worst", "deg", largest(&mut straight.map(turned_deg)), TRUTH),
         Figure::alone(
             "wrong way round",
             "1",

@@ -7,6 +7,8 @@ pub struct Experiment {
     pub name: &'static str,
     /// One line about it.
     pub about: &'static str,
+    /// True where the weak prototype cannot show it: its motors saturate.
+    pub strong_rig: bool,
     /// Makes it.
     pub run: fn(&LabRig) -> Result<Outcome, LabFault>,
 }
@@ -16,31 +18,37 @@ pub const EXPERIMENTS: &[Experiment] = &[
     Experiment {
         name: "cor-steering",
         about: "Table 1: amplitudes step the centre of rotation, the accelerometers read where it went",
+        strong_rig: false,
         run: super::cor_steering,
     },
     Experiment {
         name: WAVEFORM_FIT,
         about: "one pulse, the accelerometers' trace of it and the motion read from that",
+        strong_rig: false,
         run: super::waveform_fit,
     },
     Experiment {
         name: "force-curve",
         about: "mean friction force of the pump against speed, the way to the belt's speed, friction of a disc",
+        strong_rig: false,
         run: super::force_curve,
     },
     Experiment {
         name: "race-track",
-        about: "snapshots of three coins on one rotation field (rig upm-2: the weak rig saturates)",
+        about: "snapshots of three coins on one rotation field",
+        strong_rig: true,
         run: super::race_track,
     },
     Experiment {
         name: "two-parts",
-        about: "two coins, four centres of rotation: the error of one large step and of several (rig upm-2)",
+        about: "two coins, four centres of rotation: the error of one large step and of several",
+        strong_rig: true,
         run: super::two_parts,
     },
     Experiment {
         name: "cor-map",
         about: "every centre of a calibrated library, as read and as it truly is",
+        strong_rig: false,
         run: super::cor_map,
     },
 ];

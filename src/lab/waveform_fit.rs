@@ -26,9 +26,9 @@ pub fn waveform_fit(lab: &LabRig) -> Result<Outcome, LabFault> {
     let mut outcome = one_pulse(lab, &mut plate, &axes)?;
     outcome.figures.extend(precompensation(lab, &axes));
     let signs = force_signs(lab, &mut plate, SIGNS)?;
-    let right = 100.0 * f64::from(signs.right) / f64::from(signs.tried);
+    let wrong = f64::from(signs.tried - signs.right);
     let source = "Eq. 14, random drives off the null through the whole chain";
-    outcome.figures.push(Figure::against(format!("force signs right, of {SIGNS}"), "%", right, 100.0, source));
+    outcome.figures.push(Figure::against(format!("force signs wrong, of {SIGNS}"), "1", wrong, 0.0, source));
     Ok(outcome)
 }
 
@@ -83,7 +83,7 @@ fn precompensation(lab: &LabRig, axes: &Axes) -> Vec<Figure> {
             let name = format!("axis {name}, {how}");
             figures.push(Figure::against(format!("{name}: second over first"), "1", ratio.norm(), 0.5, SOURCE));
             let phase_deg = (-ratio).arg().to_degrees();
-            figures.push(Figure::against(format!("{name}: second's lead"), "°", phase_deg, 0.0, SOURCE));
+            figures.push(Figure::against(format!("{name}: second's lead"), "deg", phase_deg, 0.0, SOURCE));
         }
     }
     figures

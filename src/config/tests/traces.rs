@@ -74,10 +74,12 @@ fn every_fault_of_a_trace_is_told_with_its_place() {
 }
 
 #[test]
-fn the_rig_in_the_program_is_the_shipped_one_without_its_library() {
-    let file = RigSpec::load(&super::shipped("rigs/upm-1.json")).unwrap();
-    let inside = RigSpec::upm_1().unwrap();
-    assert_eq!((&inside.model, &inside.sim, &inside.kinds), (&file.model, &file.sim, &file.kinds));
-    assert_eq!((&inside.fingerprint, &inside.library), (&file.fingerprint, &None));
-    assert!(file.library.is_some());
+fn the_rigs_in_the_program_are_the_shipped_ones_without_their_libraries() {
+    for (name, inside) in [("upm-1", RigSpec::upm_1()), ("upm-2", RigSpec::upm_2())] {
+        let file = RigSpec::load(&super::shipped(&format!("rigs/{name}.json"))).unwrap();
+        let inside = inside.unwrap();
+        assert_eq!((&inside.model, &inside.sim, &inside.kinds), (&file.model, &file.sim, &file.kinds));
+        assert_eq!((&inside.fingerprint, &inside.library), (&file.fingerprint, &None));
+        assert!(file.library.is_some());
+    }
 }
