@@ -42,6 +42,7 @@ pub fn fit_twist(
         return Err(FitFault::Unreadable("a gain is not a number above 0"));
     }
     let window = sustain_window(trace, envelope, base_radps)?;
+    refuse_cut_short(trace, envelope)?;
     let channels = accelerations_mps2(trace, &window)?;
     let fits = fit_channels(&window, &channels, base_radps)?;
     let accel_mps2 = std::array::from_fn(|channel| fits[channel].coefficients.map(|c| c / sensors.gain[channel]));
@@ -52,6 +53,12 @@ pub fn fit_twist(
     let residual_sum: f64 = fits.iter().map(|fit| fit.residual_sum).sum();
     let residual_rms_mps2 = (residual_sum / (CHANNELS * window.samples.len()) as f64).sqrt();
     Ok(TwistFit { accel_mps2, residual_rms_mps2, wave, axes, pump, quality })
+}
+
+/// A trace that stops within the sustain was spoiled on its way: what it lacks nobody knows.
+fn refuse_cut_short(trace: &AccelTrace, envelope: &Envelope) -> Result<(), FitFault> {
+    let (found_s, needed_s) = (trace.time_s(trace.len().saturating_sub(1)), envelope.attack_s + envelope.sustain_s);
+    if found_s + 1.5 / trace.sample_hz >= needed_s { Ok(()) } else { Err(FitFault::CutShort { found_s, needed_s }) }
 }
 
 fn refuse_weak(accel_mps2: &[Coefficients; CHANNELS]) -> Result<(), FitFault> {

@@ -9,5 +9,5 @@ mod twist_wave;
 pub use drive::{Drive, Harmonic, MOTORS, Motor};
 pub use envelope::Envelope;
 pub use frame::Frame;
-pub use trace::{AccelTrace, CHANNELS, MISSING_SAMPLE, RecordedPulse};
+pub use trace::{AccelTrace, CHANNEL_NAMES, CHANNELS, MISSING_SAMPLE, RecordedPulse};
 pub use twist_wave::{TwistHarmonic, TwistWave};

@@ -81,6 +81,9 @@ fn check_accelerometers(raw: &RawRig, at: &Path, faults: &mut Faults) {
     let (arm, least) = (x.hypot(y), 0.2 * half);
     let allowed = format!("{least} mm or more from the centre (spin is read from the arm between the two)");
     faults.demand(arm >= least, &place, format!("{arm:.3} mm from the centre"), allowed);
+    let allowed = format!("{least} mm or more off both axes (on one the gains of x and y cannot be told apart)");
+    let off = x.abs().min(y.abs());
+    faults.demand(arm < least || off >= least, &place, format!("{off:.3} mm off an axis"), allowed);
 }
 
 fn check_sampling(found: f64, base_hz: f64, at: &Path, faults: &mut Faults) {

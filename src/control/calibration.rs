@@ -123,7 +123,8 @@ pub enum CalibrationFault {
     /// The drive is too weak to slide a coin.
     #[error(
         "found a displacement of {moved_mm:.3} mm in the strongest pulse, at {peak_mps2:.2} m/s² of the plate, allowed: \
-         {needed_mm} mm or more (a part slides from its friction coefficient times {GRAVITY_MPS2} m/s² on)"
+         {needed_mm} mm or more (parts are carried from a peak of about 2.2 times their friction coefficient times \
+         {GRAVITY_MPS2} m/s² on; below it they stick or creep backwards)"
     )]
     TooWeak {
         /// Largest displacement seen, mm.

@@ -161,6 +161,8 @@ fn bad_traces_are_refused() {
     assert!(matches!(fit(&trace, &PULSE, Vec2::zeros()), Err(FitFault::Unreadable(_))));
     assert!(matches!(fit(&trace, &Envelope { sustain_s: 0.016, ..PULSE }, R1_M), Err(FitFault::TooShort { .. })));
     assert!(matches!(fit(&AccelTrace::default(), &PULSE, R1_M), Err(FitFault::Unreadable(_))));
+    let cut = AccelTrace { counts: trace.counts.clone().map(|c| c[..450].to_vec()), ..trace.clone() };
+    assert!(matches!(fit(&cut, &PULSE, R1_M), Err(FitFault::CutShort { .. })));
     let mut gap = trace.clone();
     gap.counts[3][400] = MISSING_SAMPLE;
     assert_eq!(fit(&gap, &PULSE, R1_M), Err(FitFault::Missing { channel: 3, samples: 1 }));

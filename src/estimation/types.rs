@@ -1,7 +1,7 @@
 use nalgebra::Complex;
 
 use crate::geometry::{Twist, Vec2};
-use crate::signal::{CHANNELS, TwistWave};
+use crate::signal::{CHANNEL_NAMES, CHANNELS, TwistWave};
 
 /// Where the accelerometers are and what their channels show for a true 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,15 +75,26 @@ pub struct PumpQuality {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FitFault {
     /// Too short a time at full height.
-    #[error("trace shows {found_s:.3} s at full height, {needed_s:.3} s are needed")]
+    #[error("sustain: found {found_s:.3} s at full height, allowed: {needed_s:.3} s or more (one period of the drive)")]
     TooShort {
         /// What there is, s.
         found_s: f64,
         /// What is needed, s.
         needed_s: f64,
     },
+    /// The trace ends before the pulse's sustain does.
+    #[error("trace: found its end at {found_s:.3} s, allowed: {needed_s:.3} s or later (the end of the sustain)")]
+    CutShort {
+        /// Time of the last sample after the start of the pulse, s.
+        found_s: f64,
+        /// End of the sustain, s.
+        needed_s: f64,
+    },
     /// Samples at the converter's limit.
-    #[error("channel {channel} is clipped in {samples} samples at {limit} counts")]
+    #[error(
+        "counts.{}: found {samples} clipped at {limit}, allowed: none among the samples read",
+        CHANNEL_NAMES.get(*channel).unwrap_or(&"?")
+    )]
     Clipped {
         /// Index of the channel.
         channel: usize,
@@ -93,7 +104,10 @@ pub enum FitFault {
         limit: i16,
     },
     /// Samples that never arrived.
-    #[error("channel {channel} lacks {samples} samples")]
+    #[error(
+        "counts.{}: found {samples} missing, allowed: none among the samples read",
+        CHANNEL_NAMES.get(*channel).unwrap_or(&"?")
+    )]
     Missing {
         /// Index of the channel.
         channel: usize,
@@ -101,7 +115,7 @@ pub enum FitFault {
         samples: usize,
     },
     /// The plate hardly moved.
-    #[error("motion of {found_mps2:.3} m/s² is too weak to read, {needed_mps2:.3} m/s² are needed")]
+    #[error("motion: found {found_mps2:.3} m/s², allowed: {needed_mps2:.3} m/s² or more to be read")]
     TooWeak {
         /// Largest amplitude found, m/s².
         found_mps2: f64,

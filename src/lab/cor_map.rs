@@ -9,8 +9,8 @@ use crate::library::{Entry, drive_for};
 use crate::signal::Envelope;
 use crate::units::mm_from_m;
 
-/// Centres farther than this many half sides are translations to the eye.
-const FARTHEST: f64 = 10.0;
+/// Centres farther than this many half sides are translations, as `upm check` counts them.
+const FARTHEST: f64 = 20.0;
 
 /// A motion as calibration read it and as it truly is.
 struct Read {
@@ -64,7 +64,7 @@ fn figures(read: &[Read], half_side_m: f64) -> Vec<Figure> {
         read.iter().filter(|m| m.truth.center_of_rotation().is_none_or(|c| c.norm() >= FARTHEST * half_side_m));
     vec![
         Figure::alone("centres inside the plate", "1", inside.len() as f64, "counted"),
-        Figure::alone("centres outside", "1", outside.len() as f64, "counted, to ten half sides"),
+        Figure::alone("centres outside", "1", outside.len() as f64, "counted, to ten sides"),
         Figure::alone("translations", "1", translations as f64, "counted"),
         Figure::alone("read-out inside, rms", "mm", rms(&mut inside.iter().map(|c| miss_mm(c).powi(2))), TRUTH),
         Figure::alone("read-out inside, worst", "mm", largest(&mut inside.iter().map(miss_mm)), TRUTH),

@@ -6,6 +6,11 @@
 
 use std::f64::consts::PI;
 
+/// Acceleration `A w` of the plate, in units of μ g, from which the pump carries a part forwards. Between the
+/// sticking threshold, 0.57, and this a part that sticks for some of the cycle creeps backwards. Found by simulation;
+/// a test holds it.
+pub(super) const CARRIED_FROM: f64 = 1.27;
+
 /// Speed of the belt, in units of A.
 pub(super) const BELT: f64 = 0.5;
 

@@ -93,10 +93,10 @@ mod tests {
 
     #[test]
     fn the_sign_is_told_through_the_whole_chain() {
-        for name in ["upm-1", "upm-2"] {
+        for (name, count) in [("upm-1", 10_000), ("upm-2", 1000)] {
             let lab = lab_rig(name);
-            let signs = force_signs(&lab, &mut ShakenPlate::new(&lab), 1000).unwrap();
-            assert!(signs.tried == 1000 && signs.right >= 999, "{name}: {signs:?}");
+            let signs = force_signs(&lab, &mut ShakenPlate::new(&lab), count).unwrap();
+            assert!(signs.tried == count && signs.tried - signs.right <= count / 1000, "{name}: {signs:?}");
         }
     }
 

@@ -58,16 +58,16 @@ pub(super) fn strongest_spin(rig: &LabRig, cor_m: Vec2) -> Result<f64, LabFault>
     Ok(played)
 }
 
-/// Refuses a plate that cannot make a part slide at `radius_m` from its centre of rotation.
-pub(super) fn check_slides(rig: &LabRig, spin_radps: f64, radius_m: f64) -> Result<(), LabFault> {
+/// Refuses a plate that does not carry a part forwards at `radius_m` from its centre of rotation.
+pub(super) fn check_carries(rig: &LabRig, spin_radps: f64, radius_m: f64) -> Result<(), LabFault> {
     let shaken = spin_radps * radius_m * rig.model.base_radps;
-    let needed = rig.penny.friction * GRAVITY_MPS2 / coulomb_pump::peak_acceleration();
+    let needed = coulomb_pump::CARRIED_FROM * rig.penny.friction * GRAVITY_MPS2;
     if shaken > needed {
         return Ok(());
     }
     Err(LabFault::Rig(format!(
-        "parts stick {:.0} mm from the centre of rotation: found an acceleration A w of {shaken:.2} m/s² there, \
-         needed: more than {needed:.2}",
+        "parts stick or creep backwards {:.0} mm from the centre of rotation: found an acceleration A w of \
+         {shaken:.2} m/s² there, allowed: more than {needed:.2}",
         1e3 * radius_m
     )))
 }

@@ -105,3 +105,36 @@ pub(super) fn sliding_threshold(part: PartParams, base_radps: f64, step_s: f64) 
 fn speed_of(parts: &Parts) -> f64 {
     parts.motions().next().map_or(f64::NAN, |part| part.velocity_mps.x)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lab::testing::lab_rig;
+
+    /// Speed of a part after many cycles, over A, on a plate whose A w is `share` of μ g.
+    fn carried(share: f64) -> f64 {
+        let (base_radps, part) = (TAU * 60.0, PartParams { radius_m: 0.0, ..lab_rig("upm-1").penny });
+        let amplitude_mps = share * part.friction * GRAVITY_MPS2 / base_radps;
+        let line = PumpedLine { amplitude_mps, base_radps, steps: 2000 };
+        let (mut parts, wave) = (line.part(part, 0.0), line.wave());
+        let mut place_m = || {
+            for _ in 0..20 {
+                for step in 0..line.steps {
+                    parts.step(&line.plate_at(&wave, step));
+                }
+            }
+            parts.motions().next().unwrap().part_in_table.position_m.x
+        };
+        let (settled_m, later_m) = (place_m(), place_m());
+        (later_m - settled_m) / (20.0 * line.cycle_s() * amplitude_mps)
+    }
+
+    #[test]
+    fn parts_stick_then_creep_backwards_then_are_carried() {
+        assert!(carried(0.5).abs() < 1e-4);
+        assert!(carried(1.0) < -5e-3);
+        let from = coulomb_pump::CARRIED_FROM;
+        assert!(carried(from - 0.05) < 0.0 && carried(from + 0.05) > 0.0);
+        assert!(carried(3.0) > 0.2);
+    }
+}

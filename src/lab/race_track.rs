@@ -5,7 +5,8 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use super::pulses::{
-    EDGE_M, FINER, PLAYBACK_HZ, SATURATION, check_slides, envelope, mm, place, places, saturation, strongest_spin, turn,
+    EDGE_M, FINER, PLAYBACK_HZ, SATURATION, check_carries, envelope, mm, place, places, saturation, strongest_spin,
+    turn,
 };
 use super::{Figure, LabFault, LabRig, Motion, Outcome, Series, Track};
 use crate::chart::{Axis, Chart, Color, Layer, Mark};
@@ -53,7 +54,7 @@ impl Course {
             )));
         }
         let spin_radps = strongest_spin(rig, cor_m)?;
-        check_slides(rig, spin_radps, 2.0 * inset_m * LANES[0])?;
+        check_carries(rig, spin_radps, 2.0 * inset_m * LANES[0])?;
         let envelope = envelope(rig, SUSTAINED_PERIODS * TAU / rig.model.base_radps);
         Ok(Self {
             cor_m,
@@ -137,7 +138,12 @@ impl Race {
             if pulses == 0 {
                 return Err(LabFault::Rig("one pulse carries a coin out of its quarter of a turn".to_owned()));
             }
-            if pulses == tried && tried < MOST_PULSES {
+            if pulses == tried {
+                if tried >= MOST_PULSES {
+                    return Err(LabFault::Rig(format!(
+                        "{MOST_PULSES} pulses carry no coin through a quarter of a turn"
+                    )));
+                }
                 tried *= 2;
                 continue;
             }

@@ -1,10 +1,8 @@
 use super::{Figure, LabFault, Outcome, Series};
 use crate::chart::{Axis, Chart, Color, Layer, Mark};
 use crate::estimation::{AccelerometerPair, FitFault, TwistFit, accelerations_mps2, fit_twist, sustain_window};
-use crate::signal::{CHANNELS, RecordedPulse};
+use crate::signal::{CHANNEL_NAMES, RecordedPulse};
 use crate::units::mm_from_m;
-
-const CHANNEL_NAMES: [&str; CHANNELS] = ["x1", "y1", "x2", "y2"];
 
 /// Reads the plate's motion out of a trace recorded on any rig (UPM paper, section 3.2, App. B and C).
 pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<Outcome, LabFault> {
@@ -78,7 +76,7 @@ fn at([c1, s1, c2, s2]: &[f64; 4], phase_rad: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::geometry::{Twist, Vec2};
-    use crate::signal::{AccelTrace, Envelope, MISSING_SAMPLE};
+    use crate::signal::{AccelTrace, CHANNELS, Envelope, MISSING_SAMPLE};
     use std::f64::consts::TAU;
 
     /// Accelerations `w T(p) (sin 2wt - sin wt)` of a pump wave about `center_m`, through channels of these gains.

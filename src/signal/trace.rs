@@ -4,6 +4,9 @@ use crate::geometry::Vec2;
 /// Channels of a trace, in order: x and y of accelerometer 1, x and y of accelerometer 2.
 pub const CHANNELS: usize = 4;
 
+/// What they are called in files and tables.
+pub const CHANNEL_NAMES: [&str; CHANNELS] = ["x1", "y1", "x2", "y2"];
+
 /// Count that stands for a sample that never arrived.
 pub const MISSING_SAMPLE: i16 = i16::MIN;
 

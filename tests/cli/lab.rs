@@ -112,7 +112,10 @@ fn a_recorded_trace_gives_the_centre_it_turned_about() {
 #[test]
 fn a_spoiled_trace_gives_the_reason_and_no_centre() {
     let folder = TempDir::new().unwrap();
-    for (value, reason) in [(json!(null), "channel 1 lacks 1 samples"), (json!(32767), "channel 1 is clipped in 1 ")] {
+    for (value, reason) in [
+        (json!(null), "counts.y1: found 1 missing, allowed: none"),
+        (json!(32767), "counts.y1: found 1 clipped at 32767, allowed: none"),
+    ] {
         let file = trace(folder.path(), |trace| trace["counts"]["y1"][450] = value);
         let file = file.to_str().unwrap();
         status(&["check", file], 0);

@@ -97,6 +97,7 @@ fn impossible_rigs_are_faults() {
         ("/motors/gain_error/2", json!(0.9), "motors.gain_error[2]", "from -0.5 to 0.5"),
         ("/accelerometers/sample_hz", json!(400), "accelerometers.sample_hz", "above 480"),
         ("/accelerometers/position_mm", json!([0, 1]), "accelerometers.position_mm", "from the centre"),
+        ("/accelerometers/position_mm", json!([-92, 0]), "accelerometers.position_mm", "off both axes"),
         ("/accelerometers/position_mm/0", json!(150), "accelerometers.position_mm[0]", "on the plate"),
         ("/camera/exposure_s", json!(0.02), "camera.exposure_s", "below 0.016667 (one frame's period)"),
         ("/camera/position_mm/0", json!(90), "camera", "the whole plate in view"),

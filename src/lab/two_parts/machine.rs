@@ -4,7 +4,7 @@
 
 use std::f64::consts::TAU;
 
-use super::super::pulses::{FINER, PLAYBACK_HZ, check_slides, envelope, place, saturation, turn};
+use super::super::pulses::{FINER, PLAYBACK_HZ, check_carries, envelope, place, saturation, turn};
 use super::super::{LabFault, LabRig};
 use super::plan::{CENTERS, Places};
 use crate::geometry::{Pose, Vec2};
@@ -79,7 +79,7 @@ impl<'a> Machine<'a> {
     ) -> Result<Self, LabFault> {
         let mut machine = Self { rig, mode, centers_m, spin_radps, curves: Default::default() };
         for j in 0..CENTERS {
-            check_slides(rig, spin_radps[j], (reference_m - centers_m[j]).norm())?;
+            check_carries(rig, spin_radps[j], (reference_m - centers_m[j]).norm())?;
             machine.curves[j] = [machine.curve(j, 1.0, reference_m)?, machine.curve(j, -1.0, reference_m)?];
         }
         Ok(machine)
