@@ -2,9 +2,10 @@ use std::f64::consts::TAU;
 
 use plotters::prelude::*;
 use plotters::style::Color as _;
+use plotters::style::text_anchor::HPos;
 
 use super::range::drawable;
-use super::{Drawn, Sheet, clip, fine, paint};
+use super::{Drawn, Sheet, clip, fine, font, paint, text};
 use crate::chart::{Color, Layer, Mark};
 
 /// Width of lines, px.
@@ -25,6 +26,10 @@ const HEAD_WIDTH: f64 = 0.42;
 const CORNERS: u32 = 72;
 /// By this much a cell reaches under the next to the right and below, px: no seam shows between them.
 const UNDERLAP_PX: f64 = 0.5;
+/// Size of words beside points, px.
+const WORD_PX: f64 = 13.0;
+/// From a point to the middle of the words beside it: across, and up, px.
+const BESIDE_PX: [f64; 2] = [6.0, 8.0];
 /// Share of the full colour at value 0.
 const LIGHTEST: f64 = 0.06;
 
@@ -84,6 +89,10 @@ pub(super) fn draw(layer: &Layer, frame: &Frame, sheet: &Sheet<'_>) -> Drawn {
                 Some(corners) if !value.is_nan() => cell(sheet, corners, value, *color),
                 _ => Ok(()),
             })
+        }
+        Mark::Labels { texts } => {
+            let pairs = points.iter().zip(texts).filter(|(point, _)| frame.holds(**point));
+            pairs.into_iter().try_for_each(|(&point, text)| beside(sheet, frame, frame.px(point), text, *color))
         }
     }
 }
@@ -177,6 +186,19 @@ pub(super) fn arrow(sheet: &Sheet<'_>, from: Px, to: Px, ends_here: bool, color:
     };
     thin_line(sheet, vec![from, corner(0.0)], color)?;
     sheet.draw(&Polygon::new(vec![to, corner(1.0), corner(-1.0)], paint(color)))
+}
+
+/// Words above a point and to the right of it, or to the left where they would leave the plot.
+fn beside(sheet: &Sheet<'_>, frame: &Frame, (x, y): Px, words: &str, color: Color) -> Drawn {
+    let [across, up] = BESIDE_PX.map(fine);
+    let right = x + across;
+    let at_right = right + fine(text::width_px(words, WORD_PX)) <= frame.across[1];
+    let (x, pos) = if at_right { (right, HPos::Left) } else { (x - across, HPos::Right) };
+    word(sheet, (x, y - up), pos, words, color)
+}
+
+pub(super) fn word(sheet: &Sheet<'_>, at: Px, pos: HPos, words: &str, color: Color) -> Drawn {
+    sheet.draw(&Text::new(text::plain(words), at, font(WORD_PX, pos).color(&paint(color))))
 }
 
 pub(super) fn circle(sheet: &Sheet<'_>, at: Px, radius: i32, color: Color) -> Drawn {
