@@ -78,7 +78,7 @@ pub enum Mark {
         /// One for each point.
         values: Vec<f64>,
     },
-    /// Words beside each, in the layer's colour.
+    /// Words beside each, off the line from each point to the next.
     Labels {
         /// One for each point.
         texts: Vec<String>,

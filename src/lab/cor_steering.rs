@@ -156,7 +156,7 @@ fn chart(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]) 
     let mut layers = vec![
         Layer::plate(mm_from_m(0.5 * lab.model.plate_side_m)),
         Layer::new("the way of Eq. 15", Mark::Dashes, Color::Gray, mm(expected_m)),
-        Layer::new("Eq. 15", Mark::Circles { radius: 4.0 }, Color::Gray, mm(expected_m)),
+        Layer::new("Eq. 15", Mark::Circles { radius: 3.0 }, Color::Gray, mm(expected_m)),
         Layer::new("read here, no pre-compensation", Mark::Crosses, Color::Purple, mm(plain_m)),
         Layer::new("read here", Mark::Dots, Color::Blue, mm(found_m)),
         Layer::new("", labels, Color::Gray, mm(expected_m)),

@@ -155,11 +155,11 @@ fn a_dashed_line_is_broken_and_keeps_its_way() {
 }
 
 #[test]
-fn words_stand_beside_their_points_within_the_plot() {
+fn words_stand_beside_their_points_off_the_line_and_within_the_plot() {
     let points = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [90.0, 3.0]];
     let texts = ["start", "a & b", "a long goal", "outside"].map(str::to_owned).to_vec();
     let words = Layer::new("", Mark::Labels { texts }, Color::Red, points);
-    let mut chart = chart(true, vec![words, Layer::new("", Mark::Line, Color::Blue, [points[0], points[1]])]);
+    let mut chart = chart(false, vec![words, Layer::new("", Mark::Line, Color::Blue, [points[0], points[1]])]);
     (chart.x.range, chart.y.range) = (Some([0.0, 10.0]), Some([-1.0, 11.0]));
     let document = svg(&chart);
     let ends = polylines(&document, Color::Blue)[0].clone();
@@ -170,9 +170,10 @@ fn words_stand_beside_their_points_within_the_plot() {
     };
     let (x, y, anchor) = place("start");
     assert!(anchor == "start" && x > ends[0][0] && y < ends[0][1], "{x} {y} {anchor}");
-    for words in ["a &amp; b", "a long goal"] {
-        let (x, _, anchor) = place(words);
+    for (words, below) in [("a &amp; b", true), ("a long goal", false)] {
+        let (x, y, anchor) = place(words);
         assert!(anchor == "end" && x < ends[1][0], "{words}: {x} {anchor}");
+        assert_eq!(y > ends[1][1], below, "{words}: {y}");
     }
     assert!(!document.contains("outside"));
 }

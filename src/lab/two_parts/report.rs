@@ -6,6 +6,9 @@ use super::plan::{CENTERS, condition, field_matrix, mean_miss};
 use super::{LOOKS, Runs, STRONG_SPIN_RADPS, Task, Way};
 use crate::chart::{Axis, Chart, Color, Layer, Mark};
 
+/// Radius of the circle about a start, in half sides of the plate.
+const START: f64 = 0.02;
+
 /// What is reported besides the runs.
 pub struct Asides {
     /// What is solved for in one look, m.
@@ -110,24 +113,25 @@ fn map(name: &str, task: &Task, run: &Runs) -> Option<Chart> {
     let (looks, way) = run.ways.first()?;
     let corners = &way.corners;
     let centers = task.centers_m.map(mm);
+    let names = Mark::Labels { texts: (1..=CENTERS).map(|center| format!("C{center}")).collect() };
     let mut layers = vec![
         Layer::plate(1e3 * task.half_side_m),
         Layer::new("centres of rotation", Mark::Crosses, Color::Gray, centers),
-        Layer::new("", numbered("C", CENTERS), Color::Gray, centers),
+        Layer::new("", names, Color::Gray, centers),
     ];
     for i in 0..task.starts_m.len() {
         let (part, color) = (i + 1, Color::nth(i));
         let way: Vec<_> = corners.iter().map(|places| mm(places[i])).collect();
-        let ends = [mm(task.starts_m[i]), mm(task.goals_m[i])];
-        let names = Mark::Labels { texts: vec![format!("S{part}"), format!("F{part}")] };
-        let after = way.iter().skip(1).copied();
+        let (start, goal) = (mm(task.starts_m[i]), mm(task.goals_m[i]));
+        let radius = START * 1e3 * task.half_side_m;
+        let names = [format!("S{part}")].into_iter().chain((1..way.len()).map(|rotation| rotation.to_string()));
         layers.extend([
             Layer::new(&format!("part {part}, from S{part} by rotations 1, 2, ..."), Mark::Line, color, way.clone()),
-            Layer::new("", Mark::Dots, color, after.clone()),
-            Layer::new("", numbered("", way.len() - 1), color, after),
-            Layer::new("", Mark::Circles { radius: 3.0 }, color, [ends[0]]),
-            Layer::new(&format!("goal F{part}"), Mark::Crosses, color, [ends[1]]),
-            Layer::new("", names, color, ends),
+            Layer::new("", Mark::Dots, color, way.iter().skip(1).copied()),
+            Layer::new("", Mark::Circles { radius }, color, [start]),
+            Layer::new("", Mark::Labels { texts: names.collect() }, color, way),
+            Layer::new(&format!("goal F{part}"), Mark::Crosses, color, [goal]),
+            Layer::new("", Mark::Labels { texts: vec![format!("F{part}")] }, color, [goal]),
         ]);
     }
     Some(Chart {
@@ -138,11 +142,6 @@ fn map(name: &str, task: &Task, run: &Runs) -> Option<Chart> {
         map: true,
         layers,
     })
-}
-
-/// `before`1, `before`2 and so on.
-fn numbered(before: &str, count: usize) -> Mark {
-    Mark::Labels { texts: (1..=count).map(|number| format!("{before}{number}")).collect() }
 }
 
 fn misses(runs: &[Runs; 3]) -> Chart {
