@@ -78,6 +78,11 @@ pub enum Mark {
         /// One for each point.
         values: Vec<f64>,
     },
+    /// Words beside each, off the line from each point to the next.
+    Labels {
+        /// One for each point.
+        texts: Vec<String>,
+    },
 }
 
 /// Colours that are told apart by people with any colour sight (Okabe and Ito, 2008).

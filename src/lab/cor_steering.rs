@@ -29,6 +29,9 @@ const ROWS: [Row; 6] = [
 const UNIT: i32 = 128;
 /// Part of the motors' limit that the strongest row may use.
 const EFFORT: f64 = 0.97;
+/// `κ = I/(M r)` of the paper's plate, in, and how far a rig's may be from it for its readings to be compared.
+const PAPER_KAPPA_IN: f64 = 5.33;
+const SAME_KAPPA: f64 = 0.02;
 /// Sustain of each pulse, s.
 const SUSTAIN_S: f64 = 0.25;
 
@@ -59,7 +62,7 @@ pub fn cor_steering(lab: &LabRig) -> Result<Outcome, LabFault> {
     let plain_m = read(&[AxisShape::FREE_MASS; 3])?;
     let expected_m = ROWS.each_ref().map(|row| eq_15(lab, row));
     Ok(Outcome {
-        figures: figures(&found_m, &plain_m, &expected_m, unit),
+        figures: figures(lab, &found_m, &plain_m, &expected_m, unit),
         series: series(&found_m, &plain_m, &expected_m),
         charts: vec![chart(lab, &found_m, &plain_m, &expected_m)],
         ..Outcome::default()
@@ -81,28 +84,41 @@ fn unit_within_limits(lab: &LabRig, axes: &Axes) -> i32 {
     (f64::from(UNIT) * room.min(1.0)) as i32
 }
 
-/// `C = κ (Y2 - Y1, X1 - X2)/S`, `κ = I/(M r)` (Eq. 15), m.
-fn eq_15(lab: &LabRig, row: &Row) -> Vec2 {
-    let [x1, x2, y1, y2] = row.amplitudes.map(f64::from);
-    let kappa_m = lab.model.plate_inertia_kgm2 / (lab.model.plate_mass_kg * lab.model.lever_arm_m);
-    Vec2::new(y2 - y1, x1 - x2) * (kappa_m / ((y1 + y2) - (x1 + x2)))
+/// `κ = I/(M r)`, m.
+fn kappa_m(lab: &LabRig) -> f64 {
+    lab.model.plate_inertia_kgm2 / (lab.model.plate_mass_kg * lab.model.lever_arm_m)
 }
 
-fn figures(found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2], unit: i32) -> Vec<Figure> {
-    const EQ_15: &str = "UPM paper, Eq. 15";
+/// True where Eq. 15 says of this rig what it says of the paper's.
+fn compares_with_paper(lab: &LabRig) -> bool {
+    (kappa_m(lab) / INCH_M / PAPER_KAPPA_IN - 1.0).abs() <= SAME_KAPPA
+}
+
+/// `C = κ (Y2 - Y1, X1 - X2)/S` (Eq. 15), m.
+fn eq_15(lab: &LabRig, row: &Row) -> Vec2 {
+    let [x1, x2, y1, y2] = row.amplitudes.map(f64::from);
+    Vec2::new(y2 - y1, x1 - x2) * (kappa_m(lab) / ((y1 + y2) - (x1 + x2)))
+}
+
+fn figures(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2], unit: i32) -> Vec<Figure> {
+    let as_paper = compares_with_paper(lab);
+    let source = |paper: String| if as_paper { format!("Eq. 15; {paper}") } else { "Eq. 15".to_owned() };
     let inches = |m: f64| m / INCH_M;
     let mut figures = Vec::new();
     for ((row, found), expected) in ROWS.iter().zip(found_m).zip(expected_m) {
-        for (axis, found, expected) in [("x", found.x, expected.x), ("y", found.y, expected.y)] {
-            let name = format!("row {}: COR along {axis}", row.name);
-            figures.push(Figure::against(name, "in", inches(found), inches(expected), EQ_15));
+        let ([x1, x2, y1, y2], [paper_y, paper_x]) = (row.amplitudes, row.read_in);
+        for (axis, found, expected, paper) in [("x", found.x, expected.x, paper_x), ("y", found.y, expected.y, paper_y)]
+        {
+            let name = format!("row {} ({x1}, {x2}, {y1}, {y2}): COR along {axis}", row.name);
+            let source = source(format!("the paper read {paper}"));
+            figures.push(Figure::against(name, "in", inches(found), inches(expected), &source));
         }
     }
     for (i, pair) in found_m.windows(2).enumerate() {
         let expected = (expected_m[i + 1] - expected_m[i]).norm();
         let name = format!("step {} to {}", ROWS[i].name, ROWS[i + 1].name);
-        let source = "UPM paper, Eq. 15; its Table 1 has 2.48 to 3.14";
-        figures.push(Figure::against(name, "in", inches((pair[1] - pair[0]).norm()), inches(expected), source));
+        let source = source("the paper's Table 1 has 2.48 to 3.14".to_owned());
+        figures.push(Figure::against(name, "in", inches((pair[1] - pair[0]).norm()), inches(expected), &source));
     }
     let worst = |read: &[Vec2]| read.iter().zip(expected_m).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
     let source = "largest distance from Eq. 15";
@@ -136,38 +152,48 @@ fn chart(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]) 
         .zip(expected_m)
         .map(|(row, e)| Vec2::new(row.read_in[1].copysign(e.x), row.read_in[0].copysign(e.y)) * INCH_M)
         .collect();
+    let labels = Mark::Labels { texts: ROWS.iter().map(|row| row.name.to_owned()).collect() };
+    let mut layers = vec![
+        Layer::plate(mm_from_m(0.5 * lab.model.plate_side_m)),
+        Layer::new("the way of Eq. 15", Mark::Dashes, Color::Gray, mm(expected_m)),
+        Layer::new("Eq. 15", Mark::Circles { radius: 3.0 }, Color::Gray, mm(expected_m)),
+        Layer::new("read here, no pre-compensation", Mark::Crosses, Color::Purple, mm(plain_m)),
+        Layer::new("read here", Mark::Dots, Color::Blue, mm(found_m)),
+        Layer::new("", labels, Color::Gray, mm(expected_m)),
+    ];
+    if compares_with_paper(lab) {
+        layers.push(Layer::new("read in the paper (signs of Eq. 15)", Mark::Crosses, Color::Orange, mm(&paper)));
+    }
     Chart {
         name: "cor-steering".into(),
-        title: "Table 1: where the centre of rotation went".into(),
+        title: "Table 1, rows a to f: where the centre of rotation went".into(),
         x: Axis::new("x (mm)"),
         y: Axis::new("y (mm)"),
         map: true,
-        layers: vec![
-            Layer::plate(mm_from_m(0.5 * lab.model.plate_side_m)),
-            Layer::new("the way of Eq. 15", Mark::Dashes, Color::Gray, mm(expected_m)),
-            Layer::new("Eq. 15", Mark::Circles { radius: 4.0 }, Color::Gray, mm(expected_m)),
-            Layer::new("read in the paper", Mark::Crosses, Color::Orange, mm(&paper)),
-            Layer::new("read here, no pre-compensation", Mark::Crosses, Color::Purple, mm(plain_m)),
-            Layer::new("read here", Mark::Dots, Color::Blue, mm(found_m)),
-        ],
+        layers,
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::lab_rig;
+    use super::super::testing::{assert_sources_are_short, lab_rig};
     use super::*;
 
     #[test]
+    #[expect(clippy::approx_constant, reason = "the largest step of the paper's table, not π")]
     fn table_1_comes_out_through_the_whole_chain() {
         for (name, seed) in [("upm-1", 1), ("upm-1", 2), ("upm-1", 3), ("upm-2", 1)] {
             let outcome = cor_steering(&LabRig { seed, ..lab_rig(name) }).unwrap();
+            assert_sources_are_short(&outcome);
             let (mut rows, mut steps) = (0, 0);
             for figure in &outcome.figures {
                 let off = figure.measured - figure.reference.unwrap_or_default();
                 if figure.name.starts_with("row") {
                     rows += 1;
                     assert!(off.abs() < 0.15, "{name}, seed {seed}: {figure:?}");
+                }
+                if figure.name == "worst COR" {
+                    assert!(figure.measured < 0.15, "{name}, seed {seed}: {figure:?}");
                 }
                 if figure.name.starts_with("step") && name == "upm-1" {
                     steps += 1;
@@ -176,6 +202,24 @@ mod tests {
             }
             assert_eq!((rows, steps), (12, if name == "upm-1" { 5 } else { 0 }));
         }
+    }
+
+    #[test]
+    fn the_papers_readings_stand_beside_those_of_a_plate_like_its_own() {
+        let paper = |outcome: &Outcome| {
+            let layers = outcome.charts[0].layers.iter().filter(|layer| layer.label.contains("in the paper")).count();
+            let sources = outcome.figures.iter().filter(|figure| figure.source.contains("paper read")).count();
+            (layers, sources)
+        };
+        let mut lab = lab_rig("upm-1");
+        let outcome = cor_steering(&lab).unwrap();
+        assert_eq!(paper(&outcome), (1, 12));
+        let row_b = outcome.figures.iter().find(|figure| figure.name == "row b (-2, 0, 1, 1): COR along y").unwrap();
+        assert_eq!(row_b.source, "Eq. 15; the paper read 2.92");
+        for inertia in [&mut lab.model.plate_inertia_kgm2, &mut lab.sim.plate.inertia_kgm2] {
+            *inertia *= 1.03;
+        }
+        assert_eq!(paper(&cor_steering(&lab).unwrap()), (0, 0));
     }
 
     #[test]

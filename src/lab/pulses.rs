@@ -20,8 +20,7 @@ impl From<OpenLoopError> for LabFault {
 }
 
 /// What [`saturation`] is, for a figure.
-pub(super) const SATURATION: &str = "f0 μ g (S + 2 attacks) over the belt's speed A/2: \
-    pulses move all parts equally far while this is far below 1";
+pub(super) const SATURATION: &str = "speed a pulse gives over the belt's; far below 1 in the ideal";
 
 /// The rig's pulse held for `sustain_s`.
 pub(super) fn envelope(rig: &LabRig, sustain_s: f64) -> Envelope {

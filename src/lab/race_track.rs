@@ -26,7 +26,8 @@ const SNAPSHOTS: usize = 4;
 const FIRST_PULSES: usize = 32;
 const MOST_PULSES: usize = 4096;
 
-const IDEAL: &str = "ideal rotation field: all parts flow equally far (UPM paper, section 2.1)";
+/// On a plate the belt is slower near the centre, which costs where the saturation is not small.
+const IDEAL: &str = "ideal field, all flow equally far: UPM paper, section 2.1";
 
 /// The field and where the coins start.
 struct Course {
@@ -213,16 +214,14 @@ fn figures(rig: &LabRig, race: &Race) -> Vec<Figure> {
     let outer = &race.laps[OUTER];
     for (i, lap) in race.laps.iter().enumerate().take(OUTER) {
         let (arcs, angles) = (lap.arc() / outer.arc(), lap.angle() / outer.angle());
-        let limit =
-            format!("{IDEAL}; the belt is slower near the centre, which costs where the saturation is not small");
-        figures.push(Figure::against(format!("{}: arc over the outer coin's", NAMES[i]), "1", arcs, 1.0, &limit));
+        figures.push(Figure::against(format!("{}: arc over the outer coin's", NAMES[i]), "1", arcs, 1.0, IDEAL));
         let inverse = course.radius_m(OUTER) / course.radius_m(i);
         figures.push(Figure::against(
             format!("{}: angle over the outer coin's", NAMES[i]),
             "1",
             angles,
             inverse,
-            &limit,
+            IDEAL,
         ));
     }
     figures
@@ -296,7 +295,7 @@ fn angles(race: &Race) -> Chart {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::lab_rig;
+    use super::super::testing::{assert_sources_are_short, lab_rig};
     use super::*;
 
     fn figure(outcome: &Outcome, name: &str) -> f64 {
@@ -306,6 +305,7 @@ mod tests {
     #[test]
     fn inner_coins_turn_through_larger_angles_where_the_motors_are_strong() {
         let outcome = race_track(&lab_rig("upm-2")).unwrap();
+        assert_sources_are_short(&outcome);
         let angle = NAMES.map(|coin| figure(&outcome, &format!("{coin}: angle turned")));
         assert!(angle[0] > 1.2 * angle[1] && angle[1] > 1.2 * angle[2] && angle[0] > 80.0, "{angle:?}");
         for coin in NAMES {

@@ -15,21 +15,37 @@ const DIGITS: i32 = 4;
 /// Most places after the point; what needs more is written with a power of ten.
 const PLACES: i32 = 6;
 
+/// Whole numbers below this are shown to the last digit.
+const COUNTED: f64 = 1e6;
+
 impl Figure {
     /// Its row in a table under [`HEADS`], for people.
     pub fn cells(&self) -> [String; COLUMNS] {
-        let largest = self.reference.unwrap_or_default().abs().max(self.measured.abs());
-        let reference = self.reference.map_or("-".to_owned(), |reference| shown(reference, largest));
+        let numbers = [Some(self.measured), self.reference];
+        let places = places(numbers.into_iter().flatten());
+        let reference = self.reference.map_or("-".to_owned(), |reference| shown(reference, places));
         let error = self.relative_error().map(|error| unsigned_zero(format!("{:+.2}", 100.0 * error)));
-        let measured = shown(self.measured, largest);
+        let measured = shown(self.measured, places);
         let error = error.unwrap_or("-".to_owned());
         [self.name.clone(), measured, reference, self.unit.clone(), error, self.source.clone()]
     }
 }
 
-/// `value` with as many places as give a number of the size of `largest` four digits, so that the two compare.
-fn shown(value: f64, largest: f64) -> String {
-    let places = if largest > 0.0 { DIGITS - 1 - largest.log10().floor() as i32 } else { 0 };
+/// Places after the point for numbers that are compared: none where all are counts, else as many as give the largest
+/// four digits.
+fn places(numbers: impl Iterator<Item = f64> + Clone) -> i32 {
+    if numbers.clone().all(|number| number.fract() == 0.0 && number.abs() < COUNTED) {
+        return 0;
+    }
+    let largest = numbers.map(f64::abs).fold(0.0, f64::max);
+    if largest > 0.0 { DIGITS - 1 - largest.log10().floor() as i32 } else { 0 }
+}
+
+/// `value` with so many places; with a power of ten where they are too many or too few.
+fn shown(value: f64, places: i32) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
     if !(-PLACES..=PLACES).contains(&places) {
         return format!("{value:.3e}");
     }
@@ -48,25 +64,43 @@ fn unsigned_zero(text: String) -> String {
 mod tests {
     use super::*;
 
+    fn cells(measured: f64, reference: Option<f64>) -> [String; 3] {
+        let figure = Figure { reference, ..Figure::alone("COR", "mm", measured, "Eq. 6") };
+        let [name, measured, reference, unit, error, source] = figure.cells();
+        assert_eq!([name, unit, source], ["COR", "mm", "Eq. 6"]);
+        [measured, reference, error]
+    }
+
     #[test]
-    fn numbers_have_four_digits_or_as_many_as_what_they_are_compared_with() {
-        for (value, largest, text) in [
-            (1.0, 1.0, "1.000"),
-            (-2.515, 2.75, "-2.515"),
-            (12345.6, 12345.6, "12346"),
-            (0.000_123_4, 0.000_123_4, "1.234e-4"),
-            (0.012_344, 0.012_344, "0.01234"),
-            (-0.000_2, 40.0, "0.00"),
-            (0.0, 0.0, "0"),
-            (3.2e12, 3.2e12, "3.200e12"),
-            (f64::NAN, 0.0, "NaN"),
-            (f64::INFINITY, f64::INFINITY, "inf"),
+    fn numbers_have_four_digits() {
+        for (value, text) in [
+            (1.0004, "1.000"),
+            (-2.515, "-2.515"),
+            (12345.6, "12346"),
+            (0.000_123_4, "1.234e-4"),
+            (0.012_344, "0.01234"),
+            (3.2e12, "3.200e12"),
+            (f64::NAN, "NaN"),
+            (f64::INFINITY, "inf"),
         ] {
-            assert_eq!(shown(value, largest), text);
+            assert_eq!(cells(value, None)[0], text);
         }
-        let cells = Figure::against("COR", "mm", 1.999_99, 2.0, "Eq. 6").cells();
-        assert_eq!(cells, ["COR", "2.000", "2.000", "mm", "0.00", "Eq. 6"]);
-        let cells = Figure::against("COR", "mm", 1e-3, 0.0, "Eq. 6").cells();
-        assert_eq!(cells, ["COR", "0.001000", "0.000000", "mm", "-", "Eq. 6"]);
+    }
+
+    #[test]
+    fn what_is_compared_has_as_many_places_as_the_larger() {
+        assert_eq!(cells(1.999_99, Some(2.0)), ["2.000", "2.000", "0.00"]);
+        assert_eq!(cells(-0.000_2, Some(40.5)), ["0.00", "40.50", "-100.00"]);
+        assert_eq!(cells(1e-3, Some(0.0)), ["0.001000", "0", "-"]);
+        assert_eq!(cells(1e-9, Some(0.0)), ["1.000e-9", "0", "-"]);
+    }
+
+    #[test]
+    fn counts_are_whole_numbers() {
+        for (count, text) in [(62.0, "62"), (-2.0, "-2"), (0.0, "0"), (-0.0, "0"), (999_999.0, "999999")] {
+            assert_eq!(cells(count, None)[0], text);
+        }
+        assert_eq!(cells(64.0, Some(128.0)), ["64", "128", "-50.00"]);
+        assert_eq!(cells(2.0, Some(2.5)), ["2.000", "2.500", "-20.00"]);
     }
 }

@@ -1,8 +1,8 @@
-//! Rigs for the lab's tests.
+//! Rigs for the lab's tests, and what holds for every table.
 
 use std::path::PathBuf;
 
-use super::LabRig;
+use super::{LabRig, Outcome};
 use crate::config::RigSpec;
 use crate::sim::PartParams;
 
@@ -21,5 +21,12 @@ pub(super) fn lab_rig(name: &str) -> LabRig {
         model: spec.model,
         sim: spec.sim,
         seed: 1,
+    }
+}
+
+/// Fails where a source is longer than fits a table.
+pub(super) fn assert_sources_are_short(outcome: &Outcome) {
+    for figure in &outcome.figures {
+        assert!(figure.source.chars().count() <= 70, "{}: {}", figure.name, figure.source);
     }
 }

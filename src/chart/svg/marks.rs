@@ -2,9 +2,10 @@ use std::f64::consts::TAU;
 
 use plotters::prelude::*;
 use plotters::style::Color as _;
+use plotters::style::text_anchor::HPos;
 
 use super::range::drawable;
-use super::{Drawn, Sheet, clip, fine, paint};
+use super::{Drawn, Sheet, clip, fine, font, paint, text};
 use crate::chart::{Color, Layer, Mark};
 
 /// Width of lines, px.
@@ -25,6 +26,12 @@ const HEAD_WIDTH: f64 = 0.42;
 const CORNERS: u32 = 72;
 /// By this much a cell reaches under the next to the right and below, px: no seam shows between them.
 const UNDERLAP_PX: f64 = 0.5;
+/// Size of words beside points, px.
+const WORD_PX: f64 = 13.0;
+/// From a point to the words beside it: across to their end, and up or down to their middle, px.
+const BESIDE_PX: [f64; 2] = [9.0, 10.0];
+/// Words are this much darker than marks, to be read over lines.
+const DARKER: f64 = 0.7;
 /// Share of the full colour at value 0.
 const LIGHTEST: f64 = 0.06;
 
@@ -85,6 +92,12 @@ pub(super) fn draw(layer: &Layer, frame: &Frame, sheet: &Sheet<'_>) -> Drawn {
                 _ => Ok(()),
             })
         }
+        Mark::Labels { texts } => points.iter().zip(texts).enumerate().try_for_each(|(i, (&point, text))| {
+            if !frame.holds(point) {
+                return Ok(());
+            }
+            beside(sheet, frame, (frame.px(point), frame.free_side(points, i)), text, *color)
+        }),
     }
 }
 
@@ -100,6 +113,22 @@ impl Frame {
         };
         let ([left, right], [bottom, top]) = (within(0, self.x)?, within(1, self.y)?);
         Some([self.px([left, top]), self.px([right, bottom])])
+    }
+}
+
+impl Frame {
+    /// Whether right of point `i` and above it is free of the lines to the points before and after it.
+    fn free_side(&self, points: &[[f64; 2]], i: usize) -> [bool; 2] {
+        const EVEN: f64 = 1e-6;
+        let length = |[from, to]: [i32; 2], [low, high]: [f64; 2]| f64::from((to - from).abs()) / (high - low);
+        let scale = [length(self.across, self.x), length(self.down, self.y)];
+        let neighbours = [i.checked_sub(1), Some(i + 1)].into_iter().flatten().filter_map(|k| points.get(k));
+        let away = neighbours
+            .map(|other| [0, 1].map(|axis| scale[axis] * (points[i][axis] - other[axis])))
+            .map(|[x, y]| [x / x.hypot(y), y / x.hypot(y)])
+            .filter(|[x, y]| x.is_finite() && y.is_finite())
+            .fold([0.0; 2], |[x, y], [along_x, along_y]| [x + along_x, y + along_y]);
+        away.map(|along| along > -EVEN)
     }
 }
 
@@ -177,6 +206,21 @@ pub(super) fn arrow(sheet: &Sheet<'_>, from: Px, to: Px, ends_here: bool, color:
     };
     thin_line(sheet, vec![from, corner(0.0)], color)?;
     sheet.draw(&Polygon::new(vec![to, corner(1.0), corner(-1.0)], paint(color)))
+}
+
+/// Words beside a point, on its right and above where `free` says so; not where they would leave the plot.
+fn beside(sheet: &Sheet<'_>, frame: &Frame, ((x, y), free): (Px, [bool; 2]), words: &str, color: Color) -> Drawn {
+    let [across, up] = BESIDE_PX.map(fine);
+    let wide = across + fine(text::width_px(words, WORD_PX));
+    let [left, right] = frame.across;
+    let at_right = if free[0] { x + wide <= right } else { x - wide < left };
+    let (x, pos) = if at_right { (x + across, HPos::Left) } else { (x - across, HPos::Right) };
+    word(sheet, (x, if free[1] { y - up } else { y + up }), pos, words, color)
+}
+
+pub(super) fn word(sheet: &Sheet<'_>, at: Px, pos: HPos, words: &str, color: Color) -> Drawn {
+    let [r, g, b] = color.rgb().map(|part| (DARKER * f64::from(part)) as u8);
+    sheet.draw(&Text::new(text::plain(words), at, font(WORD_PX, pos).color(&RGBColor(r, g, b))))
 }
 
 pub(super) fn circle(sheet: &Sheet<'_>, at: Px, radius: i32, color: Color) -> Drawn {

@@ -18,6 +18,7 @@ fn every_mark(points: &[[f64; 2]]) -> Vec<Layer> {
         Mark::Circles { radius: 12.0 },
         Mark::Arrows { vectors: points.to_vec() },
         Mark::Cells { side: 5.0, values: points.iter().map(|point| point[0]).collect() },
+        Mark::Labels { texts: points.iter().map(|point| format!("<{}>", point[0])).collect() },
     ];
     let label = |mark: &Mark| format!("the {}", format!("{mark:?}").to_lowercase().split(' ').next().unwrap());
     marks
@@ -151,6 +152,30 @@ fn a_dashed_line_is_broken_and_keeps_its_way() {
     for dash in &dashes[..dashes.len() - 1] {
         assert!((length(dash) - 80.0).abs() < 3.0, "{}", length(dash));
     }
+}
+
+#[test]
+fn words_stand_beside_their_points_off_the_line_and_within_the_plot() {
+    let points = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [90.0, 3.0]];
+    let texts = ["start", "a & b", "a long goal", "outside"].map(str::to_owned).to_vec();
+    let words = Layer::new("", Mark::Labels { texts }, Color::Red, points);
+    let mut chart = chart(false, vec![words, Layer::new("", Mark::Line, Color::Blue, [points[0], points[1]])]);
+    (chart.x.range, chart.y.range) = (Some([0.0, 10.0]), Some([-1.0, 11.0]));
+    let document = svg(&chart);
+    let ends = polylines(&document, Color::Blue)[0].clone();
+    let place = |words: &str| {
+        let tag = document.split('<').find(|tag| tag.trim_end().ends_with(words)).unwrap();
+        let number = |name| attribute(tag, name).parse::<f64>().unwrap();
+        (number("x"), number("y"), attribute(tag, "text-anchor").to_owned())
+    };
+    let (x, y, anchor) = place("start");
+    assert!(anchor == "start" && x > ends[0][0] && y < ends[0][1], "{x} {y} {anchor}");
+    for (words, below) in [("a &amp; b", true), ("a long goal", false)] {
+        let (x, y, anchor) = place(words);
+        assert!(anchor == "end" && x < ends[1][0], "{words}: {x} {anchor}");
+        assert_eq!(y > ends[1][1], below, "{words}: {y}");
+    }
+    assert!(!document.contains("outside"));
 }
 
 fn any_number() -> impl Strategy<Value = f64> {

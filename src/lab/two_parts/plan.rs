@@ -55,6 +55,7 @@ pub fn flow(center_m: Vec2, part_m: Vec2, distance_m: f64) -> Vec2 {
 }
 
 /// The same by integrating `dp/ds = τ(p)` in fine steps (Runge-Kutta, fourth order).
+#[cfg(test)]
 pub fn flow_in_steps(center_m: Vec2, part_m: Vec2, distance_m: f64) -> Vec2 {
     const STEPS: u32 = 200;
     let h = distance_m / f64::from(STEPS);

@@ -6,12 +6,13 @@ use super::plan::{CENTERS, condition, field_matrix, mean_miss};
 use super::{LOOKS, Runs, STRONG_SPIN_RADPS, Task, Way};
 use crate::chart::{Axis, Chart, Color, Layer, Mark};
 
+/// Radius of the circle about a start, in half sides of the plate.
+const START: f64 = 0.02;
+
 /// What is reported besides the runs.
 pub struct Asides {
     /// What is solved for in one look, m.
     pub d_m: [f64; CENTERS],
-    /// E of one look in the ideal field by Runge-Kutta, m.
-    pub integrated_miss_m: f64,
     /// Spin of the rig's plate about each centre, rad/s.
     pub spin_radps: [f64; CENTERS],
     /// Shortest pulse of the strong plate and of the rig's, m.
@@ -52,13 +53,13 @@ fn of_one_look(task: &Task, ideal: &Runs, asides: &Asides) -> Vec<Figure> {
     for (j, d) in asides.d_m.into_iter().enumerate() {
         figures.push(Figure::alone(format!("d{} of one look", j + 1), "mm", 1e3 * d, "UPM paper, Eq. 2, solved by LU"));
     }
-    let runge_kutta = "dP/ds = τ(P) integrated by Runge-Kutta; the paper prints no figure";
-    let second = "2: every look sees the miss of those before, so that only the second order of its own step is left";
+    // Every look sees the miss of those before: only the second order of its own step is left.
+    let second = "second order of each look's own step is left";
     let measured = |looks: usize| 1e3 * ideal.miss_m(looks).unwrap_or(f64::NAN);
     let [.., coarse, fine] = LOOKS;
     let order = (measured(coarse) / measured(fine)).ln() / (fine as f64 / coarse as f64).ln();
     figures.extend([
-        Figure::against("E of one look, ideal field", "mm", measured(1), 1e3 * asides.integrated_miss_m, runge_kutta),
+        Figure::alone("E of 1 look, ideal field", "mm", measured(1), "UPM paper, Eq. 3; it prints no figure"),
         Figure::against("order at which E falls with looks, ideal field", "1", order, 2.0, second),
     ]);
     figures
@@ -66,7 +67,7 @@ fn of_one_look(task: &Task, ideal: &Runs, asides: &Asides) -> Vec<Figure> {
 
 fn of_plate(run: &Runs, ideal: &Runs, shortest_m: f64, saturation: f64) -> Vec<Figure> {
     let name = run.name;
-    let source = "one period at full height, a part in the middle; ways below half of it are left out";
+    let source = "one period at full height; ways below half of it are left out";
     let mut figures = vec![
         Figure::alone(format!("shortest pulse, {name}"), "mm", 1e3 * shortest_m, source),
         Figure::alone(format!("saturation, {name}"), "1", saturation, SATURATION),
@@ -76,10 +77,9 @@ fn of_plate(run: &Runs, ideal: &Runs, shortest_m: f64, saturation: f64) -> Vec<F
         let exact = 1e3 * ideal.miss_m(*looks).unwrap_or(f64::NAN);
         figures.push(Figure::against(label, "mm", 1e3 * way.miss_m, exact, "the ideal field's E in as many looks"));
     }
-    let reasons: Vec<String> =
-        run.failed.iter().map(|(looks, fault)| format!("{}: {fault}", counted(*looks))).collect();
-    let source = if reasons.is_empty() { "all reached their end".to_owned() } else { reasons.join("; ") };
-    figures.push(Figure::alone(format!("tries that failed, {name}"), "1", run.failed.len() as f64, &source));
+    for (looks, fault) in &run.failed {
+        figures.push(Figure::alone(format!("failed try, {name}"), "looks", *looks as f64, &fault.to_string()));
+    }
     figures
 }
 
@@ -112,20 +112,27 @@ fn motion(rig: &LabRig, task: &Task, way: &Way) -> Motion {
 fn map(name: &str, task: &Task, run: &Runs) -> Option<Chart> {
     let (looks, way) = run.ways.first()?;
     let corners = &way.corners;
-    let mut layers = vec![Layer::plate(1e3 * task.half_side_m)];
-    for (j, center) in task.centers_m.into_iter().enumerate() {
-        layers.push(Layer::new(&format!("C{}", j + 1), Mark::Crosses, Color::Gray, [mm(center)]));
-    }
+    let centers = task.centers_m.map(mm);
+    let names = Mark::Labels { texts: (1..=CENTERS).map(|center| format!("C{center}")).collect() };
+    let mut layers = vec![
+        Layer::plate(1e3 * task.half_side_m),
+        Layer::new("centres of rotation", Mark::Crosses, Color::Gray, centers),
+        Layer::new("", names, Color::Gray, centers),
+    ];
     for i in 0..task.starts_m.len() {
-        let line = corners.iter().map(|places| mm(places[i]));
-        layers.push(Layer::new(&format!("part {}, in the order of rotations", i + 1), Mark::Line, Color::nth(i), line));
-        let start = Mark::Circles { radius: 3.0 };
-        layers.push(Layer::new(&format!("S{}", i + 1), start, Color::nth(i), [mm(task.starts_m[i])]));
-        layers.push(Layer::new(&format!("F{}", i + 1), Mark::Crosses, Color::Red, [mm(task.goals_m[i])]));
-    }
-    for (j, places) in corners.iter().enumerate().skip(1) {
-        let color = Color::nth(j + 1);
-        layers.push(Layer::new(&format!("{j}"), Mark::Dots, color, places.iter().map(|place| mm(*place))));
+        let (part, color) = (i + 1, Color::nth(i));
+        let way: Vec<_> = corners.iter().map(|places| mm(places[i])).collect();
+        let (start, goal) = (mm(task.starts_m[i]), mm(task.goals_m[i]));
+        let radius = START * 1e3 * task.half_side_m;
+        let names = [format!("S{part}")].into_iter().chain((1..way.len()).map(|rotation| rotation.to_string()));
+        layers.extend([
+            Layer::new(&format!("part {part}, from S{part} by rotations 1, 2, ..."), Mark::Line, color, way.clone()),
+            Layer::new("", Mark::Dots, color, way.iter().skip(1).copied()),
+            Layer::new("", Mark::Circles { radius }, color, [start]),
+            Layer::new("", Mark::Labels { texts: names.collect() }, color, way),
+            Layer::new(&format!("goal F{part}"), Mark::Crosses, color, [goal]),
+            Layer::new("", Mark::Labels { texts: vec![format!("F{part}")] }, color, [goal]),
+        ]);
     }
     Some(Chart {
         name: name.to_owned(),
@@ -142,14 +149,19 @@ fn misses(runs: &[Runs; 3]) -> Chart {
     for (i, run) in runs.iter().enumerate() {
         let points: Vec<[f64; 2]> =
             run.ways.iter().map(|(looks, way)| [*looks as f64, (1e3 * way.miss_m).log10()]).collect();
-        layers.push(Layer::new(run.name, Mark::Line, Color::nth(i), points.iter().copied()));
+        let failed: Vec<String> = run.failed.iter().map(|(looks, _)| looks.to_string()).collect();
+        let label = match failed.as_slice() {
+            [] => run.name.to_owned(),
+            failed => format!("{} (failed with {} looks)", run.name, failed.join(", ")),
+        };
+        layers.push(Layer::new(&label, Mark::Line, Color::nth(i), points.iter().copied()));
         layers.push(Layer::new("", Mark::Dots, Color::nth(i), points));
     }
     Chart {
         name: "two-parts-looks".to_owned(),
         title: "The same step in more looks".to_owned(),
         x: Axis::new("looks"),
-        y: Axis::new("log10 of E in mm"),
+        y: Axis::new("log10 of E / mm"),
         map: false,
         layers,
     }
