@@ -29,11 +29,11 @@ pub fn relative_gains(readings: &[[Coefficients; CHANNELS]], accelerometer_in_pl
     let r = accelerometer_in_plate_m;
     let arms = Vector4::new(r.x, r.y, -r.x, -r.y);
     let mut normal = Matrix4::zeros();
-    for reading in readings {
-        for k in 0..4 {
-            let row = Vector4::from_fn(|channel, _| reading[channel][k] * arms[channel]);
-            normal += row * row.transpose();
-        }
+    let rows = readings
+        .iter()
+        .flat_map(|reading| (0..4).map(move |k| Vector4::from_fn(|channel, _| reading[channel][k] * arms[channel])));
+    for row in rows {
+        normal += row * row.transpose();
     }
     let prior = normal.trace() * (READING_ERROR / EXPECTED_ERROR).powi(2) / (readings.len().max(1) as f64);
     let ones = Vector4::from_element(1.0);

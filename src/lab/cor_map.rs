@@ -87,21 +87,23 @@ fn figures(read: &[Read], half_side_m: f64) -> Vec<Figure> {
 
 /// True when what was read would send parts backwards.
 fn is_wrong_way(motion: &Read) -> bool {
+    /// Spin counts by what it moves at this radius, m.
+    const REACH_M: f64 = 0.1;
     let Read { read, truth } = motion;
-    let along = read.velocity_mps.dot(&truth.velocity_mps) + read.spin_radps * truth.spin_radps * 1e-2;
+    let along = read.velocity_mps.dot(&truth.velocity_mps) + read.spin_radps * truth.spin_radps * REACH_M * REACH_M;
     along <= 0.0
 }
 
 fn series(read: &[Read]) -> Vec<Series> {
-    let columns: [(&str, fn(&Read) -> f64); 6] = [
-        ("velocity_x_read_mps", |m| m.read.velocity_mps.x),
-        ("velocity_y_read_mps", |m| m.read.velocity_mps.y),
-        ("spin_read_radps", |m| m.read.spin_radps),
-        ("velocity_x_true_mps", |m| m.truth.velocity_mps.x),
-        ("velocity_y_true_mps", |m| m.truth.velocity_mps.y),
-        ("spin_true_radps", |m| m.truth.spin_radps),
-    ];
-    columns.into_iter().map(|(name, of)| Series::new(name, read.iter().map(of))).collect()
+    let column = |name: &str, of: fn(&Read) -> f64| Series::new(name, read.iter().map(of));
+    vec![
+        column("velocity_x_read_mps", |m| m.read.velocity_mps.x),
+        column("velocity_y_read_mps", |m| m.read.velocity_mps.y),
+        column("spin_read_radps", |m| m.read.spin_radps),
+        column("velocity_x_true_mps", |m| m.truth.velocity_mps.x),
+        column("velocity_y_true_mps", |m| m.truth.velocity_mps.y),
+        column("spin_true_radps", |m| m.truth.spin_radps),
+    ]
 }
 
 fn chart(read: &[Read], half_side_m: f64) -> Chart {
