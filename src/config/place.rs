@@ -59,12 +59,8 @@ fn unplaced(job: &JobSpec, streams: Streams) -> Vec<(PlacedPart, Option<Vec2>)> 
             };
             *number += 1;
             let rng = &mut streams.numbered("part friction", parts.len() as u64);
-            let params = PartParams {
-                radius_m: spec.kind.radius_m,
-                thickness_m: spec.kind.thickness_m,
-                mass_kg: spec.mass_kg,
-                friction: drawn_friction(spec.friction, job.rig.friction.spread, rng),
-            };
+            let friction = drawn_friction(spec.friction, job.rig.friction.spread, rng);
+            let params = PartParams { friction, ..spec.part() };
             let id = format!("{}-{number}", spec.kind.name);
             let position_m = group.position_m.unwrap_or_default();
             parts.push((PlacedPart { kind: group.kind, id, position_m, params }, group.position_m));

@@ -7,7 +7,6 @@ use super::rig::RigSpec;
 use super::room::check_apart;
 use crate::geometry::{Twist, Vec2};
 use crate::signal::{Envelope, TwistHarmonic};
-use crate::sim::PartParams;
 use crate::units::{m_from_mm, mm_from_m};
 
 /// Most samples put out, over all parts.
@@ -198,13 +197,7 @@ fn placed(raw: &RawSimulate, rig: &RigSpec, faults: &mut Faults) -> Vec<PlacedPa
         }
         discs.push((position_m, radius_m, at));
         let id = format!("{}-{number}", part.kind);
-        let (thickness_m, mass_kg, friction) = (spec.kind.thickness_m, spec.mass_kg, spec.friction);
-        parts.push(PlacedPart {
-            kind,
-            id,
-            position_m,
-            params: PartParams { radius_m, thickness_m, mass_kg, friction },
-        });
+        parts.push(PlacedPart { kind, id, position_m, params: spec.part() });
     }
     check_apart(&discs, faults);
     parts

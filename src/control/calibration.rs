@@ -166,10 +166,7 @@ pub fn measure_axes(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Axes, CalibrationFault> {
-    let mut bench = Workbench::new(rig, model, stop, progress);
-    let axes = axes::measure(&mut bench, params);
-    bench.rig.stop();
-    axes
+    Workbench::new(rig, model, stop, progress).work(|bench| axes::measure(bench, params))
 }
 
 /// What the accelerometers alone can measure of a library: the axes, then every motion as strong as the motors
@@ -181,13 +178,11 @@ pub fn steer(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<(Axes, Vec<Entry>), CalibrationFault> {
-    let mut bench = Workbench::new(rig, model, stop, progress);
-    let steered = axes::measure(&mut bench, params).and_then(|axes| {
-        let entries = steering::measure(&mut bench, &axes, params, &wanted(&axes, model, params))?;
+    Workbench::new(rig, model, stop, progress).work(|bench| {
+        let axes = axes::measure(bench, params)?;
+        let entries = steering::measure(bench, &axes, params, &wanted(&axes, model, params))?;
         Ok((axes, entries))
-    });
-    bench.rig.stop();
-    steered
+    })
 }
 
 /// Measures `rig` and returns its library. Motors are at zero when this returns.
@@ -199,10 +194,7 @@ pub fn calibrate(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Library, CalibrationFault> {
-    let mut bench = Workbench::new(rig, model, stop, progress);
-    let measured = measure(&mut bench, fingerprint, params);
-    bench.rig.stop();
-    measured
+    Workbench::new(rig, model, stop, progress).work(|bench| measure(bench, fingerprint, params))
 }
 
 fn measure(

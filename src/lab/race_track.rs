@@ -49,7 +49,7 @@ impl Course {
         let lane_m = 2.0 * inset_m * (LANES[1] - LANES[0]);
         if lane_m <= 2.0 * coin_radius_m {
             return Err(LabFault::Rig(format!(
-                "three coins do not fit beside each other: found lanes {:.1} mm apart, needed: more than {:.1} mm",
+                "three coins do not fit beside each other: found lanes {:.1} mm apart, allowed: more than {:.1} mm",
                 1e3 * lane_m,
                 2e3 * coin_radius_m
             )));

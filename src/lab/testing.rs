@@ -4,24 +4,13 @@ use std::path::PathBuf;
 
 use super::{LabRig, Outcome};
 use crate::config::RigSpec;
-use crate::sim::PartParams;
 
 /// The rig of `configs/rigs/<name>.json` with its penny.
 pub(super) fn lab_rig(name: &str) -> LabRig {
     let file = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("configs/rigs/{name}.json"));
     let spec = RigSpec::load(&file).unwrap();
     let penny = &spec.kinds[spec.kind("penny").unwrap()];
-    LabRig {
-        penny: PartParams {
-            radius_m: penny.kind.radius_m,
-            thickness_m: penny.kind.thickness_m,
-            mass_kg: penny.mass_kg,
-            friction: penny.friction,
-        },
-        model: spec.model,
-        sim: spec.sim,
-        seed: 1,
-    }
+    LabRig { penny: penny.part(), model: spec.model, sim: spec.sim, seed: 1 }
 }
 
 /// Fails where a source is longer than fits a table.

@@ -45,11 +45,6 @@ impl Planner {
         Self { library, params, columns: Columns::default() }
     }
 
-    /// The library it plans with.
-    pub fn library(&self) -> &Library {
-        &self.library
-    }
-
     /// What it may and wants to do.
     pub fn params(&self) -> &PlannerParams {
         &self.params

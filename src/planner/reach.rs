@@ -1,4 +1,3 @@
-use super::Planner;
 use crate::geometry::Vec2;
 use crate::library::{DisplacementModel, Entry, Library};
 
@@ -32,13 +31,6 @@ const ALONG: f64 = 0.866;
 /// Least part of the longest step of an entry that is one for short steps; one that does less turns a part or leaves
 /// it where it is.
 const GENTLE: f64 = 0.05;
-
-impl Planner {
-    /// How well the library moves a part at `position_m` in every direction, with its longest pulse.
-    pub fn reach(&self, position_m: Vec2) -> Reach {
-        Reach::of(self.library(), position_m)
-    }
-}
 
 impl Reach {
     /// How well `library` moves a part at `position_m` in every direction, with its longest pulse.

@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::field::{Columns, push_column};
 use super::fixture::{HALF_SIDE_M, PENNY_M, library, params, penny, scatter};
-use super::{Limit, PartState, Plan, PlanStatus, Planner};
+use super::{Limit, PartState, Plan, PlanStatus, Planner, Reach};
 use crate::geometry::Vec2;
 use crate::random::Streams;
 
@@ -175,11 +175,11 @@ fn sparser_and_shorter_than_a_pseudo_inverse() {
 
 #[test]
 fn reach_tells_the_weak_direction() {
-    let everywhere = planner().reach(mm(20.0, 30.0));
+    let everywhere = Reach::of(&library(), mm(20.0, 30.0));
     assert!(everywhere.weakest_projection > 0.9 && everywhere.singular_values[1] > 1.0);
     let mut along_x = (*library()).clone();
     along_x.entries = vec![along_x.entries[289].clone()];
-    let reach = Planner::new(along_x.into(), params()).reach(mm(20.0, 30.0));
+    let reach = Reach::of(&along_x, mm(20.0, 30.0));
     assert!(reach.weakest_direction.x.abs() < 0.02 && reach.weakest_projection < 0.02);
     assert!(reach.singular_values[0] > 0.5 && reach.singular_values[1] < 1e-9);
 }

@@ -6,7 +6,7 @@ use crate::control::calibration::{self, CalibrationFault, CalibrationParams, Cal
 use crate::geometry::{Pose, Vec2};
 use crate::library::Library;
 use crate::random::Streams;
-use crate::sim::{PartParams, SimRig};
+use crate::sim::SimRig;
 
 /// Where the calibration coins lie, in parts of half the plate's side: spread over radii and directions, far
 /// enough inside that the longest pulse leaves them on the plate.
@@ -25,15 +25,10 @@ pub fn calibrate(
     let Some(penny) = rig.kinds.first() else {
         return Err(CalibrationFault::Look("the rig knows no kind of part".into()));
     };
-    let coin = PartParams {
-        radius_m: penny.kind.radius_m,
-        thickness_m: penny.kind.thickness_m,
-        mass_kg: penny.mass_kg,
-        friction: penny.friction,
-    };
     let half_side_m = 0.5 * rig.model.plate_side_m;
-    let coins =
-        COINS.iter().map(|&[x, y]| (coin, Pose { position_m: Vec2::new(x, y) * half_side_m, heading_rad: 0.0 }));
+    let coins = COINS
+        .iter()
+        .map(|&[x, y]| (penny.part(), Pose { position_m: Vec2::new(x, y) * half_side_m, heading_rad: 0.0 }));
     let mut simulated = SimRig::new(rig.model.clone(), rig.sim.clone(), coins.collect(), streams);
     calibration::calibrate(&mut simulated, &rig.model, &rig.fingerprint, params, stop, progress)
 }
@@ -102,9 +97,9 @@ mod tests {
         for &speed_mps in &before.speed_mps {
             for &sustain_s in &before.sustain_s {
                 let off_m = model.distance(speed_mps, sustain_s) - before.distance(speed_mps, sustain_s);
-                assert!(off_m.abs() < 0.02e-3, "{speed_mps} m/s, {sustain_s} s: {off_m} m");
+                assert!(off_m.abs() < 0.005e-3, "{speed_mps} m/s, {sustain_s} s: {off_m} m");
                 let off_m = model.sd(speed_mps, sustain_s) - before.sd(speed_mps, sustain_s);
-                assert!(off_m.abs() < 0.01e-3, "sd at {speed_mps} m/s, {sustain_s} s: {off_m} m");
+                assert!(off_m.abs() < 0.002e-3, "sd at {speed_mps} m/s, {sustain_s} s: {off_m} m");
             }
         }
         assert_eq!(library.fingerprint, golden.fingerprint);

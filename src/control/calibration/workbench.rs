@@ -28,6 +28,16 @@ impl<'a> Workbench<'a> {
         Self { rig, model, sensors, stop, progress }
     }
 
+    /// Measures, and leaves the motors at zero however that ends.
+    pub fn work<T>(
+        mut self,
+        measure: impl FnOnce(&mut Self) -> Result<T, CalibrationFault>,
+    ) -> Result<T, CalibrationFault> {
+        let measured = measure(&mut self);
+        self.rig.stop();
+        measured
+    }
+
     pub fn report(&mut self, stage: &'static str, done: usize, total: usize) {
         let plate_time_s = self.rig.now().secs();
         (self.progress)(CalibrationProgress { stage, done, total, plate_time_s });
