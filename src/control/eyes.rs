@@ -184,7 +184,7 @@ mod tests {
             radius_px: 40.0,
             position_m: Vec2::new(x, y),
             score: 1.0,
-            center_sd_px: 0.01,
+            covariance_px2: nalgebra::Matrix2::from_diagonal_element(1e-4),
         }
     }
 

@@ -1,7 +1,7 @@
 //! A made-up run for the tests of recorders: parts that walk a cross, a picture of each cycle, drives, traces and
 //! fits that agree with each other. Nothing is simulated.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix2, Vector3};
 use rand_pcg::rand_core::Rng as _;
 
 use crate::control::{CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
@@ -155,7 +155,7 @@ impl SyntheticRun {
             radius_px: RADIUS_M * PX_PER_M,
             position_m,
             score: 0.97,
-            center_sd_px: 0.02,
+            covariance_px2: Matrix2::from_diagonal_element(4e-4),
         };
         self.measured().into_iter().map(|position_m| Track { seen: seen(position_m), frames_unseen: 0 }).collect()
     }

@@ -1,3 +1,5 @@
+use nalgebra::Matrix2;
+
 use super::convolution::DiskConvolver;
 use super::disk::{Disk, Rest};
 use super::edges::frame_from_binned;
@@ -74,7 +76,7 @@ impl PartJudge {
             radius_px: fit.radius_px,
             position_m: fit.foot_m,
             score,
-            center_sd_px: fit.sd_px,
+            covariance_px2: Matrix2::from_diagonal_element(fit.sd_px * fit.sd_px),
         })
     }
 }

@@ -132,7 +132,7 @@ proptest! {
         frame.pixels.fill_with(|| rng.next_u64() as u8);
         let mut start = CoinFinder::new(&table, size, &kinds, dark).find(&frame);
         start.push(Detection {
-            kind: 1, center_px: corners[0], radius_px: 3.0, position_m: Vec2::zeros(), score: 1.0, center_sd_px: 0.0,
+            kind: 1, center_px: corners[0], radius_px: 3.0, position_m: Vec2::zeros(), score: 1.0, covariance_px2: nalgebra::Matrix2::zeros(),
         });
         let count = start.len();
         let mut tracker = Tracker::new(&table, size, &kinds, dark, start);

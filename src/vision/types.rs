@@ -1,4 +1,4 @@
-use nalgebra::Vector3;
+use nalgebra::{Matrix2, Vector3};
 
 use crate::geometry::{Homography, Lens, Vec2};
 
@@ -36,8 +36,8 @@ pub struct Detection {
     pub position_m: Vec2,
     /// How well a solid disk fits, 0 to 1.
     pub score: f64,
-    /// Standard deviation of the centre along each image axis, px.
-    pub center_sd_px: f64,
+    /// Covariance of the centre as measured, px²; what all parts share (lens, corners) is not in it.
+    pub covariance_px2: Matrix2<f64>,
 }
 
 /// A part followed from frame to frame; it keeps its place in the list.
