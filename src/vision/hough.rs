@@ -5,12 +5,12 @@ use std::f64::consts::TAU;
 use super::HoughArray;
 use crate::geometry::Vec2;
 
-/// Columns: half a degree each.
-const ANGLES: usize = 720;
+/// Columns: one degree each.
+const ANGLES: usize = 360;
 /// How far to both sides of its own direction an edge votes, columns.
-const SPREAD: usize = 8;
-/// Peaks nearer than this in angle, columns, and in distance, rows, are one peak.
-const APART: (usize, usize) = (10, 8);
+const SPREAD: usize = 3;
+/// Peaks nearer than this in angle are one peak, columns.
+const APART: i64 = 5;
 
 /// An edge in ideal coordinates, where the table's sides are straight.
 #[derive(Clone, Copy, Debug)]
@@ -56,24 +56,25 @@ impl Line {
 }
 
 /// Votes of all edges about `center`. An edge votes for lines whose normal points from light to dark, the way out of
-/// the plate; lines that would lie at negative distance are entered turned by half a turn.
+/// a bright plate; lines that would lie at negative distance are entered turned by half a turn.
 pub(super) fn vote(edges: &[IdealEdge], center: Vec2, farthest_px: f64, px_per_row: f64) -> HoughArray {
     let distances = (farthest_px / px_per_row).ceil() as usize + 2;
     let mut votes = vec![0.0f32; ANGLES * distances];
-    let directions: Vec<Vec2> = (0..ANGLES).map(|column| direction(column as f64)).collect();
+    let directions: Vec<Vec2> = (0..ANGLES).map(|column| direction(column as f64) / px_per_row).collect();
     for edge in edges {
         let p = edge.at - center;
         let own = (edge.outward.y.atan2(edge.outward.x) / TAU * ANGLES as f64).round() as i64;
-        for column in own - SPREAD as i64..=own + SPREAD as i64 {
-            let column = column.rem_euclid(ANGLES as i64) as usize;
+        let mut column = (own - SPREAD as i64).rem_euclid(ANGLES as i64) as usize;
+        for _ in 0..=2 * SPREAD {
             let distance = p.dot(&directions[column]);
-            let column = if distance < 0.0 { (column + ANGLES / 2) % ANGLES } else { column };
-            let row = distance.abs() / px_per_row;
+            let turned = if distance < 0.0 { (column + ANGLES / 2) % ANGLES } else { column };
+            let row = distance.abs();
             let (first, share) = (row as usize, row.fract() as f32);
             if first + 1 < distances {
-                votes[first * ANGLES + column] += 1.0 - share;
-                votes[(first + 1) * ANGLES + column] += share;
+                votes[first * ANGLES + turned] += 1.0 - share;
+                votes[(first + 1) * ANGLES + turned] += share;
             }
+            column = if column + 1 == ANGLES { 0 } else { column + 1 };
         }
     }
     HoughArray { angles: ANGLES, distances, px_per_row, votes, peaks: Vec::new() }
@@ -87,36 +88,48 @@ fn direction(column: f64) -> Vec2 {
 /// The highest peaks, highest first: column and row, at most `count`, none below `least` of the highest.
 pub(super) fn peaks(array: &HoughArray, count: usize, least: f32) -> Vec<(usize, usize)> {
     let mut votes = array.votes.clone();
+    let mut tops: Vec<f32> = votes.chunks_exact(array.angles.max(1)).map(highest).collect();
     let mut found = Vec::new();
     let mut floor = f32::MIN_POSITIVE;
     while found.len() < count {
-        let highest =
-            votes.iter().enumerate().fold((0, 0.0f32), |best, (i, &v)| if v > best.1 { (i, v) } else { best });
-        if highest.1 < floor {
+        let top = highest(&tops);
+        if top < floor {
             break;
         }
-        floor = floor.max(least * highest.1);
-        let peak = (highest.0 % array.angles, highest.0 / array.angles);
-        suppress(&mut votes, array, peak);
-        found.push(peak);
+        floor = floor.max(least * top);
+        let Some(row) = tops.iter().position(|&value| value == top) else { break };
+        let Some(column) = votes[row * array.angles..][..array.angles].iter().position(|&value| value == top) else {
+            break;
+        };
+        suppress(&mut votes, &mut tops, array, (column, row));
+        found.push((column, row));
     }
     found
 }
 
-/// Clears what belongs to `peak`; across distance 0 the neighbourhood goes on half a turn further.
-fn suppress(votes: &mut [f32], array: &HoughArray, peak: (usize, usize)) {
+fn highest(values: &[f32]) -> f32 {
+    values.iter().fold(0.0, |best, &value| if value > best { value } else { best })
+}
+
+/// Clears what belongs to `peak`: a bow tie, for seen from a direction that is off a line's votes spread over more
+/// distances. Across distance 0 the neighbourhood goes on half a turn further.
+fn suppress(votes: &mut [f32], tops: &mut [f32], array: &HoughArray, peak: (usize, usize)) {
     let (angles, distances) = (array.angles as i64, array.distances as i64);
-    let (across, up) = (APART.0 as i64, APART.1 as i64);
-    for row in peak.1 as i64 - up..=peak.1 as i64 + up {
+    // A line half as long as the array is wide spreads over this many rows a column.
+    let spread = TAU / ANGLES as f64 * 0.4 * array.distances as f64;
+    let widest = 3 + (spread * APART as f64) as i64;
+    for row in peak.1 as i64 - widest..=peak.1 as i64 + widest {
         let turn = if row < 0 { angles / 2 } else { 0 };
-        for column in peak.0 as i64 - across..=peak.0 as i64 + across {
-            let cell = row.abs() * angles + (column + turn).rem_euclid(angles);
-            if row < distances
-                && let Some(vote) = votes.get_mut(cell as usize)
-            {
-                *vote = 0.0;
+        if row.abs() >= distances {
+            continue;
+        }
+        let cells = &mut votes[(row.abs() * angles) as usize..][..angles as usize];
+        for column in -APART..=APART {
+            if (row - peak.1 as i64).abs() <= 3 + (spread * column.abs() as f64) as i64 {
+                cells[(peak.0 as i64 + column + turn).rem_euclid(angles) as usize] = 0.0;
             }
         }
+        tops[row.unsigned_abs() as usize] = highest(cells);
     }
 }
 
@@ -124,7 +137,7 @@ fn suppress(votes: &mut [f32], array: &HoughArray, peak: (usize, usize)) {
 pub(super) fn line_at(array: &HoughArray, peak: (usize, usize), center: Vec2) -> Line {
     let (mut sum, mut column, mut row) = (0.0, 0.0, 0.0);
     for dr in -1..=1i64 {
-        for dc in -2..=2i64 {
+        for dc in -1..=1i64 {
             let (r, c) = (peak.1 as i64 + dr, (peak.0 as i64 + dc).rem_euclid(array.angles as i64));
             let cell = r * array.angles as i64 + c;
             let vote = if r < 0 { 0.0 } else { f64::from(array.votes.get(cell as usize).copied().unwrap_or(0.0)) };

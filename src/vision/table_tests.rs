@@ -109,7 +109,7 @@ fn stages_show_four_peaks() {
     let (_, stages) = locate_table(&scene.frame(&[]), &scene.lens, SIDE_M).unwrap();
     assert_eq!(stages.hough.peaks.len(), 4);
     assert_eq!(stages.hough.votes.len(), stages.hough.angles * stages.hough.distances);
-    assert_eq!((stages.edges.width, stages.edges.height), (1280, 1024));
+    assert_eq!((stages.edges.width, stages.edges.height), (320, 256));
 }
 
 fn fault(frame: &Frame) -> TableFault {

@@ -1,5 +1,6 @@
-use super::coins::{APART, CoinFinder, PartJudge, kernel_radius_px, overlap, reach_px};
+use super::coins::CoinFinder;
 use super::disk::{Disk, Rest, climb};
+use super::judge::{APART, PartJudge, kernel_radius_px, overlap, reach_px};
 use super::sampling::Sampler;
 use super::{Detection, Table, Track};
 use crate::geometry::Vec2;
