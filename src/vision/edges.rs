@@ -85,18 +85,22 @@ fn smoothed(picture: &Coarse) -> Vec<i16> {
 /// Scharr's 3 × 3 derivative, the one of its size whose direction is truest (Scharr, 2000); 0 on the border.
 fn scharr(levels: &[i16], width: usize, height: usize) -> Gradient {
     let [mut gx, mut gy, mut size] = [(); 3].map(|()| vec![0i16; width * height]);
-    let inner = width.saturating_sub(2);
-    for y in 1..if inner > 0 { height.saturating_sub(1) } else { 0 } {
-        let row = |y: usize, from: usize| &levels[y * width + from..][..inner];
-        let [a0, a1, a2] = [0, 1, 2].map(|from| row(y - 1, from));
-        let [b0, b2] = [0, 2].map(|from| row(y, from));
-        let [c0, c1, c2] = [0, 1, 2].map(|from| row(y + 1, from));
-        let [gx, gy, size] = [&mut gx, &mut gy, &mut size].map(|plane| &mut plane[y * width + 1..][..inner]);
-        for x in 0..inner {
-            let h = 3 * (a2[x] - a0[x] + c2[x] - c0[x]) + 10 * (b2[x] - b0[x]);
-            let v = 3 * (c0[x] - a0[x] + c2[x] - a2[x]) + 10 * (c1[x] - a1[x]);
-            let (larger, smaller) = (h.abs().max(v.abs()), h.abs().min(v.abs()));
-            (gx[x], gy[x], size[x]) = (h, v, larger + (smaller >> 1));
+    if width < 3 || height < 3 {
+        return Gradient { width, height, x: gx, y: gy, size };
+    }
+    // Down the columns first: smoothed, and the difference.
+    let (mut sum, mut step) = (vec![0i16; width], vec![0i16; width]);
+    for y in 1..height - 1 {
+        let [above, here, below] = [y - 1, y, y + 1].map(|row| &levels[row * width..][..width]);
+        let columns = above.iter().zip(here).zip(below);
+        sum.iter_mut().zip(columns).for_each(|(sum, ((a, b), c))| *sum = 3 * (a + c) + 10 * b);
+        step.iter_mut().zip(above.iter().zip(below)).for_each(|(step, (a, c))| *step = c - a);
+        let [gx, gy, size] = [&mut gx, &mut gy, &mut size].map(|plane| &mut plane[y * width + 1..][..width - 2]);
+        gx.iter_mut().zip(sum.windows(3)).for_each(|(gx, w)| *gx = w[2] - w[0]);
+        gy.iter_mut().zip(step.windows(3)).for_each(|(gy, w)| *gy = 3 * (w[0] + w[2]) + 10 * w[1]);
+        for (size, (gx, gy)) in size.iter_mut().zip(gx.iter().zip(gy)) {
+            let (x, y) = (gx.wrapping_abs(), gy.wrapping_abs());
+            *size = x.max(y) + (x.min(y) >> 1);
         }
     }
     Gradient { width, height, x: gx, y: gy, size }
