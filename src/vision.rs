@@ -10,8 +10,6 @@ mod hough;
 mod lines;
 mod locate;
 mod quad;
-#[cfg(test)]
-mod render;
 mod rim;
 mod sampling;
 mod shading;

@@ -119,17 +119,18 @@ impl Shading {
 #[cfg(test)]
 mod tests {
     use super::super::locate_table;
-    use super::super::render::{SIDE_M, Scene, penny};
     use super::*;
+    use crate::scene::Scene;
+    use crate::scene::testing::{SIDE_M, penny};
 
     #[test]
     fn light_is_followed_under_noise_and_parts() {
         let scene = Scene::general(5).rough();
         let discs: Vec<_> =
             (0..16).map(|i| penny(-0.075 + 0.03 * f64::from(i % 4), -0.075 + 0.03 * f64::from(i / 4))).collect();
-        let frame = scene.frame(&discs);
+        let frame = scene.frame_with(&discs);
         let table = locate_table(&frame, &scene.lens, SIDE_M).unwrap().0;
-        let shading = ShadingGrid::new(&table, scene.size).fit(&frame, true);
+        let shading = ShadingGrid::new(&table, scene.size_px).fit(&frame, true);
         let mut inverse = [0.0f32; 70];
         for y in [200.0, 500.0, 800.0] {
             shading.inverse_row(y, 300.0, 10.0, &mut inverse);
@@ -146,8 +147,8 @@ mod tests {
     #[test]
     fn darkness_and_foreign_frames_give_a_finite_surface() {
         let scene = Scene::plain(1);
-        let table = locate_table(&scene.frame(&[]), &scene.lens, SIDE_M).unwrap().0;
-        let grid = ShadingGrid::new(&table, scene.size);
+        let table = locate_table(&scene.frame(), &scene.lens, SIDE_M).unwrap().0;
+        let grid = ShadingGrid::new(&table, scene.size_px);
         let mut inverse = [0.0f32; 9];
         for frame in [Frame::new(1280, 1024), Frame::new(3, 2)] {
             grid.fit(&frame, true).inverse_row(10.0, 0.0, 100.0, &mut inverse);
