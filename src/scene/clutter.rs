@@ -129,3 +129,47 @@ fn glint(dice: &mut Dice, reach: f64, unit: f64) -> Glint {
         level: dice.within(260.0, 400.0),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Family;
+    use super::*;
+
+    /// Points of the plate's outline, side by side, as many on each.
+    fn outline(scene: &Scene) -> Vec<Vec2> {
+        let half = scene.side_m / 2.0;
+        let corners = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y) * half);
+        (0..4 * STEPS)
+            .map(|i| corners[i / STEPS].lerp(&corners[(i / STEPS + 1) % 4], (i % STEPS) as f64 / STEPS as f64))
+            .collect()
+    }
+
+    const STEPS: usize = 400;
+
+    #[test]
+    fn at_most_a_quarter_of_one_side_is_hidden() {
+        let mut most = 0.0f64;
+        for scene in (0..300).map(|seed| Scene::drawn(Family::Hard, seed)) {
+            let hidden = |p: &Vec2| scene.covers.iter().any(|cover| cover.shape.depth(*p) > 0.0);
+            let outline = outline(&scene);
+            let shares: Vec<f64> = outline
+                .chunks(STEPS)
+                .map(|side| side.iter().filter(|p| hidden(p)).count() as f64 / STEPS as f64)
+                .collect();
+            let sides = shares.iter().filter(|&&share| share > 0.0).count();
+            assert_eq!(sides, usize::from(!scene.covers.is_empty()), "{}: {shares:?}", scene.seed);
+            most = shares.iter().fold(most, |a, &b| a.max(b));
+        }
+        assert!(most > 0.2 && most < 0.25, "{most}");
+    }
+
+    #[test]
+    fn things_on_the_ground_keep_off_the_plate() {
+        for scene in (0..300).map(|seed| Scene::drawn(Family::Hard, seed)) {
+            for p in outline(&scene) {
+                let deepest = scene.strays.iter().map(|stray| stray.shape.depth(p)).fold(f64::NEG_INFINITY, f64::max);
+                assert!(deepest < -3e-3, "{}: {deepest}", scene.seed);
+            }
+        }
+    }
+}

@@ -1,4 +1,4 @@
-use std::f64::consts::{FRAC_PI_4, TAU};
+use std::f64::consts::TAU;
 use std::fmt;
 use std::str::FromStr;
 
@@ -130,6 +130,8 @@ impl Scene {
         self.lens = Lens { focal_px, principal_px, radial, tangential };
         let (sin, cos) = dice.within(0.0, TAU).sin_cos();
         let (tilt, turn) = (dice.within(0.0, most_tilt_deg).to_radians(), dice.around(40.0).to_radians());
+        // Only a table that is hardly turned can fill the frame.
+        let turn = if dice.chance(0.25) { 0.05 * turn } else { turn };
         self.tilt_rad = [tilt * cos, tilt * sin, turn];
         self.hang(dice.within(side_share[0], side_share[1]), [dice.around(1.0), dice.around(1.0)]);
     }
@@ -194,7 +196,88 @@ impl Dice {
     }
 
     pub(super) fn direction(&mut self) -> Vec2 {
-        let (sin, cos) = self.within(0.0, 8.0 * FRAC_PI_4).sin_cos();
+        let (sin, cos) = self.within(0.0, TAU).sin_cos();
         Vec2::new(cos, sin)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SEEDS: u64 = 150;
+
+    fn scenes(family: Family) -> impl Iterator<Item = Scene> {
+        (0..SEEDS).map(move |seed| Scene::drawn(family, seed))
+    }
+
+    #[test]
+    fn the_table_is_wholly_in_the_frame_and_as_large_as_promised() {
+        for (family, least, most_tilt) in
+            [(Family::Clean, 0.55, 5.0), (Family::Hard, 0.4, 10.0), (Family::Papers, 0.7, 0.0)]
+        {
+            let mut shares = Vec::new();
+            for scene in scenes(family) {
+                let [width, height] = scene.size_px.map(|n| n as f64);
+                for p in scene.table_outline_px() {
+                    let margin = p.x.min(p.y).min(width - 1.0 - p.x).min(height - 1.0 - p.y);
+                    assert!(margin > 0.012 * height, "{family} {}: {margin} px", scene.seed);
+                }
+                let corners = scene.corners_px();
+                let side_px = (0..4).map(|i| (corners[(i + 1) % 4] - corners[i]).norm()).sum::<f64>() / 4.0;
+                shares.push(side_px / height);
+                let axis = scene.camera_from_table().row(2).transpose();
+                assert!((-axis.z).acos().to_degrees() < most_tilt + 1e-6);
+                let [a, b, c, d] = corners;
+                let right = b - a + c - d;
+                assert!(right.y.atan2(right.x).to_degrees().abs() < 45.0, "{family} {}", scene.seed);
+            }
+            let (smallest, largest) = shares.iter().fold((1.0f64, 0.0f64), |(a, b), &s| (a.min(s), b.max(s)));
+            assert!(smallest > least - 0.005 && smallest < least + 0.1, "{family}: {smallest}");
+            assert!(largest > 0.88 && largest < 0.955, "{family}: {largest}");
+        }
+    }
+
+    #[test]
+    fn rough_scenes_are_clean_ones_in_worse_light() {
+        for (clean, rough) in scenes(Family::Clean).zip(scenes(Family::Rough)) {
+            assert_eq!(
+                (clean.corners_px(), clean.truth(), clean.levels),
+                (rough.corners_px(), rough.truth(), rough.levels)
+            );
+            assert_eq!((clean.noise_sd, clean.blur_px, clean.shading), (0.0, 0.8, 0.0));
+            assert_eq!((rough.noise_sd, rough.blur_px, rough.shading), (8.0, 1.5, 0.4));
+        }
+    }
+
+    #[test]
+    fn equal_seeds_give_equal_pictures() {
+        for family in Family::ALL {
+            let draw = |seed| Scene::drawn(family, seed);
+            assert_eq!(draw(5), draw(5));
+            assert_ne!(draw(5), draw(6));
+            assert_eq!(draw(5).frame(), draw(5).frame());
+        }
+    }
+
+    #[test]
+    fn all_difficulties_come_up() {
+        let hard: Vec<Scene> = scenes(Family::Hard).collect();
+        let share =
+            |has: &dyn Fn(&Scene) -> bool| hard.iter().filter(|scene| has(scene)).count() as f64 / hard.len() as f64;
+        assert!((0.2..0.8).contains(&share(&|scene| scene.dark_parts())));
+        assert!(share(&|scene| !scene.covers.is_empty()) > 0.2);
+        assert!(share(&|scene| !scene.strays.is_empty()) > 0.3);
+        assert!(share(&|scene| !scene.glints.is_empty()) > 0.2);
+        assert!(share(&|scene| scene.parts.iter().any(|part| part.relief.is_some())) > 0.3);
+        assert!(share(&|scene| scene.parts.iter().any(|part| !part.glints.is_empty())) > 0.3);
+    }
+
+    #[test]
+    fn families_are_found_by_name() {
+        for family in Family::ALL {
+            assert_eq!(family.to_string().parse(), Ok(family));
+        }
+        assert_eq!("dirty".parse::<Family>(), Err("found \"dirty\", allowed: clean, rough, hard, papers".into()));
     }
 }

@@ -77,3 +77,40 @@ impl Scene {
             && self.covers.iter().all(|cover| cover.shape.depth(at_m) < -radius_m - CLEAR_M)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Family;
+    use super::*;
+
+    /// Pairs of parts less than 1 µm apart.
+    fn touching(scene: &Scene) -> usize {
+        let gap = |a: &Disc, b: &Disc| (a.at_m - b.at_m).norm() - a.radius_m - b.radius_m;
+        let pairs = scene.parts.iter().enumerate().flat_map(|(i, a)| scene.parts[..i].iter().map(move |b| gap(a, b)));
+        pairs.filter(|gap| *gap < 1e-6).count()
+    }
+
+    #[test]
+    fn parts_lie_on_the_plate_and_beside_one_another() {
+        for family in Family::ALL {
+            let (mut with_touching, mut at_edge, mut parts) = (0, 0, 0);
+            for scene in (0..100).map(|seed| Scene::drawn(family, seed)) {
+                for (i, part) in scene.parts.iter().enumerate() {
+                    let to_edge = scene.side_m / 2.0 - part.at_m.amax() - part.radius_m;
+                    assert!(to_edge >= 0.0, "{family} {}", scene.seed);
+                    at_edge += usize::from(to_edge < 5e-4);
+                    let apart = |other: &Disc| (other.at_m - part.at_m).norm() >= other.radius_m + part.radius_m;
+                    assert!(scene.parts[..i].iter().all(apart), "{family} {}", scene.seed);
+                    let clear = |cover: &super::super::Thing| cover.shape.depth(part.at_m) < -part.radius_m - 1e-3;
+                    assert!(scene.covers.iter().all(clear), "{family} {}", scene.seed);
+                    let kind = &kinds()[part.kind];
+                    assert_eq!((part.radius_m, part.thickness_m), (kind.radius_m, kind.thickness_m));
+                }
+                assert!((1..=MOST_PARTS).contains(&scene.parts.len()));
+                with_touching += usize::from(touching(&scene) > 0);
+                parts += scene.parts.len();
+            }
+            assert!(with_touching >= 50 && at_edge > 30 && parts > 1200, "{family}: {with_touching} {at_edge} {parts}");
+        }
+    }
+}

@@ -4,17 +4,14 @@
 use super::layers::Layer;
 use super::paint::Paint;
 use super::{Disc, Scene};
-use crate::geometry::Vec2;
+use crate::geometry::{Homography, Lens, Vec2};
 
 /// Side of the squares begun with, and of those that are evaluated pixel by pixel, px.
 const LARGEST: usize = 64;
 const SMALLEST: usize = 8;
-/// Table coordinates are exact at the corners of squares of so many pixels, bilinear between: off by 0.001 px or less for
-/// lenses and tilts as they are drawn.
-const CELL: usize = 4;
 /// Lines across a pixel along which one outline is intersected, and points a side where several meet.
 const LINES: u32 = 12;
-const POINTS: u32 = 12;
+const POINTS: u32 = 16;
 
 impl Scene {
     /// Gray levels before light, lens and noise, row by row.
@@ -24,70 +21,58 @@ impl Scene {
         let mut raster = Raster {
             layers: &layers,
             ground: Paint::flat(self.levels[0]),
-            places: Places::new(self),
+            lens: self.lens,
+            table_from_ideal: self.ideal_from_table().inverse(),
             size: self.size_px,
             levels: vec![0.0; width * height],
         };
         let all: Vec<usize> = (0..layers.len()).collect();
         for y in (0..height).step_by(LARGEST) {
             for x in (0..width).step_by(LARGEST) {
-                raster.square([x, y], LARGEST, &all, None);
+                let (right, below) = (x + LARGEST, y + LARGEST);
+                let corners = [(x, y), (right, y), (x, below), (right, below)].map(|(x, y)| raster.place(x, y));
+                raster.square(Square { at: [x, y], side: LARGEST, corners }, &all, None);
             }
         }
         raster.levels
     }
 }
 
-/// Table coordinates of pixel corners: `(x, y)` is the top left corner of pixel `(x, y)`.
-struct Places {
-    exact: Vec<Vec2>,
-    columns: usize,
-}
-
-impl Places {
-    fn new(scene: &Scene) -> Self {
-        let table_from_ideal = scene.ideal_from_table().inverse();
-        let [columns, rows] = scene.size_px.map(|n| n.next_multiple_of(LARGEST) / CELL + 2);
-        let place = |i: usize| {
-            let p = Vec2::new((i % columns * CELL) as f64 - 0.5, (i / columns * CELL) as f64 - 0.5);
-            let ideal = if scene.lens.is_ideal() { p } else { scene.lens.ideal_from_image(p) };
-            table_from_ideal.map_or(ideal, |map| map.apply(ideal))
-        };
-        Self { exact: (0..columns * rows).map(place).collect(), columns }
-    }
-
-    fn at(&self, x: usize, y: usize) -> Vec2 {
-        let (i, u, v) =
-            (y / CELL * self.columns + x / CELL, (x % CELL) as f64 / CELL as f64, (y % CELL) as f64 / CELL as f64);
-        let below = i + self.columns;
-        let top = self.exact[i] * (1.0 - u) + self.exact[i + 1] * u;
-        let bottom = self.exact[below] * (1.0 - u) + self.exact[below + 1] * u;
-        top * (1.0 - v) + bottom * v
-    }
-
-    /// Corners of a square of pixels: top left, top right, bottom left, bottom right.
-    fn corners(&self, [x, y]: [usize; 2], side: usize) -> [Vec2; 4] {
-        [self.at(x, y), self.at(x + side, y), self.at(x, y + side), self.at(x + side, y + side)]
-    }
+/// A square of pixels.
+#[derive(Clone, Copy)]
+struct Square {
+    /// Its first column and row.
+    at: [usize; 2],
+    /// Pixels along each side.
+    side: usize,
+    /// Table coordinates of its corners, m: top left, top right, bottom left, bottom right.
+    corners: [Vec2; 4],
 }
 
 struct Raster<'a> {
     layers: &'a [Layer<'a>],
     ground: Paint<'a>,
-    places: Places,
+    lens: Lens,
+    table_from_ideal: Option<Homography>,
     size: [usize; 2],
     levels: Vec<f32>,
 }
 
 impl Raster<'_> {
+    /// Table coordinates of the top left corner of a pixel, m.
+    fn place(&self, x: usize, y: usize) -> Vec2 {
+        let p = Vec2::new(x as f64 - 0.5, y as f64 - 0.5);
+        let ideal = if self.lens.is_ideal() { p } else { self.lens.ideal_from_image(p) };
+        self.table_from_ideal.map_or(ideal, |map| map.apply(ideal))
+    }
+
     /// Paints a square of pixels. `crossing` are the layers, in order, whose outline may cross it, `behind` is what
     /// covers it behind those.
-    fn square(&mut self, at: [usize; 2], side: usize, crossing: &[usize], behind: Option<usize>) {
-        let [x, y] = at;
+    fn square(&mut self, square: Square, crossing: &[usize], behind: Option<usize>) {
+        let Square { at: [x, y], side, corners } = square;
         if x >= self.size[0] || y >= self.size[1] {
             return;
         }
-        let corners = self.places.corners(at, side);
         let middle = corners.iter().sum::<Vec2>() / 4.0;
         let reach = 1.05 * corners.iter().map(|corner| (corner - middle).norm()).fold(0.0, f64::max);
         let (mut behind, mut left) = (behind, Vec::new());
@@ -102,32 +87,44 @@ impl Raster<'_> {
         }
         let flat = self.paint(behind).is_flat_near(middle, reach);
         if side > 1 && !(left.is_empty() && (flat || side <= SMALLEST)) {
-            let half = side / 2;
-            for (dx, dy) in [(0, 0), (half, 0), (0, half), (half, half)] {
-                self.square([x + dx, y + dy], half, &left, behind);
+            for quarter in self.quarters(square) {
+                self.square(quarter, &left, behind);
             }
         } else if left.is_empty() {
-            self.fill(at, side, behind, flat);
+            self.fill(square, behind, flat);
         } else {
             self.levels[y * self.size[0] + x] = self.crossed_pixel(corners, middle, reach, &left, behind) as f32;
         }
+    }
+
+    fn quarters(&self, Square { at: [x, y], side, corners: [a, b, c, d] }: Square) -> [Square; 4] {
+        let half = side / 2;
+        let [top, left, middle, right, bottom] =
+            [(half, 0), (0, half), (half, half), (side, half), (half, side)].map(|(dx, dy)| self.place(x + dx, y + dy));
+        let quarter = |dx: usize, dy: usize, corners| Square { at: [x + dx, y + dy], side: half, corners };
+        [
+            quarter(0, 0, [a, top, left, middle]),
+            quarter(half, 0, [top, b, middle, right]),
+            quarter(0, half, [left, middle, c, bottom]),
+            quarter(half, half, [middle, right, bottom, d]),
+        ]
     }
 
     fn paint(&self, layer: Option<usize>) -> &Paint<'_> {
         layer.map_or(&self.ground, |layer| &self.layers[layer].paint)
     }
 
-    fn fill(&mut self, [x, y]: [usize; 2], side: usize, layer: Option<usize>, flat: bool) {
+    /// Paints a square that one surface covers; inside it pixels are evenly spaced on the plate.
+    fn fill(&mut self, Square { at: [x, y], side, corners }: Square, layer: Option<usize>, flat: bool) {
         let [width, height] = self.size;
         for row in y..(y + side).min(height) {
             for column in x..(x + side).min(width) {
                 let paint = self.paint(layer);
-                let level = if flat {
-                    paint.level
-                } else {
-                    paint.level_at(self.places.corners([column, row], 1).iter().sum::<Vec2>() / 4.0)
+                let at = |u: f64, v: f64| {
+                    let n = side as f64;
+                    within(corners, ((column - x) as f64 + u) / n, ((row - y) as f64 + v) / n)
                 };
-                self.levels[row * width + column] = level as f32;
+                self.levels[row * width + column] = if flat { paint.level } else { mean_level(paint, at) } as f32;
             }
         }
     }
@@ -162,6 +159,14 @@ impl Raster<'_> {
             .sum();
         sum / m
     }
+}
+
+/// Mean over a pixel by Gauss's four points; `at` takes places in the pixel, 0 to 1, to the plate.
+fn mean_level(paint: &Paint, at: impl Fn(f64, f64) -> Vec2) -> f64 {
+    let off = 0.5 / 3f64.sqrt();
+    let (near, far) = (0.5 - off, 0.5 + off);
+    let points = [(near, near), (near, far), (far, near), (far, far)];
+    points.map(|(u, v)| paint.level_at(at(u, v))).iter().sum::<f64>() / 4.0
 }
 
 /// A point of the square between four corners.
