@@ -14,8 +14,6 @@ mod lines;
 mod locate;
 mod outline;
 mod quad;
-#[cfg(test)]
-mod render;
 mod response;
 mod rim;
 mod sampling;

@@ -106,15 +106,16 @@ fn terms(p: Vec2) -> SVector<f64, 6> {
 #[cfg(test)]
 mod tests {
     use super::super::locate_table;
-    use super::super::render::{SIDE_M, Scene, penny};
     use super::*;
+    use crate::scene::Scene;
+    use crate::scene::testing::{SIDE_M, penny};
     use crate::signal::Frame;
 
     const BIN: usize = 4;
 
     fn seen(scene: &Scene, frame: &Frame) -> (Coarse, PlateCells) {
-        let table = locate_table(&scene.frame(&[]), &scene.lens, SIDE_M).unwrap().0;
-        let plate = PlateCells::new(&table, scene.size, BIN, 6.0);
+        let table = locate_table(&scene.frame(), &scene.lens, SIDE_M).unwrap().0;
+        let plate = PlateCells::new(&table, scene.size_px, BIN, 6.0);
         (Coarse::part_of(frame, BIN, plate.corner, plate.size), plate)
     }
 
@@ -123,7 +124,7 @@ mod tests {
         let scene = Scene::general(5).rough();
         let discs: Vec<_> =
             (0..16).map(|i| penny(-0.075 + 0.03 * f64::from(i % 4), -0.075 + 0.03 * f64::from(i / 4))).collect();
-        let (coarse, plate) = seen(&scene, &scene.frame(&discs));
+        let (coarse, plate) = seen(&scene, &scene.frame_with(&discs));
         let shading = Shading::fit(&coarse, &plate, true);
         let mut inverse = vec![0.0f32; coarse.width];
         for row in [20, 100, 180] {
