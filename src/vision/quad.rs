@@ -15,8 +15,9 @@ const ALL_SEEN: f64 = 0.55;
 /// seen: a strip beside the table makes a larger square of which little is missing, but that at two corners.
 const UNSEEN: f64 = 2.0;
 const LOOSE_END: f64 = 0.3;
-/// Share of a side taken as its end.
-const END: f64 = 0.1;
+/// Length of a side's end: this share of it, and so many cells at least.
+const END: f64 = 0.05;
+const END_CELLS: f64 = 3.0;
 
 /// A line and where along it there are edges of its direction.
 pub(super) struct SeenLine {
@@ -158,7 +159,8 @@ fn quad(
                 return None;
             }
             seen_px += seen;
-            let near = |a: Vec2, b: Vec2| side.seen_px(a, a + (b - a) * END, outward) < 0.5 * END * sides[i];
+            let end = END.max(END_CELLS * side.cell_px / sides[i]).min(0.5);
+            let near = |a: Vec2, b: Vec2| side.seen_px(a, a + (b - a) * end, outward) < 0.5 * end * sides[i];
             let loose = [near(from, to), near(to, from)].into_iter().filter(|&loose| loose).count();
             loose_px += loose as f64 * LOOSE_END * visible[i];
         }
