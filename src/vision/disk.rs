@@ -2,7 +2,7 @@ use crate::geometry::Vec2;
 use crate::signal::Frame;
 
 /// Chords of a large disk on either side of its middle that are looked at when it is moved.
-const CHORDS: usize = 16;
+const CHORDS: usize = 12;
 
 /// The solid disk kernel: all cells whose middle lies within the radius of the disk's middle cell.
 #[derive(Clone, Debug)]
@@ -64,7 +64,7 @@ impl Disk {
             cells += chord.len();
         };
         add(y, self.half[0]);
-        for (dy, &half) in self.half.iter().enumerate().step_by(self.stride()).skip(1) {
+        for (dy, &half) in self.half.iter().enumerate().step_by(2 * self.stride() - 1).skip(1) {
             add(y - dy, half);
             add(y + dy, half);
         }

@@ -164,21 +164,26 @@ impl RimFinder {
     fn ring_levels<const N: usize>(&self, profiles: &[[f32; N]; RAYS], on_plate: &PerRay) -> Option<RingLevels> {
         let inside: PerRay = std::array::from_fn(|k| (profiles[k][0] + profiles[k][1]) / 2.0);
         let outside: PerRay = std::array::from_fn(|k| (profiles[k][N - 1] + profiles[k][N - 2]) / 2.0);
-        let inner = ring_quantile(&inside, on_plate, 0.5)?;
-        let outer = ring_quantile(&outside, on_plate, 0.75)?;
-        let contrast = outer - inner;
-        if contrast < LEAST_CONTRAST {
-            return None;
-        }
-        let fits = |k: usize, inner: f32, outer: f32, stray: f32| {
-            let most = stray * contrast;
+        let fits = |k: usize, inner: f32, outer: f32, most: f32| {
             f32::from((inside[k] - inner).abs() < most && (outside[k] - outer).abs() < most)
         };
-        let mut usable: PerRay = std::array::from_fn(|k| on_plate[k] * fits(k, inner, outer, 1.5 * STRAY));
         let least = ring::LEAST_AGREEING as f64;
-        let (part, plate) = (self.rays.fit(&inside, &usable, least)?, self.rays.fit(&outside, &usable, least)?);
-        let (inner, outer) = (self.rays.values(&part), self.rays.values(&plate));
-        usable = std::array::from_fn(|k| usable[k] * fits(k, inner[k], outer[k], STRAY));
+        let levels = |usable: &PerRay| {
+            let (part, plate) = (self.rays.fit(&inside, usable, least)?, self.rays.fit(&outside, usable, least)?);
+            let (inner, outer) = (self.rays.values(&part), self.rays.values(&plate));
+            let most = STRAY * (plate.constant - part.constant);
+            let usable: PerRay = std::array::from_fn(|k| usable[k] * fits(k, inner[k], outer[k], most));
+            Some((part, plate, inner, outer, usable))
+        };
+        let undisturbed = levels(on_plate).filter(|found| found.4 == *on_plate);
+        let (part, plate, inner, outer, usable) = undisturbed.or_else(|| {
+            let (inner, outer) = (ring_quantile(&inside, on_plate, 0.5)?, ring_quantile(&outside, on_plate, 0.75)?);
+            let most = 1.5 * STRAY * (outer - inner);
+            levels(&std::array::from_fn(|k| on_plate[k] * fits(k, inner, outer, most)))
+        })?;
+        if plate.constant - part.constant < LEAST_CONTRAST {
+            return None;
+        }
         let scatter = sum(|k| usable[k] * ((inside[k] - inner[k]).powi(2) + (outside[k] - outer[k]).powi(2)));
         let freedom = (sum(|k| usable[k]) - 3.0).max(1.0);
         let variance = scatter / freedom / 4.0;

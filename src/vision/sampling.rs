@@ -34,7 +34,7 @@ impl<'a> Sampler<'a> {
         top + fy * (bottom - top)
     }
 
-    /// Bilinear levels at points evenly spaced from `from` to `to`, in whole numbers of 1/4096 px: several times
+    /// Bilinear levels at points evenly spaced from `from` to `to`, in whole numbers of 1/2048 px: several times
     /// faster than [`Sampler::at`]. `None` when the points do not all lie a pixel or more inside the picture.
     pub(super) fn along<const N: usize>(&self, from: Vec2, to: Vec2) -> Option<[f32; N]> {
         const ONE: f64 = 65536.0;
@@ -44,15 +44,21 @@ impl<'a> Sampler<'a> {
         let step = (to - from) * (ONE / (N.max(2) - 1) as f64);
         let (mut x, mut y) = ((from.x * ONE) as i32, (from.y * ONE) as i32);
         let (dx, dy) = (step.x as i32, step.y as i32);
+        let below = self.pixels.get(self.width..)?;
+        let above = &self.pixels[..below.len()];
+        let most = below.len().checked_sub(1)?;
         let mut levels = [0.0f32; N];
         for level in &mut levels {
             let start = (y >> 16) as usize * self.width + (x >> 16) as usize;
-            let square = self.pixels.get(start..start + self.width + 2)?;
-            let (fx, fy) = ((x as u32 & 0xffff) >> 4, (y as u32 & 0xffff) >> 4);
-            let mix = |a: u8, b: u8| u32::from(a) * (4096 - fx) + u32::from(b) * fx;
-            let (top, bottom) = (mix(square[0], square[1]), mix(square[self.width], square[self.width + 1]));
-            // Less than 2³¹ once halved: a signed number, which turns into a float in one step.
-            *level = ((top * (4096 - fy) + bottom * fy) >> 1) as i32 as f32 * (1.0 / f32::from(1u16 << 12) / 2048.0);
+            if start >= most {
+                return None;
+            }
+            let (fx, fy) = ((x & 0xffff) >> 4, (y & 0xffff) >> 5);
+            let mix =
+                |row: &[u8]| (i32::from(row[start]) << 12) + (i32::from(row[start + 1]) - i32::from(row[start])) * fx;
+            let (top, bottom) = (mix(above), mix(below));
+            // 8 bits of level, 12 and 11 of place: the largest signed number just holds them.
+            *level = ((top << 11) + (bottom - top) * fy) as f32 * (1.0 / 8_388_608.0);
             x += dx;
             y += dy;
         }

@@ -80,23 +80,24 @@ impl Rays {
     /// `ρ_k + (c × u_k)² / 2 = R + c·u_k`, by least squares with Tukey's biweights.
     pub(super) fn circle(&self, radii: &PerRay, present: &PerRay, start: Vec2, least_sd: f32) -> Option<Circle> {
         const ROUNDS: usize = 3;
+        const CALM: f32 = 0.3;
         let count = present.iter().filter(|&&p| p > 0.0).count();
         if count < LEAST_AGREEING {
             return None;
         }
         let (mut center, mut weights) = ([start.x as f32, start.y as f32], *present);
-        let mut round = 0;
-        loop {
+        for round in 1.. {
             let across: PerRay = std::array::from_fn(|k| center[0] * self.sin[k] - center[1] * self.cos[k]);
             let bent: PerRay = std::array::from_fn(|k| radii[k] + 0.5 * across[k] * across[k]);
             let fit = self.fit(&bent, &weights, LEAST_AGREEING as f64 / 3.0)?;
             let on_circle = self.values(&fit);
             let residuals: PerRay = std::array::from_fn(|k| bent[k] - on_circle[k]);
-            center = fit.slope;
-            round += 1;
-            if round == ROUNDS {
+            // Once weighted, a ring without outliers stays as it is.
+            let calm = || (0..RAYS).all(|k| weights[k] >= CALM * present[k]);
+            if round == ROUNDS || (round > 1 && calm()) {
                 return self.agreed(&fit, &residuals, &weights);
             }
+            center = fit.slope;
             let scale = (1.4826 * median_size(&residuals, present, count)).max(least_sd);
             let per_sd = 1.0 / (4.685 * scale);
             weights = std::array::from_fn(|k| {
@@ -104,6 +105,7 @@ impl Rays {
                 present[k] * share * share
             });
         }
+        None
     }
 
     /// The circle with its scatter. For normal residuals r and biweights w, `E w r² / E w` is 0.828 of the variance.
