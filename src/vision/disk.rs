@@ -151,10 +151,16 @@ pub(super) fn climb(disk: &Disk, frame: &Frame, x: i64, y: i64, dark: bool, most
     let sign = if dark { -1 } else { 1 };
     let (mut x, mut y) = disk.fitted(frame, x, y)?;
     for steps in 0.. {
-        let columns = disk.step_columns(frame, x, y).map(|change| sign * change);
-        let rows = disk.step_rows(frame, x, y).map(|change| sign * change);
-        let (dx, dy) = (uphill(columns), uphill(rows));
-        let both = disk.fitted(frame, x as i64 + dx, y as i64 + dy)?;
+        let allowed = |change: i32, dx: i64, dy: i64| {
+            let to = (x as i64 + dx, y as i64 + dy);
+            let fits = disk.fitted(frame, to.0, to.1).is_some_and(|at| (at.0 as i64, at.1 as i64) == to);
+            if fits { sign * change } else { (sign * change).min(0) }
+        };
+        let [left, right] = disk.step_columns(frame, x, y);
+        let [up, down] = disk.step_rows(frame, x, y);
+        let columns = [allowed(left, -1, 0), allowed(right, 1, 0)];
+        let rows = [allowed(up, 0, -1), allowed(down, 0, 1)];
+        let both = disk.fitted(frame, x as i64 + uphill(columns), y as i64 + uphill(rows))?;
         let (along_x, along_y) = ((both.0, y), (x, both.1));
         // Both at once may end in a circle: not for ever.
         let next = match () {

@@ -23,6 +23,9 @@ use crate::geometry::Vec2;
 const LEAST_CONTRAST: f32 = 10.0;
 /// How far levels may stray from the ring's own, as a part of the contrast, before a ray counts as disturbed.
 const STRAY: f32 = 0.22;
+/// Nor may they stray this many times as far as half the rays of a disturbed ring do, or as this many levels.
+const FAR: f32 = 5.0;
+const LEAST_FAR: f32 = 4.0;
 /// Narrowest scatter believed, px: bilinear sampling is no truer.
 const LEAST_SD_PX: f64 = 0.02;
 /// What pixels and their sampling leave of a clean picture's centre, px.
@@ -164,30 +167,42 @@ impl RimFinder {
     fn ring_levels<const N: usize>(&self, profiles: &[[f32; N]; RAYS], on_plate: &PerRay) -> Option<RingLevels> {
         let inside: PerRay = std::array::from_fn(|k| (profiles[k][0] + profiles[k][1]) / 2.0);
         let outside: PerRay = std::array::from_fn(|k| (profiles[k][N - 1] + profiles[k][N - 2]) / 2.0);
-        let fits = |k: usize, inner: f32, outer: f32, most: f32| {
-            f32::from((inside[k] - inner).abs() < most && (outside[k] - outer).abs() < most)
+        let within = |usable: &PerRay, inner: &PerRay, outer: &PerRay, most: [f32; 2]| -> PerRay {
+            let fits = |k: usize| (inside[k] - inner[k]).abs() < most[0] && (outside[k] - outer[k]).abs() < most[1];
+            std::array::from_fn(|k| usable[k] * f32::from(fits(k)))
         };
-        let least = ring::LEAST_AGREEING as f64;
-        let levels = |usable: &PerRay| {
-            let (part, plate) = (self.rays.fit(&inside, usable, least)?, self.rays.fit(&outside, usable, least)?);
-            let (inner, outer) = (self.rays.values(&part), self.rays.values(&plate));
-            let most = STRAY * (plate.constant - part.constant);
-            let usable: PerRay = std::array::from_fn(|k| usable[k] * fits(k, inner[k], outer[k], most));
-            Some((part, plate, inner, outer, usable))
-        };
-        let undisturbed = levels(on_plate).filter(|found| found.4 == *on_plate);
-        let (part, plate, inner, outer, usable) = undisturbed.or_else(|| {
-            let (inner, outer) = (ring_quantile(&inside, on_plate, 0.5)?, ring_quantile(&outside, on_plate, 0.75)?);
-            let most = 1.5 * STRAY * (outer - inner);
-            levels(&std::array::from_fn(|k| on_plate[k] * fits(k, inner, outer, most)))
-        })?;
-        if plate.constant - part.constant < LEAST_CONTRAST {
-            return None;
+        let levels = self.levels(&inside, &outside, on_plate)?;
+        let stray = |levels: &RingLevels| [STRAY * (levels.plate - levels.part); 2];
+        if within(on_plate, &levels.inner, &levels.outer, stray(&levels)) == *on_plate {
+            return (levels.plate - levels.part >= LEAST_CONTRAST).then_some(levels);
         }
+        let rise: PerRay = std::array::from_fn(|k| outside[k] - inside[k]);
+        let least = 0.5 * ring_quantile(&rise, on_plate, 0.75)?;
+        let rises: PerRay = std::array::from_fn(|k| on_plate[k] * f32::from(rise[k] > least));
+        let (inner, outer) = (ring_quantile(&inside, &rises, 0.5)?, ring_quantile(&outside, &rises, 0.5)?);
+        let usable = within(&rises, &[inner; RAYS], &[outer; RAYS], [1.5 * STRAY * (outer - inner); 2]);
+        let levels = self.levels(&inside, &outside, &usable)?;
+        let usable = within(&usable, &levels.inner, &levels.outer, stray(&levels));
+        // What strays by less than that, yet far from the others, is disturbed too.
+        let levels = self.levels(&inside, &outside, &usable)?;
+        let far = |values: &PerRay, ring: &PerRay| {
+            let off: PerRay = std::array::from_fn(|k| (values[k] - ring[k]).abs());
+            Some((FAR * ring_quantile(&off, &usable, 0.5)?).max(LEAST_FAR))
+        };
+        let most = [far(&inside, &levels.inner)?, far(&outside, &levels.outer)?];
+        let levels = self.levels(&inside, &outside, &within(&usable, &levels.inner, &levels.outer, most))?;
+        (levels.plate - levels.part >= LEAST_CONTRAST).then_some(levels)
+    }
+
+    /// Levels fitted to the ends of the usable rays.
+    fn levels(&self, inside: &PerRay, outside: &PerRay, usable: &PerRay) -> Option<RingLevels> {
+        let least = ring::LEAST_AGREEING as f64;
+        let (part, plate) = (self.rays.fit(inside, usable, least)?, self.rays.fit(outside, usable, least)?);
+        let (inner, outer) = (self.rays.values(&part), self.rays.values(&plate));
         let scatter = sum(|k| usable[k] * ((inside[k] - inner[k]).powi(2) + (outside[k] - outer[k]).powi(2)));
         let freedom = (sum(|k| usable[k]) - 3.0).max(1.0);
         let variance = scatter / freedom / 4.0;
-        Some(RingLevels { inner, outer, part: part.constant, plate: plate.constant, usable, variance })
+        Some(RingLevels { inner, outer, part: part.constant, plate: plate.constant, usable: *usable, variance })
     }
 }
 

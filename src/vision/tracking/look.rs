@@ -15,7 +15,7 @@ pub(super) const PLAIN_RAYS: usize = RAYS * 7 / 9;
 /// Of the rays that nothing known stands before, the least share that must agree on a part partly hidden.
 const HIDDEN_SHARE: f64 = 0.44;
 /// The least score of a part partly hidden.
-const HIDDEN_SCORE: f64 = 0.55;
+const HIDDEN_SCORE: f64 = 0.3;
 /// How far its levels may be from those it had in plain view, as a part of the contrast.
 const HIDDEN_STRAY: f32 = 0.25;
 /// How far a radius may be from its kind's, as a part of it.
