@@ -15,6 +15,7 @@ pub mod random;
 pub mod recording;
 pub mod rig;
 pub mod run;
+pub mod scene;
 pub mod signal;
 pub mod sim;
 pub mod time;

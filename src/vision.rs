@@ -1,5 +1,7 @@
 //! Eyes: the table once, every coin, then each coin again and again. Frames in, measurements out.
 
+mod chords;
+mod coarse;
 mod coins;
 #[cfg(test)]
 mod coins_tests;
@@ -7,11 +9,12 @@ mod convolution;
 mod disk;
 mod edges;
 mod hough;
+mod judge;
 mod lines;
 mod locate;
+mod outline;
 mod quad;
-#[cfg(test)]
-mod render;
+mod response;
 mod rim;
 mod sampling;
 mod shading;

@@ -53,7 +53,7 @@ impl Eyes {
         let (table, mut stages, started) = find_table(rig, model, &mut frame, sink, clock)?;
         let mut finder = CoinFinder::new(&table, model.frame_size_px, kinds, model.dark_parts);
         let found = finder.find(&frame);
-        stages.disk_response = finder.response().clone();
+        stages.disk_response = finder.response();
         let detections = name_parts(found, kinds, parts)?;
         let localise_us = (clock.elapsed() - started).as_secs_f64() * 1e6;
         sink.localised(&LocalisedFacts {

@@ -1,9 +1,10 @@
 //! Parts in rendered pictures whose places are known.
 
-use super::render::{Disc, PENNY_M, SIDE_M, Scene, penny};
 use super::{CoinFinder, Detection, Table, locate_table};
 use crate::geometry::Vec2;
 use crate::rig::PartKind;
+use crate::scene::testing::{PENNY_M, SIDE_M, penny};
+use crate::scene::{Disc, Scene};
 use crate::signal::Frame;
 
 fn kind(name: &str, diameter_mm: f64, thickness_mm: f64) -> PartKind {
@@ -21,12 +22,12 @@ fn scattered() -> Vec<Disc> {
 }
 
 fn table_of(scene: &Scene, discs: &[Disc]) -> Table {
-    locate_table(&scene.frame(discs), &scene.lens, SIDE_M).unwrap().0
+    locate_table(&scene.frame_with(discs), &scene.lens, SIDE_M).unwrap().0
 }
 
 fn found(scene: &Scene, discs: &[Disc], kinds: &[PartKind]) -> (Table, Vec<Detection>) {
     let table = table_of(scene, discs);
-    let parts = CoinFinder::new(&table, scene.size, kinds, true).find(&scene.frame(discs));
+    let parts = CoinFinder::new(&table, scene.size_px, kinds, true).find(&scene.frame_with(discs));
     (table, parts)
 }
 
@@ -124,11 +125,7 @@ fn kinds_are_told_apart_by_their_rims() {
     let discs: Vec<Disc> = places
         .iter()
         .enumerate()
-        .map(|(i, &(x, y))| Disc {
-            at_m: Vec2::new(x, y),
-            radius_m: kinds[i % 4].radius_m,
-            thickness_m: kinds[i % 4].thickness_m,
-        })
+        .map(|(i, &(x, y))| Disc::new(Vec2::new(x, y), kinds[i % 4].radius_m, kinds[i % 4].thickness_m))
         .collect();
     let (_, parts) = found(&Scene::general(9).rough(), &discs, &kinds);
     assert_eq!(parts.len(), discs.len());
@@ -145,22 +142,19 @@ fn light_parts_on_a_gray_plate() {
     let scene = Scene { levels: [15.0, 110.0, 240.0], ..Scene::general(3).rough() };
     let discs = scattered();
     let table = table_of(&scene, &discs);
-    let parts = CoinFinder::new(&table, scene.size, &pennies(), false).find(&scene.frame(&discs));
+    let parts = CoinFinder::new(&table, scene.size_px, &pennies(), false).find(&scene.frame_with(&discs));
     assert_eq!(parts.len(), discs.len());
     assert!(discs.iter().all(|disc| (nearest(&parts, disc).position_m - disc.at_m).norm() < 6e-5));
 }
 
 #[test]
 fn what_is_no_part_is_not_found() {
-    let blots = [
-        Disc { at_m: Vec2::new(0.03, 0.03), radius_m: 0.025, thickness_m: 0.0 },
-        Disc { at_m: Vec2::new(-0.04, -0.03), radius_m: 0.006, thickness_m: 0.0 },
-    ];
+    let blots = [Disc::new(Vec2::new(0.03, 0.03), 0.025, 0.0), Disc::new(Vec2::new(-0.04, -0.03), 0.006, 0.0)];
     for scene in [Scene::plain(1), Scene::general(2).rough()] {
         let table = table_of(&scene, &[]);
-        let mut finder = CoinFinder::new(&table, scene.size, &pennies(), true);
-        assert_eq!(finder.find(&scene.frame(&[])), []);
-        assert_eq!(finder.find(&scene.frame(&blots)), []);
+        let mut finder = CoinFinder::new(&table, scene.size_px, &pennies(), true);
+        assert_eq!(finder.find(&scene.frame()), []);
+        assert_eq!(finder.find(&scene.frame_with(&blots)), []);
         assert_eq!(finder.find(&Frame::new(3, 3)), []);
         assert_eq!(finder.find(&Frame::new(1280, 1024)), []);
     }
@@ -170,12 +164,14 @@ fn what_is_no_part_is_not_found() {
 fn response_peaks_at_the_part_and_covers_the_frame() {
     let (scene, discs) = (Scene::plain(1), [penny(0.02, 0.01)]);
     let table = table_of(&scene, &discs);
-    let mut finder = CoinFinder::new(&table, scene.size, &pennies(), true);
-    finder.find(&scene.frame(&discs));
+    let mut finder = CoinFinder::new(&table, scene.size_px, &pennies(), true);
+    finder.find(&scene.frame_with(&discs));
     let response = finder.response();
-    assert_eq!((response.width, response.height), (1280, 1024));
+    let bin = 1280 / response.width;
+    assert_eq!((response.width, response.height), (1280 / bin, 1024 / bin));
     let peak = (0..response.values.len()).max_by(|&a, &b| response.values[a].total_cmp(&response.values[b])).unwrap();
-    let at = Vec2::new((peak % 1280) as f64, (peak / 1280) as f64);
-    assert!((at - scene.image_from_table(discs[0].at_m)).norm() < 2.0);
+    let cell = Vec2::new((peak % response.width) as f64, (peak / response.width) as f64);
+    let at = cell * bin as f64 + Vec2::repeat((bin as f64 - 1.0) / 2.0);
+    assert!((at - scene.image_from_table(discs[0].at_m)).norm() < 0.8 * bin as f64);
     assert!(response.values.iter().all(|v| (0.0..=1.0).contains(v)));
 }

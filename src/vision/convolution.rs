@@ -157,30 +157,6 @@ fn even_smooth(n: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..ProptestConfig::default() })]
-        #[test]
-        fn spectrum_path_equals_direct_sum(
-            width in 1usize..70, height in 1usize..70, radii in proptest::collection::vec(0.3..16.0f64, 1..3),
-            seed in 0u32..1000,
-        ) {
-            let values: Vec<f32> =
-                (0..width * height).map(|i| ((i as u32 ^ seed).wrapping_mul(2_654_435_761) >> 8) as f32 / 16_777_216.0).collect();
-            let disks: Vec<Disk> = radii.iter().map(|&r| Disk::new(r)).collect();
-            let mut convolver = DiskConvolver::new(width, height, &disks);
-            convolver.load(&values);
-            let mut response = vec![0.0; width * height];
-            for (k, disk) in disks.iter().enumerate() {
-                convolver.respond(k, &mut response);
-                for (i, fast) in response.iter().enumerate() {
-                    let direct = disk.mean_under(&values, width, height, i % width, i / width);
-                    prop_assert!((fast - direct).abs() < 1e-4, "{fast} {direct} at {i} of {width} x {height}");
-                }
-            }
-        }
-    }
 
     #[test]
     fn padded_sizes_are_even_and_smooth() {

@@ -1,235 +1,250 @@
-//! Edge map: smoothed, Scharr gradient, thinned along the gradient, kept by hysteresis (Canny, 1986).
+//! Edges of an averaged picture: Scharr gradient, thinned to ridges, kept by hysteresis (Canny, 1986).
 //! Thresholds follow the picture's own strongest edges and its noise, so light and contrast do not matter.
 
 use super::Plane;
+use super::coarse::{Coarse, UNITS};
 use crate::geometry::Vec2;
-use crate::signal::Frame;
 
-/// Longest side of the picture edges are looked for in; larger frames are averaged down to it.
-const LONGEST_PX: usize = 2048;
-/// Weakest gradient that counts as an edge at all, levels/px.
+/// Weakest gradient that counts as an edge at all, levels a cell.
 const FAINTEST: f32 = 1.5;
+/// Units of the gradient's size in one level a cell: Scharr's weights add up to 32.
+const GRADIENT_UNITS: f32 = 32.0 * UNITS as f32;
 
-/// One edge pixel.
+/// One edge.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EdgePoint {
-    /// Where, px of the frame, below a pixel.
+    /// Where, px of the frame, below a cell.
     pub(super) at_px: Vec2,
-    /// Gradient there: towards the light, levels/px of the averaged picture.
-    pub(super) gradient: Vec2,
+    /// Unit vector towards the dark.
+    pub(super) outward: Vec2,
 }
 
-/// All edges of a frame.
+/// All edges of a picture.
 pub(super) struct EdgeMap {
     pub(super) points: Vec<EdgePoint>,
+    /// Strength where there is an edge, else 0; levels a cell.
     pub(super) plane: Plane,
-    /// Pixels of the frame along one side of a pixel of `plane`.
-    pub(super) bin: usize,
 }
 
 struct Gradient {
     width: usize,
     height: usize,
-    x: Vec<f32>,
-    y: Vec<f32>,
-    size: Vec<f32>,
+    x: Vec<i16>,
+    y: Vec<i16>,
+    /// The larger of both and half the smaller: the length to -0 and +12 %.
+    size: Vec<i16>,
 }
 
-/// The edges of `frame`, whose size and pixels must agree.
-pub(super) fn edge_map(frame: &Frame) -> EdgeMap {
-    let bin = frame.width.max(frame.height).div_ceil(LONGEST_PX).max(1);
-    let gradient = scharr(&smoothed(averaged(frame, bin)));
-    let (low, high) = thresholds(&gradient);
-    let (points, plane) = linked(&gradient, low, high, bin);
-    EdgeMap { points, plane, bin }
+/// A cell whose gradient is larger than on both sides along its own direction.
+struct Ridge {
+    cell: usize,
+    /// How far off the cell's middle it runs, cells, along the axis nearer to the gradient.
+    offset: f32,
 }
 
-/// The frame averaged over squares of `bin` pixels; what does not fill a square is left out.
-pub(super) fn averaged(frame: &Frame, bin: usize) -> Plane {
-    let (width, height) = (frame.width / bin, frame.height / bin);
-    let mut values = vec![0.0f32; width * height];
-    if width == 0 {
-        return Plane { width, height, values };
-    }
-    let share = 1.0 / (bin * bin) as f32;
-    for (y, row) in values.chunks_exact_mut(width).enumerate() {
-        for source in y * bin..(y + 1) * bin {
-            for (value, square) in row.iter_mut().zip(frame.row(source).chunks_exact(bin)) {
-                *value += square.iter().map(|&level| f32::from(level)).sum::<f32>();
-            }
-        }
-        row.iter_mut().for_each(|value| *value *= share);
-    }
-    Plane { width, height, values }
+/// The edges of a picture.
+pub(super) fn edge_map(picture: &Coarse) -> EdgeMap {
+    // Averages are smooth enough; pixels as they came are not.
+    let gradient = if picture.bin == 1 {
+        scharr(&smoothed(picture), picture.width, picture.height)
+    } else {
+        scharr(&picture.levels, picture.width, picture.height)
+    };
+    let thresholds = thresholds(&gradient);
+    let mut plane = Plane { width: gradient.width, height: gradient.height, values: vec![0.0; gradient.size.len()] };
+    let Some((low, high)) = thresholds else { return EdgeMap { points: Vec::new(), plane } };
+    let ridges = linked(&gradient, ridges(&gradient, low), high);
+    let points = ridges.iter().map(|ridge| {
+        plane.values[ridge.cell] = f32::from(gradient.size[ridge.cell]) / GRADIENT_UNITS;
+        gradient.edge_at(ridge, picture)
+    });
+    EdgeMap { points: points.collect(), plane }
 }
 
-/// Binomial smoothing over five pixels each way, a Gaussian of 1 px standard deviation.
-fn smoothed(plane: Plane) -> Plane {
-    const TAPS: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
-    let Plane { width, height, mut values } = plane;
-    if width == 0 || height == 0 {
-        return Plane { width, height, values };
+/// Binomial smoothing over three cells each way.
+fn smoothed(picture: &Coarse) -> Vec<i16> {
+    let (width, height) = (picture.width, picture.height);
+    let mut across = picture.levels.clone();
+    if width < 3 || height < 3 {
+        return across;
     }
-    let mut padded = vec![0.0f32; width + 4];
-    for row in values.chunks_exact_mut(width) {
-        padded[..2].fill(row[0]);
-        padded[2..width + 2].copy_from_slice(row);
-        padded[width + 2..].fill(row[width - 1]);
-        for (value, w) in row.iter_mut().zip(padded.windows(5)) {
-            *value = TAPS[0] * (w[0] + w[4]) + TAPS[1] * (w[1] + w[3]) + TAPS[2] * w[2];
-        }
+    for (to, from) in across.chunks_exact_mut(width).zip(picture.levels.chunks_exact(width)) {
+        let inner = to.get_mut(1..width - 1).into_iter().flatten();
+        inner.zip(from.windows(3)).for_each(|(to, w)| *to = (w[0] + 2 * w[1] + w[2]) >> 2);
     }
-    let mut out = vec![0.0f32; values.len()];
-    for (y, target) in out.chunks_exact_mut(width).enumerate() {
-        for (k, tap) in TAPS.iter().enumerate() {
-            let source = (y + k).saturating_sub(2).min(height - 1);
-            for (t, s) in target.iter_mut().zip(&values[source * width..][..width]) {
-                *t += tap * s;
-            }
-        }
+    let mut out = across.clone();
+    for y in 1..height - 1 {
+        let [above, here, below] = [y - 1, y, y + 1].map(|row| &across[row * width..][..width]);
+        let rows = above.iter().zip(here).zip(below);
+        let target = out[y * width..][..width].iter_mut();
+        target.zip(rows).for_each(|(to, ((a, b), c))| *to = (a + 2 * b + c) >> 2);
     }
-    Plane { width, height, values: out }
+    out
 }
 
 /// Scharr's 3 × 3 derivative, the one of its size whose direction is truest (Scharr, 2000); 0 on the border.
-fn scharr(plane: &Plane) -> Gradient {
-    let (width, height) = (plane.width, plane.height);
-    let [mut gx, mut gy, mut size] = [(); 3].map(|()| vec![0.0f32; width * height]);
-    for y in 1..height.saturating_sub(1) {
-        let [a, b, c] = [y - 1, y, y + 1].map(|row| &plane.values[row * width..][..width]);
-        let range = y * width..(y + 1) * width;
-        let (gx, gy, size) = (&mut gx[range.clone()], &mut gy[range.clone()], &mut size[range]);
-        for x in 1..width.saturating_sub(1) {
-            let h = 3.0 * (a[x + 1] - a[x - 1] + c[x + 1] - c[x - 1]) + 10.0 * (b[x + 1] - b[x - 1]);
-            let v = 3.0 * (c[x - 1] - a[x - 1] + c[x + 1] - a[x + 1]) + 10.0 * (c[x] - a[x]);
-            gx[x] = h / 32.0;
-            gy[x] = v / 32.0;
-            size[x] = (h * h + v * v).sqrt() / 32.0;
+fn scharr(levels: &[i16], width: usize, height: usize) -> Gradient {
+    let [mut gx, mut gy, mut size] = [(); 3].map(|()| vec![0i16; width * height]);
+    if width < 3 || height < 3 {
+        return Gradient { width, height, x: gx, y: gy, size };
+    }
+    // Down the columns first: smoothed, and the difference.
+    let (mut sum, mut step) = (vec![0i16; width], vec![0i16; width]);
+    for y in 1..height - 1 {
+        let [above, here, below] = [y - 1, y, y + 1].map(|row| &levels[row * width..][..width]);
+        let columns = above.iter().zip(here).zip(below);
+        sum.iter_mut().zip(columns).for_each(|(sum, ((a, b), c))| *sum = 3 * (a + c) + 10 * b);
+        step.iter_mut().zip(above.iter().zip(below)).for_each(|(step, (a, c))| *step = c - a);
+        let [gx, gy, size] = [&mut gx, &mut gy, &mut size].map(|plane| &mut plane[y * width + 1..][..width - 2]);
+        gx.iter_mut().zip(sum.windows(3)).for_each(|(gx, w)| *gx = w[2] - w[0]);
+        gy.iter_mut().zip(step.windows(3)).for_each(|(gy, w)| *gy = 3 * (w[0] + w[2]) + 10 * w[1]);
+        for (size, (gx, gy)) in size.iter_mut().zip(gx.iter().zip(gy)) {
+            let (x, y) = (gx.wrapping_abs(), gy.wrapping_abs());
+            *size = x.max(y) + (x.min(y) >> 1);
         }
     }
     Gradient { width, height, x: gx, y: gy, size }
 }
 
-/// Low and high threshold. The strongest gradients set the scale: as many pixels as an eighth of the frame's
-/// half circumference exceed it. The median gradient is that of the noise, which must stay below.
-fn thresholds(gradient: &Gradient) -> (f32, f32) {
-    const BINS: usize = 2048;
-    let largest = gradient.size.iter().fold(0.0f32, |a, &b| a.max(b));
-    if largest < FAINTEST {
-        return (f32::INFINITY, f32::INFINITY);
-    }
-    let mut counts = [0usize; BINS];
-    let per_bin = largest / (BINS - 1) as f32;
-    for &size in &gradient.size {
-        counts[((size / per_bin) as usize).min(BINS - 1)] += 1;
+/// Low and high threshold, in the units of the gradient's size; `None` when nothing stands out. The strongest gradients
+/// set the scale: as many cells as an eighth of the picture's half circumference exceed it. The median gradient is that
+/// of the noise, which must stay below.
+fn thresholds(gradient: &Gradient) -> Option<(i16, i16)> {
+    const SHIFT: i16 = 4;
+    const EVERY: usize = 2;
+    let mut counts = [0usize; (i16::MAX >> SHIFT) as usize + 1];
+    let rows = gradient.size.chunks_exact(gradient.width.max(1)).step_by(EVERY);
+    let mut looked_at = 0;
+    for row in rows {
+        row.iter().for_each(|&size| counts[(size.max(0) >> SHIFT) as usize] += 1);
+        looked_at += row.len();
     }
     let exceeded_by = |wanted: usize| {
         let mut seen = 0;
-        let bin = (0..BINS).rev().find(|&bin| {
+        let bin = (0..counts.len()).rev().find(|&bin| {
             seen += counts[bin];
-            seen >= wanted
+            seen >= wanted.max(1)
         });
-        bin.unwrap_or(0) as f32 * per_bin
+        (bin.unwrap_or(0) << SHIFT) as f32
     };
-    let strongest = exceeded_by((gradient.width + gradient.height).div_ceil(8));
-    let noise = exceeded_by(gradient.size.len() / 2);
-    if strongest < 5.0 * noise || strongest < FAINTEST {
-        return (f32::INFINITY, f32::INFINITY);
+    let strongest = exceeded_by((gradient.width + gradient.height).div_ceil(8 * EVERY));
+    let noise = exceeded_by(looked_at / 2);
+    if looked_at == 0 || strongest < 5.0 * noise || strongest < FAINTEST * GRADIENT_UNITS {
+        return None;
     }
-    ((0.1 * strongest).max(3.0 * noise), (0.25 * strongest).max(4.5 * noise))
+    let [low, high] = [(0.1 * strongest).max(3.0 * noise), (0.25 * strongest).max(4.5 * noise)];
+    Some((low.max(1.0) as i16, high.max(1.0) as i16))
 }
 
-/// Thins edges to ridges of the gradient and keeps ridges above `low` that hang together with one above `high`.
-fn linked(gradient: &Gradient, low: f32, high: f32, bin: usize) -> (Vec<EdgePoint>, Plane) {
+fn ridges(gradient: &Gradient, low: i16) -> Vec<Ridge> {
     let (width, height) = (gradient.width, gradient.height);
-    let mut offset = vec![f32::NAN; width * height];
-    let mut open = Vec::new();
+    let mut found = Vec::new();
     for y in 2..height.saturating_sub(2) {
-        for x in 2..width.saturating_sub(2) {
-            let i = y * width + x;
-            if gradient.size[i] >= low
-                && let Some(ridge) = ridge_offset(gradient, x, y)
-            {
-                offset[i] = ridge;
-                if gradient.size[i] >= high {
-                    open.push(i);
+        for (x, &size) in gradient.size[y * width..][..width].iter().enumerate().skip(2).take(width.saturating_sub(4)) {
+            if size >= low {
+                let cell = y * width + x;
+                found.extend(gradient.ridge_offset(cell).map(|offset| Ridge { cell, offset }));
+            }
+        }
+    }
+    found
+}
+
+/// The ridges that hang together with one above `high`.
+fn linked(gradient: &Gradient, mut ridges: Vec<Ridge>, high: i16) -> Vec<Ridge> {
+    const WEAK: u8 = 1;
+    const KEPT: u8 = 2;
+    let width = gradient.width;
+    let mut marks = vec![0u8; gradient.size.len()];
+    let mut open = Vec::new();
+    for ridge in &ridges {
+        let strong = gradient.size[ridge.cell] >= high;
+        marks[ridge.cell] = if strong { KEPT } else { WEAK };
+        open.extend(strong.then_some(ridge.cell));
+    }
+    while let Some(i) = open.pop() {
+        for row in [i - width, i, i + width] {
+            for j in row - 1..=row + 1 {
+                if marks[j] == WEAK {
+                    marks[j] = KEPT;
+                    open.push(j);
                 }
             }
         }
     }
-    let mut plane = Plane { width, height, values: vec![0.0; width * height] };
-    open.iter().for_each(|&i| plane.values[i] = gradient.size[i]);
-    while let Some(i) = open.pop() {
-        for j in [i - width, i, i + width].into_iter().flat_map(|row| row - 1..=row + 1) {
-            if plane.values[j] == 0.0 && !offset[j].is_nan() {
-                plane.values[j] = gradient.size[j];
-                open.push(j);
-            }
-        }
+    ridges.retain(|ridge| marks[ridge.cell] == KEPT);
+    ridges
+}
+
+impl Gradient {
+    /// Where the ridge runs that passes through a cell two or more off the border; `None` when none does.
+    fn ridge_offset(&self, cell: usize) -> Option<f32> {
+        let step = if self.runs_across(cell) { 1 } else { self.width };
+        let [before, here, after] = [cell - step, cell, cell + step].map(|i| f32::from(self.size[i]));
+        (here > after && here >= before).then(|| 0.5 * (after - before) / (2.0 * here - after - before))
     }
-    let points = (0..plane.values.len()).filter(|&i| plane.values[i] > 0.0).map(|i| {
-        let slope = Vec2::new(f64::from(gradient.x[i]), f64::from(gradient.y[i]));
-        let cell = Vec2::new((i % width) as f64, (i / width) as f64) + slope.normalize() * f64::from(offset[i]);
-        EdgePoint { at_px: frame_from_binned(cell, bin), gradient: slope }
-    });
-    (points.collect(), plane)
-}
 
-/// Frame coordinates of a point of a picture averaged over squares of `bin` pixels.
-pub(super) fn frame_from_binned(p: Vec2, bin: usize) -> Vec2 {
-    let bin = bin as f64;
-    p * bin + Vec2::repeat((bin - 1.0) / 2.0)
-}
+    /// True when the gradient points along the rows rather than the columns.
+    fn runs_across(&self, cell: usize) -> bool {
+        self.x[cell].abs() >= self.y[cell].abs()
+    }
 
-/// How far along its gradient the ridge runs from pixel `(x, y)`, px; `None` when the pixel is not on a ridge.
-fn ridge_offset(gradient: &Gradient, x: usize, y: usize) -> Option<f32> {
-    let i = y * gradient.width + x;
-    let size = gradient.size[i];
-    let (dx, dy) = (gradient.x[i] / size, gradient.y[i] / size);
-    let at = |dx: f32, dy: f32| {
-        let (column, row) = (x as f32 + dx, y as f32 + dy);
-        let (fx, fy) = (column - column.floor(), row - row.floor());
-        let start = row as usize * gradient.width + column as usize;
-        let mix = |j: usize| gradient.size[j] + fx * (gradient.size[j + 1] - gradient.size[j]);
-        mix(start) + fy * (mix(start + gradient.width) - mix(start))
-    };
-    let (ahead, behind) = (at(dx, dy), at(-dx, -dy));
-    (size > ahead && size >= behind).then(|| 0.5 * (ahead - behind) / (2.0 * size - ahead - behind))
+    fn edge_at(&self, ridge: &Ridge, picture: &Coarse) -> EdgePoint {
+        let (x, y) = ((ridge.cell % self.width) as f64, (ridge.cell / self.width) as f64);
+        let off = f64::from(ridge.offset);
+        let cell = if self.runs_across(ridge.cell) { Vec2::new(x + off, y) } else { Vec2::new(x, y + off) };
+        let slope = Vec2::new(f64::from(self.x[ridge.cell]), f64::from(self.y[ridge.cell]));
+        EdgePoint { at_px: picture.frame_from_cell(cell), outward: slope / -slope.norm() }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::signal::Frame;
+
+    fn step(width: usize, height: usize, edge: usize) -> Frame {
+        let mut frame = Frame::new(width, height);
+        frame.pixels.chunks_exact_mut(width).for_each(|row| row[edge..].fill(200));
+        frame
+    }
 
     #[test]
     fn a_step_is_one_line_of_edges_in_the_right_place() {
-        let mut frame = Frame::new(40, 30);
-        for row in frame.pixels.chunks_exact_mut(40) {
-            row[17..].fill(200);
+        for (bin, edge, cells) in [(1, 17, 26), (2, 33, 26), (4, 66, 26)] {
+            let map = edge_map(&Coarse::of(&step(40 * bin, 30 * bin, edge), bin));
+            assert_eq!(map.points.len(), cells);
+            for point in &map.points {
+                assert!((point.at_px.x - (edge as f64 - 0.5)).abs() < 0.2 * bin as f64, "{point:?} {edge}");
+                assert!(point.outward.x < -0.999 && point.outward.y.abs() < 1e-3);
+            }
+            assert_eq!(map.plane.values.iter().filter(|&&v| v > 0.0).count(), cells);
         }
-        let map = edge_map(&frame);
-        assert_eq!(map.points.len(), 26);
+    }
+
+    #[test]
+    fn a_slanted_edge_is_found_below_a_cell() {
+        let (sin, cos) = 0.35f64.sin_cos();
+        let mut frame = Frame::new(320, 240);
+        for (i, pixel) in frame.pixels.iter_mut().enumerate() {
+            let off = ((i % 320) as f64 - 160.0) * cos + ((i / 320) as f64 - 120.0) * sin;
+            *pixel = (110.0 - 100.0 * (off * 2.0).clamp(-1.0, 1.0)) as u8;
+        }
+        let map = edge_map(&Coarse::of(&frame, 4));
+        assert!(map.points.len() > 50);
         for point in &map.points {
-            assert!((point.at_px.x - 16.5).abs() < 0.05, "{point:?}");
-            assert!(point.gradient.x > 40.0 && point.gradient.y.abs() < 1e-3);
+            let off = (point.at_px - Vec2::new(160.0, 120.0)).dot(&Vec2::new(cos, sin));
+            assert!(off.abs() < 0.9, "{off} px off at {:?}", point.at_px);
+            assert!(point.outward.dot(&Vec2::new(cos, sin)) > 0.995, "{point:?}");
         }
-        assert_eq!(map.plane.values.iter().filter(|&&v| v > 0.0).count(), 26);
     }
 
     #[test]
     fn flat_and_tiny_pictures_have_no_edges() {
         for (width, height) in [(1, 1), (2, 50), (5000, 3), (64, 64)] {
-            assert!(edge_map(&Frame::new(width, height)).points.is_empty());
+            for bin in [1, 2, 4] {
+                assert!(edge_map(&Coarse::of(&Frame::new(width, height), bin)).points.is_empty());
+            }
         }
-    }
-
-    #[test]
-    fn averaging_keeps_places() {
-        let mut frame = Frame::new(6, 4);
-        frame.pixels[6 + 3] = 40;
-        let plane = averaged(&frame, 2);
-        assert_eq!((plane.width, plane.height), (3, 2));
-        assert_eq!(plane.values, [0.0, 10.0, 0.0, 0.0, 0.0, 0.0]);
-        assert_eq!(frame_from_binned(Vec2::new(1.0, 0.0), 2), Vec2::new(2.5, 0.5));
     }
 }

@@ -5,12 +5,12 @@ use std::f64::consts::TAU;
 use super::HoughArray;
 use crate::geometry::Vec2;
 
-/// Columns: half a degree each.
-const ANGLES: usize = 720;
+/// Columns: one degree each.
+const ANGLES: usize = 360;
 /// How far to both sides of its own direction an edge votes, columns.
-const SPREAD: usize = 8;
-/// Peaks nearer than this in angle, columns, and in distance, rows, are one peak.
-const APART: (usize, usize) = (10, 8);
+const SPREAD: i32 = 3;
+/// Peaks nearer than this in angle are one peak, columns.
+const APART: i64 = 5;
 
 /// An edge in ideal coordinates, where the table's sides are straight.
 #[derive(Clone, Copy, Debug)]
@@ -56,24 +56,36 @@ impl Line {
 }
 
 /// Votes of all edges about `center`. An edge votes for lines whose normal points from light to dark, the way out of
-/// the plate; lines that would lie at negative distance are entered turned by half a turn.
+/// a bright plate; lines that would lie at negative distance are entered turned by half a turn.
 pub(super) fn vote(edges: &[IdealEdge], center: Vec2, farthest_px: f64, px_per_row: f64) -> HoughArray {
     let distances = (farthest_px / px_per_row).ceil() as usize + 2;
     let mut votes = vec![0.0f32; ANGLES * distances];
-    let directions: Vec<Vec2> = (0..ANGLES).map(|column| direction(column as f64)).collect();
+    let directions: Vec<[f32; 2]> = (0..ANGLES)
+        .map(|column| direction(column as f64) / px_per_row)
+        .map(|step| [step.x as f32, step.y as f32])
+        .collect();
     for edge in edges {
         let p = edge.at - center;
-        let own = (edge.outward.y.atan2(edge.outward.x) / TAU * ANGLES as f64).round() as i64;
-        for column in own - SPREAD as i64..=own + SPREAD as i64 {
-            let column = column.rem_euclid(ANGLES as i64) as usize;
-            let distance = p.dot(&directions[column]);
-            let column = if distance < 0.0 { (column + ANGLES / 2) % ANGLES } else { column };
-            let row = distance.abs() / px_per_row;
-            let (first, share) = (row as usize, row.fract() as f32);
+        let (x, y) = (p.x as f32, p.y as f32);
+        let own = (edge.outward.y as f32).atan2(edge.outward.x as f32) * (ANGLES as f32 / std::f32::consts::TAU);
+        let mut column = (own.round() as i32 - SPREAD).rem_euclid(ANGLES as i32) as usize;
+        for _ in 0..=2 * SPREAD {
+            let distance = x * directions[column][0] + y * directions[column][1];
+            let turned = if distance >= 0.0 {
+                column
+            } else if column < ANGLES / 2 {
+                column + ANGLES / 2
+            } else {
+                column - ANGLES / 2
+            };
+            let row = distance.abs();
+            let first = row as usize;
+            let share = row - first as f32;
             if first + 1 < distances {
-                votes[first * ANGLES + column] += 1.0 - share;
-                votes[(first + 1) * ANGLES + column] += share;
+                votes[first * ANGLES + turned] += 1.0 - share;
+                votes[(first + 1) * ANGLES + turned] += share;
             }
+            column = if column + 1 == ANGLES { 0 } else { column + 1 };
         }
     }
     HoughArray { angles: ANGLES, distances, px_per_row, votes, peaks: Vec::new() }
@@ -86,37 +98,50 @@ fn direction(column: f64) -> Vec2 {
 
 /// The highest peaks, highest first: column and row, at most `count`, none below `least` of the highest.
 pub(super) fn peaks(array: &HoughArray, count: usize, least: f32) -> Vec<(usize, usize)> {
-    let mut votes = array.votes.clone();
-    let mut found = Vec::new();
-    let mut floor = f32::MIN_POSITIVE;
+    let mut tops: Vec<f32> = array.votes.chunks_exact(array.angles.max(1)).map(highest).collect();
+    let mut found: Vec<(usize, usize)> = Vec::new();
+    let mut row_left = vec![0.0; array.angles];
+    let floor = (least * highest(&tops)).max(f32::MIN_POSITIVE);
     while found.len() < count {
-        let highest =
-            votes.iter().enumerate().fold((0, 0.0f32), |best, (i, &v)| if v > best.1 { (i, v) } else { best });
-        if highest.1 < floor {
-            break;
+        let top = highest(&tops);
+        let Some(row) = tops.iter().position(|&value| value == top).filter(|_| top >= floor) else { break };
+        left_of(array, row, &found, &mut row_left);
+        let Some(column) = row_left.iter().position(|&value| value == top) else { break };
+        found.push((column, row));
+        // Votes fall off within so many rows of a peak that others are not touched.
+        for row in row.saturating_sub(array.reach(APART))..(row + array.reach(APART) + 1).min(array.distances) {
+            left_of(array, row, &found, &mut row_left);
+            tops[row] = highest(&row_left);
         }
-        floor = floor.max(least * highest.1);
-        let peak = (highest.0 % array.angles, highest.0 / array.angles);
-        suppress(&mut votes, array, peak);
-        found.push(peak);
     }
     found
 }
 
-/// Clears what belongs to `peak`; across distance 0 the neighbourhood goes on half a turn further.
-fn suppress(votes: &mut [f32], array: &HoughArray, peak: (usize, usize)) {
-    let (angles, distances) = (array.angles as i64, array.distances as i64);
-    let (across, up) = (APART.0 as i64, APART.1 as i64);
-    for row in peak.1 as i64 - up..=peak.1 as i64 + up {
-        let turn = if row < 0 { angles / 2 } else { 0 };
-        for column in peak.0 as i64 - across..=peak.0 as i64 + across {
-            let cell = row.abs() * angles + (column + turn).rem_euclid(angles);
-            if row < distances
-                && let Some(vote) = votes.get_mut(cell as usize)
-            {
-                *vote = 0.0;
+fn highest(values: &[f32]) -> f32 {
+    values.iter().fold(0.0, |best, &value| if value > best { value } else { best })
+}
+
+/// A row of votes without what belongs to the peaks found: bow ties, for seen from a direction that is off a line's
+/// votes spread over more distances. Across distance 0 a neighbourhood goes on half a turn further.
+fn left_of(array: &HoughArray, row: usize, found: &[(usize, usize)], out: &mut [f32]) {
+    let angles = array.angles as i64;
+    out.copy_from_slice(&array.votes[row * array.angles..][..array.angles]);
+    for peak in found {
+        let sides = [(row.abs_diff(peak.1), 0), (row + peak.1, angles / 2)];
+        for (apart, turn) in sides {
+            for column in -APART..=APART {
+                if apart <= array.reach(column.abs()) {
+                    out[(peak.0 as i64 + column + turn).rem_euclid(angles) as usize] = 0.0;
+                }
             }
         }
+    }
+}
+
+impl HoughArray {
+    /// Rows over which the votes of a line half as long as the array is wide spread `columns` off its direction.
+    fn reach(&self, columns: i64) -> usize {
+        3 + (TAU / ANGLES as f64 * 0.4 * self.distances as f64 * columns as f64) as usize
     }
 }
 
@@ -124,7 +149,7 @@ fn suppress(votes: &mut [f32], array: &HoughArray, peak: (usize, usize)) {
 pub(super) fn line_at(array: &HoughArray, peak: (usize, usize), center: Vec2) -> Line {
     let (mut sum, mut column, mut row) = (0.0, 0.0, 0.0);
     for dr in -1..=1i64 {
-        for dc in -2..=2i64 {
+        for dc in -1..=1i64 {
             let (r, c) = (peak.1 as i64 + dr, (peak.0 as i64 + dc).rem_euclid(array.angles as i64));
             let cell = r * array.angles as i64 + c;
             let vote = if r < 0 { 0.0 } else { f64::from(array.votes.get(cell as usize).copied().unwrap_or(0.0)) };

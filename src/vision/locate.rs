@@ -1,8 +1,9 @@
 use nalgebra::Matrix2;
 
-use super::edges::{EdgeMap, edge_map};
+use super::coarse::Coarse;
+use super::edges::{EdgePoint, edge_map};
 use super::hough::{IdealEdge, Line, line_at, peaks, vote};
-use super::lines::refine;
+use super::lines::{SideLook, through_edges};
 use super::quad::{Quad, SeenLine, quads};
 use super::sampling::Sampler;
 use super::{Plane, Stages, Table};
@@ -17,6 +18,8 @@ const LEAST_SIZE: usize = 32;
 const MOST_LINES: usize = 16;
 /// Weakest line looked at, as a part of the strongest one's votes.
 const LEAST_LINE: f32 = 0.12;
+/// The picture is averaged until its short side has less than twice as many cells.
+const COARSE_CELLS: usize = 240;
 
 /// Why there is no table.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -66,7 +69,7 @@ pub enum TableFault {
         found: usize,
     },
     /// Lines, but no four that make a bright square on dark ground.
-    #[error("no four lines make a bright square on dark ground")]
+    #[error("no four lines make a square that is lighter or darker than the ground")]
     NotASquare,
     /// Part of the table lies outside the picture.
     #[error("the table is cut by the picture's border")]
@@ -83,8 +86,8 @@ pub enum TableFault {
 }
 
 /// Finds the table from nothing: edges, Hough, four peaks, four sides, corners, frame. `side_m` is the plate's side,
-/// `lens` its calibration sheet. Of the stages edges and Hough votes are filled in; votes are cast in ideal
-/// coordinates, where the lens bends nothing. In pictures beyond 2048 px both are in pixels averaged over squares.
+/// `lens` its calibration sheet. Of the stages edges and Hough votes are filled in, both in the cells of the averaged
+/// picture they were found in; votes are cast in ideal coordinates, where the lens bends nothing.
 ///
 /// # Errors
 /// When there is not exactly one table to be seen whole; misuse (a picture or lens that is none) as well.
@@ -93,28 +96,35 @@ pub fn locate_table(frame: &Frame, lens: &Lens, side_m: f64) -> Result<(Table, S
     let Some(sampler) = Sampler::new(frame) else {
         return Err(TableFault::TooSmall { width: frame.width, height: frame.height });
     };
-    let map = edge_map(frame);
+    let bin = (frame.width.min(frame.height) / COARSE_CELLS).max(1);
+    let map = edge_map(&Coarse::of(frame, bin));
     if map.points.is_empty() {
         return Err(TableFault::NoEdges);
     }
-    let edges = ideal_edges(&map, lens);
+    let edges = ideal_edges(&map.points, lens);
     let size = Vec2::new(frame.width as f64, frame.height as f64);
     let center = (size - Vec2::repeat(1.0)) / 2.0;
-    let px_per_row = map.bin as f64;
-    let mut hough = vote(&edges, center, size.norm() * 0.75, px_per_row);
+    let cell_px = bin as f64;
+    let mut hough = vote(&edges, center, size.norm() * 0.6, cell_px);
     let found = peaks(&hough, MOST_LINES, LEAST_LINE);
+    let reach_px = near_px(cell_px);
     let lines: Vec<SeenLine> = found
         .iter()
-        .map(|&peak| SeenLine::new(line_at(&hough, peak, center), &edges, 3.0 * px_per_row, 2.0 * px_per_row))
+        .map(|&peak| SeenLine::new(line_at(&hough, peak, center), &edges, reach_px, 2.0 * cell_px))
         .collect();
-    let quad = choose(&lines, lens, &sampler, frame, &edges)?;
+    let quad = choose(&lines, &Seen { lens, sampler: &sampler, frame, edges: &edges, cell_px })?;
     hough.peaks = quad.lines.iter().filter_map(|&i| found.get(i).copied()).collect();
-    let corners = refined_corners(&sampler, lens, quad.corners, map.bin)?;
+    let corners = refined_corners(&sampler, lens, &quad, &edges, bin)?;
     let table = Table::from_ideal_corners(corners, side_m, lens).ok_or(TableFault::NotASquare)?;
     if !table.corners_px.iter().all(|&corner| sampler.contains(corner, 0.0)) {
         return Err(TableFault::CutByFrame);
     }
     Ok((table, Stages { edges: map.plane, hough, disk_response: Plane::default() }))
+}
+
+/// How far from a line of the Hough array its edges may be, px.
+fn near_px(cell_px: f64) -> f64 {
+    (1.5 * cell_px).max(3.0)
 }
 
 fn check(frame: &Frame, lens: &Lens, side_m: f64) -> Result<(), TableFault> {
@@ -139,36 +149,43 @@ fn check(frame: &Frame, lens: &Lens, side_m: f64) -> Result<(), TableFault> {
 }
 
 /// Edges in ideal coordinates. A gradient is a covector: it goes over by the transposed Jacobian.
-fn ideal_edges(map: &EdgeMap, lens: &Lens) -> Vec<IdealEdge> {
-    let edges = map.points.iter().map(|point| {
+fn ideal_edges(points: &[EdgePoint], lens: &Lens) -> Vec<IdealEdge> {
+    let edges = points.iter().map(|&EdgePoint { at_px, outward }| {
         if lens.is_ideal() {
-            return IdealEdge { at: point.at_px, outward: -point.gradient.normalize() };
+            return IdealEdge { at: at_px, outward };
         }
-        let at = lens.ideal_from_image(point.at_px);
-        let gradient: Vec2 = Matrix2::transpose(&lens.jacobian_at_ideal(at)) * point.gradient;
-        IdealEdge { at, outward: -gradient.normalize() }
+        let at = lens.ideal_from_image(at_px);
+        let outward: Vec2 = Matrix2::transpose(&lens.jacobian_at_ideal(at)) * outward;
+        IdealEdge { at, outward: outward.normalize() }
     });
     edges.filter(|edge| edge.at.iter().chain(edge.outward.iter()).all(|x| x.is_finite())).collect()
 }
 
+/// What the lines were found in.
+struct Seen<'a> {
+    lens: &'a Lens,
+    sampler: &'a Sampler<'a>,
+    frame: &'a Frame,
+    edges: &'a [IdealEdge],
+    /// Side of a cell of the averaged picture, px.
+    cell_px: f64,
+}
+
 /// The one table among the lines, or why there is none.
-fn choose(
-    lines: &[SeenLine],
-    lens: &Lens,
-    sampler: &Sampler,
-    frame: &Frame,
-    edges: &[IdealEdge],
-) -> Result<Quad, TableFault> {
-    let inside = |p: Vec2| sampler.contains(lens.image_from_ideal(p), 0.0);
+fn choose(lines: &[SeenLine], seen: &Seen) -> Result<Quad, TableFault> {
+    let inside = |p: Vec2| seen.sampler.contains(seen.lens.image_from_ideal(p), 0.0);
     let shown = |a: Vec2, b: Vec2| {
+        if inside(a) && inside(b) {
+            return 1.0;
+        }
         let steps = 32;
         (0..steps).filter(|&i| inside(a + (b - a) * ((f64::from(i) + 0.5) / f64::from(steps)))).count() as f64
             / f64::from(steps)
     };
-    let least_side_px = (0.08 * frame.width.min(frame.height) as f64).max(16.0);
+    let least_side_px = (0.08 * seen.frame.width.min(seen.frame.height) as f64).max(16.0);
     let found = quads(lines, least_side_px, shown);
     let Some(best) = found.first() else {
-        return Err(no_quad(lines, lens, sampler, frame, edges));
+        return Err(no_quad(lines, seen));
     };
     if !best.corners.iter().all(|&corner| inside(corner)) {
         return Err(TableFault::CutByFrame);
@@ -181,15 +198,17 @@ fn choose(
 
 /// Tells a table that leaves the picture from something that is no table: two or more of the strongest lines
 /// then run into the picture's border.
-fn no_quad(lines: &[SeenLine], lens: &Lens, sampler: &Sampler, frame: &Frame, edges: &[IdealEdge]) -> TableFault {
-    let margin = 0.012 * frame.width.max(frame.height) as f64 + 4.0;
+fn no_quad(lines: &[SeenLine], seen: &Seen) -> TableFault {
+    // No edges are found in the two outermost cells.
+    let margin = 0.012 * seen.frame.width.max(seen.frame.height) as f64 + 2.5 * seen.cell_px;
     let leaves = |line: &Line| {
-        let near =
-            edges.iter().filter(|e| line.distance(e.at).abs() < 3.0 && e.outward.dot(&line.normal).abs() > 0.966);
-        let mut at_border = near.filter(|e| !sampler.contains(lens.image_from_ideal(e.at), margin));
-        at_border.nth(2).is_some()
+        let near = seen.edges.iter().filter(|edge| {
+            line.distance(edge.at).abs() < near_px(seen.cell_px) && edge.outward.dot(&line.normal).abs() > 0.966
+        });
+        let mut at_border = near.filter(|edge| !seen.sampler.contains(seen.lens.image_from_ideal(edge.at), margin));
+        at_border.nth(1).is_some()
     };
-    if lines.iter().take(4).filter(|seen| leaves(&seen.line)).count() >= 2 {
+    if lines.iter().take(4).filter(|strong| leaves(&strong.line)).count() >= 2 {
         TableFault::CutByFrame
     } else if lines.len() < 4 {
         TableFault::TooFewLines { found: lines.len() }
@@ -198,29 +217,50 @@ fn no_quad(lines: &[SeenLine], lens: &Lens, sampler: &Sampler, frame: &Frame, ed
     }
 }
 
-/// Corners from sides refined twice: first as far out as the Hough cells are coarse, then close by.
+/// Corners from the sides: through the edges found, then looked at closely, then once more with all care.
 fn refined_corners(
     sampler: &Sampler,
     lens: &Lens,
-    mut corners: [Vec2; 4],
+    quad: &Quad,
+    edges: &[IdealEdge],
     bin: usize,
 ) -> Result<[Vec2; 4], TableFault> {
-    const NAMES: [&str; 4] = ["top", "right", "bottom", "left"];
-    for reach_px in [4 * bin + 3, 5, 4] {
-        let mut sides = [Line { normal: Vec2::x(), offset: 0.0 }; 4];
-        for (i, side) in sides.iter_mut().enumerate() {
-            let (from, to) = (corners[i], corners[(i + 1) % 4]);
-            let facing = Line::through(from, to).normal;
-            let name = if facing.y.abs() >= facing.x.abs() {
-                usize::from(facing.y > 0.0) * 2
-            } else {
-                usize::from(facing.x < 0.0) * 2 + 1
-            };
-            *side = refine(sampler, lens, from, to, reach_px).ok_or(TableFault::SideHidden { side: NAMES[name] })?;
-        }
-        for i in 0..4 {
-            corners[i] = sides[(i + 3) % 4].meets(&sides[i]).ok_or(TableFault::NotASquare)?;
-        }
+    let look = SideLook { sampler, lens, bright: quad.bright, stations: 128, known: false };
+    let seen = |from: Vec2, to: Vec2| {
+        let outward = Line::through(from, to).normal * if quad.bright { 1.0 } else { -1.0 };
+        through_edges(edges, from, to, outward, near_px(bin as f64))
+    };
+    let corners = from_sides(quad.corners, seen)?;
+    let corners = from_sides(
+        corners,
+        |from, to| {
+            if bin > 6 { look.refine::<25>(from, to) } else { look.refine::<11>(from, to) }
+        },
+    )?;
+    let careful = SideLook { stations: 400, known: true, ..look };
+    from_sides(corners, |from, to| careful.refine::<9>(from, to))
+}
+
+/// Where the sides meet that `side` makes of each pair of corners.
+fn from_sides(corners: [Vec2; 4], mut side: impl FnMut(Vec2, Vec2) -> Option<Line>) -> Result<[Vec2; 4], TableFault> {
+    let mut sides = [Line { normal: Vec2::x(), offset: 0.0 }; 4];
+    for (i, line) in sides.iter_mut().enumerate() {
+        let (from, to) = (corners[i], corners[(i + 1) % 4]);
+        *line = side(from, to).ok_or_else(|| TableFault::SideHidden { side: name_of(from, to) })?;
     }
-    Ok(corners)
+    let mut met = corners;
+    for (i, corner) in met.iter_mut().enumerate() {
+        *corner = sides[(i + 3) % 4].meets(&sides[i]).ok_or(TableFault::NotASquare)?;
+    }
+    Ok(met)
+}
+
+fn name_of(from: Vec2, to: Vec2) -> &'static str {
+    let facing = Line::through(from, to).normal;
+    match (facing.y.abs() >= facing.x.abs(), facing.x < 0.0, facing.y > 0.0) {
+        (true, _, false) => "top",
+        (true, _, true) => "bottom",
+        (false, false, _) => "right",
+        (false, true, _) => "left",
+    }
 }

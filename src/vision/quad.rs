@@ -27,6 +27,8 @@ pub(super) struct Quad {
     pub(super) lines: [usize; 4],
     /// Corners in ideal coordinates, clockwise as the picture is seen.
     pub(super) corners: [Vec2; 4],
+    /// True when it is lighter than what surrounds it.
+    pub(super) bright: bool,
     /// Length along which edges are seen, px.
     seen_px: f64,
 }
@@ -57,7 +59,8 @@ impl SeenLine {
     }
 }
 
-/// All near-squares whose sides show enough edge, dark outside, the best seen first.
+/// All near-squares whose sides show enough edge, all dark outside or all dark inside, the best seen first; a dark one
+/// has to be seen much better than a bright one, for a plate may lie on a dark mat.
 /// `shown(a, b)` is the share of the stretch from `a` to `b` that lies within the frame.
 pub(super) fn quads(lines: &[SeenLine], least_side_px: f64, shown: impl Fn(Vec2, Vec2) -> f64) -> Vec<Quad> {
     let pairs = parallel_pairs(lines, least_side_px);
@@ -67,7 +70,7 @@ pub(super) fn quads(lines: &[SeenLine], least_side_px: f64, shown: impl Fn(Vec2,
             found.extend(quad(lines, first, second, least_side_px, &shown));
         }
     }
-    found.sort_by(|a, b| b.seen_px.total_cmp(&a.seen_px).then(a.lines.cmp(&b.lines)));
+    found.sort_by(|a, b| b.worth().total_cmp(&a.worth()).then(a.lines.cmp(&b.lines)));
     found
 }
 
@@ -82,9 +85,13 @@ impl Quad {
         (0..4).all(|i| Line::through(self.corners[i], self.corners[(i + 1) % 4]).distance(p) < 0.0)
     }
 
+    fn worth(&self) -> f64 {
+        self.seen_px * if self.bright { 1.0 } else { 0.5 }
+    }
+
     /// True for a second table: beside this one, and not much less of it.
     pub(super) fn rivals(&self, other: &Self) -> bool {
-        !self.contains(other.middle()) && !other.contains(self.middle()) && other.seen_px > 0.5 * self.seen_px
+        !self.contains(other.middle()) && !other.contains(self.middle()) && other.worth() > 0.5 * self.worth()
     }
 }
 
@@ -126,19 +133,25 @@ fn quad(
     if shortest < least_side_px || longest > SIDE_RATIO * shortest || !is_convex(&corners) {
         return None;
     }
-    let (mut seen_px, mut shown_px) = (0.0, 0.0);
-    for i in 0..4 {
-        let (from, to) = (corners[i], corners[(i + 1) % 4]);
-        let outward = Line::through(from, to).normal;
-        let seen = lines[around[i]].seen_px(from, to, outward);
-        let visible = sides[i] * shown(from, to);
-        if seen < SIDE_SEEN * visible || visible < 0.2 * sides[i] {
-            return None;
-        }
-        seen_px += seen;
-        shown_px += visible;
+    let visible = [0, 1, 2, 3].map(|i| sides[i] * shown(corners[i], corners[(i + 1) % 4]));
+    if (0..4).any(|i| visible[i] < 0.2 * sides[i]) {
+        return None;
     }
-    (seen_px > ALL_SEEN * shown_px).then_some(Quad { lines: around, corners, seen_px })
+    let seen_as = |bright: bool| {
+        let mut seen_px = 0.0;
+        for i in 0..4 {
+            let (from, to) = (corners[i], corners[(i + 1) % 4]);
+            let outward = Line::through(from, to).normal;
+            let seen = lines[around[i]].seen_px(from, to, if bright { outward } else { -outward });
+            if seen < SIDE_SEEN * visible[i] {
+                return None;
+            }
+            seen_px += seen;
+        }
+        let enough = seen_px > ALL_SEEN * visible.iter().sum::<f64>();
+        enough.then_some(Quad { lines: around, corners, bright, seen_px })
+    };
+    seen_as(true).or_else(|| seen_as(false))
 }
 
 fn is_convex(corners: &[Vec2; 4]) -> bool {
@@ -172,12 +185,18 @@ mod tests {
     }
 
     #[test]
-    fn a_bright_square_is_found_and_a_dark_one_is_not() {
+    fn squares_are_found_and_told_bright_or_dark() {
         let found = quads(&seen(&square(Vec2::new(300.0, 200.0), 100.0, false)), 40.0, |_, _| 1.0);
         assert_eq!(found.len(), 1);
         assert!((found[0].middle() - Vec2::new(300.0, 200.0)).norm() < 1e-9);
         assert!(found[0].contains(Vec2::new(390.0, 110.0)) && !found[0].contains(Vec2::new(401.0, 200.0)));
-        assert!(quads(&seen(&square(Vec2::zeros(), 100.0, true)), 40.0, |_, _| 1.0).is_empty());
+        assert!(found[0].bright);
+        let mut scene = square(Vec2::zeros(), 100.0, true);
+        let found = quads(&seen(&scene), 40.0, |_, _| 1.0);
+        assert!(found.len() == 1 && !found[0].bright);
+        // dark outside on one side, inside on the others
+        scene.1.iter_mut().take(200).for_each(|edge| edge.outward *= -1.0);
+        assert!(quads(&seen(&scene), 40.0, |_, _| 1.0).is_empty());
     }
 
     #[test]

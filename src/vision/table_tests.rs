@@ -1,9 +1,10 @@
 //! Locating rendered tables whose corners are known.
 
-use super::render::{SIDE_M, Scene, penny};
 use super::{Table, TableFault, locate_table};
 use crate::geometry::{Lens, Vec2};
 use crate::random::Streams;
+use crate::scene::Scene;
+use crate::scene::testing::{SIDE_M, penny};
 use crate::signal::Frame;
 use proptest::prelude::*;
 
@@ -15,7 +16,7 @@ fn located(scene: &Scene, frame: &Frame) -> Result<Table, TableFault> {
 fn corner_rms_px(scenes: &[Scene]) -> f64 {
     let mut sum = 0.0;
     for scene in scenes {
-        let frame = scene.frame(&[penny(0.02, -0.03), penny(-0.06, 0.05), penny(0.094, 0.01)]);
+        let frame = scene.frame_with(&[penny(0.02, -0.03), penny(-0.06, 0.05), penny(0.094, 0.01)]);
         let table = located(scene, &frame).unwrap();
         let errors = table.corners_px.iter().zip(scene.corners_px()).map(|(a, b)| (a - b).norm_squared());
         sum += errors.sum::<f64>() / 4.0;
@@ -40,7 +41,7 @@ fn corners_of_rough_pictures() {
 #[test]
 fn frame_scale_and_camera_agree_with_the_scene() {
     let scene = Scene::general(11);
-    let table = located(&scene, &scene.frame(&[])).unwrap();
+    let table = located(&scene, &scene.frame()).unwrap();
     for p in [(0.0, 0.0), (0.09, -0.08), (-0.07, 0.05)].map(|(x, y)| Vec2::new(x, y)) {
         let off_px = (table.image_from_table(p) - scene.image_from_table(p)).norm();
         assert!(off_px < 0.05, "{off_px} px");
@@ -58,7 +59,7 @@ fn frame_scale_and_camera_agree_with_the_scene() {
 fn points_above_the_plate_appear_farther_out() {
     let mut scene = Scene::plain(0);
     scene.tilt_rad[2] = 0.05;
-    let table = located(&scene, &scene.frame(&[])).unwrap();
+    let table = located(&scene, &scene.frame()).unwrap();
     let p = Vec2::new(0.06, -0.03);
     // Seen from 0.6 m straight above the middle, a point 6 mm up hides what lies 0.6/0.594 farther out.
     let expected = scene.image_from_table(p * (0.6 / 0.594));
@@ -73,7 +74,7 @@ fn any_turn_gives_an_upright_frame() {
         let mut scene = Scene::plain(0);
         scene.tilt_rad[2] = degrees.to_radians();
         scene.camera_m.z = 0.85;
-        let table = located(&scene, &scene.frame(&[])).unwrap();
+        let table = located(&scene, &scene.frame()).unwrap();
         assert!(table.rotation_rad.abs() <= std::f64::consts::FRAC_PI_4 + 1e-6);
         let off = (degrees.to_radians() + table.rotation_rad) / std::f64::consts::FRAC_PI_2;
         assert!((off - off.round()).abs() < 1e-3, "{degrees}: {}", table.rotation_rad.to_degrees());
@@ -85,7 +86,7 @@ fn any_turn_gives_an_upright_frame() {
 #[test]
 fn a_partly_hidden_side_is_still_found() {
     let scene = Scene::general(2).rough();
-    let mut frame = scene.frame(&[penny(0.03, 0.03)]);
+    let mut frame = scene.frame_with(&[penny(0.03, 0.03)]);
     let [a, b, _, _] = scene.corners_px();
     let (from, to) = (a + (b - a) * 0.3, a + (b - a) * 0.6);
     for y in 0..(from.y.max(to.y) as usize + 60) {
@@ -99,17 +100,17 @@ fn a_partly_hidden_side_is_still_found() {
 
 #[test]
 fn strong_shading_is_no_obstacle() {
-    let scene = Scene { shading: 0.5, noise: 8.0, ..Scene::general(3) };
-    assert!(located(&scene, &scene.frame(&[penny(0.05, 0.0)])).is_ok());
+    let scene = Scene { shading: 0.5, noise_sd: 8.0, ..Scene::general(3) };
+    assert!(located(&scene, &scene.frame_with(&[penny(0.05, 0.0)])).is_ok());
 }
 
 #[test]
 fn stages_show_four_peaks() {
     let scene = Scene::general(1);
-    let (_, stages) = locate_table(&scene.frame(&[]), &scene.lens, SIDE_M).unwrap();
+    let (_, stages) = locate_table(&scene.frame(), &scene.lens, SIDE_M).unwrap();
     assert_eq!(stages.hough.peaks.len(), 4);
     assert_eq!(stages.hough.votes.len(), stages.hough.angles * stages.hough.distances);
-    assert_eq!((stages.edges.width, stages.edges.height), (1280, 1024));
+    assert_eq!((stages.edges.width, stages.edges.height), (320, 256));
 }
 
 fn fault(frame: &Frame) -> TableFault {
@@ -152,9 +153,9 @@ fn misuse_is_told() {
 fn a_table_that_leaves_the_picture_is_told() {
     for shift in [Vec2::new(140.0, 0.0), Vec2::new(260.0, 0.0), Vec2::new(0.0, -120.0), Vec2::new(300.0, 200.0)] {
         let mut scene = Scene::plain(1);
-        scene.size = [1000, 960];
+        scene.size_px = [1000, 960];
         scene.lens.principal_px = Vec2::new(499.5, 479.5) + shift;
-        assert_eq!(located(&scene, &scene.frame(&[])), Err(TableFault::CutByFrame), "{shift}");
+        assert_eq!(located(&scene, &scene.frame()), Err(TableFault::CutByFrame), "{shift}");
     }
 }
 
@@ -163,9 +164,9 @@ fn two_tables_are_one_too_many() {
     let mut scene = Scene::plain(1);
     scene.camera_m.z = 1.2;
     scene.lens.principal_px = Vec2::new(300.0, 400.0);
-    let mut frame = scene.frame(&[]);
+    let mut frame = scene.frame();
     scene.lens.principal_px = Vec2::new(900.0, 480.0);
-    for (pixel, other) in frame.pixels.iter_mut().zip(scene.frame(&[]).pixels) {
+    for (pixel, other) in frame.pixels.iter_mut().zip(scene.frame().pixels) {
         *pixel = (*pixel).max(other);
     }
     assert_eq!(fault(&frame), TableFault::MoreThanOne);

@@ -1,11 +1,12 @@
 //! Following parts through rendered films.
 
-use super::render::{Disc, PENNY_M, SIDE_M, Scene, penny};
 use super::{CoinFinder, Detection, Table, Tracker, locate_table};
 use crate::geometry::Lens;
 use crate::geometry::Vec2;
 use crate::random::Streams;
 use crate::rig::PartKind;
+use crate::scene::testing::{PENNY_M, SIDE_M, penny};
+use crate::scene::{Disc, Scene};
 use crate::signal::Frame;
 use proptest::prelude::*;
 
@@ -15,17 +16,17 @@ fn pennies() -> Vec<PartKind> {
 
 /// Half as many pixels a side as the full scenes: films are long.
 fn small_scene(seed: u64) -> Scene {
-    let mut scene = Scene { blur_px: 1.0, noise: 4.0, shading: 0.3, ..Scene::plain(seed) };
-    scene.size = [640, 512];
+    let mut scene = Scene { blur_px: 1.0, noise_sd: 4.0, shading: 0.3, ..Scene::plain(seed) };
+    scene.size_px = [640, 512];
     scene.lens.focal_px /= 2.0;
     scene.lens.principal_px = Vec2::new(319.5, 255.5);
     scene
 }
 
 fn start(scene: &Scene, discs: &[Disc]) -> (Table, Vec<Detection>) {
-    let frame = scene.frame(discs);
+    let frame = scene.frame_with(discs);
     let table = locate_table(&frame, &scene.lens, SIDE_M).unwrap().0;
-    let parts = CoinFinder::new(&table, scene.size, &pennies(), true).find(&frame);
+    let parts = CoinFinder::new(&table, scene.size_px, &pennies(), true).find(&frame);
     assert_eq!(parts.len(), discs.len());
     (table, parts)
 }
@@ -39,7 +40,7 @@ fn tracker(scene: &Scene, discs: &[Disc]) -> (Tracker, Vec<usize>) {
             (0..discs.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap()
         })
         .collect();
-    (Tracker::new(&table, scene.size, &pennies(), true, parts), order)
+    (Tracker::new(&table, scene.size_px, &pennies(), true, parts), order)
 }
 
 fn worst_mm(tracker: &Tracker, order: &[usize], discs: &[Disc]) -> f64 {
@@ -56,7 +57,7 @@ fn moving_parts_are_followed_frame_by_frame() {
     for k in 1..=12 {
         scene.seed = 100 + k;
         let discs = place(k as f64);
-        tracker.track(&scene.frame(&discs));
+        tracker.track(&scene.frame_with(&discs));
         assert!(tracker.tracks().iter().all(|t| t.frames_unseen == 0), "frame {k}");
         assert!(worst_mm(&tracker, &order, &discs) < 0.08, "frame {k}: {} mm", worst_mm(&tracker, &order, &discs));
     }
@@ -68,7 +69,7 @@ fn jumps_are_recovered_from() {
     let (mut tracker, order) = tracker(&scene, &[penny(0.0, 0.0), penny(0.06, 0.06)]);
     // Two radii: the wider search. Across the plate: the full frame.
     for discs in [[penny(0.0, 2.0 * PENNY_M), penny(0.06, 0.06)], [penny(-0.08, -0.07), penny(0.06, 0.05)]] {
-        tracker.track(&scene.frame(&discs));
+        tracker.track(&scene.frame_with(&discs));
         assert!(tracker.tracks().iter().all(|t| t.frames_unseen == 0));
         assert!(worst_mm(&tracker, &order, &discs) < 0.08);
     }
@@ -80,20 +81,20 @@ fn a_hidden_part_is_counted_unseen_and_found_again() {
     let discs = [penny(0.0, 0.0), penny(0.06, 0.06)];
     let (mut tracker, order) = tracker(&scene, &discs);
     let hidden = order.iter().position(|&i| i == 0).unwrap();
-    tracker.track(&scene.frame(&discs));
+    tracker.track(&scene.frame_with(&discs));
     let last = tracker.tracks()[hidden].clone();
     for k in 1..=5 {
-        tracker.track(&scene.frame(&discs[1..]));
+        tracker.track(&scene.frame_with(&discs[1..]));
         assert_eq!(tracker.tracks()[hidden].frames_unseen, k);
         assert_eq!(tracker.tracks()[hidden].seen, last.seen);
         assert_eq!(tracker.tracks()[1 - hidden].frames_unseen, 0);
     }
-    let mut dark = scene.frame(&discs);
+    let mut dark = scene.frame_with(&discs);
     dark.pixels.fill(0);
     tracker.track(&dark);
     tracker.track(&Frame::new(1, 1));
     assert!(tracker.tracks().iter().all(|t| t.frames_unseen > 0));
-    tracker.track(&scene.frame(&discs));
+    tracker.track(&scene.frame_with(&discs));
     assert!(tracker.tracks().iter().all(|t| t.frames_unseen == 0));
     assert!(worst_mm(&tracker, &order, &discs) < 0.08);
 }
@@ -103,11 +104,11 @@ fn two_tracks_never_claim_one_part() {
     let scene = small_scene(4);
     let (mut tracker, order) = tracker(&scene, &[penny(0.0, 0.0), penny(0.02, 0.0)]);
     // One part is taken away, the other lies where both tracks would look.
-    tracker.track(&scene.frame(&[penny(0.0095, 0.0)]));
+    tracker.track(&scene.frame_with(&[penny(0.0095, 0.0)]));
     assert_eq!(tracker.tracks().iter().filter(|t| t.frames_unseen == 0).count(), 1);
     let discs = [penny(0.0, 0.0), penny(0.0195, 0.0)];
     for _ in 0..10 {
-        tracker.track(&scene.frame(&discs));
+        tracker.track(&scene.frame_with(&discs));
     }
     assert!(tracker.tracks().iter().all(|t| t.frames_unseen == 0));
     let apart = tracker.tracks()[0].seen.position_m - tracker.tracks()[1].seen.position_m;

@@ -1,5 +1,5 @@
-use super::super::coins::{APART, LEAST_SCORE, PartJudge, kernel_radius_px, reach_px};
 use super::super::disk::{Disk, climb};
+use super::super::judge::{APART, LEAST_SCORE, PartJudge, kernel_radius_px, reach_px};
 use super::super::rim::{RAYS, RimFit};
 use super::super::sampling::Sampler;
 use super::super::{Detection, Table, Track};
@@ -18,8 +18,6 @@ const HIDDEN_SHARE: f64 = 0.44;
 const HIDDEN_SCORE: f64 = 0.3;
 /// How far its levels may be from those it had in plain view, as a part of the contrast.
 const HIDDEN_STRAY: f32 = 0.25;
-/// How far a radius may be from its kind's, as a part of it.
-const RADIUS_TOLERANCE: f64 = 0.08;
 /// A motion in one frame that smears a rim no more than the close look takes, px.
 const SLOW_PX: f64 = 6.0;
 /// Half the side of the wider search, radii, and its first step.
@@ -131,7 +129,7 @@ impl Looker {
     fn look(&self, view: &View, i: usize, fit: &RimFit, expected: &Expected) -> Option<Look> {
         let kind = view.tracks.get(i)?.seen.kind;
         let (part, disk) = (self.judge.kinds.get(kind)?, self.disks.get(kind)?);
-        if !self.is_of_kind(fit.radius_m, kind) || !self.table.holds(fit.foot_m, 0.5 * part.radius_m) {
+        if self.judge.nearest_kind(fit.radius_m) != Some(kind) || !self.table.holds(fit.foot_m, 0.5 * part.radius_m) {
             return None;
         }
         let [x, y] = [fit.center_px.x, fit.center_px.y].map(|v| v.round() as i64);
@@ -151,14 +149,6 @@ impl Looker {
             covariance_px2: fit.covariance_px2,
         };
         Some(Look { part, agreeing: fit.agreeing, levels: [fit.plate_level, fit.part_level] })
-    }
-
-    /// No other kind's radius comes nearer.
-    fn is_of_kind(&self, radius_m: f64, kind: usize) -> bool {
-        let off = |kind: &PartKind| (radius_m / kind.radius_m - 1.0).abs();
-        self.judge.kinds.get(kind).is_some_and(|own| {
-            off(own) < RADIUS_TOLERANCE && self.judge.kinds.iter().all(|other| off(own) <= off(other))
-        })
     }
 
     /// A rim of which a part is hidden is believed when it is long enough for what may be seen of it past the other

@@ -1,0 +1,175 @@
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use super::drawn::Dice;
+use super::parts::kinds;
+use super::{Glint, Relief, Scene, Shape, Thing};
+use crate::geometry::{Vec2, perp};
+
+/// Least distance of things on the ground from the plate, m.
+const STRAY_GAP_M: f64 = 4e-3;
+
+/// One side of the plate: its outward normal and the way along it.
+fn side(dice: &mut Dice) -> (Vec2, Vec2) {
+    let (sin, cos) = (FRAC_PI_2 * dice.one_of(4) as f64).sin_cos();
+    let outward = Vec2::new(cos, sin);
+    (outward, perp(outward))
+}
+
+impl Scene {
+    /// A bar or a hand over up to a quarter of one side, in a third of the scenes.
+    pub(super) fn draw_covers(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.35) {
+            return;
+        }
+        let level = if dice.chance(0.5) { self.levels[0] } else { dice.within(85.0, 140.0) };
+        let (outward, along) = side(dice);
+        let (half_side, hidden) = (self.side_m / 2.0, dice.within(0.08, 0.24) * self.side_m);
+        let at = outward * half_side + along * (dice.around(0.5) * half_side);
+        let inward = dice.within(0.03, 0.12) * self.side_m;
+        let shapes = if dice.chance(0.5) {
+            bar(dice, at, outward, hidden, inward)
+        } else {
+            hand(dice, at, outward, hidden, inward)
+        };
+        self.covers.extend(shapes.into_iter().map(|shape| Thing { shape, level }));
+    }
+
+    /// Discs, sheets and long stripes beside the plate, in half of the scenes: none of them a square as large as the plate.
+    pub(super) fn draw_strays(&mut self, dice: &mut Dice) {
+        if !dice.chance(0.55) {
+            return;
+        }
+        for _ in 0..1 + dice.one_of(6) {
+            let level = self.stray_level(dice);
+            let (outward, along) = side(dice);
+            let size = self.side_m * dice.within(0.03, 0.3);
+            let at = |away: f64, aside: f64| outward * (self.side_m / 2.0 + away) + along * aside;
+            let aside = dice.around(0.6) * self.side_m;
+            let gap = STRAY_GAP_M + dice.within(0.0, 0.25) * self.side_m;
+            let across = outward.y.atan2(outward.x);
+            let shape = match dice.one_of(3) {
+                0 => Shape::circle(at(gap + size / 2.0, aside), size / 2.0),
+                1 => {
+                    let half = [size / 2.0, size * dice.within(0.2, 1.0)];
+                    Shape::rectangle(at(gap + half[0].hypot(half[1]), aside), half, dice.within(0.0, TAU))
+                }
+                _ => {
+                    let half = [self.side_m * dice.within(0.01, 0.06), self.side_m * dice.within(0.25, 0.7)];
+                    let (turn, near) = (dice.around(0.05), STRAY_GAP_M + dice.within(0.0, 0.1) * self.side_m);
+                    Shape::rectangle(at(near + half[0] + half[1] * turn.abs(), aside), half, across + turn)
+                }
+            };
+            self.strays.push(Thing { shape, level });
+        }
+    }
+
+    /// Bright on dark ground; beside it on any other.
+    fn stray_level(&self, dice: &mut Dice) -> f64 {
+        let ground = self.levels[0];
+        if ground < 80.0 || (ground < 150.0 && dice.chance(0.5)) {
+            dice.within(150.0, 255.0)
+        } else {
+            dice.within(0.0, ground - 40.0)
+        }
+    }
+
+    /// Reliefs, glints on parts and glints on the plate, each in about half of the scenes.
+    pub(super) fn draw_faces(&mut self, dice: &mut Dice) {
+        let amplitude = if dice.chance(0.6) { dice.within(0.03, 0.2) } else { 0.0 };
+        let (on_parts, on_plate) = (dice.chance(0.45), dice.chance(0.35));
+        for part in &mut self.parts {
+            part.relief = (amplitude > 0.0).then(|| relief(dice, amplitude));
+            if on_parts && dice.chance(0.6) {
+                part.glints = (0..1 + dice.one_of(2)).map(|_| glint(dice, 0.7, 1.0)).collect();
+            }
+        }
+        if on_plate {
+            let radius_m = kinds()[0].radius_m;
+            self.glints = (0..1 + dice.one_of(6)).map(|_| glint(dice, 0.48 * self.side_m, radius_m)).collect();
+        }
+    }
+}
+
+/// A straight bar that comes from outside and ends on the plate.
+fn bar(dice: &mut Dice, at: Vec2, outward: Vec2, hidden: f64, inward: f64) -> Vec<Shape> {
+    let turn = dice.around(0.25);
+    let direction = outward.y.atan2(outward.x) + turn;
+    let (sin, cos) = direction.sin_cos();
+    let length = 30.0 * hidden;
+    let middle = at + Vec2::new(cos, sin) * (length / 2.0 - inward);
+    vec![Shape::rectangle(middle, [length / 2.0, hidden * turn.cos() / 2.0], direction)]
+}
+
+/// Fingers side by side, and the hand they belong to, outside the plate.
+fn hand(dice: &mut Dice, at: Vec2, outward: Vec2, hidden: f64, inward: f64) -> Vec<Shape> {
+    let fingers = 2 + dice.one_of(3);
+    let (radius, along) = (hidden / (2.0 * fingers as f64), perp(outward));
+    let palm = at + outward * (1.2 * hidden + 2.5 * radius);
+    let mut shapes = vec![Shape::capsule(palm, palm + outward * (30.0 * hidden), 0.9 * hidden)];
+    for finger in 0..fingers {
+        let aside = along * ((2.0 * finger as f64 + 1.0) * radius - hidden / 2.0);
+        let tip = at + aside - outward * (inward * dice.within(0.6, 1.0) - radius).max(0.0);
+        shapes.push(Shape::capsule(tip, palm + aside, radius));
+    }
+    shapes
+}
+
+fn relief(dice: &mut Dice, amplitude: f64) -> Relief {
+    let mut wave = || (dice.direction() * dice.within(2.0, 14.0), dice.within(0.0, TAU));
+    let waves = [wave(), wave(), wave()];
+    Relief { amplitude, waves, ring: [dice.within(0.5, 0.85), dice.within(0.04, 0.1)] }
+}
+
+/// Within `reach` of the origin, its half axes up to a quarter of `unit`.
+fn glint(dice: &mut Dice, reach: f64, unit: f64) -> Glint {
+    Glint {
+        at: dice.direction() * (reach * dice.within(0.0, 1.0).sqrt()),
+        half_axes: [dice.within(0.08, 0.25) * unit, dice.within(0.08, 0.25) * unit],
+        direction_rad: dice.within(0.0, TAU),
+        level: dice.within(260.0, 400.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Family;
+    use super::*;
+
+    /// Points of the plate's outline, side by side, as many on each.
+    fn outline(scene: &Scene) -> Vec<Vec2> {
+        let half = scene.side_m / 2.0;
+        let corners = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y) * half);
+        (0..4 * STEPS)
+            .map(|i| corners[i / STEPS].lerp(&corners[(i / STEPS + 1) % 4], (i % STEPS) as f64 / STEPS as f64))
+            .collect()
+    }
+
+    const STEPS: usize = 400;
+
+    #[test]
+    fn at_most_a_quarter_of_one_side_is_hidden() {
+        let mut most = 0.0f64;
+        for scene in (0..300).map(|seed| Scene::drawn(Family::Hard, seed)) {
+            let hidden = |p: &Vec2| scene.covers.iter().any(|cover| cover.shape.depth(*p) > 0.0);
+            let outline = outline(&scene);
+            let shares: Vec<f64> = outline
+                .chunks(STEPS)
+                .map(|side| side.iter().filter(|p| hidden(p)).count() as f64 / STEPS as f64)
+                .collect();
+            let sides = shares.iter().filter(|&&share| share > 0.0).count();
+            assert_eq!(sides, usize::from(!scene.covers.is_empty()), "{}: {shares:?}", scene.seed);
+            most = shares.iter().fold(most, |a, &b| a.max(b));
+        }
+        assert!(most > 0.2 && most < 0.25, "{most}");
+    }
+
+    #[test]
+    fn things_on_the_ground_keep_off_the_plate() {
+        for scene in (0..300).map(|seed| Scene::drawn(Family::Hard, seed)) {
+            for p in outline(&scene) {
+                let deepest = scene.strays.iter().map(|stray| stray.shape.depth(p)).fold(f64::NEG_INFINITY, f64::max);
+                assert!(deepest < -3e-3, "{}: {deepest}", scene.seed);
+            }
+        }
+    }
+}

@@ -1,0 +1,141 @@
+use nalgebra::Vector3;
+
+use super::Shape;
+use crate::geometry::{Lens, Vec2};
+use crate::units::INCH_M;
+
+/// A plate with parts, the camera above it, light, blur and noise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// Columns and rows, px.
+    pub size_px: [usize; 2],
+    /// The camera's inner geometry.
+    pub lens: Lens,
+    /// Camera centre in the table frame, m.
+    pub camera_m: Vector3<f64>,
+    /// From looking straight down: turns of the plate as seen, about the camera's x and y axes and then about the
+    /// optical axis, right-handed (x right, y down, axis away from the camera), rad.
+    pub tilt_rad: [f64; 3],
+    /// Side of the plate, m.
+    pub side_m: f64,
+    /// Gray levels of ground, plate and parts in full light.
+    pub levels: [f64; 3],
+    /// How much darker the light's far corner is than its near one.
+    pub shading: f64,
+    /// Direction in which light falls off, rad, from the picture's x to its y axis, the picture taken as a square.
+    pub shading_direction_rad: f64,
+    /// Standard deviation of the lens's blur, px.
+    pub blur_px: f64,
+    /// Standard deviation of the noise, levels.
+    pub noise_sd: f64,
+    /// Seed of the noise.
+    pub seed: u64,
+    /// Parts, later ones in front.
+    pub parts: Vec<Disc>,
+    /// Reflections of lamps in the plate, in m of the table frame.
+    pub glints: Vec<Glint>,
+    /// Things on the ground, behind the plate.
+    pub strays: Vec<Thing>,
+    /// Things in front of everything.
+    pub covers: Vec<Thing>,
+}
+
+/// A part: a disc that lies on the plate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Disc {
+    /// Index into [`kinds`](super::kinds).
+    pub kind: usize,
+    /// Middle of its foot in the table frame, m.
+    pub at_m: Vec2,
+    /// Outline, m.
+    pub radius_m: f64,
+    /// Height, m.
+    pub thickness_m: f64,
+    /// What is stamped on it.
+    pub relief: Option<Relief>,
+    /// Reflections of lamps in it, in radii from its middle.
+    pub glints: Vec<Glint>,
+}
+
+impl Disc {
+    /// A smooth disc of kind 0 with its foot's middle at `at_m`.
+    pub fn new(at_m: Vec2, radius_m: f64, thickness_m: f64) -> Self {
+        Self { kind: 0, at_m, radius_m, thickness_m, relief: None, glints: Vec::new() }
+    }
+}
+
+/// Gray level over a part's face: three waves and a ring, `a (mean of cos(k·q + phase) + ring) / 2` of the step from
+/// part to plate, `q` in radii from the part's middle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Relief {
+    /// Largest departure, as a part of the step from part to plate.
+    pub amplitude: f64,
+    /// Wave vectors, rad a radius, and phases, rad.
+    pub waves: [(Vec2, f64); 3],
+    /// Radius and width of the ring, radii.
+    pub ring: [f64; 2],
+}
+
+/// A bright ellipse with soft edges. Lengths are in metres on the plate, in radii on a part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Glint {
+    /// Its middle.
+    pub at: Vec2,
+    /// Half axes; half as bright at about 3/4 of them.
+    pub half_axes: [f64; 2],
+    /// Direction of the first of them, rad.
+    pub direction_rad: f64,
+    /// Gray level in its middle; beyond 255 it saturates.
+    pub level: f64,
+}
+
+/// Something of one gray level, its outline on the plate's plane.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Thing {
+    /// Outline.
+    pub shape: Shape,
+    /// Gray level in full light.
+    pub level: f64,
+}
+
+/// Where a part truly is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartTruth {
+    /// Index into [`kinds`](super::kinds).
+    pub kind: usize,
+    /// Middle of its foot in the table frame, m.
+    pub at_m: Vec2,
+    /// Centre of the area of its outline as seen, px: what foot and top hide together, through the lens.
+    pub center_px: Vec2,
+    /// Radius of the circle of that area, px.
+    pub radius_px: f64,
+}
+
+impl Scene {
+    /// An empty 8 in plate, white on dark ground, 1280 × 1024 px, 4.2 px/mm, looking straight down, sharp and clean.
+    pub fn plain(seed: u64) -> Self {
+        Self {
+            size_px: [1280, 1024],
+            lens: Lens::ideal(2520.0, Vec2::new(639.5, 511.5)),
+            camera_m: Vector3::new(0.0, 0.0, 0.6),
+            tilt_rad: [0.0; 3],
+            side_m: 8.0 * INCH_M,
+            levels: [18.0, 215.0, 30.0],
+            shading: 0.0,
+            shading_direction_rad: 0.3f64.atan2(0.7),
+            blur_px: 0.8,
+            noise_sd: 0.0,
+            seed,
+            parts: Vec::new(),
+            glints: Vec::new(),
+            strays: Vec::new(),
+            covers: Vec::new(),
+        }
+    }
+
+    /// True when parts are darker than the plate.
+    pub fn dark_parts(&self) -> bool {
+        let [_, plate, part] = self.levels;
+        part < plate
+    }
+}
