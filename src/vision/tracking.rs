@@ -1,4 +1,6 @@
 mod assignment;
+#[cfg(test)]
+mod films;
 mod look;
 mod motion;
 
@@ -127,7 +129,10 @@ impl Tracker {
                 pool.push(look);
             }
         }
-        if pool.len() < self.tracks.len() && self.frames >= self.next_full_search {
+        // One that comes back may not be the one nearest to it: then all must be seen before any is named.
+        let back = |(look, track): (&Option<Look>, &Track)| look.is_some() && track.frames_unseen > 0;
+        let due = self.frames >= self.next_full_search || self.looks.iter().zip(&self.tracks).any(back);
+        if pool.len() < self.tracks.len() && due {
             self.next_full_search = self.frames + FULL_SEARCH_EVERY;
             for part in self.finder.find(frame) {
                 if is_free(&part, &pool) {
@@ -152,23 +157,38 @@ impl Tracker {
     }
 
     /// One look each, likeliest in all: either all parts unseen went on as they moved, or they stopped when last seen.
-    fn give(&mut self, mut pool: Vec<Look>) {
+    fn give(&mut self, pool: Vec<Look>) {
+        let own = self.own_looks(&pool);
         let cost = |place: Vec2, i: usize, k: usize| {
-            let (part, motion) = (&pool[k].part, &self.motions[i]);
-            if part.kind != self.tracks[i].seen.kind {
+            let (part, variance) = (&pool[k].part, self.motions[i].place_variance());
+            if part.kind != self.tracks[i].seen.kind || own[i].unwrap_or(k) != k {
                 return f64::INFINITY;
             }
-            let variance = motion.place_variance();
+            if own[i].is_none() && own.contains(&Some(k)) {
+                return f64::INFINITY;
+            }
             (part.center_px - place).norm_squared() / variance + 2.0 * variance.ln()
         };
         let (rows, columns) = (self.tracks.len(), pool.len());
         let moved = assign(rows, columns, UNSEEN, |i, k| cost(self.motions[i].place_px, i, k));
         let stopped = assign(rows, columns, UNSEEN, |i, k| cost(self.tracks[i].seen.center_px, i, k));
         let choice = if stopped.1 < moved.1 { stopped.0 } else { moved.0 };
-        let mut given: Vec<Option<Look>> = pool.drain(..).map(Some).collect();
+        let mut given: Vec<Option<Look>> = pool.into_iter().map(Some).collect();
         for (look, choice) in self.looks.iter_mut().zip(choice) {
             *look = choice.and_then(|k| given.get_mut(k)?.take());
         }
+    }
+
+    /// For each part that was seen in the last frame, the look that lies where it should be, if no other claims it.
+    fn own_looks(&self, pool: &[Look]) -> Vec<Option<usize>> {
+        let claim = |(track, motion): (&Track, &Motion)| {
+            let off = |look: &Look| (look.part.center_px - motion.place_px).norm() / look.part.radius_px;
+            let fits = |(_, look): &(usize, &Look)| look.part.kind == track.seen.kind && off(look) < FAR_RADII;
+            pool.iter().enumerate().filter(|_| track.frames_unseen == 0).find(fits).map(|(k, _)| k)
+        };
+        let claims: Vec<Option<usize>> = self.tracks.iter().zip(&self.motions).map(claim).collect();
+        let alone = |claim: &Option<usize>| claims.iter().filter(|other| *other == claim).count() == 1;
+        claims.iter().map(|claim| claim.filter(|_| alone(claim))).collect()
     }
 
     fn see(&mut self, i: usize, look: Look) {
