@@ -137,7 +137,8 @@ impl Looker {
         let contrast = f64::from(fit.plate_level - fit.part_level);
         let score = ((f64::from(fit.plate_level) - disk.mean(view.frame, x, y)) / contrast).clamp(0.0, 1.0);
         let plain = fit.agreeing >= PLAIN_RAYS && score >= LEAST_SCORE;
-        if !plain && !(score >= HIDDEN_SCORE && self.is_believed(view, i, fit, expected)) {
+        let believed = plain || score >= HIDDEN_SCORE && self.is_believed(view, i, fit, expected);
+        if !believed {
             return None;
         }
         let part = Detection {
