@@ -1,4 +1,8 @@
+use crate::geometry::Vec2;
 use crate::signal::Frame;
+
+/// Chords of a large disk on either side of its middle that are looked at when it is moved.
+const CHORDS: usize = 12;
 
 /// The solid disk kernel: all cells whose middle lies within the radius of the disk's middle cell.
 #[derive(Clone, Debug)]
@@ -51,38 +55,59 @@ impl Disk {
         i64::from(chord(y, self.half[0])) + rest
     }
 
-    /// How the sum changes when the disk moves by one column: the pixels that enter less those that leave.
-    pub(super) fn step_columns(&self, frame: &Frame, x: usize, y: usize, right: bool) -> i64 {
-        let mut change = 0i32;
+    /// Mean gray level at a place it fits; of large disks, over every few rows.
+    pub(super) fn mean(&self, frame: &Frame, x: usize, y: usize) -> f64 {
+        let (mut sum, mut cells) = (0, 0);
         let mut add = |row: usize, half: usize| {
-            let row = frame.row(row);
-            let (ahead, behind) = if right { (x + half + 1, x - half) } else { (x - half - 1, x + half) };
-            change += i32::from(row[ahead]) - i32::from(row[behind]);
+            let chord = &frame.row(row)[x - half..=x + half];
+            sum += chord.iter().map(|&level| u32::from(level)).sum::<u32>();
+            cells += chord.len();
         };
-        for (dy, &half) in self.half.iter().enumerate() {
+        add(y, self.half[0]);
+        for (dy, &half) in self.half.iter().enumerate().step_by(2 * self.stride() - 1).skip(1) {
+            add(y - dy, half);
             add(y + dy, half);
-            if dy > 0 {
-                add(y - dy, half);
-            }
         }
-        i64::from(change)
+        f64::from(sum) / cells as f64
     }
 
-    /// How the sum changes when the disk moves by one row.
-    pub(super) fn step_rows(&self, frame: &Frame, x: usize, y: usize, down: bool) -> i64 {
-        let mut change = 0i32;
-        let mut add = |column: usize, half: usize| {
-            let (ahead, behind) = if down { (y + half + 1, y - half) } else { (y - half - 1, y + half) };
-            change += i32::from(frame.pixels[ahead * frame.width + column]);
-            change -= i32::from(frame.pixels[behind * frame.width + column]);
+    /// Chords from one that is looked at to the next: of a large disk some tell enough of its mean and of its steps.
+    fn stride(&self) -> usize {
+        (self.reach() / CHORDS).max(1)
+    }
+
+    /// How the sum over the chords looked at changes when the disk moves by a column, left and right: the pixels that
+    /// enter less those that leave.
+    fn step_columns(&self, frame: &Frame, x: usize, y: usize) -> [i32; 2] {
+        let (mut left, mut right) = (0, 0);
+        let mut add = |row: usize, half: usize| {
+            let chord = &frame.row(row)[x - half - 1..=x + half + 1];
+            let (first, last) = (i32::from(chord[1]), i32::from(chord[chord.len() - 2]));
+            left += i32::from(chord[0]) - last;
+            right += i32::from(chord[chord.len() - 1]) - first;
         };
-        for (dx, &half) in self.half.iter().enumerate() {
-            add(x + dx, half);
-            if dx > 0 {
-                add(x - dx, half);
-            }
+        add(y, self.half[0]);
+        for (dy, &half) in self.half.iter().enumerate().step_by(self.stride()).skip(1) {
+            add(y - dy, half);
+            add(y + dy, half);
         }
-        i64::from(change)
+        [left, right]
+    }
+
+    /// How that sum over columns changes when the disk moves by a row, up and down.
+    fn step_rows(&self, frame: &Frame, x: usize, y: usize) -> [i32; 2] {
+        let (mut up, mut down) = (0, 0);
+        let mut add = |column: usize, half: usize| {
+            let at = |row: usize| i32::from(frame.pixels[row * frame.width + column]);
+            up += at(y - half - 1) - at(y + half);
+            down += at(y + half + 1) - at(y - half);
+        };
+        add(x, self.half[0]);
+        for (dx, &half) in self.half.iter().enumerate().step_by(self.stride()).skip(1) {
+            add(x - dx, half);
+            add(x + dx, half);
+        }
+        [up, down]
     }
 }
 
@@ -111,31 +136,63 @@ pub(super) struct Rest {
     pub(super) sum: i64,
 }
 
-/// Climbs from `(x, y)`, pixel by pixel over the four neighbours, to where the disk covers most dark
-/// (or most light, when `dark` is false); gives up climbing after `most_steps`. `None` when the disk fits nowhere.
-pub(super) fn climb(disk: &Disk, frame: &Frame, x: i64, y: i64, dark: bool, most_steps: usize) -> Option<Rest> {
+/// Where a climb has ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Peak {
+    pub(super) x: usize,
+    pub(super) y: usize,
+    /// The vertex of the parabolas through the last place and its neighbours, px.
+    pub(super) vertex_px: Vec2,
+}
+
+/// Climbs from the place nearest `(x, y)` to neighbouring ones as long as the disk gets darker (lighter when not
+/// `dark`) on them, `most_steps` at most. `None` where the disk does not fit the frame.
+pub(super) fn climb(disk: &Disk, frame: &Frame, x: i64, y: i64, dark: bool, most_steps: usize) -> Option<Peak> {
+    let sign = if dark { -1 } else { 1 };
     let (mut x, mut y) = disk.fitted(frame, x, y)?;
-    let mut sum = disk.sum(frame, x, y);
-    for _ in 0..most_steps {
-        let mut best = (0, x, y);
-        for (dx, dy) in [(1i64, 0i64), (-1, 0), (0, 1), (0, -1)] {
-            let to = disk.fitted(frame, x as i64 + dx, y as i64 + dy)?;
-            let change = match (dx, dy) {
-                _ if to == (x, y) => 0,
-                (0, _) => disk.step_rows(frame, x, y, dy > 0),
-                _ => disk.step_columns(frame, x, y, dx > 0),
-            };
-            let gain = if dark { -change } else { change };
-            if gain > best.0 {
-                best = (gain, to.0, to.1);
-            }
+    for steps in 0.. {
+        let allowed = |change: i32, dx: i64, dy: i64| {
+            let to = (x as i64 + dx, y as i64 + dy);
+            let fits = disk.fitted(frame, to.0, to.1).is_some_and(|at| (at.0 as i64, at.1 as i64) == to);
+            if fits { sign * change } else { (sign * change).min(0) }
+        };
+        let [left, right] = disk.step_columns(frame, x, y);
+        let [up, down] = disk.step_rows(frame, x, y);
+        let columns = [allowed(left, -1, 0), allowed(right, 1, 0)];
+        let rows = [allowed(up, 0, -1), allowed(down, 0, 1)];
+        let both = disk.fitted(frame, x as i64 + uphill(columns), y as i64 + uphill(rows))?;
+        let (along_x, along_y) = ((both.0, y), (x, both.1));
+        // Both at once may end in a circle: not for ever.
+        let next = match () {
+            () if steps < disk.reach() => both,
+            () if along_x != (x, y) && columns.iter().max() >= rows.iter().max() => along_x,
+            () if along_y != (x, y) => along_y,
+            () => along_x,
+        };
+        if next == (x, y) || steps >= most_steps {
+            let vertex_px = Vec2::new(x as f64 + vertex(columns), y as f64 + vertex(rows));
+            return Some(Peak { x, y, vertex_px });
         }
-        if best.0 == 0 {
-            break;
-        }
-        (x, y, sum) = (best.1, best.2, if dark { sum - best.0 } else { sum + best.0 });
+        (x, y) = next;
     }
-    Some(Rest { x, y, sum })
+    None
+}
+
+/// The better one of two ways: -1, 1, or 0 when neither gains.
+fn uphill([back, ahead]: [i32; 2]) -> i64 {
+    if back.max(ahead) <= 0 {
+        0
+    } else if ahead >= back {
+        1
+    } else {
+        -1
+    }
+}
+
+/// Where a parabola through 0 and what is gained a step back and ahead is highest, within half a step.
+fn vertex([back, ahead]: [i32; 2]) -> f64 {
+    let bend = f64::from(-back - ahead);
+    if bend > 0.0 { (0.5 * f64::from(ahead - back) / bend).clamp(-0.5, 0.5) } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -159,24 +216,40 @@ mod tests {
             let plain = |x, y| (f64::from(disk.mean_under(&values, 41, 33, x, y)) * disk.area() as f64).round() as i64;
             let here = disk.sum(&frame, x, y);
             prop_assert_eq!(here, plain(x, y));
-            prop_assert_eq!(here + disk.step_columns(&frame, x, y, true), plain(x + 1, y));
-            prop_assert_eq!(here + disk.step_columns(&frame, x, y, false), plain(x - 1, y));
-            prop_assert_eq!(here + disk.step_rows(&frame, x, y, true), plain(x, y + 1));
-            prop_assert_eq!(here + disk.step_rows(&frame, x, y, false), plain(x, y - 1));
+            prop_assert!((disk.mean(&frame, x, y) * disk.area() as f64 - here as f64).abs() < 1e-6);
+            let [left, right] = disk.step_columns(&frame, x, y).map(i64::from);
+            let [up, down] = disk.step_rows(&frame, x, y).map(i64::from);
+            prop_assert_eq!([here + left, here + right], [plain(x - 1, y), plain(x + 1, y)]);
+            prop_assert_eq!([here + up, here + down], [plain(x, y - 1), plain(x, y + 1)]);
         }
 
         #[test]
         fn climbing_ends_where_no_neighbour_is_darker(radius in 1.0..6.0f64, x in -5i64..50, y in -5i64..40, seed in 0usize..99) {
             let (disk, frame) = (Disk::new(radius), frame(41, 33, seed));
-            let rest = climb(&disk, &frame, x, y, true, 1000).unwrap();
-            prop_assert_eq!(rest.sum, disk.sum(&frame, rest.x, rest.y));
+            let peak = climb(&disk, &frame, x, y, true, 1000).unwrap();
             for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
-                let (nx, ny) = (rest.x as i64 + dx, rest.y as i64 + dy);
-                if disk.fitted(&frame, nx, ny) == Some((nx as usize, ny as usize)) {
-                    prop_assert!(disk.sum(&frame, nx as usize, ny as usize) >= rest.sum);
+                let to = (peak.x as i64 + dx, peak.y as i64 + dy);
+                if let Some(to) = disk.fitted(&frame, to.0, to.1) {
+                    prop_assert!(disk.sum(&frame, to.0, to.1) >= disk.sum(&frame, peak.x, peak.y));
                 }
             }
         }
+    }
+
+    #[test]
+    fn large_disks_climb_as_small_ones_and_end_below_a_pixel() {
+        let mut frame = Frame::new(160, 150);
+        let (middle, radius) = (Vec2::new(77.3, 71.8), 40.0);
+        for (i, pixel) in frame.pixels.iter_mut().enumerate() {
+            let off = (Vec2::new((i % 160) as f64, (i / 160) as f64) - middle).norm() - radius;
+            *pixel = (115.0 + 85.0 * (off / 1.5).clamp(-1.0, 1.0)) as u8;
+        }
+        for (x, y) in [(77, 72), (72, 78), (95, 60)] {
+            let peak = climb(&Disk::new(radius), &frame, x, y, true, 99).unwrap();
+            assert!((peak.vertex_px - middle).norm() < 0.15, "{peak:?}");
+        }
+        let mean = Disk::new(radius).mean(&frame, 77, 72);
+        assert!((mean - Disk::new(radius).sum(&frame, 77, 72) as f64 / Disk::new(radius).area() as f64).abs() < 2.0);
     }
 
     #[test]

@@ -1,5 +1,3 @@
-use nalgebra::Matrix2;
-
 use super::disk::{Disk, Rest};
 use super::rim::{RimFinder, RimFit, RimGuess};
 use super::sampling::Sampler;
@@ -65,7 +63,7 @@ impl PartJudge {
             radius_px: fit.radius_px,
             position_m: fit.foot_m,
             score,
-            covariance_px2: Matrix2::from_diagonal_element(fit.sd_px * fit.sd_px),
+            covariance_px2: fit.covariance_px2,
         })
     }
 }

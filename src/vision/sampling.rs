@@ -34,25 +34,31 @@ impl<'a> Sampler<'a> {
         top + fy * (bottom - top)
     }
 
-    /// Bilinear levels at points evenly spaced from `from` to `to`, in whole 1/65536 px and level: several times
+    /// Bilinear levels at points evenly spaced from `from` to `to`, in whole numbers of 1/2048 px: several times
     /// faster than [`Sampler::at`]. `None` when the points do not all lie a pixel or more inside the picture.
     pub(super) fn along<const N: usize>(&self, from: Vec2, to: Vec2) -> Option<[f32; N]> {
         const ONE: f64 = 65536.0;
         if !(self.contains(from, 1.0) && self.contains(to, 1.0)) || self.last.amax() > 32_000.0 {
             return None;
         }
-        let step = (to - from) / (N.max(2) - 1) as f64;
+        let step = (to - from) * (ONE / (N.max(2) - 1) as f64);
         let (mut x, mut y) = ((from.x * ONE) as i32, (from.y * ONE) as i32);
-        let (dx, dy) = ((step.x * ONE) as i32, (step.y * ONE) as i32);
+        let (dx, dy) = (step.x as i32, step.y as i32);
+        let below = self.pixels.get(self.width..)?;
+        let above = &self.pixels[..below.len()];
+        let most = below.len().checked_sub(1)?;
         let mut levels = [0.0f32; N];
         for level in &mut levels {
             let start = (y >> 16) as usize * self.width + (x >> 16) as usize;
-            let square = self.pixels.get(start..start + self.width + 2)?;
-            let (fx, fy) = ((x & 0xffff) as u32, (y & 0xffff) as u32);
-            let mix = |a: u8, b: u8| (u32::from(a) * (65536 - fx) + u32::from(b) * fx) >> 8;
-            let (top, bottom) = (mix(square[0], square[1]), mix(square[self.width], square[self.width + 1]));
-            let mixed = (u64::from(top) * u64::from(65536 - fy) + u64::from(bottom) * u64::from(fy)) >> 8;
-            *level = mixed as i32 as f32 * (1.0 / 65536.0);
+            if start >= most {
+                return None;
+            }
+            let (fx, fy) = ((x & 0xffff) >> 4, (y & 0xffff) >> 5);
+            let mix =
+                |row: &[u8]| (i32::from(row[start]) << 12) + (i32::from(row[start + 1]) - i32::from(row[start])) * fx;
+            let (top, bottom) = (mix(above), mix(below));
+            // 8 bits of level, 12 and 11 of place: the largest signed number just holds them.
+            *level = ((top << 11) + (bottom - top) * fy) as f32 * (1.0 / 8_388_608.0);
             x += dx;
             y += dy;
         }
@@ -69,31 +75,47 @@ impl<'a> Sampler<'a> {
 }
 
 /// Where a profile rises half-way from `dark` to `light`: the crossing nearest its middle, in samples from the first.
-/// Between two samples the normal distribution's quantile is followed, `q + π/3 q³ + 7π²/30 q⁵` for a share of
-/// `1/2 + q`: exact for an edge seen through a Gaussian. A straight line would be wrong by some hundredths of a sample,
-/// to one side all along an edge that runs with the pixels.
 pub(super) fn rising_crossing(profile: &[f32], dark: f32, light: f32) -> Option<f64> {
+    let level = (dark + light) / 2.0;
+    let i = rise_nearest_middle(profile, level)?;
+    let share = share_of_rise(profile[i] - level, profile[i + 1] - level, light - dark);
+    share.is_finite().then(|| i as f64 + f64::from(share))
+}
+
+/// The sample after which a profile rises from below `level` to it or above, nearest the middle; the first 64 count.
+#[inline]
+pub(super) fn rise_nearest_middle(profile: &[f32], level: f32) -> Option<usize> {
+    let below = profile.iter().take(64).enumerate().fold(0u64, |bits, (i, &v)| bits | u64::from(v < level) << i);
+    let pairs = profile.len().min(64).saturating_sub(1);
+    let mut rises = below & !(below >> 1) & !(u64::MAX << pairs);
+    let off = |i: usize| {
+        let (a, b) = (level - profile[i], profile[i + 1] - level);
+        (i as f32 + a / (a + b) - (profile.len() as f32 - 1.0) / 2.0).abs()
+    };
+    let mut best = None;
+    while rises != 0 {
+        let i = rises.trailing_zeros() as usize;
+        rises &= rises - 1;
+        if best.is_none_or(|best| off(i) < off(best)) {
+            best = Some(i);
+        }
+    }
+    best
+}
+
+/// Where between two samples the half-way level is met, 0 to 1, from what they lie below and above it.
+/// The normal distribution's quantile is followed, `q + π/3 q³ + 7π²/30 q⁵` for a share of `1/2 + q`: exact for an edge
+/// seen through a Gaussian. A straight line would be wrong by some hundredths of a sample, to one side all along an
+/// edge that runs with the pixels.
+pub(super) fn share_of_rise(below: f32, above: f32, contrast: f32) -> f32 {
     const CUBIC: f32 = std::f32::consts::FRAC_PI_3;
     const QUINTIC: f32 = 7.0 * std::f32::consts::PI * std::f32::consts::PI / 30.0;
-    let level = (dark + light) / 2.0;
-    let scale = 1.0 / (light - dark);
-    let quantile = |value: f32| {
-        let q = ((value - level) * scale).clamp(-0.6, 0.6);
+    let quantile = |off: f32| {
+        let q = (off / contrast).clamp(-0.6, 0.6);
         q * (1.0 + q * q * (CUBIC + q * q * QUINTIC))
     };
-    let middle = (profile.len() as f32 - 1.0) / 2.0;
-    let rise = |i: usize| match profile.get(i..i.wrapping_add(2)) {
-        Some(&[a, b]) if a < level && b > level => Some((i, quantile(a) / (quantile(a) - quantile(b)))),
-        Some(&[a, b]) if a < level && b == level => Some((i, 1.0)),
-        _ => None,
-    };
-    let off = |(i, share): &(usize, f32)| (*i as f32 + share - middle).abs();
-    let half = profile.len() / 2;
-    let found = (0..=half).find_map(|shell| match (rise(half + shell), rise(half.wrapping_sub(shell + 1))) {
-        (Some(a), Some(b)) => Some(if off(&a) < off(&b) { a } else { b }),
-        (a, b) => a.or(b),
-    });
-    found.filter(|(_, share)| share.is_finite()).map(|(i, share)| i as f64 + f64::from(share))
+    let (from, to) = (quantile(below), quantile(above));
+    from / (from - to)
 }
 
 /// The value below which the share `q` of `values` lies; reorders them. 0 of none.

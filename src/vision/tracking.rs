@@ -1,6 +1,14 @@
+mod assignment;
+#[cfg(test)]
+mod films;
+mod look;
+mod motion;
+
+use self::assignment::assign;
+use self::look::{Expected, Look, Looker, PLAIN_RAYS, View};
+use self::motion::Motion;
 use super::coins::CoinFinder;
-use super::disk::{Disk, Rest, climb};
-use super::judge::{APART, PartJudge, kernel_radius_px, overlap, reach_px};
+use super::judge::overlap;
 use super::sampling::Sampler;
 use super::{Detection, Table, Track};
 use crate::geometry::Vec2;
@@ -9,29 +17,25 @@ use crate::signal::Frame;
 
 /// Frames between two searches of the whole frame for lost parts.
 const FULL_SEARCH_EVERY: u64 = 8;
-/// A rim fitted from rays that start farther than this from its middle, px, is fitted once more from there.
-const RECENTER_PX: f64 = 0.8;
-/// Half the side of the wider search, radii, and its first step.
-const WIDE_RADII: f64 = 3.5;
-const WIDE_STEP: f64 = 0.4;
-/// Best places of the wider search that are looked at closely.
-const WIDE_PLACES: usize = 6;
+/// A look farther than this from where the part should be, radii, may be at another part.
+const FAR_RADII: f64 = 0.5;
+/// Cost of a part's staying unseen, far above that of any place: minus twice the logarithm of a likelihood.
+const UNSEEN: f64 = 1e9;
 
 /// Follows parts from frame to frame. Each part keeps its place in the list, and no two share a place on the plate.
 ///
 /// A part is looked for where its motion leads: the disk kernel climbs over its neighbours to the peak, the rim gives the
 /// rest. Not there, it is looked for over some radii around; not there either, in the whole frame, now and then.
+/// Where it is not plain which part was seen, all that was seen is given to all parts at once, the likeliest way.
 pub struct Tracker {
-    table: Table,
-    frame_size: [usize; 2],
-    judge: PartJudge,
-    disks: Vec<Disk>,
+    looker: Looker,
     finder: CoinFinder,
+    frame_size: [usize; 2],
     tracks: Vec<Track>,
-    /// Motion of the outline from the last frame to this, px.
-    motion_px: Vec<Vec2>,
-    looks: Vec<Option<Detection>>,
-    places: Vec<(i64, Rest)>,
+    motions: Vec<Motion>,
+    /// Gray levels of plate and part when last in plain view.
+    levels: Vec<Option<[f32; 2]>>,
+    looks: Vec<Option<Look>>,
     frames: u64,
     next_full_search: u64,
 }
@@ -45,18 +49,15 @@ impl Tracker {
         dark_parts: bool,
         start: Vec<Detection>,
     ) -> Self {
-        let scale = table.mean_px_per_m();
-        let count = start.len();
+        let at_rest = |seen: &Detection| Motion::at_rest(seen.center_px, seen.radius_px, frame_size);
         Self {
-            table: table.clone(),
-            frame_size,
-            judge: PartJudge::new(kinds, dark_parts),
-            disks: kinds.iter().map(|kind| Disk::new(kernel_radius_px(table, kind, scale))).collect(),
+            looker: Looker::new(table, kinds, dark_parts),
             finder: CoinFinder::new(table, frame_size, kinds, dark_parts),
+            frame_size,
+            motions: start.iter().map(at_rest).collect(),
+            levels: vec![None; start.len()],
+            looks: vec![None; start.len()],
             tracks: start.into_iter().map(|seen| Track { seen, frames_unseen: 0 }).collect(),
-            motion_px: vec![Vec2::zeros(); count],
-            looks: vec![None; count],
-            places: Vec::with_capacity(512),
             frames: 0,
             next_full_search: 0,
         }
@@ -66,29 +67,24 @@ impl Tracker {
     pub fn track(&mut self, frame: &Frame) {
         self.frames += 1;
         self.looks.fill(None);
-        let sampler = Sampler::new(frame).filter(|_| [frame.width, frame.height] == self.frame_size);
-        if let Some(sampler) = sampler {
+        let last = Vec2::new(self.frame_size[0] as f64 - 1.0, self.frame_size[1] as f64 - 1.0);
+        for motion in &mut self.motions {
+            motion.step();
+            motion.keep_within(Vec2::zeros(), last);
+        }
+        if let Some(sampler) = Sampler::new(frame).filter(|_| [frame.width, frame.height] == self.frame_size) {
+            let view = View { frame, sampler, tracks: &self.tracks };
             for i in 0..self.tracks.len() {
-                self.looks[i] = self.look_near(frame, &sampler, i);
+                self.looks[i] = self.looker.near(&view, i, &self.expected(i));
             }
-            self.settle_claims();
-            for i in 0..self.tracks.len() {
-                if self.looks[i].is_none() {
-                    self.looks[i] = self.look_wide(frame, &sampler, i);
-                }
-            }
-            if self.looks.contains(&None) && self.frames >= self.next_full_search {
-                self.next_full_search = self.frames + FULL_SEARCH_EVERY;
-                self.look_everywhere(frame);
+            if !self.is_plain() {
+                self.settle(frame, sampler);
             }
         }
-        for ((track, look), motion) in self.tracks.iter_mut().zip(&mut self.looks).zip(&mut self.motion_px) {
-            if let Some(seen) = look.take() {
-                *motion = if track.frames_unseen == 0 { seen.center_px - track.seen.center_px } else { Vec2::zeros() };
-                *track = Track { seen, frames_unseen: 0 };
-            } else {
-                *motion = Vec2::zeros();
-                track.frames_unseen = track.frames_unseen.saturating_add(1);
+        for i in 0..self.tracks.len() {
+            match self.looks[i].take() {
+                Some(look) => self.see(i, look),
+                None => self.tracks[i].frames_unseen = self.tracks[i].frames_unseen.saturating_add(1),
             }
         }
     }
@@ -98,123 +94,117 @@ impl Tracker {
         &self.tracks
     }
 
-    /// The step of every frame: climb from where the part should be, then its rim.
-    fn look_near(&self, frame: &Frame, sampler: &Sampler, i: usize) -> Option<Detection> {
-        let seen = &self.tracks[i].seen;
-        let disk = self.disks.get(seen.kind)?;
-        let reach = disk.reach() as f64;
-        let motion = self.motion_px[i];
-        let start = seen.center_px + if motion.norm() < reach { motion } else { Vec2::zeros() };
-        let rest =
-            climb(disk, frame, start.x.round() as i64, start.y.round() as i64, self.judge.dark_parts, disk.reach())?;
-        self.recognise(sampler, seen.kind, rest)
+    fn expected(&self, i: usize) -> Expected {
+        let motion = &self.motions[i];
+        Expected { place_px: motion.place_px, speed_px: motion.velocity_px.norm(), levels: self.levels[i] }
     }
 
-    /// A part of `kind` where its disk has come to rest.
-    fn recognise(&self, sampler: &Sampler, kind: usize, rest: Rest) -> Option<Detection> {
-        let disk = self.disks.get(kind)?;
-        let place = Vec2::new(rest.x as f64, rest.y as f64);
-        let foot_m = self.judge.foot_below(&self.table, kind, place);
-        let rim = |foot_m| self.judge.rim::<9>(sampler, &self.table, kind, foot_m, reach_px(disk.reach() as f64));
-        let mut fit = rim(foot_m)?;
-        if (fit.center_px - place).norm() > RECENTER_PX {
-            fit = rim(fit.foot_m)?;
-        }
-        let part = self.judge.detection(&fit, rest, disk)?;
-        let on_plate = self.table.holds(part.position_m, 0.5 * self.judge.kinds.get(kind)?.radius_m);
-        (part.kind == kind && on_plate).then_some(part)
+    /// Each part was seen, about where it should be, and no two at one place.
+    fn is_plain(&self) -> bool {
+        let near = |(look, motion): (&Option<Look>, &Motion)| {
+            look.as_ref()
+                .is_some_and(|look| (look.part.center_px - motion.place_px).norm() < FAR_RADII * look.part.radius_px)
+        };
+        let apart = |(i, look): (usize, &Option<Look>)| {
+            let free = |b: &Look| self.looks[..i].iter().flatten().all(|a| !overlap(&a.part, &b.part));
+            look.as_ref().is_none_or(free)
+        };
+        self.looks.iter().zip(&self.motions).all(near) && self.looks.iter().enumerate().all(apart)
     }
 
-    /// Where two parts claim one place, the one that jumped farther gives way.
-    fn settle_claims(&mut self) {
-        let jump = |track: &Track, look: &Detection| (look.center_px - track.seen.center_px).norm();
-        for i in 0..self.looks.len() {
-            for j in i + 1..self.looks.len() {
-                if let (Some(a), Some(b)) = (&self.looks[i], &self.looks[j])
-                    && overlap(a, b)
-                {
-                    let loser = if jump(&self.tracks[i], a) > jump(&self.tracks[j], b) { i } else { j };
-                    self.looks[loser] = None;
-                }
-            }
-        }
-    }
-
-    fn is_free(&self, part: &Detection) -> bool {
-        self.looks.iter().flatten().all(|other| !overlap(other, part))
-    }
-
-    /// True where a part just seen leaves no room for another of `kind`.
-    fn is_taken(&self, center_px: Vec2, kind: usize) -> bool {
-        let radius_px = self.disks.get(kind).map_or(0.0, |disk| disk.reach() as f64);
-        let too_near =
-            |other: &Detection| (other.center_px - center_px).norm() < APART * 0.5 * (other.radius_px + radius_px);
-        self.looks.iter().flatten().any(too_near)
-    }
-
-    /// Coarse to fine over some radii around the last place: the kernel at every few pixels, climbs from the best.
-    fn look_wide(&mut self, frame: &Frame, sampler: &Sampler, i: usize) -> Option<Detection> {
-        let (kind, center) = (self.tracks[i].seen.kind, self.tracks[i].seen.center_px);
-        let disk = self.disks.get(kind)?;
-        let step = (WIDE_STEP * disk.reach() as f64).max(1.0);
-        let half = (WIDE_RADII / WIDE_STEP).round() as i64;
-        let sign = if self.judge.dark_parts { 1 } else { -1 };
-        self.places.clear();
-        for row in -half..=half {
-            for column in -half..=half {
-                let at = center + Vec2::new(column as f64, row as f64) * step;
-                let (x, y) = (at.x.round() as i64, at.y.round() as i64);
-                if disk.fitted(frame, x, y) == Some((x as usize, y as usize))
-                    && self.table.holds(self.table.table_from_image(at), 0.0)
-                {
-                    let (x, y) = (x as usize, y as usize);
-                    let sum = disk.sum(frame, x, y);
-                    self.places.push((sign * sum, Rest { x, y, sum }));
-                }
-            }
-        }
-        self.places.sort_unstable_by_key(|(darkness, rest)| (*darkness, rest.y, rest.x));
-        let mut tried = [(0usize, 0usize); WIDE_PLACES];
-        let mut tries = 0;
-        for &(_, place) in &self.places {
-            let apart = |&(x, y): &(usize, usize)| x.abs_diff(place.x).max(y.abs_diff(place.y)) > disk.reach();
-            if tries == WIDE_PLACES {
-                break;
-            }
-            if !tried[..tries].iter().all(apart) || self.is_taken(Vec2::new(place.x as f64, place.y as f64), kind) {
+    /// Gathers every part that can be seen and gives them to the tracks.
+    fn settle(&mut self, frame: &Frame, sampler: Sampler) {
+        let mut pool = self.distinct_looks();
+        let view = View { frame, sampler, tracks: &self.tracks };
+        for i in 0..self.tracks.len() {
+            let seen_by_itself = self.looks[i].as_ref().is_some_and(|look| pool.contains(look));
+            if seen_by_itself {
                 continue;
             }
-            tried[tries] = (place.x, place.y);
-            tries += 1;
-            let rest = climb(disk, frame, place.x as i64, place.y as i64, self.judge.dark_parts, 4 * disk.reach())?;
-            let found = self.recognise(sampler, kind, rest).filter(|part| self.is_free(part));
-            if found.is_some() {
-                return found;
+            let expected = self.expected(i);
+            let last = Expected { place_px: self.tracks[i].seen.center_px, ..expected };
+            let found = self.looker.wide(&view, i, &expected, &pool);
+            let found = found.or_else(|| self.looker.wide(&view, i, &last, &pool));
+            if let Some(look) = found.filter(|look| is_free(&look.part, &pool)) {
+                pool.push(look);
             }
         }
-        None
-    }
-
-    /// The whole frame: unseen parts take free detections of their kind, nearest pairs first.
-    fn look_everywhere(&mut self, frame: &Frame) {
-        let mut free = self.finder.find(frame);
-        free.retain(|part| self.is_free(part));
-        while let Some((i, k)) = self.nearest_pair(&free) {
-            let part = free.swap_remove(k);
-            self.looks[i] = Some(part);
-        }
-    }
-
-    fn nearest_pair(&self, free: &[Detection]) -> Option<(usize, usize)> {
-        let mut best = (f64::INFINITY, None);
-        for (i, track) in self.tracks.iter().enumerate().filter(|(i, _)| self.looks[*i].is_none()) {
-            for (k, part) in free.iter().enumerate().filter(|(_, part)| part.kind == track.seen.kind) {
-                let distance = (part.center_px - track.seen.center_px).norm();
-                if distance < best.0 {
-                    best = (distance, Some((i, k)));
+        // One that comes back may not be the one nearest to it: then all must be seen before any is named.
+        let back = |(look, track): (&Option<Look>, &Track)| look.is_some() && track.frames_unseen > 0;
+        let due = self.frames >= self.next_full_search || self.looks.iter().zip(&self.tracks).any(back);
+        if pool.len() < self.tracks.len() && due {
+            self.next_full_search = self.frames + FULL_SEARCH_EVERY;
+            for part in self.finder.find(frame) {
+                if is_free(&part, &pool) {
+                    pool.push(Look { part, agreeing: 0, levels: [0.0; 2] });
                 }
             }
         }
-        best.1
+        self.give(pool);
     }
+
+    /// The looks of this frame, of those at one place the best.
+    fn distinct_looks(&self) -> Vec<Look> {
+        let mut looks: Vec<Look> = self.looks.iter().flatten().cloned().collect();
+        looks.sort_by(|a, b| b.agreeing.cmp(&a.agreeing).then(b.part.score.total_cmp(&a.part.score)));
+        let mut pool: Vec<Look> = Vec::with_capacity(self.tracks.len());
+        for look in looks {
+            if is_free(&look.part, &pool) {
+                pool.push(look);
+            }
+        }
+        pool
+    }
+
+    /// One look each, likeliest in all: either all parts unseen went on as they moved, or they stopped when last seen.
+    fn give(&mut self, pool: Vec<Look>) {
+        let own = self.own_looks(&pool);
+        let cost = |place: Vec2, i: usize, k: usize| {
+            let (part, variance) = (&pool[k].part, self.motions[i].place_variance());
+            if part.kind != self.tracks[i].seen.kind || own[i].unwrap_or(k) != k {
+                return f64::INFINITY;
+            }
+            if own[i].is_none() && own.contains(&Some(k)) {
+                return f64::INFINITY;
+            }
+            (part.center_px - place).norm_squared() / variance + 2.0 * variance.ln()
+        };
+        let (rows, columns) = (self.tracks.len(), pool.len());
+        let moved = assign(rows, columns, UNSEEN, |i, k| cost(self.motions[i].place_px, i, k));
+        let stopped = assign(rows, columns, UNSEEN, |i, k| cost(self.tracks[i].seen.center_px, i, k));
+        let choice = if stopped.1 < moved.1 { stopped.0 } else { moved.0 };
+        let mut given: Vec<Option<Look>> = pool.into_iter().map(Some).collect();
+        for (look, choice) in self.looks.iter_mut().zip(choice) {
+            *look = choice.and_then(|k| given.get_mut(k)?.take());
+        }
+    }
+
+    /// For each part that was seen in the last frame, the look that lies where it should be, if no other claims it.
+    fn own_looks(&self, pool: &[Look]) -> Vec<Option<usize>> {
+        let claim = |(track, motion): (&Track, &Motion)| {
+            let off = |look: &Look| (look.part.center_px - motion.place_px).norm() / look.part.radius_px;
+            let fits = |(_, look): &(usize, &Look)| look.part.kind == track.seen.kind && off(look) < FAR_RADII;
+            pool.iter().enumerate().filter(|_| track.frames_unseen == 0).find(fits).map(|(k, _)| k)
+        };
+        let claims: Vec<Option<usize>> = self.tracks.iter().zip(&self.motions).map(claim).collect();
+        let alone = |claim: &Option<usize>| claims.iter().filter(|other| *other == claim).count() == 1;
+        claims.iter().map(|claim| claim.filter(|_| alone(claim))).collect()
+    }
+
+    fn see(&mut self, i: usize, look: Look) {
+        let (motion, part) = (&mut self.motions[i], look.part);
+        if (part.center_px - motion.place_px).norm() < part.radius_px {
+            motion.see(part.center_px, part.covariance_px2.trace() / 2.0);
+        } else {
+            *motion = Motion::at_rest(part.center_px, part.radius_px, self.frame_size);
+        }
+        if look.agreeing >= PLAIN_RAYS {
+            self.levels[i] = Some(look.levels);
+        }
+        self.tracks[i] = Track { seen: part, frames_unseen: 0 };
+    }
+}
+
+fn is_free(part: &Detection, pool: &[Look]) -> bool {
+    pool.iter().all(|other| !overlap(&other.part, part))
 }
