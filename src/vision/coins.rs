@@ -3,6 +3,7 @@ use super::disk::{Disk, Rest};
 use super::judge::{LEAST_SCORE, PartJudge, kernel_radius_px, overlap, reach_px};
 use super::outline::PlateCells;
 use super::response::DiskResponder;
+use super::rim::RimFit;
 use super::sampling::Sampler;
 use super::shading::Shading;
 use super::{Detection, Plane, Table};
@@ -195,27 +196,37 @@ impl CoinFinder {
         let center_px = picture.frame_from_cell(self.place(candidate));
         let kind = candidate.kind;
         let foot_m = self.judge.foot_below(&self.table, kind, center_px);
-        let radius_px = self.disks[kind].reach() as f64;
-        let close = |kind, foot_m| self.judge.rim::<9>(sampler, &self.table, kind, foot_m, reach_px(radius_px));
-        let wide = || self.judge.rim::<25>(sampler, &self.table, kind, foot_m, (0.2 * radius_px).max(5.0));
+        let close = |kind: usize, foot_m| {
+            let reach_px = reach_px(self.disks[kind].reach() as f64);
+            self.judge.rim::<9>(sampler, &self.table, kind, foot_m, reach_px)
+        };
+        let wide = || {
+            let reach_px = (0.2 * self.disks[kind].reach() as f64).max(5.0);
+            self.judge.rim::<25>(sampler, &self.table, kind, foot_m, reach_px)
+        };
         let first = close(kind, foot_m).or_else(wide)?;
-        let kind = self.judge.nearest_kind(first.radius_m)?;
-        let mut fit = close(kind, first.foot_m)?;
-        let mut moved_px = (fit.center_px - first.center_px).norm();
-        // Rays from a centre that is off see one side's plate and the other's part too near the window's end.
-        for _ in 0..3 {
-            if moved_px < SETTLED_PX {
-                break;
-            }
-            let again = close(kind, fit.foot_m)?;
-            moved_px = (again.center_px - fit.center_px).norm();
-            fit = again;
-        }
+        let (kind, fit) = self.settled(first, close)?;
         let disk = &self.disks[kind];
         let (x, y) = disk.fitted(frame, fit.center_px.x.round() as i64, fit.center_px.y.round() as i64)?;
         let part = self.judge.detection(&fit, Rest { x, y, sum: disk.sum(frame, x, y) }, disk)?;
         let on_plate = self.table.holds(part.position_m, 0.75 * self.judge.kinds[part.kind].radius_m);
         on_plate.then_some((fit.agreeing, part))
+    }
+
+    /// A rim looked at again as the kind it tells and from where it tells, until neither changes: rays from a centre that
+    /// is off, or that end too near the rim, see one side's plate and the other's part too near the window's end.
+    fn settled(&self, first: RimFit, close: impl Fn(usize, Vec2) -> Option<RimFit>) -> Option<(usize, RimFit)> {
+        let (mut fit, mut kind) = (first, self.judge.nearest_kind(first.radius_m)?);
+        for _ in 0..5 {
+            let again = close(kind, fit.foot_m)?;
+            let moved_px = (again.center_px - fit.center_px).norm();
+            let seen_as = self.judge.nearest_kind(again.radius_m)?;
+            if seen_as == kind && moved_px < SETTLED_PX {
+                return Some((kind, again));
+            }
+            (fit, kind) = (again, seen_as);
+        }
+        close(kind, fit.foot_m).filter(|fit| self.judge.nearest_kind(fit.radius_m) == Some(kind)).map(|fit| (kind, fit))
     }
 }
 

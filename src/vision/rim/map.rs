@@ -40,10 +40,16 @@ impl LocalMap {
         (self.x * u.x + self.y * u.y, self.xx * (u.x * u.x) + self.xy * (u.x * u.y) + self.yy * (u.y * u.y))
     }
 
-    /// Middle of the image of a circle, which is not the image of its middle: perspective shifts it.
+    /// Centre of the area of the image of a circle, which is not the image of its centre: with q the map's quadratic part
+    /// in radii, it is the mean over the disk of `q + u (∂q/∂u)`. For a perspective picture the ellipse's centre.
     pub(super) fn middle_of_circle(&self, center: Vec2, radius: f64) -> Vec2 {
         let (linear, square) = self.along(center);
-        self.origin + linear + square + (self.xx + self.yy) * (0.5 * radius * radius)
+        let across = self.x.x * self.y.y - self.x.y * self.y.x;
+        let in_radii = |v: Vec2| Vec2::new(v.x * self.y.y - v.y * self.y.x, self.x.x * v.y - self.x.y * v.x) / across;
+        let [xx, xy, yy] = [self.xx, self.xy, self.yy].map(in_radii);
+        let stretch = Vec2::new(2.0 * xx.x + xy.y, xy.x + 2.0 * yy.y);
+        let mean = self.xx + self.yy + self.x * stretch.x + self.y * stretch.y;
+        self.origin + linear + square + mean * (0.25 * radius * radius)
     }
 
     /// A covariance in radii², as it is in the picture, px².
@@ -72,6 +78,21 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        #[test]
+        fn a_circle_in_perspective_has_its_ellipses_centre(lean in -0.02..0.02f64, turn in 0.0..6.3f64, scale in 20.0..60.0f64) {
+            // u' = u / (1 - lean u) along one direction, v' = v / (1 - lean u) across it, then turned and scaled
+            let (sin, cos) = turn.sin_cos();
+            let across = |v: Vec2| Vec2::new(-v.y, v.x);
+            let along = Vec2::new(cos, sin);
+            let q = |u: Vec2| along * (lean * u.dot(&along).powi(2)) + across(along) * (lean * u.dot(&along) * u.dot(&across(along)));
+            let [x, y] = [Vec2::x(), Vec2::y()];
+            let (xx, yy) = (q(x) * scale, q(y) * scale);
+            let map = LocalMap { origin: Vec2::zeros(), x: x * scale, y: y * scale, xx, xy: q(x + y) * scale - xx - yy, yy };
+            let ends = [1.0, -1.0].map(|u| u / (1.0 - lean * u));
+            let center = along * ((ends[0] + ends[1]) / 2.0 * scale);
+            prop_assert!((map.middle_of_circle(Vec2::zeros(), 1.0) - center).norm() < 1e-3);
+        }
+
         #[test]
         fn outline_is_the_hulls_mean_and_first_harmonic(x in -0.03..0.03f64, y in -0.03..0.03f64, growth in 0.0..0.02f64) {
             let shift = Vec2::new(x, y);
