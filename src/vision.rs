@@ -27,6 +27,6 @@ mod tracking_tests;
 mod types;
 
 pub use coins::CoinFinder;
-pub use locate::{TableFault, locate_table};
+pub use locate::{TableFault, locate_table, locate_table_in_stages};
 pub use tracking::Tracker;
 pub use types::{Detection, HoughArray, Plane, Stages, Table, Track};

@@ -16,24 +16,32 @@ pub(super) struct ChordSums {
     /// Row by row, `width + 2 margin + 1` sums each: of all cells to the left.
     sums: Vec<u32>,
     row: Vec<u32>,
+    values: Vec<f32>,
 }
 
 impl ChordSums {
     /// For rectangles of `width` by `height` cells and disks that reach `reach` cells from their middle.
     pub(super) fn new(width: usize, height: usize, reach: usize) -> Self {
-        Self { width, margin: reach, sums: vec![0; (width + 2 * reach + 1) * height], row: vec![0; width] }
+        Self {
+            width,
+            margin: reach,
+            sums: vec![0; (width + 2 * reach + 1) * height],
+            row: vec![0; width],
+            values: vec![0.0; width],
+        }
     }
 
-    /// Takes in `width * height` values of 0 to 1.
-    pub(super) fn load(&mut self, values: &[f32]) {
+    /// Takes in rows of `width` values of 0 to 1, each written by `fill`.
+    pub(super) fn load(&mut self, mut fill: impl FnMut(usize, &mut [f32])) {
         let (width, margin) = (self.width, self.margin);
         if width == 0 {
             return;
         }
         let stride = width + 2 * margin + 1;
-        for (sums, values) in self.sums.chunks_exact_mut(stride).zip(values.chunks_exact(width)) {
+        for (y, sums) in self.sums.chunks_exact_mut(stride).enumerate() {
+            fill(y, &mut self.values);
             let mut sum = 0u32;
-            for (to, &value) in sums[margin + 1..].iter_mut().zip(values) {
+            for (to, &value) in sums[margin + 1..].iter_mut().zip(&self.values) {
                 sum += (value * ONE + 0.5) as i32 as u32;
                 *to = sum;
             }

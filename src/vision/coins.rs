@@ -34,7 +34,6 @@ pub struct CoinFinder {
     frame_size: [usize; 2],
     plate: PlateCells,
     responder: DiskResponder,
-    darkness: Vec<f32>,
     inverse: Vec<f32>,
     responses: Vec<Vec<f32>>,
     /// Highest of the last responses.
@@ -66,7 +65,6 @@ impl CoinFinder {
             frame_size,
             plate,
             responder: DiskResponder::new(width, height, binned),
-            darkness: vec![0.0; width * height],
             inverse: vec![0.0; width],
             responses: vec![vec![0.0; width * height]; kinds.len()],
             strongest: 0.0,
@@ -78,12 +76,11 @@ impl CoinFinder {
     pub fn find(&mut self, frame: &Frame) -> Vec<Detection> {
         self.strongest = 0.0;
         let Some(sampler) = Sampler::new(frame) else { return Vec::new() };
-        if [frame.width, frame.height] != self.frame_size || self.darkness.is_empty() || self.disks.is_empty() {
+        if [frame.width, frame.height] != self.frame_size || self.plate.spans.is_empty() || self.disks.is_empty() {
             return Vec::new();
         }
         let picture = Coarse::part_of(frame, self.plate.bin, self.plate.corner, self.plate.size);
-        self.darken(&picture);
-        self.responder.load(&self.darkness);
+        self.load_darkness(&picture);
         for (kind, response) in self.responses.iter_mut().enumerate() {
             self.responder.respond(kind, response);
             self.strongest =
@@ -113,21 +110,21 @@ impl CoinFinder {
         plane
     }
 
-    /// Darkness against the bare plate, 0 to 1, inside the plate's outline.
-    fn darken(&mut self, picture: &Coarse) {
-        let shading = Shading::fit(picture, &self.plate, self.judge.dark_parts);
-        let sign = if self.judge.dark_parts { 1.0f32 } else { -1.0 };
+    /// Loads the darkness against the bare plate, 0 to 1; 0 beyond the plate's outline.
+    fn load_darkness(&mut self, picture: &Coarse) {
+        let Self { plate, judge, responder, inverse, .. } = self;
+        let shading = Shading::fit(picture, plate, judge.dark_parts);
+        let sign = if judge.dark_parts { 1.0f32 } else { -1.0 };
         let unit = 1.0 / f32::from(UNITS);
-        let rows = self.darkness.chunks_exact_mut(self.plate.size[0]).zip(&self.plate.spans);
-        for (row, (target, &(from, to))) in rows.enumerate().take(picture.height) {
-            shading.inverse_row(row, &mut self.inverse);
-            target[..from].fill(0.0);
-            target[to..].fill(0.0);
-            let levels = picture.row(row)[from..to].iter().zip(&self.inverse[from..to]);
-            for (t, (&level, inverse)) in target[from..to].iter_mut().zip(levels) {
-                *t = (sign * (1.0 - f32::from(level) * unit * inverse)).clamp(0.0, 1.0);
+        responder.load(|row, darkness| {
+            darkness.fill(0.0);
+            let Some(&(from, to)) = plate.spans.get(row).filter(|_| row < picture.height) else { return };
+            shading.inverse_row(row, inverse);
+            let levels = picture.row(row)[from..to].iter().zip(&inverse[from..to]);
+            for (dark, (&level, inverse)) in darkness[from..to].iter_mut().zip(levels) {
+                *dark = (sign * (1.0 - f32::from(level) * unit * inverse)).clamp(0.0, 1.0);
             }
-        }
+        });
     }
 
     /// Peaks of all responses, kind by kind, highest first.

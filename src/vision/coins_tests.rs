@@ -22,7 +22,7 @@ fn scattered() -> Vec<Disc> {
 }
 
 fn table_of(scene: &Scene, discs: &[Disc]) -> Table {
-    locate_table(&scene.frame_with(discs), &scene.lens, SIDE_M).unwrap().0
+    locate_table(&scene.frame_with(discs), &scene.lens, SIDE_M).unwrap()
 }
 
 fn found(scene: &Scene, discs: &[Disc], kinds: &[PartKind]) -> (Table, Vec<Detection>) {

@@ -66,11 +66,11 @@ impl DiskConvolver {
         convolver
     }
 
-    /// Takes in `width * height` values.
-    pub(super) fn load(&mut self, values: &[f32]) {
+    /// Takes in rows of `width` values, each written by `fill`.
+    pub(super) fn load(&mut self, mut fill: impl FnMut(usize, &mut [f32])) {
         let width = self.width;
         self.transform(self.height, |y, row| {
-            row[..width].copy_from_slice(&values[y * width..][..width]);
+            fill(y, &mut row[..width]);
             row[width..].fill(0.0);
         });
     }

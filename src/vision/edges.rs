@@ -19,46 +19,48 @@ pub(super) struct EdgePoint {
     pub(super) outward: Vec2,
 }
 
-/// All edges of a picture.
-pub(super) struct EdgeMap {
-    pub(super) points: Vec<EdgePoint>,
-    /// Strength where there is an edge, else 0; levels a cell.
-    pub(super) plane: Plane,
-}
-
-struct Gradient {
+/// Size of the gradient, cell by cell.
+struct Gradient<'a> {
     width: usize,
     height: usize,
-    x: Vec<i16>,
-    y: Vec<i16>,
-    /// The larger of both and half the smaller: the length to -0 and +12 %.
+    /// What it is the gradient of.
+    levels: &'a [i16],
+    /// The larger of both components and half the smaller: the length to -0 and +12 %.
     size: Vec<i16>,
 }
 
 /// A cell whose gradient is larger than on both sides along its own direction.
 struct Ridge {
     cell: usize,
+    /// The gradient there, columns and rows.
+    slope: [i16; 2],
     /// How far off the cell's middle it runs, cells, along the axis nearer to the gradient.
     offset: f32,
 }
 
-/// The edges of a picture.
-pub(super) fn edge_map(picture: &Coarse) -> EdgeMap {
+/// The edges of a picture. Where `plane` is given it becomes a picture of them: strength where there is an edge, else 0;
+/// levels a cell.
+pub(super) fn edges(picture: &Coarse, plane: Option<&mut Plane>) -> Vec<EdgePoint> {
+    let smooth;
     // Averages are smooth enough; pixels as they came are not.
-    let gradient = if picture.bin == 1 {
-        scharr(&smoothed(picture), picture.width, picture.height)
+    let levels = if picture.bin == 1 {
+        smooth = smoothed(picture);
+        &smooth
     } else {
-        scharr(&picture.levels, picture.width, picture.height)
+        &picture.levels
     };
-    let thresholds = thresholds(&gradient);
-    let mut plane = Plane { width: gradient.width, height: gradient.height, values: vec![0.0; gradient.size.len()] };
-    let Some((low, high)) = thresholds else { return EdgeMap { points: Vec::new(), plane } };
-    let ridges = linked(&gradient, ridges(&gradient, low), high);
-    let points = ridges.iter().map(|ridge| {
-        plane.values[ridge.cell] = f32::from(gradient.size[ridge.cell]) / GRADIENT_UNITS;
-        gradient.edge_at(ridge, picture)
-    });
-    EdgeMap { points: points.collect(), plane }
+    let gradient = scharr(levels, picture.width, picture.height);
+    let ridges = match thresholds(&gradient) {
+        Some((low, high)) => linked(&gradient, ridges(&gradient, low), high),
+        None => Vec::new(),
+    };
+    if let Some(plane) = plane {
+        *plane = Plane { width: gradient.width, height: gradient.height, values: vec![0.0; gradient.size.len()] };
+        for ridge in &ridges {
+            plane.values[ridge.cell] = f32::from(gradient.size[ridge.cell]) / GRADIENT_UNITS;
+        }
+    }
+    ridges.iter().map(|ridge| gradient.edge_at(ridge, picture)).collect()
 }
 
 /// Binomial smoothing over three cells each way.
@@ -83,27 +85,27 @@ fn smoothed(picture: &Coarse) -> Vec<i16> {
 }
 
 /// Scharr's 3 × 3 derivative, the one of its size whose direction is truest (Scharr, 2000); 0 on the border.
-fn scharr(levels: &[i16], width: usize, height: usize) -> Gradient {
-    let [mut gx, mut gy, mut size] = [(); 3].map(|()| vec![0i16; width * height]);
+fn scharr(levels: &[i16], width: usize, height: usize) -> Gradient<'_> {
+    let mut size = vec![0i16; width * height];
     if width < 3 || height < 3 {
-        return Gradient { width, height, x: gx, y: gy, size };
+        return Gradient { width, height, levels, size };
     }
     // Down the columns first: smoothed, and the difference.
-    let (mut sum, mut step) = (vec![0i16; width], vec![0i16; width]);
+    let [mut sum, mut step, mut gx, mut gy] = [(); 4].map(|()| vec![0i16; width]);
     for y in 1..height - 1 {
         let [above, here, below] = [y - 1, y, y + 1].map(|row| &levels[row * width..][..width]);
         let columns = above.iter().zip(here).zip(below);
         sum.iter_mut().zip(columns).for_each(|(sum, ((a, b), c))| *sum = 3 * (a + c) + 10 * b);
         step.iter_mut().zip(above.iter().zip(below)).for_each(|(step, (a, c))| *step = c - a);
-        let [gx, gy, size] = [&mut gx, &mut gy, &mut size].map(|plane| &mut plane[y * width + 1..][..width - 2]);
         gx.iter_mut().zip(sum.windows(3)).for_each(|(gx, w)| *gx = w[2] - w[0]);
         gy.iter_mut().zip(step.windows(3)).for_each(|(gy, w)| *gy = 3 * (w[0] + w[2]) + 10 * w[1]);
-        for (size, (gx, gy)) in size.iter_mut().zip(gx.iter().zip(gy)) {
+        let target = &mut size[y * width + 1..][..width - 2];
+        for (size, (gx, gy)) in target.iter_mut().zip(gx.iter().zip(&gy)) {
             let (x, y) = (gx.wrapping_abs(), gy.wrapping_abs());
             *size = x.max(y) + (x.min(y) >> 1);
         }
     }
-    Gradient { width, height, x: gx, y: gy, size }
+    Gradient { width, height, levels, size }
 }
 
 /// Low and high threshold, in the units of the gradient's size; `None` when nothing stands out. The strongest gradients
@@ -142,8 +144,7 @@ fn ridges(gradient: &Gradient, low: i16) -> Vec<Ridge> {
     for y in 2..height.saturating_sub(2) {
         for (x, &size) in gradient.size[y * width..][..width].iter().enumerate().skip(2).take(width.saturating_sub(4)) {
             if size >= low {
-                let cell = y * width + x;
-                found.extend(gradient.ridge_offset(cell).map(|offset| Ridge { cell, offset }));
+                found.extend(gradient.ridge_through(y * width + x));
             }
         }
     }
@@ -176,24 +177,31 @@ fn linked(gradient: &Gradient, mut ridges: Vec<Ridge>, high: i16) -> Vec<Ridge> 
     ridges
 }
 
-impl Gradient {
-    /// Where the ridge runs that passes through a cell two or more off the border; `None` when none does.
-    fn ridge_offset(&self, cell: usize) -> Option<f32> {
-        let step = if self.runs_across(cell) { 1 } else { self.width };
-        let [before, here, after] = [cell - step, cell, cell + step].map(|i| f32::from(self.size[i]));
-        (here > after && here >= before).then(|| 0.5 * (after - before) / (2.0 * here - after - before))
+impl Gradient<'_> {
+    /// Both components at a cell off the border.
+    fn at(&self, cell: usize) -> [i16; 2] {
+        let row = |cell: usize| [self.levels[cell - 1], self.levels[cell], self.levels[cell + 1]];
+        let (a, b, c) = (row(cell - self.width), row(cell), row(cell + self.width));
+        let x = 3 * (a[2] - a[0] + c[2] - c[0]) + 10 * (b[2] - b[0]);
+        let y = 3 * (c[0] - a[0] + c[2] - a[2]) + 10 * (c[1] - a[1]);
+        [x, y]
     }
 
-    /// True when the gradient points along the rows rather than the columns.
-    fn runs_across(&self, cell: usize) -> bool {
-        self.x[cell].abs() >= self.y[cell].abs()
+    /// The ridge that passes through a cell two or more off the border; `None` when none does.
+    fn ridge_through(&self, cell: usize) -> Option<Ridge> {
+        let slope = self.at(cell);
+        let across = slope[0].abs() >= slope[1].abs();
+        let step = if across { 1 } else { self.width };
+        let [before, here, after] = [cell - step, cell, cell + step].map(|i| f32::from(self.size[i]));
+        let offset = 0.5 * (after - before) / (2.0 * here - after - before);
+        (here > after && here >= before).then_some(Ridge { cell, slope, offset })
     }
 
     fn edge_at(&self, ridge: &Ridge, picture: &Coarse) -> EdgePoint {
         let (x, y) = ((ridge.cell % self.width) as f64, (ridge.cell / self.width) as f64);
+        let slope = Vec2::new(f64::from(ridge.slope[0]), f64::from(ridge.slope[1]));
         let off = f64::from(ridge.offset);
-        let cell = if self.runs_across(ridge.cell) { Vec2::new(x + off, y) } else { Vec2::new(x, y + off) };
-        let slope = Vec2::new(f64::from(self.x[ridge.cell]), f64::from(self.y[ridge.cell]));
+        let cell = if slope.x.abs() >= slope.y.abs() { Vec2::new(x + off, y) } else { Vec2::new(x, y + off) };
         EdgePoint { at_px: picture.frame_from_cell(cell), outward: slope / -slope.norm() }
     }
 }
@@ -212,13 +220,14 @@ mod tests {
     #[test]
     fn a_step_is_one_line_of_edges_in_the_right_place() {
         for (bin, edge, cells) in [(1, 17, 26), (2, 33, 26), (4, 66, 26)] {
-            let map = edge_map(&Coarse::of(&step(40 * bin, 30 * bin, edge), bin));
-            assert_eq!(map.points.len(), cells);
-            for point in &map.points {
+            let mut plane = Plane::default();
+            let points = edges(&Coarse::of(&step(40 * bin, 30 * bin, edge), bin), Some(&mut plane));
+            assert_eq!(points.len(), cells);
+            for point in &points {
                 assert!((point.at_px.x - (edge as f64 - 0.5)).abs() < 0.2 * bin as f64, "{point:?} {edge}");
                 assert!(point.outward.x < -0.999 && point.outward.y.abs() < 1e-3);
             }
-            assert_eq!(map.plane.values.iter().filter(|&&v| v > 0.0).count(), cells);
+            assert_eq!(plane.values.iter().filter(|&&v| v > 0.0).count(), cells);
         }
     }
 
@@ -230,9 +239,9 @@ mod tests {
             let off = ((i % 320) as f64 - 160.0) * cos + ((i / 320) as f64 - 120.0) * sin;
             *pixel = (110.0 - 100.0 * (off * 2.0).clamp(-1.0, 1.0)) as u8;
         }
-        let map = edge_map(&Coarse::of(&frame, 4));
-        assert!(map.points.len() > 50);
-        for point in &map.points {
+        let points = edges(&Coarse::of(&frame, 4), None);
+        assert!(points.len() > 50);
+        for point in &points {
             let off = (point.at_px - Vec2::new(160.0, 120.0)).dot(&Vec2::new(cos, sin));
             assert!(off.abs() < 0.9, "{off} px off at {:?}", point.at_px);
             assert!(point.outward.dot(&Vec2::new(cos, sin)) > 0.995, "{point:?}");
@@ -243,7 +252,7 @@ mod tests {
     fn flat_and_tiny_pictures_have_no_edges() {
         for (width, height) in [(1, 1), (2, 50), (5000, 3), (64, 64)] {
             for bin in [1, 2, 4] {
-                assert!(edge_map(&Coarse::of(&Frame::new(width, height), bin)).points.is_empty());
+                assert!(edges(&Coarse::of(&Frame::new(width, height), bin), None).is_empty());
             }
         }
     }

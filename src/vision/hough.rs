@@ -9,8 +9,8 @@ use crate::geometry::Vec2;
 const ANGLES: usize = 360;
 /// How far to both sides of its own direction an edge votes, columns.
 const SPREAD: i32 = 3;
-/// Peaks nearer than this in angle are one peak, columns.
-const APART: i64 = 5;
+/// What one vote counts: whole numbers, so that a vote withdrawn leaves nothing.
+const VOTE: f32 = 16.0;
 
 /// An edge in ideal coordinates, where the table's sides are straight.
 #[derive(Clone, Copy, Debug)]
@@ -55,40 +55,106 @@ impl Line {
     }
 }
 
-/// Votes of all edges about `center`. An edge votes for lines whose normal points from light to dark, the way out of
-/// a bright plate; lines that would lie at negative distance are entered turned by half a turn.
-pub(super) fn vote(edges: &[IdealEdge], center: Vec2, farthest_px: f64, px_per_row: f64) -> HoughArray {
-    let distances = (farthest_px / px_per_row).ceil() as usize + 2;
-    let mut votes = vec![0.0f32; ANGLES * distances];
-    let directions: Vec<[f32; 2]> = (0..ANGLES)
-        .map(|column| direction(column as f64) / px_per_row)
-        .map(|step| [step.x as f32, step.y as f32])
-        .collect();
-    for edge in edges {
-        let p = edge.at - center;
+/// The votes of edges, and what is left of them when those of the lines found are withdrawn: lines that lie close to
+/// each other are then told apart without a neighbourhood being guessed.
+pub(super) struct Ballot {
+    distances: usize,
+    px_per_row: f64,
+    center: Vec2,
+    left: Vec<i16>,
+    /// Highest vote left in each row.
+    tops: Vec<i16>,
+    /// Direction of each column, in rows a pixel.
+    directions: Vec<[f32; 2]>,
+}
+
+impl Ballot {
+    /// Votes of all edges about `center`. An edge votes for lines whose normal points from light to dark, the way out of
+    /// a bright plate; lines that would lie at negative distance are entered turned by half a turn.
+    pub(super) fn new(edges: &[IdealEdge], center: Vec2, farthest_px: f64, px_per_row: f64) -> Self {
+        let distances = (farthest_px / px_per_row).ceil() as usize + 2;
+        let step = |column| direction(column as f64) / px_per_row;
+        let directions = (0..ANGLES).map(step).map(|step| [step.x as f32, step.y as f32]).collect();
+        let (left, tops) = (vec![0; ANGLES * distances], Vec::new());
+        let mut ballot = Self { distances, px_per_row, center, left, tops, directions };
+        edges.iter().for_each(|edge| ballot.cast(edge, 1, |_| {}));
+        ballot.tops = ballot.left.chunks_exact(ANGLES).map(highest).collect();
+        ballot
+    }
+
+    /// A copy of the votes left.
+    pub(super) fn array(&self) -> HoughArray {
+        let &Self { distances, px_per_row, .. } = self;
+        let votes = self.left.iter().map(|&votes| f32::from(votes) / VOTE).collect();
+        HoughArray { angles: ANGLES, distances, px_per_row, votes, peaks: Vec::new() }
+    }
+
+    /// The highest peak left, column and row, and its votes.
+    pub(super) fn highest(&self) -> Option<((usize, usize), f32)> {
+        let top = highest(&self.tops);
+        let row = self.tops.iter().position(|&value| value == top).filter(|_| top > 0)?;
+        let column = self.left[row * ANGLES..][..ANGLES].iter().position(|&value| value == top)?;
+        Some(((column, row), f32::from(top) / VOTE))
+    }
+
+    /// Takes back the votes of a line's edges, and whatever is left at its peak.
+    pub(super) fn withdraw<'a>(&mut self, peak: (usize, usize), edges: impl Iterator<Item = &'a IdealEdge>) {
+        let mut touched = vec![false; self.distances];
+        for edge in edges {
+            self.cast(edge, -1, |row| touched[row] = true);
+        }
+        for row in peak.1.saturating_sub(1)..(peak.1 + 2).min(self.distances) {
+            for column in peak.0 + ANGLES - 1..=peak.0 + ANGLES + 1 {
+                self.left[row * ANGLES + column % ANGLES] = 0;
+            }
+            touched[row] = true;
+        }
+        for (row, _) in touched.iter().enumerate().filter(|(_, touched)| **touched) {
+            self.tops[row] = highest(&self.left[row * ANGLES..][..ANGLES]);
+        }
+    }
+
+    fn cast(&mut self, edge: &IdealEdge, sign: i16, mut touch: impl FnMut(usize)) {
+        let p = edge.at - self.center;
         let (x, y) = (p.x as f32, p.y as f32);
         let own = (edge.outward.y as f32).atan2(edge.outward.x as f32) * (ANGLES as f32 / std::f32::consts::TAU);
         let mut column = (own.round() as i32 - SPREAD).rem_euclid(ANGLES as i32) as usize;
         for _ in 0..=2 * SPREAD {
-            let distance = x * directions[column][0] + y * directions[column][1];
-            let turned = if distance >= 0.0 {
-                column
-            } else if column < ANGLES / 2 {
-                column + ANGLES / 2
-            } else {
-                column - ANGLES / 2
+            let distance = x * self.directions[column][0] + y * self.directions[column][1];
+            let turned = match (distance >= 0.0, column < ANGLES / 2) {
+                (true, _) => column,
+                (false, true) => column + ANGLES / 2,
+                (false, false) => column - ANGLES / 2,
             };
             let row = distance.abs();
             let first = row as usize;
-            let share = row - first as f32;
-            if first + 1 < distances {
-                votes[first * ANGLES + turned] += 1.0 - share;
-                votes[(first + 1) * ANGLES + turned] += share;
+            let share = ((row - first as f32) * VOTE) as i16;
+            if first + 1 < self.distances {
+                let [near, far] = [first, first + 1].map(|row| row * ANGLES + turned);
+                self.left[near] = self.left[near].saturating_add(sign * (VOTE as i16 - share));
+                self.left[far] = self.left[far].saturating_add(sign * share);
+                touch(first);
+                touch(first + 1);
             }
             column = if column + 1 == ANGLES { 0 } else { column + 1 };
         }
     }
-    HoughArray { angles: ANGLES, distances, px_per_row, votes, peaks: Vec::new() }
+
+    /// The line of a peak, below a cell by the centroid of the votes left around it.
+    pub(super) fn line_at(&self, peak: (usize, usize)) -> Line {
+        let (mut sum, mut column, mut row) = (0.0, 0.0, 0.0);
+        for r in peak.1.saturating_sub(1)..(peak.1 + 2).min(self.distances) {
+            for dc in 0..3 {
+                let vote = f64::from(self.left[r * ANGLES + (peak.0 + ANGLES - 1 + dc) % ANGLES]).max(0.0);
+                sum += vote;
+                column += vote * (dc as f64 - 1.0);
+                row += vote * (r as f64 - peak.1 as f64);
+            }
+        }
+        let (column, row) = if sum > 0.0 { (column / sum, row / sum) } else { (0.0, 0.0) };
+        let normal = direction(peak.0 as f64 + column);
+        Line { normal, offset: (peak.1 as f64 + row) * self.px_per_row + normal.dot(&self.center) }
+    }
 }
 
 fn direction(column: f64) -> Vec2 {
@@ -96,71 +162,8 @@ fn direction(column: f64) -> Vec2 {
     Vec2::new(cos, sin)
 }
 
-/// The highest peaks, highest first: column and row, at most `count`, none below `least` of the highest.
-pub(super) fn peaks(array: &HoughArray, count: usize, least: f32) -> Vec<(usize, usize)> {
-    let mut tops: Vec<f32> = array.votes.chunks_exact(array.angles.max(1)).map(highest).collect();
-    let mut found: Vec<(usize, usize)> = Vec::new();
-    let mut row_left = vec![0.0; array.angles];
-    let floor = (least * highest(&tops)).max(f32::MIN_POSITIVE);
-    while found.len() < count {
-        let top = highest(&tops);
-        let Some(row) = tops.iter().position(|&value| value == top).filter(|_| top >= floor) else { break };
-        left_of(array, row, &found, &mut row_left);
-        let Some(column) = row_left.iter().position(|&value| value == top) else { break };
-        found.push((column, row));
-        // Votes fall off within so many rows of a peak that others are not touched.
-        for row in row.saturating_sub(array.reach(APART))..(row + array.reach(APART) + 1).min(array.distances) {
-            left_of(array, row, &found, &mut row_left);
-            tops[row] = highest(&row_left);
-        }
-    }
-    found
-}
-
-fn highest(values: &[f32]) -> f32 {
-    values.iter().fold(0.0, |best, &value| if value > best { value } else { best })
-}
-
-/// A row of votes without what belongs to the peaks found: bow ties, for seen from a direction that is off a line's
-/// votes spread over more distances. Across distance 0 a neighbourhood goes on half a turn further.
-fn left_of(array: &HoughArray, row: usize, found: &[(usize, usize)], out: &mut [f32]) {
-    let angles = array.angles as i64;
-    out.copy_from_slice(&array.votes[row * array.angles..][..array.angles]);
-    for peak in found {
-        let sides = [(row.abs_diff(peak.1), 0), (row + peak.1, angles / 2)];
-        for (apart, turn) in sides {
-            for column in -APART..=APART {
-                if apart <= array.reach(column.abs()) {
-                    out[(peak.0 as i64 + column + turn).rem_euclid(angles) as usize] = 0.0;
-                }
-            }
-        }
-    }
-}
-
-impl HoughArray {
-    /// Rows over which the votes of a line half as long as the array is wide spread `columns` off its direction.
-    fn reach(&self, columns: i64) -> usize {
-        3 + (TAU / ANGLES as f64 * 0.4 * self.distances as f64 * columns as f64) as usize
-    }
-}
-
-/// The line of a peak, below a cell by the centroid of the votes around it.
-pub(super) fn line_at(array: &HoughArray, peak: (usize, usize), center: Vec2) -> Line {
-    let (mut sum, mut column, mut row) = (0.0, 0.0, 0.0);
-    for dr in -1..=1i64 {
-        for dc in -1..=1i64 {
-            let (r, c) = (peak.1 as i64 + dr, (peak.0 as i64 + dc).rem_euclid(array.angles as i64));
-            let cell = r * array.angles as i64 + c;
-            let vote = if r < 0 { 0.0 } else { f64::from(array.votes.get(cell as usize).copied().unwrap_or(0.0)) };
-            sum += vote;
-            column += vote * dc as f64;
-            row += vote * dr as f64;
-        }
-    }
-    let (column, row) = if sum > 0.0 { (column / sum, row / sum) } else { (0.0, 0.0) };
-    let normal = direction(peak.0 as f64 + column);
-    Line { normal, offset: (peak.1 as f64 + row) * array.px_per_row + normal.dot(&center) }
+fn highest(values: &[i16]) -> i16 {
+    values.iter().fold(0, |best, &value| best.max(value))
 }
 
 #[cfg(test)]
@@ -178,13 +181,14 @@ mod tests {
             let edges: Vec<_> = (-80..80)
                 .map(|t| IdealEdge { at: center + distance * outward + f64::from(t) * along, outward })
                 .collect();
-            let array = vote(&edges, center, 250.0, 1.0);
-            let peak = peaks(&array, 4, 0.5)[0];
-            let line = line_at(&array, peak, center);
+            let mut ballot = Ballot::new(&edges, center, 250.0, 1.0);
+            let (peak, votes) = ballot.highest().unwrap();
+            let line = ballot.line_at(peak);
             for edge in &edges {
                 prop_assert!(line.distance(edge.at).abs() < 1.5, "{line:?} {}", line.distance(edge.at));
             }
-            prop_assert_eq!(peaks(&array, 4, 0.5).len(), 1);
+            ballot.withdraw(peak, edges.iter());
+            prop_assert!(votes > 40.0 && ballot.highest().is_none());
         }
 
         #[test]

@@ -1,12 +1,12 @@
 use nalgebra::Matrix2;
 
 use super::coarse::Coarse;
-use super::edges::{EdgePoint, edge_map};
-use super::hough::{IdealEdge, Line, line_at, peaks, vote};
+use super::edges::{EdgePoint, edges};
+use super::hough::{Ballot, IdealEdge, Line};
 use super::lines::{SideLook, through_edges};
 use super::quad::{Quad, SeenLine, quads};
 use super::sampling::Sampler;
-use super::{Plane, Stages, Table};
+use super::{Stages, Table};
 use crate::geometry::{Lens, Vec2};
 use crate::signal::Frame;
 
@@ -86,40 +86,67 @@ pub enum TableFault {
 }
 
 /// Finds the table from nothing: edges, Hough, four peaks, four sides, corners, frame. `side_m` is the plate's side,
-/// `lens` its calibration sheet. Of the stages edges and Hough votes are filled in, both in the cells of the averaged
-/// picture they were found in; votes are cast in ideal coordinates, where the lens bends nothing.
+/// `lens` its calibration sheet.
 ///
 /// # Errors
 /// When there is not exactly one table to be seen whole; misuse (a picture or lens that is none) as well.
-pub fn locate_table(frame: &Frame, lens: &Lens, side_m: f64) -> Result<(Table, Stages), TableFault> {
+pub fn locate_table(frame: &Frame, lens: &Lens, side_m: f64) -> Result<Table, TableFault> {
+    located(frame, lens, side_m, None)
+}
+
+/// As [`locate_table`], and how it was found. Of the stages edges and Hough votes are filled in, both in the cells of the
+/// averaged picture they were found in; votes are cast in ideal coordinates, where the lens bends nothing.
+///
+/// # Errors
+/// As [`locate_table`].
+pub fn locate_table_in_stages(frame: &Frame, lens: &Lens, side_m: f64) -> Result<(Table, Stages), TableFault> {
+    let mut stages = Stages::default();
+    located(frame, lens, side_m, Some(&mut stages)).map(|table| (table, stages))
+}
+
+fn located(frame: &Frame, lens: &Lens, side_m: f64, mut stages: Option<&mut Stages>) -> Result<Table, TableFault> {
     check(frame, lens, side_m)?;
     let Some(sampler) = Sampler::new(frame) else {
         return Err(TableFault::TooSmall { width: frame.width, height: frame.height });
     };
     let bin = (frame.width.min(frame.height) / COARSE_CELLS).max(1);
-    let map = edge_map(&Coarse::of(frame, bin));
-    if map.points.is_empty() {
+    let points = edges(&Coarse::of(frame, bin), stages.as_deref_mut().map(|stages| &mut stages.edges));
+    if points.is_empty() {
         return Err(TableFault::NoEdges);
     }
-    let edges = ideal_edges(&map.points, lens);
+    let edges = ideal_edges(&points, lens);
     let size = Vec2::new(frame.width as f64, frame.height as f64);
-    let center = (size - Vec2::repeat(1.0)) / 2.0;
     let cell_px = bin as f64;
-    let mut hough = vote(&edges, center, size.norm() * 0.6, cell_px);
-    let found = peaks(&hough, MOST_LINES, LEAST_LINE);
-    let reach_px = near_px(cell_px);
-    let lines: Vec<SeenLine> = found
-        .iter()
-        .map(|&peak| SeenLine::new(line_at(&hough, peak, center), &edges, reach_px, 2.0 * cell_px))
-        .collect();
+    let mut ballot = Ballot::new(&edges, (size - Vec2::repeat(1.0)) / 2.0, size.norm() * 0.6, cell_px);
+    if let Some(stages) = &mut stages {
+        stages.hough = ballot.array();
+    }
+    let (lines, peaks) = strongest_lines(&mut ballot, &edges, cell_px);
     let quad = choose(&lines, &Seen { lens, sampler: &sampler, frame, edges: &edges, cell_px })?;
-    hough.peaks = quad.lines.iter().filter_map(|&i| found.get(i).copied()).collect();
+    if let Some(stages) = &mut stages {
+        stages.hough.peaks = quad.lines.iter().filter_map(|&i| peaks.get(i).copied()).collect();
+    }
     let corners = refined_corners(&sampler, lens, &quad, &edges, bin)?;
     let table = Table::from_ideal_corners(corners, side_m, lens).ok_or(TableFault::NotASquare)?;
     if !table.corners_px.iter().all(|&corner| sampler.contains(corner, 0.0)) {
         return Err(TableFault::CutByFrame);
     }
-    Ok((table, Stages { edges: map.plane, hough, disk_response: Plane::default() }))
+    Ok(table)
+}
+
+/// The strongest lines and their peaks, strongest first; each takes its edges with it.
+fn strongest_lines(ballot: &mut Ballot, edges: &[IdealEdge], cell_px: f64) -> (Vec<SeenLine>, Vec<(usize, usize)>) {
+    let (mut lines, mut peaks): (Vec<SeenLine>, Vec<(usize, usize)>) = (Vec::new(), Vec::new());
+    let mut floor = 0.0;
+    while let Some((peak, votes)) = ballot.highest().filter(|(_, votes)| lines.len() < MOST_LINES && *votes >= floor) {
+        floor = LEAST_LINE * votes.max(floor / LEAST_LINE);
+        let line = ballot.line_at(peak);
+        let (seen, own) = SeenLine::new(line, edges, near_px(cell_px), 2.0 * cell_px);
+        ballot.withdraw(peak, own.iter().filter_map(|&i| edges.get(i)));
+        lines.push(seen);
+        peaks.push(peak);
+    }
+    (lines, peaks)
 }
 
 /// How far from a line of the Hough array its edges may be, px.
@@ -187,6 +214,7 @@ fn choose(lines: &[SeenLine], seen: &Seen) -> Result<Quad, TableFault> {
     let Some(best) = found.first() else {
         return Err(no_quad(lines, seen));
     };
+    let best = found.iter().find(|other| best.carries(other)).unwrap_or(best);
     if !best.corners.iter().all(|&corner| inside(corner)) {
         return Err(TableFault::CutByFrame);
     }

@@ -11,6 +11,13 @@ const SQUARE_RAD: f64 = 0.4;
 /// Share of a side that must show an edge, and of all four together.
 const SIDE_SEEN: f64 = 0.3;
 const ALL_SEEN: f64 = 0.55;
+/// What is not seen counts more than what is, and a side that does not reach its corner as much as this share of it not
+/// seen: a strip beside the table makes a larger square of which little is missing, but that at two corners.
+const UNSEEN: f64 = 2.0;
+const LOOSE_END: f64 = 0.3;
+/// Length of a side's end: this share of it, and so many cells at least.
+const END: f64 = 0.05;
+const END_CELLS: f64 = 3.0;
 
 /// A line and where along it there are edges of its direction.
 pub(super) struct SeenLine {
@@ -29,25 +36,29 @@ pub(super) struct Quad {
     pub(super) corners: [Vec2; 4],
     /// True when it is lighter than what surrounds it.
     pub(super) bright: bool,
-    /// Length along which edges are seen, px.
-    seen_px: f64,
+    /// How well it is seen, px.
+    worth_px: f64,
 }
 
 impl SeenLine {
-    /// Collects the edges within `reach_px` of `line` whose direction agrees with it to 15°.
-    pub(super) fn new(line: Line, edges: &[IdealEdge], reach_px: f64, cell_px: f64) -> Self {
+    /// Collects the edges within `reach_px` of `line` whose direction agrees with it to 15°; and their indices.
+    pub(super) fn new(line: Line, edges: &[IdealEdge], reach_px: f64, cell_px: f64) -> (Self, Vec<usize>) {
         let mut cells = [Vec::new(), Vec::new()];
-        for edge in edges {
-            let cosine = edge.outward.dot(&line.normal);
-            if cosine.abs() > 0.966 && line.distance(edge.at).abs() < reach_px {
-                cells[usize::from(cosine < 0.0)].push((line.along(edge.at) / cell_px).floor() as i64);
+        let mut own = Vec::new();
+        for (i, edge) in edges.iter().enumerate() {
+            if line.distance(edge.at).abs() < reach_px {
+                let cosine = edge.outward.dot(&line.normal);
+                if cosine.abs() > 0.966 {
+                    cells[usize::from(cosine < 0.0)].push((line.along(edge.at) / cell_px).floor() as i64);
+                    own.push(i);
+                }
             }
         }
         for side in &mut cells {
             side.sort_unstable();
             side.dedup();
         }
-        Self { line, cells, cell_px }
+        (Self { line, cells, cell_px }, own)
     }
 
     /// Length between `from` and `to` that shows an edge whose dark side points along `outward`, px.
@@ -59,8 +70,7 @@ impl SeenLine {
     }
 }
 
-/// All near-squares whose sides show enough edge, all dark outside or all dark inside, the best seen first; a dark one
-/// has to be seen much better than a bright one, for a plate may lie on a dark mat.
+/// All near-squares whose sides show enough edge, all dark outside or all dark inside, the best seen first.
 /// `shown(a, b)` is the share of the stretch from `a` to `b` that lies within the frame.
 pub(super) fn quads(lines: &[SeenLine], least_side_px: f64, shown: impl Fn(Vec2, Vec2) -> f64) -> Vec<Quad> {
     let pairs = parallel_pairs(lines, least_side_px);
@@ -70,7 +80,7 @@ pub(super) fn quads(lines: &[SeenLine], least_side_px: f64, shown: impl Fn(Vec2,
             found.extend(quad(lines, first, second, least_side_px, &shown));
         }
     }
-    found.sort_by(|a, b| b.worth().total_cmp(&a.worth()).then(a.lines.cmp(&b.lines)));
+    found.sort_by(|a, b| b.worth_px.total_cmp(&a.worth_px).then(a.lines.cmp(&b.lines)));
     found
 }
 
@@ -85,13 +95,14 @@ impl Quad {
         (0..4).all(|i| Line::through(self.corners[i], self.corners[(i + 1) % 4]).distance(p) < 0.0)
     }
 
-    fn worth(&self) -> f64 {
-        self.seen_px * if self.bright { 1.0 } else { 0.5 }
+    /// True for a bright plate on this, its dark mat.
+    pub(super) fn carries(&self, other: &Self) -> bool {
+        !self.bright && other.bright && self.contains(other.middle()) && other.worth_px > 0.3 * self.worth_px
     }
 
     /// True for a second table: beside this one, and not much less of it.
     pub(super) fn rivals(&self, other: &Self) -> bool {
-        !self.contains(other.middle()) && !other.contains(self.middle()) && other.worth() > 0.5 * self.worth()
+        !self.contains(other.middle()) && !other.contains(self.middle()) && other.worth_px > 0.5 * self.worth_px
     }
 }
 
@@ -138,18 +149,24 @@ fn quad(
         return None;
     }
     let seen_as = |bright: bool| {
-        let mut seen_px = 0.0;
+        let (mut seen_px, mut loose_px) = (0.0, 0.0);
         for i in 0..4 {
             let (from, to) = (corners[i], corners[(i + 1) % 4]);
-            let outward = Line::through(from, to).normal;
-            let seen = lines[around[i]].seen_px(from, to, if bright { outward } else { -outward });
+            let outward = Line::through(from, to).normal * if bright { 1.0 } else { -1.0 };
+            let side = &lines[around[i]];
+            let seen = side.seen_px(from, to, outward);
             if seen < SIDE_SEEN * visible[i] {
                 return None;
             }
             seen_px += seen;
+            let end = END.max(END_CELLS * side.cell_px / sides[i]).min(0.5);
+            let near = |a: Vec2, b: Vec2| side.seen_px(a, a + (b - a) * end, outward) < 0.5 * end * sides[i];
+            let loose = [near(from, to), near(to, from)].into_iter().filter(|&loose| loose).count();
+            loose_px += loose as f64 * LOOSE_END * visible[i];
         }
-        let enough = seen_px > ALL_SEEN * visible.iter().sum::<f64>();
-        enough.then_some(Quad { lines: around, corners, bright, seen_px })
+        let visible_px = visible.iter().sum::<f64>();
+        let worth_px = seen_px - UNSEEN * (visible_px - seen_px) - loose_px;
+        (seen_px > ALL_SEEN * visible_px).then_some(Quad { lines: around, corners, bright, worth_px })
     };
     seen_as(true).or_else(|| seen_as(false))
 }
@@ -181,7 +198,7 @@ mod tests {
     }
 
     fn seen(scene: &(Vec<Line>, Vec<IdealEdge>)) -> Vec<SeenLine> {
-        scene.0.iter().map(|&line| SeenLine::new(line, &scene.1, 2.0, 2.0)).collect()
+        scene.0.iter().map(|&line| SeenLine::new(line, &scene.1, 2.0, 2.0).0).collect()
     }
 
     #[test]

@@ -26,11 +26,11 @@ impl DiskResponder {
         Self { disks, way }
     }
 
-    /// Takes in `width * height` values of 0 to 1.
-    pub(super) fn load(&mut self, values: &[f32]) {
+    /// Takes in rows of `width` values of 0 to 1, each written by `fill`.
+    pub(super) fn load(&mut self, fill: impl FnMut(usize, &mut [f32])) {
         match &mut self.way {
-            Way::Chords(sums) => sums.load(values),
-            Way::Spectrum(convolver) => convolver.load(values),
+            Way::Chords(sums) => sums.load(fill),
+            Way::Spectrum(convolver) => convolver.load(fill),
         }
     }
 
@@ -72,8 +72,9 @@ mod tests {
             let reach = disks.iter().map(Disk::reach).max().unwrap();
             let mut chords = ChordSums::new(width, height, reach);
             let mut spectrum = DiskConvolver::new(width, height, &disks);
-            chords.load(&values);
-            spectrum.load(&values);
+            let fill = |y: usize, row: &mut [f32]| row.copy_from_slice(&values[y * width..][..width]);
+            chords.load(fill);
+            spectrum.load(fill);
             let [mut by_chords, mut by_spectrum] = [(); 2].map(|()| vec![0.0; width * height]);
             for (k, disk) in disks.iter().enumerate() {
                 chords.respond(disk, &mut by_chords);
@@ -93,6 +94,6 @@ mod tests {
         let way = |radius| DiskResponder::new(215, 215, vec![Disk::new(radius)]).way;
         assert!(matches!(way(10.0), Way::Chords(_)));
         assert!(matches!(way(150.0), Way::Spectrum(_)));
-        DiskResponder::new(0, 0, vec![Disk::new(3.0)]).load(&[]);
+        DiskResponder::new(0, 0, vec![Disk::new(3.0)]).load(|_, _| {});
     }
 }

@@ -114,7 +114,7 @@ mod tests {
     const BIN: usize = 4;
 
     fn seen(scene: &Scene, frame: &Frame) -> (Coarse, PlateCells) {
-        let table = locate_table(&scene.frame(), &scene.lens, SIDE_M).unwrap().0;
+        let table = locate_table(&scene.frame(), &scene.lens, SIDE_M).unwrap();
         let plate = PlateCells::new(&table, scene.size_px, BIN, 6.0);
         (Coarse::part_of(frame, BIN, plate.corner, plate.size), plate)
     }

@@ -1,6 +1,6 @@
 //! Locating rendered tables whose corners are known.
 
-use super::{Table, TableFault, locate_table};
+use super::{Table, TableFault, locate_table, locate_table_in_stages};
 use crate::geometry::{Lens, Vec2};
 use crate::random::Streams;
 use crate::scene::Scene;
@@ -9,7 +9,7 @@ use crate::signal::Frame;
 use proptest::prelude::*;
 
 fn located(scene: &Scene, frame: &Frame) -> Result<Table, TableFault> {
-    locate_table(frame, &scene.lens, SIDE_M).map(|found| found.0)
+    locate_table(frame, &scene.lens, SIDE_M)
 }
 
 /// Root mean square distance of corners from where they are, over scenes, px.
@@ -107,7 +107,7 @@ fn strong_shading_is_no_obstacle() {
 #[test]
 fn stages_show_four_peaks() {
     let scene = Scene::general(1);
-    let (_, stages) = locate_table(&scene.frame(), &scene.lens, SIDE_M).unwrap();
+    let (_, stages) = locate_table_in_stages(&scene.frame(), &scene.lens, SIDE_M).unwrap();
     assert_eq!(stages.hough.peaks.len(), 4);
     assert_eq!(stages.hough.votes.len(), stages.hough.angles * stages.hough.distances);
     assert_eq!((stages.edges.width, stages.edges.height), (320, 256));
@@ -199,7 +199,7 @@ proptest! {
             }
         }
         let lens = Lens { radial: [-0.3, 0.1], ..Lens::ideal(150.0, Vec2::new(90.0, 70.0)) };
-        if let Ok((table, _)) = locate_table(&frame, &lens, side) {
+        if let Ok(table) = locate_table(&frame, &lens, side) {
             prop_assert!(table.corners_px.iter().all(|c| c.x.is_finite() && c.y.is_finite()));
             prop_assert!(table.camera_in_table_m.iter().all(|c| c.is_finite()));
         }

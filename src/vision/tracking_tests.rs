@@ -25,7 +25,7 @@ fn small_scene(seed: u64) -> Scene {
 
 fn start(scene: &Scene, discs: &[Disc]) -> (Table, Vec<Detection>) {
     let frame = scene.frame_with(discs);
-    let table = locate_table(&frame, &scene.lens, SIDE_M).unwrap().0;
+    let table = locate_table(&frame, &scene.lens, SIDE_M).unwrap();
     let parts = CoinFinder::new(&table, scene.size_px, &pennies(), true).find(&frame);
     assert_eq!(parts.len(), discs.len());
     (table, parts)
