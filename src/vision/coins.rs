@@ -20,6 +20,13 @@ const KERNEL_CELLS: f64 = 8.0;
 /// Most cells convolved at once, and most places looked at closely.
 const MOST_CELLS: f64 = 4e6;
 const MOST_CANDIDATES: usize = 2048;
+/// A rim of which more neighbouring rays than this show nothing may be a finger's end.
+const WIDEST_GAP: usize = 16;
+/// Share of such a gap that others have to fill, and how near they have to be for that, px.
+const FILLED: f64 = 0.7;
+const FILLED_WITHIN_PX: f64 = 5.0;
+/// A place known no better than this along any direction is none, px².
+const LARGEST_VARIANCE_PX2: f64 = 0.36;
 /// A rim looked at from a centre that was off by more than this is looked at once more, px.
 const SETTLED_PX: f64 = 0.1;
 
@@ -45,6 +52,15 @@ struct Candidate {
     value: f32,
     kind: usize,
     cell: [usize; 2],
+}
+
+/// A part, maybe.
+struct Found {
+    part: Detection,
+    /// Rays that agree on its rim.
+    agreeing: usize,
+    /// Places just beyond the rim, m, where a wide stretch of it does not show.
+    gap: Vec<Vec2>,
 }
 
 impl CoinFinder {
@@ -91,9 +107,9 @@ impl CoinFinder {
             return Vec::new();
         }
         let candidates = self.candidates();
-        let found: Vec<(usize, Detection)> =
+        let found: Vec<Found> =
             candidates.iter().filter_map(|candidate| self.examine(frame, &sampler, &picture, candidate)).collect();
-        without_doubles(found)
+        self.agreed(found)
     }
 
     /// The last response of kind 0, over the whole frame: 1 where a part covers the whole kernel, 0 off the plate. One
@@ -186,13 +202,7 @@ impl CoinFinder {
     }
 
     /// Rim of a candidate, close by or else with wide reach; then once more as the kind its radius tells.
-    fn examine(
-        &self,
-        frame: &Frame,
-        sampler: &Sampler,
-        picture: &Coarse,
-        candidate: &Candidate,
-    ) -> Option<(usize, Detection)> {
+    fn examine(&self, frame: &Frame, sampler: &Sampler, picture: &Coarse, candidate: &Candidate) -> Option<Found> {
         let center_px = picture.frame_from_cell(self.place(candidate));
         let kind = candidate.kind;
         let foot_m = self.judge.foot_below(&self.table, kind, center_px);
@@ -206,11 +216,48 @@ impl CoinFinder {
         };
         let first = close(kind, foot_m).or_else(wide)?;
         let (kind, fit) = self.settled(first, close)?;
+        let variance_px2 = fit.covariance_px2.symmetric_eigenvalues().max();
+        if variance_px2 > LARGEST_VARIANCE_PX2 {
+            return None;
+        }
         let disk = &self.disks[kind];
         let (x, y) = disk.fitted(frame, fit.center_px.x.round() as i64, fit.center_px.y.round() as i64)?;
         let part = self.judge.detection(&fit, Rest { x, y, sum: disk.sum(frame, x, y) }, disk)?;
         let on_plate = self.table.holds(part.position_m, 0.75 * self.judge.kinds[part.kind].radius_m);
-        on_plate.then_some((fit.agreeing, part))
+        let beyond = fit.radius_m + FILLED_WITHIN_PX / self.table.px_per_m_at(fit.foot_m);
+        let gap: Vec<Vec2> = fit.gap().map(|ray| fit.foot_m + ray * beyond).collect();
+        let gap = if gap.len() > WIDEST_GAP { gap } else { Vec::new() };
+        on_plate.then_some(Found { part, agreeing: fit.agreeing, gap })
+    }
+
+    /// Of parts that cannot both be there, those whose rims are seen best; in the picture's order. A rim with a wide gap
+    /// has to have it filled by others or by the plate's edge.
+    fn agreed(&self, mut found: Vec<Found>) -> Vec<Detection> {
+        found.sort_by(|a, b| {
+            let open = |found: &Found| !found.gap.is_empty();
+            let place = |found: &Found| found.part.center_px.y;
+            let score = b.part.score.total_cmp(&a.part.score);
+            open(a).cmp(&open(b)).then(b.agreeing.cmp(&a.agreeing)).then(score).then(place(a).total_cmp(&place(b)))
+        });
+        let mut kept: Vec<Detection> = Vec::with_capacity(found.len());
+        for Found { part, gap, .. } in found {
+            let filled = gap.iter().filter(|&&place| self.is_filled(place, &kept)).count() as f64;
+            if filled >= FILLED * gap.len() as f64 && kept.iter().all(|other| !overlap(other, &part)) {
+                kept.push(part);
+            }
+        }
+        kept.sort_by(|a, b| a.center_px.y.total_cmp(&b.center_px.y).then(a.center_px.x.total_cmp(&b.center_px.x)));
+        kept
+    }
+
+    /// True where a part lies, or nearly, or the plate ends.
+    fn is_filled(&self, place_m: Vec2, parts: &[Detection]) -> bool {
+        let margin_m = FILLED_WITHIN_PX / self.table.mean_px_per_m();
+        let covers = |part: &Detection| {
+            let radius_m = self.judge.kinds.get(part.kind).map_or(0.0, |kind| kind.radius_m);
+            (part.position_m - place_m).norm() < radius_m + margin_m
+        };
+        !self.table.holds(place_m, margin_m) || parts.iter().any(covers)
     }
 
     /// A rim looked at again as the kind it tells and from where it tells, until neither changes: rays from a centre that
@@ -239,19 +286,4 @@ fn bin_for(table: &Table, frame_size: [usize; 2], radii_px: &[f64]) -> usize {
     let least = (area / MOST_CELLS).sqrt();
     let bin = fine.floor().max(least.ceil());
     if bin.is_finite() { bin.clamp(1.0, 256.0) as usize } else { 1 }
-}
-
-/// Of parts that cannot both be there, those whose rims are seen best; in the picture's order.
-fn without_doubles(mut found: Vec<(usize, Detection)>) -> Vec<Detection> {
-    found.sort_by(|(a_rays, a), (b_rays, b)| {
-        b_rays.cmp(a_rays).then(b.score.total_cmp(&a.score)).then(a.center_px.y.total_cmp(&b.center_px.y))
-    });
-    let mut kept: Vec<Detection> = Vec::with_capacity(found.len());
-    for (_, part) in found {
-        if kept.iter().all(|other| !overlap(other, &part)) {
-            kept.push(part);
-        }
-    }
-    kept.sort_by(|a, b| a.center_px.y.total_cmp(&b.center_px.y).then(a.center_px.x.total_cmp(&b.center_px.x)));
-    kept
 }

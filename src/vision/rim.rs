@@ -56,9 +56,25 @@ pub(super) struct RimFit {
     pub(super) covariance_px2: Matrix2<f64>,
     /// Rays that agree.
     pub(super) agreeing: usize,
+    /// A bit for each ray, set where the crossing comes near the circle.
+    pub(super) near: u64,
     /// Gray levels just outside and just inside the rim.
     pub(super) plate_level: f32,
     pub(super) part_level: f32,
+}
+
+impl RimFit {
+    /// Directions, from the foot, of the most neighbouring rays of which none comes near the circle.
+    pub(super) fn gap(&self) -> impl Iterator<Item = Vec2> + use<> {
+        let (mut widest, mut run) = ((0, 0), 0);
+        for k in 0..2 * RAYS {
+            run = if self.near >> (k % RAYS) & 1 == 1 { 0 } else { (run + 1).min(RAYS) };
+            if run > widest.1 {
+                widest = (k + 1 - run, run);
+            }
+        }
+        (widest.0..widest.0 + widest.1).map(|k| ring::direction(k % RAYS))
+    }
 }
 
 /// Fits rims of parts darker than the plate, or of lighter ones.
@@ -144,6 +160,7 @@ impl RimFinder {
             radius_px: radius_px * (circle.radius + swell),
             covariance_px2: map.covariance_px2(covariance) + Matrix2::from_diagonal_element(SAMPLING_SD_PX.powi(2)),
             agreeing: circle.agreeing,
+            near: circle.near,
             plate_level: self.sign * levels.plate,
             part_level: self.sign * levels.part,
         })

@@ -9,6 +9,9 @@ pub(in super::super) const LEAST_AGREEING: usize = 9;
 /// Lanes of a sum: a processor adds that many numbers at once, and the order of additions stays fixed.
 const LANES: usize = 4;
 
+/// A crossing this many times the least scatter off the circle is still near it: a clean picture's outliers are small.
+const NEAR: f32 = 15.0;
+
 /// One number for each ray.
 pub(super) type PerRay = [f32; RAYS];
 
@@ -37,14 +40,19 @@ pub(super) struct Circle {
     /// Of the centre, for crossings of unit variance.
     pub(super) covariance: Matrix2<f64>,
     pub(super) agreeing: usize,
+    /// A bit for each ray, set where the crossing comes near the circle.
+    pub(super) near: u64,
+}
+
+/// Of ray `k`.
+pub(super) fn direction(k: usize) -> Vec2 {
+    let (sin, cos) = ((k as f64 + 0.5) / RAYS as f64 * std::f64::consts::TAU).sin_cos();
+    Vec2::new(cos, sin)
 }
 
 impl Rays {
     pub(super) fn new() -> Self {
-        let directions: [Vec2; RAYS] = std::array::from_fn(|k| {
-            let (sin, cos) = ((k as f64 + 0.5) / RAYS as f64 * std::f64::consts::TAU).sin_cos();
-            Vec2::new(cos, sin)
-        });
+        let directions: [Vec2; RAYS] = std::array::from_fn(direction);
         Self { directions, cos: directions.map(|u| u.x as f32), sin: directions.map(|u| u.y as f32) }
     }
 
@@ -95,7 +103,7 @@ impl Rays {
             // Once weighted, a ring without outliers stays as it is.
             let calm = || (0..RAYS).all(|k| weights[k] >= CALM * present[k]);
             if round == ROUNDS || (round > 1 && calm()) {
-                return self.agreed(&fit, &residuals, &weights);
+                return agreed(&fit, &residuals, (&weights, present), least_sd);
             }
             center = fit.slope;
             let scale = (1.4826 * median_size(&residuals, present, count)).max(least_sd);
@@ -107,21 +115,24 @@ impl Rays {
         }
         None
     }
+}
 
-    /// The circle with its scatter. For normal residuals r and biweights w, `E w r² / E w` is 0.828 of the variance.
-    fn agreed(&self, fit: &Harmonic, residuals: &PerRay, weights: &PerRay) -> Option<Circle> {
-        let agreeing = weights.iter().filter(|&&w| w > 0.0).count();
-        let squares = sum(|k| weights[k] * residuals[k] * residuals[k]) / sum(|k| weights[k]);
-        let circle = Circle {
-            center: Vec2::new(f64::from(fit.slope[0]), f64::from(fit.slope[1])),
-            radius: f64::from(fit.constant),
-            variance: squares / 0.828 * agreeing as f64 / (agreeing as f64 - 3.0),
-            covariance: fit.covariance,
-            agreeing,
-        };
-        let sound = agreeing >= LEAST_AGREEING && circle.radius > 0.0 && circle.center.norm() < 1.0;
-        (sound && circle.variance.is_finite()).then_some(circle)
-    }
+/// The circle with its scatter. For normal residuals r and biweights w, `E w r² / E w` is 0.828 of the variance.
+fn agreed(fit: &Harmonic, residuals: &PerRay, (weights, present): (&PerRay, &PerRay), least_sd: f32) -> Option<Circle> {
+    let agreeing = weights.iter().filter(|&&w| w > 0.0).count();
+    let squares = sum(|k| weights[k] * residuals[k] * residuals[k]) / sum(|k| weights[k]);
+    let variance = squares / 0.828 * agreeing as f64 / (agreeing as f64 - 3.0);
+    let near = (NEAR * least_sd).max(3.0 * variance.sqrt() as f32);
+    let circle = Circle {
+        center: Vec2::new(f64::from(fit.slope[0]), f64::from(fit.slope[1])),
+        radius: f64::from(fit.constant),
+        variance,
+        covariance: fit.covariance,
+        agreeing,
+        near: (0..RAYS).map(|k| u64::from(present[k] > 0.0 && residuals[k].abs() < near) << k).sum(),
+    };
+    let sound = agreeing >= LEAST_AGREEING && circle.radius > 0.0 && circle.center.norm() < 1.0;
+    (sound && circle.variance.is_finite()).then_some(circle)
 }
 
 /// Sum over all rays.
