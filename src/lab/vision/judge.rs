@@ -56,7 +56,7 @@ pub fn judge(family: Family, scene: &Scene) -> Verdict {
     };
     let truth = scene.corners_px();
     let corner_errors_px = [0, 1, 2, 3].map(|i| (table.corners_px[i] - truth[i]).norm());
-    if corner_errors_px.iter().any(|&off| !(off < MISPLACED_PX)) {
+    if !corner_errors_px.iter().all(|&off| off < MISPLACED_PX) {
         return verdict(TableVerdict::Misplaced);
     }
     let kinds = kinds_of(family);
