@@ -188,7 +188,7 @@ fn a_drawn_scene_is_located_with_the_rig_file_it_comes_with() {
     let folder = TempDir::new().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let (picture, truth, rig) = (path("f.png"), path("t.json"), path("r.json"));
-    status(&["render", "--scene", "rough", "--seed", "3", "--out", &picture, "--truth", &truth, "--rig-out", &rig], 0);
+    status(&["render", "--scene", "clean", "--seed", "3", "--out", &picture, "--truth", &truth, "--rig-out", &rig], 0);
     status(&["check", &rig], 0);
     let truth: Value = serde_json::from_str(&fs::read_to_string(truth).unwrap()).unwrap();
     let found: Value = serde_json::from_str(&status(&["locate", &picture, "--rig", &rig, "--json"], 0).0).unwrap();

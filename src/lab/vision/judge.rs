@@ -40,6 +40,8 @@ pub struct PartsVerdict {
 pub struct PartError {
     /// Distance of the outline's centre from the true one, px.
     pub center_px: f64,
+    /// Radius against the true one, px.
+    pub radius_px: f64,
     /// Distance on the plate, m.
     pub position_m: f64,
     /// Squared error of the centre over the reported covariance, mean of the two axes.
@@ -100,6 +102,7 @@ fn error(truth: &PartTruth, found: &Detection) -> PartError {
     let inverse = found.covariance_px2.try_inverse();
     PartError {
         center_px: off.norm(),
+        radius_px: found.radius_px - truth.radius_px,
         position_m: (found.position_m - truth.at_m).norm(),
         over_covariance: inverse.map_or(f64::INFINITY, |inverse| off.dot(&(inverse * off)) / 2.0),
     }

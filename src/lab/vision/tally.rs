@@ -91,11 +91,11 @@ impl Tally {
     /// neither missed nor measured.
     pub fn figures(&self) -> Vec<Figure> {
         const BAR: &str = "rendered scenes; the reference is the bar";
-        const DISTANCE: &str = "rendered scenes, distance from the true place";
+        const TRUTH: &str = "rendered scenes, against the truth";
         let name = |what: &str| format!("{}: {what}", self.family);
         let figure = |what: &str, unit: &str, measured: f64, bar: Option<f64>| match bar {
             Some(bar) => Figure::against(name(what), unit, measured, bar, BAR),
-            None => Figure::alone(name(what), unit, measured, DISTANCE),
+            None => Figure::alone(name(what), unit, measured, TRUTH),
         };
         let (center_bar, corner_bar) = match self.family {
             Family::Clean => (Some(0.03), Some(0.05)),
@@ -104,12 +104,14 @@ impl Tally {
         };
         let centers_px = self.center_errors_px();
         let positions_mm: Vec<f64> = self.errors.iter().map(|error| mm_from_m(error.position_m)).collect();
+        let radii_px: Vec<f64> = self.errors.iter().map(|error| error.radius_px).collect();
         let over_covariance = self.errors.iter().map(|error| error.over_covariance).sum::<f64>();
         let mut figures = vec![
             figure("centre rms", "px", rms(&centers_px), center_bar),
             figure("centre worst", "px", worst(&centers_px), None),
             figure("corner rms", "px", rms(&self.corner_errors_px), corner_bar),
             figure("corner worst", "px", worst(&self.corner_errors_px), None),
+            figure("radius rms", "px", rms(&radii_px), None),
             figure("position rms", "mm", rms(&positions_mm), Some(0.05)),
             figure("position worst", "mm", worst(&positions_mm), None),
         ];
@@ -154,7 +156,12 @@ mod tests {
     #[test]
     fn verdicts_add_up() {
         let found = |errors: &[f64], missed| {
-            let error = |&center_px: &f64| PartError { center_px, position_m: 1e-3 * center_px, over_covariance: 2.0 };
+            let error = |&center_px: &f64| PartError {
+                center_px,
+                radius_px: -center_px,
+                position_m: 1e-3 * center_px,
+                over_covariance: 2.0,
+            };
             let errors: Vec<PartError> = errors.iter().map(error).collect();
             let parts = PartsVerdict { errors, missed, invented: 0, misnamed: 1 };
             TableVerdict::Found { corner_errors_px: [0.1; 4], parts }
@@ -174,6 +181,7 @@ mod tests {
             ("centre rms", (0.125f64).sqrt()),
             ("centre worst", 0.4),
             ("corner rms", 0.1),
+            ("radius rms", (0.125f64).sqrt()),
             ("position rms", (0.125f64).sqrt()),
             ("parts missed", 2.0),
             ("parts invented", 0.0),
