@@ -121,7 +121,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
     /// Where a rig file goes that has the scene's camera and plate, for `upm locate --rig`
-    #[arg(long, value_name = "RIG.json", requires = "scene")]
+    #[arg(long, value_name = "RIG.json", requires = "scene", conflicts_with = "job")]
     pub rig_out: Option<PathBuf>,
 }
 
