@@ -23,6 +23,7 @@ mod lab_table;
 mod locate;
 mod progress;
 mod render;
+mod render_scene;
 mod replay;
 mod run;
 mod simulate;

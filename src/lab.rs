@@ -18,17 +18,19 @@ mod table;
 #[cfg(test)]
 mod testing;
 mod two_parts;
+mod vision;
 mod waveform_fit;
 
 pub use cor_map::cor_map;
 pub use cor_steering::cor_steering;
-pub use experiment::{EXPERIMENTS, Experiment, WAVEFORM_FIT, experiment};
+pub use experiment::{EXPERIMENTS, Experiment, VISION, WAVEFORM_FIT, experiment};
 pub use force_curve::force_curve;
 pub use outcome::{Figure, Motion, Outcome, Series, Track};
 pub use race_track::race_track;
 pub use recorded::waveform_fit_of;
 pub use table::{COLUMNS, HEADS, NUMBERS};
 pub use two_parts::two_parts;
+pub use vision::{vision, vision_of};
 pub use waveform_fit::waveform_fit;
 
 use crate::rig::RigModel;

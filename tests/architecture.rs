@@ -19,6 +19,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("rig", &["signal"]),
     ("sim", &["signal", "rig"]),
     ("vision", &["signal", "rig::PartKind"]),
+    ("scene", &["signal", "rig::PartKind"]),
     ("estimation", &["signal"]),
     ("library", &["signal"]),
     ("goal", &[]),
@@ -48,7 +49,7 @@ const ROOMS: &[(&str, &[&str])] = &[
         ],
     ),
     ("chart", &[]),
-    ("lab", &["chart", "signal", "rig", "sim", "estimation", "library", "control"]),
+    ("lab", &["chart", "signal", "rig", "sim", "vision", "scene", "estimation", "library", "control"]),
     (
         "config",
         &[
@@ -81,7 +82,20 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("service", &["signal", "recording", "config", "run"]),
     (
         "cli",
-        &["signal", "rig", "vision", "library", "control", "recording", "config", "run", "service", "lab", "chart"],
+        &[
+            "signal",
+            "rig",
+            "vision",
+            "library",
+            "control",
+            "recording",
+            "config",
+            "run",
+            "service",
+            "lab",
+            "chart",
+            "scene",
+        ],
     ),
     ("main", &["cli"]),
 ];

@@ -106,17 +106,23 @@ pub struct CalibrateArgs {
 #[derive(Args, Debug)]
 pub struct RenderArgs {
     /// Job file
-    #[arg(value_name = "JOB.json")]
-    pub job: PathBuf,
+    #[arg(value_name = "JOB.json", required_unless_present = "scene")]
+    pub job: Option<PathBuf>,
+    /// In place of a job: a drawn scene of this family (clean, rough, hard, papers)
+    #[arg(long, value_name = "FAMILY", conflicts_with = "job")]
+    pub scene: Option<String>,
     /// Where the picture goes (png, jpg, pgm, tiff)
     #[arg(long, value_name = "FRAME.png")]
     pub out: PathBuf,
     /// Where the truth goes: corners and parts
     #[arg(long, value_name = "TRUTH.json")]
     pub truth: Option<PathBuf>,
-    /// Seed in place of the job's
+    /// Seed in place of the job's; of a scene, 1 unless told
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
+    /// Where a rig file goes that has the scene's camera and plate, for `upm locate --rig`
+    #[arg(long, value_name = "RIG.json", requires = "scene", conflicts_with = "job")]
+    pub rig_out: Option<PathBuf>,
 }
 
 /// `upm locate`.
@@ -153,6 +159,9 @@ pub struct LabArgs {
     /// Read this recorded trace in place of playing a pulse (waveform-fit alone)
     #[arg(long, value_name = "TRACE.json", requires = "experiment", conflicts_with_all = ["rig", "seed"])]
     pub trace: Option<PathBuf>,
+    /// Scenes of each family, of as many seeds from --seed on (vision alone; 50 unless told)
+    #[arg(long, value_name = "N", requires = "experiment", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub scenes: Option<u32>,
     /// Folder that plots go into
     #[arg(long, value_name = "DIR", default_value = "runs/lab")]
     pub out: PathBuf,

@@ -12,7 +12,7 @@ use super::print_json;
 use super::progress::Spinner;
 use crate::chart::svg;
 use crate::config::{RigSpec, load_trace, trace_to_json};
-use crate::lab::{EXPERIMENTS, LabRig, Outcome, WAVEFORM_FIT, experiment, waveform_fit_of};
+use crate::lab::{EXPERIMENTS, LabRig, Outcome, VISION, WAVEFORM_FIT, experiment, vision_of, waveform_fit_of};
 use crate::recording::RerunMode;
 
 pub(super) fn lab(args: &LabArgs, common: Common) -> Result<u8, Failure> {
@@ -35,6 +35,7 @@ pub(super) fn lab(args: &LabArgs, common: Common) -> Result<u8, Failure> {
     }
     say!("{title}")?;
     table(&outcome.figures).into_iter().try_for_each(|line| say!("  {line}"))?;
+    outcome.notes.iter().try_for_each(|note| say!("  {note}"))?;
     written.iter().try_for_each(|path| say!("  {:10} {}", "written", path.display()))?;
     Ok(0)
 }
@@ -56,6 +57,9 @@ fn make(name: &str, args: &LabArgs, common: Common) -> Result<(String, Outcome),
         let names: Vec<&str> = EXPERIMENTS.iter().map(|one| one.name).collect();
         return Err(Failure::bad_input(format!("lab: found {name:?}, allowed: {}", names.join(", "))));
     };
+    if args.scenes.is_some() && name != VISION {
+        return Err(Failure::bad_input(format!("--scenes: found experiment {name:?}, allowed: {VISION}")));
+    }
     let rig = match &args.rig {
         Some(path) => RigSpec::load(path),
         None if experiment.strong_rig => RigSpec::upm_2(),
@@ -63,7 +67,10 @@ fn make(name: &str, args: &LabArgs, common: Common) -> Result<(String, Outcome),
     };
     let rig = lab_rig(&rig.map_err(Failure::faults)?, args.seed)?;
     let spinner = Spinner::start(common.quiet || !std::io::stderr().is_terminal(), experiment.about);
-    let outcome = (experiment.run)(&rig);
+    let outcome = match args.scenes {
+        Some(scenes) => Ok(vision_of(rig.seed, scenes as usize)),
+        None => (experiment.run)(&rig),
+    };
     spinner.finish();
     let outcome = outcome.map_err(|fault| Failure::failed(format!("{name} on {}: {fault}", rig.model.name)))?;
     Ok((format!("rig {}, seed {}", rig.model.name, rig.seed), outcome))

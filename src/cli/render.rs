@@ -1,13 +1,15 @@
 use std::fs;
+use std::path::Path;
 
 use image::GrayImage;
 use serde_json::{Value, json};
 
 use super::args::{Common, RenderArgs};
 use super::failure::Failure;
-use super::print_json;
+use super::{print_json, render_scene};
 use crate::config::JobSpec;
 use crate::run::{FirstFrame, FirstFrameError, first_frame};
+use crate::signal::Frame;
 use crate::units::mm_from_m;
 
 /// Endings of picture files that can be written.
@@ -22,16 +24,13 @@ pub(super) fn render(args: &RenderArgs, common: Common) -> Result<u8, Failure> {
             args.out.display()
         )));
     }
-    let mut job = JobSpec::load(&args.job).map_err(Failure::faults)?;
-    if let Some(seed) = args.seed {
-        job = job.with_seed(seed);
-    }
-    let first = first_frame(&job).map_err(|error| match error {
-        FirstFrameError::Job(fault) => Failure::faults([fault]),
-        FirstFrameError::Rig(fault) => Failure::failed(fault.to_string()),
-    })?;
-    let truth = truth(&first);
-    let frame = first.frame;
+    let (frame, truth) = match (&args.job, &args.scene) {
+        (Some(job), _) => of_job(job, args.seed)?,
+        (None, Some(family)) => render_scene::of_scene(family, args)?,
+        (None, None) => {
+            return Err(Failure::bad_input("render: found neither a job nor --scene, allowed: one of them"));
+        }
+    };
     GrayImage::from_raw(frame.width as u32, frame.height as u32, frame.pixels)
         .ok_or_else(|| Failure::failed("the camera's frame has no picture"))?
         .save(&args.out)
@@ -43,6 +42,19 @@ pub(super) fn render(args: &RenderArgs, common: Common) -> Result<u8, Failure> {
         print_json(&truth)?;
     }
     Ok(0)
+}
+
+fn of_job(path: &Path, seed: Option<u64>) -> Result<(Frame, Value), Failure> {
+    let mut job = JobSpec::load(path).map_err(Failure::faults)?;
+    if let Some(seed) = seed {
+        job = job.with_seed(seed);
+    }
+    let first = first_frame(&job).map_err(|error| match error {
+        FirstFrameError::Job(fault) => Failure::faults([fault]),
+        FirstFrameError::Rig(fault) => Failure::failed(fault.to_string()),
+    })?;
+    let truth = truth(&first);
+    Ok((first.frame, truth))
 }
 
 fn truth(first: &FirstFrame) -> Value {

@@ -51,10 +51,19 @@ pub const EXPERIMENTS: &[Experiment] = &[
         strong_rig: false,
         run: super::cor_map,
     },
+    Experiment {
+        name: VISION,
+        about: "the eyes in rendered pictures whose truth is known, easy ones and hard ones",
+        strong_rig: false,
+        run: super::vision,
+    },
 ];
 
 /// The experiment that reads a recorded trace as well.
 pub const WAVEFORM_FIT: &str = "waveform-fit";
+
+/// The experiment that can be made of any number of scenes.
+pub const VISION: &str = "vision";
 
 /// The experiment called `name`.
 pub fn experiment(name: &str) -> Option<&'static Experiment> {

@@ -82,6 +82,8 @@ pub struct Outcome {
     pub charts: Vec<Chart>,
     /// What moved.
     pub motion: Option<Motion>,
+    /// What a person should look at again, one thing a line.
+    pub notes: Vec<String>,
     /// The trace it read.
     pub recorded: Option<RecordedPulse>,
 }

@@ -189,7 +189,7 @@ pub fn race_track(rig: &LabRig) -> Result<Outcome, LabFault> {
         series: series(&race),
         charts: vec![map(&race), angles(&race)],
         motion: Some(motion(&race)),
-        recorded: None,
+        ..Outcome::default()
     })
 }
 

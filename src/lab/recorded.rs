@@ -31,7 +31,8 @@ pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<Outcome, LabFault> {
         map: false,
         layers,
     };
-    Ok(Outcome { figures: figures(&fit), series, charts: vec![chart], motion: None, recorded: Some(pulse.clone()) })
+    let recorded = Some(pulse.clone());
+    Ok(Outcome { figures: figures(&fit), series, charts: vec![chart], recorded, ..Outcome::default() })
 }
 
 /// Values over milliseconds.

@@ -156,6 +156,67 @@ fn a_malformed_trace_and_a_misplaced_one_are_refused() {
 }
 
 #[test]
+fn the_eyes_are_judged_in_as_many_scenes_as_asked_for() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let (json, _) = status(&["lab", "vision", "--scenes", "1", "--seed", "4", "--out", out, "--json"], 0);
+    let result: Value = serde_json::from_str(&json).unwrap();
+    let figures = result["figures"].as_array().unwrap();
+    let figure = |name: &str| figures.iter().find(|figure| figure["name"] == name).unwrap();
+    for (name, bar) in [("clean: centre rms", 0.03), ("rough: centre rms", 0.1), ("papers: parts missed", 0.0)] {
+        assert_eq!(figure(name)["reference"], bar, "{name}");
+    }
+    let truth = |family: &str| {
+        let (picture, truth) = (folder.path().join("f.png"), folder.path().join("t.json"));
+        let files = ["--out", picture.to_str().unwrap(), "--truth", truth.to_str().unwrap()];
+        status(&[&["render", "--scene", family, "--seed", "4"], &files[..]].concat(), 0);
+        serde_json::from_str::<Value>(&fs::read_to_string(truth).unwrap()).unwrap()
+    };
+    for family in ["clean", "rough", "hard", "papers"] {
+        let parts = truth(family)["parts"].as_array().unwrap().len() as f64;
+        assert_eq!(figure(&format!("{family}: parts in all"))["measured"], parts);
+    }
+    let (text, _) = status(&["lab", "vision", "--scenes", "1", "--seed", "4", "--out", out], 0);
+    assert!(text.contains("clean: worst centre: ") && text.contains(", seed 4\n"), "{text}");
+    let (_, stderr) = status(&["lab", "waveform-fit", "--scenes", "3"], 2);
+    assert_eq!(stderr, "upm: --scenes: found experiment \"waveform-fit\", allowed: vision\n");
+    status(&["lab", "vision", "--scenes", "0"], 2);
+}
+
+#[test]
+fn a_drawn_scene_is_located_with_the_rig_file_it_comes_with() {
+    let folder = TempDir::new().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (picture, truth, rig) = (path("f.png"), path("t.json"), path("r.json"));
+    status(&["render", "--scene", "clean", "--seed", "3", "--out", &picture, "--truth", &truth, "--rig-out", &rig], 0);
+    status(&["check", &rig], 0);
+    let truth: Value = serde_json::from_str(&fs::read_to_string(truth).unwrap()).unwrap();
+    let found: Value = serde_json::from_str(&status(&["locate", &picture, "--rig", &rig, "--json"], 0).0).unwrap();
+    let distance = |a: &Value, b: &Value| {
+        (a[0].as_f64().unwrap() - b[0].as_f64().unwrap()).hypot(a[1].as_f64().unwrap() - b[1].as_f64().unwrap())
+    };
+    for i in 0..4 {
+        assert!(distance(&found["table"]["corners_px"][i], &truth["table"]["corners_px"][i]) < 1.0, "{found}");
+    }
+    let (found, truth) = (found["parts"].as_array().unwrap(), truth["parts"].as_array().unwrap());
+    assert_eq!(found.len(), truth.len());
+    for part in truth {
+        let near = |one: &&Value| {
+            one["kind"] == part["kind"]
+                && distance(&one["center_px"], &part["center_px"]) < 1.0
+                && distance(&one["position_mm"], &part["position_mm"]) < 0.5
+                && (one["radius_px"].as_f64().unwrap() - part["radius_px"].as_f64().unwrap()).abs() < 0.5
+        };
+        assert!(found.iter().any(|one| near(&one)), "{part}");
+    }
+    let (_, stderr) = status(&["render", "--scene", "dirty", "--out", &picture], 2);
+    assert_eq!(stderr, "upm: --scene: found \"dirty\", allowed: clean, rough, hard, papers\n");
+    status(&["render", "--out", &picture], 2);
+    status(&["render", "configs/plus-sign.json", "--scene", "hard", "--out", &picture], 2);
+    status(&["render", "configs/plus-sign.json", "--out", &picture, "--rig-out", &rig], 2);
+}
+
+#[test]
 #[cfg(not(feature = "rerun"))]
 fn an_experiment_is_not_recorded_without_rerun() {
     for mode in ["save", "spawn", "connect"] {

@@ -39,7 +39,7 @@ pub fn outcome(rig: &LabRig, task: &Task, runs: &[Runs; 3], asides: &Asides) -> 
         series: runs.iter().zip(["ideal_field", "strong_plate", "rigs_plate"]).flat_map(series).collect(),
         charts: maps.into_iter().filter_map(|(name, run)| map(name, task, run)).chain([misses(runs)]).collect(),
         motion: own.first().map(|way| motion(rig, task, way)),
-        recorded: None,
+        ..Outcome::default()
     }
 }
 

@@ -1,0 +1,117 @@
+//! The eyes held against rendered pictures whose truth is known.
+
+mod judge;
+mod tally;
+
+use super::{LabFault, LabRig, Outcome, Series};
+use crate::chart::{Axis, Chart, Color, Layer, Mark};
+use crate::scene::{Family, Scene};
+use judge::{Verdict, judge};
+use tally::Tally;
+
+/// Scenes of each family where nothing else is asked for.
+const SCENES: usize = 50;
+/// Width of the histogram's bins, px, and their number; the last holds all that is beyond.
+const BIN_PX: f64 = 0.01;
+const BINS: usize = 40;
+
+/// Table and parts located from nothing in 50 scenes of every family, from the seed on. Nothing of the rig is used.
+pub fn vision(lab: &LabRig) -> Result<Outcome, LabFault> {
+    Ok(vision_of(lab.seed, SCENES))
+}
+
+/// The same in `scenes` scenes of every family, of the seeds `seed`, `seed + 1`, ... The result does not depend on how
+/// many threads there are.
+pub fn vision_of(seed: u64, scenes: usize) -> Outcome {
+    let seeds: Vec<u64> = (0..scenes as u64).map(|i| seed.wrapping_add(i)).collect();
+    let tallies = Family::ALL.map(|family| Tally::new(family, &verdicts(family, &seeds)));
+    Outcome {
+        figures: tallies.iter().flat_map(Tally::figures).collect(),
+        series: tallies.iter().flat_map(series).collect(),
+        charts: vec![histogram(&tallies)],
+        notes: tallies.iter().flat_map(Tally::notes).collect(),
+        ..Outcome::default()
+    }
+}
+
+/// What became of every scene, in the seeds' order. Threads take turns; each scene is judged by itself.
+fn verdicts(family: Family, seeds: &[u64]) -> Vec<Verdict> {
+    let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let mut verdicts: Vec<Option<Verdict>> = seeds.iter().map(|_| None).collect();
+    let mut turns: Vec<Vec<(u64, &mut Option<Verdict>)>> = (0..threads).map(|_| Vec::new()).collect();
+    for (i, turn) in seeds.iter().copied().zip(&mut verdicts).enumerate() {
+        turns[i % threads].push(turn);
+    }
+    std::thread::scope(|scope| {
+        for turn in turns {
+            scope.spawn(move || {
+                for (seed, verdict) in turn {
+                    *verdict = Some(judge(family, &Scene::drawn(family, seed)));
+                }
+            });
+        }
+    });
+    verdicts.into_iter().flatten().collect()
+}
+
+/// Every centre's error, and the seeds to look at again.
+fn series(tally: &Tally) -> Vec<Series> {
+    let name = tally.family().name();
+    let mut series = vec![Series::new(&format!("{name}_center_error_px"), tally.center_errors_px())];
+    for (cause, seeds) in tally.failing() {
+        let seeds = seeds.iter().map(|&seed| seed as f64);
+        series.push(Series::new(&format!("{name}_{}_seeds", cause.replace(' ', "_")), seeds));
+    }
+    series
+}
+
+fn histogram(tallies: &[Tally]) -> Chart {
+    let layers = tallies.iter().enumerate().map(|(i, tally)| {
+        let mut counts = [0usize; BINS];
+        let errors_px = tally.center_errors_px();
+        for error in &errors_px {
+            counts[((error / BIN_PX) as usize).min(BINS - 1)] += 1;
+        }
+        let all = errors_px.len().max(1) as f64;
+        let steps = counts.iter().enumerate().flat_map(|(bin, &count)| {
+            let share = 100.0 * count as f64 / all;
+            [[bin as f64 * BIN_PX, share], [(bin + 1) as f64 * BIN_PX, share]]
+        });
+        Layer::new(tally.family().name(), Mark::Line, Color::nth(i), steps)
+    });
+    Chart {
+        name: "vision".to_owned(),
+        title: format!("Errors of the parts' centres; beyond {:.2} px in the last bin", BIN_PX * (BINS - 1) as f64),
+        x: Axis::new("error (px)"),
+        y: Axis::new("parts (%)"),
+        map: false,
+        layers: layers.collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::assert_sources_are_short;
+    use super::*;
+
+    #[test]
+    fn a_campaign_counts_every_part_and_is_the_same_again() {
+        let outcome = vision_of(3, 2);
+        assert_sources_are_short(&outcome);
+        for family in Family::ALL {
+            let figure = |name: &str| {
+                let name = format!("{family}: {name}");
+                outcome.figures.iter().find(|figure| figure.name == name).unwrap_or_else(|| panic!("{name}")).measured
+            };
+            let parts: usize = [3, 4].map(|seed| Scene::drawn(family, seed).parts.len()).iter().sum();
+            assert_eq!(figure("parts in all"), parts as f64);
+            if figure("tables not found") + figure("tables misplaced") == 0.0 {
+                let errors =
+                    &outcome.series.iter().find(|one| one.name == format!("{family}_center_error_px")).unwrap();
+                assert_eq!(errors.values.len() as f64 + figure("parts missed"), parts as f64);
+            }
+        }
+        assert_eq!(outcome.charts[0].layers.len(), 4);
+        assert_eq!(vision_of(3, 2), outcome);
+    }
+}

@@ -1,0 +1,150 @@
+use crate::geometry::Vec2;
+use crate::rig::PartKind;
+use crate::scene::{Family, PartTruth, Scene, kinds};
+use crate::vision::{CoinFinder, Detection, TableFault, locate_table};
+
+/// A table with a corner farther off than this, px, is none.
+const MISPLACED_PX: f64 = 5.0;
+
+/// What became of one scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Verdict {
+    pub seed: u64,
+    /// Parts there are.
+    pub parts: usize,
+    pub table: TableVerdict,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum TableVerdict {
+    /// No table was found.
+    NotFound(TableFault),
+    /// One was, but not where it is.
+    Misplaced,
+    /// Distances of the corners from the true ones, px, and what became of the parts.
+    Found { corner_errors_px: [f64; 4], parts: PartsVerdict },
+}
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PartsVerdict {
+    /// Of the parts that were found.
+    pub errors: Vec<PartError>,
+    pub missed: usize,
+    /// Detections where no part is.
+    pub invented: usize,
+    /// Parts found and taken for another kind.
+    pub misnamed: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartError {
+    /// Distance of the outline's centre from the true one, px.
+    pub center_px: f64,
+    /// Radius against the true one, px.
+    pub radius_px: f64,
+    /// Distance on the plate, m.
+    pub position_m: f64,
+    /// Squared error of the centre over the reported covariance, mean of the two axes.
+    pub over_covariance: f64,
+}
+
+/// Locates table and parts in the scene's picture and holds them against its truth.
+pub fn judge(family: Family, scene: &Scene) -> Verdict {
+    let verdict = |table| Verdict { seed: scene.seed, parts: scene.parts.len(), table };
+    let frame = scene.frame();
+    let table = match locate_table(&frame, &scene.lens, scene.side_m) {
+        Ok((table, _)) => table,
+        Err(fault) => return verdict(TableVerdict::NotFound(fault)),
+    };
+    let truth = scene.corners_px();
+    let corner_errors_px = [0, 1, 2, 3].map(|i| (table.corners_px[i] - truth[i]).norm());
+    if !corner_errors_px.iter().all(|&off| off < MISPLACED_PX) {
+        return verdict(TableVerdict::Misplaced);
+    }
+    let kinds = kinds_of(family);
+    let found = CoinFinder::new(&table, scene.size_px, &kinds, scene.dark_parts()).find(&frame);
+    verdict(TableVerdict::Found { corner_errors_px, parts: compare(&scene.truth(), &found) })
+}
+
+/// The kinds looked for.
+fn kinds_of(family: Family) -> Vec<PartKind> {
+    let kinds = kinds();
+    match family {
+        Family::Papers => kinds.into_iter().take(1).collect(),
+        Family::Clean | Family::Rough | Family::Hard => kinds,
+    }
+}
+
+/// Takes nearest pairs first; a part is found where a detection lies within half its radius.
+fn compare(truth: &[PartTruth], found: &[Detection]) -> PartsVerdict {
+    let distance = |i: usize, k: usize| (found[k].center_px - truth[i].center_px).norm();
+    let near = |&(i, k): &(usize, usize)| distance(i, k) < truth[i].radius_px / 2.0;
+    let mut pairs: Vec<(usize, usize)> =
+        (0..truth.len()).flat_map(|i| (0..found.len()).map(move |k| (i, k))).filter(near).collect();
+    pairs.sort_by(|a, b| distance(a.0, a.1).total_cmp(&distance(b.0, b.1)));
+    let mut matched: Vec<(usize, usize)> = Vec::new();
+    for (i, k) in pairs {
+        if matched.iter().all(|pair| pair.0 != i && pair.1 != k) {
+            matched.push((i, k));
+        }
+    }
+    matched.sort_unstable();
+    PartsVerdict {
+        errors: matched.iter().map(|&(i, k)| error(&truth[i], &found[k])).collect(),
+        missed: truth.len() - matched.len(),
+        invented: found.len() - matched.len(),
+        misnamed: matched.iter().filter(|&&(i, k)| truth[i].kind != found[k].kind).count(),
+    }
+}
+
+fn error(truth: &PartTruth, found: &Detection) -> PartError {
+    let off: Vec2 = found.center_px - truth.center_px;
+    let inverse = found.covariance_px2.try_inverse();
+    PartError {
+        center_px: off.norm(),
+        radius_px: found.radius_px - truth.radius_px,
+        position_m: (found.position_m - truth.at_m).norm(),
+        over_covariance: inverse.map_or(f64::INFINITY, |inverse| off.dot(&(inverse * off)) / 2.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix2;
+
+    fn part(x: f64, kind: usize) -> PartTruth {
+        PartTruth { kind, at_m: Vec2::new(x * 1e-3, 0.0), center_px: Vec2::new(x, 0.0), radius_px: 10.0 }
+    }
+
+    fn detection(x: f64, kind: usize) -> Detection {
+        Detection {
+            kind,
+            center_px: Vec2::new(x, 0.0),
+            radius_px: 10.0,
+            position_m: Vec2::new(x * 1e-3, 0.0),
+            score: 1.0,
+            covariance_px2: Matrix2::from_diagonal_element(0.04),
+        }
+    }
+
+    #[test]
+    fn parts_are_missed_invented_and_misnamed() {
+        let truth = [part(0.0, 0), part(20.0, 1), part(40.0, 2)];
+        // One right, one of another kind, a second one on the same part, one where none is.
+        let found = [detection(0.2, 0), detection(20.0, 3), detection(21.0, 1), detection(100.0, 0)];
+        let verdict = compare(&truth, &found);
+        assert_eq!((verdict.missed, verdict.invented, verdict.misnamed), (1, 2, 1));
+        let error = verdict.errors[0];
+        assert!((error.center_px - 0.2).abs() < 1e-12 && (error.position_m - 2e-4).abs() < 1e-12);
+        assert!((error.over_covariance - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_nearest_detection_is_the_parts() {
+        // Each within reach of both parts.
+        let verdict = compare(&[part(0.0, 0), part(8.0, 1)], &[detection(4.5, 1), detection(3.0, 0)]);
+        assert_eq!((verdict.missed, verdict.invented, verdict.misnamed), (0, 0, 0));
+        assert!((verdict.errors[0].center_px - 3.0).abs() < 1e-12);
+    }
+}
