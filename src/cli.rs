@@ -54,12 +54,7 @@ pub fn main() -> ExitCode {
     start_logging(cli.common);
     match dispatch(cli) {
         Ok(status) => ExitCode::from(status),
-        Err(failure) => {
-            for line in &failure.lines {
-                complain!("upm: {line}");
-            }
-            ExitCode::from(failure.status)
-        }
+        Err(failure) => ExitCode::from(failure.complain()),
     }
 }
 
