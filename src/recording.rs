@@ -8,6 +8,7 @@
 
 mod fanout;
 mod journal;
+mod maps;
 mod memory;
 mod motion;
 mod records;
@@ -22,6 +23,7 @@ mod timings;
 
 pub use fanout::Fanout;
 pub use journal::Journal;
+pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
 pub use memory::MemorySink;
 pub use motion::Motion;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};

@@ -138,6 +138,10 @@ pub struct LocateArgs {
     /// Parts are lighter than the plate, as white ones on black
     #[arg(long, conflicts_with = "rig")]
     pub light_parts: bool,
+    /// Draw the stages into this folder: picture, edges, Hough votes, disk response, overlay; of several pictures each
+    /// into a folder of its own
+    #[arg(long, value_name = "DIR")]
+    pub stages: Option<PathBuf>,
 }
 
 /// `upm simulate`.

@@ -1,56 +1,60 @@
 //! `upm locate`: table and parts in picture files.
 
+mod canvas;
 mod jpeg;
+mod names;
+mod panels;
 mod picture;
 mod report;
 mod setting;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use serde_json::json;
 
 use super::args::{Common, LocateArgs};
 use super::failure::Failure;
 use super::print_json;
+use crate::signal::Frame;
 use crate::time::{Clock, MonotonicClock};
-use crate::vision::{CoinFinder, Detection, Table, locate_table};
+use crate::vision::{CoinFinder, Detection, Stages, Table, locate_table};
 use report::TimeUs;
 use setting::Setting;
 
 /// What is in a picture.
 struct Located {
+    frame: Frame,
     table: Table,
     parts: Vec<Detection>,
+    stages: Stages,
     time_us: TimeUs,
 }
 
+/// Exit status: 0 when all pictures show what was looked for, else the worst of any.
 pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let setting = Setting::of(args)?;
-    if let [image] = args.images.as_slice() {
-        let located = look(image, &setting)?;
-        match common.json {
-            true => print_json(&report::as_json(&located, &setting.kinds))?,
-            false => report::say_located(&located, &setting.kinds)?,
-        }
-        return Ok(0);
-    }
+    let several = args.images.len() > 1;
     let mut worst = 0;
-    for image in &args.images {
-        let found = look(image, &setting);
-        if common.json {
-            let value = match &found {
-                Ok(located) => report::as_json(located, &setting.kinds),
-                Err(failure) => json!({ "error": failure.lines.join("; ") }),
-            };
-            report::say_line(image, value)?;
-        }
-        match found {
-            Ok(located) if !common.json => {
-                say!("{}", image.display())?;
-                report::say_located(&located, &setting.kinds)?;
+    for (image, name) in args.images.iter().zip(names::of(&args.images)) {
+        match look(image, &setting).and_then(|located| Ok((keep(&located, &name, args)?, located))) {
+            Ok((_, located)) if common.json && several => {
+                report::say_line(image, report::as_json(&located, &setting.kinds))?;
             }
-            Ok(_) => {}
-            Err(failure) => worst = worst.max(failure.complain()),
+            Ok((_, located)) if common.json => print_json(&report::as_json(&located, &setting.kinds))?,
+            Ok((written, located)) => {
+                if several {
+                    say!("{}", image.display())?;
+                }
+                report::say_located(&located, &setting.kinds)?;
+                written.iter().try_for_each(|path| say!("written: {}", path.display()))?;
+            }
+            Err(failure) => {
+                if common.json && several {
+                    report::say_line(image, json!({ "error": failure.lines.join("; ") }))?;
+                }
+                worst = worst.max(failure.complain());
+            }
         }
     }
     Ok(worst)
@@ -60,20 +64,30 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
 fn look(image: &Path, setting: &Setting) -> Result<Located, Failure> {
     let clock = MonotonicClock::new();
     let picture = picture::read(image)?;
-    let decoded = clock.elapsed();
+    let decode = clock.elapsed();
     if let Some(bits) = picture.bits {
         tracing::info!("{}: levels of 16 bits, taken as {bits} bits", image.display());
     }
     let frame = picture.frame;
     let lens = setting.lens(&frame).map_err(|fault| Failure::bad_input(format!("{}: {fault}", image.display())))?;
     let begun = clock.elapsed();
-    let (table, _) = locate_table(&frame, &lens, setting.plate_side_m)
+    let (table, mut stages) = locate_table(&frame, &lens, setting.plate_side_m)
         .map_err(|fault| Failure::failed(format!("{}: {fault}", image.display())))?;
-    let tabled = clock.elapsed();
+    let found = clock.elapsed();
     let mut finder = CoinFinder::new(&table, [frame.width, frame.height], &setting.kinds, setting.dark_parts);
     let parts = finder.find(&frame);
     let done = clock.elapsed();
-    let us = |from: std::time::Duration, to: std::time::Duration| 1e6 * (to - from).as_secs_f64();
-    let time_us = TimeUs { decode: 1e6 * decoded.as_secs_f64(), table: us(begun, tabled), parts: us(tabled, done) };
-    Ok(Located { table, parts, time_us })
+    stages.disk_response = finder.response().clone();
+    let us = |time: Duration| 1e6 * time.as_secs_f64();
+    let time_us = TimeUs { decode: us(decode), table: us(found - begun), parts: us(done - found) };
+    Ok(Located { frame, table, parts, stages, time_us })
+}
+
+/// Writes the files that `args` ask for of the picture called `name`; which.
+fn keep(located: &Located, name: &str, args: &LocateArgs) -> Result<Vec<PathBuf>, Failure> {
+    match &args.stages {
+        Some(folder) if args.images.len() > 1 => panels::write(&folder.join(name), located),
+        Some(folder) => panels::write(folder, located),
+        None => Ok(Vec::new()),
+    }
 }

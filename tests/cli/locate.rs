@@ -244,3 +244,35 @@ fn a_rendered_frame_is_located_again() {
     }
     assert_eq!(found["parts"][0]["kind"], "penny");
 }
+
+#[test]
+fn the_stages_are_drawn() {
+    const PANELS: [&str; 5] = ["1-picture.png", "2-edges.png", "3-hough.png", "4-disk-response.png", "5-overlay.png"];
+    let folder = TempDir::new().unwrap();
+    let good = saved(&folder, "good.png", papers_plate());
+    let black = saved(&folder, "black.png", GrayImage::new(640, 480));
+    let stages = folder.path().join("a/stages");
+    status(&["locate", &good, "--stages", &text(&stages)], 0);
+    let open = |name: &str| image::open(stages.join(name)).unwrap().into_rgb8();
+    let panels = PANELS.map(open);
+    for panel in [0, 1, 3, 4] {
+        assert_eq!(panels[panel].dimensions(), (SIZE[0], SIZE[1]), "{}", PANELS[panel]);
+    }
+    assert_eq!(panels[0], DynamicImage::from(papers_plate()).into_rgb8());
+    let [left, middle] = [MIDDLE_PX[0] - SIDE_PX / 2.0, MIDDLE_PX[1] - 90.0].map(|x| x.round() as u32);
+    assert!((left - 1..=left + 1).any(|x| panels[1].get_pixel(x, middle).0[0] > 100), "no edge on the left side");
+    assert_eq!(panels[1].get_pixel(left - 20, middle).0, [0; 3]);
+    let at = |panel: usize, [x, y]: [f64; 2]| panels[panel].get_pixel(x.round() as u32, y.round() as u32).0;
+    assert!(at(3, PARTS_PX[0])[0] > 240 && at(3, MIDDLE_PX)[0] < 60, "hot at a part, cold beside");
+    let colored = |[r, g, b]: [u8; 3]| r.abs_diff(g).max(g.abs_diff(b)) > 20;
+    let [x, y] = PARTS_PX[1];
+    assert!(colored(at(4, [x, y])) && colored(at(4, [x + PENNY_PX, y])) && !colored(at(4, MIDDLE_PX)));
+
+    status(&["locate", &good, &black, &good, "--stages", &text(&stages.join("many"))], 1);
+    let mut folders: Vec<_> =
+        fs::read_dir(stages.join("many")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    folders.sort();
+    assert_eq!(folders, ["good", "good-2"]);
+    let (_, stderr) = status(&["locate", &good, "--stages", &good], 1);
+    assert!(stderr.starts_with(&format!("upm: {good}: cannot be written: ")), "{stderr}");
+}

@@ -193,7 +193,8 @@ impl Recorder {
         match message {
             Message::Localised(found) => {
                 self.tape.at(found.frame.exposed_at, self.cycle);
-                vision::log(&self.tape, &found, &self.context)?;
+                let names: Vec<&str> = self.context.parts.iter().map(|part| part.id.as_str()).collect();
+                vision::log(&self.tape, &found, &names)?;
                 self.words.localised(&self.tape, &found, &self.context)?;
                 self.camera.localised(&self.tape, found.table)
             }
