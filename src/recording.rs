@@ -29,7 +29,7 @@ pub use motion::Motion;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 pub use report::{Outcome, PartReport, Report};
 #[cfg(feature = "rerun")]
-pub use rerun::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext, record_lab};
+pub use rerun::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext, record_lab, record_located};
 pub use rerun_mode::{BadRerunMode, RerunMode};
 pub use tally::{Ending, PartEnding, Tally};
 pub use timings::{Durations, Quantiles, Timings, TimingsReport};

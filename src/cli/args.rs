@@ -142,6 +142,12 @@ pub struct LocateArgs {
     /// into a folder of its own
     #[arg(long, value_name = "DIR")]
     pub stages: Option<PathBuf>,
+    /// What becomes of Rerun recordings, one of each picture: off, save, connect[=URL] or spawn
+    #[arg(long, value_name = "MODE", default_value = "off")]
+    pub rerun: String,
+    /// Folder that recordings go into
+    #[arg(long, value_name = "DIR", default_value = "runs/locate")]
+    pub out: PathBuf,
 }
 
 /// `upm simulate`.

@@ -15,38 +15,42 @@ use serde_json::json;
 
 use super::args::{Common, LocateArgs};
 use super::failure::Failure;
-use super::print_json;
-use crate::signal::Frame;
+use super::{print_json, recording};
+use crate::recording::{LocalisedRecord, RerunMode};
 use crate::time::{Clock, MonotonicClock};
-use crate::vision::{CoinFinder, Detection, Stages, Table, locate_table};
+use crate::vision::{CoinFinder, locate_table};
 use report::TimeUs;
 use setting::Setting;
 
 /// What is in a picture.
 struct Located {
-    frame: Frame,
-    table: Table,
-    parts: Vec<Detection>,
-    stages: Stages,
+    found: LocalisedRecord,
     time_us: TimeUs,
 }
 
 /// Exit status: 0 when all pictures show what was looked for, else the worst of any.
 pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let setting = Setting::of(args)?;
+    let rerun = args.rerun.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;
+    recording::check(&rerun)?;
     let several = args.images.len() > 1;
     let mut worst = 0;
     for (image, name) in args.images.iter().zip(names::of(&args.images)) {
-        match look(image, &setting).and_then(|located| Ok((keep(&located, &name, args)?, located))) {
+        let made = look(image, &setting).and_then(|located| {
+            let mut written = draw(&located.found, &name, args)?;
+            written.extend(record(&located.found, image, &name, args, &rerun, &setting)?);
+            Ok((written, located))
+        });
+        match made {
             Ok((_, located)) if common.json && several => {
-                report::say_line(image, report::as_json(&located, &setting.kinds))?;
+                report::say_line(image, report::as_json(&located, &setting))?;
             }
-            Ok((_, located)) if common.json => print_json(&report::as_json(&located, &setting.kinds))?,
+            Ok((_, located)) if common.json => print_json(&report::as_json(&located, &setting))?,
             Ok((written, located)) => {
                 if several {
                     say!("{}", image.display())?;
                 }
-                report::say_located(&located, &setting.kinds)?;
+                report::say_located(&located, &setting)?;
                 written.iter().try_for_each(|path| say!("written: {}", path.display()))?;
             }
             Err(failure) => {
@@ -75,19 +79,39 @@ fn look(image: &Path, setting: &Setting) -> Result<Located, Failure> {
         .map_err(|fault| Failure::failed(format!("{}: {fault}", image.display())))?;
     let found = clock.elapsed();
     let mut finder = CoinFinder::new(&table, [frame.width, frame.height], &setting.kinds, setting.dark_parts);
-    let parts = finder.find(&frame);
+    let detections = finder.find(&frame);
     let done = clock.elapsed();
     stages.disk_response = finder.response().clone();
     let us = |time: Duration| 1e6 * time.as_secs_f64();
     let time_us = TimeUs { decode: us(decode), table: us(found - begun), parts: us(done - found) };
-    Ok(Located { frame, table, parts, stages, time_us })
+    let found = LocalisedRecord { frame, table, detections, stages, localise_us: us(done - begun) };
+    Ok(Located { found, time_us })
 }
 
-/// Writes the files that `args` ask for of the picture called `name`; which.
-fn keep(located: &Located, name: &str, args: &LocateArgs) -> Result<Vec<PathBuf>, Failure> {
+/// Draws the stages if `args` ask for it; the files.
+fn draw(found: &LocalisedRecord, name: &str, args: &LocateArgs) -> Result<Vec<PathBuf>, Failure> {
     match &args.stages {
-        Some(folder) if args.images.len() > 1 => panels::write(&folder.join(name), located),
-        Some(folder) => panels::write(folder, located),
+        Some(folder) if args.images.len() > 1 => panels::write(&folder.join(name), found),
+        Some(folder) => panels::write(folder, found),
         None => Ok(Vec::new()),
     }
+}
+
+/// Makes the recording called `name` that `rerun` asks for; its file.
+fn record(
+    found: &LocalisedRecord,
+    image: &Path,
+    name: &str,
+    args: &LocateArgs,
+    rerun: &RerunMode,
+    setting: &Setting,
+) -> Result<Option<PathBuf>, Failure> {
+    if *rerun == RerunMode::Off {
+        return Ok(None);
+    }
+    std::fs::create_dir_all(&args.out).map_err(|error| Failure::write(&args.out, error))?;
+    let path = args.out.join(format!("{name}.rrd"));
+    let kinds: Vec<&str> = found.detections.iter().map(|part| setting.kind_name(part.kind)).collect();
+    recording::located(rerun, &path, &image.display().to_string(), found, &kinds)?;
+    Ok(Some(path))
 }

@@ -4,11 +4,10 @@ use std::path::{Path, PathBuf};
 
 use image::{DynamicImage, GrayImage, RgbImage};
 
-use super::Located;
 use super::canvas::Canvas;
 use crate::cli::failure::Failure;
 use crate::geometry::Vec2;
-use crate::recording::{edge_map, outline_px, response_map, vote_map};
+use crate::recording::{LocalisedRecord, edge_map, outline_px, response_map, vote_map};
 
 /// The map of votes is shrunk to no more than this, px.
 const VOTES_PX: [usize; 2] = [720, 720];
@@ -21,16 +20,16 @@ const KINDS: [[u8; 3]; 6] =
     [[70, 160, 255], [255, 150, 30], [190, 110, 255], [255, 75, 110], [0, 190, 190], [200, 170, 0]];
 
 /// Writes the panels into `folder`; their files.
-pub(super) fn write(folder: &Path, located: &Located) -> Result<Vec<PathBuf>, Failure> {
+pub(super) fn write(folder: &Path, found: &LocalisedRecord) -> Result<Vec<PathBuf>, Failure> {
     std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
-    let size = [located.frame.width, located.frame.height];
-    let picture = picture(located);
-    let overlay = overlay(located, DynamicImage::from(picture.clone()).into_rgb8());
+    let size = [found.frame.width, found.frame.height];
+    let picture = picture(found);
+    let overlay = overlay(found, DynamicImage::from(picture.clone()).into_rgb8());
     let panels: [(&str, DynamicImage); 5] = [
         ("1-picture.png", picture.into()),
-        ("2-edges.png", edge_map(&located.stages.edges, size, 1).into()),
-        ("3-hough.png", hough(located).into()),
-        ("4-disk-response.png", response(located, response_map(&located.stages.disk_response, size, 1)).into()),
+        ("2-edges.png", edge_map(&found.stages.edges, size, 1).into()),
+        ("3-hough.png", hough(found).into()),
+        ("4-disk-response.png", response(found, response_map(&found.stages.disk_response, size, 1)).into()),
         ("5-overlay.png", overlay.into()),
     ];
     let write = |(name, panel): (&str, DynamicImage)| {
@@ -40,13 +39,13 @@ pub(super) fn write(folder: &Path, located: &Located) -> Result<Vec<PathBuf>, Fa
     panels.into_iter().map(write).collect()
 }
 
-fn picture(located: &Located) -> GrayImage {
-    let frame = &located.frame;
+fn picture(found: &LocalisedRecord) -> GrayImage {
+    let frame = &found.frame;
     GrayImage::from_raw(frame.width as u32, frame.height as u32, frame.pixels.clone()).unwrap_or_default()
 }
 
-fn hough(located: &Located) -> RgbImage {
-    let map = vote_map(&located.stages.hough, VOTES_PX);
+fn hough(found: &LocalisedRecord) -> RgbImage {
+    let map = vote_map(&found.stages.hough, VOTES_PX);
     let mut canvas = Canvas::new(map.picture);
     for [x, y] in map.peaks {
         canvas.circle(Vec2::new(f64::from(x), f64::from(y)) - Vec2::repeat(0.5), 9.0, FOUND);
@@ -54,24 +53,24 @@ fn hough(located: &Located) -> RgbImage {
     canvas.image
 }
 
-fn response(located: &Located, map: RgbImage) -> RgbImage {
+fn response(found: &LocalisedRecord, map: RgbImage) -> RgbImage {
     let mut canvas = Canvas::new(map);
-    for part in &located.parts {
+    for part in &found.detections {
         canvas.circle(part.center_px, 5.0 * canvas.line_px(), PEAK);
     }
     canvas.image
 }
 
 /// The table's outline and corners, each part's outline and centre in its kind's colour.
-fn overlay(located: &Located, picture: RgbImage) -> RgbImage {
+fn overlay(found: &LocalisedRecord, picture: RgbImage) -> RgbImage {
     let mut canvas = Canvas::new(picture);
-    for (a, b) in outline_px(&located.table).zip(outline_px(&located.table).skip(1)) {
+    for (a, b) in outline_px(&found.table).zip(outline_px(&found.table).skip(1)) {
         canvas.line(a, b, FOUND);
     }
-    for corner in located.table.corners_px {
+    for corner in found.table.corners_px {
         canvas.circle(corner, 4.0 * canvas.line_px(), FOUND);
     }
-    for part in &located.parts {
+    for part in &found.detections {
         let color = KINDS[part.kind % KINDS.len()];
         canvas.circle(part.center_px, part.radius_px, color);
         canvas.cross(part.center_px, 0.25 * part.radius_px, color);

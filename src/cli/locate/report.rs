@@ -5,8 +5,9 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::Located;
+use super::setting::Setting;
 use crate::cli::failure::Failure;
-use crate::rig::PartKind;
+use crate::recording::LocalisedRecord;
 use crate::units::mm_from_m;
 
 /// Wall time that one picture took, µs.
@@ -20,12 +21,12 @@ pub(super) struct TimeUs {
     pub parts: f64,
 }
 
-pub(super) fn as_json(located: &Located, kinds: &[PartKind]) -> Value {
-    let Located { table, parts, time_us, .. } = located;
+pub(super) fn as_json(located: &Located, setting: &Setting) -> Value {
+    let Located { found: LocalisedRecord { table, detections: parts, .. }, time_us } = located;
     let parts = parts.iter().map(|part| {
         let [[xx, xy], [_, yy]] = part.covariance_px2.into();
         json!({
-            "kind": kinds.get(part.kind).map(|kind| &kind.name),
+            "kind": setting.kind_name(part.kind),
             "center_px": [part.center_px.x, part.center_px.y],
             "radius_px": part.radius_px,
             "position_mm": [mm_from_m(part.position_m.x), mm_from_m(part.position_m.y)],
@@ -53,15 +54,15 @@ pub(super) fn say_line(image: &Path, value: Value) -> Result<(), Failure> {
     say!("{}", Value::Object(line))
 }
 
-pub(super) fn say_located(located: &Located, kinds: &[PartKind]) -> Result<(), Failure> {
-    let Located { table, parts, time_us, .. } = located;
+pub(super) fn say_located(located: &Located, setting: &Setting) -> Result<(), Failure> {
+    let Located { found: LocalisedRecord { table, detections: parts, .. }, time_us } = located;
     say!("table: side {:.1} px, turned {:.2} deg", table.side_px, table.rotation_rad.to_degrees())?;
     for (name, corner) in ["top left", "top right", "bottom right", "bottom left"].iter().zip(table.corners_px) {
         say!("  {name:12} ({:8.2}, {:8.2}) px", corner.x, corner.y)?;
     }
     say!("parts: {}", parts.len())?;
     for part in parts {
-        let (name, at) = (kinds.get(part.kind).map_or("?", |kind| kind.name.as_str()), part.position_m * 1e3);
+        let (name, at) = (setting.kind_name(part.kind), part.position_m * 1e3);
         let (radius, score) = (part.radius_px, part.score);
         say!("  {name:12} ({:8.2}, {:8.2}) mm   radius {radius:.2} px   score {score:.3}", at.x, at.y)?;
     }
@@ -69,14 +70,14 @@ pub(super) fn say_located(located: &Located, kinds: &[PartKind]) -> Result<(), F
     let [decode, table, parts] = [decode, table, parts].map(|us| us / 1e3);
     say!(
         "found: {} in {:.1} ms (table {table:.1}, parts {parts:.1}); decoded in {decode:.1} ms",
-        counted(located, kinds),
+        counted(located, setting),
         table + parts
     )
 }
 
 /// `a table, 3 penny, 1 dime`; every kind that was looked for.
-fn counted(located: &Located, kinds: &[PartKind]) -> String {
-    let count = |i| located.parts.iter().filter(|part| part.kind == i).count();
-    let counts = kinds.iter().enumerate().map(|(i, kind)| format!(", {} {}", count(i), kind.name));
+fn counted(located: &Located, setting: &Setting) -> String {
+    let count = |i| located.found.detections.iter().filter(|part| part.kind == i).count();
+    let counts = setting.kinds.iter().enumerate().map(|(i, kind)| format!(", {} {}", count(i), kind.name));
     format!("a table{}", counts.collect::<String>())
 }

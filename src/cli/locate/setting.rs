@@ -54,6 +54,11 @@ impl Setting {
         Ok(Self { plate_side_m, kinds, dark_parts: !args.light_parts, camera: None })
     }
 
+    /// What parts of that kind are called.
+    pub(super) fn kind_name(&self, kind: usize) -> &str {
+        self.kinds.get(kind).map_or("?", |kind| kind.name.as_str())
+    }
+
     /// The lens that `frame` was taken through. Without a rig it distorts nothing and is so long that parts are seen from
     /// straight above.
     pub(super) fn lens(&self, frame: &Frame) -> Result<Lens, String> {

@@ -122,7 +122,7 @@ impl Tape {
     }
 
     /// All that is logged next belongs to this moment.
-    fn at(&self, at: PlateTime, cycle: u64) {
+    pub(super) fn at(&self, at: PlateTime, cycle: u64) {
         self.0.set_time(PLATE_TIME, TimeCell::from_duration_nanos(nanos(at)));
         self.0.set_time_sequence(CYCLE, i64::try_from(cycle).unwrap_or(i64::MAX));
     }

@@ -40,12 +40,11 @@ fn log_frame(tape: &Tape, found: &LocalisedRecord, names: &[&str]) -> Logged {
         .with_colors([paint::color(paint::TRUE)])
         .with_radii([paint::thin(4.0)]);
     tape.log("vision/frame/corners", &corners)?;
-    let labels = found.detections.iter().enumerate().map(|(i, part)| {
-        let name = names.get(i).unwrap_or(&"part");
-        format!("{name}, score {:.2}", part.score)
-    });
+    // scores stand in the view of the disk response: one word a part leaves many parts legible
+    let labels: Vec<String> =
+        (0..found.detections.len()).map(|i| (*names.get(i).unwrap_or(&"part")).to_owned()).collect();
     let below = found.detections.iter().map(|part| in_frame(part.center_px + Vec2::y() * part.radius_px));
-    tape.log("vision/frame/names", &paint::names(below, &labels.collect::<Vec<_>>()))?;
+    tape.log("vision/frame/names", &paint::names(below, &labels))?;
     let circles = Ellipses2D::from_centers_and_half_sizes(
         found.detections.iter().map(|part| in_frame(part.center_px)),
         found.detections.iter().map(|part| [part.radius_px as f32; 2]),
