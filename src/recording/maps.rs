@@ -66,8 +66,8 @@ fn laid_over(plane: &Plane, [width, height]: [usize; 2], shrink: usize) -> Plane
         return Plane { width: 0, height: 0, values: Vec::new() };
     }
     let square = (width / plane.width).max(1);
-    if square == 1 || square == shrink {
-        return pooled(plane, [shrink / square; 2]);
+    if square == 1 {
+        return pooled(plane, [shrink; 2]);
     }
     let rows = (0..height).map(|y| (y / square).min(plane.height - 1));
     let values = rows.flat_map(|row| {
