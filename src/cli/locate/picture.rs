@@ -43,7 +43,7 @@ pub(super) fn read(path: &Path) -> Result<Picture, Failure> {
 /// one that is too large.
 pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(no_picture)?;
-    let format = reader.format().ok_or_else(|| if bytes.is_empty() { "an empty file" } else { "no picture" })?;
+    let format = reader.format().ok_or(if bytes.is_empty() { "an empty file" } else { "no picture" })?;
     if format == ImageFormat::Jpeg && !jpeg::is_whole(bytes) {
         return Err("a JPEG picture that ends too early".into());
     }
