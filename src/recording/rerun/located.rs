@@ -54,7 +54,7 @@ mod tests {
         for path in ["frame/image", "frame/table", "frame/parts", "edges/map", "hough/votes", "disk_response/map"] {
             assert!(entities.contains(&format!("/vision/{path}")), "{path} is not among {entities:#?}");
         }
-        let bounded = blueprint.all_entities().iter().filter(|path| path.to_string().ends_with("VisualBounds2D"));
+        let bounded = blueprint.all_entities().into_iter().filter(|path| path.to_string().ends_with("VisualBounds2D"));
         assert_eq!(bounded.count(), 3);
         assert!(record_located(&RerunMode::Off, &folder.path().join("off.rrd"), "", &found, &[]).is_ok());
         assert!(!folder.path().join("off.rrd").exists());
