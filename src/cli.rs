@@ -18,10 +18,10 @@ mod calibrate;
 mod check;
 mod failure;
 mod lab;
-mod lab_recording;
 mod lab_table;
 mod locate;
 mod progress;
+mod recording;
 mod render;
 mod render_scene;
 mod replay;
@@ -55,12 +55,7 @@ pub fn main() -> ExitCode {
     start_logging(cli.common);
     match dispatch(cli) {
         Ok(status) => ExitCode::from(status),
-        Err(failure) => {
-            for line in &failure.lines {
-                complain!("upm: {line}");
-            }
-            ExitCode::from(failure.status)
-        }
+        Err(failure) => ExitCode::from(failure.complain()),
     }
 }
 

@@ -8,6 +8,7 @@
 
 mod fanout;
 mod journal;
+mod maps;
 mod memory;
 mod motion;
 mod records;
@@ -22,12 +23,13 @@ mod timings;
 
 pub use fanout::Fanout;
 pub use journal::Journal;
+pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
 pub use memory::MemorySink;
 pub use motion::Motion;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 pub use report::{Outcome, PartReport, Report};
 #[cfg(feature = "rerun")]
-pub use rerun::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext, record_lab};
+pub use rerun::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext, record_lab, record_located};
 pub use rerun_mode::{BadRerunMode, RerunMode};
 pub use tally::{Ending, PartEnding, Tally};
 pub use timings::{Durations, Quantiles, Timings, TimingsReport};

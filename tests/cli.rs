@@ -12,6 +12,8 @@ use tempfile::TempDir;
 mod coverage;
 #[path = "cli/lab.rs"]
 mod lab;
+#[path = "cli/locate.rs"]
+mod locate;
 
 fn upm() -> Command {
     let mut command = Command::cargo_bin("upm").unwrap();
@@ -97,41 +99,9 @@ fn files_that_are_none_are_refused() {
     status(&["run", &path("half.json", b"{\"name\": \"x\"")], 2);
     status(&["run", &path("latin.json", b"{\"name\": \"\xe9\"}")], 2);
     status(&["check", &path("deep.json", "[".repeat(100_000).as_bytes())], 2);
-    status(&["locate", &path("no.png", b"not a picture")], 2);
-    status(&["locate", "no-such-picture.png"], 2);
     status(&["schema", "nonsense"], 2);
     status(&["verify", folder.path().to_str().unwrap()], 2);
     status(&["frobnicate"], 2);
-}
-
-#[test]
-fn a_picture_without_a_table_says_so() {
-    let folder = TempDir::new().unwrap();
-    let picture = folder.path().join("black.png");
-    image::GrayImage::new(640, 480).save(&picture).unwrap();
-    let (_, stderr) = status(&["locate", picture.to_str().unwrap()], 1);
-    assert_eq!(stderr.trim().lines().count(), 1, "{stderr}");
-    let dot = folder.path().join("dot.png");
-    image::GrayImage::new(1, 1).save(&dot).unwrap();
-    status(&["locate", dot.to_str().unwrap()], 1);
-}
-
-#[test]
-fn a_rendered_frame_is_located_again() {
-    let folder = TempDir::new().unwrap();
-    let (frame, truth) = (folder.path().join("frame.png"), folder.path().join("truth.json"));
-    let (frame, truth) = (frame.to_str().unwrap(), truth.to_str().unwrap());
-    status(&["render", "configs/plus-sign.json", "--out", frame, "--truth", truth], 0);
-    let (stdout, _) = status(&["locate", frame, "--rig", "configs/rigs/upm-1.json", "--json"], 0);
-    let found: Value = serde_json::from_str(&stdout).unwrap();
-    let truth: Value = serde_json::from_str(&fs::read_to_string(truth).unwrap()).unwrap();
-    assert_eq!(found["parts"].as_array().unwrap().len(), 1);
-    let at = |value: &Value, i: usize| value["parts"][0]["position_mm"][i].as_f64().unwrap();
-    for axis in 0..2 {
-        let error = at(&found, axis) - at(&truth, axis);
-        assert!(error.abs() < 0.1, "axis {axis} off by {error} mm");
-    }
-    assert_eq!(found["parts"][0]["kind"], "penny");
 }
 
 #[test]

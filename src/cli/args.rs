@@ -128,12 +128,32 @@ pub struct RenderArgs {
 /// `upm locate`.
 #[derive(Args, Debug)]
 pub struct LocateArgs {
-    /// Picture: PNG, JPEG, PNM or TIFF, gray or colour
-    #[arg(value_name = "IMAGE")]
-    pub image: PathBuf,
+    /// Pictures: PNG, JPEG, PNM or TIFF, gray or colour, 8 or 16 bits
+    #[arg(value_name = "IMAGE", required = true)]
+    pub images: Vec<PathBuf>,
     /// Rig file; without it an 8x8 in table, pennies, no lens distortion
     #[arg(long, value_name = "RIG.json")]
     pub rig: Option<PathBuf>,
+    /// Kinds to look for: penny, nickel, dime, quarter or the rig's own. Without it all of the rig's, pennies without a
+    /// rig
+    #[arg(long, value_name = "KIND,...", value_delimiter = ',')]
+    pub kinds: Vec<String>,
+    /// Side of the square plate, mm [default: 203.2]
+    #[arg(long, value_name = "MM", conflicts_with = "rig", allow_negative_numbers = true)]
+    pub plate_side_mm: Option<f64>,
+    /// Parts are lighter than the plate, as white ones on black
+    #[arg(long, conflicts_with = "rig")]
+    pub light_parts: bool,
+    /// Draw the stages into this folder: picture, edges, Hough votes, disk response, overlay; of several pictures each
+    /// into a folder of its own
+    #[arg(long, value_name = "DIR")]
+    pub stages: Option<PathBuf>,
+    /// What becomes of Rerun recordings, one of each picture: off, save, connect[=URL] or spawn
+    #[arg(long, value_name = "MODE", default_value = "off")]
+    pub rerun: String,
+    /// Folder that recordings go into
+    #[arg(long, value_name = "DIR", default_value = "runs/locate")]
+    pub out: PathBuf,
 }
 
 /// `upm simulate`.

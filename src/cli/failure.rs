@@ -26,6 +26,12 @@ impl Failure {
         Self { status: BAD_INPUT, lines: faults.into_iter().map(|fault| fault.to_string()).collect() }
     }
 
+    /// Tells the faults on stderr; what the exit status shall be.
+    pub fn complain(&self) -> u8 {
+        self.lines.iter().for_each(|line| complain!("upm: {line}"));
+        self.status
+    }
+
     /// A file could not be written.
     pub fn write(path: &Path, error: impl Display) -> Self {
         Self::failed(format!("{}: cannot be written: {error}", path.display()))

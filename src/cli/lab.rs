@@ -6,10 +6,10 @@ use serde_json::{Value, json};
 
 use super::args::{Common, LabArgs};
 use super::failure::Failure;
-use super::lab_recording;
 use super::lab_table::table;
 use super::print_json;
 use super::progress::Spinner;
+use super::recording;
 use crate::chart::svg;
 use crate::config::{RigSpec, load_trace, trace_to_json};
 use crate::lab::{EXPERIMENTS, LabRig, Outcome, VISION, WAVEFORM_FIT, experiment, vision_of, waveform_fit_of};
@@ -18,7 +18,7 @@ use crate::recording::RerunMode;
 pub(super) fn lab(args: &LabArgs, common: Common) -> Result<u8, Failure> {
     let Some(name) = &args.experiment else { return list(common) };
     let rerun: RerunMode = args.rerun.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;
-    lab_recording::check(&rerun)?;
+    recording::check(&rerun)?;
     let (on, outcome) = match &args.trace {
         Some(trace) => (trace.display().to_string(), read_trace(name, trace)?),
         None => make(name, args, common)?,
@@ -27,7 +27,7 @@ pub(super) fn lab(args: &LabArgs, common: Common) -> Result<u8, Failure> {
     let mut written = write_files(name, &outcome, args)?;
     if rerun != RerunMode::Off {
         let path = args.out.join(format!("{name}.rrd"));
-        lab_recording::record(&rerun, &path, &title, &outcome)?;
+        recording::lab(&rerun, &path, &title, &outcome)?;
         written.push(path);
     }
     if common.json {

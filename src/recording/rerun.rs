@@ -18,6 +18,7 @@ mod lab;
 #[cfg(test)]
 mod lab_tests;
 mod live;
+mod located;
 mod paint;
 mod picture;
 mod plots;
@@ -32,4 +33,5 @@ mod vision;
 mod words;
 
 pub use lab::record_lab;
+pub use located::record_located;
 pub use sink::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext};

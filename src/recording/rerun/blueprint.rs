@@ -34,7 +34,7 @@ pub(super) fn send(stream: &RecordingStream, context: &RunContext) -> Result<(),
 
 /// The pages in the order of their tabs.
 fn pages(layout: &mut Layout, context: &RunContext) -> Vec<ContainerLike> {
-    vec![run(layout, context), vision(layout, context), signals(layout), errors(layout)]
+    vec![run(layout, context), vision(layout, context.model.frame_size_px), signals(layout), errors(layout)]
 }
 
 fn run(layout: &mut Layout, context: &RunContext) -> ContainerLike {
@@ -49,8 +49,9 @@ fn run(layout: &mut Layout, context: &RunContext) -> ContainerLike {
     Vertical::new([above.into(), below.into()]).with_row_shares([2.0, 1.0]).with_name("Run").into()
 }
 
-fn vision(layout: &mut Layout, context: &RunContext) -> ContainerLike {
-    let [width, height] = context.model.frame_size_px.map(|side| side as f64);
+/// How table and parts were found in a frame of that size.
+pub(super) fn vision(layout: &mut Layout, frame_size_px: [usize; 2]) -> ContainerLike {
+    let [width, height] = frame_size_px.map(|side| side as f64);
     let frame = layout.image("Table and parts as found", "vision/frame", width, height);
     let edges = layout.image("Edges", "vision/edges", width / 2.0, height / 2.0);
     let hough = Spatial2DView::new("Hough votes: angle right, distance down").with_origin("vision/hough").into();

@@ -6,6 +6,7 @@ use super::recorder::{Logged, Looks, Tape};
 use super::sink::RunContext;
 use super::trails::Trails;
 use crate::geometry::Vec2;
+use crate::recording::maps::outline_px;
 use crate::recording::records::CycleRecord;
 use crate::signal::Frame;
 use crate::vision::{Table, Track};
@@ -64,16 +65,4 @@ impl CameraView {
             .with_radii([paint::thin(4.0)]);
         tape.log("camera/targets", &targets)
     }
-}
-
-/// The table's rim in the picture, closed. Its sides are curved where the lens bends them.
-pub(super) fn outline_px(table: &Table) -> impl Iterator<Item = Vec2> {
-    const STEPS: usize = 16;
-    let h = table.side_m / 2.0;
-    let corners = [(-h, h), (h, h), (h, -h), (-h, -h)].map(|(x, y)| Vec2::new(x, y));
-    (0..=4 * STEPS).map(move |i| {
-        let (from, to) = (corners[i / STEPS % 4], corners[(i / STEPS + 1) % 4]);
-        let p_m = from.lerp(&to, (i % STEPS) as f64 / STEPS as f64);
-        table.lens.image_from_ideal(table.ideal_from_table.apply(p_m))
-    })
 }

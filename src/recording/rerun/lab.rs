@@ -10,7 +10,7 @@ use super::charts::ChartView;
 use super::file::RrdFile;
 use super::paint::{self, above, thin};
 use super::recorder::{Logged, Tape};
-use super::sink::{RecordingError, RecordingStats, close, open};
+use super::sink::{RecordingError, RecordingStats, record};
 use crate::chart::Chart;
 use crate::geometry::Vec2;
 use crate::lab::{Figure, HEADS, Motion, NUMBERS, Outcome, Track};
@@ -28,14 +28,7 @@ pub fn record_lab(
     title: &str,
     outcome: &Outcome,
 ) -> Result<RecordingStats, RecordingError> {
-    if *mode == RerunMode::Off {
-        return Ok(RecordingStats::default());
-    }
-    let (out, live) = open(mode, path)?;
-    let (live, queue) = live.unzip();
-    let file = RrdFile::new(out, queue).map_err(|reason| RecordingError::Write { path: path.to_owned(), reason })?;
-    let recorded = log(file.clone(), title, outcome);
-    close(path, &file, live, recorded)
+    record(mode, path, |file| log(file, title, outcome))
 }
 
 fn log(file: RrdFile, title: &str, outcome: &Outcome) -> Logged {

@@ -122,7 +122,7 @@ impl Tape {
     }
 
     /// All that is logged next belongs to this moment.
-    fn at(&self, at: PlateTime, cycle: u64) {
+    pub(super) fn at(&self, at: PlateTime, cycle: u64) {
         self.0.set_time(PLATE_TIME, TimeCell::from_duration_nanos(nanos(at)));
         self.0.set_time_sequence(CYCLE, i64::try_from(cycle).unwrap_or(i64::MAX));
     }
@@ -193,7 +193,8 @@ impl Recorder {
         match message {
             Message::Localised(found) => {
                 self.tape.at(found.frame.exposed_at, self.cycle);
-                vision::log(&self.tape, &found, &self.context)?;
+                let names: Vec<&str> = self.context.parts.iter().map(|part| part.id.as_str()).collect();
+                vision::log(&self.tape, &found, &names)?;
                 self.words.localised(&self.tape, &found, &self.context)?;
                 self.camera.localised(&self.tape, found.table)
             }

@@ -9,7 +9,7 @@ use rerun::external::re_uri::ProxyUri;
 
 use super::file::RrdFile;
 use super::live::{Live, LiveQueue};
-use super::recorder::{Looks, Message, Recorder};
+use super::recorder::{Logged, Looks, Message, Recorder};
 use crate::control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use crate::library::Library;
 use crate::recording::records::EventRecord;
@@ -248,11 +248,28 @@ impl Sink for RerunSink {
     }
 }
 
+/// Makes a whole recording at once by `log`, into the file at `path` and to the viewer of `mode`. With
+/// [`RerunMode::Off`] does nothing.
+pub(super) fn record(
+    mode: &RerunMode,
+    path: &Path,
+    log: impl FnOnce(RrdFile) -> Logged,
+) -> Result<RecordingStats, RecordingError> {
+    if *mode == RerunMode::Off {
+        return Ok(RecordingStats::default());
+    }
+    let (out, live) = open(mode, path)?;
+    let (live, queue) = live.unzip();
+    let file = RrdFile::new(out, queue).map_err(|reason| RecordingError::Write { path: path.to_owned(), reason })?;
+    let recorded = log(file.clone());
+    close(path, &file, live, recorded)
+}
+
 /// Where a recording goes: a file, and with a viewer what feeds it.
-pub(super) type Destination = (Box<dyn Write + Send>, Option<(Live, LiveQueue)>);
+type Destination = (Box<dyn Write + Send>, Option<(Live, LiveQueue)>);
 
 /// Opens the file at `path` and the viewer of `mode`, if there is one.
-pub(super) fn open(mode: &RerunMode, path: &Path) -> Result<Destination, RecordingError> {
+fn open(mode: &RerunMode, path: &Path) -> Result<Destination, RecordingError> {
     let live = viewer_address(mode)?.map(Live::start).transpose().map_err(thread_fault)?;
     let file =
         File::create(path).map_err(|e| RecordingError::Create { path: path.to_owned(), reason: e.to_string() })?;
@@ -261,7 +278,7 @@ pub(super) fn open(mode: &RerunMode, path: &Path) -> Result<Destination, Recordi
 
 /// Closes `file` and lets the viewer take what is left. `Err` with the first fault of writing it or of what was
 /// `recorded`.
-pub(super) fn close(
+fn close(
     path: &Path,
     file: &RrdFile,
     live: Option<Live>,

@@ -1,0 +1,79 @@
+//! The stages of finding table and parts as five pictures.
+
+use std::path::{Path, PathBuf};
+
+use image::{DynamicImage, GrayImage, RgbImage};
+
+use super::canvas::Canvas;
+use crate::cli::failure::Failure;
+use crate::geometry::Vec2;
+use crate::recording::{LocalisedRecord, edge_map, outline_px, response_map, vote_map};
+
+/// The map of votes is shrunk to no more than this, px.
+const VOTES_PX: [usize; 2] = [720, 720];
+/// Of what was found, other than parts.
+const FOUND: [u8; 3] = [90, 225, 120];
+/// Of peaks, on yellow.
+const PEAK: [u8; 3] = [30, 130, 255];
+/// Of parts, by kind: seen on black and on white.
+const KINDS: [[u8; 3]; 6] =
+    [[70, 160, 255], [255, 150, 30], [190, 110, 255], [255, 75, 110], [0, 190, 190], [200, 170, 0]];
+
+/// Writes the panels into `folder`; their files.
+pub(super) fn write(folder: &Path, found: &LocalisedRecord) -> Result<Vec<PathBuf>, Failure> {
+    std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
+    let size = [found.frame.width, found.frame.height];
+    let picture = picture(found);
+    let overlay = overlay(found, DynamicImage::from(picture.clone()).into_rgb8());
+    let panels: [(&str, DynamicImage); 5] = [
+        ("1-picture.png", picture.into()),
+        ("2-edges.png", edge_map(&found.stages.edges, size, 1).into()),
+        ("3-hough.png", hough(found).into()),
+        ("4-disk-response.png", response(found, response_map(&found.stages.disk_response, size, 1)).into()),
+        ("5-overlay.png", overlay.into()),
+    ];
+    let write = |(name, panel): (&str, DynamicImage)| {
+        let path = folder.join(name);
+        panel.save(&path).map_err(|error| Failure::write(&path, error)).map(|()| path)
+    };
+    panels.into_iter().map(write).collect()
+}
+
+fn picture(found: &LocalisedRecord) -> GrayImage {
+    let frame = &found.frame;
+    GrayImage::from_raw(frame.width as u32, frame.height as u32, frame.pixels.clone()).unwrap_or_default()
+}
+
+fn hough(found: &LocalisedRecord) -> RgbImage {
+    let map = vote_map(&found.stages.hough, VOTES_PX);
+    let mut canvas = Canvas::new(map.picture);
+    for [x, y] in map.peaks {
+        canvas.circle(Vec2::new(f64::from(x), f64::from(y)) - Vec2::repeat(0.5), 9.0, FOUND);
+    }
+    canvas.image
+}
+
+fn response(found: &LocalisedRecord, map: RgbImage) -> RgbImage {
+    let mut canvas = Canvas::new(map);
+    for part in &found.detections {
+        canvas.circle(part.center_px, 5.0 * canvas.line_px(), PEAK);
+    }
+    canvas.image
+}
+
+/// The table's outline and corners, each part's outline and centre in its kind's colour.
+fn overlay(found: &LocalisedRecord, picture: RgbImage) -> RgbImage {
+    let mut canvas = Canvas::new(picture);
+    for (a, b) in outline_px(&found.table).zip(outline_px(&found.table).skip(1)) {
+        canvas.line(a, b, FOUND);
+    }
+    for corner in found.table.corners_px {
+        canvas.circle(corner, 4.0 * canvas.line_px(), FOUND);
+    }
+    for part in &found.detections {
+        let color = KINDS[part.kind % KINDS.len()];
+        canvas.circle(part.center_px, part.radius_px, color);
+        canvas.cross(part.center_px, 0.25 * part.radius_px, color);
+    }
+    canvas.image
+}

@@ -1,0 +1,114 @@
+//! Picture files as gray frames.
+
+use std::fmt::Display;
+use std::fs::File;
+use std::io::{Cursor, Read};
+use std::path::Path;
+
+use image::metadata::Orientation;
+use image::{ColorType, DynamicImage, GrayImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+
+use super::jpeg;
+use crate::cli::failure::Failure;
+use crate::signal::Frame;
+
+/// Most pixels of a picture: as many as the table is looked for in.
+const MOST_PIXELS: u64 = 64_000_000;
+/// Most bytes of a file, and most that its pixels may take when decoded.
+const MOST_BYTES: u64 = 512 << 20;
+
+/// A picture as it is looked at.
+#[derive(Debug)]
+pub(super) struct Picture {
+    pub frame: Frame,
+    /// Of a picture with 16 bits a level, the bits its levels were taken to have.
+    pub bits: Option<u32>,
+}
+
+/// Reads the picture file at `path`.
+pub(super) fn read(path: &Path) -> Result<Picture, Failure> {
+    let refuse = |found: String| {
+        Failure::bad_input(format!("{}: found {found}, allowed: a picture, PNG, JPEG, PNM or TIFF", path.display()))
+    };
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(|error| refuse(error.to_string()))?;
+    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|error| refuse(error.to_string()))?;
+    if bytes.len() as u64 > MOST_BYTES {
+        return Err(refuse(format!("a file larger than {} MB", MOST_BYTES >> 20)));
+    }
+    decode(&bytes).map_err(refuse)
+}
+
+/// The picture that `bytes` hold, the way up it is meant to be viewed, or what they hold instead. Nothing is decoded of
+/// one that is too large.
+pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(no_picture)?;
+    let format = reader.format().ok_or(if bytes.is_empty() { "an empty file" } else { "no picture" })?;
+    if format == ImageFormat::Jpeg && !jpeg::is_whole(bytes) {
+        return Err("a JPEG picture that ends too early".into());
+    }
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(MOST_BYTES);
+    reader.limits(limits);
+    let mut decoder = reader.into_decoder().map_err(no_picture)?;
+    let (width, height) = decoder.dimensions();
+    if u64::from(width) * u64::from(height) > MOST_PIXELS {
+        return Err(format!("{width}x{height} px, more than {} million pixels", MOST_PIXELS / 1_000_000));
+    }
+    if matches!(decoder.color_type(), ColorType::Rgb32F | ColorType::Rgba32F) {
+        return Err("levels of 32 bits, more than 16".into());
+    }
+    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    let (gray, bits) = gray(DynamicImage::from_decoder(decoder).map_err(no_picture)?)?;
+    let mut upright = DynamicImage::ImageLuma8(gray);
+    upright.apply_orientation(orientation);
+    let gray = upright.into_luma8();
+    let mut frame = Frame::new(0, 0);
+    (frame.width, frame.height) = (gray.width() as usize, gray.height() as usize);
+    frame.pixels = gray.into_raw();
+    Ok(Picture { frame, bits })
+}
+
+fn no_picture(error: impl Display) -> String {
+    format!("no picture that can be read ({error})")
+}
+
+/// Luminance in 8 bits; what is transparent is black, as the ground around a plate.
+fn gray(image: DynamicImage) -> Result<(GrayImage, Option<u32>), String> {
+    let (width, height, color) = (image.width(), image.height(), image.color());
+    let (pixels, bits) = match color {
+        ColorType::L8 | ColorType::Rgb8 => (image.into_luma8().into_raw(), None),
+        ColorType::La8 | ColorType::Rgba8 => {
+            let pairs = image.into_luma_alpha8().into_raw();
+            (over_black(&pairs, u32::from(u8::MAX), |level| level as u8), None)
+        }
+        ColorType::L16 | ColorType::Rgb16 => narrowed(&image.into_luma16().into_raw()),
+        ColorType::La16 | ColorType::Rgba16 => {
+            let pairs = image.into_luma_alpha16().into_raw();
+            narrowed(&over_black(&pairs, u32::from(u16::MAX), |level| level as u16))
+        }
+        _ => return Err(format!("{color:?} pixels")),
+    };
+    let gray = GrayImage::from_raw(width, height, pixels).ok_or("fewer pixels than the picture has room for")?;
+    Ok((gray, bits))
+}
+
+/// Levels of pairs of level and opacity, `full` the largest of either, in front of black.
+fn over_black<T: Copy + Into<u32>>(pairs: &[T], full: u32, narrow: fn(u32) -> T) -> Vec<T> {
+    let pairs = pairs.chunks_exact(2).filter_map(|pair| <[T; 2]>::try_from(pair).ok());
+    pairs.map(|[level, opacity]| narrow((level.into() * opacity.into() + full / 2) / full)).collect()
+}
+
+/// 16-bit levels in 8 bits. Cameras with 10 or 12 bits often fill the low ones alone: white is the largest number of the
+/// fewest bits, 8, 10, 12, 14 or 16, that hold the brightest pixel.
+fn narrowed(levels: &[u16]) -> (Vec<u8>, Option<u32>) {
+    let brightest = levels.iter().copied().max().unwrap_or(0);
+    let bits = [8, 10, 12, 14].into_iter().find(|&bits| brightest >> bits == 0).unwrap_or(16);
+    let white = (1u32 << bits) - 1;
+    let narrow = |&level: &u16| ((u32::from(level) * 255 + white / 2) / white) as u8;
+    (levels.iter().map(narrow).collect(), Some(bits))
+}
+
+#[cfg(test)]
+#[path = "picture_tests.rs"]
+mod tests;

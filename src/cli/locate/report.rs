@@ -1,0 +1,83 @@
+//! What was found in a picture, for programs and for people.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::Located;
+use super::setting::Setting;
+use crate::cli::failure::Failure;
+use crate::recording::LocalisedRecord;
+use crate::units::mm_from_m;
+
+/// Wall time that one picture took, µs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TimeUs {
+    /// Reading and decoding the file.
+    pub decode: f64,
+    /// Finding the table.
+    pub table: f64,
+    /// Finding the parts, everything that is made for it included.
+    pub parts: f64,
+}
+
+pub(super) fn as_json(located: &Located, setting: &Setting) -> Value {
+    let Located { found: LocalisedRecord { table, detections: parts, .. }, time_us } = located;
+    let parts = parts.iter().map(|part| {
+        let [[xx, xy], [_, yy]] = part.covariance_px2.into();
+        json!({
+            "kind": setting.kind_name(part.kind),
+            "center_px": [part.center_px.x, part.center_px.y],
+            "radius_px": part.radius_px,
+            "position_mm": [mm_from_m(part.position_m.x), mm_from_m(part.position_m.y)],
+            "score": part.score,
+            "covariance_px2": [[xx, xy], [xy, yy]],
+        })
+    });
+    json!({
+        "table": {
+            "corners_px": table.corners_px.map(|corner| [corner.x, corner.y]),
+            "side_px": table.side_px,
+            "rotation_deg": table.rotation_rad.to_degrees(),
+        },
+        "parts": parts.collect::<Vec<_>>(),
+        "time_us": { "decode": time_us.decode, "table": time_us.table, "parts": time_us.parts },
+    })
+}
+
+/// `value` as one line that begins with the picture's name.
+pub(super) fn say_line(image: &Path, value: Value) -> Result<(), Failure> {
+    let mut line = serde_json::Map::from_iter([("image".to_owned(), json!(image.display().to_string()))]);
+    if let Value::Object(found) = value {
+        line.extend(found);
+    }
+    say!("{}", Value::Object(line))
+}
+
+pub(super) fn say_located(located: &Located, setting: &Setting) -> Result<(), Failure> {
+    let Located { found: LocalisedRecord { table, detections: parts, .. }, time_us } = located;
+    say!("table: side {:.1} px, turned {:.2} deg", table.side_px, table.rotation_rad.to_degrees())?;
+    for (name, corner) in ["top left", "top right", "bottom right", "bottom left"].iter().zip(table.corners_px) {
+        say!("  {name:12} ({:8.2}, {:8.2}) px", corner.x, corner.y)?;
+    }
+    say!("parts: {}", parts.len())?;
+    for part in parts {
+        let (name, at) = (setting.kind_name(part.kind), part.position_m * 1e3);
+        let (radius, score) = (part.radius_px, part.score);
+        say!("  {name:12} ({:8.2}, {:8.2}) mm   radius {radius:.2} px   score {score:.3}", at.x, at.y)?;
+    }
+    let TimeUs { decode, table, parts } = *time_us;
+    let [decode, table, parts] = [decode, table, parts].map(|us| us / 1e3);
+    say!(
+        "found: {} in {:.1} ms (table {table:.1}, parts {parts:.1}); decoded in {decode:.1} ms",
+        counted(located, setting),
+        table + parts
+    )
+}
+
+/// `a table, 3 penny, 1 dime`; every kind that was looked for.
+fn counted(located: &Located, setting: &Setting) -> String {
+    let count = |i| located.found.detections.iter().filter(|part| part.kind == i).count();
+    let counts = setting.kinds.iter().enumerate().map(|(i, kind)| format!(", {} {}", count(i), kind.name));
+    format!("a table{}", counts.collect::<String>())
+}

@@ -1,0 +1,88 @@
+//! What pictures are looked at with.
+
+use crate::cli::args::LocateArgs;
+use crate::cli::failure::Failure;
+use crate::config::{KindSpec, RigSpec};
+use crate::geometry::{Lens, Vec2};
+use crate::rig::PartKind;
+use crate::signal::Frame;
+use crate::units::{INCH_M, m_from_mm};
+
+/// Longest side of a plate, mm.
+const MOST_SIDE_MM: f64 = 1e5;
+
+/// Plate, parts and camera.
+pub(super) struct Setting {
+    pub plate_side_m: f64,
+    pub kinds: Vec<PartKind>,
+    pub dark_parts: bool,
+    camera: Option<RigCamera>,
+}
+
+/// What pictures a rig takes.
+struct RigCamera {
+    rig: String,
+    frame_size_px: [usize; 2],
+    lens: Lens,
+}
+
+impl Setting {
+    /// As the rig file has it, or else the papers' table as changed by the options.
+    pub(super) fn of(args: &LocateArgs) -> Result<Self, Failure> {
+        let Some(path) = &args.rig else { return Self::without_rig(args) };
+        let RigSpec { model, kinds, .. } = RigSpec::load(path).map_err(Failure::faults)?;
+        Ok(Self {
+            plate_side_m: model.plate_side_m,
+            kinds: chosen(&args.kinds, &kinds)?,
+            dark_parts: model.dark_parts,
+            camera: Some(RigCamera { rig: model.name, frame_size_px: model.frame_size_px, lens: model.lens }),
+        })
+    }
+
+    fn without_rig(args: &LocateArgs) -> Result<Self, Failure> {
+        let plate_side_m = match args.plate_side_mm {
+            None => 8.0 * INCH_M,
+            Some(side_mm) if side_mm > 0.0 && side_mm <= MOST_SIDE_MM => m_from_mm(side_mm),
+            Some(side_mm) => {
+                let allowed = format!("a length above 0, up to {MOST_SIDE_MM} mm");
+                return Err(Failure::bad_input(format!("--plate-side-mm: found {side_mm}, allowed: {allowed}")));
+            }
+        };
+        let coins = RigSpec::upm_1().map_err(Failure::faults)?.kinds;
+        let pennies = ["penny".to_owned()];
+        let kinds = chosen(if args.kinds.is_empty() { &pennies } else { &args.kinds }, &coins)?;
+        Ok(Self { plate_side_m, kinds, dark_parts: !args.light_parts, camera: None })
+    }
+
+    /// What parts of that kind are called.
+    pub(super) fn kind_name(&self, kind: usize) -> &str {
+        self.kinds.get(kind).map_or("?", |kind| kind.name.as_str())
+    }
+
+    /// The lens that `frame` was taken through. Without a rig it distorts nothing and is so long that parts are seen from
+    /// straight above.
+    pub(super) fn lens(&self, frame: &Frame) -> Result<Lens, String> {
+        let Some(camera) = &self.camera else {
+            let size = Vec2::new(frame.width as f64, frame.height as f64);
+            return Ok(Lens::ideal(4.0 * size.max(), (size - Vec2::repeat(1.0)) / 2.0));
+        };
+        let [width, height] = camera.frame_size_px;
+        if [frame.width, frame.height] != [width, height] {
+            let (found, rig) = (format!("{}x{} px", frame.width, frame.height), &camera.rig);
+            return Err(format!("found {found}, allowed: {width}x{height} px, what the camera of rig {rig} gives"));
+        }
+        Ok(camera.lens)
+    }
+}
+
+/// The kinds called `names`, or all; those too small to be seen are none.
+fn chosen(names: &[String], kinds: &[KindSpec]) -> Result<Vec<PartKind>, Failure> {
+    let seen = || kinds.iter().filter(|spec| spec.can_be_seen()).map(|spec| &spec.kind);
+    for name in names {
+        if seen().all(|kind| kind.name != *name) {
+            let allowed: Vec<&str> = seen().map(|kind| kind.name.as_str()).collect();
+            return Err(Failure::bad_input(format!("--kinds: found {name:?}, allowed: {}", allowed.join(", "))));
+        }
+    }
+    Ok(seen().filter(|kind| names.is_empty() || names.contains(&kind.name)).cloned().collect())
+}

@@ -1,0 +1,174 @@
+//! The stages of localisation as pictures, the same in recordings and in files.
+
+use image::{GrayImage, RgbImage};
+
+use crate::geometry::Vec2;
+use crate::vision::{HoughArray, Plane, Table};
+
+/// Edges in gray over a frame of `frame_size` (columns, rows), the frame shrunk by a whole factor. A tenth of the edges,
+/// the strongest, are white.
+pub fn edge_map(edges: &Plane, frame_size: [usize; 2], shrink: usize) -> GrayImage {
+    let map = laid_over(edges, frame_size, shrink);
+    let strong = quantile(&map.values, 0.9);
+    let pixels = map.values.iter().map(|&value| (255.0 * share(value, strong)) as u8).collect();
+    GrayImage::from_raw(map.width as u32, map.height as u32, pixels).unwrap_or_default()
+}
+
+/// The disk kernel's response in heat colours, from 0 to 1, over a frame as in [`edge_map`].
+pub fn response_map(response: &Plane, frame_size: [usize; 2], shrink: usize) -> RgbImage {
+    heat_map(&laid_over(response, frame_size, shrink), 1.0)
+}
+
+/// Hough votes in heat colours, angles to the right and distances down.
+#[derive(Clone, Debug)]
+pub struct VoteMap {
+    /// Rows beyond the farthest line are left out.
+    pub picture: RgbImage,
+    /// Middles of the peaks' cells; the first pixel covers 0 to 1.
+    pub peaks: Vec<[f32; 2]>,
+}
+
+/// Hough votes, shrunk to no more than `most` px. The first column is an eighth of a turn before angle 0, so that the four
+/// lines of an upright table stand well inside.
+pub fn vote_map(hough: &HoughArray, most: [usize; 2]) -> VoteMap {
+    let last = hough.votes.iter().rposition(|&votes| votes > 0.0).unwrap_or(0);
+    let rows = (last / hough.angles.max(1) + 1).min(hough.distances);
+    let eighth = hough.angles / 8;
+    let mut votes = Plane { width: hough.angles, height: rows, values: hough.votes.clone() };
+    votes.values.chunks_exact_mut(hough.angles.max(1)).for_each(|row| row.rotate_right(eighth));
+    // the logarithm, so that four strong lines do not hide the rest
+    votes.values.iter_mut().for_each(|votes| *votes = votes.max(0.0).ln_1p());
+    let shrink = [votes.width.div_ceil(most[0].max(1)).max(1), votes.height.div_ceil(most[1].max(1)).max(1)];
+    let map = pooled(&votes, shrink);
+    let top = map.values.iter().copied().fold(0.0, f32::max);
+    let middle = |cell: usize, shrink: usize| (cell as f32 + 0.5) / shrink as f32;
+    let shown = |&(column, row): &(usize, usize)| {
+        [middle((column + eighth) % hough.angles.max(1), shrink[0]), middle(row, shrink[1])]
+    };
+    VoteMap { picture: heat_map(&map, top), peaks: hough.peaks.iter().map(shown).collect() }
+}
+
+/// The table's rim in the picture, closed. Its sides are curved where the lens bends them.
+pub fn outline_px(table: &Table) -> impl Iterator<Item = Vec2> {
+    const STEPS: usize = 16;
+    let h = table.side_m / 2.0;
+    let corners = [(-h, h), (h, h), (h, -h), (-h, -h)].map(|(x, y)| Vec2::new(x, y));
+    (0..=4 * STEPS).map(move |i| {
+        let (from, to) = (corners[i / STEPS % 4], corners[(i / STEPS + 1) % 4]);
+        let p_m = from.lerp(&to, (i % STEPS) as f64 / STEPS as f64);
+        table.lens.image_from_ideal(table.ideal_from_table.apply(p_m))
+    })
+}
+
+/// `plane` over a frame of that size, shrunk. One value of it may stand for a square of the frame's pixels.
+fn laid_over(plane: &Plane, [width, height]: [usize; 2], shrink: usize) -> Plane {
+    if plane.width == 0 || plane.height == 0 {
+        return Plane { width: 0, height: 0, values: Vec::new() };
+    }
+    let square = (width / plane.width).max(1);
+    if square == 1 {
+        return pooled(plane, [shrink; 2]);
+    }
+    let rows = (0..height).map(|y| (y / square).min(plane.height - 1));
+    let values = rows.flat_map(|row| {
+        let row = plane.values.get(row * plane.width..).unwrap_or_default();
+        (0..width).map(move |x| row.get((x / square).min(plane.width - 1)).copied().unwrap_or(0.0))
+    });
+    pooled(&Plane { width, height, values: values.collect() }, [shrink; 2])
+}
+
+/// The largest value of every cell of so many columns and rows, so that thin lines and sharp peaks survive shrinking.
+fn pooled(plane: &Plane, [columns, rows]: [usize; 2]) -> Plane {
+    let (columns, rows) = (columns.max(1), rows.max(1));
+    let (width, height) = (plane.width.div_ceil(columns), plane.height.div_ceil(rows));
+    let mut values = vec![0.0_f32; width * height];
+    for (y, row) in plane.values.chunks_exact(plane.width.max(1)).take(plane.height).enumerate() {
+        let out = &mut values[y / rows * width..][..width];
+        for (cell, inside) in out.iter_mut().zip(row.chunks(columns)) {
+            *cell = inside.iter().copied().fold(*cell, f32::max);
+        }
+    }
+    Plane { width, height, values }
+}
+
+/// Values from 0 to `top` from black over red and yellow to white.
+fn heat_map(map: &Plane, top: f32) -> RgbImage {
+    let pixels = map.values.iter().flat_map(|&value| heat(share(value, top))).collect();
+    RgbImage::from_raw(map.width as u32, map.height as u32, pixels).unwrap_or_default()
+}
+
+fn share(value: f32, top: f32) -> f32 {
+    if top > 0.0 { (value / top).clamp(0.0, 1.0) } else { 0.0 }
+}
+
+/// Straight between five colours of matplotlib's `inferno`.
+fn heat(share: f32) -> [u8; 3] {
+    const STOPS: [[f32; 3]; 5] =
+        [[0.0, 0.0, 4.0], [87.0, 16.0, 110.0], [188.0, 55.0, 84.0], [249.0, 142.0, 9.0], [252.0, 255.0, 164.0]];
+    let place = share * 4.0;
+    let stop = (place as usize).min(3);
+    let t = place - stop as f32;
+    std::array::from_fn(|c| (STOPS[stop][c] * (1.0 - t) + STOPS[stop + 1][c] * t) as u8)
+}
+
+/// The value that `q` of all positive values stay below; 0 when there are none.
+fn quantile(values: &[f32], q: f64) -> f32 {
+    let mut positive: Vec<f32> = values.iter().copied().filter(|&value| value > 0.0).collect();
+    let rank = (positive.len() as f64 * q) as usize;
+    if rank >= positive.len() {
+        return 0.0;
+    }
+    *positive.select_nth_unstable_by(rank, f32::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plane(width: usize, height: usize) -> Plane {
+        Plane { width, height, values: (0..width * height).map(|i| i as f32).collect() }
+    }
+
+    #[test]
+    fn pooling_keeps_the_peak_of_every_cell() {
+        let small = pooled(&plane(5, 3), [2, 2]);
+        assert_eq!((small.width, small.height), (3, 2));
+        assert_eq!(small.values, [6.0, 8.0, 9.0, 11.0, 13.0, 14.0]);
+    }
+
+    #[test]
+    fn a_coarse_plane_covers_its_frame() {
+        // 2 x 2 pixels a value, the last column and row of the frame beyond them
+        let over = laid_over(&plane(2, 1), [5, 3], 1);
+        assert_eq!((over.width, over.height), (5, 3));
+        assert_eq!(over.values, [0.0, 0.0, 1.0, 1.0, 1.0].repeat(3));
+        assert_eq!(laid_over(&plane(2, 1), [5, 3], 2).values, [0.0, 1.0, 1.0, 0.0, 1.0, 1.0]);
+        assert_eq!(laid_over(&plane(5, 3), [5, 3], 1), plane(5, 3));
+        assert_eq!(laid_over(&plane(5, 3), [5, 3], 2), pooled(&plane(5, 3), [2, 2]));
+        assert_eq!(laid_over(&Plane::default(), [5, 3], 1), Plane::default());
+    }
+
+    #[test]
+    fn peaks_lie_where_their_cells_went() {
+        let mut hough =
+            HoughArray { angles: 8, distances: 9, px_per_row: 1.0, votes: vec![0.0; 72], peaks: vec![(5, 2), (7, 3)] };
+        hough.votes[2 * 8 + 5] = 99.0;
+        hough.votes[3 * 8 + 7] = 9.0;
+        let map = vote_map(&hough, [4, 9]);
+        assert_eq!(map.picture.dimensions(), (4, 4));
+        assert_eq!(map.peaks, [[3.25, 2.5], [0.25, 3.5]]);
+        assert_eq!(map.picture.get_pixel(3, 2).0, heat(1.0));
+        let half = map.picture.get_pixel(0, 3).0;
+        assert!((0..3).all(|c| half[c].abs_diff(heat(0.5)[c]) <= 1), "{half:?}");
+        assert_eq!(map.picture.get_pixel(1, 1).0, heat(0.0));
+        assert_eq!(vote_map(&HoughArray::default(), [4, 4]).picture.dimensions(), (0, 0));
+    }
+
+    #[test]
+    fn heat_runs_from_black_to_white() {
+        assert_eq!(heat(0.0), [0, 0, 4]);
+        assert_eq!(heat(0.5), [188, 55, 84]);
+        assert_eq!(heat(1.0), [252, 255, 164]);
+        assert_eq!(share(1.0, 0.0), 0.0);
+    }
+}

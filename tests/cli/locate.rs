@@ -1,0 +1,300 @@
+//! `upm locate` from the outside.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use image::{DynamicImage, GrayImage, Luma};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use super::status;
+
+const SIZE: [u32; 2] = [480, 400];
+const SIDE_PX: f64 = 300.0;
+const MIDDLE_PX: [f64; 2] = [240.3, 199.6];
+const PENNY_PX: f64 = SIDE_PX * 19.05 / 203.2 / 2.0;
+const PARTS_PX: [[f64; 2]; 2] = [[170.25, 140.5], [280.0, 260.75]];
+
+/// Part of a pixel inside, for something whose edge is `inside_px` beyond the pixel's centre.
+fn covered(inside_px: f64) -> f64 {
+    (inside_px + 0.5).clamp(0.0, 1.0)
+}
+
+/// A plate with two pennies: gray levels of ground, plate and parts.
+fn plate([ground, plate, part]: [f64; 3]) -> GrayImage {
+    GrayImage::from_fn(SIZE[0], SIZE[1], |x, y| {
+        let at = [f64::from(x), f64::from(y)];
+        let inside = |i: usize| covered(SIDE_PX / 2.0 - (at[i] - MIDDLE_PX[i]).abs());
+        let disk = |center: [f64; 2]| covered(PENNY_PX - (at[0] - center[0]).hypot(at[1] - center[1]));
+        let parts: f64 = PARTS_PX.into_iter().map(disk).sum();
+        let level = ground + inside(0) * inside(1) * (plate - ground);
+        Luma([(level + parts * (part - plate)).round() as u8])
+    })
+}
+
+fn papers_plate() -> GrayImage {
+    plate([30.0, 220.0, 60.0])
+}
+
+fn saved(folder: &TempDir, name: &str, image: impl Into<DynamicImage>) -> String {
+    let path = folder.path().join(name);
+    image.into().save(&path).unwrap();
+    text(&path)
+}
+
+fn text(path: &Path) -> String {
+    path.to_str().unwrap().to_owned()
+}
+
+fn located(args: &[&str]) -> Value {
+    let (stdout, _) = status(&[&["locate", "--json"], args].concat(), 0);
+    serde_json::from_str(&stdout).unwrap()
+}
+
+fn keys(value: &Value) -> Vec<&str> {
+    value.as_object().unwrap().keys().map(String::as_str).collect()
+}
+
+fn assert_near(found: &Value, expected: [f64; 2], within: f64) {
+    for (i, expected) in expected.iter().enumerate() {
+        let off = found[i].as_f64().unwrap() - expected;
+        assert!(off.abs() < within, "{found} is off by {off}");
+    }
+}
+
+/// Both parts where they were drawn, the plate where it was drawn.
+fn assert_found(found: &Value) {
+    let parts = found["parts"].as_array().unwrap();
+    assert_eq!(parts.len(), 2, "{parts:?}");
+    for (part, center) in parts.iter().zip(PARTS_PX) {
+        assert_eq!(part["kind"], "penny");
+        assert_near(&part["center_px"], center, 0.1);
+        let mm_per_px = 203.2 / SIDE_PX;
+        let at_mm = [(center[0] - MIDDLE_PX[0]) * mm_per_px, (MIDDLE_PX[1] - center[1]) * mm_per_px];
+        assert_near(&part["position_mm"], at_mm, 0.2);
+    }
+    let h = SIDE_PX / 2.0;
+    for (corner, [x, y]) in [[-h, -h], [h, -h], [h, h], [-h, h]].into_iter().enumerate() {
+        assert_near(&found["table"]["corners_px"][corner], [MIDDLE_PX[0] + x, MIDDLE_PX[1] + y], 0.15);
+    }
+}
+
+#[test]
+fn the_result_is_as_the_contract_has_it() {
+    let folder = TempDir::new().unwrap();
+    let found = located(&[&saved(&folder, "plate.png", papers_plate())]);
+    assert_found(&found);
+    assert_eq!(keys(&found), ["parts", "table", "time_us"]);
+    assert_eq!(keys(&found["table"]), ["corners_px", "rotation_deg", "side_px"]);
+    assert_eq!(keys(&found["time_us"]), ["decode", "parts", "table"]);
+    let part = &found["parts"][0];
+    assert_eq!(keys(part), ["center_px", "covariance_px2", "kind", "position_mm", "radius_px", "score"]);
+    let covariance = |row: usize, column: usize| part["covariance_px2"][row][column].as_f64().unwrap();
+    assert!(covariance(0, 0) > 0.0 && covariance(1, 1) > 0.0);
+    assert_eq!(covariance(0, 1), covariance(1, 0));
+}
+
+#[test]
+fn every_kind_of_file_is_read() {
+    let folder = TempDir::new().unwrap();
+    let picture = DynamicImage::from(papers_plate());
+    let wide = picture.to_luma16();
+    for name in ["a.jpg", "a.pgm", "a.tiff"] {
+        assert_found(&located(&[&saved(&folder, name, picture.clone())]));
+    }
+    for name in ["b.png", "b.jpg", "b.ppm", "b.tif"] {
+        assert_found(&located(&[&saved(&folder, name, picture.to_rgb8())]));
+    }
+    assert_found(&located(&[&saved(&folder, "c.png", picture.to_rgba16())]));
+    let twelve_bits = image::ImageBuffer::from_fn(SIZE[0], SIZE[1], |x, y| Luma([wide.get_pixel(x, y).0[0] >> 4]));
+    let twelve_bits = saved(&folder, "d.pgm", DynamicImage::ImageLuma16(twelve_bits));
+    assert_found(&located(&[&twelve_bits]));
+    let (_, stderr) = status(&["locate", "-v", &twelve_bits], 0);
+    assert!(stderr.contains("12 bits"), "{stderr}");
+    assert_eq!(status(&["locate", &twelve_bits], 0).1, "");
+}
+
+#[test]
+fn options_say_what_is_looked_for() {
+    let folder = TempDir::new().unwrap();
+    let dark = saved(&folder, "dark.png", plate([30.0, 110.0, 240.0]));
+    assert_found(&located(&[&dark, "--light-parts"]));
+    assert_eq!(located(&[&dark])["parts"], json!([]));
+    // a plate half as large again, on which what looked like a penny is larger than any coin
+    let light = saved(&folder, "light.png", papers_plate());
+    assert_eq!(located(&[&light, "--plate-side-mm", "304.8", "--kinds", "penny"])["parts"], json!([]));
+    let smaller = located(&[&light, "--plate-side-mm", "258.8", "--kinds", "dime,quarter"]);
+    assert_eq!(smaller["parts"][1]["kind"], "quarter");
+    for (args, fault) in [
+        (&["--kinds", "penny,pennyy"][..], "--kinds: found \"pennyy\", allowed: penny, nickel, dime, quarter"),
+        (&["--plate-side-mm", "-3"], "--plate-side-mm: found -3, allowed: a length above 0"),
+        (&["--plate-side-mm", "nan"], "--plate-side-mm: found NaN, allowed: a length above 0"),
+        (&["--rig", "configs/rigs/upm-1.json"], "light.png: found 480x400 px, allowed: "),
+    ] {
+        let (stdout, stderr) = status(&[&["locate", &light], args].concat(), 2);
+        assert!(stderr.contains(fault) && stderr.lines().count() == 1 && stdout.is_empty(), "{stderr}");
+    }
+    status(&["locate", &light, "--rig", "configs/rigs/upm-1.json", "--light-parts"], 2);
+    status(&["locate"], 2);
+}
+
+/// Files that hold no picture, and why.
+fn no_pictures(folder: &TempDir) -> Vec<(String, &'static str)> {
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        fs::write(&path, bytes).unwrap();
+        text(&path)
+    };
+    let cut = |name: &str| {
+        let path = PathBuf::from(saved(folder, name, papers_plate()));
+        let bytes = fs::read(&path).unwrap();
+        fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+        text(&path)
+    };
+    let header = format!("P5 {} {} 255\n", 20_000, 20_000);
+    let mut cases = vec![
+        (write("empty.png", b""), "found an empty file"),
+        (write("text.png", b"not a picture"), "found no picture"),
+        (write("huge.pgm", header.as_bytes()), "found 20000x20000 px"),
+        (text(folder.path()), "directory"),
+        (text(&folder.path().join("no-such.png")), "No such file"),
+    ];
+    cases.extend(["cut.png", "cut.jpg", "cut.pgm", "cut.tif"].map(|name| (cut(name), "found ")));
+    cases
+}
+
+#[test]
+fn what_is_no_picture_is_refused_in_a_line() {
+    let folder = TempDir::new().unwrap();
+    for (path, reason) in no_pictures(&folder) {
+        let (stdout, stderr) = status(&["locate", &path], 2);
+        assert!(stderr.starts_with(&format!("upm: {path}: found ")) && stderr.contains(reason), "{stderr}");
+        assert!(stderr.contains(", allowed: ") && stderr.lines().count() == 1 && stdout.is_empty(), "{stderr}");
+    }
+}
+
+/// Pictures in which there is not one table to be seen whole.
+fn no_tables(folder: &TempDir) -> Vec<String> {
+    let shifted = |by: i64| {
+        let mut image = GrayImage::from_pixel(SIZE[0], SIZE[1], Luma([30]));
+        image::imageops::overlay(&mut image, &papers_plate(), by, 0);
+        image
+    };
+    let mut two = GrayImage::from_pixel(2 * SIZE[0], SIZE[1], Luma([30]));
+    image::imageops::overlay(&mut two, &papers_plate(), 0, 0);
+    image::imageops::overlay(&mut two, &papers_plate(), i64::from(SIZE[0]), 0);
+    vec![
+        saved(folder, "black.png", GrayImage::new(640, 480)),
+        saved(folder, "dot.png", GrayImage::new(1, 1)),
+        saved(folder, "even.png", GrayImage::from_pixel(640, 480, Luma([180]))),
+        saved(folder, "cut.png", shifted(150)),
+        saved(folder, "two.png", two),
+    ]
+}
+
+#[test]
+fn a_picture_without_one_whole_table_says_so() {
+    let folder = TempDir::new().unwrap();
+    for path in no_tables(&folder) {
+        let (stdout, stderr) = status(&["locate", &path], 1);
+        assert!(stderr.starts_with(&format!("upm: {path}: ")), "{stderr}");
+        assert!(stderr.lines().count() == 1 && stdout.is_empty(), "{stderr}");
+    }
+}
+
+#[test]
+fn of_several_pictures_every_one_is_told_and_the_worst_counts() {
+    let folder = TempDir::new().unwrap();
+    let good = saved(&folder, "good.png", papers_plate());
+    let black = saved(&folder, "black.png", GrayImage::new(640, 480));
+    let lines = |args: &[&str], expected: i32| -> (Vec<Value>, String) {
+        let (stdout, stderr) = status(&[&["locate", "--json"], args].concat(), expected);
+        (stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect(), stderr)
+    };
+    let (found, stderr) = lines(&[&good, &good], 0);
+    assert_eq!((found.len(), stderr.as_str()), (2, ""));
+    for found in &found {
+        assert_eq!(found["image"], good.as_str());
+        assert_found(found);
+    }
+    let (found, stderr) = lines(&[&black, &good], 1);
+    assert!(found[0]["error"].as_str().unwrap().contains("black.png") && stderr.lines().count() == 1, "{stderr}");
+    assert_found(&found[1]);
+    let (found, stderr) = lines(&["no-such.png", &black, &good], 2);
+    assert_eq!((found.len(), stderr.lines().count()), (3, 2));
+    let (stdout, _) = status(&["locate", &black, &good], 1);
+    assert!(stdout.starts_with(&format!("{good}\n")) && stdout.contains("2 penny"), "{stdout}");
+    assert!(!stdout.contains('\u{1b}'), "no colours in a file: {stdout}");
+}
+
+#[test]
+fn a_rendered_frame_is_located_again() {
+    let folder = TempDir::new().unwrap();
+    let (frame, truth) = (folder.path().join("frame.png"), folder.path().join("truth.json"));
+    let (frame, truth) = (frame.to_str().unwrap(), truth.to_str().unwrap());
+    status(&["render", "configs/plus-sign.json", "--out", frame, "--truth", truth], 0);
+    let (stdout, _) = status(&["locate", frame, "--rig", "configs/rigs/upm-1.json", "--json"], 0);
+    let found: Value = serde_json::from_str(&stdout).unwrap();
+    let truth: Value = serde_json::from_str(&fs::read_to_string(truth).unwrap()).unwrap();
+    assert_eq!(found["parts"].as_array().unwrap().len(), 1);
+    let at = |value: &Value, i: usize| value["parts"][0]["position_mm"][i].as_f64().unwrap();
+    for axis in 0..2 {
+        let error = at(&found, axis) - at(&truth, axis);
+        assert!(error.abs() < 0.1, "axis {axis} off by {error} mm");
+    }
+    assert_eq!(found["parts"][0]["kind"], "penny");
+}
+
+#[test]
+fn the_stages_are_drawn() {
+    const PANELS: [&str; 5] = ["1-picture.png", "2-edges.png", "3-hough.png", "4-disk-response.png", "5-overlay.png"];
+    let folder = TempDir::new().unwrap();
+    let good = saved(&folder, "good.png", papers_plate());
+    let black = saved(&folder, "black.png", GrayImage::new(640, 480));
+    let stages = folder.path().join("a/stages");
+    status(&["locate", &good, "--stages", &text(&stages)], 0);
+    let open = |name: &str| image::open(stages.join(name)).unwrap().into_rgb8();
+    let panels = PANELS.map(open);
+    for panel in [0, 1, 3, 4] {
+        assert_eq!(panels[panel].dimensions(), (SIZE[0], SIZE[1]), "{}", PANELS[panel]);
+    }
+    assert_eq!(panels[0], DynamicImage::from(papers_plate()).into_rgb8());
+    let [left, middle] = [MIDDLE_PX[0] - SIDE_PX / 2.0, MIDDLE_PX[1] - 90.0].map(|x| x.round() as u32);
+    assert!((left - 1..=left + 1).any(|x| panels[1].get_pixel(x, middle).0[0] > 100), "no edge on the left side");
+    assert_eq!(panels[1].get_pixel(left - 20, middle).0, [0; 3]);
+    let at = |panel: usize, [x, y]: [f64; 2]| panels[panel].get_pixel(x.round() as u32, y.round() as u32).0;
+    assert!(at(3, PARTS_PX[0])[0] > 240 && at(3, MIDDLE_PX)[0] < 60, "hot at a part, cold beside");
+    let colored = |[r, g, b]: [u8; 3]| r.abs_diff(g).max(g.abs_diff(b)) > 20;
+    let [x, y] = PARTS_PX[1];
+    assert!(colored(at(4, [x, y])) && colored(at(4, [x + PENNY_PX, y])) && !colored(at(4, MIDDLE_PX)));
+
+    status(&["locate", &good, &black, &good, "--stages", &text(&stages.join("many"))], 1);
+    let mut folders: Vec<_> =
+        fs::read_dir(stages.join("many")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    folders.sort();
+    assert_eq!(folders, ["good", "good-2"]);
+    let (_, stderr) = status(&["locate", &good, "--stages", &good], 1);
+    assert!(stderr.starts_with(&format!("upm: {good}: cannot be written: ")), "{stderr}");
+}
+
+#[test]
+fn a_recording_is_made_when_asked_for() {
+    let folder = TempDir::new().unwrap();
+    let good = saved(&folder, "good.png", papers_plate());
+    let out = folder.path().join("a/recordings");
+    let args = ["locate", &good, &good, "--rerun", "save", "--out", &text(&out)];
+    if cfg!(feature = "rerun") {
+        let (stdout, _) = status(&args, 0);
+        for name in ["good.rrd", "good-2.rrd"] {
+            let path = out.join(name);
+            assert!(path.metadata().unwrap().len() > 10_000, "{name}");
+            assert!(stdout.contains(&format!("written: {}", path.display())), "{stdout}");
+        }
+    } else {
+        let (_, stderr) = status(&args, 2);
+        assert!(stderr.contains("--rerun: found save, allowed: off"), "{stderr}");
+        assert!(!out.exists());
+    }
+    let (_, stderr) = status(&["locate", &good, "--rerun", "sometimes"], 2);
+    assert!(stderr.contains("--rerun: ") && stderr.lines().count() == 1, "{stderr}");
+}

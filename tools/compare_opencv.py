@@ -1,0 +1,430 @@
+#!/usr/bin/env python3
+"""The same pictures through OpenCV and through upm, one core, one run: time and error side by side.
+
+usage: compare_opencv.py [--upm target/release/upm] [--venv target/compare-opencv] [--scenes 1 2 3] [--bar 10] [--json]
+
+Pictures: `upm render --scene papers`, a white plate of 8 in with 16 pennies, 1280x1024, truth beside. Both are told the
+sizes of plate and penny and that parts are dark. OpenCV and numpy are installed from PyPI into the folder `--venv` when
+they are not there.
+
+In the pipelines that are judged OpenCV finds the table by GaussianBlur, Canny, HoughLines (1 px, 0.5°), four lines and
+cornerSubPix; parts within the plate's box, what is outside the plate masked. "kernel" convolves with a solid disk and
+takes blobs or maxima of the response: every way of filter2D and matchTemplate, every way to read off peaks, several
+thresholds are tried, and the fastest that finds all parts and invents none in all scenes is the one compared. "circles"
+is HoughCircles, tuned in the same way. OpenCV's settings are so chosen with the truth in hand; upm has none. "contours"
+is not judged: threshold, contours and a distance transform find this plate in this light quickly, but take the largest
+bright thing for a plate and need one threshold for all of it. It is there to be seen.
+
+Times are wall time, medians of repeats, from the 8-bit picture in memory to centres and corners. Those of upm are
+`time_us.table + time_us.parts`, what `upm locate` takes for that with all kernels and plans made anew; the same picture
+is given several times to one process, whose first look is told apart as "cold". Repeats of all take turns, and
+everything runs on one and the same core. The ratio of medians is judged; that of the least times is printed for busy
+machines. Centres are held against the truth, px; a part is missed when nothing is found within 3 px.
+
+Exit status 1 when upm is less than `--bar` times as fast as either pipeline in any scene, or misses or invents a part.
+"""
+import argparse
+import itertools
+import json
+import os
+import pathlib
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+PACKAGES = ["opencv-python-headless>=4.10", "numpy"]
+PLATE_MM, PENNY_MM = 203.2, 19.05
+NEAR_PX = 3.0
+ROUNDS, REPEATS = 9, 5
+THRESHOLDS = [0.7, 0.75, 0.8, 0.85, 0.9]
+
+
+def enter_venv(folder):
+    """Starts this script again in the venv `folder`, made and filled where it is missing."""
+    python = folder / "bin/python"
+    if pathlib.Path(sys.prefix).resolve() == folder.resolve():
+        return
+    present = [python, "-c", "import cv2, numpy"]
+    if not python.exists() or subprocess.run(present, capture_output=True).returncode:
+        print(f"installing {', '.join(PACKAGES)} into {folder}", file=sys.stderr, flush=True)
+        subprocess.run([sys.executable, "-m", "venv", folder], check=True)
+        subprocess.run([python, "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
+    os.execv(python, [python, __file__, *sys.argv[1:]])
+
+
+class Scene:
+    """A picture and what is truly in it."""
+
+    def __init__(self, upm, seed, folder):
+        self.seed, self.path = seed, folder / f"papers-{seed}.pgm"
+        truth = folder / f"papers-{seed}.json"
+        command = [upm, "render", "--scene", "papers", "--seed", str(seed), "--out", self.path, "--truth", truth]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode:
+            sys.exit(done.stderr.strip())
+        truth = json.loads(truth.read_text())
+        self.corners = np.array(truth["table"]["corners_px"])
+        self.centers = np.array([part["center_px"] for part in truth["parts"]])
+        self.gray = cv2.imread(str(self.path), cv2.IMREAD_GRAYSCALE)
+
+    def errors(self, found):
+        """`found`: corners and centres, px."""
+        corners, centers = (np.asarray(points, float).reshape(-1, 2) for points in found)
+        centers = centers if len(centers) else np.full((1, 2), np.inf)
+        off = np.linalg.norm(self.centers[:, None] - centers[None], axis=2)
+        own, nearest = off.min(1) <= NEAR_PX, off.argmin(1)
+        taken = {int(i) for i in nearest[own]}
+        corner = np.linalg.norm(self.corners[:, None] - corners[None], axis=2).min(1)
+        return {
+            "center_rms_px": float(np.sqrt((off.min(1)[own] ** 2).mean())) if own.any() else float("nan"),
+            "center_worst_px": float(off.min(1)[own].max()) if own.any() else float("nan"),
+            "corner_rms_px": float(np.sqrt((corner**2).mean())),
+            "missed": len(self.centers) - len(taken),
+            "invented": int(np.isfinite(centers[:, 0]).sum()) - len(taken),
+        }
+
+
+def finds_all(scenes, pipeline):
+    """True when `pipeline` misses and invents no part in any scene."""
+    for scene in scenes:
+        try:
+            errors = scene.errors(pipeline(scene.gray))
+        except (cv2.error, NotFound):
+            return False
+        if errors["missed"] or errors["invented"]:
+            return False
+    return True
+
+
+class NotFound(Exception):
+    """A pipeline found no table."""
+
+
+def four_sides(lines):
+    """The four strongest lines that are apart, as (distance, angle)."""
+    sides = []
+    for distance, angle in lines.reshape(-1, lines.shape[-1])[:, :2]:
+        for d, a in sides:
+            turn = abs(a - angle)
+            near = abs(distance - d) if turn < np.pi / 2 else abs(distance + d)
+            if min(turn, np.pi - turn) < np.radians(20) and near < 60:
+                break
+        else:
+            sides.append((distance, angle))
+            if len(sides) == 4:
+                return sides
+    raise NotFound
+
+
+def corners_of(sides):
+    """Where neighbouring sides meet, in the order round the table."""
+    (_, first), *_ = sides
+    parallel = [abs(np.cos(angle - first)) > 0.7 for _, angle in sides]
+    one = [side for side, is_parallel in zip(sides, parallel) if is_parallel]
+    other = [side for side, is_parallel in zip(sides, parallel) if not is_parallel]
+    if len(one) != 2:
+        raise NotFound
+    meet = []
+    for i, j in ((0, 0), (0, 1), (1, 1), (1, 0)):
+        (d, a), (e, b) = one[i], other[j]
+        meet.append(np.linalg.solve([[np.cos(a), np.sin(a)], [np.cos(b), np.sin(b)]], [d, e]))
+    return np.array(meet, np.float32)
+
+
+def find_table(gray):
+    """Corners, px; and the blurred picture."""
+    blurred = cv2.GaussianBlur(gray, (5, 5), 1.2)
+    edges = cv2.Canny(blurred, 60, 180)
+    lines = cv2.HoughLines(edges, 1, np.radians(0.5), 200)
+    if lines is None:
+        raise NotFound
+    corners = corners_of(four_sides(lines)).reshape(-1, 1, 2)
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 0.01)
+    return cv2.cornerSubPix(gray, corners, (5, 5), (-1, -1), criteria)[:, 0], blurred
+
+
+def box_of(corners, gray):
+    """First column and row of the plate's box, and the picture there."""
+    (x, y), (right, bottom) = corners.min(0).astype(int), corners.max(0).astype(int) + 1
+    x, y = max(x, 0), max(y, 0)
+    return (x, y), gray[y:bottom, x:right]
+
+
+def radius_of(corners):
+    side = np.linalg.norm(np.roll(corners, 1, 0) - corners, axis=1).mean()
+    return float(side) * PENNY_MM / PLATE_MM / 2
+
+
+def darkness(corners, gray):
+    """How much darker than the plate, none outside of it."""
+    (x, y), box = box_of(corners, gray)
+    level = int(np.median(box[::8, ::8]))
+    inner = corners.mean(0) + (corners - corners.mean(0)) * 0.985 - (x, y)
+    mask = np.zeros_like(box)
+    cv2.fillConvexPoly(mask, inner.round().astype(np.int32), level)
+    return (x, y), cv2.subtract(mask, box)
+
+
+def disk(radius, margin=0):
+    reach = int(np.ceil(radius)) + margin
+    x = np.arange(-reach, reach + 1)
+    return np.clip(radius + 0.5 - np.hypot(x, x[:, None]), 0, 1).astype(np.float32)
+
+
+def by_filter(depth, source):
+    def respond(dark, radius):
+        kernel = disk(radius)
+        return cv2.filter2D(dark.astype(source), depth, kernel / kernel.sum()), 0
+
+    return respond
+
+
+def by_template(method, source, margin):
+    def respond(dark, radius):
+        template = disk(radius, margin)
+        template = (template * dark[::4, ::4].max()).astype(source)
+        found = cv2.matchTemplate(dark.astype(source, copy=False), template, method)
+        if method in (cv2.TM_SQDIFF, cv2.TM_SQDIFF_NORMED):
+            # highest where the difference is none; a blank picture gives 0
+            blank = float((template.astype(np.float32) ** 2).sum()) if method == cv2.TM_SQDIFF else 1.0
+            found = cv2.subtract(blank, found)
+        return found, template.shape[0] // 2
+
+    return respond
+
+
+def blob_centroids(response, least):
+    _, _, _, centroids = cv2.connectedComponentsWithStats(cv2.compare(response, least, cv2.CMP_GT), connectivity=8)
+    return centroids[1:]
+
+
+def blob_moments(response, least):
+    blobs, _ = cv2.findContours(cv2.compare(response, least, cv2.CMP_GT), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    return np.array([blob.reshape(-1, 2).mean(0) for blob in blobs])
+
+
+def maxima(response, least):
+    dilated = cv2.dilate(response, np.ones((11, 11), np.uint8))
+    peaks = cv2.bitwise_and(cv2.compare(response, dilated, cv2.CMP_EQ), cv2.compare(response, least, cv2.CMP_GT))
+    at = cv2.findNonZero(peaks)
+    x, y = at.reshape(-1, 2).T
+    inside = (x > 0) & (y > 0) & (x < response.shape[1] - 1) & (y < response.shape[0] - 1)
+    x, y = x[inside], y[inside]
+    here = response[y, x].astype(float)
+
+    def top(before, after):
+        bend = before - 2 * here + after
+        return np.where(bend < 0, 0.5 * (before - after) / np.where(bend < 0, bend, 1), 0)
+
+    across = top(response[y, x - 1].astype(float), response[y, x + 1].astype(float))
+    down = top(response[y - 1, x].astype(float), response[y + 1, x].astype(float))
+    return np.stack([x + across, y + down], 1)
+
+
+def kernel_pipeline(respond, read, threshold):
+    def pipeline(gray):
+        corners, _ = find_table(gray)
+        first, dark = darkness(corners, gray)
+        response, offset = respond(dark, radius_of(corners))
+        centers = read(response, threshold * cv2.minMaxLoc(response)[1])
+        return corners, np.asarray(centers).reshape(-1, 2) + offset + first
+
+    return pipeline
+
+
+def circle_pipeline(method, dp, edge, votes):
+    def pipeline(gray):
+        corners, blurred = find_table(gray)
+        first, box = box_of(corners, blurred)
+        radius = radius_of(corners)
+        least, most = int(0.92 * radius), int(np.ceil(1.08 * radius))
+        found = cv2.HoughCircles(
+            box, method, dp, 1.6 * radius, param1=edge, param2=votes, minRadius=least, maxRadius=most
+        )
+        return corners, (np.empty((0, 2)) if found is None else found.reshape(-1, found.shape[-1])[:, :2] + first)
+
+    return pipeline
+
+
+def contour_pipeline(gray):
+    """Largest bright outline, its four corners; cores of what is dark inside."""
+    blurred = cv2.GaussianBlur(gray, (3, 3), 0)
+    _, bright = cv2.threshold(blurred, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    outlines, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    outline = cv2.convexHull(max(outlines, key=cv2.contourArea))
+    corners = cv2.approxPolyDP(outline, 0.02 * cv2.arcLength(outline, True), True).astype(np.float32)
+    if len(corners) != 4:
+        raise NotFound
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 0.01)
+    corners = cv2.cornerSubPix(gray, corners, (5, 5), (-1, -1), criteria)[:, 0]
+    first, dark = darkness(corners, gray)
+    _, dark = cv2.threshold(dark, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    depth = cv2.distanceTransform(dark, cv2.DIST_L2, 3)
+    return corners, blob_moments(depth, 0.6 * radius_of(corners)) + first
+
+
+def kernel_candidates():
+    """Every kernel pipeline by name, for all thresholds."""
+    u8, f32 = np.uint8, np.float32
+    ways = {
+        "filter2D, 8 bits": by_filter(-1, u8),
+        "filter2D, 8 bits to f32": by_filter(cv2.CV_32F, u8),
+        "filter2D, f32": by_filter(-1, f32),
+    }
+    for name in ["CCORR", "CCORR_NORMED", "CCOEFF", "CCOEFF_NORMED", "SQDIFF", "SQDIFF_NORMED"]:
+        method = getattr(cv2, f"TM_{name}")
+        for (depth, source), margin in itertools.product([("8 bits", u8), ("f32", f32)], [0, 4]):
+            ways[f"matchTemplate {name}, {depth}, margin {margin}"] = by_template(method, source, margin)
+    reads = {"components": blob_centroids, "contours": blob_moments, "maxima": maxima}
+    for (way, respond), (how, read) in itertools.product(ways.items(), reads.items()):
+        yield f"{way}; {how}", [kernel_pipeline(respond, read, threshold) for threshold in THRESHOLDS]
+
+
+def circle_candidates():
+    """Every HoughCircles pipeline by name, for all thresholds of votes."""
+    for dp, edge in itertools.product([1, 1.5, 2, 3], [100, 200, 300]):
+        votes = [8, 12, 16, 20, 25, 30, 40]
+        yield f"GRADIENT, dp {dp}, edge {edge}", [
+            circle_pipeline(cv2.HOUGH_GRADIENT, dp, edge, v) for v in votes
+        ]
+        yield f"GRADIENT_ALT, dp {dp}, edge {edge}", [
+            circle_pipeline(cv2.HOUGH_GRADIENT_ALT, dp, edge, v) for v in [0.6, 0.8, 0.9]
+        ]
+
+
+def milliseconds(work, repeats):
+    times = []
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        work()
+        times.append(1e3 * (time.perf_counter() - begin))
+    return times
+
+
+def fastest(scenes, candidates):
+    """The fastest candidate that finds all in all scenes: its name and pipeline; and all that do, with their times."""
+    tried = []
+    for name, pipelines in candidates:
+        pipeline = next((p for p in pipelines if finds_all(scenes, p)), None)
+        if pipeline:
+            tried.append((min(milliseconds(lambda: pipeline(scenes[0].gray), 9)), name, pipeline))
+    if not tried:
+        sys.exit("no setting of OpenCV finds all parts")
+    tried.sort(key=lambda one: one[0])
+    # the first few once more, as the machine is not always equally busy
+    again = [(min(milliseconds(lambda: one[2](scenes[0].gray), 25)), *one[1:]) for one in tried[:5]]
+    _, name, pipeline = min(again, key=lambda one: one[0])
+    return name, pipeline, [(name, ms) for ms, name, _ in tried]
+
+
+def run_upm(upm, scene, repeats):
+    """What `upm locate` finds, and its times in ms, the first of them cold."""
+    done = subprocess.run([upm, "locate", "--json", *[scene.path] * (repeats + 1)], capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(done.stderr.strip())
+    looks = [json.loads(line) for line in done.stdout.splitlines()]
+    steps = [(1e-3 * look["time_us"]["table"], 1e-3 * look["time_us"]["parts"]) for look in looks]
+    found = looks[-1]["table"]["corners_px"], [part["center_px"] for part in looks[-1]["parts"]]
+    return found, steps
+
+
+def compare(upm, scene, pipelines):
+    """Time and error of all in one scene."""
+    times, steps, cold = {name: [] for name in pipelines}, [], []
+    table_ms = []
+    for _ in range(ROUNDS):
+        for name, pipeline in pipelines.items():
+            times[name] += milliseconds(lambda: pipeline(scene.gray), REPEATS)
+        table_ms += milliseconds(lambda: find_table(scene.gray), REPEATS)
+        found, looks = run_upm(upm, scene, REPEATS)
+        cold.append(sum(looks[0]))
+        steps += looks[1:]
+    times["upm"] = [sum(look) for look in steps]
+    rows = {
+        name: {"median_ms": statistics.median(ms), "least_ms": min(ms)} for name, ms in times.items()
+    }
+    rows["upm"] |= {"table_ms": statistics.median(t for t, _ in steps), "cold_ms": statistics.median(cold)}
+    for name, pipeline in pipelines.items():
+        rows[name] |= scene.errors(pipeline(scene.gray))
+    rows["upm"] |= scene.errors(found)
+    for row in rows.values():
+        row["ratio"] = row["median_ms"] / rows["upm"]["median_ms"]
+        row["least_ratio"] = row["least_ms"] / rows["upm"]["least_ms"]
+    return {"seed": scene.seed, "opencv_table_ms": statistics.median(table_ms), "rows": rows}
+
+
+def print_scene(result):
+    print(f"\nscene papers {result['seed']}")
+    heads = ["median ms", "times upm", "least ms", "times upm"]
+    heads += ["centre rms", "worst px", "corner rms", "missed", "invented"]
+    print(f"  {'':10}" + "".join(f"{head:>12}" for head in heads))
+    for name, row in result["rows"].items():
+        print(
+            f"  {name:10}{row['median_ms']:12.3f}{row['ratio']:12.2f}{row['least_ms']:12.3f}{row['least_ratio']:12.2f}"
+            f"{row['center_rms_px']:12.4f}{row['center_worst_px']:12.4f}{row['corner_rms_px']:12.4f}"
+            f"{row['missed']:12}{row['invented']:12}"
+        )
+    upm = result["rows"]["upm"]
+    print(f"  of these the table: OpenCV {result['opencv_table_ms']:.3f} ms, upm {upm['table_ms']:.3f} ms")
+    print(f"  upm cold: {upm['cold_ms']:.3f} ms")
+
+
+def bars(results, bar):
+    """Each bar: what, the worst measured, allowed, met."""
+    for name in ("kernel", "circles"):
+        worst = min(result["rows"][name]["ratio"] for result in results)
+        yield f"OpenCV {name} / upm", f"{worst:.2f}", f"{bar:g} or more", worst >= bar
+    for what in ("missed", "invented"):
+        worst = max(result["rows"]["upm"][what] for result in results)
+        yield f"parts {what} by upm", str(worst), "0", worst == 0
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--upm", default=str(ROOT / "target/release/upm"))
+    parser.add_argument("--venv", type=pathlib.Path, default=ROOT / "target/compare-opencv")
+    parser.add_argument("--scenes", type=int, nargs="+", default=[1, 2, 3])
+    parser.add_argument("--bar", type=float, default=10)
+    parser.add_argument("--json", action="store_true")
+    args = parser.parse_args()
+    enter_venv(args.venv)
+
+    global cv2, np
+    import cv2
+    import numpy as np
+
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    cv2.setNumThreads(1)
+    cv2.ocl.setUseOpenCL(False)
+
+    with tempfile.TemporaryDirectory() as folder:
+        scenes = [Scene(args.upm, seed, pathlib.Path(folder)) for seed in args.scenes]
+        kernel_name, kernel, kernels = fastest(scenes, kernel_candidates())
+        circle_name, circles, circle_ways = fastest(scenes, circle_candidates())
+        pipelines = {"kernel": kernel, "circles": circles, "contours": contour_pipeline}
+        results = [compare(args.upm, scene, pipelines) for scene in scenes]
+    version = subprocess.run([args.upm, "--version"], capture_output=True, text=True).stdout.strip()
+    versions = {"upm": version, "opencv": cv2.__version__, "numpy": np.__version__}
+    settings = {"kernel": kernel_name, "circles": circle_name}
+    if args.json:
+        ways = {"kernel_ms": dict(kernels), "circles_ms": dict(circle_ways)}
+        print(json.dumps({"versions": versions, "settings": settings, "tried": ways, "scenes": results}, indent=1))
+    else:
+        print(f"{version}, OpenCV {cv2.__version__}, numpy {np.__version__}, one core, one thread")
+        print(f"kernel pipelines that find all: {len(kernels)}; the fastest, least ms in the first scene")
+        for name, ms in kernels[:8]:
+            print(f"  {ms:8.2f}  {name}{'  <- compared' if name == kernel_name else ''}")
+        print(f"of {len(circle_ways)} settings of HoughCircles that find all the fastest is {circle_name}")
+        for result in results:
+            print_scene(result)
+        print("\njudged, the worst scene")
+        for what, worst, allowed, met in bars(results, args.bar):
+            print(f"  {what:24}{worst:>10}  allowed: {allowed:13} {'ok' if met else 'MISSED'}")
+    sys.exit(0 if all(met for *_, met in bars(results, args.bar)) else 1)
+
+
+if __name__ == "__main__":
+    main()
