@@ -18,7 +18,7 @@ use super::failure::Failure;
 use super::{print_json, recording};
 use crate::recording::{LocalisedRecord, RerunMode};
 use crate::time::{Clock, MonotonicClock};
-use crate::vision::{CoinFinder, locate_table};
+use crate::vision::{CoinFinder, Stages, locate_table, locate_table_in_stages};
 use report::TimeUs;
 use setting::Setting;
 
@@ -36,7 +36,7 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let several = args.images.len() > 1;
     let mut worst = 0;
     for (image, name) in args.images.iter().zip(names::of(&args.images)) {
-        let made = look(image, &setting).and_then(|located| {
+        let made = look(image, &name, args, &setting).and_then(|located| {
             let mut written = draw(&located.found, &name, args)?;
             written.extend(record(&located.found, image, &name, args, &rerun, &setting)?);
             Ok((written, located))
@@ -64,8 +64,9 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     Ok(worst)
 }
 
-/// Reads the picture at `image`, finds the table and the parts on it.
-fn look(image: &Path, setting: &Setting) -> Result<Located, Failure> {
+/// Reads the picture at `image`, finds the table and the parts on it. Where no table is found the stages it came to are
+/// drawn nevertheless.
+fn look(image: &Path, name: &str, args: &LocateArgs, setting: &Setting) -> Result<Located, Failure> {
     let clock = MonotonicClock::new();
     let picture = picture::read(image)?;
     let decode = clock.elapsed();
@@ -75,13 +76,24 @@ fn look(image: &Path, setting: &Setting) -> Result<Located, Failure> {
     let frame = picture.frame;
     let lens = setting.lens(&frame).map_err(|fault| Failure::bad_input(format!("{}: {fault}", image.display())))?;
     let begun = clock.elapsed();
-    let (table, mut stages) = locate_table(&frame, &lens, setting.plate_side_m)
-        .map_err(|fault| Failure::failed(format!("{}: {fault}", image.display())))?;
+    let mut stages = Stages::default();
+    let shown = args.stages.is_some() || args.rerun != "off";
+    let table = if shown {
+        locate_table_in_stages(&frame, &lens, setting.plate_side_m, &mut stages)
+    } else {
+        locate_table(&frame, &lens, setting.plate_side_m)
+    };
+    if let (Err(_), Some(folder)) = (&table, &args.stages) {
+        panels::write_begun(&folder_of(folder, name, args), &frame, &stages)?;
+    }
+    let table = table.map_err(|fault| Failure::failed(format!("{}: {fault}", image.display())))?;
     let found = clock.elapsed();
     let mut finder = CoinFinder::new(&table, [frame.width, frame.height], &setting.kinds, setting.dark_parts);
     let detections = finder.find(&frame);
     let done = clock.elapsed();
-    stages.disk_response = finder.response().clone();
+    if shown {
+        stages.disk_response = finder.response();
+    }
     let us = |time: Duration| 1e6 * time.as_secs_f64();
     let time_us = TimeUs { decode: us(decode), table: us(found - begun), parts: us(done - found) };
     let found = LocalisedRecord { frame, table, detections, stages, localise_us: us(done - begun) };
@@ -91,10 +103,14 @@ fn look(image: &Path, setting: &Setting) -> Result<Located, Failure> {
 /// Draws the stages if `args` ask for it; the files.
 fn draw(found: &LocalisedRecord, name: &str, args: &LocateArgs) -> Result<Vec<PathBuf>, Failure> {
     match &args.stages {
-        Some(folder) if args.images.len() > 1 => panels::write(&folder.join(name), found),
-        Some(folder) => panels::write(folder, found),
+        Some(folder) => panels::write(&folder_of(folder, name, args), found),
         None => Ok(Vec::new()),
     }
+}
+
+/// Pictures have a folder each where there are several.
+fn folder_of(folder: &Path, name: &str, args: &LocateArgs) -> PathBuf {
+    if args.images.len() > 1 { folder.join(name) } else { folder.to_owned() }
 }
 
 /// Makes the recording called `name` that `rerun` asks for; its file.

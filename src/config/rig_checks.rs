@@ -118,7 +118,7 @@ fn check_camera(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Faults) {
 }
 
 /// What vision needs of the gray levels. The finder takes a part for one from 20 % of the plate's level, at most 255, up;
-/// 60 leaves room for shading and noise. The table is the bright square whose edges stand out beside the picture's
+/// 60 leaves room for shading and noise. The table is the square whose edges stand out beside the picture's
 /// strongest, those of the parts: it is lost where its step is a fifth of theirs and found where it is a quarter.
 fn check_levels(levels: &RawLevels, at: &Path, faults: &mut Faults) {
     const LEAST_PART: f64 = 60.0;
@@ -130,8 +130,8 @@ fn check_levels(levels: &RawLevels, at: &Path, faults: &mut Faults) {
     faults.demand(contrast >= LEAST_PART, &at.key("part"), part, allowed);
     let least = LEAST_GROUND.max(GROUND_SHARE * contrast);
     let allowed = format!(
-        "{least} or more below levels.plate, {plate} (the table is found as a bright square on dark ground; at least \
-         {LEAST_GROUND}, and {GROUND_SHARE} of the step from plate to part)"
+        "{least} or more away from levels.plate, {plate} (the table must stand out from the ground: by {LEAST_GROUND} at \
+         least, and by {GROUND_SHARE} of the step from plate to part)"
     );
-    faults.demand(plate - ground >= least, &at.key("ground"), ground, allowed);
+    faults.demand((plate - ground).abs() >= least, &at.key("ground"), ground, allowed);
 }

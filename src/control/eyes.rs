@@ -6,7 +6,7 @@ use crate::geometry::Vec2;
 use crate::rig::{PartKind, Rig, RigModel};
 use crate::signal::Frame;
 use crate::time::{Clock, PlateTime};
-use crate::vision::{CoinFinder, Detection, Stages, Table, TableFault, Tracker, locate_table};
+use crate::vision::{CoinFinder, Detection, Stages, Table, TableFault, Tracker, locate_table_in_stages};
 
 /// Looks at an empty-handed rig before the table counts as missing.
 const TABLE_LOOKS: usize = 5;
@@ -120,11 +120,12 @@ fn find_table(
     clock: &dyn Clock,
 ) -> Result<(Table, Stages, Duration), Ending> {
     let mut last: Option<TableFault> = None;
+    let mut stages = Stages::default();
     for _ in 0..TABLE_LOOKS {
         rig.capture(frame)?;
         let started = clock.elapsed();
-        match locate_table(frame, &model.lens, model.plate_side_m) {
-            Ok((table, stages)) => return Ok((table, stages, started)),
+        match locate_table_in_stages(frame, &model.lens, model.plate_side_m, &mut stages) {
+            Ok(table) => return Ok((table, stages, started)),
             Err(fault) => {
                 sink.event(frame.exposed_at, EventLevel::Warning, &format!("no table in this frame: {fault}"));
                 last = Some(fault);

@@ -68,7 +68,7 @@ pub enum TableFault {
         /// How many there are.
         found: usize,
     },
-    /// Lines, but no four that make a bright square on dark ground.
+    /// Lines, but no four that make a square lighter or darker than the ground.
     #[error("no four lines make a square that is lighter or darker than the ground")]
     NotASquare,
     /// Part of the table lies outside the picture.
@@ -94,14 +94,19 @@ pub fn locate_table(frame: &Frame, lens: &Lens, side_m: f64) -> Result<Table, Ta
     located(frame, lens, side_m, None)
 }
 
-/// As [`locate_table`], and how it was found. Of the stages edges and Hough votes are filled in, both in the cells of the
-/// averaged picture they were found in; votes are cast in ideal coordinates, where the lens bends nothing.
+/// As [`locate_table`], and shows how: edges and Hough votes are written into `stages` as far as it came, table or not,
+/// both in the cells of the averaged picture; votes are cast in ideal coordinates, where the lens bends nothing.
 ///
 /// # Errors
 /// As [`locate_table`].
-pub fn locate_table_in_stages(frame: &Frame, lens: &Lens, side_m: f64) -> Result<(Table, Stages), TableFault> {
-    let mut stages = Stages::default();
-    located(frame, lens, side_m, Some(&mut stages)).map(|table| (table, stages))
+pub fn locate_table_in_stages(
+    frame: &Frame,
+    lens: &Lens,
+    side_m: f64,
+    stages: &mut Stages,
+) -> Result<Table, TableFault> {
+    *stages = Stages::default();
+    located(frame, lens, side_m, Some(stages))
 }
 
 fn located(frame: &Frame, lens: &Lens, side_m: f64, mut stages: Option<&mut Stages>) -> Result<Table, TableFault> {

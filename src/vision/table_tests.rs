@@ -1,6 +1,6 @@
 //! Locating rendered tables whose corners are known.
 
-use super::{Table, TableFault, locate_table, locate_table_in_stages};
+use super::{Stages, Table, TableFault, locate_table, locate_table_in_stages};
 use crate::geometry::{Lens, Vec2};
 use crate::random::Streams;
 use crate::scene::Scene;
@@ -107,7 +107,8 @@ fn strong_shading_is_no_obstacle() {
 #[test]
 fn stages_show_four_peaks() {
     let scene = Scene::general(1);
-    let (_, stages) = locate_table_in_stages(&scene.frame(), &scene.lens, SIDE_M).unwrap();
+    let mut stages = Stages::default();
+    locate_table_in_stages(&scene.frame(), &scene.lens, SIDE_M, &mut stages).unwrap();
     assert_eq!(stages.hough.peaks.len(), 4);
     assert_eq!(stages.hough.votes.len(), stages.hough.angles * stages.hough.distances);
     assert_eq!((stages.edges.width, stages.edges.height), (320, 256));

@@ -8,6 +8,8 @@ use super::canvas::Canvas;
 use crate::cli::failure::Failure;
 use crate::geometry::Vec2;
 use crate::recording::{LocalisedRecord, edge_map, outline_px, response_map, vote_map};
+use crate::signal::Frame;
+use crate::vision::{HoughArray, Stages};
 
 /// The map of votes is shrunk to no more than this, px.
 const VOTES_PX: [usize; 2] = [720, 720];
@@ -21,31 +23,46 @@ const KINDS: [[u8; 3]; 6] =
 
 /// Writes the panels into `folder`; their files.
 pub(super) fn write(folder: &Path, found: &LocalisedRecord) -> Result<Vec<PathBuf>, Failure> {
-    std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
     let size = [found.frame.width, found.frame.height];
-    let picture = picture(found);
-    let overlay = overlay(found, DynamicImage::from(picture.clone()).into_rgb8());
-    let panels: [(&str, DynamicImage); 5] = [
-        ("1-picture.png", picture.into()),
-        ("2-edges.png", edge_map(&found.stages.edges, size, 1).into()),
-        ("3-hough.png", hough(found).into()),
-        ("4-disk-response.png", response(found, response_map(&found.stages.disk_response, size, 1)).into()),
-        ("5-overlay.png", overlay.into()),
-    ];
-    let write = |(name, panel): (&str, DynamicImage)| {
+    let overlay = overlay(found, DynamicImage::from(picture(&found.frame)).into_rgb8());
+    let response = response(found, response_map(&found.stages.disk_response, size, 1));
+    let mut panels = begun(&found.frame, &found.stages);
+    panels.push(("4-disk-response.png", response.into()));
+    panels.push(("5-overlay.png", overlay.into()));
+    save(folder, panels)
+}
+
+/// Writes what there is without a table: the first three.
+pub(super) fn write_begun(folder: &Path, frame: &Frame, stages: &Stages) -> Result<Vec<PathBuf>, Failure> {
+    save(folder, begun(frame, stages))
+}
+
+type Panel = (&'static str, DynamicImage);
+
+fn begun(frame: &Frame, stages: &Stages) -> Vec<Panel> {
+    let edges = edge_map(&stages.edges, [frame.width, frame.height], 1);
+    vec![
+        ("1-picture.png", picture(frame).into()),
+        ("2-edges.png", edges.into()),
+        ("3-hough.png", hough(&stages.hough).into()),
+    ]
+}
+
+fn save(folder: &Path, panels: Vec<Panel>) -> Result<Vec<PathBuf>, Failure> {
+    std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
+    let write = |(name, panel): Panel| {
         let path = folder.join(name);
         panel.save(&path).map_err(|error| Failure::write(&path, error)).map(|()| path)
     };
     panels.into_iter().map(write).collect()
 }
 
-fn picture(found: &LocalisedRecord) -> GrayImage {
-    let frame = &found.frame;
+fn picture(frame: &Frame) -> GrayImage {
     GrayImage::from_raw(frame.width as u32, frame.height as u32, frame.pixels.clone()).unwrap_or_default()
 }
 
-fn hough(found: &LocalisedRecord) -> RgbImage {
-    let map = vote_map(&found.stages.hough, VOTES_PX);
+fn hough(votes: &HoughArray) -> RgbImage {
+    let map = vote_map(votes, VOTES_PX);
     let mut canvas = Canvas::new(map.picture);
     for [x, y] in map.peaks {
         canvas.circle(Vec2::new(f64::from(x), f64::from(y)) - Vec2::repeat(0.5), 9.0, FOUND);

@@ -53,7 +53,7 @@ pub fn judge(family: Family, scene: &Scene) -> Verdict {
     let verdict = |table| Verdict { seed: scene.seed, parts: scene.parts.len(), table };
     let frame = scene.frame();
     let table = match locate_table(&frame, &scene.lens, scene.side_m) {
-        Ok((table, _)) => table,
+        Ok(table) => table,
         Err(fault) => return verdict(TableVerdict::NotFound(fault)),
     };
     let truth = scene.corners_px();

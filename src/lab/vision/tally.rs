@@ -197,7 +197,7 @@ mod tests {
         assert_eq!(
             tally.notes(),
             [
-                "rough: no four lines make a bright square on dark ground: 1 of 4 scenes, seeds 8",
+                "rough: no four lines make a square that is lighter or darker than the ground: 1 of 4 scenes, seeds 8",
                 "rough: tables misplaced: 1 of 4 scenes, seeds 9",
                 "rough: parts missed: 1 of 4 scenes, seeds 10",
                 "rough: parts misnamed: 2 of 4 scenes, seeds 7, 10",
