@@ -20,13 +20,15 @@ const KERNEL_CELLS: f64 = 8.0;
 /// Most cells convolved at once, and most places looked at closely.
 const MOST_CELLS: f64 = 4e6;
 const MOST_CANDIDATES: usize = 2048;
+/// How far a radius may be from its kind's at last, as a part of it.
+const RADIUS_TOLERANCE: f64 = 0.05;
 /// A rim of which more neighbouring rays than this show nothing may be a finger's end.
-const WIDEST_GAP: usize = 16;
+const WIDEST_GAP: usize = 14;
 /// Share of such a gap that others have to fill, and how near they have to be for that, px.
-const FILLED: f64 = 0.7;
-const FILLED_WITHIN_PX: f64 = 5.0;
+const FILLED: f64 = 0.75;
+const FILLED_WITHIN_PX: f64 = 6.0;
 /// A place known no better than this along any direction is none, px².
-const LARGEST_VARIANCE_PX2: f64 = 0.36;
+const LARGEST_VARIANCE_PX2: f64 = 0.12;
 /// A rim looked at from a centre that was off by more than this is looked at once more, px.
 const SETTLED_PX: f64 = 0.1;
 
@@ -216,14 +218,15 @@ impl CoinFinder {
         };
         let first = close(kind, foot_m).or_else(wide)?;
         let (kind, fit) = self.settled(first, close)?;
+        let radius_m = self.judge.kinds.get(kind)?.radius_m;
         let variance_px2 = fit.covariance_px2.symmetric_eigenvalues().max();
-        if variance_px2 > LARGEST_VARIANCE_PX2 {
+        if variance_px2 > LARGEST_VARIANCE_PX2 || (fit.radius_m / radius_m - 1.0).abs() > RADIUS_TOLERANCE {
             return None;
         }
         let disk = &self.disks[kind];
         let (x, y) = disk.fitted(frame, fit.center_px.x.round() as i64, fit.center_px.y.round() as i64)?;
         let part = self.judge.detection(&fit, Rest { x, y, sum: disk.sum(frame, x, y) }, disk)?;
-        let on_plate = self.table.holds(part.position_m, 0.75 * self.judge.kinds[part.kind].radius_m);
+        let on_plate = self.table.holds(part.position_m, 0.75 * radius_m);
         let beyond = fit.radius_m + FILLED_WITHIN_PX / self.table.px_per_m_at(fit.foot_m);
         let gap: Vec<Vec2> = fit.gap().map(|ray| fit.foot_m + ray * beyond).collect();
         let gap = if gap.len() > WIDEST_GAP { gap } else { Vec::new() };
@@ -273,7 +276,7 @@ impl CoinFinder {
             }
             (fit, kind) = (again, seen_as);
         }
-        close(kind, fit.foot_m).filter(|fit| self.judge.nearest_kind(fit.radius_m) == Some(kind)).map(|fit| (kind, fit))
+        close(kind, fit.foot_m).map(|fit| (kind, fit))
     }
 }
 
