@@ -58,32 +58,27 @@ impl Coarse {
         &self.levels[y * self.width..][..self.width]
     }
 
-    /// Squares whose side the compiler knows.
+    /// Squares whose side the compiler knows: columns are added up over all rows of a cell at once.
     fn average<const BIN: usize>(&mut self, frame: &Frame) {
         // 20 bits: a square of white comes to just below 2³⁰.
         let scale = (i32::from(UNITS) << 20) / (BIN * BIN) as i32;
-        self.average_rows(frame, |sums, cells| {
+        let (x, y, columns) = (self.corner[0] * BIN, self.corner[1], self.width * BIN);
+        let mut sums = vec![0u16; columns];
+        for (row, cells) in self.levels.chunks_exact_mut(self.width).enumerate() {
+            let lines: [&[u8]; BIN] = std::array::from_fn(|k| &frame.row((y + row) * BIN + k)[x..][..columns]);
+            for (i, sum) in sums.iter_mut().enumerate() {
+                *sum = lines.iter().map(|line| u16::from(line[i])).sum();
+            }
             for (cell, square) in cells.iter_mut().zip(sums.as_chunks::<BIN>().0) {
                 let sum: i32 = square.iter().map(|&column| i32::from(column)).sum();
                 *cell = ((sum * scale + (1 << 19)) >> 20) as i16;
             }
-        });
+        }
     }
 
     fn average_any(&mut self, frame: &Frame) {
-        let bin = self.bin;
-        let scale = f32::from(UNITS) / (bin * bin) as f32;
-        self.average_rows(frame, |sums, cells| {
-            for (cell, square) in cells.iter_mut().zip(sums.chunks_exact(bin)) {
-                let sum: u32 = square.iter().map(|&column| u32::from(column)).sum();
-                *cell = (sum as f32 * scale).round() as i16;
-            }
-        });
-    }
-
-    /// Adds up columns over `bin` rows, then lets `gather` add up those of each square.
-    fn average_rows(&mut self, frame: &Frame, gather: impl Fn(&[u16], &mut [i16])) {
         let (bin, [x, y]) = (self.bin, self.corner);
+        let scale = f32::from(UNITS) / (bin * bin) as f32;
         let mut sums = vec![0u16; self.width * bin];
         for (row, cells) in self.levels.chunks_exact_mut(self.width).enumerate() {
             sums.fill(0);
@@ -91,7 +86,10 @@ impl Coarse {
                 let pixels = &frame.row(line)[x * bin..][..self.width * bin];
                 sums.iter_mut().zip(pixels).for_each(|(sum, &pixel)| *sum += u16::from(pixel));
             }
-            gather(&sums, cells);
+            for (cell, square) in cells.iter_mut().zip(sums.chunks_exact(bin)) {
+                let sum: u32 = square.iter().map(|&column| u32::from(column)).sum();
+                *cell = (sum as f32 * scale).round() as i16;
+            }
         }
     }
 }

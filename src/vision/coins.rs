@@ -1,6 +1,6 @@
 use super::coarse::{Coarse, UNITS};
 use super::disk::{Disk, Rest};
-use super::judge::{LEAST_SCORE, PartJudge, kernel_radius_px, overlap, reach_px};
+use super::judge::{PartJudge, kernel_radius_px, overlap, reach_px};
 use super::outline::PlateCells;
 use super::response::DiskResponder;
 use super::rim::RimFit;
@@ -13,8 +13,8 @@ use crate::signal::Frame;
 
 /// A part's darkness against the plate, 0 to 1, must reach this anywhere for parts to be looked for.
 const LEAST_CONTRAST: f32 = 0.2;
-/// A peak's height against the highest one's below which it is not looked at closely.
-const LEAST_PEAK: f32 = 0.92 * LEAST_SCORE as f32;
+/// A peak's height against the highest one's below which it is not looked at closely; a hand may be darker than parts.
+const LEAST_PEAK: f32 = 0.5;
 /// The picture is averaged over squares until the smallest kernel has this radius, cells.
 const KERNEL_CELLS: f64 = 8.0;
 /// Most cells convolved at once, and most places looked at closely.
