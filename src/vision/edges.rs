@@ -113,7 +113,7 @@ fn scharr(levels: &[i16], width: usize, height: usize) -> Gradient<'_> {
 /// of the noise, which must stay below.
 fn thresholds(gradient: &Gradient) -> Option<(i16, i16)> {
     const SHIFT: i16 = 4;
-    const EVERY: usize = 2;
+    const EVERY: usize = 4;
     let mut counts = [0usize; (i16::MAX >> SHIFT) as usize + 1];
     let rows = gradient.size.chunks_exact(gradient.width.max(1)).step_by(EVERY);
     let mut looked_at = 0;

@@ -258,7 +258,7 @@ fn refined_corners(
     edges: &[IdealEdge],
     bin: usize,
 ) -> Result<[Vec2; 4], TableFault> {
-    let look = SideLook { sampler, lens, bright: quad.bright, stations: 128, known: false };
+    let look = SideLook { sampler, lens, bright: quad.bright, stations: 96, known: false };
     let seen = |from: Vec2, to: Vec2| {
         let outward = Line::through(from, to).normal * if quad.bright { 1.0 } else { -1.0 };
         through_edges(edges, from, to, outward, near_px(bin as f64))
@@ -270,7 +270,7 @@ fn refined_corners(
             if bin > 6 { look.refine::<25>(from, to) } else { look.refine::<11>(from, to) }
         },
     )?;
-    let careful = SideLook { stations: 400, known: true, ..look };
+    let careful = SideLook { stations: 256, known: true, ..look };
     from_sides(corners, |from, to| careful.refine::<9>(from, to))
 }
 
