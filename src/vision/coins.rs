@@ -16,7 +16,7 @@ const LEAST_CONTRAST: f32 = 0.2;
 /// A peak's height against the highest one's below which it is not looked at closely; a hand may be darker than parts.
 const LEAST_PEAK: f32 = 0.5;
 /// The picture is averaged over squares until the smallest kernel has this radius, cells.
-const KERNEL_CELLS: f64 = 6.0;
+const KERNEL_CELLS: f64 = 7.0;
 /// Most cells convolved at once, and most places looked at closely.
 const MOST_CELLS: f64 = 4e6;
 const MOST_CANDIDATES: usize = 2048;

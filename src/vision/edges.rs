@@ -139,12 +139,19 @@ fn thresholds(gradient: &Gradient) -> Option<(i16, i16)> {
 }
 
 fn ridges(gradient: &Gradient, low: i16) -> Vec<Ridge> {
+    /// Most cells lie in stretches where nothing is: each is looked at as a whole first.
+    const STRETCH: usize = 16;
     let (width, height) = (gradient.width, gradient.height);
     let mut found = Vec::new();
     for y in 2..height.saturating_sub(2) {
-        for (x, &size) in gradient.size[y * width..][..width].iter().enumerate().skip(2).take(width.saturating_sub(4)) {
-            if size >= low {
-                found.extend(gradient.ridge_through(y * width + x));
+        let first = y * width + 2;
+        let inner = &gradient.size[first..first + width.saturating_sub(4)];
+        for (stretch, sizes) in inner.chunks(STRETCH).enumerate() {
+            if sizes.iter().fold(0, |largest, &size| largest.max(size)) < low {
+                continue;
+            }
+            for (x, _) in sizes.iter().enumerate().filter(|(_, size)| **size >= low) {
+                found.extend(gradient.ridge_through(first + stretch * STRETCH + x));
             }
         }
     }

@@ -8,7 +8,7 @@ use crate::geometry::Vec2;
 /// Columns: one degree each.
 const ANGLES: usize = 360;
 /// How far to both sides of its own direction an edge votes, columns.
-const SPREAD: i32 = 3;
+const SPREAD: i32 = 2;
 /// What one vote counts: whole numbers, so that a vote withdrawn leaves nothing.
 const VOTE: f32 = 16.0;
 
