@@ -272,7 +272,8 @@ fn the_stages_are_drawn() {
     let mut folders: Vec<_> =
         fs::read_dir(stages.join("many")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     folders.sort();
-    assert_eq!(folders, ["good", "good-2"]);
+    assert_eq!(folders, ["black", "good", "good-2"]);
+    assert_eq!(fs::read_dir(stages.join("many/black")).unwrap().count(), 3, "no table, but how far it came");
     let (_, stderr) = status(&["locate", &good, "--stages", &good], 1);
     assert!(stderr.starts_with(&format!("upm: {good}: cannot be written: ")), "{stderr}");
 }
