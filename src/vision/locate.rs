@@ -18,8 +18,8 @@ const LEAST_SIZE: usize = 32;
 const MOST_LINES: usize = 16;
 /// Weakest line looked at, as a part of the strongest one's votes.
 const LEAST_LINE: f32 = 0.12;
-/// The picture is averaged until its short side has less than twice as many cells.
-const COARSE_CELLS: usize = 240;
+/// The picture is averaged over squares as long as its short side keeps so many cells.
+const COARSE_CELLS: usize = 200;
 
 /// Why there is no table.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

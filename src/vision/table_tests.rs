@@ -111,7 +111,7 @@ fn stages_show_four_peaks() {
     locate_table_in_stages(&scene.frame(), &scene.lens, SIDE_M, &mut stages).unwrap();
     assert_eq!(stages.hough.peaks.len(), 4);
     assert_eq!(stages.hough.votes.len(), stages.hough.angles * stages.hough.distances);
-    assert_eq!((stages.edges.width, stages.edges.height), (320, 256));
+    assert_eq!((stages.edges.width, stages.edges.height), (1280 / 5, 1024 / 5));
 }
 
 fn fault(frame: &Frame) -> TableFault {
