@@ -19,7 +19,7 @@ Times are wall time, medians of repeats, from the 8-bit picture in memory to cen
 `time_us.table + time_us.parts`, what `upm locate` takes for that with all kernels and plans made anew; the same picture
 is given several times to one process, whose first look is told apart as "cold". Repeats of all take turns, and
 everything runs on one and the same core. The ratio of medians is judged; that of the least times is printed for busy
-machines. Centres are held against the truth, px; a part is missed when nothing is found within 3 px.
+machines. Centres are held against the truth, px; a part is missed when nothing is found within 2 px.
 
 Exit status 1 when upm is less than `--bar` times as fast as either pipeline in any scene, or misses or invents a part.
 """
@@ -37,7 +37,7 @@ import time
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 PACKAGES = ["opencv-python-headless>=4.10", "numpy"]
 PLATE_MM, PENNY_MM = 203.2, 19.05
-NEAR_PX = 3.0
+NEAR_PX = 2.0
 ROUNDS, REPEATS = 9, 5
 THRESHOLDS = [0.7, 0.75, 0.8, 0.85, 0.9]
 
