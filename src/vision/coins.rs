@@ -260,7 +260,7 @@ impl CoinFinder {
             let radius_m = self.judge.kinds.get(part.kind).map_or(0.0, |kind| kind.radius_m);
             (part.position_m - place_m).norm() < radius_m + margin_m
         };
-        !self.table.holds(place_m, margin_m) || parts.iter().any(covers)
+        !self.table.holds(place_m, 0.5 * margin_m) || parts.iter().any(covers)
     }
 
     /// A rim looked at again as the kind it tells and from where it tells, until neither changes: rays from a centre that
