@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use image::imageops::{FilterType, resize};
 use image::{DynamicImage, GrayImage, RgbImage};
 
 use super::canvas::Canvas;
@@ -13,6 +14,8 @@ use crate::vision::{HoughArray, Stages};
 
 /// The map of votes is shrunk to no more than this, px.
 const VOTES_PX: [usize; 2] = [720, 720];
+/// A smaller one is drawn about as wide, px.
+const VOTES_WIDE_PX: u32 = 1080;
 /// Of what was found, other than parts.
 const FOUND: [u8; 3] = [90, 225, 120];
 /// Of peaks, on yellow.
@@ -63,9 +66,12 @@ fn picture(frame: &Frame) -> GrayImage {
 
 fn hough(votes: &HoughArray) -> RgbImage {
     let map = vote_map(votes, VOTES_PX);
-    let mut canvas = Canvas::new(map.picture);
+    let (width, height) = map.picture.dimensions();
+    let larger = (VOTES_WIDE_PX / width.max(1)).max(1);
+    let mut canvas = Canvas::new(resize(&map.picture, larger * width, larger * height, FilterType::Nearest));
     for [x, y] in map.peaks {
-        canvas.circle(Vec2::new(f64::from(x), f64::from(y)) - Vec2::repeat(0.5), 9.0, FOUND);
+        let at = Vec2::new(f64::from(x), f64::from(y)) * f64::from(larger) - Vec2::repeat(0.5);
+        canvas.circle(at, 9.0 * f64::from(larger), FOUND);
     }
     canvas.image
 }
