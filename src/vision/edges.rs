@@ -172,9 +172,9 @@ fn linked(gradient: &Gradient, mut ridges: Vec<Ridge>, high: i16) -> Vec<Ridge> 
     }
     while let Some(i) = open.pop() {
         for row in [i - width, i, i + width] {
-            for j in row - 1..=row + 1 {
-                if marks[j] == WEAK {
-                    marks[j] = KEPT;
+            for (j, mark) in (row - 1..).zip(&mut marks[row - 1..=row + 1]) {
+                if *mark == WEAK {
+                    *mark = KEPT;
                     open.push(j);
                 }
             }

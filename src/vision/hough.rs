@@ -103,11 +103,10 @@ impl Ballot {
         for edge in edges {
             self.cast(edge, -1, |row| touched[row] = true);
         }
-        for row in peak.1.saturating_sub(1)..(peak.1 + 2).min(self.distances) {
-            for column in peak.0 + ANGLES - 1..=peak.0 + ANGLES + 1 {
-                self.left[row * ANGLES + column % ANGLES] = 0;
-            }
-            touched[row] = true;
+        let rows = self.left.chunks_exact_mut(ANGLES).zip(&mut touched);
+        for (row, touched) in rows.skip(peak.1.saturating_sub(1)).take(if peak.1 == 0 { 2 } else { 3 }) {
+            (0..3).for_each(|column| row[(peak.0 + ANGLES - 1 + column) % ANGLES] = 0);
+            *touched = true;
         }
         for (row, _) in touched.iter().enumerate().filter(|(_, touched)| **touched) {
             self.tops[row] = highest(&self.left[row * ANGLES..][..ANGLES]);
