@@ -26,13 +26,14 @@ Exit status 1 when a bar is missed for any seed: errors of at most 5 %, at least
 """
 import argparse
 import json
-import os
 import pathlib
 import resource
 import subprocess
 import sys
 import tempfile
 import time
+
+from own_venv import enter_venv
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 PACKAGES = ["mujoco>=3.2", "numpy", "scipy"]
@@ -46,19 +47,6 @@ DEFAULT_STEP_S, LEAST_STEP_S = 5e-5, 1e-6
 MUJOCO_STEPS_S, JUDGED_STEP_S = [1.6e-5, 8e-6, 4e-6, 2e-6, 1e-6, 5e-7, 2.5e-7], 2e-6
 FALLING = 1.3
 MORE_PULSES = 500
-
-
-def enter_venv(folder):
-    """Starts this script again in the venv `folder`, made and filled where it is missing."""
-    python = folder / "bin/python"
-    if pathlib.Path(sys.prefix).resolve() == folder.resolve():
-        return
-    present = [python, "-c", "import mujoco, numpy, scipy"]
-    if not python.exists() or subprocess.run(present, capture_output=True).returncode:
-        print(f"installing {', '.join(PACKAGES)} into {folder}", file=sys.stderr, flush=True)
-        subprocess.run([sys.executable, "-m", "venv", folder], check=True)
-        subprocess.run([python, "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
-    os.execv(python, [python, __file__, *sys.argv[1:]])
 
 
 def basis(angles):
@@ -364,7 +352,7 @@ def main():
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3, 4, 5, 7])
     parser.add_argument("--json", action="store_true")
     args = parser.parse_args()
-    enter_venv(args.venv)
+    enter_venv(args.venv, PACKAGES)
 
     global mujoco, np, least_squares
     import mujoco

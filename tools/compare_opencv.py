@@ -34,25 +34,14 @@ import sys
 import tempfile
 import time
 
+from own_venv import enter_venv
+
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 PACKAGES = ["opencv-python-headless>=4.10", "numpy"]
 PLATE_MM, PENNY_MM = 203.2, 19.05
 NEAR_PX = 2.0
 ROUNDS, REPEATS = 9, 5
 THRESHOLDS = [0.7, 0.75, 0.8, 0.85, 0.9]
-
-
-def enter_venv(folder):
-    """Starts this script again in the venv `folder`, made and filled where it is missing."""
-    python = folder / "bin/python"
-    if pathlib.Path(sys.prefix).resolve() == folder.resolve():
-        return
-    present = [python, "-c", "import cv2, numpy"]
-    if not python.exists() or subprocess.run(present, capture_output=True).returncode:
-        print(f"installing {', '.join(PACKAGES)} into {folder}", file=sys.stderr, flush=True)
-        subprocess.run([sys.executable, "-m", "venv", folder], check=True)
-        subprocess.run([python, "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
-    os.execv(python, [python, __file__, *sys.argv[1:]])
 
 
 class Scene:
@@ -390,7 +379,7 @@ def main():
     parser.add_argument("--bar", type=float, default=10)
     parser.add_argument("--json", action="store_true")
     args = parser.parse_args()
-    enter_venv(args.venv)
+    enter_venv(args.venv, PACKAGES, ["cv2", "numpy"])
 
     global cv2, np
     import cv2

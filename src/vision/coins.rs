@@ -1,6 +1,6 @@
 use super::coarse::{Coarse, UNITS};
-use super::disk::{Disk, Rest};
-use super::judge::{PartJudge, kernel_radius_px, overlap, reach_px};
+use super::disk::Disk;
+use super::judge::{LEAST_SCORE, PartJudge, kernel_radius_px, overlap, reach_px};
 use super::outline::PlateCells;
 use super::response::DiskResponder;
 use super::rim::RimFit;
@@ -223,14 +223,12 @@ impl CoinFinder {
         if variance_px2 > LARGEST_VARIANCE_PX2 || (fit.radius_m / radius_m - 1.0).abs() > RADIUS_TOLERANCE {
             return None;
         }
-        let disk = &self.disks[kind];
-        let (x, y) = disk.fitted(frame, fit.center_px.x.round() as i64, fit.center_px.y.round() as i64)?;
-        let part = self.judge.detection(&fit, Rest { x, y, sum: disk.sum(frame, x, y) }, disk)?;
+        let part = self.judge.detection(frame, &fit, kind, &self.disks[kind])?;
         let on_plate = self.table.holds(part.position_m, 0.75 * radius_m);
         let beyond = fit.radius_m + FILLED_WITHIN_PX / self.table.px_per_m_at(fit.foot_m);
         let gap: Vec<Vec2> = fit.gap().map(|ray| fit.foot_m + ray * beyond).collect();
         let gap = if gap.len() > WIDEST_GAP { gap } else { Vec::new() };
-        on_plate.then_some(Found { part, agreeing: fit.agreeing, gap })
+        (on_plate && part.score >= LEAST_SCORE).then_some(Found { part, agreeing: fit.agreeing, gap })
     }
 
     /// Of parts that cannot both be there, those whose rims are seen best; in the picture's order. A rim with a wide gap

@@ -45,16 +45,6 @@ impl Disk {
             .then(|| (x.clamp(margin, right) as usize, y.clamp(margin, bottom) as usize))
     }
 
-    /// Sum of gray levels under the disk at a place it fits.
-    pub(super) fn sum(&self, frame: &Frame, x: usize, y: usize) -> i64 {
-        let chord = |row: usize, half: usize| -> u32 {
-            frame.row(row)[x - half..=x + half].iter().map(|&level| u32::from(level)).sum()
-        };
-        let pairs = self.half.iter().enumerate().skip(1);
-        let rest: i64 = pairs.map(|(dy, &half)| i64::from(chord(y - dy, half)) + i64::from(chord(y + dy, half))).sum();
-        i64::from(chord(y, self.half[0])) + rest
-    }
-
     /// Mean gray level at a place it fits; of large disks, over every few rows.
     pub(super) fn mean(&self, frame: &Frame, x: usize, y: usize) -> f64 {
         let (mut sum, mut cells) = (0, 0);
@@ -113,6 +103,16 @@ impl Disk {
 
 #[cfg(test)]
 impl Disk {
+    /// Sum of gray levels under the disk at a place it fits.
+    pub(super) fn sum(&self, frame: &Frame, x: usize, y: usize) -> i64 {
+        let chord = |row: usize, half: usize| -> u32 {
+            frame.row(row)[x - half..=x + half].iter().map(|&level| u32::from(level)).sum()
+        };
+        let pairs = self.half.iter().enumerate().skip(1);
+        let rest: i64 = pairs.map(|(dy, &half)| i64::from(chord(y - dy, half)) + i64::from(chord(y + dy, half))).sum();
+        i64::from(chord(y, self.half[0])) + rest
+    }
+
     /// Mean of a picture's values under the disk at cell `(x, y)`, cells outside counting 0. The plain sum,
     /// the reference of every faster path.
     pub(super) fn mean_under(&self, values: &[f32], width: usize, height: usize, x: usize, y: usize) -> f32 {
@@ -125,15 +125,6 @@ impl Disk {
         }
         (sum / self.area as f64) as f32
     }
-}
-
-/// A disk resting on a frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Rest {
-    pub(super) x: usize,
-    pub(super) y: usize,
-    /// Sum of gray levels under it.
-    pub(super) sum: i64,
 }
 
 /// Where a climb has ended.

@@ -1,9 +1,10 @@
-use super::disk::{Disk, Rest};
+use super::disk::Disk;
 use super::rim::{RimFinder, RimFit, RimGuess};
 use super::sampling::Sampler;
 use super::{Detection, Table};
 use crate::geometry::Vec2;
 use crate::rig::PartKind;
+use crate::signal::Frame;
 
 /// A part's score below this is no part.
 pub(super) const LEAST_SCORE: f64 = 0.75;
@@ -51,13 +52,13 @@ impl PartJudge {
         (off(&self.kinds[best]) < RADIUS_TOLERANCE).then_some(best)
     }
 
-    /// Turns a rim into a detection. `rest` is the kind's disk lying where the rim is, or next to it.
-    pub(super) fn detection(&self, fit: &RimFit, rest: Rest, disk: &Disk) -> Option<Detection> {
-        let kind = self.nearest_kind(fit.radius_m)?;
-        let mean = rest.sum as f64 / disk.area() as f64;
+    /// What a rim shows, as a part of `kind`; `disk` is the kind's. `None` where the disk does not fit the frame.
+    pub(super) fn detection(&self, frame: &Frame, fit: &RimFit, kind: usize, disk: &Disk) -> Option<Detection> {
+        let [x, y] = [fit.center_px.x, fit.center_px.y].map(|v| v.round() as i64);
+        let (x, y) = disk.fitted(frame, x, y)?;
         let contrast = f64::from(fit.plate_level - fit.part_level);
-        let score = ((f64::from(fit.plate_level) - mean) / contrast).clamp(0.0, 1.0);
-        (score >= LEAST_SCORE).then_some(Detection {
+        let score = ((f64::from(fit.plate_level) - disk.mean(frame, x, y)) / contrast).clamp(0.0, 1.0);
+        Some(Detection {
             kind,
             center_px: fit.center_px,
             radius_px: fit.radius_px,

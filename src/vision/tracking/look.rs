@@ -132,23 +132,13 @@ impl Looker {
         if self.judge.nearest_kind(fit.radius_m) != Some(kind) || !self.table.holds(fit.foot_m, 0.5 * part.radius_m) {
             return None;
         }
-        let [x, y] = [fit.center_px.x, fit.center_px.y].map(|v| v.round() as i64);
-        let (x, y) = disk.fitted(view.frame, x, y)?;
-        let contrast = f64::from(fit.plate_level - fit.part_level);
-        let score = ((f64::from(fit.plate_level) - disk.mean(view.frame, x, y)) / contrast).clamp(0.0, 1.0);
+        let part = self.judge.detection(view.frame, fit, kind, disk)?;
+        let score = part.score;
         let plain = fit.agreeing >= PLAIN_RAYS && score >= LEAST_SCORE;
         let believed = plain || score >= HIDDEN_SCORE && self.is_believed(view, i, fit, expected);
         if !believed {
             return None;
         }
-        let part = Detection {
-            kind,
-            center_px: fit.center_px,
-            radius_px: fit.radius_px,
-            position_m: fit.foot_m,
-            score,
-            covariance_px2: fit.covariance_px2,
-        };
         Some(Look { part, agreeing: fit.agreeing, levels: [fit.plate_level, fit.part_level] })
     }
 
