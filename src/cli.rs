@@ -28,6 +28,7 @@ mod replay;
 mod run;
 mod simulate;
 mod summary;
+mod track_speed;
 mod verify;
 
 use std::io::{ErrorKind, IsTerminal, Write};
