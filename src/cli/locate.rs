@@ -36,7 +36,8 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let several = args.images.len() > 1;
     let mut worst = 0;
     for (image, name) in args.images.iter().zip(names::of(&args.images)) {
-        let made = look(image, &name, args, &setting).and_then(|located| {
+        let shown = args.stages.is_some() || rerun != RerunMode::Off;
+        let made = look(image, &name, args, &setting, shown).and_then(|located| {
             let mut written = draw(&located.found, &name, args)?;
             written.extend(record(&located.found, image, &name, args, &rerun, &setting)?);
             Ok((written, located))
@@ -64,9 +65,9 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     Ok(worst)
 }
 
-/// Reads the picture at `image`, finds the table and the parts on it. Where no table is found the stages it came to are
-/// drawn nevertheless.
-fn look(image: &Path, name: &str, args: &LocateArgs, setting: &Setting) -> Result<Located, Failure> {
+/// Reads the picture at `image`, finds the table and the parts on it, and keeps the stages if they are to be `shown`. Where
+/// no table is found those it came to are drawn nevertheless.
+fn look(image: &Path, name: &str, args: &LocateArgs, setting: &Setting, shown: bool) -> Result<Located, Failure> {
     let clock = MonotonicClock::new();
     let picture = picture::read(image)?;
     let decode = clock.elapsed();
@@ -77,7 +78,6 @@ fn look(image: &Path, name: &str, args: &LocateArgs, setting: &Setting) -> Resul
     let lens = setting.lens(&frame).map_err(|fault| Failure::bad_input(format!("{}: {fault}", image.display())))?;
     let begun = clock.elapsed();
     let mut stages = Stages::default();
-    let shown = args.stages.is_some() || args.rerun != "off";
     let table = if shown {
         locate_table_in_stages(&frame, &lens, setting.plate_side_m, &mut stages)
     } else {

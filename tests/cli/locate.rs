@@ -273,7 +273,12 @@ fn the_stages_are_drawn() {
         fs::read_dir(stages.join("many")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     folders.sort();
     assert_eq!(folders, ["black", "good", "good-2"]);
-    assert_eq!(fs::read_dir(stages.join("many/black")).unwrap().count(), 3, "no table, but how far it came");
+    assert_eq!(fs::read_dir(stages.join("many/black")).unwrap().count(), 2, "no edges: the picture and their map");
+    let stripe = GrayImage::from_fn(640, 480, |x, _| image::Luma([if x < 300 { 200 } else { 20 }]));
+    let stripe = saved(&folder, "stripe.png", stripe);
+    let (_, stderr) = status(&["locate", &stripe, "--stages", &text(&stages.join("stripe"))], 1);
+    assert!(stderr.contains("a table has 4") || stderr.contains("cut by"), "{stderr}");
+    assert_eq!(fs::read_dir(stages.join("stripe")).unwrap().count(), 3, "no table, but how far it came");
     let (_, stderr) = status(&["locate", &good, "--stages", &good], 1);
     assert!(stderr.starts_with(&format!("upm: {good}: cannot be written: ")), "{stderr}");
 }

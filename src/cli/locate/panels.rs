@@ -35,7 +35,7 @@ pub(super) fn write(folder: &Path, found: &LocalisedRecord) -> Result<Vec<PathBu
     save(folder, panels)
 }
 
-/// Writes what there is without a table: the first three.
+/// Writes what there is without a table: the first three, or two where no edge stands out.
 pub(super) fn write_begun(folder: &Path, frame: &Frame, stages: &Stages) -> Result<Vec<PathBuf>, Failure> {
     save(folder, begun(frame, stages))
 }
@@ -44,11 +44,11 @@ type Panel = (&'static str, DynamicImage);
 
 fn begun(frame: &Frame, stages: &Stages) -> Vec<Panel> {
     let edges = edge_map(&stages.edges, [frame.width, frame.height], 1);
-    vec![
-        ("1-picture.png", picture(frame).into()),
-        ("2-edges.png", edges.into()),
-        ("3-hough.png", hough(&stages.hough).into()),
-    ]
+    let mut panels: Vec<Panel> = vec![("1-picture.png", picture(frame).into()), ("2-edges.png", edges.into())];
+    if !stages.hough.votes.is_empty() {
+        panels.push(("3-hough.png", hough(&stages.hough).into()));
+    }
+    panels
 }
 
 fn save(folder: &Path, panels: Vec<Panel>) -> Result<Vec<PathBuf>, Failure> {
