@@ -153,12 +153,13 @@ impl RimFinder {
         let (offset, swell) = outline(shift / radius, growth);
         let level_shift = levels.variance * (step / crossings.slope).powi(2);
         let covariance = circle.covariance * (circle.variance + level_shift);
-        Some(RimFit {
+        let covariance_px2 = map.covariance_px2(covariance) + Matrix2::from_diagonal_element(SAMPLING_SD_PX.powi(2));
+        covariance_px2.iter().all(|x| x.is_finite()).then_some(RimFit {
             foot_m,
             radius_m: radius * circle.radius,
             center_px: map.middle_of_circle(circle.center + offset, circle.radius + swell),
             radius_px: radius_px * (circle.radius + swell),
-            covariance_px2: map.covariance_px2(covariance) + Matrix2::from_diagonal_element(SAMPLING_SD_PX.powi(2)),
+            covariance_px2,
             agreeing: circle.agreeing,
             near: circle.near,
             plate_level: self.sign * levels.plate,
