@@ -2,6 +2,7 @@
 //!
 //! Nothing here, nor in anything imported from here, can reach ground truth: frames and traces are all there is.
 
+mod attempts;
 pub mod calibration;
 mod cycle;
 mod ending;
@@ -12,4 +13,4 @@ mod learning;
 pub use cycle::{ControlParams, Devices, Finish, run};
 pub use ending::{Ending, Outcome, STOPPED};
 pub use eyes::{ExpectedPart, Eyes, Moment};
-pub use facts::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+pub use facts::{Carried, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};

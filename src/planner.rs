@@ -9,6 +9,7 @@ mod program;
 mod reach;
 mod sequence;
 mod sparsify;
+mod stride;
 mod task;
 mod types;
 

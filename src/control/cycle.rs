@@ -1,10 +1,11 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::attempts::ways_to_try;
 use super::ending::{Ending, Outcome, STOPPED};
 use super::eyes::{ExpectedPart, Eyes, Moment};
 use super::learning::Gains;
-use super::{CycleFacts, EventLevel, PulseFacts, Sink};
+use super::{Carried, CycleFacts, EventLevel, PulseFacts, Sink};
 use crate::estimation::{AccelerometerPair, fit_twist};
 use crate::geometry::Vec2;
 use crate::goal::{Goal, Wanted};
@@ -13,8 +14,8 @@ use crate::planner::{Limit, PartState, Plan, PlanStatus, PlannedPulse, Planner, 
 use crate::rig::{PartKind, Rig, RigModel};
 use crate::time::{Clock, PlateTime};
 
-/// Steps are halved this often before an infeasible plan ends the run.
-const STEP_HALVINGS: usize = 3;
+/// A part that goes less than this part of the way the library has it is called slow.
+const SLOW: f64 = 0.7;
 /// Plate time without a pulse after which a run counts as stalled, s.
 const STALLED_S: f64 = 10.0;
 
@@ -68,11 +69,25 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
     let finish = match Eyes::open(rig, model, &params.kinds, &params.parts, sink, clock) {
         Ok(eyes) => {
             let planner = Planner::new(Arc::clone(library), params.planner);
-            let gains = Gains::new(params.parts.len());
+            let gains = Gains::new(params.parts.len(), 0.5 * model.plate_side_m);
             let (rig, sink) = (&mut *rig, &mut *sink);
-            let wanted = None;
-            let mut cycle =
-                Cycle { rig, model, sink, clock, stop, library, goal, params, eyes, planner, gains, wanted, index: 0 };
+            let (told_slow, wanted, index) = (Vec::new(), None, 0);
+            let mut cycle = Cycle {
+                rig,
+                model,
+                sink,
+                clock,
+                stop,
+                library,
+                goal,
+                params,
+                eyes,
+                planner,
+                gains,
+                told_slow,
+                wanted,
+                index,
+            };
             cycle.until_end()
         }
         Err(ending) => Finish { ending, ..Finish::default() },
@@ -95,6 +110,8 @@ struct Cycle<'a> {
     eyes: Eyes,
     planner: Planner,
     gains: Gains,
+    /// Parts of which it was said that they are slow.
+    told_slow: Vec<usize>,
     wanted: Option<Wanted>,
     index: u64,
 }
@@ -140,9 +157,6 @@ impl Cycle<'_> {
             }
             return Ok(result);
         }
-        if let Some(predicted) = plan.predicted_m.last() {
-            self.gains.learn(&observed, predicted, &result);
-        }
         let cycle_us = (self.clock.elapsed() - started).as_secs_f64() * 1e6;
         self.sink.cycle(&CycleFacts {
             index: self.index,
@@ -169,41 +183,43 @@ impl Cycle<'_> {
         Ok(())
     }
 
-    /// Plans the wanted steps; where they are infeasible, half of them, and half again.
+    /// Plans the wanted steps; where they are infeasible, half of them, and half again; then one part at a time, the
+    /// one with the longest way first, while the others stay.
     fn plan(&mut self, observed: &[Vec2], wanted: &Wanted) -> Result<Plan, Ending> {
-        let mut scale = 1.0;
-        for _ in 0..=STEP_HALVINGS {
-            let plan = self.planner.plan(&self.part_states(observed, wanted, scale));
+        let whole = self.part_states(observed, wanted);
+        let mut stopped_by = String::new();
+        for tried in ways_to_try(&whole) {
+            let plan = self.planner.plan(&tried.parts);
             match &plan.status {
+                PlanStatus::NothingToDo if tried.is_part => continue,
                 PlanStatus::Solved | PlanStatus::NothingToDo => return Ok(plan),
-                PlanStatus::Infeasible(limit) => {
-                    let why = format!("step infeasible, {}: trying half of it", self.in_words(*limit));
-                    self.sink.event(self.rig.now(), EventLevel::Warning, &why);
-                }
-                PlanStatus::SolverFailed(why) => {
-                    let why = format!("solver gave up ({why}): trying half the step");
-                    self.sink.event(self.rig.now(), EventLevel::Warning, &why);
-                }
+                PlanStatus::Infeasible(limit) => stopped_by = format!("infeasible, {}", self.in_words(*limit)),
+                PlanStatus::SolverFailed(why) => stopped_by = format!("without a solution, the solver gave up ({why})"),
             }
-            scale *= 0.5;
+            let what = tried.in_words(|part| self.id(part));
+            self.sink.event(self.rig.now(), EventLevel::Warning, &format!("{what}: {stopped_by}"));
         }
-        Err(Ending::failed(format!("no feasible step in cycle {}, {}", self.index, wanted.phase)))
+        Err(Ending::failed(format!("no feasible step in cycle {}, {}: {stopped_by}", self.index, wanted.phase)))
     }
 
-    fn part_states(&self, observed: &[Vec2], wanted: &Wanted, scale: f64) -> Vec<PartState> {
+    fn part_states(&self, observed: &[Vec2], wanted: &Wanted) -> Vec<PartState> {
         let states = observed.iter().zip(&wanted.subgoals_m).zip(&self.params.parts).enumerate();
         states
             .map(|(i, ((&position_m, subgoal), part))| PartState {
                 position_m,
-                step_m: (subgoal - position_m) * scale,
+                step_m: subgoal - position_m,
                 radius_m: self.params.kinds.get(part.kind).map_or(0.0, |kind| kind.radius_m),
-                gain: self.gains.get(i),
+                gain: self.gains.get(i, position_m),
             })
             .collect()
     }
 
+    fn id(&self, part: usize) -> &str {
+        self.params.parts.get(part).map_or("?", |part| part.id.as_str())
+    }
+
     fn in_words(&self, limit: Limit) -> String {
-        let id = |part: usize| self.params.parts.get(part).map_or("?", |part| part.id.as_str());
+        let id = |part: usize| self.id(part);
         match limit {
             Limit::Edge { part } => format!("{} would leave the plate", id(part)),
             Limit::Separation { parts: [a, b] } => format!("{} and {} would touch", id(a), id(b)),
@@ -219,6 +235,7 @@ impl Cycle<'_> {
             .map(|drive| if planned.distance_m < 0.0 { drive.reversed() } else { drive })
             .ok_or_else(|| Ending::failed(format!("library has no entry {}", planned.entry)))?;
         let started_at = self.rig.now();
+        let (all_seen, before_m) = (self.eyes.missing_for() == 0, self.eyes.positions_m());
         self.rig.play(&drive)?;
         while self.rig.now() < self.rig.quiet_at() {
             self.check_stop()?;
@@ -230,6 +247,15 @@ impl Cycle<'_> {
             gain: self.library.accelerometer_gain,
         };
         let fit = fit_twist(&trace, &drive.envelope, drive.base_radps, &sensors);
+        let after_m = self.eyes.positions_m();
+        let [by_library_m, by_learning_m] = self.forecasts(&before_m, planned);
+        let carried = Carried {
+            before_m: &before_m,
+            after_m: &after_m,
+            by_library_m: &by_library_m,
+            by_learning_m: &by_learning_m,
+        };
+        let carried = (all_seen && self.eyes.missing_for() == 0).then_some(carried);
         self.sink.pulse(&PulseFacts {
             cycle: self.index,
             started_at,
@@ -237,8 +263,33 @@ impl Cycle<'_> {
             drive: &drive,
             trace: &trace,
             fit: &fit,
+            carried,
         });
+        if carried.is_some() {
+            self.gains.learn(&before_m, &by_library_m, &after_m);
+            self.tell_slow_parts();
+        }
         Ok(())
+    }
+
+    /// Where parts at `before_m` should be after a pulse: by the library alone, and with what was learned.
+    fn forecasts(&self, before_m: &[Vec2], pulse: &PlannedPulse) -> [Vec<Vec2>; 2] {
+        let state = |position_m: Vec2, gain: f64| PartState { position_m, step_m: Vec2::zeros(), radius_m: 0.0, gain };
+        let plain: Vec<PartState> = before_m.iter().map(|&p_m| state(p_m, 1.0)).collect();
+        let learned = before_m.iter().enumerate().map(|(i, &p_m)| state(p_m, self.gains.get(i, p_m)));
+        [self.planner.forecast(&plain, pulse), self.planner.forecast(&learned.collect::<Vec<_>>(), pulse)]
+    }
+
+    /// Says once of each part that goes much less far than the library has it.
+    fn tell_slow_parts(&mut self) {
+        for part in 0..self.params.parts.len() {
+            let gain = self.gains.of_part(part);
+            if gain < SLOW && !self.told_slow.contains(&part) {
+                let text = format!("{} is slow: it goes {gain:.2} of the way measured in calibration", self.id(part));
+                self.sink.event(self.rig.now(), EventLevel::Warning, &text);
+                self.told_slow.push(part);
+            }
+        }
     }
 
     fn check_stop(&self) -> Result<(), Ending> {

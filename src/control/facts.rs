@@ -51,6 +51,21 @@ pub struct PulseFacts<'a> {
     pub trace: &'a AccelTrace,
     /// What they say of the plate's motion.
     pub fit: &'a Result<TwistFit, FitFault>,
+    /// What it did to the parts; `None` when one of them was out of sight.
+    pub carried: Option<Carried<'a>>,
+}
+
+/// What a pulse did to the parts, as the camera saw it, beside what was forecast. Each m, in the order of the job.
+#[derive(Clone, Copy, Debug)]
+pub struct Carried<'a> {
+    /// Before it.
+    pub before_m: &'a [Vec2],
+    /// After it.
+    pub after_m: &'a [Vec2],
+    /// After it by the library alone.
+    pub by_library_m: &'a [Vec2],
+    /// After it by the library and what the run had learned until then.
+    pub by_learning_m: &'a [Vec2],
 }
 
 /// One cycle, after its last pulse and the look that follows it.

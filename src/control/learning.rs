@@ -1,52 +1,162 @@
+//! What a run learns of how far parts go: friction differs from part to part, and the plate from place to place.
+//!
+//! One linear model, `measured / forecast = 1 + part_i + Σ_c w_c(p) region_c`, with the regions the nodes of a grid over the
+//! plate and w_c their bilinear weights where the part is. Its numbers are estimated by recursive least squares
+//! (a Kalman filter of constants), so that each is corrected as far as it is uncertain: one slow part is not taken for a
+//! slow corner of the plate once it has been elsewhere.
+
+use nalgebra::{DMatrix, DVector};
+
 use crate::geometry::Vec2;
 
-/// Part of a new ratio that enters the gain.
-const WEIGHT: f64 = 0.3;
-/// Predicted steps below this say little about the gain, m.
-const SHORTEST_STEP_M: f64 = 0.5e-3;
-/// A gain outside this range is a disturbance, not friction.
+/// Nodes of the grid along each side.
+const NODES: usize = 4;
+/// Spread expected of parts and regions before anything is seen.
+const PART_SD: f64 = 0.1;
+const REGION_SD: f64 = 0.04;
+/// Scatter of one ratio: of the pulse, and of all that does not grow with the step, m.
+const RATIO_SD: f64 = 0.06;
+const STEP_SD_M: f64 = 0.05e-3;
+/// Forecast steps below this say little, m.
+const SHORTEST_STEP_M: f64 = 0.3e-3;
+/// A ratio off by more is a disturbance, not friction.
+const FARTHEST: f64 = 0.6;
+/// Range of a gain.
 const RANGE: (f64, f64) = (0.4, 2.5);
 
-/// How far each part goes against what the displacement model says: friction differs from part to part.
+/// How far each part goes at each place, against what the displacement model says.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Gains(Vec<f64>);
+pub(super) struct Gains {
+    half_side_m: f64,
+    parts: usize,
+    /// Parts, then nodes row by row.
+    state: DVector<f64>,
+    covariance: DMatrix<f64>,
+}
 
 impl Gains {
-    pub(super) fn new(parts: usize) -> Self {
-        Self(vec![1.0; parts])
+    pub(super) fn new(parts: usize, half_side_m: f64) -> Self {
+        let size = parts + NODES * NODES;
+        let variance = |i: usize| if i < parts { PART_SD * PART_SD } else { REGION_SD * REGION_SD };
+        let covariance = DMatrix::from_diagonal(&DVector::from_fn(size, |i, _| variance(i)));
+        Self { half_side_m, parts, state: DVector::zeros(size), covariance }
     }
 
-    pub(super) fn get(&self, part: usize) -> f64 {
-        self.0.get(part).copied().unwrap_or(1.0)
+    /// Of `part` at `p_m`; 1 when nothing is known.
+    pub(super) fn get(&self, part: usize, p_m: Vec2) -> f64 {
+        let weighted = |(at, weight): (usize, f64)| self.state.get(at).map_or(0.0, |value| weight * value);
+        (1.0 + self.pattern(part, p_m).map(weighted).iter().sum::<f64>()).clamp(RANGE.0, RANGE.1)
     }
 
-    /// Learns from one cycle: positions before it, predicted and measured positions after it, m.
-    /// The prediction was made with the present gains.
-    pub(super) fn learn(&mut self, before_m: &[Vec2], predicted_m: &[Vec2], measured_m: &[Vec2]) {
-        for (((gain, before), predicted), measured) in self.0.iter_mut().zip(before_m).zip(predicted_m).zip(measured_m)
-        {
-            let step = predicted - before;
-            if step.norm() >= SHORTEST_STEP_M {
-                let ratio = (measured - before).dot(&step) / step.norm_squared();
-                *gain = (*gain * (1.0 + WEIGHT * (ratio - 1.0))).clamp(RANGE.0, RANGE.1);
+    /// Of `part` alone, wherever it is.
+    pub(super) fn of_part(&self, part: usize) -> f64 {
+        1.0 + if part < self.parts { self.state[part] } else { 0.0 }
+    }
+
+    /// Learns from one pulse: positions before it, where the displacement model alone puts the parts, and where they
+    /// were seen after it, m.
+    pub(super) fn learn(&mut self, before_m: &[Vec2], forecast_m: &[Vec2], measured_m: &[Vec2]) {
+        let steps = before_m.iter().zip(forecast_m).zip(measured_m).take(self.parts).enumerate();
+        for (part, ((before, forecast), measured)) in steps {
+            let step = forecast - before;
+            let length_m = step.norm();
+            if length_m < SHORTEST_STEP_M {
+                continue;
+            }
+            let off = (measured - before).dot(&step) / step.norm_squared() - 1.0;
+            if off.abs() < FARTHEST {
+                let variance = RATIO_SD * RATIO_SD + (STEP_SD_M / length_m).powi(2);
+                self.correct(self.pattern(part, *before), off, variance);
             }
         }
+    }
+
+    fn correct(&mut self, pattern: [(usize, f64); 5], off: f64, variance: f64) {
+        let mut spread = DVector::zeros(self.state.len());
+        for (at, weight) in pattern {
+            spread.axpy(weight, &self.covariance.column(at), 1.0);
+        }
+        let forecast: f64 = pattern.iter().map(|&(at, weight)| weight * self.state[at]).sum();
+        let total = variance + pattern.iter().map(|&(at, weight)| weight * spread[at]).sum::<f64>();
+        self.state.axpy((off - forecast) / total, &spread, 1.0);
+        self.covariance.ger(-1.0 / total, &spread, &spread, 1.0);
+    }
+
+    /// The numbers that count for `part` at `p_m`, with their weights: its own and the four nodes about it.
+    fn pattern(&self, part: usize, p_m: Vec2) -> [(usize, f64); 5] {
+        let along = |x_m: f64| {
+            let last = (NODES - 1) as f64;
+            let x = ((x_m / self.half_side_m + 1.0) * 0.5 * last).clamp(0.0, last);
+            let low = (x as usize).min(NODES - 2);
+            (low, x - low as f64)
+        };
+        let ((column, x), (row, y)) = (along(p_m.x), along(p_m.y));
+        let node = |dx: usize, dy: usize| self.parts + (row + dy) * NODES + column + dx;
+        let own = part.min(self.parts.saturating_sub(1));
+        [
+            (own, 1.0),
+            (node(0, 0), (1.0 - x) * (1.0 - y)),
+            (node(1, 0), x * (1.0 - y)),
+            (node(0, 1), (1.0 - x) * y),
+            (node(1, 1), x * y),
+        ]
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Streams;
+    use rand::RngExt;
+
+    const HALF_M: f64 = 0.15;
+
+    fn taught(truth: impl Fn(usize, Vec2) -> f64) -> Gains {
+        let mut rng = Streams::new(3).stream("learning");
+        let mut gains = Gains::new(3, HALF_M);
+        for _ in 0..300 {
+            let at = |_| Vec2::new(rng.random_range(-HALF_M..HALF_M), rng.random_range(-HALF_M..HALF_M));
+            let before: Vec<Vec2> = (0..3).map(at).collect();
+            let step = Vec2::new(4e-3, -3e-3);
+            let forecast: Vec<Vec2> = before.iter().map(|p| p + step).collect();
+            let measured: Vec<Vec2> = before.iter().enumerate().map(|(i, p)| p + step * truth(i, *p)).collect();
+            gains.learn(&before, &forecast, &measured);
+        }
+        gains
+    }
 
     #[test]
-    fn converges_on_a_slippery_part_and_ignores_small_steps() {
-        let mut gains = Gains::new(1);
-        for _ in 0..40 {
-            let predicted = Vec2::new(0.004 * gains.get(0), 0.0);
-            gains.learn(&[Vec2::zeros()], &[predicted], &[Vec2::new(0.004 * 0.8, 0.0)]);
+    fn friction_of_parts_and_a_slow_side_of_the_plate_are_told_apart() {
+        let parts = [0.85, 1.0, 1.15];
+        let gains = taught(|i, p| parts[i] - 0.05 * p.x / HALF_M);
+        for (i, part) in parts.into_iter().enumerate() {
+            assert!((gains.of_part(i) - part).abs() < 0.02, "{i}: {}", gains.of_part(i));
+            let slope = gains.get(i, Vec2::new(-HALF_M, 0.0)) - gains.get(i, Vec2::new(HALF_M, 0.0));
+            assert!((slope - 0.1).abs() < 0.02, "{slope}");
         }
-        assert!((gains.get(0) - 0.8).abs() < 1e-3);
+    }
+
+    #[test]
+    fn small_steps_and_disturbances_teach_nothing() {
+        let mut gains = Gains::new(1, HALF_M);
+        let untaught = gains.clone();
         gains.learn(&[Vec2::zeros()], &[Vec2::new(1e-4, 0.0)], &[Vec2::zeros()]);
-        assert!((gains.get(0) - 0.8).abs() < 1e-3);
+        gains.learn(&[Vec2::zeros()], &[Vec2::new(5e-3, 0.0)], &[Vec2::zeros()]);
+        assert_eq!(gains, untaught);
+        assert_eq!(gains.get(0, Vec2::new(0.1, 0.1)), 1.0);
+    }
+
+    #[test]
+    fn agrees_with_least_squares_of_everything_at_once() {
+        // one part at one node: the mean of the ratios and the prior, weighted by their certainty
+        let (ratios, step) = ([0.9, 0.95, 0.85], Vec2::new(0.01, 0.0));
+        let mut gains = Gains::new(1, HALF_M);
+        let corner = Vec2::new(-HALF_M, -HALF_M);
+        ratios.iter().for_each(|ratio| gains.learn(&[corner], &[corner + step], &[corner + step * *ratio]));
+        let noise = RATIO_SD * RATIO_SD + (STEP_SD_M / 0.01).powi(2);
+        let prior = PART_SD * PART_SD + REGION_SD * REGION_SD;
+        let sum: f64 = ratios.iter().map(|ratio| (ratio - 1.0) / noise).sum();
+        let expected = 1.0 + sum / (1.0 / prior + 3.0 / noise);
+        assert!((gains.get(0, corner) - expected).abs() < 1e-9);
     }
 }

@@ -18,9 +18,14 @@ impl Planner {
     /// Smallest and largest |d| of an entry with parts where they are, m.
     pub(super) fn distance_bounds_m(&self, entry: usize, positions_m: &[Vec2]) -> (f64, f64) {
         let model = &self.library.displacement;
-        let speed = self.library.entries.get(entry).map_or(0.0, |e| reference_speed(e, positions_m.iter().copied()));
+        let speed = self.reference_speed_mps(entry, positions_m);
         let high_m = self.params.max_distance_m.min(model.max_distance(speed));
         (self.params.min_distance_m.max(model.min_distance(speed)).min(high_m), high_m)
+    }
+
+    /// Speed of the belt under the part on the fastest one, m/s; 0 when there is no such entry.
+    pub(super) fn reference_speed_mps(&self, entry: usize, positions_m: &[Vec2]) -> f64 {
+        self.library.entries.get(entry).map_or(0.0, |e| reference_speed(e, positions_m.iter().copied()))
     }
 
     /// Distances for `support`, signs kept, with columns at each entry's own sustain, by the program without a price;

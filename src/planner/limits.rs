@@ -82,39 +82,53 @@ fn edge_bound_m(part: &PartState, params: &PlannerParams) -> f64 {
 /// The part of edge margin and separation that a sequence may use up on its way; the plan as a whole keeps all of it.
 const ON_THE_WAY: f64 = 0.5;
 
+/// What a forecast may be off, as a part of the step it is for.
+const UNSURE: f64 = 0.05;
+
 /// The limits a whole sequence keeps, each as it was set or as it stood at the start where that was worse.
 #[derive(Clone, Debug)]
 pub(super) struct Clearances {
-    /// For each part the largest |x| or |y|, m.
+    /// For each part the largest |x| or |y| asked for, m.
+    asked_bound_m: Vec<f64>,
+    /// The same or as it stood at the start, m.
     bound_m: Vec<f64>,
-    /// For each pair i < j, row by row, the smallest distance of centres squared, m².
-    distance_sq_m2: Vec<f64>,
+    /// For each pair i < j, row by row, the smallest distance of centres asked for, and that or the one at the start, m.
+    distance_m: Vec<(f64, f64)>,
 }
 
 impl Clearances {
     /// Of parts as they lie.
     pub fn of(parts: &[PartState], params: &PlannerParams) -> Self {
         let spare_m = ON_THE_WAY * params.edge_margin_m.max(0.0);
-        let bound = |p: &PartState| (edge_bound_m(p, params) + spare_m).max(p.position_m.amax()) + ROUNDING_M;
+        let asked_bound_m: Vec<f64> = parts.iter().map(|p| edge_bound_m(p, params) + spare_m).collect();
+        let bound_m =
+            parts.iter().zip(&asked_bound_m).map(|(p, asked_m)| asked_m.max(p.position_m.amax()) + ROUNDING_M);
         let distance = |a: &PartState, b: &PartState| {
-            let asked = a.radius_m + b.radius_m + (1.0 - ON_THE_WAY) * params.separation_m;
-            ((a.position_m - b.position_m).norm().min(asked) - ROUNDING_M).max(0.0).powi(2)
+            let asked_m = a.radius_m + b.radius_m + (1.0 - ON_THE_WAY) * params.separation_m;
+            (asked_m, ((a.position_m - b.position_m).norm().min(asked_m) - ROUNDING_M).max(0.0))
         };
         let pairs = parts.iter().enumerate().flat_map(|(i, a)| parts[i + 1..].iter().map(move |b| distance(a, b)));
-        Self { bound_m: parts.iter().map(bound).collect(), distance_sq_m2: pairs.collect() }
+        Self { bound_m: bound_m.collect(), distance_m: pairs.collect(), asked_bound_m }
     }
 
-    /// The first limit that is broken while all parts go in straight lines from `before` to `after`, in step.
+    /// The first limit that is broken while all parts go in straight lines from `before` to `after`, in step. A limit
+    /// is kept with room for what the forecast of each step may be off, unless the parts go away from it.
     pub fn broken_by(&self, before_m: &[Vec2], after_m: &[Vec2]) -> Option<Limit> {
-        let off = after_m.iter().zip(&self.bound_m).position(|(p, &bound)| p.amax() > bound);
-        if let Some(part) = off {
-            return Some(Limit::Edge { part });
+        let steps = before_m.iter().zip(after_m).map(|(b, a)| UNSURE * (a - b).norm());
+        let unsure_m: Vec<f64> = steps.collect();
+        for (part, (before, after)) in before_m.iter().zip(after_m).enumerate() {
+            let careful_m = (self.asked_bound_m[part] - unsure_m[part]).max(before.amax() + ROUNDING_M);
+            if after.amax() > careful_m.min(self.bound_m[part]) {
+                return Some(Limit::Edge { part });
+            }
         }
-        let mut pairs = self.distance_sq_m2.iter();
+        let mut pairs = self.distance_m.iter();
         for i in 0..after_m.len() {
             for j in i + 1..after_m.len() {
-                let allowed = pairs.next().copied().unwrap_or(0.0);
-                if nearest_sq(before_m[i] - before_m[j], after_m[i] - after_m[j]) < allowed {
+                let (asked_m, least_m) = pairs.next().copied().unwrap_or_default();
+                let (before, after) = (before_m[i] - before_m[j], after_m[i] - after_m[j]);
+                let careful_m = (asked_m + unsure_m[i] + unsure_m[j]).min(before.norm() - ROUNDING_M);
+                if nearest_sq(before, after) < careful_m.max(least_m).powi(2) {
                     return Some(Limit::Separation { parts: [i, j] });
                 }
             }

@@ -6,12 +6,17 @@ use super::limits::most_violated;
 use super::program::{self, Solution, Variable};
 use super::sequence::{Flow, Sequence, arrange};
 use super::task::Task;
-use super::{Limit, PartState, Plan, PlanStatus, PlannerParams, sparsify};
+use super::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, sparsify};
+use crate::geometry::Vec2;
 use crate::library::Library;
 
 /// How much of the steps a smaller set of pulses may leave undone, and below which error nothing is gained.
 const LEFT_UNDONE: f64 = 0.15;
 const LEFT_UNDONE_M: f64 = 0.15e-3;
+
+/// Ways of several parts beyond this are gone in strides, m, and this is a typical stride.
+const FAR_M: f64 = 10e-3;
+const STRIDE_M: f64 = 12e-3;
 
 /// Fewest candidates, however few parts.
 const MIN_CANDIDATES: usize = 12;
@@ -21,6 +26,9 @@ const USED_M: f64 = 1e-5;
 
 /// One pulse that leaves less than this part of the error is enough.
 const ALONE: f64 = 0.08;
+
+/// Single pulses that are forecast exactly before the best is taken.
+const FORECASTS: usize = 8;
 
 /// A sequence is worth playing when it leaves less than this part of the error.
 const BETTER: f64 = 0.998;
@@ -36,7 +44,7 @@ const FRACTIONS: [f64; 3] = [1.0, 0.5, 0.25];
 pub struct Planner {
     pub(super) library: Arc<Library>,
     pub(super) params: PlannerParams,
-    columns: Columns,
+    pub(super) columns: Columns,
 }
 
 impl Planner {
@@ -61,16 +69,31 @@ impl Planner {
         if task.largest_m < 0.5 * self.params.min_distance_m {
             return ended(PlanStatus::NothingToDo, Vec::new());
         }
-        let sustain_s = self.typical_sustain_s(task.largest_m);
-        survey(&mut self.columns, &self.library, parts, sustain_s, task.largest_m);
-        let plan = self.attempt(&task);
-        match plan.status {
-            PlanStatus::Infeasible(limit) if most_violated(&task.half_spaces, &task.wanted_m) != Some(limit) => {
-                let room = self.attempt(&task.making_room(limit, ROOM_M));
-                if room.status == PlanStatus::Solved { room } else { plan }
+        let is_far = parts.len() > 1 && task.largest_m > FAR_M;
+        if is_far {
+            self.survey(&task, STRIDE_M);
+            if let Ok(Sequence { pulses, predicted_m }) = self.stride(&task) {
+                return Plan { status: PlanStatus::Solved, pulses, candidates: Vec::new(), predicted_m };
             }
-            _ => plan,
         }
+        let near = if is_far { task.within(FAR_M, &self.params) } else { task };
+        self.survey(&near, near.largest_m);
+        let plan = self.attempt(&near);
+        let PlanStatus::Infeasible(limit) = plan.status else { return plan };
+        if most_violated(&near.half_spaces, &near.wanted_m) == Some(limit) {
+            return plan;
+        }
+        if let Ok(Sequence { pulses, predicted_m }) = self.stride(&near) {
+            return Plan { status: PlanStatus::Solved, pulses, candidates: Vec::new(), predicted_m };
+        }
+        let room = self.attempt(&near.making_room(limit, ROOM_M));
+        if room.status == PlanStatus::Solved { room } else { plan }
+    }
+
+    /// Looks up the flows of all entries that suit steps of up to `largest_m`.
+    fn survey(&mut self, task: &Task<'_>, largest_m: f64) {
+        let sustain_s = self.typical_sustain_s(largest_m);
+        survey(&mut self.columns, &self.library, task.parts, sustain_s, largest_m);
     }
 
     fn attempt(&self, task: &Task<'_>) -> Plan {
@@ -177,11 +200,20 @@ impl Planner {
         let mut gains: Vec<(f64, usize, f64)> = (0..self.columns.len()).map(gain).filter(|g| g.0 > 0.0).collect();
         gains.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         gains.truncate(64);
-        let found = gains.into_iter().find_map(|(_, entry, distance_m)| {
+        let forecast = |(_, entry, distance_m)| {
             let found = arrange(self.flow(task), &task.clearances, &[(entry, distance_m)]).ok()?;
-            (task.left_by(&found) < BETTER).then_some(found)
-        })?;
+            let left = task.left_by(&found);
+            (left < BETTER).then_some((left, found))
+        };
+        let feasible = gains.into_iter().filter_map(forecast).take(FORECASTS);
+        let (_, found) = feasible.min_by(|a, b| a.0.total_cmp(&b.0))?;
         Some(self.refined(task, &task.wanted_m, found))
+    }
+
+    /// Where `parts` are forecast to be after `pulse`.
+    pub fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Vec<Vec2> {
+        let positions_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
+        Flow { library: &self.library, parts }.after(pulse, &positions_m)
     }
 
     pub(super) fn flow<'a>(&'a self, task: &Task<'a>) -> Flow<'a> {

@@ -1,6 +1,6 @@
 //! In which order the pulses go, and what becomes of the parts after each.
 
-use super::field::{Columns, reference_speed};
+use super::field::{Belt, Columns, reference_speed};
 use super::limits::Clearances;
 use super::{Limit, PartState, PlannedPulse};
 use crate::geometry::Vec2;
@@ -8,6 +8,9 @@ use crate::library::Library;
 
 /// Orders tried before giving up, counted in pulses simulated.
 const MAX_TRIALS: usize = 120;
+
+/// Times a step is looked up anew where it was half way.
+const HALF_WAYS: usize = 3;
 
 /// Pulses in the order they are played and where the parts are after each.
 #[derive(Clone, Debug, Default)]
@@ -39,11 +42,20 @@ impl Flow<'_> {
         })
     }
 
-    /// Where parts at `positions_m` are after `pulse`: each a straight step along the flow where it starts.
+    /// Where parts at `positions_m` are after `pulse`: each a straight step along the flow half way, which for a rotation
+    /// keeps it on its circle. Calibration measures distances along the flow half way, too.
     pub fn after(&self, pulse: &PlannedPulse, positions_m: &[Vec2]) -> Vec<Vec2> {
         let reverse = if pulse.distance_m < 0.0 { -1.0 } else { 1.0 };
+        let belt = Belt::at(&self.library.displacement, pulse.sustain_s);
+        let Some(entry) = self.library.entries.get(pulse.entry) else { return positions_m.to_vec() };
         let moved = |(part, &p): (&PartState, &Vec2)| {
-            p + self.library.displacement_at(pulse.entry, p, pulse.sustain_s) * (reverse * part.gain)
+            let step = |at: Vec2| {
+                let velocity_mps = entry.pump.velocity_at(at);
+                let speed_mps = velocity_mps.norm();
+                let per_speed = if speed_mps > 0.0 { belt.distance(speed_mps) / speed_mps } else { 0.0 };
+                velocity_mps * (reverse * part.gain * per_speed)
+            };
+            p + (0..HALF_WAYS).fold(step(p), |found, _| step(p + 0.5 * found))
         };
         self.parts.iter().zip(positions_m).map(moved).collect()
     }
@@ -143,6 +155,7 @@ impl Search<'_> {
 mod tests {
     use super::*;
     use crate::planner::fixture::{HALF_SIDE_M, PENNY_M, library, params, penny};
+    use proptest::prelude::*;
 
     /// Entry of the fixture that carries everything along +x.
     const ALONG_X: usize = 289;
@@ -158,6 +171,27 @@ mod tests {
         assert!((found.predicted_m[1][0].x - edge).abs() < 1e-6);
         let out = arrange(flow, &clearances, &[(ALONG_X, 0.006), (ALONG_X, -0.002)]);
         assert_eq!(out.unwrap_err(), Some(Limit::Edge { part: 0 }));
+    }
+
+    proptest! {
+        #[test]
+        fn a_rotation_keeps_a_part_on_its_circle_and_brings_it_back(
+            x in -0.06..0.06f64, y in -0.06..0.06f64, entry in 0usize..289, sustain_s in 0.02..0.2f64,
+        ) {
+            let (library, start) = (library(), Vec2::new(x, y));
+            let parts = [penny(start, Vec2::zeros())];
+            let flow = Flow { library: &library, parts: &parts };
+            let center = library.entries[entry].center_m().unwrap();
+            let radius = (start - center).norm();
+            prop_assume!(radius > 0.02);
+            let there = PlannedPulse { entry, distance_m: 0.01, sustain_s };
+            let end = flow.after(&there, &[start])[0];
+            let way = (end - start).norm();
+            prop_assume!(way < 0.5 * radius);
+            prop_assert!(((end - center).norm() - radius).abs() < 0.01 * way, "{} {radius}", (end - center).norm());
+            let back = flow.after(&PlannedPulse { distance_m: -0.01, ..there }, &[end])[0];
+            prop_assert!((back - start).norm() < 0.01 * way);
+        }
     }
 
     #[test]

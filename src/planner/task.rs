@@ -36,6 +36,17 @@ impl<'a> Task<'a> {
         parts.iter().all(finite).then_some(Self { parts, positions_m, wanted_m, half_spaces, clearances, largest_m })
     }
 
+    /// The same task with all steps shortened by one factor until none is longer than `longest_m`.
+    pub fn within(self, longest_m: f64, params: &PlannerParams) -> Self {
+        if self.largest_m <= longest_m {
+            return self;
+        }
+        let part = longest_m / self.largest_m;
+        let half_spaces = half_spaces(self.parts, params, longest_m + params.separation_m, TIGHTER * longest_m);
+        let wanted_m = self.wanted_m.iter().map(|wanted_m| part * wanted_m).collect();
+        Self { wanted_m, half_spaces, largest_m: longest_m, ..self }
+    }
+
     /// The same parts, told to go away from `limit` by `room_m` and otherwise to stay.
     pub fn making_room(&self, limit: Limit, room_m: f64) -> Self {
         let mut wanted_m = vec![0.0; self.wanted_m.len()];

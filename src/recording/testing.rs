@@ -230,7 +230,15 @@ impl SyntheticRun {
             self.look(sink, k + 2 < frames, false);
         }
         self.pulses_played += 1;
-        sink.pulse(&PulseFacts { cycle: self.cycle, started_at, planned, drive: &drive, trace: &trace, fit: &Ok(fit) });
+        sink.pulse(&PulseFacts {
+            cycle: self.cycle,
+            started_at,
+            planned,
+            drive: &drive,
+            trace: &trace,
+            fit: &Ok(fit),
+            carried: None,
+        });
     }
 
     fn trace(&mut self, pump: Twist, drive: &Drive) -> (AccelTrace, TwistFit) {
