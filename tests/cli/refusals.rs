@@ -126,7 +126,7 @@ proptest! {
             numbers(job, "", &mut all);
             for (index, value) in changes {
                 let whole = value.fract() == 0.0 && value.abs() < 1e9;
-                *job.pointer_mut(index.get(&all[..])).unwrap() = if whole { json!(value as i64) } else { json!(value) };
+                *job.pointer_mut(index.get(&all[..]).as_str()).unwrap() = if whole { json!(value as i64) } else { json!(value) };
             }
         });
         let output = upm().args(["check", file.to_str().unwrap()]).output().unwrap();
