@@ -52,7 +52,7 @@ fn what_clashes_is_told_before_anything_runs() {
             "sort-8",
             |job| job["task"]["bins"][1]["region_mm"]["max"] = json!([90, 0]),
             "task.bins[1].region_mm",
-            &["50.000 x 60.000 mm with room for 2 of 24.260 mm", "room for 4"],
+            &["50.000 x 60.000 mm with room for 3 of 24.260 mm", "room for 4"],
         ),
         (
             "sort-8",
