@@ -9,8 +9,8 @@ use super::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
 use crate::geometry::Vec2;
 use crate::library::{Entry, Library};
 
-/// Longest step of a part in one cycle, m: the field is straight only over a short way.
-const LONGEST_STEP_M: f64 = 4e-3;
+/// Longest step of a part and longest single rotation in one cycle, m: the field is straight only over a short way.
+const LONGEST_M: f64 = 4e-3;
 
 /// An entry counts as strong from this part of the spin that nine in ten on the plate stay below.
 const STRONG: f64 = 0.4;
@@ -22,49 +22,59 @@ const RANK: f64 = 1e-6;
 /// 2.1): N parts, 2N centres chosen beforehand, `ΔP = Φ d` with the ideal unit field `τ_j(P_i)` in column j, whatever a
 /// part's distance from the centre; `d = Φ⁺ ΔP`, all rotations one after another. It knows no edge, no other part and
 /// nothing that was measured but the sustain that belongs to a distance.
+///
+/// There are two sets of centres, one of strong motions and one of gentle ones for what is too short for those.
 #[derive(Clone, Debug)]
 pub struct PseudoInverse {
     library: Arc<Library>,
     params: PlannerParams,
-    centers: Vec<usize>,
+    /// Strong and gentle.
+    gears: [Vec<usize>; 2],
+    planned_for: Option<usize>,
 }
 
 impl PseudoInverse {
     /// A planner for one rig's library. Of `params` it heeds the side of the plate and the smallest distance.
     pub fn new(library: Arc<Library>, params: PlannerParams) -> Self {
-        Self { library, params, centers: Vec::new() }
+        Self { library, params, gears: Default::default(), planned_for: None }
     }
 
-    /// Plans one cycle: the rotations that to first order bring every part its step, all steps shortened alike where
-    /// the longest is too long. The prediction is that of the ideal field.
+    /// Plans one cycle: the rotations that to first order bring every part its step, all steps shortened alike where the
+    /// longest is too long, and each rotation cut where it is. The prediction is that of the ideal field.
     pub fn plan(&mut self, parts: &[PartState]) -> Plan {
         if parts.iter().any(|part| !part.position_m.iter().chain(&part.step_m).all(|v| v.is_finite())) {
-            return self.ended(PlanStatus::SolverFailed("a part is not where numbers are".into()));
+            return ended(PlanStatus::SolverFailed("a part is not where numbers are".into()), &[]);
         }
-        if self.centers.len() != 2 * parts.len() {
-            self.centers = fixed_centers(&self.library, self.params.half_side_m, 2 * parts.len());
+        if self.planned_for.replace(parts.len()) != Some(parts.len()) {
+            self.gears = fixed_centers(&self.library, self.params.half_side_m, 2 * parts.len());
         }
         let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
         if largest_m < 0.5 * self.params.min_distance_m {
-            return self.ended(PlanStatus::NothingToDo);
+            return ended(PlanStatus::NothingToDo, &[]);
         }
-        if self.centers.is_empty() {
-            return self.ended(PlanStatus::Infeasible(Limit::Unreachable));
+        let mut plan = ended(PlanStatus::Infeasible(Limit::Unreachable), &[]);
+        for centers in self.gears.iter().filter(|centers| !centers.is_empty()) {
+            plan = match self.distances_m(centers, parts) {
+                Ok(distances_m) => self.sequence(centers, parts, &distances_m),
+                Err(words) => ended(PlanStatus::SolverFailed(words), centers),
+            };
+            if plan.status != PlanStatus::NothingToDo {
+                break;
+            }
         }
-        match self.distances_m(parts, (LONGEST_STEP_M / largest_m).min(1.0)) {
-            Ok(distances_m) => self.sequence(parts, &distances_m),
-            Err(words) => self.ended(PlanStatus::SolverFailed(words)),
-        }
+        plan
     }
 
-    /// `Φ⁺ ΔP` with every step multiplied by `scale`: the distance about each of the centres, m.
-    fn distances_m(&self, parts: &[PartState], scale: f64) -> Result<Vec<f64>, String> {
+    /// `Φ⁺ ΔP`, the distance about each of the centres, m; all steps shortened alike where the longest is too long.
+    fn distances_m(&self, centers: &[usize], parts: &[PartState]) -> Result<Vec<f64>, String> {
         let unit_field = |row: usize, j: usize| {
-            let entry = self.centers.get(j).and_then(|&entry| self.library.entries.get(entry));
+            let entry = centers.get(j).and_then(|&entry| self.library.entries.get(entry));
             let part = parts.get(row / 2);
             entry.zip(part).map_or(0.0, |(entry, part)| entry.pump.direction_at(part.position_m)[row % 2])
         };
-        let phi = DMatrix::from_fn(2 * parts.len(), self.centers.len(), unit_field);
+        let phi = DMatrix::from_fn(2 * parts.len(), centers.len(), unit_field);
+        let longest_m = parts.iter().map(|part| part.step_m.norm()).fold(LONGEST_M, f64::max);
+        let scale = LONGEST_M / longest_m;
         let steps = parts.iter().flat_map(|part| [scale * part.step_m.x, scale * part.step_m.y]);
         let steps_m = DVector::from_iterator(2 * parts.len(), steps);
         let svd = phi.svd(true, true);
@@ -73,10 +83,10 @@ impl PseudoInverse {
     }
 
     /// The rotations one after another, each as long as the library can make it; those too short for a pulse left out.
-    fn sequence(&self, parts: &[PartState], distances_m: &[f64]) -> Plan {
+    fn sequence(&self, centers: &[usize], parts: &[PartState], distances_m: &[f64]) -> Plan {
         let mut at_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
-        let mut plan = self.ended(PlanStatus::Solved);
-        for (&number, &wanted_m) in self.centers.iter().zip(distances_m) {
+        let mut plan = ended(PlanStatus::Solved, centers);
+        for (&number, &wanted_m) in centers.iter().zip(distances_m) {
             let Some(entry) = self.library.entries.get(number) else { continue };
             let Some((length_m, sustain_s)) = self.pulse(entry, &at_m, wanted_m.abs()) else { continue };
             let distance_m = length_m.copysign(wanted_m);
@@ -90,21 +100,20 @@ impl PseudoInverse {
         plan
     }
 
-    /// Length, m, and sustain, s, of the pulse about `entry` nearest to `wanted_m`; `None` where no pulse is nearer.
+    /// Length, m, and sustain, s, of the pulse about `entry` nearest to `wanted_m`; `None` where none is nearer.
     fn pulse(&self, entry: &Entry, at_m: &[Vec2], wanted_m: f64) -> Option<(f64, f64)> {
         let model = &self.library.displacement;
         let speed = reference_speed(entry, at_m.iter().copied());
-        let shortest_m = model.min_distance(speed).max(self.params.min_distance_m);
-        let longest_m = model.max_distance(speed);
-        let length_m = wanted_m.max(shortest_m).min(longest_m);
-        let worth = wanted_m >= 0.5 * shortest_m && shortest_m <= longest_m;
+        let shortest_m = model.min_distance(speed);
+        let length_m = wanted_m.min(LONGEST_M).max(shortest_m).min(model.max_distance(speed));
+        let worth = length_m > 0.0 && wanted_m >= 0.5 * shortest_m;
         let sustain_s = worth.then(|| model.sustain_for(speed, length_m)).flatten()?;
         Some((length_m, sustain_s))
     }
+}
 
-    fn ended(&self, status: PlanStatus) -> Plan {
-        Plan { status, pulses: Vec::new(), candidates: self.centers.clone(), predicted_m: Vec::new() }
-    }
+fn ended(status: PlanStatus, centers: &[usize]) -> Plan {
+    Plan { status, pulses: Vec::new(), candidates: centers.to_vec(), predicted_m: Vec::new() }
 }
 
 /// Where parts are after `distance_m` along the ideal field of `entry`, whatever their distance from its centre.
@@ -112,24 +121,29 @@ fn after(entry: &Entry, distance_m: f64, at_m: &[Vec2]) -> Vec<Vec2> {
     at_m.iter().map(|&p| p + entry.pump.direction_at(p) * distance_m).collect()
 }
 
-/// `count` of the library's strong rotations about centres on the plate, spread by farthest-point sampling: first the
-/// one nearest the middle, then always the one farthest from all chosen so far. Fewer where there are no more.
-fn fixed_centers(library: &Library, half_side_m: f64, count: usize) -> Vec<usize> {
+/// `count` each of the library's strong and gentle rotations about centres on the plate, where there are so many.
+fn fixed_centers(library: &Library, half_side_m: f64, count: usize) -> [Vec<usize>; 2] {
     let center_of = |(number, entry): (usize, &Entry)| Some((number, entry.center_m()?, entry.pump.spin_radps.abs()));
-    let mut on_plate: Vec<(usize, Vec2, f64)> =
+    let on_plate: Vec<(usize, Vec2, f64)> =
         library.entries.iter().enumerate().filter_map(center_of).filter(|(_, c, _)| c.amax() <= half_side_m).collect();
     let mut spins: Vec<f64> = on_plate.iter().map(|&(_, _, spin)| spin).collect();
     spins.sort_by(f64::total_cmp);
-    let strong = STRONG * spins.get(spins.len() * 9 / 10).copied().unwrap_or_default();
-    on_plate.retain(|&(_, _, spin)| spin >= strong);
-    // before any is chosen, the middle of the plate is the only place and the nearest to it comes first
-    let mut apart_m: Vec<f64> = on_plate.iter().map(|(_, center_m, _)| -center_m.norm()).collect();
+    let least = STRONG * spins.get(spins.len() * 9 / 10).copied().unwrap_or_default();
+    let (strong, gentle): (Vec<_>, Vec<_>) = on_plate.into_iter().partition(|&(_, _, spin)| spin >= least);
+    [strong, gentle].map(|set| spread(&set, count))
+}
+
+/// `count` entries with centres far from each other, by farthest-point sampling: first the one nearest the middle of the
+/// plate, then always the one farthest from all chosen so far.
+fn spread(set: &[(usize, Vec2, f64)], count: usize) -> Vec<usize> {
+    let mut apart_m: Vec<f64> = set.iter().map(|(_, center_m, _)| -center_m.norm()).collect();
     let mut chosen = Vec::with_capacity(count);
-    while chosen.len() < count.min(on_plate.len()) {
-        let farthest = (0..apart_m.len()).max_by(|&a, &b| apart_m[a].total_cmp(&apart_m[b]).then(b.cmp(&a)));
-        let Some(&(number, center_m, _)) = farthest.and_then(|i| on_plate.get(i)) else { break };
+    while chosen.len() < count.min(set.len()) {
+        let candidates = apart_m.iter().enumerate();
+        let farthest = candidates.max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0))).map(|(i, _)| i);
+        let Some(&(number, center_m, _)) = farthest.and_then(|i| set.get(i)) else { break };
         let first = chosen.is_empty();
-        for (apart, (_, other_m, _)) in apart_m.iter_mut().zip(&on_plate) {
+        for (apart, (_, other_m, _)) in apart_m.iter_mut().zip(set) {
             let to_new = (other_m - center_m).norm();
             *apart = if first { to_new } else { apart.min(to_new) };
         }
@@ -192,12 +206,18 @@ mod tests {
     }
 
     #[test]
-    fn gentle_entries_are_passed_over() {
+    fn strong_and_gentle_entries_are_kept_apart() {
         let mut mixed = (*library()).clone();
-        mixed.entries.iter_mut().skip(1).step_by(2).for_each(|entry| entry.pump = entry.pump * 0.03);
-        let chosen = fixed_centers(&mixed, HALF_SIDE_M, 32);
-        assert_eq!(chosen.len(), 32);
-        assert!(chosen.iter().all(|entry| entry % 2 == 0), "{chosen:?}");
+        mixed.entries.iter_mut().skip(1).step_by(2).for_each(|entry| entry.pump = entry.pump * 0.01);
+        let [strong, gentle] = fixed_centers(&mixed, HALF_SIDE_M, 32);
+        assert_eq!((strong.len(), gentle.len()), (32, 32));
+        assert!(strong.iter().all(|entry| entry % 2 == 0), "{strong:?}");
+        assert!(gentle.iter().all(|entry| entry % 2 == 1), "{gentle:?}");
+        let mut planner = PseudoInverse::new(mixed.into(), PlannerParams { min_distance_m: 2e-5, ..params() });
+        assert_eq!(planner.plan(&scene(2, 3e-3, 1)).candidates, strong[..4]);
+        // along the field of the strong centre in the middle, less than half as far as its shortest pulse goes
+        let plan = planner.plan(&[penny(mm(40.0, -40.0), mm(0.042, 0.042))]);
+        assert_eq!((plan.status, plan.candidates), (PlanStatus::Solved, gentle[..2].to_vec()));
     }
 
     #[test]
@@ -220,11 +240,10 @@ mod tests {
         #[test]
         fn one_step_is_right_to_second_order(count in 1usize..7, seed: u64) {
             let parts = scene(count, 1e-6, seed);
-            let mut planner = planner();
-            planner.plan(&parts);
-            planner.centers = fixed_centers(&planner.library, HALF_SIDE_M, 2 * count);
-            let distances_m = planner.distances_m(&parts, 1.0).unwrap();
-            let entries: Vec<&Entry> = planner.centers.iter().map(|&j| &planner.library.entries[j]).collect();
+            let planner = planner();
+            let [centers, _] = fixed_centers(&planner.library, HALF_SIDE_M, 2 * count);
+            let distances_m = planner.distances_m(&centers, &parts).unwrap();
+            let entries: Vec<&Entry> = centers.iter().map(|&j| &planner.library.entries[j]).collect();
             let sum_m: f64 = distances_m.iter().map(|d| d.abs()).sum();
             let nearest_m = (entries.iter().flat_map(|e| parts.iter().map(|p| (p.position_m - e.center_m().unwrap()).norm())))
                 .fold(f64::INFINITY, f64::min);
@@ -250,7 +269,7 @@ mod tests {
                 let entry = &library().entries[pulse.entry];
                 let speed = at_m.iter().map(|&p| entry.speed_at(p)).fold(0.0, f64::max);
                 prop_assert!((model.distance(speed, pulse.sustain_s) - pulse.distance_m.abs()).abs() < 1e-8);
-                prop_assert!(pulse.distance_m.abs() >= params().min_distance_m);
+                prop_assert!(pulse.distance_m.abs() <= LONGEST_M + 1e-12);
                 for (before, now) in at_m.iter().zip(predicted_m) {
                     let way = (now - before).norm();
                     prop_assert!(way < 1e-12 || (way - pulse.distance_m.abs()).abs() < 1e-12, "equally far, or on the centre");
