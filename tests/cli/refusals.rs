@@ -68,9 +68,9 @@ fn what_clashes_is_told_before_anything_runs() {
         ),
         (
             "bowtie-3",
-            |job| job["task"]["paths"][1] = job["task"]["paths"][0].clone(),
+            |job| job["task"]["paths"][1]["waypoints_mm"][0] = json!([3, 4]),
             "task.paths[1].waypoints_mm[0]",
-            &["0.000 mm from task.paths[0].waypoints_mm[0]"],
+            &["5.000 mm from task.paths[0].waypoints_mm[0]", "20.050 mm or more"],
         ),
         (
             "bowtie-3",
@@ -80,7 +80,7 @@ fn what_clashes_is_told_before_anything_runs() {
         ),
         (
             "bowtie-3",
-            |job| drop(job["task"]["paths"][2]["waypoints_mm"].as_array_mut().unwrap().drain(20..30)),
+            |job| drop(job["task"]["paths"][2]["waypoints_mm"].as_array_mut().unwrap().drain(10..30)),
             "task.paths[2].waypoints_mm",
             &["a lap of ", "within 1 %"],
         ),
