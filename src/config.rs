@@ -12,9 +12,12 @@
 //! assert_eq!(faults[0].to_string(), line);
 //! ```
 
+mod bins;
 mod fault;
 mod job;
 mod kinds;
+mod packing;
+mod phase;
 mod place;
 mod raw_job;
 mod raw_rig;
@@ -48,7 +51,7 @@ pub use raw_simulate::{PlateMode, RawHarmonic, RawPlaced, RawPulse, RawSimulate}
 pub use raw_trace::{RawCounts, RawTrace};
 pub use read::{MOST_BYTES, Origin};
 pub use rig::{FrictionSpec, RigSpec, fingerprint};
-pub use room::{START_GAP_M, START_MARGIN_M};
+pub use room::{REST_GAP_M, REST_MARGIN_M, START_GAP_M, START_MARGIN_M};
 pub use schema::{schema, schema_names};
 pub use simulate::{PulseSpec, SimulateSpec};
 pub use task::{BinSpec, PathSpec, TaskSpec};

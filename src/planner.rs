@@ -6,6 +6,7 @@ mod fit;
 mod limits;
 mod plan;
 mod program;
+mod pseudo_inverse;
 mod reach;
 mod sequence;
 mod sparsify;
@@ -21,5 +22,6 @@ mod fixture;
 mod tests;
 
 pub use plan::Planner;
+pub use pseudo_inverse::PseudoInverse;
 pub use reach::Reach;
 pub use types::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};

@@ -14,6 +14,8 @@ mod coverage;
 mod lab;
 #[path = "cli/locate.rs"]
 mod locate;
+#[path = "cli/refusals.rs"]
+mod refusals;
 
 fn upm() -> Command {
     let mut command = Command::cargo_bin("upm").unwrap();

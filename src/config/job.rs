@@ -157,6 +157,9 @@ impl JobSpec {
             (_, PlannerChoice::SynthesizedField) => {
                 fault(root.key("planner"), "synthesized_field", "cor_sequence in this version")
             }
+            (_, PlannerChoice::PseudoInverse) => {
+                fault(root.key("planner"), "pseudo_inverse", "cor_sequence in this version")
+            }
             (RawTask::PlusSign { .. } | RawTask::Trajectories { .. }, PlannerChoice::CorSequence) => Ok(()),
         }
     }

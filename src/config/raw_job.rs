@@ -102,6 +102,10 @@ pub enum RawTask {
         /// One path for each part, in the order of `parts`.
         #[schemars(length(min = 1, max = 64))]
         paths: Vec<RawPath>,
+        /// The parts hold their phase to each other: all are at the same share of their laps at any time. Asks for
+        /// laps of equal length (within 1 %), equal speeds and equal repeats.
+        #[serde(default)]
+        in_phase: bool,
     },
     /// Every part goes to a place.
     Arrange {
@@ -189,6 +193,8 @@ pub enum PlannerChoice {
     CorSequence,
     /// One motion of many harmonics that moves every part at once.
     SynthesizedField,
+    /// The papers' plain method, for comparison: fixed centres, the ideal field, the pseudo-inverse.
+    PseudoInverse,
 }
 
 /// When to give up.

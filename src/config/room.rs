@@ -15,8 +15,14 @@ pub const START_GAP_M: f64 = 3e-3;
 /// Least distance of such a rim from the plate's edge, m.
 pub const START_MARGIN_M: f64 = 5e-3;
 
+/// Least gap between the rims of parts where they should come to rest, m.
+pub const REST_GAP_M: f64 = 1e-3;
+
+/// Least distance of such a rim from the plate's edge, m: nearer the planner takes no part.
+pub const REST_MARGIN_M: f64 = 1e-3;
+
 /// Shortfall that is rounding and no fault, m.
-const ROUNDING_M: f64 = 1e-9;
+pub(super) const ROUNDING_M: f64 = 1e-9;
 
 /// True when a part of `kind` has room on the plate at all and the camera can find it, else a fault at `at`.
 pub(super) fn check_size(kind: usize, rig: &RigSpec, at_random: bool, at: &Path, faults: &mut Faults) -> bool {
@@ -36,40 +42,54 @@ pub(super) fn check(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
     let radius = |group: &PartGroup| rig.kinds.get(group.kind).map_or(0.0, |spec| spec.kind.radius_m);
     for (i, group) in groups.iter().enumerate() {
         if let Some(position_m) = group.position_m {
-            check_inside(position_m, radius(group), half_m, &at.index(i).key("position_mm"), faults);
+            check_inside(position_m, radius(group), half_m, 0.0, &at.index(i).key("position_mm"), faults);
         }
     }
     let given: Vec<(Vec2, f64, Path)> = (0..)
         .zip(groups)
         .filter_map(|(i, group)| Some((group.position_m?, radius(group), at.index(i).key("position_mm"))))
         .collect();
-    check_apart(&given, faults);
+    check_apart(&given, 0.0, faults);
     check_number(groups, rig, faults);
 }
 
-/// A fault unless a disc's rim lies on the plate.
-pub(super) fn check_inside(center_m: Vec2, radius_m: f64, half_m: f64, at: &Path, faults: &mut Faults) {
-    let most_mm = mm_from_m(half_m - radius_m).max(0.0);
-    let allowed = format!("from {:.3} to {most_mm:.3} (the whole part on the plate)", -most_mm);
+/// A fault unless a disc's rim lies on the plate, `margin_m` inside its edge.
+pub(super) fn check_inside(center_m: Vec2, radius_m: f64, half_m: f64, margin_m: f64, at: &Path, faults: &mut Faults) {
+    let most_m = half_m - radius_m - margin_m;
+    let most_mm = mm_from_m(most_m).max(0.0);
+    let why = match margin_m {
+        0.0 => "the whole part on the plate".to_owned(),
+        _ => format!("the whole part on the plate, {:.3} mm inside its edge", mm_from_m(margin_m)),
+    };
+    let allowed = format!("from {:.3} to {most_mm:.3} ({why})", -most_mm);
     for (i, found) in center_m.iter().enumerate() {
-        let inside = found.abs() <= half_m - radius_m + ROUNDING_M;
+        let inside = found.abs() <= most_m + ROUNDING_M;
         faults.demand(inside, &at.index(i), format!("{:.3}", mm_from_m(*found)), allowed.clone());
     }
 }
 
-/// A fault for every disc that overlaps an earlier one.
-pub(super) fn check_apart(discs: &[(Vec2, f64, Path)], faults: &mut Faults) {
+/// A fault for every disc whose rim is less than `gap_m` from that of an earlier one.
+pub(super) fn check_apart(discs: &[(Vec2, f64, Path)], gap_m: f64, faults: &mut Faults) {
     for (i, (center_m, radius_m, at)) in discs.iter().enumerate() {
-        let overlap = discs
+        let least_m = |other_radius_m: &f64| radius_m + other_radius_m + gap_m;
+        let near = discs
             .iter()
             .take(i)
-            .find(|(other_m, other_radius_m, _)| (center_m - other_m).norm() < radius_m + other_radius_m - ROUNDING_M);
-        if let Some((other_m, other_radius_m, other)) = overlap {
-            let (found, least) = ((center_m - other_m).norm(), radius_m + other_radius_m);
-            let found = format!("{:.3} mm from {other}", mm_from_m(found));
-            faults.push(at, found, format!("{:.3} mm or more: parts cannot overlap", mm_from_m(least)));
+            .find(|(other_m, other_radius_m, _)| (center_m - other_m).norm() < least_m(other_radius_m) - ROUNDING_M);
+        if let Some((other_m, other_radius_m, other)) = near {
+            let found = format!("{:.3} mm from {other}", mm_from_m((center_m - other_m).norm()));
+            faults.push(at, found, apart_allowed(least_m(other_radius_m), gap_m));
         }
     }
+}
+
+/// What is allowed of the distance between two centres.
+pub(super) fn apart_allowed(least_m: f64, gap_m: f64) -> String {
+    let why = match gap_m {
+        0.0 => "parts cannot overlap".to_owned(),
+        _ => format!("both radii and {:.3} mm between the rims", mm_from_m(gap_m)),
+    };
+    format!("{:.3} mm or more: {why}", mm_from_m(least_m))
 }
 
 /// A fault where the parts cannot all lie on the plate, by two bounds that no arrangement beats.

@@ -199,6 +199,6 @@ fn placed(raw: &RawSimulate, rig: &RigSpec, faults: &mut Faults) -> Vec<PlacedPa
         let id = format!("{}-{number}", part.kind);
         parts.push(PlacedPart { kind, id, position_m, params: spec.part() });
     }
-    check_apart(&discs, faults);
+    check_apart(&discs, 0.0, faults);
     parts
 }

@@ -1,8 +1,9 @@
 use super::fault::{Faults, Path, counted};
-use super::job::{PartGroup, each_kind, known_kind};
-use super::raw_job::{Assignment, RawBin, RawPath, RawTask};
+use super::job::{PartGroup, each_kind};
+use super::phase::check_in_phase;
+use super::raw_job::{Assignment, RawPath, RawTask};
 use super::rig::RigSpec;
-use super::room::{check_apart, check_inside, fits};
+use super::room::{REST_GAP_M, REST_MARGIN_M, check_apart, check_inside};
 use crate::geometry::Vec2;
 use crate::units::{m_from_mm, mm_from_m};
 
@@ -20,6 +21,8 @@ pub enum TaskSpec {
     Trajectories {
         /// One for each part.
         paths: Vec<PathSpec>,
+        /// All parts are at the same share of their laps at any time.
+        in_phase: bool,
     },
     /// Every part goes to a place.
     Arrange {
@@ -67,7 +70,7 @@ pub(super) fn build(raw: &RawTask, groups: &[PartGroup], rig: &RigSpec, faults: 
     let scene = Scene::new(groups, rig);
     match raw {
         RawTask::PlusSign { laps, edge_margin_mm } => scene.plus_sign(*laps, *edge_margin_mm, faults),
-        RawTask::Trajectories { paths } => scene.trajectories(paths, faults),
+        RawTask::Trajectories { paths, in_phase } => scene.trajectories(paths, *in_phase, faults),
         RawTask::Arrange { targets_mm, assignment } => scene.arrange(targets_mm, *assignment, faults),
         RawTask::Sort { bins } => scene.sort(bins, faults),
         RawTask::Hold { duration_s } => Some(TaskSpec::Hold { duration_s: *duration_s }),
@@ -75,12 +78,17 @@ pub(super) fn build(raw: &RawTask, groups: &[PartGroup], rig: &RigSpec, faults: 
 }
 
 /// What a task is judged against.
-struct Scene<'a> {
-    at: Path,
-    rig: &'a RigSpec,
-    half_m: f64,
-    kinds: Vec<usize>,
-    radii_m: Vec<f64>,
+pub(super) struct Scene<'a> {
+    /// Where the task stands.
+    pub at: Path,
+    /// The rig.
+    pub rig: &'a RigSpec,
+    /// Half the plate's side, m.
+    pub half_m: f64,
+    /// Kind of every part.
+    pub kinds: Vec<usize>,
+    /// Its radius, m.
+    pub radii_m: Vec<f64>,
 }
 
 impl<'a> Scene<'a> {
@@ -100,20 +108,27 @@ impl<'a> Scene<'a> {
         Some(TaskSpec::PlusSign { laps, edge_margin_m })
     }
 
-    fn trajectories(&self, raw: &[RawPath], faults: &mut Faults) -> Option<TaskSpec> {
+    fn trajectories(&self, raw: &[RawPath], in_phase: bool, faults: &mut Faults) -> Option<TaskSpec> {
         let at = self.at.key("paths");
         self.demand_one_each(raw.len(), "path", &at, faults);
         let paths: Vec<PathSpec> = raw.iter().map(PathSpec::from).collect();
-        let mut starts = Vec::with_capacity(paths.len());
+        let (mut starts, mut ends) = (Vec::with_capacity(paths.len()), Vec::with_capacity(paths.len()));
         for (i, (path, &radius_m)) in paths.iter().zip(&self.radii_m).enumerate() {
             let at = at.index(i).key("waypoints_mm");
             for (k, &waypoint_m) in path.waypoints_m.iter().enumerate() {
-                check_inside(waypoint_m, radius_m, self.half_m, &at.index(k), faults);
+                check_inside(waypoint_m, radius_m, self.half_m, REST_MARGIN_M, &at.index(k), faults);
             }
             starts.extend(path.waypoints_m.first().map(|&start_m| (start_m, radius_m, at.index(0))));
+            let last = path.waypoints_m.iter().enumerate().skip(1).next_back().filter(|_| path.repeat > 0);
+            ends.extend(last.map(|(k, &end_m)| (end_m, radius_m, at.index(k))));
         }
-        check_apart(&starts, faults);
-        Some(TaskSpec::Trajectories { paths })
+        let before = faults.len();
+        check_apart(&starts, REST_GAP_M, faults);
+        check_apart(&ends, REST_GAP_M, faults);
+        if in_phase && faults.len() == before {
+            check_in_phase(&paths, &self.radii_m, &at, faults);
+        }
+        Some(TaskSpec::Trajectories { paths, in_phase })
     }
 
     fn arrange(&self, targets_mm: &[[f64; 2]], assignment: Assignment, faults: &mut Faults) -> Option<TaskSpec> {
@@ -123,53 +138,10 @@ impl<'a> Scene<'a> {
         let discs: Vec<(Vec2, f64, Path)> =
             targets_m.iter().zip(&self.radii_m).zip(0..).map(|((&to, &radius), i)| (to, radius, at.index(i))).collect();
         for (target_m, radius_m, at) in &discs {
-            check_inside(*target_m, *radius_m, self.half_m, at, faults);
+            check_inside(*target_m, *radius_m, self.half_m, REST_MARGIN_M, at, faults);
         }
-        check_apart(&discs, faults);
+        check_apart(&discs, REST_GAP_M, faults);
         Some(TaskSpec::Arrange { targets_m, assignment })
-    }
-
-    fn sort(&self, raw: &[RawBin], faults: &mut Faults) -> Option<TaskSpec> {
-        let at = self.at.key("bins");
-        let mut bins: Vec<BinSpec> = Vec::with_capacity(raw.len());
-        for (i, raw) in raw.iter().enumerate() {
-            let at = at.index(i);
-            let bin = self.bin(raw, &at, faults);
-            for (k, kind) in bin.kinds.iter().enumerate() {
-                let taken = bins.iter().any(|other| other.kinds.contains(kind));
-                let name = raw.kinds.get(k).map_or("", String::as_str);
-                let found = format!("{name:?} a second time");
-                faults.demand(!taken, &at.key("kinds").index(k), found, "each kind in one bin");
-            }
-            bins.push(bin);
-        }
-        for (kind, spec) in self.rig.kinds.iter().enumerate().filter(|(kind, _)| self.kinds.contains(kind)) {
-            let found = format!("no bin for {}", spec.kind.name);
-            faults.demand(bins.iter().any(|bin| bin.kinds.contains(&kind)), &at, found, "a bin for every kind of part");
-        }
-        Some(TaskSpec::Sort { bins })
-    }
-
-    fn bin(&self, raw: &RawBin, at: &Path, faults: &mut Faults) -> BinSpec {
-        let kind = |(i, name): (usize, &String)| known_kind(name, self.rig, &at.key("kinds").index(i), faults);
-        let kinds: Vec<usize> = raw.kinds.iter().enumerate().filter_map(kind).collect();
-        let bin = BinSpec { kinds, min_m: point_m(raw.region_mm.min), max_m: point_m(raw.region_mm.max) };
-        let at = at.key("region_mm");
-        for (name, corner_m) in [("min", bin.min_m), ("max", bin.max_m)] {
-            check_inside(corner_m, 0.0, self.half_m, &at.key(name), faults);
-        }
-        let size_m = bin.max_m - bin.min_m;
-        let radii_m: Vec<f64> = (self.kinds.iter().zip(&self.radii_m))
-            .filter(|(kind, _)| bin.kinds.contains(kind))
-            .map(|(_, &radius_m)| radius_m)
-            .collect();
-        // the square around a rectangle bounds how many fit; a side must hold the largest part
-        let widest_m = radii_m.iter().copied().fold(0.0, |widest, radius_m| f64::max(widest, 2.0 * radius_m));
-        let room = size_m.min() > 0.0 && size_m.min() >= widest_m && fits(&radii_m, size_m.max(), 0.0);
-        let found = format!("{:.3} x {:.3} mm", mm_from_m(size_m.x), mm_from_m(size_m.y));
-        let allowed = format!("min below max and room for the {} of its kinds", counted(radii_m.len(), "part"));
-        faults.demand(room, &at, found, allowed);
-        bin
     }
 
     fn demand_one_each(&self, found: usize, what: &str, at: &Path, faults: &mut Faults) {
@@ -188,6 +160,7 @@ impl From<&RawPath> for PathSpec {
     }
 }
 
-fn point_m(mm: [f64; 2]) -> Vec2 {
+/// A point in SI.
+pub(super) fn point_m(mm: [f64; 2]) -> Vec2 {
     Vec2::from(mm.map(m_from_mm))
 }

@@ -1,5 +1,6 @@
 mod faults;
 mod jobs;
+mod many;
 mod mutation;
 mod placing;
 mod rigs;

@@ -146,7 +146,7 @@ fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Goal
             arrive_m: job.tolerance_m,
             stride_m: stride_m(library),
         })),
-        TaskSpec::Trajectories { paths } => {
+        TaskSpec::Trajectories { paths, .. } => {
             let paths = paths.iter().map(|path| PathParams {
                 waypoints_m: path.waypoints_m.clone(),
                 speed_mps: path.speed_mps,

@@ -98,7 +98,7 @@ proptest! {
 
     #[test]
     fn mutated_files_never_panic(
-        which in 0..5_usize,
+        which in 0..8_usize,
         changes in proptest::collection::vec((any::<prop::sample::Index>(), prop_oneof![scalar(), anything()]), 1..4),
     ) {
         let mut document = match which {
@@ -106,6 +106,9 @@ proptest! {
             1 => whole("trajectories.json", "rigs/upm-2.json"),
             2 => value_of("rigs/upm-1.json"),
             3 => trace(),
+            4 => whole("arrange-8.json", "rigs/upm-2.json"),
+            5 => whole("sort-12.json", "rigs/upm-2.json"),
+            6 => whole("bowtie-3.json", "rigs/upm-2.json"),
             _ => experiment(),
         };
         for (index, value) in changes {

@@ -1,0 +1,281 @@
+//! The papers' plain method, for comparison: fixed centres, the ideal field, the pseudo-inverse.
+
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::field::reference_speed;
+use super::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
+use crate::geometry::Vec2;
+use crate::library::{Entry, Library};
+
+/// Longest step of a part and longest single rotation in one cycle, m: the field is straight only over a short way.
+const LONGEST_M: f64 = 4e-3;
+
+/// An entry counts as strong from this part of the spin that nine in ten on the plate stay below.
+const STRONG: f64 = 0.4;
+
+/// Singular values below this part of the largest count as zero.
+const RANK: f64 = 1e-6;
+
+/// The manipulation algorithm as published (Reznik, Moshkovich, Canny: Building a Universal Planar Manipulator, section
+/// 2.1): N parts, 2N centres chosen beforehand, `ΔP = Φ d` with the ideal unit field `τ_j(P_i)` in column j, whatever a
+/// part's distance from the centre; `d = Φ⁺ ΔP`, all rotations one after another. It knows no edge, no other part and
+/// nothing that was measured but the sustain that belongs to a distance.
+///
+/// There are two sets of centres, one of strong motions and one of gentle ones for what is too short for those.
+#[derive(Clone, Debug)]
+pub struct PseudoInverse {
+    library: Arc<Library>,
+    params: PlannerParams,
+    /// Strong and gentle.
+    gears: [Vec<usize>; 2],
+    planned_for: Option<usize>,
+}
+
+impl PseudoInverse {
+    /// A planner for one rig's library. Of `params` it heeds the side of the plate and the smallest distance.
+    pub fn new(library: Arc<Library>, params: PlannerParams) -> Self {
+        Self { library, params, gears: Default::default(), planned_for: None }
+    }
+
+    /// Plans one cycle: the rotations that to first order bring every part its step, all steps shortened alike where the
+    /// longest is too long, and each rotation cut where it is. The prediction is that of the ideal field.
+    pub fn plan(&mut self, parts: &[PartState]) -> Plan {
+        if parts.iter().any(|part| !part.position_m.iter().chain(&part.step_m).all(|v| v.is_finite())) {
+            return ended(PlanStatus::SolverFailed("a part is not where numbers are".into()), &[]);
+        }
+        if self.planned_for.replace(parts.len()) != Some(parts.len()) {
+            self.gears = fixed_centers(&self.library, self.params.half_side_m, 2 * parts.len());
+        }
+        let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
+        if largest_m < 0.5 * self.params.min_distance_m {
+            return ended(PlanStatus::NothingToDo, &[]);
+        }
+        let mut plan = ended(PlanStatus::Infeasible(Limit::Unreachable), &[]);
+        for centers in self.gears.iter().filter(|centers| !centers.is_empty()) {
+            plan = match self.distances_m(centers, parts) {
+                Ok(distances_m) => self.sequence(centers, parts, &distances_m),
+                Err(words) => ended(PlanStatus::SolverFailed(words), centers),
+            };
+            if plan.status != PlanStatus::NothingToDo {
+                break;
+            }
+        }
+        plan
+    }
+
+    /// `Φ⁺ ΔP`, the distance about each of the centres, m; all steps shortened alike where the longest is too long.
+    fn distances_m(&self, centers: &[usize], parts: &[PartState]) -> Result<Vec<f64>, String> {
+        let unit_field = |row: usize, j: usize| {
+            let entry = centers.get(j).and_then(|&entry| self.library.entries.get(entry));
+            let part = parts.get(row / 2);
+            entry.zip(part).map_or(0.0, |(entry, part)| entry.pump.direction_at(part.position_m)[row % 2])
+        };
+        let phi = DMatrix::from_fn(2 * parts.len(), centers.len(), unit_field);
+        let longest_m = parts.iter().map(|part| part.step_m.norm()).fold(LONGEST_M, f64::max);
+        let scale = LONGEST_M / longest_m;
+        let steps = parts.iter().flat_map(|part| [scale * part.step_m.x, scale * part.step_m.y]);
+        let steps_m = DVector::from_iterator(2 * parts.len(), steps);
+        let svd = phi.svd(true, true);
+        let least = RANK * svd.singular_values.max();
+        Ok(svd.solve(&steps_m, least)?.as_slice().to_vec())
+    }
+
+    /// The rotations one after another, each as long as the library can make it; those too short for a pulse left out.
+    fn sequence(&self, centers: &[usize], parts: &[PartState], distances_m: &[f64]) -> Plan {
+        let mut at_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
+        let mut plan = ended(PlanStatus::Solved, centers);
+        for (&number, &wanted_m) in centers.iter().zip(distances_m) {
+            let Some(entry) = self.library.entries.get(number) else { continue };
+            let Some((length_m, sustain_s)) = self.pulse(entry, &at_m, wanted_m.abs()) else { continue };
+            let distance_m = length_m.copysign(wanted_m);
+            at_m = after(entry, distance_m, &at_m);
+            plan.pulses.push(PlannedPulse { entry: number, distance_m, sustain_s });
+            plan.predicted_m.push(at_m.clone());
+        }
+        if plan.pulses.is_empty() {
+            plan.status = PlanStatus::NothingToDo;
+        }
+        plan
+    }
+
+    /// Length, m, and sustain, s, of the pulse about `entry` nearest to `wanted_m`; `None` where none is nearer.
+    fn pulse(&self, entry: &Entry, at_m: &[Vec2], wanted_m: f64) -> Option<(f64, f64)> {
+        let model = &self.library.displacement;
+        let speed = reference_speed(entry, at_m.iter().copied());
+        let shortest_m = model.min_distance(speed);
+        let length_m = wanted_m.min(LONGEST_M).max(shortest_m).min(model.max_distance(speed));
+        let worth = length_m > 0.0 && wanted_m >= 0.5 * shortest_m;
+        let sustain_s = worth.then(|| model.sustain_for(speed, length_m)).flatten()?;
+        Some((length_m, sustain_s))
+    }
+}
+
+fn ended(status: PlanStatus, centers: &[usize]) -> Plan {
+    Plan { status, pulses: Vec::new(), candidates: centers.to_vec(), predicted_m: Vec::new() }
+}
+
+/// Where parts are after `distance_m` along the ideal field of `entry`, whatever their distance from its centre.
+fn after(entry: &Entry, distance_m: f64, at_m: &[Vec2]) -> Vec<Vec2> {
+    at_m.iter().map(|&p| p + entry.pump.direction_at(p) * distance_m).collect()
+}
+
+/// `count` each of the library's strong and gentle rotations about centres on the plate, where there are so many.
+fn fixed_centers(library: &Library, half_side_m: f64, count: usize) -> [Vec<usize>; 2] {
+    let center_of = |(number, entry): (usize, &Entry)| Some((number, entry.center_m()?, entry.pump.spin_radps.abs()));
+    let on_plate: Vec<(usize, Vec2, f64)> =
+        library.entries.iter().enumerate().filter_map(center_of).filter(|(_, c, _)| c.amax() <= half_side_m).collect();
+    let mut spins: Vec<f64> = on_plate.iter().map(|&(_, _, spin)| spin).collect();
+    spins.sort_by(f64::total_cmp);
+    let least = STRONG * spins.get(spins.len() * 9 / 10).copied().unwrap_or_default();
+    let (strong, gentle): (Vec<_>, Vec<_>) = on_plate.into_iter().partition(|&(_, _, spin)| spin >= least);
+    [strong, gentle].map(|set| spread(&set, count))
+}
+
+/// `count` entries with centres far from each other, by farthest-point sampling: first the one nearest the middle of the
+/// plate, then always the one farthest from all chosen so far.
+fn spread(set: &[(usize, Vec2, f64)], count: usize) -> Vec<usize> {
+    let mut apart_m: Vec<f64> = set.iter().map(|(_, center_m, _)| -center_m.norm()).collect();
+    let mut chosen = Vec::with_capacity(count);
+    while chosen.len() < count.min(set.len()) {
+        let candidates = apart_m.iter().enumerate();
+        let farthest = candidates.max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0))).map(|(i, _)| i);
+        let Some(&(number, center_m, _)) = farthest.and_then(|i| set.get(i)) else { break };
+        let first = chosen.is_empty();
+        for (apart, (_, other_m, _)) in apart_m.iter_mut().zip(set) {
+            let to_new = (other_m - center_m).norm();
+            *apart = if first { to_new } else { apart.min(to_new) };
+        }
+        chosen.push(number);
+    }
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::geometry::Twist;
+    use crate::planner::fixture::{HALF_SIDE_M, library, params, penny, scatter};
+    use crate::random::Streams;
+
+    fn mm(x: f64, y: f64) -> Vec2 {
+        Vec2::new(x, y) * 1e-3
+    }
+
+    fn planner() -> PseudoInverse {
+        PseudoInverse::new(library(), params())
+    }
+
+    /// Pennies here and there with steps of up to `reach_m` along each axis.
+    fn scene(count: usize, reach_m: f64, seed: u64) -> Vec<PartState> {
+        let mut rng = Streams::new(seed).stream("scene");
+        let mut draw = || (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+        let places = scatter(count, &mut draw);
+        places.into_iter().map(|p| penny(p, reach_m * mm(2e3 * draw() - 1e3, 2e3 * draw() - 1e3))).collect()
+    }
+
+    #[test]
+    fn two_centers_and_one_part_by_hand() {
+        let mut two = (*library()).clone();
+        two.entries.truncate(2);
+        // left of the part, turning left: the field points up; below it, turning right: the field points right
+        two.entries[0].pump = Twist::about(mm(-50.0, 10.0), 8.0);
+        two.entries[1].pump = Twist::about(mm(10.0, -30.0), -8.0);
+        let plan = PseudoInverse::new(two.into(), params()).plan(&[penny(mm(10.0, 10.0), mm(2.0, -3.0))]);
+        assert_eq!(plan.status, PlanStatus::Solved);
+        let about: Vec<(usize, f64)> = plan.pulses.iter().map(|p| (p.entry, (p.distance_m * 1e9).round())).collect();
+        assert_eq!(about, [(1, 2e6), (0, -3e6)], "the centre nearer the middle first");
+        assert!((plan.predicted_m[0][0] - mm(12.0, 10.0)).norm() < 1e-12);
+        assert!((plan.predicted_m[1][0] - mm(12.0, 7.0)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn centers_are_fixed_and_spread() {
+        let mut planner = planner();
+        let centers: Vec<usize> = planner.plan(&scene(4, 3e-3, 1)).candidates;
+        assert_eq!(centers.len(), 8);
+        assert_eq!(planner.plan(&scene(4, 3e-3, 2)).candidates, centers, "wherever the parts are");
+        let center_m = |&entry: &usize| library().entries[entry].center_m().unwrap();
+        assert_eq!(center_m(&centers[0]), Vec2::zeros());
+        assert!(centers[1..5].iter().all(|c| (center_m(c).abs() - Vec2::repeat(HALF_SIDE_M)).norm() < 1e-9), "corners");
+        assert!(centers[5..].iter().all(|c| (center_m(c).norm() - HALF_SIDE_M).abs() < 1e-9), "middles of sides");
+        assert_eq!(planner.plan(&scene(2, 3e-3, 1)).candidates, centers[..4]);
+    }
+
+    #[test]
+    fn strong_and_gentle_entries_are_kept_apart() {
+        let mut mixed = (*library()).clone();
+        mixed.entries.iter_mut().skip(1).step_by(2).for_each(|entry| entry.pump = entry.pump * 0.01);
+        let [strong, gentle] = fixed_centers(&mixed, HALF_SIDE_M, 32);
+        assert_eq!((strong.len(), gentle.len()), (32, 32));
+        assert!(strong.iter().all(|entry| entry % 2 == 0), "{strong:?}");
+        assert!(gentle.iter().all(|entry| entry % 2 == 1), "{gentle:?}");
+        let mut planner = PseudoInverse::new(mixed.into(), PlannerParams { min_distance_m: 2e-5, ..params() });
+        assert_eq!(planner.plan(&scene(2, 3e-3, 1)).candidates, strong[..4]);
+        // along the field of the strong centre in the middle, less than half as far as its shortest pulse goes
+        let plan = planner.plan(&[penny(mm(40.0, -40.0), mm(0.042, 0.042))]);
+        assert_eq!((plan.status, plan.candidates), (PlanStatus::Solved, gentle[..2].to_vec()));
+    }
+
+    #[test]
+    fn endings_that_are_no_plan() {
+        assert_eq!(planner().plan(&[]).status, PlanStatus::NothingToDo);
+        assert_eq!(planner().plan(&[penny(mm(1.0, 2.0), mm(0.05, 0.0))]).status, PlanStatus::NothingToDo);
+        let lost = penny(mm(f64::NAN, 2.0), mm(1.0, 0.0));
+        assert!(matches!(planner().plan(&[lost]).status, PlanStatus::SolverFailed(_)));
+        let mut empty = (*library()).clone();
+        empty.entries.clear();
+        let plan = PseudoInverse::new(empty.into(), params()).plan(&[penny(mm(1.0, 2.0), mm(1.0, 0.0))]);
+        assert_eq!(plan.status, PlanStatus::Infeasible(Limit::Unreachable));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(96))]
+
+        /// On the ideal field each rotation starts off by what those before it moved, at most `Σ|d|`; a unit field
+        /// about a centre ρ away turns by `δ/ρ` over a way δ. Hence the error is at most `½ (Σ|d|)² / (ρ - Σ|d|)`.
+        #[test]
+        fn one_step_is_right_to_second_order(count in 1usize..7, seed: u64) {
+            let parts = scene(count, 1e-6, seed);
+            let planner = planner();
+            let [centers, _] = fixed_centers(&planner.library, HALF_SIDE_M, 2 * count);
+            let distances_m = planner.distances_m(&centers, &parts).unwrap();
+            let entries: Vec<&Entry> = centers.iter().map(|&j| &planner.library.entries[j]).collect();
+            let sum_m: f64 = distances_m.iter().map(|d| d.abs()).sum();
+            let nearest_m = (entries.iter().flat_map(|e| parts.iter().map(|p| (p.position_m - e.center_m().unwrap()).norm())))
+                .fold(f64::INFINITY, f64::min);
+            prop_assume!(sum_m < 0.1 * nearest_m);
+            let start: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
+            let end = entries.iter().zip(&distances_m).fold(start, |at, (entry, &d)| after(entry, d, &at));
+            let bound_m = 0.5 * sum_m * sum_m / (nearest_m - sum_m) + 1e-12;
+            for (part, p) in parts.iter().zip(end) {
+                prop_assert!((p - part.position_m - part.step_m).norm() <= bound_m, "{bound_m:e}");
+            }
+        }
+
+        #[test]
+        fn pulses_are_what_the_library_can_do(count in 1usize..9, reach_m in 0.0..0.05f64, seed: u64) {
+            let parts = scene(count, reach_m, seed);
+            let plan = planner().plan(&parts);
+            prop_assert_eq!(&plan, &planner().plan(&parts), "the same again");
+            prop_assert_eq!(plan.pulses.len(), plan.predicted_m.len());
+            prop_assert_eq!(plan.status == PlanStatus::Solved, !plan.pulses.is_empty());
+            let model = &library().displacement;
+            let mut at_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
+            for (pulse, predicted_m) in plan.pulses.iter().zip(&plan.predicted_m) {
+                let entry = &library().entries[pulse.entry];
+                let speed = at_m.iter().map(|&p| entry.speed_at(p)).fold(0.0, f64::max);
+                prop_assert!((model.distance(speed, pulse.sustain_s) - pulse.distance_m.abs()).abs() < 1e-8);
+                prop_assert!(pulse.distance_m.abs() <= LONGEST_M + 1e-12);
+                for (before, now) in at_m.iter().zip(predicted_m) {
+                    let way = (now - before).norm();
+                    prop_assert!(way < 1e-12 || (way - pulse.distance_m.abs()).abs() < 1e-12, "equally far, or on the centre");
+                }
+                at_m.clone_from(predicted_m);
+            }
+        }
+    }
+}
