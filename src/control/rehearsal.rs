@@ -41,7 +41,8 @@ pub struct RehearsalParams {
     pub friction_spread: f64,
     /// Where friction and scatter are drawn from.
     pub streams: Streams,
-    /// Which of several rehearsals of one job this is: each draws its own numbers.
+    /// Which of several rehearsals of one job this is. In number 0 parts go as far as was measured; 1 and 2, 3 and 4 and so
+    /// on are pairs of opposite friction.
     pub number: u64,
 }
 

@@ -6,6 +6,7 @@ mod independence;
 use std::sync::Arc;
 
 use super::bench::{self, Bench};
+use super::coverage::Place;
 use crate::config::{Fault, JobSpec, PlacedPart};
 use crate::control::{self, ControlParams, LimitMet, Nearest, Outcome, Rehearsal, RehearsalParams};
 use crate::geometry::Vec2;
@@ -41,12 +42,34 @@ pub struct PartForecast {
     pub id: String,
     /// Its outline, m.
     pub radius_m: f64,
-    /// Where it starts, m.
-    pub start_m: Vec2,
-    /// What the library can do there.
-    pub at_start: Reach,
-    /// Where it was to go at the end of the first rehearsal, m, and what the library can do there.
-    pub target: Option<(Vec2, Reach)>,
+    /// Where it starts.
+    pub start: Spot,
+    /// Where it was to go at the end of the first rehearsal.
+    pub target: Option<Spot>,
+}
+
+/// A place of a part and what the library can do there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spot {
+    /// Where, and what one pulse does in the direction in which it does least.
+    pub place: Place,
+    /// Singular values of the flows of all entries there, larger first; see [`Reach`].
+    pub singular_values: [f64; 2],
+}
+
+impl Spot {
+    fn of(library: &Library, position_m: Vec2) -> Self {
+        let reach = Reach::of(library, position_m);
+        let place = Place {
+            position_m,
+            weakest_direction: reach.weakest_direction,
+            share: reach.weakest_projection,
+            longest_step_m: reach.longest_step_m,
+            longest_sd_m: reach.longest_sd_m,
+            shortest_step_m: reach.shortest_step_m,
+        };
+        Self { place, singular_values: reach.singular_values }
+    }
 }
 
 /// How far the rehearsals of a job are.
@@ -91,9 +114,8 @@ pub fn rehearse(
     let parts = starts_m.iter().zip(&params.parts).enumerate().map(|(i, (&start_m, part))| PartForecast {
         id: part.id.clone(),
         radius_m: params.kinds.get(part.kind).map_or(0.0, |kind| kind.radius_m),
-        start_m,
-        at_start: Reach::of(library, start_m),
-        target: targets_m.get(i).map(|&target_m| (target_m, Reach::of(library, target_m))),
+        start: Spot::of(library, start_m),
+        target: targets_m.get(i).map(|&target_m| Spot::of(library, target_m)),
     });
     Ok(Forecast {
         half_side_m: 0.5 * model.plate_side_m,

@@ -36,22 +36,17 @@ pub(super) struct Stage {
 impl Stage {
     /// Parts where they start, with the friction drawn for each.
     pub fn new(library: Arc<Library>, params: &ControlParams, rehearsal: &RehearsalParams) -> Self {
-        let RehearsalParams { starts_m, frame_hz, friction_spread, streams, number } = rehearsal;
+        let RehearsalParams { starts_m, frame_hz, streams, number, .. } = rehearsal;
         let radius = |part: usize| {
             let kind = params.parts.get(part).and_then(|part| params.kinds.get(part.kind));
             kind.map_or(0.0, |kind| kind.radius_m)
         };
-        let mut draws = streams.numbered("rehearsal friction", *number);
-        let friction = starts_m.iter().map(|_| {
-            let normal = normal(&mut draws).clamp(-FRICTION_CUT, FRICTION_CUT);
-            (1.0 + friction_spread * normal).max(LEAST_FRICTION)
-        });
         let mut stage = Self {
             positions_m: starts_m.clone(),
             radii_m: (0..starts_m.len()).map(radius).collect(),
             nearest: None,
             library,
-            friction: friction.collect(),
+            friction: friction(rehearsal),
             scatter: streams.numbered("rehearsal scatter", *number),
             frame_hz: *frame_hz,
             frames: OPENING_FRAMES,
@@ -109,12 +104,26 @@ impl Stage {
     }
 }
 
+/// How far each part goes against what was measured. Pairs of opposite draws keep the middle of a few rehearsals near
+/// the middle of all.
+pub(super) fn friction(rehearsal: &RehearsalParams) -> Vec<f64> {
+    let RehearsalParams { starts_m, friction_spread, streams, number, .. } = rehearsal;
+    let mut draws = streams.numbered("rehearsal friction", number.div_ceil(2));
+    let sign = match number {
+        0 => 0.0,
+        number if number % 2 == 1 => 1.0,
+        _ => -1.0,
+    };
+    let draw = |_: &Vec2| sign * friction_spread * normal(&mut draws).clamp(-FRICTION_CUT, FRICTION_CUT);
+    starts_m.iter().map(draw).map(|off| (1.0 + off).max(LEAST_FRICTION)).collect()
+}
+
 fn normal(rng: &mut Rng) -> f64 {
     StandardNormal.sample(rng)
 }
 
 /// Distance of the segment from `a` to `b` from the origin.
-fn least_on_way(a: Vec2, b: Vec2) -> f64 {
+pub(super) fn least_on_way(a: Vec2, b: Vec2) -> f64 {
     let along = b - a;
     let length_sq = along.norm_squared();
     let way = if length_sq > 0.0 { (-a.dot(&along) / length_sq).clamp(0.0, 1.0) } else { 0.0 };

@@ -41,7 +41,8 @@ impl Independence {
         let singular_values = order.iter().map(|&k| eigenvalues[k].max(0.0).sqrt()).collect();
         let hardest = order.last().map(|&k| eigenvectors.column(k));
         let step = |part: usize| hardest.as_ref().map_or_else(Vec2::zeros, |u| Vec2::new(u[2 * part], u[2 * part + 1]));
-        let farthest = (0..positions_m.len()).max_by(|&a, &b| step(a).norm_squared().total_cmp(&step(b).norm_squared()));
+        let farthest =
+            (0..positions_m.len()).max_by(|&a, &b| step(a).norm_squared().total_cmp(&step(b).norm_squared()));
         let weakest = farthest.and_then(|part| Some((part, step(part).try_normalize(0.0)?)));
         Self { singular_values, weakest }
     }
