@@ -20,13 +20,13 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value}"))
 }
 
-/// A job on `upm-1` with a library that goes along x alone.
-fn along_x_alone(folder: &Path) -> PathBuf {
+/// A job on `upm-1` with a library that goes along x, and along y too slowly for coins to slip.
+fn hardly_along_y(folder: &Path) -> PathBuf {
     let text = fs::read_to_string(root().join("assets/libraries/upm-1.json")).unwrap();
     let mut library: Value = serde_json::from_str(&text).unwrap();
     let motion =
-        |speed: f64| json!({"amplitudes": [-273, 69, 270, -66], "velocity_mm_s": [speed, 0.0], "spin_rad_s": 0.0});
-    library["entries"] = json!([motion(40.0), motion(30.0)]);
+        |velocity: [f64; 2]| json!({"amplitudes": [-273, 69, 270, -66], "velocity_mm_s": velocity, "spin_rad_s": 0.0});
+    library["entries"] = json!([motion([40.0, 0.0]), motion([30.0, 0.0]), motion([0.0, 8.5])]);
     fs::write(folder.join("library.json"), library.to_string()).unwrap();
     job(folder, |job| job["library"] = json!("library.json"))
 }
@@ -65,18 +65,18 @@ fn a_job_that_can_be_done_is_told_in_figures() {
 #[test]
 fn a_library_without_a_direction_cannot_do_it_and_says_which() {
     let folder = TempDir::new().unwrap();
-    let file = along_x_alone(folder.path());
+    let file = hardly_along_y(folder.path());
     let row = planned(&file, 1);
     let plan = &row["plan"];
     assert_eq!((&row["valid"], &plan["can_be_done"]), (&json!(true), &json!(false)));
     assert_eq!(plan["predicted_plate_time_s"], Value::Null);
-    assert!(plan["endings"][0]["reason"].as_str().unwrap().contains("no motion of the library"), "{plan}");
+    assert!(plan["rehearsals"].as_array().unwrap().iter().all(|each| each["completed"] == false), "{plan}");
     assert_eq!(plan["independence"]["weakest_part"], "penny-1");
     assert_eq!(plan["independence"]["weakest_direction_deg"], 90.0);
     assert_eq!(plan["independence"]["share"], 0.0);
     let start = &plan["parts"][0]["start"];
-    assert_eq!((&start["direction_deg"], &start["longest_step_mm"]), (&json!(90.0), &json!(0.0)));
-    assert!(number(&start["singular_values"][0]) > 0.5 && number(&start["singular_values"][1]) < 1e-3, "{start}");
+    assert!(start["direction_deg"] == 90.0 && number(&start["longest_step_mm"]) < 0.01, "{start}");
+    assert!(number(&start["singular_values"][0]) > 0.5 && number(&start["singular_values"][1]) < 2e-3, "{start}");
     let (said, _) = status(&["check", file.to_str().unwrap(), "--plan"], 1);
     assert!(said.contains("cannot be done") && said.contains("towards 90 deg, 0.00 of the best"), "{said}");
 }
@@ -117,7 +117,7 @@ fn the_predicted_ways_are_drawn() {
     fs::remove_file(picture).unwrap();
     let (_, stderr) = status(&["check", "configs/trajectories.json", "--picture", picture], 2);
     assert!(stderr.contains("--picture: found ") && !Path::new(picture).exists(), "{stderr}");
-    let hopeless = along_x_alone(folder.path());
+    let hopeless = hardly_along_y(folder.path());
     status(&["check", hopeless.to_str().unwrap(), "--plan", "--picture", picture], 1);
     assert!(fs::read_to_string(picture).unwrap().contains("cannot be done"));
 }

@@ -11,6 +11,9 @@ const SHOWN: f64 = 1.08;
 /// Half the line in a part's weakest direction, in radii of the part.
 const REACH: f64 = 1.7;
 
+/// From a part's middle to its name, right and up, in radii of the part.
+const BESIDE: f64 = 0.6;
+
 /// The plate from above: where the parts start, where they are to go, their ways in the first rehearsal.
 pub(super) fn chart(planned: &Planned) -> Chart {
     let half_side_mm = mm_from_m(planned.forecast.half_side_m);
@@ -52,11 +55,12 @@ fn marks(i: usize, part: &PartForecast) -> Vec<Layer> {
     let (color, start) = (Color::nth(i), at_mm(part.start.place.position_m));
     let rim = Mark::Circles { radius: mm_from_m(part.radius_m) };
     let name = Mark::Labels { texts: vec![part.id.clone()] };
+    let beside = start.map(|along| along + mm_from_m(BESIDE * part.radius_m));
     let target = part.target.iter().map(|spot| at_mm(spot.place.position_m));
     vec![
         Layer::new(of_first(i, "start"), rim, color, [start]),
         Layer::new(of_first(i, "target"), Mark::Crosses, color, target),
-        Layer::new("", name, color, [start]),
+        Layer::new("", name, color, [beside]),
     ]
 }
 
