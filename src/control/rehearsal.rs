@@ -2,7 +2,7 @@
 //!
 //! The loop is that of a run: ask the goal, plan, play, look again, learn the parts' gains. A part goes with the flow as
 //! far as was measured for the belt under it, times a friction of its own, with the scatter that was measured. Looks are
-//! perfect.
+//! perfect, and parts that meet only push each other aside.
 
 mod stage;
 mod trail;

@@ -78,7 +78,7 @@ fn a_library_without_a_direction_cannot_do_it_and_says_which() {
     assert!(start["direction_deg"] == 90.0 && number(&start["longest_step_mm"]) < 0.01, "{start}");
     assert!(number(&start["singular_values"][0]) > 0.5 && number(&start["singular_values"][1]) < 2e-3, "{start}");
     let (said, _) = status(&["check", file.to_str().unwrap(), "--plan"], 1);
-    assert!(said.contains("cannot be done") && said.contains("towards 90 deg, 0.00 of the best"), "{said}");
+    assert!(said.contains("cannot be done") && said.contains("towards 90 deg, 0.000 of the best"), "{said}");
 }
 
 #[test]

@@ -95,7 +95,11 @@ impl Planned {
 
 fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
     let (completed, all) = (forecast.completed(), forecast.rehearsals.len());
-    let verdict = if forecast.can_be_done() { "can be done" } else { "cannot be done" };
+    let verdict = match completed {
+        _ if forecast.can_be_done() => "can be done",
+        0 => "cannot be done",
+        _ => "uncertain",
+    };
     let mut figures = vec![(verdict, format!("{completed} of {all} rehearsals reach the goal"))];
     for (reason, times) in forecast.endings() {
         figures.push(("", format!("{times} of {all}: {reason}")));
@@ -110,15 +114,15 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
     }
     let id = |part: usize| forecast.parts.get(part).map_or("?", |part| part.id.as_str());
     if let Some(Nearest { gap_m, parts: [a, b], at_s }) = forecast.nearest() {
-        let touch = if gap_m < 0.0 { ": they would touch" } else { "" };
-        figures.push(("smallest gap", format!("{:.1} mm, {} and {} at {at_s:.1} s{touch}", mm(gap_m), id(a), id(b))));
+        let gap = if gap_m < 0.0 { "none, they touch".into() } else { format!("{:.1} mm", mm(gap_m)) };
+        figures.push(("smallest gap", format!("{} and {} at {at_s:.1} s: {gap}", id(a), id(b))));
     }
     for LimitMet { limit, times } in forecast.limits_met() {
         figures.push(("limit met", format!("{limit}, in {times} plans")));
     }
     if let Some((part, direction)) = forecast.independence.weakest {
         let share = forecast.independence.share();
-        let text = format!("weakest: {} towards {:.0} deg, {share:.2} of the best", id(part), degrees(direction));
+        let text = format!("weakest: {} towards {:.0} deg, {share:.3} of the best", id(part), degrees(direction));
         figures.push(("all together", text));
     }
     figures

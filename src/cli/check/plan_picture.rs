@@ -38,7 +38,8 @@ fn title(planned: &Planned) -> String {
         Some([_, median_s, _]) if forecast.can_be_done() => {
             format!("{job} on {rig}: predicted to take {median_s:.1} s of plate time")
         }
-        _ => format!("{job} on {rig}: cannot be done, as predicted"),
+        Some(_) => format!("{job} on {rig}: not every rehearsal reaches the goal"),
+        None => format!("{job} on {rig}: predicted that it cannot be done"),
     }
 }
 

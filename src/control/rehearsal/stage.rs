@@ -14,6 +14,9 @@ use crate::time::PlateTime;
 const FRICTION_CUT: f64 = 3.0;
 const LEAST_FRICTION: f64 = 0.1;
 
+/// Rounds in which parts push each other; one that is pushed may touch the next.
+const PUSHES: usize = 8;
+
 /// A pulse that ends this little into a frame ends with it, in frames.
 const ROUNDING: f64 = 1e-6;
 
@@ -74,6 +77,29 @@ impl Stage {
             self.positions_m[part] = self.carried(part, pulse);
         }
         self.note_gaps(&before_m);
+        self.push_apart();
+    }
+
+    /// Parts that would lie in one another push each other away, half the way each.
+    fn push_apart(&mut self) {
+        for _ in 0..PUSHES {
+            let mut pushed = false;
+            for i in 0..self.positions_m.len() {
+                for j in i + 1..self.positions_m.len() {
+                    let apart = self.positions_m[j] - self.positions_m[i];
+                    let overlap_m = self.radii_m[i] + self.radii_m[j] - apart.norm();
+                    if overlap_m > 0.0 {
+                        let way = 0.5 * overlap_m * apart.try_normalize(0.0).unwrap_or_else(Vec2::x);
+                        self.positions_m[i] -= way;
+                        self.positions_m[j] += way;
+                        pushed = true;
+                    }
+                }
+            }
+            if !pushed {
+                return;
+            }
+        }
     }
 
     /// Where a pulse carries a part. Distance and direction are those half way along: so they were measured.

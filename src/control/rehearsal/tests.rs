@@ -210,6 +210,24 @@ fn the_least_gap_is_told_with_its_parts() {
     assert!((OPENING_FRAMES as f64 / FRAME_HZ..=done.plate_time_s).contains(&nearest.at_s), "{nearest:?}");
 }
 
+#[test]
+fn parts_that_meet_push_each_other_aside() {
+    let made = library([Twist::about(Vec2::zeros(), 20.0)], 0.0);
+    // friction is drawn so wide that one goes much farther than the other and runs into it
+    let starts_m = [Vec2::new(0.05, 0.0), Vec2::new(0.05, 0.021)];
+    let mut met = 0;
+    for number in 1..20 {
+        let how = RehearsalParams { friction_spread: 0.4, ..rehearsal(&starts_m, number) };
+        let mut stage = Stage::new(Arc::clone(&made), &params(2), &how);
+        stage.play(&crate::planner::PlannedPulse { entry: 0, distance_m: 0.01, sustain_s: 0.1 });
+        let gap_m = (stage.positions_m[0] - stage.positions_m[1]).norm() - 2.0 * RADIUS_M;
+        let least_m = stage.nearest.unwrap().gap_m;
+        met += usize::from(least_m < 0.0);
+        assert!(gap_m > -1e-12 && least_m <= gap_m + 1e-12, "{gap_m} {least_m}");
+    }
+    assert!(met > 3, "{met}");
+}
+
 proptest! {
     #[test]
     fn the_least_on_the_way_is_the_least_of_many(ax in -1.0..1.0f64, ay in -1.0..1.0f64, bx in -1.0..1.0f64, by in -1.0..1.0f64) {
