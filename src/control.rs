@@ -9,8 +9,10 @@ mod ending;
 mod eyes;
 mod facts;
 mod learning;
+mod rehearsal;
 
 pub use cycle::{ControlParams, Devices, Finish, run};
 pub use ending::{Ending, Outcome, STOPPED};
 pub use eyes::{ExpectedPart, Eyes, Moment};
 pub use facts::{Carried, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+pub use rehearsal::{LimitMet, Nearest, Rehearsal, RehearsalParams, rehearse};

@@ -8,6 +8,7 @@ mod first_frame;
 mod folder;
 mod library;
 mod paced;
+mod rehearse;
 mod simulate;
 mod verify;
 
@@ -28,6 +29,7 @@ pub use coverage::{Coverage, Gap, Place};
 pub use first_frame::{FirstFrame, FirstFrameError, TruePart, first_frame};
 pub use folder::RunFolder;
 pub use library::{job_library, library_faults};
+pub use rehearse::{Forecast, Independence, PartForecast, RehearsalProgress, Spot, rehearse};
 pub use simulate::{check_simulate, simulate};
 pub use verify::{Verdict, VerifyError, verify};
 

@@ -14,6 +14,8 @@ mod coverage;
 mod lab;
 #[path = "cli/locate.rs"]
 mod locate;
+#[path = "cli/plan.rs"]
+mod plan;
 #[path = "cli/refusals.rs"]
 mod refusals;
 

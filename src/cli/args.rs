@@ -203,7 +203,9 @@ pub struct RunFolderArgs {
 #[derive(Args, Debug)]
 #[command(
     after_help = "Of a COR library it tells what is covered: where the centres of rotation lie, how far one pulse moves a \
-                  part in the direction in which it moves it least, and where some direction cannot be reached."
+                  part in the direction in which it moves it least, and where some direction cannot be reached.\n\n\
+                  With --plan a job is rehearsed a few times on the displacement model of its library, without a rig or a \
+                  camera. Everything told of it is predicted, not measured. Exit status 1 when it cannot be done."
 )]
 pub struct CheckArgs {
     /// Files to validate: jobs, rigs, experiments, COR libraries, traces
@@ -212,7 +214,10 @@ pub struct CheckArgs {
     /// Rig that libraries must have been measured on: those of another are refused
     #[arg(long, value_name = "RIG.json")]
     pub rig: Option<PathBuf>,
-    /// Draw the coverage of the one library given as a map
+    /// Say of jobs whether they can be done with their library, how long that takes and where it is hard
+    #[arg(long)]
+    pub plan: bool,
+    /// Draw the coverage of the one library given as a map; with --plan the predicted ways of the one job's parts
     #[arg(long, value_name = "MAP.svg")]
     pub picture: Option<PathBuf>,
 }

@@ -1,18 +1,22 @@
 mod covered;
 mod picture;
+mod plan;
+mod plan_picture;
 
+use std::io::IsTerminal;
 use std::path::Path;
 
 use serde_json::{Value, json};
 
 use super::args::{CheckArgs, Common, SchemaArgs};
 use super::failure::Failure;
-use super::{BAD_INPUT, print_json};
-use crate::chart;
-use crate::config::{self, JobSpec, RigSpec, SimulateSpec};
+use super::{BAD_INPUT, NOT_REACHED, print_json};
+use crate::chart::{self, Chart};
+use crate::config::{self, Fault, JobSpec, RigSpec, SimulateSpec};
 use crate::library::Library;
 use crate::run::{check_simulate, job_library, library_faults};
 use covered::Covered;
+use plan::Planned;
 
 /// What a valid file turned out to be.
 struct Found {
@@ -20,6 +24,24 @@ struct Found {
     says: String,
     /// What a library covers.
     covered: Option<Covered>,
+    /// What a job is predicted to come to, where that was asked.
+    planned: Option<Planned>,
+}
+
+impl Found {
+    fn new(says: String) -> Self {
+        Self { says, covered: None, planned: None }
+    }
+
+    fn lines(&self) -> Vec<String> {
+        let covered = self.covered.as_ref().map(Covered::lines);
+        covered.or_else(|| self.planned.as_ref().map(Planned::lines)).unwrap_or_default()
+    }
+
+    fn chart(&self) -> Option<Chart> {
+        let covered = self.covered.as_ref().map(|covered| picture::chart(&covered.coverage, &covered.rig_name));
+        covered.or_else(|| self.planned.as_ref().map(plan_picture::chart))
+    }
 }
 
 /// What a file turned out to be, or its faults.
@@ -30,8 +52,13 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
         check_picture_name(path, args.files.len())?;
     }
     let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::faults)?;
+    let quiet = common.quiet || !std::io::stderr().is_terminal();
+    let asked = Asked { rig: rig.as_ref(), plan: args.plan, quiet };
     let findings: Vec<(&Path, Finding)> =
-        args.files.iter().map(|path| (path.as_path(), check_file(path, rig.as_ref()))).collect();
+        args.files.iter().map(|path| (path.as_path(), check_file(path, asked))).collect();
+    if args.plan {
+        check_planned(&findings)?;
+    }
     if let Some(path) = &args.picture {
         draw(path, &findings)?;
     }
@@ -43,12 +70,50 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
             print(path, finding)?;
         }
     }
-    Ok(if findings.iter().any(|(_, finding)| finding.is_err()) { BAD_INPUT } else { 0 })
+    Ok(status(&findings))
+}
+
+/// The exit status that the findings come to.
+fn status(findings: &[(&Path, Finding)]) -> u8 {
+    let cannot = |finding: &Finding| {
+        let planned = finding.as_ref().ok().and_then(|found| found.planned.as_ref());
+        planned.is_some_and(|planned| !planned.forecast.can_be_done())
+    };
+    if findings.iter().any(|(_, finding)| finding.is_err()) {
+        BAD_INPUT
+    } else if findings.iter().any(|(_, finding)| cannot(finding)) {
+        NOT_REACHED
+    } else {
+        0
+    }
+}
+
+/// What is asked of files beside being valid.
+#[derive(Clone, Copy)]
+struct Asked<'a> {
+    /// The rig that libraries must have been measured on.
+    rig: Option<&'a RigSpec>,
+    /// Whether jobs are rehearsed.
+    plan: bool,
+    /// Whether nobody looks at stderr.
+    quiet: bool,
+}
+
+/// Only jobs can be planned.
+fn check_planned(findings: &[(&Path, Finding)]) -> Result<(), Failure> {
+    for (file, finding) in findings {
+        if let Ok(Found { planned: None, says, .. }) = finding {
+            return Err(Failure::bad_input(format!("--plan: found {}, a {says}, allowed: jobs", file.display())));
+        }
+    }
+    Ok(())
 }
 
 fn check_picture_name(path: &Path, files: usize) -> Result<(), Failure> {
     if files != 1 {
-        return Err(Failure::bad_input(format!("--picture: found {files} files to check, allowed: one library")));
+        return Err(Failure::bad_input(format!(
+            "--picture: found {files} files to check, allowed: one library or, with --plan, one job"
+        )));
     }
     let is_svg = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("svg"));
     if is_svg {
@@ -58,15 +123,16 @@ fn check_picture_name(path: &Path, files: usize) -> Result<(), Failure> {
     }
 }
 
-/// Draws what the one library covers; nothing when it is faulty, which is told elsewhere.
+/// Draws what the one library covers or the one job comes to; nothing when it is faulty, which is told elsewhere.
 fn draw(path: &Path, findings: &[(&Path, Finding)]) -> Result<(), Failure> {
     for (file, finding) in findings {
         let Ok(found) = finding else { continue };
-        let Some(covered) = &found.covered else {
-            let file = file.display();
-            return Err(Failure::bad_input(format!("--picture: found {file}, a {}, allowed: one library", found.says)));
+        let Some(chart) = found.chart() else {
+            let (file, says) = (file.display(), &found.says);
+            let line = format!("--picture: found {file}, a {says}, allowed: one library or, with --plan, one job");
+            return Err(Failure::bad_input(line));
         };
-        let drawn = chart::svg(&picture::chart(&covered.coverage, &covered.rig_name));
+        let drawn = chart::svg(&chart);
         std::fs::write(path, drawn).map_err(|error| Failure::write(path, error))?;
     }
     Ok(())
@@ -82,6 +148,9 @@ fn row(path: &Path, finding: &Finding) -> Value {
     if let Ok(Found { covered: Some(covered), .. }) = finding {
         row["coverage"] = covered.json();
     }
+    if let Ok(Found { planned: Some(planned), .. }) = finding {
+        row["plan"] = planned.json();
+    }
     row
 }
 
@@ -89,20 +158,19 @@ fn print(path: &Path, finding: &Finding) -> Result<(), Failure> {
     match finding {
         Ok(found) => {
             say!("{}: ok, {}", path.display(), found.says)?;
-            let lines = found.covered.as_ref().map(Covered::lines).unwrap_or_default();
-            lines.iter().try_for_each(|line| say!("  {line}"))?;
+            found.lines().iter().try_for_each(|line| say!("  {line}"))?;
         }
         Err(faults) => faults.iter().for_each(|fault| complain!("upm: {fault}")),
     }
     Ok(())
 }
 
-/// Validates a file as what its keys say it is; a library against `rig`, too.
-fn check_file(path: &Path, rig: Option<&RigSpec>) -> Finding {
+/// Validates a file as what its keys say it is; a library against the rig given, too.
+fn check_file(path: &Path, asked: Asked<'_>) -> Finding {
     let value = std::fs::read_to_string(path).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
     let has = |key: &str| value.as_ref().is_some_and(|value| value.get(key).is_some());
     let says = if has("entries") {
-        return check_library(path, rig);
+        return check_library(path, asked.rig);
     } else if has("pulses") {
         let experiment = SimulateSpec::load(path).map_err(lines)?;
         check_simulate(&experiment).map_err(|error| vec![format!("{}: {error}", path.display())])?;
@@ -114,12 +182,19 @@ fn check_file(path: &Path, rig: Option<&RigSpec>) -> Finding {
         let rig = RigSpec::load(path).map_err(lines)?;
         format!("rig {}, {:.0} mm plate", rig.model.name, rig.model.plate_side_m * 1e3)
     } else {
-        let job = JobSpec::load(path).map_err(lines)?;
-        job.check_runnable().map_err(|fault| vec![fault.to_string()])?;
-        job_library(&job).map_err(lines)?;
-        format!("job {} on {}, parts: {}", job.name, job.rig.model.name, job.kinds_of_parts().len())
+        return check_job(path, asked);
     };
-    Ok(Found { says, covered: None })
+    Ok(Found::new(says))
+}
+
+fn check_job(path: &Path, asked: Asked<'_>) -> Finding {
+    let job = JobSpec::load(path).map_err(lines)?;
+    let in_words = |fault: Fault| vec![fault.to_string()];
+    job.check_runnable().map_err(in_words)?;
+    let library = job_library(&job).map_err(lines)?;
+    let says = format!("job {} on {}, parts: {}", job.name, job.rig.model.name, job.kinds_of_parts().len());
+    let planned = asked.plan.then(|| Planned::of(&job, &library, asked.quiet)).transpose().map_err(in_words)?;
+    Ok(Found { planned, ..Found::new(says) })
 }
 
 fn check_library(path: &Path, rig: Option<&RigSpec>) -> Finding {
@@ -129,7 +204,7 @@ fn check_library(path: &Path, rig: Option<&RigSpec>) -> Finding {
         return Err(lines(faults));
     }
     let says = format!("library of {}, {} motions", library.rig, library.entries.len());
-    Ok(Found { says, covered: Some(Covered::by(&library)) })
+    Ok(Found { covered: Some(Covered::by(&library)), ..Found::new(says) })
 }
 
 fn lines<F: std::fmt::Display>(faults: Vec<F>) -> Vec<String> {

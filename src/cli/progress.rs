@@ -4,10 +4,13 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::control::calibration::CalibrationProgress;
 use crate::control::{CycleFacts, EventLevel, LocalisedFacts, Sink};
-use crate::time::PlateTime;
+use crate::time::{Clock, MonotonicClock, PlateTime};
 
 /// Thousandths, so that a bar can stand for any fraction.
 const FULL: u64 = 1000;
+
+/// Work that takes no longer than this is done without a bar.
+const LATE: Duration = Duration::from_secs(2);
 
 /// Shows a run as a bar on stderr; silent without a terminal.
 pub(super) struct RunProgress {
@@ -61,6 +64,36 @@ impl StageProgress {
 
     pub fn finish(&self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// A bar on stderr that appears once work has taken a while.
+pub(super) struct LateProgress {
+    clock: MonotonicClock,
+    quiet: bool,
+    bar: Option<ProgressBar>,
+}
+
+impl LateProgress {
+    pub fn new(quiet: bool) -> Self {
+        Self { clock: MonotonicClock::new(), quiet, bar: None }
+    }
+
+    /// Shows that this part of the work is done, 0 to 1.
+    pub fn show(&mut self, done: f64, message: impl FnOnce() -> String) {
+        if self.bar.is_none() && self.clock.elapsed() < LATE {
+            return;
+        }
+        let quiet = self.quiet;
+        let bar = self.bar.get_or_insert_with(|| bar(quiet));
+        bar.set_position((done * FULL as f64) as u64);
+        bar.set_message(message());
+    }
+
+    pub fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
     }
 }
 

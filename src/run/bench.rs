@@ -136,7 +136,7 @@ fn stride_m(library: &Library) -> f64 {
     LONGEST_STEP_M.min(ONE_PULSE * strong_m)
 }
 
-fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Goal> {
+pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Goal> {
     match &job.task {
         TaskSpec::PlusSign { laps, edge_margin_m } => Box::new(PlusSign::new(PlusSignParams {
             half_side_m: 0.5 * job.rig.model.plate_side_m,

@@ -34,16 +34,7 @@ impl Covered {
     /// The same for programs, lengths in millimetres.
     pub fn json(&self) -> Value {
         let coverage = &self.coverage;
-        let weakest = coverage.weakest().map(|place| {
-            json!({
-                "position_mm": position(place.position_m),
-                "direction_deg": degrees(place),
-                "share": rounded(place.share),
-                "longest_step_mm": rounded(mm(place.longest_step_m)),
-                "longest_step_sd_mm": rounded(mm(place.longest_sd_m)),
-                "shortest_step_mm": place.shortest_step_m.map(|step_m| rounded(mm(step_m))),
-            })
-        });
+        let weakest = coverage.weakest().map(place_json);
         let gap = coverage
             .gap
             .map(|gap| json!({ "position_mm": position(gap.position_m), "distance_mm": rounded(mm(gap.distance_m)) }));
@@ -77,7 +68,10 @@ fn figures(coverage: &Coverage) -> Vec<(&'static str, String)> {
         figures.push(("largest gap", text));
     }
     if let Some(place) = coverage.weakest() {
-        figures.push(("weakest place", format!("{} mm along {:.0} deg", shown(place.position_m), degrees(place))));
+        figures.push((
+            "weakest place",
+            format!("{} mm along {:.0} deg", shown(place.position_m), degrees(place.weakest_direction)),
+        ));
         figures.push(("one pulse there", steps(place)));
     }
     let unreached = 100.0 * coverage.unreached_share();
@@ -91,7 +85,20 @@ fn figures(coverage: &Coverage) -> Vec<(&'static str, String)> {
     figures
 }
 
-fn steps(place: &Place) -> String {
+/// What one pulse does at a place, for programs.
+pub(super) fn place_json(place: &Place) -> Value {
+    json!({
+        "position_mm": position(place.position_m),
+        "direction_deg": degrees(place.weakest_direction),
+        "share": rounded(place.share),
+        "longest_step_mm": rounded(mm(place.longest_step_m)),
+        "longest_step_sd_mm": rounded(mm(place.longest_sd_m)),
+        "shortest_step_mm": place.shortest_step_m.map(|step_m| rounded(mm(step_m))),
+    })
+}
+
+/// What one pulse does at a place in the weakest direction, for people.
+pub(super) fn steps(place: &Place) -> String {
     let (longest, sd) = (mm(place.longest_step_m), mm(place.longest_sd_m));
     match place.shortest_step_m {
         Some(shortest_m) => format!("{:.2} to {longest:.2} mm, the longest ± {sd:.2} mm", mm(shortest_m)),
@@ -112,12 +119,12 @@ fn map(coverage: &Coverage) -> impl Iterator<Item = String> {
     })
 }
 
-fn mm(length_m: f64) -> f64 {
+pub(super) fn mm(length_m: f64) -> f64 {
     mm_from_m(length_m)
 }
 
 /// To a ten-thousandth: more than was measured.
-fn rounded(value: f64) -> f64 {
+pub(super) fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }
 
@@ -125,12 +132,12 @@ fn position(position_m: Vec2) -> [f64; 2] {
     [position_m.x, position_m.y].map(|along_m| rounded(mm(along_m)))
 }
 
-fn shown(position_m: Vec2) -> String {
+pub(super) fn shown(position_m: Vec2) -> String {
     let [x, y] = position(position_m);
     format!("({x:.1}, {y:.1})")
 }
 
-/// Whole degrees, 0 to 179: the directions that are looked at.
-fn degrees(place: &Place) -> f64 {
-    place.weakest_direction.y.atan2(place.weakest_direction.x).to_degrees().round()
+/// A direction that is as good as its opposite: whole degrees, 0 to 179.
+pub(super) fn degrees(direction: Vec2) -> f64 {
+    direction.y.atan2(direction.x).to_degrees().round().rem_euclid(180.0)
 }

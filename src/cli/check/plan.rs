@@ -1,0 +1,152 @@
+//! What a job is predicted to come to, told to people and to programs.
+
+use std::sync::Arc;
+
+use serde_json::{Value, json};
+
+use super::covered::{degrees, mm, place_json, rounded, shown, steps};
+use crate::cli::progress::LateProgress;
+use crate::config::{Fault, JobSpec};
+use crate::control::{LimitMet, Nearest, Outcome, Rehearsal};
+use crate::library::Library;
+use crate::run::{Forecast, PartForecast, Spot, rehearse};
+
+/// The forecast of a job.
+pub(super) struct Planned {
+    /// Name of the job.
+    pub job: String,
+    /// Name of its rig.
+    pub rig: String,
+    /// What is predicted.
+    pub forecast: Forecast,
+}
+
+impl Planned {
+    /// Rehearses `job` with `library`, with a bar on stderr when that takes long.
+    pub fn of(job: &JobSpec, library: &Arc<Library>, quiet: bool) -> Result<Self, Fault> {
+        let mut progress = LateProgress::new(quiet);
+        let forecast = rehearse(job, library, &mut |at| {
+            progress.show(at.done, || format!("rehearsal {} of {}, plate {:6.1} s", at.rehearsal, at.of, at.at.secs()));
+        });
+        progress.finish();
+        Ok(Self { job: job.name.clone(), rig: job.rig.model.name.clone(), forecast: forecast? })
+    }
+
+    /// Lines for people.
+    pub fn lines(&self) -> Vec<String> {
+        let forecast = &self.forecast;
+        let mut lines: Vec<String> =
+            figures(forecast).into_iter().map(|(label, text)| format!("{label:16} {text}")).collect();
+        lines.extend(table(&forecast.parts));
+        lines.push(format!(
+            "all of it predicted by the library's displacement model; friction drawn with {:.0} % spread",
+            100.0 * forecast.friction_spread
+        ));
+        lines
+    }
+
+    /// The same for programs, lengths in millimetres.
+    pub fn json(&self) -> Value {
+        let forecast = &self.forecast;
+        let id = |part: usize| forecast.parts.get(part).map(|part| part.id.as_str());
+        let range = forecast.range(|rehearsal| rehearsal.plate_time_s).map(|[least, median, most]| {
+            json!({ "least": rounded(least), "median": rounded(median), "most": rounded(most) })
+        });
+        let nearest = forecast.nearest().map(|Nearest { gap_m, parts, at_s }| {
+            json!({ "gap_mm": rounded(mm(gap_m)), "parts": parts.map(id), "at_s": rounded(at_s) })
+        });
+        let ending = |(reason, times): &(&str, usize)| json!({ "reason": reason, "times": times });
+        let met = |LimitMet { limit, times }: &LimitMet| json!({ "limit": limit, "plans": times });
+        let rehearsals = forecast.rehearsals.iter().map(|rehearsal| {
+            json!({
+                "completed": rehearsal.ending.outcome == Outcome::Completed,
+                "reason": rehearsal.ending.reason,
+                "plate_time_s": rounded(rehearsal.plate_time_s),
+                "cycles": rehearsal.cycles,
+                "pulses": rehearsal.pulses,
+            })
+        });
+        let parts = forecast.parts.iter().map(|part| {
+            let mut told = json!({ "id": part.id });
+            for (name, spot) in spots(part) {
+                told[name] = place_json(&spot.place);
+                told[name]["singular_values"] = json!(spot.singular_values.map(rounded));
+            }
+            told
+        });
+        json!({
+            "can_be_done": forecast.can_be_done(),
+            "endings": forecast.endings().iter().map(ending).collect::<Vec<_>>(),
+            "predicted_plate_time_s": range,
+            "smallest_gap": nearest,
+            "limits_met": forecast.limits_met().iter().map(met).collect::<Vec<_>>(),
+            "independence": {
+                "singular_values": forecast.independence.singular_values.iter().map(|&s| rounded(s)).collect::<Vec<_>>(),
+                "share": rounded(forecast.independence.share()),
+                "weakest_part": forecast.independence.weakest.and_then(|(part, _)| id(part)),
+                "weakest_direction_deg": forecast.independence.weakest.map(|(_, direction)| degrees(direction)),
+            },
+            "friction_spread": forecast.friction_spread,
+            "parts": parts.collect::<Vec<_>>(),
+            "rehearsals": rehearsals.collect::<Vec<_>>(),
+        })
+    }
+}
+
+fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
+    let (completed, all) = (forecast.completed(), forecast.rehearsals.len());
+    let verdict = match completed {
+        _ if forecast.can_be_done() => "can be done",
+        0 => "cannot be done",
+        _ => "uncertain",
+    };
+    let mut figures = vec![(verdict, format!("{completed} of {all} rehearsals reach the goal"))];
+    for (reason, times) in forecast.endings() {
+        figures.push(("", format!("{times} of {all}: {reason}")));
+    }
+    let median = |figure: fn(&Rehearsal) -> f64| forecast.range(figure).map_or(0.0, |[_, median, _]| median);
+    if let Some([least, middle, most]) = forecast.range(|rehearsal| rehearsal.plate_time_s) {
+        let cycles = median(|rehearsal| rehearsal.cycles as f64);
+        let pulses = median(|rehearsal| rehearsal.pulses as f64);
+        let text =
+            format!("{middle:.1} s of plate time ({least:.1} to {most:.1}), {cycles:.0} cycles, {pulses:.0} pulses");
+        figures.push(("predicted", text));
+    }
+    let id = |part: usize| forecast.parts.get(part).map_or("?", |part| part.id.as_str());
+    if let Some(Nearest { gap_m, parts: [a, b], at_s }) = forecast.nearest() {
+        let gap = if gap_m < 0.0 { "none, they touch".into() } else { format!("{:.1} mm", mm(gap_m)) };
+        figures.push(("smallest gap", format!("{} and {} at {at_s:.1} s: {gap}", id(a), id(b))));
+    }
+    for LimitMet { limit, times } in forecast.limits_met() {
+        figures.push(("limit met", format!("{limit}, in {times} plans")));
+    }
+    if let Some((part, direction)) = forecast.independence.weakest {
+        let share = forecast.independence.share();
+        let text = format!("weakest: {} towards {:.0} deg, {share:.3} of the best", id(part), degrees(direction));
+        figures.push(("all together", text));
+    }
+    figures
+}
+
+/// A part at its start and at its target.
+fn spots(part: &PartForecast) -> impl Iterator<Item = (&'static str, &Spot)> {
+    [("start", Some(&part.start)), ("target", part.target.as_ref())]
+        .into_iter()
+        .filter_map(|(name, spot)| Some((name, spot?)))
+}
+
+/// A line for each part and place, under a line of heads.
+fn table(parts: &[PartForecast]) -> Vec<String> {
+    let wide = parts.iter().map(|part| part.id.len()).max().unwrap_or(0).max(4);
+    let line = |[part, place, at, weakest, pulse, values]: [&str; 6]| {
+        format!("{part:wide$}  {place:6}  {at:16}  {weakest:13}  {pulse:42}  {values}")
+    };
+    let heads = ["part", "place", "at (mm)", "weakest", "one pulse there, in that direction", "singular values"];
+    let row = |part: &PartForecast, name: &str, Spot { place, singular_values: [first, second] }: &Spot| {
+        let weakest = format!("{:3.0} deg, {:.2}", degrees(place.weakest_direction), place.share);
+        let values = format!("{first:.2}, {second:.2}");
+        line([&part.id, name, &shown(place.position_m), &weakest, &steps(place), &values])
+    };
+    let rows = parts.iter().flat_map(|part| spots(part).map(move |(name, spot)| row(part, name, spot)));
+    std::iter::once(line(heads)).chain(rows).collect()
+}

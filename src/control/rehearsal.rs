@@ -1,0 +1,249 @@
+//! A job played on the library's displacement model alone, before anything moves: no rig, no camera, no truth.
+//!
+//! The loop is that of a run: ask the goal, plan, play, look again, learn the parts' gains. A part goes with the flow as
+//! far as was measured for the belt under it, times a friction of its own, with the scatter that was measured. Looks are
+//! perfect, and parts that meet only push each other aside.
+
+mod stage;
+mod trail;
+
+use std::sync::Arc;
+
+use super::ControlParams;
+use super::ending::Ending;
+use super::learning::Gains;
+use crate::geometry::Vec2;
+use crate::goal::{Goal, Wanted};
+use crate::library::Library;
+use crate::planner::{Limit, PartState, Plan, PlanStatus, Planner};
+use crate::random::Streams;
+use crate::time::PlateTime;
+use stage::Stage;
+use trail::Trail;
+
+/// Steps are halved this often before an infeasible plan ends the rehearsal.
+const STEP_HALVINGS: i32 = 3;
+/// Plate time without a pulse and without progress after which a rehearsal counts as stalled, s.
+const STALLED_S: f64 = 10.0;
+/// Frames that open the eyes before the first cycle: one for the table, one to start from.
+const OPENING_FRAMES: u64 = 2;
+/// Looks after which a rehearsal is left off, whatever the job's time limit.
+const MOST_LOOKS: u64 = 100_000;
+
+/// What a rehearsal needs beside what a run needs.
+#[derive(Clone, Debug)]
+pub struct RehearsalParams {
+    /// Where each part starts, m.
+    pub starts_m: Vec<Vec2>,
+    /// Frames a second: time passes in whole frames.
+    pub frame_hz: f64,
+    /// Standard deviation of how far a part goes against the others, by its friction; 0.1 for a tenth.
+    pub friction_spread: f64,
+    /// Where friction and scatter are drawn from.
+    pub streams: Streams,
+    /// Which of several rehearsals of one job this is. In number 0 parts go as far as was measured; 1 and 2, 3 and 4 and so
+    /// on are pairs of opposite friction.
+    pub number: u64,
+}
+
+/// How a rehearsal went. Everything in it is predicted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rehearsal {
+    /// How it ended and why.
+    pub ending: Ending,
+    /// Plate time it took, s.
+    pub plate_time_s: f64,
+    /// Cycles with pulses.
+    pub cycles: u64,
+    /// Pulses played.
+    pub pulses: u64,
+    /// For each part where it went, m: from its start to its end, thinned out to at most [`Rehearsal::MOST_POINTS`].
+    pub trails_m: Vec<Vec<Vec2>>,
+    /// For each part where it was to go when the rehearsal ended, m.
+    pub targets_m: Vec<Vec2>,
+    /// The least gap between two parts at any time; `None` with fewer than two.
+    pub nearest: Option<Nearest>,
+    /// What kept plans from being made, in order of first appearance.
+    pub limits_met: Vec<LimitMet>,
+}
+
+/// Two parts as near to each other as they came.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Nearest {
+    /// Gap between their rims, m; negative where they would have touched.
+    pub gap_m: f64,
+    /// Indices of the parts.
+    pub parts: [usize; 2],
+    /// Plate time at the end of the pulse in which it was, s.
+    pub at_s: f64,
+}
+
+/// A limit that made plans infeasible.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LimitMet {
+    /// Which, in words: `penny-1 and penny-2 would touch`.
+    pub limit: String,
+    /// How many plans.
+    pub times: u64,
+}
+
+impl Rehearsal {
+    /// Most points of one part's trail.
+    pub const MOST_POINTS: usize = trail::MOST_POINTS;
+}
+
+/// Plays `goal` to its end on the displacement model of `library`. `watch` is told the plate time and the goal's
+/// progress, 0 to 1, once a look.
+pub fn rehearse(
+    library: &Arc<Library>,
+    goal: &mut dyn Goal,
+    params: &ControlParams,
+    rehearsal: &RehearsalParams,
+    watch: &mut dyn FnMut(PlateTime, f64),
+) -> Rehearsal {
+    let planner = Planner::new(Arc::clone(library), params.planner);
+    let stage = Stage::new(Arc::clone(library), params, rehearsal);
+    let trails = rehearsal.starts_m.iter().map(|&start_m| Trail::from(start_m)).collect();
+    let gains = Gains::new(rehearsal.starts_m.len());
+    let mut player = Player { params, planner, stage, gains, trails, cycles: 0, pulses: 0, limits_met: Vec::new() };
+    let (ending, wanted) = player.until_end(goal, watch);
+    Rehearsal {
+        ending,
+        plate_time_s: player.stage.now().secs(),
+        cycles: player.cycles,
+        pulses: player.pulses,
+        trails_m: player.trails.into_iter().map(Trail::into_points).collect(),
+        targets_m: wanted.targets_m,
+        nearest: player.stage.nearest,
+        limits_met: player.limits_met,
+    }
+}
+
+struct Player<'a> {
+    params: &'a ControlParams,
+    planner: Planner,
+    stage: Stage,
+    gains: Gains,
+    trails: Vec<Trail>,
+    cycles: u64,
+    pulses: u64,
+    limits_met: Vec<LimitMet>,
+}
+
+impl Player<'_> {
+    fn until_end(&mut self, goal: &mut dyn Goal, watch: &mut dyn FnMut(PlateTime, f64)) -> (Ending, Wanted) {
+        let (mut went_on_at, mut furthest) = (self.stage.now(), 0.0);
+        for _ in 0..MOST_LOOKS {
+            let now = self.stage.now();
+            let wanted = goal.next(now, &self.stage.positions_m);
+            watch(now, wanted.progress);
+            if wanted.done {
+                return (Ending::completed(wanted.phase.clone()), wanted);
+            }
+            if wanted.progress > furthest {
+                (furthest, went_on_at) = (wanted.progress, now);
+            }
+            match self.once(&wanted) {
+                Ok(true) => went_on_at = self.stage.now(),
+                Ok(false) if self.stage.now() - went_on_at > STALLED_S => {
+                    let reason = format!("stalled: no pulse for {STALLED_S} s of plate time, {}", wanted.phase);
+                    return (Ending::failed(reason), wanted);
+                }
+                Ok(false) => {}
+                Err(ending) => return (ending, wanted),
+            }
+        }
+        let reason = format!("left off after {:.0} s of plate time", self.stage.now().secs());
+        let wanted = goal.next(self.stage.now(), &self.stage.positions_m);
+        (if self.params.endless { Ending::completed(reason) } else { Ending::failed(reason) }, wanted)
+    }
+
+    /// One cycle from a look to the next; true when it had a pulse.
+    fn once(&mut self, wanted: &Wanted) -> Result<bool, Ending> {
+        self.check_time()?;
+        let plan = self.plan(wanted)?;
+        let before_m = self.stage.positions_m.clone();
+        for pulse in &plan.pulses {
+            self.check_time()?;
+            self.stage.play(pulse);
+            self.pulses += 1;
+            for (trail, &position_m) in self.trails.iter_mut().zip(&self.stage.positions_m) {
+                trail.push(position_m);
+            }
+            self.check_on_plate()?;
+        }
+        self.stage.look();
+        if let Some(predicted_m) = plan.predicted_m.last() {
+            self.gains.learn(&before_m, predicted_m, &self.stage.positions_m);
+        }
+        let moved = !plan.pulses.is_empty();
+        self.cycles += u64::from(moved);
+        Ok(moved)
+    }
+
+    fn check_time(&self) -> Result<(), Ending> {
+        let limit_s = self.params.time_limit_s;
+        if self.stage.now().secs() < limit_s {
+            return Ok(());
+        }
+        let reason = format!("plate time limit of {limit_s} s reached");
+        Err(if self.params.endless { Ending::completed(reason) } else { Ending::failed(reason) })
+    }
+
+    fn check_on_plate(&self) -> Result<(), Ending> {
+        let half_side_m = self.params.planner.half_side_m;
+        match self.stage.positions_m.iter().position(|p| p.amax() > half_side_m) {
+            Some(part) => Err(Ending::failed(format!("{} would fall off the plate", self.id(part)))),
+            None => Ok(()),
+        }
+    }
+
+    /// Plans the wanted steps; where they are infeasible, half of them, and half again.
+    fn plan(&mut self, wanted: &Wanted) -> Result<Plan, Ending> {
+        let mut last = String::new();
+        for halvings in 0..=STEP_HALVINGS {
+            let plan = self.planner.plan(&self.part_states(wanted, 0.5f64.powi(halvings)));
+            last = match &plan.status {
+                PlanStatus::Solved | PlanStatus::NothingToDo => return Ok(plan),
+                PlanStatus::Infeasible(limit) => self.in_words(*limit),
+                PlanStatus::SolverFailed(why) => format!("the solver gave up: {why}"),
+            };
+            self.note(&last);
+        }
+        Err(Ending::failed(format!("no feasible step in cycle {}, {}: {last}", self.cycles, wanted.phase)))
+    }
+
+    fn part_states(&self, wanted: &Wanted, scale: f64) -> Vec<PartState> {
+        let places = self.stage.positions_m.iter().zip(&self.stage.radii_m).zip(&wanted.subgoals_m).enumerate();
+        places
+            .map(|(part, ((&position_m, &radius_m), subgoal_m))| PartState {
+                position_m,
+                step_m: (subgoal_m - position_m) * scale,
+                radius_m,
+                gain: self.gains.get(part),
+            })
+            .collect()
+    }
+
+    fn note(&mut self, limit: &str) {
+        match self.limits_met.iter_mut().find(|met| met.limit == limit) {
+            Some(met) => met.times += 1,
+            None => self.limits_met.push(LimitMet { limit: limit.to_owned(), times: 1 }),
+        }
+    }
+
+    fn in_words(&self, limit: Limit) -> String {
+        match limit {
+            Limit::Edge { part } => format!("{} would leave the plate", self.id(part)),
+            Limit::Separation { parts: [a, b] } => format!("{} and {} would touch", self.id(a), self.id(b)),
+            Limit::Unreachable => "no motion of the library moves every part that should move".into(),
+        }
+    }
+
+    fn id(&self, part: usize) -> &str {
+        self.params.parts.get(part).map_or("?", |part| part.id.as_str())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,157 @@
+use std::sync::Arc;
+
+use rand_distr::{Distribution, StandardNormal};
+
+use super::{Nearest, OPENING_FRAMES, RehearsalParams};
+use crate::control::ControlParams;
+use crate::geometry::Vec2;
+use crate::library::Library;
+use crate::planner::PlannedPulse;
+use crate::random::Rng;
+use crate::time::PlateTime;
+
+/// Friction is cut at so many standard deviations, and at this part of the usual at least.
+const FRICTION_CUT: f64 = 3.0;
+const LEAST_FRICTION: f64 = 0.1;
+
+/// Rounds in which parts push each other; one that is pushed may touch the next.
+const PUSHES: usize = 8;
+
+/// A pulse that ends this little into a frame ends with it, in frames.
+const ROUNDING: f64 = 1e-6;
+
+/// Parts on a plate that is only a displacement model.
+pub(super) struct Stage {
+    /// Where the parts are, m.
+    pub positions_m: Vec<Vec2>,
+    /// Their outlines, m.
+    pub radii_m: Vec<f64>,
+    /// The least gap so far.
+    pub nearest: Option<Nearest>,
+    library: Arc<Library>,
+    /// For each part how far it goes against what was measured.
+    friction: Vec<f64>,
+    scatter: Rng,
+    frame_hz: f64,
+    frames: u64,
+}
+
+impl Stage {
+    /// Parts where they start, with the friction drawn for each.
+    pub fn new(library: Arc<Library>, params: &ControlParams, rehearsal: &RehearsalParams) -> Self {
+        let RehearsalParams { starts_m, frame_hz, streams, number, .. } = rehearsal;
+        let radius = |part: usize| {
+            let kind = params.parts.get(part).and_then(|part| params.kinds.get(part.kind));
+            kind.map_or(0.0, |kind| kind.radius_m)
+        };
+        let mut stage = Self {
+            positions_m: starts_m.clone(),
+            radii_m: (0..starts_m.len()).map(radius).collect(),
+            nearest: None,
+            library,
+            friction: friction(rehearsal),
+            scatter: streams.numbered("rehearsal scatter", *number),
+            frame_hz: *frame_hz,
+            frames: OPENING_FRAMES,
+        };
+        stage.note_gaps(&stage.positions_m.clone());
+        stage
+    }
+
+    /// Plate time now: that of the newest frame.
+    pub fn now(&self) -> PlateTime {
+        PlateTime::from_secs(self.frames as f64 / self.frame_hz)
+    }
+
+    /// Waits for a frame at rest.
+    pub fn look(&mut self) {
+        self.frames += 1;
+    }
+
+    /// Plays a pulse to the first frame after its end.
+    pub fn play(&mut self, pulse: &PlannedPulse) {
+        let sounding_s = 2.0 * self.library.attack_s + pulse.sustain_s + self.library.rest_s;
+        self.frames += (sounding_s * self.frame_hz - ROUNDING).ceil().max(1.0) as u64;
+        let before_m = self.positions_m.clone();
+        for part in 0..self.positions_m.len() {
+            self.positions_m[part] = self.carried(part, pulse);
+        }
+        self.note_gaps(&before_m);
+        self.push_apart();
+    }
+
+    /// Parts that would lie in one another push each other away, half the way each.
+    fn push_apart(&mut self) {
+        for _ in 0..PUSHES {
+            let mut pushed = false;
+            for i in 0..self.positions_m.len() {
+                for j in i + 1..self.positions_m.len() {
+                    let apart = self.positions_m[j] - self.positions_m[i];
+                    let overlap_m = self.radii_m[i] + self.radii_m[j] - apart.norm();
+                    if overlap_m > 0.0 {
+                        let way = 0.5 * overlap_m * apart.try_normalize(0.0).unwrap_or_else(Vec2::x);
+                        self.positions_m[i] -= way;
+                        self.positions_m[j] += way;
+                        pushed = true;
+                    }
+                }
+            }
+            if !pushed {
+                return;
+            }
+        }
+    }
+
+    /// Where a pulse carries a part. Distance and direction are those half way along: so they were measured.
+    fn carried(&mut self, part: usize, pulse: &PlannedPulse) -> Vec2 {
+        let from_m = self.positions_m[part];
+        let Some(entry) = self.library.entries.get(pulse.entry) else { return from_m };
+        let model = &self.library.displacement;
+        let reverse = if pulse.distance_m < 0.0 { -1.0 } else { 1.0 };
+        let usual_m = |p_m: Vec2| reverse * model.distance(entry.speed_at(p_m), pulse.sustain_s);
+        let half_m = entry.pump.direction_at(from_m) * (0.5 * self.friction[part] * usual_m(from_m));
+        let middle_m = from_m + half_m;
+        let scatter_m = model.sd(entry.speed_at(middle_m), pulse.sustain_s) * normal(&mut self.scatter);
+        from_m + entry.pump.direction_at(middle_m) * (self.friction[part] * (usual_m(middle_m) + scatter_m))
+    }
+
+    /// Takes note of the least gap while all parts go straight from `before_m` to where they are, in step.
+    fn note_gaps(&mut self, before_m: &[Vec2]) {
+        let at_s = self.now().secs();
+        for i in 0..self.positions_m.len() {
+            for j in i + 1..self.positions_m.len() {
+                let apart_m = least_on_way(before_m[i] - before_m[j], self.positions_m[i] - self.positions_m[j]);
+                let gap_m = apart_m - self.radii_m[i] - self.radii_m[j];
+                if self.nearest.is_none_or(|nearest| gap_m < nearest.gap_m) {
+                    self.nearest = Some(Nearest { gap_m, parts: [i, j], at_s });
+                }
+            }
+        }
+    }
+}
+
+/// How far each part goes against what was measured. Pairs of opposite draws keep the middle of a few rehearsals near
+/// the middle of all.
+pub(super) fn friction(rehearsal: &RehearsalParams) -> Vec<f64> {
+    let RehearsalParams { starts_m, friction_spread, streams, number, .. } = rehearsal;
+    let mut draws = streams.numbered("rehearsal friction", number.div_ceil(2));
+    let sign = match number {
+        0 => 0.0,
+        number if number % 2 == 1 => 1.0,
+        _ => -1.0,
+    };
+    let draw = |_: &Vec2| sign * friction_spread * normal(&mut draws).clamp(-FRICTION_CUT, FRICTION_CUT);
+    starts_m.iter().map(draw).map(|off| (1.0 + off).max(LEAST_FRICTION)).collect()
+}
+
+fn normal(rng: &mut Rng) -> f64 {
+    StandardNormal.sample(rng)
+}
+
+/// Distance of the segment from `a` to `b` from the origin.
+pub(super) fn least_on_way(a: Vec2, b: Vec2) -> f64 {
+    let along = b - a;
+    let length_sq = along.norm_squared();
+    let way = if length_sq > 0.0 { (-a.dot(&along) / length_sq).clamp(0.0, 1.0) } else { 0.0 };
+    (a + along * way).norm()
+}

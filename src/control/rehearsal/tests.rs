@@ -1,0 +1,251 @@
+use std::f64::consts::{PI, TAU};
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::control::{ExpectedPart, Outcome};
+use crate::geometry::Twist;
+use crate::goal::{PathParams, Trajectories};
+use crate::library::{AxisShape, DisplacementModel, Entry};
+use crate::planner::PlannerParams;
+use crate::rig::PartKind;
+
+const HALF_M: f64 = 0.1;
+const RADIUS_M: f64 = 0.01;
+const ARRIVE_M: f64 = 0.5e-3;
+const FRAME_HZ: f64 = 50.0;
+const ATTACK_S: f64 = 0.02;
+const REST_S: f64 = 0.05;
+/// How fast a pulse carries parts on the fastest belt, in metres a second of its sustain, and its longest, s.
+const PACE_MPS: f64 = 0.1;
+const LONGEST_S: f64 = 0.2;
+
+/// Distances in proportion to sustain and to the belt's speed up to 0.5 m/s, of these motions.
+fn library(pumps: impl IntoIterator<Item = Twist>, relative_sd: f64) -> Arc<Library> {
+    let distance_m = vec![vec![0.0, 0.2 * PACE_MPS * LONGEST_S], vec![0.0, PACE_MPS * LONGEST_S]];
+    Arc::new(Library {
+        rig: "made".into(),
+        fingerprint: "12ab".into(),
+        plate_side_m: 2.0 * HALF_M,
+        base_radps: TAU * 60.0,
+        attack_s: ATTACK_S,
+        rest_s: REST_S,
+        accelerometer_gain: [1.0; 4],
+        shapes: [AxisShape::FREE_MASS; 3],
+        entries: pumps.into_iter().map(|pump| Entry { amplitudes: [100, -100, 0, 0], pump }).collect(),
+        displacement: DisplacementModel {
+            speed_mps: vec![0.1, 0.5],
+            sustain_s: vec![0.0, LONGEST_S],
+            sd_m: distance_m.iter().map(|row| row.iter().map(|d| relative_sd * d).collect()).collect(),
+            distance_m,
+        },
+    })
+}
+
+/// Ways over the plate as a whole, in 16 directions.
+fn translations() -> impl Iterator<Item = Twist> {
+    (0..16).map(|k| PI * f64::from(k) / 16.0).map(|angle| Twist::new(0.5 * angle.cos(), 0.5 * angle.sin(), 0.0))
+}
+
+/// Centres all over the plate.
+fn rotations() -> impl Iterator<Item = Twist> {
+    (0..169).map(|k| Twist::about(Vec2::new(f64::from(k % 13 - 6), f64::from(k / 13 - 6)) * (HALF_M / 6.0), 4.0))
+}
+
+fn params(parts: usize) -> ControlParams {
+    ControlParams {
+        kinds: vec![PartKind { name: "slug".into(), radius_m: RADIUS_M, thickness_m: 0.0015 }],
+        parts: (1..=parts).map(|n| ExpectedPart { id: format!("slug-{n}"), kind: 0, expected_m: None }).collect(),
+        time_limit_s: 60.0,
+        endless: false,
+        lost_after_frames: 2,
+        planner: PlannerParams {
+            half_side_m: HALF_M,
+            edge_margin_m: 0.001,
+            separation_m: 0.002,
+            max_distance_m: 0.02,
+            min_distance_m: 0.3e-3,
+            max_pulses: 24,
+            candidates_per_part: 24,
+            sparsity: 0.05,
+        },
+    }
+}
+
+fn rehearsal(starts_m: &[Vec2], number: u64) -> RehearsalParams {
+    RehearsalParams {
+        starts_m: starts_m.to_vec(),
+        frame_hz: FRAME_HZ,
+        friction_spread: 0.05,
+        streams: Streams::new(7),
+        number,
+    }
+}
+
+/// Each part straight to its place.
+fn to(targets_m: &[Vec2]) -> Trajectories {
+    let path = |&target_m: &Vec2| PathParams { waypoints_m: vec![target_m], speed_mps: 0.1, repeat: 1 };
+    Trajectories::new(targets_m.iter().map(path).collect(), 0.008, ARRIVE_M)
+}
+
+fn play(library: &Arc<Library>, goal: &mut dyn Goal, params: &ControlParams, how: &RehearsalParams) -> Rehearsal {
+    rehearse(library, goal, params, how, &mut |_, _| ())
+}
+
+/// Wants parts to stay where they are; done after a time, or never.
+struct Stay {
+    until_s: Option<f64>,
+}
+
+impl Goal for Stay {
+    fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+        let progress = self.until_s.map_or(0.0, |until_s| (now.secs() / until_s).min(1.0));
+        let places_m = parts_in_table_m.to_vec();
+        Wanted {
+            subgoals_m: places_m.clone(),
+            targets_m: places_m,
+            progress,
+            done: progress >= 1.0,
+            ..Wanted::default()
+        }
+    }
+}
+
+/// Wants the first part in one place at once.
+struct There(Vec2);
+
+impl Goal for There {
+    fn next(&mut self, _: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+        let mut places_m = parts_in_table_m.to_vec();
+        places_m[0] = self.0;
+        let done = (parts_in_table_m[0] - self.0).norm() < ARRIVE_M;
+        Wanted { subgoals_m: places_m.clone(), targets_m: places_m, done, phase: "there".into(), ..Wanted::default() }
+    }
+}
+
+#[test]
+fn one_pulse_takes_its_time_in_whole_frames() {
+    let (start_m, there_m) = (Vec2::new(-0.01, 0.02), Vec2::new(-0.002, 0.02));
+    let made = library(translations(), 0.0);
+    let done = play(&made, &mut There(there_m), &params(1), &rehearsal(&[start_m], 0));
+    assert_eq!((done.ending.outcome, done.cycles, done.pulses), (Outcome::Completed, 1, 1), "{done:?}");
+    let sounding_s = 2.0 * ATTACK_S + 0.008 / PACE_MPS + REST_S;
+    let frames = 2.0 + (sounding_s * FRAME_HZ).ceil() + 1.0;
+    assert!((done.plate_time_s - frames / FRAME_HZ).abs() < 1e-9, "{frames} frames: {done:?}");
+    let [from_m, to_m] = done.trails_m[0][..] else { panic!("{done:?}") };
+    assert!(from_m == start_m && (to_m - there_m).norm() < 0.1e-3, "{done:?}");
+    assert_eq!(done.nearest, None);
+}
+
+#[test]
+fn equal_seeds_rehearse_alike_and_numbers_differ() {
+    let made = library(translations().chain(rotations()), 0.03);
+    let starts_m = [Vec2::new(-0.06, 0.01), Vec2::new(0.05, -0.03)];
+    let ends_m = [Vec2::new(-0.01, 0.04), Vec2::new(0.07, 0.05)];
+    let once = |number| play(&made, &mut to(&ends_m), &params(2), &rehearsal(&starts_m, number));
+    for number in 0..3 {
+        let done = once(number);
+        assert_eq!(done.ending.outcome, Outcome::Completed, "{done:?}");
+        for (trail_m, end_m) in done.trails_m.iter().zip(&ends_m) {
+            assert!((trail_m[trail_m.len() - 1] - end_m).norm() < ARRIVE_M, "{done:?}");
+        }
+        assert_eq!(done.trails_m[0].len() as u64, done.pulses + 1);
+        assert_eq!(done, once(number));
+        assert_ne!(done, once(number + 1));
+    }
+}
+
+#[test]
+fn what_no_motion_does_cannot_be_done() {
+    let along_x = library([Twist::new(0.5, 0.0, 0.0), Twist::new(-0.3, 0.0, 0.0)], 0.03);
+    let done = play(&along_x, &mut There(Vec2::new(0.0, 0.05)), &params(1), &rehearsal(&[Vec2::zeros()], 0));
+    assert_eq!(done.ending.outcome, Outcome::Failed);
+    assert!(done.ending.reason.contains("no motion of the library"), "{done:?}");
+    assert_eq!(done.limits_met.iter().map(|met| met.times).collect::<Vec<_>>(), [4], "whole, half, quarter, eighth");
+}
+
+#[test]
+fn it_ends_at_the_time_limit_and_when_nothing_goes_on() {
+    let made = library(translations(), 0.0);
+    let (start_m, far_m) = ([Vec2::new(-0.08, 0.0)], Vec2::new(0.08, 0.0));
+    let short = ControlParams { time_limit_s: 0.5, ..params(1) };
+    let done = play(&made, &mut There(far_m), &short, &rehearsal(&start_m, 0));
+    assert_eq!(done.ending, Ending::failed("plate time limit of 0.5 s reached"));
+    assert!((0.5..0.5 + 2.0 * LONGEST_S).contains(&done.plate_time_s), "{done:?}");
+    let endless = ControlParams { endless: true, ..short };
+    let done = play(&made, &mut There(far_m), &endless, &rehearsal(&start_m, 0));
+    assert_eq!(done.ending.outcome, Outcome::Completed);
+
+    let done = play(&made, &mut Stay { until_s: None }, &params(1), &rehearsal(&start_m, 0));
+    assert!(done.ending.outcome == Outcome::Failed && done.ending.reason.starts_with("stalled"), "{done:?}");
+    assert!((done.plate_time_s - STALLED_S).abs() < 0.2, "{done:?}");
+    let done = play(&made, &mut Stay { until_s: Some(25.0) }, &params(1), &rehearsal(&start_m, 0));
+    assert_eq!((done.ending.outcome, done.pulses), (Outcome::Completed, 0), "time alone is progress, too: {done:?}");
+    let forever = ControlParams { time_limit_s: 1e6, endless: true, ..params(1) };
+    let done = play(&made, &mut Stay { until_s: Some(1e6) }, &forever, &rehearsal(&start_m, 0));
+    assert!(done.ending.reason.starts_with("left off after"), "{done:?}");
+}
+
+#[test]
+fn a_part_that_goes_too_far_falls_off() {
+    let made = library(translations(), 0.0);
+    let near_edge_m = Vec2::new(HALF_M - RADIUS_M - 0.002, 0.0);
+    let falls = |number: u64| {
+        let how = RehearsalParams { friction_spread: 3.0, ..rehearsal(&[near_edge_m - Vec2::new(0.018, 0.0)], number) };
+        let done = play(&made, &mut There(near_edge_m), &params(1), &how);
+        let end_m = done.trails_m[0].last().unwrap().amax();
+        assert_eq!(done.ending.reason.contains("slug-1 would fall off the plate"), end_m > HALF_M, "{done:?}");
+        end_m > HALF_M
+    };
+    assert!((0..20).filter(|&number| falls(number)).count() > 2);
+}
+
+#[test]
+fn the_least_gap_is_told_with_its_parts() {
+    let made = library(translations(), 0.0);
+    let starts_m = [Vec2::new(-0.05, 0.05), Vec2::new(-0.02, 0.0), Vec2::new(0.005, 0.0)];
+    let done = play(&made, &mut There(Vec2::new(-0.03, 0.05)), &params(3), &rehearsal(&starts_m, 0));
+    let nearest = done.nearest.unwrap();
+    assert!((nearest.gap_m - 0.005).abs() < 1e-9 && nearest.parts == [1, 2], "{nearest:?}");
+    assert!((OPENING_FRAMES as f64 / FRAME_HZ..=done.plate_time_s).contains(&nearest.at_s), "{nearest:?}");
+}
+
+#[test]
+fn parts_that_meet_push_each_other_aside() {
+    let made = library([Twist::about(Vec2::zeros(), 20.0)], 0.0);
+    // friction is drawn so wide that one goes much farther than the other and runs into it
+    let starts_m = [Vec2::new(0.05, 0.0), Vec2::new(0.05, 0.021)];
+    let mut met = 0;
+    for number in 1..20 {
+        let how = RehearsalParams { friction_spread: 0.4, ..rehearsal(&starts_m, number) };
+        let mut stage = Stage::new(Arc::clone(&made), &params(2), &how);
+        stage.play(&crate::planner::PlannedPulse { entry: 0, distance_m: 0.01, sustain_s: 0.1 });
+        let gap_m = (stage.positions_m[0] - stage.positions_m[1]).norm() - 2.0 * RADIUS_M;
+        let least_m = stage.nearest.unwrap().gap_m;
+        met += usize::from(least_m < 0.0);
+        assert!(gap_m > -1e-12 && least_m <= gap_m + 1e-12, "{gap_m} {least_m}");
+    }
+    assert!(met > 3, "{met}");
+}
+
+proptest! {
+    #[test]
+    fn the_least_on_the_way_is_the_least_of_many(ax in -1.0..1.0f64, ay in -1.0..1.0f64, bx in -1.0..1.0f64, by in -1.0..1.0f64) {
+        let (a, b) = (Vec2::new(ax, ay), Vec2::new(bx, by));
+        let sampled = (0..=1000).map(|k| a.lerp(&b, f64::from(k) * 1e-3).norm()).fold(f64::INFINITY, f64::min);
+        let exact = stage::least_on_way(a, b);
+        prop_assert!(exact <= sampled + 1e-12 && exact > sampled - 3e-3);
+    }
+
+    #[test]
+    fn opposite_frictions_come_in_pairs(seed in 0u64..1000, pair in 1u64..50, spread in 0.0..0.3f64) {
+        let of = |number: u64| {
+            let how = RehearsalParams { streams: Streams::new(seed), friction_spread: spread, ..rehearsal(&[Vec2::zeros(); 4], number) };
+            stage::friction(&how)
+        };
+        prop_assert_eq!(of(0), vec![1.0; 4]);
+        for (a, b) in of(2 * pair - 1).into_iter().zip(of(2 * pair)) {
+            prop_assert!((a + b - 2.0).abs() < 1e-12 && a > 0.0 && b > 0.0);
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! `upm check --plan` from the outside: what a job is predicted to come to, and what a full run then takes.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use super::{job, root, status};
+
+/// The row that `upm check --plan --json` gives for one job, and its exit status.
+fn planned(file: &Path, expected: i32) -> Value {
+    let (stdout, _) = status(&["check", file.to_str().unwrap(), "--plan", "--json"], expected);
+    let rows: Value = serde_json::from_str(&stdout).unwrap();
+    assert_eq!(rows.as_array().unwrap().len(), 1);
+    rows[0].clone()
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value}"))
+}
+
+/// A job on `upm-1` with a library that goes along x, and along y too slowly for coins to slip.
+fn hardly_along_y(folder: &Path) -> PathBuf {
+    let text = fs::read_to_string(root().join("assets/libraries/upm-1.json")).unwrap();
+    let mut library: Value = serde_json::from_str(&text).unwrap();
+    let motion =
+        |velocity: [f64; 2]| json!({"amplitudes": [-273, 69, 270, -66], "velocity_mm_s": velocity, "spin_rad_s": 0.0});
+    library["entries"] = json!([motion([40.0, 0.0]), motion([30.0, 0.0]), motion([0.0, 8.5])]);
+    fs::write(folder.join("library.json"), library.to_string()).unwrap();
+    job(folder, |job| job["library"] = json!("library.json"))
+}
+
+#[test]
+fn a_job_that_can_be_done_is_told_in_figures() {
+    let file = root().join("configs/trajectories.json");
+    let row = planned(&file, 0);
+    assert_eq!((&row["valid"], &row["plan"]["can_be_done"]), (&json!(true), &json!(true)));
+    let plan = &row["plan"];
+    let time = |key: &str| number(&plan["predicted_plate_time_s"][key]);
+    assert!(0.0 < time("least") && time("least") <= time("median") && time("median") <= time("most"));
+    let rehearsals = plan["rehearsals"].as_array().unwrap();
+    assert!(rehearsals.len() == 5 && rehearsals.iter().all(|each| each["completed"] == true));
+    assert!(number(&plan["smallest_gap"]["gap_mm"]) > 0.0);
+    assert_eq!(plan["smallest_gap"]["parts"], json!(["penny-1", "penny-2"]));
+    assert_eq!(plan["independence"]["singular_values"].as_array().unwrap().len(), 4);
+    assert!((0.01..1.0).contains(&number(&plan["independence"]["share"])), "{plan}");
+    for (part, start, end) in [(0, [-110.0, 45.0], [-100.0, -30.0]), (1, [60.0, -50.0], [40.0, -30.0])] {
+        let part = &plan["parts"][part];
+        assert_eq!(part["start"]["position_mm"], json!(start));
+        assert_eq!(part["target"]["position_mm"], json!(end));
+        let [first, second] = [0, 1].map(|k| number(&part["start"]["singular_values"][k]));
+        assert!(first >= second && second > 0.0, "{part}");
+    }
+    assert_eq!(planned(&file, 0), row, "equal jobs, equal forecasts");
+
+    let (said, _) = status(&["check", file.to_str().unwrap(), "--plan"], 0);
+    for label in ["can be done", "predicted ", "smallest gap", "all together", "penny-1  start", "penny-2  target"] {
+        assert_eq!(said.lines().filter(|line| line.trim_start().starts_with(label)).count(), 1, "{label}: {said}");
+    }
+    let (said, _) = status(&["check", file.to_str().unwrap()], 0);
+    assert_eq!(said.lines().count(), 1, "only where asked: {said}");
+}
+
+#[test]
+fn a_library_without_a_direction_cannot_do_it_and_says_which() {
+    let folder = TempDir::new().unwrap();
+    let file = hardly_along_y(folder.path());
+    let row = planned(&file, 1);
+    let plan = &row["plan"];
+    assert_eq!((&row["valid"], &plan["can_be_done"]), (&json!(true), &json!(false)));
+    assert_eq!(plan["predicted_plate_time_s"], Value::Null);
+    assert!(plan["rehearsals"].as_array().unwrap().iter().all(|each| each["completed"] == false), "{plan}");
+    assert_eq!(plan["independence"]["weakest_part"], "penny-1");
+    assert_eq!(plan["independence"]["weakest_direction_deg"], 90.0);
+    assert_eq!(plan["independence"]["share"], 0.0);
+    let start = &plan["parts"][0]["start"];
+    assert!(start["direction_deg"] == 90.0 && number(&start["longest_step_mm"]) < 0.01, "{start}");
+    assert!(number(&start["singular_values"][0]) > 0.5 && number(&start["singular_values"][1]) < 2e-3, "{start}");
+    let (said, _) = status(&["check", file.to_str().unwrap(), "--plan"], 1);
+    assert!(said.contains("cannot be done") && said.contains("towards 90 deg, 0.000 of the best"), "{said}");
+}
+
+#[test]
+fn too_little_time_is_a_reason() {
+    let folder = TempDir::new().unwrap();
+    let file = job(folder.path(), |job| job["limits"]["plate_time_s"] = json!(5));
+    let plan = &planned(&file, 1)["plan"];
+    assert_eq!(plan["endings"], json!([{"reason": "plate time limit of 5 s reached", "times": 5}]));
+}
+
+#[test]
+fn only_jobs_are_planned_and_faulty_ones_refused() {
+    let folder = TempDir::new().unwrap();
+    for other in ["configs/rigs/upm-1.json", "assets/libraries/upm-1.json"] {
+        let (stdout, stderr) = status(&["check", other, "--plan"], 2);
+        assert!(stdout.is_empty() && stderr.contains("--plan: found ") && stderr.contains("allowed: jobs"), "{stderr}");
+    }
+    let file = job(folder.path(), |job| job["tolerance_mm"] = json!(0));
+    let (stdout, stderr) = status(&["check", file.to_str().unwrap(), "--plan"], 2);
+    assert!(stdout.is_empty() && stderr.contains("tolerance_mm: found"), "{stderr}");
+}
+
+#[test]
+fn the_predicted_ways_are_drawn() {
+    let folder = TempDir::new().unwrap();
+    let picture = folder.path().join("plan.svg");
+    let picture = picture.to_str().unwrap();
+    status(&["check", "configs/trajectories.json", "--plan", "--picture", picture], 0);
+    let drawn = fs::read_to_string(picture).unwrap();
+    assert!(drawn.starts_with("<svg ") && drawn.trim_end().ends_with("</svg>"));
+    for words in
+        ["trajectories on upm-2", "predicted way", "start", "target", "weakest direction", "penny-1", "penny-2"]
+    {
+        assert!(drawn.contains(words), "{words}");
+    }
+    fs::remove_file(picture).unwrap();
+    let (_, stderr) = status(&["check", "configs/trajectories.json", "--picture", picture], 2);
+    assert!(stderr.contains("--picture: found ") && !Path::new(picture).exists(), "{stderr}");
+    let hopeless = hardly_along_y(folder.path());
+    status(&["check", hopeless.to_str().unwrap(), "--plan", "--picture", picture], 1);
+    assert!(fs::read_to_string(picture).unwrap().contains("cannot be done"));
+}
+
+/// The shipped job takes what it was predicted to take, within a quarter.
+fn a_run_takes_what_was_predicted(name: &str) {
+    let file = root().join("configs").join(name);
+    let predicted_s = number(&planned(&file, 0)["plan"]["predicted_plate_time_s"]["median"]);
+    let folder = TempDir::new().unwrap();
+    let (file, out) = (file.to_str().unwrap(), folder.path().to_str().unwrap());
+    let (report, _) = status(&["run", file, "--out", out, "--rerun", "off", "--json"], 0);
+    let taken_s = number(&serde_json::from_str::<Value>(&report).unwrap()["plate_time_s"]);
+    assert!((predicted_s / taken_s - 1.0).abs() < 0.25, "{predicted_s} s predicted, {taken_s} s taken");
+}
+
+#[test]
+fn plus_sign_on_the_weak_rig_takes_what_was_predicted() {
+    a_run_takes_what_was_predicted("plus-sign.json");
+}
+
+#[test]
+fn plus_sign_on_the_strong_rig_takes_what_was_predicted() {
+    a_run_takes_what_was_predicted("plus-sign-upm-2.json");
+}
