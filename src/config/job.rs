@@ -148,16 +148,14 @@ impl JobSpec {
         let fault = |at: Path, found: &str, allowed: &str| {
             Err(Fault::new(&self.file, &at, format!("\"{found}\", not available yet"), allowed))
         };
-        let tasks = "plus_sign, trajectories in this version";
+        let tasks = "plus_sign, trajectories, arrange, hold in this version";
         let at = root.key("task").key("type");
         match (&self.raw.task, self.planner) {
-            (RawTask::Arrange { .. }, _) => fault(at, "arrange", tasks),
             (RawTask::Sort { .. }, _) => fault(at, "sort", tasks),
-            (RawTask::Hold { .. }, _) => fault(at, "hold", tasks),
             (_, PlannerChoice::SynthesizedField) => {
                 fault(root.key("planner"), "synthesized_field", "cor_sequence in this version")
             }
-            (RawTask::PlusSign { .. } | RawTask::Trajectories { .. }, PlannerChoice::CorSequence) => Ok(()),
+            (_, PlannerChoice::CorSequence) => Ok(()),
         }
     }
 }

@@ -1,9 +1,11 @@
 use std::sync::Arc;
 
-use crate::config::{Fault, JobSpec, PlacedPart, TaskSpec, place_parts};
+use crate::config::{Assignment, Fault, JobSpec, PlacedPart, TaskSpec, place_parts};
 use crate::control::{ControlParams, ExpectedPart, LocalisedFacts, Sink};
 use crate::geometry::{Pose, Vec2};
-use crate::goal::{Goal, PathParams, PlusSign, PlusSignParams, Trajectories};
+use crate::goal::{
+    Arrange, ArrangeParams, Disc, Goal, Hold, HoldParams, PathParams, PlusSign, PlusSignParams, Trajectories,
+};
 use crate::library::{Entry, Library};
 use crate::planner::PlannerParams;
 use crate::random::Streams;
@@ -15,6 +17,8 @@ use crate::time::PlateTime;
 const LONGEST_STEP_M: f64 = 8e-3;
 /// Part of the strong entries' reach at the plate's centre that a step may ask for.
 const ONE_PULSE: f64 = 0.9;
+/// Part of the tolerance within which a part must be seen to have arrived: the rest is for what the eyes are off.
+const MEASURED_SHARE: f64 = 0.9;
 /// How far a part's reference may run ahead of it, m.
 const LEAD_M: f64 = 4e-3;
 /// Gap the planner keeps between rims, m.
@@ -137,9 +141,12 @@ fn stride_m(library: &Library) -> f64 {
 }
 
 fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Goal> {
+    let half_side_m = 0.5 * job.rig.model.plate_side_m;
+    let discs = || placed.iter().map(|part| Disc { kind: part.kind, radius_m: part.params.radius_m }).collect();
+    let arrive_m = MEASURED_SHARE * job.tolerance_m;
     match &job.task {
         TaskSpec::PlusSign { laps, edge_margin_m } => Box::new(PlusSign::new(PlusSignParams {
-            half_side_m: 0.5 * job.rig.model.plate_side_m,
+            half_side_m,
             part_radius_m: placed.first().map_or(0.0, |part| part.params.radius_m),
             edge_margin_m: *edge_margin_m,
             laps: *laps,
@@ -154,8 +161,18 @@ fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Goal
             });
             Box::new(Trajectories::new(paths.collect(), LEAD_M, job.tolerance_m))
         }
-        // `JobSpec::check_runnable` refuses the other tasks; with no path there is nothing to do
-        _ => Box::new(Trajectories::new(Vec::new(), LEAD_M, job.tolerance_m)),
+        TaskSpec::Arrange { targets_m, assignment } => Box::new(Arrange::new(ArrangeParams {
+            half_side_m,
+            discs: discs(),
+            targets_m: targets_m.clone(),
+            exchange: *assignment == Assignment::Optimal,
+            arrive_m,
+        })),
+        TaskSpec::Hold { duration_s } => {
+            Box::new(Hold::new(HoldParams { half_side_m, discs: discs(), duration_s: *duration_s, arrive_m }))
+        }
+        // `JobSpec::check_runnable` refuses the last task; with no path there is nothing to do
+        TaskSpec::Sort { .. } => Box::new(Trajectories::new(Vec::new(), LEAD_M, job.tolerance_m)),
     }
 }
 
