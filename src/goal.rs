@@ -2,9 +2,14 @@
 
 mod arrange;
 mod assignment;
+#[cfg(test)]
+mod closed_loop_tests;
+mod fleet;
 mod hold;
 mod plus_sign;
 mod polyline;
+mod routes;
+mod search;
 mod steering;
 mod trajectories;
 

@@ -37,20 +37,28 @@ fn groups(discs: &[Disc], exchange: bool) -> Vec<usize> {
     discs.iter().enumerate().map(|(i, disc)| if exchange { disc.kind } else { i }).collect()
 }
 
-fn phase(there: usize, of: usize, done: bool) -> String {
-    match of {
-        0 => "no parts".into(),
+fn phase(there: usize, of: usize, done: bool, steering: &Steering) -> String {
+    let way = if steering.goes_round() { "round each other" } else { "straight" };
+    match (of, steering.boxed_in()) {
+        (0, _) => "no parts".into(),
         _ if done => "every part is at its place".into(),
-        _ => format!("to the places: {there} of {of} there"),
+        (_, []) => format!("to the places, {way}: {there} of {of} there"),
+        (_, boxed_in) => format!("to the places: {there} of {of} there, {}", in_words(boxed_in)),
     }
+}
+
+/// Parts are told by their number in the order of the job, from 1.
+fn in_words(boxed_in: &[usize]) -> String {
+    let numbers: Vec<String> = boxed_in.iter().map(|part| (part + 1).to_string()).collect();
+    format!("part {} boxed in", numbers.join(", "))
 }
 
 impl Goal for Arrange {
     fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
-        let ArrangeParams { discs, targets_m, exchange, arrive_m, .. } = &self.params;
+        let ArrangeParams { half_side_m, discs, targets_m, exchange, arrive_m } = &self.params;
         let of = parts_in_table_m.len();
         let steering = self.steering.take().filter(|steering| steering.seen_m().len() == of);
-        let begin = || Steering::new(discs, targets_m, groups(discs, *exchange), parts_in_table_m);
+        let begin = || Steering::new(discs, *half_side_m, targets_m, groups(discs, *exchange), parts_in_table_m);
         let steering = self.steering.insert(steering.unwrap_or_else(begin));
         steering.look(parts_in_table_m);
         let there = steering.distances_m().filter(|distance_m| distance_m <= arrive_m).count();
@@ -58,9 +66,10 @@ impl Goal for Arrange {
         Wanted {
             subgoals_m: steering.subgoals_m(),
             targets_m: steering.targets_m(),
-            phase: phase(there, of, done),
+            phase: phase(there, of, done, steering),
             progress: if done { 1.0 } else { steering.progress() },
             cross_track_m: vec![0.0; of],
+            boxed_in: steering.boxed_in().to_vec(),
             done,
             ..Wanted::default()
         }
@@ -94,7 +103,10 @@ mod tests {
         let mut goal = arrange(&[0, 1], &PLACES[..2], true);
         let mut look = |x: f64| goal.next(PlateTime::ZERO, &[Vec2::new(-0.05, 0.0004), Vec2::new(x, 0.0)]);
         let wanted = look(0.04);
-        assert_eq!((wanted.phase.as_str(), wanted.done, wanted.progress), ("to the places: 1 of 2 there", false, 0.0));
+        assert_eq!(
+            (wanted.phase.as_str(), wanted.done, wanted.progress),
+            ("to the places, straight: 1 of 2 there", false, 0.0)
+        );
         let wanted = look(0.02);
         assert!(!wanted.done && wanted.progress > 0.49 && wanted.progress < 0.51, "{wanted:?}");
         let wanted = look(0.0004);

@@ -38,10 +38,10 @@ impl Hold {
 
 impl Goal for Hold {
     fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
-        let HoldParams { discs, duration_s, arrive_m, .. } = &self.params;
+        let HoldParams { half_side_m, discs, duration_s, arrive_m } = &self.params;
         let of = parts_in_table_m.len();
         let steering = self.steering.take().filter(|steering| steering.seen_m().len() == of);
-        let begin = || Steering::new(discs, &[], Vec::new(), parts_in_table_m);
+        let begin = || Steering::new(discs, *half_side_m, &[], Vec::new(), parts_in_table_m);
         let steering = self.steering.insert(steering.unwrap_or_else(begin));
         steering.look(parts_in_table_m);
 
