@@ -10,12 +10,15 @@ mod plus_sign;
 mod polyline;
 mod routes;
 mod search;
+mod slots;
+mod sort;
 mod steering;
 mod trajectories;
 
 pub use arrange::{Arrange, ArrangeParams};
 pub use hold::{Hold, HoldParams};
 pub use plus_sign::{PlusSign, PlusSignParams};
+pub use sort::{Bin, Sort, SortParams};
 pub use trajectories::{PathParams, Trajectories};
 
 use crate::geometry::Vec2;

@@ -37,22 +37,6 @@ fn groups(discs: &[Disc], exchange: bool) -> Vec<usize> {
     discs.iter().enumerate().map(|(i, disc)| if exchange { disc.kind } else { i }).collect()
 }
 
-fn phase(there: usize, of: usize, done: bool, steering: &Steering) -> String {
-    let way = if steering.goes_round() { "round each other" } else { "straight" };
-    match (of, steering.boxed_in()) {
-        (0, _) => "no parts".into(),
-        _ if done => "every part is at its place".into(),
-        (_, []) => format!("to the places, {way}: {there} of {of} there"),
-        (_, boxed_in) => format!("to the places: {there} of {of} there, {}", in_words(boxed_in)),
-    }
-}
-
-/// Parts are told by their number in the order of the job, from 1.
-fn in_words(boxed_in: &[usize]) -> String {
-    let numbers: Vec<String> = boxed_in.iter().map(|part| (part + 1).to_string()).collect();
-    format!("part {} boxed in", numbers.join(", "))
-}
-
 impl Goal for Arrange {
     fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
         let ArrangeParams { half_side_m, discs, targets_m, exchange, arrive_m } = &self.params;
@@ -66,7 +50,7 @@ impl Goal for Arrange {
         Wanted {
             subgoals_m: steering.subgoals_m(),
             targets_m: steering.targets_m(),
-            phase: phase(there, of, done, steering),
+            phase: if done { "every part is at its place".into() } else { steering.phase("to the places", there) },
             progress: if done { 1.0 } else { steering.progress() },
             cross_track_m: vec![0.0; of],
             boxed_in: steering.boxed_in().to_vec(),

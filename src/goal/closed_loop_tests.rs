@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use rand::RngExt;
 use std::f64::consts::TAU;
 
-use super::{Arrange, ArrangeParams, Disc, Goal};
+use super::{Arrange, ArrangeParams, Bin, Disc, Goal, Sort, SortParams};
 use crate::geometry::Vec2;
 use crate::random::{Rng, Streams};
 use crate::time::PlateTime;
@@ -139,6 +139,37 @@ fn who_cannot_pass_is_named_and_the_others_arrive() {
     assert_eq!(wanted.boxed_in, [1]);
     assert_eq!(wanted.phase, "to the places: 1 of 3 there, part 2 boxed in");
     assert_eq!(wanted.subgoals_m, [Vec2::zeros(), starts_m[1], Vec2::new(0.12, -0.14)]);
+}
+
+/// Bins side by side across the plate, the i-th for kind i.
+fn bins(kinds: usize, width_m: f64, height_m: f64, apart_m: f64) -> Vec<Bin> {
+    let middle = |i: usize| apart_m * (i as f64 - 0.5 * (kinds as f64 - 1.0));
+    let half = 0.5 * Vec2::new(width_m, height_m);
+    let bin = |i: usize| {
+        let middle = Vec2::new(middle(i), 0.0);
+        Bin { kinds: vec![i], min_m: middle - half, max_m: middle + half }
+    };
+    (0..kinds).map(bin).collect()
+}
+
+fn sorted(discs: &[Disc], starts_m: &[Vec2], bins: Vec<Bin>) -> Course {
+    let params = SortParams { half_side_m: HALF_SIDE_M, discs: discs.to_vec(), bins: bins.clone(), margin_m: 5e-5 };
+    let mut goal = Sort::new(params);
+    run(&mut goal, discs, starts_m, 0.03, 150)
+}
+
+#[test]
+fn three_kinds_cross_each_other_into_crowded_bins() {
+    for seed in 0..12 {
+        let mut rng = Streams::new(seed).stream("scene");
+        let discs: Vec<Disc> =
+            (0..12).map(|i| Disc { kind: i % 3, radius_m: [PENNY_M, 0.01213, 0.008955][i % 3] }).collect();
+        let radii_m: Vec<f64> = discs.iter().map(|disc| disc.radius_m).collect();
+        let starts_m = scattered(&radii_m, 0.003, 0.005, &mut rng);
+        // two by two quarters with 4.2 mm between them
+        let course = sorted(&discs, &starts_m, bins(3, 0.057, 0.057, 0.08));
+        assert!(course.cycles < 60 && course.gap_m > 0.0015 && course.edge_gap_m > 0.0005, "{seed}: {course:?}");
+    }
 }
 
 proptest! {

@@ -108,9 +108,17 @@ impl Steering {
         self.stages_m.first().unwrap_or(&self.seen_m).clone()
     }
 
-    /// True when parts go round each other.
-    pub(super) fn goes_round(&self) -> bool {
-        self.stages_m.len() > 1
+    /// What is being done, in words: where to, by what way and how many are there. Parts are told by their number
+    /// in the order of the job, from 1.
+    pub(super) fn phase(&self, to: &str, there: usize) -> String {
+        let of = self.seen_m.len();
+        let numbers: Vec<String> = self.boxed_in.iter().map(|part| (part + 1).to_string()).collect();
+        match self.stages_m.len() {
+            _ if of == 0 => "no parts".into(),
+            _ if !numbers.is_empty() => format!("{to}: {there} of {of} there, part {} boxed in", numbers.join(", ")),
+            0 | 1 => format!("{to}, straight: {there} of {of} there"),
+            _ => format!("{to}, round each other: {there} of {of} there"),
+        }
     }
 
     /// Parts that have no way to their places as things stand.

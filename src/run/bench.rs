@@ -1,10 +1,11 @@
 use std::sync::Arc;
 
-use crate::config::{Assignment, Fault, JobSpec, PlacedPart, TaskSpec, place_parts};
+use crate::config::{Assignment, BinSpec, Fault, JobSpec, PlacedPart, TaskSpec, place_parts};
 use crate::control::{ControlParams, ExpectedPart, LocalisedFacts, Sink};
 use crate::geometry::{Pose, Vec2};
 use crate::goal::{
-    Arrange, ArrangeParams, Disc, Goal, Hold, HoldParams, PathParams, PlusSign, PlusSignParams, Trajectories,
+    Arrange, ArrangeParams, Bin, Disc, Goal, Hold, HoldParams, PathParams, PlusSign, PlusSignParams, Sort, SortParams,
+    Trajectories,
 };
 use crate::library::{Entry, Library};
 use crate::planner::PlannerParams;
@@ -171,8 +172,12 @@ fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Goal
         TaskSpec::Hold { duration_s } => {
             Box::new(Hold::new(HoldParams { half_side_m, discs: discs(), duration_s: *duration_s, arrive_m }))
         }
-        // `JobSpec::check_runnable` refuses the last task; with no path there is nothing to do
-        TaskSpec::Sort { .. } => Box::new(Trajectories::new(Vec::new(), LEAD_M, job.tolerance_m)),
+        TaskSpec::Sort { bins } => {
+            let bin = |bin: &BinSpec| Bin { kinds: bin.kinds.clone(), min_m: bin.min_m, max_m: bin.max_m };
+            let bins = bins.iter().map(bin).collect();
+            let margin_m = job.tolerance_m - arrive_m;
+            Box::new(Sort::new(SortParams { half_side_m, discs: discs(), bins, margin_m }))
+        }
     }
 }
 
