@@ -6,6 +6,7 @@ mod assignment;
 mod closed_loop_tests;
 mod fleet;
 mod hold;
+mod in_phase;
 mod plus_sign;
 mod polyline;
 mod routes;
@@ -17,6 +18,7 @@ mod trajectories;
 
 pub use arrange::{Arrange, ArrangeParams};
 pub use hold::{Hold, HoldParams};
+pub use in_phase::{InPhase, InPhaseParams};
 pub use plus_sign::{PlusSign, PlusSignParams};
 pub use sort::{Bin, Sort, SortParams};
 pub use trajectories::{PathParams, Trajectories};

@@ -79,14 +79,18 @@ impl Steering {
         steering
     }
 
-    /// Takes note of where parts are, m, and settles where they go; a position that is not a number leaves a part
-    /// where it was.
-    pub(super) fn look(&mut self, parts_in_table_m: &[Vec2]) {
+    /// Takes note of where parts are, m; a position that is not a number leaves a part where it was.
+    pub(super) fn see(&mut self, parts_in_table_m: &[Vec2]) {
         for (seen, part) in self.seen_m.iter_mut().zip(parts_in_table_m) {
             if is_finite(*part) {
                 *seen = *part;
             }
         }
+    }
+
+    /// Takes note of where parts are, m, and settles where they go.
+    pub(super) fn look(&mut self, parts_in_table_m: &[Vec2]) {
+        self.see(parts_in_table_m);
         self.exchange_places();
         if self.at_first_m > 0.0 {
             let left = self.distances_m().sum::<f64>() / self.at_first_m;

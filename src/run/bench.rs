@@ -1,11 +1,11 @@
 use std::sync::Arc;
 
-use crate::config::{Assignment, BinSpec, Fault, JobSpec, PlacedPart, TaskSpec, place_parts};
+use crate::config::{Assignment, BinSpec, Fault, JobSpec, PathSpec, PlacedPart, TaskSpec, place_parts};
 use crate::control::{ControlParams, ExpectedPart, LocalisedFacts, Sink};
 use crate::geometry::{Pose, Vec2};
 use crate::goal::{
-    Arrange, ArrangeParams, Bin, Disc, Goal, Hold, HoldParams, PathParams, PlusSign, PlusSignParams, Sort, SortParams,
-    Trajectories,
+    Arrange, ArrangeParams, Bin, Disc, Goal, Hold, HoldParams, InPhase, InPhaseParams, PathParams, PlusSign,
+    PlusSignParams, Sort, SortParams, Trajectories,
 };
 use crate::library::{Entry, Library};
 use crate::planner::PlannerParams;
@@ -154,14 +154,7 @@ fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Goal
             arrive_m: job.tolerance_m,
             stride_m: stride_m(library),
         })),
-        TaskSpec::Trajectories { paths } => {
-            let paths = paths.iter().map(|path| PathParams {
-                waypoints_m: path.waypoints_m.clone(),
-                speed_mps: path.speed_mps,
-                repeat: path.repeat,
-            });
-            Box::new(Trajectories::new(paths.collect(), LEAD_M, job.tolerance_m))
-        }
+        TaskSpec::Trajectories { paths } => trajectories(job, paths, discs()),
         TaskSpec::Arrange { targets_m, assignment } => Box::new(Arrange::new(ArrangeParams {
             half_side_m,
             discs: discs(),
@@ -179,6 +172,42 @@ fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Goal
             Box::new(Sort::new(SortParams { half_side_m, discs: discs(), bins, margin_m }))
         }
     }
+}
+
+fn trajectories(job: &JobSpec, paths: &[PathSpec], discs: Vec<Disc>) -> Box<dyn Goal> {
+    if let Some(period_s) = common_period_s(paths) {
+        return Box::new(InPhase::new(InPhaseParams {
+            half_side_m: 0.5 * job.rig.model.plate_side_m,
+            discs,
+            loops_m: paths.iter().map(|path| path.waypoints_m.clone()).collect(),
+            period_s,
+            laps: paths.first().map_or(0, |path| path.repeat),
+            lead_m: LEAD_M,
+            stride_m: LONGEST_STEP_M,
+            arrive_m: MEASURED_SHARE * job.tolerance_m,
+        }));
+    }
+    let paths = paths.iter().map(|path| PathParams {
+        waypoints_m: path.waypoints_m.clone(),
+        speed_mps: path.speed_mps,
+        repeat: path.repeat,
+    });
+    Box::new(Trajectories::new(paths.collect(), LEAD_M, job.tolerance_m))
+}
+
+/// Time of a lap when several paths are closed and take equally long, as often each: their parts keep step, s.
+fn common_period_s(paths: &[PathSpec]) -> Option<f64> {
+    let (first, others) = paths.split_first()?;
+    let period_s = |path: &PathSpec| {
+        let length_m: f64 = path.waypoints_m.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
+        let closed = path.waypoints_m.first() == path.waypoints_m.last() && length_m > 0.0;
+        closed.then_some(length_m / path.speed_mps)
+    };
+    let lap_s = period_s(first)?;
+    let in_step = |path: &PathSpec| {
+        path.repeat == first.repeat && period_s(path).is_some_and(|other_s| (other_s - lap_s).abs() < 1e-3 * lap_s)
+    };
+    (!others.is_empty() && others.iter().all(in_step)).then_some(lap_s)
 }
 
 /// Puts the truth into the order in which control named the parts; comes first among the sinks.
@@ -201,6 +230,24 @@ impl Sink for NamedTruth {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn closed_paths_of_equal_duration_are_driven_in_step() {
+        let square = |side_m: f64, speed_mps: f64, repeat: u32| {
+            let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)];
+            let waypoints_m = corners.map(|(x, y)| Vec2::new(x, y) * side_m).to_vec();
+            PathSpec { waypoints_m, speed_mps, repeat }
+        };
+        let open = |path: PathSpec| PathSpec { waypoints_m: path.waypoints_m[..4].to_vec(), ..path };
+        let period_s = |paths: &[PathSpec]| common_period_s(paths);
+        assert_eq!(period_s(&[square(0.05, 0.01, 2), square(0.05, 0.01, 2)]), Some(20.0));
+        assert_eq!(period_s(&[square(0.05, 0.01, 0), square(0.1, 0.02, 0)]), Some(20.0));
+        assert_eq!(period_s(&[square(0.05, 0.01, 2)]), None);
+        assert_eq!(period_s(&[square(0.05, 0.01, 2), square(0.05, 0.01, 3)]), None);
+        assert_eq!(period_s(&[square(0.05, 0.01, 2), square(0.06, 0.01, 2)]), None);
+        assert_eq!(period_s(&[square(0.05, 0.01, 2), open(square(0.05, 0.01, 2))]), None);
+        assert_eq!(period_s(&[]), None);
+    }
 
     #[test]
     fn one_bad_picture_loses_no_part() {
