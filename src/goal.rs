@@ -1,14 +1,39 @@
 //! Where the parts should go, said without a word about plates.
 
+mod arrange;
+mod assignment;
+#[cfg(test)]
+mod closed_loop_tests;
+mod fleet;
+mod hold;
+mod in_phase;
 mod plus_sign;
 mod polyline;
+mod routes;
+mod search;
+mod slots;
+mod sort;
+mod steering;
 mod trajectories;
 
+pub use arrange::{Arrange, ArrangeParams};
+pub use hold::{Hold, HoldParams};
+pub use in_phase::{InPhase, InPhaseParams};
 pub use plus_sign::{PlusSign, PlusSignParams};
+pub use sort::{Bin, Sort, SortParams};
 pub use trajectories::{PathParams, Trajectories};
 
 use crate::geometry::Vec2;
 use crate::time::PlateTime;
+
+/// A part as a goal knows it: a disc.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Disc {
+    /// Parts of equal kind are equal.
+    pub kind: usize,
+    /// Its outline, m.
+    pub radius_m: f64,
+}
 
 /// What a goal wants of the parts just now.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -25,6 +50,11 @@ pub struct Wanted {
     pub laps: u32,
     /// For each part the distance from its path, m; 0 where there is no path.
     pub cross_track_m: Vec<f64>,
+    /// Indices of the parts that have no way to their targets as things stand.
+    pub boxed_in: Vec<usize>,
+    /// For each part how far along its path it is off the common reference, as a part of a period; empty where
+    /// parts need not keep step.
+    pub phase_error: Vec<f64>,
     /// True when nothing is left to do.
     pub done: bool,
 }

@@ -4,7 +4,7 @@ use serde_json::{Map, Value};
 
 use super::fault::{Fault, Faults, Path, one_of, shown};
 use super::kinds::{KindSpec, NAMES};
-use super::raw_job::{LibrarySource, PlannerChoice, RawJob, RawParts, RawTask};
+use super::raw_job::{LibrarySource, PlannerChoice, RawJob, RawParts};
 use super::raw_rig::RigSource;
 use super::read::{Origin, parse, text_of};
 use super::rig::RigSpec;
@@ -141,26 +141,15 @@ impl JobSpec {
         effective
     }
 
-    /// The fault that keeps a valid job from being run by this version: tasks and planners that are described
-    /// already and not built yet.
+    /// The fault that keeps a valid job from being run by this version: a planner that is described already and not
+    /// built yet.
     pub fn check_runnable(&self) -> Result<(), Fault> {
-        let root = Path::root();
-        let fault = |at: Path, found: &str, allowed: &str| {
-            Err(Fault::new(&self.file, &at, format!("\"{found}\", not available yet"), allowed))
-        };
-        let tasks = "plus_sign, trajectories in this version";
-        let at = root.key("task").key("type");
-        match (&self.raw.task, self.planner) {
-            (RawTask::Arrange { .. }, _) => fault(at, "arrange", tasks),
-            (RawTask::Sort { .. }, _) => fault(at, "sort", tasks),
-            (RawTask::Hold { .. }, _) => fault(at, "hold", tasks),
-            (_, PlannerChoice::SynthesizedField) => {
-                fault(root.key("planner"), "synthesized_field", "cor_sequence in this version")
+        match self.planner {
+            PlannerChoice::CorSequence | PlannerChoice::PseudoInverse => Ok(()),
+            PlannerChoice::SynthesizedField => {
+                let found = "\"synthesized_field\", not available yet";
+                Err(Fault::new(&self.file, &Path::root().key("planner"), found, "cor_sequence, pseudo_inverse in this version"))
             }
-            (_, PlannerChoice::PseudoInverse) => {
-                fault(root.key("planner"), "pseudo_inverse", "cor_sequence in this version")
-            }
-            (RawTask::PlusSign { .. } | RawTask::Trajectories { .. }, PlannerChoice::CorSequence) => Ok(()),
         }
     }
 }

@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use super::ControlParams;
 use super::ending::Ending;
+use super::attempts::ways_to_try;
 use super::learning::Gains;
 use crate::geometry::Vec2;
 use crate::goal::{Goal, Wanted};
@@ -21,8 +22,6 @@ use crate::time::PlateTime;
 use stage::Stage;
 use trail::Trail;
 
-/// Steps are halved this often before an infeasible plan ends the rehearsal.
-const STEP_HALVINGS: i32 = 3;
 /// Plate time without a pulse and without progress after which a rehearsal counts as stalled, s.
 const STALLED_S: f64 = 10.0;
 /// Frames that open the eyes before the first cycle: one for the table, one to start from.
@@ -104,7 +103,7 @@ pub fn rehearse(
     let planner = Planner::new(Arc::clone(library), params.planner);
     let stage = Stage::new(Arc::clone(library), params, rehearsal);
     let trails = rehearsal.starts_m.iter().map(|&start_m| Trail::from(start_m)).collect();
-    let gains = Gains::new(rehearsal.starts_m.len());
+    let gains = Gains::new(rehearsal.starts_m.len(), params.planner.half_side_m);
     let mut player = Player { params, planner, stage, gains, trails, cycles: 0, pulses: 0, limits_met: Vec::new() };
     let (ending, wanted) = player.until_end(goal, watch);
     Rehearsal {
@@ -162,20 +161,19 @@ impl Player<'_> {
     fn once(&mut self, wanted: &Wanted) -> Result<bool, Ending> {
         self.check_time()?;
         let plan = self.plan(wanted)?;
-        let before_m = self.stage.positions_m.clone();
         for pulse in &plan.pulses {
             self.check_time()?;
+            let before_m = self.stage.positions_m.clone();
+            let forecast_m = self.planner.forecast(&self.unlearned(), pulse);
             self.stage.play(pulse);
             self.pulses += 1;
+            self.gains.learn(&before_m, &forecast_m, &self.stage.positions_m);
             for (trail, &position_m) in self.trails.iter_mut().zip(&self.stage.positions_m) {
                 trail.push(position_m);
             }
             self.check_on_plate()?;
         }
         self.stage.look();
-        if let Some(predicted_m) = plan.predicted_m.last() {
-            self.gains.learn(&before_m, predicted_m, &self.stage.positions_m);
-        }
         let moved = !plan.pulses.is_empty();
         self.cycles += u64::from(moved);
         Ok(moved)
@@ -198,12 +196,14 @@ impl Player<'_> {
         }
     }
 
-    /// Plans the wanted steps; where they are infeasible, half of them, and half again.
+    /// Plans the wanted steps, or what of them can be made, as a run does.
     fn plan(&mut self, wanted: &Wanted) -> Result<Plan, Ending> {
         let mut last = String::new();
-        for halvings in 0..=STEP_HALVINGS {
-            let plan = self.planner.plan(&self.part_states(wanted, 0.5f64.powi(halvings)));
+        let whole = self.part_states(wanted);
+        for tried in ways_to_try(&whole) {
+            let plan = self.planner.plan(&tried.parts);
             last = match &plan.status {
+                PlanStatus::NothingToDo if tried.is_part => continue,
                 PlanStatus::Solved | PlanStatus::NothingToDo => return Ok(plan),
                 PlanStatus::Infeasible(limit) => self.in_words(*limit),
                 PlanStatus::SolverFailed(why) => format!("the solver gave up: {why}"),
@@ -213,16 +213,23 @@ impl Player<'_> {
         Err(Ending::failed(format!("no feasible step in cycle {}, {}: {last}", self.cycles, wanted.phase)))
     }
 
-    fn part_states(&self, wanted: &Wanted, scale: f64) -> Vec<PartState> {
+    fn part_states(&self, wanted: &Wanted) -> Vec<PartState> {
         let places = self.stage.positions_m.iter().zip(&self.stage.radii_m).zip(&wanted.subgoals_m).enumerate();
         places
             .map(|(part, ((&position_m, &radius_m), subgoal_m))| PartState {
                 position_m,
-                step_m: (subgoal_m - position_m) * scale,
+                step_m: subgoal_m - position_m,
                 radius_m,
-                gain: self.gains.get(part),
+                gain: self.gains.get(part, position_m),
             })
             .collect()
+    }
+
+    /// The parts as the library alone knows them.
+    fn unlearned(&self) -> Vec<PartState> {
+        let places = self.stage.positions_m.iter().zip(&self.stage.radii_m);
+        let state = |(&position_m, &radius_m)| PartState { position_m, step_m: Vec2::zeros(), radius_m, gain: 1.0 };
+        places.map(state).collect()
     }
 
     fn note(&mut self, limit: &str) {

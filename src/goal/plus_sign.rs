@@ -216,6 +216,7 @@ impl Goal for PlusSign {
             laps: self.laps_done(),
             cross_track_m: vec![0.0; parts_in_table_m.len()],
             done: self.stage == Stage::Done,
+            ..Wanted::default()
         };
         wanted.subgoals_m[0] = self.stretch.carrot_m(part_m, self.params.stride_m);
         wanted.targets_m[0] = self.stretch.to_m;

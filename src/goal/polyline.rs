@@ -48,12 +48,42 @@ impl Polyline {
 
     /// Distance of `p_m` from the stretch between `from_m` and `to_m` along, m.
     pub(super) fn distance_m(&self, p_m: Vec2, from_m: f64, to_m: f64) -> f64 {
-        let mut a = self.at(from_m);
-        let mut nearest = (p_m - a).norm();
+        self.nearest(p_m, from_m, to_m).1
+    }
+
+    /// How far along the point nearest to `p_m` is, m, and how far off `p_m` is from it, m. Only the stretch between
+    /// `from_m` and `to_m` counts.
+    pub(super) fn nearest(&self, p_m: Vec2, from_m: f64, to_m: f64) -> (f64, f64) {
+        let (mut a, mut a_at_m) = (self.at(from_m), from_m.clamp(0.0, self.length_m()));
+        let mut nearest = (a_at_m, (p_m - a).norm());
         let corners = self.points_m.iter().zip(&self.reached_m).filter(|(_, s)| (from_m..to_m).contains(*s));
-        for b in corners.map(|(corner, _)| *corner).chain([self.at(to_m)]) {
-            nearest = nearest.min((p_m - nearest_on_segment(a, b, p_m)).norm());
-            a = b;
+        let end = (self.at(to_m), to_m.clamp(0.0, self.length_m()));
+        for (b, b_at_m) in corners.map(|(corner, s)| (*corner, *s)).chain([end]) {
+            let foot = nearest_on_segment(a, b, p_m);
+            let off_m = (p_m - foot).norm();
+            if off_m < nearest.1 {
+                nearest = (a_at_m + (foot - a).norm(), off_m);
+            }
+            (a, a_at_m) = (b, b_at_m);
+        }
+        nearest
+    }
+
+    /// The same on a closed line that goes round and round, within `reach_m` of what is `at_m` along; counted on from
+    /// lap to lap.
+    pub(super) fn nearest_around(&self, p_m: Vec2, at_m: f64, reach_m: f64) -> (f64, f64) {
+        let length_m = self.length_m();
+        let (first, last) = ((at_m - reach_m) / length_m, (at_m + reach_m) / length_m);
+        let mut nearest = (at_m, f64::INFINITY);
+        let mut lap = first.floor();
+        while lap <= last {
+            let begin_m = lap * length_m;
+            let (from_m, to_m) = (at_m - reach_m - begin_m, at_m + reach_m - begin_m);
+            let (along_m, off_m) = self.nearest(p_m, from_m.max(0.0), to_m.min(length_m));
+            if off_m < nearest.1 {
+                nearest = (begin_m + along_m, off_m);
+            }
+            lap += 1.0;
         }
         nearest
     }
@@ -79,6 +109,21 @@ mod tests {
         assert_eq!(Polyline::new(vec![]).at(1.0), Vec2::zeros());
     }
 
+    #[test]
+    fn what_goes_round_is_counted_on() {
+        let corners = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1), (0.0, 0.0)];
+        let square = Polyline::new(corners.map(|(x, y)| Vec2::new(x, y)).to_vec());
+        for (p, at, expected) in [
+            ((0.05, 0.01), 0.04, (0.05, 0.01)),
+            ((0.05, 0.01), 0.84, (0.85, 0.01)),
+            ((0.0, 0.02), 0.01, (-0.02, 0.0)),
+            ((0.03, -0.01), 1.19, (1.23, 0.01)),
+        ] {
+            let (along, off) = square.nearest_around(Vec2::new(p.0, p.1), at, 0.06);
+            assert!((along - expected.0).abs() < 1e-12 && (off - expected.1).abs() < 1e-12, "{p:?}: {along}, {off}");
+        }
+    }
+
     proptest! {
         #[test]
         fn distance_is_that_of_the_nearest_of_many_points(
@@ -91,6 +136,8 @@ mod tests {
             let sampled = (0..=2000).map(|i| (line.at(from + (to - from) * f64::from(i) / 2000.0) - p).norm()).fold(f64::MAX, f64::min);
             prop_assert!((line.distance_m(p, from, to) - sampled).abs() < 1e-3);
             prop_assert!(line.distance_m(p, from, to) <= sampled + 1e-12);
+            let (along, off) = line.nearest(p, from, to);
+            prop_assert!(along >= from && along <= to + 1e-12 && ((line.at(along) - p).norm() - off).abs() < 1e-9);
         }
     }
 }

@@ -88,6 +88,7 @@ impl Goal for Trajectories {
             laps: self.laps(),
             cross_track_m: self.followers.iter().map(|f| f.cross_track_m(self.lead_m)).collect(),
             done,
+            ..Wanted::default()
         }
     }
 }

@@ -204,8 +204,7 @@ impl SyntheticRun {
             targets_m,
             phase: format!("lap 1 of 2: branch {}", self.cycle / 20),
             progress: 0.1,
-            laps: 0,
-            done: false,
+            ..Wanted::default()
         };
         (wanted, Plan { status: PlanStatus::Solved, pulses, candidates: (0..48).collect(), predicted_m })
     }

@@ -1,9 +1,12 @@
 use std::sync::Arc;
 
-use crate::config::{Fault, JobSpec, PlacedPart, TaskSpec, place_parts};
+use crate::config::{Assignment, BinSpec, Fault, JobSpec, PathSpec, PlacedPart, TaskSpec, place_parts};
 use crate::control::{ControlParams, ExpectedPart, LocalisedFacts, Sink};
 use crate::geometry::{Pose, Vec2};
-use crate::goal::{Goal, PathParams, PlusSign, PlusSignParams, Trajectories};
+use crate::goal::{
+    Arrange, ArrangeParams, Bin, Disc, Goal, Hold, HoldParams, InPhase, InPhaseParams, PathParams, PlusSign,
+    PlusSignParams, Sort, SortParams, Trajectories,
+};
 use crate::library::{Entry, Library};
 use crate::planner::PlannerParams;
 use crate::random::Streams;
@@ -15,6 +18,8 @@ use crate::time::PlateTime;
 const LONGEST_STEP_M: f64 = 8e-3;
 /// Part of the strong entries' reach at the plate's centre that a step may ask for.
 const ONE_PULSE: f64 = 0.9;
+/// Part of the tolerance within which a part must be seen to have arrived: the rest is for what the eyes are off.
+const MEASURED_SHARE: f64 = 0.9;
 /// How far a part's reference may run ahead of it, m.
 const LEAD_M: f64 = 4e-3;
 /// Gap the planner keeps between rims, m.
@@ -137,26 +142,64 @@ fn stride_m(library: &Library) -> f64 {
 }
 
 pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Goal> {
+    let half_side_m = 0.5 * job.rig.model.plate_side_m;
+    let discs = || placed.iter().map(|part| Disc { kind: part.kind, radius_m: part.params.radius_m }).collect();
+    let arrive_m = MEASURED_SHARE * job.tolerance_m;
     match &job.task {
         TaskSpec::PlusSign { laps, edge_margin_m } => Box::new(PlusSign::new(PlusSignParams {
-            half_side_m: 0.5 * job.rig.model.plate_side_m,
+            half_side_m,
             part_radius_m: placed.first().map_or(0.0, |part| part.params.radius_m),
             edge_margin_m: *edge_margin_m,
             laps: *laps,
             arrive_m: job.tolerance_m,
             stride_m: stride_m(library),
         })),
-        TaskSpec::Trajectories { paths, .. } => {
-            let paths = paths.iter().map(|path| PathParams {
-                waypoints_m: path.waypoints_m.clone(),
-                speed_mps: path.speed_mps,
-                repeat: path.repeat,
-            });
-            Box::new(Trajectories::new(paths.collect(), LEAD_M, job.tolerance_m))
+        TaskSpec::Trajectories { paths, in_phase } => trajectories(job, paths, *in_phase, discs()),
+        TaskSpec::Arrange { targets_m, assignment } => Box::new(Arrange::new(ArrangeParams {
+            half_side_m,
+            discs: discs(),
+            targets_m: targets_m.clone(),
+            exchange: *assignment == Assignment::Optimal,
+            arrive_m,
+        })),
+        TaskSpec::Hold { duration_s } => {
+            Box::new(Hold::new(HoldParams { half_side_m, discs: discs(), duration_s: *duration_s, arrive_m }))
         }
-        // `JobSpec::check_runnable` refuses the other tasks; with no path there is nothing to do
-        _ => Box::new(Trajectories::new(Vec::new(), LEAD_M, job.tolerance_m)),
+        TaskSpec::Sort { bins } => {
+            let bin = |bin: &BinSpec| Bin { kinds: bin.kinds.clone(), min_m: bin.min_m, max_m: bin.max_m };
+            let bins = bins.iter().map(bin).collect();
+            let margin_m = job.tolerance_m - arrive_m;
+            Box::new(Sort::new(SortParams { half_side_m, discs: discs(), bins, margin_m }))
+        }
     }
+}
+
+fn trajectories(job: &JobSpec, paths: &[PathSpec], in_phase: bool, discs: Vec<Disc>) -> Box<dyn Goal> {
+    if let (true, Some(path)) = (in_phase, paths.first()) {
+        let period_s = lap_m(&path.waypoints_m) / path.speed_mps;
+        return Box::new(InPhase::new(InPhaseParams {
+            half_side_m: 0.5 * job.rig.model.plate_side_m,
+            discs,
+            loops_m: paths.iter().map(|path| path.waypoints_m.clone()).collect(),
+            period_s,
+            laps: paths.first().map_or(0, |path| path.repeat),
+            lead_m: LEAD_M,
+            stride_m: LONGEST_STEP_M,
+            arrive_m: MEASURED_SHARE * job.tolerance_m,
+        }));
+    }
+    let paths = paths.iter().map(|path| PathParams {
+        waypoints_m: path.waypoints_m.clone(),
+        speed_mps: path.speed_mps,
+        repeat: path.repeat,
+    });
+    Box::new(Trajectories::new(paths.collect(), LEAD_M, job.tolerance_m))
+}
+
+/// Length of a closed path, the way from its last corner back to its first included, m.
+fn lap_m(corners_m: &[Vec2]) -> f64 {
+    let next = corners_m.iter().cycle().skip(1);
+    corners_m.iter().zip(next).map(|(a, b)| (b - a).norm()).sum()
 }
 
 /// Puts the truth into the order in which control named the parts; comes first among the sinks.
@@ -179,6 +222,24 @@ impl Sink for NamedTruth {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn closed_paths_of_equal_duration_are_driven_in_step() {
+        let square = |side_m: f64, speed_mps: f64, repeat: u32| {
+            let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)];
+            let waypoints_m = corners.map(|(x, y)| Vec2::new(x, y) * side_m).to_vec();
+            PathSpec { waypoints_m, speed_mps, repeat }
+        };
+        let open = |path: PathSpec| PathSpec { waypoints_m: path.waypoints_m[..4].to_vec(), ..path };
+        let period_s = |paths: &[PathSpec]| common_period_s(paths);
+        assert_eq!(period_s(&[square(0.05, 0.01, 2), square(0.05, 0.01, 2)]), Some(20.0));
+        assert_eq!(period_s(&[square(0.05, 0.01, 0), square(0.1, 0.02, 0)]), Some(20.0));
+        assert_eq!(period_s(&[square(0.05, 0.01, 2)]), None);
+        assert_eq!(period_s(&[square(0.05, 0.01, 2), square(0.05, 0.01, 3)]), None);
+        assert_eq!(period_s(&[square(0.05, 0.01, 2), square(0.06, 0.01, 2)]), None);
+        assert_eq!(period_s(&[square(0.05, 0.01, 2), open(square(0.05, 0.01, 2))]), None);
+        assert_eq!(period_s(&[]), None);
+    }
 
     #[test]
     fn one_bad_picture_loses_no_part() {

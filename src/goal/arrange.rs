@@ -1,0 +1,122 @@
+use super::steering::Steering;
+use super::{Disc, Goal, Wanted};
+use crate::geometry::Vec2;
+use crate::time::PlateTime;
+
+/// Every part goes to a place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ArrangeParams {
+    /// Half the plate's side, m.
+    pub half_side_m: f64,
+    /// The parts.
+    pub discs: Vec<Disc>,
+    /// One place for each part, m. A part beyond them stays where it was first seen.
+    pub targets_m: Vec<Vec2>,
+    /// True when parts of one kind may exchange their places.
+    pub exchange: bool,
+    /// How near to its place a part is there, m.
+    pub arrive_m: f64,
+}
+
+/// [`ArrangeParams`] at work. It is done when every part is at its place at the same time.
+#[derive(Clone, Debug)]
+pub struct Arrange {
+    params: ArrangeParams,
+    steering: Option<Steering>,
+}
+
+impl Arrange {
+    /// A task at its beginning.
+    pub fn new(params: ArrangeParams) -> Self {
+        Self { params, steering: None }
+    }
+}
+
+/// Parts of equal kind have equal numbers when they may exchange, else every part has one of its own.
+fn groups(discs: &[Disc], exchange: bool) -> Vec<usize> {
+    discs.iter().enumerate().map(|(i, disc)| if exchange { disc.kind } else { i }).collect()
+}
+
+impl Goal for Arrange {
+    fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+        let ArrangeParams { half_side_m, discs, targets_m, exchange, arrive_m } = &self.params;
+        let of = parts_in_table_m.len();
+        let steering = self.steering.take().filter(|steering| steering.seen_m().len() == of);
+        let begin = || Steering::new(discs, *half_side_m, targets_m, groups(discs, *exchange), parts_in_table_m);
+        let steering = self.steering.insert(steering.unwrap_or_else(begin));
+        steering.look(parts_in_table_m);
+        let there = steering.distances_m().filter(|distance_m| distance_m <= arrive_m).count();
+        let done = of > 0 && there == of;
+        Wanted {
+            subgoals_m: steering.subgoals_m(),
+            targets_m: steering.targets_m(),
+            phase: if done { "every part is at its place".into() } else { steering.phase("to the places", there) },
+            progress: if done { 1.0 } else { steering.progress() },
+            cross_track_m: vec![0.0; of],
+            boxed_in: steering.boxed_in().to_vec(),
+            done,
+            ..Wanted::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn arrange(kinds: &[usize], targets_m: &[(f64, f64)], exchange: bool) -> Arrange {
+        let discs = kinds.iter().map(|&kind| Disc { kind, radius_m: 0.009525 }).collect();
+        let targets_m = targets_m.iter().map(|&(x, y)| Vec2::new(x, y)).collect();
+        Arrange::new(ArrangeParams { half_side_m: 0.1524, discs, targets_m, exchange, arrive_m: 0.00045 })
+    }
+
+    const PLACES: [(f64, f64); 3] = [(-0.05, 0.0), (0.0, 0.0), (0.05, 0.0)];
+
+    #[test]
+    fn parts_of_one_kind_take_the_nearer_places() {
+        let parts = [Vec2::new(0.05, 0.05), Vec2::new(-0.05, 0.05), Vec2::new(0.0, 0.05)];
+        let targets = |mut goal: Arrange| goal.next(PlateTime::ZERO, &parts).targets_m;
+        let xs = |goal| targets(goal).iter().map(|target_m| target_m.x).collect::<Vec<_>>();
+        assert_eq!(xs(arrange(&[0, 0, 0], &PLACES, true)), [0.05, -0.05, 0.0]);
+        assert_eq!(xs(arrange(&[0, 0, 0], &PLACES, false)), [-0.05, 0.0, 0.05]);
+        assert_eq!(xs(arrange(&[0, 1, 0], &PLACES, true)), [0.05, 0.0, -0.05]);
+    }
+
+    #[test]
+    fn it_is_done_when_all_are_there_at_once() {
+        let mut goal = arrange(&[0, 1], &PLACES[..2], true);
+        let mut look = |x: f64| goal.next(PlateTime::ZERO, &[Vec2::new(-0.05, 0.0004), Vec2::new(x, 0.0)]);
+        let wanted = look(0.04);
+        assert_eq!(
+            (wanted.phase.as_str(), wanted.done, wanted.progress),
+            ("to the places, straight: 1 of 2 there", false, 0.0)
+        );
+        let wanted = look(0.02);
+        assert!(!wanted.done && wanted.progress > 0.49 && wanted.progress < 0.51, "{wanted:?}");
+        let wanted = look(0.0004);
+        assert_eq!((wanted.phase.as_str(), wanted.done, wanted.progress), ("every part is at its place", true, 1.0));
+    }
+
+    #[test]
+    fn noise_exchanges_no_places() {
+        let mut goal = arrange(&[0, 0], &[(0.0, 0.05), (0.0, -0.05)], true);
+        let parts = |tilt: f64| [Vec2::new(-0.05, tilt), Vec2::new(0.05, -tilt)];
+        let first = goal.next(PlateTime::ZERO, &parts(1e-4)).targets_m;
+        assert_eq!(goal.next(PlateTime::ZERO, &parts(-1e-4)).targets_m, first);
+        assert_ne!(goal.next(PlateTime::ZERO, &parts(-2e-2)).targets_m, first);
+    }
+
+    #[test]
+    fn any_number_of_parts_will_do() {
+        let mut goal = arrange(&[0, 1], &PLACES[..2], true);
+        let nowhere = Vec2::new(f64::NAN, 0.0);
+        for parts in [&[][..], &[nowhere], &[nowhere, Vec2::zeros(), Vec2::new(0.07, 0.07)]] {
+            let wanted = goal.next(PlateTime::ZERO, parts);
+            assert_eq!(
+                (wanted.targets_m.len(), wanted.subgoals_m.len(), wanted.done),
+                (parts.len(), parts.len(), false)
+            );
+        }
+        assert_eq!(goal.next(PlateTime::ZERO, &[nowhere; 3]).targets_m[2], Vec2::new(0.07, 0.07));
+    }
+}

@@ -1,0 +1,189 @@
+//! Parts that do what they are told but for a few percent, from look to look, until the task is done.
+
+use proptest::prelude::*;
+use rand::RngExt;
+use std::f64::consts::TAU;
+
+use super::{Arrange, ArrangeParams, Bin, Disc, Goal, Sort, SortParams};
+use crate::geometry::Vec2;
+use crate::random::{Rng, Streams};
+use crate::time::PlateTime;
+
+const HALF_SIDE_M: f64 = 0.1524;
+const PENNY_M: f64 = 0.009525;
+const ARRIVE_M: f64 = 0.00045;
+/// Longest way of a part in one cycle, m.
+const STRIDE_M: f64 = 0.012;
+
+/// How a run went.
+#[derive(Debug)]
+struct Course {
+    cycles: usize,
+    /// Least gap between rims at any time, m.
+    gap_m: f64,
+    /// Least gap between a rim and the plate's edge, m.
+    edge_gap_m: f64,
+    boxed_in: Vec<usize>,
+}
+
+/// All parts make the same part of their ways, at most a stride; each strays from it by `noise` of it.
+fn step(parts_m: &[Vec2], subgoals_m: &[Vec2], noise: f64, rng: &mut Rng) -> Vec<Vec2> {
+    let longest_m = parts_m.iter().zip(subgoals_m).map(|(from, to)| (to - from).norm()).fold(0.0, f64::max);
+    let share = (STRIDE_M / longest_m).min(1.0);
+    let mut stray = || Vec2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)) * noise;
+    let go = |(from, to): (&Vec2, &Vec2)| from + (to - from) * share + stray() * (to - from).norm() * share;
+    parts_m.iter().zip(subgoals_m).map(go).collect()
+}
+
+/// Least gap between rims on the straight way in step.
+fn least_gap_m(discs: &[Disc], from_m: &[Vec2], to_m: &[Vec2]) -> f64 {
+    let mut least_m = f64::INFINITY;
+    for k in 0..=8 {
+        let at = |i: usize| from_m[i].lerp(&to_m[i], f64::from(k) / 8.0);
+        for a in 0..discs.len() {
+            for b in 0..a {
+                least_m = least_m.min((at(a) - at(b)).norm() - discs[a].radius_m - discs[b].radius_m);
+            }
+        }
+    }
+    least_m
+}
+
+fn run(goal: &mut dyn Goal, discs: &[Disc], starts_m: &[Vec2], noise: f64, cycles: usize) -> Course {
+    let mut rng = Streams::new(1).stream("strays");
+    let mut parts_m = starts_m.to_vec();
+    let mut course = Course { cycles: 0, gap_m: f64::INFINITY, edge_gap_m: f64::INFINITY, boxed_in: Vec::new() };
+    for cycle in 0..cycles {
+        course.cycles = cycle;
+        let wanted = goal.next(PlateTime::from_secs(0.3 * cycle as f64), &parts_m);
+        course.boxed_in = wanted.boxed_in;
+        if wanted.done {
+            return course;
+        }
+        let next_m = step(&parts_m, &wanted.subgoals_m, noise, &mut rng);
+        course.gap_m = course.gap_m.min(least_gap_m(discs, &parts_m, &next_m));
+        for (part_m, disc) in next_m.iter().zip(discs) {
+            course.edge_gap_m = course.edge_gap_m.min(HALF_SIDE_M - disc.radius_m - part_m.amax());
+        }
+        parts_m = next_m;
+    }
+    course.cycles = usize::MAX;
+    course
+}
+
+fn arranged(discs: &[Disc], starts_m: &[Vec2], targets_m: &[Vec2], exchange: bool) -> Course {
+    let (discs, targets_m) = (discs.to_vec(), targets_m.to_vec());
+    let params =
+        ArrangeParams { half_side_m: HALF_SIDE_M, discs: discs.clone(), targets_m, exchange, arrive_m: ARRIVE_M };
+    run(&mut Arrange::new(params), &discs, starts_m, 0.03, 150)
+}
+
+fn pennies(count: usize) -> Vec<Disc> {
+    vec![Disc { kind: 0, radius_m: PENNY_M }; count]
+}
+
+/// Places on a circle, rims `gap_m` apart; `turn` is in places.
+fn ring(count: usize, gap_m: f64, turn: f64) -> Vec<Vec2> {
+    let radius_m = (PENNY_M + 0.5 * gap_m) / (0.5 * TAU / count as f64).sin();
+    let at = |i: usize| TAU * (i as f64 + turn) / count as f64;
+    (0..count).map(|i| radius_m * Vec2::new(at(i).cos(), at(i).sin())).collect()
+}
+
+/// Places drawn at random, rims `gap_m` apart and `margin_m` inside the edge.
+fn scattered(radii_m: &[f64], gap_m: f64, margin_m: f64, rng: &mut Rng) -> Vec<Vec2> {
+    loop {
+        let mut places_m: Vec<Vec2> = Vec::new();
+        for _ in 0..20_000 {
+            let Some(radius_m) = radii_m.get(places_m.len()) else { return places_m };
+            let reach_m = HALF_SIDE_M - radius_m - margin_m;
+            let p = Vec2::new(rng.random_range(-reach_m..reach_m), rng.random_range(-reach_m..reach_m));
+            if places_m.iter().zip(radii_m).all(|(q, other_m)| (p - q).norm() > radius_m + other_m + gap_m) {
+                places_m.push(p);
+            }
+        }
+    }
+}
+
+#[test]
+fn two_change_places() {
+    for (x, y) in [(0.03, 0.0), (0.03, 0.03), (0.0112, 0.0), (0.1, 0.1), (0.1, 0.135)] {
+        let starts_m = [Vec2::new(x, y), Vec2::new(-x, y)];
+        let course = arranged(&pennies(2), &starts_m, &[starts_m[1], starts_m[0]], false);
+        assert!(course.cycles < 25 && course.gap_m > 0.002 && course.edge_gap_m > 0.001, "{x}, {y}: {course:?}");
+    }
+}
+
+#[test]
+fn rings_turn_by_one_place() {
+    for count in 3..=8 {
+        for gap_m in [0.003, 0.006, 0.02] {
+            let course = arranged(&pennies(count), &ring(count, gap_m, 0.0), &ring(count, gap_m, 1.0), false);
+            assert!(course.cycles < 10 && course.gap_m > 0.002, "{count} with {gap_m}: {course:?}");
+        }
+    }
+}
+
+#[test]
+fn who_cannot_pass_is_named_and_the_others_arrive() {
+    // the largest disc leaves 24.8 mm beside it at most, wherever it goes; part 1 has 30 mm and belongs across
+    let radii_m = [0.14, 0.015, 0.009];
+    let discs: Vec<Disc> = radii_m.iter().zip(0..).map(|(&radius_m, kind)| Disc { kind, radius_m }).collect();
+    let starts_m = [Vec2::zeros(), Vec2::new(-0.13, -0.13), Vec2::new(0.14, -0.12)];
+    let targets_m = vec![Vec2::zeros(), Vec2::new(0.13, 0.13), Vec2::new(0.12, -0.14)];
+    let params =
+        ArrangeParams { half_side_m: HALF_SIDE_M, discs: discs.clone(), targets_m, exchange: true, arrive_m: ARRIVE_M };
+    let mut goal = Arrange::new(params);
+    let course = run(&mut goal, &discs, &starts_m, 0.03, 40);
+    assert_eq!((course.cycles, course.boxed_in), (usize::MAX, vec![1]));
+    let wanted = goal.next(PlateTime::from_secs(100.0), &starts_m);
+    assert_eq!(wanted.boxed_in, [1]);
+    assert_eq!(wanted.phase, "to the places: 1 of 3 there, part 2 boxed in");
+    assert_eq!(wanted.subgoals_m, [Vec2::zeros(), starts_m[1], Vec2::new(0.12, -0.14)]);
+}
+
+/// Bins side by side across the plate, the i-th for kind i.
+fn bins(kinds: usize, width_m: f64, height_m: f64, apart_m: f64) -> Vec<Bin> {
+    let middle = |i: usize| apart_m * (i as f64 - 0.5 * (kinds as f64 - 1.0));
+    let half = 0.5 * Vec2::new(width_m, height_m);
+    let bin = |i: usize| {
+        let middle = Vec2::new(middle(i), 0.0);
+        Bin { kinds: vec![i], min_m: middle - half, max_m: middle + half }
+    };
+    (0..kinds).map(bin).collect()
+}
+
+fn sorted(discs: &[Disc], starts_m: &[Vec2], bins: Vec<Bin>) -> Course {
+    let params = SortParams { half_side_m: HALF_SIDE_M, discs: discs.to_vec(), bins: bins.clone(), margin_m: 5e-5 };
+    let mut goal = Sort::new(params);
+    run(&mut goal, discs, starts_m, 0.03, 150)
+}
+
+#[test]
+fn three_kinds_cross_each_other_into_crowded_bins() {
+    for seed in 0..12 {
+        let mut rng = Streams::new(seed).stream("scene");
+        let discs: Vec<Disc> =
+            (0..12).map(|i| Disc { kind: i % 3, radius_m: [PENNY_M, 0.01213, 0.008955][i % 3] }).collect();
+        let radii_m: Vec<f64> = discs.iter().map(|disc| disc.radius_m).collect();
+        let starts_m = scattered(&radii_m, 0.003, 0.005, &mut rng);
+        // two by two quarters with 4.2 mm between them
+        let course = sorted(&discs, &starts_m, bins(3, 0.057, 0.057, 0.08));
+        assert!(course.cycles < 60 && course.gap_m > 0.0015 && course.edge_gap_m > 0.0005, "{seed}: {course:?}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn scattered_parts_reach_scattered_places(seed in 0u64..10_000, count in 2usize..=24, kinds in 1usize..=3) {
+        let mut rng = Streams::new(seed).stream("scene");
+        let disc = |i: usize| Disc { kind: i % kinds, radius_m: [PENNY_M, 0.01213, 0.008955][i % kinds] };
+        let discs: Vec<Disc> = (0..count).map(disc).collect();
+        let radii_m: Vec<f64> = discs.iter().map(|disc| disc.radius_m).collect();
+        let starts_m = scattered(&radii_m, 0.003, 0.005, &mut rng);
+        let targets_m = scattered(&radii_m, 0.003, 0.002, &mut rng);
+        let course = arranged(&discs, &starts_m, &targets_m, seed % 2 == 0);
+        prop_assert!(course.cycles < 100 && course.gap_m > 0.0015 && course.edge_gap_m > 0.0005, "{course:?}");
+    }
+}

@@ -1,0 +1,136 @@
+use super::Disc;
+use crate::geometry::Vec2;
+
+/// Rounding that is no approach, m.
+pub(super) const ROUNDING_M: f64 = 1e-9;
+
+/// Gap between rims and the plate's edge, m. A part that is nearer to it already may stay as near.
+const EDGE_GAP_M: f64 = 1.5e-3;
+
+/// A part that moves in a straight line while others do so too, all in step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Step {
+    pub(super) from_m: Vec2,
+    pub(super) to_m: Vec2,
+}
+
+impl Step {
+    /// Staying at a place.
+    pub(super) fn rest(at_m: Vec2) -> Self {
+        Self { from_m: at_m, to_m: at_m }
+    }
+
+    /// Least distance of the centres on the way, m.
+    pub(super) fn nearest_m(&self, other: &Step) -> f64 {
+        let from = self.from_m - other.from_m;
+        let by = self.to_m - other.to_m - from;
+        let closing = -from.dot(&by);
+        if closing > 0.0 { (from + (closing / by.norm_squared()).min(1.0) * by).norm() } else { from.norm() }
+    }
+
+    /// True when the centres never come nearer than `least_m`, or than they are at the beginning.
+    pub(super) fn keeps_from(&self, other: &Step, least_m: f64) -> bool {
+        let from = self.from_m - other.from_m;
+        let by = self.to_m - other.to_m - from;
+        let closing = -from.dot(&by);
+        if closing <= 0.0 {
+            return true;
+        }
+        let by_squared = by.norm_squared();
+        let nearest = if closing < by_squared {
+            from.norm_squared() - closing * closing / by_squared
+        } else {
+            (from + by).norm_squared()
+        };
+        nearest >= (least_m - ROUNDING_M).powi(2) || nearest >= from.norm_squared() - ROUNDING_M * least_m
+    }
+}
+
+/// Discs on a square plate, each with the place it is to reach.
+#[derive(Clone, Debug)]
+pub(super) struct Fleet {
+    discs: Vec<Disc>,
+    half_side_m: f64,
+    targets_m: Vec<Vec2>,
+}
+
+impl Fleet {
+    pub(super) fn new(discs: Vec<Disc>, half_side_m: f64, targets_m: Vec<Vec2>) -> Self {
+        Self { discs, half_side_m, targets_m }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.discs.len()
+    }
+
+    pub(super) fn targets_m(&self) -> &[Vec2] {
+        &self.targets_m
+    }
+
+    /// How near the centres of two parts may come with `gap_m` between rims: nearer where their places ask for it, m.
+    pub(super) fn least_m(&self, a: usize, b: usize, gap_m: f64) -> f64 {
+        let side_by_side_m = self.discs[a].radius_m + self.discs[b].radius_m + gap_m;
+        side_by_side_m.min((self.targets_m[a] - self.targets_m[b]).norm())
+    }
+
+    /// How far from the plate's centre a part's may be along x and along y, m.
+    pub(super) fn reach_m(&self, part: usize) -> f64 {
+        (self.half_side_m - self.discs[part].radius_m - EDGE_GAP_M).max(0.0)
+    }
+
+    /// Pairs of parts that come nearer than `gap_m`, and than they are, when all move in step.
+    pub(super) fn conflicts<'a>(
+        &'a self,
+        from_m: &'a [Vec2],
+        to_m: &'a [Vec2],
+        gap_m: f64,
+    ) -> impl Iterator<Item = (usize, usize)> + 'a {
+        let step = |i: usize| Step { from_m: from_m[i], to_m: to_m[i] };
+        let pairs = (0..self.len()).flat_map(|a| (0..a).map(move |b| (a, b)));
+        pairs.filter(move |&(a, b)| !step(a).keeps_from(&step(b), self.least_m(a, b, gap_m)))
+    }
+
+    /// True when all can move in step without coming nearer than `gap_m`, or than they are.
+    pub(super) fn is_clear(&self, from_m: &[Vec2], to_m: &[Vec2], gap_m: f64) -> bool {
+        self.conflicts(from_m, to_m, gap_m).next().is_none()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn point() -> impl Strategy<Value = Vec2> {
+        (-0.1..0.1f64, -0.1..0.1f64).prop_map(|(x, y)| Vec2::new(x, y))
+    }
+
+    proptest! {
+        #[test]
+        fn steps_are_judged_as_many_moments_are(a in (point(), point()), b in (point(), point()), least_m in 0.01..0.1f64) {
+            let (a, b) = (Step { from_m: a.0, to_m: a.1 }, Step { from_m: b.0, to_m: b.1 });
+            let at = |step: &Step, t: f64| step.from_m + t * (step.to_m - step.from_m);
+            let moments = (0..=4000).map(|k| f64::from(k) / 4000.0);
+            let nearest_m = moments.map(|t| (at(&a, t) - at(&b, t)).norm()).fold(f64::INFINITY, f64::min);
+            let needed_m = least_m.min((a.from_m - b.from_m).norm());
+            prop_assume!((nearest_m - needed_m).abs() > 1e-4 || nearest_m == needed_m);
+            prop_assert_eq!(a.keeps_from(&b, least_m), nearest_m >= needed_m);
+            prop_assert_eq!(b.keeps_from(&a, least_m), nearest_m >= needed_m);
+        }
+    }
+
+    #[test]
+    fn what_is_close_already_may_stay_close_but_come_no_closer() {
+        let [a, b] = [Vec2::zeros(), Vec2::new(0.02, 0.0)];
+        let go = |from: Vec2, by: Vec2| Step { from_m: from, to_m: from + by };
+        let up = Vec2::new(0.0, 0.01);
+        assert!(go(a, up).keeps_from(&go(b, up), 0.05) && go(a, -up).keeps_from(&Step::rest(b), 0.05));
+        assert!(!go(a, Vec2::new(1e-4, 0.0)).keeps_from(&Step::rest(b), 0.05));
+        let discs = vec![Disc { kind: 0, radius_m: 0.01 }; 2];
+        let fleet = Fleet::new(discs, 0.1, vec![a, b + Vec2::new(0.0015, 0.0)]);
+        assert!(
+            (fleet.least_m(0, 1, 0.003) - 0.0215).abs() < 1e-15 && (fleet.least_m(0, 1, 0.001) - 0.021).abs() < 1e-15
+        );
+        assert!((fleet.reach_m(0) - 0.0885).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,92 @@
+use super::steering::Steering;
+use super::{Disc, Goal, Wanted};
+use crate::geometry::Vec2;
+use crate::time::PlateTime;
+
+/// A part that drifted is brought back to within this part of what counts as drifted.
+const BROUGHT_BACK: f64 = 0.5;
+
+/// Every part stays where it was first seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HoldParams {
+    /// Half the plate's side, m.
+    pub half_side_m: f64,
+    /// The parts.
+    pub discs: Vec<Disc>,
+    /// How long, in plate time, s.
+    pub duration_s: f64,
+    /// A part further off than this is brought back, m.
+    pub arrive_m: f64,
+}
+
+/// [`HoldParams`] at work. While no part has drifted, every subgoal is exactly where the part was seen.
+#[derive(Clone, Debug)]
+pub struct Hold {
+    params: HoldParams,
+    steering: Option<Steering>,
+    since: Option<PlateTime>,
+    /// True while parts are being brought back.
+    correcting: bool,
+}
+
+impl Hold {
+    /// A task at its beginning.
+    pub fn new(params: HoldParams) -> Self {
+        Self { params, steering: None, since: None, correcting: false }
+    }
+}
+
+impl Goal for Hold {
+    fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+        let HoldParams { half_side_m, discs, duration_s, arrive_m } = &self.params;
+        let of = parts_in_table_m.len();
+        let steering = self.steering.take().filter(|steering| steering.seen_m().len() == of);
+        let begin = || Steering::new(discs, *half_side_m, &[], Vec::new(), parts_in_table_m);
+        let steering = self.steering.insert(steering.unwrap_or_else(begin));
+        steering.look(parts_in_table_m);
+
+        let furthest_m = steering.distances_m().fold(0.0, f64::max);
+        self.correcting = furthest_m > if self.correcting { BROUGHT_BACK * arrive_m } else { *arrive_m };
+        let held_s = now.secs_since(*self.since.get_or_insert(now));
+        let done = held_s >= *duration_s && !self.correcting;
+        let phase = match self.correcting {
+            _ if done => format!("every part held for {duration_s} s"),
+            true => "bringing back what drifted".into(),
+            false => "holding every part".into(),
+        };
+        Wanted {
+            subgoals_m: if self.correcting { steering.subgoals_m() } else { steering.seen_m().to_vec() },
+            targets_m: steering.targets_m(),
+            phase,
+            progress: (held_s / duration_s).clamp(0.0, 1.0),
+            cross_track_m: vec![0.0; of],
+            done,
+            ..Wanted::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PARAMS: HoldParams = HoldParams { half_side_m: 0.1524, discs: Vec::new(), duration_s: 2.0, arrive_m: 0.0005 };
+
+    #[test]
+    fn parts_are_let_be_until_they_drift_and_then_brought_back() {
+        let mut goal = Hold::new(PARAMS);
+        let home = [Vec2::new(0.02, 0.0), Vec2::new(-0.02, 0.0)];
+        let mut look = |at_s: f64, drift_m: f64| {
+            let parts = [home[0], home[1] + Vec2::new(drift_m, 0.0)];
+            let wanted = goal.next(PlateTime::from_secs(at_s), &parts);
+            assert_eq!(wanted.targets_m, home);
+            (wanted.subgoals_m == parts, wanted.subgoals_m == home, wanted.done, wanted.progress)
+        };
+        assert_eq!(look(10.0, 0.0), (true, true, false, 0.0));
+        assert_eq!(look(10.5, 0.0004), (true, false, false, 0.25));
+        assert_eq!(look(11.0, 0.0006), (false, true, false, 0.5));
+        assert_eq!(look(11.5, 0.0004), (false, true, false, 0.75));
+        assert_eq!(look(12.0, 0.0003), (false, true, false, 1.0));
+        assert_eq!(look(12.5, 0.0002), (true, false, true, 1.0));
+    }
+}
