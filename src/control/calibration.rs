@@ -80,7 +80,7 @@ impl CalibrationParams {
             effort: 0.97,
             read_sustain_s: 0.1,
             longest_m: 12e-3,
-            sustains: 8,
+            sustains: 11,
             kinds,
             coins,
         }

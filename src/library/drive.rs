@@ -30,8 +30,17 @@ impl Library {
     /// [`Drive::reversed`] makes parts flow the other way.
     pub fn drive(&self, entry: usize, sustain_s: f64) -> Option<Drive> {
         let entry = self.entries.get(entry)?;
-        let envelope = Envelope { attack_s: self.attack_s, sustain_s, rest_s: self.rest_s };
+        let envelope = Envelope { attack_s: self.attack_s, sustain_s, rest_s: self.rest_after(sustain_s) };
         Some(drive_for(entry.amplitudes, &self.shapes, self.base_radps, envelope))
+    }
+
+    /// Rest after a pulse held for `sustain_s`, s. The longer the pulse, the faster the parts and the longer they coast:
+    /// from half of [`Self::rest_s`] after the shortest it rises in a straight line to all of it after the longest
+    /// that was measured.
+    pub fn rest_after(&self, sustain_s: f64) -> f64 {
+        let longest_s = self.displacement.sustain_s.last().copied().unwrap_or(0.0);
+        let part = if longest_s > 0.0 { (sustain_s / longest_s).clamp(0.0, 1.0) } else { 1.0 };
+        self.rest_s * (0.5 + 0.5 * part)
     }
 }
 

@@ -20,6 +20,8 @@ const SMOOTHING: f64 = 0.02;
 const GENTLE_STEPS: [f64; 3] = [0.6, 1.2, 4.0];
 /// The plate's edge keeps this distance from a coin's rim, m.
 const EDGE_M: f64 = 4e-3;
+/// A pulse carries coins no farther than this many times the longest displacement wanted.
+const FARTHEST: f64 = 1.5;
 /// Displacement below which the strongest pulse counts as no motion, m.
 const STILL_M: f64 = 0.2e-3;
 
@@ -120,7 +122,7 @@ fn pulse(
     };
     let pump = if reversed { -motion.pump } else { motion.pump };
     let reach = 0.5 * bench.model.plate_side_m - EDGE_M - params.kinds.first().map_or(0.0, |kind| kind.radius_m);
-    let leaves = |p: &Vec2| (p + pump.direction_at(*p) * (2.0 * params.longest_m)).amax() > reach;
+    let leaves = |p: &Vec2| (p + pump.direction_at(*p) * (FARTHEST * params.longest_m)).amax() > reach;
     let outwards = |p: &Vec2| p.dot(&pump.direction_at(*p)) > 0.0;
     if before.iter().any(|p| leaves(p) && outwards(p)) {
         return Ok(Vec::new());
