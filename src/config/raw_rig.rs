@@ -132,11 +132,11 @@ pub struct RawDrive {
     /// Base frequency of the vibration, Hz.
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub base_hz: f64,
-    /// Attack and decay of every pulse, s.
+    /// Attack and decay of every pulse, s; two periods of the drive leave the plate without a swing of its own.
     #[serde(default = "attack_s")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub attack_s: f64,
-    /// Rest after every pulse, until parts stand still, s.
+    /// Rest after the longest pulse, until parts stand still, s; shorter ones rest down to half as long.
     #[serde(default = "rest_s")]
     #[schemars(range(min = 0.0, max = 5.0))]
     pub rest_s: f64,

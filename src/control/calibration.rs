@@ -57,7 +57,7 @@ pub struct CalibrationParams {
     pub read_sustain_s: f64,
     /// Longest displacement to be measured, m.
     pub longest_m: f64,
-    /// Sustains measured.
+    /// Most sustains measured.
     pub sustains: usize,
     /// The kind of coin on the plate.
     pub kinds: Vec<PartKind>,
@@ -80,7 +80,7 @@ impl CalibrationParams {
             effort: 0.97,
             read_sustain_s: 0.1,
             longest_m: 12e-3,
-            sustains: 8,
+            sustains: 91,
             kinds,
             coins,
         }

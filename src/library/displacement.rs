@@ -33,20 +33,21 @@ impl DisplacementModel {
     pub fn sustain_for(&self, speed_mps: f64, distance_m: f64) -> Option<f64> {
         let (row, weight) = self.row_at(speed_mps)?;
         let at = |k: usize| self.in_column(&self.distance_m, row, weight, k);
-        let shortest = at(0);
+        let (shortest, last) = (at(0), self.sustain_s.len() - 1);
         if distance_m <= shortest {
             return (distance_m >= shortest - SLACK_M).then(|| self.sustain_s[0]);
         }
-        let mut below = shortest;
-        for k in 1..self.sustain_s.len() {
-            let above = at(k);
-            if distance_m <= above {
-                let part = (distance_m - below) / (above - below);
-                return Some(self.sustain_s[k - 1] + part * (self.sustain_s[k] - self.sustain_s[k - 1]));
-            }
-            below = above;
+        let (mut short, mut long) = (0, last);
+        if distance_m > at(last) {
+            return (distance_m <= at(last) + SLACK_M).then(|| self.sustain_s[last]);
         }
-        (distance_m <= below + SLACK_M).then(|| self.sustain_s[self.sustain_s.len() - 1])
+        while long - short > 1 {
+            let middle = (short + long) / 2;
+            if distance_m <= at(middle) { long = middle } else { short = middle }
+        }
+        let (below, above) = (at(short), at(long));
+        let part = (distance_m - below) / (above - below);
+        Some(self.sustain_s[short] + part * (self.sustain_s[long] - self.sustain_s[short]))
     }
 
     fn bilinear(&self, table: &[Vec<f64>], speed_mps: f64, sustain_s: f64) -> f64 {

@@ -30,8 +30,17 @@ impl Library {
     /// [`Drive::reversed`] makes parts flow the other way.
     pub fn drive(&self, entry: usize, sustain_s: f64) -> Option<Drive> {
         let entry = self.entries.get(entry)?;
-        let envelope = Envelope { attack_s: self.attack_s, sustain_s, rest_s: self.rest_s };
+        let envelope = Envelope { attack_s: self.attack_s, sustain_s, rest_s: self.rest_after(sustain_s) };
         Some(drive_for(entry.amplitudes, &self.shapes, self.base_radps, envelope))
+    }
+
+    /// Rest after a pulse held for `sustain_s`, s. The longer the pulse, the faster the parts and the longer they coast:
+    /// from half of [`Self::rest_s`] after the shortest it rises in a straight line to all of it after the longest
+    /// that was measured.
+    pub fn rest_after(&self, sustain_s: f64) -> f64 {
+        let longest_s = self.displacement.sustain_s.last().copied().unwrap_or(0.0);
+        let part = if longest_s > 0.0 { (sustain_s / longest_s).clamp(0.0, 1.0) } else { 1.0 };
+        self.rest_s * (0.5 + 0.5 * part)
     }
 }
 
@@ -46,6 +55,8 @@ fn sum(a: Harmonic, b: Harmonic) -> Harmonic {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Twist;
+    use crate::library::{DisplacementModel, Entry};
     use proptest::prelude::*;
 
     const ENVELOPE: Envelope = Envelope { attack_s: 0.0, sustain_s: 1.0, rest_s: 0.0 };
@@ -67,6 +78,28 @@ mod tests {
         assert_eq!(kept, [-250.0, 10.0, 128.0, 112.0], "these four sum to zero");
         let squeezed = drive_for([-150, 110, 228, 212], &[AxisShape::FREE_MASS; 3], 377.0, ENVELOPE);
         assert_eq!(squeezed, drive, "a common part of 100 counts moves nothing");
+    }
+
+    #[test]
+    fn longer_pulses_rest_longer() {
+        let mut library = Library {
+            rig: String::new(),
+            fingerprint: String::new(),
+            plate_side_m: 0.2,
+            base_radps: 377.0,
+            attack_s: 0.03,
+            rest_s: 0.04,
+            accelerometer_gain: [1.0; 4],
+            shapes: [AxisShape::FREE_MASS; 3],
+            entries: vec![Entry { amplitudes: [100, -100, 0, 0], pump: Twist::new(0.5, 0.0, 0.0) }],
+            displacement: DisplacementModel::default(),
+        };
+        assert_eq!(library.rest_after(0.01), 0.04, "nothing measured yet");
+        library.displacement.sustain_s = vec![0.0, 0.1, 0.2];
+        for (sustain_s, rest_s) in [(0.0, 0.02), (0.05, 0.025), (0.2, 0.04), (0.3, 0.04)] {
+            assert!((library.rest_after(sustain_s) - rest_s).abs() < 1e-12);
+            assert_eq!(library.drive(0, sustain_s).unwrap().envelope.rest_s, library.rest_after(sustain_s));
+        }
     }
 
     proptest! {

@@ -60,7 +60,7 @@ pub struct Library {
     pub base_radps: f64,
     /// Attack of every pulse, s.
     pub attack_s: f64,
-    /// Rest after every pulse, s.
+    /// Rest after the longest pulse, s; see [`Library::rest_after`].
     pub rest_s: f64,
     /// What each accelerometer channel shows for a true 1, against the others.
     pub accelerometer_gain: [f64; CHANNELS],

@@ -13,6 +13,9 @@ use crate::sim::SimRig;
 const COINS: [[f64; 2]; 7] =
     [[0.05, 0.0], [-0.45, 0.1], [0.4, 0.4], [0.1, -0.5], [-0.3, -0.45], [-0.2, 0.55], [0.55, -0.2]];
 
+/// Longest displacement to be measured, in parts of half the plate's side: no coin leaves the plate by it.
+const LONGEST: f64 = 0.18;
+
 /// Measures the simulated rig `rig` with pennies on it.
 pub fn calibrate(
     rig: &RigSpec,
@@ -37,7 +40,8 @@ pub fn calibrate(
 pub fn calibration_params(rig: &RigSpec) -> CalibrationParams {
     let kinds = rig.kinds.first().map(|spec| spec.kind.clone()).into_iter().collect();
     let coin = |i: usize| ExpectedPart { id: format!("coin-{}", i + 1), kind: 0, expected_m: None };
-    CalibrationParams::full(kinds, (0..COINS.len()).map(coin).collect())
+    let coins = (0..COINS.len()).map(coin).collect();
+    CalibrationParams { longest_m: LONGEST * 0.5 * rig.model.plate_side_m, ..CalibrationParams::full(kinds, coins) }
 }
 
 #[cfg(test)]

@@ -202,7 +202,7 @@ fn dynamic(
 }
 
 /// The drive whose forces give a free mass the pulse's velocity, `f = m dv/dt` on each axis, shared evenly among the
-/// motors. The spring, the damper and the slope of the envelope are left out.
+/// motors. Spring and damper are left out.
 pub(super) fn ideal_drive(
     params: &SimParams,
     pulse: usize,
