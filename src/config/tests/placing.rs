@@ -30,7 +30,7 @@ proptest! {
             } else {
                 prop_assert!(a.position_m.amax() + a.params.radius_m <= reach_m + 1e-12);
             }
-            prop_assert!((a.params.friction / 0.3 - 1.0).abs() <= 0.15 + 1e-12);
+            prop_assert!((a.params.friction / 0.3 - 1.0).abs() <= 0.3 + 1e-12);
             for b in &placed[..i] {
                 let gap_m = (a.position_m - b.position_m).norm() - a.params.radius_m - b.params.radius_m;
                 prop_assert!(gap_m >= START_GAP_M);
@@ -56,8 +56,8 @@ fn friction_spreads_as_told() {
         .collect();
     let mean = frictions.iter().sum::<f64>() / frictions.len() as f64;
     let sd = (frictions.iter().map(|f| (f - mean).powi(2)).sum::<f64>() / frictions.len() as f64).sqrt();
-    // 1200 draws: standard errors 0.0014 and 0.001
-    assert!(mean.abs() < 0.006 && (sd - 0.05).abs() < 0.004, "{mean} {sd}");
+    // 1200 draws: standard errors 0.003 and 0.002
+    assert!(mean.abs() < 0.012 && (sd - 0.1).abs() < 0.008, "{mean} {sd}");
 }
 
 #[test]
