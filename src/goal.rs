@@ -13,6 +13,7 @@ mod routes;
 mod search;
 mod slots;
 mod sort;
+mod stages;
 mod steering;
 mod trajectories;
 
