@@ -107,3 +107,57 @@ fn stages(fleet: &Fleet, mut routes: Routes) -> Stages {
     places_m.reverse();
     Stages { places_m, boxed_in: routes.boxed_in, cost_m: best.last().map_or(0.0, |last| last.0) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::goal::Disc;
+    use crate::random::{Rng, Streams};
+    use proptest::prelude::*;
+    use rand::RngExt;
+
+    fn scattered(count: usize, rng: &mut Rng) -> Vec<Vec2> {
+        let mut places_m: Vec<Vec2> = Vec::new();
+        while places_m.len() < count {
+            let p = Vec2::new(rng.random_range(-0.14..0.14), rng.random_range(-0.14..0.14));
+            if places_m.iter().all(|q| (p - q).norm() > 0.0225) {
+                places_m.push(p);
+            }
+        }
+        places_m
+    }
+
+    /// Least distance of two parts at many moments of a straight motion in step, m.
+    fn nearest_m(from_m: &[Vec2], to_m: &[Vec2]) -> f64 {
+        let at = |i: usize, k: u32| from_m[i].lerp(&to_m[i], f64::from(k) / 100.0);
+        let pairs = || (0..from_m.len()).flat_map(|a| (0..a).map(move |b| (a, b)));
+        (0..=100).flat_map(|k| pairs().map(move |(a, b)| (at(a, k) - at(b, k)).norm())).fold(f64::INFINITY, f64::min)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        #[test]
+        fn stages_end_at_the_targets_and_keep_apart_all_the_way(seed in 0u64..10_000, count in 2usize..20) {
+            let mut rng = Streams::new(seed).stream("scene");
+            let (starts_m, targets_m) = (scattered(count, &mut rng), scattered(count, &mut rng));
+            let discs = vec![Disc { kind: 0, radius_m: 0.0095 }; count];
+            let fleet = Fleet::new(discs, 0.1524, targets_m.clone());
+            let Stages { places_m, boxed_in, .. } = find_stages(&fleet, &starts_m, &mut rng);
+            prop_assert_eq!(boxed_in, Vec::<usize>::new());
+            prop_assert_eq!(places_m.last(), Some(&targets_m));
+            let mut from_m = &starts_m;
+            for to_m in &places_m {
+                // 19 mm and a gap of 3 mm
+                prop_assert!(nearest_m(from_m, to_m) > 0.022 - 1e-6);
+                from_m = to_m;
+            }
+            let longest_m = (0..count).map(|i| (targets_m[i] - starts_m[i]).norm()).fold(0.0, f64::max);
+            let driven_m = |i: usize| {
+                let ways = std::iter::once(&starts_m).chain(&places_m).map(|at| at[i]).collect::<Vec<_>>();
+                ways.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum::<f64>()
+            };
+            prop_assert!((0..count).all(|i| driven_m(i) < 2.0 * longest_m + 0.1));
+        }
+    }
+}

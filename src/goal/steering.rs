@@ -14,7 +14,7 @@ const CLEARLY_BETTER: f64 = 0.8;
 const KEPT_GAP_M: f64 = 2.5e-3;
 
 /// A stage of the ways is reached when every part is this near, m.
-const STAGE_REACHED_M: f64 = 0.5e-3;
+const STAGE_REACHED_M: f64 = 1e-3;
 
 /// Looks after which a way is looked for again while a part is boxed in.
 const PATIENCE: usize = 16;
