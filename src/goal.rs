@@ -13,6 +13,7 @@ mod routes;
 mod search;
 mod slots;
 mod sort;
+mod stages;
 mod steering;
 mod trajectories;
 
@@ -38,7 +39,8 @@ pub struct Disc {
 /// What a goal wants of the parts just now.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Wanted {
-    /// For each part where it should go next, m; near enough for one cycle's step or the final place.
+    /// For each part where it should go next, m. It may be further than one cycle reaches: while all parts go straight
+    /// there and in step, each the same part of its way, arranged parts keep apart and on the plate.
     pub subgoals_m: Vec<Vec2>,
     /// For each part where it shall end, m; on endless tasks the end of the present stretch.
     pub targets_m: Vec<Vec2>,

@@ -158,18 +158,42 @@ fn sorted(discs: &[Disc], starts_m: &[Vec2], bins: Vec<Bin>) -> Course {
     run(&mut goal, discs, starts_m, 0.03, 150)
 }
 
+/// Coins of `kinds` kinds in turn.
+fn coins(count: usize, kinds: usize) -> Vec<Disc> {
+    (0..count).map(|i| Disc { kind: i % kinds, radius_m: [PENNY_M, 0.01213, 0.008955][i % kinds] }).collect()
+}
+
+fn radii_m(discs: &[Disc]) -> Vec<f64> {
+    discs.iter().map(|disc| disc.radius_m).collect()
+}
+
 #[test]
 fn three_kinds_cross_each_other_into_crowded_bins() {
-    for seed in 0..12 {
+    // two by two quarters with 3, 4 and 12 mm between them, and all in one row
+    for (seed, (width_m, height_m)) in
+        (0..24).zip([(0.0546, 0.0546), (0.057, 0.057), (0.073, 0.073), (0.03, 0.12)].repeat(6))
+    {
         let mut rng = Streams::new(seed).stream("scene");
-        let discs: Vec<Disc> =
-            (0..12).map(|i| Disc { kind: i % 3, radius_m: [PENNY_M, 0.01213, 0.008955][i % 3] }).collect();
-        let radii_m: Vec<f64> = discs.iter().map(|disc| disc.radius_m).collect();
-        let starts_m = scattered(&radii_m, 0.003, 0.005, &mut rng);
-        // two by two quarters with 4.2 mm between them
-        let course = sorted(&discs, &starts_m, bins(3, 0.057, 0.057, 0.08));
+        let discs = coins(12, 3);
+        let starts_m = scattered(&radii_m(&discs), 0.003, 0.005, &mut rng);
+        let course = sorted(&discs, &starts_m, bins(3, width_m, height_m, 0.09));
         assert!(course.cycles < 60 && course.gap_m > 0.0015 && course.edge_gap_m > 0.0005, "{seed}: {course:?}");
     }
+}
+
+#[test]
+fn bins_that_are_full_exchange_their_parts() {
+    // each of two bins is filled with the other's parts
+    let discs = coins(12, 2);
+    let bins = bins(2, 0.085, 0.058, 0.1);
+    let slot = |i: usize| {
+        let middle = 0.5 * (bins[1 - i % 2].min_m + bins[1 - i % 2].max_m);
+        let k = i / 2;
+        middle + Vec2::new(0.028 * (k as f64 % 3.0 - 1.0), if k < 3 { 0.014 } else { -0.014 })
+    };
+    let starts_m: Vec<Vec2> = (0..12).map(slot).collect();
+    let course = sorted(&discs, &starts_m, bins);
+    assert!(course.cycles < 60 && course.gap_m > 0.0015, "{course:?}");
 }
 
 proptest! {
@@ -178,9 +202,8 @@ proptest! {
     #[test]
     fn scattered_parts_reach_scattered_places(seed in 0u64..10_000, count in 2usize..=24, kinds in 1usize..=3) {
         let mut rng = Streams::new(seed).stream("scene");
-        let disc = |i: usize| Disc { kind: i % kinds, radius_m: [PENNY_M, 0.01213, 0.008955][i % kinds] };
-        let discs: Vec<Disc> = (0..count).map(disc).collect();
-        let radii_m: Vec<f64> = discs.iter().map(|disc| disc.radius_m).collect();
+        let discs = coins(count, kinds);
+        let radii_m = radii_m(&discs);
         let starts_m = scattered(&radii_m, 0.003, 0.005, &mut rng);
         let targets_m = scattered(&radii_m, 0.003, 0.002, &mut rng);
         let course = arranged(&discs, &starts_m, &targets_m, seed % 2 == 0);

@@ -133,3 +133,75 @@ fn cost(x: i16, y: i16) -> u32 {
         _ => DIAGONAL,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn query<'a>(start_m: Vec2, target_m: Vec2, obstacles: &'a [Obstacle<'a>]) -> Query<'a> {
+        Query { start_m, target_m, reach_m: 0.14, obstacles, pitch_m: 0.005, horizon: 200 }
+    }
+
+    fn length_m(way_m: &[Vec2]) -> f64 {
+        way_m.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
+    }
+
+    /// Discs that stand all round a place, `apart_m` from each other and `out_m` from it.
+    fn wall(about_m: Vec2, out_m: f64, apart_m: f64) -> Vec<[Vec2; 1]> {
+        let count = (std::f64::consts::TAU * out_m / apart_m) as usize;
+        let at = |i: usize| std::f64::consts::TAU * i as f64 / count as f64;
+        (0..count).map(|i| [about_m + out_m * Vec2::new(at(i).cos(), at(i).sin())]).collect()
+    }
+
+    fn obstacles(ways_m: &[[Vec2; 1]], least_m: f64) -> Vec<Obstacle<'_>> {
+        ways_m.iter().map(|way_m| Obstacle { way_m, least_m, gone_from: usize::MAX }).collect()
+    }
+
+    #[test]
+    fn a_way_leads_round_what_stands_there() {
+        let (start, target) = (Vec2::new(-0.05, 0.001), Vec2::new(0.05, 0.0));
+        let standing = [[Vec2::zeros()]];
+        let way_m = query(start, target, &obstacles(&standing, 0.03)).way(&mut 5000).unwrap();
+        // tangents to a circle of 30 mm and the arc between them
+        let shortest_m = 2.0 * (0.05_f64.powi(2) - 0.03_f64.powi(2)).sqrt() + 0.03 * 2.0 * (0.03_f64 / 0.05).asin();
+        assert!(length_m(&way_m) > shortest_m - 0.001 && length_m(&way_m) < 1.15 * shortest_m);
+        assert!(query(start, target, &obstacles(&standing, 0.03)).straight(0, 20).is_none());
+        assert_eq!(query(start, target, &[]).straight(2, 20).unwrap().len(), 23);
+    }
+
+    #[test]
+    fn no_way_leads_out_of_a_closed_wall() {
+        let (start, target) = (Vec2::zeros(), Vec2::new(0.1, 0.0));
+        for (apart_m, open) in [(0.02, false), (0.045, true)] {
+            let standing = wall(start, 0.05, apart_m);
+            let way_m = query(start, target, &obstacles(&standing, 0.02)).way(&mut 100_000);
+            assert_eq!(way_m.is_some(), open, "{apart_m}");
+        }
+    }
+
+    #[test]
+    fn it_waits_until_the_target_is_free_for_good() {
+        let target = Vec2::new(0.03, 0.0);
+        // passes over the target at moment 20
+        let passing: Vec<Vec2> = (0..=40).map(|k| target + Vec2::new(0.0, 0.005 * f64::from(k - 20))).collect();
+        let obstacles = [Obstacle { way_m: &passing, least_m: 0.02, gone_from: usize::MAX }];
+        let way_m = query(Vec2::zeros(), target, &obstacles).way(&mut 5000).unwrap();
+        assert!(way_m.len() > 24 && *way_m.last().unwrap() == target, "{}", way_m.len());
+        let leaving = [Obstacle { way_m: &passing[20..=20], least_m: 0.02, gone_from: 3 }];
+        assert!(query(Vec2::zeros(), target, &leaving).way(&mut 5000).unwrap().len() < 12);
+    }
+
+    proptest! {
+        #[test]
+        fn without_obstacles_ways_are_nearly_straight(
+            start in (-0.13..0.13f64, -0.13..0.13f64), target in (-0.13..0.13f64, -0.13..0.13f64),
+        ) {
+            let (start, target) = (Vec2::new(start.0, start.1), Vec2::new(target.0, target.1));
+            let way_m = query(start, target, &[]).way(&mut 5000).unwrap();
+            prop_assert!(way_m[0] == start && *way_m.last().unwrap() == target);
+            // the eight directions of a lattice cost up to 8 % more, getting onto it one pitch
+            prop_assert!(length_m(&way_m) <= 1.083 * (target - start).norm() + 0.0075);
+        }
+    }
+}

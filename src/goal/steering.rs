@@ -1,7 +1,8 @@
 use super::Disc;
 use super::assignment::assign;
 use super::fleet::Fleet;
-use super::routes::{PLANNED_GAP_M, find_routes, stages, straighten};
+use super::routes::PLANNED_GAP_M;
+use super::stages::find_stages;
 use crate::geometry::Vec2;
 use crate::random::{Rng, Streams};
 
@@ -13,7 +14,7 @@ const CLEARLY_BETTER: f64 = 0.8;
 const KEPT_GAP_M: f64 = 2.5e-3;
 
 /// A stage of the ways is reached when every part is this near, m.
-const STAGE_REACHED_M: f64 = 0.5e-3;
+const STAGE_REACHED_M: f64 = 1e-3;
 
 /// Looks after which a way is looked for again while a part is boxed in.
 const PATIENCE: usize = 16;
@@ -147,12 +148,16 @@ impl Steering {
 
     fn best_assignment(&self, never: &[(usize, usize)]) -> Vec<usize> {
         assign(self.seen_m.len(), self.places_m.len(), |part, place| {
-            if self.groups[part] == self.groups[place] && !never.contains(&(part, place)) {
+            if self.may((part, &place), never) {
                 (self.seen_m[part] - self.places_m[place]).norm_squared()
             } else {
                 f64::INFINITY
             }
         })
+    }
+
+    fn may(&self, (part, place): (usize, &usize), never: &[(usize, usize)]) -> bool {
+        self.groups[part] == self.groups[*place] && !never.contains(&(part, *place))
     }
 
     fn cost_m2(&self, place_of: &[usize]) -> f64 {
@@ -193,34 +198,23 @@ impl Steering {
         self.stages_m.len() == 1 || !self.stages_m.first().is_some_and(reached)
     }
 
+    /// Finds a way anew. Where it leaves parts boxed in, others of their kind may take their places.
     fn find_way(&mut self) {
         self.looks = 0;
-        let (mut boxed_in, mut stages_m) = self.way_for(&self.place_of.clone());
+        let mut best = find_stages(&self.fleet(&self.place_of), &self.seen_m, &mut self.rng);
         let mut never = Vec::new();
         for _ in 0..EXCHANGES {
-            never.extend(boxed_in.iter().map(|&part| (part, self.place_of[part])));
+            never.extend(best.boxed_in.iter().map(|&part| (part, self.place_of[part])));
             let other = self.best_assignment(&never);
-            if boxed_in.is_empty() || never.iter().any(|&(part, place)| other[part] == place) {
+            if best.boxed_in.is_empty() || other.iter().enumerate().any(|pair| !self.may(pair, &never)) {
                 break;
             }
-            let (others_boxed_in, others_stages_m) = self.way_for(&other);
-            if others_boxed_in.len() < boxed_in.len() {
-                (boxed_in, stages_m, self.place_of) = (others_boxed_in, others_stages_m, other);
+            let found = find_stages(&self.fleet(&other), &self.seen_m, &mut self.rng);
+            if found.boxed_in.len() < best.boxed_in.len() {
+                (best, self.place_of) = (found, other);
             }
         }
-        (self.boxed_in, self.stages_m) = (boxed_in, stages_m);
-    }
-
-    /// Stages of the ways to these places, and the parts that have none.
-    fn way_for(&mut self, place_of: &[usize]) -> (Vec<usize>, Vec<Vec<Vec2>>) {
-        let fleet = self.fleet(place_of);
-        if fleet.is_clear(&self.seen_m, fleet.targets_m(), PLANNED_GAP_M) {
-            return (Vec::new(), vec![fleet.targets_m().to_vec()]);
-        }
-        let mut routes = find_routes(&fleet, &self.seen_m, &mut self.rng);
-        straighten(&fleet, &mut routes);
-        let stages_m = stages(&fleet, &routes);
-        (routes.boxed_in, stages_m)
+        (self.boxed_in, self.stages_m) = (best.boxed_in, best.places_m);
     }
 }
 
