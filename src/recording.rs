@@ -27,7 +27,7 @@ pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
 pub use memory::MemorySink;
 pub use motion::Motion;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
-pub use report::{Outcome, PartReport, Report};
+pub use report::{Outcome, PartReport, PredictionError, Report};
 #[cfg(feature = "rerun")]
 pub use rerun::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext, record_lab, record_located};
 pub use rerun_mode::{BadRerunMode, RerunMode};

@@ -1,6 +1,6 @@
 use super::failure::Failure;
 use crate::config::JobSpec;
-use crate::recording::{Outcome, Report};
+use crate::recording::{Outcome, PredictionError, Report};
 use crate::run::RunResult;
 
 /// What a person wants to know when a run is over.
@@ -36,6 +36,15 @@ fn rows(report: &Report) -> Vec<(&'static str, String)> {
     }
     if let (Some(rms), Some(max)) = (report.cross_track_rms_mm, report.cross_track_max_mm) {
         rows.push(("cross-track", format!("{rms:.2} mm rms, {max:.2} mm at most")));
+    }
+    if let Some(most) = report.phase_error_max {
+        rows.push(("phase error", format!("{:.1} % of a period at most", 100.0 * most)));
+    }
+    if let Some(PredictionError { library, learned }) = report.prediction_error_mm {
+        rows.push((
+            "prediction",
+            format!("{library:.3} mm rms off by the library, {learned:.3} mm with what was learned"),
+        ));
     }
     if let Some(rms) = report.sensing_rms_error_mm {
         rows.push(("sensing error", format!("{rms:.3} mm rms against the truth")));

@@ -148,7 +148,12 @@ impl JobSpec {
             PlannerChoice::CorSequence | PlannerChoice::PseudoInverse => Ok(()),
             PlannerChoice::SynthesizedField => {
                 let found = "\"synthesized_field\", not available yet";
-                Err(Fault::new(&self.file, &Path::root().key("planner"), found, "cor_sequence, pseudo_inverse in this version"))
+                Err(Fault::new(
+                    &self.file,
+                    &Path::root().key("planner"),
+                    found,
+                    "cor_sequence, pseudo_inverse in this version",
+                ))
             }
         }
     }

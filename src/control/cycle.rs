@@ -10,7 +10,7 @@ use crate::estimation::{AccelerometerPair, fit_twist};
 use crate::geometry::Vec2;
 use crate::goal::{Goal, Wanted};
 use crate::library::Library;
-use crate::planner::{Limit, PartState, Plan, PlanStatus, PlannedPulse, Planner, PlannerParams};
+use crate::planner::{Limit, Method, PartState, Plan, PlanStatus, PlannedPulse, Planner, PlannerParams, PseudoInverse};
 use crate::rig::{PartKind, Rig, RigModel};
 use crate::time::{Clock, PlateTime};
 
@@ -32,6 +32,8 @@ pub struct ControlParams {
     pub endless: bool,
     /// Frames at rest without a part after which it is lost.
     pub lost_after_frames: u32,
+    /// How motions are found.
+    pub method: Method,
     /// Limits and weights of the planner.
     pub planner: PlannerParams,
 }
@@ -71,7 +73,11 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
             let planner = Planner::new(Arc::clone(library), params.planner);
             let gains = Gains::new(params.parts.len(), 0.5 * model.plate_side_m);
             let (rig, sink) = (&mut *rig, &mut *sink);
-            let (told_slow, wanted, index) = (Vec::new(), None, 0);
+            let plain = match params.method {
+                Method::CorSequence => None,
+                Method::PseudoInverse => Some(PseudoInverse::new(Arc::clone(library), params.planner)),
+            };
+            let (told_slow, told_boxed_in, wanted, index) = (Vec::new(), Vec::new(), None, 0);
             let mut cycle = Cycle {
                 rig,
                 model,
@@ -83,9 +89,12 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
                 params,
                 eyes,
                 planner,
+                plain,
                 gains,
                 told_slow,
+                told_boxed_in,
                 wanted,
+                furthest: 0.0,
                 index,
             };
             cycle.until_end()
@@ -109,10 +118,16 @@ struct Cycle<'a> {
     params: &'a ControlParams,
     eyes: Eyes,
     planner: Planner,
+    /// Plans in the planner's place, where the job asks for it.
+    plain: Option<PseudoInverse>,
     gains: Gains,
     /// Parts of which it was said that they are slow.
     told_slow: Vec<usize>,
+    /// Parts that were last said to be boxed in.
+    told_boxed_in: Vec<usize>,
     wanted: Option<Wanted>,
+    /// Progress when a cycle without a pulse last got further.
+    furthest: f64,
     index: u64,
 }
 
@@ -140,6 +155,7 @@ impl Cycle<'_> {
         if wanted.done {
             return Err(Ending::completed(wanted.phase));
         }
+        self.tell_boxed_in(&wanted.boxed_in);
         self.check_limits()?;
         let planning = self.clock.elapsed();
         let plan = self.plan(&observed, &wanted)?;
@@ -152,6 +168,10 @@ impl Cycle<'_> {
         }
         let result = self.look_at_rest()?;
         if plan.pulses.is_empty() {
+            // a goal that gets on by time alone asks for no pulse
+            if wanted.progress > self.furthest {
+                (self.furthest, *last_pulse_at) = (wanted.progress, self.rig.now());
+            }
             if self.rig.now() - *last_pulse_at > STALLED_S {
                 return Err(Ending::failed(format!("stalled: no pulse for {STALLED_S} s of plate time")));
             }
@@ -189,7 +209,10 @@ impl Cycle<'_> {
         let whole = self.part_states(observed, wanted);
         let mut stopped_by = String::new();
         for tried in ways_to_try(&whole) {
-            let plan = self.planner.plan(&tried.parts);
+            let plan = match &mut self.plain {
+                Some(plain) => plain.plan(&tried.parts),
+                None => self.planner.plan(&tried.parts),
+            };
             match &plan.status {
                 PlanStatus::NothingToDo if tried.is_part => continue,
                 PlanStatus::Solved | PlanStatus::NothingToDo => return Ok(plan),
@@ -289,6 +312,17 @@ impl Cycle<'_> {
                 self.sink.event(self.rig.now(), EventLevel::Warning, &text);
                 self.told_slow.push(part);
             }
+        }
+    }
+
+    /// Says it when other parts than before have no way to their targets.
+    fn tell_boxed_in(&mut self, boxed_in: &[usize]) {
+        if boxed_in != self.told_boxed_in {
+            for &part in boxed_in {
+                let text = format!("{} is boxed in: there is no way to its target as the others lie", self.id(part));
+                self.sink.event(self.rig.now(), EventLevel::Warning, &text);
+            }
+            self.told_boxed_in = boxed_in.to_vec();
         }
     }
 

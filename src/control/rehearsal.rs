@@ -10,8 +10,8 @@ mod trail;
 use std::sync::Arc;
 
 use super::ControlParams;
-use super::ending::Ending;
 use super::attempts::ways_to_try;
+use super::ending::Ending;
 use super::learning::Gains;
 use crate::geometry::Vec2;
 use crate::goal::{Goal, Wanted};

@@ -14,6 +14,19 @@ const TYPICAL: f64 = 0.7;
 /// An entry that takes this many times longer than the quickest for a typical pulse is left out.
 const SLOW: f64 = 2.0;
 
+/// Belts of at least this speed are fast, m/s.
+const FAST_MPS: f64 = 0.15;
+
+/// Which entries a survey is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Belts {
+    /// Those that move the plate fast under some part. What a slow belt does hangs on each part's own friction, for some
+    /// are carried on it and some stick; a short step is two longer pulses instead.
+    Fast,
+    /// Those whose strength suits the steps.
+    InGear,
+}
+
 /// Cosine from which on two columns are one choice, not two.
 const ALIKE: f64 = 0.99;
 
@@ -22,10 +35,20 @@ const DEPENDENT: f64 = 0.05;
 
 /// Columns of every entry at `sustain_s`; zeros for those that cannot be used with parts where these are, or that
 /// are the wrong gear for steps of up to `largest_m`: too strong for so short a step, or much slower than others.
-pub(super) fn survey(columns: &mut Columns, library: &Library, parts: &[PartState], sustain_s: f64, largest_m: f64) {
+pub(super) fn survey(
+    columns: &mut Columns,
+    library: &Library,
+    parts: &[PartState],
+    sustain_s: f64,
+    largest_m: f64,
+    belts: Belts,
+) {
     let belt = Belt::at(&library.displacement, sustain_s);
     let positions = parts.iter().map(|part| part.position_m);
-    let in_gear = gears(library, positions.clone(), largest_m);
+    let in_gear = match belts {
+        Belts::Fast => fast(library, positions.clone()),
+        Belts::InGear => gears(library, positions.clone(), largest_m),
+    };
     columns.clear(2 * parts.len());
     for (entry, in_gear) in library.entries.iter().zip(in_gear) {
         if !in_gear || parts.iter().any(|part| turns_on_the_spot(entry, part)) {
@@ -34,6 +57,13 @@ pub(super) fn survey(columns: &mut Columns, library: &Library, parts: &[PartStat
             push_column(columns, entry, parts, positions.clone(), |speed| belt.distance(speed));
         }
     }
+}
+
+/// For each entry whether it is fast; all are where none is.
+fn fast(library: &Library, positions_m: impl Iterator<Item = Vec2> + Clone) -> Vec<bool> {
+    let speeds = library.entries.iter().map(|entry| reference_speed(entry, positions_m.clone()));
+    let fast: Vec<bool> = speeds.map(|speed_mps| speed_mps >= FAST_MPS).collect();
+    if fast.contains(&true) { fast } else { vec![true; fast.len()] }
 }
 
 /// For each entry whether its strength suits steps of up to `largest_m`. Where nothing is gentle enough, all do.
@@ -47,7 +77,7 @@ fn gears(library: &Library, positions_m: impl Iterator<Item = Vec2> + Clone, lar
             return None;
         }
         let sustain_s = model.sustain_for(speed, shortest_m.max(TYPICAL * largest_m)).unwrap_or(longest_s);
-        Some(sustain_s + 2.0 * library.attack_s + library.rest_s)
+        Some(sustain_s + 2.0 * library.attack_s + library.rest_after(sustain_s))
     };
     let durations: Vec<Option<f64>> = library.entries.iter().map(duration).collect();
     let quickest = durations.iter().flatten().copied().fold(f64::INFINITY, f64::min);
@@ -162,7 +192,7 @@ mod tests {
     fn the_first_columns_span_every_direction() {
         let parts = four();
         let mut columns = Columns::default();
-        survey(&mut columns, &library(), &parts, 0.08, 5e-3);
+        survey(&mut columns, &library(), &parts, 0.08, 5e-3, Belts::InGear);
         let chosen = starting_set(&columns, &wanted(&parts), 16);
         assert_eq!(chosen.len(), 16);
         let matrix = nalgebra::DMatrix::from_fn(8, 8, |row, j| columns.column(chosen[j])[row]);
@@ -178,7 +208,7 @@ mod tests {
     fn centers_under_a_part_are_left_out() {
         let parts = [penny(Vec2::new(0.0, 0.003), Vec2::new(1e-3, 0.0))];
         let mut columns = Columns::default();
-        survey(&mut columns, &library(), &parts, 0.08, 5e-3);
+        survey(&mut columns, &library(), &parts, 0.08, 5e-3, Belts::InGear);
         assert_eq!(columns.len(), library().entries.len());
         assert_eq!(columns.column(8 * 17 + 8), [0.0, 0.0], "the centre of the plate is 3 mm away");
         assert!(dot(columns.column(0), columns.column(0)) > 0.9);
@@ -188,7 +218,7 @@ mod tests {
     fn a_column_is_what_was_measured() {
         let (parts, library, sustain_s) = (four(), library(), 0.08);
         let mut columns = Columns::default();
-        survey(&mut columns, &library, &parts, sustain_s, 5e-3);
+        survey(&mut columns, &library, &parts, sustain_s, 5e-3, Belts::InGear);
         for entry in [0, 100, 290] {
             let moved: Vec<Vec2> =
                 parts.iter().map(|p| library.displacement_at(entry, p.position_m, sustain_s)).collect();

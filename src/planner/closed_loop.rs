@@ -44,7 +44,7 @@ fn play(library: &Library, plan: &Plan, positions: &mut [Vec2], noise: &mut Nois
             *p += turn * bent * (1.0 + 0.03 * noise.normal());
         }
         tally.pulses += 1;
-        tally.plate_s += pulse.sustain_s + 2.0 * library.attack_s + library.rest_s;
+        tally.plate_s += pulse.sustain_s + 2.0 * library.attack_s + library.rest_after(pulse.sustain_s);
         for i in 0..positions.len() {
             for j in 0..i {
                 tally.gap_m = tally.gap_m.min((positions[i] - positions[j]).norm() - 2.0 * PENNY_M);

@@ -11,6 +11,12 @@ use crate::geometry::Vec2;
 const NEWTON_STEPS: usize = 3;
 const GOOD_ENOUGH: f64 = 0.05;
 
+/// A distance of at least this part of the shortest pulse is rounded up to it.
+const NEARLY: f64 = 0.8;
+
+/// Price of a metre of the way back of a pair, m: a trace, so that pairs stay short.
+const BACK_M: f64 = 1e-6;
+
 /// Change of a distance that shows its effect, m.
 const NUDGE_M: f64 = 1e-5;
 
@@ -40,20 +46,40 @@ impl Planner {
         columns.clear(wanted.len());
         let mut variables = Vec::with_capacity(support.len());
         let model = &self.library.displacement;
-        for &(entry, distance_m) in support {
+        let mut entries = Vec::with_capacity(support.len());
+        for (entry, variable) in self.playable(support, &task.positions_m) {
+            let distance_m = if variable.low_m > 0.0 { variable.low_m } else { variable.high_m };
             let sustain_s = self.flow(task).sustain(entry, distance_m, &task.positions_m);
             let positions = task.positions_m.iter().copied();
             push_column(&mut columns, self.library.entries.get(entry)?, task.parts, positions, |speed| {
                 model.distance(speed, sustain_s)
             });
-            variables.push(self.one_signed(entry, distance_m, &task.positions_m));
+            variables.push(variable);
+            entries.push(entry);
         }
         if variables.is_empty() {
             return None;
         }
         let fitted = program::solve(&columns, &variables, &[], wanted, &task.half_spaces).ok()?.distance_m;
         let order = balanced_order(&columns, &fitted);
-        Some(order.into_iter().map(|j| (support[j].0, fitted[j])).collect())
+        Some(order.into_iter().map(|j| (entries[j], fitted[j])).collect())
+    }
+
+    /// `support` as pulses that can be played: a distance shorter than the entry's shortest pulse becomes that of two
+    /// pulses, there and not all the way back.
+    fn playable(&self, support: &[(usize, f64)], positions_m: &[Vec2]) -> Vec<(usize, Variable)> {
+        let mut pulses = Vec::with_capacity(2 * support.len());
+        for (k, &(entry, distance_m)) in support.iter().enumerate() {
+            let (low_m, high_m) = self.distance_bounds_m(entry, positions_m);
+            let others = support.len() - k - 1;
+            pulses.push((entry, self.one_signed(entry, distance_m, positions_m)));
+            let room = pulses.len() + others < self.params.max_pulses;
+            if distance_m.abs() < NEARLY * low_m && 2.0 * low_m <= high_m && room {
+                let back = self.one_signed(entry, -distance_m, positions_m);
+                pulses.push((entry, Variable { cost_m: BACK_M, ..back }));
+            }
+        }
+        pulses
     }
 
     fn one_signed(&self, entry: usize, distance_m: f64, positions_m: &[Vec2]) -> Variable {

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use super::candidates::{add_best, starting_set, survey};
+use super::candidates::{Belts, add_best, starting_set, survey};
 use super::field::Columns;
 use super::limits::most_violated;
 use super::program::{self, Solution, Variable};
@@ -17,6 +17,15 @@ const LEFT_UNDONE_M: f64 = 0.15e-3;
 /// Ways of several parts beyond this are gone in strides, m, and this is a typical stride.
 const FAR_M: f64 = 10e-3;
 const STRIDE_M: f64 = 12e-3;
+
+/// A program that leaves less than this part of the error does enough; else it is solved again at a price this many
+/// times lower, this often at most.
+const ENOUGH: f64 = 0.35;
+const CHEAPER: f64 = 0.2;
+const CHEAPEST: u32 = 4;
+
+/// A stride that gets on by less than this part of the ways in a second is not worth it where a sequence is found.
+const BRISK_PER_S: f64 = 0.06;
 
 /// Fewest candidates, however few parts.
 const MIN_CANDIDATES: usize = 12;
@@ -45,12 +54,14 @@ pub struct Planner {
     pub(super) library: Arc<Library>,
     pub(super) params: PlannerParams,
     pub(super) columns: Columns,
+    /// How often the price was lowered for the last plan.
+    cheaper: u32,
 }
 
 impl Planner {
     /// A planner for one rig's library.
     pub fn new(library: Arc<Library>, params: PlannerParams) -> Self {
-        Self { library, params, columns: Columns::default() }
+        Self { library, params, columns: Columns::default(), cheaper: 0 }
     }
 
     /// What it may and wants to do.
@@ -70,34 +81,51 @@ impl Planner {
             return ended(PlanStatus::NothingToDo, Vec::new());
         }
         let is_far = parts.len() > 1 && task.largest_m > FAR_M;
+        let mut slow = None;
         if is_far {
-            self.survey(&task, STRIDE_M);
-            if let Ok(Sequence { pulses, predicted_m }) = self.stride(&task) {
-                return Plan { status: PlanStatus::Solved, pulses, candidates: Vec::new(), predicted_m };
+            self.survey(&task, STRIDE_M, Belts::Fast);
+            match self.stride(&task) {
+                Ok(stride) if stride.share_per_s >= BRISK_PER_S => return solved(stride.sequence, Vec::new()),
+                stride => slow = stride.ok(),
             }
         }
         let near = if is_far { task.within(FAR_M, &self.params) } else { task };
-        self.survey(&near, near.largest_m);
-        let plan = self.attempt(&near);
+        let plan = self.attempt_on_belts(&near);
         let PlanStatus::Infeasible(limit) = plan.status else { return plan };
+        if let Some(stride) = slow {
+            return solved(stride.sequence, Vec::new());
+        }
         if most_violated(&near.half_spaces, &near.wanted_m) == Some(limit) {
             return plan;
         }
-        if let Ok(Sequence { pulses, predicted_m }) = self.stride(&near) {
-            return Plan { status: PlanStatus::Solved, pulses, candidates: Vec::new(), predicted_m };
+        if let Ok(stride) = self.stride(&near) {
+            return solved(stride.sequence, Vec::new());
         }
         let room = self.attempt(&near.making_room(limit, ROOM_M));
         if room.status == PlanStatus::Solved { room } else { plan }
     }
 
-    /// Looks up the flows of all entries that suit steps of up to `largest_m`.
-    fn survey(&mut self, task: &Task<'_>, largest_m: f64) {
-        let sustain_s = self.typical_sustain_s(largest_m);
-        survey(&mut self.columns, &self.library, task.parts, sustain_s, largest_m);
+    /// Several parts on fast belts alone, if that will do.
+    fn attempt_on_belts(&mut self, task: &Task<'_>) -> Plan {
+        if task.parts.len() > 1 {
+            self.survey(task, task.largest_m, Belts::Fast);
+            let plan = self.attempt(task);
+            if plan.status == PlanStatus::Solved {
+                return plan;
+            }
+        }
+        self.survey(task, task.largest_m, Belts::InGear);
+        self.attempt(task)
     }
 
-    fn attempt(&self, task: &Task<'_>) -> Plan {
-        let (candidates, relaxed) = match self.relax(task) {
+    /// Looks up the flows of all entries for steps of up to `largest_m`.
+    fn survey(&mut self, task: &Task<'_>, largest_m: f64, belts: Belts) {
+        let sustain_s = self.typical_sustain_s(largest_m);
+        survey(&mut self.columns, &self.library, task.parts, sustain_s, largest_m, belts);
+    }
+
+    fn attempt(&mut self, task: &Task<'_>) -> Plan {
+        let (candidates, relaxed) = match self.relax_enough(task) {
             Ok(found) => found,
             Err(words) => return ended(PlanStatus::SolverFailed(words), Vec::new()),
         };
@@ -110,9 +138,7 @@ impl Planner {
             }
         };
         let limit = match found {
-            Ok(Sequence { pulses, predicted_m }) => {
-                return Plan { status: PlanStatus::Solved, pulses, candidates, predicted_m };
-            }
+            Ok(sequence) => return solved(sequence, candidates),
             Err(limit) => most_violated(&task.half_spaces, &task.wanted_m).or(limit),
         };
         ended(PlanStatus::Infeasible(limit.unwrap_or(Limit::Unreachable)), candidates)
@@ -126,11 +152,25 @@ impl Planner {
         model.sustain_for(fast, typical_m).unwrap_or(0.0)
     }
 
+    /// The sparse program at the highest price at which it does most of what is wanted: steps that are hard to make
+    /// together are not worth it at a price that suits easy ones. Starts one price above the last one that did.
+    fn relax_enough(&mut self, task: &Task<'_>) -> Result<(Vec<usize>, Solution), String> {
+        self.cheaper = self.cheaper.saturating_sub(1);
+        loop {
+            let cost_m = self.params.sparsity * task.largest_m * CHEAPER.powi(self.cheaper as i32);
+            let found = self.relax(task, cost_m)?;
+            let left_m = task.wanted_m.iter().zip(&found.1.moved_m).map(|(w, m)| (w - m) * (w - m)).sum::<f64>().sqrt();
+            if left_m < ENOUGH * task.error_m(&task.wanted_m, None) || self.cheaper >= CHEAPEST {
+                return Ok(found);
+            }
+            self.cheaper += 1;
+        }
+    }
+
     /// The sparse program over candidates out of the whole library: solved over a starting set, then again over
     /// the columns that were used and those that its prices ask for.
-    fn relax(&self, task: &Task<'_>) -> Result<(Vec<usize>, Solution), String> {
+    fn relax(&self, task: &Task<'_>, cost_m: f64) -> Result<(Vec<usize>, Solution), String> {
         let count = (self.params.candidates_per_part * task.parts.len()).max(MIN_CANDIDATES);
-        let cost_m = self.params.sparsity * task.largest_m;
         let started = starting_set(&self.columns, &task.wanted_m, count / 2);
         let first = self.relax_over(task, &started, cost_m)?;
         let used = |&(_, d): &(&usize, &f64)| d.abs() > USED_M;
@@ -219,6 +259,11 @@ impl Planner {
     pub(super) fn flow<'a>(&'a self, task: &Task<'a>) -> Flow<'a> {
         Flow { library: &self.library, parts: task.parts }
     }
+}
+
+fn solved(sequence: Sequence, candidates: Vec<usize>) -> Plan {
+    let Sequence { pulses, predicted_m } = sequence;
+    Plan { status: PlanStatus::Solved, pulses, candidates, predicted_m }
 }
 
 fn ended(status: PlanStatus, candidates: Vec<usize>) -> Plan {

@@ -60,10 +60,18 @@ impl Metric {
     }
 }
 
+/// A pulse and how far it gets.
+pub(super) struct Stride {
+    /// The pulse alone.
+    pub sequence: Sequence,
+    /// Part of all ways that it makes in a second of plate time, 1/s.
+    pub share_per_s: f64,
+}
+
 impl Planner {
     /// The pulse that shortens the ways most for its time, by the exact forecast, within the limits. `columns` hold the
     /// flows of all entries. `Err` has the limit that stopped the best one, if a limit it was.
-    pub(super) fn stride(&self, task: &Task<'_>) -> Result<Sequence, Option<Limit>> {
+    pub(super) fn stride(&self, task: &Task<'_>) -> Result<Stride, Option<Limit>> {
         if self.columns.len() == 0 {
             return Err(None);
         }
@@ -88,9 +96,10 @@ impl Planner {
                     ways.len(),
                     task.steps_to(&after).into_iter().zip(ways.iter()).map(|(step, way)| way - step),
                 );
-                let plate_s = pulse.sustain_s + 2.0 * self.library.attack_s + self.library.rest_s + LOOK_S;
+                let plate_s =
+                    pulse.sustain_s + 2.0 * self.library.attack_s + self.library.rest_after(pulse.sustain_s) + LOOK_S;
                 let rate = (before - metric.length(&left)) / plate_s;
-                if rate <= best.as_ref().map_or(0.0, |best| best.0) {
+                if rate <= best.as_ref().map_or(0.0, |best| best.0) || left.norm_squared() > ways.norm_squared() {
                     continue;
                 }
                 match task.clearances.broken_by(&task.positions_m, &after) {
@@ -99,8 +108,9 @@ impl Planner {
                 }
             }
         }
-        let (_, pulse, after) = best.ok_or(stopped_by)?;
-        Ok(Sequence { pulses: vec![pulse], predicted_m: vec![after] })
+        let (rate, pulse, after) = best.ok_or(stopped_by)?;
+        let sequence = Sequence { pulses: vec![pulse], predicted_m: vec![after] };
+        Ok(Stride { sequence, share_per_s: rate / before })
     }
 
     /// Pulses of `entry` in the direction of `along`, from the shortest that was measured to the longest allowed.

@@ -13,6 +13,16 @@ pub struct PartState {
     pub gain: f64,
 }
 
+/// How motions are found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// The sparse sequence over measured flows: [`Planner`](super::Planner).
+    #[default]
+    CorSequence,
+    /// The papers' plain method, for comparison: [`PseudoInverse`](super::PseudoInverse).
+    PseudoInverse,
+}
+
 /// What the planner may and wants to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlannerParams {

@@ -66,10 +66,23 @@ pub struct Report {
     pub cross_track_rms_mm: Option<f64>,
     /// Its maximum.
     pub cross_track_max_mm: Option<f64>,
+    /// Largest difference of a part's phase from the common one, as a part of a period; `None` without phases to keep.
+    pub phase_error_max: Option<f64>,
+    /// Where pulses were forecast to carry parts against where they did; `None` without a pulse.
+    pub prediction_error_mm: Option<PredictionError>,
     /// Every part, in the order of the job.
     pub parts: Vec<PartReport>,
     /// How long things took, µs of wall time.
     pub timing_us: TimingsReport,
+}
+
+/// Distances of forecast places from measured ones over every pulse and part, root mean square, mm.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PredictionError {
+    /// Forecast by the library alone.
+    pub library: f64,
+    /// Forecast with what the run had learned of friction and regions until then.
+    pub learned: f64,
 }
 
 /// One part at the end of a run.

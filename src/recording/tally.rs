@@ -1,4 +1,4 @@
-use super::report::{Outcome, PartReport, Report};
+use super::report::{Outcome, PartReport, PredictionError, Report};
 use super::timings::Timings;
 use crate::control::{CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use crate::geometry::Vec2;
@@ -19,6 +19,9 @@ pub struct Tally {
     sensing: MeanSquare,
     sensing_at_rest: MeanSquare,
     cross_track: MeanSquare,
+    phase_error_max: Option<f64>,
+    off_library: MeanSquare,
+    off_learning: MeanSquare,
     timings: Timings,
 }
 
@@ -112,6 +115,12 @@ impl Tally {
             sensing_rms_error_at_rest_mm: self.sensing_at_rest.rms_mm(),
             cross_track_rms_mm: self.cross_track.rms_mm(),
             cross_track_max_mm: self.cross_track.max_mm(),
+            phase_error_max: self.phase_error_max.map(rounded),
+            prediction_error_mm: self
+                .off_library
+                .rms_mm()
+                .zip(self.off_learning.rms_mm())
+                .map(|(library, learned)| PredictionError { library, learned }),
             parts,
             timing_us: self.timings.report(),
         }
@@ -142,8 +151,14 @@ impl Sink for Tally {
         }
     }
 
-    fn pulse(&mut self, _facts: &PulseFacts<'_>) {
+    fn pulse(&mut self, facts: &PulseFacts<'_>) {
         self.pulses += 1;
+        let Some(carried) = facts.carried else { return };
+        for (i, after_m) in carried.after_m.iter().enumerate() {
+            let off_m = |forecast_m: &[Vec2]| forecast_m.get(i).map_or(0.0, |forecast_m| (after_m - forecast_m).norm());
+            self.off_library.push(off_m(carried.by_library_m));
+            self.off_learning.push(off_m(carried.by_learning_m));
+        }
     }
 
     fn cycle(&mut self, facts: &CycleFacts<'_>) {
@@ -153,6 +168,9 @@ impl Sink for Tally {
         // 0 stands for a part that has no path just now
         let off_path = facts.wanted.cross_track_m.iter().filter(|&&off_m| off_m != 0.0);
         off_path.for_each(|off_m| self.cross_track.push(off_m.abs()));
+        for error in &facts.wanted.phase_error {
+            self.phase_error_max = Some(self.phase_error_max.unwrap_or(0.0).max(error.abs()));
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use crate::config::{Assignment, BinSpec, Fault, JobSpec, PathSpec, PlacedPart, TaskSpec, place_parts};
+use crate::config::{Assignment, BinSpec, Fault, JobSpec, PathSpec, PlacedPart, PlannerChoice, TaskSpec, place_parts};
 use crate::control::{ControlParams, ExpectedPart, LocalisedFacts, Sink};
 use crate::geometry::{Pose, Vec2};
 use crate::goal::{
@@ -8,7 +8,7 @@ use crate::goal::{
     PlusSignParams, Sort, SortParams, Trajectories,
 };
 use crate::library::{Entry, Library};
-use crate::planner::PlannerParams;
+use crate::planner::{Method, PlannerParams};
 use crate::random::Streams;
 use crate::rig::{PartKind, Rig, RigModel};
 use crate::sim::{SimRig, TruthProbe};
@@ -26,6 +26,10 @@ const LEAD_M: f64 = 4e-3;
 const SEPARATION_M: f64 = 2e-3;
 /// How far inside the edge the planner keeps rims, m.
 const EDGE_MARGIN_M: f64 = 1e-3;
+/// Pulses a sequence may always have.
+const LEAST_PULSES: usize = 24;
+/// Candidates of a plan, where they make eight for each part.
+const CANDIDATES: usize = 24;
 /// Seconds at rest without a part after which it is lost.
 const LOST_AFTER_S: f64 = 0.5;
 
@@ -57,7 +61,11 @@ impl Bench {
             time_limit_s: job.plate_time_limit_s,
             endless: matches!(job.task, TaskSpec::PlusSign { laps: 0, .. }),
             lost_after_frames: lost_after_frames(model.frame_hz),
-            planner: planner_params(job, library),
+            method: match job.planner {
+                PlannerChoice::PseudoInverse => Method::PseudoInverse,
+                PlannerChoice::CorSequence | PlannerChoice::SynthesizedField => Method::CorSequence,
+            },
+            planner: planner_params(job, library, placed.len()),
             kinds,
         };
         let goal = goal(job, library, &placed);
@@ -118,7 +126,7 @@ fn given_positions(job: &JobSpec) -> impl Iterator<Item = bool> {
     job.parts.iter().flat_map(|group| std::iter::repeat_n(group.position_m.is_some(), group.count))
 }
 
-fn planner_params(job: &JobSpec, library: &Library) -> PlannerParams {
+fn planner_params(job: &JobSpec, library: &Library, parts: usize) -> PlannerParams {
     let fastest = library.displacement.speed_mps.last().copied().unwrap_or_default();
     PlannerParams {
         half_side_m: 0.5 * job.rig.model.plate_side_m,
@@ -126,8 +134,8 @@ fn planner_params(job: &JobSpec, library: &Library) -> PlannerParams {
         separation_m: SEPARATION_M,
         max_distance_m: library.displacement.max_distance(fastest),
         min_distance_m: 0.3e-3,
-        max_pulses: 24,
-        candidates_per_part: 24,
+        max_pulses: LEAST_PULSES.max(4 * parts),
+        candidates_per_part: CANDIDATES.div_ceil(parts.max(1)).max(8),
         sparsity: 0.05,
     }
 }
@@ -224,21 +232,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn closed_paths_of_equal_duration_are_driven_in_step() {
-        let square = |side_m: f64, speed_mps: f64, repeat: u32| {
-            let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)];
-            let waypoints_m = corners.map(|(x, y)| Vec2::new(x, y) * side_m).to_vec();
-            PathSpec { waypoints_m, speed_mps, repeat }
-        };
-        let open = |path: PathSpec| PathSpec { waypoints_m: path.waypoints_m[..4].to_vec(), ..path };
-        let period_s = |paths: &[PathSpec]| common_period_s(paths);
-        assert_eq!(period_s(&[square(0.05, 0.01, 2), square(0.05, 0.01, 2)]), Some(20.0));
-        assert_eq!(period_s(&[square(0.05, 0.01, 0), square(0.1, 0.02, 0)]), Some(20.0));
-        assert_eq!(period_s(&[square(0.05, 0.01, 2)]), None);
-        assert_eq!(period_s(&[square(0.05, 0.01, 2), square(0.05, 0.01, 3)]), None);
-        assert_eq!(period_s(&[square(0.05, 0.01, 2), square(0.06, 0.01, 2)]), None);
-        assert_eq!(period_s(&[square(0.05, 0.01, 2), open(square(0.05, 0.01, 2))]), None);
-        assert_eq!(period_s(&[]), None);
+    fn a_lap_leads_back_to_its_first_corner() {
+        let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| Vec2::new(x, y) * 0.05);
+        assert!((lap_m(&square) - 0.2).abs() < 1e-12);
+        assert!((lap_m(&[square.as_slice(), &square[..1]].concat()) - 0.2).abs() < 1e-12, "closed already");
+        assert_eq!(lap_m(&[]), 0.0);
     }
 
     #[test]

@@ -70,7 +70,7 @@ impl Stage {
 
     /// Plays a pulse to the first frame after its end.
     pub fn play(&mut self, pulse: &PlannedPulse) {
-        let sounding_s = 2.0 * self.library.attack_s + pulse.sustain_s + self.library.rest_s;
+        let sounding_s = 2.0 * self.library.attack_s + pulse.sustain_s + self.library.rest_after(pulse.sustain_s);
         self.frames += (sounding_s * self.frame_hz - ROUNDING).ceil().max(1.0) as u64;
         let before_m = self.positions_m.clone();
         for part in 0..self.positions_m.len() {

@@ -7,7 +7,7 @@ use crate::control::{ExpectedPart, Outcome};
 use crate::geometry::Twist;
 use crate::goal::{PathParams, Trajectories};
 use crate::library::{AxisShape, DisplacementModel, Entry};
-use crate::planner::PlannerParams;
+use crate::planner::{Method, PlannerParams};
 use crate::rig::PartKind;
 
 const HALF_M: f64 = 0.1;
@@ -59,6 +59,7 @@ fn params(parts: usize) -> ControlParams {
         time_limit_s: 60.0,
         endless: false,
         lost_after_frames: 2,
+        method: Method::default(),
         planner: PlannerParams {
             half_side_m: HALF_M,
             edge_margin_m: 0.001,
