@@ -105,6 +105,7 @@ const BASE: &[&str] = &["units", "time", "random", "geometry"];
 /// Paths outside the crate and the only places that may name them.
 const OUTSIDE: &[(&str, &[&str])] = &[
     ("clarabel", &["src/planner"]),
+    ("pathfinding", &["src/goal"]),
     ("rerun", &["src/recording"]),
     ("tokio", &["src/service"]),
     ("axum", &["src/service"]),

@@ -197,6 +197,7 @@ mod tests {
             let flow = Flow { library: &library, parts: &parts };
             let radius = (start - center).norm();
             prop_assume!(radius > 0.02);
+            prop_assume!(library.displacement_at(entry, start, sustain_s).norm() > 1e-4);
             let there = PlannedPulse { entry, distance_m: 0.01, sustain_s };
             let end = flow.after(&there, &[start])[0];
             let way = (end - start).norm();

@@ -130,7 +130,8 @@ fn one_pulse_takes_its_time_in_whole_frames() {
     let made = library(translations(), 0.0);
     let done = play(&made, &mut There(there_m), &params(1), &rehearsal(&[start_m], 0));
     assert_eq!((done.ending.outcome, done.cycles, done.pulses), (Outcome::Completed, 1, 1), "{done:?}");
-    let sounding_s = 2.0 * ATTACK_S + 0.008 / PACE_MPS + REST_S;
+    let sustain_s = 0.008 / PACE_MPS;
+    let sounding_s = 2.0 * ATTACK_S + sustain_s + made.rest_after(sustain_s);
     let frames = 2.0 + (sounding_s * FRAME_HZ).ceil() + 1.0;
     assert!((done.plate_time_s - frames / FRAME_HZ).abs() < 1e-9, "{frames} frames: {done:?}");
     let [from_m, to_m] = done.trails_m[0][..] else { panic!("{done:?}") };
