@@ -47,14 +47,15 @@ impl Planner {
         let mut variables = Vec::with_capacity(support.len());
         let model = &self.library.displacement;
         let mut entries = Vec::with_capacity(support.len());
-        for (entry, variable) in self.playable(support, &task.positions_m) {
-            let distance_m = if variable.low_m > 0.0 { variable.low_m } else { variable.high_m };
+        for (entry, distance_m) in self.playable(support, &task.positions_m) {
             let sustain_s = self.flow(task).sustain(entry, distance_m, &task.positions_m);
             let positions = task.positions_m.iter().copied();
             push_column(&mut columns, self.library.entries.get(entry)?, task.parts, positions, |speed| {
                 model.distance(speed, sustain_s)
             });
-            variables.push(variable);
+            let back = support.iter().any(|&(other, d)| other == entry && d.signum() != distance_m.signum());
+            let cost_m = if back { BACK_M } else { 0.0 };
+            variables.push(Variable { cost_m, ..self.one_signed(entry, distance_m, &task.positions_m) });
             entries.push(entry);
         }
         if variables.is_empty() {
@@ -67,16 +68,17 @@ impl Planner {
 
     /// `support` as pulses that can be played: a distance shorter than the entry's shortest pulse becomes that of two
     /// pulses, there and not all the way back.
-    fn playable(&self, support: &[(usize, f64)], positions_m: &[Vec2]) -> Vec<(usize, Variable)> {
+    fn playable(&self, support: &[(usize, f64)], positions_m: &[Vec2]) -> Vec<(usize, f64)> {
         let mut pulses = Vec::with_capacity(2 * support.len());
         for (k, &(entry, distance_m)) in support.iter().enumerate() {
             let (low_m, high_m) = self.distance_bounds_m(entry, positions_m);
             let others = support.len() - k - 1;
-            pulses.push((entry, self.one_signed(entry, distance_m, positions_m)));
-            let room = pulses.len() + others < self.params.max_pulses;
+            let room = pulses.len() + 1 + others < self.params.max_pulses;
             if distance_m.abs() < NEARLY * low_m && 2.0 * low_m <= high_m && room {
-                let back = self.one_signed(entry, -distance_m, positions_m);
-                pulses.push((entry, Variable { cost_m: BACK_M, ..back }));
+                let back_m = low_m.copysign(-distance_m);
+                pulses.extend([(entry, distance_m - back_m), (entry, back_m)]);
+            } else {
+                pulses.push((entry, distance_m.abs().max(low_m).copysign(distance_m)));
             }
         }
         pulses

@@ -121,7 +121,7 @@ impl Planner {
         (0..SUSTAINS).filter_map(move |k| {
             let sustain_s = longest_s * k as f64 / (SUSTAINS - 1) as f64;
             let distance_m = model.distance(speed, sustain_s);
-            let useful = distance_m > 0.0 && distance_m <= self.params.max_distance_m;
+            let useful = (self.params.min_distance_m..=self.params.max_distance_m).contains(&distance_m);
             useful.then(|| PlannedPulse { entry, distance_m: distance_m.copysign(along), sustain_s })
         })
     }
