@@ -3,14 +3,18 @@
 mod displacement;
 mod drive;
 mod fault;
+mod field_drive;
 mod file;
 mod raw;
+mod raw_fields;
 mod types;
 mod validate;
 mod wording;
 
 pub use drive::drive_for;
 pub use fault::LibraryFault;
+pub use field_drive::motor_harmonics;
 pub use raw::{RawDisplacement, RawEntry, RawLibrary, RawShapes};
-pub use types::{AxisShape, DisplacementModel, Entry, Library};
-pub use validate::RigFacts;
+pub use raw_fields::RawFieldResponse;
+pub use types::{AxisShape, DisplacementModel, Entry, FieldResponse, Library};
+pub use validate::{FieldFacts, RigFacts};

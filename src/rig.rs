@@ -42,6 +42,8 @@ pub struct RigModel {
     pub rest_s: f64,
     /// Longest sustain the rig allows, s.
     pub max_sustain_s: f64,
+    /// Synthesised motions; `None` where the rig shall make none.
+    pub fields: Option<FieldDriveModel>,
     /// Position of accelerometer 1 on the plate, m; number 2 is opposite.
     pub accelerometer_in_plate_m: Vec2,
     /// Frame width and height, px.
@@ -54,6 +56,19 @@ pub struct RigModel {
     pub lens: Lens,
     /// True when parts are darker than the plate.
     pub dark_parts: bool,
+}
+
+/// Synthesised motions: periodic ones of many harmonics under an envelope of their own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FieldDriveModel {
+    /// Base frequency, rad/s.
+    pub base_radps: f64,
+    /// Harmonics of it.
+    pub harmonics: usize,
+    /// Attack and decay of every pulse, s.
+    pub attack_s: f64,
+    /// Rest after every pulse, s.
+    pub rest_s: f64,
 }
 
 /// Why a rig did not do what it was told.

@@ -55,6 +55,7 @@ const ROOMS: &[(&str, &[&str])] = &[
         &[
             "signal",
             "rig::RigModel",
+            "rig::FieldDriveModel",
             "rig::PartKind",
             "sim::*Params",
             "library",

@@ -19,6 +19,9 @@ pub struct RawRig {
     pub motors: RawMotors,
     /// Pulses.
     pub drive: RawDrive,
+    /// Synthesised motions; null or left out for a rig that makes none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fields: Option<RawFields>,
     /// Two 2-axis accelerometers under opposite corners.
     pub accelerometers: RawAccelerometers,
     /// Camera and light.
@@ -156,6 +159,24 @@ fn rest_s() -> f64 {
 
 fn max_sustain_s() -> f64 {
     0.5
+}
+
+/// Synthesised motions: periodic ones of many harmonics, each as long as it takes under an envelope of its own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawFields {
+    /// Base frequency of the motions, Hz.
+    #[schemars(range(min = 5.0, max = 200.0))]
+    pub base_hz: f64,
+    /// Harmonics of it.
+    #[schemars(range(min = 2, max = 16))]
+    pub harmonics: usize,
+    /// Attack and decay of every pulse, s; half a period of the base frequency or more.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub attack_s: f64,
+    /// Rest after every pulse, until parts stand still, s.
+    #[schemars(range(min = 0.0, max = 5.0))]
+    pub rest_s: f64,
 }
 
 /// Two 2-axis accelerometers; number 2 sits at minus the position of number 1.

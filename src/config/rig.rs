@@ -6,11 +6,11 @@ use sha2::{Digest, Sha256};
 
 use super::fault::{Fault, Faults, Path};
 use super::kinds::{KindSpec, kinds_of};
-use super::raw_rig::{RawRig, RigSource};
+use super::raw_rig::{RawFields, RawRig, RigSource};
 use super::read::{Origin, parse, text_of};
 use super::rig_checks;
 use crate::geometry::{Lens, Vec2};
-use crate::rig::RigModel;
+use crate::rig::{FieldDriveModel, RigModel};
 use crate::sim::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PlateParams, SimParams};
 use crate::units::m_from_mm;
 
@@ -210,6 +210,7 @@ fn model_of(raw: &RawRig, sim: &SimParams) -> RigModel {
         attack_s: raw.drive.attack_s,
         rest_s: raw.drive.rest_s,
         max_sustain_s: raw.drive.max_sustain_s,
+        fields: raw.fields.as_ref().map(field_drive_of),
         accelerometer_in_plate_m: sim.accelerometers.position_m,
         frame_size_px: sim.camera.size_px,
         frame_hz: sim.camera.frame_hz,
@@ -219,8 +220,17 @@ fn model_of(raw: &RawRig, sim: &SimParams) -> RigModel {
     }
 }
 
+fn field_drive_of(raw: &RawFields) -> FieldDriveModel {
+    FieldDriveModel {
+        base_radps: std::f64::consts::TAU * raw.base_hz,
+        harmonics: raw.harmonics,
+        attack_s: raw.attack_s,
+        rest_s: raw.rest_s,
+    }
+}
+
 /// First 16 hex digits of SHA-256 over the canonical JSON (keys sorted, no spaces, defaults written out) of
-/// `plate`, `motors`, `drive` and `accelerometers`: what a COR library measured on the rig rests on. Camera, friction,
+/// `plate`, `motors`, `drive`, `accelerometers` and, where there are any, `fields`: what a COR library measured on the rig rests on. Camera, friction,
 /// kinds, step, name and library are left out: a library survives another camera and another coin.
 pub fn fingerprint(raw: &RawRig) -> String {
     let section = |made: Result<Value, serde_json::Error>| made.unwrap_or_default();
@@ -230,8 +240,9 @@ pub fn fingerprint(raw: &RawRig) -> String {
         ("motors", section(serde_json::to_value(&raw.motors))),
         ("plate", section(serde_json::to_value(&raw.plate))),
     ];
+    let fields = raw.fields.as_ref().map(|fields| ("fields", section(serde_json::to_value(fields))));
     let mut canonical = String::new();
-    write_canonical(&Value::from_iter(sections), &mut canonical);
+    write_canonical(&Value::from_iter(sections.into_iter().chain(fields)), &mut canonical);
     Sha256::digest(canonical).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
 }
 

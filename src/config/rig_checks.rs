@@ -12,6 +12,7 @@ pub(super) fn check(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Fault
     check_plate(raw, at, faults);
     check_motors(raw, at, faults);
     check_drive(raw, at, faults);
+    check_fields(raw, at, faults);
     check_accelerometers(raw, at, faults);
     check_camera(raw, sim, at, faults);
     let step_s = raw.simulation.step_s;
@@ -68,6 +69,31 @@ fn check_drive(raw: &RawRig, at: &Path, faults: &mut Faults) {
     let (found, least) = (raw.drive.max_sustain_s, 3.0 / raw.drive.base_hz);
     let allowed = format!("{least:.4} or more (three periods of the drive, for the accelerometers to be read)");
     faults.demand(found >= least, &at.key("drive").key("max_sustain_s"), found, allowed);
+}
+
+/// Synthesised motions drive the plate as a mass, pass the low-pass, and are read back harmonic by harmonic.
+fn check_fields(raw: &RawRig, at: &Path, faults: &mut Faults) {
+    let (Some(fields), at) = (&raw.fields, at.key("fields")) else { return };
+    let (base_hz, resonance) = (fields.base_hz, &raw.plate.resonance_hz);
+    let stiffest_hz = resonance.x.max(resonance.y).max(resonance.spin);
+    let allowed = format!("above {stiffest_hz}, the highest of plate.resonance_hz");
+    faults.demand(base_hz > stiffest_hz, &at.key("base_hz"), base_hz, allowed);
+    let (least_hz, longest_s) = (3.0 / raw.drive.max_sustain_s, raw.drive.max_sustain_s);
+    let allowed = format!("{least_hz:.4} or more (three periods within drive.max_sustain_s, {longest_s})");
+    faults.demand(base_hz >= least_hz * (1.0 - 1e-9), &at.key("base_hz"), base_hz, allowed);
+    let (highest_hz, low_pass_hz) = (base_hz * fields.harmonics as f64, raw.motors.low_pass_hz);
+    let (motors_hz, read_hz) = (raw.motors.sample_hz / 4.0, raw.accelerometers.sample_hz / 8.0);
+    let allowed = format!(
+        "a highest harmonic below {} Hz (motors.low_pass_hz, a quarter of motors.sample_hz and an eighth of \
+         accelerometers.sample_hz)",
+        low_pass_hz.min(motors_hz).min(read_hz),
+    );
+    let found = format!("{} up to {highest_hz} Hz", fields.harmonics);
+    let passes = highest_hz < low_pass_hz && highest_hz < motors_hz && highest_hz < read_hz;
+    faults.demand(passes, &at.key("harmonics"), found, allowed);
+    let least_s = 0.5 / base_hz;
+    let allowed = format!("{least_s:.6} or more (half a period of fields.base_hz)");
+    faults.demand(fields.attack_s >= least_s * (1.0 - 1e-4), &at.key("attack_s"), fields.attack_s, allowed);
 }
 
 fn check_accelerometers(raw: &RawRig, at: &Path, faults: &mut Faults) {

@@ -7,9 +7,12 @@
 //!    before the many pulses of the next step carry the coins off the plate.
 //! 3. Steering: centres of rotation over and around the plate and translations, each played both ways at the
 //!    strongest the motors allow and read back through the accelerometers.
+//! 4. Fields: where the rig makes synthesised motions, each of their harmonics on each axis, read back likewise: the
+//!    plate's answer in amplitude and phase.
 
 mod axes;
 mod displacement;
+mod fields;
 mod steering;
 mod workbench;
 
@@ -215,9 +218,13 @@ fn measure(
         shapes: axes.shapes,
         entries: steering::measure(bench, &axes, params, &displacement::motions(half_side_m, params.gentle_mps))?,
         displacement: Default::default(),
+        fields: None,
     };
     library.displacement = displacement::measure(bench, &library, params)?;
     library.entries = steering::measure(bench, &axes, params, &wanted(&axes, bench.model, params))?;
+    if let Some(fields) = &bench.model.fields {
+        library.fields = Some(fields::measure(bench, fields)?);
+    }
     Ok(library)
 }
 

@@ -5,7 +5,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::wording::reworded;
-use super::{Library, LibraryFault, RawLibrary};
+use super::{Library, LibraryFault, RawFieldResponse, RawLibrary};
 
 impl Library {
     /// The file form: JSON, millimetres, one entry and one row of the displacement a line.
@@ -34,8 +34,11 @@ impl Library {
         let _ = writeln!(out, "  \"speed_mm_s\": {},", json(&displacement.speed_mm_s));
         let _ = writeln!(out, "  \"sustain_s\": {},", json(&displacement.sustain_s));
         let _ = writeln!(out, "  \"distance_mm\": [\n{}\n  ],", lines(&displacement.distance_mm));
-        let _ = writeln!(out, "  \"sd_mm\": [\n{}\n  ]\n  }}\n}}", lines(&displacement.sd_mm));
-        out
+        let _ = write!(out, "  \"sd_mm\": [\n{}\n  ]\n  }}", lines(&displacement.sd_mm));
+        if let Some(fields) = &raw.fields {
+            let _ = write!(out, ",\n{}", fields_json(fields));
+        }
+        out + "\n}\n"
     }
 
     /// Reads [`Self::to_json`]; `file` is named in the faults. The first key or type that is wrong is told alone; once
@@ -62,6 +65,22 @@ impl Library {
 /// JSON of plain data; these types have no way to fail.
 fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
+}
+
+/// One harmonic of the response a line.
+fn fields_json(fields: &RawFieldResponse) -> String {
+    let mut out = String::from("  \"fields\": {\n");
+    let numbers = [
+        ("base_hz", fields.base_hz),
+        ("attack_s", fields.attack_s),
+        ("rest_s", fields.rest_s),
+        ("limit_counts", fields.limit_counts),
+    ];
+    for (key, value) in numbers {
+        let _ = writeln!(out, "  \"{key}\": {},", json(&value));
+    }
+    let _ = write!(out, "  \"twist_from_counts\": [\n{}\n  ]\n  }}", lines(&fields.twist_from_counts));
+    out
 }
 
 fn lines(values: &[impl Serialize]) -> String {
@@ -108,6 +127,7 @@ mod tests {
                 distance_m: vec![vec![0.0001, 0.004, 0.009], vec![0.0001, 0.006, 0.018]],
                 sd_m: vec![vec![0.0; 3]; 2],
             },
+            fields: None,
         }
     }
 
@@ -181,7 +201,7 @@ mod tests {
             (
                 "\"rest_s\"",
                 "\"color\": 1, \"rest_s\"",
-                "color: found unknown key \"color\", allowed: rig, fingerprint, plate_side_mm, base_hz, attack_s, rest_s, accelerometer_gain, shapes, entries, displacement",
+                "color: found unknown key \"color\", allowed: rig, fingerprint, plate_side_mm, base_hz, attack_s, rest_s, accelerometer_gain, shapes, entries, displacement, fields",
             ),
             ("\"rest_s\": 0.03,", "", "rest_s: found nothing, allowed: a number"),
             (
@@ -230,6 +250,7 @@ mod tests {
             attack_s: 0.01,
             rest_s: 0.03,
             count_limit: 1000.0,
+            fields: None,
         };
         let paths = |rig: RigFacts<'_>| -> Vec<String> {
             library.check_fits(&rig).into_iter().map(|fault| fault.path).collect()
@@ -259,6 +280,7 @@ mod tests {
             attack_s: saved.attack_s,
             rest_s: saved.rest_s,
             count_limit: 1000.0,
+            fields: None,
         };
         assert_eq!(Library::from_json(&saved.to_json(), "l.json").unwrap().check_fits(&rig), []);
     }

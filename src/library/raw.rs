@@ -3,7 +3,7 @@ use std::f64::consts::TAU;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{AxisShape, DisplacementModel, Entry, Library};
+use super::{AxisShape, DisplacementModel, Entry, Library, RawFieldResponse};
 use crate::geometry::{Twist, Vec2};
 use crate::signal::{CHANNELS, Harmonic};
 use crate::units::{m_from_mm, mm_from_m};
@@ -49,6 +49,9 @@ pub struct RawLibrary {
     pub entries: Vec<RawEntry>,
     /// How far parts go.
     pub displacement: RawDisplacement,
+    /// How the plate answers to synthesised motions; null or left out where the rig has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fields: Option<RawFieldResponse>,
 }
 
 /// Force waveforms of the axes: `[cos, sin]` of harmonics 1 and 2 for one unit of amplitude.
@@ -100,7 +103,7 @@ pub struct RawDisplacement {
 }
 
 /// Rounded to `decimals`, so that files stay small and a saved library loads to the same bytes again.
-fn rounded(value: f64, decimals: i32) -> f64 {
+pub(super) fn rounded(value: f64, decimals: i32) -> f64 {
     let scale = 10f64.powi(decimals);
     let rounded = (value * scale).round() / scale;
     if rounded == 0.0 { 0.0 } else { rounded }
@@ -136,6 +139,7 @@ impl From<&Library> for RawLibrary {
             shapes: RawShapes { x, y, spin },
             entries: library.entries.iter().map(RawEntry::from).collect(),
             displacement: RawDisplacement::from(&library.displacement),
+            fields: library.fields.as_ref().map(RawFieldResponse::from),
         }
     }
 }
@@ -185,6 +189,7 @@ impl RawLibrary {
                 distance_m: table(&self.displacement.distance_mm),
                 sd_m: table(&self.displacement.sd_mm),
             },
+            fields: self.fields.as_ref().map(RawFieldResponse::response),
             rig: self.rig,
             fingerprint: self.fingerprint,
         }

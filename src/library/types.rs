@@ -1,3 +1,5 @@
+use nalgebra::{Complex, Matrix3};
+
 use crate::geometry::{Twist, Vec2};
 use crate::signal::{CHANNELS, Harmonic};
 
@@ -70,4 +72,23 @@ pub struct Library {
     pub entries: Vec<Entry>,
     /// How far parts go.
     pub displacement: DisplacementModel,
+    /// How the plate answers to synthesised motions; `None` where the rig has none.
+    pub fields: Option<FieldResponse>,
+}
+
+/// How the plate answers to each harmonic of the synthesised motions' base frequency.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldResponse {
+    /// Base frequency w, rad/s.
+    pub base_radps: f64,
+    /// Attack of every pulse, s.
+    pub attack_s: f64,
+    /// Rest after every pulse, s.
+    pub rest_s: f64,
+    /// Largest sample a motor may be told to play, counts.
+    pub limit_counts: f64,
+    /// For harmonic k at index `k - 1` the velocity phasors of x (m/s), y (m/s) and spin (rad/s), row by row, for one
+    /// count of each axis amplitude `fx = X1-X2`, `fy = Y1-Y2`, `s = (Y1+Y2)-(X1+X2)`, column by column: a force
+    /// `f(t) = Re(f e^{jkwt})` makes the plate move as `v(t) = Re(G f e^{jkwt})`, times from the start of the pulse.
+    pub twist_from_counts: Vec<Matrix3<Complex<f64>>>,
 }

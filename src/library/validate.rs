@@ -4,7 +4,8 @@ use super::raw::{
     BASE_HZ, GAIN, MOST_AMPLITUDE, MOST_DISTANCE_MM, MOST_SHAPE, MOST_SPEED_MM_S, MOST_SPIN_RAD_S, MOST_TIME_S,
     PLATE_SIDE_MM, RawDisplacement, RawEntry, RawLibrary,
 };
-use super::{Library, LibraryFault};
+use super::raw_fields::{LIMIT_COUNTS, MOST_RESPONSE, matrix};
+use super::{FieldResponse, Library, LibraryFault, RawFieldResponse};
 use crate::geometry::Vec2;
 use crate::units::mm_from_m;
 
@@ -29,6 +30,9 @@ impl TryFrom<RawLibrary> for Library {
         faults.check_head(&raw);
         faults.check_entries(&raw.entries);
         faults.check_displacement(&raw.displacement);
+        if let Some(fields) = &raw.fields {
+            faults.check_fields(fields);
+        }
         let library = raw.into_library();
         if faults.0.is_empty() && spread_at_center(&library) < MIN_SPREAD {
             faults.add("entries", "parts at the centre flow in one direction only", "flows in two directions");
@@ -54,6 +58,21 @@ pub struct RigFacts<'a> {
     pub rest_s: f64,
     /// Largest sample a motor may be told to play, counts.
     pub count_limit: f64,
+    /// Its synthesised motions, if it makes any.
+    pub fields: Option<FieldFacts>,
+}
+
+/// What a library's response to synthesised motions must agree on with the rig.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FieldFacts {
+    /// Base frequency of the motions, rad/s.
+    pub base_radps: f64,
+    /// Harmonics of it.
+    pub harmonics: usize,
+    /// Attack of every pulse, s.
+    pub attack_s: f64,
+    /// Rest after every pulse, s.
+    pub rest_s: f64,
 }
 
 impl Library {
@@ -69,17 +88,13 @@ impl Library {
             let allowed = format!("{:?}: the rig's file has changed, calibrate again", rig.fingerprint);
             faults.push(LibraryFault::new("fingerprint", format!("{:?}", self.fingerprint), allowed));
         }
-        for (path, found, its) in [
+        faults.extend(differences([
             ("plate_side_mm", mm_from_m(self.plate_side_m), mm_from_m(rig.plate_side_m)),
             ("base_hz", self.base_radps / TAU, rig.base_radps / TAU),
             ("attack_s", self.attack_s, rig.attack_s),
             ("rest_s", self.rest_s, rig.rest_s),
-        ] {
-            if (found - its).abs() > SAME * its.abs() + FILE_ROUNDING {
-                let [found, its] = [found, its].map(|value| (value * 1e9).round() / 1e9);
-                faults.push(LibraryFault::new(path, found, format!("{its}, as the rig has it")));
-            }
-        }
+        ]));
+        faults.extend(field_faults(self.fields.as_ref(), rig));
         faults.extend(self.unreachable_entries(rig.count_limit));
         faults
     }
@@ -94,6 +109,42 @@ impl Library {
         let peaks = (0..self.entries.len()).map(|entry| (entry, peak(entry)));
         peaks.filter(|&(_, peak)| peak > count_limit).map(fault).collect()
     }
+}
+
+/// A fault for every number of the library, with its path, that is not the rig's.
+fn differences<'a>(numbers: impl IntoIterator<Item = (&'a str, f64, f64)>) -> impl Iterator<Item = LibraryFault> {
+    let others = numbers.into_iter().filter(|(_, found, its)| (found - its).abs() > SAME * its.abs() + FILE_ROUNDING);
+    let faults: Vec<_> = others
+        .map(|(path, found, its)| {
+            let [found, its] = [found, its].map(|value| (value * 1e9).round() / 1e9);
+            LibraryFault::new(path, found, format!("{its}, as the rig has it"))
+        })
+        .collect();
+    faults.into_iter()
+}
+
+fn field_faults(response: Option<&FieldResponse>, rig: &RigFacts<'_>) -> Vec<LibraryFault> {
+    let (response, fields) = match (response, &rig.fields) {
+        (None, None) => return Vec::new(),
+        (Some(response), Some(fields)) => (response, fields),
+        (None, Some(_)) => {
+            let allowed = "the response to the rig's fields: run `upm calibrate`";
+            return vec![LibraryFault::new("fields", "nothing", allowed)];
+        }
+        (Some(_), None) => {
+            let allowed = "nothing: the rig has no fields, calibrate again";
+            return vec![LibraryFault::new("fields", "a response", allowed)];
+        }
+    };
+    let measured = response.twist_from_counts.len() as f64;
+    differences([
+        ("fields.base_hz", response.base_radps / TAU, fields.base_radps / TAU),
+        ("fields.attack_s", response.attack_s, fields.attack_s),
+        ("fields.rest_s", response.rest_s, fields.rest_s),
+        ("fields.limit_counts", response.limit_counts, rig.count_limit),
+        ("fields.twist_from_counts", measured, fields.harmonics as f64),
+    ])
+    .collect()
 }
 
 /// Smaller eigenvalue of the sum of τ τ^T over all entries, with τ the unit flow at the plate's centre.
@@ -183,6 +234,25 @@ impl Faults {
         self.check_rising("displacement.sustain_s", sustains, MOST_TIME_S, "at least 2 rising numbers not below 0");
         for (name, table) in [("distance_mm", &raw.distance_mm), ("sd_mm", &raw.sd_mm)] {
             self.check_table(name, table, speeds.len(), sustains.len());
+        }
+    }
+
+    fn check_fields(&mut self, raw: &RawFieldResponse) {
+        self.check_within("fields.base_hz", raw.base_hz, BASE_HZ);
+        self.check_within("fields.attack_s", raw.attack_s, (0.0, MOST_TIME_S));
+        self.check_within("fields.rest_s", raw.rest_s, (0.0, MOST_TIME_S));
+        self.check_within("fields.limit_counts", raw.limit_counts, LIMIT_COUNTS);
+        if raw.twist_from_counts.is_empty() {
+            self.add("fields.twist_from_counts", "no harmonic", "one matrix for each harmonic");
+        }
+        for (k, rows) in raw.twist_from_counts.iter().enumerate() {
+            let path = format!("fields.twist_from_counts[{k}]");
+            let largest = rows.as_flattened().as_flattened().iter().fold(0.0, |most: f64, part| most.max(part.abs()));
+            if largest > MOST_RESPONSE {
+                self.add(path, largest, &format!("numbers from -{MOST_RESPONSE} to {MOST_RESPONSE}"));
+            } else if matrix(rows).try_inverse().is_none() {
+                self.add(path, "a singular matrix", "forces on x, y and spin that move the plate independently");
+            }
         }
     }
 

@@ -66,13 +66,14 @@ fn in_words(expected: &str) -> String {
 fn meant_by(key: &str) -> &'static str {
     match key {
         "rig" | "fingerprint" => "a string",
-        "base_hz" | "attack_s" | "rest_s" | "spin_rad_s" => "a number",
+        "base_hz" | "attack_s" | "rest_s" | "spin_rad_s" | "limit_counts" => "a number",
         "shapes" | "displacement" => "an object",
         "amplitudes" => "a list of 4 whole numbers",
         "velocity_mm_s" => "a list of 2 numbers",
         "x" | "y" | "spin" => "a list of 2 lists of 2 numbers",
         "distance_mm" | "sd_mm" => "a list of lists of numbers",
         "entries" => "a list of objects",
+        "twist_from_counts" => "a list of matrices of 3 rows of 3 [re, im]",
         _ => "a list of numbers",
     }
 }

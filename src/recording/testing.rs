@@ -40,6 +40,7 @@ pub(super) fn library() -> Library {
         shapes: [AxisShape::FREE_MASS; 3],
         entries: entries.collect(),
         displacement: DisplacementModel::default(),
+        fields: None,
     }
 }
 
@@ -56,6 +57,7 @@ pub(super) fn model() -> RigModel {
         attack_s: 0.01,
         rest_s: 0.04,
         max_sustain_s: 0.5,
+        fields: None,
         accelerometer_in_plate_m: Vec2::new(0.09, 0.09),
         frame_size_px: [1280, 1024],
         frame_hz: 60.0,

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use serde_json::Value;
 
 use crate::config::{JobSpec, LibraryRef, RigSpec};
-use crate::library::{Library, LibraryFault, RigFacts};
+use crate::library::{FieldFacts, Library, LibraryFault, RigFacts};
 
 /// The COR library a job runs with, checked against its rig.
 pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
@@ -40,6 +40,12 @@ pub fn library_faults(library: &Library, file: &str, rig: &RigSpec) -> Vec<Libra
         attack_s: model.attack_s,
         rest_s: model.rest_s,
         count_limit: model.count_limit,
+        fields: model.fields.map(|fields| FieldFacts {
+            base_radps: fields.base_radps,
+            harmonics: fields.harmonics,
+            attack_s: fields.attack_s,
+            rest_s: fields.rest_s,
+        }),
     };
     let faults = library.check_fits(&facts).into_iter();
     faults.map(|fault| LibraryFault { file: file.to_owned(), ..fault }).collect()

@@ -213,6 +213,7 @@ mod tests {
             attack_s: 0.01,
             rest_s: 0.05,
             max_sustain_s: 0.2,
+            fields: None,
             accelerometer_in_plate_m: params.accelerometers.position_m,
             frame_size_px: params.camera.size_px,
             frame_hz: params.camera.frame_hz,

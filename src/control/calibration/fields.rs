@@ -1,0 +1,68 @@
+use nalgebra::{Complex, Matrix3, Vector3};
+
+use super::CalibrationFault;
+use super::workbench::Workbench;
+use crate::estimation::{MAX_PERIODS, TwistFit};
+use crate::library::{FieldResponse, motor_harmonics};
+use crate::rig::FieldDriveModel;
+use crate::signal::{Drive, Envelope, Harmonic};
+
+/// Part of the count limit that a harmonic is played with: less than the axis pulses, which the accelerometers could
+/// read, so that the pull to the centre of the slower base frequency has room too.
+const EFFORT: f64 = 0.5;
+/// Time at full height, s: what the flank sets off has died down before the last periods are read.
+const SUSTAIN_S: f64 = 0.2;
+const NAMES: [&str; 3] = ["field x", "field y", "field spin"];
+
+/// Plays every harmonic on every axis, both ways, and reads the plate's answer on all three.
+pub(super) fn measure(bench: &mut Workbench<'_>, fields: &FieldDriveModel) -> Result<FieldResponse, CalibrationFault> {
+    let mut twist_from_counts = Vec::with_capacity(fields.harmonics);
+    for k in 1..=fields.harmonics {
+        let mut response = Matrix3::zeros();
+        for axis in 0..3 {
+            bench.report("fields", 3 * (k - 1) + axis, 3 * fields.harmonics);
+            response.set_column(axis, &answer(bench, fields, k, axis)?);
+        }
+        response.try_inverse().ok_or(CalibrationFault::Singular)?;
+        twist_from_counts.push(response);
+    }
+    Ok(FieldResponse {
+        base_radps: fields.base_radps,
+        attack_s: fields.attack_s,
+        rest_s: fields.rest_s,
+        limit_counts: bench.model.count_limit,
+        twist_from_counts,
+    })
+}
+
+/// Velocity phasors of x, y and spin for one count of `axis` at harmonic `k`.
+fn answer(
+    bench: &mut Workbench<'_>,
+    fields: &FieldDriveModel,
+    k: usize,
+    axis: usize,
+) -> Result<Vector3<Complex<f64>>, CalibrationFault> {
+    let unit = pulse(bench, fields, k, axis, 1.0);
+    let counts = EFFORT * bench.model.count_limit / unit.peak_counts();
+    let drive = pulse(bench, fields, k, axis, counts);
+    let what = format!("{}, harmonic {k}", NAMES[axis]);
+    let there = bench.read_twist(&what, &drive)?;
+    let back = bench.read_twist(&what, &drive.reversed())?;
+    let read = |fit: &TwistFit, axis: usize| if k == 1 { fit.axes[axis].first } else { fit.axes[axis].second };
+    Ok(Vector3::from_fn(|moved, _| (read(&there, moved) - read(&back, moved)) / Complex::from(2.0 * counts)))
+}
+
+/// `counts · cos kwt` on one axis. Written as the second harmonic of half its frequency: so the read-out of two
+/// harmonics sees twice the periods and needs but eight samples in each. The first would have too long a period.
+fn pulse(bench: &Workbench<'_>, fields: &FieldDriveModel, k: usize, axis: usize, counts: f64) -> Drive {
+    let read_s = std::f64::consts::TAU * MAX_PERIODS as f64 / fields.base_radps;
+    let sustain_s = SUSTAIN_S.max(read_s).min(bench.model.max_sustain_s);
+    let envelope = Envelope { attack_s: fields.attack_s, sustain_s, rest_s: fields.rest_s };
+    let axis_counts = Vector3::from_fn(|i, _| Complex::from(if i == axis { counts } else { 0.0 }));
+    let forces = motor_harmonics(&axis_counts);
+    if k == 1 {
+        return Drive { base_radps: fields.base_radps, motors: forces.map(|force| vec![force]), envelope };
+    }
+    let motors = forces.map(|force| vec![Harmonic::default(), force]);
+    Drive { base_radps: 0.5 * k as f64 * fields.base_radps, motors, envelope }
+}
