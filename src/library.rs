@@ -4,6 +4,8 @@ mod displacement;
 mod drive;
 mod fault;
 mod field_drive;
+#[cfg(test)]
+mod fields_tests;
 mod file;
 mod raw;
 mod raw_fields;

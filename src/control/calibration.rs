@@ -21,7 +21,7 @@ use std::sync::atomic::AtomicBool;
 use super::ending::Ending;
 use super::eyes::ExpectedPart;
 use crate::estimation::FitFault;
-use crate::library::{Entry, Library};
+use crate::library::{Entry, FieldResponse, Library};
 use crate::rig::{PartKind, Rig, RigFault, RigModel};
 use crate::units::GRAVITY_MPS2;
 use steering::Motion;
@@ -188,6 +188,21 @@ pub fn steer(
     })
 }
 
+/// Measures how the plate answers to the synthesised motions of `rig`, by its accelerometers alone; `None` where it
+/// makes none. Motors are at zero when this returns.
+pub fn measure_fields(
+    rig: &mut dyn Rig,
+    model: &RigModel,
+    params: &CalibrationParams,
+    stop: &AtomicBool,
+    progress: &mut dyn FnMut(CalibrationProgress),
+) -> Result<Option<FieldResponse>, CalibrationFault> {
+    Workbench::new(rig, model, stop, progress).work(|bench| {
+        axes::measure(bench, params)?;
+        fields::measure(bench)
+    })
+}
+
 /// Measures `rig` and returns its library. Motors are at zero when this returns.
 pub fn calibrate(
     rig: &mut dyn Rig,
@@ -222,9 +237,7 @@ fn measure(
     };
     library.displacement = displacement::measure(bench, &library, params)?;
     library.entries = steering::measure(bench, &axes, params, &wanted(&axes, bench.model, params))?;
-    if let Some(fields) = &bench.model.fields {
-        library.fields = Some(fields::measure(bench, fields)?);
-    }
+    library.fields = fields::measure(bench)?;
     Ok(library)
 }
 

@@ -47,6 +47,12 @@ pub fn calibration_params(rig: &RigSpec) -> CalibrationParams {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Twist;
+    use crate::signal::{Drive, TwistHarmonic, TwistWave};
+    use crate::sim::Plant;
+    use nalgebra::{Complex, Vector3};
+    use rand::RngExt;
+    use std::f64::consts::TAU;
     use std::path::PathBuf;
 
     /// A small calibration of a shipped rig under a camera of a quarter of the pixels: nine centres on the plate, a
@@ -107,6 +113,69 @@ mod tests {
             }
         }
         assert_eq!(library.fingerprint, golden.fingerprint);
+    }
+
+    /// Harmonics 1 to 8 of the plate's true velocity over the last three base periods of the sustain of `drive`, played
+    /// from rest on an empty plate: a discrete Fourier transform, phasors of x, y and spin.
+    fn true_velocity(rig: &RigSpec, drive: &Drive) -> Vec<Vector3<Complex<f64>>> {
+        let mut plant = Plant::new(&rig.sim, &[], &Streams::new(1));
+        let end_s = drive.envelope.attack_s + drive.envelope.sustain_s;
+        let window_s = 3.0 * TAU / drive.base_radps;
+        let mut sums = vec![Vector3::zeros(); drive.motors[0].len()];
+        plant.play(drive.clone());
+        for i in 1..(end_s / rig.sim.step_s) as u32 {
+            plant.step();
+            let t_s = f64::from(i) * rig.sim.step_s;
+            if t_s <= end_s - window_s {
+                continue;
+            }
+            let Twist { velocity_mps, spin_radps } = plant.plate().twist;
+            let v = Vector3::new(velocity_mps.x, velocity_mps.y, spin_radps);
+            for (k, sum) in (1..).zip(&mut sums) {
+                let turned =
+                    Complex::from_polar(2.0 * rig.sim.step_s / window_s, -f64::from(k) * drive.base_radps * t_s);
+                *sum += v.map(|part| turned * part);
+            }
+        }
+        sums
+    }
+
+    /// The response as measured by the accelerometers alone, then a wave of eight random harmonics through it.
+    #[test]
+    fn a_wave_of_eight_harmonics_comes_out_on_the_plate() {
+        let mut rig = RigSpec::upm_2().unwrap();
+        rig.sim.camera.size_px = [1, 1];
+        rig.model.frame_size_px = [1, 1];
+        let (params, stop) = (CalibrationParams::full(Vec::new(), Vec::new()), AtomicBool::new(false));
+        let mut simulated = SimRig::new(rig.model.clone(), rig.sim.clone(), Vec::new(), Streams::new(1));
+        let fields =
+            calibration::measure_fields(&mut simulated, &rig.model, &params, &stop, &mut |_| ()).unwrap().unwrap();
+        assert_eq!(fields.twist_from_counts.len(), 8);
+        let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+        let small = Library::load(&folder.join("tests/golden/small-library.json")).unwrap();
+        let library = Library { fields: Some(fields.clone()), ..small };
+        let mut rng = Streams::new(7).stream("waves");
+        for _ in 0..3 {
+            let mut amplitude = |most: f64| rng.random_range(-most..most);
+            let mut twist = || Twist::new(amplitude(0.15), amplitude(0.15), amplitude(1.2));
+            let mut harmonic = |k: u8| {
+                let share = f64::from(k).recip();
+                TwistHarmonic { cos: twist() * share, sin: twist() * share }
+            };
+            let harmonics = (1..=8).map(&mut harmonic).collect();
+            let wave = TwistWave { base_radps: fields.base_radps, harmonics };
+            let drive = library.field_drive(&wave, 0.25).unwrap();
+            assert!(drive.peak_counts() < fields.limit_counts, "{}", drive.peak_counts());
+            let found = true_velocity(&rig, &drive);
+            let parts = |t: Twist| Vector3::new(t.velocity_mps.x, t.velocity_mps.y, t.spin_radps);
+            for (k, (found, wanted)) in found.iter().zip(&wave.harmonics).enumerate() {
+                let wanted = parts(wanted.cos).zip_map(&parts(wanted.sin), |c, s| Complex::new(c, -s));
+                let arm = Vector3::new(1.0, 1.0, 0.14);
+                let [off, size] = [found - wanted, wanted].map(|v| v.zip_map(&arm, |part, arm| part * arm).norm());
+                println!("harmonic {}: off {:.3} %", k + 1, 100.0 * off / size);
+                assert!(off < 0.01 * size, "harmonic {}: off by {off} of {size}", k + 1);
+            }
+        }
     }
 
     #[test]

@@ -1,3 +1,5 @@
+use std::f64::consts::TAU;
+
 use serde_json::{Value, json};
 
 use super::{lines, rig, set, shipped, value_of};
@@ -113,6 +115,43 @@ fn impossible_rigs_are_faults() {
         ("/kinds", json!({"penny": {"diameter_mm": 20, "mass_g": 2, "thickness_mm": 1}}), "kinds.penny", "other than"),
     ] {
         let mut document = value_of("rigs/upm-1.json");
+        set(&mut document, pointer, value);
+        let faults = lines(rig(&document).unwrap_err());
+        let found = faults.iter().any(|fault| fault.starts_with(&format!("{at}: found ")) && fault.contains(allowed));
+        assert!(found, "{pointer}: {faults:?}");
+    }
+}
+
+#[test]
+fn synthesised_motions_are_checked_and_part_of_the_fingerprint() {
+    let base = value_of("rigs/upm-2.json");
+    let spec = rig(&base).unwrap();
+    let fields = spec.model.fields.unwrap();
+    assert_eq!((fields.base_radps, fields.harmonics), (TAU * 30.0, 8));
+    assert_eq!((fields.attack_s, fields.rest_s), (0.033333, 0.04));
+    assert_eq!(rig(&value_of("rigs/upm-1.json")).unwrap().model.fields, None);
+    let mut none = base.clone();
+    set(&mut none, "/fields", Value::Null);
+    assert_eq!(rig(&none).unwrap().model.fields, None);
+    assert_ne!(rig(&none).unwrap().fingerprint, spec.fingerprint);
+    for (pointer, value, at, allowed) in [
+        ("/fields/base_hz", json!(4), "fields.base_hz", "from 5 to 200"),
+        ("/fields/base_hz", json!(7), "fields.base_hz", "above 7, the highest of plate.resonance_hz"),
+        (
+            "/fields/base_hz",
+            json!(9),
+            "fields.base_hz",
+            "10.0000 or more (three periods within drive.max_sustain_s, 0.3)",
+        ),
+        ("/fields/harmonics", json!(1), "fields.harmonics", "from 2 to 16"),
+        ("/fields/harmonics", json!(17), "fields.harmonics", "from 2 to 16"),
+        ("/motors/low_pass_hz", json!(240), "fields.harmonics", "below 240 Hz"),
+        ("/motors/sample_hz", json!(900), "fields.harmonics", "below 225 Hz (motors.low_pass_hz, a quarter of"),
+        ("/accelerometers/sample_hz", json!(1800), "fields.harmonics", "below 225 Hz"),
+        ("/fields/attack_s", json!(0.016), "fields.attack_s", "0.016667 or more (half a period of fields.base_hz)"),
+        ("/fields/rest_s", json!(-1), "fields.rest_s", "from 0 to 5"),
+    ] {
+        let mut document = base.clone();
         set(&mut document, pointer, value);
         let faults = lines(rig(&document).unwrap_err());
         let found = faults.iter().any(|fault| fault.starts_with(&format!("{at}: found ")) && fault.contains(allowed));

@@ -14,25 +14,27 @@ const EFFORT: f64 = 0.5;
 const SUSTAIN_S: f64 = 0.2;
 const NAMES: [&str; 3] = ["field x", "field y", "field spin"];
 
-/// Plays every harmonic on every axis, both ways, and reads the plate's answer on all three.
-pub(super) fn measure(bench: &mut Workbench<'_>, fields: &FieldDriveModel) -> Result<FieldResponse, CalibrationFault> {
+/// Plays every harmonic of the rig's synthesised motions on every axis, both ways, and reads the plate's answer on all
+/// three; `None` where it makes none.
+pub(super) fn measure(bench: &mut Workbench<'_>) -> Result<Option<FieldResponse>, CalibrationFault> {
+    let Some(fields) = bench.model.fields else { return Ok(None) };
     let mut twist_from_counts = Vec::with_capacity(fields.harmonics);
     for k in 1..=fields.harmonics {
         let mut response = Matrix3::zeros();
         for axis in 0..3 {
             bench.report("fields", 3 * (k - 1) + axis, 3 * fields.harmonics);
-            response.set_column(axis, &answer(bench, fields, k, axis)?);
+            response.set_column(axis, &answer(bench, &fields, k, axis)?);
         }
         response.try_inverse().ok_or(CalibrationFault::Singular)?;
         twist_from_counts.push(response);
     }
-    Ok(FieldResponse {
+    Ok(Some(FieldResponse {
         base_radps: fields.base_radps,
         attack_s: fields.attack_s,
         rest_s: fields.rest_s,
         limit_counts: bench.model.count_limit,
         twist_from_counts,
-    })
+    }))
 }
 
 /// Velocity phasors of x, y and spin for one count of `axis` at harmonic `k`.

@@ -1,0 +1,195 @@
+use std::f64::consts::TAU;
+
+use nalgebra::{Complex, Matrix3, Vector3};
+use proptest::prelude::*;
+
+use super::{AxisShape, DisplacementModel, Entry, FieldFacts, FieldResponse, Library, RigFacts};
+use crate::geometry::Twist;
+use crate::signal::{Drive, TwistHarmonic, TwistWave};
+
+const BASE_RADPS: f64 = TAU * 30.0;
+
+fn library(twist_from_counts: Vec<Matrix3<Complex<f64>>>) -> Library {
+    let pumps = [Twist::new(0.5, 0.0, 0.0), Twist::new(0.0, 0.5, 0.0), Twist::new(0.1, 0.0, 8.0)];
+    Library {
+        rig: "bench".into(),
+        fingerprint: "12ab".into(),
+        plate_side_m: 0.3,
+        base_radps: TAU * 60.0,
+        attack_s: 0.01,
+        rest_s: 0.03,
+        accelerometer_gain: [1.0; 4],
+        shapes: [AxisShape::FREE_MASS; 3],
+        entries: pumps.map(|pump| Entry { amplitudes: [100, -100, 0, 0], pump }).to_vec(),
+        displacement: DisplacementModel {
+            speed_mps: vec![0.1, 0.5],
+            sustain_s: vec![0.0, 0.1],
+            distance_m: vec![vec![0.001, 0.004], vec![0.001, 0.006]],
+            sd_m: vec![vec![0.0; 2]; 2],
+        },
+        fields: Some(FieldResponse {
+            base_radps: BASE_RADPS,
+            attack_s: 0.033_333,
+            rest_s: 0.04,
+            limit_counts: 2047.0,
+            twist_from_counts,
+        }),
+    }
+}
+
+/// A free mass a little late and a little crosswise: `1/(jkw)`, turned by `late_rad`, other axes mixed in by `cross`.
+fn response(k: usize, late_rad: f64, cross: [f64; 6]) -> Matrix3<Complex<f64>> {
+    let [a, b, c, d, e, f] = cross;
+    let mixed = Matrix3::new(1.0, a, b, c, 1.0, d, e, f, 1.0);
+    let scale = Matrix3::from_diagonal(&Vector3::new(0.11, 0.11, 0.7));
+    let turn = Complex::from_polar((k as f64 * BASE_RADPS).recip(), -TAU / 4.0 - late_rad * k as f64);
+    (scale * mixed).map(|gain| turn * gain)
+}
+
+fn responses(late_rad: f64, cross: [f64; 6]) -> Vec<Matrix3<Complex<f64>>> {
+    (1..=4).map(|k| response(k, late_rad, cross)).collect()
+}
+
+fn harmonic() -> impl Strategy<Value = TwistHarmonic> {
+    let twist = || (-0.5..0.5f64, -0.5..0.5f64, -4.0..4.0f64).prop_map(|(x, y, spin)| Twist::new(x, y, spin));
+    (twist(), twist()).prop_map(|(cos, sin)| TwistHarmonic { cos, sin })
+}
+
+/// The plate's velocity at `t_s` of full height: axis forces of Eq. 7, each harmonic answered by its matrix.
+fn answer(drive: &Drive, responses: &[Matrix3<Complex<f64>>], t_s: f64) -> Vector3<f64> {
+    let velocity = |(i, matrix): (usize, &Matrix3<Complex<f64>>)| {
+        let part = |motor: usize| drive.motors[motor].get(i).copied().unwrap_or_default();
+        let [x1, x2, y1, y2] = [0, 1, 2, 3].map(|motor| Complex::new(part(motor).cos, -part(motor).sin));
+        let turning = Complex::from_polar(1.0, (i + 1) as f64 * drive.base_radps * t_s);
+        (matrix * Vector3::new(x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2)) * turning).map(|v| v.re)
+    };
+    responses.iter().enumerate().map(velocity).sum()
+}
+
+proptest! {
+    #[test]
+    fn the_drive_of_a_wave_moves_the_plate_by_it(
+        harmonics in proptest::collection::vec(harmonic(), 0..=4), late_rad in -0.5..0.5f64,
+        cross in proptest::array::uniform6(-0.1..0.1f64), t_s in 0.05..0.2f64,
+    ) {
+        let responses = responses(late_rad, cross);
+        let library = library(responses.clone());
+        let wave = TwistWave { base_radps: BASE_RADPS, harmonics };
+        let drive = library.field_drive(&wave, 0.2).unwrap();
+        let (found, wanted) = (answer(&drive, &responses, t_s), wave.at(t_s));
+        let wanted = Vector3::new(wanted.velocity_mps.x, wanted.velocity_mps.y, wanted.spin_radps);
+        prop_assert!((found - wanted).norm() < 1e-9, "{found} {wanted}");
+        let squeeze: f64 = (0..4).map(|motor| drive.counts_at(motor, t_s)).sum();
+        prop_assert!(squeeze.abs() < 1e-6, "no motor works against the others");
+        let envelope = drive.envelope;
+        prop_assert_eq!([envelope.attack_s, envelope.sustain_s, envelope.rest_s], [0.033_333, 0.2, 0.04]);
+    }
+
+    #[test]
+    fn a_response_comes_back_from_its_file(late_rad in -0.5..0.5f64, cross in proptest::array::uniform6(-0.1..0.1f64)) {
+        let saved = library(responses(late_rad, cross));
+        let text = saved.to_json();
+        let read = Library::from_json(&text, "l.json").unwrap();
+        prop_assert_eq!(read.to_json(), text, "reading and writing again changes no byte");
+        let [saved, read] = [saved, read].map(|library| library.fields.unwrap());
+        prop_assert_eq!(saved.limit_counts, read.limit_counts);
+        prop_assert!((saved.base_radps - read.base_radps).abs() < 1e-5);
+        prop_assert_eq!(saved.twist_from_counts.len(), read.twist_from_counts.len());
+        for (a, b) in saved.twist_from_counts.iter().zip(&read.twist_from_counts) {
+            prop_assert!((a - b).iter().all(|off| off.norm() < 1e-9));
+        }
+    }
+}
+
+#[test]
+fn what_was_not_measured_is_not_driven() {
+    let one = TwistWave { base_radps: BASE_RADPS, harmonics: vec![TwistHarmonic::default(); 5] };
+    let measured = library(responses(0.1, [0.0; 6]));
+    assert_eq!(measured.field_drive(&one, 0.1), None, "five harmonics of four");
+    let other = TwistWave { base_radps: 1.001 * BASE_RADPS, harmonics: Vec::new() };
+    assert_eq!(measured.field_drive(&other, 0.1), None);
+    let bare = Library { fields: None, ..measured };
+    assert_eq!(bare.field_drive(&TwistWave { base_radps: BASE_RADPS, harmonics: Vec::new() }, 0.1), None);
+}
+
+#[test]
+fn a_library_without_fields_may_say_null() {
+    let bare = Library { fields: None, ..library(Vec::new()) };
+    let text = bare.to_json();
+    assert!(!text.contains("fields"), "{text}");
+    let with_null = text.replacen("  \"rig\"", "  \"fields\": null,\n  \"rig\"", 1);
+    assert_eq!(Library::from_json(&with_null, "l.json").unwrap(), Library::from_json(&text, "l.json").unwrap());
+}
+
+#[test]
+fn a_harmonic_is_a_line_of_the_file() {
+    let text = library(vec![Matrix3::identity().map(|one: f64| Complex::new(0.0, -1e-3 * one)); 2]).to_json();
+    let line =
+        "    [[[0.0,-1.0],[0.0,0.0],[0.0,0.0]],[[0.0,0.0],[0.0,-1.0],[0.0,0.0]],[[0.0,0.0],[0.0,0.0],[0.0,-0.001]]]";
+    assert_eq!(text.lines().filter(|l| l.trim_end_matches(',') == line).count(), 2, "{text}");
+}
+
+#[test]
+fn values_no_rig_has_are_told() {
+    let good = || library(responses(0.1, [0.0; 6]));
+    let told = |change: &dyn Fn(&mut FieldResponse)| -> Vec<String> {
+        let mut bad = good();
+        bad.fields.as_mut().into_iter().for_each(change);
+        Library::from_json(&bad.to_json(), "l").unwrap_err().iter().map(ToString::to_string).collect()
+    };
+    type Change = fn(&mut FieldResponse);
+    let cases: [(Change, &str); 5] = [
+        (|f| f.base_radps = TAU * 0.5, "l: fields.base_hz: found 0.5, allowed: a number from 1 to 10000"),
+        (|f| f.rest_s = -1.0, "l: fields.rest_s: found -1, allowed: a number from 0 to 100"),
+        (|f| f.limit_counts = 0.0, "l: fields.limit_counts: found 0, allowed: a number from 1 to 1000000"),
+        (
+            |f| f.twist_from_counts.clear(),
+            "l: fields.twist_from_counts: found no harmonic, allowed: one matrix for each harmonic",
+        ),
+        (
+            |f| f.twist_from_counts[1][(2, 2)] = Complex::new(0.0, -2e5),
+            "l: fields.twist_from_counts[1]: found 200000, allowed: numbers from -100000 to 100000",
+        ),
+    ];
+    for (change, line) in cases {
+        assert_eq!(told(&change), [line]);
+    }
+    let singular = told(&|f| f.twist_from_counts[2].fill_column(1, Complex::new(0.0, 0.0)));
+    let allowed = "forces on x, y and spin that move the plate independently";
+    assert_eq!(singular, [format!("l: fields.twist_from_counts[2]: found a singular matrix, allowed: {allowed}")]);
+    let text = good().to_json().replacen("  \"limit_counts\": 2047.0,\n", "", 1);
+    let faults = Library::from_json(&text, "l").unwrap_err();
+    assert_eq!(faults[0].to_string(), "l: fields.limit_counts: found nothing, allowed: a number");
+}
+
+#[test]
+fn fields_of_another_rig_are_refused() {
+    let library = library(responses(0.1, [0.0; 6]));
+    let fields = FieldFacts { base_radps: BASE_RADPS, harmonics: 4, attack_s: 0.033_333, rest_s: 0.04 };
+    let rig = RigFacts {
+        name: "bench",
+        fingerprint: "12ab",
+        plate_side_m: 0.3,
+        base_radps: library.base_radps,
+        attack_s: 0.01,
+        rest_s: 0.03,
+        count_limit: 2047.0,
+        fields: Some(fields),
+    };
+    let told = |library: &Library, rig: RigFacts<'_>| -> Vec<String> {
+        library.check_fits(&rig).iter().map(|fault| format!("{}: {}", fault.path, fault.allowed)).collect()
+    };
+    assert_eq!(told(&library, rig), [""; 0]);
+    let with = |fields: FieldFacts| told(&library, RigFacts { fields: Some(fields), ..rig });
+    assert_eq!(with(FieldFacts { base_radps: TAU * 40.0, ..fields }), ["fields.base_hz: 40, as the rig has it"]);
+    assert_eq!(with(FieldFacts { attack_s: 0.05, ..fields }), ["fields.attack_s: 0.05, as the rig has it"]);
+    assert_eq!(with(FieldFacts { rest_s: 0.05, ..fields }), ["fields.rest_s: 0.05, as the rig has it"]);
+    assert_eq!(with(FieldFacts { harmonics: 8, ..fields }), ["fields.twist_from_counts: 8, as the rig has it"]);
+    let strong = RigFacts { count_limit: 4095.0, ..rig };
+    assert_eq!(told(&library, strong), ["fields.limit_counts: 4095, as the rig has it"]);
+    let none = RigFacts { fields: None, ..rig };
+    assert_eq!(told(&library, none), ["fields: nothing: the rig has no fields, calibrate again"]);
+    let bare = Library { fields: None, ..library.clone() };
+    assert_eq!(told(&bare, rig), ["fields: the response to the rig's fields: run `upm calibrate`"]);
+    assert_eq!(told(&bare, none), [""; 0]);
+}
