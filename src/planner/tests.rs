@@ -1,25 +1,12 @@
 use proptest::prelude::*;
 
 use super::field::{Columns, push_column};
-use super::fixture::{HALF_SIDE_M, PENNY_M, library, params, penny, scatter};
+use super::fixture::{HALF_SIDE_M, PENNY_M, ends_without_a_plan, library, mm, params, penny, scene};
 use super::{Limit, PartState, Plan, PlanStatus, Planner, Reach};
 use crate::geometry::Vec2;
-use crate::random::Streams;
 
 fn planner() -> Planner {
     Planner::new(library(), params())
-}
-
-fn mm(x: f64, y: f64) -> Vec2 {
-    Vec2::new(x * 1e-3, y * 1e-3)
-}
-
-/// Pennies on the plate with random steps of up to `reach_m` along each axis.
-fn scene(count: usize, reach_m: f64, seed: u64) -> Vec<PartState> {
-    let mut rng = Streams::new(seed).stream("scene");
-    let mut draw = || (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
-    let places = scatter(count, &mut draw);
-    places.into_iter().map(|p| penny(p, reach_m * Vec2::new(2.0 * draw() - 1.0, 2.0 * draw() - 1.0))).collect()
 }
 
 /// Every promise a plan makes, whatever its status.
@@ -124,10 +111,7 @@ fn parts_pressed_together_stop_each_other() {
 
 #[test]
 fn endings_that_are_no_plan() {
-    assert_eq!(planner().plan(&[]).status, PlanStatus::NothingToDo);
-    assert_eq!(planner().plan(&[penny(mm(1.0, 2.0), mm(0.05, 0.0))]).status, PlanStatus::NothingToDo);
-    let lost = penny(mm(f64::NAN, 2.0), mm(1.0, 0.0));
-    assert!(matches!(planner().plan(&[lost]).status, PlanStatus::SolverFailed(_)));
+    ends_without_a_plan(|parts| planner().plan(parts).status);
     let mut still = (*library()).clone();
     still.entries.truncate(3);
     still.displacement.distance_m.iter_mut().flatten().for_each(|d| *d = 0.0);
