@@ -84,6 +84,7 @@ pub(super) fn params() -> PlannerParams {
         min_distance_m: 0.0002,
         max_pulses: 32,
         candidates_per_part: 4,
+        look_s: 1.0 / 60.0,
         sparsity: 0.05,
     }
 }

@@ -136,6 +136,7 @@ fn planner_params(job: &JobSpec, library: &Library, parts: usize) -> PlannerPara
         min_distance_m: 0.3e-3,
         max_pulses: LEAST_PULSES.max(4 * parts),
         candidates_per_part: CANDIDATES.div_ceil(parts.max(1)).max(8),
+        look_s: 1.0 / job.rig.model.frame_hz,
         sparsity: 0.05,
     }
 }
