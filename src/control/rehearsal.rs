@@ -1,9 +1,8 @@
 //! A job played on the library's displacement model alone, before anything moves: no rig, no camera, no truth.
 //!
 //! The loop is that of a run: ask the goal, plan, play, look again, learn the parts' gains. A part goes with the flow as
-//! far as was measured for the belt under it, times a friction of its own, with the scatter that was measured. Its way is
-//! the arc that the planner forecasts: a rehearsal tells what friction, scatter, limits and the goal make of a job, not
-//! how true the displacement model is. Looks are perfect, and parts that meet only push each other aside.
+//! far as was measured for the belt under it, times a friction of its own, with the scatter that was measured. Looks are
+//! perfect, and parts that meet only push each other aside.
 
 mod stage;
 mod trail;
@@ -166,7 +165,7 @@ impl Player<'_> {
             self.check_time()?;
             let before_m = self.stage.positions_m.clone();
             let forecast_m = self.planner.forecast(&self.unlearned(), pulse);
-            self.stage.play(pulse, &self.planner);
+            self.stage.play(pulse);
             self.pulses += 1;
             self.gains.learn(&before_m, &forecast_m, &self.stage.positions_m);
             for (trail, &position_m) in self.trails.iter_mut().zip(&self.stage.positions_m) {

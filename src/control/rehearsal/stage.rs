@@ -6,7 +6,7 @@ use super::{Nearest, OPENING_FRAMES, RehearsalParams};
 use crate::control::ControlParams;
 use crate::geometry::Vec2;
 use crate::library::Library;
-use crate::planner::{PartState, PlannedPulse, Planner};
+use crate::planner::PlannedPulse;
 use crate::random::Rng;
 use crate::time::PlateTime;
 
@@ -68,12 +68,14 @@ impl Stage {
         self.frames += 1;
     }
 
-    /// Plays a pulse to the first frame after its end, where `planner` forecasts what it does to parts of usual friction.
-    pub fn play(&mut self, pulse: &PlannedPulse, planner: &Planner) {
+    /// Plays a pulse to the first frame after its end.
+    pub fn play(&mut self, pulse: &PlannedPulse) {
         let sounding_s = 2.0 * self.library.attack_s + pulse.sustain_s + self.library.rest_after(pulse.sustain_s);
         self.frames += (sounding_s * self.frame_hz - ROUNDING).ceil().max(1.0) as u64;
         let before_m = self.positions_m.clone();
-        self.positions_m = self.carried(pulse, planner);
+        for part in 0..self.positions_m.len() {
+            self.positions_m[part] = self.carried(part, pulse);
+        }
         self.note_gaps(&before_m);
         self.push_apart();
     }
@@ -100,20 +102,17 @@ impl Stage {
         }
     }
 
-    /// Where a pulse carries the parts: along the forecast arcs, as far as the friction and scatter of each let it.
-    fn carried(&mut self, pulse: &PlannedPulse, planner: &Planner) -> Vec<Vec2> {
-        let parts: Vec<PartState> = (self.positions_m.iter().zip(&self.radii_m).zip(&self.friction))
-            .map(|((&position_m, &radius_m), &gain)| PartState { position_m, step_m: Vec2::zeros(), radius_m, gain })
-            .collect();
-        let mut carried_m = planner.forecast(&parts, pulse);
-        let entry = self.library.entries.get(pulse.entry);
-        for (to_m, part) in carried_m.iter_mut().zip(&parts) {
-            let speed_mps = entry.map_or(0.0, |entry| entry.speed_at(part.position_m));
-            let scatter_m = self.library.displacement.sd(speed_mps, pulse.sustain_s) * normal(&mut self.scatter);
-            let along = (*to_m - part.position_m).try_normalize(0.0).unwrap_or_else(Vec2::zeros);
-            *to_m += along * (part.gain * scatter_m);
-        }
-        carried_m
+    /// Where a pulse carries a part. Distance and direction are those half way along: so they were measured.
+    fn carried(&mut self, part: usize, pulse: &PlannedPulse) -> Vec2 {
+        let from_m = self.positions_m[part];
+        let Some(entry) = self.library.entries.get(pulse.entry) else { return from_m };
+        let model = &self.library.displacement;
+        let reverse = if pulse.distance_m < 0.0 { -1.0 } else { 1.0 };
+        let usual_m = |p_m: Vec2| reverse * model.distance(entry.speed_at(p_m), pulse.sustain_s);
+        let half_m = entry.pump.direction_at(from_m) * (0.5 * self.friction[part] * usual_m(from_m));
+        let middle_m = from_m + half_m;
+        let scatter_m = model.sd(entry.speed_at(middle_m), pulse.sustain_s) * normal(&mut self.scatter);
+        from_m + entry.pump.direction_at(middle_m) * (self.friction[part] * (usual_m(middle_m) + scatter_m))
     }
 
     /// Takes note of the least gap while all parts go straight from `before_m` to where they are, in step.

@@ -7,7 +7,7 @@ use crate::control::{ExpectedPart, Outcome};
 use crate::geometry::Twist;
 use crate::goal::{PathParams, Trajectories};
 use crate::library::{AxisShape, DisplacementModel, Entry};
-use crate::planner::{Method, PlannedPulse, PlannerParams};
+use crate::planner::{Method, PlannerParams};
 use crate::rig::PartKind;
 
 const HALF_M: f64 = 0.1;
@@ -218,13 +218,11 @@ fn parts_that_meet_push_each_other_aside() {
     let made = library([Twist::about(Vec2::zeros(), 20.0)], 0.0);
     // friction is drawn so wide that one goes much farther than the other and runs into it
     let starts_m = [Vec2::new(0.05, 0.0), Vec2::new(0.05, 0.021)];
-    let pulse = PlannedPulse { entry: 0, distance_m: 0.01, sustain_s: 0.1 };
-    let planner = Planner::new(Arc::clone(&made), params(2).planner);
     let mut met = 0;
     for number in 1..20 {
         let how = RehearsalParams { friction_spread: 0.4, ..rehearsal(&starts_m, number) };
         let mut stage = Stage::new(Arc::clone(&made), &params(2), &how);
-        stage.play(&pulse, &planner);
+        stage.play(&crate::planner::PlannedPulse { entry: 0, distance_m: 0.01, sustain_s: 0.1 });
         let gap_m = (stage.positions_m[0] - stage.positions_m[1]).norm() - 2.0 * RADIUS_M;
         let least_m = stage.nearest.unwrap().gap_m;
         met += usize::from(least_m < 0.0);
