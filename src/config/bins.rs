@@ -1,6 +1,6 @@
 use super::fault::{Faults, Path};
 use super::job::known_kind;
-use super::packing::places_in;
+use super::packing::in_rows;
 use super::raw_job::RawBin;
 use super::room::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, check_inside};
 use super::task::{BinSpec, Scene, TaskSpec, point_m};
@@ -50,8 +50,9 @@ impl Scene<'_> {
         bin
     }
 
-    /// A fault where the parts of a bin do not find room in rows with [`REST_GAP_M`] between rims, half of it to the
-    /// bin's border, for the next bin may begin there. All are taken as large as the largest: what passes can be done.
+    /// A fault where the parts of a bin do not find room in straight rows with [`REST_GAP_M`] between rims, half of it to the
+    /// bin's border, for the next bin may begin there. All are taken as large as the largest: what passes is what the
+    /// goal finds slots for.
     fn check_room(&self, bin: &BinSpec, at: &Path, faults: &mut Faults) {
         let parts = self.kinds.iter().zip(&self.radii_m).filter(|(kind, _)| bin.kinds.contains(kind));
         let (count, radius_m) =
@@ -59,7 +60,7 @@ impl Scene<'_> {
         let most_m = Vec2::repeat(self.half_m - REST_MARGIN_M);
         let inset_m = Vec2::repeat(0.5 * REST_GAP_M);
         let free_m = (bin.max_m - inset_m).inf(&most_m) - (bin.min_m + inset_m).sup(&-most_m);
-        let room = places_in(free_m, radius_m, REST_GAP_M, count).len();
+        let room = in_rows(free_m, radius_m, REST_GAP_M);
         let [width, height, diameter, gap, border, edge] = [
             bin.max_m.x - bin.min_m.x,
             bin.max_m.y - bin.min_m.y,

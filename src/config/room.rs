@@ -15,10 +15,10 @@ pub const START_GAP_M: f64 = 3e-3;
 /// Least distance of such a rim from the plate's edge, m.
 pub const START_MARGIN_M: f64 = 5e-3;
 
-/// Least gap between the rims of parts where they should come to rest, m.
-pub const REST_GAP_M: f64 = 1e-3;
+/// Gap between rims that the planner keeps, and therefore the least where parts should come to rest, m.
+pub const REST_GAP_M: f64 = 2e-3;
 
-/// Least distance of such a rim from the plate's edge, m: nearer the planner takes no part.
+/// Distance of rims from the plate's edge that the planner keeps, and therefore the least for such parts, m.
 pub const REST_MARGIN_M: f64 = 1e-3;
 
 /// Shortfall that is rounding and no fault, m.

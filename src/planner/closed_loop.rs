@@ -1,6 +1,6 @@
 //! Whole tasks closed over the planner: parts moved by the measured model with noise, at the size of real pulses.
 
-use rand_pcg::rand_core::Rng as _;
+use rand::RngExt as _;
 
 use super::fixture::{PENNY_M, library, params, penny, scatter};
 use super::{PartState, Plan, PlanStatus, Planner};
@@ -24,7 +24,7 @@ struct Noise(Rng);
 impl Noise {
     /// Uniform in 0..1.
     fn draw(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+        self.0.random()
     }
 
     /// Standard normal, from twelve uniforms.

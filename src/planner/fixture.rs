@@ -3,9 +3,12 @@
 use std::f64::consts::{FRAC_2_PI, PI, TAU};
 use std::sync::{Arc, LazyLock};
 
+use rand::RngExt as _;
+
 use crate::geometry::{Twist, Vec2};
 use crate::library::{AxisShape, DisplacementModel, Entry, Library};
-use crate::planner::{PartState, PlannerParams};
+use crate::planner::{PartState, PlanStatus, PlannerParams};
+use crate::random::Streams;
 
 pub(super) const PENNY_M: f64 = 0.009525;
 pub(super) const HALF_SIDE_M: f64 = 0.1016;
@@ -82,12 +85,32 @@ pub(super) fn params() -> PlannerParams {
         min_distance_m: 0.0002,
         max_pulses: 32,
         candidates_per_part: 4,
+        look_s: 1.0 / 60.0,
         sparsity: 0.05,
     }
 }
 
 pub(super) fn penny(position_m: Vec2, step_m: Vec2) -> PartState {
     PartState { position_m, step_m, radius_m: PENNY_M, gain: 1.0 }
+}
+
+pub(super) fn mm(x: f64, y: f64) -> Vec2 {
+    Vec2::new(x, y) * 1e-3
+}
+
+/// Pennies on the plate with random steps of up to `reach_m` along each axis.
+pub(super) fn scene(count: usize, reach_m: f64, seed: u64) -> Vec<PartState> {
+    let mut rng = Streams::new(seed).stream("scene");
+    let mut draw = || rng.random::<f64>();
+    let places = scatter(count, &mut draw);
+    places.into_iter().map(|p| penny(p, reach_m * Vec2::new(2.0 * draw() - 1.0, 2.0 * draw() - 1.0))).collect()
+}
+
+/// How any planner ends where there is nothing to move, or nothing worth a pulse, or a part that is nowhere.
+pub(super) fn ends_without_a_plan(plan: impl Fn(&[PartState]) -> PlanStatus) {
+    assert_eq!(plan(&[]), PlanStatus::NothingToDo);
+    assert_eq!(plan(&[penny(mm(1.0, 2.0), mm(0.05, 0.0))]), PlanStatus::NothingToDo);
+    assert!(matches!(plan(&[penny(mm(f64::NAN, 2.0), mm(1.0, 0.0))]), PlanStatus::SolverFailed(_)));
 }
 
 /// `count` places on the plate, rims at least a radius apart.

@@ -158,23 +158,10 @@ mod tests {
 
     use super::*;
     use crate::geometry::Twist;
-    use crate::planner::fixture::{HALF_SIDE_M, library, params, penny, scatter};
-    use crate::random::Streams;
-
-    fn mm(x: f64, y: f64) -> Vec2 {
-        Vec2::new(x, y) * 1e-3
-    }
+    use crate::planner::fixture::{HALF_SIDE_M, ends_without_a_plan, library, mm, params, penny, scene};
 
     fn planner() -> PseudoInverse {
         PseudoInverse::new(library(), params())
-    }
-
-    /// Pennies here and there with steps of up to `reach_m` along each axis.
-    fn scene(count: usize, reach_m: f64, seed: u64) -> Vec<PartState> {
-        let mut rng = Streams::new(seed).stream("scene");
-        let mut draw = || (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
-        let places = scatter(count, &mut draw);
-        places.into_iter().map(|p| penny(p, reach_m * mm(2e3 * draw() - 1e3, 2e3 * draw() - 1e3))).collect()
     }
 
     #[test]
@@ -222,10 +209,7 @@ mod tests {
 
     #[test]
     fn endings_that_are_no_plan() {
-        assert_eq!(planner().plan(&[]).status, PlanStatus::NothingToDo);
-        assert_eq!(planner().plan(&[penny(mm(1.0, 2.0), mm(0.05, 0.0))]).status, PlanStatus::NothingToDo);
-        let lost = penny(mm(f64::NAN, 2.0), mm(1.0, 0.0));
-        assert!(matches!(planner().plan(&[lost]).status, PlanStatus::SolverFailed(_)));
+        ends_without_a_plan(|parts| planner().plan(parts).status);
         let mut empty = (*library()).clone();
         empty.entries.clear();
         let plan = PseudoInverse::new(empty.into(), params()).plan(&[penny(mm(1.0, 2.0), mm(1.0, 0.0))]);

@@ -18,7 +18,6 @@ use super::field::Columns;
 use super::sequence::Sequence;
 use super::task::Task;
 use super::{Limit, PlannedPulse};
-use crate::geometry::Vec2;
 
 /// Power p and floor ρ of the metric: those with the least plate time to within 12 mm over random starts and targets.
 const POWER: f64 = 0.7;
@@ -27,9 +26,6 @@ const FLOOR: f64 = 0.003;
 /// Entries looked at closely, those of the best linear forecast, and sustains tried for each, evenly up to the longest.
 const CLOSELY: usize = 30;
 const SUSTAINS: usize = 10;
-
-/// Time after a pulse that its look takes, s.
-const LOOK_S: f64 = 1.0 / 60.0;
 
 /// What is left of the ways, as a length.
 struct Metric(DMatrix<f64>);
@@ -70,47 +66,53 @@ pub(super) struct Stride {
 
 impl Planner {
     /// The pulse that shortens the ways most for its time, by the exact forecast, within the limits. `columns` hold the
-    /// flows of all entries. `Err` has the limit that stopped the best one, if a limit it was.
+    /// flows of all entries. `Err` has the limit that stopped a good one, if a limit it was.
     pub(super) fn stride(&self, task: &Task<'_>) -> Result<Stride, Option<Limit>> {
         if self.columns.len() == 0 {
             return Err(None);
         }
         let metric = Metric::of(&self.columns).ok_or(None)?;
         let ways = DVector::from_column_slice(&task.wanted_m);
-        let weighted = &metric.0 * &ways;
+        let before = metric.length(&ways);
+        let (mut best, mut stopped_by): (Option<Stride>, _) = (None, None);
+        for (entry, along) in self.promising(&metric, &ways) {
+            for pulse in self.tries(entry, along, task) {
+                let after = self.flow(task).after(&pulse, &task.positions_m);
+                let left = &ways - DVector::from_vec(task.steps_to(&after));
+                let share_per_s = (1.0 - metric.length(&left) / before) / self.plate_time_s(&pulse);
+                let is_better = share_per_s > best.as_ref().map_or(0.0, |best| best.share_per_s);
+                if !is_better || left.norm_squared() > ways.norm_squared() {
+                    continue;
+                }
+                match task.clearances.broken_by(&task.positions_m, &after) {
+                    Some(limit) => stopped_by = stopped_by.or(Some(limit)),
+                    None => {
+                        let sequence = Sequence { pulses: vec![pulse], predicted_m: vec![after] };
+                        best = Some(Stride { sequence, share_per_s });
+                    }
+                }
+            }
+        }
+        best.ok_or(stopped_by)
+    }
+
+    /// Entries that to first order shorten the ways most, the best first, and with what sign.
+    fn promising(&self, metric: &Metric, ways: &DVector<f64>) -> Vec<(usize, f64)> {
+        let weighted = &metric.0 * ways;
         let forecast = |j: usize| {
             let column = DVector::from_column_slice(self.columns.column(j));
             let (along, square) = (column.dot(&weighted), column.dot(&(&metric.0 * &column)));
             (if square > 0.0 { along * along / square } else { 0.0 }, j, along)
         };
-        let mut promising: Vec<(f64, usize, f64)> =
-            (0..self.columns.len()).map(forecast).filter(|f| f.0 > 0.0).collect();
-        promising.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        promising.truncate(CLOSELY);
-        let (before, mut stopped_by) = (metric.length(&ways), None);
-        let mut best: Option<(f64, PlannedPulse, Vec<Vec2>)> = None;
-        for (_, entry, along) in promising {
-            for pulse in self.tries(entry, along, task) {
-                let after = self.flow(task).after(&pulse, &task.positions_m);
-                let left = DVector::from_iterator(
-                    ways.len(),
-                    task.steps_to(&after).into_iter().zip(ways.iter()).map(|(step, way)| way - step),
-                );
-                let plate_s =
-                    pulse.sustain_s + 2.0 * self.library.attack_s + self.library.rest_after(pulse.sustain_s) + LOOK_S;
-                let rate = (before - metric.length(&left)) / plate_s;
-                if rate <= best.as_ref().map_or(0.0, |best| best.0) || left.norm_squared() > ways.norm_squared() {
-                    continue;
-                }
-                match task.clearances.broken_by(&task.positions_m, &after) {
-                    Some(limit) => stopped_by = stopped_by.or(Some(limit)),
-                    None => best = Some((rate, pulse, after)),
-                }
-            }
-        }
-        let (rate, pulse, after) = best.ok_or(stopped_by)?;
-        let sequence = Sequence { pulses: vec![pulse], predicted_m: vec![after] };
-        Ok(Stride { sequence, share_per_s: rate / before })
+        let mut found: Vec<(f64, usize, f64)> = (0..self.columns.len()).map(forecast).filter(|f| f.0 > 0.0).collect();
+        found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        found.into_iter().take(CLOSELY).map(|(_, entry, along)| (entry, along)).collect()
+    }
+
+    /// Time that a pulse alone takes, from one look to the end of the next, s.
+    fn plate_time_s(&self, pulse: &PlannedPulse) -> f64 {
+        let rest_s = self.library.rest_after(pulse.sustain_s);
+        pulse.sustain_s + 2.0 * self.library.attack_s + rest_s + self.params.look_s
     }
 
     /// Pulses of `entry` in the direction of `along`, from the shortest that was measured to the longest allowed.

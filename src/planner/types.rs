@@ -40,6 +40,8 @@ pub struct PlannerParams {
     pub max_pulses: usize,
     /// Candidates taken out of the library for each part.
     pub candidates_per_part: usize,
+    /// Time after a sequence that a look takes: that of a frame, s.
+    pub look_s: f64,
     /// Price of a metre of |d| against a metre of error; more gives sparser sequences.
     pub sparsity: f64,
 }

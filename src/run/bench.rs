@@ -1,6 +1,9 @@
 use std::sync::Arc;
 
-use crate::config::{Assignment, BinSpec, Fault, JobSpec, PathSpec, PlacedPart, PlannerChoice, TaskSpec, place_parts};
+use crate::config::{
+    Assignment, BinSpec, Fault, JobSpec, PathSpec, PlacedPart, PlannerChoice, REST_GAP_M, REST_MARGIN_M, TaskSpec,
+    place_parts,
+};
 use crate::control::{ControlParams, ExpectedPart, LocalisedFacts, Sink};
 use crate::geometry::{Pose, Vec2};
 use crate::goal::{
@@ -22,10 +25,6 @@ const ONE_PULSE: f64 = 0.9;
 const MEASURED_SHARE: f64 = 0.9;
 /// How far a part's reference may run ahead of it, m.
 const LEAD_M: f64 = 4e-3;
-/// Gap the planner keeps between rims, m.
-const SEPARATION_M: f64 = 2e-3;
-/// How far inside the edge the planner keeps rims, m.
-const EDGE_MARGIN_M: f64 = 1e-3;
 /// Pulses a sequence may always have.
 const LEAST_PULSES: usize = 24;
 /// Candidates of a plan, where they make eight for each part.
@@ -130,12 +129,13 @@ fn planner_params(job: &JobSpec, library: &Library, parts: usize) -> PlannerPara
     let fastest = library.displacement.speed_mps.last().copied().unwrap_or_default();
     PlannerParams {
         half_side_m: 0.5 * job.rig.model.plate_side_m,
-        edge_margin_m: EDGE_MARGIN_M,
-        separation_m: SEPARATION_M,
+        edge_margin_m: REST_MARGIN_M,
+        separation_m: REST_GAP_M,
         max_distance_m: library.displacement.max_distance(fastest),
         min_distance_m: 0.3e-3,
         max_pulses: LEAST_PULSES.max(4 * parts),
         candidates_per_part: CANDIDATES.div_ceil(parts.max(1)).max(8),
+        look_s: 1.0 / job.rig.model.frame_hz,
         sparsity: 0.05,
     }
 }
@@ -151,7 +151,6 @@ fn stride_m(library: &Library) -> f64 {
 
 pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Goal> {
     let half_side_m = 0.5 * job.rig.model.plate_side_m;
-    let discs = || placed.iter().map(|part| Disc { kind: part.kind, radius_m: part.params.radius_m }).collect();
     let arrive_m = MEASURED_SHARE * job.tolerance_m;
     match &job.task {
         TaskSpec::PlusSign { laps, edge_margin_m } => Box::new(PlusSign::new(PlusSignParams {
@@ -162,23 +161,32 @@ pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> B
             arrive_m: job.tolerance_m,
             stride_m: stride_m(library),
         })),
-        TaskSpec::Trajectories { paths, in_phase } => trajectories(job, paths, *in_phase, discs()),
+        TaskSpec::Trajectories { paths, in_phase } => trajectories(job, paths, *in_phase, discs(placed)),
         TaskSpec::Arrange { targets_m, assignment } => Box::new(Arrange::new(ArrangeParams {
             half_side_m,
-            discs: discs(),
+            discs: discs(placed),
             targets_m: targets_m.clone(),
             exchange: *assignment == Assignment::Optimal,
             arrive_m,
         })),
         TaskSpec::Hold { duration_s } => {
-            Box::new(Hold::new(HoldParams { half_side_m, discs: discs(), duration_s: *duration_s, arrive_m }))
+            Box::new(Hold::new(HoldParams { half_side_m, discs: discs(placed), duration_s: *duration_s, arrive_m }))
         }
-        TaskSpec::Sort { bins } => {
-            let bin = |bin: &BinSpec| Bin { kinds: bin.kinds.clone(), min_m: bin.min_m, max_m: bin.max_m };
-            let bins = bins.iter().map(bin).collect();
-            let margin_m = job.tolerance_m - arrive_m;
-            Box::new(Sort::new(SortParams { half_side_m, discs: discs(), bins, margin_m }))
-        }
+        TaskSpec::Sort { bins } => Box::new(Sort::new(sort_params(job, bins, discs(placed)))),
+    }
+}
+
+fn discs(placed: &[PlacedPart]) -> Vec<Disc> {
+    placed.iter().map(|part| Disc { kind: part.kind, radius_m: part.params.radius_m }).collect()
+}
+
+fn sort_params(job: &JobSpec, bins: &[BinSpec], discs: Vec<Disc>) -> SortParams {
+    let bin = |bin: &BinSpec| Bin { kinds: bin.kinds.clone(), min_m: bin.min_m, max_m: bin.max_m };
+    SortParams {
+        half_side_m: 0.5 * job.rig.model.plate_side_m,
+        discs,
+        bins: bins.iter().map(bin).collect(),
+        margin_m: (1.0 - MEASURED_SHARE) * job.tolerance_m,
     }
 }
 
@@ -229,7 +237,13 @@ impl Sink for NamedTruth {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
+    use proptest::prelude::*;
+    use serde_json::json;
+
     use super::*;
+    use crate::config::Origin;
 
     #[test]
     fn a_lap_leads_back_to_its_first_corner() {
@@ -237,6 +251,36 @@ mod tests {
         assert!((lap_m(&square) - 0.2).abs() < 1e-12);
         assert!((lap_m(&[square.as_slice(), &square[..1]].concat()) - 0.2).abs() < 1e-12, "closed already");
         assert_eq!(lap_m(&[]), 0.0);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        #[test]
+        fn sort_finds_slots_in_every_bin_that_a_job_may_have(
+            kind in prop::sample::select(&["dime", "penny", "quarter"][..]), count in 1usize..13, width in 30.0..160.0f64,
+        ) {
+            let origin = Origin::of_file(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/job.json"));
+            let job = |height: f64| {
+                let region = json!({"min": [-80.0, -140.0], "max": [width - 80.0, height - 140.0]});
+                let task = json!({"type": "sort", "bins": [{"kinds": [kind], "region_mm": region}]});
+                let parts = json!([{"kind": kind, "count": count}]);
+                let text = json!({"name": "bin", "rig": "rigs/upm-2.json", "parts": parts, "task": task}).to_string();
+                JobSpec::from_json(&text, &origin, None).ok()
+            };
+            let (mut low, mut high) = (0.0, 280.0);
+            prop_assume!(job(high).is_some());
+            for _ in 0..20 {
+                let middle = 0.5 * (low + high);
+                *(if job(middle).is_some() { &mut high } else { &mut low }) = middle;
+            }
+            let smallest = job(high).unwrap();
+            let placed = place_parts(&smallest, Streams::new(1)).unwrap();
+            let TaskSpec::Sort { bins } = &smallest.task else { panic!("{:?}", smallest.task) };
+            let gaps_m = sort_params(&smallest, bins, discs(&placed)).gaps_m();
+            // slots are spread by halving, to less than a micrometre
+            prop_assert!(gaps_m[0] > REST_GAP_M - 1e-6, "{gaps_m:?} in {width} x {high}");
+        }
     }
 
     #[test]

@@ -5,6 +5,8 @@ use crate::library::Library;
 use crate::planner::Reach;
 
 #[cfg(test)]
+pub(super) mod fixture;
+#[cfg(test)]
 mod tests;
 
 /// Places along each side of the plate that are looked at; odd, so that one is its middle.
@@ -72,6 +74,18 @@ impl Place {
     /// Below this share of the longest measured step a direction counts as one that cannot be reached.
     pub const LEAST_SHARE: f64 = 0.1;
 
+    /// The place at `position_m`, of the reach there.
+    pub(super) fn of(position_m: Vec2, reach: &Reach) -> Self {
+        Self {
+            position_m,
+            weakest_direction: reach.weakest_direction,
+            share: reach.weakest_projection,
+            longest_step_m: reach.longest_step_m,
+            longest_sd_m: reach.longest_sd_m,
+            shortest_step_m: reach.shortest_step_m,
+        }
+    }
+
     /// True where a part can be moved in every direction.
     pub fn is_reached(&self) -> bool {
         self.share >= Self::LEAST_SHARE
@@ -88,14 +102,7 @@ impl Coverage {
         for position_m in grid(half_side_m) {
             let reach = Reach::of(library, position_m);
             reach.strongest.iter().for_each(|&entry| is_strongest[entry] = true);
-            places.push(Place {
-                position_m,
-                weakest_direction: reach.weakest_direction,
-                share: reach.weakest_projection,
-                longest_step_m: reach.longest_step_m,
-                longest_sd_m: reach.longest_sd_m,
-                shortest_step_m: reach.shortest_step_m,
-            });
+            places.push(Place::of(position_m, &reach));
         }
         let far_m = FAR_SIDES * 2.0 * half_side_m;
         let centers = library.entries.iter().filter_map(|entry| entry.center_m());

@@ -60,15 +60,7 @@ pub struct Spot {
 impl Spot {
     fn of(library: &Library, position_m: Vec2) -> Self {
         let reach = Reach::of(library, position_m);
-        let place = Place {
-            position_m,
-            weakest_direction: reach.weakest_direction,
-            share: reach.weakest_projection,
-            longest_step_m: reach.longest_step_m,
-            longest_sd_m: reach.longest_sd_m,
-            shortest_step_m: reach.shortest_step_m,
-        };
-        Self { place, singular_values: reach.singular_values }
+        Self { place: Place::of(position_m, &reach), singular_values: reach.singular_values }
     }
 }
 

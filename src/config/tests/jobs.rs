@@ -81,7 +81,7 @@ fn impossible_jobs_are_faults() {
             "19.050 mm or more",
         ),
         (arrange(pennies(1), json!([[0, -143]])), "task.targets_mm[0][1]", "the whole part on the plate"),
-        (arrange(pennies(2), json!([[0, 0], [0, 19]])), "task.targets_mm[1]", "20.050 mm or more"),
+        (arrange(pennies(2), json!([[0, 0], [0, 19]])), "task.targets_mm[1]", "21.050 mm or more"),
         (arrange(pennies(2), json!([[0, 0]])), "task.targets_mm", "2, one for each part"),
         (
             arrange(json!([{"kind": "penny", "count": 40}, {"kind": "dime", "count": 40}]), json!([[0, 0]])),
@@ -93,7 +93,7 @@ fn impossible_jobs_are_faults() {
         (
             changed("/task/paths/1/waypoints_mm/0", json!([-100, -20])),
             "task.paths[1].waypoints_mm[0]",
-            "20.050 mm or more",
+            "21.050 mm or more",
         ),
         (changed("/task/paths/1/waypoints_mm/2/0", json!(150)), "task.paths[1].waypoints_mm[2][0]", "on the plate"),
         (changed("/task/paths/1/waypoints_mm", json!([])), "task.paths[1].waypoints_mm", "1 to 1000 items"),

@@ -88,13 +88,13 @@ fn targets_and_parts_go_one_to_one() {
 #[test]
 fn targets_lie_as_far_apart_as_parts_need() {
     let mixed = json!([{"kind": "penny"}, {"kind": "quarter"}]);
-    // (19.05 + 24.26) / 2 + 1 = 22.655
+    // (19.05 + 24.26) / 2 + 2 = 23.655
     assert_eq!(
         arrange(&mixed, json!([[0, 0], [0, 22.6]])).unwrap_err(),
         ["task.targets_mm[1]: found 22.600 mm from task.targets_mm[0], \
-          allowed: 22.655 mm or more: both radii and 1.000 mm between the rims"]
+          allowed: 23.655 mm or more: both radii and 2.000 mm between the rims"]
     );
-    assert!(arrange(&mixed, json!([[0, 0], [0, 22.66]])).is_ok());
+    assert!(arrange(&mixed, json!([[0, 0], [0, 23.66]])).is_ok());
     let fixed = json!({"type": "arrange", "targets_mm": [[0, 0], [0, 30]], "assignment": "fixed"});
     assert!(on_upm_2(&mixed, fixed).is_ok());
 }
@@ -117,16 +117,16 @@ fn targets_lie_where_the_planner_takes_parts() {
 fn bins_have_room_for_their_parts() {
     let six = json!([{"kind": "penny", "count": 3}, {"kind": "quarter", "count": 3}]);
     let (kinds, corner) = (["penny", "quarter"], [0.0, 0.0]);
-    // two rows of three quarters: 3 · 24.26 + 2 · 1 + 2 · 0.5 = 75.78
-    let (wide, high) = (75.78, 50.52);
+    // two rows of three quarters: 3 · 24.26 + 2 · 2 + 2 · 1 = 78.78
+    let (wide, high) = (78.78, 52.52);
     assert!(sort(&six, &[bin(&kinds, corner, [wide, high])]).is_ok());
     assert_eq!(
         sort(&six, &[bin(&kinds, corner, [wide - 0.01, high])]).unwrap_err(),
-        ["task.bins[0].region_mm: found 75.770 x 50.520 mm with room for 5 of 24.260 mm, \
-          allowed: room for 6, the parts of its kinds, with 1.000 mm between rims, 0.500 mm to the border and \
+        ["task.bins[0].region_mm: found 78.770 x 52.520 mm with room for 4 of 24.260 mm, \
+          allowed: room for 6, the parts of its kinds, with 2.000 mm between rims, 1.000 mm to the border and \
           1.000 mm to the plate's edge"]
     );
-    assert!(sort(&six, &[bin(&["penny"], corner, [62.0, 21.0]), bin(&["quarter"], [0.0, 30.0], [76.0, 56.0])]).is_ok());
+    assert!(sort(&six, &[bin(&["penny"], corner, [64.0, 22.0]), bin(&["quarter"], [0.0, 30.0], [79.0, 57.0])]).is_ok());
     let faults = sort(&pennies(1), &[bin(&["penny"], [132.4, 0.0], [152.4, 20.1])]).unwrap_err();
     assert!(faults[0].contains("20.000 x 20.100 mm with room for 0 of 19.050 mm"), "{faults:?}");
     assert_eq!(
@@ -150,7 +150,7 @@ fn bins_do_not_overlap() {
 #[test]
 fn every_kind_has_one_bin() {
     let mixed = json!([{"kind": "penny", "count": 2}, {"kind": "dime", "count": 3}]);
-    let (here, there) = ([[-60.0, 0.0], [0.0, 60.0]], [[0.0, 0.0], [60.0, 60.0]]);
+    let (here, there) = ([[-60.0, 0.0], [0.0, 60.0]], [[0.0, 0.0], [70.0, 60.0]]);
     let bins = |one: &[&str], two: &[&str]| [bin(one, here[0], here[1]), bin(two, there[0], there[1])];
     assert_eq!(
         sort(&mixed, &bins(&["penny"], &["quarter"])).unwrap_err(),
@@ -165,7 +165,7 @@ fn every_kind_has_one_bin() {
 #[test]
 fn paths_start_and_end_apart() {
     let one = path(&[[0.0, 0.0], [60.0, 0.0]], 8.0, 1);
-    let allowed = "allowed: 20.050 mm or more: both radii and 1.000 mm between the rims";
+    let allowed = "allowed: 21.050 mm or more: both radii and 2.000 mm between the rims";
     assert_eq!(
         follow(&[one.clone(), path(&[[0.0, 20.0], [60.0, 30.0]], 8.0, 1)], false).unwrap_err(),
         [format!("task.paths[1].waypoints_mm[0]: found 20.000 mm from task.paths[0].waypoints_mm[0], {allowed}")]
@@ -201,7 +201,7 @@ fn paths_in_phase_are_equally_long_and_fast() {
     assert_eq!(
         follow(&[there, towards], true).unwrap_err(),
         ["task.paths[1].waypoints_mm: found 10.000 mm from the part of task.paths[0] at 25.0 % of the lap, \
-          allowed: 20.050 mm or more: both radii and 1.000 mm between the rims"]
+          allowed: 21.050 mm or more: both radii and 2.000 mm between the rims"]
     );
 }
 

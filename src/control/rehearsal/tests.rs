@@ -69,6 +69,7 @@ fn params(parts: usize) -> ControlParams {
             min_distance_m: 0.3e-3,
             max_pulses: 24,
             candidates_per_part: 24,
+            look_s: 1.0 / FRAME_HZ,
             sparsity: 0.05,
         },
     }

@@ -1,4 +1,3 @@
-use std::f64::consts::TAU;
 use std::path::Path;
 
 use nalgebra::DMatrix;
@@ -9,29 +8,7 @@ use super::*;
 use crate::config::Origin;
 use crate::control::Ending;
 use crate::geometry::Twist;
-use crate::library::{AxisShape, DisplacementModel, Entry};
-
-/// Motions whose pulses carry a part 20 mm on the fastest belt, less on slower ones.
-fn library(pumps: impl IntoIterator<Item = Twist>) -> Library {
-    Library {
-        rig: "made".into(),
-        fingerprint: "12ab".into(),
-        plate_side_m: 0.2,
-        base_radps: TAU * 60.0,
-        attack_s: 0.01,
-        rest_s: 0.03,
-        accelerometer_gain: [1.0; 4],
-        shapes: [AxisShape::FREE_MASS; 3],
-        entries: pumps.into_iter().map(|pump| Entry { amplitudes: [100, -100, 0, 0], pump }).collect(),
-        displacement: DisplacementModel {
-            speed_mps: vec![0.1, 0.5],
-            sustain_s: vec![0.0, 0.2],
-            distance_m: vec![vec![0.001, 0.01], vec![0.002, 0.02]],
-            sd_m: vec![vec![0.0; 2]; 2],
-        },
-        fields: None,
-    }
-}
+use crate::run::coverage::fixture::library;
 
 #[test]
 fn along_x_alone_nothing_goes_up() {
