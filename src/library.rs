@@ -3,6 +3,7 @@
 mod displacement;
 mod drive;
 mod fault;
+mod field_drive;
 mod file;
 mod raw;
 mod types;
@@ -12,5 +13,5 @@ mod wording;
 pub use drive::drive_for;
 pub use fault::LibraryFault;
 pub use raw::{RawDisplacement, RawEntry, RawLibrary, RawShapes};
-pub use types::{AxisShape, DisplacementModel, Entry, Library};
+pub use types::{AxisShape, DisplacementModel, Entry, FieldResponse, Library};
 pub use validate::RigFacts;

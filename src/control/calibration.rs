@@ -215,6 +215,7 @@ fn measure(
         shapes: axes.shapes,
         entries: steering::measure(bench, &axes, params, &displacement::motions(half_side_m, params.gentle_mps))?,
         displacement: Default::default(),
+        fields: None,
     };
     library.displacement = displacement::measure(bench, &library, params)?;
     library.entries = steering::measure(bench, &axes, params, &wanted(&axes, bench.model, params))?;

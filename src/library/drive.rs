@@ -93,6 +93,7 @@ mod tests {
             shapes: [AxisShape::FREE_MASS; 3],
             entries: vec![Entry { amplitudes: [100, -100, 0, 0], pump: Twist::new(0.5, 0.0, 0.0) }],
             displacement: DisplacementModel::default(),
+            fields: None,
         };
         assert_eq!(library.rest_after(0.01), 0.04, "nothing measured yet");
         library.displacement.sustain_s = vec![0.0, 0.1, 0.2];

@@ -108,6 +108,7 @@ mod tests {
                 distance_m: vec![vec![0.0001, 0.004, 0.009], vec![0.0001, 0.006, 0.018]],
                 sd_m: vec![vec![0.0; 3]; 2],
             },
+            fields: None,
         }
     }
 

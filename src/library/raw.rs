@@ -187,6 +187,7 @@ impl RawLibrary {
             },
             rig: self.rig,
             fingerprint: self.fingerprint,
+            fields: None,
         }
     }
 }

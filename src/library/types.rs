@@ -1,3 +1,5 @@
+use nalgebra::{Complex, Matrix3};
+
 use crate::geometry::{Twist, Vec2};
 use crate::signal::{CHANNELS, Harmonic};
 
@@ -70,4 +72,22 @@ pub struct Library {
     pub entries: Vec<Entry>,
     /// How far parts go.
     pub displacement: DisplacementModel,
+    /// How the plate answers to synthesised motions; `None` where the rig has none.
+    pub fields: Option<FieldResponse>,
+}
+
+/// How the plate answers to each harmonic of the synthesised motions' base frequency.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldResponse {
+    /// Base frequency, rad/s.
+    pub base_radps: f64,
+    /// Attack of every pulse, s.
+    pub attack_s: f64,
+    /// Rest after every pulse, s.
+    pub rest_s: f64,
+    /// Largest sample a motor may be told to play, counts.
+    pub limit_counts: f64,
+    /// For harmonic k at index k - 1: velocity phasors of x (m/s), y (m/s) and spin (rad/s) for one count of each axis
+    /// amplitude `fx = X1-X2`, `fy = Y1-Y2`, `s = (Y1+Y2)-(X1+X2)`: `v(t) = Re(G f e^{jkwt})`, force `f(t) = Re(f e^{jkwt})`.
+    pub twist_from_counts: Vec<Matrix3<Complex<f64>>>,
 }

@@ -69,6 +69,7 @@ fn build() -> Arc<Library> {
         shapes: [AxisShape::FREE_MASS; 3],
         entries: pumps.map(|pump| Entry { amplitudes: [0; 4], pump }).collect(),
         displacement: displacement(),
+        fields: None,
     })
 }
 

@@ -40,6 +40,7 @@ pub(super) fn library() -> Library {
         shapes: [AxisShape::FREE_MASS; 3],
         entries: entries.collect(),
         displacement: DisplacementModel::default(),
+        fields: None,
     }
 }
 

@@ -39,6 +39,7 @@ fn library(pumps: impl IntoIterator<Item = Twist>, relative_sd: f64) -> Arc<Libr
             sd_m: distance_m.iter().map(|row| row.iter().map(|d| relative_sd * d).collect()).collect(),
             distance_m,
         },
+        fields: None,
     })
 }
 

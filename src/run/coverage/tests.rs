@@ -27,6 +27,7 @@ fn library(pumps: impl IntoIterator<Item = Twist>) -> Library {
             sd_m: distance_m.iter().map(|row| row.iter().map(|d| 0.1 * d).collect()).collect(),
             distance_m,
         },
+        fields: None,
     }
 }
 

@@ -29,6 +29,7 @@ fn library(pumps: impl IntoIterator<Item = Twist>) -> Library {
             distance_m: vec![vec![0.001, 0.01], vec![0.002, 0.02]],
             sd_m: vec![vec![0.0; 2]; 2],
         },
+        fields: None,
     }
 }
 
