@@ -5,7 +5,7 @@ use std::sync::{Arc, LazyLock};
 
 use crate::geometry::{Twist, Vec2};
 use crate::library::{AxisShape, DisplacementModel, Entry, Library};
-use crate::planner::{PartState, PlannerParams};
+use crate::planner::{PartState, Plan, PlannedPulse, PlannerParams, Rotation};
 
 pub(super) const PENNY_M: f64 = 0.009525;
 pub(super) const HALF_SIDE_M: f64 = 0.1016;
@@ -115,4 +115,12 @@ fn belts_follow_the_sheet() {
     let fast = belt_distance(50.0, 0.1);
     let sheet = 0.5 * 0.2386 * 1.2386 * FRICTION_MPS2 * 0.12f64.powi(2);
     assert!((fast / sheet - 1.0).abs() < 0.01, "{fast} against {sheet}");
+}
+
+/// The pulses of a plan that has rotations alone.
+pub(super) fn rotations(plan: &Plan) -> impl Iterator<Item = &Rotation> {
+    plan.pulses.iter().map(|pulse| match pulse {
+        PlannedPulse::Rotation(rotation) => rotation,
+        PlannedPulse::Field(field) => panic!("{field:?}"),
+    })
 }

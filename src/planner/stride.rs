@@ -17,7 +17,7 @@ use super::Planner;
 use super::field::Columns;
 use super::sequence::Sequence;
 use super::task::Task;
-use super::{Limit, PlannedPulse};
+use super::{Limit, Rotation};
 use crate::geometry::Vec2;
 
 /// Power p and floor ρ of the metric: those with the least plate time to within 12 mm over random starts and targets.
@@ -88,7 +88,7 @@ impl Planner {
         promising.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         promising.truncate(CLOSELY);
         let (before, mut stopped_by) = (metric.length(&ways), None);
-        let mut best: Option<(f64, PlannedPulse, Vec<Vec2>)> = None;
+        let mut best: Option<(f64, Rotation, Vec<Vec2>)> = None;
         for (_, entry, along) in promising {
             for pulse in self.tries(entry, along, task) {
                 let after = self.flow(task).after(&pulse, &task.positions_m);
@@ -114,7 +114,7 @@ impl Planner {
     }
 
     /// Pulses of `entry` in the direction of `along`, from the shortest that was measured to the longest allowed.
-    fn tries<'a>(&'a self, entry: usize, along: f64, task: &'a Task<'_>) -> impl Iterator<Item = PlannedPulse> + 'a {
+    fn tries<'a>(&'a self, entry: usize, along: f64, task: &'a Task<'_>) -> impl Iterator<Item = Rotation> + 'a {
         let model = &self.library.displacement;
         let speed = self.reference_speed_mps(entry, &task.positions_m);
         let longest_s = model.sustain_s.last().copied().unwrap_or(0.0);
@@ -122,7 +122,7 @@ impl Planner {
             let sustain_s = longest_s * k as f64 / (SUSTAINS - 1) as f64;
             let distance_m = model.distance(speed, sustain_s);
             let useful = (self.params.min_distance_m..=self.params.max_distance_m).contains(&distance_m);
-            useful.then(|| PlannedPulse { entry, distance_m: distance_m.copysign(along), sustain_s })
+            useful.then(|| Rotation { entry, distance_m: distance_m.copysign(along), sustain_s })
         })
     }
 }
