@@ -95,3 +95,83 @@ fn read(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Complex, Matrix3};
+
+    use super::*;
+    use crate::geometry::Twist;
+    use crate::library::{AxisShape, DisplacementModel, Entry, FieldResponse};
+    use crate::planner::{FieldPulse, Rotation};
+    use crate::signal::{TwistHarmonic, TwistWave};
+
+    const BASE_RADPS: f64 = std::f64::consts::TAU * 30.0;
+
+    fn library() -> Library {
+        let fields = FieldResponse {
+            base_radps: BASE_RADPS,
+            attack_s: 0.06,
+            rest_s: 0.05,
+            limit_counts: 1000.0,
+            twist_from_counts: vec![Matrix3::from_diagonal_element(Complex::new(0.0, -1e-3)); 2],
+        };
+        Library {
+            rig: "made".into(),
+            fingerprint: "12ab".into(),
+            plate_side_m: 0.2,
+            base_radps: 377.0,
+            attack_s: 0.02,
+            rest_s: 0.04,
+            accelerometer_gain: [1.0; 4],
+            shapes: [AxisShape::FREE_MASS; 3],
+            entries: vec![Entry { amplitudes: [100, -100, 0, 0], pump: Twist::new(0.5, 0.0, 0.0) }],
+            displacement: DisplacementModel::default(),
+            fields: Some(fields),
+        }
+    }
+
+    fn field(harmonics: usize) -> PlannedPulse {
+        let harmonic = TwistHarmonic { cos: Twist::new(0.1, 0.0, 0.0), sin: Twist::ZERO };
+        let wave = TwistWave { base_radps: BASE_RADPS, harmonics: vec![harmonic; harmonics] };
+        PlannedPulse::Field(FieldPulse { wave, sustain_s: 0.1 })
+    }
+
+    #[test]
+    fn either_kind_is_driven_by_the_library_or_refused_in_words() {
+        let rotation = |entry, distance_m| PlannedPulse::Rotation(Rotation { entry, distance_m, sustain_s: 0.1 });
+        let forwards = drive_of(&library(), &rotation(0, 0.01)).unwrap();
+        assert_eq!(drive_of(&library(), &rotation(0, -0.01)), Ok(forwards.reversed()));
+        assert_eq!(drive_of(&library(), &rotation(1, 0.01)), Err("library has no entry 1".into()));
+        let drive = drive_of(&library(), &field(2)).unwrap();
+        assert_eq!((drive.base_radps, drive.envelope.attack_s, drive.motors[0].len()), (BASE_RADPS, 0.06, 2));
+        assert_eq!(drive_of(&library(), &field(3)), Err("library cannot drive a field of 3 harmonics".into()));
+    }
+
+    #[test]
+    fn a_field_is_read_for_its_own_harmonics_and_a_short_one_is_a_fault() {
+        let planned = field(2);
+        let sensors = AccelerometerPair::exact(Vec2::new(0.09, 0.09));
+        let mut drive = drive_of(&library(), &planned).unwrap();
+        // along x alone: a(t) of velocity 0.1 (cos wt + cos 2wt) is -0.1 w (sin wt + 2 sin 2wt)
+        let sample = |i: usize| {
+            let angle_rad = BASE_RADPS * i as f64 / 5000.0;
+            (-0.1 * BASE_RADPS * (angle_rad.sin() + 2.0 * (2.0 * angle_rad).sin()) / 0.01).round() as i16
+        };
+        let (along_x, still): (Vec<i16>, Vec<i16>) = ((0..1200).map(sample).collect(), vec![0; 1200]);
+        let trace = AccelTrace {
+            sample_hz: 5000.0,
+            first_sample_s: 0.0,
+            mps2_per_count: 0.01,
+            count_limit: 32_000,
+            counts: [along_x.clone(), still.clone(), along_x, still],
+        };
+        let Ok(PlateFit::Wave(fit)) = read(&planned, &drive, &trace, &sensors) else { panic!("no wave") };
+        assert_eq!(fit.wave.harmonics.len(), 2);
+        for harmonic in &fit.wave.harmonics {
+            assert!((harmonic.cos.velocity_mps - Vec2::new(0.1, 0.0)).norm() < 1e-3, "{harmonic:?}");
+        }
+        drive.envelope.sustain_s = 0.03;
+        assert!(matches!(read(&planned, &drive, &trace, &sensors), Err(FitFault::TooShort { .. })));
+    }
+}
