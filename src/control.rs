@@ -9,6 +9,7 @@ mod ending;
 mod eyes;
 mod facts;
 mod learning;
+mod plans;
 mod rehearsal;
 
 pub use cycle::{ControlParams, Devices, Finish, run};

@@ -6,6 +6,7 @@ mod harmonics;
 mod pump;
 mod rigid;
 mod types;
+mod wave;
 mod window;
 
 #[cfg(test)]
@@ -15,7 +16,8 @@ pub use gains::relative_gains;
 pub use harmonics::{Coefficients, HarmonicFit, fit_channels, velocity_mps};
 pub use pump::{force_sign, nearest_pump};
 pub use rigid::twist_from_corners;
-pub use types::{AccelerometerPair, AxisPhasors, FitFault, PumpQuality, TwistFit};
+pub use types::{AccelerometerPair, AxisPhasors, FitFault, PlateFit, PumpQuality, TwistFit, WaveFit};
+pub use wave::fit_wave;
 pub use window::{MAX_PERIODS, Window, accelerations_mps2, sustain_window};
 
 use nalgebra::Complex;
@@ -34,13 +36,7 @@ pub fn fit_twist(
     base_radps: f64,
     sensors: &AccelerometerPair,
 ) -> Result<TwistFit, FitFault> {
-    let arm_m = sensors.position_m.norm();
-    if !(arm_m.is_finite() && arm_m > 0.0) {
-        return Err(FitFault::Unreadable("accelerometers have no distance between them"));
-    }
-    if !sensors.gain.iter().all(|gain| gain.is_finite() && *gain > 0.0) {
-        return Err(FitFault::Unreadable("a gain is not a number above 0"));
-    }
+    refuse_bad(sensors)?;
     let window = sustain_window(trace, envelope, base_radps)?;
     refuse_cut_short(trace, envelope)?;
     let channels = accelerations_mps2(trace, &window)?;
@@ -49,10 +45,21 @@ pub fn fit_twist(
     refuse_weak(&accel_mps2)?;
     let wave = twist_wave(&accel_mps2, base_radps, sensors.position_m);
     let axes = axis_phasors(&wave);
-    let (pump, quality) = nearest_pump(&axes, arm_m);
+    let (pump, quality) = nearest_pump(&axes, sensors.position_m.norm());
     let residual_sum: f64 = fits.iter().map(|fit| fit.residual_sum).sum();
     let residual_rms_mps2 = (residual_sum / (CHANNELS * window.samples.len()) as f64).sqrt();
     Ok(TwistFit { accel_mps2, residual_rms_mps2, wave, axes, pump, quality })
+}
+
+fn refuse_bad(sensors: &AccelerometerPair) -> Result<(), FitFault> {
+    let arm_m = sensors.position_m.norm();
+    if !(arm_m.is_finite() && arm_m > 0.0) {
+        return Err(FitFault::Unreadable("accelerometers have no distance between them"));
+    }
+    if !sensors.gain.iter().all(|gain| gain.is_finite() && *gain > 0.0) {
+        return Err(FitFault::Unreadable("a gain is not a number above 0"));
+    }
+    Ok(())
 }
 
 /// A trace that stops within the sustain was spoiled on its way: what it lacks nobody knows.

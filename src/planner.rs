@@ -24,4 +24,4 @@ mod tests;
 pub use plan::Planner;
 pub use pseudo_inverse::PseudoInverse;
 pub use reach::Reach;
-pub use types::{Limit, Method, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
+pub use types::{FieldPulse, Limit, Method, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};

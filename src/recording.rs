@@ -20,6 +20,7 @@ mod tally;
 #[cfg(test)]
 mod testing;
 mod timings;
+mod wave;
 
 pub use fanout::Fanout;
 pub use journal::Journal;

@@ -106,7 +106,6 @@ pub fn run(
     stop: &AtomicBool,
     watcher: &mut dyn Sink,
 ) -> Result<RunResult, RunError> {
-    job.check_runnable().map_err(RunError::Job)?;
     Recorder::check(&options.rerun).map_err(RunError::RerunMode)?;
     let library = job_library(job).map_err(RunError::Library)?;
     let mut bench = Bench::new(job, &library).map_err(RunError::Job)?;

@@ -88,6 +88,9 @@ impl JobSpec {
         let rig = rig_of(raw.rig.take(), origin, plate_rig, faults)?;
         let parts = groups_of(&raw, &rig, faults);
         check_told_apart(&parts, &rig, faults);
+        if raw.planner == PlannerChoice::SynthesizedField {
+            refuse_fields(faults);
+        }
         let task = task::build(&raw.task, &parts, &rig, faults);
         room::check(&parts, &rig, faults);
         Some(Self {
@@ -140,23 +143,6 @@ impl JobSpec {
         }
         effective
     }
-
-    /// The fault that keeps a valid job from being run by this version: a planner that is described already and not
-    /// built yet.
-    pub fn check_runnable(&self) -> Result<(), Fault> {
-        match self.planner {
-            PlannerChoice::CorSequence | PlannerChoice::PseudoInverse => Ok(()),
-            PlannerChoice::SynthesizedField => {
-                let found = "\"synthesized_field\", not available yet";
-                Err(Fault::new(
-                    &self.file,
-                    &Path::root().key("planner"),
-                    found,
-                    "cor_sequence, pseudo_inverse in this version",
-                ))
-            }
-        }
-    }
 }
 
 /// True for names that are safe as a folder: 1 to 64 of `A-Z a-z 0-9 . _ -`, not `.` or `..`.
@@ -193,6 +179,13 @@ fn rig_of(
             None
         }
     }
+}
+
+/// Synthesised fields need a rig that says how they are driven.
+fn refuse_fields(faults: &mut Faults) {
+    let found = "\"synthesized_field\" on a rig without `fields`";
+    let allowed = "cor_sequence, pseudo_inverse, or a rig that has `fields`";
+    faults.push(&Path::root().key("planner"), found, allowed);
 }
 
 /// The groups with their kinds looked up. A kind that is unknown or larger than the plate is a fault and stands as an

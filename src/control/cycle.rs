@@ -1,3 +1,5 @@
+mod play;
+
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -5,12 +7,12 @@ use super::attempts::ways_to_try;
 use super::ending::{Ending, Outcome, STOPPED};
 use super::eyes::{ExpectedPart, Eyes, Moment};
 use super::learning::Gains;
-use super::{Carried, CycleFacts, EventLevel, PulseFacts, Sink};
-use crate::estimation::{AccelerometerPair, fit_twist};
+use super::plans::{Plans, planner_of};
+use super::{CycleFacts, EventLevel, Sink};
 use crate::geometry::Vec2;
 use crate::goal::{Goal, Wanted};
 use crate::library::Library;
-use crate::planner::{Limit, Method, PartState, Plan, PlanStatus, PlannedPulse, Planner, PlannerParams, PseudoInverse};
+use crate::planner::{Limit, Method, PartState, Plan, PlanStatus, PlannerParams};
 use crate::rig::{PartKind, Rig, RigModel};
 use crate::time::{Clock, PlateTime};
 
@@ -36,6 +38,14 @@ pub struct ControlParams {
     pub method: Method,
     /// Limits and weights of the planner.
     pub planner: PlannerParams,
+}
+
+impl ControlParams {
+    /// Outline of part `part`, m; 0 for one there is not.
+    pub fn radius_m(&self, part: usize) -> f64 {
+        let kind = self.parts.get(part).and_then(|part| self.kinds.get(part.kind));
+        kind.map_or(0.0, |kind| kind.radius_m)
+    }
 }
 
 /// What a run plays on and tells to.
@@ -68,15 +78,12 @@ pub struct Finish {
 /// Runs `goal` to its end. Motors are at zero when this returns, whatever happened.
 pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, params: &ControlParams) -> Finish {
     let Devices { rig, model, sink, clock, stop } = devices;
-    let finish = match Eyes::open(rig, model, &params.kinds, &params.parts, sink, clock) {
-        Ok(eyes) => {
-            let planner = Planner::new(Arc::clone(library), params.planner);
+    let opened = planner_of(params.method, library, params.planner)
+        .and_then(|plans| Ok((plans, Eyes::open(rig, model, &params.kinds, &params.parts, sink, clock)?)));
+    let finish = match opened {
+        Ok((plans, eyes)) => {
             let gains = Gains::new(params.parts.len(), 0.5 * model.plate_side_m);
             let (rig, sink) = (&mut *rig, &mut *sink);
-            let plain = match params.method {
-                Method::CorSequence => None,
-                Method::PseudoInverse => Some(PseudoInverse::new(Arc::clone(library), params.planner)),
-            };
             let (told_slow, told_boxed_in, wanted, index) = (Vec::new(), Vec::new(), None, 0);
             let mut cycle = Cycle {
                 rig,
@@ -88,8 +95,7 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
                 goal,
                 params,
                 eyes,
-                planner,
-                plain,
+                plans,
                 gains,
                 told_slow,
                 told_boxed_in,
@@ -117,9 +123,7 @@ struct Cycle<'a> {
     goal: &'a mut dyn Goal,
     params: &'a ControlParams,
     eyes: Eyes,
-    planner: Planner,
-    /// Plans in the planner's place, where the job asks for it.
-    plain: Option<PseudoInverse>,
+    plans: Box<dyn Plans>,
     gains: Gains,
     /// Parts of which it was said that they are slow.
     told_slow: Vec<usize>,
@@ -209,10 +213,7 @@ impl Cycle<'_> {
         let whole = self.part_states(observed, wanted);
         let mut stopped_by = String::new();
         for tried in ways_to_try(&whole) {
-            let plan = match &mut self.plain {
-                Some(plain) => plain.plan(&tried.parts),
-                None => self.planner.plan(&tried.parts),
-            };
+            let plan = self.plans.plan(&tried.parts);
             match &plan.status {
                 PlanStatus::NothingToDo if tried.is_part => continue,
                 PlanStatus::Solved | PlanStatus::NothingToDo => return Ok(plan),
@@ -226,12 +227,12 @@ impl Cycle<'_> {
     }
 
     fn part_states(&self, observed: &[Vec2], wanted: &Wanted) -> Vec<PartState> {
-        let states = observed.iter().zip(&wanted.subgoals_m).zip(&self.params.parts).enumerate();
+        let states = observed.iter().zip(&wanted.subgoals_m).enumerate();
         states
-            .map(|(i, ((&position_m, subgoal), part))| PartState {
+            .map(|(i, (&position_m, subgoal))| PartState {
                 position_m,
                 step_m: subgoal - position_m,
-                radius_m: self.params.kinds.get(part.kind).map_or(0.0, |kind| kind.radius_m),
+                radius_m: self.params.radius_m(i),
                 gain: self.gains.get(i, position_m),
             })
             .collect()
@@ -248,59 +249,6 @@ impl Cycle<'_> {
             Limit::Separation { parts: [a, b] } => format!("{} and {} would touch", id(a), id(b)),
             Limit::Unreachable => "no motion of the library moves every part that should move".into(),
         }
-    }
-
-    /// Plays one pulse and follows the parts until everything rests.
-    fn play(&mut self, planned: &PlannedPulse) -> Result<(), Ending> {
-        let drive = self
-            .library
-            .drive(planned.entry, planned.sustain_s)
-            .map(|drive| if planned.distance_m < 0.0 { drive.reversed() } else { drive })
-            .ok_or_else(|| Ending::failed(format!("library has no entry {}", planned.entry)))?;
-        let started_at = self.rig.now();
-        let (all_seen, before_m) = (self.eyes.missing_for() == 0, self.eyes.positions_m());
-        self.rig.play(&drive)?;
-        while self.rig.now() < self.rig.quiet_at() {
-            self.check_stop()?;
-            self.eyes.look(self.rig, Moment::Pulse, self.sink, self.clock)?;
-        }
-        let trace = self.rig.trace();
-        let sensors = AccelerometerPair {
-            position_m: self.model.accelerometer_in_plate_m,
-            gain: self.library.accelerometer_gain,
-        };
-        let fit = fit_twist(&trace, &drive.envelope, drive.base_radps, &sensors);
-        let after_m = self.eyes.positions_m();
-        let [by_library_m, by_learning_m] = self.forecasts(&before_m, planned);
-        let carried = Carried {
-            before_m: &before_m,
-            after_m: &after_m,
-            by_library_m: &by_library_m,
-            by_learning_m: &by_learning_m,
-        };
-        let carried = (all_seen && self.eyes.missing_for() == 0).then_some(carried);
-        self.sink.pulse(&PulseFacts {
-            cycle: self.index,
-            started_at,
-            planned,
-            drive: &drive,
-            trace: &trace,
-            fit: &fit,
-            carried,
-        });
-        if carried.is_some() {
-            self.gains.learn(&before_m, &by_library_m, &after_m);
-            self.tell_slow_parts();
-        }
-        Ok(())
-    }
-
-    /// Where parts at `before_m` should be after a pulse: by the library alone, and with what was learned.
-    fn forecasts(&self, before_m: &[Vec2], pulse: &PlannedPulse) -> [Vec<Vec2>; 2] {
-        let state = |position_m: Vec2, gain: f64| PartState { position_m, step_m: Vec2::zeros(), radius_m: 0.0, gain };
-        let plain: Vec<PartState> = before_m.iter().map(|&p_m| state(p_m, 1.0)).collect();
-        let learned = before_m.iter().enumerate().map(|(i, &p_m)| state(p_m, self.gains.get(i, p_m)));
-        [self.planner.forecast(&plain, pulse), self.planner.forecast(&learned.collect::<Vec<_>>(), pulse)]
     }
 
     /// Says once of each part that goes much less far than the library has it.

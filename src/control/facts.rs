@@ -1,4 +1,4 @@
-use crate::estimation::{FitFault, TwistFit};
+use crate::estimation::{FitFault, PlateFit};
 use crate::geometry::Vec2;
 use crate::goal::Wanted;
 use crate::planner::{Plan, PlannedPulse};
@@ -50,7 +50,7 @@ pub struct PulseFacts<'a> {
     /// What the accelerometers saw.
     pub trace: &'a AccelTrace,
     /// What they say of the plate's motion.
-    pub fit: &'a Result<TwistFit, FitFault>,
+    pub fit: &'a Result<PlateFit, FitFault>,
     /// What it did to the parts; `None` when one of them was out of sight.
     pub carried: Option<Carried<'a>>,
 }

@@ -1,7 +1,9 @@
 //! A job played on the library's displacement model alone, before anything moves: no rig, no camera, no truth.
 //!
 //! The loop is that of a run: ask the goal, plan, play, look again, learn the parts' gains. A part goes with the flow as
-//! far as was measured for the belt under it, times a friction of its own, with the scatter that was measured. Looks are
+//! far as was measured for the belt under it, times a friction of its own, with the scatter that was measured. A
+//! synthesised field carries it where the field's own planner forecasts it with that friction: no scatter of such pulses is
+//! measured, so a rehearsal of them shows what friction does and nothing of what the planner has wrong. Looks are
 //! perfect, and parts that meet only push each other aside.
 //!
 //! A part goes straight in the flow's direction half way, not along the arc that the planner forecasts: a plan is not
@@ -17,10 +19,11 @@ use super::ControlParams;
 use super::attempts::ways_to_try;
 use super::ending::Ending;
 use super::learning::Gains;
+use super::plans::{Plans, planner_of};
 use crate::geometry::Vec2;
 use crate::goal::{Goal, Wanted};
 use crate::library::Library;
-use crate::planner::{Limit, PartState, Plan, PlanStatus, Planner};
+use crate::planner::{Limit, PartState, Plan, PlanStatus};
 use crate::random::Streams;
 use crate::time::PlateTime;
 use stage::Stage;
@@ -50,7 +53,7 @@ pub struct RehearsalParams {
 }
 
 /// How a rehearsal went. Everything in it is predicted.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rehearsal {
     /// How it ended and why.
     pub ending: Ending,
@@ -104,11 +107,14 @@ pub fn rehearse(
     rehearsal: &RehearsalParams,
     watch: &mut dyn FnMut(PlateTime, f64),
 ) -> Rehearsal {
-    let planner = Planner::new(Arc::clone(library), params.planner);
+    let plans = match planner_of(params.method, library, params.planner) {
+        Ok(plans) => plans,
+        Err(ending) => return Rehearsal { ending, ..Rehearsal::default() },
+    };
     let stage = Stage::new(Arc::clone(library), params, rehearsal);
     let trails = rehearsal.starts_m.iter().map(|&start_m| Trail::from(start_m)).collect();
     let gains = Gains::new(rehearsal.starts_m.len(), params.planner.half_side_m);
-    let mut player = Player { params, planner, stage, gains, trails, cycles: 0, pulses: 0, limits_met: Vec::new() };
+    let mut player = Player { params, plans, stage, gains, trails, cycles: 0, pulses: 0, limits_met: Vec::new() };
     let (ending, wanted) = player.until_end(goal, watch);
     Rehearsal {
         ending,
@@ -124,7 +130,7 @@ pub fn rehearse(
 
 struct Player<'a> {
     params: &'a ControlParams,
-    planner: Planner,
+    plans: Box<dyn Plans>,
     stage: Stage,
     gains: Gains,
     trails: Vec<Trail>,
@@ -168,10 +174,12 @@ impl Player<'_> {
         for pulse in &plan.pulses {
             self.check_time()?;
             let before_m = self.stage.positions_m.clone();
-            let forecast_m = self.planner.forecast(&self.unlearned(), pulse);
-            self.stage.play(pulse);
+            let forecast_m = self.plans.forecast(&self.stage.states(|_| 1.0), pulse);
+            self.stage.play(pulse, self.plans.as_ref());
             self.pulses += 1;
-            self.gains.learn(&before_m, &forecast_m, &self.stage.positions_m);
+            if let Some(forecast_m) = forecast_m {
+                self.gains.learn(&before_m, &forecast_m, &self.stage.positions_m);
+            }
             for (trail, &position_m) in self.trails.iter_mut().zip(&self.stage.positions_m) {
                 trail.push(position_m);
             }
@@ -205,7 +213,7 @@ impl Player<'_> {
         let mut last = String::new();
         let whole = self.part_states(wanted);
         for tried in ways_to_try(&whole) {
-            let plan = self.planner.plan(&tried.parts);
+            let plan = self.plans.plan(&tried.parts);
             last = match &plan.status {
                 PlanStatus::NothingToDo if tried.is_part => continue,
                 PlanStatus::Solved | PlanStatus::NothingToDo => return Ok(plan),
@@ -227,13 +235,6 @@ impl Player<'_> {
                 gain: self.gains.get(part, position_m),
             })
             .collect()
-    }
-
-    /// The parts as the library alone knows them.
-    fn unlearned(&self) -> Vec<PartState> {
-        let places = self.stage.positions_m.iter().zip(&self.stage.radii_m);
-        let state = |(&position_m, &radius_m)| PartState { position_m, step_m: Vec2::zeros(), radius_m, gain: 1.0 };
-        places.map(state).collect()
     }
 
     fn note(&mut self, limit: &str) {

@@ -19,7 +19,16 @@ impl AccelerometerPair {
     }
 }
 
-/// The plate's motion at full height of a pulse, read from one trace.
+/// The plate's motion at full height of a pulse of either kind, read from one trace.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PlateFit {
+    /// Of a rotation.
+    Twist(TwistFit),
+    /// Of a synthesised motion.
+    Wave(WaveFit),
+}
+
+/// The plate's motion at full height of a rotation's pulse, read from one trace.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TwistFit {
     /// Least-squares acceleration coefficients of each channel, m/s², its gain taken out: c1, s1, c2, s2 (Eq. 12).
@@ -35,6 +44,18 @@ pub struct TwistFit {
     pub pump: Twist,
     /// How much of a pump wave the motion is.
     pub quality: PumpQuality,
+}
+
+/// The plate's motion at full height of a synthesised motion's pulse, read from one trace.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WaveFit {
+    /// Least-squares acceleration coefficients of each channel, m/s², its gain taken out: for harmonic k at index k - 1
+    /// those of cos kwt and sin kwt.
+    pub accel_mps2: [Vec<[f64; 2]>; CHANNELS],
+    /// Root mean square of what the fit leaves over, m/s².
+    pub residual_rms_mps2: f64,
+    /// The plate's velocity, times from the start of the pulse.
+    pub wave: TwistWave,
 }
 
 /// The velocity of one axis: `v(t) = Re(first e^{jwt} + second e^{2jwt})`, times from the start of the pulse.

@@ -2,7 +2,7 @@
 
 use rand::RngExt as _;
 
-use super::fixture::{PENNY_M, library, params, penny, scatter};
+use super::fixture::{PENNY_M, library, params, penny, rotations, scatter};
 use super::{PartState, Plan, PlanStatus, Planner};
 use crate::geometry::Vec2;
 use crate::library::Library;
@@ -35,7 +35,7 @@ impl Noise {
 
 /// A part follows the flow in a bent path: the direction a fifth of the way along counts, 3 % and 1.5 degrees of noise.
 fn play(library: &Library, plan: &Plan, positions: &mut [Vec2], noise: &mut Noise, tally: &mut Tally) {
-    for pulse in &plan.pulses {
+    for pulse in rotations(plan) {
         let reverse = pulse.distance_m.signum();
         for p in positions.iter_mut() {
             let straight = library.displacement_at(pulse.entry, *p, pulse.sustain_s) * reverse;

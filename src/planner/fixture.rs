@@ -7,7 +7,7 @@ use rand::RngExt as _;
 
 use crate::geometry::{Twist, Vec2};
 use crate::library::{AxisShape, DisplacementModel, Entry, Library};
-use crate::planner::{PartState, PlanStatus, PlannerParams};
+use crate::planner::{PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
 use crate::random::Streams;
 
 pub(super) const PENNY_M: f64 = 0.009525;
@@ -138,4 +138,12 @@ fn belts_follow_the_sheet() {
     let fast = belt_distance(50.0, 0.1);
     let sheet = 0.5 * 0.2386 * 1.2386 * FRICTION_MPS2 * 0.12f64.powi(2);
     assert!((fast / sheet - 1.0).abs() < 0.01, "{fast} against {sheet}");
+}
+
+/// The pulses of a plan that has rotations alone.
+pub(super) fn rotations(plan: &Plan) -> impl Iterator<Item = &Rotation> {
+    plan.pulses.iter().map(|pulse| match pulse {
+        PlannedPulse::Rotation(rotation) => rotation,
+        PlannedPulse::Field(field) => panic!("{field:?}"),
+    })
 }

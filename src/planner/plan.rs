@@ -6,7 +6,7 @@ use super::limits::most_violated;
 use super::program::{self, Solution, Variable};
 use super::sequence::{Flow, Sequence, arrange};
 use super::task::Task;
-use super::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, sparsify};
+use super::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation, sparsify};
 use crate::geometry::Vec2;
 use crate::library::Library;
 
@@ -251,7 +251,7 @@ impl Planner {
     }
 
     /// Where `parts` are forecast to be after `pulse`.
-    pub fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Vec<Vec2> {
+    pub fn forecast(&self, parts: &[PartState], pulse: &Rotation) -> Vec<Vec2> {
         let positions_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         Flow { library: &self.library, parts }.after(pulse, &positions_m)
     }
@@ -263,6 +263,7 @@ impl Planner {
 
 fn solved(sequence: Sequence, candidates: Vec<usize>) -> Plan {
     let Sequence { pulses, predicted_m } = sequence;
+    let pulses = pulses.into_iter().map(PlannedPulse::Rotation).collect();
     Plan { status: PlanStatus::Solved, pulses, candidates, predicted_m }
 }
 

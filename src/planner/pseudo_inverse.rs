@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::field::reference_speed;
-use super::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
+use super::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
 use crate::geometry::Vec2;
 use crate::library::{Entry, Library};
 
@@ -91,7 +91,7 @@ impl PseudoInverse {
             let Some((length_m, sustain_s)) = self.pulse(entry, &at_m, wanted_m.abs()) else { continue };
             let distance_m = length_m.copysign(wanted_m);
             at_m = after(entry, distance_m, &at_m);
-            plan.pulses.push(PlannedPulse { entry: number, distance_m, sustain_s });
+            plan.pulses.push(PlannedPulse::Rotation(Rotation { entry: number, distance_m, sustain_s }));
             plan.predicted_m.push(at_m.clone());
         }
         if plan.pulses.is_empty() {
@@ -158,7 +158,7 @@ mod tests {
 
     use super::*;
     use crate::geometry::Twist;
-    use crate::planner::fixture::{HALF_SIDE_M, ends_without_a_plan, library, mm, params, penny, scene};
+    use crate::planner::fixture::{HALF_SIDE_M, ends_without_a_plan, library, mm, params, penny, rotations, scene};
 
     fn planner() -> PseudoInverse {
         PseudoInverse::new(library(), params())
@@ -173,7 +173,7 @@ mod tests {
         two.entries[1].pump = Twist::about(mm(10.0, -30.0), -8.0);
         let plan = PseudoInverse::new(two.into(), params()).plan(&[penny(mm(10.0, 10.0), mm(2.0, -3.0))]);
         assert_eq!(plan.status, PlanStatus::Solved);
-        let about: Vec<(usize, f64)> = plan.pulses.iter().map(|p| (p.entry, (p.distance_m * 1e9).round())).collect();
+        let about: Vec<(usize, f64)> = rotations(&plan).map(|p| (p.entry, (p.distance_m * 1e9).round())).collect();
         assert_eq!(about, [(1, 2e6), (0, -3e6)], "the centre nearer the middle first");
         assert!((plan.predicted_m[0][0] - mm(12.0, 10.0)).norm() < 1e-12);
         assert!((plan.predicted_m[1][0] - mm(12.0, 7.0)).norm() < 1e-12);
@@ -249,7 +249,7 @@ mod tests {
             prop_assert_eq!(plan.status == PlanStatus::Solved, !plan.pulses.is_empty());
             let model = &library().displacement;
             let mut at_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
-            for (pulse, predicted_m) in plan.pulses.iter().zip(&plan.predicted_m) {
+            for (pulse, predicted_m) in rotations(&plan).zip(&plan.predicted_m) {
                 let entry = &library().entries[pulse.entry];
                 let speed = at_m.iter().map(|&p| entry.speed_at(p)).fold(0.0, f64::max);
                 prop_assert!((model.distance(speed, pulse.sustain_s) - pulse.distance_m.abs()).abs() < 1e-8);

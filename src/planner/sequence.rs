@@ -2,7 +2,7 @@
 
 use super::field::{Belt, Columns, reference_speed};
 use super::limits::Clearances;
-use super::{Limit, PartState, PlannedPulse};
+use super::{Limit, PartState, Rotation};
 use crate::geometry::Vec2;
 use crate::library::Library;
 
@@ -13,7 +13,7 @@ const MAX_TRIALS: usize = 400;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sequence {
     /// First to last.
-    pub pulses: Vec<PlannedPulse>,
+    pub pulses: Vec<Rotation>,
     /// `predicted_m[pulse][part]`.
     pub predicted_m: Vec<Vec<Vec2>>,
 }
@@ -40,7 +40,7 @@ impl Flow<'_> {
     }
 
     /// Where parts at `positions_m` are after `pulse`.
-    pub fn after(&self, pulse: &PlannedPulse, positions_m: &[Vec2]) -> Vec<Vec2> {
+    pub fn after(&self, pulse: &Rotation, positions_m: &[Vec2]) -> Vec<Vec2> {
         let reverse = if pulse.distance_m < 0.0 { -1.0 } else { 1.0 };
         let belt = Belt::at(&self.library.displacement, pulse.sustain_s);
         let Some(entry) = self.library.entries.get(pulse.entry) else { return positions_m.to_vec() };
@@ -77,7 +77,7 @@ fn round_the_center(step_m: Vec2, angle_rad: f64, speed_mps: f64) -> Vec2 {
 pub(super) fn end_of(flow: Flow<'_>, positions_m: &[Vec2], pulses: impl Iterator<Item = (usize, f64)>) -> Vec<Vec2> {
     pulses.fold(positions_m.to_vec(), |positions, (entry, distance_m)| {
         let sustain_s = flow.sustain(entry, distance_m, &positions);
-        flow.after(&PlannedPulse { entry, distance_m, sustain_s }, &positions)
+        flow.after(&Rotation { entry, distance_m, sustain_s }, &positions)
     })
 }
 
@@ -140,8 +140,7 @@ impl Search<'_> {
             }
             self.trials += 1;
             let (entry, distance_m) = self.pulses[j];
-            let pulse =
-                PlannedPulse { entry, distance_m, sustain_s: self.flow.sustain(entry, distance_m, positions_m) };
+            let pulse = Rotation { entry, distance_m, sustain_s: self.flow.sustain(entry, distance_m, positions_m) };
             let after = self.flow.after(&pulse, positions_m);
             if let Some(limit) = self.clearances.broken_by(positions_m, &after) {
                 if self.stopped_by.is_none() || sequence.pulses.len() > self.farthest {
@@ -198,11 +197,11 @@ mod tests {
             let radius = (start - center).norm();
             prop_assume!(radius > 0.02);
             prop_assume!(library.displacement_at(entry, start, sustain_s).norm() > 1e-4);
-            let there = PlannedPulse { entry, distance_m: 0.01, sustain_s };
+            let there = Rotation { entry, distance_m: 0.01, sustain_s };
             let end = flow.after(&there, &[start])[0];
             let way = (end - start).norm();
             prop_assert!(((end - center).norm() - radius).abs() < 0.01 * way, "{} {radius}", (end - center).norm());
-            let back = flow.after(&PlannedPulse { distance_m: -0.01, ..there }, &[end])[0];
+            let back = flow.after(&Rotation { distance_m: -0.01, ..there }, &[end])[0];
             prop_assert!((back - start).norm() < 0.02 * way);
         }
 

@@ -17,7 +17,7 @@ use super::Planner;
 use super::field::Columns;
 use super::sequence::Sequence;
 use super::task::Task;
-use super::{Limit, PlannedPulse};
+use super::{Limit, Rotation};
 
 /// Power p and floor ρ of the metric: those with the least plate time to within 12 mm over random starts and targets.
 const POWER: f64 = 0.7;
@@ -110,13 +110,13 @@ impl Planner {
     }
 
     /// Time that a pulse alone takes, from one look to the end of the next, s.
-    fn plate_time_s(&self, pulse: &PlannedPulse) -> f64 {
+    fn plate_time_s(&self, pulse: &Rotation) -> f64 {
         let rest_s = self.library.rest_after(pulse.sustain_s);
         pulse.sustain_s + 2.0 * self.library.attack_s + rest_s + self.params.look_s
     }
 
     /// Pulses of `entry` in the direction of `along`, from the shortest that was measured to the longest allowed.
-    fn tries<'a>(&'a self, entry: usize, along: f64, task: &'a Task<'_>) -> impl Iterator<Item = PlannedPulse> + 'a {
+    fn tries<'a>(&'a self, entry: usize, along: f64, task: &'a Task<'_>) -> impl Iterator<Item = Rotation> + 'a {
         let model = &self.library.displacement;
         let speed = self.reference_speed_mps(entry, &task.positions_m);
         let longest_s = model.sustain_s.last().copied().unwrap_or(0.0);
@@ -124,7 +124,7 @@ impl Planner {
             let sustain_s = longest_s * k as f64 / (SUSTAINS - 1) as f64;
             let distance_m = model.distance(speed, sustain_s);
             let useful = (self.params.min_distance_m..=self.params.max_distance_m).contains(&distance_m);
-            useful.then(|| PlannedPulse { entry, distance_m: distance_m.copysign(along), sustain_s })
+            useful.then(|| Rotation { entry, distance_m: distance_m.copysign(along), sustain_s })
         })
     }
 }

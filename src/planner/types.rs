@@ -1,4 +1,5 @@
 use crate::geometry::Vec2;
+use crate::signal::TwistWave;
 
 /// One part as the planner sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,6 +22,8 @@ pub enum Method {
     CorSequence,
     /// The papers' plain method, for comparison: [`PseudoInverse`](super::PseudoInverse).
     PseudoInverse,
+    /// One motion of many harmonics for each cycle, made for the steps that are wanted in it.
+    SynthesizedField,
 }
 
 /// What the planner may and wants to do.
@@ -46,14 +49,42 @@ pub struct PlannerParams {
     pub sparsity: f64,
 }
 
+/// One pulse of a plan.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PlannedPulse {
+    /// A rotation about one centre, out of the library.
+    Rotation(Rotation),
+    /// A motion that moves every part its own way at once.
+    Field(FieldPulse),
+}
+
+impl PlannedPulse {
+    /// How long it is held at full height, s.
+    pub fn sustain_s(&self) -> f64 {
+        match self {
+            Self::Rotation(rotation) => rotation.sustain_s,
+            Self::Field(field) => field.sustain_s,
+        }
+    }
+}
+
 /// One rotation of a sequence.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PlannedPulse {
+pub struct Rotation {
     /// Index into the library's entries.
     pub entry: usize,
     /// The rotation d_j, m: how far it moves a part on the nominal field; negative runs the drive in reverse.
     pub distance_m: f64,
     /// Sustain that gives that distance, s.
+    pub sustain_s: f64,
+}
+
+/// One synthesised motion under an envelope (equation sheet, section 5).
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldPulse {
+    /// The plate's velocity at full height.
+    pub wave: TwistWave,
+    /// Sustain, s.
     pub sustain_s: f64,
 }
 

@@ -72,7 +72,7 @@ impl<W: Write> Sink for Journal<W> {
             self.put_unfinished();
             self.sent_in_cycle = facts.cycle;
         }
-        self.sent.push(SentLine::new(facts));
+        self.sent.push(SentLine::new(facts, &self.library));
     }
 
     fn cycle(&mut self, facts: &CycleFacts<'_>) {
@@ -91,6 +91,8 @@ impl<W: Write> Sink for Journal<W> {
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
     use crate::recording::testing;
 
@@ -111,6 +113,30 @@ mod tests {
             journal.event(PlateTime::from_secs(1.5), EventLevel::Warning, "part 1 \"lost\" for 3 frames");
         });
         assert_eq!(text, include_str!("journal/golden.jsonl"));
+    }
+
+    #[test]
+    fn fields_are_told_by_their_harmonics() {
+        let text = written(|journal| {
+            let mut run = testing::SyntheticRun::new(2);
+            run.plans_fields = true;
+            run.cycle(journal);
+        });
+        let line: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let second = |scale: f64| {
+            let scaled = |values: [f64; 2]| values.map(|value| (value * scale * 1e3).round() / 1e3);
+            json!({
+                "cos_mm_s": scaled([125.0, -62.5]), "sin_mm_s": scaled([62.5, 125.0]),
+                "cos_rad_s": 0.75 * scale, "sin_rad_s": -0.5 * scale,
+            })
+        };
+        let planned = &line["plan"]["pulses"][0];
+        assert_eq!(planned["harmonics"].as_array().unwrap().len(), 3);
+        assert_eq!((&planned["harmonics"][1], &planned["base_hz"]), (&second(1.0), &json!(60.0)));
+        assert_eq!((&planned["sustain_s"], &planned["entry"]), (&json!(0.04), &json!(null)));
+        let read = &line["sent"][0]["read"];
+        assert_eq!((&read["residual_m_s2"], &read["off_asked"]), (&json!(0.9), &json!(0.1)));
+        assert_eq!(read["harmonics"][1]["sin_mm_s"], second(1.1)["sin_mm_s"]);
     }
 
     #[test]

@@ -1,5 +1,5 @@
 use crate::control::{CycleFacts, EventLevel, LocalisedFacts, PulseFacts};
-use crate::estimation::{FitFault, TwistFit};
+use crate::estimation::{FitFault, PlateFit};
 use crate::geometry::Vec2;
 use crate::goal::Wanted;
 use crate::planner::{Plan, PlannedPulse};
@@ -48,7 +48,7 @@ pub struct PulseRecord {
     /// What the accelerometers saw.
     pub trace: AccelTrace,
     /// What they say of the plate's motion.
-    pub fit: Result<TwistFit, FitFault>,
+    pub fit: Result<PlateFit, FitFault>,
 }
 
 impl From<&PulseFacts<'_>> for PulseRecord {

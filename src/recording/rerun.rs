@@ -13,6 +13,7 @@ mod blueprint;
 mod camera;
 mod cells;
 mod charts;
+mod field;
 mod file;
 mod lab;
 #[cfg(test)]

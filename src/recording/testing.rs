@@ -5,14 +5,14 @@ use nalgebra::{Matrix2, Vector3};
 use rand_pcg::rand_core::Rng as _;
 
 use crate::control::{CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
-use crate::estimation::{TwistFit, axis_phasors, nearest_pump};
+use crate::estimation::{PlateFit, TwistFit, WaveFit, axis_phasors, nearest_pump};
 use crate::geometry::{Homography, Lens, Pose, Twist, Vec2};
 use crate::goal::Wanted;
 use crate::library::{AxisShape, DisplacementModel, Entry, Library};
-use crate::planner::{Plan, PlanStatus, PlannedPulse};
+use crate::planner::{FieldPulse, Plan, PlanStatus, PlannedPulse, Rotation};
 use crate::random::{Rng, Streams};
 use crate::rig::RigModel;
-use crate::signal::{AccelTrace, Drive, Envelope, Frame, Harmonic, TwistWave};
+use crate::signal::{AccelTrace, Drive, Envelope, Frame, Harmonic, TwistHarmonic, TwistWave};
 use crate::sim::{PartTruth, Truth, TruthProbe};
 use crate::time::PlateTime;
 use crate::vision::{Detection, HoughArray, Plane, Stages, Table, Track};
@@ -75,6 +75,8 @@ pub(super) struct SyntheticRun {
     pub(super) sensing_offset_m: Vec2,
     /// Every wall time told.
     pub(super) wall_us: f64,
+    /// True for synthesised fields in the rotations' place.
+    pub(super) plans_fields: bool,
     pub(super) pulses_played: u64,
     pub(super) frames_taken: u64,
     now: PlateTime,
@@ -92,6 +94,7 @@ impl SyntheticRun {
             truth: TruthProbe::default(),
             sensing_offset_m: Vec2::new(2e-5, -1e-5),
             wall_us: 0.0,
+            plans_fields: false,
             pulses_played: 0,
             frames_taken: 0,
             now: PlateTime::from_secs(0.1),
@@ -189,10 +192,14 @@ impl SyntheticRun {
         let subgoals_m: Vec<Vec2> = observed_m.iter().zip(&targets_m).map(step).collect();
         let count = 2 + (self.cycle % 2) as usize;
         let pulses: Vec<PlannedPulse> = (0..count)
-            .map(|j| PlannedPulse {
-                entry: (self.cycle as usize * 11 + j * 37) % self.library.entries.len(),
-                distance_m: 0.004 * (1.0 + j as f64) * if j == 1 { -0.6 } else { 1.0 },
-                sustain_s: 0.04 + 0.02 * j as f64,
+            .map(|j| {
+                let entry = (self.cycle as usize * 11 + j * 37) % self.library.entries.len();
+                let distance_m = 0.004 * (1.0 + j as f64) * if j == 1 { -0.6 } else { 1.0 };
+                let sustain_s = 0.04 + 0.02 * j as f64;
+                match self.plans_fields {
+                    true => PlannedPulse::Field(FieldPulse { wave: wave(1.0), sustain_s }),
+                    false => PlannedPulse::Rotation(Rotation { entry, distance_m, sustain_s }),
+                }
             })
             .collect();
         let part_way = |j: usize| {
@@ -212,15 +219,19 @@ impl SyntheticRun {
     }
 
     fn pulse(&mut self, sink: &mut impl Sink, planned: &PlannedPulse, predicted_m: &[Vec2]) {
-        let pump = self.library.entries[planned.entry].pump * planned.distance_m.signum();
+        let pump = match planned {
+            PlannedPulse::Rotation(planned) => self.library.entries[planned.entry].pump * planned.distance_m.signum(),
+            PlannedPulse::Field(planned) => planned.wave.harmonics[0].cos,
+        };
         let wave = [Harmonic { cos: 420.0, sin: 0.0 }, Harmonic { cos: 0.0, sin: -431.25 }];
         let scaled = |scale: f64| wave.iter().map(|h| Harmonic { cos: h.cos * scale, sin: h.sin * scale }).collect();
         let drive = Drive {
             base_radps: BASE_RADPS,
             motors: [scaled(-0.5), scaled(-0.25), scaled(0.75), scaled(1.0)],
-            envelope: Envelope { attack_s: 0.01, sustain_s: planned.sustain_s, rest_s: 0.04 },
+            envelope: Envelope { attack_s: 0.01, sustain_s: planned.sustain_s(), rest_s: 0.04 },
         };
         let (trace, fit) = self.trace(pump, &drive);
+        let fit = if self.plans_fields { PlateFit::Wave(wave_fit()) } else { PlateFit::Twist(fit) };
         let started_at = self.now;
         let start_m = self.parts_m.clone();
         let frames = (drive.envelope.total_s() * 60.0).ceil() as usize;
@@ -285,6 +296,21 @@ impl SyntheticRun {
             }
         }
     }
+}
+
+/// Three harmonics, scaled.
+fn wave(scale: f64) -> TwistWave {
+    let harmonic = |k: u32| TwistHarmonic {
+        cos: Twist::new(0.25, -0.125, 1.5) * (scale / f64::from(k)),
+        sin: Twist::new(0.0625, 0.125, -0.5) * scale,
+    };
+    TwistWave { base_radps: BASE_RADPS, harmonics: (1..=3).map(harmonic).collect() }
+}
+
+/// A tenth more than was asked for.
+fn wave_fit() -> WaveFit {
+    let accel_mps2 = std::array::from_fn(|channel| vec![[10.0, channel as f64]; 3]);
+    WaveFit { accel_mps2, residual_rms_mps2: 0.9, wave: wave(1.1) }
 }
 
 fn image_from_table(p_m: Vec2) -> Vec2 {

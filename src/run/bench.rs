@@ -62,7 +62,8 @@ impl Bench {
             lost_after_frames: lost_after_frames(model.frame_hz),
             method: match job.planner {
                 PlannerChoice::PseudoInverse => Method::PseudoInverse,
-                PlannerChoice::CorSequence | PlannerChoice::SynthesizedField => Method::CorSequence,
+                PlannerChoice::CorSequence => Method::CorSequence,
+                PlannerChoice::SynthesizedField => Method::SynthesizedField,
             },
             planner: planner_params(job, library, placed.len()),
             kinds,

@@ -4,9 +4,10 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::{Nearest, OPENING_FRAMES, RehearsalParams};
 use crate::control::ControlParams;
+use crate::control::plans::Plans;
 use crate::geometry::Vec2;
 use crate::library::Library;
-use crate::planner::PlannedPulse;
+use crate::planner::{FieldPulse, PartState, PlannedPulse, Rotation};
 use crate::random::Rng;
 use crate::time::PlateTime;
 
@@ -40,13 +41,9 @@ impl Stage {
     /// Parts where they start, with the friction drawn for each.
     pub fn new(library: Arc<Library>, params: &ControlParams, rehearsal: &RehearsalParams) -> Self {
         let RehearsalParams { starts_m, frame_hz, streams, number, .. } = rehearsal;
-        let radius = |part: usize| {
-            let kind = params.parts.get(part).and_then(|part| params.kinds.get(part.kind));
-            kind.map_or(0.0, |kind| kind.radius_m)
-        };
         let mut stage = Self {
             positions_m: starts_m.clone(),
-            radii_m: (0..starts_m.len()).map(radius).collect(),
+            radii_m: (0..starts_m.len()).map(|part| params.radius_m(part)).collect(),
             nearest: None,
             library,
             friction: friction(rehearsal),
@@ -68,16 +65,49 @@ impl Stage {
         self.frames += 1;
     }
 
-    /// Plays a pulse to the first frame after its end.
-    pub fn play(&mut self, pulse: &PlannedPulse) {
-        let sounding_s = 2.0 * self.library.attack_s + pulse.sustain_s + self.library.rest_after(pulse.sustain_s);
-        self.frames += (sounding_s * self.frame_hz - ROUNDING).ceil().max(1.0) as u64;
+    /// The parts with a gain for each, and no steps.
+    pub fn states(&self, gain: impl Fn(usize) -> f64) -> Vec<PartState> {
+        let places = self.positions_m.iter().zip(&self.radii_m).enumerate();
+        let state = |(part, (&position_m, &radius_m)): (usize, (&Vec2, &f64))| PartState {
+            position_m,
+            step_m: Vec2::zeros(),
+            radius_m,
+            gain: gain(part),
+        };
+        places.map(state).collect()
+    }
+
+    /// Plays a pulse to the first frame after its end. `plans` knows where a field carries parts.
+    pub fn play(&mut self, pulse: &PlannedPulse, plans: &dyn Plans) {
+        self.frames += (self.length_s(pulse) * self.frame_hz - ROUNDING).ceil().max(1.0) as u64;
         let before_m = self.positions_m.clone();
-        for part in 0..self.positions_m.len() {
-            self.positions_m[part] = self.carried(part, pulse);
+        match pulse {
+            PlannedPulse::Rotation(rotation) => {
+                for part in 0..self.positions_m.len() {
+                    self.positions_m[part] = self.carried(part, rotation);
+                }
+            }
+            PlannedPulse::Field(_) => {
+                if let Some(after_m) = plans.forecast(&self.states(|part| self.friction[part]), pulse) {
+                    self.positions_m = after_m;
+                }
+            }
         }
         self.note_gaps(&before_m);
         self.push_apart();
+    }
+
+    /// Length of a pulse with its rest, s.
+    fn length_s(&self, pulse: &PlannedPulse) -> f64 {
+        let library = &self.library;
+        match pulse {
+            PlannedPulse::Rotation(Rotation { sustain_s, .. }) => {
+                2.0 * library.attack_s + sustain_s + library.rest_after(*sustain_s)
+            }
+            PlannedPulse::Field(FieldPulse { sustain_s, .. }) => {
+                library.fields.as_ref().map_or(0.0, |fields| 2.0 * fields.attack_s + fields.rest_s) + sustain_s
+            }
+        }
     }
 
     /// Parts that would lie in one another push each other away, half the way each.
@@ -102,8 +132,8 @@ impl Stage {
         }
     }
 
-    /// Where a pulse carries a part. Distance and direction are those half way along: so they were measured.
-    fn carried(&mut self, part: usize, pulse: &PlannedPulse) -> Vec2 {
+    /// Where a rotation carries a part. Distance and direction are those half way along: so they were measured.
+    fn carried(&mut self, part: usize, pulse: &Rotation) -> Vec2 {
         let from_m = self.positions_m[part];
         let Some(entry) = self.library.entries.get(pulse.entry) else { return from_m };
         let model = &self.library.displacement;

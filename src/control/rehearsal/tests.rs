@@ -6,8 +6,8 @@ use super::*;
 use crate::control::{ExpectedPart, Outcome};
 use crate::geometry::Twist;
 use crate::goal::{PathParams, Trajectories};
-use crate::library::{AxisShape, DisplacementModel, Entry};
-use crate::planner::{Method, PlannerParams};
+use crate::library::{AxisShape, DisplacementModel, Entry, FieldResponse};
+use crate::planner::{FieldPulse, Method, PlannedPulse, PlannerParams, Rotation};
 use crate::rig::PartKind;
 
 const HALF_M: f64 = 0.1;
@@ -223,13 +223,49 @@ fn parts_that_meet_push_each_other_aside() {
     for number in 1..20 {
         let how = RehearsalParams { friction_spread: 0.4, ..rehearsal(&starts_m, number) };
         let mut stage = Stage::new(Arc::clone(&made), &params(2), &how);
-        stage.play(&crate::planner::PlannedPulse { entry: 0, distance_m: 0.01, sustain_s: 0.1 });
+        stage.play(
+            &PlannedPulse::Rotation(Rotation { entry: 0, distance_m: 0.01, sustain_s: 0.1 }),
+            &Along(Vec2::zeros()),
+        );
         let gap_m = (stage.positions_m[0] - stage.positions_m[1]).norm() - 2.0 * RADIUS_M;
         let least_m = stage.nearest.unwrap().gap_m;
         met += usize::from(least_m < 0.0);
         assert!(gap_m > -1e-12 && least_m <= gap_m + 1e-12, "{gap_m} {least_m}");
     }
     assert!(met > 3, "{met}");
+}
+
+/// Forecasts that every field carries parts by so much at gain 1.
+struct Along(Vec2);
+
+impl Plans for Along {
+    fn plan(&mut self, _: &[PartState]) -> Plan {
+        Plan { status: PlanStatus::NothingToDo, pulses: Vec::new(), candidates: Vec::new(), predicted_m: Vec::new() }
+    }
+
+    fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {
+        let carried = || parts.iter().map(|part| part.position_m + self.0 * part.gain).collect();
+        matches!(pulse, PlannedPulse::Field(_)).then(carried)
+    }
+}
+
+#[test]
+fn a_field_carries_parts_as_forecast_with_their_own_friction() {
+    let mut made = (*library([], 0.03)).clone();
+    let fields =
+        FieldResponse { base_radps: 200.0, attack_s: 0.06, rest_s: 0.07, limit_counts: 1.0, twist_from_counts: vec![] };
+    made.fields = Some(fields);
+    let (starts_m, way_m) = ([Vec2::new(-0.05, 0.0), Vec2::new(0.05, 0.0)], Vec2::new(0.0, 0.01));
+    for number in 0..3 {
+        let how = rehearsal(&starts_m, number);
+        let mut stage = Stage::new(Arc::new(made.clone()), &params(2), &how);
+        let before = stage.now();
+        stage.play(&PlannedPulse::Field(FieldPulse { wave: Default::default(), sustain_s: 0.1 }), &Along(way_m));
+        assert!((stage.now() - before - 0.3).abs() < 1e-9, "15 frames, for 0.29 s");
+        for ((start_m, end_m), friction) in starts_m.iter().zip(&stage.positions_m).zip(stage::friction(&how)) {
+            assert!((end_m - start_m - way_m * friction).norm() < 1e-12, "{number}: {friction}");
+        }
+    }
 }
 
 proptest! {

@@ -4,11 +4,13 @@
 use serde::{Serialize, Serializer};
 
 use crate::control::{CycleFacts, EventLevel, LocalisedFacts, PulseFacts};
+use crate::estimation::PlateFit;
 use crate::geometry::Vec2;
 use crate::library::Library;
-use crate::planner::{Limit, PlanStatus};
+use crate::planner::{Limit, PlanStatus, PlannedPulse};
 use crate::recording::motion::Motion;
-use crate::signal::{Harmonic, MOTORS};
+use crate::recording::wave::off_part;
+use crate::signal::{Harmonic, MOTORS, TwistWave};
 use crate::time::PlateTime;
 use crate::units::mm_from_m;
 
@@ -165,12 +167,64 @@ enum StatusPart<'a> {
 }
 
 #[derive(Serialize)]
-struct PlannedPart {
-    entry: usize,
-    #[serde(flatten)]
-    motion: Option<MotionPart>,
-    d_mm: Mm,
-    sustain_s: Seconds,
+#[serde(untagged)]
+enum PlannedPart {
+    Rotation {
+        entry: usize,
+        #[serde(flatten)]
+        motion: Option<MotionPart>,
+        d_mm: Mm,
+        sustain_s: Seconds,
+    },
+    Field {
+        base_hz: Fixed<4>,
+        harmonics: Vec<HarmonicPart>,
+        sustain_s: Seconds,
+    },
+}
+
+impl PlannedPart {
+    fn new(pulse: &PlannedPulse, library: &Library) -> Self {
+        match pulse {
+            PlannedPulse::Rotation(rotation) => {
+                let entry = library.entries.get(rotation.entry);
+                Self::Rotation {
+                    entry: rotation.entry,
+                    motion: entry.and_then(|entry| Motion::of(&entry.pump)).map(MotionPart::new),
+                    d_mm: mm(rotation.distance_m),
+                    sustain_s: Fixed(rotation.sustain_s),
+                }
+            }
+            PlannedPulse::Field(field) => Self::Field {
+                base_hz: hz(field.wave.base_radps),
+                harmonics: harmonics(&field.wave),
+                sustain_s: Fixed(field.sustain_s),
+            },
+        }
+    }
+}
+
+/// One harmonic of the plate's velocity: its centre's and its spin.
+#[derive(Debug, Serialize)]
+struct HarmonicPart {
+    cos_mm_s: [Fixed<3>; 2],
+    sin_mm_s: [Fixed<3>; 2],
+    cos_rad_s: Fixed<5>,
+    sin_rad_s: Fixed<5>,
+}
+
+fn harmonics(wave: &TwistWave) -> Vec<HarmonicPart> {
+    let parts = wave.harmonics.iter().map(|harmonic| HarmonicPart {
+        cos_mm_s: fixed_pair(harmonic.cos.velocity_mps * 1e3),
+        sin_mm_s: fixed_pair(harmonic.sin.velocity_mps * 1e3),
+        cos_rad_s: Fixed(harmonic.cos.spin_radps),
+        sin_rad_s: Fixed(harmonic.sin.spin_radps),
+    });
+    parts.collect()
+}
+
+fn hz(radps: f64) -> Fixed<4> {
+    Fixed(radps / std::f64::consts::TAU)
 }
 
 #[derive(Debug, Serialize)]
@@ -207,12 +261,7 @@ impl<'a> PlanPart<'a> {
                 StatusPart::Infeasible { limit, limited_parts }
             }
         };
-        let pulses = plan.pulses.iter().map(|pulse| PlannedPart {
-            entry: pulse.entry,
-            motion: library.entries.get(pulse.entry).and_then(|entry| Motion::of(&entry.pump)).map(MotionPart::new),
-            d_mm: mm(pulse.distance_m),
-            sustain_s: Fixed(pulse.sustain_s),
-        });
+        let pulses = plan.pulses.iter().map(|pulse| PlannedPart::new(pulse, library));
         Self { status, candidates: plan.candidates.len(), pulses: pulses.collect() }
     }
 }
@@ -241,27 +290,41 @@ enum ReadPart {
         motion: Option<MotionPart>,
         residual_m_s2: Fixed<4>,
     },
+    Wave {
+        harmonics: Vec<HarmonicPart>,
+        residual_m_s2: Fixed<4>,
+        /// How far the wave read is from the one asked for, over plate and period, as a part of that.
+        off_asked: Option<Fixed<4>>,
+    },
     Fault {
         fault: String,
     },
 }
 
 impl SentLine {
-    pub(super) fn new(facts: &PulseFacts<'_>) -> Self {
+    pub(super) fn new(facts: &PulseFacts<'_>, library: &Library) -> Self {
         let drive = facts.drive;
         let counts = |harmonics: &Vec<Harmonic>| harmonics.iter().map(|h| [Fixed(h.cos), Fixed(h.sin)]).collect();
         let read = match facts.fit {
-            Ok(fit) => ReadPart::Fit {
+            Ok(PlateFit::Twist(fit)) => ReadPart::Fit {
                 pump_mm_s: fixed_pair(fit.pump.velocity_mps * 1e3),
                 pump_rad_s: Fixed(fit.pump.spin_radps),
                 motion: Motion::of(&fit.pump).map(MotionPart::new),
                 residual_m_s2: Fixed(fit.residual_rms_mps2),
             },
+            Ok(PlateFit::Wave(fit)) => ReadPart::Wave {
+                harmonics: harmonics(&fit.wave),
+                residual_m_s2: Fixed(fit.residual_rms_mps2),
+                off_asked: match facts.planned {
+                    PlannedPulse::Field(asked) => Some(Fixed(off_part(&fit.wave, &asked.wave, library.plate_side_m))),
+                    PlannedPulse::Rotation(_) => None,
+                },
+            },
             Err(fault) => ReadPart::Fault { fault: fault.to_string() },
         };
         Self {
             started_at_s: seconds(facts.started_at),
-            base_hz: Fixed(drive.base_radps / std::f64::consts::TAU),
+            base_hz: hz(drive.base_radps),
             attack_s: Fixed(drive.envelope.attack_s),
             sustain_s: Fixed(drive.envelope.sustain_s),
             rest_s: Fixed(drive.envelope.rest_s),

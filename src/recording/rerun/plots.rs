@@ -4,6 +4,7 @@ use super::paint;
 use super::recorder::{Logged, Looks, Tape, nanos};
 use super::sink::RunContext;
 use crate::geometry::Vec2;
+use crate::planner::PlannedPulse;
 use crate::recording::records::CycleRecord;
 use crate::units::mm_from_m;
 
@@ -57,9 +58,14 @@ impl Plots {
         log_each(tape, "errors/to_target_mm", distances_mm(&cycle.observed_m, &cycle.wanted.targets_m))?;
         log_each(tape, "errors/cross_track_mm", cycle.wanted.cross_track_m.iter().map(|&off_m| mm_from_m(off_m)))?;
         let pulses = &cycle.plan.pulses;
-        let distances: Vec<f64> = pulses.iter().map(|pulse| mm_from_m(pulse.distance_m)).collect();
-        log_each(tape, "plan/total_mm", [distances.iter().map(|d| d.abs()).sum()])?;
         log_each(tape, "plan/pulses", [pulses.len() as f64])?;
+        let distance_mm = |pulse: &PlannedPulse| match pulse {
+            PlannedPulse::Rotation(rotation) => Some(mm_from_m(rotation.distance_m)),
+            PlannedPulse::Field(_) => None,
+        };
+        // a field has no d
+        let Some(distances) = pulses.iter().map(distance_mm).collect::<Option<Vec<f64>>>() else { return Ok(()) };
+        log_each(tape, "plan/total_mm", [distances.iter().map(|d| d.abs()).sum()])?;
         let numbers: Vec<f64> = (1..=pulses.len()).map(|j| j as f64).collect();
         let bars = BarChart::new(distances).with_abscissa(numbers).with_color(paint::color(paint::CENTER));
         tape.log("plan/d_mm", &bars)

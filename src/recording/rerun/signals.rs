@@ -2,7 +2,7 @@ use rerun::{Scalars, SeriesLines, SeriesPoints};
 
 use super::paint;
 use super::recorder::{Logged, Tape, nanos};
-use crate::estimation::TwistFit;
+use crate::estimation::PlateFit;
 use crate::recording::records::PulseRecord;
 use crate::signal::{AccelTrace, Drive, MISSING_SAMPLE, MOTORS};
 
@@ -115,12 +115,17 @@ fn measured_mps2(trace: &AccelTrace, channel: usize, i: usize) -> f64 {
     }
 }
 
-/// `c1 cos wt + s1 sin wt + c2 cos 2wt + s2 sin 2wt` (Eq. 12).
-fn fitted_mps2(fit: &TwistFit, channel: usize, t_s: f64) -> f64 {
-    let [c1, s1, c2, s2] = fit.accel_mps2[channel];
-    let (sin, cos) = (fit.wave.base_radps * t_s).sin_cos();
-    let (sin_2, cos_2) = (2.0 * fit.wave.base_radps * t_s).sin_cos();
-    c1 * cos + s1 * sin + c2 * cos_2 + s2 * sin_2
+/// `c1 cos wt + s1 sin wt + c2 cos 2wt + s2 sin 2wt` (Eq. 12), and so on for as many harmonics as were fitted.
+fn fitted_mps2(fit: &PlateFit, channel: usize, t_s: f64) -> f64 {
+    let (coefficients, base_radps) = match fit {
+        PlateFit::Twist(fit) => (fit.accel_mps2[channel].as_chunks().0, fit.wave.base_radps),
+        PlateFit::Wave(fit) => (fit.accel_mps2[channel].as_slice(), fit.wave.base_radps),
+    };
+    let harmonic = |(k, [c, s]): (u32, &[f64; 2])| {
+        let (sin, cos) = (f64::from(k) * base_radps * t_s).sin_cos();
+        c * cos + s * sin
+    };
+    (1..).zip(coefficients).map(harmonic).sum()
 }
 
 #[cfg(test)]

@@ -1,12 +1,13 @@
 use rerun::{Arrows2D, Ellipses2D, LineStrips2D, Points2D};
 
+use super::field::{mean_direction, over_a_period};
 use super::paint::{self, above, thin};
 use super::recorder::{Logged, Looks, Tape, nanos};
 use super::sink::RunContext;
 use super::trails::Trails;
 use crate::geometry::{Twist, Vec2, perp};
 use crate::library::Library;
-use crate::planner::PlannedPulse;
+use crate::planner::{PlannedPulse, Rotation};
 use crate::recording::motion::Motion;
 use crate::recording::records::CycleRecord;
 use crate::units::mm_from_m;
@@ -91,7 +92,22 @@ impl TableView {
         tape.log("table/names", &paint::names(below, &self.ids))?;
         self.log_wanted(tape, cycle)?;
         self.log_centers(tape, &cycle.plan.pulses, &context.library)?;
+        self.log_forecast(tape, cycle)?;
         self.log_field(tape, &cycle.plan.pulses, &context.library)
+    }
+
+    /// What each field of this cycle is forecast to do: an arrow from where it finds a part to where it leaves it. For
+    /// rotations the centres say it.
+    fn log_forecast(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
+        let steps_m = forecast_steps(cycle);
+        if steps_m.is_empty() {
+            return Ok(());
+        }
+        let arrows = Arrows2D::from_vectors(steps_m.iter().map(|(from_m, to_m)| above(to_m - from_m)))
+            .with_origins(steps_m.iter().map(|(from_m, _)| above(*from_m)))
+            .with_colors([paint::color(paint::PREDICTED)])
+            .with_radii([thin(1.75)]);
+        tape.log("table/forecast", &arrows)
     }
 
     fn log_wanted(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
@@ -120,6 +136,7 @@ impl TableView {
     fn log_centers(&self, tape: &Tape, pulses: &[PlannedPulse], library: &Library) -> Logged {
         let window_m = WINDOW * self.half_side_m;
         let chosen = pulses.iter().enumerate().filter_map(|(j, pulse)| {
+            let PlannedPulse::Rotation(pulse) = pulse else { return None };
             let pump = library.entries.get(pulse.entry)?.pump * pulse.distance_m.signum();
             let how = match Motion::of(&pump)? {
                 Motion::About { counter_clockwise: true, .. } => "ccw".to_owned(),
@@ -138,13 +155,15 @@ impl TableView {
         tape.log("table/centers", &points)
     }
 
-    /// The sum of the sequence's fields, to first order; the longest arrow spans the grid's pitch.
+    /// The sum of the sequence's fields, to first order, or the mean pull of friction in a synthesised one; the longest
+    /// arrow spans the grid's pitch.
     fn log_field(&self, tape: &Tape, pulses: &[PlannedPulse], library: &Library) -> Logged {
         let pitch_m = 2.0 * self.half_side_m / FIELD as f64;
         let middle = (FIELD as f64 - 1.0) / 2.0;
         let grid =
             (0..FIELD * FIELD).map(|i| Vec2::new((i % FIELD) as f64 - middle, (i / FIELD) as f64 - middle) * pitch_m);
-        let field: Vec<(Vec2, Vec2)> = grid.map(|p_m| (p_m, sum_of_fields(pulses, library, p_m))).collect();
+        let fields: Vec<Flow> = pulses.iter().filter_map(|pulse| Flow::of(pulse, library)).collect();
+        let field: Vec<(Vec2, Vec2)> = grid.map(|p_m| (p_m, fields.iter().map(|flow| flow.at(p_m)).sum())).collect();
         let longest_m = field.iter().map(|(_, step_m)| step_m.norm()).fold(0.0, f64::max);
         let scale = if longest_m > 0.0 { 0.95 * pitch_m / longest_m } else { 0.0 };
         let arrows = Arrows2D::from_vectors(field.iter().map(|(_, step_m)| above(step_m * scale)))
@@ -156,13 +175,39 @@ impl TableView {
     }
 }
 
-/// `Σ d_j τ_j(p)`, m.
-fn sum_of_fields(pulses: &[PlannedPulse], library: &Library, p_m: Vec2) -> Vec2 {
-    let fields = pulses.iter().filter_map(|pulse| {
-        let entry = library.entries.get(pulse.entry)?;
-        Some(entry.pump.direction_at(p_m) * pulse.distance_m)
-    });
-    fields.sum()
+/// From where to where each field of a cycle is forecast to carry each part, m.
+fn forecast_steps(cycle: &CycleRecord) -> Vec<(Vec2, Vec2)> {
+    let before_m = std::iter::once(&cycle.observed_m).chain(&cycle.plan.predicted_m);
+    let stages = cycle.plan.pulses.iter().zip(before_m.zip(&cycle.plan.predicted_m));
+    let of_fields = stages.filter(|(pulse, _)| matches!(pulse, PlannedPulse::Field(_)));
+    of_fields.flat_map(|(_, (from_m, to_m))| from_m.iter().copied().zip(to_m.iter().copied())).collect()
+}
+
+/// Which way a pulse carries parts, and how far against the plan's others of its kind.
+enum Flow {
+    /// `d τ(p)`, m.
+    Rotation { pump: Twist, distance_m: f64 },
+    /// The mean direction of the plate's velocity over this period of it.
+    Field(Vec<Twist>),
+}
+
+impl Flow {
+    fn of(pulse: &PlannedPulse, library: &Library) -> Option<Self> {
+        match pulse {
+            PlannedPulse::Rotation(Rotation { entry, distance_m, .. }) => {
+                let pump = library.entries.get(*entry)?.pump;
+                Some(Self::Rotation { pump, distance_m: *distance_m })
+            }
+            PlannedPulse::Field(field) => Some(Self::Field(over_a_period(&field.wave).collect())),
+        }
+    }
+
+    fn at(&self, p_m: Vec2) -> Vec2 {
+        match self {
+            Self::Rotation { pump, distance_m } => pump.direction_at(p_m) * *distance_m,
+            Self::Field(period) => mean_direction(period, p_m),
+        }
+    }
 }
 
 /// The centre of rotation of `pump`, drawn in to the rim of a square of half side `window_m`.
@@ -195,8 +240,8 @@ mod tests {
     #[test]
     fn the_field_of_one_rotation_is_its_tangent() {
         let library = testing::library();
-        let pulse = PlannedPulse { entry: 40, distance_m: 0.003, sustain_s: 0.1 };
-        let step_m = sum_of_fields(&[pulse], &library, Vec2::new(0.05, 0.0));
+        let pulse = PlannedPulse::Rotation(Rotation { entry: 40, distance_m: 0.003, sustain_s: 0.1 });
+        let step_m = Flow::of(&pulse, &library).unwrap().at(Vec2::new(0.05, 0.0));
         assert!((step_m - Vec2::new(0.0, 0.003)).norm() < 1e-12, "entry 40 turns about the plate's centre");
     }
 }

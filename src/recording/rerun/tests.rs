@@ -25,7 +25,15 @@ fn context(run: &SyntheticRun) -> RunContext {
 }
 
 fn record(mode: &RerunMode, path: &Path, cycles: usize) -> Result<RecordingStats, RecordingError> {
-    let mut run = SyntheticRun::new(2);
+    record_run(SyntheticRun::new(2), mode, path, cycles)
+}
+
+fn record_run(
+    mut run: SyntheticRun,
+    mode: &RerunMode,
+    path: &Path,
+    cycles: usize,
+) -> Result<RecordingStats, RecordingError> {
     run.wall_us = 180.0;
     let mut sink = RerunSink::start(mode, path, context(&run))?;
     run.localise(&mut sink);
@@ -103,6 +111,25 @@ fn a_recording_holds_what_a_person_looks_for() {
     assert_eq!(timelines, BTreeSet::from(["cycle".to_owned(), "plate_time".to_owned()]), "no wall clock");
     let properties = |name: &str| blueprint.all_entities().iter().filter(|p| p.to_string().ends_with(name)).count();
     assert_eq!((properties("VisualBounds2D"), properties("VisibleTimeRanges")), (5, 4));
+}
+
+#[test]
+fn fields_are_shown_by_what_they_do_to_the_parts() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    let mut fields = SyntheticRun::new(2);
+    fields.plans_fields = true;
+    record_run(fields, &RerunMode::Save, &path, 3).unwrap();
+    let (recording, _) = stores(&path);
+    let chunks = |path: &str| {
+        recording.iter_physical_chunks().filter(|chunk| *chunk.entity_path() == path.into()).collect::<Vec<_>>()
+    };
+    let arrows: usize = chunks("table/forecast").iter().map(|chunk| chunk.num_rows()).sum();
+    assert_eq!(arrows, 3, "once a cycle");
+    for (path, rows) in [("table/field", 3), ("plan/pulses", 3), ("plan/d_mm", 0), ("plan/total_mm", 0)] {
+        let logged = chunks(path).into_iter().filter(|chunk| !chunk.is_static());
+        assert_eq!(logged.map(|chunk| chunk.num_rows()).sum::<usize>(), rows, "{path}");
+    }
 }
 
 #[test]

@@ -1,9 +1,11 @@
 use rerun::{TextLog, TextLogLevel};
 
+use super::field::strongest_speed_mps;
 use super::recorder::{Logged, Tape};
 use super::sink::RunContext;
 use crate::control::EventLevel;
-use crate::planner::{PlanStatus, PlannedPulse};
+use crate::library::Library;
+use crate::planner::{FieldPulse, PlanStatus, PlannedPulse, Rotation};
 use crate::recording::motion::Motion;
 use crate::recording::records::{CycleRecord, EventRecord, LocalisedRecord};
 use crate::units::mm_from_m;
@@ -56,19 +58,51 @@ fn say(tape: &Tape, level: &str, text: String) -> Logged {
     tape.log("log", &TextLog::new(text).with_level(level))
 }
 
-/// `4.0 mm about (10, -35), -2.1 mm along (0.00, 1.00)`.
+/// The pulses in the order they are played.
 fn sequence(pulses: &[PlannedPulse], context: &RunContext) -> String {
-    let words = pulses.iter().map(|pulse| {
-        let distance_mm = mm_from_m(pulse.distance_m);
-        match context.library.entries.get(pulse.entry).and_then(|entry| Motion::of(&entry.pump)) {
-            Some(Motion::About { center_m, .. }) => {
-                format!("{distance_mm:.1} mm about ({:.0}, {:.0})", mm_from_m(center_m.x), mm_from_m(center_m.y))
-            }
-            Some(Motion::Along { direction }) => {
-                format!("{distance_mm:.1} mm along ({:.2}, {:.2})", direction.x, direction.y)
-            }
-            None => format!("{distance_mm:.1} mm"),
-        }
+    let words = pulses.iter().map(|pulse| match pulse {
+        PlannedPulse::Rotation(pulse) => rotation(pulse, &context.library),
+        PlannedPulse::Field(pulse) => field(pulse, 0.5 * context.model.plate_side_m),
     });
     words.collect::<Vec<_>>().join(", ")
+}
+
+/// `4.0 mm about (10, -35)` or `-2.1 mm along (0.00, 1.00)`.
+fn rotation(pulse: &Rotation, library: &Library) -> String {
+    let distance_mm = mm_from_m(pulse.distance_m);
+    match library.entries.get(pulse.entry).and_then(|entry| Motion::of(&entry.pump)) {
+        Some(Motion::About { center_m, .. }) => {
+            format!("{distance_mm:.1} mm about ({:.0}, {:.0})", mm_from_m(center_m.x), mm_from_m(center_m.y))
+        }
+        Some(Motion::Along { direction }) => {
+            format!("{distance_mm:.1} mm along ({:.2}, {:.2})", direction.x, direction.y)
+        }
+        None => format!("{distance_mm:.1} mm"),
+    }
+}
+
+/// `a field of 8 harmonics of 30.0 Hz for 120 ms, up to 0.85 m/s`.
+fn field(pulse: &FieldPulse, half_side_m: f64) -> String {
+    format!(
+        "a field of {} harmonics of {:.1} Hz for {:.0} ms, up to {:.2} m/s",
+        pulse.wave.harmonics.len(),
+        pulse.wave.base_radps / std::f64::consts::TAU,
+        pulse.sustain_s * 1e3,
+        strongest_speed_mps(&pulse.wave, half_side_m)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Twist, Vec2};
+    use crate::signal::TwistWave;
+
+    #[test]
+    fn a_field_is_told_by_harmonics_sustain_and_strongest_speed() {
+        // ½ + 1 of the amplitude at the corner farthest from the centre, half a period after the start
+        let wave = TwistWave::pump(Twist::about(Vec2::new(0.1, 0.1), 2.0), std::f64::consts::TAU * 30.0);
+        let words = field(&FieldPulse { wave, sustain_s: 0.12 }, 0.1);
+        assert_eq!(words, "a field of 2 harmonics of 30.0 Hz for 120 ms, up to 0.85 m/s");
+    }
 }

@@ -1,0 +1,177 @@
+//! One pulse: sent to the motors, followed by the eyes, read from the accelerometers, learned from.
+
+use super::Cycle;
+use crate::control::ending::Ending;
+use crate::control::eyes::Moment;
+use crate::control::{Carried, PulseFacts};
+use crate::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave};
+use crate::geometry::Vec2;
+use crate::library::Library;
+use crate::planner::{PartState, PlannedPulse};
+use crate::signal::{AccelTrace, Drive};
+
+impl Cycle<'_> {
+    /// Plays one pulse and follows the parts until everything rests.
+    pub(super) fn play(&mut self, planned: &PlannedPulse) -> Result<(), Ending> {
+        let drive = drive_of(self.library, planned).map_err(Ending::failed)?;
+        let started_at = self.rig.now();
+        let (all_seen, before_m) = (self.eyes.missing_for() == 0, self.eyes.positions_m());
+        self.rig.play(&drive)?;
+        while self.rig.now() < self.rig.quiet_at() {
+            self.check_stop()?;
+            self.eyes.look(self.rig, Moment::Pulse, self.sink, self.clock)?;
+        }
+        let trace = self.rig.trace();
+        let sensors = AccelerometerPair {
+            position_m: self.model.accelerometer_in_plate_m,
+            gain: self.library.accelerometer_gain,
+        };
+        let fit = read(planned, &drive, &trace, &sensors);
+        let after_m = self.eyes.positions_m();
+        let all_seen = all_seen && self.eyes.missing_for() == 0;
+        let forecasts = if all_seen { self.forecasts(&before_m, planned) } else { None };
+        let carried = forecasts.as_ref().map(|[by_library_m, by_learning_m]| Carried {
+            before_m: &before_m,
+            after_m: &after_m,
+            by_library_m,
+            by_learning_m,
+        });
+        self.sink.pulse(&PulseFacts {
+            cycle: self.index,
+            started_at,
+            planned,
+            drive: &drive,
+            trace: &trace,
+            fit: &fit,
+            carried,
+        });
+        if let Some([by_library_m, _]) = &forecasts {
+            self.gains.learn(&before_m, by_library_m, &after_m);
+            self.tell_slow_parts();
+        }
+        Ok(())
+    }
+
+    /// Where parts at `before_m` should be after a pulse: by the library alone, and with what was learned.
+    fn forecasts(&self, before_m: &[Vec2], pulse: &PlannedPulse) -> Option<[Vec<Vec2>; 2]> {
+        let state = |part: usize, position_m: Vec2, gain: f64| PartState {
+            position_m,
+            step_m: Vec2::zeros(),
+            radius_m: self.params.radius_m(part),
+            gain,
+        };
+        let parts = || before_m.iter().copied().enumerate();
+        let plain: Vec<PartState> = parts().map(|(i, p_m)| state(i, p_m, 1.0)).collect();
+        let learned: Vec<PartState> = parts().map(|(i, p_m)| state(i, p_m, self.gains.get(i, p_m))).collect();
+        Some([self.plans.forecast(&plain, pulse)?, self.plans.forecast(&learned, pulse)?])
+    }
+}
+
+/// What the motors are sent for a pulse; `Err` in words where the library cannot drive it.
+fn drive_of(library: &Library, planned: &PlannedPulse) -> Result<Drive, String> {
+    match planned {
+        PlannedPulse::Rotation(rotation) => library
+            .drive(rotation.entry, rotation.sustain_s)
+            .map(|drive| if rotation.distance_m < 0.0 { drive.reversed() } else { drive })
+            .ok_or_else(|| format!("library has no entry {}", rotation.entry)),
+        PlannedPulse::Field(field) => library
+            .field_drive(&field.wave, field.sustain_s)
+            .ok_or_else(|| format!("library cannot drive a field of {} harmonics", field.wave.harmonics.len())),
+    }
+}
+
+/// The plate's motion by the accelerometers, for as many harmonics as the pulse has.
+fn read(
+    planned: &PlannedPulse,
+    drive: &Drive,
+    trace: &AccelTrace,
+    sensors: &AccelerometerPair,
+) -> Result<PlateFit, FitFault> {
+    match planned {
+        PlannedPulse::Rotation(_) => fit_twist(trace, &drive.envelope, drive.base_radps, sensors).map(PlateFit::Twist),
+        PlannedPulse::Field(field) => {
+            let harmonics = field.wave.harmonics.len();
+            fit_wave(trace, &drive.envelope, drive.base_radps, harmonics, sensors).map(PlateFit::Wave)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Complex, Matrix3};
+
+    use super::*;
+    use crate::geometry::Twist;
+    use crate::library::{AxisShape, DisplacementModel, Entry, FieldResponse};
+    use crate::planner::{FieldPulse, Rotation};
+    use crate::signal::{TwistHarmonic, TwistWave};
+
+    const BASE_RADPS: f64 = std::f64::consts::TAU * 30.0;
+
+    fn library() -> Library {
+        let fields = FieldResponse {
+            base_radps: BASE_RADPS,
+            attack_s: 0.06,
+            rest_s: 0.05,
+            limit_counts: 1000.0,
+            twist_from_counts: vec![Matrix3::from_diagonal_element(Complex::new(0.0, -1e-3)); 2],
+        };
+        Library {
+            rig: "made".into(),
+            fingerprint: "12ab".into(),
+            plate_side_m: 0.2,
+            base_radps: 377.0,
+            attack_s: 0.02,
+            rest_s: 0.04,
+            accelerometer_gain: [1.0; 4],
+            shapes: [AxisShape::FREE_MASS; 3],
+            entries: vec![Entry { amplitudes: [100, -100, 0, 0], pump: Twist::new(0.5, 0.0, 0.0) }],
+            displacement: DisplacementModel::default(),
+            fields: Some(fields),
+        }
+    }
+
+    fn field(harmonics: usize) -> PlannedPulse {
+        let harmonic = TwistHarmonic { cos: Twist::new(0.1, 0.0, 0.0), sin: Twist::ZERO };
+        let wave = TwistWave { base_radps: BASE_RADPS, harmonics: vec![harmonic; harmonics] };
+        PlannedPulse::Field(FieldPulse { wave, sustain_s: 0.1 })
+    }
+
+    #[test]
+    fn either_kind_is_driven_by_the_library_or_refused_in_words() {
+        let rotation = |entry, distance_m| PlannedPulse::Rotation(Rotation { entry, distance_m, sustain_s: 0.1 });
+        let forwards = drive_of(&library(), &rotation(0, 0.01)).unwrap();
+        assert_eq!(drive_of(&library(), &rotation(0, -0.01)), Ok(forwards.reversed()));
+        assert_eq!(drive_of(&library(), &rotation(1, 0.01)), Err("library has no entry 1".into()));
+        let drive = drive_of(&library(), &field(2)).unwrap();
+        assert_eq!((drive.base_radps, drive.envelope.attack_s, drive.motors[0].len()), (BASE_RADPS, 0.06, 2));
+        assert_eq!(drive_of(&library(), &field(3)), Err("library cannot drive a field of 3 harmonics".into()));
+    }
+
+    #[test]
+    fn a_field_is_read_for_its_own_harmonics_and_a_short_one_is_a_fault() {
+        let planned = field(2);
+        let sensors = AccelerometerPair::exact(Vec2::new(0.09, 0.09));
+        let mut drive = drive_of(&library(), &planned).unwrap();
+        // along x alone: a(t) of velocity 0.1 (cos wt + cos 2wt) is -0.1 w (sin wt + 2 sin 2wt)
+        let sample = |i: usize| {
+            let angle_rad = BASE_RADPS * i as f64 / 5000.0;
+            (-0.1 * BASE_RADPS * (angle_rad.sin() + 2.0 * (2.0 * angle_rad).sin()) / 0.01).round() as i16
+        };
+        let (along_x, still): (Vec<i16>, Vec<i16>) = ((0..1200).map(sample).collect(), vec![0; 1200]);
+        let trace = AccelTrace {
+            sample_hz: 5000.0,
+            first_sample_s: 0.0,
+            mps2_per_count: 0.01,
+            count_limit: 32_000,
+            counts: [along_x.clone(), still.clone(), along_x, still],
+        };
+        let Ok(PlateFit::Wave(fit)) = read(&planned, &drive, &trace, &sensors) else { panic!("no wave") };
+        assert_eq!(fit.wave.harmonics.len(), 2);
+        for harmonic in &fit.wave.harmonics {
+            assert!((harmonic.cos.velocity_mps - Vec2::new(0.1, 0.0)).norm() < 1e-3, "{harmonic:?}");
+        }
+        drive.envelope.sustain_s = 0.03;
+        assert!(matches!(read(&planned, &drive, &trace, &sensors), Err(FitFault::TooShort { .. })));
+    }
+}

@@ -1,0 +1,61 @@
+use std::sync::Arc;
+
+use super::ending::Ending;
+use crate::geometry::Vec2;
+use crate::library::Library;
+use crate::planner::{Method, PartState, Plan, PlannedPulse, Planner, PlannerParams, PseudoInverse};
+
+/// Finds the motions of a cycle and says what they will do.
+pub(super) trait Plans {
+    /// The pulses that bring every part its step.
+    fn plan(&mut self, parts: &[PartState]) -> Plan;
+
+    /// Where `parts` are forecast to be after `pulse`, m; `None` for a pulse of a kind that it does not plan.
+    fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>>;
+}
+
+/// The one that `method` asks for; an ending where it cannot work with this library.
+pub(super) fn planner_of(
+    method: Method,
+    library: &Arc<Library>,
+    params: PlannerParams,
+) -> Result<Box<dyn Plans>, Ending> {
+    let planner = || Planner::new(Arc::clone(library), params);
+    match method {
+        Method::CorSequence => Ok(Box::new(planner())),
+        Method::PseudoInverse => {
+            let plain = PseudoInverse::new(Arc::clone(library), params);
+            Ok(Box::new(Plain { plain, flows: planner() }))
+        }
+        Method::SynthesizedField => Err(Ending::failed("nothing plans synthesised fields with this library")),
+    }
+}
+
+impl Plans for Planner {
+    fn plan(&mut self, parts: &[PartState]) -> Plan {
+        Planner::plan(self, parts)
+    }
+
+    fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {
+        match pulse {
+            PlannedPulse::Rotation(rotation) => Some(Planner::forecast(self, parts, rotation)),
+            PlannedPulse::Field(_) => None,
+        }
+    }
+}
+
+/// The papers' method, which knows the ideal field alone; what its rotations will do is told by the measured flows.
+struct Plain {
+    plain: PseudoInverse,
+    flows: Planner,
+}
+
+impl Plans for Plain {
+    fn plan(&mut self, parts: &[PartState]) -> Plan {
+        self.plain.plan(parts)
+    }
+
+    fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {
+        Plans::forecast(&self.flows, parts, pulse)
+    }
+}
