@@ -2,6 +2,7 @@
 
 mod candidates;
 mod field;
+mod fields;
 mod fit;
 mod limits;
 mod plan;
@@ -21,6 +22,7 @@ mod fixture;
 #[cfg(test)]
 mod tests;
 
+pub use fields::FieldPlanner;
 pub use plan::Planner;
 pub use pseudo_inverse::PseudoInverse;
 pub use reach::Reach;

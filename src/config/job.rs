@@ -88,7 +88,7 @@ impl JobSpec {
         let rig = rig_of(raw.rig.take(), origin, plate_rig, faults)?;
         let parts = groups_of(&raw, &rig, faults);
         check_told_apart(&parts, &rig, faults);
-        if raw.planner == PlannerChoice::SynthesizedField {
+        if raw.planner == PlannerChoice::SynthesizedField && rig.model.fields.is_none() {
             refuse_fields(faults);
         }
         let task = task::build(&raw.task, &parts, &rig, faults);

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use super::ending::Ending;
 use crate::geometry::Vec2;
 use crate::library::Library;
-use crate::planner::{Method, PartState, Plan, PlannedPulse, Planner, PlannerParams, PseudoInverse};
+use crate::planner::{FieldPlanner, Method, PartState, Plan, PlannedPulse, Planner, PlannerParams, PseudoInverse};
 
 /// Finds the motions of a cycle and says what they will do.
 pub(super) trait Plans {
@@ -27,7 +27,10 @@ pub(super) fn planner_of(
             let plain = PseudoInverse::new(Arc::clone(library), params);
             Ok(Box::new(Plain { plain, flows: planner() }))
         }
-        Method::SynthesizedField => Err(Ending::failed("nothing plans synthesised fields with this library")),
+        Method::SynthesizedField => match FieldPlanner::new(library, params) {
+            Some(planner) => Ok(Box::new(planner)),
+            None => Err(Ending::failed("the library knows no synthesised motions")),
+        },
     }
 }
 
@@ -40,6 +43,19 @@ impl Plans for Planner {
         match pulse {
             PlannedPulse::Rotation(rotation) => Some(Planner::forecast(self, parts, rotation)),
             PlannedPulse::Field(_) => None,
+        }
+    }
+}
+
+impl Plans for FieldPlanner {
+    fn plan(&mut self, parts: &[PartState]) -> Plan {
+        FieldPlanner::plan(self, parts)
+    }
+
+    fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {
+        match pulse {
+            PlannedPulse::Rotation(_) => None,
+            PlannedPulse::Field(field) => Some(FieldPlanner::forecast(self, parts, field)),
         }
     }
 }

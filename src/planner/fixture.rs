@@ -86,6 +86,7 @@ pub(super) fn params() -> PlannerParams {
         max_pulses: 32,
         candidates_per_part: 4,
         look_s: 1.0 / 60.0,
+        max_sustain_s: 0.3,
         sparsity: 0.05,
     }
 }

@@ -114,8 +114,12 @@ impl Clearances {
     /// The first limit that is broken while all parts go in straight lines from `before` to `after`, in step. A limit
     /// is kept with room for what the forecast of each step may be off, unless the parts go away from it.
     pub fn broken_by(&self, before_m: &[Vec2], after_m: &[Vec2]) -> Option<Limit> {
-        let steps = before_m.iter().zip(after_m).map(|(b, a)| UNSURE * (a - b).norm());
-        let unsure_m: Vec<f64> = steps.collect();
+        self.broken_after(before_m, before_m, after_m)
+    }
+
+    /// The same for one piece of a longer forecast way that began at `start_m`: what it may be off grows all the way.
+    pub fn broken_after(&self, start_m: &[Vec2], before_m: &[Vec2], after_m: &[Vec2]) -> Option<Limit> {
+        let unsure_m: Vec<f64> = start_m.iter().zip(after_m).map(|(s, a)| UNSURE * (a - s).norm()).collect();
         for (part, (before, after)) in before_m.iter().zip(after_m).enumerate() {
             let careful_m = (self.asked_bound_m[part] - unsure_m[part]).max(before.amax() + ROUNDING_M);
             if after.amax() > careful_m.min(self.bound_m[part]) {

@@ -45,6 +45,8 @@ pub struct PlannerParams {
     pub candidates_per_part: usize,
     /// Time after a sequence that a look takes: that of a frame, s.
     pub look_s: f64,
+    /// Longest sustain of a synthesised field, s.
+    pub max_sustain_s: f64,
     /// Price of a metre of |d| against a metre of error; more gives sparser sequences.
     pub sparsity: f64,
 }

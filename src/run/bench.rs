@@ -137,6 +137,7 @@ fn planner_params(job: &JobSpec, library: &Library, parts: usize) -> PlannerPara
         max_pulses: LEAST_PULSES.max(4 * parts),
         candidates_per_part: CANDIDATES.div_ceil(parts.max(1)).max(8),
         look_s: 1.0 / job.rig.model.frame_hz,
+        max_sustain_s: job.rig.model.max_sustain_s,
         sparsity: 0.05,
     }
 }

@@ -128,7 +128,7 @@ fn synthesised_motions_are_checked_and_part_of_the_fingerprint() {
     let spec = rig(&base).unwrap();
     let fields = spec.model.fields.unwrap();
     assert_eq!((fields.base_radps, fields.harmonics), (TAU * 30.0, 8));
-    assert_eq!((fields.attack_s, fields.rest_s), (0.033333, 0.04));
+    assert_eq!((fields.attack_s, fields.rest_s), (0.066667, 0.04));
     assert_eq!(rig(&value_of("rigs/upm-1.json")).unwrap().model.fields, None);
     let mut none = base.clone();
     set(&mut none, "/fields", Value::Null);

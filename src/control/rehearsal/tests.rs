@@ -70,6 +70,7 @@ fn params(parts: usize) -> ControlParams {
             max_pulses: 24,
             candidates_per_part: 24,
             look_s: 1.0 / FRAME_HZ,
+            max_sustain_s: 0.3,
             sparsity: 0.05,
         },
     }

@@ -1,0 +1,13 @@
+//! Synthesised fields: one periodic motion of many harmonics brings every part its own step at once (equation sheet,
+//! section 5).
+
+mod aim;
+mod bank;
+mod course;
+mod friction;
+mod guard;
+mod planner;
+mod strength;
+mod waves;
+
+pub use planner::FieldPlanner;

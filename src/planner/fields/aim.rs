@@ -1,0 +1,136 @@
+//! The search for a motion whose pulse brings every part its step.
+//!
+//! Damped least squares on where the parts end (Levenberg, Marquardt), with two things of its own. A change of the
+//! motion is measured by the counts it asks of the motors, and none is larger than a share of the motion itself. After
+//! every change the motion is made as strong as the motors allow: strong motions carry parts fast and hardly brake
+//! moving ones.
+//!
+//! What goes astray counts with its square, so a part far from its end may go a little sideways if the parts as a whole
+//! get on faster. Aimed at ends that can be reached, nothing is left of that.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::course::{Course, Disc};
+use super::guard::Guard;
+use super::strength::Strength;
+use super::waves::Waves;
+use crate::signal::Envelope;
+
+/// Longest change of a motion at first, as a part of the motion; how that changes after a success and a failure.
+const REACH: f64 = 0.3;
+const WIDER: f64 = 1.6;
+const WIDEST: f64 = 0.8;
+const NARROWER: f64 = 0.35;
+const NARROWEST: f64 = 0.01;
+/// Least damping, as a part of the mean eigenvalue; steps in which it is raised.
+const DAMPING: f64 = 1e-5;
+const MORE_DAMPING: f64 = 3.0;
+/// Part of the steps that may be left when the search ends early.
+const GOOD: f64 = 0.02;
+
+/// What is aimed with and at.
+#[derive(Clone, Copy)]
+pub(super) struct Range<'a> {
+    pub waves: &'a Waves,
+    pub strength: &'a Strength,
+    pub discs: &'a [Disc],
+    /// Step of every part, x and y in turn, m.
+    pub steps_m: &'a DVector<f64>,
+    pub envelope: &'a Envelope,
+    /// Directions in which parts must not go astray.
+    pub guards: &'a [Guard],
+}
+
+/// A motion and what becomes of the parts.
+#[derive(Clone, Debug)]
+pub(super) struct Shot {
+    pub coefficients: Vec<f64>,
+    pub course: Course,
+    went_m: DVector<f64>,
+    /// Sum of the squares of what is left of the steps, guards included, m².
+    cost: f64,
+}
+
+impl Shot {
+    /// Part of the steps that is left, root of the sums of squares.
+    pub fn left(&self, steps_m: &DVector<f64>) -> f64 {
+        (steps_m - &self.went_m).norm() / steps_m.norm()
+    }
+}
+
+impl Range<'_> {
+    /// The shot that `start` makes, as strong as can be.
+    pub fn shot(&self, start: &[f64]) -> Shot {
+        let mut coefficients = start.to_vec();
+        self.strength.fill(self.waves, &mut coefficients);
+        let mut course = Course::default();
+        course.run(self.waves, &coefficients, self.envelope, self.discs);
+        let went = course.ends_m.iter().zip(self.discs).flat_map(|(end, disc)| <[f64; 2]>::from(end - disc.position_m));
+        let went_m = DVector::from_iterator(self.steps_m.len(), went);
+        let missing_m = self.steps_m - &went_m;
+        let guarded: f64 = self.guards.iter().map(|guard| guard.of(missing_m.as_slice()).powi(2)).sum();
+        Shot { coefficients, course, cost: missing_m.norm_squared() + guarded, went_m }
+    }
+
+    /// `shot`, bettered in at most `rounds`.
+    pub fn better(&self, mut shot: Shot, rounds: usize) -> Shot {
+        let good = (GOOD * self.steps_m.norm()).powi(2);
+        let mut reach = REACH;
+        let mut slopes = None;
+        for _ in 0..rounds {
+            if shot.cost < good || reach < NARROWEST {
+                break;
+            }
+            let of_shot = slopes.get_or_insert_with(|| self.slopes(&shot));
+            let Some(change) = self.change(of_shot, &shot, reach) else { break };
+            let changed: Vec<f64> = shot.coefficients.iter().zip(&change).map(|(c, d)| c + d).collect();
+            let next = self.shot(&changed);
+            if next.cost < shot.cost {
+                (shot, slopes) = (next, None);
+                reach = (WIDER * reach).min(WIDEST);
+            } else {
+                reach *= NARROWER;
+            }
+        }
+        shot
+    }
+
+    /// Slopes of what is missing, guards included, by the motors' counts: a column for each.
+    fn slopes(&self, shot: &Shot) -> DMatrix<f64> {
+        let (n, ends) = (self.waves.len(), self.steps_m.len());
+        let mut slopes = DMatrix::zeros(n, ends + self.guards.len());
+        let mut scratch = Vec::new();
+        for (part, pair) in slopes.as_mut_slice()[..n * ends].chunks_exact_mut(2 * n).enumerate() {
+            let (x, y) = pair.split_at_mut(n);
+            shot.course.slopes(self.waves, self.discs, part, [x, y], &mut scratch);
+        }
+        for (mut row, weight) in slopes.row_iter_mut().zip(&self.strength.weights) {
+            row /= weight.sqrt();
+        }
+        for (k, guard) in self.guards.iter().enumerate() {
+            let sum = guard.terms().fold(DVector::zeros(n), |sum, (end, factor)| sum + slopes.column(end) * factor);
+            slopes.set_column(ends + k, &sum);
+        }
+        slopes
+    }
+
+    /// The change of the motion that the slopes ask for, no longer than `reach` of it.
+    fn change(&self, slopes: &DMatrix<f64>, shot: &Shot, reach: f64) -> Option<Vec<f64>> {
+        let missing_m = self.steps_m - &shot.went_m;
+        let guarded = self.guards.iter().map(|guard| guard.of(missing_m.as_slice()));
+        let missing = DVector::from_iterator(slopes.ncols(), missing_m.iter().copied().chain(guarded));
+        let normal = slopes.tr_mul(slopes);
+        let longest = reach * self.strength.norm(&shot.coefficients);
+        let mut damping = DAMPING * normal.trace() / normal.nrows() as f64;
+        for _ in 0..64 {
+            let mut damped = normal.clone();
+            (0..damped.nrows()).for_each(|i| damped[(i, i)] += damping);
+            let change = slopes * damped.cholesky()?.solve(&missing);
+            if change.norm() <= longest {
+                return Some(change.iter().zip(&self.strength.weights).map(|(d, w)| d / w.sqrt()).collect());
+            }
+            damping *= MORE_DAMPING;
+        }
+        None
+    }
+}

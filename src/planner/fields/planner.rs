@@ -1,0 +1,194 @@
+use std::sync::Arc;
+
+use nalgebra::DVector;
+
+use super::aim::{Range, Shot};
+use super::bank::Bank;
+use super::course::{Course, Disc};
+use super::friction::friction_of;
+use super::guard::Guard;
+use super::strength::Strength;
+use super::waves::Waves;
+use crate::geometry::Vec2;
+use crate::library::Library;
+use crate::planner::limits::Clearances;
+use crate::planner::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
+use crate::signal::Envelope;
+
+/// Motions out of the bank that are tried, beside the last one; rounds of bettering each, and the best of them.
+const STARTS: usize = 4;
+const FIRST_ROUNDS: usize = 2;
+const ROUNDS: usize = 5;
+/// Rounds after a guard is put up; guards at most; halvings of the steps after that.
+const GUARDED_ROUNDS: usize = 3;
+const MOST_GUARDS: usize = 6;
+const HALVINGS: usize = 4;
+/// Root mean square of the steps that a pulse of full length is aimed at: at first, at least while the goal is far, at
+/// least, at most.
+const REACH_M: f64 = 20e-3;
+const LEAST_REACH_M: f64 = 10e-3;
+const MOST_REACH_M: f64 = 40e-3;
+/// No part is asked for more than this many times the root mean square.
+const LONGEST: f64 = 1.8;
+/// Part of the flanks that counts like sustain.
+const FLANK: f64 = 1.2;
+/// Instants of a period at which limits are looked at.
+const LOOKS: usize = 4;
+
+/// Finds one motion a cycle that brings every part its step at once (equation sheet, section 5).
+#[derive(Clone, Debug)]
+pub struct FieldPlanner {
+    params: PlannerParams,
+    attack_s: f64,
+    rest_s: f64,
+    waves: Waves,
+    strength: Strength,
+    bank: Bank,
+    friction: f64,
+    reach_m: f64,
+    last: Option<Vec<f64>>,
+}
+
+impl FieldPlanner {
+    /// A planner for one rig's library; `None` where the library knows no synthesised motions or no friction.
+    pub fn new(library: &Arc<Library>, params: PlannerParams) -> Option<Self> {
+        let fields = library.fields.as_ref()?;
+        let half_side_m = params.half_side_m;
+        let waves = Waves::new(fields.base_radps, fields.twist_from_counts.len(), half_side_m);
+        let strength = Strength::new(&waves, &fields.twist_from_counts, half_side_m, fields.limit_counts)?;
+        let bank = Bank::new(&waves, half_side_m);
+        let friction = friction_of(library)?;
+        let (attack_s, rest_s) = (fields.attack_s, fields.rest_s);
+        Some(Self { params, attack_s, rest_s, waves, strength, bank, friction, reach_m: REACH_M, last: None })
+    }
+
+    /// Plans one cycle: a pulse that brings every part as much of its step as one pulse can.
+    pub fn plan(&mut self, parts: &[PartState]) -> Plan {
+        let finite = |p: &PartState| p.position_m.iter().chain(&p.step_m).all(|v| v.is_finite());
+        if !parts.iter().all(finite) {
+            return ended(PlanStatus::SolverFailed("a part is not where numbers are".into()));
+        }
+        let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
+        if largest_m < 0.5 * self.params.min_distance_m {
+            return ended(PlanStatus::NothingToDo);
+        }
+        let rms_m = (parts.iter().map(|p| p.step_m.norm_squared()).sum::<f64>() / parts.len() as f64).sqrt();
+        let mut wanted_m = rms_m.min(self.reach_m);
+        let mut stopped_by = Limit::Unreachable;
+        for _ in 0..HALVINGS {
+            match self.attempt(parts, rms_m, wanted_m) {
+                Ok(plan) => return plan,
+                Err(limit) => stopped_by = limit,
+            }
+            wanted_m *= 0.5;
+        }
+        ended(PlanStatus::Infeasible(stopped_by))
+    }
+
+    /// Where `parts` are forecast to be after `pulse`, m.
+    pub fn forecast(&self, parts: &[PartState], pulse: &FieldPulse) -> Vec<Vec2> {
+        let mut course = Course::default();
+        let coefficients = self.waves.coefficients(&pulse.wave);
+        course.run(&self.waves, &coefficients, &self.envelope(pulse.sustain_s), &self.discs(parts));
+        course.ends_m
+    }
+
+    /// A pulse for steps of `wanted_m` root mean square that keeps the limits; else the one that stops it.
+    fn attempt(&mut self, parts: &[PartState], rms_m: f64, wanted_m: f64) -> Result<Plan, Limit> {
+        let shorter = |p: &PartState| p.step_m * ((LONGEST * rms_m / p.step_m.norm()).min(1.0) * wanted_m / rms_m);
+        let steps: Vec<Vec2> =
+            parts.iter().map(|p| if p.step_m == Vec2::zeros() { p.step_m } else { shorter(p) }).collect();
+        let steps_m = DVector::from_iterator(2 * steps.len(), steps.iter().flat_map(|s| [s.x, s.y]));
+        let discs = self.discs(parts);
+        let envelope = self.envelope(self.sustain_s(wanted_m));
+        let clearances = Clearances::of(parts, &self.params);
+        let free = Range {
+            waves: &self.waves,
+            strength: &self.strength,
+            discs: &discs,
+            steps_m: &steps_m,
+            envelope: &envelope,
+            guards: &[],
+        };
+        let mut shot = self.best_shot(&free, parts, &steps);
+        let mut guards: Vec<Guard> = Vec::new();
+        while let Some(limit) = self.broken(&clearances, &shot.course, parts) {
+            if guards.len() == MOST_GUARDS || guards.iter().any(|guard| guard.limit == limit) {
+                return Err(limit);
+            }
+            guards.extend(Guard::of_limit(limit, parts));
+            let guarded = Range { guards: &guards, ..free };
+            shot = guarded.better(guarded.shot(&shot.coefficients), GUARDED_ROUNDS);
+        }
+        let left = shot.left(&steps_m);
+        if left >= 1.0 {
+            return Err(Limit::Unreachable);
+        }
+        let predicted_m = vec![shot.course.ends_m.clone()];
+        let wave = self.waves.wave(&shot.coefficients);
+        let pulse = PlannedPulse::Field(FieldPulse { wave, sustain_s: envelope.sustain_s });
+        self.learn_reach(wanted_m, left);
+        self.last = Some(shot.coefficients);
+        Ok(Plan { status: PlanStatus::Solved, pulses: vec![pulse], candidates: Vec::new(), predicted_m })
+    }
+
+    /// The best of the last motion and a few out of the bank, bettered.
+    fn best_shot(&self, range: &Range<'_>, parts: &[PartState], steps: &[Vec2]) -> Shot {
+        let positions: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
+        let starts = self.bank.best(&self.waves, &positions, steps, STARTS);
+        let shots = self.last.iter().chain(&starts).map(|start| range.better(range.shot(start), FIRST_ROUNDS));
+        let best = shots.min_by(|a, b| a.left(range.steps_m).total_cmp(&b.left(range.steps_m)));
+        range.better(best.unwrap_or_else(|| range.shot(&vec![0.0; self.waves.len()])), ROUNDS)
+    }
+
+    /// The first limit that is broken on the way.
+    fn broken(&self, clearances: &Clearances, course: &Course, parts: &[PartState]) -> Option<Limit> {
+        let start_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
+        let mut before_m = start_m.clone();
+        let every = self.waves.steps_a_period() / LOOKS;
+        for places_m in course.places_m(every) {
+            if let Some(limit) = clearances.broken_after(&start_m, &before_m, &places_m) {
+                return Some(limit);
+            }
+            before_m = places_m;
+        }
+        None
+    }
+
+    /// Sustain for steps of `wanted_m`: distance goes with the square of the time.
+    fn sustain_s(&self, wanted_m: f64) -> f64 {
+        let flanks_s = FLANK * self.attack_s;
+        let longest_s = self.params.max_sustain_s;
+        ((longest_s + flanks_s) * (wanted_m / self.reach_m).min(1.0).sqrt() - flanks_s).max(0.0)
+    }
+
+    /// Aims farther after pulses that did nearly all, nearer after those that left much.
+    fn learn_reach(&mut self, wanted_m: f64, left: f64) {
+        let is_far = wanted_m >= self.reach_m;
+        let reach_m = match (is_far, left) {
+            (true, ..0.3) => 1.5 * self.reach_m,
+            (true, 0.6..) => (0.75 * self.reach_m).max(REACH_M.min(self.reach_m)),
+            (false, ..0.2) => 1.1 * self.reach_m,
+            (false, 0.5..) => 0.8 * self.reach_m,
+            _ => self.reach_m,
+        };
+        self.reach_m = reach_m.clamp(LEAST_REACH_M, MOST_REACH_M);
+    }
+
+    fn envelope(&self, sustain_s: f64) -> Envelope {
+        Envelope { attack_s: self.attack_s, sustain_s, rest_s: self.rest_s }
+    }
+
+    fn discs(&self, parts: &[PartState]) -> Vec<Disc> {
+        let disc = |part: &PartState| Disc {
+            position_m: part.position_m,
+            radius_m: part.radius_m,
+            friction: self.friction * part.gain,
+        };
+        parts.iter().map(disc).collect()
+    }
+}
+
+fn ended(status: PlanStatus) -> Plan {
+    Plan { status, pulses: Vec::new(), candidates: Vec::new(), predicted_m: Vec::new() }
+}
