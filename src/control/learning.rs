@@ -1,28 +1,56 @@
 //! What a run learns of how far parts go: friction differs from part to part, and the plate from place to place.
 //!
-//! One linear model, `measured / forecast = 1 + part_i + Σ_c w_c(p) region_c`, with the regions the nodes of a grid over the
+//! One model of the gain, `1 + part_i + Σ_c w_c(p) region_c`, by which a forecast is made, with the regions the nodes of a grid over the
 //! plate and w_c their bilinear weights where the part is. Its numbers are estimated by recursive least squares
-//! (a Kalman filter of constants), so that each is corrected as far as it is uncertain: one slow part is not taken for a
+//! (a Kalman filter of constants; forecasts are taken as straight in the gain about the one held), so that each is corrected as far as it is uncertain: one slow part is not taken for a
 //! slow corner of the plate once it has been elsewhere.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::geometry::Vec2;
+use crate::planner::PlannedPulse;
 
 /// Nodes of the grid along each side.
 const NODES: usize = 4;
 /// Spread expected of parts and regions before anything is seen.
 const PART_SD: f64 = 0.1;
 const REGION_SD: f64 = 0.04;
-/// Scatter of one ratio: of the pulse, and of all that does not grow with the step, m.
+/// Scatter of one ratio of the pulse; what does not grow with the step is the lesson's.
 const RATIO_SD: f64 = 0.06;
-const STEP_SD_M: f64 = 0.05e-3;
 /// Forecast steps below this say little, m.
 const SHORTEST_STEP_M: f64 = 0.3e-3;
 /// A ratio off by more is a disturbance, not friction.
 const FARTHEST: f64 = 0.6;
 /// Range of a gain.
 const RANGE: (f64, f64) = (0.4, 2.5);
+
+/// How much more gain the second forecast of a lesson has.
+pub(super) const MORE: f64 = 0.05;
+
+/// What one pulse was forecast to do and did; each m, in the order of the parts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lesson<'a> {
+    /// Positions before it.
+    pub before_m: &'a [Vec2],
+    /// After it, with the gains held so far.
+    pub forecast_m: &'a [Vec2],
+    /// After it, with gains larger by [`MORE`].
+    pub with_more_m: &'a [Vec2],
+    /// As seen after it.
+    pub measured_m: &'a [Vec2],
+    /// What a forecast is off by whatever the gains.
+    pub scatter_m: f64,
+}
+
+impl<'a> Lesson<'a> {
+    /// What [`Self::scatter_m`] is for `pulse`: measured on the simulated plate with the true gains.
+    pub(super) fn scatter_m(pulse: &PlannedPulse) -> f64 {
+        match pulse {
+            PlannedPulse::Rotation(_) => 0.05e-3,
+            PlannedPulse::Field(_) => 0.2e-3,
+        }
+    }
+}
 
 /// How far each part goes at each place, against what the displacement model says.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,32 +81,32 @@ impl Gains {
         1.0 + if part < self.parts { self.state[part] } else { 0.0 }
     }
 
-    /// Learns from one pulse: positions before it, where the displacement model alone puts the parts, and where they
-    /// were seen after it, m.
-    pub(super) fn learn(&mut self, before_m: &[Vec2], forecast_m: &[Vec2], measured_m: &[Vec2]) {
-        let steps = before_m.iter().zip(forecast_m).zip(measured_m).take(self.parts).enumerate();
-        for (part, ((before, forecast), measured)) in steps {
-            let step = forecast - before;
-            let length_m = step.norm();
+    /// Learns from one pulse.
+    pub(super) fn learn(&mut self, lesson: &Lesson<'_>) {
+        let forecasts = lesson.forecast_m.iter().zip(lesson.with_more_m);
+        let each = lesson.before_m.iter().zip(forecasts).zip(lesson.measured_m).take(self.parts).enumerate();
+        for (part, ((before, (forecast, with_more)), measured)) in each {
+            let per_gain = (with_more - forecast) / MORE;
+            let length_m = per_gain.norm();
             if length_m < SHORTEST_STEP_M {
                 continue;
             }
-            let off = (measured - before).dot(&step) / step.norm_squared() - 1.0;
+            let off = (measured - forecast).dot(&per_gain) / per_gain.norm_squared();
             if off.abs() < FARTHEST {
-                let variance = RATIO_SD * RATIO_SD + (STEP_SD_M / length_m).powi(2);
+                let variance = RATIO_SD * RATIO_SD + (lesson.scatter_m / length_m).powi(2);
                 self.correct(self.pattern(part, *before), off, variance);
             }
         }
     }
 
+    /// `off`: how much larger the sum of `pattern` looks than it is held to be.
     fn correct(&mut self, pattern: [(usize, f64); 5], off: f64, variance: f64) {
         let mut spread = DVector::zeros(self.state.len());
         for (at, weight) in pattern {
             spread.axpy(weight, &self.covariance.column(at), 1.0);
         }
-        let forecast: f64 = pattern.iter().map(|&(at, weight)| weight * self.state[at]).sum();
         let total = variance + pattern.iter().map(|&(at, weight)| weight * spread[at]).sum::<f64>();
-        self.state.axpy((off - forecast) / total, &spread, 1.0);
+        self.state.axpy(off / total, &spread, 1.0);
         self.covariance.ger(-1.0 / total, &spread, &spread, 1.0);
     }
 
@@ -110,6 +138,22 @@ mod tests {
     use rand::RngExt;
 
     const HALF_M: f64 = 0.15;
+    const SCATTER_M: f64 = 0.05e-3;
+
+    /// Steps that grow with the gain, as a rotation's do: `steps_m` at gain 1, taken `ratios` times as far.
+    fn teach(gains: &mut Gains, before_m: &[Vec2], steps_m: &[Vec2], ratios: &[f64]) {
+        let ends = |gain: &dyn Fn(usize) -> f64| -> Vec<Vec2> {
+            before_m.iter().zip(steps_m).enumerate().map(|(i, (p, step))| p + step * gain(i)).collect()
+        };
+        let held: Vec<f64> = before_m.iter().enumerate().map(|(i, &p)| gains.get(i, p)).collect();
+        gains.learn(&Lesson {
+            before_m,
+            forecast_m: &ends(&|i| held[i]),
+            with_more_m: &ends(&|i| held[i] + MORE),
+            measured_m: &ends(&|i| ratios[i]),
+            scatter_m: SCATTER_M,
+        });
+    }
 
     fn taught(truth: impl Fn(usize, Vec2) -> f64) -> Gains {
         let mut rng = Streams::new(3).stream("learning");
@@ -117,10 +161,8 @@ mod tests {
         for _ in 0..300 {
             let at = |_| Vec2::new(rng.random_range(-HALF_M..HALF_M), rng.random_range(-HALF_M..HALF_M));
             let before: Vec<Vec2> = (0..3).map(at).collect();
-            let step = Vec2::new(4e-3, -3e-3);
-            let forecast: Vec<Vec2> = before.iter().map(|p| p + step).collect();
-            let measured: Vec<Vec2> = before.iter().enumerate().map(|(i, p)| p + step * truth(i, *p)).collect();
-            gains.learn(&before, &forecast, &measured);
+            let ratios: Vec<f64> = before.iter().enumerate().map(|(i, p)| truth(i, *p)).collect();
+            teach(&mut gains, &before, &[Vec2::new(4e-3, -3e-3); 3], &ratios);
         }
         gains
     }
@@ -140,8 +182,8 @@ mod tests {
     fn small_steps_and_disturbances_teach_nothing() {
         let mut gains = Gains::new(1, HALF_M);
         let untaught = gains.clone();
-        gains.learn(&[Vec2::zeros()], &[Vec2::new(1e-4, 0.0)], &[Vec2::zeros()]);
-        gains.learn(&[Vec2::zeros()], &[Vec2::new(5e-3, 0.0)], &[Vec2::zeros()]);
+        teach(&mut gains, &[Vec2::zeros()], &[Vec2::new(1e-4, 0.0)], &[0.9]);
+        teach(&mut gains, &[Vec2::zeros()], &[Vec2::new(5e-3, 0.0)], &[0.0]);
         assert_eq!(gains, untaught);
         assert_eq!(gains.get(0, Vec2::new(0.1, 0.1)), 1.0);
     }
@@ -152,8 +194,8 @@ mod tests {
         let (ratios, step) = ([0.9, 0.95, 0.85], Vec2::new(0.01, 0.0));
         let mut gains = Gains::new(1, HALF_M);
         let corner = Vec2::new(-HALF_M, -HALF_M);
-        ratios.iter().for_each(|ratio| gains.learn(&[corner], &[corner + step], &[corner + step * *ratio]));
-        let noise = RATIO_SD * RATIO_SD + (STEP_SD_M / 0.01).powi(2);
+        ratios.iter().for_each(|&ratio| teach(&mut gains, &[corner], &[step], &[ratio]));
+        let noise = RATIO_SD * RATIO_SD + (SCATTER_M / 0.01).powi(2);
         let prior = PART_SD * PART_SD + REGION_SD * REGION_SD;
         let sum: f64 = ratios.iter().map(|ratio| (ratio - 1.0) / noise).sum();
         let expected = 1.0 + sum / (1.0 / prior + 3.0 / noise);

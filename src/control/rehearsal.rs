@@ -18,7 +18,7 @@ use std::sync::Arc;
 use super::ControlParams;
 use super::attempts::ways_to_try;
 use super::ending::Ending;
-use super::learning::Gains;
+use super::learning::{Gains, Lesson, MORE};
 use super::plans::{Plans, planner_of};
 use crate::geometry::Vec2;
 use crate::goal::{Goal, Wanted};
@@ -174,11 +174,19 @@ impl Player<'_> {
         for pulse in &plan.pulses {
             self.check_time()?;
             let before_m = self.stage.positions_m.clone();
-            let forecast_m = self.plans.forecast(&self.stage.states(|_| 1.0), pulse);
+            let gain = |part: usize| before_m.get(part).map_or(1.0, |&p_m| self.gains.get(part, p_m));
+            let forecast_m = self.plans.forecast(&self.stage.states(gain), pulse);
+            let with_more_m = self.plans.forecast(&self.stage.states(|part| gain(part) + MORE), pulse);
             self.stage.play(pulse, self.plans.as_ref());
             self.pulses += 1;
-            if let Some(forecast_m) = forecast_m {
-                self.gains.learn(&before_m, &forecast_m, &self.stage.positions_m);
+            if let (Some(forecast_m), Some(with_more_m)) = (forecast_m, with_more_m) {
+                self.gains.learn(&Lesson {
+                    before_m: &before_m,
+                    forecast_m: &forecast_m,
+                    with_more_m: &with_more_m,
+                    measured_m: &self.stage.positions_m,
+                    scatter_m: Lesson::scatter_m(pulse),
+                });
             }
             for (trail, &position_m) in self.trails.iter_mut().zip(&self.stage.positions_m) {
                 trail.push(position_m);

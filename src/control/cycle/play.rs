@@ -3,6 +3,7 @@
 use super::Cycle;
 use crate::control::ending::Ending;
 use crate::control::eyes::Moment;
+use crate::control::learning::{Lesson, MORE};
 use crate::control::{Carried, PulseFacts};
 use crate::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave};
 use crate::geometry::Vec2;
@@ -30,7 +31,7 @@ impl Cycle<'_> {
         let after_m = self.eyes.positions_m();
         let all_seen = all_seen && self.eyes.missing_for() == 0;
         let forecasts = if all_seen { self.forecasts(&before_m, planned) } else { None };
-        let carried = forecasts.as_ref().map(|[by_library_m, by_learning_m]| Carried {
+        let carried = forecasts.as_ref().map(|[by_library_m, by_learning_m, _]| Carried {
             before_m: &before_m,
             after_m: &after_m,
             by_library_m,
@@ -45,15 +46,22 @@ impl Cycle<'_> {
             fit: &fit,
             carried,
         });
-        if let Some([by_library_m, _]) = &forecasts {
-            self.gains.learn(&before_m, by_library_m, &after_m);
+        if let Some([_, forecast_m, with_more_m]) = &forecasts {
+            self.gains.learn(&Lesson {
+                before_m: &before_m,
+                forecast_m,
+                with_more_m,
+                measured_m: &after_m,
+                scatter_m: Lesson::scatter_m(planned),
+            });
             self.tell_slow_parts();
         }
         Ok(())
     }
 
-    /// Where parts at `before_m` should be after a pulse: by the library alone, and with what was learned.
-    fn forecasts(&self, before_m: &[Vec2], pulse: &PlannedPulse) -> Option<[Vec<Vec2>; 2]> {
+    /// Where parts at `before_m` should be after a pulse: by the library alone, with what was learned, and with
+    /// [`MORE`] gain than that.
+    fn forecasts(&self, before_m: &[Vec2], pulse: &PlannedPulse) -> Option<[Vec<Vec2>; 3]> {
         let state = |part: usize, position_m: Vec2, gain: f64| PartState {
             position_m,
             step_m: Vec2::zeros(),
@@ -61,9 +69,12 @@ impl Cycle<'_> {
             gain,
         };
         let parts = || before_m.iter().copied().enumerate();
-        let plain: Vec<PartState> = parts().map(|(i, p_m)| state(i, p_m, 1.0)).collect();
-        let learned: Vec<PartState> = parts().map(|(i, p_m)| state(i, p_m, self.gains.get(i, p_m))).collect();
-        Some([self.plans.forecast(&plain, pulse)?, self.plans.forecast(&learned, pulse)?])
+        let with = |gain: &dyn Fn(usize, Vec2) -> f64| {
+            let states: Vec<PartState> = parts().map(|(i, p_m)| state(i, p_m, gain(i, p_m))).collect();
+            self.plans.forecast(&states, pulse)
+        };
+        let learned = |i: usize, p_m: Vec2| self.gains.get(i, p_m);
+        Some([with(&|_, _| 1.0)?, with(&learned)?, with(&|i, p_m| learned(i, p_m) + MORE)?])
     }
 }
 

@@ -37,7 +37,7 @@ pub(super) struct Range<'a> {
     /// Step of every part, x and y in turn, m.
     pub steps_m: &'a DVector<f64>,
     pub envelope: &'a Envelope,
-    /// Directions in which parts must not go astray.
+    /// Directions in which parts must get away.
     pub guards: &'a [Guard],
 }
 
@@ -68,7 +68,7 @@ impl Range<'_> {
         let went = course.ends_m.iter().zip(self.discs).flat_map(|(end, disc)| <[f64; 2]>::from(end - disc.position_m));
         let went_m = DVector::from_iterator(self.steps_m.len(), went);
         let missing_m = self.steps_m - &went_m;
-        let guarded: f64 = self.guards.iter().map(|guard| guard.of(missing_m.as_slice()).powi(2)).sum();
+        let guarded: f64 = self.guards.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum();
         Shot { coefficients, course, cost: missing_m.norm_squared() + guarded, went_m }
     }
 
@@ -117,7 +117,7 @@ impl Range<'_> {
     /// The change of the motion that the slopes ask for, no longer than `reach` of it.
     fn change(&self, slopes: &DMatrix<f64>, shot: &Shot, reach: f64) -> Option<Vec<f64>> {
         let missing_m = self.steps_m - &shot.went_m;
-        let guarded = self.guards.iter().map(|guard| guard.of(missing_m.as_slice()));
+        let guarded = self.guards.iter().map(|guard| guard.missing(shot.went_m.as_slice()));
         let missing = DVector::from_iterator(slopes.ncols(), missing_m.iter().copied().chain(guarded));
         let normal = slopes.tr_mul(slopes);
         let longest = reach * self.strength.norm(&shot.coefficients);

@@ -1,4 +1,4 @@
-//! Directions in which parts must not go astray: towards each other, over the edge.
+//! Directions in which parts must get away: from each other, from the edge.
 
 use crate::geometry::Vec2;
 use crate::planner::{Limit, PartState};
@@ -6,30 +6,38 @@ use crate::planner::{Limit, PartState};
 /// How much more a guarded direction counts than any other.
 const WEIGHT: f64 = 4.0;
 
-/// What is missing along `normal`, of one part or between two.
+/// How far a part should get away from another or from the edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Guard {
     pub limit: Limit,
+    /// Away.
     normal: Vec2,
     part: usize,
     other: Option<usize>,
+    aim_m: f64,
 }
 
 impl Guard {
-    /// For `limit` as the parts lie; `None` for a limit without a direction.
-    pub fn of_limit(limit: Limit, parts: &[PartState]) -> Option<Self> {
-        match limit {
+    /// For `limit` as the parts lie: they get away as far as their steps say. `None` for a limit without a direction.
+    pub fn of_limit(limit: Limit, parts: &[PartState], steps_m: &[f64]) -> Option<Self> {
+        let (normal, part, other) = match limit {
             Limit::Edge { part } => {
                 let p = parts.get(part)?.position_m;
-                let normal = if p.x.abs() > p.y.abs() { Vec2::x() } else { Vec2::y() };
-                Some(Self { limit, normal, part, other: None })
+                let inwards = if p.x.abs() > p.y.abs() { Vec2::new(-p.x, 0.0) } else { Vec2::new(0.0, -p.y) };
+                (inwards.try_normalize(0.0)?, part, None)
             }
             Limit::Separation { parts: [a, b] } => {
-                let normal = (parts.get(b)?.position_m - parts.get(a)?.position_m).try_normalize(0.0)?;
-                Some(Self { limit, normal, part: a, other: Some(b) })
+                ((parts.get(a)?.position_m - parts.get(b)?.position_m).try_normalize(0.0)?, a, Some(b))
             }
-            Limit::Unreachable => None,
-        }
+            Limit::Unreachable => return None,
+        };
+        let free = Self { limit, normal, part, other, aim_m: 0.0 };
+        Some(Self { aim_m: free.along(steps_m), ..free })
+    }
+
+    /// They shall get away by `by_m` farther, and not nearer in any case.
+    pub fn push(&mut self, by_m: f64) {
+        self.aim_m = self.aim_m.max(0.0) + by_m;
     }
 
     /// Its factors of the flat vector x, y of every part.
@@ -41,8 +49,13 @@ impl Guard {
         of(self.part, 1.0).into_iter().chain(self.other.map(|other| of(other, -1.0)).into_iter().flatten())
     }
 
-    /// Its share of a flat vector.
-    pub fn of(&self, flat: &[f64]) -> f64 {
-        self.terms().map(|(i, factor)| flat.get(i).map_or(0.0, |v| v * factor)).sum()
+    /// What is missing after steps of `went_m`, weighted.
+    pub fn missing(&self, went_m: &[f64]) -> f64 {
+        WEIGHT * (self.aim_m - self.along(went_m))
+    }
+
+    /// How far the flat steps get away, m.
+    fn along(&self, flat_m: &[f64]) -> f64 {
+        self.terms().map(|(i, factor)| flat_m.get(i).map_or(0.0, |v| v * factor / WEIGHT)).sum()
     }
 }

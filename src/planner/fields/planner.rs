@@ -19,9 +19,11 @@ use crate::signal::Envelope;
 const STARTS: usize = 4;
 const FIRST_ROUNDS: usize = 2;
 const ROUNDS: usize = 5;
-/// Rounds after a guard is put up; guards at most; halvings of the steps after that.
+/// Rounds after a guard is put up or told to push; how often that is done; by how much it then pushes, m; halvings of the
+/// steps after all that.
 const GUARDED_ROUNDS: usize = 3;
-const MOST_GUARDS: usize = 6;
+const MOST_GUARDED: usize = 8;
+const PUSH_M: f64 = 1e-3;
 const HALVINGS: usize = 4;
 /// Root mean square of the steps that a pulse of full length is aimed at: at first, at least while the goal is far, at
 /// least, at most.
@@ -112,16 +114,20 @@ impl FieldPlanner {
         };
         let mut shot = self.best_shot(&free, parts, &steps);
         let mut guards: Vec<Guard> = Vec::new();
-        while let Some(limit) = self.broken(&clearances, &shot.course, parts) {
-            if guards.len() == MOST_GUARDS || guards.iter().any(|guard| guard.limit == limit) {
+        for tried in 0.. {
+            let Some(limit) = self.broken(&clearances, &shot.course, parts) else { break };
+            if tried == MOST_GUARDED {
                 return Err(limit);
             }
-            guards.extend(Guard::of_limit(limit, parts));
+            match guards.iter_mut().find(|guard| guard.limit == limit) {
+                Some(guard) => guard.push(PUSH_M),
+                None => guards.extend(Guard::of_limit(limit, parts, steps_m.as_slice())),
+            }
             let guarded = Range { guards: &guards, ..free };
             shot = guarded.better(guarded.shot(&shot.coefficients), GUARDED_ROUNDS);
         }
         let left = shot.left(&steps_m);
-        if left >= 1.0 {
+        if left >= 1.0 && guards.is_empty() {
             return Err(Limit::Unreachable);
         }
         let predicted_m = vec![shot.course.ends_m.clone()];
