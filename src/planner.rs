@@ -1,4 +1,5 @@
-//! From wanted steps to pulses: candidate CORs out of the library, the QP for the d_j, the sequence.
+//! From wanted steps to pulses: candidate CORs out of the library, the QP for the d_j, the sequence; or one synthesised
+//! motion for all parts.
 
 mod candidates;
 mod field;

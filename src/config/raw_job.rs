@@ -188,10 +188,11 @@ pub struct RawRegion {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PlannerChoice {
-    /// Rotations about measured centres, one after another.
+    /// Rotations about measured centres, one after another. Works on every rig that has a library.
     #[default]
     CorSequence,
-    /// One motion of many harmonics that moves every part at once.
+    /// One motion of many harmonics a cycle, which moves every part its own step at once. Asks for a rig with `fields`;
+    /// much faster than rotations with several parts.
     SynthesizedField,
     /// The papers' plain method, for comparison: fixed centres, the ideal field, the pseudo-inverse.
     PseudoInverse,

@@ -19,7 +19,8 @@ pub struct RawRig {
     pub motors: RawMotors,
     /// Pulses.
     pub drive: RawDrive,
-    /// Synthesised motions; null or left out for a rig that makes none.
+    /// Synthesised motions, for jobs with the planner `synthesized_field`; null or left out for a rig that makes none.
+    /// The library has to be measured with them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fields: Option<RawFields>,
     /// Two 2-axis accelerometers under opposite corners.
