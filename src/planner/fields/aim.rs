@@ -25,6 +25,8 @@ const NARROWEST: f64 = 0.01;
 /// Least damping, as a part of the mean eigenvalue; steps in which it is raised.
 const DAMPING: f64 = 1e-5;
 const MORE_DAMPING: f64 = 3.0;
+/// A start that should go less far than this part of its way is softened.
+const SOFTEN: f64 = 0.8;
 /// Part of the steps that may be left when the search ends early.
 const GOOD: f64 = 0.02;
 
@@ -70,6 +72,21 @@ impl Range<'_> {
         let missing_m = self.steps_m - &went_m;
         let guarded: f64 = self.guards.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum();
         Shot { coefficients, course, cost: missing_m.norm_squared() + guarded, went_m }
+    }
+
+    /// The shot of `start`, softened where it goes too far or the wrong way. A motion without even harmonics runs back in
+    /// the second half of a period as it went in the first, and carries parts nowhere; so parts go about as far as the
+    /// even harmonics are large.
+    pub fn softened_shot(&self, start: &[f64]) -> Shot {
+        let shot = self.shot(start);
+        let share = shot.went_m.dot(self.steps_m) / shot.went_m.norm_squared();
+        if share.is_nan() || share > SOFTEN {
+            return shot;
+        }
+        let even = |j: usize| self.waves.harmonic_of(j).is_multiple_of(2);
+        let soft = |(j, c): (usize, &f64)| if even(j) { c * share.max(0.0) } else { *c };
+        let softened = self.shot(&start.iter().enumerate().map(soft).collect::<Vec<f64>>());
+        if softened.cost < shot.cost { softened } else { shot }
     }
 
     /// `shot`, bettered in at most `rounds`.

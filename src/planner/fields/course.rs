@@ -69,6 +69,7 @@ impl Course {
         self.heights.clear();
         self.heights.extend((0..steps).map(|k| envelope.at((k as f64 + 0.5) * dt)));
         self.states.clear();
+        self.states.reserve(steps * discs.len());
         let mut moving: Vec<(Vec2, Vec2)> = discs.iter().map(|disc| (disc.position_m, Vec2::zeros())).collect();
         for (k, &height) in self.heights.iter().enumerate() {
             let phase = waves.phase(k);

@@ -25,11 +25,12 @@ const GUARDED_ROUNDS: usize = 3;
 const MOST_GUARDED: usize = 8;
 const PUSH_M: f64 = 1e-3;
 const HALVINGS: usize = 4;
-/// Root mean square of the steps that a pulse of full length is aimed at: at first, at least while the goal is far, at
-/// least, at most.
+/// Root mean square of the steps that a pulse of full length is aimed at: at first, at least, at most.
 const REACH_M: f64 = 20e-3;
-const LEAST_REACH_M: f64 = 10e-3;
 const MOST_REACH_M: f64 = 40e-3;
+/// The least steps for which a pulse is made as long as it may be: parts in each other's way need long pulses for
+/// little steps.
+const LEAST_NEAR_M: f64 = 10e-3;
 /// No part is asked for more than this many times the root mean square.
 const LONGEST: f64 = 1.8;
 /// Part of the flanks that counts like sustain.
@@ -47,7 +48,10 @@ pub struct FieldPlanner {
     strength: Strength,
     bank: Bank,
     friction: f64,
+    /// Largest steps that are aimed at, root mean square.
     reach_m: f64,
+    /// Steps for which a pulse is made as long as it may be.
+    near_m: f64,
     last: Option<Vec<f64>>,
 }
 
@@ -61,7 +65,18 @@ impl FieldPlanner {
         let bank = Bank::new(&waves, half_side_m);
         let friction = friction_of(library)?;
         let (attack_s, rest_s) = (fields.attack_s, fields.rest_s);
-        Some(Self { params, attack_s, rest_s, waves, strength, bank, friction, reach_m: REACH_M, last: None })
+        Some(Self {
+            params,
+            attack_s,
+            rest_s,
+            waves,
+            strength,
+            bank,
+            friction,
+            reach_m: REACH_M,
+            near_m: REACH_M,
+            last: None,
+        })
     }
 
     /// Plans one cycle: a pulse that brings every part as much of its step as one pulse can.
@@ -142,7 +157,7 @@ impl FieldPlanner {
     fn best_shot(&self, range: &Range<'_>, parts: &[PartState], steps: &[Vec2]) -> Shot {
         let positions: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         let starts = self.bank.best(&self.waves, &positions, steps, STARTS);
-        let shots = self.last.iter().chain(&starts).map(|start| range.better(range.shot(start), FIRST_ROUNDS));
+        let shots = self.last.iter().chain(&starts).map(|start| range.better(range.softened_shot(start), FIRST_ROUNDS));
         let best = shots.min_by(|a, b| a.left(range.steps_m).total_cmp(&b.left(range.steps_m)));
         range.better(best.unwrap_or_else(|| range.shot(&vec![0.0; self.waves.len()])), ROUNDS)
     }
@@ -165,20 +180,32 @@ impl FieldPlanner {
     fn sustain_s(&self, wanted_m: f64) -> f64 {
         let flanks_s = FLANK * self.attack_s;
         let longest_s = self.params.max_sustain_s;
-        ((longest_s + flanks_s) * (wanted_m / self.reach_m).min(1.0).sqrt() - flanks_s).max(0.0)
+        ((longest_s + flanks_s) * (wanted_m / self.near_m).min(1.0).sqrt() - flanks_s).max(0.0)
     }
 
-    /// Aims farther after pulses that did nearly all, nearer after those that left much.
+    /// Aims farther after pulses that did nearly all, nearer after those that left much; where the goal is near, makes
+    /// pulses shorter or longer instead.
     fn learn_reach(&mut self, wanted_m: f64, left: f64) {
-        let is_far = wanted_m >= self.reach_m;
-        let reach_m = match (is_far, left) {
-            (true, ..0.3) => 1.5 * self.reach_m,
-            (true, 0.6..) => (0.75 * self.reach_m).max(REACH_M.min(self.reach_m)),
-            (false, ..0.2) => 1.1 * self.reach_m,
-            (false, 0.5..) => 0.8 * self.reach_m,
-            _ => self.reach_m,
-        };
-        self.reach_m = reach_m.clamp(LEAST_REACH_M, MOST_REACH_M);
+        if wanted_m >= self.reach_m {
+            let factor = if left < 0.3 {
+                1.5
+            } else if left > 0.6 {
+                0.75
+            } else {
+                1.0
+            };
+            self.reach_m = (factor * self.reach_m).clamp(REACH_M, MOST_REACH_M);
+            self.near_m = self.reach_m;
+        } else {
+            let factor = if left < 0.2 {
+                1.1
+            } else if left > 0.5 {
+                0.8
+            } else {
+                1.0
+            };
+            self.near_m = (factor * self.near_m).clamp(LEAST_NEAR_M, self.reach_m);
+        }
     }
 
     fn envelope(&self, sustain_s: f64) -> Envelope {
