@@ -10,4 +10,7 @@ mod planner;
 mod strength;
 mod waves;
 
+#[cfg(test)]
+mod tests;
+
 pub use planner::FieldPlanner;

@@ -1,0 +1,94 @@
+//! Synthesised fields against plain sums, fine steps, closed forms and the shipped libraries.
+
+mod aim;
+mod bank;
+mod course;
+mod friction;
+mod planner;
+mod strength;
+mod waves;
+
+use std::path::Path;
+use std::sync::{Arc, LazyLock};
+
+use proptest::prelude::*;
+
+use super::course::{Course, Disc};
+use super::strength::Strength;
+use super::waves::Waves;
+use crate::geometry::Vec2;
+use crate::library::Library;
+use crate::planner::fixture::PENNY_M;
+use crate::signal::{Envelope, TwistWave};
+use crate::units::GRAVITY_MPS2;
+
+/// Half the side of upm-2's plate, m.
+const HALF_SIDE_M: f64 = 0.1524;
+
+fn shipped(rig: &str) -> Library {
+    let file = format!("assets/libraries/{rig}.json");
+    Library::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap()
+}
+
+fn upm_2() -> Arc<Library> {
+    static LOADED: LazyLock<Arc<Library>> = LazyLock::new(|| Arc::new(shipped("upm-2")));
+    Arc::clone(&LOADED)
+}
+
+fn upm_2_waves() -> Waves {
+    let fields = upm_2().fields.clone().unwrap();
+    Waves::new(fields.base_radps, fields.twist_from_counts.len(), HALF_SIDE_M)
+}
+
+fn upm_2_strength(waves: &Waves) -> Strength {
+    let fields = upm_2().fields.clone().unwrap();
+    Strength::new(waves, &fields.twist_from_counts, HALF_SIDE_M, fields.limit_counts).unwrap()
+}
+
+fn upm_2_envelope(sustain_s: f64) -> Envelope {
+    let library = upm_2();
+    let fields = library.fields.as_ref().unwrap();
+    Envelope { attack_s: fields.attack_s, sustain_s, rest_s: fields.rest_s }
+}
+
+/// Coefficients of up to 1 m/s, higher harmonics less.
+fn motion(harmonics: usize) -> impl Strategy<Value = Vec<f64>> {
+    let scaled = move |drawn: Vec<f64>| {
+        let share = |j: usize| 1.0 / (j % (2 * harmonics) / 2 + 1) as f64;
+        drawn.iter().enumerate().map(|(j, c)| c * share(j)).collect()
+    };
+    proptest::collection::vec(-1.0..1.0f64, 6 * harmonics).prop_map(scaled)
+}
+
+fn place() -> impl Strategy<Value = Vec2> {
+    (-0.14..0.14f64, -0.14..0.14f64).prop_map(|(x, y)| Vec2::new(x, y))
+}
+
+fn coin(position_m: Vec2, friction: f64) -> Disc {
+    Disc { position_m, radius_m: PENNY_M, friction }
+}
+
+fn ends(waves: &Waves, coefficients: &[f64], envelope: &Envelope, discs: &[Disc]) -> Vec<Vec2> {
+    let mut course = Course::default();
+    course.run(waves, coefficients, envelope, discs);
+    course.ends_m
+}
+
+/// Steps of the slow reference, s.
+const FINE_S: f64 = 10e-6;
+
+/// Where a point at `position_m` comes to rest by Coulomb's law as it stands: friction of `μ m g` against the slip, none
+/// but what it takes to stay at the plate's speed when that is less. The plate's centre is summed up step by step.
+fn point_end(wave: &TwistWave, envelope: &Envelope, position_m: Vec2, friction: f64) -> Vec2 {
+    let most_mps = friction * GRAVITY_MPS2 * FINE_S;
+    let (mut p, mut v, mut center) = (position_m, Vec2::zeros(), Vec2::zeros());
+    for k in 0..(envelope.sounding_s() / FINE_S).round() as usize {
+        let t_s = (k as f64 + 0.5) * FINE_S;
+        let plate = wave.at(t_s) * envelope.at(t_s);
+        let slip = plate.velocity_at(p - center) - v;
+        v += slip * (most_mps / slip.norm().max(most_mps));
+        p += v * FINE_S;
+        center += plate.velocity_mps * FINE_S;
+    }
+    p + v * (v.norm() / (2.0 * friction * GRAVITY_MPS2))
+}

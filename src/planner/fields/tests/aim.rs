@@ -1,0 +1,155 @@
+use nalgebra::DVector;
+use proptest::prelude::*;
+
+use super::super::aim::{Range, Shot};
+use super::super::guard::Guard;
+use super::*;
+use crate::planner::{Limit, PartState};
+
+const FRICTION: f64 = 0.3;
+
+/// A few coins, what is wanted of them and a motion to start from.
+#[derive(Clone, Debug)]
+struct Scene {
+    discs: Vec<Disc>,
+    steps_m: DVector<f64>,
+    start: Vec<f64>,
+}
+
+fn scene(most: usize) -> impl Strategy<Value = Scene> {
+    let part = (place(), -0.015..0.015f64, -0.015..0.015f64);
+    (proptest::collection::vec(part, 1..=most), motion(8)).prop_map(|(parts, start)| Scene {
+        discs: parts.iter().map(|&(p, ..)| coin(p, FRICTION)).collect(),
+        steps_m: DVector::from_iterator(2 * parts.len(), parts.iter().flat_map(|&(_, x, y)| [x, y])),
+        start,
+    })
+}
+
+fn went(shot: &Shot, discs: &[Disc]) -> DVector<f64> {
+    let went = shot.course.ends_m.iter().zip(discs).flat_map(|(end, disc)| <[f64; 2]>::from(end - disc.position_m));
+    DVector::from_iterator(2 * discs.len(), went)
+}
+
+/// What the search makes smaller, from the ends alone.
+fn cost(range: &Range<'_>, shot: &Shot) -> f64 {
+    let missing = range.steps_m - went(shot, range.discs);
+    missing.norm_squared() + range.guards.iter().map(|guard| guard.of(missing.as_slice()).powi(2)).sum::<f64>()
+}
+
+fn parts(discs: &[Disc]) -> Vec<PartState> {
+    let part = |disc: &Disc| PartState {
+        position_m: disc.position_m,
+        step_m: Vec2::zeros(),
+        radius_m: disc.radius_m,
+        gain: 1.0,
+    };
+    discs.iter().map(part).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    #[test]
+    fn more_rounds_never_cost_more(scene in scene(6), sustain_s in 0.0..0.2f64, guarded in any::<bool>()) {
+        let waves = upm_2_waves();
+        let strength = upm_2_strength(&waves);
+        let guards: Vec<Guard> =
+            guarded.then(|| Guard::of_limit(Limit::Edge { part: 0 }, &parts(&scene.discs))).flatten().into_iter().collect();
+        let Scene { discs, steps_m, start } = scene;
+        let range = Range {
+            waves: &waves, strength: &strength, discs: &discs, steps_m: &steps_m,
+            envelope: &upm_2_envelope(sustain_s), guards: &guards,
+        };
+        let first = range.shot(&start);
+        let mut before = cost(&range, &first);
+        let at_first = before;
+        for rounds in 0..10 {
+            let shot = range.better(first.clone(), rounds);
+            let now = cost(&range, &shot);
+            prop_assert!(now <= before * (1.0 + 1e-12), "{rounds}: {now} {before}");
+            let left = (range.steps_m - went(&shot, &discs)).norm() / steps_m.norm();
+            prop_assert!((shot.left(&steps_m) - left).abs() < 1e-12);
+            before = now;
+        }
+        prop_assert!(before < at_first, "ten rounds better something");
+    }
+
+    /// From a fifth of the motion away down to the 2 % at which the search ends.
+    #[test]
+    fn ends_of_a_known_motion_are_met_from_nearby(scene in scene(8), off in motion(8), sustain_s in 0.0..0.2f64) {
+        let waves = upm_2_waves();
+        let strength = upm_2_strength(&waves);
+        let envelope = upm_2_envelope(sustain_s);
+        let Scene { discs, start: mut known, .. } = scene;
+        strength.fill(&waves, &mut known);
+        let mut off = off;
+        let scale = 0.2 * strength.norm(&known) / strength.norm(&off);
+        off.iter_mut().for_each(|c| *c *= scale);
+        let blank = DVector::zeros(2 * discs.len());
+        let range = Range { waves: &waves, strength: &strength, discs: &discs, steps_m: &blank, envelope: &envelope, guards: &[] };
+        let steps_m = went(&range.shot(&known), &discs);
+        let range = Range { steps_m: &steps_m, ..range };
+        let start: Vec<f64> = known.iter().zip(&off).map(|(c, d)| c + d).collect();
+        let first = range.shot(&start);
+        let before = first.left(&steps_m);
+        let shot = range.better(first, 20);
+        prop_assert!(shot.left(&steps_m) < 0.04, "{} of {before} left", shot.left(&steps_m));
+    }
+}
+
+/// After a search that minds no guards a few rounds that do bring what they guard nearer, never much farther away.
+#[test]
+fn guards_hold_what_they_guard() {
+    use rand::RngExt as _;
+    let mut rng = crate::random::Streams::new(2).stream("guards");
+    let waves = upm_2_waves();
+    let strength = upm_2_strength(&waves);
+    let envelope = upm_2_envelope(0.15);
+    let (mut sum_without, mut sum_with) = (0.0, 0.0);
+    for count in [3, 4, 5, 6, 7, 8, 3, 4, 5, 6, 7, 8] {
+        let mut draw = |most: f64| rng.random_range(-most..most);
+        let discs: Vec<Disc> = (0..count).map(|_| coin(Vec2::new(draw(0.14), draw(0.14)), FRICTION)).collect();
+        let steps_m = DVector::from_iterator(2 * count, (0..2 * count).map(|_| draw(0.015)));
+        let start: Vec<f64> = (0..waves.len()).map(|j| draw(1.0) / waves.harmonic_of(j) as f64).collect();
+        let limits = [Limit::Edge { part: 0 }, Limit::Separation { parts: [1, 2] }];
+        let guards = limits.map(|limit| Guard::of_limit(limit, &parts(&discs)).unwrap());
+        let free = Range {
+            waves: &waves,
+            strength: &strength,
+            discs: &discs,
+            steps_m: &steps_m,
+            envelope: &envelope,
+            guards: &[],
+        };
+        let guarded = Range { guards: &guards, ..free };
+        let astray_sq = |shot: &Shot| {
+            let missing = &steps_m - went(shot, &discs);
+            guards.iter().map(|guard| guard.of(missing.as_slice()).powi(2)).sum::<f64>()
+        };
+        let shot = free.better(free.shot(&start), 20);
+        let without = astray_sq(&shot);
+        let with = astray_sq(&guarded.better(guarded.shot(&shot.coefficients), 3));
+        assert!(with <= 1.05 * without, "{count}: {with} {without}");
+        (sum_without, sum_with) = (sum_without + without, sum_with + with);
+    }
+    assert!(sum_with < 0.7 * sum_without, "{sum_with} {sum_without}");
+}
+
+/// Across the edge next to a part and along the line of two, the second one's share counted the other way.
+#[test]
+fn guards_stand_across_what_they_guard() {
+    let discs = [coin(Vec2::new(0.02, -0.13), FRICTION), coin(Vec2::new(0.05, -0.09), FRICTION)];
+    let parts = parts(&discs);
+    let edge = Guard::of_limit(Limit::Edge { part: 0 }, &parts).unwrap();
+    assert_eq!(edge.of(&[1.0, 0.0, 1.0, 1.0]), 0.0);
+    assert!(edge.of(&[0.0, 1.0, 0.0, 0.0]).abs() > 1.0, "counts more than any other direction");
+    let pair = Guard::of_limit(Limit::Separation { parts: [0, 1] }, &parts).unwrap();
+    assert!(pair.of(&[0.3, -0.7, 0.3, -0.7]).abs() < 1e-12, "together");
+    assert!(pair.of(&[0.4, -0.3, 0.0, 0.0]).abs() < 1e-12, "past each other");
+    let towards = [0.3, 0.4, -0.3, -0.4];
+    assert!((pair.of(&towards) / edge.of(&[0.0, 1.0, 0.0, 0.0]) - 1.0).abs() < 1e-12, "both together by 1");
+    assert_eq!(Guard::of_limit(Limit::Unreachable, &parts), None);
+    assert_eq!(Guard::of_limit(Limit::Edge { part: 2 }, &parts), None);
+    let one_place = [parts[0], parts[0]];
+    assert_eq!(Guard::of_limit(Limit::Separation { parts: [0, 1] }, &one_place), None);
+}

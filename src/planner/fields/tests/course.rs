@@ -1,0 +1,221 @@
+use std::f64::consts::TAU;
+
+use proptest::prelude::*;
+
+use super::*;
+
+const FRICTION: f64 = 0.3;
+const PULL_MPS2: f64 = FRICTION * GRAVITY_MPS2;
+
+fn point(position_m: Vec2) -> Disc {
+    Disc { position_m, radius_m: 0.0, friction: FRICTION }
+}
+
+/// As strong as upm-2's motors allow.
+fn full(waves: &Waves, coefficients: &[f64]) -> Vec<f64> {
+    let mut filled = coefficients.to_vec();
+    upm_2_strength(waves).fill(waves, &mut filled);
+    filled
+}
+
+/// The pump `A (cos w(t - t0) - ½ cos 2w(t - t0))` along x, with t0 as a part of the period.
+fn pump(waves: &Waves, amplitude_mps: f64, late: f64) -> Vec<f64> {
+    let mut coefficients = vec![0.0; waves.len()];
+    for (k, share) in [(1, 1.0), (2, -0.5)] {
+        let (sin, cos) = (k as f64 * TAU * late).sin_cos();
+        (coefficients[2 * k - 2], coefficients[2 * k - 1]) = (amplitude_mps * share * cos, amplitude_mps * share * sin);
+    }
+    coefficients
+}
+
+fn abrupt(sustain_s: f64) -> Envelope {
+    Envelope { attack_s: 0.0, sustain_s, rest_s: 0.0 }
+}
+
+/// Largest difference between the slopes of the ends and central differences, as a part of the largest slope, over the
+/// coefficients `chosen`.
+fn slope_error(coefficients: &[f64], envelope: &Envelope, discs: &[Disc], chosen: std::ops::Range<usize>) -> f64 {
+    const H_MPS: f64 = 1e-6;
+    let waves = upm_2_waves();
+    let mut course = Course::default();
+    course.run(&waves, coefficients, envelope, discs);
+    let (mut largest, mut worst) = (0.0f64, 0.0f64);
+    let moved = |j: usize, by_mps: f64| {
+        let mut changed = coefficients.to_vec();
+        changed[j] += by_mps;
+        ends(&waves, &changed, envelope, discs)
+    };
+    let differences: Vec<_> = chosen.clone().map(|j| (j, moved(j, H_MPS), moved(j, -H_MPS))).collect();
+    for part in 0..discs.len() {
+        let (mut x, mut y) = (vec![f64::NAN; waves.len()], vec![f64::NAN; waves.len()]);
+        course.slopes(&waves, discs, part, [&mut x, &mut y], &mut Vec::new());
+        for (j, more, less) in &differences {
+            let difference = (more[part] - less[part]) / (2.0 * H_MPS);
+            largest = largest.max(difference.norm());
+            worst = worst.max((difference - Vec2::new(x[*j], y[*j])).norm());
+        }
+    }
+    worst / largest
+}
+
+fn coins() -> impl Strategy<Value = Vec<Disc>> {
+    proptest::collection::vec((place(), 0.1..0.6f64).prop_map(|(p, friction)| coin(p, friction)), 1..4)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Without spin it does not count where the plate's centre is, so the slopes are exact.
+    #[test]
+    fn slopes_under_translations_are_central_differences(
+        mut coefficients in motion(8), discs in coins(), sustain_s in 0.0..0.3f64,
+    ) {
+        coefficients[32..].fill(0.0);
+        let coefficients = full(&upm_2_waves(), &coefficients);
+        let error = slope_error(&coefficients, &upm_2_envelope(sustain_s), &discs, 0..48);
+        prop_assert!(error < 1e-5, "{error:.1e}");
+    }
+
+    /// Under spin alone the centre does not move, whatever the spin.
+    #[test]
+    fn slopes_by_spin_under_spin_are_central_differences(
+        mut coefficients in motion(8), discs in coins(), sustain_s in 0.0..0.3f64,
+    ) {
+        coefficients[..32].fill(0.0);
+        let coefficients = full(&upm_2_waves(), &coefficients);
+        let error = slope_error(&coefficients, &upm_2_envelope(sustain_s), &discs, 32..48);
+        prop_assert!(error < 3e-5, "{error:.1e}");
+    }
+
+    /// The slopes leave out that a change of the motion also changes where the plate's centre is, from which spin pushes:
+    /// up to 3 % of the largest.
+    #[test]
+    fn slopes_are_central_differences_but_for_the_centre(
+        coefficients in motion(8), discs in coins(), sustain_s in 0.0..0.3f64,
+    ) {
+        let coefficients = full(&upm_2_waves(), &coefficients);
+        let error = slope_error(&coefficients, &upm_2_envelope(sustain_s), &discs, 0..48);
+        prop_assert!(error < 0.05, "{error}");
+    }
+
+    #[test]
+    fn ends_turn_and_are_mirrored_with_the_motion(
+        coefficients in motion(4), places in proptest::collection::vec(place(), 1..5), sustain_s in 0.0..0.2f64,
+    ) {
+        let waves = Waves::new(TAU * 40.0, 4, HALF_SIDE_M);
+        let envelope = Envelope { attack_s: 0.05, sustain_s, rest_s: 0.0 };
+        let laid = |onto: fn(Vec2) -> Vec2, spin: f64| {
+            let mut wave = waves.wave(&coefficients);
+            for twist in wave.harmonics.iter_mut().flat_map(|h| [&mut h.cos, &mut h.sin]) {
+                twist.velocity_mps = onto(twist.velocity_mps);
+                twist.spin_radps *= spin;
+            }
+            let discs: Vec<Disc> = places.iter().map(|&p| coin(onto(p), FRICTION)).collect();
+            ends(&waves, &waves.coefficients(&wave), &envelope, &discs)
+        };
+        let as_is = laid(|v| v, 1.0);
+        let turned = laid(|v| Vec2::new(-v.y, v.x), 1.0);
+        let mirrored = laid(|v| Vec2::new(-v.x, v.y), -1.0);
+        for ((p, turned), mirrored) in as_is.iter().zip(turned).zip(mirrored) {
+            prop_assert!((turned - Vec2::new(-p.y, p.x)).norm() < 1e-9);
+            prop_assert!((mirrored - Vec2::new(-p.x, p.y)).norm() < 1e-9);
+        }
+    }
+
+    /// Twice the friction under twice the speeds on a plate twice as large is the same course twice as large, but for
+    /// the slip at which friction is told from none.
+    #[test]
+    fn frictions_scale(coefficients in motion(8), p in place(), sustain_s in 0.0..0.2f64, scale in 0.5..2.0f64) {
+        let small = upm_2_waves();
+        let coefficients = full(&small, &coefficients);
+        let large = Waves::new(TAU * 30.0, 8, HALF_SIDE_M * scale);
+        let faster: Vec<f64> = coefficients.iter().map(|c| c * scale).collect();
+        let envelope = upm_2_envelope(sustain_s);
+        let one = coin(p, FRICTION);
+        let other = Disc { position_m: p * scale, radius_m: PENNY_M * scale, friction: FRICTION * scale };
+        let went_m = ends(&small, &coefficients, &envelope, &[one])[0] - p;
+        let other_went_m = ends(&large, &faster, &envelope, &[other])[0] - p * scale;
+        let off_m = (other_went_m / scale - went_m).norm();
+        prop_assert!(off_m < 0.25e-3, "{went_m} {other_went_m}");
+    }
+}
+
+#[test]
+fn points_end_where_coulombs_law_in_fine_steps_says() {
+    use rand::RngExt as _;
+    let mut rng = crate::random::Streams::new(1).stream("points");
+    let waves = upm_2_waves();
+    let (mut off_sq, mut went_sq, mut worst_m) = (0.0, 0.0, 0.0f64);
+    for _ in 0..48 {
+        let drawn: Vec<f64> = (0..48).map(|j| rng.random_range(-1.0..1.0) / waves.harmonic_of(j) as f64).collect();
+        let coefficients = full(&waves, &drawn);
+        let envelope = upm_2_envelope(rng.random_range(0.0..0.3));
+        let discs = [0; 4].map(|_| point(Vec2::new(rng.random_range(-0.14..0.14), rng.random_range(-0.14..0.14))));
+        let wave = waves.wave(&coefficients);
+        for (end_m, disc) in ends(&waves, &coefficients, &envelope, &discs).iter().zip(discs) {
+            let fine_m = point_end(&wave, &envelope, disc.position_m, FRICTION);
+            off_sq += (end_m - fine_m).norm_squared();
+            went_sq += (fine_m - disc.position_m).norm_squared();
+            worst_m = worst_m.max((end_m - fine_m).norm());
+        }
+    }
+    let off = f64::sqrt(off_sq / went_sq);
+    assert!(off < 0.012 && worst_m < 0.3e-3, "{off} of the way, at worst {worst_m} m");
+}
+
+/// Equation sheet, section 1: mean force `0.2386 μ m g` on a part at rest, then coasting, which adds 24 %. Whole periods
+/// of a belt far faster than the part; the mean over starts in all phases leaves the force's mean alone.
+#[test]
+fn a_short_pulse_carries_by_the_pump_of_the_sheet() {
+    const STARTS: usize = 16;
+    let waves = Waves::new(TAU * 60.0, 2, HALF_SIDE_M);
+    let sustain_s = 12.0 / 60.0;
+    let went = |i: usize| {
+        let coefficients = pump(&waves, 100.0, i as f64 / STARTS as f64);
+        ends(&waves, &coefficients, &abrupt(sustain_s), &[point(Vec2::zeros())])[0]
+    };
+    let mean_m = (0..STARTS).map(went).sum::<Vec2>() / STARTS as f64;
+    let sheet_m = 0.5 * 0.2386 * 1.2386 * PULL_MPS2 * sustain_s * sustain_s;
+    assert!((mean_m.x / sheet_m - 1.0).abs() < 0.003 && mean_m.y == 0.0, "{mean_m} {sheet_m}");
+}
+
+#[test]
+fn the_belt_ends_up_at_half_its_amplitude() {
+    const AMPLITUDE_MPS: f64 = 0.3;
+    let waves = Waves::new(TAU * 60.0, 2, HALF_SIDE_M);
+    let coefficients = pump(&waves, AMPLITUDE_MPS, 0.1);
+    let went = |periods: f64| ends(&waves, &coefficients, &abrupt(periods / 60.0), &[point(Vec2::zeros())])[0].x;
+    let speed_mps = went(120.0) - went(60.0);
+    assert!((speed_mps / (0.5 * AMPLITUDE_MPS) - 1.0).abs() < 0.015, "{speed_mps}");
+}
+
+/// The speed at the end is told by the next step's place; without flanks a longer pulse begins with the shorter one.
+#[test]
+fn parts_coast_by_the_square_of_their_speed() {
+    let waves = upm_2_waves();
+    let coefficients = full(&waves, &pump(&waves, 1.0, 0.3));
+    let dt = waves.step_s();
+    let disc = [point(Vec2::new(0.02, -0.03))];
+    let last_place = |steps: usize| {
+        let mut course = Course::default();
+        course.run(&waves, &coefficients, &abrupt(steps as f64 * dt), &disc);
+        let places_m: Vec<Vec2> = course.places_m(1).map(|places_m| places_m[0]).collect();
+        assert_eq!(places_m.len(), steps + 1, "each step's start and the end");
+        (places_m[steps - 1], places_m[steps])
+    };
+    for steps in [40, 100, 200] {
+        let ((before_m, end_m), (silent_m, _)) = (last_place(steps), last_place(steps + 1));
+        let v = (silent_m - before_m) / dt;
+        let coasts_m = v * (v.norm() / (2.0 * PULL_MPS2));
+        assert!((end_m - silent_m - coasts_m).norm() < 1e-12, "{v}");
+    }
+}
+
+#[test]
+fn nothing_moves_without_parts_or_motion() {
+    let waves = upm_2_waves();
+    let still = vec![0.0; waves.len()];
+    assert!(ends(&waves, &still, &upm_2_envelope(0.1), &[]).is_empty());
+    let discs = [coin(Vec2::new(0.05, 0.01), FRICTION), point(Vec2::zeros())];
+    assert_eq!(ends(&waves, &still, &upm_2_envelope(0.1), &discs), discs.map(|disc| disc.position_m));
+}

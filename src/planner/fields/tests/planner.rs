@@ -1,0 +1,204 @@
+use proptest::prelude::*;
+
+use super::super::friction::friction_of;
+use super::super::planner::FieldPlanner;
+use super::*;
+use crate::planner::fixture::{self, mm, penny};
+use crate::planner::limits::Clearances;
+use crate::planner::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
+
+/// Looks a period at which the planner holds a course to the limits.
+const LOOKS: usize = 4;
+
+fn params() -> PlannerParams {
+    PlannerParams { half_side_m: HALF_SIDE_M, edge_margin_m: 0.0015, separation_m: 0.002, ..fixture::params() }
+}
+
+/// A planner for upm-2; the library is read, and its motions drawn, once.
+fn planner() -> FieldPlanner {
+    static MADE: LazyLock<FieldPlanner> = LazyLock::new(|| FieldPlanner::new(&upm_2(), params()).unwrap());
+    MADE.clone()
+}
+
+/// The pulse of a plan that has one.
+fn pulse(plan: &Plan) -> Option<&FieldPulse> {
+    match &plan.pulses[..] {
+        [] => None,
+        [PlannedPulse::Field(pulse)] => Some(pulse),
+        pulses => panic!("one field at most, not {pulses:?}"),
+    }
+}
+
+/// Places of all parts at every `every`-th step of the forecast course.
+fn course(parts: &[PartState], pulse: &FieldPulse, every: usize) -> Vec<Vec<Vec2>> {
+    let friction = friction_of(&upm_2()).unwrap();
+    let disc = |part: &PartState| Disc {
+        position_m: part.position_m,
+        radius_m: part.radius_m,
+        friction: friction * part.gain,
+    };
+    let discs: Vec<Disc> = parts.iter().map(disc).collect();
+    let waves = upm_2_waves();
+    let mut course = Course::default();
+    course.run(&waves, &waves.coefficients(&pulse.wave), &upm_2_envelope(pulse.sustain_s), &discs);
+    course.places_m(every).collect()
+}
+
+fn left_m(parts: &[PartState], ends_m: &[Vec2]) -> f64 {
+    let missing = |(part, end): (&PartState, &Vec2)| (part.position_m + part.step_m - end).norm_squared();
+    parts.iter().zip(ends_m).map(missing).sum::<f64>().sqrt()
+}
+
+/// Smallest gap between rims and between a rim and the edge of the plate, m.
+fn least_gaps_m(parts: &[PartState], places_m: &[Vec2]) -> (f64, f64) {
+    let (mut rims_m, mut edge_m) = (f64::INFINITY, f64::INFINITY);
+    for (i, (a, at)) in parts.iter().zip(places_m).enumerate() {
+        edge_m = edge_m.min(HALF_SIDE_M - at.x.abs().max(at.y.abs()) - a.radius_m);
+        for (b, other) in parts.iter().zip(places_m).skip(i + 1) {
+            rims_m = rims_m.min((at - other).norm() - a.radius_m - b.radius_m);
+        }
+    }
+    (rims_m, edge_m)
+}
+
+/// Up to 12 pennies anywhere on the plate that keep every limit, some barely, with steps of any length within it.
+fn scene() -> impl Strategy<Value = Vec<PartState>> {
+    let part = (-0.14..0.14f64, -0.14..0.14f64, -0.14..0.14f64, -0.14..0.14f64, 0.8..1.25f64);
+    (proptest::collection::vec(part, 1..13), 0.01..1.0f64).prop_map(|(drawn, nearness)| {
+        let mut parts: Vec<PartState> = Vec::new();
+        for (x, y, to_x, to_y, gain) in drawn {
+            let position_m = Vec2::new(x, y);
+            let apart_m = 2.0 * PENNY_M + params().separation_m;
+            if parts.iter().all(|other| (other.position_m - position_m).norm() > apart_m) {
+                let step_m = (Vec2::new(to_x, to_y) - position_m) * nearness;
+                parts.push(PartState { gain, ..penny(position_m, step_m) });
+            }
+        }
+        parts
+    })
+}
+
+/// The least of many gaps.
+fn least(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
+    (a.0.min(b.0), a.1.min(b.1))
+}
+
+/// Plans for `parts` and holds the plan to all that a solved one promises.
+fn kept_plan(planner: &mut FieldPlanner, parts: &[PartState]) -> Plan {
+    let (library, limits, waves) = (upm_2(), params(), upm_2_waves());
+    let mut twin = planner.clone();
+    let plan = planner.plan(parts);
+    assert_eq!(twin.plan(parts), plan, "equal parts and states, equal plans");
+    let Some(pulse) = pulse(&plan) else {
+        assert!(plan.status != PlanStatus::Solved && plan.predicted_m.is_empty());
+        return plan;
+    };
+    assert_eq!(plan.status, PlanStatus::Solved);
+    assert!((0.0..=limits.max_sustain_s + 1e-12).contains(&pulse.sustain_s), "{}", pulse.sustain_s);
+    let peak_counts = library.field_drive(&pulse.wave, pulse.sustain_s).unwrap().peak_counts();
+    assert!(peak_counts <= library.fields.as_ref().unwrap().limit_counts, "{peak_counts}");
+
+    let forecast_m = planner.forecast(parts, pulse);
+    assert_eq!(plan.predicted_m.len(), 1);
+    let off = |(a, b): (&Vec2, &Vec2)| (a - b).norm() < 1e-12;
+    assert!(plan.predicted_m[0].iter().zip(&forecast_m).all(off), "{:?} {forecast_m:?}", plan.predicted_m);
+    let start_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
+    assert!(left_m(parts, &forecast_m) < left_m(parts, &start_m));
+
+    let clearances = Clearances::of(parts, &limits);
+    let mut before_m = start_m.clone();
+    for places_m in course(parts, pulse, waves.steps_a_period() / LOOKS) {
+        assert_eq!(clearances.broken_after(&start_m, &before_m, &places_m), None);
+        before_m = places_m;
+    }
+    // Half the separation and half the margin are left on the way; between looks a part sways by less than 0.1 mm.
+    let gaps_m = course(parts, pulse, 1).iter().map(|places_m| least_gaps_m(parts, places_m)).reduce(least).unwrap();
+    let at_first_m = least_gaps_m(parts, &start_m);
+    assert!(gaps_m.0 > at_first_m.0.min(0.5 * limits.separation_m) - 0.1e-3, "{gaps_m:?} {at_first_m:?}");
+    assert!(gaps_m.1 > at_first_m.1.min(0.5 * limits.edge_margin_m) - 0.1e-3, "{gaps_m:?} {at_first_m:?}");
+    plan
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Wherever all limits are kept at the start a way to go on is found, also by a planner that has moved others before.
+    #[test]
+    fn plans_keep_their_promises(scenes in proptest::collection::vec(scene(), 1..4)) {
+        let mut planner = planner();
+        for parts in &scenes {
+            let plan = kept_plan(&mut planner, parts);
+            let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
+            let is_worth_it = largest_m >= 0.5 * params().min_distance_m;
+            let expected = if is_worth_it { PlanStatus::Solved } else { PlanStatus::NothingToDo };
+            prop_assert_eq!(plan.status, expected);
+        }
+    }
+}
+
+#[test]
+fn nothing_worth_a_pulse_and_parts_that_are_nowhere_end_without_one() {
+    fixture::ends_without_a_plan(|parts| planner().plan(parts).status);
+    let nowhere = penny(mm(1.0, 2.0), mm(f64::INFINITY, 0.0));
+    assert!(matches!(planner().plan(&[nowhere]).status, PlanStatus::SolverFailed(_)));
+}
+
+fn at(x_mm: f64, y_mm: f64, step_x_mm: f64, step_y_mm: f64) -> PartState {
+    penny(mm(x_mm, y_mm), mm(step_x_mm, step_y_mm))
+}
+
+/// Single pennies and points within the limits get where they should, as near as the search goes on for.
+#[test]
+fn one_part_alone_gets_there() {
+    for step_m in [mm(5.0, 0.0), mm(0.0, -8.0), mm(-9.0, 4.0)] {
+        for radius_m in [0.0, PENNY_M] {
+            let part = PartState { radius_m, step_m, ..at(30.0, -40.0, 0.0, 0.0) };
+            let plan = kept_plan(&mut planner(), &[part]);
+            assert!((plan.predicted_m[0][0] - part.position_m - step_m).norm() < 0.05 * step_m.norm(), "{plan:?}");
+        }
+    }
+    let stays = at(60.0, 50.0, 0.0, 0.0);
+    let plan = kept_plan(&mut planner(), &[at(10.0, 0.0, 5.0, 0.0), stays]);
+    assert!((plan.predicted_m[0][1] - stays.position_m).norm() < 0.3e-3, "{plan:?}");
+}
+
+#[test]
+fn parts_that_cannot_go_on_stop_the_plan() {
+    let touching = 1e3 * (HALF_SIDE_M - PENNY_M);
+    let out_of_the_corner = [at(touching, touching, 5.0, 5.0)];
+    let status = kept_plan(&mut planner(), &out_of_the_corner).status;
+    assert_eq!(status, PlanStatus::Infeasible(Limit::Edge { part: 0 }));
+    let onto_each_other = [at(0.0, 0.0, 5.0, 0.0), at(19.05, 0.0, -5.0, 0.0)];
+    let status = kept_plan(&mut planner(), &onto_each_other).status;
+    assert_eq!(status, PlanStatus::Infeasible(Limit::Separation { parts: [0, 1] }));
+    // At one place with opposite steps: no motion tells them apart.
+    let one_place = [at(10.0, 0.0, -5.0, 0.0), at(10.0, 0.0, 5.0, 0.0)];
+    assert!(matches!(kept_plan(&mut planner(), &one_place).status, PlanStatus::Infeasible(_)));
+}
+
+/// However the parts lie, a plan is found that keeps its promises, or none.
+#[test]
+fn odd_scenes_end_in_a_status() {
+    let touching = 1e3 * (HALF_SIDE_M - PENNY_M);
+    let scenes = [
+        vec![at(touching, touching, -5.0, -5.0)],
+        vec![at(touching, -touching, -5.0, 5.0), at(touching - 19.05, -touching, -5.0, 0.0)],
+        vec![at(155.0, 155.0, -5.0, -5.0), at(0.0, 0.0, 3.0, 0.0)],
+        vec![at(1000.0, 0.0, -5.0, 0.0)],
+        vec![at(0.0, 0.0, -5.0, 0.0), at(19.05, 0.0, 5.0, 0.0)],
+        vec![at(0.0, 0.0, -5.0, 0.0), at(10.0, 0.0, 5.0, 0.0)],
+        vec![at(10.0, 0.0, 5.0, 0.0), at(10.0, 0.0, 5.0, 0.0)],
+        vec![at(10.0, 0.0, 1e6, 0.0), at(60.0, 0.0, 0.0, 1e-9)],
+    ];
+    for parts in scenes {
+        kept_plan(&mut planner(), &parts);
+    }
+}
+
+#[test]
+fn a_library_without_fields_or_friction_has_no_planner() {
+    let without_fields = Library { fields: None, ..Library::clone(&upm_2()) };
+    assert!(FieldPlanner::new(&Arc::new(without_fields), params()).is_none());
+    let without_friction = Library { displacement: Default::default(), ..Library::clone(&upm_2()) };
+    assert!(FieldPlanner::new(&Arc::new(without_friction), params()).is_none());
+}

@@ -1,0 +1,115 @@
+use std::f64::consts::TAU;
+
+use proptest::prelude::*;
+
+use super::*;
+
+const BASE_RADPS: f64 = TAU * 30.0;
+
+fn waves(harmonics: usize) -> Waves {
+    Waves::new(BASE_RADPS, harmonics, HALF_SIDE_M)
+}
+
+/// The time of sample `q` of a period, s.
+fn time_s(waves: &Waves, q: usize) -> f64 {
+    TAU / BASE_RADPS * q as f64 / waves.samples as f64
+}
+
+fn any_motion() -> impl Strategy<Value = (usize, Vec<f64>)> {
+    (1..10usize).prop_flat_map(|harmonics| (Just(harmonics), motion(harmonics)))
+}
+
+proptest! {
+    #[test]
+    fn motion_is_the_plain_sum((harmonics, coefficients) in any_motion()) {
+        let waves = waves(harmonics);
+        let wave = waves.wave(&coefficients);
+        let motion = waves.motion(&coefficients);
+        prop_assert_eq!(motion.len(), waves.samples);
+        for (q, [x, y, spin]) in motion.into_iter().enumerate() {
+            let twist = wave.at(time_s(&waves, q));
+            prop_assert!((Vec2::new(x, y) - twist.velocity_mps).norm() < 1e-12);
+            prop_assert!((spin - twist.spin_radps).abs() < 1e-11);
+        }
+    }
+
+    #[test]
+    fn wave_and_coefficients_are_there_and_back((harmonics, coefficients) in any_motion(), fewer in 1..10usize) {
+        let waves = waves(harmonics);
+        let wave = waves.wave(&coefficients);
+        prop_assert_eq!(wave.base_radps, BASE_RADPS);
+        let back = waves.coefficients(&wave);
+        prop_assert!(back.iter().zip(&coefficients).all(|(a, b)| (a - b).abs() < 1e-15));
+        // Of a wave with more harmonics those searched are kept, of one with fewer the rest is zero.
+        let other = self::waves(fewer);
+        let kept = other.wave(&other.coefficients(&wave));
+        for (k, harmonic) in kept.harmonics.iter().enumerate() {
+            let was = wave.harmonics.get(k).copied().unwrap_or_default();
+            prop_assert!((harmonic.cos.velocity_mps - was.cos.velocity_mps).norm() < 1e-15);
+            prop_assert!((harmonic.sin.spin_radps - was.sin.spin_radps).abs() < 1e-13);
+        }
+    }
+
+    /// `Σ by_motion · motion(c) = slope(by_motion) · c` for every c.
+    #[test]
+    fn slope_is_the_transpose_of_motion((harmonics, coefficients) in any_motion(), seed in any::<u64>()) {
+        use rand::RngExt as _;
+        let waves = waves(harmonics);
+        let mut rng = crate::random::Streams::new(seed).stream("slopes");
+        let by_motion: Vec<[f64; 3]> = (0..waves.samples).map(|_| [0; 3].map(|_| rng.random_range(-1.0..1.0))).collect();
+        let mut by_coefficient = vec![f64::NAN; waves.len()];
+        waves.slope(&by_motion, &mut by_coefficient);
+        let motion = waves.motion(&coefficients);
+        let forth: f64 = by_motion.iter().flatten().zip(motion.iter().flatten()).map(|(a, b)| a * b).sum();
+        let back: f64 = by_coefficient.iter().zip(&coefficients).map(|(a, b)| a * b).sum();
+        prop_assert!((forth - back).abs() < 1e-9, "{forth} {back}");
+    }
+
+    /// Differences between instants are the velocity summed up between them; the mean over a period is nothing.
+    #[test]
+    fn offsets_are_the_velocity_summed_up((harmonics, coefficients) in any_motion()) {
+        const FINER: usize = 64;
+        let waves = waves(harmonics);
+        let wave = waves.wave(&coefficients);
+        let offsets_m = waves.offsets_m(&coefficients);
+        let h_s = time_s(&waves, 1) / FINER as f64;
+        let mut place_m = offsets_m[0];
+        for (q, offset_m) in offsets_m.iter().enumerate() {
+            prop_assert!((place_m - offset_m).norm() < 1e-7, "{q}: {place_m} {offset_m}");
+            let at = |i: usize| wave.at(time_s(&waves, q) + (i as f64 + 0.5) * h_s).velocity_mps;
+            place_m += (0..FINER).map(at).sum::<Vec2>() * h_s;
+        }
+        let mean_m = offsets_m.iter().sum::<Vec2>() / waves.samples as f64;
+        prop_assert!(mean_m.norm() < 1e-15);
+    }
+}
+
+#[test]
+fn steps_visit_every_phase_once_and_take_their_time() {
+    for harmonics in 1..20 {
+        let waves = waves(harmonics);
+        let mut seen = vec![0; waves.samples];
+        (0..waves.samples).for_each(|step| seen[waves.phase(step)] += 1);
+        assert!(seen.iter().all(|&times| times == 1), "{harmonics}");
+        // The middle of a step is at its phase, to half a sample; the highest harmonic gets 8 steps or more.
+        for step in 0..3 * waves.samples {
+            let samples = (step as f64 + 0.5) * waves.step_s() / time_s(&waves, 1);
+            let off = (samples - waves.phase(step) as f64).rem_euclid(waves.samples as f64);
+            assert!(off < 1e-6 || off > waves.samples as f64 - 1e-6, "{harmonics}: step {step} is off by {off}");
+        }
+        assert!(waves.step_s() * 8.0 * harmonics as f64 <= TAU / BASE_RADPS, "{harmonics}");
+        assert_eq!(waves.steps_a_period(), (TAU / BASE_RADPS / waves.step_s()).floor() as usize);
+    }
+}
+
+#[test]
+fn a_coefficient_knows_its_harmonic() {
+    let waves = waves(5);
+    for j in 0..waves.len() {
+        let mut coefficients = vec![0.0; waves.len()];
+        coefficients[j] = 1.0;
+        let wave = waves.wave(&coefficients);
+        let moving = |harmonic: &crate::signal::TwistHarmonic| *harmonic != crate::signal::TwistHarmonic::default();
+        assert_eq!(wave.harmonics.iter().position(moving), Some(waves.harmonic_of(j) - 1));
+    }
+}
