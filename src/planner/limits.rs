@@ -114,15 +114,18 @@ impl Clearances {
     /// The first limit that is broken while all parts go in straight lines from `before` to `after`, in step. A limit
     /// is kept with room for what the forecast of each step may be off, unless the parts go away from it.
     pub fn broken_by(&self, before_m: &[Vec2], after_m: &[Vec2]) -> Option<Limit> {
-        self.broken_after(before_m, before_m, after_m)
+        self.broken_after(before_m, before_m, after_m, 0.0)
     }
 
-    /// The same for one piece of a longer forecast way that began at `start_m`: what it may be off grows all the way.
-    pub fn broken_after(&self, start_m: &[Vec2], before_m: &[Vec2], after_m: &[Vec2]) -> Option<Limit> {
+    /// The same for one piece of a longer forecast way that began at `start_m`: what it may be off grows all the way. Where
+    /// a limit is broken at the start it may be broken by `sway_m` more: shaken parts sway.
+    pub fn broken_after(&self, start_m: &[Vec2], before_m: &[Vec2], after_m: &[Vec2], sway_m: f64) -> Option<Limit> {
         let unsure_m: Vec<f64> = start_m.iter().zip(after_m).map(|(s, a)| UNSURE * (a - s).norm()).collect();
-        for (part, (before, after)) in before_m.iter().zip(after_m).enumerate() {
-            let careful_m = (self.asked_bound_m[part] - unsure_m[part]).max(before.amax() + ROUNDING_M);
-            if after.amax() > careful_m.min(self.bound_m[part]) {
+        for (part, (start, after)) in start_m.iter().zip(after_m).enumerate() {
+            let asked_m = self.asked_bound_m[part];
+            let sway_m = if start.amax() > asked_m { sway_m } else { 0.0 };
+            let careful_m = (asked_m - unsure_m[part]).max(start.amax() + ROUNDING_M + sway_m);
+            if after.amax() > careful_m.min(self.bound_m[part] + sway_m) {
                 return Some(Limit::Edge { part });
             }
         }
@@ -130,9 +133,11 @@ impl Clearances {
         for i in 0..after_m.len() {
             for j in i + 1..after_m.len() {
                 let (asked_m, least_m) = pairs.next().copied().unwrap_or_default();
-                let (before, after) = (before_m[i] - before_m[j], after_m[i] - after_m[j]);
-                let careful_m = (asked_m + unsure_m[i] + unsure_m[j]).min(before.norm() - ROUNDING_M);
-                if nearest_sq(before, after) < careful_m.max(least_m).powi(2) {
+                let at_first_m = (start_m[i] - start_m[j]).norm();
+                let sway_m = if at_first_m < asked_m { sway_m } else { 0.0 };
+                let careful_m = (asked_m + unsure_m[i] + unsure_m[j]).min(at_first_m - ROUNDING_M - sway_m);
+                let nearest = nearest_sq(before_m[i] - before_m[j], after_m[i] - after_m[j]);
+                if nearest < careful_m.max(least_m - sway_m).max(0.0).powi(2) {
                     return Some(Limit::Separation { parts: [i, j] });
                 }
             }

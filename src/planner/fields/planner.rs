@@ -35,6 +35,8 @@ const LEAST_NEAR_M: f64 = 10e-3;
 const LONGEST: f64 = 1.8;
 /// Part of the flanks that counts like sustain.
 const FLANK: f64 = 1.2;
+/// How far a shaken part sways about its way, m.
+const SWAY_M: f64 = 0.25e-3;
 /// Instants of a period at which limits are looked at.
 const LOOKS: usize = 4;
 
@@ -81,7 +83,10 @@ impl FieldPlanner {
 
     /// Plans one cycle: a pulse that brings every part as much of its step as one pulse can.
     pub fn plan(&mut self, parts: &[PartState]) -> Plan {
-        let finite = |p: &PartState| p.position_m.iter().chain(&p.step_m).all(|v| v.is_finite());
+        let finite = |p: &PartState| {
+            let numbers = [p.position_m.x, p.position_m.y, p.step_m.x, p.step_m.y, p.radius_m, p.gain];
+            numbers.iter().all(|v| v.is_finite()) && p.gain > 0.0
+        };
         if !parts.iter().all(finite) {
             return ended(PlanStatus::SolverFailed("a part is not where numbers are".into()));
         }
@@ -168,7 +173,7 @@ impl FieldPlanner {
         let mut before_m = start_m.clone();
         let every = self.waves.steps_a_period() / LOOKS;
         for places_m in course.places_m(every) {
-            if let Some(limit) = clearances.broken_after(&start_m, &before_m, &places_m) {
+            if let Some(limit) = clearances.broken_after(&start_m, &before_m, &places_m, SWAY_M) {
                 return Some(limit);
             }
             before_m = places_m;
@@ -180,7 +185,7 @@ impl FieldPlanner {
     fn sustain_s(&self, wanted_m: f64) -> f64 {
         let flanks_s = FLANK * self.attack_s;
         let longest_s = self.params.max_sustain_s;
-        ((longest_s + flanks_s) * (wanted_m / self.near_m).min(1.0).sqrt() - flanks_s).max(0.0)
+        ((longest_s + flanks_s) * (wanted_m / self.near_m).min(1.0).sqrt() - flanks_s).clamp(0.0, longest_s)
     }
 
     /// Aims farther after pulses that did nearly all, nearer after those that left much; where the goal is near, makes
