@@ -11,7 +11,7 @@ use super::strength::Strength;
 use super::waves::Waves;
 use crate::geometry::Vec2;
 use crate::library::Library;
-use crate::planner::limits::Clearances;
+use crate::planner::limits::{Clearances, half_spaces, most_violated};
 use crate::planner::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
 use crate::signal::Envelope;
 
@@ -123,7 +123,6 @@ impl FieldPlanner {
         let steps_m = DVector::from_iterator(2 * steps.len(), steps.iter().flat_map(|s| [s.x, s.y]));
         let discs = self.discs(parts);
         let envelope = self.envelope(self.sustain_s(wanted_m));
-        let clearances = Clearances::of(parts, &self.params);
         let free = Range {
             waves: &self.waves,
             strength: &self.strength,
@@ -132,7 +131,20 @@ impl FieldPlanner {
             envelope: &envelope,
             guards: &[],
         };
-        let mut shot = self.best_shot(&free, parts, &steps);
+        let shot = self.clear_shot(&free, parts, &steps)?;
+        let left = shot.left(&steps_m);
+        let predicted_m = vec![shot.course.ends_m.clone()];
+        let wave = self.waves.wave(&shot.coefficients);
+        let pulse = PlannedPulse::Field(FieldPulse { wave, sustain_s: envelope.sustain_s });
+        self.learn_reach(wanted_m, left);
+        self.last = Some(shot.coefficients);
+        Ok(Plan { status: PlanStatus::Solved, pulses: vec![pulse], candidates: Vec::new(), predicted_m })
+    }
+
+    /// The best shot that keeps the limits, guarded where it has to be.
+    fn clear_shot(&self, free: &Range<'_>, parts: &[PartState], steps: &[Vec2]) -> Result<Shot, Limit> {
+        let clearances = Clearances::of(parts, &self.params);
+        let mut shot = self.best_shot(free, parts, steps);
         let mut guards: Vec<Guard> = Vec::new();
         for tried in 0.. {
             let Some(limit) = self.broken(&clearances, &shot.course, parts) else { break };
@@ -141,21 +153,22 @@ impl FieldPlanner {
             }
             match guards.iter_mut().find(|guard| guard.limit == limit) {
                 Some(guard) => guard.push(PUSH_M),
-                None => guards.extend(Guard::of_limit(limit, parts, steps_m.as_slice())),
+                None => guards.extend(Guard::of_limit(limit, parts, free.steps_m.as_slice())),
             }
-            let guarded = Range { guards: &guards, ..free };
+            let guarded = Range { guards: &guards, ..*free };
             shot = guarded.better(guarded.shot(&shot.coefficients), GUARDED_ROUNDS);
         }
-        let left = shot.left(&steps_m);
-        if left >= 1.0 && guards.is_empty() {
-            return Err(Limit::Unreachable);
+        if shot.left(free.steps_m) < 1.0 {
+            return Ok(shot);
         }
-        let predicted_m = vec![shot.course.ends_m.clone()];
-        let wave = self.waves.wave(&shot.coefficients);
-        let pulse = PlannedPulse::Field(FieldPulse { wave, sustain_s: envelope.sustain_s });
-        self.learn_reach(wanted_m, left);
-        self.last = Some(shot.coefficients);
-        Ok(Plan { status: PlanStatus::Solved, pulses: vec![pulse], candidates: Vec::new(), predicted_m })
+        // a detour is worth its while only on the way to something that may be
+        let largest_m = steps.iter().map(|step| step.norm()).fold(0.0, f64::max);
+        let nearby = half_spaces(parts, &self.params, largest_m + self.params.separation_m, 0.0);
+        match most_violated(&nearby, free.steps_m.as_slice()) {
+            Some(limit) => Err(limit),
+            None if guards.is_empty() => Err(Limit::Unreachable),
+            None => Ok(shot),
+        }
     }
 
     /// The best of the last motion and a few out of the bank, bettered.

@@ -6,7 +6,7 @@ use crate::geometry::{Twist, Vec2};
 use crate::signal::{TwistHarmonic, TwistWave};
 
 /// Steps in the period of the highest harmonic.
-const STEPS: usize = 6;
+const STEPS: usize = 8;
 /// Fewest steps of a base period.
 const FEWEST: usize = 48;
 /// Sampled phases from one step to the next. A period is no whole number of steps: the next one is met at other

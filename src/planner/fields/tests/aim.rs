@@ -33,7 +33,8 @@ fn went(shot: &Shot, discs: &[Disc]) -> DVector<f64> {
 /// What the search makes smaller, from the ends alone.
 fn cost(range: &Range<'_>, shot: &Shot) -> f64 {
     let missing = range.steps_m - went(shot, range.discs);
-    missing.norm_squared() + range.guards.iter().map(|guard| guard.of(missing.as_slice()).powi(2)).sum::<f64>()
+    let went_m = went(shot, range.discs);
+    missing.norm_squared() + range.guards.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum::<f64>()
 }
 
 fn parts(discs: &[Disc]) -> Vec<PartState> {
@@ -54,7 +55,7 @@ proptest! {
         let waves = upm_2_waves();
         let strength = upm_2_strength(&waves);
         let guards: Vec<Guard> =
-            guarded.then(|| Guard::of_limit(Limit::Edge { part: 0 }, &parts(&scene.discs))).flatten().into_iter().collect();
+            guarded.then(|| Guard::of_limit(Limit::Edge { part: 0 }, &parts(&scene.discs), scene.steps_m.as_slice())).flatten().into_iter().collect();
         let Scene { discs, steps_m, start } = scene;
         let range = Range {
             waves: &waves, strength: &strength, discs: &discs, steps_m: &steps_m,
@@ -112,7 +113,7 @@ fn guards_hold_what_they_guard() {
         let steps_m = DVector::from_iterator(2 * count, (0..2 * count).map(|_| draw(0.015)));
         let start: Vec<f64> = (0..waves.len()).map(|j| draw(1.0) / waves.harmonic_of(j) as f64).collect();
         let limits = [Limit::Edge { part: 0 }, Limit::Separation { parts: [1, 2] }];
-        let guards = limits.map(|limit| Guard::of_limit(limit, &parts(&discs)).unwrap());
+        let guards = limits.map(|limit| Guard::of_limit(limit, &parts(&discs), steps_m.as_slice()).unwrap());
         let free = Range {
             waves: &waves,
             strength: &strength,
@@ -123,8 +124,8 @@ fn guards_hold_what_they_guard() {
         };
         let guarded = Range { guards: &guards, ..free };
         let astray_sq = |shot: &Shot| {
-            let missing = &steps_m - went(shot, &discs);
-            guards.iter().map(|guard| guard.of(missing.as_slice()).powi(2)).sum::<f64>()
+            let went_m = went(shot, &discs);
+            guards.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum::<f64>()
         };
         let shot = free.better(free.shot(&start), 20);
         let without = astray_sq(&shot);
@@ -135,21 +136,28 @@ fn guards_hold_what_they_guard() {
     assert!(sum_with < 0.7 * sum_without, "{sum_with} {sum_without}");
 }
 
-/// Across the edge next to a part and along the line of two, the second one's share counted the other way.
+/// Away from the edge next to a part and along the line of two, the second one's share counted the other way.
 #[test]
 fn guards_stand_across_what_they_guard() {
     let discs = [coin(Vec2::new(0.02, -0.13), FRICTION), coin(Vec2::new(0.05, -0.09), FRICTION)];
     let parts = parts(&discs);
-    let edge = Guard::of_limit(Limit::Edge { part: 0 }, &parts).unwrap();
-    assert_eq!(edge.of(&[1.0, 0.0, 1.0, 1.0]), 0.0);
-    assert!(edge.of(&[0.0, 1.0, 0.0, 0.0]).abs() > 1.0, "counts more than any other direction");
-    let pair = Guard::of_limit(Limit::Separation { parts: [0, 1] }, &parts).unwrap();
-    assert!(pair.of(&[0.3, -0.7, 0.3, -0.7]).abs() < 1e-12, "together");
-    assert!(pair.of(&[0.4, -0.3, 0.0, 0.0]).abs() < 1e-12, "past each other");
+    let nothing = [0.0; 4];
+    let edge = Guard::of_limit(Limit::Edge { part: 0 }, &parts, &nothing).unwrap();
+    assert_eq!(edge.missing(&[1.0, 0.0, 1.0, 1.0]), 0.0);
+    let inwards = edge.missing(&[0.0, 1.0, 0.0, 0.0]);
+    assert!(inwards < -1.0, "inwards is more than asked, and counts more than any other direction");
+    let pair = Guard::of_limit(Limit::Separation { parts: [0, 1] }, &parts, &nothing).unwrap();
+    assert!(pair.missing(&[0.3, -0.7, 0.3, -0.7]).abs() < 1e-12, "together");
+    assert!(pair.missing(&[0.4, -0.3, 0.0, 0.0]).abs() < 1e-12, "past each other");
     let towards = [0.3, 0.4, -0.3, -0.4];
-    assert!((pair.of(&towards) / edge.of(&[0.0, 1.0, 0.0, 0.0]) - 1.0).abs() < 1e-12, "both together by 1");
-    assert_eq!(Guard::of_limit(Limit::Unreachable, &parts), None);
-    assert_eq!(Guard::of_limit(Limit::Edge { part: 2 }, &parts), None);
+    assert!((pair.missing(&towards) + inwards).abs() < 1e-12, "both together nearer by 1");
+    let asked = Guard::of_limit(Limit::Separation { parts: [0, 1] }, &parts, &towards).unwrap();
+    assert!(asked.missing(&towards).abs() < 1e-12 && asked.missing(&nothing) < 0.0, "they were to come nearer");
+    let mut pushed = asked;
+    pushed.push(0.5);
+    assert!((pushed.missing(&nothing) + 0.5 * inwards).abs() < 1e-12, "not nearer in any case, and away by 0.5");
+    assert_eq!(Guard::of_limit(Limit::Unreachable, &parts, &nothing), None);
+    assert_eq!(Guard::of_limit(Limit::Edge { part: 2 }, &parts, &nothing), None);
     let one_place = [parts[0], parts[0]];
-    assert_eq!(Guard::of_limit(Limit::Separation { parts: [0, 1] }, &one_place), None);
+    assert_eq!(Guard::of_limit(Limit::Separation { parts: [0, 1] }, &one_place, &nothing), None);
 }
