@@ -7,8 +7,8 @@
 //! ```
 //! use upm::config::{Origin, RigSpec};
 //! let faults = RigSpec::from_json(r#"{"nam": "upm-3"}"#, &Origin::of_request("rig.json")).unwrap_err();
-//! let line = "rig.json: nam: found unknown key \"nam\", allowed: accelerometers, camera, drive, friction, kinds, library, \
-//!             motors, name, plate, simulation (did you mean name?)";
+//! let line = "rig.json: nam: found unknown key \"nam\", allowed: accelerometers, camera, drive, fields, friction, kinds, \
+//!             library, motors, name, plate, simulation (did you mean name?)";
 //! assert_eq!(faults[0].to_string(), line);
 //! ```
 
