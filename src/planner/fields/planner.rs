@@ -19,12 +19,16 @@ use crate::signal::Envelope;
 const STARTS: usize = 4;
 const FIRST_ROUNDS: usize = 2;
 const ROUNDS: usize = 5;
-/// Rounds after a guard is put up or told to push; how often that is done; by how much it then pushes, m; halvings of the
-/// steps after all that.
+/// Rounds after a guard is put up or told to push; how often that is done; by how much it then pushes, m.
 const GUARDED_ROUNDS: usize = 3;
 const MOST_GUARDED: usize = 8;
 const PUSH_M: f64 = 1e-3;
-const HALVINGS: usize = 4;
+/// Attempts at a plan; each after the first asks for half the steps, or starts from other motions.
+const ATTEMPTS: usize = 5;
+/// A promise is broken when what the last plan was off by is more than this part of what is left.
+const BROKEN_PROMISE: f64 = 0.5;
+/// Motions of the bank after which the best come round again.
+const MOST_PASSED_OVER: usize = 16 * STARTS;
 /// Root mean square of the steps that a pulse of full length is aimed at: at first, at least, at most.
 const REACH_M: f64 = 20e-3;
 const MOST_REACH_M: f64 = 40e-3;
@@ -55,6 +59,10 @@ pub struct FieldPlanner {
     /// Steps for which a pulse is made as long as it may be.
     near_m: f64,
     last: Option<Vec<f64>>,
+    /// Ends that the last plan promised, m; empty when there was none.
+    promised_m: Vec<Vec2>,
+    /// Motions of the bank that are passed over.
+    passed_over: usize,
 }
 
 impl FieldPlanner {
@@ -78,6 +86,8 @@ impl FieldPlanner {
             reach_m: REACH_M,
             near_m: REACH_M,
             last: None,
+            promised_m: Vec::new(),
+            passed_over: 0,
         })
     }
 
@@ -95,16 +105,38 @@ impl FieldPlanner {
             return ended(PlanStatus::NothingToDo);
         }
         let rms_m = (parts.iter().map(|p| p.step_m.norm_squared()).sum::<f64>() / parts.len() as f64).sqrt();
+        self.judge_last(parts, rms_m);
         let mut wanted_m = rms_m.min(self.reach_m);
         let mut stopped_by = Limit::Unreachable;
-        for _ in 0..HALVINGS {
+        for _ in 0..ATTEMPTS {
             match self.attempt(parts, rms_m, wanted_m) {
                 Ok(plan) => return plan,
-                Err(limit) => stopped_by = limit,
+                Err(Limit::Unreachable) => self.look_elsewhere(),
+                Err(limit) => (stopped_by, wanted_m) = (limit, 0.5 * wanted_m),
             }
-            wanted_m *= 0.5;
         }
         ended(PlanStatus::Infeasible(stopped_by))
+    }
+
+    /// The last motion is good to start from unless most of what is left to do is what it was off by: small steps come to
+    /// a stand where a motion does not do what it promises, and would be planned again and again.
+    fn judge_last(&mut self, parts: &[PartState], rms_m: f64) {
+        let promised = std::mem::take(&mut self.promised_m);
+        if promised.len() != parts.len() {
+            return;
+        }
+        let off_sq: f64 = promised.iter().zip(parts).map(|(p, part)| (p - part.position_m).norm_squared()).sum();
+        if (off_sq / parts.len() as f64).sqrt() > BROKEN_PROMISE * rms_m {
+            self.look_elsewhere();
+        } else {
+            self.passed_over = 0;
+        }
+    }
+
+    /// Starts from other motions of the bank than the last time.
+    fn look_elsewhere(&mut self) {
+        self.last = None;
+        self.passed_over = (self.passed_over + STARTS) % MOST_PASSED_OVER;
     }
 
     /// Where `parts` are forecast to be after `pulse`, m.
@@ -134,6 +166,7 @@ impl FieldPlanner {
         let shot = self.clear_shot(&free, parts, &steps)?;
         let left = shot.left(&steps_m);
         let predicted_m = vec![shot.course.ends_m.clone()];
+        self.promised_m.clone_from(&shot.course.ends_m);
         let wave = self.waves.wave(&shot.coefficients);
         let pulse = PlannedPulse::Field(FieldPulse { wave, sustain_s: envelope.sustain_s });
         self.learn_reach(wanted_m, left);
@@ -174,8 +207,9 @@ impl FieldPlanner {
     /// The best of the last motion and a few out of the bank, bettered.
     fn best_shot(&self, range: &Range<'_>, parts: &[PartState], steps: &[Vec2]) -> Shot {
         let positions: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
-        let starts = self.bank.best(&self.waves, &positions, steps, STARTS);
-        let shots = self.last.iter().chain(&starts).map(|start| range.better(range.softened_shot(start), FIRST_ROUNDS));
+        let starts = self.bank.best(&self.waves, &positions, steps, self.passed_over + STARTS);
+        let others = starts.iter().skip(self.passed_over);
+        let shots = self.last.iter().chain(others).map(|start| range.better(range.softened_shot(start), FIRST_ROUNDS));
         let best = shots.min_by(|a, b| a.left(range.steps_m).total_cmp(&b.left(range.steps_m)));
         range.better(best.unwrap_or_else(|| range.shot(&vec![0.0; self.waves.len()])), ROUNDS)
     }
