@@ -205,3 +205,15 @@ fn a_library_without_fields_or_friction_has_no_planner() {
     let without_friction = Library { displacement: Default::default(), ..Library::clone(&upm_2()) };
     assert!(FieldPlanner::new(&Arc::new(without_friction), params()).is_none());
 }
+
+/// Parts that did not move at all, though a plan promised it, are not told the same again.
+#[test]
+fn a_broken_promise_is_not_made_again() {
+    let parts = [at(-30.0, 10.0, 0.4, -0.3), at(40.0, -20.0, -0.2, 0.5), at(0.0, 60.0, 0.3, 0.3)];
+    let mut planner = planner();
+    let plans: Vec<Plan> = (0..4).map(|_| kept_plan(&mut planner, &parts)).collect();
+    for (i, plan) in plans.iter().enumerate() {
+        assert_eq!(plan.status, PlanStatus::Solved);
+        assert!(plans[..i].iter().all(|other| other.pulses != plan.pulses), "number {i}");
+    }
+}
