@@ -1,5 +1,7 @@
-use super::{AxisShape, Library};
-use crate::signal::{Drive, Envelope, Harmonic};
+use nalgebra::{Complex, Vector3};
+
+use super::{AxisShape, Library, motor_harmonics};
+use crate::signal::{Drive, Envelope, Harmonic, MOTORS};
 
 /// The drive that plays the motor amplitudes X1, X2, Y1, Y2 (counts) with the waveforms of x, y and spin.
 ///
@@ -9,19 +11,15 @@ use crate::signal::{Drive, Envelope, Harmonic};
 /// spends counts on it.
 pub fn drive_for(amplitudes: [i32; 4], shapes: &[AxisShape; 3], base_radps: f64, envelope: Envelope) -> Drive {
     let [x1, x2, y1, y2] = amplitudes.map(f64::from);
-    let [x, y, spin] = shapes;
-    let force_x = x.0.map(|h| scaled(h, x1 - x2));
-    let force_y = y.0.map(|h| scaled(h, y1 - y2));
-    let torque = spin.0.map(|h| scaled(h, (y1 + y2) - (x1 + x2)));
-    let motor = |force: &[Harmonic; 2], side: f64, turn: f64| {
-        force.iter().zip(&torque).map(|(&f, &s)| sum(scaled(f, 0.5 * side), scaled(s, 0.25 * turn))).collect()
-    };
-    let motors = [
-        motor(&force_x, 1.0, -1.0),
-        motor(&force_x, -1.0, -1.0),
-        motor(&force_y, 1.0, 1.0),
-        motor(&force_y, -1.0, 1.0),
-    ];
+    let axes = [x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2)];
+    let mut motors: [Vec<Harmonic>; MOTORS] = Default::default();
+    for k in 0..2 {
+        let counts = |axis: usize| Complex::new(shapes[axis].0[k].cos, -shapes[axis].0[k].sin) * axes[axis];
+        for (motor, harmonic) in motors.iter_mut().zip(motor_harmonics(&Vector3::new(counts(0), counts(1), counts(2))))
+        {
+            motor.push(harmonic);
+        }
+    }
     Drive { base_radps, motors, envelope }
 }
 
@@ -42,14 +40,6 @@ impl Library {
         let part = if longest_s > 0.0 { (sustain_s / longest_s).clamp(0.0, 1.0) } else { 1.0 };
         self.rest_s * (0.5 + 0.5 * part)
     }
-}
-
-fn scaled(harmonic: Harmonic, by: f64) -> Harmonic {
-    Harmonic { cos: harmonic.cos * by, sin: harmonic.sin * by }
-}
-
-fn sum(a: Harmonic, b: Harmonic) -> Harmonic {
-    Harmonic { cos: a.cos + b.cos, sin: a.sin + b.sin }
 }
 
 #[cfg(test)]

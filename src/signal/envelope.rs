@@ -43,8 +43,9 @@ impl Envelope {
         if t_s < to_end_s { steepness } else { -steepness }
     }
 
-    /// The largest of `|h f + h' p|` over all heights h and slopes h' of the flanks and the sustain.
-    pub(super) fn largest(&self, f: f64, p: f64) -> f64 {
+    /// The largest of `|h f + h' p|` over all heights h and slopes h' of the flanks and the sustain; how long it is held
+    /// makes no difference.
+    pub fn largest(&self, f: f64, p: f64) -> f64 {
         let (f, per_attack) = (f.abs(), p.abs() / self.attack_s);
         // Above half height h = 1 - 2y² and h' = 4y/attack, largest at y = p / (f attack); below it both fall.
         if self.attack_s == 0.0 {

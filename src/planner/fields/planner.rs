@@ -71,7 +71,7 @@ impl FieldPlanner {
         let fields = library.fields.as_ref()?;
         let half_side_m = params.half_side_m;
         let waves = Waves::new(fields.base_radps, fields.twist_from_counts.len(), half_side_m);
-        let strength = Strength::new(&waves, &fields.twist_from_counts, half_side_m, fields.limit_counts)?;
+        let strength = Strength::new(&waves, fields, half_side_m)?;
         let bank = Bank::new(&waves, half_side_m);
         let friction = friction_of(library)?;
         let (attack_s, rest_s) = (fields.attack_s, fields.rest_s);

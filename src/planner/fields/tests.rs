@@ -41,8 +41,7 @@ fn upm_2_waves() -> Waves {
 }
 
 fn upm_2_strength(waves: &Waves) -> Strength {
-    let fields = upm_2().fields.clone().unwrap();
-    Strength::new(waves, &fields.twist_from_counts, HALF_SIDE_M, fields.limit_counts).unwrap()
+    Strength::new(waves, upm_2().fields.as_ref().unwrap(), HALF_SIDE_M).unwrap()
 }
 
 fn upm_2_envelope(sustain_s: f64) -> Envelope {

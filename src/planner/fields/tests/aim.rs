@@ -98,7 +98,8 @@ proptest! {
     }
 }
 
-/// After a search that minds no guards a few rounds that do bring what they guard nearer, never much farther away.
+/// After a search that minds no guards a few rounds that do bring what they guard nearer; steps and guards are weighed against
+/// each other, so it need not be so in every single scene.
 #[test]
 fn guards_hold_what_they_guard() {
     use rand::RngExt as _;
@@ -129,8 +130,10 @@ fn guards_hold_what_they_guard() {
         };
         let shot = free.better(free.shot(&start), 20);
         let without = astray_sq(&shot);
-        let with = astray_sq(&guarded.better(guarded.shot(&shot.coefficients), 3));
-        assert!(with <= 1.05 * without, "{count}: {with} {without}");
+        let start = guarded.shot(&shot.coefficients);
+        let held = guarded.better(start.clone(), 3);
+        assert!(cost(&guarded, &held) <= cost(&guarded, &start), "{count}");
+        let with = astray_sq(&held);
         (sum_without, sum_with) = (sum_without + without, sum_with + with);
     }
     assert!(sum_with < 0.7 * sum_without, "{sum_with} {sum_without}");
