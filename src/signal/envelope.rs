@@ -22,14 +22,11 @@ impl Envelope {
         if from_edge <= 0.0 {
             return 0.0;
         }
-        let to_full = 1.0 - from_edge / self.attack_s;
-        if to_full > 0.5 {
-            2.0 * (1.0 - to_full) * (1.0 - to_full)
-        } else if to_full > 0.0 {
-            1.0 - 2.0 * to_full * to_full
-        } else {
-            1.0
+        if from_edge >= self.attack_s {
+            return 1.0;
         }
+        let to_full = 1.0 - from_edge / self.attack_s;
+        if to_full > 0.5 { 2.0 * (1.0 - to_full) * (1.0 - to_full) } else { 1.0 - 2.0 * to_full * to_full }
     }
 
     /// How fast the height changes at `t_s` after the start, 1/s.

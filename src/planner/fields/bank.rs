@@ -3,16 +3,19 @@
 //! A plate that is turned by a quarter or seen in a mirror gives as many more motions with the same tables, and each
 //! motion run the other way pushes the other way. Among these thousands the best for the present parts is looked up.
 
+use std::cmp::Ordering;
+
 use crate::geometry::Vec2;
 use crate::random::Streams;
 
-use super::waves::Waves;
+use super::waves::{Lanes, PlateInstant, Waves};
 
-/// Motions with a table of their own.
-const MOTIONS: usize = 192;
+/// Motions with a table of their own, eight at a time.
+const MOTIONS: usize = 8 * EIGHTS;
+const EIGHTS: usize = 24;
 /// Nodes of a table along a side of the plate.
 const NODES: usize = 17;
-/// Phases of a period that a mean is taken over.
+/// Phases of a period that a mean is taken over, eight at a time.
 const PHASES: usize = 96;
 /// Speed under which friction is not at its full, as a part of the motion's, squared: mean fields are asked of parts at rest.
 const SOFT: f64 = 1e-4;
@@ -50,8 +53,22 @@ impl Symmetry {
 pub(super) struct Bank {
     half_side_m: f64,
     motions: Vec<Vec<f64>>,
-    /// `fields[motion][row * NODES + column]`: mean of the slip's direction.
-    fields: Vec<Vec<Vec2>>,
+    /// `pushes[row * NODES + column]`: mean of the slip's direction, x and y, for eight motions at a time.
+    pushes: Vec<[[Lanes; 2]; EIGHTS]>,
+}
+
+/// One way to run a motion of the bank, and what it promises.
+struct Promise {
+    score: f64,
+    motion: usize,
+    symmetry: Symmetry,
+    reverse: bool,
+}
+
+impl Promise {
+    fn order(&self, other: &Self) -> Ordering {
+        other.score.total_cmp(&self.score).then(self.motion.cmp(&other.motion))
+    }
 }
 
 impl Bank {
@@ -64,46 +81,67 @@ impl Bank {
         };
         let mut random = || (0..waves.len()).map(|j| draw() / waves.harmonic_of(j) as f64).collect::<Vec<f64>>();
         let motions: Vec<Vec<f64>> = (0..MOTIONS).map(|_| random()).collect();
-        let fields = motions.iter().map(|motion| table(waves, motion, half_side_m)).collect();
-        Self { half_side_m, motions, fields }
+        let tables: Vec<Vec<Vec2>> = motions.iter().map(|motion| table(waves, motion, half_side_m)).collect();
+        let pushes = |node: usize| {
+            std::array::from_fn(|k| {
+                let eight = |axis: usize| std::array::from_fn::<f64, 8, _>(|lane| tables[8 * k + lane][node][axis]);
+                [0, 1].map(|axis| Lanes::from(eight(axis)))
+            })
+        };
+        Self { half_side_m, motions, pushes: (0..NODES * NODES).map(pushes).collect() }
     }
 
     /// The `count` motions that promise most of `steps_m` of parts at `positions_m`, best first.
     pub fn best(&self, waves: &Waves, positions_m: &[Vec2], steps_m: &[Vec2], count: usize) -> Vec<Vec<f64>> {
-        let length = steps_m.iter().map(|s| s.norm_squared()).sum::<f64>().sqrt();
-        let mut scores = Vec::with_capacity(MOTIONS * Symmetry::COUNT);
+        let mut promises = Vec::with_capacity(MOTIONS * Symmetry::COUNT);
         for symmetry in (0..Symmetry::COUNT).map(Symmetry::number) {
-            let turned: Vec<(usize, Vec2, Vec2)> = positions_m
-                .iter()
-                .zip(steps_m)
-                .map(|(&p, &s)| {
-                    let (node, place) = self.node(symmetry.back(p));
-                    (node, place, symmetry.back(s) / length)
-                })
-                .collect();
-            for (motion, field) in self.fields.iter().enumerate() {
-                let (mut along, mut square) = (0.0, 0.0);
-                for &(node, place, step) in &turned {
-                    let push = bilinear(field, node, place);
-                    along += push.dot(&step);
-                    square += push.norm_squared();
-                }
-                let astray = (square - along * along).max(0.0).sqrt();
-                scores.push((along.abs() - ASTRAY * astray, motion, symmetry, along < 0.0));
-            }
+            promises.extend(self.promises(symmetry, positions_m, steps_m));
         }
-        let count = count.min(scores.len());
+        let count = count.min(promises.len());
         if count == 0 {
             return Vec::new();
         }
-        scores.select_nth_unstable_by(count - 1, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        scores.truncate(count);
-        scores.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        scores.into_iter().map(|(_, motion, symmetry, reverse)| self.laid(waves, motion, symmetry, reverse)).collect()
+        promises.select_nth_unstable_by(count - 1, Promise::order);
+        promises.truncate(count);
+        promises.sort_by(Promise::order);
+        promises.iter().map(|promise| self.laid(waves, promise)).collect()
     }
 
-    /// Motion number `motion` on the plate laid by `symmetry`.
-    fn laid(&self, waves: &Waves, motion: usize, symmetry: Symmetry, reverse: bool) -> Vec<f64> {
+    /// What each motion promises on a plate laid by `symmetry`.
+    fn promises(&self, symmetry: Symmetry, positions_m: &[Vec2], steps_m: &[Vec2]) -> impl Iterator<Item = Promise> {
+        let length_m = steps_m.iter().map(|s| s.norm_squared()).sum::<f64>().sqrt();
+        let mut sums = [[Lanes::ZERO; 2]; EIGHTS];
+        for (&p, &s) in positions_m.iter().zip(steps_m) {
+            let (node, place) = self.node(symmetry.back(p));
+            let step = symmetry.back(s) / length_m;
+            let corners = [node, node + 1, node + NODES, node + NODES + 1].map(|node| &self.pushes[node]);
+            let [left, low] = [1.0 - place.x, 1.0 - place.y];
+            let weights = [left * low, place.x * low, left * place.y, place.x * place.y];
+            for (k, [along, square]) in sums.iter_mut().enumerate() {
+                let [x, y] = [0, 1].map(|axis| {
+                    let [a, b, c, d] = corners.map(|corner| corner[k][axis]);
+                    (a * weights[0] + b * weights[1]) + (c * weights[2] + d * weights[3])
+                });
+                *along += x * step.x + y * step.y;
+                *square += x * x + y * y;
+            }
+        }
+        let scored = move |(k, [along, square]): (usize, [Lanes; 2])| {
+            let astray = (square - along * along).max(Lanes::ZERO).sqrt();
+            let scores = (along.abs() - astray * ASTRAY).to_array();
+            let lanes = scores.into_iter().zip(along.to_array()).enumerate();
+            lanes.map(move |(lane, (score, along))| Promise {
+                score,
+                motion: 8 * k + lane,
+                symmetry,
+                reverse: along < 0.0,
+            })
+        };
+        sums.into_iter().enumerate().flat_map(scored)
+    }
+
+    /// The motion as it was promised.
+    fn laid(&self, waves: &Waves, &Promise { motion, symmetry, reverse, .. }: &Promise) -> Vec<f64> {
         let n = waves.per_axis();
         let mut laid = self.motions[motion].clone();
         let sign = if reverse { -1.0 } else { 1.0 };
@@ -124,22 +162,25 @@ impl Bank {
     }
 }
 
-fn bilinear(field: &[Vec2], node: usize, place: Vec2) -> Vec2 {
-    let row = |node: usize| field[node] * (1.0 - place.x) + field[node + 1] * place.x;
-    row(node) * (1.0 - place.y) + row(node + NODES) * place.y
-}
-
 fn table(waves: &Waves, motion: &[f64], half_side_m: f64) -> Vec<Vec2> {
-    let samples = waves.motion(motion);
-    let every: Vec<[f64; 3]> = (0..PHASES).map(|i| samples[i * samples.len() / PHASES]).collect();
-    let square = every.iter().map(|[x, y, _]| x * x + y * y).sum::<f64>() / PHASES as f64;
+    let phases = waves.motion(motion);
+    let phase = |i: usize| phases[i * phases.len() / PHASES];
+    let square = (0..PHASES).map(|i| phase(i).velocity_mps.norm_squared()).sum::<f64>() / PHASES as f64;
+    let eight = |first: usize| {
+        let each =
+            |of: fn(&PlateInstant) -> f64| Lanes::from(std::array::from_fn::<f64, 8, _>(|i| of(&phase(first + i))));
+        [each(|plate| plate.velocity_mps.x), each(|plate| plate.velocity_mps.y), each(|plate| plate.spin_radps)]
+    };
+    let eights: Vec<[Lanes; 3]> = (0..PHASES).step_by(8).map(eight).collect();
     let at = |i: usize| half_side_m * (2.0 * i as f64 / (NODES - 1) as f64 - 1.0);
     let mean = |p: Vec2| {
-        let push = |[x, y, spin]: &[f64; 3]| {
-            let slip = Vec2::new(x - spin * p.y, y + spin * p.x);
-            slip / (slip.norm_squared() + SOFT * square).sqrt()
+        let push = |[sum_x, sum_y]: [Lanes; 2], [x, y, spin]: &[Lanes; 3]| {
+            let [slip_x, slip_y] = [*x - *spin * p.y, *y + *spin * p.x];
+            let inverse = 1.0 / (slip_x * slip_x + slip_y * slip_y + SOFT * square).sqrt();
+            [sum_x + slip_x * inverse, sum_y + slip_y * inverse]
         };
-        every.iter().map(push).sum::<Vec2>() / PHASES as f64
+        let [x, y] = eights.iter().fold([Lanes::ZERO; 2], push).map(Lanes::reduce_add);
+        Vec2::new(x, y) / PHASES as f64
     };
     (0..NODES * NODES).map(|i| mean(Vec2::new(at(i % NODES), at(i / NODES)))).collect()
 }

@@ -13,16 +13,19 @@
 //! The slopes of all ends by all coefficients come from the same equations run backwards (the adjoint), at about twice
 //! the work of one course; how the plate's offset from its place changes with them is left out, 1 to 3 % of a slope.
 
+use nalgebra::DMatrix;
+
+use super::waves::{Lanes, PlateInstant, Waves};
 use crate::geometry::Vec2;
 use crate::signal::Envelope;
 use crate::units::GRAVITY_MPS2;
-
-use super::waves::Waves;
 
 /// See the module: `f(1) = 1/sqrt(1 + κ) = 8/(3π)`.
 const KAPPA: f64 = 0.388;
 /// Slip at which friction is told from none, m/s.
 const EPSILON_MPS: f64 = 1e-3;
+/// Parts that are moved side by side in vector code.
+const LANES: usize = 8;
 
 /// A part that lies at rest.
 #[derive(Clone, Copy, Debug)]
@@ -36,118 +39,156 @@ pub(super) struct Disc {
 /// What became of every part in a pulse; the steps are kept for the way back.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Course {
-    parts: usize,
-    heights: Vec<f64>,
-    /// The plate's velocity in every phase of a period.
-    motion: Vec<[f64; 3]>,
-    /// `[step * parts + part]`.
-    states: Vec<State>,
-    /// Velocities when the motors fall silent, m/s.
-    last_mps: Vec<Vec2>,
+    steps: Vec<Step>,
+    groups: Vec<Group>,
     /// Where the parts come to rest, m.
     pub ends_m: Vec<Vec2>,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
+/// What drives the parts in a step.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    phase: usize,
+    /// Of the envelope.
+    height: f64,
+    plate: PlateInstant,
+}
+
+/// Up to eight parts side by side; vectors are their x and their y.
+#[derive(Clone, Debug, Default)]
+struct Group {
+    /// Speed that full friction gives in a step, `μ g dt`, m/s.
+    pull_mps: Lanes,
+    /// `κ R²`, m².
+    turning_m2: Lanes,
+    /// `1/(2 μ g)`, s²/m.
+    coasting: Lanes,
+    /// In every step.
+    states: Vec<State>,
+    /// When the motors fall silent, m/s.
+    last_mps: [Lanes; 2],
+}
+
+#[derive(Clone, Copy, Debug)]
 struct State {
-    position_m: Vec2,
-    /// From the plate's centre.
-    arm_m: Vec2,
-    slip_mps: Vec2,
+    /// From the plate's centre, m.
+    arm_m: [Lanes; 2],
+    /// Friction on its way to the full: `s / sqrt(|s|² + κ R² ω² + ε²)`.
+    pull: [Lanes; 2],
     /// `1 / sqrt(|s|² + κ R² ω² + ε²)`, s/m.
-    inverse: f64,
+    inverse: Lanes,
 }
 
 impl Course {
     /// Plays `coefficients` of `waves` under `envelope` on `discs`.
     pub fn run(&mut self, waves: &Waves, coefficients: &[f64], envelope: &Envelope, discs: &[Disc]) {
-        self.motion = waves.motion(coefficients);
-        let offsets_m = waves.offsets_m(coefficients);
+        let motion = waves.motion(coefficients);
         let dt = waves.step_s();
-        let steps = (envelope.sounding_s() / dt).round() as usize;
-        self.parts = discs.len();
-        self.heights.clear();
-        self.heights.extend((0..steps).map(|k| envelope.at((k as f64 + 0.5) * dt)));
-        self.states.clear();
-        self.states.reserve(steps * discs.len());
-        let mut moving: Vec<(Vec2, Vec2)> = discs.iter().map(|disc| (disc.position_m, Vec2::zeros())).collect();
-        for (k, &height) in self.heights.iter().enumerate() {
-            let phase = waves.phase(k);
-            let [x, y, spin] = self.motion[phase].map(|v| v * height);
-            let center_m = offsets_m[phase] * height;
-            for (disc, (p, v)) in discs.iter().zip(&mut moving) {
-                let arm = *p - center_m;
-                let slip = Vec2::new(x - spin * arm.y - v.x, y + spin * arm.x - v.y);
-                let inverse = 1.0 / (slip.norm_squared() + turning(disc, spin)).sqrt();
-                self.states.push(State { position_m: *p, arm_m: arm, slip_mps: slip, inverse });
-                *v += slip * (disc.friction * GRAVITY_MPS2 * dt * inverse);
-                *p += *v * dt;
-            }
-        }
-        self.last_mps.clear();
-        self.last_mps.extend(moving.iter().map(|(_, v)| *v));
+        let count = (envelope.sounding_s() / dt).round() as usize;
+        self.steps.clear();
+        self.steps.extend(waves.phases().take(count).enumerate().map(|(k, phase)| {
+            let height = envelope.at((k as f64 + 0.5) * dt);
+            Step { phase, height, plate: motion[phase] * height }
+        }));
+        self.groups.resize_with(discs.len().div_ceil(LANES), Group::default);
         self.ends_m.clear();
-        let coasted = |(disc, (p, v)): (&Disc, &(Vec2, Vec2))| p + v * (v.norm() * coasting(disc));
-        self.ends_m.extend(discs.iter().zip(&moving).map(coasted));
+        for (group, discs) in self.groups.iter_mut().zip(discs.chunks(LANES)) {
+            let [x, y] = group.play(&self.steps, dt, discs).map(Lanes::to_array);
+            self.ends_m.extend(discs.iter().zip(x).zip(y).map(|((_, x), y)| Vec2::new(x, y)));
+        }
     }
 
     /// Places of all parts through the course, every `every` steps, and at its end.
     pub fn places_m(&self, every: usize) -> impl Iterator<Item = Vec<Vec2>> + '_ {
-        let through = self.states.chunks_exact(self.parts.max(1)).step_by(every.max(1));
-        through.map(|states| states.iter().map(|s| s.position_m).collect()).chain(std::iter::once(self.ends_m.clone()))
+        let at = move |step: usize| {
+            let offset_m = self.steps[step].plate.offset_m;
+            let places = self.groups.iter().flat_map(move |group| {
+                let [x, y] = group.states[step].arm_m.map(Lanes::to_array);
+                x.into_iter().zip(y).map(move |(x, y)| Vec2::new(x, y) + offset_m)
+            });
+            places.take(self.ends_m.len()).collect()
+        };
+        (0..self.steps.len()).step_by(every.max(1)).map(at).chain(std::iter::once_with(|| self.ends_m.clone()))
     }
 
-    /// Slopes of one part's end along x (first) and y by every coefficient, m per m/s.
-    pub fn slopes(
-        &self,
-        waves: &Waves,
-        discs: &[Disc],
-        part: usize,
-        slopes: [&mut [f64]; 2],
-        scratch: &mut Vec<[f64; 3]>,
-    ) {
-        let (Some(disc), Some(&last_mps)) = (discs.get(part), self.last_mps.get(part)) else { return };
-        let dt = waves.step_s();
-        let pull = disc.friction * GRAVITY_MPS2 * dt;
-        let turning_slope = KAPPA * disc.radius_m * disc.radius_m;
-        for (axis, slope) in slopes.into_iter().enumerate() {
-            let mut by_place = Vec2::zeros();
-            by_place[axis] = 1.0;
-            let mut by_speed = coasting_slope(disc, last_mps, by_place);
-            scratch.clear();
-            scratch.resize(waves.samples, [0.0; 3]);
-            for (k, &height) in self.heights.iter().enumerate().rev() {
-                let q = waves.phase(k);
-                let state = &self.states[k * self.parts + part];
-                let spin = height * self.motion[q][2];
-                by_speed += by_place * dt;
-                let along = state.slip_mps * state.inverse;
-                let across = (by_speed - along * along.dot(&by_speed)) * (pull * state.inverse);
-                let by_turning = -pull * turning_slope * spin * state.inverse * state.inverse * along.dot(&by_speed);
-                let sum = &mut scratch[q];
-                sum[0] += height * across.x;
-                sum[1] += height * across.y;
-                sum[2] += height * (across.y * state.arm_m.x - across.x * state.arm_m.y + by_turning);
-                by_speed -= across;
-                by_place += Vec2::new(across.y, -across.x) * spin;
+    /// Slopes of all ends by every coefficient, m per m/s: a column for each part's x and y in turn.
+    pub fn slopes(&self, waves: &Waves) -> DMatrix<f64> {
+        let mut slopes = DMatrix::zeros(waves.len(), 2 * self.ends_m.len());
+        let mut by_motion = [(); 3].map(|()| vec![Lanes::ZERO; waves.samples]);
+        for (group, first) in self.groups.iter().zip((0..).step_by(2 * LANES)) {
+            for axis in 0..2 {
+                by_motion.iter_mut().for_each(|series| series.fill(Lanes::ZERO));
+                group.trace_back(axis, &self.steps, waves.step_s(), &mut by_motion);
+                for (j, of_parts) in waves.slopes(&by_motion).enumerate() {
+                    let ends = (first + axis..slopes.ncols()).step_by(2);
+                    ends.zip(of_parts.to_array()).for_each(|(end, slope)| slopes[(j, end)] = slope);
+                }
             }
-            waves.slope(scratch, slope);
+        }
+        slopes
+    }
+}
+
+impl Group {
+    /// Moves `discs` from rest through `steps` until they have coasted to rest; where that is, m.
+    fn play(&mut self, steps: &[Step], dt: f64, discs: &[Disc]) -> [Lanes; 2] {
+        let each = |of: fn(&Disc) -> f64, idle: f64| {
+            Lanes::from(std::array::from_fn::<f64, LANES, _>(|lane| discs.get(lane).map_or(idle, of)))
+        };
+        let friction_mps2 = each(|disc| disc.friction, 1.0) * GRAVITY_MPS2;
+        let pull_mps = friction_mps2 * dt;
+        let turning_m2 = each(|disc| KAPPA * disc.radius_m * disc.radius_m, 0.0);
+        let coasting = 0.5 / friction_mps2;
+        let [mut x, mut y] = [each(|disc| disc.position_m.x, 0.0), each(|disc| disc.position_m.y, 0.0)];
+        let [mut vx, mut vy] = [Lanes::ZERO; 2];
+        self.states.clear();
+        self.states.extend(steps.iter().map(|Step { plate, .. }| {
+            let spin = plate.spin_radps;
+            let arm_m = [x - plate.offset_m.x, y - plate.offset_m.y];
+            let slip = [plate.velocity_mps.x - vx - arm_m[1] * spin, plate.velocity_mps.y - vy + arm_m[0] * spin];
+            let square = slip[0] * slip[0] + slip[1] * slip[1] + turning_m2 * (spin * spin);
+            let inverse = 1.0 / (square + EPSILON_MPS * EPSILON_MPS).sqrt();
+            let pull = slip.map(|slip| slip * inverse);
+            vx += pull[0] * pull_mps;
+            vy += pull[1] * pull_mps;
+            x += vx * dt;
+            y += vy * dt;
+            State { arm_m, pull, inverse }
+        }));
+        (self.pull_mps, self.turning_m2, self.coasting) = (pull_mps, turning_m2, coasting);
+        self.last_mps = [vx, vy];
+        let coasts_s = (vx * vx + vy * vy).sqrt() * coasting;
+        [x + vx * coasts_s, y + vy * coasts_s]
+    }
+
+    /// Adds the slopes of the ends along `axis` by the plate's velocity in every phase (x, y, spin).
+    fn trace_back(&self, axis: usize, steps: &[Step], dt: f64, by_motion: &mut [Vec<Lanes>; 3]) {
+        let mut by_place = [Lanes::ZERO; 2];
+        by_place[axis] = Lanes::ONE;
+        let mut by_speed = self.coasting_slope(axis);
+        let [by_x, by_y, by_spin] = by_motion;
+        for (state, &Step { phase, height, plate }) in self.states.iter().zip(steps).rev() {
+            let spin = plate.spin_radps;
+            by_speed = [by_speed[0] + by_place[0] * dt, by_speed[1] + by_place[1] * dt];
+            let along = state.pull[0] * by_speed[0] + state.pull[1] * by_speed[1];
+            let pull = self.pull_mps * state.inverse;
+            let across = [0, 1].map(|i| (by_speed[i] - state.pull[i] * along) * pull);
+            let by_turning = pull * self.turning_m2 * state.inverse * along * spin;
+            by_x[phase] += across[0] * height;
+            by_y[phase] += across[1] * height;
+            by_spin[phase] += (across[1] * state.arm_m[0] - across[0] * state.arm_m[1] - by_turning) * height;
+            by_speed = [by_speed[0] - across[0], by_speed[1] - across[1]];
+            by_place = [by_place[0] + across[1] * spin, by_place[1] - across[0] * spin];
         }
     }
-}
 
-/// `κ R² ω² + ε²`.
-fn turning(disc: &Disc, spin_radps: f64) -> f64 {
-    KAPPA * (disc.radius_m * spin_radps).powi(2) + EPSILON_MPS * EPSILON_MPS
-}
-
-/// `1/(2 μ g)`, s²/m.
-fn coasting(disc: &Disc) -> f64 {
-    0.5 / (disc.friction * GRAVITY_MPS2)
-}
-
-/// Slope by the velocity of `along · v |v| / (2 μ g)`.
-fn coasting_slope(disc: &Disc, v: Vec2, along: Vec2) -> Vec2 {
-    let speed = v.norm();
-    if speed == 0.0 { Vec2::zeros() } else { (along * speed + v * (v.dot(&along) / speed)) * coasting(disc) }
+    /// Slope of the way coasted along `axis`, `v |v| / (2 μ g)`, by the velocity.
+    fn coasting_slope(&self, axis: usize) -> [Lanes; 2] {
+        let [vx, vy] = self.last_mps;
+        // a part at rest does not coast: whatever its direction
+        let speed = (vx * vx + vy * vy).sqrt().max(Lanes::splat(f64::MIN_POSITIVE));
+        let mut slope = [vx, vy].map(|v| v * self.last_mps[axis] / speed);
+        slope[axis] += speed;
+        slope.map(|slope| slope * self.coasting)
+    }
 }

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use nalgebra::DVector;
 
-use super::aim::{Range, Shot};
+use super::aim::{Range, Shot, Spare};
 use super::bank::Bank;
 use super::course::{Course, Disc};
 use super::friction::friction_of;
@@ -16,19 +16,19 @@ use crate::planner::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPuls
 use crate::signal::Envelope;
 
 /// Motions out of the bank that are tried, beside the last one; rounds of bettering each, and the best of them.
-const STARTS: usize = 4;
-const FIRST_ROUNDS: usize = 2;
+const STARTS: usize = 1;
+const FIRST_ROUNDS: usize = 4;
 const ROUNDS: usize = 5;
 /// Rounds after a guard is put up or told to push; how often that is done; by how much it then pushes, m.
-const GUARDED_ROUNDS: usize = 3;
-const MOST_GUARDED: usize = 8;
+const GUARDED_ROUNDS: usize = 2;
+const MOST_GUARDED: usize = 6;
 const PUSH_M: f64 = 1e-3;
 /// Attempts at a plan; each after the first asks for half the steps, or starts from other motions.
 const ATTEMPTS: usize = 5;
 /// A promise is broken when what the last plan was off by is more than this part of what is left.
 const BROKEN_PROMISE: f64 = 0.5;
 /// Motions of the bank after which the best come round again.
-const MOST_PASSED_OVER: usize = 16 * STARTS;
+const MOST_PASSED_OVER: usize = 64 * STARTS;
 /// Root mean square of the steps that a pulse of full length is aimed at: at first, at least, at most.
 const REACH_M: f64 = 20e-3;
 const MOST_REACH_M: f64 = 40e-3;
@@ -63,6 +63,14 @@ pub struct FieldPlanner {
     promised_m: Vec<Vec2>,
     /// Motions of the bank that are passed over.
     passed_over: usize,
+    spare: Spare,
+}
+
+/// An attempt that came to nothing.
+struct Stopped {
+    by: Limit,
+    /// What it would have been without limits.
+    motion: Vec<f64>,
 }
 
 impl FieldPlanner {
@@ -88,6 +96,7 @@ impl FieldPlanner {
             last: None,
             promised_m: Vec::new(),
             passed_over: 0,
+            spare: Spare::default(),
         })
     }
 
@@ -107,12 +116,12 @@ impl FieldPlanner {
         let rms_m = (parts.iter().map(|p| p.step_m.norm_squared()).sum::<f64>() / parts.len() as f64).sqrt();
         self.judge_last(parts, rms_m);
         let mut wanted_m = rms_m.min(self.reach_m);
-        let mut stopped_by = Limit::Unreachable;
+        let (mut stopped_by, mut again) = (Limit::Unreachable, None);
         for _ in 0..ATTEMPTS {
-            match self.attempt(parts, rms_m, wanted_m) {
+            match self.attempt(parts, rms_m, wanted_m, again.take()) {
                 Ok(plan) => return plan,
-                Err(Limit::Unreachable) => self.look_elsewhere(),
-                Err(limit) => (stopped_by, wanted_m) = (limit, 0.5 * wanted_m),
+                Err(Stopped { by: Limit::Unreachable, .. }) => self.look_elsewhere(),
+                Err(Stopped { by, motion }) => (stopped_by, again, wanted_m) = (by, Some(motion), 0.5 * wanted_m),
             }
         }
         ended(PlanStatus::Infeasible(stopped_by))
@@ -147,8 +156,15 @@ impl FieldPlanner {
         course.ends_m
     }
 
-    /// A pulse for steps of `wanted_m` root mean square that keeps the limits; else the one that stops it.
-    fn attempt(&mut self, parts: &[PartState], rms_m: f64, wanted_m: f64) -> Result<Plan, Limit> {
+    /// A pulse for steps of `wanted_m` root mean square that keeps the limits, found from `again` or from scratch; else what
+    /// stops it.
+    fn attempt(
+        &mut self,
+        parts: &[PartState],
+        rms_m: f64,
+        wanted_m: f64,
+        again: Option<Vec<f64>>,
+    ) -> Result<Plan, Stopped> {
         let shorter = |p: &PartState| p.step_m * ((LONGEST * rms_m / p.step_m.norm()).min(1.0) * wanted_m / rms_m);
         let steps: Vec<Vec2> =
             parts.iter().map(|p| if p.step_m == Vec2::zeros() { p.step_m } else { shorter(p) }).collect();
@@ -162,22 +178,28 @@ impl FieldPlanner {
             steps_m: &steps_m,
             envelope: &envelope,
             guards: &[],
+            spare: &self.spare,
         };
-        let shot = self.clear_shot(&free, parts, &steps)?;
+        let shot = match again {
+            Some(motion) => free.better(free.softened_shot(&motion), ROUNDS),
+            None => self.best_shot(&free, parts, &steps),
+        };
+        let motion = shot.coefficients.clone();
+        let shot = self.cleared(shot, &free, parts).map_err(|by| Stopped { by, motion })?;
         let left = shot.left(&steps_m);
         let predicted_m = vec![shot.course.ends_m.clone()];
         self.promised_m.clone_from(&shot.course.ends_m);
         let wave = self.waves.wave(&shot.coefficients);
         let pulse = PlannedPulse::Field(FieldPulse { wave, sustain_s: envelope.sustain_s });
         self.learn_reach(wanted_m, left);
-        self.last = Some(shot.coefficients);
+        self.last = Some(shot.coefficients.clone());
+        self.spare.keep(shot);
         Ok(Plan { status: PlanStatus::Solved, pulses: vec![pulse], candidates: Vec::new(), predicted_m })
     }
 
-    /// The best shot that keeps the limits, guarded where it has to be.
-    fn clear_shot(&self, free: &Range<'_>, parts: &[PartState], steps: &[Vec2]) -> Result<Shot, Limit> {
+    /// `shot`, changed so that it keeps the limits, with guards where it has to be.
+    fn cleared(&self, mut shot: Shot, free: &Range<'_>, parts: &[PartState]) -> Result<Shot, Limit> {
         let clearances = Clearances::of(parts, &self.params);
-        let mut shot = self.best_shot(free, parts, steps);
         let mut guards: Vec<Guard> = Vec::new();
         for tried in 0.. {
             let Some(limit) = self.broken(&clearances, &shot.course, parts) else { break };
@@ -195,7 +217,7 @@ impl FieldPlanner {
             return Ok(shot);
         }
         // a detour is worth its while only on the way to something that may be
-        let largest_m = steps.iter().map(|step| step.norm()).fold(0.0, f64::max);
+        let largest_m = free.steps_m.as_slice().chunks_exact(2).map(|step| step[0].hypot(step[1])).fold(0.0, f64::max);
         let nearby = half_spaces(parts, &self.params, largest_m + self.params.separation_m, 0.0);
         match most_violated(&nearby, free.steps_m.as_slice()) {
             Some(limit) => Err(limit),
@@ -210,7 +232,12 @@ impl FieldPlanner {
         let starts = self.bank.best(&self.waves, &positions, steps, self.passed_over + STARTS);
         let others = starts.iter().skip(self.passed_over);
         let shots = self.last.iter().chain(others).map(|start| range.better(range.softened_shot(start), FIRST_ROUNDS));
-        let best = shots.min_by(|a, b| a.left(range.steps_m).total_cmp(&b.left(range.steps_m)));
+        let best = shots.reduce(|best, shot| {
+            let (best, other) =
+                if shot.left(range.steps_m) < best.left(range.steps_m) { (shot, best) } else { (best, shot) };
+            self.spare.keep(other);
+            best
+        });
         range.better(best.unwrap_or_else(|| range.shot(&vec![0.0; self.waves.len()])), ROUNDS)
     }
 

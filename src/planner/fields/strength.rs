@@ -1,8 +1,9 @@
 //! How strong a motion may be: what the motors have to play for it.
 
 use nalgebra::{Complex, Matrix3, Vector3};
+use wide::f64x4;
 
-use super::waves::Waves;
+use super::waves::{Lanes, Waves};
 use crate::library::{FieldResponse, motor_harmonics};
 use crate::signal::Envelope;
 
@@ -58,23 +59,33 @@ impl Strength {
     /// Largest sample of any motor in a pulse, its flanks included, counts.
     fn peak_counts(&self, waves: &Waves, coefficients: &[f64]) -> f64 {
         let n = waves.per_axis();
-        let mut motors = [vec![0.0; waves.len()], vec![0.0; waves.len()]];
-        for (k, counts) in self.counts_from_motion.iter().enumerate() {
+        let factors = |(k, counts): (usize, &Matrix3<Complex<f64>>)| {
             let phasor =
-                |axis: usize| Complex::new(coefficients[axis * n + 2 * k], -coefficients[axis * n + 2 * k + 1]);
-            let axes = counts * Vector3::new(phasor(0), phasor(1), phasor(2));
-            for (motor, harmonic) in motor_harmonics(&axes).into_iter().enumerate() {
-                let at = motor % 2 * n + 2 * k;
-                motors[motor / 2][at..at + 2].copy_from_slice(&[harmonic.cos, harmonic.sin]);
-            }
-        }
-        // two motors stand where x and y of a motion would: their force is its velocity, their momentum its offset
-        let peaks = motors.iter().flat_map(|pair| {
-            let samples = waves.motion(pair).into_iter().zip(waves.offsets_m(pair));
-            samples.map(|([a, b, _], momentum)| {
-                self.envelope.largest(a, momentum.x).max(self.envelope.largest(b, momentum.y))
+                |axis: usize| Complex::new(coefficients[axis * n + 2 * k - 2], -coefficients[axis * n + 2 * k - 1]);
+            let motors = motor_harmonics(&(counts * Vector3::new(phasor(0), phasor(1), phasor(2))));
+            let forces = motors.map(|harmonic| [harmonic.cos, harmonic.sin]);
+            let momenta = forces.map(|force| waves.integral(force, k));
+            [0, 1].map(|i| {
+                let [[a, b, c, d], [e, f, g, h]] = [forces, momenta].map(|of_motors| of_motors.map(|parts| parts[i]));
+                Lanes::from([a, b, c, d, e, f, g, h])
             })
-        });
-        peaks.fold(0.0, f64::max)
+        };
+        let factors: Vec<[Lanes; 2]> = (1..).zip(&self.counts_from_motion).map(factors).collect();
+        waves.sums(&factors).into_iter().fold(0.0, |peak, sums| self.higher_peak(peak, sums))
+    }
+
+    /// `peak`, or what a sample with these four forces and four momenta makes of it, if that is more.
+    fn higher_peak(&self, peak: f64, forces_and_momenta: Lanes) -> f64 {
+        let [a, b, c, d, e, f, g, h] = forces_and_momenta.to_array();
+        let (forces, momenta) = ([a, b, c, d], [e, f, g, h]);
+        // no flank makes more than this bound of a sample, which spares most of them the exact look
+        let force = f64x4::from(forces).abs();
+        let momentum = f64x4::from(momenta).abs() / self.envelope.attack_s;
+        let bound = (force + momentum).max(0.5 * force + 2.0 * momentum);
+        if bound.simd_le(f64x4::splat(peak)).all() {
+            return peak;
+        }
+        let exact = forces.into_iter().zip(momenta).map(|(force, momentum)| self.envelope.largest(force, momentum));
+        exact.fold(peak, f64::max)
     }
 }

@@ -1,6 +1,9 @@
 //! The motions that are searched: sums of harmonics on x, y and spin, sampled over one period.
 
 use std::f64::consts::TAU;
+use std::ops::Mul;
+
+pub(super) use wide::f64x8 as Lanes;
 
 use crate::geometry::{Twist, Vec2};
 use crate::signal::{TwistHarmonic, TwistWave};
@@ -25,17 +28,42 @@ pub(super) struct Waves {
     pub harmonics: usize,
     /// Phases of a period.
     pub samples: usize,
-    /// `table[sample * 2 harmonics + wave]`: cos and sin of each harmonic in turn.
-    table: Vec<f64>,
+    /// `table[sample * harmonics + k - 1]`: cos and sin of harmonic k, for the first half of a period.
+    table: Vec<[f64; 2]>,
+}
+
+/// The plate at one instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct PlateInstant {
+    pub velocity_mps: Vec2,
+    pub spin_radps: f64,
+    /// Of its centre from its place at rest, m.
+    pub offset_m: Vec2,
+}
+
+impl Mul<f64> for PlateInstant {
+    type Output = Self;
+
+    fn mul(self, height: f64) -> Self {
+        Self {
+            velocity_mps: self.velocity_mps * height,
+            spin_radps: self.spin_radps * height,
+            offset_m: self.offset_m * height,
+        }
+    }
 }
 
 impl Waves {
     pub fn new(base_radps: f64, harmonics: usize, half_side_m: f64) -> Self {
         let samples = (STEPS * harmonics).max(FEWEST) * STRIDE + 1;
         let phase = |q: usize| TAU * q as f64 / samples as f64;
-        let waves = |q: usize| (1..=harmonics).flat_map(move |k| <[f64; 2]>::from((k as f64 * phase(q)).sin_cos()));
-        let mut table: Vec<f64> = (0..samples).flat_map(waves).collect();
-        table.chunks_exact_mut(2).for_each(|pair| pair.swap(0, 1));
+        let waves = |q: usize| {
+            (1..=harmonics).map(move |k| {
+                let (sin, cos) = (k as f64 * phase(q)).sin_cos();
+                [cos, sin]
+            })
+        };
+        let table = (0..=samples / 2).flat_map(waves).collect();
         Self { base_radps, half_side_m, harmonics, samples, table }
     }
 
@@ -54,9 +82,12 @@ impl Waves {
         TAU / self.base_radps * STRIDE as f64 / self.samples as f64
     }
 
-    /// The phase of a step.
-    pub fn phase(&self, step: usize) -> usize {
-        (step * STRIDE + STRIDE / 2) % self.samples
+    /// The phase of every step, from the first on.
+    pub fn phases(&self) -> impl Iterator<Item = usize> {
+        let next = |phase: &usize| {
+            Some(if phase + STRIDE < self.samples { phase + STRIDE } else { phase + STRIDE - self.samples })
+        };
+        std::iter::successors(Some(STRIDE / 2), next)
     }
 
     /// The harmonic a coefficient belongs to, from 1.
@@ -64,44 +95,78 @@ impl Waves {
         coefficient % self.per_axis() / 2 + 1
     }
 
-    /// The plate's velocity in every step of a period: x and y (m/s) and spin (rad/s).
-    pub fn motion(&self, coefficients: &[f64]) -> Vec<[f64; 3]> {
+    /// The plate in every phase of a period.
+    pub fn motion(&self, coefficients: &[f64]) -> Vec<PlateInstant> {
         let [x, y, spin] = self.axes(coefficients);
-        let at = |waves: &[f64]| {
-            let sum = |axis: &[f64]| axis.iter().zip(waves).map(|(c, w)| c * w).sum::<f64>();
-            [sum(x), sum(y), sum(spin) / self.half_side_m]
+        let factors = |k: usize| {
+            let [x, y, spin] = [x, y, spin].map(|axis| [axis[2 * k - 2], axis[2 * k - 1]]);
+            let [along_x, along_y] = [x, y].map(|axis| self.integral(axis, k));
+            [0, 1].map(|i| Lanes::from([x[i], y[i], spin[i], along_x[i], along_y[i], 0.0, 0.0, 0.0]))
         };
-        self.table.chunks_exact(self.per_axis()).map(at).collect()
-    }
-
-    /// How far the plate's centre is from its place at rest in every step of a period, m.
-    pub fn offsets_m(&self, coefficients: &[f64]) -> Vec<Vec2> {
-        let [x, y, _] = self.axes(coefficients);
-        let integral = |axis: &[f64], waves: &[f64]| {
-            let term =
-                |(k, (c, w)): (usize, (&[f64], &[f64]))| (c[0] * w[1] - c[1] * w[0]) / (k as f64 * self.base_radps);
-            (1..).zip(axis.chunks_exact(2).zip(waves.chunks_exact(2))).map(term).sum::<f64>()
-        };
-        self.table
-            .chunks_exact(self.per_axis())
-            .map(|waves| Vec2::new(integral(x, waves), integral(y, waves)))
-            .collect()
-    }
-
-    /// The slope of a quantity by every coefficient, from its slope by the plate's velocity (x, y, spin) in every step.
-    pub fn slope(&self, by_motion: &[[f64; 3]], by_coefficient: &mut [f64]) {
-        let n = self.per_axis();
-        by_coefficient.fill(0.0);
-        let (x, rest) = by_coefficient.split_at_mut(n);
-        let (y, spin) = rest.split_at_mut(n);
-        for (waves, &[by_x, by_y, by_spin]) in self.table.chunks_exact(n).zip(by_motion) {
-            let by_spin = by_spin / self.half_side_m;
-            for (((x, y), spin), w) in x.iter_mut().zip(y.iter_mut()).zip(spin.iter_mut()).zip(waves) {
-                *x += by_x * w;
-                *y += by_y * w;
-                *spin += by_spin * w;
+        let factors: Vec<[Lanes; 2]> = (1..=self.harmonics).map(factors).collect();
+        let instant = |lanes: Lanes| {
+            let [x, y, spin, along_x, along_y, ..] = lanes.to_array();
+            PlateInstant {
+                velocity_mps: Vec2::new(x, y),
+                spin_radps: spin / self.half_side_m,
+                offset_m: Vec2::new(along_x, along_y),
             }
+        };
+        self.sums(&factors).into_iter().map(instant).collect()
+    }
+
+    /// What harmonic `k` with these parts of cos and sin adds up to over time.
+    pub fn integral(&self, [cos, sin]: [f64; 2], k: usize) -> [f64; 2] {
+        let radps = k as f64 * self.base_radps;
+        [-sin / radps, cos / radps]
+    }
+
+    /// Eight sums of harmonics in every phase of a period: `factors[k - 1]` are those of cos and sin of harmonic k.
+    pub fn sums(&self, factors: &[[Lanes; 2]]) -> Vec<Lanes> {
+        let mut sums = vec![Lanes::ZERO; self.samples];
+        for (q, waves) in self.table.chunks_exact(self.harmonics).enumerate() {
+            let (mut even, mut odd) = (Lanes::ZERO, Lanes::ZERO);
+            for ([by_cos, by_sin], [cos, sin]) in factors.iter().zip(waves) {
+                even += *by_cos * Lanes::splat(*cos);
+                odd += *by_sin * Lanes::splat(*sin);
+            }
+            sums[q] = even + odd;
+            sums[self.mirrored(q)] = even - odd;
         }
+        sums
+    }
+
+    /// The other way round: of eight series over a period the sums of products with cos and sin of each harmonic.
+    pub fn projections(&self, series: &[Lanes]) -> Vec<[Lanes; 2]> {
+        let folded = |q: usize| {
+            let (there, back) = (series[q], series[self.mirrored(q)]);
+            if q == 0 { [there, Lanes::ZERO] } else { [there + back, there - back] }
+        };
+        let folded: Vec<[Lanes; 2]> = (0..=self.samples / 2).map(folded).collect();
+        let projection = |k: usize| {
+            let waves = self.table.iter().skip(k).step_by(self.harmonics);
+            let sum = |[cos_sum, sin_sum]: [Lanes; 2], ([even, odd], [cos, sin]): (&[Lanes; 2], &[f64; 2])| {
+                [cos_sum + *even * Lanes::splat(*cos), sin_sum + *odd * Lanes::splat(*sin)]
+            };
+            folded.iter().zip(waves).fold([Lanes::ZERO; 2], sum)
+        };
+        (0..self.harmonics).map(projection).collect()
+    }
+
+    /// Slopes by the coefficients of eight parts' quantity, from its slopes by the plate's velocity (x, y, spin) in every
+    /// phase.
+    pub fn slopes(&self, by_motion: &[Vec<Lanes>; 3]) -> impl Iterator<Item = Lanes> {
+        let scales = [1.0, 1.0, 1.0 / self.half_side_m];
+        let [x, y, spin] = by_motion.each_ref().map(|series| self.projections(series));
+        [x, y, spin]
+            .into_iter()
+            .zip(scales)
+            .flat_map(|(axis, scale)| axis.into_iter().flatten().map(move |slope| slope * Lanes::splat(scale)))
+    }
+
+    /// The phase in which cosines are as in phase `q` and sines the opposite.
+    fn mirrored(&self, q: usize) -> usize {
+        (self.samples - q) % self.samples
     }
 
     /// The motion in plain terms.

@@ -1,7 +1,7 @@
 use nalgebra::DVector;
 use proptest::prelude::*;
 
-use super::super::aim::{Range, Shot};
+use super::super::aim::{Range, Shot, Spare};
 use super::super::guard::Guard;
 use super::*;
 use crate::planner::{Limit, PartState};
@@ -59,7 +59,7 @@ proptest! {
         let Scene { discs, steps_m, start } = scene;
         let range = Range {
             waves: &waves, strength: &strength, discs: &discs, steps_m: &steps_m,
-            envelope: &upm_2_envelope(sustain_s), guards: &guards,
+            envelope: &upm_2_envelope(sustain_s), guards: &guards, spare: &Spare::default(),
         };
         let first = range.shot(&start);
         let mut before = cost(&range, &first);
@@ -87,7 +87,7 @@ proptest! {
         let scale = 0.2 * strength.norm(&known) / strength.norm(&off);
         off.iter_mut().for_each(|c| *c *= scale);
         let blank = DVector::zeros(2 * discs.len());
-        let range = Range { waves: &waves, strength: &strength, discs: &discs, steps_m: &blank, envelope: &envelope, guards: &[] };
+        let range = Range { waves: &waves, strength: &strength, discs: &discs, steps_m: &blank, envelope: &envelope, guards: &[], spare: &Spare::default() };
         let steps_m = went(&range.shot(&known), &discs);
         let range = Range { steps_m: &steps_m, ..range };
         let start: Vec<f64> = known.iter().zip(&off).map(|(c, d)| c + d).collect();
@@ -122,6 +122,7 @@ fn guards_hold_what_they_guard() {
             steps_m: &steps_m,
             envelope: &envelope,
             guards: &[],
+            spare: &Spare::default(),
         };
         let guarded = Range { guards: &guards, ..free };
         let astray_sq = |shot: &Shot| {

@@ -1,6 +1,7 @@
 use proptest::prelude::*;
 
 use super::super::bank::Bank;
+use super::super::waves::PlateInstant;
 use super::*;
 
 /// Nodes along a side of the bank's tables.
@@ -20,8 +21,11 @@ fn all(bank: &Bank, waves: &Waves, positions_m: &[Vec2], steps_m: &[Vec2]) -> Ve
 }
 
 /// Mean direction of a motion's slip at `p` over every sample of a period.
-fn push(samples: &[[f64; 3]], p: Vec2) -> Vec2 {
-    let direction = |[x, y, spin]: &[f64; 3]| Vec2::new(x - spin * p.y, y + spin * p.x).normalize();
+fn push(samples: &[PlateInstant], p: Vec2) -> Vec2 {
+    let direction = |plate: &PlateInstant| {
+        let spin = plate.spin_radps;
+        (plate.velocity_mps + Vec2::new(-spin * p.y, spin * p.x)).normalize()
+    };
     samples.iter().map(direction).sum::<Vec2>() / samples.len() as f64
 }
 

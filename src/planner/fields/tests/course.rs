@@ -46,13 +46,14 @@ fn slope_error(coefficients: &[f64], envelope: &Envelope, discs: &[Disc], chosen
         ends(&waves, &changed, envelope, discs)
     };
     let differences: Vec<_> = chosen.clone().map(|j| (j, moved(j, H_MPS), moved(j, -H_MPS))).collect();
+    let slopes = course.slopes(&waves);
+    assert_eq!(slopes.shape(), (waves.len(), 2 * discs.len()));
     for part in 0..discs.len() {
-        let (mut x, mut y) = (vec![f64::NAN; waves.len()], vec![f64::NAN; waves.len()]);
-        course.slopes(&waves, discs, part, [&mut x, &mut y], &mut Vec::new());
         for (j, more, less) in &differences {
             let difference = (more[part] - less[part]) / (2.0 * H_MPS);
             largest = largest.max(difference.norm());
-            worst = worst.max((difference - Vec2::new(x[*j], y[*j])).norm());
+            let slope = Vec2::new(slopes[(*j, 2 * part)], slopes[(*j, 2 * part + 1)]);
+            worst = worst.max((difference - slope).norm());
         }
     }
     worst / largest
@@ -60,6 +61,11 @@ fn slope_error(coefficients: &[f64], envelope: &Envelope, discs: &[Disc], chosen
 
 fn coins() -> impl Strategy<Value = Vec<Disc>> {
     proptest::collection::vec((place(), 0.1..0.6f64).prop_map(|(p, friction)| coin(p, friction)), 1..4)
+}
+
+/// More than are moved side by side.
+fn many_coins() -> impl Strategy<Value = Vec<Disc>> {
+    proptest::collection::vec((place(), 0.1..0.6f64).prop_map(|(p, friction)| coin(p, friction)), 1..20)
 }
 
 proptest! {
@@ -96,6 +102,30 @@ proptest! {
         let coefficients = full(&upm_2_waves(), &coefficients);
         let error = slope_error(&coefficients, &upm_2_envelope(sustain_s), &discs, 0..48);
         prop_assert!(error < 0.05, "{error}");
+    }
+
+    /// No part knows of the others, wherever it stands among them.
+    #[test]
+    fn each_part_goes_as_if_alone(coefficients in motion(8), discs in many_coins(), sustain_s in 0.0..0.2f64) {
+        let waves = upm_2_waves();
+        let coefficients = full(&waves, &coefficients);
+        let envelope = upm_2_envelope(sustain_s);
+        let course_of = |discs: &[Disc]| {
+            let mut course = Course::default();
+            course.run(&waves, &coefficients, &envelope, discs);
+            course
+        };
+        let together = course_of(&discs);
+        let slopes = together.slopes(&waves);
+        let places_m: Vec<Vec<Vec2>> = together.places_m(7).collect();
+        prop_assert_eq!(places_m[0].len(), discs.len());
+        for (i, disc) in discs.iter().enumerate() {
+            let alone = course_of(&[*disc]);
+            prop_assert_eq!(together.ends_m[i], alone.ends_m[0]);
+            prop_assert!(alone.places_m(7).zip(&places_m).all(|(alone, together)| alone[0] == together[i]));
+            let alone_slopes = alone.slopes(&waves);
+            prop_assert_eq!(slopes.columns(2 * i, 2), alone_slopes.columns(0, 2));
+        }
     }
 
     #[test]

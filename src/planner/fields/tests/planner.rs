@@ -15,10 +15,12 @@ fn params() -> PlannerParams {
     PlannerParams { half_side_m: HALF_SIDE_M, edge_margin_m: 0.0015, separation_m: 0.002, ..fixture::params() }
 }
 
-/// A planner for upm-2; the library is read, and its motions drawn, once.
+/// A planner for upm-2; the library is read once, its motions are drawn once a thread.
 fn planner() -> FieldPlanner {
-    static MADE: LazyLock<FieldPlanner> = LazyLock::new(|| FieldPlanner::new(&upm_2(), params()).unwrap());
-    MADE.clone()
+    thread_local! {
+        static MADE: FieldPlanner = FieldPlanner::new(&upm_2(), params()).unwrap();
+    }
+    MADE.with(FieldPlanner::clone)
 }
 
 /// The pulse of a plan that has one.

@@ -2,6 +2,7 @@ use std::f64::consts::TAU;
 
 use proptest::prelude::*;
 
+use super::super::waves::Lanes;
 use super::*;
 
 const BASE_RADPS: f64 = TAU * 30.0;
@@ -26,10 +27,10 @@ proptest! {
         let wave = waves.wave(&coefficients);
         let motion = waves.motion(&coefficients);
         prop_assert_eq!(motion.len(), waves.samples);
-        for (q, [x, y, spin]) in motion.into_iter().enumerate() {
+        for (q, plate) in motion.into_iter().enumerate() {
             let twist = wave.at(time_s(&waves, q));
-            prop_assert!((Vec2::new(x, y) - twist.velocity_mps).norm() < 1e-12);
-            prop_assert!((spin - twist.spin_radps).abs() < 1e-11);
+            prop_assert!((plate.velocity_mps - twist.velocity_mps).norm() < 1e-12);
+            prop_assert!((plate.spin_radps - twist.spin_radps).abs() < 1e-11);
         }
     }
 
@@ -50,19 +51,25 @@ proptest! {
         }
     }
 
-    /// `Σ by_motion · motion(c) = slope(by_motion) · c` for every c.
+    /// `Σ by_motion · motion(c) = slopes(by_motion) · c` for every c, for each of eight parts.
     #[test]
-    fn slope_is_the_transpose_of_motion((harmonics, coefficients) in any_motion(), seed in any::<u64>()) {
+    fn slopes_are_the_transpose_of_motion((harmonics, coefficients) in any_motion(), seed in any::<u64>()) {
         use rand::RngExt as _;
         let waves = waves(harmonics);
         let mut rng = crate::random::Streams::new(seed).stream("slopes");
-        let by_motion: Vec<[f64; 3]> = (0..waves.samples).map(|_| [0; 3].map(|_| rng.random_range(-1.0..1.0))).collect();
-        let mut by_coefficient = vec![f64::NAN; waves.len()];
-        waves.slope(&by_motion, &mut by_coefficient);
+        let mut any = || Lanes::from([0; 8].map(|_| rng.random_range(-1.0..1.0)));
+        let by_motion = [(); 3].map(|()| (0..waves.samples).map(|_| any()).collect::<Vec<Lanes>>());
         let motion = waves.motion(&coefficients);
-        let forth: f64 = by_motion.iter().flatten().zip(motion.iter().flatten()).map(|(a, b)| a * b).sum();
-        let back: f64 = by_coefficient.iter().zip(&coefficients).map(|(a, b)| a * b).sum();
-        prop_assert!((forth - back).abs() < 1e-9, "{forth} {back}");
+        let velocities = [
+            motion.iter().map(|plate| plate.velocity_mps.x).collect(),
+            motion.iter().map(|plate| plate.velocity_mps.y).collect(),
+            motion.iter().map(|plate| plate.spin_radps).collect::<Vec<f64>>(),
+        ];
+        let forth: Lanes = by_motion.iter().flatten().zip(velocities.iter().flatten()).map(|(a, b)| *a * *b).sum();
+        let slopes: Vec<Lanes> = waves.slopes(&by_motion).collect();
+        prop_assert_eq!(slopes.len(), coefficients.len());
+        let back: Lanes = slopes.iter().zip(&coefficients).map(|(a, b)| *a * *b).sum();
+        prop_assert!((forth - back).to_array().iter().all(|off| off.abs() < 1e-9), "{forth} {back}");
     }
 
     /// Differences between instants are the velocity summed up between them; the mean over a period is nothing.
@@ -71,7 +78,7 @@ proptest! {
         const FINER: usize = 64;
         let waves = waves(harmonics);
         let wave = waves.wave(&coefficients);
-        let offsets_m = waves.offsets_m(&coefficients);
+        let offsets_m: Vec<Vec2> = waves.motion(&coefficients).iter().map(|plate| plate.offset_m).collect();
         let h_s = time_s(&waves, 1) / FINER as f64;
         let mut place_m = offsets_m[0];
         for (q, offset_m) in offsets_m.iter().enumerate() {
@@ -89,12 +96,12 @@ fn steps_visit_every_phase_once_and_take_their_time() {
     for harmonics in 1..20 {
         let waves = waves(harmonics);
         let mut seen = vec![0; waves.samples];
-        (0..waves.samples).for_each(|step| seen[waves.phase(step)] += 1);
+        waves.phases().take(waves.samples).for_each(|phase| seen[phase] += 1);
         assert!(seen.iter().all(|&times| times == 1), "{harmonics}");
         // The middle of a step is at its phase, to half a sample; the highest harmonic gets 8 steps or more.
-        for step in 0..3 * waves.samples {
+        for (step, phase) in waves.phases().enumerate().take(3 * waves.samples) {
             let samples = (step as f64 + 0.5) * waves.step_s() / time_s(&waves, 1);
-            let off = (samples - waves.phase(step) as f64).rem_euclid(waves.samples as f64);
+            let off = (samples - phase as f64).rem_euclid(waves.samples as f64);
             assert!(off < 1e-6 || off > waves.samples as f64 - 1e-6, "{harmonics}: step {step} is off by {off}");
         }
         assert!(waves.step_s() * 8.0 * harmonics as f64 <= TAU / BASE_RADPS, "{harmonics}");
