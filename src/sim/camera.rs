@@ -40,6 +40,7 @@ mod plate;
 mod reference;
 #[cfg(test)]
 mod scenes;
+mod shares;
 #[cfg(test)]
 mod tests;
 mod tiles;
@@ -55,6 +56,7 @@ use disc::DiscOutline;
 use exposure::Grain;
 use noise::Noise;
 use plate::PlateOutline;
+use shares::Shares;
 use tiles::{AREA, BLOCK_SIDE, Grid, LANE_X, LANE_Y, LANES, Lanes, SIDE, Tile};
 use view::View;
 
@@ -88,6 +90,10 @@ pub struct Camera {
     plate: PlateOutline,
     parts: Vec<DiscOutline>,
     stale: Stale,
+    /// Shares of plate and parts each block of each tile was last painted with; not numbers where its pixels differ.
+    painted: Vec<[[f32; 2]; LANES]>,
+    /// Shares of plate and parts in the tile being painted.
+    shares: [Shares; 2],
     /// The clean picture, row by row, `grid.stride()` pixels a row, units of 1/128 level, half a level added.
     clean: Vec<i16>,
     /// Standard deviation of each pixel's noise, laid out as `clean`.
@@ -103,22 +109,24 @@ impl Camera {
         let grid = Grid::new(&view, params.size_px);
         let blur = Blur::new(&params);
         let grain = Grain { blur_m: blur.sd_px() * view.m_per_px(), arm_m: plate_side_m };
-        let pixels = grid.tiles.len() * AREA;
-        let mut stale = Stale::new(grid.tiles.len());
-        (0..grid.tiles.len()).for_each(|index| stale.mark(index));
+        let tiles = grid.tiles.len();
+        let mut stale = Stale::new(tiles);
+        (0..tiles).for_each(|index| stale.mark(index));
         let mut camera = Self {
             light: Light::new(&params),
             plate: PlateOutline::new(plate_side_m),
             parts: discs.into_iter().map(DiscOutline::new).collect(),
             noise: Noise::new(&params, noise, params.size_px[0]),
-            clean: vec![0; pixels],
-            sd: vec![0; pixels],
+            clean: vec![0; tiles * AREA],
+            sd: vec![0; tiles * AREA],
             params,
             view,
             grid,
             blur,
             grain,
             stale,
+            painted: vec![[[f32::NAN; 2]; LANES]; tiles],
+            shares: [Shares::none(), Shares::none()],
         };
         camera.paint_stale();
         camera
@@ -164,19 +172,27 @@ impl Camera {
         }
     }
 
+    /// Paints the blocks of a tile that look otherwise than they did.
     fn paint(&mut self, index: usize) {
         let (column, row) = (index % self.grid.columns, index / self.grid.columns);
-        let Some(tile) = self.grid.tiles.get(index) else { return };
-        let (mut on_plate, mut on_parts) = ([[0.0; LANES]; LANES], [[0.0; LANES]; LANES]);
-        self.plate.cover(tile, &self.blur, &mut on_plate);
+        let (Some(tile), Some(painted)) = (self.grid.tiles.get(index), self.painted.get_mut(index)) else { return };
+        self.shares.iter_mut().for_each(Shares::clear);
+        let [on_plate, on_parts] = &mut self.shares;
+        self.plate.cover(tile, &self.blur, on_plate);
         for part in self.parts.iter().filter(|part| part.touches(column, row)) {
-            part.cover(tile, &self.blur, &mut on_parts);
+            part.cover(tile, &self.blur, on_parts);
         }
         let levels = self.params.levels.map(|level| level as f32);
         let stride = self.grid.stride();
-        for (block, shares) in on_plate.iter().zip(&on_parts).enumerate() {
+        for (block, painted) in painted.iter_mut().enumerate() {
+            let before = std::mem::replace(painted, [on_plate.even(block), on_parts.even(block)]);
+            // What is not a number is equal to nothing.
+            if *painted == before {
+                continue;
+            }
             let x = column * SIDE + block % BLOCK_SIDE * BLOCK_SIDE;
             let y = row * SIDE + block / BLOCK_SIDE * BLOCK_SIDE;
+            let shares = (&on_plate.of_block(block), &on_parts.of_block(block));
             let clean = compose_block(levels, self.light.at(x, y), shares);
             let sd = self.noise.deviations(&clean);
             let rows = clean.as_chunks::<BLOCK_SIDE>().0.iter().zip(sd.as_chunks::<BLOCK_SIDE>().0);

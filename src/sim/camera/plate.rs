@@ -3,7 +3,8 @@ use nalgebra::{Matrix2, Matrix3, Rotation2, Vector3};
 use super::Blur;
 use super::edge::{REACH, edge_spread};
 use super::exposure::{Glimpse, Grain};
-use super::tiles::{LANES, Patch, Tile};
+use super::shares::Shares;
+use super::tiles::{LANES, Tile};
 use crate::geometry::{Pose, Vec2, perp};
 
 /// The plate's square outline as the exposure saw it.
@@ -79,7 +80,7 @@ impl PlateOutline {
     }
 
     /// Adds the plate's coverage of every pixel, averaged over the exposure.
-    pub(super) fn cover(&self, tile: &Tile, blur: &Blur, coverage: &mut Patch) {
+    pub(super) fn cover(&self, tile: &Tile, blur: &Blur, shares: &mut Shares) {
         let blur_m2 = blur.covariance_m2(tile);
         // Added up in f64, so that a tile inside for the whole exposure is covered by 1 exactly.
         let mut whole = 0.0;
@@ -87,11 +88,11 @@ impl PlateOutline {
             match self.near_sides(square, tile, &blur_m2) {
                 Near::Outside => {}
                 Near::Sides(sides) if sides.iter().all(Option::is_none) => whole += square.weight,
-                Near::Sides(sides) => cover_between(&sides, square.weight as f32, tile, blur, coverage),
+                Near::Sides(sides) => cover_between(&sides, square.weight as f32, tile, blur, shares),
             }
         }
         if whole > 0.0 {
-            coverage.iter_mut().flatten().for_each(|c| *c += whole as f32);
+            shares.add_everywhere(whole as f32);
         }
     }
 
@@ -133,21 +134,30 @@ struct Side {
     z0: f32,
 }
 
-fn cover_between(sides: &[Option<Side>; 4], weight: f32, tile: &Tile, blur: &Blur, coverage: &mut Patch) {
-    let centers = tile.block_x_m.iter().zip(&tile.block_y_m);
-    let blocks = coverage.iter_mut().zip(&tile.x_m).zip(&tile.y_m).zip(centers);
-    for (((coverage, x_m), y_m), (center_x, center_y)) in blocks {
+impl Side {
+    #[inline(always)]
+    fn depth(&self, x_m: f32, y_m: f32) -> f32 {
+        self.zx * x_m + self.zy * y_m + self.z0
+    }
+}
+
+fn cover_between(sides: &[Option<Side>; 4], weight: f32, tile: &Tile, blur: &Blur, shares: &mut Shares) {
+    for (block, (x_m, y_m)) in tile.block_x_m.iter().zip(&tile.block_y_m).enumerate() {
+        let depths = || sides.iter().flatten().map(|side| (side, side.depth(*x_m, *y_m)));
+        if depths().any(|(_, depth)| depth < -blur.block_reach) {
+            continue;
+        }
+        let mut reached = depths().filter(|(_, depth)| *depth < blur.block_reach).map(|(side, _)| side).peekable();
+        if reached.peek().is_none() {
+            shares.add(block, weight);
+            continue;
+        }
         let mut product = [weight; LANES];
-        for side in sides.iter().flatten() {
-            let depth = side.zx * center_x + side.zy * center_y + side.z0;
-            if depth < -blur.block_reach {
-                product = [0.0; LANES];
-            } else if depth < blur.block_reach {
-                for ((p, x), y) in product.iter_mut().zip(x_m).zip(y_m) {
-                    *p *= edge_spread(side.zx * x + side.zy * y + side.z0);
-                }
+        for side in reached {
+            for ((p, x), y) in product.iter_mut().zip(&tile.x_m[block]).zip(&tile.y_m[block]) {
+                *p *= edge_spread(side.depth(*x, *y));
             }
         }
-        coverage.iter_mut().zip(product).for_each(|(c, p)| *c += p);
+        shares.uneven(block).iter_mut().zip(product).for_each(|(c, p)| *c += p);
     }
 }
