@@ -227,11 +227,16 @@ fn compose_block(
     // Adding 1.5·2²³ leaves the nearest whole number in the low bits.
     const ROUND: f32 = 12_582_912.0;
     const WHITE: f32 = 255.0 * noise::UNITS;
-    std::array::from_fn(|i| {
+    let mut lit = [0.0; LANES];
+    for (i, lit) in lit.iter_mut().enumerate() {
         let background = ground + (plate - ground) * on_plate[i];
         let reflected = background + (part - background) * on_parts[i].min(1.0);
-        let lit = noise::UNITS * (light + light_x * LANE_X[i] + light_y * LANE_Y[i]) * reflected;
-        ((lit.clamp(0.0, WHITE) + ROUND).to_bits() as i16).wrapping_add(noise::HALF)
+        *lit = noise::UNITS * (light + light_x * LANE_X[i] + light_y * LANE_Y[i]) * reflected;
+    }
+    lit.map(|lit| {
+        let units = (lit.clamp(0.0, WHITE) + ROUND).to_bits().wrapping_sub(ROUND.to_bits()).cast_signed();
+        // Clamped to what it fits in anyway, it is packed by a single instruction.
+        (units.clamp(i16::MIN.into(), i16::MAX.into()) as i16).wrapping_add(noise::HALF)
     })
 }
 
