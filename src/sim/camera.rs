@@ -114,7 +114,7 @@ impl Camera {
         (0..tiles).for_each(|index| stale.mark(index));
         let mut camera = Self {
             light: Light::new(&params),
-            plate: PlateOutline::new(plate_side_m),
+            plate: PlateOutline::new(plate_side_m, &grid.tiles, &blur),
             parts: discs.into_iter().map(DiscOutline::new).collect(),
             noise: Noise::new(&params, noise, params.size_px[0]),
             clean: vec![0; tiles * AREA],
@@ -153,7 +153,7 @@ impl Camera {
     fn mark_changes(&mut self, exposure: &[Snapshot]) {
         let Self { view, grid, blur, grain, plate, parts, stale, .. } = self;
         let poses = exposure.iter().map(|snapshot| snapshot.plate_in_table);
-        plate.show(poses, grain, &grid.tiles, |index| stale.mark(index));
+        plate.show(poses, grain, |index| stale.mark(index));
         let middle = exposure.get(exposure.len() / 2);
         for (index, part) in parts.iter_mut().enumerate() {
             let pose_in = |snapshot: &Snapshot| snapshot.parts_in_table.get(index).copied();
@@ -258,6 +258,12 @@ impl Blur {
 
     fn sd_px(&self) -> f64 {
         self.variance_px2.sqrt()
+    }
+
+    /// At least the footprint's standard deviation in any direction on the table.
+    fn bound_m(&self, tile: &Tile) -> f64 {
+        let c = &tile.px_covariance_m2;
+        ((c.m11.max(c.m22) + c.m12.abs()) * self.variance_px2).sqrt()
     }
 
     fn covariance_m2(&self, tile: &Tile) -> Matrix2<f64> {
