@@ -218,7 +218,9 @@ impl Camera {
     }
 }
 
-/// Gray levels of one block, in the units of the clean picture, from the shares of plate and parts.
+/// Gray levels of one block, in the units of the clean picture, from the shares of plate and parts. On its own it
+/// becomes vector code; melted into what reads its pixels one by one it does not.
+#[inline(never)]
 fn compose_block(
     [ground, plate, part]: [f32; 3],
     [light, light_x, light_y]: [f32; 3],
@@ -233,11 +235,13 @@ fn compose_block(
         let reflected = background + (part - background) * on_parts[i].min(1.0);
         *lit = noise::UNITS * (light + light_x * LANE_X[i] + light_y * LANE_Y[i]) * reflected;
     }
-    lit.map(|lit| {
+    let mut clean = [0; LANES];
+    for (clean, lit) in clean.iter_mut().zip(&lit) {
         let units = (lit.clamp(0.0, WHITE) + ROUND).to_bits().wrapping_sub(ROUND.to_bits()).cast_signed();
         // Clamped to what it fits in anyway, it is packed by a single instruction.
-        (units.clamp(i16::MIN.into(), i16::MAX.into()) as i16).wrapping_add(noise::HALF)
-    })
+        *clean = (units.clamp(i16::MIN.into(), i16::MAX.into()) as i16).wrapping_add(noise::HALF);
+    }
+    clean
 }
 
 /// The footprint of a pixel: the lens's blur and the pixel's square.
