@@ -29,7 +29,8 @@
 //! Parts whose centre is off the plate at the middle of the exposure have fallen: dark on dark ground, they are not drawn.
 //!
 //! The clean picture is kept from frame to frame in 16 × 16 tiles. It depends on the exposure alone: a frame repaints
-//! the tiles that something moved in, now or since the frame before. Noise then goes over the whole frame in one pass.
+//! the tiles that something moved in, now or since the frame before, and of their 4 × 4 blocks those that an edge
+//! reaches, now or then, or that one thing has left to another. Noise then goes over the whole frame in one pass.
 
 mod disc;
 mod edge;
