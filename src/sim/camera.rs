@@ -29,7 +29,8 @@
 //! Parts whose centre is off the plate at the middle of the exposure have fallen: dark on dark ground, they are not drawn.
 //!
 //! The clean picture is kept from frame to frame in 16 × 16 tiles. It depends on the exposure alone: a frame repaints
-//! the tiles that something moved in, now or since the frame before. Noise then goes over the whole frame in one pass.
+//! the tiles that something moved in, now or since the frame before, and of their 4 × 4 blocks those that an edge
+//! reaches, now or then, or that one thing has left to another. Noise then goes over the whole frame in one pass.
 
 mod disc;
 mod edge;
@@ -40,6 +41,7 @@ mod plate;
 mod reference;
 #[cfg(test)]
 mod scenes;
+mod shares;
 #[cfg(test)]
 mod tests;
 mod tiles;
@@ -55,6 +57,7 @@ use disc::DiscOutline;
 use exposure::Grain;
 use noise::Noise;
 use plate::PlateOutline;
+use shares::Shares;
 use tiles::{AREA, BLOCK_SIDE, Grid, LANE_X, LANE_Y, LANES, Lanes, SIDE, Tile};
 use view::View;
 
@@ -88,6 +91,10 @@ pub struct Camera {
     plate: PlateOutline,
     parts: Vec<DiscOutline>,
     stale: Stale,
+    /// Shares of plate and parts each block of each tile was last painted with; not numbers where its pixels differ.
+    painted: Vec<[[f32; 2]; LANES]>,
+    /// Shares of plate and parts in the tile being painted.
+    shares: [Shares; 2],
     /// The clean picture, row by row, `grid.stride()` pixels a row, units of 1/128 level, half a level added.
     clean: Vec<i16>,
     /// Standard deviation of each pixel's noise, laid out as `clean`.
@@ -103,22 +110,24 @@ impl Camera {
         let grid = Grid::new(&view, params.size_px);
         let blur = Blur::new(&params);
         let grain = Grain { blur_m: blur.sd_px() * view.m_per_px(), arm_m: plate_side_m };
-        let pixels = grid.tiles.len() * AREA;
-        let mut stale = Stale::new(grid.tiles.len());
-        (0..grid.tiles.len()).for_each(|index| stale.mark(index));
+        let tiles = grid.tiles.len();
+        let mut stale = Stale::new(tiles);
+        (0..tiles).for_each(|index| stale.mark(index));
         let mut camera = Self {
             light: Light::new(&params),
-            plate: PlateOutline::new(plate_side_m),
+            plate: PlateOutline::new(plate_side_m, &grid.tiles, &blur),
             parts: discs.into_iter().map(DiscOutline::new).collect(),
             noise: Noise::new(&params, noise, params.size_px[0]),
-            clean: vec![0; pixels],
-            sd: vec![0; pixels],
+            clean: vec![0; tiles * AREA],
+            sd: vec![0; tiles * AREA],
             params,
             view,
             grid,
             blur,
             grain,
             stale,
+            painted: vec![[[f32::NAN; 2]; LANES]; tiles],
+            shares: [Shares::none(), Shares::none()],
         };
         camera.paint_stale();
         camera
@@ -145,7 +154,7 @@ impl Camera {
     fn mark_changes(&mut self, exposure: &[Snapshot]) {
         let Self { view, grid, blur, grain, plate, parts, stale, .. } = self;
         let poses = exposure.iter().map(|snapshot| snapshot.plate_in_table);
-        plate.show(poses, grain, &grid.tiles, |index| stale.mark(index));
+        plate.show(poses, grain, |index| stale.mark(index));
         let middle = exposure.get(exposure.len() / 2);
         for (index, part) in parts.iter_mut().enumerate() {
             let pose_in = |snapshot: &Snapshot| snapshot.parts_in_table.get(index).copied();
@@ -164,19 +173,27 @@ impl Camera {
         }
     }
 
+    /// Paints the blocks of a tile that look otherwise than they did.
     fn paint(&mut self, index: usize) {
         let (column, row) = (index % self.grid.columns, index / self.grid.columns);
-        let Some(tile) = self.grid.tiles.get(index) else { return };
-        let (mut on_plate, mut on_parts) = ([[0.0; LANES]; LANES], [[0.0; LANES]; LANES]);
-        self.plate.cover(tile, &self.blur, &mut on_plate);
+        let (Some(tile), Some(painted)) = (self.grid.tiles.get(index), self.painted.get_mut(index)) else { return };
+        self.shares.iter_mut().for_each(Shares::clear);
+        let [on_plate, on_parts] = &mut self.shares;
+        self.plate.cover(tile, &self.blur, on_plate);
         for part in self.parts.iter().filter(|part| part.touches(column, row)) {
-            part.cover(tile, &self.blur, &mut on_parts);
+            part.cover(tile, &self.blur, on_parts);
         }
         let levels = self.params.levels.map(|level| level as f32);
         let stride = self.grid.stride();
-        for (block, shares) in on_plate.iter().zip(&on_parts).enumerate() {
+        for (block, painted) in painted.iter_mut().enumerate() {
+            let before = std::mem::replace(painted, [on_plate.even(block), on_parts.even(block)]);
+            // What is not a number is equal to nothing.
+            if *painted == before {
+                continue;
+            }
             let x = column * SIDE + block % BLOCK_SIDE * BLOCK_SIDE;
             let y = row * SIDE + block / BLOCK_SIDE * BLOCK_SIDE;
+            let shares = (&on_plate.of_block(block), &on_parts.of_block(block));
             let clean = compose_block(levels, self.light.at(x, y), shares);
             let sd = self.noise.deviations(&clean);
             let rows = clean.as_chunks::<BLOCK_SIDE>().0.iter().zip(sd.as_chunks::<BLOCK_SIDE>().0);
@@ -202,7 +219,9 @@ impl Camera {
     }
 }
 
-/// Gray levels of one block, in the units of the clean picture, from the shares of plate and parts.
+/// Gray levels of one block, in the units of the clean picture, from the shares of plate and parts. On its own it
+/// becomes vector code; melted into what reads its pixels one by one it does not.
+#[inline(never)]
 fn compose_block(
     [ground, plate, part]: [f32; 3],
     [light, light_x, light_y]: [f32; 3],
@@ -211,12 +230,19 @@ fn compose_block(
     // Adding 1.5·2²³ leaves the nearest whole number in the low bits.
     const ROUND: f32 = 12_582_912.0;
     const WHITE: f32 = 255.0 * noise::UNITS;
-    std::array::from_fn(|i| {
+    let mut lit = [0.0; LANES];
+    for (i, lit) in lit.iter_mut().enumerate() {
         let background = ground + (plate - ground) * on_plate[i];
         let reflected = background + (part - background) * on_parts[i].min(1.0);
-        let lit = noise::UNITS * (light + light_x * LANE_X[i] + light_y * LANE_Y[i]) * reflected;
-        ((lit.clamp(0.0, WHITE) + ROUND).to_bits() as i16).wrapping_add(noise::HALF)
-    })
+        *lit = noise::UNITS * (light + light_x * LANE_X[i] + light_y * LANE_Y[i]) * reflected;
+    }
+    let mut clean = [0; LANES];
+    for (clean, lit) in clean.iter_mut().zip(&lit) {
+        let units = (lit.clamp(0.0, WHITE) + ROUND).to_bits().wrapping_sub(ROUND.to_bits()).cast_signed();
+        // Clamped to what it fits in anyway, it is packed by a single instruction.
+        *clean = (units.clamp(i16::MIN.into(), i16::MAX.into()) as i16).wrapping_add(noise::HALF);
+    }
+    clean
 }
 
 /// The footprint of a pixel: the lens's blur and the pixel's square.
@@ -237,6 +263,12 @@ impl Blur {
 
     fn sd_px(&self) -> f64 {
         self.variance_px2.sqrt()
+    }
+
+    /// At least the footprint's standard deviation in any direction on the table.
+    fn bound_m(&self, tile: &Tile) -> f64 {
+        let c = &tile.px_covariance_m2;
+        ((c.m11.max(c.m22) + c.m12.abs()) * self.variance_px2).sqrt()
     }
 
     fn covariance_m2(&self, tile: &Tile) -> Matrix2<f64> {

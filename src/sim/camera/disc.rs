@@ -2,7 +2,8 @@ use nalgebra::Matrix2;
 
 use super::edge::{REACH, edge_spread, inverse_sqrt};
 use super::exposure::{Glimpse, Grain};
-use super::tiles::{Grid, LANES, Lanes, Patch, Tile, TileBox};
+use super::shares::Shares;
+use super::tiles::{Grid, LANES, Lanes, Tile, TileBox};
 use super::view::View;
 use super::{Blur, DiscShape};
 use crate::geometry::{Pose, Vec2, cross};
@@ -77,8 +78,8 @@ impl DiscOutline {
     }
 
     /// Adds the part's coverage of every pixel, averaged over the exposure.
-    pub(super) fn cover(&self, tile: &Tile, blur: &Blur, coverage: &mut Patch) {
-        self.silhouettes.iter().for_each(|silhouette| silhouette.cover(tile, blur, coverage));
+    pub(super) fn cover(&self, tile: &Tile, blur: &Blur, shares: &mut Shares) {
+        self.silhouettes.iter().for_each(|silhouette| silhouette.cover(tile, blur, shares));
     }
 
     /// The tiles within reach of the projections of polygons around foot and top.
@@ -128,23 +129,22 @@ impl Silhouette {
         (q - t * self.lean_m).norm() - (self.foot_radius_m + t * self.growth_m)
     }
 
-    fn cover(&self, tile: &Tile, blur: &Blur, coverage: &mut Patch) {
+    fn cover(&self, tile: &Tile, blur: &Blur, shares: &mut Shares) {
         let covariance = blur.covariance_m2(tile) + self.spread_m2;
         let clear_m = tile.radius_m + REACH * covariance.trace().sqrt();
         let distance_m = self.distance_m(tile.center_m);
         let weight = self.weight as f32;
         if distance_m < -clear_m {
-            coverage.iter_mut().flatten().for_each(|c| *c += weight);
+            shares.add_everywhere(weight);
         } else if distance_m < clear_m {
             let rim = Rim::new(self, &covariance);
             let depths = rim.depths(&tile.block_x_m, &tile.block_y_m);
-            let blocks = coverage.iter_mut().zip(&tile.x_m).zip(&tile.y_m).zip(depths);
-            for (((coverage, x_m), y_m), depth) in blocks {
+            for (block, depth) in depths.into_iter().enumerate() {
                 if depth > blur.block_reach {
-                    coverage.iter_mut().for_each(|c| *c += weight);
+                    shares.add(block, weight);
                 } else if depth > -blur.block_reach {
-                    let depths = rim.depths(x_m, y_m);
-                    coverage.iter_mut().zip(depths).for_each(|(c, z)| *c += weight * edge_spread(z));
+                    let depths = rim.depths(&tile.x_m[block], &tile.y_m[block]);
+                    shares.uneven(block).iter_mut().zip(depths).for_each(|(c, z)| *c += weight * edge_spread(z));
                 }
             }
         }

@@ -3,7 +3,8 @@ use nalgebra::{Matrix2, Matrix3, Rotation2, Vector3};
 use super::Blur;
 use super::edge::{REACH, edge_spread};
 use super::exposure::{Glimpse, Grain};
-use super::tiles::{LANES, Patch, Tile};
+use super::shares::Shares;
+use super::tiles::{LANES, Lanes, Tile};
 use crate::geometry::{Pose, Vec2, perp};
 
 /// The plate's square outline as the exposure saw it.
@@ -17,6 +18,38 @@ pub(super) struct PlateOutline {
     shown: Vec<Glimpse>,
     next: Vec<Glimpse>,
     squares: Vec<Square>,
+    tiles: Vec<TileAtRest>,
+}
+
+/// Where a tile is when the plate rests: all that most tiles are ever asked for.
+#[derive(Clone, Copy, Debug)]
+struct TileAtRest {
+    /// How far the plate's outline is beyond the reach of its blur in the tile, m; negative when it is seen there.
+    clear_m: f64,
+    /// Distance from the plate's centre, m.
+    arm_m: f64,
+}
+
+impl TileAtRest {
+    fn new(tile: &Tile, blur: &Blur, half_side_m: f64) -> Self {
+        let to_edge_m = (half_side_m - tile.center_m.amax()).abs();
+        let reach_m = tile.radius_m + REACH * blur.bound_m(tile);
+        Self { clear_m: to_edge_m - reach_m, arm_m: tile.center_m.norm() }
+    }
+}
+
+/// How far a glimpse moves the reach of a side's blur at most: everywhere, m, and more for every metre from the
+/// resting plate's centre.
+fn glimpse_reach(&Glimpse { pose, spread, .. }: &Glimpse) -> [f64; 2] {
+    // Standard deviations add up to no less than the root of the sum of their squares, which the blur's is.
+    let [shift_m, turn_rad] = spread_bound(&spread);
+    let turn_rad = pose.heading_rad.abs() + REACH * turn_rad;
+    [pose.position_m.amax() + REACH * shift_m + turn_rad * pose.position_m.norm(), turn_rad]
+}
+
+/// Bounds of the motion's standard deviation in any direction: at the centre, m, and more for every metre from it.
+fn spread_bound(spread: &Matrix3<f64>) -> [f64; 2] {
+    [(spread[(0, 0)] + spread[(1, 1)]).sqrt(), spread[(2, 2)].sqrt()]
 }
 
 /// One glimpse of the outline: its centre and the outward normal of its right-hand side.
@@ -25,21 +58,29 @@ struct Square {
     center_m: Vec2,
     right: Vec2,
     spread: Matrix3<f64>,
+    spread_bound: [f64; 2],
     weight: f64,
 }
 
 impl Square {
     fn new(&Glimpse { pose, spread, weight }: &Glimpse) -> Self {
         let right = Rotation2::new(pose.heading_rad) * Vec2::x();
-        Self { center_m: pose.position_m, right, spread, weight }
+        Self { center_m: pose.position_m, right, spread, spread_bound: spread_bound(&spread), weight }
     }
 }
 
 impl PlateOutline {
     /// A plate at rest.
-    pub(super) fn new(side_m: f64) -> Self {
+    pub(super) fn new(side_m: f64, tiles: &[Tile], blur: &Blur) -> Self {
         let rest = Glimpse { pose: Pose::IDENTITY, spread: Matrix3::zeros(), weight: 1.0 };
-        Self { half_side_m: side_m / 2.0, shown: vec![rest], next: Vec::new(), squares: vec![Square::new(&rest)] }
+        let half_side_m = side_m / 2.0;
+        Self {
+            half_side_m,
+            shown: vec![rest],
+            next: Vec::new(),
+            squares: vec![Square::new(&rest)],
+            tiles: tiles.iter().map(|tile| TileAtRest::new(tile, blur, half_side_m)).collect(),
+        }
     }
 
     /// True when the point, given with the plate's pose, is on the plate.
@@ -54,22 +95,19 @@ impl PlateOutline {
         &mut self,
         poses: impl ExactSizeIterator<Item = Pose> + Clone,
         grain: &Grain,
-        tiles: &[Tile],
         mut stale: impl FnMut(usize),
     ) {
         grain.glimpses(poses, &mut self.next);
         if self.next.is_empty() || self.next == self.shown {
             return;
         }
-        let glimpses = || self.shown.iter().chain(&self.next);
-        let shift_m = glimpses().map(|g| g.pose.position_m.norm()).fold(0.0, f64::max);
-        let turn_rad = glimpses().map(|g| g.pose.heading_rad.abs()).fold(0.0, f64::max);
-        for (index, tile) in tiles.iter().enumerate() {
-            let p = tile.center_m;
-            let to_edge_m = self.half_side_m - p.x.abs().max(p.y.abs());
-            let moved_m = shift_m + turn_rad * p.norm();
-            // The motion within a glimpse is less than the blur itself.
-            if to_edge_m.abs() <= moved_m + tile.radius_m + 2.0 * REACH * grain.blur_m {
+        let (mut shift_m, mut turn_rad) = (0.0_f64, 0.0_f64);
+        for glimpse in self.shown.iter().chain(&self.next) {
+            let [moved_m, turned_rad] = glimpse_reach(glimpse);
+            (shift_m, turn_rad) = (shift_m.max(moved_m), turn_rad.max(turned_rad));
+        }
+        for (index, tile) in self.tiles.iter().enumerate() {
+            if tile.clear_m <= shift_m + turn_rad * tile.arm_m {
                 stale(index);
             }
         }
@@ -79,75 +117,123 @@ impl PlateOutline {
     }
 
     /// Adds the plate's coverage of every pixel, averaged over the exposure.
-    pub(super) fn cover(&self, tile: &Tile, blur: &Blur, coverage: &mut Patch) {
-        let blur_m2 = blur.covariance_m2(tile);
+    pub(super) fn cover(&self, tile: &Tile, blur: &Blur, shares: &mut Shares) {
+        let (blur_m2, clear_m) = (blur.covariance_m2(tile), tile.radius_m + REACH * blur.bound_m(tile));
         // Added up in f64, so that a tile inside for the whole exposure is covered by 1 exactly.
         let mut whole = 0.0;
         for square in &self.squares {
-            match self.near_sides(square, tile, &blur_m2) {
+            match self.near_sides(square, tile, &blur_m2, clear_m) {
                 Near::Outside => {}
-                Near::Sides(sides) if sides.iter().all(Option::is_none) => whole += square.weight,
-                Near::Sides(sides) => cover_between(&sides, square.weight as f32, tile, blur, coverage),
+                Near::Inside => whole += square.weight,
+                Near::Sides(sides) => cover_between(&sides, square.weight as f32, tile, blur, shares),
             }
         }
         if whole > 0.0 {
-            coverage.iter_mut().flatten().for_each(|c| *c += whole as f32);
+            shares.add_everywhere(whole as f32);
         }
     }
 
-    fn near_sides(&self, square: &Square, tile: &Tile, blur_m2: &Matrix2<f64>) -> Near {
+    fn near_sides(&self, square: &Square, tile: &Tile, blur_m2: &Matrix2<f64>, clear_m: f64) -> Near {
         let from_center = tile.center_m - square.center_m;
-        let mut sides = [None; 4];
-        for (pair, normal) in sides.chunks_exact_mut(2).zip([square.right, perp(square.right)]) {
+        let [shift_m, turn_rad] = square.spread_bound;
+        let far_m = clear_m + REACH * (shift_m + turn_rad * from_center.norm());
+        let mut sides = Sides::default();
+        for normal in [square.right, perp(square.right)] {
+            let along_m = normal.dot(&from_center);
+            let nearer_inside_m = self.half_side_m - along_m.abs();
+            if nearer_inside_m > far_m {
+                continue;
+            }
+            if nearer_inside_m < -far_m {
+                return Near::Outside;
+            }
             let motion = Vector3::new(normal.x, normal.y, normal.dot(&perp(from_center)));
             let variance = normal.dot(&(blur_m2 * normal)) + motion.dot(&(square.spread * motion));
             let sd_m = variance.sqrt();
             let clear_m = tile.radius_m + REACH * sd_m;
-            for (side, outwards) in pair.iter_mut().zip([normal, -normal]) {
-                let inside_m = self.half_side_m - outwards.dot(&from_center);
+            for (outwards, inside_m) in [(normal, self.half_side_m - along_m), (-normal, self.half_side_m + along_m)] {
                 if inside_m < -clear_m {
                     return Near::Outside;
                 }
                 if inside_m < clear_m {
                     let slope = -outwards / sd_m;
                     let z0 = (self.half_side_m + outwards.dot(&square.center_m)) / sd_m;
-                    *side = Some(Side { zx: slope.x as f32, zy: slope.y as f32, z0: z0 as f32 });
+                    sides.push(Side { zx: slope.x as f32, zy: slope.y as f32, z0: z0 as f32 });
                 }
             }
         }
-        Near::Sides(sides)
+        if sides.count == 0 { Near::Inside } else { Near::Sides(sides) }
     }
 }
 
-/// The sides that cross a tile, or none because the tile is beyond one.
+/// Where a tile is.
 enum Near {
+    /// Beyond a side.
     Outside,
-    Sides([Option<Side>; 4]),
+    /// Farther inside all sides than their blur reaches.
+    Inside,
+    /// Crossed by these sides.
+    Sides(Sides),
+}
+
+/// Up to four sides.
+#[derive(Default)]
+struct Sides {
+    sides: [Side; 4],
+    count: usize,
+}
+
+impl Sides {
+    fn push(&mut self, side: Side) {
+        if let Some(place) = self.sides.get_mut(self.count) {
+            *place = side;
+            self.count += 1;
+        }
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &Side> {
+        self.sides.iter().take(self.count)
+    }
 }
 
 /// A side: `z = zx·x + zy·y + z0` standard deviations of the blur inside it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Side {
     zx: f32,
     zy: f32,
     z0: f32,
 }
 
-fn cover_between(sides: &[Option<Side>; 4], weight: f32, tile: &Tile, blur: &Blur, coverage: &mut Patch) {
-    let centers = tile.block_x_m.iter().zip(&tile.block_y_m);
-    let blocks = coverage.iter_mut().zip(&tile.x_m).zip(&tile.y_m).zip(centers);
-    for (((coverage, x_m), y_m), (center_x, center_y)) in blocks {
-        let mut product = [weight; LANES];
-        for side in sides.iter().flatten() {
-            let depth = side.zx * center_x + side.zy * center_y + side.z0;
-            if depth < -blur.block_reach {
-                product = [0.0; LANES];
-            } else if depth < blur.block_reach {
-                for ((p, x), y) in product.iter_mut().zip(x_m).zip(y_m) {
-                    *p *= edge_spread(side.zx * x + side.zy * y + side.z0);
+impl Side {
+    #[inline(always)]
+    fn depths(&self, x_m: &Lanes, y_m: &Lanes) -> Lanes {
+        let mut depths = [0.0; LANES];
+        for ((depth, x), y) in depths.iter_mut().zip(x_m).zip(y_m) {
+            *depth = self.zx * x + self.zy * y + self.z0;
+        }
+        depths
+    }
+}
+
+fn cover_between(sides: &Sides, weight: f32, tile: &Tile, blur: &Blur, shares: &mut Shares) {
+    let mut depths = [[f32::INFINITY; LANES]; 4];
+    let mut least = [f32::INFINITY; LANES];
+    for (depths, side) in depths.iter_mut().zip(sides.iter()) {
+        *depths = side.depths(&tile.block_x_m, &tile.block_y_m);
+        least.iter_mut().zip(&*depths).for_each(|(least, depth)| *least = least.min(*depth));
+    }
+    for (block, least) in least.into_iter().enumerate() {
+        if least >= blur.block_reach {
+            shares.add(block, weight);
+        } else if least >= -blur.block_reach {
+            let mut product = [weight; LANES];
+            for (side, depths) in sides.iter().zip(&depths) {
+                if depths[block] < blur.block_reach {
+                    let depths = side.depths(&tile.x_m[block], &tile.y_m[block]);
+                    product.iter_mut().zip(&depths).for_each(|(p, z)| *p *= edge_spread(*z));
                 }
             }
+            shares.uneven(block).iter_mut().zip(&product).for_each(|(c, p)| *c += p);
         }
-        coverage.iter_mut().zip(product).for_each(|(c, p)| *c += p);
     }
 }

@@ -47,6 +47,46 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(6))]
+    #[test]
+    fn a_shaken_plate_is_painted_over_as_from_nothing(
+        shakes in prop::collection::vec((-2e-3..2e-3f64, -2e-3..2e-3f64, -0.02..0.02f64), 4),
+        speed_m in prop_oneof![Just(0.0), 0.0..4e-4f64],
+    ) {
+        let params = scenes::full();
+        let mut used = camera(&params, &[PENNY]);
+        let mut exposure = Vec::new();
+        for (x, y, turn) in shakes {
+            let at = |k: usize| {
+                let moved = speed_m * k as f64;
+                let plate = pose(x + moved, y - moved, turn + 8.0 * moved);
+                snapshot(plate, &[Vec2::new(0.093 + x, 0.02 + y)])
+            };
+            exposure = (0..5).map(at).collect();
+            used.shown(&exposure);
+        }
+        let mut fresh = camera(&params, &[PENNY]);
+        fresh.shown(&exposure);
+        prop_assert!(used.clean == fresh.clean && used.sd == fresh.sd);
+    }
+}
+
+#[test]
+fn what_looks_as_before_is_not_painted_again() {
+    let params = scenes::small();
+    let mut camera = camera(&params, &[PENNY]);
+    let at = |x_m| [snapshot(pose(x_m, 0.0, 0.0), &[Vec2::new(0.08, 0.08)])];
+    let uneven = |camera: &Camera| camera.painted.iter().flatten().filter(|[a, b]| (a + b).is_nan()).count();
+    camera.shown(&at(0.0));
+    let before = uneven(&camera);
+    camera.clean.fill(0);
+    camera.shown(&at(1e-4));
+    let painted = camera.clean.iter().filter(|&&level| level != 0).count();
+    let most = LANES * before.max(uneven(&camera));
+    assert!((1..=most).contains(&painted), "{painted} px, {most} in blocks that an edge reaches");
+}
+
 #[test]
 fn an_exposure_is_the_mean_of_its_snapshots() {
     for step_m in [1e-6, 3e-5, 7e-5, 1.2e-4, 3e-4] {
