@@ -18,7 +18,7 @@ use std::sync::Arc;
 use super::ControlParams;
 use super::attempts::ways_to_try;
 use super::ending::Ending;
-use super::learning::{Gains, Lesson, MORE};
+use super::learning::{Gains, Lesson, MORE, Scatter};
 use super::plans::{Plans, planner_of};
 use crate::geometry::Vec2;
 use crate::goal::{Goal, Wanted};
@@ -185,7 +185,7 @@ impl Player<'_> {
                     forecast_m: &forecast_m,
                     with_more_m: &with_more_m,
                     measured_m: &self.stage.positions_m,
-                    scatter_m: Lesson::scatter_m(pulse),
+                    scatter: Scatter::of(pulse),
                 });
             }
             for (trail, &position_m) in self.trails.iter_mut().zip(&self.stage.positions_m) {

@@ -3,7 +3,7 @@
 use super::Cycle;
 use crate::control::ending::Ending;
 use crate::control::eyes::Moment;
-use crate::control::learning::{Lesson, MORE};
+use crate::control::learning::{Lesson, MORE, Scatter};
 use crate::control::{Carried, PulseFacts};
 use crate::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave};
 use crate::geometry::Vec2;
@@ -52,7 +52,7 @@ impl Cycle<'_> {
                 forecast_m,
                 with_more_m,
                 measured_m: &after_m,
-                scatter_m: Lesson::scatter_m(planned),
+                scatter: Scatter::of(planned),
             });
             self.tell_slow_parts();
         }
