@@ -232,6 +232,7 @@ impl Recorder {
             seed: job.seed(),
             library: Arc::clone(library),
             model: bench.model.clone(),
+            method: bench.params.method,
             parts: bench.part_looks(),
             truth: Some(bench.truth()),
         };

@@ -1,5 +1,7 @@
 //! The stages of localisation as pictures, the same in recordings and in files.
 
+use std::ops::RangeInclusive;
+
 use image::{GrayImage, RgbImage};
 
 use crate::geometry::Vec2;
@@ -60,21 +62,25 @@ pub fn outline_px(table: &Table) -> impl Iterator<Item = Vec2> {
     })
 }
 
-/// `plane` over a frame of that size, shrunk. One value of it may stand for a square of the frame's pixels.
+/// `plane` over a frame of that size, shrunk to the largest value of every cell. One value of it may stand for a square of
+/// the frame's pixels.
 fn laid_over(plane: &Plane, [width, height]: [usize; 2], shrink: usize) -> Plane {
     if plane.width == 0 || plane.height == 0 {
         return Plane { width: 0, height: 0, values: Vec::new() };
     }
-    let square = (width / plane.width).max(1);
-    if square == 1 {
-        return pooled(plane, [shrink; 2]);
-    }
-    let rows = (0..height).map(|y| (y / square).min(plane.height - 1));
-    let values = rows.flat_map(|row| {
-        let row = plane.values.get(row * plane.width..).unwrap_or_default();
-        (0..width).map(move |x| row.get((x / square).min(plane.width - 1)).copied().unwrap_or(0.0))
-    });
-    pooled(&Plane { width, height, values: values.collect() }, [shrink; 2])
+    let (square, shrink) = ((width / plane.width).max(1), shrink.max(1));
+    // values that show in each cell of `shrink` pixels along a side
+    let cells = |pixels: usize, values: usize| -> Vec<RangeInclusive<usize>> {
+        let value = |pixel: usize| (pixel.min(pixels - 1) / square).min(values - 1);
+        (0..pixels).step_by(shrink).map(|first| value(first)..=value(first + shrink - 1)).collect()
+    };
+    let (across, down) = (cells(width, plane.width), cells(height, plane.height));
+    let largest = |rows: &RangeInclusive<usize>, columns: &RangeInclusive<usize>| {
+        let row = |y: usize| plane.values.get(y * plane.width..).and_then(|row| row.get(columns.clone()));
+        rows.clone().filter_map(row).flatten().copied().fold(0.0, f32::max)
+    };
+    let values = down.iter().flat_map(|rows| across.iter().map(|columns| largest(rows, columns))).collect();
+    Plane { width: across.len(), height: down.len(), values }
 }
 
 /// The largest value of every cell of so many columns and rows, so that thin lines and sharp peaks survive shrinking.

@@ -19,6 +19,7 @@ use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, SerializedCom
 use super::recorder::{APPLICATION, PLATE_TIME};
 use super::sink::RunContext;
 use super::table::WINDOW;
+use crate::planner::Method;
 use crate::units::mm_from_m;
 
 /// Seconds before and after the cursor that the plots of fast signals show.
@@ -34,19 +35,33 @@ pub(super) fn send(stream: &RecordingStream, context: &RunContext) -> Result<(),
 
 /// The pages in the order of their tabs.
 fn pages(layout: &mut Layout, context: &RunContext) -> Vec<ContainerLike> {
-    vec![run(layout, context), vision(layout, context.model.frame_size_px), signals(layout), errors(layout)]
+    vec![
+        run(layout, context),
+        vision(layout, context.model.frame_size_px),
+        signals(layout),
+        errors(layout, context.method),
+    ]
 }
 
 fn run(layout: &mut Layout, context: &RunContext) -> ContainerLike {
     let above = Horizontal::new([layout.camera(context), layout.table(context)]).with_column_shares([1.25, 1.0]);
     let below = Horizontal::new([
         layout.plot("Motors, counts", "motors", Some(MOTOR_SPAN_S)),
-        BarChartView::new("Plan: d, mm").with_origin("plan/d_mm").into(),
+        plan(context.method),
         layout.plot("Distance to target, mm", "errors/to_target_mm", None),
         layout.log(),
     ]);
     let below = below.with_column_shares([1.0, 0.6, 0.9, 1.5]);
     Vertical::new([above.into(), below.into()]).with_row_shares([2.0, 1.0]).with_name("Run").into()
+}
+
+/// What a plan is made of: one bar a rotation, or one a harmonic of a field.
+fn plan(method: Method) -> ContainerLike {
+    let (name, origin) = match method {
+        Method::SynthesizedField => ("Plan: speed in each harmonic, mm/s", "plan/harmonics_mm_s"),
+        Method::CorSequence | Method::PseudoInverse => ("Plan: d, mm", "plan/d_mm"),
+    };
+    BarChartView::new(name).with_origin(origin).into()
 }
 
 /// How table and parts were found in a frame of that size.
@@ -68,7 +83,7 @@ fn signals(layout: &mut Layout) -> ContainerLike {
     Vertical::new(views).with_name("Signals").into()
 }
 
-fn errors(layout: &mut Layout) -> ContainerLike {
+fn errors(layout: &mut Layout, method: Method) -> ContainerLike {
     let views = [
         ("Distance to target, mm", "errors/to_target_mm"),
         ("Distance to subgoal after the cycle, mm", "errors/to_subgoal_mm"),
@@ -80,7 +95,10 @@ fn errors(layout: &mut Layout) -> ContainerLike {
         ("Planning, µs", "timing/plan_us"),
         ("Whole cycle, µs", "timing/cycle_us"),
     ];
-    let views = views.map(|(name, path)| layout.plot(name, path, None));
+    // fields have no d to sum up
+    let shown = |path: &str| method != Method::SynthesizedField || path != "plan/total_mm";
+    let views: Vec<ContainerLike> =
+        views.into_iter().filter(|(_, path)| shown(path)).map(|(name, path)| layout.plot(name, path, None)).collect();
     Grid::new(views).with_grid_columns(3).with_name("Errors and timing").into()
 }
 

@@ -19,8 +19,9 @@ pub(super) fn jpeg_at_half_size(frame: &Frame, halved: &mut Vec<u8>) -> Result<E
     halved.clear();
     for y in 0..height {
         let (top, bottom) = (frame.row(2 * y), frame.row(2 * y + 1));
-        halved.extend(top.chunks_exact(2).zip(bottom.chunks_exact(2)).map(|(a, b)| {
-            let sum: u16 = a.iter().chain(b).map(|&level| u16::from(level)).sum();
+        let pairs = top.as_chunks::<2>().0.iter().zip(bottom.as_chunks::<2>().0);
+        halved.extend(pairs.map(|([a, b], [c, d])| {
+            let sum: u16 = [a, b, c, d].map(|&level| u16::from(level)).iter().sum();
             ((sum + 2) / 4) as u8
         }));
     }

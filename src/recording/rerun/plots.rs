@@ -3,9 +3,10 @@ use rerun::{BarChart, Scalars, SeriesLines};
 use super::paint;
 use super::recorder::{Logged, Looks, Tape, nanos};
 use super::sink::RunContext;
-use crate::geometry::Vec2;
+use crate::geometry::{Twist, Vec2};
 use crate::planner::PlannedPulse;
 use crate::recording::records::CycleRecord;
+use crate::signal::TwistHarmonic;
 use crate::units::mm_from_m;
 
 /// Plots with one line for each part.
@@ -21,9 +22,9 @@ const BY_PART: [&str; 5] = [
 const SINGLE: [&str; 5] = ["plan/total_mm", "plan/pulses", "timing/track_us", "timing/plan_us", "timing/cycle_us"];
 
 /// The plan of each cycle, errors and wall times as curves.
-#[derive(Default)]
 pub(super) struct Plots {
     track_us: f64,
+    half_side_m: f64,
 }
 
 impl Plots {
@@ -38,7 +39,7 @@ impl Plots {
             let name = path.split_once('/').map_or(path, |(_, name)| name).replace('_', " ");
             tape.log_static(path, &SeriesLines::new().with_names([name]).with_colors([color]).with_widths([1.5]))?;
         }
-        Ok(Self::default())
+        Ok(Self { track_us: 0.0, half_side_m: 0.5 * context.model.plate_side_m })
     }
 
     /// How far measured and true positions are apart.
@@ -59,16 +60,23 @@ impl Plots {
         log_each(tape, "errors/cross_track_mm", cycle.wanted.cross_track_m.iter().map(|&off_m| mm_from_m(off_m)))?;
         let pulses = &cycle.plan.pulses;
         log_each(tape, "plan/pulses", [pulses.len() as f64])?;
+        if let [PlannedPulse::Field(field), ..] = &pulses[..] {
+            let speeds = field.wave.harmonics.iter().map(|harmonic| self.speed_mm_s(harmonic));
+            return log_bars(tape, "plan/harmonics_mm_s", speeds.collect());
+        }
         let distance_mm = |pulse: &PlannedPulse| match pulse {
             PlannedPulse::Rotation(rotation) => Some(mm_from_m(rotation.distance_m)),
             PlannedPulse::Field(_) => None,
         };
-        // a field has no d
-        let Some(distances) = pulses.iter().map(distance_mm).collect::<Option<Vec<f64>>>() else { return Ok(()) };
+        let distances: Vec<f64> = pulses.iter().filter_map(distance_mm).collect();
         log_each(tape, "plan/total_mm", [distances.iter().map(|d| d.abs()).sum()])?;
-        let numbers: Vec<f64> = (1..=pulses.len()).map(|j| j as f64).collect();
-        let bars = BarChart::new(distances).with_abscissa(numbers).with_color(paint::color(paint::CENTER));
-        tape.log("plan/d_mm", &bars)
+        log_bars(tape, "plan/d_mm", distances)
+    }
+
+    /// Amplitude of a harmonic's x, y and spin together, spin as the speed half a side from the centre.
+    fn speed_mm_s(&self, harmonic: &TwistHarmonic) -> f64 {
+        let square = |twist: Twist| twist.velocity_mps.norm_squared() + (twist.spin_radps * self.half_side_m).powi(2);
+        mm_from_m((square(harmonic.cos) + square(harmonic.sin)).sqrt())
     }
 
     /// What came of it, and how long it took.
@@ -81,6 +89,12 @@ impl Plots {
         log_each(tape, "timing/plan_us", [cycle.plan_us])?;
         log_each(tape, "timing/cycle_us", [cycle.cycle_us])
     }
+}
+
+/// Bars numbered from 1.
+fn log_bars(tape: &Tape, path: &str, heights: Vec<f64>) -> Logged {
+    let numbers: Vec<f64> = (1..=heights.len()).map(|j| j as f64).collect();
+    tape.log(path, &BarChart::new(heights).with_abscissa(numbers).with_color(paint::color(paint::CENTER)))
 }
 
 fn log_each(tape: &Tape, path: &str, values: impl IntoIterator<Item = f64>) -> Logged {

@@ -12,6 +12,7 @@ use super::live::{Live, LiveQueue};
 use super::recorder::{Logged, Looks, Message, Recorder};
 use crate::control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use crate::library::Library;
+use crate::planner::Method;
 use crate::recording::records::EventRecord;
 use crate::recording::rerun_mode::RerunMode;
 use crate::rig::RigModel;
@@ -36,6 +37,8 @@ pub struct RunContext {
     pub library: Arc<Library>,
     /// The rig.
     pub model: RigModel,
+    /// How cycles are planned.
+    pub method: Method,
     /// Every part, in the order of the job.
     pub parts: Vec<PartLook>,
     /// Where everything truly is, where the rig tells.

@@ -8,6 +8,7 @@ use rerun::external::re_chunk_store::{ChunkStore, ChunkStoreConfig};
 
 use super::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext};
 use crate::control::{EventLevel, Sink};
+use crate::planner::Method;
 use crate::recording::testing::{self, SyntheticRun};
 use crate::recording::{MemorySink, RerunMode};
 use crate::time::PlateTime;
@@ -19,6 +20,7 @@ fn context(run: &SyntheticRun) -> RunContext {
         seed: 7,
         library: Arc::new(testing::library()),
         model: testing::model(),
+        method: if run.plans_fields { Method::SynthesizedField } else { Method::CorSequence },
         parts: (0..run.parts_m.len()).map(part).collect(),
         truth: Some(run.truth.clone()),
     }
@@ -120,16 +122,20 @@ fn fields_are_shown_by_what_they_do_to_the_parts() {
     let mut fields = SyntheticRun::new(2);
     fields.plans_fields = true;
     record_run(fields, &RerunMode::Save, &path, 3).unwrap();
-    let (recording, _) = stores(&path);
+    let (recording, blueprint) = stores(&path);
     let chunks = |path: &str| {
         recording.iter_physical_chunks().filter(|chunk| *chunk.entity_path() == path.into()).collect::<Vec<_>>()
     };
     let arrows: usize = chunks("table/forecast").iter().map(|chunk| chunk.num_rows()).sum();
     assert_eq!(arrows, 3, "once a cycle");
-    for (path, rows) in [("table/field", 3), ("plan/pulses", 3), ("plan/d_mm", 0), ("plan/total_mm", 0)] {
+    let logged =
+        [("table/field", 3), ("plan/pulses", 3), ("plan/harmonics_mm_s", 3), ("plan/d_mm", 0), ("plan/total_mm", 0)];
+    for (path, rows) in logged {
         let logged = chunks(path).into_iter().filter(|chunk| !chunk.is_static());
         assert_eq!(logged.map(|chunk| chunk.num_rows()).sum::<usize>(), rows, "{path}");
     }
+    let shown: String = blueprint.iter_physical_chunks().map(|chunk| chunk.to_string()).collect();
+    assert!(shown.contains("plan/harmonics_mm_s") && !shown.contains("plan/d_mm"), "the panel shows what there is");
 }
 
 #[test]
