@@ -54,13 +54,12 @@ impl Drive {
         if height == 0.0 {
             return 0.0;
         }
-        let [force, momentum] = self.at_full_height(motor, t_s);
+        let [force, momentum] = self.at_full_height(motor, (self.base_radps * t_s).sin_cos());
         height * force + self.envelope.slope(t_s) * momentum
     }
 
-    /// `f` and `p` of `motor` at `t_s`, counts and counts·s.
-    fn at_full_height(&self, motor: usize, t_s: f64) -> [f64; 2] {
-        let (sin, cos) = (self.base_radps * t_s).sin_cos();
+    /// `f` and `p` of `motor` at the phase with this sine and cosine, counts and counts·s.
+    fn at_full_height(&self, motor: usize, (sin, cos): (f64, f64)) -> [f64; 2] {
         let (mut sin_k, mut cos_k) = (sin, cos);
         let (mut force, mut momentum) = (0.0, 0.0);
         for (k, harmonic) in (1..).zip(&self.motors[motor]) {
@@ -76,11 +75,15 @@ impl Drive {
     pub fn peak_counts(&self) -> f64 {
         const STEPS: usize = 720;
         let period_s = std::f64::consts::TAU / self.base_radps;
-        let largest = |(motor, i): (usize, usize)| {
-            let [force, momentum] = self.at_full_height(motor, period_s * i as f64 / STEPS as f64);
-            self.envelope.largest(force, momentum)
+        let largest = |i: usize| {
+            let sin_cos = (self.base_radps * (period_s * i as f64 / STEPS as f64)).sin_cos();
+            let of_motor = |motor: usize| {
+                let [force, momentum] = self.at_full_height(motor, sin_cos);
+                self.envelope.largest(force, momentum)
+            };
+            (0..MOTORS).map(of_motor).fold(0.0, f64::max)
         };
-        (0..MOTORS).flat_map(|motor| (1..=STEPS).map(move |i| (motor, i))).map(largest).fold(0.0, f64::max)
+        (1..=STEPS).map(largest).fold(0.0, f64::max)
     }
 
     /// The same pulse with every force reversed: parts flow the other way.

@@ -9,8 +9,9 @@ use super::waves::Waves;
 
 /// Friction is looked for between these.
 const RANGE: (f64, f64) = (0.02, 2.0);
-/// Halvings of that range: to a millionth.
-const HALVINGS: usize = 20;
+/// Frictions that are tried at once, and how often: each time the range shrinks to a ninth, in the end to a millionth.
+const TRIED: usize = 8;
+const ROUNDS: usize = 6;
 
 /// The Coulomb friction with which coins would have gone as far as was measured in translations: mean over the faster half
 /// of the table's speeds and the middle of its sustains. `None` where nothing moved.
@@ -36,18 +37,21 @@ fn friction_that_goes(waves: &Waves, speed_mps: f64, envelope: &Envelope, distan
     let mut coefficients = vec![0.0; waves.len()];
     (coefficients[1], coefficients[2]) = (speed_mps, 0.5 * speed_mps);
     let mut course = Course::default();
-    let mut goes = |friction: f64| {
-        let disc = Disc { position_m: Vec2::zeros(), radius_m: 0.0, friction };
-        course.run(waves, &coefficients, envelope, &[disc]);
-        course.ends_m.first().map_or(0.0, |end| end.x)
+    let mut go_m = |frictions: [f64; TRIED]| -> Vec<f64> {
+        let discs = frictions.map(|friction| Disc { position_m: Vec2::zeros(), radius_m: 0.0, friction });
+        course.run(waves, &coefficients, envelope, &discs);
+        course.ends_m.iter().map(|end| end.x).collect()
     };
     let (mut low, mut high) = RANGE;
-    if !(distance_m > 0.0 && goes(low) < distance_m && goes(high) > distance_m) {
+    let ends_m = go_m(std::array::from_fn(|i| if i == 0 { low } else { high }));
+    if !(distance_m > 0.0 && ends_m[0] < distance_m && ends_m[1] > distance_m) {
         return None;
     }
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (low + high);
-        if goes(middle) < distance_m { low = middle } else { high = middle }
+    for _ in 0..ROUNDS {
+        let tried = std::array::from_fn(|i| low + (high - low) * (i + 1) as f64 / (TRIED + 1) as f64);
+        let below = go_m(tried).iter().take_while(|&&end_m| end_m < distance_m).count();
+        (low, high) =
+            (if below == 0 { low } else { tried[below - 1] }, if below == TRIED { high } else { tried[below] });
     }
     Some(0.5 * (low + high))
 }
