@@ -11,7 +11,7 @@ use crate::config::{Fault, JobSpec, PlacedPart};
 use crate::control::{self, ControlParams, LimitMet, Nearest, Outcome, Rehearsal, RehearsalParams};
 use crate::geometry::Vec2;
 use crate::library::Library;
-use crate::planner::Reach;
+use crate::planner::{FieldPlanner, Method, Reach};
 use crate::random::Streams;
 use crate::time::PlateTime;
 
@@ -27,8 +27,10 @@ pub struct Forecast {
     pub half_side_m: f64,
     /// The parts, in the order of the job.
     pub parts: Vec<PartForecast>,
-    /// How far all of them can be moved independently where they start.
+    /// How far all of them can be moved independently where they start, by what the job plans with.
     pub independence: Independence,
+    /// True when it plans with synthesised fields.
+    pub fields: bool,
     /// The rehearsals, each with numbers of its own.
     pub rehearsals: Vec<Rehearsal>,
     /// Standard deviation of how far parts go against each other in them: the spread of friction in the rig's file.
@@ -102,6 +104,8 @@ pub fn rehearse(
             })
         })
         .collect();
+    let by_fields = params.method == Method::SynthesizedField;
+    let fields = by_fields.then(|| FieldPlanner::new(library, params.planner)).flatten();
     let targets_m = rehearsals.first().map_or(&[][..], |first| &first.targets_m);
     let parts = starts_m.iter().zip(&params.parts).enumerate().map(|(i, (&start_m, part))| PartForecast {
         id: part.id.clone(),
@@ -112,7 +116,11 @@ pub fn rehearse(
     Ok(Forecast {
         half_side_m: 0.5 * model.plate_side_m,
         parts: parts.collect(),
-        independence: Independence::of(library, &starts_m),
+        independence: match &fields {
+            Some(fields) => Independence::of_fields(fields, &starts_m),
+            None => Independence::of_rotations(library, &starts_m),
+        },
+        fields: fields.is_some(),
         rehearsals,
         friction_spread: job.rig.friction.spread,
     })

@@ -37,6 +37,9 @@ impl Planned {
         let forecast = &self.forecast;
         let mut lines: Vec<String> =
             figures(forecast).into_iter().map(|(label, text)| format!("{label:16} {text}")).collect();
+        if forecast.fields {
+            lines.push("each part alone, by single rotations of the library:".into());
+        }
         lines.extend(table(&forecast.parts));
         lines.push(format!(
             "all of it predicted by the library's displacement model; friction drawn with {:.0} % spread",
@@ -81,6 +84,7 @@ impl Planned {
             "smallest_gap": nearest,
             "limits_met": forecast.limits_met().iter().map(met).collect::<Vec<_>>(),
             "independence": {
+                "of": if forecast.fields { "fields" } else { "rotations" },
                 "singular_values": forecast.independence.singular_values.iter().map(|&s| rounded(s)).collect::<Vec<_>>(),
                 "share": rounded(forecast.independence.share()),
                 "weakest_part": forecast.independence.weakest.and_then(|(part, _)| id(part)),
@@ -122,7 +126,9 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
     }
     if let Some((part, direction)) = forecast.independence.weakest {
         let share = forecast.independence.share();
-        let text = format!("weakest: {} towards {:.0} deg, {share:.3} of the best", id(part), degrees(direction));
+        let by = if forecast.fields { "fields" } else { "rotations" };
+        let (id, direction) = (id(part), degrees(direction));
+        let text = format!("by {by}, weakest: {id} towards {direction:.0} deg, {share:.3} of the best");
         figures.push(("all together", text));
     }
     figures

@@ -112,16 +112,8 @@ impl Bank {
         let length_m = steps_m.iter().map(|s| s.norm_squared()).sum::<f64>().sqrt();
         let mut sums = [[Lanes::ZERO; 2]; EIGHTS];
         for (&p, &s) in positions_m.iter().zip(steps_m) {
-            let (node, place) = self.node(symmetry.back(p));
             let step = symmetry.back(s) / length_m;
-            let corners = [node, node + 1, node + NODES, node + NODES + 1].map(|node| &self.pushes[node]);
-            let [left, low] = [1.0 - place.x, 1.0 - place.y];
-            let weights = [left * low, place.x * low, left * place.y, place.x * place.y];
-            for (k, [along, square]) in sums.iter_mut().enumerate() {
-                let [x, y] = [0, 1].map(|axis| {
-                    let [a, b, c, d] = corners.map(|corner| corner[k][axis]);
-                    (a * weights[0] + b * weights[1]) + (c * weights[2] + d * weights[3])
-                });
+            for ([along, square], [x, y]) in sums.iter_mut().zip(self.pushes_at(symmetry.back(p))) {
                 *along += x * step.x + y * step.y;
                 *square += x * x + y * y;
             }
@@ -138,6 +130,35 @@ impl Bank {
             })
         };
         sums.into_iter().enumerate().flat_map(scored)
+    }
+
+    /// What every motion, laid every way on the plate, does to parts at rest at `positions_m`: means of the slip's direction.
+    pub fn all_pushes(&self, positions_m: &[Vec2]) -> impl Iterator<Item = Vec<Vec2>> {
+        (0..Symmetry::COUNT).map(Symmetry::number).flat_map(move |symmetry| {
+            let at: Vec<Vec<[Lanes; 2]>> =
+                positions_m.iter().map(|&p| self.pushes_at(symmetry.back(p)).collect()).collect();
+            (0..MOTIONS).map(move |motion| {
+                let push = |eights: &Vec<[Lanes; 2]>| {
+                    let [x, y] = eights[motion / 8].map(|lanes| lanes.to_array()[motion % 8]);
+                    symmetry.onto(Vec2::new(x, y))
+                };
+                at.iter().map(push).collect()
+            })
+        })
+    }
+
+    /// Pushes of all motions, as they lie in the tables, at `p_m`.
+    fn pushes_at(&self, p_m: Vec2) -> impl Iterator<Item = [Lanes; 2]> {
+        let (node, place) = self.node(p_m);
+        let corners = [node, node + 1, node + NODES, node + NODES + 1].map(|node| &self.pushes[node]);
+        let [left, low] = [1.0 - place.x, 1.0 - place.y];
+        let weights = [left * low, place.x * low, left * place.y, place.x * place.y];
+        (0..EIGHTS).map(move |k| {
+            [0, 1].map(|axis| {
+                let [a, b, c, d] = corners.map(|corner| corner[k][axis]);
+                (a * weights[0] + b * weights[1]) + (c * weights[2] + d * weights[3])
+            })
+        })
     }
 
     /// The motion as it was promised.

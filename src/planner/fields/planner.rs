@@ -148,6 +148,12 @@ impl FieldPlanner {
         self.passed_over = (self.passed_over + STARTS) % MOST_PASSED_OVER;
     }
 
+    /// How the motions that are started from push parts at rest at `positions_m`: each as the mean direction of its slip, at
+    /// most 1 long.
+    pub fn pushes(&self, positions_m: &[Vec2]) -> impl Iterator<Item = Vec<Vec2>> {
+        self.bank.all_pushes(positions_m)
+    }
+
     /// Where `parts` are forecast to be after `pulse`, m.
     pub fn forecast(&self, parts: &[PartState], pulse: &FieldPulse) -> Vec<Vec2> {
         let mut course = Course::default();

@@ -13,7 +13,7 @@ use crate::run::coverage::fixture::library;
 #[test]
 fn along_x_alone_nothing_goes_up() {
     let made = library([Twist::new(0.5, 0.0, 0.0), Twist::new(-0.3, 0.0, 0.0)]);
-    let one = Independence::of(&made, &[Vec2::new(0.02, 0.03)]);
+    let one = Independence::of_rotations(&made, &[Vec2::new(0.02, 0.03)]);
     let [first, second] = one.singular_values[..] else { panic!("{one:?}") };
     // two columns of length 1: both count a metre of the fastest part
     assert!((first - 2f64.sqrt()).abs() < 1e-12 && second < 1e-7 && one.share() < 1e-7, "{one:?}");
@@ -24,14 +24,14 @@ fn along_x_alone_nothing_goes_up() {
 #[test]
 fn what_moves_all_alike_moves_none_alone() {
     let made = library([Twist::new(0.5, 0.0, 0.0), Twist::new(0.0, 0.5, 0.0), Twist::new(0.4, 0.4, 0.0)]);
-    let both = Independence::of(&made, &[Vec2::new(-0.05, 0.0), Vec2::new(0.05, 0.02)]);
+    let both = Independence::of_rotations(&made, &[Vec2::new(-0.05, 0.0), Vec2::new(0.05, 0.02)]);
     assert_eq!(both.singular_values.len(), 4);
     assert!(both.singular_values[1] > 1.0 && both.singular_values[2] < 1e-7, "{both:?}");
-    let alone = Independence::of(&made, &[Vec2::new(-0.05, 0.0)]);
+    let alone = Independence::of_rotations(&made, &[Vec2::new(-0.05, 0.0)]);
     assert!(alone.share() > 0.5, "{alone:?}");
-    let none = Independence::of(&made, &[]);
+    let none = Independence::of_rotations(&made, &[]);
     assert_eq!((none.singular_values.len(), none.weakest, none.share()), (0, None, 0.0));
-    let dead = Independence::of(&library([Twist::new(0.0, 0.0, 0.0)]), &[Vec2::zeros()]);
+    let dead = Independence::of_rotations(&library([Twist::new(0.0, 0.0, 0.0)]), &[Vec2::zeros()]);
     assert_eq!((dead.singular_values.clone(), dead.share()), (vec![0.0, 0.0], 0.0));
 }
 
@@ -54,7 +54,7 @@ proptest! {
             .collect();
         prop_assume!(columns.iter().flatten().all(|x| x.is_finite()));
         let matrix = DMatrix::from_fn(2 * places_m.len(), columns.len(), |i, j| columns[j][i]);
-        let found = Independence::of(&made, &places_m);
+        let found = Independence::of_rotations(&made, &places_m);
         let svd = matrix.svd(true, false);
         let (largest, count) = (svd.singular_values.max(), found.singular_values.len());
         prop_assert_eq!(count, 2 * places_m.len());
@@ -108,6 +108,7 @@ fn a_forecast_sums_up_its_rehearsals() {
         half_side_m: 0.1,
         parts: Vec::new(),
         independence: Independence { singular_values: Vec::new(), weakest: None },
+        fields: false,
         rehearsals: vec![
             one(done(), 9.0, 0.003, vec![met("a", 2), met("b", 1)]),
             one(done(), 4.0, 0.001, vec![]),

@@ -83,6 +83,25 @@ proptest! {
         }
     }
 
+    /// What is told of all motions is what the laid ones do, run the way they should.
+    #[test]
+    fn all_pushes_are_those_of_the_laid_motions(scene in proptest::collection::vec((node(), step()), 1..4)) {
+        let waves = waves();
+        let bank = Bank::new(&waves, HALF_SIDE_M);
+        let (positions_m, steps_m): (Vec<Vec2>, Vec<Vec2>) = scene.into_iter().unzip();
+        let told = bank.all_pushes(&positions_m).map(|there| {
+            let back: Vec<Vec2> = there.iter().map(|push| -push).collect();
+            promise(&there, &steps_m).max(promise(&back, &steps_m))
+        });
+        let mut told: Vec<f64> = told.collect();
+        let mut laid = promises(&waves, &all(&bank, &waves, &positions_m, &steps_m), &positions_m, &steps_m);
+        prop_assert_eq!(told.len(), laid.len());
+        told.sort_by(f64::total_cmp);
+        laid.sort_by(f64::total_cmp);
+        let worst = told.iter().zip(&laid).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        prop_assert!(worst < 0.05, "{worst}");
+    }
+
     #[test]
     fn the_best_few_are_the_first_of_all(
         scene in proptest::collection::vec((place(), step()), 1..13), count in 0..200usize,
