@@ -179,9 +179,10 @@ impl Camera {
         let (Some(tile), Some(painted)) = (self.grid.tiles.get(index), self.painted.get_mut(index)) else { return };
         self.shares.iter_mut().for_each(Shares::clear);
         let [on_plate, on_parts] = &mut self.shares;
-        self.plate.cover(tile, &self.blur, on_plate);
+        let lens = (&self.view, &self.blur);
+        self.plate.cover(tile, lens, on_plate);
         for part in self.parts.iter().filter(|part| part.touches(column, row)) {
-            part.cover(tile, &self.blur, on_parts);
+            part.cover(tile, lens, on_parts);
         }
         let levels = self.params.levels.map(|level| level as f32);
         let stride = self.grid.stride();

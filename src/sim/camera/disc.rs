@@ -78,8 +78,8 @@ impl DiscOutline {
     }
 
     /// Adds the part's coverage of every pixel, averaged over the exposure.
-    pub(super) fn cover(&self, tile: &Tile, blur: &Blur, shares: &mut Shares) {
-        self.silhouettes.iter().for_each(|silhouette| silhouette.cover(tile, blur, shares));
+    pub(super) fn cover(&self, tile: &Tile, (view, blur): (&View, &Blur), shares: &mut Shares) {
+        self.silhouettes.iter().for_each(|silhouette| silhouette.cover(tile, (view, blur), shares));
     }
 
     /// The tiles within reach of the projections of polygons around foot and top.
@@ -129,21 +129,22 @@ impl Silhouette {
         (q - t * self.lean_m).norm() - (self.foot_radius_m + t * self.growth_m)
     }
 
-    fn cover(&self, tile: &Tile, blur: &Blur, shares: &mut Shares) {
+    fn cover(&self, tile: &Tile, (view, blur): (&View, &Blur), shares: &mut Shares) {
         let covariance = blur.covariance_m2(tile) + self.spread_m2;
-        let clear_m = tile.radius_m + REACH * covariance.trace().sqrt();
+        let reach_m = REACH * covariance.trace().sqrt();
         let distance_m = self.distance_m(tile.center_m);
+        let clear_m = tile.radius_m(view, distance_m.abs() - reach_m) + reach_m;
         let weight = self.weight as f32;
         if distance_m < -clear_m {
             shares.add_everywhere(weight);
         } else if distance_m < clear_m {
-            let rim = Rim::new(self, &covariance);
-            let depths = rim.depths(&tile.block_x_m, &tile.block_y_m);
+            let (rim, pixels) = (Rim::new(self, &covariance), tile.pixels(view));
+            let depths = rim.depths(&pixels.block_x_m, &pixels.block_y_m);
             for (block, depth) in depths.into_iter().enumerate() {
                 if depth > blur.block_reach {
                     shares.add(block, weight);
                 } else if depth > -blur.block_reach {
-                    let depths = rim.depths(&tile.x_m[block], &tile.y_m[block]);
+                    let depths = rim.depths(&pixels.x_m[block], &pixels.y_m[block]);
                     shares.uneven(block).iter_mut().zip(depths).for_each(|(c, z)| *c += weight * edge_spread(z));
                 }
             }

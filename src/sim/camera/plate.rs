@@ -4,7 +4,8 @@ use super::Blur;
 use super::edge::{REACH, edge_spread};
 use super::exposure::{Glimpse, Grain};
 use super::shares::Shares;
-use super::tiles::{LANES, Lanes, Tile};
+use super::tiles::{LANES, Lanes, Pixels, Tile};
+use super::view::View;
 use crate::geometry::{Pose, Vec2, perp};
 
 /// The plate's square outline as the exposure saw it.
@@ -33,7 +34,7 @@ struct TileAtRest {
 impl TileAtRest {
     fn new(tile: &Tile, blur: &Blur, half_side_m: f64) -> Self {
         let to_edge_m = (half_side_m - tile.center_m.amax()).abs();
-        let reach_m = tile.radius_m + REACH * blur.bound_m(tile);
+        let reach_m = tile.radius_bound_m() + REACH * blur.bound_m(tile);
         Self { clear_m: to_edge_m - reach_m, arm_m: tile.center_m.norm() }
     }
 }
@@ -117,15 +118,18 @@ impl PlateOutline {
     }
 
     /// Adds the plate's coverage of every pixel, averaged over the exposure.
-    pub(super) fn cover(&self, tile: &Tile, blur: &Blur, shares: &mut Shares) {
-        let (blur_m2, clear_m) = (blur.covariance_m2(tile), tile.radius_m + REACH * blur.bound_m(tile));
+    pub(super) fn cover(&self, tile: &Tile, (view, blur): (&View, &Blur), shares: &mut Shares) {
+        let blur_m2 = blur.covariance_m2(tile);
+        let reach_m = REACH * blur.bound_m(tile);
         // Added up in f64, so that a tile inside for the whole exposure is covered by 1 exactly.
         let mut whole = 0.0;
         for square in &self.squares {
-            match self.near_sides(square, tile, &blur_m2, clear_m) {
+            match self.near_sides(square, (tile, view), (&blur_m2, reach_m)) {
                 Near::Outside => {}
                 Near::Inside => whole += square.weight,
-                Near::Sides(sides) => cover_between(&sides, square.weight as f32, tile, blur, shares),
+                Near::Sides(sides) => {
+                    cover_between(&sides, square.weight as f32, tile.pixels(view), blur, shares);
+                }
             }
         }
         if whole > 0.0 {
@@ -133,24 +137,31 @@ impl PlateOutline {
         }
     }
 
-    fn near_sides(&self, square: &Square, tile: &Tile, blur_m2: &Matrix2<f64>, clear_m: f64) -> Near {
+    /// `reach_m` is at least the reach of the image's blur on the table in any direction.
+    fn near_sides(
+        &self,
+        square: &Square,
+        (tile, view): (&Tile, &View),
+        (blur_m2, reach_m): (&Matrix2<f64>, f64),
+    ) -> Near {
         let from_center = tile.center_m - square.center_m;
         let [shift_m, turn_rad] = square.spread_bound;
-        let far_m = clear_m + REACH * (shift_m + turn_rad * from_center.norm());
+        let reach_m = reach_m + REACH * (shift_m + turn_rad * from_center.norm());
+        let axes = [square.right, perp(square.right)].map(|normal| (normal, normal.dot(&from_center)));
+        let inside_m = self.half_side_m - axes[0].1.abs().max(axes[1].1.abs());
+        let radius_m = tile.radius_m(view, inside_m.abs() - reach_m);
+        if inside_m.abs() > radius_m + reach_m {
+            return if inside_m > 0.0 { Near::Inside } else { Near::Outside };
+        }
         let mut sides = Sides::default();
-        for normal in [square.right, perp(square.right)] {
-            let along_m = normal.dot(&from_center);
-            let nearer_inside_m = self.half_side_m - along_m.abs();
-            if nearer_inside_m > far_m {
+        for (normal, along_m) in axes {
+            if self.half_side_m - along_m.abs() > radius_m + reach_m {
                 continue;
-            }
-            if nearer_inside_m < -far_m {
-                return Near::Outside;
             }
             let motion = Vector3::new(normal.x, normal.y, normal.dot(&perp(from_center)));
             let variance = normal.dot(&(blur_m2 * normal)) + motion.dot(&(square.spread * motion));
             let sd_m = variance.sqrt();
-            let clear_m = tile.radius_m + REACH * sd_m;
+            let clear_m = radius_m + REACH * sd_m;
             for (outwards, inside_m) in [(normal, self.half_side_m - along_m), (-normal, self.half_side_m + along_m)] {
                 if inside_m < -clear_m {
                     return Near::Outside;
@@ -215,11 +226,11 @@ impl Side {
     }
 }
 
-fn cover_between(sides: &Sides, weight: f32, tile: &Tile, blur: &Blur, shares: &mut Shares) {
+fn cover_between(sides: &Sides, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut Shares) {
     let mut depths = [[f32::INFINITY; LANES]; 4];
     let mut least = [f32::INFINITY; LANES];
     for (depths, side) in depths.iter_mut().zip(sides.iter()) {
-        *depths = side.depths(&tile.block_x_m, &tile.block_y_m);
+        *depths = side.depths(&pixels.block_x_m, &pixels.block_y_m);
         least.iter_mut().zip(&*depths).for_each(|(least, depth)| *least = least.min(*depth));
     }
     for (block, least) in least.into_iter().enumerate() {
@@ -229,7 +240,7 @@ fn cover_between(sides: &Sides, weight: f32, tile: &Tile, blur: &Blur, shares: &
             let mut product = [weight; LANES];
             for (side, depths) in sides.iter().zip(&depths) {
                 if depths[block] < blur.block_reach {
-                    let depths = side.depths(&tile.x_m[block], &tile.y_m[block]);
+                    let depths = side.depths(&pixels.x_m[block], &pixels.y_m[block]);
                     product.iter_mut().zip(&depths).for_each(|(p, z)| *p *= edge_spread(*z));
                 }
             }

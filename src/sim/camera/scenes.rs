@@ -1,6 +1,7 @@
 //! Cameras for tests.
 
 use nalgebra::Vector3;
+use proptest::prelude::*;
 
 use super::{CameraParams, DiscShape};
 use crate::geometry::{Lens, Vec2};
@@ -48,4 +49,23 @@ pub(super) fn small() -> CameraParams {
         tilt_rad: [0.09, 0.07, 0.15],
         ..full()
     }
+}
+
+/// Small pictures of a corner of the plate or of nothing, from looking straight down to looking over the horizon.
+pub(super) fn any() -> impl Strategy<Value = CameraParams> {
+    let tilt = || prop_oneof![-0.1..0.1f64, -1.7..1.7f64];
+    let radial = || prop_oneof![Just(0.0), -0.3..0.3f64];
+    let lens = (800.0..3000.0f64, -400.0..400.0f64, -400.0..400.0f64, radial(), radial(), -5e-3..5e-3f64);
+    let place = (-0.05..0.05f64, -0.05..0.05f64, 0.2..1.5f64);
+    (lens, place, tilt(), tilt(), -3.2..3.2f64).prop_map(|(lens, place, about_x, about_y, about_axis)| CameraParams {
+        lens: Lens {
+            focal_px: lens.0,
+            principal_px: Vec2::new(60.0 + lens.1, 50.0 + lens.2),
+            radial: [lens.3, 0.5 * lens.4],
+            tangential: [lens.5, -lens.5],
+        },
+        position_m: Vector3::new(place.0, place.1, place.2),
+        tilt_rad: [about_x, about_y, about_axis],
+        ..small()
+    })
 }

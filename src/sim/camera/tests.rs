@@ -48,6 +48,30 @@ proptest! {
 }
 
 proptest! {
+    #[test]
+    fn bounds_of_tiles_are_not_seen(params in scenes::any(), x in -0.1..0.1f64, y in -0.1..0.1f64, turn in -0.4..0.4f64) {
+        let discs = [PENNY, TALL];
+        let exposure = [snapshot(pose(x, y, turn), &[Vec2::new(x, y), Vec2::new(x + 0.09, y - 0.09)])];
+        let mut bounded = camera(&params, &discs);
+        bounded.shown(&exposure);
+        let mut exact = camera(&params, &discs);
+        exact.grid.tiles.iter_mut().for_each(tiles::Tile::unbind);
+        (0..exact.grid.tiles.len()).for_each(|index| exact.stale.mark(index));
+        exact.shown(&exposure);
+        prop_assert!(exact.grid.tiles.iter().all(tiles::Tile::is_known));
+        prop_assert!(bounded.clean == exact.clean);
+    }
+}
+
+#[test]
+fn few_tiles_are_looked_at_closely() {
+    let mut camera = camera(&scenes::full(), &[PENNY]);
+    camera.shown(&[snapshot(pose(1e-3, 1e-3, 0.0), &[Vec2::zeros()])]);
+    let known = camera.grid.tiles.iter().filter(|tile| tile.is_known()).count();
+    assert!((200..600).contains(&known), "{known} of {}", camera.grid.tiles.len());
+}
+
+proptest! {
     #![proptest_config(ProptestConfig::with_cases(6))]
     #[test]
     fn a_shaken_plate_is_painted_over_as_from_nothing(

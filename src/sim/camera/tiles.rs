@@ -1,3 +1,5 @@
+use std::sync::OnceLock;
+
 use nalgebra::Matrix2;
 
 use super::view::View;
@@ -28,6 +30,86 @@ const NOWHERE_M: f64 = 1e3;
 /// What a square of pixels sees of the plate's plane.
 #[derive(Clone, Debug)]
 pub(super) struct Tile {
+    first_px: Vec2,
+    /// Table coordinates of the tile's centre, m.
+    pub(super) center_m: Vec2,
+    /// No pixel is farther from the centre, m; infinite where little is known.
+    radius_bound_m: f64,
+    /// Covariance on the table of a point that has unit variance in the image, m²/px²: J Jᵀ with
+    /// J the Jacobian of table by image coordinates.
+    pub(super) px_covariance_m2: Matrix2<f64>,
+    /// Worked out when an edge first comes near, which to most tiles none ever does.
+    pixels: OnceLock<Box<Pixels>>,
+}
+
+impl Tile {
+    fn new(view: &View, first_px: Vec2) -> Self {
+        let middle_px = first_px + Vec2::repeat((SIDE as f64 - 1.0) / 2.0);
+        let center_m = looks_at(view, middle_px);
+        let around_m = [Vec2::new(0.5, 0.0), Vec2::new(0.0, 0.5)]
+            .map(|step| [looks_at(view, middle_px - step), looks_at(view, middle_px + step)]);
+        let jacobian = Matrix2::from_columns(&around_m.map(|[before, behind]| behind - before));
+        Self {
+            first_px,
+            center_m,
+            radius_bound_m: radius_bound_m(center_m, &around_m),
+            px_covariance_m2: jacobian * jacobian.transpose(),
+            pixels: OnceLock::new(),
+        }
+    }
+
+    /// What its pixels see; the same view every time.
+    pub(super) fn pixels(&self, view: &View) -> &Pixels {
+        self.pixels.get_or_init(|| Box::new(Pixels::new(view, self.first_px, self.center_m)))
+    }
+
+    /// Forgets the bound, so that every decision takes the pixels themselves.
+    #[cfg(test)]
+    pub(super) fn unbind(&mut self) {
+        self.radius_bound_m = f64::INFINITY;
+    }
+
+    /// True once its pixels were worked out.
+    #[cfg(test)]
+    pub(super) fn is_known(&self) -> bool {
+        self.pixels.get().is_some()
+    }
+
+    /// Not less than the distance of the farthest pixel from the centre, m.
+    pub(super) fn radius_bound_m(&self) -> f64 {
+        self.radius_bound_m
+    }
+
+    /// The distance of the farthest pixel from the centre, m, or a bound of it that is below `enough_m` as well.
+    pub(super) fn radius_m(&self, view: &View, enough_m: f64) -> f64 {
+        if self.radius_bound_m < enough_m { self.radius_bound_m } else { self.pixels(view).radius_m }
+    }
+}
+
+fn looks_at(view: &View, px: Vec2) -> Vec2 {
+    view.table_from_image(px).unwrap_or(Vec2::repeat(NOWHERE_M))
+}
+
+/// Bounds the distance of a tile's pixels from its centre by what is seen there and half a pixel before and behind it
+/// along both axes. The map to the table is all but linear in a tile; where it bends, near the horizon, there is no bound.
+fn radius_bound_m(center_m: Vec2, around_m: &[[Vec2; 2]; 2]) -> f64 {
+    /// Change of slope in a pixel, as a part of the slope: over half a tile this is a tenth.
+    const MOST_BENT: f64 = 0.1 / (SIDE as f64 / 2.0);
+    /// A tenth for what bends, and a tenth on top.
+    const MARGIN: f64 = 1.2;
+    let slopes = around_m.map(|[before, behind]| behind - before);
+    let bent = |[before, behind]: &[Vec2; 2]| 4.0 * (before + behind - 2.0 * center_m).norm();
+    let least_slope = slopes[0].norm().min(slopes[1].norm());
+    if !around_m.iter().all(|pair| bent(pair) < MOST_BENT * least_slope) {
+        return f64::INFINITY;
+    }
+    let to_corner_px = (SIDE as f64 - 1.0) / 2.0;
+    MARGIN * to_corner_px * (slopes[0] + slopes[1]).norm().max((slopes[0] - slopes[1]).norm())
+}
+
+/// What every pixel of a tile sees of the plate's plane.
+#[derive(Clone, Debug)]
+pub(super) struct Pixels {
     /// Table coordinates of the pixels' centres, m.
     pub(super) x_m: Patch,
     /// As `x_m`.
@@ -36,31 +118,13 @@ pub(super) struct Tile {
     pub(super) block_x_m: Lanes,
     /// As `block_x_m`.
     pub(super) block_y_m: Lanes,
-    /// Table coordinates of the tile's centre, m.
-    pub(super) center_m: Vec2,
-    /// Distance of the farthest pixel from the centre, m.
+    /// Distance of the farthest pixel from the tile's centre, m.
     pub(super) radius_m: f64,
-    /// Covariance on the table of a point that has unit variance in the image, m²/px²: J Jᵀ with
-    /// J the Jacobian of table by image coordinates.
-    pub(super) px_covariance_m2: Matrix2<f64>,
 }
 
-impl Tile {
-    fn new(view: &View, first_px: Vec2) -> Self {
-        let looks_at = |px| view.table_from_image(px).unwrap_or(Vec2::repeat(NOWHERE_M));
-        let middle_px = first_px + Vec2::repeat((SIDE as f64 - 1.0) / 2.0);
-        let center_m = looks_at(middle_px);
-        let slope = |step: Vec2| looks_at(middle_px + step) - looks_at(middle_px - step);
-        let jacobian = Matrix2::from_columns(&[slope(Vec2::new(0.5, 0.0)), slope(Vec2::new(0.0, 0.5))]);
-        let mut tile = Self {
-            x_m: [[0.0; LANES]; LANES],
-            y_m: [[0.0; LANES]; LANES],
-            block_x_m: [0.0; LANES],
-            block_y_m: [0.0; LANES],
-            center_m,
-            radius_m: 0.0,
-            px_covariance_m2: jacobian * jacobian.transpose(),
-        };
+impl Pixels {
+    fn new(view: &View, first_px: Vec2, center_m: Vec2) -> Self {
+        let (mut x_m, mut y_m, mut radius_m) = ([[0.0; LANES]; LANES], [[0.0; LANES]; LANES], 0.0_f64);
         let mut ideal = [Vec2::zeros(); SIDE];
         for row in 0..SIDE {
             view.ideal_from_row(first_px + Vec2::new(0.0, row as f64), &mut ideal);
@@ -68,13 +132,13 @@ impl Tile {
                 let p_m = view.table_from_ideal(*ideal).unwrap_or(Vec2::repeat(NOWHERE_M));
                 let block = row / BLOCK_SIDE * BLOCK_SIDE + column / BLOCK_SIDE;
                 let lane = row % BLOCK_SIDE * BLOCK_SIDE + column % BLOCK_SIDE;
-                tile.radius_m = tile.radius_m.max((p_m - center_m).norm());
-                (tile.x_m[block][lane], tile.y_m[block][lane]) = (p_m.x as f32, p_m.y as f32);
+                radius_m = radius_m.max((p_m - center_m).norm());
+                (x_m[block][lane], y_m[block][lane]) = (p_m.x as f32, p_m.y as f32);
             }
         }
         let mean = |block: &Lanes| block.iter().sum::<f32>() / LANES as f32;
-        (tile.block_x_m, tile.block_y_m) = (tile.x_m.each_ref().map(mean), tile.y_m.each_ref().map(mean));
-        tile
+        let (block_x_m, block_y_m) = (x_m.each_ref().map(mean), y_m.each_ref().map(mean));
+        Self { x_m, y_m, block_x_m, block_y_m, radius_m }
     }
 }
 
@@ -104,7 +168,9 @@ impl Grid {
     /// The tiles that touch the box between two image points.
     pub(super) fn between(&self, low_px: Vec2, high_px: Vec2) -> TileBox {
         let first = |px: f64| (px / SIDE as f64) as usize;
-        let end = |px: f64, count: usize| if px < 0.0 { 0 } else { ((px / SIDE as f64) as usize + 1).min(count) };
+        let end = |px: f64, count: usize| {
+            if px < 0.0 { 0 } else { ((px / SIDE as f64) as usize).saturating_add(1).min(count) }
+        };
         TileBox {
             columns: [first(low_px.x), end(high_px.x + 1.0, self.columns)],
             rows: [first(low_px.y), end(high_px.y + 1.0, self.rows)],
@@ -128,5 +194,51 @@ impl TileBox {
     pub(super) fn indices(self, columns: usize) -> impl Iterator<Item = usize> {
         (self.rows[0]..self.rows[1])
             .flat_map(move |row| (self.columns[0]..self.columns[1]).map(move |column| row * columns + column))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::scenes;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn tiles(params: &super::super::CameraParams) -> (View, Vec<Tile>) {
+        let view = View::new(params);
+        let grid = Grid::new(&view, params.size_px);
+        (view, grid.tiles)
+    }
+
+    proptest! {
+        #[test]
+        fn no_pixel_is_beyond_the_bound(params in scenes::any()) {
+            let (view, tiles) = tiles(&params);
+            for tile in tiles {
+                let (bound_m, exact_m) = (tile.radius_bound_m(), tile.pixels(&view).radius_m);
+                prop_assert!(exact_m <= bound_m, "{exact_m} m, bound {bound_m} m");
+                prop_assert_eq!(tile.radius_m(&view, bound_m), exact_m);
+            }
+        }
+    }
+
+    #[test]
+    fn the_bound_is_close_where_plates_are_watched() {
+        for params in [scenes::small(), scenes::full()] {
+            let (view, tiles) = tiles(&params);
+            for tile in tiles {
+                assert!(tile.radius_bound_m() < 1.25 * tile.pixels(&view).radius_m);
+            }
+        }
+    }
+
+    #[test]
+    fn beyond_the_horizon_there_is_no_bound() {
+        let mut params = scenes::small();
+        params.tilt_rad = [1.55, 0.0, 0.0];
+        let (view, tiles) = tiles(&params);
+        let blind = |tile: &Tile| tile.pixels(&view).x_m.iter().flatten().any(|x_m| *x_m == NOWHERE_M as f32);
+        let blind: Vec<&Tile> = tiles.iter().filter(|tile| blind(tile)).collect();
+        assert!((10..tiles.len()).contains(&blind.len()));
+        assert!(blind.iter().all(|tile| tile.radius_bound_m().is_infinite()));
     }
 }
