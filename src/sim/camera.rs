@@ -24,7 +24,8 @@
 //! standard deviation there along the edge's normal, which carries tilt and distortion. Where a rim crosses the plate's
 //! edge the two shares multiply as if independent, which is wrong in the few pixels within the blur of both.
 //! An exposure is cut into glimpses (`exposure.rs`) that differ from the mean of the snapshots by less than 0.2 % of
-//! an edge's step, by 0.6 % in the plate's corners.
+//! an edge's step, by 0.6 % in the plate's corners. Each side of the plate has glimpses of its own (`side.rs`), by how
+//! far it moves across; where two sides are near, as in corners, those of the whole plate are taken.
 //!
 //! Parts whose centre is off the plate at the middle of the exposure have fallen: dark on dark ground, they are not drawn.
 //!
@@ -42,6 +43,7 @@ mod reference;
 #[cfg(test)]
 mod scenes;
 mod shares;
+mod side;
 #[cfg(test)]
 mod tests;
 mod tiles;

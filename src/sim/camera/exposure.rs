@@ -40,7 +40,7 @@ impl Grain {
             (b.position_m - a.position_m).norm() + (b.heading_rad - a.heading_rad).abs() * self.arm_m
         };
         let step_m = poses.clone().zip(poses.clone().skip(1)).map(travel).fold(0.0, f64::max);
-        let together = ((Self::MERGED * self.blur_m / step_m) as usize).clamp(1, count.max(1));
+        let together = self.together(step_m, count);
         let mut first = 0;
         while first < count {
             let group = poses.clone().skip(first).take(together);
@@ -49,26 +49,49 @@ impl Grain {
         }
     }
 
+    /// How many of `count` snapshots, at most `step_m` apart, are one glimpse.
+    pub(super) fn together(&self, step_m: f64, count: usize) -> usize {
+        ((Self::MERGED * self.blur_m / step_m) as usize).clamp(1, count.max(1))
+    }
+
+    /// True when motion of this variance is not seen.
+    pub(super) fn is_still(&self, variance_m2: f64) -> bool {
+        variance_m2 < (Self::STILL * self.blur_m).powi(2)
+    }
+
+    pub(super) fn rounded_m(&self, x_m: f64) -> f64 {
+        let grain_m = Self::ROUNDING * self.blur_m;
+        (x_m / grain_m).round() * grain_m
+    }
+
+    pub(super) fn rounded_turn(&self, turn_rad: f64) -> f64 {
+        let grain_rad = Self::ROUNDING * self.blur_m / self.arm_m;
+        (turn_rad / grain_rad).round() * grain_rad
+    }
+
     fn glimpse(&self, group: impl ExactSizeIterator<Item = Pose> + Clone, weight: f64) -> Glimpse {
         let coordinates = |pose: Pose| Vector3::new(pose.position_m.x, pose.position_m.y, pose.heading_rad);
-        let share = 1.0 / group.len() as f64;
-        let mean = group.clone().fold(Vector3::zeros(), |sum, pose| sum + share * coordinates(pose));
-        let mut spread = group.fold(Matrix3::zeros(), |sum, pose| {
-            let off = coordinates(pose) - mean;
-            sum + share * off * off.transpose()
-        });
-        let spread_m2 = spread[(0, 0)] + spread[(1, 1)] + spread[(2, 2)] * self.arm_m * self.arm_m;
-        if spread_m2 < (Self::STILL * self.blur_m).powi(2) {
+        let (mean, mut spread) = moments(group.map(coordinates));
+        if self.is_still(spread[(0, 0)] + spread[(1, 1)] + spread[(2, 2)] * self.arm_m * self.arm_m) {
             spread.fill(0.0);
         }
-        let grain_m = Self::ROUNDING * self.blur_m;
-        let rounded = |x: f64, grain: f64| (x / grain).round() * grain;
         let pose = Pose {
-            position_m: Vec2::new(rounded(mean.x, grain_m), rounded(mean.y, grain_m)),
-            heading_rad: rounded(mean.z, grain_m / self.arm_m),
+            position_m: Vec2::new(self.rounded_m(mean.x), self.rounded_m(mean.y)),
+            heading_rad: self.rounded_turn(mean.z),
         };
         Glimpse { pose, spread, weight }
     }
+}
+
+/// Mean and covariance.
+pub(super) fn moments(samples: impl ExactSizeIterator<Item = Vector3<f64>> + Clone) -> (Vector3<f64>, Matrix3<f64>) {
+    let share = 1.0 / samples.len() as f64;
+    let mean = samples.clone().fold(Vector3::zeros(), |sum, sample| sum + share * sample);
+    let spread = samples.fold(Matrix3::zeros(), |sum, sample| {
+        let off = sample - mean;
+        sum + share * off * off.transpose()
+    });
+    (mean, spread)
 }
 
 #[cfg(test)]

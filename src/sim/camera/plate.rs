@@ -4,7 +4,8 @@ use super::Blur;
 use super::edge::{REACH, edge_spread};
 use super::exposure::{Glimpse, Grain};
 use super::shares::Shares;
-use super::tiles::{LANES, Lanes, Pixels, Tile};
+use super::side::{Side, SideOutline};
+use super::tiles::{LANES, Pixels, Tile};
 use super::view::View;
 use crate::geometry::{Pose, Vec2, perp};
 
@@ -12,13 +13,15 @@ use crate::geometry::{Pose, Vec2, perp};
 ///
 /// A side is a straight line on the table. Along its normal n the blur of the image has the table variance
 /// nᵀ C n, C the tile's covariance of the blur; the plate's motion within a glimpse adds its own.
-/// Corners are products of two sides.
+/// Where one side alone is near, the glimpses are that side's own. Corners are products of two sides, in glimpses in
+/// which the whole plate hardly moves.
 #[derive(Clone, Debug)]
 pub(super) struct PlateOutline {
     half_side_m: f64,
     shown: Vec<Glimpse>,
     next: Vec<Glimpse>,
     squares: Vec<Square>,
+    sides: [SideOutline; 4],
     tiles: Vec<TileAtRest>,
 }
 
@@ -59,14 +62,13 @@ struct Square {
     center_m: Vec2,
     right: Vec2,
     spread: Matrix3<f64>,
-    spread_bound: [f64; 2],
     weight: f64,
 }
 
 impl Square {
     fn new(&Glimpse { pose, spread, weight }: &Glimpse) -> Self {
         let right = Rotation2::new(pose.heading_rad) * Vec2::x();
-        Self { center_m: pose.position_m, right, spread, spread_bound: spread_bound(&spread), weight }
+        Self { center_m: pose.position_m, right, spread, weight }
     }
 }
 
@@ -80,6 +82,8 @@ impl PlateOutline {
             shown: vec![rest],
             next: Vec::new(),
             squares: vec![Square::new(&rest)],
+            sides: [Vec2::x(), -Vec2::x(), Vec2::y(), -Vec2::y()]
+                .map(|outwards| SideOutline::new(outwards, half_side_m)),
             tiles: tiles.iter().map(|tile| TileAtRest::new(tile, blur, half_side_m)).collect(),
         }
     }
@@ -98,20 +102,28 @@ impl PlateOutline {
         grain: &Grain,
         mut stale: impl FnMut(usize),
     ) {
-        grain.glimpses(poses, &mut self.next);
-        if self.next.is_empty() || self.next == self.shown {
+        if poses.len() == 0 {
+            return;
+        }
+        grain.glimpses(poses.clone(), &mut self.next);
+        let mut moved = self.next != self.shown;
+        for side in &mut self.sides {
+            moved |= side.take(poses.clone(), grain);
+        }
+        if !moved {
             return;
         }
         let (mut shift_m, mut turn_rad) = (0.0_f64, 0.0_f64);
-        for glimpse in self.shown.iter().chain(&self.next) {
-            let [moved_m, turned_rad] = glimpse_reach(glimpse);
-            (shift_m, turn_rad) = (shift_m.max(moved_m), turn_rad.max(turned_rad));
+        let glimpses = self.shown.iter().chain(&self.next).map(glimpse_reach);
+        for [shifted_m, turned_rad] in glimpses.chain(self.sides.iter().map(SideOutline::reach)) {
+            (shift_m, turn_rad) = (shift_m.max(shifted_m), turn_rad.max(turned_rad));
         }
         for (index, tile) in self.tiles.iter().enumerate() {
             if tile.clear_m <= shift_m + turn_rad * tile.arm_m {
                 stale(index);
             }
         }
+        self.sides.iter_mut().for_each(SideOutline::swap);
         std::mem::swap(&mut self.shown, &mut self.next);
         self.squares.clear();
         self.squares.extend(self.shown.iter().map(Square::new));
@@ -119,17 +131,31 @@ impl PlateOutline {
 
     /// Adds the plate's coverage of every pixel, averaged over the exposure.
     pub(super) fn cover(&self, tile: &Tile, (view, blur): (&View, &Blur), shares: &mut Shares) {
-        let blur_m2 = blur.covariance_m2(tile);
         let reach_m = REACH * blur.bound_m(tile);
+        let depths_m = self.sides.each_ref().map(|side| side.depths_m(tile.center_m));
+        let inside_m = depths_m.iter().fold(f64::INFINITY, |inside_m, [least_m, _]| inside_m.min(*least_m));
+        let outside_m = depths_m.iter().fold(f64::NEG_INFINITY, |outside_m, [_, most_m]| outside_m.max(-most_m));
+        let clear_m = reach_m + tile.radius_m(view, inside_m.max(outside_m) - reach_m);
+        if outside_m > clear_m {
+            return;
+        }
+        let mut near = self.sides.iter().zip(&depths_m).filter(|(_, [least_m, _])| *least_m <= clear_m);
+        match (near.next(), near.next()) {
+            (None, _) => shares.add_everywhere(1.0),
+            (Some((side, _)), None) => side.cover((tile, view), blur, shares),
+            _ => self.cover_at_corner((tile, view), blur, shares),
+        }
+    }
+
+    fn cover_at_corner(&self, (tile, view): (&Tile, &View), blur: &Blur, shares: &mut Shares) {
+        let (blur_m2, pixels) = (blur.covariance_m2(tile), tile.pixels(view));
         // Added up in f64, so that a tile inside for the whole exposure is covered by 1 exactly.
         let mut whole = 0.0;
         for square in &self.squares {
-            match self.near_sides(square, (tile, view), (&blur_m2, reach_m)) {
+            match self.near_sides(square, tile.center_m, pixels.radius_m, &blur_m2) {
                 Near::Outside => {}
                 Near::Inside => whole += square.weight,
-                Near::Sides(sides) => {
-                    cover_between(&sides, square.weight as f32, tile.pixels(view), blur, shares);
-                }
+                Near::Sides(sides) => cover_between(&sides, square.weight as f32, pixels, blur, shares),
             }
         }
         if whole > 0.0 {
@@ -137,27 +163,11 @@ impl PlateOutline {
         }
     }
 
-    /// `reach_m` is at least the reach of the image's blur on the table in any direction.
-    fn near_sides(
-        &self,
-        square: &Square,
-        (tile, view): (&Tile, &View),
-        (blur_m2, reach_m): (&Matrix2<f64>, f64),
-    ) -> Near {
-        let from_center = tile.center_m - square.center_m;
-        let [shift_m, turn_rad] = square.spread_bound;
-        let reach_m = reach_m + REACH * (shift_m + turn_rad * from_center.norm());
-        let axes = [square.right, perp(square.right)].map(|normal| (normal, normal.dot(&from_center)));
-        let inside_m = self.half_side_m - axes[0].1.abs().max(axes[1].1.abs());
-        let radius_m = tile.radius_m(view, inside_m.abs() - reach_m);
-        if inside_m.abs() > radius_m + reach_m {
-            return if inside_m > 0.0 { Near::Inside } else { Near::Outside };
-        }
+    fn near_sides(&self, square: &Square, center_m: Vec2, radius_m: f64, blur_m2: &Matrix2<f64>) -> Near {
+        let from_center = center_m - square.center_m;
         let mut sides = Sides::default();
-        for (normal, along_m) in axes {
-            if self.half_side_m - along_m.abs() > radius_m + reach_m {
-                continue;
-            }
+        for normal in [square.right, perp(square.right)] {
+            let along_m = normal.dot(&from_center);
             let motion = Vector3::new(normal.x, normal.y, normal.dot(&perp(from_center)));
             let variance = normal.dot(&(blur_m2 * normal)) + motion.dot(&(square.spread * motion));
             let sd_m = variance.sqrt();
@@ -167,9 +177,8 @@ impl PlateOutline {
                     return Near::Outside;
                 }
                 if inside_m < clear_m {
-                    let slope = -outwards / sd_m;
-                    let z0 = (self.half_side_m + outwards.dot(&square.center_m)) / sd_m;
-                    sides.push(Side { zx: slope.x as f32, zy: slope.y as f32, z0: z0 as f32 });
+                    let offset_m = self.half_side_m + outwards.dot(&square.center_m);
+                    sides.push(Side::new(&Vector3::new(offset_m, -outwards.x, -outwards.y), sd_m));
                 }
             }
         }
@@ -204,25 +213,6 @@ impl Sides {
 
     fn iter(&self) -> impl Iterator<Item = &Side> {
         self.sides.iter().take(self.count)
-    }
-}
-
-/// A side: `z = zx·x + zy·y + z0` standard deviations of the blur inside it.
-#[derive(Clone, Copy, Debug, Default)]
-struct Side {
-    zx: f32,
-    zy: f32,
-    z0: f32,
-}
-
-impl Side {
-    #[inline(always)]
-    fn depths(&self, x_m: &Lanes, y_m: &Lanes) -> Lanes {
-        let mut depths = [0.0; LANES];
-        for ((depth, x), y) in depths.iter_mut().zip(x_m).zip(y_m) {
-            *depth = self.zx * x + self.zy * y + self.z0;
-        }
-        depths
     }
 }
 

@@ -134,6 +134,28 @@ fn an_exposure_is_the_mean_of_its_snapshots() {
 }
 
 #[test]
+fn sides_of_a_moving_plate_are_the_mean_of_its_snapshots() {
+    let params = CameraParams { shading: 0.0, ..scenes::full() };
+    let view = View::new(&params);
+    let looks_at = |k: usize| view.table_from_image(Vec2::new((k % 1280) as f64, (k / 1280) as f64));
+    let at_corner: Vec<bool> = (0..1280 * 1024).map(|k| looks_at(k).is_none_or(|p| p.abs().min() > 0.09)).collect();
+    let mut camera = camera(&params, &[]);
+    // Two to five snapshots in a glimpse, nearly too many and just not.
+    for (x, y, turn) in [(6e-5, 8.6e-5, 0.0), (7.7e-5, 1.1e-4, 0.0), (-1.5e-4, 3e-4, 1e-5), (2e-5, -4e-5, 4e-4)] {
+        let at = |k: f64| snapshot(pose(k * x, k * y, k * turn), &[]);
+        let exposure: Vec<Snapshot> = (0..5).map(|k| at(f64::from(k))).collect();
+        let mut off = camera.shown(&exposure).levels;
+        for snapshot in exposure {
+            let sharp = camera.shown(&[snapshot]);
+            off.iter_mut().zip(&sharp.levels).for_each(|(sum, level)| *sum -= level / 5.0);
+        }
+        let most = off.iter().zip(&at_corner).filter(|(_, at_corner)| !*at_corner).map(|(off, _)| off.abs());
+        let most = most.fold(0.0, f64::max);
+        assert!(most < 2e-3 * (params.levels[1] - params.levels[0]), "{x}, {y}, {turn}: off by {most}");
+    }
+}
+
+#[test]
 fn frames_follow_from_seed_and_calls() {
     let params = scenes::small();
     let exposure = [snapshot(Pose::IDENTITY, &[Vec2::new(0.08, 0.08)])];

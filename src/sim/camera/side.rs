@@ -1,0 +1,244 @@
+use nalgebra::{Matrix2, Matrix3, Rotation2, Vector3};
+
+use super::Blur;
+use super::edge::{REACH, edge_spread};
+use super::exposure::{Grain, moments};
+use super::shares::Shares;
+use super::tiles::{LANES, Lanes, Pixels, Tile};
+use super::view::View;
+use crate::geometry::{Pose, Vec2, perp};
+
+/// One side of the plate as the exposure saw it.
+///
+/// A side that moves along itself looks as it did, so it is cut into glimpses of its own, by how far it moves across.
+/// What is averaged over a glimpse is the line's equation: a point's depth inside the side is linear in it, so that the
+/// depth's mean and variance follow exactly, wherever the point is.
+#[derive(Clone, Debug)]
+pub(super) struct SideOutline {
+    half_side_m: f64,
+    /// Outward normal when the plate rests.
+    outwards: Vec2,
+    shown: Vec<Line>,
+    next: Vec<Line>,
+}
+
+/// A glimpse of a side. A point (x, y) of the table is `mean · (1, x, y)` inside it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Line {
+    mean: Vector3<f64>,
+    /// Covariance of the line's coordinates about their mean.
+    spread: Matrix3<f64>,
+    /// Their standard deviations.
+    sd: Vector3<f64>,
+    /// Its share of the exposure.
+    weight: f64,
+}
+
+impl SideOutline {
+    /// A side of a plate at rest.
+    pub(super) fn new(outwards: Vec2, half_side_m: f64) -> Self {
+        let rest = Vector3::new(half_side_m, -outwards.x, -outwards.y);
+        let line = Line { mean: rest, spread: Matrix3::zeros(), sd: Vector3::zeros(), weight: 1.0 };
+        Self { half_side_m, outwards, shown: vec![line], next: Vec::new() }
+    }
+
+    /// Takes the plate's poses of a new exposure; true if they look otherwise than what is shown.
+    pub(super) fn take(&mut self, poses: impl ExactSizeIterator<Item = Pose> + Clone, grain: &Grain) -> bool {
+        let outwards = self.outwards;
+        let lines = poses.map(move |pose| moved(outwards, &pose));
+        let ends =
+            [perp(self.outwards), -perp(self.outwards)].map(|along| at(self.half_side_m * (self.outwards + along)));
+        let across_m = |off: Vector3<f64>| ends.iter().fold(0.0_f64, |most, end| most.max(off.dot(end).abs()));
+        let steps_m = lines.clone().zip(lines.clone().skip(1)).map(|(a, b)| across_m(b - a));
+        let together = grain.together(steps_m.fold(0.0, f64::max), lines.len());
+        self.next.clear();
+        let mut first = 0;
+        while first < lines.len() {
+            let group = lines.clone().skip(first).take(together);
+            let weight = group.len() as f64 / lines.len() as f64;
+            let (off, mut spread) = moments(group);
+            if ends.iter().all(|end| grain.is_still(end.dot(&(spread * end)))) {
+                spread.fill(0.0);
+            }
+            self.next.push(self.line(off, spread, weight, grain));
+            first += together;
+        }
+        self.next != self.shown
+    }
+
+    /// Shows what was taken last.
+    pub(super) fn swap(&mut self) {
+        std::mem::swap(&mut self.shown, &mut self.next);
+    }
+
+    fn rest(&self) -> Vector3<f64> {
+        Vector3::new(self.half_side_m, -self.outwards.x, -self.outwards.y)
+    }
+
+    fn line(&self, off: Vector3<f64>, spread: Matrix3<f64>, weight: f64, grain: &Grain) -> Line {
+        let off = Vector3::new(grain.rounded_m(off.x), grain.rounded_turn(off.y), grain.rounded_turn(off.z));
+        Line { mean: self.rest() + off, spread, sd: spread.diagonal().map(f64::sqrt), weight }
+    }
+
+    /// How far the reach of its blur is moved at most, now or by what was taken last: everywhere, m, and more for
+    /// every metre from the resting plate's centre.
+    pub(super) fn reach(&self) -> [f64; 2] {
+        let rest = self.rest();
+        self.shown.iter().chain(&self.next).fold([0.0, 0.0], |[shift_m, turn_rad], line| {
+            let off = (line.mean - rest).abs() + REACH * line.sd;
+            [shift_m.max(off.x), turn_rad.max(off.y + off.z)]
+        })
+    }
+
+    /// Bounds of how deep inside a point is at any time of the exposure, motion within glimpses with its reach, m.
+    pub(super) fn depths_m(&self, p_m: Vec2) -> [f64; 2] {
+        let point = at(p_m);
+        self.shown.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], line| {
+            let (depth_m, reach_m) = (line.mean.dot(&point), REACH * line.sd.dot(&point.abs()));
+            [least.min(depth_m - reach_m), most.max(depth_m + reach_m)]
+        })
+    }
+
+    /// Adds what is inside this side of a tile that no other side is near to.
+    pub(super) fn cover(&self, (tile, view): (&Tile, &View), blur: &Blur, shares: &mut Shares) {
+        let (blur_m2, center, pixels) = (blur.covariance_m2(tile), at(tile.center_m), tile.pixels(view));
+        let mut whole = 0.0;
+        for line in &self.shown {
+            let (depth_m, sd_m) = (line.mean.dot(&center), line.sd_m(&center, &blur_m2));
+            let clear_m = pixels.radius_m + REACH * sd_m;
+            if depth_m >= clear_m {
+                whole += line.weight;
+            } else if depth_m >= -clear_m {
+                Side::new(&line.mean, sd_m).cover(line.weight as f32, pixels, blur, shares);
+            }
+        }
+        if whole > 0.0 {
+            shares.add_everywhere(whole as f32);
+        }
+    }
+}
+
+/// How the coordinates of a side's line differ from those at rest.
+fn moved(outwards: Vec2, pose: &Pose) -> Vector3<f64> {
+    let turned = Rotation2::new(pose.heading_rad) * outwards;
+    Vector3::new(turned.dot(&pose.position_m), outwards.x - turned.x, outwards.y - turned.y)
+}
+
+/// A point of the table, to be multiplied by a line.
+fn at(p_m: Vec2) -> Vector3<f64> {
+    Vector3::new(1.0, p_m.x, p_m.y)
+}
+
+impl Line {
+    /// Standard deviation across the line of the blur and of the motion at a point.
+    fn sd_m(&self, point: &Vector3<f64>, blur_m2: &Matrix2<f64>) -> f64 {
+        let normal = self.mean.yz();
+        (normal.dot(&(blur_m2 * normal)) + point.dot(&(self.spread * point))).sqrt()
+    }
+}
+
+/// A side in the blur of one tile: `z = zx·x + zy·y + z0` standard deviations inside it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Side {
+    z0: f32,
+    zx: f32,
+    zy: f32,
+}
+
+impl Side {
+    /// From a line that has (x, y) `line · (1, x, y)` inside.
+    pub(super) fn new(line: &Vector3<f64>, sd_m: f64) -> Self {
+        let [z0, zx, zy] = [line.x, line.y, line.z].map(|coordinate| (coordinate / sd_m) as f32);
+        Self { z0, zx, zy }
+    }
+
+    #[inline(always)]
+    pub(super) fn depths(&self, x_m: &Lanes, y_m: &Lanes) -> Lanes {
+        let mut depths = [0.0; LANES];
+        for ((depth, x), y) in depths.iter_mut().zip(x_m).zip(y_m) {
+            *depth = self.zx * x + self.zy * y + self.z0;
+        }
+        depths
+    }
+
+    fn cover(&self, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut Shares) {
+        let depths = self.depths(&pixels.block_x_m, &pixels.block_y_m);
+        for (block, depth) in depths.into_iter().enumerate() {
+            if depth >= blur.block_reach {
+                shares.add(block, weight);
+            } else if depth >= -blur.block_reach {
+                let depths = self.depths(&pixels.x_m[block], &pixels.y_m[block]);
+                shares.uneven(block).iter_mut().zip(&depths).for_each(|(c, z)| *c += weight * edge_spread(*z));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const HALF_M: f64 = 0.1;
+    const GRAIN: Grain = Grain { blur_m: 2e-4, arm_m: 0.2 };
+
+    fn taken(outwards: Vec2, poses: &[Pose]) -> SideOutline {
+        let mut side = SideOutline::new(outwards, HALF_M);
+        side.take(poses.iter().copied(), &GRAIN);
+        side.swap();
+        side
+    }
+
+    fn moving(step: Pose) -> Vec<Pose> {
+        let at = |k: f64| Pose { position_m: k * step.position_m, heading_rad: k * step.heading_rad };
+        (0..5).map(|k| at(f64::from(k))).collect()
+    }
+
+    #[test]
+    fn only_motion_across_cuts_it() {
+        let glimpses = |x_m, y_m, heading_rad| {
+            let poses = moving(Pose { position_m: Vec2::new(x_m, y_m), heading_rad });
+            taken(Vec2::x(), &poses).shown.len()
+        };
+        assert_eq!(glimpses(0.0, 4e-4, 0.0), 1);
+        assert_eq!([3e-5, 1e-4, 1.4e-4, 4e-4].map(|x_m| glimpses(x_m, 0.0, 0.0)), [1, 2, 3, 5]);
+        assert_eq!([3e-4, 1e-3, 1.4e-3, 4e-3].map(|turn_rad| glimpses(0.0, 0.0, turn_rad)), [1, 2, 3, 5]);
+    }
+
+    #[test]
+    fn what_rests_in_the_picture_rests() {
+        let mut side = SideOutline::new(-Vec2::y(), HALF_M);
+        for y_m in [0.0, 1e-9] {
+            let still = Pose { position_m: Vec2::new(1e-3, y_m), heading_rad: 0.0 };
+            assert!(!side.take([still].into_iter(), &GRAIN), "{y_m}");
+        }
+        let moved = Pose { position_m: Vec2::new(0.0, 1e-6), heading_rad: 0.0 };
+        assert!(side.take([moved].into_iter(), &GRAIN));
+    }
+
+    proptest! {
+        #[test]
+        fn mean_and_variance_of_depths_are_those_of_the_snapshots(
+            (x, y, turn) in (-6e-5..6e-5f64, -5e-4..5e-4f64, -3e-4..3e-4f64),
+            along in -HALF_M..HALF_M,
+        ) {
+            let (poses, p) = (moving(Pose { position_m: Vec2::new(x, y), heading_rad: turn }), Vec2::new(HALF_M, along));
+            let side = taken(Vec2::x(), &poses);
+            let depths = poses.iter().map(|pose| HALF_M - pose.apply_inverse(p).x);
+            let mean = depths.clone().sum::<f64>() / 5.0;
+            let square = depths.map(|depth| (depth - mean).powi(2)).sum::<f64>() / 5.0;
+            let ours = side.shown.iter().map(|line| line.weight * line.mean.dot(&at(p))).sum::<f64>();
+            let spread = |line: &Line| line.sd_m(&at(p), &Matrix2::zeros()).powi(2);
+            let around = |line: &Line| spread(line) + (line.mean.dot(&at(p)) - ours).powi(2);
+            let ours_square = side.shown.iter().map(|line| line.weight * around(line)).sum::<f64>();
+            prop_assert!((ours - mean).abs() < 1.5e-3 * GRAIN.blur_m, "{ours} {mean}");
+            prop_assert!((ours_square - square).abs() < 2e-3 * GRAIN.blur_m * (square.sqrt() + GRAIN.blur_m));
+            // Motion too small to be seen is left out.
+            let [least, most] = side.depths_m(p);
+            let unseen = 0.02 * GRAIN.blur_m;
+            for depth in poses.iter().map(|pose| HALF_M - pose.apply_inverse(p).x) {
+                prop_assert!((least - unseen..most + unseen).contains(&depth), "{depth} {least} {most}");
+            }
+        }
+    }
+}
