@@ -21,10 +21,10 @@ const FIRST_ROUNDS: usize = 4;
 const ROUNDS: usize = 5;
 /// Rounds after a guard is put up or told to push; how often that is done; by how much it then pushes, m.
 const GUARDED_ROUNDS: usize = 2;
-const MOST_GUARDED: usize = 6;
-const PUSH_M: f64 = 1e-3;
+const MOST_GUARDED: usize = 4;
+const PUSH_M: f64 = 2e-3;
 /// Attempts at a plan; each after the first asks for half the steps, or starts from other motions.
-const ATTEMPTS: usize = 5;
+const ATTEMPTS: usize = 6;
 /// A promise is broken when what the last plan was off by is more than this part of what is left.
 const BROKEN_PROMISE: f64 = 0.5;
 /// Motions of the bank after which the best come round again.

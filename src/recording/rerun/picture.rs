@@ -16,14 +16,13 @@ pub(super) fn jpeg(frame: &Frame) -> Result<EncodedImage, String> {
 /// `frame` at half its size, each pixel the mean of four, as JPEG. `halved` is working space.
 pub(super) fn jpeg_at_half_size(frame: &Frame, halved: &mut Vec<u8>) -> Result<EncodedImage, String> {
     let (width, height) = (frame.width / 2, frame.height / 2);
+    let mut columns: Vec<u16> = Vec::with_capacity(frame.width);
     halved.clear();
     for y in 0..height {
         let (top, bottom) = (frame.row(2 * y), frame.row(2 * y + 1));
-        let pairs = top.as_chunks::<2>().0.iter().zip(bottom.as_chunks::<2>().0);
-        halved.extend(pairs.map(|([a, b], [c, d])| {
-            let sum: u16 = [a, b, c, d].map(|&level| u16::from(level)).iter().sum();
-            ((sum + 2) / 4) as u8
-        }));
+        columns.clear();
+        columns.extend(top.iter().zip(bottom).map(|(&a, &b)| u16::from(a) + u16::from(b)));
+        halved.extend(columns.as_chunks::<2>().0.iter().map(|[left, right]| ((left + right + 2) / 4) as u8));
     }
     encode_jpeg(halved, width, height)
 }
