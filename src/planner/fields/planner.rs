@@ -24,7 +24,7 @@ const GUARDED_ROUNDS: usize = 2;
 const MOST_GUARDED: usize = 4;
 const PUSH_M: f64 = 2e-3;
 /// Attempts at a plan; each after the first asks for half the steps, or starts from other motions.
-const ATTEMPTS: usize = 6;
+const ATTEMPTS: usize = 5;
 /// A promise is broken when what the last plan was off by is more than this part of what is left.
 const BROKEN_PROMISE: f64 = 0.5;
 /// Motions of the bank after which the best come round again.
