@@ -80,7 +80,7 @@ fn edge_bound_m(part: &PartState, params: &PlannerParams) -> f64 {
 }
 
 /// The part of edge margin and separation that a sequence may use up on its way; the plan as a whole keeps all of it.
-const ON_THE_WAY: f64 = 0.5;
+pub(super) const ON_THE_WAY: f64 = 0.5;
 
 /// What a forecast may be off, as a part of the step it is for.
 const UNSURE: f64 = 0.05;

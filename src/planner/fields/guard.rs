@@ -35,6 +35,18 @@ impl Guard {
         Some(Self { aim_m: free.along(steps_m), ..free })
     }
 
+    /// For every two parts that lie nearer to each other than `separation_m`: they get that far apart at least.
+    pub fn of_near(parts: &[PartState], separation_m: f64, steps_m: &[f64]) -> Vec<Self> {
+        let pairs = (0..parts.len()).flat_map(|a| (a + 1..parts.len()).map(move |b| [a, b]));
+        let near = pairs.filter_map(|pair| {
+            let [a, b] = pair.map(|part| parts[part]);
+            let missing_m = a.radius_m + b.radius_m + separation_m - (a.position_m - b.position_m).norm();
+            let guard = Self::of_limit(Limit::Separation { parts: pair }, parts, steps_m)?;
+            (missing_m > 0.0).then(|| Self { aim_m: guard.aim_m.max(missing_m), ..guard })
+        });
+        near.collect()
+    }
+
     /// They shall get away by `by_m` farther, and not nearer in any case.
     pub fn push(&mut self, by_m: f64) {
         self.aim_m = self.aim_m.max(0.0) + by_m;

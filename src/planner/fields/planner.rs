@@ -11,7 +11,7 @@ use super::strength::Strength;
 use super::waves::Waves;
 use crate::geometry::Vec2;
 use crate::library::Library;
-use crate::planner::limits::{Clearances, half_spaces, most_violated};
+use crate::planner::limits::{Clearances, ON_THE_WAY, half_spaces, most_violated};
 use crate::planner::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
 use crate::signal::Envelope;
 
@@ -177,13 +177,14 @@ impl FieldPlanner {
         let steps_m = DVector::from_iterator(2 * steps.len(), steps.iter().flat_map(|s| [s.x, s.y]));
         let discs = self.discs(parts);
         let envelope = self.envelope(self.sustain_s(wanted_m));
+        let near = Guard::of_near(parts, ON_THE_WAY * self.params.separation_m, steps_m.as_slice());
         let free = Range {
             waves: &self.waves,
             strength: &self.strength,
             discs: &discs,
             steps_m: &steps_m,
             envelope: &envelope,
-            guards: &[],
+            guards: &near,
             spare: &self.spare,
         };
         let shot = match again {
@@ -206,7 +207,7 @@ impl FieldPlanner {
     /// `shot`, changed so that it keeps the limits, with guards where it has to be.
     fn cleared(&self, mut shot: Shot, free: &Range<'_>, parts: &[PartState]) -> Result<Shot, Limit> {
         let clearances = Clearances::of(parts, &self.params);
-        let mut guards: Vec<Guard> = Vec::new();
+        let mut guards = free.guards.to_vec();
         for tried in 0.. {
             let Some(limit) = self.broken(&clearances, &shot.course, parts) else { break };
             if tried == MOST_GUARDED {
