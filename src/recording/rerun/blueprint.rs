@@ -58,7 +58,7 @@ fn run(layout: &mut Layout, context: &RunContext) -> ContainerLike {
 /// What a plan is made of: one bar a rotation, or one a harmonic of a field.
 fn plan(method: Method) -> ContainerLike {
     let (name, origin) = match method {
-        Method::SynthesizedField => ("Plan: speed in each harmonic, mm/s", "plan/harmonics_mm_s"),
+        Method::SynthesizedField => ("Harmonics, mm/s", "plan/harmonics_mm_s"),
         Method::CorSequence | Method::PseudoInverse => ("Plan: d, mm", "plan/d_mm"),
     };
     BarChartView::new(name).with_origin(origin).into()
