@@ -35,9 +35,10 @@ impl Attempt {
     }
 }
 
-/// Everything worth trying, best first.
-pub(super) fn ways_to_try(whole: &[PartState]) -> impl Iterator<Item = Attempt> + '_ {
-    let together = FRACTIONS.into_iter().map(|part| Attempt {
+/// Everything worth trying, best first; no smaller steps of all parts for a planner that tries them itself.
+pub(super) fn ways_to_try(whole: &[PartState], tries_smaller: bool) -> impl Iterator<Item = Attempt> + '_ {
+    let fractions = if tries_smaller { &FRACTIONS[..1] } else { &FRACTIONS };
+    let together = fractions.iter().map(|&part| Attempt {
         parts: whole.iter().map(|state| PartState { step_m: part * state.step_m, ..*state }).collect(),
         is_part: part < 1.0,
         what: What::Fraction(part),
@@ -62,12 +63,14 @@ mod tests {
         let state =
             |x: f64| PartState { position_m: Vec2::zeros(), step_m: Vec2::new(x, 0.0), radius_m: 0.01, gain: 1.0 };
         let whole = [state(0.002), state(0.008)];
-        let tried: Vec<Attempt> = ways_to_try(&whole).collect();
+        let tried: Vec<Attempt> = ways_to_try(&whole, false).collect();
         let steps: Vec<[f64; 2]> = tried.iter().map(|a| [a.parts[0].step_m.x, a.parts[1].step_m.x]).collect();
         let expected = [[0.002, 0.008], [0.001, 0.004], [0.0005, 0.002], [0.00025, 0.001], [0.0, 0.008], [0.002, 0.0]];
         assert_eq!(steps, expected);
         assert_eq!(tried[1].in_words(|_| "?"), "0.5 of the step");
         assert_eq!(tried[4].in_words(|part| ["penny-1", "penny-2"][part]), "the step of penny-2 alone");
-        assert_eq!(ways_to_try(&whole[..1]).count(), 4, "one part is always alone");
+        assert_eq!(ways_to_try(&whole[..1], false).count(), 4, "one part is always alone");
+        let steps: Vec<f64> = ways_to_try(&whole, true).map(|a| a.parts[1].step_m.x).collect();
+        assert_eq!(steps, [0.008, 0.008, 0.0], "the planner has tried the smaller ones");
     }
 }

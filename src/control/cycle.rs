@@ -212,7 +212,7 @@ impl Cycle<'_> {
     fn plan(&mut self, observed: &[Vec2], wanted: &Wanted) -> Result<Plan, Ending> {
         let whole = self.part_states(observed, wanted);
         let mut stopped_by = String::new();
-        for tried in ways_to_try(&whole) {
+        for tried in ways_to_try(&whole, self.plans.tries_smaller()) {
             let plan = self.plans.plan(&tried.parts);
             match &plan.status {
                 PlanStatus::NothingToDo if tried.is_part => continue,

@@ -10,6 +10,11 @@ pub(super) trait Plans {
     /// The pulses that bring every part its step.
     fn plan(&mut self, parts: &[PartState]) -> Plan;
 
+    /// True when it tries smaller steps itself where the whole ones are infeasible.
+    fn tries_smaller(&self) -> bool {
+        false
+    }
+
     /// Where `parts` are forecast to be after `pulse`, m; `None` for a pulse of a kind that it does not plan.
     fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>>;
 }
@@ -50,6 +55,10 @@ impl Plans for Planner {
 impl Plans for FieldPlanner {
     fn plan(&mut self, parts: &[PartState]) -> Plan {
         FieldPlanner::plan(self, parts)
+    }
+
+    fn tries_smaller(&self) -> bool {
+        true
     }
 
     fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {

@@ -220,7 +220,7 @@ impl Player<'_> {
     fn plan(&mut self, wanted: &Wanted) -> Result<Plan, Ending> {
         let mut last = String::new();
         let whole = self.part_states(wanted);
-        for tried in ways_to_try(&whole) {
+        for tried in ways_to_try(&whole, self.plans.tries_smaller()) {
             let plan = self.plans.plan(&tried.parts);
             last = match &plan.status {
                 PlanStatus::NothingToDo if tried.is_part => continue,

@@ -11,7 +11,7 @@ use super::strength::Strength;
 use super::waves::Waves;
 use crate::geometry::Vec2;
 use crate::library::Library;
-use crate::planner::limits::{Clearances, ON_THE_WAY, half_spaces, most_violated};
+use crate::planner::limits::{Clearances, half_spaces, most_violated};
 use crate::planner::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
 use crate::signal::Envelope;
 
@@ -177,7 +177,7 @@ impl FieldPlanner {
         let steps_m = DVector::from_iterator(2 * steps.len(), steps.iter().flat_map(|s| [s.x, s.y]));
         let discs = self.discs(parts);
         let envelope = self.envelope(self.sustain_s(wanted_m));
-        let near = Guard::of_near(parts, ON_THE_WAY * self.params.separation_m, steps_m.as_slice());
+        let near = Guard::of_near(parts, self.params.separation_m, steps_m.as_slice());
         let free = Range {
             waves: &self.waves,
             strength: &self.strength,
@@ -248,7 +248,7 @@ impl FieldPlanner {
         range.better(best.unwrap_or_else(|| range.shot(&vec![0.0; self.waves.len()])), ROUNDS)
     }
 
-    /// The first limit that is broken on the way.
+    /// The first limit that is broken on the way, or at its end, where no part sways any more.
     fn broken(&self, clearances: &Clearances, course: &Course, parts: &[PartState]) -> Option<Limit> {
         let start_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         let mut before_m = start_m.clone();
@@ -259,7 +259,7 @@ impl FieldPlanner {
             }
             before_m = places_m;
         }
-        None
+        clearances.broken_after(&start_m, &course.ends_m, &course.ends_m, 0.0)
     }
 
     /// Sustain for steps of `wanted_m`: distance goes with the square of the time.

@@ -1,9 +1,10 @@
+use multiversion::multiversion;
 use nalgebra::Matrix2;
 
 use super::edge::{REACH, edge_spread, inverse_sqrt};
 use super::exposure::{Glimpse, Grain};
 use super::shares::Shares;
-use super::tiles::{Grid, LANES, Lanes, Tile, TileBox};
+use super::tiles::{Grid, LANES, Lanes, Pixels, Tile, TileBox};
 use super::view::View;
 use super::{Blur, DiscShape};
 use crate::geometry::{Pose, Vec2, cross};
@@ -138,16 +139,20 @@ impl Silhouette {
         if distance_m < -clear_m {
             shares.add_everywhere(weight);
         } else if distance_m < clear_m {
-            let (rim, pixels) = (Rim::new(self, &covariance), tile.pixels(view));
-            let depths = rim.depths(&pixels.block_x_m, &pixels.block_y_m);
-            for (block, depth) in depths.into_iter().enumerate() {
-                if depth > blur.block_reach {
-                    shares.add(block, weight);
-                } else if depth > -blur.block_reach {
-                    let depths = rim.depths(&pixels.x_m[block], &pixels.y_m[block]);
-                    shares.uneven(block).iter_mut().zip(depths).for_each(|(c, z)| *c += weight * edge_spread(z));
-                }
-            }
+            cover_within(&Rim::new(self, &covariance), weight, tile.pixels(view), blur, shares);
+        }
+    }
+}
+
+#[multiversion(targets("x86_64+avx2"))]
+fn cover_within(rim: &Rim, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut Shares) {
+    let depths = rim.depths(&pixels.block_x_m, &pixels.block_y_m);
+    for (block, depth) in depths.into_iter().enumerate() {
+        if depth > blur.block_reach {
+            shares.add(block, weight);
+        } else if depth > -blur.block_reach {
+            let depths = rim.depths(&pixels.x_m[block], &pixels.y_m[block]);
+            shares.uneven(block).iter_mut().zip(depths).for_each(|(c, z)| *c += weight * edge_spread(z));
         }
     }
 }

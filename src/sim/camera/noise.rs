@@ -1,3 +1,4 @@
+use multiversion::multiversion;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::rand_core::Rng as _;
 
@@ -59,29 +60,39 @@ impl Noise {
     pub(super) fn develop_row(&mut self, clean: &[i16], sd: &[u8], out: &mut [u8]) {
         let start = self.rng.next_u64() as usize % BANK;
         let samples = self.bank.get(start..).unwrap_or_default();
-        let (strips, rest) = out.as_chunks_mut();
-        let done = strips.as_flattened().len();
-        let whole = clean.as_chunks().0.iter().zip(sd.as_chunks().0).zip(samples.as_chunks().0);
-        for (out, ((clean, sd), samples)) in strips.iter_mut().zip(whole) {
-            self.develop::<STRIP>(clean, sd, samples, out);
-        }
-        let after = clean.iter().zip(sd).zip(samples).skip(done);
-        for (out, ((clean, sd), sample)) in rest.iter_mut().zip(after) {
-            self.develop(&[*clean], &[*sd], &[*sample], std::array::from_mut(out));
-        }
+        develop(clean, (sd, self.shift), samples, out);
     }
+}
 
-    /// A few pixels at once, step by step, so that every step fills whole vectors.
-    #[inline(always)]
-    fn develop<const N: usize>(&self, clean: &[i16; N], sd: &[u8; N], samples: &[i16; N], out: &mut [u8; N]) {
-        let mut noise = [0; N];
-        for ((noise, sd), sample) in noise.iter_mut().zip(sd).zip(samples) {
-            let sd = i16::from(*sd).wrapping_shl(self.shift);
-            *noise = ((i32::from(sd) * i32::from(*sample)) >> 16) as i16;
-        }
-        for ((out, clean), noise) in out.iter_mut().zip(clean).zip(&noise) {
-            *out = (clean.saturating_add(*noise) >> 7).clamp(0, 255) as u8;
-        }
+#[multiversion(targets("x86_64+avx2"))]
+fn develop(clean: &[i16], (sd, shift): (&[u8], u32), samples: &[i16], out: &mut [u8]) {
+    let (strips, rest) = out.as_chunks_mut();
+    let done = strips.as_flattened().len();
+    let whole = clean.as_chunks().0.iter().zip(sd.as_chunks().0).zip(samples.as_chunks().0);
+    for (out, ((clean, sd), samples)) in strips.iter_mut().zip(whole) {
+        develop_strip::<STRIP>(clean, (sd, shift), samples, out);
+    }
+    let after = clean.iter().zip(sd).zip(samples).skip(done);
+    for (out, ((clean, sd), sample)) in rest.iter_mut().zip(after) {
+        develop_strip(&[*clean], (&[*sd], shift), &[*sample], std::array::from_mut(out));
+    }
+}
+
+/// A few pixels at once, step by step, so that every step fills whole vectors.
+#[inline(always)]
+fn develop_strip<const N: usize>(
+    clean: &[i16; N],
+    (sd, shift): (&[u8; N], u32),
+    samples: &[i16; N],
+    out: &mut [u8; N],
+) {
+    let mut noise = [0; N];
+    for ((noise, sd), sample) in noise.iter_mut().zip(sd).zip(samples) {
+        let sd = i16::from(*sd).wrapping_shl(shift);
+        *noise = ((i32::from(sd) * i32::from(*sample)) >> 16) as i16;
+    }
+    for ((out, clean), noise) in out.iter_mut().zip(clean).zip(&noise) {
+        *out = (clean.saturating_add(*noise) >> 7).clamp(0, 255) as u8;
     }
 }
 

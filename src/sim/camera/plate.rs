@@ -1,3 +1,4 @@
+use multiversion::multiversion;
 use nalgebra::{Matrix2, Matrix3, Rotation2, Vector3};
 
 use super::Blur;
@@ -216,6 +217,7 @@ impl Sides {
     }
 }
 
+#[multiversion(targets("x86_64+avx2"))]
 fn cover_between(sides: &Sides, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut Shares) {
     let mut depths = [[f32::INFINITY; LANES]; 4];
     let mut least = [f32::INFINITY; LANES];

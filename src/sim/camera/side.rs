@@ -1,3 +1,4 @@
+use multiversion::multiversion;
 use nalgebra::{Matrix2, Matrix3, Rotation2, Vector3};
 
 use super::Blur;
@@ -109,7 +110,7 @@ impl SideOutline {
             if depth_m >= clear_m {
                 whole += line.weight;
             } else if depth_m >= -clear_m {
-                Side::new(&line.mean, sd_m).cover(line.weight as f32, pixels, blur, shares);
+                cover_inside(&Side::new(&line.mean, sd_m), line.weight as f32, pixels, blur, shares);
             }
         }
         if whole > 0.0 {
@@ -160,16 +161,17 @@ impl Side {
         }
         depths
     }
+}
 
-    fn cover(&self, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut Shares) {
-        let depths = self.depths(&pixels.block_x_m, &pixels.block_y_m);
-        for (block, depth) in depths.into_iter().enumerate() {
-            if depth >= blur.block_reach {
-                shares.add(block, weight);
-            } else if depth >= -blur.block_reach {
-                let depths = self.depths(&pixels.x_m[block], &pixels.y_m[block]);
-                shares.uneven(block).iter_mut().zip(&depths).for_each(|(c, z)| *c += weight * edge_spread(*z));
-            }
+#[multiversion(targets("x86_64+avx2"))]
+fn cover_inside(side: &Side, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut Shares) {
+    let depths = side.depths(&pixels.block_x_m, &pixels.block_y_m);
+    for (block, depth) in depths.into_iter().enumerate() {
+        if depth >= blur.block_reach {
+            shares.add(block, weight);
+        } else if depth >= -blur.block_reach {
+            let depths = side.depths(&pixels.x_m[block], &pixels.y_m[block]);
+            shares.uneven(block).iter_mut().zip(&depths).for_each(|(c, z)| *c += weight * edge_spread(*z));
         }
     }
 }

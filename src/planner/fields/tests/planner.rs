@@ -141,6 +141,35 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn parts_too_near_each_other_never_end_nearer(
+        place in place(), turn in 0.0..6.3f64, gap_mm in 0.05..0.95f64, aside in -2.0..2.0f64, far in -0.02..0.02f64,
+    ) {
+        let mut planner = planner();
+        let along = Vec2::new(turn.cos(), turn.sin());
+        let apart_m = 2.0 * PENNY_M + 1e-3 * gap_mm;
+        let mut parts = [
+            penny(0.7 * place, 0.02 * along),
+            penny(0.7 * place + apart_m * along, 0.02 * (aside * crate::geometry::perp(along) - along)),
+            penny(-0.7 * place, Vec2::new(far, -far)),
+        ];
+        prop_assume!(left_m(&parts[2..], &[parts[0].position_m]) > 0.1);
+        let gap_m = |parts: &[PartState]| (parts[0].position_m - parts[1].position_m).norm();
+        for _ in 0..4 {
+            let before_m = gap_m(&parts);
+            let plan = planner.plan(&parts);
+            for (part, end) in parts.iter_mut().zip(plan.predicted_m.iter().flatten()) {
+                part.position_m = *end;
+            }
+            let asked_m = 2.0 * PENNY_M + 0.5 * params().separation_m;
+            prop_assert!(gap_m(&parts) > before_m.min(asked_m) - 1e-6, "{} {before_m}", gap_m(&parts));
+        }
+    }
+}
+
 #[test]
 fn nothing_worth_a_pulse_and_parts_that_are_nowhere_end_without_one() {
     fixture::ends_without_a_plan(|parts| planner().plan(parts).status);
