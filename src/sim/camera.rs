@@ -32,6 +32,9 @@
 //! The clean picture is kept from frame to frame in 16 × 16 tiles. It depends on the exposure alone: a frame repaints
 //! the tiles that something moved in, now or since the frame before, and of their 4 × 4 blocks those that an edge
 //! reaches, now or then, or that one thing has left to another. Noise then goes over the whole frame in one pass.
+//!
+//! What runs over pixels is compiled for AVX2 as well and chosen at run time: wider vectors of the same operations in the
+//! same order, no fused ones, so that pictures are the same to the bit with and without.
 
 mod disc;
 mod edge;
