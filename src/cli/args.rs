@@ -20,7 +20,7 @@ pub struct Common {
     /// Print the machine-readable result alone on stdout
     #[arg(long, global = true)]
     pub json: bool,
-    /// Say more on stderr (-vv for everything)
+    /// Say more on stderr (-vv: each cycle and its times)
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
     /// Say nothing on stderr but errors

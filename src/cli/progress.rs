@@ -35,6 +35,9 @@ impl Sink for RunProgress {
     fn cycle(&mut self, facts: &CycleFacts<'_>) {
         self.bar.set_position((facts.wanted.progress * FULL as f64) as u64);
         self.bar.set_message(format!("plate {:6.1} s  {}", facts.ended_at.secs(), facts.wanted.phase));
+        let CycleFacts { index: cycle, plan_us, cycle_us, .. } = facts;
+        let pulses = facts.plan.pulses.len();
+        self.bar.suspend(|| tracing::debug!(cycle, pulses, plan_us, cycle_us, "planned and played"));
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
