@@ -18,6 +18,7 @@ pub mod run;
 pub mod scene;
 pub mod signal;
 pub mod sim;
+pub mod store;
 pub mod time;
 pub mod units;
 pub mod vision;

@@ -80,6 +80,7 @@ const ROOMS: &[(&str, &[&str])] = &[
             "config",
         ],
     ),
+    ("store", &[]),
     ("service", &["signal", "recording", "config", "run"]),
     (
         "cli",
@@ -108,6 +109,9 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("clarabel", &["src/planner"]),
     ("pathfinding", &["src/goal"]),
     ("rerun", &["src/recording"]),
+    ("rusqlite", &["src/store"]),
+    ("uuid", &["src/store"]),
+    ("rustix", &["src/store"]),
     ("tokio", &["src/service"]),
     ("axum", &["src/service"]),
     ("clap", &["src/cli"]),
@@ -127,6 +131,7 @@ const SERDE: &[&str] = &[
     "src/library/raw",
     "src/cli",
     "src/run",
+    "src/store",
     "src/service",
     "src/lab",
 ];

@@ -1,0 +1,18 @@
+//! What the daemon must not forget: jobs, their events, idempotency keys, the audit log, and the run folders on disk.
+//!
+//! One thread writes, into SQLite, and answers only after the commit is on the disk; two read. Nobody who asks waits
+//! for the disk: answers come by a callback. Only what a plate's worker needs before it may move ([`Ledger::claim`])
+//! and after it has stopped ([`Ledger::ended`]) blocks. Every queue is bounded.
+
+mod ids;
+mod ledger;
+mod memory;
+mod types;
+
+pub use ids::JobId;
+pub use ledger::{Claimed, JobEnd, Ledger, NewEvent, Publish, StoredEvent};
+pub use memory::MemoryLedger;
+pub use types::{
+    Accepted, AuditEntry, AuditRow, Cancelled, JobPace, JobPage, JobRow, JobState, Limits, Mended, NewJob, Page,
+    RecordingKept, Recovery, Replay, StoreFault, StoreHealth,
+};

@@ -1,0 +1,84 @@
+use std::fmt;
+use std::io;
+use std::sync::Arc;
+
+use jiff::Timestamp;
+
+use super::{AuditEntry, JobId, JobRow, JobState, RecordingKept, StoreFault};
+use crate::time::PlateTime;
+
+/// A job whose plate has taken it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Claimed {
+    /// The job, `running`, with its run folder.
+    pub row: JobRow,
+    /// The job as JSON, as it was accepted.
+    pub spec_json: String,
+}
+
+/// How a job ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JobEnd {
+    /// A final state.
+    pub state: JobState,
+    /// Why, in words.
+    pub reason: String,
+    /// Its `report.json`, if it came to one.
+    pub report_json: Option<String>,
+    /// What there is of its recording.
+    pub recording: RecordingKept,
+}
+
+/// Something that happened to a job, to be kept for those who come later.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewEvent {
+    /// When, of the plate's own time.
+    pub plate_time: PlateTime,
+    /// What kind: `state`, `cycle`, `warning`, `recording`, `finished`.
+    pub kind: &'static str,
+    /// What, as JSON.
+    pub body: Arc<str>,
+}
+
+/// An event that is on the disk.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StoredEvent {
+    /// Its number in its job, from 1 on without a gap.
+    pub seq: u64,
+    /// When it was told.
+    pub at: Timestamp,
+    /// When, of the plate's own time.
+    pub plate_time: PlateTime,
+    /// What kind.
+    pub kind: String,
+    /// What, as JSON.
+    pub body: Arc<str>,
+}
+
+/// Called once with the event after its commit, or with the reason why there was none. Runs on the store's writing
+/// thread: it hands on and returns.
+pub type Publish = Box<dyn FnOnce(Result<StoredEvent, StoreFault>) + Send>;
+
+/// What a plate's worker needs of the store.
+pub trait Ledger: Send + Sync + fmt::Debug {
+    /// Takes the oldest job queued for `plate`. `folder` makes its run folder and tells its name. Waits for the disk:
+    /// when this returns a job, it is `running` for good, and nobody gets it again.
+    fn claim(&self, plate: &str, folder: &dyn Fn(&JobRow) -> io::Result<String>)
+    -> Result<Option<Claimed>, StoreFault>;
+
+    /// Says how a running job ended. Waits for the disk. On a fault the caller asks again later, and leaves its plate
+    /// alone until then. Saying the same twice is no fault.
+    fn ended(&self, id: &JobId, end: JobEnd) -> Result<(), StoreFault>;
+
+    /// Keeps an event; never waits. False when too many are waiting already: the event is lost, `published` not called.
+    fn tell(&self, id: &JobId, event: NewEvent, published: Publish) -> bool;
+
+    /// Notes the share of a job that is done, 0 to 1. Never waits; only the last one counts.
+    fn progress(&self, id: &JobId, progress: f64);
+
+    /// Notes that a plate has been paused or resumed; never waits.
+    fn note_paused(&self, plate: &str, paused: bool);
+
+    /// Writes a line into the audit log; never waits. Lines outlive a full disk: they wait for room in memory.
+    fn note_act(&self, entry: AuditEntry);
+}

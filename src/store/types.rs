@@ -1,0 +1,376 @@
+use std::path::PathBuf;
+use std::time::Duration;
+
+use jiff::Timestamp;
+
+use super::{JobId, StoredEvent};
+
+/// How far a job has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum JobState {
+    /// Waits for its plate.
+    Queued,
+    /// Is on its plate.
+    Running,
+    /// Reached its goal.
+    Completed,
+    /// Did not.
+    Failed,
+    /// Somebody stopped it, or took it out of the queue.
+    Cancelled,
+    /// The daemon ended while it ran.
+    Interrupted,
+}
+
+impl JobState {
+    /// Every state.
+    pub const ALL: [Self; 6] =
+        [Self::Queued, Self::Running, Self::Completed, Self::Failed, Self::Cancelled, Self::Interrupted];
+
+    /// As it is written: `queued`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Queued => "queued",
+            Self::Running => "running",
+            Self::Completed => "completed",
+            Self::Failed => "failed",
+            Self::Cancelled => "cancelled",
+            Self::Interrupted => "interrupted",
+        }
+    }
+
+    /// The state of that name.
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|state| state.name() == name)
+    }
+
+    /// True for states that no job leaves again.
+    pub fn is_final(self) -> bool {
+        !matches!(self, Self::Queued | Self::Running)
+    }
+}
+
+/// What there is of a job's recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum RecordingKept {
+    /// Nothing: there was none, or the job has not begun.
+    None,
+    /// A file that was not closed.
+    Partial,
+    /// A whole file.
+    Whole,
+    /// A file that was not closed and has been repaired.
+    Recovered,
+    /// A whole file that ends before the run does: the disk ran low.
+    Stopped,
+    /// Writing it failed.
+    Failed,
+    /// Deleted with its run folder to make room.
+    Pruned,
+}
+
+impl RecordingKept {
+    /// Every one.
+    pub const ALL: [Self; 7] =
+        [Self::None, Self::Partial, Self::Whole, Self::Recovered, Self::Stopped, Self::Failed, Self::Pruned];
+
+    /// As it is written: `whole`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Partial => "partial",
+            Self::Whole => "whole",
+            Self::Recovered => "recovered",
+            Self::Stopped => "stopped",
+            Self::Failed => "failed",
+            Self::Pruned => "pruned",
+        }
+    }
+
+    /// The one of that name.
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kept| kept.name() == name)
+    }
+}
+
+/// How fast a job runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum JobPace {
+    /// Plate time is wall time.
+    #[default]
+    RealTime,
+    /// As fast as the machine can.
+    Max,
+}
+
+impl JobPace {
+    /// As it is written: `real-time`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::RealTime => "real-time",
+            Self::Max => "max",
+        }
+    }
+
+    /// The pace of that name.
+    pub fn of_name(name: &str) -> Option<Self> {
+        [Self::RealTime, Self::Max].into_iter().find(|pace| pace.name() == name)
+    }
+}
+
+/// A validated job that asks to be queued.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewJob {
+    /// Name of the job.
+    pub name: String,
+    /// The plate it goes to.
+    pub plate: String,
+    /// Its seed.
+    pub seed: u64,
+    /// How fast it runs.
+    pub pace: JobPace,
+    /// The job as JSON, every default written out, the rig left out.
+    pub spec_json: String,
+    /// Fingerprint of the rig it was checked against.
+    pub rig_fingerprint: String,
+    /// SHA-256 of the library it was checked against, in hex.
+    pub library_sha256: String,
+    /// SHA-256 of the request's body: what a repeated key must come with again.
+    pub body_sha256: [u8; 32],
+    /// The request's idempotency key.
+    pub key: Option<String>,
+}
+
+/// A job as the store knows it, but for its text ([`Claimed`](super::Claimed)).
+#[derive(Clone, Debug, PartialEq)]
+pub struct JobRow {
+    /// Its id.
+    pub id: JobId,
+    /// Name of the job.
+    pub name: String,
+    /// Its plate.
+    pub plate: String,
+    /// How far it has come.
+    pub state: JobState,
+    /// Its seed.
+    pub seed: u64,
+    /// How fast it runs.
+    pub pace: JobPace,
+    /// Fingerprint of the rig it was checked against.
+    pub rig_fingerprint: String,
+    /// SHA-256 of the library it was checked against, in hex.
+    pub library_sha256: String,
+    /// When it was accepted.
+    pub submitted_at: Timestamp,
+    /// When its plate took it.
+    pub started_at: Option<Timestamp>,
+    /// When it ended, however it did.
+    pub finished_at: Option<Timestamp>,
+    /// Share of it that is done, 0 to 1.
+    pub progress: f64,
+    /// Why it ended as it did; empty until then.
+    pub reason: String,
+    /// Its `report.json`.
+    pub report_json: Option<String>,
+    /// Name of its run folder within the folder of runs; never a path.
+    pub folder: Option<String>,
+    /// What there is of its recording.
+    pub recording: RecordingKept,
+    /// Sequence number of its last event; 0 before the first.
+    pub last_event: u64,
+}
+
+/// What became of a submission.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Accepted {
+    /// It is queued, and on the disk.
+    New(JobRow),
+    /// The same key and body came before: the job of then, as it is now.
+    Replayed(JobRow),
+    /// The same key came before with another body.
+    KeyReused,
+    /// The plate's queue is full.
+    QueueFull {
+        /// Jobs in it.
+        queued: usize,
+    },
+}
+
+/// What became of the wish to take a job out of the queue.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cancelled {
+    /// It was queued and is cancelled.
+    Now(JobRow),
+    /// It is in another state, and stays so.
+    Not(JobRow),
+    /// There is no such job.
+    Unknown,
+}
+
+/// Which jobs to list: newest first.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Page {
+    /// Only jobs in this state.
+    pub state: Option<JobState>,
+    /// Most jobs in the answer; at least 1 and at most [`Page::MOST`] are given.
+    pub limit: usize,
+    /// Only jobs older than this one, which need not exist.
+    pub cursor: Option<JobId>,
+}
+
+impl Page {
+    /// Most jobs in one answer.
+    pub const MOST: usize = 200;
+}
+
+/// Jobs, newest first.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct JobPage {
+    /// The jobs.
+    pub rows: Vec<JobRow>,
+    /// Cursor of the next page; `None` on the last.
+    pub next: Option<JobId>,
+}
+
+/// Events of a job from some number on.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Replay {
+    /// Number of the oldest event still kept; one past `last` when none is.
+    pub oldest: u64,
+    /// Number of the newest event ever told; 0 before the first.
+    pub last: u64,
+    /// The events, in order.
+    pub events: Vec<StoredEvent>,
+}
+
+/// One act for the audit log.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct AuditEntry {
+    /// The plate it was done to.
+    pub plate: Option<String>,
+    /// What was done: `estop`, `reset`, `resume`.
+    pub act: String,
+    /// Who did it, as they said.
+    pub operator: String,
+    /// Why, as they said.
+    pub reason: String,
+    /// Address it came from.
+    pub remote: String,
+    /// Name of the token it came with, never the token.
+    pub token_name: String,
+}
+
+/// One line of the audit log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AuditRow {
+    /// Its number.
+    pub id: i64,
+    /// When.
+    pub at: Timestamp,
+    /// What.
+    pub entry: AuditEntry,
+}
+
+/// Why the store did not do what it was asked.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StoreFault {
+    /// The disk is full.
+    #[error("the disk of the job store is full")]
+    Full,
+    /// More is waiting for the disk than is allowed to: ask again later.
+    #[error("the job store is busy")]
+    Busy,
+    /// Reading or writing failed.
+    #[error("the job store cannot be read or written: {0}")]
+    Io(String),
+    /// The database is damaged.
+    #[error("the job store is damaged: {0}")]
+    Corrupt(String),
+    /// The store has been closed.
+    #[error("the job store is closed")]
+    Closed,
+}
+
+/// How much is kept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Limits {
+    /// Jobs that may wait for one plate.
+    pub queued: usize,
+    /// Jobs the store remembers; the oldest finished ones go first.
+    pub jobs: u64,
+    /// Events kept of one job.
+    pub events_per_job: u64,
+    /// Events kept of all jobs.
+    pub events: u64,
+    /// How long an idempotency key is remembered.
+    pub keys_kept: Duration,
+    /// Most bytes of run folders.
+    pub runs_bytes: u64,
+    /// Longest time a run folder is kept after its job ended.
+    pub runs_age: Duration,
+    /// Size of the ballast that is thrown off when the disk is full, bytes; 0 for none.
+    pub reserve_bytes: u64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        let day = Duration::from_secs(24 * 3600);
+        Self {
+            queued: 64,
+            jobs: 100_000,
+            events_per_job: 10_000,
+            events: 1_000_000,
+            keys_kept: day,
+            runs_bytes: 20_000_000_000,
+            runs_age: 30 * day,
+            reserve_bytes: 16 << 20,
+        }
+    }
+}
+
+/// What was done to a recording that had not been closed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mended {
+    /// Messages in it.
+    pub messages: u64,
+    /// Bytes at its end that could not be kept.
+    pub cut_bytes: u64,
+    /// True when nothing was wrong with it but its name.
+    pub was_whole: bool,
+}
+
+/// What was found at start.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Recovery {
+    /// Jobs that were running and are interrupted now.
+    pub interrupted: Vec<JobId>,
+    /// Jobs that were running and had ended: their run folder holds a report.
+    pub ended: Vec<JobId>,
+    /// Plates that must not move until a person resumes them.
+    pub paused: Vec<String>,
+    /// Where a damaged store was moved to.
+    pub moved_aside: Option<PathBuf>,
+    /// Why it was.
+    pub damage: Option<String>,
+    /// True when the daemon had been shut down in order.
+    pub clean: bool,
+    /// Run folders that belong to no job.
+    pub orphans: Vec<PathBuf>,
+    /// Recordings that had not been closed, and what became of them.
+    pub repaired: Vec<(PathBuf, Result<Mended, String>)>,
+}
+
+/// How the store is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StoreHealth {
+    /// Time since the writing thread last went round its loop.
+    pub heartbeat: Duration,
+    /// Why the last commit failed; `None` when it did not.
+    pub fault: Option<StoreFault>,
+    /// Commands that wait to be written.
+    pub waiting: usize,
+    /// Lines of the audit log that wait to be written.
+    pub audit_waiting: usize,
+    /// False while the ballast has been thrown off.
+    pub reserve: bool,
+}
