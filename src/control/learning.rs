@@ -60,6 +60,11 @@ impl Scatter {
             PlannedPulse::Field(_) => Self { least_m: 0.2e-3, of_step: 0.03 },
         }
     }
+
+    /// Standard deviation after a step of `step_m`, m.
+    pub(super) fn sd_m(self, step_m: f64) -> f64 {
+        self.least_m + self.of_step * step_m
+    }
 }
 
 /// How far each part goes at each place, against what the displacement model says.
@@ -103,7 +108,7 @@ impl Gains {
             }
             let off = (measured - forecast).dot(&per_gain) / per_gain.norm_squared();
             if off.abs() < FARTHEST {
-                let scatter_m = lesson.scatter.least_m + lesson.scatter.of_step * (forecast - before).norm();
+                let scatter_m = lesson.scatter.sd_m((forecast - before).norm());
                 let variance = RATIO_SD * RATIO_SD + (scatter_m / length_m).powi(2);
                 self.correct(self.pattern(part, *before), off, variance);
             }

@@ -2,9 +2,9 @@
 //!
 //! The loop is that of a run: ask the goal, plan, play, look again, learn the parts' gains. A part goes with the flow as
 //! far as was measured for the belt under it, times a friction of its own, with the scatter that was measured. A
-//! synthesised field carries it where the field's own planner forecasts it with that friction: no scatter of such pulses is
-//! measured, so a rehearsal of them shows what friction does and nothing of what the planner has wrong. Looks are
-//! perfect, and parts that meet only push each other aside.
+//! synthesised field carries it where the field's own planner forecasts it with that friction, and off that in any direction
+//! by what such forecasts are off in runs on the simulated plate. Looks are perfect, and parts that meet only push each
+//! other aside.
 //!
 //! A part goes straight in the flow's direction half way, not along the arc that the planner forecasts: a plan is not
 //! judged by the forecast it was made with. Over 300 random pulses of upm-2, 12 mm on average (rms), the two differ by

@@ -1,9 +1,11 @@
+use std::f64::consts::FRAC_1_SQRT_2;
 use std::sync::Arc;
 
 use rand_distr::{Distribution, StandardNormal};
 
 use super::{Nearest, OPENING_FRAMES, RehearsalParams};
 use crate::control::ControlParams;
+use crate::control::learning::Scatter;
 use crate::control::plans::Plans;
 use crate::geometry::Vec2;
 use crate::library::Library;
@@ -89,7 +91,11 @@ impl Stage {
             }
             PlannedPulse::Field(_) => {
                 if let Some(after_m) = plans.forecast(&self.states(|part| self.friction[part]), pulse) {
-                    self.positions_m = after_m;
+                    let scatter = Scatter::of(pulse);
+                    for (at, after) in self.positions_m.iter_mut().zip(after_m) {
+                        let sd_m = scatter.sd_m((after - *at).norm()) * FRAC_1_SQRT_2;
+                        *at = after + sd_m * Vec2::new(normal(&mut self.scatter), normal(&mut self.scatter));
+                    }
                 }
             }
         }

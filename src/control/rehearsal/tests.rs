@@ -257,16 +257,25 @@ fn a_field_carries_parts_as_forecast_with_their_own_friction() {
         FieldResponse { base_radps: 200.0, attack_s: 0.06, rest_s: 0.07, limit_counts: 1.0, twist_from_counts: vec![] };
     made.fields = Some(fields);
     let (starts_m, way_m) = ([Vec2::new(-0.05, 0.0), Vec2::new(0.05, 0.0)], Vec2::new(0.0, 0.01));
-    for number in 0..3 {
+    let pulse = PlannedPulse::Field(FieldPulse { wave: Default::default(), sustain_s: 0.1 });
+    let made = Arc::new(made);
+    let mut scattered = Vec::new();
+    for number in 0..400 {
         let how = rehearsal(&starts_m, number);
-        let mut stage = Stage::new(Arc::new(made.clone()), &params(2), &how);
+        let mut stage = Stage::new(Arc::clone(&made), &params(2), &how);
         let before = stage.now();
-        stage.play(&PlannedPulse::Field(FieldPulse { wave: Default::default(), sustain_s: 0.1 }), &Along(way_m));
+        stage.play(&pulse, &Along(way_m));
         assert!((stage.now() - before - 0.3).abs() < 1e-9, "15 frames, for 0.29 s");
         for ((start_m, end_m), friction) in starts_m.iter().zip(&stage.positions_m).zip(stage::friction(&how)) {
-            assert!((end_m - start_m - way_m * friction).norm() < 1e-12, "{number}: {friction}");
+            let off_m = end_m - start_m - way_m * friction;
+            scattered.push(off_m / Scatter::of(&pulse).sd_m(way_m.norm() * friction));
         }
     }
+    let n = scattered.len() as f64;
+    let (mean, square) =
+        (scattered.iter().sum::<Vec2>() / n, scattered.iter().map(Vec2::norm_squared).sum::<f64>() / n);
+    assert!(mean.norm() < 4.0 / n.sqrt(), "{mean}");
+    assert!((square - 1.0).abs() < 4.0 / n.sqrt(), "{square}: four standard deviations, that of one square is 1");
 }
 
 proptest! {
