@@ -2,9 +2,13 @@
 //! figures a person can measure with a ruler or read off a data sheet. How the rig really behaves
 //! (friction, resonance, where the camera hangs) is found out by vision, estimation and calibration.
 
+mod interlock;
+
 use crate::geometry::{Lens, Vec2};
 use crate::signal::{AccelTrace, Drive, Frame};
 use crate::time::PlateTime;
+
+pub use interlock::{Fitted, Interlock, StopTimes, Trip};
 
 /// A kind of part.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,6 +95,9 @@ pub enum RigFault {
     /// The device failed.
     #[error("{0}")]
     Device(String),
+    /// Its interlock tripped: motors are at zero and stay there.
+    #[error("{0}")]
+    Stopped(Trip),
 }
 
 /// A plate with its motors, accelerometers and camera. Time passes only in [`Rig::capture`].
@@ -112,4 +119,10 @@ pub trait Rig {
 
     /// Motors to zero, at once. Always safe to call.
     fn stop(&mut self);
+
+    /// Lets time pass until `until` in which nobody drives the rig: what time does to hardware by itself. Motors that
+    /// sound meanwhile fall silent after [`Interlock::LEASE_S`], which is [`RigFault::Stopped`].
+    fn pass(&mut self, _until: PlateTime) -> Result<(), RigFault> {
+        Ok(())
+    }
 }
