@@ -19,7 +19,7 @@ use std::sync::atomic::AtomicBool;
 use crate::config::{Fault, JobSpec};
 use crate::control::{self, Devices, Ending, Finish, Sink};
 use crate::library::{Library, LibraryFault};
-use crate::recording::{self, Fanout, Journal, PartEnding, Report, RerunMode, Tally};
+use crate::recording::{self, Fanout, Journal, Keeping, PartEnding, Report, RerunMode, Scribe, Tally};
 use crate::time::Clock;
 
 pub use crate::sim::Trajectories;
@@ -44,6 +44,8 @@ pub struct RunOptions {
     pub rerun: RerunMode,
     /// True to let plate time pass no faster than the clock.
     pub real_time: bool,
+    /// How journal and recording get to the disk.
+    pub keeping: Keeping,
 }
 
 /// What a run leaves.
@@ -135,7 +137,7 @@ impl Session<'_> {
         let Self { job, library, options, clock, stop } = self;
         folder.write_effective(job, library)?;
         let started = clock.elapsed();
-        let mut journal = Journal::new(folder.journal()?, Arc::clone(library));
+        let mut journal = Journal::new(folder.journal(&options.keeping)?, Arc::clone(library));
         let mut tally = Tally::new(Some(bench.truth()));
         let mut recorder = Recorder::start(options, folder, bench, job, library)?;
         let mut named = NamedTruth::new(bench.truth());
@@ -145,7 +147,8 @@ impl Session<'_> {
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
         let warnings = recorder.finish(&options.rerun).into_iter().collect();
-        let written = journal.finish().map_err(|error| folder.write_error("journal.jsonl", &error));
+        let written =
+            journal.finish().and_then(Scribe::finish).map_err(|error| folder.write_error("journal.jsonl", &error));
         let mut ending = ending(job, bench, finish, wall_time_s);
         if let Err(error) = &written {
             (ending.outcome, ending.reason) = (recording::Outcome::Failed, error.to_string());
