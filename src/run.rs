@@ -240,7 +240,7 @@ impl Recorder {
             truth: Some(bench.truth()),
         };
         let path = folder.path().join("run.rrd");
-        let sink = RerunSink::start(&options.rerun, &path, context);
+        let sink = RerunSink::start(&options.rerun, &path, context, &options.keeping);
         sink.map(|sink| Self { sink }).map_err(|error| RunError::Recording(error.to_string()))
     }
 
