@@ -4,10 +4,11 @@
 //! [`Journal`] writes the run down line by line and holds no wall time, so equal seeds give equal bytes. [`Tally`]
 //! counts, compares what was measured with the simulated truth and ends as a [`Report`]. [`MemorySink`] keeps
 //! everything, for tests. With the feature `rerun`, `RerunSink` streams the run to the Rerun viewer.
-//! [`Fanout`] makes one sink of several.
+//! [`Fanout`] makes one sink of several. [`Scribe`] writes lines on a thread of its own.
 
 mod fanout;
 mod journal;
+mod keeping;
 mod maps;
 mod memory;
 mod motion;
@@ -16,6 +17,7 @@ mod report;
 #[cfg(feature = "rerun")]
 mod rerun;
 mod rerun_mode;
+mod scribe;
 mod tally;
 #[cfg(test)]
 mod testing;
@@ -24,6 +26,7 @@ mod wave;
 
 pub use fanout::Fanout;
 pub use journal::Journal;
+pub use keeping::Keeping;
 pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
 pub use memory::MemorySink;
 pub use motion::Motion;
@@ -32,5 +35,6 @@ pub use report::{Outcome, PartReport, PredictionError, Report};
 #[cfg(feature = "rerun")]
 pub use rerun::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext, record_lab, record_located};
 pub use rerun_mode::{BadRerunMode, RerunMode};
+pub use scribe::{Durable, Scribe, ScribeMode};
 pub use tally::{Deadlines, Ending, PartEnding, Tally};
 pub use timings::{Durations, Quantiles, Timings, TimingsReport};

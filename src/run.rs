@@ -23,7 +23,7 @@ use std::sync::atomic::AtomicBool;
 use crate::config::{Fault, JobSpec};
 use crate::control::{self, Devices, Ending, Finish, Sink};
 use crate::library::{Library, LibraryFault};
-use crate::recording::{self, Deadlines, Fanout, Journal, PartEnding, Report, RerunMode, Tally};
+use crate::recording::{self, Deadlines, Fanout, Journal, Keeping, PartEnding, Report, RerunMode, Scribe, Tally};
 use crate::rig::{Interlock, RigFault};
 use crate::time::{Clock, PlateTime};
 
@@ -53,6 +53,8 @@ pub struct RunOptions {
     pub rerun: RerunMode,
     /// True to let plate time pass no faster than the clock.
     pub real_time: bool,
+    /// How journal and recording get to the disk.
+    pub keeping: Keeping,
 }
 
 /// What a run leaves.
@@ -183,7 +185,7 @@ impl Session<'_> {
         let Self { job, library, folder, options, clock, links } = self;
         folder.write_effective(job, library)?;
         let started = clock.elapsed();
-        let mut journal = Journal::new(folder.journal()?, Arc::clone(library));
+        let mut journal = Journal::new(folder.journal(&options.keeping)?, Arc::clone(library));
         let mut tally = Tally::new(Some(bench.truth()));
         let mut recorder = Recorder::start(options, folder, bench, job, library)?;
         let mut named = NamedTruth::new(bench.truth());
@@ -195,7 +197,8 @@ impl Session<'_> {
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
         let warnings = recorder.finish(&options.rerun).into_iter().collect();
-        let written = journal.finish().map_err(|error| folder.write_error("journal.jsonl", &error));
+        let written =
+            journal.finish().and_then(Scribe::finish).map_err(|error| folder.write_error("journal.jsonl", &error));
         let mut ending = ending(job, Some(bench), finish, wall_time_s);
         ending.deadlines = options.real_time.then(|| Deadlines {
             misses: links.pacing.misses().saturating_sub(missed_before),
@@ -306,7 +309,7 @@ impl Recorder {
             truth: Some(bench.truth()),
         };
         let path = folder.path().join("run.rrd");
-        let sink = RerunSink::start(&options.rerun, &path, context);
+        let sink = RerunSink::start(&options.rerun, &path, context, &options.keeping);
         sink.map(|sink| Self { sink }).map_err(|error| RunError::Recording(error.to_string()))
     }
 

@@ -6,7 +6,7 @@ use super::progress::RunProgress;
 use super::summary::print_summary;
 use super::{INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
 use crate::config::JobSpec;
-use crate::recording::{Outcome, RerunMode};
+use crate::recording::{Keeping, Outcome, RerunMode};
 use crate::run::{RunError, RunOptions, run as run_job};
 use crate::time::MonotonicClock;
 
@@ -16,11 +16,17 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     if let Some(seed) = args.seed {
         job = job.with_seed(seed);
     }
-    let options =
-        RunOptions { out: args.out.clone(), started_utc: utc_now(), rerun, real_time: args.pace == Pace::RealTime };
+    let clock = MonotonicClock::new();
+    let options = RunOptions {
+        out: args.out.clone(),
+        started_utc: utc_now(),
+        rerun,
+        real_time: args.pace == Pace::RealTime,
+        keeping: Keeping::patient(clock),
+    };
     let stop = stop_on_interrupt();
     let mut progress = RunProgress::new(common.quiet || !std::io::stderr().is_terminal());
-    let result = run_job(&job, &options, &MonotonicClock::new(), &stop, &mut progress);
+    let result = run_job(&job, &options, &clock, &stop, &mut progress);
     progress.finish();
     let result = result.map_err(|error| run_failure(&error))?;
     for warning in &result.warnings {

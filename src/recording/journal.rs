@@ -27,17 +27,18 @@ pub struct Journal<W: Write> {
 }
 
 impl<W: Write> Journal<W> {
-    /// Writes to `out`, which should be buffered; `library` names the centres of rotation.
+    /// Writes to `out`, a line a write; `library` names the centres of rotation.
     pub fn new(out: W, library: Arc<Library>) -> Self {
         Self { out, library, sent: Vec::new(), sent_in_cycle: 0, line: Vec::new(), fault: None }
     }
 
-    /// Writes out what is pending and flushes. `Err` with the first write that failed during the run.
-    pub fn finish(mut self) -> io::Result<()> {
+    /// Writes out what is pending, flushes and hands the writer back. `Err` with the first write that failed during the
+    /// run.
+    pub fn finish(mut self) -> io::Result<W> {
         self.put_unfinished();
         match self.fault {
             Some(fault) => Err(fault),
-            None => self.out.flush(),
+            None => self.out.flush().map(|()| self.out),
         }
     }
 
@@ -170,6 +171,7 @@ mod tests {
 
     #[test]
     fn a_full_disk_is_told_at_the_end() {
+        #[derive(Debug)]
         struct Full(usize);
         impl Write for Full {
             fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {

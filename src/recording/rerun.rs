@@ -26,6 +26,8 @@ mod plots;
 mod recorder;
 mod signals;
 mod sink;
+#[cfg(test)]
+mod survival_tests;
 mod table;
 #[cfg(test)]
 mod tests;

@@ -165,7 +165,8 @@ impl SyntheticRun {
         self.measured().into_iter().map(|position_m| Track { seen: seen(position_m), frames_unseen: 0 }).collect()
     }
 
-    fn look(&mut self, sink: &mut impl Sink, sounding: bool, starts_cycle: bool) {
+    /// The next frame, a sixtieth of a second later.
+    pub(super) fn look(&mut self, sink: &mut impl Sink, sounding: bool, starts_cycle: bool) {
         self.now = self.now + 1.0 / 60.0;
         self.frame.exposed_at = self.now;
         self.frame.index += 1;
@@ -276,8 +277,13 @@ impl SyntheticRun {
         (trace, TwistFit { accel_mps2: accel, residual_rms_mps2: 0.9, wave, axes, pump, quality })
     }
 
+    /// When the last frame was taken.
+    pub(super) fn now(&self) -> PlateTime {
+        self.now
+    }
+
     /// Black ground, white plate, black discs, some noise.
-    fn draw(&mut self) {
+    pub(super) fn draw(&mut self) {
         let discs: Vec<Vec2> = self.parts_m.iter().map(|&p| image_from_table(p)).collect();
         for y in 0..1024 {
             for x in 0..1280 {

@@ -1,5 +1,5 @@
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::RunError;
 use crate::config::JobSpec;
 use crate::library::Library;
-use crate::recording::Report;
+use crate::recording::{Keeping, Report, Scribe};
 
 /// Folders of one name that may exist before a new one is refused.
 const MOST_NAMESAKES: u32 = 1000;
@@ -90,9 +90,10 @@ impl RunFolder {
         self.write_json("report.json", report)
     }
 
-    pub(super) fn journal(&self) -> Result<BufWriter<File>, RunError> {
-        let file = File::create(self.0.join("journal.jsonl"));
-        file.map(BufWriter::new).map_err(|error| self.write_error("journal.jsonl", &error))
+    pub(super) fn journal(&self, keeping: &Keeping) -> Result<Scribe, RunError> {
+        File::create(self.0.join("journal.jsonl"))
+            .and_then(|file| Scribe::start(file, keeping.scribe, keeping.clock))
+            .map_err(|error| self.write_error("journal.jsonl", &error))
     }
 
     fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<(), RunError> {

@@ -60,13 +60,17 @@ struct Stopped {
     pulses: usize,
 }
 
+fn keeping() -> Keeping {
+    Keeping::patient(MonotonicClock::new())
+}
+
 impl Stopped {
     /// Runs the job, `act` in the third frame of pulse `number`, from 1.
     fn run(plate: &Plate, real_time: bool, number: u64, act: impl FnMut(), cause: Option<&str>) -> Self {
         let (job, out) = (job(), TempDir::new().unwrap());
         let library = job_library(&job).unwrap();
         let started_utc = "20260101T000000Z".to_owned();
-        let options = RunOptions { out: out.path().to_owned(), started_utc, rerun: RerunMode::Off, real_time };
+        let options = RunOptions { out: out.path().to_owned(), started_utc, rerun: RerunMode::Off, keeping: keeping(), real_time };
         let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
         let mut watcher = InPulse { number, act, pulses: 0, frames: 0, clock: Arc::clone(&plate.clock) };
         let cause = || cause.map(str::to_owned);
@@ -198,7 +202,7 @@ fn what_cannot_be_run_is_told_before_and_leaves_its_reason() {
     let folder = RunFolder::create(out.path(), &job, "20260101T000000Z").unwrap();
     let path = folder.path().join("report.json");
     let options =
-        RunOptions { out: out.path().to_owned(), started_utc: String::new(), rerun: RerunMode::Off, real_time: false };
+        RunOptions { out: out.path().to_owned(), started_utc: String::new(), rerun: RerunMode::Off, keeping: keeping(), real_time: false };
     let links = Links { stop: &plate.stop, interlock: &plate.interlock, pacing: &plate.pacing, cause: &|| None };
     let mut watcher = crate::recording::MemorySink::default();
     let done = run_linked(&job, library, folder, &options, &*plate.clock, links, &mut watcher);
@@ -216,6 +220,7 @@ fn one_interlock_serves_one_run_at_a_time() {
         out: out.path().to_owned(),
         started_utc: "20260101T000000Z".into(),
         rerun: RerunMode::Off,
+        keeping: keeping(),
         real_time: false,
     };
     let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();

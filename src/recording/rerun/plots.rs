@@ -23,7 +23,8 @@ const SINGLE: [&str; 5] = ["plan/total_mm", "plan/pulses", "timing/track_us", "t
 
 /// The plan of each cycle, errors and wall times as curves.
 pub(super) struct Plots {
-    track_us: f64,
+    /// Frames tracked in this cycle, and the time that took, µs.
+    tracked: (u32, f64),
     half_side_m: f64,
 }
 
@@ -39,12 +40,13 @@ impl Plots {
             let name = path.split_once('/').map_or(path, |(_, name)| name).replace('_', " ");
             tape.log_static(path, &SeriesLines::new().with_names([name]).with_colors([color]).with_widths([1.5]))?;
         }
-        Ok(Self { track_us: 0.0, half_side_m: 0.5 * context.model.plate_side_m })
+        Ok(Self { tracked: (0, 0.0), half_side_m: 0.5 * context.model.plate_side_m })
     }
 
     /// How far measured and true positions are apart.
     pub(super) fn looks(&mut self, tape: &Tape, looks: &Looks) -> Logged {
-        self.track_us = looks.mean_track_us();
+        let (frames, track_us) = looks.tracked();
+        self.tracked = (self.tracked.0 + frames, self.tracked.1 + track_us);
         let parts = looks.parts();
         if parts == 0 || looks.is_empty() || looks.true_m.len() != looks.measured_m.len() {
             return Ok(());
@@ -80,12 +82,13 @@ impl Plots {
     }
 
     /// What came of it, and how long it took.
-    pub(super) fn ended(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
+    pub(super) fn ended(&mut self, tape: &Tape, cycle: &CycleRecord) -> Logged {
         log_each(tape, "errors/to_subgoal_mm", distances_mm(&cycle.result_m, &cycle.wanted.subgoals_m))?;
         if let Some(predicted_m) = cycle.plan.predicted_m.last() {
             log_each(tape, "errors/of_prediction_mm", distances_mm(&cycle.result_m, predicted_m))?;
         }
-        log_each(tape, "timing/track_us", [self.track_us])?;
+        let (frames, track_us) = std::mem::take(&mut self.tracked);
+        log_each(tape, "timing/track_us", [track_us / f64::from(frames.max(1))])?;
         log_each(tape, "timing/plan_us", [cycle.plan_us])?;
         log_each(tape, "timing/cycle_us", [cycle.cycle_us])
     }

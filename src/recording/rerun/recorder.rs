@@ -1,4 +1,4 @@
-use std::sync::mpsc::{Receiver, SyncSender};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
 use std::time::Duration;
 
 use rerun::log::ChunkBatcherConfig;
@@ -19,7 +19,7 @@ use crate::geometry::Vec2;
 use crate::recording::records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 use crate::signal::Frame;
 use crate::sim::Truth;
-use crate::time::PlateTime;
+use crate::time::{Clock, PlateTime};
 use crate::vision::Track;
 
 /// Timeline of the experiment's own time.
@@ -32,6 +32,13 @@ pub(super) const APPLICATION: &str = "upm";
 
 /// How long chunks are gathered before they are written.
 const GATHER: Duration = Duration::from_millis(500);
+
+/// What was logged is sent on into the file this often. Rerun's own rhythm fails beside large images: whenever one
+/// series is sent because it is large, all others have to wait for another [`GATHER`], and so on without end.
+const FLUSH: Duration = Duration::from_millis(200);
+
+/// How long the recorder waits for a message before it looks at the clock.
+const LISTEN: Duration = Duration::from_millis(50);
 
 /// What the control loop's thread hands over.
 pub(super) enum Message {
@@ -74,9 +81,9 @@ impl Looks {
         self.track_us += us;
     }
 
-    /// Mean time tracking took, µs.
-    pub(super) fn mean_track_us(&self) -> f64 {
-        self.track_us / f64::from(self.frames.max(1))
+    /// Frames tracked, and how long that took altogether, µs.
+    pub(super) fn tracked(&self) -> (u32, f64) {
+        (self.frames, self.track_us)
     }
 
     /// Takes one look; one that shows other parts than the run has is left out.
@@ -119,6 +126,11 @@ impl Tape {
     /// Waits until all that was logged is in the file.
     pub(super) fn flush(&self) -> Logged {
         self.0.flush_blocking().map_err(|e| e.to_string())
+    }
+
+    /// Sends all that was logged on its way into the file.
+    fn send_on(&self) -> Logged {
+        self.0.flush_async().map_err(|e| e.to_string())
     }
 
     /// All that is logged next belongs to this moment.
@@ -178,11 +190,24 @@ impl Recorder {
     }
 
     /// Logs every message until the sender is gone. After a fault the rest is thrown away, so nobody waits.
-    pub(super) fn run(mut self, messages: &Receiver<Message>, pixels_back: &SyncSender<Vec<u8>>) -> Logged {
+    pub(super) fn run(
+        mut self,
+        messages: &Receiver<Message>,
+        pixels_back: &SyncSender<Vec<u8>>,
+        clock: &impl Clock,
+    ) -> Logged {
         let mut recorded = Ok(());
-        while let Ok(message) = messages.recv() {
-            if recorded.is_ok() {
-                recorded = self.record(message, pixels_back);
+        let mut sent_on_at = clock.elapsed();
+        loop {
+            match messages.recv_timeout(LISTEN) {
+                Ok(message) if recorded.is_ok() => recorded = self.record(message, pixels_back),
+                Ok(_) | Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            let now = clock.elapsed();
+            if now.saturating_sub(sent_on_at) >= FLUSH {
+                sent_on_at = now;
+                recorded = recorded.and_then(|()| self.tape.send_on());
             }
         }
         let flushed = self.tape.flush();

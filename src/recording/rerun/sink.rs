@@ -13,6 +13,7 @@ use super::recorder::{Logged, Looks, Message, Recorder};
 use crate::control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use crate::library::Library;
 use crate::planner::Method;
+use crate::recording::keeping::Keeping;
 use crate::recording::records::EventRecord;
 use crate::recording::rerun_mode::RerunMode;
 use crate::rig::RigModel;
@@ -25,6 +26,9 @@ const QUEUE: usize = 32;
 
 /// Looks kept for trails, a second of plate time.
 const LOOKS_HZ: f64 = 15.0;
+
+/// Looks are gathered no longer than this, s of plate time.
+const GATHER_S: f64 = 0.2;
 
 /// What a recording should know of its run.
 #[derive(Clone, Debug)]
@@ -129,12 +133,17 @@ impl RerunSink {
     }
 
     /// Starts recording into `path`; with [`RerunMode::Off`] does nothing, now and later.
-    pub fn start(mode: &RerunMode, path: &Path, context: RunContext) -> Result<Self, RecordingError> {
+    pub fn start(
+        mode: &RerunMode,
+        path: &Path,
+        context: RunContext,
+        keeping: &Keeping,
+    ) -> Result<Self, RecordingError> {
         if *mode == RerunMode::Off {
             return Ok(Self(None));
         }
         let (file, live) = open(mode, path)?;
-        Self::into_writer(file, live, path, context)
+        Self::into_writer(file, live, path, context, keeping)
     }
 
     /// Records into `out`, which is called `path` in errors.
@@ -143,6 +152,7 @@ impl RerunSink {
         live: Option<(Live, LiveQueue)>,
         path: &Path,
         context: RunContext,
+        keeping: &Keeping,
     ) -> Result<Self, RecordingError> {
         let path = path.to_owned();
         let (live, live_queue) = live.unzip();
@@ -152,10 +162,10 @@ impl RerunSink {
         let (pixels_back, spare_pixels) = sync_channel(QUEUE);
         let truth = context.truth.clone();
         let looks = Looks::new(context.parts.len());
-        let stream_file = file.clone();
+        let (stream_file, clock) = (file.clone(), keeping.clock);
         let recorder = thread::Builder::new()
             .name("recorder".into())
-            .spawn(move || Recorder::start(stream_file, context)?.run(&messages, &pixels_back))
+            .spawn(move || Recorder::start(stream_file, context)?.run(&messages, &pixels_back, &clock))
             .map_err(thread_fault)?;
         Ok(Self(Some(Running { path, queue, spare_pixels, recorder, file, live, truth, looks, last_look: None })))
     }
@@ -207,8 +217,11 @@ impl Running {
             let truth = self.truth.as_ref().map(TruthProbe::read);
             self.looks.push(at, facts.tracks, truth.as_ref());
         }
-        if facts.starts_cycle {
+        let oldest = self.looks.at.first();
+        if facts.starts_cycle || oldest.is_some_and(|&oldest| at.secs_since(oldest) >= GATHER_S) {
             self.send_looks();
+        }
+        if facts.starts_cycle {
             let mut pixels = self.spare_pixels.try_recv().unwrap_or_default();
             pixels.clone_from(&facts.frame.pixels);
             let Frame { width, height, index, exposed_at, .. } = *facts.frame;

@@ -10,10 +10,10 @@ use super::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext};
 use crate::control::{EventLevel, Sink};
 use crate::planner::Method;
 use crate::recording::testing::{self, SyntheticRun};
-use crate::recording::{MemorySink, RerunMode};
-use crate::time::PlateTime;
+use crate::recording::{Keeping, MemorySink, RerunMode};
+use crate::time::{MonotonicClock, PlateTime};
 
-fn context(run: &SyntheticRun) -> RunContext {
+pub(super) fn context(run: &SyntheticRun) -> RunContext {
     let part = |i| PartLook { id: format!("penny-{}", i + 1), kind: "penny".to_owned(), radius_m: testing::RADIUS_M };
     RunContext {
         name: "made-up".to_owned(),
@@ -24,6 +24,10 @@ fn context(run: &SyntheticRun) -> RunContext {
         parts: (0..run.parts_m.len()).map(part).collect(),
         truth: Some(run.truth.clone()),
     }
+}
+
+pub(super) fn keeping() -> Keeping {
+    Keeping::patient(MonotonicClock::new())
 }
 
 fn record(mode: &RerunMode, path: &Path, cycles: usize) -> Result<RecordingStats, RecordingError> {
@@ -37,7 +41,7 @@ fn record_run(
     cycles: usize,
 ) -> Result<RecordingStats, RecordingError> {
     run.wall_us = 180.0;
-    let mut sink = RerunSink::start(mode, path, context(&run))?;
+    let mut sink = RerunSink::start(mode, path, context(&run), &keeping())?;
     run.localise(&mut sink);
     for _ in 0..cycles {
         run.cycle(&mut sink);
@@ -202,7 +206,7 @@ fn a_disk_that_fills_up_is_told_at_the_end() {
     }
     let mut run = SyntheticRun::new(2);
     let out = Box::new(Full(200_000));
-    let mut sink = RerunSink::into_writer(out, None, Path::new("full.rrd"), context(&run)).unwrap();
+    let mut sink = RerunSink::into_writer(out, None, Path::new("full.rrd"), context(&run), &keeping()).unwrap();
     (0..20).for_each(|_| run.cycle(&mut sink));
     let fault = sink.finish().unwrap_err();
     assert!(matches!(fault, RecordingError::Write { .. }), "{fault}");

@@ -1,0 +1,334 @@
+use std::fs::File;
+use std::io::{self, ErrorKind, Write};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+use crate::time::Clock;
+
+/// Lines that may wait to be written.
+const QUEUE: usize = 256;
+
+/// Lines are gathered no longer than this before they are written.
+const GATHER: Duration = Duration::from_millis(250);
+
+/// Nor more bytes than this.
+const MOST_GATHERED_BYTES: usize = 1 << 16;
+
+/// What was written is committed when so much time has gone since the last commit. Looked at every [`GATHER`], so a
+/// commit is never later than a second.
+const COMMIT: Duration = Duration::from_millis(750);
+
+/// How long [`ScribeMode::GiveUp`] waits at the end for a disk that lags.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// A writer whose bytes can be brought to the disk, so that they outlive a loss of power.
+pub trait Durable: Write {
+    /// Returns when all that was written is on the disk.
+    fn commit(&mut self) -> io::Result<()>;
+}
+
+impl Durable for File {
+    fn commit(&mut self) -> io::Result<()> {
+        self.sync_data()
+    }
+}
+
+/// What a [`Scribe`] does when the disk lags and its queue is full.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ScribeMode {
+    /// Whoever writes waits.
+    #[default]
+    Wait,
+    /// The write fails with [`ErrorKind::WouldBlock`], and so does every later one: whoever writes never waits.
+    GiveUp,
+}
+
+/// Writes lines on a thread of its own, so that a slow disk holds up nobody else.
+///
+/// Every `write` is one line. Lines are written within 0.25 s and committed within 1 s, always whole ones. What the
+/// thread meets comes out of the next `write`, or of [`Scribe::finish`]; nothing is written after the first fault.
+#[derive(Debug)]
+pub struct Scribe {
+    lines: Option<SyncSender<Vec<u8>>>,
+    done: Receiver<io::Result<()>>,
+    mode: ScribeMode,
+    fault: Option<(ErrorKind, String)>,
+}
+
+impl Scribe {
+    /// Starts the thread that writes to `out`.
+    pub fn start(
+        mut out: impl Durable + Send + 'static,
+        mode: ScribeMode,
+        clock: impl Clock + Send + 'static,
+    ) -> io::Result<Self> {
+        let (lines, waiting) = sync_channel::<Vec<u8>>(QUEUE);
+        let (report, done) = sync_channel(1);
+        thread::Builder::new().name("scribe".into()).spawn(move || {
+            let written = transcribe(&mut out, &waiting, &clock);
+            drop(out);
+            report.send(written).ok();
+        })?;
+        Ok(Self { lines: Some(lines), done, mode, fault: None })
+    }
+
+    /// Returns when every line is on the disk. `Err` with the first fault since the start.
+    pub fn finish(mut self) -> io::Result<()> {
+        let ended = self.end();
+        match self.fault.take() {
+            Some((kind, text)) => Err(io::Error::new(kind, text)),
+            None => ended,
+        }
+    }
+
+    /// Lets the thread write what waits and waits for it, as long as the mode allows.
+    fn end(&mut self) -> io::Result<()> {
+        if self.lines.take().is_none() {
+            return Ok(());
+        }
+        let ended = match self.mode {
+            ScribeMode::Wait => self.done.recv().map_err(|_| RecvTimeoutError::Disconnected),
+            ScribeMode::GiveUp => self.done.recv_timeout(PATIENCE),
+        };
+        match ended {
+            Ok(written) => written,
+            Err(RecvTimeoutError::Timeout) => Err(io::Error::new(ErrorKind::TimedOut, "the disk hangs")),
+            Err(RecvTimeoutError::Disconnected) => Err(io::Error::other("the scribe's thread died")),
+        }
+    }
+
+    fn fail(&mut self, fault: &io::Error) -> io::Error {
+        let (kind, text) = self.fault.get_or_insert((fault.kind(), fault.to_string()));
+        io::Error::new(*kind, text.as_str())
+    }
+}
+
+impl Write for Scribe {
+    fn write(&mut self, line: &[u8]) -> io::Result<usize> {
+        if let Some((kind, text)) = &self.fault {
+            return Err(io::Error::new(*kind, text.as_str()));
+        }
+        let sent = match (&self.lines, self.mode) {
+            (None, _) => Err(TrySendError::Disconnected(Vec::new())),
+            (Some(lines), ScribeMode::Wait) => lines.send(line.to_vec()).map_err(|e| TrySendError::Disconnected(e.0)),
+            (Some(lines), ScribeMode::GiveUp) => lines.try_send(line.to_vec()),
+        };
+        match sent {
+            Ok(()) => Ok(line.len()),
+            Err(TrySendError::Full(_)) => {
+                let lag = format!("the disk lags: {QUEUE} lines wait to be written");
+                Err(self.fail(&io::Error::new(ErrorKind::WouldBlock, lag)))
+            }
+            Err(TrySendError::Disconnected(_)) => {
+                let fault = self.end().err().unwrap_or_else(|| ErrorKind::BrokenPipe.into());
+                Err(self.fail(&fault))
+            }
+        }
+    }
+
+    /// Lines find their way without it; [`Scribe::finish`] waits for them.
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Drop for Scribe {
+    fn drop(&mut self) {
+        if self.mode == ScribeMode::Wait {
+            self.end().ok();
+        }
+    }
+}
+
+/// The thread: writes and commits `lines` until their sender is gone.
+fn transcribe(out: &mut impl Durable, lines: &Receiver<Vec<u8>>, clock: &impl Clock) -> io::Result<()> {
+    let (mut gathered, mut uncommitted) = (Vec::new(), false);
+    let mut written_at = clock.elapsed();
+    let mut committed_at = written_at;
+    loop {
+        let line = lines.recv_timeout(GATHER.saturating_sub(clock.elapsed().saturating_sub(written_at)));
+        match &line {
+            Ok(line) => gathered.extend_from_slice(line),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => break,
+        }
+        let now = clock.elapsed();
+        let due = line.is_err() || now.saturating_sub(written_at) >= GATHER;
+        if due || gathered.len() >= MOST_GATHERED_BYTES {
+            out.write_all(&gathered)?;
+            uncommitted |= !gathered.is_empty();
+            gathered.clear();
+            written_at = now;
+        }
+        if uncommitted && now.saturating_sub(committed_at) >= COMMIT {
+            out.commit()?;
+            uncommitted = false;
+            committed_at = now;
+        }
+    }
+    out.write_all(&gathered)?;
+    out.commit()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicU64, Ordering};
+    use std::sync::{Arc, Mutex};
+
+    use super::*;
+    use crate::time::{MonotonicClock, StoppedClock};
+
+    /// What a made-up disk was told, in order.
+    #[derive(Clone, Debug, PartialEq, Eq)]
+    enum Told {
+        Written(String),
+        Committed,
+    }
+
+    /// Remembers what it is told; waits at a gate first, and is full after so many bytes.
+    #[derive(Clone, Default)]
+    struct Disk {
+        told: Arc<Mutex<Vec<Told>>>,
+        gate: Arc<Mutex<()>>,
+        room_bytes: Option<usize>,
+    }
+
+    impl Disk {
+        fn told(&self) -> Vec<Told> {
+            self.told.lock().unwrap().clone()
+        }
+
+        fn text(&self) -> String {
+            let text = |told| if let Told::Written(text) = told { text } else { String::new() };
+            self.told().into_iter().map(text).collect()
+        }
+    }
+
+    impl Write for Disk {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            drop(self.gate.lock().unwrap());
+            if let Some(room) = &mut self.room_bytes {
+                *room = room.checked_sub(bytes.len()).ok_or(ErrorKind::StorageFull)?;
+            }
+            self.told.lock().unwrap().push(Told::Written(String::from_utf8(bytes.to_vec()).unwrap()));
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    impl Durable for Disk {
+        fn commit(&mut self) -> io::Result<()> {
+            self.told.lock().unwrap().push(Told::Committed);
+            Ok(())
+        }
+    }
+
+    /// Goes on by so many ms whenever it is read.
+    struct Steps(AtomicU64, u64);
+
+    impl Clock for Steps {
+        fn elapsed(&self) -> Duration {
+            Duration::from_millis(self.0.fetch_add(self.1, Ordering::Relaxed))
+        }
+    }
+
+    fn wait_until(mut done: impl FnMut() -> bool) {
+        for _ in 0..2000 {
+            if done() {
+                return;
+            }
+            thread::sleep(Duration::from_millis(5));
+        }
+        panic!("never came true");
+    }
+
+    #[test]
+    fn all_lines_are_written_in_order_and_committed_at_the_end() {
+        let disk = Disk::default();
+        let mut scribe = Scribe::start(disk.clone(), ScribeMode::Wait, StoppedClock).unwrap();
+        let lines: String = (0..5000).map(|i| format!("line {i}\n")).collect();
+        lines.split_inclusive('\n').for_each(|line| scribe.write_all(line.as_bytes()).unwrap());
+        scribe.finish().unwrap();
+        assert_eq!(disk.text(), lines);
+        assert_eq!(disk.told().last(), Some(&Told::Committed));
+        assert!(disk.told().iter().all(|told| !matches!(told, Told::Written(text) if !text.ends_with('\n'))));
+    }
+
+    #[test]
+    fn a_line_is_on_the_disk_soon_though_the_scribe_stays_open() {
+        let disk = Disk::default();
+        let mut scribe = Scribe::start(disk.clone(), ScribeMode::Wait, MonotonicClock::new()).unwrap();
+        scribe.write_all(b"first\n").unwrap();
+        wait_until(|| disk.told().contains(&Told::Committed));
+        assert_eq!(disk.told(), [Told::Written("first\n".into()), Told::Committed]);
+        scribe.finish().unwrap();
+    }
+
+    #[test]
+    fn a_stream_of_lines_is_written_every_quarter_of_a_second_and_committed_within_one() {
+        let disk = Disk::default();
+        let (lines, waiting) = sync_channel(QUEUE);
+        (0..100).for_each(|i| lines.send(format!("{i}\n").into_bytes()).unwrap());
+        drop(lines);
+        // two readings a line: 20 ms a line
+        transcribe(&mut disk.clone(), &waiting, &Steps(AtomicU64::new(0), 10)).unwrap();
+        let mut since_commit = 0;
+        for told in disk.told() {
+            match told {
+                Told::Written(text) => {
+                    let lines = text.lines().count();
+                    since_commit += lines;
+                    assert!(lines <= 13, "{lines} lines of 20 ms each were gathered");
+                }
+                Told::Committed => since_commit = 0,
+            }
+            assert!(since_commit <= 50, "{since_commit} lines of 20 ms each were not committed");
+        }
+        assert_eq!(disk.text().lines().count(), 100);
+    }
+
+    #[test]
+    fn a_disk_that_hangs_blocks_only_who_wants_to_wait() {
+        let disk = Disk::default();
+        let gate = disk.gate.lock().unwrap();
+        let mut scribe = Scribe::start(disk.clone(), ScribeMode::GiveUp, MonotonicClock::new()).unwrap();
+        let fault = (0..9 * QUEUE).find_map(|_| {
+            thread::sleep(Duration::from_millis(u64::from(disk.told().is_empty()))); // lets the thread run into the gate
+            scribe.write_all(b"x\n").err()
+        });
+        assert_eq!(fault.unwrap().kind(), ErrorKind::WouldBlock);
+        drop(gate);
+        wait_until(|| disk.text().len() >= 2 * QUEUE);
+        let again = scribe.write_all(b"late\n").unwrap_err();
+        assert_eq!(again.kind(), ErrorKind::WouldBlock, "a journal with a gap in it would lie");
+        assert_eq!(scribe.finish().unwrap_err().to_string(), "the disk lags: 256 lines wait to be written");
+        assert!(disk.text().len() >= 2 * QUEUE, "what was taken is written");
+    }
+
+    #[test]
+    fn a_full_disk_comes_out_of_the_next_write_and_of_the_end() {
+        for mode in [ScribeMode::Wait, ScribeMode::GiveUp] {
+            let disk = Disk { room_bytes: Some(12), ..Disk::default() };
+            let mut scribe = Scribe::start(disk.clone(), mode, MonotonicClock::new()).unwrap();
+            scribe.write_all(b"line one\n").unwrap();
+            wait_until(|| !disk.text().is_empty());
+            scribe.write_all(b"line two\n").unwrap();
+            wait_until(|| scribe.write_all(b"more\n").is_err());
+            assert_eq!(scribe.write_all(b"more\n").unwrap_err().kind(), ErrorKind::StorageFull);
+            assert_eq!(scribe.finish().unwrap_err().kind(), ErrorKind::StorageFull);
+            assert_eq!(disk.text(), "line one\n");
+        }
+    }
+
+    #[test]
+    fn a_full_disk_is_told_at_the_end_when_nothing_is_written_after_it() {
+        let disk = Disk { room_bytes: Some(3), ..Disk::default() };
+        let mut scribe = Scribe::start(disk, ScribeMode::Wait, StoppedClock).unwrap();
+        scribe.write_all(b"line\n").unwrap();
+        assert_eq!(scribe.finish().unwrap_err().kind(), ErrorKind::StorageFull);
+    }
+}
