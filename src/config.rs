@@ -13,12 +13,14 @@
 //! ```
 
 mod bins;
+mod daemon;
 mod fault;
 mod job;
 mod kinds;
 mod packing;
 mod phase;
 mod place;
+mod raw_daemon;
 mod raw_job;
 mod raw_rig;
 mod raw_simulate;
@@ -36,10 +38,12 @@ mod tests;
 mod trace;
 mod view;
 
+pub use daemon::{DaemonSpec, KeepSpec, PlateSpec, WatchdogSpec};
 pub use fault::{Fault, Path};
 pub use job::{JobSpec, LibraryRef, PartGroup, is_plain_name};
 pub use kinds::KindSpec;
 pub use place::{PlacedPart, place_parts};
+pub use raw_daemon::{RawDaemon, RawDisk, RawKeep, RawLive, RawPace, RawServedPlate, RawWatchdog};
 pub use raw_job::{
     Assignment, LibrarySource, PlannerChoice, RawBin, RawJob, RawLimits, RawParts, RawPath, RawRegion, RawTask,
 };

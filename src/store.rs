@@ -4,14 +4,39 @@
 //! for the disk: answers come by a callback. Only what a plate's worker needs before it may move ([`Ledger::claim`])
 //! and after it has stopped ([`Ledger::ended`]) blocks. Every queue is bounded.
 
+mod aside;
+mod audit;
+mod ballast;
+mod books;
+mod columns;
+mod events;
+mod handle;
+mod idempotency;
 mod ids;
+mod jobs;
 mod ledger;
 mod memory;
+mod open;
+mod orders;
+mod pending;
+mod places;
+mod reader;
+mod recover;
+mod retention;
+mod salvage;
+mod schema;
+mod task;
+#[cfg(test)]
+mod tests;
 mod types;
+mod writer;
 
+pub use handle::Store;
 pub use ids::JobId;
 pub use ledger::{Claimed, JobEnd, Ledger, NewEvent, Publish, StoredEvent};
 pub use memory::MemoryLedger;
+pub use open::{Opened, RepairRecording};
+pub use retention::Swept;
 pub use types::{
     Accepted, AuditEntry, AuditRow, Cancelled, JobPace, JobPage, JobRow, JobState, Limits, Mended, NewJob, Page,
     RecordingKept, Recovery, Replay, StoreFault, StoreHealth,

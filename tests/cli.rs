@@ -149,7 +149,7 @@ fn a_rotation_is_the_free_wave_it_stands_for() {
 
 #[test]
 fn schemas_and_completions_are_printed() {
-    for name in ["job", "rig", "simulate", "library", "trace"] {
+    for name in ["job", "rig", "simulate", "library", "trace", "daemon"] {
         let (stdout, _) = status(&["schema", name], 0);
         let schema: Value = serde_json::from_str(&stdout).unwrap();
         assert!(schema["properties"].is_object(), "{name}");

@@ -12,7 +12,7 @@ use super::args::{CheckArgs, Common, SchemaArgs};
 use super::failure::Failure;
 use super::{BAD_INPUT, NOT_REACHED, print_json};
 use crate::chart::{self, Chart};
-use crate::config::{self, Fault, JobSpec, RigSpec, SimulateSpec};
+use crate::config::{self, DaemonSpec, Fault, JobSpec, PlateSpec, RigSpec, SimulateSpec};
 use crate::library::Library;
 use crate::run::{check_simulate, job_library, library_faults};
 use covered::Covered;
@@ -178,6 +178,8 @@ fn check_file(path: &Path, asked: Asked<'_>) -> Finding {
     } else if has("counts") {
         let trace = config::load_trace(path).map_err(lines)?.trace;
         format!("trace, 4 channels of {} samples at {:.0} Hz", trace.len(), trace.sample_hz)
+    } else if has("plates") {
+        check_daemon(path)?
     } else if has("motors") {
         let rig = RigSpec::load(path).map_err(lines)?;
         format!("rig {}, {:.0} mm plate", rig.model.name, rig.model.plate_side_m * 1e3)
@@ -185,6 +187,18 @@ fn check_file(path: &Path, asked: Asked<'_>) -> Finding {
         return check_job(path, asked);
     };
     Ok(Found::new(says))
+}
+
+/// Valid with the rigs it names and their libraries.
+fn check_daemon(path: &Path) -> Result<String, Vec<String>> {
+    let daemon = DaemonSpec::load(path).map_err(lines)?;
+    let faults_of = |plate: &PlateSpec| match Library::load(&plate.library) {
+        Ok(library) => lines(library_faults(&library, &plate.library.display().to_string(), &plate.rig)),
+        Err(faults) => lines(faults),
+    };
+    let faults: Vec<String> = daemon.plates.iter().flat_map(faults_of).collect();
+    let says = format!("daemon on {}, plates: {}", daemon.listen, daemon.plate_names().join(", "));
+    if faults.is_empty() { Ok(says) } else { Err(faults) }
 }
 
 fn check_job(path: &Path, asked: Asked<'_>) -> Finding {

@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 use super::fault::{Fault, Faults, Path, one_of, shown};
 use super::kinds::{KindSpec, NAMES};
 use super::raw_job::{LibrarySource, PlannerChoice, RawJob, RawParts};
-use super::raw_rig::RigSource;
+use super::raw_rig::{RawRig, RigSource};
 use super::read::{Origin, parse, text_of};
 use super::rig::RigSpec;
 use super::room;
@@ -68,7 +68,8 @@ impl JobSpec {
         Self::from_json(&text, &Origin::of_file(path), None)
     }
 
-    /// Validates the job in `text`; `plate_rig` stands in where it names no rig. Every fault is told.
+    /// Validates the job in `text`; `plate_rig` stands in where it names no rig, and a rig that it writes out must be
+    /// equal to it. Every fault is told.
     pub fn from_json(text: &str, origin: &Origin, plate_rig: Option<&RigSpec>) -> Result<Self, Vec<Fault>> {
         let raw = parse(text, &origin.file)?;
         let mut faults = Faults::of(&origin.file);
@@ -85,7 +86,7 @@ impl JobSpec {
             faults.demand(alone, &at, format!("a position for {} parts", group.count), "a position only with count 1");
         }
         let library = library_of(&raw, origin, faults);
-        let rig = rig_of(raw.rig.take(), origin, plate_rig, faults)?;
+        let rig = rig_of(raw.rig.take(), origin, plate_rig, raw.plate.as_deref(), faults)?;
         let parts = groups_of(&raw, &rig, faults);
         check_told_apart(&parts, &rig, faults);
         if raw.planner == PlannerChoice::SynthesizedField && rig.model.fields.is_none() {
@@ -168,10 +169,12 @@ fn rig_of(
     source: Option<RigSource>,
     origin: &Origin,
     plate_rig: Option<&RigSpec>,
+    plate: Option<&str>,
     faults: &mut Faults,
 ) -> Option<RigSpec> {
     let at = Path::root().key("rig");
     match (source, plate_rig) {
+        (Some(RigSource::Inline(raw)), Some(rig)) => the_same(&raw, rig, plate, &at, faults),
         (Some(source), _) => RigSpec::from_source(source, origin, &at, faults),
         (None, Some(rig)) => Some(rig.clone()),
         (None, None) => {
@@ -179,6 +182,14 @@ fn rig_of(
             None
         }
     }
+}
+
+/// A plate has one rig: a job may say it, and nothing else. Which library the rig names is the plate's affair.
+fn the_same(raw: &RawRig, rig: &RigSpec, plate: Option<&str>, at: &Path, faults: &mut Faults) -> Option<RigSpec> {
+    let same = rig.is_as_in(raw);
+    let plate = plate.map_or("the plate".to_owned(), |name| format!("plate {name}"));
+    faults.demand(same, at, "another rig", format!("the rig of {plate}, or nothing"));
+    same.then(|| rig.clone())
 }
 
 /// Synthesised fields need a rig that says how they are driven.

@@ -127,6 +127,13 @@ impl RigSpec {
         (faults.len() == before).then_some(Self { raw, model, sim, friction, kinds, library, fingerprint })
     }
 
+    /// True when `raw`, defaults written out, is this rig but for the library it names.
+    pub(super) fn is_as_in(&self, raw: &RawRig) -> bool {
+        let mut other = RawRig { library: None, ..raw.clone() };
+        fill_in(&mut other);
+        other == RawRig { library: None, ..self.raw.clone() }
+    }
+
     /// The kind called `name`, as an index into [`RigSpec::kinds`].
     pub fn kind(&self, name: &str) -> Option<usize> {
         self.kinds.iter().position(|spec| spec.kind.name == name)

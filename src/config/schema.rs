@@ -1,12 +1,12 @@
 use schemars::{JsonSchema, schema_for};
 use serde_json::Value;
 
-use super::{RawJob, RawRig, RawSimulate, RawTrace};
+use super::{RawDaemon, RawJob, RawRig, RawSimulate, RawTrace};
 use crate::library::RawLibrary;
 
 /// Names that [`schema`] knows.
 pub fn schema_names() -> &'static [&'static str] {
-    &["job", "rig", "simulate", "library", "trace"]
+    &["job", "rig", "simulate", "library", "trace", "daemon"]
 }
 
 /// The JSON Schema (draft 2020-12) of the file called `name`, `None` when there is none.
@@ -17,6 +17,7 @@ pub fn schema(name: &str) -> Option<Value> {
         "simulate" => Some(of::<RawSimulate>()),
         "library" => Some(of::<RawLibrary>()),
         "trace" => Some(of::<RawTrace>()),
+        "daemon" => Some(of::<RawDaemon>()),
         _ => None,
     }
 }

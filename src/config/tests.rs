@@ -1,3 +1,4 @@
+mod daemon;
 mod faults;
 mod jobs;
 mod many;

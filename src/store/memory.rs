@@ -234,7 +234,8 @@ mod tests {
         let [first, second, other] = ["a", "a", "b"].map(|plate| ledger.accept(new_job(plate)).id);
         let claimed = ledger.claim("a", &folder).unwrap().unwrap().row;
         assert_eq!((claimed.id, claimed.state, claimed.folder.as_deref()), (first, JobState::Running, Some("hold-3")));
-        assert_eq!(ledger.claim("a", &|_| Err(io::Error::other("no room"))).unwrap_err().to_string().len(), 53);
+        let fault = StoreFault::Io("no room".into());
+        assert_eq!(ledger.claim("a", &|_| Err(io::Error::other("no room"))), Err(fault));
         assert_eq!(ledger.claim("a", &folder).unwrap().unwrap().row.id, second);
         assert_eq!(ledger.claim("a", &folder), Ok(None));
         assert!(matches!(ledger.cancel_queued(&other), Cancelled::Now(_)));

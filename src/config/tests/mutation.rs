@@ -3,7 +3,7 @@ use serde_json::{Map, Value, json};
 
 use super::traces::trace;
 use super::{origin, text_of, value_of};
-use crate::config::{Fault, JobSpec, RigSpec, SimulateSpec, place_parts, trace_from_json};
+use crate::config::{DaemonSpec, Fault, JobSpec, RigSpec, SimulateSpec, place_parts, trace_from_json};
 use crate::random::Streams;
 
 fn scalar() -> impl Strategy<Value = Value> {
@@ -79,6 +79,7 @@ fn read(text: &str) -> Result<(), TestCaseError> {
     }
     refused(RigSpec::from_json(text, &origin()))?;
     refused(SimulateSpec::from_json(text, &origin()))?;
+    refused(DaemonSpec::from_json(text, &origin()))?;
     refused(trace_from_json(text, "trace.json"))?;
     if let Some(job) = refused(JobSpec::from_json(text, &origin(), None))? {
         let placed = place_parts(&job, Streams::new(job.seed()));
@@ -98,7 +99,7 @@ proptest! {
 
     #[test]
     fn mutated_files_never_panic(
-        which in 0..8_usize,
+        which in 0..9_usize,
         changes in proptest::collection::vec((any::<prop::sample::Index>(), prop_oneof![scalar(), anything()]), 1..4),
     ) {
         let mut document = match which {
@@ -109,6 +110,7 @@ proptest! {
             4 => whole("arrange-8.json", "rigs/upm-2.json"),
             5 => whole("sort-12.json", "rigs/upm-2.json"),
             6 => whole("bowtie-3.json", "rigs/upm-2.json"),
+            7 => value_of("daemon.json"),
             _ => experiment(),
         };
         for (index, value) in changes {

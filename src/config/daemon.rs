@@ -1,0 +1,287 @@
+use std::net::{IpAddr, SocketAddr};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use serde_json::Value;
+
+use super::fault::{Fault, Faults, Path, one_of, shown};
+use super::job::is_plain_name;
+use super::kinds::NAMES;
+use super::raw_daemon::{RawDaemon, RawDisk, RawKeep, RawPace, RawServedPlate, RawWatchdog};
+use super::read::{Origin, parse, text_of};
+use super::rig::RigSpec;
+
+/// What a daemon runs, validated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DaemonSpec {
+    /// What faults call the file it came from.
+    pub file: String,
+    /// Where it listens.
+    pub listen: SocketAddr,
+    /// Folder of the job store, run folders and latches.
+    pub data: PathBuf,
+    /// The plates, in the order of the file.
+    pub plates: Vec<PlateSpec>,
+    /// Name of the plate of jobs that name none, if there is one.
+    pub default_plate: Option<String>,
+    /// Jobs that may wait for one plate.
+    pub queue: usize,
+    /// How fast jobs run that do not say.
+    pub pace: RawPace,
+    /// Names under which it is reached besides its address and localhost, in lower case, without a port.
+    pub hosts: Vec<String>,
+    /// File of the token that may do everything.
+    pub token_file: Option<PathBuf>,
+    /// File of the token that may only look, and stop.
+    pub read_token_file: Option<PathBuf>,
+    /// What is kept of jobs that have ended.
+    pub keep: KeepSpec,
+    /// With fewer bytes than this left on the disk recordings are stopped.
+    pub min_free_bytes: u64,
+    /// Bytes set aside for what must be written when the disk is full.
+    pub reserve_bytes: u64,
+    /// When a plate is stopped because something is wrong.
+    pub watchdog: WatchdogSpec,
+    /// Bytes a live stream for the Rerun viewer keeps; `None` for no live streams.
+    pub live_history_bytes: Option<u64>,
+    /// The file's content with every default written out.
+    raw: RawDaemon,
+}
+
+/// A plate that is served.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlateSpec {
+    /// Its name, fit for a file.
+    pub name: String,
+    /// The rig.
+    pub rig: RigSpec,
+    /// Its COR library: the plate's own, else the rig's.
+    pub library: PathBuf,
+    /// Port of its live stream; `None` for any free one.
+    pub live_port: Option<u16>,
+}
+
+/// What is kept of jobs that have ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KeepSpec {
+    /// Most bytes of run folders.
+    pub runs_bytes: u64,
+    /// Longest time a run folder is kept.
+    pub runs_age: Duration,
+    /// Jobs that are remembered.
+    pub jobs: u64,
+    /// Events kept of one job.
+    pub events_per_job: u64,
+    /// Events kept of all jobs.
+    pub events: u64,
+}
+
+/// When a plate is stopped because something is wrong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WatchdogSpec {
+    /// No frame came for so long, wall time.
+    pub no_frame: Duration,
+    /// A plan took so long, wall time.
+    pub planning: Duration,
+    /// No part was seen for so long, s of plate time.
+    pub no_part_s: f64,
+    /// A journal or a queue of events took nothing for so long, wall time.
+    pub blocked: Duration,
+    /// A deadline was missed by more frames than this.
+    pub late_frames: u64,
+    /// More deadlines than this were missed in a second.
+    pub misses_per_s: u64,
+}
+
+impl DaemonSpec {
+    /// Reads and validates the daemon file at `path` and the rigs it names; every fault is told.
+    pub fn load(path: &std::path::Path) -> Result<Self, Vec<Fault>> {
+        let text = text_of(path).map_err(|fault| vec![fault])?;
+        Self::from_json(&text, &Origin::of_file(path))
+    }
+
+    /// Validates the daemon file in `text`; every fault is told.
+    pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Fault>> {
+        let raw = parse(text, &origin.file)?;
+        let mut faults = Faults::of(&origin.file);
+        let made = Self::build(raw, origin, &mut faults);
+        faults.into_result(made)
+    }
+
+    fn build(raw: RawDaemon, origin: &Origin, faults: &mut Faults) -> Option<Self> {
+        let root = Path::root();
+        let listen = listen_of(&raw.listen, faults);
+        let plates = plates_of(&raw.plates, origin, faults);
+        let default_plate = default_plate_of(&raw, faults);
+        let hosts = hosts_of(&raw.hosts, faults);
+        let mut file_of = |key: &str, named: &str| named_file(named, origin, &root.key(key), faults);
+        let data = file_of("data", &raw.data);
+        let token_file = raw.token_file.as_ref().and_then(|named| file_of("token_file", named));
+        let read_token_file = raw.read_token_file.as_ref().and_then(|named| file_of("read_token_file", named));
+        check_ports(&raw, faults);
+        check_room(&raw.disk, faults);
+        check_events(&raw.keep, faults);
+        Some(Self {
+            file: origin.file.clone(),
+            listen: listen?,
+            data: data?,
+            plates: plates?,
+            default_plate,
+            queue: raw.queue as usize,
+            pace: raw.pace,
+            hosts,
+            token_file,
+            read_token_file,
+            keep: keep_of(&raw.keep),
+            min_free_bytes: megabytes(raw.disk.min_free_mb),
+            reserve_bytes: megabytes(raw.disk.reserve_mb),
+            watchdog: watchdog_of(&raw.watchdog),
+            live_history_bytes: raw.live.rerun.then(|| megabytes(raw.live.history_mb)),
+            raw,
+        })
+    }
+
+    /// The plate called `name`.
+    pub fn plate(&self, name: &str) -> Option<&PlateSpec> {
+        self.plates.iter().find(|plate| plate.name == name)
+    }
+
+    /// Names of the plates, in the order of the file.
+    pub fn plate_names(&self) -> Vec<String> {
+        self.plates.iter().map(|plate| plate.name.clone()).collect()
+    }
+
+    /// The file with every default written out: read again with the same origin, it gives an equal spec.
+    pub fn effective(&self) -> Value {
+        serde_json::to_value(&self.raw).unwrap_or_default()
+    }
+}
+
+fn listen_of(text: &str, faults: &mut Faults) -> Option<SocketAddr> {
+    let address = text.parse().ok();
+    let found = shown(&Value::from(text));
+    let allowed = "an IP address and a port, as 127.0.0.1:8750 or [::1]:8750";
+    faults.demand(address.is_some(), &Path::root().key("listen"), found, allowed);
+    address
+}
+
+fn named_file(named: &str, origin: &Origin, at: &Path, faults: &mut Faults) -> Option<PathBuf> {
+    let path = origin.resolve(named);
+    faults.demand(path.is_some(), at, shown(&Value::from(named)), "nothing: files cannot be named here");
+    path
+}
+
+/// The plates, all of them or none; the faults of every one are told.
+fn plates_of(raw: &[RawServedPlate], origin: &Origin, faults: &mut Faults) -> Option<Vec<PlateSpec>> {
+    let plate_of = |(i, plate): (usize, &RawServedPlate)| {
+        let at = Path::root().key("plates").index(i);
+        let name = shown(&Value::from(plate.name.as_str()));
+        faults.demand(is_plain_name(&plate.name), &at.key("name"), &name, NAMES);
+        // file systems that do not tell cases apart would hold two latches as one
+        let twice = raw.iter().take(i).any(|before| before.name.eq_ignore_ascii_case(&plate.name));
+        faults.demand(!twice, &at.key("name"), &name, "a name that no plate before has");
+        let library = plate.library.as_ref().map(|named| named_file(named, origin, &at.key("library"), faults));
+        let rig = RigSpec::from_source(plate.rig.clone(), origin, &at.key("rig"), faults)?;
+        let library = match library {
+            Some(library) => library?,
+            None => library_of_rig(&rig, &at, faults)?,
+        };
+        Some(PlateSpec { name: plate.name.clone(), rig, library, live_port: plate.live_port })
+    };
+    let plates: Vec<Option<PlateSpec>> = raw.iter().enumerate().map(plate_of).collect();
+    plates.into_iter().collect()
+}
+
+/// A plate serves many jobs, which seldom bring a library of their own.
+fn library_of_rig(rig: &RigSpec, at: &Path, faults: &mut Faults) -> Option<PathBuf> {
+    if rig.library.is_none() {
+        let allowed = format!("a path: rig {} names no library", rig.model.name);
+        faults.push(&at.key("library"), "nothing", allowed);
+    }
+    rig.library.clone()
+}
+
+fn default_plate_of(raw: &RawDaemon, faults: &mut Faults) -> Option<String> {
+    let names: Vec<&str> = raw.plates.iter().map(|plate| plate.name.as_str()).collect();
+    match (&raw.default_plate, names.as_slice()) {
+        (Some(named), _) => {
+            let found = shown(&Value::from(named.as_str()));
+            faults.demand(
+                names.contains(&named.as_str()),
+                &Path::root().key("default_plate"),
+                found,
+                one_of(named, &names),
+            );
+            Some(named.clone())
+        }
+        (None, [only]) => Some((*only).to_owned()),
+        (None, _) => None,
+    }
+}
+
+/// Names as they stand in a Host header, but for the port.
+fn hosts_of(raw: &[String], faults: &mut Faults) -> Vec<String> {
+    for (i, host) in raw.iter().enumerate() {
+        let at = Path::root().key("hosts").index(i);
+        let allowed = "a host name or IP address without a port, as lab.example.org";
+        faults.demand(is_host(host), &at, shown(&Value::from(host.as_str())), allowed);
+    }
+    raw.iter().map(|host| host.to_ascii_lowercase()).collect()
+}
+
+fn is_host(host: &str) -> bool {
+    let label = |label: &str| {
+        let plain = label.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_');
+        (1..=63).contains(&label.len()) && plain && !label.starts_with('-') && !label.ends_with('-')
+    };
+    let bare = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host);
+    bare.parse::<IpAddr>().is_ok() || (host.len() <= 253 && host.split('.').all(label))
+}
+
+/// A port has one owner.
+fn check_ports(raw: &RawDaemon, faults: &mut Faults) {
+    let listen = raw.listen.parse().ok().map(|address: SocketAddr| address.port());
+    for (i, plate) in raw.plates.iter().enumerate().filter(|(_, plate)| plate.live_port.is_some()) {
+        let before = raw.plates.iter().take(i).any(|before| before.live_port == plate.live_port);
+        let at = Path::root().key("plates").index(i).key("live_port");
+        let found = plate.live_port.unwrap_or_default();
+        faults.demand(!before && plate.live_port != listen, &at, found, "a port that nothing else here has");
+    }
+}
+
+/// Recordings stop before the reserve is touched.
+fn check_room(disk: &RawDisk, faults: &mut Faults) {
+    let allowed = format!("at least twice disk.reserve_mb ({})", disk.reserve_mb);
+    let at = Path::root().key("disk").key("min_free_mb");
+    faults.demand(disk.min_free_mb >= 2.0 * disk.reserve_mb, &at, disk.min_free_mb, allowed);
+}
+
+fn check_events(keep: &RawKeep, faults: &mut Faults) {
+    let allowed = format!("at least keep.events_per_job ({})", keep.events_per_job);
+    faults.demand(keep.events >= keep.events_per_job, &Path::root().key("keep").key("events"), keep.events, allowed);
+}
+
+fn keep_of(raw: &RawKeep) -> KeepSpec {
+    KeepSpec {
+        runs_bytes: (raw.runs_gb * 1e9).round() as u64,
+        runs_age: Duration::from_secs_f64(raw.runs_days * 86_400.0),
+        jobs: raw.jobs.into(),
+        events_per_job: raw.events_per_job.into(),
+        events: raw.events.into(),
+    }
+}
+
+fn watchdog_of(raw: &RawWatchdog) -> WatchdogSpec {
+    WatchdogSpec {
+        no_frame: Duration::from_secs_f64(raw.no_frame_s),
+        planning: Duration::from_secs_f64(raw.planning_s),
+        no_part_s: raw.no_part_s,
+        blocked: Duration::from_secs_f64(raw.blocked_s),
+        late_frames: raw.late_frames.into(),
+        misses_per_s: raw.misses_per_s.into(),
+    }
+}
+
+fn megabytes(mb: f64) -> u64 {
+    (mb * 1e6).round() as u64
+}

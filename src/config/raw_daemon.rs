@@ -1,0 +1,193 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::raw_rig::RigSource;
+
+/// What `upm serve` runs: plates, and how much it takes on and keeps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "daemon")]
+pub struct RawDaemon {
+    /// Address and port to listen on, as `127.0.0.1:8750`; port 0 is any free one. An address that others can reach asks
+    /// for a token.
+    #[serde(default = "listen")]
+    #[schemars(length(min = 1, max = 64))]
+    pub listen: String,
+    /// Folder of the job store, run folders and latches, relative to this file.
+    #[serde(default = "data")]
+    #[schemars(length(min = 1, max = 4096))]
+    pub data: String,
+    /// The plates.
+    #[schemars(length(min = 1, max = 16))]
+    pub plates: Vec<RawServedPlate>,
+    /// Plate of jobs that name none. Left out: the only plate, or none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 1, max = 64))]
+    pub default_plate: Option<String>,
+    /// Jobs that may wait for one plate.
+    #[serde(default = "queue")]
+    #[schemars(range(min = 1, max = 10_000))]
+    pub queue: u32,
+    /// How fast jobs run that do not say.
+    #[serde(default)]
+    pub pace: RawPace,
+    /// Names under which the daemon is reached besides its address and localhost, without a port.
+    #[serde(default)]
+    #[schemars(length(max = 64))]
+    pub hosts: Vec<String>,
+    /// File of the token that may do everything, relative to this file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 1, max = 4096))]
+    pub token_file: Option<String>,
+    /// File of the token that may only look, and stop.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 1, max = 4096))]
+    pub read_token_file: Option<String>,
+    /// What is kept of jobs that have ended.
+    #[serde(default)]
+    pub keep: RawKeep,
+    /// Room on the disk.
+    #[serde(default)]
+    pub disk: RawDisk,
+    /// When a plate is stopped because something is wrong.
+    #[serde(default)]
+    pub watchdog: RawWatchdog,
+    /// Live streams for the Rerun viewer.
+    #[serde(default)]
+    pub live: RawLive,
+}
+
+fn listen() -> String {
+    "127.0.0.1:8750".to_owned()
+}
+
+fn data() -> String {
+    "data".to_owned()
+}
+
+fn queue() -> u32 {
+    64
+}
+
+/// A plate that is served.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawServedPlate {
+    /// Its name, by which jobs ask for it: letters, digits, `.`, `_` and `-`.
+    #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
+    pub name: String,
+    /// The rig: a path relative to this file, or the object itself.
+    pub rig: RigSource,
+    /// COR library in place of the rig's: a path relative to this file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 1, max = 4096))]
+    pub library: Option<String>,
+    /// Port of its live stream on 127.0.0.1. Left out: any free one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1))]
+    pub live_port: Option<u16>,
+}
+
+/// How fast a job runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum RawPace {
+    /// Plate time is wall time.
+    #[default]
+    RealTime,
+    /// As fast as the machine can.
+    Max,
+}
+
+/// What is kept of jobs that have ended. Run folders go when they are too old or too many, the oldest first.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RawKeep {
+    /// Most room for run folders, GB of 10⁹ bytes.
+    #[schemars(range(max = 1e6), extend("exclusiveMinimum" = 0.0))]
+    pub runs_gb: f64,
+    /// Longest time a run folder is kept, days.
+    #[schemars(range(max = 36_500.0), extend("exclusiveMinimum" = 0.0))]
+    pub runs_days: f64,
+    /// Jobs that are remembered.
+    #[schemars(range(min = 100, max = 10_000_000))]
+    pub jobs: u32,
+    /// Events kept of one job.
+    #[schemars(range(min = 100, max = 1_000_000))]
+    pub events_per_job: u32,
+    /// Events kept of all jobs.
+    #[schemars(range(min = 1000, max = 100_000_000))]
+    pub events: u32,
+}
+
+impl Default for RawKeep {
+    fn default() -> Self {
+        Self { runs_gb: 20.0, runs_days: 30.0, jobs: 100_000, events_per_job: 10_000, events: 1_000_000 }
+    }
+}
+
+/// Room on the disk, MB of 10⁶ bytes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RawDisk {
+    /// With less than this left recordings are stopped; the plates go on.
+    #[schemars(range(min = 1.0, max = 1e9))]
+    pub min_free_mb: f64,
+    /// Set aside for what must be written when the disk is full. With less than this left no job is taken.
+    #[schemars(range(min = 1.0, max = 1e6))]
+    pub reserve_mb: f64,
+}
+
+impl Default for RawDisk {
+    fn default() -> Self {
+        Self { min_free_mb: 500.0, reserve_mb: 16.0 }
+    }
+}
+
+/// When a plate is stopped because something is wrong.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RawWatchdog {
+    /// No frame came for so long, s of wall time.
+    #[schemars(range(min = 0.1, max = 60.0))]
+    pub no_frame_s: f64,
+    /// A plan took so long, s of wall time.
+    #[schemars(range(min = 0.1, max = 600.0))]
+    pub planning_s: f64,
+    /// No part was seen for so long, s of plate time.
+    #[schemars(range(min = 0.1, max = 60.0))]
+    pub no_part_s: f64,
+    /// A journal or a queue of events took nothing for so long, s of wall time.
+    #[schemars(range(min = 0.1, max = 60.0))]
+    pub blocked_s: f64,
+    /// A deadline was missed by more frames than this.
+    #[schemars(range(min = 1, max = 1000))]
+    pub late_frames: u32,
+    /// More deadlines than this were missed in a second.
+    #[schemars(range(min = 1, max = 1000))]
+    pub misses_per_s: u32,
+}
+
+impl Default for RawWatchdog {
+    fn default() -> Self {
+        Self { no_frame_s: 0.5, planning_s: 5.0, no_part_s: 0.5, blocked_s: 0.5, late_frames: 5, misses_per_s: 10 }
+    }
+}
+
+/// Live streams for the Rerun viewer, one for each plate. They ask nobody who they are, and so are on 127.0.0.1 alone and
+/// only while the daemon is, too.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RawLive {
+    /// Whether there are any.
+    pub rerun: bool,
+    /// What a stream keeps for those who come later, MB of 10⁶ bytes.
+    #[schemars(range(min = 1.0, max = 10_000.0))]
+    pub history_mb: f64,
+}
+
+impl Default for RawLive {
+    fn default() -> Self {
+        Self { rerun: true, history_mb: 64.0 }
+    }
+}

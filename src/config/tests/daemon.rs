@@ -1,0 +1,133 @@
+use serde_json::{Value, json};
+
+use super::{lines, set, shipped, text_of, value_of};
+use crate::config::{DaemonSpec, JobSpec, Origin, RawPace};
+
+fn daemon(document: &Value) -> Result<DaemonSpec, Vec<String>> {
+    DaemonSpec::from_json(&document.to_string(), &Origin::of_file(&shipped("test.json"))).map_err(lines)
+}
+
+/// The faults of the shipped file with one value changed.
+fn changed(pointer: &str, value: Value) -> Vec<String> {
+    let mut document = value_of("daemon.json");
+    set(&mut document, pointer, value);
+    daemon(&document).unwrap_err()
+}
+
+#[test]
+fn the_shipped_daemon_has_three_plates_each_with_its_library() {
+    let spec = DaemonSpec::load(&shipped("daemon.json")).unwrap();
+    assert_eq!(spec.plate_names(), ["upm-1", "upm-2", "upm-2-evening"]);
+    assert_eq!((spec.listen.to_string().as_str(), spec.pace), ("127.0.0.1:8750", RawPace::RealTime));
+    assert!(spec.plates.iter().all(|plate| plate.library.exists()));
+    assert_eq!(spec.default_plate.as_deref(), Some("upm-2"));
+    let [strong, evening] = ["upm-2", "upm-2-evening"].map(|name| spec.plate(name).unwrap());
+    // one library serves both: they differ in light and friction alone
+    assert_eq!(strong.rig.fingerprint, evening.rig.fingerprint);
+    assert_eq!(strong.rig.model.name, evening.rig.model.name);
+    assert_ne!(strong.rig.friction, evening.rig.friction);
+    assert_ne!(strong.rig.raw.camera.levels, evening.rig.raw.camera.levels);
+}
+
+#[test]
+fn defaults_are_those_of_the_shipped_file_and_are_written_out() {
+    let least = json!({"plates": [{"name": "only", "rig": "rigs/upm-2.json"}]});
+    let spec = daemon(&least).unwrap();
+    let shipped = DaemonSpec::load(&shipped("daemon.json")).unwrap();
+    assert_eq!(spec.default_plate.as_deref(), Some("only"));
+    assert_eq!((&spec.keep, &spec.watchdog, spec.queue), (&shipped.keep, &shipped.watchdog, shipped.queue));
+    assert_eq!((spec.min_free_bytes, spec.reserve_bytes), (500_000_000, 16_000_000));
+    assert_eq!((spec.live_history_bytes, spec.listen), (Some(64_000_000), shipped.listen));
+    assert_eq!(daemon(&spec.effective()).unwrap(), spec);
+    let mut two = least;
+    two["plates"].as_array_mut().unwrap().push(json!({"name": "other", "rig": "rigs/upm-2.json"}));
+    set(&mut two, "/live", json!({"rerun": false}));
+    let spec = daemon(&two).unwrap();
+    assert_eq!((spec.default_plate, spec.live_history_bytes), (None, None));
+}
+
+#[test]
+fn every_fault_is_told_with_its_place() {
+    let rig = value_of("rigs/upm-2.json");
+    let mut inline = rig.clone();
+    inline.as_object_mut().unwrap().remove("library");
+    let document = json!({
+        "listen": "localhost:8750",
+        "plates": [
+            {"name": "..", "rig": "rigs/upm-9.json"},
+            {"name": "a", "rig": inline, "live_port": 9000},
+            {"name": "A", "rig": "rigs/upm-2.json", "live_port": 9000},
+        ],
+        "default_plate": "b",
+        "hosts": ["lab.example.org", "lab:80", "http://x", ""],
+        "disk": {"min_free_mb": 20},
+        "keep": {"events": 5000},
+    });
+    let wanted = "\
+listen: found \"localhost:8750\", allowed: an IP address and a port, as 127.0.0.1:8750 or [::1]:8750
+plates[0].name: found \"..\", allowed: 1 to 64 letters, digits, `.`, `_`, `-`, other than `.` and `..`
+plates[0].rig: found \"rigs/upm-9.json\", allowed: a rig file (No such file or directory (os error 2))
+plates[1].library: found nothing, allowed: a path: rig upm-2 names no library
+plates[2].name: found \"A\", allowed: a name that no plate before has
+default_plate: found \"b\", allowed: .., a, A (did you mean a?)
+hosts[1]: found \"lab:80\", allowed: a host name or IP address without a port, as lab.example.org
+hosts[2]: found \"http://x\", allowed: a host name or IP address without a port, as lab.example.org
+hosts[3]: found \"\", allowed: a host name or IP address without a port, as lab.example.org
+plates[2].live_port: found 9000, allowed: a port that nothing else here has
+disk.min_free_mb: found 20, allowed: at least twice disk.reserve_mb (16)
+keep.events: found 5000, allowed: at least keep.events_per_job (10000)";
+    assert_eq!(daemon(&document).unwrap_err().join("\n"), wanted);
+}
+
+#[test]
+fn keys_types_and_ranges_are_told_first() {
+    for (pointer, value, told) in [
+        ("/queue", json!(0), "queue: found 0, allowed: "),
+        ("/queue", json!(10_001), "queue: found 10001, allowed: "),
+        ("/plates", json!([]), "plates: found a list of 0, allowed: "),
+        ("/pace", json!("fast"), "pace: found \"fast\", allowed: real-time, max"),
+        ("/watchdog/no_frame", json!(1), "watchdog.no_frame: found unknown key \"no_frame\", allowed: "),
+        ("/plates/0/live_port", json!(0), "plates[0].live_port: found 0, allowed: "),
+        ("/plates/0/live_port", json!(65_536), "plates[0].live_port: found 65536, allowed: "),
+        ("/keep/runs_gb", json!(0), "keep.runs_gb: found 0, allowed: "),
+        ("/plates/1/rig", json!(7), "plates[1].rig: found 7, allowed: "),
+        ("/token_file", json!(""), "token_file: found \"\", allowed: "),
+        ("/plates/0/name", json!("a b"), "plates[0].name: found \"a b\", allowed: 1 to 64 letters"),
+        ("/plates/0/live_port", json!(8750), "plates[0].live_port: found 8750, allowed: a port that "),
+    ] {
+        let faults = changed(pointer, value);
+        assert!(faults.len() == 1 && faults[0].starts_with(told), "{told}: {faults:?}");
+    }
+}
+
+#[test]
+fn a_request_may_not_bring_a_daemon_that_names_files() {
+    let faults = DaemonSpec::from_json(&text_of("daemon.json"), &Origin::of_request("daemon")).unwrap_err();
+    assert!(faults.iter().all(|fault| fault.allowed.contains("files cannot be named here")), "{faults:?}");
+    assert_eq!(faults.len(), 4);
+}
+
+#[test]
+fn a_job_may_say_its_plates_rig_and_no_other() {
+    let spec = DaemonSpec::load(&shipped("daemon.json")).unwrap();
+    let strong = &spec.plate("upm-2").unwrap().rig;
+    let origin = Origin::of_request("job");
+    let job = |rig: Value| {
+        let mut document = value_of("arrange-2.json");
+        set(&mut document, "/rig", rig);
+        set(&mut document, "/plate", json!("upm-2"));
+        JobSpec::from_json(&document.to_string(), &origin, Some(strong)).map_err(lines)
+    };
+    // as in the file, with its defaults left out and naming a library; and with all written out
+    for rig in [value_of("rigs/upm-2.json"), serde_json::to_value(&strong.raw).unwrap()] {
+        let made = job(rig).unwrap();
+        assert_eq!((&made.rig, made.library.is_some()), (strong, true));
+    }
+    let other = value_of("rigs/upm-2-evening.json");
+    assert_eq!(job(other).unwrap_err(), ["rig: found another rig, allowed: the rig of plate upm-2, or nothing"]);
+    let mut nearly = value_of("rigs/upm-2.json");
+    set(&mut nearly, "/plate/mass_kg", json!(1.000_000_000_000_000_2));
+    assert_eq!(job(nearly).unwrap_err().len(), 1);
+    let named = job(json!("rigs/upm-2.json")).unwrap_err();
+    assert!(named[0].contains("files cannot be named here"), "{named:?}");
+}

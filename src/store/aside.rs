@@ -1,0 +1,108 @@
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use rusqlite::{Connection, ErrorCode};
+
+use super::open::Opening;
+use super::places::{Places, beside};
+use super::salvage::{from_folders, from_store};
+use super::schema::{APPLICATION_ID, VERSION, create, empty_log, reading, writing};
+use super::{Recovery, StoreFault};
+
+/// Shorter files hold no database. SQLite would take them for a new one, and throw away the log beside them.
+const LEAST_BYTES: u64 = 512;
+
+/// What SQLite keeps beside a database.
+const BESIDE: [&str; 3] = ["", "-wal", "-shm"];
+
+/// What is wrong with the database at `path`, if anything. Changes nothing. `Err` when that cannot be told.
+pub(super) fn damage_of(path: &Path) -> Result<Option<String>, StoreFault> {
+    if fs::metadata(path)?.len() < LEAST_BYTES {
+        return Ok(Some("upm.db has been cut off".to_owned()));
+    }
+    match reading(path).and_then(|connection| look_at(&connection)) {
+        Ok(damage) => Ok(damage),
+        Err(rusqlite::Error::SqliteFailure(code, reason)) => match code.code {
+            ErrorCode::CannotOpen
+            | ErrorCode::PermissionDenied
+            | ErrorCode::ReadOnly
+            | ErrorCode::DatabaseBusy
+            | ErrorCode::DatabaseLocked
+            | ErrorCode::SystemIoFailure
+            | ErrorCode::OutOfMemory
+            | ErrorCode::DiskFull => Err(rusqlite::Error::SqliteFailure(code, reason).into()),
+            _ => Ok(Some(reason.unwrap_or_else(|| code.to_string()))),
+        },
+        Err(other) => Ok(Some(other.to_string())),
+    }
+}
+
+fn look_at(connection: &Connection) -> rusqlite::Result<Option<String>> {
+    let number = |name: &str| connection.pragma_query_value(None, name, |row| row.get::<_, i32>(0));
+    let (id, version) = (number("application_id")?, number("user_version")?);
+    if (id, version) != (APPLICATION_ID, VERSION) {
+        return Ok(Some(format!("upm.db is of kind {id:08x} and version {version}, not of version {VERSION}")));
+    }
+    let said: String = connection.query_row("PRAGMA quick_check(1)", [], |row| row.get(0))?;
+    if said != "ok" {
+        return Ok(Some(said));
+    }
+    connection.query_row("SELECT clean_shutdown FROM meta WHERE only = 1", [], |row| row.get::<_, bool>(0))?;
+    Ok(None)
+}
+
+/// Makes a new store of what can be saved from the old one and from the run folders, and moves the old one aside. Cut
+/// short anywhere, the next start takes it up again and nothing is lost: the old one makes way only when the new one is
+/// whole.
+pub(super) fn set_aside(places: &Places, opening: &Opening<'_>, damage: &str) -> Result<Recovery, StoreFault> {
+    tracing::error!("the job store is damaged and moved aside: {damage}");
+    if !places.next.exists() {
+        remove_all(&places.draft)?;
+        create(&places.draft)?;
+        let connection = writing(&places.draft)?;
+        from_store(&places.db, &connection)?;
+        from_folders(places, &connection)?;
+        connection.execute("UPDATE meta SET clean_shutdown = 0", [])?;
+        empty_log(&connection)?;
+        connection.close().map_err(|(_, error)| error)?;
+        fs::rename(&places.draft, &places.next)?;
+        places.sync()?;
+    }
+    let moved = move_away(&places.db, opening)?;
+    fs::rename(&places.next, &places.db)?;
+    // the new log begins with the new database
+    remove_all(&places.draft)?;
+    places.sync()?;
+    Ok(Recovery { moved_aside: moved, damage: Some(damage.to_owned()), ..Recovery::default() })
+}
+
+/// Renames the database and what is beside it, together; `None` when there was nothing.
+fn move_away(db: &Path, opening: &Opening<'_>) -> Result<Option<PathBuf>, StoreFault> {
+    let there: Vec<&str> = BESIDE.into_iter().filter(|ending| beside(db, ending).exists()).collect();
+    if there.is_empty() {
+        return Ok(None);
+    }
+    let utc = (opening.now)().strftime("%Y%m%dT%H%M%SZ").to_string();
+    let name_of = |number: u32| {
+        beside(db, &format!(".corrupt-{utc}{}", if number == 0 { String::new() } else { format!("-{number}") }))
+    };
+    let free = |name: &PathBuf| BESIDE.iter().all(|ending| !beside(name, ending).exists());
+    let aside = (0..1000).map(name_of).find(free);
+    let aside = aside.ok_or_else(|| StoreFault::Io("too many damaged stores of this second".into()))?;
+    for ending in there {
+        fs::rename(beside(db, ending), beside(&aside, ending))?;
+    }
+    Ok(Some(aside))
+}
+
+/// Removes a database and what is beside it.
+pub(super) fn remove_all(db: &Path) -> io::Result<()> {
+    for path in BESIDE.map(|ending| beside(db, ending)) {
+        match fs::remove_file(path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,115 @@
+use jiff::Timestamp;
+use rusqlite::types::{FromSql, FromSqlError, FromSqlResult, ToSql, ToSqlOutput, ValueRef};
+use rusqlite::{ErrorCode, Row};
+
+use super::{JobId, JobPace, JobRow, JobState, RecordingKept, StoreFault};
+
+/// Columns of [`job_of`], in its order.
+pub(super) const JOB: &str = "id, name, plate, state, seed, pace, rig, library, submitted_at, started_at, finished_at, \
+                              progress, reason, report, folder, recording, last_event";
+
+/// The job in a row of [`JOB`].
+pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
+    Ok(JobRow {
+        id: row.get(0)?,
+        name: row.get(1)?,
+        plate: row.get(2)?,
+        state: row.get(3)?,
+        seed: row.get::<_, i64>(4)?.cast_unsigned(),
+        pace: row.get(5)?,
+        rig_fingerprint: row.get(6)?,
+        library_sha256: row.get(7)?,
+        submitted_at: row.get::<_, At>(8)?.0,
+        started_at: row.get::<_, Option<At>>(9)?.map(|at| at.0),
+        finished_at: row.get::<_, Option<At>>(10)?.map(|at| at.0),
+        progress: row.get(11)?,
+        reason: row.get(12)?,
+        report_json: row.get(13)?,
+        folder: row.get(14)?,
+        recording: row.get(15)?,
+        last_event: row.get::<_, i64>(16)?.cast_unsigned(),
+    })
+}
+
+/// A time in a column: whole microseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct At(pub Timestamp);
+
+impl At {
+    /// The same time as the store gives it back.
+    pub fn rounded(time: Timestamp) -> Timestamp {
+        Timestamp::from_microsecond(time.as_microsecond()).unwrap_or(time)
+    }
+}
+
+impl ToSql for At {
+    fn to_sql(&self) -> rusqlite::Result<ToSqlOutput<'_>> {
+        Ok(self.0.as_microsecond().into())
+    }
+}
+
+impl FromSql for At {
+    fn column_result(value: ValueRef<'_>) -> FromSqlResult<Self> {
+        let us = value.as_i64()?;
+        Timestamp::from_microsecond(us).map(Self).map_err(|_| FromSqlError::OutOfRange(us))
+    }
+}
+
+impl ToSql for JobId {
+    fn to_sql(&self) -> rusqlite::Result<ToSqlOutput<'_>> {
+        Ok(self.as_bytes().as_slice().into())
+    }
+}
+
+impl FromSql for JobId {
+    fn column_result(value: ValueRef<'_>) -> FromSqlResult<Self> {
+        <[u8; 16]>::column_result(value).map(Self::from_bytes)
+    }
+}
+
+/// Kinds that are kept under their names.
+macro_rules! named {
+    ($($kind:ty),*) => {$(
+        impl ToSql for $kind {
+            fn to_sql(&self) -> rusqlite::Result<ToSqlOutput<'_>> {
+                Ok(self.name().into())
+            }
+        }
+
+        impl FromSql for $kind {
+            fn column_result(value: ValueRef<'_>) -> FromSqlResult<Self> {
+                Self::of_name(value.as_str()?).ok_or(FromSqlError::InvalidType)
+            }
+        }
+    )*};
+}
+
+named!(JobState, JobPace, RecordingKept);
+
+impl From<rusqlite::Error> for StoreFault {
+    fn from(error: rusqlite::Error) -> Self {
+        use rusqlite::Error::{FromSqlConversionFailure, IntegralValueOutOfRange, InvalidColumnType, SqliteFailure};
+        match &error {
+            SqliteFailure(code, _) => match code.code {
+                ErrorCode::DiskFull => Self::Full,
+                // the index of the log could not grow
+                _ if code.extended_code == rusqlite::ffi::SQLITE_IOERR_SHMSIZE => Self::Full,
+                ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase => Self::Corrupt(error.to_string()),
+                _ => Self::Io(error.to_string()),
+            },
+            FromSqlConversionFailure(..) | IntegralValueOutOfRange(..) | InvalidColumnType(..) => {
+                Self::Corrupt(error.to_string())
+            }
+            _ => Self::Io(error.to_string()),
+        }
+    }
+}
+
+impl From<std::io::Error> for StoreFault {
+    fn from(error: std::io::Error) -> Self {
+        match error.kind() {
+            std::io::ErrorKind::StorageFull => Self::Full,
+            _ => Self::Io(error.to_string()),
+        }
+    }
+}

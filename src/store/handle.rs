@@ -1,0 +1,197 @@
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use jiff::Timestamp;
+
+use super::books::Books;
+use super::orders::Orders;
+use super::reader::Readers;
+use super::retention::{Retention, Swept};
+use super::task::task;
+use super::{
+    Accepted, AuditEntry, AuditRow, Cancelled, Claimed, JobEnd, JobId, JobPage, JobRow, JobState, Ledger, NewEvent,
+    NewJob, Page, Publish, Replay, StoreFault, StoreHealth, StoredEvent, audit, events, jobs,
+};
+
+/// The job store of one data folder. Callbacks run on its threads, after the commit: they hand on and return, and never
+/// call [`Ledger::claim`] or [`Ledger::ended`].
+pub struct Store {
+    pub(super) orders: Orders,
+    pub(super) readers: Readers,
+    pub(super) runs: PathBuf,
+    pub(super) now: fn() -> Timestamp,
+    pub(super) retention: Retention,
+}
+
+impl fmt::Debug for Store {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Store").field("runs", &self.runs).finish_non_exhaustive()
+    }
+}
+
+impl Store {
+    /// Queues a job. Whatever the answer says is on the disk.
+    pub fn accept(&self, job: NewJob, done: impl FnOnce(Result<Accepted, StoreFault>) + Send + 'static) {
+        self.orders.write(task(false, move |books: &Books<'_>| books.accept(&job), done));
+    }
+
+    /// Takes a job out of the queue.
+    pub fn cancel_queued(&self, id: &JobId, done: impl FnOnce(Result<Cancelled, StoreFault>) + Send + 'static) {
+        let id = *id;
+        self.orders.write(task(true, move |books: &Books<'_>| books.cancel_queued(&id), done));
+    }
+
+    /// Notes whether a plate is paused.
+    pub fn set_paused(&self, plate: &str, paused: bool, done: impl FnOnce(Result<(), StoreFault>) + Send + 'static) {
+        let plate = plate.to_owned();
+        self.orders.write(task(true, move |books: &Books<'_>| books.set_paused(&plate, paused), done));
+    }
+
+    /// A job.
+    pub fn job(&self, id: &JobId, done: impl FnOnce(Result<Option<JobRow>, StoreFault>) + Send + 'static) {
+        let id = *id;
+        self.readers.ask(move |connection| Ok(jobs::find(connection, &id)?), done);
+    }
+
+    /// A page of jobs, newest first.
+    pub fn list(&self, page: Page, done: impl FnOnce(Result<JobPage, StoreFault>) + Send + 'static) {
+        self.readers.ask(move |connection| jobs::list(connection, &page), done);
+    }
+
+    /// How many jobs there are of each plate in each state.
+    pub fn counts(&self, done: impl FnOnce(Result<Vec<(String, JobState, u64)>, StoreFault>) + Send + 'static) {
+        self.readers.ask(jobs::counts, done);
+    }
+
+    /// A job's events above number `after`, at most `most`; `None` when there is no such job.
+    pub fn replay(
+        &self,
+        id: &JobId,
+        after: u64,
+        most: usize,
+        done: impl FnOnce(Result<Option<Replay>, StoreFault>) + Send + 'static,
+    ) {
+        let id = *id;
+        self.readers.ask(move |connection| events::replay(connection, &id, after, most), done);
+    }
+
+    /// The last events of the newest jobs, newest first.
+    pub fn newest_events(
+        &self,
+        most: usize,
+        done: impl FnOnce(Result<Vec<(JobId, StoredEvent)>, StoreFault>) + Send + 'static,
+    ) {
+        self.readers.ask(move |connection| events::newest(connection, most), done);
+    }
+
+    /// Writes a line into the audit log as soon as there is room; never waits. False when too many wait already.
+    pub fn audit(&self, entry: AuditEntry) -> bool {
+        let taken = self.orders.shown.pending.act((self.now)(), entry);
+        self.orders.wake();
+        taken
+    }
+
+    /// The last lines of the audit log, newest first.
+    pub fn audit_tail(&self, most: usize, done: impl FnOnce(Result<Vec<AuditRow>, StoreFault>) + Send + 'static) {
+        self.readers.ask(move |connection| audit::tail(connection, most), done);
+    }
+
+    /// Deletes run folders that are too old or too many now, as is done every minute and after every job anyway. Waits
+    /// for the disk.
+    pub fn sweep(&self) -> Result<Swept, StoreFault> {
+        self.retention.sweep()
+    }
+
+    /// The folder of run folders.
+    pub fn runs(&self) -> &Path {
+        &self.runs
+    }
+
+    /// Time since the writing thread last went round its loop, four times a second when all is well.
+    pub fn heartbeat(&self) -> Duration {
+        self.orders.shown.heartbeat()
+    }
+
+    /// How it is.
+    pub fn health(&self) -> StoreHealth {
+        let reserve = self.orders.shown.reserve.load(Ordering::Relaxed);
+        let fault = if self.orders.shown.closed.load(Ordering::SeqCst) {
+            Some(StoreFault::Closed)
+        } else {
+            self.orders.shown.fault()
+        };
+        StoreHealth {
+            heartbeat: self.heartbeat(),
+            fault: fault.or((!reserve).then_some(StoreFault::Full)),
+            waiting: self.orders.shown.waiting.load(Ordering::Relaxed),
+            audit_waiting: self.orders.shown.pending.acts_waiting(),
+            reserve,
+        }
+    }
+
+    /// Writes what waits and notes that all ended in order. False when that took longer than `within`: then the next
+    /// start is one after a crash. What is asked from now on is refused.
+    pub fn close(&self, within: Duration) -> bool {
+        self.orders.close(within)
+    }
+}
+
+impl Ledger for Store {
+    fn claim(
+        &self,
+        plate: &str,
+        folder: &dyn Fn(&JobRow) -> io::Result<String>,
+    ) -> Result<Option<Claimed>, StoreFault> {
+        loop {
+            let asked = plate.to_owned();
+            let Some(row) = self.orders.written(false, move |books| books.next_queued(&asked))? else {
+                return Ok(None);
+            };
+            let name = folder(&row)?;
+            // a row must never name a folder that a power cut takes away
+            std::fs::File::open(&self.runs)?.sync_all()?;
+            let made = name.clone();
+            let claimed = self.orders.written(false, move |books| books.start(&row.id, &made));
+            match claimed {
+                Ok(Some(claimed)) => return Ok(Some(claimed)),
+                // cancelled meanwhile, or not written: the folder is empty as yet, and goes
+                Ok(None) => drop(std::fs::remove_dir(self.runs.join(&name))),
+                Err(fault) => {
+                    drop(std::fs::remove_dir(self.runs.join(&name)));
+                    return Err(fault);
+                }
+            }
+        }
+    }
+
+    fn ended(&self, id: &JobId, end: JobEnd) -> Result<(), StoreFault> {
+        let known = *id;
+        let ended = self.orders.written(true, move |books| books.end(&known, &end))?;
+        self.retention.poke();
+        ended.ok_or_else(|| StoreFault::Io(format!("job {id} never began")))
+    }
+
+    fn tell(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {
+        let id = *id;
+        let done = move |stored: Result<Option<StoredEvent>, StoreFault>| {
+            published(stored.and_then(|event| event.ok_or_else(|| StoreFault::Io(format!("there is no job {id}")))));
+        };
+        self.orders.offer(task(false, move |books: &Books<'_>| books.tell(&id, &event), done)).is_ok()
+    }
+
+    fn progress(&self, id: &JobId, progress: f64) {
+        self.orders.shown.pending.progress(id, progress);
+    }
+
+    fn note_paused(&self, plate: &str, paused: bool) {
+        self.orders.shown.pending.paused(plate, paused);
+        self.orders.wake();
+    }
+
+    fn note_act(&self, entry: AuditEntry) {
+        self.audit(entry);
+    }
+}

@@ -1,0 +1,163 @@
+use rusqlite::{Connection, OptionalExtension, params};
+
+use super::books::Books;
+use super::columns::{At, JOB, job_of};
+use super::idempotency::Seen;
+use super::{Accepted, Cancelled, Claimed, JobEnd, JobId, JobPage, JobRow, JobState, NewJob, Page, StoreFault};
+
+impl Books<'_> {
+    /// Queues a job, unless its key was used or its plate's queue is full.
+    pub fn accept(&self, job: &NewJob) -> rusqlite::Result<Accepted> {
+        match self.seen(job)? {
+            Some(Seen::Same(id)) => return Ok(self.find(&id)?.map_or(Accepted::KeyReused, Accepted::Replayed)),
+            Some(Seen::Other) => return Ok(Accepted::KeyReused),
+            None => {}
+        }
+        let queued = self.queued(&job.plate)?;
+        if queued >= self.limits.queued {
+            return Ok(Accepted::QueueFull { queued });
+        }
+        let row = job.row(self.ids.next(self.now), At::rounded(self.now));
+        insert(self.tx, &row, Some(&job.spec_json))?;
+        if let Some(key) = &job.key {
+            self.remember(key, &job.body_sha256, &row.id)?;
+        }
+        Ok(Accepted::New(row))
+    }
+
+    fn queued(&self, plate: &str) -> rusqlite::Result<usize> {
+        let sql = "SELECT count(*) FROM jobs WHERE plate = ?1 AND state = 'queued'";
+        self.tx.query_row(sql, [plate], |row| row.get::<_, i64>(0)).map(|count| usize::try_from(count).unwrap_or(0))
+    }
+
+    /// The job that `plate` runs next.
+    pub fn next_queued(&self, plate: &str) -> rusqlite::Result<Option<JobRow>> {
+        let sql = format!("SELECT {JOB} FROM jobs WHERE plate = ?1 AND state = 'queued' ORDER BY id LIMIT 1");
+        self.tx.query_row(&sql, [plate], job_of).optional()
+    }
+
+    /// Makes a queued job a running one; `None` when it is no longer queued.
+    pub fn start(&self, id: &JobId, folder: &str) -> rusqlite::Result<Option<Claimed>> {
+        let sql = "UPDATE jobs SET state = 'running', started_at = ?2, folder = ?3 WHERE id = ?1 AND state = 'queued'";
+        if self.tx.execute(sql, params![id, At(self.now), folder])? == 0 {
+            return Ok(None);
+        }
+        let spec_json = self.tx.query_row("SELECT spec FROM specs WHERE job = ?1", [id], |row| row.get(0))?;
+        Ok(self.find(id)?.map(|row| Claimed { row, spec_json }))
+    }
+
+    /// Ends a running job. A job that has ended stays as it is; `None` for one that never began.
+    pub fn end(&self, id: &JobId, end: &JobEnd) -> rusqlite::Result<Option<()>> {
+        let JobEnd { state, reason, report_json, recording } = end;
+        let sql = "UPDATE jobs SET state = ?2, reason = ?3, report = ?4, recording = ?5, finished_at = ?6,
+                       progress = CASE ?2 WHEN 'completed' THEN 1 ELSE progress END
+                   WHERE id = ?1 AND state = 'running'";
+        if self.tx.execute(sql, params![id, state, reason, report_json, recording, At(self.now)])? > 0 {
+            return self.drop_spec(id).map(Some);
+        }
+        Ok(self.find(id)?.filter(|row| row.state.is_final()).map(|_| ()))
+    }
+
+    /// Takes a job out of the queue.
+    pub fn cancel_queued(&self, id: &JobId) -> rusqlite::Result<Cancelled> {
+        let sql = "UPDATE jobs SET state = 'cancelled', finished_at = ?2, reason = 'cancelled before it began'
+                   WHERE id = ?1 AND state = 'queued'";
+        let changed = self.tx.execute(sql, params![id, At(self.now)])? > 0;
+        if changed {
+            self.drop_spec(id)?;
+        }
+        Ok(match self.find(id)? {
+            None => Cancelled::Unknown,
+            Some(row) if changed => Cancelled::Now(row),
+            Some(row) => Cancelled::Not(row),
+        })
+    }
+
+    /// The text of a job that has ended is in its run folder, if anywhere.
+    fn drop_spec(&self, id: &JobId) -> rusqlite::Result<()> {
+        self.tx.execute("DELETE FROM specs WHERE job = ?1", [id]).map(|_| ())
+    }
+
+    /// Notes the share of a running job that is done.
+    pub fn progress(&self, id: &JobId, progress: f64) -> rusqlite::Result<()> {
+        let share = if progress.is_nan() { 0.0 } else { progress.clamp(0.0, 1.0) };
+        self.tx.execute("UPDATE jobs SET progress = ?2 WHERE id = ?1 AND state = 'running'", params![id, share])?;
+        Ok(())
+    }
+
+    /// Notes whether a plate is paused.
+    pub fn set_paused(&self, plate: &str, paused: bool) -> rusqlite::Result<()> {
+        let sql = "INSERT INTO plates VALUES (?1, ?2) ON CONFLICT (name) DO UPDATE SET paused = excluded.paused";
+        self.tx.execute(sql, params![plate, paused])?;
+        Ok(())
+    }
+
+    /// A job.
+    pub fn find(&self, id: &JobId) -> rusqlite::Result<Option<JobRow>> {
+        find(self.tx, id)
+    }
+}
+
+/// Writes a whole row, and the job's text if it has yet to run.
+pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> rusqlite::Result<()> {
+    let sql = format!(
+        "INSERT INTO jobs ({JOB}, first_event)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?17 + 1)"
+    );
+    let values = params![
+        row.id,
+        row.name,
+        row.plate,
+        row.state,
+        row.seed.cast_signed(),
+        row.pace,
+        row.rig_fingerprint,
+        row.library_sha256,
+        At(row.submitted_at),
+        row.started_at.map(At),
+        row.finished_at.map(At),
+        row.progress,
+        row.reason,
+        row.report_json,
+        row.folder,
+        row.recording,
+        row.last_event.cast_signed(),
+    ];
+    tx.execute(&sql, values)?;
+    match spec_json {
+        Some(spec) => tx.execute("INSERT INTO specs (job, spec) VALUES (?1, ?2)", params![row.id, spec]).map(|_| ()),
+        None => Ok(()),
+    }
+}
+
+/// A job.
+pub(super) fn find(connection: &Connection, id: &JobId) -> rusqlite::Result<Option<JobRow>> {
+    connection.query_row(&format!("SELECT {JOB} FROM jobs WHERE id = ?1"), [id], job_of).optional()
+}
+
+/// A page of jobs, newest first.
+pub(super) fn list(connection: &Connection, page: &Page) -> Result<JobPage, StoreFault> {
+    let limit = page.limit.clamp(1, Page::MOST);
+    let by_state = page.state.map_or("", |_| "state = ?3 AND");
+    // ids are no longer than 16 bytes, so this one is above all
+    let below = page.cursor.map_or(vec![0xff; 17], |id| id.as_bytes().to_vec());
+    let sql = format!("SELECT {JOB} FROM jobs WHERE {by_state} id < ?1 ORDER BY id DESC LIMIT ?2");
+    let mut statement = connection.prepare(&sql)?;
+    let most = limit as i64 + 1;
+    let rows = match page.state {
+        Some(state) => statement.query_map(params![below, most, state], job_of)?.collect::<Result<Vec<_>, _>>()?,
+        None => statement.query_map(params![below, most], job_of)?.collect::<Result<Vec<_>, _>>()?,
+    };
+    let more = rows.len() > limit;
+    let rows: Vec<JobRow> = rows.into_iter().take(limit).collect();
+    let next = rows.last().filter(|_| more).map(|row| row.id);
+    Ok(JobPage { rows, next })
+}
+
+/// How many jobs there are of each plate in each state.
+pub(super) fn counts(connection: &Connection) -> Result<Vec<(String, JobState, u64)>, StoreFault> {
+    let mut statement = connection.prepare("SELECT plate, state, count(*) FROM jobs GROUP BY plate, state")?;
+    let counted =
+        statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?, row.get::<_, i64>(2)?.cast_unsigned())))?;
+    Ok(counted.collect::<Result<_, _>>()?)
+}

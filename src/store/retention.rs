@@ -1,0 +1,197 @@
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::path::Path;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+use jiff::{SignedDuration, Timestamp};
+
+use super::orders::Orders;
+use super::places::Places;
+use super::salvage::modified;
+use super::{JobId, Limits, StoreFault};
+
+/// Time between two sweeps.
+const SWEEP_EVERY: Duration = Duration::from_secs(60);
+
+/// A folder without a job may belong to one that is just beginning, until it is this old.
+const ORPHAN_AGE: Duration = Duration::from_secs(3600);
+
+/// What a sweep did.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Swept {
+    /// Names of the run folders that were deleted.
+    pub deleted: Vec<String>,
+    /// Bytes of those that are left.
+    pub bytes: u64,
+}
+
+/// Who asks for a sweep and waits for it; `None` when nobody waits.
+type Asked = Option<SyncSender<Result<Swept, StoreFault>>>;
+
+/// The thread that deletes run folders. It ends with the store.
+#[derive(Debug)]
+pub(super) struct Retention(SyncSender<Asked>);
+
+impl Retention {
+    pub fn start(sweeper: Sweeper) -> io::Result<Self> {
+        let (sender, asked) = sync_channel(1);
+        thread::Builder::new().name("store-sweep".into()).spawn(move || sweeper.run(&asked))?;
+        Ok(Self(sender))
+    }
+
+    /// Asks for a sweep; one that is asked for already will do.
+    pub fn poke(&self) {
+        let _ = self.0.try_send(None);
+    }
+
+    /// Asks for a sweep and waits for it.
+    pub fn sweep(&self) -> Result<Swept, StoreFault> {
+        let (done, swept) = sync_channel(1);
+        self.0.send(Some(done)).map_err(|_| StoreFault::Closed)?;
+        swept.recv().unwrap_or(Err(StoreFault::Closed))
+    }
+}
+
+/// A run folder that may be deleted.
+#[derive(Clone, Debug, PartialEq)]
+struct Kept {
+    name: String,
+    /// Its job; `None` for one that belongs to none.
+    job: Option<JobId>,
+    finished_at: Timestamp,
+    bytes: u64,
+}
+
+/// Deletes run folders that are too old or too many.
+#[derive(Debug)]
+pub(super) struct Sweeper {
+    places: Places,
+    limits: Limits,
+    now: fn() -> Timestamp,
+    orders: Orders,
+    /// Sizes of the folders of jobs that have ended.
+    sizes: BTreeMap<String, u64>,
+}
+
+impl Sweeper {
+    pub fn new(places: Places, limits: Limits, now: fn() -> Timestamp, orders: Orders) -> Self {
+        Self { places, limits, now, orders, sizes: BTreeMap::new() }
+    }
+
+    fn run(mut self, asked: &Receiver<Asked>) {
+        loop {
+            let asked = match asked.recv_timeout(SWEEP_EVERY) {
+                Ok(asked) => asked,
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => return,
+            };
+            let swept = self.sweep();
+            match (asked, swept) {
+                (Some(done), swept) => drop(done.try_send(swept)),
+                (None, Ok(_) | Err(StoreFault::Closed)) => {}
+                (None, Err(fault)) => tracing::warn!("old run folders are not deleted: {fault}"),
+            }
+        }
+    }
+
+    fn sweep(&mut self) -> Result<Swept, StoreFault> {
+        let (folders, mut bytes) = self.folders()?;
+        let oldest = before((self.now)(), self.limits.runs_age);
+        let mut deleted = Vec::new();
+        for kept in folders {
+            if kept.finished_at >= oldest && bytes <= self.limits.runs_bytes {
+                break;
+            }
+            if self.delete(&kept)? {
+                bytes = bytes.saturating_sub(kept.bytes);
+                deleted.push(kept.name);
+            }
+        }
+        self.orders.written(true, |books| books.forget_keys().and_then(|()| books.forget_jobs()))?;
+        Ok(Swept { deleted, bytes })
+    }
+
+    /// The folders that may go, oldest first, and the bytes of all there are.
+    fn folders(&mut self) -> Result<(Vec<Kept>, u64), StoreFault> {
+        // names before rows: what begins between the two is then seen as what it is
+        let names = self.places.run_names()?;
+        let rows = self.orders.written(true, |books| books.folders())?;
+        let (mut folders, mut bytes) = (Vec::new(), 0);
+        let mut sizes = BTreeMap::new();
+        for name in names {
+            let path = self.places.runs.join(&name);
+            let (job, finished_at) = match rows.get(&name) {
+                Some((id, finished_at)) => (Some(*id), *finished_at),
+                None => (None, self.orphaned_at(&path)),
+            };
+            let known = self.sizes.get(&name).filter(|_| finished_at.is_some());
+            let size = known.copied().unwrap_or_else(|| size_of(&path));
+            bytes += size;
+            if let Some(finished_at) = finished_at {
+                sizes.insert(name.clone(), size);
+                folders.push(Kept { name, job, finished_at, bytes: size });
+            }
+        }
+        self.sizes = sizes;
+        folders.sort_by(|a, b| a.finished_at.cmp(&b.finished_at).then_with(|| a.name.cmp(&b.name)));
+        Ok((folders, bytes))
+    }
+
+    /// When a folder without a job was left; `None` while it may be one that is being made.
+    fn orphaned_at(&self, path: &Path) -> Option<Timestamp> {
+        modified(path).filter(|at| *at < before((self.now)(), ORPHAN_AGE))
+    }
+
+    /// First the row, then the folder: no row ever names a folder that is gone. False when its job has it back.
+    fn delete(&mut self, kept: &Kept) -> Result<bool, StoreFault> {
+        if let Some(id) = kept.job {
+            let name = kept.name.clone();
+            if !self.orders.written(true, move |books| books.prune(&id, &name))? {
+                return Ok(false);
+            }
+        }
+        let trash = self.places.trash.join(&kept.name);
+        remove(&trash)?;
+        fs::rename(self.places.runs.join(&kept.name), &trash)?;
+        remove(&trash)?;
+        self.sizes.remove(&kept.name);
+        Ok(true)
+    }
+}
+
+/// Removes what an earlier sweep had no time for. What cannot be removed now is tried again at the next start.
+pub(super) fn empty_trash(trash: &Path) {
+    let Ok(entries) = fs::read_dir(trash) else { return };
+    for entry in entries.flatten() {
+        if let Err(error) = remove(&entry.path()) {
+            tracing::warn!("{}: not removed: {error}", entry.path().display());
+        }
+    }
+}
+
+fn remove(folder: &Path) -> io::Result<()> {
+    match fs::remove_dir_all(folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        other => other,
+    }
+}
+
+/// Bytes of all files below a folder. Links are not followed; what cannot be read counts nothing.
+fn size_of(folder: &Path) -> u64 {
+    let Ok(entries) = fs::read_dir(folder) else { return 0 };
+    let size = |entry: fs::DirEntry| match entry.metadata() {
+        Ok(file) if file.is_dir() => size_of(&entry.path()),
+        Ok(file) => file.len(),
+        Err(_) => 0,
+    };
+    entries.flatten().map(size).sum()
+}
+
+/// The time `ago` before `now`.
+pub(super) fn before(now: Timestamp, ago: Duration) -> Timestamp {
+    let ago = SignedDuration::try_from(ago).unwrap_or(SignedDuration::MAX);
+    now.checked_sub(ago).unwrap_or(Timestamp::MIN)
+}

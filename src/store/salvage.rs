@@ -1,0 +1,143 @@
+use std::collections::BTreeSet;
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::Path;
+
+use jiff::Timestamp;
+use rusqlite::{Connection, Row, params};
+use serde_json::Value;
+
+use super::audit::line_of;
+use super::columns::{At, JOB, job_of};
+use super::ids::Ids;
+use super::places::Places;
+use super::schema::reading;
+use super::{JobId, JobPace, JobRow, JobState, RecordingKept, StoreFault, jobs};
+
+/// Largest `effective.json` or `report.json` that is read.
+const MOST_BYTES: u64 = 16 << 20;
+
+/// Copies what can still be read of the damaged store `old`: jobs, idempotency keys, the audit log. Events stay behind;
+/// their numbers are not given again.
+pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault> {
+    let Ok(old) = reading(old) else { return Ok(()) };
+    let tx = new.unchecked_transaction()?;
+    let (mut seen, mut lines) = (BTreeSet::new(), Vec::new());
+    // from both ends, since nothing comes after a page that is broken
+    for order in ["", "DESC"] {
+        let sql = format!("SELECT {JOB} FROM jobs NOT INDEXED ORDER BY rowid {order}");
+        for job in rows(&old, &sql, job_of) {
+            if seen.insert(job.id) {
+                copy_job(&old, &tx, job)?;
+            }
+        }
+        let sql =
+            format!("SELECT id, at, plate, act, operator, reason, remote, token_name FROM audit ORDER BY id {order}");
+        lines.extend(rows(&old, &sql, line_of));
+    }
+    lines.sort_by_key(|line| line.id);
+    lines.dedup_by_key(|line| line.id);
+    for line in lines {
+        let entry = line.entry;
+        let sql = "INSERT INTO audit VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)";
+        let (plate, act, operator, reason) = (entry.plate, entry.act, entry.operator, entry.reason);
+        let values = params![line.id, At(line.at), plate, act, operator, reason, entry.remote, entry.token_name];
+        tx.execute(sql, values)?;
+    }
+    let key = |row: &Row<'_>| Ok((row.get::<_, String>(0)?, row.get::<_, [u8; 32]>(1)?, row.get(2)?, row.get(3)?));
+    let keys: Vec<(_, _, JobId, At)> = rows(&old, "SELECT key, body_sha256, job, at FROM keys", key);
+    for (key, body_sha256, job, at) in keys.into_iter().filter(|(_, _, job, _)| seen.contains(job)) {
+        tx.execute("INSERT OR IGNORE INTO keys VALUES (?1, ?2, ?3, ?4)", params![key, body_sha256, job, at])?;
+    }
+    Ok(tx.commit()?)
+}
+
+/// The rows up to the first that cannot be read.
+fn rows<T>(old: &Connection, sql: &str, made: impl Fn(&Row<'_>) -> rusqlite::Result<T>) -> Vec<T> {
+    let Ok(mut statement) = old.prepare(sql) else { return Vec::new() };
+    let Ok(rows) = statement.query_map([], made) else { return Vec::new() };
+    rows.map_while(Result::ok).collect()
+}
+
+/// A queued job without its text cannot run any more.
+fn copy_job(old: &Connection, tx: &Connection, mut job: JobRow) -> rusqlite::Result<()> {
+    let sql = "SELECT spec FROM specs WHERE job = ?1";
+    let spec: Option<String> = old.query_row(sql, [job.id], |row| row.get(0)).ok();
+    if job.state == JobState::Queued && spec.is_none() {
+        job.state = JobState::Interrupted;
+        job.finished_at = Some(job.submitted_at);
+        job.reason = "its text was lost with the damaged store".to_owned();
+    }
+    let taken = "SELECT count(*) FROM jobs WHERE folder = ?1";
+    let taken: i64 = tx.query_row(taken, [&job.folder], |row| row.get(0))?;
+    if taken > 0 {
+        job.folder = None;
+    }
+    jobs::insert(tx, &job, spec.as_deref().filter(|_| !job.state.is_final()))
+}
+
+/// Makes jobs of the run folders that belong to none, as running ones: how they ended is found out as after any crash.
+pub(super) fn from_folders(places: &Places, new: &Connection) -> Result<(), StoreFault> {
+    let tx = new.unchecked_transaction()?;
+    let known = folders_of(&tx)?;
+    let mut found: Vec<JobRow> = places
+        .run_names()?
+        .into_iter()
+        .filter(|name| !known.contains(name))
+        .filter_map(|name| job_in(&places.runs.join(&name), name))
+        .collect();
+    found.sort_by_key(|job| job.submitted_at);
+    let ids = Ids::above(None);
+    for job in found {
+        let id = ids.next(job.submitted_at);
+        jobs::insert(&tx, &JobRow { id, ..job }, None)?;
+    }
+    Ok(tx.commit()?)
+}
+
+/// Names of the run folders that belong to a job.
+pub(super) fn folders_of(connection: &Connection) -> rusqlite::Result<BTreeSet<String>> {
+    let mut statement = connection.prepare("SELECT folder FROM jobs WHERE folder IS NOT NULL")?;
+    statement.query_map([], |row| row.get(0))?.collect()
+}
+
+/// The job whose `effective.json` is in a run folder.
+fn job_in(folder: &Path, name: String) -> Option<JobRow> {
+    let effective = folder.join("effective.json");
+    let started_at = modified(&effective)?;
+    let value: Value = serde_json::from_str(&text_of(&effective)?).ok()?;
+    let job = value.get("job")?;
+    let text = |key: &str| job.get(key).and_then(Value::as_str).unwrap_or_default().to_owned();
+    Some(JobRow {
+        id: JobId::from_bytes([0; 16]),
+        name: text("name"),
+        plate: text("plate"),
+        state: JobState::Running,
+        seed: job.get("seed").and_then(Value::as_u64).unwrap_or_default(),
+        pace: JobPace::RealTime,
+        rig_fingerprint: String::new(),
+        library_sha256: String::new(),
+        submitted_at: started_at,
+        started_at: Some(started_at),
+        finished_at: None,
+        progress: 0.0,
+        reason: String::new(),
+        report_json: None,
+        folder: Some(name),
+        recording: RecordingKept::None,
+        last_event: 0,
+    })
+}
+
+/// What stands in a file of a run folder; `None` for one that is not there, not text, or far too long.
+pub(super) fn text_of(path: &Path) -> Option<String> {
+    let mut text = String::new();
+    let read = File::open(path).ok()?.take(MOST_BYTES + 1).read_to_string(&mut text).ok()?;
+    (read as u64 <= MOST_BYTES).then_some(text)
+}
+
+/// When a file was last written.
+pub(super) fn modified(path: &Path) -> Option<Timestamp> {
+    let time = fs::metadata(path).and_then(|file| file.modified()).ok()?;
+    Timestamp::try_from(time).ok().map(At::rounded)
+}

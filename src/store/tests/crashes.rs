@@ -1,0 +1,177 @@
+use std::fs;
+
+use super::*;
+
+/// A store that is killed now: what it had answered, on the disk.
+fn killed(data: &Path) -> (tempfile::TempDir, Opened) {
+    let copy = snapshot(data);
+    let opened = open(copy.path(), limits());
+    (copy, opened)
+}
+
+#[test]
+fn nothing_that_was_answered_is_lost() {
+    let (folder, store) = new_store(limits());
+    let running = begin(&store, "one", "a").row.id;
+    let waiting = queue(&store, "two", "a").id;
+    assert_eq!(tell(&store, running, "{}"), Ok(1));
+    fs::write(store.runs().join("one/journal.jsonl"), "{}\n").unwrap();
+    let (_copy, Opened { store: again, recovery }) = killed(folder.path());
+    assert_eq!((recovery.clean, recovery.damage, recovery.moved_aside), (false, None, None));
+    assert_eq!((recovery.interrupted, recovery.ended), (vec![running], vec![]));
+    assert_eq!(recovery.paused, plates());
+    let row = job(&again, running);
+    assert_eq!((row.state, row.reason.as_str()), (JobState::Interrupted, "the daemon ended while it ran"));
+    assert_eq!((row.finished_at.is_some(), row.recording), (true, RecordingKept::None));
+    assert_eq!(fs::read_to_string(again.runs().join("one/journal.jsonl")).unwrap(), "{}\n");
+    assert_eq!(job(&again, waiting).state, JobState::Queued);
+    assert_eq!(tell(&again, running, "{}"), Ok(2));
+    // the queued one runs once it is wanted, the other never again
+    assert_eq!(again.claim("a", &super::folder(&again)).unwrap().unwrap().row.id, waiting);
+    assert_eq!(again.claim("a", &super::folder(&again)), Ok(None));
+}
+
+#[test]
+fn a_store_dropped_or_forgotten_was_not_closed_in_order() {
+    let (folder, store) = new_store(limits());
+    queue(&store, "one", "b");
+    drop(store);
+    let Opened { store, recovery } = open(folder.path(), limits());
+    assert_eq!((recovery.clean, recovery.paused, recovery.damage), (false, plates(), None));
+    std::mem::forget(store);
+    let (_copy, opened) = killed(folder.path());
+    assert_eq!((opened.recovery.clean, all_jobs(&opened.store).len()), (false, 1));
+}
+
+#[test]
+fn after_an_orderly_end_only_plates_with_work_are_paused() {
+    let (folder, store) = new_store(limits());
+    queue(&store, "one", "b");
+    assert!(store.close(PATIENCE));
+    let Opened { store, recovery } = open(folder.path(), limits());
+    assert_eq!((recovery.clean, recovery.paused), (true, vec!["b".to_owned()]));
+    ask(|done| store.set_paused("b", false, done)).unwrap();
+    let id = store.claim("b", &super::folder(&store)).unwrap().unwrap().row.id;
+    store.ended(&id, end(JobState::Completed)).unwrap();
+    assert!(store.close(PATIENCE));
+    let Opened { recovery, .. } = open(folder.path(), limits());
+    assert_eq!((recovery.clean, recovery.paused), (true, vec![]));
+}
+
+#[test]
+fn a_run_that_had_ended_keeps_its_outcome() {
+    let (folder, store) = new_store(limits());
+    let reports = [
+        ("done", r#"{"outcome": "completed", "reason": "all there"}"#, JobState::Completed, "all there"),
+        ("lost", r#"{"outcome": "failed", "reason": "a part was lost"}"#, JobState::Failed, "a part was lost"),
+        ("cut", r#"{"outcome": "comp"#, JobState::Interrupted, "the daemon ended while it ran"),
+        ("odd", r#"{"outcome": "running"}"#, JobState::Interrupted, "the daemon ended while it ran"),
+    ];
+    let ids = reports.map(|(name, report, ..)| {
+        let id = begin(&store, name, "a").row.id;
+        fs::write(store.runs().join(name).join("report.json"), report).unwrap();
+        id
+    });
+    let (_copy, Opened { store, recovery }) = killed(folder.path());
+    assert_eq!((recovery.ended, recovery.interrupted), (ids[..2].to_vec(), ids[2..].to_vec()));
+    for ((_, report, state, reason), id) in reports.into_iter().zip(ids) {
+        let row = job(&store, id);
+        assert_eq!((row.state, row.reason.as_str()), (state, reason));
+        assert_eq!(row.report_json.as_deref(), (state != JobState::Interrupted).then_some(report));
+        assert_eq!(row.progress, if state == JobState::Completed { 1.0 } else { 0.0 });
+    }
+}
+
+#[test]
+fn recordings_that_were_not_closed_are_repaired_once() {
+    let (folder, store) = new_store(limits());
+    let names = ["cut", "whole", "none", "broken", "panics"];
+    let ids = names.map(|name| begin(&store, name, "a").row.id);
+    let write = |name: &str| fs::write(store.runs().join(name), "rerun").unwrap();
+    ["cut/run.rrd.part", "whole/run.rrd", "broken/run.rrd.part", "panics/run.rrd.part"].into_iter().for_each(write);
+    let copy = snapshot(folder.path());
+    let repair = |part: &Path, whole: &Path| match part.parent().unwrap().file_name().unwrap().to_str() {
+        Some("cut") => super::repair(part, whole),
+        Some("broken") => Err("not a recording".to_owned()),
+        other => panic!("{other:?}"),
+    };
+    let open = || Store::open(copy.path(), &plates(), limits(), noon, &repair).unwrap();
+    let Opened { store: again, recovery } = open();
+    let repaired = recovery.repaired.iter().map(|(path, result)| {
+        let name = path.parent().unwrap().file_name().unwrap().to_str().unwrap();
+        (name, result.as_ref().map(|mended| mended.messages).map_err(String::as_str))
+    });
+    let repaired: Vec<_> = repaired.collect();
+    assert_eq!(
+        repaired,
+        [("cut", Ok(3)), ("broken", Err("not a recording")), ("panics", Err("the repair failed on it"))]
+    );
+    let kept = [
+        RecordingKept::Recovered,
+        RecordingKept::Whole,
+        RecordingKept::None,
+        RecordingKept::Partial,
+        RecordingKept::Partial,
+    ];
+    assert_eq!(ids.map(|id| job(&again, id).recording), kept);
+    assert!(again.close(PATIENCE));
+    let Opened { store: again, recovery } = open();
+    assert_eq!((recovery.repaired.len(), recovery.interrupted.len()), (2, 0));
+    assert_eq!(ids.map(|id| job(&again, id).recording), kept);
+}
+
+#[test]
+fn a_start_killed_after_a_repair_still_marks_it() {
+    let (folder, store) = new_store(limits());
+    let id = begin(&store, "one", "a").row.id;
+    fs::write(store.runs().join("one/run.rrd.part"), "rerun").unwrap();
+    let first = snapshot(folder.path());
+    let second = tempfile::tempdir().unwrap();
+    let repair = |part: &Path, whole: &Path| {
+        let mended = super::repair(part, whole);
+        copy_folder(first.path(), second.path());
+        mended
+    };
+    Store::open(first.path(), &plates(), limits(), noon, &repair).unwrap();
+    let Opened { store, recovery } = open(second.path(), limits());
+    assert_eq!((recovery.repaired, recovery.interrupted), (vec![], vec![id]));
+    assert_eq!(job(&store, id).recording, RecordingKept::Recovered);
+}
+
+#[test]
+fn a_folder_made_for_a_claim_that_never_was_is_an_orphan() {
+    let (folder, store) = new_store(limits());
+    let id = queue(&store, "one", "a").id;
+    fs::create_dir(store.runs().join("one")).unwrap();
+    let (copy, Opened { store: again, recovery }) = killed(folder.path());
+    assert_eq!(recovery.orphans, [copy.path().join("runs/one")]);
+    assert_eq!(job(&again, id).state, JobState::Queued);
+}
+
+#[test]
+fn a_data_folder_belongs_to_one_daemon() {
+    let (folder, store) = new_store(limits());
+    let refused = try_open(folder.path(), limits()).unwrap_err();
+    assert!(refused.to_string().contains("belongs to another daemon that is running"), "{refused}");
+    queue(&store, "one", "a");
+    assert!(store.close(PATIENCE));
+    assert_eq!(all_jobs(&try_open(folder.path(), limits()).unwrap().store).len(), 1);
+}
+
+#[test]
+fn a_data_folder_that_cannot_be_made_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("file");
+    fs::write(&file, "").unwrap();
+    let refused = try_open(&file.join("data"), limits()).unwrap_err().to_string();
+    assert!(refused.contains("file/data/runs"), "{refused}");
+}
+
+#[test]
+fn ids_rise_across_a_clock_set_back() {
+    let (folder, store) = new_store(limits());
+    let first = queue(&store, "one", "a").id;
+    assert!(store.close(PATIENCE));
+    let store = Store::open(folder.path(), &plates(), limits(), || Timestamp::UNIX_EPOCH, &repair).unwrap().store;
+    assert!(queue(&store, "two", "a").id > first);
+}

@@ -1,0 +1,193 @@
+use std::fs;
+use std::path::PathBuf;
+
+use super::*;
+
+/// A store with a queued, a running and a finished job, a used key and an audit line, as a kill leaves it.
+fn left_behind() -> (tempfile::TempDir, [JobId; 3]) {
+    let (folder, store) = new_store(limits());
+    let done = begin(&store, "done", "a").row.id;
+    let run = store.runs().join("done");
+    let effective =
+        |name, plate| format!(r#"{{"version": "0", "job": {{"name": "{name}", "seed": 5, "plate": "{plate}"}}}}"#);
+    fs::write(run.join("effective.json"), effective("done", "a")).unwrap();
+    fs::write(run.join("report.json"), r#"{"outcome": "completed", "reason": "all there"}"#).unwrap();
+    fs::write(run.join("run.rrd"), "rerun").unwrap();
+    store.ended(&done, JobEnd { reason: "all there".into(), ..end(JobState::Completed) }).unwrap();
+    let running = begin(&store, "running", "b").row.id;
+    fs::write(store.runs().join("running/effective.json"), effective("running", "b")).unwrap();
+    fs::write(store.runs().join("running/run.rrd.part"), "rerun").unwrap();
+    let keyed = NewJob { key: Some("k".into()), ..new_job("queued", "a") };
+    let Ok(Accepted::New(queued)) = accept(&store, keyed) else { panic!("not accepted") };
+    store.audit(act("ann"));
+    ask(|done| store.set_paused("a", false, done)).unwrap();
+    ask(|done| store.set_paused("a", false, done)).unwrap();
+    (snapshot(folder.path()), [done, running, queued.id])
+}
+
+/// The states of all jobs by name.
+fn states(store: &Store) -> Vec<(String, JobState)> {
+    let mut states: Vec<_> = all_jobs(store).into_iter().map(|row| (row.name, row.state)).collect();
+    states.sort_by(|a, b| a.0.cmp(&b.0));
+    states
+}
+
+/// What the run folders alone tell.
+fn told_by_folders() -> [(String, JobState); 2] {
+    [("done".to_owned(), JobState::Completed), ("running".to_owned(), JobState::Interrupted)]
+}
+
+/// Moved into one file, so that a test can break it.
+fn into_one_file(data: &Path) {
+    let connection = crate::store::schema::writing(&data.join("upm.db")).unwrap();
+    crate::store::schema::empty_log(&connection).unwrap();
+}
+
+fn damaged(data: &Path) -> (Store, PathBuf, String) {
+    let Opened { store, recovery } = open(data, limits());
+    assert_eq!((recovery.clean, &recovery.paused), (false, &plates()));
+    let (aside, damage) = (recovery.moved_aside.unwrap(), recovery.damage.unwrap());
+    assert!(aside.exists() && aside.file_name().unwrap().to_str().unwrap().starts_with("upm.db.corrupt-2027"));
+    assert_eq!(accept(&store, new_job("new", "a")).map(|answer| matches!(answer, Accepted::New(_))), Ok(true));
+    let new = all_jobs(&store).remove(0).id;
+    ask(|done| store.cancel_queued(&new, done)).unwrap();
+    (store, aside, damage)
+}
+
+fn without_the_new_one(states: Vec<(String, JobState)>) -> Vec<(String, JobState)> {
+    states.into_iter().filter(|(name, _)| name != "new").collect()
+}
+
+#[test]
+fn garbage_is_moved_aside_with_all_that_belongs_to_it_and_history_is_told_by_the_folders() {
+    let (data, _) = left_behind();
+    fs::write(data.path().join("upm.db"), "garbage".repeat(1000)).unwrap();
+    let log = fs::read(data.path().join("upm.db-wal")).unwrap();
+    let (store, aside, damage) = damaged(data.path());
+    assert!(damage.contains("not a database"), "{damage}");
+    assert_eq!(without_the_new_one(states(&store)), told_by_folders());
+    let kept = all_jobs(&store).into_iter().find(|row| row.name == "running").unwrap();
+    assert_eq!((kept.plate.as_str(), kept.seed, kept.recording), ("b", 5, RecordingKept::Recovered));
+    assert_eq!(fs::read(&aside).unwrap(), "garbage".repeat(1000).into_bytes());
+    let log_aside = PathBuf::from(format!("{}-wal", aside.display()));
+    assert_eq!(fs::read(log_aside).unwrap(), log);
+}
+
+#[test]
+fn a_store_of_another_version_keeps_all_its_jobs() {
+    let (data, ids) = left_behind();
+    crate::store::schema::writing(&data.path().join("upm.db"))
+        .unwrap()
+        .execute_batch("PRAGMA user_version = 99")
+        .unwrap();
+    let (store, _, damage) = damaged(data.path());
+    assert!(damage.contains("version 99, not of version 1"), "{damage}");
+    assert_eq!(ids.map(|id| job(&store, id).state), [JobState::Completed, JobState::Interrupted, JobState::Queued]);
+    let keyed = NewJob { key: Some("k".into()), ..new_job("queued", "a") };
+    assert!(matches!(accept(&store, keyed), Ok(Accepted::Replayed(row)) if row.id == ids[2]));
+    let lines = ask(|done| store.audit_tail(10, done)).unwrap();
+    assert_eq!(lines.into_iter().map(|line| line.entry.operator).collect::<Vec<_>>(), ["ann"]);
+    let claimed = store.claim("a", &super::folder(&store)).unwrap().unwrap();
+    assert_eq!((claimed.row.id, claimed.spec_json.as_str()), (ids[2], r#"{"name": "queued"}"#));
+}
+
+#[test]
+fn whatever_page_is_zeroed_what_ran_is_known_and_nothing_begins() {
+    let (left, _) = left_behind();
+    into_one_file(left.path());
+    let whole = fs::read(left.path().join("upm.db")).unwrap();
+    let (mut noticed, pages) = (0, whole.len() / 4096);
+    for page in 0..pages {
+        let data = snapshot(left.path());
+        let mut bytes = whole.clone();
+        bytes[page * 4096..(page + 1) * 4096].fill(0);
+        fs::write(data.path().join("upm.db"), bytes).unwrap();
+        let Opened { store, recovery } = open(data.path(), limits());
+        assert_eq!((recovery.clean, recovery.paused), (false, plates()), "page {page}");
+        noticed += usize::from(recovery.damage.is_some());
+        let ran: Vec<_> = states(&store).into_iter().filter(|(name, _)| name != "queued").collect();
+        assert_eq!(ran, told_by_folders(), "page {page}");
+    }
+    assert!(noticed > pages / 2, "{noticed} of {pages}");
+}
+
+#[test]
+fn wherever_it_is_cut_off_what_ran_is_known_and_nothing_begins() {
+    let (left, _) = left_behind();
+    into_one_file(left.path());
+    let whole = fs::read(left.path().join("upm.db")).unwrap();
+    for length in [0, 1, 100, 511, 512, 4095, 4096, 5000, whole.len() / 2, whole.len() - 4096, whole.len() - 1] {
+        let data = snapshot(left.path());
+        fs::write(data.path().join("upm.db"), &whole[..length]).unwrap();
+        let (store, aside, _) = damaged(data.path());
+        assert_eq!(fs::metadata(aside).unwrap().len(), length as u64);
+        let ran: Vec<_> =
+            without_the_new_one(states(&store)).into_iter().filter(|(name, _)| name != "queued").collect();
+        assert_eq!(ran, told_by_folders(), "{length} bytes");
+    }
+}
+
+#[test]
+fn a_log_that_is_missing_is_told() {
+    let (data, ids) = left_behind();
+    into_one_file(data.path());
+    for ending in ["-wal", "-shm"] {
+        fs::remove_file(data.path().join(format!("upm.db{ending}"))).unwrap();
+    }
+    let Opened { store, recovery } = open(data.path(), limits());
+    assert_eq!((recovery.clean, recovery.moved_aside, recovery.paused), (false, None, plates()));
+    assert!(recovery.damage.unwrap().contains("upm.db-wal is missing"));
+    assert_eq!(job(&store, ids[2]).state, JobState::Queued);
+}
+
+#[test]
+fn jobs_lost_with_the_log_are_told_by_their_folders() {
+    let (data, _) = left_behind();
+    for ending in ["-wal", "-shm"] {
+        fs::remove_file(data.path().join(format!("upm.db{ending}"))).unwrap();
+    }
+    // as old as its start: nothing but the tables
+    let Opened { store, recovery } = open(data.path(), limits());
+    assert_eq!(recovery.paused, plates());
+    assert_eq!(states(&store), told_by_folders());
+}
+
+#[test]
+fn a_database_that_is_missing_is_told_by_its_folders() {
+    let (data, _) = left_behind();
+    fs::remove_file(data.path().join("upm.db")).unwrap();
+    let Opened { store, recovery } = open(data.path(), limits());
+    assert_eq!((recovery.damage.as_deref(), recovery.paused), (Some("upm.db is missing"), plates()));
+    assert_eq!(states(&store), told_by_folders());
+    let aside = recovery.moved_aside.unwrap();
+    assert!(!aside.exists() && PathBuf::from(format!("{}-wal", aside.display())).exists());
+}
+
+#[test]
+fn moving_aside_cut_short_is_taken_up_again() {
+    let (left, ids) = left_behind();
+    let version = |data: &Path| {
+        crate::store::schema::writing(&data.join("upm.db")).unwrap().execute_batch("PRAGMA user_version = 99").unwrap();
+    };
+    version(left.path());
+    let done = snapshot(left.path());
+    let (store, ..) = damaged(done.path());
+    assert!(store.close(PATIENCE));
+    let next = fs::read(done.path().join("upm.db")).unwrap();
+    for stage in ["drafted", "next", "moved"] {
+        let data = snapshot(left.path());
+        match stage {
+            "drafted" => fs::write(data.path().join("upm.db.draft"), &next[..5000]).unwrap(),
+            _ => fs::write(data.path().join("upm.db.next"), &next).unwrap(),
+        }
+        if stage == "moved" {
+            fs::rename(data.path().join("upm.db"), data.path().join("upm.db.corrupt-1")).unwrap();
+        }
+        let Opened { store, recovery } = open(data.path(), limits());
+        assert_eq!((recovery.clean, recovery.paused), (false, plates()), "{stage}");
+        assert_eq!(ids.map(|id| job(&store, id).id), ids, "{stage}");
+        assert_eq!(job(&store, ids[2]).state, JobState::Queued);
+        assert!(!data.path().join("upm.db.next").exists() && !data.path().join("upm.db.draft").exists());
+        assert!(store.close(PATIENCE));
+    }
+}

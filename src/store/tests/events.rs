@@ -1,0 +1,131 @@
+use super::*;
+use crate::store::Replay;
+
+fn replay(store: &Store, id: JobId, after: u64, most: usize) -> Option<Replay> {
+    ask(|done| store.replay(&id, after, most, done)).unwrap()
+}
+
+fn numbers(replay: &Replay) -> Vec<u64> {
+    replay.events.iter().map(|event| event.seq).collect()
+}
+
+#[test]
+fn events_are_told_after_they_are_kept_and_replayed_from_anywhere() {
+    let (_folder, store) = new_store(limits());
+    let [one, two] = ["one", "two"].map(|name| queue(&store, name, "a").id);
+    for number in 1..=9 {
+        assert_eq!(tell(&store, one, &format!("{{\"number\": {number}}}")), Ok(number));
+    }
+    assert_eq!(tell(&store, two, "{}"), Ok(1));
+    for after in 0..=10 {
+        let found = replay(&store, one, after, 100).unwrap();
+        assert_eq!(numbers(&found), (after + 1..=9).collect::<Vec<_>>());
+        assert_eq!((found.oldest, found.last), (1, 9));
+    }
+    let found = replay(&store, one, 4, 2).unwrap();
+    assert_eq!(numbers(&found), [5, 6]);
+    let first = found.events.first().unwrap();
+    let told = (first.at, first.plate_time, first.kind.as_str(), &*first.body);
+    assert_eq!(told, (noon(), PlateTime::from_secs(1.5), "cycle", r#"{"number": 5}"#));
+    assert_eq!(job(&store, one).last_event, 9);
+    assert_eq!(replay(&store, one, u64::MAX, usize::MAX).unwrap().events, []);
+    let unknown = JobId::from_bytes([1; 16]);
+    assert_eq!(replay(&store, unknown, 0, 10), None);
+    assert!(tell(&store, unknown, "{}").is_err());
+    let newest = ask(|done| store.newest_events(3, done)).unwrap();
+    assert_eq!(newest.iter().map(|(id, event)| (*id, event.seq)).collect::<Vec<_>>(), [(two, 1), (one, 9), (one, 8)]);
+}
+
+#[test]
+fn a_job_keeps_its_last_events() {
+    let (folder, store) = new_store(Limits { events_per_job: 5, ..limits() });
+    let id = queue(&store, "one", "a").id;
+    for number in 1..=12 {
+        assert_eq!(tell(&store, id, "{}"), Ok(number));
+    }
+    let found = replay(&store, id, 0, 100).unwrap();
+    assert_eq!((found.oldest, found.last, numbers(&found)), (8, 12, vec![8, 9, 10, 11, 12]));
+    assert!(store.close(PATIENCE));
+    let store = open(folder.path(), limits()).store;
+    assert_eq!(tell(&store, id, "{}"), Ok(13));
+    assert_eq!(replay(&store, id, 0, 100).unwrap().oldest, 8);
+}
+
+#[test]
+fn the_oldest_jobs_that_have_ended_lose_their_events_first() {
+    let (_folder, store) = new_store(Limits { events: 40, ..limits() });
+    let ids: Vec<JobId> = (0..4).map(|number| begin(&store, &format!("job-{number}"), "a").row.id).collect();
+    for (number, id) in ids.iter().enumerate() {
+        for _ in 0..20 {
+            tell(&store, *id, "{}").unwrap();
+        }
+        if number > 0 {
+            store.ended(id, end(JobState::Completed)).unwrap();
+        }
+    }
+    for _ in 0..8 {
+        tell(&store, ids[0], "{}").unwrap();
+    }
+    let kept = ids.iter().map(|id| replay(&store, *id, 0, 100).unwrap());
+    let kept: Vec<(u64, u64, usize)> = kept.map(|found| (found.oldest, found.last, found.events.len())).collect();
+    assert_eq!(kept, [(1, 28, 28), (21, 20, 0), (21, 20, 0), (21, 20, 0)]);
+    assert_eq!(tell(&store, ids[1], "{}"), Ok(21));
+}
+
+#[test]
+fn the_audit_log_only_grows() {
+    let (folder, store) = new_store(limits());
+    for operator in ["ann", "bob"] {
+        assert!(store.audit(act(operator)));
+    }
+    store.note_act(act("cy"));
+    assert!(store.close(PATIENCE));
+    let store = open(folder.path(), limits()).store;
+    let tail = |most| ask(|done| store.audit_tail(most, done)).unwrap();
+    let operators: Vec<String> = tail(10).into_iter().map(|line| line.entry.operator).collect();
+    assert_eq!(operators, ["cy", "bob", "ann"]);
+    assert_eq!(tail(1).first().map(|line| (line.id, line.at)), Some((3, noon())));
+    for sql in [
+        "UPDATE audit SET operator = 'eve'",
+        "DELETE FROM audit",
+        "REPLACE INTO audit SELECT * FROM audit",
+        "UPDATE audit SET id = id + 10",
+    ] {
+        let stored = store.orders.written(true, |books| books.tx.execute(sql, []));
+        assert!(matches!(&stored, Err(StoreFault::Io(reason)) if reason.contains("append-only")), "{stored:?}");
+    }
+    assert_eq!(tail(10).len(), 3);
+}
+
+#[test]
+fn one_fault_is_no_others() {
+    let (_folder, store) = new_store(limits());
+    let (open_gate, gate) = sync_channel::<()>(0);
+    store.set_paused("a", true, move |_| assert!(gate.recv().is_err()));
+    let (sender, answers) = sync_channel(3);
+    let hand_in = |sql: &'static str| {
+        let sender = sender.clone();
+        let done = move |stored| sender.send(stored).unwrap();
+        store.orders.write(crate::store::task::task(false, |books| books.tx.execute(sql, []), done));
+    };
+    hand_in("UPDATE meta SET clean_shutdown = 0");
+    hand_in("DELETE FROM nothing_that_is_there");
+    hand_in("UPDATE meta SET clean_shutdown = 0");
+    drop(open_gate);
+    let answers: Vec<bool> = (0..3).map(|_| answers.recv_timeout(PATIENCE).unwrap().is_ok()).collect();
+    assert_eq!(answers, [true, false, true]);
+}
+
+#[test]
+fn progress_and_pauses_are_kept_without_waiting() {
+    let (folder, store) = new_store(limits());
+    let id = begin(&store, "one", "a").row.id;
+    for share in [0.1, f64::NAN, 7.0, 0.5] {
+        store.progress(&id, share);
+    }
+    store.note_paused("b", true);
+    assert!(store.close(PATIENCE));
+    let opened = open(folder.path(), limits());
+    assert_eq!((opened.recovery.clean, opened.recovery.paused.as_slice()), (true, ["b".to_owned()].as_slice()));
+    assert_eq!(job(&opened.store, id).progress, 0.5);
+}

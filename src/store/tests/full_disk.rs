@@ -1,0 +1,112 @@
+use std::fs::{self, File};
+use std::io::Write;
+use std::process::Command;
+
+use super::*;
+
+/// A disk of its own, small; gone with its owner.
+struct SmallDisk(tempfile::TempDir);
+
+impl SmallDisk {
+    /// `None` where a test may not mount one.
+    fn mounted(bytes: u64) -> Option<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        let size = format!("size={bytes}");
+        let made = Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(folder.path()).output();
+        made.is_ok_and(|made| made.status.success()).then_some(Self(folder))
+    }
+
+    /// Writes until nothing more goes in.
+    fn fill(&self) {
+        let mut file = File::create(self.0.path().join("filler")).unwrap();
+        for block in [1 << 16, 1 << 12, 1] {
+            while file.write_all(&vec![1; block]).is_ok() {}
+        }
+    }
+
+    fn make_room(&self) {
+        fs::remove_file(self.0.path().join("filler")).unwrap();
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        Command::new("umount").arg("-l").arg(self.0.path()).output().unwrap();
+    }
+}
+
+/// Hands in jobs until one is refused; gives the number that was not.
+fn accept_until_refused(store: &Store) -> usize {
+    let mut accepted = 0;
+    loop {
+        let long = NewJob { spec_json: "x".repeat(10_000), ..new_job("one", "a") };
+        match accept(store, long) {
+            Ok(Accepted::New(_)) => accepted += 1,
+            refused => {
+                assert_eq!(refused, Err(StoreFault::Full));
+                return accepted;
+            }
+        }
+    }
+}
+
+#[test]
+fn on_a_full_disk_jobs_are_refused_and_what_matters_is_written() {
+    let Some(disk) = SmallDisk::mounted(16 << 20) else {
+        eprintln!("no disk could be mounted: not tested");
+        return;
+    };
+    let limits = || Limits { queued: 10_000, ..limits() };
+    let Opened { store, .. } = open(disk.0.path(), limits());
+    let running = begin(&store, "running", "a").row.id;
+    let waiting = queue(&store, "waiting", "a").id;
+    disk.fill();
+    let accepted = accept_until_refused(&store);
+    assert_eq!(store.health().fault, Some(StoreFault::Full));
+    // an event is lost, and that is told
+    assert_eq!(tell(&store, running, &"x".repeat(10_000)), Err(StoreFault::Full));
+    // how it went on is kept
+    store.audit(act("ann"));
+    store.ended(&running, end(JobState::Completed)).unwrap();
+    ask(|done| store.cancel_queued(&waiting, done)).unwrap();
+    ask(|done| store.set_paused("a", true, done)).unwrap();
+    while store.health().audit_waiting > 0 {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert_eq!(job(&store, running).state, JobState::Completed);
+    assert_eq!(ask(|done| store.audit_tail(5, done)).unwrap().len(), 1);
+    assert_eq!(all_jobs(&store).len(), accepted + 2);
+    assert!(store.close(PATIENCE));
+    // a start on a full disk, too
+    disk.fill();
+    let Opened { store, recovery } = open(disk.0.path(), limits());
+    assert!(recovery.clean);
+    assert_eq!(accept(&store, new_job("new", "b")), Err(StoreFault::Full));
+    disk.make_room();
+    for _ in 0..2000 {
+        if accept(&store, new_job("new", "b")) != Err(StoreFault::Full) {
+            assert_eq!((store.health().fault, store.health().reserve), (None, true));
+            assert!(disk.0.path().join("reserve").exists());
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    panic!("still full");
+}
+
+#[test]
+fn a_store_that_may_not_grow_says_full_and_goes_on_when_it_may() {
+    let (folder, store) = new_store(Limits { queued: 10_000, ..limits() });
+    let pages = |number: u32| {
+        let sql = format!("PRAGMA max_page_count = {number}");
+        store.orders.written(true, move |books| books.tx.query_row(&sql, [], |row| row.get::<_, i64>(0))).unwrap()
+    };
+    assert!(pages(60) <= 60);
+    let accepted = accept_until_refused(&store);
+    assert!((1..60).contains(&accepted), "{accepted}");
+    assert_eq!(all_jobs(&store).len(), accepted);
+    assert!(folder.path().join("reserve").exists());
+    pages(1_000_000);
+    assert!(matches!(accept(&store, new_job("new", "a")), Ok(Accepted::New(_))));
+    assert_eq!(store.health().fault, None);
+}

@@ -1,0 +1,120 @@
+use std::fs;
+use std::sync::atomic::{AtomicI64, Ordering};
+
+use super::*;
+
+/// A store whose clock a test turns: hours since noon.
+macro_rules! turned_clock {
+    ($hours:ident, $now:ident) => {
+        static $hours: AtomicI64 = AtomicI64::new(0);
+        fn $now() -> Timestamp {
+            noon() + Duration::from_secs(3600 * $hours.load(Ordering::SeqCst) as u64)
+        }
+    };
+}
+
+fn opened(data: &Path, limits: Limits, now: fn() -> Timestamp) -> Store {
+    Store::open(data, &plates(), limits, now, &repair).unwrap().store
+}
+
+/// Runs a job whose folder holds that many bytes, in two levels.
+fn begin_with(store: &Store, name: &str, bytes: usize) -> JobId {
+    let id = begin(store, name, "a").row.id;
+    let folder = store.runs().join(name);
+    fs::create_dir(folder.join("deep")).unwrap();
+    fs::write(folder.join("run.rrd"), vec![0; bytes / 2]).unwrap();
+    fs::write(folder.join("deep/more"), vec![0; bytes - bytes / 2]).unwrap();
+    id
+}
+
+fn names(store: &Store) -> Vec<String> {
+    let mut names: Vec<String> =
+        fs::read_dir(store.runs()).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn the_oldest_ended_go_first_when_there_is_too_much() {
+    turned_clock!(HOURS, now);
+    let data = tempfile::tempdir().unwrap();
+    let store = opened(data.path(), Limits { runs_bytes: 25_000, ..limits() }, now);
+    let running = begin_with(&store, "running", 10_000);
+    let ids = ["one", "two", "three", "four"].map(|name| begin_with(&store, name, 5000));
+    // they end in another order than they began
+    for (hours, id) in [ids[1], ids[0], ids[3], ids[2]].into_iter().enumerate() {
+        HOURS.store(hours as i64, Ordering::SeqCst);
+        store.ended(&id, end(JobState::Completed)).unwrap();
+    }
+    let swept = store.sweep().unwrap();
+    assert_eq!(names(&store), ["four", "one", "running", "three"]);
+    assert_eq!(swept.bytes, 25_000);
+    let row = job(&store, ids[1]);
+    assert_eq!((row.folder, row.recording, row.report_json), (None, RecordingKept::Pruned, Some("{}".into())));
+    assert_eq!(fs::read_dir(data.path().join(".trash")).unwrap().count(), 0);
+    // what runs stays, however large
+    fs::write(store.runs().join("running/run.rrd"), vec![0; 100_000]).unwrap();
+    assert_eq!(store.sweep().unwrap().deleted, ["one", "four", "three"]);
+    assert_eq!((names(&store), job(&store, running).folder), (vec!["running".to_owned()], Some("running".into())));
+    assert_eq!(store.sweep().unwrap().deleted, [""; 0]);
+}
+
+#[test]
+fn what_is_too_old_goes() {
+    turned_clock!(HOURS, now);
+    let data = tempfile::tempdir().unwrap();
+    let store = opened(data.path(), Limits { runs_age: Duration::from_secs(10 * 3600), ..limits() }, now);
+    for (hours, name) in ["one", "two", "three"].into_iter().enumerate() {
+        HOURS.store(hours as i64, Ordering::SeqCst);
+        let id = begin_with(&store, name, 10);
+        store.ended(&id, end(JobState::Failed)).unwrap();
+    }
+    begin_with(&store, "running", 10);
+    HOURS.store(11, Ordering::SeqCst);
+    assert_eq!(store.sweep().unwrap().deleted, ["one"]);
+    HOURS.store(1000, Ordering::SeqCst);
+    assert_eq!(store.sweep().unwrap().deleted, ["two", "three"]);
+    assert_eq!(names(&store), ["running"]);
+}
+
+#[test]
+fn folders_without_a_job_go_when_they_are_old_and_never_at_once() {
+    turned_clock!(HOURS, now);
+    let data = tempfile::tempdir().unwrap();
+    // the folder's own time is the machine's, long before this clock's noon
+    let store = opened(data.path(), Limits { runs_age: Duration::from_secs(3600), ..limits() }, now);
+    fs::create_dir(store.runs().join("left")).unwrap();
+    fs::write(data.path().join(".trash/left"), "not a folder").unwrap();
+    assert!(store.sweep().is_err());
+    fs::remove_file(data.path().join(".trash/left")).unwrap();
+    assert_eq!(store.sweep().unwrap().deleted, ["left"]);
+    let long_ago = opened(&data.path().join("other"), limits(), || Timestamp::UNIX_EPOCH);
+    fs::create_dir(long_ago.runs().join("new")).unwrap();
+    assert_eq!(long_ago.sweep().unwrap().deleted, [""; 0]);
+}
+
+#[test]
+fn a_sweep_that_was_cut_short_is_ended_at_the_next_start() {
+    let data = tempfile::tempdir().unwrap();
+    let trash = data.path().join(".trash/one/deep");
+    fs::create_dir_all(&trash).unwrap();
+    fs::write(trash.join("file"), "x").unwrap();
+    opened(data.path(), limits(), noon);
+    assert_eq!(fs::read_dir(data.path().join(".trash")).unwrap().count(), 0);
+}
+
+#[test]
+fn jobs_are_remembered_up_to_a_number() {
+    let data = tempfile::tempdir().unwrap();
+    let store = opened(data.path(), Limits { jobs: 3, runs_bytes: 0, ..limits() }, noon);
+    for name in ["one", "two", "three", "four"] {
+        let id = begin_with(&store, name, 10);
+        tell(&store, id, "{}").unwrap();
+        store.ended(&id, end(JobState::Completed)).unwrap();
+    }
+    begin_with(&store, "running", 10);
+    queue(&store, "queued", "a");
+    store.sweep().unwrap();
+    let names: Vec<String> = all_jobs(&store).into_iter().map(|row| row.name).collect();
+    assert_eq!(names, ["queued", "running", "four"]);
+}
