@@ -1,0 +1,9 @@
+//! The daemon as the network sees it: the HTTP server with its guard and limits, the API as one table of operations, and
+//! its OpenAPI document out of the same table. The only room that knows tokio; to the outside it is a function that
+//! blocks.
+//!
+//! What the API needs of store and plates is the trait [`Desk`]; this room never touches either.
+
+mod http;
+
+pub use http::{Problem, ProblemDocument, ProblemFault, ProblemKind};
