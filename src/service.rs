@@ -6,4 +6,4 @@
 
 mod http;
 
-pub use http::{Problem, ProblemDocument, ProblemFault, ProblemKind};
+pub use http::{Caller, Hosts, Problem, ProblemDocument, ProblemFault, ProblemKind, Scope, Tokens};
