@@ -6,4 +6,7 @@
 
 mod http;
 
-pub use http::{Caller, Hosts, Problem, ProblemDocument, ProblemFault, ProblemKind, Scope, Tokens};
+pub use http::{
+    Caller, Hosts, Limits, Problem, ProblemDocument, ProblemFault, ProblemKind, Scope, Served, StopFlag, StopSender,
+    Tokens, serve,
+};
