@@ -22,7 +22,6 @@ pub(super) use listen::Peer;
 pub use listen::{Served, serve};
 pub(super) use problem::PROBLEM_JSON;
 pub use problem::{Problem, ProblemDocument, ProblemFault, ProblemKind};
-pub(super) use request_id::RequestId;
 pub use stop::{StopFlag, StopSender};
 pub use tokens::{Caller, Scope, Tokens};
 

@@ -49,6 +49,12 @@ pub struct Limits {
     pub spare_connections: usize,
     /// Longest time for a header to come in whole on a spare connection.
     pub spare_header_time: Duration,
+    /// Event streams at once.
+    pub watchers: usize,
+    /// Longest silence on an event stream.
+    pub heartbeat_time: Duration,
+    /// Recordings sent at once.
+    pub downloads: usize,
     /// Longest time for requests under way when the server ends.
     pub ending_time: Duration,
 }
@@ -67,6 +73,9 @@ impl Default for Limits {
             connections: 512,
             spare_connections: 32,
             spare_header_time: Duration::from_secs(2),
+            watchers: 256,
+            heartbeat_time: Duration::from_secs(5),
+            downloads: 8,
             ending_time: Duration::from_millis(1500),
         }
     }

@@ -155,7 +155,7 @@ pub struct ProblemDocument {
     pub faults: Vec<ProblemFault>,
 }
 
-/// What went wrong with one request. Becomes a problem document; [`super::identify`] puts the request's name in.
+/// What went wrong with one request. Becomes a problem document; the outermost layer puts the request's name in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
     kind: ProblemKind,

@@ -11,24 +11,22 @@ static X_REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
 /// The name of one request: 32 hex digits that sort by time. What a client calls it is not asked: log lines would be
 /// theirs to write.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RequestId(String);
+#[derive(Debug)]
+struct RequestId(String);
 
 impl RequestId {
     fn new() -> Self {
         Self(Uuid::now_v7().simple().to_string())
     }
 
-    /// The digits.
-    pub fn as_str(&self) -> &str {
+    fn as_str(&self) -> &str {
         &self.0
     }
 }
 
 /// The outermost layer: names the request, writes the name into the answer, its problem document and the log.
-pub async fn identify(mut request: Request, next: Next) -> Response {
+pub async fn identify(request: Request, next: Next) -> Response {
     let id = RequestId::new();
-    request.extensions_mut().insert(id.clone());
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
     let mut response = next.run(request).await;
     if let Some(problem) = response.extensions_mut().remove::<Problem>() {
