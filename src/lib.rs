@@ -16,6 +16,7 @@ pub mod recording;
 pub mod rig;
 pub mod run;
 pub mod scene;
+pub mod service;
 pub mod signal;
 pub mod sim;
 pub mod store;

@@ -9,6 +9,7 @@ use super::*;
 use crate::control::{FrameFacts, PulseFacts};
 use crate::recording::Outcome;
 use crate::rig::Trip;
+use crate::time::MonotonicClock;
 
 const STEP_S: f64 = 5e-5;
 

@@ -1,0 +1,18 @@
+//! The daemon as the network sees it: the HTTP server with its guard and limits, the API as one table of operations, and
+//! its OpenAPI document out of the same table. The only room that knows tokio; to the outside it is a function that
+//! blocks.
+//!
+//! What the API needs of store and plates is the trait [`Desk`]; this room never touches either.
+
+mod api;
+mod http;
+
+pub use api::{
+    AppParts, Asset, Desk, EStopped, Event, Feed, Job, JobState, JobsPage, JobsQuery, Opening, Order, Pace, Plate,
+    PlateState, Plates, Promise, Recording, RecordingState, Refusal, Replayed, Reply, ResetRequest, Submitted, Well,
+    app, kept, openapi, promise,
+};
+pub use http::{
+    Caller, Hosts, Limits, Problem, ProblemDocument, ProblemFault, ProblemKind, Scope, Served, StopFlag, StopSender,
+    Tokens, serve,
+};

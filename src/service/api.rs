@@ -1,0 +1,76 @@
+use std::sync::Arc;
+
+use axum::Router;
+use bytes::Bytes;
+use serde_json::Value;
+use tokio::sync::Semaphore;
+
+use super::http::{Hosts, Limits, StopFlag, Tokens, enclose};
+
+mod cursor;
+mod desk;
+mod events;
+mod feed;
+mod files;
+mod jobs;
+mod openapi;
+mod plates;
+mod routes;
+mod table;
+#[cfg(test)]
+mod tests;
+mod types;
+
+pub use cursor::JobsQuery;
+pub use desk::{Asset, Desk, Order, Promise, Recording, Refusal, Reply, Submitted, kept, promise};
+pub use feed::{Event, Feed, Opening, Replayed};
+pub use types::{
+    EStopped, Job, JobState, JobsPage, Pace, Plate, PlateState, Plates, RecordingState, ResetRequest, Well,
+};
+
+/// What the API is put together from.
+pub struct AppParts {
+    /// The daemon behind it.
+    pub desk: Arc<dyn Desk>,
+    /// Who may do what.
+    pub tokens: Tokens,
+    /// The names under which it may be called.
+    pub hosts: Hosts,
+    /// What one client may ask.
+    pub limits: Arc<Limits>,
+    /// Ends event streams; the same that ends the server.
+    pub stop: StopFlag,
+    /// The program's version.
+    pub version: &'static str,
+}
+
+/// What every handler can look at.
+struct Api {
+    desk: Arc<dyn Desk>,
+    tokens: Tokens,
+    limits: Arc<Limits>,
+    stop: StopFlag,
+    document: Bytes,
+    watchers: Arc<Semaphore>,
+    downloads: Arc<Semaphore>,
+}
+
+/// The whole API, layers included. Needs no socket.
+pub fn app(parts: AppParts) -> Router {
+    let operations = routes::operations();
+    let api = Arc::new(Api {
+        desk: parts.desk,
+        tokens: parts.tokens,
+        limits: parts.limits.clone(),
+        stop: parts.stop,
+        document: openapi::document(&operations, parts.version).to_string().into(),
+        watchers: Arc::new(Semaphore::new(parts.limits.watchers)),
+        downloads: Arc::new(Semaphore::new(parts.limits.downloads)),
+    });
+    enclose(table::router(operations, &api), parts.hosts, parts.limits)
+}
+
+/// The OpenAPI document that the API serves.
+pub fn openapi(version: &str) -> Value {
+    openapi::document(&routes::operations(), version)
+}

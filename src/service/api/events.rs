@@ -1,0 +1,194 @@
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::body::Body;
+use axum::http::header::CONTENT_TYPE;
+use axum::http::{HeaderMap, HeaderValue};
+use axum::response::Response;
+use bytes::{Bytes, BytesMut};
+use futures_util::stream;
+use tokio::sync::OwnedSemaphorePermit;
+use tokio::time::sleep;
+
+use super::Desk;
+use super::feed::{Event, Intake, Opening, feed};
+use super::table::{Call, Outcome};
+use crate::service::http::{Problem, ProblemKind, StopFlag};
+
+pub(super) const EVENT_STREAM: &str = "text/event-stream";
+pub(super) const LAST_EVENT_ID: &str = "Last-Event-ID";
+
+/// Events read from the store at once.
+const PAGE: usize = 500;
+
+/// Streams the job's events: how it stands, what was missed since the last event seen, what happens. Ends with the
+/// job, with the daemon, or with the client.
+pub(super) fn watch(call: Call) -> Outcome {
+    Box::pin(async move {
+        let id = call.job_id()?.to_owned();
+        let after = last_event_id(&call.headers)?;
+        let seat = call.api.watchers.clone().try_acquire_owned();
+        let full = |_| Problem::new(ProblemKind::Unavailable, "too many event streams").retry_after(10);
+        let seat = seat.map_err(full)?;
+        let (feed, intake) = feed();
+        let opening = call.desk.watch(&id, feed).await?;
+        let (stop, heartbeat) = (call.api.stop.clone(), call.api.limits.heartbeat_time);
+        let stage = Stage::Opening { opening, after };
+        let watcher = Watcher { desk: call.desk, id, stop, heartbeat, intake, sent: 0, is_over: false, stage, seat };
+        let stream = stream::unfold(watcher, |mut watcher| async {
+            let text = watcher.next().await?;
+            Some((Ok::<_, std::convert::Infallible>(text), watcher))
+        });
+        let mut response = Response::new(Body::from_stream(stream));
+        response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static(EVENT_STREAM));
+        Ok(response)
+    })
+}
+
+fn last_event_id(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
+    let mut values = headers.get_all(LAST_EVENT_ID).iter();
+    let Some(value) = values.next() else { return Ok(None) };
+    let text = value.to_str().unwrap_or_default();
+    let is_id = (1..=18).contains(&text.len()) && text.bytes().all(|b| b.is_ascii_digit()) && values.next().is_none();
+    let bad = || Problem::new(ProblemKind::Malformed, format!("{LAST_EVENT_ID} is the number of an event"));
+    is_id.then(|| text.parse().ok()).flatten().map(Some).ok_or_else(bad)
+}
+
+/// One client that watches one job.
+struct Watcher {
+    desk: Arc<dyn Desk>,
+    id: String,
+    stop: StopFlag,
+    heartbeat: Duration,
+    intake: Intake,
+    /// Number of the last kept event that was sent, or that the client has no need of.
+    sent: u64,
+    is_over: bool,
+    stage: Stage,
+    #[allow(dead_code)] // held for as long as the stream is
+    seat: OwnedSemaphorePermit,
+}
+
+enum Stage {
+    /// Tell how the job stands.
+    Opening { opening: Opening, after: Option<u64> },
+    /// Send what is kept, up to this number.
+    Replay { newest: u64 },
+    /// Send what happens.
+    Live,
+    /// Nothing more.
+    Ended,
+}
+
+impl Watcher {
+    /// The next piece of the stream; `None` at its end.
+    async fn next(&mut self) -> Option<Bytes> {
+        loop {
+            let text = match std::mem::replace(&mut self.stage, Stage::Ended) {
+                Stage::Opening { opening, after } => self.open(&opening, after),
+                Stage::Replay { newest } => self.replay(newest).await,
+                Stage::Live => self.live().await,
+                Stage::Ended => return None,
+            };
+            if !text.is_empty() {
+                return Some(text);
+            }
+        }
+    }
+
+    fn open(&mut self, opening: &Opening, after: Option<u64>) -> Bytes {
+        let mut text = BytesMut::from("retry: 1000\n\n");
+        text.extend_from_slice(&Event::new(None, "snapshot", &opening.snapshot).text);
+        self.is_over = opening.is_over;
+        self.sent = after.unwrap_or(opening.newest).min(opening.newest);
+        if let Some(after) = after.filter(|after| *after > opening.newest) {
+            // the store of then is gone: those numbers will be given to other events
+            text.extend_from_slice(&gap(opening.newest + 1, after));
+        }
+        self.stage = if self.sent < opening.newest { Stage::Replay { newest: opening.newest } } else { Stage::Live };
+        text.freeze()
+    }
+
+    async fn replay(&mut self, newest: u64) -> Bytes {
+        let mut text = BytesMut::new();
+        match self.desk.replay(&self.id, self.sent, PAGE).await {
+            Ok(replayed) => {
+                let missing_to = replayed.oldest.saturating_sub(1).min(newest);
+                if missing_to > self.sent {
+                    text.extend_from_slice(&gap(self.sent + 1, missing_to));
+                    self.sent = missing_to;
+                }
+                let is_end = replayed.events.is_empty();
+                for event in replayed.events {
+                    self.take(&event, &mut text);
+                }
+                let is_done = is_end || self.sent >= newest;
+                self.stage = if is_done { Stage::Live } else { Stage::Replay { newest } };
+            }
+            Err(_) => {
+                text.extend_from_slice(&gap(self.sent + 1, newest));
+                self.sent = newest;
+                self.stage = Stage::Live;
+            }
+        }
+        text.freeze()
+    }
+
+    /// Writes an event that has not been sent.
+    fn take(&mut self, event: &Event, text: &mut BytesMut) {
+        if event.seq.is_some_and(|seq| seq <= self.sent) {
+            return;
+        }
+        self.sent = event.seq.unwrap_or(self.sent);
+        self.is_over |= event.is_last;
+        text.extend_from_slice(&event.text);
+    }
+
+    async fn live(&mut self) -> Bytes {
+        if self.is_over {
+            return bye("the job is over");
+        }
+        if self.intake.is_overrun() {
+            return self.reopen().await;
+        }
+        tokio::select! {
+            biased;
+            () = self.stop.stopped() => bye("the daemon ends"),
+            event = self.intake.next() => {
+                let Some(event) = event else { return bye("the daemon tells no more of this job") };
+                let mut text = BytesMut::new();
+                self.take(&event, &mut text);
+                self.stage = Stage::Live;
+                text.freeze()
+            }
+            () = sleep(self.heartbeat) => {
+                self.stage = Stage::Live;
+                Bytes::from_static(b": hb\n\n")
+            }
+        }
+    }
+
+    /// The client was too slow: it is told what it missed and how the job stands now.
+    async fn reopen(&mut self) -> Bytes {
+        let (feed, intake) = feed();
+        self.intake = intake;
+        let Ok(opening) = self.desk.watch(&self.id, feed).await else {
+            return bye("the daemon tells no more of this job");
+        };
+        let mut text = BytesMut::new();
+        if opening.newest > self.sent {
+            text.extend_from_slice(&gap(self.sent + 1, opening.newest));
+        }
+        text.extend_from_slice(&self.open(&opening, None));
+        text.freeze()
+    }
+}
+
+/// Kept events `from` to `to` will not come on this stream.
+fn gap(from: u64, to: u64) -> Bytes {
+    Event::new(None, "gap", &format!("{{\"from\":{from},\"to\":{to}}}")).text
+}
+
+fn bye(why: &str) -> Bytes {
+    Event::new(None, "bye", &format!("{{\"why\":\"{why}\"}}")).text
+}

@@ -1,0 +1,122 @@
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use bytes::Bytes;
+use tokio::sync::mpsc;
+
+/// Events that wait for one client.
+const WAITING: usize = 256;
+
+/// One thing told of a job, written out once for all who watch.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Event {
+    /// Its number in the job; `None` for what is not kept.
+    pub seq: Option<u64>,
+    /// True for the last event of a job.
+    pub is_last: bool,
+    pub(super) text: Bytes,
+}
+
+impl Event {
+    /// `json` is one line; `kind` one word: `state`, `cycle`, `warning`, `recording`, `finished` or `look`.
+    pub fn new(seq: Option<u64>, kind: &str, json: &str) -> Self {
+        let id = seq.map(|seq| format!("id: {seq}\n")).unwrap_or_default();
+        // a line feed would end the field; JSON writes those in strings as \n, so one here is only layout
+        let json = json.replace(['\n', '\r'], " ");
+        let text = format!("{id}event: {kind}\ndata: {json}\n\n");
+        Self { seq, is_last: kind == "finished", text: text.into() }
+    }
+}
+
+/// How a job stands when a client comes to watch it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Opening {
+    /// Job and plate, as one JSON object on one line.
+    pub snapshot: String,
+    /// Number of the newest event that is kept; 0 before the first.
+    pub newest: u64,
+    /// True when no event will come any more.
+    pub is_over: bool,
+}
+
+/// Kept events of a job from some number on.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Replayed {
+    /// Number of the oldest event that is kept; one past the newest when none is.
+    pub oldest: u64,
+    /// The events, in order.
+    pub events: Vec<Event>,
+}
+
+/// Where the daemon puts what one client is to see: a queue with an end. When it is full the event is not put in and
+/// the client is told of the gap.
+#[derive(Clone, Debug)]
+pub struct Feed {
+    queue: mpsc::Sender<Event>,
+    overrun: Arc<AtomicBool>,
+}
+
+/// The client's end of a [`Feed`].
+#[derive(Debug)]
+pub(super) struct Intake {
+    queue: mpsc::Receiver<Event>,
+    overrun: Arc<AtomicBool>,
+}
+
+pub(super) fn feed() -> (Feed, Intake) {
+    let (sender, receiver) = mpsc::channel(WAITING);
+    let overrun = Arc::new(AtomicBool::new(false));
+    (Feed { queue: sender, overrun: overrun.clone() }, Intake { queue: receiver, overrun })
+}
+
+impl Feed {
+    /// Puts an event in, without ever waiting. False when the client is gone: offer it nothing more.
+    pub fn offer(&self, event: &Event) -> bool {
+        match self.queue.try_send(event.clone()) {
+            Ok(()) => true,
+            Err(mpsc::error::TrySendError::Full(_)) => {
+                self.overrun.store(true, Ordering::Release);
+                true
+            }
+            Err(mpsc::error::TrySendError::Closed(_)) => false,
+        }
+    }
+
+    /// The client is gone.
+    pub fn is_closed(&self) -> bool {
+        self.queue.is_closed()
+    }
+}
+
+impl Intake {
+    /// The next event; `None` when the daemon offers no more.
+    pub async fn next(&mut self) -> Option<Event> {
+        self.queue.recv().await
+    }
+
+    /// True once an event did not fit in. What waits is older than what is missing.
+    pub fn is_overrun(&self) -> bool {
+        self.overrun.load(Ordering::Acquire)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_event_is_written_as_the_standard_says() {
+        assert_eq!(Event::new(Some(7), "cycle", "{}").text, "id: 7\nevent: cycle\ndata: {}\n\n");
+        assert_eq!(Event::new(None, "look", "{\n\r}").text, "event: look\ndata: {  }\n\n");
+    }
+
+    #[tokio::test]
+    async fn a_full_queue_holds_nobody_up_and_is_told() {
+        let (feed, mut intake) = feed();
+        (0..1000).for_each(|seq| assert!(feed.offer(&Event::new(Some(seq), "cycle", "{}"))));
+        assert!(intake.is_overrun());
+        assert_eq!(intake.next().await.unwrap().seq, Some(0));
+        drop(intake);
+        assert!(feed.is_closed() && !feed.offer(&Event::new(None, "look", "{}")));
+    }
+}

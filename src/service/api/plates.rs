@@ -1,0 +1,73 @@
+use super::jobs::text_of;
+use super::table::{Call, Outcome, json, media};
+use super::types::{ResetRequest, Well};
+use crate::service::http::{Problem, ProblemKind};
+
+pub(super) const OPENMETRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+
+const LONGEST_OPERATOR: usize = 200;
+const LONGEST_REASON: usize = 1000;
+
+pub(super) fn list(call: Call) -> Outcome {
+    Box::pin(async move { json(200, &call.desk.plates().await?) })
+}
+
+/// The plate is told before anything is waited for.
+pub(super) fn estop(call: Call) -> Outcome {
+    let stopped = call.plate().map(|plate| call.desk.estop(plate, call.caller.clone()));
+    Box::pin(async move { json(200, &stopped?.await?) })
+}
+
+pub(super) fn reset(call: Call) -> Outcome {
+    Box::pin(async move {
+        let plate = call.plate()?;
+        let request = reset_request(&text_of(call.body.clone())?)?;
+        json(200, &call.desk.reset(plate, request, call.caller.clone()).await?)
+    })
+}
+
+pub(super) fn resume(call: Call) -> Outcome {
+    Box::pin(async move { json(200, &call.desk.resume(call.plate()?, call.caller.clone()).await?) })
+}
+
+pub(super) fn healthz(call: Call) -> Outcome {
+    Box::pin(async move { well(&call.desk.ailments()) })
+}
+
+pub(super) fn readyz(call: Call) -> Outcome {
+    Box::pin(async move { well(&call.desk.obstacles()) })
+}
+
+pub(super) fn metrics(call: Call) -> Outcome {
+    Box::pin(async move { media(200, OPENMETRICS, call.desk.metrics().into()) })
+}
+
+fn well(reasons: &[String]) -> Result<axum::response::Response, Problem> {
+    if reasons.is_empty() {
+        return json(200, &Well { ok: true });
+    }
+    Err(Problem::new(ProblemKind::Unavailable, reasons.join("; ")))
+}
+
+/// 400 for what is no JSON, 422 for JSON that is no reset.
+fn reset_request(text: &str) -> Result<ResetRequest, Problem> {
+    let allowed = "an object with `operator` and `reason`";
+    let fault = |path: &str, error: &serde_json::Error| {
+        let kind = if error.is_data() { ProblemKind::Invalid } else { ProblemKind::Malformed };
+        let path = if path == "." { "$" } else { path };
+        Problem::new(kind, "1 fault").with_fault(path, error.to_string(), allowed)
+    };
+    let mut json = serde_json::Deserializer::from_str(text);
+    let request: ResetRequest =
+        serde_path_to_error::deserialize(&mut json).map_err(|e| fault(&e.path().to_string(), e.inner()))?;
+    json.end().map_err(|error| fault(".", &error))?;
+    let said = |path: &str, text: &str, most: usize| {
+        let is_said = !text.trim().is_empty() && text.chars().count() <= most;
+        let found = format!("{} characters", text.trim().chars().count());
+        let wrong = Problem::new(ProblemKind::Invalid, "1 fault");
+        is_said.then_some(()).ok_or_else(|| wrong.with_fault(path, found, format!("1 to {most} characters")))
+    };
+    said("operator", &request.operator, LONGEST_OPERATOR)?;
+    said("reason", &request.reason, LONGEST_REASON)?;
+    Ok(request)
+}

@@ -1,0 +1,156 @@
+use std::time::Duration;
+
+use serde_json::json;
+
+use super::fake::{HOLD, JOB, PLATE};
+use super::{Asked, LOOK, WORK, request};
+use crate::service::api::table::{Method, Operation};
+use crate::service::api::{Refusal, routes};
+use crate::service::http::{Scope, Tokens};
+
+fn path_of(operation: &Operation) -> String {
+    operation.path.replace("{id}", JOB).replace("{name}", PLATE).replace("{file}", "index.html")
+}
+
+fn body_of(operation: &Operation) -> &'static str {
+    match operation.id {
+        "submit" => HOLD,
+        "reset" => r#"{"operator": "A. Person", "reason": "looked at it"}"#,
+        _ => "",
+    }
+}
+
+fn good(operation: &Operation, headers: &[(&str, &str)]) -> axum::http::Request<axum::body::Body> {
+    let json = ("content-type", "application/json");
+    let headers: Vec<_> = headers.iter().copied().chain(operation.body.map(|_| json)).collect();
+    request(&operation.method.name().to_uppercase(), &path_of(operation), &headers, body_of(operation))
+}
+
+#[tokio::test]
+async fn every_operation_does_what_it_is_for() {
+    let asked = Asked::new();
+    for operation in routes::operations() {
+        let seen = asked.ask(good(&operation, &[])).await;
+        assert_eq!(seen.status, operation.answers[0].status, "{}: {:?}", operation.id, seen.body);
+        assert_eq!(seen.header("x-request-id").len(), 32);
+        assert_eq!(seen.header("x-content-type-options"), "nosniff");
+    }
+    let told = asked.desk.asked.lock().unwrap().clone();
+    assert!(told.contains(&"reset left by A. Person: looked at it".to_owned()), "{told:?}");
+    assert!(told.contains(&"submit RealTime".to_owned()) && told.contains(&"jobs 50".to_owned()), "{told:?}");
+}
+
+#[tokio::test]
+async fn tokens_open_what_their_scope_says() {
+    let asked = Asked::with_tokens();
+    let (look, work) = (format!("Bearer {LOOK}"), format!("Bearer {WORK}"));
+    let wrong = format!("Bearer {WORK}x");
+    for operation in routes::operations() {
+        let good_status = operation.answers[0].status;
+        let (none_or_wrong, with_look) = match operation.scope {
+            None => (good_status, good_status),
+            Some(Scope::Read) => (401, good_status),
+            Some(Scope::Operate) => (401, 403),
+        };
+        let table = [
+            (None, none_or_wrong),
+            (Some(&wrong), none_or_wrong),
+            (Some(&look), with_look),
+            (Some(&work), good_status),
+        ];
+        for (token, wanted) in table {
+            let headers: Vec<_> = token.iter().map(|token| ("authorization", token.as_str())).collect();
+            let seen = asked.ask(good(&operation, &headers)).await;
+            assert_eq!(seen.status, wanted, "{} with {token:?}", operation.id);
+            assert_eq!(seen.header("www-authenticate").starts_with("Bearer"), [401, 403].contains(&seen.status));
+            assert!(!String::from_utf8_lossy(&seen.body).contains(WORK));
+        }
+    }
+    let told = asked.desk.asked.lock().unwrap().clone();
+    assert!(told.contains(&"estop left by screen".to_owned()) && !told.contains(&"estop left by local".to_owned()));
+    assert!(told.iter().filter(|line| line.starts_with("cancel")).all(|line| line.ends_with("by desk")), "{told:?}");
+}
+
+#[tokio::test]
+async fn other_methods_are_refused_and_the_right_ones_named() {
+    let asked = Asked::new();
+    for operation in routes::operations() {
+        for method in ["DELETE", "PUT", "PATCH", "OPTIONS", "TRACE", "BREW"] {
+            let seen = asked.ask(request(method, &path_of(&operation), &[], "")).await;
+            assert_eq!(seen.status, 405, "{method} {}", operation.path);
+            let name = operation.method.name().to_uppercase();
+            assert!(seen.header("allow").split(',').any(|allowed| allowed == name), "{method} {}", operation.path);
+        }
+        let head = request("HEAD", &path_of(&operation), &[], "");
+        let (status, ..) = asked.open(head).await;
+        let wanted = if operation.method == Method::Get || operation.path == "/v1/jobs" { 200 } else { 405 };
+        assert_eq!(status, wanted, "HEAD {}", operation.path);
+    }
+    for path in ["/v1", "/v1/jobs/", "/v2/jobs", "/V1/jobs", "//v1/jobs", "/v1/plates/left", "/..%2f..%2fetc/passwd"] {
+        assert_eq!(asked.get(path).await.status, 404, "{path}");
+    }
+}
+
+#[tokio::test]
+async fn refusals_become_their_problems() {
+    let asked = Asked::new();
+    let table = [
+        (Refusal::Conflict("stopped".to_owned()), 409, ""),
+        (Refusal::KeyReused, 422, ""),
+        (Refusal::QueueFull { queued: 64, retry_after_s: 30 }, 429, "30"),
+        (Refusal::Busy { why: "checking others".to_owned(), retry_after_s: 1 }, 503, "1"),
+        (Refusal::DiskFull("the disk is full".to_owned()), 507, ""),
+        (Refusal::Broken("the store is damaged".to_owned()), 500, ""),
+    ];
+    for (refusal, status, retry_after) in table {
+        asked.desk.refuse(refusal);
+        let seen = asked.post("/v1/jobs", HOLD).await;
+        assert_eq!((seen.status, seen.header("retry-after")), (status, retry_after));
+    }
+    asked.desk.refuse(Refusal::Conflict("it has ended".to_owned()));
+    assert_eq!(asked.post(&format!("/v1/jobs/{JOB}/cancel"), "").await.status, 409);
+}
+
+#[tokio::test]
+async fn a_submission_says_where_the_job_is_and_whether_it_was_there() {
+    let asked = Asked::new();
+    let seen = asked.post("/v1/jobs?pace=max", HOLD).await;
+    assert_eq!((seen.status, seen.header("location")), (201, format!("/v1/jobs/{JOB}").as_str()));
+    assert_eq!(seen.header("idempotency-replayed"), "");
+    assert_eq!(*asked.desk.asked.lock().unwrap(), ["submit Max"]);
+    let headers = [("content-type", "application/json; charset=UTF-8"), ("idempotency-key", "again")];
+    let seen = asked.ask(request("POST", "/v1/jobs", &headers, HOLD)).await;
+    assert_eq!((seen.status, seen.header("idempotency-replayed")), (201, "true"));
+    assert_eq!(seen.json()["id"], JOB);
+}
+
+#[tokio::test]
+async fn an_emergency_stop_is_told_before_anything_is_waited_for() {
+    let asked = Asked::with(Tokens::default(), |limits| limits.handler_time = Duration::from_millis(20));
+    let seen = asked.ask(request("POST", "/v1/plates/endless/estop", &[], "")).await;
+    assert_eq!(seen.status, 503);
+    assert_eq!(*asked.desk.asked.lock().unwrap(), ["estop endless"]);
+}
+
+#[tokio::test]
+async fn health_says_what_is_wrong() {
+    let asked = Asked::new();
+    assert_eq!(asked.get("/healthz").await.json(), json!({"ok": true}));
+    *asked.desk.ailments.lock().unwrap() = vec!["the store hangs".to_owned(), "no room".to_owned()];
+    for path in ["/healthz", "/readyz"] {
+        let seen = asked.get(path).await;
+        assert_eq!((seen.status, &seen.json()["detail"]), (503, &json!("the store hangs; no room")));
+    }
+}
+
+#[tokio::test]
+async fn the_page_is_fenced_in_and_not_sent_twice() {
+    let asked = Asked::new();
+    let seen = asked.get("/").await;
+    assert!(seen.header("content-security-policy").starts_with("default-src 'none'; script-src 'self'"));
+    let again = asked.ask(request("GET", "/", &[("if-none-match", seen.header("etag"))], "")).await;
+    assert_eq!((again.status, again.body.len()), (304, 0));
+    for file in ["nothing.js", "..%2fCargo.toml", "%2e%2e", "a%00b", "%ff"] {
+        assert_eq!(asked.get(&format!("/assets/{file}")).await.status, 404, "{file}");
+    }
+}

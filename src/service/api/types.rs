@@ -1,0 +1,203 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+/// How far a job has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum JobState {
+    /// Waits for its plate.
+    Queued,
+    /// Is on its plate.
+    Running,
+    /// Reached its goal.
+    Completed,
+    /// Did not.
+    Failed,
+    /// Somebody stopped it, or took it out of the queue.
+    Cancelled,
+    /// The daemon ended while it ran.
+    Interrupted,
+}
+
+impl JobState {
+    /// Every state, as it is written.
+    pub const NAMES: [(&'static str, Self); 6] = [
+        ("queued", Self::Queued),
+        ("running", Self::Running),
+        ("completed", Self::Completed),
+        ("failed", Self::Failed),
+        ("cancelled", Self::Cancelled),
+        ("interrupted", Self::Interrupted),
+    ];
+}
+
+/// What there is of a job's recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RecordingState {
+    /// Nothing: there was none, or the job has not begun.
+    None,
+    /// A file that is being written, or was not closed.
+    Partial,
+    /// A whole file.
+    Whole,
+    /// A file that was not closed and has been repaired.
+    Recovered,
+    /// A whole file that ends before the run does: the disk ran low.
+    Stopped,
+    /// Writing it failed.
+    Failed,
+    /// Deleted to make room.
+    Pruned,
+}
+
+/// How fast a job runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pace {
+    /// Plate time is wall time.
+    #[default]
+    RealTime,
+    /// As fast as the machine can.
+    Max,
+}
+
+impl Pace {
+    /// Every pace, as it is written.
+    pub const NAMES: [(&'static str, Self); 2] = [("real-time", Self::RealTime), ("max", Self::Max)];
+}
+
+/// A job and what became of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Job {
+    /// Its id: 32 hex digits that sort by the time it was submitted.
+    #[schemars(extend("pattern" = "^[0-9a-f]{32}$"))]
+    pub id: String,
+    /// Its name; several jobs may have the same.
+    pub name: String,
+    /// How far it has come.
+    pub state: JobState,
+    /// The plate it goes to.
+    pub plate: String,
+    /// When it was accepted (UTC).
+    #[schemars(extend("format" = "date-time"))]
+    pub submitted_at: String,
+    /// When its plate took it (UTC).
+    #[schemars(extend("format" = "date-time"))]
+    pub started_at: Option<String>,
+    /// When it ended, however it did (UTC).
+    #[schemars(extend("format" = "date-time"))]
+    pub finished_at: Option<String>,
+    /// Share of it that is done.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub progress: f64,
+    /// Its `report.json`, once it has ended.
+    pub report: Option<Map<String, Value>>,
+    /// Why it ended as it did; empty until then.
+    pub reason: String,
+    /// Its seed.
+    pub seed: u64,
+    /// How fast it runs.
+    pub pace: Pace,
+    /// What there is of its recording.
+    pub recording: RecordingState,
+}
+
+/// Jobs, newest first.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct JobsPage {
+    /// The jobs.
+    pub jobs: Vec<Job>,
+    /// Cursor of the next page; null on the last.
+    pub next: Option<String>,
+}
+
+/// What a plate is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PlateState {
+    /// Nothing, and would take a job.
+    Idle,
+    /// A job.
+    Running,
+    /// Nothing until a person resumes it.
+    Paused,
+    /// Nothing: an emergency stop holds until a person resets it.
+    Stopped,
+}
+
+/// A plate at one moment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Plate {
+    /// Its name.
+    pub name: String,
+    /// What it is doing.
+    pub state: PlateState,
+    /// Why it does nothing; empty when it does something or could.
+    pub why: String,
+    /// Id of the job it has.
+    pub job: Option<String>,
+    /// Jobs that wait for it.
+    pub queued: u64,
+    /// Plate time of what is shown, from the start of its job, s.
+    pub at_s: f64,
+    /// Wall time since that was seen, s; null before anything was.
+    pub age_s: Option<f64>,
+    /// Where each part is, mm.
+    pub positions_mm: Vec<[f64; 2]>,
+    /// Where each part shall end, mm.
+    pub targets_mm: Vec<[f64; 2]>,
+    /// Share of the job that is done.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub progress: f64,
+    /// What is being done, in words.
+    pub phase: String,
+    /// Frames that came later than one frame, since the daemon started.
+    pub deadline_misses: u64,
+    /// Where a Rerun viewer on this machine connects to; null where there is no live stream.
+    pub live: Option<String>,
+}
+
+/// All plates.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Plates {
+    /// In the order of the configuration.
+    pub plates: Vec<Plate>,
+}
+
+/// An emergency stop, done.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct EStopped {
+    /// The plate.
+    pub plate: String,
+    /// True once the motors were seen at zero; a plate at rest has nothing to stop.
+    pub silent: bool,
+    /// True when the stop is on the disk and holds over a restart.
+    pub persisted: bool,
+    /// Plate time of the request, s.
+    pub requested_at_s: Option<f64>,
+    /// Plate time from which the force was zero, s.
+    pub silent_at_s: Option<f64>,
+    /// Wall time between the two, s.
+    pub wall_s: Option<f64>,
+}
+
+/// Who ends an emergency stop, and why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ResetRequest {
+    /// Who looked at the plate.
+    #[schemars(length(min = 1, max = 200), extend("pattern" = "\\S"))]
+    pub operator: String,
+    /// Why it may move again.
+    #[schemars(length(min = 1, max = 1000), extend("pattern" = "\\S"))]
+    pub reason: String,
+}
+
+/// All is well; when it is not the answer is a problem that says why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Well {
+    /// Always true.
+    pub ok: bool,
+}

@@ -1,0 +1,144 @@
+use std::sync::Arc;
+
+use axum::Router;
+use axum::body::Body;
+use axum::extract::Request;
+use axum::http::{HeaderName, HeaderValue, Version};
+use axum::middleware::from_fn_with_state;
+use tower::ServiceExt;
+
+use super::guard::{Hosts, guard};
+
+async fn status(listen: &str, path: &str, headers: &[(&str, &str)]) -> u16 {
+    let hosts = Hosts::new(listen.parse().unwrap(), &["Rig.Example".to_owned(), "10.0.0.7".to_owned()]);
+    let app = Router::new().fallback(|| async {}).layer(from_fn_with_state(Arc::new(hosts), guard));
+    let mut request = Request::get(path).body(Body::empty()).unwrap();
+    for (name, value) in headers {
+        let name = HeaderName::from_bytes(name.as_bytes()).unwrap();
+        request.headers_mut().append(name, HeaderValue::from_bytes(value.as_bytes()).unwrap());
+    }
+    *request.version_mut() = Version::HTTP_11;
+    app.oneshot(request).await.unwrap().status().as_u16()
+}
+
+#[tokio::test]
+async fn hosts_of_the_daemon_alone() {
+    let table = [
+        ("localhost", 200),
+        ("localhost:8750", 200),
+        ("LocalHost:8750", 200),
+        ("localhost.", 200),
+        ("localhost.:8750", 200),
+        ("127.0.0.1", 200),
+        ("127.0.0.1:9000", 200),
+        ("[::1]", 200),
+        ("[::1]:8750", 200),
+        ("[0:0:0:0:0:0:0:1]:8750", 200),
+        ("[::ffff:127.0.0.1]:8750", 200),
+        ("rig.example", 200),
+        ("RIG.example.:443", 200),
+        ("10.0.0.7:8750", 200),
+        ("evil.example", 403),
+        ("evil.example:8750", 403),
+        ("localhost.evil.example", 403),
+        ("evil.localhost", 403),
+        ("notlocalhost", 403),
+        ("127.0.0.1.evil.example", 403),
+        ("127.0.0.2", 403),
+        ("2130706433", 403),
+        ("0x7f.1", 403),
+        ("127.1", 403),
+        ("0.0.0.0:8750", 403),
+        ("10.0.0.8", 403),
+        ("[::2]", 403),
+        ("localhost..", 403),
+        ("", 400),
+        (".", 400),
+        (":8750", 400),
+        ("localhost:", 400),
+        ("localhost:80a", 400),
+        ("localhost:+80", 400),
+        ("localhost:123456", 400),
+        ("::1", 400),
+        ("[::1", 400),
+        ("[localhost]", 400),
+        ("[::1]x", 400),
+        ("user@localhost", 400),
+        ("localhost/", 400),
+        ("localhost evil", 400),
+        ("localhost,evil.example", 400),
+        ("lo\u{441}alhost", 400),
+    ];
+    for (host, wanted) in table {
+        assert_eq!(status("127.0.0.1:8750", "/v1/jobs", &[("host", host)]).await, wanted, "{host:?}");
+    }
+    assert_eq!(status("127.0.0.1:8750", "/", &[]).await, 400, "no Host, as HTTP/1.0 allows");
+    let twice = [("host", "localhost"), ("host", "localhost")];
+    assert_eq!(status("127.0.0.1:8750", "/", &twice).await, 400);
+}
+
+#[tokio::test]
+async fn an_absolute_address_is_held_to_the_same() {
+    let host = [("host", "localhost")];
+    assert_eq!(status("127.0.0.1:8750", "http://localhost:8750/v1/jobs", &host).await, 200);
+    assert_eq!(status("127.0.0.1:8750", "http://evil.example/v1/jobs", &host).await, 403);
+    assert_eq!(status("127.0.0.1:8750", "http://localhost/v1/jobs", &[("host", "evil.example")]).await, 403);
+}
+
+#[tokio::test]
+async fn addresses_will_do_where_all_are_listened_on() {
+    for (host, wanted) in [("192.168.3.4:8750", 200), ("[fe80::1]", 200), ("evil.example", 403), ("localhost", 200)] {
+        assert_eq!(status("0.0.0.0:8750", "/", &[("host", host)]).await, wanted, "{host}");
+        assert_eq!(status("[::]:8750", "/", &[("host", host)]).await, wanted, "{host}");
+    }
+    assert_eq!(status("192.168.3.4:8750", "/", &[("host", "192.168.3.4")]).await, 200);
+    assert_eq!(status("192.168.3.4:8750", "/", &[("host", "192.168.3.5")]).await, 403);
+}
+
+#[tokio::test]
+async fn origins_of_the_daemon_alone() {
+    let table = [
+        ("http://localhost:8750", 200),
+        ("http://LOCALHOST:8750", 200),
+        ("https://localhost:8750", 200),
+        ("https://rig.example", 200),
+        ("http://rig.example:3000", 200),
+        ("http://localhost:3000", 403),
+        ("http://localhost", 403),
+        ("http://127.0.0.1:8750", 403),
+        ("http://evil.example", 403),
+        ("http://localhost:8750.evil.example", 403),
+        ("http://localhost:8750@evil.example", 403),
+        ("http://localhost:8750/", 403),
+        ("ftp://localhost:8750", 403),
+        ("localhost:8750", 403),
+        ("chrome-extension://abcdef", 403),
+        ("file://", 403),
+        ("null", 403),
+        ("", 403),
+    ];
+    for (origin, wanted) in table {
+        let headers = [("host", "localhost:8750"), ("origin", origin)];
+        assert_eq!(status("127.0.0.1:8750", "/v1/jobs", &headers).await, wanted, "{origin:?}");
+    }
+    let both = [("host", "localhost:8750"), ("origin", "http://localhost:8750"), ("origin", "http://evil.example")];
+    assert_eq!(status("127.0.0.1:8750", "/v1/jobs", &both).await, 403);
+    let default_port = [("host", "localhost"), ("origin", "http://localhost:80")];
+    assert_eq!(status("127.0.0.1:80", "/v1/jobs", &default_port).await, 200);
+}
+
+#[tokio::test]
+async fn other_sites_may_link_to_the_page_and_nothing_else() {
+    let of = |site| [("host", "localhost:8750"), ("sec-fetch-site", site)];
+    for (site, wanted) in [("same-origin", 200), ("none", 200), ("same-site", 403), ("cross-site", 403), ("", 403)] {
+        assert_eq!(status("127.0.0.1:8750", "/v1/jobs", &of(site)).await, wanted, "{site:?}");
+        assert_eq!(status("127.0.0.1:8750", "/", &of(site)).await, wanted, "{site:?}");
+    }
+    let link = |dest| {
+        let host = ("host", "localhost:8750");
+        [host, ("sec-fetch-site", "cross-site"), ("sec-fetch-mode", "navigate"), ("sec-fetch-dest", dest)]
+    };
+    assert_eq!(status("127.0.0.1:8750", "/", &link("document")).await, 200);
+    assert_eq!(status("127.0.0.1:8750", "/", &link("iframe")).await, 403);
+    assert_eq!(status("127.0.0.1:8750", "/v1/jobs", &link("document")).await, 403);
+}

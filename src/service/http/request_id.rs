@@ -1,0 +1,73 @@
+use axum::extract::Request;
+use axum::http::HeaderValue;
+use axum::http::header::{CONTENT_LENGTH, HeaderName};
+use axum::middleware::Next;
+use axum::response::Response;
+use uuid::Uuid;
+
+use super::Problem;
+
+static X_REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+
+/// The name of one request: 32 hex digits that sort by time. What a client calls it is not asked: log lines would be
+/// theirs to write.
+#[derive(Debug)]
+struct RequestId(String);
+
+impl RequestId {
+    fn new() -> Self {
+        Self(Uuid::now_v7().simple().to_string())
+    }
+
+    fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+/// The outermost layer: names the request, writes the name into the answer, its problem document and the log.
+pub async fn identify(request: Request, next: Next) -> Response {
+    let id = RequestId::new();
+    let (method, path) = (request.method().clone(), request.uri().path().to_owned());
+    let mut response = next.run(request).await;
+    if let Some(problem) = response.extensions_mut().remove::<Problem>() {
+        *response.body_mut() = problem.body(Some(id.as_str()));
+        response.headers_mut().remove(CONTENT_LENGTH);
+    }
+    if let Ok(value) = HeaderValue::from_str(id.as_str()) {
+        response.headers_mut().insert(X_REQUEST_ID.clone(), value);
+    }
+    let status = response.status().as_u16();
+    if status >= 500 {
+        tracing::warn!(request = id.as_str(), %method, path, status, "request");
+    } else {
+        tracing::debug!(request = id.as_str(), %method, path, status, "request");
+    }
+    response
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::Router;
+    use axum::body::Body;
+    use axum::middleware::from_fn;
+    use axum::routing::get;
+    use http_body_util::BodyExt;
+    use tower::ServiceExt;
+
+    use super::*;
+    use crate::service::http::{ProblemDocument, ProblemKind};
+
+    #[tokio::test]
+    async fn a_problem_carries_the_name_of_its_request() {
+        let app = Router::new()
+            .route("/", get(|| async { Problem::new(ProblemKind::NotFound, "nothing here") }))
+            .layer(from_fn(identify));
+        let request = Request::get("/").header("x-request-id", "mine").body(Body::empty()).unwrap();
+        let response = app.oneshot(request).await.unwrap();
+        let id = response.headers()["x-request-id"].to_str().unwrap().to_owned();
+        assert_eq!(id.len(), 32);
+        let body = response.into_body().collect().await.unwrap().to_bytes();
+        let document: ProblemDocument = serde_json::from_slice(&body).unwrap();
+        assert_eq!(document.instance, Some(format!("urn:upm:request:{id}")));
+    }
+}
