@@ -24,7 +24,7 @@ fn newest_s(path: &Path) -> BTreeMap<String, f64> {
     for message in DecoderApp::decode_lazy(BufReader::new(File::open(path).unwrap())) {
         if let LogMsg::ArrowMsg(_, message) = message.unwrap() {
             let chunk = Chunk::from_arrow_msg(&message).unwrap();
-            for times in chunk.timelines().values().filter(|times| times.name().to_string() == PLATE_TIME) {
+            for times in chunk.timelines().values().filter(|times| times.name() == PLATE_TIME) {
                 let series: &mut f64 = newest.entry(chunk.entity_path().to_string()).or_default();
                 *series = series.max(times.time_range().max().as_i64() as f64 * 1e-9);
             }
