@@ -120,6 +120,34 @@ pub fn run(
     done
 }
 
+pub struct Links<'a> {
+    pub stop: &'a AtomicBool,
+    pub interlock: &'a crate::rig::Interlock,
+    pub cause: &'a dyn Fn() -> Option<String>,
+}
+
+pub fn check_job(job: &JobSpec, library: &Arc<Library>) -> Result<(), Vec<Fault>> {
+    Bench::new(job, library).map(|_| ()).map_err(|fault| vec![fault])
+}
+
+pub fn run_linked(
+    job: &JobSpec,
+    library: Arc<Library>,
+    folder: &RunFolder,
+    options: &RunOptions,
+    clock: &dyn Clock,
+    links: Links<'_>,
+    watcher: &mut dyn Sink,
+) -> Result<RunResult, RunError> {
+    let mut bench = Bench::new(job, &library).map_err(RunError::Job)?;
+    let session = Session { job, library, options, clock, stop: links.stop };
+    let mut done = session.run_into(folder, &mut bench, watcher);
+    if let (Ok(result), Some(cause)) = (&mut done, (links.cause)()) {
+        result.report.reason = cause;
+    }
+    done
+}
+
 /// One run of one job.
 struct Session<'a> {
     job: &'a JobSpec,

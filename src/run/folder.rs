@@ -34,6 +34,11 @@ impl RunFolder {
         Err(failed(&out.join(plain), "too many runs of this name in this second".into()))
     }
 
+    /// A folder that is there already.
+    pub fn reopen(path: &Path) -> Option<Self> {
+        path.is_dir().then(|| Self(path.to_owned()))
+    }
+
     /// Where it is.
     pub fn path(&self) -> &Path {
         &self.0
