@@ -22,6 +22,7 @@ mod tests;
 mod told;
 mod types;
 mod validate;
+mod watchdog;
 mod worker;
 
 pub use crier::TapId;

@@ -40,9 +40,10 @@ impl<'a> Attend<'a> {
                 self.left_out = 0;
             }
         }
-        match self.crier.try_send(Item::Tell(self.job, news)) {
-            Err(TrySendError::Full(Item::Tell(_, news))) if news.durable => self.left_out += 1,
-            _ => {}
+        let sent = self.crier.try_send(Item::Tell(self.job, news));
+        self.shared.vitals.could_tell(self.clock.elapsed(), sent.is_ok());
+        if let Err(TrySendError::Full(Item::Tell(_, news))) = sent {
+            self.left_out += u64::from(news.durable);
         }
     }
 
@@ -82,6 +83,8 @@ impl Sink for Attend<'_> {
         self.sight.at = facts.frame.exposed_at;
         self.sight.positions_m.clear();
         self.sight.positions_m.extend(facts.tracks.iter().map(|track| track.seen.position_m));
+        let part_in_sight = facts.tracks.iter().any(|track| track.frames_unseen == 0);
+        self.shared.vitals.frame(now, facts.frame.exposed_at, part_in_sight);
         self.show(now);
         self.shared.window.offer(facts.frame, || self.marks(facts.tracks), now);
     }

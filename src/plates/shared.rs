@@ -5,11 +5,12 @@ use std::time::Duration;
 use super::crier::Taps;
 use super::frames::Window;
 use super::latch::Latch;
+use super::watchdog::{Deadlines, Vitals};
 use super::{PlateSnapshot, PlateState, Sight};
 use crate::config::{JobSpec, LibraryRef, RigSpec};
 use crate::library::{Library, LibraryFault};
 use crate::rig::Interlock;
-use crate::run::job_library;
+use crate::run::{PacingStats, job_library};
 use crate::store::{JobId, Ledger};
 
 /// What a plate's thread and everybody outside share.
@@ -25,6 +26,10 @@ pub(super) struct Shared {
     pub stop: AtomicBool,
     /// The daemon ends.
     pub ending: AtomicBool,
+    pub vitals: Vitals,
+    /// True when the present run goes by the clock.
+    pub real_time: AtomicBool,
+    pub pacing: Arc<PacingStats>,
     pub window: Window,
     pub taps: Arc<Taps>,
     /// Why the plate must not move until a person resumes it.
@@ -78,6 +83,9 @@ impl Shared {
             interlock,
             stop: AtomicBool::new(false),
             ending: AtomicBool::new(false),
+            vitals: Vitals::default(),
+            real_time: AtomicBool::new(false),
+            pacing: Arc::default(),
             window: Window::default(),
             taps: Arc::default(),
             paused: Mutex::new(paused),
@@ -124,6 +132,15 @@ impl Shared {
         }
     }
 
+    /// How the pacing of the run on the plate goes.
+    pub fn deadlines(&self) -> Deadlines {
+        Deadlines {
+            real_time: self.real_time.load(Ordering::Relaxed),
+            misses: self.pacing.misses(),
+            worst_frames: self.pacing.worst_frames(),
+        }
+    }
+
     /// The job on the plate.
     pub fn job(&self) -> Option<JobId> {
         locked(&self.running).as_ref().map(|running| running.job)
@@ -131,6 +148,7 @@ impl Shared {
 
     pub fn begins(&self, job: JobId) {
         *locked(&self.seen) = Seen::default();
+        self.vitals.clear();
         self.window.clear();
         *locked(&self.running) = Some(Running { job, cause: None });
     }

@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::sync_channel;
-use std::thread;
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use jiff::Timestamp;
@@ -11,7 +11,8 @@ use jiff::Timestamp;
 use super::crier::{Item, cry};
 use super::latch::Latches;
 use super::plate::Plate;
-use super::shared::{Beginning, Shared};
+use super::shared::{Beginning, Cause, Shared};
+use super::watchdog::{TICK, Watchdog};
 use super::worker::{Place, Worker};
 use crate::config::RigSpec;
 use crate::library::Library;
@@ -57,6 +58,7 @@ pub struct Surroundings {
 pub struct Plates {
     plates: Vec<Plate>,
     clock: MonotonicClock,
+    watchdog: JoinHandle<()>,
     // dropped after the plates: what they latched last goes to the disk
     _latches: Latches,
 }
@@ -77,7 +79,10 @@ impl Plates {
             let shared = Arc::new(Shared::new(Beginning { name, rig, library, ledger, latch, interlock, paused }));
             plates.push(plate(shared, around, latches.keeper())?);
         }
-        Ok(Self { plates, clock: around.clock, _latches: latches })
+        let watched = plates.iter().map(|plate| Arc::clone(&plate.shared)).collect();
+        let clock = around.clock;
+        let watchdog = thread::Builder::new().name("watchdog".into()).spawn(move || watch(watched, clock))?;
+        Ok(Self { plates, clock, watchdog, _latches: latches })
     }
 
     /// The plate of that name.
@@ -101,11 +106,29 @@ impl Plates {
         }
         let until = self.clock.elapsed() + within;
         let busy = |plate: &Plate| !plate.threads_ended();
-        while self.plates.iter().any(busy) && self.clock.elapsed() < until {
+        let busy_still = |this: &Self| this.plates.iter().any(busy) || !this.watchdog.is_finished();
+        while busy_still(&self) && self.clock.elapsed() < until {
             thread::sleep(Duration::from_millis(2));
         }
         self.plates.retain(busy);
         self.plates.iter().map(|plate| plate.name().to_owned()).collect()
+    }
+}
+
+/// Watches all plates until they end.
+fn watch(plates: Vec<Arc<Shared>>, clock: MonotonicClock) {
+    let mut watched: Vec<(Arc<Shared>, Watchdog)> =
+        plates.into_iter().map(|shared| (shared, Watchdog::default())).collect();
+    while !watched.iter().all(|(shared, _)| shared.ending.load(Ordering::SeqCst)) {
+        for (shared, dog) in &mut watched {
+            if shared.job().is_none() {
+                dog.rest();
+            } else if let Some(why) = dog.look(clock.elapsed(), &shared.vitals, shared.deadlines()) {
+                shared.end_run(None, Cause::Watchdog(why));
+                shared.interlock.trip(Trip::Watchdog);
+            }
+        }
+        thread::sleep(TICK);
     }
 }
 

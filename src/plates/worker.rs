@@ -94,6 +94,7 @@ impl Worker {
         let job = JobSpec::from_json(spec_json, &Origin::of_request("job"), Some(&shared.rig)).map_err(lines)?;
         let library = shared.library_of(&job).map_err(lines)?;
         let folder = RunFolder::reopen(folder).ok_or_else(|| vec!["its run folder is gone".to_owned()])?;
+        shared.real_time.store(row.pace == JobPace::RealTime, Ordering::Relaxed);
         let options = RunOptions {
             out: self.place.runs.clone(),
             started_utc: String::new(),
