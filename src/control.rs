@@ -13,7 +13,7 @@ mod plans;
 mod rehearsal;
 
 pub use cycle::{ControlParams, Devices, Finish, run};
-pub use ending::{Ending, Outcome, STOPPED};
+pub use ending::{Ending, Outcome, STOPPED, is_stop};
 pub use eyes::{ExpectedPart, Eyes, Moment};
 pub use facts::{Carried, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 pub use rehearsal::{LimitMet, Nearest, Rehearsal, RehearsalParams, rehearse};

@@ -32,5 +32,5 @@ pub use report::{Outcome, PartReport, PredictionError, Report};
 #[cfg(feature = "rerun")]
 pub use rerun::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext, record_lab, record_located};
 pub use rerun_mode::{BadRerunMode, RerunMode};
-pub use tally::{Ending, PartEnding, Tally};
+pub use tally::{Deadlines, Ending, PartEnding, Tally};
 pub use timings::{Durations, Quantiles, Timings, TimingsReport};

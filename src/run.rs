@@ -7,9 +7,13 @@ mod coverage;
 mod first_frame;
 mod folder;
 mod library;
+mod links;
 mod paced;
+mod pacing;
 mod rehearse;
 mod simulate;
+#[cfg(test)]
+mod stop_tests;
 mod verify;
 
 use std::path::PathBuf;
@@ -19,16 +23,21 @@ use std::sync::atomic::AtomicBool;
 use crate::config::{Fault, JobSpec};
 use crate::control::{self, Devices, Ending, Finish, Sink};
 use crate::library::{Library, LibraryFault};
-use crate::recording::{self, Fanout, Journal, PartEnding, Report, RerunMode, Tally};
-use crate::time::Clock;
+use crate::recording::{self, Deadlines, Fanout, Journal, PartEnding, Report, RerunMode, Tally};
+use crate::rig::{Interlock, RigFault};
+use crate::time::{Clock, PlateTime};
+
+use paced::{Pace, Paced};
 
 pub use crate::sim::Trajectories;
 pub use bench::{Bench, NamedTruth};
 pub use calibrate::{calibrate, calibration_params};
 pub use coverage::{Coverage, Gap, Place};
 pub use first_frame::{FirstFrame, FirstFrameError, TruePart, first_frame};
-pub use folder::RunFolder;
-pub use library::{job_library, library_faults};
+pub use folder::{FolderState, RunFolder};
+pub use library::{check_job, job_library, library_faults};
+pub use links::Links;
+pub use pacing::PacingStats;
 pub use rehearse::{Forecast, Independence, PartForecast, RehearsalProgress, Spot, rehearse};
 pub use simulate::{check_simulate, simulate};
 pub use verify::{Verdict, VerifyError, verify};
@@ -80,6 +89,9 @@ pub enum RunError {
     /// The recording could not be started.
     #[error("recording: {0}")]
     Recording(String),
+    /// The rig is not there for this run.
+    #[error("rig: {0}")]
+    Rig(RigFault),
 }
 
 impl RunError {
@@ -98,7 +110,7 @@ fn one_a_line(faults: &[LibraryFault]) -> String {
     faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
-/// Runs `job` to its end and writes its folder. `watcher` is told everything, too; it changes nothing.
+/// Runs `job` to its end and writes a folder of its own. `watcher` is told everything, too; it changes nothing.
 pub fn run(
     job: &JobSpec,
     options: &RunOptions,
@@ -108,59 +120,67 @@ pub fn run(
 ) -> Result<RunResult, RunError> {
     Recorder::check(&options.rerun).map_err(RunError::RerunMode)?;
     let library = job_library(job).map_err(RunError::Library)?;
-    let mut bench = Bench::new(job, &library).map_err(RunError::Job)?;
+    // what cannot be run leaves no folder
+    let bench = Bench::new(job, &library).map_err(RunError::Job)?;
     let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
-    let session = Session { job, library, options, clock, stop };
-    let done = session.run_into(&folder, &mut bench, watcher);
-    if let (Err(error), false) = (&done, folder.has_report()) {
-        // no run folder without a reason in it, as far as it can be written at all
-        let failed = Finish { ending: Ending::failed(error.to_string()), ..Finish::default() };
-        folder.write_report(&Tally::default().report(ending(job, &bench, failed, 0.0))).ok();
-    }
-    done
+    let (interlock, pacing) = (Interlock::default(), Arc::default());
+    let links = Links { stop, interlock: &interlock, pacing: &pacing, cause: &|| None };
+    Session { job, library, folder, options, clock, links }.run(bench, watcher)
 }
 
-pub struct Links<'a> {
-    pub stop: &'a AtomicBool,
-    pub interlock: &'a crate::rig::Interlock,
-    pub cause: &'a dyn Fn() -> Option<String>,
-}
-
-pub fn check_job(job: &JobSpec, library: &Arc<Library>) -> Result<(), Vec<Fault>> {
-    Bench::new(job, library).map(|_| ()).map_err(|fault| vec![fault])
-}
-
+/// Runs `job` with `library`, which fits its rig, to its end and writes `folder`; whoever holds `links` looks on and
+/// stops it. `options` say nothing of the folder here. When this returns the rig is gone and the interlock free.
 pub fn run_linked(
     job: &JobSpec,
     library: Arc<Library>,
-    folder: &RunFolder,
+    folder: RunFolder,
     options: &RunOptions,
     clock: &dyn Clock,
     links: Links<'_>,
     watcher: &mut dyn Sink,
 ) -> Result<RunResult, RunError> {
-    let mut bench = Bench::new(job, &library).map_err(RunError::Job)?;
-    let session = Session { job, library, options, clock, stop: links.stop };
-    let mut done = session.run_into(folder, &mut bench, watcher);
-    if let (Ok(result), Some(cause)) = (&mut done, (links.cause)()) {
-        result.report.reason = cause;
+    let session = Session { job, library, folder, options, clock, links };
+    let checked = Recorder::check(&options.rerun).map_err(RunError::RerunMode);
+    match checked.and_then(|()| Bench::new(job, &session.library).map_err(RunError::Job)) {
+        Ok(bench) => session.run(bench, watcher),
+        Err(error) => {
+            session.leave_reason(None, &error);
+            Err(error)
+        }
     }
-    done
 }
 
 /// One run of one job.
 struct Session<'a> {
     job: &'a JobSpec,
     library: Arc<Library>,
+    folder: RunFolder,
     options: &'a RunOptions,
     clock: &'a dyn Clock,
-    stop: &'a AtomicBool,
+    links: Links<'a>,
 }
 
 impl Session<'_> {
-    /// Runs to the end and writes everything into `folder`.
-    fn run_into(&self, folder: &RunFolder, bench: &mut Bench, watcher: &mut dyn Sink) -> Result<RunResult, RunError> {
-        let Self { job, library, options, clock, stop } = self;
+    fn run(&self, mut bench: Bench, watcher: &mut dyn Sink) -> Result<RunResult, RunError> {
+        let fitted = bench.rig.fit(self.links.interlock.clone()).map_err(RunError::Rig);
+        let done = fitted.and_then(|()| self.run_into(&mut bench, watcher));
+        if let Err(error) = &done {
+            self.leave_reason(Some(&bench), error);
+        }
+        done
+    }
+
+    /// No run folder without a reason in it, as far as it can be written at all.
+    fn leave_reason(&self, bench: Option<&Bench>, error: &RunError) {
+        if !self.folder.state().report {
+            let failed = Finish { ending: Ending::failed(error.to_string()), ..Finish::default() };
+            self.folder.write_report(&Tally::default().report(ending(self.job, bench, failed, 0.0))).ok();
+        }
+    }
+
+    /// Runs to the end and writes everything into the folder.
+    fn run_into(&self, bench: &mut Bench, watcher: &mut dyn Sink) -> Result<RunResult, RunError> {
+        let Self { job, library, folder, options, clock, links } = self;
         folder.write_effective(job, library)?;
         let started = clock.elapsed();
         let mut journal = Journal::new(folder.journal()?, Arc::clone(library));
@@ -169,12 +189,18 @@ impl Session<'_> {
         let mut named = NamedTruth::new(bench.truth());
         let mut sinks =
             Fanout::new().with(&mut named).with(&mut journal).with(&mut tally).with(recorder.sink()).with(watcher);
-        let finish = play(bench, library, options.real_time, &mut sinks, *clock, stop);
+        let missed_before = links.pacing.start_run();
+        let mut finish = play(bench, library, self.pace(bench), &mut sinks, *clock, links.stop);
+        links.explain(&mut finish, &mut sinks, bench.now());
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
         let warnings = recorder.finish(&options.rerun).into_iter().collect();
         let written = journal.finish().map_err(|error| folder.write_error("journal.jsonl", &error));
-        let mut ending = ending(job, bench, finish, wall_time_s);
+        let mut ending = ending(job, Some(bench), finish, wall_time_s);
+        ending.deadlines = options.real_time.then(|| Deadlines {
+            misses: links.pacing.misses().saturating_sub(missed_before),
+            worst_frames: links.pacing.worst_frames(),
+        });
         if let Err(error) = &written {
             (ending.outcome, ending.reason) = (recording::Outcome::Failed, error.to_string());
         }
@@ -183,44 +209,59 @@ impl Session<'_> {
         written?;
         Ok(RunResult { folder: folder.path().to_owned(), report, warnings })
     }
+
+    /// Real time where it is wanted.
+    fn pace(&self, bench: &Bench) -> Option<Pace<'_>> {
+        self.options.real_time.then(|| Pace {
+            clock: self.clock,
+            nap: &std::thread::park_timeout,
+            stats: self.links.pacing,
+            interlock: self.links.interlock,
+            frame_hz: bench.model.frame_hz,
+        })
+    }
 }
 
-/// The control loop on the bench.
+/// The control loop on the bench, at `pace` or as fast as it goes.
 fn play(
     bench: &mut Bench,
     library: &Arc<Library>,
-    real_time: bool,
+    pace: Option<Pace<'_>>,
     sink: &mut dyn Sink,
     clock: &dyn Clock,
     stop: &AtomicBool,
 ) -> Finish {
     let Bench { rig, model, goal, params, .. } = bench;
-    if real_time {
-        let mut rig = paced::Paced::new(rig, clock);
-        control::run(Devices { rig: &mut rig, model, sink, clock, stop }, library, goal.as_mut(), params)
-    } else {
-        control::run(Devices { rig, model, sink, clock, stop }, library, goal.as_mut(), params)
+    match pace {
+        Some(pace) => {
+            let mut rig = Paced::new(rig, pace);
+            control::run(Devices { rig: &mut rig, model, sink, clock, stop }, library, goal.as_mut(), params)
+        }
+        None => control::run(Devices { rig, model, sink, clock, stop }, library, goal.as_mut(), params),
     }
 }
 
-fn ending(job: &JobSpec, bench: &Bench, finish: Finish, wall_time_s: f64) -> recording::Ending {
+/// The ending of a run; without a bench of one that never had a plate.
+fn ending(job: &JobSpec, bench: Option<&Bench>, finish: Finish, wall_time_s: f64) -> recording::Ending {
     let Finish { ending, wanted, measured_m, lost } = finish;
-    let parts = bench.params.parts.iter().enumerate().map(|(i, part)| PartEnding {
+    let part_ending = |(i, part): (usize, &control::ExpectedPart), bench: &Bench| PartEnding {
         id: part.id.clone(),
         kind: bench.params.kinds.get(part.kind).map(|kind| kind.name.clone()).unwrap_or_default(),
         target_m: wanted.as_ref().and_then(|wanted| wanted.targets_m.get(i).copied()),
         measured_m: measured_m.get(i).copied(),
-    });
+    };
+    let parts = bench.map(|bench| bench.params.parts.iter().enumerate().map(|part| part_ending(part, bench)).collect());
     recording::Ending {
         name: job.name.clone(),
         seed: job.seed(),
         outcome: ending.outcome.into(),
         reason: ending.reason,
-        plate_time: bench.now(),
+        plate_time: bench.map_or(PlateTime::ZERO, Bench::now),
         wall_time_s,
+        deadlines: None,
         laps: wanted.as_ref().map_or(0, |wanted| wanted.laps),
         lost_parts: lost.len(),
-        parts: parts.collect(),
+        parts: parts.unwrap_or_default(),
     }
 }
 

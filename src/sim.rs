@@ -4,6 +4,7 @@ mod accelerometers;
 mod camera;
 mod collision;
 mod friction;
+mod guard;
 mod motors;
 mod open_loop;
 mod oscillator;

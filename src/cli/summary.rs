@@ -31,6 +31,9 @@ fn rows(report: &Report) -> Vec<(&'static str, String)> {
         ),
         ("work", format!("{} cycles, {} pulses, {} frames", report.cycles, report.pulses, report.frames)),
     ];
+    if let (Some(misses), Some(worst)) = (report.deadline_misses, report.worst_late_frames) {
+        rows.push(("deadlines", if misses == 0 { "none missed".into() } else { missed(misses, worst) }));
+    }
     if report.laps > 0 {
         rows.push(("laps", report.laps.to_string()));
     }
@@ -59,4 +62,9 @@ fn rows(report: &Report) -> Vec<(&'static str, String)> {
         rows.push(("lost parts", report.lost_parts.to_string()));
     }
     rows
+}
+
+fn missed(misses: u64, worst_frames: u64) -> String {
+    let frames = if worst_frames == 1 { "frame" } else { "frames" };
+    format!("{misses} missed, by {worst_frames} {frames} at most")
 }

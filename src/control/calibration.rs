@@ -18,7 +18,7 @@ mod workbench;
 
 use std::sync::atomic::AtomicBool;
 
-use super::ending::Ending;
+use super::ending::{Ending, Outcome};
 use super::eyes::ExpectedPart;
 use crate::estimation::FitFault;
 use crate::library::{Entry, FieldResponse, Library};
@@ -157,7 +157,10 @@ pub enum CalibrationFault {
 
 impl From<Ending> for CalibrationFault {
     fn from(ending: Ending) -> Self {
-        Self::Look(ending.reason)
+        match ending.outcome {
+            Outcome::Cancelled => Self::Stopped,
+            Outcome::Completed | Outcome::Failed => Self::Look(ending.reason),
+        }
     }
 }
 

@@ -1,10 +1,10 @@
 mod play;
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use super::attempts::ways_to_try;
-use super::ending::{Ending, Outcome, STOPPED};
+use super::ending::{Ending, Outcome, check_stop};
 use super::eyes::{ExpectedPart, Eyes, Moment};
 use super::learning::Gains;
 use super::plans::{Plans, planner_of};
@@ -79,7 +79,7 @@ pub struct Finish {
 pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, params: &ControlParams) -> Finish {
     let Devices { rig, model, sink, clock, stop } = devices;
     let opened = planner_of(params.method, library, params.planner)
-        .and_then(|plans| Ok((plans, Eyes::open(rig, model, &params.kinds, &params.parts, sink, clock)?)));
+        .and_then(|plans| Ok((plans, Eyes::open(rig, model, &params.kinds, &params.parts, sink, clock, stop)?)));
     let finish = match opened {
         Ok((plans, eyes)) => {
             let gains = Gains::new(params.parts.len(), 0.5 * model.plate_side_m);
@@ -213,6 +213,7 @@ impl Cycle<'_> {
         let whole = self.part_states(observed, wanted);
         let mut stopped_by = String::new();
         for tried in ways_to_try(&whole, self.plans.tries_smaller()) {
+            self.check_stop()?;
             let plan = self.plans.plan(&tried.parts);
             match &plan.status {
                 PlanStatus::NothingToDo if tried.is_part => continue,
@@ -275,10 +276,7 @@ impl Cycle<'_> {
     }
 
     fn check_stop(&self) -> Result<(), Ending> {
-        if self.stop.load(Ordering::Relaxed) {
-            return Err(Ending::cancelled(STOPPED));
-        }
-        Ok(())
+        check_stop(self.stop)
     }
 
     /// Looks until a frame taken at rest shows every part; a part that stays away is lost.

@@ -1,4 +1,6 @@
-use crate::rig::RigFault;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::rig::{RigFault, Trip};
 
 /// How a run ended. A lost coin or a missing table is an ending, not an error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -43,6 +45,43 @@ impl Ending {
 
 impl From<RigFault> for Ending {
     fn from(fault: RigFault) -> Self {
-        Self::failed(format!("the rig stopped: {fault}"))
+        let reason = format!("the rig stopped: {fault}");
+        match fault {
+            RigFault::Stopped(Trip::EStop | Trip::Shutdown) => Self::cancelled(reason),
+            _ => Self::failed(reason),
+        }
+    }
+}
+
+/// An ending once somebody set `stop`.
+pub(super) fn check_stop(stop: &AtomicBool) -> Result<(), Ending> {
+    if stop.load(Ordering::Relaxed) { Err(Ending::cancelled(STOPPED)) } else { Ok(()) }
+}
+
+/// True for the reason of a run that was stopped, from outside or by its rig's interlock: nothing in the run itself
+/// ended it.
+pub fn is_stop(reason: &str) -> bool {
+    reason == STOPPED || Trip::ALL.iter().any(|&trip| reason == Ending::from(RigFault::Stopped(trip)).reason)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stopped_rig_ends_a_run_by_who_stopped_it() {
+        for (trip, outcome) in [
+            (Trip::EStop, Outcome::Cancelled),
+            (Trip::Shutdown, Outcome::Cancelled),
+            (Trip::Lease, Outcome::Failed),
+            (Trip::Watchdog, Outcome::Failed),
+        ] {
+            let ending = Ending::from(RigFault::Stopped(trip));
+            assert_eq!((ending.outcome, is_stop(&ending.reason)), (outcome, true), "{trip:?}");
+        }
+        assert!(is_stop(STOPPED));
+        let broken = Ending::from(RigFault::Device("no camera".into()));
+        assert_eq!((broken.outcome, is_stop(&broken.reason)), (Outcome::Failed, false));
+        assert!(!is_stop("stalled: no pulse for 10 s of plate time"));
     }
 }

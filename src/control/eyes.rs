@@ -1,6 +1,7 @@
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use super::ending::Ending;
+use super::ending::{Ending, check_stop};
 use super::{EventLevel, FrameFacts, LocalisedFacts, Sink};
 use crate::geometry::Vec2;
 use crate::rig::{PartKind, Rig, RigModel};
@@ -47,10 +48,11 @@ impl Eyes {
         parts: &[ExpectedPart],
         sink: &mut dyn Sink,
         clock: &dyn Clock,
+        stop: &AtomicBool,
     ) -> Result<Self, Ending> {
         let [width, height] = model.frame_size_px;
         let mut frame = Frame::new(width, height);
-        let (table, mut stages, started) = find_table(rig, model, &mut frame, sink, clock)?;
+        let (table, mut stages, started) = find_table(rig, model, &mut frame, sink, clock, stop)?;
         let mut finder = CoinFinder::new(&table, model.frame_size_px, kinds, model.dark_parts);
         let found = finder.find(&frame);
         stages.disk_response = finder.response();
@@ -118,10 +120,12 @@ fn find_table(
     frame: &mut Frame,
     sink: &mut dyn Sink,
     clock: &dyn Clock,
+    stop: &AtomicBool,
 ) -> Result<(Table, Stages, Duration), Ending> {
     let mut last: Option<TableFault> = None;
     let mut stages = Stages::default();
     for _ in 0..TABLE_LOOKS {
+        check_stop(stop)?;
         rig.capture(frame)?;
         let started = clock.elapsed();
         match locate_table_in_stages(frame, &model.lens, model.plate_side_m, &mut stages) {

@@ -101,10 +101,11 @@ impl Worker {
             rerun: if self.place.record { RerunMode::Save } else { RerunMode::Off },
             real_time: row.pace == JobPace::RealTime,
         };
-        let links = Links { stop: &shared.stop, interlock: &shared.interlock, cause: &|| shared.cause() };
+        let (stop, interlock, pacing) = (&shared.stop, &shared.interlock, &shared.pacing);
+        let links = Links { stop, interlock, pacing, cause: &|| shared.cause() };
         let clock = self.place.clock;
         let mut attend = Attend::new(shared, &clock, &self.crier, row.id);
-        run_linked(&job, library, &folder, &options, &clock, links, &mut attend).map_err(|error| error.lines())
+        run_linked(&job, library, folder, &options, &clock, links, &mut attend).map_err(|error| error.lines())
     }
 
     /// How a run ended, and when on the plate.

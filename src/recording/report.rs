@@ -54,6 +54,12 @@ pub struct Report {
     pub collisions: Option<u64>,
     /// Parts lost.
     pub lost_parts: usize,
+    /// Deadlines missed; only where plate time kept to the clock.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deadline_misses: Option<u64>,
+    /// Whole frames by which the worst of them was missed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub worst_late_frames: Option<u64>,
     /// Largest distance of a part from its target at the end, from truth where there is one; `None` without targets.
     pub max_error_mm: Option<f64>,
     /// Root mean square of those distances.

@@ -40,12 +40,23 @@ pub struct Ending {
     pub plate_time: PlateTime,
     /// Time on the wall, s.
     pub wall_time_s: f64,
+    /// What was late; `None` where plate time did not keep to the clock.
+    pub deadlines: Option<Deadlines>,
     /// Laps completed.
     pub laps: u32,
     /// Parts lost.
     pub lost_parts: usize,
     /// Every part, in the order of the job.
     pub parts: Vec<PartEnding>,
+}
+
+/// Deadlines of a run in real time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Deadlines {
+    /// How many were missed.
+    pub misses: u64,
+    /// Whole frames by which the worst one was.
+    pub worst_frames: u64,
 }
 
 /// Where one part ended, as control knows it.
@@ -109,6 +120,8 @@ impl Tally {
             laps: ending.laps,
             collisions: truth.map(|truth| truth.collisions),
             lost_parts: ending.lost_parts,
+            deadline_misses: ending.deadlines.map(|deadlines| deadlines.misses),
+            worst_late_frames: ending.deadlines.map(|deadlines| deadlines.worst_frames),
             max_error_mm: errors.max_mm(),
             rms_error_mm: errors.rms_mm(),
             sensing_rms_error_mm: self.sensing.rms_mm(),
@@ -223,6 +236,7 @@ mod tests {
             reason: "all parts in place".into(),
             plate_time: PlateTime::from_secs(3.25),
             wall_time_s: 0.5,
+            deadlines: None,
             laps: 0,
             lost_parts: 0,
             parts,
@@ -308,5 +322,18 @@ mod tests {
         }
         assert_eq!(json["outcome"], "completed");
         assert_eq!(serde_json::from_value::<Report>(json).unwrap(), report);
+    }
+
+    #[test]
+    fn deadlines_are_told_where_there_were_any_to_keep() {
+        let json = |deadlines| {
+            let report = Tally::new(None).report(Ending { deadlines, ..ending(Vec::new()) });
+            let json = serde_json::to_value(&report).unwrap();
+            assert_eq!(serde_json::from_value::<Report>(json.clone()).unwrap(), report);
+            (json.get("deadline_misses").cloned(), json.get("worst_late_frames").cloned())
+        };
+        assert_eq!(json(None), (None, None));
+        let late = Deadlines { misses: 3, worst_frames: 2 };
+        assert_eq!(json(Some(late)), (Some(3.into()), Some(2.into())));
     }
 }

@@ -146,6 +146,11 @@ impl Interlock {
         self.0.word(Ordering::Acquire).trip()
     }
 
+    /// The plate time of the rig it is fitted to, or of the last one.
+    pub fn now(&self) -> PlateTime {
+        PlateTime::from_nanos(self.0.now_ns.load(Ordering::Relaxed))
+    }
+
     /// Takes back a trip for `why`. False while a rig is fitted, and when it is not tripped for that reason.
     pub fn release(&self, why: Trip) -> bool {
         let free = |word: Word| !word.has(Word::FITTED) && word.trip() == Some(why);
@@ -253,7 +258,7 @@ impl Deref for Fitted {
 impl Drop for Fitted {
     fn drop(&mut self) {
         let shared = &*self.0.0;
-        self.0.silent(PlateTime::from_nanos(shared.now_ns.load(Ordering::Relaxed)));
+        self.0.silent(self.0.now());
         shared.word.fetch_and(!Word::FITTED, Ordering::AcqRel);
     }
 }

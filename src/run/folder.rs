@@ -1,5 +1,5 @@
 use std::fs::{self, File};
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
@@ -15,6 +15,22 @@ const MOST_NAMESAKES: u32 = 1000;
 /// The folder a run writes into: `effective.json`, `journal.jsonl`, `run.rrd`, `report.json`.
 #[derive(Clone, Debug)]
 pub struct RunFolder(PathBuf);
+
+/// Which files a run folder has. `effective.json` and `report.json` are whole where they are; a journal may end in
+/// half a line, and a partial recording anywhere.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FolderState {
+    /// `effective.json`: the run was about to begin.
+    pub effective: bool,
+    /// `journal.jsonl`.
+    pub journal: bool,
+    /// `run.rrd.part`: a recording that was not closed.
+    pub part: bool,
+    /// `run.rrd`.
+    pub rrd: bool,
+    /// `report.json`: the run is over.
+    pub report: bool,
+}
 
 impl RunFolder {
     /// Makes `OUT/<name>-<seed>-<utc>/`; a number is added when that exists.
@@ -34,9 +50,21 @@ impl RunFolder {
         Err(failed(&out.join(plain), "too many runs of this name in this second".into()))
     }
 
-    /// A folder that is there already.
+    /// The folder of an earlier run; `None` where there is no folder (a link to one is none).
     pub fn reopen(path: &Path) -> Option<Self> {
-        path.is_dir().then(|| Self(path.to_owned()))
+        fs::symlink_metadata(path).is_ok_and(|found| found.is_dir()).then(|| Self(path.to_owned()))
+    }
+
+    /// What lies in it.
+    pub fn state(&self) -> FolderState {
+        let has = |name: &str| fs::symlink_metadata(self.0.join(name)).is_ok_and(|found| found.is_file());
+        FolderState {
+            effective: has("effective.json"),
+            journal: has("journal.jsonl"),
+            part: has("run.rrd.part"),
+            rrd: has("run.rrd"),
+            report: has("report.json"),
+        }
     }
 
     /// Where it is.
@@ -58,10 +86,6 @@ impl RunFolder {
         self.write_json("effective.json", &effective)
     }
 
-    pub(super) fn has_report(&self) -> bool {
-        self.0.join("report.json").exists()
-    }
-
     pub(super) fn write_report(&self, report: &Report) -> Result<(), RunError> {
         self.write_json("report.json", report)
     }
@@ -73,10 +97,40 @@ impl RunFolder {
 
     fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<(), RunError> {
         let text = serde_json::to_string_pretty(value).map_err(|error| self.write_error(name, &error))?;
-        // whole or not at all: what stands under its name was written to its end
+        // whole or not at all: what stands under its name was written to its end, and is on the disk
         let draft = self.0.join(format!("{name}.part"));
-        fs::write(&draft, text + "\n")
+        File::create(&draft)
+            .and_then(|mut file| file.write_all((text + "\n").as_bytes()).and_then(|()| file.sync_all()))
             .and_then(|()| fs::rename(&draft, self.0.join(name)))
             .map_err(|error| self.write_error(name, &error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_tells_what_was_left_in_it() {
+        let out = tempfile::TempDir::new().unwrap();
+        let folder = RunFolder::reopen(out.path()).unwrap();
+        assert_eq!(folder.state(), FolderState::default());
+        folder.write_json("report.json", &1).unwrap();
+        fs::write(out.path().join("run.rrd.part"), "half").unwrap();
+        fs::create_dir(out.path().join("run.rrd")).unwrap();
+        assert_eq!(folder.state(), FolderState { report: true, part: true, ..FolderState::default() });
+    }
+
+    #[test]
+    fn only_a_folder_is_opened_again() {
+        let out = tempfile::TempDir::new().unwrap();
+        assert!(RunFolder::reopen(&out.path().join("none")).is_none());
+        fs::write(out.path().join("file"), "").unwrap();
+        assert!(RunFolder::reopen(&out.path().join("file")).is_none());
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink("/", out.path().join("link")).unwrap();
+            assert!(RunFolder::reopen(&out.path().join("link")).is_none());
+        }
     }
 }

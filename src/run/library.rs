@@ -2,8 +2,9 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use crate::config::{JobSpec, LibraryRef, RigSpec};
+use crate::config::{JobSpec, LibraryRef, RigSpec, place_parts};
 use crate::library::{FieldFacts, Library, LibraryFault, RigFacts};
+use crate::random::Streams;
 
 /// The COR library a job runs with, checked against its rig.
 pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
@@ -21,12 +22,25 @@ pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
             }]);
         }
     };
-    let file = match &job.library {
+    let faults = library_faults(&library, &file_of(job), &job.rig);
+    if faults.is_empty() { Ok(Arc::new(library)) } else { Err(faults) }
+}
+
+/// What keeps `job` from being run with `library`, one line a fault: a library of another rig, parts that find no places.
+/// It looks at no picture and plans nothing, so it can be asked of every job that comes in.
+pub fn check_job(job: &JobSpec, library: &Library) -> Result<(), Vec<String>> {
+    let mut lines: Vec<String> =
+        library_faults(library, &file_of(job), &job.rig).iter().map(ToString::to_string).collect();
+    lines.extend(place_parts(job, Streams::new(job.seed())).err().map(|fault| fault.to_string()));
+    if lines.is_empty() { Ok(()) } else { Err(lines) }
+}
+
+/// Where the library of `job` is, for people.
+fn file_of(job: &JobSpec) -> String {
+    match &job.library {
         Some(LibraryRef::File(path)) => path.display().to_string(),
         _ => format!("{}: library", job.file),
-    };
-    let faults = library_faults(&library, &file, &job.rig);
-    if faults.is_empty() { Ok(Arc::new(library)) } else { Err(faults) }
+    }
 }
 
 /// Everything that keeps `library`, read from `file`, from being used on `rig`.

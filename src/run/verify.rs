@@ -7,12 +7,13 @@ use serde_json::Value;
 
 use super::{Bench, NamedTruth, RunError, job_library, play};
 use crate::config::{Fault, JobSpec, Origin};
-use crate::control::{STOPPED, Sink};
+use crate::control::{Sink, is_stop};
 use crate::recording::{Fanout, Journal};
 use crate::time::StoppedClock;
 
-/// The event of a stop stands among the last lines of a journal.
-const TAIL_LINES: usize = 4;
+/// The event of a stop stands among the last lines of a journal; after it come its cause, what became of the recording,
+/// and a cycle that never ended.
+const TAIL_LINES: usize = 6;
 
 /// What comparing a run with its repetition showed.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -66,7 +67,7 @@ pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<V
     let mut journal = Journal::new(&mut bytes, Arc::clone(&library));
     let mut named = NamedTruth::new(bench.truth());
     let mut sinks = Fanout::new().with(&mut named).with(&mut journal).with(watcher);
-    play(&mut bench, &library, false, &mut sinks, &StoppedClock, stop);
+    play(&mut bench, &library, None, &mut sinks, &StoppedClock, stop);
     let broken = |error: std::io::Error| VerifyError::Read { path: "journal".into(), reason: error.to_string() };
     journal.finish().map_err(broken)?;
     Ok(compare(&recorded, &String::from_utf8_lossy(&bytes)))
@@ -113,7 +114,7 @@ fn compare(recorded: &str, repeated: &str) -> Verdict {
 fn before_stop(journal: &str) -> Option<&str> {
     let is_stop = |line: &str| {
         let event: Option<Value> = serde_json::from_str(line).ok();
-        event.is_some_and(|event| event["type"] == "event" && event["text"] == STOPPED)
+        event.is_some_and(|event| event["type"] == "event" && event["text"].as_str().is_some_and(is_stop))
     };
     let mut end = journal.len();
     for line in journal.split_inclusive('\n').rev().take(TAIL_LINES) {
@@ -128,6 +129,8 @@ fn before_stop(journal: &str) -> Option<&str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::{Ending, STOPPED};
+    use crate::rig::{RigFault, Trip};
 
     fn differs_at(recorded: &str, repeated: &str) -> usize {
         match compare(recorded, repeated) {
@@ -146,10 +149,16 @@ mod tests {
 
     #[test]
     fn a_stopped_run_is_compared_as_far_as_it_went() {
-        let stop = format!("{{\"type\":\"event\",\"text\":\"{STOPPED}\"}}\n{{\"type\":\"unfinished_cycle\"}}\n");
-        let recorded = format!("a\nb\n{stop}");
-        assert_eq!(compare(&recorded, "a\nb\nc\n"), Verdict::Equal { lines: 2, stopped: true });
-        assert_eq!(differs_at(&recorded, "a\nx\nc\n"), 2);
-        assert_eq!(differs_at(&recorded, "a\n"), 2);
+        let event = |text: &str| format!("{{\"type\":\"event\",\"text\":\"{text}\"}}\n");
+        let after = event("emergency stop by the page") + "{\"type\":\"unfinished_cycle\"}\n";
+        let by_rig = Trip::ALL.map(|trip| Ending::from(RigFault::Stopped(trip)).reason);
+        for text in by_rig.iter().map(String::as_str).chain([STOPPED]) {
+            let recorded = format!("a\nb\n{}{after}", event(text));
+            assert_eq!(compare(&recorded, "a\nb\nc\n"), Verdict::Equal { lines: 2, stopped: true });
+            assert_eq!(differs_at(&recorded, "a\nx\nc\n"), 2);
+            assert_eq!(differs_at(&recorded, "a\n"), 2);
+        }
+        let ended_by_itself = format!("a\nb\n{}{after}", event("no step is feasible"));
+        assert_eq!(differs_at(&ended_by_itself, "a\nb\nc\n"), 3);
     }
 }

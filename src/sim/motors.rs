@@ -89,7 +89,8 @@ impl Motors {
         }
     }
 
-    fn wrench(&self) -> Wrench {
+    /// What the coils do to the plate now.
+    pub fn wrench(&self) -> Wrench {
         let params = &self.params;
         let mut forces_n = [0.0; MOTORS];
         for ((force, filtered), gain_error) in forces_n.iter_mut().zip(&self.filtered).zip(params.gain_error) {

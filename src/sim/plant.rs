@@ -1,6 +1,7 @@
 //! Everything that moves, stepped together: motors, plate, parts, accelerometers. No camera.
 
 use super::accelerometers::Accelerometers;
+use super::guard::Guard;
 use super::motors::Motors;
 use super::parts::Parts;
 use super::plate::{Plate, PlateMotion, Wrench};
@@ -73,9 +74,17 @@ impl Plant {
         self.accelerometers.stop();
     }
 
-    /// Steps on to the first step's end that is not before `time`; skips what stands still.
-    pub fn advance_to(&mut self, time: PlateTime) {
+    /// Steps on to the first step's end that is not before `time`; skips what stands still. `guard` is asked before
+    /// every step whether motors have to be cut in it, and told when they are silent.
+    pub(super) fn advance_to(&mut self, time: PlateTime, guard: &mut Guard) {
         while self.now_ns < time.nanos() {
+            let cut = guard.cuts(self.now());
+            if cut {
+                self.stop();
+            }
+            if guard.is_sounding() && (cut || self.motors.is_silent()) {
+                guard.silent(self.now());
+            }
             if self.still {
                 self.now_ns = time.nanos().div_ceil(self.step_ns) * self.step_ns;
             } else {
@@ -132,6 +141,11 @@ impl Plant {
         snapshot.parts_in_table.extend(self.parts.motions().map(|part| part.pose_before(before_s)));
     }
 
+    #[cfg(test)]
+    pub(super) fn motors(&self) -> &Motors {
+        &self.motors
+    }
+
     fn barely_moves(&self) -> bool {
         let (pose, twist) = (&self.motion.plate_in_table, &self.motion.twist);
         pose.position_m.amax() < STILL_M
@@ -176,11 +190,12 @@ mod tests {
     #[test]
     fn still_time_is_skipped_to_whole_steps() {
         let mut plant = plant(&rig_params());
-        plant.advance_to(PlateTime::from_nanos(7_200_000_000_010_001));
+        let guard = &mut Guard::default();
+        plant.advance_to(PlateTime::from_nanos(7_200_000_000_010_001), guard);
         assert_eq!(plant.now().nanos(), 7_200_000_000_050_000);
         plant.play(drive());
         assert!(!plant.is_still());
-        plant.advance_to(plant.now() + 60.0);
+        plant.advance_to(plant.now() + 60.0, guard);
         assert!(plant.is_still());
     }
 

@@ -1,19 +1,21 @@
 //! The simulated rig behind the hardware boundary: the plant under a camera, its truth shown through a probe alone.
 
+mod exposure;
+
+use self::exposure::{EXPOSURE_SNAPSHOTS, Exposure, MIDDLE};
+use super::guard::Guard;
 use super::{Camera, DiscShape, PartParams, PartTruth, Plant, SimParams, Snapshot, TruthProbe};
 use crate::geometry::Pose;
 use crate::random::Streams;
-use crate::rig::{Rig, RigFault, RigModel};
+use crate::rig::{Interlock, Rig, RigFault, RigModel};
 use crate::signal::{AccelTrace, Drive, Frame};
 use crate::time::PlateTime;
 
-/// Pictures of a moving scene within one exposure; odd, so that one lies at its middle.
-const EXPOSURE_SNAPSHOTS: usize = 5;
-const MIDDLE: usize = EXPOSURE_SNAPSHOTS / 2;
 /// No pulse, its rest included, is longer than this, s.
 const LONGEST_PULSE_S: f64 = 600.0;
 
-/// A [`Rig`] made of equations. Time passes only in [`Rig::capture`], and stops on whole simulation steps.
+/// A [`Rig`] made of equations. Time passes only in [`Rig::capture`] and [`Rig::pass`], and stops on whole simulation
+/// steps. Once its interlock tripped it takes no more frames and plays no more pulses.
 #[derive(Debug)]
 pub struct SimRig {
     model: RigModel,
@@ -24,26 +26,7 @@ pub struct SimRig {
     last_frame: u64,
     quiet_at: PlateTime,
     rest_s: f64,
-}
-
-/// When the shutter opens and closes around the middle of frame `index`.
-#[derive(Clone, Copy, Debug)]
-struct Exposure {
-    index: u64,
-    opens: PlateTime,
-    middle: PlateTime,
-    length_s: f64,
-}
-
-impl Exposure {
-    /// Instant of snapshot `i`, the middle of its share of the exposure.
-    fn instant(&self, i: usize) -> PlateTime {
-        self.opens + self.length_s * (i as f64 + 0.5) / EXPOSURE_SNAPSHOTS as f64
-    }
-
-    fn closes(&self) -> PlateTime {
-        self.opens + self.length_s
-    }
+    guard: Guard,
 }
 
 impl SimRig {
@@ -62,9 +45,15 @@ impl SimRig {
             last_frame: 0,
             quiet_at: PlateTime::ZERO,
             rest_s: 0.0,
+            guard: Guard::default(),
         };
         rig.publish(PlateTime::ZERO, 0.0);
         rig
+    }
+
+    /// Puts motors under `interlock` for as long as this rig is there; see [`Interlock`] for who owns it.
+    pub fn fit(&mut self, interlock: Interlock) -> Result<(), RigFault> {
+        self.guard.fit(&interlock, self.now())
     }
 
     /// The camera as it truly is, for those who publish truth.
@@ -77,20 +66,17 @@ impl SimRig {
         self.probe.clone()
     }
 
-    /// The first exposure that opens now or later, after the last one.
-    fn next_exposure(&self) -> Exposure {
-        let params = self.camera.params();
-        let length_s = params.exposure_s.max(0.0);
-        let index_now = ((self.now().secs() + 0.5 * length_s) * params.frame_hz).floor().max(0.0) as u64;
-        let mut index = index_now.max(self.last_frame + 1);
-        loop {
-            let middle = PlateTime::from_secs(index as f64 / params.frame_hz);
-            let opens = PlateTime::from_nanos(middle.nanos().saturating_sub((0.5e9 * length_s).round() as u64));
-            if opens >= self.now() {
-                return Exposure { index, opens, middle, length_s };
-            }
-            index += 1;
+    /// Motors to zero and `Err` once the interlock tripped.
+    fn obey(&mut self) -> Result<(), RigFault> {
+        let checked = self.guard.check();
+        if checked.is_err() {
+            self.stop();
         }
+        checked
+    }
+
+    fn advance_to(&mut self, time: PlateTime) {
+        self.plant.advance_to(time, &mut self.guard);
     }
 
     /// Shows the world of `before_s` ago, at most one step, as the truth at `at`.
@@ -143,7 +129,9 @@ impl Rig for SimRig {
     }
 
     fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
+        self.obey()?;
         self.check(drive)?;
+        self.guard.sound()?;
         self.quiet_at = self.now() + drive.envelope.total_s();
         self.rest_s = drive.envelope.rest_s;
         self.plant.play(drive.clone());
@@ -155,17 +143,18 @@ impl Rig for SimRig {
     }
 
     fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
-        let exposure = self.next_exposure();
-        self.plant.advance_to(exposure.opens);
+        self.obey()?;
+        let exposure = Exposure::next(self.camera.params(), self.now(), self.last_frame);
+        self.advance_to(exposure.opens);
         let taken = if self.plant.is_still() {
-            self.plant.advance_to(exposure.middle);
+            self.advance_to(exposure.middle);
             self.plant.snapshot_at(exposure.middle, &mut self.exposure[0]);
             self.publish(exposure.middle, 0.0);
             1
         } else {
             for i in 0..EXPOSURE_SNAPSHOTS {
                 let instant = exposure.instant(i);
-                self.plant.advance_to(instant);
+                self.advance_to(instant);
                 self.plant.snapshot_at(instant, &mut self.exposure[i]);
                 if i == MIDDLE {
                     self.publish(exposure.middle, self.now().secs_since(exposure.middle));
@@ -173,11 +162,12 @@ impl Rig for SimRig {
             }
             EXPOSURE_SNAPSHOTS
         };
+        self.obey()?;
         self.camera.render(&self.exposure[..taken], frame);
         (frame.index, frame.exposed_at) = (exposure.index, exposure.middle);
         self.last_frame = exposure.index;
-        self.plant.advance_to(exposure.closes());
-        Ok(())
+        self.advance_to(exposure.closes());
+        self.obey()
     }
 
     fn trace(&self) -> AccelTrace {
@@ -186,9 +176,26 @@ impl Rig for SimRig {
 
     fn stop(&mut self) {
         self.plant.stop();
+        self.guard.silent(self.now());
         self.quiet_at = self.quiet_at.min(self.now() + self.rest_s);
     }
+
+    fn pass(&mut self, until: PlateTime) -> Result<(), RigFault> {
+        let lease_ends = self.now() + Interlock::LEASE_S;
+        if !self.guard.is_sounding() || until <= lease_ends {
+            self.advance_to(until);
+            return self.obey();
+        }
+        self.advance_to(lease_ends);
+        let trip = self.guard.lease_ran_out(self.now());
+        self.stop();
+        self.advance_to(until);
+        Err(RigFault::Stopped(trip))
+    }
 }
+
+#[cfg(test)]
+mod stop_tests;
 
 #[cfg(test)]
 mod tests {
@@ -223,7 +230,7 @@ mod tests {
         }
     }
 
-    fn rig(seed: u64) -> SimRig {
+    pub(super) fn rig(seed: u64) -> SimRig {
         let penny = PartParams { radius_m: 9.525e-3, thickness_m: 1.52e-3, mass_kg: 2.5e-3, friction: 0.3 };
         let at = |x, y| Pose { position_m: Vec2::new(x, y), heading_rad: 0.0 };
         let params = rig_params();
@@ -231,7 +238,7 @@ mod tests {
     }
 
     /// Spin about the plate's centre, both harmonics.
-    fn drive(counts: f64) -> Drive {
+    pub(super) fn drive(counts: f64) -> Drive {
         let wave = |sign: f64| {
             let first = Harmonic { cos: 0.0, sin: -sign * counts };
             vec![first, Harmonic { cos: 0.0, sin: sign * counts }]

@@ -49,7 +49,8 @@ pub(super) fn measure(
     library: &Library,
     params: &CalibrationParams,
 ) -> Result<DisplacementModel, CalibrationFault> {
-    let mut eyes = Eyes::open(bench.rig, bench.model, &params.kinds, &params.coins, &mut Quiet, &StoppedClock)?;
+    let (kinds, coins) = (&params.kinds, &params.coins);
+    let mut eyes = Eyes::open(bench.rig, bench.model, kinds, coins, &mut Quiet, &StoppedClock, bench.stop)?;
     let sustain_s = choose_sustains(bench, &mut eyes, library, params)?;
     let motions = library.entries.len();
     let mut samples = Vec::new();
