@@ -11,6 +11,7 @@ pub mod goal;
 pub mod lab;
 pub mod library;
 pub mod planner;
+pub mod plates;
 pub mod random;
 pub mod recording;
 pub mod rig;

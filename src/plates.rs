@@ -1,0 +1,34 @@
+//! The plates of the daemon: for each a thread that runs its jobs one after another, an emergency stop that waits for
+//! nobody, and whoever watches, told without the plate ever waiting for them.
+//!
+//! ```text
+//!            wake            try_send            tell (after commit)
+//!  submit ────────► worker ───────────► crier ──────────────────► store
+//!                     │ run                │ offer
+//!  estop ─► latch     ▼                    ▼
+//!        └► interlock rig                 taps: event streams, pages
+//! ```
+
+mod attend;
+mod crier;
+mod draw;
+mod frames;
+mod latch;
+mod plate;
+mod shared;
+mod start;
+#[cfg(test)]
+mod tests;
+mod told;
+mod types;
+mod validate;
+mod watchdog;
+mod worker;
+
+pub use crier::TapId;
+pub use frames::Picture;
+pub use latch::{Latch, Latches};
+pub use plate::{Caller, Plate};
+pub use start::{PlateSetup, Plates, Surroundings};
+pub use told::{Tap, Told};
+pub use types::{PlateSnapshot, PlateState, ResetFault, Sight};

@@ -1,0 +1,86 @@
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use super::shared::Shared;
+use super::told::{News, Tap, Told};
+use crate::store::{JobId, NewEvent};
+
+/// How often the crier looks whether there is a picture to be encoded, when nothing is told.
+const TICK: Duration = Duration::from_millis(100);
+
+/// What a plate's own thread hands to its crier.
+#[derive(Debug)]
+pub(super) enum Item {
+    /// News of a job.
+    Tell(JobId, News),
+    /// The last of all.
+    End,
+}
+
+/// Name of a tap, to be taken away by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TapId(u64);
+
+/// Everybody who watches a plate.
+#[derive(Default)]
+pub(super) struct Taps(Mutex<(u64, Vec<(TapId, Arc<dyn Tap>)>)>);
+
+impl Taps {
+    pub fn add(&self, tap: Arc<dyn Tap>) -> TapId {
+        let mut taps = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        taps.0 += 1;
+        let id = TapId(taps.0);
+        taps.1.push((id, tap));
+        id
+    }
+
+    pub fn remove(&self, id: TapId) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).1.retain(|(each, _)| *each != id);
+    }
+
+    fn offer(&self, told: &Told) {
+        for (_, tap) in &self.0.lock().unwrap_or_else(PoisonError::into_inner).1 {
+            tap.offer(told);
+        }
+    }
+}
+
+impl std::fmt::Debug for Taps {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Taps")
+    }
+}
+
+/// Tells what its plate does to the store and to those who watch, and encodes pictures. On a thread of its own, so that
+/// neither disk nor watchers are ever waited for by the plate.
+pub(super) fn cry(shared: &Shared, items: &Receiver<Item>) {
+    loop {
+        match items.recv_timeout(TICK) {
+            Ok(Item::Tell(job, news)) => tell(shared, job, news),
+            Ok(Item::End) | Err(RecvTimeoutError::Disconnected) => return,
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+        shared.window.develop();
+    }
+}
+
+/// What is kept is told once it is on the disk, so that a number somebody has seen is never taken back. What the store
+/// cannot take is told without a number.
+fn tell(shared: &Shared, job: JobId, news: News) {
+    let News { plate_time, kind, body, durable } = news;
+    let unnumbered = Told { job, seq: None, kind, body: Arc::clone(&body) };
+    if !durable {
+        shared.taps.offer(&unnumbered);
+        return;
+    }
+    let (taps, lost) = (Arc::clone(&shared.taps), unnumbered.clone());
+    let event = NewEvent { plate_time, kind, body };
+    let published = Box::new(move |stored: Result<crate::store::StoredEvent, _>| match stored {
+        Ok(stored) => taps.offer(&Told { seq: Some(stored.seq), ..lost }),
+        Err(_) => taps.offer(&lost),
+    });
+    if !shared.ledger.tell(&job, event, published) {
+        shared.taps.offer(&unnumbered);
+    }
+}

@@ -1,0 +1,201 @@
+//! What an emergency stop leaves behind: a plate that was stopped stays stopped, over restarts and power cuts too.
+//!
+//! Each plate has a small file that is rewritten in place, so that a full disk or a broken job store is in nobody's way.
+//! Stopping is one atomic write; a thread of its own brings it to the disk. A file that cannot be read or makes no
+//! sense counts as stopped.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::{self, JoinHandle, Thread};
+use std::time::Duration;
+
+const STOPPED: &[u8; 16] = b"upm: stopped    ";
+const RELEASED: &[u8; 16] = b"upm: released   ";
+
+/// How often a write that failed is tried again, and the longest a change waits for the thread to wake.
+const AGAIN: Duration = Duration::from_millis(50);
+
+/// One plate's latch. Copies are the same latch.
+#[derive(Clone, Debug)]
+pub struct Latch(Arc<Cell>);
+
+#[derive(Debug)]
+struct Cell {
+    /// How often it has changed: odd when it is stopped.
+    changes: AtomicU64,
+    /// The change that is on the disk.
+    kept: AtomicU64,
+}
+
+impl Latch {
+    /// A latch as it was found.
+    fn found(stopped: bool) -> Self {
+        let changes = u64::from(stopped);
+        Self(Arc::new(Cell { changes: AtomicU64::new(changes), kept: AtomicU64::new(changes) }))
+    }
+
+    /// Stops. True when it was not stopped before. Never waits.
+    pub fn stop(&self) -> bool {
+        self.change(true)
+    }
+
+    /// Releases. True when it was stopped before. Never waits.
+    pub fn release(&self) -> bool {
+        self.change(false)
+    }
+
+    fn change(&self, stop: bool) -> bool {
+        let next = |changes: u64| ((changes % 2 == 1) != stop).then_some(changes + 1);
+        self.0.changes.fetch_update(Ordering::SeqCst, Ordering::SeqCst, next).is_ok()
+    }
+
+    /// True while it is stopped.
+    pub fn is_stopped(&self) -> bool {
+        self.0.changes.load(Ordering::SeqCst) % 2 == 1
+    }
+
+    /// True when the disk says the same.
+    pub fn is_kept(&self) -> bool {
+        self.0.kept.load(Ordering::SeqCst) == self.0.changes.load(Ordering::SeqCst)
+    }
+}
+
+/// The thread that brings latches to the disk.
+#[derive(Debug)]
+pub struct Latches {
+    latches: Vec<Latch>,
+    ending: Arc<AtomicBool>,
+    /// Taken when it is joined.
+    keeper: Option<JoinHandle<()>>,
+    thread: Thread,
+}
+
+impl Latches {
+    /// Opens the latch file of every plate in `folder`, making those that are missing.
+    pub fn open(folder: &Path, plates: &[String]) -> io::Result<Self> {
+        fs::create_dir_all(folder)?;
+        let opened = plates.iter().map(|name| open(&folder.join(name))).collect::<io::Result<Vec<_>>>()?;
+        let (files, latches): (Vec<File>, Vec<Latch>) = opened.into_iter().unzip();
+        let ending = Arc::new(AtomicBool::new(false));
+        let (cells, told) = (latches.clone(), Arc::clone(&ending));
+        let keeper = thread::Builder::new().name("latches".into()).spawn(move || keep(files, &cells, &told))?;
+        let thread = keeper.thread().clone();
+        Ok(Self { latches, ending, keeper: Some(keeper), thread })
+    }
+
+    /// The latch of each plate, in their order.
+    pub fn latches(&self) -> &[Latch] {
+        &self.latches
+    }
+
+    /// The thread that brings them to the disk: unparked, it does so at once.
+    pub fn keeper(&self) -> Thread {
+        self.thread.clone()
+    }
+}
+
+impl Drop for Latches {
+    fn drop(&mut self) {
+        self.ending.store(true, Ordering::SeqCst);
+        self.thread.unpark();
+        if let Some(keeper) = self.keeper.take() {
+            keeper.join().ok();
+        }
+    }
+}
+
+/// Brings every change to the disk; one last time when it is to end.
+fn keep(mut files: Vec<File>, latches: &[Latch], ending: &AtomicBool) {
+    loop {
+        let last = ending.load(Ordering::SeqCst);
+        for (file, Latch(cell)) in files.iter_mut().zip(latches) {
+            let changes = cell.changes.load(Ordering::SeqCst);
+            if changes != cell.kept.load(Ordering::SeqCst) && write(file, changes % 2 == 1).is_ok() {
+                cell.kept.store(changes, Ordering::SeqCst);
+            }
+        }
+        if last {
+            return;
+        }
+        thread::park_timeout(AGAIN);
+    }
+}
+
+fn open(path: &Path) -> io::Result<(File, Latch)> {
+    let is_new = !path.try_exists()?;
+    let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
+    if is_new {
+        write(&mut file, false)?;
+        return Ok((file, Latch::found(false)));
+    }
+    let mut text = Vec::new();
+    let whole = (&file).take(1024).read_to_end(&mut text).is_ok();
+    Ok((file, Latch::found(!(whole && text == RELEASED))))
+}
+
+fn write(file: &mut File, stopped: bool) -> io::Result<()> {
+    file.seek(SeekFrom::Start(0))?;
+    file.write_all(if stopped { STOPPED } else { RELEASED })?;
+    file.sync_data()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(names: &[&str]) -> Vec<String> {
+        names.iter().map(|name| (*name).to_owned()).collect()
+    }
+
+    fn kept(latches: &Latches) {
+        latches.keeper().unpark();
+        while !latches.latches().iter().all(Latch::is_kept) {
+            thread::yield_now();
+        }
+    }
+
+    #[test]
+    fn what_was_stopped_stays_stopped_and_what_was_released_released() {
+        let folder = tempfile::tempdir().unwrap();
+        let plates = names(&["left", "right"]);
+        let stopped = |latches: &Latches| latches.latches().iter().map(Latch::is_stopped).collect::<Vec<_>>();
+        {
+            let latches = Latches::open(folder.path(), &plates).unwrap();
+            assert_eq!(stopped(&latches), [false, false]);
+            assert!(latches.latches()[1].stop());
+            assert!(!latches.latches()[1].stop(), "it was stopped already");
+            kept(&latches);
+        }
+        let latches = Latches::open(folder.path(), &plates).unwrap();
+        assert_eq!(stopped(&latches), [false, true]);
+        assert!(latches.latches()[1].release());
+        drop(latches);
+        assert_eq!(stopped(&Latches::open(folder.path(), &plates).unwrap()), [false, false], "kept at the end");
+    }
+
+    #[test]
+    fn a_file_that_makes_no_sense_counts_as_stopped() {
+        let folder = tempfile::tempdir().unwrap();
+        let plates = names(&["one"]);
+        for text in [&b""[..], b"upm: rele", b"upm: released   x", b"upm: stopped    ", &[0; 16]] {
+            fs::write(folder.path().join("one"), text).unwrap();
+            assert!(Latches::open(folder.path(), &plates).unwrap().latches()[0].is_stopped(), "{text:?}");
+        }
+    }
+
+    #[test]
+    fn it_is_written_in_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let latches = Latches::open(folder.path(), &names(&["one"])).unwrap();
+        for _ in 0..3 {
+            latches.latches()[0].stop();
+            kept(&latches);
+            latches.latches()[0].release();
+            kept(&latches);
+        }
+        assert_eq!(fs::read(folder.path().join("one")).unwrap(), RELEASED);
+    }
+}

@@ -1,0 +1,204 @@
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::time::Duration;
+
+use super::crier::Taps;
+use super::frames::Window;
+use super::latch::Latch;
+use super::watchdog::{Deadlines, Vitals};
+use super::{PlateSnapshot, PlateState, Sight};
+use crate::config::{JobSpec, LibraryRef, RigSpec};
+use crate::library::{Library, LibraryFault};
+use crate::rig::Interlock;
+use crate::run::{PacingStats, job_library};
+use crate::store::{JobId, Ledger};
+
+/// What a plate's thread and everybody outside share.
+#[derive(Debug)]
+pub(super) struct Shared {
+    pub name: String,
+    pub rig: RigSpec,
+    pub library: Arc<Library>,
+    pub ledger: Arc<dyn Ledger>,
+    pub latch: Latch,
+    pub interlock: Interlock,
+    /// Tells the run on the plate to end.
+    pub stop: AtomicBool,
+    /// The daemon ends.
+    pub ending: AtomicBool,
+    pub vitals: Vitals,
+    /// True when the present run goes by the clock.
+    pub real_time: AtomicBool,
+    pub pacing: Arc<PacingStats>,
+    pub window: Window,
+    pub taps: Arc<Taps>,
+    /// Why the plate must not move until a person resumes it.
+    paused: Mutex<Option<String>>,
+    running: Mutex<Option<Running>>,
+    seen: Mutex<Seen>,
+}
+
+/// The job on the plate.
+#[derive(Clone, Debug)]
+struct Running {
+    job: JobId,
+    /// Why it was told to end.
+    cause: Option<Cause>,
+}
+
+/// Why a job was told to end before its goal.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Cause {
+    Cancelled,
+    Watchdog(String),
+}
+
+#[derive(Clone, Debug, Default)]
+struct Seen {
+    sight: Sight,
+    at: Option<Duration>,
+}
+
+/// How a plate begins.
+pub(super) struct Beginning {
+    pub name: String,
+    pub rig: RigSpec,
+    pub library: Arc<Library>,
+    pub ledger: Arc<dyn Ledger>,
+    pub latch: Latch,
+    pub interlock: Interlock,
+    /// Why it is paused; `None` when it is not.
+    pub paused: Option<String>,
+}
+
+impl Shared {
+    pub fn new(beginning: Beginning) -> Self {
+        let Beginning { name, rig, library, ledger, latch, interlock, paused } = beginning;
+        Self {
+            name,
+            rig,
+            library,
+            ledger,
+            latch,
+            interlock,
+            stop: AtomicBool::new(false),
+            ending: AtomicBool::new(false),
+            vitals: Vitals::default(),
+            real_time: AtomicBool::new(false),
+            pacing: Arc::default(),
+            window: Window::default(),
+            taps: Arc::default(),
+            paused: Mutex::new(paused),
+            running: Mutex::new(None),
+            seen: Mutex::default(),
+        }
+    }
+
+    /// Notes what is seen; leaves it out while somebody looks.
+    pub fn saw(&self, sight: &Sight, now: Duration) {
+        let mut seen = match self.seen.try_lock() {
+            Ok(seen) => seen,
+            Err(TryLockError::Poisoned(seen)) => seen.into_inner(),
+            Err(TryLockError::WouldBlock) => return,
+        };
+        seen.sight.clone_from(sight);
+        seen.at = Some(now);
+    }
+
+    /// What `job` runs with: its own library, or the plate's.
+    pub fn library_of(&self, job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
+        match job.library {
+            Some(LibraryRef::Inline(_)) => job_library(job),
+            _ => Ok(Arc::clone(&self.library)),
+        }
+    }
+
+    /// True when the plate may take a job.
+    pub fn may_move(&self) -> bool {
+        !self.latch.is_stopped() && !self.ending.load(Ordering::SeqCst) && locked(&self.paused).is_none()
+    }
+
+    /// Why the plate must not move until a person resumes it.
+    pub fn paused(&self) -> Option<String> {
+        locked(&self.paused).clone()
+    }
+
+    /// Pauses the plate, or lets it go on.
+    pub fn pause(&self, why: Option<String>) {
+        let paused = why.is_some();
+        let before = std::mem::replace(&mut *locked(&self.paused), why);
+        if before.is_some() != paused {
+            self.ledger.note_paused(&self.name, paused);
+        }
+    }
+
+    /// How the pacing of the run on the plate goes.
+    pub fn deadlines(&self) -> Deadlines {
+        Deadlines {
+            real_time: self.real_time.load(Ordering::Relaxed),
+            misses: self.pacing.misses(),
+            worst_frames: self.pacing.worst_frames(),
+        }
+    }
+
+    /// The job on the plate.
+    pub fn job(&self) -> Option<JobId> {
+        locked(&self.running).as_ref().map(|running| running.job)
+    }
+
+    pub fn begins(&self, job: JobId) {
+        *locked(&self.seen) = Seen::default();
+        self.vitals.clear();
+        self.window.clear();
+        *locked(&self.running) = Some(Running { job, cause: None });
+    }
+
+    /// Why the run on the plate was told to end, for its journal and its report.
+    pub fn cause(&self) -> Option<String> {
+        if self.latch.is_stopped() {
+            return Some("emergency stop".to_owned());
+        }
+        if self.ending.load(Ordering::SeqCst) {
+            return Some("the daemon ended".to_owned());
+        }
+        match locked(&self.running).as_ref()?.cause.as_ref()? {
+            Cause::Cancelled => Some("cancelled by request".to_owned()),
+            Cause::Watchdog(why) => Some(why.clone()),
+        }
+    }
+
+    /// The job on the plate is over; why it was told to end, if it was.
+    pub fn ends(&self) -> Option<Cause> {
+        locked(&self.running).take().and_then(|running| running.cause)
+    }
+
+    /// Tells the run of `job` (any, if `None`) to end. False when it is not on the plate.
+    pub fn end_run(&self, job: Option<&JobId>, cause: Cause) -> bool {
+        let mut running = locked(&self.running);
+        match running.as_mut() {
+            Some(running) if job.is_none_or(|job| *job == running.job) => {
+                running.cause.get_or_insert(cause);
+                self.stop.store(true, Ordering::SeqCst);
+                true
+            }
+            _ => false,
+        }
+    }
+
+    pub fn snapshot(&self, now: Duration) -> PlateSnapshot {
+        let (paused, job) = (self.paused(), self.job());
+        let Seen { sight, at } = locked(&self.seen).clone();
+        let (state, why) = match (self.latch.is_stopped(), paused, job) {
+            (true, ..) => (PlateState::Stopped, "emergency stop".to_owned()),
+            (false, _, Some(_)) => (PlateState::Running, String::new()),
+            (false, Some(why), None) => (PlateState::Paused, why),
+            (false, None, None) => (PlateState::Idle, String::new()),
+        };
+        let age = at.map(|at| now.saturating_sub(at));
+        PlateSnapshot { name: self.name.clone(), state, why, job, sight, age }
+    }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

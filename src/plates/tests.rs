@@ -1,0 +1,225 @@
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::Duration;
+
+use jiff::Timestamp;
+
+use super::*;
+use crate::config::RigSpec;
+use crate::library::Library;
+use crate::store::{JobId, JobPace, JobRow, JobState, MemoryLedger};
+use crate::time::MonotonicClock;
+
+const LONG: Duration = Duration::from_secs(60);
+const TWO_COINS: &str = r#"{ "name": "two", "seed": 3, "parts": [{ "kind": "penny", "count": 2 }],
+    "planner": "synthesized_field",
+    "task": { "type": "arrange", "targets_mm": [[-40, 0], [40, 0]] } }"#;
+const HOLD: &str = r#"{ "name": "hold", "seed": 3, "parts": [{ "kind": "penny", "count": 2 }],
+    "task": { "type": "hold", "duration_s": 600 }, "limits": { "plate_time_s": 900 } }"#;
+
+/// Hands on what it is told.
+struct Ear(SyncSender<Told>);
+
+impl Tap for Ear {
+    fn offer(&self, told: &Told) {
+        self.0.try_send(told.clone()).ok();
+    }
+}
+
+struct House {
+    folder: tempfile::TempDir,
+    ledger: Arc<MemoryLedger>,
+}
+
+impl House {
+    fn new() -> Self {
+        Self { folder: tempfile::tempdir().unwrap(), ledger: Arc::new(MemoryLedger::new(|| Timestamp::UNIX_EPOCH)) }
+    }
+
+    fn open(&self, paused: Option<&str>) -> Plates {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let rig = RigSpec::load(&root.join("configs/rigs/upm-2.json")).unwrap();
+        let library = Arc::new(Library::load(&root.join("assets/libraries/upm-2.json")).unwrap());
+        let setup = PlateSetup { name: "one".into(), rig, library, paused: paused.map(str::to_owned) };
+        let around = Surroundings {
+            ledger: Arc::clone(&self.ledger) as _,
+            runs: self.folder.path().join("runs"),
+            latches: self.folder.path().join("latch"),
+            clock: MonotonicClock::new(),
+            utc: || Timestamp::UNIX_EPOCH,
+            record: false,
+        };
+        Plates::start(vec![setup], &around).unwrap()
+    }
+
+    fn submit(&self, plate: &Plate, text: &str, pace: JobPace) -> JobId {
+        let row = self.ledger.accept(plate.validate(text, pace, None).unwrap());
+        plate.wake();
+        row.id
+    }
+
+    fn row(&self, id: &JobId) -> JobRow {
+        self.ledger.job(id).unwrap()
+    }
+}
+
+fn listen(plate: &Plate) -> Receiver<Told> {
+    let (sender, told) = sync_channel(100_000);
+    plate.subscribe(Arc::new(Ear(sender)));
+    told
+}
+
+/// Waits for something of that kind; the body.
+fn next(told: &Receiver<Told>, kind: &str) -> serde_json::Value {
+    loop {
+        let each = told.recv_timeout(LONG).unwrap_or_else(|_| panic!("no {kind} was told"));
+        if each.kind == kind {
+            return serde_json::from_str(&each.body).unwrap();
+        }
+    }
+}
+
+fn who(operator: &str) -> Caller {
+    Caller { operator: operator.into(), reason: "a test".into(), ..Caller::default() }
+}
+
+#[test]
+fn a_job_runs_to_its_end_and_all_of_it_is_told() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let id = house.submit(plate, TWO_COINS, JobPace::Max);
+    assert_eq!(next(&told, "state")["state"], "running");
+    assert_eq!(next(&told, "look")["positions_mm"].as_array().unwrap().len(), 2);
+    assert_eq!(next(&told, "cycle")["cycle"], 0);
+    assert_eq!(next(&told, "finished")["state"], "completed");
+    let row = house.row(&id);
+    assert_eq!((row.state, row.reason.as_str()), (JobState::Completed, "every part is at its place"));
+    assert!(row.report_json.unwrap().contains("max_error_mm"));
+    let folder = house.folder.path().join("runs").join(row.folder.unwrap());
+    for file in ["effective.json", "journal.jsonl", "report.json"] {
+        assert!(folder.join(file).exists(), "{file}");
+    }
+    let kinds: Vec<String> = house.ledger.events(&id).into_iter().map(|event| event.kind).collect();
+    assert_eq!(kinds.first().map(String::as_str), Some("state"));
+    assert_eq!(kinds.last().map(String::as_str), Some("finished"));
+    assert!(!kinds.iter().any(|kind| kind == "look"), "looks are not kept");
+    assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
+}
+
+#[test]
+fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let first = house.submit(plate, HOLD, JobPace::RealTime);
+    let second = house.submit(plate, TWO_COINS, JobPace::Max);
+    next(&told, "look");
+    assert_eq!(plate.snapshot().state, PlateState::Running);
+    assert!(plate.estop() && !plate.estop());
+    assert!(plate.account_for_estop(who("ann")));
+    assert_eq!(next(&told, "finished")["state"], "cancelled");
+    assert!(house.row(&first).reason.starts_with("emergency stop"), "{}", house.row(&first).reason);
+    assert_eq!(plate.snapshot().state, PlateState::Stopped);
+    assert!(!plate.resume(who("bob")), "a stop holds");
+
+    while plate.reset(who("bob")) == Err(ResetFault::StillStopping) {
+        std::thread::yield_now();
+    }
+    assert_eq!(plate.reset(who("bob")), Err(ResetFault::NotStopped));
+    assert_eq!(plate.snapshot().state, PlateState::Paused);
+    plate.wake();
+    std::thread::sleep(Duration::from_millis(50));
+    assert_eq!(house.row(&second).state, JobState::Queued, "a reset starts nothing");
+    assert!(plate.resume(who("bob")));
+    assert_eq!(next(&told, "finished")["state"], "completed");
+    let acts: Vec<(String, String)> = house.ledger.audit().into_iter().map(|a| (a.act, a.operator)).collect();
+    let act = |act: &str, operator: &str| (act.to_owned(), operator.to_owned());
+    assert_eq!(acts, [act("estop", "ann"), act("reset", "bob"), act("resume", "bob")]);
+}
+
+#[test]
+fn a_stop_outlives_the_daemon() {
+    let house = House::new();
+    let plates = house.open(None);
+    plates.get("one").unwrap().estop();
+    assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    assert_eq!(plate.snapshot().state, PlateState::Stopped);
+    let id = house.submit(plate, TWO_COINS, JobPace::Max);
+    std::thread::sleep(Duration::from_millis(50));
+    assert_eq!(house.row(&id).state, JobState::Queued);
+    assert_eq!(plate.reset(who("ann")), Ok(()));
+    assert_eq!(plate.snapshot().why, "reset after an emergency stop");
+}
+
+#[test]
+fn jobs_are_cancelled_one_by_one_and_a_paused_plate_takes_none() {
+    let house = House::new();
+    let plates = house.open(Some("just started"));
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let id = house.submit(plate, HOLD, JobPace::RealTime);
+    std::thread::sleep(Duration::from_millis(50));
+    assert_eq!((house.row(&id).state, plate.snapshot().why.as_str()), (JobState::Queued, "just started"));
+    assert!(plate.resume(who("ann")));
+    next(&told, "look");
+    let other = house.submit(plate, TWO_COINS, JobPace::Max);
+    assert!(!plate.cancel(&other), "it is not on the plate");
+    assert!(plate.cancel(&id));
+    assert_eq!(next(&told, "finished")["state"], "cancelled");
+    assert_eq!(house.row(&id).reason, "cancelled by request");
+    assert_eq!(next(&told, "finished")["state"], "completed");
+}
+
+#[test]
+fn the_end_of_the_daemon_interrupts_the_job() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let id = house.submit(plate, HOLD, JobPace::RealTime);
+    next(&told, "look");
+    assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
+    assert_eq!(house.row(&id).state, JobState::Interrupted);
+}
+
+#[test]
+fn what_is_wrong_with_a_job_is_said_before_it_is_queued() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let told = |text: &str| plate.validate(text, JobPace::Max, None).unwrap_err()[0].to_string();
+    assert!(told(&TWO_COINS.replace("penny", "pennyy")).contains("did you mean penny?"));
+    assert!(told(&TWO_COINS.replace("[40, 0]", "[400, 0]")).contains("targets_mm[1]"));
+    assert!(told("{").starts_with("job: "));
+    let key = Some("k".to_owned());
+    let job = plate.validate(TWO_COINS, JobPace::RealTime, key.clone()).unwrap();
+    assert_eq!((job.name.as_str(), job.plate.as_str(), job.seed, &job.key), ("two", "one", 3, &key));
+    assert!(!job.spec_json.contains("\"rig\""), "the plate's own rig applies");
+}
+
+#[test]
+fn pictures_are_made_for_those_who_look() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    assert_eq!(plate.picture(), None);
+    house.submit(plate, HOLD, JobPace::RealTime);
+    next(&told, "look");
+    let picture = loop {
+        if let Some(picture) = plate.picture() {
+            break picture;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    let image = image::load_from_memory(&picture.png).unwrap().into_rgb8();
+    assert_eq!(image.dimensions(), (640, 512));
+    assert!(image.pixels().any(|p| p.0 == [0, 220, 90]), "a ring around a part");
+    plates.shutdown(LONG);
+}

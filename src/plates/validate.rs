@@ -1,0 +1,41 @@
+use sha2::{Digest, Sha256};
+
+use super::shared::Shared;
+use crate::config::{Fault, JobSpec, Origin};
+use crate::library::LibraryFault;
+use crate::run::check_job;
+use crate::store::{JobPace, NewJob};
+
+/// What faults of a job that came in a request call it.
+const REQUEST: &str = "job";
+
+/// The job of a request, checked as a whole: its text, the library it is to run with and whether its parts find room.
+pub(super) fn validated(shared: &Shared, text: &str, pace: JobPace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
+    let job = JobSpec::from_json(text, &Origin::of_request(REQUEST), Some(&shared.rig))?;
+    let library = shared.library_of(&job).map_err(|faults| faults.into_iter().map(of_library).collect::<Vec<_>>())?;
+    check_job(&job, &library)?;
+    let mut spec = job.effective();
+    if let Some(members) = spec.as_object_mut() {
+        members.remove("rig");
+    }
+    Ok(NewJob {
+        name: job.name.clone(),
+        plate: shared.name.clone(),
+        seed: job.seed(),
+        pace,
+        spec_json: spec.to_string(),
+        rig_fingerprint: shared.rig.fingerprint.clone(),
+        library_sha256: sha256_hex(library.to_json().as_bytes()),
+        body_sha256: Sha256::digest(text.as_bytes()).into(),
+        key,
+    })
+}
+
+fn of_library(fault: LibraryFault) -> Fault {
+    let LibraryFault { file, path, found, allowed } = fault;
+    Fault { file, path, found, allowed }
+}
+
+fn sha256_hex(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,186 @@
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::SyncSender;
+use std::thread;
+use std::time::Duration;
+
+use jiff::Timestamp;
+
+use super::attend::Attend;
+use super::crier::Item;
+use super::shared::{Cause, Shared};
+use super::told::News;
+use crate::config::{JobSpec, Origin};
+use crate::control::EventLevel;
+use crate::recording::{Outcome, RerunMode};
+use crate::rig::Trip;
+use crate::run::{Links, RunFolder, RunOptions, RunResult, run_linked};
+use crate::store::{Claimed, JobEnd, JobId, JobPace, JobRow, JobState, RecordingKept};
+use crate::time::{MonotonicClock, PlateTime};
+
+/// How long a plate without work waits before it asks again, unless it is woken.
+const IDLE: Duration = Duration::from_secs(1);
+/// How long the end of a job waits to be stored again when that failed.
+const STORED_AGAIN: Duration = Duration::from_millis(250);
+
+/// What runs need beside the job.
+#[derive(Clone, Debug)]
+pub(super) struct Place {
+    /// Folder of run folders.
+    pub runs: PathBuf,
+    pub clock: MonotonicClock,
+    pub utc: fn() -> Timestamp,
+    /// False to make no recordings.
+    pub record: bool,
+}
+
+/// The thread of one plate: takes its jobs one after another and runs them.
+pub(super) struct Worker {
+    pub shared: Arc<Shared>,
+    pub crier: SyncSender<Item>,
+    pub place: Place,
+}
+
+impl Worker {
+    /// Works until the daemon ends.
+    pub fn work(&self) {
+        let shared = &*self.shared;
+        while !shared.ending.load(Ordering::SeqCst) {
+            shared.stop.store(false, Ordering::SeqCst);
+            // a stop before this is seen here, one after it by the run
+            if !shared.may_move() || !self.take_job() {
+                thread::park_timeout(IDLE);
+            }
+        }
+    }
+
+    /// Runs the next job; false when there is none.
+    fn take_job(&self) -> bool {
+        let folder = |row: &JobRow| make_folder(&self.place.runs, row);
+        match self.shared.ledger.claim(&self.shared.name, &folder) {
+            Ok(Some(claimed)) => {
+                self.run(&claimed);
+                true
+            }
+            Ok(None) => false,
+            Err(fault) => {
+                tracing::error!(plate = self.shared.name, "no job can be taken: {fault}");
+                false
+            }
+        }
+    }
+
+    fn run(&self, claimed: &Claimed) {
+        let id = claimed.row.id;
+        self.shared.begins(id);
+        self.tell(id, News::state(PlateTime::ZERO, JobState::Running));
+        let folder = self.place.runs.join(claimed.row.folder.as_deref().unwrap_or_default());
+        let done = self.play(claimed, &folder);
+        let cause = self.shared.ends();
+        let (at, mut end) = self.end_of(done, cause);
+        end.recording = recording_in(&folder);
+        self.settle_interlock(&end.reason);
+        self.tell(id, News::recording(at, end.recording, ""));
+        let told = News::finished(at, end.state, &end.reason);
+        self.store(&id, end);
+        self.tell(id, told);
+    }
+
+    fn play(&self, Claimed { row, spec_json }: &Claimed, folder: &Path) -> Result<RunResult, Vec<String>> {
+        let shared = &*self.shared;
+        let job = JobSpec::from_json(spec_json, &Origin::of_request("job"), Some(&shared.rig)).map_err(lines)?;
+        let library = shared.library_of(&job).map_err(lines)?;
+        let folder = RunFolder::reopen(folder).ok_or_else(|| vec!["its run folder is gone".to_owned()])?;
+        shared.real_time.store(row.pace == JobPace::RealTime, Ordering::Relaxed);
+        let options = RunOptions {
+            out: self.place.runs.clone(),
+            started_utc: String::new(),
+            rerun: if self.place.record { RerunMode::Save } else { RerunMode::Off },
+            real_time: row.pace == JobPace::RealTime,
+        };
+        let (stop, interlock, pacing) = (&shared.stop, &shared.interlock, &shared.pacing);
+        let links = Links { stop, interlock, pacing, cause: &|| shared.cause() };
+        let clock = self.place.clock;
+        let mut attend = Attend::new(shared, &clock, &self.crier, row.id);
+        run_linked(&job, library, folder, &options, &clock, links, &mut attend).map_err(|error| error.lines())
+    }
+
+    /// How a run ended, and when on the plate.
+    fn end_of(&self, done: Result<RunResult, Vec<String>>, cause: Option<Cause>) -> (PlateTime, JobEnd) {
+        let report = match done {
+            Ok(result) => result.report,
+            Err(lines) => return (PlateTime::ZERO, ended(JobState::Failed, lines.join("; "), None)),
+        };
+        let at = PlateTime::from_secs(report.plate_time_s);
+        let state = match (report.outcome, &cause) {
+            (Outcome::Completed, _) => JobState::Completed,
+            (Outcome::Failed, _) | (_, Some(Cause::Watchdog(_))) => JobState::Failed,
+            (Outcome::Cancelled, _) if self.shared.latch.is_stopped() => JobState::Cancelled,
+            (Outcome::Cancelled, Some(Cause::Cancelled)) => JobState::Cancelled,
+            (Outcome::Cancelled, None) => JobState::Interrupted,
+        };
+        (at, ended(state, report.reason.clone(), serde_json::to_string(&report).ok()))
+    }
+
+    /// A trip that no person made ends with the run it stopped, and pauses the plate.
+    fn settle_interlock(&self, reason: &str) {
+        let shared = &*self.shared;
+        match shared.interlock.tripped() {
+            None | Some(Trip::EStop) => {}
+            Some(trip) => {
+                if trip != Trip::Shutdown {
+                    shared.pause(Some(format!("the last job was stopped: {reason}")));
+                }
+                shared.interlock.release(trip);
+            }
+        }
+    }
+
+    /// Waits until the end of a job is on the disk: the plate does nothing else before.
+    fn store(&self, id: &JobId, end: JobEnd) {
+        let mut told = false;
+        while let Err(fault) = self.shared.ledger.ended(id, end.clone()) {
+            if !std::mem::replace(&mut told, true) {
+                tracing::error!(plate = self.shared.name, job = %id, "the end of the job cannot be stored: {fault}");
+                let text = format!("the end of the job cannot be stored: {fault}");
+                self.tell(*id, News::warning(PlateTime::ZERO, EventLevel::Error, &text));
+            }
+            if self.shared.ending.load(Ordering::SeqCst) {
+                return;
+            }
+            thread::park_timeout(STORED_AGAIN);
+        }
+    }
+
+    /// Between runs the plate rests, and may wait for its crier.
+    fn tell(&self, id: JobId, news: News) {
+        self.crier.send(Item::Tell(id, news)).ok();
+    }
+}
+
+fn ended(state: JobState, reason: String, report_json: Option<String>) -> JobEnd {
+    JobEnd { state, reason, report_json, recording: RecordingKept::None }
+}
+
+/// The job's own folder, named after it. Made before the job is taken, so that no job is ever without one.
+fn make_folder(runs: &Path, row: &JobRow) -> io::Result<String> {
+    let name = format!("{}-{}", row.name, row.id);
+    fs::create_dir_all(runs.join(&name))?;
+    Ok(name)
+}
+
+/// What of a recording lies in a run folder.
+fn recording_in(folder: &Path) -> RecordingKept {
+    match ["run.rrd", "run.rrd.part"].map(|name| folder.join(name).exists()) {
+        [true, _] => RecordingKept::Whole,
+        [false, true] => RecordingKept::Partial,
+        [false, false] => RecordingKept::None,
+    }
+}
+
+fn lines<T: ToString>(faults: Vec<T>) -> Vec<String> {
+    faults.iter().map(ToString::to_string).collect()
+}
