@@ -197,7 +197,9 @@ mod tests {
 
     #[test]
     fn late_control_is_told() {
-        let late = |worst_frames| move |now_ms| Deadlines { worst_frames: if now_ms < 3000 { 0 } else { worst_frames }, ..REAL_TIME };
+        let late = |worst_frames| {
+            move |now_ms| Deadlines { worst_frames: if now_ms < 3000 { 0 } else { worst_frames }, ..REAL_TIME }
+        };
         let mut dog = Watchdog::default();
         assert_eq!(first_found(&mut dog, 1000, 9000, frames_until(u64::MAX), late(5)), None);
         let mut dog = Watchdog::default();

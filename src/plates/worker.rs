@@ -15,7 +15,7 @@ use super::shared::{Cause, Shared};
 use super::told::News;
 use crate::config::{JobSpec, Origin};
 use crate::control::EventLevel;
-use crate::recording::{Outcome, RerunMode};
+use crate::recording::{Keeping, Outcome, RerunMode};
 use crate::rig::Trip;
 use crate::run::{Links, RunFolder, RunOptions, RunResult, run_linked};
 use crate::store::{Claimed, JobEnd, JobId, JobPace, JobRow, JobState, RecordingKept};
@@ -100,6 +100,7 @@ impl Worker {
             started_utc: String::new(),
             rerun: if self.place.record { RerunMode::Save } else { RerunMode::Off },
             real_time: row.pace == JobPace::RealTime,
+            keeping: Keeping::patient(self.place.clock),
         };
         let (stop, interlock, pacing) = (&shared.stop, &shared.interlock, &shared.pacing);
         let links = Links { stop, interlock, pacing, cause: &|| shared.cause() };

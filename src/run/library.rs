@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use crate::config::{JobSpec, LibraryRef, RigSpec, place_parts};
+use crate::config::{Fault, JobSpec, LibraryRef, RigSpec, place_parts};
 use crate::library::{FieldFacts, Library, LibraryFault, RigFacts};
 use crate::random::Streams;
 
@@ -26,13 +26,13 @@ pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
     if faults.is_empty() { Ok(Arc::new(library)) } else { Err(faults) }
 }
 
-/// What keeps `job` from being run with `library`, one line a fault: a library of another rig, parts that find no places.
-/// It looks at no picture and plans nothing, so it can be asked of every job that comes in.
-pub fn check_job(job: &JobSpec, library: &Library) -> Result<(), Vec<String>> {
-    let mut lines: Vec<String> =
-        library_faults(library, &file_of(job), &job.rig).iter().map(ToString::to_string).collect();
-    lines.extend(place_parts(job, Streams::new(job.seed())).err().map(|fault| fault.to_string()));
-    if lines.is_empty() { Ok(()) } else { Err(lines) }
+/// What keeps `job` from being run with `library`: a library of another rig, parts that find no places. It looks at no
+/// picture and plans nothing, so it can be asked of every job that comes in.
+pub fn check_job(job: &JobSpec, library: &Library) -> Result<(), Vec<Fault>> {
+    let of_library = |LibraryFault { file, path, found, allowed }| Fault { file, path, found, allowed };
+    let mut faults: Vec<Fault> = library_faults(library, &file_of(job), &job.rig).into_iter().map(of_library).collect();
+    faults.extend(place_parts(job, Streams::new(job.seed())).err());
+    if faults.is_empty() { Ok(()) } else { Err(faults) }
 }
 
 /// Where the library of `job` is, for people.

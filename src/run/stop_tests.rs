@@ -71,7 +71,13 @@ impl Stopped {
         let (job, out) = (job(), TempDir::new().unwrap());
         let library = job_library(&job).unwrap();
         let started_utc = "20260101T000000Z".to_owned();
-        let options = RunOptions { out: out.path().to_owned(), started_utc, rerun: RerunMode::Off, keeping: keeping(), real_time };
+        let options = RunOptions {
+            out: out.path().to_owned(),
+            started_utc,
+            rerun: RerunMode::Off,
+            keeping: keeping(),
+            real_time,
+        };
         let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
         let mut watcher = InPulse { number, act, pulses: 0, frames: 0, clock: Arc::clone(&plate.clock) };
         let cause = || cause.map(str::to_owned);
@@ -193,17 +199,22 @@ fn what_cannot_be_run_is_told_before_and_leaves_its_reason() {
     let job = crowded();
     let library = job_library(&job).unwrap();
     let lines = check_job(&job, &library).unwrap_err();
-    assert!(lines.len() == 1 && lines[0].contains("not all placed"), "{lines:?}");
+    assert!(lines.len() == 1 && lines[0].to_string().contains("not all placed"), "{lines:?}");
     let on_another_rig = JobSpec::load(&config_file("plus-sign-upm-2.json")).unwrap();
     let lines = check_job(&on_another_rig, &library).unwrap_err();
-    assert!(lines.iter().all(|line| line.contains("found") && line.contains("allowed")), "{lines:?}");
+    assert!(lines.iter().all(|fault| !fault.found.is_empty() && !fault.allowed.is_empty()), "{lines:?}");
     assert_eq!(check_job(&self::job(), &job_library(&self::job()).unwrap()), Ok(()));
 
     let (plate, out) = (Plate::default(), TempDir::new().unwrap());
     let folder = RunFolder::create(out.path(), &job, "20260101T000000Z").unwrap();
     let path = folder.path().join("report.json");
-    let options =
-        RunOptions { out: out.path().to_owned(), started_utc: String::new(), rerun: RerunMode::Off, keeping: keeping(), real_time: false };
+    let options = RunOptions {
+        out: out.path().to_owned(),
+        started_utc: String::new(),
+        rerun: RerunMode::Off,
+        keeping: keeping(),
+        real_time: false,
+    };
     let links = Links { stop: &plate.stop, interlock: &plate.interlock, pacing: &plate.pacing, cause: &|| None };
     let mut watcher = crate::recording::MemorySink::default();
     let done = run_linked(&job, library, folder, &options, &*plate.clock, links, &mut watcher);
