@@ -81,6 +81,7 @@ const ROOMS: &[(&str, &[&str])] = &[
         ],
     ),
     ("store", &[]),
+    ("plates", &["signal", "rig", "vision", "library", "planner", "control", "recording", "config", "run", "store"]),
     ("service", &["signal", "recording", "config", "run"]),
     (
         "cli",
@@ -139,6 +140,7 @@ const SERDE: &[&str] = &[
     "src/cli",
     "src/run",
     "src/store",
+    "src/plates",
     "src/service",
     "src/lab",
 ];

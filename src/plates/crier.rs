@@ -1,5 +1,5 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use super::shared::Shared;
@@ -24,25 +24,36 @@ pub struct TapId(u64);
 
 /// Everybody who watches a plate.
 #[derive(Default)]
-pub(super) struct Taps(Mutex<(u64, Vec<(TapId, Arc<dyn Tap>)>)>);
+pub(super) struct Taps(Mutex<Tapped>);
+
+#[derive(Default)]
+struct Tapped {
+    /// How many there ever were.
+    added: u64,
+    taps: Vec<(TapId, Arc<dyn Tap>)>,
+}
 
 impl Taps {
     pub fn add(&self, tap: Arc<dyn Tap>) -> TapId {
-        let mut taps = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        taps.0 += 1;
-        let id = TapId(taps.0);
-        taps.1.push((id, tap));
+        let mut tapped = self.tapped();
+        tapped.added += 1;
+        let id = TapId(tapped.added);
+        tapped.taps.push((id, tap));
         id
     }
 
     pub fn remove(&self, id: TapId) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).1.retain(|(each, _)| *each != id);
+        self.tapped().taps.retain(|(each, _)| *each != id);
     }
 
     fn offer(&self, told: &Told) {
-        for (_, tap) in &self.0.lock().unwrap_or_else(PoisonError::into_inner).1 {
+        for (_, tap) in &self.tapped().taps {
             tap.offer(told);
         }
+    }
+
+    fn tapped(&self) -> MutexGuard<'_, Tapped> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

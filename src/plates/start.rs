@@ -6,8 +6,6 @@ use std::sync::mpsc::sync_channel;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use jiff::Timestamp;
-
 use super::crier::{Item, cry};
 use super::latch::Latches;
 use super::plate::Plate;
@@ -47,8 +45,6 @@ pub struct Surroundings {
     pub latches: PathBuf,
     /// The daemon's clock.
     pub clock: MonotonicClock,
-    /// The wall's time.
-    pub utc: fn() -> Timestamp,
     /// False to make no recordings.
     pub record: bool,
 }
@@ -134,8 +130,8 @@ fn watch(plates: Vec<Arc<Shared>>, clock: MonotonicClock) {
 
 fn plate(shared: Arc<Shared>, around: &Surroundings, keeper: thread::Thread) -> io::Result<Plate> {
     let (sender, items) = sync_channel(WAITING);
-    let Surroundings { runs, clock, utc, record, .. } = around.clone();
-    let place = Place { runs, clock, utc, record };
+    let Surroundings { runs, clock, record, .. } = around.clone();
+    let place = Place { runs, clock, record };
     let (of_crier, of_worker) = (Arc::clone(&shared), Arc::clone(&shared));
     let crier = thread::Builder::new().name(format!("crier-{}", shared.name)).spawn(move || cry(&of_crier, &items))?;
     let work = move || {

@@ -47,7 +47,6 @@ impl House {
             runs: self.folder.path().join("runs"),
             latches: self.folder.path().join("latch"),
             clock: MonotonicClock::new(),
-            utc: || Timestamp::UNIX_EPOCH,
             record: false,
         };
         Plates::start(vec![setup], &around).unwrap()

@@ -7,8 +7,6 @@ use std::sync::mpsc::SyncSender;
 use std::thread;
 use std::time::Duration;
 
-use jiff::Timestamp;
-
 use super::attend::Attend;
 use super::crier::Item;
 use super::shared::{Cause, Shared};
@@ -32,7 +30,6 @@ pub(super) struct Place {
     /// Folder of run folders.
     pub runs: PathBuf,
     pub clock: MonotonicClock,
-    pub utc: fn() -> Timestamp,
     /// False to make no recordings.
     pub record: bool,
 }
