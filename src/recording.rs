@@ -36,7 +36,10 @@ pub use motion::Motion;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 pub use report::{Outcome, PartReport, PredictionError, Report};
 #[cfg(feature = "rerun")]
-pub use rerun::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext, record_lab, record_located};
+pub use rerun::{
+    PartLook, RecordingError, RecordingStats, Repaired, RerunSink, RunContext, record_lab, record_located,
+    repair_recording,
+};
 pub use rerun_mode::{BadRerunMode, RerunMode};
 pub use scribe::{Durable, Scribe, ScribeMode};
 pub use switch::{ENDED_EARLY, OnFull, RecordingState, RecordingSwitch};

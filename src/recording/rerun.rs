@@ -27,6 +27,9 @@ mod paint;
 mod picture;
 mod plots;
 mod recorder;
+mod repair;
+#[cfg(test)]
+mod repair_tests;
 mod signals;
 mod sink;
 #[cfg(test)]
@@ -40,4 +43,5 @@ mod words;
 
 pub use lab::record_lab;
 pub use located::record_located;
+pub use repair::{Repaired, repair_recording};
 pub use sink::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext};

@@ -87,6 +87,14 @@ pub enum RecordingError {
     /// A thread could not be started, or died.
     #[error("recorder thread: {0}")]
     Thread(String),
+    /// It could not be made whole again; it stands as it was.
+    #[error("recording {path} cannot be repaired: {reason}")]
+    Repair {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
     /// Something could not be encoded or written; the file ends before it.
     #[error("recording {path} is not whole: {reason}")]
     Write {
