@@ -4,9 +4,10 @@
 //! [`Journal`] writes the run down line by line and holds no wall time, so equal seeds give equal bytes. [`Tally`]
 //! counts, compares what was measured with the simulated truth and ends as a [`Report`]. [`MemorySink`] keeps
 //! everything, for tests. With the feature `rerun`, `RerunSink` streams the run to the Rerun viewer.
-//! [`Fanout`] makes one sink of several. [`Scribe`] writes lines on a thread of its own.
+//! [`Fanout`] makes one sink of several, [`Herald`] tells them what becomes of the recording. [`Scribe`] writes lines on a thread of its own.
 
 mod fanout;
+mod herald;
 mod journal;
 mod keeping;
 mod maps;
@@ -18,6 +19,7 @@ mod report;
 mod rerun;
 mod rerun_mode;
 mod scribe;
+mod switch;
 mod tally;
 #[cfg(test)]
 mod testing;
@@ -25,6 +27,7 @@ mod timings;
 mod wave;
 
 pub use fanout::Fanout;
+pub use herald::Herald;
 pub use journal::Journal;
 pub use keeping::Keeping;
 pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
@@ -33,8 +36,12 @@ pub use motion::Motion;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 pub use report::{Outcome, PartReport, PredictionError, Report};
 #[cfg(feature = "rerun")]
-pub use rerun::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext, record_lab, record_located};
+pub use rerun::{
+    PartLook, RecordingError, RecordingStats, Repaired, RerunSink, RunContext, record_lab, record_located,
+    repair_recording,
+};
 pub use rerun_mode::{BadRerunMode, RerunMode};
 pub use scribe::{Durable, Scribe, ScribeMode};
+pub use switch::{ENDED_EARLY, OnFull, RecordingState, RecordingSwitch};
 pub use tally::{Deadlines, Ending, PartEnding, Tally};
 pub use timings::{Durations, Quantiles, Timings, TimingsReport};

@@ -10,6 +10,8 @@ mod library;
 mod links;
 mod paced;
 mod pacing;
+#[cfg(test)]
+mod recording_tests;
 mod rehearse;
 mod simulate;
 #[cfg(test)]
@@ -23,7 +25,9 @@ use std::sync::atomic::AtomicBool;
 use crate::config::{Fault, JobSpec};
 use crate::control::{self, Devices, Ending, Finish, Sink};
 use crate::library::{Library, LibraryFault};
-use crate::recording::{self, Deadlines, Fanout, Journal, Keeping, PartEnding, Report, RerunMode, Scribe, Tally};
+use crate::recording::{
+    self, Deadlines, Fanout, Herald, Journal, Keeping, PartEnding, Report, RerunMode, Scribe, Tally,
+};
 use crate::rig::{Interlock, RigFault};
 use crate::time::{Clock, PlateTime};
 
@@ -191,12 +195,15 @@ impl Session<'_> {
         let mut named = NamedTruth::new(bench.truth());
         let mut sinks =
             Fanout::new().with(&mut named).with(&mut journal).with(&mut tally).with(recorder.sink()).with(watcher);
+        let mut herald = Herald::new(&mut sinks, &options.keeping.recording);
         let missed_before = links.pacing.start_run();
-        let mut finish = play(bench, library, self.pace(bench), &mut sinks, *clock, links.stop);
-        links.explain(&mut finish, &mut sinks, bench.now());
+        let mut finish = play(bench, library, self.pace(bench), &mut herald, *clock, links.stop);
+        links.explain(&mut finish, &mut herald, bench.now());
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
-        let warnings = recorder.finish(&options.rerun).into_iter().collect();
+        let warnings: Vec<String> = recorder.finish(options).into_iter().collect();
+        let mut sinks = Fanout::new().with(&mut journal).with(&mut tally).with(watcher);
+        Herald::new(&mut sinks, &options.keeping.recording).tell(bench.now());
         let written =
             journal.finish().and_then(Scribe::finish).map_err(|error| folder.write_error("journal.jsonl", &error));
         let mut ending = ending(job, Some(bench), finish, wall_time_s);
@@ -207,7 +214,7 @@ impl Session<'_> {
         if let Err(error) = &written {
             (ending.outcome, ending.reason) = (recording::Outcome::Failed, error.to_string());
         }
-        let report = tally.report(ending);
+        let report = Report { warnings: warnings.clone(), ..tally.report(ending) };
         folder.write_report(&report)?;
         written?;
         Ok(RunResult { folder: folder.path().to_owned(), report, warnings })
@@ -324,19 +331,21 @@ impl Recorder {
 
     /// Closes the recording; what is wrong with it in words.
     #[cfg(feature = "rerun")]
-    fn finish(self, mode: &RerunMode) -> Option<String> {
-        let live = matches!(mode, RerunMode::Connect { .. } | RerunMode::Spawn);
-        match self.sink.finish() {
-            Err(error) => Some(error.to_string()),
-            Ok(stats) if live && !stats.viewer_caught_up => {
+    fn finish(self, options: &RunOptions) -> Option<String> {
+        let live = matches!(options.rerun, RerunMode::Connect { .. } | RerunMode::Spawn);
+        let finished = self.sink.finish();
+        match (finished, options.keeping.recording.ended_early()) {
+            (_, Some(reason)) => Some(reason),
+            (Err(error), None) => Some(error.to_string()),
+            (Ok(stats), None) if live && !stats.viewer_caught_up => {
                 Some("the viewer did not take the whole run; the recording in the run folder is whole".into())
             }
-            Ok(_) => None,
+            (Ok(_), None) => None,
         }
     }
 
     #[cfg(not(feature = "rerun"))]
-    fn finish(self, _: &RerunMode) -> Option<String> {
+    fn finish(self, _: &RunOptions) -> Option<String> {
         None
     }
 }

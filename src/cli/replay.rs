@@ -1,13 +1,19 @@
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use super::args::RunFolderArgs;
 use super::failure::Failure;
+#[cfg(feature = "rerun")]
+use crate::recording::repair_recording;
 
 /// The viewer that reads this version's recordings.
 const VIEWER: &str = "0.36.3";
 
 pub(super) fn replay(args: &RunFolderArgs) -> Result<u8, Failure> {
     let recording = if args.run.is_dir() { args.run.join("run.rrd") } else { args.run.clone() };
+    if args.run.is_dir() && !recording.exists() {
+        recover(&args.run.join("run.rrd.part"), &recording)?;
+    }
     if !recording.is_file() {
         return Err(Failure::bad_input(format!(
             "{}: no recording there; `upm run --rerun save` makes one",
@@ -25,4 +31,20 @@ pub(super) fn replay(args: &RunFolderArgs) -> Result<u8, Failure> {
         ))),
         Err(error) => Err(Failure::failed(format!("the viewer does not start: {error}"))),
     }
+}
+
+/// Makes a recording of the draft that a killed run left, if there is one.
+#[cfg(feature = "rerun")]
+fn recover(draft: &Path, recording: &Path) -> Result<(), Failure> {
+    if !draft.exists() {
+        return Ok(());
+    }
+    let repaired = repair_recording(draft, recording).map_err(|error| Failure::failed(error.to_string()))?;
+    tracing::warn!("the run was killed; its recording was recovered, without the last {} bytes", repaired.cut_bytes);
+    Ok(())
+}
+
+#[cfg(not(feature = "rerun"))]
+fn recover(_: &Path, _: &Path) -> Result<(), Failure> {
+    Ok(())
 }

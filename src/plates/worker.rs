@@ -13,7 +13,7 @@ use super::shared::{Cause, Shared};
 use super::told::News;
 use crate::config::{JobSpec, Origin};
 use crate::control::EventLevel;
-use crate::recording::{Keeping, Outcome, RerunMode};
+use crate::recording::{Keeping, OnFull, Outcome, RecordingState, RecordingSwitch, RerunMode, ScribeMode};
 use crate::rig::Trip;
 use crate::run::{Links, RunFolder, RunOptions, RunResult, run_linked};
 use crate::store::{Claimed, JobEnd, JobId, JobPace, JobRow, JobState, RecordingKept};
@@ -75,18 +75,25 @@ impl Worker {
         self.shared.begins(id);
         self.tell(id, News::state(PlateTime::ZERO, JobState::Running));
         let folder = self.place.runs.join(claimed.row.folder.as_deref().unwrap_or_default());
-        let done = self.play(claimed, &folder);
+        let recording = RecordingSwitch::default();
+        let done = self.play(claimed, &folder, &recording);
         let cause = self.shared.ends();
         let (at, mut end) = self.end_of(done, cause);
-        end.recording = recording_in(&folder);
+        let (kept, why) = what_is_kept(recording.state());
+        end.recording = kept;
         self.settle_interlock(&end.reason);
-        self.tell(id, News::recording(at, end.recording, ""));
+        self.tell(id, News::recording(at, kept, &why));
         let told = News::finished(at, end.state, &end.reason);
         self.store(&id, end);
         self.tell(id, told);
     }
 
-    fn play(&self, Claimed { row, spec_json }: &Claimed, folder: &Path) -> Result<RunResult, Vec<String>> {
+    fn play(
+        &self,
+        Claimed { row, spec_json }: &Claimed,
+        folder: &Path,
+        recording: &RecordingSwitch,
+    ) -> Result<RunResult, Vec<String>> {
         let shared = &*self.shared;
         let job = JobSpec::from_json(spec_json, &Origin::of_request("job"), Some(&shared.rig)).map_err(lines)?;
         let library = shared.library_of(&job).map_err(lines)?;
@@ -97,7 +104,13 @@ impl Worker {
             started_utc: String::new(),
             rerun: if self.place.record { RerunMode::Save } else { RerunMode::Off },
             real_time: row.pace == JobPace::RealTime,
-            keeping: Keeping::patient(self.place.clock),
+            // the plate waits for no disk: the recording ends, the run goes on
+            keeping: Keeping {
+                scribe: ScribeMode::GiveUp,
+                on_full: OnFull::GiveUp,
+                recording: recording.clone(),
+                clock: self.place.clock,
+            },
         };
         let (stop, interlock, pacing) = (&shared.stop, &shared.interlock, &shared.pacing);
         let links = Links { stop, interlock, pacing, cause: &|| shared.cause() };
@@ -170,12 +183,14 @@ fn make_folder(runs: &Path, row: &JobRow) -> io::Result<String> {
     Ok(name)
 }
 
-/// What of a recording lies in a run folder.
-fn recording_in(folder: &Path) -> RecordingKept {
-    match ["run.rrd", "run.rrd.part"].map(|name| folder.join(name).exists()) {
-        [true, _] => RecordingKept::Whole,
-        [false, true] => RecordingKept::Partial,
-        [false, false] => RecordingKept::None,
+/// What there is of a recording after the run, and why no more.
+fn what_is_kept(state: RecordingState) -> (RecordingKept, String) {
+    match state {
+        RecordingState::Off => (RecordingKept::None, String::new()),
+        RecordingState::Writing { .. } => (RecordingKept::Partial, "it was not closed".to_owned()),
+        RecordingState::Stopped(why) => (RecordingKept::Stopped, why),
+        RecordingState::Failed(why) => (RecordingKept::Failed, why),
+        RecordingState::Whole => (RecordingKept::Whole, String::new()),
     }
 }
 

@@ -1,4 +1,5 @@
 use super::scribe::ScribeMode;
+use super::switch::{OnFull, RecordingSwitch};
 use crate::time::MonotonicClock;
 
 /// How what is told of a run gets to the disk. It changes nothing in the run itself.
@@ -6,6 +7,10 @@ use crate::time::MonotonicClock;
 pub struct Keeping {
     /// What the journal does when the disk lags.
     pub scribe: ScribeMode,
+    /// What the recording does when it lags.
+    pub on_full: OnFull,
+    /// Tells how the recording is getting on, and stops it. One for each run.
+    pub recording: RecordingSwitch,
     /// When the threads that write have gathered long enough.
     pub clock: MonotonicClock,
 }
@@ -13,6 +18,6 @@ pub struct Keeping {
 impl Keeping {
     /// Whoever tells waits for the disk, so nothing is ever lost.
     pub fn patient(clock: MonotonicClock) -> Self {
-        Self { scribe: ScribeMode::Wait, clock }
+        Self { scribe: ScribeMode::Wait, on_full: OnFull::Wait, recording: RecordingSwitch::default(), clock }
     }
 }

@@ -80,6 +80,9 @@ pub struct Report {
     pub parts: Vec<PartReport>,
     /// How long things took, µs of wall time.
     pub timing_us: TimingsReport,
+    /// What went wrong beside the run itself: a recording that does not hold all of it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
 }
 
 /// Distances of forecast places from measured ones over every pulse and part, root mean square, mm.

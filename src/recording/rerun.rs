@@ -1,7 +1,8 @@
 //! Streams a run to Rerun: into a file and, if asked, to a viewer as well.
 //!
 //! Facts are copied into owned messages and go through a bounded queue to a recorder thread, which encodes and logs
-//! them. The file never loses anything: when the queue is full the control loop waits. A viewer gets a copy of
+//! them. The file never loses anything: when the queue is full the control loop waits, or else the recording ends there
+//! as a failed one. It has its name only once it is closed and is `NAME.part` before. A viewer gets a copy of
 //! what goes into the file from a thread and a queue of its own; when it falls behind or is not there, messages to
 //! it are dropped and counted, and nobody waits.
 //!
@@ -13,6 +14,8 @@ mod blueprint;
 mod camera;
 mod cells;
 mod charts;
+mod destination;
+mod draft;
 mod field;
 mod file;
 mod lab;
@@ -24,6 +27,9 @@ mod paint;
 mod picture;
 mod plots;
 mod recorder;
+mod repair;
+#[cfg(test)]
+mod repair_tests;
 mod signals;
 mod sink;
 #[cfg(test)]
@@ -37,4 +43,5 @@ mod words;
 
 pub use lab::record_lab;
 pub use located::record_located;
+pub use repair::{Repaired, repair_recording};
 pub use sink::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext};

@@ -136,6 +136,7 @@ impl Tally {
                 .map(|(library, learned)| PredictionError { library, learned }),
             parts,
             timing_us: self.timings.report(),
+            warnings: Vec::new(),
         }
     }
 }

@@ -278,6 +278,7 @@ impl SyntheticRun {
     }
 
     /// When the last frame was taken.
+    #[cfg(feature = "rerun")]
     pub(super) fn now(&self) -> PlateTime {
         self.now
     }

@@ -7,45 +7,84 @@ use rerun::external::re_log_encoding::{Encoder, EncodingOptions};
 use rerun::log::LogMsg;
 use rerun::sink::{LogSink, SinkFlushError};
 
+use super::draft::Draft;
 use super::live::LiveQueue;
+use crate::recording::switch::RecordingSwitch;
 
-/// The `.rrd` file as Rerun's log sink. Unlike Rerun's own file sink it keeps the first write that fails and can be
-/// closed with a result. Every message is one write, so a killed process leaves all that was written so far.
+/// The `.rrd` file as Rerun's log sink. Unlike Rerun's own file sink it keeps the first write that fails, tells it at
+/// once on its switch, and can be closed with a result. Every message is one write, so a killed process leaves all that
+/// was written so far.
 #[derive(Clone)]
-pub(super) struct RrdFile(Arc<Mutex<State>>);
+pub(super) struct RrdFile(Arc<Mutex<State>>, RecordingSwitch);
 
 struct State {
     encoder: Option<Encoder<Counted>>,
+    draft: Option<Draft>,
     fault: Option<String>,
-    bytes: u64,
     messages: u64,
     live: Option<LiveQueue>,
 }
 
 impl RrdFile {
-    /// Writes to `out`, unbuffered; what is written goes to `live` as well.
-    pub(super) fn new(out: Box<dyn Write + Send>, live: Option<LiveQueue>) -> Result<Self, String> {
+    /// Writes to `out`, unbuffered, and gives `draft` its name when that is closed; what is written goes to `live` as
+    /// well.
+    pub(super) fn new(
+        out: Box<dyn Write + Send>,
+        draft: Option<Draft>,
+        live: Option<LiveQueue>,
+        switch: RecordingSwitch,
+    ) -> Result<Self, String> {
         let options = EncodingOptions::PROTOBUF_COMPRESSED;
-        let out = Counted { out, bytes: 0 };
-        let encoder = Encoder::new_eager(CrateVersion::LOCAL, options, out).map_err(|e| e.to_string())?;
-        let state = State { encoder: Some(encoder), fault: None, bytes: 0, messages: 0, live };
-        Ok(Self(Arc::new(Mutex::new(state))))
+        switch.begin();
+        let out = Counted { out, switch: switch.clone() };
+        let encoder = Encoder::new_eager(CrateVersion::LOCAL, options, out).map_err(|e| e.to_string());
+        let encoder = encoder.inspect_err(|fault| switch.fail(fault.as_str()))?;
+        let state = State { encoder: Some(encoder), draft, fault: None, messages: 0, live };
+        Ok(Self(Arc::new(Mutex::new(state)), switch))
     }
 
-    /// Writes the footer and closes. Bytes and messages written, or the first write that failed.
+    /// How the recording is getting on.
+    pub(super) fn switch(&self) -> &RecordingSwitch {
+        &self.1
+    }
+
+    /// True while a viewer gets what is logged.
+    pub(super) fn has_viewer(&self) -> bool {
+        self.state().live.is_some()
+    }
+
+    /// Lets go of the viewer.
+    pub(super) fn hang_up(&self) {
+        self.state().live = None;
+    }
+
+    /// Writes the footer, closes the file and gives it its name; a viewer goes on being told. Bytes and messages
+    /// written, or the first write that failed.
     pub(super) fn close(&self) -> Result<(u64, u64), String> {
         let mut state = self.state();
-        state.live = None;
         if let Some(mut encoder) = state.encoder.take() {
-            match encoder.finish().and_then(|()| encoder.into_inner()) {
-                Ok(out) => state.bytes = out.bytes,
-                Err(fault) => state.fault = state.fault.take().or_else(|| Some(fault.to_string())),
+            let closed = encoder.finish().and_then(|()| encoder.into_inner()).map_err(|e| e.to_string());
+            let kept = closed.and_then(|out| {
+                let kept = state.draft.as_ref().map_or(Ok(()), Draft::keep);
+                drop(out); // locked until it has its name
+                kept.map_err(|e| e.to_string())
+            });
+            match kept {
+                Ok(()) => self.1.close(),
+                Err(fault) => self.fail(&mut state, fault),
             }
         }
         match &state.fault {
             Some(fault) => Err(fault.clone()),
-            None => Ok((state.bytes, state.messages)),
+            None => Ok((self.1.bytes(), state.messages)),
         }
+    }
+
+    /// Nothing more is written, no footer neither: it would stand behind half a message.
+    fn fail(&self, state: &mut State, fault: String) {
+        state.encoder.take().map(Encoder::into_inner);
+        self.1.fail(fault.as_str());
+        state.fault.get_or_insert(fault);
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -56,13 +95,10 @@ impl RrdFile {
 impl LogSink for RrdFile {
     fn send(&self, message: LogMsg) {
         let mut state = self.state();
-        if state.fault.is_none()
-            && let Some(encoder) = &mut state.encoder
-        {
-            match encoder.append(&message) {
-                Ok(_) => state.messages += 1,
-                Err(fault) => state.fault = Some(fault.to_string()),
-            }
+        match state.encoder.as_mut().map(|encoder| encoder.append(&message)) {
+            Some(Ok(_)) => state.messages += 1,
+            Some(Err(fault)) => self.fail(&mut state, fault.to_string()),
+            None => {}
         }
         if let Some(live) = &state.live {
             live.offer(message);
@@ -70,10 +106,7 @@ impl LogSink for RrdFile {
     }
 
     fn flush_blocking(&self, _timeout: Duration) -> Result<(), SinkFlushError> {
-        match &self.state().fault {
-            Some(fault) => Err(SinkFlushError::failed(fault.clone())),
-            None => Ok(()),
-        }
+        Ok(()) // what failed is told by the switch and by `close`
     }
 
     fn defers_finalization_to_shutdown(&self) -> bool {
@@ -84,13 +117,13 @@ impl LogSink for RrdFile {
 /// Counts what passes.
 struct Counted {
     out: Box<dyn Write + Send>,
-    bytes: u64,
+    switch: RecordingSwitch,
 }
 
 impl Write for Counted {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let written = self.out.write(bytes)?;
-        self.bytes += written as u64;
+        self.switch.wrote(written as u64);
         Ok(written)
     }
 

@@ -17,9 +17,10 @@ use super::vision;
 use super::words::Words;
 use crate::geometry::Vec2;
 use crate::recording::records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
+use crate::recording::switch::ENDED_EARLY;
 use crate::signal::Frame;
 use crate::sim::Truth;
-use crate::time::{Clock, PlateTime};
+use crate::time::{Clock, MonotonicClock, PlateTime};
 use crate::vision::Track;
 
 /// Timeline of the experiment's own time.
@@ -32,6 +33,9 @@ pub(super) const APPLICATION: &str = "upm";
 
 /// How long chunks are gathered before they are written.
 const GATHER: Duration = Duration::from_millis(500);
+
+/// What may wait inside Rerun for the disk, bytes. Each of its two queues gets half.
+const MOST_WAITING_BYTES: u64 = 16 << 20;
 
 /// What was logged is sent on into the file this often. Rerun's own rhythm fails beside large images: whenever one
 /// series is sent because it is large, all others have to wait for another [`GATHER`], and so on without end.
@@ -113,7 +117,11 @@ impl Tape {
     ) -> Result<Self, String> {
         let builder = RecordingStreamBuilder::new(APPLICATION).enabled(true);
         let (_, info, _, _, hooks, _) = builder.into_args();
-        let batching = ChunkBatcherConfig { flush_tick: GATHER, ..ChunkBatcherConfig::DEFAULT };
+        let batching = ChunkBatcherConfig {
+            flush_tick: GATHER,
+            max_bytes_in_flight: MOST_WAITING_BYTES,
+            ..ChunkBatcherConfig::DEFAULT
+        };
         let stream =
             RecordingStream::new(info, None, Some(batching), hooks, Box::new(file)).map_err(|e| e.to_string())?;
         stream.set_log_time_enabled(false);
@@ -165,6 +173,15 @@ pub(super) fn nanos(at: PlateTime) -> i64 {
     i64::try_from(at.nanos()).unwrap_or(i64::MAX)
 }
 
+/// What lies before the recorder.
+pub(super) struct Desk {
+    pub(super) messages: Receiver<Message>,
+    /// Where pixels go when they are used up.
+    pub(super) pixels_back: SyncSender<Vec<u8>>,
+    pub(super) clock: MonotonicClock,
+    pub(super) file: RrdFile,
+}
+
 /// The thread that turns facts into what a person sees.
 pub(super) struct Recorder {
     tape: Tape,
@@ -175,6 +192,8 @@ pub(super) struct Recorder {
     plots: Plots,
     words: Words,
     context: RunContext,
+    /// True when it was logged that the recording ends early.
+    end_told: bool,
 }
 
 impl Recorder {
@@ -186,21 +205,22 @@ impl Recorder {
         let table = TableView::start(&tape, &context)?;
         let signals = Signals::start(&tape)?;
         let plots = Plots::start(&tape, &context)?;
-        Ok(Self { tape, cycle: 0, camera, table, signals, plots, words: Words::default(), context })
+        Ok(Self { tape, cycle: 0, camera, table, signals, plots, words: Words::default(), context, end_told: false })
     }
 
-    /// Logs every message until the sender is gone. After a fault the rest is thrown away, so nobody waits.
-    pub(super) fn run(
-        mut self,
-        messages: &Receiver<Message>,
-        pixels_back: &SyncSender<Vec<u8>>,
-        clock: &impl Clock,
-    ) -> Logged {
+    /// Logs every message until the sender is gone, or the recording is stopped and nobody watches. After a fault the
+    /// rest is thrown away, so nobody waits.
+    pub(super) fn run(mut self, desk: &Desk) -> Logged {
+        let Desk { messages, clock, file, .. } = desk;
         let mut recorded = Ok(());
         let mut sent_on_at = clock.elapsed();
+        let mut stopped = false;
         loop {
             match messages.recv_timeout(LISTEN) {
-                Ok(message) if recorded.is_ok() => recorded = self.record(message, pixels_back),
+                Ok(message) if recorded.is_ok() => {
+                    let fail = |fault: &String| file.switch().fail(fault.as_str());
+                    recorded = self.record(message, &desk.pixels_back).inspect_err(fail);
+                }
                 Ok(_) | Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
@@ -209,9 +229,29 @@ impl Recorder {
                 sent_on_at = now;
                 recorded = recorded.and_then(|()| self.tape.send_on());
             }
+            if let (Some(reason), false) = (file.switch().wanted_stop(), stopped) {
+                stopped = true;
+                recorded = recorded.and_then(|()| self.last_words(format!("{ENDED_EARLY}stopped, {reason}")));
+                file.close().ok(); // what fails is told by the switch
+            }
+            if stopped && !file.has_viewer() {
+                break;
+            }
+        }
+        if let Some(text) = file.switch().ended_early() {
+            recorded = recorded.and_then(|()| self.last_words(text));
         }
         let flushed = self.tape.flush();
         recorded.and(flushed)
+    }
+
+    /// Why there is nothing after this, and all that was logged into the file.
+    fn last_words(&mut self, text: String) -> Logged {
+        if !self.end_told {
+            self.end_told = true;
+            self.words.warn(&self.tape, text)?;
+        }
+        self.tape.flush()
     }
 
     fn record(&mut self, message: Message, pixels_back: &SyncSender<Vec<u8>>) -> Logged {
@@ -247,6 +287,10 @@ impl Recorder {
                 self.cycle = cycle.index + 1;
                 Ok(())
             }
+            Message::Event(event) if event.text.starts_with(ENDED_EARLY) => match self.end_told {
+                true => Ok(()),
+                false => self.last_words(event.text),
+            },
             Message::Event(event) => {
                 self.tape.at(event.at, self.cycle);
                 self.words.event(&self.tape, &event)

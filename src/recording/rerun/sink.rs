@@ -1,21 +1,20 @@
-use std::fs::File;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::thread::{self, JoinHandle};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::thread;
+use std::time::Duration;
 
-use rerun::external::re_uri::ProxyUri;
-
+use super::destination::{Destination, parse_address, thread_fault};
 use super::file::RrdFile;
-use super::live::{Live, LiveQueue};
-use super::recorder::{Logged, Looks, Message, Recorder};
+use super::live::Live;
+use super::recorder::{Desk, Logged, Looks, Message, Recorder};
 use crate::control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use crate::library::Library;
 use crate::planner::Method;
 use crate::recording::keeping::Keeping;
 use crate::recording::records::EventRecord;
 use crate::recording::rerun_mode::RerunMode;
+use crate::recording::switch::{OnFull, RecordingState, RecordingSwitch};
 use crate::rig::RigModel;
 use crate::signal::Frame;
 use crate::sim::TruthProbe;
@@ -23,6 +22,9 @@ use crate::time::PlateTime;
 
 /// Messages that may wait for the recorder; at most so many frames are held.
 const QUEUE: usize = 32;
+
+/// How long [`OnFull::GiveUp`] waits at the end for a disk that lags.
+const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Looks kept for trails, a second of plate time.
 const LOOKS_HZ: f64 = 15.0;
@@ -85,6 +87,14 @@ pub enum RecordingError {
     /// A thread could not be started, or died.
     #[error("recorder thread: {0}")]
     Thread(String),
+    /// It could not be made whole again; it stands as it was.
+    #[error("recording {path} cannot be repaired: {reason}")]
+    Repair {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
     /// Something could not be encoded or written; the file ends before it.
     #[error("recording {path} is not whole: {reason}")]
     Write {
@@ -113,10 +123,12 @@ pub struct RerunSink(Option<Running>);
 
 struct Running {
     path: PathBuf,
-    queue: SyncSender<Message>,
+    /// `None` once the recorder was given up.
+    queue: Option<SyncSender<Message>>,
+    on_full: OnFull,
     spare_pixels: Receiver<Vec<u8>>,
-    recorder: JoinHandle<Result<(), String>>,
-    file: RrdFile,
+    done: Receiver<Closed>,
+    switch: RecordingSwitch,
     live: Option<Live>,
     truth: Option<TruthProbe>,
     looks: Looks,
@@ -132,7 +144,8 @@ impl RerunSink {
         }
     }
 
-    /// Starts recording into `path`; with [`RerunMode::Off`] does nothing, now and later.
+    /// Starts recording into `path`, which is `path.part` until it is closed; with [`RerunMode::Off`] does nothing, now
+    /// and later.
     pub fn start(
         mode: &RerunMode,
         path: &Path,
@@ -142,35 +155,48 @@ impl RerunSink {
         if *mode == RerunMode::Off {
             return Ok(Self(None));
         }
-        let (file, live) = open(mode, path)?;
-        Self::into_writer(file, live, path, context, keeping)
+        Self::into_destination(Destination::open(mode, path)?, context, keeping)
     }
 
-    /// Records into `out`, which is called `path` in errors.
-    pub(super) fn into_writer(
-        out: Box<dyn Write + Send>,
-        live: Option<(Live, LiveQueue)>,
-        path: &Path,
+    /// Records into `to`.
+    pub(super) fn into_destination(
+        to: Destination,
         context: RunContext,
         keeping: &Keeping,
     ) -> Result<Self, RecordingError> {
-        let path = path.to_owned();
-        let (live, live_queue) = live.unzip();
-        let file =
-            RrdFile::new(out, live_queue).map_err(|reason| RecordingError::Write { path: path.clone(), reason })?;
+        let Keeping { on_full, clock, .. } = *keeping;
+        let switch = keeping.recording.clone();
+        let (file, path, live) = to.start(switch.clone())?;
         let (queue, messages) = sync_channel(QUEUE);
         let (pixels_back, spare_pixels) = sync_channel(QUEUE);
+        let (report, done) = sync_channel(1);
         let truth = context.truth.clone();
         let looks = Looks::new(context.parts.len());
-        let (stream_file, clock) = (file.clone(), keeping.clock);
-        let recorder = thread::Builder::new()
+        let desk = Desk { messages, pixels_back, clock, file };
+        thread::Builder::new()
             .name("recorder".into())
-            .spawn(move || Recorder::start(stream_file, context)?.run(&messages, &pixels_back, &clock))
+            .spawn(move || {
+                let recorded = Recorder::start(desk.file.clone(), context).and_then(|recorder| recorder.run(&desk));
+                report.send(close(&desk.file, recorded)).ok();
+            })
             .map_err(thread_fault)?;
-        Ok(Self(Some(Running { path, queue, spare_pixels, recorder, file, live, truth, looks, last_look: None })))
+        let running = Running {
+            path,
+            queue: Some(queue),
+            on_full,
+            spare_pixels,
+            done,
+            switch,
+            live,
+            truth,
+            looks,
+            last_look: None,
+        };
+        Ok(Self(Some(running)))
     }
 
-    /// Waits until everything is written and closes the file. `Err` with the first fault of the whole run.
+    /// Waits until everything is written and closes the file. `Err` with the first fault of the whole run. A recording
+    /// that was stopped is none.
     pub fn finish(mut self) -> Result<RecordingStats, RecordingError> {
         self.0.take().map_or(Ok(RecordingStats::default()), Running::close)
     }
@@ -187,17 +213,40 @@ impl Drop for RerunSink {
 impl Running {
     fn close(mut self) -> Result<RecordingStats, RecordingError> {
         self.send_looks();
-        drop(self.queue);
-        let recorded = match self.recorder.join() {
-            Ok(recorded) => recorded,
-            Err(_) => Err("recorder thread died".to_owned()),
+        self.queue = None;
+        let closed = match self.on_full {
+            OnFull::Wait => self.done.recv().map_err(RecvTimeoutError::from),
+            OnFull::GiveUp => self.done.recv_timeout(PATIENCE),
         };
-        close(&self.path, &self.file, self.live, recorded)
+        let closed = closed.unwrap_or_else(|fault| {
+            let reason = match fault {
+                RecvTimeoutError::Timeout => "the disk hangs",
+                RecvTimeoutError::Disconnected => "the recorder's thread died",
+            };
+            self.switch.fail(reason);
+            Err(reason.to_owned())
+        });
+        let lagged = match self.switch.state() {
+            RecordingState::Failed(reason) => Err(reason),
+            _ => Ok(()),
+        };
+        stats(&self.path, self.live, closed.and_then(|written| lagged.map(|()| written)))
     }
 
-    /// Waits when the recorder lags. A dead recorder is told of by `close`.
-    fn send(&self, message: Message) {
-        self.queue.send(message).ok();
+    /// Waits when the recorder lags, or gives it up. A dead recorder is told of by `close`.
+    fn send(&mut self, message: Message) {
+        let Some(queue) = &self.queue else { return };
+        match self.on_full {
+            OnFull::Wait => {
+                queue.send(message).ok();
+            }
+            OnFull::GiveUp => {
+                if let Err(TrySendError::Full(_)) = queue.try_send(message) {
+                    self.switch.fail(format!("the recorder lags, {QUEUE} messages wait"));
+                    self.queue = None;
+                }
+            }
+        }
     }
 
     fn send_looks(&mut self) {
@@ -274,68 +323,29 @@ pub(super) fn record(
     if *mode == RerunMode::Off {
         return Ok(RecordingStats::default());
     }
-    let (out, live) = open(mode, path)?;
-    let (live, queue) = live.unzip();
-    let file = RrdFile::new(out, queue).map_err(|reason| RecordingError::Write { path: path.to_owned(), reason })?;
+    let (file, path, live) = Destination::open(mode, path)?.start(RecordingSwitch::default())?;
     let recorded = log(file.clone());
-    close(path, &file, live, recorded)
+    stats(&path, live, close(&file, recorded))
 }
 
-/// Where a recording goes: a file, and with a viewer what feeds it.
-type Destination = (Box<dyn Write + Send>, Option<(Live, LiveQueue)>);
+/// Bytes and messages in a file, or why it is not whole.
+type Closed = Result<(u64, u64), String>;
 
-/// Opens the file at `path` and the viewer of `mode`, if there is one.
-fn open(mode: &RerunMode, path: &Path) -> Result<Destination, RecordingError> {
-    let live = viewer_address(mode)?.map(Live::start).transpose().map_err(thread_fault)?;
-    let file =
-        File::create(path).map_err(|e| RecordingError::Create { path: path.to_owned(), reason: e.to_string() })?;
-    Ok((Box::new(file), live))
-}
-
-/// Closes `file` and lets the viewer take what is left. `Err` with the first fault of writing it or of what was
+/// Closes `file` in any case and lets go of its viewer. `Err` with the first fault of writing it or of what was
 /// `recorded`.
-fn close(
-    path: &Path,
-    file: &RrdFile,
-    live: Option<Live>,
-    recorded: Result<(), String>,
-) -> Result<RecordingStats, RecordingError> {
-    let closed = file.close();
-    let (viewer_missed, viewer_caught_up) = live.map_or((0, false), Live::finish);
-    match (closed, recorded) {
-        (Err(reason), _) | (_, Err(reason)) => Err(RecordingError::Write { path: path.to_owned(), reason }),
-        (Ok((file_bytes, messages)), Ok(())) => {
-            Ok(RecordingStats { file_bytes, messages, viewer_missed, viewer_caught_up })
-        }
+fn close(file: &RrdFile, recorded: Logged) -> Closed {
+    if let Err(fault) = &recorded {
+        file.switch().fail(fault.as_str());
     }
+    let closed = file.close();
+    file.hang_up();
+    closed.and_then(|written| recorded.map(|()| written))
 }
 
-fn thread_fault(fault: std::io::Error) -> RecordingError {
-    RecordingError::Thread(fault.to_string())
-}
-
-/// Where the viewer of `mode` listens; starts it for [`RerunMode::Spawn`].
-fn viewer_address(mode: &RerunMode) -> Result<Option<ProxyUri>, RecordingError> {
-    let url = match mode {
-        RerunMode::Off | RerunMode::Save => return Ok(None),
-        RerunMode::Connect { url } => url.clone().unwrap_or_else(|| rerun::DEFAULT_CONNECT_URL.to_owned()),
-        RerunMode::Spawn => {
-            // the viewer's own default is to listen on every interface
-            let extra_args = vec!["--bind".to_owned(), "127.0.0.1".to_owned()];
-            let options = rerun::SpawnOptions { hide_welcome_screen: true, extra_args, ..Default::default() };
-            let viewer = rerun::spawn(&options).map_err(|e| RecordingError::Spawn(first_line(&e.to_string())))?;
-            format!("rerun+http://127.0.0.1:{}/proxy", viewer.port)
-        }
-    };
-    parse_address(url).map(Some)
-}
-
-fn parse_address(url: String) -> Result<ProxyUri, RecordingError> {
-    let address = url.parse::<ProxyUri>().map_err(|e| e.to_string());
-    address.map_err(|reason| RecordingError::Address { url, reason })
-}
-
-/// Rerun's words for a missing viewer go on over a dozen lines, with the whole search path among them.
-fn first_line(text: &str) -> String {
-    text.lines().next().unwrap_or_default().trim_end().to_owned()
+/// Lets the viewer take what is left of the recording called `path`.
+fn stats(path: &Path, live: Option<Live>, closed: Closed) -> Result<RecordingStats, RecordingError> {
+    let (viewer_missed, viewer_caught_up) = live.map_or((0, false), Live::finish);
+    closed
+        .map(|(file_bytes, messages)| RecordingStats { file_bytes, messages, viewer_missed, viewer_caught_up })
+        .map_err(|reason| RecordingError::Write { path: path.to_owned(), reason })
 }

@@ -1,5 +1,4 @@
 use std::collections::BTreeSet;
-use std::io::{self, Write};
 use std::net::TcpListener;
 use std::path::Path;
 use std::sync::Arc;
@@ -190,26 +189,6 @@ fn faults_are_told() {
     assert!(matches!(record(&RerunMode::Save, &nowhere, 1), Err(RecordingError::Create { .. })));
     let bad = RerunMode::Connect { url: Some("gopher://x".to_owned()) };
     assert!(matches!(record(&bad, &folder.path().join("run.rrd"), 1), Err(RecordingError::Address { .. })));
-}
-
-#[test]
-fn a_disk_that_fills_up_is_told_at_the_end() {
-    struct Full(usize);
-    impl Write for Full {
-        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-            self.0 = self.0.checked_sub(bytes.len()).ok_or(io::ErrorKind::StorageFull)?;
-            Ok(bytes.len())
-        }
-        fn flush(&mut self) -> io::Result<()> {
-            Ok(())
-        }
-    }
-    let mut run = SyntheticRun::new(2);
-    let out = Box::new(Full(200_000));
-    let mut sink = RerunSink::into_writer(out, None, Path::new("full.rrd"), context(&run), &keeping()).unwrap();
-    (0..20).for_each(|_| run.cycle(&mut sink));
-    let fault = sink.finish().unwrap_err();
-    assert!(matches!(fault, RecordingError::Write { .. }), "{fault}");
 }
 
 #[test]

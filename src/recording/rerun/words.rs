@@ -52,6 +52,11 @@ impl Words {
         };
         say(tape, level, event.text.clone())
     }
+
+    /// A warning, at the last moment told of.
+    pub(super) fn warn(&self, tape: &Tape, text: String) -> Logged {
+        say(tape, TextLogLevel::WARN, text)
+    }
 }
 
 fn say(tape: &Tape, level: &str, text: String) -> Logged {

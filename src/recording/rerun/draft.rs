@@ -1,0 +1,98 @@
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// A file that gets its name only once it is whole. Until then it is `NAME.part`, locked against others, and what a
+/// killed process leaves is told from what is whole by its name alone.
+pub(super) struct Draft {
+    part: PathBuf,
+    path: PathBuf,
+}
+
+impl Draft {
+    /// An empty `NAME.part` beside `path`.
+    pub(super) fn create(path: &Path) -> io::Result<(Self, File)> {
+        Self::create_as("part", path)
+    }
+
+    /// An empty `NAME.suffix` beside `path`.
+    pub(super) fn create_as(suffix: &str, path: &Path) -> io::Result<(Self, File)> {
+        if path.is_dir() {
+            return Err(io::ErrorKind::IsADirectory.into());
+        }
+        let part = with_suffix(path, suffix);
+        let file = OpenOptions::new().write(true).create(true).truncate(false).open(&part)?;
+        lock(&file)?;
+        file.set_len(0)?;
+        Ok((Self { part, path: path.to_owned() }, file))
+    }
+
+    /// Where it is for now.
+    pub(super) fn part(&self) -> &Path {
+        &self.part
+    }
+
+    /// Gives the file its name, once all of it is on the disk.
+    pub(super) fn keep(&self) -> io::Result<()> {
+        keep(&self.part, &self.path)
+    }
+}
+
+/// `path` with one more suffix.
+fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = OsString::from(path.file_name().unwrap_or_default());
+    name.push(".");
+    name.push(suffix);
+    path.with_file_name(name)
+}
+
+/// Refuses a file that somebody else is writing. A file system without locks is taken as it is.
+pub(super) fn lock(file: &File) -> io::Result<()> {
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => Err(io::Error::new(io::ErrorKind::WouldBlock, "somebody else is writing it")),
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
+    }
+}
+
+/// Renames `part` to `path`, both on the disk when this returns.
+pub(super) fn keep(part: &Path, path: &Path) -> io::Result<()> {
+    File::open(part)?.sync_all()?;
+    fs::rename(part, path)?;
+    sync_folder_of(path)
+}
+
+#[cfg(unix)]
+fn sync_folder_of(path: &Path) -> io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    File::open(folder)?.sync_all()
+}
+
+/// Elsewhere a folder is no file.
+#[cfg(not(unix))]
+fn sync_folder_of(_: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    #[test]
+    fn a_file_has_its_name_only_once_it_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.rrd");
+        let part = folder.path().join("run.rrd.part");
+        fs::write(&part, "left by a killed process").unwrap();
+        let (draft, mut file) = Draft::create(&path).unwrap();
+        file.write_all(b"whole").unwrap();
+        assert!(part.exists() && !path.exists());
+        assert!(Draft::create(&path).is_err(), "two at once");
+        assert!(Draft::create(folder.path()).is_err(), "could never be kept");
+        draft.keep().unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "whole");
+        assert!(!part.exists());
+    }
+}
