@@ -43,7 +43,9 @@ pub(super) fn recover(
     found.paused = pause(&tx, opening.plates, found.clean)?;
     let known = folders_of(&tx)?;
     let orphans = places.run_names()?.into_iter().filter(|name| !known.contains(name));
-    found.orphans = orphans.map(|name| places.runs.join(name)).collect();
+    // one that is empty was made for a job that did not come to begin
+    let left = orphans.map(|name| places.runs.join(name)).filter(|folder| fs::remove_dir(folder).is_err());
+    found.orphans = left.collect();
     tx.execute("UPDATE meta SET clean_shutdown = 0", [])?;
     Ok(tx.commit()?)
 }

@@ -139,12 +139,14 @@ fn a_start_killed_after_a_repair_still_marks_it() {
 }
 
 #[test]
-fn a_folder_made_for_a_claim_that_never_was_is_an_orphan() {
+fn folders_made_for_claims_that_never_were_go_when_they_are_empty() {
     let (folder, store) = new_store(limits());
     let id = queue(&store, "one", "a").id;
-    fs::create_dir(store.runs().join("one")).unwrap();
+    ["one", "other"].into_iter().for_each(|name| fs::create_dir(store.runs().join(name)).unwrap());
+    fs::write(store.runs().join("other/notes"), "a person's").unwrap();
     let (copy, Opened { store: again, recovery }) = killed(folder.path());
-    assert_eq!(recovery.orphans, [copy.path().join("runs/one")]);
+    assert_eq!(recovery.orphans, [copy.path().join("runs/other")]);
+    assert!(!copy.path().join("runs/one").exists());
     assert_eq!(job(&again, id).state, JobState::Queued);
 }
 
