@@ -283,6 +283,13 @@ impl SyntheticRun {
         self.now
     }
 
+    /// Noise alone, which no picture file makes small.
+    #[cfg(feature = "rerun")]
+    pub(super) fn snow(&mut self) {
+        let noise = &mut self.noise;
+        self.frame.pixels.iter_mut().for_each(|pixel| *pixel = noise.next_u32() as u8);
+    }
+
     /// Black ground, white plate, black discs, some noise.
     pub(super) fn draw(&mut self) {
         let discs: Vec<Vec2> = self.parts_m.iter().map(|&p| image_from_table(p)).collect();

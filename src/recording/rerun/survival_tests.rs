@@ -65,8 +65,9 @@ fn age_in_file_s(path: &Path, series: &[&str], mut frame: impl FnMut() -> f64) -
 fn images_at_60_hz_keep_no_other_series_out_of_the_file() {
     let (_folder, path, part) = places();
     let mut run = SyntheticRun::new(2);
-    run.draw();
+    run.snow();
     let mut sink = RerunSink::start(&RerunMode::Save, &path, context(&run), &keeping()).unwrap();
+    // so large that Rerun sends them on by themselves, and puts off everything else for them
     let age_s = age_in_file_s(&part, &["/log", "/errors/sensing_mm", "/table/measured"], || {
         run.look(&mut sink, false, true);
         sink.event(run.now(), EventLevel::Info, "a frame");
