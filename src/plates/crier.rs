@@ -1,8 +1,8 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
-use super::shared::Shared;
+use super::shared::{Shared, locked};
 use super::told::{News, Tap, Told};
 use crate::store::{JobId, NewEvent};
 
@@ -53,7 +53,7 @@ impl Taps {
     }
 
     fn tapped(&self) -> MutexGuard<'_, Tapped> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.0)
     }
 }
 

@@ -1,8 +1,10 @@
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use super::draw::draw;
+use super::shared::{locked, locked_now};
+use super::watchdog::ms;
 use crate::geometry::Vec2;
 use crate::signal::Frame;
 use crate::time::PlateTime;
@@ -74,11 +76,7 @@ impl Window {
         if early || ms(now) >= self.wanted_until_ms.load(Ordering::Relaxed) {
             return;
         }
-        let mut raw = match self.raw.try_lock() {
-            Ok(raw) => raw,
-            Err(TryLockError::Poisoned(raw)) => raw.into_inner(),
-            Err(TryLockError::WouldBlock) => return,
-        };
+        let Some(mut raw) = locked_now(&self.raw) else { return };
         raw.frame.clone_from(frame);
         (raw.marks, raw.taken, raw.fresh) = (marks(), now, true);
         self.given_at_ms.store(ms(now).max(1), Ordering::Relaxed);
@@ -100,14 +98,6 @@ impl Window {
     pub fn clear(&self) {
         *locked(&self.newest) = None;
     }
-}
-
-fn ms(time: Duration) -> u64 {
-    u64::try_from(time.as_millis()).unwrap_or(u64::MAX)
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

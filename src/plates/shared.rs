@@ -96,11 +96,7 @@ impl Shared {
 
     /// Notes what is seen; leaves it out while somebody looks.
     pub fn saw(&self, sight: &Sight, now: Duration) {
-        let mut seen = match self.seen.try_lock() {
-            Ok(seen) => seen,
-            Err(TryLockError::Poisoned(seen)) => seen.into_inner(),
-            Err(TryLockError::WouldBlock) => return,
-        };
+        let Some(mut seen) = locked_now(&self.seen) else { return };
         seen.sight.clone_from(sight);
         seen.at = Some(now);
     }
@@ -199,6 +195,16 @@ impl Shared {
     }
 }
 
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+/// What lies behind a lock, whoever panicked while holding it.
+pub(super) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The same without waiting: `None` while somebody else holds it.
+pub(super) fn locked_now<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
+    match mutex.try_lock() {
+        Ok(guard) => Some(guard),
+        Err(TryLockError::Poisoned(guard)) => Some(guard.into_inner()),
+        Err(TryLockError::WouldBlock) => None,
+    }
 }
