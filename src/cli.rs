@@ -14,32 +14,41 @@ macro_rules! complain {
 }
 
 mod args;
+mod bundle;
 mod calibrate;
 mod check;
+mod client;
+mod client_args;
 mod failure;
+mod jobs;
 mod lab;
 mod lab_table;
 mod locate;
+mod logs;
+mod man;
 mod progress;
 mod recording;
 mod render;
 mod render_scene;
 mod replay;
 mod run;
+mod serve;
 mod simulate;
+mod stop;
+mod submit;
 mod summary;
 mod track_speed;
 mod verify;
+mod watch;
 
-use std::io::{ErrorKind, IsTerminal, Write};
+use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{CommandFactory, Parser};
-use tracing::level_filters::LevelFilter;
 
-use args::{Cli, Command, Common};
+use args::{Cli, Command};
 use failure::Failure;
 
 /// The job ran and did not reach its goal.
@@ -53,7 +62,7 @@ const INTERRUPTED: u8 = 130;
 /// file, 130 interrupted.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    start_logging(cli.common);
+    logs::start(cli.common, cli.command.log());
     match dispatch(cli) {
         Ok(status) => ExitCode::from(status),
         Err(failure) => ExitCode::from(failure.complain()),
@@ -71,8 +80,12 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Lab(args) => lab::lab(&args, common),
         Command::Replay(args) => replay::replay(&args),
         Command::Verify(args) => verify::verify(&args, common),
+        Command::Serve(args) => serve::serve(&args),
         Command::Check(args) => check::check(&args, common),
         Command::Schema(args) => check::schema(&args),
+        Command::Client(command) => client::command(&command, common),
+        Command::SupportBundle(args) => bundle::support_bundle(&args, common),
+        Command::Man(args) => man::man(&args),
         Command::Completions(args) => {
             let mut script = Vec::new();
             clap_complete::generate(args.shell, &mut Cli::command(), "upm", &mut script);
@@ -80,22 +93,6 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
             Ok(0)
         }
     }
-}
-
-fn start_logging(common: Common) {
-    let level = match (common.quiet, common.verbose) {
-        (true, _) => LevelFilter::ERROR,
-        (false, 0) => LevelFilter::WARN,
-        (false, 1) => LevelFilter::INFO,
-        (false, 2) => LevelFilter::DEBUG,
-        (false, _) => LevelFilter::TRACE,
-    };
-    tracing_subscriber::fmt()
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_max_level(level)
-        .without_time()
-        .init();
 }
 
 /// A flag that Ctrl-C sets; a second Ctrl-C ends the process at once.

@@ -11,6 +11,7 @@
 
 mod attend;
 mod crier;
+mod disk;
 mod draw;
 mod frames;
 mod latch;

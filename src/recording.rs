@@ -4,7 +4,7 @@
 //! [`Journal`] writes the run down line by line and holds no wall time, so equal seeds give equal bytes. [`Tally`]
 //! counts, compares what was measured with the simulated truth and ends as a [`Report`]. [`MemorySink`] keeps
 //! everything, for tests. With the feature `rerun`, `RerunSink` streams the run to the Rerun viewer.
-//! [`Fanout`] makes one sink of several, [`Herald`] tells them what becomes of the recording. [`Scribe`] writes lines on a thread of its own.
+//! [`Fanout`] makes one sink of several, [`Herald`] tells them what becomes of journal and recording. [`Scribe`] writes lines on a thread of its own.
 
 mod fanout;
 mod herald;
@@ -13,12 +13,15 @@ mod keeping;
 mod maps;
 mod memory;
 mod motion;
+#[cfg(not(feature = "rerun"))]
+mod no_live;
 mod records;
 mod report;
 #[cfg(feature = "rerun")]
 mod rerun;
 mod rerun_mode;
 mod scribe;
+mod scribe_watch;
 mod switch;
 mod tally;
 #[cfg(test)]
@@ -27,21 +30,24 @@ mod timings;
 mod wave;
 
 pub use fanout::Fanout;
-pub use herald::Herald;
+pub use herald::{Herald, tell_recording};
 pub use journal::Journal;
 pub use keeping::Keeping;
 pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
 pub use memory::MemorySink;
 pub use motion::Motion;
+#[cfg(not(feature = "rerun"))]
+pub use no_live::LiveServer;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 pub use report::{Outcome, PartReport, PredictionError, Report};
 #[cfg(feature = "rerun")]
 pub use rerun::{
-    PartLook, RecordingError, RecordingStats, Repaired, RerunSink, RunContext, record_lab, record_located,
+    LiveServer, PartLook, RecordingError, RecordingStats, Repaired, RerunSink, RunContext, record_lab, record_located,
     repair_recording,
 };
 pub use rerun_mode::{BadRerunMode, RerunMode};
 pub use scribe::{Durable, Scribe, ScribeMode};
+pub use scribe_watch::ScribeWatch;
 pub use switch::{ENDED_EARLY, OnFull, RecordingState, RecordingSwitch};
 pub use tally::{Deadlines, Ending, PartEnding, Tally};
 pub use timings::{Durations, Quantiles, Timings, TimingsReport};

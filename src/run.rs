@@ -16,6 +16,7 @@ mod rehearse;
 mod simulate;
 #[cfg(test)]
 mod stop_tests;
+mod unwritten;
 mod verify;
 
 use std::path::PathBuf;
@@ -26,12 +27,13 @@ use crate::config::{Fault, JobSpec};
 use crate::control::{self, Devices, Ending, Finish, Sink};
 use crate::library::{Library, LibraryFault};
 use crate::recording::{
-    self, Deadlines, Fanout, Herald, Journal, Keeping, PartEnding, Report, RerunMode, Scribe, Tally,
+    self, Deadlines, Fanout, Herald, Journal, Keeping, PartEnding, Report, RerunMode, Scribe, Tally, tell_recording,
 };
 use crate::rig::{Interlock, RigFault};
 use crate::time::{Clock, PlateTime};
 
 use paced::{Pace, Paced};
+use unwritten::Unwritten;
 
 pub use crate::sim::Trajectories;
 pub use bench::{Bench, NamedTruth};
@@ -39,7 +41,7 @@ pub use calibrate::{calibrate, calibration_params};
 pub use coverage::{Coverage, Gap, Place};
 pub use first_frame::{FirstFrame, FirstFrameError, TruePart, first_frame};
 pub use folder::{FolderState, RunFolder};
-pub use library::{check_job, job_library, library_faults};
+pub use library::{check_job, check_places, job_library, library_faults};
 pub use links::Links;
 pub use pacing::PacingStats;
 pub use rehearse::{Forecast, Independence, PartForecast, RehearsalProgress, Spot, rehearse};
@@ -195,7 +197,11 @@ impl Session<'_> {
         let mut named = NamedTruth::new(bench.truth());
         let mut sinks =
             Fanout::new().with(&mut named).with(&mut journal).with(&mut tally).with(recorder.sink()).with(watcher);
-        let mut herald = Herald::new(&mut sinks, &options.keeping.recording);
+        let mut unwritten = Unwritten { journal: &options.keeping.journal, stop: links.stop, told: false };
+        let mut herald = Herald::new(&mut sinks, |sinks: &mut dyn Sink, at| {
+            unwritten.check(sinks, at);
+            tell_recording(&options.keeping.recording, sinks, at);
+        });
         let missed_before = links.pacing.start_run();
         let mut finish = play(bench, library, self.pace(bench), &mut herald, *clock, links.stop);
         links.explain(&mut finish, &mut herald, bench.now());
@@ -203,7 +209,7 @@ impl Session<'_> {
 
         let warnings: Vec<String> = recorder.finish(options).into_iter().collect();
         let mut sinks = Fanout::new().with(&mut journal).with(&mut tally).with(watcher);
-        Herald::new(&mut sinks, &options.keeping.recording).tell(bench.now());
+        tell_recording(&options.keeping.recording, &mut sinks, bench.now());
         let written =
             journal.finish().and_then(Scribe::finish).map_err(|error| folder.write_error("journal.jsonl", &error));
         let mut ending = ending(job, Some(bench), finish, wall_time_s);

@@ -9,8 +9,8 @@ mod http;
 
 pub use api::{
     AppParts, Asset, Desk, EStopped, Event, Feed, Job, JobState, JobsPage, JobsQuery, Opening, Order, Pace, Plate,
-    PlateState, Plates, Promise, Recording, RecordingState, Refusal, Replayed, Reply, ResetRequest, Submitted, Well,
-    app, kept, openapi, promise,
+    PlateState, Plates, Promise, Recording, RecordingState, Refusal, Replayed, Reply, Requests, ResetRequest,
+    Submitted, Traffic, Well, app, kept, openapi, promise,
 };
 pub use http::{
     Caller, Hosts, Limits, Problem, ProblemDocument, ProblemFault, ProblemKind, Scope, Served, StopFlag, StopSender,

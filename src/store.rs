@@ -18,6 +18,7 @@ mod ledger;
 mod memory;
 mod open;
 mod orders;
+mod peek;
 mod pending;
 mod places;
 mod reader;
@@ -36,6 +37,7 @@ pub use ids::JobId;
 pub use ledger::{Claimed, JobEnd, Ledger, NewEvent, Publish, StoredEvent};
 pub use memory::MemoryLedger;
 pub use open::{Opened, RepairRecording};
+pub use peek::{PeekMost, Peeked, peek};
 pub use retention::Swept;
 pub use types::{
     Accepted, AuditEntry, AuditRow, Cancelled, JobPace, JobPage, JobRow, JobState, Limits, Mended, NewJob, Page,

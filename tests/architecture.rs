@@ -13,6 +13,7 @@ use scan::{Scan, scan};
 const ROOMS: &[(&str, &[&str])] = &[
     ("units", &[]),
     ("time", &[]),
+    ("priority", &[]),
     ("random", &[]),
     ("geometry", &[]),
     ("signal", &[]),
@@ -82,7 +83,8 @@ const ROOMS: &[(&str, &[&str])] = &[
     ),
     ("store", &[]),
     ("plates", &["signal", "rig", "vision", "library", "planner", "control", "recording", "config", "run", "store"]),
-    ("service", &["signal", "recording", "config", "run"]),
+    ("service", &["config"]),
+    ("daemon", &["signal", "rig", "library", "recording", "config", "run", "store", "plates", "service"]),
     (
         "cli",
         &[
@@ -95,6 +97,7 @@ const ROOMS: &[(&str, &[&str])] = &[
             "config",
             "run",
             "service",
+            "daemon",
             "lab",
             "chart",
             "scene",
@@ -103,7 +106,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("main", &["cli"]),
 ];
 
-const BASE: &[&str] = &["units", "time", "random", "geometry"];
+const BASE: &[&str] = &["units", "time", "priority", "random", "geometry"];
 
 /// Paths outside the crate and the only places that may name them.
 const OUTSIDE: &[(&str, &[&str])] = &[
@@ -112,16 +115,20 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("rerun", &["src/recording"]),
     ("rusqlite", &["src/store"]),
     ("uuid", &["src/store", "src/service"]),
-    ("rustix", &["src/store", "src/service"]),
+    ("rustix", &["src/priority", "src/store", "src/plates"]),
     ("tokio", &["src/service"]),
     ("axum", &["src/service"]),
     ("hyper", &["src/service"]),
     ("hyper_util", &["src/service"]),
     ("tower", &["src/service"]),
     ("http_body_util", &["src/service"]),
-    ("bytes", &["src/service"]),
+    ("bytes", &["src/service", "src/daemon"]),
     ("futures_util", &["src/service"]),
     ("subtle", &["src/service"]),
+    ("prometheus_client", &["src/daemon"]),
+    ("ureq", &["src/cli"]),
+    ("mimalloc", &["src/main"]),
+    ("clap_mangen", &["src/cli"]),
     ("clap", &["src/cli"]),
     ("plotters", &["src/chart"]),
     ("ellip", &["src/lab"]),
@@ -142,6 +149,7 @@ const SERDE: &[&str] = &[
     "src/store",
     "src/plates",
     "src/service",
+    "src/daemon",
     "src/lab",
 ];
 

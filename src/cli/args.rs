@@ -1,6 +1,10 @@
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use super::client_args::ClientCommand;
+use super::logs::LogFormat;
 
 /// One flat plate, shaken sideways, moves many coins on it independently, closed over a camera.
 #[derive(Parser, Debug)]
@@ -47,12 +51,32 @@ pub enum Command {
     Replay(RunFolderArgs),
     /// Run a job again from its run folder alone and compare the journals byte for byte
     Verify(RunFolderArgs),
-    /// Validate job, rig, experiment, library and trace files
+    /// The daemon: jobs over HTTP, several plates, an operator page
+    Serve(ServeArgs),
+    /// Validate job, rig, daemon, experiment, library and trace files
     Check(CheckArgs),
     /// Print the JSON Schema of a file
     Schema(SchemaArgs),
+    /// What is asked of a daemon
+    #[command(flatten)]
+    Client(ClientCommand),
+    /// Put together what somebody who helps with a daemon needs to see, without its secrets
+    SupportBundle(BundleArgs),
     /// Print completions for a shell
     Completions(CompletionsArgs),
+    /// Print the manual page, or write all of them into a folder
+    #[command(hide = true)]
+    Man(ManArgs),
+}
+
+impl Command {
+    /// How it wants its log, if it is one that runs day and night.
+    pub(super) fn log(&self) -> Option<LogFormat> {
+        match self {
+            Self::Serve(args) => Some(args.log),
+            _ => None,
+        }
+    }
 }
 
 /// `upm run`.
@@ -73,6 +97,48 @@ pub struct RunArgs {
     /// What becomes of the Rerun recording: off, save, connect[=URL] or spawn
     #[arg(long, value_name = "MODE", default_value = default_rerun())]
     pub rerun: String,
+}
+
+/// `upm serve`.
+#[derive(Args, Debug)]
+pub struct ServeArgs {
+    /// Daemon file: plates, limits, where to listen and to keep things
+    #[arg(long, value_name = "FILE.json", default_value = "configs/daemon.json")]
+    pub config: PathBuf,
+    /// Address and port in place of the file's; port 0 picks a free one, the one in use is the first line on stdout
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub listen: Option<SocketAddr>,
+    /// Folder of job store and run folders in place of the file's
+    #[arg(long, value_name = "DIR")]
+    pub data: Option<PathBuf>,
+    /// Check everything that can be checked before a start, and start nothing
+    #[arg(long)]
+    pub check: bool,
+    /// The log on stderr: for people, or one JSON object a line
+    #[arg(long, value_enum, value_name = "FORMAT", default_value_t = LogFormat::Text)]
+    pub log: LogFormat,
+}
+
+/// `upm support-bundle`.
+#[derive(Args, Debug)]
+pub struct BundleArgs {
+    /// Daemon file; one that has faults is no hindrance
+    #[arg(long, value_name = "FILE.json", default_value = "configs/daemon.json")]
+    pub config: PathBuf,
+    /// Data folder in place of the file's
+    #[arg(long, value_name = "DIR")]
+    pub data: Option<PathBuf>,
+    /// Where the bundle goes [default: upm-support-TIME.tar]
+    #[arg(long, value_name = "FILE.tar")]
+    pub out: Option<PathBuf>,
+}
+
+/// `upm man`.
+#[derive(Args, Debug)]
+pub struct ManArgs {
+    /// Folder for a page of every command; left out, the program's own page goes to stdout
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
 }
 
 /// How fast plate time passes.
@@ -236,4 +302,26 @@ pub struct CompletionsArgs {
     /// Shell
     #[arg(value_enum)]
     pub shell: clap_complete::Shell,
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    /// What the shipped unit starts is a command line that this program takes.
+    #[test]
+    fn the_shipped_unit_starts_the_daemon() {
+        let unit = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/systemd/upm.service");
+        let unit = std::fs::read_to_string(unit).unwrap();
+        let of = |key: &str| unit.lines().filter_map(|line| line.strip_prefix(key)).collect::<Vec<_>>();
+        let started = of("ExecStart=");
+        assert_eq!(started.len(), 1);
+        let cli = Cli::try_parse_from(started[0].replace("%S", "/var/lib").split_whitespace()).unwrap();
+        assert_eq!(cli.command.log(), Some(LogFormat::Text));
+        let Command::Serve(args) = cli.command else { panic!("{started:?}") };
+        assert_eq!(args.data.as_deref(), Some(Path::new("/var/lib/upm")));
+        assert_eq!([of("Type="), of("NotifyAccess="), of("StateDirectory=")], [["notify"], ["main"], ["upm"]]);
+    }
 }

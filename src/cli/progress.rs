@@ -49,6 +49,32 @@ impl Sink for RunProgress {
     }
 }
 
+/// Shows a job that a daemon runs as a bar on stderr.
+pub(super) struct JobProgress {
+    bar: ProgressBar,
+}
+
+impl JobProgress {
+    pub fn new() -> Self {
+        Self { bar: bar(false) }
+    }
+
+    /// Shows that this part of the job is done, 0 to 1.
+    pub fn show(&self, done: f64, message: String) {
+        self.bar.set_position((done * FULL as f64) as u64);
+        self.bar.set_message(message);
+    }
+
+    /// A line above the bar.
+    pub fn note(&self, line: &str) {
+        self.bar.suspend(|| complain!("{line}"));
+    }
+
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
 /// Shows a calibration as a bar on stderr.
 pub(super) struct StageProgress {
     bar: ProgressBar,

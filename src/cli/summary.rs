@@ -22,7 +22,8 @@ pub(super) fn print_summary(job: &JobSpec, result: &RunResult) -> Result<(), Fai
     Ok(())
 }
 
-fn rows(report: &Report) -> Vec<(&'static str, String)> {
+/// The figures of a run, each with a label.
+pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
     let faster = report.plate_time_s / report.wall_time_s.max(1e-9);
     let mut rows = vec![
         (

@@ -188,6 +188,6 @@ pub struct RawLive {
 
 impl Default for RawLive {
     fn default() -> Self {
-        Self { rerun: true, history_mb: 64.0 }
+        Self { rerun: true, history_mb: 8.0 }
     }
 }

@@ -28,8 +28,15 @@ pub(super) struct Attend<'a> {
 }
 
 impl<'a> Attend<'a> {
-    pub fn new(shared: &'a Shared, clock: &'a dyn Clock, crier: &'a SyncSender<Item>, job: JobId) -> Self {
-        Self { shared, clock, crier, job, sight: Sight::default(), table: None, looked_at: None, left_out: 0 }
+    pub fn new(
+        shared: &'a Shared,
+        clock: &'a dyn Clock,
+        crier: &'a SyncSender<Item>,
+        job: JobId,
+        radii_m: Vec<f64>,
+    ) -> Self {
+        let sight = Sight { radii_m, ..Sight::default() };
+        Self { shared, clock, crier, job, sight, table: None, looked_at: None, left_out: 0 }
     }
 
     fn tell(&mut self, news: News) {
@@ -84,7 +91,7 @@ impl Sink for Attend<'_> {
         self.sight.positions_m.clear();
         self.sight.positions_m.extend(facts.tracks.iter().map(|track| track.seen.position_m));
         let part_in_sight = facts.tracks.iter().any(|track| track.frames_unseen == 0);
-        self.shared.vitals.frame(now, facts.frame.exposed_at, part_in_sight);
+        self.shared.vitals.frame(now, facts.frame.exposed_at, part_in_sight, facts.starts_cycle);
         self.show(now);
         self.shared.window.offer(facts.frame, || self.marks(facts.tracks), now);
     }

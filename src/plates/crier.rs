@@ -78,7 +78,7 @@ pub(super) fn cry(shared: &Shared, items: &Receiver<Item>) {
 
 /// What is kept is told once it is on the disk, so that a number somebody has seen is never taken back. What the store
 /// cannot take is told without a number.
-fn tell(shared: &Shared, job: JobId, news: News) {
+pub(super) fn tell(shared: &Shared, job: JobId, news: News) {
     let News { plate_time, kind, body, durable } = news;
     let unnumbered = Told { job, seq: None, kind, body: Arc::clone(&body) };
     if !durable {

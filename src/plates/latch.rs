@@ -91,6 +91,11 @@ impl Latches {
         &self.latches
     }
 
+    /// True while changes are brought to the disk.
+    pub fn is_alive(&self) -> bool {
+        self.keeper.as_ref().is_some_and(|keeper| !keeper.is_finished())
+    }
+
     /// The thread that brings them to the disk: unparked, it does so at once.
     pub fn keeper(&self) -> Thread {
         self.thread.clone()

@@ -3,18 +3,18 @@ use std::sync::atomic::Ordering;
 use std::thread::{JoinHandle, Thread};
 use std::time::Duration;
 
-use super::crier::TapId;
+use super::crier::{TapId, tell};
 use super::shared::{Cause, Shared};
-use super::told::Tap;
+use super::told::{News, Tap};
 use super::validate::validated;
 use super::{Picture, PlateSnapshot, ResetFault};
 use crate::config::Fault;
-use crate::rig::Trip;
-use crate::store::{AuditEntry, JobId, JobPace, NewJob};
-use crate::time::{Clock, MonotonicClock};
+use crate::rig::{StopTimes, Trip};
+use crate::store::{AuditEntry, JobId, JobPace, JobState, NewJob};
+use crate::time::{Clock, MonotonicClock, PlateTime};
 
 /// How long an emergency stop that is waited for is given to reach the disk.
-const KEPT_WITHIN: Duration = Duration::from_millis(50);
+const KEPT_WITHIN: Duration = Duration::from_millis(400);
 
 /// Who asks for something, as far as is known.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -50,6 +50,7 @@ impl Plate {
     pub fn estop(&self) -> bool {
         self.shared.interlock.trip(Trip::EStop);
         let changed = self.shared.latch.stop();
+        self.shared.estops.fetch_add(changed.into(), Ordering::Relaxed);
         self.shared.stop.store(true, Ordering::SeqCst);
         self.keeper.unpark();
         self.wake();
@@ -102,6 +103,14 @@ impl Plate {
         self.worker.thread().unpark();
     }
 
+    /// What of it works no more, though it should.
+    pub(super) fn dead(&self) -> Option<String> {
+        let ended = |what: &str, thread: &JoinHandle<()>| {
+            thread.is_finished().then(|| format!("the {what} of plate {} has died", self.name()))
+        };
+        ended("worker", &self.worker).or_else(|| ended("crier", &self.crier))
+    }
+
     /// True once nothing of it works any more.
     pub(super) fn threads_ended(&self) -> bool {
         self.worker.is_finished() && self.crier.is_finished()
@@ -112,9 +121,24 @@ impl Plate {
         self.shared.end_run(Some(id), Cause::Cancelled)
     }
 
+    /// Tells those who watch a job of this plate that it has ended, though not on the plate.
+    pub fn announce_end(&self, id: JobId, state: JobState, reason: &str) {
+        tell(&self.shared, id, News::finished(PlateTime::ZERO, state, reason));
+    }
+
     /// True while an emergency stop holds.
     pub fn is_stopped(&self) -> bool {
         self.shared.latch.is_stopped()
+    }
+
+    /// Why it waits for a person to resume it; `None` when it does not.
+    pub fn paused(&self) -> Option<String> {
+        self.shared.paused()
+    }
+
+    /// How the stop that holds was answered; `None` without one, and while motors still sound.
+    pub fn stop_times(&self) -> Option<StopTimes> {
+        self.shared.interlock.answer()
     }
 
     /// How it is now.

@@ -1,14 +1,17 @@
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
+
+use sha2::{Digest, Sha256};
 
 use super::crier::Taps;
 use super::frames::Window;
 use super::latch::Latch;
 use super::watchdog::{Deadlines, Vitals};
-use super::{PlateSnapshot, PlateState, Sight};
+use super::{PlateSetup, PlateSnapshot, PlateState, Sight};
 use crate::config::{JobSpec, LibraryRef, RigSpec};
 use crate::library::{Library, LibraryFault};
+use crate::recording::{LiveServer, RecordingSwitch, ScribeWatch};
 use crate::rig::Interlock;
 use crate::run::{PacingStats, job_library};
 use crate::store::{JobId, Ledger};
@@ -19,6 +22,7 @@ pub(super) struct Shared {
     pub name: String,
     pub rig: RigSpec,
     pub library: Arc<Library>,
+    library_sha256: String,
     pub ledger: Arc<dyn Ledger>,
     pub latch: Latch,
     pub interlock: Interlock,
@@ -32,6 +36,10 @@ pub(super) struct Shared {
     pub pacing: Arc<PacingStats>,
     pub window: Window,
     pub taps: Arc<Taps>,
+    /// Emergency stops since the daemon started.
+    pub estops: AtomicU64,
+    /// Where viewers see its runs.
+    pub live: Option<LiveServer>,
     /// Why the plate must not move until a person resumes it.
     paused: Mutex<Option<String>>,
     running: Mutex<Option<Running>>,
@@ -42,6 +50,8 @@ pub(super) struct Shared {
 #[derive(Clone, Debug)]
 struct Running {
     job: JobId,
+    recording: RecordingSwitch,
+    journal: ScribeWatch,
     /// Why it was told to end.
     cause: Option<Cause>,
 }
@@ -59,25 +69,22 @@ struct Seen {
     at: Option<Duration>,
 }
 
-/// How a plate begins.
-pub(super) struct Beginning {
-    pub name: String,
-    pub rig: RigSpec,
-    pub library: Arc<Library>,
-    pub ledger: Arc<dyn Ledger>,
-    pub latch: Latch,
-    pub interlock: Interlock,
-    /// Why it is paused; `None` when it is not.
-    pub paused: Option<String>,
-}
-
 impl Shared {
-    pub fn new(beginning: Beginning) -> Self {
-        let Beginning { name, rig, library, ledger, latch, interlock, paused } = beginning;
+    /// A plate as it is set up, without a job.
+    pub fn new(
+        setup: PlateSetup,
+        ledger: Arc<dyn Ledger>,
+        latch: Latch,
+        interlock: Interlock,
+        live: Option<LiveServer>,
+    ) -> Self {
+        let PlateSetup { name, rig, library, paused, live_port: _ } = setup;
+        let library_sha256 = sha256_hex(&library);
         Self {
             name,
             rig,
             library,
+            library_sha256,
             ledger,
             latch,
             interlock,
@@ -88,6 +95,8 @@ impl Shared {
             pacing: Arc::default(),
             window: Window::default(),
             taps: Arc::default(),
+            estops: AtomicU64::new(0),
+            live,
             paused: Mutex::new(paused),
             running: Mutex::new(None),
             seen: Mutex::default(),
@@ -107,6 +116,11 @@ impl Shared {
             Some(LibraryRef::Inline(_)) => job_library(job),
             _ => Ok(Arc::clone(&self.library)),
         }
+    }
+
+    /// SHA-256 of a library's file form, in hex.
+    pub fn sha256_of(&self, library: &Arc<Library>) -> String {
+        if Arc::ptr_eq(library, &self.library) { self.library_sha256.clone() } else { sha256_hex(library) }
     }
 
     /// True when the plate may take a job.
@@ -142,11 +156,22 @@ impl Shared {
         locked(&self.running).as_ref().map(|running| running.job)
     }
 
-    pub fn begins(&self, job: JobId) {
+    /// A job comes onto the plate.
+    pub fn begins(&self, job: JobId, recording: RecordingSwitch, journal: ScribeWatch) {
         *locked(&self.seen) = Seen::default();
         self.vitals.clear();
         self.window.clear();
-        *locked(&self.running) = Some(Running { job, cause: None });
+        *locked(&self.running) = Some(Running { job, recording, journal, cause: None });
+    }
+
+    /// The recording of the job on the plate.
+    pub fn recording(&self) -> Option<RecordingSwitch> {
+        locked(&self.running).as_ref().map(|running| running.recording.clone())
+    }
+
+    /// The journal of the job on the plate.
+    pub fn journal(&self) -> Option<ScribeWatch> {
+        locked(&self.running).as_ref().map(|running| running.journal.clone())
     }
 
     /// Why the run on the plate was told to end, for its journal and its report.
@@ -182,7 +207,8 @@ impl Shared {
     }
 
     pub fn snapshot(&self, now: Duration) -> PlateSnapshot {
-        let (paused, job) = (self.paused(), self.job());
+        let (paused, running) = (self.paused(), locked(&self.running).clone());
+        let job = running.as_ref().map(|running| running.job);
         let Seen { sight, at } = locked(&self.seen).clone();
         let (state, why) = match (self.latch.is_stopped(), paused, job) {
             (true, ..) => (PlateState::Stopped, "emergency stop".to_owned()),
@@ -191,8 +217,24 @@ impl Shared {
             (false, None, None) => (PlateState::Idle, String::new()),
         };
         let age = at.map(|at| now.saturating_sub(at));
-        PlateSnapshot { name: self.name.clone(), state, why, job, sight, age }
+        PlateSnapshot {
+            name: self.name.clone(),
+            side_m: self.rig.model.plate_side_m,
+            state,
+            why,
+            job,
+            recording: running.map(|running| running.recording.state()),
+            sight,
+            age,
+            live: self.live.as_ref().map(|live| live.uri().to_owned()),
+            deadline_misses: self.pacing.misses(),
+            estops: self.estops.load(Ordering::Relaxed),
+        }
     }
+}
+
+fn sha256_hex(library: &Library) -> String {
+    Sha256::digest(library.to_json().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// What lies behind a lock, whoever panicked while holding it.

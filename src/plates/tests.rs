@@ -6,9 +6,10 @@ use std::time::Duration;
 use jiff::Timestamp;
 
 use super::*;
-use crate::config::RigSpec;
+use crate::config::{RigSpec, WatchdogSpec};
 use crate::library::Library;
-use crate::store::{JobId, JobPace, JobRow, JobState, MemoryLedger};
+use crate::recording::RecordingState;
+use crate::store::{JobId, JobPace, JobRow, JobState, MemoryLedger, RecordingKept};
 use crate::time::MonotonicClock;
 
 const LONG: Duration = Duration::from_secs(60);
@@ -17,6 +18,16 @@ const TWO_COINS: &str = r#"{ "name": "two", "seed": 3, "parts": [{ "kind": "penn
     "task": { "type": "arrange", "targets_mm": [[-40, 0], [40, 0]] } }"#;
 const HOLD: &str = r#"{ "name": "hold", "seed": 3, "parts": [{ "kind": "penny", "count": 2 }],
     "task": { "type": "hold", "duration_s": 600 }, "limits": { "plate_time_s": 900 } }"#;
+
+/// Tests share a machine that may be slow.
+const WATCHDOG: WatchdogSpec = WatchdogSpec {
+    no_frame: Duration::from_secs(5),
+    planning: Duration::from_secs(20),
+    no_part_s: 0.5,
+    blocked: Duration::from_secs(5),
+    late_frames: 100,
+    misses_per_s: 1000,
+};
 
 /// Hands on what it is told.
 struct Ear(SyncSender<Told>);
@@ -38,17 +49,25 @@ impl House {
     }
 
     fn open(&self, paused: Option<&str>) -> Plates {
+        self.open_with(paused, |_| {})
+    }
+
+    fn open_with(&self, paused: Option<&str>, change: impl FnOnce(&mut Surroundings)) -> Plates {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let rig = RigSpec::load(&root.join("configs/rigs/upm-2.json")).unwrap();
         let library = Arc::new(Library::load(&root.join("assets/libraries/upm-2.json")).unwrap());
-        let setup = PlateSetup { name: "one".into(), rig, library, paused: paused.map(str::to_owned) };
-        let around = Surroundings {
+        let setup = PlateSetup { name: "one".into(), rig, library, paused: paused.map(str::to_owned), live_port: None };
+        let mut around = Surroundings {
             ledger: Arc::clone(&self.ledger) as _,
             runs: self.folder.path().join("runs"),
             latches: self.folder.path().join("latch"),
             clock: MonotonicClock::new(),
             record: false,
+            watchdog: WATCHDOG,
+            min_free_bytes: 0,
+            live_history_bytes: None,
         };
+        change(&mut around);
         Plates::start(vec![setup], &around).unwrap()
     }
 
@@ -96,6 +115,7 @@ fn a_job_runs_to_its_end_and_all_of_it_is_told() {
     assert_eq!(next(&told, "finished")["state"], "completed");
     let row = house.row(&id);
     assert_eq!((row.state, row.reason.as_str()), (JobState::Completed, "every part is at its place"));
+    assert_eq!(row.recording, RecordingKept::None);
     assert!(row.report_json.unwrap().contains("max_error_mm"));
     let folder = house.folder.path().join("runs").join(row.folder.unwrap());
     for file in ["effective.json", "journal.jsonl", "report.json"] {
@@ -105,6 +125,7 @@ fn a_job_runs_to_its_end_and_all_of_it_is_told() {
     assert_eq!(kinds.first().map(String::as_str), Some("state"));
     assert_eq!(kinds.last().map(String::as_str), Some("finished"));
     assert!(!kinds.iter().any(|kind| kind == "look"), "looks are not kept");
+    assert_eq!(plates.alive(), Ok(()));
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
 }
 
@@ -117,12 +138,17 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     let first = house.submit(plate, HOLD, JobPace::RealTime);
     let second = house.submit(plate, TWO_COINS, JobPace::Max);
     next(&told, "look");
-    assert_eq!(plate.snapshot().state, PlateState::Running);
+    let PlateSnapshot { state, recording, .. } = plate.snapshot();
+    assert_eq!((state, recording), (PlateState::Running, Some(RecordingState::Off)));
+    assert_eq!(plate.stop_times(), None);
     assert!(plate.estop() && !plate.estop());
     assert!(plate.account_for_estop(who("ann")));
     assert_eq!(next(&told, "finished")["state"], "cancelled");
     assert!(house.row(&first).reason.starts_with("emergency stop"), "{}", house.row(&first).reason);
-    assert_eq!(plate.snapshot().state, PlateState::Stopped);
+    let PlateSnapshot { state, recording, estops, .. } = plate.snapshot();
+    assert_eq!((state, recording, estops), (PlateState::Stopped, None, 1));
+    let times = plate.stop_times().unwrap();
+    assert!(times.silent_at.secs_since(times.requested_at) < 0.02, "{times:?}");
     assert!(!plate.resume(who("bob")), "a stop holds");
 
     while plate.reset(who("bob")) == Err(ResetFault::StillStopping) {
@@ -153,6 +179,7 @@ fn a_stop_outlives_the_daemon() {
     std::thread::sleep(Duration::from_millis(50));
     assert_eq!(house.row(&id).state, JobState::Queued);
     assert_eq!(plate.reset(who("ann")), Ok(()));
+    assert_eq!(plate.paused().as_deref(), Some("reset after an emergency stop"));
     assert_eq!(plate.snapshot().why, "reset after an emergency stop");
 }
 
@@ -221,4 +248,90 @@ fn pictures_are_made_for_those_who_look() {
     assert_eq!(image.dimensions(), (640, 512));
     assert!(image.pixels().any(|p| p.0 == [0, 220, 90]), "a ring around a part");
     plates.shutdown(LONG);
+}
+
+#[cfg(feature = "rerun")]
+#[test]
+fn a_job_that_might_fill_the_disk_runs_without_a_recording() {
+    let house = House::new();
+    let plates = house.open_with(None, |around| (around.record, around.min_free_bytes) = (true, u64::MAX / 2));
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let id = house.submit(plate, TWO_COINS, JobPace::Max);
+    let text = next(&told, "warning")["text"].as_str().unwrap().to_owned();
+    assert!(text.starts_with("there is no recording of this job: it may take "), "{text}");
+    assert_eq!(next(&told, "finished")["state"], "completed");
+    assert_eq!(house.row(&id).recording, RecordingKept::None);
+    assert!(plates.free_bytes().is_some_and(|free| free > 0));
+}
+
+#[cfg(feature = "rerun")]
+#[test]
+fn a_disk_that_runs_low_ends_the_recording_and_not_the_job() {
+    let house = House::new();
+    let plates = house.open_with(None, |around| around.record = true);
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let id = house.submit(plate, HOLD, JobPace::RealTime);
+    next(&told, "look");
+    let (shared, clock) = (Arc::clone(&plate.shared), plate.clock);
+    let disk = Arc::new(disk::Disk::new(house.folder.path(), 500_000_000, &clock));
+    let guard = disk::DiskGuard { disk, folder: house.folder.path().into(), plates: vec![shared], clock };
+    guard.saw(Some(500_000_000));
+    assert!(matches!(plate.snapshot().recording, Some(RecordingState::Writing { .. })));
+    guard.saw(Some(499_400_000));
+    let text = next(&told, "warning")["text"].as_str().unwrap().to_owned();
+    assert_eq!(text, "the recording ends early: stopped, the disk has only 499 MB left");
+    next(&told, "look");
+    assert_eq!(plate.snapshot().state, PlateState::Running);
+    let folder = house.folder.path().join("runs").join(house.row(&id).folder.unwrap());
+    assert!(folder.join("run.rrd").exists(), "closed, and so named");
+    assert!(plate.cancel(&id));
+    assert_eq!(next(&told, "recording")["recording"], "stopped");
+    assert_eq!(next(&told, "finished")["state"], "cancelled");
+    assert_eq!(house.row(&id).recording, RecordingKept::Stopped);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_job_whose_journal_cannot_be_written_is_stopped_and_says_so() {
+    let house = House::new();
+    let plates = house.open(Some("not yet"));
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let id = house.submit(plate, HOLD, JobPace::RealTime);
+    let folder = house.folder.path().join("runs").join(format!("hold-{id}"));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::os::unix::fs::symlink("/dev/full", folder.join("journal.jsonl")).unwrap();
+    plate.resume(who("ann"));
+    let text = next(&told, "warning")["text"].as_str().unwrap().to_owned();
+    assert!(text.starts_with("the journal cannot be written: No space left"), "{text}");
+    assert_eq!(next(&told, "finished")["state"], "failed");
+    let reason = house.row(&id).reason;
+    assert!(reason.contains("journal.jsonl: cannot be written: No space left"), "{reason}");
+}
+
+#[cfg(feature = "rerun")]
+#[test]
+fn a_plate_has_a_live_stream_of_its_own_if_wanted() {
+    let house = House::new();
+    let plates = house.open_with(None, |around| around.live_history_bytes = Some(16 << 20));
+    let plate = plates.get("one").unwrap();
+    let live = plate.snapshot().live.unwrap();
+    let address = live.strip_prefix("rerun+http://").and_then(|rest| rest.strip_suffix("/proxy")).unwrap();
+    assert!(address.starts_with("127.0.0.1:") && std::net::TcpStream::connect(address).is_ok(), "{live}");
+    let told = listen(plate);
+    let id = house.submit(plate, TWO_COINS, JobPace::Max);
+    assert_eq!(next(&told, "finished")["state"], "completed");
+    assert_eq!(house.row(&id).recording, RecordingKept::None, "no file comes of it");
+    assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
+}
+
+#[test]
+fn control_never_waits_for_those_who_watch() {
+    let source = include_str!("attend.rs");
+    for waits in ["lock(", "locked(", ".send(", "recv", ".join(", "park", "sleep", "std::fs", "File", "rustix"] {
+        assert!(!source.contains(waits), "attend.rs is called by the control loop and has `{waits}`");
+    }
+    assert!(source.contains(".try_send("));
 }

@@ -152,6 +152,7 @@ mod tests {
         let sight = Sight {
             at: PlateTime::from_secs(1.25),
             positions_m: vec![Vec2::new(0.012_345_678, -1e-9)],
+            radii_m: vec![0.01],
             targets_m: vec![Vec2::zeros()],
             progress: 0.5,
             phase: "a \"phase\"".into(),

@@ -1,6 +1,7 @@
 use std::time::Duration;
 
 use crate::geometry::Vec2;
+use crate::recording::RecordingState;
 use crate::store::JobId;
 use crate::time::PlateTime;
 
@@ -36,6 +37,8 @@ pub struct Sight {
     pub at: PlateTime,
     /// Where each part is, m.
     pub positions_m: Vec<Vec2>,
+    /// Radius of each part, m, as its kind has it.
+    pub radii_m: Vec<f64>,
     /// Where each part shall end, m.
     pub targets_m: Vec<Vec2>,
     /// Share of the job that is done, 0 to 1.
@@ -49,16 +52,26 @@ pub struct Sight {
 pub struct PlateSnapshot {
     /// Its name.
     pub name: String,
+    /// Side of the square plate, m.
+    pub side_m: f64,
     /// What it is doing.
     pub state: PlateState,
     /// Why it does nothing; empty when it does something or could.
     pub why: String,
     /// The job it has.
     pub job: Option<JobId>,
+    /// How the recording of that job is getting on.
+    pub recording: Option<RecordingState>,
     /// The parts as last seen.
     pub sight: Sight,
     /// Wall time since they were; `None` before anything was.
     pub age: Option<Duration>,
+    /// Where a Rerun viewer finds what happens on it, `rerun+http://127.0.0.1:PORT/proxy`.
+    pub live: Option<String>,
+    /// Deadlines missed since the daemon started.
+    pub deadline_misses: u64,
+    /// Emergency stops since then.
+    pub estops: u64,
 }
 
 /// Why a plate was not reset.

@@ -1,8 +1,9 @@
 //! The watchdog: sees that the run on a plate is alive, and says what is not.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
+use crate::config::WatchdogSpec;
 use crate::time::PlateTime;
 
 /// How often the watchdog looks.
@@ -10,16 +11,7 @@ pub(super) const TICK: Duration = Duration::from_millis(10);
 /// A look later than this after the one before says nothing: the whole program stood still, watchdog and all, and the
 /// run comes to that by itself.
 const STOOD_STILL: Duration = Duration::from_millis(100);
-/// Longest wall time without a frame: in real time, and as fast as the machine works, where a frame waits for plans.
-const NO_FRAME_REAL_TIME: Duration = Duration::from_millis(500);
-const NO_FRAME_MAX: Duration = Duration::from_secs(10);
-/// Longest plate time in which no part is seen at all.
-const NO_PART: Duration = Duration::from_millis(500);
-/// Longest wall time in which nothing can be told.
-const NOT_TOLD: Duration = Duration::from_millis(500);
-/// A frame this many periods late ends the run, and so do more missed deadlines in a second than this.
-const MOST_FRAMES_LATE: u64 = 5;
-const MOST_MISSES: u64 = 10;
+/// Missed deadlines are counted over this.
 const SECOND: Duration = Duration::from_secs(1);
 
 /// What the plate's thread leaves for the watchdog; writing it waits for nobody.
@@ -32,6 +24,8 @@ pub(super) struct Vitals {
     seen_ms: AtomicU64,
     /// Wall time since which nothing can be told, ms; 0 while it can.
     untold_ms: AtomicU64,
+    /// True from a frame that a plan starts from until the next one.
+    planning: AtomicBool,
 }
 
 impl Vitals {
@@ -42,13 +36,14 @@ impl Vitals {
         }
     }
 
-    /// A frame came.
-    pub fn frame(&self, now: Duration, at: PlateTime, part_in_sight: bool) {
+    /// A frame came, one that a plan starts from or another.
+    pub fn frame(&self, now: Duration, at: PlateTime, part_in_sight: bool, starts_cycle: bool) {
         let plate_ms = at.nanos() / 1_000_000;
         self.plate_ms.store(plate_ms, Ordering::Relaxed);
         if part_in_sight {
             self.seen_ms.store(plate_ms, Ordering::Relaxed);
         }
+        self.planning.store(starts_cycle, Ordering::Relaxed);
         self.frame_ms.store(ms(now).max(1), Ordering::Relaxed);
     }
 
@@ -71,8 +66,15 @@ pub(super) struct Deadlines {
 }
 
 /// Watches one plate.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Watchdog {
+    spec: WatchdogSpec,
+    memory: Memory,
+}
+
+/// What of one run it looks back to.
+#[derive(Debug, Default)]
+struct Memory {
     looked_at: Option<Duration>,
     /// When the program went on after it stood still.
     went_on: Duration,
@@ -81,48 +83,74 @@ pub(super) struct Watchdog {
 }
 
 impl Watchdog {
-    /// Looks at a run. What is wrong with it, if anything is.
-    pub fn look(&mut self, now: Duration, vitals: &Vitals, deadlines: Deadlines) -> Option<String> {
-        let before = self.looked_at.replace(now)?;
+    pub fn new(spec: WatchdogSpec) -> Self {
+        Self { spec, memory: Memory::default() }
+    }
+
+    /// Looks at a run. What is wrong with it, if anything is; nothing before its first frame.
+    /// `unwritten_since` is when the journal began to wait for the disk, if it does.
+    pub fn look(
+        &mut self,
+        now: Duration,
+        vitals: &Vitals,
+        deadlines: Deadlines,
+        unwritten_since: Option<Duration>,
+    ) -> Option<String> {
+        let memory = &mut self.memory;
+        let before = memory.looked_at.replace(now)?;
         if now.saturating_sub(before) > STOOD_STILL {
-            (self.went_on, self.second) = (now, (now, deadlines.misses));
+            (memory.went_on, memory.second) = (now, (now, deadlines.misses));
             return None;
         }
-        self.late(now, deadlines).or_else(|| self.stuck(now, vitals, deadlines.real_time))
+        if vitals.frame_ms.load(Ordering::Relaxed) == 0 {
+            return None; // until then the deadlines are those of the run before
+        }
+        self.late(now, deadlines)
+            .or_else(|| self.stuck(now, vitals, deadlines.real_time))
+            .or_else(|| self.unwritten(now, unwritten_since?))
     }
 
     /// A run ended, or none is on the plate.
     pub fn rest(&mut self) {
-        *self = Self::default();
+        self.memory = Memory::default();
     }
 
     fn late(&mut self, now: Duration, deadlines: Deadlines) -> Option<String> {
-        let (began, misses_then) = self.second;
+        let (began, misses_then) = self.memory.second;
         if began == Duration::ZERO || now.saturating_sub(began) >= SECOND {
-            self.second = (now, deadlines.misses);
+            self.memory.second = (now, deadlines.misses);
         }
         let misses = deadlines.misses.saturating_sub(misses_then);
-        let counted = began != Duration::ZERO && misses > MOST_MISSES;
-        if deadlines.worst_frames > MOST_FRAMES_LATE {
+        let counted = began != Duration::ZERO && misses > self.spec.misses_per_s;
+        if deadlines.worst_frames > self.spec.late_frames {
             return Some(format!("control came {} frames late", deadlines.worst_frames));
         }
         counted.then(|| format!("{misses} deadlines were missed within a second"))
     }
 
+    fn unwritten(&self, now: Duration, since: Duration) -> Option<String> {
+        let waited = now.saturating_sub(since.max(self.memory.went_on));
+        (waited > self.spec.blocked)
+            .then(|| format!("the journal could not be written for {:.1} s", waited.as_secs_f64()))
+    }
+
     fn stuck(&self, now: Duration, vitals: &Vitals, real_time: bool) -> Option<String> {
+        let Self { spec, memory } = self;
         let read = |value: &AtomicU64| value.load(Ordering::Relaxed);
-        let since = |then_ms: u64| Duration::from_millis(ms(now).saturating_sub(then_ms.max(ms(self.went_on))));
-        let (frame_ms, untold_ms) = (read(&vitals.frame_ms), read(&vitals.untold_ms));
-        if frame_ms == 0 {
-            return None;
-        }
-        let longest = if real_time { NO_FRAME_REAL_TIME } else { NO_FRAME_MAX };
-        let unseen = Duration::from_millis(read(&vitals.plate_ms).saturating_sub(read(&vitals.seen_ms)));
-        if since(frame_ms) > longest {
-            Some(format!("no frame came for {:.1} s", since(frame_ms).as_secs_f64()))
-        } else if unseen > NO_PART {
-            Some(format!("no part was seen for {:.1} s of plate time", unseen.as_secs_f64()))
-        } else if untold_ms != 0 && since(untold_ms) > NOT_TOLD {
+        let since = |then_ms: u64| Duration::from_millis(ms(now).saturating_sub(then_ms.max(ms(memory.went_on))));
+        let (unframed, untold_ms) = (since(read(&vitals.frame_ms)), read(&vitals.untold_ms));
+        // without a clock to keep up with, all that happens between two frames may take as long as a plan
+        let (longest, what) = match (vitals.planning.load(Ordering::Relaxed), real_time) {
+            (true, _) => (spec.planning, "no plan came"),
+            (false, true) => (spec.no_frame, "no frame came"),
+            (false, false) => (spec.planning, "no frame came"),
+        };
+        let unseen_s = read(&vitals.plate_ms).saturating_sub(read(&vitals.seen_ms)) as f64 * 1e-3;
+        if unframed > longest {
+            Some(format!("{what} for {:.1} s", unframed.as_secs_f64()))
+        } else if unseen_s > spec.no_part_s {
+            Some(format!("no part was seen for {unseen_s:.1} s of plate time"))
+        } else if untold_ms != 0 && since(untold_ms) > spec.blocked {
             Some(format!("nothing could be told for {:.1} s", since(untold_ms).as_secs_f64()))
         } else {
             None
@@ -140,6 +168,15 @@ mod tests {
 
     const REAL_TIME: Deadlines = Deadlines { real_time: true, misses: 0, worst_frames: 0 };
 
+    const SPEC: WatchdogSpec = WatchdogSpec {
+        no_frame: Duration::from_millis(500),
+        planning: Duration::from_secs(5),
+        no_part_s: 0.5,
+        blocked: Duration::from_millis(500),
+        late_frames: 5,
+        misses_per_s: 10,
+    };
+
     fn at(ms: u64) -> Duration {
         Duration::from_millis(ms)
     }
@@ -155,41 +192,60 @@ mod tests {
         let state = Vitals::default();
         (from_ms..until_ms).step_by(10).find_map(|now_ms| {
             vitals(now_ms, &state);
-            Some((now_ms, dog.look(at(now_ms), &state, deadlines(now_ms))?))
+            Some((now_ms, dog.look(at(now_ms), &state, deadlines(now_ms), None)?))
         })
     }
 
     fn frames_until(last_ms: u64) -> impl Fn(u64, &Vitals) {
         move |now_ms, vitals| {
             if now_ms <= last_ms {
-                vitals.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), true);
+                vitals.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), true, false);
             }
         }
     }
 
     #[test]
     fn a_run_that_goes_on_is_left_alone() {
-        let mut dog = Watchdog::default();
+        let mut dog = Watchdog::new(SPEC);
         assert_eq!(first_found(&mut dog, 1000, 20_000, frames_until(u64::MAX), |_| REAL_TIME), None);
-        let mut dog = Watchdog::default();
+        let mut dog = Watchdog::new(SPEC);
         assert_eq!(first_found(&mut dog, 1000, 20_000, |_, _| {}, |_| REAL_TIME), None, "it has not begun");
     }
 
     #[test]
     fn frames_that_stay_away_are_told() {
-        let mut dog = Watchdog::default();
+        let mut dog = Watchdog::new(SPEC);
         let found = first_found(&mut dog, 1000, 9000, frames_until(2000), |_| REAL_TIME);
         assert_eq!(found, Some((2510, "no frame came for 0.5 s".into())));
-        let mut dog = Watchdog::default();
-        let at_max = |_| Deadlines::default();
-        assert_eq!(first_found(&mut dog, 1000, 12_000, frames_until(2000), at_max), None, "it may be planning");
+        let mut dog = Watchdog::new(SPEC);
+        let found = first_found(&mut dog, 1000, 9000, frames_until(2000), |_| Deadlines::default());
+        assert_eq!(found, Some((7010, "no frame came for 5.0 s".into())), "as fast as the machine works");
+    }
+
+    #[test]
+    fn a_plan_may_take_longer_than_a_frame() {
+        let mut dog = Watchdog::new(SPEC);
+        let plans = |now_ms: u64, vitals: &Vitals| {
+            if now_ms <= 2000 || (6500..=6600).contains(&now_ms) {
+                vitals.frame(at(now_ms), PlateTime::from_secs(2.0), true, now_ms >= 2000);
+            }
+        };
+        let found = first_found(&mut dog, 1000, 19_000, plans, |_| REAL_TIME);
+        assert_eq!(found, Some((11_610, "no plan came for 5.0 s".into())));
+    }
+
+    #[test]
+    fn the_deadlines_of_the_run_before_are_not_held_against_a_new_one() {
+        let mut dog = Watchdog::new(SPEC);
+        let late = |_| Deadlines { worst_frames: 9, ..REAL_TIME };
+        assert_eq!(first_found(&mut dog, 1000, 9000, |_, _| {}, late), None);
     }
 
     #[test]
     fn parts_that_nobody_sees_are_told() {
-        let mut dog = Watchdog::default();
+        let mut dog = Watchdog::new(SPEC);
         let blind = |now_ms: u64, vitals: &Vitals| {
-            vitals.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), now_ms < 3000);
+            vitals.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), now_ms < 3000, false);
         };
         let found = first_found(&mut dog, 1000, 9000, blind, |_| REAL_TIME);
         assert_eq!(found, Some((3500, "no part was seen for 0.5 s of plate time".into())));
@@ -200,25 +256,25 @@ mod tests {
         let late = |worst_frames| {
             move |now_ms| Deadlines { worst_frames: if now_ms < 3000 { 0 } else { worst_frames }, ..REAL_TIME }
         };
-        let mut dog = Watchdog::default();
+        let mut dog = Watchdog::new(SPEC);
         assert_eq!(first_found(&mut dog, 1000, 9000, frames_until(u64::MAX), late(5)), None);
-        let mut dog = Watchdog::default();
+        let mut dog = Watchdog::new(SPEC);
         let found = first_found(&mut dog, 1000, 9000, frames_until(u64::MAX), late(6));
         assert_eq!(found, Some((3000, "control came 6 frames late".into())));
 
         let often = |per_s: u64| move |now_ms: u64| Deadlines { misses: 7 + per_s * now_ms / 1000, ..REAL_TIME };
-        let mut dog = Watchdog::default();
+        let mut dog = Watchdog::new(SPEC);
         assert_eq!(first_found(&mut dog, 1000, 9000, frames_until(u64::MAX), often(10)), None);
-        let mut dog = Watchdog::default();
+        let mut dog = Watchdog::new(SPEC);
         let (_, found) = first_found(&mut dog, 1000, 9000, frames_until(u64::MAX), often(20)).unwrap();
         assert_eq!(found, "11 deadlines were missed within a second");
     }
 
     #[test]
     fn a_crier_that_hangs_is_told() {
-        let mut dog = Watchdog::default();
+        let mut dog = Watchdog::new(SPEC);
         let hangs = |now_ms: u64, vitals: &Vitals| {
-            vitals.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), true);
+            vitals.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), true, false);
             vitals.could_tell(at(now_ms), !(2000..2400).contains(&now_ms) && now_ms < 4000);
         };
         let found = first_found(&mut dog, 1000, 9000, hangs, |_| REAL_TIME);
@@ -226,14 +282,28 @@ mod tests {
     }
 
     #[test]
+    fn a_journal_that_waits_for_the_disk_is_told() {
+        let vitals = Vitals::default();
+        let first = |since_ms: u64| {
+            let mut dog = Watchdog::new(SPEC);
+            (2000..4000).step_by(10).find_map(|now_ms| {
+                vitals.frame(at(now_ms), PlateTime::ZERO, true, false);
+                Some((now_ms, dog.look(at(now_ms), &vitals, REAL_TIME, Some(at(now_ms.min(since_ms))))?))
+            })
+        };
+        assert_eq!(first(u64::MAX), None);
+        assert_eq!(first(3000), Some((3510, "the journal could not be written for 0.5 s".into())));
+    }
+
+    #[test]
     fn a_program_that_stood_still_is_nobodys_fault() {
-        let (mut dog, vitals) = (Watchdog::default(), Vitals::default());
-        vitals.frame(at(1000), PlateTime::ZERO, true);
-        assert_eq!(dog.look(at(1000), &vitals, REAL_TIME), None);
-        assert_eq!(dog.look(at(61_000), &vitals, REAL_TIME), None);
-        let later = (61_010..).step_by(10).find(|&ms| dog.look(at(ms), &vitals, REAL_TIME).is_some());
+        let (mut dog, vitals) = (Watchdog::new(SPEC), Vitals::default());
+        vitals.frame(at(1000), PlateTime::ZERO, true, false);
+        assert_eq!(dog.look(at(1000), &vitals, REAL_TIME, None), None);
+        assert_eq!(dog.look(at(61_000), &vitals, REAL_TIME, None), None);
+        let later = (61_010..).step_by(10).find(|&ms| dog.look(at(ms), &vitals, REAL_TIME, None).is_some());
         assert_eq!(later, Some(61_510), "but then frames should come again");
         dog.rest();
-        assert_eq!(dog.look(at(61_520), &vitals, REAL_TIME), None, "a first look only looks");
+        assert_eq!(dog.look(at(61_520), &vitals, REAL_TIME, None), None, "a first look only looks");
     }
 }

@@ -9,20 +9,24 @@ use std::time::Duration;
 
 use super::attend::Attend;
 use super::crier::Item;
+use super::disk::{Disk, Rates};
 use super::shared::{Cause, Shared};
 use super::told::News;
 use crate::config::{JobSpec, Origin};
 use crate::control::EventLevel;
-use crate::recording::{Keeping, OnFull, Outcome, RecordingState, RecordingSwitch, RerunMode, ScribeMode};
+use crate::recording::{Keeping, OnFull, Outcome, RecordingState, RecordingSwitch, RerunMode, ScribeMode, ScribeWatch};
 use crate::rig::Trip;
 use crate::run::{Links, RunFolder, RunOptions, RunResult, run_linked};
 use crate::store::{Claimed, JobEnd, JobId, JobPace, JobRow, JobState, RecordingKept};
-use crate::time::{MonotonicClock, PlateTime};
+use crate::time::{Clock, MonotonicClock, PlateTime};
 
 /// How long a plate without work waits before it asks again, unless it is woken.
 const IDLE: Duration = Duration::from_secs(1);
 /// How long the end of a job waits to be stored again when that failed.
 const STORED_AGAIN: Duration = Duration::from_millis(250);
+
+/// How long a run that goes as fast as it can waits for a recorder that lags: its plate stands still meanwhile.
+const RECORDED_WITHIN: Duration = Duration::from_secs(2);
 
 /// What runs need beside the job.
 #[derive(Clone, Debug)]
@@ -32,6 +36,7 @@ pub(super) struct Place {
     pub clock: MonotonicClock,
     /// False to make no recordings.
     pub record: bool,
+    pub disk: Arc<Disk>,
 }
 
 /// The thread of one plate: takes its jobs one after another and runs them.
@@ -39,12 +44,13 @@ pub(super) struct Worker {
     pub shared: Arc<Shared>,
     pub crier: SyncSender<Item>,
     pub place: Place,
+    pub rates: Rates,
 }
 
 impl Worker {
     /// Works until the daemon ends.
-    pub fn work(&self) {
-        let shared = &*self.shared;
+    pub fn work(&mut self) {
+        let shared = Arc::clone(&self.shared);
         while !shared.ending.load(Ordering::SeqCst) {
             shared.stop.store(false, Ordering::SeqCst);
             // a stop before this is seen here, one after it by the run
@@ -55,7 +61,7 @@ impl Worker {
     }
 
     /// Runs the next job; false when there is none.
-    fn take_job(&self) -> bool {
+    fn take_job(&mut self) -> bool {
         let folder = |row: &JobRow| make_folder(&self.place.runs, row);
         match self.shared.ledger.claim(&self.shared.name, &folder) {
             Ok(Some(claimed)) => {
@@ -70,15 +76,18 @@ impl Worker {
         }
     }
 
-    fn run(&self, claimed: &Claimed) {
+    fn run(&mut self, claimed: &Claimed) {
         let id = claimed.row.id;
-        self.shared.begins(id);
+        let (recording, journal) = (RecordingSwitch::default(), ScribeWatch::default());
+        self.shared.begins(id, recording.clone(), journal.clone());
         self.tell(id, News::state(PlateTime::ZERO, JobState::Running));
         let folder = self.place.runs.join(claimed.row.folder.as_deref().unwrap_or_default());
-        let recording = RecordingSwitch::default();
-        let done = self.play(claimed, &folder, &recording);
+        let done = self.play(claimed, &folder, &recording, journal);
         let cause = self.shared.ends();
         let (at, mut end) = self.end_of(done, cause);
+        if recording.state() == RecordingState::Whole {
+            self.rates.add(recording.bytes(), at.secs());
+        }
         let (kept, why) = what_is_kept(recording.state());
         end.recording = kept;
         self.settle_interlock(&end.reason);
@@ -93,36 +102,61 @@ impl Worker {
         Claimed { row, spec_json }: &Claimed,
         folder: &Path,
         recording: &RecordingSwitch,
+        journal: ScribeWatch,
     ) -> Result<RunResult, Vec<String>> {
         let shared = &*self.shared;
         let job = JobSpec::from_json(spec_json, &Origin::of_request("job"), Some(&shared.rig)).map_err(lines)?;
+        if row.rig_fingerprint != shared.rig.fingerprint {
+            return Err(vec!["the plate has another rig than when the job was accepted".to_owned()]);
+        }
         let library = shared.library_of(&job).map_err(lines)?;
         let folder = RunFolder::reopen(folder).ok_or_else(|| vec!["its run folder is gone".to_owned()])?;
-        shared.real_time.store(row.pace == JobPace::RealTime, Ordering::Relaxed);
+        let record = self.place.record && self.has_room_for(&job, row.id);
+        let real_time = row.pace == JobPace::RealTime;
+        shared.real_time.store(real_time, Ordering::Relaxed);
         let options = RunOptions {
             out: self.place.runs.clone(),
             started_utc: String::new(),
-            rerun: if self.place.record { RerunMode::Save } else { RerunMode::Off },
-            real_time: row.pace == JobPace::RealTime,
-            // the plate waits for no disk: the recording ends, the run goes on
+            rerun: if record { RerunMode::Save } else { RerunMode::Off },
+            real_time,
+            // a plate that goes by the clock waits for no disk: the recording ends and the run goes on; without a
+            // journal it ends
             keeping: Keeping {
                 scribe: ScribeMode::GiveUp,
-                on_full: OnFull::GiveUp,
+                journal,
+                on_full: if real_time { OnFull::GiveUp } else { OnFull::WaitAtMost(RECORDED_WITHIN) },
                 recording: recording.clone(),
+                live: shared.live.clone(),
                 clock: self.place.clock,
             },
         };
         let (stop, interlock, pacing) = (&shared.stop, &shared.interlock, &shared.pacing);
         let links = Links { stop, interlock, pacing, cause: &|| shared.cause() };
         let clock = self.place.clock;
-        let mut attend = Attend::new(shared, &clock, &self.crier, row.id);
+        let mut attend = Attend::new(shared, &clock, &self.crier, row.id, radii_of(&job));
         run_linked(&job, library, folder, &options, &clock, links, &mut attend).map_err(|error| error.lines())
+    }
+
+    /// Whether the disk takes a recording of that job; says it when not.
+    fn has_room_for(&self, job: &JobSpec, id: JobId) -> bool {
+        let Place { disk, clock, .. } = &self.place;
+        let wanted_bytes = self.rates.estimate(job.plate_time_limit_s);
+        let Err(why) = disk.has_room(wanted_bytes, clock.elapsed()) else { return true };
+        let text = format!("there is no recording of this job: {why}");
+        tracing::warn!(plate = self.shared.name, job = %id, "{text}");
+        self.tell(id, News::warning(PlateTime::ZERO, EventLevel::Warning, &text));
+        false
     }
 
     /// How a run ended, and when on the plate.
     fn end_of(&self, done: Result<RunResult, Vec<String>>, cause: Option<Cause>) -> (PlateTime, JobEnd) {
         let report = match done {
             Ok(result) => result.report,
+            // whoever stopped it stopped it, even when that could not be written down
+            Err(lines) if self.shared.latch.is_stopped() || cause == Some(Cause::Cancelled) => {
+                let reason = format!("stopped; {}", lines.join("; "));
+                return (PlateTime::ZERO, ended(JobState::Cancelled, reason, None));
+            }
             Err(lines) => return (PlateTime::ZERO, ended(JobState::Failed, lines.join("; "), None)),
         };
         let at = PlateTime::from_secs(report.plate_time_s);
@@ -170,6 +204,12 @@ impl Worker {
     fn tell(&self, id: JobId, news: News) {
         self.crier.send(Item::Tell(id, news)).ok();
     }
+}
+
+/// Radius of each part, m, in the order of the job.
+fn radii_of(job: &JobSpec) -> Vec<f64> {
+    let radius = |kind: usize| job.rig.kinds.get(kind).map_or(0.0, |spec| spec.kind.radius_m);
+    job.parts.iter().flat_map(|group| std::iter::repeat_n(radius(group.kind), group.count)).collect()
 }
 
 fn ended(state: JobState, reason: String, report_json: Option<String>) -> JobEnd {

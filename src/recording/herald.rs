@@ -2,34 +2,35 @@ use super::switch::RecordingSwitch;
 use crate::control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use crate::time::PlateTime;
 
-/// Passes everything on to `sinks` and tells them, as an event, when the recording ends before the run does.
-pub struct Herald<'a> {
+/// Passes everything on to `sinks`, and after each frame looks whether there is something to tell them that comes from
+/// outside the run: `then`, with the frame's time.
+pub struct Herald<'a, F> {
     sinks: &'a mut dyn Sink,
-    recording: RecordingSwitch,
+    then: F,
 }
 
-impl<'a> Herald<'a> {
-    /// Tells `sinks` of `recording`.
-    pub fn new(sinks: &'a mut dyn Sink, recording: &RecordingSwitch) -> Self {
-        Self { sinks, recording: recording.clone() }
-    }
-
-    /// Tells what is new of the recording.
-    pub fn tell(&mut self, at: PlateTime) {
-        if let Some(text) = self.recording.news() {
-            self.sinks.event(at, EventLevel::Warning, &text);
-        }
+impl<'a, F: FnMut(&mut dyn Sink, PlateTime)> Herald<'a, F> {
+    /// Has `then` look on behalf of `sinks`.
+    pub fn new(sinks: &'a mut dyn Sink, then: F) -> Self {
+        Self { sinks, then }
     }
 }
 
-impl Sink for Herald<'_> {
+/// Tells `sinks`, once, when a recording has ended before its run did.
+pub fn tell_recording(recording: &RecordingSwitch, sinks: &mut dyn Sink, at: PlateTime) {
+    if let Some(text) = recording.news() {
+        sinks.event(at, EventLevel::Warning, &text);
+    }
+}
+
+impl<F: FnMut(&mut dyn Sink, PlateTime)> Sink for Herald<'_, F> {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
         self.sinks.localised(facts);
     }
 
     fn frame(&mut self, facts: &FrameFacts<'_>) {
         self.sinks.frame(facts);
-        self.tell(facts.frame.exposed_at);
+        (self.then)(self.sinks, facts.frame.exposed_at);
     }
 
     fn pulse(&mut self, facts: &PulseFacts<'_>) {

@@ -1,4 +1,6 @@
+use super::LiveServer;
 use super::scribe::ScribeMode;
+use super::scribe_watch::ScribeWatch;
 use super::switch::{OnFull, RecordingSwitch};
 use crate::time::MonotonicClock;
 
@@ -7,10 +9,14 @@ use crate::time::MonotonicClock;
 pub struct Keeping {
     /// What the journal does when the disk lags.
     pub scribe: ScribeMode,
+    /// Tells how the journal is getting on. One for each run.
+    pub journal: ScribeWatch,
     /// What the recording does when it lags.
     pub on_full: OnFull,
     /// Tells how the recording is getting on, and stops it. One for each run.
     pub recording: RecordingSwitch,
+    /// Where viewers see the run, with a recording or without.
+    pub live: Option<LiveServer>,
     /// When the threads that write have gathered long enough.
     pub clock: MonotonicClock,
 }
@@ -18,6 +24,13 @@ pub struct Keeping {
 impl Keeping {
     /// Whoever tells waits for the disk, so nothing is ever lost.
     pub fn patient(clock: MonotonicClock) -> Self {
-        Self { scribe: ScribeMode::Wait, on_full: OnFull::Wait, recording: RecordingSwitch::default(), clock }
+        Self {
+            scribe: ScribeMode::Wait,
+            journal: ScribeWatch::default(),
+            on_full: OnFull::Wait,
+            recording: RecordingSwitch::default(),
+            live: None,
+            clock,
+        }
     }
 }

@@ -4,7 +4,7 @@
 //! them. The file never loses anything: when the queue is full the control loop waits, or else the recording ends there
 //! as a failed one. It has its name only once it is closed and is `NAME.part` before. A viewer gets a copy of
 //! what goes into the file from a thread and a queue of its own; when it falls behind or is not there, messages to
-//! it are dropped and counted, and nobody waits.
+//! it are dropped and counted, and nobody waits. A [`LiveServer`] is where viewers come by themselves.
 //!
 //! Timelines: `plate_time` and `cycle`. What a person sees, by entity path: `camera` (what each cycle started from),
 //! `vision` (how table and parts were found), `table` (from above, mm), `plan`, `motors`, `accelerometers`,
@@ -22,6 +22,9 @@ mod lab;
 #[cfg(test)]
 mod lab_tests;
 mod live;
+mod live_server;
+#[cfg(test)]
+mod live_tests;
 mod located;
 mod paint;
 mod picture;
@@ -42,6 +45,7 @@ mod vision;
 mod words;
 
 pub use lab::record_lab;
+pub use live_server::LiveServer;
 pub use located::record_located;
 pub use repair::{Repaired, repair_recording};
 pub use sink::{PartLook, RecordingError, RecordingStats, RerunSink, RunContext};

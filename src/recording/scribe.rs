@@ -4,6 +4,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync
 use std::thread;
 use std::time::Duration;
 
+use super::scribe_watch::ScribeWatch;
+use crate::priority::step_back;
 use crate::time::Clock;
 
 /// Lines that may wait to be written.
@@ -53,24 +55,29 @@ pub struct Scribe {
     lines: Option<SyncSender<Vec<u8>>>,
     done: Receiver<io::Result<()>>,
     mode: ScribeMode,
+    watch: ScribeWatch,
     fault: Option<(ErrorKind, String)>,
 }
 
 impl Scribe {
-    /// Starts the thread that writes to `out`.
+    /// Starts the thread that writes to `out`; `watch` tells of it.
     pub fn start(
         mut out: impl Durable + Send + 'static,
         mode: ScribeMode,
         clock: impl Clock + Send + 'static,
+        watch: ScribeWatch,
     ) -> io::Result<Self> {
         let (lines, waiting) = sync_channel::<Vec<u8>>(QUEUE);
         let (report, done) = sync_channel(1);
+        let told = watch.clone();
         thread::Builder::new().name("scribe".into()).spawn(move || {
-            let written = transcribe(&mut out, &waiting, &clock);
+            step_back();
+            let written = transcribe(&mut out, &waiting, &clock, &told).inspect_err(|fault| told.fail(fault));
+            told.go_on();
             drop(out);
             report.send(written).ok();
         })?;
-        Ok(Self { lines: Some(lines), done, mode, fault: None })
+        Ok(Self { lines: Some(lines), done, mode, watch, fault: None })
     }
 
     /// Returns when every line is on the disk. `Err` with the first fault since the start.
@@ -99,6 +106,7 @@ impl Scribe {
     }
 
     fn fail(&mut self, fault: &io::Error) -> io::Error {
+        self.watch.fail(fault);
         let (kind, text) = self.fault.get_or_insert((fault.kind(), fault.to_string()));
         io::Error::new(*kind, text.as_str())
     }
@@ -142,7 +150,12 @@ impl Drop for Scribe {
 }
 
 /// The thread: writes and commits `lines` until their sender is gone.
-fn transcribe(out: &mut impl Durable, lines: &Receiver<Vec<u8>>, clock: &impl Clock) -> io::Result<()> {
+fn transcribe(
+    out: &mut impl Durable,
+    lines: &Receiver<Vec<u8>>,
+    clock: &impl Clock,
+    watch: &ScribeWatch,
+) -> io::Result<()> {
     let (mut gathered, mut uncommitted) = (Vec::new(), false);
     let mut written_at = clock.elapsed();
     let mut committed_at = written_at;
@@ -154,6 +167,7 @@ fn transcribe(out: &mut impl Durable, lines: &Receiver<Vec<u8>>, clock: &impl Cl
             Err(RecvTimeoutError::Disconnected) => break,
         }
         let now = clock.elapsed();
+        watch.wait(now);
         let due = line.is_err() || now.saturating_sub(written_at) >= GATHER;
         if due || gathered.len() >= MOST_GATHERED_BYTES {
             out.write_all(&gathered)?;
@@ -166,7 +180,9 @@ fn transcribe(out: &mut impl Durable, lines: &Receiver<Vec<u8>>, clock: &impl Cl
             uncommitted = false;
             committed_at = now;
         }
+        watch.go_on();
     }
+    watch.wait(clock.elapsed());
     out.write_all(&gathered)?;
     out.commit()
 }
@@ -249,7 +265,7 @@ mod tests {
     #[test]
     fn all_lines_are_written_in_order_and_committed_at_the_end() {
         let disk = Disk::default();
-        let mut scribe = Scribe::start(disk.clone(), ScribeMode::Wait, StoppedClock).unwrap();
+        let mut scribe = Scribe::start(disk.clone(), ScribeMode::Wait, StoppedClock, ScribeWatch::default()).unwrap();
         let lines: String = (0..5000).map(|i| format!("line {i}\n")).collect();
         lines.split_inclusive('\n').for_each(|line| scribe.write_all(line.as_bytes()).unwrap());
         scribe.finish().unwrap();
@@ -261,7 +277,8 @@ mod tests {
     #[test]
     fn a_line_is_on_the_disk_soon_though_the_scribe_stays_open() {
         let disk = Disk::default();
-        let mut scribe = Scribe::start(disk.clone(), ScribeMode::Wait, MonotonicClock::new()).unwrap();
+        let mut scribe =
+            Scribe::start(disk.clone(), ScribeMode::Wait, MonotonicClock::new(), ScribeWatch::default()).unwrap();
         scribe.write_all(b"first\n").unwrap();
         wait_until(|| disk.told().contains(&Told::Committed));
         assert_eq!(disk.told(), [Told::Written("first\n".into()), Told::Committed]);
@@ -275,7 +292,7 @@ mod tests {
         (0..100).for_each(|i| lines.send(format!("{i}\n").into_bytes()).unwrap());
         drop(lines);
         // two readings a line: 20 ms a line
-        transcribe(&mut disk.clone(), &waiting, &Steps(AtomicU64::new(0), 10)).unwrap();
+        transcribe(&mut disk.clone(), &waiting, &Steps(AtomicU64::new(0), 10), &ScribeWatch::default()).unwrap();
         let mut since_commit = 0;
         for told in disk.told() {
             match told {
@@ -294,13 +311,15 @@ mod tests {
     #[test]
     fn a_disk_that_hangs_blocks_only_who_wants_to_wait() {
         let disk = Disk::default();
-        let gate = disk.gate.lock().unwrap();
-        let mut scribe = Scribe::start(disk.clone(), ScribeMode::GiveUp, MonotonicClock::new()).unwrap();
+        let (gate, watch) = (disk.gate.lock().unwrap(), ScribeWatch::default());
+        let mut scribe = Scribe::start(disk.clone(), ScribeMode::GiveUp, MonotonicClock::new(), watch.clone()).unwrap();
         let fault = (0..9 * QUEUE).find_map(|_| {
             thread::sleep(Duration::from_millis(u64::from(disk.told().is_empty()))); // lets the thread run into the gate
             scribe.write_all(b"x\n").err()
         });
         assert_eq!(fault.unwrap().kind(), ErrorKind::WouldBlock);
+        assert!(watch.waits_since().is_some());
+        assert_eq!(watch.fault(), Some("the disk lags: 256 lines wait to be written"));
         drop(gate);
         wait_until(|| disk.text().len() >= 2 * QUEUE);
         let again = scribe.write_all(b"late\n").unwrap_err();
@@ -312,12 +331,15 @@ mod tests {
     #[test]
     fn a_full_disk_comes_out_of_the_next_write_and_of_the_end() {
         for mode in [ScribeMode::Wait, ScribeMode::GiveUp] {
+            let watch = ScribeWatch::default();
             let disk = Disk { room_bytes: Some(12), ..Disk::default() };
-            let mut scribe = Scribe::start(disk.clone(), mode, MonotonicClock::new()).unwrap();
+            let mut scribe = Scribe::start(disk.clone(), mode, MonotonicClock::new(), watch.clone()).unwrap();
             scribe.write_all(b"line one\n").unwrap();
             wait_until(|| !disk.text().is_empty());
-            scribe.write_all(b"line two\n").unwrap();
+            assert_eq!((watch.fault(), scribe.write_all(b"line two\n").is_ok()), (None, true));
+            wait_until(|| watch.fault().is_some());
             wait_until(|| scribe.write_all(b"more\n").is_err());
+            assert_eq!(watch.waits_since(), None);
             assert_eq!(scribe.write_all(b"more\n").unwrap_err().kind(), ErrorKind::StorageFull);
             assert_eq!(scribe.finish().unwrap_err().kind(), ErrorKind::StorageFull);
             assert_eq!(disk.text(), "line one\n");
@@ -327,7 +349,7 @@ mod tests {
     #[test]
     fn a_full_disk_is_told_at_the_end_when_nothing_is_written_after_it() {
         let disk = Disk { room_bytes: Some(3), ..Disk::default() };
-        let mut scribe = Scribe::start(disk, ScribeMode::Wait, StoppedClock).unwrap();
+        let mut scribe = Scribe::start(disk, ScribeMode::Wait, StoppedClock, ScribeWatch::default()).unwrap();
         scribe.write_all(b"line\n").unwrap();
         assert_eq!(scribe.finish().unwrap_err().kind(), ErrorKind::StorageFull);
     }

@@ -1,5 +1,6 @@
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 /// How an event begins that tells of a recording which ended before its run did, for whatever reason.
 pub const ENDED_EARLY: &str = "the recording ends early: ";
@@ -12,6 +13,8 @@ pub enum OnFull {
     Wait,
     /// The recording ends as a failed one, and the run goes on.
     GiveUp,
+    /// The run waits, but not longer than this: then the recording ends as a failed one, and the run goes on.
+    WaitAtMost(Duration),
 }
 
 /// What has become of a recording.
@@ -62,6 +65,11 @@ impl RecordingSwitch {
         }
     }
 
+    /// What is in the file by now.
+    pub fn bytes(&self) -> u64 {
+        self.0.bytes.load(Ordering::Relaxed)
+    }
+
     /// Tells, once, that the recording has ended before the run did.
     pub fn news(&self) -> Option<String> {
         let text = self.ended_early()?;
@@ -75,13 +83,6 @@ impl RecordingSwitch {
             Some(RecordingState::Stopped(reason)) => Some(format!("{ENDED_EARLY}stopped, {reason}")),
             _ => None,
         }
-    }
-}
-
-impl RecordingSwitch {
-    /// What is in the file by now.
-    pub(super) fn bytes(&self) -> u64 {
-        self.0.bytes.load(Ordering::Relaxed)
     }
 }
 

@@ -92,7 +92,7 @@ impl RunFolder {
 
     pub(super) fn journal(&self, keeping: &Keeping) -> Result<Scribe, RunError> {
         File::create(self.0.join("journal.jsonl"))
-            .and_then(|file| Scribe::start(file, keeping.scribe, keeping.clock))
+            .and_then(|file| Scribe::start(file, keeping.scribe, keeping.clock, keeping.journal.clone()))
             .map_err(|error| self.write_error("journal.jsonl", &error))
     }
 

@@ -31,8 +31,13 @@ pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
 pub fn check_job(job: &JobSpec, library: &Library) -> Result<(), Vec<Fault>> {
     let of_library = |LibraryFault { file, path, found, allowed }| Fault { file, path, found, allowed };
     let mut faults: Vec<Fault> = library_faults(library, &file_of(job), &job.rig).into_iter().map(of_library).collect();
-    faults.extend(place_parts(job, Streams::new(job.seed())).err());
+    faults.extend(check_places(job).err());
     if faults.is_empty() { Ok(()) } else { Err(faults) }
+}
+
+/// The part of [`check_job`] that is left where the library is known to fit the rig: parts that find no places.
+pub fn check_places(job: &JobSpec) -> Result<(), Fault> {
+    place_parts(job, Streams::new(job.seed())).map(|_| ())
 }
 
 /// Where the library of `job` is, for people.

@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use axum::Router;
+use axum::middleware::from_fn_with_state;
 use bytes::Bytes;
 use serde_json::Value;
 use tokio::sync::Semaphore;
@@ -19,11 +20,13 @@ mod routes;
 mod table;
 #[cfg(test)]
 mod tests;
+mod traffic;
 mod types;
 
 pub use cursor::JobsQuery;
 pub use desk::{Asset, Desk, Order, Promise, Recording, Refusal, Reply, Submitted, kept, promise};
 pub use feed::{Event, Feed, Opening, Replayed};
+pub use traffic::{Requests, Traffic};
 pub use types::{
     EStopped, Job, JobState, JobsPage, Pace, Plate, PlateState, Plates, RecordingState, ResetRequest, Well,
 };
@@ -40,6 +43,8 @@ pub struct AppParts {
     pub limits: Arc<Limits>,
     /// Ends event streams; the same that ends the server.
     pub stop: StopFlag,
+    /// Counts what it is asked.
+    pub traffic: Traffic,
     /// The program's version.
     pub version: &'static str,
 }
@@ -51,6 +56,7 @@ struct Api {
     limits: Arc<Limits>,
     stop: StopFlag,
     document: Bytes,
+    traffic: Traffic,
     watchers: Arc<Semaphore>,
     downloads: Arc<Semaphore>,
 }
@@ -64,10 +70,12 @@ pub fn app(parts: AppParts) -> Router {
         limits: parts.limits.clone(),
         stop: parts.stop,
         document: openapi::document(&operations, parts.version).to_string().into(),
+        traffic: parts.traffic.clone(),
         watchers: Arc::new(Semaphore::new(parts.limits.watchers)),
         downloads: Arc::new(Semaphore::new(parts.limits.downloads)),
     });
-    enclose(table::router(operations, &api), parts.hosts, parts.limits)
+    let app = enclose(table::router(operations, &api), parts.hosts, parts.limits);
+    app.layer(from_fn_with_state(parts.traffic, traffic::count))
 }
 
 /// The OpenAPI document that the API serves.

@@ -38,6 +38,11 @@ impl Store {
         self.orders.write(task(false, move |books: &Books<'_>| books.accept(&job), done));
     }
 
+    /// The answer to a job whose key came before; `None` when it did not. Queues nothing.
+    pub fn repeated(&self, job: NewJob, done: impl FnOnce(Result<Option<Accepted>, StoreFault>) + Send + 'static) {
+        self.orders.write(task(false, move |books: &Books<'_>| books.repeated(&job), done));
+    }
+
     /// Takes a job out of the queue.
     pub fn cancel_queued(&self, id: &JobId, done: impl FnOnce(Result<Cancelled, StoreFault>) + Send + 'static) {
         let id = *id;
@@ -59,6 +64,11 @@ impl Store {
     /// A page of jobs, newest first.
     pub fn list(&self, page: Page, done: impl FnOnce(Result<JobPage, StoreFault>) + Send + 'static) {
         self.readers.ask(move |connection| jobs::list(connection, &page), done);
+    }
+
+    /// How many jobs wait for each plate that any wait for.
+    pub fn queued(&self, done: impl FnOnce(Result<Vec<(String, u64)>, StoreFault>) + Send + 'static) {
+        self.readers.ask(jobs::queued, done);
     }
 
     /// How many jobs there are of each plate in each state.
@@ -103,6 +113,11 @@ impl Store {
     /// for the disk.
     pub fn sweep(&self) -> Result<Swept, StoreFault> {
         self.retention.sweep()
+    }
+
+    /// Bytes of run folders when they were counted last: every minute, and after every job.
+    pub fn runs_bytes(&self) -> Option<u64> {
+        self.retention.bytes()
     }
 
     /// The folder of run folders.

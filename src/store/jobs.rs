@@ -8,10 +8,8 @@ use super::{Accepted, Cancelled, Claimed, JobEnd, JobId, JobPage, JobRow, JobSta
 impl Books<'_> {
     /// Queues a job, unless its key was used or its plate's queue is full.
     pub fn accept(&self, job: &NewJob) -> rusqlite::Result<Accepted> {
-        match self.seen(job)? {
-            Some(Seen::Same(id)) => return Ok(self.find(&id)?.map_or(Accepted::KeyReused, Accepted::Replayed)),
-            Some(Seen::Other) => return Ok(Accepted::KeyReused),
-            None => {}
+        if let Some(answered) = self.repeated(job)? {
+            return Ok(answered);
         }
         let queued = self.queued(&job.plate)?;
         if queued >= self.limits.queued {
@@ -23,6 +21,15 @@ impl Books<'_> {
             self.remember(key, &job.body_sha256, &row.id)?;
         }
         Ok(Accepted::New(row))
+    }
+
+    /// The answer to a job whose key came before; `None` when it did not.
+    pub fn repeated(&self, job: &NewJob) -> rusqlite::Result<Option<Accepted>> {
+        Ok(match self.seen(job)? {
+            Some(Seen::Same(id)) => Some(self.find(&id)?.map_or(Accepted::KeyReused, Accepted::Replayed)),
+            Some(Seen::Other) => Some(Accepted::KeyReused),
+            None => None,
+        })
     }
 
     fn queued(&self, plate: &str) -> rusqlite::Result<usize> {
@@ -152,6 +159,14 @@ pub(super) fn list(connection: &Connection, page: &Page) -> Result<JobPage, Stor
     let rows: Vec<JobRow> = rows.into_iter().take(limit).collect();
     let next = rows.last().filter(|_| more).map(|row| row.id);
     Ok(JobPage { rows, next })
+}
+
+/// How many jobs wait for each plate that any wait for.
+pub(super) fn queued(connection: &Connection) -> Result<Vec<(String, u64)>, StoreFault> {
+    let sql = "SELECT plate, count(*) FROM jobs WHERE state = 'queued' GROUP BY plate";
+    let mut statement = connection.prepare(sql)?;
+    let counted = statement.query_map([], |row| Ok((row.get(0)?, row.get::<_, i64>(1)?.cast_unsigned())))?;
+    Ok(counted.collect::<Result<_, _>>()?)
 }
 
 /// How many jobs there are of each plate in each state.

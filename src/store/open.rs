@@ -19,6 +19,7 @@ use super::retention::{Retention, Sweeper, empty_trash};
 use super::schema;
 use super::writer::{MOST_WAITING, Shown, Writer};
 use super::{JobId, Limits, Mended, Recovery, StoreFault};
+use crate::priority::step_back;
 use crate::time::MonotonicClock;
 
 /// Repairs a recording that was not closed, first path, into a whole one, second path.
@@ -69,7 +70,10 @@ impl Store {
         let orders = Orders { sender, shown: Arc::clone(&shown) };
         let sweeper = Sweeper::new(places.clone(), limits.clone(), now, orders.clone());
         let writer = Writer { connection, orders: waiting, shown, ids, limits, now, ballast, told: Cell::new(0), lock };
-        thread::Builder::new().name("store-write".into()).spawn(move || writer.run())?;
+        thread::Builder::new().name("store-write".into()).spawn(move || {
+            step_back();
+            writer.run();
+        })?;
         let retention = Retention::start(sweeper)?;
         Ok(Opened { store: Store { orders, readers, runs: places.runs, now, retention }, recovery })
     }

@@ -5,6 +5,7 @@ use std::thread;
 use rusqlite::Connection;
 
 use super::StoreFault;
+use crate::priority::step_back;
 
 /// Questions that may wait.
 const MOST_WAITING: usize = 512;
@@ -22,7 +23,10 @@ impl Readers {
         let questions = Arc::new(Mutex::new(questions));
         for connection in connections {
             let questions = Arc::clone(&questions);
-            thread::Builder::new().name("store-read".into()).spawn(move || answer(&connection, &questions))?;
+            thread::Builder::new().name("store-read".into()).spawn(move || {
+                step_back();
+                answer(&connection, &questions);
+            })?;
         }
         Ok(Self(sender))
     }

@@ -2,6 +2,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
@@ -12,6 +14,7 @@ use super::orders::Orders;
 use super::places::Places;
 use super::salvage::modified;
 use super::{JobId, Limits, StoreFault};
+use crate::priority::step_back;
 
 /// Time between two sweeps.
 const SWEEP_EVERY: Duration = Duration::from_secs(60);
@@ -33,24 +36,37 @@ type Asked = Option<SyncSender<Result<Swept, StoreFault>>>;
 
 /// The thread that deletes run folders. It ends with the store.
 #[derive(Debug)]
-pub(super) struct Retention(SyncSender<Asked>);
+pub(super) struct Retention {
+    asked: SyncSender<Asked>,
+    /// Bytes of run folders when they were counted last; `u64::MAX` before.
+    bytes: Arc<AtomicU64>,
+}
 
 impl Retention {
     pub fn start(sweeper: Sweeper) -> io::Result<Self> {
         let (sender, asked) = sync_channel(1);
-        thread::Builder::new().name("store-sweep".into()).spawn(move || sweeper.run(&asked))?;
-        Ok(Self(sender))
+        let bytes = Arc::clone(&sweeper.bytes);
+        thread::Builder::new().name("store-sweep".into()).spawn(move || {
+            step_back();
+            sweeper.run(&asked);
+        })?;
+        Ok(Self { asked: sender, bytes })
     }
 
     /// Asks for a sweep; one that is asked for already will do.
     pub fn poke(&self) {
-        let _ = self.0.try_send(None);
+        let _ = self.asked.try_send(None);
+    }
+
+    /// Bytes of run folders when they were counted last.
+    pub fn bytes(&self) -> Option<u64> {
+        Some(self.bytes.load(Ordering::Relaxed)).filter(|bytes| *bytes != u64::MAX)
     }
 
     /// Asks for a sweep and waits for it.
     pub fn sweep(&self) -> Result<Swept, StoreFault> {
         let (done, swept) = sync_channel(1);
-        self.0.send(Some(done)).map_err(|_| StoreFault::Closed)?;
+        self.asked.send(Some(done)).map_err(|_| StoreFault::Closed)?;
         swept.recv().unwrap_or(Err(StoreFault::Closed))
     }
 }
@@ -74,11 +90,13 @@ pub(super) struct Sweeper {
     orders: Orders,
     /// Sizes of the folders of jobs that have ended.
     sizes: BTreeMap<String, u64>,
+    /// What there is of them all.
+    bytes: Arc<AtomicU64>,
 }
 
 impl Sweeper {
     pub fn new(places: Places, limits: Limits, now: fn() -> Timestamp, orders: Orders) -> Self {
-        Self { places, limits, now, orders, sizes: BTreeMap::new() }
+        Self { places, limits, now, orders, sizes: BTreeMap::new(), bytes: Arc::new(AtomicU64::new(u64::MAX)) }
     }
 
     fn run(mut self, asked: &Receiver<Asked>) {
@@ -110,6 +128,7 @@ impl Sweeper {
                 deleted.push(kept.name);
             }
         }
+        self.bytes.store(bytes, Ordering::Relaxed);
         self.orders.written(true, |books| books.forget_keys().and_then(|()| books.forget_jobs()))?;
         Ok(Swept { deleted, bytes })
     }

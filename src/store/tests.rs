@@ -2,6 +2,7 @@ mod crashes;
 mod damage;
 mod events;
 mod full_disk;
+mod peeking;
 mod queue;
 mod sweeping;
 

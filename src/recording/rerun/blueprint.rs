@@ -3,10 +3,14 @@
 //! Rerun's Rust builder has no setters for the bounds of a 2D view or the time span of a plot. They are properties of a
 //! view like any other, so they are logged into the blueprint's own store next to what the builder writes.
 
+use std::collections::BTreeMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use rerun::blueprint::{
     BarChartView, Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Grid, Horizontal, SelectionPanel,
     Spatial2DView, Tabs, TextLogView, TimePanel, TimeSeriesView, Vertical,
 };
+use rerun::external::re_log_types::BlueprintActivationCommand;
 use rerun::external::re_sdk_types::blueprint::archetypes::{
     PlotLegend, TextLogColumns, VisibleTimeRanges, VisualBounds2D,
 };
@@ -28,9 +32,51 @@ const TRACE_SPAN_S: [f64; 2] = [-0.1, 0.3];
 
 /// Sends the layout into `stream`.
 pub(super) fn send(stream: &RecordingStream, context: &RunContext) -> Result<(), String> {
-    let mut layout = Layout::default();
-    let pages = pages(&mut layout, context);
-    layout.send(stream, pages)
+    let key = key(context);
+    let known = made().get(&key).cloned();
+    let written = match known {
+        Some(written) => written,
+        None => {
+            let mut layout = Layout::default();
+            let pages = pages(&mut layout, context);
+            let written = layout.written(pages)?;
+            let mut made = made();
+            if made.len() < MOST_MADE {
+                made.insert(key, written.clone());
+            }
+            written
+        }
+    };
+    written.send(stream);
+    Ok(())
+}
+
+/// Layouts that were made, by what they depend on. Making one takes three streams into memory, and those are never given
+/// back (rerun 0.36: each holds itself): a daemon would grow by them with every job.
+static MADE: Mutex<BTreeMap<String, Written>> = Mutex::new(BTreeMap::new());
+const MOST_MADE: usize = 64;
+
+fn made() -> MutexGuard<'static, BTreeMap<String, Written>> {
+    MADE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A layout as messages.
+#[derive(Clone)]
+struct Written {
+    messages: Vec<LogMsg>,
+    activation: BlueprintActivationCommand,
+}
+
+impl Written {
+    fn send(self, stream: &RecordingStream) {
+        stream.send_blueprint(self.messages, self.activation);
+    }
+}
+
+/// All that the layout depends on.
+pub(super) fn key(context: &RunContext) -> String {
+    let RunContext { model, method, .. } = context;
+    format!("{method:?}, frame {:?} px, plate {} m", model.frame_size_px, model.plate_side_m)
 }
 
 /// The pages in the order of their tabs.
@@ -162,6 +208,10 @@ impl Layout {
 
     /// Sends the pages, each a tab, into `stream`.
     pub(super) fn send(self, stream: &RecordingStream, pages: Vec<ContainerLike>) -> Result<(), String> {
+        self.written(pages).map(|written| written.send(stream))
+    }
+
+    fn written(self, pages: Vec<ContainerLike>) -> Result<Written, String> {
         let blueprint = Blueprint::new(Tabs::new(pages))
             .with_auto_layout(false)
             .with_auto_views(false)
@@ -185,7 +235,6 @@ impl Layout {
             properties.log_serialized_batches(path, false, batches).map_err(faults)?;
         }
         messages.extend(written.take().into_iter().filter(|message| matches!(message, LogMsg::ArrowMsg(..))));
-        stream.send_blueprint(messages, activation);
-        Ok(())
+        Ok(Written { messages, activation })
     }
 }

@@ -6,41 +6,59 @@ use rerun::external::re_uri::ProxyUri;
 
 use super::draft::Draft;
 use super::file::RrdFile;
-use super::live::{Live, LiveQueue};
+use super::live::{Feed, Live};
+use super::live_server::LiveServer;
 use super::sink::RecordingError;
 use crate::recording::rerun_mode::RerunMode;
 use crate::recording::switch::RecordingSwitch;
 
-/// Where a recording goes: a file, and with a viewer what feeds it.
+/// Where a recording goes: a file, and what feeds viewers.
 pub(super) struct Destination {
-    out: Box<dyn Write + Send>,
+    out: Option<Box<dyn Write + Send>>,
     draft: Option<Draft>,
     path: PathBuf,
-    live: Option<(Live, LiveQueue)>,
+    viewer: Option<Live>,
+    feeds: Vec<Feed>,
 }
 
 impl Destination {
-    /// Opens a draft of the file at `path` and the viewer of `mode`, if there is one.
+    /// Opens a draft of the file at `path`, unless `mode` is off, and the viewer of `mode`, if there is one.
     pub(super) fn open(mode: &RerunMode, path: &Path) -> Result<Self, RecordingError> {
         let live = viewer_address(mode)?.map(Live::start).transpose().map_err(thread_fault)?;
+        let (viewer, feed) = live.unzip();
+        let feeds = feed.into_iter().collect();
+        if *mode == RerunMode::Off {
+            return Ok(Self { out: None, draft: None, path: path.to_owned(), viewer, feeds });
+        }
         let (draft, file): (Draft, File) =
             Draft::create(path).map_err(|e| RecordingError::Create { path: path.to_owned(), reason: e.to_string() })?;
-        Ok(Self { out: Box::new(file), path: draft.part().to_owned(), draft: Some(draft), live })
+        Ok(Self { out: Some(Box::new(file)), path: draft.part().to_owned(), draft: Some(draft), viewer, feeds })
+    }
+
+    /// The same, and to `live` as well; all that the layout depends on is in `layout`.
+    pub(super) fn and_live(mut self, live: Option<&LiveServer>, layout: impl FnOnce() -> String) -> Self {
+        self.feeds.extend(live.map(|live| live.feed(layout())));
+        self
+    }
+
+    /// True when there is a file.
+    pub(super) fn has_file(&self) -> bool {
+        self.out.is_some()
     }
 
     /// Whatever is behind `wrap` of a draft of the file at `path`.
     #[cfg(test)]
     pub(super) fn wrapped<W: Write + Send + 'static>(path: &Path, wrap: impl FnOnce(File) -> W) -> Self {
         let (draft, file) = Draft::create(path).unwrap();
-        Self { out: Box::new(wrap(file)), path: draft.part().to_owned(), draft: Some(draft), live: None }
+        let path = draft.part().to_owned();
+        Self { out: Some(Box::new(wrap(file))), path, draft: Some(draft), viewer: None, feeds: Vec::new() }
     }
 
     /// Starts the file. Its name in errors and what feeds the viewer come with it.
     pub(super) fn start(self, switch: RecordingSwitch) -> Result<(RrdFile, PathBuf, Option<Live>), RecordingError> {
-        let Self { out, draft, path, live } = self;
-        let (live, queue) = live.unzip();
-        match RrdFile::new(out, draft, queue, switch) {
-            Ok(file) => Ok((file, path, live)),
+        let Self { out, draft, path, viewer, feeds } = self;
+        match RrdFile::new(out, draft, feeds, switch) {
+            Ok(file) => Ok((file, path, viewer)),
             Err(reason) => Err(RecordingError::Write { path, reason }),
         }
     }

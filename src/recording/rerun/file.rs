@@ -8,10 +8,10 @@ use rerun::log::LogMsg;
 use rerun::sink::{LogSink, SinkFlushError};
 
 use super::draft::Draft;
-use super::live::LiveQueue;
+use super::live::Feed;
 use crate::recording::switch::RecordingSwitch;
 
-/// The `.rrd` file as Rerun's log sink. Unlike Rerun's own file sink it keeps the first write that fails, tells it at
+/// The `.rrd` file as Rerun's log sink, or viewers alone. Unlike Rerun's own file sink it keeps the first write that fails, tells it at
 /// once on its switch, and can be closed with a result. Every message is one write, so a killed process leaves all that
 /// was written so far.
 #[derive(Clone)]
@@ -22,24 +22,20 @@ struct State {
     draft: Option<Draft>,
     fault: Option<String>,
     messages: u64,
-    live: Option<LiveQueue>,
+    feeds: Vec<Feed>,
 }
 
 impl RrdFile {
-    /// Writes to `out`, unbuffered, and gives `draft` its name when that is closed; what is written goes to `live` as
-    /// well.
+    /// Writes to `out`, unbuffered, and gives `draft` its name when that is closed; what is written goes to all `feeds`
+    /// as well.
     pub(super) fn new(
-        out: Box<dyn Write + Send>,
+        out: Option<Box<dyn Write + Send>>,
         draft: Option<Draft>,
-        live: Option<LiveQueue>,
+        feeds: Vec<Feed>,
         switch: RecordingSwitch,
     ) -> Result<Self, String> {
-        let options = EncodingOptions::PROTOBUF_COMPRESSED;
-        switch.begin();
-        let out = Counted { out, switch: switch.clone() };
-        let encoder = Encoder::new_eager(CrateVersion::LOCAL, options, out).map_err(|e| e.to_string());
-        let encoder = encoder.inspect_err(|fault| switch.fail(fault.as_str()))?;
-        let state = State { encoder: Some(encoder), draft, fault: None, messages: 0, live };
+        let encoder = out.map(|out| encoder(out, &switch)).transpose()?;
+        let state = State { encoder, draft, fault: None, messages: 0, feeds };
         Ok(Self(Arc::new(Mutex::new(state)), switch))
     }
 
@@ -50,12 +46,12 @@ impl RrdFile {
 
     /// True while a viewer gets what is logged.
     pub(super) fn has_viewer(&self) -> bool {
-        self.state().live.is_some()
+        !self.state().feeds.is_empty()
     }
 
-    /// Lets go of the viewer.
+    /// Lets go of all viewers.
     pub(super) fn hang_up(&self) {
-        self.state().live = None;
+        self.state().feeds.clear();
     }
 
     /// Writes the footer, closes the file and gives it its name; a viewer goes on being told. Bytes and messages
@@ -100,8 +96,8 @@ impl LogSink for RrdFile {
             Some(Err(fault)) => self.fail(&mut state, fault.to_string()),
             None => {}
         }
-        if let Some(live) = &state.live {
-            live.offer(message);
+        for feed in &mut state.feeds {
+            feed(message.clone());
         }
     }
 
@@ -112,6 +108,14 @@ impl LogSink for RrdFile {
     fn defers_finalization_to_shutdown(&self) -> bool {
         true
     }
+}
+
+/// What writes messages to `out`, the header first.
+fn encoder(out: Box<dyn Write + Send>, switch: &RecordingSwitch) -> Result<Encoder<Counted>, String> {
+    switch.begin();
+    let out = Counted { out, switch: switch.clone() };
+    let encoder = Encoder::new_eager(CrateVersion::LOCAL, EncodingOptions::PROTOBUF_COMPRESSED, out);
+    encoder.map_err(|e| e.to_string()).inspect_err(|fault| switch.fail(fault.as_str()))
 }
 
 /// Counts what passes.

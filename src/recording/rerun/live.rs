@@ -14,6 +14,9 @@ const QUEUE: usize = 512;
 /// How long the end of a run waits for the viewer to take what is left.
 const PATIENCE: Duration = Duration::from_secs(3);
 
+/// Passes what goes into a recording on to whoever watches. Never waits.
+pub(super) type Feed = Box<dyn FnMut(LogMsg) + Send>;
+
 /// The sending end towards a viewer. A gRPC sink blocks for good when its viewer is frozen or absent, so it lives on
 /// a thread of its own behind a queue that drops.
 #[derive(Clone)]
@@ -23,11 +26,24 @@ pub(super) struct LiveQueue {
 }
 
 impl LiveQueue {
-    /// Passes `message` on, or drops it when the viewer lags. Never waits.
-    pub(super) fn offer(&self, message: LogMsg) {
-        if let Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) = self.queue.try_send(message) {
+    /// A queue and its receiving end.
+    pub(super) fn new() -> (Self, Receiver<LogMsg>) {
+        let (queue, messages) = sync_channel(QUEUE);
+        (Self { queue, dropped: Arc::default() }, messages)
+    }
+
+    /// Passes `message` on, or drops it when the viewer lags, and says so with false. Never waits.
+    pub(super) fn offer(&self, message: LogMsg) -> bool {
+        let offered = self.queue.try_send(message);
+        if let Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) = offered {
             self.dropped.fetch_add(1, Ordering::Relaxed);
         }
+        offered.is_ok()
+    }
+
+    /// Messages dropped so far.
+    pub(super) fn dropped(&self) -> u64 {
+        self.dropped.load(Ordering::Relaxed)
     }
 }
 
@@ -39,8 +55,8 @@ pub(super) struct Live {
 
 impl Live {
     /// Starts feeding the viewer at `uri`.
-    pub(super) fn start(uri: ProxyUri) -> std::io::Result<(Self, LiveQueue)> {
-        let (queue, messages) = sync_channel::<LogMsg>(QUEUE);
+    pub(super) fn start(uri: ProxyUri) -> std::io::Result<(Self, Feed)> {
+        let (queue, messages) = LiveQueue::new();
         let (done_tx, done) = sync_channel(1);
         thread::Builder::new().name("viewer".into()).spawn(move || {
             let viewer = GrpcSink::new(uri);
@@ -51,12 +67,15 @@ impl Live {
                 done_tx.try_send(()).ok();
             }
         })?;
-        let dropped = Arc::new(AtomicU64::new(0));
-        Ok((Self { done, dropped: Arc::clone(&dropped) }, LiveQueue { queue, dropped }))
+        let dropped = Arc::clone(&queue.dropped);
+        let feed = Box::new(move |message| {
+            queue.offer(message);
+        });
+        Ok((Self { done, dropped }, feed))
     }
 
     /// Waits a little for the viewer to take the rest; a stuck thread is left behind. Call when every
-    /// [`LiveQueue`] is gone. Messages dropped, and whether the viewer has all others.
+    /// [`Feed`] is gone. Messages dropped, and whether the viewer has all others.
     pub(super) fn finish(self) -> (u64, bool) {
         let caught_up = self.done.recv_timeout(PATIENCE).is_ok();
         (self.dropped.load(Ordering::Relaxed), caught_up)

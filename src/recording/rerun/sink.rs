@@ -4,6 +4,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync
 use std::thread;
 use std::time::Duration;
 
+use super::blueprint;
 use super::destination::{Destination, parse_address, thread_fault};
 use super::file::RrdFile;
 use super::live::Live;
@@ -11,6 +12,7 @@ use super::recorder::{Desk, Logged, Looks, Message, Recorder};
 use crate::control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use crate::library::Library;
 use crate::planner::Method;
+use crate::priority::step_back;
 use crate::recording::keeping::Keeping;
 use crate::recording::records::EventRecord;
 use crate::recording::rerun_mode::RerunMode;
@@ -22,6 +24,9 @@ use crate::time::PlateTime;
 
 /// Messages that may wait for the recorder; at most so many frames are held.
 const QUEUE: usize = 32;
+
+/// Time from one try to hand a message to a recorder that lags to the next.
+const SEND_AGAIN: Duration = Duration::from_millis(1);
 
 /// How long [`OnFull::GiveUp`] waits at the end for a disk that lags.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -123,6 +128,8 @@ pub struct RerunSink(Option<Running>);
 
 struct Running {
     path: PathBuf,
+    /// True when there is a file.
+    is_kept: bool,
     /// `None` once the recorder was given up.
     queue: Option<SyncSender<Message>>,
     on_full: OnFull,
@@ -144,18 +151,19 @@ impl RerunSink {
         }
     }
 
-    /// Starts recording into `path`, which is `path.part` until it is closed; with [`RerunMode::Off`] does nothing, now
-    /// and later.
+    /// Starts recording into `path`, which is `path.part` until it is closed, and for the viewers of a live stream; with
+    /// [`RerunMode::Off`] for these alone, and without both does nothing, now and later.
     pub fn start(
         mode: &RerunMode,
         path: &Path,
         context: RunContext,
         keeping: &Keeping,
     ) -> Result<Self, RecordingError> {
-        if *mode == RerunMode::Off {
+        if *mode == RerunMode::Off && keeping.live.is_none() {
             return Ok(Self(None));
         }
-        Self::into_destination(Destination::open(mode, path)?, context, keeping)
+        let to = Destination::open(mode, path)?.and_live(keeping.live.as_ref(), || blueprint::key(&context));
+        Self::into_destination(to, context, keeping)
     }
 
     /// Records into `to`.
@@ -165,7 +173,9 @@ impl RerunSink {
         keeping: &Keeping,
     ) -> Result<Self, RecordingError> {
         let Keeping { on_full, clock, .. } = *keeping;
-        let switch = keeping.recording.clone();
+        // without a file there is no recording that could fail or be stopped
+        let is_kept = to.has_file();
+        let switch = if is_kept { keeping.recording.clone() } else { RecordingSwitch::default() };
         let (file, path, live) = to.start(switch.clone())?;
         let (queue, messages) = sync_channel(QUEUE);
         let (pixels_back, spare_pixels) = sync_channel(QUEUE);
@@ -176,12 +186,14 @@ impl RerunSink {
         thread::Builder::new()
             .name("recorder".into())
             .spawn(move || {
+                step_back();
                 let recorded = Recorder::start(desk.file.clone(), context).and_then(|recorder| recorder.run(&desk));
                 report.send(close(&desk.file, recorded)).ok();
             })
             .map_err(thread_fault)?;
         let running = Running {
             path,
+            is_kept,
             queue: Some(queue),
             on_full,
             spare_pixels,
@@ -216,8 +228,11 @@ impl Running {
         self.queue = None;
         let closed = match self.on_full {
             OnFull::Wait => self.done.recv().map_err(RecvTimeoutError::from),
-            OnFull::GiveUp => self.done.recv_timeout(PATIENCE),
+            OnFull::GiveUp | OnFull::WaitAtMost(_) => self.done.recv_timeout(PATIENCE),
         };
+        if !self.is_kept {
+            return Ok(RecordingStats::default());
+        }
         let closed = closed.unwrap_or_else(|fault| {
             let reason = match fault {
                 RecvTimeoutError::Timeout => "the disk hangs",
@@ -236,16 +251,22 @@ impl Running {
     /// Waits when the recorder lags, or gives it up. A dead recorder is told of by `close`.
     fn send(&mut self, message: Message) {
         let Some(queue) = &self.queue else { return };
-        match self.on_full {
-            OnFull::Wait => {
-                queue.send(message).ok();
+        let most = match self.on_full {
+            OnFull::Wait => return drop(queue.send(message)),
+            OnFull::WaitAtMost(most) => most,
+            OnFull::GiveUp => Duration::ZERO,
+        };
+        let mut waits = most.as_millis() / SEND_AGAIN.as_millis();
+        let mut sent = queue.try_send(message);
+        while let Err(TrySendError::Full(message)) = sent {
+            if waits == 0 {
+                self.switch.fail(format!("the recorder lags, {QUEUE} messages wait"));
+                self.queue = None;
+                return;
             }
-            OnFull::GiveUp => {
-                if let Err(TrySendError::Full(_)) = queue.try_send(message) {
-                    self.switch.fail(format!("the recorder lags, {QUEUE} messages wait"));
-                    self.queue = None;
-                }
-            }
+            waits -= 1;
+            thread::sleep(SEND_AGAIN);
+            sent = queue.try_send(message);
         }
     }
 

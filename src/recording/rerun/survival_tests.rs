@@ -17,7 +17,7 @@ use super::tests::{context, keeping, stores};
 use super::{RecordingError, RerunSink};
 use crate::control::{EventLevel, Sink};
 use crate::recording::testing::SyntheticRun;
-use crate::recording::{Fanout, Herald, Keeping, MemorySink, OnFull, RecordingState, RerunMode};
+use crate::recording::{Fanout, Herald, Keeping, MemorySink, OnFull, RecordingState, RerunMode, tell_recording};
 use crate::time::{Clock, MonotonicClock};
 
 /// A folder, the recording in it, and the same before it is closed.
@@ -108,7 +108,7 @@ fn a_recording_has_its_name_only_once_it_is_closed() {
 fn cycles_until(run: &mut SyntheticRun, sink: &mut RerunSink, keeping: &Keeping, done: RecordingState) -> MemorySink {
     let mut seen = MemorySink::default();
     let mut sinks = Fanout::new().with(&mut seen).with(sink);
-    let mut herald = Herald::new(&mut sinks, &keeping.recording);
+    let mut herald = Herald::new(&mut sinks, |sinks: &mut dyn Sink, at| tell_recording(&keeping.recording, sinks, at));
     for _ in 0..400 {
         run.cycle(&mut herald);
         if keeping.recording.state() == done {

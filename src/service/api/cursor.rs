@@ -73,8 +73,8 @@ impl Query {
         chosen.map(|(_, value)| Some(*value)).ok_or_else(|| fault(name, text, &allowed()))
     }
 
-    pub fn pace(&self) -> Result<Pace, Problem> {
-        Ok(self.one_of("pace", &Pace::NAMES)?.unwrap_or_default())
+    pub fn pace(&self) -> Result<Option<Pace>, Problem> {
+        self.one_of("pace", &Pace::NAMES)
     }
 }
 

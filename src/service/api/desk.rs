@@ -59,7 +59,7 @@ pub trait Desk: Send + Sync {
     /// At most `most` kept events of the job with numbers above `after`, in order.
     fn replay(&self, id: &str, after: u64, most: usize) -> Promise<Replayed>;
 
-    /// The latest picture of the job, as PNG.
+    /// The latest picture of the job, as PNG. Busy while none has been encoded yet: it is asked again shortly.
     fn frame(&self, id: &str) -> Promise<Bytes>;
 
     /// The job's recording, opened for reading.
@@ -74,8 +74,8 @@ pub trait Desk: Send + Sync {
 pub struct Order {
     /// The body.
     pub text: String,
-    /// How fast it is to run.
-    pub pace: Pace,
+    /// How fast it is to run; where that is not said, as the daemon's configuration says.
+    pub pace: Option<Pace>,
     /// The idempotency key.
     pub key: Option<String>,
     /// Who sent it.
@@ -180,12 +180,12 @@ impl<T> Reply<T> {
     }
 }
 
-/// A promise that `start` sees to: it hands the reply to whoever will know. One that is lost is told as busy.
+/// A promise that `start` sees to: it hands the reply to whoever will know. A reply that is lost is told as busy.
 pub fn promise<T: Send + 'static>(start: impl FnOnce(Reply<T>)) -> Promise<T> {
     let (sender, receiver) = oneshot::channel();
     start(Reply(sender));
     Box::pin(async move {
-        let lost = || Err(Refusal::Busy { why: "the daemon is closing".to_owned(), retry_after_s: 5 });
+        let lost = || Err(Refusal::Busy { why: "the daemon is busy, or ends".to_owned(), retry_after_s: 1 });
         receiver.await.unwrap_or_else(|_| lost())
     })
 }

@@ -13,6 +13,7 @@ use tokio::time::sleep;
 use super::Desk;
 use super::feed::{Event, Intake, Opening, feed};
 use super::table::{Call, Outcome};
+use super::traffic::OpenStream;
 use crate::service::http::{Problem, ProblemKind, StopFlag};
 
 pub(super) const EVENT_STREAM: &str = "text/event-stream";
@@ -29,7 +30,7 @@ pub(super) fn watch(call: Call) -> Outcome {
         let after = last_event_id(&call.headers)?;
         let seat = call.api.watchers.clone().try_acquire_owned();
         let full = |_| Problem::new(ProblemKind::Unavailable, "too many event streams").retry_after(10);
-        let seat = seat.map_err(full)?;
+        let seat = (seat.map_err(full)?, call.api.traffic.stream());
         let (feed, intake) = feed();
         let opening = call.desk.watch(&id, feed).await?;
         let (stop, heartbeat) = (call.api.stop.clone(), call.api.limits.heartbeat_time);
@@ -66,7 +67,7 @@ struct Watcher {
     is_over: bool,
     stage: Stage,
     #[allow(dead_code)] // held for as long as the stream is
-    seat: OwnedSemaphorePermit,
+    seat: (OwnedSemaphorePermit, OpenStream),
 }
 
 enum Stage {

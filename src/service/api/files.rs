@@ -1,4 +1,5 @@
 use std::io::SeekFrom;
+use std::time::Duration;
 
 use axum::body::Body;
 use axum::http::header::{
@@ -12,12 +13,18 @@ use futures_util::stream;
 use tokio::fs::File;
 use tokio::io::{AsyncReadExt, AsyncSeekExt};
 use tokio::sync::OwnedSemaphorePermit;
+use tokio::time::sleep;
 
+use super::desk::Refusal;
 use super::table::{Call, Outcome, media};
 use crate::config::is_plain_name;
 use crate::service::http::{Problem, ProblemKind};
 
 pub(super) const RRD: &str = "application/octet-stream";
+
+/// How often a picture that is being made is asked for again, and after what time.
+const PICTURE_TRIES: usize = 10;
+const PICTURE_AGAIN: Duration = Duration::from_millis(100);
 
 /// Bytes read from a file at once.
 const CHUNK_BYTES: usize = 64 << 10;
@@ -27,7 +34,17 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 pub(super) fn frame(call: Call) -> Outcome {
-    Box::pin(async move { media(200, "image/png", call.desk.frame(call.job_id()?).await?) })
+    Box::pin(async move {
+        let id = call.job_id()?;
+        // pictures are made for those who ask: the first takes a moment
+        for _ in 0..PICTURE_TRIES {
+            match call.desk.frame(id).await {
+                Err(Refusal::Busy { .. }) => sleep(PICTURE_AGAIN).await,
+                picture => return media(200, "image/png", picture?),
+            }
+        }
+        media(200, "image/png", call.desk.frame(id).await?)
+    })
 }
 
 pub(super) fn openapi(call: Call) -> Outcome {

@@ -5,9 +5,6 @@ use crate::service::http::{Problem, ProblemKind};
 
 pub(super) const OPENMETRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
-const LONGEST_OPERATOR: usize = 200;
-const LONGEST_REASON: usize = 1000;
-
 pub(super) fn list(call: Call) -> Outcome {
     Box::pin(async move { json(200, &call.desk.plates().await?) })
 }
@@ -61,13 +58,8 @@ fn reset_request(text: &str) -> Result<ResetRequest, Problem> {
     let request: ResetRequest =
         serde_path_to_error::deserialize(&mut json).map_err(|e| fault(&e.path().to_string(), e.inner()))?;
     json.end().map_err(|error| fault(".", &error))?;
-    let said = |path: &str, text: &str, most: usize| {
-        let is_said = !text.trim().is_empty() && text.chars().count() <= most;
-        let found = format!("{} characters", text.trim().chars().count());
-        let wrong = Problem::new(ProblemKind::Invalid, "1 fault");
-        is_said.then_some(()).ok_or_else(|| wrong.with_fault(path, found, format!("1 to {most} characters")))
-    };
-    said("operator", &request.operator, LONGEST_OPERATOR)?;
-    said("reason", &request.reason, LONGEST_REASON)?;
+    if let Some((member, found, allowed)) = request.fault() {
+        return Err(Problem::new(ProblemKind::Invalid, "1 fault").with_fault(member, found, allowed));
+    }
     Ok(request)
 }

@@ -80,7 +80,7 @@ const SUBMIT_PARAMS: &[Param] = &[
     Param {
         name: "pace",
         place: Place::Query,
-        what: "How fast the job runs; `real-time` when it is left out.",
+        what: "How fast the job runs; left out: as the daemon's configuration says, `real-time` unless changed.",
         schema: || json!({"type": "string", "enum": Pace::NAMES.map(|(name, _)| name)}),
     },
 ];

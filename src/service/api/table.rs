@@ -15,6 +15,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Serialize;
 
 use super::cursor::{Query, is_job_id};
+use super::traffic::Reached;
 use super::{Api, Desk};
 use crate::config::is_plain_name;
 use crate::service::http::{Caller, Peer, Problem, ProblemKind, Scope};
@@ -212,6 +213,7 @@ pub(super) fn router(operations: Vec<Operation>, api: &Arc<Api>) -> Router {
         let (operation, api) = (Arc::new(operation), api.clone());
         let handler = move |request: Request| {
             let (operation, api) = (operation.clone(), api.clone());
+            Reached::note(&request, operation.id);
             async move { operation.answer(api, request).await.into_response() }
         };
         let route: MethodRouter = on(filter, handler);

@@ -4,6 +4,7 @@ mod fake;
 mod input;
 mod recordings;
 mod streams;
+mod traffic;
 
 use std::sync::Arc;
 
@@ -16,7 +17,7 @@ use serde_json::Value;
 use tower::ServiceExt;
 
 use super::table::{Content, Operation};
-use super::{AppParts, app, routes};
+use super::{AppParts, Traffic, app, routes};
 use crate::service::http::{Hosts, Limits, ProblemDocument, Scope, StopFlag, StopSender, Tokens};
 use fake::FakeDesk;
 
@@ -28,6 +29,7 @@ struct Asked {
     app: Router,
     desk: Arc<FakeDesk>,
     stop: StopSender,
+    traffic: Traffic,
 }
 
 struct Seen {
@@ -54,9 +56,10 @@ impl Asked {
         let desk = Arc::new(FakeDesk::default());
         let hosts = Hosts::new("127.0.0.1:8750".parse().unwrap(), &[]);
         let (stop, flag) = StopFlag::new();
-        let parts =
-            AppParts { desk: desk.clone(), tokens, hosts, limits: Arc::new(limits), stop: flag, version: "0.0.0" };
-        Self { app: app(parts), desk, stop }
+        let (limits, traffic) = (Arc::new(limits), Traffic::default());
+        let (counted, version) = (traffic.clone(), "0.0.0");
+        let parts = AppParts { desk: desk.clone(), tokens, hosts, limits, stop: flag, traffic: counted, version };
+        Self { app: app(parts), desk, stop, traffic }
     }
 
     async fn open(&self, request: Request<Body>) -> (u16, HeaderMap, Body) {

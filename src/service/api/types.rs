@@ -144,8 +144,12 @@ pub struct Plate {
     pub at_s: f64,
     /// Wall time since that was seen, s; null before anything was.
     pub age_s: Option<f64>,
+    /// Side of the square plate, mm. Its centre is the origin of all places.
+    pub side_mm: f64,
     /// Where each part is, mm.
     pub positions_mm: Vec<[f64; 2]>,
+    /// Radius of each part, mm.
+    pub radii_mm: Vec<f64>,
     /// Where each part shall end, mm.
     pub targets_mm: Vec<[f64; 2]>,
     /// Share of the job that is done.
@@ -193,6 +197,17 @@ pub struct ResetRequest {
     /// Why it may move again.
     #[schemars(length(min = 1, max = 1000), extend("pattern" = "\\S"))]
     pub reason: String,
+}
+
+impl ResetRequest {
+    /// The first member that says nothing or too much: its name, what was found, what is allowed.
+    pub fn fault(&self) -> Option<(&'static str, String, String)> {
+        let members = [("operator", &self.operator, 200), ("reason", &self.reason, 1000)];
+        let is_said = |text: &str, most: usize| !text.trim().is_empty() && text.chars().count() <= most;
+        let (member, text, most) = members.into_iter().find(|(_, text, most)| !is_said(text, *most))?;
+        let found = format!("{} characters", text.trim().chars().count());
+        Some((member, found, format!("1 to {most} characters, not blanks alone")))
+    }
 }
 
 /// All is well; when it is not the answer is a problem that says why.

@@ -21,15 +21,13 @@ use tower::ServiceExt;
 use super::limits::{Limits, Spare};
 use super::socket::Socket;
 use super::stop::StopFlag;
+use crate::priority::step_back;
 
 /// Threads that answer.
 const WORKERS: usize = 2;
 
 /// Most threads that read files.
 const FILE_READERS: usize = 8;
-
-/// The niceness of all of them: plates go first.
-const NICENESS: i32 = 5;
 
 /// Largest header that hyper reads at all, bytes.
 const READ_BYTES: usize = 32 << 10;
@@ -61,11 +59,6 @@ pub fn serve(listener: std::net::TcpListener, app: Router, limits: &Limits, stop
     let served = runtime.block_on(accept(listener, app, limits, stop));
     runtime.shutdown_background();
     served
-}
-
-/// On Linux a thread has a niceness of its own. Where it may not be set the thread stays as it is.
-fn step_back() {
-    let _ = rustix::process::setpriority_process(None, NICENESS);
 }
 
 async fn accept(listener: std::net::TcpListener, app: Router, limits: &Limits, stop: &StopFlag) -> io::Result<Served> {

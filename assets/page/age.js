@@ -1,0 +1,34 @@
+// How old what is shown is. It goes on counting when nobody answers any more.
+
+/** With more than this, in s, what is shown is no longer called live. */
+export const STALE_S = 2;
+
+/** A moment, on both of the browser's clocks: one of them stands still while the machine sleeps, the other may be set. */
+export function moment() {
+  return { steady: performance.now(), wall: Date.now() };
+}
+
+/** Seconds since `then`, by the clock that says more. */
+export function since(then) {
+  return Math.max(performance.now() - then.steady, Date.now() - then.wall, 0) / 1000;
+}
+
+/** `3.4 s`, `45 s`, `12 min`; the unit stays on the line of its number. */
+export function span(seconds) {
+  if (!Number.isFinite(seconds)) return '–';
+  if (seconds < 10) return `${seconds.toFixed(1)}\u00a0s`;
+  if (seconds < 100) return `${Math.floor(seconds)}\u00a0s`;
+  if (seconds < 6000) return `${Math.floor(seconds / 60)}\u00a0min`;
+  if (seconds < 172800) return `${Math.floor(seconds / 3600)}\u00a0h`;
+  return `${Math.floor(seconds / 86400)}\u00a0days`;
+}
+
+/** A time of day in this browser's zone; with the date when that is not today. */
+export function clock(text) {
+  const time = new Date(text);
+  if (Number.isNaN(time.getTime())) return '–';
+  const two = (n) => String(n).padStart(2, '0');
+  const hours = `${two(time.getHours())}:${two(time.getMinutes())}:${two(time.getSeconds())}`;
+  if (time.toDateString() === new Date().toDateString()) return hours;
+  return `${time.getFullYear()}-${two(time.getMonth() + 1)}-${two(time.getDate())} ${hours}`;
+}

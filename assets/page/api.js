@@ -1,0 +1,108 @@
+// Requests to the daemon. The token, where one is asked for, lives in this tab and goes out in a header.
+
+const KEPT = 'upm-token';
+const PATIENCE_MS = 5000;
+let token = recall();
+let asked = () => {};
+
+/** Requests that an emergency stop may cut off: a browser has few connections to one host. */
+const others = new Set();
+
+/** The daemon answered that it will not. */
+export class Problem extends Error {
+  constructor(status, body, retryAfter) {
+    super(body.detail || body.title || `the daemon answered ${status}`);
+    this.status = status;
+    this.title = body.title ?? '';
+    this.faults = Array.isArray(body.faults) ? body.faults : [];
+    this.retryAfter = retryAfter;
+  }
+}
+
+/** Nothing came back: whether the daemon did it is not known. */
+export class NoAnswer extends Error {}
+
+function recall() {
+  try {
+    return sessionStorage.getItem(KEPT) ?? '';
+  } catch {
+    return '';
+  }
+}
+
+export function useToken(text) {
+  token = text;
+  try {
+    sessionStorage.setItem(KEPT, text);
+  } catch {
+    // a browser that keeps nothing: the token holds until the page is loaded again
+  }
+}
+
+export function hasToken() {
+  return token !== '';
+}
+
+/** `ask(wasWrong)` is called when the daemon wants a token. */
+export function whenAsked(ask) {
+  asked = ask;
+}
+
+/** Cuts off everything but emergency stops, so that these get through at once. */
+export function makeWay() {
+  for (const control of others) control.abort();
+}
+
+/**
+ * Sends a request and gives the response. Throws `Problem` or `NoAnswer`.
+ * `patience` is the time until the answer begins, ms; `signal` ends the request, its body, too.
+ */
+export async function send(method, path, { body, headers = {}, patience = PATIENCE_MS, signal, urgent = false } = {}) {
+  const control = new AbortController();
+  const stop = () => control.abort();
+  signal?.addEventListener('abort', stop);
+  if (!urgent) others.add(control);
+  const timer = setTimeout(stop, patience);
+  const all = { ...headers };
+  if (token) all.Authorization = `Bearer ${token}`;
+  if (body !== undefined) all['Content-Type'] = 'application/json';
+  const sentWith = token;
+  const asks = { method, headers: all, body, signal: control.signal, cache: 'no-store', redirect: 'error' };
+  try {
+    const response = await fetch(path, { ...asks, keepalive: urgent, priority: urgent ? 'high' : 'auto' });
+    if (response.ok) return response;
+    const told = await response.json().catch(() => ({}));
+    if (response.status === 401) asked(sentWith !== '' && sentWith === token);
+    throw new Problem(response.status, told, Number(response.headers.get('Retry-After')) || null);
+  } catch (error) {
+    if (error instanceof Problem) throw error;
+    throw new NoAnswer('no answer from the daemon');
+  } finally {
+    clearTimeout(timer);
+    others.delete(control);
+    if (!signal) stopWithBody(control, urgent);
+  }
+}
+
+/** Bodies are short where no signal was given; they, too, must not take for ever. */
+function stopWithBody(control, urgent) {
+  setTimeout(() => control.abort(), urgent ? 2000 : PATIENCE_MS);
+}
+
+export async function json(method, path, options) {
+  const response = await send(method, path, options);
+  try {
+    return await response.json();
+  } catch {
+    throw new NoAnswer('the answer broke off');
+  }
+}
+
+/** A word that nobody else will make up. */
+export function newKey() {
+  const bytes = crypto.getRandomValues(new Uint8Array(16));
+  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, '0')).join('');
+}
+
+export const ofJob = (id, what = '') => `/v1/jobs/${encodeURIComponent(id)}${what}`;
+export const ofPlate = (name, what) => `/v1/plates/${encodeURIComponent(name)}${what}`;

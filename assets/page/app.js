@@ -1,0 +1,140 @@
+// The operator page: asks the daemon how things are, several times a second, and shows it with its age.
+
+import { NoAnswer, Problem, json, useToken, whenAsked } from './api.js';
+import { STALE_S, moment, since, span } from './age.js';
+import { el, hold, say, show } from './dom.js';
+import { Stops } from './estop.js';
+import { Jobs } from './jobs.js';
+import { PlateCard } from './plate.js';
+import { Order } from './submit.js';
+
+const PLATES_MS = 200;
+const READY_MS = 3000;
+const JOBS_MS = 10000;
+const MOST_WAITING = 200;
+
+const part = (id) => document.getElementById(id);
+const nap = (ms) => new Promise((done) => setTimeout(done, ms));
+
+const cards = new Map();
+let heard = null;
+const began = moment();
+let trouble = '';
+let standing = '';
+let askedForJobs = 0;
+
+const stops = new Stops(part('estop'), part('stop-report'), () => [...cards.keys()]);
+const jobs = new Jobs(part('jobs'), {
+  look: (job, look) => cards.forEach((card) => card.look(job, look)),
+  changed: () => refreshJobs(),
+});
+const order = new Order(part('order'), (job, open) => {
+  refreshJobs();
+  if (open) jobs.open(job.id);
+});
+
+function takePlates(plates, asked) {
+  heard = asked;
+  trouble = '';
+  for (const plate of plates) {
+    if (!cards.has(plate.name)) {
+      const acts = { open: (id) => jobs.open(id), stop: (name) => stops.one(name), refresh: refreshJobs };
+      cards.set(plate.name, new PlateCard(plate.name, acts));
+    }
+    cards.get(plate.name).take(plate, asked);
+  }
+  const names = plates.map((plate) => plate.name);
+  [...cards.keys()].filter((name) => !names.includes(name)).forEach((name) => cards.delete(name));
+  hold(part('cards'), plates.map((plate) => cards.get(plate.name).root));
+  order.offer(names);
+  stops.heard(plates);
+  jobs.heard(plates);
+  const now = JSON.stringify(plates.map(({ state, job, queued }) => [state, job, queued]));
+  if (now !== standing || performance.now() - askedForJobs > JOBS_MS) {
+    standing = now;
+    refreshJobs();
+  }
+}
+
+async function watchPlates() {
+  for (;;) {
+    const asked = moment();
+    try {
+      takePlates((await json('GET', '/v1/plates', { patience: 3000 })).plates, asked);
+      show(part('token'), false);
+    } catch (error) {
+      if (!(error instanceof Problem) && !(error instanceof NoAnswer)) throw error;
+      trouble = error instanceof Problem ? `the daemon says: ${error.message}` : error.message;
+    }
+    await nap(trouble ? 500 : PLATES_MS);
+  }
+}
+
+async function refreshJobs() {
+  askedForJobs = performance.now();
+  jobs.refresh();
+  try {
+    const list = (state) => json('GET', `/v1/jobs?state=${state}&limit=${MOST_WAITING}`);
+    const [queued, running] = await Promise.all([list('queued'), list('running')]);
+    const inTurn = queued.jobs.reverse();
+    for (const card of cards.values()) {
+      card.wait(inTurn, queued.next !== null);
+      running.jobs.forEach((job) => card.runs(job));
+    }
+  } catch {
+    // the plates' own answers tell whether the daemon is there
+  }
+}
+
+async function watchReadiness() {
+  for (;;) {
+    try {
+      await json('GET', '/readyz');
+      tellReasons([]);
+    } catch (error) {
+      if (error instanceof Problem) tellReasons(error.message.split('; '));
+    }
+    await nap(READY_MS);
+  }
+}
+
+function tellReasons(reasons) {
+  const box = part('banners');
+  const text = reasons.join('\n');
+  if (box.dataset.text === text) return;
+  box.dataset.text = text;
+  box.replaceChildren(...reasons.map((reason) => el('p', { class: 'banner warn' }, reason)));
+}
+
+/** What needs no answer: every age goes on. */
+function tick() {
+  cards.forEach((card) => card.tick());
+  jobs.tick();
+  const silence = since(heard ?? began);
+  const lost = silence > STALE_S;
+  document.body.classList.toggle('lost', lost);
+  const contact = part('contact');
+  contact.className = lost ? 'contact lost' : heard ? 'contact' : 'contact asking';
+  if (lost) say(contact, `No news for ${span(silence)}${trouble ? `: ${trouble}` : ''}`);
+  else say(contact, heard ? 'The daemon answers' : 'Asking the daemon');
+  const running = [...cards.values()].filter((card) => card.plate?.state === 'running').length;
+  const title = lost ? 'no answer' : running ? `${running} running` : 'at rest';
+  if (document.title !== `${title} · upm`) document.title = `${title} · upm`;
+}
+
+whenAsked((wasWrong) => {
+  const first = part('token').hidden;
+  show(part('token'), true);
+  say(part('token-why'), wasWrong ? 'The daemon does not take this token.' : '');
+  if (first) part('token-text').focus();
+});
+part('token').addEventListener('submit', (event) => {
+  event.preventDefault();
+  useToken(part('token-text').value.trim());
+  part('token-text').value = '';
+  say(part('token-why'), '');
+});
+
+setInterval(tick, 100);
+watchPlates();
+watchReadiness();

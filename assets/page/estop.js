@@ -1,0 +1,146 @@
+// Emergency stop: every plate is asked at once, again and again until it has said that it stands.
+
+import { NoAnswer, json, makeWay, ofPlate } from './api.js';
+import { moment, since, span } from './age.js';
+import { el, hold, say } from './dom.js';
+
+const PATIENCE_MS = 2000;
+const PAUSES_MS = [100, 200, 400, 800];
+
+/** One plate that is being stopped. */
+class Stopping {
+  constructor(name) {
+    this.name = name;
+    this.tries = 0;
+    this.began = moment();
+    this.confirmed = false;
+    this.ended = false;
+    this.line = el('p', { class: 'trying' });
+    this.tell('trying', 'stop is on its way');
+  }
+
+  tell(kind, text) {
+    this.line.className = kind;
+    say(this.line, `${this.name}: ${text}`);
+  }
+
+  async insist() {
+    while (!this.ended) {
+      this.tries += 1;
+      try {
+        await this.hear(await ask('POST', ofPlate(this.name, '/estop')));
+      } catch (error) {
+        this.ended = error.status === 404;
+        if (this.ended) return this.tell('loud', 'NOT STOPPED – the daemon knows no such plate');
+        const why = error instanceof NoAnswer ? 'no answer' : error.message;
+        this.tell('loud', `NOT CONFIRMED after ${span(since(this.began))} – ${why}; trying again (${this.tries})`);
+      }
+      if (!this.ended) await nap(PAUSES_MS[Math.min(this.tries, PAUSES_MS.length) - 1]);
+    }
+  }
+
+  async hear(answer) {
+    if (!answer.silent && (await this.moves())) {
+      this.tell('loud', `stop taken, motors NOT SEEN AT ZERO; asking again (${this.tries})`);
+      return;
+    }
+    this.confirmed = true;
+    this.ended = true;
+    const motors = answer.silent ? 'motors silent' : 'nothing ran';
+    if (answer.persisted) this.tell('done', `stopped, ${motors}`);
+    else this.tell('loud', `stopped, ${motors}, but NOT YET ON THE DISK: a restart would forget it`);
+  }
+
+  /** Motors that were never asked for anything are not seen at zero: whether the plate has a job tells. */
+  async moves() {
+    const { plates } = await ask('GET', '/v1/plates');
+    return plates.find((plate) => plate.name === this.name)?.job !== null;
+  }
+}
+
+const ask = (method, path) => json(method, path, { urgent: true, patience: PATIENCE_MS });
+const nap = (ms) => new Promise((done) => setTimeout(done, ms));
+
+/** The stops that were asked for and what became of them. */
+export class Stops {
+  constructor(button, report, plateNames) {
+    this.button = button;
+    this.report = report;
+    this.plateNames = plateNames;
+    this.asked = new Map();
+    this.searching = false;
+    this.unknown = el('p', { class: 'loud' });
+    button.addEventListener('click', () => this.all());
+    window.addEventListener('keydown', (event) => this.key(event), { capture: true });
+  }
+
+  /** Ctrl+Alt+S, whatever has the focus and whatever the layout has on that key. */
+  key(event) {
+    const isS = event.code === 'KeyS' || event.key.toLowerCase() === 's';
+    if (!event.ctrlKey || !event.altKey || !isS) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    if (!event.repeat) this.all();
+  }
+
+  all() {
+    makeWay();
+    const names = this.plateNames();
+    if (names.length === 0) this.search();
+    names.forEach((name) => this.begin(name));
+    this.lay();
+  }
+
+  one(name) {
+    makeWay();
+    this.begin(name);
+    this.lay();
+  }
+
+  begin(name) {
+    const before = this.asked.get(name);
+    if (before && !before.ended) return;
+    const stopping = new Stopping(name);
+    this.asked.set(name, stopping);
+    stopping.insist().then(() => this.lay());
+  }
+
+  /** No plate is known yet: they are asked for until they are. */
+  async search() {
+    if (this.searching) return;
+    this.searching = true;
+    let why = 'no plate is known yet';
+    for (let tries = 1; ; tries += 1) {
+      say(this.unknown, `NO PLATE STOPPED – ${why}; asking again (${tries})`);
+      this.lay();
+      try {
+        const told = await ask('GET', '/v1/plates');
+        this.searching = false;
+        told.plates.forEach((plate) => this.begin(plate.name));
+        this.lay();
+        return;
+      } catch (error) {
+        why = error.message;
+        await nap(PAUSES_MS[Math.min(tries, PAUSES_MS.length) - 1]);
+      }
+    }
+  }
+
+  /** A plate that was reset meanwhile needs no line any more. */
+  heard(plates) {
+    for (const plate of plates) {
+      const stopping = this.asked.get(plate.name);
+      if (!stopping?.confirmed) continue;
+      stopping.seen ||= plate.state === 'stopped';
+      if (stopping.seen && plate.state !== 'stopped') this.asked.delete(plate.name);
+    }
+    this.lay();
+  }
+
+  lay() {
+    const lines = [...this.asked.values()].map((stopping) => stopping.line);
+    hold(this.report, this.searching ? [this.unknown, ...lines] : lines);
+    const open = this.searching || [...this.asked.values()].some((stopping) => !stopping.ended);
+    this.button.classList.toggle('trying', open);
+  }
+}

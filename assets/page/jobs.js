@@ -1,0 +1,196 @@
+// Jobs, newest first, a page at a time; one of them may be open.
+
+import { hasToken, json, ofJob, send } from './api.js';
+import { clock, span } from './age.js';
+import { el, hold, say, show, twice } from './dom.js';
+import { Watched } from './watch.js';
+
+const ON_A_PAGE = 20;
+const ENDED = ['completed', 'failed', 'cancelled', 'interrupted'];
+const KEPT = ['whole', 'recovered', 'stopped'];
+
+class Row {
+  constructor(job, list) {
+    this.list = list;
+    this.state = el('span', { class: 'state' });
+    this.name = el('button', { type: 'button', class: 'link job-name', click: () => list.toggle(this.job.id) });
+    this.plate = el('span', { class: 'on' });
+    this.time = el('time');
+    this.took = el('span', { class: 'took' });
+    this.reason = el('span', { class: 'reason' });
+    this.recording = el('a', { href: ofJob(job.id, '/recording'), download: '', click: (e) => this.download(e) }, 'Recording');
+    this.cancel = twice('Cancel', 'Really?', () => list.cancel(this.job.id));
+    const actions = el('span', { class: 'row-actions' }, this.recording, this.cancel);
+    const line = el('div', { class: 'row' });
+    line.append(this.state, this.name, this.plate, this.time, this.took, this.reason, actions);
+    this.root = el('li', {}, line);
+    this.take(job);
+  }
+
+  take(job) {
+    this.job = job;
+    this.root.dataset.job = job.id;
+    this.state.dataset.state = job.state;
+    const share = job.state === 'running' ? ` ${Math.floor(job.progress * 100)} %` : '';
+    say(this.state, job.state + share);
+    say(this.name, job.name);
+    say(this.plate, job.plate);
+    this.time.dateTime = job.submitted_at;
+    this.time.title = `submitted ${job.submitted_at}`;
+    say(this.time, clock(job.submitted_at));
+    const ran = (new Date(job.finished_at) - new Date(job.started_at)) / 1000;
+    say(this.took, job.started_at && job.finished_at ? `ran ${span(ran)}` : '');
+    const lost = job.recording === 'pruned' ? 'recording pruned' : job.recording === 'failed' ? 'recording failed' : '';
+    say(this.reason, [job.state === 'completed' ? '' : job.reason, lost].filter(Boolean).join(' · '));
+    show(this.recording, KEPT.includes(job.recording));
+    this.recording.setAttribute('aria-label', `Recording of ${job.name}`);
+    show(this.cancel, !ENDED.includes(job.state));
+    this.cancel.setAttribute('aria-label', `Cancel ${job.name}`);
+    this.watched?.take(job);
+  }
+
+  /** With a token a plain link would be refused: the file is fetched and then saved. */
+  async download(event) {
+    if (!hasToken()) return;
+    event.preventDefault();
+    say(this.recording, 'Fetching');
+    try {
+      const response = await send('GET', ofJob(this.job.id, '/recording'), { signal: new AbortController().signal });
+      const address = URL.createObjectURL(await response.blob());
+      el('a', { href: address, download: `${this.job.name}.rrd` }).click();
+      setTimeout(() => URL.revokeObjectURL(address), 60000);
+    } catch (error) {
+      this.list.tell(error.message);
+    }
+    say(this.recording, 'Recording');
+  }
+
+  /** Its plate tells how far it is more often than the list is asked for. */
+  runs(progress) {
+    if (this.job.state === 'running') say(this.state, `running ${Math.floor(progress * 100)} %`);
+  }
+
+  open(options) {
+    this.watched = new Watched(this.job, options);
+    this.root.append(this.watched.root);
+    this.root.classList.add('open');
+    this.name.setAttribute('aria-expanded', 'true');
+  }
+
+  close() {
+    this.watched?.end();
+    this.watched?.root.remove();
+    this.watched = undefined;
+    this.root.classList.remove('open');
+    this.name.setAttribute('aria-expanded', 'false');
+  }
+}
+
+export class Jobs {
+  /** `look(job, look)` hears of looks at the open job's parts; `changed()` of what it may have changed. */
+  constructor(section, { look, changed }) {
+    const part = (id) => section.querySelector(`#${id}`);
+    [this.only, this.says, this.list, this.newer, this.older, this.pageOf] =
+      ['only', 'jobs-say', 'rows', 'newer', 'older', 'page-of'].map(part);
+    this.look = look;
+    this.changed = changed;
+    this.cursors = [null];
+    this.rows = new Map();
+    this.opened = null;
+    this.only.addEventListener('change', () => this.turn([null]));
+    this.newer.addEventListener('click', () => this.turn(this.cursors.slice(0, -1)));
+    this.older.addEventListener('click', () => this.turn([...this.cursors, this.next]));
+  }
+
+  tell(text) {
+    say(this.says, text);
+  }
+
+  turn(cursors) {
+    this.cursors = cursors.length ? cursors : [null];
+    this.refresh();
+  }
+
+  async refresh() {
+    const query = new URLSearchParams({ limit: String(ON_A_PAGE) });
+    if (this.only.value) query.set('state', this.only.value);
+    const cursor = this.cursors.at(-1);
+    if (cursor) query.set('cursor', cursor);
+    const turn = (this.turnNumber = (this.turnNumber ?? 0) + 1);
+    try {
+      const page = await json('GET', `/v1/jobs?${query}`);
+      if (turn === this.turnNumber) this.lay(page);
+    } catch (error) {
+      this.tell(`This list may be old: ${error.message}`);
+      this.list.classList.add('stale');
+    }
+  }
+
+  lay({ jobs, next }) {
+    this.next = next;
+    this.list.classList.remove('stale');
+    this.tell(jobs.length ? '' : this.only.value ? `No job is ${this.only.value}` : 'No jobs yet');
+    const kept = this.rows.get(this.opened);
+    const rows = new Map(jobs.map((job) => [job.id, this.rows.get(job.id) ?? new Row(job, this)]));
+    jobs.forEach((job) => rows.get(job.id).take(job));
+    if (kept && !rows.has(this.opened)) {
+      kept.close();
+      this.opened = null;
+    }
+    this.rows = rows;
+    hold(this.list, [...rows.values()].map((row) => row.root));
+    show(this.newer.parentElement, this.cursors.length > 1 || next !== null);
+    this.newer.disabled = this.cursors.length < 2;
+    this.older.disabled = next === null;
+    say(this.pageOf, `page ${this.cursors.length}`);
+  }
+
+  /** Opens a job, wherever in the list it is. */
+  async open(id) {
+    if (!this.rows.has(id)) {
+      this.only.value = '';
+      this.cursors = [null];
+      await this.refresh();
+    }
+    if (!this.rows.has(id)) await this.bring(id);
+    if (this.opened !== id) this.toggle(id);
+    this.rows.get(id)?.root.scrollIntoView({ block: 'nearest' });
+    this.rows.get(id)?.name.focus();
+  }
+
+  /** A job of another page, put on top of this one. */
+  async bring(id) {
+    try {
+      const row = new Row(await json('GET', ofJob(id)), this);
+      this.rows = new Map([[id, row], ...this.rows]);
+      hold(this.list, [...this.rows.values()].map((row) => row.root));
+    } catch (error) {
+      this.tell(error.message);
+    }
+  }
+
+  toggle(id) {
+    const before = this.opened;
+    this.rows.get(before)?.close();
+    this.opened = before === id ? null : id;
+    this.rows.get(this.opened)?.open({ look: this.look, changed: this.changed });
+  }
+
+  heard(plates) {
+    for (const { job, progress } of plates) if (job) this.rows.get(job)?.runs(progress);
+  }
+
+  async cancel(id) {
+    try {
+      await json('POST', ofJob(id, '/cancel'));
+      this.tell('');
+    } catch (error) {
+      this.tell(error.message);
+    }
+    this.changed();
+  }
+
+  tick() {
+    this.rows.get(this.opened)?.watched?.tick();
+  }
+}

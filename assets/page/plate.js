@@ -1,0 +1,153 @@
+// The card of one plate: what it looks like, how old that is, what it does, what waits, and what a person may do.
+
+import { json, ofJob, ofPlate } from './api.js';
+import { STALE_S, moment, since, span } from './age.js';
+import { el, hold, say, show, speak, twice } from './dom.js';
+import { ResetForm } from './reset.js';
+import { View } from './view.js';
+
+const QUEUE_SHOWN = 5;
+/** For so long a missed deadline stands out, s. */
+const LATE_S = 60;
+
+export class PlateCard {
+  /** `open(id)` shows a job; `stop(name)` stops the plate; `refresh()` asks for everything again. */
+  constructor(name, { open, stop, refresh }) {
+    this.name = name;
+    this.open = open;
+    this.refresh = refresh;
+    this.plate = null;
+    this.view = new View(name);
+    this.build(stop);
+  }
+
+  build(stop) {
+    this.state = el('span', { class: 'state' });
+    this.stopButton = el('button', { type: 'button', class: 'estop-one', click: () => stop(this.name) }, 'Stop');
+    this.stopButton.setAttribute('aria-label', `Emergency stop: ${this.name}`);
+    this.age = el('p', { class: 'age' });
+    this.why = el('p', { class: 'plate-why' });
+    this.job = el('button', { type: 'button', class: 'link job-name', click: () => this.open(this.plate.job) });
+    this.phase = el('span', { class: 'phase' });
+    this.bar = el('progress', { max: 1, 'aria-label': `Progress on ${this.name}` });
+    this.share = el('span', { class: 'share' });
+    this.doing = el('div', { class: 'doing' }, this.job, this.phase, el('div', { class: 'bar' }, this.bar, this.share));
+    this.queue = el('ol', { class: 'queue' });
+    this.facts = el('p', { class: 'facts' });
+    this.says = el('p', { class: 'why', role: 'alert' });
+    this.resume = el('button', { type: 'button', class: 'go', click: () => this.act('resume') }, 'Resume');
+    this.cancel = twice('Cancel job', 'Press again to cancel', () => this.cancelJob(this.plate.job));
+    this.actions = el('div', { class: 'actions' }, this.resume, this.cancel);
+    this.reset = new ResetForm(this.name, () => this.refresh());
+    const title = el('div', { class: 'card-title' }, el('h2', {}, this.name), this.state);
+    const head = el('div', { class: 'card-head' }, title, this.stopButton);
+    const drawing = el('div', { class: 'drawing' }, this.view.root, this.age);
+    const rest = [this.why, this.doing, this.reset.root, this.queue, this.actions, this.says, this.facts];
+    this.root = el('article', { class: 'card', 'aria-label': `Plate ${this.name}` }, head, drawing, ...rest);
+  }
+
+  /** Takes what the daemon told of the plate in a request that left at `asked`. */
+  take(plate, asked) {
+    const before = this.plate;
+    this.plate = plate;
+    this.asked = asked;
+    this.shownAt = plate.at_s;
+    this.view.draw(plate, performance.now() / 1000);
+    if (before && before.state !== plate.state) {
+      speak(`${this.name} is ${plate.state}${plate.why ? `: ${plate.why}` : ''}`);
+    }
+    if (plate.job !== before?.job) say(this.job, 'job');
+    show(this.doing, plate.job !== null);
+    this.bar.value = plate.progress;
+    say(this.share, `${Math.floor(plate.progress * 100)} %`);
+    say(this.phase, plate.phase || 'getting ready');
+    show(this.why, plate.why !== '' && plate.state !== 'running');
+    say(this.why, plate.why);
+    this.reset.show(plate.state === 'stopped');
+    show(this.resume, plate.state === 'paused');
+    const waiting = plate.queued === 1 ? '1 job waits' : `${plate.queued} jobs wait`;
+    say(this.resume, plate.queued ? `Resume: ${waiting}` : 'Resume');
+    show(this.cancel, plate.job !== null && plate.state === 'running');
+    show(this.actions, !this.resume.hidden || !this.cancel.hidden);
+    const misses = plate.deadline_misses;
+    const late = misses === 0 ? 'No deadline missed' : misses === 1 ? '1 deadline missed' : `${misses} deadlines missed`;
+    say(this.facts, `${late} · plate time ${plate.at_s.toFixed(1)} s${plate.live ? ` · Rerun: ${plate.live}` : ''}`);
+    if (before && misses > before.deadline_misses) this.lateAt = moment();
+    this.facts.classList.toggle('late', misses > 0 && this.lateAt !== undefined && since(this.lateAt) < LATE_S);
+    this.tick();
+  }
+
+  /** A look at the plate that came between two answers. It is drawn, but nothing counts as younger for it. */
+  look(job, look) {
+    if (!this.plate || this.plate.job !== job || look.at_s <= this.shownAt) return;
+    this.shownAt = look.at_s;
+    this.view.draw({ ...this.plate, ...look }, performance.now() / 1000);
+  }
+
+  /** The age goes on whether or not the daemon answers. */
+  tick() {
+    if (!this.plate) return;
+    const silence = since(this.asked);
+    const unheard = silence > STALE_S;
+    const { state, age_s: told } = this.plate;
+    const age = told === null ? null : told + silence;
+    const old = unheard || (age !== null && age > STALE_S);
+    this.root.classList.toggle('unheard', unheard);
+    this.root.classList.toggle('stale', old);
+    this.root.classList.toggle('unseen-yet', age === null);
+    this.root.dataset.state = unheard ? 'unknown' : state;
+    say(this.state, unheard ? `unknown, was ${state}` : state);
+    if (age === null) say(this.age, unheard ? `Not live: nothing heard for ${span(silence)}` : 'Nothing seen yet');
+    else if (old) say(this.age, `Not live: seen ${span(age)} ago`);
+    else say(this.age, `Live: seen ${span(age)} ago`);
+  }
+
+  /** What waits for the plate, first come first. `more` when not all that wait were told. */
+  wait(jobs, more) {
+    const here = jobs.filter((job) => job.plate === this.name);
+    const names = this.waiting ?? new Map();
+    const rows = here.slice(0, QUEUE_SHOWN).map((job) => names.get(job.id) ?? this.waits(job));
+    this.waiting = new Map(rows.map((row) => [row.dataset.job, row]));
+    const left = here.length - rows.length;
+    if (left > 0 || (more && here.length > 0)) {
+      this.rest ??= el('li', { class: 'more' });
+      say(this.rest, `and ${left}${more ? ' or more' : ''} behind them`);
+      rows.push(this.rest);
+    }
+    hold(this.queue, rows);
+    show(this.queue, rows.length > 0);
+  }
+
+  /** Learns the name of the job that runs. */
+  runs(job) {
+    if (job.id === this.plate?.job) say(this.job, job.name);
+  }
+
+  waits(job) {
+    const cancel = twice('Cancel', 'Really?', () => this.cancelJob(job.id));
+    cancel.setAttribute('aria-label', `Cancel ${job.name}`);
+    const name = el('button', { type: 'button', class: 'link', click: () => this.open(job.id) }, job.name);
+    const row = el('li', {}, name, cancel);
+    row.dataset.job = job.id;
+    return row;
+  }
+
+  async cancelJob(id) {
+    await this.attempt(() => json('POST', ofJob(id, '/cancel')));
+  }
+
+  async act(what) {
+    await this.attempt(() => json('POST', ofPlate(this.name, `/${what}`)));
+  }
+
+  async attempt(ask) {
+    say(this.says, '');
+    try {
+      await ask();
+    } catch (error) {
+      say(this.says, error.message);
+    }
+    this.refresh();
+  }
+}
+

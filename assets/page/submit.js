@@ -1,0 +1,144 @@
+// A new job: a shipped example or a text of one's own, sent as it stands.
+
+import { NoAnswer, Problem, json, newKey } from './api.js';
+import { el } from './dom.js';
+import { Editor } from './editor.js';
+import { withMember } from './places.js';
+
+/** The same text sent again within this time is a slip: a double click, a key held down. */
+const AGAIN_MS = 1500;
+
+export class Order {
+  /** `queued(job)` is told of a job that was taken. */
+  constructor(form, queued) {
+    this.form = form;
+    this.queued = queued;
+    this.example = form.querySelector('#example');
+    this.plate = form.querySelector('#order-plate');
+    this.pace = form.querySelector('#pace');
+    this.button = form.querySelector('#order-send');
+    this.says = form.querySelector('#order-says');
+    this.editor = new Editor(form.querySelector('#editor'), () => this.edited());
+    this.examples = [];
+    this.names = [];
+    this.key = { of: null, word: '' };
+    this.last = { of: null, at: 0 };
+    this.busy = false;
+    this.example.addEventListener('change', () => this.take());
+    this.plate.addEventListener('change', () => this.direct(this.plate.value));
+    this.pace.addEventListener('change', () => this.forget());
+    form.addEventListener('submit', (event) => {
+      event.preventDefault();
+      this.send();
+    });
+    this.load();
+  }
+
+  async load() {
+    try {
+      this.examples = await json('GET', '/assets/examples.json');
+    } catch {
+      setTimeout(() => this.load(), 2000);
+      return;
+    }
+    const options = this.examples.map((example) => el('option', { value: example.name }, `${example.name}: ${example.what}`));
+    this.example.replaceChildren(...options, el('option', { value: '' }, 'the text below, as edited'));
+    if (this.editor.text === '') this.take();
+    else this.example.value = '';
+  }
+
+  /** The plates there are. */
+  offer(names) {
+    if (names.join() === this.names.join()) return;
+    this.names = names;
+    const options = names.map((name) => el('option', { value: name }, name));
+    this.plate.replaceChildren(el('option', { value: '' }, 'as the daemon chooses'), ...options);
+    const example = this.examples.find((example) => example.name === this.example.value);
+    if (example) this.take();
+    else this.follow();
+  }
+
+  /** Takes the chosen example, for the plate with the rig it was made for where there is one. */
+  take() {
+    const example = this.examples.find((example) => example.name === this.example.value);
+    if (!example) return;
+    const fits = this.names.includes(example.rig) ? example.rig : '';
+    this.editor.faults = [];
+    this.editor.text = withMember(example.text, 'plate', fits);
+    this.forget();
+    this.follow();
+  }
+
+  direct(plate) {
+    this.editor.text = withMember(this.editor.text, 'plate', plate);
+    this.forget();
+    this.follow();
+  }
+
+  edited() {
+    this.example.value = '';
+    this.forget();
+    this.follow();
+  }
+
+  /** The choice of plate shows what the text says. */
+  follow() {
+    let named = '';
+    try {
+      named = JSON.parse(this.editor.text).plate ?? '';
+    } catch {
+      return;
+    }
+    this.plate.value = this.names.includes(named) ? named : '';
+  }
+
+  /** What was said of another text goes. */
+  forget() {
+    if (!this.busy) this.tell('', '');
+  }
+
+  tell(kind, ...parts) {
+    this.says.className = `says ${kind}`;
+    this.says.replaceChildren(...parts);
+  }
+
+  async send() {
+    const [text, pace] = [this.editor.text, this.pace.value];
+    const what = `${pace} ${text}`;
+    const again = this.last.of === what && performance.now() - this.last.at < AGAIN_MS;
+    if (this.busy || again) return;
+    this.busy = true;
+    this.button.setAttribute('aria-disabled', 'true');
+    if (this.key.of !== what) this.key = { of: what, word: newKey() };
+    this.tell('', 'Sending');
+    const asks = { body: text, headers: { 'Idempotency-Key': this.key.word }, patience: 15000 };
+    try {
+      const job = await json('POST', `/v1/jobs?pace=${encodeURIComponent(pace)}`, asks);
+      this.last = { of: what, at: performance.now() };
+      this.key.of = null;
+      this.editor.blame([]);
+      const open = el('button', { type: 'button', class: 'link', click: () => this.queued(job, true) }, 'show it');
+      this.tell('good', `Queued: ${job.name} on ${job.plate}. `, open);
+      this.queued(job, false);
+    } catch (error) {
+      this.refused(error);
+    }
+    this.busy = false;
+    this.button.removeAttribute('aria-disabled');
+  }
+
+  refused(error) {
+    if (error instanceof NoAnswer) {
+      this.tell('bad', 'No answer: it may or may not be queued. Send it again unchanged; it is queued once.');
+      return;
+    }
+    if (!(error instanceof Problem)) throw error;
+    // a fault of the daemon's own may have come after the job was taken: the same key again is safe
+    if (error.status < 500) this.key.of = null;
+    this.editor.blame(error.faults);
+    const count = error.faults.length;
+    const later = error.retryAfter ? ` Try again in ${error.retryAfter} s.` : '';
+    if (count) this.tell('bad', `Not queued: ${count === 1 ? '1 fault, beside its line' : `${count} faults, each beside its line`}.`);
+    else this.tell('bad', `Not queued: ${error.message}.${later}`);
+  }
+}

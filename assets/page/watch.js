@@ -1,0 +1,134 @@
+// One job in full: its figures, what happened, its picture. There is one stream of events, that of the open job.
+
+import { send, ofJob } from './api.js';
+import { moment, since, span } from './age.js';
+import { el, say, show } from './dom.js';
+import { watch } from './events.js';
+
+const LINES = 200;
+const PICTURE_MS = 1000;
+
+export class Watched {
+  /** `look(job, look)` hears of every look at the parts; `changed()` when the job's state did. */
+  constructor(job, { look, changed }) {
+    this.job = job;
+    this.control = new AbortController();
+    this.says = el('p', { class: 'why', role: 'status' });
+    this.facts = el('dl', { class: 'report' });
+    this.cycle = el('p', { class: 'cycle' });
+    this.log = el('ol', { class: 'log', 'aria-label': 'What happened' });
+    this.picture = el('img', { alt: `Camera frame of ${job.name}`, hidden: true });
+    this.pictureSays = el('figcaption');
+    this.pictureButton = el('button', { type: 'button', 'aria-pressed': 'false', click: () => this.toggle() }, 'Camera frame');
+    const figure = el('figure', {}, this.picture, this.pictureSays);
+    this.root = el('div', { class: 'watched' }, this.facts, this.cycle, this.says, this.log, this.pictureButton, figure);
+    this.take(job);
+    const on = (kind, body) => {
+      if (kind === 'look') look(job.id, body);
+      else this.hear(kind, body, changed);
+    };
+    watch(job.id, this.control.signal, on, (text) => say(this.says, text));
+  }
+
+  /** What is known of the job now. */
+  take(job) {
+    this.job = job;
+    const report = job.report ?? {};
+    const number = (key, unit, digits = 2) =>
+      typeof report[key] === 'number' ? `${report[key].toFixed(digits)}${unit}` : undefined;
+    const rows = {
+      id: job.id,
+      seed: String(job.seed),
+      pace: job.pace === 'max' ? 'as fast as it can' : 'real time',
+      recording: job.recording,
+      reason: job.reason || undefined,
+      'worst error': number('max_error_mm', ' mm'),
+      'RMS error': number('rms_error_mm', ' mm'),
+      'plate time': number('plate_time_s', ' s', 1),
+      'wall time': number('wall_time_s', ' s', 1),
+      cycles: number('cycles', '', 0),
+      pulses: number('pulses', '', 0),
+      collisions: number('collisions', '', 0),
+      'lost parts': number('lost_parts', '', 0),
+    };
+    const told = Object.entries(rows).filter(([, value]) => value !== undefined);
+    const text = JSON.stringify(told);
+    if (text === this.told) return;
+    this.told = text;
+    this.facts.replaceChildren(...told.map(([name, value]) => el('div', {}, el('dt', {}, name), el('dd', {}, value))));
+  }
+
+  hear(kind, body, changed) {
+    if (kind === 'snapshot') this.take(body.job);
+    else if (kind === 'cycle') this.hearCycle(body);
+    else if (kind === 'state') this.note(body.at_s, '', body.state);
+    else if (kind === 'warning') this.note(body.at_s, body.level, body.text);
+    else if (kind === 'recording') this.note(body.at_s, '', `recording ${body.recording}${and(body.reason)}`);
+    else if (kind === 'finished') this.note(body.at_s, body.state, `${body.state}${and(body.reason)}`);
+    else if (kind === 'gap') this.note(null, 'warning', `events ${body.from} to ${body.to} cannot be had any more`);
+    if (['state', 'recording', 'finished'].includes(kind)) changed();
+  }
+
+  hearCycle({ cycle, at_s: at, pulses, result_mm: result, targets_mm: targets }) {
+    const apart = result.length === targets.length ? result.map(([x, y], i) => Math.hypot(x - targets[i][0], y - targets[i][1])) : [];
+    const worst = apart.length ? `, the farthest part ${Math.max(...apart).toFixed(2)} mm from where it shall be` : '';
+    say(this.cycle, `Cycle ${cycle} at ${at.toFixed(1)} s: ${pulses} ${pulses === 1 ? 'pulse' : 'pulses'}${worst}`);
+  }
+
+  note(at, kind, text) {
+    const time = el('span', { class: 'at' }, at === null ? '' : `${at.toFixed(1)} s`);
+    this.log.append(el('li', { class: kind }, time, el('span', {}, text)));
+    while (this.log.children.length > LINES) this.log.firstChild.remove();
+    this.log.scrollTop = this.log.scrollHeight;
+  }
+
+  toggle() {
+    const on = this.pictureButton.getAttribute('aria-pressed') !== 'true';
+    this.pictureButton.setAttribute('aria-pressed', String(on));
+    clearTimeout(this.timer);
+    if (on) this.look();
+    else this.hide('');
+  }
+
+  hide(text) {
+    show(this.picture, false);
+    say(this.pictureSays, text);
+  }
+
+  /** Shows the latest picture, and the next one while the job runs. */
+  async look() {
+    const asked = moment();
+    try {
+      const response = await send('GET', ofJob(this.job.id, '/frame.png'), { signal: this.control.signal });
+      const address = URL.createObjectURL(await response.blob());
+      const before = this.picture.src;
+      this.picture.src = address;
+      if (before) URL.revokeObjectURL(before);
+      show(this.picture, true);
+      this.seen = asked;
+    } catch (error) {
+      if (this.control.signal.aborted) return;
+      if (this.picture.hidden) say(this.pictureSays, error.message);
+      // of a job that has ended there comes no other picture
+      if (this.job.finished_at !== null) return;
+    }
+    if (this.pictureButton.getAttribute('aria-pressed') === 'true') {
+      this.timer = setTimeout(() => this.look(), PICTURE_MS);
+    }
+  }
+
+  tick() {
+    if (this.picture.hidden || !this.seen) return;
+    const age = since(this.seen);
+    this.picture.classList.toggle('stale', age > 3);
+    say(this.pictureSays, `As the daemon gave it ${span(age)} ago`);
+  }
+
+  end() {
+    this.control.abort();
+    clearTimeout(this.timer);
+    if (this.picture.src) URL.revokeObjectURL(this.picture.src);
+  }
+}
+
+const and = (reason) => (reason ? `: ${reason}` : '');

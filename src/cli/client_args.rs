@@ -1,0 +1,137 @@
+use std::path::PathBuf;
+
+use clap::builder::PossibleValuesParser;
+use clap::{Args, Subcommand};
+
+use super::args::Pace;
+use crate::service::JobState;
+
+/// The commands that ask a daemon.
+#[derive(Subcommand, Debug)]
+pub enum ClientCommand {
+    /// Daemon: queue a job; prints its id
+    Submit(SubmitArgs),
+    /// Daemon: list jobs, newest first
+    Jobs(JobsArgs),
+    /// Daemon: a job and what became of it
+    Show(JobArgs),
+    /// Daemon: follow a job until it ends
+    Watch(JobArgs),
+    /// Daemon: take a job out of the queue, or stop it
+    Cancel(JobArgs),
+    /// Daemon: all plates as they are
+    Plates(PlatesArgs),
+    /// Daemon: emergency stop, held until a reset; without a name all plates
+    Estop(EstopArgs),
+    /// Daemon: end an emergency stop; the plate stays paused
+    Reset(ResetArgs),
+    /// Daemon: let a paused plate go on with its queue
+    Resume(PlateArgs),
+}
+
+/// How to reach the daemon.
+#[derive(Args, Debug, Clone, Default)]
+pub struct DaemonArgs {
+    /// Where the daemon answers [default: what UPM_URL says, else http://127.0.0.1:8750]
+    #[arg(long, value_name = "URL")]
+    pub url: Option<String>,
+    /// File that holds the token, where the daemon asks for one [default: what UPM_TOKEN_FILE says]
+    #[arg(long, value_name = "FILE")]
+    pub token_file: Option<PathBuf>,
+}
+
+/// `upm submit`.
+#[derive(Args, Debug)]
+#[command(after_help = "Exit status with --watch: 0 completed; 1 failed, cancelled or interrupted; 130 when Ctrl-C \
+                        ended the watching (the job goes on).")]
+pub struct SubmitArgs {
+    /// Job file. Without a rig in it the plate's own applies; with one it must be the plate's
+    #[arg(value_name = "JOB.json")]
+    pub job: PathBuf,
+    /// Plate to run on, in place of the job's
+    #[arg(long, value_name = "NAME")]
+    pub plate: Option<String>,
+    /// As fast as possible, or no faster than the clock [default: as the daemon is set up]
+    #[arg(long, value_enum)]
+    pub pace: Option<Pace>,
+    /// Idempotency key: the same key and job again give the same job [default: one of its own each time]
+    #[arg(long, value_name = "KEY")]
+    pub key: Option<String>,
+    /// Seed in place of the job's
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+    /// Follow the job until it ends
+    #[arg(long)]
+    pub watch: bool,
+    #[command(flatten)]
+    pub daemon: DaemonArgs,
+}
+
+/// `upm jobs`.
+#[derive(Args, Debug)]
+pub struct JobsArgs {
+    /// Only jobs in this state
+    #[arg(long, value_name = "STATE", value_parser = PossibleValuesParser::new(JobState::NAMES.map(|(name, _)| name)))]
+    pub state: Option<String>,
+    /// Most jobs listed
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..))]
+    pub limit: u32,
+    /// List them all
+    #[arg(long, conflicts_with = "limit")]
+    pub all: bool,
+    #[command(flatten)]
+    pub daemon: DaemonArgs,
+}
+
+/// Commands on one job.
+#[derive(Args, Debug)]
+pub struct JobArgs {
+    /// Id of the job, as `upm submit` and `upm jobs` print it
+    #[arg(value_name = "ID")]
+    pub id: String,
+    #[command(flatten)]
+    pub daemon: DaemonArgs,
+}
+
+/// `upm plates`.
+#[derive(Args, Debug)]
+pub struct PlatesArgs {
+    #[command(flatten)]
+    pub daemon: DaemonArgs,
+}
+
+/// `upm estop`.
+#[derive(Args, Debug)]
+pub struct EstopArgs {
+    /// Plates to stop; left out, all
+    #[arg(value_name = "PLATE")]
+    pub plates: Vec<String>,
+    #[command(flatten)]
+    pub daemon: DaemonArgs,
+}
+
+/// `upm reset`.
+#[derive(Args, Debug)]
+pub struct ResetArgs {
+    /// Plate that was stopped
+    #[arg(value_name = "PLATE")]
+    pub plate: String,
+    /// Who looked at the plate
+    #[arg(long, value_name = "NAME")]
+    pub operator: String,
+    /// Why it may move again
+    #[arg(long, value_name = "TEXT")]
+    pub reason: String,
+    #[command(flatten)]
+    pub daemon: DaemonArgs,
+}
+
+/// Commands on one plate.
+#[derive(Args, Debug)]
+pub struct PlateArgs {
+    /// Name of the plate
+    #[arg(value_name = "PLATE")]
+    pub plate: String,
+    #[command(flatten)]
+    pub daemon: DaemonArgs,
+}

@@ -1,0 +1,163 @@
+use std::fmt;
+use std::io::IsTerminal;
+
+use clap::ValueEnum;
+use tracing::level_filters::LevelFilter;
+use tracing::{Event, Level, Subscriber};
+use tracing_subscriber::fmt::format::{Format, Writer};
+use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields, MakeWriter};
+use tracing_subscriber::registry::LookupSpan;
+
+use super::args::Common;
+
+/// How a daemon writes its log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LogFormat {
+    /// For people; under systemd as the journal wants it.
+    Text,
+    /// One JSON object a line.
+    Json,
+}
+
+/// Where and how much is logged.
+#[derive(Clone, Copy, Debug)]
+struct Setting {
+    level: LevelFilter,
+    /// Stderr goes to the journal, which has a time of its own and wants levels as numbers.
+    is_journal: bool,
+    is_terminal: bool,
+}
+
+/// Starts the log on stderr. `daemon` is how a daemon wants it, with times and one level more than the other commands,
+/// which run while somebody watches.
+pub(super) fn start(common: Common, daemon: Option<LogFormat>) {
+    let setting = Setting {
+        level: level(common, daemon.is_some()),
+        is_journal: std::env::var_os("JOURNAL_STREAM").is_some(),
+        is_terminal: std::io::stderr().is_terminal(),
+    };
+    let started = tracing::subscriber::set_global_default(subscriber(daemon, setting, std::io::stderr));
+    if started.is_err() {
+        complain!("upm: the log was started before");
+    }
+}
+
+fn level(common: Common, is_daemon: bool) -> LevelFilter {
+    match (common.quiet, common.verbose + u8::from(is_daemon)) {
+        (true, _) => LevelFilter::ERROR,
+        (false, 0) => LevelFilter::WARN,
+        (false, 1) => LevelFilter::INFO,
+        (false, 2) => LevelFilter::DEBUG,
+        (false, _) => LevelFilter::TRACE,
+    }
+}
+
+fn subscriber<W>(daemon: Option<LogFormat>, setting: Setting, writer: W) -> Box<dyn Subscriber + Send + Sync>
+where
+    W: for<'a> MakeWriter<'a> + Send + Sync + 'static,
+{
+    let Setting { level, is_journal, is_terminal } = setting;
+    let log = tracing_subscriber::fmt().with_writer(writer).with_max_level(level).with_ansi(is_terminal);
+    match daemon {
+        None => Box::new(log.without_time().finish()),
+        Some(LogFormat::Json) => Box::new(log.json().flatten_event(true).with_current_span(false).finish()),
+        Some(LogFormat::Text) if is_journal => {
+            Box::new(log.event_format(ForJournal(Format::default().without_time())).finish())
+        }
+        Some(LogFormat::Text) => Box::new(log.finish()),
+    }
+}
+
+/// Each line begins with its level as a number in pointed brackets, as sd-daemon(3) has it.
+struct ForJournal(Format<tracing_subscriber::fmt::format::Full, ()>);
+
+impl<S, N> FormatEvent<S, N> for ForJournal
+where
+    S: Subscriber + for<'a> LookupSpan<'a>,
+    N: for<'a> FormatFields<'a> + 'static,
+{
+    fn format_event(&self, context: &FmtContext<'_, S, N>, mut writer: Writer<'_>, event: &Event<'_>) -> fmt::Result {
+        let priority = match *event.metadata().level() {
+            Level::ERROR => 3,
+            Level::WARN => 4,
+            Level::INFO => 6,
+            Level::DEBUG | Level::TRACE => 7,
+        };
+        write!(writer, "<{priority}>")?;
+        self.0.format_event(context, writer, event)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{self, Write};
+    use std::sync::{Arc, Mutex};
+
+    use super::*;
+
+    #[derive(Clone, Default)]
+    struct Page(Arc<Mutex<Vec<u8>>>);
+
+    impl Write for Page {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.lock().unwrap().write(bytes)
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    /// What is written when something is logged at two levels.
+    fn logged(daemon: Option<LogFormat>, level: LevelFilter, is_journal: bool) -> String {
+        let page = Page::default();
+        let writer = page.clone();
+        let setting = Setting { level, is_journal, is_terminal: false };
+        let subscriber = subscriber(daemon, setting, move || writer.clone());
+        tracing::subscriber::with_default(subscriber, || {
+            tracing::warn!(plate = "left", "deadline missed by {} frames", 2);
+            tracing::debug!("not \"told\"");
+        });
+        String::from_utf8(page.0.lock().unwrap().clone()).unwrap()
+    }
+
+    #[test]
+    fn other_commands_log_as_before() {
+        let text = logged(None, LevelFilter::WARN, true);
+        assert_eq!(text, " WARN upm::cli::logs::tests: deadline missed by 2 frames plate=\"left\"\n");
+    }
+
+    #[test]
+    fn a_daemons_text_has_times_and_the_journals_has_priorities() {
+        let text = logged(Some(LogFormat::Text), LevelFilter::INFO, false);
+        let (time, rest) = text.split_once(' ').unwrap();
+        assert!(time.parse::<jiff::Timestamp>().is_ok(), "{text}");
+        assert_eq!(rest.trim_start(), "WARN upm::cli::logs::tests: deadline missed by 2 frames plate=\"left\"\n");
+        let journal = logged(Some(LogFormat::Text), LevelFilter::DEBUG, true);
+        let lines: Vec<&str> = journal.lines().collect();
+        assert!(lines[0].starts_with("<4> WARN ") && lines[1].starts_with("<7>DEBUG "), "{journal}");
+    }
+
+    #[test]
+    fn each_line_is_a_json_object() {
+        let text = logged(Some(LogFormat::Json), LevelFilter::DEBUG, true);
+        let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        assert_eq!(lines.len(), 2);
+        assert!(lines[0]["timestamp"].as_str().unwrap().parse::<jiff::Timestamp>().is_ok());
+        let told = ["level", "message", "plate", "target"].map(|key| lines[0][key].as_str().unwrap());
+        assert_eq!(told, ["WARN", "deadline missed by 2 frames", "left", "upm::cli::logs::tests"]);
+        assert_eq!(lines[1]["message"], "not \"told\"");
+    }
+
+    #[test]
+    fn a_daemon_says_one_level_more() {
+        let common = |verbose, quiet| Common { json: false, verbose, quiet };
+        assert_eq!(
+            [level(common(0, false), false), level(common(0, false), true)],
+            [LevelFilter::WARN, LevelFilter::INFO]
+        );
+        assert_eq!([level(common(0, true), false), level(common(0, true), true)], [LevelFilter::ERROR; 2]);
+        assert_eq!(level(common(2, false), false), LevelFilter::DEBUG);
+        assert_eq!(level(common(9, false), true), LevelFilter::TRACE);
+    }
+}

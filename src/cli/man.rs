@@ -1,0 +1,91 @@
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+
+use clap::CommandFactory;
+use clap_mangen::Man;
+use clap_mangen::roff::{Roff, roman};
+
+use super::args::{Cli, ManArgs};
+use super::failure::Failure;
+
+const MANUAL: &str = "Universal planar manipulator";
+
+const EXIT_STATUS: [(&str, &str); 4] = [
+    ("0", "Done."),
+    ("1", "The job ran and did not reach its goal, or the command could not do its work."),
+    ("2", "Bad usage or a bad file; one line a fault on stderr."),
+    ("130", "Interrupted: motors at zero, the run folder complete up to then."),
+];
+
+/// Writes `upm.1` to stdout, or into a folder together with a page for every command, as packagers want them.
+pub(super) fn man(args: &ManArgs) -> Result<u8, Failure> {
+    let pages = pages().map_err(|error| Failure::failed(error.to_string()))?;
+    let Some(folder) = &args.out else {
+        // the program's own page is the first
+        for (_, page) in pages.iter().take(1) {
+            say!("{}", String::from_utf8_lossy(page).trim_end())?;
+        }
+        return Ok(0);
+    };
+    fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
+    for (name, page) in &pages {
+        write(&folder.join(name), page)?;
+    }
+    say!("{}: {} pages", folder.display(), pages.len())?;
+    Ok(0)
+}
+
+fn write(path: &Path, page: &[u8]) -> Result<(), Failure> {
+    fs::write(path, page).map_err(|error| Failure::write(path, error))
+}
+
+/// Names and contents of all pages, the program's own first.
+fn pages() -> std::io::Result<Vec<(String, Vec<u8>)>> {
+    let mut command = Cli::command().disable_help_subcommand(true);
+    command.build();
+    let shown = command.get_subcommands().filter(|command| !command.is_hide_set()).cloned();
+    let mut pages = Vec::new();
+    for command in std::iter::once(command.clone()).chain(shown) {
+        let man = Man::new(command).manual(MANUAL);
+        let mut page = Vec::new();
+        man.render(&mut page)?;
+        put_exit_status(&mut page)?;
+        pages.push((man.get_filename(), page));
+    }
+    Ok(pages)
+}
+
+fn put_exit_status(page: &mut dyn Write) -> std::io::Result<()> {
+    let mut roff = Roff::new();
+    roff.control("SH", ["EXIT STATUS"]);
+    for (status, meaning) in EXIT_STATUS {
+        roff.control("TP", []);
+        roff.text([roman(status)]);
+        roff.text([roman(meaning)]);
+    }
+    page.write_all(roff.to_roff().as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn every_command_that_is_shown_has_a_page() {
+        let pages = pages().unwrap();
+        assert_eq!(pages[0].0, "upm.1");
+        let names: BTreeSet<&str> = pages.iter().map(|(name, _)| name.as_str()).collect();
+        for command in Cli::command().get_subcommands() {
+            let name = format!("upm-{}.1", command.get_name());
+            assert_eq!(names.contains(name.as_str()), !command.is_hide_set(), "{name}");
+        }
+        for (name, page) in &pages {
+            let page = String::from_utf8(page.clone()).unwrap();
+            assert!(page.contains(".TH upm") && page.contains(".SH \"EXIT STATUS\""), "{name}: {page}");
+            assert!(!page.contains("Print the manual"), "{name} names what is hidden");
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! The daemon put together: store, plates and the service in front of them, and what a machine that runs it day and
+//! night needs beside: figures, readiness, the operator page, a bundle for those who help.
+
+mod answers;
+mod bundle;
+mod clerks;
+mod desk;
+mod files;
+mod health;
+mod metrics;
+mod observe;
+mod observed;
+mod page;
+mod prepare;
+mod recovered;
+mod start;
+mod stops;
+mod submit;
+mod systemd;
+#[cfg(test)]
+mod tests;
+mod wires;
+
+pub use bundle::{Bundle, BundleSources, bundle};
+pub use prepare::{Prepared, prepare};
+pub use start::{Daemon, Ended, StartFault};
+pub use systemd::{Notice, ServiceManager, SignsOfLife};

@@ -1,0 +1,105 @@
+//! What keeps the daemon from working, and what keeps it from taking jobs. Sentences for a person, made of what is
+//! observed and of nothing else.
+
+use std::time::Duration;
+
+use super::observed::Observed;
+use crate::plates::PlateState;
+
+/// A store that has been silent for longer hangs: it goes round four times a second.
+const LONGEST_SILENCE: Duration = Duration::from_secs(5);
+
+/// What keeps it from working at all; nothing when it is well.
+pub(super) fn ailments(observed: &Observed) -> Vec<String> {
+    let mut ailments = Vec::new();
+    if observed.store.heartbeat > LONGEST_SILENCE {
+        ailments.push(format!("the job store hangs since {:.1} s", observed.store.heartbeat.as_secs_f64()));
+    }
+    ailments.extend(observed.plates_alive.as_ref().err().cloned());
+    ailments
+}
+
+/// What keeps it from taking jobs; nothing when it is ready.
+pub(super) fn obstacles(observed: &Observed) -> Vec<String> {
+    let mut obstacles = ailments(observed);
+    if observed.is_stopping {
+        obstacles.push("the daemon is ending".to_owned());
+    }
+    obstacles.extend(observed.damage.clone());
+    obstacles.extend(observed.store.fault.as_ref().map(ToString::to_string));
+    obstacles.extend(low_disk(observed));
+    if observed.plates.iter().all(|plate| plate.state == PlateState::Stopped) {
+        obstacles.push("an emergency stop holds on every plate".to_owned());
+    }
+    obstacles
+}
+
+fn low_disk(observed: &Observed) -> Option<String> {
+    let disk = &observed.disk;
+    let free_bytes = disk.free_bytes.filter(|free_bytes| *free_bytes < disk.reserve_bytes)?;
+    let megabytes = |bytes: u64| bytes as f64 * 1e-6;
+    let (free_mb, reserve_mb) = (megabytes(free_bytes), megabytes(disk.reserve_bytes));
+    Some(format!("the disk has {free_mb:.1} MB left, jobs are taken from {reserve_mb:.1} MB on"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::StoreFault;
+
+    fn told(change: impl FnOnce(&mut Observed)) -> (Vec<String>, Vec<String>) {
+        let mut observed = Observed::well();
+        change(&mut observed);
+        (ailments(&observed), obstacles(&observed))
+    }
+
+    fn both(change: impl FnOnce(&mut Observed), told_of: &str) {
+        assert_eq!(told(change), (vec![told_of.to_owned()], vec![told_of.to_owned()]));
+    }
+
+    fn unready(change: impl FnOnce(&mut Observed), told_of: &str) {
+        assert_eq!(told(change), (Vec::new(), vec![told_of.to_owned()]));
+    }
+
+    #[test]
+    fn a_daemon_that_is_well_has_nothing_to_tell() {
+        assert_eq!(told(|_| ()), (Vec::new(), Vec::new()));
+    }
+
+    #[test]
+    fn what_hangs_is_an_ailment() {
+        assert_eq!(told(|o| o.store.heartbeat = LONGEST_SILENCE).0, [""; 0]);
+        both(|o| o.store.heartbeat = Duration::from_millis(5100), "the job store hangs since 5.1 s");
+        let dead = || Err("the worker of plate right has died".to_owned());
+        both(|o| o.plates_alive = dead(), "the worker of plate right has died");
+    }
+
+    #[test]
+    fn what_only_bars_new_jobs_is_an_obstacle() {
+        unready(|o| o.is_stopping = true, "the daemon is ending");
+        unready(|o| o.damage = Some("the job store was damaged".to_owned()), "the job store was damaged");
+        unready(|o| o.store.fault = Some(StoreFault::Full), "the disk of the job store is full");
+        let full = "the disk has 16.0 MB left, jobs are taken from 16.0 MB on";
+        unready(|o| o.disk.free_bytes = Some(15_999_999), full);
+        assert_eq!(told(|o| o.disk.free_bytes = Some(16_000_000)).1, [""; 0]);
+        assert_eq!(told(|o| o.disk.free_bytes = None).1, [""; 0]);
+    }
+
+    #[test]
+    fn one_plate_that_may_move_is_enough() {
+        assert_eq!(told(|o| o.plates[0].state = PlateState::Stopped).1, [""; 0]);
+        let stop_all = |o: &mut Observed| o.plates.iter_mut().for_each(|plate| plate.state = PlateState::Stopped);
+        unready(stop_all, "an emergency stop holds on every plate");
+    }
+
+    #[test]
+    fn every_reason_is_told() {
+        let (ailments, obstacles) = told(|o| {
+            o.store.heartbeat = Duration::from_secs(9);
+            o.plates_alive = Err("the worker of plate left has died".to_owned());
+            o.is_stopping = true;
+        });
+        assert_eq!((ailments.len(), obstacles.len()), (2, 3));
+        assert!(obstacles.starts_with(&ailments));
+    }
+}

@@ -1,0 +1,107 @@
+use std::fmt;
+
+use prometheus_client::collector::Collector;
+use prometheus_client::encoding::text::encode;
+use prometheus_client::encoding::{DescriptorEncoder, MetricEncoder, NoLabelSet};
+use prometheus_client::metrics::MetricType;
+use prometheus_client::registry::{Registry, Unit};
+
+/// Stands before every name.
+const PREFIX: &str = "upm";
+
+type Labels = Vec<(&'static str, String)>;
+
+/// One figure under one set of labels.
+#[derive(Debug)]
+pub(super) struct Sample {
+    labels: Labels,
+    value: f64,
+}
+
+impl Sample {
+    pub fn new(labels: Labels, value: f64) -> Self {
+        Self { labels, value }
+    }
+
+    pub fn of_plate(plate: &str, value: f64) -> Self {
+        Self::new(vec![("plate", plate.to_owned())], value)
+    }
+}
+
+/// All figures of one name. The name stands without prefix, unit and `_total`; those come by themselves.
+#[derive(Debug)]
+pub(super) struct Family {
+    name: &'static str,
+    help: &'static str,
+    unit: Option<Unit>,
+    kind: MetricType,
+    samples: Vec<Sample>,
+}
+
+impl Family {
+    /// What rises and falls.
+    pub fn gauge(name: &'static str, help: &'static str) -> Self {
+        Self { name, help, unit: None, kind: MetricType::Gauge, samples: Vec::new() }
+    }
+
+    /// What only ever rises, until the daemon starts anew.
+    pub fn counter(name: &'static str, help: &'static str) -> Self {
+        Self { kind: MetricType::Counter, ..Self::gauge(name, help) }
+    }
+
+    /// What stays the same, told by its labels.
+    pub fn info(name: &'static str, help: &'static str, labels: Labels) -> Self {
+        Self { kind: MetricType::Info, samples: vec![Sample::new(labels, 1.0)], ..Self::gauge(name, help) }
+    }
+
+    pub fn in_unit(self, unit: Unit) -> Self {
+        Self { unit: Some(unit), ..self }
+    }
+
+    /// Its only figure.
+    pub fn with(self, value: f64) -> Self {
+        self.with_all([Sample::new(Vec::new(), value)])
+    }
+
+    pub fn with_all(self, samples: impl IntoIterator<Item = Sample>) -> Self {
+        Self { samples: samples.into_iter().collect(), ..self }
+    }
+
+    fn encode(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        let mut encoder = encoder.encode_descriptor(self.name, self.help, self.unit.as_ref(), self.kind)?;
+        for Sample { labels, value } in &self.samples {
+            match self.kind {
+                MetricType::Info => encoder.encode_info(labels)?,
+                _ if labels.is_empty() => self.put(&mut encoder, *value)?,
+                _ => self.put(&mut encoder.encode_family(labels)?, *value)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn put(&self, encoder: &mut MetricEncoder<'_>, value: f64) -> fmt::Result {
+        match self.kind {
+            MetricType::Counter => encoder.encode_counter::<NoLabelSet, u64, f64>(&(value as u64), None),
+            _ => encoder.encode_gauge(&value),
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Families(Vec<Family>);
+
+impl Collector for Families {
+    fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|family| family.encode(&mut encoder))
+    }
+}
+
+/// The families as OpenMetrics text.
+pub(super) fn written(families: Vec<Family>) -> String {
+    let mut registry = Registry::with_prefix(PREFIX);
+    registry.register_collector(Box::new(Families(families)));
+    let mut text = String::new();
+    // a string takes all that is written to it
+    encode(&mut text, &registry).unwrap_or_default();
+    text
+}

@@ -1,0 +1,64 @@
+//! What a start found of the daemon before it, for those who must know.
+
+use std::sync::Arc;
+
+use crate::plates::Plates;
+use crate::store::{Recovery, Store};
+
+/// Says in the log what the last daemon left.
+pub(super) fn tell(recovery: &Recovery) {
+    let Recovery { interrupted, ended, paused, moved_aside, damage, clean, orphans, repaired } = recovery;
+    if let Some(damage) = damage {
+        let aside = moved_aside.as_deref().map(|path| format!("; it is in {} now", path.display()));
+        tracing::error!("the job store was damaged: {damage}{}", aside.unwrap_or_default());
+    }
+    if !clean {
+        tracing::warn!(interrupted = interrupted.len(), ended = ended.len(), "the last daemon did not end in order");
+    }
+    for (path, outcome) in repaired {
+        match outcome {
+            Ok(mended) => tracing::warn!(messages = mended.messages, "{}: repaired", path.display()),
+            Err(reason) => tracing::error!("{}: not repaired: {reason}", path.display()),
+        }
+    }
+    if !orphans.is_empty() {
+        tracing::warn!(folders = orphans.len(), "run folders that belong to no job");
+    }
+    for plate in paused {
+        tracing::warn!(plate, "paused: nothing moves before `upm resume {plate}`");
+    }
+}
+
+/// Why plates wait for a person after a start.
+pub(super) fn why_paused(recovery: &Recovery) -> &'static str {
+    match (&recovery.damage, recovery.clean) {
+        (Some(_), _) => "the job store was damaged: look through the jobs, then resume",
+        (None, false) => "the daemon did not end in order: look at the plate, then resume",
+        (None, true) => "jobs were left from before the daemon started: resume to run them",
+    }
+}
+
+/// Says in the log what waits for plates that there are no more: it can be cancelled, or the plate be served again.
+pub(super) fn tell_unserved(store: &Store, served: Vec<String>) {
+    store.queued(move |counted| {
+        for (plate, jobs) in counted.unwrap_or_default() {
+            if !served.contains(&plate) {
+                tracing::warn!(plate, jobs, "jobs wait for a plate that is not served");
+            }
+        }
+    });
+}
+
+/// Those who watch jobs that a crash ended are told so as of any other end.
+pub(super) fn tell_ends(store: &Store, plates: &Arc<Plates>, recovery: &Recovery) {
+    for id in recovery.interrupted.iter().chain(&recovery.ended) {
+        let plates = Arc::clone(plates);
+        store.job(id, move |found| {
+            if let Ok(Some(row)) = found
+                && let Some(plate) = plates.get(&row.plate)
+            {
+                plate.announce_end(row.id, row.state, &row.reason);
+            }
+        });
+    }
+}

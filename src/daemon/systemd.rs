@@ -1,0 +1,256 @@
+//! What the daemon tells the service manager that started it: ready, ending, alive. One datagram a message, as
+//! sd_notify(3) has it. Where nobody listens nothing is sent.
+
+use std::ffi::OsStr;
+use std::io;
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::net::{SocketAddr, UnixDatagram};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+/// Longest time a message may wait for the service manager to take it.
+const LONGEST_WAIT: Duration = Duration::from_secs(1);
+
+/// What the service manager put into the environment; read there by the command line.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Notice<'a> {
+    /// `NOTIFY_SOCKET`: where it listens.
+    pub socket: Option<&'a OsStr>,
+    /// `WATCHDOG_USEC`: how long it waits for a sign of life, µs.
+    pub watchdog_usec: Option<&'a str>,
+    /// `WATCHDOG_PID`: the process it expects that from.
+    pub watchdog_pid: Option<&'a str>,
+}
+
+/// The service manager, if there is one.
+#[derive(Clone, Debug, Default)]
+pub struct ServiceManager {
+    address: Option<SocketAddr>,
+    patience: Option<Duration>,
+}
+
+impl ServiceManager {
+    /// The one that `notice` tells of, for the process `pid`.
+    pub fn new(notice: Notice<'_>, pid: u32) -> Result<Self, String> {
+        let address = notice.socket.map(address_of).transpose()?;
+        let is_meant = notice.watchdog_pid.is_none_or(|meant| meant == pid.to_string());
+        let patience = notice.watchdog_usec.filter(|_| is_meant && address.is_some()).map(patience_of).transpose()?;
+        Ok(Self { address, patience })
+    }
+
+    /// The daemon answers requests. `status` is shown to who asks how it is.
+    pub fn ready(&self, status: &str) {
+        self.tell(&format!("READY=1\nSTATUS={}", one_line(status)));
+    }
+
+    /// The daemon is ending.
+    pub fn stopping(&self) {
+        self.tell("STOPPING=1\nSTATUS=ending");
+    }
+
+    /// Starting or ending takes up to `time` from now: give it that much.
+    pub fn extend(&self, time: Duration) {
+        self.tell(&format!("EXTEND_TIMEOUT_USEC={}", time.as_micros()));
+    }
+
+    /// From now on a thread shows that the daemon lives, twice in the time the service manager waits, and only while
+    /// `well` says so. `None` where nobody waits.
+    pub fn keep_alive(
+        &self,
+        well: impl Fn() -> Result<(), String> + Send + 'static,
+    ) -> io::Result<Option<SignsOfLife>> {
+        let Some(patience) = self.patience else { return Ok(None) };
+        let (ending, manager) = (Arc::new(AtomicBool::new(false)), self.clone());
+        let told = Arc::clone(&ending);
+        let show = move || manager.show_life(patience / 2, &told, &well);
+        let thread = thread::Builder::new().name("alive".into()).spawn(show)?;
+        Ok(Some(SignsOfLife { ending, thread: Some(thread) }))
+    }
+
+    fn show_life(&self, period: Duration, ending: &AtomicBool, well: &dyn Fn() -> Result<(), String>) {
+        let mut before = Ok(());
+        while !ending.load(Ordering::SeqCst) {
+            let now = well();
+            if now.is_ok() {
+                self.tell("WATCHDOG=1");
+            }
+            if now != before {
+                self.tell(&format!("STATUS={}", one_line(now.as_ref().err().map_or("well again", String::as_str))));
+                match &now {
+                    Ok(()) => tracing::info!("well again"),
+                    Err(why) => tracing::error!("no sign of life for the service manager: {why}"),
+                }
+            }
+            before = now;
+            thread::park_timeout(period);
+        }
+    }
+
+    /// A message that is lost is told in the log: a service manager that does not listen must not stop the daemon.
+    fn tell(&self, message: &str) {
+        let Some(address) = &self.address else { return };
+        if let Err(error) = send(address, message) {
+            tracing::warn!(%error, "the service manager was not told");
+        }
+    }
+}
+
+/// Ends the signs of life when it is dropped.
+#[derive(Debug)]
+pub struct SignsOfLife {
+    ending: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Drop for SignsOfLife {
+    fn drop(&mut self) {
+        self.ending.store(true, Ordering::SeqCst);
+        if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
+            // not joined: it may be asking something that hangs
+        }
+    }
+}
+
+fn send(address: &SocketAddr, message: &str) -> io::Result<()> {
+    let socket = UnixDatagram::unbound()?;
+    socket.set_write_timeout(Some(LONGEST_WAIT))?;
+    socket.send_to_addr(message.as_bytes(), address).map(|_| ())
+}
+
+/// A path, or `@` and a name that is no file.
+fn address_of(socket: &OsStr) -> Result<SocketAddr, String> {
+    let bad = |why: &dyn std::fmt::Display| format!("NOTIFY_SOCKET: found {}, {why}", socket.display());
+    match socket.as_bytes() {
+        [b'@', name @ ..] => abstract_address(name).map_err(|error| bad(&error)),
+        [b'/', ..] => SocketAddr::from_pathname(socket).map_err(|error| bad(&error)),
+        _ => Err(bad(&"allowed: a path, or @ and a name")),
+    }
+}
+
+#[cfg(target_os = "linux")]
+fn abstract_address(name: &[u8]) -> io::Result<SocketAddr> {
+    use std::os::linux::net::SocketAddrExt;
+    SocketAddr::from_abstract_name(name)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn abstract_address(_: &[u8]) -> io::Result<SocketAddr> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+fn patience_of(usec: &str) -> Result<Duration, String> {
+    let usec_of = |text: &str| text.parse().ok().filter(|usec| *usec > 0).map(Duration::from_micros);
+    usec_of(usec).ok_or_else(|| format!("WATCHDOG_USEC: found {usec}, allowed: a number of microseconds above 0"))
+}
+
+/// A line feed would begin another message.
+fn one_line(text: &str) -> String {
+    text.replace(char::is_control, " ")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ffi::OsString;
+
+    use super::*;
+
+    struct Stub {
+        socket: UnixDatagram,
+        name: OsString,
+        _folder: tempfile::TempDir,
+    }
+
+    impl Stub {
+        fn new() -> Self {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("notify");
+            let socket = UnixDatagram::bind(&path).unwrap();
+            socket.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+            Self { socket, name: path.into(), _folder: folder }
+        }
+
+        fn manager(&self, watchdog_usec: Option<&str>) -> ServiceManager {
+            ServiceManager::new(Notice { socket: Some(&self.name), watchdog_usec, watchdog_pid: None }, 7).unwrap()
+        }
+
+        fn heard(&self) -> String {
+            heard(&self.socket)
+        }
+    }
+
+    fn heard(socket: &UnixDatagram) -> String {
+        let mut bytes = [0; 512];
+        let length = socket.recv(&mut bytes).unwrap();
+        String::from_utf8(bytes[..length].to_vec()).unwrap()
+    }
+
+    #[test]
+    fn each_message_is_one_datagram() {
+        let stub = Stub::new();
+        let manager = stub.manager(None);
+        manager.extend(Duration::from_secs(90));
+        manager.ready("3 plates\nWATCHDOG=1");
+        manager.stopping();
+        assert_eq!(stub.heard(), "EXTEND_TIMEOUT_USEC=90000000");
+        assert_eq!(stub.heard(), "READY=1\nSTATUS=3 plates WATCHDOG=1");
+        assert_eq!(stub.heard(), "STOPPING=1\nSTATUS=ending");
+        assert!(manager.keep_alive(|| Ok(())).unwrap().is_none(), "nobody waits for a sign of life");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_name_that_is_no_file_is_reached() {
+        use std::os::linux::net::SocketAddrExt;
+        let name = format!("upm-test-{}", std::process::id());
+        let socket = UnixDatagram::bind_addr(&SocketAddr::from_abstract_name(&name).unwrap()).unwrap();
+        socket.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+        let named = OsString::from(format!("@{name}"));
+        ServiceManager::new(Notice { socket: Some(&named), ..Notice::default() }, 7).unwrap().stopping();
+        assert!(heard(&socket).starts_with("STOPPING=1"));
+    }
+
+    #[test]
+    fn signs_of_life_come_only_while_all_is_well() {
+        let stub = Stub::new();
+        let well = Arc::new(AtomicBool::new(true));
+        let asked = Arc::clone(&well);
+        let state = move || if asked.load(Ordering::SeqCst) { Ok(()) } else { Err("a plate hangs".to_owned()) };
+        let alive = stub.manager(Some("20000")).keep_alive(state).unwrap().unwrap();
+        assert_eq!([stub.heard(), stub.heard()], ["WATCHDOG=1", "WATCHDOG=1"]);
+        well.store(false, Ordering::SeqCst);
+        while stub.heard() == "WATCHDOG=1" {}
+        stub.socket.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
+        assert!(stub.socket.recv(&mut [0; 64]).is_err(), "ten periods without a word");
+        stub.socket.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+        well.store(true, Ordering::SeqCst);
+        assert_eq!([stub.heard(), stub.heard()], ["WATCHDOG=1", "STATUS=well again"]);
+        drop(alive);
+        stub.socket.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
+        while stub.socket.recv(&mut [0; 64]).is_ok() {}
+    }
+
+    #[test]
+    fn without_a_service_manager_nothing_happens() {
+        let manager = ServiceManager::new(Notice { watchdog_usec: Some("1000000"), ..Notice::default() }, 7).unwrap();
+        manager.ready("");
+        assert!(manager.keep_alive(|| Ok(())).unwrap().is_none());
+        let gone = OsStr::new("/nonexistent/notify");
+        ServiceManager::new(Notice { socket: Some(gone), ..Notice::default() }, 7).unwrap().stopping();
+    }
+
+    #[test]
+    fn only_the_process_that_is_meant_shows_life_and_bad_notices_are_told() {
+        let socket = Some(OsStr::new("/run/notify"));
+        let made = |watchdog_usec, watchdog_pid| ServiceManager::new(Notice { socket, watchdog_usec, watchdog_pid }, 7);
+        assert_eq!(made(Some("3000000"), Some("7")).unwrap().patience, Some(Duration::from_secs(3)));
+        assert_eq!(made(Some("3000000"), Some("8")).unwrap().patience, None);
+        for bad in ["", "0", "-1", "x"] {
+            assert!(made(Some(bad), None).unwrap_err().starts_with("WATCHDOG_USEC: found "), "{bad}");
+        }
+        let odd = Notice { socket: Some(OsStr::new("notify")), ..Notice::default() };
+        assert!(ServiceManager::new(odd, 7).unwrap_err().starts_with("NOTIFY_SOCKET: found notify"));
+    }
+}

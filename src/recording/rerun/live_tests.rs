@@ -1,0 +1,173 @@
+//! A live stream as viewers and runs meet it. The viewers here speak just enough HTTP/2 to ask for it.
+
+use std::io::{self, Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::path::Path;
+use std::thread;
+use std::time::Duration;
+
+use super::tests::{context, keeping, stores};
+use super::{LiveServer, RecordingError, RecordingStats, RerunSink};
+use crate::recording::testing::SyntheticRun;
+use crate::recording::{Keeping, OnFull, RecordingState, RerunMode};
+use crate::time::{Clock, MonotonicClock};
+
+const HISTORY_BYTES: u64 = 16 << 20;
+/// The widest window of HTTP/2, bytes.
+const WIDEST: u32 = 0x7fff_ffff;
+
+fn address(server: &LiveServer) -> SocketAddr {
+    let address = server.uri().strip_prefix("rerun+http://").unwrap();
+    address.strip_suffix("/proxy").unwrap().parse().unwrap()
+}
+
+fn watched(server: &LiveServer) -> Keeping {
+    Keeping { live: Some(server.clone()), ..keeping() }
+}
+
+fn record(server: &LiveServer, mode: &RerunMode, path: &Path, fields: bool) -> Result<RecordingStats, RecordingError> {
+    let mut run = SyntheticRun::new(2);
+    run.plans_fields = fields;
+    let mut sink = RerunSink::start(mode, path, context(&run), &watched(server)).unwrap();
+    run.localise(&mut sink);
+    for _ in 0..4 {
+        run.cycle(&mut sink);
+    }
+    sink.finish()
+}
+
+/// A connection that has asked for everything the server has, and takes it.
+fn viewer(server: &LiveServer) -> TcpStream {
+    // windows as large as they go, or nothing would come after 64 KiB
+    let mut stream = frozen_viewer(server);
+    stream.write_all(&frame(4, 0, 0, &[&[0, 4][..], &WIDEST.to_be_bytes()].concat())).unwrap();
+    stream.write_all(&frame(8, 0, 0, &(WIDEST - 65_535).to_be_bytes())).unwrap();
+    stream
+}
+
+fn frame(kind: u8, flags: u8, stream: u8, payload: &[u8]) -> Vec<u8> {
+    let length = u32::try_from(payload.len()).unwrap().to_be_bytes();
+    [&length[1..], &[kind, flags, 0, 0, 0, stream], payload].concat()
+}
+
+/// A connection that has asked for everything, and takes no more than 64 KiB of it.
+fn frozen_viewer(server: &LiveServer) -> TcpStream {
+    let names = [
+        (":method", "POST"),
+        (":scheme", "http"),
+        (":path", "/rerun.sdk_comms.v1alpha1.MessageProxyService/ReadMessages"),
+        (":authority", "127.0.0.1"),
+        ("content-type", "application/grpc"),
+        ("te", "trailers"),
+    ];
+    // each as a literal without an index
+    let header = |(name, value): (&str, &str)| {
+        let lengths = [name, value].map(|text| u8::try_from(text.len()).unwrap());
+        [&[0, lengths[0]], name.as_bytes(), &[lengths[1]], value.as_bytes()].concat()
+    };
+    let headers: Vec<u8> = names.into_iter().flat_map(header).collect();
+    let mut stream = TcpStream::connect(address(server)).unwrap();
+    stream.write_all(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n").unwrap();
+    stream.write_all(&frame(4, 0, 0, &[])).unwrap();
+    stream.write_all(&frame(1, 4, 1, &headers)).unwrap();
+    stream.write_all(&frame(0, 1, 1, &[0; 5])).unwrap();
+    stream
+}
+
+/// True once `stream` has brought `text`.
+fn brings(stream: &mut TcpStream, text: &str) -> bool {
+    stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    let (mut seen, mut chunk) = (Vec::<u8>::new(), vec![0; 1 << 16]);
+    loop {
+        match stream.read(&mut chunk) {
+            Ok(0) | Err(_) => return false,
+            Ok(count) => seen.extend(&chunk[..count]),
+        }
+        if seen.windows(text.len()).any(|window| window == text.as_bytes()) {
+            return true;
+        }
+    }
+}
+
+/// Name of the recording in the file at `path`, new for every run.
+fn recording_id(path: &Path) -> String {
+    stores(path).0.id().recording_id().to_string()
+}
+
+#[test]
+fn viewers_see_every_run_apart_whether_they_come_early_or_late() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second] = ["1.rrd", "2.rrd"].map(|name| folder.path().join(name));
+    let server = LiveServer::start(None, HISTORY_BYTES).unwrap();
+    let mut early = viewer(&server);
+    for path in [&first, &second] {
+        let stats = record(&server, &RerunMode::Save, path, false).unwrap();
+        assert!(!stats.viewer_caught_up && stats.file_bytes > 0, "nobody waits for viewers");
+    }
+    let ids = [&first, &second].map(|path| recording_id(path));
+    assert_ne!(ids[0], ids[1]);
+    assert!(brings(&mut early, &ids[0]) && brings(&mut early, &ids[1]));
+    assert!(brings(&mut viewer(&server), &ids[0]) && brings(&mut viewer(&server), &ids[1]));
+    assert_eq!(server.dropped(), 0);
+}
+
+#[test]
+fn a_run_without_a_file_is_seen_all_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = LiveServer::start(None, HISTORY_BYTES).unwrap();
+    let mut run = SyntheticRun::new(2);
+    let keeping = Keeping { on_full: OnFull::GiveUp, ..watched(&server) };
+    let path = folder.path().join("run.rrd");
+    let mut sink = RerunSink::start(&RerunMode::Off, &path, context(&run), &keeping).unwrap();
+    run.cycle(&mut sink);
+    keeping.recording.stop("there is none that could be");
+    run.cycle(&mut sink);
+    assert_eq!(sink.finish().unwrap(), RecordingStats::default());
+    assert_eq!((keeping.recording.state(), keeping.recording.news()), (RecordingState::Off, None));
+    assert_eq!(folder.path().read_dir().unwrap().count(), 0);
+    assert!(brings(&mut viewer(&server), "upm"));
+}
+
+#[test]
+fn it_is_there_for_this_machine_alone() {
+    let server = LiveServer::start(None, HISTORY_BYTES).unwrap();
+    let port = address(&server).port();
+    assert!(address(&server).ip() == Ipv4Addr::LOCALHOST && TcpStream::connect(address(&server)).is_ok());
+    let elsewhere = TcpStream::connect((Ipv4Addr::new(127, 0, 0, 2), port));
+    assert_eq!(elsewhere.unwrap_err().kind(), io::ErrorKind::ConnectionRefused);
+}
+
+#[test]
+fn a_port_in_use_is_told_at_once() {
+    let other = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let port = other.local_addr().unwrap().port();
+    assert_eq!(LiveServer::start(Some(port), HISTORY_BYTES).unwrap_err().kind(), io::ErrorKind::AddrInUse);
+    drop(other);
+    let server = LiveServer::start(Some(port), HISTORY_BYTES).unwrap();
+    assert_eq!(server.uri(), format!("rerun+http://127.0.0.1:{port}/proxy"));
+}
+
+#[test]
+fn a_viewer_that_never_reads_costs_a_run_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    let server = LiveServer::start(None, HISTORY_BYTES).unwrap();
+    let _frozen = frozen_viewer(&server);
+    thread::sleep(Duration::from_millis(100));
+    let clock = MonotonicClock::new();
+    let mut run = SyntheticRun::new(8);
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, context(&run), &watched(&server)).unwrap();
+    let mut worst = Duration::ZERO;
+    while server.dropped() == 0 && clock.elapsed() < Duration::from_secs(60) {
+        let before = clock.elapsed();
+        run.cycle(&mut sink);
+        worst = worst.max(clock.elapsed() - before);
+    }
+    assert!(server.dropped() > 0, "it took everything");
+    assert!(worst < Duration::from_secs(2), "{worst:?}");
+    let before = clock.elapsed();
+    sink.finish().unwrap();
+    drop(server);
+    assert!(clock.elapsed() - before < Duration::from_secs(2), "the end waited");
+    stores(&path);
+}

@@ -1,0 +1,134 @@
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
+
+use axum::extract::{Request, State};
+use axum::middleware::Next;
+use axum::response::Response;
+
+use super::routes;
+use super::table::Operation;
+use crate::service::http::ProblemKind;
+
+/// What requests that asked for no operation are counted under.
+const NONE: &str = "none";
+
+/// How much the API is asked. Copies count together; nobody waits for the counting, and what is counted does not grow
+/// with what clients send.
+#[derive(Clone, Debug)]
+pub struct Traffic(Arc<Counts>);
+
+/// Requests that were answered alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Requests {
+    /// The operation's name in the OpenAPI document; `none` for requests refused before it was known, or that asked for
+    /// none.
+    pub operation: &'static str,
+    /// The status; 0 for all that the document does not know of.
+    pub status: u16,
+    /// How many.
+    pub count: u64,
+}
+
+#[derive(Debug)]
+struct Counts {
+    rows: Vec<Row>,
+    streams: AtomicU64,
+}
+
+#[derive(Debug)]
+struct Row {
+    operation: &'static str,
+    counts: Vec<(u16, AtomicU64)>,
+}
+
+impl Row {
+    fn new(operation: &'static str, statuses: impl IntoIterator<Item = u16>) -> Self {
+        let counts = statuses.into_iter().chain([0]).map(|status| (status, AtomicU64::new(0))).collect();
+        Self { operation, counts }
+    }
+
+    fn count(&self, status: u16) {
+        let known = self.counts.iter().find(|(known, _)| *known == status);
+        if let Some((_, count)) = known.or(self.counts.last()) {
+            count.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+impl Default for Traffic {
+    fn default() -> Self {
+        let statuses = |kinds: &[ProblemKind]| kinds.iter().map(|kind| kind.status().as_u16()).collect::<Vec<_>>();
+        let of_operation = |operation: Operation| {
+            let good = operation.answers.iter().map(|answer| answer.status);
+            Row::new(operation.id, good.chain(statuses(&operation.all_problems())))
+        };
+        let mut rows: Vec<Row> = routes::operations().into_iter().map(of_operation).collect();
+        rows.push(Row::new(NONE, statuses(&ProblemKind::ALL)));
+        Self(Arc::new(Counts { rows, streams: AtomicU64::new(0) }))
+    }
+}
+
+impl Traffic {
+    /// Requests answered so far, for every operation and every status it can be answered with.
+    pub fn requests(&self) -> Vec<Requests> {
+        let of_row = |row: &Row| {
+            let operation = row.operation;
+            let count = |(status, count): &(u16, AtomicU64)| Requests {
+                operation,
+                status: *status,
+                count: count.load(Ordering::Relaxed),
+            };
+            row.counts.iter().map(count).collect::<Vec<_>>()
+        };
+        self.0.rows.iter().flat_map(of_row).collect()
+    }
+
+    /// Event streams that are open.
+    pub fn event_streams(&self) -> u64 {
+        self.0.streams.load(Ordering::Relaxed)
+    }
+
+    /// Counts an event stream for as long as the answer is kept.
+    pub(super) fn stream(&self) -> OpenStream {
+        self.0.streams.fetch_add(1, Ordering::Relaxed);
+        OpenStream(self.0.clone())
+    }
+
+    fn count(&self, operation: &str, status: u16) {
+        let row = self.0.rows.iter().find(|row| row.operation == operation);
+        row.iter().for_each(|row| row.count(status));
+    }
+}
+
+/// An event stream that is counted.
+#[derive(Debug)]
+pub(super) struct OpenStream(Arc<Counts>);
+
+impl Drop for OpenStream {
+    fn drop(&mut self) {
+        self.0.streams.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// Left in a request by the layer, filled in by the operation it reaches: so the layer knows it whatever becomes of the
+/// handler.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Reached(Arc<OnceLock<&'static str>>);
+
+impl Reached {
+    /// The request has come to `operation`.
+    pub fn note(request: &Request, operation: &'static str) {
+        if let Some(Self(reached)) = request.extensions().get() {
+            reached.get_or_init(|| operation);
+        }
+    }
+}
+
+/// The layer outside all others: counts every answer.
+pub(super) async fn count(State(traffic): State<Traffic>, mut request: Request, next: Next) -> Response {
+    let reached = Reached::default();
+    request.extensions_mut().insert(reached.clone());
+    let response = next.run(request).await;
+    traffic.count(reached.0.get().unwrap_or(&NONE), response.status().as_u16());
+    response
+}

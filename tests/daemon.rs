@@ -1,0 +1,21 @@
+//! The daemon from the outside: the built binary serves, clients and raw sockets ask.
+#![cfg(target_os = "linux")]
+#![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
+#![allow(clippy::disallowed_methods)] // how long the daemon takes is seen on a clock
+
+#[path = "daemon/auth.rs"]
+mod auth;
+#[path = "daemon/bad_input.rs"]
+mod bad_input;
+#[path = "daemon/client.rs"]
+mod client;
+#[path = "daemon/keys.rs"]
+mod keys;
+#[path = "daemon/recovery.rs"]
+mod recovery;
+#[path = "daemon/served.rs"]
+mod served;
+#[path = "daemon/shutdown.rs"]
+mod shutdown;
+#[path = "daemon/wire.rs"]
+mod wire;

@@ -1,0 +1,178 @@
+//! What is wrong with a request is answered, and the plate goes on undisturbed.
+
+use std::fs;
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::process::Command;
+use std::time::Instant;
+
+use serde_json::{Value, json};
+
+use super::served::{LEFT, Served, moving, rest, root, until};
+use super::wire::{Answer, ask, connect, exchange, head, read};
+
+const JSON: [(&str, &str); 1] = [("Content-Type", "application/json")];
+
+/// The journal of `upm run` with the same job.
+fn journal_of_run(served: &Served, job: &Value) -> Vec<u8> {
+    let mut job = job.clone();
+    job["rig"] = json!(root().join("configs/rigs/upm-2.json"));
+    let (file, out) = (served.folder.path().join("alone.json"), served.folder.path().join("alone"));
+    fs::write(&file, job.to_string()).unwrap();
+    let run = Command::new(env!("CARGO_BIN_EXE_upm"))
+        .arg("run")
+        .arg(&file)
+        .args(["--rerun", "off", "--out"])
+        .arg(&out)
+        .output()
+        .unwrap();
+    assert_eq!(run.status.code(), Some(0), "{run:?}");
+    let folder = fs::read_dir(&out).unwrap().next().unwrap().unwrap().path();
+    fs::read(folder.join("journal.jsonl")).unwrap()
+}
+
+#[test]
+fn bad_requests_are_answered_and_the_plate_goes_on_undisturbed() {
+    let served = Served::start();
+    let mut job = moving("undisturbed", 20.0);
+    job["seed"] = json!(11);
+    let id = served.submit(&job, "real-time");
+    served.until_moving("undisturbed", &id);
+    let from = Instant::now();
+
+    let slow = slow_writers(&served);
+    bodies(&served);
+    addresses(&served, &id);
+    methods_and_types(&served, &id);
+    heads(&served);
+    assert_closed(slow);
+    assert_eq!(served.job(&id)["state"], "running", "all of it took {:?}, while the job ran", from.elapsed());
+
+    let ended = until("the job ends", || Some(served.job(&id)).filter(|job| job["state"] != "running"));
+    assert_eq!(ended["state"], "completed", "{ended}");
+    let journal = fs::read(served.run_folder("undisturbed").join("journal.jsonl")).unwrap();
+    assert!(journal == journal_of_run(&served, &job), "the journal is that of an undisturbed run");
+    let jobs = served.get("/v1/jobs");
+    assert_eq!(jobs["jobs"].as_array().unwrap().len(), 1, "nothing wrong was kept: {jobs}");
+    assert_eq!(served.get("/healthz"), json!({"ok": true}));
+}
+
+fn post(served: &Served, body: &[u8]) -> Answer {
+    ask(served.address(), "POST", "/v1/jobs", &JSON, body)
+}
+
+fn bodies(served: &Served) {
+    let good = rest("rest").to_string();
+    let deep = format!("{{\"name\": {}1{}}}", "[".repeat(100_000), "]".repeat(100_000));
+    for malformed in [&good.as_bytes()[..good.len() / 2], b"", b"{\"name\": \"\xe9\"}", b"{} {}", b"\0"] {
+        post(served, malformed).is_problem(400);
+    }
+    for invalid in ["{}", "[]", "null", "1", "{\"name\": \"..\"}", "{\"name\": \"a\", \"name\": \"b\"}", &deep] {
+        let answer = post(served, invalid.as_bytes());
+        answer.is_problem(422);
+        assert!(!answer.json()["faults"].as_array().unwrap().is_empty(), "{answer:?}");
+    }
+    let mut files = rest("files");
+    files["rig"] = json!("/etc/passwd");
+    files["library"] = json!("../../etc/shadow");
+    let answer = post(served, files.to_string().as_bytes());
+    answer.is_problem(422);
+    assert!(!String::from_utf8(answer.body).unwrap().contains("root:"));
+
+    let large = vec![b' '; (1 << 20) + 1];
+    post(served, &large).is_problem(413);
+    let (start, bytes) = (head(served.address(), "POST", "/v1/jobs", &JSON), large.len());
+    let chunked = [
+        format!("{start}Transfer-Encoding: chunked\r\n\r\n{bytes:x}\r\n").into_bytes(),
+        large,
+        b"\r\n0\r\n\r\n".to_vec(),
+    ]
+    .concat();
+    exchange(served.address(), &chunked).is_problem(413);
+    let unsent = head(served.address(), "POST", "/v1/jobs", &JSON) + "Content-Length: 99999999999\r\n\r\n{";
+    exchange(served.address(), unsent.as_bytes()).is_problem(413);
+    let plate = |body: &str| ask(served.address(), "POST", &format!("/v1/plates/{LEFT}/reset"), &JSON, body.as_bytes());
+    plate("{").is_problem(400);
+    plate("{\"operator\": \"\", \"reason\": \"r\"}").is_problem(422);
+}
+
+fn addresses(served: &Served, id: &str) {
+    let get = |path: &str| served.ask("GET", path, &[], "");
+    let unknown = "0".repeat(32);
+    for id in [unknown.as_str(), "x", "..", "%2e%2e", "..%2f..%2fetc%2fpasswd", "%00", &"a".repeat(2000), "%ff"] {
+        for tail in ["", "/events", "/recording", "/frame.png"] {
+            get(&format!("/v1/jobs/{id}{tail}")).is_problem(404);
+        }
+        served.ask("POST", &format!("/v1/plates/{id}/estop"), &[], "").is_problem(404);
+    }
+    for path in ["/v2/jobs", "/v1", "//", "/assets/..%2fdaemon.json", "/assets/%2e%2e/daemon.json", "/../daemon.json"] {
+        get(path).is_problem(404);
+    }
+    for query in
+        ["limit=0", "limit=x", "limit=201", "cursor=x", "cursor=..", "state=done", "sort=up", "limit=1&limit=2"]
+    {
+        get(&format!("/v1/jobs?{query}")).is_problem(400);
+    }
+    get(&format!("/v1/jobs?cursor={}", "x".repeat(5000))).is_problem(414);
+    for last in ["-1", "x", "", "99999999999999999999"] {
+        served.ask("GET", &format!("/v1/jobs/{id}/events"), &[("Last-Event-ID", last)], "").is_problem(400);
+    }
+}
+
+fn methods_and_types(served: &Served, id: &str) {
+    for (method, path) in
+        [("DELETE", "/v1/jobs"), ("PUT", "/v1/plates"), ("PATCH", "/healthz"), ("GET", "/v1/plates/left/estop")]
+    {
+        let answer = served.ask(method, path, &[], "");
+        answer.is_problem(405);
+        assert!(answer.header("allow").is_some(), "{answer:?}");
+    }
+    let body = rest("rest").to_string();
+    for kind in ["text/plain", "application/x-www-form-urlencoded", "application/jsonp", ""] {
+        served.ask("POST", "/v1/jobs", &[("Content-Type", kind)], &body).is_problem(415);
+    }
+    served.ask("POST", "/v1/jobs", &[], &body).is_problem(415);
+    served.ask("GET", &format!("/v1/jobs/{id}/recording"), &[("Range", "bytes=0-1")], "").is_problem(409);
+}
+
+fn heads(served: &Served) {
+    let large = "x".repeat(20 << 10);
+    served.ask("GET", "/v1/jobs", &[("X-Large", &large)], "").is_problem(431);
+    let many: Vec<(&str, &str)> = (0..80).map(|_| ("X-Many", "1")).collect();
+    assert_eq!(served.ask("GET", "/v1/jobs", &many, "").status, 431);
+    let address = served.address();
+    exchange(address, b"GET /v1/jobs HTTP/1.1\r\n\r\n").is_problem(400);
+    let twice = format!("GET /v1/jobs HTTP/1.1\r\nHost: {address}\r\nHost: {address}\r\n\r\n");
+    exchange(address, twice.as_bytes()).is_problem(400);
+    for garbage in ["\x16\x03\x01\x02\0", "GET\r\n\r\n", "NONSENSE\r\n\r\n"] {
+        assert_eq!(exchange(address, format!("{garbage}\r\n\r\n").as_bytes()).status, 400, "{garbage:?}");
+    }
+}
+
+/// Writers that stop in the middle of a header, and one that goes away in the middle of a body.
+fn slow_writers(served: &Served) -> Vec<TcpStream> {
+    let body = head(served.address(), "POST", "/v1/jobs", &JSON) + "Content-Length: 100\r\n\r\n{";
+    connect(served.address()).write_all(body.as_bytes()).unwrap();
+    let begin = |start: &str| {
+        let mut stream = connect(served.address());
+        stream.write_all(start.as_bytes()).unwrap();
+        stream
+    };
+    ["", "GET", "GET /v1/jobs HTT", "POST /v1/jobs HTTP/1.1\r\nHost: "].map(begin).into()
+}
+
+/// They have been left, without an answer.
+fn assert_closed(slow: Vec<TcpStream>) {
+    for mut stream in slow {
+        assert_eq!(stream.read_to_end(&mut Vec::new()).unwrap_or(0), 0);
+    }
+}
+
+#[test]
+fn a_body_that_does_not_come_is_told() {
+    let served = Served::start();
+    let mut in_body = connect(served.address());
+    let request = head(served.address(), "POST", "/v1/jobs", &JSON) + "Content-Length: 100\r\n\r\n{";
+    in_body.write_all(request.as_bytes()).unwrap();
+    read(&mut in_body).is_problem(408);
+}

@@ -1,0 +1,61 @@
+//! Idempotency keys: a job is queued once, however often it is sent.
+
+use std::collections::BTreeSet;
+use std::thread;
+
+use serde_json::Value;
+
+use super::served::{LEFT, Served, moving, rest};
+use super::wire::Answer;
+
+fn send(served: &Served, key: &str, query: &str, job: &Value) -> Answer {
+    let headers = [("Content-Type", "application/json"), ("Idempotency-Key", key)];
+    served.ask("POST", &format!("/v1/jobs{query}"), &headers, &job.to_string())
+}
+
+fn id(answer: &Answer) -> String {
+    assert_eq!(answer.status, 201, "{answer:?}");
+    answer.json()["id"].as_str().unwrap().to_owned()
+}
+
+#[test]
+fn the_same_key_gives_the_same_job_over_stops_and_restarts() {
+    let mut served = Served::start();
+    served.status(&["estop", LEFT], 0);
+    served.status(&["reset", LEFT, "--operator", "Ada", "--reason", "test"], 0);
+    let first = send(&served, "one", "", &rest("one"));
+    assert_eq!(first.header("idempotency-replayed"), None);
+    let job = id(&first);
+    assert_eq!(first.header("location"), Some(format!("/v1/jobs/{job}").as_str()));
+
+    let again = |served: &Served| {
+        let answer = send(served, "one", "", &rest("one"));
+        assert_eq!((id(&answer), answer.header("idempotency-replayed")), (job.clone(), Some("true")));
+        send(served, "one", "", &rest("two")).is_problem(422);
+        send(served, "one", "?pace=max", &rest("one")).is_problem(422);
+        assert_eq!(served.get("/v1/jobs")["jobs"].as_array().unwrap().len(), 1);
+    };
+    again(&served);
+    served = served.again(|served| assert!(served.terminate().0.success()));
+    again(&served);
+    served = served.again(Served::kill);
+    again(&served);
+    served.status(&["estop", LEFT], 0);
+    again(&served);
+    send(&served, "new", "", &rest("one")).is_problem(409);
+    for key in ["", "two words", "caf\u{e9}", &"k".repeat(256)] {
+        send(&served, key, "", &rest("one")).is_problem(400);
+    }
+}
+
+#[test]
+fn twenty_at_once_are_one_job() {
+    let served = Served::start();
+    served.submit(&moving("first", 600.0), "real-time");
+    let ids: BTreeSet<String> = thread::scope(|scope| {
+        let senders: Vec<_> = (0..20).map(|_| scope.spawn(|| id(&send(&served, "k", "", &rest("once"))))).collect();
+        senders.into_iter().map(|sender| sender.join().unwrap()).collect()
+    });
+    assert_eq!(ids.len(), 1);
+    assert_eq!(served.get("/v1/jobs")["jobs"].as_array().unwrap().len(), 2);
+}

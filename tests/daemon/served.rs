@@ -1,0 +1,221 @@
+//! A daemon of its own for a test.
+
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use super::wire::{Answer, ask};
+
+/// Longest time anything is waited for.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+pub const LEFT: &str = "left";
+pub const RIGHT: &str = "right";
+
+/// A daemon that runs; killed when it goes out of scope.
+pub struct Served {
+    child: Child,
+    /// Where it answers.
+    pub url: String,
+    /// Configuration, data and what else a test writes.
+    pub folder: TempDir,
+}
+
+pub fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Two plates of one rig. The watchdog is patient: a test machine does other things beside.
+pub fn config() -> Value {
+    let rig = root().join("configs/rigs/upm-2.json");
+    json!({
+        "plates": [{"name": LEFT, "rig": rig}, {"name": RIGHT, "rig": rig}],
+        "default_plate": LEFT,
+        "watchdog": {
+            "no_frame_s": 60, "planning_s": 600, "no_part_s": 60, "blocked_s": 60,
+            "late_frames": 1000, "misses_per_s": 1000,
+        },
+        "live": {"rerun": false},
+    })
+}
+
+impl Served {
+    pub fn start() -> Self {
+        Self::with(&config())
+    }
+
+    pub fn with(config: &Value) -> Self {
+        let folder = TempDir::new().unwrap();
+        fs::write(folder.path().join("daemon.json"), config.to_string()).unwrap();
+        Self::in_folder(folder)
+    }
+
+    fn in_folder(folder: TempDir) -> Self {
+        let (child, url) = spawn(folder.path());
+        Self { child, url, folder }
+    }
+
+    /// Ends this one as `end` does, and starts another on what it left.
+    pub fn again(mut self, end: impl FnOnce(&mut Self)) -> Self {
+        end(&mut self);
+        assert!(self.child.try_wait().unwrap().is_some(), "the daemon has ended");
+        (self.child, self.url) = spawn(self.folder.path());
+        self
+    }
+
+    /// As a power cut would.
+    pub fn kill(&mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+
+    /// SIGTERM; how it ended, and after how long.
+    pub fn terminate(&mut self) -> (ExitStatus, Duration) {
+        let from = Instant::now();
+        assert!(Command::new("kill").args(["-TERM", &self.child.id().to_string()]).status().unwrap().success());
+        let status = until("the daemon ends", || self.child.try_wait().unwrap());
+        (status, from.elapsed())
+    }
+
+    /// Host and port.
+    pub fn address(&self) -> &str {
+        self.url.strip_prefix("http://").unwrap()
+    }
+
+    pub fn ask(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> Answer {
+        ask(self.address(), method, path, headers, body.as_bytes())
+    }
+
+    pub fn get(&self, path: &str) -> Value {
+        let answer = self.ask("GET", path, &[], "");
+        assert_eq!(answer.status, 200, "{path}: {answer:?}");
+        answer.json()
+    }
+
+    /// Queues a job; its id.
+    pub fn submit(&self, job: &Value, pace: &str) -> String {
+        let json = [("Content-Type", "application/json")];
+        let answer = self.ask("POST", &format!("/v1/jobs?pace={pace}"), &json, &job.to_string());
+        assert_eq!(answer.status, 201, "{answer:?}");
+        answer.json()["id"].as_str().unwrap().to_owned()
+    }
+
+    pub fn job(&self, id: &str) -> Value {
+        self.get(&format!("/v1/jobs/{id}"))
+    }
+
+    /// The job once it is in this state.
+    pub fn until_state(&self, id: &str, state: &str) -> Value {
+        until(&format!("{id} is {state}"), || Some(self.job(id)).filter(|job| job["state"] == state))
+    }
+
+    /// A plate as it is.
+    pub fn plate(&self, name: &str) -> Value {
+        let plates = self.get("/v1/plates");
+        plates["plates"].as_array().unwrap().iter().find(|plate| plate["name"] == name).unwrap().clone()
+    }
+
+    /// The job's run folder.
+    pub fn run_folder(&self, job: &str) -> PathBuf {
+        let runs = self.folder.path().join("data/runs");
+        let named = |path: &PathBuf| path.file_name().unwrap().to_str().unwrap().starts_with(&format!("{job}-"));
+        let found: Vec<PathBuf> =
+            fs::read_dir(&runs).unwrap().map(|entry| entry.unwrap().path()).filter(named).collect();
+        assert_eq!(found.len(), 1, "{job} in {}", runs.display());
+        found[0].clone()
+    }
+
+    /// Lines of the job's journal that are whole.
+    pub fn journal_lines(&self, job: &str) -> usize {
+        let text = fs::read(self.run_folder(job).join("journal.jsonl")).unwrap_or_default();
+        text.iter().filter(|&&byte| byte == b'\n').count()
+    }
+
+    /// Waits until the job on this plate has written a few cycles.
+    pub fn until_moving(&self, job: &str, id: &str) {
+        self.until_state(id, "running");
+        until("the job moves parts", || (self.journal_lines(job) >= 4).then_some(()));
+    }
+
+    /// `upm` asked to deal with this daemon.
+    pub fn upm(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_upm"));
+        command.args(args).env("UPM_URL", &self.url).env_remove("UPM_TOKEN_FILE").current_dir(self.folder.path());
+        command
+    }
+
+    /// Runs `upm`, expects this exit status, gives back stdout and stderr.
+    pub fn status(&self, args: &[&str], expected: i32) -> (String, String) {
+        status_of(&self.upm(args).output().unwrap(), args, expected)
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        self.child.kill().ok();
+        self.child.wait().ok();
+        if std::thread::panicking() {
+            let log = fs::read_to_string(self.folder.path().join("log")).unwrap_or_default();
+            eprintln!("the daemon's log:\n{log}");
+        }
+    }
+}
+
+/// Starts a daemon in this folder and reads where it answers.
+fn spawn(folder: &Path) -> (Child, String) {
+    let mut child = serve(folder, "127.0.0.1:0").spawn().unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let log = || fs::read_to_string(folder.join("log")).unwrap_or_default();
+    assert!(line.starts_with("http://"), "first line {line:?}; log:\n{}", log());
+    (child, line.trim_end().to_owned())
+}
+
+/// `upm serve` in this folder.
+pub fn serve(folder: &Path, listen: &str) -> Command {
+    let log = File::options().create(true).append(true).open(folder.join("log")).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_upm"));
+    let config = folder.join("daemon.json");
+    command.arg("serve").arg("--listen").arg(listen).arg("--data").arg(folder.join("data")).arg("--config").arg(config);
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(log);
+    command
+}
+
+pub fn status_of(output: &Output, args: &[&str], expected: i32) -> (String, String) {
+    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+    let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
+    assert_eq!(output.status.code(), Some(expected), "{args:?}\nstdout: {stdout}\nstderr: {stderr}");
+    assert!(!stderr.contains("panicked"), "{stderr}");
+    (stdout, stderr)
+}
+
+/// What `look` finds in the end.
+pub fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    let from = Instant::now();
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(from.elapsed() < PATIENCE, "waited too long: {what}");
+        sleep(Duration::from_millis(10));
+    }
+}
+
+/// A job that rests, done in a moment at any pace.
+pub fn rest(name: &str) -> Value {
+    json!({"name": name, "parts": [{"kind": "penny"}], "task": {"type": "hold", "duration_s": 0.2}})
+}
+
+/// A job that moves a part until its plate time is over.
+pub fn moving(name: &str, plate_time_s: f64) -> Value {
+    json!({
+        "name": name, "parts": [{"kind": "penny"}], "task": {"type": "plus_sign", "laps": 0},
+        "limits": {"plate_time_s": plate_time_s},
+    })
+}
