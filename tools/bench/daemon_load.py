@@ -1,0 +1,74 @@
+#!/usr/bin/env python3
+"""A plus sign in real time beside event clients and requests: deadlines missed, and how long requests take.
+
+usage: daemon_load.py [--minutes 10] [--watchers 64] [--rate 200] [--upm target/release/upm]
+
+One plate runs `configs/plus-sign.json` without end. 64 clients read its events, break off at times and resume. 200 requests
+a second go to jobs, plates, health and metrics, one in ten a POST: jobs for another plate, which is paused, are submitted
+and cancelled. Event clients are one process at niceness 10, requests another at niceness 5, each with one asyncio loop; a
+request is measured from the first byte sent to the last one received, and both tell how late their own loop was. Exit status
+1 when a bar is missed.
+"""
+import sys
+import time
+
+from daemon_lib import Bars, Daemon, parser_of, percentile, plus_sign, say, work_folder, write_config
+from daemon_traffic import Traffic
+
+P99_BAR_MS = 10.0
+LATE_BAR_FRAMES = 1
+
+
+def own_figures(daemon):
+    """What the daemon itself says of requests and deadlines, where it is not nothing."""
+    lines = daemon.ask("GET", "/metrics").body.decode().splitlines()
+    wanted = ("upm_http_", "upm_deadline", "upm_event_streams")
+    return [line for line in lines if line.startswith(wanted) and not line.endswith(" 0")]
+
+
+def main():
+    parser = parser_of(__doc__)
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--watchers", type=int, default=64)
+    parser.add_argument("--rate", type=float, default=200.0, help="requests a second")
+    args = parser.parse_args()
+    plate_s = 60.0 * args.minutes
+    with work_folder(args.keep) as folder:
+        config = write_config(folder, {"upm-1": "upm-1", "held": "upm-2"}, default_plate="upm-1")
+        with Daemon(args.upm, folder, config).start() as daemon:
+            daemon.hold_plate("held")
+            job = daemon.submit(plus_sign("upm-1", plate_time_s=plate_s))
+            daemon.wait_moving(job["id"], 0.01)
+            traffic = Traffic(daemon.address, "held", args.watchers, args.rate, args.seed, plate_s + 60.0)
+            say(f"{plate_s:g} s of plate time beside {args.watchers} watchers and {args.rate:g} requests/s")
+            while (now := daemon.get(f"/v1/jobs/{job['id']}"))["state"] == "running":
+                plate = daemon.plate("upm-1")
+                say(f"  at {plate['at_s']:6.1f} s, {plate['deadline_misses']} deadlines missed")
+                time.sleep(5.0)
+            counts = traffic.finish()
+            bars = judge(now, counts, plate_s)
+            figures = own_figures(daemon)
+    print("\n".join(counts.lines()))
+    print("\nthe daemon's own figures at the end:", *figures, sep="\n  ")
+    print()
+    sys.exit(bars.close())
+
+
+def judge(job, counts, plate_s):
+    bars, report = Bars(), job["report"] or {}
+    ran_s = report.get("plate_time_s", 0.0)
+    bars.hold("the job ran its time, s", f">= {plate_s:g}", f"{ran_s:g} ({job['state']}: {job['reason']})", ran_s >= plate_s)
+    late = report.get("worst_late_frames")
+    bars.hold("worst frames late", f"<= {LATE_BAR_FRAMES}", late, late is not None and late <= LATE_BAR_FRAMES)
+    bars.tell("deadlines missed", report.get("deadline_misses"))
+    found = counts.job_requests_ms()
+    p99 = percentile(found, 0.99)
+    bars.hold(f"p99 of {len(found)} job requests, ms", f"<= {P99_BAR_MS:g}", f"{p99:.2f}", p99 <= P99_BAR_MS)
+    bars.hold("answers that should not be", "none", counts.unwanted() or "none", not counts.unwanted())
+    bars.hold("connections and streams", "no fault", dict(counts.faults) or "no fault", not counts.faults)
+    bars.hold("gaps on event streams", 0, counts.events["gap"], not counts.events["gap"])
+    return bars
+
+
+if __name__ == "__main__":
+    main()

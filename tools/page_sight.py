@@ -1,0 +1,69 @@
+"""What `page_test.py` asks the browser about the page, as scripts that run in it."""
+
+# Whatever else can be pressed within so many px of an element, where a finger would meet it.
+CLEARANCE_JS = """([of, px]) => {
+  const own = document.querySelector(of);
+  const box = own.getBoundingClientRect();
+  const met = new Set();
+  for (let x = box.left - px; x <= box.right + px; x += 4) {
+    for (let y = box.top - px; y <= box.bottom + px; y += 4) {
+      const [dx, dy] = [Math.max(box.left - x, x - box.right, 0), Math.max(box.top - y, y - box.bottom, 0)];
+      if (Math.hypot(dx, dy) > px) continue;
+      const there = document.elementFromPoint(x, y)?.closest('button, a, input, select, textarea');
+      if (there && there !== own) met.add(`${there.className || there.id || there.tagName}: ${there.textContent.slice(0, 20)}`);
+    }
+  }
+  return [...met];
+}"""
+
+# Where the parts of a plate are drawn, mm.
+PLACES_JS = """(plate) => [...document.querySelectorAll(`article[aria-label="Plate ${plate}"] .part`)].map((part) => {
+  const [x, y] = part.getAttribute('transform').match(/-?[\\d.]+/g).map(Number);
+  return [x, -y];
+})"""
+
+# How far the first fault of a line stands above or below its number, px; much where either is out of sight.
+BESIDE_JS = """(line) => {
+  const note = document.querySelector(`.note[data-line="${line}"]`).getBoundingClientRect();
+  const number = document.querySelectorAll('.gutter .line')[line - 1].getBoundingClientRect();
+  const editor = document.querySelector('#editor').getBoundingClientRect();
+  const seen = (box) => box.top >= editor.top && box.top + 20 <= editor.bottom;
+  return seen(note) && seen(number) ? Math.abs(note.top - number.top) : 1e6;
+}"""
+
+# Texts whose contrast with what is behind them is below WCAG's 4.5. What is greyed as a whole is meant to recede.
+CONTRAST_JS = """() => {
+  const canvas = document.createElement('canvas').getContext('2d', { willReadFrequently: true });
+  const rgba = (color) => {
+    canvas.clearRect(0, 0, 1, 1);
+    canvas.fillStyle = color;
+    canvas.fillRect(0, 0, 1, 1);
+    return canvas.getImageData(0, 0, 1, 1).data;
+  };
+  const light = (color) => {
+    const [r, g, b] = [...rgba(color)].slice(0, 3).map((v) => v / 255).map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  };
+  const behind = (element) => {
+    for (let at = element; at; at = at.parentElement) {
+      const color = getComputedStyle(at).backgroundColor;
+      if (rgba(color)[3] > 200) return color;
+    }
+    return 'white';
+  };
+  const receding = (element) => {
+    for (let at = element; at; at = at.parentElement) if (getComputedStyle(at).opacity !== '1') return true;
+    return false;
+  };
+  const dim = [];
+  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walk.nextNode()) {
+    const element = walk.currentNode.parentElement;
+    const text = walk.currentNode.textContent.trim();
+    if (!text || element.closest('svg, option, noscript') || !element.checkVisibility() || receding(element)) continue;
+    const [a, b] = [light(getComputedStyle(element).color), light(behind(element))];
+    const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    if (ratio < 4.5) dim.push(`${ratio.toFixed(2)}: ${text.slice(0, 30)}`);
+  }
+  return dim;
+}"""
