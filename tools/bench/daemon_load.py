@@ -6,17 +6,22 @@ usage: daemon_load.py [--minutes 10] [--watchers 64] [--rate 200] [--upm target/
 One plate runs `configs/plus-sign.json` without end. 64 clients read its events, break off at times and resume. 200 requests
 a second go to jobs, plates, health and metrics, one in ten a POST: jobs for another plate, which is paused, are submitted
 and cancelled. Event clients are one process at niceness 10, requests another at niceness 5, each with one asyncio loop; a
-request is measured from the first byte sent to the last one received, and both tell how late their own loop was. Exit status
-1 when a bar is missed.
+request is measured from the first byte sent to the last one received, and both tell how late their own loop was. Probes tell
+when the machine itself stood still, and which of the missed deadlines fall into that. Exit status 1 when a bar is missed.
 """
 import sys
 import time
+from dataclasses import dataclass
 
 from daemon_lib import Bars, Daemon, parser_of, percentile, plus_sign, say, work_folder, write_config
 from daemon_traffic import Traffic
+from machine_probe import MachineProbe, during
 
 P99_BAR_MS = 10.0
 LATE_BAR_FRAMES = 1
+FRAME_MS = 1e3 / 60.0
+# between looks at the plate, s
+LOOK_EVERY_S = 0.1
 
 
 def own_figures(daemon):
@@ -24,6 +29,49 @@ def own_figures(daemon):
     lines = daemon.ask("GET", "/metrics").body.decode().splitlines()
     wanted = ("upm_http_", "upm_deadline", "upm_event_streams")
     return [line for line in lines if line.startswith(wanted) and not line.endswith(" 0")]
+
+
+@dataclass
+class Miss:
+    """Deadlines missed between two looks, `time.monotonic()`."""
+
+    plate_s: float
+    begin: float
+    end: float
+    count: int
+
+    def line(self, stalls):
+        stall = during(stalls, self.begin, self.end)
+        machine = f"core {stall.core} stood still for {stall.ms():.1f} ms" if stall else "no core stood still"
+        return f"at {self.plate_s:6.1f} s of plate time, {self.count}: {machine}"
+
+
+def watch_misses(daemon, job_id):
+    """Looks at the plate until the job has ended; when deadlines were missed."""
+    misses, before, known, said = [], time.monotonic(), daemon.plate("upm-1")["deadline_misses"], 0.0
+    while (plate := daemon.plate("upm-1"))["job"] == job_id:
+        now = time.monotonic()
+        if plate["deadline_misses"] > known:
+            # what was counted at this look may have begun a little before the last one
+            misses.append(Miss(plate["at_s"], before - 0.1, now, plate["deadline_misses"] - known))
+            known = plate["deadline_misses"]
+        if now - said >= 5.0:
+            said = now
+            say(f"  at {plate['at_s']:6.1f} s, {known} deadlines missed")
+        before = now
+        time.sleep(LOOK_EVERY_S)
+    return misses
+
+
+def blame(bars, misses, stalls, stolen_s, is_exact):
+    """Which misses are the machine's."""
+    how = "with real-time priority" if is_exact else "without real-time priority: other programs count too"
+    worst = max((stall.ms() for stall in stalls), default=0.0)
+    long = sum(stall.ms() > FRAME_MS for stall in stalls)
+    bars.tell(f"cores stood still for more than a frame, times (probes {how})", f"{long}, longest {worst:.1f} ms")
+    bars.tell("time the host took from all cores, s", f"{stolen_s:.2f}")
+    of_machine = sum(miss.count for miss in misses if (s := during(stalls, miss.begin, miss.end)) and s.ms() > 0.5 * FRAME_MS)
+    bars.tell("deadlines missed while a core stood still for half a frame or more", of_machine)
 
 
 def main():
@@ -40,16 +88,17 @@ def main():
             job = daemon.submit(plus_sign("upm-1", plate_time_s=plate_s))
             daemon.wait_moving(job["id"], 0.01)
             traffic = Traffic(daemon.address, "held", args.watchers, args.rate, args.seed, plate_s + 60.0)
+            probe = MachineProbe()
             say(f"{plate_s:g} s of plate time beside {args.watchers} watchers and {args.rate:g} requests/s")
-            while (now := daemon.get(f"/v1/jobs/{job['id']}"))["state"] == "running":
-                plate = daemon.plate("upm-1")
-                say(f"  at {plate['at_s']:6.1f} s, {plate['deadline_misses']} deadlines missed")
-                time.sleep(5.0)
+            misses = watch_misses(daemon, job["id"])
+            stalls, stolen_s = probe.finish()
             counts = traffic.finish()
-            bars = judge(now, counts, plate_s)
+            bars = judge(daemon.get(f"/v1/jobs/{job['id']}"), counts, plate_s)
+            blame(bars, misses, stalls, stolen_s, probe.is_exact)
             figures = own_figures(daemon)
     print("\n".join(counts.lines()))
     print("\nthe daemon's own figures at the end:", *figures, sep="\n  ")
+    print("\ndeadlines missed:", *(miss.line(stalls) for miss in misses), sep="\n  ")
     print()
     sys.exit(bars.close())
 
