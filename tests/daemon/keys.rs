@@ -36,7 +36,7 @@ fn the_same_key_gives_the_same_job_over_stops_and_restarts() {
         assert_eq!(served.get("/v1/jobs")["jobs"].as_array().unwrap().len(), 1);
     };
     again(&served);
-    served = served.again(|served| assert!(served.terminate().0.success()));
+    served = served.again(|served| assert!(served.terminate().success()));
     again(&served);
     served = served.again(Served::kill);
     again(&served);
