@@ -1,8 +1,5 @@
 //! What a start found of the daemon before it, for those who must know.
 
-use std::sync::Arc;
-
-use crate::plates::Plates;
 use crate::store::{Recovery, Store};
 
 /// Says in the log what the last daemon left.
@@ -47,18 +44,4 @@ pub(super) fn tell_unserved(store: &Store, served: Vec<String>) {
             }
         }
     });
-}
-
-/// Those who watch jobs that a crash ended are told so as of any other end.
-pub(super) fn tell_ends(store: &Store, plates: &Arc<Plates>, recovery: &Recovery) {
-    for id in recovery.interrupted.iter().chain(&recovery.ended) {
-        let plates = Arc::clone(plates);
-        store.job(id, move |found| {
-            if let Ok(Some(row)) = found
-                && let Some(plate) = plates.get(&row.plate)
-            {
-                plate.announce_end(row.id, row.state, &row.reason);
-            }
-        });
-    }
 }

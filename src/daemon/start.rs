@@ -100,7 +100,6 @@ impl Daemon {
         let plates = Arc::new(Plates::start(setups.collect(), &around).map_err(StartFault::Plates)?);
         recovered::tell(&recovery);
         recovered::tell_unserved(&store, spec.plate_names());
-        recovered::tell_ends(&store, &plates, &recovery);
         let damage = recovery.damage.as_ref().map(|damage| format!("the job store was damaged: {damage}"));
         let furniture = Furniture { spec, store, plates, clock, damage, version };
         let desk = FrontDesk::open(furniture).map_err(StartFault::Plates)?;

@@ -54,9 +54,9 @@ pub(super) fn cancel(office: &Arc<Office>, id: &str, caller: &Caller, reply: Rep
         reply.send(match cancelled {
             Err(fault) => Err(answers::refusal(fault)),
             Ok(Cancelled::Unknown) => Err(no_job()),
-            Ok(Cancelled::Now(row)) => {
+            Ok(Cancelled::Now(row, finished)) => {
                 if let Some(plate) = then.plates.get(&row.plate) {
-                    plate.announce_end(row.id, row.state, &row.reason);
+                    plate.announce_end(row.id, finished);
                 }
                 Ok(answers::job(&row))
             }

@@ -1,4 +1,4 @@
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
@@ -14,6 +14,8 @@ const TICK: Duration = Duration::from_millis(100);
 pub(super) enum Item {
     /// News of a job.
     Tell(JobId, News),
+    /// Everything before this is on its way to the store: say so.
+    Pass(SyncSender<()>),
     /// The last of all.
     End,
 }
@@ -46,7 +48,7 @@ impl Taps {
         self.tapped().taps.retain(|(each, _)| *each != id);
     }
 
-    fn offer(&self, told: &Told) {
+    pub fn offer(&self, told: &Told) {
         for (_, tap) in &self.tapped().taps {
             tap.offer(told);
         }
@@ -69,6 +71,8 @@ pub(super) fn cry(shared: &Shared, items: &Receiver<Item>) {
     loop {
         match items.recv_timeout(TICK) {
             Ok(Item::Tell(job, news)) => tell(shared, job, news),
+            // whoever waited may be gone
+            Ok(Item::Pass(passed)) => drop(passed.try_send(())),
             Ok(Item::End) | Err(RecvTimeoutError::Disconnected) => return,
             Err(RecvTimeoutError::Timeout) => {}
         }
@@ -78,7 +82,7 @@ pub(super) fn cry(shared: &Shared, items: &Receiver<Item>) {
 
 /// What is kept is told once it is on the disk, so that a number somebody has seen is never taken back. What the store
 /// cannot take is told without a number.
-pub(super) fn tell(shared: &Shared, job: JobId, news: News) {
+fn tell(shared: &Shared, job: JobId, news: News) {
     let News { plate_time, kind, body, durable } = news;
     let unnumbered = Told { job, seq: None, kind, body: Arc::clone(&body) };
     if !durable {

@@ -3,15 +3,15 @@ use std::sync::atomic::Ordering;
 use std::thread::{JoinHandle, Thread};
 use std::time::Duration;
 
-use super::crier::{TapId, tell};
+use super::crier::TapId;
 use super::shared::{Cause, Shared};
-use super::told::{News, Tap};
+use super::told::{Tap, Told};
 use super::validate::validated;
 use super::{Picture, PlateSnapshot, ResetFault};
 use crate::config::Fault;
 use crate::rig::{StopTimes, Trip};
-use crate::store::{AuditEntry, JobId, JobPace, JobState, NewJob};
-use crate::time::{Clock, MonotonicClock, PlateTime};
+use crate::store::{AuditEntry, JobId, JobPace, NewJob, StoredEvent};
+use crate::time::{Clock, MonotonicClock};
 
 /// How long an emergency stop that is waited for is given to reach the disk.
 const KEPT_WITHIN: Duration = Duration::from_millis(400);
@@ -122,8 +122,8 @@ impl Plate {
     }
 
     /// Tells those who watch a job of this plate that it has ended, though not on the plate.
-    pub fn announce_end(&self, id: JobId, state: JobState, reason: &str) {
-        tell(&self.shared, id, News::finished(PlateTime::ZERO, state, reason));
+    pub fn announce_end(&self, id: JobId, finished: StoredEvent) {
+        self.shared.taps.offer(&Told::finished(id, finished));
     }
 
     /// True while an emergency stop holds.

@@ -6,7 +6,7 @@ use crate::control::{CycleFacts, EventLevel};
 use crate::geometry::Vec2;
 use crate::planner::PlannedPulse;
 use crate::plates::Sight;
-use crate::store::{JobId, JobState, RecordingKept};
+use crate::store::{FINISHED, JobId, JobState, RecordingKept, StoredEvent};
 use crate::time::PlateTime;
 use crate::units::mm_from_m;
 
@@ -21,6 +21,13 @@ pub struct Told {
     pub kind: &'static str,
     /// What, as JSON.
     pub body: Arc<str>,
+}
+
+impl Told {
+    /// The end of a job, as it is kept.
+    pub(super) fn finished(job: JobId, event: StoredEvent) -> Self {
+        Self { job, seq: Some(event.seq), kind: FINISHED, body: event.body }
+    }
 }
 
 /// Takes what is told. It hands on and returns: nobody waits here.
@@ -65,11 +72,6 @@ enum Body<'a> {
     Recording {
         at_s: f64,
         recording: &'a str,
-        reason: &'a str,
-    },
-    Finished {
-        at_s: f64,
-        state: &'a str,
         reason: &'a str,
     },
     Look {
@@ -121,10 +123,6 @@ impl News {
         Self::new(at, "recording", true, &Body::Recording { at_s: at.secs(), recording: kept.name(), reason })
     }
 
-    pub fn finished(at: PlateTime, state: JobState, reason: &str) -> Self {
-        Self::new(at, "finished", true, &Body::Finished { at_s: at.secs(), state: state.name(), reason })
-    }
-
     pub fn look(sight: &Sight) -> Self {
         let body = Body::Look {
             at_s: sight.at.secs(),
@@ -165,8 +163,8 @@ mod tests {
             "positions_mm": [[12.346, -0.0]], "targets_mm": [[0.0, 0.0]],
         });
         assert_eq!(read, wanted);
-        let ended = News::finished(PlateTime::ZERO, JobState::Cancelled, "emergency stop");
-        assert_eq!(&*ended.body, r#"{"at_s":0.0,"state":"cancelled","reason":"emergency stop"}"#);
-        assert!(ended.durable);
+        let running = News::state(PlateTime::ZERO, JobState::Running);
+        assert_eq!(&*running.body, r#"{"state":"running","at_s":0.0}"#);
+        assert!(running.durable);
     }
 }

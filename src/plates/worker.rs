@@ -3,7 +3,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::SyncSender;
+use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
@@ -11,13 +11,13 @@ use super::attend::Attend;
 use super::crier::Item;
 use super::disk::{Disk, Rates};
 use super::shared::{Cause, Shared};
-use super::told::News;
+use super::told::{News, Told};
 use crate::config::{JobSpec, Origin};
 use crate::control::EventLevel;
 use crate::recording::{Keeping, OnFull, Outcome, RecordingState, RecordingSwitch, RerunMode, ScribeMode, ScribeWatch};
 use crate::rig::Trip;
 use crate::run::{Links, RunFolder, RunOptions, RunResult, run_linked};
-use crate::store::{Claimed, JobEnd, JobId, JobPace, JobRow, JobState, RecordingKept};
+use crate::store::{Claimed, JobEnd, JobId, JobPace, JobRow, JobState, RecordingKept, StoredEvent};
 use crate::time::{Clock, MonotonicClock, PlateTime};
 
 /// How long a plate without work waits before it asks again, unless it is woken.
@@ -84,17 +84,17 @@ impl Worker {
         let folder = self.place.runs.join(claimed.row.folder.as_deref().unwrap_or_default());
         let done = self.play(claimed, &folder, &recording, journal);
         let cause = self.shared.ends();
-        let (at, mut end) = self.end_of(done, cause);
+        let mut end = self.end_of(done, cause);
         if recording.state() == RecordingState::Whole {
-            self.rates.add(recording.bytes(), at.secs());
+            self.rates.add(recording.bytes(), end.at.secs());
         }
         let (kept, why) = what_is_kept(recording.state());
         end.recording = kept;
         self.settle_interlock(&end.reason);
-        self.tell(id, News::recording(at, kept, &why));
-        let told = News::finished(at, end.state, &end.reason);
-        self.store(&id, end);
-        self.tell(id, told);
+        self.tell(id, News::recording(end.at, kept, &why));
+        if let Some(finished) = self.store(&id, end) {
+            self.shared.taps.offer(&Told::finished(id, finished));
+        }
     }
 
     fn play(
@@ -149,15 +149,15 @@ impl Worker {
     }
 
     /// How a run ended, and when on the plate.
-    fn end_of(&self, done: Result<RunResult, Vec<String>>, cause: Option<Cause>) -> (PlateTime, JobEnd) {
+    fn end_of(&self, done: Result<RunResult, Vec<String>>, cause: Option<Cause>) -> JobEnd {
         let report = match done {
             Ok(result) => result.report,
             // whoever stopped it stopped it, even when that could not be written down
             Err(lines) if self.shared.latch.is_stopped() || cause == Some(Cause::Cancelled) => {
                 let reason = format!("stopped; {}", lines.join("; "));
-                return (PlateTime::ZERO, ended(JobState::Cancelled, reason, None));
+                return ended(PlateTime::ZERO, JobState::Cancelled, reason, None);
             }
-            Err(lines) => return (PlateTime::ZERO, ended(JobState::Failed, lines.join("; "), None)),
+            Err(lines) => return ended(PlateTime::ZERO, JobState::Failed, lines.join("; "), None),
         };
         let at = PlateTime::from_secs(report.plate_time_s);
         let state = match (report.outcome, &cause) {
@@ -167,7 +167,7 @@ impl Worker {
             (Outcome::Cancelled, Some(Cause::Cancelled)) => JobState::Cancelled,
             (Outcome::Cancelled, None) => JobState::Interrupted,
         };
-        (at, ended(state, report.reason.clone(), serde_json::to_string(&report).ok()))
+        ended(at, state, report.reason.clone(), serde_json::to_string(&report).ok())
     }
 
     /// A trip that no person made ends with the run it stopped, and pauses the plate.
@@ -184,19 +184,33 @@ impl Worker {
         }
     }
 
-    /// Waits until the end of a job is on the disk: the plate does nothing else before.
-    fn store(&self, id: &JobId, end: JobEnd) {
+    /// Waits until the end of a job is on the disk, behind all that was told of it: the plate does nothing else before.
+    /// `None` when the daemon ended first.
+    fn store(&self, id: &JobId, end: JobEnd) -> Option<StoredEvent> {
         let mut told = false;
-        while let Err(fault) = self.shared.ledger.ended(id, end.clone()) {
+        loop {
+            self.pass();
+            let fault = match self.shared.ledger.ended(id, end.clone()) {
+                Ok(finished) => return finished,
+                Err(fault) => fault,
+            };
             if !std::mem::replace(&mut told, true) {
                 tracing::error!(plate = self.shared.name, job = %id, "the end of the job cannot be stored: {fault}");
                 let text = format!("the end of the job cannot be stored: {fault}");
                 self.tell(*id, News::warning(PlateTime::ZERO, EventLevel::Error, &text));
             }
             if self.shared.ending.load(Ordering::SeqCst) {
-                return;
+                return None;
             }
             thread::park_timeout(STORED_AGAIN);
+        }
+    }
+
+    /// Waits until the crier has handed on all it was given.
+    fn pass(&self) {
+        let (sender, passed) = sync_channel(1);
+        if self.crier.send(Item::Pass(sender)).is_ok() {
+            passed.recv().ok();
         }
     }
 
@@ -212,8 +226,8 @@ fn radii_of(job: &JobSpec) -> Vec<f64> {
     job.parts.iter().flat_map(|group| std::iter::repeat_n(radius(group.kind), group.count)).collect()
 }
 
-fn ended(state: JobState, reason: String, report_json: Option<String>) -> JobEnd {
-    JobEnd { state, reason, report_json, recording: RecordingKept::None }
+fn ended(at: PlateTime, state: JobState, reason: String, report_json: Option<String>) -> JobEnd {
+    JobEnd { at, state, reason, report_json, recording: RecordingKept::None }
 }
 
 /// The job's own folder, named after it. Made before the job is taken, so that no job is ever without one.

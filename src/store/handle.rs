@@ -182,11 +182,16 @@ impl Ledger for Store {
         }
     }
 
-    fn ended(&self, id: &JobId, end: JobEnd) -> Result<(), StoreFault> {
+    fn ended(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
         let known = *id;
-        let ended = self.orders.written(true, move |books| books.end(&known, &end))?;
+        let written = self.orders.written(true, move |books| {
+            let told = books.end(&known, JobState::Running, &end)?;
+            Ok((told, books.find(&known)?))
+        });
+        let (told, found) = written?;
         self.retention.poke();
-        ended.ok_or_else(|| StoreFault::Io(format!("job {id} never began")))
+        let never_began = || StoreFault::Io(format!("job {id} never began"));
+        found.filter(|row| row.state.is_final()).map(|_| told).ok_or_else(never_began)
     }
 
     fn tell(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {

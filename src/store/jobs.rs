@@ -3,7 +3,9 @@ use rusqlite::{Connection, OptionalExtension, params};
 use super::books::Books;
 use super::columns::{At, JOB, job_of};
 use super::idempotency::Seen;
-use super::{Accepted, Cancelled, Claimed, JobEnd, JobId, JobPage, JobRow, JobState, NewJob, Page, StoreFault};
+use super::{
+    Accepted, Cancelled, Claimed, JobEnd, JobId, JobPage, JobRow, JobState, NewJob, Page, StoreFault, StoredEvent,
+};
 
 impl Books<'_> {
     /// Queues a job, unless its key was used or its plate's queue is full.
@@ -53,30 +55,26 @@ impl Books<'_> {
         Ok(self.find(id)?.map(|row| Claimed { row, spec_json }))
     }
 
-    /// Ends a running job. A job that has ended stays as it is; `None` for one that never began.
-    pub fn end(&self, id: &JobId, end: &JobEnd) -> rusqlite::Result<Option<()>> {
-        let JobEnd { state, reason, report_json, recording } = end;
-        let sql = "UPDATE jobs SET state = ?2, reason = ?3, report = ?4, recording = ?5, finished_at = ?6,
-                       progress = CASE ?2 WHEN 'completed' THEN 1 ELSE progress END
-                   WHERE id = ?1 AND state = 'running'";
-        if self.tx.execute(sql, params![id, state, reason, report_json, recording, At(self.now)])? > 0 {
-            return self.drop_spec(id).map(Some);
+    /// Ends a job that is in state `from`; its last event, or `None` when it is in another one, and stays so.
+    pub fn end(&self, id: &JobId, from: JobState, end: &JobEnd) -> rusqlite::Result<Option<StoredEvent>> {
+        let JobEnd { state, reason, report_json, recording, .. } = end;
+        let sql = "UPDATE jobs SET state = ?3, reason = ?4, report = ?5, recording = ?6, finished_at = ?7,
+                       progress = CASE ?3 WHEN 'completed' THEN 1 ELSE progress END
+                   WHERE id = ?1 AND state = ?2";
+        if self.tx.execute(sql, params![id, from, state, reason, report_json, recording, At(self.now)])? == 0 {
+            return Ok(None);
         }
-        Ok(self.find(id)?.filter(|row| row.state.is_final()).map(|_| ()))
+        self.drop_spec(id)?;
+        self.tell(id, &end.event())
     }
 
     /// Takes a job out of the queue.
     pub fn cancel_queued(&self, id: &JobId) -> rusqlite::Result<Cancelled> {
-        let sql = "UPDATE jobs SET state = 'cancelled', finished_at = ?2, reason = 'cancelled before it began'
-                   WHERE id = ?1 AND state = 'queued'";
-        let changed = self.tx.execute(sql, params![id, At(self.now)])? > 0;
-        if changed {
-            self.drop_spec(id)?;
-        }
-        Ok(match self.find(id)? {
-            None => Cancelled::Unknown,
-            Some(row) if changed => Cancelled::Now(row),
-            Some(row) => Cancelled::Not(row),
+        let told = self.end(id, JobState::Queued, &JobEnd::before_it_began())?;
+        Ok(match (self.find(id)?, told) {
+            (None, _) => Cancelled::Unknown,
+            (Some(row), Some(told)) => Cancelled::Now(row, told),
+            (Some(row), None) => Cancelled::Not(row),
         })
     }
 

@@ -3,9 +3,13 @@ use std::io;
 use std::sync::Arc;
 
 use jiff::Timestamp;
+use serde::Serialize;
 
 use super::{AuditEntry, JobId, JobRow, JobState, RecordingKept, StoreFault};
 use crate::time::PlateTime;
+
+/// Kind of the event that a job ends with: it is kept in one with the end, so that a job which has ended has it.
+pub const FINISHED: &str = "finished";
 
 /// A job whose plate has taken it.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,6 +23,8 @@ pub struct Claimed {
 /// How a job ended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobEnd {
+    /// When, of the plate's own time; zero when it was not on the plate.
+    pub at: PlateTime,
     /// A final state.
     pub state: JobState,
     /// Why, in words.
@@ -29,12 +35,38 @@ pub struct JobEnd {
     pub recording: RecordingKept,
 }
 
+impl JobEnd {
+    /// The last event of the job that ended so.
+    pub(super) fn event(&self) -> NewEvent {
+        #[derive(Serialize)]
+        struct Finished<'a> {
+            at_s: f64,
+            state: &'a str,
+            reason: &'a str,
+        }
+        let finished = Finished { at_s: self.at.secs(), state: self.state.name(), reason: &self.reason };
+        let body = serde_json::to_string(&finished).unwrap_or_else(|_| "{}".into());
+        NewEvent { plate_time: self.at, kind: FINISHED, body: body.into() }
+    }
+
+    /// That of a job which was taken out of the queue.
+    pub(super) fn before_it_began() -> Self {
+        Self {
+            at: PlateTime::ZERO,
+            state: JobState::Cancelled,
+            reason: "cancelled before it began".to_owned(),
+            report_json: None,
+            recording: RecordingKept::None,
+        }
+    }
+}
+
 /// Something that happened to a job, to be kept for those who come later.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewEvent {
     /// When, of the plate's own time.
     pub plate_time: PlateTime,
-    /// What kind: `state`, `cycle`, `warning`, `recording`, `finished`.
+    /// What kind: `state`, `cycle`, `warning`, `recording`.
     pub kind: &'static str,
     /// What, as JSON.
     pub body: Arc<str>,
@@ -66,9 +98,9 @@ pub trait Ledger: Send + Sync + fmt::Debug {
     fn claim(&self, plate: &str, folder: &dyn Fn(&JobRow) -> io::Result<String>)
     -> Result<Option<Claimed>, StoreFault>;
 
-    /// Says how a running job ended. Waits for the disk. On a fault the caller asks again later, and leaves its plate
-    /// alone until then. Saying the same twice is no fault.
-    fn ended(&self, id: &JobId, end: JobEnd) -> Result<(), StoreFault>;
+    /// Says how a running job ended, and tells its [`FINISHED`] event; `None` when it had ended before, which is no
+    /// fault. Waits for the disk. On a fault the caller asks again later, and leaves its plate alone until then.
+    fn ended(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault>;
 
     /// Keeps an event; never waits. False when too many are waiting already: the event is lost, `published` not called.
     fn tell(&self, id: &JobId, event: NewEvent, published: Publish) -> bool;

@@ -52,14 +52,12 @@ impl MemoryLedger {
 
     /// Takes a job out of the queue.
     pub fn cancel_queued(&self, id: &JobId) -> Cancelled {
-        let finished_at = (self.now)();
-        match self.kept().jobs.get_mut(id) {
-            None => Cancelled::Unknown,
-            Some(Entry { row, .. }) if row.state != JobState::Queued => Cancelled::Not(row.clone()),
-            Some(Entry { row, .. }) => {
-                (row.state, row.finished_at) = (JobState::Cancelled, Some(finished_at));
-                Cancelled::Now(row.clone())
-            }
+        let mut kept = self.kept();
+        let told = kept.end(id, JobState::Queued, JobEnd::before_it_began(), (self.now)());
+        match (kept.jobs.get(id).map(|entry| entry.row.clone()), told) {
+            (None, _) => Cancelled::Unknown,
+            (Some(row), Some(told)) => Cancelled::Now(row, told),
+            (Some(row), None) => Cancelled::Not(row),
         }
     }
 
@@ -103,14 +101,21 @@ impl Kept {
         self.fault.clone().map_or(Ok(()), Err)
     }
 
-    fn tell(&mut self, id: &JobId, event: NewEvent, at: Timestamp) -> Result<StoredEvent, StoreFault> {
-        self.check()?;
-        let entry = self.jobs.get_mut(id).ok_or_else(|| unknown(id))?;
-        entry.row.last_event += 1;
+    fn end(&mut self, id: &JobId, from: JobState, end: JobEnd, at: Timestamp) -> Option<StoredEvent> {
+        let entry = self.jobs.get_mut(id).filter(|entry| entry.row.state == from)?;
+        let event = end.event();
+        entry.row.end(end, at);
+        Some(entry.tell(event, at))
+    }
+}
+
+impl Entry {
+    fn tell(&mut self, event: NewEvent, at: Timestamp) -> StoredEvent {
+        self.row.last_event += 1;
         let NewEvent { plate_time, kind, body } = event;
-        let stored = StoredEvent { seq: entry.row.last_event, at, plate_time, kind: kind.to_owned(), body };
-        entry.events.push(stored.clone());
-        Ok(stored)
+        let stored = StoredEvent { seq: self.row.last_event, at, plate_time, kind: kind.to_owned(), body };
+        self.events.push(stored.clone());
+        stored
     }
 }
 
@@ -129,19 +134,22 @@ impl Ledger for MemoryLedger {
         Ok(Some(Claimed { row: row.clone(), spec_json: spec_json.clone() }))
     }
 
-    fn ended(&self, id: &JobId, end: JobEnd) -> Result<(), StoreFault> {
-        let finished_at = (self.now)();
+    fn ended(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
         let mut kept = self.kept();
         kept.check()?;
-        let row = &mut kept.jobs.get_mut(id).ok_or_else(|| unknown(id))?.row;
-        if row.state == JobState::Running {
-            row.end(end, finished_at);
-        }
-        Ok(())
+        let told = kept.end(id, JobState::Running, end, (self.now)());
+        let has_ended = kept.jobs.get(id).is_some_and(|entry| entry.row.state.is_final());
+        has_ended.then_some(told).ok_or_else(|| unknown(id))
     }
 
     fn tell(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {
-        let stored = self.kept().tell(id, event, (self.now)());
+        let stored = {
+            let mut kept = self.kept();
+            let known = kept.check();
+            known
+                .and_then(|()| kept.jobs.get_mut(id).ok_or_else(|| unknown(id)))
+                .map(|entry| entry.tell(event, (self.now)()))
+        };
         published(stored);
         true
     }
@@ -192,7 +200,7 @@ impl NewJob {
 
 impl JobRow {
     fn end(&mut self, end: JobEnd, finished_at: Timestamp) {
-        let JobEnd { state, reason, report_json, recording } = end;
+        let JobEnd { state, reason, report_json, recording, .. } = end;
         if state == JobState::Completed {
             self.progress = 1.0;
         }
@@ -238,7 +246,7 @@ mod tests {
         assert_eq!(ledger.claim("a", &|_| Err(io::Error::other("no room"))), Err(fault));
         assert_eq!(ledger.claim("a", &folder).unwrap().unwrap().row.id, second);
         assert_eq!(ledger.claim("a", &folder), Ok(None));
-        assert!(matches!(ledger.cancel_queued(&other), Cancelled::Now(_)));
+        assert!(matches!(ledger.cancel_queued(&other), Cancelled::Now(..)));
         assert!(matches!(ledger.cancel_queued(&first), Cancelled::Not(row) if row.state == JobState::Running));
         assert_eq!(ledger.claim("b", &folder), Ok(None));
     }
@@ -248,12 +256,18 @@ mod tests {
         let ledger = MemoryLedger::new(|| Timestamp::UNIX_EPOCH);
         let id = ledger.accept(new_job("a")).id;
         ledger.claim("a", &folder).unwrap();
-        let end = |state| JobEnd { state, reason: "done".into(), report_json: None, recording: RecordingKept::Whole };
+        let end = |state| JobEnd {
+            at: PlateTime::ZERO,
+            state,
+            reason: "done".into(),
+            report_json: None,
+            recording: RecordingKept::Whole,
+        };
         ledger.fail_with(Some(StoreFault::Full));
         assert_eq!(ledger.ended(&id, end(JobState::Completed)), Err(StoreFault::Full));
         ledger.fail_with(None);
-        assert_eq!(ledger.ended(&id, end(JobState::Completed)), Ok(()));
-        assert_eq!(ledger.ended(&id, end(JobState::Failed)), Ok(()));
+        assert_eq!(ledger.ended(&id, end(JobState::Completed)).map(|told| told.unwrap().seq), Ok(1));
+        assert_eq!(ledger.ended(&id, end(JobState::Failed)), Ok(None));
         let row = ledger.job(&id).unwrap();
         assert_eq!((row.state, row.progress, row.recording), (JobState::Completed, 1.0, RecordingKept::Whole));
     }

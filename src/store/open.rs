@@ -38,6 +38,7 @@ pub struct Opened {
 #[derive(Clone, Copy)]
 pub(super) struct Opening<'a> {
     pub plates: &'a [String],
+    pub limits: &'a Limits,
     pub now: fn() -> Timestamp,
     pub repair: RepairRecording<'a>,
 }
@@ -57,7 +58,7 @@ impl Store {
         let lock = places.lock()?;
         empty_trash(&places.trash);
         let mut ballast = Ballast::at(&places.reserve, limits.reserve_bytes);
-        let opening = Opening { plates, now, repair };
+        let opening = Opening { plates, limits: &limits, now, repair };
         let mut made = opening.start(&places);
         if matches!(made, Err(StoreFault::Full)) && ballast.throw_off() {
             made = opening.start(&places);

@@ -1,3 +1,4 @@
+use std::cell::Cell;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -5,11 +6,14 @@ use std::path::Path;
 use rusqlite::{Connection, params};
 use serde_json::Value;
 
+use super::books::Books;
 use super::columns::{At, JOB, job_of};
+use super::ids::Ids;
 use super::open::{Opening, RepairRecording};
 use super::places::Places;
 use super::salvage::{folders_of, from_folders, modified, text_of};
 use super::{JobEnd, JobRow, JobState, Mended, RecordingKept, Recovery, StoreFault};
+use crate::time::PlateTime;
 
 /// Puts in order what the last daemon left: how its running jobs ended, recordings that were not closed, who stays
 /// paused. Nothing else has the store as yet. Killed anywhere, doing it again comes to the same.
@@ -32,11 +36,15 @@ pub(super) fn recover(
         ends.push((job, folder, recording, end));
     }
     let tx = connection.transaction()?;
+    let (ids, told) = (Ids::above(None), Cell::new(0));
+    let books = Books { tx: &tx, ids: &ids, limits: opening.limits, now: (opening.now)(), told: &told };
     for (job, folder, recording, end) in &ends {
         tx.execute("UPDATE jobs SET recording = ?2 WHERE id = ?1", params![job.id, recording])?;
         let Some(end) = end else { continue };
-        let at = folder.as_ref().and_then(|folder| last_sign(folder)).unwrap_or_else(|| (opening.now)());
-        write_end(&tx, job, end, At(at.max(job.submitted_at)))?;
+        books.end(&job.id, JobState::Running, end)?;
+        let at = folder.as_ref().and_then(|folder| last_sign(folder)).unwrap_or(books.now);
+        let sql = "UPDATE jobs SET finished_at = ?2 WHERE id = ?1";
+        tx.execute(sql, params![job.id, At(at.max(job.submitted_at))])?;
         let list = if end.state == JobState::Interrupted { &mut found.interrupted } else { &mut found.ended };
         list.push(job.id);
     }
@@ -104,9 +112,14 @@ fn end_of(folder: Option<&Path>, recording: RecordingKept) -> JobEnd {
     let report_json = folder.and_then(|folder| text_of(&folder.join("report.json")));
     let report: Option<Value> = report_json.as_deref().and_then(|text| serde_json::from_str(text).ok());
     let text = |key: &str| report.as_ref().and_then(|report| report.get(key)).and_then(Value::as_str);
+    let at_s = report.as_ref().and_then(|report| report.get("plate_time_s")).and_then(Value::as_f64);
+    let at = PlateTime::from_secs(at_s.unwrap_or_default());
     match text("outcome").and_then(JobState::of_name).filter(|state| state.is_final()) {
-        Some(state) => JobEnd { state, reason: text("reason").unwrap_or_default().to_owned(), report_json, recording },
+        Some(state) => {
+            JobEnd { at, state, reason: text("reason").unwrap_or_default().to_owned(), report_json, recording }
+        }
         None => JobEnd {
+            at,
             state: JobState::Interrupted,
             reason: "the daemon ended while it ran".to_owned(),
             report_json: None,
@@ -118,15 +131,6 @@ fn end_of(folder: Option<&Path>, recording: RecordingKept) -> JobEnd {
 /// When a run last wrote anything that is known to come late.
 fn last_sign(folder: &Path) -> Option<jiff::Timestamp> {
     ["report.json", "journal.jsonl", "effective.json"].iter().find_map(|name| modified(&folder.join(name)))
-}
-
-fn write_end(tx: &Connection, job: &JobRow, end: &JobEnd, at: At) -> rusqlite::Result<()> {
-    let JobEnd { state, reason, report_json, .. } = end;
-    let sql = "UPDATE jobs SET state = ?2, reason = ?3, report = ?4, finished_at = ?5,
-                   progress = CASE ?2 WHEN 'completed' THEN 1 ELSE progress END
-               WHERE id = ?1";
-    tx.execute(sql, params![job.id, state, reason, report_json, at])?;
-    tx.execute("DELETE FROM specs WHERE job = ?1", [job.id]).map(|_| ())
 }
 
 /// Pauses every plate that has work waiting, that was paused, or, after anything but an orderly end, any. Told are

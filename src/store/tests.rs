@@ -15,8 +15,8 @@ use std::time::Duration;
 use jiff::Timestamp;
 
 use super::{
-    Accepted, AuditEntry, Claimed, JobEnd, JobId, JobPace, JobRow, JobState, Ledger, Limits, Mended, NewEvent, NewJob,
-    Opened, Page, RecordingKept, Store, StoreFault,
+    Accepted, AuditEntry, Claimed, FINISHED, JobEnd, JobId, JobPace, JobRow, JobState, Ledger, Limits, Mended,
+    NewEvent, NewJob, Opened, Page, RecordingKept, Store, StoreFault,
 };
 use crate::time::PlateTime;
 
@@ -131,7 +131,8 @@ fn begin(store: &Store, name: &str, plate: &str) -> Claimed {
 }
 
 fn end(state: JobState) -> JobEnd {
-    JobEnd { state, reason: "so it went".into(), report_json: Some("{}".into()), recording: RecordingKept::Whole }
+    let at = PlateTime::from_secs(2.5);
+    JobEnd { at, state, reason: "so it went".into(), report_json: Some("{}".into()), recording: RecordingKept::Whole }
 }
 
 fn event(kind: &'static str, body: &str) -> NewEvent {

@@ -199,8 +199,8 @@ pub enum Accepted {
 /// What became of the wish to take a job out of the queue.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cancelled {
-    /// It was queued and is cancelled.
-    Now(JobRow),
+    /// It was queued and is cancelled; its last event says so.
+    Now(JobRow, StoredEvent),
     /// It is in another state, and stays so.
     Not(JobRow),
     /// There is no such job.

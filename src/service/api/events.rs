@@ -101,7 +101,9 @@ impl Watcher {
         let mut text = BytesMut::from("retry: 1000\n\n");
         text.extend_from_slice(&Event::new(None, "snapshot", &opening.snapshot).text);
         self.is_over = opening.is_over;
-        self.sent = after.unwrap_or(opening.newest).min(opening.newest);
+        // who comes after the end is told of it all the same: it is the newest event
+        let seen = opening.newest.saturating_sub(opening.is_over.into());
+        self.sent = after.unwrap_or(seen).min(opening.newest);
         if let Some(after) = after.filter(|after| *after > opening.newest) {
             // the store of then is gone: those numbers will be given to other events
             text.extend_from_slice(&gap(opening.newest + 1, after));

@@ -25,7 +25,10 @@ fn nothing_that_was_answered_is_lost() {
     assert_eq!((row.finished_at.is_some(), row.recording), (true, RecordingKept::None));
     assert_eq!(fs::read_to_string(again.runs().join("one/journal.jsonl")).unwrap(), "{}\n");
     assert_eq!(job(&again, waiting).state, JobState::Queued);
-    assert_eq!(tell(&again, running, "{}"), Ok(2));
+    let told = ask(|done| again.replay(&running, 1, 9, done)).unwrap().unwrap().events;
+    assert_eq!(told.iter().map(|event| (event.seq, event.kind.as_str())).collect::<Vec<_>>(), [(2, FINISHED)]);
+    assert!(told[0].body.contains(r#""state":"interrupted""#), "{told:?}");
+    assert_eq!(tell(&again, running, "{}"), Ok(3));
     // the queued one runs once it is wanted, the other never again
     assert_eq!(again.claim("a", &super::folder(&again)).unwrap().unwrap().row.id, waiting);
     assert_eq!(again.claim("a", &super::folder(&again)), Ok(None));

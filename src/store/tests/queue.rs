@@ -52,9 +52,12 @@ fn what_is_answered_is_what_is_kept() {
     assert_eq!(claimed.spec_json, r#"{"name": "one"}"#);
     assert_eq!((claimed.row.state, claimed.row.started_at), (JobState::Running, Some(noon())));
     store.progress(&row.id, 0.25);
-    store.ended(&row.id, end(JobState::Failed)).unwrap();
-    store.ended(&row.id, end(JobState::Completed)).unwrap();
+    let told = store.ended(&row.id, end(JobState::Failed)).unwrap().unwrap();
+    assert_eq!((told.seq, told.kind.as_str(), told.plate_time), (1, FINISHED, PlateTime::from_secs(2.5)));
+    assert_eq!(&*told.body, r#"{"at_s":2.5,"state":"failed","reason":"so it went"}"#);
+    assert_eq!(store.ended(&row.id, end(JobState::Completed)), Ok(None));
     let ended = JobRow {
+        last_event: 1,
         state: JobState::Failed,
         finished_at: Some(noon()),
         reason: "so it went".into(),
@@ -94,7 +97,9 @@ fn only_queued_jobs_are_cancelled() {
     store.claim("a", &super::folder(&store)).unwrap().unwrap();
     let cancel = |id: JobId| ask(|done| store.cancel_queued(&id, done)).unwrap();
     assert!(matches!(cancel(running), Cancelled::Not(row) if row.state == JobState::Running));
-    assert!(matches!(cancel(waiting), Cancelled::Now(row) if row.state == JobState::Cancelled));
+    let Cancelled::Now(row, told) = cancel(waiting) else { panic!("it waited") };
+    assert_eq!((row.state, row.last_event, told.seq), (JobState::Cancelled, 1, 1));
+    assert_eq!(&*told.body, r#"{"at_s":0.0,"state":"cancelled","reason":"cancelled before it began"}"#);
     assert!(matches!(cancel(waiting), Cancelled::Not(row) if row.state == JobState::Cancelled));
     assert_eq!(cancel(JobId::from_bytes([1; 16])), Cancelled::Unknown);
     assert_eq!(store.claim("a", &super::folder(&store)), Ok(None));
