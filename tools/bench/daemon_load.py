@@ -15,13 +15,15 @@ from dataclasses import dataclass
 
 from daemon_lib import Bars, Daemon, parser_of, percentile, plus_sign, say, work_folder, write_config
 from daemon_traffic import Traffic
-from machine_probe import MachineProbe, during
+from machine_probe import MachineProbe
 
 P99_BAR_MS = 10.0
 LATE_BAR_FRAMES = 1
 FRAME_MS = 1e3 / 60.0
 # between looks at the plate, s
 LOOK_EVERY_S = 0.1
+# what is counted at a look may have begun so long before the last one, s
+LOOK_BACK_S = 0.1
 
 
 def own_figures(daemon):
@@ -40,20 +42,24 @@ class Miss:
     end: float
     count: int
 
-    def line(self, stalls):
-        stall = during(stalls, self.begin, self.end)
-        machine = f"core {stall.core} stood still for {stall.ms():.1f} ms" if stall else "no core stood still"
-        return f"at {self.plate_s:6.1f} s of plate time, {self.count}: {machine}"
+    def stalled_ms(self, machine):
+        """How long a core stood still about then."""
+        stall = machine.longest_stall(self.begin, self.end)
+        return stall.ms() if stall else 0.0
+
+    def line(self, machine):
+        stalled_ms = self.stalled_ms(machine)
+        words = f"a core stood still for {stalled_ms:.1f} ms" if stalled_ms else "no core stood still"
+        return f"at {self.plate_s:6.1f} s of plate time, {self.count}: {words}"
 
 
 def watch_misses(daemon, job_id):
-    """Looks at the plate until the job has ended; when deadlines were missed."""
-    misses, before, known, said = [], time.monotonic(), daemon.plate("upm-1")["deadline_misses"], 0.0
+    """Looks at the plate until its first job has ended; when deadlines were missed."""
+    misses, before, known, said = [], time.monotonic(), 0, 0.0
     while (plate := daemon.plate("upm-1"))["job"] == job_id:
         now = time.monotonic()
         if plate["deadline_misses"] > known:
-            # what was counted at this look may have begun a little before the last one
-            misses.append(Miss(plate["at_s"], before - 0.1, now, plate["deadline_misses"] - known))
+            misses.append(Miss(plate["at_s"], before - LOOK_BACK_S, now, plate["deadline_misses"] - known))
             known = plate["deadline_misses"]
         if now - said >= 5.0:
             said = now
@@ -63,15 +69,17 @@ def watch_misses(daemon, job_id):
     return misses
 
 
-def blame(bars, misses, stalls, stolen_s, is_exact):
-    """Which misses are the machine's."""
-    how = "with real-time priority" if is_exact else "without real-time priority: other programs count too"
-    worst = max((stall.ms() for stall in stalls), default=0.0)
-    long = sum(stall.ms() > FRAME_MS for stall in stalls)
-    bars.tell(f"cores stood still for more than a frame, times (probes {how})", f"{long}, longest {worst:.1f} ms")
-    bars.tell("time the host took from all cores, s", f"{stolen_s:.2f}")
-    of_machine = sum(miss.count for miss in misses if (s := during(stalls, miss.begin, miss.end)) and s.ms() > 0.5 * FRAME_MS)
-    bars.tell("deadlines missed while a core stood still for half a frame or more", of_machine)
+def blame(bars, misses, machine, plate_s):
+    """Which misses are the machine's, and which may be the daemon's."""
+    stalls_ms = [stall.ms() for stall in machine.stalls]
+    how = "" if machine.is_exact else ", other programs among the reasons"
+    long, longest_ms = sum(ms > FRAME_MS for ms in stalls_ms), max(stalls_ms, default=0.0)
+    bars.tell(f"cores stood still for more than a frame{how}", f"{long} times, longest {longest_ms:.1f} ms")
+    bars.tell("time the host took from all cores, s", f"{machine.stolen_s:.2f}")
+    own = sum(miss.count for miss in misses if miss.stalled_ms(machine) <= 0.5 * FRAME_MS)
+    bars.tell("deadlines missed while no core stood still for half a frame", own)
+    by_chance = sum(ms > 0.5 * FRAME_MS for ms in stalls_ms) * (LOOK_EVERY_S + LOOK_BACK_S) / plate_s
+    bars.tell("share of looks that meet such a stall by chance", f"{100 * min(1.0, by_chance):.1f} %")
 
 
 def main():
@@ -85,20 +93,20 @@ def main():
         config = write_config(folder, {"upm-1": "upm-1", "held": "upm-2"}, default_plate="upm-1")
         with Daemon(args.upm, folder, config).start() as daemon:
             daemon.hold_plate("held")
+            probe = MachineProbe()
             job = daemon.submit(plus_sign("upm-1", plate_time_s=plate_s))
             daemon.wait_moving(job["id"], 0.01)
             traffic = Traffic(daemon.address, "held", args.watchers, args.rate, args.seed, plate_s + 60.0)
-            probe = MachineProbe()
             say(f"{plate_s:g} s of plate time beside {args.watchers} watchers and {args.rate:g} requests/s")
             misses = watch_misses(daemon, job["id"])
-            stalls, stolen_s = probe.finish()
+            machine = probe.finish()
             counts = traffic.finish()
             bars = judge(daemon.get(f"/v1/jobs/{job['id']}"), counts, plate_s)
-            blame(bars, misses, stalls, stolen_s, probe.is_exact)
+            blame(bars, misses, machine, plate_s)
             figures = own_figures(daemon)
     print("\n".join(counts.lines()))
     print("\nthe daemon's own figures at the end:", *figures, sep="\n  ")
-    print("\ndeadlines missed:", *(miss.line(stalls) for miss in misses), sep="\n  ")
+    print("\ndeadlines missed:", *(miss.line(machine) for miss in misses), sep="\n  ")
     print()
     sys.exit(bars.close())
 

@@ -27,6 +27,22 @@ class Stall:
         return 1e3 * (self.end - self.begin)
 
 
+@dataclass
+class Machine:
+    """How it stood with the machine over some time."""
+
+    # in the order of their beginning
+    stalls: list
+    # time that the host of a virtual machine took from all cores, s
+    stolen_s: float
+    # false where other programs may be among the reasons
+    is_exact: bool
+
+    def longest_stall(self, begin, end):
+        """The longest one that touches that time, or None."""
+        return max((stall for stall in self.stalls if stall.begin < end and stall.end > begin), key=Stall.ms, default=None)
+
+
 class MachineProbe:
     """Watches every core from its making until `finish`."""
 
@@ -42,14 +58,14 @@ class MachineProbe:
         self.stolen_from = stolen_s()
 
     def finish(self):
-        """Every stall in the order of their beginning, and the time that the host took, s."""
-        stolen = stolen_s() - self.stolen_from
+        """The machine, as it was."""
+        taken_s = stolen_s() - self.stolen_from
         self.stopping.set()
         stalls = []
         for here, child in self.halves:
             stalls += here.recv()
             child.join()
-        return sorted(stalls, key=lambda stall: stall.begin), stolen
+        return Machine(sorted(stalls, key=lambda stall: stall.begin), taken_s, self.is_exact)
 
 
 def watch(core, stopping, there):
@@ -75,7 +91,3 @@ def stolen_s():
         fields = stat.readline().split()
     return int(fields[8]) / os.sysconf("SC_CLK_TCK") if len(fields) > 8 else 0.0
 
-
-def during(stalls, begin, end):
-    """The longest stall that touches that time, or None."""
-    return max((stall for stall in stalls if stall.begin < end and stall.end > begin), key=Stall.ms, default=None)
