@@ -22,6 +22,7 @@ import threading
 import time
 
 from daemon_lib import Bars, Daemon, is_closed, parser_of, plus_sign, say, work_folder, write_config
+from machine_probe import MachineProbe
 
 TRIES = 8
 FROZEN_S = 1.0
@@ -89,6 +90,7 @@ def frozen_daemon(bars, daemon, rng):
 
 def frozen_clients(bars, daemon, seconds):
     daemon.act(f"/v1/plates/{PLATE}/resume")
+    probe = MachineProbe()
     job = daemon.submit(plus_sign(PLATE, plate_time_s=seconds))
     daemon.wait_moving(job["id"], 0.1)
     events, frame = (request(daemon, f"/v1/jobs/{job['id']}/{what}") for what in ("events", "frame.png"))
@@ -98,18 +100,21 @@ def frozen_clients(bars, daemon, seconds):
     while daemon.get(f"/v1/jobs/{job['id']}")["state"] == "running":
         daemon.ask("GET", f"/v1/jobs/{job['id']}/frame.png")
         time.sleep(0.5)
-    row = daemon.wait_end(job["id"], 10.0)
+    row, machine = daemon.wait_end(job["id"], 10.0), probe.finish()
     report = row["report"] or {}
     late = report.get("worst_late_frames")
     bars.hold("frozen clients: the job", "completed", f"{row['state']}: {row['reason']}", row["state"] == "completed")
     bars.hold("  worst frames late", "<= 1", late, late is not None and late <= 1)
     bars.tell("  deadlines missed", report.get("deadline_misses"))
+    bars.tell("  cores stood still for more than a frame", machine.words())
     bars.hold("  a client that reads got its last event", "yes", f"{seen.bytes} bytes", b"bye" in seen.text)
     for client in [*clients, seen]:
         client.close()
 
 
 def sigterm(bars, daemon):
+    # where the machine stood still, the run before ended by the lease
+    daemon.act(f"/v1/plates/{PLATE}/resume")
     job = daemon.submit(plus_sign(PLATE, plate_time_s=60.0))
     waiting = daemon.submit(plus_sign(PLATE, plate_time_s=60.0))
     daemon.wait_moving(job["id"], 1.0)

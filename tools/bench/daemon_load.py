@@ -15,11 +15,10 @@ from dataclasses import dataclass
 
 from daemon_lib import Bars, Daemon, parser_of, percentile, plus_sign, say, work_folder, write_config
 from daemon_traffic import Traffic
-from machine_probe import MachineProbe
+from machine_probe import FRAME_MS, MachineProbe
 
 P99_BAR_MS = 10.0
 LATE_BAR_FRAMES = 1
-FRAME_MS = 1e3 / 60.0
 # between looks at the plate, s
 LOOK_EVERY_S = 0.1
 # what is counted at a look may have begun so long before the last one, s
@@ -71,14 +70,11 @@ def watch_misses(daemon, job_id):
 
 def blame(bars, misses, machine, plate_s):
     """Which misses are the machine's, and which may be the daemon's."""
-    stalls_ms = [stall.ms() for stall in machine.stalls]
-    how = "" if machine.is_exact else ", other programs among the reasons"
-    long, longest_ms = sum(ms > FRAME_MS for ms in stalls_ms), max(stalls_ms, default=0.0)
-    bars.tell(f"cores stood still for more than a frame{how}", f"{long} times, longest {longest_ms:.1f} ms")
+    bars.tell("cores stood still for more than a frame", machine.words())
     bars.tell("time the host took from all cores, s", f"{machine.stolen_s:.2f}")
     own = sum(miss.count for miss in misses if miss.stalled_ms(machine) <= 0.5 * FRAME_MS)
     bars.tell("deadlines missed while no core stood still for half a frame", own)
-    by_chance = sum(ms > 0.5 * FRAME_MS for ms in stalls_ms) * (LOOK_EVERY_S + LOOK_BACK_S) / plate_s
+    by_chance = sum(stall.ms() > 0.5 * FRAME_MS for stall in machine.stalls) * (LOOK_EVERY_S + LOOK_BACK_S) / plate_s
     bars.tell("share of looks that meet such a stall by chance", f"{100 * min(1.0, by_chance):.1f} %")
 
 

@@ -10,6 +10,7 @@ import os
 import time
 from dataclasses import dataclass
 
+FRAME_MS = 1e3 / 60.0
 NAP_S = 0.001
 # a nap that is late by less is none to speak of, s
 LATE_S = 0.004
@@ -37,6 +38,12 @@ class Machine:
     stolen_s: float
     # false where other programs may be among the reasons
     is_exact: bool
+
+    def words(self):
+        """How often and how long cores stood still for more than a frame."""
+        how = "" if self.is_exact else ", other programs among the reasons"
+        long_ms = [stall.ms() for stall in self.stalls if stall.ms() > FRAME_MS]
+        return f"{len(long_ms)} times, longest {max(long_ms, default=0.0):.1f} ms{how}"
 
     def longest_stall(self, begin, end):
         """The longest one that touches that time, or None."""
