@@ -20,6 +20,7 @@ mod report;
 #[cfg(feature = "rerun")]
 mod rerun;
 mod rerun_mode;
+mod roomy_file;
 mod scribe;
 mod scribe_watch;
 mod switch;
@@ -46,6 +47,7 @@ pub use rerun::{
     repair_recording,
 };
 pub use rerun_mode::{BadRerunMode, RerunMode};
+pub use roomy_file::RoomyFile;
 pub use scribe::{Durable, Scribe, ScribeMode};
 pub use scribe_watch::ScribeWatch;
 pub use switch::{ENDED_EARLY, OnFull, RecordingState, RecordingSwitch};

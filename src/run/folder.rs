@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::RunError;
 use crate::config::JobSpec;
 use crate::library::Library;
-use crate::recording::{Keeping, Report, Scribe};
+use crate::recording::{Keeping, Report, RoomyFile, Scribe};
 
 /// Folders of one name that may exist before a new one is refused.
 const MOST_NAMESAKES: u32 = 1000;
@@ -91,7 +91,7 @@ impl RunFolder {
     }
 
     pub(super) fn journal(&self, keeping: &Keeping) -> Result<Scribe, RunError> {
-        File::create(self.0.join("journal.jsonl"))
+        RoomyFile::create(&self.0.join("journal.jsonl"))
             .and_then(|file| Scribe::start(file, keeping.scribe, keeping.clock, keeping.journal.clone()))
             .map_err(|error| self.write_error("journal.jsonl", &error))
     }

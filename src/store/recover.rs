@@ -55,7 +55,15 @@ pub(super) fn recover(
     let left = orphans.map(|name| places.runs.join(name)).filter(|folder| fs::remove_dir(folder).is_err());
     found.orphans = left.collect();
     tx.execute("UPDATE meta SET clean_shutdown = 0", [])?;
-    Ok(tx.commit()?)
+    tx.commit()?;
+    ends.iter().filter_map(|(_, folder, ..)| folder.as_deref()).for_each(give_back_room);
+    Ok(())
+}
+
+/// A journal that was not closed may still have room set aside beyond its end. It is no matter when that stays.
+fn give_back_room(folder: &Path) {
+    let journal = fs::OpenOptions::new().append(true).open(folder.join("journal.jsonl"));
+    let _ = journal.and_then(|file| file.set_len(file.metadata()?.len()));
 }
 
 /// Jobs that were running, and those whose recording was not closed.

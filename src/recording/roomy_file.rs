@@ -1,0 +1,110 @@
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::Path;
+
+use super::scribe::Durable;
+
+/// Room kept beyond the end, bytes: a journal of one part fills that in some minutes.
+const AHEAD_BYTES: u64 = 1 << 20;
+
+/// A file that only grows, with room set aside beyond its end: what becomes full of other things ends no run that has
+/// begun. Where room cannot be set aside the file grows as files do. What was not needed is given back when it is dropped.
+#[derive(Debug)]
+pub struct RoomyFile {
+    file: File,
+    bytes: u64,
+    /// What is set aside, from the file's beginning.
+    room_bytes: u64,
+}
+
+impl RoomyFile {
+    /// An empty file at `path`, whatever stood there.
+    pub fn create(path: &Path) -> io::Result<Self> {
+        let mut made = Self { file: File::create(path)?, bytes: 0, room_bytes: 0 };
+        made.make_room();
+        Ok(made)
+    }
+
+    fn make_room(&mut self) {
+        let wanted_bytes = self.bytes + AHEAD_BYTES;
+        if self.room_bytes < self.bytes + AHEAD_BYTES / 2 && set_aside(&self.file, wanted_bytes).is_ok() {
+            self.room_bytes = wanted_bytes;
+        }
+    }
+}
+
+impl Write for RoomyFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.file.write(bytes)?;
+        self.bytes += written as u64;
+        self.make_room();
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Durable for RoomyFile {
+    fn commit(&mut self) -> io::Result<()> {
+        self.file.sync_data()
+    }
+}
+
+impl Drop for RoomyFile {
+    fn drop(&mut self) {
+        // to the length it has: that gives back what lies beyond
+        self.file.set_len(self.bytes).ok();
+    }
+}
+
+/// Takes room from the file's beginning to `bytes`, and leaves its length as it is.
+#[cfg(target_os = "linux")]
+fn set_aside(file: &File, bytes: u64) -> io::Result<()> {
+    Ok(rustix::fs::fallocate(file, rustix::fs::FallocateFlags::KEEP_SIZE, 0, bytes)?)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn set_aside(_: &File, _: u64) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use std::fs;
+    use std::os::unix::fs::MetadataExt;
+
+    use super::*;
+
+    #[test]
+    fn there_is_room_ahead_until_it_is_dropped() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal.jsonl");
+        let room_bytes = || fs::metadata(&path).unwrap().blocks() * 512;
+        let mut file = RoomyFile::create(&path).unwrap();
+        if set_aside(&file.file, AHEAD_BYTES).is_err() {
+            return; // a file system that cannot
+        }
+        assert!(room_bytes() >= AHEAD_BYTES);
+        for _ in 0..30 {
+            file.write_all(&[b'x'; 100_000]).unwrap();
+            file.commit().unwrap();
+            let bytes = fs::metadata(&path).unwrap().len();
+            assert_eq!(bytes % 100_000, 0, "its length is what was written");
+            assert!(room_bytes() >= bytes + AHEAD_BYTES / 2);
+        }
+        drop(file);
+        assert_eq!(fs::read(&path).unwrap(), vec![b'x'; 3_000_000]);
+        assert!(room_bytes() < 3_000_000 + AHEAD_BYTES / 4, "{}", room_bytes());
+    }
+
+    #[test]
+    fn what_stood_there_is_gone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal.jsonl");
+        fs::write(&path, "something longer").unwrap();
+        RoomyFile::create(&path).unwrap().write_all(b"short").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"short");
+    }
+}
