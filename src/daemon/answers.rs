@@ -1,10 +1,9 @@
 use serde_json::{Map, Value};
 
-use crate::geometry::Vec2;
 use crate::plates::{self, PlateSnapshot};
 use crate::service::{Event, Job, JobState, Pace, Plate, PlateState, RecordingState, Refusal};
 use crate::store::{self, JobPace, JobRow, RecordingKept, StoreFault, StoredEvent};
-use crate::units::mm_from_m;
+use crate::units::{mm_from_m, places_mm};
 
 /// A job as it is answered.
 pub(super) fn job(row: &JobRow) -> Job {
@@ -87,20 +86,14 @@ pub(super) fn plate(snapshot: &PlateSnapshot, queued: u64) -> Plate {
         at_s: sight.at.secs(),
         age_s: snapshot.age.map(|age| age.as_secs_f64()),
         side_mm: mm_from_m(snapshot.side_m),
-        positions_mm: in_mm(&sight.positions_m),
+        positions_mm: places_mm(&sight.positions_m),
         radii_mm: sight.radii_m.iter().copied().map(mm_from_m).collect(),
-        targets_mm: in_mm(&sight.targets_m),
+        targets_mm: places_mm(&sight.targets_m),
         progress: sight.progress.clamp(0.0, 1.0),
         phase: sight.phase.clone(),
         deadline_misses: snapshot.deadline_misses,
         live: snapshot.live.clone(),
     }
-}
-
-/// To the micrometre, which is finer than anything is seen.
-fn in_mm(places_m: &[Vec2]) -> Vec<[f64; 2]> {
-    let rounded = |m: f64| (mm_from_m(m) * 1e3).round() / 1e3;
-    places_m.iter().map(|p| [rounded(p.x), rounded(p.y)]).collect()
 }
 
 /// A kept event as it is sent.

@@ -3,12 +3,11 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use crate::control::{CycleFacts, EventLevel};
-use crate::geometry::Vec2;
 use crate::planner::PlannedPulse;
 use crate::plates::Sight;
 use crate::store::{FINISHED, JobId, JobState, RecordingKept, StoredEvent};
 use crate::time::PlateTime;
-use crate::units::mm_from_m;
+use crate::units::places_mm;
 
 /// One thing told of a job, to whoever watches it.
 #[derive(Clone, Debug, PartialEq)]
@@ -103,9 +102,9 @@ impl News {
             progress: facts.wanted.progress,
             pulses: pulses.len(),
             pulse_kinds: [rotations, pulses.len() - rotations],
-            observed_mm: in_mm(facts.observed_m),
-            result_mm: in_mm(facts.result_m),
-            targets_mm: in_mm(&facts.wanted.targets_m),
+            observed_mm: places_mm(facts.observed_m),
+            result_mm: places_mm(facts.result_m),
+            targets_mm: places_mm(&facts.wanted.targets_m),
         };
         Self::new(facts.ended_at, "cycle", true, &body)
     }
@@ -128,22 +127,17 @@ impl News {
             at_s: sight.at.secs(),
             phase: &sight.phase,
             progress: sight.progress,
-            positions_mm: in_mm(&sight.positions_m),
-            targets_mm: in_mm(&sight.targets_m),
+            positions_mm: places_mm(&sight.positions_m),
+            targets_mm: places_mm(&sight.targets_m),
         };
         Self::new(sight.at, "look", false, &body)
     }
 }
 
-/// To the micrometre, which is finer than anything is seen.
-fn in_mm(places_m: &[Vec2]) -> Vec<[f64; 2]> {
-    let rounded = |m: f64| (mm_from_m(m) * 1e3).round() / 1e3;
-    places_m.iter().map(|p| [rounded(p.x), rounded(p.y)]).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Vec2;
 
     #[test]
     fn bodies_are_plain_json_in_millimetres() {
