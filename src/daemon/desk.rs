@@ -45,7 +45,7 @@ pub(super) struct Office {
     /// What each plate tells.
     wires: BTreeMap<String, Arc<Wire>>,
     /// Jobs, when they were counted last.
-    pub counted: Mutex<Counted>,
+    counted: Mutex<Counted>,
     /// What the API is asked.
     pub traffic: Traffic,
     /// What the store had come to when it was opened, as a sentence.
@@ -136,7 +136,7 @@ impl Office {
         });
     }
 
-    fn counted(&self) -> MutexGuard<'_, Counted> {
+    pub fn counted(&self) -> MutexGuard<'_, Counted> {
         self.counted.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

@@ -1,4 +1,3 @@
-use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
 
 use super::desk::Office;
@@ -10,7 +9,7 @@ use crate::time::Clock;
 impl Office {
     /// The daemon as it is now. Waits for nobody: what the store must be asked for is as it was last told.
     pub fn observed(&self) -> Observed {
-        let counted = self.counted.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let counted = self.counted().clone();
         let snapshots: Vec<PlateSnapshot> = self.plates.iter().map(|plate| plate.snapshot()).collect();
         // whoever lets a plate go on has seen what is wrong
         let unseen = snapshots.iter().any(|plate| plate.state == PlateState::Paused);
