@@ -16,7 +16,7 @@ use super::watchdog::{TICK, Watchdog, ms};
 use super::worker::{Place, Worker};
 use crate::config::{RigSpec, WatchdogSpec};
 use crate::library::Library;
-use crate::priority::{go_first, step_back};
+use crate::priority::step_back;
 use crate::recording::LiveServer;
 use crate::rig::{Interlock, Trip};
 use crate::store::Ledger;
@@ -220,7 +220,6 @@ fn plate(shared: Arc<Shared>, around: &Surroundings, disk: &Arc<Disk>, keeper: t
         cry(&of_crier, &items);
     })?;
     let work = move || {
-        go_first();
         let mut worker = Worker { shared: of_worker, crier: sender, place, rates: Rates::default() };
         worker.work();
         worker.crier.send(Item::End).ok();

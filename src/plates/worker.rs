@@ -14,6 +14,7 @@ use super::shared::{Cause, Shared};
 use super::told::{News, Told};
 use crate::config::{JobSpec, Origin};
 use crate::control::EventLevel;
+use crate::priority::go_first;
 use crate::recording::{Keeping, OnFull, Outcome, RecordingState, RecordingSwitch, RerunMode, ScribeMode, ScribeWatch};
 use crate::rig::Trip;
 use crate::run::{Links, RunFolder, RunOptions, RunResult, run_linked};
@@ -91,6 +92,7 @@ impl Worker {
         let (kept, why) = what_is_kept(recording.state());
         end.recording = kept;
         self.settle_interlock(&end.reason);
+        self.log(&id, &end);
         self.tell(id, News::recording(end.at, kept, &why));
         if let Some(finished) = self.store(&id, end) {
             self.shared.taps.offer(&Told::finished(id, finished));
@@ -114,6 +116,7 @@ impl Worker {
         let record = self.place.record && self.has_room_for(&job, row.id);
         let real_time = row.pace == JobPace::RealTime;
         shared.real_time.store(real_time, Ordering::Relaxed);
+        go_first(real_time);
         let options = RunOptions {
             out: self.place.runs.clone(),
             started_utc: String::new(),
@@ -168,6 +171,14 @@ impl Worker {
             (Outcome::Cancelled, None) => JobState::Interrupted,
         };
         ended(at, state, report.reason.clone(), serde_json::to_string(&report).ok())
+    }
+
+    fn log(&self, id: &JobId, JobEnd { state, reason, .. }: &JobEnd) {
+        let (plate, state_name) = (&self.shared.name, state.name());
+        match state {
+            JobState::Failed | JobState::Interrupted => tracing::warn!(plate, job = %id, "{state_name}: {reason}"),
+            _ => tracing::info!(plate, job = %id, "{state_name}: {reason}"),
+        }
     }
 
     /// A trip that no person made ends with the run it stopped, and pauses the plate.
