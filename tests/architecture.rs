@@ -126,6 +126,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("futures_util", &["src/service"]),
     ("subtle", &["src/service"]),
     ("prometheus_client", &["src/daemon"]),
+    ("tar", &["src/daemon"]),
     ("ureq", &["src/cli"]),
     ("mimalloc", &["src/main"]),
     ("clap_mangen", &["src/cli"]),

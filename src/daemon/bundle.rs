@@ -4,7 +4,6 @@
 mod folder;
 mod redact;
 mod rows;
-mod tar;
 #[cfg(test)]
 mod tests;
 
@@ -13,9 +12,9 @@ use std::path::Path;
 
 use jiff::Timestamp;
 use serde_json::{Value, json};
+use tar::{Builder, Header};
 
 use self::folder::{Run, latches, listed, runs, tail};
-use self::tar::Tar;
 use crate::config::{DaemonSpec, Fault};
 use crate::store::{JobId, PeekMost, peek};
 
@@ -77,7 +76,7 @@ pub struct Bundle {
 
 /// Makes a bundle. What cannot be read is told in it. Nothing is written, no lock of the daemon's is taken.
 pub fn bundle(sources: &BundleSources<'_>) -> io::Result<Bundle> {
-    let mut made = Making { tar: Tar::new(sources.now), files: Vec::new(), missing: Vec::new() };
+    let mut made = Making { tar: Builder::new(Vec::new()), at: sources.now, files: Vec::new(), missing: Vec::new() };
     made.add("README.txt", README.as_bytes())?;
     made.add_config(sources.config)?;
     match sources.data {
@@ -89,11 +88,12 @@ pub fn bundle(sources: &BundleSources<'_>) -> io::Result<Bundle> {
         None => made.missing.push("the data folder: nobody said where it is".to_owned()),
     }
     made.add_about(sources)?;
-    Ok(Bundle { tar: made.tar.finish(), files: made.files, missing: made.missing })
+    Ok(Bundle { tar: made.tar.into_inner()?, files: made.files, missing: made.missing })
 }
 
 struct Making {
-    tar: Tar,
+    tar: Builder<Vec<u8>>,
+    at: Timestamp,
     files: Vec<String>,
     missing: Vec<String>,
 }
@@ -101,7 +101,11 @@ struct Making {
 impl Making {
     fn add(&mut self, name: &str, content: &[u8]) -> io::Result<()> {
         let name = format!("{ROOT}/{name}");
-        self.tar.add(&name, content)?;
+        let mut header = Header::new_ustar();
+        header.set_mode(0o600);
+        header.set_mtime(self.at.as_second().max(0).unsigned_abs());
+        header.set_size(content.len() as u64);
+        self.tar.append_data(&mut header, &name, content)?;
         self.files.push(name);
         Ok(())
     }

@@ -1,4 +1,5 @@
 use std::fs;
+use std::io::Read;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
@@ -91,9 +92,23 @@ impl Planted {
 
 fn made_of(config: Result<&DaemonSpec, &[Fault]>, data: Option<&Path>) -> (Bundle, Vec<(String, Vec<u8>)>) {
     let made = bundle(&BundleSources { version: "1.2.3", target: "any", now: noon(), config, data }).unwrap();
-    let files = tar::read(&made.tar);
+    let files = read(&made.tar);
     assert_eq!(made.files, files.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>());
     (made, files)
+}
+
+/// Names and contents of the files in an archive.
+fn read(tar: &[u8]) -> Vec<(String, Vec<u8>)> {
+    let mut archive = tar::Archive::new(tar);
+    let one = |entry: std::io::Result<tar::Entry<'_, &[u8]>>| {
+        let mut entry = entry.unwrap();
+        assert_eq!((entry.header().mode().unwrap(), entry.header().mtime().unwrap()), (0o600, 1_800_000_000));
+        let name = entry.path().unwrap().display().to_string();
+        let mut content = Vec::new();
+        entry.read_to_end(&mut content).unwrap();
+        (name, content)
+    };
+    archive.entries().unwrap().map(one).collect()
 }
 
 fn text_of(files: &[(String, Vec<u8>)], name: &str) -> String {
