@@ -14,6 +14,7 @@
 
 mod bins;
 mod daemon;
+mod document;
 mod fault;
 mod job;
 mod kinds;
@@ -39,6 +40,7 @@ mod trace;
 mod view;
 
 pub use daemon::{DaemonSpec, KeepSpec, PlateSpec, WatchdogSpec};
+pub use document::Document;
 pub use fault::{Fault, Path};
 pub use job::{JobSpec, LibraryRef, PartGroup, is_plain_name};
 pub use kinds::KindSpec;

@@ -12,7 +12,7 @@ use super::args::{CheckArgs, Common, SchemaArgs};
 use super::failure::Failure;
 use super::{BAD_INPUT, NOT_REACHED, print_json};
 use crate::chart::{self, Chart};
-use crate::config::{self, DaemonSpec, Fault, JobSpec, PlateSpec, RigSpec, SimulateSpec};
+use crate::config::{self, DaemonSpec, Document, Fault, JobSpec, PlateSpec, RigSpec, SimulateSpec};
 use crate::library::Library;
 use crate::run::{check_simulate, job_library, library_faults};
 use covered::Covered;
@@ -168,23 +168,23 @@ fn print(path: &Path, finding: &Finding) -> Result<(), Failure> {
 /// Validates a file as what its keys say it is; a library against the rig given, too.
 fn check_file(path: &Path, asked: Asked<'_>) -> Finding {
     let value = std::fs::read_to_string(path).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
-    let has = |key: &str| value.as_ref().is_some_and(|value| value.get(key).is_some());
-    let says = if has("entries") {
-        return check_library(path, asked.rig);
-    } else if has("pulses") {
-        let experiment = SimulateSpec::load(path).map_err(lines)?;
-        check_simulate(&experiment).map_err(|error| vec![format!("{}: {error}", path.display())])?;
-        format!("experiment, {} pulses on {} parts", experiment.pulses.len(), experiment.parts.len())
-    } else if has("counts") {
-        let trace = config::load_trace(path).map_err(lines)?.trace;
-        format!("trace, 4 channels of {} samples at {:.0} Hz", trace.len(), trace.sample_hz)
-    } else if has("plates") {
-        check_daemon(path)?
-    } else if has("motors") {
-        let rig = RigSpec::load(path).map_err(lines)?;
-        format!("rig {}, {:.0} mm plate", rig.model.name, rig.model.plate_side_m * 1e3)
-    } else {
-        return check_job(path, asked);
+    let says = match value.as_ref().and_then(Document::of) {
+        Some(Document::Library) => return check_library(path, asked.rig),
+        Some(Document::Experiment) => {
+            let experiment = SimulateSpec::load(path).map_err(lines)?;
+            check_simulate(&experiment).map_err(|error| vec![format!("{}: {error}", path.display())])?;
+            format!("experiment, {} pulses on {} parts", experiment.pulses.len(), experiment.parts.len())
+        }
+        Some(Document::Trace) => {
+            let trace = config::load_trace(path).map_err(lines)?.trace;
+            format!("trace, 4 channels of {} samples at {:.0} Hz", trace.len(), trace.sample_hz)
+        }
+        Some(Document::Daemon) => check_daemon(path)?,
+        Some(Document::Rig) => {
+            let rig = RigSpec::load(path).map_err(lines)?;
+            format!("rig {}, {:.0} mm plate", rig.model.name, rig.model.plate_side_m * 1e3)
+        }
+        Some(Document::Job) | None => return check_job(path, asked),
     };
     Ok(Found::new(says))
 }

@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
+use super::document::Document;
 use super::fault::{Fault, Faults, Path};
 use super::{schema, shape};
 
@@ -60,7 +61,7 @@ fn bytes_of(path: &FilePath) -> io::Result<Vec<u8>> {
 }
 
 /// The document in `text`: held against its schema for all faults of keys, types and ranges at once, then read
-/// by serde for what a schema cannot say, such as a key that stands twice.
+/// by serde for what a schema cannot say, such as a key that stands twice. A file of another kind has that one fault.
 pub(super) fn parse<T: DeserializeOwned + JsonSchema>(text: &str, file: &str) -> Result<T, Vec<Fault>> {
     let mut faults = Faults::of(file);
     let value: Value = match serde_json::from_str(text) {
@@ -70,7 +71,11 @@ pub(super) fn parse<T: DeserializeOwned + JsonSchema>(text: &str, file: &str) ->
             return Err(faults.into_list());
         }
     };
-    shape::check(&value, &schema::of::<T>(), &Path::root(), &mut faults);
+    let schema = schema::of::<T>();
+    match Document::mistaken(&value, &schema) {
+        Some((wanted, found)) => faults.push(&Path::root(), found.name(), wanted.name()),
+        None => shape::check(&value, &schema, &Path::root(), &mut faults),
+    }
     if faults.len() > 0 {
         return Err(faults.into_list());
     }

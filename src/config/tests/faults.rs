@@ -19,6 +19,21 @@ fn every_fault_of_a_bad_job_is_listed() {
 }
 
 #[test]
+fn a_file_of_another_kind_is_one_fault() {
+    for (file, found) in [("daemon.json", "a daemon's configuration"), ("rigs/upm-1.json", "a rig")] {
+        assert_eq!(listing(&value_of(file).to_string()), format!("bad.json: $: found {found}, allowed: a job\n"));
+    }
+    let rig = RigSpec::from_json(&value_of("plus-sign.json").to_string(), &Origin::of_request("x"));
+    assert_eq!(lines(rig.unwrap_err()), ["$: found a job, allowed: a rig"]);
+    let mut strange = value_of("plus-sign.json");
+    strange["plates"] = json!([]);
+    assert!(
+        listing(&strange.to_string()).starts_with("bad.json: plates: found unknown key"),
+        "it is a job all the same"
+    );
+}
+
+#[test]
 fn syntax_tells_line_and_column() {
     let line = listing("{\n  \"name\": \"x\",,\n}");
     assert!(line.starts_with("bad.json: $: found key must be a string at line 2 column 15"), "{line}");
