@@ -1,7 +1,7 @@
 //! The commands of the daemon against one that serves.
 
 use std::fs;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::thread::sleep;
@@ -145,6 +145,34 @@ fn ctrl_c_ends_the_watching_and_not_the_job() {
         let (_, stderr) = status_of(&watch.wait_with_output().unwrap(), &["watch"], 130);
         assert!(stderr.contains("the job goes on"), "{stderr}");
         assert_eq!(served.job(&id)["state"], "running");
+    });
+}
+
+#[test]
+fn watching_goes_on_over_a_kill_of_the_daemon() {
+    in_real_time(|| {
+        let served = Served::start();
+        let id = served.submit(&moving("endless", 600.0), "real-time");
+        served.until_moving("endless", &id);
+        let args = ["watch", &id, "--json"];
+        let mut watch = served.upm(&args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut stdout = BufReader::new(watch.stdout.take().unwrap());
+        let mut before = String::new();
+        while !before.contains("\"event\":\"look\"") {
+            assert_ne!(stdout.read_line(&mut before).unwrap(), 0, "{before}");
+        }
+        let served = served.again_there(Served::kill);
+        let mut after = String::new();
+        stdout.read_to_string(&mut after).unwrap();
+        let (_, stderr) = status_of(&watch.wait_with_output().unwrap(), &args, 1);
+        assert!(stderr.contains("the connection"), "it says that it was away: {stderr}");
+        let events: Vec<Value> = before.lines().chain(after.lines()).map(json_of).collect();
+        let told = events.iter().filter(|event| event["event"] != "snapshot");
+        let kept: Vec<u64> = told.filter_map(|event| event["id"].as_u64()).collect();
+        assert!(kept.is_sorted_by(|a, b| a < b), "nothing is told twice: {kept:?}");
+        let finished = events.iter().find(|event| event["event"] == "finished").unwrap();
+        assert_eq!(finished["data"]["state"], "interrupted", "{finished}");
+        assert_eq!(served.job(&id)["state"], "interrupted");
     });
 }
 

@@ -82,15 +82,25 @@ impl Served {
     }
 
     fn in_folder(folder: TempDir) -> Self {
-        let (child, url) = spawn(folder.path());
+        let (child, url) = spawn(folder.path(), "127.0.0.1:0");
         Self { child, url, folder }
     }
 
     /// Ends this one as `end` does, and starts another on what it left.
-    pub fn again(mut self, end: impl FnOnce(&mut Self)) -> Self {
+    pub fn again(self, end: impl FnOnce(&mut Self)) -> Self {
+        self.again_at("127.0.0.1:0", end)
+    }
+
+    /// The same, where it answered before.
+    pub fn again_there(self, end: impl FnOnce(&mut Self)) -> Self {
+        let address = self.address().to_owned();
+        self.again_at(&address, end)
+    }
+
+    fn again_at(mut self, listen: &str, end: impl FnOnce(&mut Self)) -> Self {
         end(&mut self);
         assert!(self.child.try_wait().unwrap().is_some(), "the daemon has ended");
-        (self.child, self.url) = spawn(self.folder.path());
+        (self.child, self.url) = spawn(self.folder.path(), listen);
         self
     }
 
@@ -204,8 +214,8 @@ impl Drop for Served {
 }
 
 /// Starts a daemon in this folder and reads where it answers.
-fn spawn(folder: &Path) -> (Child, String) {
-    let mut child = serve(folder, "127.0.0.1:0").spawn().unwrap();
+fn spawn(folder: &Path, listen: &str) -> (Child, String) {
+    let mut child = serve(folder, listen).spawn().unwrap();
     let mut line = String::new();
     BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
     let log = || fs::read_to_string(folder.join("log")).unwrap_or_default();
