@@ -31,7 +31,7 @@ pub(super) fn why_paused(recovery: &Recovery) -> &'static str {
     match (&recovery.damage, recovery.clean) {
         (Some(_), _) => "the job store was damaged: look through the jobs, then resume",
         (None, false) => "the daemon did not end in order: look at the plate, then resume",
-        (None, true) => "jobs were left from before the daemon started: resume to run them",
+        (None, true) => "jobs waited, or it was paused, when the daemon ended: resume to go on",
     }
 }
 
