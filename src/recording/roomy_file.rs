@@ -7,8 +7,8 @@ use super::scribe::Durable;
 /// Room kept beyond the end, bytes: a journal of one part fills that in some minutes.
 const AHEAD_BYTES: u64 = 1 << 20;
 
-/// A file that only grows, with room set aside beyond its end: what becomes full of other things ends no run that has
-/// begun. Where room cannot be set aside the file grows as files do. What was not needed is given back when it is dropped.
+/// A file that only grows, with room set aside beyond its end, so that others who fill the disk end no run that has begun.
+/// Where room cannot be set aside the file grows as files do. What was not needed is given back when it is dropped.
 #[derive(Debug)]
 pub struct RoomyFile {
     file: File,

@@ -11,9 +11,9 @@ use super::draft::Draft;
 use super::live::Feed;
 use crate::recording::switch::RecordingSwitch;
 
-/// The `.rrd` file as Rerun's log sink, or viewers alone. Unlike Rerun's own file sink it keeps the first write that fails, tells it at
-/// once on its switch, and can be closed with a result. Every message is one write, so a killed process leaves all that
-/// was written so far.
+/// The `.rrd` file as Rerun's log sink, or viewers alone. Unlike Rerun's own file sink it keeps the first write that fails,
+/// tells it at once on its switch, and can be closed with a result. Every message is one write, so a killed process leaves
+/// all that was written so far.
 #[derive(Clone)]
 pub(super) struct RrdFile(Arc<Mutex<State>>, RecordingSwitch);
 
