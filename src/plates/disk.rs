@@ -1,15 +1,17 @@
 //! Sees that recordings leave room on the disk: none is begun that might fill it, and the present ones are stopped when
 //! it runs low. The plates go on.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
 use super::shared::Shared;
 use super::watchdog::ms;
+use crate::recording::{RecordingState, RecordingSwitch};
+use crate::store::JobId;
 use crate::time::{Clock, MonotonicClock};
 
 /// How often the disk is looked at.
@@ -35,6 +37,8 @@ pub(super) struct Disk {
     /// True once it was said that the disk does not answer.
     told: AtomicBool,
     ending: AtomicBool,
+    /// Recordings of jobs that run, and what each may come to.
+    promised: Mutex<BTreeMap<JobId, (RecordingSwitch, u64)>>,
 }
 
 impl Disk {
@@ -46,6 +50,7 @@ impl Disk {
             looked_ms: AtomicU64::new(ms(clock.elapsed())),
             told: AtomicBool::new(false),
             ending: AtomicBool::new(false),
+            promised: Mutex::default(),
         }
     }
 
@@ -55,14 +60,35 @@ impl Disk {
         (free != UNKNOWN && !self.hangs(now)).then_some(free)
     }
 
-    /// Whether `wanted_bytes` may be written; why not. A disk that does not say what is free is trusted.
-    pub fn has_room(&self, wanted_bytes: u64, now: Duration) -> Result<(), String> {
-        let Some(free) = self.free_bytes(now) else { return Ok(()) };
-        if free >= wanted_bytes.saturating_add(self.min_free_bytes) {
-            return Ok(());
+    /// Lets the recording of a job come to `wanted_bytes`, until [`Self::release`]; why not. Counted in is what other
+    /// recordings may still take. A disk that does not say what is free is trusted.
+    pub fn promise(
+        &self,
+        job: JobId,
+        recording: &RecordingSwitch,
+        wanted_bytes: u64,
+        now: Duration,
+    ) -> Result<(), String> {
+        let mut promised = self.promised();
+        let others = promised.values().map(|(recording, bytes)| still_to_come(&recording.state(), *bytes));
+        let others_bytes = others.fold(0, u64::saturating_add);
+        let taken_bytes = wanted_bytes.saturating_add(others_bytes).saturating_add(self.min_free_bytes);
+        if let Some(free) = self.free_bytes(now).filter(|&free| free < taken_bytes) {
+            let [wanted, others, free, kept] = [wanted_bytes, others_bytes, free, self.min_free_bytes].map(megabytes);
+            let others = if others_bytes > 0 { format!(", other recordings {others} more") } else { String::new() };
+            return Err(format!("it may take {wanted}{others}; the disk has {free} left, of which {kept} stay free"));
         }
-        let [wanted, free, kept] = [wanted_bytes, free, self.min_free_bytes].map(megabytes);
-        Err(format!("it may take {wanted}, the disk has {free} left, of which {kept} stay free"))
+        promised.insert(job, (recording.clone(), wanted_bytes));
+        Ok(())
+    }
+
+    /// The recording of this job takes no more.
+    pub fn release(&self, job: &JobId) {
+        self.promised().remove(job);
+    }
+
+    fn promised(&self) -> MutexGuard<'_, BTreeMap<JobId, (RecordingSwitch, u64)>> {
+        self.promised.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Says it once when the disk does not answer.
@@ -140,6 +166,15 @@ impl Rates {
     }
 }
 
+/// What a recording may still take of what it was promised.
+fn still_to_come(state: &RecordingState, promised_bytes: u64) -> u64 {
+    match state {
+        RecordingState::Off => promised_bytes,
+        RecordingState::Writing { bytes } => promised_bytes.saturating_sub(*bytes),
+        RecordingState::Stopped(_) | RecordingState::Failed(_) | RecordingState::Whole => 0,
+    }
+}
+
 /// What others than the superuser may still write on the disk of `folder`.
 fn free_bytes(folder: &Path) -> Option<u64> {
     let disk = rustix::fs::statvfs(folder).ok()?;
@@ -179,12 +214,44 @@ mod tests {
         let clock = MonotonicClock::new();
         let disk = Disk::new(Path::new("/no/such/folder"), 500 * MB, &clock);
         let now = clock.elapsed();
-        assert_eq!((disk.free_bytes(now), disk.has_room(u64::MAX, now)), (None, Ok(())), "nobody knows");
+        let job = |number: u8| JobId::parse(&format!("{number:032x}")).unwrap();
+        let promise = |number, bytes| disk.promise(job(number), &RecordingSwitch::default(), bytes, now);
+        assert_eq!((disk.free_bytes(now), promise(0, u64::MAX)), (None, Ok(())), "nobody knows");
+        disk.release(&job(0));
         disk.saw(Some(600 * MB), now);
-        assert_eq!((disk.free_bytes(now), disk.has_room(100 * MB, now)), (Some(600 * MB), Ok(())));
-        let told = "it may take 101 MB, the disk has 600 MB left, of which 500 MB stay free";
-        assert_eq!(disk.has_room(101 * MB, now), Err(told.to_owned()));
-        assert!(disk.has_room(u64::MAX, now).is_err());
+        assert_eq!((disk.free_bytes(now), promise(1, 100 * MB)), (Some(600 * MB), Ok(())));
+        disk.release(&job(1));
+        let told = "it may take 101 MB; the disk has 600 MB left, of which 500 MB stay free";
+        assert_eq!(promise(1, 101 * MB), Err(told.to_owned()));
+        assert!(promise(1, u64::MAX).is_err());
+    }
+
+    #[test]
+    fn recordings_at_the_same_time_share_the_room() {
+        let clock = MonotonicClock::new();
+        let (disk, now) = (Disk::new(Path::new("/"), 500 * MB, &clock), clock.elapsed());
+        let job = |number: u8| JobId::parse(&format!("{number:032x}")).unwrap();
+        let (first, second) = (RecordingSwitch::default(), RecordingSwitch::default());
+        disk.saw(Some(600 * MB), now);
+        assert_eq!(disk.promise(job(1), &first, 70 * MB, now), Ok(()));
+        let told =
+            "it may take 40 MB, other recordings 70 MB more; the disk has 600 MB left, of which 500 MB stay free";
+        assert_eq!(disk.promise(job(2), &second, 40 * MB, now), Err(told.to_owned()));
+        assert_eq!(disk.promise(job(2), &second, 30 * MB, now), Ok(()));
+        disk.release(&job(1));
+        assert_eq!(disk.promise(job(1), &first, 70 * MB, now), Ok(()));
+        disk.release(&job(1));
+        disk.release(&job(2));
+        assert!(disk.promised().is_empty());
+    }
+
+    #[test]
+    fn what_is_written_is_no_longer_to_come() {
+        assert_eq!(still_to_come(&RecordingState::Off, 70), 70);
+        assert_eq!(still_to_come(&RecordingState::Writing { bytes: 50 }, 70), 20);
+        assert_eq!(still_to_come(&RecordingState::Writing { bytes: 80 }, 70), 0);
+        let ended = [RecordingState::Whole, RecordingState::Failed("".into()), RecordingState::Stopped("".into())];
+        assert!(ended.iter().all(|state| still_to_come(state, 70) == 0));
     }
 
     #[test]

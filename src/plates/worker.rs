@@ -84,6 +84,7 @@ impl Worker {
         self.tell(id, News::state(PlateTime::ZERO, JobState::Running));
         let folder = self.place.runs.join(claimed.row.folder.as_deref().unwrap_or_default());
         let done = self.play(claimed, &folder, &recording, journal);
+        self.place.disk.release(&id);
         let cause = self.shared.ends();
         let mut end = self.end_of(done, cause);
         if recording.state() == RecordingState::Whole {
@@ -113,7 +114,7 @@ impl Worker {
         }
         let library = shared.library_of(&job).map_err(lines)?;
         let folder = RunFolder::reopen(folder).ok_or_else(|| vec!["its run folder is gone".to_owned()])?;
-        let record = self.place.record && self.has_room_for(&job, row.id);
+        let record = self.place.record && self.has_room_for(&job, row.id, recording);
         let real_time = row.pace == JobPace::RealTime;
         shared.real_time.store(real_time, Ordering::Relaxed);
         go_first(real_time);
@@ -141,10 +142,10 @@ impl Worker {
     }
 
     /// Whether the disk takes a recording of that job; says it when not.
-    fn has_room_for(&self, job: &JobSpec, id: JobId) -> bool {
+    fn has_room_for(&self, job: &JobSpec, id: JobId, recording: &RecordingSwitch) -> bool {
         let Place { disk, clock, .. } = &self.place;
         let wanted_bytes = self.rates.estimate(job.plate_time_limit_s);
-        let Err(why) = disk.has_room(wanted_bytes, clock.elapsed()) else { return true };
+        let Err(why) = disk.promise(id, recording, wanted_bytes, clock.elapsed()) else { return true };
         let text = format!("there is no recording of this job: {why}");
         tracing::warn!(plate = self.shared.name, job = %id, "{text}");
         self.tell(id, News::warning(PlateTime::ZERO, EventLevel::Warning, &text));
