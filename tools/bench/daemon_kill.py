@@ -32,6 +32,7 @@ from daemon_lib import (
     FINAL, ROOT, Bars, Daemon, DaemonFault, is_closed, parser_of, percentile, plus_sign, say, short_arrange, upm_run,
     work_folder, write_config,
 )
+from machine_probe import stolen_s
 from own_venv import enter_venv
 
 PLATES = ("upm-1", "upm-2", "upm-2-evening")
@@ -69,6 +70,8 @@ class Load:
     over: threading.Event = field(default_factory=threading.Event)
     # (when on the wall, plate time) by job, as seen
     seen: dict = field(default_factory=lambda: collections.defaultdict(list))
+    # what the host had taken from all cores: when, s
+    stolen: list = field(default_factory=list)
     queued: dict = field(default_factory=dict)
     pictures: int = 0
 
@@ -103,6 +106,7 @@ class Load:
         before = time.monotonic()
         plates = self.daemon.get("/v1/plates")["plates"]
         middle = 0.5 * (before + time.monotonic())
+        self.stolen.append((middle, stolen_s()))
         for plate in plates:
             self.queued[plate["name"]] = plate["queued"]
             if plate["job"] and plate["age_s"] is not None:
@@ -161,6 +165,8 @@ class Campaign:
         self.wrong, self.counts = collections.Counter(), collections.Counter()
         # seconds on the wall by which a series is short of the kill, by what it belongs to
         self.short_s = collections.defaultdict(list)
+        # looks at what the host took from all cores in the present round: when, s
+        self.stolen = []
         self.starts_s, self.ended_early, self.failed = [], collections.Counter(), collections.Counter()
         self.whole = make_references(args.upm, folder)
 
@@ -180,6 +186,7 @@ class Campaign:
         load.end()
         self.counts["under camera load"] += under_camera
         self.counts["pictures"] += load.pictures
+        self.stolen = load.stolen
         left = self.inventory()
         self.daemon.launch()
         while self.rng.random() < 0.25:
@@ -314,7 +321,13 @@ class Campaign:
         short_s = killed_at - past
         self.short_s[group].append(short_s)
         if short_s > COMPLETE_TO_S:
-            self.blame("a series is short of the kill by more than a second", f"{group} by {short_s:.2f} s, {run.name}")
+            taken = f"the host took {self.stolen_between(past - 1.0, killed_at):.2f} s of all cores in that time and the second before"
+            self.blame("a series is short of the kill by more than a second", f"{group} by {short_s:.2f} s, {run.name}; {taken}")
+
+    def stolen_between(self, begin, end):
+        """Time that the host of a virtual machine took from all cores then, as far as it was looked at, s."""
+        within = [stolen for wall, stolen in self.stolen if begin <= wall <= end]
+        return max(within, default=0.0) - min(within, default=0.0)
 
 def early_end_of(recording):
     """What a recording says of its early end, if it does."""
