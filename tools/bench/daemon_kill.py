@@ -329,6 +329,7 @@ class Campaign:
         within = [stolen for wall, stolen in self.stolen if begin <= wall <= end]
         return max(within, default=0.0) - min(within, default=0.0)
 
+
 def early_end_of(recording):
     """What a recording says of its early end, if it does."""
     from daemon_recordings import EARLY_END, texts_of

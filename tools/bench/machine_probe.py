@@ -14,8 +14,6 @@ FRAME_MS = 1e3 / 60.0
 NAP_S = 0.001
 # a nap that is late by less is none to speak of, s
 LATE_S = 0.004
-# how often it is tried to have a clock kept up with
-ATTEMPTS = 5
 
 
 @dataclass
@@ -44,12 +42,8 @@ class Machine:
     def words(self):
         """How often and how long cores stood still for more than a frame."""
         how = "" if self.is_exact else ", other programs among the reasons"
-        long_ms = self.long_ms()
+        long_ms = [stall.ms() for stall in self.stalls if stall.ms() > FRAME_MS]
         return f"{len(long_ms)} times, longest {max(long_ms, default=0.0):.1f} ms{how}"
-
-    def long_ms(self):
-        """How long those that were longer than a frame were, ms."""
-        return [stall.ms() for stall in self.stalls if stall.ms() > FRAME_MS]
 
     def longest_stall(self, begin, end):
         """The longest one that touches that time, or None."""
@@ -79,23 +73,6 @@ class MachineProbe:
             stalls += here.recv()
             child.join()
         return Machine(sorted(stalls, key=lambda stall: stall.begin), taken_s, self.is_exact)
-
-
-def where_it_runs(attempt):
-    """The bars of `attempt`, which has to keep up with a clock. Where one is missed and a core stood still for longer than
-    a frame meanwhile, that says nothing of the program: its table is printed, and it is made again, some times."""
-    for left in reversed(range(ATTEMPTS)):
-        probe = MachineProbe()
-        try:
-            bars = attempt()
-        finally:
-            machine = probe.finish()
-        bars.tell("cores stood still for more than a frame", machine.words())
-        if bars.all_held() or not machine.long_ms() or not left:
-            return bars
-        print("void, since cores stood still; once more")
-        bars.close()
-        print()
 
 
 def watch(core, stopping, there):
