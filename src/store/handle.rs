@@ -1,6 +1,7 @@
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -9,7 +10,7 @@ use jiff::Timestamp;
 use super::books::Books;
 use super::orders::Orders;
 use super::reader::Readers;
-use super::retention::{Retention, Swept};
+use super::retention::{Begins, Retention, Swept};
 use super::task::task;
 use super::{
     Accepted, AuditEntry, AuditRow, Cancelled, Claimed, JobEnd, JobId, JobPage, JobRow, JobState, Ledger, NewEvent,
@@ -24,6 +25,7 @@ pub struct Store {
     pub(super) runs: PathBuf,
     pub(super) now: fn() -> Timestamp,
     pub(super) retention: Retention,
+    pub(super) begins: Begins,
 }
 
 impl fmt::Debug for Store {
@@ -165,6 +167,8 @@ impl Ledger for Store {
             let Some(row) = self.orders.written(false, move |books| books.next_queued(&asked))? else {
                 return Ok(None);
             };
+            // a sweep would take a folder that no row names as yet for one that was left behind
+            let _begins = self.begins.read().unwrap_or_else(PoisonError::into_inner);
             let name = folder(&row)?;
             // a row must never name a folder that a power cut takes away
             std::fs::File::open(&self.runs)?.sync_all()?;

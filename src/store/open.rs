@@ -15,7 +15,7 @@ use super::orders::Orders;
 use super::places::{Places, beside};
 use super::reader::Readers;
 use super::recover::recover;
-use super::retention::{Retention, Sweeper, empty_trash};
+use super::retention::{Begins, Retention, Sweeper, empty_trash};
 use super::schema;
 use super::writer::{MOST_WAITING, Shown, Writer};
 use super::{JobId, Limits, Mended, Recovery, StoreFault};
@@ -69,14 +69,15 @@ impl Store {
         let (sender, waiting) = sync_channel(MOST_WAITING);
         let shown = Arc::new(Shown::new(MonotonicClock::new()));
         let orders = Orders { sender, shown: Arc::clone(&shown) };
-        let sweeper = Sweeper::new(places.clone(), limits.clone(), now, orders.clone());
+        let begins = Begins::default();
+        let sweeper = Sweeper::new(places.clone(), limits.clone(), now, orders.clone(), Arc::clone(&begins));
         let writer = Writer { connection, orders: waiting, shown, ids, limits, now, ballast, told: Cell::new(0), lock };
         thread::Builder::new().name("store-write".into()).spawn(move || {
             step_back();
             writer.run();
         })?;
         let retention = Retention::start(sweeper)?;
-        Ok(Opened { store: Store { orders, readers, runs: places.runs, now, retention }, recovery })
+        Ok(Opened { store: Store { orders, readers, runs: places.runs, now, retention, begins }, recovery })
     }
 }
 

@@ -2,9 +2,9 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Arc, PoisonError, RwLock};
 use std::thread;
 use std::time::Duration;
 
@@ -19,7 +19,7 @@ use crate::priority::step_back;
 /// Time between two sweeps.
 const SWEEP_EVERY: Duration = Duration::from_secs(60);
 
-/// A folder without a job may belong to one that is just beginning, until it is this old.
+/// A folder without a job may be one that a person is just putting there, until it is this old.
 const ORPHAN_AGE: Duration = Duration::from_secs(3600);
 
 /// What a sweep did.
@@ -71,6 +71,12 @@ impl Retention {
     }
 }
 
+/// Held shared from the making of a run folder until its row names it, and alone by who looks for folders without one.
+pub(super) type Begins = Arc<RwLock<()>>;
+
+/// Run folders of jobs by name, with the time at which each job ended.
+type RunFolders = BTreeMap<String, (JobId, Option<Timestamp>)>;
+
 /// A run folder that may be deleted.
 #[derive(Clone, Debug, PartialEq)]
 struct Kept {
@@ -88,6 +94,7 @@ pub(super) struct Sweeper {
     limits: Limits,
     now: fn() -> Timestamp,
     orders: Orders,
+    begins: Begins,
     /// Sizes of the folders of jobs that have ended.
     sizes: BTreeMap<String, u64>,
     /// What there is of them all.
@@ -95,8 +102,9 @@ pub(super) struct Sweeper {
 }
 
 impl Sweeper {
-    pub fn new(places: Places, limits: Limits, now: fn() -> Timestamp, orders: Orders) -> Self {
-        Self { places, limits, now, orders, sizes: BTreeMap::new(), bytes: Arc::new(AtomicU64::new(u64::MAX)) }
+    pub fn new(places: Places, limits: Limits, now: fn() -> Timestamp, orders: Orders, begins: Begins) -> Self {
+        let bytes = Arc::new(AtomicU64::new(u64::MAX));
+        Self { places, limits, now, orders, begins, sizes: BTreeMap::new(), bytes }
     }
 
     fn run(mut self, asked: &Receiver<Asked>) {
@@ -135,9 +143,7 @@ impl Sweeper {
 
     /// The folders that may go, oldest first, and the bytes of all there are.
     fn folders(&mut self) -> Result<(Vec<Kept>, u64), StoreFault> {
-        // names before rows: what begins between the two is then seen as what it is
-        let names = self.places.run_names()?;
-        let rows = self.orders.written(true, |books| books.folders())?;
+        let (names, rows) = self.names_and_rows()?;
         let (mut folders, mut bytes) = (Vec::new(), 0);
         let mut sizes = BTreeMap::new();
         for name in names {
@@ -157,6 +163,12 @@ impl Sweeper {
         self.sizes = sizes;
         folders.sort_by(|a, b| a.finished_at.cmp(&b.finished_at).then_with(|| a.name.cmp(&b.name)));
         Ok((folders, bytes))
+    }
+
+    /// Names of the run folders, and the rows that name them, with no claim between its folder and its row.
+    fn names_and_rows(&self) -> Result<(Vec<String>, RunFolders), StoreFault> {
+        let _none_begins = self.begins.write().unwrap_or_else(PoisonError::into_inner);
+        Ok((self.places.run_names()?, self.orders.written(true, |books| books.folders())?))
     }
 
     /// When a folder without a job was left; `None` while it may be one that is being made.

@@ -94,6 +94,27 @@ fn folders_without_a_job_go_when_they_are_old_and_never_at_once() {
 }
 
 #[test]
+fn a_folder_whose_job_is_just_beginning_stays() {
+    let data = tempfile::tempdir().unwrap();
+    // to this clock every folder was left long ago
+    let store = Arc::new(opened(data.path(), Limits { runs_age: Duration::ZERO, ..limits() }, noon));
+    queue(&store, "one", "a");
+    let (done, swept) = sync_channel(1);
+    let make = folder(&store);
+    let sweeping = |row: &JobRow| {
+        let name = make(row)?;
+        let (store, done) = (Arc::clone(&store), done.clone());
+        std::thread::spawn(move || done.send(store.sweep()).unwrap());
+        // time enough for a sweep that does not wait
+        swept.recv_timeout(Duration::from_millis(500)).expect_err("swept while a job begins");
+        Ok(name)
+    };
+    let claimed = store.claim("a", &sweeping).unwrap().unwrap();
+    assert_eq!(swept.recv_timeout(PATIENCE).unwrap().unwrap().deleted, [""; 0]);
+    assert_eq!((claimed.row.folder.as_deref(), names(&store)), (Some("one"), vec!["one".to_owned()]));
+}
+
+#[test]
 fn a_sweep_that_was_cut_short_is_ended_at_the_next_start() {
     let data = tempfile::tempdir().unwrap();
     let trash = data.path().join(".trash/one/deep");
