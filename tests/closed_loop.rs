@@ -3,7 +3,6 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Output;
 
 use assert_cmd::Command;
 use serde_json::{Value, json};
@@ -180,43 +179,26 @@ fn motions_out_of_the_motors_reach_are_refused() {
     assert!(stderr.contains("library.json: entries[3].amplitudes: found"), "{stderr}");
 }
 
-/// Times that a machine may stand still for longer than the drive lease in one test.
-const MOST_VOID: usize = 20;
-
-/// What a run in real time says that was interrupted while it moved parts. A run that was lost to the drive lease, as on
-/// shared machines that stand still for a tenth of a second, is void, and made again.
-fn interrupted(file: &Path, folder: &Path) -> (PathBuf, Output) {
-    for i in 0..MOST_VOID {
-        let out = folder.join(format!("out-{i}"));
-        let output = interrupted_once(file, &out);
-        if !String::from_utf8_lossy(&output.stderr).contains("the drive lease ran out") {
-            return (out, output);
-        }
-    }
-    panic!("the machine stood still in each of {MOST_VOID} tries");
-}
-
-fn interrupted_once(file: &Path, out: &Path) -> Output {
+#[test]
+fn an_interrupt_closes_the_run_in_good_order() {
+    let folder = TempDir::new().unwrap();
+    let file = job(folder.path(), "upm-1", |job| {
+        job["task"]["laps"] = json!(0);
+        job["limits"]["plate_time_s"] = json!(3600);
+    });
+    let out = folder.path().join("out");
     let child = std::process::Command::new(env!("CARGO_BIN_EXE_upm"))
-        .args(["run", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--pace", "real-time", "--json"])
+        .args(["run", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--json"])
         .stdout(std::process::Stdio::piped())
         .stderr(std::process::Stdio::piped())
         .spawn()
         .unwrap();
-    wait_for_journal(out);
+    wait_for_journal(&out);
     assert!(std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
-    child.wait_with_output().unwrap()
-}
-
-#[test]
-fn an_interrupt_closes_the_run_in_good_order() {
-    let folder = TempDir::new().unwrap();
-    let file = job(folder.path(), "upm-1", |_| ());
-    let (out, output) = interrupted(&file, folder.path());
+    let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(report["outcome"], "cancelled");
-    assert!(report["deadline_misses"].is_u64() && report["worst_late_frames"].is_u64(), "{report}");
     let folder = fs::read_dir(&out).unwrap().next().unwrap().unwrap().path();
     let journal = fs::read_to_string(folder.join("journal.jsonl")).unwrap();
     assert!(journal.lines().all(|line| serde_json::from_str::<Value>(line).is_ok()), "no half line");
@@ -227,8 +209,21 @@ fn an_interrupt_closes_the_run_in_good_order() {
     assert_eq!((&verdict["equal"], &verdict["stopped"]), (&json!(true), &json!(true)), "{verdict}");
 }
 
+#[test]
+fn a_run_in_real_time_counts_its_deadlines() {
+    let folder = TempDir::new().unwrap();
+    // at rest, so that a machine that stands still costs deadlines and no more
+    let file = job(folder.path(), "upm-1", |job| job["task"] = json!({"type": "hold", "duration_s": 0.5}));
+    let out = folder.path().join("out");
+    let args = ["run", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--pace", "real-time", "--json"];
+    let output = Command::cargo_bin("upm").unwrap().args(args).output().unwrap();
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((output.status.code(), &report["outcome"]), (Some(0), &json!("completed")), "{report}");
+    assert!(report["deadline_misses"].is_u64() && report["worst_late_frames"].is_u64(), "{report}");
+}
+
 /// Waits until a run in `out` has written the first lines of its journal; the file is buffered, so its folder and then
-/// some cycles of real time are what can be waited for.
+/// some cycles are what can be waited for.
 fn wait_for_journal(out: &Path) {
     let begun = || fs::read_dir(out).is_ok_and(|mut runs| runs.next().is_some());
     for _ in 0..200 {

@@ -1,13 +1,14 @@
 use std::fs;
+use std::io::{self, Write};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde_json::Value;
 
 use super::{Bench, NamedTruth, RunError, job_library, play};
 use crate::config::{Fault, JobSpec, Origin};
-use crate::control::{Sink, is_stop};
+use crate::control::{FrameFacts, Sink, is_stop};
 use crate::recording::{ENDED_EARLY, Fanout, Journal};
 use crate::time::StoppedClock;
 
@@ -55,22 +56,38 @@ pub enum VerifyError {
     Run(#[from] RunError),
 }
 
-/// Runs the job of the run folder `run` again, from that folder alone, and compares the journals.
-/// A run that was stopped from outside is compared as far as it went.
+/// Runs the job of the run folder `run` again, from that folder alone, and compares the journals; ends when it is known
+/// how they compare, or `stop` is set. A run that was stopped from outside is compared as far as it went.
 pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<Verdict, VerifyError> {
     let effective = run.join("effective.json");
     let job = effective_job(&read(&effective)?, &effective)?;
     let recorded = read(&run.join("journal.jsonl"))?;
     let library = job_library(&job).map_err(RunError::Library)?;
     let mut bench = Bench::new(&job, &library).map_err(RunError::Job)?;
-    let mut bytes = Vec::new();
-    let mut journal = Journal::new(&mut bytes, Arc::clone(&library));
+    let enough = AtomicBool::new(false);
+    let mut repetition = Repetition::of(&recorded, &enough);
+    let mut journal = Journal::new(&mut repetition, Arc::clone(&library));
     let mut named = NamedTruth::new(bench.truth());
-    let mut sinks = Fanout::new().with(&mut named).with(&mut journal).with(watcher);
-    play(&mut bench, &library, None, &mut sinks, &StoppedClock, stop);
-    let broken = |error: std::io::Error| VerifyError::Read { path: "journal".into(), reason: error.to_string() };
+    let mut until = Until { stop, enough: &enough };
+    let mut sinks = Fanout::new().with(&mut named).with(&mut journal).with(watcher).with(&mut until);
+    play(&mut bench, &library, None, &mut sinks, &StoppedClock, &enough);
+    let broken = |error: io::Error| VerifyError::Read { path: "journal".into(), reason: error.to_string() };
     journal.finish().map_err(broken)?;
-    Ok(compare(&recorded, &String::from_utf8_lossy(&bytes)))
+    Ok(repetition.verdict())
+}
+
+/// Ends the repetition when somebody stops it.
+struct Until<'a> {
+    stop: &'a AtomicBool,
+    enough: &'a AtomicBool,
+}
+
+impl Sink for Until<'_> {
+    fn frame(&mut self, _: &FrameFacts<'_>) {
+        if self.stop.load(Ordering::Relaxed) {
+            self.enough.store(true, Ordering::Relaxed);
+        }
+    }
 }
 
 fn read(path: &Path) -> Result<String, VerifyError> {
@@ -90,55 +107,90 @@ fn effective_job(text: &str, path: &Path) -> Result<JobSpec, VerifyError> {
     JobSpec::from_json(&job.to_string(), &Origin::of_file(path), None).map_err(VerifyError::Job)
 }
 
-fn compare(recorded: &str, repeated: &str) -> Verdict {
-    let recorded = &without_the_recording(recorded);
-    let before_stop = before_stop(recorded);
-    let (recorded, stopped) = (before_stop.unwrap_or(recorded), before_stop.is_some());
-    if recorded == repeated || stopped && repeated.starts_with(recorded) {
-        return Verdict::Equal { lines: recorded.lines().count(), stopped };
+/// Takes the journal of the repetition, a line a write, and holds it against the recorded one.
+struct Repetition<'a> {
+    recorded: Vec<&'a str>,
+    stopped: bool,
+    /// Lines that are equal.
+    equal: usize,
+    differs: Option<Verdict>,
+    /// Set when no further line can change the verdict.
+    enough: &'a AtomicBool,
+}
+
+impl<'a> Repetition<'a> {
+    fn of(recorded: &'a str, enough: &'a AtomicBool) -> Self {
+        let recorded: Vec<&str> = recorded.split_inclusive('\n').filter(|line| !is_of_recording(line)).collect();
+        let stop = lines_before_stop(&recorded);
+        let stopped = stop.is_some();
+        let recorded = recorded[..stop.unwrap_or(recorded.len())].to_vec();
+        let this = Self { recorded, stopped, equal: 0, differs: None, enough };
+        this.tell_enough();
+        this
     }
-    let (mut a, mut b) = (recorded.split_inclusive('\n'), repeated.split_inclusive('\n'));
-    let mut line = 1;
-    loop {
-        match (a.next(), b.next()) {
-            (Some(x), Some(y)) if x == y => line += 1,
-            (x, y) => {
-                let shown = |text: Option<&str>| text.map_or("(end)", |text| text.trim_end_matches('\n')).to_owned();
-                return Verdict::Differs { line, recorded: shown(x), repeated: shown(y) };
-            }
+
+    /// All of a stopped run has been repeated: what comes then, it cannot know of.
+    fn is_through(&self) -> bool {
+        self.stopped && self.equal == self.recorded.len()
+    }
+
+    fn tell_enough(&self) {
+        if self.differs.is_some() || self.is_through() {
+            self.enough.store(true, Ordering::Relaxed);
         }
     }
-}
 
-/// The journal but for what it says of the recording, which the disk decides and not the run.
-fn without_the_recording(journal: &str) -> String {
-    let is_of_recording = |line: &str| {
-        let event = || serde_json::from_str::<Value>(line).ok();
-        line.contains(ENDED_EARLY)
-            && event().is_some_and(|event| event["type"] == "event" && starts_so(&event["text"], ENDED_EARLY))
-    };
-    journal.split_inclusive('\n').filter(|line| !is_of_recording(line)).collect()
-}
-
-fn starts_so(text: &Value, start: &str) -> bool {
-    text.as_str().is_some_and(|text| text.starts_with(start))
-}
-
-/// The journal up to the moment somebody stopped the run; `None` when nobody did. What follows, the event and a
-/// cycle that never ended, the repetition cannot know of.
-fn before_stop(journal: &str) -> Option<&str> {
-    let is_stop = |line: &str| {
-        let event: Option<Value> = serde_json::from_str(line).ok();
-        event.is_some_and(|event| event["type"] == "event" && event["text"].as_str().is_some_and(is_stop))
-    };
-    let mut end = journal.len();
-    for line in journal.split_inclusive('\n').rev().take(TAIL_LINES) {
-        end -= line.len();
-        if is_stop(line) {
-            return journal.get(..end);
+    fn take(&mut self, line: &str) {
+        if self.differs.is_some() || self.is_through() {
+            return;
         }
+        match self.recorded.get(self.equal) {
+            Some(&recorded) if recorded == line => self.equal += 1,
+            recorded => self.differs = Some(self.differs_in(recorded.copied(), Some(line))),
+        }
+        self.tell_enough();
     }
-    None
+
+    fn differs_in(&self, recorded: Option<&str>, repeated: Option<&str>) -> Verdict {
+        let shown = |text: Option<&str>| text.map_or("(end)", |text| text.trim_end_matches('\n')).to_owned();
+        Verdict::Differs { line: self.equal + 1, recorded: shown(recorded), repeated: shown(repeated) }
+    }
+
+    fn verdict(self) -> Verdict {
+        let rest = self.recorded.get(self.equal).map(|&recorded| self.differs_in(Some(recorded), None));
+        let equal = Verdict::Equal { lines: self.equal, stopped: self.stopped };
+        self.differs.or(rest).unwrap_or(equal)
+    }
+}
+
+impl Write for Repetition<'_> {
+    fn write(&mut self, line: &[u8]) -> io::Result<usize> {
+        self.take(&String::from_utf8_lossy(line));
+        Ok(line.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Whether a line says what became of the recording, which the disk decides and not the run.
+fn is_of_recording(line: &str) -> bool {
+    line.contains(ENDED_EARLY) && event_in(line).is_some_and(|text| text.starts_with(ENDED_EARLY))
+}
+
+/// The text of an event.
+fn event_in(line: &str) -> Option<String> {
+    let event: Value = serde_json::from_str(line).ok()?;
+    let text = event["text"].as_str().filter(|_| event["type"] == "event")?;
+    Some(text.to_owned())
+}
+
+/// Lines up to the moment somebody stopped the run; `None` when nobody did. What follows, the event and a cycle that
+/// never ended, the repetition cannot know of.
+fn lines_before_stop(journal: &[&str]) -> Option<usize> {
+    let is_stop_at = |&at: &usize| event_in(journal[at]).is_some_and(|text| is_stop(&text));
+    (0..journal.len()).rev().take(TAIL_LINES).find(is_stop_at)
 }
 
 #[cfg(test)]
@@ -146,6 +198,15 @@ mod tests {
     use super::*;
     use crate::control::{Ending, STOPPED};
     use crate::rig::{RigFault, Trip};
+
+    fn compare(recorded: &str, repeated: &str) -> Verdict {
+        let enough = AtomicBool::new(false);
+        let mut repetition = Repetition::of(recorded, &enough);
+        for line in repeated.split_inclusive('\n') {
+            repetition.write_all(line.as_bytes()).unwrap();
+        }
+        repetition.verdict()
+    }
 
     fn differs_at(recorded: &str, repeated: &str) -> usize {
         match compare(recorded, repeated) {
@@ -184,5 +245,20 @@ mod tests {
         }
         let ended_by_itself = format!("a\nb\n{}{after}", event("no step is feasible"));
         assert_eq!(differs_at(&ended_by_itself, "a\nb\nc\n"), 3);
+    }
+
+    #[test]
+    fn it_is_enough_when_the_verdict_is_known() {
+        let stopped = format!("a\nb\n{{\"type\":\"event\",\"text\":\"{STOPPED}\"}}\n");
+        for (recorded, repeated, lines) in [(stopped.as_str(), ["a\n", "b\n"], 2), ("a\nb\n", ["x\n", "b\n"], 1)] {
+            let enough = AtomicBool::new(false);
+            let mut repetition = Repetition::of(recorded, &enough);
+            let taken = repeated.iter().take_while(|line| {
+                repetition.write_all(line.as_bytes()).unwrap();
+                !enough.load(Ordering::Relaxed)
+            });
+            assert_eq!(taken.count() + 1, lines, "{recorded}");
+            assert!(enough.load(Ordering::Relaxed));
+        }
     }
 }
