@@ -38,7 +38,9 @@ const GATHER: Duration = Duration::from_millis(500);
 const MOST_WAITING_BYTES: u64 = 16 << 20;
 
 /// What was logged is sent on into the file this often. Rerun's own rhythm fails beside large images: whenever one
-/// series is sent because it is large, all others have to wait for another [`GATHER`], and so on without end.
+/// series is sent because it is large, all others have to wait for another [`GATHER`], and so on without end. Of a run
+/// that waits for its recorder no more than this is ever on its way; one that does not wait lets Rerun hold what a disk
+/// that hangs does not take.
 const FLUSH: Duration = Duration::from_millis(200);
 
 /// How long the recorder waits for a message before it looks at the clock.
@@ -136,7 +138,7 @@ impl Tape {
         self.0.flush_blocking().map_err(|e| e.to_string())
     }
 
-    /// Sends all that was logged on its way into the file.
+    /// Sends all that was logged on its way into the file, without waiting.
     fn send_on(&self) -> Logged {
         self.0.flush_async().map_err(|e| e.to_string())
     }
@@ -180,6 +182,8 @@ pub(super) struct Desk {
     pub(super) pixels_back: SyncSender<Vec<u8>>,
     pub(super) clock: MonotonicClock,
     pub(super) file: RrdFile,
+    /// True when the run waits for what cannot be recorded as fast as it is told.
+    pub(super) run_waits: bool,
 }
 
 /// The thread that turns facts into what a person sees.
@@ -227,7 +231,8 @@ impl Recorder {
             let now = clock.elapsed();
             if now.saturating_sub(sent_on_at) >= FLUSH {
                 sent_on_at = now;
-                recorded = recorded.and_then(|()| self.tape.send_on());
+                let send = if desk.run_waits { Tape::flush } else { Tape::send_on };
+                recorded = recorded.and_then(|()| send(&self.tape));
             }
             if let (Some(reason), false) = (file.switch().wanted_stop(), stopped) {
                 stopped = true;

@@ -182,7 +182,8 @@ impl RerunSink {
         let (report, done) = sync_channel(1);
         let truth = context.truth.clone();
         let looks = Looks::new(context.parts.len());
-        let desk = Desk { messages, pixels_back, clock, file };
+        let run_waits = on_full != OnFull::GiveUp;
+        let desk = Desk { messages, pixels_back, clock, file, run_waits };
         thread::Builder::new()
             .name("recorder".into())
             .spawn(move || {
