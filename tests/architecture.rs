@@ -128,7 +128,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("prometheus_client", &["src/daemon"]),
     ("tar", &["src/daemon"]),
     ("ureq", &["src/cli"]),
-    ("mimalloc", &["src/main"]),
+    ("libc", &["src/main"]),
     ("clap_mangen", &["src/cli"]),
     ("clap", &["src/cli"]),
     ("plotters", &["src/chart"]),

@@ -181,7 +181,7 @@ impl Default for RawWatchdog {
 pub struct RawLive {
     /// Whether there are any.
     pub rerun: bool,
-    /// What a stream keeps for those who come later, MB of 10⁶ bytes.
+    /// Memory for what a stream keeps for those who come later, MB of 10⁶ bytes.
     #[schemars(range(min = 1.0, max = 10_000.0))]
     pub history_mb: f64,
 }

@@ -14,6 +14,9 @@ pub(super) const APPLICATION_ID: i32 = 0x7570_6d31;
 /// Version of the tables below.
 pub(super) const VERSION: i32 = 1;
 
+/// Pages that a connection keeps in memory, in the pragma's own unit of -1024 bytes. The system keeps the file, too.
+const CACHE: &str = "PRAGMA cache_size = -512;";
+
 /// How long a connection waits for another one's lock.
 const BUSY: Duration = Duration::from_secs(2);
 
@@ -111,6 +114,7 @@ pub(super) fn writing(path: &Path) -> rusqlite::Result<Connection> {
     let connection = Connection::open_with_flags(path, flags)?;
     connection.busy_timeout(BUSY)?;
     keep_log(&connection)?;
+    connection.execute_batch(CACHE)?;
     connection.execute_batch(
         "PRAGMA journal_mode = WAL;
          PRAGMA synchronous = FULL;
@@ -129,6 +133,7 @@ pub(super) fn reading(path: &Path) -> rusqlite::Result<Connection> {
     let connection = Connection::open_with_flags(path, flags)?;
     connection.busy_timeout(BUSY)?;
     keep_log(&connection)?;
+    connection.execute_batch(CACHE)?;
     connection.execute_batch("PRAGMA trusted_schema = OFF; PRAGMA query_only = ON;")?;
     Ok(connection)
 }

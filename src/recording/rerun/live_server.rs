@@ -18,7 +18,11 @@ use super::live::{Feed, LiveQueue};
 /// Messages that the server may have before it has taken them in. Its own bound is 128 MiB.
 const MOST_AHEAD: usize = 64;
 
-/// Least history of a server, bytes: with none at all it blocks whoever sends.
+/// Bytes of memory that a history takes for each that the server counts in it. Measured: 1.3 after fifty short runs, 2.1
+/// after some hundred.
+const TAKEN_PER_COUNTED: u64 = 2;
+
+/// Least history of a server, counted bytes: with none at all it blocks whoever sends.
 const LEAST_HISTORY_BYTES: u64 = 1 << 20;
 
 /// How often and how far apart it is tried whether a new server answers.
@@ -48,14 +52,14 @@ struct Layouts {
 }
 
 impl LiveServer {
-    /// Starts to listen on `port` of the loopback, any free one without it. The newest `history_bytes` are kept for
-    /// viewers that come later.
+    /// Starts to listen on `port` of the loopback, any free one without it. The newest messages are kept for
+    /// viewers that come later, as many as take about `history_bytes` of memory.
     pub fn start(port: Option<u16>, history_bytes: u64) -> io::Result<Self> {
         // a port in use would show only when a run sends
         let address = TcpListener::bind((Ipv4Addr::LOCALHOST, port.unwrap_or(0)))?.local_addr()?;
         let options = ServerOptions {
             playback_behavior: PlaybackBehavior::NewestFirst,
-            memory_limit: MemoryLimit::from_bytes(history_bytes.max(LEAST_HISTORY_BYTES)),
+            memory_limit: MemoryLimit::from_bytes((history_bytes / TAKEN_PER_COUNTED).max(LEAST_HISTORY_BYTES)),
             cors_allowed_origins: Vec::new(),
         };
         let sink = GrpcServerSink::new(&address.ip().to_string(), address.port(), options).map_err(io::Error::other)?;
