@@ -87,7 +87,7 @@ impl Plate {
 
     /// Lets it take jobs again. False while an emergency stop holds. Going on twice is going on.
     pub fn resume(&self, who: Caller) -> bool {
-        if self.shared.latch.is_stopped() {
+        if self.shared.is_stopped() {
             return false;
         }
         if self.shared.paused().is_some() {
@@ -128,7 +128,7 @@ impl Plate {
 
     /// True while an emergency stop holds.
     pub fn is_stopped(&self) -> bool {
-        self.shared.latch.is_stopped()
+        self.shared.is_stopped()
     }
 
     /// Why it waits for a person to resume it; `None` when it does not.

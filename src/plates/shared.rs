@@ -12,7 +12,7 @@ use super::{PlateSetup, PlateSnapshot, PlateState, Sight};
 use crate::config::{JobSpec, LibraryRef, RigSpec};
 use crate::library::{Library, LibraryFault};
 use crate::recording::{LiveServer, RecordingSwitch, ScribeWatch};
-use crate::rig::Interlock;
+use crate::rig::{Interlock, Trip};
 use crate::run::{PacingStats, job_library};
 use crate::store::{JobId, Ledger};
 
@@ -123,9 +123,14 @@ impl Shared {
         if Arc::ptr_eq(library, &self.library) { self.library_sha256.clone() } else { sha256_hex(library) }
     }
 
+    /// True from an emergency stop to its reset: the motors stop first, the latch a moment later.
+    pub fn is_stopped(&self) -> bool {
+        self.latch.is_stopped() || self.interlock.tripped() == Some(Trip::EStop)
+    }
+
     /// True when the plate may take a job.
     pub fn may_move(&self) -> bool {
-        !self.latch.is_stopped() && !self.ending.load(Ordering::SeqCst) && locked(&self.paused).is_none()
+        !self.is_stopped() && !self.ending.load(Ordering::SeqCst) && locked(&self.paused).is_none()
     }
 
     /// Why the plate must not move until a person resumes it.
@@ -176,7 +181,7 @@ impl Shared {
 
     /// Why the run on the plate was told to end, for its journal and its report.
     pub fn cause(&self) -> Option<String> {
-        if self.latch.is_stopped() {
+        if self.is_stopped() {
             return Some("emergency stop".to_owned());
         }
         if self.ending.load(Ordering::SeqCst) {
@@ -210,7 +215,7 @@ impl Shared {
         let (paused, running) = (self.paused(), locked(&self.running).clone());
         let job = running.as_ref().map(|running| running.job);
         let Seen { sight, at } = locked(&self.seen).clone();
-        let (state, why) = match (self.latch.is_stopped(), paused, job) {
+        let (state, why) = match (self.is_stopped(), paused, job) {
             (true, ..) => (PlateState::Stopped, "emergency stop".to_owned()),
             (false, _, Some(_)) => (PlateState::Running, String::new()),
             (false, Some(why), None) => (PlateState::Paused, why),

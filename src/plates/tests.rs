@@ -9,6 +9,7 @@ use super::*;
 use crate::config::{RigSpec, WatchdogSpec};
 use crate::library::Library;
 use crate::recording::RecordingState;
+use crate::rig::Trip;
 use crate::store::{JobId, JobPace, JobRow, JobState, MemoryLedger, RecordingKept};
 use crate::time::MonotonicClock;
 
@@ -165,6 +166,25 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     let acts: Vec<(String, String)> = house.ledger.audit().into_iter().map(|a| (a.act, a.operator)).collect();
     let act = |act: &str, operator: &str| (act.to_owned(), operator.to_owned());
     assert_eq!(acts, [act("estop", "ann"), act("reset", "bob"), act("resume", "bob")]);
+}
+
+#[test]
+fn a_run_that_ends_before_the_latch_knows_was_stopped_all_the_same() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let first = house.submit(plate, HOLD, JobPace::RealTime);
+    let second = house.submit(plate, TWO_COINS, JobPace::Max);
+    next(&told, "look");
+    // what an emergency stop does first
+    plate.shared.interlock.trip(Trip::EStop);
+    plate.wake();
+    assert_eq!(next(&told, "finished")["state"], "cancelled");
+    assert_eq!(house.row(&first).reason, "emergency stop");
+    std::thread::sleep(Duration::from_millis(50));
+    assert_eq!((plate.snapshot().state, house.row(&second).state), (PlateState::Stopped, JobState::Queued));
+    assert!(!plate.resume(who("bob")));
 }
 
 #[test]
