@@ -22,6 +22,7 @@ mod lab;
 #[cfg(test)]
 mod lab_tests;
 mod live;
+mod live_gate;
 mod live_server;
 #[cfg(test)]
 mod live_tests;

@@ -28,8 +28,13 @@ pub(super) struct LiveQueue {
 impl LiveQueue {
     /// A queue and its receiving end.
     pub(super) fn new() -> (Self, Receiver<LogMsg>) {
+        Self::counting(Arc::default())
+    }
+
+    /// The same, which counts what it drops in `dropped`.
+    pub(super) fn counting(dropped: Arc<AtomicU64>) -> (Self, Receiver<LogMsg>) {
         let (queue, messages) = sync_channel(QUEUE);
-        (Self { queue, dropped: Arc::default() }, messages)
+        (Self { queue, dropped }, messages)
     }
 
     /// Passes `message` on, or drops it when the viewer lags, and says so with false. Never waits.
@@ -39,11 +44,6 @@ impl LiveQueue {
             self.dropped.fetch_add(1, Ordering::Relaxed);
         }
         offered.is_ok()
-    }
-
-    /// Messages dropped so far.
-    pub(super) fn dropped(&self) -> u64 {
-        self.dropped.load(Ordering::Relaxed)
     }
 }
 

@@ -76,17 +76,34 @@ fn frozen_viewer(server: &LiveServer) -> TcpStream {
 
 /// True once `stream` has brought `text`.
 fn brings(stream: &mut TcpStream, text: &str) -> bool {
+    brought_with(stream, text).is_some()
+}
+
+/// All that `stream` has brought once `text` is among it.
+fn brought_with(stream: &mut TcpStream, text: &str) -> Option<Vec<u8>> {
     stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
-    let (mut seen, mut chunk) = (Vec::<u8>::new(), vec![0; 1 << 16]);
+    let mut seen = Vec::new();
     loop {
-        match stream.read(&mut chunk) {
-            Ok(0) | Err(_) => return false,
-            Ok(count) => seen.extend(&chunk[..count]),
-        }
-        if seen.windows(text.len()).any(|window| window == text.as_bytes()) {
-            return true;
+        let searched = seen.len().saturating_sub(text.len());
+        seen.extend(payload(stream).ok()?);
+        if has(&seen[searched..], text) {
+            return Some(seen);
         }
     }
+}
+
+/// What the next frame brings of data, which may be nothing.
+fn payload(stream: &mut TcpStream) -> io::Result<Vec<u8>> {
+    let mut head = [0; 9];
+    stream.read_exact(&mut head)?;
+    let [high, middle, low, kind, ..] = head;
+    let mut payload = vec![0; u32::from_be_bytes([0, high, middle, low]) as usize];
+    stream.read_exact(&mut payload)?;
+    Ok(if kind == 0 { payload } else { Vec::new() })
+}
+
+fn has(bytes: &[u8], text: &str) -> bool {
+    bytes.windows(text.len()).any(|window| window == text.as_bytes())
 }
 
 /// Name of the recording in the file at `path`, new for every run.
@@ -108,6 +125,27 @@ fn viewers_see_every_run_apart_whether_they_come_early_or_late() {
     assert_ne!(ids[0], ids[1]);
     assert!(brings(&mut early, &ids[0]) && brings(&mut early, &ids[1]));
     assert!(brings(&mut viewer(&server), &ids[0]) && brings(&mut viewer(&server), &ids[1]));
+    assert_eq!(server.dropped(), 0);
+}
+
+#[test]
+fn who_comes_after_many_runs_sees_the_last_ones_and_who_stays_sees_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    let server = LiveServer::start(None, HISTORY_BYTES).unwrap();
+    let run = || {
+        record(&server, &RerunMode::Save, &path, false).unwrap();
+        recording_id(&path)
+    };
+    let ids: Vec<String> = (0..20).map(|_| run()).collect();
+    let mut late = viewer(&server);
+    let seen = brought_with(&mut late, &ids[19]).unwrap();
+    assert_eq!(ids.iter().filter(|id| has(&seen, id)).count(), 4, "16 of one server are gone");
+    // as long as somebody looks, no run is taken away from before them
+    let more: Vec<String> = (0..20).map(|_| run()).collect();
+    assert!(brings(&mut late, &more[19]));
+    let seen = brought_with(&mut viewer(&server), &more[19]).unwrap();
+    assert!(ids[16..].iter().chain(&more).all(|id| has(&seen, id)));
     assert_eq!(server.dropped(), 0);
 }
 

@@ -1,0 +1,221 @@
+use std::io::{self, Read, Write};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+/// Viewers at a time.
+const MOST_VIEWERS: usize = 16;
+
+/// A viewer that takes nothing for so long is let go.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// Time that the server behind the gate has to answer.
+const ANSWER: Duration = Duration::from_secs(1);
+
+/// Time before the next viewer is let in when one could not be taken.
+const TAKE_AGAIN: Duration = Duration::from_millis(20);
+
+/// Bytes passed on at once.
+const PASSED: usize = 16 << 10;
+
+/// One address for viewers, whichever server stands behind it. It knows how many are there, so that a server can be put
+/// in another's place while nobody looks.
+#[derive(Debug)]
+pub(super) struct Gate {
+    address: SocketAddr,
+    hall: Arc<Mutex<Hall>>,
+}
+
+/// What is behind the gate.
+#[derive(Debug)]
+struct Hall {
+    server: SocketAddr,
+    viewers: usize,
+    closed: bool,
+}
+
+impl Gate {
+    /// Lets in whoever comes to `listener`, and passes them on to `server`.
+    pub(super) fn open(listener: TcpListener, server: SocketAddr) -> io::Result<Self> {
+        let address = listener.local_addr()?;
+        let hall = Arc::new(Mutex::new(Hall { server, viewers: 0, closed: false }));
+        let of_door = Arc::clone(&hall);
+        thread::Builder::new().name("live-gate".into()).spawn(move || keep_door(&listener, &of_door))?;
+        Ok(Self { address, hall })
+    }
+
+    /// Where viewers come to.
+    pub(super) fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Passes viewers on to the server that `start` makes, from now on; `None` while there are viewers, and `start` is not
+    /// called. Who comes meanwhile waits.
+    pub(super) fn replace_when_alone<T>(
+        &self,
+        start: impl FnOnce() -> io::Result<(T, SocketAddr)>,
+    ) -> io::Result<Option<T>> {
+        let mut hall = lock(&self.hall);
+        if hall.viewers > 0 {
+            return Ok(None);
+        }
+        let (started, server) = start()?;
+        hall.server = server;
+        Ok(Some(started))
+    }
+}
+
+impl Drop for Gate {
+    fn drop(&mut self) {
+        lock(&self.hall).closed = true;
+        // wakes the door, which then sees it
+        TcpStream::connect(self.address).ok();
+    }
+}
+
+fn lock(hall: &Mutex<Hall>) -> MutexGuard<'_, Hall> {
+    hall.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn keep_door(listener: &TcpListener, hall: &Arc<Mutex<Hall>>) {
+    for viewer in listener.incoming() {
+        if lock(hall).closed {
+            return;
+        }
+        if let Err(fault) = viewer.and_then(|viewer| let_in(viewer, hall)) {
+            tracing::warn!("a viewer of the live stream was not let in: {fault}");
+            thread::sleep(TAKE_AGAIN);
+        }
+    }
+}
+
+fn let_in(viewer: TcpStream, hall: &Arc<Mutex<Hall>>) -> io::Result<()> {
+    let (seat, server) = Seat::take(hall)?;
+    let server = TcpStream::connect_timeout(&server, ANSWER)?;
+    viewer.set_write_timeout(Some(PATIENCE))?;
+    viewer.set_nodelay(true)?;
+    server.set_nodelay(true)?;
+    let seat = Arc::new(seat);
+    let ways = [("live-in", [&viewer, &server]), ("live-out", [&server, &viewer])];
+    let passed = ways.into_iter().try_for_each(|(name, [from, to])| {
+        let (from, to, seat) = (from.try_clone()?, to.try_clone()?, Arc::clone(&seat));
+        let pass = move || {
+            pass(&from, &to);
+            drop(seat);
+        };
+        thread::Builder::new().name(name.into()).spawn(pass).map(drop)
+    });
+    passed.inspect_err(|_| drop(viewer.shutdown(Shutdown::Both)))
+}
+
+/// Passes on what comes until one end is gone; then nobody is left to speak to the other way either.
+fn pass(mut from: &TcpStream, mut to: &TcpStream) {
+    let mut bytes = [0; PASSED];
+    while let Ok(count @ 1..) = from.read(&mut bytes) {
+        if to.write_all(&bytes[..count]).is_err() {
+            break;
+        }
+    }
+    for stream in [from, to] {
+        stream.shutdown(Shutdown::Both).ok();
+    }
+}
+
+/// A viewer's place; free again when it is dropped.
+struct Seat(Arc<Mutex<Hall>>);
+
+impl Seat {
+    /// A seat, and the server that is on show as long as it is taken.
+    fn take(hall: &Arc<Mutex<Hall>>) -> io::Result<(Self, SocketAddr)> {
+        let mut now = lock(hall);
+        if now.viewers == MOST_VIEWERS {
+            return Err(io::Error::other(format!("{MOST_VIEWERS} are there already")));
+        }
+        now.viewers += 1;
+        Ok((Self(Arc::clone(hall)), now.server))
+    }
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        lock(&self.0).viewers -= 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A server that says `word` to everyone and then listens.
+    fn speaker(word: &'static [u8]) -> SocketAddr {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        thread::spawn(move || {
+            for mut stream in listener.incoming().flatten() {
+                stream.write_all(word).unwrap();
+                thread::spawn(move || stream.read_to_end(&mut Vec::new()));
+            }
+        });
+        address
+    }
+
+    fn gate(word: &'static [u8]) -> Gate {
+        Gate::open(TcpListener::bind("127.0.0.1:0").unwrap(), speaker(word)).unwrap()
+    }
+
+    /// A viewer, and the word it was told; empty when it was sent away.
+    fn viewer(gate: &Gate) -> (TcpStream, Vec<u8>) {
+        let mut stream = TcpStream::connect(gate.address()).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+        let mut word = vec![0; 3];
+        let told = stream.read_exact(&mut word).is_ok();
+        (stream, if told { word } else { Vec::new() })
+    }
+
+    fn replaced(gate: &Gate) -> bool {
+        gate.replace_when_alone(|| Ok(((), speaker(b"new")))).unwrap().is_some()
+    }
+
+    #[test]
+    fn a_server_is_replaced_only_while_nobody_looks() {
+        let gate = gate(b"old");
+        let (first, word) = viewer(&gate);
+        assert_eq!(word, b"old");
+        assert!(!replaced(&gate));
+        assert_eq!(viewer(&gate).1, b"old");
+        drop(first);
+        let tries = (0..1000).take_while(|_| {
+            thread::sleep(Duration::from_millis(10));
+            !replaced(&gate)
+        });
+        assert!(tries.count() < 1000, "a viewer that left is still counted");
+        assert_eq!(viewer(&gate).1, b"new");
+    }
+
+    #[test]
+    fn no_more_viewers_than_there_are_seats() {
+        let gate = gate(b"old");
+        let mut seated: Vec<_> = (0..MOST_VIEWERS).map(|_| viewer(&gate)).collect();
+        assert!(seated.iter().all(|(_, word)| word == b"old"));
+        assert_eq!(viewer(&gate).1, b"");
+        seated.pop();
+        let tries = (0..1000).take_while(|_| {
+            thread::sleep(Duration::from_millis(10));
+            viewer(&gate).1 != b"old"
+        });
+        assert!(tries.count() < 1000, "a seat that was left stays taken");
+    }
+
+    #[test]
+    fn a_gate_that_is_gone_lets_nobody_in() {
+        let gate = gate(b"old");
+        let address = gate.address();
+        drop(gate);
+        let tries = (0..1000).take_while(|_| {
+            thread::sleep(Duration::from_millis(10));
+            TcpStream::connect(address).is_ok()
+        });
+        assert!(tries.count() < 1000, "it still listens");
+    }
+}
