@@ -23,6 +23,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 FINAL = {"completed", "failed", "cancelled", "interrupted"}
 # the last bytes of a recording that was closed: where its footer is, this word, a count of one
 FOOTER_WORD = b"RRF2FOOT"
+# bytes of a closed recording without a message: header, end, footer
+EMPTY_RECORDING = 60
 
 sys.path.append(str(ROOT / "tools"))
 
@@ -286,7 +288,7 @@ class Daemon:
 
 def is_closed(recording):
     """True for a recording with a footer: it was closed, or repaired."""
-    if not recording.is_file() or recording.stat().st_size < 64:
+    if not recording.is_file() or recording.stat().st_size < EMPTY_RECORDING:
         return False
     with open(recording, "rb") as file:
         head = file.read(4)
