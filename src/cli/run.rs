@@ -17,12 +17,13 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
         job = job.with_seed(seed);
     }
     let clock = MonotonicClock::new();
+    let real_time = args.pace == Pace::RealTime;
     let options = RunOptions {
         out: args.out.clone(),
         started_utc: utc_now(),
         rerun,
-        real_time: args.pace == Pace::RealTime,
-        keeping: Keeping::patient(clock),
+        real_time,
+        keeping: Keeping { has_clock: real_time, ..Keeping::patient(clock) },
     };
     let stop = stop_on_interrupt();
     let mut progress = RunProgress::new(common.quiet || !std::io::stderr().is_terminal());

@@ -131,6 +131,7 @@ impl Worker {
                 on_full: if real_time { OnFull::GiveUp } else { OnFull::WaitAtMost(RECORDED_WITHIN) },
                 recording: recording.clone(),
                 live: shared.live.clone(),
+                has_clock: real_time,
                 clock: self.place.clock,
             },
         };
@@ -157,7 +158,7 @@ impl Worker {
         let report = match done {
             Ok(result) => result.report,
             // whoever stopped it stopped it, even when that could not be written down
-            Err(lines) if self.shared.latch.is_stopped() || cause == Some(Cause::Cancelled) => {
+            Err(lines) if self.shared.is_stopped() || cause == Some(Cause::Cancelled) => {
                 let reason = format!("stopped; {}", lines.join("; "));
                 return ended(PlateTime::ZERO, JobState::Cancelled, reason, None);
             }
@@ -167,7 +168,7 @@ impl Worker {
         let state = match (report.outcome, &cause) {
             (Outcome::Completed, _) => JobState::Completed,
             (Outcome::Failed, _) | (_, Some(Cause::Watchdog(_))) => JobState::Failed,
-            (Outcome::Cancelled, _) if self.shared.latch.is_stopped() => JobState::Cancelled,
+            (Outcome::Cancelled, _) if self.shared.is_stopped() => JobState::Cancelled,
             (Outcome::Cancelled, Some(Cause::Cancelled)) => JobState::Cancelled,
             (Outcome::Cancelled, None) => JobState::Interrupted,
         };

@@ -17,6 +17,9 @@ pub struct Keeping {
     pub recording: RecordingSwitch,
     /// Where viewers see the run, with a recording or without.
     pub live: Option<LiveServer>,
+    /// True for a run that has a clock to keep up with: the threads that write let it go before them. Without a clock they
+    /// would only fall behind it.
+    pub has_clock: bool,
     /// When the threads that write have gathered long enough.
     pub clock: MonotonicClock,
 }
@@ -30,6 +33,7 @@ impl Keeping {
             on_full: OnFull::Wait,
             recording: RecordingSwitch::default(),
             live: None,
+            has_clock: false,
             clock,
         }
     }

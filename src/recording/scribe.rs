@@ -60,10 +60,11 @@ pub struct Scribe {
 }
 
 impl Scribe {
-    /// Starts the thread that writes to `out`; `watch` tells of it.
+    /// Starts the thread that writes to `out`, and lets others go before it where it `steps_back`; `watch` tells of it.
     pub fn start(
         mut out: impl Durable + Send + 'static,
         mode: ScribeMode,
+        steps_back: bool,
         clock: impl Clock + Send + 'static,
         watch: ScribeWatch,
     ) -> io::Result<Self> {
@@ -71,7 +72,9 @@ impl Scribe {
         let (report, done) = sync_channel(1);
         let told = watch.clone();
         thread::Builder::new().name("scribe".into()).spawn(move || {
-            step_back();
+            if steps_back {
+                step_back();
+            }
             let written = transcribe(&mut out, &waiting, &clock, &told).inspect_err(|fault| told.fail(fault));
             told.go_on();
             drop(out);
@@ -265,7 +268,8 @@ mod tests {
     #[test]
     fn all_lines_are_written_in_order_and_committed_at_the_end() {
         let disk = Disk::default();
-        let mut scribe = Scribe::start(disk.clone(), ScribeMode::Wait, StoppedClock, ScribeWatch::default()).unwrap();
+        let mut scribe =
+            Scribe::start(disk.clone(), ScribeMode::Wait, false, StoppedClock, ScribeWatch::default()).unwrap();
         let lines: String = (0..5000).map(|i| format!("line {i}\n")).collect();
         lines.split_inclusive('\n').for_each(|line| scribe.write_all(line.as_bytes()).unwrap());
         scribe.finish().unwrap();
@@ -278,7 +282,8 @@ mod tests {
     fn a_line_is_on_the_disk_soon_though_the_scribe_stays_open() {
         let disk = Disk::default();
         let mut scribe =
-            Scribe::start(disk.clone(), ScribeMode::Wait, MonotonicClock::new(), ScribeWatch::default()).unwrap();
+            Scribe::start(disk.clone(), ScribeMode::Wait, false, MonotonicClock::new(), ScribeWatch::default())
+                .unwrap();
         scribe.write_all(b"first\n").unwrap();
         wait_until(|| disk.told().contains(&Told::Committed));
         assert_eq!(disk.told(), [Told::Written("first\n".into()), Told::Committed]);
@@ -312,7 +317,8 @@ mod tests {
     fn a_disk_that_hangs_blocks_only_who_wants_to_wait() {
         let disk = Disk::default();
         let (gate, watch) = (disk.gate.lock().unwrap(), ScribeWatch::default());
-        let mut scribe = Scribe::start(disk.clone(), ScribeMode::GiveUp, MonotonicClock::new(), watch.clone()).unwrap();
+        let mut scribe =
+            Scribe::start(disk.clone(), ScribeMode::GiveUp, true, MonotonicClock::new(), watch.clone()).unwrap();
         let fault = (0..9 * QUEUE).find_map(|_| {
             thread::sleep(Duration::from_millis(u64::from(disk.told().is_empty()))); // lets the thread run into the gate
             scribe.write_all(b"x\n").err()
@@ -333,7 +339,7 @@ mod tests {
         for mode in [ScribeMode::Wait, ScribeMode::GiveUp] {
             let watch = ScribeWatch::default();
             let disk = Disk { room_bytes: Some(12), ..Disk::default() };
-            let mut scribe = Scribe::start(disk.clone(), mode, MonotonicClock::new(), watch.clone()).unwrap();
+            let mut scribe = Scribe::start(disk.clone(), mode, true, MonotonicClock::new(), watch.clone()).unwrap();
             scribe.write_all(b"line one\n").unwrap();
             wait_until(|| !disk.text().is_empty());
             assert_eq!((watch.fault(), scribe.write_all(b"line two\n").is_ok()), (None, true));
@@ -349,7 +355,7 @@ mod tests {
     #[test]
     fn a_full_disk_is_told_at_the_end_when_nothing_is_written_after_it() {
         let disk = Disk { room_bytes: Some(3), ..Disk::default() };
-        let mut scribe = Scribe::start(disk, ScribeMode::Wait, StoppedClock, ScribeWatch::default()).unwrap();
+        let mut scribe = Scribe::start(disk, ScribeMode::Wait, false, StoppedClock, ScribeWatch::default()).unwrap();
         scribe.write_all(b"line\n").unwrap();
         assert_eq!(scribe.finish().unwrap_err().kind(), ErrorKind::StorageFull);
     }

@@ -92,7 +92,9 @@ impl RunFolder {
 
     pub(super) fn journal(&self, keeping: &Keeping) -> Result<Scribe, RunError> {
         RoomyFile::create(&self.0.join("journal.jsonl"))
-            .and_then(|file| Scribe::start(file, keeping.scribe, keeping.clock, keeping.journal.clone()))
+            .and_then(|file| {
+                Scribe::start(file, keeping.scribe, keeping.has_clock, keeping.clock, keeping.journal.clone())
+            })
             .map_err(|error| self.write_error("journal.jsonl", &error))
     }
 

@@ -25,6 +25,9 @@ use crate::time::PlateTime;
 /// Messages that may wait for the recorder; at most so many frames are held.
 const QUEUE: usize = 32;
 
+/// The same where the run waits when there are more: half a second of plate time, so that no more is lost by a kill.
+const QUEUE_OF_WAITING: usize = 8;
+
 /// Time from one try to hand a message to a recorder that lags to the next.
 const SEND_AGAIN: Duration = Duration::from_millis(1);
 
@@ -172,22 +175,24 @@ impl RerunSink {
         context: RunContext,
         keeping: &Keeping,
     ) -> Result<Self, RecordingError> {
-        let Keeping { on_full, clock, .. } = *keeping;
+        let Keeping { on_full, clock, has_clock, .. } = *keeping;
+        let run_waits = on_full != OnFull::GiveUp;
         // without a file there is no recording that could fail or be stopped
         let is_kept = to.has_file();
         let switch = if is_kept { keeping.recording.clone() } else { RecordingSwitch::default() };
         let (file, path, live) = to.start(switch.clone())?;
-        let (queue, messages) = sync_channel(QUEUE);
+        let (queue, messages) = sync_channel(if run_waits { QUEUE_OF_WAITING } else { QUEUE });
         let (pixels_back, spare_pixels) = sync_channel(QUEUE);
         let (report, done) = sync_channel(1);
         let truth = context.truth.clone();
         let looks = Looks::new(context.parts.len());
-        let run_waits = on_full != OnFull::GiveUp;
         let desk = Desk { messages, pixels_back, clock, file, run_waits };
         thread::Builder::new()
             .name("recorder".into())
             .spawn(move || {
-                step_back();
+                if has_clock {
+                    step_back();
+                }
                 let recorded = Recorder::start(desk.file.clone(), context).and_then(|recorder| recorder.run(&desk));
                 report.send(close(&desk.file, recorded)).ok();
             })
@@ -261,7 +266,7 @@ impl Running {
         let mut sent = queue.try_send(message);
         while let Err(TrySendError::Full(message)) = sent {
             if waits == 0 {
-                self.switch.fail(format!("the recorder lags, {QUEUE} messages wait"));
+                self.switch.fail("the recorder lags");
                 self.queue = None;
                 return;
             }

@@ -189,7 +189,7 @@ fn a_disk_that_hangs_ends_the_recording_and_not_the_run() {
     let mut sink = RerunSink::into_destination(to, context(&run), &keeping).unwrap();
     run.draw();
     let hanging = gate.lock().unwrap();
-    let lagging = RecordingState::Failed("the recorder lags, 32 messages wait".into());
+    let lagging = RecordingState::Failed("the recorder lags".into());
     let frames = (1..=5000).find(|_| {
         run.look(&mut sink, false, true);
         keeping.recording.state() == lagging
