@@ -78,6 +78,14 @@ impl House {
         row.id
     }
 
+    /// Has the plate hold its parts in real time, and another job wait behind that: what the plate tells, and both jobs.
+    fn keep_busy(&self, plate: &Plate) -> (Receiver<Told>, [JobId; 2]) {
+        let told = listen(plate);
+        let jobs = [self.submit(plate, HOLD, JobPace::RealTime), self.submit(plate, TWO_COINS, JobPace::Max)];
+        next(&told, "look");
+        (told, jobs)
+    }
+
     fn row(&self, id: &JobId) -> JobRow {
         self.ledger.job(id).unwrap()
     }
@@ -136,10 +144,7 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     let house = House::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    let first = house.submit(plate, HOLD, JobPace::RealTime);
-    let second = house.submit(plate, TWO_COINS, JobPace::Max);
-    next(&told, "look");
+    let (told, [first, second]) = house.keep_busy(plate);
     let PlateSnapshot { state, recording, .. } = plate.snapshot();
     assert_eq!((state, recording), (PlateState::Running, Some(RecordingState::Off)));
     assert_eq!(plate.stop_times(), None);
@@ -173,10 +178,7 @@ fn a_run_that_ends_before_the_latch_knows_was_stopped_all_the_same() {
     let house = House::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    let first = house.submit(plate, HOLD, JobPace::RealTime);
-    let second = house.submit(plate, TWO_COINS, JobPace::Max);
-    next(&told, "look");
+    let (told, [first, second]) = house.keep_busy(plate);
     // what an emergency stop does first
     plate.shared.interlock.trip(Trip::EStop);
     plate.wake();
