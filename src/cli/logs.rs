@@ -4,8 +4,10 @@ use std::io::IsTerminal;
 use clap::ValueEnum;
 use tracing::level_filters::LevelFilter;
 use tracing::{Event, Level, Subscriber};
+use tracing_subscriber::filter::Targets;
 use tracing_subscriber::fmt::format::{Format, Writer};
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields, MakeWriter};
+use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::registry::LookupSpan;
 
 use super::args::Common;
@@ -58,14 +60,23 @@ where
 {
     let Setting { level, is_journal, is_terminal } = setting;
     let log = tracing_subscriber::fmt().with_writer(writer).with_max_level(level).with_ansi(is_terminal);
+    let wanted = wanted(level);
     match daemon {
-        None => Box::new(log.without_time().finish()),
-        Some(LogFormat::Json) => Box::new(log.json().flatten_event(true).with_current_span(false).finish()),
-        Some(LogFormat::Text) if is_journal => {
-            Box::new(log.event_format(ForJournal(Format::default().without_time())).finish())
+        None => Box::new(log.without_time().finish().with(wanted)),
+        Some(LogFormat::Json) => {
+            Box::new(log.json().flatten_event(true).with_current_span(false).finish().with(wanted))
         }
-        Some(LogFormat::Text) => Box::new(log.finish()),
+        Some(LogFormat::Text) if is_journal => {
+            Box::new(log.event_format(ForJournal(Format::default().without_time())).finish().with(wanted))
+        }
+        Some(LogFormat::Text) => Box::new(log.finish().with(wanted)),
     }
+}
+
+/// All up to `level`, but for what Rerun's server says of itself: its address is not the one that viewers go to.
+fn wanted(level: LevelFilter) -> Targets {
+    let of_server = if level == LevelFilter::INFO { LevelFilter::WARN } else { level };
+    Targets::new().with_default(level).with_target("re_grpc_server", of_server)
 }
 
 /// Each line begins with its level as a number in pointed brackets, as sd-daemon(3) has it.
@@ -117,6 +128,7 @@ mod tests {
         tracing::subscriber::with_default(subscriber, || {
             tracing::warn!(plate = "left", "deadline missed by {} frames", 2);
             tracing::debug!("not \"told\"");
+            tracing::info!(target: "re_grpc_server", "listening where nobody shall go");
         });
         String::from_utf8(page.0.lock().unwrap().clone()).unwrap()
     }
@@ -135,6 +147,7 @@ mod tests {
         assert_eq!(rest.trim_start(), "WARN upm::cli::logs::tests: deadline missed by 2 frames plate=\"left\"\n");
         let journal = logged(Some(LogFormat::Text), LevelFilter::DEBUG, true);
         let lines: Vec<&str> = journal.lines().collect();
+        assert_eq!(lines.len(), 3, "with more said the server is heard, too");
         assert!(lines[0].starts_with("<4> WARN ") && lines[1].starts_with("<7>DEBUG "), "{journal}");
     }
 
@@ -142,7 +155,7 @@ mod tests {
     fn each_line_is_a_json_object() {
         let text = logged(Some(LogFormat::Json), LevelFilter::DEBUG, true);
         let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-        assert_eq!(lines.len(), 2);
+        assert_eq!(lines.len(), 3);
         assert!(lines[0]["timestamp"].as_str().unwrap().parse::<jiff::Timestamp>().is_ok());
         let told = ["level", "message", "plate", "target"].map(|key| lines[0][key].as_str().unwrap());
         assert_eq!(told, ["WARN", "deadline missed by 2 frames", "left", "upm::cli::logs::tests"]);

@@ -195,15 +195,12 @@ impl Watch {
 /// The live stream of a plate, if there shall be one. A plate works without it, too.
 fn live(setup: &PlateSetup, around: &Surroundings) -> Option<LiveServer> {
     let history_bytes = around.live_history_bytes?;
-    let start = || {
-        step_back();
-        LiveServer::start(setup.live_port, history_bytes)
-    };
-    let started = thread::scope(|scope| scope.spawn(start).join());
-    let fault = match started {
-        Ok(Ok(live)) => return Some(live),
-        Ok(Err(fault)) => fault.to_string(),
-        Err(_) => "its thread died".to_owned(),
+    let fault = match LiveServer::start(setup.live_port, history_bytes) {
+        Ok(live) => {
+            tracing::info!(plate = setup.name, "live stream at {}", live.uri());
+            return Some(live);
+        }
+        Err(fault) => fault,
     };
     let port = setup.live_port.map_or_else(|| "any port".to_owned(), |port| format!("port {port}"));
     tracing::error!(plate = setup.name, "there is no live stream on {port}: {fault}");

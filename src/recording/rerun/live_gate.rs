@@ -4,6 +4,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
+use crate::priority::step_back;
+
 /// Viewers at a time.
 const MOST_VIEWERS: usize = 16;
 
@@ -41,7 +43,11 @@ impl Gate {
         let address = listener.local_addr()?;
         let hall = Arc::new(Mutex::new(Hall { server, viewers: 0, closed: false }));
         let of_door = Arc::clone(&hall);
-        thread::Builder::new().name("live-gate".into()).spawn(move || keep_door(&listener, &of_door))?;
+        thread::Builder::new().name("live-gate".into()).spawn(move || {
+            // those who pass things on are what this one is
+            step_back();
+            keep_door(&listener, &of_door);
+        })?;
         Ok(Self { address, hall })
     }
 
