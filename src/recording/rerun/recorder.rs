@@ -38,9 +38,9 @@ const GATHER: Duration = Duration::from_millis(500);
 const MOST_WAITING_BYTES: u64 = 16 << 20;
 
 /// What was logged is sent on into the file this often. Rerun's own rhythm fails beside large images: whenever one
-/// series is sent because it is large, all others have to wait for another [`GATHER`], and so on without end. Of a run
-/// that waits for its recorder no more than this is ever on its way; one that does not wait lets Rerun hold what a disk
-/// that hangs does not take.
+/// series is sent because it is large, all others have to wait for another [`GATHER`], and so on without end. With a
+/// run that waits for its recorder the recorder waits until it is there, so that nothing piles up on the way; with one that
+/// does not, Rerun holds what a disk that hangs does not take.
 const FLUSH: Duration = Duration::from_millis(200);
 
 /// How long the recorder waits for a message before it looks at the clock.

@@ -25,7 +25,7 @@ use crate::time::PlateTime;
 /// Messages that may wait for the recorder; at most so many frames are held.
 const QUEUE: usize = 32;
 
-/// The same where the run waits when there are more: half a second of plate time, so that no more is lost by a kill.
+/// The same where the run waits when there are more: a part of a second of plate time, so that a kill costs little.
 const QUEUE_OF_WAITING: usize = 8;
 
 /// Time from one try to hand a message to a recorder that lags to the next.
