@@ -217,7 +217,9 @@ class Asking(Half):
             rest = begin + sent / self.rate_hz - time.monotonic()
             if rest > 0:
                 await asyncio.sleep(rest)
-            task = asyncio.create_task(self.request(self.pick()))
+            kind = self.pick()
+            # chosen and taken in one step: a job that waits is cancelled by one request only
+            task = asyncio.create_task(self.request(kind, *self.what(kind)))
             asked.add(task)
             task.add_done_callback(asked.discard)
             sent += 1
@@ -229,10 +231,9 @@ class Asking(Half):
             kind = "cancel" if len(self.waiting) > MOST_WAITING else kind if self.waiting else "submit"
         return "list" if kind == "show" and not self.known else kind
 
-    async def request(self, kind):
+    async def request(self, kind, method, path, body):
         link = self.free.pop() if self.free else Link(self.address)
         try:
-            method, path, body = self.what(kind)
             answer = await asyncio.wait_for(link.ask(method, path, body), LONGEST_S)
         except (OSError, asyncio.IncompleteReadError, asyncio.TimeoutError) as fault:
             self.counts.faults[f"{kind}: {type(fault).__name__}"] += 1
