@@ -3,6 +3,7 @@ import contextlib
 import json
 import os
 import pathlib
+import re
 import signal
 import subprocess
 import sys
@@ -33,6 +34,7 @@ class Daemon:
         for plate in spec["plates"]:
             plate["rig"] = str(ROOT / "configs" / plate["rig"])
         spec["live"] = {"rerun": False}
+        spec["queue"] = 300
         if token:
             (self.folder / "token").write_text(token + "\n")
             (self.folder / "token").chmod(0o600)
@@ -54,10 +56,17 @@ class Daemon:
         self.listen = self.url.removeprefix("http://").rstrip("/")
 
     def ask(self, path, body=None):
+        return json.loads(self.read(path, body))
+
+    def read(self, path, body=None):
         headers = {"Content-Type": "application/json"} | ({"Authorization": f"Bearer {self.token}"} if self.token else {})
         data = json.dumps(body).encode() if body is not None else None
         with urllib.request.urlopen(urllib.request.Request(self.url.rstrip("/") + path, data, headers), timeout=10) as answer:
-            return json.load(answer)
+            return answer.read().decode()
+
+    def streams(self):
+        """Event streams that are open."""
+        return int(float(re.search(r"^upm_event_streams (\S+)$", self.read("/metrics"), re.MULTILINE)[1]))
 
     def jobs(self):
         return self.ask("/v1/jobs?limit=200")["jobs"]

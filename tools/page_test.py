@@ -19,54 +19,13 @@ import tempfile
 import time
 
 from own_venv import enter_venv
+from page_checks import Checks, card, fill_job, queue, state
 from page_daemon import BAD_JOB, ROOT, SLOW_JOB, Daemon
+from page_many import check_hidden_tab, check_long_queue, check_open_job, check_tabs
 from page_sight import BESIDE_JS, CLEARANCE_JS, CONTRAST_JS, PLACES_JS
 
 PACKAGES = ["playwright>=1.50,<2"]
 DESK, PHONE = {"width": 1366, "height": 900}, {"width": 390, "height": 844}
-
-
-class Checks:
-    def __init__(self, page, shots):
-        self.page, self.shots, self.bad, self.count = page, shots, 0, 0
-
-    def that(self, what, holds, found=""):
-        self.count += 1
-        self.bad += not holds
-        print(f"{'ok  ' if holds else 'FAIL'} {what}{f' ({found})' if found != '' else ''}", flush=True)
-
-    def soon(self, what, ask, within_s=5.0):
-        """Asks until the answer is true; says how long that took."""
-        began = time.monotonic()
-        while not (holds := bool(ask())) and time.monotonic() - began < within_s:
-            self.page.wait_for_timeout(50)
-        self.that(what, holds, f"{time.monotonic() - began:.2f} s")
-        return holds
-
-    def shot(self, name, full=False):
-        if self.shots:
-            if full:
-                self.page.evaluate("scrollTo({top: 0, behavior: 'instant'})")
-            self.page.screenshot(path=self.shots / f"{name}.png", full_page=full)
-
-
-def card(page, plate):
-    return page.locator(f'article[aria-label="Plate {plate}"]')
-
-
-def state(page, plate):
-    return card(page, plate).locator(".state").inner_text()
-
-
-def fill_job(page, text):
-    page.locator("#job-text").fill(text if isinstance(text, str) else json.dumps(text, indent=1))
-
-
-def queue(page, name=None):
-    """Queues what stands in the form and waits until it is said to be."""
-    page.wait_for_timeout(1600)
-    page.click("#order-send")
-    page.locator("#order-says.good").wait_for()
 
 
 def check_reach(checks, page, width):
@@ -92,6 +51,12 @@ def check_first_sight(checks, page, daemon):
     checks.that("the stop is large", box["width"] >= 150 and box["height"] >= 60, f"{box['width']:.0f} x {box['height']:.0f}")
     check_reach(checks, page, "desk")
     checks.shot("1-idle", full=True)
+
+
+def answer_aged(route, age_ms):
+    """Has a picture come that is so old."""
+    answer = route.fetch()
+    route.fulfill(response=answer, headers={**answer.headers, "upm-age-ms": str(age_ms)})
 
 
 def check_running(checks, page, daemon):
@@ -123,6 +88,11 @@ def check_running(checks, page, daemon):
     page.get_by_role("button", name="Camera frame").click()
     checks.soon("its camera frame can be seen", lambda: page.evaluate(
         "(document.querySelector('.watched img')?.naturalWidth ?? 0) > 100"), 10)
+    picture = page.locator(".watched figure")
+    page.route("**/frame.png", lambda route: answer_aged(route, 4000))
+    checks.soon("how old that is, the daemon tells", lambda: re.match(r"Seen [45]\.\d", picture.inner_text()), 10)
+    checks.that("and an old one is grey", picture.locator("img.stale").count() == 1)
+    page.unroute("**/frame.png")
     checks.soon("its events are listed", lambda: "running" in page.locator(".log").inner_text())
     row = page.locator(".rows li.open .state")
     checks.soon("its progress goes on in the list, too", lambda: re.fullmatch(r"running [1-9]\d* %", row.inner_text()))
@@ -133,11 +103,15 @@ def check_stale(checks, page, daemon):
     age = lambda: card(page, "upm-2").locator(".age").inner_text()
     page.evaluate("scrollTo({top: 0, behavior: 'instant'})")
     checks.soon("a plate that runs is live", lambda: age().startswith("Live"), 10)
-    daemon.tell(signal.SIGSTOP)
-    began = time.monotonic()
     grey = lambda: page.evaluate("""[...document.querySelectorAll('article.card .view')]
         .every((view) => getComputedStyle(view).filter.includes('grayscale'))""")
+    lists_grey = lambda: page.evaluate("""[...document.querySelectorAll('.rows, .queue')]
+        .every((list) => getComputedStyle(list).filter.includes('grayscale'))""")
+    checks.that("lists are in colour before", not lists_grey())
+    daemon.tell(signal.SIGSTOP)
+    began = time.monotonic()
     checks.soon("a silent daemon turns every plate grey within 2.5 s", grey, 2.5)
+    checks.soon("and the lists of jobs with them", lists_grey, 0.5)
     checks.that("and says so", age().startswith("Not live"), age())
     checks.that("states are called unknown", state(page, "upm-2").startswith("unknown"))
     first = age()
@@ -158,9 +132,7 @@ def check_faults(checks, page, daemon):
     page.click("#order-send")
     page.locator(".note").first.wait_for()
     lines = dict(page.evaluate("[...document.querySelectorAll('.note')].map((n) => [n.querySelector('code').textContent, n.dataset.line])"))
-    wanted = {"seed": "3", "parts[1].kind": "6", "colour": "8"}
-    checks.that("faults stand beside the lines they are about", all(lines.get(k, "") == v for k, v in wanted.items() if k in lines)
-                and "seed" in lines, lines)
+    checks.that("each fault stands beside the line it is about", lines == {"seed": "3", "colour": "8"}, lines)
     near = page.evaluate(BESIDE_JS, 3)
     checks.that("level with them", near < 4, f"{near:.0f} px")
     checks.that("nothing was queued", len(daemon.jobs()) == before)
@@ -173,6 +145,10 @@ def check_faults(checks, page, daemon):
     page.click("#order-send")
     checks.soon("text that is no JSON is marked where it breaks", lambda: page.evaluate(
         "[...document.querySelectorAll('.note')].map((n) => n.dataset.line).join()") == "3")
+    fill_job(page, BAD_JOB.replace('  "colour": 3,\n', "").replace('"seven"', "7"))
+    page.click("#order-send")
+    kind = page.locator('.note[data-line="6"] code')
+    checks.soon("so does one within a list", lambda: page.locator(".note").count() == 1 and kind.all_inner_texts() == ["parts[1].kind"])
 
 
 def check_queue(checks, page, daemon):
@@ -190,10 +166,17 @@ def check_queue(checks, page, daemon):
     checks.that("one press of cancel only asks", waiting.count() == 2)
     button.click()
     checks.soon("the second takes the job out of the queue", lambda: waiting.count() == 1)
-    running = daemon.plate("upm-2")["job"]
+    queue(page)
+    first = daemon.plate("upm-2")["job"]
     button = card(page, "upm-2").locator(".actions").get_by_role("button")
     button.last.click()
+    daemon.ask(f"/v1/jobs/{first}/cancel", {})
+    checks.soon("a press meant for one job is forgotten with it", lambda: daemon.plate("upm-2")["job"] not in (None, first)
+                and button.last.is_visible() and button.last.inner_text() == "Cancel job", 10)
+    running = daemon.plate("upm-2")["job"]
+    button.last.click()
     page.wait_for_timeout(600)
+    checks.that("so that the next job is only asked for", daemon.ask(f"/v1/jobs/{running}")["state"] == "running")
     button.last.click()
     ended = lambda: daemon.ask(f"/v1/jobs/{running}")["state"] == "cancelled"
     checks.soon("a running job can be cancelled", ended, 10)
@@ -229,6 +212,11 @@ def check_stop(checks, page, daemon):
         page.keyboard.press("Control+Alt+s")
         checks.soon(f"the key works from {where}", lambda: len(asked) == len(daemon.plates), 2)
         page.wait_for_timeout(300)
+    asked.clear()
+    page.evaluate("""document.querySelector('#job-text').dispatchEvent(new KeyboardEvent('keydown',
+        { code: 'KeyS', key: 'ś', modifierAltGraph: true, bubbles: true, cancelable: true }))""")
+    checks.soon("and where Ctrl+Alt is AltGr and makes a letter", lambda: len(asked) == len(daemon.plates), 2)
+    page.evaluate("document.querySelector('#job-text').dispatchEvent(new Event('keydown', { bubbles: true }))")
     stopped = [plate["state"] for plate in daemon.ask("/v1/plates")["plates"]]
     checks.that("every plate is stopped", set(stopped) == {"stopped"}, stopped)
     checks.soon("and shown so", lambda: all(state(page, name) == "stopped" for name in daemon.plates))
@@ -369,12 +357,13 @@ def main():
         chromium = stack.enter_context(sync_playwright()).chromium
         sandbox = ["--no-sandbox"] if os.geteuid() == 0 else []
         browser = stack.enter_context(contextlib.closing(chromium.launch(executable_path=args.chromium, args=sandbox)))
-        page = browser.new_page(viewport=DESK)
+        tabs = browser.new_context(viewport=DESK)
+        page = tabs.new_page()
         checks = Checks(page, args.shots)
         errors, outside = [], []
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("console", lambda said: errors.append(said.text) if "Content Security Policy" in said.text else None)
-        page.on("request", lambda asked: outside.append(asked.url) if not asked.url.startswith((daemon.url, "blob:")) else None)
+        tabs.on("weberror", lambda error: errors.append(str(error.error)))
+        tabs.on("console", lambda said: errors.append(said.text) if "Content Security Policy" in said.text else None)
+        tabs.on("request", lambda asked: outside.append(asked.url) if not asked.url.startswith((daemon.url, "blob:")) else None)
 
         daemon = Daemon(args.upm, folder())
         stack.callback(daemon.end)
@@ -382,6 +371,8 @@ def main():
                       check_restart, check_history]:
             check(checks, page, daemon)
         check_looks(checks, page)
+        for check in [check_open_job, check_hidden_tab, check_tabs, check_long_queue]:
+            check(checks, page, daemon)
         page.goto("about:blank")
         daemon = Daemon(args.upm, folder(), token="a-token-of-thirty-two-characters!")
         stack.callback(daemon.end)

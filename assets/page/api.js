@@ -5,8 +5,10 @@ const PATIENCE_MS = 5000;
 let token = recall();
 let asked = () => {};
 
-/** Requests that an emergency stop may cut off: a browser has few connections to one host. */
+/** Requests that an emergency stop may cut off, until their bodies end: a browser has few connections to one host. */
 const others = new Set();
+/** The tabs of a browser share those connections. */
+const tabs = new BroadcastChannel('upm');
 
 /** The daemon answered that it will not. */
 export class Problem extends Error {
@@ -48,26 +50,49 @@ export function whenAsked(ask) {
   asked = ask;
 }
 
-/** Cuts off everything but emergency stops, so that these get through at once. */
+/** Cuts off everything but emergency stops, in every tab, so that these get through at once. */
 export function makeWay() {
+  cutOthers();
+  tabs.postMessage('make way');
+}
+
+function cutOthers() {
   for (const control of others) control.abort();
 }
 
+tabs.addEventListener('message', cutOthers);
+
 /**
- * Sends a request and gives the response. Throws `Problem` or `NoAnswer`.
+ * Sends a request and gives what `take` makes of the response. Throws `Problem`, `NoAnswer` or what `take` throws.
  * `patience` is the time until the answer begins, ms; `signal` ends the request, its body, too.
  */
-export async function send(method, path, { body, headers = {}, patience = PATIENCE_MS, signal, urgent = false } = {}) {
+export async function send(method, path, { headers = {}, patience = PATIENCE_MS, signal, ...rest }, take) {
   const control = new AbortController();
   const stop = () => control.abort();
   signal?.addEventListener('abort', stop);
-  if (!urgent) others.add(control);
-  const timer = setTimeout(stop, patience);
-  const all = { ...headers };
-  if (token) all.Authorization = `Bearer ${token}`;
-  if (body !== undefined) all['Content-Type'] = 'application/json';
+  if (signal?.aborted) stop();
+  if (!rest.urgent) others.add(control);
+  let timer = setTimeout(stop, patience);
+  try {
+    const response = await answer(method, path, { ...rest, headers: { ...headers }, signal: control.signal });
+    clearTimeout(timer);
+    // bodies are short where no signal was given; they, too, must not take for ever
+    if (!signal) timer = setTimeout(stop, rest.urgent ? 2000 : PATIENCE_MS);
+    return await take(response);
+  } finally {
+    clearTimeout(timer);
+    // a body that `take` left unread would hold its connection
+    stop();
+    others.delete(control);
+    signal?.removeEventListener('abort', stop);
+  }
+}
+
+async function answer(method, path, { body, headers, signal, urgent = false }) {
+  if (token) headers.Authorization = `Bearer ${token}`;
+  if (body !== undefined) headers['Content-Type'] = 'application/json';
   const sentWith = token;
-  const asks = { method, headers: all, body, signal: control.signal, cache: 'no-store', redirect: 'error' };
+  const asks = { method, headers, body, signal, cache: 'no-store', redirect: 'error' };
   try {
     const response = await fetch(path, { ...asks, keepalive: urgent, priority: urgent ? 'high' : 'auto' });
     if (response.ok) return response;
@@ -77,25 +102,20 @@ export async function send(method, path, { body, headers = {}, patience = PATIEN
   } catch (error) {
     if (error instanceof Problem) throw error;
     throw new NoAnswer('no answer from the daemon');
-  } finally {
-    clearTimeout(timer);
-    others.delete(control);
-    if (!signal) stopWithBody(control, urgent);
   }
 }
 
-/** Bodies are short where no signal was given; they, too, must not take for ever. */
-function stopWithBody(control, urgent) {
-  setTimeout(() => control.abort(), urgent ? 2000 : PATIENCE_MS);
-}
-
-export async function json(method, path, options) {
-  const response = await send(method, path, options);
+/** A body once it has come in whole. */
+export async function whole(body) {
   try {
-    return await response.json();
+    return await body;
   } catch {
     throw new NoAnswer('the answer broke off');
   }
+}
+
+export function json(method, path, options = {}) {
+  return send(method, path, options, (response) => whole(response.json()));
 }
 
 /** A word that nobody else will make up. */

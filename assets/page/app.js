@@ -11,7 +11,9 @@ import { Order } from './submit.js';
 const PLATES_MS = 200;
 const READY_MS = 3000;
 const JOBS_MS = 10000;
-const MOST_WAITING = 200;
+/** Jobs asked for at once, and how often for those that wait: those that run next come last. */
+const AT_ONCE = 200;
+const MOST_PAGES = 10;
 
 const part = (id) => document.getElementById(id);
 const nap = (ms) => new Promise((done) => setTimeout(done, ms));
@@ -70,16 +72,31 @@ async function watchPlates() {
   }
 }
 
+/** Jobs in a state, the newest first; `all` when there are no others. */
+async function listed(state) {
+  const found = [];
+  let next = null;
+  for (let page = 0; page < MOST_PAGES; page += 1) {
+    const from = next ? `&cursor=${next}` : '';
+    const told = await json('GET', `/v1/jobs?state=${state}&limit=${AT_ONCE}${from}`);
+    found.push(...told.jobs);
+    next = told.next;
+    if (next === null) break;
+  }
+  return { found, all: next === null };
+}
+
 async function refreshJobs() {
-  askedForJobs = performance.now();
+  const asked = performance.now();
+  askedForJobs = asked;
   jobs.refresh();
   try {
-    const list = (state) => json('GET', `/v1/jobs?state=${state}&limit=${MOST_WAITING}`);
-    const [queued, running] = await Promise.all([list('queued'), list('running')]);
-    const inTurn = queued.jobs.reverse();
+    const [queued, running] = await Promise.all([listed('queued'), listed('running')]);
+    if (asked !== askedForJobs) return;
+    const inTurn = queued.found.reverse();
     for (const card of cards.values()) {
-      card.wait(inTurn, queued.next !== null);
-      running.jobs.forEach((job) => card.runs(job));
+      card.wait(inTurn, queued.all);
+      running.found.forEach((job) => card.runs(job));
     }
   } catch {
     // the plates' own answers tell whether the daemon is there

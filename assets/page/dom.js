@@ -46,6 +46,11 @@ export function speak(text) {
   document.getElementById('spoken').textContent = text;
 }
 
+/** Waits until the tab can be seen. */
+export async function inSight() {
+  if (document.hidden) await new Promise((seen) => document.addEventListener('visibilitychange', seen, { once: true }));
+}
+
 /** A button that does its work at the second press, so that a slip of the hand does nothing. */
 export function twice(text, sure, act) {
   let asked = 0;

@@ -34,6 +34,7 @@ class Stopping {
         if (this.ended) return this.tell('loud', 'NOT STOPPED – the daemon knows no such plate');
         const why = error instanceof NoAnswer ? 'no answer' : error.message;
         this.tell('loud', `NOT CONFIRMED after ${span(since(this.began))} – ${why}; trying again (${this.tries})`);
+        if (error instanceof NoAnswer) makeWay();
       }
       if (!this.ended) await nap(PAUSES_MS[Math.min(this.tries, PAUSES_MS.length) - 1]);
     }
@@ -76,8 +77,10 @@ export class Stops {
 
   /** Ctrl+Alt+S, whatever has the focus and whatever the layout has on that key. */
   key(event) {
-    const isS = event.code === 'KeyS' || event.key.toLowerCase() === 's';
-    if (!event.ctrlKey || !event.altKey || !isS) return;
+    const isS = event.code === 'KeyS' || event.key?.toLowerCase() === 's';
+    // Windows takes Ctrl+Alt for AltGr: where that makes a letter of the key, neither Ctrl nor Alt is told
+    const isAltGr = event.code === 'KeyS' && event.getModifierState?.('AltGraph');
+    if (!(event.ctrlKey && event.altKey && isS) && !isAltGr) return;
     event.preventDefault();
     event.stopImmediatePropagation();
     if (!event.repeat) this.all();

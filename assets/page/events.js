@@ -1,14 +1,18 @@
 // Server-sent events read by fetch: an EventSource sends no token.
 
 import { NoAnswer, Problem, ofJob, send } from './api.js';
+import { inSight } from './dom.js';
 
+const SHORTEST_PAUSE_MS = 500;
 const LONGEST_PAUSE_MS = 5000;
+/** After so long out of sight a tab holds no stream: the tabs of a browser share few connections. */
+const HIDDEN_MS = 5000;
 
-/** Reads one stream and calls `on(kind, body)`; gives the id of the last event that had one. */
+/** Reads one stream and calls `on(kind, body)`; `last.id` is that of the last event that had one and came whole. */
 async function read(response, last, on) {
   const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
   let text = '';
-  let event = { kind: 'message', data: [] };
+  let event = { kind: 'message', data: [], id: last.id };
   for (;;) {
     const { value, done } = await reader.read();
     if (done) return;
@@ -18,11 +22,33 @@ async function read(response, last, on) {
     for (const line of lines) {
       if (line === '') {
         if (event.data.length) on(event.kind, JSON.parse(event.data.join('\n')));
-        event = { kind: 'message', data: [] };
+        last.id = event.id;
+        event = { kind: 'message', data: [], id: last.id };
       } else if (line.startsWith('event: ')) event.kind = line.slice(7);
       else if (line.startsWith('data: ')) event.data.push(line.slice(6));
-      else if (line.startsWith('id: ')) last.id = line.slice(4);
+      else if (line.startsWith('id: ')) event.id = line.slice(4);
     }
+  }
+}
+
+/** Does `work(signal)`, which is told to end when `signal` ends or when the tab has been out of sight for a while. */
+async function whileSeen(signal, work) {
+  const control = new AbortController();
+  const end = () => control.abort();
+  let timer;
+  const look = () => {
+    clearTimeout(timer);
+    if (document.hidden) timer = setTimeout(end, HIDDEN_MS);
+  };
+  signal.addEventListener('abort', end);
+  document.addEventListener('visibilitychange', look);
+  look();
+  try {
+    await work(control.signal);
+  } finally {
+    clearTimeout(timer);
+    signal.removeEventListener('abort', end);
+    document.removeEventListener('visibilitychange', look);
   }
 }
 
@@ -30,17 +56,20 @@ async function read(response, last, on) {
 export async function watch(job, signal, on, broken) {
   const last = { id: '0' };
   let over = false;
-  let pause = 500;
+  let pause = SHORTEST_PAUSE_MS;
+  const hear = (kind, body) => {
+    pause = SHORTEST_PAUSE_MS;
+    over ||= kind === 'finished' || (kind === 'bye' && body.why === 'the job is over');
+    on(kind, body);
+  };
+  const take = (response) => {
+    broken('');
+    return read(response, last, hear);
+  };
   while (!over && !signal.aborted) {
     try {
       const headers = { 'Last-Event-ID': last.id };
-      const response = await send('GET', ofJob(job, '/events'), { headers, signal });
-      broken('');
-      await read(response, last, (kind, body) => {
-        pause = 500;
-        over ||= kind === 'finished' || (kind === 'bye' && body.why === 'the job is over');
-        on(kind, body);
-      });
+      await whileSeen(signal, (signal) => send('GET', ofJob(job, '/events'), { headers, signal }, take));
     } catch (error) {
       if (signal.aborted) return;
       if (error instanceof Problem && error.status === 404) return broken(error.message);
@@ -50,5 +79,6 @@ export async function watch(job, signal, on, broken) {
     if (over) return;
     await new Promise((done) => setTimeout(done, pause));
     pause = Math.min(pause * 2, LONGEST_PAUSE_MS);
+    await inSight();
   }
 }

@@ -1,6 +1,6 @@
 // Jobs, newest first, a page at a time; one of them may be open.
 
-import { hasToken, json, ofJob, send } from './api.js';
+import { hasToken, json, ofJob, send, whole } from './api.js';
 import { clock, span } from './age.js';
 import { el, hold, say, show, twice } from './dom.js';
 import { Watched } from './watch.js';
@@ -55,8 +55,9 @@ class Row {
     event.preventDefault();
     say(this.recording, 'Fetching');
     try {
-      const response = await send('GET', ofJob(this.job.id, '/recording'), { signal: new AbortController().signal });
-      const address = URL.createObjectURL(await response.blob());
+      const endless = { signal: new AbortController().signal };
+      const take = (response) => whole(response.blob());
+      const address = URL.createObjectURL(await send('GET', ofJob(this.job.id, '/recording'), endless, take));
       el('a', { href: address, download: `${this.job.name}.rrd` }).click();
       setTimeout(() => URL.revokeObjectURL(address), 60000);
     } catch (error) {
@@ -97,6 +98,7 @@ export class Jobs {
     this.cursors = [null];
     this.rows = new Map();
     this.opened = null;
+    this.turning = false;
     this.only.addEventListener('change', () => this.turn([null]));
     this.newer.addEventListener('click', () => this.turn(this.cursors.slice(0, -1)));
     this.older.addEventListener('click', () => this.turn([...this.cursors, this.next]));
@@ -108,6 +110,7 @@ export class Jobs {
 
   turn(cursors) {
     this.cursors = cursors.length ? cursors : [null];
+    this.turning = true;
     this.refresh();
   }
 
@@ -119,7 +122,9 @@ export class Jobs {
     const turn = (this.turnNumber = (this.turnNumber ?? 0) + 1);
     try {
       const page = await json('GET', `/v1/jobs?${query}`);
-      if (turn === this.turnNumber) this.lay(page);
+      if (turn !== this.turnNumber) return;
+      this.lay(page);
+      await this.askOpen(page);
     } catch (error) {
       this.tell(`This list may be old: ${error.message}`);
       this.list.classList.add('stale');
@@ -130,19 +135,35 @@ export class Jobs {
     this.next = next;
     this.list.classList.remove('stale');
     this.tell(jobs.length ? '' : this.only.value ? `No job is ${this.only.value}` : 'No jobs yet');
-    const kept = this.rows.get(this.opened);
-    const rows = new Map(jobs.map((job) => [job.id, this.rows.get(job.id) ?? new Row(job, this)]));
-    jobs.forEach((job) => rows.get(job.id).take(job));
-    if (kept && !rows.has(this.opened)) {
-      kept.close();
-      this.opened = null;
-    }
-    this.rows = rows;
-    hold(this.list, [...rows.values()].map((row) => row.root));
+    const rows = jobs.map((job) => this.rows.get(job.id) ?? new Row(job, this));
+    rows.forEach((row, i) => row.take(jobs[i]));
+    this.keepOpen(rows);
+    this.turning = false;
+    this.put(rows);
     show(this.newer.parentElement, this.cursors.length > 1 || next !== null);
     this.newer.disabled = this.cursors.length < 2;
     this.older.disabled = next === null;
     say(this.pageOf, `page ${this.cursors.length}`);
+  }
+
+  /** An open job that the page does not hold any more stays where it stands, until the page is turned. */
+  keepOpen(rows) {
+    const open = this.rows.get(this.opened);
+    if (!open || rows.includes(open)) return;
+    if (this.turning) this.toggle(this.opened);
+    else rows.splice([...this.rows.keys()].indexOf(this.opened), 0, open);
+  }
+
+  /** Asks for the open job itself where the page does not tell of it. */
+  async askOpen({ jobs }) {
+    const open = this.rows.get(this.opened);
+    if (!open || jobs.some((job) => job.id === open.job.id)) return;
+    open.take(await json('GET', ofJob(open.job.id)));
+  }
+
+  put(rows) {
+    this.rows = new Map(rows.map((row) => [row.job.id, row]));
+    hold(this.list, [...this.rows.values()].map((row) => row.root));
   }
 
   /** Opens a job, wherever in the list it is. */
@@ -162,8 +183,7 @@ export class Jobs {
   async bring(id) {
     try {
       const row = new Row(await json('GET', ofJob(id)), this);
-      this.rows = new Map([[id, row], ...this.rows]);
-      hold(this.list, [...this.rows.values()].map((row) => row.root));
+      this.put([row, ...this.rows.values()]);
     } catch (error) {
       this.tell(error.message);
     }

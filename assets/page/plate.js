@@ -36,7 +36,7 @@ export class PlateCard {
     this.facts = el('p', { class: 'facts' });
     this.says = el('p', { class: 'why', role: 'alert' });
     this.resume = el('button', { type: 'button', class: 'go', click: () => this.act('resume') }, 'Resume');
-    this.cancel = twice('Cancel job', 'Press again to cancel', () => this.cancelJob(this.plate.job));
+    this.cancel = this.cancelOf(null);
     this.actions = el('div', { class: 'actions' }, this.resume, this.cancel);
     this.reset = new ResetForm(this.name, () => this.refresh());
     const title = el('div', { class: 'card-title' }, el('h2', {}, this.name), this.state);
@@ -56,7 +56,7 @@ export class PlateCard {
     if (before && before.state !== plate.state) {
       speak(`${this.name} is ${plate.state}${plate.why ? `: ${plate.why}` : ''}`);
     }
-    if (plate.job !== before?.job) say(this.job, 'job');
+    if (plate.job !== before?.job) this.meet(plate.job);
     show(this.doing, plate.job !== null);
     this.bar.value = plate.progress;
     say(this.share, `${Math.floor(plate.progress * 100)} %`);
@@ -75,6 +75,14 @@ export class PlateCard {
     if (before && misses > before.deadline_misses) this.lateAt = moment();
     this.facts.classList.toggle('late', misses > 0 && this.lateAt !== undefined && since(this.lateAt) < LATE_S);
     this.tick();
+  }
+
+  /** Another job came on the plate: its name is learned later, and what was pressed was meant for the one before. */
+  meet(job) {
+    say(this.job, 'job');
+    const cancel = this.cancelOf(job);
+    this.cancel.replaceWith(cancel);
+    this.cancel = cancel;
   }
 
   /** A look at the plate that came between two answers. It is drawn, but nothing counts as younger for it. */
@@ -102,16 +110,16 @@ export class PlateCard {
     else say(this.age, `Live: seen ${span(age)} ago`);
   }
 
-  /** What waits for the plate, first come first. `more` when not all that wait were told. */
-  wait(jobs, more) {
-    const here = jobs.filter((job) => job.plate === this.name);
+  /** What waits for the plate, first come first. Which runs next is known only when `jobs` are `all` that wait. */
+  wait(jobs, all) {
+    const here = all ? jobs.filter((job) => job.plate === this.name) : [];
     const names = this.waiting ?? new Map();
     const rows = here.slice(0, QUEUE_SHOWN).map((job) => names.get(job.id) ?? this.waits(job));
     this.waiting = new Map(rows.map((row) => [row.dataset.job, row]));
-    const left = here.length - rows.length;
-    if (left > 0 || (more && here.length > 0)) {
+    const left = all ? here.length - rows.length : this.plate.queued;
+    if (left > 0) {
       this.rest ??= el('li', { class: 'more' });
-      say(this.rest, `and ${left}${more ? ' or more' : ''} behind them`);
+      say(this.rest, all ? `and ${left} behind them` : `${left} in all; too many wait to list them in turn`);
       rows.push(this.rest);
     }
     hold(this.queue, rows);
@@ -121,6 +129,10 @@ export class PlateCard {
   /** Learns the name of the job that runs. */
   runs(job) {
     if (job.id === this.plate?.job) say(this.job, job.name);
+  }
+
+  cancelOf(job) {
+    return twice('Cancel job', 'Press again to cancel', () => this.cancelJob(job));
   }
 
   waits(job) {

@@ -1,12 +1,13 @@
 // One job in full: its figures, what happened, its picture. There is one stream of events, that of the open job.
 
-import { send, ofJob } from './api.js';
-import { moment, since, span } from './age.js';
-import { el, say, show } from './dom.js';
+import { send, ofJob, whole } from './api.js';
+import { STALE_S, moment, since, span } from './age.js';
+import { el, inSight, say, show } from './dom.js';
 import { watch } from './events.js';
 
 const LINES = 200;
-const PICTURE_MS = 1000;
+/** A new picture comes before the one shown is stale. */
+const PICTURE_MS = 700;
 
 export class Watched {
   /** `look(job, look)` hears of every look at the parts; `changed()` when the job's state did. */
@@ -97,15 +98,15 @@ export class Watched {
 
   /** Shows the latest picture, and the next one while the job runs. */
   async look() {
+    await inSight();
     const asked = moment();
+    const take = async (response) => {
+      const told = Number(response.headers.get('Upm-Age-Ms')) / 1000;
+      this.put(await whole(response.blob()));
+      this.seen = { asked, told };
+    };
     try {
-      const response = await send('GET', ofJob(this.job.id, '/frame.png'), { signal: this.control.signal });
-      const address = URL.createObjectURL(await response.blob());
-      const before = this.picture.src;
-      this.picture.src = address;
-      if (before) URL.revokeObjectURL(before);
-      show(this.picture, true);
-      this.seen = asked;
+      await send('GET', ofJob(this.job.id, '/frame.png'), { signal: this.control.signal }, take);
     } catch (error) {
       if (this.control.signal.aborted) return;
       if (this.picture.hidden) say(this.pictureSays, error.message);
@@ -117,11 +118,18 @@ export class Watched {
     }
   }
 
+  put(picture) {
+    const before = this.picture.src;
+    this.picture.src = URL.createObjectURL(picture);
+    if (before) URL.revokeObjectURL(before);
+    show(this.picture, true);
+  }
+
   tick() {
     if (this.picture.hidden || !this.seen) return;
-    const age = since(this.seen);
-    this.picture.classList.toggle('stale', age > 3);
-    say(this.pictureSays, `As the daemon gave it ${span(age)} ago`);
+    const age = this.seen.told + since(this.seen.asked);
+    this.picture.classList.toggle('stale', age > STALE_S);
+    say(this.pictureSays, `Seen ${span(age)} ago`);
   }
 
   end() {

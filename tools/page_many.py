@@ -1,0 +1,88 @@
+"""Checks of the operator page with many jobs and with many tabs, for `page_test.py`."""
+from page_checks import card, state
+from page_daemon import SLOW_JOB
+
+# Most connections that Chromium has to one host, over all its tabs.
+CONNECTIONS = 6
+SIGHT_JS = """(hidden) => {
+  Object.defineProperty(document, 'hidden', { value: hidden, configurable: true });
+  document.dispatchEvent(new Event('visibilitychange'));
+}"""
+
+
+def give(daemon, name, plate="upm-2"):
+    return daemon.ask("/v1/jobs", {**SLOW_JOB, "name": name, "plate": plate})["id"]
+
+
+def told(tab):
+    """What the open job's list of events says, line by line."""
+    return tab.locator(".log li").all_inner_texts()
+
+
+def check_open_job(checks, page, daemon):
+    daemon.ask("/v1/plates/upm-2/reset", {"operator": "Ada", "reason": "for many jobs"})
+    for waiting in [job for job in daemon.jobs() if job["state"] == "queued" and job["plate"] == "upm-2"]:
+        daemon.ask(f"/v1/jobs/{waiting['id']}/cancel", {})
+    job = give(daemon, "early")
+    daemon.ask("/v1/plates/upm-2/resume", {})
+    checks.soon("a job runs", lambda: daemon.plate("upm-2")["job"] == job, 10)
+    for number in range(25):
+        give(daemon, f"late-{number}")
+    page.reload()
+    name = card(page, "upm-2").locator(".job-name", has_text="early")
+    name.wait_for()
+    name.click()
+    row = page.locator(f'.rows li.open[data-job="{job}"]')
+    checks.soon("it opens from its card though 25 newer jobs wait", lambda: row.locator(".log li").count() > 0)
+    for number in range(2):
+        with page.expect_response(lambda response: "/v1/jobs?limit=20" in response.url):
+            give(daemon, f"later-{number}")
+        top = page.locator(".rows .job-name", has_text=f"later-{number}")
+        checks.soon("the list goes on", lambda: top.count() == 1)
+        page.wait_for_timeout(300)
+        checks.that("and the job stays open in it", row.count() == 1 and row.locator(".watched").count() == 1)
+    checks.that("beside a whole page of others", page.locator(".rows > li").count() == 21)
+    checks.that("on top, where it was put", page.locator(".rows > li").first.get_attribute("data-job") == job)
+
+
+def check_hidden_tab(checks, page, daemon):
+    checks.soon("an open job is streamed", lambda: daemon.streams() == 1)
+    page.evaluate(SIGHT_JS, True)
+    checks.soon("a tab out of sight lets its stream go", lambda: daemon.streams() == 0, 8)
+    page.evaluate(SIGHT_JS, False)
+    checks.soon("and takes it up when it is seen again", lambda: daemon.streams() == 1, 2)
+    checks.soon("what was told before is not told again", lambda: len(told(page)) == len(set(told(page))) > 0, 1)
+
+
+def check_tabs(checks, page, daemon):
+    tabs = [page.context.new_page() for _ in range(CONNECTIONS - 1)]
+    for number, tab in enumerate(tabs):
+        tab.goto(daemon.url)
+        card(tab, "upm-2").locator(".job-name", has_text="early").click()
+        checks.soon(f"{number + 2} tabs watch the job", lambda: daemon.streams() == number + 2)
+    job = daemon.plate("upm-2")["job"]
+    page.wait_for_timeout(1000)
+    page.locator("#estop").click()
+    report = page.locator("#stop-report")
+    checks.soon("with a stream on every connection a stop is confirmed", lambda: report.locator(
+        "p.done").count() == len(daemon.plates), 3)
+    stopped = [plate["state"] for plate in daemon.ask("/v1/plates")["plates"]]
+    checks.that("by every plate", set(stopped) == {"stopped"}, stopped)
+    ended = daemon.ask(f"/v1/jobs/{job}")["state"]
+    for number, tab in enumerate([page, *tabs]):
+        checks.soon(f"tab {number + 1} is told how the job ended, once",
+                    lambda: sum(ended in line.split("\n")[-1] for line in told(tab)) == 1 and len(told(tab)) == len(set(told(tab))), 8)
+    for tab in tabs:
+        tab.close()
+    checks.soon("the page shows the plate as stopped", lambda: state(page, "upm-2") == "stopped")
+
+
+def check_long_queue(checks, page, daemon):
+    daemon.ask("/v1/plates/upm-2/reset", {"operator": "Ada", "reason": "for a long queue"})
+    first = [job for job in daemon.jobs() if job["state"] == "queued" and job["plate"] == "upm-2"][-1]
+    before = daemon.plate("upm-2")["queued"]
+    for number in range(220 - before):
+        give(daemon, f"many-more-{number}")
+    waits = card(page, "upm-2").locator(".queue li")
+    checks.soon("of a long queue the job that runs next is number 1", lambda: waits.first.get_attribute(
+        "data-job") == first["id"] and waits.last.inner_text() == "and 215 behind them", 15)
