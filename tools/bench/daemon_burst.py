@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """A thousand jobs submitted at once: each is accepted or refused with Retry-After, and all are accounted for.
 
-usage: daemon_burst.py [--jobs 1000] [--connections 200] [--queue 128] [--drain] [--upm target/release/upm]
+usage: daemon_burst.py [--jobs 1000] [--connections 1000] [--queue 128] [--drain] [--upm target/release/upm]
 
-Jobs go to three plates in turn, each with an idempotency key, over 200 connections at once. Afterwards the list of jobs
-is read page by page: it has every accepted job once, and no other. With --drain those that were refused come back when
-Retry-After says, until all are accepted, and all are run. Exit status 1 when a bar is missed.
+Jobs go to three plates in turn, each with an idempotency key and, unless fewer are asked for, over a connection of its
+own. Afterwards the list of jobs is read page by page: it has every accepted job once, and no other. With --drain those
+that were refused come back when Retry-After says, until all are accepted, and all are run. Exit status 1 when a bar is
+missed.
 """
 import asyncio
 import collections
@@ -100,7 +101,7 @@ def drain(bars, daemon, accepted, refused, connections):
 def main():
     parser = parser_of(__doc__)
     parser.add_argument("--jobs", type=int, default=1000)
-    parser.add_argument("--connections", type=int, default=200)
+    parser.add_argument("--connections", type=int, default=1000)
     parser.add_argument("--queue", type=int, default=128, help="places in the queue of each plate")
     parser.add_argument("--drain", action="store_true", help="come back until all are accepted and run")
     args = parser.parse_args()
