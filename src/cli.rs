@@ -24,6 +24,7 @@ mod jobs;
 mod lab;
 mod lab_table;
 mod locate;
+mod log_writer;
 mod logs;
 mod man;
 mod progress;
@@ -55,15 +56,17 @@ use failure::Failure;
 const NOT_REACHED: u8 = 1;
 /// Bad usage or a bad file.
 const BAD_INPUT: u8 = 2;
-/// Stopped by Ctrl-C.
+/// Ended by Ctrl-C.
 const INTERRUPTED: u8 = 130;
 
 /// Parses the command line and does what it says. Exit status: 0 done, 1 goal not reached, 2 bad usage or a bad
-/// file, 130 interrupted.
+/// file, 130 ended by Ctrl-C.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    logs::start(cli.common, cli.command.log());
-    match dispatch(cli) {
+    let last_words = logs::start(cli.common, cli.command.log());
+    let done = dispatch(cli);
+    drop(last_words);
+    match done {
         Ok(status) => ExitCode::from(status),
         Err(failure) => ExitCode::from(failure.complain()),
     }
@@ -80,7 +83,7 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Lab(args) => lab::lab(&args, common),
         Command::Replay(args) => replay::replay(&args),
         Command::Verify(args) => verify::verify(&args, common),
-        Command::Serve(args) => serve::serve(&args),
+        Command::Serve(args) => serve::serve(&args, common),
         Command::Check(args) => check::check(&args, common),
         Command::Schema(args) => check::schema(&args),
         Command::Client(command) => client::command(&command, common),

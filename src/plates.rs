@@ -26,7 +26,6 @@ mod validate;
 mod watchdog;
 mod worker;
 
-pub use crier::TapId;
 pub use frames::Picture;
 pub use latch::{Latch, Latches};
 pub use plate::{Caller, Plate};

@@ -17,6 +17,8 @@ mod simulate;
 #[cfg(test)]
 mod stop_tests;
 mod unwritten;
+#[cfg(test)]
+mod unwritten_tests;
 mod verify;
 
 use std::path::PathBuf;
@@ -70,7 +72,7 @@ pub struct RunResult {
     pub folder: PathBuf,
     /// What `report.json` says.
     pub report: Report,
-    /// What went wrong beside the run itself: a recording that is not whole.
+    /// What went wrong beside the run itself: a recording that is not whole, a report that was not written.
     pub warnings: Vec<String>,
 }
 
@@ -118,7 +120,8 @@ fn one_a_line(faults: &[LibraryFault]) -> String {
     faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
-/// Runs `job` to its end and writes a folder of its own. `watcher` is told everything, too; it changes nothing.
+/// Runs `job` to its end and writes a folder of its own. `watcher` is told everything, too; it changes nothing. `Err` when
+/// it cannot be run, and when something of it could not be written.
 pub fn run(
     job: &JobSpec,
     options: &RunOptions,
@@ -133,11 +136,13 @@ pub fn run(
     let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
     let (interlock, pacing) = (Interlock::default(), Arc::default());
     let links = Links { stop, interlock: &interlock, pacing: &pacing, cause: &|| None };
-    Session { job, library, folder, options, clock, links }.run(bench, watcher)
+    let Done { result, written } = Session { job, library, folder, options, clock, links }.run(bench, watcher)?;
+    written.map(|()| result)
 }
 
 /// Runs `job` with `library`, which fits its rig, to its end and writes `folder`; whoever holds `links` looks on and
-/// stops it. `options` say nothing of the folder here. When this returns the rig is gone and the interlock free.
+/// stops it. `options` say nothing of the folder here. When this returns the rig is gone and the interlock free. A run whose
+/// `report.json` alone could not be written is none the worse: the report is in the result, with a warning that says so.
 pub fn run_linked(
     job: &JobSpec,
     library: Arc<Library>,
@@ -150,12 +155,18 @@ pub fn run_linked(
     let session = Session { job, library, folder, options, clock, links };
     let checked = Recorder::check(&options.rerun).map_err(RunError::RerunMode);
     match checked.and_then(|()| Bench::new(job, &session.library).map_err(RunError::Job)) {
-        Ok(bench) => session.run(bench, watcher),
+        Ok(bench) => session.run(bench, watcher).map(|done| done.result),
         Err(error) => {
             session.leave_reason(None, &error);
             Err(error)
         }
     }
+}
+
+/// A run that came to its end, and whether its report is in the run folder.
+struct Done {
+    result: RunResult,
+    written: Result<(), RunError>,
 }
 
 /// One run of one job.
@@ -169,7 +180,7 @@ struct Session<'a> {
 }
 
 impl Session<'_> {
-    fn run(&self, mut bench: Bench, watcher: &mut dyn Sink) -> Result<RunResult, RunError> {
+    fn run(&self, mut bench: Bench, watcher: &mut dyn Sink) -> Result<Done, RunError> {
         let fitted = bench.rig.fit(self.links.interlock.clone()).map_err(RunError::Rig);
         let done = fitted.and_then(|()| self.run_into(&mut bench, watcher));
         if let Err(error) = &done {
@@ -187,7 +198,7 @@ impl Session<'_> {
     }
 
     /// Runs to the end and writes everything into the folder.
-    fn run_into(&self, bench: &mut Bench, watcher: &mut dyn Sink) -> Result<RunResult, RunError> {
+    fn run_into(&self, bench: &mut Bench, watcher: &mut dyn Sink) -> Result<Done, RunError> {
         let Self { job, library, folder, options, clock, links } = self;
         folder.write_effective(job, library)?;
         let started = clock.elapsed();
@@ -220,10 +231,12 @@ impl Session<'_> {
         if let Err(error) = &written {
             (ending.outcome, ending.reason) = (recording::Outcome::Failed, error.to_string());
         }
-        let report = Report { warnings: warnings.clone(), ..tally.report(ending) };
-        folder.write_report(&report)?;
+        let mut report = Report { warnings, ..tally.report(ending) };
+        let reported = folder.write_report(&report);
         written?;
-        Ok(RunResult { folder: folder.path().to_owned(), report, warnings })
+        report.warnings.extend(reported.as_ref().err().map(ToString::to_string));
+        let warnings = report.warnings.clone();
+        Ok(Done { result: RunResult { folder: folder.path().to_owned(), report, warnings }, written: reported })
     }
 
     /// Real time where it is wanted.

@@ -8,8 +8,8 @@ mod api;
 mod http;
 
 pub use api::{
-    AppParts, Asset, Desk, EStopped, Event, Feed, Job, JobState, JobsPage, JobsQuery, Opening, Order, Pace, Plate,
-    PlateState, Plates, Promise, Recording, RecordingState, Refusal, Replayed, Reply, Requests, ResetRequest,
+    AppParts, Asset, Desk, EStopped, Event, Feed, Job, JobState, JobsPage, JobsQuery, Opening, Order, Pace, Picture,
+    Plate, PlateState, Plates, Promise, Recording, RecordingState, Refusal, Replayed, Reply, Requests, ResetRequest,
     Submitted, Traffic, Well, app, kept, openapi, promise,
 };
 pub use http::{

@@ -34,7 +34,7 @@ mod writer;
 
 pub use handle::Store;
 pub use ids::JobId;
-pub use ledger::{Claimed, FINISHED, JobEnd, Ledger, NewEvent, Publish, StoredEvent};
+pub use ledger::{BY_THE_DAEMON, Claimed, FINISHED, JobEnd, Ledger, NewEvent, Publish, StoredEvent};
 pub use memory::MemoryLedger;
 pub use open::{Opened, RepairRecording};
 pub use peek::{PeekMost, Peeked, peek};

@@ -115,7 +115,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("rerun", &["src/recording"]),
     ("rusqlite", &["src/store"]),
     ("uuid", &["src/store", "src/service"]),
-    ("rustix", &["src/priority", "src/recording", "src/store", "src/plates"]),
+    ("rustix", &["src/priority", "src/recording", "src/store", "src/plates", "src/service", "src/daemon"]),
     ("tokio", &["src/service"]),
     ("axum", &["src/service"]),
     ("hyper", &["src/service"]),

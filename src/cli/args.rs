@@ -111,7 +111,7 @@ pub struct ServeArgs {
     /// Folder of job store and run folders in place of the file's
     #[arg(long, value_name = "DIR")]
     pub data: Option<PathBuf>,
-    /// Check everything that can be checked before a start, and start nothing
+    /// Check everything that can be checked before a start, and start nothing; status 1 when only an address is taken
     #[arg(long)]
     pub check: bool,
     /// The log on stderr: for people, or one JSON object a line
@@ -125,7 +125,7 @@ pub struct BundleArgs {
     /// Daemon file; one that has faults is no hindrance
     #[arg(long, value_name = "FILE.json", default_value = "configs/daemon.json")]
     pub config: PathBuf,
-    /// Data folder in place of the file's
+    /// Data folder in place of the file's, as the daemon was given it: /var/lib/upm with the shipped unit
     #[arg(long, value_name = "DIR")]
     pub data: Option<PathBuf>,
     /// Where the bundle goes [default: upm-support-TIME.tar]
@@ -274,7 +274,7 @@ pub struct RunFolderArgs {
                   camera. Everything told of it is predicted, not measured. Exit status 1 when it cannot be done."
 )]
 pub struct CheckArgs {
-    /// Files to validate: jobs, rigs, experiments, COR libraries, traces
+    /// Files to validate: jobs, rigs, daemons, experiments, COR libraries, traces
     #[arg(value_name = "FILE", required = true)]
     pub files: Vec<PathBuf>,
     /// Rig that libraries must have been measured on: those of another are refused
@@ -291,7 +291,7 @@ pub struct CheckArgs {
 /// `upm schema`.
 #[derive(Args, Debug)]
 pub struct SchemaArgs {
-    /// job, rig, simulate, library or trace
+    /// job, rig, simulate, library, trace or daemon
     #[arg(value_name = "NAME")]
     pub name: String,
 }

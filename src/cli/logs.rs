@@ -1,7 +1,11 @@
 use std::fmt;
+use std::fs::File;
 use std::io::IsTerminal;
+use std::os::fd::AsFd;
+use std::os::unix::fs::MetadataExt;
 
 use clap::ValueEnum;
+use tracing::dispatcher::{self, Dispatch};
 use tracing::level_filters::LevelFilter;
 use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::filter::Targets;
@@ -11,6 +15,7 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::registry::LookupSpan;
 
 use super::args::Common;
+use super::log_writer::{LastWords, LogWriter};
 
 /// How a daemon writes its log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -31,17 +36,46 @@ struct Setting {
 }
 
 /// Starts the log on stderr. `daemon` is how a daemon wants it, with times and one level more than the other commands,
-/// which run while somebody watches.
-pub(super) fn start(common: Common, daemon: Option<LogFormat>) {
+/// which run while somebody watches. A daemon's never waits for who reads it; what still waits at the end of the process is
+/// written when what this returns is dropped.
+pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<LastWords> {
+    let stream = std::env::var("JOURNAL_STREAM").ok();
     let setting = Setting {
         level: level(common, daemon.is_some()),
-        is_journal: std::env::var_os("JOURNAL_STREAM").is_some(),
+        is_journal: is_journal(stream.as_deref(), file_of_stderr()),
         is_terminal: std::io::stderr().is_terminal(),
     };
-    let started = tracing::subscriber::set_global_default(subscriber(daemon, setting, std::io::stderr));
-    if started.is_err() {
+    let (subscriber, last_words) = match daemon.and_then(|format| patient(format, setting)) {
+        Some((writer, last_words)) => (subscriber(daemon, setting, writer), Some(last_words)),
+        None => (subscriber(daemon, setting, std::io::stderr), None),
+    };
+    if tracing::subscriber::set_global_default(subscriber).is_err() {
         complain!("upm: the log was started before");
     }
+    last_words
+}
+
+/// What takes a daemon's lines. How many were lost is written past it, in the same form.
+fn patient(format: LogFormat, setting: Setting) -> Option<(LogWriter, LastWords)> {
+    let direct = Dispatch::new(subscriber(Some(format), setting, std::io::stderr));
+    let tell_lost =
+        move |lost| dispatcher::with_default(&direct, || tracing::warn!("{lost} lines of the log were lost"));
+    let started = LogWriter::start(std::io::stderr(), tell_lost);
+    started.map_err(|error| complain!("upm: no thread for the log: {error}")).ok()
+}
+
+/// Whether stderr goes to the journal: `stream` names its device and inode, as systemd.exec(5) has it. One that was sent
+/// elsewhere is not what the inherited name says.
+fn is_journal(stream: Option<&str>, stderr: Option<(u64, u64)>) -> bool {
+    let stderr = stderr.map(|(device, inode)| format!("{device}:{inode}"));
+    stream.is_some() && stream == stderr.as_deref()
+}
+
+/// Device and inode of stderr.
+fn file_of_stderr() -> Option<(u64, u64)> {
+    let stderr = std::io::stderr().as_fd().try_clone_to_owned().ok()?;
+    let meta = File::from(stderr).metadata().ok()?;
+    Some((meta.dev(), meta.ino()))
 }
 
 fn level(common: Common, is_daemon: bool) -> LevelFilter {
@@ -149,6 +183,16 @@ mod tests {
         let lines: Vec<&str> = journal.lines().collect();
         assert_eq!(lines.len(), 3, "with more said the server is heard, too");
         assert!(lines[0].starts_with("<4> WARN ") && lines[1].starts_with("<7>DEBUG "), "{journal}");
+    }
+
+    #[test]
+    fn the_journal_is_where_stderr_is_and_not_where_it_was() {
+        let stderr = Some((66, 12_345));
+        assert!(is_journal(Some("66:12345"), stderr));
+        for other in [None, Some(""), Some("66:1234"), Some("6:12345"), Some("66"), Some("66:12345:")] {
+            assert!(!is_journal(other, stderr), "{other:?}");
+        }
+        assert!(!is_journal(Some("66:12345"), None) && !is_journal(None, None));
     }
 
     #[test]

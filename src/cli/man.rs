@@ -11,12 +11,23 @@ use super::failure::Failure;
 
 const MANUAL: &str = "Universal planar manipulator";
 
-const EXIT_STATUS: [(&str, &str); 4] = [
+const EXIT_STATUS: [(&str, &str); 3] = [
     ("0", "Done."),
     ("1", "The job ran and did not reach its goal, or the command could not do its work."),
     ("2", "Bad usage or a bad file; one line a fault on stderr."),
-    ("130", "Interrupted: motors at zero, the run folder complete up to then."),
 ];
+
+/// What status 130 says of a command; `None` for those that do not look at Ctrl-C, and for the daemon, which ends in order.
+fn interrupted(command: &str) -> Option<&'static str> {
+    match command {
+        "upm" => Some("Ended by Ctrl-C."),
+        "run" => Some("Interrupted: motors at zero, the run folder complete up to then."),
+        "calibrate" => Some("Interrupted: no library was written."),
+        "verify" => Some("Interrupted: the run was not compared to its end."),
+        "submit" | "watch" => Some("No longer watching; the job goes on."),
+        _ => None,
+    }
+}
 
 /// Writes `upm.1` to stdout, or into a folder together with a page for every command, as packagers want them.
 pub(super) fn man(args: &ManArgs) -> Result<u8, Failure> {
@@ -47,19 +58,20 @@ fn pages() -> std::io::Result<Vec<(String, Vec<u8>)>> {
     let shown = command.get_subcommands().filter(|command| !command.is_hide_set()).cloned();
     let mut pages = Vec::new();
     for command in std::iter::once(command.clone()).chain(shown) {
+        let interrupted = interrupted(command.get_name());
         let man = Man::new(command).manual(MANUAL);
         let mut page = Vec::new();
         man.render(&mut page)?;
-        put_exit_status(&mut page)?;
+        put_exit_status(&mut page, interrupted)?;
         pages.push((man.get_filename(), page));
     }
     Ok(pages)
 }
 
-fn put_exit_status(page: &mut dyn Write) -> std::io::Result<()> {
+fn put_exit_status(page: &mut dyn Write, interrupted: Option<&'static str>) -> std::io::Result<()> {
     let mut roff = Roff::new();
     roff.control("SH", ["EXIT STATUS"]);
-    for (status, meaning) in EXIT_STATUS {
+    for (status, meaning) in EXIT_STATUS.into_iter().chain(interrupted.map(|meaning| ("130", meaning))) {
         roff.control("TP", []);
         roff.text([roman(status)]);
         roff.text([roman(meaning)]);
@@ -86,6 +98,26 @@ mod tests {
             let page = String::from_utf8(page.clone()).unwrap();
             assert!(page.contains(".TH upm") && page.contains(".SH \"EXIT STATUS\""), "{name}: {page}");
             assert!(!page.contains("Print the manual"), "{name} names what is hidden");
+        }
+    }
+
+    #[test]
+    fn each_page_says_what_an_interrupt_comes_to() {
+        let pages = pages().unwrap();
+        let page = |name: &str| {
+            let (_, page) = pages.iter().find(|(of, _)| of == name).unwrap();
+            String::from_utf8(page.clone()).unwrap()
+        };
+        for (name, meaning) in [
+            ("upm-run.1", "motors at zero"),
+            ("upm-submit.1", "the job goes on"),
+            ("upm-watch.1", "the job goes on"),
+            ("upm.1", "130"),
+        ] {
+            assert!(page(name).contains(meaning), "{name}");
+        }
+        for name in ["upm-serve.1", "upm-jobs.1"] {
+            assert!(!page(name).contains("130"), "{name}");
         }
     }
 }

@@ -1,12 +1,16 @@
 use std::io::ErrorKind;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::Duration;
 
 use jiff::Timestamp;
+use serde_json::{Value, json};
 
-use super::NOT_REACHED;
-use super::args::ServeArgs;
+use super::args::{Common, ServeArgs};
 use super::failure::Failure;
+use super::{NOT_REACHED, print_json};
 use crate::config::DaemonSpec;
 use crate::daemon::{Daemon, Ended, Notice, ServiceManager, StartFault, prepare};
 use crate::time::MonotonicClock;
@@ -16,15 +20,15 @@ const LONGEST_START: Duration = Duration::from_secs(600);
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-pub(super) fn serve(args: &ServeArgs) -> Result<u8, Failure> {
-    let spec = spec_of(args)?;
-    let prepared = prepare(&spec).map_err(Failure::faults)?;
+pub(super) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     if args.check {
-        say!("{}: daemon on {}, plates: {}", spec.file, spec.listen, spec.plate_names().join(", "))?;
-        return Ok(0);
+        return check(args, common);
     }
+    let spec = spec_of(args)?;
+    let mut prepared = prepare(&spec).map_err(Failure::faults)?;
     let manager = service_manager()?;
-    let stop = stop_signals();
+    let (stop, told_to_end) = stop_signals();
+    prepared.told_to_end = told_to_end;
     manager.extend(LONGEST_START);
     let names = spec.plate_names();
     let daemon = Daemon::start(spec, prepared, MonotonicClock::new(), Timestamp::now, VERSION);
@@ -33,6 +37,38 @@ pub(super) fn serve(args: &ServeArgs) -> Result<u8, Failure> {
     say!("http://{address}")?;
     tracing::info!(%address, plates = names.join(", "), "upm {VERSION} serves");
     Ok(status(&daemon.serve(&stop, &manager)))
+}
+
+/// Tells whether the daemon would start now, in the form in which `upm check` tells of files.
+fn check(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
+    let checked = checked(args);
+    if !common.json {
+        say!("{}: {}", args.config.display(), checked?)?;
+        return Ok(0);
+    }
+    print_json(&row(&args.config, &checked))?;
+    Ok(checked.map_or_else(|failure| failure.status, |_| 0))
+}
+
+fn row(file: &Path, checked: &Result<String, Failure>) -> Value {
+    json!({
+        "file": file,
+        "valid": checked.is_ok(),
+        "says": checked.as_ref().ok(),
+        "faults": checked.as_ref().err().map(|failure| &failure.lines),
+    })
+}
+
+/// A line about the daemon that would start.
+fn checked(args: &ServeArgs) -> Result<String, Failure> {
+    let spec = spec_of(args)?;
+    prepare(&spec).map_err(Failure::faults)?;
+    let refused = Daemon::refused_addresses(&spec);
+    if !refused.is_empty() {
+        let lines = refused.iter().map(ToString::to_string).collect();
+        return Err(Failure { status: NOT_REACHED, lines });
+    }
+    Ok(format!("daemon on {}, plates: {}", spec.listen, spec.plate_names().join(", ")))
 }
 
 /// The service manager that the environment tells of.
@@ -54,16 +90,19 @@ fn spec_of(args: &ServeArgs) -> Result<DaemonSpec, Failure> {
     Ok(spec)
 }
 
-/// A message for every signal that asks to end.
-fn stop_signals() -> Receiver<()> {
+/// A message for every signal that asks to end, and a flag that stays set from the first one on.
+fn stop_signals() -> (Receiver<()>, Arc<AtomicBool>) {
     let (sender, stop) = sync_channel(1);
+    let told = Arc::<AtomicBool>::default();
+    let flag = Arc::clone(&told);
     let handler = move || {
+        flag.store(true, Ordering::SeqCst);
         sender.try_send(()).ok();
     };
     if let Err(error) = ctrlc::set_handler(handler) {
         tracing::warn!("signals will not stop the daemon in order: {error}");
     }
-    stop
+    (stop, told)
 }
 
 fn start_failure(fault: StartFault) -> Failure {
@@ -84,4 +123,41 @@ fn status(ended: &Ended) -> u8 {
         tracing::error!(plates = plates_left.join(", "), "did not end in time");
     }
     if *in_order { 0 } else { NOT_REACHED }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::{SocketAddr, TcpListener};
+
+    use super::super::BAD_INPUT;
+    use super::super::logs::LogFormat;
+    use super::*;
+
+    fn args(config: &str, listen: SocketAddr) -> ServeArgs {
+        let config = Path::new(env!("CARGO_MANIFEST_DIR")).join(config);
+        ServeArgs { config, listen: Some(listen), data: None, check: true, log: LogFormat::Text }
+    }
+
+    #[test]
+    fn a_check_tells_of_the_file_and_of_an_address_that_another_has() {
+        let free = "127.0.0.1:0".parse().unwrap();
+        let good = args("configs/daemon.json", free);
+        let checked_good = checked(&good);
+        let told = row(&good.config, &checked_good);
+        assert_eq!((&told["valid"], &told["faults"]), (&json!(true), &Value::Null));
+        assert!(told["says"].as_str().unwrap().starts_with("daemon on 127.0.0.1:0, plates: upm-1, "), "{told}");
+
+        let other = TcpListener::bind(free).unwrap();
+        let taken = other.local_addr().unwrap();
+        let failure = checked(&args("configs/daemon.json", taken)).unwrap_err();
+        assert_eq!(failure.status, NOT_REACHED, "its files are right");
+        assert!(failure.lines[0].starts_with(&format!("{taken}: cannot be listened on: ")), "{failure:?}");
+
+        let bad = args("configs/plus-sign.json", free);
+        let checked_bad = checked(&bad);
+        let told = row(&bad.config, &checked_bad);
+        assert_eq!((&told["valid"], &told["says"]), (&json!(false), &Value::Null));
+        assert!(!told["faults"].as_array().unwrap().is_empty(), "{told}");
+        assert_eq!(checked_bad.unwrap_err().status, BAD_INPUT);
+    }
 }

@@ -28,7 +28,8 @@ pub struct DaemonSpec {
     pub queue: usize,
     /// How fast jobs run that do not say.
     pub pace: RawPace,
-    /// Names under which it is reached besides its address and localhost, in lower case, without a port.
+    /// Names under which it is reached besides its address and localhost, in lower case, without a port; addresses in the one
+    /// form in which they are compared, without brackets.
     pub hosts: Vec<String>,
     /// File of the token that may do everything.
     pub token_file: Option<PathBuf>,
@@ -226,7 +227,18 @@ fn hosts_of(raw: &[String], faults: &mut Faults) -> Vec<String> {
         let allowed = "a host name or IP address without a port, as lab.example.org";
         faults.demand(is_host(host), &at, shown(&Value::from(host.as_str())), allowed);
     }
-    raw.iter().map(|host| host.to_ascii_lowercase()).collect()
+    raw.iter().map(|host| canonical(host)).collect()
+}
+
+/// One of the many ways to write an address.
+fn canonical(host: &str) -> String {
+    address_of(host).map_or_else(|| host.to_ascii_lowercase(), |address| address.to_canonical().to_string())
+}
+
+/// The address, in brackets or without, that `host` is, if it is one.
+fn address_of(host: &str) -> Option<IpAddr> {
+    let bare = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host);
+    bare.parse().ok()
 }
 
 fn is_host(host: &str) -> bool {
@@ -234,8 +246,7 @@ fn is_host(host: &str) -> bool {
         let plain = label.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_');
         (1..=63).contains(&label.len()) && plain && !label.starts_with('-') && !label.ends_with('-')
     };
-    let bare = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host);
-    bare.parse::<IpAddr>().is_ok() || (host.len() <= 253 && host.split('.').all(label))
+    address_of(host).is_some() || (host.len() <= 253 && host.split('.').all(label))
 }
 
 /// A port has one owner.
@@ -284,4 +295,18 @@ fn watchdog_of(raw: &RawWatchdog) -> WatchdogSpec {
 
 fn megabytes(mb: f64) -> u64 {
     (mb * 1e6).round() as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hosts_are_in_the_form_that_requests_are_compared_in() {
+        let mut faults = Faults::of("daemon.json");
+        let raw = ["Lab.Example", "[fe80:0::1]", "FE80::00:2", "[::ffff:10.0.0.7]", "10.0.0.8"].map(str::to_owned);
+        let hosts = hosts_of(&raw, &mut faults);
+        assert_eq!(hosts, ["lab.example", "fe80::1", "fe80::2", "10.0.0.7", "10.0.0.8"]);
+        assert!(faults.into_result(Some(())).is_ok());
+    }
 }

@@ -82,7 +82,7 @@ pub struct RawServedPlate {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1, max = 4096))]
     pub library: Option<String>,
-    /// Port of its live stream on 127.0.0.1. Left out: any free one.
+    /// Port of its live stream on 127.0.0.1, which no token covers. Left out: any free one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1))]
     pub live_port: Option<u16>,
@@ -175,7 +175,8 @@ impl Default for RawWatchdog {
 }
 
 /// Live streams for the Rerun viewer, one for each plate. They ask nobody who they are, and so are on 127.0.0.1 alone and
-/// only while the daemon is, too.
+/// only while the daemon is, too. A token does not cover them: whoever has a program on this machine may look. Pages in a
+/// browser may not.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawLive {

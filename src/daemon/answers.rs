@@ -101,6 +101,14 @@ pub(super) fn event(stored: &StoredEvent) -> Event {
     Event::new(Some(stored.seq), &stored.kind, &stored.body)
 }
 
+/// What a fault of the store means to who only reads: that takes no room, so a full disk is no answer.
+pub(super) fn unread(fault: StoreFault) -> Refusal {
+    match fault {
+        StoreFault::Full => Refusal::Busy { why: fault.to_string(), retry_after_s: 1 },
+        fault => refusal(fault),
+    }
+}
+
 /// What a fault of the store means to who asked.
 pub(super) fn refusal(fault: StoreFault) -> Refusal {
     match fault {
@@ -110,5 +118,17 @@ pub(super) fn refusal(fault: StoreFault) -> Refusal {
             tracing::error!("{fault}");
             Refusal::Broken("the job store cannot be read or written".to_owned())
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_told_to_those_who_write() {
+        assert!(matches!(refusal(StoreFault::Full), Refusal::DiskFull(_)));
+        assert!(matches!(unread(StoreFault::Full), Refusal::Busy { retry_after_s: 1, .. }));
+        assert!(matches!(unread(StoreFault::Corrupt("a page".to_owned())), Refusal::Broken(_)));
     }
 }

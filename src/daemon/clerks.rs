@@ -1,4 +1,5 @@
 use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -35,7 +36,10 @@ fn work(tasks: &Mutex<Receiver<Task>>) {
     loop {
         let next = tasks.lock().unwrap_or_else(PoisonError::into_inner).recv();
         let Ok(task) = next else { return };
-        task();
+        // the reply it held went with it, so nobody waits; the tasks after it want this thread
+        if catch_unwind(AssertUnwindSafe(task)).is_err() {
+            tracing::error!("a task panicked");
+        }
     }
 }
 
@@ -45,6 +49,20 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
+
+    #[test]
+    fn a_task_that_panics_leaves_its_clerk_to_the_next() {
+        let clerks = Clerks::hire("clerk", 1, 2).unwrap();
+        let (reply, answered) = sync_channel::<u32>(1);
+        clerks.give(move || {
+            let _reply = reply;
+            panic!("as asked");
+        });
+        assert_eq!(answered.recv_timeout(Duration::from_secs(5)), Err(RecvTimeoutError::Disconnected));
+        let (reply, answered) = sync_channel::<u32>(1);
+        clerks.give(move || reply.send(1).unwrap());
+        assert_eq!(answered.recv_timeout(Duration::from_secs(5)), Ok(1));
+    }
 
     #[test]
     fn what_does_not_fit_is_dropped_and_the_rest_done() {

@@ -3,24 +3,24 @@ use std::io;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use bytes::Bytes;
 use serde_json::json;
 
 use super::clerks::Clerks;
+use super::observe::Damage;
 use super::wires::Wire;
 use super::{answers, files, health, metrics, page, stops, submit};
 use crate::config::DaemonSpec;
 use crate::plates::{self, Plates};
 use crate::service::{
-    Asset, Caller, Desk, EStopped, Feed, Job, JobsPage, JobsQuery, Opening, Order, Plate, Promise, Recording, Refusal,
-    Replayed, Reply, ResetRequest, Submitted, Traffic, kept, promise,
+    Asset, Caller, Desk, EStopped, Feed, Job, JobsPage, JobsQuery, Opening, Order, Picture, Plate, Promise, Recording,
+    Refusal, Replayed, Reply, ResetRequest, Submitted, Traffic, kept, promise,
 };
 use crate::store::{JobId, JobRow, JobState, Page, Store};
 use crate::time::MonotonicClock;
 
-/// Threads that check jobs, and the jobs that may wait for them.
+/// Threads that check jobs, and the jobs that may wait for them: one of every connection there can be.
 const CHECKERS: usize = 2;
-const CHECKS_WAITING: usize = 512;
+const CHECKS_WAITING: usize = 1280;
 /// Threads that see emergency stops through, which are done by then, and how many may wait for them.
 const STOP_CLERKS: usize = 2;
 const STOPS_WAITING: usize = 256;
@@ -29,7 +29,7 @@ const STOPS_WAITING: usize = 256;
 #[derive(Debug)]
 pub(super) struct FrontDesk {
     pub office: Arc<Office>,
-    checkers: Clerks,
+    checkers: Arc<Clerks>,
     stops: Clerks,
 }
 
@@ -48,8 +48,8 @@ pub(super) struct Office {
     counted: Mutex<Counted>,
     /// What the API is asked.
     pub traffic: Traffic,
-    /// What the store had come to when it was opened, as a sentence.
-    pub damage: Option<String>,
+    /// What the store had come to when it was opened.
+    pub damage: Damage,
     pub version: &'static str,
 }
 
@@ -82,9 +82,9 @@ impl FrontDesk {
             (plate.name().to_owned(), wire)
         });
         let (wires, ending, counted) = (wires.collect(), AtomicBool::new(false), Mutex::default());
-        let traffic = Traffic::default();
+        let (traffic, damage) = (Traffic::default(), Damage::found(damage));
         let office = Office { spec, store, plates, clock, ending, wires, counted, traffic, damage, version };
-        let checkers = Clerks::hire("check", CHECKERS, CHECKS_WAITING)?;
+        let checkers = Arc::new(Clerks::hire("check", CHECKERS, CHECKS_WAITING)?);
         Ok(Self { office: Arc::new(office), checkers, stops: Clerks::hire("stops", STOP_CLERKS, STOPS_WAITING)? })
     }
 
@@ -100,7 +100,7 @@ impl FrontDesk {
         self.office.store.job(&id, move |found| match found {
             Ok(Some(row)) => then(&office, row, reply),
             Ok(None) => reply.send(Err(no_job())),
-            Err(fault) => reply.send(Err(answers::refusal(fault))),
+            Err(fault) => reply.send(Err(answers::unread(fault))),
         });
     }
 }
@@ -108,6 +108,11 @@ impl FrontDesk {
 impl Office {
     pub fn plate(&self, name: &str) -> Result<&plates::Plate, Refusal> {
         self.plates.get(name).ok_or_else(|| Refusal::Unknown("there is no such plate".to_owned()))
+    }
+
+    /// All plates as they are now, with their queues as they were last seen.
+    fn all_shown(&self) -> crate::service::Plates {
+        crate::service::Plates { plates: self.plates.iter().map(|plate| self.shown(plate)).collect() }
     }
 
     /// A plate as it is now, with its queue as it was last seen.
@@ -157,8 +162,8 @@ impl Office {
 impl Desk for FrontDesk {
     fn submit(&self, order: Order) -> Promise<Submitted> {
         promise(|reply| {
-            let (office, asked) = (Arc::clone(&self.office), submit::Asked::now(order, self.office.clock));
-            self.checkers.give(move || submit::submit(&office, asked, reply));
+            let asked = submit::Asked::now(order, self.office.clock);
+            submit::submit(&self.office, &self.checkers, asked, reply);
         })
     }
 
@@ -171,7 +176,7 @@ impl Desk for FrontDesk {
         let page = Page { state: query.state.map(answers::asked_state), limit: query.limit, cursor };
         promise(|reply| {
             self.office.store.list(page, move |listed| {
-                let page = listed.map_err(answers::refusal).map(|page| JobsPage {
+                let page = listed.map_err(answers::unread).map(|page| JobsPage {
                     jobs: page.rows.iter().map(answers::job).collect(),
                     next: page.next.map(|id| id.to_string()),
                 });
@@ -186,11 +191,12 @@ impl Desk for FrontDesk {
 
     fn plates(&self) -> Promise<crate::service::Plates> {
         promise(|reply| {
-            self.office.count_queued(move |office| {
-                let plates = office.plates.iter().map(|plate| office.shown(plate)).collect();
-                reply.send(Ok(crate::service::Plates { plates }));
-            });
+            self.office.count_queued(move |office| reply.send(Ok(office.all_shown())));
         })
+    }
+
+    fn plates_as_counted(&self) -> crate::service::Plates {
+        self.office.all_shown()
     }
 
     fn estop(&self, plate: &str, caller: Caller) -> Promise<EStopped> {
@@ -239,7 +245,7 @@ impl Desk for FrontDesk {
                 // read again behind the wire: what was told between the first look and the wire is in the store by now
                 let again = Arc::clone(office);
                 office.store.job(&row.id, move |found| {
-                    let row = found.map_err(answers::refusal).and_then(|found| found.ok_or_else(no_job));
+                    let row = found.map_err(answers::unread).and_then(|found| found.ok_or_else(no_job));
                     reply.send(row.map(|row| again.opening(&row)));
                 });
             });
@@ -250,7 +256,7 @@ impl Desk for FrontDesk {
         let Some(id) = JobId::parse(id) else { return kept(Err(no_job())) };
         promise(|reply| {
             self.office.store.replay(&id, after, most, move |found| {
-                let found = found.map_err(answers::refusal).and_then(|found| found.ok_or_else(no_job));
+                let found = found.map_err(answers::unread).and_then(|found| found.ok_or_else(no_job));
                 reply.send(found.map(|replay| Replayed {
                     oldest: replay.oldest,
                     events: replay.events.iter().map(answers::event).collect(),
@@ -259,7 +265,7 @@ impl Desk for FrontDesk {
         })
     }
 
-    fn frame(&self, id: &str) -> Promise<Bytes> {
+    fn frame(&self, id: &str) -> Promise<Picture> {
         promise(|reply| {
             self.with_job(id, reply, |office, row, reply| reply.send(files::picture(&office.plates, &row)));
         })

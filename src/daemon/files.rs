@@ -5,15 +5,16 @@ use std::path::Path;
 use bytes::Bytes;
 
 use crate::plates::Plates;
-use crate::service::{Recording, Refusal};
+use crate::service::{Picture, Recording, Refusal};
 use crate::store::{JobRow, JobState, RecordingKept};
 
 /// The newest picture of a job that is on a plate.
-pub(super) fn picture(plates: &Plates, row: &JobRow) -> Result<Bytes, Refusal> {
+pub(super) fn picture(plates: &Plates, row: &JobRow) -> Result<Picture, Refusal> {
     let plate = plates.get(&row.plate).filter(|plate| plate.snapshot().job == Some(row.id));
     let plate = plate.ok_or_else(|| Refusal::Unknown("there are pictures of a job only while it runs".to_owned()))?;
     let none_yet = || Refusal::Busy { why: "there is no picture yet".to_owned(), retry_after_s: 1 };
-    plate.picture().map(|picture| Bytes::copy_from_slice(&picture.png)).ok_or_else(none_yet)
+    let (picture, age) = plate.picture().ok_or_else(none_yet)?;
+    Ok(Picture { png: Bytes::copy_from_slice(&picture.png), age })
 }
 
 /// The recording of a job that has ended, opened.
@@ -24,13 +25,17 @@ pub(super) fn recording(runs: &Path, row: &JobRow) -> Result<Recording, Refusal>
         (JobState::Running, _) => Err(Refusal::Conflict("the recording is still being written".to_owned())),
         (_, RecordingKept::None) => none("the job was not recorded"),
         (_, RecordingKept::Partial) => none("the recording was not closed and could not be repaired"),
-        (_, RecordingKept::Failed) => none("the recording could not be written"),
         (_, RecordingKept::Pruned) => none("the recording was deleted to make room"),
-        (_, RecordingKept::Whole | RecordingKept::Recovered | RecordingKept::Stopped) => open(runs, row),
+        // what was written before it failed may be there, closed
+        (_, RecordingKept::Failed) => open(runs, row, "the recording could not be written"),
+        (_, RecordingKept::Whole | RecordingKept::Recovered | RecordingKept::Stopped) => {
+            open(runs, row, "the recording is gone")
+        }
     }
 }
 
-fn open(runs: &Path, row: &JobRow) -> Result<Recording, Refusal> {
+/// The file, opened; `none` says why there is none.
+fn open(runs: &Path, row: &JobRow, none: &str) -> Result<Recording, Refusal> {
     let opened = || {
         let file = File::open(runs.join(row.folder.as_deref().unwrap_or_default()).join("run.rrd"))?;
         let bytes = file.metadata()?.len();
@@ -38,9 +43,50 @@ fn open(runs: &Path, row: &JobRow) -> Result<Recording, Refusal> {
     };
     opened().map_err(|error: std::io::Error| {
         if error.kind() == ErrorKind::NotFound {
-            return Refusal::Unknown("the recording is gone".to_owned());
+            return Refusal::Unknown(none.to_owned());
         }
         tracing::error!(job = %row.id, "the recording cannot be read: {error}");
         Refusal::Broken("the recording cannot be read".to_owned())
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{JobId, JobPace};
+
+    fn row(recording: RecordingKept) -> JobRow {
+        JobRow {
+            id: JobId::parse("019a0000000070008000000000000001").unwrap(),
+            name: "rest".to_owned(),
+            plate: "left".to_owned(),
+            state: JobState::Completed,
+            seed: 1,
+            pace: JobPace::Max,
+            rig_fingerprint: String::new(),
+            library_sha256: String::new(),
+            submitted_at: jiff::Timestamp::UNIX_EPOCH,
+            started_at: None,
+            finished_at: None,
+            progress: 1.0,
+            reason: String::new(),
+            report_json: None,
+            folder: Some("rest-1".to_owned()),
+            recording,
+            last_event: 1,
+        }
+    }
+
+    #[test]
+    fn what_there_is_of_a_recording_that_failed_is_served() {
+        let runs = tempfile::tempdir().unwrap();
+        let told = |kept| recording(runs.path(), &row(kept)).map(|found| found.bytes);
+        let gone = |why: &str| Err(Refusal::Unknown(why.to_owned()));
+        assert_eq!(told(RecordingKept::Failed), gone("the recording could not be written"));
+        assert_eq!(told(RecordingKept::Whole), gone("the recording is gone"));
+        std::fs::create_dir(runs.path().join("rest-1")).unwrap();
+        std::fs::write(runs.path().join("rest-1/run.rrd"), "RRF2").unwrap();
+        assert_eq!([told(RecordingKept::Failed), told(RecordingKept::Whole)], [Ok(4), Ok(4)]);
+        assert_eq!(told(RecordingKept::Pruned), gone("the recording was deleted to make room"));
+    }
 }

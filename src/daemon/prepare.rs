@@ -1,6 +1,9 @@
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use rustix::fs::{Access, access};
 
 use crate::config::{DaemonSpec, Fault, PlateSpec};
 use crate::library::{Library, LibraryFault};
@@ -10,9 +13,11 @@ use crate::service::{Scope, Tokens};
 /// Largest token file that is read, bytes.
 const LONGEST_TOKEN_FILE: u64 = 4096;
 
-/// What a daemon needs of the files that its configuration names.
+/// What a daemon needs for its start, most of it out of the files that its configuration names.
 #[derive(Debug)]
 pub struct Prepared {
+    /// True once it is to end. A start then repairs no more recordings: those are repaired the next time.
+    pub told_to_end: Arc<AtomicBool>,
     /// What the network must show.
     pub(super) tokens: Tokens,
     /// The library of each plate, in their order.
@@ -31,7 +36,20 @@ pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Fault>> {
         faults.push(fault(spec, "listen", spec.listen.to_string(), allowed));
     }
     faults.extend(data_fault(spec));
-    if faults.is_empty() { Ok(Prepared { tokens, libraries }) } else { Err(faults) }
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    if nobody_operates(spec) {
+        tracing::warn!(
+            "with a `read_token_file` alone nobody can submit, cancel, reset or resume: name a `token_file`"
+        );
+    }
+    Ok(Prepared { told_to_end: Arc::default(), tokens, libraries })
+}
+
+/// Once there is any token, what needs one that may operate is refused to all others.
+fn nobody_operates(spec: &DaemonSpec) -> bool {
+    spec.token_file.is_none() && spec.read_token_file.is_some()
 }
 
 fn fault(spec: &DaemonSpec, path: &str, found: String, allowed: &str) -> Fault {
@@ -84,11 +102,51 @@ fn library_of(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Fault>> {
     if faults.is_empty() { Ok(Arc::new(library)) } else { Err(told(faults)) }
 }
 
-/// The data folder is one, or can be made.
+/// The data folder is one that this process may write in, or can be made.
 fn data_fault(spec: &DaemonSpec) -> Option<Fault> {
     let there = spec.data.ancestors().find(|folder| folder.exists() || folder.as_os_str().is_empty())?;
     let there = if there.as_os_str().is_empty() { Path::new(".") } else { there };
-    let writable = fs::metadata(there).is_ok_and(|meta| meta.is_dir() && !meta.permissions().readonly());
+    let writable = there.is_dir() && access(there, Access::WRITE_OK | Access::EXEC_OK).is_ok();
     let found = spec.data.display().to_string();
     (!writable).then(|| fault(spec, "data", found, "a folder that can be written, or made"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shipped() -> DaemonSpec {
+        DaemonSpec::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/daemon.json")).unwrap()
+    }
+
+    #[test]
+    fn a_folder_that_only_others_may_write_in_is_none() {
+        let data = tempfile::tempdir().unwrap();
+        let fault_at = |data: &Path| {
+            let mut spec = shipped();
+            spec.data = data.to_owned();
+            data_fault(&spec)
+        };
+        assert_eq!(fault_at(&data.path().join("made/when/need/be")), None);
+        fs::write(data.path().join("file"), "").unwrap();
+        assert!(fault_at(&data.path().join("file/below")).is_some());
+        // root may write everywhere
+        if !rustix::process::geteuid().is_root() {
+            assert!(fault_at(Path::new("/usr/upm")).is_some());
+        }
+    }
+
+    #[test]
+    fn a_token_that_only_reads_leaves_nobody_who_operates() {
+        let with = |operate: bool, read: bool| {
+            let file = |is: bool| is.then(|| "token".into());
+            let mut spec = shipped();
+            (spec.token_file, spec.read_token_file) = (file(operate), file(read));
+            spec
+        };
+        assert!(nobody_operates(&with(false, true)));
+        for spec in [with(false, false), with(true, false), with(true, true)] {
+            assert!(!nobody_operates(&spec));
+        }
+    }
 }

@@ -1,8 +1,8 @@
 use std::io;
-use std::net::{SocketAddr, TcpListener};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
@@ -64,6 +64,14 @@ pub struct Daemon {
 }
 
 impl Daemon {
+    /// Why it could not listen now, on its own address or for a live stream; nothing when it could. Each address is taken
+    /// for a moment.
+    pub fn refused_addresses(spec: &DaemonSpec) -> Vec<StartFault> {
+        let ports = spec.plates.iter().filter_map(|plate| plate.live_port);
+        let live = ports.filter(|_| live_history_of(spec).is_some()).map(|port| (Ipv4Addr::LOCALHOST, port).into());
+        std::iter::once(spec.listen).chain(live).filter_map(|address| listener_at(address).err()).collect()
+    }
+
     /// Takes its port, opens the store, puts in order what the last daemon left and makes the plates. Requests wait until
     /// it serves. Nothing moves that a person must let move first.
     pub fn start(
@@ -74,8 +82,9 @@ impl Daemon {
         version: &'static str,
     ) -> Result<Self, StartFault> {
         // before anything is changed: a port in use is no end of the daemon that had the data before
-        let listener = TcpListener::bind(spec.listen).map_err(|error| StartFault::Listen(spec.listen, error))?;
+        let listener = listener_at(spec.listen)?;
         let at_store = |fault| StartFault::Store(spec.data.display().to_string(), fault);
+        let repair = |part: &Path, whole: &Path| repair_unless(&prepared.told_to_end, part, whole);
         let opened = Store::open(&spec.data, &spec.plate_names(), limits_of(&spec), now, &repair).map_err(at_store)?;
         let Opened { store, recovery } = opened;
         let store = Arc::new(store);
@@ -94,8 +103,7 @@ impl Daemon {
             record: true,
             watchdog: spec.watchdog,
             min_free_bytes: spec.min_free_bytes,
-            // a live stream asks nobody who they are
-            live_history_bytes: spec.live_history_bytes.filter(|_| spec.listen.ip().is_loopback()),
+            live_history_bytes: live_history_of(&spec),
         };
         let plates = Arc::new(Plates::start(setups.collect(), &around).map_err(StartFault::Plates)?);
         recovered::tell(&recovery);
@@ -120,9 +128,7 @@ impl Daemon {
         let answering = self.answer(flag);
         manager.ready(&format!("plates: {}", office.spec.plate_names().join(", ")));
         count_until(stop, &office, &answering);
-        tracing::info!("ending");
-        manager.stopping();
-        let ended = end(&office, &stopper, answering);
+        let ended = end(&office, &stopper, answering, manager);
         drop(alive);
         ended
     }
@@ -157,6 +163,8 @@ fn count_until(stop: &Receiver<()>, office: &Arc<Office>, answering: &JoinHandle
     let mut ticks = 0u32;
     while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
         office.count_queued(|_| {});
+        // whoever let the last plate go on has seen it, though nobody asked since
+        office.unseen_damage();
         if ticks.is_multiple_of(COUNT_EVERY) {
             office.count_jobs();
         }
@@ -165,9 +173,18 @@ fn count_until(stop: &Receiver<()>, office: &Arc<Office>, answering: &JoinHandle
 }
 
 /// Ends everything, each within its time: plates and requests beside each other, then the store.
-fn end(office: &Office, stopper: &StopSender, answering: JoinHandle<io::Result<Served>>) -> Ended {
+fn end(
+    office: &Office,
+    stopper: &StopSender,
+    answering: JoinHandle<io::Result<Served>>,
+    manager: &ServiceManager,
+) -> Ended {
     office.ending.store(true, Ordering::SeqCst);
     stopper.stop();
+    // motors to zero before anybody is told: who listens may take a while
+    office.plates.shutdown(Duration::ZERO);
+    tracing::info!("ending");
+    manager.stopping();
     let plates_left = office.plates.shutdown(PLATES_WITHIN);
     tracing::debug!("plates have ended");
     let served = answering.join().unwrap_or_else(|_| Err(io::Error::other("the server panicked")));
@@ -178,6 +195,16 @@ fn end(office: &Office, stopper: &StopSender, answering: JoinHandle<io::Result<S
     let in_order = office.store.close(STORE_WITHIN) && plates_left.is_empty();
     tracing::debug!(in_order, "the store is closed");
     Ended { plates_left, dropped: served.map_or(0, |served| served.dropped), in_order }
+}
+
+fn listener_at(address: SocketAddr) -> Result<TcpListener, StartFault> {
+    TcpListener::bind(address).map_err(|error| StartFault::Listen(address, error))
+}
+
+/// Bytes that a live stream keeps; `None` for no live streams. One asks nobody who they are, so where others reach the daemon
+/// there is none.
+fn live_history_of(spec: &DaemonSpec) -> Option<u64> {
+    spec.live_history_bytes.filter(|_| spec.listen.ip().is_loopback())
 }
 
 fn limits_of(spec: &DaemonSpec) -> store::Limits {
@@ -193,6 +220,14 @@ fn limits_of(spec: &DaemonSpec) -> store::Limits {
     }
 }
 
+/// Repairs a recording, but for a daemon that is to end: nobody waits for it until all are repaired.
+fn repair_unless(told_to_end: &AtomicBool, part: &Path, whole: &Path) -> Result<Mended, String> {
+    if told_to_end.load(Ordering::SeqCst) {
+        return Err("the daemon is ending; the next one tries again".to_owned());
+    }
+    repair(part, whole)
+}
+
 #[cfg(feature = "rerun")]
 fn repair(part: &Path, whole: &Path) -> Result<Mended, String> {
     let repaired = crate::recording::repair_recording(part, whole).map_err(|error| error.to_string())?;
@@ -202,4 +237,47 @@ fn repair(part: &Path, whole: &Path) -> Result<Mended, String> {
 #[cfg(not(feature = "rerun"))]
 fn repair(_: &Path, _: &Path) -> Result<Mended, String> {
     Err("this program was built without the feature `rerun`".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spec_at(listen: SocketAddr, live_port: u16) -> DaemonSpec {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/daemon.json");
+        let mut spec = DaemonSpec::load(&file).unwrap();
+        spec.listen = listen;
+        spec.plates[0].live_port = Some(live_port);
+        spec
+    }
+
+    #[test]
+    fn addresses_that_others_have_are_told() {
+        let taken = || TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let (first, second) = (taken(), taken());
+        let [listen, live] = [&first, &second].map(|listener| listener.local_addr().unwrap());
+        let refused = |spec: &DaemonSpec| -> Vec<SocketAddr> {
+            let address = |fault| match fault {
+                StartFault::Listen(address, error) if error.kind() == io::ErrorKind::AddrInUse => address,
+                other => panic!("{other}"),
+            };
+            Daemon::refused_addresses(spec).into_iter().map(address).collect()
+        };
+        let mut spec = spec_at(listen, live.port());
+        assert_eq!(refused(&spec), [listen, live]);
+        spec.live_history_bytes = None;
+        assert_eq!(refused(&spec), [listen]);
+        spec.listen.set_port(0);
+        assert!(refused(&spec).is_empty());
+    }
+
+    #[test]
+    fn a_daemon_that_is_to_end_repairs_nothing_more() {
+        let folder = tempfile::tempdir().unwrap();
+        let [part, whole] = ["run.rrd.part", "run.rrd"].map(|name| folder.path().join(name));
+        std::fs::write(&part, "what a crash left").unwrap();
+        let reason = repair_unless(&AtomicBool::new(true), &part, &whole).unwrap_err();
+        assert_eq!(reason, "the daemon is ending; the next one tries again");
+        assert!(part.exists() && !whole.exists());
+    }
 }

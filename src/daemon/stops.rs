@@ -63,8 +63,11 @@ pub(super) fn cancel(office: &Arc<Office>, id: &str, caller: &Caller, reply: Rep
             Ok(Cancelled::Not(row)) => {
                 let running = row.state == JobState::Running;
                 let told = running && then.plates.get(&row.plate).is_some_and(|plate| plate.cancel(&id));
-                let ended = || Refusal::Conflict(format!("the job has ended: {}", row.state.name()));
-                told.then(|| answers::job(&row)).ok_or_else(ended)
+                let too_late = || {
+                    let ended = format!("the job has ended: {}", row.state.name());
+                    Refusal::Conflict(if running { "the run of the job is over".to_owned() } else { ended })
+                };
+                told.then(|| answers::job(&row)).ok_or_else(too_late)
             }
         });
     });

@@ -105,6 +105,10 @@ impl Sink for Attend<'_> {
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
+        // before its last word control only warns; a journal that fails is told as an error, and ends it as well
+        if level != EventLevel::Warning {
+            self.shared.vitals.end();
+        }
         if level != EventLevel::Info {
             self.tell(News::warning(at, level, text));
         }

@@ -1,5 +1,5 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use super::shared::{Shared, locked};
@@ -20,42 +20,17 @@ pub(super) enum Item {
     End,
 }
 
-/// Name of a tap, to be taken away by.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TapId(u64);
-
 /// Everybody who watches a plate.
 #[derive(Default)]
-pub(super) struct Taps(Mutex<Tapped>);
-
-#[derive(Default)]
-struct Tapped {
-    /// How many there ever were.
-    added: u64,
-    taps: Vec<(TapId, Arc<dyn Tap>)>,
-}
+pub(super) struct Taps(Mutex<Vec<Arc<dyn Tap>>>);
 
 impl Taps {
-    pub fn add(&self, tap: Arc<dyn Tap>) -> TapId {
-        let mut tapped = self.tapped();
-        tapped.added += 1;
-        let id = TapId(tapped.added);
-        tapped.taps.push((id, tap));
-        id
-    }
-
-    pub fn remove(&self, id: TapId) {
-        self.tapped().taps.retain(|(each, _)| *each != id);
+    pub fn add(&self, tap: Arc<dyn Tap>) {
+        locked(&self.0).push(tap);
     }
 
     pub fn offer(&self, told: &Told) {
-        for (_, tap) in &self.tapped().taps {
-            tap.offer(told);
-        }
-    }
-
-    fn tapped(&self) -> MutexGuard<'_, Tapped> {
-        locked(&self.0)
+        locked(&self.0).iter().for_each(|tap| tap.offer(told));
     }
 }
 

@@ -7,21 +7,19 @@ use super::shared::{locked, locked_now};
 use super::watchdog::ms;
 use crate::geometry::Vec2;
 use crate::signal::Frame;
-use crate::time::PlateTime;
 
 /// How long a wish for pictures lasts, and the least time from one to the next.
 const WISH: Duration = Duration::from_secs(5);
 const APART: Duration = Duration::from_millis(500);
+
+/// A picture older than this is none: it would pass for how things are.
+const OLDEST: Duration = Duration::from_secs(2);
 
 /// A camera frame with what was seen in it drawn over, encoded once for everybody.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     /// The PNG file.
     pub png: Vec<u8>,
-    /// Number of the frame in its job.
-    pub index: u64,
-    /// Plate time of the frame.
-    pub at: PlateTime,
     /// When it was taken, by the daemon's clock.
     pub taken: Duration,
 }
@@ -63,10 +61,11 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// The newest picture; wishes for more.
+    /// The newest picture, unless it is too old; wishes for more.
     pub fn look(&self, now: Duration) -> Option<Arc<Picture>> {
         self.wanted_until_ms.store(ms(now + WISH), Ordering::Relaxed);
-        locked(&self.newest).clone()
+        let newest = locked(&self.newest).clone();
+        newest.filter(|picture| now.saturating_sub(picture.taken) <= OLDEST)
     }
 
     /// Takes a frame if one is wanted by now. Never waits; costs a copy of the frame when it takes it.
@@ -88,9 +87,8 @@ impl Window {
         if !std::mem::take(&mut raw.fresh) {
             return;
         }
-        let (index, at, taken) = (raw.frame.index, raw.frame.exposed_at, raw.taken);
         if let Some(png) = draw(&raw.frame, &raw.marks) {
-            *locked(&self.newest) = Some(Arc::new(Picture { png, index, at, taken }));
+            *locked(&self.newest) = Some(Arc::new(Picture { png, taken: raw.taken }));
         }
     }
 
@@ -103,6 +101,7 @@ impl Window {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::PlateTime;
 
     fn frame(index: u64) -> Frame {
         Frame {
@@ -134,10 +133,23 @@ mod tests {
         assert!(!give(1, 0), "nobody asked");
         assert_eq!(window.look(at(10)), None);
         assert!(give(2, 20) && !give(3, 40) && !give(4, 519), "one in half a second");
-        assert!(give(5, 520) && window.look(at(530)).unwrap().index == 5);
+        assert!(give(5, 520) && window.look(at(530)).unwrap().taken == at(520));
         assert!(give(6, 5529) && !give(7, 6100), "a wish ends");
         window.clear();
         assert_eq!(window.look(at(7000)), None);
+    }
+
+    #[test]
+    fn a_picture_that_is_too_old_is_none() {
+        let window = Window::default();
+        window.look(at(0));
+        window.offer(&frame(1), Vec::new, at(10));
+        window.develop();
+        assert!(window.look(at(2010)).is_some());
+        assert_eq!(window.look(at(2011)), None, "it is wished for anew");
+        window.offer(&frame(2), Vec::new, at(2100));
+        window.develop();
+        assert_eq!(window.look(at(2101)).unwrap().taken, at(2100));
     }
 
     #[test]

@@ -22,44 +22,78 @@ const AGAIN: Duration = Duration::from_millis(50);
 #[derive(Clone, Debug)]
 pub struct Latch(Arc<Cell>);
 
+/// A stop that was found to hold, and may be released unless another one comes before that.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Held(Word);
+
 #[derive(Debug)]
 struct Cell {
-    /// How often it has changed: odd when it is stopped.
-    changes: AtomicU64,
+    word: AtomicU64,
     /// The change that is on the disk.
     kept: AtomicU64,
+}
+
+/// The upper half says how often it was stopped, the lower one how often that, or a release, changed it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Word(u64);
+
+impl Word {
+    const ONE_STOP: u64 = 1 << 32;
+
+    fn changes(self) -> u64 {
+        self.0 % Self::ONE_STOP
+    }
+
+    fn is_stopped(self) -> bool {
+        self.changes() % 2 == 1
+    }
+
+    /// Stopped once more, which changes it unless it is.
+    fn stopped(self) -> Self {
+        Self(self.0.wrapping_add(Self::ONE_STOP + u64::from(!self.is_stopped())))
+    }
 }
 
 impl Latch {
     /// A latch as it was found.
     fn found(stopped: bool) -> Self {
         let changes = u64::from(stopped);
-        Self(Arc::new(Cell { changes: AtomicU64::new(changes), kept: AtomicU64::new(changes) }))
+        Self(Arc::new(Cell { word: AtomicU64::new(changes), kept: AtomicU64::new(changes) }))
     }
 
     /// Stops. True when it was not stopped before. Never waits.
     pub fn stop(&self) -> bool {
-        self.change(true)
+        let next = |word| Some(Word(word).stopped().0);
+        let before = self.0.word.fetch_update(Ordering::SeqCst, Ordering::SeqCst, next);
+        before.is_ok_and(|word| !Word(word).is_stopped())
     }
 
-    /// Releases. True when it was stopped before. Never waits.
-    pub fn release(&self) -> bool {
-        self.change(false)
+    /// The stop that holds, if one does.
+    pub fn held(&self) -> Option<Held> {
+        let word = self.0.word();
+        word.is_stopped().then_some(Held(word))
     }
 
-    fn change(&self, stop: bool) -> bool {
-        let next = |changes: u64| ((changes % 2 == 1) != stop).then_some(changes + 1);
-        self.0.changes.fetch_update(Ordering::SeqCst, Ordering::SeqCst, next).is_ok()
+    /// Releases that stop. False when it has been released, or somebody has stopped again, since it was found. Never
+    /// waits.
+    pub fn release(&self, Held(word): Held) -> bool {
+        self.0.word.compare_exchange(word.0, word.0 + 1, Ordering::SeqCst, Ordering::SeqCst).is_ok()
     }
 
     /// True while it is stopped.
     pub fn is_stopped(&self) -> bool {
-        self.0.changes.load(Ordering::SeqCst) % 2 == 1
+        self.0.word().is_stopped()
     }
 
     /// True when the disk says the same.
     pub fn is_kept(&self) -> bool {
-        self.0.kept.load(Ordering::SeqCst) == self.0.changes.load(Ordering::SeqCst)
+        self.0.kept.load(Ordering::SeqCst) == self.0.word().changes()
+    }
+}
+
+impl Cell {
+    fn word(&self) -> Word {
+        Word(self.word.load(Ordering::SeqCst))
     }
 }
 
@@ -117,9 +151,9 @@ fn keep(mut files: Vec<File>, latches: &[Latch], ending: &AtomicBool) {
     loop {
         let last = ending.load(Ordering::SeqCst);
         for (file, Latch(cell)) in files.iter_mut().zip(latches) {
-            let changes = cell.changes.load(Ordering::SeqCst);
-            if changes != cell.kept.load(Ordering::SeqCst) && write(file, changes % 2 == 1).is_ok() {
-                cell.kept.store(changes, Ordering::SeqCst);
+            let word = cell.word();
+            if word.changes() != cell.kept.load(Ordering::SeqCst) && write(file, word.is_stopped()).is_ok() {
+                cell.kept.store(word.changes(), Ordering::SeqCst);
             }
         }
         if last {
@@ -176,7 +210,8 @@ mod tests {
         }
         let latches = Latches::open(folder.path(), &plates).unwrap();
         assert_eq!(stopped(&latches), [false, true]);
-        assert!(latches.latches()[1].release());
+        let held = latches.latches()[1].held().unwrap();
+        assert!(latches.latches()[1].release(held));
         drop(latches);
         assert_eq!(stopped(&Latches::open(folder.path(), &plates).unwrap()), [false, false], "kept at the end");
     }
@@ -198,9 +233,24 @@ mod tests {
         for _ in 0..3 {
             latches.latches()[0].stop();
             kept(&latches);
-            latches.latches()[0].release();
+            let held = latches.latches()[0].held().unwrap();
+            latches.latches()[0].release(held);
             kept(&latches);
         }
         assert_eq!(fs::read(folder.path().join("one")).unwrap(), RELEASED);
+    }
+
+    #[test]
+    fn a_stop_that_comes_before_a_release_is_not_released_with_it() {
+        let latch = Latch::found(true);
+        let first = latch.held().unwrap();
+        assert!(!latch.stop(), "it is stopped already, and yet this is another stop");
+        assert!(latch.is_kept(), "the disk has nothing new to say");
+        assert!(!latch.release(first) && latch.is_stopped());
+        let second = latch.held().unwrap();
+        assert!(latch.release(second) && !latch.is_stopped() && !latch.is_kept());
+        assert!(!latch.release(second), "once");
+        assert_eq!(latch.held(), None);
+        assert!(latch.stop() && !latch.release(second) && latch.is_stopped());
     }
 }

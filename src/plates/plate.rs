@@ -3,8 +3,7 @@ use std::sync::atomic::Ordering;
 use std::thread::{JoinHandle, Thread};
 use std::time::Duration;
 
-use super::crier::TapId;
-use super::shared::{Cause, Shared};
+use super::shared::{Shared, locked};
 use super::told::{Tap, Told};
 use super::validate::validated;
 use super::{Picture, PlateSnapshot, ResetFault};
@@ -15,6 +14,9 @@ use crate::time::{Clock, MonotonicClock};
 
 /// How long an emergency stop that is waited for is given to reach the disk.
 const KEPT_WITHIN: Duration = Duration::from_millis(400);
+
+/// The act of stopping, as the audit log calls it.
+const ESTOP: &str = "estop";
 
 /// Who asks for something, as far as is known.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -48,8 +50,15 @@ impl Plate {
     /// Stops it: motors to zero, the job ends, and nothing moves until somebody resets it. Waits for nobody: not for
     /// the run, not for the store, not for the disk. True when it was not stopped before.
     pub fn estop(&self) -> bool {
-        self.shared.interlock.trip(Trip::EStop);
-        let changed = self.shared.latch.stop();
+        let mut changed = false;
+        // a reset under way may have taken back the trip before it could see the stop: then both once more
+        loop {
+            self.shared.interlock.trip(Trip::EStop);
+            changed |= self.shared.latch.stop();
+            if self.shared.interlock.tripped() == Some(Trip::EStop) {
+                break;
+            }
+        }
         self.shared.estops.fetch_add(changed.into(), Ordering::Relaxed);
         self.shared.stop.store(true, Ordering::SeqCst);
         self.keeper.unpark();
@@ -60,28 +69,37 @@ impl Plate {
     /// Writes down who stopped it, and waits a little for the stop to be on the disk. False when it is not by then:
     /// it holds all the same, and goes to the disk as soon as that takes it.
     pub fn account_for_estop(&self, who: Caller) -> bool {
-        self.audit("estop", who);
+        self.audit(ESTOP, who);
         let until = self.clock.elapsed() + KEPT_WITHIN;
-        while !self.shared.latch.is_kept() && self.clock.elapsed() < until {
+        let is_kept = || self.shared.latch.is_stopped() && self.shared.latch.is_kept();
+        while !is_kept() && self.clock.elapsed() < until {
             std::thread::sleep(Duration::from_millis(1));
         }
-        self.shared.latch.is_kept()
+        is_kept()
     }
 
-    /// Takes back an emergency stop. The plate is paused then: it starts nothing by this.
+    /// Takes back an emergency stop. The plate is paused then: it starts nothing by this. A stop that comes meanwhile
+    /// holds.
     pub fn reset(&self, who: Caller) -> Result<(), ResetFault> {
         let shared = &*self.shared;
-        if !shared.latch.is_stopped() {
+        // one reset at a time; a stop does not ask for this
+        let _alone = locked(&shared.resetting);
+        if !shared.is_stopped() {
             return Err(ResetFault::NotStopped);
         }
+        let held = shared.latch.held().ok_or(ResetFault::StillStopping)?;
         let tripped = shared.interlock.tripped() == Some(Trip::EStop);
         if shared.job().is_some() || (tripped && !shared.interlock.release(Trip::EStop)) {
             return Err(ResetFault::StillStopping);
         }
         shared.pause(Some("reset after an emergency stop".to_owned()));
-        self.audit("reset", who);
-        shared.latch.release();
+        if !shared.latch.release(held) {
+            // who stopped it again may have found the interlock tripped still
+            shared.interlock.trip(Trip::EStop);
+            return Err(ResetFault::StillStopping);
+        }
         self.keeper.unpark();
+        self.audit("reset", who);
         Ok(())
     }
 
@@ -116,9 +134,10 @@ impl Plate {
         self.worker.is_finished() && self.crier.is_finished()
     }
 
-    /// Tells the job on it to end; false when it has another one, or none.
+    /// Tells a job to end that the store has as running: it is on the plate, or about to come onto it. False when its
+    /// run is over.
     pub fn cancel(&self, id: &JobId) -> bool {
-        self.shared.end_run(Some(id), Cause::Cancelled)
+        self.shared.cancel(id)
     }
 
     /// Tells those who watch a job of this plate that it has ended, though not on the plate.
@@ -147,18 +166,16 @@ impl Plate {
     }
 
     /// From now on `tap` is told what happens on it.
-    pub fn subscribe(&self, tap: Arc<dyn Tap>) -> TapId {
-        self.shared.taps.add(tap)
+    pub fn subscribe(&self, tap: Arc<dyn Tap>) {
+        self.shared.taps.add(tap);
     }
 
-    /// That tap is told nothing more.
-    pub fn unsubscribe(&self, id: TapId) {
-        self.shared.taps.remove(id);
-    }
-
-    /// The newest picture of the job on it; wishes for newer ones.
-    pub fn picture(&self) -> Option<Arc<Picture>> {
-        self.shared.window.look(self.clock.elapsed())
+    /// The newest picture of the job on it and its age, unless it is too old to be shown; wishes for newer ones.
+    pub fn picture(&self) -> Option<(Arc<Picture>, Duration)> {
+        let now = self.clock.elapsed();
+        let picture = self.shared.window.look(now)?;
+        let age = now.saturating_sub(picture.taken);
+        Some((picture, age))
     }
 
     /// A job as it may be queued, or everything that is wrong with it.
@@ -166,9 +183,19 @@ impl Plate {
         validated(&self.shared, text, pace, key)
     }
 
+    /// Notes what was done to it: in the log at once, in the audit log as soon as the store takes it.
     fn audit(&self, act: &str, who: Caller) {
         let Caller { operator, reason, remote, token_name } = who;
-        let plate = Some(self.shared.name.clone());
-        self.shared.ledger.note_act(AuditEntry { plate, act: act.to_owned(), operator, reason, remote, token_name });
+        let plate = &self.shared.name;
+        if act == ESTOP {
+            tracing::warn!(plate, operator, reason, remote, token_name, "{act}");
+        } else {
+            tracing::info!(plate, operator, reason, remote, token_name, "{act}");
+        }
+        let entry =
+            AuditEntry { plate: Some(plate.clone()), act: act.to_owned(), operator, reason, remote, token_name };
+        if !self.shared.ledger.note_act(entry.clone()) {
+            tracing::error!("lost to the audit log, where too much waits: {entry:?}");
+        }
     }
 }

@@ -14,7 +14,7 @@ use crate::library::{Library, LibraryFault};
 use crate::recording::{LiveServer, RecordingSwitch, ScribeWatch};
 use crate::rig::{Interlock, Trip};
 use crate::run::{PacingStats, job_library};
-use crate::store::{JobId, Ledger};
+use crate::store::{BY_THE_DAEMON, JobId, Ledger};
 
 /// What a plate's thread and everybody outside share.
 #[derive(Debug)]
@@ -42,8 +42,20 @@ pub(super) struct Shared {
     pub live: Option<LiveServer>,
     /// Why the plate must not move until a person resumes it.
     paused: Mutex<Option<String>>,
-    running: Mutex<Option<Running>>,
+    /// Held by a reset from its begin to its end, and by nobody else.
+    pub resetting: Mutex<()>,
+    turn: Mutex<Turn>,
     seen: Mutex<Seen>,
+}
+
+/// Whose turn it is on the plate.
+#[derive(Debug, Default)]
+struct Turn {
+    running: Option<Running>,
+    /// The job before it.
+    last: Option<JobId>,
+    /// A job that was told to end before it came onto the plate.
+    unwanted: Option<JobId>,
 }
 
 /// The job on the plate.
@@ -98,7 +110,8 @@ impl Shared {
             estops: AtomicU64::new(0),
             live,
             paused: Mutex::new(paused),
-            running: Mutex::new(None),
+            resetting: Mutex::default(),
+            turn: Mutex::default(),
             seen: Mutex::default(),
         }
     }
@@ -158,25 +171,33 @@ impl Shared {
 
     /// The job on the plate.
     pub fn job(&self) -> Option<JobId> {
-        locked(&self.running).as_ref().map(|running| running.job)
+        locked(&self.turn).running.as_ref().map(|running| running.job)
     }
 
-    /// A job comes onto the plate.
+    /// A job comes onto the plate; to end at once when it was told to before.
     pub fn begins(&self, job: JobId, recording: RecordingSwitch, journal: ScribeWatch) {
         *locked(&self.seen) = Seen::default();
         self.vitals.clear();
         self.window.clear();
-        *locked(&self.running) = Some(Running { job, recording, journal, cause: None });
+        let mut turn = locked(&self.turn);
+        let cause = (turn.unwanted.take() == Some(job)).then_some(Cause::Cancelled);
+        if cause.is_some() {
+            self.stop.store(true, Ordering::SeqCst);
+        }
+        turn.running = Some(Running { job, recording, journal, cause });
     }
 
     /// The recording of the job on the plate.
     pub fn recording(&self) -> Option<RecordingSwitch> {
-        locked(&self.running).as_ref().map(|running| running.recording.clone())
+        locked(&self.turn).running.as_ref().map(|running| running.recording.clone())
     }
 
-    /// The journal of the job on the plate.
-    pub fn journal(&self) -> Option<ScribeWatch> {
-        locked(&self.running).as_ref().map(|running| running.journal.clone())
+    /// The job that is driven on the plate, and its journal: not one of which only recording, journal and report are
+    /// still to be written.
+    pub fn driven(&self) -> Option<(JobId, ScribeWatch)> {
+        let turn = locked(&self.turn);
+        let running = turn.running.as_ref().filter(|_| !self.vitals.is_over())?;
+        Some((running.job, running.journal.clone()))
     }
 
     /// Why the run on the plate was told to end, for its journal and its report.
@@ -185,9 +206,9 @@ impl Shared {
             return Some("emergency stop".to_owned());
         }
         if self.ending.load(Ordering::SeqCst) {
-            return Some("the daemon ended".to_owned());
+            return Some(BY_THE_DAEMON.to_owned());
         }
-        match locked(&self.running).as_ref()?.cause.as_ref()? {
+        match locked(&self.turn).running.as_ref()?.cause.as_ref()? {
             Cause::Cancelled => Some("cancelled by request".to_owned()),
             Cause::Watchdog(why) => Some(why.clone()),
         }
@@ -195,24 +216,44 @@ impl Shared {
 
     /// The job on the plate is over; why it was told to end, if it was.
     pub fn ends(&self) -> Option<Cause> {
-        locked(&self.running).take().and_then(|running| running.cause)
+        let mut turn = locked(&self.turn);
+        let running = turn.running.take()?;
+        turn.last = Some(running.job);
+        running.cause
     }
 
-    /// Tells the run of `job` (any, if `None`) to end. False when it is not on the plate.
-    pub fn end_run(&self, job: Option<&JobId>, cause: Cause) -> bool {
-        let mut running = locked(&self.running);
-        match running.as_mut() {
-            Some(running) if job.is_none_or(|job| *job == running.job) => {
-                running.cause.get_or_insert(cause);
+    /// Tells `job`, which the store has as running, to end: now, or as soon as it comes onto the plate. False when its
+    /// run is over.
+    pub fn cancel(&self, job: &JobId) -> bool {
+        let Turn { running, last, unwanted } = &mut *locked(&self.turn);
+        match running {
+            Some(running) if running.job == *job => {
+                running.cause.get_or_insert(Cause::Cancelled);
                 self.stop.store(true, Ordering::SeqCst);
+                true
+            }
+            None if *last != Some(*job) => {
+                *unwanted = Some(*job);
                 true
             }
             _ => false,
         }
     }
 
+    /// Stops `job` because something is wrong with it, as long as it is driven on the plate: what is seen of it later
+    /// is no fault of the next one, nor of a plate at rest.
+    pub fn bark(&self, job: &JobId, why: String) {
+        let mut turn = locked(&self.turn);
+        let driven = turn.running.as_mut().filter(|running| running.job == *job && !self.vitals.is_over());
+        if let Some(running) = driven {
+            running.cause.get_or_insert(Cause::Watchdog(why));
+            self.stop.store(true, Ordering::SeqCst);
+            self.interlock.trip(Trip::Watchdog);
+        }
+    }
+
     pub fn snapshot(&self, now: Duration) -> PlateSnapshot {
-        let (paused, running) = (self.paused(), locked(&self.running).clone());
+        let (paused, running) = (self.paused(), locked(&self.turn).running.clone());
         let job = running.as_ref().map(|running| running.job);
         let Seen { sight, at } = locked(&self.seen).clone();
         let (state, why) = match (self.is_stopped(), paused, job) {

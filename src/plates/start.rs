@@ -11,7 +11,7 @@ use super::crier::{Item, cry};
 use super::disk::{Disk, DiskGuard, Rates};
 use super::latch::Latches;
 use super::plate::Plate;
-use super::shared::{Cause, Shared};
+use super::shared::Shared;
 use super::watchdog::{TICK, Watchdog, ms};
 use super::worker::{Place, Worker};
 use crate::config::{RigSpec, WatchdogSpec};
@@ -175,14 +175,13 @@ impl Watch {
             plates.into_iter().map(|shared| (shared, Watchdog::new(spec))).collect();
         while !watched.iter().all(|(shared, _)| shared.ending.load(Ordering::SeqCst)) {
             for (shared, dog) in &mut watched {
-                let Some(journal) = shared.journal() else {
+                let Some((job, journal)) = shared.driven() else {
                     dog.rest();
                     continue;
                 };
                 if let Some(why) = dog.look(clock.elapsed(), &shared.vitals, shared.deadlines(), journal.waits_since())
                 {
-                    shared.end_run(None, Cause::Watchdog(why));
-                    shared.interlock.trip(Trip::Watchdog);
+                    shared.bark(&job, why);
                 }
             }
             disk.heed(clock.elapsed());

@@ -1,3 +1,5 @@
+mod stops;
+
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -262,7 +264,8 @@ fn pictures_are_made_for_those_who_look() {
     house.submit(plate, HOLD, JobPace::RealTime);
     next(&told, "look");
     let picture = loop {
-        if let Some(picture) = plate.picture() {
+        if let Some((picture, age)) = plate.picture() {
+            assert!(age <= Duration::from_secs(3), "{age:?}");
             break picture;
         }
         std::thread::sleep(Duration::from_millis(5));

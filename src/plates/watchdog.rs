@@ -26,6 +26,8 @@ pub(super) struct Vitals {
     untold_ms: AtomicU64,
     /// True from a frame that a plan starts from until the next one.
     planning: AtomicBool,
+    /// True from control's last word on.
+    over: AtomicBool,
 }
 
 impl Vitals {
@@ -34,6 +36,17 @@ impl Vitals {
         for each in [&self.frame_ms, &self.plate_ms, &self.seen_ms, &self.untold_ms] {
             each.store(0, Ordering::Relaxed);
         }
+        self.over.store(false, Ordering::Release);
+    }
+
+    /// Control has said its last word: the plate rests, however long it takes to write down what there was.
+    pub fn end(&self) {
+        self.over.store(true, Ordering::Release);
+    }
+
+    /// True once it has.
+    pub fn is_over(&self) -> bool {
+        self.over.load(Ordering::Acquire)
     }
 
     /// A frame came, one that a plan starts from or another.
@@ -44,6 +57,7 @@ impl Vitals {
             self.seen_ms.store(plate_ms, Ordering::Relaxed);
         }
         self.planning.store(starts_cycle, Ordering::Relaxed);
+        self.over.store(false, Ordering::Release);
         self.frame_ms.store(ms(now).max(1), Ordering::Relaxed);
     }
 
@@ -232,6 +246,19 @@ mod tests {
         };
         let found = first_found(&mut dog, 1000, 19_000, plans, |_| REAL_TIME);
         assert_eq!(found, Some((11_610, "no plan came for 5.0 s".into())));
+    }
+
+    #[test]
+    fn a_run_is_over_with_its_last_word_unless_frames_come_after_it() {
+        let vitals = Vitals::default();
+        assert!(!vitals.is_over());
+        vitals.end();
+        assert!(vitals.is_over());
+        vitals.frame(at(10), PlateTime::ZERO, true, false);
+        assert!(!vitals.is_over());
+        vitals.end();
+        vitals.clear();
+        assert!(!vitals.is_over(), "the next one begins");
     }
 
     #[test]

@@ -17,7 +17,7 @@ use crate::control::EventLevel;
 use crate::priority::go_first;
 use crate::recording::{Keeping, OnFull, Outcome, RecordingState, RecordingSwitch, RerunMode, ScribeMode, ScribeWatch};
 use crate::rig::Trip;
-use crate::run::{Links, RunFolder, RunOptions, RunResult, run_linked};
+use crate::run::{FolderState, Links, RunFolder, RunOptions, RunResult, run_linked};
 use crate::store::{Claimed, JobEnd, JobId, JobPace, JobRow, JobState, RecordingKept, StoredEvent};
 use crate::time::{Clock, MonotonicClock, PlateTime};
 
@@ -81,6 +81,8 @@ impl Worker {
         let id = claimed.row.id;
         let (recording, journal) = (RecordingSwitch::default(), ScribeWatch::default());
         self.shared.begins(id, recording.clone(), journal.clone());
+        let JobRow { name, seed, pace, .. } = &claimed.row;
+        tracing::info!(plate = self.shared.name, job = %id, seed, pace = pace.name(), "begins: {name}");
         self.tell(id, News::state(PlateTime::ZERO, JobState::Running));
         let folder = self.place.runs.join(claimed.row.folder.as_deref().unwrap_or_default());
         let done = self.play(claimed, &folder, &recording, journal);
@@ -91,6 +93,9 @@ impl Worker {
             self.rates.add(recording.bytes(), end.at.secs());
         }
         let (kept, why) = what_is_kept(recording.state());
+        if !matches!(kept, RecordingKept::None | RecordingKept::Whole) {
+            tracing::warn!(plate = self.shared.name, job = %id, "the recording is {}: {why}", kept.name());
+        }
         end.recording = kept;
         self.settle_interlock(&end.reason);
         self.log(&id, &end);
@@ -114,6 +119,9 @@ impl Worker {
         }
         let library = shared.library_of(&job).map_err(lines)?;
         let folder = RunFolder::reopen(folder).ok_or_else(|| vec!["its run folder is gone".to_owned()])?;
+        if folder.state() != FolderState::default() {
+            return Err(vec!["its run folder holds a run: it had begun before, and is not run again".to_owned()]);
+        }
         let record = self.place.record && self.has_room_for(&job, row.id, recording);
         let real_time = row.pace == JobPace::RealTime;
         shared.real_time.store(real_time, Ordering::Relaxed);
@@ -243,11 +251,15 @@ fn ended(at: PlateTime, state: JobState, reason: String, report_json: Option<Str
     JobEnd { at, state, reason, report_json, recording: RecordingKept::None }
 }
 
-/// The job's own folder, named after it. Made before the job is taken, so that no job is ever without one.
+/// The job's own folder, named after it. Made before the job is taken, so that no job is ever without one. Where it is
+/// there already the job is taken all the same: what lies in it is seen before anything is written.
 fn make_folder(runs: &Path, row: &JobRow) -> io::Result<String> {
-    let name = format!("{}-{}", row.name, row.id);
-    fs::create_dir_all(runs.join(&name))?;
-    Ok(name)
+    let name = row.run_folder();
+    fs::create_dir_all(runs)?;
+    match fs::create_dir(runs.join(&name)) {
+        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => Err(error),
+        _ => Ok(name),
+    }
 }
 
 /// What there is of a recording after the run, and why no more.

@@ -93,9 +93,16 @@ impl RunFolder {
     pub(super) fn journal(&self, keeping: &Keeping) -> Result<Scribe, RunError> {
         RoomyFile::create(&self.0.join("journal.jsonl"))
             .and_then(|file| {
+                self.sync_names();
                 Scribe::start(file, keeping.scribe, keeping.has_clock, keeping.clock, keeping.journal.clone())
             })
             .map_err(|error| self.write_error("journal.jsonl", &error))
+    }
+
+    /// Makes the names in it outlive a power cut, on a disk that can.
+    fn sync_names(&self) {
+        #[cfg(unix)]
+        File::open(&self.0).and_then(|folder| folder.sync_all()).ok();
     }
 
     fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<(), RunError> {
@@ -105,7 +112,9 @@ impl RunFolder {
         File::create(&draft)
             .and_then(|mut file| file.write_all((text + "\n").as_bytes()).and_then(|()| file.sync_all()))
             .and_then(|()| fs::rename(&draft, self.0.join(name)))
-            .map_err(|error| self.write_error(name, &error))
+            .map_err(|error| self.write_error(name, &error))?;
+        self.sync_names();
+        Ok(())
     }
 }
 

@@ -24,7 +24,7 @@ mod traffic;
 mod types;
 
 pub use cursor::JobsQuery;
-pub use desk::{Asset, Desk, Order, Promise, Recording, Refusal, Reply, Submitted, kept, promise};
+pub use desk::{Asset, Desk, Order, Picture, Promise, Recording, Refusal, Reply, Submitted, kept, promise};
 pub use feed::{Event, Feed, Opening, Replayed};
 pub use traffic::{Requests, Traffic};
 pub use types::{

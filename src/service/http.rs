@@ -3,6 +3,7 @@ use std::sync::Arc;
 use axum::Router;
 use axum::middleware::{from_fn, from_fn_with_state};
 
+mod descriptors;
 mod guard;
 #[cfg(test)]
 mod guard_tests;

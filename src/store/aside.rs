@@ -6,7 +6,7 @@ use rusqlite::{Connection, ErrorCode};
 
 use super::open::Opening;
 use super::places::{Places, beside};
-use super::salvage::{from_folders, from_store};
+use super::salvage::{from_folders, from_store, have_begun};
 use super::schema::{APPLICATION_ID, VERSION, create, empty_log, reading, writing};
 use super::{Recovery, StoreFault};
 
@@ -62,6 +62,7 @@ pub(super) fn set_aside(places: &Places, opening: &Opening<'_>, damage: &str) ->
         create(&places.draft)?;
         let connection = writing(&places.draft)?;
         from_store(&places.db, &connection)?;
+        have_begun(places, &connection)?;
         from_folders(places, &connection)?;
         connection.execute("UPDATE meta SET clean_shutdown = 0", [])?;
         empty_log(&connection)?;

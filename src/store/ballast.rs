@@ -58,22 +58,81 @@ impl Ballast {
         free_bytes(folder).is_ok_and(|free| free >= 2 * self.bytes)
     }
 
-    /// Written out, not merely made long: its blocks must be its own.
+    /// Not merely made long: its blocks must be its own. Written out only where they cannot be had at once, since who
+    /// waits for this writes nothing else meanwhile.
     fn fill(&self) -> io::Result<()> {
         let mut file = File::create(&self.path)?;
-        let block = [0; 64 << 10];
-        let mut left = self.bytes;
-        while left > 0 {
-            let part = left.min(block.len() as u64);
-            file.write_all(block.get(..part as usize).unwrap_or(&block))?;
-            left -= part;
+        match set_aside(&file, self.bytes) {
+            Err(error) if error.kind() == io::ErrorKind::Unsupported => write_out(&mut file, self.bytes)?,
+            done => done?,
         }
         file.sync_all()
     }
+}
+
+/// Makes a file so long with blocks of its own; [`io::ErrorKind::Unsupported`] on a disk that cannot.
+#[cfg(target_os = "linux")]
+fn set_aside(file: &File, bytes: u64) -> io::Result<()> {
+    use rustix::fs::{FallocateFlags, fallocate};
+    use rustix::io::Errno;
+
+    fallocate(file, FallocateFlags::empty(), 0, bytes).map_err(|errno| match errno {
+        Errno::OPNOTSUPP | Errno::NOSYS => io::ErrorKind::Unsupported.into(),
+        other => other.into(),
+    })
+}
+
+#[cfg(not(target_os = "linux"))]
+fn set_aside(_: &File, _: u64) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+/// Writes so many zeros.
+fn write_out(file: &mut File, bytes: u64) -> io::Result<()> {
+    let block = [0; 64 << 10];
+    let mut left = bytes;
+    while left > 0 {
+        let part = left.min(block.len() as u64);
+        file.write_all(block.get(..part as usize).unwrap_or(&block))?;
+        left -= part;
+    }
+    Ok(())
 }
 
 /// Bytes that may still be written on the disk of `folder`.
 pub(super) fn free_bytes(folder: &Path) -> io::Result<u64> {
     let disk = rustix::fs::statvfs(folder)?;
     Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use std::os::unix::fs::MetadataExt;
+
+    use rustix::fs::{SeekFrom, seek};
+    use rustix::io::Errno;
+
+    use super::*;
+
+    #[test]
+    fn it_has_blocks_of_its_own_without_being_written_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("reserve");
+        let ballast = Ballast::at(&path, 3 << 20);
+        let file = File::open(&path).unwrap();
+        let taken = file.metadata().unwrap();
+        assert!(ballast.aboard() && taken.len() == 3 << 20 && taken.blocks() * 512 >= 3 << 20);
+        let probe = File::create(folder.path().join("probe")).unwrap();
+        if set_aside(&probe, 1 << 20).is_ok() {
+            assert_eq!(seek(&file, SeekFrom::Data(0)), Err(Errno::NXIO), "nothing was written");
+        }
+    }
+
+    #[test]
+    fn where_no_blocks_can_be_set_aside_it_is_written_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("reserve");
+        write_out(&mut File::create(&path).unwrap(), (64 << 10) + 5).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), vec![0; (64 << 10) + 5]);
+    }
 }

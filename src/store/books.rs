@@ -1,12 +1,13 @@
 use std::cell::Cell;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use jiff::Timestamp;
-use rusqlite::{Connection, params};
+use rusqlite::{Connection, OptionalExtension, params};
 
 use super::columns::At;
 use super::ids::Ids;
-use super::{JobId, Limits};
+use super::{JobId, Limits, RecordingKept};
 
 /// What a writing transaction works with. The rooms' acts are methods on it, in files of their own.
 pub(super) struct Books<'a> {
@@ -16,6 +17,8 @@ pub(super) struct Books<'a> {
     pub ids: &'a Ids,
     /// How much is kept.
     pub limits: &'a Limits,
+    /// The folder of run folders.
+    pub runs: &'a Path,
     /// When this transaction began.
     pub now: Timestamp,
     /// Events told since they were last counted.
@@ -31,18 +34,30 @@ impl Books<'_> {
         statement.query_map([], |row| Ok((row.get(0)?, (row.get(1)?, ended(row.get(2)?)))))?.collect()
     }
 
-    /// Notes that a job's run folder goes. False when it is not that job's, or the job has not ended.
-    pub fn prune(&self, id: &JobId, folder: &str) -> rusqlite::Result<bool> {
-        let sql = "UPDATE jobs SET folder = NULL, recording = 'pruned'
-                   WHERE id = ?1 AND folder = ?2 AND state NOT IN ('queued', 'running')";
-        Ok(self.tx.execute(sql, params![id, folder])? > 0)
+    /// Notes that a job's run folder goes; what there was of its recording. `None` when the folder is not that job's,
+    /// or the job has not ended.
+    pub fn prune(&self, id: &JobId, folder: &str) -> rusqlite::Result<Option<RecordingKept>> {
+        let sql = "SELECT recording FROM jobs WHERE id = ?1 AND folder = ?2 AND state NOT IN ('queued', 'running')";
+        let kept = self.tx.query_row(sql, params![id, folder], |row| row.get(0)).optional()?;
+        if kept.is_some() {
+            self.tx.execute("UPDATE jobs SET folder = NULL, recording = 'pruned' WHERE id = ?1", [id])?;
+        }
+        Ok(kept)
+    }
+
+    /// Notes that a run folder which was to go has stayed, with what there is of the recording.
+    pub fn give_back(&self, id: &JobId, folder: &str, recording: RecordingKept) -> rusqlite::Result<()> {
+        let sql = "UPDATE jobs SET folder = ?2, recording = ?3 WHERE id = ?1 AND folder IS NULL";
+        self.tx.execute(sql, params![id, folder, recording]).map(|_| ())
     }
 
     /// Forgets the oldest jobs that have ended and have no run folder any more, until no more than the limit are left.
+    /// A job stays while its key is remembered: a repeated key must be answered with it, never run again.
     pub fn forget_jobs(&self) -> rusqlite::Result<()> {
         let most = i64::try_from(self.limits.jobs).unwrap_or(i64::MAX);
         let sql = "DELETE FROM jobs WHERE id IN (
                        SELECT id FROM jobs WHERE folder IS NULL AND state NOT IN ('queued', 'running')
+                           AND NOT EXISTS (SELECT 1 FROM keys WHERE keys.job = jobs.id)
                        ORDER BY id LIMIT max(0, (SELECT count(*) FROM jobs) - ?1))";
         self.tx.execute(sql, [most]).map(|_| ())
     }

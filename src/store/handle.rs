@@ -8,6 +8,7 @@ use std::time::Duration;
 use jiff::Timestamp;
 
 use super::books::Books;
+use super::jobs::Begun;
 use super::orders::Orders;
 use super::reader::Readers;
 use super::retention::{Begins, Retention, Swept};
@@ -175,9 +176,10 @@ impl Ledger for Store {
             let made = name.clone();
             let claimed = self.orders.written(false, move |books| books.start(&row.id, &made));
             match claimed {
-                Ok(Some(claimed)) => return Ok(Some(claimed)),
+                Ok(Begun::Now(claimed)) => return Ok(Some(*claimed)),
+                Ok(Begun::Never) => {}
                 // cancelled meanwhile, or not written: the folder is empty as yet, and goes
-                Ok(None) => drop(std::fs::remove_dir(self.runs.join(&name))),
+                Ok(Begun::Not) => drop(std::fs::remove_dir(self.runs.join(&name))),
                 Err(fault) => {
                     drop(std::fs::remove_dir(self.runs.join(&name)));
                     return Err(fault);
@@ -215,7 +217,7 @@ impl Ledger for Store {
         self.orders.wake();
     }
 
-    fn note_act(&self, entry: AuditEntry) {
-        self.audit(entry);
+    fn note_act(&self, entry: AuditEntry) -> bool {
+        self.audit(entry)
     }
 }

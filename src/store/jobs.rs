@@ -7,6 +7,16 @@ use super::{
     Accepted, Cancelled, Claimed, JobEnd, JobId, JobPage, JobRow, JobState, NewJob, Page, StoreFault, StoredEvent,
 };
 
+/// What became of the wish to begin a job.
+pub(super) enum Begun {
+    /// It runs.
+    Now(Box<Claimed>),
+    /// It is no longer queued, and the folder made for it of no use.
+    Not,
+    /// The folder is another job's: this one can never begin, and has ended.
+    Never,
+}
+
 impl Books<'_> {
     /// Queues a job, unless its key was used or its plate's queue is full.
     pub fn accept(&self, job: &NewJob) -> rusqlite::Result<Accepted> {
@@ -45,14 +55,19 @@ impl Books<'_> {
         self.tx.query_row(&sql, [plate], job_of).optional()
     }
 
-    /// Makes a queued job a running one; `None` when it is no longer queued.
-    pub fn start(&self, id: &JobId, folder: &str) -> rusqlite::Result<Option<Claimed>> {
+    /// Makes a queued job a running one.
+    pub fn start(&self, id: &JobId, folder: &str) -> rusqlite::Result<Begun> {
+        let taken = "SELECT EXISTS (SELECT 1 FROM jobs WHERE folder = ?1)";
+        if self.tx.query_row(taken, [folder], |row| row.get(0))? {
+            self.end(id, JobState::Queued, &JobEnd::without_a_folder())?;
+            return Ok(Begun::Never);
+        }
         let sql = "UPDATE jobs SET state = 'running', started_at = ?2, folder = ?3 WHERE id = ?1 AND state = 'queued'";
         if self.tx.execute(sql, params![id, At(self.now), folder])? == 0 {
-            return Ok(None);
+            return Ok(Begun::Not);
         }
         let spec_json = self.tx.query_row("SELECT spec FROM specs WHERE job = ?1", [id], |row| row.get(0))?;
-        Ok(self.find(id)?.map(|row| Claimed { row, spec_json }))
+        Ok(self.find(id)?.map_or(Begun::Not, |row| Begun::Now(Box::new(Claimed { row, spec_json }))))
     }
 
     /// Ends a job that is in state `from`; its last event, or `None` when it is in another one, and stays so.
@@ -78,9 +93,15 @@ impl Books<'_> {
         })
     }
 
-    /// The text of a job that has ended is in its run folder, if anywhere.
+    /// The text of a job that has ended goes where its run folder has it, and where it never began: nobody asks for
+    /// that. Else it stays as long as the job is remembered.
     fn drop_spec(&self, id: &JobId) -> rusqlite::Result<()> {
-        self.tx.execute("DELETE FROM specs WHERE job = ?1", [id]).map(|_| ())
+        let sql = "SELECT folder FROM jobs WHERE id = ?1";
+        let folder: Option<String> = self.tx.query_row(sql, [id], |row| row.get(0))?;
+        if folder.is_none_or(|name| self.runs.join(name).join("effective.json").is_file()) {
+            self.tx.execute("DELETE FROM specs WHERE job = ?1", [id])?;
+        }
+        Ok(())
     }
 
     /// Notes the share of a running job that is done.
@@ -103,7 +124,7 @@ impl Books<'_> {
     }
 }
 
-/// Writes a whole row, and the job's text if it has yet to run.
+/// Writes a whole row, and the job's text where there is any.
 pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> rusqlite::Result<()> {
     let sql = format!(
         "INSERT INTO jobs ({JOB}, first_event)

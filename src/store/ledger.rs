@@ -11,6 +11,9 @@ use crate::time::PlateTime;
 /// Kind of the event that a job ends with: it is kept in one with the end, so that a job which has ended has it.
 pub const FINISHED: &str = "finished";
 
+/// The reason of a run that was stopped because the daemon ends: to the run it is all one who stops it.
+pub const BY_THE_DAEMON: &str = "the daemon ended";
+
 /// A job whose plate has taken it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Claimed {
@@ -57,6 +60,15 @@ impl JobEnd {
             reason: "cancelled before it began".to_owned(),
             report_json: None,
             recording: RecordingKept::None,
+        }
+    }
+
+    /// That of a job whose run folder is another one's.
+    pub(super) fn without_a_folder() -> Self {
+        Self {
+            state: JobState::Interrupted,
+            reason: "it could not begin: its run folder belongs to another job".to_owned(),
+            ..Self::before_it_began()
         }
     }
 }
@@ -111,6 +123,7 @@ pub trait Ledger: Send + Sync + fmt::Debug {
     /// Notes that a plate has been paused or resumed; never waits.
     fn note_paused(&self, plate: &str, paused: bool);
 
-    /// Writes a line into the audit log; never waits. Lines outlive a full disk: they wait for room in memory.
-    fn note_act(&self, entry: AuditEntry);
+    /// Writes a line into the audit log; never waits. Lines outlive a full disk: they wait for room in memory. False
+    /// when too many wait already: the line is lost.
+    fn note_act(&self, entry: AuditEntry) -> bool;
 }

@@ -164,8 +164,9 @@ impl Ledger for MemoryLedger {
         self.kept().paused.insert(plate.to_owned(), paused);
     }
 
-    fn note_act(&self, entry: AuditEntry) {
+    fn note_act(&self, entry: AuditEntry) -> bool {
         self.kept().audit.push(entry);
+        true
     }
 }
 

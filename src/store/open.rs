@@ -56,7 +56,7 @@ impl Store {
     ) -> Result<Opened, StoreFault> {
         let places = Places::make(data)?;
         let lock = places.lock()?;
-        empty_trash(&places.trash);
+        [&places.trash, &places.runs_trash].into_iter().for_each(|trash| empty_trash(trash));
         let mut ballast = Ballast::at(&places.reserve, limits.reserve_bytes);
         let opening = Opening { plates, limits: &limits, now, repair };
         let mut made = opening.start(&places);
@@ -71,7 +71,8 @@ impl Store {
         let orders = Orders { sender, shown: Arc::clone(&shown) };
         let begins = Begins::default();
         let sweeper = Sweeper::new(places.clone(), limits.clone(), now, orders.clone(), Arc::clone(&begins));
-        let writer = Writer { connection, orders: waiting, shown, ids, limits, now, ballast, told: Cell::new(0), lock };
+        let (runs, told) = (places.runs.clone(), Cell::new(0));
+        let writer = Writer { connection, orders: waiting, shown, ids, limits, runs, now, ballast, told, lock };
         thread::Builder::new().name("store-write".into()).spawn(move || {
             step_back();
             writer.run();

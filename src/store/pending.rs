@@ -1,5 +1,5 @@
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
 use jiff::Timestamp;
 
@@ -39,9 +39,15 @@ impl Pending {
         self.notes().paused.insert(plate.to_owned(), paused);
     }
 
-    /// A job has come this far; the last word counts.
+    /// A job has come this far; the last word counts. Whoever drives a plate tells this, so it is left out while
+    /// somebody else is busy with the notes.
     pub fn progress(&self, id: &JobId, progress: f64) {
-        let waiting = &mut self.notes().progress;
+        let mut notes = match self.0.try_lock() {
+            Ok(notes) => notes,
+            Err(TryLockError::Poisoned(notes)) => notes.into_inner(),
+            Err(TryLockError::WouldBlock) => return,
+        };
+        let waiting = &mut notes.progress;
         if waiting.len() < MOST_JOBS || waiting.contains_key(id) {
             waiting.insert(*id, progress);
         }
@@ -80,5 +86,22 @@ impl Notes {
         self.acts.iter().try_for_each(|(at, entry)| books.note_act(*at, entry))?;
         self.paused.iter().try_for_each(|(plate, paused)| books.set_paused(plate, *paused))?;
         self.progress.iter().try_for_each(|(id, progress)| books.progress(id, *progress))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn progress_waits_for_nobody() {
+        let pending = Pending::default();
+        let id = JobId::parse("019a0000000070008000000000000001").unwrap();
+        let busy = pending.notes();
+        pending.progress(&id, 0.5);
+        drop(busy);
+        assert!(pending.take(true).is_none(), "it was left out");
+        pending.progress(&id, 0.75);
+        assert_eq!(pending.take(true).unwrap().progress[&id], 0.75);
     }
 }

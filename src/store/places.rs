@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 
 use super::StoreFault;
 
+/// Name of a folder whose contents are being deleted.
+const TRASH: &str = ".trash";
+
 /// Where things are in a data folder.
 #[derive(Clone, Debug)]
 pub(super) struct Places {
@@ -20,6 +23,8 @@ pub(super) struct Places {
     pub runs: PathBuf,
     /// Run folders that are being deleted.
     pub trash: PathBuf,
+    /// The same on the disk of the run folders, where that is another one; made when it is needed.
+    pub runs_trash: PathBuf,
     /// The ballast.
     pub reserve: PathBuf,
 }
@@ -34,7 +39,8 @@ impl Places {
             draft: at("upm.db.draft"),
             next: at("upm.db.next"),
             runs: at("runs"),
-            trash: at(".trash"),
+            trash: at(TRASH),
+            runs_trash: at("runs").join(TRASH),
             reserve: at("reserve"),
         };
         for folder in [&places.runs, &places.trash] {
@@ -64,7 +70,8 @@ impl Places {
         for entry in fs::read_dir(&self.runs).map_err(|error| named(&self.runs, error))? {
             let entry = entry?;
             let name = entry.file_name().into_string();
-            names.extend(name.ok().filter(|_| entry.file_type().is_ok_and(|kind| kind.is_dir())));
+            let is_run = |name: &String| name != TRASH && entry.file_type().is_ok_and(|kind| kind.is_dir());
+            names.extend(name.ok().filter(is_run));
         }
         names.sort();
         Ok(names)

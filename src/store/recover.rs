@@ -1,19 +1,19 @@
+mod left;
+
 use std::cell::Cell;
 use std::fs;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use rusqlite::{Connection, params};
-use serde_json::Value;
 
 use super::books::Books;
 use super::columns::{At, JOB, job_of};
 use super::ids::Ids;
-use super::open::{Opening, RepairRecording};
+use super::open::Opening;
 use super::places::Places;
-use super::salvage::{folders_of, from_folders, modified, text_of};
-use super::{JobEnd, JobRow, JobState, Mended, RecordingKept, Recovery, StoreFault};
-use crate::time::PlateTime;
+use super::salvage::{folders_of, from_folders, have_begun};
+use super::{JobRow, JobState, RecordingKept, Recovery, StoreFault};
+use left::{end_of, last_sign, settle};
 
 /// Puts in order what the last daemon left: how its running jobs ended, recordings that were not closed, who stays
 /// paused. Nothing else has the store as yet. Killed anywhere, doing it again comes to the same.
@@ -23,10 +23,13 @@ pub(super) fn recover(
     opening: &Opening<'_>,
     found: &mut Recovery,
 ) -> Result<(), StoreFault> {
+    have_begun(places, connection)?;
     if found.damage.is_some() {
         from_folders(places, connection)?;
     }
-    let left = left_open(connection)?;
+    let left = left_open(connection, places)?;
+    // whatever the last daemon noted: it did not see to the end of these
+    found.clean &= left.iter().all(|job| job.state != JobState::Running);
     mark_partial(connection, places, &left)?;
     let mut ends = Vec::new();
     for job in left {
@@ -37,7 +40,8 @@ pub(super) fn recover(
     }
     let tx = connection.transaction()?;
     let (ids, told) = (Ids::above(None), Cell::new(0));
-    let books = Books { tx: &tx, ids: &ids, limits: opening.limits, now: (opening.now)(), told: &told };
+    let books =
+        Books { tx: &tx, ids: &ids, limits: opening.limits, runs: &places.runs, now: (opening.now)(), told: &told };
     for (job, folder, recording, end) in &ends {
         tx.execute("UPDATE jobs SET recording = ?2 WHERE id = ?1", params![job.id, recording])?;
         let Some(end) = end else { continue };
@@ -66,79 +70,28 @@ fn give_back_room(folder: &Path) {
     let _ = journal.and_then(|file| file.set_len(file.metadata()?.len()));
 }
 
-/// Jobs that were running, and those whose recording was not closed.
-fn left_open(connection: &Connection) -> Result<Vec<JobRow>, StoreFault> {
-    let sql = format!("SELECT {JOB} FROM jobs WHERE state = 'running' OR recording = 'partial' ORDER BY id");
+/// Jobs that were running, and those of whose recording something is left to repair.
+fn left_open(connection: &Connection, places: &Places) -> Result<Vec<JobRow>, StoreFault> {
+    let sql =
+        format!("SELECT {JOB} FROM jobs WHERE state = 'running' OR recording IN ('partial', 'failed') ORDER BY id");
     let mut statement = connection.prepare(&sql)?;
-    Ok(statement.query_map([], job_of)?.collect::<Result<_, _>>()?)
+    let mut left = statement.query_map([], job_of)?.collect::<Result<Vec<_>, _>>()?;
+    left.retain(|job| job.recording != RecordingKept::Failed || has_part(places, job));
+    Ok(left)
+}
+
+/// True when a recording that was not closed is in a job's run folder.
+fn has_part(places: &Places, job: &JobRow) -> bool {
+    job.folder.as_ref().is_some_and(|name| places.runs.join(name).join("run.rrd.part").exists())
 }
 
 /// Notes which recordings are about to be repaired: a start that is killed after a repair must still know of it.
 fn mark_partial(connection: &mut Connection, places: &Places, left: &[JobRow]) -> Result<(), StoreFault> {
     let tx = connection.transaction()?;
-    for job in left {
-        let part = job.folder.as_ref().map(|name| places.runs.join(name).join("run.rrd.part"));
-        if part.is_some_and(|part| part.exists()) {
-            tx.execute("UPDATE jobs SET recording = 'partial' WHERE id = ?1", [job.id])?;
-        }
+    for job in left.iter().filter(|job| has_part(places, job)) {
+        tx.execute("UPDATE jobs SET recording = 'partial' WHERE id = ?1", [job.id])?;
     }
     Ok(tx.commit()?)
-}
-
-/// Repairs the recording in a run folder where that is needed, and tells what there is of it now.
-fn settle(folder: &Path, job: &JobRow, repair: RepairRecording<'_>, found: &mut Recovery) -> RecordingKept {
-    let (part, whole) = (folder.join("run.rrd.part"), folder.join("run.rrd"));
-    if !part.exists() {
-        return match (whole.exists(), job.recording) {
-            (true, RecordingKept::Partial) => RecordingKept::Recovered,
-            (true, RecordingKept::None) => RecordingKept::Whole,
-            (true, kept) => kept,
-            (false, _) => RecordingKept::None,
-        };
-    }
-    // what reads damaged files may stumble over them; a start must not
-    let repaired = catch_unwind(AssertUnwindSafe(|| repair(&part, &whole)));
-    let repaired = repaired.unwrap_or_else(|_| Err("the repair failed on it".to_owned()));
-    let kept = match &repaired {
-        Ok(Mended { was_whole: true, .. }) => RecordingKept::Whole,
-        Ok(_) => RecordingKept::Recovered,
-        Err(reason) => {
-            tracing::warn!("{}: not repaired: {reason}", part.display());
-            RecordingKept::Partial
-        }
-    };
-    if repaired.is_ok() && part.exists() {
-        // repaired into another file; one that stays is repaired once more
-        let _ = fs::remove_file(&part);
-    }
-    found.repaired.push((whole, repaired));
-    kept
-}
-
-/// How a job ended that was running: as its report says, if it had come so far.
-fn end_of(folder: Option<&Path>, recording: RecordingKept) -> JobEnd {
-    let report_json = folder.and_then(|folder| text_of(&folder.join("report.json")));
-    let report: Option<Value> = report_json.as_deref().and_then(|text| serde_json::from_str(text).ok());
-    let text = |key: &str| report.as_ref().and_then(|report| report.get(key)).and_then(Value::as_str);
-    let at_s = report.as_ref().and_then(|report| report.get("plate_time_s")).and_then(Value::as_f64);
-    let at = PlateTime::from_secs(at_s.unwrap_or_default());
-    match text("outcome").and_then(JobState::of_name).filter(|state| state.is_final()) {
-        Some(state) => {
-            JobEnd { at, state, reason: text("reason").unwrap_or_default().to_owned(), report_json, recording }
-        }
-        None => JobEnd {
-            at,
-            state: JobState::Interrupted,
-            reason: "the daemon ended while it ran".to_owned(),
-            report_json: None,
-            recording,
-        },
-    }
-}
-
-/// When a run last wrote anything that is known to come late.
-fn last_sign(folder: &Path) -> Option<jiff::Timestamp> {
-    ["report.json", "journal.jsonl", "effective.json"].iter().find_map(|name| modified(&folder.join(name)))
 }
 
 /// Pauses every plate that has work waiting, that was paused, or, after anything but an orderly end, any. Told are

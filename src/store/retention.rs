@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, PoisonError, RwLock};
@@ -123,21 +123,31 @@ impl Sweeper {
         }
     }
 
+    /// Deletes and forgets; whatever becomes of the one, the other is done.
     fn sweep(&mut self) -> Result<Swept, StoreFault> {
+        let swept = self.delete_folders();
+        let forgotten = self.orders.written(true, |books| books.forget_keys().and_then(|()| books.forget_jobs()));
+        forgotten.and(swept)
+    }
+
+    /// A folder that cannot be deleted is in no other's way.
+    fn delete_folders(&mut self) -> Result<Swept, StoreFault> {
         let (folders, mut bytes) = self.folders()?;
         let oldest = before((self.now)(), self.limits.runs_age);
-        let mut deleted = Vec::new();
+        let (mut deleted, mut faults) = (Vec::new(), Vec::new());
         for kept in folders {
             if kept.finished_at >= oldest && bytes <= self.limits.runs_bytes {
                 break;
             }
-            if self.delete(&kept)? {
+            if self.delete(&kept, &mut faults)? {
                 bytes = bytes.saturating_sub(kept.bytes);
                 deleted.push(kept.name);
             }
         }
         self.bytes.store(bytes, Ordering::Relaxed);
-        self.orders.written(true, |books| books.forget_keys().and_then(|()| books.forget_jobs()))?;
+        if let Some(first) = faults.first() {
+            tracing::warn!(folders = faults.len(), "old run folders cannot be deleted, the first: {first}");
+        }
         Ok(Swept { deleted, bytes })
     }
 
@@ -176,21 +186,52 @@ impl Sweeper {
         modified(path).filter(|at| *at < before((self.now)(), ORPHAN_AGE))
     }
 
-    /// First the row, then the folder: no row ever names a folder that is gone. False when its job has it back.
-    fn delete(&mut self, kept: &Kept) -> Result<bool, StoreFault> {
-        if let Some(id) = kept.job {
-            let name = kept.name.clone();
-            if !self.orders.written(true, move |books| books.prune(&id, &name))? {
-                return Ok(false);
+    /// First the row, then the folder: no row ever names a folder that is gone. False when the folder stays, its job's as
+    /// before; what stood in the way is added to `faults`.
+    fn delete(&mut self, kept: &Kept, faults: &mut Vec<String>) -> Result<bool, StoreFault> {
+        let Kept { name, job, .. } = kept;
+        let row = match *job {
+            None => None,
+            Some(id) => {
+                let folder = name.clone();
+                let Some(recording) = self.orders.written(true, move |books| books.prune(&id, &folder))? else {
+                    return Ok(false);
+                };
+                Some((id, recording))
             }
+        };
+        let folder = self.places.runs.join(name);
+        // what is out of the way and cannot be removed is tried again at the next start
+        let removed = self.move_away(&folder, name).and_then(|trash| remove(&trash));
+        faults.extend(removed.err().map(|error| format!("{}: {error}", folder.display())));
+        if folder.exists() {
+            if let Some((id, recording)) = row {
+                let name = name.clone();
+                self.orders.written(true, move |books| books.give_back(&id, &name, recording))?;
+            }
+            return Ok(false);
         }
-        let trash = self.places.trash.join(&kept.name);
-        remove(&trash)?;
-        fs::rename(self.places.runs.join(&kept.name), &trash)?;
-        remove(&trash)?;
-        self.sizes.remove(&kept.name);
+        self.sizes.remove(name);
         Ok(true)
     }
+
+    /// Takes a run folder out of the folder of runs, to where it is removed at leisure; where that is.
+    fn move_away(&self, folder: &Path, name: &str) -> io::Result<PathBuf> {
+        let Places { trash, runs_trash, .. } = &self.places;
+        match move_into(trash, folder, name) {
+            // the run folders lie on another disk
+            Err(error) if error.kind() == io::ErrorKind::CrossesDevices => move_into(runs_trash, folder, name),
+            moved => moved,
+        }
+    }
+}
+
+fn move_into(trash: &Path, folder: &Path, name: &str) -> io::Result<PathBuf> {
+    let path = trash.join(name);
+    fs::create_dir_all(trash)?;
+    remove(&path)?;
+    fs::rename(folder, &path)?;
+    Ok(path)
 }
 
 /// Removes what an earlier sweep had no time for. What cannot be removed now is tried again at the next start.

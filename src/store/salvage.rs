@@ -73,7 +73,37 @@ fn copy_job(old: &Connection, tx: &Connection, mut job: JobRow) -> rusqlite::Res
     if taken > 0 {
         job.folder = None;
     }
-    jobs::insert(tx, &job, spec.as_deref().filter(|_| !job.state.is_final()))
+    jobs::insert(tx, &job, spec.as_deref())
+}
+
+/// Makes running jobs of those that wait although something is in their run folder: they had begun, and the store has
+/// forgotten it. How they ended is found out as after any crash; nobody runs them again.
+pub(super) fn have_begun(places: &Places, connection: &Connection) -> Result<(), StoreFault> {
+    let tx = connection.unchecked_transaction()?;
+    let (names, known) = (places.run_names()?, folders_of(&tx)?);
+    for job in queued(&tx)? {
+        let name = job.run_folder();
+        let folder = places.runs.join(&name);
+        if names.binary_search(&name).is_err() || is_empty(&folder) {
+            continue;
+        }
+        let started_at = modified(&folder.join("effective.json")).unwrap_or(job.submitted_at).max(job.submitted_at);
+        // another row may have it, which an earlier start made of it
+        let folder = (!known.contains(&name)).then_some(name);
+        let sql = "UPDATE jobs SET state = 'running', started_at = ?2, folder = ?3 WHERE id = ?1";
+        tx.execute(sql, params![job.id, At(started_at), folder])?;
+    }
+    Ok(tx.commit()?)
+}
+
+fn queued(connection: &Connection) -> rusqlite::Result<Vec<JobRow>> {
+    let mut statement = connection.prepare(&format!("SELECT {JOB} FROM jobs WHERE state = 'queued'"))?;
+    statement.query_map([], job_of)?.collect()
+}
+
+/// True for a folder that was made for a job which did not come to begin.
+fn is_empty(folder: &Path) -> bool {
+    fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none())
 }
 
 /// Makes jobs of the run folders that belong to none, as running ones: how they ended is found out as after any crash.

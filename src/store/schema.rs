@@ -21,8 +21,8 @@ const CACHE: &str = "PRAGMA cache_size = -512;";
 const BUSY: Duration = Duration::from_secs(2);
 
 /// Times are whole microseconds of Unix time. An event's number never comes twice in a job: what is pruned moves
-/// `first_event` up. A job's text stands apart, since it is long and the rest changes often; it goes when the job ends, its
-/// run folder has it.
+/// `first_event` up. A job's text stands apart, since it is long and the rest changes often; it goes when the job ends and
+/// its run folder has it.
 const TABLES: &str = "
 CREATE TABLE jobs (
     id BLOB NOT NULL PRIMARY KEY CHECK (length(id) = 16),

@@ -1,9 +1,11 @@
 mod crashes;
 mod damage;
 mod events;
+mod forgotten;
 mod full_disk;
 mod peeking;
 mod queue;
+mod recordings;
 mod sweeping;
 
 use std::io;

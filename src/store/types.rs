@@ -61,7 +61,7 @@ pub enum RecordingKept {
     Whole,
     /// A file that was not closed and has been repaired.
     Recovered,
-    /// A whole file that ends before the run does: the disk ran low.
+    /// A whole file that ends before the run does, mostly since the disk ran low.
     Stopped,
     /// Writing it failed.
     Failed,
@@ -180,6 +180,13 @@ pub struct JobRow {
     pub last_event: u64,
 }
 
+impl JobRow {
+    /// Name of the run folder this job gets when it begins; no other job's is called so.
+    pub fn run_folder(&self) -> String {
+        format!("{}-{}", self.name, self.id)
+    }
+}
+
 /// What became of a submission.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Accepted {
@@ -296,7 +303,7 @@ pub enum StoreFault {
 pub struct Limits {
     /// Jobs that may wait for one plate.
     pub queued: usize,
-    /// Jobs the store remembers; the oldest finished ones go first.
+    /// Jobs the store remembers; the oldest finished ones go first, none as long as its idempotency key is remembered.
     pub jobs: u64,
     /// Events kept of one job.
     pub events_per_job: u64,
@@ -352,7 +359,7 @@ pub struct Recovery {
     pub moved_aside: Option<PathBuf>,
     /// Why it was.
     pub damage: Option<String>,
-    /// True when the daemon had been shut down in order.
+    /// True when the daemon had been shut down in order, and had left no job on a plate.
     pub clean: bool,
     /// Run folders that belong to no job.
     pub orphans: Vec<PathBuf>,

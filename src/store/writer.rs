@@ -1,5 +1,6 @@
 use std::cell::Cell;
 use std::fs::File;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -102,6 +103,8 @@ pub(super) struct Writer {
     pub shown: Arc<Shown>,
     pub ids: Ids,
     pub limits: Limits,
+    /// The folder of run folders.
+    pub runs: PathBuf,
     pub now: fn() -> Timestamp,
     pub ballast: Ballast,
     pub told: Cell<u64>,
@@ -210,7 +213,8 @@ impl Writer {
     fn commit(&mut self, act: impl FnOnce(&Books<'_>) -> rusqlite::Result<()>) -> Result<(), StoreFault> {
         let before = self.connection.total_changes();
         let tx = self.connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
-        let books = Books { tx: &tx, ids: &self.ids, limits: &self.limits, now: (self.now)(), told: &self.told };
+        let (now, runs) = ((self.now)(), self.runs.as_path());
+        let books = Books { tx: &tx, ids: &self.ids, limits: &self.limits, runs, now, told: &self.told };
         act(&books)?;
         tx.commit()?;
         // reading alone says nothing about the disk

@@ -1,11 +1,12 @@
 //! Idempotency keys: a job is queued once, however often it is sent.
 
 use std::collections::BTreeSet;
+use std::fs;
 use std::thread;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
-use super::served::{LEFT, Served, moving, rest};
+use super::served::{LEFT, Served, config, moving, rest};
 use super::wire::Answer;
 
 fn send(served: &Served, key: &str, query: &str, job: &Value) -> Answer {
@@ -46,6 +47,27 @@ fn the_same_key_gives_the_same_job_over_stops_and_restarts() {
     for key in ["", "two words", "caf\u{e9}", &"k".repeat(256)] {
         send(&served, key, "", &rest("one")).is_problem(400);
     }
+}
+
+#[test]
+fn a_key_is_known_whatever_the_configuration_says_by_now() {
+    let served = Served::start();
+    served.status(&["estop", LEFT], 0);
+    served.status(&["reset", LEFT, "--operator", "Ada", "--reason", "test"], 0);
+    let mut job = rest("one");
+    job["plate"] = json!(LEFT);
+    let first = id(&send(&served, "one", "", &job));
+    let served = served.again(|served| {
+        assert!(served.terminate().success());
+        let mut config = config();
+        config["plates"][0]["name"] = json!("near");
+        config["default_plate"] = json!("near");
+        config["pace"] = json!("max");
+        fs::write(served.folder.path().join("daemon.json"), config.to_string()).unwrap();
+    });
+    let again = send(&served, "one", "", &job);
+    assert_eq!((id(&again), again.header("idempotency-replayed")), (first, Some("true")));
+    send(&served, "two", "", &job).is_problem(422);
 }
 
 #[test]

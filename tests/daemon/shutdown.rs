@@ -1,13 +1,17 @@
-//! The end on SIGTERM, with clients that do not let go.
+//! The end on SIGTERM, with clients that do not let go and a log that nobody reads.
 
 use std::fs;
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, PipeReader, PipeWriter, Read, Write, pipe};
 use std::net::TcpStream;
+use std::process::{Child, Command};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use super::served::{Served, in_real_time, moving};
-use super::wire::{connect, head};
+use rustix::fs::{OFlags, fcntl_setfl};
+use tempfile::TempDir;
+
+use super::served::{LEFT, Served, config, in_real_time, moving, serve, until};
+use super::wire::{ask, connect, head};
 
 fn watcher(served: &Served, id: &str) -> TcpStream {
     let mut stream = connect(served.address());
@@ -65,4 +69,45 @@ fn sigterm_closes_everything_in_time_whatever_clients_do() {
             assert_eq!(job["recording"], "whole", "{job}");
         }
     });
+}
+
+/// A pipe without room for one more byte.
+fn full_pipe() -> (PipeReader, PipeWriter) {
+    let (reader, mut writer) = pipe().unwrap();
+    fcntl_setfl(&writer, OFlags::NONBLOCK).unwrap();
+    for size in [4096, 1] {
+        while matches!(writer.write(&vec![b'x'; size]), Ok(1..)) {}
+    }
+    fcntl_setfl(&writer, OFlags::empty()).unwrap();
+    (reader, writer)
+}
+
+/// Killed when it goes out of scope.
+struct Killed(Child);
+
+impl Drop for Killed {
+    fn drop(&mut self) {
+        self.0.kill().ok();
+        self.0.wait().ok();
+    }
+}
+
+#[test]
+fn a_log_that_nobody_reads_holds_up_neither_a_stop_nor_the_end() {
+    let folder = TempDir::new().unwrap();
+    fs::write(folder.path().join("daemon.json"), config().to_string()).unwrap();
+    let (reader, writer) = full_pipe();
+    let mut daemon = Killed(serve(folder.path(), "127.0.0.1:0").arg("-vv").stderr(writer).spawn().unwrap());
+    let mut line = String::new();
+    BufReader::new(daemon.0.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let address = line.trim_end().strip_prefix("http://").unwrap();
+    for _ in 0..3 {
+        assert_eq!(ask(address, "POST", &format!("/v1/plates/{LEFT}/estop"), &[], b"").status, 200);
+    }
+    let told = Instant::now();
+    assert!(Command::new("kill").args(["-TERM", &daemon.0.id().to_string()]).status().unwrap().success());
+    let status = until("the daemon ends", || daemon.0.try_wait().unwrap());
+    assert_eq!(status.code(), Some(0), "it ended in order");
+    assert!(told.elapsed() < Duration::from_secs(2), "{:?}", told.elapsed());
+    drop(reader);
 }

@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use super::events::{Event, Events};
 use crate::cli::client::{Client, Refusal};
-use crate::service::JobState;
 
 /// Rest before the first try to come back, and the longest between two.
 const FIRST_REST: Duration = Duration::from_millis(250);
@@ -12,6 +11,9 @@ const LONGEST_REST: Duration = Duration::from_secs(5);
 
 /// Rests after which a daemon that does not come back is given up, about two minutes.
 const MOST_RESTS: u32 = 28;
+
+/// Why a stream ends behind the last event of a job, or where that is not kept any more.
+const OVER: &str = "the job is over";
 
 /// What is heard of a job.
 #[derive(Debug)]
@@ -103,16 +105,7 @@ impl Follower {
         if event.kind != "snapshot" && event.kind != "bye" {
             self.rests = Some(0);
         }
-        self.has_ended |= match event.kind.as_str() {
-            "finished" => true,
-            "snapshot" => state_of(&event).is_some_and(|state| !matches!(state, JobState::Queued | JobState::Running)),
-            _ => false,
-        };
+        self.has_ended |= event.kind == "finished" || (event.kind == "bye" && event.data["why"] == OVER);
         event
     }
-}
-
-/// State of the job in a snapshot.
-fn state_of(snapshot: &Event) -> Option<JobState> {
-    serde_json::from_value(snapshot.data.get("job")?.get("state")?.clone()).ok()
 }

@@ -25,12 +25,19 @@ impl Draft {
         let file = OpenOptions::new().write(true).create(true).truncate(false).open(&part)?;
         lock(&file)?;
         file.set_len(0)?;
+        // what is synced while it is written shall have a name after a power cut; a disk that cannot do it says so at the end
+        sync_folder_of(&part).ok();
         Ok((Self { part, path: path.to_owned() }, file))
     }
 
     /// Where it is for now.
     pub(super) fn part(&self) -> &Path {
         &self.part
+    }
+
+    /// The file once more, for who only brings it to the disk: this holds no lock longer than who writes.
+    pub(super) fn to_sync(&self) -> io::Result<File> {
+        OpenOptions::new().write(true).open(&self.part)
     }
 
     /// Gives the file its name, once all of it is on the disk.

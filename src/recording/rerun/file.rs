@@ -1,3 +1,5 @@
+mod syncing;
+
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -10,16 +12,19 @@ use rerun::sink::{LogSink, SinkFlushError};
 use super::draft::Draft;
 use super::live::Feed;
 use crate::recording::switch::RecordingSwitch;
+use syncing::Syncing;
 
 /// The `.rrd` file as Rerun's log sink, or viewers alone. Unlike Rerun's own file sink it keeps the first write that fails,
 /// tells it at once on its switch, and can be closed with a result. Every message is one write, so a killed process leaves
-/// all that was written so far.
+/// all that was written so far; a power cut takes the last second or so of it.
 #[derive(Clone)]
 pub(super) struct RrdFile(Arc<Mutex<State>>, RecordingSwitch);
 
 struct State {
     encoder: Option<Encoder<Counted>>,
     draft: Option<Draft>,
+    /// As long as the file is written.
+    syncing: Option<Syncing>,
     fault: Option<String>,
     messages: u64,
     feeds: Vec<Feed>,
@@ -35,7 +40,10 @@ impl RrdFile {
         switch: RecordingSwitch,
     ) -> Result<Self, String> {
         let encoder = out.map(|out| encoder(out, &switch)).transpose()?;
-        let state = State { encoder, draft, fault: None, messages: 0, feeds };
+        // without it the disk has the last of it later
+        let file = draft.as_ref().and_then(|draft| draft.to_sync().ok());
+        let syncing = file.and_then(|file| Syncing::start(move || file.sync_data(), switch.clone()).ok());
+        let state = State { encoder, draft, syncing, fault: None, messages: 0, feeds };
         Ok(Self(Arc::new(Mutex::new(state)), switch))
     }
 
@@ -58,6 +66,7 @@ impl RrdFile {
     /// written, or the first write that failed.
     pub(super) fn close(&self) -> Result<(u64, u64), String> {
         let mut state = self.state();
+        state.syncing = None;
         if let Some(mut encoder) = state.encoder.take() {
             let closed = encoder.finish().and_then(|()| encoder.into_inner()).map_err(|e| e.to_string());
             let kept = closed.and_then(|out| {
@@ -79,6 +88,7 @@ impl RrdFile {
     /// Nothing more is written, no footer neither: it would stand behind half a message.
     fn fail(&self, state: &mut State, fault: String) {
         state.encoder.take().map(Encoder::into_inner);
+        state.syncing = None;
         self.1.fail(fault.as_str());
         state.fault.get_or_insert(fault);
     }

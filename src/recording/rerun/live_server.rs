@@ -2,7 +2,7 @@ use std::collections::HashMap;
 use std::fmt;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -41,7 +41,8 @@ const KNOCKS_APART: Duration = Duration::from_millis(10);
 /// as the plate; clones are the same server. Who comes sees the last runs, the present one among them.
 ///
 /// A viewer that lags or is frozen costs the runs nothing: what it does not take is dropped, for all viewers, until it is
-/// let go after half a minute. Whoever is on this machine may connect, without a password.
+/// let go after half a minute. Whoever has a program on this machine may connect, without a password; pages in a browser may
+/// not.
 #[derive(Clone)]
 pub struct LiveServer(Arc<Serving>);
 
@@ -77,8 +78,9 @@ impl LiveServer {
     }
 
     /// Messages that were dropped because a viewer lagged.
-    pub fn dropped(&self) -> u64 {
-        self.0.dropped.load(Ordering::Relaxed)
+    #[cfg(test)]
+    pub(super) fn dropped(&self) -> u64 {
+        self.0.dropped.load(std::sync::atomic::Ordering::Relaxed)
     }
 
     /// What feeds it during one run, whose layout depends on nothing but `layout`.

@@ -1,6 +1,7 @@
 use std::fs::File;
 use std::future::Future;
 use std::pin::Pin;
+use std::time::Duration;
 
 use bytes::Bytes;
 use tokio::sync::oneshot;
@@ -32,8 +33,11 @@ pub trait Desk: Send + Sync {
     /// Takes a job out of the queue, or has its plate stop it.
     fn cancel(&self, id: &str, caller: Caller) -> Promise<Job>;
 
-    /// All plates.
+    /// All plates, with their queues counted now. The promise may wait for the store.
     fn plates(&self) -> Promise<Plates>;
+
+    /// All plates, with their queues as they were counted last. Waits for nobody.
+    fn plates_as_counted(&self) -> Plates;
 
     /// Emergency stop. The plate has been told before this returns; the promise only waits for how it went.
     fn estop(&self, plate: &str, caller: Caller) -> Promise<EStopped>;
@@ -59,8 +63,8 @@ pub trait Desk: Send + Sync {
     /// At most `most` kept events of the job with numbers above `after`, in order.
     fn replay(&self, id: &str, after: u64, most: usize) -> Promise<Replayed>;
 
-    /// The latest picture of the job, as PNG. Busy while none has been encoded yet: it is asked again shortly.
-    fn frame(&self, id: &str) -> Promise<Bytes>;
+    /// The latest picture of the job. Busy while there is none that is new enough: it is asked again shortly.
+    fn frame(&self, id: &str) -> Promise<Picture>;
 
     /// The job's recording, opened for reading.
     fn recording(&self, id: &str) -> Promise<Recording>;
@@ -89,6 +93,15 @@ pub struct Submitted {
     pub job: Job,
     /// True when it had been before, under the same key.
     pub replayed: bool,
+}
+
+/// A picture of a job on its plate.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    /// The PNG file.
+    pub png: Bytes,
+    /// Wall time since it was taken.
+    pub age: Duration,
 }
 
 /// A recording that can be read.
@@ -133,6 +146,11 @@ pub enum Refusal {
         /// When a place may be free, s.
         retry_after_s: u32,
     },
+    /// More jobs come at once than can be checked and stored: 429.
+    Crowded {
+        /// When it may be over, s.
+        retry_after_s: u32,
+    },
     /// Not now: 503.
     Busy {
         /// Why.
@@ -161,6 +179,9 @@ impl From<Refusal> for Problem {
             Refusal::QueueFull { queued, retry_after_s } => {
                 Self::new(ProblemKind::QueueFull, format!("{queued} jobs wait for this plate"))
                     .retry_after(retry_after_s)
+            }
+            Refusal::Crowded { retry_after_s } => {
+                Self::new(ProblemKind::QueueFull, "too many jobs come at once").retry_after(retry_after_s)
             }
             Refusal::Busy { why, retry_after_s } => Self::new(ProblemKind::Unavailable, why).retry_after(retry_after_s),
             Refusal::DiskFull(what) => Self::new(ProblemKind::InsufficientStorage, what),

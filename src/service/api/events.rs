@@ -99,11 +99,11 @@ impl Watcher {
 
     fn open(&mut self, opening: &Opening, after: Option<u64>) -> Bytes {
         let mut text = BytesMut::from("retry: 1000\n\n");
-        text.extend_from_slice(&Event::new(None, "snapshot", &opening.snapshot).text);
         self.is_over = opening.is_over;
-        // who comes after the end is told of it all the same: it is the newest event
-        let seen = opening.newest.saturating_sub(opening.is_over.into());
-        self.sent = after.unwrap_or(seen).min(opening.newest);
+        self.sent = after.unwrap_or(before_end(opening)).min(opening.newest);
+        // who comes without a number loses nothing when the stream breaks off before the first event that has one
+        let id = after.is_none().then_some(self.sent);
+        text.extend_from_slice(&Event::new(id, "snapshot", &opening.snapshot).text);
         if let Some(after) = after.filter(|after| *after > opening.newest) {
             // the store of then is gone: those numbers will be given to other events
             text.extend_from_slice(&gap(opening.newest + 1, after));
@@ -128,11 +128,8 @@ impl Watcher {
                 let is_done = is_end || self.sent >= newest;
                 self.stage = if is_done { Stage::Live } else { Stage::Replay { newest } };
             }
-            Err(_) => {
-                text.extend_from_slice(&gap(self.sent + 1, newest));
-                self.sent = newest;
-                self.stage = Stage::Live;
-            }
+            // what is kept can be had later: the client comes back and goes on from what it has
+            Err(_) => return bye("the job store does not answer now"),
         }
         text.freeze()
     }
@@ -179,12 +176,19 @@ impl Watcher {
             return bye("the daemon tells no more of this job");
         };
         let mut text = BytesMut::new();
-        if opening.newest > self.sent {
-            text.extend_from_slice(&gap(self.sent + 1, opening.newest));
+        let missed_to = before_end(&opening);
+        if missed_to > self.sent {
+            text.extend_from_slice(&gap(self.sent + 1, missed_to));
         }
         text.extend_from_slice(&self.open(&opening, None));
         text.freeze()
     }
+}
+
+/// The newest event that is not told to who comes now: who comes after the end is told of it all the same, and it is
+/// the last event.
+fn before_end(opening: &Opening) -> u64 {
+    opening.newest.saturating_sub(opening.is_over.into())
 }
 
 /// Kept events `from` to `to` will not come on this stream.

@@ -15,12 +15,15 @@ use tokio::io::{AsyncReadExt, AsyncSeekExt};
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::sleep;
 
-use super::desk::Refusal;
+use super::desk::{Picture, Refusal};
 use super::table::{Call, Outcome, media};
 use crate::config::is_plain_name;
 use crate::service::http::{Problem, ProblemKind};
 
 pub(super) const RRD: &str = "application/octet-stream";
+
+/// Wall time since a picture was taken, ms.
+static UPM_AGE_MS: HeaderName = HeaderName::from_static("upm-age-ms");
 
 /// How often a picture that is being made is asked for again, and after what time.
 const PICTURE_TRIES: usize = 10;
@@ -40,11 +43,17 @@ pub(super) fn frame(call: Call) -> Outcome {
         for _ in 0..PICTURE_TRIES {
             match call.desk.frame(id).await {
                 Err(Refusal::Busy { .. }) => sleep(PICTURE_AGAIN).await,
-                picture => return media(200, "image/png", picture?),
+                picture => return shown(picture?),
             }
         }
-        media(200, "image/png", call.desk.frame(id).await?)
+        shown(call.desk.frame(id).await?)
     })
+}
+
+fn shown(picture: Picture) -> Result<Response, Problem> {
+    let mut response = media(200, "image/png", picture.png)?;
+    put(&mut response, UPM_AGE_MS.clone(), &picture.age.as_millis().to_string());
+    Ok(response)
 }
 
 pub(super) fn openapi(call: Call) -> Outcome {

@@ -57,7 +57,7 @@ fn job_operations() -> Vec<Operation> {
         },
         of_a_job("job", Method::Get, "/v1/jobs/{id}", Scope::Read, "A job and its report", jobs::show),
         Operation {
-            problems: &[ProblemKind::Conflict],
+            problems: &[ProblemKind::Conflict, ProblemKind::InsufficientStorage],
             ..of_a_job(
                 "cancel",
                 Method::Post,
@@ -128,7 +128,8 @@ fn file_operations() -> Vec<Operation> {
                 &[answer(
                     200,
                     "Server-sent events: `snapshot`, then what was missed, then what happens. An `id` once seen can \
-                     be resumed from; `gap` tells of events that cannot be had any more.",
+                     be resumed from, that of a `snapshot` too; `gap` tells of events that cannot be had any more. \
+                     `bye` ends the stream: unless a `finished` came before, it can be resumed.",
                     Content::Media(events::EVENT_STREAM),
                 )]
             },
@@ -141,7 +142,7 @@ fn file_operations() -> Vec<Operation> {
             ..of_a_job("recording", "/v1/jobs/{id}/recording", "The job's recording (.rrd)", files::recording)
         },
         Operation {
-            answers: const { &[answer(200, "The picture.", Content::Media("image/png"))] },
+            answers: const { &[PICTURE] },
             ..of_a_job(
                 "frame",
                 "/v1/jobs/{id}/frame.png",
@@ -164,6 +165,13 @@ const RANGE: Param = Param {
     place: Place::Header,
     what: "One range of bytes; anything else is not looked at.",
     schema: || json!({"type": "string"}),
+};
+
+const PICTURE: Answer = Answer {
+    status: 200,
+    what: "The picture, at most a few seconds old.",
+    content: Content::Media("image/png"),
+    headers: &[("Upm-Age-Ms", "Wall time since it was taken, ms: a whole number.")],
 };
 
 const RECORDING_ANSWERS: &[Answer] = &[

@@ -43,9 +43,11 @@ pub struct Limits {
     pub handler_time: Duration,
     /// Longest time a client may take nothing of what is written to it.
     pub stalled_time: Duration,
-    /// Most connections at once, the spare ones among them.
+    /// Most connections at once, the spare ones among them. An idle one holds some 20 KiB beside the socket's buffers in
+    /// the kernel; one that sends, a header of at most 32 KiB and then its body, which takes up to twice
+    /// [`Limits::body_bytes`] while it grows.
     pub connections: usize,
-    /// Connections kept for e-stop and health.
+    /// Connections kept for e-stop, the list of plates it begins with, and health.
     pub spare_connections: usize,
     /// Longest time for a header to come in whole on a spare connection.
     pub spare_header_time: Duration,
@@ -70,7 +72,7 @@ impl Default for Limits {
             body_time: Duration::from_secs(10),
             handler_time: Duration::from_secs(10),
             stalled_time: Duration::from_secs(20),
-            connections: 512,
+            connections: 1280,
             spare_connections: 32,
             spare_header_time: Duration::from_secs(2),
             watchers: 256,
@@ -131,21 +133,22 @@ impl Limits {
             return Err(Problem::new(ProblemKind::HeaderTooLarge, detail));
         }
         if request.extensions().get::<Spare>().is_some() && !may_use_spare(request) {
-            let detail = "too many connections; those left are for e-stop and health";
+            let detail = "too many connections; those left are for e-stop, the list of plates and health";
             return Err(closing(Problem::new(ProblemKind::Unavailable, detail).retry_after(2)));
         }
         Ok(())
     }
 }
 
-/// Marks a request that came over a connection kept for e-stop and health.
+/// Marks a request that came over a connection kept for e-stop, the list of plates and health.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spare;
 
 fn may_use_spare(request: &Request) -> bool {
     let path = request.uri().path();
     let estop = path.strip_prefix("/v1/plates/").is_some_and(|rest| rest.ends_with("/estop"));
-    (estop && request.method() == Method::POST) || path == "/healthz" || path == "/readyz"
+    let list = path == "/v1/plates" && request.method() == Method::GET;
+    (estop && request.method() == Method::POST) || list || path == "/healthz" || path == "/readyz"
 }
 
 fn uri_bytes(uri: &Uri) -> usize {

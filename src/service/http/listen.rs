@@ -18,6 +18,7 @@ use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::sleep;
 use tower::ServiceExt;
 
+use super::descriptors::make_room;
 use super::limits::{Limits, Spare};
 use super::socket::Socket;
 use super::stop::StopFlag;
@@ -31,6 +32,9 @@ const FILE_READERS: usize = 8;
 
 /// Largest header that hyper reads at all, bytes.
 const READ_BYTES: usize = 32 << 10;
+
+/// Files that may be open beside connections and what they read: store, run folders, live streams.
+const OTHER_FILES: u64 = 256;
 
 /// Rest after the machine had no room for one more connection.
 const NO_ROOM_PAUSE: Duration = Duration::from_millis(50);
@@ -49,6 +53,11 @@ pub struct Served {
 /// Answers on `listener` with `app` until `stop` is set, in a runtime of its own. Blocks. Returns at the latest
 /// `limits.ending_time` after the flag was set, whatever clients do.
 pub fn serve(listener: std::net::TcpListener, app: Router, limits: &Limits, stop: &StopFlag) -> io::Result<Served> {
+    let wanted = (limits.connections + limits.downloads) as u64 + OTHER_FILES;
+    let room = make_room(wanted);
+    if room < wanted {
+        tracing::warn!("only {room} files may be open at once, {wanted} may be needed: raise `ulimit -n`");
+    }
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(WORKERS)
         .max_blocking_threads(FILE_READERS)
@@ -81,11 +90,11 @@ async fn accept(listener: std::net::TcpListener, app: Router, limits: &Limits, s
         }
     }
     drop(listener);
-    Ok(connections.end(limits.ending_time, stop).await)
+    Ok(connections.end(limits.ending_time).await)
 }
 
-/// The connections that are open. Past a number of them the next ones are spare: they serve e-stop and health, and the
-/// oldest of them gives way to one more.
+/// The connections that are open. Past a number of them the next ones are spare: they serve e-stop, the list of plates
+/// and health, and the oldest of them gives way to one more.
 struct Connections<'a> {
     app: Router,
     limits: &'a Limits,
@@ -120,11 +129,10 @@ impl<'a> Connections<'a> {
     }
 
     /// Lets all that are open end by themselves for `within`, then drops the rest.
-    async fn end(mut self, within: Duration, stop: &StopFlag) -> Served {
+    async fn end(mut self, within: Duration) -> Served {
         tokio::select! {
             biased;
             () = async { while self.tasks.join_next().await.is_some() {} } => {}
-            () = stop.aborted() => {}
             () = sleep(within) => {}
         }
         let dropped = self.tasks.len();

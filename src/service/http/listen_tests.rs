@@ -64,7 +64,7 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        self.stop.abort();
+        self.stop.stop();
         self.thread.take().map(JoinHandle::join);
     }
 }
@@ -91,6 +91,7 @@ fn routes(limits: Arc<Limits>) -> Router {
     Router::new()
         .route("/ok", get(|| async { "ok" }))
         .route("/healthz", get(|| async { "ok" }))
+        .route("/v1/plates", get(|| async { "plates" }))
         .route("/v1/plates/{name}/estop", post(|| async { "stopped" }))
         .route("/panic", get(async || -> &'static str { panic!("as asked") }))
         .route("/endless", get(endless))
@@ -176,9 +177,13 @@ fn what_is_no_request_is_refused() {
 
 #[test]
 fn six_hundred_connections_leave_room_for_estop_and_health() {
-    let server = Server::start(|limits| limits.header_time = Duration::from_secs(30));
+    let server = Server::start(|limits| {
+        limits.header_time = Duration::from_secs(30);
+        limits.connections = 512;
+    });
     let idle: Vec<TcpStream> = (0..600).map(|_| server.connect()).collect();
     assert!(server.get("/healthz").ends_with("ok"));
+    assert!(server.get("/v1/plates").ends_with("plates"));
     let estop = b"POST /v1/plates/left/estop HTTP/1.1\r\nhost: localhost\r\n\r\n";
     assert!(server.exchange(estop).ends_with("stopped"));
     let refused = server.get("/ok");
@@ -187,6 +192,20 @@ fn six_hundred_connections_leave_room_for_estop_and_health() {
     drop(idle);
     let mut tries = (0..1000).map(|_| server.get("/ok"));
     assert!(tries.any(|answer| answer.ends_with("ok")), "connections that went away make room");
+}
+
+#[test]
+fn a_thousand_connections_are_answered_at_once() {
+    // both ends of each are open files of this process
+    if descriptors::make_room(2500) < 2500 {
+        return;
+    }
+    let server = Server::start(|limits| limits.header_time = Duration::from_secs(30));
+    let mut clients: Vec<TcpStream> = (0..1000).map(|_| server.connect()).collect();
+    let request = b"GET /ok HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n";
+    clients.iter_mut().for_each(|client| client.write_all(request).unwrap());
+    let answered = clients.iter_mut().map(all_of).filter(|answer| answer.ends_with("ok")).count();
+    assert_eq!(answered, 1000);
 }
 
 #[test]
@@ -222,7 +241,7 @@ fn the_end_waits_for_nobody() {
     assert!(server.get("/ok").ends_with("ok"));
     let clock = MonotonicClock::new();
     let served = server.stop();
-    assert!(clock.elapsed() < Duration::from_secs(2), "the issue's bound on SIGTERM: {:?}", clock.elapsed());
+    assert!(clock.elapsed() < Duration::from_secs(2), "a daemon ends within two seconds: {:?}", clock.elapsed());
     assert!((10..=30).contains(&served.dropped), "{served:?}");
     assert!(TcpStream::connect(server.address).is_err());
     drop(opened);

@@ -37,12 +37,18 @@ pub async fn identify(request: Request, next: Next) -> Response {
         response.headers_mut().insert(X_REQUEST_ID.clone(), value);
     }
     let status = response.status().as_u16();
-    if status >= 500 {
+    if is_alarming(&path, status) {
         tracing::warn!(request = id.as_str(), %method, path, status, "request");
     } else {
         tracing::debug!(request = id.as_str(), %method, path, status, "request");
     }
     response
+}
+
+/// A daemon that is not well says so itself; whoever asks it every few seconds how it is need not fill the log with it.
+fn is_alarming(path: &str, status: u16) -> bool {
+    let is_probe = path == "/healthz" || path == "/readyz";
+    status >= 500 && !(is_probe && status == 503)
 }
 
 #[cfg(test)]
@@ -56,6 +62,20 @@ mod tests {
 
     use super::*;
     use crate::service::http::{ProblemDocument, ProblemKind};
+
+    #[test]
+    fn a_probe_that_is_told_no_is_no_alarm() {
+        for (path, status, alarming) in [
+            ("/readyz", 503, false),
+            ("/healthz", 503, false),
+            ("/readyz", 500, true),
+            ("/v1/jobs", 503, true),
+            ("/v1/jobs", 429, false),
+            ("/readyz", 200, false),
+        ] {
+            assert_eq!(is_alarming(path, status), alarming, "{path} {status}");
+        }
+    }
 
     #[tokio::test]
     async fn a_problem_carries_the_name_of_its_request() {

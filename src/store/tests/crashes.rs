@@ -3,7 +3,7 @@ use std::fs;
 use super::*;
 
 /// A store that is killed now: what it had answered, on the disk.
-fn killed(data: &Path) -> (tempfile::TempDir, Opened) {
+pub(super) fn killed(data: &Path) -> (tempfile::TempDir, Opened) {
     let copy = snapshot(data);
     let opened = open(copy.path(), limits());
     (copy, opened)
@@ -59,6 +59,38 @@ fn after_an_orderly_end_only_plates_with_work_are_paused() {
     assert!(store.close(PATIENCE));
     let Opened { recovery, .. } = open(folder.path(), limits());
     assert_eq!((recovery.clean, recovery.paused), (true, vec![]));
+}
+
+#[test]
+fn a_job_left_on_its_plate_at_an_orderly_end_pauses_all() {
+    let (folder, store) = new_store(limits());
+    let id = begin(&store, "one", "a").row.id;
+    assert!(store.close(PATIENCE));
+    let Opened { recovery, .. } = open(folder.path(), limits());
+    assert_eq!((recovery.clean, recovery.paused), (false, plates()));
+    assert_eq!(recovery.interrupted, [id]);
+}
+
+#[test]
+fn a_run_that_the_daemon_ended_is_interrupted_and_one_that_a_person_ended_cancelled() {
+    let (folder, store) = new_store(limits());
+    let reasons = [
+        ("daemon", "the daemon ended", JobState::Interrupted),
+        ("asked", "cancelled by request", JobState::Cancelled),
+        ("stopped", "emergency stop", JobState::Cancelled),
+    ];
+    let ids = reasons.map(|(name, reason, _)| {
+        let id = begin(&store, name, "a").row.id;
+        let report = format!(r#"{{"outcome": "cancelled", "reason": "{reason}"}}"#);
+        fs::write(store.runs().join(name).join("report.json"), report).unwrap();
+        id
+    });
+    let (_copy, Opened { store, recovery }) = killed(folder.path());
+    assert_eq!((recovery.interrupted, recovery.ended), (ids[..1].to_vec(), ids[1..].to_vec()));
+    for ((_, reason, state), id) in reasons.into_iter().zip(ids) {
+        let row = job(&store, id);
+        assert_eq!((row.state, row.reason.as_str(), row.report_json.is_some()), (state, reason, true));
+    }
 }
 
 #[test]

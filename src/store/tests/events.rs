@@ -117,15 +117,21 @@ fn one_fault_is_no_others() {
 }
 
 #[test]
-fn progress_and_pauses_are_kept_without_waiting() {
+fn progress_is_kept_without_waiting() {
     let (folder, store) = new_store(limits());
     let id = begin(&store, "one", "a").row.id;
     for share in [0.1, f64::NAN, 7.0, 0.5] {
         store.progress(&id, share);
     }
+    assert!(store.close(PATIENCE));
+    assert_eq!(job(&open(folder.path(), limits()).store, id).progress, 0.5);
+}
+
+#[test]
+fn pauses_are_kept_without_waiting() {
+    let (folder, store) = new_store(limits());
     store.note_paused("b", true);
     assert!(store.close(PATIENCE));
-    let opened = open(folder.path(), limits());
-    assert_eq!((opened.recovery.clean, opened.recovery.paused.as_slice()), (true, ["b".to_owned()].as_slice()));
-    assert_eq!(job(&opened.store, id).progress, 0.5);
+    let recovery = open(folder.path(), limits()).recovery;
+    assert_eq!((recovery.clean, recovery.paused.as_slice()), (true, ["b".to_owned()].as_slice()));
 }

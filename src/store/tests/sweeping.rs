@@ -2,6 +2,7 @@ use std::fs;
 use std::sync::atomic::{AtomicI64, Ordering};
 
 use super::*;
+use crate::store::Swept;
 
 /// A store whose clock a test turns: hours since noon.
 macro_rules! turned_clock {
@@ -85,7 +86,7 @@ fn folders_without_a_job_go_when_they_are_old_and_never_at_once() {
     let store = opened(data.path(), Limits { runs_age: Duration::from_secs(3600), ..limits() }, now);
     fs::create_dir(store.runs().join("left")).unwrap();
     fs::write(data.path().join(".trash/left"), "not a folder").unwrap();
-    assert!(store.sweep().is_err());
+    assert_eq!(store.sweep().unwrap().deleted, [""; 0]);
     fs::remove_file(data.path().join(".trash/left")).unwrap();
     assert_eq!(store.sweep().unwrap().deleted, ["left"]);
     let long_ago = opened(&data.path().join("other"), limits(), || Timestamp::UNIX_EPOCH);
@@ -122,6 +123,76 @@ fn a_sweep_that_was_cut_short_is_ended_at_the_next_start() {
     fs::write(trash.join("file"), "x").unwrap();
     opened(data.path(), limits(), noon);
     assert_eq!(fs::read_dir(data.path().join(".trash")).unwrap().count(), 0);
+}
+
+#[test]
+fn a_folder_that_cannot_be_deleted_stays_its_jobs_and_is_in_nobodys_way() {
+    let data = tempfile::tempdir().unwrap();
+    let store = opened(data.path(), Limits { jobs: 1, runs_bytes: 0, ..limits() }, noon);
+    // no folder can be moved to where that lies
+    let in_the_way = data.path().join(".trash/two");
+    fs::write(&in_the_way, "not a folder").unwrap();
+    let ids = ["one", "two", "three"].map(|name| {
+        let id = begin_with(&store, name, 10);
+        store.ended(&id, end(JobState::Completed)).unwrap();
+        id
+    });
+    store.sweep().unwrap();
+    assert_eq!(names(&store), ["two"]);
+    let left = all_jobs(&store);
+    assert_eq!(left.iter().map(|row| row.id).collect::<Vec<_>>(), [ids[1]], "the others are forgotten all the same");
+    assert_eq!((left[0].folder.as_deref(), left[0].recording), (Some("two"), RecordingKept::Whole));
+    fs::remove_file(in_the_way).unwrap();
+    assert_eq!(store.sweep().unwrap().deleted, ["two"]);
+    assert_eq!(job(&store, ids[1]).recording, RecordingKept::Pruned);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn run_folders_on_another_disk_go_too() {
+    use std::os::unix::fs::{MetadataExt, symlink};
+
+    let data = tempfile::tempdir().unwrap();
+    let Ok(disk) = tempfile::tempdir_in("/dev/shm") else { return };
+    if fs::metadata(disk.path()).unwrap().dev() == fs::metadata(data.path()).unwrap().dev() {
+        eprintln!("there is one disk alone: not tested");
+        return;
+    }
+    symlink(disk.path(), data.path().join("runs")).unwrap();
+    let store = opened(data.path(), Limits { runs_bytes: 0, ..limits() }, noon);
+    let id = begin_with(&store, "one", 10);
+    store.ended(&id, end(JobState::Completed)).unwrap();
+    store.sweep().unwrap();
+    assert!(!store.runs().join("one").exists());
+    assert_eq!(job(&store, id).recording, RecordingKept::Pruned);
+    // and nothing of it is a run folder, nor outlives a start
+    let half = store.runs().join(".trash/half");
+    fs::create_dir_all(&half).unwrap();
+    fs::write(half.join("run.rrd"), "x").unwrap();
+    assert_eq!(store.sweep().unwrap(), Swept::default());
+    assert!(store.close(PATIENCE));
+    let Opened { recovery, .. } = open(data.path(), limits());
+    assert_eq!((recovery.orphans.len(), half.exists()), (0, false));
+}
+
+#[test]
+fn a_job_is_remembered_as_long_as_its_key() {
+    turned_clock!(HOURS, now);
+    let data = tempfile::tempdir().unwrap();
+    let store = opened(data.path(), Limits { jobs: 0, runs_bytes: 0, ..limits() }, now);
+    let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
+    let Ok(Accepted::New(first)) = accept(&store, keyed()) else { panic!("not accepted") };
+    store.claim("a", &folder(&store)).unwrap().unwrap();
+    fs::write(store.runs().join("one/journal.jsonl"), "{}").unwrap();
+    store.ended(&first.id, end(JobState::Completed)).unwrap();
+    let plain = begin_with(&store, "plain", 10);
+    store.ended(&plain, end(JobState::Completed)).unwrap();
+    store.sweep().unwrap();
+    assert!(matches!(accept(&store, keyed()), Ok(Accepted::Replayed(row)) if row.id == first.id));
+    assert_eq!(all_jobs(&store).len(), 1);
+    HOURS.store(25, Ordering::SeqCst);
+    store.sweep().unwrap();
+    assert_eq!(all_jobs(&store), []);
 }
 
 #[test]

@@ -1,3 +1,4 @@
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use serde_json::json;
@@ -98,6 +99,7 @@ async fn refusals_become_their_problems() {
         (Refusal::Conflict("stopped".to_owned()), 409, ""),
         (Refusal::KeyReused, 422, ""),
         (Refusal::QueueFull { queued: 64, retry_after_s: 30 }, 429, "30"),
+        (Refusal::Crowded { retry_after_s: 2 }, 429, "2"),
         (Refusal::Busy { why: "checking others".to_owned(), retry_after_s: 1 }, 503, "1"),
         (Refusal::DiskFull("the disk is full".to_owned()), 507, ""),
         (Refusal::Broken("the store is damaged".to_owned()), 500, ""),
@@ -107,8 +109,30 @@ async fn refusals_become_their_problems() {
         let seen = asked.post("/v1/jobs", HOLD).await;
         assert_eq!((seen.status, seen.header("retry-after")), (status, retry_after));
     }
-    asked.desk.refuse(Refusal::Conflict("it has ended".to_owned()));
-    assert_eq!(asked.post(&format!("/v1/jobs/{JOB}/cancel"), "").await.status, 409);
+    for (refusal, status) in
+        [(Refusal::Conflict("it has ended".to_owned()), 409), (Refusal::DiskFull("the disk is full".to_owned()), 507)]
+    {
+        asked.desk.refuse(refusal);
+        assert_eq!(asked.post(&format!("/v1/jobs/{JOB}/cancel"), "").await.status, status);
+    }
+}
+
+#[tokio::test]
+async fn the_list_of_plates_comes_whatever_the_store_does() {
+    let asked = Asked::new();
+    let queued = async || asked.get("/v1/plates").await.json()["plates"][0]["queued"].clone();
+    assert_eq!(queued().await, json!(0));
+    asked.desk.hangs.store(true, Ordering::Relaxed);
+    assert_eq!(queued().await, json!(7), "as counted before");
+    asked.desk.hangs.store(false, Ordering::Relaxed);
+    asked.desk.refuse(Refusal::Busy { why: "the job store is busy".to_owned(), retry_after_s: 1 });
+    assert_eq!(queued().await, json!(7));
+}
+
+#[tokio::test]
+async fn a_picture_says_how_old_it_is() {
+    let seen = Asked::new().get(&format!("/v1/jobs/{JOB}/frame.png")).await;
+    assert_eq!((seen.status, seen.header("upm-age-ms")), (200, "12"));
 }
 
 #[tokio::test]

@@ -1,4 +1,6 @@
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use bytes::Bytes;
 use serde_json::Value;
@@ -26,6 +28,8 @@ pub(super) struct FakeDesk {
     pub kept: Mutex<Replayed>,
     pub recording: Mutex<Vec<u8>>,
     pub ailments: Mutex<Vec<String>>,
+    /// The store behind it never answers.
+    pub hangs: AtomicBool,
 }
 
 impl FakeDesk {
@@ -107,7 +111,14 @@ impl Desk for FakeDesk {
     }
 
     fn plates(&self) -> Promise<Plates> {
+        if self.hangs.load(Ordering::Relaxed) {
+            return Box::pin(std::future::pending());
+        }
         self.say("plates".to_owned(), true, Plates { plates: vec![plate()] })
+    }
+
+    fn plates_as_counted(&self) -> Plates {
+        Plates { plates: vec![Plate { queued: 7, ..plate() }] }
     }
 
     fn estop(&self, name: &str, caller: Caller) -> Promise<EStopped> {
@@ -160,8 +171,9 @@ impl Desk for FakeDesk {
         self.say(format!("replay {after}"), true, replayed)
     }
 
-    fn frame(&self, id: &str) -> Promise<Bytes> {
-        self.say(format!("frame {id}"), id == JOB, Bytes::from_static(b"\x89PNG"))
+    fn frame(&self, id: &str) -> Promise<Picture> {
+        let picture = Picture { png: Bytes::from_static(b"\x89PNG"), age: Duration::from_micros(12_900) };
+        self.say(format!("frame {id}"), id == JOB, picture)
     }
 
     fn recording(&self, id: &str) -> Promise<Recording> {

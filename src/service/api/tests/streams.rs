@@ -7,10 +7,15 @@ use http_body_util::BodyExt;
 
 use super::fake::JOB;
 use super::{Asked, request};
-use crate::service::api::{Event, Opening, Replayed};
+use crate::service::api::{Event, Opening, Refusal, Replayed};
 use crate::service::http::{Limits, Served, StopFlag, Tokens, serve};
 
 const HEAD: &str = "retry: 1000\n\nevent: snapshot\ndata: {\"x\":1}\n\n";
+
+/// How a stream begins for who comes without a number: one to come back with.
+fn head_at(id: u64) -> String {
+    HEAD.replace("event: snapshot", &format!("id: {id}\nevent: snapshot"))
+}
 
 fn cycle(seq: u64) -> Event {
     Event::new(Some(seq), "cycle", "{}")
@@ -67,7 +72,8 @@ async fn a_stream_resumes_after_any_event() {
         let text = all(watch(&asked, &after.to_string()).await).await;
         assert_eq!(text, format!("{HEAD}{}{OVER}", text_of(after + 1..=1203)), "{after}");
     }
-    assert_eq!(all(watch(&asked, "").await).await, format!("{HEAD}{}{OVER}", text_of([1203])), "the end itself");
+    let (head, end) = (head_at(1202), text_of([1203]));
+    assert_eq!(all(watch(&asked, "").await).await, format!("{head}{end}{OVER}"), "the end itself");
 }
 
 #[tokio::test]
@@ -105,11 +111,12 @@ async fn what_happens_comes_once_and_ends_with_the_job() {
 async fn a_slow_client_is_told_of_the_gap_and_how_things_stand() {
     let asked = asked(1, 0, false);
     let mut body = watch(&asked, "").await;
-    assert_eq!(next(&mut body).await, HEAD);
+    assert_eq!(next(&mut body).await, head_at(0));
     let slow = asked.desk.feeds.lock().unwrap().pop().unwrap();
     (1..=1000).for_each(|seq| assert!(slow.offer(&cycle(seq))));
     stand(&asked, 1, 1000, false);
-    assert_eq!(next(&mut body).await, format!("event: gap\ndata: {{\"from\":1,\"to\":1000}}\n\n{HEAD}"));
+    let head = head_at(1000);
+    assert_eq!(next(&mut body).await, format!("event: gap\ndata: {{\"from\":1,\"to\":1000}}\n\n{head}"));
     assert!(slow.is_closed(), "the old queue is given back");
     let feed = asked.desk.feeds.lock().unwrap().pop().unwrap();
     assert!(feed.offer(&cycle(1001)));
@@ -117,10 +124,34 @@ async fn a_slow_client_is_told_of_the_gap_and_how_things_stand() {
 }
 
 #[tokio::test]
+async fn a_slow_client_is_told_of_the_end_that_it_did_not_see() {
+    let asked = asked(1, 0, false);
+    let mut body = watch(&asked, "").await;
+    assert_eq!(next(&mut body).await, head_at(0));
+    let slow = asked.desk.feeds.lock().unwrap().pop().unwrap();
+    (1..=1000).for_each(|seq| assert!(slow.offer(&cycle(seq))));
+    stand(&asked, 1, 1001, true);
+    let head = head_at(1000);
+    assert_eq!(next(&mut body).await, format!("event: gap\ndata: {{\"from\":1,\"to\":1000}}\n\n{head}"));
+    assert_eq!(next(&mut body).await, text_of([1001]), "what is not in the gap comes");
+    assert_eq!(next(&mut body).await, OVER);
+}
+
+#[tokio::test]
+async fn a_store_that_does_not_answer_is_no_gap() {
+    let asked = asked(1, 3, true);
+    let body = watch(&asked, "1").await;
+    asked.desk.refuse(Refusal::Busy { why: "the job store is busy".to_owned(), retry_after_s: 1 });
+    let bye = "event: bye\ndata: {\"why\":\"the job store does not answer now\"}\n\n";
+    assert_eq!(all(body).await, format!("{HEAD}{bye}"));
+    assert_eq!(all(watch(&asked, "1").await).await, format!("{HEAD}{}{OVER}", text_of(2..=3)), "it can be had later");
+}
+
+#[tokio::test]
 async fn a_quiet_stream_shows_that_it_is_alive_and_ends_with_the_daemon() {
     let asked = asked(1, 0, false);
     let mut body = watch(&asked, "").await;
-    assert_eq!(next(&mut body).await, HEAD);
+    assert_eq!(next(&mut body).await, head_at(0));
     let heartbeat = body.frame().await.unwrap().unwrap().into_data().unwrap();
     assert_eq!(heartbeat, ": hb\n\n");
     asked.stop.stop();
