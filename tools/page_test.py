@@ -89,6 +89,10 @@ def check_running(checks, page, daemon):
     checks.soon("its camera frame can be seen", lambda: page.evaluate(
         "(document.querySelector('.watched img')?.naturalWidth ?? 0) > 100"), 10)
     picture = page.locator(".watched figure")
+    with page.expect_download() as download:
+        picture.locator("a").click()
+    kept = pathlib.Path(download.value.path()).read_bytes()
+    checks.that("and be kept", kept.startswith(b"\x89PNG") and download.value.suggested_filename.endswith(".png"))
     page.route("**/frame.png", lambda route: answer_aged(route, 4000))
     checks.soon("how old that is, the daemon tells", lambda: re.match(r"Seen [45]\.\d", picture.inner_text()), 10)
     checks.that("and an old one is grey", picture.locator("img.stale").count() == 1)

@@ -21,7 +21,9 @@ export class Watched {
     this.picture = el('img', { alt: `Camera frame of ${job.name}`, hidden: true });
     this.pictureSays = el('figcaption');
     this.pictureButton = el('button', { type: 'button', 'aria-pressed': 'false', click: () => this.toggle() }, 'Camera frame');
-    const figure = el('figure', {}, this.picture, this.pictureSays);
+    // leads to what is shown, not to the daemon: a link carries no token
+    this.pictureLink = el('a', { download: `${job.name}.png`, title: 'Keep this picture' }, this.picture);
+    const figure = el('figure', {}, this.pictureLink, this.pictureSays);
     this.root = el('div', { class: 'watched' }, this.facts, this.cycle, this.says, this.log, this.pictureButton, figure);
     this.take(job);
     const on = (kind, body) => {
@@ -121,6 +123,7 @@ export class Watched {
   put(picture) {
     const before = this.picture.src;
     this.picture.src = URL.createObjectURL(picture);
+    this.pictureLink.href = this.picture.src;
     if (before) URL.revokeObjectURL(before);
     show(this.picture, true);
   }
