@@ -27,7 +27,7 @@ pub(super) struct Shared {
     pub latch: Latch,
     pub interlock: Interlock,
     /// Tells the run on the plate to end.
-    pub stop: AtomicBool,
+    pub stop: Arc<AtomicBool>,
     /// The daemon ends.
     pub ending: AtomicBool,
     pub vitals: Vitals,
@@ -100,7 +100,7 @@ impl Shared {
             ledger,
             latch,
             interlock,
-            stop: AtomicBool::new(false),
+            stop: Arc::default(),
             ending: AtomicBool::new(false),
             vitals: Vitals::default(),
             real_time: AtomicBool::new(false),

@@ -140,6 +140,7 @@ impl Worker {
                 recording: recording.clone(),
                 live: shared.live.clone(),
                 has_clock: real_time,
+                stop: Arc::clone(&shared.stop),
                 clock: self.place.clock,
             },
         };

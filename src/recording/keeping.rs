@@ -1,3 +1,6 @@
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
 use super::LiveServer;
 use super::scribe::ScribeMode;
 use super::scribe_watch::ScribeWatch;
@@ -20,6 +23,8 @@ pub struct Keeping {
     /// True for a run that has a clock to keep up with: the threads that write let it go before them. Without a clock they
     /// would only fall behind it.
     pub has_clock: bool,
+    /// Set once the run is to end: from then on it hardly waits for its recording, see [`OnFull::WaitAtMost`].
+    pub stop: Arc<AtomicBool>,
     /// When the threads that write have gathered long enough.
     pub clock: MonotonicClock,
 }
@@ -34,6 +39,7 @@ impl Keeping {
             recording: RecordingSwitch::default(),
             live: None,
             has_clock: false,
+            stop: Arc::default(),
             clock,
         }
     }

@@ -13,7 +13,8 @@ pub enum OnFull {
     Wait,
     /// The recording ends as a failed one, and the run goes on.
     GiveUp,
-    /// The run waits, but not longer than this: then the recording ends as a failed one, and the run goes on.
+    /// The run waits, but not longer than this, and a tenth of a second once it is told to stop: then the recording ends
+    /// as a failed one, and the run goes on.
     WaitAtMost(Duration),
 }
 

@@ -1,5 +1,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::thread;
 use std::time::Duration;
@@ -30,6 +31,9 @@ const QUEUE_OF_WAITING: usize = 8;
 
 /// Time from one try to hand a message to a recorder that lags to the next.
 const SEND_AGAIN: Duration = Duration::from_millis(1);
+
+/// The longest wait of a run that is told to stop: time enough for a recorder that works.
+const STOPPED_WITHIN: Duration = Duration::from_millis(100);
 
 /// How long [`OnFull::GiveUp`] waits at the end for a disk that lags.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -136,6 +140,8 @@ struct Running {
     /// `None` once the recorder was given up.
     queue: Option<SyncSender<Message>>,
     on_full: OnFull,
+    /// The run is told to end.
+    stop: Arc<AtomicBool>,
     spare_pixels: Receiver<Vec<u8>>,
     done: Receiver<Closed>,
     switch: RecordingSwitch,
@@ -202,6 +208,7 @@ impl RerunSink {
             is_kept,
             queue: Some(queue),
             on_full,
+            stop: Arc::clone(&keeping.stop),
             spare_pixels,
             done,
             switch,
@@ -262,15 +269,16 @@ impl Running {
             OnFull::WaitAtMost(most) => most,
             OnFull::GiveUp => Duration::ZERO,
         };
-        let mut waits = most.as_millis() / SEND_AGAIN.as_millis();
+        let mut waited = Duration::ZERO;
         let mut sent = queue.try_send(message);
         while let Err(TrySendError::Full(message)) = sent {
-            if waits == 0 {
+            let most = if self.stop.load(Ordering::Relaxed) { most.min(STOPPED_WITHIN) } else { most };
+            if waited >= most {
                 self.switch.fail("the recorder lags");
                 self.queue = None;
                 return;
             }
-            waits -= 1;
+            waited += SEND_AGAIN;
             thread::sleep(SEND_AGAIN);
             sent = queue.try_send(message);
         }

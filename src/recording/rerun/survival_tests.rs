@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufReader, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
@@ -170,18 +171,49 @@ fn a_write_that_fails_is_told_at_once_and_the_draft_stays() {
     assert_eq!(part.metadata().unwrap().len(), 200_000, "no footer behind half a message");
 }
 
+/// A file on a disk that hangs while the mutex is held.
+struct Gate(File, Arc<Mutex<()>>);
+
+impl Write for Gate {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        drop(self.1.lock().unwrap());
+        self.0.write(bytes)
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_run_that_is_told_to_stop_does_not_wait_for_a_disk_that_hangs() {
+    let (_folder, path, _) = places();
+    let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
+    let most = Duration::from_secs(3600);
+    let keeping = Keeping { on_full: OnFull::WaitAtMost(most), ..keeping() };
+    let to = Destination::wrapped(&path, |file| Gate(file, Arc::clone(&gate)));
+    let mut sink = RerunSink::into_destination(to, context(&run), &keeping).unwrap();
+    run.draw();
+    let hanging = gate.lock().unwrap();
+    let stopper = thread::spawn({
+        let stop = Arc::clone(&keeping.stop);
+        // in the middle of the wait, mostly
+        move || {
+            thread::sleep(Duration::from_millis(300));
+            stop.store(true, Ordering::Relaxed);
+        }
+    });
+    let lagging = RecordingState::Failed("the recorder lags".into());
+    let ended = (1..=5000).any(|_| {
+        run.look(&mut sink, false, true);
+        keeping.recording.state() == lagging
+    });
+    assert!(ended && stopper.join().is_ok(), "{:?}", keeping.recording.state());
+    drop(hanging);
+    assert!(matches!(sink.finish(), Err(RecordingError::Write { .. })));
+}
+
 #[test]
 fn a_disk_that_hangs_ends_the_recording_and_not_the_run() {
-    struct Gate(File, Arc<Mutex<()>>);
-    impl Write for Gate {
-        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-            drop(self.1.lock().unwrap());
-            self.0.write(bytes)
-        }
-        fn flush(&mut self) -> io::Result<()> {
-            Ok(())
-        }
-    }
     let (_folder, path, _) = places();
     let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
     let keeping = Keeping { on_full: OnFull::GiveUp, ..keeping() };
