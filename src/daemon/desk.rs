@@ -24,6 +24,8 @@ const CHECKS_WAITING: usize = 1280;
 /// Threads that see emergency stops through, which are done by then, and how many may wait for them.
 const STOP_CLERKS: usize = 2;
 const STOPS_WAITING: usize = 256;
+/// Resets that may wait: each is written down before it takes place.
+const RESETS_WAITING: usize = 16;
 
 /// Answers the API out of store and plates.
 #[derive(Debug)]
@@ -31,6 +33,7 @@ pub(super) struct FrontDesk {
     pub office: Arc<Office>,
     checkers: Arc<Clerks>,
     stops: Clerks,
+    resets: Clerks,
 }
 
 /// What answers are made of.
@@ -85,7 +88,9 @@ impl FrontDesk {
         let (traffic, damage) = (Traffic::default(), Damage::found(damage));
         let office = Office { spec, store, plates, clock, ending, wires, counted, traffic, damage, version };
         let checkers = Arc::new(Clerks::hire("check", CHECKERS, CHECKS_WAITING)?);
-        Ok(Self { office: Arc::new(office), checkers, stops: Clerks::hire("stops", STOP_CLERKS, STOPS_WAITING)? })
+        let stops = Clerks::hire("stops", STOP_CLERKS, STOPS_WAITING)?;
+        let resets = Clerks::hire("resets", 1, RESETS_WAITING)?;
+        Ok(Self { office: Arc::new(office), checkers, stops, resets })
     }
 
     /// The job of that id, handed on to `then` with the reply it is for.
@@ -209,11 +214,13 @@ impl Desk for FrontDesk {
     }
 
     fn reset(&self, plate: &str, request: ResetRequest, caller: Caller) -> Promise<Plate> {
-        let done = self.office.plate(plate).and_then(|at| stops::reset(at, request, &caller));
-        match done {
-            Ok(()) => promise(|reply| self.office.answer_with(plate, reply)),
-            Err(refusal) => kept(Err(refusal)),
-        }
+        let (office, plate) = (Arc::clone(&self.office), plate.to_owned());
+        promise(|reply| {
+            self.resets.give(move || match office.plate(&plate).and_then(|at| stops::reset(at, request, &caller)) {
+                Ok(()) => office.answer_with(&plate, reply),
+                Err(refusal) => reply.send(Err(refusal)),
+            });
+        })
     }
 
     fn resume(&self, plate: &str, caller: Caller) -> Promise<Plate> {

@@ -78,8 +78,8 @@ impl Plate {
         is_kept()
     }
 
-    /// Takes back an emergency stop. The plate is paused then: it starts nothing by this. A stop that comes meanwhile
-    /// holds.
+    /// Takes back an emergency stop, once that is in the audit log: waits for the disk. The plate is paused then: it
+    /// starts nothing by this. A stop that comes meanwhile holds.
     pub fn reset(&self, who: Caller) -> Result<(), ResetFault> {
         let shared = &*self.shared;
         // one reset at a time; a stop does not ask for this
@@ -88,8 +88,12 @@ impl Plate {
             return Err(ResetFault::NotStopped);
         }
         let held = shared.latch.held().ok_or(ResetFault::StillStopping)?;
+        if shared.job().is_some() {
+            return Err(ResetFault::StillStopping);
+        }
+        shared.ledger.write_act(self.told("reset", who)).map_err(ResetFault::Unwritten)?;
         let tripped = shared.interlock.tripped() == Some(Trip::EStop);
-        if shared.job().is_some() || (tripped && !shared.interlock.release(Trip::EStop)) {
+        if tripped && !shared.interlock.release(Trip::EStop) {
             return Err(ResetFault::StillStopping);
         }
         shared.pause(Some("reset after an emergency stop".to_owned()));
@@ -99,7 +103,6 @@ impl Plate {
             return Err(ResetFault::StillStopping);
         }
         self.keeper.unpark();
-        self.audit("reset", who);
         Ok(())
     }
 
@@ -185,6 +188,14 @@ impl Plate {
 
     /// Notes what was done to it: in the log at once, in the audit log as soon as the store takes it.
     fn audit(&self, act: &str, who: Caller) {
+        let entry = self.told(act, who);
+        if !self.shared.ledger.note_act(entry.clone()) {
+            tracing::error!("lost to the audit log, where too much waits: {entry:?}");
+        }
+    }
+
+    /// Tells the log what is done to it; the same for the audit log.
+    fn told(&self, act: &str, who: Caller) -> AuditEntry {
         let Caller { operator, reason, remote, token_name } = who;
         let plate = &self.shared.name;
         if act == ESTOP {
@@ -192,10 +203,6 @@ impl Plate {
         } else {
             tracing::info!(plate, operator, reason, remote, token_name, "{act}");
         }
-        let entry =
-            AuditEntry { plate: Some(plate.clone()), act: act.to_owned(), operator, reason, remote, token_name };
-        if !self.shared.ledger.note_act(entry.clone()) {
-            tracing::error!("lost to the audit log, where too much waits: {entry:?}");
-        }
+        AuditEntry { plate: Some(plate.clone()), act: act.to_owned(), operator, reason, remote, token_name }
     }
 }

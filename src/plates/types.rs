@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use crate::geometry::Vec2;
 use crate::recording::RecordingState;
-use crate::store::JobId;
+use crate::store::{JobId, StoreFault};
 use crate::time::PlateTime;
 
 /// What a plate is doing.
@@ -75,7 +75,7 @@ pub struct PlateSnapshot {
 }
 
 /// Why a plate was not reset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ResetFault {
     /// No emergency stop holds.
     #[error("the plate is not stopped")]
@@ -83,4 +83,7 @@ pub enum ResetFault {
     /// The stopped job has not ended.
     #[error("the plate is still stopping")]
     StillStopping,
+    /// The audit log does not take it.
+    #[error("a reset that is not written down does not take place: {0}")]
+    Unwritten(StoreFault),
 }

@@ -220,4 +220,9 @@ impl Ledger for Store {
     fn note_act(&self, entry: AuditEntry) -> bool {
         self.audit(entry)
     }
+
+    fn write_act(&self, entry: AuditEntry) -> Result<(), StoreFault> {
+        let at = (self.now)();
+        self.orders.written(true, move |books| books.note_act(at, &entry))
+    }
 }

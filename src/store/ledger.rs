@@ -126,4 +126,7 @@ pub trait Ledger: Send + Sync + fmt::Debug {
     /// Writes a line into the audit log; never waits. Lines outlive a full disk: they wait for room in memory. False
     /// when too many wait already: the line is lost.
     fn note_act(&self, entry: AuditEntry) -> bool;
+
+    /// Writes a line into the audit log, behind those noted before, and waits for the disk.
+    fn write_act(&self, entry: AuditEntry) -> Result<(), StoreFault>;
 }

@@ -168,6 +168,13 @@ impl Ledger for MemoryLedger {
         self.kept().audit.push(entry);
         true
     }
+
+    fn write_act(&self, entry: AuditEntry) -> Result<(), StoreFault> {
+        let mut kept = self.kept();
+        kept.check()?;
+        kept.audit.push(entry);
+        Ok(())
+    }
 }
 
 fn unknown(id: &JobId) -> StoreFault {

@@ -128,8 +128,9 @@ impl Writer {
             }
             self.ballast.tend(now);
             self.shown.reserve.store(self.ballast.aboard(), Ordering::Relaxed);
-            self.write(batch);
+            // what was noted before a task was given stands before it
             self.write_pending(due);
+            self.write(batch);
             if now.saturating_sub(tried_at) >= TRY_EVERY && self.shown.fault().is_some() {
                 tried_at = now;
                 // whether it is over is told by a write

@@ -54,6 +54,10 @@ impl Ledger for Meddler {
     fn note_act(&self, entry: AuditEntry) -> bool {
         self.ledger.note_act(entry)
     }
+
+    fn write_act(&self, entry: AuditEntry) -> Result<(), StoreFault> {
+        self.ledger.write_act(entry)
+    }
 }
 
 /// Interlock and latch say the same; what.
@@ -87,6 +91,20 @@ fn a_stop_in_the_middle_of_a_reset_holds() {
     assert_eq!(plate.reset(who("ann")), Ok(()));
     assert!(!stopped(plate));
     assert!(!plate.account_for_estop(who("bob")), "what was released is not kept");
+}
+
+#[test]
+fn a_reset_that_cannot_be_written_down_is_none() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    plate.estop();
+    house.ledger.fail_with(Some(StoreFault::Full));
+    assert_eq!(plate.reset(who("ann")), Err(ResetFault::Unwritten(StoreFault::Full)));
+    assert!(stopped(plate));
+    house.ledger.fail_with(None);
+    assert_eq!(plate.reset(who("ann")), Ok(()));
+    assert!(!stopped(plate));
 }
 
 #[test]
