@@ -8,6 +8,8 @@ mod first_frame;
 mod folder;
 mod library;
 mod links;
+#[cfg(test)]
+mod lost_tests;
 mod paced;
 mod pacing;
 #[cfg(test)]

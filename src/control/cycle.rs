@@ -169,6 +169,7 @@ impl Cycle<'_> {
             self.check_limits()?;
             self.play(pulse)?;
             *last_pulse_at = self.rig.now();
+            self.look_for_missing()?;
         }
         let result = self.look_at_rest()?;
         if plan.pulses.is_empty() {
@@ -277,6 +278,14 @@ impl Cycle<'_> {
 
     fn check_stop(&self) -> Result<(), Ending> {
         check_stop(self.stop)
+    }
+
+    /// Nothing more is played while a part that was not seen for long may be lost.
+    fn look_for_missing(&mut self) -> Result<(), Ending> {
+        if self.eyes.missing_for() > self.params.lost_after_frames {
+            self.look_at_rest()?;
+        }
+        Ok(())
     }
 
     /// Looks until a frame taken at rest shows every part; a part that stays away is lost.

@@ -56,9 +56,12 @@ impl House {
     }
 
     fn open_with(&self, paused: Option<&str>, change: impl FnOnce(&mut Surroundings)) -> Plates {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-        let rig = RigSpec::load(&root.join("configs/rigs/upm-2.json")).unwrap();
-        let library = Arc::new(Library::load(&root.join("assets/libraries/upm-2.json")).unwrap());
+        self.open_by(library(), paused, change)
+    }
+
+    fn open_by(&self, library: Library, paused: Option<&str>, change: impl FnOnce(&mut Surroundings)) -> Plates {
+        let rig = RigSpec::load(&root().join("configs/rigs/upm-2.json")).unwrap();
+        let library = Arc::new(library);
         let setup = PlateSetup { name: "one".into(), rig, library, paused: paused.map(str::to_owned), live_port: None };
         let mut around = Surroundings {
             ledger: Arc::clone(&self.ledger) as _,
@@ -91,6 +94,14 @@ impl House {
     fn row(&self, id: &JobId) -> JobRow {
         self.ledger.job(id).unwrap()
     }
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn library() -> Library {
+    Library::load(&root().join("assets/libraries/upm-2.json")).unwrap()
 }
 
 fn listen(plate: &Plate) -> Receiver<Told> {

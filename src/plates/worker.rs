@@ -88,6 +88,7 @@ impl Worker {
         let done = self.play(claimed, &folder, &recording, journal);
         self.place.disk.release(&id);
         let cause = self.shared.ends();
+        let lost_parts = done.as_ref().map_or(0, |run| run.report.lost_parts);
         let mut end = self.end_of(done, cause);
         if recording.state() == RecordingState::Whole {
             self.rates.add(recording.bytes(), end.at.secs());
@@ -97,6 +98,10 @@ impl Worker {
             tracing::warn!(plate = self.shared.name, job = %id, "the recording is {}: {why}", kept.name());
         }
         end.recording = kept;
+        if lost_parts > 0 {
+            // a person puts it back, or takes it away
+            self.pause_after(&end.reason);
+        }
         self.settle_interlock(&end.reason);
         self.log(&id, &end);
         self.tell(id, News::recording(end.at, kept, &why));
@@ -192,6 +197,10 @@ impl Worker {
         }
     }
 
+    fn pause_after(&self, reason: &str) {
+        self.shared.pause(Some(format!("the last job was stopped: {reason}")));
+    }
+
     /// A trip that no person made ends with the run it stopped, and pauses the plate.
     fn settle_interlock(&self, reason: &str) {
         let shared = &*self.shared;
@@ -199,7 +208,7 @@ impl Worker {
             None | Some(Trip::EStop) => {}
             Some(trip) => {
                 if trip != Trip::Shutdown {
-                    shared.pause(Some(format!("the last job was stopped: {reason}")));
+                    self.pause_after(reason);
                 }
                 shared.interlock.release(trip);
             }

@@ -218,11 +218,34 @@ fn a_job_that_had_begun_is_not_run_over_what_it_left() {
     let journal = folder(&id).join("journal.jsonl");
     [id, empty].iter().for_each(|id| std::fs::create_dir_all(folder(id)).unwrap());
     std::fs::write(&journal, "what there was\n").unwrap();
-    plate.resume(who("ann"));
-    assert_eq!(next(&told, "finished")["state"], "failed");
+    assert!(plate.resume(who("ann")));
+    next(&told, "finished");
     let reason = house.row(&id).reason;
     assert_eq!(reason, "its run folder holds a run: it had begun before, and is not run again");
     assert_eq!(std::fs::read_to_string(&journal).unwrap(), "what there was\n");
     next(&told, "finished");
     assert_eq!(house.row(&empty).state, JobState::Completed, "an empty folder is no run");
+}
+
+#[test]
+fn a_lost_part_stops_the_plate_for_a_person_to_look() {
+    let house = House::new();
+    let mut wrong = library();
+    for entry in &mut wrong.entries {
+        entry.amplitudes = entry.amplitudes.map(|amplitude| -amplitude);
+    }
+    let plates = house.open_by(wrong, None, |_| {});
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let away = r#"{ "name": "away", "seed": 3, "planner": "cor_sequence",
+        "parts": [{ "kind": "penny", "position_mm": [70, 0] }, { "kind": "penny", "position_mm": [-30, 0] }],
+        "task": { "type": "arrange", "targets_mm": [[0, 0], [-30, 0]] } }"#;
+    let [away, next_one] = [away, TWO_COINS].map(|text| house.submit(plate, text, JobPace::Max));
+    assert_eq!(next(&told, "finished")["state"], "failed");
+    let reason = house.row(&away).reason;
+    assert!(reason.contains("penny-1 is lost, last seen at"), "{reason}");
+    assert_eq!(plate.paused(), Some(format!("the last job was stopped: {reason}")));
+    assert_eq!(house.row(&next_one).state, JobState::Queued);
+    assert!(plate.resume(who("ann")));
+    next(&told, "finished");
 }
