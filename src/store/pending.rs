@@ -1,4 +1,5 @@
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
 use jiff::Timestamp;
@@ -14,7 +15,11 @@ const MOST_JOBS: usize = 256;
 
 /// What is written when there is time and room, and waits in memory until then: told by those who never wait.
 #[derive(Debug, Default)]
-pub(super) struct Pending(Mutex<Notes>);
+pub(super) struct Pending {
+    notes: Mutex<Notes>,
+    /// Lines of the audit log that were taken and may come back.
+    taken: AtomicUsize,
+}
 
 #[derive(Debug, Default)]
 pub(super) struct Notes {
@@ -27,7 +32,7 @@ impl Pending {
     /// A line for the audit log; false when too many wait already.
     pub fn act(&self, at: Timestamp, entry: AuditEntry) -> bool {
         let acts = &mut self.notes().acts;
-        let room = acts.len() < MOST_ACTS;
+        let room = acts.len() + self.taken.load(Ordering::SeqCst) < MOST_ACTS;
         if room {
             acts.push_back((at, entry));
         }
@@ -42,7 +47,7 @@ impl Pending {
     /// A job has come this far; the last word counts. Whoever drives a plate tells this, so it is left out while
     /// somebody else is busy with the notes.
     pub fn progress(&self, id: &JobId, progress: f64) {
-        let mut notes = match self.0.try_lock() {
+        let mut notes = match self.notes.try_lock() {
             Ok(notes) => notes,
             Err(TryLockError::Poisoned(notes)) => notes.into_inner(),
             Err(TryLockError::WouldBlock) => return,
@@ -55,20 +60,31 @@ impl Pending {
 
     /// Lines of the audit log that wait.
     pub fn acts_waiting(&self) -> usize {
-        self.notes().acts.len()
+        let notes = self.notes();
+        notes.acts.len() + self.taken.load(Ordering::SeqCst)
     }
 
-    /// All that waits; progress alone only when `progress_too`.
+    /// All that waits; progress alone only when `progress_too`. What is taken is then [`Self::written`] or
+    /// [`Self::put_back`].
     pub fn take(&self, progress_too: bool) -> Option<Notes> {
         let mut notes = self.notes();
         let urgent = !notes.acts.is_empty() || !notes.paused.is_empty();
         let due = urgent || (progress_too && !notes.progress.is_empty());
-        due.then(|| std::mem::take(&mut *notes))
+        due.then(|| {
+            self.taken.store(notes.acts.len(), Ordering::SeqCst);
+            std::mem::take(&mut *notes)
+        })
+    }
+
+    /// What was taken is on the disk.
+    pub fn written(&self) {
+        self.taken.store(0, Ordering::SeqCst);
     }
 
     /// Notes that could not be written wait on, before those that came since.
     pub fn put_back(&self, notes: Notes) {
         let mut now = self.notes();
+        self.taken.store(0, Ordering::SeqCst);
         let Notes { acts, paused, progress } = std::mem::replace(&mut *now, notes);
         now.acts.extend(acts);
         now.paused.extend(paused);
@@ -76,7 +92,7 @@ impl Pending {
     }
 
     fn notes(&self) -> MutexGuard<'_, Notes> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.notes.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -103,5 +119,22 @@ mod tests {
         assert!(pending.take(true).is_none(), "it was left out");
         pending.progress(&id, 0.75);
         assert_eq!(pending.take(true).unwrap().progress[&id], 0.75);
+    }
+
+    #[test]
+    fn lines_that_come_back_again_and_again_do_not_pile_up() {
+        let pending = Pending::default();
+        let act = || pending.act(Timestamp::UNIX_EPOCH, AuditEntry::default());
+        for _ in 0..3 {
+            (0..MOST_ACTS).for_each(|_| _ = act());
+            let notes = pending.take(false).unwrap();
+            assert!(!act(), "those that were taken may come back");
+            assert_eq!(pending.acts_waiting(), MOST_ACTS);
+            pending.put_back(notes);
+            assert_eq!(pending.acts_waiting(), MOST_ACTS);
+        }
+        assert_eq!(pending.take(false).unwrap().acts.len(), MOST_ACTS);
+        pending.written();
+        assert!(act() && pending.acts_waiting() == 1);
     }
 }

@@ -12,7 +12,7 @@ use rusqlite::{Connection, TransactionBehavior};
 use super::ballast::Ballast;
 use super::books::Books;
 use super::ids::Ids;
-use super::pending::Pending;
+use super::pending::{Notes, Pending};
 use super::schema::restart_log;
 use super::task::Task;
 use super::{Limits, StoreFault};
@@ -128,9 +128,8 @@ impl Writer {
             }
             self.ballast.tend(now);
             self.shown.reserve.store(self.ballast.aboard(), Ordering::Relaxed);
-            // what was noted before a task was given stands before it
-            self.write_pending(due);
-            self.write(batch);
+            let notes = self.shown.pending.take(due);
+            self.write(notes, batch);
             if now.saturating_sub(tried_at) >= TRY_EVERY && self.shown.fault().is_some() {
                 tried_at = now;
                 // whether it is over is told by a write
@@ -167,15 +166,23 @@ impl Writer {
         }
     }
 
-    /// All together; where that fails each alone, so that one task's fault is no other's.
-    fn write(&mut self, mut batch: Vec<Box<dyn Task>>) {
+    /// All together, and what was noted before a task was given before it; where that fails the notes and each task
+    /// alone, so that one's fault is no other's.
+    fn write(&mut self, notes: Option<Notes>, mut batch: Vec<Box<dyn Task>>) {
         self.shown.waiting.fetch_sub(batch.len(), Ordering::Relaxed);
-        if batch.len() > 1 && self.ballast.aboard() {
-            let stored = self.commit(|books| batch.iter_mut().try_for_each(|task| task.run(books)));
+        if usize::from(notes.is_some()) + batch.len() > 1 && self.ballast.aboard() {
+            let stored = self.commit(|books| {
+                notes.iter().try_for_each(|notes| notes.write(books))?;
+                batch.iter_mut().try_for_each(|task| task.run(books))
+            });
             if stored.is_ok() {
+                self.shown.pending.written();
                 batch.into_iter().for_each(|task| task.answer(Ok(())));
                 return;
             }
+        }
+        if let Some(notes) = notes {
+            self.write_notes(notes);
         }
         for mut task in batch {
             let stored = self.commit_alone(task.is_vital(), |books| task.run(books));
@@ -183,10 +190,11 @@ impl Writer {
         }
     }
 
-    fn write_pending(&mut self, progress_too: bool) {
-        let Some(notes) = self.shown.pending.take(progress_too) else { return };
-        if self.commit_alone(true, |books| notes.write(books)).is_err() {
-            self.shown.pending.put_back(notes);
+    /// Notes that could not be written wait on.
+    fn write_notes(&mut self, notes: Notes) {
+        match self.commit_alone(true, |books| notes.write(books)) {
+            Ok(()) => self.shown.pending.written(),
+            Err(_) => self.shown.pending.put_back(notes),
         }
     }
 

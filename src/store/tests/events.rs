@@ -1,5 +1,11 @@
+use std::sync::mpsc::SyncSender;
+
+use rusqlite::Connection;
+
 use super::*;
 use crate::store::Replay;
+use crate::store::books::Books;
+use crate::store::task::task;
 
 fn replay(store: &Store, id: JobId, after: u64, most: usize) -> Option<Replay> {
     ask(|done| store.replay(&id, after, most, done)).unwrap()
@@ -97,23 +103,51 @@ fn the_audit_log_only_grows() {
     assert_eq!(tail(10).len(), 3);
 }
 
+/// Keeps the writer from going on until what this returns is dropped.
+fn hold(store: &Store) -> SyncSender<()> {
+    let ((let_go, gate), (stop, stopped)) = (sync_channel(0), sync_channel(0));
+    store.set_paused("a", true, move |_| {
+        stop.send(()).unwrap();
+        assert!(gate.recv().is_err());
+    });
+    stopped.recv_timeout(PATIENCE).unwrap();
+    let_go
+}
+
+#[test]
+fn what_was_noted_before_a_task_was_given_is_written_before_it_and_together_with_it() {
+    let (folder, store) = new_store(limits());
+    let others = Connection::open(folder.path().join("upm.db")).unwrap();
+    let count = |tx: &Connection| tx.query_row("SELECT count(*) FROM audit", [], |row| row.get::<_, i64>(0));
+    let held = hold(&store);
+    assert!(store.note_act(act("ann")));
+    let (sender, answer) = sync_channel(1);
+    let both = move |books: &Books<'_>| Ok((count(books.tx)?, count(&others)?));
+    store.orders.write(task(false, both, move |seen| sender.send(seen).unwrap()));
+    drop(held);
+    assert_eq!(answer.recv_timeout(PATIENCE).unwrap(), Ok((1, 0)), "seen by the task, and by who is not in on it");
+    assert_eq!(ask(|done| store.audit_tail(10, done)).unwrap().len(), 1);
+}
+
 #[test]
 fn one_fault_is_no_others() {
     let (_folder, store) = new_store(limits());
-    let (open_gate, gate) = sync_channel::<()>(0);
-    store.set_paused("a", true, move |_| assert!(gate.recv().is_err()));
+    let held = hold(&store);
+    assert!(store.note_act(act("ann")));
     let (sender, answers) = sync_channel(3);
     let hand_in = |sql: &'static str| {
         let sender = sender.clone();
         let done = move |stored| sender.send(stored).unwrap();
-        store.orders.write(crate::store::task::task(false, |books| books.tx.execute(sql, []), done));
+        store.orders.write(task(false, |books| books.tx.execute(sql, []), done));
     };
     hand_in("UPDATE meta SET clean_shutdown = 0");
     hand_in("DELETE FROM nothing_that_is_there");
     hand_in("UPDATE meta SET clean_shutdown = 0");
-    drop(open_gate);
+    drop(held);
     let answers: Vec<bool> = (0..3).map(|_| answers.recv_timeout(PATIENCE).unwrap().is_ok()).collect();
     assert_eq!(answers, [true, false, true]);
+    let audit = ask(|done| store.audit_tail(10, done)).unwrap();
+    assert_eq!(audit.into_iter().map(|line| line.entry.operator).collect::<Vec<_>>(), ["ann"]);
 }
 
 #[test]
