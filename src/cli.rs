@@ -27,6 +27,7 @@ mod locate;
 mod log_writer;
 mod logs;
 mod man;
+mod panics;
 mod progress;
 mod recording;
 mod render;

@@ -16,6 +16,7 @@ use tracing_subscriber::registry::LookupSpan;
 
 use super::args::Common;
 use super::log_writer::{LastWords, LogWriter};
+use super::panics;
 
 /// How a daemon writes its log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -51,6 +52,9 @@ pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<LastWor
     };
     if tracing::subscriber::set_global_default(subscriber).is_err() {
         complain!("upm: the log was started before");
+    }
+    if daemon.is_some() {
+        panics::into_log();
     }
     last_words
 }
