@@ -27,7 +27,7 @@ mod watchdog;
 mod worker;
 
 pub use frames::Picture;
-pub use latch::{Latch, Latches};
+pub use latch::{Held, Latch, Latches};
 pub use plate::{Caller, Plate};
 pub use start::{PlateSetup, Plates, Surroundings};
 pub use told::{Tap, Told};

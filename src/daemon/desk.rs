@@ -214,11 +214,22 @@ impl Desk for FrontDesk {
     }
 
     fn reset(&self, plate: &str, request: ResetRequest, caller: Caller) -> Promise<Plate> {
+        // found before it waits its turn: a stop that comes meanwhile is another one
+        let held = match self.office.plate(plate).and_then(stops::held) {
+            Ok(held) => held,
+            Err(refusal) => return kept(Err(refusal)),
+        };
         let (office, plate) = (Arc::clone(&self.office), plate.to_owned());
         promise(|reply| {
-            self.resets.give(move || match office.plate(&plate).and_then(|at| stops::reset(at, request, &caller)) {
-                Ok(()) => office.answer_with(&plate, reply),
-                Err(refusal) => reply.send(Err(refusal)),
+            self.resets.give(move || {
+                // who was told that there is no answer shall find the plate stopped
+                if !reply.is_awaited() {
+                    return;
+                }
+                match office.plate(&plate).and_then(|at| stops::reset(at, held, request, &caller)) {
+                    Ok(()) => office.answer_with(&plate, reply),
+                    Err(refusal) => reply.send(Err(refusal)),
+                }
             });
         })
     }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::answers;
 use super::desk::{Office, no_job};
-use crate::plates::{self, Plate, ResetFault};
+use crate::plates::{self, Held, Plate, ResetFault};
 use crate::service::{Caller, EStopped, Job, Refusal, Reply, ResetRequest};
 use crate::store::{Cancelled, JobId, JobState};
 use crate::time::Clock;
@@ -31,13 +31,22 @@ pub(super) fn see_through(office: &Office, name: &str, caller: &Caller) -> Resul
     })
 }
 
-/// Ends an emergency stop. Waits for the disk.
-pub(super) fn reset(plate: &Plate, request: ResetRequest, caller: &Caller) -> Result<(), Refusal> {
+/// The emergency stop that a reset asked for now would end.
+pub(super) fn held(plate: &Plate) -> Result<Held, Refusal> {
+    plate.held().map_err(refusal)
+}
+
+/// Ends that emergency stop. Waits for the disk.
+pub(super) fn reset(plate: &Plate, held: Held, request: ResetRequest, caller: &Caller) -> Result<(), Refusal> {
     let ResetRequest { operator, reason } = request;
-    plate.reset(plates::Caller { operator, reason, ..who(caller) }).map_err(|fault| match fault {
+    plate.reset(held, plates::Caller { operator, reason, ..who(caller) }).map_err(refusal)
+}
+
+fn refusal(fault: ResetFault) -> Refusal {
+    match fault {
         ResetFault::Unwritten(fault) => answers::refusal(fault),
         fault => Refusal::Conflict(fault.to_string()),
-    })
+    }
 }
 
 /// Lets a plate go on.

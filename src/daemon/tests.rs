@@ -2,6 +2,7 @@ use std::future::Future;
 use std::path::Path;
 use std::pin::pin;
 use std::sync::Arc;
+use std::sync::mpsc::{SyncSender, sync_channel};
 use std::task::{Context, Poll, Wake, Waker};
 use std::thread::{self, Thread};
 use std::time::Duration;
@@ -13,7 +14,7 @@ use super::start::Daemon;
 use super::{StartFault, prepare};
 use crate::config::{DaemonSpec, WatchdogSpec};
 use crate::service::{
-    Caller, Desk, EStopped, Job, JobState, Order, Pace, PlateState, Refusal, ResetRequest, Submitted,
+    Caller, Desk, EStopped, Job, JobState, Order, Pace, Plate, PlateState, Promise, Refusal, ResetRequest, Submitted,
 };
 use crate::time::{Clock, MonotonicClock};
 
@@ -92,8 +93,24 @@ impl Running {
     /// Stops plate upm-1: what is queued there stays queued.
     fn pause(&self) {
         self.stopped();
+        assert_eq!(kept(self.reset()).unwrap().state, PlateState::Paused);
+    }
+
+    /// Asks for a reset of plate upm-1.
+    fn reset(&self) -> Promise<Plate> {
         let request = ResetRequest { operator: "A. Person".into(), reason: "test".into() };
-        assert_eq!(kept(self.desk.reset("upm-1", request, caller())).unwrap().state, PlateState::Paused);
+        self.desk.reset("upm-1", request, caller())
+    }
+
+    /// Keeps the store from writing until what this returns is dropped.
+    fn hold_store(&self) -> SyncSender<()> {
+        let ((let_go, gate), (stop, stopped)) = (sync_channel(0), sync_channel(0));
+        self.desk.office.store.set_paused("upm-2", true, move |_| {
+            stop.send(()).unwrap();
+            assert!(gate.recv().is_err());
+        });
+        stopped.recv_timeout(PATIENCE).unwrap();
+        let_go
     }
 
     /// Stops plate upm-1; asks again until motors and disk have been heard of.
@@ -208,6 +225,23 @@ fn an_emergency_stop_ends_what_runs_and_is_reset_by_a_person() {
     assert!(matches!(kept(running.desk.estop("upm-9", caller())), Err(Refusal::Unknown(_))));
     assert!(running.desk.ailments().is_empty() && running.desk.obstacles().is_empty());
     assert!(running.desk.metrics().contains("upm_estops_total{plate=\"upm-1\"} 1"), "{}", running.desk.metrics());
+}
+
+#[test]
+fn a_reset_that_waits_takes_back_no_later_stop_and_none_once_nobody_waits_for_it() {
+    let running = Running::new();
+    running.stopped();
+    let let_go = running.hold_store();
+    let earlier = [running.reset(), running.reset()];
+    drop(running.desk.estop("upm-1", caller()));
+    let (given_up, last) = (running.reset(), running.reset());
+    drop(given_up);
+    drop(let_go);
+    for reset in earlier {
+        assert_eq!(kept(reset).unwrap_err(), Refusal::Conflict("the plate was stopped again".to_owned()));
+    }
+    assert_eq!(kept(last).unwrap().state, PlateState::Paused, "it was for this one to do");
+    assert!(matches!(kept(running.reset()), Err(Refusal::Conflict(_))), "the plate is not stopped");
 }
 
 #[test]

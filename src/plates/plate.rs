@@ -3,6 +3,7 @@ use std::sync::atomic::Ordering;
 use std::thread::{JoinHandle, Thread};
 use std::time::Duration;
 
+use super::latch::Held;
 use super::shared::{Shared, locked};
 use super::told::{Tap, Told};
 use super::validate::validated;
@@ -78,20 +79,37 @@ impl Plate {
         is_kept()
     }
 
-    /// Takes back an emergency stop, once that is in the audit log: waits for the disk. The plate is paused then: it
-    /// starts nothing by this. A stop that comes meanwhile holds.
-    pub fn reset(&self, who: Caller) -> Result<(), ResetFault> {
+    /// The emergency stop that holds: what a person who asks for a reset now has seen.
+    pub fn held(&self) -> Result<Held, ResetFault> {
+        match self.shared.latch.held() {
+            Some(held) => Ok(held),
+            None if self.shared.is_stopped() => Err(ResetFault::StillStopping),
+            None => Err(ResetFault::NotStopped),
+        }
+    }
+
+    /// Takes back that emergency stop, once this is in the audit log: waits for the disk. The plate is paused then: it
+    /// starts nothing by this. A stop that came since that one was found holds.
+    pub fn reset(&self, held: Held, who: Caller) -> Result<(), ResetFault> {
         let shared = &*self.shared;
         // one reset at a time; a stop does not ask for this
         let _alone = locked(&shared.resetting);
-        if !shared.is_stopped() {
-            return Err(ResetFault::NotStopped);
+        if self.held()? != held {
+            return Err(ResetFault::StoppedAgain);
         }
-        let held = shared.latch.held().ok_or(ResetFault::StillStopping)?;
         if shared.job().is_some() {
             return Err(ResetFault::StillStopping);
         }
-        shared.ledger.write_act(self.told("reset", who)).map_err(ResetFault::Unwritten)?;
+        shared.ledger.write_act(self.told("reset", who.clone())).map_err(ResetFault::Unwritten)?;
+        let released = self.release(held);
+        if released.is_err() {
+            self.audit("reset refused", who);
+        }
+        released
+    }
+
+    fn release(&self, held: Held) -> Result<(), ResetFault> {
+        let shared = &*self.shared;
         let tripped = shared.interlock.tripped() == Some(Trip::EStop);
         if tripped && !shared.interlock.release(Trip::EStop) {
             return Err(ResetFault::StillStopping);
@@ -100,7 +118,7 @@ impl Plate {
         if !shared.latch.release(held) {
             // who stopped it again may have found the interlock tripped still
             shared.interlock.trip(Trip::EStop);
-            return Err(ResetFault::StillStopping);
+            return Err(ResetFault::StoppedAgain);
         }
         self.keeper.unpark();
         Ok(())

@@ -124,6 +124,11 @@ fn who(operator: &str) -> Caller {
     Caller { operator: operator.into(), reason: "a test".into(), ..Caller::default() }
 }
 
+/// Takes back the stop that holds now.
+fn reset(plate: &Plate, operator: &str) -> Result<(), ResetFault> {
+    plate.reset(plate.held()?, who(operator))
+}
+
 #[test]
 fn a_job_runs_to_its_end_and_all_of_it_is_told() {
     let house = House::new();
@@ -171,10 +176,10 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     assert!(times.silent_at.secs_since(times.requested_at) < 0.02, "{times:?}");
     assert!(!plate.resume(who("bob")), "a stop holds");
 
-    while plate.reset(who("bob")) == Err(ResetFault::StillStopping) {
+    while reset(plate, "bob") == Err(ResetFault::StillStopping) {
         std::thread::yield_now();
     }
-    assert_eq!(plate.reset(who("bob")), Err(ResetFault::NotStopped));
+    assert_eq!(reset(plate, "bob"), Err(ResetFault::NotStopped));
     assert_eq!(plate.snapshot().state, PlateState::Paused);
     plate.wake();
     std::thread::sleep(Duration::from_millis(50));
@@ -214,7 +219,7 @@ fn a_stop_outlives_the_daemon() {
     let id = house.submit(plate, TWO_COINS, JobPace::Max);
     std::thread::sleep(Duration::from_millis(50));
     assert_eq!(house.row(&id).state, JobState::Queued);
-    assert_eq!(plate.reset(who("ann")), Ok(()));
+    assert_eq!(reset(plate, "ann"), Ok(()));
     assert_eq!(plate.paused().as_deref(), Some("reset after an emergency stop"));
     assert_eq!(plate.snapshot().why, "reset after an emergency stop");
 }

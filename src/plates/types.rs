@@ -83,6 +83,9 @@ pub enum ResetFault {
     /// The stopped job has not ended.
     #[error("the plate is still stopping")]
     StillStopping,
+    /// A stop came that is not the one to be taken back.
+    #[error("the plate was stopped again")]
+    StoppedAgain,
     /// The audit log does not take it.
     #[error("a reset that is not written down does not take place: {0}")]
     Unwritten(StoreFault),

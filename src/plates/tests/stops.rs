@@ -79,8 +79,10 @@ fn a_stop_in_the_middle_of_a_reset_holds() {
         let plate = again.get("one").unwrap();
         assert!(!plate.estop(), "the first one is not released yet");
     }));
-    assert_eq!(plate.reset(who("ann")), Err(ResetFault::StillStopping));
+    assert_eq!(reset(plate, "ann"), Err(ResetFault::StoppedAgain));
     assert!(stopped(plate));
+    let acts: Vec<String> = house.ledger.audit().into_iter().map(|line| line.act).collect();
+    assert_eq!(acts, ["reset", "reset refused"]);
     assert!(plate.account_for_estop(who("bob")));
     assert!(plate.stop_times().is_some());
     plates.shutdown(LONG);
@@ -88,9 +90,23 @@ fn a_stop_in_the_middle_of_a_reset_holds() {
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     assert_eq!(plate.snapshot().state, PlateState::Stopped, "over a restart, too");
-    assert_eq!(plate.reset(who("ann")), Ok(()));
+    assert_eq!(reset(plate, "ann"), Ok(()));
     assert!(!stopped(plate));
     assert!(!plate.account_for_estop(who("bob")), "what was released is not kept");
+}
+
+#[test]
+fn a_reset_does_not_take_back_a_stop_that_came_after_it_was_asked_for() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    plate.estop();
+    let seen = plate.held().unwrap();
+    plate.estop();
+    assert_eq!(plate.reset(seen, who("ann")), Err(ResetFault::StoppedAgain));
+    assert!(stopped(plate) && house.ledger.audit().is_empty());
+    assert_eq!(reset(plate, "ann"), Ok(()));
+    assert!(!stopped(plate));
 }
 
 #[test]
@@ -100,10 +116,10 @@ fn a_reset_that_cannot_be_written_down_is_none() {
     let plate = plates.get("one").unwrap();
     plate.estop();
     house.ledger.fail_with(Some(StoreFault::Full));
-    assert_eq!(plate.reset(who("ann")), Err(ResetFault::Unwritten(StoreFault::Full)));
+    assert_eq!(reset(plate, "ann"), Err(ResetFault::Unwritten(StoreFault::Full)));
     assert!(stopped(plate));
     house.ledger.fail_with(None);
-    assert_eq!(plate.reset(who("ann")), Ok(()));
+    assert_eq!(reset(plate, "ann"), Ok(()));
     assert!(!stopped(plate));
 }
 
@@ -119,7 +135,7 @@ fn stops_and_resets_at_once_never_leave_half_a_stop() {
             let resets = [(); 2].map(|()| {
                 scope.spawn(|| {
                     start.wait();
-                    plate.reset(who("ann"))
+                    reset(plate, "ann")
                 })
             });
             for _ in 0..2 {
@@ -141,10 +157,10 @@ fn a_stop_that_has_yet_to_be_latched_is_not_reset() {
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     plate.shared.interlock.trip(Trip::EStop);
-    assert_eq!(plate.reset(who("ann")), Err(ResetFault::StillStopping));
+    assert_eq!(reset(plate, "ann"), Err(ResetFault::StillStopping));
     assert!(plate.is_stopped());
     assert!(plate.estop());
-    assert_eq!(plate.reset(who("ann")), Ok(()));
+    assert_eq!(reset(plate, "ann"), Ok(()));
 }
 
 #[test]

@@ -199,6 +199,11 @@ impl<T> Reply<T> {
     pub fn send(self, outcome: Result<T, Refusal>) {
         let _ = self.0.send(outcome);
     }
+
+    /// Whether somebody still waits for it.
+    pub fn is_awaited(&self) -> bool {
+        !self.0.is_closed()
+    }
 }
 
 /// A promise that `start` sees to: it hands the reply to whoever will know. A reply that is lost is told as busy.
