@@ -24,6 +24,8 @@ mod jobs;
 mod lab;
 mod lab_table;
 mod locate;
+#[cfg(test)]
+mod log_page;
 mod log_writer;
 mod logs;
 mod man;

@@ -127,22 +127,8 @@ impl Drop for LastWords {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Mutex;
-
+    use super::super::log_page::Page;
     use super::*;
-
-    #[derive(Clone, Debug, Default)]
-    struct Page(Arc<Mutex<String>>);
-
-    impl Page {
-        fn put(&self, text: &str) {
-            self.0.lock().unwrap().push_str(text);
-        }
-
-        fn lines(&self) -> Vec<String> {
-            self.0.lock().unwrap().lines().map(str::to_owned).collect()
-        }
-    }
 
     /// Says that it is asked to write, and then does not return before it is let go.
     struct Stuck {
@@ -156,8 +142,7 @@ mod tests {
             self.asked.try_send(()).ok();
             // an error once the other end is dropped
             self.go.recv().ok();
-            self.page.put(std::str::from_utf8(bytes).unwrap());
-            Ok(bytes.len())
+            self.page.write(bytes)
         }
 
         fn flush(&mut self) -> io::Result<()> {
@@ -177,7 +162,8 @@ mod tests {
         let ((asking, asked), (let_go, go)) = (sync_channel(1), sync_channel(0));
         let page = Page::default();
         let (out, told) = (Stuck { page: page.clone(), asked: asking, go }, page.clone());
-        let (log, last_words) = LogWriter::start(out, move |lost| told.put(&format!("{lost} lost\n"))).unwrap();
+        let (log, last_words) =
+            LogWriter::start(out, move |lost| writeln!(told.clone(), "{lost} lost").unwrap()).unwrap();
         Log { log, last_words, page, asked, let_go }
     }
 

@@ -139,23 +139,8 @@ where
 
 #[cfg(test)]
 mod tests {
-    use std::io::{self, Write};
-    use std::sync::{Arc, Mutex};
-
+    use super::super::log_page::Page;
     use super::*;
-
-    #[derive(Clone, Default)]
-    struct Page(Arc<Mutex<Vec<u8>>>);
-
-    impl Write for Page {
-        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-            self.0.lock().unwrap().write(bytes)
-        }
-
-        fn flush(&mut self) -> io::Result<()> {
-            Ok(())
-        }
-    }
 
     /// What is written when something is logged at two levels.
     fn logged(daemon: Option<LogFormat>, level: LevelFilter, is_journal: bool) -> String {
@@ -168,7 +153,7 @@ mod tests {
             tracing::debug!("not \"told\"");
             tracing::info!(target: "re_grpc_server", "listening where nobody shall go");
         });
-        String::from_utf8(page.0.lock().unwrap().clone()).unwrap()
+        page.text()
     }
 
     #[test]

@@ -28,24 +28,10 @@ fn message(panic: &PanicHookInfo<'_>) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::io::{self, Write};
     use std::panic::{catch_unwind, panic_any};
-    use std::sync::{Arc, Mutex};
 
+    use super::super::log_page::Page;
     use super::*;
-
-    #[derive(Clone, Default)]
-    struct Page(Arc<Mutex<Vec<u8>>>);
-
-    impl Write for Page {
-        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-            self.0.lock().unwrap().write(bytes)
-        }
-
-        fn flush(&mut self) -> io::Result<()> {
-            Ok(())
-        }
-    }
 
     #[test]
     fn a_panic_is_one_line_of_the_log() {
@@ -61,8 +47,7 @@ mod tests {
             assert!(catch_unwind(|| panic_any(7)).is_err());
         });
         panic::set_hook(before);
-        let text = String::from_utf8(page.0.lock().unwrap().clone()).unwrap();
-        let lines = text.lines().map(|line| serde_json::from_str(line).unwrap());
+        let lines = page.lines().into_iter().map(|line| serde_json::from_str(&line).unwrap());
         let told = |line: &serde_json::Value| line["message"].as_str().is_some_and(|it| it.starts_with("panicked"));
         let panics: Vec<serde_json::Value> = lines.filter(told).collect();
         let messages: Vec<&str> = panics.iter().map(|line| line["message"].as_str().unwrap()).collect();
