@@ -2,7 +2,6 @@ use std::future::Future;
 use std::path::Path;
 use std::pin::pin;
 use std::sync::Arc;
-use std::sync::mpsc::{SyncSender, sync_channel};
 use std::task::{Context, Poll, Wake, Waker};
 use std::thread::{self, Thread};
 use std::time::Duration;
@@ -100,17 +99,6 @@ impl Running {
     fn reset(&self) -> Promise<Plate> {
         let request = ResetRequest { operator: "A. Person".into(), reason: "test".into() };
         self.desk.reset("upm-1", request, caller())
-    }
-
-    /// Keeps the store from writing until what this returns is dropped.
-    fn hold_store(&self) -> SyncSender<()> {
-        let ((let_go, gate), (stop, stopped)) = (sync_channel(0), sync_channel(0));
-        self.desk.office.store.set_paused("upm-2", true, move |_| {
-            stop.send(()).unwrap();
-            assert!(gate.recv().is_err());
-        });
-        stopped.recv_timeout(PATIENCE).unwrap();
-        let_go
     }
 
     /// Stops plate upm-1; asks again until motors and disk have been heard of.
@@ -231,12 +219,12 @@ fn an_emergency_stop_ends_what_runs_and_is_reset_by_a_person() {
 fn a_reset_that_waits_takes_back_no_later_stop_and_none_once_nobody_waits_for_it() {
     let running = Running::new();
     running.stopped();
-    let let_go = running.hold_store();
+    let held = running.desk.office.store.hold();
     let earlier = [running.reset(), running.reset()];
     drop(running.desk.estop("upm-1", caller()));
     let (given_up, last) = (running.reset(), running.reset());
     drop(given_up);
-    drop(let_go);
+    drop(held);
     for reset in earlier {
         assert_eq!(kept(reset).unwrap_err(), Refusal::Conflict("the plate was stopped again".to_owned()));
     }

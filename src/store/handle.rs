@@ -52,12 +52,6 @@ impl Store {
         self.orders.write(task(true, move |books: &Books<'_>| books.cancel_queued(&id), done));
     }
 
-    /// Notes whether a plate is paused.
-    pub fn set_paused(&self, plate: &str, paused: bool, done: impl FnOnce(Result<(), StoreFault>) + Send + 'static) {
-        let plate = plate.to_owned();
-        self.orders.write(task(true, move |books: &Books<'_>| books.set_paused(&plate, paused), done));
-    }
-
     /// A job.
     pub fn job(&self, id: &JobId, done: impl FnOnce(Result<Option<JobRow>, StoreFault>) + Send + 'static) {
         let id = *id;

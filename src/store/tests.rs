@@ -11,11 +11,12 @@ mod sweeping;
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::mpsc::sync_channel;
+use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::Duration;
 
 use jiff::Timestamp;
 
+use super::task::{Task, task};
 use super::{
     Accepted, AuditEntry, Claimed, FINISHED, JobEnd, JobId, JobPace, JobRow, JobState, Ledger, Limits, Mended,
     NewEvent, NewJob, Opened, Page, RecordingKept, Store, StoreFault,
@@ -24,6 +25,29 @@ use crate::time::PlateTime;
 
 /// Longest wait for an answer of a store that works.
 const PATIENCE: Duration = Duration::from_secs(60);
+
+impl Store {
+    /// Keeps it from writing until what this returns is dropped.
+    pub(crate) fn hold(&self) -> SyncSender<()> {
+        let ((let_go, gate), (stop, stopped)) = (sync_channel(0), sync_channel(0));
+        self.orders.write(wish(move |_| {
+            stop.send(()).unwrap();
+            assert!(gate.recv().is_err());
+        }));
+        stopped.recv_timeout(PATIENCE).unwrap();
+        let_go
+    }
+}
+
+/// A task that writes nothing.
+fn wish(done: impl FnOnce(Result<(), StoreFault>) + Send + 'static) -> Box<dyn Task> {
+    task(true, |_| Ok(()), done)
+}
+
+/// Notes whether a plate is paused, and waits until that is on the disk.
+fn set_paused(store: &Store, plate: &'static str, paused: bool) {
+    store.orders.written(true, move |books| books.set_paused(plate, paused)).unwrap();
+}
 
 fn noon() -> Timestamp {
     Timestamp::from_second(1_800_000_000).unwrap()

@@ -53,7 +53,7 @@ fn after_an_orderly_end_only_plates_with_work_are_paused() {
     assert!(store.close(PATIENCE));
     let Opened { store, recovery } = open(folder.path(), limits());
     assert_eq!((recovery.clean, recovery.paused), (true, vec!["b".to_owned()]));
-    ask(|done| store.set_paused("b", false, done)).unwrap();
+    set_paused(&store, "b", false);
     let id = store.claim("b", &super::folder(&store)).unwrap().unwrap().row.id;
     store.ended(&id, end(JobState::Completed)).unwrap();
     assert!(store.close(PATIENCE));

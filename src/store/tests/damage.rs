@@ -20,8 +20,8 @@ fn left_behind() -> (tempfile::TempDir, [JobId; 3]) {
     let keyed = NewJob { key: Some("k".into()), ..new_job("queued", "a") };
     let Ok(Accepted::New(queued)) = accept(&store, keyed) else { panic!("not accepted") };
     store.audit(act("ann"));
-    ask(|done| store.set_paused("a", false, done)).unwrap();
-    ask(|done| store.set_paused("a", false, done)).unwrap();
+    set_paused(&store, "a", false);
+    set_paused(&store, "a", false);
     (snapshot(folder.path()), [done, running, queued.id])
 }
 

@@ -1,11 +1,8 @@
-use std::sync::mpsc::SyncSender;
-
 use rusqlite::Connection;
 
 use super::*;
 use crate::store::Replay;
 use crate::store::books::Books;
-use crate::store::task::task;
 
 fn replay(store: &Store, id: JobId, after: u64, most: usize) -> Option<Replay> {
     ask(|done| store.replay(&id, after, most, done)).unwrap()
@@ -103,23 +100,12 @@ fn the_audit_log_only_grows() {
     assert_eq!(tail(10).len(), 3);
 }
 
-/// Keeps the writer from going on until what this returns is dropped.
-fn hold(store: &Store) -> SyncSender<()> {
-    let ((let_go, gate), (stop, stopped)) = (sync_channel(0), sync_channel(0));
-    store.set_paused("a", true, move |_| {
-        stop.send(()).unwrap();
-        assert!(gate.recv().is_err());
-    });
-    stopped.recv_timeout(PATIENCE).unwrap();
-    let_go
-}
-
 #[test]
 fn what_was_noted_before_a_task_was_given_is_written_before_it_and_together_with_it() {
     let (folder, store) = new_store(limits());
     let others = Connection::open(folder.path().join("upm.db")).unwrap();
     let count = |tx: &Connection| tx.query_row("SELECT count(*) FROM audit", [], |row| row.get::<_, i64>(0));
-    let held = hold(&store);
+    let held = store.hold();
     assert!(store.note_act(act("ann")));
     let (sender, answer) = sync_channel(1);
     let both = move |books: &Books<'_>| Ok((count(books.tx)?, count(&others)?));
@@ -132,7 +118,7 @@ fn what_was_noted_before_a_task_was_given_is_written_before_it_and_together_with
 #[test]
 fn one_fault_is_no_others() {
     let (_folder, store) = new_store(limits());
-    let held = hold(&store);
+    let held = store.hold();
     assert!(store.note_act(act("ann")));
     let (sender, answers) = sync_channel(3);
     let hand_in = |sql: &'static str| {

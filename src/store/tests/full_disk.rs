@@ -69,7 +69,7 @@ fn on_a_full_disk_jobs_are_refused_and_what_matters_is_written() {
     store.audit(act("ann"));
     store.ended(&running, end(JobState::Completed)).unwrap();
     ask(|done| store.cancel_queued(&waiting, done)).unwrap();
-    ask(|done| store.set_paused("a", true, done)).unwrap();
+    set_paused(&store, "a", true);
     while store.health().audit_waiting > 0 {
         std::thread::sleep(Duration::from_millis(5));
     }

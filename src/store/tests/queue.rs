@@ -231,18 +231,17 @@ fn a_closed_store_says_so() {
 #[test]
 fn a_queue_too_long_is_refused_at_once() {
     let (_folder, store) = new_store(limits());
-    let (open_gate, gate) = sync_channel::<()>(0);
-    store.set_paused("a", true, move |_| assert!(gate.recv().is_err()));
+    let held = store.hold();
     let (sender, answers) = sync_channel(5000);
     let refused = (0..5000)
         .filter(|_| {
             let sender = sender.clone();
-            store.set_paused("a", true, move |answer| sender.send(answer).unwrap());
+            store.orders.write(wish(move |answer| sender.send(answer).unwrap()));
             matches!(answers.try_recv(), Ok(Err(StoreFault::Busy)))
         })
         .count();
     assert!((5000 - 1024 - 257..5000).contains(&refused), "{refused}");
-    drop(open_gate);
+    drop(held);
     for _ in refused..5000 {
         assert_eq!(answers.recv_timeout(PATIENCE).unwrap(), Ok(()));
     }
