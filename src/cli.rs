@@ -14,15 +14,21 @@ macro_rules! complain {
 }
 
 mod args;
-mod bundle;
 mod calibrate;
 mod check;
-mod client;
 mod client_args;
+#[cfg(feature = "daemon")]
+mod daemon;
+#[cfg(not(feature = "daemon"))]
+#[path = "cli/without_daemon.rs"]
+mod daemon;
 mod failure;
-mod jobs;
+mod features;
+#[cfg(feature = "lab")]
 mod lab;
-mod lab_table;
+#[cfg(not(feature = "lab"))]
+#[path = "cli/without_lab.rs"]
+mod lab;
 mod locate;
 #[cfg(test)]
 mod log_page;
@@ -33,17 +39,11 @@ mod panics;
 mod progress;
 mod recording;
 mod render;
-mod render_scene;
 mod replay;
 mod run;
-mod serve;
 mod simulate;
-mod stop;
-mod submit;
 mod summary;
-mod track_speed;
 mod verify;
-mod watch;
 
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
@@ -86,11 +86,11 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Lab(args) => lab::lab(&args, common),
         Command::Replay(args) => replay::replay(&args),
         Command::Verify(args) => verify::verify(&args, common),
-        Command::Serve(args) => serve::serve(&args, common),
+        Command::Serve(args) => daemon::serve(&args, common),
         Command::Check(args) => check::check(&args, common),
         Command::Schema(args) => check::schema(&args),
-        Command::Client(command) => client::command(&command, common),
-        Command::SupportBundle(args) => bundle::support_bundle(&args, common),
+        Command::Client(command) => daemon::client(&command, common),
+        Command::SupportBundle(args) => daemon::support_bundle(&args, common),
         Command::Man(args) => man::man(&args),
         Command::Completions(args) => {
             let mut script = Vec::new();

@@ -1,28 +1,22 @@
 //! A Universal Planar Manipulator: one flat plate, shaken sideways by four voice coils, moves many coins on it
-//! independently, closed over a camera. See `ARCHITECTURE.md` for the rooms and who may import whom.
+//! independently, closed over a camera. See `ARCHITECTURE.md` for the crates and who may import whom.
 
-pub mod chart;
 pub mod cli;
-pub mod config;
-pub mod control;
-pub mod daemon;
-pub mod estimation;
-pub mod geometry;
-pub mod goal;
-pub mod lab;
-pub mod library;
-pub mod planner;
-pub mod plates;
-pub mod priority;
-pub mod random;
-pub mod recording;
-pub mod rig;
-pub mod run;
-pub mod scene;
-pub mod service;
-pub mod signal;
-pub mod sim;
-pub mod store;
-pub mod time;
-pub mod units;
-pub mod vision;
+
+pub use upm_chart as chart;
+pub use upm_control as control;
+pub use upm_core::{geometry, ground_truth, priority, random, rig, signal, time, units};
+pub use upm_goal as goal;
+#[cfg(feature = "lab")]
+pub use upm_lab as lab;
+pub use upm_library as library;
+pub use upm_perception::{estimation, vision};
+pub use upm_planner as planner;
+pub use upm_recording as recording;
+pub use upm_runner::{config, run};
+#[cfg(feature = "lab")]
+pub use upm_scene as scene;
+#[cfg(feature = "daemon")]
+pub use upm_server::{daemon, plates, service, store};
+pub use upm_sim as sim;
+pub use upm_viewer as viewer;

@@ -8,6 +8,26 @@ mod scan;
 
 use scan::{Scan, scan};
 
+/// Crates and the rooms in them. A crate whose only room has its name is that room.
+const CRATES: &[(&str, &[&str])] = &[
+    ("core", &["units", "time", "priority", "random", "geometry", "signal", "ground_truth", "rig"]),
+    ("sim", &["sim"]),
+    ("scene", &["scene"]),
+    ("perception", &["vision", "estimation"]),
+    ("library", &["library"]),
+    ("goal", &["goal"]),
+    ("qp", &["qp"]),
+    ("planner", &["planner"]),
+    ("control", &["control"]),
+    ("chart", &["chart"]),
+    ("recording", &["recording"]),
+    ("viewer", &["viewer"]),
+    ("runner", &["config", "run"]),
+    ("lab", &["lab"]),
+    ("server", &["store", "plates", "service", "daemon"]),
+    ("fixtures", &["fixtures"]),
+];
+
 /// A room and what it may import besides itself: a room, or single items of it (`*Params`: all that end so).
 /// The rooms of `BASE` may be imported by all.
 const ROOMS: &[(&str, &[&str])] = &[
@@ -17,17 +37,20 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("random", &[]),
     ("geometry", &[]),
     ("signal", &[]),
+    ("ground_truth", &[]),
     ("rig", &["signal"]),
-    ("sim", &["signal", "rig"]),
+    ("sim", &["signal", "rig", "ground_truth"]),
     ("vision", &["signal", "rig::PartKind"]),
     ("scene", &["signal", "rig::PartKind"]),
     ("estimation", &["signal"]),
     ("library", &["signal"]),
     ("goal", &[]),
-    ("planner", &["signal", "library"]),
+    ("qp", &[]),
+    ("planner", &["signal", "library", "qp"]),
     ("control", &["signal", "rig", "vision", "estimation", "library", "goal", "planner"]),
+    ("recording", &["signal", "rig", "vision", "estimation", "library", "goal", "planner", "control", "ground_truth"]),
     (
-        "recording",
+        "viewer",
         &[
             "signal",
             "rig",
@@ -37,18 +60,12 @@ const ROOMS: &[(&str, &[&str])] = &[
             "goal",
             "planner",
             "control",
-            "sim::Truth",
-            "sim::PartTruth",
-            "sim::TruthProbe",
+            "recording",
             "chart",
-            "lab::Figure",
-            "lab::HEADS",
-            "lab::Motion",
-            "lab::NUMBERS",
-            "lab::Outcome",
-            "lab::Track",
+            "ground_truth",
         ],
     ),
+    ("fixtures", &["signal", "rig", "vision", "estimation", "library", "goal", "planner", "control", "ground_truth"]),
     ("chart", &[]),
     ("lab", &["chart", "signal", "rig", "sim", "vision", "scene", "estimation", "library", "control"]),
     (
@@ -69,6 +86,7 @@ const ROOMS: &[(&str, &[&str])] = &[
         "run",
         &[
             "signal",
+            "ground_truth",
             "rig",
             "sim",
             "vision",
@@ -78,13 +96,17 @@ const ROOMS: &[(&str, &[&str])] = &[
             "planner",
             "control",
             "recording",
+            "viewer",
             "config",
         ],
     ),
     ("store", &[]),
-    ("plates", &["signal", "rig", "vision", "library", "planner", "control", "recording", "config", "run", "store"]),
+    (
+        "plates",
+        &["signal", "rig", "vision", "library", "planner", "control", "recording", "viewer", "config", "run", "store"],
+    ),
     ("service", &["config"]),
-    ("daemon", &["signal", "rig", "library", "recording", "config", "run", "store", "plates", "service"]),
+    ("daemon", &["signal", "rig", "library", "recording", "viewer", "config", "run", "store", "plates", "service"]),
     (
         "cli",
         &[
@@ -94,6 +116,7 @@ const ROOMS: &[(&str, &[&str])] = &[
             "library",
             "control",
             "recording",
+            "viewer",
             "config",
             "run",
             "service",
@@ -108,25 +131,28 @@ const ROOMS: &[(&str, &[&str])] = &[
 
 const BASE: &[&str] = &["units", "time", "priority", "random", "geometry"];
 
-/// Paths outside the crate and the only places that may name them.
+/// What neither control nor anything it imports may name, tests included.
+const TRUTH: &[&str] = &["sim", "ground_truth"];
+
+/// Paths outside the workspace and the only places that may name them.
 const OUTSIDE: &[(&str, &[&str])] = &[
-    ("clarabel", &["src/planner"]),
+    ("clarabel", &["src/qp"]),
     ("pathfinding", &["src/goal"]),
-    ("rerun", &["src/recording"]),
-    ("rusqlite", &["src/store"]),
-    ("uuid", &["src/store", "src/service"]),
-    ("rustix", &["src/priority", "src/recording", "src/store", "src/plates", "src/service", "src/daemon"]),
-    ("tokio", &["src/service"]),
-    ("axum", &["src/service"]),
-    ("hyper", &["src/service"]),
-    ("hyper_util", &["src/service"]),
-    ("tower", &["src/service"]),
-    ("http_body_util", &["src/service"]),
-    ("bytes", &["src/service", "src/daemon"]),
-    ("futures_util", &["src/service"]),
-    ("subtle", &["src/service"]),
-    ("prometheus_client", &["src/daemon"]),
-    ("tar", &["src/daemon"]),
+    ("rerun", &["src/viewer"]),
+    ("rusqlite", &["src/server/store"]),
+    ("uuid", &["src/server/store", "src/server/service"]),
+    ("rustix", &["src/core/priority", "src/recording", "src/viewer", "src/server"]),
+    ("tokio", &["src/server/service"]),
+    ("axum", &["src/server/service"]),
+    ("hyper", &["src/server/service"]),
+    ("hyper_util", &["src/server/service"]),
+    ("tower", &["src/server/service"]),
+    ("http_body_util", &["src/server/service"]),
+    ("bytes", &["src/server/service", "src/server/daemon"]),
+    ("futures_util", &["src/server/service"]),
+    ("subtle", &["src/server/service"]),
+    ("prometheus_client", &["src/server/daemon"]),
+    ("tar", &["src/server/daemon"]),
     ("ureq", &["src/cli"]),
     ("libc", &["src/main"]),
     ("clap_mangen", &["src/cli"]),
@@ -140,32 +166,55 @@ const OUTSIDE: &[(&str, &[&str])] = &[
 ];
 
 /// The rooms where data meets the outside; of the library only its file form.
-const SERDE: &[&str] = &[
-    "src/config",
-    "src/recording",
-    "src/library/file",
-    "src/library/raw",
-    "src/cli",
-    "src/run",
-    "src/store",
-    "src/plates",
-    "src/service",
-    "src/daemon",
-    "src/lab",
-];
+const SERDE: &[&str] =
+    &["src/recording", "src/library/file", "src/library/raw", "src/runner", "src/cli", "src/server", "src/lab"];
 
 const LONGEST_FILE: usize = 400;
 
-/// `src/goal/plus_sign.rs` is in `goal`; `src/lib.rs` is in none.
+/// The crate that `name` (`upm_core`, `core`) is, and its rooms.
+fn crate_rooms(name: &str) -> Option<(&'static str, &'static [&'static str])> {
+    let name = name.strip_prefix("upm_").unwrap_or(name);
+    CRATES.iter().find(|(of, _)| *of == name).copied()
+}
+
+/// The member crate that `file` is in; `None` in the root package.
+fn crate_of(file: &str) -> Option<(&'static str, &'static [&'static str])> {
+    let (folder, _) = file.strip_prefix("src/")?.split_once('/')?;
+    crate_rooms(folder)
+}
+
+/// `src/core/geometry/lens.rs` is in `geometry`, `src/sim/plate.rs` in `sim`; the list of a crate's rooms is in none.
 fn room_of(file: &str) -> Option<&str> {
     let inside = file.strip_prefix("src/")?;
+    let inside = match crate_of(file) {
+        Some((name, [only])) if name == *only => return Some(only),
+        Some((name, _)) => inside.strip_prefix(name)?.strip_prefix('/')?,
+        None => inside,
+    };
     let room = inside.split('/').next()?;
     let room = room.strip_suffix(".rs").unwrap_or(room);
     (room != "lib").then_some(room)
 }
 
+/// How deep the file's module lies in its crate.
 fn depth_of(file: &str) -> usize {
-    file.matches('/').count() - usize::from(file.ends_with("/mod.rs"))
+    let folders = file.matches('/').count() - usize::from(crate_of(file).is_some());
+    if file.ends_with("/lib.rs") { 0 } else { folders }
+}
+
+/// A path of this workspace as seen from `file`: the room, and what is named of it.
+fn room_and_item<'a>(file: &str, segments: &'a [String]) -> Option<(&'a str, Option<&'a str>)> {
+    let segment = |k: usize| segments.get(k).map(String::as_str);
+    let (of, rooms) = match segment(0)? {
+        "crate" => crate_of(file).unwrap_or(("upm", &[])),
+        "upm" => ("upm", &[] as &[&str]),
+        name if name.starts_with("upm_") => crate_rooms(name)?,
+        _ => return None,
+    };
+    match rooms {
+        [only] if *only == of => Some((only, segment(1))),
+        _ => Some((segment(1)?, segment(2))),
+    }
 }
 
 fn may_import(allowed: &[&str], room: &str, item: Option<&str>) -> bool {
@@ -187,7 +236,7 @@ fn faults(files: &[(String, String)]) -> Vec<String> {
     let scans: Vec<Scan> = files.iter().map(|(file, text)| scan(text, depth_of(file))).collect();
     let is_test_file = |file: &str| {
         files.iter().zip(&scans).any(|((parent, _), scan)| {
-            let folder = parent.trim_end_matches("/mod.rs").trim_end_matches(".rs");
+            let folder = parent.trim_end_matches("/mod.rs").trim_end_matches("/lib.rs").trim_end_matches(".rs");
             scan.test_modules
                 .iter()
                 .any(|m| file.strip_prefix(&format!("{folder}/{m}")).is_some_and(|r| r.starts_with(['.', '/'])))
@@ -196,7 +245,7 @@ fn faults(files: &[(String, String)]) -> Vec<String> {
     let mut faults = Vec::new();
     // For every room where its imports outside tests are written.
     let mut imports: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
-    let mut sim_mentions = Vec::new();
+    let mut truth_mentions = Vec::new();
     for ((file, text), scan) in files.iter().zip(&scans) {
         let lines = text.lines().count();
         if lines > LONGEST_FILE {
@@ -210,18 +259,16 @@ fn faults(files: &[(String, String)]) -> Vec<String> {
         let test_file = is_test_file(file);
         for mention in &scan.mentions {
             let at = format!("{file}:{}", mention.line);
-            let segment = |k: usize| mention.segments.get(k).map(String::as_str);
-            let own = segment(0) == Some("crate") || (room == "main" && segment(0) == Some("upm"));
-            if let (true, Some(other)) = (own, segment(1)) {
-                if other == "sim" {
-                    sim_mentions.push((room, at.clone()));
+            if let Some((other, item)) = room_and_item(file, &mention.segments) {
+                if TRUTH.contains(&other) {
+                    truth_mentions.push((room, other, at.clone()));
                 }
                 if other == room || mention.in_test || test_file {
                     continue;
                 }
                 imports.entry(room).or_default().insert(other);
-                if !may_import(allowed, other, segment(2)) {
-                    let path = mention.segments[1..].join("::");
+                if !may_import(allowed, other, item) {
+                    let path = std::iter::once(other).chain(item).collect::<Vec<_>>().join("::");
                     faults.push(format!("{at}: `{room}` may not import `{path}`"));
                 }
             } else if !(mention.in_test || test_file) {
@@ -237,7 +284,7 @@ fn faults(files: &[(String, String)]) -> Vec<String> {
     // Nothing that control can reach may see the truth, tests included.
     let (mut ways, mut queue) = (BTreeMap::from([("control", "control".to_owned())]), vec!["control"]);
     while let Some(room) = queue.pop() {
-        for &next in imports.get(room).into_iter().flatten().filter(|next| **next != "sim") {
+        for &next in imports.get(room).into_iter().flatten().filter(|next| !TRUTH.contains(*next)) {
             let way = format!("{} -> {next}", ways[room]);
             if ways.insert(next, way).is_none() {
                 queue.push(next);
@@ -245,9 +292,9 @@ fn faults(files: &[(String, String)]) -> Vec<String> {
         }
     }
     faults.extend(
-        sim_mentions
+        truth_mentions
             .iter()
-            .filter_map(|(room, at)| Some(format!("{at}: control reaches sim: {} -> sim", ways.get(room)?))),
+            .filter_map(|(room, of, at)| Some(format!("{at}: control reaches {of}: {} -> {of}", ways.get(room)?))),
     );
     faults
 }
@@ -285,9 +332,49 @@ fn every_room_is_on_the_map() {
     let map = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("ARCHITECTURE.md")).unwrap();
     let cells: Vec<&str> = map.lines().filter_map(|line| line.strip_prefix('|')?.split('|').next()).collect();
     for room in project().unwrap().iter().filter_map(|(file, _)| room_of(file)) {
-        let on_map =
-            ["`", ".rs`", "/`"].iter().any(|end| cells.iter().any(|cell| cell.contains(&format!("`{room}{end}"))));
+        let on_map = [".rs`", "/`"]
+            .iter()
+            .flat_map(|end| ["`", "/"].map(|start| format!("{start}{room}{end}")))
+            .any(|written| cells.iter().any(|cell| cell.contains(&written)));
         assert!(on_map, "ARCHITECTURE.md: the map has no row for `{room}`");
+    }
+}
+
+/// Sections of a manifest's dependencies with the workspace's crates that each names.
+fn member_dependencies(manifest: &str) -> Vec<(String, String)> {
+    let (mut section, mut found) = (String::new(), Vec::new());
+    for line in manifest.lines() {
+        if line.starts_with('[') {
+            section = line.trim_matches(['[', ']']).to_owned();
+        }
+        let name = line.split(['.', ' ', '=']).next().unwrap_or_default();
+        if let (true, Some(name)) = (section.ends_with("dependencies"), name.strip_prefix("upm-")) {
+            found.push((section.clone(), name.to_owned()));
+        }
+    }
+    found
+}
+
+#[test]
+fn no_crate_that_control_builds_on_knows_the_simulator() {
+    let manifest = |name: &str| {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src").join(name);
+        std::fs::read_to_string(folder.join("Cargo.toml")).unwrap()
+    };
+    let (mut reached, mut queue) = (BTreeSet::from(["control".to_owned()]), vec!["control".to_owned()]);
+    while let Some(name) = queue.pop() {
+        for (_, next) in member_dependencies(&manifest(&name)) {
+            if reached.insert(next.clone()) {
+                queue.push(next);
+            }
+        }
+    }
+    assert!(reached.contains("core") && reached.contains("planner"), "{reached:?}");
+    assert!(!reached.contains("sim"), "control builds on sim: {reached:?}");
+    for (name, _) in CRATES {
+        for (section, of) in member_dependencies(&manifest(name)) {
+            assert!(of != "fixtures" || section == "dev-dependencies", "{name}: fixtures are for tests");
+        }
     }
 }
 
@@ -298,84 +385,90 @@ fn faults_of(files: &[(&str, &str)]) -> Vec<String> {
 #[test]
 fn forbidden_imports_are_found_however_they_are_written() {
     for source in [
-        "use crate::sim::Truth;",
-        "pub use crate::{geometry::Vec2, sim::Truth};",
-        "fn f() { let t = crate::sim::Truth::default(); }",
-        "use super::sim::Truth;",
-        "mod inner { use super::super::sim; }",
-        "const C: char = '\"'; use crate::sim as s;",
-        "#[cfg(not(test))] use crate::sim;",
+        "use upm_sim::SimRig;",
+        "pub use {upm_core::geometry::Vec2, upm_sim::SimRig};",
+        "fn f() { let t = upm_sim::SimRig::default(); }",
+        "mod inner { use upm_sim; }",
+        "const C: char = '\"'; use upm_sim as s;",
+        "#[cfg(not(test))] use upm_sim;",
     ] {
-        let found = faults_of(&[("src/goal.rs", source)]);
+        let found = faults_of(&[("src/goal/plus_sign.rs", source)]);
         assert_eq!(found.len(), 1, "{source}: {found:?}");
-        assert!(found[0].starts_with("src/goal.rs:1: `goal` may not import `sim"), "{found:?}");
+        assert!(found[0].starts_with("src/goal/plus_sign.rs:1: `goal` may not import `sim"), "{found:?}");
     }
     assert_eq!(
-        faults_of(&[("src/vision/a.rs", "\n\nuse super::super::planner;")]),
-        ["src/vision/a.rs:3: `vision` may not import `planner`"]
+        faults_of(&[("src/perception/vision/a.rs", "\n\nuse super::super::estimation;")]),
+        ["src/perception/vision/a.rs:3: `vision` may not import `estimation`"]
     );
     assert_eq!(
-        faults_of(&[("src/geometry.rs", "use crate::signal::Frame;")]),
-        ["src/geometry.rs:1: `geometry` may not import `signal::Frame`"]
+        faults_of(&[("src/core/geometry.rs", "use crate::signal::Frame;")]),
+        ["src/core/geometry.rs:1: `geometry` may not import `signal::Frame`"]
     );
     assert_eq!(
         faults_of(&[("src/main.rs", "fn main() { upm::run::run() }")]),
         ["src/main.rs:1: `main` may not import `run::run`"]
     );
-    assert_eq!(faults_of(&[("src/run.rs", "use crate::lab;")]), ["src/run.rs:1: `run` may not import `lab`"]);
+    assert_eq!(
+        faults_of(&[("src/runner/run.rs", "use upm_lab::Figure;")]),
+        ["src/runner/run.rs:1: `run` may not import `lab::Figure`"]
+    );
     assert_eq!(faults_of(&[("src/utils.rs", "")]), ["src/utils.rs:1: `utils` is not in the table of rooms"]);
 }
 
 #[test]
 fn allowed_imports_and_mere_words_are_not() {
     for source in [
-        "use crate::{geometry::{Twist, Vec2}, time::PlateTime};",
-        "// use crate::sim\n/* crate::sim::Truth */ const A: &str = \"crate::sim\"; const B: &str = r#\"\"crate::sim\"#;",
+        "use upm_core::{geometry::{Twist, Vec2}, time::PlateTime};",
+        "// use upm_sim\n/* upm_sim::SimRig */ const A: &str = \"upm_sim::SimRig\"; const B: &str = r#\"\"upm_sim::SimRig\"#;",
         "use super::goal::Wanted; fn f<'a>(x: &'a str) -> impl Sized + use<'a> { x }",
-        "#[cfg(test)]\nmod tests { use super::*; use crate::signal::Frame; fn f() { serde_json::to_string(&1); } }",
+        "#[cfg(test)]\nmod tests { use super::*; use upm_core::signal::Frame; fn f() { serde_json::to_string(&1); } }",
         "struct S { rerun: bool, sim: u8 }",
     ] {
-        assert_eq!(faults_of(&[("src/goal.rs", source)]), [""; 0], "{source}");
+        assert_eq!(faults_of(&[("src/goal/plus_sign.rs", source)]), [""; 0], "{source}");
     }
-    let test_file =
-        [("src/goal.rs", "#[cfg(test)]\nmod long_tests;"), ("src/goal/long_tests.rs", "use crate::signal::Frame;")];
+    let test_file = [
+        ("src/goal/lib.rs", "#[cfg(test)]\nmod long_tests;"),
+        ("src/goal/long_tests.rs", "use upm_core::signal::Frame;"),
+    ];
     assert_eq!(faults_of(&test_file), [""; 0]);
     assert_eq!(faults_of(&test_file[1..]).len(), 1);
 }
 
 #[test]
 fn single_items_are_told_apart() {
-    assert_eq!(faults_of(&[("src/recording.rs", "use crate::sim::{Truth, TruthProbe};")]), [""; 0]);
-    assert_eq!(faults_of(&[("src/recording.rs", "use crate::sim::{Truth, SimulatedRig};")]).len(), 1);
-    assert_eq!(faults_of(&[("src/config.rs", "use crate::sim::SimParams; use crate::sim::*;")]).len(), 1);
+    assert_eq!(faults_of(&[("src/runner/config.rs", "use upm_sim::{SimParams, CameraParams};")]), [""; 0]);
+    assert_eq!(faults_of(&[("src/runner/config.rs", "use upm_sim::{SimParams, SimRig};")]).len(), 1);
+    assert_eq!(faults_of(&[("src/runner/config.rs", "use upm_sim::SimParams; use upm_sim::*;")]).len(), 1);
 }
 
 #[test]
 fn control_reaches_sim_neither_through_others_nor_in_tests() {
     let files = [
-        ("src/control.rs", "use crate::planner::Plan;"),
-        ("src/planner/plan.rs", "use crate::library::Library;"),
-        ("src/library.rs", "#[cfg(test)]\nmod tests {\n    use crate::sim::Truth;\n}"),
+        ("src/control/lib.rs", "use upm_planner::Plan;"),
+        ("src/planner/plan.rs", "use upm_library::Library;"),
+        ("src/library/look.rs", "#[cfg(test)]\nmod tests {\n    use upm_sim::SimRig;\n}"),
     ];
-    assert_eq!(faults_of(&files), ["src/library.rs:3: control reaches sim: control -> planner -> library -> sim"]);
+    assert_eq!(faults_of(&files), ["src/library/look.rs:3: control reaches sim: control -> planner -> library -> sim"]);
     assert_eq!(faults_of(&files[1..]), [""; 0]);
+    let truth = [("src/control/eyes.rs", "use upm_core::ground_truth::GroundTruth;")];
+    assert_eq!(faults_of(&truth).len(), 2, "not allowed, and within reach of control");
 }
 
 #[test]
 fn outside_crates_have_their_places_and_files_their_length() {
     assert_eq!(
-        faults_of(&[("src/control.rs", "use clarabel::solver;")]),
-        ["src/control.rs:1: `clarabel` is named in src/planner only"]
+        faults_of(&[("src/control/plans.rs", "use clarabel::solver;")]),
+        ["src/control/plans.rs:1: `clarabel` is named in src/qp only"]
     );
-    assert_eq!(faults_of(&[("src/goal.rs", "#[derive(serde::Serialize)] struct S;")]).len(), 1);
-    assert_eq!(faults_of(&[("src/control.rs", "use std::{env, fmt};")]).len(), 1);
+    assert_eq!(faults_of(&[("src/goal/plus_sign.rs", "#[derive(serde::Serialize)] struct S;")]).len(), 1);
+    assert_eq!(faults_of(&[("src/control/plans.rs", "use std::{env, fmt};")]).len(), 1);
     assert_eq!(
-        faults_of(&[
-            ("src/planner/program.rs", "use clarabel::solver;"),
-            ("src/library/file.rs", "use serde::Serialize;")
-        ]),
+        faults_of(&[("src/qp/lib.rs", "use clarabel::solver;"), ("src/library/file.rs", "use serde::Serialize;")]),
         [""; 0]
     );
     let long = "\n".repeat(401);
-    assert_eq!(faults_of(&[("src/goal.rs", &long)]), ["src/goal.rs:401: files have at most 400 lines"]);
+    assert_eq!(
+        faults_of(&[("src/goal/plus_sign.rs", &long)]),
+        ["src/goal/plus_sign.rs:401: files have at most 400 lines"]
+    );
 }

@@ -4,11 +4,13 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::client_args::ClientCommand;
+use super::features::{HELP, VERSION};
 use super::logs::LogFormat;
 
 /// One flat plate, shaken sideways, moves many coins on it independently, closed over a camera.
 #[derive(Parser, Debug)]
-#[command(name = "upm", version, max_term_width = 100, arg_required_else_help = true)]
+#[command(name = "upm", version = VERSION.as_str(), after_help = HELP.as_str())]
+#[command(max_term_width = 100, arg_required_else_help = true)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -46,12 +48,14 @@ pub enum Command {
     /// Open loop: given pulses on given parts, true trajectories out
     Simulate(SimulateArgs),
     /// Make one of the papers' experiments: a table, plots; without a name, list them
+    #[cfg_attr(not(feature = "lab"), command(hide = true))]
     Lab(LabArgs),
     /// Open a run in the Rerun viewer
     Replay(RunFolderArgs),
     /// Run a job again from its run folder alone and compare the journals byte for byte
     Verify(RunFolderArgs),
     /// The daemon: jobs over HTTP, several plates, an operator page
+    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Serve(ServeArgs),
     /// Validate job, rig, daemon, experiment, library and trace files
     Check(CheckArgs),
@@ -61,6 +65,7 @@ pub enum Command {
     #[command(flatten)]
     Client(ClientCommand),
     /// Put together what somebody who helps with a daemon needs to see, without its secrets
+    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     SupportBundle(BundleArgs),
     /// Print completions for a shell
     Completions(CompletionsArgs),
@@ -151,7 +156,7 @@ pub enum Pace {
 }
 
 fn default_rerun() -> &'static str {
-    if cfg!(feature = "rerun") { "save" } else { "off" }
+    if upm_viewer::BUILT_IN { "save" } else { "off" }
 }
 
 /// `upm calibrate`.

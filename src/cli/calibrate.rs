@@ -7,11 +7,11 @@ use super::args::{CalibrateArgs, Common};
 use super::failure::Failure;
 use super::progress::StageProgress;
 use super::{INTERRUPTED, print_json, stop_on_interrupt};
-use crate::config::RigSpec;
-use crate::control::calibration::CalibrationFault;
-use crate::library::Library;
-use crate::run::{calibrate as calibrate_rig, calibration_params};
-use crate::units::mm_from_m;
+use upm_control::calibration::CalibrationFault;
+use upm_core::units::mm_from_m;
+use upm_library::Library;
+use upm_runner::config::RigSpec;
+use upm_runner::run::{calibrate as calibrate_rig, calibration_params};
 
 pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Failure> {
     let rig = RigSpec::load(&args.rig).map_err(Failure::faults)?;

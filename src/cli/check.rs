@@ -10,13 +10,13 @@ use serde_json::{Value, json};
 
 use super::args::{CheckArgs, Common, SchemaArgs};
 use super::failure::Failure;
-use super::{BAD_INPUT, NOT_REACHED, print_json};
-use crate::chart::{self, Chart};
-use crate::config::{self, DaemonSpec, Document, Fault, JobSpec, PlateSpec, RigSpec, SimulateSpec};
-use crate::library::Library;
-use crate::run::{check_simulate, job_library, library_faults};
+use super::{BAD_INPUT, NOT_REACHED, lab, print_json};
 use covered::Covered;
 use plan::Planned;
+use upm_chart::Chart;
+use upm_library::Library;
+use upm_runner::config::{self, DaemonSpec, Document, Fault, JobSpec, PlateSpec, RigSpec, SimulateSpec};
+use upm_runner::run::{check_simulate, job_library, library_faults};
 
 /// What a valid file turned out to be.
 struct Found {
@@ -49,6 +49,7 @@ type Finding = Result<Found, Vec<String>>;
 
 pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
     if let Some(path) = &args.picture {
+        lab::check_svg()?;
         check_picture_name(path, args.files.len())?;
     }
     let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::faults)?;
@@ -132,7 +133,7 @@ fn draw(path: &Path, findings: &[(&Path, Finding)]) -> Result<(), Failure> {
             let line = format!("--picture: found {file}, a {says}, allowed: one library or, with --plan, one job");
             return Err(Failure::bad_input(line));
         };
-        let drawn = chart::svg(&chart);
+        let drawn = lab::svg(&chart)?;
         std::fs::write(path, drawn).map_err(|error| Failure::write(path, error))?;
     }
     Ok(())

@@ -4,29 +4,58 @@ use clap::builder::PossibleValuesParser;
 use clap::{Args, Subcommand};
 
 use super::args::Pace;
-use crate::service::JobState;
+
+/// The states of a job, as they are written.
+const JOB_STATES: [&str; 6] = ["queued", "running", "completed", "failed", "cancelled", "interrupted"];
 
 /// The commands that ask a daemon.
 #[derive(Subcommand, Debug)]
 pub enum ClientCommand {
     /// Daemon: queue a job; prints its id
+    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Submit(SubmitArgs),
     /// Daemon: list jobs, newest first
+    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Jobs(JobsArgs),
     /// Daemon: a job and what became of it
+    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Show(JobArgs),
     /// Daemon: follow a job until it ends
+    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Watch(JobArgs),
     /// Daemon: take a job out of the queue, or stop it
+    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Cancel(JobArgs),
     /// Daemon: all plates as they are
+    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Plates(PlatesArgs),
     /// Daemon: emergency stop, held until a reset; without a name all plates
+    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Estop(EstopArgs),
     /// Daemon: end an emergency stop; the plate stays paused
+    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Reset(ResetArgs),
     /// Daemon: let a paused plate go on with its queue
+    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Resume(PlateArgs),
+}
+
+#[cfg(not(feature = "daemon"))]
+impl ClientCommand {
+    /// As it is typed.
+    pub(super) fn name(&self) -> &'static str {
+        match self {
+            Self::Submit(_) => "submit",
+            Self::Jobs(_) => "jobs",
+            Self::Show(_) => "show",
+            Self::Watch(_) => "watch",
+            Self::Cancel(_) => "cancel",
+            Self::Plates(_) => "plates",
+            Self::Estop(_) => "estop",
+            Self::Reset(_) => "reset",
+            Self::Resume(_) => "resume",
+        }
+    }
 }
 
 /// How to reach the daemon.
@@ -71,7 +100,7 @@ pub struct SubmitArgs {
 #[derive(Args, Debug)]
 pub struct JobsArgs {
     /// Only jobs in this state
-    #[arg(long, value_name = "STATE", value_parser = PossibleValuesParser::new(JobState::NAMES.map(|(name, _)| name)))]
+    #[arg(long, value_name = "STATE", value_parser = PossibleValuesParser::new(JOB_STATES))]
     pub state: Option<String>,
     /// Most jobs listed
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..))]
@@ -134,4 +163,14 @@ pub struct PlateArgs {
     pub plate: String,
     #[command(flatten)]
     pub daemon: DaemonArgs,
+}
+
+#[cfg(all(test, feature = "daemon"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_states_are_those_of_the_api() {
+        assert_eq!(JOB_STATES, upm_server::service::JobState::NAMES.map(|(name, _)| name));
+    }
 }

@@ -1,20 +1,31 @@
+//! `upm lab`, rendered scenes, and charts as SVG.
+
+mod scene;
+mod table;
+mod track_speed;
+
 use std::fs;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
+use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
 use super::args::{Common, LabArgs};
 use super::failure::Failure;
-use super::lab_table::table;
 use super::print_json;
-use super::progress::Spinner;
+use super::progress::target;
 use super::recording;
-use super::track_speed::{TrackTimes, tracking};
-use crate::chart::svg;
-use crate::config::{RigSpec, load_trace, trace_to_json};
-use crate::lab::{EXPERIMENTS, LabRig, Outcome, VISION, WAVEFORM_FIT, experiment, vision_of, waveform_fit_of};
-use crate::recording::RerunMode;
+use upm_chart::Chart;
+use upm_lab::{EXPERIMENTS, LabRig, Outcome, Track, VISION, WAVEFORM_FIT, experiment, vision_of, waveform_fit_of};
+use upm_recording::RerunMode;
+use upm_runner::config::{RigSpec, load_trace, trace_to_json};
+use upm_viewer::Experiment;
+
+pub(super) use scene::of_scene;
+use table::{markdown, table};
+use track_speed::{TrackTimes, tracking};
 
 pub(super) fn lab(args: &LabArgs, common: Common) -> Result<u8, Failure> {
     let Some(name) = &args.experiment else { return list(common) };
@@ -28,7 +39,7 @@ pub(super) fn lab(args: &LabArgs, common: Common) -> Result<u8, Failure> {
     let mut written = write_files(name, &outcome, args)?;
     if rerun != RerunMode::Off {
         let path = args.out.join(format!("{name}.rrd"));
-        recording::lab(&rerun, &path, &title, &outcome)?;
+        recording::experiment(&rerun, &path, &page(&title, &outcome))?;
         written.push(path);
     }
     if common.json {
@@ -101,8 +112,11 @@ fn read_trace(name: &str, path: &Path) -> Result<Outcome, Failure> {
 /// Writes plots and the trace into the folder; the files, in this order.
 fn write_files(name: &str, outcome: &Outcome, args: &LabArgs) -> Result<Vec<PathBuf>, Failure> {
     fs::create_dir_all(&args.out).map_err(|error| Failure::write(&args.out, error))?;
-    let mut files: Vec<(PathBuf, String)> =
-        outcome.charts.iter().map(|chart| (args.out.join(format!("{}.svg", chart.name)), svg(chart))).collect();
+    let mut files: Vec<(PathBuf, String)> = outcome
+        .charts
+        .iter()
+        .map(|chart| (args.out.join(format!("{}.svg", chart.name)), upm_chart::svg(chart)))
+        .collect();
     // one that was read from a file need not be written to another
     if let Some(pulse) = outcome.recorded.as_ref().filter(|_| args.trace.is_none()) {
         files.push((args.out.join(format!("{name}-trace.json")), trace_to_json(pulse)));
@@ -111,6 +125,32 @@ fn write_files(name: &str, outcome: &Outcome, args: &LabArgs) -> Result<Vec<Path
         fs::write(path, text).map_err(|error| Failure::write(path, error))?;
     }
     Ok(files.into_iter().map(|(path, _)| path).collect())
+}
+
+/// The outcome as a page of the viewer.
+fn page(title: &str, outcome: &Outcome) -> Experiment {
+    let motion = outcome.motion.as_ref().map(|motion| upm_viewer::Motion {
+        half_side_m: motion.half_side_m,
+        t_s: motion.t_s.clone(),
+        tracks: motion.tracks.iter().map(track).collect(),
+    });
+    let figures = markdown(title, &outcome.figures);
+    Experiment { title: title.to_owned(), figures, charts: outcome.charts.clone(), motion }
+}
+
+fn track(track: &Track) -> upm_viewer::Track {
+    let Track { label, radius_m, places_m } = track.clone();
+    upm_viewer::Track { label, radius_m, positions_m: places_m }
+}
+
+/// Refuses pictures where this build cannot draw them.
+pub(super) fn check_svg() -> Result<(), Failure> {
+    Ok(())
+}
+
+/// A chart as an SVG document.
+pub(super) fn svg(chart: &Chart) -> Result<String, Failure> {
+    Ok(upm_chart::svg(chart))
 }
 
 fn as_json(name: &str, outcome: &Outcome) -> Value {
@@ -127,4 +167,23 @@ fn as_json(name: &str, outcome: &Outcome) -> Value {
     let series: serde_json::Map<String, Value> =
         outcome.series.iter().map(|series| (series.name.clone(), json!(series.values))).collect();
     json!({ "experiment": name, "figures": figures.collect::<Vec<_>>(), "series": series })
+}
+
+/// Shows on stderr that work goes on whose length nobody knows.
+struct Spinner {
+    bar: ProgressBar,
+}
+
+impl Spinner {
+    fn start(quiet: bool, message: &'static str) -> Self {
+        let bar = ProgressBar::with_draw_target(None, target(quiet));
+        bar.set_style(ProgressStyle::default_spinner());
+        bar.set_message(message);
+        bar.enable_steady_tick(Duration::from_millis(200));
+        Self { bar }
+    }
+
+    fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
 }

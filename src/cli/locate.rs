@@ -16,11 +16,11 @@ use serde_json::json;
 use super::args::{Common, LocateArgs};
 use super::failure::Failure;
 use super::{print_json, recording};
-use crate::recording::{LocalisedRecord, RerunMode};
-use crate::time::{Clock, MonotonicClock};
-use crate::vision::{CoinFinder, Stages, locate_table, locate_table_in_stages};
 use report::TimeUs;
 use setting::Setting;
+use upm_core::time::{Clock, MonotonicClock};
+use upm_perception::vision::{CoinFinder, Stages, locate_table, locate_table_in_stages};
+use upm_recording::{LocalisedRecord, RerunMode};
 
 /// What is in a picture.
 struct Located {

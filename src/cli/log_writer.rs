@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use tracing_subscriber::fmt::MakeWriter;
 
-use crate::priority::step_back;
-use crate::time::{Clock, MonotonicClock};
+use upm_core::priority::step_back;
+use upm_core::time::{Clock, MonotonicClock};
 
 /// Lines that may wait to be written.
 const WAITING: usize = 1024;

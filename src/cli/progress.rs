@@ -2,12 +2,12 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::control::calibration::CalibrationProgress;
-use crate::control::{CycleFacts, EventLevel, LocalisedFacts, Sink};
-use crate::time::{Clock, MonotonicClock, PlateTime};
+use upm_control::calibration::CalibrationProgress;
+use upm_control::{CycleFacts, EventLevel, LocalisedFacts, Sink};
+use upm_core::time::{Clock, MonotonicClock, PlateTime};
 
 /// Thousandths, so that a bar can stand for any fraction.
-const FULL: u64 = 1000;
+pub(super) const FULL: u64 = 1000;
 
 /// Work that takes no longer than this is done without a bar.
 const LATE: Duration = Duration::from_secs(2);
@@ -46,32 +46,6 @@ impl Sink for RunProgress {
             EventLevel::Warning => self.bar.suspend(|| tracing::warn!("plate {at}: {text}")),
             EventLevel::Error => self.bar.suspend(|| tracing::error!("plate {at}: {text}")),
         }
-    }
-}
-
-/// Shows a job that a daemon runs as a bar on stderr.
-pub(super) struct JobProgress {
-    bar: ProgressBar,
-}
-
-impl JobProgress {
-    pub fn new() -> Self {
-        Self { bar: bar(false) }
-    }
-
-    /// Shows that this part of the job is done, 0 to 1.
-    pub fn show(&self, done: f64, message: String) {
-        self.bar.set_position((done * FULL as f64) as u64);
-        self.bar.set_message(message);
-    }
-
-    /// A line above the bar.
-    pub fn note(&self, line: &str) {
-        self.bar.suspend(|| complain!("{line}"));
-    }
-
-    pub fn finish(&self) {
-        self.bar.finish_and_clear();
     }
 }
 
@@ -126,30 +100,13 @@ impl LateProgress {
     }
 }
 
-/// Shows on stderr that work goes on whose length nobody knows.
-pub(super) struct Spinner {
-    bar: ProgressBar,
-}
-
-impl Spinner {
-    pub fn start(quiet: bool, message: &'static str) -> Self {
-        let bar = ProgressBar::with_draw_target(None, target(quiet));
-        bar.set_style(ProgressStyle::default_spinner());
-        bar.set_message(message);
-        bar.enable_steady_tick(Duration::from_millis(200));
-        Self { bar }
-    }
-
-    pub fn finish(&self) {
-        self.bar.finish_and_clear();
-    }
-}
-
-fn target(quiet: bool) -> ProgressDrawTarget {
+/// Where a bar is drawn.
+pub(super) fn target(quiet: bool) -> ProgressDrawTarget {
     if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) }
 }
 
-fn bar(quiet: bool) -> ProgressBar {
+/// A bar from 0 to [`FULL`] on stderr.
+pub(super) fn bar(quiet: bool) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(FULL), target(quiet));
     if let Ok(style) = ProgressStyle::with_template("[{bar:30.cyan}] {percent:>3} %  {msg}") {
         bar.set_style(style.progress_chars("=> "));

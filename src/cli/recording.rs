@@ -1,42 +1,24 @@
-//! Recordings of what is no run. A build without Rerun makes none.
+//! Recordings of what is no run.
 
 use std::path::Path;
 
+use upm_recording::{LocalisedRecord, RerunMode};
+use upm_viewer::{Experiment, RecordingError, RecordingStats, RerunSink, record_experiment, record_located};
+
 use super::failure::Failure;
-use crate::lab::Outcome;
-use crate::recording::{LocalisedRecord, RerunMode};
-#[cfg(feature = "rerun")]
-use crate::recording::{RecordingError, RecordingStats, RerunSink, record_lab, record_located};
 
 /// Refuses a recording that cannot go where it was said to go, before anything is done.
-#[cfg(feature = "rerun")]
 pub(super) fn check(mode: &RerunMode) -> Result<(), Failure> {
     RerunSink::check(mode).map_err(|error| Failure::bad_input(format!("--rerun: {error}")))
 }
 
-/// Refuses every recording: this build has no Rerun.
-#[cfg(not(feature = "rerun"))]
-pub(super) fn check(mode: &RerunMode) -> Result<(), Failure> {
-    match mode {
-        RerunMode::Off => Ok(()),
-        _ => Err(Failure::bad_input(format!("--rerun: found {mode}, allowed: off, as this build has no Rerun"))),
-    }
-}
-
-/// Records an experiment's outcome into `path` and to the viewer of `mode`.
-#[cfg(feature = "rerun")]
-pub(super) fn lab(mode: &RerunMode, path: &Path, title: &str, outcome: &Outcome) -> Result<(), Failure> {
-    ended(mode, path, record_lab(mode, path, title, outcome))
-}
-
-/// There is none to make.
-#[cfg(not(feature = "rerun"))]
-pub(super) fn lab(_: &RerunMode, _: &Path, _: &str, _: &Outcome) -> Result<(), Failure> {
-    Ok(())
+/// Records an experiment into `path` and to the viewer of `mode`.
+#[cfg_attr(not(feature = "lab"), expect(dead_code, reason = "only experiments call it"))]
+pub(super) fn experiment(mode: &RerunMode, path: &Path, experiment: &Experiment) -> Result<(), Failure> {
+    ended(mode, path, record_experiment(mode, path, experiment))
 }
 
 /// Records how table and parts, of those names, were found in a picture, into `path` and to the viewer of `mode`.
-#[cfg(feature = "rerun")]
 pub(super) fn located(
     mode: &RerunMode,
     path: &Path,
@@ -47,13 +29,6 @@ pub(super) fn located(
     ended(mode, path, record_located(mode, path, title, found, names))
 }
 
-/// There is none to make.
-#[cfg(not(feature = "rerun"))]
-pub(super) fn located(_: &RerunMode, _: &Path, _: &str, _: &LocalisedRecord, _: &[&str]) -> Result<(), Failure> {
-    Ok(())
-}
-
-#[cfg(feature = "rerun")]
 fn ended(mode: &RerunMode, path: &Path, made: Result<RecordingStats, RecordingError>) -> Result<(), Failure> {
     let stats = made.map_err(|error| Failure::failed(format!("recording: {error}")))?;
     let live = matches!(mode, RerunMode::Connect { .. } | RerunMode::Spawn);

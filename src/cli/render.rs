@@ -6,11 +6,11 @@ use serde_json::{Value, json};
 
 use super::args::{Common, RenderArgs};
 use super::failure::Failure;
-use super::{print_json, render_scene};
-use crate::config::JobSpec;
-use crate::run::{FirstFrame, FirstFrameError, first_frame};
-use crate::signal::Frame;
-use crate::units::mm_from_m;
+use super::{lab, print_json};
+use upm_core::signal::Frame;
+use upm_core::units::mm_from_m;
+use upm_runner::config::JobSpec;
+use upm_runner::run::{FirstFrame, FirstFrameError, first_frame};
 
 /// Endings of picture files that can be written.
 const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "pgm", "tif", "tiff"];
@@ -26,7 +26,7 @@ pub(super) fn render(args: &RenderArgs, common: Common) -> Result<u8, Failure> {
     }
     let (frame, truth) = match (&args.job, &args.scene) {
         (Some(job), _) => of_job(job, args.seed)?,
-        (None, Some(family)) => render_scene::of_scene(family, args)?,
+        (None, Some(family)) => lab::of_scene(family, args)?,
         (None, None) => {
             return Err(Failure::bad_input("render: found neither a job nor --scene, allowed: one of them"));
         }

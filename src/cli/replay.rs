@@ -3,8 +3,7 @@ use std::process::{Command, Stdio};
 
 use super::args::RunFolderArgs;
 use super::failure::Failure;
-#[cfg(feature = "rerun")]
-use crate::recording::repair_recording;
+use upm_viewer::repair_recording;
 
 /// The viewer that reads this version's recordings.
 const VIEWER: &str = "0.36.3";
@@ -34,17 +33,11 @@ pub(super) fn replay(args: &RunFolderArgs) -> Result<u8, Failure> {
 }
 
 /// Makes a recording of the draft that a killed run left, if there is one.
-#[cfg(feature = "rerun")]
 fn recover(draft: &Path, recording: &Path) -> Result<(), Failure> {
     if !draft.exists() {
         return Ok(());
     }
     let repaired = repair_recording(draft, recording).map_err(|error| Failure::failed(error.to_string()))?;
     tracing::warn!("the run was killed; its recording was recovered, without the last {} bytes", repaired.cut_bytes);
-    Ok(())
-}
-
-#[cfg(not(feature = "rerun"))]
-fn recover(_: &Path, _: &Path) -> Result<(), Failure> {
     Ok(())
 }

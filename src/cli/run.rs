@@ -5,10 +5,10 @@ use super::failure::Failure;
 use super::progress::RunProgress;
 use super::summary::print_summary;
 use super::{INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
-use crate::config::JobSpec;
-use crate::recording::{Keeping, Outcome, RerunMode};
-use crate::run::{RunError, RunOptions, run as run_job};
-use crate::time::MonotonicClock;
+use upm_core::time::MonotonicClock;
+use upm_recording::{Keeping, Outcome, RerunMode};
+use upm_runner::config::JobSpec;
+use upm_runner::run::{RunError, RunOptions, run as run_job};
 
 pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let rerun: RerunMode = args.rerun.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;
@@ -24,6 +24,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
         rerun,
         real_time,
         keeping: Keeping { has_clock: real_time, ..Keeping::patient(clock) },
+        live: None,
     };
     let stop = stop_on_interrupt();
     let mut progress = RunProgress::new(common.quiet || !std::io::stderr().is_terminal());

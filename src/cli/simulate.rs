@@ -3,9 +3,9 @@ use serde_json::json;
 use super::args::{Common, SimulateArgs};
 use super::failure::Failure;
 use super::print_json;
-use crate::config::SimulateSpec;
-use crate::run::{Trajectories, simulate as simulate_open_loop};
-use crate::units::mm_from_m;
+use upm_core::units::mm_from_m;
+use upm_runner::config::SimulateSpec;
+use upm_runner::run::{Trajectories, simulate as simulate_open_loop};
 
 pub(super) fn simulate(args: &SimulateArgs, common: Common) -> Result<u8, Failure> {
     let spec = SimulateSpec::load(&args.experiment).map_err(Failure::faults)?;

@@ -1,7 +1,7 @@
 use super::failure::Failure;
-use crate::config::JobSpec;
-use crate::recording::{Outcome, PredictionError, Report};
-use crate::run::RunResult;
+use upm_recording::{Outcome, PredictionError, Report};
+use upm_runner::config::JobSpec;
+use upm_runner::run::RunResult;
 
 /// What a person wants to know when a run is over.
 pub(super) fn print_summary(job: &JobSpec, result: &RunResult) -> Result<(), Failure> {

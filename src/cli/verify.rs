@@ -7,7 +7,7 @@ use super::failure::Failure;
 use super::progress::RunProgress;
 use super::run::run_failure;
 use super::{INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
-use crate::run::{Verdict, VerifyError, verify as verify_run};
+use upm_runner::run::{Verdict, VerifyError, verify as verify_run};
 
 /// Characters of a differing line that are shown.
 const SHOWN: usize = 160;

@@ -1,7 +1,7 @@
 //! What to try when the wanted steps cannot be made: less of them, then one part at a time.
 
-use crate::geometry::Vec2;
-use crate::planner::PartState;
+use upm_core::geometry::Vec2;
+use upm_planner::PartState;
 
 /// Parts of the steps that are tried together.
 const FRACTIONS: [f64; 4] = [1.0, 0.5, 0.25, 0.125];

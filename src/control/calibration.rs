@@ -20,11 +20,11 @@ use std::sync::atomic::AtomicBool;
 
 use super::ending::{Ending, Outcome};
 use super::eyes::ExpectedPart;
-use crate::estimation::FitFault;
-use crate::library::{Entry, FieldResponse, Library};
-use crate::rig::{PartKind, Rig, RigFault, RigModel};
-use crate::units::GRAVITY_MPS2;
 use steering::Motion;
+use upm_core::rig::{PartKind, Rig, RigFault, RigModel};
+use upm_core::units::GRAVITY_MPS2;
+use upm_library::{Entry, FieldResponse, Library};
+use upm_perception::estimation::FitFault;
 use workbench::Workbench;
 
 pub use axes::Axes;

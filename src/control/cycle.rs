@@ -9,12 +9,12 @@ use super::eyes::{ExpectedPart, Eyes, Moment};
 use super::learning::Gains;
 use super::plans::{Plans, planner_of};
 use super::{CycleFacts, EventLevel, Sink};
-use crate::geometry::Vec2;
-use crate::goal::{Goal, Wanted};
-use crate::library::Library;
-use crate::planner::{Limit, Method, PartState, Plan, PlanStatus, PlannerParams};
-use crate::rig::{PartKind, Rig, RigModel};
-use crate::time::{Clock, PlateTime};
+use upm_core::geometry::Vec2;
+use upm_core::rig::{PartKind, Rig, RigModel};
+use upm_core::time::{Clock, PlateTime};
+use upm_goal::{Goal, Wanted};
+use upm_library::Library;
+use upm_planner::{Limit, Method, PartState, Plan, PlanStatus, PlannerParams};
 
 /// A part that goes less than this part of the way the library has it is called slow.
 const SLOW: f64 = 0.7;

@@ -1,6 +1,6 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::rig::{RigFault, Trip};
+use upm_core::rig::{RigFault, Trip};
 
 /// How a run ended. A lost coin or a missing table is an ending, not an error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

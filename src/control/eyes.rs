@@ -3,11 +3,11 @@ use std::time::Duration;
 
 use super::ending::{Ending, check_stop};
 use super::{EventLevel, FrameFacts, LocalisedFacts, Sink};
-use crate::geometry::Vec2;
-use crate::rig::{PartKind, Rig, RigModel};
-use crate::signal::Frame;
-use crate::time::{Clock, PlateTime};
-use crate::vision::{CoinFinder, Detection, Stages, Table, TableFault, Tracker, locate_table_in_stages};
+use upm_core::geometry::Vec2;
+use upm_core::rig::{PartKind, Rig, RigModel};
+use upm_core::signal::Frame;
+use upm_core::time::{Clock, PlateTime};
+use upm_perception::vision::{CoinFinder, Detection, Stages, Table, TableFault, Tracker, locate_table_in_stages};
 
 /// Looks at an empty-handed rig before the table counts as missing.
 const TABLE_LOOKS: usize = 5;

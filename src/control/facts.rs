@@ -1,10 +1,10 @@
-use crate::estimation::{FitFault, PlateFit};
-use crate::geometry::Vec2;
-use crate::goal::Wanted;
-use crate::planner::{Plan, PlannedPulse};
-use crate::signal::{AccelTrace, Drive, Frame};
-use crate::time::PlateTime;
-use crate::vision::{Detection, Stages, Table, Track};
+use upm_core::geometry::Vec2;
+use upm_core::signal::{AccelTrace, Drive, Frame};
+use upm_core::time::PlateTime;
+use upm_goal::Wanted;
+use upm_perception::estimation::{FitFault, PlateFit};
+use upm_perception::vision::{Detection, Stages, Table, Track};
+use upm_planner::{Plan, PlannedPulse};
 
 /// The first look: table and parts from nothing.
 #[derive(Clone, Copy, Debug)]

@@ -7,8 +7,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::geometry::Vec2;
-use crate::planner::PlannedPulse;
+use upm_core::geometry::Vec2;
+use upm_planner::PlannedPulse;
 
 /// Nodes of the grid along each side.
 const NODES: usize = 4;
@@ -150,8 +150,8 @@ impl Gains {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Streams;
     use rand::RngExt;
+    use upm_core::random::Streams;
 
     const HALF_M: f64 = 0.15;
     const SCATTER: Scatter = Scatter { least_m: 0.05e-3, of_step: 0.02 };

@@ -1,9 +1,9 @@
 use std::sync::Arc;
 
 use super::ending::Ending;
-use crate::geometry::Vec2;
-use crate::library::Library;
-use crate::planner::{FieldPlanner, Method, PartState, Plan, PlannedPulse, Planner, PlannerParams, PseudoInverse};
+use upm_core::geometry::Vec2;
+use upm_library::Library;
+use upm_planner::{FieldPlanner, Method, PartState, Plan, PlannedPulse, Planner, PlannerParams, PseudoInverse};
 
 /// Finds the motions of a cycle and says what they will do.
 pub(super) trait Plans {

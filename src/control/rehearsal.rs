@@ -20,14 +20,14 @@ use super::attempts::ways_to_try;
 use super::ending::Ending;
 use super::learning::{Gains, Lesson, MORE, Scatter};
 use super::plans::{Plans, planner_of};
-use crate::geometry::Vec2;
-use crate::goal::{Goal, Wanted};
-use crate::library::Library;
-use crate::planner::{Limit, PartState, Plan, PlanStatus};
-use crate::random::Streams;
-use crate::time::PlateTime;
 use stage::Stage;
 use trail::Trail;
+use upm_core::geometry::Vec2;
+use upm_core::random::Streams;
+use upm_core::time::PlateTime;
+use upm_goal::{Goal, Wanted};
+use upm_library::Library;
+use upm_planner::{Limit, PartState, Plan, PlanStatus};
 
 /// Plate time without a pulse and without progress after which a rehearsal counts as stalled, s.
 const STALLED_S: f64 = 10.0;

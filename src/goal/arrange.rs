@@ -1,7 +1,7 @@
 use super::steering::Steering;
 use super::{Disc, Goal, Wanted};
-use crate::geometry::Vec2;
-use crate::time::PlateTime;
+use upm_core::geometry::Vec2;
+use upm_core::time::PlateTime;
 
 /// Every part goes to a place.
 #[derive(Clone, Debug, PartialEq)]

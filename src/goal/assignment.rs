@@ -17,8 +17,8 @@ pub(super) fn assign(parts: usize, places: usize, cost_m2: impl Fn(usize, usize)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Vec2;
     use proptest::prelude::*;
+    use upm_core::geometry::Vec2;
 
     /// Least sum over every permutation of `left` behind the parts `done` already.
     fn least(cost: &dyn Fn(usize, usize) -> f64, part: usize, left: &mut Vec<usize>) -> f64 {

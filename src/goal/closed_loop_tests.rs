@@ -5,9 +5,9 @@ use rand::RngExt;
 use std::f64::consts::TAU;
 
 use super::{Arrange, ArrangeParams, Bin, Disc, Goal, Sort, SortParams};
-use crate::geometry::Vec2;
-use crate::random::{Rng, Streams};
-use crate::time::PlateTime;
+use upm_core::geometry::Vec2;
+use upm_core::random::{Rng, Streams};
+use upm_core::time::PlateTime;
 
 const HALF_SIDE_M: f64 = 0.1524;
 const PENNY_M: f64 = 0.009525;

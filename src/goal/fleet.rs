@@ -1,5 +1,5 @@
 use super::Disc;
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
 /// Rounding that is no approach, m.
 pub(super) const ROUNDING_M: f64 = 1e-9;

@@ -1,7 +1,7 @@
 use super::steering::Steering;
 use super::{Disc, Goal, Wanted};
-use crate::geometry::Vec2;
-use crate::time::PlateTime;
+use upm_core::geometry::Vec2;
+use upm_core::time::PlateTime;
 
 /// A part that drifted is brought back to within this part of what counts as drifted.
 const BROUGHT_BACK: f64 = 0.5;

@@ -1,8 +1,8 @@
 use super::polyline::Polyline;
 use super::steering::Steering;
 use super::{Disc, Goal, Wanted};
-use crate::geometry::Vec2;
-use crate::time::PlateTime;
+use upm_core::geometry::Vec2;
+use upm_core::time::PlateTime;
 
 /// Length of a cycle before any was seen, s.
 const FIRST_CYCLE_S: f64 = 0.5;
@@ -185,9 +185,9 @@ impl Goal for InPhase {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Streams;
     use rand::RngExt;
     use std::f64::consts::TAU;
+    use upm_core::random::Streams;
 
     const PENNY_M: f64 = 0.009525;
     const CORNERS: usize = 60;

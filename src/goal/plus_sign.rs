@@ -1,6 +1,6 @@
 use super::{Goal, Wanted};
-use crate::geometry::{Vec2, cross};
-use crate::time::PlateTime;
+use upm_core::geometry::{Vec2, cross};
+use upm_core::time::PlateTime;
 
 /// The paper's first task (section 3.4, Fig. 13): one part goes to the centre by translations along x, then y, and then
 /// follows the branches of a plus sign clockwise: out to the edge, back to the centre, next branch.
@@ -228,9 +228,9 @@ impl Goal for PlusSign {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Streams;
     use proptest::prelude::*;
     use rand::RngExt;
+    use upm_core::random::Streams;
 
     const PARAMS: PlusSignParams = PlusSignParams {
         half_side_m: 0.1016,

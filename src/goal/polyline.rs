@@ -1,4 +1,4 @@
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
 /// The point of the segment from `a_m` to `b_m` nearest to `p_m`.
 pub(super) fn nearest_on_segment(a_m: Vec2, b_m: Vec2, p_m: Vec2) -> Vec2 {

@@ -2,8 +2,8 @@ use rand::seq::SliceRandom;
 
 use super::fleet::Fleet;
 use super::search::{Obstacle, Query};
-use crate::geometry::Vec2;
-use crate::random::Rng;
+use upm_core::geometry::Vec2;
+use upm_core::random::Rng;
 
 /// Gap between rims that ways are planned with, m.
 pub(super) const PLANNED_GAP_M: f64 = 3e-3;

@@ -1,7 +1,7 @@
 use pathfinding::prelude::astar;
 
 use super::fleet::{ROUNDING_M, Step};
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
 /// Cost of a move along x or y by one pitch.
 const STRAIGHT: u32 = 10;

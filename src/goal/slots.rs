@@ -1,4 +1,4 @@
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
 /// A pattern's stretch is found by this many halvings.
 const HALVINGS: usize = 20;

@@ -2,8 +2,8 @@ use super::assignment::assign;
 use super::slots::Slots;
 use super::steering::Steering;
 use super::{Disc, Goal, Wanted};
-use crate::geometry::Vec2;
-use crate::time::PlateTime;
+use upm_core::geometry::Vec2;
+use upm_core::time::PlateTime;
 
 /// Gap between rims in a bin with which parts get in and past each other, m.
 const COMFORT_M: f64 = 4e-3;

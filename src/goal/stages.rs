@@ -1,7 +1,7 @@
 use super::fleet::{Fleet, ROUNDING_M, Step};
 use super::routes::{PLANNED_GAP_M, Routes, Search};
-use crate::geometry::Vec2;
-use crate::random::Rng;
+use upm_core::geometry::Vec2;
+use upm_core::random::Rng;
 
 /// What one more stage costs: as much as a way of this length, m.
 const STAGE_M: f64 = 5e-3;
@@ -111,10 +111,10 @@ fn stages(fleet: &Fleet, mut routes: Routes) -> Stages {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::goal::Disc;
-    use crate::random::{Rng, Streams};
+    use crate::Disc;
     use proptest::prelude::*;
     use rand::RngExt;
+    use upm_core::random::{Rng, Streams};
 
     fn scattered(count: usize, rng: &mut Rng) -> Vec<Vec2> {
         let mut places_m: Vec<Vec2> = Vec::new();

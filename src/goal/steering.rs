@@ -3,8 +3,8 @@ use super::assignment::assign;
 use super::fleet::Fleet;
 use super::routes::PLANNED_GAP_M;
 use super::stages::find_stages;
-use crate::geometry::Vec2;
-use crate::random::{Rng, Streams};
+use upm_core::geometry::Vec2;
+use upm_core::random::{Rng, Streams};
 
 /// The present assignment stands until another costs less than this part of it: what follows positions with noise
 /// would else go to and fro.

@@ -1,7 +1,7 @@
 use super::polyline::Polyline;
 use super::{Goal, Wanted};
-use crate::geometry::Vec2;
-use crate::time::PlateTime;
+use upm_core::geometry::Vec2;
+use upm_core::time::PlateTime;
 
 /// The path of one part.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -248,9 +248,9 @@ fn is_finite(p: Vec2) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Streams;
     use proptest::prelude::*;
     use rand::RngExt;
+    use upm_core::random::Streams;
 
     const LEAD_M: f64 = 0.006;
     const ARRIVE_M: f64 = 0.0005;

@@ -2,12 +2,12 @@ use nalgebra::Vector2;
 
 use super::shaken::{ShakenPlate, steady_motion};
 use super::{Figure, LabFault, LabRig, Outcome, Series};
-use crate::chart::{Axis, Chart, Color, Layer, Mark};
-use crate::estimation::nearest_pump;
-use crate::geometry::{Twist, Vec2};
-use crate::library::{Entry, drive_for};
-use crate::signal::Envelope;
-use crate::units::mm_from_m;
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_core::geometry::{Twist, Vec2};
+use upm_core::signal::Envelope;
+use upm_core::units::mm_from_m;
+use upm_library::{Entry, drive_for};
+use upm_perception::estimation::nearest_pump;
 
 /// Centres farther than this many half sides are translations, as `upm check` counts them.
 const FARTHEST: f64 = 20.0;

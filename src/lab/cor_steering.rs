@@ -1,12 +1,12 @@
 use super::shaken::ShakenPlate;
 use super::{Figure, LabFault, LabRig, Outcome, Series};
-use crate::chart::{Axis, Chart, Color, Layer, Mark};
-use crate::control::calibration::Axes;
-use crate::estimation::{AccelerometerPair, fit_twist};
-use crate::geometry::Vec2;
-use crate::library::{AxisShape, drive_for};
-use crate::signal::Envelope;
-use crate::units::{INCH_M, mm_from_m};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_control::calibration::Axes;
+use upm_core::geometry::Vec2;
+use upm_core::signal::Envelope;
+use upm_core::units::{INCH_M, mm_from_m};
+use upm_library::{AxisShape, drive_for};
+use upm_perception::estimation::{AccelerometerPair, fit_twist};
 
 /// One row of the paper's Table 1.
 struct Row {

@@ -6,8 +6,8 @@ use std::f64::consts::PI;
 use ellip::{ellipe, ellipk};
 
 use super::{Figure, Outcome, Series};
-use crate::chart::{Axis, Chart, Color, Layer, Mark};
-use crate::sim::DiscFriction;
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_sim::DiscFriction;
 
 /// Slip ratios compared, from 1e-4 to 1e4.
 const RATIOS: usize = 200;

@@ -5,9 +5,9 @@ use std::f64::consts::TAU;
 
 use super::pumped::{PumpedLine, sliding_threshold};
 use super::{Figure, LabFault, LabRig, Outcome, Series, coulomb_pump, disc_friction};
-use crate::chart::{Axis, Chart, Color, Layer, Mark};
-use crate::sim::PartParams;
-use crate::units::GRAVITY_MPS2;
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_core::units::GRAVITY_MPS2;
+use upm_sim::PartParams;
 
 /// Speeds at which the mean force is taken, from rest to the belt's.
 const SPEEDS: u32 = 20;

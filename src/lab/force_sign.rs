@@ -5,9 +5,9 @@ use rand::RngExt;
 
 use super::shaken::{ShakenPlate, steady_motion};
 use super::{LabFault, LabRig};
-use crate::estimation::{Coefficients, accelerations_mps2, fit_channels, force_sign, sustain_window};
-use crate::random::{Rng, Streams};
-use crate::signal::{Drive, Envelope, Harmonic};
+use upm_core::random::{Rng, Streams};
+use upm_core::signal::{Drive, Envelope, Harmonic};
+use upm_perception::estimation::{Coefficients, accelerations_mps2, fit_channels, force_sign, sustain_window};
 
 /// Within this of the null, in the sine of the phase, either sign is right.
 const NULL: f64 = 0.0175;

@@ -1,5 +1,5 @@
-use crate::chart::Chart;
-use crate::signal::RecordedPulse;
+use upm_chart::Chart;
+use upm_core::signal::RecordedPulse;
 
 /// One number an experiment comes to.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,10 +1,10 @@
 //! Pulses of rotation about a point, as a rig's motors can play them.
 
 use super::{LabFault, LabRig, coulomb_pump};
-use crate::geometry::{Vec2, cross};
-use crate::signal::Envelope;
-use crate::sim::{OpenLoopError, OpenPulse, PartTrajectory, PlateMode, check_pulses};
-use crate::units::GRAVITY_MPS2;
+use upm_core::geometry::{Vec2, cross};
+use upm_core::signal::Envelope;
+use upm_core::units::GRAVITY_MPS2;
+use upm_sim::{OpenLoopError, OpenPulse, PartTrajectory, PlateMode, check_pulses};
 
 /// Samples a second of a playback.
 pub(super) const PLAYBACK_HZ: f64 = 60.0;

@@ -3,10 +3,10 @@
 use std::f64::consts::TAU;
 
 use super::coulomb_pump;
-use crate::geometry::{Pose, Twist, Vec2};
-use crate::signal::TwistWave;
-use crate::sim::{ContactParams, PartParams, Parts, PlateMotion};
-use crate::units::GRAVITY_MPS2;
+use upm_core::geometry::{Pose, Twist, Vec2};
+use upm_core::signal::TwistWave;
+use upm_core::units::GRAVITY_MPS2;
+use upm_sim::{ContactParams, PartParams, Parts, PlateMotion};
 
 /// Side of the plate, m: room enough.
 const SIDE_M: f64 = 10.0;
@@ -109,7 +109,7 @@ fn speed_of(parts: &Parts) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lab::testing::lab_rig;
+    use crate::testing::lab_rig;
 
     /// Speed of a part after many cycles, over A, on a plate whose A w is `share` of μ g.
     fn carried(share: f64) -> f64 {

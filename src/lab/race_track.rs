@@ -9,9 +9,9 @@ use super::pulses::{
     turn,
 };
 use super::{Figure, LabFault, LabRig, Motion, Outcome, Series, Track};
-use crate::chart::{Axis, Chart, Color, Layer, Mark};
-use crate::geometry::{Pose, Vec2};
-use crate::sim::{OpenPulse, PlateMode, Trajectories, simulate};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_core::geometry::{Pose, Vec2};
+use upm_sim::{OpenPulse, PlateMode, Trajectories, simulate};
 
 /// Where the coins start, as parts of the way from the centre to the plate's other side.
 const LANES: [f64; 3] = [0.4, 0.7, 1.0];

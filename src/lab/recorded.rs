@@ -1,8 +1,10 @@
 use super::{Figure, LabFault, Outcome, Series};
-use crate::chart::{Axis, Chart, Color, Layer, Mark};
-use crate::estimation::{AccelerometerPair, FitFault, TwistFit, accelerations_mps2, fit_twist, sustain_window};
-use crate::signal::{CHANNEL_NAMES, RecordedPulse};
-use crate::units::mm_from_m;
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_core::signal::{CHANNEL_NAMES, RecordedPulse};
+use upm_core::units::mm_from_m;
+use upm_perception::estimation::{
+    AccelerometerPair, FitFault, TwistFit, accelerations_mps2, fit_twist, sustain_window,
+};
 
 /// Reads the plate's motion out of a trace recorded on any rig (UPM paper, section 3.2, App. B and C).
 pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<Outcome, LabFault> {
@@ -76,9 +78,9 @@ fn at([c1, s1, c2, s2]: &[f64; 4], phase_rad: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Twist, Vec2};
-    use crate::signal::{AccelTrace, CHANNELS, Envelope, MISSING_SAMPLE};
     use std::f64::consts::TAU;
+    use upm_core::geometry::{Twist, Vec2};
+    use upm_core::signal::{AccelTrace, CHANNELS, Envelope, MISSING_SAMPLE};
 
     /// Accelerations `w T(p) (sin 2wt - sin wt)` of a pump wave about `center_m`, through channels of these gains.
     fn pump_trace(center_m: Vec2, spin_radps: f64, channel_gain: [f64; CHANNELS]) -> RecordedPulse {

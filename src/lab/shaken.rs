@@ -6,14 +6,14 @@ use std::sync::atomic::AtomicBool;
 use nalgebra::Complex;
 
 use super::{LabFault, LabRig};
-use crate::control::calibration::{self, Axes, CalibrationFault, CalibrationParams};
-use crate::estimation::AxisPhasors;
-use crate::geometry::Twist;
-use crate::library::Entry;
-use crate::random::Streams;
-use crate::rig::{Rig, RigModel};
-use crate::signal::{AccelTrace, Drive, Envelope, Frame};
-use crate::sim::{Plant, SimRig};
+use upm_control::calibration::{self, Axes, CalibrationFault, CalibrationParams};
+use upm_core::geometry::Twist;
+use upm_core::random::Streams;
+use upm_core::rig::{Rig, RigModel};
+use upm_core::signal::{AccelTrace, Drive, Envelope, Frame};
+use upm_library::Entry;
+use upm_perception::estimation::AxisPhasors;
+use upm_sim::{Plant, SimRig};
 
 /// Time after which the rods have stopped ringing, s.
 const SETTLED_S: f64 = 2.5;
@@ -39,7 +39,7 @@ impl ShakenPlate {
 
     /// Plays a pulse to the end of its rest; what the accelerometers saw.
     pub fn play(&mut self, drive: &Drive) -> Result<AccelTrace, LabFault> {
-        let refused = |fault: crate::rig::RigFault| LabFault::Rig(fault.to_string());
+        let refused = |fault: upm_core::rig::RigFault| LabFault::Rig(fault.to_string());
         self.rig.play(drive).map_err(refused)?;
         while self.rig.now() < self.rig.quiet_at() {
             self.rig.capture(&mut self.frame).map_err(refused)?;

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use super::{LabRig, Outcome};
-use crate::config::RigSpec;
+use upm_runner::config::RigSpec;
 
 /// The rig of `configs/rigs/<name>.json` with its penny.
 pub(super) fn lab_rig(name: &str) -> LabRig {
-    let file = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("configs/rigs/{name}.json"));
+    let file = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(format!("configs/rigs/{name}.json"));
     let spec = RigSpec::load(&file).unwrap();
     let penny = &spec.kinds[spec.kind("penny").unwrap()];
     LabRig { penny: penny.part(), model: spec.model, sim: spec.sim, seed: 1 }

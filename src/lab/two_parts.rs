@@ -12,8 +12,8 @@ use self::machine::Machine;
 use self::plan::{CENTERS, Places, condition, distances, field_matrix, flow, mean_miss};
 use super::pulses::strongest_spin;
 use super::{LabFault, LabRig, Outcome};
-use crate::geometry::Vec2;
-use crate::sim::PlateMode;
+use upm_core::geometry::Vec2;
+use upm_sim::PlateMode;
 
 /// Corners of the workspace, in half sides of the plate: counter-clockwise from the upper left, in the order of rotation.
 const CORNERS: [[f64; 2]; CENTERS] = [[-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [1.0, 1.0]];

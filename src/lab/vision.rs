@@ -4,10 +4,10 @@ mod judge;
 mod tally;
 
 use super::{LabFault, LabRig, Outcome, Series};
-use crate::chart::{Axis, Chart, Color, Layer, Mark};
-use crate::scene::{Family, Scene};
 use judge::{Verdict, judge};
 use tally::Tally;
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_scene::{Family, Scene};
 
 /// Scenes of each family where nothing else is asked for.
 const SCENES: usize = 50;

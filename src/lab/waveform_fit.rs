@@ -2,11 +2,11 @@ use super::force_sign::force_signs;
 use super::recorded::{fit, waveform_fit_of};
 use super::shaken::{ShakenPlate, steady_motion};
 use super::{Figure, LabFault, LabRig, Outcome};
-use crate::control::calibration::Axes;
-use crate::estimation::{AxisPhasors, TwistFit, nearest_pump};
-use crate::library::{AxisShape, drive_for};
-use crate::signal::{Drive, Envelope, RecordedPulse};
-use crate::units::mm_from_m;
+use upm_control::calibration::Axes;
+use upm_core::signal::{Drive, Envelope, RecordedPulse};
+use upm_core::units::mm_from_m;
+use upm_library::{AxisShape, drive_for};
+use upm_perception::estimation::{AxisPhasors, TwistFit, nearest_pump};
 
 /// The amplitudes played: row f of the paper's Table 1, in units. Its centre of rotation is off both axes and no two
 /// accelerometers move alike.

@@ -1,5 +1,5 @@
 use super::{DisplacementModel, Library};
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
 /// Distances this little beyond the ends of what was measured count as the ends, m.
 const SLACK_M: f64 = 1e-9;

@@ -1,7 +1,7 @@
 use nalgebra::{Complex, Vector3};
 
 use super::{AxisShape, Library, motor_harmonics};
-use crate::signal::{Drive, Envelope, Harmonic, MOTORS};
+use upm_core::signal::{Drive, Envelope, Harmonic, MOTORS};
 
 /// The drive that plays the motor amplitudes X1, X2, Y1, Y2 (counts) with the waveforms of x, y and spin.
 ///
@@ -45,9 +45,9 @@ impl Library {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Twist;
-    use crate::library::{DisplacementModel, Entry};
+    use crate::{DisplacementModel, Entry};
     use proptest::prelude::*;
+    use upm_core::geometry::Twist;
 
     const ENVELOPE: Envelope = Envelope { attack_s: 0.0, sustain_s: 1.0, rest_s: 0.0 };
 

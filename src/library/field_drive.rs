@@ -1,8 +1,8 @@
 use nalgebra::{Complex, Matrix3, Vector3};
 
 use super::{FieldResponse, Library};
-use crate::geometry::Twist;
-use crate::signal::{Drive, Envelope, Harmonic, MOTORS, TwistHarmonic, TwistWave};
+use upm_core::geometry::Twist;
+use upm_core::signal::{Drive, Envelope, Harmonic, MOTORS, TwistHarmonic, TwistWave};
 
 /// Relative difference between two base frequencies that are the same.
 const SAME: f64 = 1e-6;

@@ -4,8 +4,8 @@ use nalgebra::{Complex, Matrix3, Vector3};
 use proptest::prelude::*;
 
 use super::{AxisShape, DisplacementModel, Entry, FieldFacts, FieldResponse, Library, RigFacts};
-use crate::geometry::Twist;
-use crate::signal::{Drive, TwistHarmonic, TwistWave};
+use upm_core::geometry::Twist;
+use upm_core::signal::{Drive, TwistHarmonic, TwistWave};
 
 const BASE_RADPS: f64 = TAU * 30.0;
 

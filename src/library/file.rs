@@ -105,10 +105,10 @@ fn unreadable(text: &str) -> LibraryFault {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Twist;
-    use crate::library::{AxisShape, DisplacementModel, Entry, RigFacts};
+    use crate::{AxisShape, DisplacementModel, Entry, RigFacts};
     use proptest::prelude::*;
     use std::f64::consts::TAU;
+    use upm_core::geometry::Twist;
 
     fn library(entries: Vec<Entry>) -> Library {
         Library {

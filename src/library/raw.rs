@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{AxisShape, DisplacementModel, Entry, Library, RawFieldResponse};
-use crate::geometry::{Twist, Vec2};
-use crate::signal::{CHANNELS, Harmonic};
-use crate::units::{m_from_mm, mm_from_m};
+use upm_core::geometry::{Twist, Vec2};
+use upm_core::signal::{CHANNELS, Harmonic};
+use upm_core::units::{m_from_mm, mm_from_m};
 
 /// Bounds that no plate a person could build exceeds; numbers beyond are slips of the unit.
 pub(super) const PLATE_SIDE_MM: (f64, f64) = (1.0, 1e4);

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::FieldResponse;
 use super::raw::{BASE_HZ, MOST_TIME_S, rounded};
-use crate::units::{m_from_mm, mm_from_m};
+use upm_core::units::{m_from_mm, mm_from_m};
 
 /// Counts that a waveform generator may have.
 pub(super) const LIMIT_COUNTS: (f64, f64) = (1.0, 1e6);

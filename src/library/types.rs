@@ -1,7 +1,7 @@
 use nalgebra::{Complex, Matrix3};
 
-use crate::geometry::{Twist, Vec2};
-use crate::signal::{CHANNELS, Harmonic};
+use upm_core::geometry::{Twist, Vec2};
+use upm_core::signal::{CHANNELS, Harmonic};
 
 /// One motion the rig can make.
 #[derive(Clone, Debug, PartialEq)]

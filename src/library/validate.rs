@@ -6,8 +6,8 @@ use super::raw::{
 };
 use super::raw_fields::{LIMIT_COUNTS, MOST_RESPONSE, matrix};
 use super::{FieldResponse, Library, LibraryFault, RawFieldResponse};
-use crate::geometry::Vec2;
-use crate::units::mm_from_m;
+use upm_core::geometry::Vec2;
+use upm_core::units::mm_from_m;
 
 /// Fewest entries that can steer a part.
 const MIN_ENTRIES: usize = 3;

@@ -2,8 +2,8 @@
 
 use super::PartState;
 use super::field::{Belt, Columns, dot, push_column, reference_speed};
-use crate::geometry::Vec2;
-use crate::library::{Entry, Library};
+use upm_core::geometry::Vec2;
+use upm_library::{Entry, Library};
 
 /// A centre of rotation this near a part, in radii, spins it more than it moves it: nothing to plan with.
 const NEAR_RADII: f64 = 0.8;
@@ -171,8 +171,8 @@ fn orthogonal(column: &[f64], basis: &[Vec<f64>]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Vec2;
-    use crate::planner::fixture::{library, penny};
+    use crate::fixture::{library, penny};
+    use upm_core::geometry::Vec2;
 
     fn four() -> [PartState; 4] {
         let step = |x: f64, y: f64| Vec2::new(x, y) * 1e-3;

@@ -4,9 +4,9 @@ use rand::RngExt as _;
 
 use super::fixture::{PENNY_M, library, params, penny, rotations, scatter};
 use super::{PartState, Plan, PlanStatus, Planner};
-use crate::geometry::Vec2;
-use crate::library::Library;
-use crate::random::{Rng, Streams};
+use upm_core::geometry::Vec2;
+use upm_core::random::{Rng, Streams};
+use upm_library::Library;
 
 /// What one run took.
 #[derive(Debug, Default)]

@@ -13,8 +13,8 @@
 //! a bound on |d_j| bounds every part, and the sustain that belongs to d_j is the one with `D(A_j, S) = |d_j|`.
 
 use super::PartState;
-use crate::geometry::Vec2;
-use crate::library::{DisplacementModel, Entry};
+use upm_core::geometry::Vec2;
+use upm_library::{DisplacementModel, Entry};
 
 /// Dense columns of `2N` numbers: x, y of each part for one metre of d.
 #[derive(Clone, Debug, Default)]

@@ -5,7 +5,7 @@ use super::field::{Columns, push_column, reference_speed};
 use super::program::{self, Variable};
 use super::sequence::{Sequence, arrange, balanced_order, end_of};
 use super::task::Task;
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
 /// Most corrections of a sequence, and the part of the largest step below which its error is left as it is.
 const NEWTON_STEPS: usize = 3;

@@ -5,10 +5,10 @@ use std::sync::{Arc, LazyLock};
 
 use rand::RngExt as _;
 
-use crate::geometry::{Twist, Vec2};
-use crate::library::{AxisShape, DisplacementModel, Entry, Library};
-use crate::planner::{PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
-use crate::random::Streams;
+use crate::{PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
+use upm_core::geometry::{Twist, Vec2};
+use upm_core::random::Streams;
+use upm_library::{AxisShape, DisplacementModel, Entry, Library};
 
 pub(super) const PENNY_M: f64 = 0.009525;
 pub(super) const HALF_SIDE_M: f64 = 0.1016;

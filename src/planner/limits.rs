@@ -1,7 +1,7 @@
 //! The plate's edge and the parts' rims: linear for the quadratic program, exact for the check of a sequence.
 
 use super::{Limit, PartState, PlannerParams};
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
 /// Slack below which a limit counts as kept, m.
 const ROUNDING_M: f64 = 1e-7;
@@ -157,7 +157,7 @@ fn nearest_sq(a: Vec2, b: Vec2) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::planner::fixture::{HALF_SIDE_M, PENNY_M, params, penny};
+    use crate::fixture::{HALF_SIDE_M, PENNY_M, params, penny};
     use proptest::prelude::*;
 
     proptest! {

@@ -7,8 +7,8 @@ use super::program::{self, Solution, Variable};
 use super::sequence::{Flow, Sequence, arrange};
 use super::task::Task;
 use super::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation, sparsify};
-use crate::geometry::Vec2;
-use crate::library::Library;
+use upm_core::geometry::Vec2;
+use upm_library::Library;
 
 /// How much of the steps a smaller set of pulses may leave undone, and below which error nothing is gained.
 const LEFT_UNDONE: f64 = 0.15;
@@ -36,7 +36,8 @@ const USED_M: f64 = 1e-5;
 /// One pulse that leaves less than this part of the error is enough.
 const ALONE: f64 = 0.08;
 
-/// Single pulses that are forecast exactly before the best is taken.
+/// Single pulses that are forecast exactly before the best is taken. One part alone, which a pulse can always serve,
+/// goes on until one is good enough: where the first eight centres are all near it, each carries it round an arc.
 const FORECASTS: usize = 8;
 
 /// A sequence is worth playing when it leaves less than this part of the error.
@@ -245,8 +246,17 @@ impl Planner {
             let left = task.left_by(&found);
             (left < BETTER).then_some((left, found))
         };
-        let feasible = gains.into_iter().filter_map(forecast).take(FORECASTS);
-        let (_, found) = feasible.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let mut best: Option<(f64, Sequence)> = None;
+        for (count, (left, found)) in gains.into_iter().filter_map(forecast).enumerate() {
+            let suffices = task.parts.len() > 1 || best.as_ref().is_some_and(|(least, _)| *least < ALONE);
+            if count >= FORECASTS && suffices {
+                break;
+            }
+            if best.as_ref().is_none_or(|(least, _)| left < *least) {
+                best = Some((left, found));
+            }
+        }
+        let (_, found) = best?;
         Some(self.refined(task, &task.wanted_m, found))
     }
 

@@ -1,4 +1,4 @@
-//! The quadratic program behind every plan, and the only place that knows clarabel.
+//! The quadratic program behind every plan.
 //!
 //! ```text
 //!   minimise    ½ |u - wanted|² + Σ cost_j |d_j|
@@ -10,14 +10,10 @@
 //! Hessian is diagonal, so that the solver's factorisation costs about `M (2N)²`. A variable that may have both signs
 //! carries `|d|` as an epigraph `t >= ±d`. Everything is in millimetres, which puts all numbers near 1.
 
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverError, SolverStatus, SupportedConeT, ZeroConeT,
-};
-
 use super::field::Columns;
 use super::limits::HalfSpace;
-use crate::units::{m_from_mm, mm_from_m};
+use upm_core::units::{m_from_mm, mm_from_m};
+use upm_qp::{ColumnWriter, Matrix, Program};
 
 /// What one d_j may be and what it costs.
 #[derive(Clone, Copy, Debug)]
@@ -47,7 +43,8 @@ pub(super) struct Solution {
     pub prices_m: Vec<f64>,
 }
 
-/// Solves the program (an empty `offset_m` is none); `Err` has the solver's own words, `PrimalInfeasible` among them when the bounds leave nothing.
+/// Solves the program (an empty `offset_m` is none). `Err` holds the solver's status; `PrimalInfeasible` means that the bounds
+/// exclude every solution.
 pub(super) fn solve(
     columns: &Columns,
     variables: &[Variable],
@@ -56,34 +53,11 @@ pub(super) fn solve(
     half_spaces: &[HalfSpace],
 ) -> Result<Solution, String> {
     let layout = Layout::of(variables, wanted_m.len());
-    let (constraints, bounds, cones) = layout.constraints(columns, variables, offset_m, half_spaces);
+    let (constraints, bounds) = layout.constraints(columns, variables, offset_m, half_spaces);
     let (hessian, gradient) = layout.objective(variables, wanted_m);
-    let mut solver = DefaultSolver::new(&hessian, &gradient, &constraints, &bounds, &cones, settings())
-        .map_err(|error: SolverError| error.to_string())?;
-    solver.solve();
-    match solver.solution.status {
-        SolverStatus::Solved | SolverStatus::AlmostSolved => {
-            Ok(layout.solution(&solver.solution.x, &solver.solution.z))
-        }
-        status => Err(format!("{status:?}")),
-    }
-}
-
-/// Deterministic: one thread, the built-in LDL, no time limit, no presolve.
-fn settings() -> DefaultSettings<f64> {
-    DefaultSettings {
-        verbose: false,
-        max_iter: 60,
-        max_threads: 1,
-        direct_solve_method: "qdldl".into(),
-        presolve_enable: false,
-        equilibrate_enable: false,
-        tol_feas: 1e-6,
-        tol_gap_abs: 1e-6,
-        tol_gap_rel: 1e-6,
-        iterative_refinement_max_iter: 1,
-        ..DefaultSettings::default()
-    }
+    let program = Program { hessian, gradient, constraints, bounds, equalities: layout.steps };
+    let minimiser = program.solve()?;
+    Ok(layout.solution(&minimiser.x, &minimiser.multipliers))
 }
 
 /// Where things are in the solver's vector: all d, then the t of those with both signs, then u.
@@ -104,15 +78,19 @@ impl Layout {
     }
 
     /// Diagonal Hessian over u and the linear part.
-    fn objective(&self, variables: &[Variable], wanted_m: &[f64]) -> (CscMatrix<f64>, Vec<f64>) {
+    fn objective(&self, variables: &[Variable], wanted_m: &[f64]) -> (Matrix, Vec<f64>) {
         let n = self.len();
-        let first_step = n - self.steps;
-        let column_starts = (0..=n).map(|column| column.saturating_sub(first_step)).collect();
-        let hessian = CscMatrix::new(n, n, column_starts, (first_step..n).collect(), vec![1.0; self.steps]);
+        let mut hessian = ColumnWriter::default();
+        for column in 0..n {
+            if column >= n - self.steps {
+                hessian.put(column, 1.0);
+            }
+            hessian.end_column();
+        }
         let signed = |v: &Variable| if v.has_both_signs() { 0.0 } else { mm_from_m(v.cost_m) * sign(v) };
         let epigraphs = variables.iter().filter(|v| v.has_both_signs()).map(|v| mm_from_m(v.cost_m));
         let wanted = wanted_m.iter().map(|&w| -mm_from_m(w));
-        (hessian, variables.iter().map(signed).chain(epigraphs).chain(wanted).collect())
+        (hessian.finish(n), variables.iter().map(signed).chain(epigraphs).chain(wanted).collect())
     }
 
     /// `A x + s = b`: first `Φ d - u = -offset`, then three rows a two-signed variable or two a one-signed one, then limits.
@@ -122,7 +100,7 @@ impl Layout {
         variables: &[Variable],
         offset_m: &[f64],
         half_spaces: &[HalfSpace],
-    ) -> (CscMatrix<f64>, Vec<f64>, [SupportedConeT<f64>; 2]) {
+    ) -> (Matrix, Vec<f64>) {
         let mut matrix = ColumnWriter::default();
         let mut bounds: Vec<f64> = offset_m.iter().map(|&m| -mm_from_m(m)).collect();
         bounds.resize(self.steps, 0.0);
@@ -156,8 +134,7 @@ impl Layout {
             }
             matrix.end_column();
         }
-        let cones = [ZeroConeT(self.steps), NonnegativeConeT(bounds.len() - self.steps)];
-        (matrix.finish(bounds.len()), bounds, cones)
+        (matrix.finish(bounds.len()), bounds)
     }
 
     fn solution(&self, x_mm: &[f64], z_mm: &[f64]) -> Solution {
@@ -174,39 +151,13 @@ fn sign(variable: &Variable) -> f64 {
     if variable.high_m > 0.0 { 1.0 } else { -1.0 }
 }
 
-/// Writes a sparse matrix column by column.
-#[derive(Default)]
-struct ColumnWriter {
-    starts: Vec<usize>,
-    rows: Vec<usize>,
-    values: Vec<f64>,
-}
-
-impl ColumnWriter {
-    fn put(&mut self, row: usize, value: f64) {
-        self.rows.push(row);
-        self.values.push(value);
-    }
-
-    fn end_column(&mut self) {
-        if self.starts.is_empty() {
-            self.starts.push(0);
-        }
-        self.starts.push(self.rows.len());
-    }
-
-    fn finish(self, rows: usize) -> CscMatrix<f64> {
-        CscMatrix::new(rows, self.starts.len().saturating_sub(1), self.starts, self.rows, self.values)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Vec2;
-    use crate::planner::fixture::{params, penny};
-    use crate::planner::limits::half_spaces;
+    use crate::fixture::{params, penny};
+    use crate::limits::half_spaces;
     use proptest::prelude::*;
+    use upm_core::geometry::Vec2;
 
     fn columns(rows: usize, values: &[f64]) -> Columns {
         let mut columns = Columns::default();

@@ -6,8 +6,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::field::reference_speed;
 use super::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
-use crate::geometry::Vec2;
-use crate::library::{Entry, Library};
+use upm_core::geometry::Vec2;
+use upm_library::{Entry, Library};
 
 /// Longest step of a part and longest single rotation in one cycle, m: the field is straight only over a short way.
 const LONGEST_M: f64 = 4e-3;
@@ -157,8 +157,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::geometry::Twist;
-    use crate::planner::fixture::{HALF_SIDE_M, ends_without_a_plan, library, mm, params, penny, rotations, scene};
+    use crate::fixture::{HALF_SIDE_M, ends_without_a_plan, library, mm, params, penny, rotations, scene};
+    use upm_core::geometry::Twist;
 
     fn planner() -> PseudoInverse {
         PseudoInverse::new(library(), params())

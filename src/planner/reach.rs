@@ -1,5 +1,5 @@
-use crate::geometry::Vec2;
-use crate::library::{DisplacementModel, Entry, Library};
+use upm_core::geometry::Vec2;
+use upm_library::{DisplacementModel, Entry, Library};
 
 /// How well a library moves a part at one place.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,8 +3,8 @@
 use super::field::{Belt, Columns, reference_speed};
 use super::limits::Clearances;
 use super::{Limit, PartState, Rotation};
-use crate::geometry::Vec2;
-use crate::library::Library;
+use upm_core::geometry::Vec2;
+use upm_library::Library;
 
 /// Orders tried before giving up, counted in pulses simulated.
 const MAX_TRIALS: usize = 400;
@@ -165,7 +165,7 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::planner::fixture::{HALF_SIDE_M, PENNY_M, library, params, penny};
+    use crate::fixture::{HALF_SIDE_M, PENNY_M, library, params, penny};
     use proptest::prelude::*;
 
     /// Entry of the fixture that carries everything along +x.

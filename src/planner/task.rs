@@ -1,7 +1,7 @@
 use super::limits::{Clearances, HalfSpace, half_spaces};
 use super::sequence::Sequence;
 use super::{Limit, PartState, PlannerParams};
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
 /// Part of the largest step that the linear separations keep on top, for what they leave out.
 const TIGHTER: f64 = 0.05;

@@ -3,7 +3,7 @@ use proptest::prelude::*;
 use super::field::{Columns, push_column};
 use super::fixture::{HALF_SIDE_M, PENNY_M, ends_without_a_plan, library, mm, params, penny, rotations, scene};
 use super::{Limit, PartState, Plan, PlanStatus, Planner, Reach};
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
 fn planner() -> Planner {
     Planner::new(library(), params())

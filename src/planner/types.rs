@@ -1,5 +1,5 @@
-use crate::geometry::Vec2;
-use crate::signal::TwistWave;
+use upm_core::geometry::Vec2;
+use upm_core::signal::TwistWave;
 
 /// One part as the planner sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]

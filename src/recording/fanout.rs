@@ -1,5 +1,5 @@
-use crate::control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
-use crate::time::PlateTime;
+use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_core::time::PlateTime;
 
 /// Several sinks as one: each is told everything, in order.
 #[derive(Default)]
@@ -43,7 +43,7 @@ impl Sink for Fanout<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::MemorySink;
+    use crate::MemorySink;
 
     #[test]
     fn tells_every_sink() {

@@ -1,6 +1,6 @@
 use super::switch::RecordingSwitch;
-use crate::control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
-use crate::time::PlateTime;
+use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_core::time::PlateTime;
 
 /// Passes everything on to `sinks`, and after each frame looks whether there is something to tell them that comes from
 /// outside the run: `then`, with the frame's time.

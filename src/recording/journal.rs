@@ -4,9 +4,9 @@ use std::io::{self, Write};
 use std::sync::Arc;
 
 use self::lines::{CycleLine, EventLine, Line, LocalisedLine, SentLine, UnfinishedLine};
-use crate::control::{CycleFacts, EventLevel, LocalisedFacts, PulseFacts, Sink};
-use crate::library::Library;
-use crate::time::PlateTime;
+use upm_control::{CycleFacts, EventLevel, LocalisedFacts, PulseFacts, Sink};
+use upm_core::time::PlateTime;
+use upm_library::Library;
 
 /// Writes `journal.jsonl`: one JSON object a line, each with a `type`.
 ///
@@ -95,11 +95,11 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::recording::testing;
+    use upm_fixtures::{rig, synthetic_run};
 
     fn written(run: impl FnOnce(&mut Journal<&mut Vec<u8>>)) -> String {
         let mut bytes = Vec::new();
-        let mut journal = Journal::new(&mut bytes, Arc::new(testing::library()));
+        let mut journal = Journal::new(&mut bytes, Arc::new(rig::library()));
         run(&mut journal);
         journal.finish().unwrap();
         String::from_utf8(bytes).unwrap()
@@ -108,7 +108,7 @@ mod tests {
     #[test]
     fn golden_bytes() {
         let text = written(|journal| {
-            let mut run = testing::SyntheticRun::new(2);
+            let mut run = synthetic_run::SyntheticRun::new(2);
             run.localise(journal);
             run.cycle(journal);
             journal.event(PlateTime::from_secs(1.5), EventLevel::Warning, "part 1 \"lost\" for 3 frames");
@@ -119,7 +119,7 @@ mod tests {
     #[test]
     fn fields_are_told_by_their_harmonics() {
         let text = written(|journal| {
-            let mut run = testing::SyntheticRun::new(2);
+            let mut run = synthetic_run::SyntheticRun::new(2);
             run.plans_fields = true;
             run.cycle(journal);
         });
@@ -144,7 +144,7 @@ mod tests {
     fn equal_runs_give_equal_bytes_and_wall_time_leaves_no_trace() {
         let play = |wall_us: f64| {
             written(|journal| {
-                let mut run = testing::SyntheticRun::new(3);
+                let mut run = synthetic_run::SyntheticRun::new(3);
                 run.wall_us = wall_us;
                 run.localise(journal);
                 (0..5).for_each(|_| run.cycle(journal));
@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn every_line_is_json_with_a_type() {
         let text = written(|journal| {
-            let mut run = testing::SyntheticRun::new(1);
+            let mut run = synthetic_run::SyntheticRun::new(1);
             run.localise(journal);
             run.cycle(journal);
             run.pulses_without_an_end(journal);
@@ -185,7 +185,7 @@ mod tests {
                 Ok(())
             }
         }
-        let mut journal = Journal::new(Full(100), Arc::new(testing::library()));
+        let mut journal = Journal::new(Full(100), Arc::new(rig::library()));
         for _ in 0..9 {
             journal.event(PlateTime::ZERO, EventLevel::Info, "a line of some length");
         }

@@ -1,11 +1,10 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use super::LiveServer;
 use super::scribe::ScribeMode;
 use super::scribe_watch::ScribeWatch;
 use super::switch::{OnFull, RecordingSwitch};
-use crate::time::MonotonicClock;
+use upm_core::time::MonotonicClock;
 
 /// How what is told of a run gets to the disk. It changes nothing in the run itself.
 #[derive(Clone, Debug)]
@@ -18,8 +17,6 @@ pub struct Keeping {
     pub on_full: OnFull,
     /// Tells how the recording is getting on, and stops it. One for each run.
     pub recording: RecordingSwitch,
-    /// Where viewers see the run, with a recording or without.
-    pub live: Option<LiveServer>,
     /// True for a run that has a clock to keep up with: the threads that write let it go before them. Without a clock they
     /// would only fall behind it.
     pub has_clock: bool,
@@ -37,7 +34,6 @@ impl Keeping {
             journal: ScribeWatch::default(),
             on_full: OnFull::Wait,
             recording: RecordingSwitch::default(),
-            live: None,
             has_clock: false,
             stop: Arc::default(),
             clock,

@@ -4,8 +4,8 @@ use std::ops::RangeInclusive;
 
 use image::{GrayImage, RgbImage};
 
-use crate::geometry::Vec2;
-use crate::vision::{HoughArray, Plane, Table};
+use upm_core::geometry::Vec2;
+use upm_perception::vision::{HoughArray, Plane, Table};
 
 /// Edges in gray over a frame of `frame_size` (columns, rows), the frame shrunk by a whole factor. A tenth of the edges,
 /// the strongest, are white.

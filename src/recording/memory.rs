@@ -1,6 +1,6 @@
 use super::records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
-use crate::control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
-use crate::time::PlateTime;
+use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_core::time::PlateTime;
 
 /// Keeps everything but the pictures, for tests.
 #[derive(Clone, Debug, Default)]

@@ -1,4 +1,4 @@
-use crate::geometry::{Twist, Vec2};
+use upm_core::geometry::{Twist, Vec2};
 
 /// A centre of rotation farther off than this is told as a direction, m: across a plate of 0.3 m such a field
 /// turns by less than 3.5°.

@@ -1,11 +1,11 @@
-use crate::control::{CycleFacts, EventLevel, LocalisedFacts, PulseFacts};
-use crate::estimation::{FitFault, PlateFit};
-use crate::geometry::Vec2;
-use crate::goal::Wanted;
-use crate::planner::{Plan, PlannedPulse};
-use crate::signal::{AccelTrace, Drive, Frame};
-use crate::time::PlateTime;
-use crate::vision::{Detection, Stages, Table};
+use upm_control::{CycleFacts, EventLevel, LocalisedFacts, PulseFacts};
+use upm_core::geometry::Vec2;
+use upm_core::signal::{AccelTrace, Drive, Frame};
+use upm_core::time::PlateTime;
+use upm_goal::Wanted;
+use upm_perception::estimation::{FitFault, PlateFit};
+use upm_perception::vision::{Detection, Stages, Table};
+use upm_planner::{Plan, PlannedPulse};
 
 /// [`LocalisedFacts`], owned.
 #[derive(Clone, Debug)]

@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::timings::TimingsReport;
-use crate::control;
+use upm_control as control;
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

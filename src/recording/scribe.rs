@@ -5,8 +5,8 @@ use std::thread;
 use std::time::Duration;
 
 use super::scribe_watch::ScribeWatch;
-use crate::priority::step_back;
-use crate::time::Clock;
+use upm_core::priority::step_back;
+use upm_core::time::Clock;
 
 /// Lines that may wait to be written.
 const QUEUE: usize = 256;
@@ -196,7 +196,7 @@ mod tests {
     use std::sync::{Arc, Mutex};
 
     use super::*;
-    use crate::time::{MonotonicClock, StoppedClock};
+    use upm_core::time::{MonotonicClock, StoppedClock};
 
     /// What a made-up disk was told, in order.
     #[derive(Clone, Debug, PartialEq, Eq)]

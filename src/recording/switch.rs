@@ -87,30 +87,29 @@ impl RecordingSwitch {
     }
 }
 
-#[cfg(any(feature = "rerun", test))]
 impl RecordingSwitch {
     /// A file is there.
-    pub(super) fn begin(&self) {
+    pub fn begin(&self) {
         self.0.begun.store(true, Ordering::Release);
     }
 
     /// So many bytes more are in it.
-    pub(super) fn wrote(&self, bytes: u64) {
+    pub fn wrote(&self, bytes: u64) {
         self.0.bytes.fetch_add(bytes, Ordering::Relaxed);
     }
 
     /// Why somebody wants it stopped.
-    pub(super) fn wanted_stop(&self) -> Option<&str> {
+    pub fn wanted_stop(&self) -> Option<&str> {
         self.0.wanted_stop.get().map(String::as_str)
     }
 
     /// Something could not be recorded. Counts if nothing has ended the recording yet.
-    pub(super) fn fail(&self, reason: impl Into<String>) {
+    pub fn fail(&self, reason: impl Into<String>) {
         self.0.end.set(RecordingState::Failed(reason.into())).ok();
     }
 
     /// The file is closed and whole. Counts if nothing has ended the recording yet.
-    pub(super) fn close(&self) {
+    pub fn close(&self) {
         let end = self.wanted_stop().map_or(RecordingState::Whole, |reason| RecordingState::Stopped(reason.to_owned()));
         self.0.end.set(end).ok();
     }

@@ -1,10 +1,10 @@
 use super::report::{Outcome, PartReport, PredictionError, Report};
 use super::timings::Timings;
-use crate::control::{CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
-use crate::geometry::Vec2;
-use crate::sim::TruthProbe;
-use crate::time::PlateTime;
-use crate::units::mm_from_m;
+use upm_control::{CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_core::geometry::Vec2;
+use upm_core::ground_truth::GroundTruthHandle;
+use upm_core::time::PlateTime;
+use upm_core::units::mm_from_m;
 
 /// A look and the truth belong together when they are no farther apart than this, s: a part at 0.1 m/s moves 0.1 µm.
 const SAME_MOMENT_S: f64 = 1e-6;
@@ -12,7 +12,7 @@ const SAME_MOMENT_S: f64 = 1e-6;
 /// Counts what happens and compares what is measured with the truth, as far as the rig tells it.
 #[derive(Debug, Default)]
 pub struct Tally {
-    truth: Option<TruthProbe>,
+    truth: Option<GroundTruthHandle>,
     frames: u64,
     cycles: u64,
     pulses: u64,
@@ -74,7 +74,7 @@ pub struct PartEnding {
 
 impl Tally {
     /// Compares with `truth` where there is one.
-    pub fn new(truth: Option<TruthProbe>) -> Self {
+    pub fn new(truth: Option<GroundTruthHandle>) -> Self {
         Self { truth, ..Self::default() }
     }
 
@@ -88,9 +88,9 @@ impl Tally {
         &self.timings
     }
 
-    /// The whole report. Truth is read now, so call it before the rig goes on.
+    /// The whole report. GroundTruth is read now, so call it before the rig goes on.
     pub fn report(&self, ending: Ending) -> Report {
-        let truth = self.truth.as_ref().map(TruthProbe::read);
+        let truth = self.truth.as_ref().map(GroundTruthHandle::read);
         let mut errors = MeanSquare::default();
         let mut parts = Vec::with_capacity(ending.parts.len());
         for (i, part) in ending.parts.into_iter().enumerate() {
@@ -149,7 +149,7 @@ impl Sink for Tally {
     fn frame(&mut self, facts: &FrameFacts<'_>) {
         self.frames += 1;
         self.timings.track.push(facts.track_us);
-        let Some(truth) = self.truth.as_ref().map(TruthProbe::read) else { return };
+        let Some(truth) = self.truth.as_ref().map(GroundTruthHandle::read) else { return };
         if (truth.at - facts.frame.exposed_at).abs() > SAME_MOMENT_S {
             return;
         }
@@ -227,7 +227,7 @@ fn point_mm(p_m: Vec2) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::testing::SyntheticRun;
+    use upm_fixtures::synthetic_run::SyntheticRun;
 
     fn ending(parts: Vec<PartEnding>) -> Ending {
         Ending {

@@ -1,5 +1,5 @@
-use crate::geometry::Twist;
-use crate::signal::{TwistHarmonic, TwistWave};
+use upm_core::geometry::Twist;
+use upm_core::signal::{TwistHarmonic, TwistWave};
 
 /// Root mean square over plate and period of the speed by which `measured` is off `asked`, as a part of that of `asked`.
 pub(super) fn off_part(measured: &TwistWave, asked: &TwistWave, side_m: f64) -> f64 {
@@ -23,7 +23,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::geometry::Vec2;
+    use upm_core::geometry::Vec2;
 
     fn wave(v: &[[f64; 6]]) -> TwistWave {
         let twist = |v: &[f64]| Twist::new(v[0], v[1], 10.0 * v[2]);

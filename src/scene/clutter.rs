@@ -3,7 +3,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use super::drawn::Dice;
 use super::parts::kinds;
 use super::{Glint, Relief, Scene, Shape, Thing};
-use crate::geometry::{Vec2, perp};
+use upm_core::geometry::{Vec2, perp};
 
 /// Least distance of things on the ground from the plate, m.
 const STRAY_GAP_M: f64 = 4e-3;

@@ -6,9 +6,9 @@ use nalgebra::Vector3;
 use rand::RngExt;
 
 use super::Scene;
-use crate::geometry::{Lens, Vec2};
-use crate::random::{Rng, Streams};
-use crate::units::INCH_M;
+use upm_core::geometry::{Lens, Vec2};
+use upm_core::random::{Rng, Streams};
+use upm_core::units::INCH_M;
 
 /// Frame kept free around the table, as a part of its height or width, both sides taken together.
 const FREE_SHARE: f64 = 0.03;

@@ -1,8 +1,8 @@
 use rand_distr::{Distribution, StandardNormal};
 
 use super::{Disc, Scene};
-use crate::random::Streams;
-use crate::signal::Frame;
+use upm_core::random::Streams;
+use upm_core::signal::Frame;
 
 impl Scene {
     /// The picture.

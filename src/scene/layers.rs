@@ -1,6 +1,6 @@
 use super::paint::Paint;
 use super::{Disc, Scene, Shape};
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
 /// A surface and how far it goes.
 pub(super) struct Layer<'a> {

@@ -1,5 +1,5 @@
 use super::{Glint, Relief};
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
 /// What a surface looks like.
 pub(super) struct Paint<'a> {

@@ -1,7 +1,7 @@
 use super::drawn::Dice;
 use super::{Disc, Scene};
-use crate::geometry::Vec2;
-use crate::rig::PartKind;
+use upm_core::geometry::Vec2;
+use upm_core::rig::PartKind;
 
 /// US coins: name, radius and thickness, mm.
 const COINS: [(&str, f64, f64); 4] =

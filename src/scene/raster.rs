@@ -4,7 +4,7 @@
 use super::layers::Layer;
 use super::paint::Paint;
 use super::{Disc, Scene};
-use crate::geometry::{Homography, Lens, Vec2};
+use upm_core::geometry::{Homography, Lens, Vec2};
 
 /// Side of the squares begun with, and of those that are evaluated pixel by pixel, px.
 const LARGEST: usize = 64;

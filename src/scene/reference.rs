@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::paint::Paint;
 use super::testing::penny;
 use super::{Disc, Glint, PartTruth, Relief, Scene, Shape, Thing};
-use crate::geometry::{Lens, Vec2};
+use upm_core::geometry::{Lens, Vec2};
 
 /// Points along each side of a pixel.
 const POINTS: usize = 64;

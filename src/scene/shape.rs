@@ -1,4 +1,4 @@
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
 /// An outline on the plate's plane, m.
 #[derive(Clone, Debug, PartialEq)]

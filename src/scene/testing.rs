@@ -1,20 +1,23 @@
-//! Scenes for tests of the eyes.
+//! Scenes for tests of the vision.
 
 use nalgebra::Vector3;
 
 use super::{Disc, Scene};
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
-pub(crate) const SIDE_M: f64 = 0.2032;
-pub(crate) const PENNY_M: f64 = 0.009525;
+/// Side of the plate, m.
+pub const SIDE_M: f64 = 0.2032;
+/// Radius of a penny, m.
+pub const PENNY_M: f64 = 0.009525;
 
-pub(crate) fn penny(x_m: f64, y_m: f64) -> Disc {
+/// A penny at a place on the plate, m.
+pub fn penny(x_m: f64, y_m: f64) -> Disc {
     Disc::new(Vec2::new(x_m, y_m), PENNY_M, 1.52e-3)
 }
 
 impl Scene {
     /// Rotation, off-centre camera, tilt and lens distortion drawn from the seed.
-    pub(crate) fn general(seed: u64) -> Self {
+    pub fn general(seed: u64) -> Self {
         let u = |k: u64| ((seed * 7919 + k * 104_729 + 13) % 1000) as f64 / 500.0 - 1.0;
         let mut scene = Self::plain(seed);
         scene.tilt_rad = [0.05 * u(4), 0.05 * u(5), 0.1 * u(6)];
@@ -25,7 +28,8 @@ impl Scene {
         scene
     }
 
-    pub(crate) fn rough(self) -> Self {
+    /// The same under uneven light, blurred, with noise.
+    pub fn rough(self) -> Self {
         Self { shading: 0.4, blur_px: 1.5, noise_sd: 8.0, ..self }
     }
 }

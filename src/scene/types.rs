@@ -1,8 +1,8 @@
 use nalgebra::Vector3;
 
 use super::Shape;
-use crate::geometry::{Lens, Vec2};
-use crate::units::INCH_M;
+use upm_core::geometry::{Lens, Vec2};
+use upm_core::units::INCH_M;
 
 /// A plate with parts, the camera above it, light, blur and noise.
 #[derive(Clone, Debug, PartialEq)]

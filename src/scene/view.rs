@@ -3,7 +3,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::{Disc, PartTruth, Scene, Shape};
-use crate::geometry::{Homography, Vec2, cross};
+use upm_core::geometry::{Homography, Vec2, cross};
 
 /// Points of an outline whose area is taken.
 const OUTLINE_POINTS: usize = 720;

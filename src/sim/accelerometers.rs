@@ -4,8 +4,8 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::AccelerometerParams;
 use super::plate::PlateMotion;
-use crate::random::{Rng, Streams};
-use crate::signal::{AccelTrace, CHANNELS};
+use upm_core::random::{Rng, Streams};
+use upm_core::signal::{AccelTrace, CHANNELS};
 
 /// The sensors, each channel with an offset and a gain error of its own, and the trace of the last pulse.
 #[derive(Clone, Debug)]
@@ -96,7 +96,7 @@ fn normal(rng: &mut Rng) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Twist, Vec2};
+    use upm_core::geometry::{Twist, Vec2};
 
     const PARAMS: AccelerometerParams = AccelerometerParams {
         position_m: Vec2::new(0.09, -0.09),

@@ -55,15 +55,15 @@ mod view;
 use nalgebra::Matrix2;
 
 use super::CameraParams;
-use crate::geometry::{Pose, Vec2};
-use crate::random::Rng;
-use crate::signal::Frame;
 use disc::DiscOutline;
 use exposure::Grain;
 use noise::Noise;
 use plate::PlateOutline;
 use shares::Shares;
 use tiles::{AREA, BLOCK_SIDE, Grid, LANE_X, LANE_Y, LANES, Lanes, SIDE, Tile};
+use upm_core::geometry::{Pose, Vec2};
+use upm_core::random::Rng;
+use upm_core::signal::Frame;
 use view::View;
 
 /// A part as the camera sees it.

@@ -5,7 +5,7 @@
 
 use super::ContactParams;
 use super::parts::Body;
-use crate::geometry::{Vec2, perp};
+use upm_core::geometry::{Vec2, perp};
 
 /// A pair that has touched is in contact until its rims are this far apart, m.
 const RELEASE_GAP_M: f64 = 5e-5;
@@ -147,10 +147,10 @@ fn separate(a: &mut Body, b: &mut Body, apart: Vec2, reach_m: f64) {
 
 #[cfg(test)]
 mod tests {
-    use crate::geometry::{Pose, Vec2, cross};
-    use crate::sim::plate::PlateMotion;
-    use crate::sim::{ContactParams, PartParams, Parts};
+    use crate::plate::PlateMotion;
+    use crate::{ContactParams, PartParams, Parts};
     use proptest::prelude::*;
+    use upm_core::geometry::{Pose, Vec2, cross};
 
     const STEP_S: f64 = 5e-5;
 

@@ -1,5 +1,5 @@
-use crate::rig::{Fitted, Interlock, RigFault, Trip};
-use crate::time::PlateTime;
+use upm_core::rig::{Fitted, Interlock, RigFault, Trip};
+use upm_core::time::PlateTime;
 
 /// The rig's side of its interlock. A rig without one is never stopped from outside.
 #[derive(Debug, Default)]

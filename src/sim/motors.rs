@@ -4,8 +4,8 @@
 use super::MotorParams;
 use super::oscillator::{Motion, Oscillator};
 use super::plate::Wrench;
-use crate::geometry::Vec2;
-use crate::signal::{Drive, MOTORS};
+use upm_core::geometry::Vec2;
+use upm_core::signal::{Drive, MOTORS};
 
 /// Four voice coils with their amplifiers.
 #[derive(Clone, Debug)]
@@ -101,7 +101,7 @@ impl Motors {
     }
 }
 
-/// What the motors' forces (N, order of [`crate::signal::Motor::ALL`]) do to the plate together (Eq. 7).
+/// What the motors' forces (N, order of [`upm_core::signal::Motor::ALL`]) do to the plate together (Eq. 7).
 pub fn wrench_of_forces([x1, x2, y1, y2]: [f64; MOTORS], lever_arm_m: f64) -> Wrench {
     Wrench { force_n: Vec2::new(x1 - x2, y1 - y2), torque_nm: lever_arm_m * ((y1 + y2) - (x1 + x2)) }
 }
@@ -115,9 +115,9 @@ pub fn forces_of_wrench(wrench: Wrench, lever_arm_m: f64) -> [f64; MOTORS] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::signal::{Envelope, Harmonic};
     use proptest::prelude::*;
     use std::f64::consts::TAU;
+    use upm_core::signal::{Envelope, Harmonic};
 
     const PARAMS: MotorParams = MotorParams {
         lever_arm_m: 0.05,

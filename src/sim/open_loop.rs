@@ -2,9 +2,9 @@
 
 use super::motors::forces_of_wrench;
 use super::{PartParams, Parts, Plant, PlateMotion, SimParams, Wrench};
-use crate::geometry::{Pose, Twist, Vec2};
-use crate::random::Streams;
-use crate::signal::{Drive, Envelope, Harmonic, MOTORS, TwistHarmonic, TwistWave};
+use upm_core::geometry::{Pose, Twist, Vec2};
+use upm_core::random::Streams;
+use upm_core::signal::{Drive, Envelope, Harmonic, MOTORS, TwistHarmonic, TwistWave};
 
 /// What moves the plate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 use nalgebra::Vector3;
 
-use crate::geometry::{Lens, Vec2};
+use upm_core::geometry::{Lens, Vec2};
 
 /// Constant parameters of the simulated rig, apart from all state.
 #[derive(Clone, Debug, PartialEq)]

@@ -8,8 +8,8 @@ use super::collision::Contacts;
 use super::friction::DiscFriction;
 use super::plate::{PlateMotion, Wrench};
 use super::{ContactParams, PartParams};
-use crate::geometry::{Pose, Vec2, cross};
-use crate::units::GRAVITY_MPS2;
+use upm_core::geometry::{Pose, Vec2, cross};
+use upm_core::units::GRAVITY_MPS2;
 
 /// How far from the plate's edge a fallen part's rim comes to lie, m: clear of the plate however it shakes.
 const FALLEN_CLEARANCE_M: f64 = 5e-3;
@@ -195,7 +195,7 @@ impl Parts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Twist;
+    use upm_core::geometry::Twist;
 
     const PENNY: PartParams = PartParams { radius_m: 9.525e-3, thickness_m: 1.52e-3, mass_kg: 2.5e-3, friction: 0.3 };
     const CONTACT: ContactParams = ContactParams { restitution: 0.5, rim_friction: 0.2 };
@@ -277,7 +277,7 @@ mod tests {
                 let plate = twist_at((i as f64 + (k as f64 + 0.5) / FINER as f64) * STEP_S);
                 let (mut pull, mut turn) = (Vec2::zeros(), 0.0);
                 for r in &patches {
-                    let slip = v + crate::geometry::perp(*r) * spin - plate.velocity_at(p + r);
+                    let slip = v + upm_core::geometry::perp(*r) * spin - plate.velocity_at(p + r);
                     let drag = -slip / (slip.norm() + 1e-6);
                     pull += drag;
                     turn += cross(*r, drag);

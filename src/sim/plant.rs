@@ -6,10 +6,10 @@ use super::motors::Motors;
 use super::parts::Parts;
 use super::plate::{Plate, PlateMotion, Wrench};
 use super::{PartParams, SimParams, Snapshot};
-use crate::geometry::Pose;
-use crate::random::Streams;
-use crate::signal::{AccelTrace, Drive};
-use crate::time::PlateTime;
+use upm_core::geometry::Pose;
+use upm_core::random::Streams;
+use upm_core::signal::{AccelTrace, Drive};
+use upm_core::time::PlateTime;
 
 /// Below these everything counts as standing still: a tenth of a micrometre, ten micrometres a second.
 const STILL_M: f64 = 1e-7;
@@ -168,9 +168,9 @@ impl Plant {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Vec2;
-    use crate::signal::{Envelope, Harmonic};
-    use crate::sim::pump_tests::rig_params;
+    use crate::pump_tests::rig_params;
+    use upm_core::geometry::Vec2;
+    use upm_core::signal::{Envelope, Harmonic};
 
     fn plant(params: &SimParams) -> Plant {
         let penny = PartParams { radius_m: 9.525e-3, thickness_m: 1.52e-3, mass_kg: 2.5e-3, friction: 0.3 };

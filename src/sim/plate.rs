@@ -13,7 +13,7 @@ use std::ops::{Add, Mul};
 
 use super::PlateParams;
 use super::oscillator::{Motion, Oscillator};
-use crate::geometry::{Pose, Twist, Vec2, perp};
+use upm_core::geometry::{Pose, Twist, Vec2, perp};
 
 /// A planar force and a torque about the plate's centre.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -3,9 +3,9 @@
 use std::f64::consts::{PI, TAU};
 
 use super::*;
-use crate::geometry::{Lens, Pose, Twist, Vec2};
-use crate::signal::{Envelope, TwistHarmonic, TwistWave};
-use crate::units::GRAVITY_MPS2;
+use upm_core::geometry::{Lens, Pose, Twist, Vec2};
+use upm_core::signal::{Envelope, TwistHarmonic, TwistWave};
+use upm_core::units::GRAVITY_MPS2;
 
 const MU: f64 = 0.3;
 const PENNY: PartParams = PartParams { radius_m: 9.525e-3, thickness_m: 1.52e-3, mass_kg: 2.5e-3, friction: MU };
@@ -328,7 +328,7 @@ fn flanks_of_two_periods_leave_the_rods_at_rest() {
         let after = |quarter: u32| {
             let outline = envelope(periods * TAU / W, (3.0 + 0.25 * f64::from(quarter)) * TAU / W);
             let pulse = OpenPulse::pump(Twist::new(speed, 0.0, 0.0), outline);
-            let mut plant = Plant::new(&params, &[], &crate::random::Streams::new(1));
+            let mut plant = Plant::new(&params, &[], &upm_core::random::Streams::new(1));
             plant.play(open_loop::ideal_drive(&params, 0, &pulse, W).unwrap());
             // Two milliseconds for the low-pass to fall silent.
             let steps = |length_s: f64| (length_s / params.step_s) as u32;
@@ -364,9 +364,9 @@ fn a_heavy_load_slows_the_plate() {
     let glued = PartParams { mass_kg: 0.1, friction: 1e3, ..POINT };
     let params = SimParams { plate: PlateParams { resonance_hz: [0.0; 3], ..rig_params().plate }, ..rig_params() };
     let swing = |parts: &[(PartParams, Pose)]| {
-        let mut plant = Plant::new(&params, parts, &crate::random::Streams::new(1));
-        let wave = vec![crate::signal::Harmonic { cos: 400.0, sin: 0.0 }];
-        let drive = crate::signal::Drive {
+        let mut plant = Plant::new(&params, parts, &upm_core::random::Streams::new(1));
+        let wave = vec![upm_core::signal::Harmonic { cos: 400.0, sin: 0.0 }];
+        let drive = upm_core::signal::Drive {
             base_radps: W,
             motors: [wave, vec![], vec![], vec![]],
             envelope: envelope(0.01, 0.2),

@@ -4,12 +4,13 @@ mod exposure;
 
 use self::exposure::{EXPOSURE_SNAPSHOTS, Exposure, MIDDLE};
 use super::guard::Guard;
-use super::{Camera, DiscShape, PartParams, PartTruth, Plant, SimParams, Snapshot, TruthProbe};
-use crate::geometry::Pose;
-use crate::random::Streams;
-use crate::rig::{Interlock, Rig, RigFault, RigModel};
-use crate::signal::{AccelTrace, Drive, Frame};
-use crate::time::PlateTime;
+use super::{Camera, DiscShape, PartParams, Plant, SimParams, Snapshot};
+use upm_core::geometry::Pose;
+use upm_core::ground_truth::{GroundTruthHandle, PartTruth};
+use upm_core::random::Streams;
+use upm_core::rig::{Interlock, Rig, RigFault, RigModel};
+use upm_core::signal::{AccelTrace, Drive, Frame};
+use upm_core::time::PlateTime;
 
 /// No pulse, its rest included, is longer than this, s.
 const LONGEST_PULSE_S: f64 = 600.0;
@@ -21,7 +22,7 @@ pub struct SimRig {
     model: RigModel,
     plant: Plant,
     camera: Camera,
-    probe: TruthProbe,
+    probe: GroundTruthHandle,
     exposure: [Snapshot; EXPOSURE_SNAPSHOTS],
     last_frame: u64,
     quiet_at: PlateTime,
@@ -40,7 +41,7 @@ impl SimRig {
             model,
             plant: Plant::new(&params, &parts, &streams),
             camera: Camera::new(params.camera, params.plate.side_m, discs, streams.stream("camera")),
-            probe: TruthProbe::default(),
+            probe: GroundTruthHandle::default(),
             exposure: Default::default(),
             last_frame: 0,
             quiet_at: PlateTime::ZERO,
@@ -62,7 +63,7 @@ impl SimRig {
     }
 
     /// A window on the truth; it shows the middle of the last exposure.
-    pub fn probe(&self) -> TruthProbe {
+    pub fn probe(&self) -> GroundTruthHandle {
         self.probe.clone()
     }
 
@@ -200,10 +201,10 @@ mod stop_tests;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Lens, Vec2};
-    use crate::signal::{Envelope, Harmonic};
-    use crate::sim::pump_tests::rig_params;
+    use crate::pump_tests::rig_params;
     use std::f64::consts::TAU;
+    use upm_core::geometry::{Lens, Vec2};
+    use upm_core::signal::{Envelope, Harmonic};
 
     const ENVELOPE: Envelope = Envelope { attack_s: 0.01, sustain_s: 0.06, rest_s: 0.05 };
 
@@ -289,7 +290,7 @@ mod tests {
         for (a, b) in before.parts.iter().zip(&after.parts) {
             let moved = b.part_in_table.position_m - a.part_in_table.position_m;
             assert!(moved.norm() > 2e-4, "{moved}");
-            assert!(moved.dot(&crate::geometry::perp(a.part_in_table.position_m)) > 0.0, "counter-clockwise");
+            assert!(moved.dot(&upm_core::geometry::perp(a.part_in_table.position_m)) > 0.0, "counter-clockwise");
         }
         rig.play(&drive(300.0)).unwrap();
         assert!(rig.trace().is_empty(), "a new pulse forgets the last trace");

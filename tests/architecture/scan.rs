@@ -85,7 +85,7 @@ pub struct Scan {
     pub test_modules: Vec<String>,
 }
 
-/// `depth` is how deep the file's module lies: 1 for `src/goal.rs`, 2 for `src/goal/plus_sign.rs`.
+/// `depth` is how deep the file's module lies: 0 for a crate's root, 1 for `src/sim/plate.rs`.
 pub fn scan(source: &str, depth: usize) -> Scan {
     let tokens = tokens(source);
     let text = |i: usize| tokens.get(i).map_or("", |t| t.text.as_str());
@@ -170,5 +170,9 @@ fn use_tree(tokens: &[Token], mut i: usize, before: &[String], paths: &mut Vec<(
 /// A `super` path that climbs to the crate's root is a `crate` path.
 fn absolute(path: Vec<String>, depth: usize) -> Vec<String> {
     let climbs = path.iter().take_while(|s| *s == "super").count();
-    if climbs < depth { path } else { std::iter::once("crate".into()).chain(path.into_iter().skip(climbs)).collect() }
+    if climbs == 0 || climbs < depth {
+        path
+    } else {
+        std::iter::once("crate".into()).chain(path.into_iter().skip(climbs)).collect()
+    }
 }

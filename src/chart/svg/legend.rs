@@ -3,7 +3,7 @@ use plotters::style::text_anchor::HPos;
 
 use super::marks::{self, Px};
 use super::{Drawn, LABEL_PX, Sheet, fine, font, text};
-use crate::chart::{Color, Layer, Mark};
+use crate::{Color, Layer, Mark};
 
 const ROW_PX: f64 = 22.0;
 /// Width of a sample of a mark, px.

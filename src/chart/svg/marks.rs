@@ -6,7 +6,7 @@ use plotters::style::text_anchor::HPos;
 
 use super::range::drawable;
 use super::{Drawn, Sheet, clip, fine, font, paint, text};
-use crate::chart::{Color, Layer, Mark};
+use crate::{Color, Layer, Mark};
 
 /// Width of lines, px.
 const LINE_PX: f64 = 1.8;

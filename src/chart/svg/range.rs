@@ -1,4 +1,4 @@
-use crate::chart::{Axis, Layer, Mark};
+use crate::{Axis, Layer, Mark};
 
 /// Numbers beyond this are left out like those that are none: nothing measured is so large.
 const MOST: f64 = 1e100;

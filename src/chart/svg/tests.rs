@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
 use super::svg;
-use crate::chart::{Axis, Chart, Color, Layer, Mark};
+use crate::{Axis, Chart, Color, Layer, Mark};
 
 fn chart(map: bool, layers: Vec<Layer>) -> Chart {
     let (x, y) = (Axis::new("x (mm)"), Axis::new("y (mm)"));

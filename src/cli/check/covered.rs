@@ -2,10 +2,10 @@
 
 use serde_json::{Value, json};
 
-use crate::geometry::Vec2;
-use crate::library::Library;
-use crate::run::{Coverage, Place};
-use crate::units::mm_from_m;
+use upm_core::geometry::Vec2;
+use upm_core::units::mm_from_m;
+use upm_library::Library;
+use upm_runner::run::{Coverage, Place};
 
 /// The coverage of a library and what plate it is for.
 pub(super) struct Covered {

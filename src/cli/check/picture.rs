@@ -1,6 +1,6 @@
-use crate::chart::{Axis, Chart, Color, Layer, Mark};
-use crate::run::{Coverage, Place};
-use crate::units::mm_from_m;
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_core::units::mm_from_m;
+use upm_runner::run::{Coverage, Place};
 
 /// What the picture shows, in half sides of the plate from its middle.
 const SHOWN: f64 = 1.3;

@@ -6,10 +6,10 @@ use serde_json::{Value, json};
 
 use super::covered::{degrees, mm, place_json, rounded, shown, steps};
 use crate::cli::progress::LateProgress;
-use crate::config::{Fault, JobSpec};
-use crate::control::{LimitMet, Nearest, Outcome, Rehearsal};
-use crate::library::Library;
-use crate::run::{Forecast, PartForecast, Spot, rehearse};
+use upm_control::{LimitMet, Nearest, Outcome, Rehearsal};
+use upm_library::Library;
+use upm_runner::config::{Fault, JobSpec};
+use upm_runner::run::{Forecast, PartForecast, Spot, rehearse};
 
 /// The forecast of a job.
 pub(super) struct Planned {

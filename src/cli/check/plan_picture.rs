@@ -1,9 +1,9 @@
 use super::plan::Planned;
-use crate::chart::{Axis, Chart, Color, Layer, Mark};
-use crate::control::Rehearsal;
-use crate::geometry::Vec2;
-use crate::run::PartForecast;
-use crate::units::mm_from_m;
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_control::Rehearsal;
+use upm_core::geometry::Vec2;
+use upm_core::units::mm_from_m;
+use upm_runner::run::PartForecast;
 
 /// What the picture shows, in half sides of the plate from its middle.
 const SHOWN: f64 = 1.08;

@@ -3,7 +3,7 @@
 use image::{Rgb, RgbImage};
 use imageproc::pixelops::interpolate;
 
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
 /// A colour picture to draw on. The middle of its first pixel is (0, 0).
 pub(super) struct Canvas {

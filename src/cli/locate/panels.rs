@@ -7,10 +7,10 @@ use image::{DynamicImage, GrayImage, RgbImage};
 
 use super::canvas::Canvas;
 use crate::cli::failure::Failure;
-use crate::geometry::Vec2;
-use crate::recording::{LocalisedRecord, edge_map, outline_px, response_map, vote_map};
-use crate::signal::Frame;
-use crate::vision::{HoughArray, Stages};
+use upm_core::geometry::Vec2;
+use upm_core::signal::Frame;
+use upm_perception::vision::{HoughArray, Stages};
+use upm_recording::{LocalisedRecord, edge_map, outline_px, response_map, vote_map};
 
 /// The map of votes is shrunk to no more than this, px.
 const VOTES_PX: [usize; 2] = [720, 720];

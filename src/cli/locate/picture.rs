@@ -10,7 +10,7 @@ use image::{ColorType, DynamicImage, GrayImage, ImageDecoder, ImageFormat, Image
 
 use super::jpeg;
 use crate::cli::failure::Failure;
-use crate::signal::Frame;
+use upm_core::signal::Frame;
 
 /// Most pixels of a picture: as many as the table is looked for in.
 const MOST_PIXELS: u64 = 64_000_000;

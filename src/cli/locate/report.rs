@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 use super::Located;
 use super::setting::Setting;
 use crate::cli::failure::Failure;
-use crate::recording::LocalisedRecord;
-use crate::units::mm_from_m;
+use upm_core::units::mm_from_m;
+use upm_recording::LocalisedRecord;
 
 /// Wall time that one picture took, µs.
 #[derive(Clone, Copy, Debug)]

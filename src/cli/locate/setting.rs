@@ -2,11 +2,11 @@
 
 use crate::cli::args::LocateArgs;
 use crate::cli::failure::Failure;
-use crate::config::{KindSpec, RigSpec};
-use crate::geometry::{Lens, Vec2};
-use crate::rig::PartKind;
-use crate::signal::Frame;
-use crate::units::{INCH_M, m_from_mm};
+use upm_core::geometry::{Lens, Vec2};
+use upm_core::rig::PartKind;
+use upm_core::signal::Frame;
+use upm_core::units::{INCH_M, m_from_mm};
+use upm_runner::config::{KindSpec, RigSpec};
 
 /// Longest side of a plate, mm.
 const MOST_SIDE_MM: f64 = 1e5;

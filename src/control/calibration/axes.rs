@@ -4,11 +4,11 @@ use nalgebra::{Complex, Matrix3, Vector3};
 
 use super::workbench::Workbench;
 use super::{CalibrationFault, CalibrationParams, LEAST_LAG_DEG};
-use crate::estimation::{AxisPhasors, Coefficients, TwistFit, relative_gains};
-use crate::geometry::Twist;
-use crate::library::AxisShape;
-use crate::rig::RigModel;
-use crate::signal::{CHANNELS, Harmonic};
+use upm_core::geometry::Twist;
+use upm_core::rig::RigModel;
+use upm_core::signal::{CHANNELS, Harmonic};
+use upm_library::AxisShape;
+use upm_perception::estimation::{AxisPhasors, Coefficients, TwistFit, relative_gains};
 
 /// Times the pre-compensation is measured and mended; the last pass only confirms.
 const PASSES: usize = 3;

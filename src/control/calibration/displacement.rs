@@ -7,9 +7,9 @@ use super::super::facts::Sink;
 use super::steering::Motion;
 use super::workbench::Workbench;
 use super::{CalibrationFault, CalibrationParams};
-use crate::geometry::{Twist, Vec2};
-use crate::library::{DisplacementModel, Entry, Library};
-use crate::time::StoppedClock;
+use upm_core::geometry::{Twist, Vec2};
+use upm_core::time::StoppedClock;
+use upm_library::{DisplacementModel, Entry, Library};
 
 /// Speed nodes of the model.
 const SPEEDS: usize = 14;

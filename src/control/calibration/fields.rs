@@ -2,10 +2,10 @@ use nalgebra::{Complex, Matrix3, Vector3};
 
 use super::CalibrationFault;
 use super::workbench::Workbench;
-use crate::estimation::{MAX_PERIODS, TwistFit};
-use crate::library::{FieldResponse, motor_harmonics};
-use crate::rig::FieldDriveModel;
-use crate::signal::{Drive, Envelope, Harmonic};
+use upm_core::rig::FieldDriveModel;
+use upm_core::signal::{Drive, Envelope, Harmonic};
+use upm_library::{FieldResponse, motor_harmonics};
+use upm_perception::estimation::{MAX_PERIODS, TwistFit};
 
 /// Part of the count limit that a harmonic is played with: less than the axis pulses, which the accelerometers could
 /// read, so that the pull to the centre of the slower base frequency has room too.

@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 use super::axes::{Axes, as_vector};
 use super::workbench::Workbench;
 use super::{CalibrationFault, CalibrationParams};
-use crate::geometry::{Twist, Vec2};
-use crate::library::Entry;
+use upm_core::geometry::{Twist, Vec2};
+use upm_library::Entry;
 
 /// A motion to be measured.
 #[derive(Clone, Copy, Debug, PartialEq)]

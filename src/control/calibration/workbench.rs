@@ -1,10 +1,10 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{CalibrationFault, CalibrationProgress};
-use crate::estimation::{AccelerometerPair, TwistFit, fit_twist};
-use crate::library::{AxisShape, drive_for};
-use crate::rig::{Rig, RigModel};
-use crate::signal::{Drive, Envelope, Frame, MISSING_SAMPLE};
+use upm_core::rig::{Rig, RigModel};
+use upm_core::signal::{Drive, Envelope, Frame, MISSING_SAMPLE};
+use upm_library::{AxisShape, drive_for};
+use upm_perception::estimation::{AccelerometerPair, TwistFit, fit_twist};
 
 /// The rig with what every measurement needs.
 pub(super) struct Workbench<'a> {

@@ -1,15 +1,15 @@
 //! One pulse: sent to the motors, followed by the eyes, read from the accelerometers, learned from.
 
 use super::Cycle;
-use crate::control::ending::Ending;
-use crate::control::eyes::Moment;
-use crate::control::learning::{Lesson, MORE, Scatter};
-use crate::control::{Carried, PulseFacts};
-use crate::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave};
-use crate::geometry::Vec2;
-use crate::library::Library;
-use crate::planner::{PartState, PlannedPulse};
-use crate::signal::{AccelTrace, Drive};
+use crate::ending::Ending;
+use crate::eyes::Moment;
+use crate::learning::{Lesson, MORE, Scatter};
+use crate::{Carried, PulseFacts};
+use upm_core::geometry::Vec2;
+use upm_core::signal::{AccelTrace, Drive};
+use upm_library::Library;
+use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave};
+use upm_planner::{PartState, PlannedPulse};
 
 impl Cycle<'_> {
     /// Plays one pulse and follows the parts until everything rests.
@@ -112,10 +112,10 @@ mod tests {
     use nalgebra::{Complex, Matrix3};
 
     use super::*;
-    use crate::geometry::Twist;
-    use crate::library::{AxisShape, DisplacementModel, Entry, FieldResponse};
-    use crate::planner::{FieldPulse, Rotation};
-    use crate::signal::{TwistHarmonic, TwistWave};
+    use upm_core::geometry::Twist;
+    use upm_core::signal::{TwistHarmonic, TwistWave};
+    use upm_library::{AxisShape, DisplacementModel, Entry, FieldResponse};
+    use upm_planner::{FieldPulse, Rotation};
 
     const BASE_RADPS: f64 = std::f64::consts::TAU * 30.0;
 

@@ -4,14 +4,14 @@ use std::sync::Arc;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::{Nearest, OPENING_FRAMES, RehearsalParams};
-use crate::control::ControlParams;
-use crate::control::learning::Scatter;
-use crate::control::plans::Plans;
-use crate::geometry::Vec2;
-use crate::library::Library;
-use crate::planner::{FieldPulse, PartState, PlannedPulse, Rotation};
-use crate::random::Rng;
-use crate::time::PlateTime;
+use crate::ControlParams;
+use crate::learning::Scatter;
+use crate::plans::Plans;
+use upm_core::geometry::Vec2;
+use upm_core::random::Rng;
+use upm_core::time::PlateTime;
+use upm_library::Library;
+use upm_planner::{FieldPulse, PartState, PlannedPulse, Rotation};
 
 /// Friction is cut at so many standard deviations, and at this part of the usual at least.
 const FRICTION_CUT: f64 = 3.0;

@@ -3,12 +3,12 @@ use std::f64::consts::{PI, TAU};
 use proptest::prelude::*;
 
 use super::*;
-use crate::control::{ExpectedPart, Outcome};
-use crate::geometry::Twist;
-use crate::goal::{PathParams, Trajectories};
-use crate::library::{AxisShape, DisplacementModel, Entry, FieldResponse};
-use crate::planner::{FieldPulse, Method, PlannedPulse, PlannerParams, Rotation};
-use crate::rig::PartKind;
+use crate::{ExpectedPart, Outcome};
+use upm_core::geometry::Twist;
+use upm_core::rig::PartKind;
+use upm_goal::{PathParams, Trajectories};
+use upm_library::{AxisShape, DisplacementModel, Entry, FieldResponse};
+use upm_planner::{FieldPulse, Method, PlannedPulse, PlannerParams, Rotation};
 
 const HALF_M: f64 = 0.1;
 const RADIUS_M: f64 = 0.01;

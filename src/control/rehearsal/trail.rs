@@ -1,4 +1,4 @@
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
 /// Most points kept of one trail.
 pub(super) const MOST_POINTS: usize = 2000;

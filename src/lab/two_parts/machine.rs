@@ -7,8 +7,8 @@ use std::f64::consts::TAU;
 use super::super::pulses::{FINER, PLAYBACK_HZ, check_carries, envelope, place, saturation, turn};
 use super::super::{LabFault, LabRig};
 use super::plan::{CENTERS, Places};
-use crate::geometry::{Pose, Vec2};
-use crate::sim::{OpenPulse, PlateMode, Trajectories, simulate};
+use upm_core::geometry::{Pose, Vec2};
+use upm_sim::{OpenPulse, PlateMode, Trajectories, simulate};
 
 /// Sustains measured, from the shortest to the longest one used.
 const SUSTAINS: usize = 17;

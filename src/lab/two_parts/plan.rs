@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix4, Vector4};
 
-use crate::geometry::{Vec2, perp};
+use upm_core::geometry::{Vec2, perp};
 
 /// Parts, N.
 pub const PARTS: usize = 2;

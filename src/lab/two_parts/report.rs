@@ -4,7 +4,7 @@ use super::super::pulses::{FINER, PLAYBACK_HZ, SATURATION, mm};
 use super::super::{Figure, LabRig, Motion, Outcome, Series, Track};
 use super::plan::{CENTERS, condition, field_matrix, mean_miss};
 use super::{LOOKS, Runs, STRONG_SPIN_RADPS, Task, Way};
-use crate::chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
 
 /// Radius of the circle about a start, in half sides of the plate.
 const START: f64 = 0.02;

@@ -1,7 +1,7 @@
-use crate::geometry::Vec2;
-use crate::rig::PartKind;
-use crate::scene::{Family, PartTruth, Scene, kinds};
-use crate::vision::{CoinFinder, Detection, TableFault, locate_table};
+use upm_core::geometry::Vec2;
+use upm_core::rig::PartKind;
+use upm_perception::vision::{CoinFinder, Detection, TableFault, locate_table};
+use upm_scene::{Family, PartTruth, Scene, kinds};
 
 /// A table with a corner farther off than this, px, is none.
 const MISPLACED_PX: f64 = 5.0;

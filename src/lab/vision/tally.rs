@@ -1,7 +1,7 @@
 use super::super::Figure;
 use super::judge::{PartError, PartsVerdict, TableVerdict, Verdict};
-use crate::scene::Family;
-use crate::units::mm_from_m;
+use upm_core::units::mm_from_m;
+use upm_scene::Family;
 
 /// What can go wrong.
 const CAUSES: [&str; 5] = ["tables not found", "tables misplaced", "parts missed", "parts invented", "parts misnamed"];
@@ -151,7 +151,7 @@ fn worst(errors: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vision::TableFault;
+    use upm_perception::vision::TableFault;
 
     #[test]
     fn verdicts_add_up() {

@@ -16,7 +16,7 @@ use super::course::{Course, Disc};
 use super::guard::Guard;
 use super::strength::Strength;
 use super::waves::Waves;
-use crate::signal::Envelope;
+use upm_core::signal::Envelope;
 
 /// Longest change of a motion at first, as a part of the motion; how that changes after a success and a failure.
 const REACH: f64 = 0.3;

@@ -5,8 +5,8 @@
 
 use std::cmp::Ordering;
 
-use crate::geometry::Vec2;
-use crate::random::Streams;
+use upm_core::geometry::Vec2;
+use upm_core::random::Streams;
 
 use super::waves::{Lanes, PlateInstant, Waves};
 

@@ -16,9 +16,9 @@
 use nalgebra::DMatrix;
 
 use super::waves::{Lanes, PlateInstant, Waves};
-use crate::geometry::Vec2;
-use crate::signal::Envelope;
-use crate::units::GRAVITY_MPS2;
+use upm_core::geometry::Vec2;
+use upm_core::signal::Envelope;
+use upm_core::units::GRAVITY_MPS2;
 
 /// See the module: `f(1) = 1/sqrt(1 + κ) = 8/(3π)`.
 const KAPPA: f64 = 0.388;

@@ -1,8 +1,8 @@
 //! The friction of the calibration's coins, out of how far they went.
 
-use crate::geometry::Vec2;
-use crate::library::Library;
-use crate::signal::Envelope;
+use upm_core::geometry::Vec2;
+use upm_core::signal::Envelope;
+use upm_library::Library;
 
 use super::course::{Course, Disc};
 use super::waves::Waves;

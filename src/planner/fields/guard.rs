@@ -1,7 +1,7 @@
 //! Directions in which parts must get away: from each other, from the edge.
 
-use crate::geometry::Vec2;
-use crate::planner::{Limit, PartState};
+use crate::{Limit, PartState};
+use upm_core::geometry::Vec2;
 
 /// How much more a guarded direction counts than any other.
 const WEIGHT: f64 = 4.0;
@@ -48,11 +48,13 @@ impl Guard {
     }
 
     /// They shall get away by `by_m` farther, and not nearer in any case.
+    #[inline]
     pub fn push(&mut self, by_m: f64) {
         self.aim_m = self.aim_m.max(0.0) + by_m;
     }
 
     /// Its factors of the flat vector x, y of every part.
+    #[inline]
     pub fn terms(&self) -> impl Iterator<Item = (usize, f64)> {
         let of = |part: usize, sign: f64| {
             let along = self.normal * (sign * WEIGHT);
@@ -62,11 +64,13 @@ impl Guard {
     }
 
     /// What is missing after steps of `went_m`, weighted.
+    #[inline]
     pub fn missing(&self, went_m: &[f64]) -> f64 {
         WEIGHT * (self.aim_m - self.along(went_m))
     }
 
     /// How far the flat steps get away, m.
+    #[inline]
     fn along(&self, flat_m: &[f64]) -> f64 {
         self.terms().map(|(i, factor)| flat_m.get(i).map_or(0.0, |v| v * factor / WEIGHT)).sum()
     }

@@ -9,11 +9,11 @@ use super::friction::friction_of;
 use super::guard::Guard;
 use super::strength::Strength;
 use super::waves::Waves;
-use crate::geometry::Vec2;
-use crate::library::Library;
-use crate::planner::limits::{Clearances, half_spaces, most_violated};
-use crate::planner::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
-use crate::signal::Envelope;
+use crate::limits::{Clearances, half_spaces, most_violated};
+use crate::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
+use upm_core::geometry::Vec2;
+use upm_core::signal::Envelope;
+use upm_library::Library;
 
 /// Motions out of the bank that are tried, beside the last one; rounds of bettering each, and the best of them.
 const STARTS: usize = 1;

@@ -4,8 +4,8 @@ use nalgebra::{Complex, Matrix3, Vector3};
 use wide::f64x4;
 
 use super::waves::{Lanes, Waves};
-use crate::library::{FieldResponse, motor_harmonics};
-use crate::signal::Envelope;
+use upm_core::signal::Envelope;
+use upm_library::{FieldResponse, motor_harmonics};
 
 /// Part of the motors' limit that a motion fills. Samples are looked at 32 times in the period of the highest harmonic or
 /// oftener: between two of them one rises by half a percent at most.
@@ -43,11 +43,13 @@ impl Strength {
     }
 
     /// `sqrt(Σ weight c²)`.
+    #[inline]
     pub fn norm(&self, coefficients: &[f64]) -> f64 {
         coefficients.iter().zip(&self.weights).map(|(c, w)| w * c * c).sum::<f64>().sqrt()
     }
 
     /// Makes the motion as strong as the motors allow.
+    #[inline]
     pub fn fill(&self, waves: &Waves, coefficients: &mut [f64]) {
         let peak = self.peak_counts(waves, coefficients);
         if peak > 0.0 {

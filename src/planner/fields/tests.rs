@@ -16,18 +16,18 @@ use proptest::prelude::*;
 use super::course::{Course, Disc};
 use super::strength::Strength;
 use super::waves::Waves;
-use crate::geometry::Vec2;
-use crate::library::Library;
-use crate::planner::fixture::PENNY_M;
-use crate::signal::{Envelope, TwistWave};
-use crate::units::GRAVITY_MPS2;
+use crate::fixture::PENNY_M;
+use upm_core::geometry::Vec2;
+use upm_core::signal::{Envelope, TwistWave};
+use upm_core::units::GRAVITY_MPS2;
+use upm_library::Library;
 
 /// Half the side of upm-2's plate, m.
 const HALF_SIDE_M: f64 = 0.1524;
 
 fn shipped(rig: &str) -> Library {
     let file = format!("assets/libraries/{rig}.json");
-    Library::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap()
+    Library::load(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(file)).unwrap()
 }
 
 fn upm_2() -> Arc<Library> {

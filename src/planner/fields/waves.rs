@@ -5,8 +5,8 @@ use std::ops::Mul;
 
 pub(super) use wide::f64x8 as Lanes;
 
-use crate::geometry::{Twist, Vec2};
-use crate::signal::{TwistHarmonic, TwistWave};
+use upm_core::geometry::{Twist, Vec2};
+use upm_core::signal::{TwistHarmonic, TwistWave};
 
 /// Steps in the period of the highest harmonic.
 const STEPS: usize = 8;
@@ -44,6 +44,7 @@ pub(super) struct PlateInstant {
 impl Mul<f64> for PlateInstant {
     type Output = Self;
 
+    #[inline]
     fn mul(self, height: f64) -> Self {
         Self {
             velocity_mps: self.velocity_mps * height,
@@ -68,21 +69,25 @@ impl Waves {
     }
 
     /// Coefficients of one axis.
+    #[inline]
     pub fn per_axis(&self) -> usize {
         2 * self.harmonics
     }
 
     /// Coefficients of a motion.
+    #[inline]
     pub fn len(&self) -> usize {
         3 * self.per_axis()
     }
 
     /// Length of a step, s.
+    #[inline]
     pub fn step_s(&self) -> f64 {
         TAU / self.base_radps * STRIDE as f64 / self.samples as f64
     }
 
     /// The phase of every step, from the first on.
+    #[inline]
     pub fn phases(&self) -> impl Iterator<Item = usize> {
         let next = |phase: &usize| {
             Some(if phase + STRIDE < self.samples { phase + STRIDE } else { phase + STRIDE - self.samples })
@@ -91,6 +96,7 @@ impl Waves {
     }
 
     /// The harmonic a coefficient belongs to, from 1.
+    #[inline]
     pub fn harmonic_of(&self, coefficient: usize) -> usize {
         coefficient % self.per_axis() / 2 + 1
     }
@@ -116,6 +122,7 @@ impl Waves {
     }
 
     /// What harmonic `k` with these parts of cos and sin adds up to over time.
+    #[inline]
     pub fn integral(&self, [cos, sin]: [f64; 2], k: usize) -> [f64; 2] {
         let radps = k as f64 * self.base_radps;
         [-sin / radps, cos / radps]
@@ -155,6 +162,7 @@ impl Waves {
 
     /// Slopes by the coefficients of eight parts' quantity, from its slopes by the plate's velocity (x, y, spin) in every
     /// phase.
+    #[inline]
     pub fn slopes(&self, by_motion: &[Vec<Lanes>; 3]) -> impl Iterator<Item = Lanes> {
         let scales = [1.0, 1.0, 1.0 / self.half_side_m];
         let [x, y, spin] = by_motion.each_ref().map(|series| self.projections(series));
@@ -165,11 +173,13 @@ impl Waves {
     }
 
     /// The phase in which cosines are as in phase `q` and sines the opposite.
+    #[inline]
     fn mirrored(&self, q: usize) -> usize {
         (self.samples - q) % self.samples
     }
 
     /// The motion in plain terms.
+    #[inline]
     pub fn wave(&self, coefficients: &[f64]) -> TwistWave {
         let [x, y, spin] = self.axes(coefficients);
         let twist = |j: usize| Twist::new(x[j], y[j], spin[j] / self.half_side_m);
@@ -192,10 +202,12 @@ impl Waves {
     }
 
     /// Steps that make up a period, rounded down.
+    #[inline]
     pub fn steps_a_period(&self) -> usize {
         self.samples / STRIDE
     }
 
+    #[inline]
     fn axes<'a>(&self, coefficients: &'a [f64]) -> [&'a [f64]; 3] {
         let (x, rest) = coefficients.split_at(self.per_axis());
         let (y, spin) = rest.split_at(self.per_axis());

@@ -3,16 +3,16 @@
 
 use serde::{Serialize, Serializer};
 
-use crate::control::{CycleFacts, EventLevel, LocalisedFacts, PulseFacts};
-use crate::estimation::PlateFit;
-use crate::geometry::Vec2;
-use crate::library::Library;
-use crate::planner::{Limit, PlanStatus, PlannedPulse};
-use crate::recording::motion::Motion;
-use crate::recording::wave::off_part;
-use crate::signal::{Harmonic, MOTORS, TwistWave};
-use crate::time::PlateTime;
-use crate::units::mm_from_m;
+use crate::motion::Motion;
+use crate::wave::off_part;
+use upm_control::{CycleFacts, EventLevel, LocalisedFacts, PulseFacts};
+use upm_core::geometry::Vec2;
+use upm_core::signal::{Harmonic, MOTORS, TwistWave};
+use upm_core::time::PlateTime;
+use upm_core::units::mm_from_m;
+use upm_library::Library;
+use upm_perception::estimation::PlateFit;
+use upm_planner::{Limit, PlanStatus, PlannedPulse};
 
 /// A number with `DECIMALS` decimals; not a number is written as null.
 #[derive(Clone, Copy, Debug)]

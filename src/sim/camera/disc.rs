@@ -7,7 +7,7 @@ use super::shares::Shares;
 use super::tiles::{Grid, LANES, Lanes, Pixels, Tile, TileBox};
 use super::view::View;
 use super::{Blur, DiscShape};
-use crate::geometry::{Pose, Vec2, cross};
+use upm_core::geometry::{Pose, Vec2, cross};
 
 /// One part's outline as the exposure saw it.
 #[derive(Clone, Debug)]

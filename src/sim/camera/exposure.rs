@@ -1,6 +1,6 @@
 use nalgebra::{Matrix3, Vector3};
 
-use crate::geometry::{Pose, Vec2};
+use upm_core::geometry::{Pose, Vec2};
 
 /// A stretch of the exposure so short that the body's picture is that of its mean pose, blurred by how far it moved.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,7 +3,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::rand_core::Rng as _;
 
 use super::super::CameraParams;
-use crate::random::Rng;
+use upm_core::random::Rng;
 
 /// Fixed-point units of one gray level in the clean picture.
 pub(super) const UNITS: f32 = 128.0;
@@ -113,7 +113,7 @@ fn normal_bank(rng: &mut Rng, width: usize) -> Vec<i16> {
 mod tests {
     use super::super::scenes;
     use super::*;
-    use crate::random::Streams;
+    use upm_core::random::Streams;
 
     /// Mean, variance, skewness and excess kurtosis of a flat picture, before rounding would hide them.
     fn moments(level: f64, read_noise: f64, full_well_e: f64) -> [f64; 4] {

@@ -8,7 +8,7 @@ use super::shares::Shares;
 use super::side::{Side, SideOutline};
 use super::tiles::{LANES, Pixels, Tile};
 use super::view::View;
-use crate::geometry::{Pose, Vec2, perp};
+use upm_core::geometry::{Pose, Vec2, perp};
 
 /// The plate's square outline as the exposure saw it.
 ///

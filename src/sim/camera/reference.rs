@@ -3,7 +3,7 @@
 
 use super::scenes::{self, PENNY, PLATE_M};
 use super::*;
-use crate::random::Streams;
+use upm_core::random::Streams;
 
 const RAYS: usize = 16;
 /// Pixels of blur on either side.

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 
 use super::{CameraParams, DiscShape};
-use crate::geometry::{Lens, Vec2};
+use upm_core::geometry::{Lens, Vec2};
 
 /// Side of the plate everywhere, m.
 pub(super) const PLATE_M: f64 = 0.2032;

@@ -7,7 +7,7 @@ use super::exposure::{Grain, moments};
 use super::shares::Shares;
 use super::tiles::{LANES, Lanes, Pixels, Tile};
 use super::view::View;
-use crate::geometry::{Pose, Vec2, perp};
+use upm_core::geometry::{Pose, Vec2, perp};
 
 /// One side of the plate as the exposure saw it.
 ///

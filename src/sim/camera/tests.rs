@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::reference::{camera, pose};
 use super::scenes::{self, PENNY, PLATE_M};
 use super::*;
-use crate::random::Streams;
+use upm_core::random::Streams;
 
 const TALL: DiscShape = DiscShape { radius_m: 6e-3, thickness_m: 12e-3 };
 

@@ -3,7 +3,7 @@ use std::sync::OnceLock;
 use nalgebra::Matrix2;
 
 use super::view::View;
-use crate::geometry::Vec2;
+use upm_core::geometry::Vec2;
 
 /// Rows and columns of a tile, px.
 pub(super) const SIDE: usize = 16;

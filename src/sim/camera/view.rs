@@ -1,7 +1,7 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::super::CameraParams;
-use crate::geometry::{Lens, Vec2};
+use upm_core::geometry::{Lens, Vec2};
 
 /// Where the camera is and how it projects: table to image and, on the plate's plane, back.
 #[derive(Clone, Debug)]

@@ -1,5 +1,5 @@
-use crate::sim::CameraParams;
-use crate::time::PlateTime;
+use crate::CameraParams;
+use upm_core::time::PlateTime;
 
 /// Pictures of a moving scene within one exposure; odd, so that one lies at its middle.
 pub(super) const EXPOSURE_SNAPSHOTS: usize = 5;

@@ -2,9 +2,9 @@ use proptest::prelude::*;
 
 use super::tests::{drive, rig};
 use super::*;
-use crate::rig::Trip;
-use crate::signal::Envelope;
-use crate::sim::Wrench;
+use crate::Wrench;
+use upm_core::rig::Trip;
+use upm_core::signal::Envelope;
 
 const STEP_S: f64 = 5e-5;
 const LONG: Envelope = Envelope { attack_s: 0.01, sustain_s: 0.2, rest_s: 0.05 };

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use super::super::aim::{Range, Shot, Spare};
 use super::super::guard::Guard;
 use super::*;
-use crate::planner::{Limit, PartState};
+use crate::{Limit, PartState};
 
 const FRICTION: f64 = 0.3;
 
@@ -103,7 +103,7 @@ proptest! {
 #[test]
 fn guards_hold_what_they_guard() {
     use rand::RngExt as _;
-    let mut rng = crate::random::Streams::new(2).stream("guards");
+    let mut rng = upm_core::random::Streams::new(2).stream("guards");
     let waves = upm_2_waves();
     let strength = upm_2_strength(&waves);
     let envelope = upm_2_envelope(0.15);

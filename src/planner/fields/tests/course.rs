@@ -173,7 +173,7 @@ proptest! {
 #[test]
 fn points_end_where_coulombs_law_in_fine_steps_says() {
     use rand::RngExt as _;
-    let mut rng = crate::random::Streams::new(1).stream("points");
+    let mut rng = upm_core::random::Streams::new(1).stream("points");
     let waves = upm_2_waves();
     let (mut off_sq, mut went_sq, mut worst_m) = (0.0, 0.0, 0.0f64);
     for _ in 0..48 {

@@ -2,10 +2,10 @@ use std::f64::consts::TAU;
 
 use super::super::friction::friction_of;
 use super::*;
-use crate::geometry::Twist;
-use crate::library::DisplacementModel;
-use crate::planner::fixture;
-use crate::signal::TwistHarmonic;
+use crate::fixture;
+use upm_core::geometry::Twist;
+use upm_core::signal::TwistHarmonic;
+use upm_library::DisplacementModel;
 
 const BASE_RADPS: f64 = TAU * 60.0;
 const ATTACK_S: f64 = 0.0333;

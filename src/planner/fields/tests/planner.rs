@@ -3,9 +3,9 @@ use proptest::prelude::*;
 use super::super::friction::friction_of;
 use super::super::planner::FieldPlanner;
 use super::*;
-use crate::planner::fixture::{self, mm, penny};
-use crate::planner::limits::Clearances;
-use crate::planner::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
+use crate::fixture::{self, mm, penny};
+use crate::limits::Clearances;
+use crate::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
 
 /// Looks a period at which the planner holds a course to the limits.
 const LOOKS: usize = 4;
@@ -153,7 +153,7 @@ proptest! {
         let apart_m = 2.0 * PENNY_M + 1e-3 * gap_mm;
         let mut parts = [
             penny(0.7 * place, 0.02 * along),
-            penny(0.7 * place + apart_m * along, 0.02 * (aside * crate::geometry::perp(along) - along)),
+            penny(0.7 * place + apart_m * along, 0.02 * (aside * upm_core::geometry::perp(along) - along)),
             penny(-0.7 * place, Vec2::new(far, -far)),
         ];
         prop_assume!(left_m(&parts[2..], &[parts[0].position_m]) > 0.1);

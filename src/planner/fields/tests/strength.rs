@@ -3,8 +3,8 @@ use std::f64::consts::TAU;
 use proptest::prelude::*;
 
 use super::*;
-use crate::library::Library;
-use crate::signal::Drive;
+use upm_core::signal::Drive;
+use upm_library::Library;
 
 /// Part of the motors' limit that a motion fills.
 const EFFORT: f64 = 0.99;

@@ -56,7 +56,7 @@ proptest! {
     fn slopes_are_the_transpose_of_motion((harmonics, coefficients) in any_motion(), seed in any::<u64>()) {
         use rand::RngExt as _;
         let waves = waves(harmonics);
-        let mut rng = crate::random::Streams::new(seed).stream("slopes");
+        let mut rng = upm_core::random::Streams::new(seed).stream("slopes");
         let mut any = || Lanes::from([0; 8].map(|_| rng.random_range(-1.0..1.0)));
         let by_motion = [(); 3].map(|()| (0..waves.samples).map(|_| any()).collect::<Vec<Lanes>>());
         let motion = waves.motion(&coefficients);
@@ -116,7 +116,8 @@ fn a_coefficient_knows_its_harmonic() {
         let mut coefficients = vec![0.0; waves.len()];
         coefficients[j] = 1.0;
         let wave = waves.wave(&coefficients);
-        let moving = |harmonic: &crate::signal::TwistHarmonic| *harmonic != crate::signal::TwistHarmonic::default();
+        let moving =
+            |harmonic: &upm_core::signal::TwistHarmonic| *harmonic != upm_core::signal::TwistHarmonic::default();
         assert_eq!(wave.harmonics.iter().position(moving), Some(waves.harmonic_of(j) - 1));
     }
 }

@@ -1,0 +1,13 @@
+//! The commands of the daemon: `upm serve`, its client commands, the support bundle.
+
+mod bundle;
+mod client;
+mod jobs;
+mod serve;
+mod stop;
+mod submit;
+mod watch;
+
+pub(super) use bundle::support_bundle;
+pub(super) use client::command as client;
+pub(super) use serve::serve;

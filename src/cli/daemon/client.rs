@@ -1,0 +1,227 @@
+mod refusal;
+#[cfg(test)]
+pub(super) mod testing;
+#[cfg(test)]
+mod tests;
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+use std::time::Duration;
+
+use serde::de::DeserializeOwned;
+use ureq::http::{Method, Request, Response, Uri, header};
+use ureq::{Agent, Body};
+
+use super::{jobs, stop, submit, watch};
+use crate::cli::args::Common;
+use crate::cli::client_args::{ClientCommand, DaemonArgs};
+use crate::cli::failure::Failure;
+use upm_runner::config::is_plain_name;
+
+pub(super) use refusal::{Refusal, on_one_line};
+
+const USUAL_URL: &str = "http://127.0.0.1:8750";
+const JSON: &str = "application/json";
+
+/// Largest answer that is read, bytes: a page of the longest jobs with their reports fits many times.
+const MOST_ANSWER_BYTES: u64 = 64 << 20;
+
+/// Largest token file that is read, bytes.
+const MOST_TOKEN_BYTES: u64 = 4096;
+
+/// Does what the command line asks of a daemon.
+pub(in crate::cli) fn command(command: &ClientCommand, common: Common) -> Result<u8, Failure> {
+    match command {
+        ClientCommand::Submit(args) => submit::submit(args, common),
+        ClientCommand::Jobs(args) => jobs::jobs(args, common),
+        ClientCommand::Show(args) => jobs::show(args, common),
+        ClientCommand::Watch(args) => watch::watch(args, common),
+        ClientCommand::Cancel(args) => jobs::cancel(args, common),
+        ClientCommand::Plates(args) => jobs::plates(args, common),
+        ClientCommand::Estop(args) => stop::estop(args, common),
+        ClientCommand::Reset(args) => stop::reset(args, common),
+        ClientCommand::Resume(args) => stop::resume(args, common),
+    }
+}
+
+/// How long an answer is waited for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Patience {
+    /// The daemon checks a job before it answers, and may have others to check first.
+    Usual,
+    /// An emergency stop: better asked again soon.
+    Stop,
+    /// Events: they come without end, at least a heartbeat every 5 s.
+    Stream,
+}
+
+impl Patience {
+    /// An agent that opens a connection of its own for every request, straight to the daemon: an emergency stop waits
+    /// for no other request and for no proxy.
+    fn agent(self) -> Agent {
+        let config = Agent::config_builder()
+            .http_status_as_error(false)
+            .max_redirects(0)
+            .max_idle_connections(0)
+            .proxy(None)
+            .user_agent(concat!("upm/", env!("CARGO_PKG_VERSION")));
+        let config = match self {
+            Self::Usual => {
+                config.timeout_connect(Some(Duration::from_secs(5))).timeout_global(Some(Duration::from_secs(60)))
+            }
+            Self::Stop => config
+                .timeout_connect(Some(Duration::from_millis(1000)))
+                .timeout_global(Some(Duration::from_millis(1500))),
+            Self::Stream => config
+                .timeout_connect(Some(Duration::from_secs(5)))
+                .timeout_recv_response(Some(Duration::from_secs(15)))
+                .timeout_per_read(Some(Duration::from_secs(15))),
+        };
+        config.build().new_agent()
+    }
+}
+
+/// A daemon, seen from a command.
+#[derive(Clone)]
+pub(super) struct Client {
+    base: String,
+    bearer: Option<String>,
+}
+
+impl Client {
+    /// The daemon that the arguments, else the environment, name.
+    pub fn new(args: &DaemonArgs) -> Result<Self, Failure> {
+        let client = Self::without_token(args)?;
+        let file = args.token_file.clone().or_else(|| Some(std::env::var_os("UPM_TOKEN_FILE")?.into()));
+        let bearer = file.map(|file| bearer_of(&file)).transpose()?;
+        Ok(Self { bearer, ..client })
+    }
+
+    /// The same, but a token that cannot be read is only told: the stop may do without.
+    pub fn for_stop(args: &DaemonArgs) -> Result<Self, Failure> {
+        Self::new(args).or_else(|failure| {
+            let client = Self::without_token(args)?;
+            failure.complain();
+            Ok(client)
+        })
+    }
+
+    fn without_token(args: &DaemonArgs) -> Result<Self, Failure> {
+        let url = args.url.clone().or_else(|| std::env::var("UPM_URL").ok());
+        Self::at(&url.unwrap_or_else(|| USUAL_URL.to_owned()))
+    }
+
+    /// The daemon at `url`, asked without a token.
+    pub fn at(url: &str) -> Result<Self, Failure> {
+        let base = url.trim_end_matches('/');
+        let uri = base.parse::<Uri>().ok();
+        let is_http =
+            uri.is_some_and(|uri| uri.scheme_str() == Some("http") && uri.host().is_some_and(|h| !h.is_empty()));
+        let is_plain = base.bytes().all(|b| b.is_ascii_graphic()) && !base.contains(['?', '#', '@']);
+        if !(is_http && is_plain) {
+            return Err(Failure::bad_input(format!("--url: found {url:?}, allowed: http://HOST:PORT")));
+        }
+        Ok(Self { base: base.to_owned(), bearer: None })
+    }
+
+    /// What is at `path`.
+    pub fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, Refusal> {
+        self.read(self.send(Method::GET, path, &[], "", Patience::Usual)?)
+    }
+
+    /// Asks for something to be done; `json` is what there is to say about it.
+    pub fn post<T: DeserializeOwned>(&self, path: &str, json: &str, headers: &[(&str, &str)]) -> Result<T, Refusal> {
+        self.read(self.send(Method::POST, path, headers, json, Patience::Usual)?)
+    }
+
+    /// What is at `path`, with little patience.
+    pub fn get_urgently<T: DeserializeOwned>(&self, path: &str) -> Result<T, Refusal> {
+        self.read(self.send(Method::GET, path, &[], "", Patience::Stop)?)
+    }
+
+    /// Asks for something to be done, without a word and with little patience.
+    pub fn post_urgently<T: DeserializeOwned>(&self, path: &str) -> Result<T, Refusal> {
+        self.read(self.send(Method::POST, path, &[], "", Patience::Stop)?)
+    }
+
+    /// The events at `path`, those after the event `after` first.
+    pub fn stream(&self, path: &str, after: Option<u64>) -> Result<Box<dyn Read + Send>, Refusal> {
+        let after = after.map(|after| after.to_string());
+        let headers: Vec<_> = after.iter().map(|after| ("Last-Event-ID", after.as_str())).collect();
+        let response = self.send(Method::GET, path, &headers, "", Patience::Stream)?;
+        Ok(Box::new(response.into_body().into_reader()))
+    }
+
+    /// Sends a request; a problem in answer to it is a refusal.
+    fn send(
+        &self,
+        method: Method,
+        path: &str,
+        headers: &[(&str, &str)],
+        body: &str,
+        patience: Patience,
+    ) -> Result<Response<Body>, Refusal> {
+        let mut request = Request::builder().method(method.clone()).uri(format!("{}{path}", self.base));
+        for (name, value) in headers {
+            request = request.header(*name, *value);
+        }
+        if let Some(bearer) = &self.bearer {
+            request = request.header(header::AUTHORIZATION, bearer);
+        }
+        if !body.is_empty() {
+            request = request.header(header::CONTENT_TYPE, JSON);
+        }
+        let agent = patience.agent();
+        let lost = |error| Refusal::lost(&self.base, error);
+        let response = if method == Method::GET {
+            let request = request.body(()).map_err(|error| lost(error.into()))?;
+            agent.run(request)
+        } else {
+            let request = request.body(body.to_owned()).map_err(|error| lost(error.into()))?;
+            agent.run(request)
+        };
+        let mut response = response.map_err(lost)?;
+        if response.status().is_success() {
+            return Ok(response);
+        }
+        let bytes = self.bytes(&mut response).unwrap_or_default();
+        Err(Refusal::problem(&self.base, response.status().as_u16(), response.headers(), &bytes))
+    }
+
+    fn read<T: DeserializeOwned>(&self, mut response: Response<Body>) -> Result<T, Refusal> {
+        let bytes = self.bytes(&mut response)?;
+        serde_json::from_slice(&bytes).map_err(|error| Refusal::not_understood(&self.base, &error))
+    }
+
+    fn bytes(&self, response: &mut Response<Body>) -> Result<Vec<u8>, Refusal> {
+        let body = response.body_mut().with_config().limit(MOST_ANSWER_BYTES);
+        body.read_to_vec().map_err(|error| Refusal::lost(&self.base, error))
+    }
+}
+
+/// The header that shows the token in `file`.
+fn bearer_of(file: &Path) -> Result<String, Failure> {
+    let fault = |what: String| Failure::bad_input(format!("{}: {what}", file.display()));
+    let mut text = String::new();
+    let read = File::open(file).and_then(|open| open.take(MOST_TOKEN_BYTES).read_to_string(&mut text));
+    read.map_err(|error| fault(format!("cannot be read: {error}")))?;
+    let token = text.trim();
+    if token.is_empty() || !token.bytes().all(|b| b.is_ascii_graphic()) {
+        return Err(fault("holds no token: one word of visible ASCII characters".to_owned()));
+    }
+    Ok(format!("Bearer {token}"))
+}
+
+/// Path of a job of the API; what is no id never gets into an address.
+pub(super) fn job_path(id: &str) -> Result<String, Failure> {
+    let is_id = id.len() == 32 && id.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
+    let wrong = || Failure::bad_input(format!("ID: found {id:?}, allowed: 32 hex digits, as `upm jobs` lists them"));
+    is_id.then(|| format!("/v1/jobs/{id}")).ok_or_else(wrong)
+}
+
+/// Path of a plate of the API.
+pub(super) fn plate_path(name: &str) -> Result<String, Failure> {
+    let wrong = || Failure::bad_input(format!("PLATE: found {name:?}, allowed: a plate, as `upm plates` lists them"));
+    is_plain_name(name).then(|| format!("/v1/plates/{name}")).ok_or_else(wrong)
+}

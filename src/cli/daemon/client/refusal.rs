@@ -1,0 +1,129 @@
+use std::io::ErrorKind;
+
+use ureq::http::HeaderMap;
+use ureq::http::header::RETRY_AFTER;
+use ureq::{Error, Timeout};
+
+use crate::cli::BAD_INPUT;
+use crate::cli::failure::Failure;
+use upm_runner::config::Fault;
+use upm_server::service::ProblemDocument;
+
+/// Why a daemon did not do what it was asked.
+#[derive(Debug)]
+pub(in crate::cli) enum Refusal {
+    /// Nobody was reached: nothing has been asked.
+    Unreached(String),
+    /// The answer did not come, or not whole: it may have been done all the same.
+    Lost(String),
+    /// It said no.
+    Problem {
+        /// The status of the answer.
+        status: u16,
+        /// Its detail in a sentence.
+        detail: String,
+        /// What is wrong in what was sent: path, found, allowed.
+        faults: Vec<[String; 3]>,
+        /// When to try again, s.
+        retry_after_s: Option<u64>,
+    },
+}
+
+impl Refusal {
+    /// No answer came from `base`.
+    pub fn lost(base: &str, error: Error) -> Self {
+        let unreached = match &error {
+            Error::Io(io) => matches!(
+                io.kind(),
+                ErrorKind::ConnectionRefused
+                    | ErrorKind::HostUnreachable
+                    | ErrorKind::NetworkUnreachable
+                    | ErrorKind::AddrNotAvailable
+            ),
+            Error::Timeout(phase) => matches!(phase, Timeout::Connect | Timeout::Resolve),
+            Error::HostNotFound | Error::ConnectionFailed | Error::BadUri(_) | Error::Http(_) => true,
+            _ => false,
+        };
+        let error = on_one_line(&error.to_string());
+        if unreached {
+            Self::Unreached(format!("no daemon answers at {base}: {error} (`upm serve` starts one)"))
+        } else {
+            Self::Lost(format!("the answer of {base} did not come: {error}"))
+        }
+    }
+
+    /// An answer came that is not what the daemon says.
+    pub fn not_understood(base: &str, error: &serde_json::Error) -> Self {
+        Self::Lost(format!("the answer of {base} cannot be understood: {}", on_one_line(&error.to_string())))
+    }
+
+    /// The daemon said no.
+    pub fn problem(base: &str, status: u16, headers: &HeaderMap, body: &[u8]) -> Self {
+        let retry_after_s = headers.get(RETRY_AFTER).and_then(|value| value.to_str().ok()?.parse().ok());
+        match serde_json::from_slice::<ProblemDocument>(body) {
+            Ok(ProblemDocument { title, detail, faults, .. }) => {
+                let detail = if detail.is_empty() { title } else { detail };
+                let faults = faults.into_iter().map(|fault| [fault.path, fault.found, fault.allowed]).collect();
+                Self::Problem { status, detail: on_one_line(&detail), faults, retry_after_s }
+            }
+            Err(_) => {
+                let detail = format!("{base} answers with status {status} and not why: is that a daemon of upm?");
+                Self::Problem { status, detail, faults: Vec::new(), retry_after_s }
+            }
+        }
+    }
+
+    /// True when the same may go well a moment later: nobody there, an answer lost, a daemon in trouble.
+    pub fn may_pass(&self) -> bool {
+        match self {
+            Self::Unreached(_) | Self::Lost(_) => true,
+            Self::Problem { status, .. } => matches!(status, 408 | 429 | 500..),
+        }
+    }
+
+    /// In one line.
+    pub fn line(&self) -> String {
+        match self {
+            Self::Unreached(line) | Self::Lost(line) => line.clone(),
+            Self::Problem { status, detail, retry_after_s, .. } => {
+                let advice = match (status, retry_after_s) {
+                    (401, _) => " (--token-file, or UPM_TOKEN_FILE, names the file that holds the token)".to_owned(),
+                    (_, Some(seconds)) => format!("; try again in {seconds} s"),
+                    _ => String::new(),
+                };
+                format!("{detail}{advice}")
+            }
+        }
+    }
+
+    /// In one line a fault; `sent` is what faults call what was sent.
+    pub fn into_failure(self, sent: &str) -> Failure {
+        let line = self.line();
+        match self {
+            Self::Problem { status, faults, .. } => {
+                let said = faults.into_iter().map(|[path, found, allowed]| {
+                    let file = sent.to_owned();
+                    Fault { file, path, found, allowed }.to_string()
+                });
+                let lines: Vec<String> = said.collect();
+                let lines = if lines.is_empty() { vec![line] } else { lines };
+                let of_the_asker = matches!(status, 400..=404 | 411..=417 | 422 | 431);
+                let status = if of_the_asker { BAD_INPUT } else { Failure::failed("").status };
+                Failure { status, lines }
+            }
+            Self::Unreached(_) | Self::Lost(_) => Failure::failed(line),
+        }
+    }
+}
+
+impl From<Refusal> for Failure {
+    fn from(refusal: Refusal) -> Self {
+        refusal.into_failure("request")
+    }
+}
+
+/// What somebody else wrote, so that it can neither end a line nor steer a terminal.
+pub(in crate::cli) fn on_one_line(text: &str) -> String {
+    let shown = |c: char| if c.is_control() { c.escape_default().collect() } else { c.to_string() };
+    text.chars().map(shown).collect()
+}

@@ -1,0 +1,157 @@
+//! A server with canned answers, to hold commands against.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::sync::{Arc, Mutex};
+use std::thread;
+
+use upm_server::service::{EStopped, Job, JobState, Pace, RecordingState};
+
+/// What one connection gets.
+#[derive(Clone, Debug)]
+pub enum Canned {
+    /// These bytes, then the end of the connection.
+    Bytes(String),
+    /// Nothing: the connection ends when the request has come.
+    Hangup,
+}
+
+/// A request as it came.
+#[derive(Clone, Debug)]
+pub struct Asked {
+    /// Method, path and version.
+    pub line: String,
+    /// Header lines.
+    pub head: Vec<String>,
+    /// The body.
+    pub body: String,
+}
+
+impl Asked {
+    /// Value of a header.
+    pub fn header(&self, name: &str) -> Option<&str> {
+        let value = |line: &&String| line.split_once(':').is_some_and(|(found, _)| found.eq_ignore_ascii_case(name));
+        self.head.iter().find(value).and_then(|line| line.split_once(':')).map(|(_, value)| value.trim())
+    }
+}
+
+/// Answers connections, each with what `answer` makes of its request.
+pub struct Server {
+    /// Where it is.
+    pub url: String,
+    asked: Arc<Mutex<Vec<Asked>>>,
+}
+
+impl Server {
+    /// Connection by connection these answers; the last one for all that come later.
+    pub fn saying(answers: Vec<Canned>) -> Self {
+        let count = Mutex::new(0);
+        Self::start(move |_| {
+            let mut count = count.lock().unwrap();
+            let answer = answers[(*count).min(answers.len() - 1)].clone();
+            *count += 1;
+            answer
+        })
+    }
+
+    /// An answer for every request.
+    pub fn start(answer: impl Fn(&Asked) -> Canned + Send + Sync + 'static) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let url = format!("http://{}", listener.local_addr().unwrap());
+        let asked = Arc::new(Mutex::new(Vec::new()));
+        let (kept, answer) = (asked.clone(), Arc::new(answer));
+        thread::spawn(move || {
+            for stream in listener.incoming().map_while(Result::ok) {
+                let (kept, answer) = (kept.clone(), answer.clone());
+                thread::spawn(move || attend(stream, &kept, &*answer));
+            }
+        });
+        Self { url, asked }
+    }
+
+    /// Every request so far.
+    pub fn asked(&self) -> Vec<Asked> {
+        self.asked.lock().unwrap().clone()
+    }
+}
+
+fn attend(mut stream: TcpStream, asked: &Mutex<Vec<Asked>>, answer: &dyn Fn(&Asked) -> Canned) {
+    let request = read(&stream);
+    asked.lock().unwrap().push(request.clone());
+    if let Canned::Bytes(bytes) = answer(&request) {
+        stream.write_all(bytes.as_bytes()).ok();
+    }
+}
+
+fn read(stream: &TcpStream) -> Asked {
+    let mut reader = BufReader::new(stream);
+    let mut lines = Vec::new();
+    loop {
+        let mut line = String::new();
+        reader.read_line(&mut line).unwrap();
+        if line.trim_end().is_empty() {
+            break;
+        }
+        lines.push(line.trim_end().to_owned());
+    }
+    let mut asked = Asked { line: lines.remove(0), head: lines, body: String::new() };
+    let length = asked.header("content-length").map_or(0, |length| length.parse().unwrap());
+    reader.take(length).read_to_string(&mut asked.body).unwrap();
+    asked
+}
+
+/// A whole answer.
+pub fn answer(status: u16, media: &str, headers: &str, body: &str) -> Canned {
+    let length = body.len();
+    Canned::Bytes(format!(
+        "HTTP/1.1 {status} Said\r\nContent-Type: {media}\r\nContent-Length: {length}\r\n{headers}Connection: close\r\n\r\n{body}"
+    ))
+}
+
+/// A whole answer with a value.
+pub fn json(status: u16, value: &impl serde::Serialize) -> Canned {
+    answer(status, "application/json", "", &serde_json::to_string(value).unwrap())
+}
+
+/// A problem.
+pub fn problem(status: u16, detail: &str, headers: &str, faults: &serde_json::Value) -> Canned {
+    let document = serde_json::json!({
+        "type": "urn:upm:problem:x", "title": "Title", "status": status, "detail": detail, "faults": faults,
+    });
+    answer(status, "application/problem+json", headers, &document.to_string())
+}
+
+/// An event stream of these bytes, each piece a chunk; whole when `ends`, else cut off.
+pub fn events(pieces: &[&str], ends: bool) -> Canned {
+    let head = "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\nTransfer-Encoding: chunked\r\n\r\n";
+    let chunks: String = pieces.iter().map(|piece| format!("{:x}\r\n{piece}\r\n", piece.len())).collect();
+    Canned::Bytes(format!("{head}{chunks}{}", if ends { "0\r\n\r\n" } else { "" }))
+}
+
+/// A job's id.
+pub const JOB: &str = "019a0000000070008000000000000001";
+
+/// A job.
+pub fn job(state: JobState) -> Job {
+    Job {
+        id: JOB.to_owned(),
+        name: "rest".to_owned(),
+        state,
+        plate: "left".to_owned(),
+        submitted_at: "2026-11-22T05:14:00.123456Z".to_owned(),
+        started_at: None,
+        finished_at: None,
+        progress: 0.25,
+        report: None,
+        reason: String::new(),
+        seed: 1,
+        pace: Pace::RealTime,
+        recording: RecordingState::None,
+    }
+}
+
+/// A plate that was stopped.
+pub fn stopped(plate: &str) -> EStopped {
+    let (plate, silent, persisted) = (plate.to_owned(), true, true);
+    EStopped { plate, silent, persisted, requested_at_s: Some(1.0), silent_at_s: Some(1.0), wall_s: Some(0.001) }
+}

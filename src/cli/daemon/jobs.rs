@@ -1,0 +1,166 @@
+use super::client::{Client, job_path, on_one_line};
+use crate::cli::args::Common;
+use crate::cli::client_args::{JobArgs, JobsArgs, PlatesArgs};
+use crate::cli::failure::Failure;
+use crate::cli::print_json;
+use crate::cli::summary;
+use upm_recording::Report;
+use upm_server::service::{Job, JobState, JobsPage, Pace, Plate, PlateState, Plates, RecordingState};
+
+/// Most jobs that the daemon lists at once.
+const PAGE: u32 = 200;
+
+pub(super) fn jobs(args: &JobsArgs, common: Common) -> Result<u8, Failure> {
+    let client = Client::new(&args.daemon)?;
+    let most = if args.all { u32::MAX } else { args.limit };
+    let page = list(&client, args.state.as_deref(), most)?;
+    if common.json {
+        print_json(&page)?;
+        return Ok(0);
+    }
+    page.jobs.iter().try_for_each(print_line)?;
+    if page.next.is_some() && !common.quiet {
+        complain!("upm: there are more: --limit N, or --all");
+    }
+    Ok(0)
+}
+
+/// The newest jobs, `most` of them, page by page.
+pub(super) fn list(client: &Client, state: Option<&str>, most: u32) -> Result<JobsPage, Failure> {
+    let mut all = JobsPage::default();
+    loop {
+        let left = most - u32::try_from(all.jobs.len()).unwrap_or(most);
+        let state = state.map(|state| format!("&state={state}")).unwrap_or_default();
+        let cursor = all.next.iter().map(|cursor| format!("&cursor={cursor}")).collect::<String>();
+        let page: JobsPage = client.get(&format!("/v1/jobs?limit={}{state}{cursor}", left.min(PAGE)))?;
+        let is_last = page.next.is_none() || page.jobs.is_empty() || page.next == all.next;
+        all.jobs.extend(page.jobs);
+        all.next = page.next;
+        if is_last || all.jobs.len() as u64 >= u64::from(most) {
+            return Ok(all);
+        }
+    }
+}
+
+fn print_line(job: &Job) -> Result<(), Failure> {
+    let Job { id, name, plate, submitted_at, .. } = job;
+    let (state, percent) = (state_name(job.state), 100.0 * job.progress);
+    let line = format!("{id}  {state:11} {percent:3.0} %  {}  {plate:16} {name}", seconds(submitted_at));
+    say!("{}", on_one_line(&line))
+}
+
+pub(super) fn show(args: &JobArgs, common: Common) -> Result<u8, Failure> {
+    let path = job_path(&args.id)?;
+    let job: Job = Client::new(&args.daemon)?.get(&path)?;
+    if common.json {
+        print_json(&job)?
+    } else {
+        print_job(&job)?
+    }
+    Ok(0)
+}
+
+pub(super) fn cancel(args: &JobArgs, common: Common) -> Result<u8, Failure> {
+    let path = job_path(&args.id)?;
+    let job: Job = Client::new(&args.daemon)?.post(&format!("{path}/cancel"), "", &[])?;
+    if common.json {
+        print_json(&job)?;
+    } else if job.state == JobState::Running {
+        say!("{}: is being stopped", job.id)?;
+    } else {
+        say!("{}: {}", job.id, state_name(job.state))?;
+    }
+    Ok(0)
+}
+
+/// What a person wants to know of a job.
+pub(super) fn print_job(job: &Job) -> Result<(), Failure> {
+    say!("{}", headline(job))?;
+    for (label, text) in rows(job) {
+        say!("  {label:15} {}", on_one_line(&text))?;
+    }
+    Ok(())
+}
+
+/// Job, plate, state and why, on one line.
+pub(super) fn headline(job: &Job) -> String {
+    let state = state_name(job.state);
+    let why = if job.reason.is_empty() { String::new() } else { format!(": {}", job.reason) };
+    on_one_line(&format!("{} on plate {}, seed {}: {state}{why}", job.name, job.plate, job.seed))
+}
+
+fn rows(job: &Job) -> Vec<(&'static str, String)> {
+    let mut rows = vec![("id", job.id.clone()), ("submitted", seconds(&job.submitted_at))];
+    rows.extend(job.started_at.as_deref().map(|at| ("started", seconds(at))));
+    rows.extend(job.finished_at.as_deref().map(|at| ("finished", seconds(at))));
+    if job.state == JobState::Running {
+        rows.push(("progress", format!("{:.0} %", 100.0 * job.progress)));
+    }
+    if job.pace == Pace::Max {
+        rows.push(("pace", "as fast as possible".to_owned()));
+    }
+    if job.recording != RecordingState::None {
+        rows.push(("recording", recording(job.recording).to_owned()));
+    }
+    let report = job.report.clone().map(serde_json::Value::Object);
+    let report: Option<Report> = report.and_then(|report| serde_json::from_value(report).ok());
+    if let Some(report) = report {
+        rows.extend(summary::rows(&report));
+        rows.extend(report.warnings.into_iter().map(|warning| ("warning", warning)));
+    }
+    rows
+}
+
+fn recording(state: RecordingState) -> &'static str {
+    match state {
+        RecordingState::None => "none",
+        RecordingState::Partial => "not closed",
+        RecordingState::Whole => "whole",
+        RecordingState::Recovered => "recovered: it was not closed, and has been repaired",
+        RecordingState::Stopped => "ends before the run: the disk ran low",
+        RecordingState::Failed => "failed",
+        RecordingState::Pruned => "deleted to make room",
+    }
+}
+
+pub(super) fn plates(args: &PlatesArgs, common: Common) -> Result<u8, Failure> {
+    let plates: Plates = Client::new(&args.daemon)?.get("/v1/plates")?;
+    if common.json {
+        print_json(&plates)?;
+    } else {
+        plates.plates.iter().try_for_each(|plate| say!("{}", plate_line(plate)))?;
+    }
+    Ok(0)
+}
+
+/// A plate on one line, and what to do where it waits for a person.
+pub(super) fn plate_line(plate: &Plate) -> String {
+    let Plate { name, queued, why, .. } = plate;
+    let doing = match plate.state {
+        PlateState::Idle => String::new(),
+        PlateState::Running => {
+            let job = plate.job.as_deref().unwrap_or("a job");
+            format!("{:3.0} % of {job}  {}", 100.0 * plate.progress, plate.phase)
+        }
+        PlateState::Paused => format!("{why} (upm resume {name})"),
+        PlateState::Stopped => format!("{why} (upm reset {name} --operator NAME --reason TEXT)"),
+    };
+    let state = match plate.state {
+        PlateState::Idle => "idle",
+        PlateState::Running => "running",
+        PlateState::Paused => "paused",
+        PlateState::Stopped => "stopped",
+    };
+    on_one_line(format!("{name:16} {state:8} {queued:4} queued  {doing}").trim_end())
+}
+
+/// A state as it is written.
+pub(super) fn state_name(state: JobState) -> &'static str {
+    JobState::NAMES.iter().find(|(_, other)| *other == state).map_or("", |(name, _)| name)
+}
+
+/// A time without parts of a second.
+fn seconds(at: &str) -> String {
+    let time: Option<jiff::Timestamp> = at.parse().ok();
+    time.map_or_else(|| on_one_line(at), |time| time.strftime("%Y-%m-%d %H:%M:%SZ").to_string())
+}

@@ -1,0 +1,146 @@
+use std::thread::{self, ScopedJoinHandle};
+use std::time::Duration;
+
+use serde::Serialize;
+
+use super::client::{Client, Refusal, on_one_line, plate_path};
+use super::jobs;
+use crate::cli::args::Common;
+use crate::cli::client_args::{EstopArgs, PlateArgs, ResetArgs};
+use crate::cli::failure::Failure;
+use crate::cli::{NOT_REACHED, print_json};
+use upm_core::time::{Clock, MonotonicClock};
+use upm_server::service::{EStopped, Plate, Plates, ResetRequest};
+
+/// How often a stop is asked for before it is given up.
+const ATTEMPTS: u32 = 3;
+
+/// Rest between two of them.
+const PAUSE: Duration = Duration::from_millis(50);
+
+/// How the stop of one plate went.
+#[derive(Debug, Serialize)]
+pub(super) struct Stop {
+    pub plate: String,
+    /// What the daemon says.
+    pub answer: Option<EStopped>,
+    /// Why it says nothing.
+    pub error: Option<String>,
+    /// Requests sent.
+    pub attempts: u32,
+    /// From the first of them to the answer, s.
+    pub wall_s: f64,
+    #[serde(skip)]
+    status: u8,
+}
+
+pub(super) fn estop(args: &EstopArgs, common: Common) -> Result<u8, Failure> {
+    let client = Client::for_stop(&args.daemon)?;
+    let names = if args.plates.is_empty() { all_plates(&client)? } else { args.plates.clone() };
+    let stops = stop_all(&client, &names);
+    if common.json {
+        print_json(&serde_json::json!({ "stops": stops }))?;
+    }
+    for stop in &stops {
+        tell(stop, common)?;
+    }
+    Ok(stops.iter().map(|stop| stop.status).max().unwrap_or(0))
+}
+
+/// Names of all plates. Without them nothing can be stopped, so it is said how to do it all the same.
+fn all_plates(client: &Client) -> Result<Vec<String>, Failure> {
+    let (listed, _) = insistently(|| client.get_urgently::<Plates>("/v1/plates"));
+    let plates = listed.map_err(|refusal| {
+        let mut failure = Failure::from(refusal);
+        failure.lines.push("the plates could not be listed, so NOTHING WAS STOPPED: upm estop PLATE...".to_owned());
+        failure
+    })?;
+    Ok(plates.plates.into_iter().map(|plate| plate.name).collect())
+}
+
+/// Stops these plates, all at once: none waits for another.
+pub(super) fn stop_all(client: &Client, names: &[String]) -> Vec<Stop> {
+    thread::scope(|scope| {
+        let stop = |name| thread::Builder::new().spawn_scoped(scope, move || stop_one(client, name)).ok();
+        let threads: Vec<_> = names.iter().map(String::as_str).map(|name| (name, stop(name))).collect();
+        let wait = |thread: ScopedJoinHandle<'_, Stop>| thread.join().ok();
+        threads
+            .into_iter()
+            .map(|(name, thread)| thread.and_then(wait).unwrap_or_else(|| stop_one(client, name)))
+            .collect()
+    })
+}
+
+fn stop_one(client: &Client, name: &str) -> Stop {
+    let clock = MonotonicClock::new();
+    let path = match plate_path(name) {
+        Ok(path) => format!("{path}/estop"),
+        Err(Failure { status, lines }) => {
+            let error = Some(lines.join("; "));
+            return Stop { plate: name.to_owned(), answer: None, error, attempts: 0, wall_s: 0.0, status };
+        }
+    };
+    let (answer, attempts) = insistently(|| client.post_urgently::<EStopped>(&path));
+    let wall_s = clock.elapsed().as_secs_f64();
+    let (answer, error, status) = match answer {
+        Ok(answer) => {
+            let status = if answer.silent && answer.persisted { 0 } else { NOT_REACHED };
+            (Some(answer), None, status)
+        }
+        Err(refusal) => (None, Some(refusal.line()), Failure::from(refusal).status),
+    };
+    Stop { plate: name.to_owned(), answer, error, attempts, wall_s, status }
+}
+
+/// Asks again, at once, what may go well then. Every request has a connection of its own.
+fn insistently<T>(ask: impl Fn() -> Result<T, Refusal>) -> (Result<T, Refusal>, u32) {
+    let mut attempts = 1;
+    loop {
+        match ask() {
+            Err(refusal) if refusal.may_pass() && attempts < ATTEMPTS => thread::sleep(PAUSE),
+            answer => return (answer, attempts),
+        }
+        attempts += 1;
+    }
+}
+
+fn tell(stop: &Stop, common: Common) -> Result<(), Failure> {
+    let Stop { plate, answer, error, attempts, wall_s, .. } = stop;
+    let plate = on_one_line(plate);
+    if let Some(error) = error {
+        complain!("upm: {plate}: NOT STOPPED after {attempts} requests: {error}");
+    }
+    let Some(answer) = answer else { return Ok(()) };
+    if !common.json {
+        let silent = if answer.silent { "motors silent" } else { "motors NOT YET seen silent" };
+        let held = if answer.persisted { "on the disk" } else { "NOT YET on the disk: a restart may lose it" };
+        let sounded = answer.wall_s.filter(|&s| s > 0.0);
+        let took = sounded.map(|s| format!("zero force after {:.2} ms, ", 1e3 * s)).unwrap_or_default();
+        say!("{plate}: {silent}, {held} ({took}answered after {:.1} ms)", 1e3 * wall_s)?;
+    }
+    Ok(())
+}
+
+pub(super) fn reset(args: &ResetArgs, common: Common) -> Result<u8, Failure> {
+    let path = plate_path(&args.plate)?;
+    let request = ResetRequest { operator: args.operator.clone(), reason: args.reason.clone() };
+    if let Some((member, found, allowed)) = request.fault() {
+        return Err(Failure::bad_input(format!("--{member}: found {found}, allowed: {allowed}")));
+    }
+    let body = serde_json::to_string(&request).map_err(|error| Failure::failed(error.to_string()))?;
+    tell_plate(&Client::new(&args.daemon)?.post(&format!("{path}/reset"), &body, &[])?, common)
+}
+
+pub(super) fn resume(args: &PlateArgs, common: Common) -> Result<u8, Failure> {
+    let path = plate_path(&args.plate)?;
+    tell_plate(&Client::new(&args.daemon)?.post(&format!("{path}/resume"), "", &[])?, common)
+}
+
+fn tell_plate(plate: &Plate, common: Common) -> Result<u8, Failure> {
+    if common.json {
+        print_json(plate)?
+    } else {
+        say!("{}", jobs::plate_line(plate))?
+    }
+    Ok(0)
+}

@@ -1,0 +1,101 @@
+use std::path::Path;
+
+use serde_json::Map;
+
+use super::client::{Client, Refusal};
+use super::watch;
+use crate::cli::args::{Common, Pace};
+use crate::cli::client_args::SubmitArgs;
+use crate::cli::failure::Failure;
+use crate::cli::print_json;
+use upm_library::Library;
+use upm_runner::config::{JobSpec, LibrarySource, MOST_BYTES, Origin, RawJob, RawRig, RigSource};
+use upm_server::service::Job;
+
+pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
+    let mut job = sendable(&args.job)?;
+    job.seed = args.seed.unwrap_or(job.seed);
+    job.plate = args.plate.clone().or(job.plate);
+    let body = body_of(&job, &args.job)?;
+    let key = match &args.key {
+        Some(key) => checked(key)?.to_owned(),
+        None => key_of_now(),
+    };
+    let client = Client::new(&args.daemon)?;
+    let queued = queue(&client, &body, args.pace, &key);
+    let queued = queued.map_err(|refusal| refusal.into_failure(&args.job.display().to_string()))?;
+    match (common.json, args.watch) {
+        (true, true) => say!("{}", serde_json::to_string(&queued).unwrap_or_default())?,
+        (true, false) => print_json(&queued)?,
+        (false, _) => say!("{}", queued.id)?,
+    }
+    if args.watch { watch::follow(&client, &queued.id, Some(0), common) } else { Ok(0) }
+}
+
+/// Queues the job once: an answer that got lost is asked for again under the same key.
+pub(super) fn queue(client: &Client, body: &str, pace: Option<Pace>, key: &str) -> Result<Job, Refusal> {
+    let path = match pace {
+        None => "/v1/jobs",
+        Some(Pace::Max) => "/v1/jobs?pace=max",
+        Some(Pace::RealTime) => "/v1/jobs?pace=real-time",
+    };
+    let send = || client.post(path, body, &[("Idempotency-Key", key)]);
+    send().or_else(|refusal| match refusal {
+        Refusal::Lost(line) => {
+            tracing::info!("{line}; asking again");
+            send()
+        }
+        refusal => Err(refusal),
+    })
+}
+
+/// The job in the file, checked, and such that it names no other file. The rig is written out, so that a plate with
+/// another one refuses the job; its library is the plate's affair.
+fn sendable(file: &Path) -> Result<RawJob, Failure> {
+    let mut job = checked_job(file)?;
+    if let Some(RigSource::Inline(rig)) = &job.rig {
+        job.rig = Some(RigSource::Inline(Box::new(RawRig { library: None, ..(**rig).clone() })));
+    }
+    if let Some(LibrarySource::File(named)) = &job.library {
+        let folder = Origin::of_file(file).folder.unwrap_or_default();
+        let library = Library::load(&folder.join(named)).map_err(Failure::faults)?;
+        let members: Map<_, _> = serde_json::from_str(&library.to_json()).unwrap_or_default();
+        job.library = Some(LibrarySource::Inline(members));
+    }
+    Ok(job)
+}
+
+fn checked_job(file: &Path) -> Result<RawJob, Failure> {
+    let unread = |error: &dyn std::fmt::Display| Failure::bad_input(format!("{}: {error}", file.display()));
+    match JobSpec::load(file) {
+        Ok(job) => serde_json::from_value(job.effective()).map_err(|error| unread(&error)),
+        // a job for whatever rig the plate has: the daemon, which knows it, checks the rest
+        Err(faults) if faults.iter().all(|fault| fault.path == "rig" && fault.found == "nothing") => {
+            let text = std::fs::read_to_string(file).map_err(|error| unread(&error))?;
+            serde_json::from_str(&text).map_err(|error| unread(&error))
+        }
+        Err(faults) => Err(Failure::faults(faults)),
+    }
+}
+
+fn body_of(job: &RawJob, file: &Path) -> Result<String, Failure> {
+    let body = serde_json::to_string(job).map_err(|error| Failure::failed(error.to_string()))?;
+    if body.len() as u64 > MOST_BYTES {
+        let (file, bytes) = (file.display(), body.len());
+        let fault =
+            format!("{file}: $: found {bytes} bytes with rig and library, allowed: up to 1 MiB (1048576 bytes)");
+        return Err(Failure::bad_input(fault));
+    }
+    Ok(body)
+}
+
+fn checked(key: &str) -> Result<&str, Failure> {
+    let is_key = (1..=255).contains(&key.len()) && key.bytes().all(|b| b.is_ascii_graphic());
+    let wrong = || Failure::bad_input(format!("--key: found {key:?}, allowed: 1 to 255 visible ASCII characters"));
+    is_key.then_some(key).ok_or_else(wrong)
+}
+
+/// A key that no other invocation has.
+fn key_of_now() -> String {
+    format!("upm-submit-{}-{}", jiff::Timestamp::now().as_nanosecond(), std::process::id())
+}

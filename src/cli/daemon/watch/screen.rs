@@ -1,0 +1,210 @@
+use std::io::{IsTerminal, stderr, stdout};
+
+use indicatif::ProgressBar;
+use serde_json::{Value, json};
+
+use super::events::Event;
+use crate::cli::args::Common;
+use crate::cli::daemon::client::on_one_line;
+use crate::cli::daemon::jobs::{headline, plate_line, print_job, state_name};
+use crate::cli::failure::Failure;
+use crate::cli::progress::{FULL, bar};
+use upm_server::service::{Job, JobState, Plate, PlateState};
+
+/// How a job is shown that is watched.
+enum How {
+    /// Each event as a JSON object on a line of stdout.
+    Json,
+    /// A bar on stderr, for a person who looks on.
+    Bar(JobBar),
+    /// A line on stdout for what happens.
+    Lines,
+    /// How it ended alone.
+    EndAlone,
+}
+
+/// Shows a job that a daemon runs as a bar on stderr.
+struct JobBar {
+    bar: ProgressBar,
+}
+
+impl JobBar {
+    fn new() -> Self {
+        Self { bar: bar(false) }
+    }
+
+    /// Shows that this part of the job is done, 0 to 1.
+    fn show(&self, done: f64, message: String) {
+        self.bar.set_position((done * FULL as f64) as u64);
+        self.bar.set_message(message);
+    }
+
+    /// A line above the bar.
+    fn note(&self, line: &str) {
+        self.bar.suspend(|| complain!("{line}"));
+    }
+
+    fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// Where a job is shown that is watched.
+pub(super) struct Screen {
+    how: How,
+    quiet: bool,
+    id: String,
+}
+
+impl Screen {
+    pub fn new(id: &str, Common { json, quiet, .. }: Common) -> Self {
+        let how = match (json, quiet) {
+            (true, _) => How::Json,
+            (false, true) => How::EndAlone,
+            (false, false) if stderr().is_terminal() && stdout().is_terminal() => How::Bar(JobBar::new()),
+            (false, false) => How::Lines,
+        };
+        Self { how, quiet, id: id.to_owned() }
+    }
+
+    /// Shows one event.
+    pub fn show(&mut self, event: &Event) -> Result<(), Failure> {
+        match &self.how {
+            How::Json => {
+                let Event { id, kind, data } = event;
+                say!("{}", json!({ "id": id, "event": kind, "data": data }))?;
+            }
+            How::Bar(bar) => {
+                if let Some((done, message)) = bar_of(event) {
+                    bar.show(done, message);
+                }
+                if let Some(note) = note_of(event) {
+                    bar.note(&note);
+                }
+            }
+            How::Lines => {
+                if let Some(line) = line_of(event) {
+                    say!("{line}")?;
+                }
+            }
+            How::EndAlone => {}
+        }
+        Ok(())
+    }
+
+    /// Something about the watching, not about the job.
+    pub fn note(&self, line: &str) {
+        let line = format!("upm: {}", on_one_line(line));
+        match &self.how {
+            _ if self.quiet => {}
+            How::Bar(bar) => bar.note(&line),
+            _ => complain!("{line}"),
+        }
+    }
+
+    /// Shows how the job ended.
+    pub fn ended(&self, job: &Job) -> Result<(), Failure> {
+        match self.how {
+            How::Json => Ok(()),
+            How::EndAlone => say!("{}", headline(job)),
+            How::Bar(_) | How::Lines => {
+                print_job(job)?;
+                say!("  {:15} upm show {}", "all of it", self.id)
+            }
+        }
+    }
+
+    /// Takes the bar off the screen.
+    pub fn finish(&self) {
+        if let How::Bar(bar) = &self.how {
+            bar.finish();
+        }
+    }
+}
+
+/// Share that is done, and what is going on.
+fn bar_of(event: &Event) -> Option<(f64, String)> {
+    let data = &event.data;
+    match event.kind.as_str() {
+        "look" | "cycle" => {
+            let message = format!("plate {:6.1} s  {}", number(data, "at_s"), text(data, "phase"));
+            Some((number(data, "progress"), message))
+        }
+        "snapshot" => {
+            let Snapshot { job, plate } = Snapshot::of(data)?;
+            let waits = |plate: &Plate| match plate.state {
+                PlateState::Running => "waits: its plate has another job".to_owned(),
+                PlateState::Paused | PlateState::Stopped => format!("waits: {}", plate_line(plate)),
+                PlateState::Idle => "waits".to_owned(),
+            };
+            let queued = plate.as_ref().filter(|_| job.state == JobState::Queued);
+            let message = queued.map_or_else(|| state_name(job.state).to_owned(), waits);
+            Some((job.progress, message))
+        }
+        "state" => Some((0.0, text(data, "state"))),
+        _ => None,
+    }
+}
+
+/// What a person should see even after the bar has gone on.
+pub(super) fn note_of(event: &Event) -> Option<String> {
+    let data = &event.data;
+    let at = format!("plate {:6.1} s", number(data, "at_s"));
+    match event.kind.as_str() {
+        "warning" => Some(format!("{at}  {}: {}", text(data, "level"), text(data, "text"))),
+        "recording" => {
+            let why = Some(text(data, "reason")).filter(|why| !why.is_empty()).map(|why| format!(": {why}"));
+            Some(format!("{at}  recording {}{}", text(data, "recording"), why.unwrap_or_default()))
+        }
+        "gap" => {
+            let [from, to] = ["from", "to"].map(|key| data.get(key).and_then(Value::as_u64).unwrap_or_default());
+            Some(format!("events {from} to {to} cannot be had any more"))
+        }
+        _ => None,
+    }
+}
+
+/// What happened, on a line.
+pub(super) fn line_of(event: &Event) -> Option<String> {
+    let data = &event.data;
+    let at = format!("plate {:6.1} s", number(data, "at_s"));
+    match event.kind.as_str() {
+        "snapshot" => {
+            let Snapshot { job, plate } = Snapshot::of(data)?;
+            let queued = plate.filter(|_| job.state == JobState::Queued);
+            let waits = queued.map(|plate| format!("\n{}", plate_line(&plate))).unwrap_or_default();
+            Some(format!("{}{waits}", headline(&job)))
+        }
+        "state" => Some(format!("{at}  {}", text(data, "state"))),
+        "cycle" => {
+            let [cycle, pulses] =
+                ["cycle", "pulses"].map(|key| data.get(key).and_then(Value::as_u64).unwrap_or_default());
+            let (percent, phase) = (100.0 * number(data, "progress"), text(data, "phase"));
+            let noun = if pulses == 1 { "pulse" } else { "pulses" };
+            Some(format!("{at}  {percent:3.0} %  cycle {cycle}, {pulses} {noun}  {phase}"))
+        }
+        "finished" => Some(format!("{at}  {}: {}", text(data, "state"), text(data, "reason"))),
+        _ => note_of(event),
+    }
+}
+
+struct Snapshot {
+    job: Job,
+    /// `None` where the daemon has no plate of that name any more.
+    plate: Option<Plate>,
+}
+
+impl Snapshot {
+    fn of(data: &Value) -> Option<Self> {
+        let plate = data.get("plate").and_then(|plate| serde_json::from_value(plate.clone()).ok());
+        Some(Self { job: serde_json::from_value(data.get("job")?.clone()).ok()?, plate })
+    }
+}
+
+fn number(data: &Value, key: &str) -> f64 {
+    data.get(key).and_then(Value::as_f64).unwrap_or_default()
+}
+
+fn text(data: &Value, key: &str) -> String {
+    on_one_line(data.get(key).and_then(Value::as_str).unwrap_or_default())
+}

@@ -1,0 +1,118 @@
+use serde_json::{Value, json};
+
+use super::events::{Event, Events};
+use super::follow::{Follower, Heard};
+use super::screen::{line_of, note_of};
+use crate::cli::daemon::client::testing::{Canned, JOB, Server, events, job, problem};
+use crate::cli::daemon::client::{Client, Refusal};
+use upm_server::service::JobState;
+
+fn read(text: &str) -> Vec<Event> {
+    let mut stream = Events::new(text.as_bytes());
+    std::iter::from_fn(|| stream.next().unwrap()).collect()
+}
+
+fn event(id: Option<u64>, kind: &str, data: Value) -> Event {
+    Event { id, kind: kind.to_owned(), data }
+}
+
+/// All that is heard of a job whose stream the server serves.
+fn heard(server: &Server, after: Option<u64>) -> Vec<Heard> {
+    let client = Client::at(&server.url).unwrap();
+    let mut follower = Follower::new(client, format!("/v1/jobs/{JOB}/events"), after).restless();
+    std::iter::from_fn(|| follower.next()).take(1000).collect()
+}
+
+fn kinds(heard: &[Heard]) -> Vec<String> {
+    let kind = |heard: &Heard| match heard {
+        Heard::Event(event) => format!("{} {}", event.kind, event.id.map_or(String::new(), |id| id.to_string())),
+        Heard::Lost(_) => "lost".to_owned(),
+        Heard::Refused(_) => "refused".to_owned(),
+    };
+    heard.iter().map(|heard| kind(heard).trim_end().to_owned()).collect()
+}
+
+fn snapshot(state: JobState) -> String {
+    format!("retry: 1000\n\nevent: snapshot\ndata: {}\n\n", json!({"job": job(state), "plate": {}}))
+}
+
+#[test]
+fn events_are_read_as_the_standard_says() {
+    assert_eq!(
+        read("retry: 1000\n\nid: 7\nevent: cycle\ndata: {\"a\":1}\n\n"),
+        [event(Some(7), "cycle", json!({"a": 1}))]
+    );
+    assert_eq!(read("id: 7\r\nevent: look\r\ndata:[1,\r\ndata: 2]\r\n\r\n"), [event(Some(7), "look", json!([1, 2]))]);
+    assert_eq!(read(": hb\n\n: hb\n\nevent: gap\ndata: {}\n\n"), [event(None, "gap", json!({}))]);
+    assert_eq!(read("id: 8\nevent: cycle\ndata: 1\n"), [], "an event without its empty line is cut short");
+    assert_eq!(read("id: 8\nevent: cycle\ndata: 1\n\nid: 9\nevent"), [event(Some(8), "cycle", json!(1))]);
+    assert_eq!(read("event: odd\ndata: not json\n\n"), [event(None, "odd", Value::Null)]);
+    assert!(Events::new(std::io::repeat(b'x')).next().is_err(), "a line without end is not kept");
+}
+
+#[test]
+fn a_job_is_followed_over_a_cut_in_the_middle_of_an_event() {
+    let (running, completed) = (snapshot(JobState::Running), snapshot(JobState::Completed));
+    let first = events(&[&running, "id: 1\nevent: state\ndata: {}\n\nid: 2\nevent: cycle\nda"], false);
+    let none = json!([]);
+    let second = events(&[&running, "id: 2\nevent: cycle\ndata: {}\n\n", "event: look\ndata: {}\n\n"], true);
+    let third = events(
+        &[&completed, "id: 3\nevent: finished\ndata: {\"state\":\"completed\"}\n\nevent: bye\ndata: {}\n\n"],
+        true,
+    );
+    let server = Server::saying(vec![first, Canned::Hangup, problem(503, "starting", "", &none), second, third]);
+    let wanted =
+        ["snapshot", "state 1", "lost", "snapshot", "cycle 2", "look", "lost", "snapshot", "finished 3", "bye"];
+    assert_eq!(kinds(&heard(&server, None)), wanted);
+    let resumed: Vec<_> = server.asked().iter().map(|asked| asked.header("last-event-id").map(str::to_owned)).collect();
+    assert_eq!(resumed, [None, Some("1"), Some("1"), Some("1"), Some("2")].map(|id| id.map(str::to_owned)));
+}
+
+#[test]
+fn a_job_that_is_over_is_told_and_left() {
+    let (over, bye) = (snapshot(JobState::Interrupted), "event: bye\ndata: {\"why\":\"the job is over\"}\n\n");
+    let server = Server::saying(vec![events(&[&over, bye], true)]);
+    assert_eq!(kinds(&heard(&server, Some(0))), ["snapshot", "bye"]);
+    assert_eq!(server.asked().len(), 1);
+    assert_eq!(server.asked()[0].header("last-event-id"), Some("0"));
+
+    let later = "event: bye\ndata: {\"why\":\"the job store does not answer now\"}\n\n";
+    let finished = "id: 3\nevent: finished\ndata: {}\n\n";
+    let server = Server::saying(vec![events(&[&over, later], true), events(&[&over, finished, bye], true)]);
+    assert_eq!(kinds(&heard(&server, Some(0))), ["snapshot", "bye", "lost", "snapshot", "finished 3", "bye"]);
+}
+
+#[test]
+fn a_daemon_that_says_no_or_stays_away_is_given_up() {
+    let none = json!([]);
+    let server = Server::saying(vec![problem(503, "too many event streams", "Retry-After: 10\r\n", &none)]);
+    let all = heard(&server, None);
+    let [Heard::Refused(refusal)] = &all[..] else { panic!("{all:?}") };
+    assert_eq!(refusal.line(), "too many event streams; try again in 10 s");
+    assert_eq!(server.asked().len(), 1, "nothing was followed yet that could be lost");
+
+    let running = events(&[&snapshot(JobState::Running)], false);
+    let server = Server::saying(vec![running.clone(), problem(404, "no such job", "", &none)]);
+    assert_eq!(kinds(&heard(&server, None)), ["snapshot", "lost", "refused"]);
+
+    let server = Server::saying(vec![running, Canned::Hangup]);
+    let all = heard(&server, None);
+    assert_eq!(kinds(&all), ["snapshot", "lost", "refused"]);
+    assert!(matches!(all.last(), Some(Heard::Refused(Refusal::Lost(_)))));
+    assert!((10..50).contains(&server.asked().len()), "{}", server.asked().len());
+}
+
+#[test]
+fn what_happens_is_told_in_a_line() {
+    let line = |kind: &str, data: Value| line_of(&event(None, kind, data));
+    assert_eq!(line("state", json!({"state": "running", "at_s": 0})).unwrap(), "plate    0.0 s  running");
+    let cycle = json!({"at_s": 12.34, "progress": 0.5, "cycle": 3, "pulses": 24, "phase": "to\u{1b} A"});
+    assert_eq!(line("cycle", cycle).unwrap(), "plate   12.3 s   50 %  cycle 3, 24 pulses  to\\u{1b} A");
+    let recording = json!({"at_s": 1, "recording": "stopped", "reason": "disk low"});
+    assert_eq!(line("recording", recording).unwrap(), "plate    1.0 s  recording stopped: disk low");
+    assert_eq!(line("gap", json!({"from": 5, "to": 9})).unwrap(), "events 5 to 9 cannot be had any more");
+    assert_eq!(line("look", json!({})), None);
+    assert_eq!(line("snapshot", json!({"job": 1})), None, "what cannot be understood is passed over");
+    let warning = event(None, "warning", json!({"at_s": 2, "level": "error", "text": "t"}));
+    assert_eq!(note_of(&warning).unwrap(), "plate    2.0 s  error: t");
+}

@@ -1,0 +1,57 @@
+use std::fs;
+
+use serde_json::{Value, json};
+
+use crate::cli::args::RenderArgs;
+use crate::cli::failure::Failure;
+use upm_core::signal::Frame;
+use upm_core::units::mm_from_m;
+use upm_runner::config::{RawLevels, RawRig, RigSpec};
+use upm_scene::{Scene, kinds};
+
+/// Seed where none is told.
+const SEED: u64 = 1;
+
+/// Picture and truth of a drawn scene; writes its rig file where one is asked for.
+pub(in crate::cli) fn of_scene(family: &str, args: &RenderArgs) -> Result<(Frame, Value), Failure> {
+    let family = family.parse().map_err(|error| Failure::bad_input(format!("--scene: {error}")))?;
+    let scene = Scene::drawn(family, args.seed.unwrap_or(SEED));
+    if let Some(path) = &args.rig_out {
+        let rig = serde_json::to_string_pretty(&rig(&scene)?).map_err(|error| Failure::failed(error.to_string()))?;
+        fs::write(path, format!("{rig}\n")).map_err(|error| Failure::write(path, error))?;
+    }
+    Ok((scene.frame(), truth(&scene)))
+}
+
+fn truth(scene: &Scene) -> Value {
+    let kinds = kinds();
+    let parts = scene.truth().into_iter().map(|part| {
+        json!({
+            "kind": kinds.get(part.kind).map(|kind| &kind.name),
+            "position_mm": [mm_from_m(part.at_m.x), mm_from_m(part.at_m.y)],
+            "center_px": [part.center_px.x, part.center_px.y],
+            "radius_px": part.radius_px,
+        })
+    });
+    let corners_px = scene.corners_px().map(|corner| [corner.x, corner.y]);
+    json!({ "table": { "corners_px": corners_px }, "parts": parts.collect::<Vec<_>>() })
+}
+
+/// The shipped upm-1 with the scene's plate, camera and light. A rig's camera is tilted where a scene's plate is seen
+/// tilted: the other way round.
+fn rig(scene: &Scene) -> Result<RawRig, Failure> {
+    let mut raw = RigSpec::upm_1().map_err(Failure::faults)?.raw;
+    let [ground, plate, part] = scene.levels;
+    raw.name = format!("scene-{}", scene.seed);
+    raw.plate.side_mm = mm_from_m(scene.side_m);
+    raw.plate.inertia_kg_m2 = None;
+    let (lens, camera) = (&scene.lens, &mut raw.camera);
+    camera.size_px = scene.size_px;
+    (camera.focal_px, camera.principal_px) = (lens.focal_px, Some(lens.principal_px.into()));
+    (camera.radial, camera.tangential) = (lens.radial, lens.tangential);
+    camera.position_mm = scene.camera_m.map(mm_from_m).into();
+    camera.tilt_deg = scene.tilt_rad.map(|tilt| -tilt.to_degrees());
+    camera.levels = RawLevels { ground, plate, part };
+    (camera.shading, camera.blur_px) = (scene.shading, scene.blur_px);
+    Ok(raw)
+}

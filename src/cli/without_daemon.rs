@@ -1,0 +1,18 @@
+//! The commands of the daemon in a build without it.
+
+use super::args::{BundleArgs, Common, ServeArgs};
+use super::client_args::ClientCommand;
+use super::failure::Failure;
+use super::features::{DAEMON, lacking};
+
+pub(super) fn serve(_: &ServeArgs, _: Common) -> Result<u8, Failure> {
+    Err(lacking(DAEMON, "upm serve"))
+}
+
+pub(super) fn client(command: &ClientCommand, _: Common) -> Result<u8, Failure> {
+    Err(lacking(DAEMON, &format!("upm {}", command.name())))
+}
+
+pub(super) fn support_bundle(_: &BundleArgs, _: Common) -> Result<u8, Failure> {
+    Err(lacking(DAEMON, "upm support-bundle"))
+}

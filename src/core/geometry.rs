@@ -1,0 +1,31 @@
+//! Frames, poses, planar twists and the pinhole camera's geometry.
+//!
+//! Frames are part of every name. `table` is fixed to the plate at rest: origin at its centre, x right and
+//! y up as the camera sees it, z towards the camera, angles counter-clockwise. `plate` is fixed to the vibrating plate.
+//! `image` is in pixels: (0, 0) is the centre of the top-left pixel, x right, y down.
+//! `table_from_image` takes image coordinates to table coordinates.
+
+mod homography;
+mod lens;
+mod pose;
+mod twist;
+
+pub use homography::Homography;
+pub use lens::Lens;
+pub use pose::Pose;
+pub use twist::Twist;
+
+/// A planar vector or point: metres unless the name says pixels.
+pub type Vec2 = nalgebra::Vector2<f64>;
+
+/// `a` turned a quarter counter-clockwise, `a^⊥ = (-a_y, a_x)`.
+#[inline]
+pub fn perp(a: Vec2) -> Vec2 {
+    Vec2::new(-a.y, a.x)
+}
+
+/// The z component of the cross product, positive when `b` lies counter-clockwise of `a`.
+#[inline]
+pub fn cross(a: Vec2, b: Vec2) -> f64 {
+    a.x * b.y - a.y * b.x
+}

@@ -1,0 +1,99 @@
+//! Where everything truly is, as plain data. Only the simulator writes it; recordings and reports read it. Control and all that
+//! it imports never name this module.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use crate::geometry::{Pose, Vec2};
+use crate::time::PlateTime;
+
+/// Where one part truly is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartTruth {
+    /// Its pose on the table, x right, y up.
+    pub part_in_table: Pose,
+    /// Its velocity, m/s.
+    pub velocity_mps: Vec2,
+    /// False once its centre has left the plate.
+    pub on_plate: bool,
+}
+
+/// The true state at the middle of an exposure.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GroundTruth {
+    /// When.
+    pub at: PlateTime,
+    /// Every part, in the order of the job.
+    pub parts: Vec<PartTruth>,
+    /// The vibrating plate against its place at rest.
+    pub plate_in_table: Pose,
+    /// Touches between parts so far, each counted once when it begins.
+    pub collisions: u64,
+}
+
+/// Shared access to the truth of a simulated rig, for recordings and reports.
+#[derive(Clone, Debug, Default)]
+pub struct GroundTruthHandle(Arc<Mutex<Shared>>);
+
+#[derive(Debug, Default)]
+struct Shared {
+    truth: GroundTruth,
+    /// The rig's part at each place of what is read; the rig's own order while empty.
+    order: Vec<usize>,
+}
+
+impl GroundTruthHandle {
+    /// The truth as of the last captured frame.
+    pub fn read(&self) -> GroundTruth {
+        let shared = self.lock();
+        let mut truth = shared.truth.clone();
+        if shared.order.len() == truth.parts.len() {
+            truth.parts = shared.order.iter().filter_map(|&part| shared.truth.parts.get(part).copied()).collect();
+        }
+        truth
+    }
+
+    /// From now on lists the parts as `seen_m` does: each next to the place where it was seen, m. Equal parts have no
+    /// names of their own on a plate, so whoever finds them names them.
+    pub fn order_by(&self, seen_m: &[Vec2]) {
+        let mut shared = self.lock();
+        let mut left: Vec<usize> = (0..shared.truth.parts.len()).collect();
+        let mut order = Vec::with_capacity(left.len());
+        for place in seen_m {
+            let away = |part: usize| (shared.truth.parts[part].part_in_table.position_m - place).norm_squared();
+            let nearest = left.iter().enumerate().min_by(|(_, a), (_, b)| away(**a).total_cmp(&away(**b)));
+            let Some((at, _)) = nearest else { break };
+            order.push(left.remove(at));
+        }
+        order.append(&mut left);
+        shared.order = order;
+    }
+
+    /// Changes the shared truth, parts in the rig's own order. For the simulator, which owns it.
+    pub fn update(&self, change: impl FnOnce(&mut GroundTruth)) {
+        change(&mut self.lock().truth);
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Shared> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Pose;
+
+    #[test]
+    fn parts_are_listed_as_they_were_seen() {
+        let at = |x: f64| PartTruth {
+            part_in_table: Pose { position_m: Vec2::new(x, 0.0), heading_rad: 0.0 },
+            velocity_mps: Vec2::zeros(),
+            on_plate: true,
+        };
+        let probe = GroundTruthHandle::default();
+        probe.update(|truth| truth.parts = vec![at(0.0), at(1.0), at(2.0)]);
+        probe.order_by(&[Vec2::new(2.1, 0.0), Vec2::new(0.1, 0.0)]);
+        let x: Vec<f64> = probe.read().parts.iter().map(|part| part.part_in_table.position_m.x).collect();
+        assert_eq!(x, [2.0, 0.0, 1.0]);
+    }
+}

@@ -1,0 +1,11 @@
+//! What every other crate of `upm` stands on: units, plate time, seeded random streams, planar geometry, the plain data
+//! that crosses the hardware boundary, and that boundary itself, the trait [`rig::Rig`].
+
+pub mod geometry;
+pub mod ground_truth;
+pub mod priority;
+pub mod random;
+pub mod rig;
+pub mod signal;
+pub mod time;
+pub mod units;

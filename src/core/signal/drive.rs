@@ -1,0 +1,157 @@
+use super::Envelope;
+
+/// Number of voice coils.
+pub const MOTORS: usize = 4;
+
+/// The voice coils, in the order of every array of motors (UPM paper, Fig. 4a).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Motor {
+    /// Pushes along +x; its line passes at -y of the centre, so that a push turns the plate clockwise.
+    X1,
+    /// Pushes along -x from the other side; a push turns the plate clockwise.
+    X2,
+    /// Pushes along +y; a push turns the plate counter-clockwise.
+    Y1,
+    /// Pushes along -y from the other side; a push turns the plate counter-clockwise.
+    Y2,
+}
+
+impl Motor {
+    /// All four, in order.
+    pub const ALL: [Self; MOTORS] = [Self::X1, Self::X2, Self::Y1, Self::Y2];
+}
+
+/// One harmonic of a motor's waveform, in amplitude counts of the waveform generator.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Harmonic {
+    /// Amplitude of `cos kwt`, counts.
+    pub cos: f64,
+    /// Amplitude of `sin kwt`, counts.
+    pub sin: f64,
+}
+
+/// What the waveform generator is told to play: harmonics for each motor and a common envelope.
+///
+/// At full height the motors play `f(t) = Σ c cos kwt + s sin kwt`, which gives a mass the momentum
+/// `p(t) = Σ (c sin kwt - s cos kwt) / kw`. It is the momentum, and so the velocity, that follows the envelope:
+/// what is played is `d/dt (env p) = env f + env' p`. With `env f` alone the flanks would leave the plate a
+/// speed that the pulse does not have, and the rods would swing it off. The generator rounds every sample to whole
+/// counts.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Drive {
+    /// Base frequency w, rad/s.
+    pub base_radps: f64,
+    /// For each motor harmonic `k` at index `k - 1`.
+    pub motors: [Vec<Harmonic>; MOTORS],
+    /// Outline of the pulse.
+    pub envelope: Envelope,
+}
+
+impl Drive {
+    /// The sample of `motor` (index into [`Motor::ALL`]) at `t_s` after the start, counts, before rounding.
+    #[inline]
+    pub fn counts_at(&self, motor: usize, t_s: f64) -> f64 {
+        let height = self.envelope.at(t_s);
+        if height == 0.0 {
+            return 0.0;
+        }
+        let [force, momentum] = self.at_full_height(motor, (self.base_radps * t_s).sin_cos());
+        height * force + self.envelope.slope(t_s) * momentum
+    }
+
+    /// `f` and `p` of `motor` at the phase with this sine and cosine, counts and counts·s.
+    fn at_full_height(&self, motor: usize, (sin, cos): (f64, f64)) -> [f64; 2] {
+        let (mut sin_k, mut cos_k) = (sin, cos);
+        let (mut force, mut momentum) = (0.0, 0.0);
+        for (k, harmonic) in (1..).zip(&self.motors[motor]) {
+            force += harmonic.cos * cos_k + harmonic.sin * sin_k;
+            momentum += (harmonic.cos * sin_k - harmonic.sin * cos_k) / f64::from(k);
+            (sin_k, cos_k) = (sin_k * cos + cos_k * sin, cos_k * cos - sin_k * sin);
+        }
+        [force, momentum / self.base_radps]
+    }
+
+    /// Bound on the samples any motor plays, however long the sustain and wherever in the period it ends, counts;
+    /// found to better than 0.1 % for up to 16 harmonics.
+    pub fn peak_counts(&self) -> f64 {
+        const STEPS: usize = 720;
+        let period_s = std::f64::consts::TAU / self.base_radps;
+        let largest = |i: usize| {
+            let sin_cos = (self.base_radps * (period_s * i as f64 / STEPS as f64)).sin_cos();
+            let of_motor = |motor: usize| {
+                let [force, momentum] = self.at_full_height(motor, sin_cos);
+                self.envelope.largest(force, momentum)
+            };
+            (0..MOTORS).map(of_motor).fold(0.0, f64::max)
+        };
+        (1..=STEPS).map(largest).fold(0.0, f64::max)
+    }
+
+    /// The same pulse with every force reversed: parts flow the other way.
+    #[inline]
+    pub fn reversed(mut self) -> Self {
+        for harmonic in self.motors.iter_mut().flatten() {
+            *harmonic = Harmonic { cos: -harmonic.cos, sin: -harmonic.sin };
+        }
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn samples_follow_the_papers_waveform() {
+        // f(t) = cos wt - sin 2wt (Eq. 8)
+        let wave = vec![Harmonic { cos: 100.0, sin: 0.0 }, Harmonic { cos: 0.0, sin: -100.0 }];
+        let drive = Drive {
+            base_radps: 377.0,
+            motors: [wave, vec![], vec![], vec![]],
+            envelope: Envelope { attack_s: 0.01, sustain_s: 0.1, rest_s: 0.05 },
+        };
+        for t in [0.02f64, 0.05, 0.0777] {
+            let expected = 100.0 * ((377.0 * t).cos() - (2.0 * 377.0 * t).sin());
+            assert!((drive.counts_at(0, t) - expected).abs() < 1e-9);
+        }
+        assert_eq!(drive.counts_at(0, 0.125), 0.0);
+        let abrupt = Drive { envelope: Envelope { attack_s: 0.0, ..drive.envelope }, ..drive };
+        assert!((abrupt.peak_counts() - 176.0).abs() < 0.1, "max of cos a - sin 2a is 1.7602");
+    }
+
+    fn drive() -> impl Strategy<Value = Drive> {
+        let harmonic = (-500.0..500.0f64, -500.0..500.0f64).prop_map(|(cos, sin)| Harmonic { cos, sin });
+        let envelope = (0.005..0.04f64, 0.0..0.04f64).prop_map(|(attack_s, sustain_s)| Envelope {
+            attack_s,
+            sustain_s,
+            rest_s: 0.0,
+        });
+        (200.0..500.0f64, proptest::collection::vec(harmonic, 1..4), envelope).prop_map(
+            |(base_radps, wave, envelope)| Drive { base_radps, motors: [vec![], wave, vec![], vec![]], envelope },
+        )
+    }
+
+    proptest! {
+        /// Summed up in small steps what is played is the envelope times the sum of the same wave without end.
+        #[test]
+        fn the_momentum_follows_the_envelope(drive in drive(), stop in 0.0..1.0f64) {
+            const STEPS: i32 = 20_000;
+            let t_s = stop * drive.envelope.sounding_s();
+            let h = t_s / f64::from(STEPS);
+            let momentum: f64 = (0..STEPS).map(|i| h * drive.counts_at(1, h * (f64::from(i) + 0.5))).sum();
+            let wanted: f64 = (1..).zip(&drive.motors[1]).map(|(k, harmonic)| {
+                let rate = f64::from(k) * drive.base_radps;
+                (harmonic.cos * (rate * t_s).sin() - harmonic.sin * (rate * t_s).cos()) / rate
+            }).sum();
+            prop_assert!((momentum - drive.envelope.at(t_s) * wanted).abs() < 2e-3, "{momentum} {wanted}");
+        }
+
+        #[test]
+        fn nothing_is_played_above_the_peak(drive in drive(), part in 0.0..1.0f64) {
+            let played = drive.counts_at(1, part * drive.envelope.sounding_s());
+            prop_assert!(played.abs() <= drive.peak_counts() * 1.001);
+            prop_assert!((drive.clone().reversed().counts_at(1, part * drive.envelope.sounding_s()) + played).abs() < 1e-9);
+        }
+    }
+}

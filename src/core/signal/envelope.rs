@@ -1,0 +1,124 @@
+/// The outline of a shaped pulse: attack, sustain, decay as long as the attack, then rest until parts stand
+/// still (UPM paper, section 3.3 and Fig. 9).
+///
+/// The flanks are two parabolas, their slope a triangle: the moving average over half the flank of a straight flank
+/// half as long. When half the flank is a whole period of the drive, both averages leave nothing of any harmonic. A
+/// flank of two periods therefore brings the plate to full height, and back to rest, without setting it swinging on
+/// its rods; what is left falls with the square of resonance over drive frequency.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Envelope {
+    /// Length of the attack and of the decay, s.
+    pub attack_s: f64,
+    /// Length at full height, s.
+    pub sustain_s: f64,
+    /// Silence after the decay, s.
+    pub rest_s: f64,
+}
+
+impl Envelope {
+    /// Height in 0..=1 at `t_s` after the start.
+    pub fn at(&self, t_s: f64) -> f64 {
+        let from_edge = t_s.min(self.sounding_s() - t_s);
+        if from_edge <= 0.0 {
+            return 0.0;
+        }
+        if from_edge >= self.attack_s {
+            return 1.0;
+        }
+        let to_full = 1.0 - from_edge / self.attack_s;
+        if to_full > 0.5 { 2.0 * (1.0 - to_full) * (1.0 - to_full) } else { 1.0 - 2.0 * to_full * to_full }
+    }
+
+    /// How fast the height changes at `t_s` after the start, 1/s.
+    #[inline]
+    pub fn slope(&self, t_s: f64) -> f64 {
+        let to_end_s = self.sounding_s() - t_s;
+        let from_edge = t_s.min(to_end_s);
+        if from_edge <= 0.0 || from_edge >= self.attack_s {
+            return 0.0;
+        }
+        let steepness = 4.0 * from_edge.min(self.attack_s - from_edge) / (self.attack_s * self.attack_s);
+        if t_s < to_end_s { steepness } else { -steepness }
+    }
+
+    /// The largest of `|h f + h' p|` over all heights h and slopes h' of the flanks and the sustain; how long it is held
+    /// makes no difference.
+    pub fn largest(&self, f: f64, p: f64) -> f64 {
+        let (f, per_attack) = (f.abs(), p.abs() / self.attack_s);
+        // Above half height h = 1 - 2y² and h' = 4y/attack, largest at y = p / (f attack); below it both fall.
+        if self.attack_s == 0.0 {
+            f
+        } else if per_attack < 0.5 * f {
+            f + 2.0 * per_attack * per_attack / f
+        } else {
+            0.5 * f + 2.0 * per_attack
+        }
+    }
+
+    /// Time in which the motors move, s.
+    #[inline]
+    pub fn sounding_s(&self) -> f64 {
+        2.0 * self.attack_s + self.sustain_s
+    }
+
+    /// Time until the next pulse may start, s.
+    #[inline]
+    pub fn total_s(&self) -> f64 {
+        self.sounding_s() + self.rest_s
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn rises_holds_falls_and_rests() {
+        let envelope = Envelope { attack_s: 0.01, sustain_s: 0.1, rest_s: 0.03 };
+        assert_eq!(envelope.at(-0.001), 0.0);
+        assert!((envelope.at(0.005) - 0.5).abs() < 1e-12);
+        assert_eq!(envelope.at(0.06), 1.0);
+        assert!((envelope.at(0.115) - 0.5).abs() < 1e-12);
+        assert_eq!(envelope.at(0.13), 0.0);
+        assert!((envelope.total_s() - 0.15).abs() < 1e-12);
+    }
+
+    proptest! {
+        #[test]
+        fn slope_is_that_of_the_height(attack_s in 0.0..0.02f64, sustain_s in 0.0..0.02f64, t_s in -0.01..0.07f64) {
+            let envelope = Envelope { attack_s, sustain_s, rest_s: 0.0 };
+            let h = 1e-9;
+            let corners = [0.0, attack_s, attack_s + sustain_s, envelope.sounding_s()];
+            prop_assume!(corners.iter().all(|corner| (t_s - corner).abs() > 2.0 * h));
+            let difference = (envelope.at(t_s + h) - envelope.at(t_s - h)) / (2.0 * h);
+            prop_assert!((envelope.slope(t_s) - difference).abs() < 1e-4 * (1.0 + difference.abs()));
+        }
+
+        #[test]
+        fn largest_is_reached_and_never_passed(attack_s in 0.005..0.03f64, f in -2.0..2.0f64, p in -0.05..0.05f64) {
+            let envelope = Envelope { attack_s, sustain_s: 0.01, rest_s: 0.0 };
+            let at = |i: i32| 5e-6 * f64::from(i);
+            let found = (0..14_000).map(at).map(|t| (envelope.at(t) * f + envelope.slope(t) * p).abs()).fold(0.0, f64::max);
+            let bound = envelope.largest(f, p);
+            prop_assert!(found <= bound + 1e-12 && found > 0.998 * bound - 1e-9, "{found} {bound}");
+        }
+
+        /// A wave of whole periods in half the flank leaves neither momentum nor displacement behind: against the
+        /// steady wave's own, both integrals of `d/dt (env p)` at full height, summed in small steps.
+        #[test]
+        fn a_flank_of_two_periods_averages_every_harmonic_away(k in 1..6i32, phase_rad in 0.0..TAU) {
+            const STEPS: i32 = 4000;
+            let envelope = Envelope { attack_s: 2.0, sustain_s: 1.0, rest_s: 0.0 };
+            let h = 2.0 / f64::from(STEPS);
+            let rate = TAU * f64::from(k);
+            let t = |i: i32| h * (f64::from(i) + 0.5);
+            let place: f64 = (0..STEPS).map(|i| h * envelope.at(t(i)) * (rate * t(i) + phase_rad).cos()).sum();
+            let steady = (rate * 2.0 + phase_rad).sin() / rate;
+            prop_assert!((place - steady).abs() < 1e-4);
+            let sum: f64 = (0..STEPS).map(|i| h * t(i) * envelope.slope(t(i)) * (rate * t(i) + phase_rad).cos()).sum();
+            prop_assert!(sum.abs() < 1e-4, "not even with the time as a weight: {sum}");
+        }
+    }
+}

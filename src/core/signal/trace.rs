@@ -1,0 +1,62 @@
+use super::Envelope;
+use crate::geometry::Vec2;
+
+/// Channels of a trace, in order: x and y of accelerometer 1, x and y of accelerometer 2.
+pub const CHANNELS: usize = 4;
+
+/// What they are called in files and tables.
+pub const CHANNEL_NAMES: [&str; CHANNELS] = ["x1", "y1", "x2", "y2"];
+
+/// Count that stands for a sample that never arrived.
+pub const MISSING_SAMPLE: i16 = i16::MIN;
+
+/// What the two 2-axis accelerometers under opposite corners saw during one pulse, as the A/D converter
+/// sent it (UPM paper, section 3.2). Accelerometer 2 sits at minus the position of accelerometer 1.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AccelTrace {
+    /// Samples a second in every channel.
+    pub sample_hz: f64,
+    /// Time of the first sample after the start of the pulse, s.
+    pub first_sample_s: f64,
+    /// Acceleration of one count, m/s², as the data sheet has it.
+    pub mps2_per_count: f64,
+    /// Largest magnitude the converter can show; a sample there is clipped.
+    pub count_limit: i16,
+    /// Counts, equally many in every channel; [`MISSING_SAMPLE`] where one was lost.
+    pub counts: [Vec<i16>; CHANNELS],
+}
+
+impl AccelTrace {
+    /// Samples in each channel.
+    #[inline]
+    pub fn len(&self) -> usize {
+        self.counts.iter().map(Vec::len).min().unwrap_or(0)
+    }
+
+    /// True when nothing was sampled.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Time of sample `i` after the start of the pulse, s.
+    #[inline]
+    pub fn time_s(&self, i: usize) -> f64 {
+        self.first_sample_s + i as f64 / self.sample_hz
+    }
+}
+
+/// A trace with what is needed to read it: a recording of one pulse on any rig.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedPulse {
+    /// What the accelerometers saw.
+    pub trace: AccelTrace,
+    /// Outline of the pulse.
+    pub envelope: Envelope,
+    /// Base frequency of the drive, rad/s.
+    pub base_radps: f64,
+    /// Place of accelerometer 1 on the plate, m; number 2 is opposite.
+    pub accelerometer_in_plate_m: Vec2,
+    /// What each channel shows for a true 1: its gain.
+    pub channel_gain: [f64; CHANNELS],
+}

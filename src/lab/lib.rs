@@ -1,0 +1,66 @@
+//! The papers' experiments on the simulated plate: each plays its pulses, measures, and sets the figures beside those of
+//! a closed form or of the paper. Nothing here is used by a run.
+
+mod cor_map;
+mod cor_steering;
+mod coulomb_pump;
+mod disc_friction;
+mod experiment;
+mod force_curve;
+mod force_sign;
+mod outcome;
+mod pulses;
+mod pumped;
+mod race_track;
+mod recorded;
+mod shaken;
+mod table;
+#[cfg(test)]
+mod testing;
+mod two_parts;
+mod vision;
+mod waveform_fit;
+
+pub use cor_map::cor_map;
+pub use cor_steering::cor_steering;
+pub use experiment::{EXPERIMENTS, Experiment, VISION, WAVEFORM_FIT, experiment};
+pub use force_curve::force_curve;
+pub use outcome::{Figure, Motion, Outcome, Series, Track};
+pub use race_track::race_track;
+pub use recorded::waveform_fit_of;
+pub use table::{COLUMNS, HEADS, NUMBERS};
+pub use two_parts::two_parts;
+pub use vision::{vision, vision_of};
+pub use waveform_fit::waveform_fit;
+
+use upm_core::rig::RigModel;
+use upm_sim::{PartParams, SimParams};
+
+/// The rig an experiment is made on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LabRig {
+    /// What is known of it beforehand.
+    pub model: RigModel,
+    /// How it is.
+    pub sim: SimParams,
+    /// The coin put on it.
+    pub penny: PartParams,
+    /// Seed of noise and sensor errors.
+    pub seed: u64,
+}
+
+/// Why an experiment came to nothing.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LabFault {
+    /// This rig cannot do it.
+    #[error("{0}")]
+    Rig(String),
+    /// A trace could not be read.
+    #[error("{what}: {fault}")]
+    Trace {
+        /// What was played.
+        what: String,
+        /// Why it could not be read.
+        fault: upm_perception::estimation::FitFault,
+    },
+}

@@ -1,0 +1,46 @@
+//! The plate's twist from two opposite corners (UPM paper, App. B).
+//!
+//! With `r2 = -r1` a rigid plate has `v1 = V + ω r1^⊥` and `v2 = V - ω r1^⊥`, so `V = (v1 + v2)/2` and
+//! `ω = (v1 - v2)·r1^⊥ / (2|r1|²)`. The centre of rotation follows from Eq. 6. Both are linear: they hold for each
+//! harmonic coefficient by itself. The centripetal part of the accelerations, `-ω² r` at each corner, drops out of
+//! both: it cancels in the sum, and in the difference it is at right angles to `r1^⊥`.
+
+use upm_core::geometry::{Twist, Vec2, perp};
+
+/// The twist of a plate whose opposite corners `r1_m` and `-r1_m` move at `v1_mps` and `v2_mps`.
+/// Not a number when `r1_m` is zero.
+pub fn twist_from_corners(v1_mps: Vec2, v2_mps: Vec2, r1_m: Vec2) -> Twist {
+    Twist {
+        velocity_mps: 0.5 * (v1_mps + v2_mps),
+        spin_radps: (v1_mps - v2_mps).dot(&perp(r1_m)) / (2.0 * r1_m.norm_squared()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn known_motions_are_read_back(
+            cx in -0.3..0.3f64, cy in -0.3..0.3f64, spin in prop_oneof![-8.0..-0.1f64, 0.1..8.0f64],
+            rx in 0.02..0.2f64, ry in -0.2..0.2f64,
+        ) {
+            let (center, r1) = (Vec2::new(cx, cy), Vec2::new(rx, ry));
+            let twist = Twist::about(center, spin);
+            let read = twist_from_corners(twist.velocity_at(r1), twist.velocity_at(-r1), r1);
+            prop_assert!((read.spin_radps - spin).abs() < 1e-12);
+            prop_assert!((read.center_of_rotation().unwrap() - center).norm() < 1e-12);
+        }
+
+        #[test]
+        fn centripetal_acceleration_drops_out(spin in -8.0..8.0f64, alpha in -3e3..3e3f64, ax in -40.0..40.0f64, rx in 0.02..0.2f64, ry in -0.2..0.2f64) {
+            let (r1, still) = (Vec2::new(rx, ry), Twist::new(ax, -ax, alpha));
+            let at = |r: Vec2| still.velocity_at(r) - spin * spin * r;
+            let read = twist_from_corners(at(r1), at(-r1), r1);
+            prop_assert!((read.velocity_mps - still.velocity_mps).norm() < 1e-12);
+            prop_assert!((read.spin_radps - alpha).abs() < 1e-9);
+        }
+    }
+}

@@ -1,0 +1,149 @@
+use nalgebra::Complex;
+
+use upm_core::geometry::{Twist, Vec2};
+use upm_core::signal::{CHANNEL_NAMES, CHANNELS, TwistWave};
+
+/// Where the accelerometers are and what their channels show for a true 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AccelerometerPair {
+    /// Place of number 1 on the plate, m; number 2 is opposite.
+    pub position_m: Vec2,
+    /// Gain of each channel.
+    pub gain: [f64; CHANNELS],
+}
+
+impl AccelerometerPair {
+    /// Channels that show what there is.
+    pub fn exact(position_m: Vec2) -> Self {
+        Self { position_m, gain: [1.0; CHANNELS] }
+    }
+}
+
+/// The plate's motion at full height of a pulse of either kind, read from one trace.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PlateFit {
+    /// Of a rotation.
+    Twist(TwistFit),
+    /// Of a synthesised motion.
+    Wave(WaveFit),
+}
+
+/// The plate's motion at full height of a rotation's pulse, read from one trace.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TwistFit {
+    /// Least-squares acceleration coefficients of each channel, m/s², its gain taken out: c1, s1, c2, s2 (Eq. 12).
+    pub accel_mps2: [[f64; 4]; CHANNELS],
+    /// Root mean square of what the fit leaves over, m/s².
+    pub residual_rms_mps2: f64,
+    /// The plate's velocity as a two-harmonic twist (Eq. 13, App. B), times from the start of the pulse.
+    pub wave: TwistWave,
+    /// The same as phasors of x (m/s), y (m/s) and spin (rad/s), for calibration.
+    pub axes: [AxisPhasors; 3],
+    /// Amplitude T of the pump wave `T (cos wt' - ½ cos 2wt')` that comes nearest; parts flow along its field.
+    /// Its sign is that of the mean force (Eq. 14), so its centre of rotation and spin are those of the flow.
+    pub pump: Twist,
+    /// How much of a pump wave the motion is.
+    pub quality: PumpQuality,
+}
+
+/// The plate's motion at full height of a synthesised motion's pulse, read from one trace.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WaveFit {
+    /// Least-squares acceleration coefficients of each channel, m/s², its gain taken out: for harmonic k at index k - 1
+    /// those of cos kwt and sin kwt.
+    pub accel_mps2: [Vec<[f64; 2]>; CHANNELS],
+    /// Root mean square of what the fit leaves over, m/s².
+    pub residual_rms_mps2: f64,
+    /// The plate's velocity, times from the start of the pulse.
+    pub wave: TwistWave,
+}
+
+/// The velocity of one axis: `v(t) = Re(first e^{jwt} + second e^{2jwt})`, times from the start of the pulse.
+/// A harmonic `c cos + s sin` is the phasor `c - js`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AxisPhasors {
+    /// At the base frequency.
+    pub first: Complex<f64>,
+    /// At twice the base frequency.
+    pub second: Complex<f64>,
+}
+
+impl AxisPhasors {
+    /// `second · conj(first)² / |first|³`, which no shift of time changes: -½ for a pump wave that pushes forwards,
+    /// +½ for one that pushes backwards (Eq. 5); `None` for an axis that stands still.
+    pub fn harmonic_ratio(&self) -> Option<Complex<f64>> {
+        let size = self.first.norm();
+        let ratio = self.second * (self.first.conj() / size).powi(2) / size;
+        ratio.is_finite().then_some(ratio)
+    }
+}
+
+/// How far a motion is from the pump wave nearest to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PumpQuality {
+    /// Where in the base period the pump wave has its `t' = 0`: `w t0`, rad, from 0 to 2π.
+    pub start_rad: f64,
+    /// Share of the acceleration's energy that is in the pump wave, 0 to 1.
+    pub purity: f64,
+    /// Second over first harmonic of the velocity along the pump's direction; ½ is right.
+    pub harmonic_ratio: f64,
+    /// By how much the second harmonic leads the one a pump wave would have, rad, from -π/2 to π/2; 0 is right, at the
+    /// ends the mean force vanishes.
+    pub harmonic_phase_rad: f64,
+}
+
+/// Why a trace gives no answer.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FitFault {
+    /// Too short a time at full height.
+    #[error("sustain: found {found_s:.3} s at full height, allowed: {needed_s:.3} s or more (one period of the drive)")]
+    TooShort {
+        /// What there is, s.
+        found_s: f64,
+        /// What is needed, s.
+        needed_s: f64,
+    },
+    /// The trace ends before the pulse's sustain does.
+    #[error("trace: found its end at {found_s:.3} s, allowed: {needed_s:.3} s or later (the end of the sustain)")]
+    CutShort {
+        /// Time of the last sample after the start of the pulse, s.
+        found_s: f64,
+        /// End of the sustain, s.
+        needed_s: f64,
+    },
+    /// Samples at the converter's limit.
+    #[error(
+        "counts.{}: found {samples} clipped at {limit}, allowed: none among the samples read",
+        CHANNEL_NAMES.get(*channel).unwrap_or(&"?")
+    )]
+    Clipped {
+        /// Index of the channel.
+        channel: usize,
+        /// How many samples.
+        samples: usize,
+        /// The converter's limit, counts.
+        limit: i16,
+    },
+    /// Samples that never arrived.
+    #[error(
+        "counts.{}: found {samples} missing, allowed: none among the samples read",
+        CHANNEL_NAMES.get(*channel).unwrap_or(&"?")
+    )]
+    Missing {
+        /// Index of the channel.
+        channel: usize,
+        /// How many samples.
+        samples: usize,
+    },
+    /// The plate hardly moved.
+    #[error("motion: found {found_mps2:.3} m/s², allowed: {needed_mps2:.3} m/s² or more to be read")]
+    TooWeak {
+        /// Largest amplitude found, m/s².
+        found_mps2: f64,
+        /// What is needed, m/s².
+        needed_mps2: f64,
+    },
+    /// The trace, or what it is read with, makes no sense.
+    #[error("trace cannot be read: {0}")]
+    Unreadable(&'static str),
+}

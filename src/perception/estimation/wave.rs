@@ -1,0 +1,100 @@
+//! As many harmonics as a synthesised motion has, by least squares. Bias and the plate's own resonance go into a
+//! polynomial that is thrown away, as with the two harmonics of a rotation.
+
+use std::f64::consts::TAU;
+
+use nalgebra::DMatrix;
+
+use super::{AccelerometerPair, FitFault, WEAKEST_MPS2, WaveFit, Window, accelerations_mps2, sustain_window};
+use super::{refuse_bad, refuse_cut_short, twist_from_corners};
+use upm_core::geometry::{Twist, Vec2};
+use upm_core::signal::{AccelTrace, CHANNELS, Envelope, TwistHarmonic, TwistWave};
+
+/// Fewest samples to the period of the highest harmonic.
+const LEAST_SAMPLES: f64 = 4.0;
+
+/// Degrees of the polynomial for each period that is read. With one more it can no longer be told from the first
+/// harmonic: over a single period that one is then off by twice itself.
+const DEGREES_A_PERIOD: usize = 2;
+
+/// The plate's motion at full height of a pulse of `harmonics` harmonics shaped by `envelope`, out of what its
+/// accelerometers saw. `base_radps` is the drive's base frequency; a sustain of less than one of its periods cannot be
+/// read.
+pub fn fit_wave(
+    trace: &AccelTrace,
+    envelope: &Envelope,
+    base_radps: f64,
+    harmonics: usize,
+    sensors: &AccelerometerPair,
+) -> Result<WaveFit, FitFault> {
+    refuse_bad(sensors)?;
+    let window = sustain_window(trace, envelope, base_radps)?;
+    if trace.sample_hz * TAU < LEAST_SAMPLES * harmonics as f64 * base_radps {
+        return Err(FitFault::Unreadable("fewer than 4 samples to the period of the highest harmonic"));
+    }
+    refuse_cut_short(trace, envelope)?;
+    let measured = DMatrix::from_columns(&accelerations_mps2(trace, &window)?.map(Into::into));
+    let regressors = regressors(&window, base_radps, harmonics);
+    let normal = regressors.tr_mul(&regressors).cholesky();
+    let solution = normal.ok_or(FitFault::Unreadable("harmonics cannot be told from drift"))?;
+    let solution = solution.solve(&regressors.tr_mul(&measured));
+    let left_over = &measured - &regressors * &solution;
+    let coefficient = |row: usize, channel: usize| solution[(row, channel)] / sensors.gain[channel];
+    let accel_mps2: [Vec<[f64; 2]>; CHANNELS] = std::array::from_fn(|channel| {
+        (0..harmonics).map(|k| [coefficient(2 * k, channel), coefficient(2 * k + 1, channel)]).collect()
+    });
+    refuse_weak(&accel_mps2)?;
+    let residual_rms_mps2 = (left_over.norm_squared() / left_over.len() as f64).sqrt();
+    let wave = twist_wave(&accel_mps2, base_radps, sensors.position_m);
+    Ok(WaveFit { accel_mps2, residual_rms_mps2, wave })
+}
+
+/// A row for each sample of `window`: cos and sin of every harmonic, then Legendre polynomials from the constant up.
+fn regressors(window: &Window, base_radps: f64, harmonics: usize) -> DMatrix<f64> {
+    let drift = 2 * harmonics;
+    let mut rows = DMatrix::zeros(window.samples.len(), drift + 1 + DEGREES_A_PERIOD * window.periods);
+    let half = 0.5 * window.samples.len() as f64;
+    for (i, t_s) in window.times_s().enumerate() {
+        for k in 0..harmonics {
+            let (sin, cos) = ((k + 1) as f64 * base_radps * t_s).sin_cos();
+            (rows[(i, 2 * k)], rows[(i, 2 * k + 1)]) = (cos, sin);
+        }
+        let u = (i as f64 + 0.5) / half - 1.0;
+        (rows[(i, drift)], rows[(i, drift + 1)]) = (1.0, u);
+        for column in drift + 2..rows.ncols() {
+            // Bonnet's recursion: n P_n = (2n - 1) u P_{n-1} - (n - 1) P_{n-2}
+            let n = (column - drift) as f64;
+            rows[(i, column)] = ((2.0 * n - 1.0) * u * rows[(i, column - 1)] - (n - 1.0) * rows[(i, column - 2)]) / n;
+        }
+    }
+    rows
+}
+
+fn refuse_weak(accel_mps2: &[Vec<[f64; 2]>; CHANNELS]) -> Result<(), FitFault> {
+    let found_mps2 = accel_mps2.iter().flatten().map(|[c, s]| c.hypot(*s)).fold(0.0, f64::max);
+    // written so that not-a-number is refused too
+    if found_mps2 >= WEAKEST_MPS2 && found_mps2.is_finite() {
+        Ok(())
+    } else {
+        Err(FitFault::TooWeak { found_mps2, needed_mps2: WEAKEST_MPS2 })
+    }
+}
+
+/// The plate's velocity (App. B, harmonic by harmonic) out of the channels' acceleration coefficients.
+fn twist_wave(accel_mps2: &[Vec<[f64; 2]>; CHANNELS], base_radps: f64, accelerometer_in_plate_m: Vec2) -> TwistWave {
+    let [x1, y1, x2, y2] = accel_mps2;
+    let channels = x1.iter().zip(y1).zip(x2).zip(y2).enumerate();
+    let harmonics = channels.map(|(k, (((x1, y1), x2), y2))| {
+        let per_speed = (k + 1) as f64 * base_radps;
+        let twist = |i: usize| {
+            let corners = [Vec2::new(x1[i], y1[i]), Vec2::new(x2[i], y2[i])];
+            twist_from_corners(corners[0], corners[1], accelerometer_in_plate_m) * per_speed.recip()
+        };
+        let [of_cos, of_sin]: [Twist; 2] = [twist(0), twist(1)];
+        TwistHarmonic { cos: -of_sin, sin: of_cos }
+    });
+    TwistWave { base_radps, harmonics: harmonics.collect() }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,290 @@
+use super::coarse::{Coarse, UNITS};
+use super::disk::Disk;
+use super::judge::{LEAST_SCORE, PartJudge, kernel_radius_px, overlap, reach_px};
+use super::outline::PlateCells;
+use super::response::DiskResponder;
+use super::rim::RimFit;
+use super::sampling::Sampler;
+use super::shading::Shading;
+use super::{Detection, Plane, Table};
+use upm_core::geometry::Vec2;
+use upm_core::rig::PartKind;
+use upm_core::signal::Frame;
+
+/// A part's darkness against the plate, 0 to 1, must reach this anywhere for parts to be looked for.
+const LEAST_CONTRAST: f32 = 0.2;
+/// A peak's height against the highest one's below which it is not looked at closely; a hand may be darker than parts.
+const LEAST_PEAK: f32 = 0.5;
+/// The picture is averaged over squares until the smallest kernel has this radius, cells.
+const KERNEL_CELLS: f64 = 7.0;
+/// Most cells convolved at once, and most places looked at closely.
+const MOST_CELLS: f64 = 4e6;
+const MOST_CANDIDATES: usize = 2048;
+/// How far a radius may be from its kind's at last, as a part of it.
+const RADIUS_TOLERANCE: f64 = 0.05;
+/// A rim of which more neighbouring rays than this show nothing may be a finger's end.
+const WIDEST_GAP: usize = 14;
+/// Share of such a gap that others have to fill, and how near they have to be for that, px.
+const FILLED: f64 = 0.75;
+const FILLED_WITHIN_PX: f64 = 6.0;
+/// A place known no better than this along any direction is none, px².
+const LARGEST_VARIANCE_PX2: f64 = 0.12;
+/// A rim looked at from a centre that was off by more than this is looked at once more, px.
+const SETTLED_PX: f64 = 0.1;
+
+/// Finds every part on the plate in a whole frame: the darkness of the averaged picture against the bare plate,
+/// convolved with a solid disk of each kind's radius; peaks; rims in the frame as it came.
+pub struct CoinFinder {
+    table: Table,
+    judge: PartJudge,
+    /// Of each kind, px.
+    disks: Vec<Disk>,
+    /// Reach of each kind's disk, cells.
+    reaches: Vec<f64>,
+    frame_size: [usize; 2],
+    plate: PlateCells,
+    responder: DiskResponder,
+    inverse: Vec<f32>,
+    responses: Vec<Vec<f32>>,
+    /// Highest of the last responses.
+    strongest: f32,
+}
+
+struct Candidate {
+    value: f32,
+    kind: usize,
+    cell: [usize; 2],
+}
+
+/// A part, maybe.
+struct Found {
+    part: Detection,
+    /// Rays that agree on its rim.
+    agreeing: usize,
+    /// Places just beyond the rim, m, where a wide stretch of it does not show.
+    gap: Vec<Vec2>,
+}
+
+impl CoinFinder {
+    /// For frames of `frame_size` (columns, rows), kinds of parts and whether parts are darker than the plate.
+    /// Kernels take the plate's mean scale.
+    pub fn new(table: &Table, frame_size: [usize; 2], kinds: &[PartKind], dark_parts: bool) -> Self {
+        let scale = table.mean_px_per_m();
+        let radii: Vec<f64> = kinds.iter().map(|kind| kernel_radius_px(table, kind, scale)).collect();
+        let bin = bin_for(table, frame_size, &radii);
+        // A cell across the edge is partly ground.
+        let plate = PlateCells::new(table, frame_size, bin, 2.0 + 0.75 * bin as f64);
+        let [width, height] = plate.size;
+        let binned: Vec<Disk> = radii.iter().map(|radius| Disk::new(radius / bin as f64)).collect();
+        Self {
+            table: table.clone(),
+            judge: PartJudge::new(kinds, dark_parts),
+            disks: radii.iter().map(|&radius| Disk::new(radius)).collect(),
+            reaches: binned.iter().map(|disk| disk.reach() as f64).collect(),
+            frame_size,
+            plate,
+            responder: DiskResponder::new(width, height, binned),
+            inverse: vec![0.0; width],
+            responses: vec![vec![0.0; width * height]; kinds.len()],
+            strongest: 0.0,
+        }
+    }
+
+    /// All parts in `frame`, sorted from the top of the picture to the bottom (by `center_px.y`, then x).
+    /// None in a frame of another size than told.
+    pub fn find(&mut self, frame: &Frame) -> Vec<Detection> {
+        self.strongest = 0.0;
+        let Some(sampler) = Sampler::new(frame) else { return Vec::new() };
+        if [frame.width, frame.height] != self.frame_size || self.plate.spans.is_empty() || self.disks.is_empty() {
+            return Vec::new();
+        }
+        let picture = Coarse::part_of(frame, self.plate.bin, self.plate.corner, self.plate.size);
+        self.load_darkness(&picture);
+        for (kind, response) in self.responses.iter_mut().enumerate() {
+            self.responder.respond(kind, response);
+            self.strongest =
+                response.iter().fold(self.strongest, |best, &value| if value > best { value } else { best });
+        }
+        if self.strongest < LEAST_CONTRAST {
+            return Vec::new();
+        }
+        let candidates = self.candidates();
+        let found: Vec<Found> =
+            candidates.iter().filter_map(|candidate| self.examine(frame, &sampler, &picture, candidate)).collect();
+        self.agreed(found)
+    }
+
+    /// The last response of kind 0, over the whole frame: 1 where a part covers the whole kernel, 0 off the plate. One
+    /// value for each square of pixels that the picture was averaged over.
+    pub fn response(&self) -> Plane {
+        let [width, height] = self.frame_size.map(|n| n / self.plate.bin);
+        let mut plane = Plane { width, height, values: vec![0.0; width * height] };
+        let Some(response) = self.responses.first() else { return plane };
+        let scale = if self.strongest > 0.0 { 1.0 / self.strongest.max(LEAST_CONTRAST) } else { 0.0 };
+        for (row, values) in response.chunks_exact(self.plate.size[0].max(1)).enumerate() {
+            let start = (self.plate.corner[1] + row) * width + self.plate.corner[0];
+            let target = plane.values.get_mut(start..start + values.len()).into_iter().flatten();
+            target.zip(values).for_each(|(to, &value)| *to = (value * scale).clamp(0.0, 1.0));
+        }
+        plane
+    }
+
+    /// Loads the darkness against the bare plate, 0 to 1; 0 beyond the plate's outline.
+    fn load_darkness(&mut self, picture: &Coarse) {
+        let Self { plate, judge, responder, inverse, .. } = self;
+        let shading = Shading::fit(picture, plate, judge.dark_parts);
+        let sign = if judge.dark_parts { 1.0f32 } else { -1.0 };
+        let unit = 1.0 / f32::from(UNITS);
+        responder.load(|row, darkness| {
+            darkness.fill(0.0);
+            let Some(&(from, to)) = plate.spans.get(row).filter(|_| row < picture.height) else { return };
+            shading.inverse_row(row, inverse);
+            let levels = picture.row(row)[from..to].iter().zip(&inverse[from..to]);
+            for (dark, (&level, inverse)) in darkness[from..to].iter_mut().zip(levels) {
+                *dark = (sign * (1.0 - f32::from(level) * unit * inverse)).clamp(0.0, 1.0);
+            }
+        });
+    }
+
+    /// Peaks of all responses, kind by kind, highest first.
+    fn candidates(&self) -> Vec<Candidate> {
+        let mut peaks = Vec::new();
+        for (kind, response) in self.responses.iter().enumerate() {
+            let near = (0.4 * self.reaches[kind]).max(1.0);
+            let mut own = self.peaks(kind, response);
+            own.sort_by(|a, b| b.value.total_cmp(&a.value).then(a.cell.cmp(&b.cell)));
+            let mut kept: Vec<Candidate> = Vec::new();
+            for candidate in own {
+                let distance = |other: &Candidate| {
+                    let [dx, dy] = [0, 1].map(|i| candidate.cell[i] as f64 - other.cell[i] as f64);
+                    dx.hypot(dy)
+                };
+                if kept.len() < MOST_CANDIDATES && kept.iter().all(|other| distance(other) > near) {
+                    kept.push(candidate);
+                }
+            }
+            peaks.extend(kept);
+        }
+        peaks
+    }
+
+    /// Cells no lower than their neighbours, and a lattice over what a larger part covers without a peak.
+    fn peaks(&self, kind: usize, response: &[f32]) -> Vec<Candidate> {
+        let [width, height] = self.plate.size;
+        let (least, full) = (LEAST_PEAK * self.strongest, 0.999 * self.strongest);
+        let mut found = Vec::new();
+        for y in 1..height.saturating_sub(1) {
+            let [above, here, below] = [y - 1, y, y + 1].map(|row| &response[row * width..][..width]);
+            for x in 1..width.saturating_sub(1) {
+                let value = here[x];
+                if value > least {
+                    let later = || value > here[x + 1] && below[x - 1..=x + 1].iter().all(|&b| value > b);
+                    let peak = || value >= here[x - 1] && above[x - 1..=x + 1].iter().all(|&a| value >= a);
+                    let flat = || value >= full && x % 2 == 0 && y % 2 == 0;
+                    if (later() && peak()) || flat() {
+                        found.push(Candidate { value, kind, cell: [x, y] });
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// A candidate's place below a cell, by a parabola each way.
+    fn place(&self, candidate: &Candidate) -> Vec2 {
+        let ([x, y], width) = (candidate.cell, self.plate.size[0]);
+        let response = &self.responses[candidate.kind];
+        let off = |step: usize| {
+            let i = y * width + x;
+            let [before, here, after] = [i - step, i, i + step].map(|i| f64::from(response[i]));
+            let bend = 2.0 * here - before - after;
+            if bend > 1e-6 { (0.5 * (after - before) / bend).clamp(-0.5, 0.5) } else { 0.0 }
+        };
+        Vec2::new(x as f64 + off(1), y as f64 + off(width))
+    }
+
+    /// Rim of a candidate, close by or else with wide reach; then once more as the kind its radius tells.
+    fn examine(&self, frame: &Frame, sampler: &Sampler, picture: &Coarse, candidate: &Candidate) -> Option<Found> {
+        let center_px = picture.frame_from_cell(self.place(candidate));
+        let kind = candidate.kind;
+        let foot_m = self.judge.foot_below(&self.table, kind, center_px);
+        let close = |kind: usize, foot_m| {
+            let reach_px = reach_px(self.disks[kind].reach() as f64);
+            self.judge.rim::<9>(sampler, &self.table, kind, foot_m, reach_px)
+        };
+        let wide = || {
+            let reach_px = (0.2 * self.disks[kind].reach() as f64).max(5.0);
+            self.judge.rim::<25>(sampler, &self.table, kind, foot_m, reach_px)
+        };
+        let first = close(kind, foot_m).or_else(wide)?;
+        let (kind, fit) = self.settled(first, close)?;
+        let radius_m = self.judge.kinds.get(kind)?.radius_m;
+        let variance_px2 = fit.covariance_px2.symmetric_eigenvalues().max();
+        if variance_px2 > LARGEST_VARIANCE_PX2 || (fit.radius_m / radius_m - 1.0).abs() > RADIUS_TOLERANCE {
+            return None;
+        }
+        let part = self.judge.detection(frame, &fit, kind, &self.disks[kind])?;
+        let on_plate = self.table.holds(part.position_m, 0.75 * radius_m);
+        let beyond = fit.radius_m + FILLED_WITHIN_PX / self.table.px_per_m_at(fit.foot_m);
+        let gap: Vec<Vec2> = fit.gap().map(|ray| fit.foot_m + ray * beyond).collect();
+        let gap = if gap.len() > WIDEST_GAP { gap } else { Vec::new() };
+        (on_plate && part.score >= LEAST_SCORE).then_some(Found { part, agreeing: fit.agreeing, gap })
+    }
+
+    /// Of parts that cannot both be there, those whose rims are seen best; in the picture's order. A rim with a wide gap
+    /// has to have it filled by others or by the plate's edge.
+    fn agreed(&self, mut found: Vec<Found>) -> Vec<Detection> {
+        found.sort_by(|a, b| {
+            let open = |found: &Found| !found.gap.is_empty();
+            let place = |found: &Found| found.part.center_px.y;
+            let score = b.part.score.total_cmp(&a.part.score);
+            open(a).cmp(&open(b)).then(b.agreeing.cmp(&a.agreeing)).then(score).then(place(a).total_cmp(&place(b)))
+        });
+        let mut kept: Vec<Detection> = Vec::with_capacity(found.len());
+        for Found { part, gap, .. } in found {
+            let filled = gap.iter().filter(|&&place| self.is_filled(place, &kept)).count() as f64;
+            if filled >= FILLED * gap.len() as f64 && kept.iter().all(|other| !overlap(other, &part)) {
+                kept.push(part);
+            }
+        }
+        kept.sort_by(|a, b| a.center_px.y.total_cmp(&b.center_px.y).then(a.center_px.x.total_cmp(&b.center_px.x)));
+        kept
+    }
+
+    /// True where a part lies, or nearly, or the plate ends.
+    fn is_filled(&self, place_m: Vec2, parts: &[Detection]) -> bool {
+        let margin_m = FILLED_WITHIN_PX / self.table.mean_px_per_m();
+        let covers = |part: &Detection| {
+            let radius_m = self.judge.kinds.get(part.kind).map_or(0.0, |kind| kind.radius_m);
+            (part.position_m - place_m).norm() < radius_m + margin_m
+        };
+        !self.table.holds(place_m, 0.5 * margin_m) || parts.iter().any(covers)
+    }
+
+    /// A rim looked at again as the kind it tells and from where it tells, until neither changes: rays from a centre that
+    /// is off, or that end too near the rim, see one side's plate and the other's part too near the window's end.
+    fn settled(&self, first: RimFit, close: impl Fn(usize, Vec2) -> Option<RimFit>) -> Option<(usize, RimFit)> {
+        let (mut fit, mut kind) = (first, self.judge.nearest_kind(first.radius_m)?);
+        for _ in 0..5 {
+            let again = close(kind, fit.foot_m)?;
+            let moved_px = (again.center_px - fit.center_px).norm();
+            let seen_as = self.judge.nearest_kind(again.radius_m)?;
+            if seen_as == kind && moved_px < SETTLED_PX {
+                return Some((kind, again));
+            }
+            (fit, kind) = (again, seen_as);
+        }
+        close(kind, fit.foot_m).map(|fit| (kind, fit))
+    }
+}
+
+/// Averages over squares of this many pixels a side.
+fn bin_for(table: &Table, frame_size: [usize; 2], radii_px: &[f64]) -> usize {
+    let smallest = radii_px.iter().fold(f64::INFINITY, |a, &b| a.min(b));
+    let fine = (smallest / KERNEL_CELLS).max(1.0);
+    let [width, height] = frame_size.map(|n| n as f64);
+    let area = (1.5 * table.side_px * table.side_px).min(width * height);
+    let least = (area / MOST_CELLS).sqrt();
+    let bin = fine.floor().max(least.ceil());
+    if bin.is_finite() { bin.clamp(1.0, 256.0) as usize } else { 1 }
+}

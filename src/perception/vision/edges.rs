@@ -1,0 +1,266 @@
+//! Edges of an averaged picture: Scharr gradient, thinned to ridges, kept by hysteresis (Canny, 1986).
+//! Thresholds follow the picture's own strongest edges and its noise, so light and contrast do not matter.
+
+use super::Plane;
+use super::coarse::{Coarse, UNITS};
+use upm_core::geometry::Vec2;
+
+/// Weakest gradient that counts as an edge at all, levels a cell.
+const FAINTEST: f32 = 1.5;
+/// Units of the gradient's size in one level a cell: Scharr's weights add up to 32.
+const GRADIENT_UNITS: f32 = 32.0 * UNITS as f32;
+
+/// One edge.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct EdgePoint {
+    /// Where, px of the frame, below a cell.
+    pub(super) at_px: Vec2,
+    /// Unit vector towards the dark.
+    pub(super) outward: Vec2,
+}
+
+/// Size of the gradient, cell by cell.
+struct Gradient<'a> {
+    width: usize,
+    height: usize,
+    /// What it is the gradient of.
+    levels: &'a [i16],
+    /// The larger of both components and half the smaller: the length to -0 and +12 %.
+    size: Vec<i16>,
+}
+
+/// A cell whose gradient is larger than on both sides along its own direction.
+struct Ridge {
+    cell: usize,
+    /// The gradient there, columns and rows.
+    slope: [i16; 2],
+    /// How far off the cell's middle it runs, cells, along the axis nearer to the gradient.
+    offset: f32,
+}
+
+/// The edges of a picture. Where `plane` is given it becomes a picture of them: strength where there is an edge, else 0;
+/// levels a cell.
+pub(super) fn edges(picture: &Coarse, plane: Option<&mut Plane>) -> Vec<EdgePoint> {
+    let smooth;
+    // Averages are smooth enough; pixels as they came are not.
+    let levels = if picture.bin == 1 {
+        smooth = smoothed(picture);
+        &smooth
+    } else {
+        &picture.levels
+    };
+    let gradient = scharr(levels, picture.width, picture.height);
+    let ridges = match thresholds(&gradient) {
+        Some((low, high)) => linked(&gradient, ridges(&gradient, low), high),
+        None => Vec::new(),
+    };
+    if let Some(plane) = plane {
+        *plane = Plane { width: gradient.width, height: gradient.height, values: vec![0.0; gradient.size.len()] };
+        for ridge in &ridges {
+            plane.values[ridge.cell] = f32::from(gradient.size[ridge.cell]) / GRADIENT_UNITS;
+        }
+    }
+    ridges.iter().map(|ridge| gradient.edge_at(ridge, picture)).collect()
+}
+
+/// Binomial smoothing over three cells each way.
+fn smoothed(picture: &Coarse) -> Vec<i16> {
+    let (width, height) = (picture.width, picture.height);
+    let mut across = picture.levels.clone();
+    if width < 3 || height < 3 {
+        return across;
+    }
+    for (to, from) in across.chunks_exact_mut(width).zip(picture.levels.chunks_exact(width)) {
+        let inner = to.get_mut(1..width - 1).into_iter().flatten();
+        inner.zip(from.windows(3)).for_each(|(to, w)| *to = (w[0] + 2 * w[1] + w[2]) >> 2);
+    }
+    let mut out = across.clone();
+    for y in 1..height - 1 {
+        let [above, here, below] = [y - 1, y, y + 1].map(|row| &across[row * width..][..width]);
+        let rows = above.iter().zip(here).zip(below);
+        let target = out[y * width..][..width].iter_mut();
+        target.zip(rows).for_each(|(to, ((a, b), c))| *to = (a + 2 * b + c) >> 2);
+    }
+    out
+}
+
+/// Scharr's 3 × 3 derivative, the one of its size whose direction is truest (Scharr, 2000); 0 on the border.
+fn scharr(levels: &[i16], width: usize, height: usize) -> Gradient<'_> {
+    let mut size = vec![0i16; width * height];
+    if width < 3 || height < 3 {
+        return Gradient { width, height, levels, size };
+    }
+    // Down the columns first: smoothed, and the difference.
+    let [mut sum, mut step, mut gx, mut gy] = [(); 4].map(|()| vec![0i16; width]);
+    for y in 1..height - 1 {
+        let [above, here, below] = [y - 1, y, y + 1].map(|row| &levels[row * width..][..width]);
+        let columns = above.iter().zip(here).zip(below);
+        sum.iter_mut().zip(columns).for_each(|(sum, ((a, b), c))| *sum = 3 * (a + c) + 10 * b);
+        step.iter_mut().zip(above.iter().zip(below)).for_each(|(step, (a, c))| *step = c - a);
+        gx.iter_mut().zip(sum.windows(3)).for_each(|(gx, w)| *gx = w[2] - w[0]);
+        gy.iter_mut().zip(step.windows(3)).for_each(|(gy, w)| *gy = 3 * (w[0] + w[2]) + 10 * w[1]);
+        let target = &mut size[y * width + 1..][..width - 2];
+        for (size, (gx, gy)) in target.iter_mut().zip(gx.iter().zip(&gy)) {
+            let (x, y) = (gx.wrapping_abs(), gy.wrapping_abs());
+            *size = x.max(y) + (x.min(y) >> 1);
+        }
+    }
+    Gradient { width, height, levels, size }
+}
+
+/// Low and high threshold, in the units of the gradient's size; `None` when nothing stands out. The strongest gradients
+/// set the scale: as many cells as an eighth of the picture's half circumference exceed it. The median gradient is that
+/// of the noise, which must stay below.
+fn thresholds(gradient: &Gradient) -> Option<(i16, i16)> {
+    const SHIFT: i16 = 4;
+    const EVERY: usize = 4;
+    let mut counts = [0usize; (i16::MAX >> SHIFT) as usize + 1];
+    let rows = gradient.size.chunks_exact(gradient.width.max(1)).step_by(EVERY);
+    let mut looked_at = 0;
+    for row in rows {
+        row.iter().for_each(|&size| counts[(size.max(0) >> SHIFT) as usize] += 1);
+        looked_at += row.len();
+    }
+    let exceeded_by = |wanted: usize| {
+        let mut seen = 0;
+        let bin = (0..counts.len()).rev().find(|&bin| {
+            seen += counts[bin];
+            seen >= wanted.max(1)
+        });
+        (bin.unwrap_or(0) << SHIFT) as f32
+    };
+    let strongest = exceeded_by((gradient.width + gradient.height).div_ceil(8 * EVERY));
+    let noise = exceeded_by(looked_at / 2);
+    if looked_at == 0 || strongest < 5.0 * noise || strongest < FAINTEST * GRADIENT_UNITS {
+        return None;
+    }
+    let [low, high] = [(0.1 * strongest).max(3.0 * noise), (0.25 * strongest).max(4.5 * noise)];
+    Some((low.max(1.0) as i16, high.max(1.0) as i16))
+}
+
+fn ridges(gradient: &Gradient, low: i16) -> Vec<Ridge> {
+    /// Most cells lie in stretches where nothing is: each is looked at as a whole first.
+    const STRETCH: usize = 16;
+    let (width, height) = (gradient.width, gradient.height);
+    let mut found = Vec::new();
+    for y in 2..height.saturating_sub(2) {
+        let first = y * width + 2;
+        let inner = &gradient.size[first..first + width.saturating_sub(4)];
+        for (stretch, sizes) in inner.chunks(STRETCH).enumerate() {
+            if sizes.iter().fold(0, |largest, &size| largest.max(size)) < low {
+                continue;
+            }
+            for (x, _) in sizes.iter().enumerate().filter(|(_, size)| **size >= low) {
+                found.extend(gradient.ridge_through(first + stretch * STRETCH + x));
+            }
+        }
+    }
+    found
+}
+
+/// The ridges that hang together with one above `high`.
+fn linked(gradient: &Gradient, mut ridges: Vec<Ridge>, high: i16) -> Vec<Ridge> {
+    const WEAK: u8 = 1;
+    const KEPT: u8 = 2;
+    let width = gradient.width;
+    let mut marks = vec![0u8; gradient.size.len()];
+    let mut open = Vec::new();
+    for ridge in &ridges {
+        let strong = gradient.size[ridge.cell] >= high;
+        marks[ridge.cell] = if strong { KEPT } else { WEAK };
+        open.extend(strong.then_some(ridge.cell));
+    }
+    while let Some(i) = open.pop() {
+        for row in [i - width, i, i + width] {
+            for (j, mark) in (row - 1..).zip(&mut marks[row - 1..=row + 1]) {
+                if *mark == WEAK {
+                    *mark = KEPT;
+                    open.push(j);
+                }
+            }
+        }
+    }
+    ridges.retain(|ridge| marks[ridge.cell] == KEPT);
+    ridges
+}
+
+impl Gradient<'_> {
+    /// Both components at a cell off the border.
+    fn at(&self, cell: usize) -> [i16; 2] {
+        let row = |cell: usize| [self.levels[cell - 1], self.levels[cell], self.levels[cell + 1]];
+        let (a, b, c) = (row(cell - self.width), row(cell), row(cell + self.width));
+        let x = 3 * (a[2] - a[0] + c[2] - c[0]) + 10 * (b[2] - b[0]);
+        let y = 3 * (c[0] - a[0] + c[2] - a[2]) + 10 * (c[1] - a[1]);
+        [x, y]
+    }
+
+    /// The ridge that passes through a cell two or more off the border; `None` when none does.
+    fn ridge_through(&self, cell: usize) -> Option<Ridge> {
+        let slope = self.at(cell);
+        let across = slope[0].abs() >= slope[1].abs();
+        let step = if across { 1 } else { self.width };
+        let [before, here, after] = [cell - step, cell, cell + step].map(|i| f32::from(self.size[i]));
+        let offset = 0.5 * (after - before) / (2.0 * here - after - before);
+        (here > after && here >= before).then_some(Ridge { cell, slope, offset })
+    }
+
+    fn edge_at(&self, ridge: &Ridge, picture: &Coarse) -> EdgePoint {
+        let (x, y) = ((ridge.cell % self.width) as f64, (ridge.cell / self.width) as f64);
+        let slope = Vec2::new(f64::from(ridge.slope[0]), f64::from(ridge.slope[1]));
+        let off = f64::from(ridge.offset);
+        let cell = if slope.x.abs() >= slope.y.abs() { Vec2::new(x + off, y) } else { Vec2::new(x, y + off) };
+        EdgePoint { at_px: picture.frame_from_cell(cell), outward: slope / -slope.norm() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use upm_core::signal::Frame;
+
+    fn step(width: usize, height: usize, edge: usize) -> Frame {
+        let mut frame = Frame::new(width, height);
+        frame.pixels.chunks_exact_mut(width).for_each(|row| row[edge..].fill(200));
+        frame
+    }
+
+    #[test]
+    fn a_step_is_one_line_of_edges_in_the_right_place() {
+        for (bin, edge, cells) in [(1, 17, 26), (2, 33, 26), (4, 66, 26)] {
+            let mut plane = Plane::default();
+            let points = edges(&Coarse::of(&step(40 * bin, 30 * bin, edge), bin), Some(&mut plane));
+            assert_eq!(points.len(), cells);
+            for point in &points {
+                assert!((point.at_px.x - (edge as f64 - 0.5)).abs() < 0.2 * bin as f64, "{point:?} {edge}");
+                assert!(point.outward.x < -0.999 && point.outward.y.abs() < 1e-3);
+            }
+            assert_eq!(plane.values.iter().filter(|&&v| v > 0.0).count(), cells);
+        }
+    }
+
+    #[test]
+    fn a_slanted_edge_is_found_below_a_cell() {
+        let (sin, cos) = 0.35f64.sin_cos();
+        let mut frame = Frame::new(320, 240);
+        for (i, pixel) in frame.pixels.iter_mut().enumerate() {
+            let off = ((i % 320) as f64 - 160.0) * cos + ((i / 320) as f64 - 120.0) * sin;
+            *pixel = (110.0 - 100.0 * (off * 2.0).clamp(-1.0, 1.0)) as u8;
+        }
+        let points = edges(&Coarse::of(&frame, 4), None);
+        assert!(points.len() > 50);
+        for point in &points {
+            let off = (point.at_px - Vec2::new(160.0, 120.0)).dot(&Vec2::new(cos, sin));
+            assert!(off.abs() < 0.9, "{off} px off at {:?}", point.at_px);
+            assert!(point.outward.dot(&Vec2::new(cos, sin)) > 0.995, "{point:?}");
+        }
+    }
+
+    #[test]
+    fn flat_and_tiny_pictures_have_no_edges() {
+        for (width, height) in [(1, 1), (2, 50), (5000, 3), (64, 64)] {
+            for bin in [1, 2, 4] {
+                assert!(edges(&Coarse::of(&Frame::new(width, height), bin), None).is_empty());
+            }
+        }
+    }
+}

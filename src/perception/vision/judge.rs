@@ -1,0 +1,86 @@
+use super::disk::Disk;
+use super::rim::{RimFinder, RimFit, RimGuess};
+use super::sampling::Sampler;
+use super::{Detection, Table};
+use upm_core::geometry::Vec2;
+use upm_core::rig::PartKind;
+use upm_core::signal::Frame;
+
+/// A part's score below this is no part.
+pub(super) const LEAST_SCORE: f64 = 0.75;
+/// How far a measured radius may be from its kind's, as a part of it.
+const RADIUS_TOLERANCE: f64 = 0.08;
+/// Two parts are nearer than this share of their radii's sum only when they are one.
+pub(super) const APART: f64 = 0.8;
+
+/// Looks at a rim and says which part it is, if it is one. Shared by the full search and the tracker.
+pub(super) struct PartJudge {
+    pub(super) kinds: Vec<PartKind>,
+    pub(super) dark_parts: bool,
+    rim: RimFinder,
+}
+
+impl PartJudge {
+    pub(super) fn new(kinds: &[PartKind], dark_parts: bool) -> Self {
+        Self { kinds: kinds.to_vec(), dark_parts, rim: RimFinder::new(dark_parts) }
+    }
+
+    /// The rim of a part of `kind` whose foot is near `foot_m`: rays of `N` samples over `reach_px` to both sides of it.
+    pub(super) fn rim<const N: usize>(
+        &self,
+        sampler: &Sampler,
+        table: &Table,
+        kind: usize,
+        foot_m: Vec2,
+        reach_px: f64,
+    ) -> Option<RimFit> {
+        let PartKind { radius_m, thickness_m, .. } = *self.kinds.get(kind)?;
+        self.rim.fit::<N>(sampler, table, &RimGuess { foot_m, radius_m, thickness_m, reach_px })
+    }
+
+    /// Where the foot of a part of `kind` is whose outline's middle is seen at `center_px`.
+    pub(super) fn foot_below(&self, table: &Table, kind: usize, center_px: Vec2) -> Vec2 {
+        let seen = table.table_from_image(center_px);
+        let thickness_m = self.kinds.get(kind).map_or(0.0, |k| k.thickness_m);
+        seen - table.parallax(seen, thickness_m).0 / 2.0
+    }
+
+    /// The kind whose radius comes nearest, `None` when none comes near.
+    pub(super) fn nearest_kind(&self, radius_m: f64) -> Option<usize> {
+        let off = |kind: &PartKind| (radius_m / kind.radius_m - 1.0).abs();
+        let best = (0..self.kinds.len()).min_by(|&a, &b| off(&self.kinds[a]).total_cmp(&off(&self.kinds[b])))?;
+        (off(&self.kinds[best]) < RADIUS_TOLERANCE).then_some(best)
+    }
+
+    /// What a rim shows, as a part of `kind`; `disk` is the kind's. `None` where the disk does not fit the frame.
+    pub(super) fn detection(&self, frame: &Frame, fit: &RimFit, kind: usize, disk: &Disk) -> Option<Detection> {
+        let [x, y] = [fit.center_px.x, fit.center_px.y].map(|v| v.round() as i64);
+        let (x, y) = disk.fitted(frame, x, y)?;
+        let contrast = f64::from(fit.plate_level - fit.part_level);
+        let score = ((f64::from(fit.plate_level) - disk.mean(frame, x, y)) / contrast).clamp(0.0, 1.0);
+        Some(Detection {
+            kind,
+            center_px: fit.center_px,
+            radius_px: fit.radius_px,
+            position_m: fit.foot_m,
+            score,
+            covariance_px2: fit.covariance_px2,
+        })
+    }
+}
+
+/// Half the length of the close look across a rim of that radius, px.
+pub(super) fn reach_px(radius_px: f64) -> f64 {
+    4.0f64.min(0.4 * radius_px)
+}
+
+/// Radius of the disk that a part of `kind` shows, px; no larger than the plate.
+pub(super) fn kernel_radius_px(table: &Table, kind: &PartKind, px_per_m: f64) -> f64 {
+    let shown = kind.radius_m * px_per_m * (1.0 + table.parallax(Vec2::zeros(), kind.thickness_m).1);
+    shown.clamp(0.0, table.side_px.max(0.0))
+}
+
+/// True when two detections cannot be two parts.
+pub(super) fn overlap(a: &Detection, b: &Detection) -> bool {
+    (a.center_px - b.center_px).norm() < APART * (a.radius_px + b.radius_px)
+}

@@ -1,0 +1,193 @@
+//! Sides of the table to a small part of a pixel: many profiles across a side, their half-level crossings,
+//! a straight line through them that disbelieves what does not fit (coins over the edge, a hand).
+
+use super::hough::{IdealEdge, Line};
+use super::sampling::{Sampler, biweight, quantile, rising_crossing};
+use upm_core::geometry::{Lens, Vec2};
+
+/// Share of a side at each end that is left out: there the blur of the next side reaches in.
+const ENDS: f64 = 0.03;
+/// Least share of profiles that must agree.
+const LEAST_AGREEING: f64 = 0.2;
+/// Least step across a side, levels.
+const FAINTEST: f64 = 4.0;
+
+/// One edge found across a side: place along it and distance from it, ideal px, and how strong.
+struct Crossing {
+    along: f64,
+    across: f64,
+    contrast: f64,
+}
+
+/// A look at one side of the table.
+#[derive(Clone, Copy)]
+pub(super) struct SideLook<'a> {
+    pub(super) sampler: &'a Sampler<'a>,
+    pub(super) lens: &'a Lens,
+    /// True when the plate is lighter than the ground.
+    pub(super) bright: bool,
+    /// Most profiles taken.
+    pub(super) stations: usize,
+    /// True when the side is known so well that most of the profiles show it.
+    pub(super) known: bool,
+}
+
+/// A side as it is seen at first: the least-squares line through the edges near `from → to` (ideal px, the plate to the
+/// right hand, y down) whose dark side lies along `outward`. `None` when there are too few.
+pub(super) fn through_edges(edges: &[IdealEdge], from: Vec2, to: Vec2, outward: Vec2, reach_px: f64) -> Option<Line> {
+    let (along, inward) = axes(from, to);
+    let length = (to - from).norm();
+    let (mut n, mut st, mut stt, mut sy, mut sty) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for edge in edges {
+        let (t, y) = ((edge.at - from).dot(&along), (edge.at - from).dot(&inward));
+        if y.abs() < reach_px && t > 0.0 && t < length && edge.outward.dot(&outward) > 0.966 {
+            (n, st, stt, sy, sty) = (n + 1.0, st + t, stt + t * t, sy + y, sty + t * y);
+        }
+    }
+    let det = n * stt - st * st;
+    if n < 4.0 || det.is_nan() || det <= 1e-9 * n * stt {
+        return None;
+    }
+    let slope = (n * sty - st * sy) / det;
+    let offset = (sy - slope * st) / n;
+    Some(Line::through(from + inward * offset, to + inward * (offset + slope * length)))
+}
+
+impl SideLook<'_> {
+    /// The side near `from → to`, looked for over `N` pixels. `None` when too little of it shows.
+    pub(super) fn refine<const N: usize>(&self, from: Vec2, to: Vec2) -> Option<Line> {
+        let stations = ((to - from).norm() as usize).clamp(40, self.stations.max(40));
+        let mut crossings = self.crossings::<N>(from, to, stations);
+        let mut contrasts: Vec<f64> = crossings.iter().map(|c| c.contrast).collect();
+        let least = (0.35 * quantile(&mut contrasts, 0.75)).max(FAINTEST);
+        crossings.retain(|c| c.contrast > least);
+        let (offset, slope) = fit(&crossings, stations, self.known)?;
+        let (along, inward) = axes(from, to);
+        let length = (to - from).norm();
+        let a = from + inward * offset;
+        let b = from + along * length + inward * (offset + slope * length);
+        Some(Line::through(a, b))
+    }
+
+    fn crossings<const N: usize>(&self, from: Vec2, to: Vec2, stations: usize) -> Vec<Crossing> {
+        let (along, inward) = axes(from, to);
+        let length = (to - from).norm();
+        let middle = (N as f64 - 1.0) / 2.0;
+        let sign = if self.bright { 1.0 } else { -1.0 };
+        let mut found = Vec::with_capacity(stations);
+        for station in 0..stations {
+            let t = length * (ENDS + (1.0 - 2.0 * ENDS) * (station as f64 + 0.5) / stations as f64);
+            let ideal = from + along * t;
+            let (center, step) = if self.lens.is_ideal() {
+                (ideal, inward)
+            } else {
+                (self.lens.image_from_ideal(ideal), self.lens.jacobian_at_ideal(ideal) * inward)
+            };
+            let scale = step.norm();
+            let step = step / scale;
+            if !(scale > 0.1 && self.sampler.contains(center, 1.0)) {
+                continue;
+            }
+            let profile = self.profile::<N>(center - step * middle, center + step * middle).map(|level| sign * level);
+            let outside = (profile[0] + profile[1]) / 2.0;
+            let inside = (profile[N - 1] + profile[N - 2]) / 2.0;
+            if let Some(at) = rising_crossing(&profile, outside, inside) {
+                let across = (at - middle) / scale;
+                found.push(Crossing { along: t, across, contrast: f64::from(inside - outside) });
+            }
+        }
+        found
+    }
+
+    fn profile<const N: usize>(&self, from: Vec2, to: Vec2) -> [f32; N] {
+        self.sampler.along::<N>(from, to).unwrap_or_else(|| {
+            std::array::from_fn(|k| {
+                let p = from + (to - from) * (k as f64 / (N as f64 - 1.0));
+                self.sampler.at(p.x, p.y)
+            })
+        })
+    }
+}
+
+fn axes(from: Vec2, to: Vec2) -> (Vec2, Vec2) {
+    let along = (to - from).normalize();
+    (along, Vec2::new(-along.y, along.x))
+}
+
+/// `across = offset + slope · along` by least squares with biweights about the median (Beaton and Tukey, 1974).
+/// A line that is `known` is the axis itself, to within what the biweights reach.
+fn fit(crossings: &[Crossing], stations: usize, known: bool) -> Option<(f64, f64)> {
+    const ROUNDS: usize = 5;
+    let least = (LEAST_AGREEING * stations as f64).max(6.0);
+    if (crossings.len() as f64) < least {
+        return None;
+    }
+    let mut scratch = Vec::with_capacity(crossings.len());
+    let (mut offset, mut slope) = if known { (0.0, 0.0) } else { least_median_start(crossings, &mut scratch) };
+    let mut agreeing = 0;
+    for _ in 0..ROUNDS {
+        scratch.clear();
+        scratch.extend(crossings.iter().map(|c| (c.across - offset - slope * c.along).abs()));
+        let sd = (1.4826 * quantile(&mut scratch, 0.5)).max(0.01);
+        let (mut n, mut st, mut stt, mut sy, mut sty) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        agreeing = 0;
+        for c in crossings {
+            let w = biweight((c.across - offset - slope * c.along) / sd);
+            agreeing += usize::from(w > 0.0);
+            n += w;
+            st += w * c.along;
+            stt += w * c.along * c.along;
+            sy += w * c.across;
+            sty += w * c.along * c.across;
+        }
+        let det = n * stt - st * st;
+        if det <= 1e-9 * n * stt || det.is_nan() {
+            return None;
+        }
+        slope = (n * sty - st * sy) / det;
+        offset = (sy - slope * st) / n;
+    }
+    (agreeing as f64 >= least).then_some((offset, slope))
+}
+
+/// Of the lines through pairs of crossings half the side apart, the one with the least median residual
+/// (Rousseeuw, 1984), so that what follows starts among the majority.
+fn least_median_start(crossings: &[Crossing], scratch: &mut Vec<f64>) -> (f64, f64) {
+    const PAIRS: usize = 24;
+    const SAMPLES: usize = 48;
+    let half = crossings.len() / 2;
+    let step = crossings.len().div_ceil(SAMPLES);
+    let mut best = (f64::INFINITY, (0.0, 0.0));
+    for pair in 0..PAIRS {
+        let first = pair * half / PAIRS;
+        let (a, b) = (&crossings[first], &crossings[first + half]);
+        let slope = (b.across - a.across) / (b.along - a.along);
+        let offset = a.across - slope * a.along;
+        scratch.clear();
+        scratch.extend(crossings.iter().step_by(step).map(|c| (c.across - offset - slope * c.along).abs()));
+        let median = quantile(scratch, 0.5);
+        if median < best.0 {
+            best = (median, (offset, slope));
+        }
+    }
+    best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_third_of_wild_crossings_does_not_move_the_line() {
+        let crossings: Vec<_> = (0..300)
+            .map(|i| {
+                let along = f64::from(i);
+                let wild = (80..180).contains(&i);
+                Crossing { along, across: if wild { 3.0 } else { 0.2 + 0.004 * along }, contrast: 100.0 }
+            })
+            .collect();
+        let (offset, slope) = fit(&crossings, 300, false).unwrap();
+        assert!((offset - 0.2).abs() < 0.01 && (slope - 0.004).abs() < 1e-4, "{offset} {slope}");
+        assert!(fit(&crossings[..30], 300, false).is_none());
+    }
+}

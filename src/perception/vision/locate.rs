@@ -1,0 +1,299 @@
+use nalgebra::Matrix2;
+
+use super::coarse::Coarse;
+use super::edges::{EdgePoint, edges};
+use super::hough::{Ballot, IdealEdge, Line};
+use super::lines::{SideLook, through_edges};
+use super::quad::{Quad, SeenLine, quads};
+use super::sampling::Sampler;
+use super::{Stages, Table};
+use upm_core::geometry::{Lens, Vec2};
+use upm_core::signal::Frame;
+
+/// Most pixels a picture may have.
+const MOST_PIXELS: usize = 64_000_000;
+/// Shortest side of a picture, px.
+const LEAST_SIZE: usize = 32;
+/// Lines looked at: a table's four, a second table's, and clutter.
+const MOST_LINES: usize = 16;
+/// Weakest line looked at, as a part of the strongest one's votes.
+const LEAST_LINE: f32 = 0.12;
+/// The picture is averaged over squares as long as its short side keeps so many cells.
+const COARSE_CELLS: usize = 200;
+
+/// Why there is no table.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TableFault {
+    /// Width and height do not agree with the number of pixels.
+    #[error("picture of {width} x {height} px holds {pixels} pixels")]
+    Malformed {
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+        /// Gray levels there are.
+        pixels: usize,
+    },
+    /// Nothing can be seen in so small a picture.
+    #[error("picture of {width} x {height} px is too small, {LEAST_SIZE} x {LEAST_SIZE} px are needed")]
+    TooSmall {
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+    },
+    /// More than memory should be spent on.
+    #[error("picture of {width} x {height} px is too large, {MOST_PIXELS} pixels are the most")]
+    TooLarge {
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+    },
+    /// The plate's side is no length.
+    #[error("plate of side {side_m} m: a positive length is needed")]
+    BadSide {
+        /// What was given, m.
+        side_m: f64,
+    },
+    /// The lens is none: a number that is not finite, a focal length that is not positive.
+    #[error("the lens's numbers make no lens")]
+    BadLens,
+    /// An even picture, or nothing but noise.
+    #[error("no edges stand out in the picture")]
+    NoEdges,
+    /// Edges, but too few straight lines.
+    #[error("only {found} straight lines found, a table has 4")]
+    TooFewLines {
+        /// How many there are.
+        found: usize,
+    },
+    /// Lines, but no four that make a square lighter or darker than the ground.
+    #[error("no four lines make a square that is lighter or darker than the ground")]
+    NotASquare,
+    /// Part of the table lies outside the picture.
+    #[error("the table is cut by the picture's border")]
+    CutByFrame,
+    /// A side that hardly shows.
+    #[error("the {side} side of the table is hidden")]
+    SideHidden {
+        /// Which: `top`, `right`, `bottom`, `left`.
+        side: &'static str,
+    },
+    /// Two squares side by side.
+    #[error("more than one table in the picture")]
+    MoreThanOne,
+}
+
+/// Finds the table from nothing: edges, Hough, four peaks, four sides, corners, frame. `side_m` is the plate's side,
+/// `lens` its calibration sheet.
+///
+/// # Errors
+/// When there is not exactly one table to be seen whole; misuse (a picture or lens that is none) as well.
+pub fn locate_table(frame: &Frame, lens: &Lens, side_m: f64) -> Result<Table, TableFault> {
+    located(frame, lens, side_m, None)
+}
+
+/// As [`locate_table`], and shows how: edges and Hough votes are written into `stages` as far as it came, table or not,
+/// both in the cells of the averaged picture; votes are cast in ideal coordinates, where the lens bends nothing.
+///
+/// # Errors
+/// As [`locate_table`].
+pub fn locate_table_in_stages(
+    frame: &Frame,
+    lens: &Lens,
+    side_m: f64,
+    stages: &mut Stages,
+) -> Result<Table, TableFault> {
+    *stages = Stages::default();
+    located(frame, lens, side_m, Some(stages))
+}
+
+fn located(frame: &Frame, lens: &Lens, side_m: f64, mut stages: Option<&mut Stages>) -> Result<Table, TableFault> {
+    check(frame, lens, side_m)?;
+    let Some(sampler) = Sampler::new(frame) else {
+        return Err(TableFault::TooSmall { width: frame.width, height: frame.height });
+    };
+    let bin = (frame.width.min(frame.height) / COARSE_CELLS).max(1);
+    let points = edges(&Coarse::of(frame, bin), stages.as_deref_mut().map(|stages| &mut stages.edges));
+    if points.is_empty() {
+        return Err(TableFault::NoEdges);
+    }
+    let edges = ideal_edges(&points, lens);
+    let size = Vec2::new(frame.width as f64, frame.height as f64);
+    let cell_px = bin as f64;
+    let mut ballot = Ballot::new(&edges, (size - Vec2::repeat(1.0)) / 2.0, size.norm() * 0.6, cell_px);
+    if let Some(stages) = &mut stages {
+        stages.hough = ballot.array();
+    }
+    let (lines, peaks) = strongest_lines(&mut ballot, &edges, cell_px);
+    let quad = choose(&lines, &Seen { lens, sampler: &sampler, frame, edges: &edges, cell_px })?;
+    if let Some(stages) = &mut stages {
+        stages.hough.peaks = quad.lines.iter().filter_map(|&i| peaks.get(i).copied()).collect();
+    }
+    let corners = refined_corners(&sampler, lens, &quad, &edges, bin)?;
+    let table = Table::from_ideal_corners(corners, side_m, lens).ok_or(TableFault::NotASquare)?;
+    if !table.corners_px.iter().all(|&corner| sampler.contains(corner, 0.0)) {
+        return Err(TableFault::CutByFrame);
+    }
+    Ok(table)
+}
+
+/// The strongest lines and their peaks, strongest first; each takes its edges with it.
+fn strongest_lines(ballot: &mut Ballot, edges: &[IdealEdge], cell_px: f64) -> (Vec<SeenLine>, Vec<(usize, usize)>) {
+    let (mut lines, mut peaks): (Vec<SeenLine>, Vec<(usize, usize)>) = (Vec::new(), Vec::new());
+    let mut floor = 0.0;
+    while let Some((peak, votes)) = ballot.highest().filter(|(_, votes)| lines.len() < MOST_LINES && *votes >= floor) {
+        floor = LEAST_LINE * votes.max(floor / LEAST_LINE);
+        let line = ballot.line_at(peak);
+        let (seen, own) = SeenLine::new(line, edges, near_px(cell_px), 2.0 * cell_px);
+        ballot.withdraw(peak, own.iter().filter_map(|&i| edges.get(i)));
+        lines.push(seen);
+        peaks.push(peak);
+    }
+    (lines, peaks)
+}
+
+/// How far from a line of the Hough array its edges may be, px.
+fn near_px(cell_px: f64) -> f64 {
+    (1.5 * cell_px).max(3.0)
+}
+
+fn check(frame: &Frame, lens: &Lens, side_m: f64) -> Result<(), TableFault> {
+    let &Frame { width, height, .. } = frame;
+    if width.checked_mul(height) != Some(frame.pixels.len()) {
+        return Err(TableFault::Malformed { width, height, pixels: frame.pixels.len() });
+    }
+    if frame.pixels.len() > MOST_PIXELS {
+        return Err(TableFault::TooLarge { width, height });
+    }
+    if width < LEAST_SIZE || height < LEAST_SIZE {
+        return Err(TableFault::TooSmall { width, height });
+    }
+    if !(side_m > 0.0 && side_m.is_finite()) {
+        return Err(TableFault::BadSide { side_m });
+    }
+    let numbers = lens.radial.iter().chain(&lens.tangential).chain(lens.principal_px.iter());
+    if !(lens.focal_px > 0.0 && lens.focal_px.is_finite() && numbers.clone().all(|x| x.is_finite())) {
+        return Err(TableFault::BadLens);
+    }
+    Ok(())
+}
+
+/// Edges in ideal coordinates. A gradient is a covector: it goes over by the transposed Jacobian.
+fn ideal_edges(points: &[EdgePoint], lens: &Lens) -> Vec<IdealEdge> {
+    let edges = points.iter().map(|&EdgePoint { at_px, outward }| {
+        if lens.is_ideal() {
+            return IdealEdge { at: at_px, outward };
+        }
+        let at = lens.ideal_from_image(at_px);
+        let outward: Vec2 = Matrix2::transpose(&lens.jacobian_at_ideal(at)) * outward;
+        IdealEdge { at, outward: outward.normalize() }
+    });
+    edges.filter(|edge| edge.at.iter().chain(edge.outward.iter()).all(|x| x.is_finite())).collect()
+}
+
+/// What the lines were found in.
+struct Seen<'a> {
+    lens: &'a Lens,
+    sampler: &'a Sampler<'a>,
+    frame: &'a Frame,
+    edges: &'a [IdealEdge],
+    /// Side of a cell of the averaged picture, px.
+    cell_px: f64,
+}
+
+/// The one table among the lines, or why there is none.
+fn choose(lines: &[SeenLine], seen: &Seen) -> Result<Quad, TableFault> {
+    let inside = |p: Vec2| seen.sampler.contains(seen.lens.image_from_ideal(p), 0.0);
+    let shown = |a: Vec2, b: Vec2| {
+        if inside(a) && inside(b) {
+            return 1.0;
+        }
+        let steps = 32;
+        (0..steps).filter(|&i| inside(a + (b - a) * ((f64::from(i) + 0.5) / f64::from(steps)))).count() as f64
+            / f64::from(steps)
+    };
+    let least_side_px = (0.08 * seen.frame.width.min(seen.frame.height) as f64).max(16.0);
+    let found = quads(lines, least_side_px, shown);
+    let Some(best) = found.first() else {
+        return Err(no_quad(lines, seen));
+    };
+    let best = found.iter().find(|other| best.carries(other)).unwrap_or(best);
+    if !best.corners.iter().all(|&corner| inside(corner)) {
+        return Err(TableFault::CutByFrame);
+    }
+    if found.iter().any(|other| best.rivals(other)) {
+        return Err(TableFault::MoreThanOne);
+    }
+    Ok(best.clone())
+}
+
+/// Tells a table that leaves the picture from something that is no table: two or more of the strongest lines
+/// then run into the picture's border.
+fn no_quad(lines: &[SeenLine], seen: &Seen) -> TableFault {
+    // No edges are found in the two outermost cells.
+    let margin = 0.012 * seen.frame.width.max(seen.frame.height) as f64 + 2.5 * seen.cell_px;
+    let leaves = |line: &Line| {
+        let near = seen.edges.iter().filter(|edge| {
+            line.distance(edge.at).abs() < near_px(seen.cell_px) && edge.outward.dot(&line.normal).abs() > 0.966
+        });
+        let mut at_border = near.filter(|edge| !seen.sampler.contains(seen.lens.image_from_ideal(edge.at), margin));
+        at_border.nth(1).is_some()
+    };
+    if lines.iter().take(4).filter(|strong| leaves(&strong.line)).count() >= 2 {
+        TableFault::CutByFrame
+    } else if lines.len() < 4 {
+        TableFault::TooFewLines { found: lines.len() }
+    } else {
+        TableFault::NotASquare
+    }
+}
+
+/// Corners from the sides: through the edges found, then looked at closely, then once more with all care.
+fn refined_corners(
+    sampler: &Sampler,
+    lens: &Lens,
+    quad: &Quad,
+    edges: &[IdealEdge],
+    bin: usize,
+) -> Result<[Vec2; 4], TableFault> {
+    let look = SideLook { sampler, lens, bright: quad.bright, stations: 96, known: false };
+    let seen = |from: Vec2, to: Vec2| {
+        let outward = Line::through(from, to).normal * if quad.bright { 1.0 } else { -1.0 };
+        through_edges(edges, from, to, outward, near_px(bin as f64))
+    };
+    let corners = from_sides(quad.corners, seen)?;
+    let corners = from_sides(
+        corners,
+        |from, to| {
+            if bin > 6 { look.refine::<25>(from, to) } else { look.refine::<11>(from, to) }
+        },
+    )?;
+    let careful = SideLook { stations: 256, known: true, ..look };
+    from_sides(corners, |from, to| careful.refine::<9>(from, to))
+}
+
+/// Where the sides meet that `side` makes of each pair of corners.
+fn from_sides(corners: [Vec2; 4], mut side: impl FnMut(Vec2, Vec2) -> Option<Line>) -> Result<[Vec2; 4], TableFault> {
+    let mut sides = [Line { normal: Vec2::x(), offset: 0.0 }; 4];
+    for (i, line) in sides.iter_mut().enumerate() {
+        let (from, to) = (corners[i], corners[(i + 1) % 4]);
+        *line = side(from, to).ok_or_else(|| TableFault::SideHidden { side: name_of(from, to) })?;
+    }
+    let mut met = corners;
+    for (i, corner) in met.iter_mut().enumerate() {
+        *corner = sides[(i + 3) % 4].meets(&sides[i]).ok_or(TableFault::NotASquare)?;
+    }
+    Ok(met)
+}
+
+fn name_of(from: Vec2, to: Vec2) -> &'static str {
+    let facing = Line::through(from, to).normal;
+    match (facing.y.abs() >= facing.x.abs(), facing.x < 0.0, facing.y > 0.0) {
+        (true, _, false) => "top",
+        (true, _, true) => "bottom",
+        (false, false, _) => "right",
+        (false, true, _) => "left",
+    }
+}

@@ -1,0 +1,242 @@
+//! Which four of the lines found are the table's sides.
+
+use super::hough::{IdealEdge, Line};
+use upm_core::geometry::Vec2;
+
+/// Sides may differ by this factor: a square seen aslant.
+const SIDE_RATIO: f64 = 1.4;
+/// Largest lack of parallel, and of square, rad.
+const PARALLEL_RAD: f64 = 0.35;
+const SQUARE_RAD: f64 = 0.4;
+/// Share of a side that must show an edge, and of all four together.
+const SIDE_SEEN: f64 = 0.3;
+const ALL_SEEN: f64 = 0.55;
+/// What is not seen counts more than what is, and a side that does not reach its corner as much as this share of it not
+/// seen: a strip beside the table makes a larger square of which little is missing, but that at two corners.
+const UNSEEN: f64 = 2.0;
+const LOOSE_END: f64 = 0.3;
+/// Length of a side's end: this share of it, and so many cells at least.
+const END: f64 = 0.05;
+const END_CELLS: f64 = 3.0;
+
+/// A line and where along it there are edges of its direction.
+pub(super) struct SeenLine {
+    pub(super) line: Line,
+    /// Cells along the line that hold an edge, ascending: first those with the dark side where the normal points.
+    cells: [Vec<i64>; 2],
+    cell_px: f64,
+}
+
+/// Four lines taken as a table.
+#[derive(Clone, Debug)]
+pub(super) struct Quad {
+    /// Indices of the lines, each the side that leaves the corner of its index.
+    pub(super) lines: [usize; 4],
+    /// Corners in ideal coordinates, clockwise as the picture is seen.
+    pub(super) corners: [Vec2; 4],
+    /// True when it is lighter than what surrounds it.
+    pub(super) bright: bool,
+    /// How well it is seen, px.
+    worth_px: f64,
+}
+
+impl SeenLine {
+    /// Collects the edges within `reach_px` of `line` whose direction agrees with it to 15°; and their indices.
+    pub(super) fn new(line: Line, edges: &[IdealEdge], reach_px: f64, cell_px: f64) -> (Self, Vec<usize>) {
+        let mut cells = [Vec::new(), Vec::new()];
+        let mut own = Vec::new();
+        for (i, edge) in edges.iter().enumerate() {
+            if line.distance(edge.at).abs() < reach_px {
+                let cosine = edge.outward.dot(&line.normal);
+                if cosine.abs() > 0.966 {
+                    cells[usize::from(cosine < 0.0)].push((line.along(edge.at) / cell_px).floor() as i64);
+                    own.push(i);
+                }
+            }
+        }
+        for side in &mut cells {
+            side.sort_unstable();
+            side.dedup();
+        }
+        (Self { line, cells, cell_px }, own)
+    }
+
+    /// Length between `from` and `to` that shows an edge whose dark side points along `outward`, px.
+    fn seen_px(&self, from: Vec2, to: Vec2, outward: Vec2) -> f64 {
+        let cells = &self.cells[usize::from(outward.dot(&self.line.normal) < 0.0)];
+        let cell = |p| (self.line.along(p) / self.cell_px).floor() as i64;
+        let (a, b) = (cell(from).min(cell(to)), cell(from).max(cell(to)));
+        (cells.partition_point(|&c| c <= b) - cells.partition_point(|&c| c < a)) as f64 * self.cell_px
+    }
+}
+
+/// All near-squares whose sides show enough edge, all dark outside or all dark inside, the best seen first.
+/// `shown(a, b)` is the share of the stretch from `a` to `b` that lies within the frame.
+pub(super) fn quads(lines: &[SeenLine], least_side_px: f64, shown: impl Fn(Vec2, Vec2) -> f64) -> Vec<Quad> {
+    let pairs = parallel_pairs(lines, least_side_px);
+    let mut found = Vec::new();
+    for (i, &first) in pairs.iter().enumerate() {
+        for &second in &pairs[i + 1..] {
+            found.extend(quad(lines, first, second, least_side_px, &shown));
+        }
+    }
+    found.sort_by(|a, b| b.worth_px.total_cmp(&a.worth_px).then(a.lines.cmp(&b.lines)));
+    found
+}
+
+impl Quad {
+    /// Middle of the four corners.
+    pub(super) fn middle(&self) -> Vec2 {
+        self.corners.iter().sum::<Vec2>() / 4.0
+    }
+
+    /// True when `p` lies inside.
+    pub(super) fn contains(&self, p: Vec2) -> bool {
+        (0..4).all(|i| Line::through(self.corners[i], self.corners[(i + 1) % 4]).distance(p) < 0.0)
+    }
+
+    /// True for a bright plate on this, its dark mat.
+    pub(super) fn carries(&self, other: &Self) -> bool {
+        !self.bright && other.bright && self.contains(other.middle()) && other.worth_px > 0.3 * self.worth_px
+    }
+
+    /// True for a second table: beside this one, and not much less of it.
+    pub(super) fn rivals(&self, other: &Self) -> bool {
+        !self.contains(other.middle()) && !other.contains(self.middle()) && other.worth_px > 0.5 * self.worth_px
+    }
+}
+
+fn parallel_pairs(lines: &[SeenLine], least_side_px: f64) -> Vec<[usize; 2]> {
+    let mut pairs = Vec::new();
+    for (i, SeenLine { line: a, .. }) in lines.iter().enumerate() {
+        for (j, SeenLine { line: b, .. }) in lines.iter().enumerate().skip(i + 1) {
+            let cosine = a.normal.dot(&b.normal);
+            let apart = (a.offset - cosine.signum() * b.offset).abs();
+            if cosine.abs() > PARALLEL_RAD.cos() && (cosine.abs() < 0.99 || apart > least_side_px / 2.0) {
+                pairs.push([i, j]);
+            }
+        }
+    }
+    pairs
+}
+
+fn quad(
+    lines: &[SeenLine],
+    first: [usize; 2],
+    second: [usize; 2],
+    least_side_px: f64,
+    shown: &impl Fn(Vec2, Vec2) -> f64,
+) -> Option<Quad> {
+    let mut around = [first[0], second[0], first[1], second[1]];
+    let [a, b, c, d] = around.map(|i| &lines[i].line);
+    if a.normal.dot(&b.normal).abs() > SQUARE_RAD.sin() {
+        return None;
+    }
+    let mut corners = [d.meets(a)?, a.meets(b)?, b.meets(c)?, c.meets(d)?];
+    let diagonals = (corners[2] - corners[0], corners[3] - corners[1]);
+    if diagonals.0.x * diagonals.1.y - diagonals.0.y * diagonals.1.x < 0.0 {
+        corners.reverse();
+        around = [around[2], around[1], around[0], around[3]];
+    }
+    let sides = [0, 1, 2, 3].map(|i| (corners[(i + 1) % 4] - corners[i]).norm());
+    let shortest = sides.iter().fold(f64::INFINITY, |a, &b| a.min(b));
+    let longest = sides.iter().fold(0.0f64, |a, &b| a.max(b));
+    if shortest < least_side_px || longest > SIDE_RATIO * shortest || !is_convex(&corners) {
+        return None;
+    }
+    let visible = [0, 1, 2, 3].map(|i| sides[i] * shown(corners[i], corners[(i + 1) % 4]));
+    if (0..4).any(|i| visible[i] < 0.2 * sides[i]) {
+        return None;
+    }
+    let seen_as = |bright: bool| {
+        let (mut seen_px, mut loose_px) = (0.0, 0.0);
+        for i in 0..4 {
+            let (from, to) = (corners[i], corners[(i + 1) % 4]);
+            let outward = Line::through(from, to).normal * if bright { 1.0 } else { -1.0 };
+            let side = &lines[around[i]];
+            let seen = side.seen_px(from, to, outward);
+            if seen < SIDE_SEEN * visible[i] {
+                return None;
+            }
+            seen_px += seen;
+            let end = END.max(END_CELLS * side.cell_px / sides[i]).min(0.5);
+            let near = |a: Vec2, b: Vec2| side.seen_px(a, a + (b - a) * end, outward) < 0.5 * end * sides[i];
+            let loose = [near(from, to), near(to, from)].into_iter().filter(|&loose| loose).count();
+            loose_px += loose as f64 * LOOSE_END * visible[i];
+        }
+        let visible_px = visible.iter().sum::<f64>();
+        let worth_px = seen_px - UNSEEN * (visible_px - seen_px) - loose_px;
+        (seen_px > ALL_SEEN * visible_px).then_some(Quad { lines: around, corners, bright, worth_px })
+    };
+    seen_as(true).or_else(|| seen_as(false))
+}
+
+fn is_convex(corners: &[Vec2; 4]) -> bool {
+    (0..4).all(|i| {
+        let (a, b) = (corners[(i + 1) % 4] - corners[i], corners[(i + 2) % 4] - corners[(i + 1) % 4]);
+        a.x * b.y - a.y * b.x > 0.0
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(middle: Vec2, half: f64, inside_out: bool) -> (Vec<Line>, Vec<IdealEdge>) {
+        let corners =
+            [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| middle + half * Vec2::new(x, y));
+        let mut edges = Vec::new();
+        let mut lines = Vec::new();
+        for i in 0..4 {
+            let (a, b) = (corners[i], corners[(i + 1) % 4]);
+            let line = Line::through(a, b);
+            let outward = if inside_out { -line.normal } else { line.normal };
+            edges.extend((0..200).map(|k| IdealEdge { at: a + (b - a) * (f64::from(k) / 200.0), outward }));
+            lines.push(line);
+        }
+        (lines, edges)
+    }
+
+    fn seen(scene: &(Vec<Line>, Vec<IdealEdge>)) -> Vec<SeenLine> {
+        scene.0.iter().map(|&line| SeenLine::new(line, &scene.1, 2.0, 2.0).0).collect()
+    }
+
+    #[test]
+    fn squares_are_found_and_told_bright_or_dark() {
+        let found = quads(&seen(&square(Vec2::new(300.0, 200.0), 100.0, false)), 40.0, |_, _| 1.0);
+        assert_eq!(found.len(), 1);
+        assert!((found[0].middle() - Vec2::new(300.0, 200.0)).norm() < 1e-9);
+        assert!(found[0].contains(Vec2::new(390.0, 110.0)) && !found[0].contains(Vec2::new(401.0, 200.0)));
+        assert!(found[0].bright);
+        let mut scene = square(Vec2::zeros(), 100.0, true);
+        let found = quads(&seen(&scene), 40.0, |_, _| 1.0);
+        assert!(found.len() == 1 && !found[0].bright);
+        // dark outside on one side, inside on the others
+        scene.1.iter_mut().take(200).for_each(|edge| edge.outward *= -1.0);
+        assert!(quads(&seen(&scene), 40.0, |_, _| 1.0).is_empty());
+    }
+
+    #[test]
+    fn each_side_keeps_its_line() {
+        let mut scene = square(Vec2::zeros(), 100.0, false);
+        scene.0.swap(0, 2);
+        scene.0.swap(1, 2);
+        let lines = seen(&scene);
+        let found = &quads(&lines, 40.0, |_, _| 1.0)[0];
+        for i in 0..4 {
+            let line = lines[found.lines[i]].line;
+            assert!(line.distance(found.corners[i]).abs() < 1e-9);
+            assert!(line.distance(found.corners[(i + 1) % 4]).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn two_squares_side_by_side_are_rivals() {
+        let mut scene = square(Vec2::new(0.0, 0.0), 100.0, false);
+        let other = square(Vec2::new(300.0, 30.0), 100.0, false);
+        scene.0.extend(other.0);
+        scene.1.extend(other.1);
+        let found = quads(&seen(&scene), 40.0, |_, _| 1.0);
+        assert!(found.iter().skip(1).any(|q| found[0].rivals(q)), "{found:?}");
+    }
+}

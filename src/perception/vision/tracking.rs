@@ -1,0 +1,210 @@
+mod assignment;
+#[cfg(test)]
+mod films;
+mod look;
+mod motion;
+
+use self::assignment::assign;
+use self::look::{Expected, Look, Looker, PLAIN_RAYS, View};
+use self::motion::Motion;
+use super::coins::CoinFinder;
+use super::judge::overlap;
+use super::sampling::Sampler;
+use super::{Detection, Table, Track};
+use upm_core::geometry::Vec2;
+use upm_core::rig::PartKind;
+use upm_core::signal::Frame;
+
+/// Frames between two searches of the whole frame for lost parts.
+const FULL_SEARCH_EVERY: u64 = 8;
+/// A look farther than this from where the part should be, radii, may be at another part.
+const FAR_RADII: f64 = 0.5;
+/// Cost of a part's staying unseen, far above that of any place: minus twice the logarithm of a likelihood.
+const UNSEEN: f64 = 1e9;
+
+/// Follows parts from frame to frame. Each part keeps its place in the list, and no two share a place on the plate.
+///
+/// A part is looked for where its motion leads: the disk kernel climbs over its neighbours to the peak, the rim gives the
+/// rest. Not there, it is looked for over some radii around; not there either, in the whole frame, now and then.
+/// Where it is not plain which part was seen, all that was seen is given to all parts at once, the likeliest way.
+pub struct Tracker {
+    looker: Looker,
+    finder: CoinFinder,
+    frame_size: [usize; 2],
+    tracks: Vec<Track>,
+    motions: Vec<Motion>,
+    /// Gray levels of plate and part when last in plain view.
+    levels: Vec<Option<[f32; 2]>>,
+    looks: Vec<Option<Look>>,
+    frames: u64,
+    next_full_search: u64,
+}
+
+impl Tracker {
+    /// Starts from parts as found by [`CoinFinder::find`].
+    pub fn new(
+        table: &Table,
+        frame_size: [usize; 2],
+        kinds: &[PartKind],
+        dark_parts: bool,
+        start: Vec<Detection>,
+    ) -> Self {
+        let at_rest = |seen: &Detection| Motion::at_rest(seen.center_px, seen.radius_px, frame_size);
+        Self {
+            looker: Looker::new(table, kinds, dark_parts),
+            finder: CoinFinder::new(table, frame_size, kinds, dark_parts),
+            frame_size,
+            motions: start.iter().map(at_rest).collect(),
+            levels: vec![None; start.len()],
+            looks: vec![None; start.len()],
+            tracks: start.into_iter().map(|seen| Track { seen, frames_unseen: 0 }).collect(),
+            frames: 0,
+            next_full_search: 0,
+        }
+    }
+
+    /// Looks at the next frame. In a frame of another size nothing is seen.
+    pub fn track(&mut self, frame: &Frame) {
+        self.frames += 1;
+        self.looks.fill(None);
+        let last = Vec2::new(self.frame_size[0] as f64 - 1.0, self.frame_size[1] as f64 - 1.0);
+        for motion in &mut self.motions {
+            motion.step();
+            motion.keep_within(Vec2::zeros(), last);
+        }
+        if let Some(sampler) = Sampler::new(frame).filter(|_| [frame.width, frame.height] == self.frame_size) {
+            let view = View { frame, sampler, tracks: &self.tracks };
+            for i in 0..self.tracks.len() {
+                self.looks[i] = self.looker.near(&view, i, &self.expected(i));
+            }
+            if !self.is_plain() {
+                self.settle(frame, sampler);
+            }
+        }
+        for i in 0..self.tracks.len() {
+            match self.looks[i].take() {
+                Some(look) => self.see(i, look),
+                None => self.tracks[i].frames_unseen = self.tracks[i].frames_unseen.saturating_add(1),
+            }
+        }
+    }
+
+    /// One entry for each part of the start, in that order.
+    pub fn tracks(&self) -> &[Track] {
+        &self.tracks
+    }
+
+    fn expected(&self, i: usize) -> Expected {
+        let motion = &self.motions[i];
+        Expected { place_px: motion.place_px, speed_px: motion.velocity_px.norm(), levels: self.levels[i] }
+    }
+
+    /// Each part was seen, about where it should be, and no two at one place.
+    fn is_plain(&self) -> bool {
+        let near = |(look, motion): (&Option<Look>, &Motion)| {
+            look.as_ref()
+                .is_some_and(|look| (look.part.center_px - motion.place_px).norm() < FAR_RADII * look.part.radius_px)
+        };
+        let apart = |(i, look): (usize, &Option<Look>)| {
+            let free = |b: &Look| self.looks[..i].iter().flatten().all(|a| !overlap(&a.part, &b.part));
+            look.as_ref().is_none_or(free)
+        };
+        self.looks.iter().zip(&self.motions).all(near) && self.looks.iter().enumerate().all(apart)
+    }
+
+    /// Gathers every part that can be seen and gives them to the tracks.
+    fn settle(&mut self, frame: &Frame, sampler: Sampler) {
+        let mut pool = self.distinct_looks();
+        let view = View { frame, sampler, tracks: &self.tracks };
+        for i in 0..self.tracks.len() {
+            let seen_by_itself = self.looks[i].as_ref().is_some_and(|look| pool.contains(look));
+            if seen_by_itself {
+                continue;
+            }
+            let expected = self.expected(i);
+            let last = Expected { place_px: self.tracks[i].seen.center_px, ..expected };
+            let found = self.looker.wide(&view, i, &expected, &pool);
+            let found = found.or_else(|| self.looker.wide(&view, i, &last, &pool));
+            if let Some(look) = found.filter(|look| is_free(&look.part, &pool)) {
+                pool.push(look);
+            }
+        }
+        // One that comes back may not be the one nearest to it: then all must be seen before any is named.
+        let back = |(look, track): (&Option<Look>, &Track)| look.is_some() && track.frames_unseen > 0;
+        let due = self.frames >= self.next_full_search || self.looks.iter().zip(&self.tracks).any(back);
+        if pool.len() < self.tracks.len() && due {
+            self.next_full_search = self.frames + FULL_SEARCH_EVERY;
+            for part in self.finder.find(frame) {
+                if is_free(&part, &pool) {
+                    pool.push(Look { part, agreeing: 0, levels: [0.0; 2] });
+                }
+            }
+        }
+        self.give(pool);
+    }
+
+    /// The looks of this frame, of those at one place the best.
+    fn distinct_looks(&self) -> Vec<Look> {
+        let mut looks: Vec<Look> = self.looks.iter().flatten().cloned().collect();
+        looks.sort_by(|a, b| b.agreeing.cmp(&a.agreeing).then(b.part.score.total_cmp(&a.part.score)));
+        let mut pool: Vec<Look> = Vec::with_capacity(self.tracks.len());
+        for look in looks {
+            if is_free(&look.part, &pool) {
+                pool.push(look);
+            }
+        }
+        pool
+    }
+
+    /// One look each, likeliest in all: either all parts unseen went on as they moved, or they stopped when last seen.
+    fn give(&mut self, pool: Vec<Look>) {
+        let own = self.own_looks(&pool);
+        let cost = |place: Vec2, i: usize, k: usize| {
+            let (part, variance) = (&pool[k].part, self.motions[i].place_variance());
+            if part.kind != self.tracks[i].seen.kind || own[i].unwrap_or(k) != k {
+                return f64::INFINITY;
+            }
+            if own[i].is_none() && own.contains(&Some(k)) {
+                return f64::INFINITY;
+            }
+            (part.center_px - place).norm_squared() / variance + 2.0 * variance.ln()
+        };
+        let (rows, columns) = (self.tracks.len(), pool.len());
+        let moved = assign(rows, columns, UNSEEN, |i, k| cost(self.motions[i].place_px, i, k));
+        let stopped = assign(rows, columns, UNSEEN, |i, k| cost(self.tracks[i].seen.center_px, i, k));
+        let choice = if stopped.1 < moved.1 { stopped.0 } else { moved.0 };
+        let mut given: Vec<Option<Look>> = pool.into_iter().map(Some).collect();
+        for (look, choice) in self.looks.iter_mut().zip(choice) {
+            *look = choice.and_then(|k| given.get_mut(k)?.take());
+        }
+    }
+
+    /// For each part that was seen in the last frame, the look that lies where it should be, if no other claims it.
+    fn own_looks(&self, pool: &[Look]) -> Vec<Option<usize>> {
+        let claim = |(track, motion): (&Track, &Motion)| {
+            let off = |look: &Look| (look.part.center_px - motion.place_px).norm() / look.part.radius_px;
+            let fits = |(_, look): &(usize, &Look)| look.part.kind == track.seen.kind && off(look) < FAR_RADII;
+            pool.iter().enumerate().filter(|_| track.frames_unseen == 0).find(fits).map(|(k, _)| k)
+        };
+        let claims: Vec<Option<usize>> = self.tracks.iter().zip(&self.motions).map(claim).collect();
+        let alone = |claim: &Option<usize>| claims.iter().filter(|other| *other == claim).count() == 1;
+        claims.iter().map(|claim| claim.filter(|_| alone(claim))).collect()
+    }
+
+    fn see(&mut self, i: usize, look: Look) {
+        let (motion, part) = (&mut self.motions[i], look.part);
+        if (part.center_px - motion.place_px).norm() < part.radius_px {
+            motion.see(part.center_px, part.covariance_px2.trace() / 2.0);
+        } else {
+            *motion = Motion::at_rest(part.center_px, part.radius_px, self.frame_size);
+        }
+        if look.agreeing >= PLAIN_RAYS {
+            self.levels[i] = Some(look.levels);
+        }
+        self.tracks[i] = Track { seen: part, frames_unseen: 0 };
+    }
+}
+
+fn is_free(part: &Detection, pool: &[Look]) -> bool {
+    pool.iter().all(|other| !overlap(&other.part, part))
+}

@@ -1,0 +1,220 @@
+use super::super::disk::{Disk, climb};
+use super::super::judge::{APART, LEAST_SCORE, PartJudge, kernel_radius_px, reach_px};
+use super::super::rim::{RAYS, RimFit};
+use super::super::sampling::Sampler;
+use super::super::{Detection, Table, Track};
+use upm_core::geometry::Vec2;
+use upm_core::rig::PartKind;
+use upm_core::signal::Frame;
+
+/// A rim fitted from rays that start farther than this from its middle, px, is fitted again from there.
+const RECENTER_PX: f64 = 0.6;
+const MOST_RECENTERS: usize = 3;
+/// Rays that agree on a part in plain view.
+pub(super) const PLAIN_RAYS: usize = RAYS * 7 / 9;
+/// Of the rays that nothing known stands before, the least share that must agree on a part partly hidden.
+const HIDDEN_SHARE: f64 = 0.44;
+/// The least score of a part partly hidden.
+const HIDDEN_SCORE: f64 = 0.3;
+/// How far its levels may be from those it had in plain view, as a part of the contrast.
+const HIDDEN_STRAY: f32 = 0.25;
+/// A motion in one frame that smears a rim no more than the close look takes, px.
+const SLOW_PX: f64 = 6.0;
+/// Half the side of the wider search, radii, and its first step.
+const WIDE_RADII: f64 = 3.5;
+const WIDE_STEP: f64 = 0.4;
+/// Best places of the wider search that are looked at closely.
+const WIDE_PLACES: usize = 6;
+
+/// A part as seen, and how well.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Look {
+    pub(super) part: Detection,
+    /// Rays that agree on its rim.
+    pub(super) agreeing: usize,
+    /// Gray levels of plate and part at the rim.
+    pub(super) levels: [f32; 2],
+}
+
+/// What is known of a part before it is looked for.
+#[derive(Clone, Copy)]
+pub(super) struct Expected {
+    pub(super) place_px: Vec2,
+    /// How far it moves in a frame, px.
+    pub(super) speed_px: f64,
+    /// Gray levels of plate and part when it was last in plain view.
+    pub(super) levels: Option<[f32; 2]>,
+}
+
+/// One frame, and what was last seen of all parts.
+#[derive(Clone, Copy)]
+pub(super) struct View<'a> {
+    pub(super) frame: &'a Frame,
+    pub(super) sampler: Sampler<'a>,
+    pub(super) tracks: &'a [Track],
+}
+
+/// Looks for one part at a time.
+pub(super) struct Looker {
+    table: Table,
+    judge: PartJudge,
+    disks: Vec<Disk>,
+}
+
+impl Looker {
+    pub(super) fn new(table: &Table, kinds: &[PartKind], dark_parts: bool) -> Self {
+        let scale = table.mean_px_per_m();
+        let disks = kinds.iter().map(|kind| Disk::new(kernel_radius_px(table, kind, scale))).collect();
+        Self { table: table.clone(), judge: PartJudge::new(kinds, dark_parts), disks }
+    }
+
+    /// Radius of the outline of a part of `kind`, px; 0 of none.
+    pub(super) fn radius_px(&self, kind: usize) -> f64 {
+        self.disks.get(kind).map_or(0.0, |disk| disk.reach() as f64)
+    }
+
+    /// The step of every frame: the disk climbs from where part `i` should be, the rim gives the rest. A part partly
+    /// hidden pulls the disk away: then the rim alone is looked for, where the part should be and where it was.
+    pub(super) fn near(&self, view: &View, i: usize, expected: &Expected) -> Option<Look> {
+        let seen = &view.tracks.get(i)?.seen;
+        let disk = self.disks.get(seen.kind)?;
+        let [x, y] = [expected.place_px.x, expected.place_px.y].map(|v| v.round() as i64);
+        let peak = climb(disk, view.frame, x, y, self.judge.dark_parts, disk.reach())?;
+        let climbed = self.recognise(view, i, peak.vertex_px, expected);
+        if climbed.as_ref().is_some_and(|look| look.agreeing >= PLAIN_RAYS) {
+            return climbed;
+        }
+        let still = Expected { speed_px: 0.0, ..*expected };
+        let by_rim = [expected.place_px, seen.center_px].map(|place| self.recognise_far(view, i, place, &still));
+        // Of equal looks the first.
+        climbed.into_iter().chain(by_rim.into_iter().flatten()).rev().max_by_key(|look| look.agreeing)
+    }
+
+    /// A part of the kind of part `i` whose rim is near `place_px`.
+    fn recognise(&self, view: &View, i: usize, place_px: Vec2, expected: &Expected) -> Option<Look> {
+        let kind = view.tracks.get(i)?.seen.kind;
+        let reach = reach_px(self.radius_px(kind));
+        let rim = |foot_m| {
+            if expected.speed_px < SLOW_PX {
+                return self.judge.rim::<9>(&view.sampler, &self.table, kind, foot_m, reach);
+            }
+            let reach = (reach + 0.5 * expected.speed_px).min(2.0 * reach);
+            self.judge.rim::<17>(&view.sampler, &self.table, kind, foot_m, reach)
+        };
+        let mut fit = rim(self.judge.foot_below(&self.table, kind, place_px))?;
+        let mut moved_px = (fit.center_px - place_px).norm();
+        for _ in 0..MOST_RECENTERS {
+            if moved_px < RECENTER_PX {
+                break;
+            }
+            let again = rim(fit.foot_m)?;
+            moved_px = (again.center_px - fit.center_px).norm();
+            fit = again;
+        }
+        self.look(view, i, &fit, expected)
+    }
+
+    /// The same from farther off.
+    fn recognise_far(&self, view: &View, i: usize, place_px: Vec2, expected: &Expected) -> Option<Look> {
+        let kind = view.tracks.get(i)?.seen.kind;
+        let foot_m = self.judge.foot_below(&self.table, kind, place_px);
+        let reach = (0.2 * self.radius_px(kind)).max(5.0);
+        let far = self.judge.rim::<25>(&view.sampler, &self.table, kind, foot_m, reach);
+        let from_far = far.and_then(|fit| self.recognise(view, i, fit.center_px, expected));
+        let close = self.recognise(view, i, place_px, expected);
+        from_far.into_iter().chain(close).max_by_key(|look| look.agreeing)
+    }
+
+    /// A rim turned into a look at part `i`, if it is one.
+    fn look(&self, view: &View, i: usize, fit: &RimFit, expected: &Expected) -> Option<Look> {
+        let kind = view.tracks.get(i)?.seen.kind;
+        let (part, disk) = (self.judge.kinds.get(kind)?, self.disks.get(kind)?);
+        if self.judge.nearest_kind(fit.radius_m) != Some(kind) || !self.table.holds(fit.foot_m, 0.5 * part.radius_m) {
+            return None;
+        }
+        let part = self.judge.detection(view.frame, fit, kind, disk)?;
+        let score = part.score;
+        let plain = fit.agreeing >= PLAIN_RAYS && score >= LEAST_SCORE;
+        let believed = plain || score >= HIDDEN_SCORE && self.is_believed(view, i, fit, expected);
+        if !believed {
+            return None;
+        }
+        Some(Look { part, agreeing: fit.agreeing, levels: [fit.plate_level, fit.part_level] })
+    }
+
+    /// A rim of which a part is hidden is believed when it is long enough for what may be seen of it past the other
+    /// parts and the plate's edge, and when it has the levels of the part in plain view.
+    fn is_believed(&self, view: &View, i: usize, fit: &RimFit, expected: &Expected) -> bool {
+        let others = || view.tracks.iter().enumerate().filter(|(k, t)| *k != i && t.frames_unseen == 0);
+        let open = (0..RAYS).filter(|&k| {
+            let (sin, cos) = ((k as f64 + 0.5) / RAYS as f64 * std::f64::consts::TAU).sin_cos();
+            let outside = fit.center_px + Vec2::new(cos, sin) * (fit.radius_px + reach_px(fit.radius_px));
+            let free = |(_, other): (usize, &Track)| {
+                (other.seen.center_px - outside).norm() > other.seen.radius_px + reach_px(fit.radius_px)
+            };
+            self.table.holds(self.table.table_from_image(outside), 0.0) && others().all(free)
+        });
+        let enough = fit.agreeing as f64 >= HIDDEN_SHARE * open.count() as f64;
+        enough
+            && expected.levels.is_none_or(|[plate, part]| {
+                let most = HIDDEN_STRAY * (plate - part).abs();
+                (fit.plate_level - plate).abs() < most && (fit.part_level - part).abs() < most
+            })
+    }
+
+    /// Coarse to fine over some radii around a place: the disk at every few pixels, climbs from the best. Where parts
+    /// are `taken` no other is looked for.
+    pub(super) fn wide(&self, view: &View, i: usize, expected: &Expected, taken: &[Look]) -> Option<Look> {
+        let kind = view.tracks.get(i)?.seen.kind;
+        let disk = self.disks.get(kind)?;
+        let still = Expected { speed_px: 0.0, ..*expected };
+        let mut tried: Vec<Vec2> = Vec::with_capacity(WIDE_PLACES);
+        for (_, x, y) in self.dark_places(view.frame, disk, expected.place_px) {
+            let place = Vec2::new(x as f64, y as f64);
+            if tried.len() == WIDE_PLACES {
+                break;
+            }
+            if tried.iter().any(|other| (other - place).amax() <= self.radius_px(kind))
+                || self.is_taken(place, kind, taken)
+            {
+                continue;
+            }
+            tried.push(place);
+            let peak = climb(disk, view.frame, x as i64, y as i64, self.judge.dark_parts, 4 * disk.reach())?;
+            let found = self.recognise(view, i, peak.vertex_px, &still);
+            if let Some(look) = found.filter(|look| !self.is_taken(look.part.center_px, kind, taken)) {
+                return Some(look);
+            }
+        }
+        None
+    }
+
+    /// Places around `center_px` on the plate, those first under which the disk is darkest (lightest for light parts).
+    fn dark_places(&self, frame: &Frame, disk: &Disk, center_px: Vec2) -> Vec<(f64, usize, usize)> {
+        let step = (WIDE_STEP * disk.reach() as f64).max(1.0);
+        let half = (WIDE_RADII / WIDE_STEP).round() as i64;
+        let sign = if self.judge.dark_parts { 1.0 } else { -1.0 };
+        let mut places = Vec::with_capacity((2 * half as usize + 1).pow(2));
+        for row in -half..=half {
+            for column in -half..=half {
+                let at = center_px + Vec2::new(column as f64, row as f64) * step;
+                let (x, y) = (at.x.round() as i64, at.y.round() as i64);
+                if let Some((x, y)) = disk.fitted(frame, x, y).filter(|&(fx, fy)| (fx as i64, fy as i64) == (x, y))
+                    && self.table.holds(self.table.table_from_image(at), 0.0)
+                {
+                    places.push((sign * disk.mean(frame, x, y), x, y));
+                }
+            }
+        }
+        places.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.2, a.1).cmp(&(b.2, b.1))));
+        places
+    }
+
+    /// True where parts just seen leave no room for another of `kind`.
+    fn is_taken(&self, place_px: Vec2, kind: usize, taken: &[Look]) -> bool {
+        let radius_px = self.radius_px(kind);
+        let too_near =
+            |part: &Detection| (part.center_px - place_px).norm() < APART * 0.5 * (part.radius_px + radius_px);
+        taken.iter().any(|look| too_near(&look.part))
+    }
+}

@@ -1,0 +1,113 @@
+use upm_core::geometry::Vec2;
+
+/// What is left of a part's velocity after a frame: parts stop between pulses.
+const DAMPING: f64 = 0.98;
+/// Standard deviation of the change of velocity from frame to frame, radii.
+const PUSH_RADII: f64 = 0.05;
+/// Least variance of a place, px²: an outline moves by itself, with light and with what lies near.
+const LEAST_VARIANCE_PX2: f64 = 1.0;
+
+/// A part's place and velocity in the picture: a Kalman filter with equal variance along both axes (Kalman, 1960;
+/// constant velocity, pushes white). Time is counted in frames.
+#[derive(Clone, Debug)]
+pub(super) struct Motion {
+    pub(super) place_px: Vec2,
+    pub(super) velocity_px: Vec2,
+    push_variance: f64,
+    /// Of place, of both, of velocity.
+    variance: [f64; 3],
+    /// The place is known no worse than this: it is in the picture.
+    most_variance: f64,
+}
+
+impl Motion {
+    /// At rest, in pictures of `frame_size` px.
+    pub(super) fn at_rest(place_px: Vec2, radius_px: f64, frame_size: [usize; 2]) -> Self {
+        let push_variance = (PUSH_RADII * radius_px).powi(2).max(0.01);
+        let [width, height] = frame_size.map(|n| n as f64);
+        let most_variance = (width * width + height * height) / 16.0;
+        Self {
+            place_px,
+            velocity_px: Vec2::zeros(),
+            push_variance,
+            variance: [0.01, 0.0, push_variance],
+            most_variance,
+        }
+    }
+
+    /// One frame later.
+    pub(super) fn step(&mut self) {
+        let [place, both, velocity] = self.variance;
+        self.place_px += self.velocity_px;
+        self.velocity_px *= DAMPING;
+        let push = self.push_variance;
+        let place = (place + 2.0 * both + velocity + 0.25 * push).min(self.most_variance);
+        let velocity = DAMPING * DAMPING * velocity + push;
+        // A correlation of one at most, also where the place's variance was cut.
+        let both = (DAMPING * (both + self.variance[2]) + 0.5 * push).min((place * velocity).sqrt());
+        self.variance = [place, both, velocity];
+    }
+
+    /// Variance of the place along an axis, px².
+    pub(super) fn place_variance(&self) -> f64 {
+        self.variance[0].max(LEAST_VARIANCE_PX2)
+    }
+
+    /// A look at `place_px` with the variance of its centre along an axis, px².
+    pub(super) fn see(&mut self, place_px: Vec2, variance_px2: f64) {
+        let [place, both, velocity] = self.variance;
+        let innovation = place_px - self.place_px;
+        let total = place + variance_px2.max(1e-6);
+        self.place_px += innovation * (place / total);
+        self.velocity_px += innovation * (both / total);
+        let left = 1.0 - place / total;
+        self.variance = [place * left, both * left, (velocity - both * both / total).max(0.0)];
+    }
+
+    /// Puts the place back into the rectangle from `first` to `last`.
+    pub(super) fn keep_within(&mut self, first: Vec2, last: Vec2) {
+        self.place_px = self.place_px.sup(&first).inf(&last);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_steady_motion_is_foreseen_and_dies_out_unseen() {
+        let mut motion = Motion::at_rest(Vec2::new(100.0, 100.0), 40.0, [1000, 1000]);
+        let velocity = Vec2::new(3.0, -1.0);
+        for k in 1..=10 {
+            motion.step();
+            let place = Vec2::new(100.0, 100.0) + velocity * f64::from(k);
+            let missed = (motion.place_px - place).norm();
+            assert!(k < 6 || missed < 0.15, "frame {k}: {missed} px");
+            motion.see(place, 1e-3);
+        }
+        let (seen, mut last) = (motion.clone(), motion.place_variance());
+        for _ in 0..20 {
+            motion.step();
+            assert!(motion.place_variance() > last);
+            last = motion.place_variance();
+        }
+        let gone = (motion.place_px - seen.place_px).norm() / velocity.norm();
+        assert!(gone > 15.0 && gone < 20.0, "{gone} frames' way");
+        (0..2000).for_each(|_| motion.step());
+        assert!(motion.velocity_px.norm() < 1e-9);
+        assert!((motion.place_px - seen.place_px).norm() < 51.0 * velocity.norm());
+        assert!(motion.place_variance() <= 1000.0 * 1000.0 / 8.0);
+        motion.see(Vec2::new(500.0, 500.0), 1e-3);
+        assert!((motion.place_px - Vec2::new(500.0, 500.0)).norm() < 0.01 && motion.velocity_px.norm() < 40.0);
+    }
+
+    #[test]
+    fn a_bad_look_moves_less_than_a_good_one() {
+        let mut good = Motion::at_rest(Vec2::zeros(), 40.0, [100, 100]);
+        good.step();
+        let mut bad = good.clone();
+        good.see(Vec2::new(4.0, 0.0), 1e-3);
+        bad.see(Vec2::new(4.0, 0.0), 4.0);
+        assert!(good.velocity_px.x > bad.velocity_px.x && bad.velocity_px.x > 0.0);
+    }
+}

@@ -1,0 +1,146 @@
+//! Following parts through rendered films.
+
+use super::{CoinFinder, Detection, Table, Tracker, locate_table};
+use proptest::prelude::*;
+use upm_core::geometry::Lens;
+use upm_core::geometry::Vec2;
+use upm_core::random::Streams;
+use upm_core::rig::PartKind;
+use upm_core::signal::Frame;
+use upm_scene::testing::{PENNY_M, SIDE_M, penny};
+use upm_scene::{Disc, Scene};
+
+fn pennies() -> Vec<PartKind> {
+    vec![PartKind { name: "penny".into(), radius_m: PENNY_M, thickness_m: 1.52e-3 }]
+}
+
+/// Half as many pixels a side as the full scenes: films are long.
+fn small_scene(seed: u64) -> Scene {
+    let mut scene = Scene { blur_px: 1.0, noise_sd: 4.0, shading: 0.3, ..Scene::plain(seed) };
+    scene.size_px = [640, 512];
+    scene.lens.focal_px /= 2.0;
+    scene.lens.principal_px = Vec2::new(319.5, 255.5);
+    scene
+}
+
+fn start(scene: &Scene, discs: &[Disc]) -> (Table, Vec<Detection>) {
+    let frame = scene.frame_with(discs);
+    let table = locate_table(&frame, &scene.lens, SIDE_M).unwrap();
+    let parts = CoinFinder::new(&table, scene.size_px, &pennies(), true).find(&frame);
+    assert_eq!(parts.len(), discs.len());
+    (table, parts)
+}
+
+fn tracker(scene: &Scene, discs: &[Disc]) -> (Tracker, Vec<usize>) {
+    let (table, parts) = start(scene, discs);
+    let order = parts
+        .iter()
+        .map(|part| {
+            let off = |i: &usize| (discs[*i].at_m - part.position_m).norm();
+            (0..discs.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap()
+        })
+        .collect();
+    (Tracker::new(&table, scene.size_px, &pennies(), true, parts), order)
+}
+
+fn worst_mm(tracker: &Tracker, order: &[usize], discs: &[Disc]) -> f64 {
+    let off = |(track, &i): (&super::Track, &usize)| (track.seen.position_m - discs[i].at_m).norm() * 1e3;
+    tracker.tracks().iter().zip(order).map(off).fold(0.0, f64::max)
+}
+
+#[test]
+fn moving_parts_are_followed_frame_by_frame() {
+    let place =
+        |k: f64| vec![penny(-0.05 + 0.002 * k, 0.02 + 0.001 * k), penny(0.05, 0.03 - 0.0025 * k), penny(0.0, -0.07)];
+    let mut scene = small_scene(1);
+    let (mut tracker, order) = tracker(&scene, &place(0.0));
+    for k in 1..=12 {
+        scene.seed = 100 + k;
+        let discs = place(k as f64);
+        tracker.track(&scene.frame_with(&discs));
+        assert!(tracker.tracks().iter().all(|t| t.frames_unseen == 0), "frame {k}");
+        assert!(worst_mm(&tracker, &order, &discs) < 0.08, "frame {k}: {} mm", worst_mm(&tracker, &order, &discs));
+    }
+}
+
+#[test]
+fn jumps_are_recovered_from() {
+    let scene = small_scene(2);
+    let (mut tracker, order) = tracker(&scene, &[penny(0.0, 0.0), penny(0.06, 0.06)]);
+    // Two radii: the wider search. Across the plate: the full frame.
+    for discs in [[penny(0.0, 2.0 * PENNY_M), penny(0.06, 0.06)], [penny(-0.08, -0.07), penny(0.06, 0.05)]] {
+        tracker.track(&scene.frame_with(&discs));
+        assert!(tracker.tracks().iter().all(|t| t.frames_unseen == 0));
+        assert!(worst_mm(&tracker, &order, &discs) < 0.08);
+    }
+}
+
+#[test]
+fn a_hidden_part_is_counted_unseen_and_found_again() {
+    let scene = small_scene(3);
+    let discs = [penny(0.0, 0.0), penny(0.06, 0.06)];
+    let (mut tracker, order) = tracker(&scene, &discs);
+    let hidden = order.iter().position(|&i| i == 0).unwrap();
+    tracker.track(&scene.frame_with(&discs));
+    let last = tracker.tracks()[hidden].clone();
+    for k in 1..=5 {
+        tracker.track(&scene.frame_with(&discs[1..]));
+        assert_eq!(tracker.tracks()[hidden].frames_unseen, k);
+        assert_eq!(tracker.tracks()[hidden].seen, last.seen);
+        assert_eq!(tracker.tracks()[1 - hidden].frames_unseen, 0);
+    }
+    let mut dark = scene.frame_with(&discs);
+    dark.pixels.fill(0);
+    tracker.track(&dark);
+    tracker.track(&Frame::new(1, 1));
+    assert!(tracker.tracks().iter().all(|t| t.frames_unseen > 0));
+    tracker.track(&scene.frame_with(&discs));
+    assert!(tracker.tracks().iter().all(|t| t.frames_unseen == 0));
+    assert!(worst_mm(&tracker, &order, &discs) < 0.08);
+}
+
+#[test]
+fn two_tracks_never_claim_one_part() {
+    let scene = small_scene(4);
+    let (mut tracker, order) = tracker(&scene, &[penny(0.0, 0.0), penny(0.02, 0.0)]);
+    // One part is taken away, the other lies where both tracks would look.
+    tracker.track(&scene.frame_with(&[penny(0.0095, 0.0)]));
+    assert_eq!(tracker.tracks().iter().filter(|t| t.frames_unseen == 0).count(), 1);
+    let discs = [penny(0.0, 0.0), penny(0.0195, 0.0)];
+    for _ in 0..10 {
+        tracker.track(&scene.frame_with(&discs));
+    }
+    assert!(tracker.tracks().iter().all(|t| t.frames_unseen == 0));
+    let apart = tracker.tracks()[0].seen.position_m - tracker.tracks()[1].seen.position_m;
+    assert!((apart.norm() - 0.0195).abs() < 1e-4);
+    assert_eq!(order.len(), 2);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn no_table_no_kind_and_no_picture_breaks_it(
+        corners in proptest::array::uniform8(-40.0..160.0f64), radii in proptest::collection::vec(1e-4..0.5f64, 0..3),
+        size in proptest::array::uniform2(1usize..130), seed in 0u64..100, dark in any::<bool>(),
+    ) {
+        let corners = [0, 2, 4, 6].map(|i| Vec2::new(corners[i], corners[i + 1]));
+        let lens = Lens { radial: [-0.2, 0.05], ..Lens::ideal(150.0, Vec2::new(60.0, 60.0)) };
+        let Some(table) = Table::from_ideal_corners(corners, SIDE_M, &lens) else { return Ok(()) };
+        let kinds: Vec<PartKind> =
+            radii.iter().map(|&radius_m| PartKind { name: String::new(), radius_m, thickness_m: radius_m / 5.0 }).collect();
+        let mut frame = Frame::new(size[0], size[1]);
+        let mut rng = Streams::new(seed).stream("noise");
+        frame.pixels.fill_with(|| rng.next_u64() as u8);
+        let mut start = CoinFinder::new(&table, size, &kinds, dark).find(&frame);
+        start.push(Detection {
+            kind: 1, center_px: corners[0], radius_px: 3.0, position_m: Vec2::zeros(), score: 1.0, covariance_px2: nalgebra::Matrix2::zeros(),
+        });
+        let count = start.len();
+        let mut tracker = Tracker::new(&table, size, &kinds, dark, start);
+        for _ in 0..3 {
+            tracker.track(&frame);
+            prop_assert_eq!(tracker.tracks().len(), count);
+            prop_assert!(tracker.tracks().iter().all(|t| t.seen.position_m.x.is_finite() && t.seen.center_px.y.is_finite()));
+        }
+    }
+}

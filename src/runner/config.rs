@@ -1,0 +1,64 @@
+//! Raw files to validated specs: what a person writes, held against a schema, its defaults written out, in SI.
+//!
+//! Every fault of a file is told, one line each: file, JSON path, what was found, what is allowed. Keys, types and ranges
+//! come first; once those are right, what the values must be to one another. Files are JSON, up to 1 MiB, without unknown
+//! keys. Serde types stay in this room.
+//!
+//! ```
+//! use upm_runner::config::{Origin, RigSpec};
+//! let faults = RigSpec::from_json(r#"{"nam": "upm-3"}"#, &Origin::of_request("rig.json")).unwrap_err();
+//! let line = "rig.json: nam: found unknown key \"nam\", allowed: accelerometers, camera, drive, fields, friction, kinds, \
+//!             library, motors, name, plate, simulation (did you mean name?)";
+//! assert_eq!(faults[0].to_string(), line);
+//! ```
+
+mod bins;
+mod daemon;
+mod document;
+mod fault;
+mod job;
+mod kinds;
+mod packing;
+mod phase;
+mod place;
+mod raw_daemon;
+mod raw_job;
+mod raw_rig;
+mod raw_simulate;
+mod raw_trace;
+mod read;
+mod rig;
+mod rig_checks;
+mod room;
+mod schema;
+mod shape;
+mod simulate;
+mod task;
+#[cfg(test)]
+mod tests;
+mod trace;
+mod view;
+
+pub use daemon::{DaemonSpec, KeepSpec, PlateSpec, WatchdogSpec};
+pub use document::Document;
+pub use fault::{Fault, Path};
+pub use job::{JobSpec, LibraryRef, PartGroup, is_plain_name};
+pub use kinds::KindSpec;
+pub use place::{PlacedPart, place_parts};
+pub use raw_daemon::{RawDaemon, RawDisk, RawKeep, RawLive, RawPace, RawServedPlate, RawWatchdog};
+pub use raw_job::{
+    Assignment, LibrarySource, PlannerChoice, RawBin, RawJob, RawLimits, RawParts, RawPath, RawRegion, RawTask,
+};
+pub use raw_rig::{
+    RawAccelerometers, RawCamera, RawDamping, RawDrive, RawFriction, RawKind, RawLevels, RawMotors, RawPlate,
+    RawResonance, RawRig, RawSimulation, RigSource,
+};
+pub use raw_simulate::{PlateMode, RawHarmonic, RawPlaced, RawPulse, RawSimulate};
+pub use raw_trace::{RawCounts, RawTrace};
+pub use read::{MOST_BYTES, Origin};
+pub use rig::{FrictionSpec, RigSpec, fingerprint};
+pub use room::{REST_GAP_M, REST_MARGIN_M, START_GAP_M, START_MARGIN_M};
+pub use schema::{schema, schema_names};
+pub use simulate::{PulseSpec, SimulateSpec};
+pub use task::{BinSpec, PathSpec, TaskSpec};
+pub use trace::{load_trace, trace_from_json, trace_to_json};

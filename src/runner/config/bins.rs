@@ -1,0 +1,98 @@
+use super::fault::{Faults, Path};
+use super::job::known_kind;
+use super::packing::in_rows;
+use super::raw_job::RawBin;
+use super::room::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, check_inside};
+use super::task::{BinSpec, Scene, TaskSpec, point_m};
+use upm_core::geometry::Vec2;
+use upm_core::units::mm_from_m;
+
+impl Scene<'_> {
+    /// The bins in SI; faults where a kind has none or more than one, where parts do not fit in, where two overlap.
+    pub(super) fn sort(&self, raw: &[RawBin], faults: &mut Faults) -> Option<TaskSpec> {
+        let at = self.at.key("bins");
+        let mut bins: Vec<BinSpec> = Vec::with_capacity(raw.len());
+        for (i, raw) in raw.iter().enumerate() {
+            let at = at.index(i);
+            let bin = self.bin(raw, &at, faults);
+            for (k, kind) in bin.kinds.iter().enumerate() {
+                let taken =
+                    bin.kinds.iter().take(k).chain(bins.iter().flat_map(|b| &b.kinds)).any(|other| other == kind);
+                let name = raw.kinds.get(k).map_or("", String::as_str);
+                let found = format!("{name:?} a second time");
+                faults.demand(!taken, &at.key("kinds").index(k), found, "each kind in one bin");
+            }
+            bins.push(bin);
+        }
+        check_disjoint(&bins, &at, faults);
+        for (kind, spec) in self.rig.kinds.iter().enumerate() {
+            let parts = self.kinds.iter().filter(|&&other| other == kind).count();
+            let has_bin = parts == 0 || bins.iter().any(|bin| bin.kinds.contains(&kind));
+            let found = format!("no bin for {}, {parts} of them on the plate", spec.kind.name);
+            faults.demand(has_bin, &at, found, "a bin for every kind of part");
+        }
+        Some(TaskSpec::Sort { bins })
+    }
+
+    fn bin(&self, raw: &RawBin, at: &Path, faults: &mut Faults) -> BinSpec {
+        let kind = |(i, name): (usize, &String)| known_kind(name, self.rig, &at.key("kinds").index(i), faults);
+        let kinds: Vec<usize> = raw.kinds.iter().enumerate().filter_map(kind).collect();
+        let bin = BinSpec { kinds, min_m: point_m(raw.region_mm.min), max_m: point_m(raw.region_mm.max) };
+        let at = at.key("region_mm");
+        for (name, corner_m) in [("min", bin.min_m), ("max", bin.max_m)] {
+            check_inside(corner_m, 0.0, self.half_m, 0.0, &at.key(name), faults);
+        }
+        let is_rectangle = (bin.max_m - bin.min_m).min() > 0.0;
+        faults.demand(is_rectangle, &at, in_words(&bin), "min below max along x and y");
+        if is_rectangle {
+            self.check_room(&bin, &at, faults);
+        }
+        bin
+    }
+
+    /// A fault where the parts of a bin do not find room in straight rows with [`REST_GAP_M`] between rims, half of it to the
+    /// bin's border, for the next bin may begin there. All are taken as large as the largest: what passes is what the
+    /// goal finds slots for.
+    fn check_room(&self, bin: &BinSpec, at: &Path, faults: &mut Faults) {
+        let parts = self.kinds.iter().zip(&self.radii_m).filter(|(kind, _)| bin.kinds.contains(kind));
+        let (count, radius_m) =
+            parts.fold((0, 0.0), |(n, largest), (_, &radius_m)| (n + 1, f64::max(largest, radius_m)));
+        let most_m = Vec2::repeat(self.half_m - REST_MARGIN_M);
+        let inset_m = Vec2::repeat(0.5 * REST_GAP_M);
+        let free_m = (bin.max_m - inset_m).inf(&most_m) - (bin.min_m + inset_m).sup(&-most_m);
+        let room = in_rows(free_m, radius_m, REST_GAP_M);
+        let [width, height, diameter, gap, border, edge] = [
+            bin.max_m.x - bin.min_m.x,
+            bin.max_m.y - bin.min_m.y,
+            2.0 * radius_m,
+            REST_GAP_M,
+            0.5 * REST_GAP_M,
+            REST_MARGIN_M,
+        ]
+        .map(mm_from_m);
+        let found = format!("{width:.3} x {height:.3} mm with room for {room} of {diameter:.3} mm");
+        let allowed = format!(
+            "room for {count}, the parts of its kinds, with {gap:.3} mm between rims, {border:.3} mm to the border and \
+             {edge:.3} mm to the plate's edge"
+        );
+        faults.demand(room >= count, at, found, allowed);
+    }
+}
+
+/// A fault for every bin that overlaps an earlier one; a common border is none.
+fn check_disjoint(bins: &[BinSpec], at: &Path, faults: &mut Faults) {
+    for (i, bin) in bins.iter().enumerate() {
+        let common_m = |other: &BinSpec| bin.max_m.inf(&other.max_m) - bin.min_m.sup(&other.min_m);
+        let overlapped = bins.iter().enumerate().take(i).find(|(_, other)| common_m(other).min() > ROUNDING_M);
+        if let Some((k, other)) = overlapped {
+            let found = format!("{} over {}, {}", in_words(bin), at.index(k), in_words(other));
+            faults.push(&at.index(i).key("region_mm"), found, "bins that do not overlap");
+        }
+    }
+}
+
+/// `[-60, 0] to [-20, 40.5]`, mm.
+fn in_words(bin: &BinSpec) -> String {
+    let corner = |p: Vec2| format!("[{:.3}, {:.3}]", mm_from_m(p.x), mm_from_m(p.y));
+    format!("{} to {}", corner(bin.min_m), corner(bin.max_m))
+}

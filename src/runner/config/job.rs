@@ -1,0 +1,261 @@
+use std::path::PathBuf;
+
+use serde_json::{Map, Value};
+
+use super::fault::{Fault, Faults, Path, one_of, shown};
+use super::kinds::{KindSpec, NAMES};
+use super::raw_job::{LibrarySource, PlannerChoice, RawJob, RawParts};
+use super::raw_rig::{RawRig, RigSource};
+use super::read::{Origin, parse, text_of};
+use super::rig::RigSpec;
+use super::room;
+use super::task::{self, TaskSpec};
+use upm_core::geometry::Vec2;
+use upm_core::rig::PartKind;
+use upm_core::units::{m_from_mm, mm_from_m};
+
+/// A validated job.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JobSpec {
+    /// What faults call the file it came from.
+    pub file: String,
+    /// Name, fit for a folder.
+    pub name: String,
+    /// The rig.
+    pub rig: RigSpec,
+    /// The daemon's plate it asks for.
+    pub plate: Option<String>,
+    /// COR library: the job's own, else the rig's.
+    pub library: Option<LibraryRef>,
+    /// Parts, in groups as given.
+    pub parts: Vec<PartGroup>,
+    /// What to do.
+    pub task: TaskSpec,
+    /// How motions are found.
+    pub planner: PlannerChoice,
+    /// A part this near its target has arrived, m.
+    pub tolerance_m: f64,
+    /// Longest plate time of the run, s.
+    pub plate_time_limit_s: f64,
+    /// The file's content with every default written out, the rig left out.
+    raw: RawJob,
+}
+
+/// A COR library by its file or as its content.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LibraryRef {
+    /// Where the file is.
+    File(PathBuf),
+    /// The file's content.
+    Inline(Map<String, Value>),
+}
+
+/// Parts of one kind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartGroup {
+    /// Index into the rig's kinds.
+    pub kind: usize,
+    /// How many; 1 when there is a position.
+    pub count: usize,
+    /// Where it starts, m; `None` for at random.
+    pub position_m: Option<Vec2>,
+}
+
+impl JobSpec {
+    /// Reads and validates the job file at `path` and the rig it names; every fault is told.
+    pub fn load(path: &std::path::Path) -> Result<Self, Vec<Fault>> {
+        let text = text_of(path).map_err(|fault| vec![fault])?;
+        Self::from_json(&text, &Origin::of_file(path), None)
+    }
+
+    /// Validates the job in `text`; `plate_rig` stands in where it names no rig, and a rig that it writes out must be
+    /// equal to it. Every fault is told.
+    pub fn from_json(text: &str, origin: &Origin, plate_rig: Option<&RigSpec>) -> Result<Self, Vec<Fault>> {
+        let raw = parse(text, &origin.file)?;
+        let mut faults = Faults::of(&origin.file);
+        let made = Self::build(raw, origin, plate_rig, &mut faults);
+        faults.into_result(made)
+    }
+
+    fn build(mut raw: RawJob, origin: &Origin, plate_rig: Option<&RigSpec>, faults: &mut Faults) -> Option<Self> {
+        let root = Path::root();
+        faults.demand(is_plain_name(&raw.name), &root.key("name"), format!("{:?}", raw.name), NAMES);
+        for (i, group) in raw.parts.iter().enumerate() {
+            let alone = group.position_mm.is_none() || group.count == 1;
+            let at = root.key("parts").index(i).key("position_mm");
+            faults.demand(alone, &at, format!("a position for {} parts", group.count), "a position only with count 1");
+        }
+        let library = library_of(&raw, origin, faults);
+        let rig = rig_of(raw.rig.take(), origin, plate_rig, raw.plate.as_deref(), faults)?;
+        let parts = groups_of(&raw, &rig, faults);
+        check_told_apart(&parts, &rig, faults);
+        if raw.planner == PlannerChoice::SynthesizedField && rig.model.fields.is_none() {
+            refuse_fields(faults);
+        }
+        let task = task::build(&raw.task, &parts, &rig, faults);
+        room::check(&parts, &rig, faults);
+        Some(Self {
+            file: origin.file.clone(),
+            name: raw.name.clone(),
+            plate: raw.plate.clone(),
+            library: library.or_else(|| rig.library.clone().map(LibraryRef::File)),
+            parts,
+            task: task?,
+            planner: raw.planner,
+            tolerance_m: m_from_mm(raw.tolerance_mm),
+            plate_time_limit_s: raw.limits.plate_time_s,
+            rig,
+            raw,
+        })
+    }
+
+    /// Seed of everything random.
+    pub fn seed(&self) -> u64 {
+        self.raw.seed
+    }
+
+    /// The same job with another seed.
+    pub fn with_seed(mut self, seed: u64) -> Self {
+        self.raw.seed = seed;
+        self
+    }
+
+    /// Kind of every part, as indices into the rig's kinds, in the order of the job.
+    pub fn kinds_of_parts(&self) -> Vec<usize> {
+        each_kind(&self.parts)
+    }
+
+    /// The kind called by index, as [`JobSpec::kinds_of_parts`] lists them.
+    pub fn kind(&self, index: usize) -> Option<&KindSpec> {
+        self.rig.kinds.get(index)
+    }
+
+    /// The job with the rig and every default written out: read again with the same origin, it gives an equal spec.
+    pub fn effective(&self) -> Value {
+        let rig = Some(RigSource::Inline(Box::new(self.rig.raw.clone())));
+        serde_json::to_value(RawJob { rig, ..self.raw.clone() }).unwrap_or_default()
+    }
+
+    /// The same with the library written out too: what a run can be done again from, without any other file.
+    pub fn effective_with_library(&self, library: Map<String, Value>) -> Value {
+        let mut effective = self.effective();
+        if let Some(members) = effective.as_object_mut() {
+            members.insert("library".to_owned(), Value::Object(library));
+        }
+        effective
+    }
+}
+
+/// True for names that are safe as a folder: 1 to 64 of `A-Z a-z 0-9 . _ -`, not `.` or `..`.
+pub fn is_plain_name(name: &str) -> bool {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
+    (1..=64).contains(&name.len()) && name.chars().all(plain) && name != "." && name != ".."
+}
+
+fn library_of(raw: &RawJob, origin: &Origin, faults: &mut Faults) -> Option<LibraryRef> {
+    match raw.library.as_ref()? {
+        LibrarySource::Inline(content) => Some(LibraryRef::Inline(content.clone())),
+        LibrarySource::File(named) => {
+            let path = origin.resolve(named);
+            let at = Path::root().key("library");
+            let found = shown(&Value::from(named.as_str()));
+            faults.demand(path.is_some(), &at, found, "the library itself: files cannot be named here");
+            path.map(LibraryRef::File)
+        }
+    }
+}
+
+fn rig_of(
+    source: Option<RigSource>,
+    origin: &Origin,
+    plate_rig: Option<&RigSpec>,
+    plate: Option<&str>,
+    faults: &mut Faults,
+) -> Option<RigSpec> {
+    let at = Path::root().key("rig");
+    match (source, plate_rig) {
+        (Some(RigSource::Inline(raw)), Some(rig)) => the_same(&raw, rig, plate, &at, faults),
+        (Some(source), _) => RigSpec::from_source(source, origin, &at, faults),
+        (None, Some(rig)) => Some(rig.clone()),
+        (None, None) => {
+            faults.push(&at, "nothing", "a path or a rig object");
+            None
+        }
+    }
+}
+
+/// A plate has one rig: a job may say it, and nothing else. Which library the rig names is the plate's affair.
+fn the_same(raw: &RawRig, rig: &RigSpec, plate: Option<&str>, at: &Path, faults: &mut Faults) -> Option<RigSpec> {
+    let same = rig.is_as_in(raw);
+    let plate = plate.map_or("the plate".to_owned(), |name| format!("plate {name}"));
+    faults.demand(same, at, "another rig", format!("the rig of {plate}, or nothing"));
+    same.then(|| rig.clone())
+}
+
+/// Synthesised fields need a rig that says how they are driven.
+fn refuse_fields(faults: &mut Faults) {
+    let found = "\"synthesized_field\" on a rig without `fields`";
+    let allowed = "cor_sequence, pseudo_inverse, or a rig that has `fields`";
+    faults.push(&Path::root().key("planner"), found, allowed);
+}
+
+/// The groups with their kinds looked up. A kind that is unknown or larger than the plate is a fault and stands as an
+/// index that no kind has, so that what does not depend on it is checked all the same and nothing is told that
+/// only follows from it.
+fn groups_of(raw: &RawJob, rig: &RigSpec, faults: &mut Faults) -> Vec<PartGroup> {
+    let group_of = |(i, group): (usize, &RawParts)| {
+        let at = Path::root().key("parts").index(i).key("kind");
+        let kind = known_kind(&group.kind, rig, &at, faults);
+        let at_random = group.position_mm.is_none();
+        let kind = kind.filter(|&kind| room::check_size(kind, rig, at_random, &at, faults));
+        PartGroup {
+            kind: kind.unwrap_or(usize::MAX),
+            count: group.count as usize,
+            position_m: group.position_mm.map(|mm| Vec2::from(mm.map(m_from_mm))),
+        }
+    };
+    raw.parts.iter().enumerate().map(group_of).collect()
+}
+
+/// Least difference of two kinds' diameters, as a part of the larger, at which a measured radius tells them apart.
+/// The finder gives a part to the kind that comes nearest, so its error may reach half of this; penny and dime, the
+/// nearest of the coins, are 6 % apart.
+const TOLD_APART: f64 = 0.03;
+
+/// A fault at every kind that the camera cannot tell from one before it on the plate.
+fn check_told_apart(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
+    let mut before: Vec<usize> = Vec::new();
+    for (i, group) in groups.iter().enumerate() {
+        let Some(PartKind { name, radius_m, .. }) = rig.kinds.get(group.kind).map(|spec| &spec.kind) else { continue };
+        if before.contains(&group.kind) {
+            continue;
+        }
+        let alike = before
+            .iter()
+            .filter_map(|&kind| rig.kinds.get(kind))
+            .map(|spec| &spec.kind)
+            .find(|other| (radius_m - other.radius_m).abs() < TOLD_APART * radius_m.max(other.radius_m));
+        if let Some(other) = alike {
+            let [diameter_mm, other_mm] = [radius_m, &other.radius_m].map(|radius_m| mm_from_m(2.0 * radius_m));
+            let found = format!("{name} of {diameter_mm:.3} mm beside {} of {other_mm:.3} mm", other.name);
+            let allowed = "kinds whose diameters differ by 3 % or more (the camera tells kinds by size)";
+            faults.push(&Path::root().key("parts").index(i).key("kind"), found, allowed);
+        }
+        before.push(group.kind);
+    }
+}
+
+/// Index of the kind called `name`, else a fault that lists those there are.
+pub(super) fn known_kind(name: &str, rig: &RigSpec, at: &Path, faults: &mut Faults) -> Option<usize> {
+    let found = rig.kind(name);
+    if found.is_none() {
+        let names: Vec<&str> = rig.kinds.iter().map(|spec| spec.kind.name.as_str()).collect();
+        faults.push(at, shown(&Value::from(name)), one_of(name, &names));
+    }
+    found
+}
+
+/// Kind of every part in the order of the job.
+pub(super) fn each_kind(groups: &[PartGroup]) -> Vec<usize> {
+    groups.iter().flat_map(|group| std::iter::repeat_n(group.kind, group.count)).collect()
+}

@@ -1,0 +1,63 @@
+use super::fault::{Faults, Path};
+use super::job::is_plain_name;
+use super::raw_rig::RawRig;
+use upm_core::rig::PartKind;
+use upm_core::units::m_from_mm;
+use upm_sim::PartParams;
+
+/// US coins: name, diameter mm, mass g, height mm.
+const COINS: [(&str, f64, f64, f64); 4] = [
+    ("penny", 19.05, 2.50, 1.52),
+    ("nickel", 21.21, 5.00, 1.95),
+    ("dime", 17.91, 2.27, 1.35),
+    ("quarter", 24.26, 5.67, 1.75),
+];
+
+/// A kind of part with what only the simulation knows of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KindSpec {
+    /// Name, outline, height.
+    pub kind: PartKind,
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Coulomb friction against the plate.
+    pub friction: f64,
+}
+
+/// Least radius of a part that the camera is asked to find, m.
+pub(super) const LEAST_SEEN_RADIUS_M: f64 = 5e-4;
+
+impl KindSpec {
+    /// A part of this kind as it is simulated, its friction that of the kind.
+    pub fn part(&self) -> PartParams {
+        let PartKind { radius_m, thickness_m, .. } = self.kind;
+        PartParams { radius_m, thickness_m, mass_kg: self.mass_kg, friction: self.friction }
+    }
+
+    /// True unless the part is a point or near to one: fit for open-loop experiments alone.
+    pub fn can_be_seen(&self) -> bool {
+        self.kind.radius_m >= LEAST_SEEN_RADIUS_M
+    }
+}
+
+/// The four coins, then the rig's own kinds by name.
+pub(super) fn kinds_of(raw: &RawRig, at: &Path, faults: &mut Faults) -> Vec<KindSpec> {
+    let friction = raw.friction.coefficient;
+    let mut kinds: Vec<KindSpec> = COINS.iter().map(|&(name, d, m, h)| disc(name, d, m, h, friction)).collect();
+    for (name, kind) in &raw.kinds {
+        let at = at.key("kinds").key(name);
+        faults.demand(is_plain_name(name), &at, format!("{name:?}"), NAMES);
+        let known = COINS.iter().any(|(coin, ..)| coin == name);
+        faults.demand(!known, &at, format!("{name:?}"), "a name other than penny, nickel, dime, quarter");
+        kinds.push(disc(name, kind.diameter_mm, kind.mass_g, kind.thickness_mm, kind.friction.unwrap_or(friction)));
+    }
+    kinds
+}
+
+/// What names may be made of, in words.
+pub(super) const NAMES: &str = "1 to 64 letters, digits, `.`, `_`, `-`, other than `.` and `..`";
+
+fn disc(name: &str, diameter_mm: f64, mass_g: f64, thickness_mm: f64, friction: f64) -> KindSpec {
+    let (radius_m, thickness_m) = (m_from_mm(0.5 * diameter_mm), m_from_mm(thickness_mm));
+    KindSpec { kind: PartKind { name: name.to_owned(), radius_m, thickness_m }, mass_kg: mass_g * 1e-3, friction }
+}

@@ -1,0 +1,283 @@
+use std::path::PathBuf;
+
+use nalgebra::Vector3;
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use super::fault::{Fault, Faults, Path};
+use super::kinds::{KindSpec, kinds_of};
+use super::raw_rig::{RawFields, RawRig, RigSource};
+use super::read::{Origin, parse, text_of};
+use super::rig_checks;
+use upm_core::geometry::{Lens, Vec2};
+use upm_core::rig::{FieldDriveModel, RigModel};
+use upm_core::units::m_from_mm;
+use upm_sim::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PlateParams, SimParams};
+
+/// A validated rig. What control may know of it stands in `model`; the rest is for the simulation alone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigSpec {
+    /// The file's content with every default written out.
+    pub raw: RawRig,
+    /// What a person can measure or read off a data sheet.
+    pub model: RigModel,
+    /// How the simulated rig behaves.
+    pub sim: SimParams,
+    /// Friction between parts and plate.
+    pub friction: FrictionSpec,
+    /// Kinds of part: the four coins, then the rig's own by name.
+    pub kinds: Vec<KindSpec>,
+    /// Its COR library, if it names one.
+    pub library: Option<PathBuf>,
+    /// First 16 hex digits of SHA-256 over the parts of the rig that a COR library depends on; see [`fingerprint`].
+    pub fingerprint: String,
+}
+
+/// Friction between parts and plate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrictionSpec {
+    /// Coulomb coefficient.
+    pub coefficient: f64,
+    /// Relative standard deviation of it from part to part.
+    pub spread: f64,
+    /// Restitution between parts.
+    pub restitution: f64,
+    /// Friction between rims.
+    pub rim: f64,
+}
+
+impl RigSpec {
+    /// Reads and validates the rig file at `path`; every fault is told.
+    pub fn load(path: &std::path::Path) -> Result<Self, Vec<Fault>> {
+        let text = text_of(path).map_err(|fault| vec![fault])?;
+        Self::from_json(&text, &Origin::of_file(path))
+    }
+
+    /// Validates the rig in `text`; every fault is told.
+    pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Fault>> {
+        let raw = parse(text, &origin.file)?;
+        let mut faults = Faults::of(&origin.file);
+        let made = Self::build(raw, origin, &Path::root(), &mut faults);
+        faults.into_result(made)
+    }
+
+    /// The shipped weak prototype. Shipped rigs are part of the program; their libraries are files of their own.
+    pub fn upm_1() -> Result<Self, Vec<Fault>> {
+        Self::shipped("configs/rigs/upm-1.json", include_str!("../../../configs/rigs/upm-1.json"))
+    }
+
+    /// The shipped strong rig, without its library.
+    pub fn upm_2() -> Result<Self, Vec<Fault>> {
+        Self::shipped("configs/rigs/upm-2.json", include_str!("../../../configs/rigs/upm-2.json"))
+    }
+
+    fn shipped(file: &str, text: &str) -> Result<Self, Vec<Fault>> {
+        let raw: RawRig = parse(text, file)?;
+        let mut faults = Faults::of(file);
+        let made = Self::build(RawRig { library: None, ..raw }, &Origin::of_request(file), &Path::root(), &mut faults);
+        faults.into_result(made)
+    }
+
+    /// The rig that `source`, found at `at`, names or is. Pushes faults of the rig's own file under its name.
+    pub(super) fn from_source(source: RigSource, origin: &Origin, at: &Path, faults: &mut Faults) -> Option<Self> {
+        let named = match source {
+            RigSource::Inline(raw) => return Self::build(*raw, origin, at, faults),
+            RigSource::File(named) => named,
+        };
+        let Some(path) = origin.resolve(&named) else {
+            faults.push(at, shown(&named), "the rig itself: files cannot be named here");
+            return None;
+        };
+        match text_of(&path).map_err(|fault| faults.push(at, shown(&named), format!("a rig file ({})", fault.found))) {
+            Ok(text) => Self::from_json(&text, &Origin::of_file(&path))
+                .map(|rig| rig.rebased_from(&named))
+                .map_err(|others| faults.append(others))
+                .ok(),
+            Err(()) => None,
+        }
+    }
+
+    /// The same rig as part of a file that calls it `named`: paths in it become relative to that file.
+    fn rebased_from(mut self, named: &str) -> Self {
+        let folder = std::path::Path::new(named).parent();
+        if let (Some(folder), Some(library)) = (folder, &mut self.raw.library) {
+            *library = folder.join(&library).to_string_lossy().into_owned();
+        }
+        self
+    }
+
+    fn build(mut raw: RawRig, origin: &Origin, at: &Path, faults: &mut Faults) -> Option<Self> {
+        let before = faults.len();
+        fill_in(&mut raw);
+        let kinds = kinds_of(&raw, at, faults);
+        let sim = sim_params(&raw);
+        rig_checks::check(&raw, &sim, at, faults);
+        let library = raw.library.as_ref().map(|named| (named, origin.resolve(named)));
+        if let Some((named, None)) = &library {
+            faults.push(&at.key("library"), shown(named), "nothing: files cannot be named here");
+        }
+        let library = library.and_then(|(_, path)| path);
+        let friction = FrictionSpec {
+            coefficient: raw.friction.coefficient,
+            spread: raw.friction.spread,
+            restitution: raw.friction.restitution,
+            rim: raw.friction.rim,
+        };
+        let (model, fingerprint) = (model_of(&raw, &sim), fingerprint(&raw));
+        (faults.len() == before).then_some(Self { raw, model, sim, friction, kinds, library, fingerprint })
+    }
+
+    /// True when `raw`, defaults written out, is this rig but for the library it names.
+    pub(super) fn is_as_in(&self, raw: &RawRig) -> bool {
+        let mut other = RawRig { library: None, ..raw.clone() };
+        fill_in(&mut other);
+        other == RawRig { library: None, ..self.raw.clone() }
+    }
+
+    /// The kind called `name`, as an index into [`RigSpec::kinds`].
+    pub fn kind(&self, name: &str) -> Option<usize> {
+        self.kinds.iter().position(|spec| spec.kind.name == name)
+    }
+}
+
+/// Writes out the defaults that depend on other values.
+fn fill_in(raw: &mut RawRig) {
+    let side_m = m_from_mm(raw.plate.side_mm);
+    raw.plate.inertia_kg_m2.get_or_insert(raw.plate.mass_kg * side_m * side_m / 6.0);
+    raw.camera.principal_px.get_or_insert(raw.camera.size_px.map(|size| (size as f64 - 1.0) / 2.0));
+}
+
+fn sim_params(raw: &RawRig) -> SimParams {
+    let RawRig { plate, motors, accelerometers, .. } = raw;
+    SimParams {
+        step_s: raw.simulation.step_s,
+        plate: PlateParams {
+            side_m: m_from_mm(plate.side_mm),
+            mass_kg: plate.mass_kg,
+            inertia_kgm2: plate.inertia_kg_m2.unwrap_or_default(),
+            resonance_hz: [plate.resonance_hz.x, plate.resonance_hz.y, plate.resonance_hz.spin],
+            damping_ratio: [plate.damping_ratio.x, plate.damping_ratio.y, plate.damping_ratio.spin],
+        },
+        motors: MotorParams {
+            lever_arm_m: m_from_mm(motors.lever_arm_mm),
+            newtons_per_count: motors.newtons_per_count,
+            gain_error: motors.gain_error,
+            sample_hz: motors.sample_hz,
+            count_limit: f64::from(motors.count_limit),
+            low_pass_hz: motors.low_pass_hz,
+            force_limit_n: motors.force_limit_n,
+        },
+        accelerometers: AccelerometerParams {
+            position_m: Vec2::from(accelerometers.position_mm.map(m_from_mm)),
+            sample_hz: accelerometers.sample_hz,
+            bits: accelerometers.bits,
+            range_mps2: accelerometers.range_mps2,
+            noise_mps2: accelerometers.noise_mps2,
+            bias_sd_mps2: accelerometers.bias_sd_mps2,
+            gain_sd: accelerometers.gain_sd,
+        },
+        camera: camera_params(raw),
+        contact: ContactParams { restitution: raw.friction.restitution, rim_friction: raw.friction.rim },
+    }
+}
+
+fn camera_params(raw: &RawRig) -> CameraParams {
+    let camera = &raw.camera;
+    CameraParams {
+        size_px: camera.size_px,
+        frame_hz: camera.frame_hz,
+        exposure_s: camera.exposure_s,
+        lens: Lens {
+            focal_px: camera.focal_px,
+            principal_px: Vec2::from(camera.principal_px.unwrap_or_default()),
+            radial: camera.radial,
+            tangential: camera.tangential,
+        },
+        position_m: Vector3::from(camera.position_mm.map(m_from_mm)),
+        tilt_rad: camera.tilt_deg.map(f64::to_radians),
+        blur_px: camera.blur_px,
+        levels: [camera.levels.ground, camera.levels.plate, camera.levels.part],
+        shading: camera.shading,
+        shading_direction_rad: camera.shading_direction_deg.to_radians(),
+        full_well_e: camera.full_well_e.unwrap_or(f64::INFINITY),
+        read_noise: camera.read_noise,
+    }
+}
+
+fn model_of(raw: &RawRig, sim: &SimParams) -> RigModel {
+    RigModel {
+        name: raw.name.clone(),
+        plate_side_m: sim.plate.side_m,
+        lever_arm_m: sim.motors.lever_arm_m,
+        plate_mass_kg: sim.plate.mass_kg,
+        plate_inertia_kgm2: sim.plate.inertia_kgm2,
+        newtons_per_count: sim.motors.newtons_per_count,
+        count_limit: sim.motors.count_limit,
+        base_radps: std::f64::consts::TAU * raw.drive.base_hz,
+        attack_s: raw.drive.attack_s,
+        rest_s: raw.drive.rest_s,
+        max_sustain_s: raw.drive.max_sustain_s,
+        fields: raw.fields.as_ref().map(field_drive_of),
+        accelerometer_in_plate_m: sim.accelerometers.position_m,
+        frame_size_px: sim.camera.size_px,
+        frame_hz: sim.camera.frame_hz,
+        exposure_s: sim.camera.exposure_s,
+        lens: sim.camera.lens,
+        dark_parts: raw.camera.levels.part < raw.camera.levels.plate,
+    }
+}
+
+fn field_drive_of(raw: &RawFields) -> FieldDriveModel {
+    FieldDriveModel {
+        base_radps: std::f64::consts::TAU * raw.base_hz,
+        harmonics: raw.harmonics,
+        attack_s: raw.attack_s,
+        rest_s: raw.rest_s,
+    }
+}
+
+/// First 16 hex digits of SHA-256 over the canonical JSON (keys sorted, no spaces, defaults written out) of
+/// `plate`, `motors`, `drive`, `accelerometers` and, where there are any, `fields`: what a COR library measured on the rig rests on. Camera, friction,
+/// kinds, step, name and library are left out: a library survives another camera and another coin.
+pub fn fingerprint(raw: &RawRig) -> String {
+    let section = |made: Result<Value, serde_json::Error>| made.unwrap_or_default();
+    let sections = [
+        ("accelerometers", section(serde_json::to_value(&raw.accelerometers))),
+        ("drive", section(serde_json::to_value(&raw.drive))),
+        ("motors", section(serde_json::to_value(&raw.motors))),
+        ("plate", section(serde_json::to_value(&raw.plate))),
+    ];
+    let fields = raw.fields.as_ref().map(|fields| ("fields", section(serde_json::to_value(fields))));
+    let mut canonical = String::new();
+    write_canonical(&Value::from_iter(sections.into_iter().chain(fields)), &mut canonical);
+    Sha256::digest(canonical).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// JSON with keys sorted, whatever order the map keeps.
+fn write_canonical(value: &Value, out: &mut String) {
+    match value {
+        Value::Object(members) => {
+            let mut sorted: Vec<_> = members.iter().collect();
+            sorted.sort_by_key(|(key, _)| key.as_str());
+            for (i, (key, member)) in sorted.into_iter().enumerate() {
+                out.push(if i == 0 { '{' } else { ',' });
+                out.push_str(&Value::from(key.as_str()).to_string());
+                out.push(':');
+                write_canonical(member, out);
+            }
+            out.push_str(if members.is_empty() { "{}" } else { "}" });
+        }
+        Value::Array(items) => {
+            for (i, item) in items.iter().enumerate() {
+                out.push(if i == 0 { '[' } else { ',' });
+                write_canonical(item, out);
+            }
+            out.push_str(if items.is_empty() { "[]" } else { "]" });
+        }
+        plain => out.push_str(&plain.to_string()),
+    }
+}
+
+fn shown(text: &str) -> String {
+    super::fault::shown(&Value::from(text))
+}

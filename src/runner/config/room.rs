@@ -1,0 +1,154 @@
+//! Whether parts have room where they should lie.
+
+use std::f64::consts::PI;
+
+use super::fault::{Faults, Path, counted};
+use super::job::PartGroup;
+use super::kinds::{KindSpec, LEAST_SEEN_RADIUS_M};
+use super::rig::RigSpec;
+use upm_core::geometry::Vec2;
+use upm_core::units::mm_from_m;
+
+/// Least gap between the rims of parts placed at random, m.
+pub const START_GAP_M: f64 = 3e-3;
+
+/// Least distance of such a rim from the plate's edge, m.
+pub const START_MARGIN_M: f64 = 5e-3;
+
+/// Gap between rims that the planner keeps, and therefore the least where parts should come to rest, m.
+pub const REST_GAP_M: f64 = 2e-3;
+
+/// Distance of rims from the plate's edge that the planner keeps, and therefore the least for such parts, m.
+pub const REST_MARGIN_M: f64 = 1e-3;
+
+/// Shortfall that is rounding and no fault, m.
+pub(super) const ROUNDING_M: f64 = 1e-9;
+
+/// True when a part of `kind` has room on the plate at all and the camera can find it, else a fault at `at`.
+pub(super) fn check_size(kind: usize, rig: &RigSpec, at_random: bool, at: &Path, faults: &mut Faults) -> bool {
+    let margin_m = if at_random { START_MARGIN_M } else { 0.0 };
+    let found = rig.kinds.get(kind).map_or(0.0, |spec| mm_from_m(2.0 * spec.kind.radius_m));
+    let (least, most) = (mm_from_m(2.0 * LEAST_SEEN_RADIUS_M), mm_from_m(rig.model.plate_side_m - 2.0 * margin_m));
+    let (is_seen, fits) = (rig.kinds.get(kind).is_none_or(KindSpec::can_be_seen), found <= most);
+    faults.demand(fits, at, format!("a part of {found:.3} mm"), format!("up to {most:.3} mm on this plate"));
+    let allowed = format!("{least} mm or more (the camera cannot see it; upm simulate takes it)");
+    faults.demand(is_seen, at, format!("a part of {found:.3} mm"), allowed);
+    is_seen && fits
+}
+
+/// Parts started off the plate or in one another, or more than there is room for.
+pub(super) fn check(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
+    let (half_m, at) = (0.5 * rig.model.plate_side_m, Path::root().key("parts"));
+    let radius = |group: &PartGroup| rig.kinds.get(group.kind).map_or(0.0, |spec| spec.kind.radius_m);
+    for (i, group) in groups.iter().enumerate() {
+        if let Some(position_m) = group.position_m {
+            check_inside(position_m, radius(group), half_m, 0.0, &at.index(i).key("position_mm"), faults);
+        }
+    }
+    let given: Vec<(Vec2, f64, Path)> = (0..)
+        .zip(groups)
+        .filter_map(|(i, group)| Some((group.position_m?, radius(group), at.index(i).key("position_mm"))))
+        .collect();
+    check_apart(&given, 0.0, faults);
+    check_number(groups, rig, faults);
+}
+
+/// A fault unless a disc's rim lies on the plate, `margin_m` inside its edge.
+pub(super) fn check_inside(center_m: Vec2, radius_m: f64, half_m: f64, margin_m: f64, at: &Path, faults: &mut Faults) {
+    let most_m = half_m - radius_m - margin_m;
+    let most_mm = mm_from_m(most_m).max(0.0);
+    let why = match margin_m {
+        0.0 => "the whole part on the plate".to_owned(),
+        _ => format!("the whole part on the plate, {:.3} mm inside its edge", mm_from_m(margin_m)),
+    };
+    let allowed = format!("from {:.3} to {most_mm:.3} ({why})", -most_mm);
+    for (i, found) in center_m.iter().enumerate() {
+        let inside = found.abs() <= most_m + ROUNDING_M;
+        faults.demand(inside, &at.index(i), format!("{:.3}", mm_from_m(*found)), allowed.clone());
+    }
+}
+
+/// A fault for every disc whose rim is less than `gap_m` from that of an earlier one.
+pub(super) fn check_apart(discs: &[(Vec2, f64, Path)], gap_m: f64, faults: &mut Faults) {
+    for (i, (center_m, radius_m, at)) in discs.iter().enumerate() {
+        let least_m = |other_radius_m: &f64| radius_m + other_radius_m + gap_m;
+        let near = discs
+            .iter()
+            .take(i)
+            .find(|(other_m, other_radius_m, _)| (center_m - other_m).norm() < least_m(other_radius_m) - ROUNDING_M);
+        if let Some((other_m, other_radius_m, other)) = near {
+            let found = format!("{:.3} mm from {other}", mm_from_m((center_m - other_m).norm()));
+            faults.push(at, found, apart_allowed(least_m(other_radius_m), gap_m));
+        }
+    }
+}
+
+/// What is allowed of the distance between two centres.
+pub(super) fn apart_allowed(least_m: f64, gap_m: f64) -> String {
+    let why = match gap_m {
+        0.0 => "parts cannot overlap".to_owned(),
+        _ => format!("both radii and {:.3} mm between the rims", mm_from_m(gap_m)),
+    };
+    format!("{:.3} mm or more: {why}", mm_from_m(least_m))
+}
+
+/// A fault where the parts cannot all lie on the plate, by two bounds that no arrangement beats.
+fn check_number(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
+    const MOST_PARTS: usize = 64;
+    let (side_m, at) = (rig.model.plate_side_m, Path::root().key("parts"));
+    let total: usize = groups.iter().map(|group| group.count).sum();
+    faults.demand(total <= MOST_PARTS, &at, counted(total, "part"), format!("up to {MOST_PARTS} in all"));
+    let radii = |groups: &mut dyn Iterator<Item = &PartGroup>| -> Vec<f64> {
+        let one = |group: &PartGroup| rig.kinds.get(group.kind).map_or(0.0, |spec| spec.kind.radius_m);
+        groups.flat_map(|group| std::iter::repeat_n(one(group), group.count)).collect()
+    };
+    let all = radii(&mut groups.iter());
+    let random = radii(&mut groups.iter().filter(|group| group.position_m.is_none()));
+    if !fits(&all, side_m, 0.0) || !fits(&random, side_m - 2.0 * START_MARGIN_M, START_GAP_M) {
+        faults.push(&at, counted(total, "part"), "as many as lie on the plate side by side");
+    }
+}
+
+/// False when discs with `gap_m` between them cannot lie in a square, because together they cover more than it, or
+/// because even that many of the smallest break Groemer's bound (Math. Z. 73, 285, 1960): points at least d apart in a
+/// convex figure number at most `2A/(√3 d²) + P/(2d) + 1`.
+pub(super) fn fits(radii_m: &[f64], side_m: f64, gap_m: f64) -> bool {
+    let smallest_m = radii_m.iter().copied().fold(f64::INFINITY, f64::min);
+    let largest_m = radii_m.iter().copied().fold(0.0, f64::max);
+    if radii_m.is_empty() {
+        return true;
+    }
+    if side_m < 2.0 * largest_m {
+        return false;
+    }
+    let covered: f64 = radii_m.iter().map(|radius_m| PI * (radius_m + 0.5 * gap_m).powi(2)).sum();
+    let (centers_m, apart_m) = (side_m - 2.0 * smallest_m, 2.0 * smallest_m + gap_m);
+    let most = 2.0 / 3_f64.sqrt() * (centers_m / apart_m).powi(2) + 2.0 * centers_m / apart_m + 1.0;
+    covered <= (side_m + gap_m).powi(2) && radii_m.len() as f64 <= most + 1e-9
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 2 + 6 √3
+    const HEXAGONAL: f64 = 12.392_304_845_413_264;
+
+    #[test]
+    fn packings_that_exist_are_never_refused() {
+        for n in 1..12_usize {
+            // n × n discs of diameter 2 on a square lattice with gaps
+            let side = 2.0 * n as f64 + 0.1 * (n as f64 - 1.0);
+            assert!(fits(&vec![1.0; n * n], side, 0.1));
+        }
+        // seven rows of 6 and 5 in turn, interlocked: more than the square lattice holds
+        assert!(fits(&[1.0; 39], HEXAGONAL, 0.0));
+    }
+
+    #[test]
+    fn too_many_are_refused() {
+        assert!(!fits(&[1.0; 2], 2.5, 0.0));
+        assert!(!fits(&[1.0; 43], HEXAGONAL, 0.0), "Groemer's bound is 42.6, the area's 48.9");
+        assert!(!fits(&[3.0], 5.0, 0.0));
+    }
+}

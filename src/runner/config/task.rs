@@ -1,0 +1,166 @@
+use super::fault::{Faults, Path, counted};
+use super::job::{PartGroup, each_kind};
+use super::phase::check_in_phase;
+use super::raw_job::{Assignment, RawPath, RawTask};
+use super::rig::RigSpec;
+use super::room::{REST_GAP_M, REST_MARGIN_M, check_apart, check_inside};
+use upm_core::geometry::Vec2;
+use upm_core::units::{m_from_mm, mm_from_m};
+
+/// What to do, in SI.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TaskSpec {
+    /// One part goes to the centre, then along the branches of a plus sign, clockwise, out and back.
+    PlusSign {
+        /// Rounds over all four branches; 0 is without end.
+        laps: u32,
+        /// How far the part's rim stays from the plate's edge, m.
+        edge_margin_m: f64,
+    },
+    /// Every part follows its own path.
+    Trajectories {
+        /// One for each part.
+        paths: Vec<PathSpec>,
+        /// All parts are at the same share of their laps at any time.
+        in_phase: bool,
+    },
+    /// Every part goes to a place.
+    Arrange {
+        /// One for each part, m.
+        targets_m: Vec<Vec2>,
+        /// Who goes where.
+        assignment: Assignment,
+    },
+    /// Every part goes into its kind's bin.
+    Sort {
+        /// The bins; every part's kind is in exactly one.
+        bins: Vec<BinSpec>,
+    },
+    /// Every part stays where it is.
+    Hold {
+        /// How long, s.
+        duration_s: f64,
+    },
+}
+
+/// A path of one part.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathSpec {
+    /// Its corners, m.
+    pub waypoints_m: Vec<Vec2>,
+    /// Speed along it, m/s.
+    pub speed_mps: f64,
+    /// How often the corners are gone through; 0 is without end.
+    pub repeat: u32,
+}
+
+/// A bin: a rectangle in which the rims of some kinds must lie.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BinSpec {
+    /// Indices into the rig's kinds.
+    pub kinds: Vec<usize>,
+    /// Lower left corner, m.
+    pub min_m: Vec2,
+    /// Upper right corner, m.
+    pub max_m: Vec2,
+}
+
+/// The task in SI; faults where it asks for what cannot be.
+pub(super) fn build(raw: &RawTask, groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) -> Option<TaskSpec> {
+    let scene = Scene::new(groups, rig);
+    match raw {
+        RawTask::PlusSign { laps, edge_margin_mm } => scene.plus_sign(*laps, *edge_margin_mm, faults),
+        RawTask::Trajectories { paths, in_phase } => scene.trajectories(paths, *in_phase, faults),
+        RawTask::Arrange { targets_mm, assignment } => scene.arrange(targets_mm, *assignment, faults),
+        RawTask::Sort { bins } => scene.sort(bins, faults),
+        RawTask::Hold { duration_s } => Some(TaskSpec::Hold { duration_s: *duration_s }),
+    }
+}
+
+/// What a task is judged against.
+pub(super) struct Scene<'a> {
+    /// Where the task stands.
+    pub at: Path,
+    /// The rig.
+    pub rig: &'a RigSpec,
+    /// Half the plate's side, m.
+    pub half_m: f64,
+    /// Kind of every part.
+    pub kinds: Vec<usize>,
+    /// Its radius, m.
+    pub radii_m: Vec<f64>,
+}
+
+impl<'a> Scene<'a> {
+    fn new(groups: &[PartGroup], rig: &'a RigSpec) -> Self {
+        let kinds = each_kind(groups);
+        let radii_m = kinds.iter().map(|&kind| rig.kinds.get(kind).map_or(0.0, |spec| spec.kind.radius_m)).collect();
+        Self { at: Path::root().key("task"), rig, half_m: 0.5 * rig.model.plate_side_m, kinds, radii_m }
+    }
+
+    fn plus_sign(&self, laps: u32, edge_margin_mm: f64, faults: &mut Faults) -> Option<TaskSpec> {
+        let found = counted(self.kinds.len(), "part");
+        faults.demand(self.kinds.len() == 1, &Path::root().key("parts"), found, "exactly one part for plus_sign");
+        let edge_margin_m = m_from_mm(edge_margin_mm);
+        let most_m = self.half_m - self.radii_m.iter().copied().fold(0.0, f64::max);
+        let allowed = format!("below {:.3} (else no branch is left)", mm_from_m(most_m));
+        faults.demand(edge_margin_m < most_m, &self.at.key("edge_margin_mm"), edge_margin_mm, allowed);
+        Some(TaskSpec::PlusSign { laps, edge_margin_m })
+    }
+
+    fn trajectories(&self, raw: &[RawPath], in_phase: bool, faults: &mut Faults) -> Option<TaskSpec> {
+        let at = self.at.key("paths");
+        self.demand_one_each(raw.len(), "path", &at, faults);
+        let paths: Vec<PathSpec> = raw.iter().map(PathSpec::from).collect();
+        let (mut starts, mut ends) = (Vec::with_capacity(paths.len()), Vec::with_capacity(paths.len()));
+        for (i, (path, &radius_m)) in paths.iter().zip(&self.radii_m).enumerate() {
+            let at = at.index(i).key("waypoints_mm");
+            for (k, &waypoint_m) in path.waypoints_m.iter().enumerate() {
+                check_inside(waypoint_m, radius_m, self.half_m, REST_MARGIN_M, &at.index(k), faults);
+            }
+            starts.extend(path.waypoints_m.first().map(|&start_m| (start_m, radius_m, at.index(0))));
+            let last = path.waypoints_m.iter().enumerate().skip(1).next_back().filter(|_| path.repeat > 0);
+            ends.extend(last.map(|(k, &end_m)| (end_m, radius_m, at.index(k))));
+        }
+        let before = faults.len();
+        check_apart(&starts, REST_GAP_M, faults);
+        check_apart(&ends, REST_GAP_M, faults);
+        if in_phase && faults.len() == before {
+            check_in_phase(&paths, &self.radii_m, &at, faults);
+        }
+        Some(TaskSpec::Trajectories { paths, in_phase })
+    }
+
+    fn arrange(&self, targets_mm: &[[f64; 2]], assignment: Assignment, faults: &mut Faults) -> Option<TaskSpec> {
+        let at = self.at.key("targets_mm");
+        self.demand_one_each(targets_mm.len(), "target", &at, faults);
+        let targets_m: Vec<Vec2> = targets_mm.iter().copied().map(point_m).collect();
+        let discs: Vec<(Vec2, f64, Path)> =
+            targets_m.iter().zip(&self.radii_m).zip(0..).map(|((&to, &radius), i)| (to, radius, at.index(i))).collect();
+        for (target_m, radius_m, at) in &discs {
+            check_inside(*target_m, *radius_m, self.half_m, REST_MARGIN_M, at, faults);
+        }
+        check_apart(&discs, REST_GAP_M, faults);
+        Some(TaskSpec::Arrange { targets_m, assignment })
+    }
+
+    fn demand_one_each(&self, found: usize, what: &str, at: &Path, faults: &mut Faults) {
+        let parts = self.kinds.len();
+        faults.demand(found == parts, at, counted(found, what), format!("{parts}, one for each part"));
+    }
+}
+
+impl From<&RawPath> for PathSpec {
+    fn from(raw: &RawPath) -> Self {
+        Self {
+            waypoints_m: raw.waypoints_mm.iter().copied().map(point_m).collect(),
+            speed_mps: m_from_mm(raw.speed_mm_s),
+            repeat: raw.repeat,
+        }
+    }
+}
+
+/// A point in SI.
+pub(super) fn point_m(mm: [f64; 2]) -> Vec2 {
+    Vec2::from(mm.map(m_from_mm))
+}

@@ -1,0 +1,116 @@
+use nalgebra::{Rotation3, Vector3};
+
+use upm_core::geometry::Vec2;
+use upm_sim::CameraParams;
+
+/// How far the plate stays from the frame's edge, as a part of the frame's height.
+pub const FRAME_MARGIN: f64 = 0.01;
+
+/// Where the camera sees the point `p_m` of the plate at rest, px; `None` when the point is not in front of it.
+///
+/// Untilted it looks down with image x along table x and image y against table y; the tilts then turn it about its
+/// own x axis, its own y axis and the optical axis, in that order, right-handed.
+pub fn image_from_plate(camera: &CameraParams, p_m: Vec2) -> Option<Vec2> {
+    let [about_x, about_y, about_axis] = camera.tilt_rad;
+    let turned = Rotation3::from_axis_angle(&Vector3::x_axis(), about_x)
+        * Rotation3::from_axis_angle(&Vector3::y_axis(), about_y)
+        * Rotation3::from_axis_angle(&Vector3::z_axis(), about_axis);
+    let from_camera = p_m.push(0.0) - camera.position_m;
+    let seen = turned.inverse() * Vector3::new(from_camera.x, -from_camera.y, -from_camera.z);
+    let ideal_px = camera.lens.principal_px + camera.lens.focal_px * seen.xy() / seen.z;
+    (seen.z > 0.0).then(|| camera.lens.image_from_ideal(ideal_px))
+}
+
+/// Corners of a square plate, m, clockwise from top left.
+pub fn plate_corners_m(side_m: f64) -> [Vec2; 4] {
+    let half = 0.5 * side_m;
+    [Vec2::new(-half, half), Vec2::new(half, half), Vec2::new(half, -half), Vec2::new(-half, -half)]
+}
+
+/// Least distance of the plate's outline from the frame's edge, px; negative where it leaves the frame, `None` where
+/// part of it is not in front of the camera.
+pub fn margin_px(camera: &CameraParams, side_m: f64) -> Option<f64> {
+    const STEPS: usize = 16;
+    let corners = plate_corners_m(side_m);
+    let [width, height] = camera.size_px.map(|size| size as f64);
+    let mut least = f64::INFINITY;
+    for (from, to) in corners.iter().zip(corners.iter().cycle().skip(1)) {
+        for i in 0..STEPS {
+            let p = image_from_plate(camera, from.lerp(to, i as f64 / STEPS as f64))?;
+            least = least.min(p.x + 0.5).min(width - 0.5 - p.x).min(p.y + 0.5).min(height - 0.5 - p.y);
+        }
+    }
+    least.is_finite().then_some(least)
+}
+
+/// True when distortion keeps different points of the plate apart: the lens's map does not fold anywhere between the
+/// principal point and the plate's outline.
+pub fn is_one_to_one(camera: &CameraParams, side_m: f64) -> bool {
+    const STEPS: usize = 32;
+    let undistorted = CameraParams {
+        lens: upm_core::geometry::Lens::ideal(camera.lens.focal_px, camera.lens.principal_px),
+        ..*camera
+    };
+    plate_corners_m(side_m).into_iter().all(|corner_m| {
+        let Some(corner_px) = image_from_plate(&undistorted, corner_m) else { return false };
+        (0..=STEPS).all(|i| {
+            let ideal_px = camera.lens.principal_px.lerp(&corner_px, i as f64 / STEPS as f64);
+            camera.lens.jacobian_at_ideal(ideal_px).determinant() > 0.0
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use upm_core::geometry::Lens;
+
+    fn camera(tilt_rad: [f64; 3]) -> CameraParams {
+        CameraParams {
+            size_px: [640, 480],
+            frame_hz: 60.0,
+            exposure_s: 0.004,
+            lens: Lens::ideal(1000.0, Vec2::new(319.5, 239.5)),
+            position_m: Vector3::new(0.01, -0.02, 0.5),
+            tilt_rad,
+            blur_px: 0.0,
+            levels: [0.0, 255.0, 0.0],
+            shading: 0.0,
+            shading_direction_rad: 0.0,
+            full_well_e: f64::INFINITY,
+            read_noise: 0.0,
+        }
+    }
+
+    #[test]
+    fn an_untilted_camera_scales_and_flips() {
+        let seen = image_from_plate(&camera([0.0; 3]), Vec2::new(0.03, 0.05)).unwrap();
+        assert!((seen - Vec2::new(319.5 + 40.0, 239.5 - 140.0)).norm() < 1e-9);
+    }
+
+    #[test]
+    fn tilts_move_the_picture_the_other_way() {
+        let seen = |tilt| image_from_plate(&camera(tilt), Vec2::new(0.01, -0.02)).unwrap() - Vec2::new(319.5, 239.5);
+        assert!(seen([0.0; 3]).norm() < 1e-9);
+        assert!((seen([0.01, 0.0, 0.0]).y - 1000.0 * 0.01_f64.tan()).abs() < 1e-9);
+        assert!((seen([0.0, 0.01, 0.0]).x + 1000.0 * 0.01_f64.tan()).abs() < 1e-9);
+        let turned = image_from_plate(&camera([0.0, 0.0, 0.01]), Vec2::new(0.02, -0.02)).unwrap();
+        assert!((turned - Vec2::new(319.5 + 20.0 * 0.01_f64.cos(), 239.5 - 20.0 * 0.01_f64.sin())).norm() < 1e-9);
+        assert_eq!(image_from_plate(&camera([2.0, 0.0, 0.0]), Vec2::zeros()), None);
+    }
+
+    #[test]
+    fn margin_is_the_nearest_edge() {
+        // 2 px/mm, centre at (299.5, 199.5): 100 mm reach 100 px either way
+        assert!((margin_px(&camera([0.0; 3]), 0.1).unwrap() - 100.0).abs() < 1e-9);
+        assert!(margin_px(&camera([0.0; 3]), 0.3).unwrap() < 0.0);
+    }
+
+    #[test]
+    fn a_folding_lens_is_seen() {
+        let mut folded = camera([0.0; 3]);
+        folded.lens.radial = [-20.0, 0.0];
+        assert!(is_one_to_one(&camera([0.0; 3]), 0.2));
+        assert!(!is_one_to_one(&folded, 0.2));
+    }
+}

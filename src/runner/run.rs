@@ -1,0 +1,337 @@
+//! Composition: a validated job becomes a rig, a goal, a control loop and sinks; out come a run folder and a report.
+//! The command line, the tests and whoever else runs jobs all run this.
+
+mod bench;
+mod calibrate;
+mod coverage;
+mod first_frame;
+mod folder;
+mod library;
+mod links;
+#[cfg(test)]
+mod lost_tests;
+mod paced;
+mod pacing;
+#[cfg(test)]
+mod recording_tests;
+mod rehearse;
+mod simulate;
+#[cfg(test)]
+mod stop_tests;
+mod unwritten;
+#[cfg(test)]
+mod unwritten_tests;
+mod verify;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use crate::config::{Fault, JobSpec};
+use upm_control::{self as control, Devices, Ending, Finish, Sink};
+use upm_core::rig::{Interlock, RigFault};
+use upm_core::time::{Clock, PlateTime};
+use upm_library::{Library, LibraryFault};
+use upm_recording::{
+    self as recording, Deadlines, Fanout, Herald, Journal, Keeping, PartEnding, Report, RerunMode, Scribe, Tally,
+    tell_recording,
+};
+use upm_viewer::{LiveServer, RerunSink, RunContext};
+
+use paced::{Pace, Paced};
+use unwritten::Unwritten;
+
+pub use bench::{Bench, NamedTruth};
+pub use calibrate::{calibrate, calibration_params};
+pub use coverage::{Coverage, Gap, Place};
+pub use first_frame::{FirstFrame, FirstFrameError, TruePart, first_frame};
+pub use folder::{FolderState, RunFolder};
+pub use library::{check_job, check_places, job_library, library_faults};
+pub use links::Links;
+pub use pacing::PacingStats;
+pub use rehearse::{Forecast, Independence, PartForecast, RehearsalProgress, Spot, rehearse};
+pub use simulate::{check_simulate, simulate};
+pub use upm_sim::Trajectories;
+pub use verify::{Verdict, VerifyError, verify};
+
+/// How to run, beside the job.
+#[derive(Clone, Debug)]
+pub struct RunOptions {
+    /// Folder in which the run's own folder is made.
+    pub out: PathBuf,
+    /// Wall time of the start for the folder's name, `20260101T000000Z`.
+    pub started_utc: String,
+    /// Where the recording goes.
+    pub rerun: RerunMode,
+    /// True to let plate time pass no faster than the clock.
+    pub real_time: bool,
+    /// How journal and recording get to the disk.
+    pub keeping: Keeping,
+    /// The live stream that shows the run, with a recording or without.
+    pub live: Option<LiveServer>,
+}
+
+/// What a run leaves.
+#[derive(Clone, Debug)]
+pub struct RunResult {
+    /// Its folder.
+    pub folder: PathBuf,
+    /// What `report.json` says.
+    pub report: Report,
+    /// What went wrong beside the run itself: a recording that is not whole, a report that was not written.
+    pub warnings: Vec<String>,
+}
+
+/// Why a job was not run, or its run not written down.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The job cannot be run.
+    #[error("{0}")]
+    Job(Fault),
+    /// The library is none or of another rig.
+    #[error("{}", one_a_line(.0))]
+    Library(Vec<LibraryFault>),
+    /// A file of the run folder could not be written.
+    #[error("{path}: cannot be written: {reason}")]
+    Write {
+        /// Which.
+        path: String,
+        /// Why.
+        reason: String,
+    },
+    /// The recording cannot go where it was said to go.
+    #[error("--rerun: {0}")]
+    RerunMode(String),
+    /// The recording could not be started.
+    #[error("recording: {0}")]
+    Recording(String),
+    /// The rig is not there for this run.
+    #[error("rig: {0}")]
+    Rig(RigFault),
+}
+
+impl RunError {
+    /// One line for every fault.
+    pub fn lines(&self) -> Vec<String> {
+        self.to_string().lines().map(str::to_owned).collect()
+    }
+
+    /// True when the fault lies in what was given, not in the machine.
+    pub fn is_bad_input(&self) -> bool {
+        matches!(self, Self::Job(_) | Self::Library(_) | Self::RerunMode(_))
+    }
+}
+
+fn one_a_line(faults: &[LibraryFault]) -> String {
+    faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}
+
+/// Runs `job` to its end and writes a folder of its own. `watcher` is told everything, too; it changes nothing. `Err` when
+/// it cannot be run, and when something of it could not be written.
+pub fn run(
+    job: &JobSpec,
+    options: &RunOptions,
+    clock: &dyn Clock,
+    stop: &AtomicBool,
+    watcher: &mut dyn Sink,
+) -> Result<RunResult, RunError> {
+    RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()))?;
+    let library = job_library(job).map_err(RunError::Library)?;
+    // what cannot be run leaves no folder
+    let bench = Bench::new(job, &library).map_err(RunError::Job)?;
+    let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
+    let (interlock, pacing) = (Interlock::default(), Arc::default());
+    let links = Links { stop, interlock: &interlock, pacing: &pacing, cause: &|| None };
+    let Done { result, written } = Session { job, library, folder, options, clock, links }.run(bench, watcher)?;
+    written.map(|()| result)
+}
+
+/// Runs `job` with `library`, which fits its rig, to its end and writes `folder`; whoever holds `links` looks on and
+/// stops it. `options` say nothing of the folder here. When this returns the rig is gone and the interlock free. A run whose
+/// `report.json` alone could not be written is none the worse: the report is in the result, with a warning that says so.
+pub fn run_linked(
+    job: &JobSpec,
+    library: Arc<Library>,
+    folder: RunFolder,
+    options: &RunOptions,
+    clock: &dyn Clock,
+    links: Links<'_>,
+    watcher: &mut dyn Sink,
+) -> Result<RunResult, RunError> {
+    let session = Session { job, library, folder, options, clock, links };
+    let checked = RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()));
+    match checked.and_then(|()| Bench::new(job, &session.library).map_err(RunError::Job)) {
+        Ok(bench) => session.run(bench, watcher).map(|done| done.result),
+        Err(error) => {
+            session.leave_reason(None, &error);
+            Err(error)
+        }
+    }
+}
+
+/// A run that came to its end, and whether its report is in the run folder.
+struct Done {
+    result: RunResult,
+    written: Result<(), RunError>,
+}
+
+/// One run of one job.
+struct Session<'a> {
+    job: &'a JobSpec,
+    library: Arc<Library>,
+    folder: RunFolder,
+    options: &'a RunOptions,
+    clock: &'a dyn Clock,
+    links: Links<'a>,
+}
+
+impl Session<'_> {
+    fn run(&self, mut bench: Bench, watcher: &mut dyn Sink) -> Result<Done, RunError> {
+        let fitted = bench.rig.fit(self.links.interlock.clone()).map_err(RunError::Rig);
+        let done = fitted.and_then(|()| self.run_into(&mut bench, watcher));
+        if let Err(error) = &done {
+            self.leave_reason(Some(&bench), error);
+        }
+        done
+    }
+
+    /// No run folder without a reason in it, as far as it can be written at all.
+    fn leave_reason(&self, bench: Option<&Bench>, error: &RunError) {
+        if !self.folder.state().report {
+            let failed = Finish { ending: Ending::failed(error.to_string()), ..Finish::default() };
+            self.folder.write_report(&Tally::default().report(ending(self.job, bench, failed, 0.0))).ok();
+        }
+    }
+
+    /// Runs to the end and writes everything into the folder.
+    fn run_into(&self, bench: &mut Bench, watcher: &mut dyn Sink) -> Result<Done, RunError> {
+        let Self { job, library, folder, options, clock, links } = self;
+        folder.write_effective(job, library)?;
+        let started = clock.elapsed();
+        let mut journal = Journal::new(folder.journal(&options.keeping)?, Arc::clone(library));
+        let mut tally = Tally::new(Some(bench.truth()));
+        let mut recorder = start_recording(options, folder, bench, job, library)?;
+        let mut named = NamedTruth::new(bench.truth());
+        let mut sinks =
+            Fanout::new().with(&mut named).with(&mut journal).with(&mut tally).with(&mut recorder).with(watcher);
+        let mut unwritten = Unwritten { journal: &options.keeping.journal, stop: links.stop, told: false };
+        let mut herald = Herald::new(&mut sinks, |sinks: &mut dyn Sink, at| {
+            unwritten.check(sinks, at);
+            tell_recording(&options.keeping.recording, sinks, at);
+        });
+        let missed_before = links.pacing.start_run();
+        let mut finish = play(bench, library, self.pace(bench), &mut herald, *clock, links.stop);
+        links.explain(&mut finish, &mut herald, bench.now());
+        let wall_time_s = (clock.elapsed() - started).as_secs_f64();
+
+        let warnings: Vec<String> = finish_recording(recorder, options).into_iter().collect();
+        let mut sinks = Fanout::new().with(&mut journal).with(&mut tally).with(watcher);
+        tell_recording(&options.keeping.recording, &mut sinks, bench.now());
+        let written =
+            journal.finish().and_then(Scribe::finish).map_err(|error| folder.write_error("journal.jsonl", &error));
+        let mut ending = ending(job, Some(bench), finish, wall_time_s);
+        ending.deadlines = options.real_time.then(|| Deadlines {
+            misses: links.pacing.misses().saturating_sub(missed_before),
+            worst_frames: links.pacing.worst_frames(),
+        });
+        if let Err(error) = &written {
+            (ending.outcome, ending.reason) = (recording::Outcome::Failed, error.to_string());
+        }
+        let mut report = Report { warnings, ..tally.report(ending) };
+        let reported = folder.write_report(&report);
+        written?;
+        report.warnings.extend(reported.as_ref().err().map(ToString::to_string));
+        let warnings = report.warnings.clone();
+        Ok(Done { result: RunResult { folder: folder.path().to_owned(), report, warnings }, written: reported })
+    }
+
+    /// Real time where it is wanted.
+    fn pace(&self, bench: &Bench) -> Option<Pace<'_>> {
+        self.options.real_time.then(|| Pace {
+            clock: self.clock,
+            nap: &std::thread::park_timeout,
+            stats: self.links.pacing,
+            interlock: self.links.interlock,
+            frame_hz: bench.model.frame_hz,
+        })
+    }
+}
+
+/// The control loop on the bench, at `pace` or as fast as it goes.
+fn play(
+    bench: &mut Bench,
+    library: &Arc<Library>,
+    pace: Option<Pace<'_>>,
+    sink: &mut dyn Sink,
+    clock: &dyn Clock,
+    stop: &AtomicBool,
+) -> Finish {
+    let Bench { rig, model, goal, params, .. } = bench;
+    match pace {
+        Some(pace) => {
+            let mut rig = Paced::new(rig, pace);
+            control::run(Devices { rig: &mut rig, model, sink, clock, stop }, library, goal.as_mut(), params)
+        }
+        None => control::run(Devices { rig, model, sink, clock, stop }, library, goal.as_mut(), params),
+    }
+}
+
+/// The ending of a run; without a bench of one that never had a plate.
+fn ending(job: &JobSpec, bench: Option<&Bench>, finish: Finish, wall_time_s: f64) -> recording::Ending {
+    let Finish { ending, wanted, measured_m, lost } = finish;
+    let part_ending = |(i, part): (usize, &control::ExpectedPart), bench: &Bench| PartEnding {
+        id: part.id.clone(),
+        kind: bench.params.kinds.get(part.kind).map(|kind| kind.name.clone()).unwrap_or_default(),
+        target_m: wanted.as_ref().and_then(|wanted| wanted.targets_m.get(i).copied()),
+        measured_m: measured_m.get(i).copied(),
+    };
+    let parts = bench.map(|bench| bench.params.parts.iter().enumerate().map(|part| part_ending(part, bench)).collect());
+    recording::Ending {
+        name: job.name.clone(),
+        seed: job.seed(),
+        outcome: ending.outcome.into(),
+        reason: ending.reason,
+        plate_time: bench.map_or(PlateTime::ZERO, Bench::now),
+        wall_time_s,
+        deadlines: None,
+        laps: wanted.as_ref().map_or(0, |wanted| wanted.laps),
+        lost_parts: lost.len(),
+        parts: parts.unwrap_or_default(),
+    }
+}
+
+/// Starts the Rerun recording of a run.
+fn start_recording(
+    options: &RunOptions,
+    folder: &RunFolder,
+    bench: &Bench,
+    job: &JobSpec,
+    library: &Arc<Library>,
+) -> Result<RerunSink, RunError> {
+    let context = RunContext {
+        name: job.name.clone(),
+        seed: job.seed(),
+        library: Arc::clone(library),
+        model: bench.model.clone(),
+        method: bench.params.method,
+        parts: bench.part_looks(),
+        truth: Some(bench.truth()),
+    };
+    let path = folder.path().join("run.rrd");
+    let sink = RerunSink::start(&options.rerun, &path, options.live.as_ref(), context, &options.keeping);
+    sink.map_err(|error| RunError::Recording(error.to_string()))
+}
+
+/// Closes the recording; a sentence about what is wrong with it, if anything is.
+fn finish_recording(sink: RerunSink, options: &RunOptions) -> Option<String> {
+    let has_viewer = matches!(options.rerun, RerunMode::Connect { .. } | RerunMode::Spawn);
+    let finished = sink.finish();
+    match (finished, options.keeping.recording.ended_early()) {
+        (_, Some(reason)) => Some(reason),
+        (Err(error), None) => Some(error.to_string()),
+        (Ok(stats), None) if has_viewer && !stats.viewer_caught_up => {
+            Some("the viewer did not take the whole run; the recording in the run folder is whole".into())
+        }
+        (Ok(_), None) => None,
+    }
+}

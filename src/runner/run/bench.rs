@@ -1,0 +1,293 @@
+use std::sync::Arc;
+
+use crate::config::{
+    Assignment, BinSpec, Fault, JobSpec, PathSpec, PlacedPart, PlannerChoice, REST_GAP_M, REST_MARGIN_M, TaskSpec,
+    place_parts,
+};
+use upm_control::{ControlParams, ExpectedPart, LocalisedFacts, Sink};
+use upm_core::geometry::{Pose, Vec2};
+use upm_core::ground_truth::GroundTruthHandle;
+use upm_core::random::Streams;
+use upm_core::rig::{PartKind, Rig, RigModel};
+use upm_core::time::PlateTime;
+use upm_goal::{
+    Arrange, ArrangeParams, Bin, Disc, Goal, Hold, HoldParams, InPhase, InPhaseParams, PathParams, PlusSign,
+    PlusSignParams, Sort, SortParams, Trajectories,
+};
+use upm_library::{Entry, Library};
+use upm_planner::{Method, PlannerParams};
+use upm_sim::SimRig;
+use upm_viewer::PartLook;
+
+/// Longest step wanted of a part in one cycle, m.
+const LONGEST_STEP_M: f64 = 8e-3;
+/// Part of the strong entries' reach at the plate's centre that a step may ask for.
+const ONE_PULSE: f64 = 0.9;
+/// Part of the tolerance within which a part must be seen to have arrived: the rest is for what the eyes are off.
+const MEASURED_SHARE: f64 = 0.9;
+/// How far a part's reference may run ahead of it, m.
+const LEAD_M: f64 = 4e-3;
+/// Pulses a sequence may always have.
+const LEAST_PULSES: usize = 24;
+/// Candidates of a plan, where they make eight for each part.
+const CANDIDATES: usize = 24;
+/// Seconds at rest without a part after which it is lost.
+const LOST_AFTER_S: f64 = 0.5;
+
+/// A job's simulated rig, its goal and all that control needs.
+pub struct Bench {
+    /// The rig.
+    pub rig: SimRig,
+    /// What control knows of it.
+    pub model: RigModel,
+    /// What the job wants.
+    pub goal: Box<dyn Goal>,
+    /// Limits and parts.
+    pub params: ControlParams,
+    /// Parts where they start.
+    pub placed: Vec<PlacedPart>,
+}
+
+impl Bench {
+    /// Places the parts and puts everything together.
+    pub fn new(job: &JobSpec, library: &Arc<Library>) -> Result<Self, Fault> {
+        let (rig, placed) = simulated_rig(job)?;
+        let (kinds, kind_of_part) = kinds_present(job, &placed);
+        let parts = placed.iter().zip(kind_of_part).zip(given_positions(job)).map(|((part, kind), given)| {
+            ExpectedPart { id: part.id.clone(), kind, expected_m: given.then_some(part.position_m) }
+        });
+        let model = job.rig.model.clone();
+        let params = ControlParams {
+            parts: parts.collect(),
+            time_limit_s: job.plate_time_limit_s,
+            endless: matches!(job.task, TaskSpec::PlusSign { laps: 0, .. }),
+            lost_after_frames: lost_after_frames(model.frame_hz),
+            method: match job.planner {
+                PlannerChoice::PseudoInverse => Method::PseudoInverse,
+                PlannerChoice::CorSequence => Method::CorSequence,
+                PlannerChoice::SynthesizedField => Method::SynthesizedField,
+            },
+            planner: planner_params(job, library, placed.len()),
+            kinds,
+        };
+        let goal = goal(job, library, &placed);
+        Ok(Self { rig, model, goal, params, placed })
+    }
+
+    /// Plate time now.
+    pub fn now(&self) -> PlateTime {
+        self.rig.now()
+    }
+
+    /// A window on the truth.
+    pub fn truth(&self) -> GroundTruthHandle {
+        self.rig.probe()
+    }
+
+    /// How the parts are drawn.
+    pub fn part_looks(&self) -> Vec<PartLook> {
+        let look = |part: &ExpectedPart| {
+            let kind = self.params.kinds.get(part.kind);
+            PartLook {
+                id: part.id.clone(),
+                kind: kind.map(|kind| kind.name.clone()).unwrap_or_default(),
+                radius_m: kind.map_or(0.0, |kind| kind.radius_m),
+            }
+        };
+        self.params.parts.iter().map(look).collect()
+    }
+}
+
+/// Frames without a part after which it is lost: at slow frame rates one bad picture alone shall not end a run.
+fn lost_after_frames(frame_hz: f64) -> u32 {
+    (LOST_AFTER_S * frame_hz).max(2.0) as u32
+}
+
+/// The rig of a job with its parts where they start.
+pub(super) fn simulated_rig(job: &JobSpec) -> Result<(SimRig, Vec<PlacedPart>), Fault> {
+    let streams = Streams::new(job.seed());
+    let placed = place_parts(job, streams)?;
+    let poses = placed.iter().map(|part| (part.params, Pose { position_m: part.position_m, heading_rad: 0.0 }));
+    let rig = SimRig::new(job.rig.model.clone(), job.rig.sim.clone(), poses.collect(), streams);
+    Ok((rig, placed))
+}
+
+/// The kinds that lie on the plate, and each part's index into them.
+fn kinds_present(job: &JobSpec, placed: &[PlacedPart]) -> (Vec<PartKind>, Vec<usize>) {
+    let mut numbers: Vec<usize> = placed.iter().map(|part| part.kind).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    let of_part = placed.iter().map(|part| numbers.binary_search(&part.kind).unwrap_or_default()).collect();
+    let kinds = numbers.iter().filter_map(|&number| job.rig.kinds.get(number)).map(|spec| spec.kind.clone());
+    (kinds.collect(), of_part)
+}
+
+/// For each part whether the job says where it starts.
+fn given_positions(job: &JobSpec) -> impl Iterator<Item = bool> {
+    job.parts.iter().flat_map(|group| std::iter::repeat_n(group.position_m.is_some(), group.count))
+}
+
+fn planner_params(job: &JobSpec, library: &Library, parts: usize) -> PlannerParams {
+    let fastest = library.displacement.speed_mps.last().copied().unwrap_or_default();
+    PlannerParams {
+        half_side_m: 0.5 * job.rig.model.plate_side_m,
+        edge_margin_m: REST_MARGIN_M,
+        separation_m: REST_GAP_M,
+        max_distance_m: library.displacement.max_distance(fastest),
+        min_distance_m: 0.3e-3,
+        max_pulses: LEAST_PULSES.max(4 * parts),
+        candidates_per_part: CANDIDATES.div_ceil(parts.max(1)).max(8),
+        look_s: 1.0 / job.rig.model.frame_hz,
+        max_sustain_s: job.rig.model.max_sustain_s,
+        sparsity: 0.05,
+    }
+}
+
+/// A step that one pulse can make in most directions: a longer one would take several, each about another centre.
+fn stride_m(library: &Library) -> f64 {
+    let at_center = |entry: &Entry| library.displacement.max_distance(entry.speed_at(Vec2::zeros()));
+    let mut reach_m: Vec<f64> = library.entries.iter().map(at_center).collect();
+    reach_m.sort_by(f64::total_cmp);
+    let strong_m = reach_m.get(reach_m.len() * 9 / 10).copied().unwrap_or_default();
+    LONGEST_STEP_M.min(ONE_PULSE * strong_m)
+}
+
+pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Goal> {
+    let half_side_m = 0.5 * job.rig.model.plate_side_m;
+    let arrive_m = MEASURED_SHARE * job.tolerance_m;
+    match &job.task {
+        TaskSpec::PlusSign { laps, edge_margin_m } => Box::new(PlusSign::new(PlusSignParams {
+            half_side_m,
+            part_radius_m: placed.first().map_or(0.0, |part| part.params.radius_m),
+            edge_margin_m: *edge_margin_m,
+            laps: *laps,
+            arrive_m: job.tolerance_m,
+            stride_m: stride_m(library),
+        })),
+        TaskSpec::Trajectories { paths, in_phase } => trajectories(job, paths, *in_phase, discs(placed)),
+        TaskSpec::Arrange { targets_m, assignment } => Box::new(Arrange::new(ArrangeParams {
+            half_side_m,
+            discs: discs(placed),
+            targets_m: targets_m.clone(),
+            exchange: *assignment == Assignment::Optimal,
+            arrive_m,
+        })),
+        TaskSpec::Hold { duration_s } => {
+            Box::new(Hold::new(HoldParams { half_side_m, discs: discs(placed), duration_s: *duration_s, arrive_m }))
+        }
+        TaskSpec::Sort { bins } => Box::new(Sort::new(sort_params(job, bins, discs(placed)))),
+    }
+}
+
+fn discs(placed: &[PlacedPart]) -> Vec<Disc> {
+    placed.iter().map(|part| Disc { kind: part.kind, radius_m: part.params.radius_m }).collect()
+}
+
+fn sort_params(job: &JobSpec, bins: &[BinSpec], discs: Vec<Disc>) -> SortParams {
+    let bin = |bin: &BinSpec| Bin { kinds: bin.kinds.clone(), min_m: bin.min_m, max_m: bin.max_m };
+    SortParams {
+        half_side_m: 0.5 * job.rig.model.plate_side_m,
+        discs,
+        bins: bins.iter().map(bin).collect(),
+        margin_m: (1.0 - MEASURED_SHARE) * job.tolerance_m,
+    }
+}
+
+fn trajectories(job: &JobSpec, paths: &[PathSpec], in_phase: bool, discs: Vec<Disc>) -> Box<dyn Goal> {
+    if let (true, Some(path)) = (in_phase, paths.first()) {
+        let period_s = lap_m(&path.waypoints_m) / path.speed_mps;
+        return Box::new(InPhase::new(InPhaseParams {
+            half_side_m: 0.5 * job.rig.model.plate_side_m,
+            discs,
+            loops_m: paths.iter().map(|path| path.waypoints_m.clone()).collect(),
+            period_s,
+            laps: paths.first().map_or(0, |path| path.repeat),
+            lead_m: LEAD_M,
+            stride_m: LONGEST_STEP_M,
+            arrive_m: MEASURED_SHARE * job.tolerance_m,
+        }));
+    }
+    let paths = paths.iter().map(|path| PathParams {
+        waypoints_m: path.waypoints_m.clone(),
+        speed_mps: path.speed_mps,
+        repeat: path.repeat,
+    });
+    Box::new(Trajectories::new(paths.collect(), LEAD_M, job.tolerance_m))
+}
+
+/// Length of a closed path, the way from its last corner back to its first included, m.
+fn lap_m(corners_m: &[Vec2]) -> f64 {
+    let next = corners_m.iter().cycle().skip(1);
+    corners_m.iter().zip(next).map(|(a, b)| (b - a).norm()).sum()
+}
+
+/// Puts the truth into the order in which control named the parts; comes first among the sinks.
+pub struct NamedTruth(GroundTruthHandle);
+
+impl NamedTruth {
+    /// For this truth.
+    pub fn new(truth: GroundTruthHandle) -> Self {
+        Self(truth)
+    }
+}
+
+impl Sink for NamedTruth {
+    fn localised(&mut self, facts: &LocalisedFacts<'_>) {
+        let seen_m: Vec<_> = facts.detections.iter().map(|detection| detection.position_m).collect();
+        self.0.order_by(&seen_m);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use proptest::prelude::*;
+    use serde_json::json;
+
+    use super::*;
+    use crate::config::Origin;
+
+    #[test]
+    fn a_lap_leads_back_to_its_first_corner() {
+        let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| Vec2::new(x, y) * 0.05);
+        assert!((lap_m(&square) - 0.2).abs() < 1e-12);
+        assert!((lap_m(&[square.as_slice(), &square[..1]].concat()) - 0.2).abs() < 1e-12, "closed already");
+        assert_eq!(lap_m(&[]), 0.0);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        #[test]
+        fn sort_finds_slots_in_every_bin_that_a_job_may_have(
+            kind in prop::sample::select(&["dime", "penny", "quarter"][..]), count in 1usize..13, width in 30.0..160.0f64,
+        ) {
+            let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
+            let job = |height: f64| {
+                let region = json!({"min": [-80.0, -140.0], "max": [width - 80.0, height - 140.0]});
+                let task = json!({"type": "sort", "bins": [{"kinds": [kind], "region_mm": region}]});
+                let parts = json!([{"kind": kind, "count": count}]);
+                let text = json!({"name": "bin", "rig": "rigs/upm-2.json", "parts": parts, "task": task}).to_string();
+                JobSpec::from_json(&text, &origin, None).ok()
+            };
+            let (mut low, mut high) = (0.0, 280.0);
+            prop_assume!(job(high).is_some());
+            for _ in 0..20 {
+                let middle = 0.5 * (low + high);
+                *(if job(middle).is_some() { &mut high } else { &mut low }) = middle;
+            }
+            let smallest = job(high).unwrap();
+            let placed = place_parts(&smallest, Streams::new(1)).unwrap();
+            let TaskSpec::Sort { bins } = &smallest.task else { panic!("{:?}", smallest.task) };
+            let gaps_m = sort_params(&smallest, bins, discs(&placed)).gaps_m();
+            // slots are spread by halving, to less than a micrometre
+            prop_assert!(gaps_m[0] > REST_GAP_M - 1e-6, "{gaps_m:?} in {width} x {high}");
+        }
+    }
+
+    #[test]
+    fn one_bad_picture_loses_no_part() {
+        assert_eq!([0.5, 3.9, 4.0, 60.0].map(lost_after_frames), [2, 2, 2, 30]);
+    }
+}

@@ -1,0 +1,198 @@
+use std::sync::atomic::AtomicBool;
+
+use crate::config::RigSpec;
+use upm_control::ExpectedPart;
+use upm_control::calibration::{self, CalibrationFault, CalibrationParams, CalibrationProgress};
+use upm_core::geometry::{Pose, Vec2};
+use upm_core::random::Streams;
+use upm_library::Library;
+use upm_sim::SimRig;
+
+/// Where the calibration coins lie, in parts of half the plate's side: spread over radii and directions, far
+/// enough inside that the longest pulse leaves them on the plate.
+const COINS: [[f64; 2]; 7] =
+    [[0.05, 0.0], [-0.45, 0.1], [0.4, 0.4], [0.1, -0.5], [-0.3, -0.45], [-0.2, 0.55], [0.55, -0.2]];
+
+/// Longest displacement to be measured, in parts of half the plate's side: no coin leaves the plate by it.
+const LONGEST: f64 = 0.18;
+
+/// Measures the simulated rig `rig` with pennies on it.
+pub fn calibrate(
+    rig: &RigSpec,
+    seed: u64,
+    params: &CalibrationParams,
+    stop: &AtomicBool,
+    progress: &mut dyn FnMut(CalibrationProgress),
+) -> Result<Library, CalibrationFault> {
+    let streams = Streams::new(seed);
+    let Some(penny) = rig.kinds.first() else {
+        return Err(CalibrationFault::Look("the rig knows no kind of part".into()));
+    };
+    let half_side_m = 0.5 * rig.model.plate_side_m;
+    let coins = COINS
+        .iter()
+        .map(|&[x, y]| (penny.part(), Pose { position_m: Vec2::new(x, y) * half_side_m, heading_rad: 0.0 }));
+    let mut simulated = SimRig::new(rig.model.clone(), rig.sim.clone(), coins.collect(), streams);
+    calibration::calibrate(&mut simulated, &rig.model, &rig.fingerprint, params, stop, progress)
+}
+
+/// The full calibration of `rig`, pennies on the plate.
+pub fn calibration_params(rig: &RigSpec) -> CalibrationParams {
+    let kinds = rig.kinds.first().map(|spec| spec.kind.clone()).into_iter().collect();
+    let coin = |i: usize| ExpectedPart { id: format!("coin-{}", i + 1), kind: 0, expected_m: None };
+    let coins = (0..COINS.len()).map(coin).collect();
+    CalibrationParams { longest_m: LONGEST * 0.5 * rig.model.plate_side_m, ..CalibrationParams::full(kinds, coins) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Complex, Vector3};
+    use rand::RngExt;
+    use std::f64::consts::TAU;
+    use std::path::PathBuf;
+    use upm_core::geometry::Twist;
+    use upm_core::signal::{Drive, TwistHarmonic, TwistWave};
+    use upm_sim::Plant;
+
+    /// A small calibration of a shipped rig under a camera of a quarter of the pixels: nine centres on the plate, a
+    /// ring of four, four translations.
+    fn small() -> (RigSpec, CalibrationParams) {
+        let root = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+        let mut rig = RigSpec::load(&root.join("configs/rigs/upm-1.json")).unwrap();
+        rig.sim.camera.lens.focal_px *= 0.5;
+        rig.sim.camera.lens.principal_px *= 0.5;
+        rig.sim.camera.size_px = [640, 512];
+        (rig.model.lens, rig.model.frame_size_px) = (rig.sim.camera.lens, rig.sim.camera.size_px);
+        let params = CalibrationParams {
+            grid: 3,
+            rings: vec![2.0],
+            ring_centers: 4,
+            translations: 4,
+            longest_m: 4e-3,
+            sustains: 3,
+            ..calibration_params(&rig)
+        };
+        (rig, params)
+    }
+
+    fn made(rig: &RigSpec, params: &CalibrationParams) -> Result<Library, CalibrationFault> {
+        calibrate(rig, 1, params, &AtomicBool::new(false), &mut |_| ())
+    }
+
+    /// Equal but for what the sines of another platform may change: a count, and what a count or a grain of noise
+    /// moves in the read-out.
+    /// `UPM_REMAKE_GOLDEN=1` writes the file anew.
+    #[test]
+    fn a_small_library_comes_out_the_same_again() {
+        let (rig, params) = small();
+        let file = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("tests/golden/small-library.json");
+        let library = made(&rig, &params).unwrap();
+        if std::env::var_os("UPM_REMAKE_GOLDEN").is_some() {
+            library.save(&file).unwrap();
+        }
+        let golden = Library::load(&file).unwrap();
+        assert_eq!((library.entries.len(), golden.entries.len()), (9 + 4 + 4, 9 + 4 + 4));
+        for (a, b) in library.entries.iter().zip(&golden.entries) {
+            assert!(a.amplitudes.iter().zip(b.amplitudes).all(|(a, b)| a.abs_diff(b) <= 1), "{a:?} {b:?}");
+            let off = a.pump - b.pump;
+            assert!(off.velocity_mps.norm() < 2e-4 && off.spin_radps.abs() < 2e-3, "{a:?} {b:?}");
+        }
+        for (a, b) in library.shapes.iter().zip(&golden.shapes) {
+            assert!(a.0.iter().zip(b.0).all(|(a, b)| (a.cos - b.cos).abs().max((a.sin - b.sin).abs()) < 1e-3));
+        }
+        let gains = library.accelerometer_gain.iter().zip(golden.accelerometer_gain);
+        assert!(gains.into_iter().all(|(a, b)| (a - b).abs() < 2e-4), "{:?}", library.accelerometer_gain);
+        let (model, before) = (&library.displacement, &golden.displacement);
+        for &speed_mps in &before.speed_mps {
+            for &sustain_s in &before.sustain_s {
+                let off_m = model.distance(speed_mps, sustain_s) - before.distance(speed_mps, sustain_s);
+                assert!(off_m.abs() < 0.005e-3, "{speed_mps} m/s, {sustain_s} s: {off_m} m");
+                let off_m = model.sd(speed_mps, sustain_s) - before.sd(speed_mps, sustain_s);
+                assert!(off_m.abs() < 0.002e-3, "sd at {speed_mps} m/s, {sustain_s} s: {off_m} m");
+            }
+        }
+        assert_eq!(library.fingerprint, golden.fingerprint);
+    }
+
+    /// The harmonics of the plate's true velocity over the last six base periods of the sustain of `drive`, played from
+    /// rest on an empty plate, phasors of x, y and spin: a discrete Fourier transform under a Hann window, which leaves
+    /// out the slow swing that the attack sets off.
+    fn true_velocity(rig: &RigSpec, drive: &Drive) -> Vec<Vector3<Complex<f64>>> {
+        let mut plant = Plant::new(&rig.sim, &[], &Streams::new(1));
+        let end_s = drive.envelope.attack_s + drive.envelope.sustain_s;
+        let window_s = 6.0 * TAU / drive.base_radps;
+        let mut sums = vec![Vector3::zeros(); drive.motors[0].len()];
+        plant.play(drive.clone());
+        for i in 1..(end_s / rig.sim.step_s) as u32 {
+            plant.step();
+            let t_s = f64::from(i) * rig.sim.step_s;
+            let part = (t_s - (end_s - window_s)) / window_s;
+            if part <= 0.0 {
+                continue;
+            }
+            let weight = 2.0 * rig.sim.step_s / window_s * (1.0 - (TAU * part).cos());
+            let Twist { velocity_mps, spin_radps } = plant.plate().twist;
+            let v = Vector3::new(velocity_mps.x, velocity_mps.y, spin_radps);
+            for (k, sum) in (1..).zip(&mut sums) {
+                let turned = Complex::from_polar(weight, -f64::from(k) * drive.base_radps * t_s);
+                *sum += v.map(|part| turned * part);
+            }
+        }
+        sums
+    }
+
+    /// The response as measured by the accelerometers alone, then a wave of eight random harmonics through it.
+    #[test]
+    fn a_wave_of_eight_harmonics_comes_out_on_the_plate() {
+        let mut rig = RigSpec::upm_2().unwrap();
+        rig.sim.camera.size_px = [1, 1];
+        rig.model.frame_size_px = [1, 1];
+        let (params, stop) = (CalibrationParams::full(Vec::new(), Vec::new()), AtomicBool::new(false));
+        let mut simulated = SimRig::new(rig.model.clone(), rig.sim.clone(), Vec::new(), Streams::new(1));
+        let fields =
+            calibration::measure_fields(&mut simulated, &rig.model, &params, &stop, &mut |_| ()).unwrap().unwrap();
+        assert_eq!(fields.twist_from_counts.len(), 8);
+        let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+        let small = Library::load(&folder.join("tests/golden/small-library.json")).unwrap();
+        let library = Library { fields: Some(fields.clone()), ..small };
+        let mut rng = Streams::new(7).stream("waves");
+        for _ in 0..3 {
+            let mut amplitude = |most: f64| rng.random_range(-most..most);
+            let mut twist = || Twist::new(amplitude(0.15), amplitude(0.15), amplitude(1.2));
+            let mut harmonic = |k: u8| {
+                let share = f64::from(k).recip();
+                TwistHarmonic { cos: twist() * share, sin: twist() * share }
+            };
+            let harmonics = (1..=8).map(&mut harmonic).collect();
+            let wave = TwistWave { base_radps: fields.base_radps, harmonics };
+            let drive = library.field_drive(&wave, 0.25).unwrap();
+            assert!(drive.peak_counts() < fields.limit_counts, "{}", drive.peak_counts());
+            let found = true_velocity(&rig, &drive);
+            let parts = |t: Twist| Vector3::new(t.velocity_mps.x, t.velocity_mps.y, t.spin_radps);
+            for (k, (found, wanted)) in found.iter().zip(&wave.harmonics).enumerate() {
+                let wanted = parts(wanted.cos).zip_map(&parts(wanted.sin), |c, s| Complex::new(c, -s));
+                let arm = Vector3::new(1.0, 1.0, 0.14);
+                let [off, size] = [found - wanted, wanted].map(|v| v.zip_map(&arm, |part, arm| part * arm).norm());
+                assert!(off < 0.002 * size, "harmonic {}: off by {off} of {size}", k + 1);
+            }
+        }
+    }
+
+    #[test]
+    fn a_drive_too_weak_to_slide_a_coin_is_refused_with_the_limit() {
+        let (mut rig, params) = small();
+        rig.sim.motors.newtons_per_count *= 0.05;
+        rig.model.newtons_per_count *= 0.05;
+        let fault = made(&rig, &params).unwrap_err().to_string();
+        assert!(fault.contains("allowed: ") && fault.contains("carried"), "{fault}");
+    }
+
+    #[test]
+    fn a_resonance_above_the_drive_is_refused() {
+        let (mut rig, params) = small();
+        rig.sim.plate.resonance_hz[2] = 90.0;
+        let fault = made(&rig, &params).unwrap_err();
+        assert!(matches!(fault, CalibrationFault::Resonance { axis: "axis spin", .. }), "{fault}");
+    }
+}

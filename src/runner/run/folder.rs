@@ -1,0 +1,148 @@
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::RunError;
+use crate::config::JobSpec;
+use upm_library::Library;
+use upm_recording::{Keeping, Report, RoomyFile, Scribe};
+
+/// Folders of one name that may exist before a new one is refused.
+const MOST_NAMESAKES: u32 = 1000;
+
+/// The folder a run writes into: `effective.json`, `journal.jsonl`, `run.rrd`, `report.json`.
+#[derive(Clone, Debug)]
+pub struct RunFolder(PathBuf);
+
+/// Which files a run folder has. `effective.json` and `report.json` are whole where they are; a journal may end in
+/// half a line, and a partial recording anywhere.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FolderState {
+    /// `effective.json`: the run was about to begin.
+    pub effective: bool,
+    /// `journal.jsonl`.
+    pub journal: bool,
+    /// `run.rrd.part`: a recording that was not closed.
+    pub part: bool,
+    /// `run.rrd`.
+    pub rrd: bool,
+    /// `report.json`: the run is over.
+    pub report: bool,
+}
+
+impl RunFolder {
+    /// Makes `OUT/<name>-<seed>-<utc>/`; a number is added when that exists.
+    pub fn create(out: &Path, job: &JobSpec, started_utc: &str) -> Result<Self, RunError> {
+        let plain = format!("{}-{}-{started_utc}", job.name, job.seed());
+        let failed = |path: &Path, reason: String| RunError::Write { path: path.display().to_string(), reason };
+        fs::create_dir_all(out).map_err(|error| failed(out, error.to_string()))?;
+        for number in 1..MOST_NAMESAKES {
+            let name = if number == 1 { plain.clone() } else { format!("{plain}-{number}") };
+            let path = out.join(name);
+            match fs::create_dir(&path) {
+                Ok(()) => return Ok(Self(path)),
+                Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(failed(&path, error.to_string())),
+            }
+        }
+        Err(failed(&out.join(plain), "too many runs of this name in this second".into()))
+    }
+
+    /// The folder of an earlier run; `None` where there is no folder (a link to one is none).
+    pub fn reopen(path: &Path) -> Option<Self> {
+        fs::symlink_metadata(path).is_ok_and(|found| found.is_dir()).then(|| Self(path.to_owned()))
+    }
+
+    /// What lies in it.
+    pub fn state(&self) -> FolderState {
+        let has = |name: &str| fs::symlink_metadata(self.0.join(name)).is_ok_and(|found| found.is_file());
+        FolderState {
+            effective: has("effective.json"),
+            journal: has("journal.jsonl"),
+            part: has("run.rrd.part"),
+            rrd: has("run.rrd"),
+            report: has("report.json"),
+        }
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+
+    pub(super) fn write_error(&self, name: &str, error: &dyn std::fmt::Display) -> RunError {
+        RunError::Write { path: self.0.join(name).display().to_string(), reason: error.to_string() }
+    }
+
+    /// Writes `effective.json`: the version, and the job with rig, library and every default written out.
+    pub(super) fn write_effective(&self, job: &JobSpec, library: &Library) -> Result<(), RunError> {
+        let library = match serde_json::from_str(&library.to_json()) {
+            Ok(Value::Object(members)) => members,
+            _ => return Err(self.write_error("effective.json", &"the library has no JSON form")),
+        };
+        let effective = json!({ "version": env!("CARGO_PKG_VERSION"), "job": job.effective_with_library(library) });
+        self.write_json("effective.json", &effective)
+    }
+
+    pub(super) fn write_report(&self, report: &Report) -> Result<(), RunError> {
+        self.write_json("report.json", report)
+    }
+
+    pub(super) fn journal(&self, keeping: &Keeping) -> Result<Scribe, RunError> {
+        RoomyFile::create(&self.0.join("journal.jsonl"))
+            .and_then(|file| {
+                self.sync_names();
+                Scribe::start(file, keeping.scribe, keeping.has_clock, keeping.clock, keeping.journal.clone())
+            })
+            .map_err(|error| self.write_error("journal.jsonl", &error))
+    }
+
+    /// Makes the names in it outlive a power cut, on a disk that can.
+    fn sync_names(&self) {
+        #[cfg(unix)]
+        File::open(&self.0).and_then(|folder| folder.sync_all()).ok();
+    }
+
+    fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<(), RunError> {
+        let text = serde_json::to_string_pretty(value).map_err(|error| self.write_error(name, &error))?;
+        // whole or not at all: what stands under its name was written to its end, and is on the disk
+        let draft = self.0.join(format!("{name}.part"));
+        File::create(&draft)
+            .and_then(|mut file| file.write_all((text + "\n").as_bytes()).and_then(|()| file.sync_all()))
+            .and_then(|()| fs::rename(&draft, self.0.join(name)))
+            .map_err(|error| self.write_error(name, &error))?;
+        self.sync_names();
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_tells_what_was_left_in_it() {
+        let out = tempfile::TempDir::new().unwrap();
+        let folder = RunFolder::reopen(out.path()).unwrap();
+        assert_eq!(folder.state(), FolderState::default());
+        folder.write_json("report.json", &1).unwrap();
+        fs::write(out.path().join("run.rrd.part"), "half").unwrap();
+        fs::create_dir(out.path().join("run.rrd")).unwrap();
+        assert_eq!(folder.state(), FolderState { report: true, part: true, ..FolderState::default() });
+    }
+
+    #[test]
+    fn only_a_folder_is_opened_again() {
+        let out = tempfile::TempDir::new().unwrap();
+        assert!(RunFolder::reopen(&out.path().join("none")).is_none());
+        fs::write(out.path().join("file"), "").unwrap();
+        assert!(RunFolder::reopen(&out.path().join("file")).is_none());
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink("/", out.path().join("link")).unwrap();
+            assert!(RunFolder::reopen(&out.path().join("link")).is_none());
+        }
+    }
+}

@@ -1,0 +1,71 @@
+use std::sync::Arc;
+
+use serde_json::Value;
+
+use crate::config::{Fault, JobSpec, LibraryRef, RigSpec, place_parts};
+use upm_core::random::Streams;
+use upm_library::{FieldFacts, Library, LibraryFault, RigFacts};
+
+/// The COR library a job runs with, checked against its rig.
+pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
+    let library = match &job.library {
+        Some(LibraryRef::File(path)) => Library::load(path)?,
+        Some(LibraryRef::Inline(members)) => {
+            Library::from_json(&Value::Object(members.clone()).to_string(), &format!("{}: library", job.file))?
+        }
+        None => {
+            return Err(vec![LibraryFault {
+                file: job.file.clone(),
+                path: "library".into(),
+                found: "nothing, in the job and in its rig".into(),
+                allowed: "a COR library, made by `upm calibrate`".into(),
+            }]);
+        }
+    };
+    let faults = library_faults(&library, &file_of(job), &job.rig);
+    if faults.is_empty() { Ok(Arc::new(library)) } else { Err(faults) }
+}
+
+/// What keeps `job` from being run with `library`: a library of another rig, parts that find no places. It looks at no
+/// picture and plans nothing, so it can be asked of every job that comes in.
+pub fn check_job(job: &JobSpec, library: &Library) -> Result<(), Vec<Fault>> {
+    let of_library = |LibraryFault { file, path, found, allowed }| Fault { file, path, found, allowed };
+    let mut faults: Vec<Fault> = library_faults(library, &file_of(job), &job.rig).into_iter().map(of_library).collect();
+    faults.extend(check_places(job).err());
+    if faults.is_empty() { Ok(()) } else { Err(faults) }
+}
+
+/// The part of [`check_job`] that is left where the library is known to fit the rig: parts that find no places.
+pub fn check_places(job: &JobSpec) -> Result<(), Fault> {
+    place_parts(job, Streams::new(job.seed())).map(|_| ())
+}
+
+/// Where the library of `job` is, for people.
+fn file_of(job: &JobSpec) -> String {
+    match &job.library {
+        Some(LibraryRef::File(path)) => path.display().to_string(),
+        _ => format!("{}: library", job.file),
+    }
+}
+
+/// Everything that keeps `library`, read from `file`, from being used on `rig`.
+pub fn library_faults(library: &Library, file: &str, rig: &RigSpec) -> Vec<LibraryFault> {
+    let model = &rig.model;
+    let facts = RigFacts {
+        name: &model.name,
+        fingerprint: &rig.fingerprint,
+        plate_side_m: model.plate_side_m,
+        base_radps: model.base_radps,
+        attack_s: model.attack_s,
+        rest_s: model.rest_s,
+        count_limit: model.count_limit,
+        fields: model.fields.map(|fields| FieldFacts {
+            base_radps: fields.base_radps,
+            harmonics: fields.harmonics,
+            attack_s: fields.attack_s,
+            rest_s: fields.rest_s,
+        }),
+    };
+    let faults = library.check_fits(&facts).into_iter();
+    faults.map(|fault| LibraryFault { file: file.to_owned(), ..fault }).collect()
+}

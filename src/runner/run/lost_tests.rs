@@ -1,0 +1,89 @@
+use std::sync::atomic::AtomicBool;
+
+use super::*;
+use crate::config::Origin;
+use upm_control::{Outcome, PulseFacts};
+use upm_core::rig::Rig;
+use upm_core::signal::{AccelTrace, Drive, Frame};
+use upm_core::time::MonotonicClock;
+
+/// A rig whose camera shows nothing any more from pulse `blind_from` on, counted from 1.
+struct Blinded<'a> {
+    rig: &'a mut dyn Rig,
+    pulses: u64,
+    blind_from: Option<u64>,
+    blind_at: Option<PlateTime>,
+}
+
+impl Rig for Blinded<'_> {
+    fn now(&self) -> PlateTime {
+        self.rig.now()
+    }
+
+    fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
+        self.pulses += 1;
+        if self.blind_from == Some(self.pulses) {
+            self.blind_at = Some(self.rig.now());
+        }
+        self.rig.play(drive)
+    }
+
+    fn quiet_at(&self) -> PlateTime {
+        self.rig.quiet_at()
+    }
+
+    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
+        self.rig.capture(frame)?;
+        if self.blind_at.is_some() {
+            frame.pixels.fill(128);
+        }
+        Ok(())
+    }
+
+    fn trace(&self) -> AccelTrace {
+        self.rig.trace()
+    }
+
+    fn stop(&mut self) {
+        self.rig.stop();
+    }
+}
+
+/// Counts the pulses of the first cycle.
+#[derive(Default)]
+struct FirstCycle(u64);
+
+impl Sink for FirstCycle {
+    fn pulse(&mut self, facts: &PulseFacts<'_>) {
+        self.0 += u64::from(facts.cycle == 0);
+    }
+}
+
+/// The first cycle of eight coins moved by one rotation after the other: its pulses, how the run ended, and how long it
+/// went on without a picture, s.
+fn first_cycle(blind_from: Option<u64>) -> (u64, Finish, f64) {
+    let root = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+    let file = root.join("configs/arrange-8.json");
+    let text = std::fs::read_to_string(&file).unwrap().replace("synthesized_field", "cor_sequence");
+    let job = JobSpec::from_json(&text, &Origin::of_file(&file), None).unwrap();
+    let library = job_library(&job).unwrap();
+    let Bench { mut rig, model, mut goal, mut params, .. } = Bench::new(&job, &library).unwrap();
+    params.time_limit_s = 8.0;
+    let (mut pulses, clock, stop) = (FirstCycle::default(), MonotonicClock::new(), AtomicBool::new(false));
+    let mut rig = Blinded { rig: &mut rig, pulses: 0, blind_from, blind_at: None };
+    let devices = Devices { rig: &mut rig, model: &model, sink: &mut pulses, clock: &clock, stop: &stop };
+    let finish = control::run(devices, &library, goal.as_mut(), &params);
+    let blind_s = rig.blind_at.map_or(0.0, |at| rig.now().secs() - at.secs());
+    (pulses.0, finish, blind_s)
+}
+
+#[test]
+fn a_part_that_is_not_seen_for_half_a_second_ends_the_run_in_the_middle_of_a_cycle() {
+    let (whole, ..) = first_cycle(None);
+    let (played, finish, blind_s) = first_cycle(Some(2));
+    assert_eq!(finish.ending.outcome, Outcome::Failed);
+    assert!(finish.ending.reason.contains("penny-1 is lost, last seen at"), "{}", finish.ending.reason);
+    assert_eq!(finish.lost.len(), 8);
+    assert!(played < whole, "{played} of {whole} pulses");
+    assert!(blind_s < 1.2, "{blind_s}");
+}

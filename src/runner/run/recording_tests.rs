@@ -1,0 +1,81 @@
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::*;
+use crate::config::Origin;
+use upm_control::FrameFacts;
+use upm_core::time::MonotonicClock;
+use upm_recording::{ENDED_EARLY, RecordingState, RecordingSwitch};
+
+/// Stops the recording at a frame.
+struct StopsAt(u64, RecordingSwitch);
+
+impl Sink for StopsAt {
+    fn frame(&mut self, facts: &FrameFacts<'_>) {
+        if facts.frame.index == self.0 {
+            self.1.stop("the disk is nearly full");
+        }
+    }
+}
+
+/// Two seconds of a job whose recording is stopped at a frame.
+fn run_until(out: &Path, frame: u64) -> (RunResult, RecordingState) {
+    let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
+    let text = json!({
+        "name": "short",
+        "rig": "rigs/upm-1.json",
+        "parts": [{"kind": "penny"}],
+        "task": {"type": "plus_sign", "laps": 1, "edge_margin_mm": 50},
+        "limits": {"plate_time_s": 2},
+    });
+    let job = JobSpec::from_json(&text.to_string(), &origin, None).unwrap();
+    let clock = MonotonicClock::new();
+    let keeping = Keeping::patient(clock);
+    let recording = keeping.recording.clone();
+    let options = RunOptions {
+        live: None,
+        out: out.to_owned(),
+        started_utc: "20260101T000000Z".into(),
+        rerun: RerunMode::Save,
+        real_time: false,
+        keeping,
+    };
+    let mut watcher = StopsAt(frame, recording.clone());
+    let done = run(&job, &options, &clock, &AtomicBool::new(false), &mut watcher).unwrap();
+    (done, recording.state())
+}
+
+/// Events of a run folder that tell of its recording.
+fn told(folder: &Path) -> Vec<Value> {
+    let journal = std::fs::read_to_string(folder.join("journal.jsonl")).unwrap();
+    let events = journal.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    events.filter(|line| line["text"].as_str().is_some_and(|text| text.starts_with(ENDED_EARLY))).collect()
+}
+
+#[test]
+fn a_run_goes_on_without_its_recording_and_says_so() {
+    let out = tempfile::tempdir().unwrap();
+    let (done, state) = run_until(out.path(), 30);
+    assert_eq!(state, RecordingState::Stopped("the disk is nearly full".into()));
+    assert!(done.report.frames > 100, "{}", done.report.frames);
+    let text = "the recording ends early: stopped, the disk is nearly full";
+    assert_eq!(done.report.warnings, [text]);
+    assert_eq!(done.warnings, [text]);
+    let told = told(&done.folder);
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert_eq!((&told[0]["level"], &told[0]["text"]), (&json!("warning"), &json!(text)));
+    assert!(done.folder.join("run.rrd").exists() && !done.folder.join("run.rrd.part").exists());
+    // the disk decided that, so a repetition knows nothing of it
+    let verdict = verify(&done.folder, &AtomicBool::new(false), &mut StopsAt(0, RecordingSwitch::default())).unwrap();
+    assert!(matches!(verdict, Verdict::Equal { .. }), "{verdict:?}");
+}
+
+#[test]
+fn a_run_with_a_whole_recording_says_nothing_of_it() {
+    let out = tempfile::tempdir().unwrap();
+    let (done, state) = run_until(out.path(), u64::MAX);
+    assert_eq!(state, RecordingState::Whole);
+    assert!(done.report.warnings.is_empty() && done.warnings.is_empty() && told(&done.folder).is_empty());
+    assert!(done.folder.join("run.rrd").exists() && !done.folder.join("run.rrd.part").exists());
+}

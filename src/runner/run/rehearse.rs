@@ -1,0 +1,206 @@
+//! What a job is predicted to come to, before anything moves: what the library can do where its parts are and shall be,
+//! and a few rehearsals on the displacement model.
+
+mod independence;
+
+use std::sync::Arc;
+
+use super::bench::{self, Bench};
+use super::coverage::Place;
+use crate::config::{Fault, JobSpec, PlacedPart};
+use upm_control::{self as control, ControlParams, LimitMet, Nearest, Outcome, Rehearsal, RehearsalParams};
+use upm_core::geometry::Vec2;
+use upm_core::random::Streams;
+use upm_core::time::PlateTime;
+use upm_library::Library;
+use upm_planner::{FieldPlanner, Method, Reach};
+
+pub use independence::Independence;
+
+/// Rehearsals of one job.
+const REHEARSALS: u64 = 5;
+
+/// What a job is predicted to come to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Forecast {
+    /// Half the plate's side, m.
+    pub half_side_m: f64,
+    /// The parts, in the order of the job.
+    pub parts: Vec<PartForecast>,
+    /// How far all of them can be moved independently where they start, by what the job plans with.
+    pub independence: Independence,
+    /// True when it plans with synthesised fields.
+    pub fields: bool,
+    /// The rehearsals, each with numbers of its own.
+    pub rehearsals: Vec<Rehearsal>,
+    /// Standard deviation of how far parts go against each other in them: the spread of friction in the rig's file.
+    pub friction_spread: f64,
+}
+
+/// One part of a job and what the library can do with it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PartForecast {
+    /// Its name: `penny-1`.
+    pub id: String,
+    /// Its outline, m.
+    pub radius_m: f64,
+    /// Where it starts.
+    pub start: Spot,
+    /// Where it was to go at the end of the first rehearsal.
+    pub target: Option<Spot>,
+}
+
+/// A place of a part and what the library can do there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spot {
+    /// Where, and what one pulse does in the direction in which it does least.
+    pub place: Place,
+    /// Singular values of the flows of all entries there, larger first; see [`Reach`].
+    pub singular_values: [f64; 2],
+}
+
+impl Spot {
+    fn of(library: &Library, position_m: Vec2) -> Self {
+        let reach = Reach::of(library, position_m);
+        Self { place: Place::of(position_m, &reach), singular_values: reach.singular_values }
+    }
+}
+
+/// How far the rehearsals of a job are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RehearsalProgress {
+    /// Number of the present one, from 1.
+    pub rehearsal: u64,
+    /// How many there are.
+    pub of: u64,
+    /// Plate time in it.
+    pub at: PlateTime,
+    /// Part of all of them that is done, 0 to 1.
+    pub done: f64,
+}
+
+/// Rehearses `job` with `library`; `watch` is told how far it is. The fault is that of parts that find no place.
+pub fn rehearse(
+    job: &JobSpec,
+    library: &Arc<Library>,
+    watch: &mut dyn FnMut(RehearsalProgress),
+) -> Result<Forecast, Fault> {
+    // the bench has a rig beside what is wanted of it here; nothing is played on it
+    let Bench { params, placed, model, .. } = Bench::new(job, library)?;
+    let starts_m = named(&placed, &params);
+    let rehearsals: Vec<Rehearsal> = (0..REHEARSALS)
+        .map(|number| {
+            let rehearsal = RehearsalParams {
+                starts_m: starts_m.clone(),
+                frame_hz: model.frame_hz,
+                friction_spread: job.rig.friction.spread,
+                streams: Streams::new(job.seed()),
+                number,
+            };
+            let mut goal = bench::goal(job, library, &placed);
+            control::rehearse(library, goal.as_mut(), &params, &rehearsal, &mut |at, progress| {
+                let done = (number as f64 + progress) / REHEARSALS as f64;
+                watch(RehearsalProgress { rehearsal: number + 1, of: REHEARSALS, at, done });
+            })
+        })
+        .collect();
+    let by_fields = params.method == Method::SynthesizedField;
+    let fields = by_fields.then(|| FieldPlanner::new(library, params.planner)).flatten();
+    let targets_m = rehearsals.first().map_or(&[][..], |first| &first.targets_m);
+    let parts = starts_m.iter().zip(&params.parts).enumerate().map(|(i, (&start_m, part))| PartForecast {
+        id: part.id.clone(),
+        radius_m: params.kinds.get(part.kind).map_or(0.0, |kind| kind.radius_m),
+        start: Spot::of(library, start_m),
+        target: targets_m.get(i).map(|&target_m| Spot::of(library, target_m)),
+    });
+    Ok(Forecast {
+        half_side_m: 0.5 * model.plate_side_m,
+        parts: parts.collect(),
+        independence: match &fields {
+            Some(fields) => Independence::of_fields(fields, &starts_m),
+            None => Independence::of_rotations(library, &starts_m),
+        },
+        fields: fields.is_some(),
+        rehearsals,
+        friction_spread: job.rig.friction.spread,
+    })
+}
+
+/// Where each part starts by the names that control will give: of one kind, parts without a given place are named from
+/// left to right.
+fn named(placed: &[PlacedPart], params: &ControlParams) -> Vec<Vec2> {
+    let mut starts_m: Vec<Vec2> = placed.iter().map(|part| part.position_m).collect();
+    for kind in 0..params.kinds.len() {
+        let anywhere = |i: &usize| params.parts[*i].kind == kind && params.parts[*i].expected_m.is_none();
+        let unnamed: Vec<usize> = (0..placed.len().min(params.parts.len())).filter(anywhere).collect();
+        let mut places_m: Vec<Vec2> = unnamed.iter().map(|&i| placed[i].position_m).collect();
+        places_m.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+        unnamed.into_iter().zip(places_m).for_each(|(i, place_m)| starts_m[i] = place_m);
+    }
+    starts_m
+}
+
+impl Forecast {
+    /// True when every rehearsal came to its end.
+    pub fn can_be_done(&self) -> bool {
+        self.completed() == self.rehearsals.len()
+    }
+
+    /// How many rehearsals came to their end.
+    pub fn completed(&self) -> usize {
+        self.rehearsals.iter().filter(|rehearsal| is_completed(rehearsal)).count()
+    }
+
+    /// Reasons for which rehearsals ended, those that failed first, and how many of each.
+    pub fn endings(&self) -> Vec<(&str, usize)> {
+        let mut endings: Vec<(&str, usize)> = Vec::new();
+        let (completed, failed): (Vec<&Rehearsal>, Vec<&Rehearsal>) =
+            self.rehearsals.iter().partition(|rehearsal| is_completed(rehearsal));
+        for Rehearsal { ending, .. } in failed.into_iter().chain(completed) {
+            match endings.iter_mut().find(|(reason, _)| *reason == ending.reason) {
+                Some((_, times)) => *times += 1,
+                None => endings.push((&ending.reason, 1)),
+            }
+        }
+        endings
+    }
+
+    /// Least, median and most of a figure of the rehearsals that came to their end; `None` when none did.
+    pub fn range(&self, figure: impl Fn(&Rehearsal) -> f64) -> Option<[f64; 3]> {
+        let completed = self.rehearsals.iter().filter(|rehearsal| is_completed(rehearsal));
+        let mut figures: Vec<f64> = completed.map(figure).collect();
+        figures.sort_by(f64::total_cmp);
+        let middle = figures.len() / 2;
+        let median = if figures.len() % 2 == 1 {
+            *figures.get(middle)?
+        } else {
+            0.5 * (figures.get(middle.checked_sub(1)?)? + figures.get(middle)?)
+        };
+        Some([*figures.first()?, median, *figures.last()?])
+    }
+
+    /// The least gap between two parts in any rehearsal.
+    pub fn nearest(&self) -> Option<Nearest> {
+        self.rehearsals.iter().filter_map(|rehearsal| rehearsal.nearest).min_by(|a, b| a.gap_m.total_cmp(&b.gap_m))
+    }
+
+    /// What kept plans from being made, all rehearsals together, most often first.
+    pub fn limits_met(&self) -> Vec<LimitMet> {
+        let mut all: Vec<LimitMet> = Vec::new();
+        for met in self.rehearsals.iter().flat_map(|rehearsal| &rehearsal.limits_met) {
+            match all.iter_mut().find(|other| other.limit == met.limit) {
+                Some(other) => other.times += met.times,
+                None => all.push(met.clone()),
+            }
+        }
+        all.sort_by_key(|met| std::cmp::Reverse(met.times));
+        all
+    }
+}
+
+fn is_completed(rehearsal: &Rehearsal) -> bool {
+    rehearsal.ending.outcome == Outcome::Completed
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,261 @@
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use super::*;
+use upm_control::{FrameFacts, PulseFacts};
+use upm_core::rig::Trip;
+use upm_core::time::MonotonicClock;
+use upm_recording::Outcome;
+
+const STEP_S: f64 = 5e-5;
+
+fn job() -> JobSpec {
+    JobSpec::load(&config_file("plus-sign.json")).unwrap()
+}
+
+/// Does something once, in a frame of a pulse.
+struct InPulse<F: FnMut()> {
+    number: u64,
+    act: F,
+    pulses: u64,
+    frames: u64,
+    clock: Arc<PlateClock>,
+}
+
+/// Shows plate time, and what is added to it.
+#[derive(Default)]
+struct PlateClock {
+    shown_ns: AtomicU64,
+    ahead_ns: AtomicU64,
+}
+
+impl Clock for PlateClock {
+    fn elapsed(&self) -> Duration {
+        Duration::from_nanos(self.shown_ns.load(Ordering::Relaxed) + self.ahead_ns.load(Ordering::Relaxed))
+    }
+}
+
+impl<F: FnMut()> Sink for InPulse<F> {
+    fn frame(&mut self, facts: &FrameFacts<'_>) {
+        self.clock.shown_ns.store(facts.frame.exposed_at.nanos(), Ordering::Relaxed);
+        self.frames = if facts.sounding { self.frames + 1 } else { 0 };
+        if self.pulses + 1 == self.number && self.frames == 3 {
+            (self.act)();
+        }
+    }
+
+    fn pulse(&mut self, _: &PulseFacts<'_>) {
+        self.pulses += 1;
+        self.frames = 0;
+    }
+}
+
+struct Stopped {
+    out: TempDir,
+    report: Report,
+    events: Vec<String>,
+    pulses: usize,
+}
+
+fn keeping() -> Keeping {
+    Keeping::patient(MonotonicClock::new())
+}
+
+impl Stopped {
+    /// Runs the job, `act` in the third frame of pulse `number`, from 1.
+    fn run(plate: &Plate, real_time: bool, number: u64, act: impl FnMut(), cause: Option<&str>) -> Self {
+        let (job, out) = (job(), TempDir::new().unwrap());
+        let library = job_library(&job).unwrap();
+        let started_utc = "20260101T000000Z".to_owned();
+        let options = RunOptions {
+            live: None,
+            out: out.path().to_owned(),
+            started_utc,
+            rerun: RerunMode::Off,
+            keeping: keeping(),
+            real_time,
+        };
+        let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
+        let mut watcher = InPulse { number, act, pulses: 0, frames: 0, clock: Arc::clone(&plate.clock) };
+        let cause = || cause.map(str::to_owned);
+        let links = Links { stop: &plate.stop, interlock: &plate.interlock, pacing: &plate.pacing, cause: &cause };
+        let run = run_linked(&job, library, folder, &options, &*plate.clock, links, &mut watcher).unwrap();
+        let journal = std::fs::read_to_string(run.folder.join("journal.jsonl")).unwrap();
+        let lines: Vec<Value> = journal.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        let text = |line: &Value| line["text"].as_str().map(str::to_owned);
+        let sent = |line: &Value| line["sent"].as_array().map_or(0, Vec::len);
+        Self {
+            events: lines.iter().filter_map(text).collect(),
+            pulses: lines.iter().map(sent).sum(),
+            report: run.report,
+            out,
+        }
+    }
+
+    fn folder(&self) -> PathBuf {
+        std::fs::read_dir(self.out.path()).unwrap().next().unwrap().unwrap().path()
+    }
+
+    fn holds(&self) -> Verdict {
+        // the repetition goes on to the end of the job; as far as the stopped run went is enough
+        let stop = AtomicBool::new(false);
+        let mut watcher = InPulse {
+            number: self.pulses as u64 + 3,
+            act: || stop.store(true, Ordering::Relaxed),
+            pulses: 0,
+            frames: 0,
+            clock: Arc::default(),
+        };
+        verify(&self.folder(), &stop, &mut watcher).unwrap()
+    }
+}
+
+#[derive(Default)]
+struct Plate {
+    stop: AtomicBool,
+    interlock: Interlock,
+    pacing: Arc<PacingStats>,
+    clock: Arc<PlateClock>,
+}
+
+#[test]
+fn an_emergency_stop_in_a_pulse_ends_the_run_and_nothing_is_played_after_it() {
+    let plate = Plate::default();
+    let press = || {
+        plate.interlock.trip(Trip::EStop);
+        plate.stop.store(true, Ordering::Relaxed);
+    };
+    let stopped = Stopped::run(&plate, false, 2, press, Some("emergency stop by the page"));
+    assert_eq!((stopped.report.outcome, stopped.report.pulses), (Outcome::Cancelled, 1));
+    assert_eq!(stopped.report.reason, "emergency stop by the page");
+    assert_eq!(stopped.pulses, 1, "the pulse that was cut is not written down as one that was played");
+    let tail = stopped.events.iter().rev().take(2).map(String::as_str);
+    assert_eq!(tail.collect::<Vec<_>>(), ["emergency stop by the page", control::STOPPED]);
+    let answer = plate.interlock.answer().unwrap();
+    assert!(answer.silent_at - answer.requested_at <= STEP_S + 1e-12, "{answer:?}");
+    assert!(matches!(stopped.holds(), Verdict::Equal { stopped: true, .. }));
+    assert_eq!(stopped.report.deadline_misses, None);
+    assert!(plate.interlock.release(Trip::EStop), "the rig is gone");
+}
+
+#[test]
+fn a_watchdog_needs_no_flag_and_fails_the_run() {
+    let plate = Plate::default();
+    let bark = || assert!(plate.interlock.trip(Trip::Watchdog));
+    let stopped = Stopped::run(&plate, false, 1, bark, Some("no frame for 0.5 s"));
+    assert_eq!((stopped.report.outcome, stopped.pulses), (Outcome::Failed, 0));
+    assert_eq!(stopped.report.reason, "no frame for 0.5 s");
+    let by_rig = Ending::from(RigFault::Stopped(Trip::Watchdog)).reason;
+    let tail = stopped.events.iter().rev().take(2).map(String::as_str);
+    assert_eq!(tail.collect::<Vec<_>>(), ["no frame for 0.5 s", &by_rig]);
+    assert!(matches!(stopped.holds(), Verdict::Equal { stopped: true, .. }));
+}
+
+#[test]
+fn a_process_that_stood_still_in_a_pulse_lost_the_lease() {
+    let plate = Plate::default();
+    let stand_still = || plate.clock.ahead_ns.store(3_000_000_000, Ordering::Relaxed);
+    let stopped = Stopped::run(&plate, true, 1, stand_still, None);
+    assert_eq!((stopped.report.outcome, stopped.pulses), (Outcome::Failed, 0));
+    assert_eq!(stopped.report.reason, Ending::from(RigFault::Stopped(Trip::Lease)).reason);
+    let answer = plate.interlock.answer().unwrap();
+    assert!(stopped.report.plate_time_s > answer.silent_at.secs() + 2.0, "time went on without force");
+    assert_eq!(stopped.report.deadline_misses, Some(1));
+    assert!(stopped.report.worst_late_frames > Some(10), "{:?}", stopped.report.worst_late_frames);
+    assert!(matches!(stopped.holds(), Verdict::Equal { stopped: true, .. }));
+}
+
+#[test]
+fn a_run_on_a_tripped_plate_plays_nothing_and_says_why() {
+    let plate = Plate::default();
+    plate.interlock.trip(Trip::EStop);
+    let stopped = Stopped::run(&plate, false, 0, || (), None);
+    let reason = Ending::from(RigFault::Stopped(Trip::EStop)).reason;
+    assert_eq!((stopped.report.outcome, &stopped.report.reason), (Outcome::Cancelled, &reason));
+    assert_eq!((stopped.events.as_slice(), stopped.pulses, stopped.report.frames), ([reason].as_slice(), 0, 0));
+    let state = RunFolder::reopen(&stopped.folder()).unwrap().state();
+    assert_eq!(state, FolderState { effective: true, journal: true, report: true, ..FolderState::default() });
+}
+
+#[test]
+fn a_cause_that_comes_too_late_changes_nothing() {
+    let plate = Plate::default();
+    let mut finish = Finish { ending: Ending::completed("all in place"), ..Finish::default() };
+    let links =
+        Links { stop: &plate.stop, interlock: &plate.interlock, pacing: &plate.pacing, cause: &|| Some("late".into()) };
+    let mut heard = upm_recording::MemorySink::default();
+    links.explain(&mut finish, &mut heard, PlateTime::ZERO);
+    assert_eq!(finish.ending, Ending::completed("all in place"));
+    finish.ending = Ending::cancelled(control::STOPPED);
+    links.explain(&mut finish, &mut heard, PlateTime::ZERO);
+    assert_eq!(finish.ending, Ending::cancelled("late"));
+}
+
+#[test]
+fn what_cannot_be_run_is_told_before_and_leaves_its_reason() {
+    let job = crowded();
+    let library = job_library(&job).unwrap();
+    let lines = check_job(&job, &library).unwrap_err();
+    assert!(lines.len() == 1 && lines[0].to_string().contains("not all placed"), "{lines:?}");
+    let on_another_rig = JobSpec::load(&config_file("plus-sign-upm-2.json")).unwrap();
+    let lines = check_job(&on_another_rig, &library).unwrap_err();
+    assert!(lines.iter().all(|fault| !fault.found.is_empty() && !fault.allowed.is_empty()), "{lines:?}");
+    assert_eq!(check_job(&self::job(), &job_library(&self::job()).unwrap()), Ok(()));
+
+    let (plate, out) = (Plate::default(), TempDir::new().unwrap());
+    let folder = RunFolder::create(out.path(), &job, "20260101T000000Z").unwrap();
+    let path = folder.path().join("report.json");
+    let options = RunOptions {
+        live: None,
+        out: out.path().to_owned(),
+        started_utc: String::new(),
+        rerun: RerunMode::Off,
+        keeping: keeping(),
+        real_time: false,
+    };
+    let links = Links { stop: &plate.stop, interlock: &plate.interlock, pacing: &plate.pacing, cause: &|| None };
+    let mut watcher = upm_recording::MemorySink::default();
+    let done = run_linked(&job, library, folder, &options, &*plate.clock, links, &mut watcher);
+    assert!(done.is_err_and(|error| error.is_bad_input()));
+    let report: Report = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+    assert!(report.reason.contains("not all placed") && report.outcome == Outcome::Failed, "{report:?}");
+}
+
+#[test]
+fn one_interlock_serves_one_run_at_a_time() {
+    let (plate, out) = (Plate::default(), TempDir::new().unwrap());
+    let busy = plate.interlock.fit(PlateTime::ZERO).unwrap();
+    let job = job();
+    let options = RunOptions {
+        live: None,
+        out: out.path().to_owned(),
+        started_utc: "20260101T000000Z".into(),
+        rerun: RerunMode::Off,
+        keeping: keeping(),
+        real_time: false,
+    };
+    let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
+    let links = Links { stop: &plate.stop, interlock: &plate.interlock, pacing: &plate.pacing, cause: &|| None };
+    let mut watcher = upm_recording::MemorySink::default();
+    let library = job_library(&job).unwrap();
+    let done = run_linked(&job, library, folder, &options, &*plate.clock, links, &mut watcher);
+    assert!(matches!(done, Err(RunError::Rig(_))), "{done:?}");
+    drop(busy);
+}
+
+/// A job whose parts find no places.
+fn crowded() -> JobSpec {
+    let text = std::fs::read_to_string(config_file("plus-sign.json")).unwrap();
+    let mut job: Value = serde_json::from_str(&text).unwrap();
+    job["parts"] = serde_json::json!([{"kind": "quarter", "count": 42}]);
+    job["task"] = serde_json::json!({"type": "hold", "duration_s": 1});
+    JobSpec::from_json(&job.to_string(), &crate::config::Origin::of_file(&config_file("job.json")), None).unwrap()
+}
+
+fn config_file(name: &str) -> PathBuf {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs").join(name)
+}

@@ -1,0 +1,72 @@
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+use tempfile::TempDir;
+
+use super::*;
+use crate::config::Origin;
+use upm_control::FrameFacts;
+use upm_core::time::MonotonicClock;
+use upm_recording::Outcome;
+
+/// Takes the name under which the report is begun, in every folder of `out`.
+struct InTheWay<'a>(&'a Path);
+
+impl Sink for InTheWay<'_> {
+    fn frame(&mut self, _: &FrameFacts<'_>) {
+        for folder in folders(self.0) {
+            std::fs::create_dir_all(folder.join("report.json.part")).unwrap();
+        }
+    }
+}
+
+fn folders(out: &Path) -> Vec<PathBuf> {
+    std::fs::read_dir(out).unwrap().map(|entry| entry.unwrap().path()).collect()
+}
+
+/// A second of a job that reaches its goal.
+fn job() -> JobSpec {
+    let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
+    let text = json!({
+        "name": "still",
+        "rig": "rigs/upm-1.json",
+        "parts": [{"kind": "penny"}],
+        "task": {"type": "hold", "duration_s": 1},
+    });
+    JobSpec::from_json(&text.to_string(), &origin, None).unwrap()
+}
+
+fn options(out: &TempDir) -> RunOptions {
+    RunOptions {
+        live: None,
+        out: out.path().to_owned(),
+        started_utc: "20260101T000000Z".into(),
+        rerun: RerunMode::Off,
+        real_time: false,
+        keeping: Keeping::patient(MonotonicClock::new()),
+    }
+}
+
+#[test]
+fn a_run_keeps_its_outcome_when_its_report_cannot_be_written() {
+    let (job, out) = (job(), TempDir::new().unwrap());
+    let options = options(&out);
+    let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
+    let (stop, interlock, pacing) = (AtomicBool::new(false), Interlock::default(), Arc::default());
+    let links = Links { stop: &stop, interlock: &interlock, pacing: &pacing, cause: &|| None };
+    let library = job_library(&job).unwrap();
+    let clock = MonotonicClock::new();
+    let done = run_linked(&job, library, folder, &options, &clock, links, &mut InTheWay(out.path())).unwrap();
+    assert_eq!(done.report.outcome, Outcome::Completed, "{}", done.report.reason);
+    assert_eq!(done.report.warnings, done.warnings);
+    assert!(matches!(done.warnings.as_slice(), [text] if text.contains("report.json: cannot be written")));
+    assert!(!done.folder.join("report.json").exists());
+}
+
+#[test]
+fn who_runs_a_job_by_hand_is_told_of_a_report_that_cannot_be_written() {
+    let (job, out) = (job(), TempDir::new().unwrap());
+    let (options, clock) = (options(&out), MonotonicClock::new());
+    let done = run(&job, &options, &clock, &AtomicBool::new(false), &mut InTheWay(out.path()));
+    assert!(matches!(done, Err(RunError::Write { path, .. }) if path.ends_with("report.json")));
+}

@@ -1,0 +1,264 @@
+use std::fs;
+use std::io::{self, Write};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use serde_json::Value;
+
+use super::{Bench, NamedTruth, RunError, job_library, play};
+use crate::config::{Fault, JobSpec, Origin};
+use upm_control::{FrameFacts, Sink, is_stop};
+use upm_core::time::StoppedClock;
+use upm_recording::{ENDED_EARLY, Fanout, Journal};
+
+/// The event of a stop stands among the last lines of a journal; after it come its cause, what became of the recording,
+/// and a cycle that never ended.
+const TAIL_LINES: usize = 6;
+
+/// What comparing a run with its repetition showed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Byte for byte the same journal.
+    Equal {
+        /// Lines compared.
+        lines: usize,
+        /// True when the run was stopped from outside, and compared up to there.
+        stopped: bool,
+    },
+    /// The journals part ways.
+    Differs {
+        /// First line that differs, from 1.
+        line: usize,
+        /// What the run folder says there.
+        recorded: String,
+        /// What the repetition says there.
+        repeated: String,
+    },
+}
+
+/// Why a run could not be repeated.
+#[derive(Debug, thiserror::Error)]
+pub enum VerifyError {
+    /// A file of the run folder is missing or unreadable.
+    #[error("{path}: {reason}")]
+    Read {
+        /// Which.
+        path: String,
+        /// Why.
+        reason: String,
+    },
+    /// The job in `effective.json` is not valid.
+    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
+    Job(Vec<Fault>),
+    /// It cannot be run.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+/// Runs the job of the run folder `run` again, from that folder alone, and compares the journals; ends when it is known
+/// how they compare, or `stop` is set. A run that was stopped from outside is compared as far as it went.
+pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<Verdict, VerifyError> {
+    let effective = run.join("effective.json");
+    let job = effective_job(&read(&effective)?, &effective)?;
+    let recorded = read(&run.join("journal.jsonl"))?;
+    let library = job_library(&job).map_err(RunError::Library)?;
+    let mut bench = Bench::new(&job, &library).map_err(RunError::Job)?;
+    let enough = AtomicBool::new(false);
+    let mut repetition = Repetition::of(&recorded, &enough);
+    let mut journal = Journal::new(&mut repetition, Arc::clone(&library));
+    let mut named = NamedTruth::new(bench.truth());
+    let mut until = Until { stop, enough: &enough };
+    let mut sinks = Fanout::new().with(&mut named).with(&mut journal).with(watcher).with(&mut until);
+    play(&mut bench, &library, None, &mut sinks, &StoppedClock, &enough);
+    let broken = |error: io::Error| VerifyError::Read { path: "journal".into(), reason: error.to_string() };
+    journal.finish().map_err(broken)?;
+    Ok(repetition.verdict())
+}
+
+/// Ends the repetition when somebody stops it.
+struct Until<'a> {
+    stop: &'a AtomicBool,
+    enough: &'a AtomicBool,
+}
+
+impl Sink for Until<'_> {
+    fn frame(&mut self, _: &FrameFacts<'_>) {
+        if self.stop.load(Ordering::Relaxed) {
+            self.enough.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+fn read(path: &Path) -> Result<String, VerifyError> {
+    fs::read_to_string(path)
+        .map_err(|error| VerifyError::Read { path: path.display().to_string(), reason: not_of_a_run(&error) })
+}
+
+fn not_of_a_run(found: &dyn std::fmt::Display) -> String {
+    format!("$: found {found}, allowed: what `upm run` left in a run folder")
+}
+
+fn effective_job(text: &str, path: &Path) -> Result<JobSpec, VerifyError> {
+    let file = path.display().to_string();
+    let no_job = |reason: String| VerifyError::Read { path: file.clone(), reason };
+    let effective: Value = serde_json::from_str(text).map_err(|error| no_job(not_of_a_run(&error)))?;
+    let job = effective.get("job").ok_or_else(|| no_job("job: found nothing, allowed: the job".into()))?;
+    JobSpec::from_json(&job.to_string(), &Origin::of_file(path), None).map_err(VerifyError::Job)
+}
+
+/// Takes the journal of the repetition, a line a write, and holds it against the recorded one.
+struct Repetition<'a> {
+    recorded: Vec<&'a str>,
+    stopped: bool,
+    /// Lines that are equal.
+    equal: usize,
+    differs: Option<Verdict>,
+    /// Set when no further line can change the verdict.
+    enough: &'a AtomicBool,
+}
+
+impl<'a> Repetition<'a> {
+    fn of(recorded: &'a str, enough: &'a AtomicBool) -> Self {
+        let recorded: Vec<&str> = recorded.split_inclusive('\n').filter(|line| !is_of_recording(line)).collect();
+        let stop = lines_before_stop(&recorded);
+        let stopped = stop.is_some();
+        let recorded = recorded[..stop.unwrap_or(recorded.len())].to_vec();
+        let this = Self { recorded, stopped, equal: 0, differs: None, enough };
+        this.tell_enough();
+        this
+    }
+
+    /// All of a stopped run has been repeated: what comes then, it cannot know of.
+    fn is_through(&self) -> bool {
+        self.stopped && self.equal == self.recorded.len()
+    }
+
+    fn tell_enough(&self) {
+        if self.differs.is_some() || self.is_through() {
+            self.enough.store(true, Ordering::Relaxed);
+        }
+    }
+
+    fn take(&mut self, line: &str) {
+        if self.differs.is_some() || self.is_through() {
+            return;
+        }
+        match self.recorded.get(self.equal) {
+            Some(&recorded) if recorded == line => self.equal += 1,
+            recorded => self.differs = Some(self.differs_in(recorded.copied(), Some(line))),
+        }
+        self.tell_enough();
+    }
+
+    fn differs_in(&self, recorded: Option<&str>, repeated: Option<&str>) -> Verdict {
+        let shown = |text: Option<&str>| text.map_or("(end)", |text| text.trim_end_matches('\n')).to_owned();
+        Verdict::Differs { line: self.equal + 1, recorded: shown(recorded), repeated: shown(repeated) }
+    }
+
+    fn verdict(self) -> Verdict {
+        let rest = self.recorded.get(self.equal).map(|&recorded| self.differs_in(Some(recorded), None));
+        let equal = Verdict::Equal { lines: self.equal, stopped: self.stopped };
+        self.differs.or(rest).unwrap_or(equal)
+    }
+}
+
+impl Write for Repetition<'_> {
+    fn write(&mut self, line: &[u8]) -> io::Result<usize> {
+        self.take(&String::from_utf8_lossy(line));
+        Ok(line.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Whether a line says what became of the recording, which the disk decides and not the run.
+fn is_of_recording(line: &str) -> bool {
+    line.contains(ENDED_EARLY) && event_in(line).is_some_and(|text| text.starts_with(ENDED_EARLY))
+}
+
+/// The text of an event.
+fn event_in(line: &str) -> Option<String> {
+    let event: Value = serde_json::from_str(line).ok()?;
+    let text = event["text"].as_str().filter(|_| event["type"] == "event")?;
+    Some(text.to_owned())
+}
+
+/// Lines up to the moment somebody stopped the run; `None` when nobody did. What follows, the event and a cycle that
+/// never ended, the repetition cannot know of.
+fn lines_before_stop(journal: &[&str]) -> Option<usize> {
+    let is_stop_at = |&at: &usize| event_in(journal[at]).is_some_and(|text| is_stop(&text));
+    (0..journal.len()).rev().take(TAIL_LINES).find(is_stop_at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use upm_control::{Ending, STOPPED};
+    use upm_core::rig::{RigFault, Trip};
+
+    fn compare(recorded: &str, repeated: &str) -> Verdict {
+        let enough = AtomicBool::new(false);
+        let mut repetition = Repetition::of(recorded, &enough);
+        for line in repeated.split_inclusive('\n') {
+            repetition.write_all(line.as_bytes()).unwrap();
+        }
+        repetition.verdict()
+    }
+
+    fn differs_at(recorded: &str, repeated: &str) -> usize {
+        match compare(recorded, repeated) {
+            Verdict::Differs { line, .. } => line,
+            Verdict::Equal { .. } => 0,
+        }
+    }
+
+    #[test]
+    fn the_first_difference_is_named() {
+        assert_eq!(compare("a\nb\n", "a\nb\n"), Verdict::Equal { lines: 2, stopped: false });
+        assert_eq!(differs_at("a\nb\n", "a\nc\n"), 2);
+        assert_eq!(differs_at("a\nb\n", "a\n"), 2);
+        assert_eq!(differs_at("a\nb", "a\nb\n"), 2);
+    }
+
+    #[test]
+    fn what_became_of_the_recording_is_not_compared() {
+        let told = format!("{{\"type\":\"event\",\"text\":\"{ENDED_EARLY}no space\"}}\n");
+        assert_eq!(compare(&format!("a\n{told}b\n"), "a\nb\n"), Verdict::Equal { lines: 2, stopped: false });
+        assert_eq!(differs_at(&format!("a\n{told}b\n"), "a\nc\n"), 2);
+        let other = told.replace("event", "cycle");
+        assert_eq!(differs_at(&format!("a\n{other}b\n"), "a\nb\n"), 2);
+    }
+
+    #[test]
+    fn a_stopped_run_is_compared_as_far_as_it_went() {
+        let event = |text: &str| format!("{{\"type\":\"event\",\"text\":\"{text}\"}}\n");
+        let after = event("emergency stop by the page") + "{\"type\":\"unfinished_cycle\"}\n";
+        let by_rig = Trip::ALL.map(|trip| Ending::from(RigFault::Stopped(trip)).reason);
+        for text in by_rig.iter().map(String::as_str).chain([STOPPED]) {
+            let recorded = format!("a\nb\n{}{after}", event(text));
+            assert_eq!(compare(&recorded, "a\nb\nc\n"), Verdict::Equal { lines: 2, stopped: true });
+            assert_eq!(differs_at(&recorded, "a\nx\nc\n"), 2);
+            assert_eq!(differs_at(&recorded, "a\n"), 2);
+        }
+        let ended_by_itself = format!("a\nb\n{}{after}", event("no step is feasible"));
+        assert_eq!(differs_at(&ended_by_itself, "a\nb\nc\n"), 3);
+    }
+
+    #[test]
+    fn it_is_enough_when_the_verdict_is_known() {
+        let stopped = format!("a\nb\n{{\"type\":\"event\",\"text\":\"{STOPPED}\"}}\n");
+        for (recorded, repeated, lines) in [(stopped.as_str(), ["a\n", "b\n"], 2), ("a\nb\n", ["x\n", "b\n"], 1)] {
+            let enough = AtomicBool::new(false);
+            let mut repetition = Repetition::of(recorded, &enough);
+            let taken = repeated.iter().take_while(|line| {
+                repetition.write_all(line.as_bytes()).unwrap();
+                !enough.load(Ordering::Relaxed)
+            });
+            assert_eq!(taken.count() + 1, lines, "{recorded}");
+            assert!(enough.load(Ordering::Relaxed));
+        }
+    }
+}

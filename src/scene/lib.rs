@@ -1,0 +1,40 @@
+//! Pictures whose truth is known, by seed: a plate with parts on it as a camera may see them. What the eyes are judged by.
+//! It shares nothing with the simulator's camera but the lens and homography types.
+//!
+//! ```text
+//!   ground ─ things on it ─ plate ─ parts ─ covers      shapes on the plate's plane, later ones in front
+//!      └──────── area of each pixel ────────┘
+//!                       │  × light, falling off over the picture
+//!                       │  * lens blur, a Gaussian
+//!                       │  + noise
+//!                       ▼
+//!                  8-bit frame
+//! ```
+//!
+//! ```
+//! use upm_scene::{Family, Scene};
+//! let scene = Scene::drawn(Family::Rough, 7);
+//! let (frame, corners_px, parts) = (scene.frame(), scene.corners_px(), scene.truth());
+//! assert_eq!(frame.width, 1280);
+//! assert_eq!(parts.len(), scene.parts.len());
+//! assert!(corners_px[0].x < corners_px[1].x);
+//! ```
+
+mod clutter;
+mod drawn;
+mod expose;
+mod layers;
+mod paint;
+mod parts;
+mod raster;
+#[cfg(test)]
+mod reference;
+mod shape;
+pub mod testing;
+mod types;
+mod view;
+
+pub use drawn::Family;
+pub use parts::kinds;
+pub use shape::Shape;
+pub use types::{Disc, Glint, PartTruth, Relief, Scene, Thing};

@@ -1,0 +1,134 @@
+use serde_json::{Map, Value};
+
+use crate::plates::{self, PlateSnapshot};
+use crate::service::{Event, Job, JobState, Pace, Plate, PlateState, RecordingState, Refusal};
+use crate::store::{self, JobPace, JobRow, RecordingKept, StoreFault, StoredEvent};
+use upm_core::units::{mm_from_m, places_mm};
+
+/// A job as it is answered.
+pub(super) fn job(row: &JobRow) -> Job {
+    Job {
+        id: row.id.to_string(),
+        name: row.name.clone(),
+        state: state(row.state),
+        plate: row.plate.clone(),
+        submitted_at: row.submitted_at.to_string(),
+        started_at: row.started_at.map(|at| at.to_string()),
+        finished_at: row.finished_at.map(|at| at.to_string()),
+        progress: row.progress,
+        report: row.report_json.as_deref().and_then(report),
+        reason: row.reason.clone(),
+        seed: row.seed,
+        pace: match row.pace {
+            JobPace::RealTime => Pace::RealTime,
+            JobPace::Max => Pace::Max,
+        },
+        recording: recording(row.recording),
+    }
+}
+
+fn report(text: &str) -> Option<Map<String, Value>> {
+    match serde_json::from_str(text) {
+        Ok(Value::Object(members)) => Some(members),
+        _ => None,
+    }
+}
+
+fn state(state: store::JobState) -> JobState {
+    match state {
+        store::JobState::Queued => JobState::Queued,
+        store::JobState::Running => JobState::Running,
+        store::JobState::Completed => JobState::Completed,
+        store::JobState::Failed => JobState::Failed,
+        store::JobState::Cancelled => JobState::Cancelled,
+        store::JobState::Interrupted => JobState::Interrupted,
+    }
+}
+
+/// The state that a request asks for.
+pub(super) fn asked_state(state: JobState) -> store::JobState {
+    match state {
+        JobState::Queued => store::JobState::Queued,
+        JobState::Running => store::JobState::Running,
+        JobState::Completed => store::JobState::Completed,
+        JobState::Failed => store::JobState::Failed,
+        JobState::Cancelled => store::JobState::Cancelled,
+        JobState::Interrupted => store::JobState::Interrupted,
+    }
+}
+
+fn recording(kept: RecordingKept) -> RecordingState {
+    match kept {
+        RecordingKept::None => RecordingState::None,
+        RecordingKept::Partial => RecordingState::Partial,
+        RecordingKept::Whole => RecordingState::Whole,
+        RecordingKept::Recovered => RecordingState::Recovered,
+        RecordingKept::Stopped => RecordingState::Stopped,
+        RecordingKept::Failed => RecordingState::Failed,
+        RecordingKept::Pruned => RecordingState::Pruned,
+    }
+}
+
+/// A plate as it is answered, with the number of jobs that wait for it.
+pub(super) fn plate(snapshot: &PlateSnapshot, queued: u64) -> Plate {
+    let sight = &snapshot.sight;
+    Plate {
+        name: snapshot.name.clone(),
+        state: match snapshot.state {
+            plates::PlateState::Idle => PlateState::Idle,
+            plates::PlateState::Running => PlateState::Running,
+            plates::PlateState::Paused => PlateState::Paused,
+            plates::PlateState::Stopped => PlateState::Stopped,
+        },
+        why: snapshot.why.clone(),
+        job: snapshot.job.map(|id| id.to_string()),
+        queued,
+        at_s: sight.at.secs(),
+        age_s: snapshot.age.map(|age| age.as_secs_f64()),
+        side_mm: mm_from_m(snapshot.side_m),
+        positions_mm: places_mm(&sight.positions_m),
+        radii_mm: sight.radii_m.iter().copied().map(mm_from_m).collect(),
+        targets_mm: places_mm(&sight.targets_m),
+        progress: sight.progress.clamp(0.0, 1.0),
+        phase: sight.phase.clone(),
+        deadline_misses: snapshot.deadline_misses,
+        live: snapshot.live.clone(),
+    }
+}
+
+/// A kept event as it is sent.
+pub(super) fn event(stored: &StoredEvent) -> Event {
+    Event::new(Some(stored.seq), &stored.kind, &stored.body)
+}
+
+/// What a fault of the store means to who only reads: that takes no room, so a full disk is no answer.
+pub(super) fn unread(fault: StoreFault) -> Refusal {
+    match fault {
+        StoreFault::Full => Refusal::Busy { why: fault.to_string(), retry_after_s: 1 },
+        fault => refusal(fault),
+    }
+}
+
+/// What a fault of the store means to who asked.
+pub(super) fn refusal(fault: StoreFault) -> Refusal {
+    match fault {
+        StoreFault::Full => Refusal::DiskFull(fault.to_string()),
+        StoreFault::Busy | StoreFault::Closed => Refusal::Busy { why: fault.to_string(), retry_after_s: 1 },
+        StoreFault::Io(_) | StoreFault::Corrupt(_) => {
+            tracing::error!("{fault}");
+            Refusal::Broken("the job store cannot be read or written".to_owned())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_told_to_those_who_write() {
+        assert!(matches!(refusal(StoreFault::Full), Refusal::DiskFull(_)));
+        assert!(matches!(unread(StoreFault::Full), Refusal::Busy { retry_after_s: 1, .. }));
+        assert!(matches!(unread(StoreFault::Corrupt("a page".to_owned())), Refusal::Broken(_)));
+    }
+}

@@ -1,0 +1,193 @@
+//! What somebody who helps from afar needs to see, in one tar archive: made beside a daemon that runs or one that does
+//! not, without disturbing it, and without anything that should not leave the machine.
+
+mod folder;
+mod redact;
+mod rows;
+#[cfg(test)]
+mod tests;
+
+use std::io;
+use std::path::Path;
+
+use jiff::Timestamp;
+use serde_json::{Value, json};
+use tar::{Builder, Header};
+
+use self::folder::{Run, latches, listed, runs, tail};
+use crate::store::{JobId, PeekMost, peek};
+use upm_runner::config::{DaemonSpec, Fault};
+
+/// Folder that the files of a bundle are in.
+const ROOT: &str = "upm-support";
+
+const MOST: PeekMost = PeekMost { jobs: 200, events: 1000, audit: 200 };
+
+/// Run folders that are listed, the newest, and those whose journals are looked into.
+const LISTED_RUNS: usize = 200;
+const SHOWN_RUNS: usize = 5;
+
+const README: &str = "\
+Made by `upm support-bundle`. Everything is text; jobs, events and audit stand newest first.
+
+about.json     the program, and what could not be read
+config.json    the configuration with every default; paths and names of hosts removed
+jobs.json      the newest jobs, how many there are of each plate in each state, which plates are paused
+events.jsonl   the newest events of jobs
+audit.jsonl    the last lines of the audit log
+data.json      sizes of the files in the data folder, the latches of the plates
+runs.json      the newest run folders and their sizes
+journals/      the last lines of the journals of the newest runs
+
+Tokens are never read. In texts that people or programs wrote, paths, what follows words like password, and what looks
+drawn at random stand as [removed]. A passphrase of ordinary words in the name of a job cannot be told from a name: look
+through the files before you send them.
+
+Logs are not in here. Under systemd they are had by
+    journalctl -u upm --since -1d > upm.log
+and otherwise they went to stderr of `upm serve`.
+";
+
+/// What a bundle is made from.
+#[derive(Clone, Copy, Debug)]
+pub struct BundleSources<'a> {
+    /// The program's version.
+    pub version: &'a str,
+    /// What it was built for, as `x86_64-linux`.
+    pub target: &'a str,
+    /// The time.
+    pub now: Timestamp,
+    /// The configuration, or what is wrong with it.
+    pub config: Result<&'a DaemonSpec, &'a [Fault]>,
+    /// The data folder, where it is known.
+    pub data: Option<&'a Path>,
+}
+
+/// A bundle.
+#[derive(Clone, Debug)]
+pub struct Bundle {
+    /// The archive.
+    pub tar: Vec<u8>,
+    /// Names of the files in it.
+    pub files: Vec<String>,
+    /// What could not be read, a sentence each.
+    pub missing: Vec<String>,
+}
+
+/// Makes a bundle. What cannot be read is told in it. Nothing is written, no lock of the daemon's is taken.
+pub fn bundle(sources: &BundleSources<'_>) -> io::Result<Bundle> {
+    let mut made = Making { tar: Builder::new(Vec::new()), at: sources.now, files: Vec::new(), missing: Vec::new() };
+    made.add("README.txt", README.as_bytes())?;
+    made.add_config(sources.config)?;
+    match sources.data {
+        Some(data) => {
+            let known = made.add_store(data)?;
+            made.add_data(data)?;
+            made.add_runs(&data.join("runs"), &known)?;
+        }
+        None => made.missing.push("the data folder: nobody said where it is".to_owned()),
+    }
+    made.add_about(sources)?;
+    Ok(Bundle { tar: made.tar.into_inner()?, files: made.files, missing: made.missing })
+}
+
+struct Making {
+    tar: Builder<Vec<u8>>,
+    at: Timestamp,
+    files: Vec<String>,
+    missing: Vec<String>,
+}
+
+impl Making {
+    fn add(&mut self, name: &str, content: &[u8]) -> io::Result<()> {
+        let name = format!("{ROOT}/{name}");
+        let mut header = Header::new_ustar();
+        header.set_mode(0o600);
+        header.set_mtime(self.at.as_second().max(0).unsigned_abs());
+        header.set_size(content.len() as u64);
+        self.tar.append_data(&mut header, &name, content)?;
+        self.files.push(name);
+        Ok(())
+    }
+
+    fn add_json(&mut self, name: &str, value: &Value) -> io::Result<()> {
+        self.add(name, format!("{value:#}\n").as_bytes())
+    }
+
+    fn add_lines(&mut self, name: &str, lines: impl IntoIterator<Item = Value>) -> io::Result<()> {
+        let lines: String = lines.into_iter().map(|line| format!("{line}\n")).collect();
+        self.add(name, lines.as_bytes())
+    }
+
+    fn add_about(&mut self, sources: &BundleSources<'_>) -> io::Result<()> {
+        let about = json!({
+            "version": sources.version,
+            "target": sources.target,
+            "rerun": upm_viewer::BUILT_IN,
+            "made_at": sources.now.to_string(),
+            "missing": self.missing,
+        });
+        self.add_json("about.json", &about)
+    }
+
+    /// Of a configuration that cannot be used, what was found is not shown: it may be anything.
+    fn add_config(&mut self, config: Result<&DaemonSpec, &[Fault]>) -> io::Result<()> {
+        match config {
+            Ok(spec) => self.add_json("config.json", &redact::configuration(spec.effective())),
+            Err(faults) => {
+                self.missing.push(format!("the configuration has {} faults", faults.len()));
+                let shown = |fault: &Fault| json!({"path": redact::scrub(&fault.path), "allowed": redact::scrub(&fault.allowed)});
+                let faults: Vec<Value> = faults.iter().map(shown).collect();
+                self.add_json("config.json", &json!({ "faults": faults }))
+            }
+        }
+    }
+
+    /// Adds what the store knows; the jobs in it.
+    fn add_store(&mut self, data: &Path) -> io::Result<Vec<JobId>> {
+        let peeked = match peek(data, MOST) {
+            Ok(peeked) => peeked,
+            Err(fault) => {
+                self.missing.push(redact::scrub(&fault.to_string()));
+                return Ok(Vec::new());
+            }
+        };
+        self.add_json("jobs.json", &rows::jobs(&peeked))?;
+        self.add_lines("events.jsonl", peeked.events.iter().map(|(job, event)| rows::event(job, event)))?;
+        self.add_lines("audit.jsonl", peeked.audit.iter().map(rows::act))?;
+        Ok(peeked.jobs.iter().map(|row| row.id).collect())
+    }
+
+    fn add_data(&mut self, data: &Path) -> io::Result<()> {
+        let files = self.read("the data folder", listed(data));
+        let latches = self.read("the latches", latches(data));
+        self.add_json("data.json", &json!({"files": files, "latches": latches}))
+    }
+
+    fn add_runs(&mut self, folder: &Path, known: &[JobId]) -> io::Result<()> {
+        let mut runs: Vec<Run> = self.read("the run folders", runs(folder));
+        let (count, bytes) = (runs.len(), runs.iter().map(|run| run.bytes).sum::<u64>());
+        runs.truncate(LISTED_RUNS);
+        for (number, run) in (1..).zip(runs.iter_mut().take(SHOWN_RUNS)) {
+            let name = format!("journals/{number}.jsonl");
+            match tail(&run.path.join("journal.jsonl")) {
+                Ok(lines) => self.add_lines(&name, lines)?,
+                Err(error) => {
+                    self.missing.push(format!("{name}: {error}"));
+                    continue;
+                }
+            }
+            run.journal = Some(name);
+        }
+        let listed: Vec<Value> = runs.iter().map(|run| run.json(known)).collect();
+        self.add_json("runs.json", &json!({"count": count, "bytes": bytes, "newest": listed}))
+    }
+
+    /// What was read, or nothing and why.
+    fn read<T: Default>(&mut self, what: &str, read: io::Result<T>) -> T {
+        read.unwrap_or_else(|error| {
+            self.missing.push(format!("{what}: {error}"));
+            T::default()
+        })
+    }
+}

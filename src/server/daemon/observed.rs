@@ -1,0 +1,110 @@
+use std::time::Duration;
+
+use crate::plates::PlateState;
+use crate::service::Requests;
+use crate::store::{JobState, StoreHealth};
+use upm_recording::RecordingState;
+
+/// The daemon at one moment: what figures and readiness are made of. Taken without waiting for anybody.
+#[derive(Clone, Debug)]
+pub(super) struct Observed {
+    /// The program's version.
+    pub version: &'static str,
+    /// Time since the daemon started.
+    pub uptime: Duration,
+    /// True once it has been told to end.
+    pub is_stopping: bool,
+    /// Damage found at start that nobody has taken note of yet, as a sentence.
+    pub damage: Option<String>,
+    /// What of the plates' threads works no more.
+    pub plates_alive: Result<(), String>,
+    /// The plates, in the order of the configuration.
+    pub plates: Vec<PlateObserved>,
+    /// How many jobs the store knows of each plate in each state.
+    pub jobs: Vec<(String, JobState, u64)>,
+    /// The job store.
+    pub store: StoreHealth,
+    /// Room on the disk.
+    pub disk: DiskObserved,
+    /// Requests answered so far.
+    pub requests: Vec<Requests>,
+    /// Event streams that are open.
+    pub event_streams: u64,
+}
+
+/// A plate at one moment.
+#[derive(Clone, Debug)]
+pub(super) struct PlateObserved {
+    /// Its name.
+    pub name: String,
+    /// What it is doing.
+    pub state: PlateState,
+    /// Jobs that wait for it.
+    pub queued: u64,
+    /// Deadlines missed since the daemon started.
+    pub deadline_misses: u64,
+    /// Emergency stops since the daemon started.
+    pub estops: u64,
+    /// Time since its newest frame; `None` before the first.
+    pub frame_age: Option<Duration>,
+    /// Share of its job that is done, 0 to 1; `None` without a job.
+    pub progress: Option<f64>,
+    /// The recording of its job.
+    pub recording: RecordingState,
+}
+
+/// Room on the disk of the data folder.
+#[derive(Clone, Debug, Default)]
+pub(super) struct DiskObserved {
+    /// Bytes left; `None` when it does not say.
+    pub free_bytes: Option<u64>,
+    /// With fewer left no job is taken.
+    pub reserve_bytes: u64,
+    /// Bytes in run folders; `None` before they were counted.
+    pub runs_bytes: Option<u64>,
+}
+
+#[cfg(test)]
+impl Observed {
+    /// Two plates, all well: one runs a job, one rests.
+    pub fn well() -> Self {
+        let plate = |name: &str, state| PlateObserved {
+            name: name.to_owned(),
+            state,
+            queued: 2,
+            deadline_misses: 3,
+            estops: 1,
+            frame_age: None,
+            progress: None,
+            recording: RecordingState::Off,
+        };
+        let left = PlateObserved {
+            frame_age: Some(Duration::from_millis(15)),
+            progress: Some(0.25),
+            recording: RecordingState::Writing { bytes: 4096 },
+            ..plate("left", PlateState::Running)
+        };
+        Self {
+            version: "1.2.3",
+            uptime: Duration::from_millis(61_500),
+            is_stopping: false,
+            damage: None,
+            plates_alive: Ok(()),
+            plates: vec![left, plate("right", PlateState::Idle)],
+            jobs: vec![("left".to_owned(), JobState::Completed, 7), ("gone".to_owned(), JobState::Failed, 1)],
+            store: StoreHealth {
+                heartbeat: Duration::from_millis(250),
+                fault: None,
+                waiting: 4,
+                audit_waiting: 0,
+                reserve: true,
+            },
+            disk: DiskObserved { free_bytes: Some(5_000_000_000), reserve_bytes: 16_000_000, runs_bytes: Some(123) },
+            requests: vec![
+                Requests { operation: "submit", status: 201, count: 12 },
+                Requests { operation: "submit", status: 422, count: 0 },
+            ],
+            event_streams: 5,
+        }
+    }
+}

@@ -1,0 +1,152 @@
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use rustix::fs::{Access, access};
+
+use crate::service::{Scope, Tokens};
+use upm_library::{Library, LibraryFault};
+use upm_runner::config::{DaemonSpec, Fault, PlateSpec};
+use upm_runner::run::library_faults;
+
+/// Largest token file that is read, bytes.
+const LONGEST_TOKEN_FILE: u64 = 4096;
+
+/// What a daemon needs for its start, most of it out of the files that its configuration names.
+#[derive(Debug)]
+pub struct Prepared {
+    /// True once it is to end. A start then repairs no more recordings: those are repaired the next time.
+    pub told_to_end: Arc<AtomicBool>,
+    /// What the network must show.
+    pub(super) tokens: Tokens,
+    /// The library of each plate, in their order.
+    pub(super) libraries: Vec<Arc<Library>>,
+}
+
+/// Reads the files that `spec` names, and checks all that can be checked before anything starts: every fault is told.
+/// Starts and changes nothing.
+pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Fault>> {
+    let mut faults = Vec::new();
+    let tokens = tokens_of(spec, &mut faults);
+    let libraries = spec.plates.iter().filter_map(|plate| taken(library_of(plate), &mut faults)).collect();
+    if !spec.listen.ip().is_loopback() && tokens.is_empty() && faults.is_empty() {
+        let allowed =
+            "an address of this machine alone, as 127.0.0.1:8750, or a `token_file`: others can reach this one";
+        faults.push(fault(spec, "listen", spec.listen.to_string(), allowed));
+    }
+    faults.extend(data_fault(spec));
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    if nobody_operates(spec) {
+        tracing::warn!(
+            "with a `read_token_file` alone nobody can submit, cancel, reset or resume: name a `token_file`"
+        );
+    }
+    Ok(Prepared { told_to_end: Arc::default(), tokens, libraries })
+}
+
+/// Once there is any token, what needs one that may operate is refused to all others.
+fn nobody_operates(spec: &DaemonSpec) -> bool {
+    spec.token_file.is_none() && spec.read_token_file.is_some()
+}
+
+fn fault(spec: &DaemonSpec, path: &str, found: String, allowed: &str) -> Fault {
+    Fault { file: spec.file.clone(), path: path.to_owned(), found, allowed: allowed.to_owned() }
+}
+
+fn taken<T>(made: Result<T, Vec<Fault>>, faults: &mut Vec<Fault>) -> Option<T> {
+    made.map_err(|found| faults.extend(found)).ok()
+}
+
+fn tokens_of(spec: &DaemonSpec, faults: &mut Vec<Fault>) -> Tokens {
+    let mut tokens = Tokens::default();
+    let files = [
+        ("token_file", "operate", &spec.token_file, Scope::Operate),
+        ("read_token_file", "read", &spec.read_token_file, Scope::Read),
+    ];
+    for (key, name, file, scope) in files {
+        let Some(file) = file else { continue };
+        let added = secret_in(file).and_then(|secret| tokens.add(name, &secret, scope));
+        if let Err(wrong) = added {
+            let allowed = "a file that holds one token: at least 32 visible ASCII characters";
+            faults.push(fault(spec, key, format!("{}: {wrong}", file.display()), allowed));
+        }
+    }
+    tokens
+}
+
+/// The token in a file. What is wrong with it is told without any of it.
+fn secret_in(file: &Path) -> Result<String, String> {
+    let meta = fs::metadata(file).map_err(|error| error.to_string())?;
+    if !meta.is_file() || meta.len() > LONGEST_TOKEN_FILE {
+        return Err("no plain file, or too large".to_owned());
+    }
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        if meta.permissions().mode() & 0o077 != 0 {
+            tracing::warn!("{}: others on this machine may read this token", file.display());
+        }
+    }
+    let text = fs::read_to_string(file).map_err(|error| error.to_string())?;
+    Ok(text.trim_end().to_owned())
+}
+
+fn library_of(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Fault>> {
+    let of_library = |LibraryFault { file, path, found, allowed }| Fault { file, path, found, allowed };
+    let told = |faults: Vec<LibraryFault>| faults.into_iter().map(of_library).collect::<Vec<_>>();
+    let library = Library::load(&plate.library).map_err(told)?;
+    let faults = library_faults(&library, &plate.library.display().to_string(), &plate.rig);
+    if faults.is_empty() { Ok(Arc::new(library)) } else { Err(told(faults)) }
+}
+
+/// The data folder is one that this process may write in, or can be made.
+fn data_fault(spec: &DaemonSpec) -> Option<Fault> {
+    let there = spec.data.ancestors().find(|folder| folder.exists() || folder.as_os_str().is_empty())?;
+    let there = if there.as_os_str().is_empty() { Path::new(".") } else { there };
+    let writable = there.is_dir() && access(there, Access::WRITE_OK | Access::EXEC_OK).is_ok();
+    let found = spec.data.display().to_string();
+    (!writable).then(|| fault(spec, "data", found, "a folder that can be written, or made"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shipped() -> DaemonSpec {
+        DaemonSpec::load(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/daemon.json")).unwrap()
+    }
+
+    #[test]
+    fn a_folder_that_only_others_may_write_in_is_none() {
+        let data = tempfile::tempdir().unwrap();
+        let fault_at = |data: &Path| {
+            let mut spec = shipped();
+            spec.data = data.to_owned();
+            data_fault(&spec)
+        };
+        assert_eq!(fault_at(&data.path().join("made/when/need/be")), None);
+        fs::write(data.path().join("file"), "").unwrap();
+        assert!(fault_at(&data.path().join("file/below")).is_some());
+        // root may write everywhere
+        if !rustix::process::geteuid().is_root() {
+            assert!(fault_at(Path::new("/usr/upm")).is_some());
+        }
+    }
+
+    #[test]
+    fn a_token_that_only_reads_leaves_nobody_who_operates() {
+        let with = |operate: bool, read: bool| {
+            let file = |is: bool| is.then(|| "token".into());
+            let mut spec = shipped();
+            (spec.token_file, spec.read_token_file) = (file(operate), file(read));
+            spec
+        };
+        assert!(nobody_operates(&with(false, true)));
+        for spec in [with(false, false), with(true, false), with(true, true)] {
+            assert!(!nobody_operates(&spec));
+        }
+    }
+}

@@ -1,0 +1,277 @@
+use std::io;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use jiff::Timestamp;
+
+use super::desk::{FrontDesk, Furniture, Office};
+use super::prepare::Prepared;
+use super::systemd::{ServiceManager, SignsOfLife};
+use super::{health, recovered};
+use crate::plates::{PlateSetup, Plates, Surroundings};
+use crate::service::{AppParts, Hosts, Limits, Served, StopFlag, StopSender, Tokens, app, serve};
+use crate::store::{self, Mended, Opened, Store, StoreFault};
+use upm_core::time::MonotonicClock;
+use upm_runner::config::DaemonSpec;
+
+/// Time for plates to end: motors are at zero at once, recordings take a moment to be closed.
+const PLATES_WITHIN: Duration = Duration::from_millis(1200);
+/// Time for requests under way to end, beside that.
+const REQUESTS_WITHIN: Duration = Duration::from_millis(1300);
+/// Time for the store to write what waits, after both.
+const STORE_WITHIN: Duration = Duration::from_millis(400);
+/// How often the number of waiting jobs is looked at when nobody asks.
+const TICK: Duration = Duration::from_millis(500);
+/// How many of these go by from one count of all jobs to the next.
+const COUNT_EVERY: u32 = 10;
+
+/// Why a daemon does not start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartFault {
+    /// Its job store cannot be opened.
+    #[error("{0}: {1}")]
+    Store(String, StoreFault),
+    /// It cannot listen.
+    #[error("{0}: cannot be listened on: {1}")]
+    Listen(SocketAddr, io::Error),
+    /// Plates or threads cannot be started.
+    #[error("plates: {0}")]
+    Plates(io::Error),
+}
+
+/// How a daemon ended.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Ended {
+    /// Plates that had not ended in time.
+    pub plates_left: Vec<String>,
+    /// Connections that were dropped because they had not.
+    pub dropped: usize,
+    /// True when all is on the disk; if not the next start is one after a crash.
+    pub in_order: bool,
+}
+
+/// A daemon whose plates are ready and that listens, and does not answer yet.
+#[derive(Debug)]
+pub struct Daemon {
+    pub(super) desk: Arc<FrontDesk>,
+    listener: TcpListener,
+    tokens: Tokens,
+}
+
+impl Daemon {
+    /// Why it could not listen now, on its own address or for a live stream; nothing when it could. Each address is taken
+    /// for a moment.
+    pub fn refused_addresses(spec: &DaemonSpec) -> Vec<StartFault> {
+        let ports = spec.plates.iter().filter_map(|plate| plate.live_port);
+        let live = ports.filter(|_| live_history_of(spec).is_some()).map(|port| (Ipv4Addr::LOCALHOST, port).into());
+        std::iter::once(spec.listen).chain(live).filter_map(|address| listener_at(address).err()).collect()
+    }
+
+    /// Takes its port, opens the store, puts in order what the last daemon left and makes the plates. Requests wait until
+    /// it serves. Nothing moves that a person must let move first.
+    pub fn start(
+        spec: DaemonSpec,
+        prepared: Prepared,
+        clock: MonotonicClock,
+        now: fn() -> Timestamp,
+        version: &'static str,
+    ) -> Result<Self, StartFault> {
+        // before anything is changed: a port in use is no end of the daemon that had the data before
+        let listener = listener_at(spec.listen)?;
+        let at_store = |fault| StartFault::Store(spec.data.display().to_string(), fault);
+        let repair = |part: &Path, whole: &Path| repair_unless(&prepared.told_to_end, part, whole);
+        let opened = Store::open(&spec.data, &spec.plate_names(), limits_of(&spec), now, &repair).map_err(at_store)?;
+        let Opened { store, recovery } = opened;
+        let store = Arc::new(store);
+        let setups = spec.plates.iter().zip(prepared.libraries).map(|(plate, library)| PlateSetup {
+            name: plate.name.clone(),
+            rig: plate.rig.clone(),
+            library,
+            live_port: plate.live_port,
+            paused: recovery.paused.contains(&plate.name).then(|| recovered::why_paused(&recovery).to_owned()),
+        });
+        let around = Surroundings {
+            ledger: store.clone(),
+            runs: store.runs().to_owned(),
+            latches: spec.data.join("latch"),
+            clock,
+            record: true,
+            watchdog: spec.watchdog,
+            min_free_bytes: spec.min_free_bytes,
+            live_history_bytes: live_history_of(&spec),
+        };
+        let plates = Arc::new(Plates::start(setups.collect(), &around).map_err(StartFault::Plates)?);
+        recovered::tell(&recovery);
+        recovered::tell_unserved(&store, spec.plate_names());
+        let damage = recovery.damage.as_ref().map(|damage| format!("the job store was damaged: {damage}"));
+        let furniture = Furniture { spec, store, plates, clock, damage, version };
+        let desk = FrontDesk::open(furniture).map_err(StartFault::Plates)?;
+        Ok(Self { desk: Arc::new(desk), listener, tokens: prepared.tokens })
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> io::Result<SocketAddr> {
+        self.listener.local_addr()
+    }
+
+    /// Answers until `stop` has something to say, or nobody is left who could; then ends within two seconds, whatever
+    /// clients do: motors to zero first. `manager` is told that it is ready, alive, ending.
+    pub fn serve(self, stop: &Receiver<()>, manager: &ServiceManager) -> Ended {
+        let office = Arc::clone(&self.desk.office);
+        let alive = show_life(&office, manager);
+        let (stopper, flag) = StopFlag::new();
+        let answering = self.answer(flag);
+        manager.ready(&format!("plates: {}", office.spec.plate_names().join(", ")));
+        count_until(stop, &office, &answering);
+        let ended = end(&office, &stopper, answering, manager);
+        drop(alive);
+        ended
+    }
+
+    /// Answers on a thread of its own until `flag` is set.
+    fn answer(self, flag: StopFlag) -> JoinHandle<io::Result<Served>> {
+        let Self { desk, listener, tokens } = self;
+        let (spec, traffic, version) = (&desk.office.spec, desk.office.traffic.clone(), desk.office.version);
+        let hosts = Hosts::new(spec.listen, &spec.hosts);
+        let limits = Arc::new(Limits { ending_time: REQUESTS_WITHIN, ..Limits::default() });
+        let app =
+            app(AppParts { desk, tokens, hosts, limits: Arc::clone(&limits), stop: flag.clone(), traffic, version });
+        thread::spawn(move || serve(listener, app, &limits, &flag))
+    }
+}
+
+/// Shows the service manager that the daemon lives for as long as it is well, and what it returns is held.
+fn show_life(office: &Arc<Office>, manager: &ServiceManager) -> Option<SignsOfLife> {
+    let office = Arc::clone(office);
+    let well = move || match health::ailments(&office.observed()) {
+        ailments if ailments.is_empty() => Ok(()),
+        ailments => Err(ailments.join("; ")),
+    };
+    manager.keep_alive(well).unwrap_or_else(|error| {
+        tracing::error!("no signs of life for the service manager: {error}");
+        None
+    })
+}
+
+/// Counts jobs now and then until it is time to end.
+fn count_until(stop: &Receiver<()>, office: &Arc<Office>, answering: &JoinHandle<io::Result<Served>>) {
+    let mut ticks = 0u32;
+    while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
+        office.count_queued(|_| {});
+        // whoever let the last plate go on has seen it, though nobody asked since
+        office.unseen_damage();
+        if ticks.is_multiple_of(COUNT_EVERY) {
+            office.count_jobs();
+        }
+        ticks = ticks.wrapping_add(1);
+    }
+}
+
+/// Ends everything, each within its time: plates and requests beside each other, then the store.
+fn end(
+    office: &Office,
+    stopper: &StopSender,
+    answering: JoinHandle<io::Result<Served>>,
+    manager: &ServiceManager,
+) -> Ended {
+    office.ending.store(true, Ordering::SeqCst);
+    stopper.stop();
+    // motors to zero before anybody is told: who listens may take a while
+    office.plates.shutdown(Duration::ZERO);
+    tracing::info!("ending");
+    manager.stopping();
+    let plates_left = office.plates.shutdown(PLATES_WITHIN);
+    tracing::debug!("plates have ended");
+    let served = answering.join().unwrap_or_else(|_| Err(io::Error::other("the server panicked")));
+    if let Err(error) = &served {
+        tracing::error!("the server ended: {error}");
+    }
+    tracing::debug!("requests have ended");
+    let in_order = office.store.close(STORE_WITHIN) && plates_left.is_empty();
+    tracing::debug!(in_order, "the store is closed");
+    Ended { plates_left, dropped: served.map_or(0, |served| served.dropped), in_order }
+}
+
+fn listener_at(address: SocketAddr) -> Result<TcpListener, StartFault> {
+    TcpListener::bind(address).map_err(|error| StartFault::Listen(address, error))
+}
+
+/// Bytes that a live stream keeps; `None` for no live streams. One asks nobody who they are, so where others reach the daemon
+/// there is none.
+fn live_history_of(spec: &DaemonSpec) -> Option<u64> {
+    spec.live_history_bytes.filter(|_| spec.listen.ip().is_loopback())
+}
+
+fn limits_of(spec: &DaemonSpec) -> store::Limits {
+    store::Limits {
+        queued: spec.queue,
+        jobs: spec.keep.jobs,
+        events_per_job: spec.keep.events_per_job,
+        events: spec.keep.events,
+        runs_bytes: spec.keep.runs_bytes,
+        runs_age: spec.keep.runs_age,
+        reserve_bytes: spec.reserve_bytes,
+        ..store::Limits::default()
+    }
+}
+
+/// Repairs a recording, but for a daemon that is to end: nobody waits for it until all are repaired.
+fn repair_unless(told_to_end: &AtomicBool, part: &Path, whole: &Path) -> Result<Mended, String> {
+    if told_to_end.load(Ordering::SeqCst) {
+        return Err("the daemon is ending; the next one tries again".to_owned());
+    }
+    repair(part, whole)
+}
+
+fn repair(part: &Path, whole: &Path) -> Result<Mended, String> {
+    let repaired = upm_viewer::repair_recording(part, whole).map_err(|error| error.to_string())?;
+    Ok(Mended { messages: repaired.messages, cut_bytes: repaired.cut_bytes, was_whole: repaired.was_whole })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spec_at(listen: SocketAddr, live_port: u16) -> DaemonSpec {
+        let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/daemon.json");
+        let mut spec = DaemonSpec::load(&file).unwrap();
+        spec.listen = listen;
+        spec.plates[0].live_port = Some(live_port);
+        spec
+    }
+
+    #[test]
+    fn addresses_that_others_have_are_told() {
+        let taken = || TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let (first, second) = (taken(), taken());
+        let [listen, live] = [&first, &second].map(|listener| listener.local_addr().unwrap());
+        let refused = |spec: &DaemonSpec| -> Vec<SocketAddr> {
+            let address = |fault| match fault {
+                StartFault::Listen(address, error) if error.kind() == io::ErrorKind::AddrInUse => address,
+                other => panic!("{other}"),
+            };
+            Daemon::refused_addresses(spec).into_iter().map(address).collect()
+        };
+        let mut spec = spec_at(listen, live.port());
+        assert_eq!(refused(&spec), [listen, live]);
+        spec.live_history_bytes = None;
+        assert_eq!(refused(&spec), [listen]);
+        spec.listen.set_port(0);
+        assert!(refused(&spec).is_empty());
+    }
+
+    #[test]
+    fn a_daemon_that_is_to_end_repairs_nothing_more() {
+        let folder = tempfile::tempdir().unwrap();
+        let [part, whole] = ["run.rrd.part", "run.rrd"].map(|name| folder.path().join(name));
+        std::fs::write(&part, "what a crash left").unwrap();
+        let reason = repair_unless(&AtomicBool::new(true), &part, &whole).unwrap_err();
+        assert_eq!(reason, "the daemon is ending; the next one tries again");
+        assert!(part.exists() && !whole.exists());
+    }
+}

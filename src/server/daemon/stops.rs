@@ -1,0 +1,90 @@
+use std::sync::Arc;
+use std::thread;
+use std::time::Duration;
+
+use super::answers;
+use super::desk::{Office, no_job};
+use crate::plates::{self, Held, Plate, ResetFault};
+use crate::service::{Caller, EStopped, Job, Refusal, Reply, ResetRequest};
+use crate::store::{Cancelled, JobId, JobState};
+use upm_core::time::Clock;
+
+/// Longest time the answer to an emergency stop waits for the motors to be seen at zero.
+const SILENT_WITHIN: Duration = Duration::from_millis(400);
+
+/// Writes down an emergency stop that has been made, and sees how it went.
+pub(super) fn see_through(office: &Office, name: &str, caller: &Caller) -> Result<EStopped, Refusal> {
+    let plate = office.plate(name)?;
+    let until = office.clock.elapsed() + SILENT_WITHIN;
+    while plate.stop_times().is_none() && office.clock.elapsed() < until {
+        thread::sleep(Duration::from_millis(1));
+    }
+    let persisted = plate.account_for_estop(who(caller));
+    let times = plate.stop_times();
+    Ok(EStopped {
+        plate: name.to_owned(),
+        silent: times.is_some(),
+        persisted,
+        requested_at_s: times.map(|times| times.requested_at.secs()),
+        silent_at_s: times.map(|times| times.silent_at.secs()),
+        wall_s: times.map(|times| times.wall.as_secs_f64()),
+    })
+}
+
+/// The emergency stop that a reset asked for now would end.
+pub(super) fn held(plate: &Plate) -> Result<Held, Refusal> {
+    plate.held().map_err(refusal)
+}
+
+/// Ends that emergency stop. Waits for the disk.
+pub(super) fn reset(plate: &Plate, held: Held, request: ResetRequest, caller: &Caller) -> Result<(), Refusal> {
+    let ResetRequest { operator, reason } = request;
+    plate.reset(held, plates::Caller { operator, reason, ..who(caller) }).map_err(refusal)
+}
+
+fn refusal(fault: ResetFault) -> Refusal {
+    match fault {
+        ResetFault::Unwritten(fault) => answers::refusal(fault),
+        fault => Refusal::Conflict(fault.to_string()),
+    }
+}
+
+/// Lets a plate go on.
+pub(super) fn resume(plate: &Plate, caller: &Caller) -> Result<(), Refusal> {
+    let stopped = || Refusal::Conflict("an emergency stop holds: it must be reset first".to_owned());
+    plate.resume(who(caller)).then_some(()).ok_or_else(stopped)
+}
+
+/// Takes a job out of the queue, or tells its plate to end it.
+pub(super) fn cancel(office: &Arc<Office>, id: &str, caller: &Caller, reply: Reply<Job>) {
+    let Some(id) = JobId::parse(id) else { return reply.send(Err(no_job())) };
+    tracing::info!(job = %id, caller = caller.name, "cancel");
+    let then = Arc::clone(office);
+    office.store.cancel_queued(&id, move |cancelled| {
+        reply.send(match cancelled {
+            Err(fault) => Err(answers::refusal(fault)),
+            Ok(Cancelled::Unknown) => Err(no_job()),
+            Ok(Cancelled::Now(row, finished)) => {
+                if let Some(plate) = then.plates.get(&row.plate) {
+                    plate.announce_end(row.id, finished);
+                }
+                Ok(answers::job(&row))
+            }
+            Ok(Cancelled::Not(row)) => {
+                let running = row.state == JobState::Running;
+                let told = running && then.plates.get(&row.plate).is_some_and(|plate| plate.cancel(&id));
+                let too_late = || {
+                    let ended = format!("the job has ended: {}", row.state.name());
+                    Refusal::Conflict(if running { "the run of the job is over".to_owned() } else { ended })
+                };
+                told.then(|| answers::job(&row)).ok_or_else(too_late)
+            }
+        });
+    });
+}
+
+/// Who asks, as far as the network knows.
+fn who(caller: &Caller) -> plates::Caller {
+    let remote = caller.remote.map(|address| address.to_string()).unwrap_or_default();
+    plates::Caller { remote, token_name: caller.name.clone(), ..plates::Caller::default() }
+}

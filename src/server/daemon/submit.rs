@@ -1,0 +1,232 @@
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::thread;
+use std::time::Duration;
+
+use serde::de::IgnoredAny;
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use super::answers;
+use super::clerks::Clerks;
+use super::desk::Office;
+use crate::plates::Plate;
+use crate::service::{Order, Pace, Refusal, Reply, Submitted};
+use crate::store::{Accepted, JobPace, NewJob, StoreFault};
+use upm_core::time::{Clock, MonotonicClock};
+use upm_runner::config::{Fault, PlateSpec, RawPace};
+
+/// Longest time a job waits to be checked. Who asked is told to come again then, while it still listens.
+const CHECKED_WITHIN: Duration = Duration::from_secs(2);
+
+/// When a place in a full queue may be free: nobody knows; this keeps those who ask again from being a load.
+const FULL_RETRY_S: u32 = 5;
+
+/// When jobs that come at once may be fewer.
+const CROWDED_RETRY_S: u32 = 1;
+
+/// A job as it was sent, and when.
+pub(super) struct Asked {
+    order: Order,
+    at: Duration,
+    clock: MonotonicClock,
+}
+
+impl Asked {
+    pub fn now(order: Order, clock: MonotonicClock) -> Self {
+        Self { order, at: clock.elapsed(), clock }
+    }
+
+    /// What a repeated key must come with again: the body, and the pace as it was asked for. What the daemon makes of
+    /// either is no part of it, and may be another after a restart.
+    fn sha256(&self) -> [u8; 32] {
+        let name = |asked| Pace::NAMES.iter().find(|(_, pace)| *pace == asked).map_or("", |(name, _)| name);
+        let pace = self.order.pace.map_or("none", name);
+        Sha256::new().chain_update(pace).chain_update("\n").chain_update(&self.order.text).finalize().into()
+    }
+
+    /// As much of a job as the store looks at to know a key that came before.
+    fn by_key(&self) -> Option<NewJob> {
+        let key = self.order.key.clone()?;
+        Some(NewJob {
+            name: String::new(),
+            plate: String::new(),
+            seed: 0,
+            pace: JobPace::default(),
+            spec_json: String::new(),
+            rig_fingerprint: String::new(),
+            library_sha256: String::new(),
+            body_sha256: self.sha256(),
+            key: Some(key),
+        })
+    }
+}
+
+/// The answer to an order. Dropped with what it waited for, it says that too much waits, unless that panicked.
+struct Answer(Option<Reply<Submitted>>);
+
+impl Answer {
+    fn send(mut self, outcome: Result<Submitted, Refusal>) {
+        if let Some(reply) = self.0.take() {
+            reply.send(outcome);
+        }
+    }
+}
+
+impl Drop for Answer {
+    fn drop(&mut self) {
+        if let Some(reply) = self.0.take().filter(|_| !thread::panicking()) {
+            reply.send(Err(Refusal::Crowded { retry_after_s: CROWDED_RETRY_S }));
+        }
+    }
+}
+
+/// Queues a job; the answer comes once it is on the disk. One whose key came before is answered as it was then,
+/// whatever stands against it now; others are checked by `checkers`. Waits for nobody.
+pub(super) fn submit(office: &Arc<Office>, checkers: &Arc<Clerks>, asked: Asked, reply: Reply<Submitted>) {
+    let answer = Answer(Some(reply));
+    let Some(by_key) = asked.by_key() else { return check(office, checkers, asked, answer) };
+    let (then, checkers) = (Arc::clone(office), Arc::clone(checkers));
+    office.store.repeated(by_key, move |known| match known {
+        Ok(Some(known)) => answer.send(submitted(known)),
+        Ok(None) => check(&then, &checkers, asked, answer),
+        Err(fault) => answer.send(Err(unstored(fault))),
+    });
+}
+
+fn check(office: &Arc<Office>, checkers: &Clerks, asked: Asked, answer: Answer) {
+    let office = Arc::clone(office);
+    checkers.give(move || queue(&office, &asked, answer));
+}
+
+/// Checks a job and queues it. Takes milliseconds: not for those who answer.
+fn queue(office: &Arc<Office>, asked: &Asked, answer: Answer) {
+    let waited = asked.clock.elapsed().saturating_sub(asked.at);
+    if office.ending.load(Ordering::SeqCst) {
+        return answer.send(Err(Refusal::Busy { why: "the daemon ends".to_owned(), retry_after_s: 1 }));
+    }
+    if waited > CHECKED_WITHIN {
+        return answer.send(Err(Refusal::Crowded { retry_after_s: CROWDED_RETRY_S }));
+    }
+    let checked = office.plate_of(&asked.order.text).and_then(|plate| {
+        let job = office.checked(plate, asked)?;
+        office.hindrance(plate).map_or(Ok(job), Err)
+    });
+    let job = match checked {
+        Ok(job) => job,
+        Err(refusal) => return answer.send(Err(refusal)),
+    };
+    let then = Arc::clone(office);
+    office.store.accept(job, move |accepted| {
+        if let Ok(Accepted::New(row)) = &accepted
+            && let Some(plate) = then.plates.get(&row.plate)
+        {
+            plate.wake();
+        }
+        answer.send(accepted.map_err(unstored).and_then(submitted));
+    });
+}
+
+/// What a fault of the store means to who submits.
+fn unstored(fault: StoreFault) -> Refusal {
+    match fault {
+        StoreFault::Busy => Refusal::Crowded { retry_after_s: CROWDED_RETRY_S },
+        fault => answers::refusal(fault),
+    }
+}
+
+fn submitted(accepted: Accepted) -> Result<Submitted, Refusal> {
+    match accepted {
+        Accepted::New(row) => Ok(Submitted { job: answers::job(&row), replayed: false }),
+        Accepted::Replayed(row) => Ok(Submitted { job: answers::job(&row), replayed: true }),
+        Accepted::KeyReused => Err(Refusal::KeyReused),
+        Accepted::QueueFull { queued } => Err(Refusal::QueueFull { queued, retry_after_s: FULL_RETRY_S }),
+    }
+}
+
+impl Office {
+    /// The plate that a job asks for. One that asks for none goes to the default plate, or, when it brings a rig, to one
+    /// with a rig of that name. What is no job goes to any plate: that will tell what is wrong with it.
+    fn plate_of(&self, text: &str) -> Result<&Plate, Refusal> {
+        let Ok(job) = serde_json::from_str::<Value>(text) else {
+            return self.plates.iter().next().ok_or_else(|| self.unaddressed("nothing"));
+        };
+        if let Some(name) = job.get("plate").and_then(Value::as_str) {
+            return self.plates.get(name).ok_or_else(|| self.unaddressed(&format!("{name:?}")));
+        }
+        let default = self.spec.default_plate.as_deref();
+        let rig = job.get("rig").and_then(|rig| rig.get("name")).and_then(Value::as_str);
+        let has_rig = |plate: &&PlateSpec| rig.is_none_or(|rig| plate.rig.model.name == rig);
+        let of_rig = || self.spec.plates.iter().find(|plate| rig.is_some() && has_rig(plate));
+        let fitting = default.and_then(|name| self.spec.plate(name)).filter(has_rig).or_else(of_rig);
+        let name = fitting.map(|plate| plate.name.as_str()).or(default);
+        name.and_then(|name| self.plates.get(name)).ok_or_else(|| self.unaddressed("nothing"))
+    }
+
+    fn unaddressed(&self, found: &str) -> Refusal {
+        let allowed = format!("one of {}", self.spec.plate_names().join(", "));
+        let (file, path) = ("job".to_owned(), "plate".to_owned());
+        Refusal::Invalid(vec![Fault { file, path, found: found.to_owned(), allowed }])
+    }
+
+    fn checked(&self, plate: &Plate, asked: &Asked) -> Result<NewJob, Refusal> {
+        let order = &asked.order;
+        let pace = match (order.pace, self.spec.pace) {
+            (Some(Pace::RealTime), _) | (None, RawPace::RealTime) => JobPace::RealTime,
+            (Some(Pace::Max), _) | (None, RawPace::Max) => JobPace::Max,
+        };
+        let job = plate.validate(&order.text, pace, order.key.clone()).map_err(|faults| {
+            let is_json = serde_json::from_str::<IgnoredAny>(&order.text).is_ok();
+            if is_json { Refusal::Invalid(faults) } else { Refusal::Malformed(faults) }
+        })?;
+        Ok(NewJob { body_sha256: asked.sha256(), ..job })
+    }
+
+    /// What keeps `plate` from taking any job.
+    fn hindrance(&self, plate: &Plate) -> Option<Refusal> {
+        if plate.is_stopped() {
+            let why = format!("plate {} is stopped by an emergency stop: it must be reset first", plate.name());
+            return Some(Refusal::Conflict(why));
+        }
+        let free = self.plates.free_bytes().filter(|free| *free < self.spec.reserve_bytes)?;
+        Some(Refusal::DiskFull(format!(
+            "{:.1} MB are free on the disk, {:.1} are needed (`disk.reserve_mb`)",
+            free as f64 * 1e-6,
+            self.spec.reserve_bytes as f64 * 1e-6
+        )))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::task::{Context, Poll, Waker};
+
+    use super::*;
+    use crate::service::{Caller, promise};
+
+    #[test]
+    fn an_order_that_is_dropped_is_told_to_come_again() {
+        let told = |start: fn(Reply<Submitted>)| {
+            let mut promise = promise(start);
+            promise.as_mut().poll(&mut Context::from_waker(Waker::noop()))
+        };
+        let crowded = Poll::Ready(Err(Refusal::Crowded { retry_after_s: CROWDED_RETRY_S }));
+        assert_eq!(told(|reply| drop(Answer(Some(reply)))), crowded);
+        assert_eq!(told(|reply| Answer(Some(reply)).send(Err(unstored(StoreFault::Busy)))), crowded);
+        let once = told(|reply| Answer(Some(reply)).send(Err(Refusal::KeyReused)));
+        assert_eq!(once, Poll::Ready(Err(Refusal::KeyReused)));
+    }
+
+    #[test]
+    fn a_key_goes_with_what_was_asked_for() {
+        let sha256 = |text: &str, pace| {
+            let caller = Caller { name: "test".to_owned(), remote: None };
+            let order = Order { text: text.to_owned(), pace, key: Some("k".to_owned()), caller };
+            Asked::now(order, MonotonicClock::new()).by_key().map(|job| job.body_sha256)
+        };
+        let asked = [("{}", None), ("{}", Some(Pace::RealTime)), ("{}", Some(Pace::Max)), ("{} ", None)];
+        let different: std::collections::BTreeSet<_> = asked.map(|(text, pace)| sha256(text, pace)).into();
+        assert_eq!(different.len(), asked.len());
+        assert_eq!(sha256("{}", None), sha256("{}", None));
+    }
+}

@@ -1,0 +1,267 @@
+use std::future::Future;
+use std::path::Path;
+use std::pin::pin;
+use std::sync::Arc;
+use std::task::{Context, Poll, Wake, Waker};
+use std::thread::{self, Thread};
+use std::time::Duration;
+
+use jiff::Timestamp;
+
+use super::desk::FrontDesk;
+use super::start::Daemon;
+use super::{StartFault, prepare};
+use crate::service::{
+    Caller, Desk, EStopped, Job, JobState, Order, Pace, Plate, PlateState, Promise, Refusal, ResetRequest, Submitted,
+};
+use upm_core::time::{Clock, MonotonicClock};
+use upm_runner::config::{DaemonSpec, WatchdogSpec};
+
+const REST: &str = r#""name": "rest", "parts": [{"kind": "penny"}], "task": {"type": "hold", "duration_s": 0.2}"#;
+
+/// Tests share a machine that may be slow: none of this is what they are about.
+const PATIENT: WatchdogSpec = WatchdogSpec {
+    no_frame: Duration::from_secs(60),
+    planning: Duration::from_secs(600),
+    no_part_s: 60.0,
+    blocked: Duration::from_secs(60),
+    late_frames: 1000,
+    misses_per_s: 1000,
+};
+/// Longest time anything is waited for.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+struct Unpark(Thread);
+
+impl Wake for Unpark {
+    fn wake(self: Arc<Self>) {
+        self.0.unpark();
+    }
+}
+
+/// Waits for a promise.
+fn kept<T>(promise: impl Future<Output = T>) -> T {
+    let mut promise = pin!(promise);
+    let waker = Waker::from(Arc::new(Unpark(thread::current())));
+    let mut context = Context::from_waker(&waker);
+    loop {
+        if let Poll::Ready(value) = promise.as_mut().poll(&mut context) {
+            return value;
+        }
+        thread::park();
+    }
+}
+
+fn spec(data: &Path) -> DaemonSpec {
+    let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/daemon.json");
+    let mut spec = DaemonSpec::load(&file).unwrap();
+    spec.data = data.to_owned();
+    spec.listen = "127.0.0.1:0".parse().unwrap();
+    spec.live_history_bytes = None;
+    spec.queue = 3;
+    spec.watchdog = PATIENT;
+    spec
+}
+
+fn start(spec: DaemonSpec) -> Result<Daemon, StartFault> {
+    let prepared = prepare(&spec).unwrap();
+    Daemon::start(spec, prepared, MonotonicClock::new(), Timestamp::now, "1.2.3")
+}
+
+/// A daemon at work that nobody can reach but by its desk.
+struct Running {
+    desk: Arc<FrontDesk>,
+    _data: tempfile::TempDir,
+}
+
+impl Running {
+    fn new() -> Self {
+        let data = tempfile::tempdir().unwrap();
+        Self { desk: start(spec(data.path())).unwrap().desk, _data: data }
+    }
+
+    fn order(&self, text: &str, pace: Pace, key: Option<&str>) -> Result<Submitted, Refusal> {
+        let key = key.map(str::to_owned);
+        kept(self.desk.submit(Order { text: text.to_owned(), pace: Some(pace), key, caller: caller() }))
+    }
+
+    fn submit(&self, text: &str) -> Result<Job, Refusal> {
+        self.order(text, Pace::Max, None).map(|submitted| submitted.job)
+    }
+
+    /// Stops plate upm-1: what is queued there stays queued.
+    fn pause(&self) {
+        self.stopped();
+        assert_eq!(kept(self.reset()).unwrap().state, PlateState::Paused);
+    }
+
+    /// Asks for a reset of plate upm-1.
+    fn reset(&self) -> Promise<Plate> {
+        let request = ResetRequest { operator: "A. Person".into(), reason: "test".into() };
+        self.desk.reset("upm-1", request, caller())
+    }
+
+    /// Stops plate upm-1; asks again until motors and disk have been heard of.
+    fn stopped(&self) -> EStopped {
+        soon("the stop is not seen through", || {
+            let stopped = kept(self.desk.estop("upm-1", caller())).unwrap();
+            (stopped.silent && stopped.persisted).then_some(stopped)
+        })
+    }
+
+    fn ended(&self, id: &str) -> Job {
+        soon("the job does not end", || {
+            let job = kept(self.desk.job(id)).unwrap();
+            (!matches!(job.state, JobState::Queued | JobState::Running)).then_some(job)
+        })
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        assert_eq!(self.desk.office.plates.shutdown(PATIENCE), [""; 0]);
+        self.desk.office.store.close(Duration::from_secs(5));
+    }
+}
+
+/// What `look` comes to see, looking again and again.
+fn soon<T>(otherwise: &str, look: impl Fn() -> Option<T>) -> T {
+    let clock = MonotonicClock::new();
+    while clock.elapsed() < PATIENCE {
+        if let Some(seen) = look() {
+            return seen;
+        }
+        thread::sleep(Duration::from_millis(5));
+    }
+    panic!("{otherwise}");
+}
+
+fn caller() -> Caller {
+    Caller { name: "test".to_owned(), remote: None }
+}
+
+fn on(plate: &str) -> String {
+    format!(r#"{{"plate": "{plate}", {REST}}}"#)
+}
+
+#[test]
+fn a_job_goes_where_it_asks_to_or_where_its_rig_is() {
+    let running = Running::new();
+    assert_eq!(running.submit(&on("upm-1")).unwrap().plate, "upm-1");
+    assert_eq!(running.submit(&format!("{{{REST}}}")).unwrap().plate, "upm-2", "the default");
+    let rig = std::fs::read_to_string(
+        Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/rigs/upm-1.json"),
+    )
+    .unwrap();
+    assert_eq!(running.submit(&format!(r#"{{"rig": {rig}, {REST}}}"#)).unwrap().plate, "upm-1");
+    let lines = |refusal: Refusal| match refusal {
+        Refusal::Invalid(faults) => faults.iter().map(ToString::to_string).collect(),
+        other => vec![format!("{other:?}")],
+    };
+    let nowhere = lines(running.submit(&on("upm-3")).unwrap_err());
+    assert_eq!(nowhere, [r#"job: plate: found "upm-3", allowed: one of upm-1, upm-2, upm-2-evening"#]);
+    assert!(matches!(running.submit("{"), Err(Refusal::Malformed(faults)) if faults.len() == 1));
+    assert!(matches!(running.submit("[]"), Err(Refusal::Invalid(_))));
+}
+
+#[test]
+fn a_key_gives_the_first_answer_again_whatever_stands_against_it_now() {
+    let running = Running::new();
+    running.pause();
+    let text = on("upm-1");
+    let first = running.order(&text, Pace::Max, Some("k")).unwrap();
+    assert!(!first.replayed);
+    kept(running.desk.estop("upm-1", caller())).unwrap();
+    assert!(matches!(running.submit(&text), Err(Refusal::Conflict(_))), "the plate is stopped");
+    let again = running.order(&text, Pace::Max, Some("k")).unwrap();
+    assert!(again.replayed && again.job.id == first.job.id);
+    let key_reused = |text: &str, pace| running.order(text, pace, Some("k")).unwrap_err() == Refusal::KeyReused;
+    assert!(key_reused(&text, Pace::RealTime), "another pace is another order");
+    assert!(key_reused(&text.replace("rest", "other"), Pace::Max));
+}
+
+#[test]
+fn a_queue_is_full_when_it_is_and_runs_when_it_may() {
+    let running = Running::new();
+    running.pause();
+    let jobs: Vec<Job> = (0..3).map(|_| running.submit(&on("upm-1")).unwrap()).collect();
+    let full = running.submit(&on("upm-1")).unwrap_err();
+    assert!(matches!(full, Refusal::QueueFull { queued: 3, retry_after_s: 1.. }), "{full:?}");
+    let cancelled = kept(running.desk.cancel(&jobs[1].id, caller())).unwrap();
+    assert_eq!(cancelled.state, JobState::Cancelled);
+    let told = |id: &str| kept(running.desk.replay(id, 0, 100)).unwrap().events.len();
+    assert_eq!(told(&jobs[0].id), 0);
+    assert_eq!(told(&jobs[1].id), 1, "its end is kept in one with it");
+    assert!(matches!(kept(running.desk.cancel(&jobs[1].id, caller())), Err(Refusal::Conflict(_))));
+    assert_eq!(kept(running.desk.plates()).unwrap().plates[0].queued, 2);
+    kept(running.desk.resume("upm-1", caller())).unwrap();
+    for job in [&jobs[0], &jobs[2]] {
+        let ended = running.ended(&job.id);
+        assert_eq!((ended.state, ended.reason.as_str()), (JobState::Completed, "every part held for 0.2 s"));
+        assert_eq!(ended.report.unwrap()["outcome"], "completed");
+    }
+}
+
+#[test]
+fn an_emergency_stop_ends_what_runs_and_is_reset_by_a_person() {
+    let running = Running::new();
+    let long = on("upm-1").replace("0.2", "60");
+    let id = running.order(&long, Pace::RealTime, None).unwrap().job.id;
+    soon("no frame comes", || kept(running.desk.plates()).unwrap().plates[0].age_s);
+    let stopped = running.stopped();
+    assert!(stopped.silent_at_s.unwrap() - stopped.requested_at_s.unwrap() <= 0.02);
+    let ended = running.ended(&id);
+    assert_eq!((ended.state, ended.reason.as_str()), (JobState::Cancelled, "emergency stop"));
+    assert!(matches!(kept(running.desk.resume("upm-1", caller())), Err(Refusal::Conflict(_))));
+    assert!(matches!(kept(running.desk.estop("upm-9", caller())), Err(Refusal::Unknown(_))));
+    assert!(running.desk.ailments().is_empty() && running.desk.obstacles().is_empty());
+    assert!(running.desk.metrics().contains("upm_estops_total{plate=\"upm-1\"} 1"), "{}", running.desk.metrics());
+}
+
+#[test]
+fn a_reset_that_waits_takes_back_no_later_stop_and_none_once_nobody_waits_for_it() {
+    let running = Running::new();
+    running.stopped();
+    let held = running.desk.office.store.hold();
+    let earlier = [running.reset(), running.reset()];
+    drop(running.desk.estop("upm-1", caller()));
+    let (given_up, last) = (running.reset(), running.reset());
+    drop(given_up);
+    drop(held);
+    for reset in earlier {
+        assert_eq!(kept(reset).unwrap_err(), Refusal::Conflict("the plate was stopped again".to_owned()));
+    }
+    assert_eq!(kept(last).unwrap().state, PlateState::Paused, "it was for this one to do");
+    assert!(matches!(kept(running.reset()), Err(Refusal::Conflict(_))), "the plate is not stopped");
+}
+
+#[test]
+fn what_others_can_reach_wants_a_token_of_some_length() {
+    let data = tempfile::tempdir().unwrap();
+    let lines = |spec: &DaemonSpec| match prepare(spec) {
+        Ok(_) => Vec::new(),
+        Err(faults) => faults.iter().map(|fault| format!("{}: {}", fault.path, fault.allowed)).collect(),
+    };
+    let mut open = spec(data.path());
+    open.listen = "0.0.0.0:0".parse().unwrap();
+    let alone = "an address of this machine alone, as 127.0.0.1:8750, or a `token_file`: others can reach this one";
+    assert_eq!(lines(&open), [format!("listen: {alone}")]);
+    let token = data.path().join("token");
+    open.token_file = Some(token.clone());
+    let wanted = "a file that holds one token: at least 32 visible ASCII characters";
+    for (text, held) in [(None, false), (Some("short"), false), (Some("0123456789abcdef0123456789abcdef\n"), true)] {
+        text.into_iter().for_each(|text| std::fs::write(&token, text).unwrap());
+        let expected = if held { Vec::new() } else { vec![format!("token_file: {wanted}")] };
+        assert_eq!(lines(&open), expected, "{text:?}");
+    }
+    open.data = token;
+    assert_eq!(lines(&open), ["data: a folder that can be written, or made"]);
+}
+
+#[test]
+fn one_daemon_has_the_data() {
+    let data = tempfile::tempdir().unwrap();
+    let first = start(spec(data.path())).unwrap();
+    assert!(matches!(start(spec(data.path())), Err(StartFault::Store(..))));
+    assert!(first.desk.office.plates.shutdown(PATIENCE).is_empty());
+}

@@ -1,0 +1,116 @@
+use std::sync::mpsc::{SyncSender, TrySendError};
+use std::time::Duration;
+
+use super::crier::Item;
+use super::frames::Mark;
+use super::shared::Shared;
+use super::told::News;
+use crate::plates::Sight;
+use crate::store::JobId;
+use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Sink};
+use upm_core::time::{Clock, PlateTime};
+use upm_perception::vision::{Table, Track};
+
+/// Least wall time from one look that is told to the next.
+const LOOKS_APART: Duration = Duration::from_millis(100);
+
+/// Watches a run for those outside. It is called on the plate's own thread, so it never waits: what does not fit into
+/// the queue, or comes while somebody else holds the lock, is left out and counted.
+pub(super) struct Attend<'a> {
+    shared: &'a Shared,
+    clock: &'a dyn Clock,
+    crier: &'a SyncSender<Item>,
+    job: JobId,
+    sight: Sight,
+    table: Option<Table>,
+    looked_at: Option<Duration>,
+    left_out: u64,
+}
+
+impl<'a> Attend<'a> {
+    pub fn new(
+        shared: &'a Shared,
+        clock: &'a dyn Clock,
+        crier: &'a SyncSender<Item>,
+        job: JobId,
+        radii_m: Vec<f64>,
+    ) -> Self {
+        let sight = Sight { radii_m, ..Sight::default() };
+        Self { shared, clock, crier, job, sight, table: None, looked_at: None, left_out: 0 }
+    }
+
+    fn tell(&mut self, news: News) {
+        if self.left_out > 0 {
+            let text = format!("{} events were left out: too many at once", self.left_out);
+            let missed = News::warning(news.plate_time, EventLevel::Warning, &text);
+            if self.crier.try_send(Item::Tell(self.job, missed)).is_ok() {
+                self.left_out = 0;
+            }
+        }
+        let sent = self.crier.try_send(Item::Tell(self.job, news));
+        self.shared.vitals.could_tell(self.clock.elapsed(), sent.is_ok());
+        if let Err(TrySendError::Full(Item::Tell(_, news))) = sent {
+            self.left_out += u64::from(news.durable);
+        }
+    }
+
+    fn show(&mut self, now: Duration) {
+        self.shared.saw(&self.sight, now);
+        if self.looked_at.is_none_or(|before| now >= before + LOOKS_APART) {
+            self.looked_at = Some(now);
+            self.tell(News::look(&self.sight));
+        }
+    }
+
+    fn marks(&self, tracks: &[Track]) -> Vec<Mark> {
+        let part = |track: &Track| Mark {
+            center_px: track.seen.center_px,
+            radius_px: track.seen.radius_px,
+            seen: track.frames_unseen == 0,
+        };
+        let targets = self.table.iter().flat_map(|table| {
+            let target = |p_m| Mark { center_px: table.image_from_table(p_m), radius_px: 0.0, seen: true };
+            self.sight.targets_m.iter().copied().map(target)
+        });
+        tracks.iter().map(part).chain(targets).collect()
+    }
+}
+
+impl Sink for Attend<'_> {
+    fn localised(&mut self, facts: &LocalisedFacts<'_>) {
+        self.table = Some(facts.table.clone());
+        self.sight.at = facts.frame.exposed_at;
+        self.sight.positions_m.clear();
+        self.sight.positions_m.extend(facts.detections.iter().map(|part| part.position_m));
+        self.show(self.clock.elapsed());
+    }
+
+    fn frame(&mut self, facts: &FrameFacts<'_>) {
+        let now = self.clock.elapsed();
+        self.sight.at = facts.frame.exposed_at;
+        self.sight.positions_m.clear();
+        self.sight.positions_m.extend(facts.tracks.iter().map(|track| track.seen.position_m));
+        let part_in_sight = facts.tracks.iter().any(|track| track.frames_unseen == 0);
+        self.shared.vitals.frame(now, facts.frame.exposed_at, part_in_sight, facts.starts_cycle);
+        self.show(now);
+        self.shared.window.offer(facts.frame, || self.marks(facts.tracks), now);
+    }
+
+    fn cycle(&mut self, facts: &CycleFacts<'_>) {
+        self.sight.targets_m.clone_from(&facts.wanted.targets_m);
+        self.sight.progress = facts.wanted.progress;
+        self.sight.phase.clone_from(&facts.wanted.phase);
+        self.shared.ledger.progress(&self.job, facts.wanted.progress);
+        self.tell(News::cycle(facts));
+    }
+
+    fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
+        // before its last word control only warns; a journal that fails is told as an error, and ends it as well
+        if level != EventLevel::Warning {
+            self.shared.vitals.end();
+        }
+        if level != EventLevel::Info {
+            self.tell(News::warning(at, level, text));
+        }
+    }
+}

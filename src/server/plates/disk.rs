@@ -1,0 +1,279 @@
+//! Sees that recordings leave room on the disk: none is begun that might fill it, and the present ones are stopped when
+//! it runs low. The plates go on.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use super::shared::Shared;
+use super::watchdog::ms;
+use crate::store::JobId;
+use upm_core::time::{Clock, MonotonicClock};
+use upm_recording::{RecordingState, RecordingSwitch};
+
+/// How often the disk is looked at.
+const APART: Duration = Duration::from_secs(1);
+/// What the last look saw holds so long. A look that takes longer hangs.
+const HOLDS: Duration = Duration::from_secs(5);
+/// Bytes a second of plate time that a recording is thought to take before there was one. Recordings of the plus sign
+/// take 0.1 MB/s, those of eight coins 0.2 MB/s; this is twice as much.
+const FIRST_RATE: f64 = 0.4e6;
+/// Recordings that tell what the next will take.
+const RATES: usize = 10;
+/// Shorter ones are mostly what every recording begins with, s.
+const SHORTEST_S: f64 = 1.0;
+const UNKNOWN: u64 = u64::MAX;
+
+/// What is known of the room on the disk.
+#[derive(Debug)]
+pub(super) struct Disk {
+    min_free_bytes: u64,
+    /// [`UNKNOWN`] when the disk does not say.
+    free_bytes: AtomicU64,
+    looked_ms: AtomicU64,
+    /// True once it was said that the disk does not answer.
+    told: AtomicBool,
+    ending: AtomicBool,
+    /// Recordings of jobs that run, and what each may come to.
+    promised: Mutex<BTreeMap<JobId, (RecordingSwitch, u64)>>,
+}
+
+impl Disk {
+    /// Looks for the first time at the disk of `folder`.
+    pub fn new(folder: &Path, min_free_bytes: u64, clock: &MonotonicClock) -> Self {
+        Self {
+            min_free_bytes,
+            free_bytes: AtomicU64::new(free_bytes(folder).unwrap_or(UNKNOWN)),
+            looked_ms: AtomicU64::new(ms(clock.elapsed())),
+            told: AtomicBool::new(false),
+            ending: AtomicBool::new(false),
+            promised: Mutex::default(),
+        }
+    }
+
+    /// What is free, in bytes; `None` when the disk does not say.
+    pub fn free_bytes(&self, now: Duration) -> Option<u64> {
+        let free = self.free_bytes.load(Ordering::Relaxed);
+        (free != UNKNOWN && !self.hangs(now)).then_some(free)
+    }
+
+    /// Lets the recording of a job come to `wanted_bytes`, until [`Self::release`]; why not. Counted in is what other
+    /// recordings may still take. A disk that does not say what is free is trusted.
+    pub fn promise(
+        &self,
+        job: JobId,
+        recording: &RecordingSwitch,
+        wanted_bytes: u64,
+        now: Duration,
+    ) -> Result<(), String> {
+        let mut promised = self.promised();
+        let others = promised.values().map(|(recording, bytes)| still_to_come(&recording.state(), *bytes));
+        let others_bytes = others.fold(0, u64::saturating_add);
+        let taken_bytes = wanted_bytes.saturating_add(others_bytes).saturating_add(self.min_free_bytes);
+        if let Some(free) = self.free_bytes(now).filter(|&free| free < taken_bytes) {
+            let [wanted, others, free, kept] = [wanted_bytes, others_bytes, free, self.min_free_bytes].map(megabytes);
+            let others = if others_bytes > 0 { format!(", other recordings {others} more") } else { String::new() };
+            return Err(format!("it may take {wanted}{others}; the disk has {free} left, of which {kept} stay free"));
+        }
+        promised.insert(job, (recording.clone(), wanted_bytes));
+        Ok(())
+    }
+
+    /// The recording of this job takes no more.
+    pub fn release(&self, job: &JobId) {
+        self.promised().remove(job);
+    }
+
+    fn promised(&self) -> MutexGuard<'_, BTreeMap<JobId, (RecordingSwitch, u64)>> {
+        self.promised.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Says it once when the disk does not answer.
+    pub fn heed(&self, now: Duration) {
+        if self.hangs(now) && !self.told.swap(true, Ordering::Relaxed) {
+            tracing::error!("the disk does not say what is free: no answer for {} s", HOLDS.as_secs());
+        }
+    }
+
+    fn hangs(&self, now: Duration) -> bool {
+        now.saturating_sub(Duration::from_millis(self.looked_ms.load(Ordering::Relaxed))) > HOLDS
+    }
+
+    fn saw(&self, free: Option<u64>, now: Duration) {
+        self.free_bytes.store(free.unwrap_or(UNKNOWN), Ordering::Relaxed);
+        self.looked_ms.store(ms(now), Ordering::Relaxed);
+        if self.told.swap(false, Ordering::Relaxed) {
+            tracing::info!("the disk answers again");
+        }
+    }
+
+    /// No more looks.
+    pub fn end(&self) {
+        self.ending.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Looks at the disk all the time, on a thread of its own: a dead disk lets whoever asks it wait for good.
+pub(super) struct DiskGuard {
+    pub disk: Arc<Disk>,
+    pub folder: PathBuf,
+    pub plates: Vec<Arc<Shared>>,
+    pub clock: MonotonicClock,
+}
+
+impl DiskGuard {
+    /// Looks until it is told to end.
+    pub fn run(self) {
+        while !self.disk.ending.load(Ordering::Relaxed) {
+            self.saw(free_bytes(&self.folder));
+            thread::park_timeout(APART);
+        }
+    }
+
+    /// Stops every recording when so little is free.
+    pub fn saw(&self, free: Option<u64>) {
+        self.disk.saw(free, self.clock.elapsed());
+        let low = free.filter(|&free| free < self.disk.min_free_bytes);
+        let Some(free) = low else { return };
+        let reason = format!("the disk has only {} left", megabytes(free));
+        for recording in self.plates.iter().filter_map(|plate| plate.recording()) {
+            recording.stop(&reason);
+        }
+    }
+}
+
+/// What the newest recordings of a plate took, bytes a second of plate time.
+#[derive(Debug, Default)]
+pub(super) struct Rates(VecDeque<f64>);
+
+impl Rates {
+    /// A whole recording of so long took so much.
+    pub fn add(&mut self, bytes: u64, plate_time_s: f64) {
+        if plate_time_s >= SHORTEST_S {
+            self.0.truncate(RATES - 1);
+            self.0.push_front(bytes as f64 / plate_time_s);
+        }
+    }
+
+    /// What one may take that lasts so long, bytes.
+    pub fn estimate(&self, plate_time_s: f64) -> u64 {
+        let mut rates: Vec<f64> = self.0.iter().copied().collect();
+        rates.sort_by(f64::total_cmp);
+        (plate_time_s * rates.get(rates.len() / 2).copied().unwrap_or(FIRST_RATE)).round() as u64
+    }
+}
+
+/// What a recording may still take of what it was promised.
+fn still_to_come(state: &RecordingState, promised_bytes: u64) -> u64 {
+    match state {
+        RecordingState::Off => promised_bytes,
+        RecordingState::Writing { bytes } => promised_bytes.saturating_sub(*bytes),
+        RecordingState::Stopped(_) | RecordingState::Failed(_) | RecordingState::Whole => 0,
+    }
+}
+
+/// What others than the superuser may still write on the disk of `folder`.
+fn free_bytes(folder: &Path) -> Option<u64> {
+    let disk = rustix::fs::statvfs(folder).ok()?;
+    Some(disk.f_bavail.saturating_mul(disk.f_frsize))
+}
+
+fn megabytes(bytes: u64) -> String {
+    format!("{:.0} MB", bytes as f64 * 1e-6)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MB: u64 = 1_000_000;
+
+    #[test]
+    fn recordings_are_expected_to_be_like_those_before() {
+        let mut rates = Rates::default();
+        assert_eq!(rates.estimate(100.0), 40 * MB);
+        rates.add(5 * MB, 0.9);
+        assert_eq!(rates.estimate(100.0), 40 * MB, "too short to tell");
+        rates.add(2 * MB, 10.0);
+        assert_eq!(rates.estimate(100.0), 20 * MB);
+        for mb in [100, 1, 1] {
+            rates.add(mb * MB, 10.0);
+        }
+        assert_eq!(rates.estimate(100.0), 20 * MB, "one that is odd does not count");
+        for _ in 0..10 {
+            rates.add(3 * MB, 10.0);
+        }
+        assert_eq!((rates.estimate(100.0), rates.0.len()), (30 * MB, 10));
+    }
+
+    #[test]
+    fn what_must_stay_free_is_no_room() {
+        let clock = MonotonicClock::new();
+        let disk = Disk::new(Path::new("/no/such/folder"), 500 * MB, &clock);
+        let now = clock.elapsed();
+        let job = |number: u8| JobId::parse(&format!("{number:032x}")).unwrap();
+        let promise = |number, bytes| disk.promise(job(number), &RecordingSwitch::default(), bytes, now);
+        assert_eq!((disk.free_bytes(now), promise(0, u64::MAX)), (None, Ok(())), "nobody knows");
+        disk.release(&job(0));
+        disk.saw(Some(600 * MB), now);
+        assert_eq!((disk.free_bytes(now), promise(1, 100 * MB)), (Some(600 * MB), Ok(())));
+        disk.release(&job(1));
+        let told = "it may take 101 MB; the disk has 600 MB left, of which 500 MB stay free";
+        assert_eq!(promise(1, 101 * MB), Err(told.to_owned()));
+        assert!(promise(1, u64::MAX).is_err());
+    }
+
+    #[test]
+    fn recordings_at_the_same_time_share_the_room() {
+        let clock = MonotonicClock::new();
+        let (disk, now) = (Disk::new(Path::new("/"), 500 * MB, &clock), clock.elapsed());
+        let job = |number: u8| JobId::parse(&format!("{number:032x}")).unwrap();
+        let (first, second) = (RecordingSwitch::default(), RecordingSwitch::default());
+        disk.saw(Some(600 * MB), now);
+        assert_eq!(disk.promise(job(1), &first, 70 * MB, now), Ok(()));
+        let told =
+            "it may take 40 MB, other recordings 70 MB more; the disk has 600 MB left, of which 500 MB stay free";
+        assert_eq!(disk.promise(job(2), &second, 40 * MB, now), Err(told.to_owned()));
+        assert_eq!(disk.promise(job(2), &second, 30 * MB, now), Ok(()));
+        disk.release(&job(1));
+        assert_eq!(disk.promise(job(1), &first, 70 * MB, now), Ok(()));
+        disk.release(&job(1));
+        disk.release(&job(2));
+        assert!(disk.promised().is_empty());
+    }
+
+    #[test]
+    fn what_is_written_is_no_longer_to_come() {
+        assert_eq!(still_to_come(&RecordingState::Off, 70), 70);
+        assert_eq!(still_to_come(&RecordingState::Writing { bytes: 50 }, 70), 20);
+        assert_eq!(still_to_come(&RecordingState::Writing { bytes: 80 }, 70), 0);
+        let ended = [RecordingState::Whole, RecordingState::Failed("".into()), RecordingState::Stopped("".into())];
+        assert!(ended.iter().all(|state| still_to_come(state, 70) == 0));
+    }
+
+    #[test]
+    fn a_disk_that_hangs_is_told_once() {
+        let clock = MonotonicClock::new();
+        let disk = Disk::new(Path::new("/"), 0, &clock);
+        disk.saw(Some(MB), Duration::from_secs(10));
+        for s in 10..=15 {
+            disk.heed(Duration::from_secs(s));
+            assert_eq!(disk.free_bytes(Duration::from_secs(s)), Some(MB));
+        }
+        assert!(!disk.told.load(Ordering::Relaxed));
+        disk.heed(Duration::from_millis(15_001));
+        assert!(disk.told.load(Ordering::Relaxed));
+        assert_eq!(disk.free_bytes(Duration::from_millis(15_001)), None);
+        disk.saw(Some(MB), Duration::from_secs(20));
+        assert!(!disk.told.load(Ordering::Relaxed));
+    }
+
+    #[test]
+    fn a_real_disk_says_what_is_free() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(free_bytes(folder.path()).is_some_and(|free| free > 0));
+    }
+}

@@ -1,0 +1,165 @@
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use super::draw::draw;
+use super::shared::{locked, locked_now};
+use super::watchdog::ms;
+use upm_core::geometry::Vec2;
+use upm_core::signal::Frame;
+
+/// How long a wish for pictures lasts, and the least time from one to the next.
+const WISH: Duration = Duration::from_secs(5);
+const APART: Duration = Duration::from_millis(500);
+
+/// A picture older than this is none: it would pass for how things are.
+const OLDEST: Duration = Duration::from_secs(2);
+
+/// A camera frame with what was seen in it drawn over, encoded once for everybody.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// The PNG file.
+    pub png: Vec<u8>,
+    /// When it was taken, by the daemon's clock.
+    pub taken: Duration,
+}
+
+/// What is drawn over a frame, px.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Mark {
+    pub center_px: Vec2,
+    /// 0 for a target.
+    pub radius_px: f64,
+    /// False for a part that the frame does not show where it is thought to be.
+    pub seen: bool,
+}
+
+/// A frame on its way from the plate to its encoder.
+#[derive(Clone, Debug)]
+struct Raw {
+    frame: Frame,
+    marks: Vec<Mark>,
+    taken: Duration,
+    fresh: bool,
+}
+
+impl Default for Raw {
+    fn default() -> Self {
+        Self { frame: Frame::new(0, 0), marks: Vec::new(), taken: Duration::ZERO, fresh: false }
+    }
+}
+
+/// Pictures of one plate for those who ask. The plate gives a frame only while somebody wants one and only when nobody
+/// else is busy with it; whoever is slow sees fewer.
+#[derive(Debug, Default)]
+pub(super) struct Window {
+    /// Until when pictures are wanted and when one was given last, ms of the daemon's clock.
+    wanted_until_ms: AtomicU64,
+    given_at_ms: AtomicU64,
+    raw: Mutex<Raw>,
+    newest: Mutex<Option<Arc<Picture>>>,
+}
+
+impl Window {
+    /// The newest picture, unless it is too old; wishes for more.
+    pub fn look(&self, now: Duration) -> Option<Arc<Picture>> {
+        self.wanted_until_ms.store(ms(now + WISH), Ordering::Relaxed);
+        let newest = locked(&self.newest).clone();
+        newest.filter(|picture| now.saturating_sub(picture.taken) <= OLDEST)
+    }
+
+    /// Takes a frame if one is wanted by now. Never waits; costs a copy of the frame when it takes it.
+    pub fn offer(&self, frame: &Frame, marks: impl FnOnce() -> Vec<Mark>, now: Duration) {
+        let given_ms = self.given_at_ms.load(Ordering::Relaxed);
+        let early = given_ms != 0 && ms(now) < given_ms + ms(APART);
+        if early || ms(now) >= self.wanted_until_ms.load(Ordering::Relaxed) {
+            return;
+        }
+        let Some(mut raw) = locked_now(&self.raw) else { return };
+        raw.frame.clone_from(frame);
+        (raw.marks, raw.taken, raw.fresh) = (marks(), now, true);
+        self.given_at_ms.store(ms(now).max(1), Ordering::Relaxed);
+    }
+
+    /// Encodes the frame that was given, if one was. Takes some 10 ms: not for the plate's own thread.
+    pub fn develop(&self) {
+        let mut raw = locked(&self.raw);
+        if !std::mem::take(&mut raw.fresh) {
+            return;
+        }
+        if let Some(png) = draw(&raw.frame, &raw.marks) {
+            *locked(&self.newest) = Some(Arc::new(Picture { png, taken: raw.taken }));
+        }
+    }
+
+    /// Forgets the last job's picture.
+    pub fn clear(&self) {
+        *locked(&self.newest) = None;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use upm_core::time::PlateTime;
+
+    fn frame(index: u64) -> Frame {
+        Frame {
+            width: 64,
+            height: 48,
+            pixels: vec![90; 64 * 48],
+            index,
+            exposed_at: PlateTime::from_secs(index as f64),
+        }
+    }
+
+    fn at(ms: u64) -> Duration {
+        Duration::from_millis(ms)
+    }
+
+    #[test]
+    fn nothing_is_copied_for_nobody_and_nothing_too_often() {
+        let window = Window::default();
+        let give = |index: u64, ms: u64| {
+            let mut taken = false;
+            let marks = || {
+                taken = true;
+                Vec::new()
+            };
+            window.offer(&frame(index), marks, at(ms));
+            window.develop();
+            taken
+        };
+        assert!(!give(1, 0), "nobody asked");
+        assert_eq!(window.look(at(10)), None);
+        assert!(give(2, 20) && !give(3, 40) && !give(4, 519), "one in half a second");
+        assert!(give(5, 520) && window.look(at(530)).unwrap().taken == at(520));
+        assert!(give(6, 5529) && !give(7, 6100), "a wish ends");
+        window.clear();
+        assert_eq!(window.look(at(7000)), None);
+    }
+
+    #[test]
+    fn a_picture_that_is_too_old_is_none() {
+        let window = Window::default();
+        window.look(at(0));
+        window.offer(&frame(1), Vec::new, at(10));
+        window.develop();
+        assert!(window.look(at(2010)).is_some());
+        assert_eq!(window.look(at(2011)), None, "it is wished for anew");
+        window.offer(&frame(2), Vec::new, at(2100));
+        window.develop();
+        assert_eq!(window.look(at(2101)).unwrap().taken, at(2100));
+    }
+
+    #[test]
+    fn a_busy_encoder_costs_the_plate_nothing() {
+        let window = Window::default();
+        window.look(at(0));
+        let encoding = locked(&window.raw);
+        window.offer(&frame(1), || unreachable!("the frame is not taken"), at(0));
+        drop(encoding);
+        window.develop();
+        assert_eq!(window.look(at(1)), None);
+    }
+}

@@ -1,0 +1,226 @@
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::thread::{JoinHandle, Thread};
+use std::time::Duration;
+
+use super::latch::Held;
+use super::shared::{Shared, locked};
+use super::told::{Tap, Told};
+use super::validate::validated;
+use super::{Picture, PlateSnapshot, ResetFault};
+use crate::store::{AuditEntry, JobId, JobPace, NewJob, StoredEvent};
+use upm_core::rig::{StopTimes, Trip};
+use upm_core::time::{Clock, MonotonicClock};
+use upm_runner::config::Fault;
+
+/// How long an emergency stop that is waited for is given to reach the disk.
+const KEPT_WITHIN: Duration = Duration::from_millis(400);
+
+/// The act of stopping, as the audit log calls it.
+const ESTOP: &str = "estop";
+
+/// Who asks for something, as far as is known.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Caller {
+    /// Who they say they are.
+    pub operator: String,
+    /// Why they say they do it.
+    pub reason: String,
+    /// Address they come from.
+    pub remote: String,
+    /// Name of the token they showed.
+    pub token_name: String,
+}
+
+/// One plate and its thread.
+#[derive(Debug)]
+pub struct Plate {
+    pub(super) shared: Arc<Shared>,
+    pub(super) clock: MonotonicClock,
+    pub(super) keeper: Thread,
+    pub(super) worker: JoinHandle<()>,
+    pub(super) crier: JoinHandle<()>,
+}
+
+impl Plate {
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.shared.name
+    }
+
+    /// Stops it: motors to zero, the job ends, and nothing moves until somebody resets it. Waits for nobody: not for
+    /// the run, not for the store, not for the disk. True when it was not stopped before.
+    pub fn estop(&self) -> bool {
+        let mut changed = false;
+        // a reset under way may have taken back the trip before it could see the stop: then both once more
+        loop {
+            self.shared.interlock.trip(Trip::EStop);
+            changed |= self.shared.latch.stop();
+            if self.shared.interlock.tripped() == Some(Trip::EStop) {
+                break;
+            }
+        }
+        self.shared.estops.fetch_add(changed.into(), Ordering::Relaxed);
+        self.shared.stop.store(true, Ordering::SeqCst);
+        self.keeper.unpark();
+        self.wake();
+        changed
+    }
+
+    /// Writes down who stopped it, and waits a little for the stop to be on the disk. False when it is not by then:
+    /// it holds all the same, and goes to the disk as soon as that takes it.
+    pub fn account_for_estop(&self, who: Caller) -> bool {
+        self.audit(ESTOP, who);
+        let until = self.clock.elapsed() + KEPT_WITHIN;
+        let is_kept = || self.shared.latch.is_stopped() && self.shared.latch.is_kept();
+        while !is_kept() && self.clock.elapsed() < until {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        is_kept()
+    }
+
+    /// The emergency stop that holds: what a person who asks for a reset now has seen.
+    pub fn held(&self) -> Result<Held, ResetFault> {
+        match self.shared.latch.held() {
+            Some(held) => Ok(held),
+            None if self.shared.is_stopped() => Err(ResetFault::StillStopping),
+            None => Err(ResetFault::NotStopped),
+        }
+    }
+
+    /// Takes back that emergency stop, once this is in the audit log: waits for the disk. The plate is paused then: it
+    /// starts nothing by this. A stop that came since that one was found holds.
+    pub fn reset(&self, held: Held, who: Caller) -> Result<(), ResetFault> {
+        let shared = &*self.shared;
+        // one reset at a time; a stop does not ask for this
+        let _alone = locked(&shared.resetting);
+        if self.held()? != held {
+            return Err(ResetFault::StoppedAgain);
+        }
+        if shared.job().is_some() {
+            return Err(ResetFault::StillStopping);
+        }
+        shared.ledger.write_act(self.told("reset", who.clone())).map_err(ResetFault::Unwritten)?;
+        let released = self.release(held);
+        if released.is_err() {
+            self.audit("reset refused", who);
+        }
+        released
+    }
+
+    fn release(&self, held: Held) -> Result<(), ResetFault> {
+        let shared = &*self.shared;
+        let tripped = shared.interlock.tripped() == Some(Trip::EStop);
+        if tripped && !shared.interlock.release(Trip::EStop) {
+            return Err(ResetFault::StillStopping);
+        }
+        shared.pause(Some("reset after an emergency stop".to_owned()));
+        if !shared.latch.release(held) {
+            // who stopped it again may have found the interlock tripped still
+            shared.interlock.trip(Trip::EStop);
+            return Err(ResetFault::StoppedAgain);
+        }
+        self.keeper.unpark();
+        Ok(())
+    }
+
+    /// Lets it take jobs again. False while an emergency stop holds. Going on twice is going on.
+    pub fn resume(&self, who: Caller) -> bool {
+        if self.shared.is_stopped() {
+            return false;
+        }
+        if self.shared.paused().is_some() {
+            self.audit("resume", who);
+            self.shared.pause(None);
+        }
+        self.wake();
+        true
+    }
+
+    /// Tells it that a job was queued.
+    pub fn wake(&self) {
+        self.worker.thread().unpark();
+    }
+
+    /// What of it works no more, though it should.
+    pub(super) fn dead(&self) -> Option<String> {
+        let ended = |what: &str, thread: &JoinHandle<()>| {
+            thread.is_finished().then(|| format!("the {what} of plate {} has died", self.name()))
+        };
+        ended("worker", &self.worker).or_else(|| ended("crier", &self.crier))
+    }
+
+    /// True once nothing of it works any more.
+    pub(super) fn threads_ended(&self) -> bool {
+        self.worker.is_finished() && self.crier.is_finished()
+    }
+
+    /// Tells a job to end that the store has as running: it is on the plate, or about to come onto it. False when its
+    /// run is over.
+    pub fn cancel(&self, id: &JobId) -> bool {
+        self.shared.cancel(id)
+    }
+
+    /// Tells those who watch a job of this plate that it has ended, though not on the plate.
+    pub fn announce_end(&self, id: JobId, finished: StoredEvent) {
+        self.shared.taps.offer(&Told::finished(id, finished));
+    }
+
+    /// True while an emergency stop holds.
+    pub fn is_stopped(&self) -> bool {
+        self.shared.is_stopped()
+    }
+
+    /// Why it waits for a person to resume it; `None` when it does not.
+    pub fn paused(&self) -> Option<String> {
+        self.shared.paused()
+    }
+
+    /// How the stop that holds was answered; `None` without one, and while motors still sound.
+    pub fn stop_times(&self) -> Option<StopTimes> {
+        self.shared.interlock.answer()
+    }
+
+    /// How it is now.
+    pub fn snapshot(&self) -> PlateSnapshot {
+        self.shared.snapshot(self.clock.elapsed())
+    }
+
+    /// From now on `tap` is told what happens on it.
+    pub fn subscribe(&self, tap: Arc<dyn Tap>) {
+        self.shared.taps.add(tap);
+    }
+
+    /// The newest picture of the job on it and its age, unless it is too old to be shown; wishes for newer ones.
+    pub fn picture(&self) -> Option<(Arc<Picture>, Duration)> {
+        let now = self.clock.elapsed();
+        let picture = self.shared.window.look(now)?;
+        let age = now.saturating_sub(picture.taken);
+        Some((picture, age))
+    }
+
+    /// A job as it may be queued, or everything that is wrong with it.
+    pub fn validate(&self, text: &str, pace: JobPace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
+        validated(&self.shared, text, pace, key)
+    }
+
+    /// Notes what was done to it: in the log at once, in the audit log as soon as the store takes it.
+    fn audit(&self, act: &str, who: Caller) {
+        let entry = self.told(act, who);
+        if !self.shared.ledger.note_act(entry.clone()) {
+            tracing::error!("lost to the audit log, where too much waits: {entry:?}");
+        }
+    }
+
+    /// Tells the log what is done to it; the same for the audit log.
+    fn told(&self, act: &str, who: Caller) -> AuditEntry {
+        let Caller { operator, reason, remote, token_name } = who;
+        let plate = &self.shared.name;
+        if act == ESTOP {
+            tracing::warn!(plate, operator, reason, remote, token_name, "{act}");
+        } else {
+            tracing::info!(plate, operator, reason, remote, token_name, "{act}");
+        }
+        AuditEntry { plate: Some(plate.clone()), act: act.to_owned(), operator, reason, remote, token_name }
+    }
+}

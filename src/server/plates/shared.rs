@@ -1,0 +1,299 @@
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::time::Duration;
+
+use sha2::{Digest, Sha256};
+
+use super::crier::Taps;
+use super::frames::Window;
+use super::latch::Latch;
+use super::watchdog::{Deadlines, Vitals};
+use super::{PlateSetup, PlateSnapshot, PlateState, Sight};
+use crate::store::{BY_THE_DAEMON, JobId, Ledger};
+use upm_core::rig::{Interlock, Trip};
+use upm_library::{Library, LibraryFault};
+use upm_recording::{RecordingSwitch, ScribeWatch};
+use upm_runner::config::{JobSpec, LibraryRef, RigSpec};
+use upm_runner::run::{PacingStats, job_library};
+use upm_viewer::LiveServer;
+
+/// What a plate's thread and everybody outside share.
+#[derive(Debug)]
+pub(super) struct Shared {
+    pub name: String,
+    pub rig: RigSpec,
+    pub library: Arc<Library>,
+    library_sha256: String,
+    pub ledger: Arc<dyn Ledger>,
+    pub latch: Latch,
+    pub interlock: Interlock,
+    /// Tells the run on the plate to end.
+    pub stop: Arc<AtomicBool>,
+    /// The daemon ends.
+    pub ending: AtomicBool,
+    pub vitals: Vitals,
+    /// True when the present run goes by the clock.
+    pub real_time: AtomicBool,
+    pub pacing: Arc<PacingStats>,
+    pub window: Window,
+    pub taps: Arc<Taps>,
+    /// Emergency stops since the daemon started.
+    pub estops: AtomicU64,
+    /// Where viewers see its runs.
+    pub live: Option<LiveServer>,
+    /// Why the plate must not move until a person resumes it.
+    paused: Mutex<Option<String>>,
+    /// Held by a reset from its begin to its end, and by nobody else.
+    pub resetting: Mutex<()>,
+    turn: Mutex<Turn>,
+    seen: Mutex<Seen>,
+}
+
+/// Whose turn it is on the plate.
+#[derive(Debug, Default)]
+struct Turn {
+    running: Option<Running>,
+    /// The job before it.
+    last: Option<JobId>,
+    /// A job that was told to end before it came onto the plate.
+    unwanted: Option<JobId>,
+}
+
+/// The job on the plate.
+#[derive(Clone, Debug)]
+struct Running {
+    job: JobId,
+    recording: RecordingSwitch,
+    journal: ScribeWatch,
+    /// Why it was told to end.
+    cause: Option<Cause>,
+}
+
+/// Why a job was told to end before its goal.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Cause {
+    Cancelled,
+    Watchdog(String),
+}
+
+#[derive(Clone, Debug, Default)]
+struct Seen {
+    sight: Sight,
+    at: Option<Duration>,
+}
+
+impl Shared {
+    /// A plate as it is set up, without a job.
+    pub fn new(
+        setup: PlateSetup,
+        ledger: Arc<dyn Ledger>,
+        latch: Latch,
+        interlock: Interlock,
+        live: Option<LiveServer>,
+    ) -> Self {
+        let PlateSetup { name, rig, library, paused, live_port: _ } = setup;
+        let library_sha256 = sha256_hex(&library);
+        Self {
+            name,
+            rig,
+            library,
+            library_sha256,
+            ledger,
+            latch,
+            interlock,
+            stop: Arc::default(),
+            ending: AtomicBool::new(false),
+            vitals: Vitals::default(),
+            real_time: AtomicBool::new(false),
+            pacing: Arc::default(),
+            window: Window::default(),
+            taps: Arc::default(),
+            estops: AtomicU64::new(0),
+            live,
+            paused: Mutex::new(paused),
+            resetting: Mutex::default(),
+            turn: Mutex::default(),
+            seen: Mutex::default(),
+        }
+    }
+
+    /// Notes what is seen; leaves it out while somebody looks.
+    pub fn saw(&self, sight: &Sight, now: Duration) {
+        let Some(mut seen) = locked_now(&self.seen) else { return };
+        seen.sight.clone_from(sight);
+        seen.at = Some(now);
+    }
+
+    /// What `job` runs with: its own library, or the plate's.
+    pub fn library_of(&self, job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
+        match job.library {
+            Some(LibraryRef::Inline(_)) => job_library(job),
+            _ => Ok(Arc::clone(&self.library)),
+        }
+    }
+
+    /// SHA-256 of a library's file form, in hex.
+    pub fn sha256_of(&self, library: &Arc<Library>) -> String {
+        if Arc::ptr_eq(library, &self.library) { self.library_sha256.clone() } else { sha256_hex(library) }
+    }
+
+    /// True from an emergency stop to its reset: the motors stop first, the latch a moment later.
+    pub fn is_stopped(&self) -> bool {
+        self.latch.is_stopped() || self.interlock.tripped() == Some(Trip::EStop)
+    }
+
+    /// True when the plate may take a job.
+    pub fn may_move(&self) -> bool {
+        !self.is_stopped() && !self.ending.load(Ordering::SeqCst) && locked(&self.paused).is_none()
+    }
+
+    /// Why the plate must not move until a person resumes it.
+    pub fn paused(&self) -> Option<String> {
+        locked(&self.paused).clone()
+    }
+
+    /// Pauses the plate, or lets it go on.
+    pub fn pause(&self, why: Option<String>) {
+        let paused = why.is_some();
+        let before = std::mem::replace(&mut *locked(&self.paused), why);
+        if before.is_some() != paused {
+            self.ledger.note_paused(&self.name, paused);
+        }
+    }
+
+    /// How the pacing of the run on the plate goes.
+    pub fn deadlines(&self) -> Deadlines {
+        Deadlines {
+            real_time: self.real_time.load(Ordering::Relaxed),
+            misses: self.pacing.misses(),
+            worst_frames: self.pacing.worst_frames(),
+        }
+    }
+
+    /// The job on the plate.
+    pub fn job(&self) -> Option<JobId> {
+        locked(&self.turn).running.as_ref().map(|running| running.job)
+    }
+
+    /// A job comes onto the plate; to end at once when it was told to before.
+    pub fn begins(&self, job: JobId, recording: RecordingSwitch, journal: ScribeWatch) {
+        *locked(&self.seen) = Seen::default();
+        self.vitals.clear();
+        self.window.clear();
+        let mut turn = locked(&self.turn);
+        let cause = (turn.unwanted.take() == Some(job)).then_some(Cause::Cancelled);
+        if cause.is_some() {
+            self.stop.store(true, Ordering::SeqCst);
+        }
+        turn.running = Some(Running { job, recording, journal, cause });
+    }
+
+    /// The recording of the job on the plate.
+    pub fn recording(&self) -> Option<RecordingSwitch> {
+        locked(&self.turn).running.as_ref().map(|running| running.recording.clone())
+    }
+
+    /// The job that is driven on the plate, and its journal: not one of which only recording, journal and report are
+    /// still to be written.
+    pub fn driven(&self) -> Option<(JobId, ScribeWatch)> {
+        let turn = locked(&self.turn);
+        let running = turn.running.as_ref().filter(|_| !self.vitals.is_over())?;
+        Some((running.job, running.journal.clone()))
+    }
+
+    /// Why the run on the plate was told to end, for its journal and its report.
+    pub fn cause(&self) -> Option<String> {
+        if self.is_stopped() {
+            return Some("emergency stop".to_owned());
+        }
+        if self.ending.load(Ordering::SeqCst) {
+            return Some(BY_THE_DAEMON.to_owned());
+        }
+        match locked(&self.turn).running.as_ref()?.cause.as_ref()? {
+            Cause::Cancelled => Some("cancelled by request".to_owned()),
+            Cause::Watchdog(why) => Some(why.clone()),
+        }
+    }
+
+    /// The job on the plate is over; why it was told to end, if it was.
+    pub fn ends(&self) -> Option<Cause> {
+        let mut turn = locked(&self.turn);
+        let running = turn.running.take()?;
+        turn.last = Some(running.job);
+        running.cause
+    }
+
+    /// Tells `job`, which the store has as running, to end: now, or as soon as it comes onto the plate. False when its
+    /// run is over.
+    pub fn cancel(&self, job: &JobId) -> bool {
+        let Turn { running, last, unwanted } = &mut *locked(&self.turn);
+        match running {
+            Some(running) if running.job == *job => {
+                running.cause.get_or_insert(Cause::Cancelled);
+                self.stop.store(true, Ordering::SeqCst);
+                true
+            }
+            None if *last != Some(*job) => {
+                *unwanted = Some(*job);
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// Stops `job` because something is wrong with it, as long as it is driven on the plate: what is seen of it later
+    /// is no fault of the next one, nor of a plate at rest.
+    pub fn bark(&self, job: &JobId, why: String) {
+        let mut turn = locked(&self.turn);
+        let driven = turn.running.as_mut().filter(|running| running.job == *job && !self.vitals.is_over());
+        if let Some(running) = driven {
+            running.cause.get_or_insert(Cause::Watchdog(why));
+            self.stop.store(true, Ordering::SeqCst);
+            self.interlock.trip(Trip::Watchdog);
+        }
+    }
+
+    pub fn snapshot(&self, now: Duration) -> PlateSnapshot {
+        let (paused, running) = (self.paused(), locked(&self.turn).running.clone());
+        let job = running.as_ref().map(|running| running.job);
+        let Seen { sight, at } = locked(&self.seen).clone();
+        let (state, why) = match (self.is_stopped(), paused, job) {
+            (true, ..) => (PlateState::Stopped, "emergency stop".to_owned()),
+            (false, _, Some(_)) => (PlateState::Running, String::new()),
+            (false, Some(why), None) => (PlateState::Paused, why),
+            (false, None, None) => (PlateState::Idle, String::new()),
+        };
+        let age = at.map(|at| now.saturating_sub(at));
+        PlateSnapshot {
+            name: self.name.clone(),
+            side_m: self.rig.model.plate_side_m,
+            state,
+            why,
+            job,
+            recording: running.map(|running| running.recording.state()),
+            sight,
+            age,
+            live: self.live.as_ref().map(|live| live.uri().to_owned()),
+            deadline_misses: self.pacing.misses(),
+            estops: self.estops.load(Ordering::Relaxed),
+        }
+    }
+}
+
+fn sha256_hex(library: &Library) -> String {
+    Sha256::digest(library.to_json().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// What lies behind a lock, whoever panicked while holding it.
+pub(super) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The same without waiting: `None` while somebody else holds it.
+pub(super) fn locked_now<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
+    match mutex.try_lock() {
+        Ok(guard) => Some(guard),
+        Err(TryLockError::Poisoned(guard)) => Some(guard.into_inner()),
+        Err(TryLockError::WouldBlock) => None,
+    }
+}

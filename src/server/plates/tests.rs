@@ -1,0 +1,376 @@
+mod stops;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::Duration;
+
+use jiff::Timestamp;
+
+use super::*;
+use crate::store::{JobId, JobPace, JobRow, JobState, MemoryLedger, RecordingKept};
+use upm_core::rig::Trip;
+use upm_core::time::MonotonicClock;
+use upm_library::Library;
+use upm_recording::RecordingState;
+use upm_runner::config::{RigSpec, WatchdogSpec};
+
+const LONG: Duration = Duration::from_secs(60);
+const TWO_COINS: &str = r#"{ "name": "two", "seed": 3, "parts": [{ "kind": "penny", "count": 2 }],
+    "planner": "synthesized_field",
+    "task": { "type": "arrange", "targets_mm": [[-40, 0], [40, 0]] } }"#;
+const HOLD: &str = r#"{ "name": "hold", "seed": 3, "parts": [{ "kind": "penny", "count": 2 }],
+    "task": { "type": "hold", "duration_s": 600 }, "limits": { "plate_time_s": 900 } }"#;
+
+/// Tests share a machine that may be slow.
+const WATCHDOG: WatchdogSpec = WatchdogSpec {
+    no_frame: Duration::from_secs(5),
+    planning: Duration::from_secs(20),
+    no_part_s: 0.5,
+    blocked: Duration::from_secs(5),
+    late_frames: 100,
+    misses_per_s: 1000,
+};
+
+/// Hands on what it is told.
+struct Ear(SyncSender<Told>);
+
+impl Tap for Ear {
+    fn offer(&self, told: &Told) {
+        self.0.try_send(told.clone()).ok();
+    }
+}
+
+struct House {
+    folder: tempfile::TempDir,
+    ledger: Arc<MemoryLedger>,
+}
+
+impl House {
+    fn new() -> Self {
+        Self { folder: tempfile::tempdir().unwrap(), ledger: Arc::new(MemoryLedger::new(|| Timestamp::UNIX_EPOCH)) }
+    }
+
+    fn open(&self, paused: Option<&str>) -> Plates {
+        self.open_with(paused, |_| {})
+    }
+
+    fn open_with(&self, paused: Option<&str>, change: impl FnOnce(&mut Surroundings)) -> Plates {
+        self.open_by(library(), paused, change)
+    }
+
+    fn open_by(&self, library: Library, paused: Option<&str>, change: impl FnOnce(&mut Surroundings)) -> Plates {
+        let rig = RigSpec::load(&root().join("configs/rigs/upm-2.json")).unwrap();
+        let library = Arc::new(library);
+        let setup = PlateSetup { name: "one".into(), rig, library, paused: paused.map(str::to_owned), live_port: None };
+        let mut around = Surroundings {
+            ledger: Arc::clone(&self.ledger) as _,
+            runs: self.folder.path().join("runs"),
+            latches: self.folder.path().join("latch"),
+            clock: MonotonicClock::new(),
+            record: false,
+            watchdog: WATCHDOG,
+            min_free_bytes: 0,
+            live_history_bytes: None,
+        };
+        change(&mut around);
+        Plates::start(vec![setup], &around).unwrap()
+    }
+
+    fn submit(&self, plate: &Plate, text: &str, pace: JobPace) -> JobId {
+        let row = self.ledger.accept(plate.validate(text, pace, None).unwrap());
+        plate.wake();
+        row.id
+    }
+
+    /// Has the plate hold its parts in real time, and another job wait behind that: what the plate tells, and both jobs.
+    fn keep_busy(&self, plate: &Plate) -> (Receiver<Told>, [JobId; 2]) {
+        let told = listen(plate);
+        let jobs = [self.submit(plate, HOLD, JobPace::RealTime), self.submit(plate, TWO_COINS, JobPace::Max)];
+        next(&told, "look");
+        (told, jobs)
+    }
+
+    fn row(&self, id: &JobId) -> JobRow {
+        self.ledger.job(id).unwrap()
+    }
+}
+
+fn root() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
+}
+
+fn library() -> Library {
+    Library::load(&root().join("assets/libraries/upm-2.json")).unwrap()
+}
+
+fn listen(plate: &Plate) -> Receiver<Told> {
+    let (sender, told) = sync_channel(100_000);
+    plate.subscribe(Arc::new(Ear(sender)));
+    told
+}
+
+/// Waits for something of that kind; the body.
+fn next(told: &Receiver<Told>, kind: &str) -> serde_json::Value {
+    loop {
+        let each = told.recv_timeout(LONG).unwrap_or_else(|_| panic!("no {kind} was told"));
+        if each.kind == kind {
+            return serde_json::from_str(&each.body).unwrap();
+        }
+    }
+}
+
+fn who(operator: &str) -> Caller {
+    Caller { operator: operator.into(), reason: "a test".into(), ..Caller::default() }
+}
+
+/// Takes back the stop that holds now.
+fn reset(plate: &Plate, operator: &str) -> Result<(), ResetFault> {
+    plate.reset(plate.held()?, who(operator))
+}
+
+#[test]
+fn a_job_runs_to_its_end_and_all_of_it_is_told() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let id = house.submit(plate, TWO_COINS, JobPace::Max);
+    assert_eq!(next(&told, "state")["state"], "running");
+    assert_eq!(next(&told, "look")["positions_mm"].as_array().unwrap().len(), 2);
+    assert_eq!(next(&told, "cycle")["cycle"], 0);
+    assert_eq!(next(&told, "finished")["state"], "completed");
+    let row = house.row(&id);
+    assert_eq!((row.state, row.reason.as_str()), (JobState::Completed, "every part is at its place"));
+    assert_eq!(row.recording, RecordingKept::None);
+    assert!(row.report_json.unwrap().contains("max_error_mm"));
+    let folder = house.folder.path().join("runs").join(row.folder.unwrap());
+    for file in ["effective.json", "journal.jsonl", "report.json"] {
+        assert!(folder.join(file).exists(), "{file}");
+    }
+    let kinds: Vec<String> = house.ledger.events(&id).into_iter().map(|event| event.kind).collect();
+    assert_eq!(kinds.first().map(String::as_str), Some("state"));
+    assert_eq!(kinds[kinds.len() - 2..], ["recording", "finished"]);
+    assert_eq!(row.last_event, kinds.len() as u64, "who sees the end of a job can read its last event");
+    assert!(!kinds.iter().any(|kind| kind == "look"), "looks are not kept");
+    assert_eq!(plates.alive(), Ok(()));
+    assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
+}
+
+#[test]
+fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let (told, [first, second]) = house.keep_busy(plate);
+    let PlateSnapshot { state, recording, .. } = plate.snapshot();
+    assert_eq!((state, recording), (PlateState::Running, Some(RecordingState::Off)));
+    assert_eq!(plate.stop_times(), None);
+    assert!(plate.estop() && !plate.estop());
+    assert!(plate.account_for_estop(who("ann")));
+    assert_eq!(next(&told, "finished")["state"], "cancelled");
+    assert!(house.row(&first).reason.starts_with("emergency stop"), "{}", house.row(&first).reason);
+    let PlateSnapshot { state, recording, estops, .. } = plate.snapshot();
+    assert_eq!((state, recording, estops), (PlateState::Stopped, None, 1));
+    let times = plate.stop_times().unwrap();
+    assert!(times.silent_at.secs_since(times.requested_at) < 0.02, "{times:?}");
+    assert!(!plate.resume(who("bob")), "a stop holds");
+
+    while reset(plate, "bob") == Err(ResetFault::StillStopping) {
+        std::thread::yield_now();
+    }
+    assert_eq!(reset(plate, "bob"), Err(ResetFault::NotStopped));
+    assert_eq!(plate.snapshot().state, PlateState::Paused);
+    plate.wake();
+    std::thread::sleep(Duration::from_millis(50));
+    assert_eq!(house.row(&second).state, JobState::Queued, "a reset starts nothing");
+    assert!(plate.resume(who("bob")));
+    assert_eq!(next(&told, "finished")["state"], "completed");
+    let acts: Vec<(String, String)> = house.ledger.audit().into_iter().map(|a| (a.act, a.operator)).collect();
+    let act = |act: &str, operator: &str| (act.to_owned(), operator.to_owned());
+    assert_eq!(acts, [act("estop", "ann"), act("reset", "bob"), act("resume", "bob")]);
+}
+
+#[test]
+fn a_run_that_ends_before_the_latch_knows_was_stopped_all_the_same() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let (told, [first, second]) = house.keep_busy(plate);
+    // what an emergency stop does first
+    plate.shared.interlock.trip(Trip::EStop);
+    plate.wake();
+    assert_eq!(next(&told, "finished")["state"], "cancelled");
+    assert_eq!(house.row(&first).reason, "emergency stop");
+    std::thread::sleep(Duration::from_millis(50));
+    assert_eq!((plate.snapshot().state, house.row(&second).state), (PlateState::Stopped, JobState::Queued));
+    assert!(!plate.resume(who("bob")));
+}
+
+#[test]
+fn a_stop_outlives_the_daemon() {
+    let house = House::new();
+    let plates = house.open(None);
+    plates.get("one").unwrap().estop();
+    assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    assert_eq!(plate.snapshot().state, PlateState::Stopped);
+    let id = house.submit(plate, TWO_COINS, JobPace::Max);
+    std::thread::sleep(Duration::from_millis(50));
+    assert_eq!(house.row(&id).state, JobState::Queued);
+    assert_eq!(reset(plate, "ann"), Ok(()));
+    assert_eq!(plate.paused().as_deref(), Some("reset after an emergency stop"));
+    assert_eq!(plate.snapshot().why, "reset after an emergency stop");
+}
+
+#[test]
+fn jobs_are_cancelled_one_by_one_and_a_paused_plate_takes_none() {
+    let house = House::new();
+    let plates = house.open(Some("just started"));
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let id = house.submit(plate, HOLD, JobPace::RealTime);
+    std::thread::sleep(Duration::from_millis(50));
+    assert_eq!((house.row(&id).state, plate.snapshot().why.as_str()), (JobState::Queued, "just started"));
+    assert!(plate.resume(who("ann")));
+    next(&told, "look");
+    let other = house.submit(plate, TWO_COINS, JobPace::Max);
+    assert!(!plate.cancel(&other), "it is not on the plate");
+    assert!(plate.cancel(&id));
+    assert_eq!(next(&told, "finished")["state"], "cancelled");
+    assert_eq!(house.row(&id).reason, "cancelled by request");
+    assert_eq!(next(&told, "finished")["state"], "completed");
+}
+
+#[test]
+fn the_end_of_the_daemon_interrupts_the_job() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let id = house.submit(plate, HOLD, JobPace::RealTime);
+    next(&told, "look");
+    assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
+    assert_eq!(house.row(&id).state, JobState::Interrupted);
+}
+
+#[test]
+fn what_is_wrong_with_a_job_is_said_before_it_is_queued() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let told = |text: &str| plate.validate(text, JobPace::Max, None).unwrap_err()[0].to_string();
+    assert!(told(&TWO_COINS.replace("penny", "pennyy")).contains("did you mean penny?"));
+    assert!(told(&TWO_COINS.replace("[40, 0]", "[400, 0]")).contains("targets_mm[1]"));
+    assert!(told("{").starts_with("job: "));
+    let key = Some("k".to_owned());
+    let job = plate.validate(TWO_COINS, JobPace::RealTime, key.clone()).unwrap();
+    assert_eq!((job.name.as_str(), job.plate.as_str(), job.seed, &job.key), ("two", "one", 3, &key));
+    assert!(!job.spec_json.contains("\"rig\""), "the plate's own rig applies");
+}
+
+#[test]
+fn pictures_are_made_for_those_who_look() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    assert_eq!(plate.picture(), None);
+    house.submit(plate, HOLD, JobPace::RealTime);
+    next(&told, "look");
+    let picture = loop {
+        if let Some((picture, age)) = plate.picture() {
+            assert!(age <= Duration::from_secs(3), "{age:?}");
+            break picture;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    let image = image::load_from_memory(&picture.png).unwrap().into_rgb8();
+    assert_eq!(image.dimensions(), (640, 512));
+    assert!(image.pixels().any(|p| p.0 == [0, 220, 90]), "a ring around a part");
+    plates.shutdown(LONG);
+}
+
+#[test]
+fn a_job_that_might_fill_the_disk_runs_without_a_recording() {
+    let house = House::new();
+    let plates = house.open_with(None, |around| (around.record, around.min_free_bytes) = (true, u64::MAX / 2));
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let id = house.submit(plate, TWO_COINS, JobPace::Max);
+    let text = next(&told, "warning")["text"].as_str().unwrap().to_owned();
+    assert!(text.starts_with("there is no recording of this job: it may take "), "{text}");
+    assert_eq!(next(&told, "finished")["state"], "completed");
+    assert_eq!(house.row(&id).recording, RecordingKept::None);
+    assert!(plates.free_bytes().is_some_and(|free| free > 0));
+}
+
+#[test]
+fn a_disk_that_runs_low_ends_the_recording_and_not_the_job() {
+    let house = House::new();
+    let plates = house.open_with(None, |around| around.record = true);
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let id = house.submit(plate, HOLD, JobPace::RealTime);
+    next(&told, "look");
+    let (shared, clock) = (Arc::clone(&plate.shared), plate.clock);
+    let disk = Arc::new(disk::Disk::new(house.folder.path(), 500_000_000, &clock));
+    let guard = disk::DiskGuard { disk, folder: house.folder.path().into(), plates: vec![shared], clock };
+    guard.saw(Some(500_000_000));
+    assert!(matches!(plate.snapshot().recording, Some(RecordingState::Writing { .. })));
+    guard.saw(Some(499_400_000));
+    let text = next(&told, "warning")["text"].as_str().unwrap().to_owned();
+    assert_eq!(text, "the recording ends early: stopped, the disk has only 499 MB left");
+    next(&told, "look");
+    assert_eq!(plate.snapshot().state, PlateState::Running);
+    let folder = house.folder.path().join("runs").join(house.row(&id).folder.unwrap());
+    assert!(folder.join("run.rrd").exists(), "closed, and so named");
+    assert!(plate.cancel(&id));
+    assert_eq!(next(&told, "recording")["recording"], "stopped");
+    assert_eq!(next(&told, "finished")["state"], "cancelled");
+    assert_eq!(house.row(&id).recording, RecordingKept::Stopped);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_job_whose_journal_cannot_be_written_is_stopped_and_says_so() {
+    let house = House::new();
+    let plates = house.open(Some("not yet"));
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let id = house.submit(plate, HOLD, JobPace::RealTime);
+    let folder = house.folder.path().join("runs").join(format!("hold-{id}"));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::os::unix::fs::symlink("/dev/full", folder.join("journal.jsonl")).unwrap();
+    plate.resume(who("ann"));
+    let text = next(&told, "warning")["text"].as_str().unwrap().to_owned();
+    assert!(text.starts_with("the journal cannot be written: No space left"), "{text}");
+    assert_eq!(next(&told, "finished")["state"], "failed");
+    let reason = house.row(&id).reason;
+    assert!(reason.contains("journal.jsonl: cannot be written: No space left"), "{reason}");
+}
+
+#[test]
+fn a_plate_has_a_live_stream_of_its_own_if_wanted() {
+    let house = House::new();
+    let plates = house.open_with(None, |around| around.live_history_bytes = Some(16 << 20));
+    let plate = plates.get("one").unwrap();
+    let live = plate.snapshot().live.unwrap();
+    let address = live.strip_prefix("rerun+http://").and_then(|rest| rest.strip_suffix("/proxy")).unwrap();
+    assert!(address.starts_with("127.0.0.1:") && std::net::TcpStream::connect(address).is_ok(), "{live}");
+    let told = listen(plate);
+    let id = house.submit(plate, TWO_COINS, JobPace::Max);
+    assert_eq!(next(&told, "finished")["state"], "completed");
+    assert_eq!(house.row(&id).recording, RecordingKept::None, "no file comes of it");
+    assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
+}
+
+#[test]
+fn control_never_waits_for_those_who_watch() {
+    let source = include_str!("attend.rs");
+    for waits in ["lock(", "locked(", ".send(", "recv", ".join(", "park", "sleep", "std::fs", "File", "rustix"] {
+        assert!(!source.contains(waits), "attend.rs is called by the control loop and has `{waits}`");
+    }
+    assert!(source.contains(".try_send("));
+}

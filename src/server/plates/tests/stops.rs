@@ -1,0 +1,267 @@
+//! Stops, resets and cancels that come at odd moments.
+
+use std::fmt;
+use std::io;
+use std::sync::{Barrier, Mutex};
+use std::thread;
+
+use super::*;
+use crate::store::{AuditEntry, Claimed, JobEnd, Ledger, NewEvent, Publish, StoreFault, StoredEvent};
+use upm_core::time::{Clock, PlateTime};
+use upm_recording::{RecordingSwitch, ScribeWatch};
+
+type Act = Box<dyn FnOnce() + Send>;
+
+/// A ledger that does something, once, when it is told that a plate is paused.
+struct Meddler {
+    ledger: Arc<MemoryLedger>,
+    then: Mutex<Option<Act>>,
+}
+
+impl fmt::Debug for Meddler {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Meddler")
+    }
+}
+
+impl Ledger for Meddler {
+    fn claim(
+        &self,
+        plate: &str,
+        folder: &dyn Fn(&JobRow) -> io::Result<String>,
+    ) -> Result<Option<Claimed>, StoreFault> {
+        self.ledger.claim(plate, folder)
+    }
+
+    fn ended(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
+        self.ledger.ended(id, end)
+    }
+
+    fn tell(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {
+        self.ledger.tell(id, event, published)
+    }
+
+    fn progress(&self, id: &JobId, progress: f64) {
+        self.ledger.progress(id, progress);
+    }
+
+    fn note_paused(&self, plate: &str, paused: bool) {
+        self.ledger.note_paused(plate, paused);
+        let act = self.then.lock().unwrap().take();
+        act.into_iter().for_each(|act| act());
+    }
+
+    fn note_act(&self, entry: AuditEntry) -> bool {
+        self.ledger.note_act(entry)
+    }
+
+    fn write_act(&self, entry: AuditEntry) -> Result<(), StoreFault> {
+        self.ledger.write_act(entry)
+    }
+}
+
+/// Interlock and latch say the same; what.
+fn stopped(plate: &Plate) -> bool {
+    let tripped = plate.shared.interlock.tripped() == Some(Trip::EStop);
+    assert_eq!(tripped, plate.shared.latch.is_stopped(), "a trip is held, and what holds is tripped");
+    tripped
+}
+
+#[test]
+fn a_stop_in_the_middle_of_a_reset_holds() {
+    let house = House::new();
+    let meddler = Arc::new(Meddler { ledger: Arc::clone(&house.ledger), then: Mutex::default() });
+    let plates = Arc::new(house.open_with(None, |around| around.ledger = meddler.clone()));
+    let plate = plates.get("one").unwrap();
+    assert!(plate.estop());
+    let again = Arc::clone(&plates);
+    *meddler.then.lock().unwrap() = Some(Box::new(move || {
+        let plate = again.get("one").unwrap();
+        assert!(!plate.estop(), "the first one is not released yet");
+    }));
+    assert_eq!(reset(plate, "ann"), Err(ResetFault::StoppedAgain));
+    assert!(stopped(plate));
+    let acts: Vec<String> = house.ledger.audit().into_iter().map(|line| line.act).collect();
+    assert_eq!(acts, ["reset", "reset refused"]);
+    assert!(plate.account_for_estop(who("bob")));
+    assert!(plate.stop_times().is_some());
+    plates.shutdown(LONG);
+    drop((meddler, plates));
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    assert_eq!(plate.snapshot().state, PlateState::Stopped, "over a restart, too");
+    assert_eq!(reset(plate, "ann"), Ok(()));
+    assert!(!stopped(plate));
+    assert!(!plate.account_for_estop(who("bob")), "what was released is not kept");
+}
+
+#[test]
+fn a_reset_does_not_take_back_a_stop_that_came_after_it_was_asked_for() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    plate.estop();
+    let seen = plate.held().unwrap();
+    plate.estop();
+    assert_eq!(plate.reset(seen, who("ann")), Err(ResetFault::StoppedAgain));
+    assert!(stopped(plate) && house.ledger.audit().is_empty());
+    assert_eq!(reset(plate, "ann"), Ok(()));
+    assert!(!stopped(plate));
+}
+
+#[test]
+fn a_reset_that_cannot_be_written_down_is_none() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    plate.estop();
+    house.ledger.fail_with(Some(StoreFault::Full));
+    assert_eq!(reset(plate, "ann"), Err(ResetFault::Unwritten(StoreFault::Full)));
+    assert!(stopped(plate));
+    house.ledger.fail_with(None);
+    assert_eq!(reset(plate, "ann"), Ok(()));
+    assert!(!stopped(plate));
+}
+
+#[test]
+fn stops_and_resets_at_once_never_leave_half_a_stop() {
+    let house = House::new();
+    let plates = house.open(Some("a test"));
+    let plate = plates.get("one").unwrap();
+    for _ in 0..300 {
+        plate.estop();
+        let start = Barrier::new(4);
+        let reset = thread::scope(|scope| {
+            let resets = [(); 2].map(|()| {
+                scope.spawn(|| {
+                    start.wait();
+                    reset(plate, "ann")
+                })
+            });
+            for _ in 0..2 {
+                scope.spawn(|| {
+                    start.wait();
+                    plate.estop();
+                });
+            }
+            resets.map(|reset| reset.join().unwrap())
+        });
+        let holds = stopped(plate);
+        assert!(holds || reset.contains(&Ok(())), "{reset:?}");
+    }
+}
+
+#[test]
+fn a_stop_that_has_yet_to_be_latched_is_not_reset() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    plate.shared.interlock.trip(Trip::EStop);
+    assert_eq!(reset(plate, "ann"), Err(ResetFault::StillStopping));
+    assert!(plate.is_stopped());
+    assert!(plate.estop());
+    assert_eq!(reset(plate, "ann"), Ok(()));
+}
+
+#[test]
+fn a_cancel_is_kept_for_a_job_that_has_yet_to_come_onto_the_plate() {
+    let house = House::new();
+    let plates = house.open(Some("not yet"));
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let id = house.submit(plate, HOLD, JobPace::RealTime);
+    // as after its plate took it, and before it says so
+    assert!(plate.cancel(&id));
+    assert!(plate.resume(who("ann")));
+    assert_eq!(next(&told, "finished")["state"], "cancelled");
+    assert_eq!(house.row(&id).reason, "cancelled by request");
+    assert!(!plate.cancel(&id), "its run is over");
+    let other = house.submit(plate, TWO_COINS, JobPace::Max);
+    next(&told, "finished");
+    assert_eq!(house.row(&other).state, JobState::Completed);
+}
+
+#[test]
+fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
+    let house = House::new();
+    let plates = house.open(Some("a test"));
+    let plate = plates.get("one").unwrap();
+    let shared = &plate.shared;
+    let [first, second] = [(); 2].map(|()| house.submit(plate, TWO_COINS, JobPace::Max));
+    let begin = |job| shared.begins(job, RecordingSwitch::default(), ScribeWatch::default());
+    let frame = || shared.vitals.frame(plate.clock.elapsed(), PlateTime::ZERO, true, false);
+    let bark = |job: &JobId| {
+        shared.bark(job, "no frame came".to_owned());
+        shared.interlock.tripped()
+    };
+    begin(first);
+    frame();
+    shared.vitals.end();
+    assert!(shared.driven().is_none());
+    assert_eq!(bark(&first), None, "control has returned");
+    assert_eq!(shared.ends(), None);
+    assert_eq!(bark(&first), None);
+    begin(second);
+    frame();
+    assert_eq!(shared.driven().map(|(job, _)| job), Some(second));
+    assert_eq!(bark(&first), None, "it is the next one's turn");
+    assert_eq!(bark(&second), Some(Trip::Watchdog));
+    assert_eq!(shared.ends(), Some(shared::Cause::Watchdog("no frame came".to_owned())));
+}
+
+#[test]
+fn the_last_word_of_control_ends_the_watch() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let (told, [first, _]) = house.keep_busy(plate);
+    next(&told, "look");
+    assert!(plate.shared.driven().is_some_and(|(job, _)| job == first));
+    plate.shared.pause(Some("after this one".to_owned()));
+    assert!(plate.cancel(&first));
+    assert_eq!(next(&told, "finished")["state"], "cancelled");
+    assert!(plate.shared.vitals.is_over());
+}
+
+#[test]
+fn a_job_that_had_begun_is_not_run_over_what_it_left() {
+    let house = House::new();
+    let plates = house.open(Some("not yet"));
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let [id, empty] = [(); 2].map(|()| house.submit(plate, TWO_COINS, JobPace::Max));
+    let folder = |id: &JobId| house.folder.path().join("runs").join(house.row(id).run_folder());
+    let journal = folder(&id).join("journal.jsonl");
+    [id, empty].iter().for_each(|id| std::fs::create_dir_all(folder(id)).unwrap());
+    std::fs::write(&journal, "what there was\n").unwrap();
+    assert!(plate.resume(who("ann")));
+    next(&told, "finished");
+    let reason = house.row(&id).reason;
+    assert_eq!(reason, "its run folder holds a run: it had begun before, and is not run again");
+    assert_eq!(std::fs::read_to_string(&journal).unwrap(), "what there was\n");
+    next(&told, "finished");
+    assert_eq!(house.row(&empty).state, JobState::Completed, "an empty folder is no run");
+}
+
+#[test]
+fn a_lost_part_stops_the_plate_for_a_person_to_look() {
+    let house = House::new();
+    let mut wrong = library();
+    for entry in &mut wrong.entries {
+        entry.amplitudes = entry.amplitudes.map(|amplitude| -amplitude);
+    }
+    let plates = house.open_by(wrong, None, |_| {});
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let away = r#"{ "name": "away", "seed": 3, "planner": "cor_sequence",
+        "parts": [{ "kind": "penny", "position_mm": [70, 0] }, { "kind": "penny", "position_mm": [-30, 0] }],
+        "task": { "type": "arrange", "targets_mm": [[0, 0], [-30, 0]] } }"#;
+    let [away, next_one] = [away, TWO_COINS].map(|text| house.submit(plate, text, JobPace::Max));
+    assert_eq!(next(&told, "finished")["state"], "failed");
+    let reason = house.row(&away).reason;
+    assert!(reason.contains("penny-1 is lost, last seen at"), "{reason}");
+    assert_eq!(plate.paused(), Some(format!("the last job was stopped: {reason}")));
+    assert_eq!(house.row(&next_one).state, JobState::Queued);
+    assert!(plate.resume(who("ann")));
+    next(&told, "finished");
+}

@@ -1,0 +1,164 @@
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use crate::plates::Sight;
+use crate::store::{FINISHED, JobId, JobState, RecordingKept, StoredEvent};
+use upm_control::{CycleFacts, EventLevel};
+use upm_core::time::PlateTime;
+use upm_core::units::places_mm;
+use upm_planner::PlannedPulse;
+
+/// One thing told of a job, to whoever watches it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Told {
+    /// The job.
+    pub job: JobId,
+    /// Its number in the job; `None` for what is not kept: looks, and what the store could not take.
+    pub seq: Option<u64>,
+    /// `state`, `cycle`, `warning`, `recording`, `finished` or `look`.
+    pub kind: &'static str,
+    /// What, as JSON.
+    pub body: Arc<str>,
+}
+
+impl Told {
+    /// The end of a job, as it is kept.
+    pub(super) fn finished(job: JobId, event: StoredEvent) -> Self {
+        Self { job, seq: Some(event.seq), kind: FINISHED, body: event.body }
+    }
+}
+
+/// Takes what is told. It hands on and returns: nobody waits here.
+pub trait Tap: Send + Sync {
+    /// Takes one thing.
+    fn offer(&self, told: &Told);
+}
+
+/// Something that happened, in words of its own, on its way from the plate to those who watch.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct News {
+    pub plate_time: PlateTime,
+    pub kind: &'static str,
+    pub body: Arc<str>,
+    /// True for what is kept and numbered.
+    pub durable: bool,
+}
+
+#[derive(Serialize)]
+#[serde(untagged)]
+enum Body<'a> {
+    State {
+        state: &'a str,
+        at_s: f64,
+    },
+    Cycle {
+        cycle: u64,
+        at_s: f64,
+        phase: &'a str,
+        progress: f64,
+        pulses: usize,
+        pulse_kinds: [usize; 2],
+        observed_mm: Vec<[f64; 2]>,
+        result_mm: Vec<[f64; 2]>,
+        targets_mm: Vec<[f64; 2]>,
+    },
+    Warning {
+        at_s: f64,
+        level: &'a str,
+        text: &'a str,
+    },
+    Recording {
+        at_s: f64,
+        recording: &'a str,
+        reason: &'a str,
+    },
+    Look {
+        at_s: f64,
+        phase: &'a str,
+        progress: f64,
+        positions_mm: Vec<[f64; 2]>,
+        targets_mm: Vec<[f64; 2]>,
+    },
+}
+
+impl News {
+    fn new(plate_time: PlateTime, kind: &'static str, durable: bool, body: &Body<'_>) -> Self {
+        let body = serde_json::to_string(body).unwrap_or_else(|_| "{}".into());
+        Self { plate_time, kind, body: body.into(), durable }
+    }
+
+    pub fn state(at: PlateTime, state: JobState) -> Self {
+        Self::new(at, "state", true, &Body::State { state: state.name(), at_s: at.secs() })
+    }
+
+    pub fn cycle(facts: &CycleFacts<'_>) -> Self {
+        let pulses = &facts.plan.pulses;
+        let rotations = pulses.iter().filter(|pulse| matches!(pulse, PlannedPulse::Rotation(_))).count();
+        let body = Body::Cycle {
+            cycle: facts.index,
+            at_s: facts.ended_at.secs(),
+            phase: &facts.wanted.phase,
+            progress: facts.wanted.progress,
+            pulses: pulses.len(),
+            pulse_kinds: [rotations, pulses.len() - rotations],
+            observed_mm: places_mm(facts.observed_m),
+            result_mm: places_mm(facts.result_m),
+            targets_mm: places_mm(&facts.wanted.targets_m),
+        };
+        Self::new(facts.ended_at, "cycle", true, &body)
+    }
+
+    pub fn warning(at: PlateTime, level: EventLevel, text: &str) -> Self {
+        let level = match level {
+            EventLevel::Info => "info",
+            EventLevel::Warning => "warning",
+            EventLevel::Error => "error",
+        };
+        Self::new(at, "warning", true, &Body::Warning { at_s: at.secs(), level, text })
+    }
+
+    pub fn recording(at: PlateTime, kept: RecordingKept, reason: &str) -> Self {
+        Self::new(at, "recording", true, &Body::Recording { at_s: at.secs(), recording: kept.name(), reason })
+    }
+
+    pub fn look(sight: &Sight) -> Self {
+        let body = Body::Look {
+            at_s: sight.at.secs(),
+            phase: &sight.phase,
+            progress: sight.progress,
+            positions_mm: places_mm(&sight.positions_m),
+            targets_mm: places_mm(&sight.targets_m),
+        };
+        Self::new(sight.at, "look", false, &body)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use upm_core::geometry::Vec2;
+
+    #[test]
+    fn bodies_are_plain_json_in_millimetres() {
+        let sight = Sight {
+            at: PlateTime::from_secs(1.25),
+            positions_m: vec![Vec2::new(0.012_345_678, -1e-9)],
+            radii_m: vec![0.01],
+            targets_m: vec![Vec2::zeros()],
+            progress: 0.5,
+            phase: "a \"phase\"".into(),
+        };
+        let look = News::look(&sight);
+        assert!(!look.durable && look.kind == "look");
+        let read: serde_json::Value = serde_json::from_str(&look.body).unwrap();
+        let wanted = serde_json::json!({
+            "at_s": 1.25, "phase": "a \"phase\"", "progress": 0.5,
+            "positions_mm": [[12.346, -0.0]], "targets_mm": [[0.0, 0.0]],
+        });
+        assert_eq!(read, wanted);
+        let running = News::state(PlateTime::ZERO, JobState::Running);
+        assert_eq!(&*running.body, r#"{"state":"running","at_s":0.0}"#);
+        assert!(running.durable);
+    }
+}

@@ -1,0 +1,92 @@
+use std::time::Duration;
+
+use crate::store::{JobId, StoreFault};
+use upm_core::geometry::Vec2;
+use upm_core::time::PlateTime;
+use upm_recording::RecordingState;
+
+/// What a plate is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlateState {
+    /// Nothing, and would take a job.
+    Idle,
+    /// A job.
+    Running,
+    /// Nothing until a person resumes it.
+    Paused,
+    /// Nothing: an emergency stop holds until a person resets it.
+    Stopped,
+}
+
+impl PlateState {
+    /// As it is written: `idle`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Idle => "idle",
+            Self::Running => "running",
+            Self::Paused => "paused",
+            Self::Stopped => "stopped",
+        }
+    }
+}
+
+/// The newest that is known of the parts on a plate.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sight {
+    /// Plate time of the frame, from the start of its job.
+    pub at: PlateTime,
+    /// Where each part is, m.
+    pub positions_m: Vec<Vec2>,
+    /// Radius of each part, m, as its kind has it.
+    pub radii_m: Vec<f64>,
+    /// Where each part shall end, m.
+    pub targets_m: Vec<Vec2>,
+    /// Share of the job that is done, 0 to 1.
+    pub progress: f64,
+    /// What is being done, in words.
+    pub phase: String,
+}
+
+/// A plate at one moment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlateSnapshot {
+    /// Its name.
+    pub name: String,
+    /// Side of the square plate, m.
+    pub side_m: f64,
+    /// What it is doing.
+    pub state: PlateState,
+    /// Why it does nothing; empty when it does something or could.
+    pub why: String,
+    /// The job it has.
+    pub job: Option<JobId>,
+    /// How the recording of that job is getting on.
+    pub recording: Option<RecordingState>,
+    /// The parts as last seen.
+    pub sight: Sight,
+    /// Wall time since they were; `None` before anything was.
+    pub age: Option<Duration>,
+    /// Where a Rerun viewer finds what happens on it, `rerun+http://127.0.0.1:PORT/proxy`.
+    pub live: Option<String>,
+    /// Deadlines missed since the daemon started.
+    pub deadline_misses: u64,
+    /// Emergency stops since then.
+    pub estops: u64,
+}
+
+/// Why a plate was not reset.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ResetFault {
+    /// No emergency stop holds.
+    #[error("the plate is not stopped")]
+    NotStopped,
+    /// The stopped job has not ended.
+    #[error("the plate is still stopping")]
+    StillStopping,
+    /// A stop came that is not the one to be taken back.
+    #[error("the plate was stopped again")]
+    StoppedAgain,
+    /// The audit log does not take it.
+    #[error("a reset that is not written down does not take place: {0}")]
+    Unwritten(StoreFault),
+}

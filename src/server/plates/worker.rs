@@ -1,0 +1,288 @@
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+use super::attend::Attend;
+use super::crier::Item;
+use super::disk::{Disk, Rates};
+use super::shared::{Cause, Shared};
+use super::told::{News, Told};
+use crate::store::{Claimed, JobEnd, JobId, JobPace, JobRow, JobState, RecordingKept, StoredEvent};
+use upm_control::EventLevel;
+use upm_core::priority::go_first;
+use upm_core::rig::Trip;
+use upm_core::time::{Clock, MonotonicClock, PlateTime};
+use upm_recording::{Keeping, OnFull, Outcome, RecordingState, RecordingSwitch, RerunMode, ScribeMode, ScribeWatch};
+use upm_runner::config::{JobSpec, Origin};
+use upm_runner::run::{FolderState, Links, RunFolder, RunOptions, RunResult, run_linked};
+
+/// How long a plate without work waits before it asks again, unless it is woken.
+const IDLE: Duration = Duration::from_secs(1);
+/// How long the end of a job waits to be stored again when that failed.
+const STORED_AGAIN: Duration = Duration::from_millis(250);
+
+/// How long a run that goes as fast as it can waits for a recorder that lags: its plate stands still meanwhile.
+const RECORDED_WITHIN: Duration = Duration::from_secs(2);
+
+/// What runs need beside the job.
+#[derive(Clone, Debug)]
+pub(super) struct Place {
+    /// Folder of run folders.
+    pub runs: PathBuf,
+    pub clock: MonotonicClock,
+    /// False to make no recordings.
+    pub record: bool,
+    pub disk: Arc<Disk>,
+}
+
+/// The thread of one plate: takes its jobs one after another and runs them.
+pub(super) struct Worker {
+    pub shared: Arc<Shared>,
+    pub crier: SyncSender<Item>,
+    pub place: Place,
+    pub rates: Rates,
+}
+
+impl Worker {
+    /// Works until the daemon ends.
+    pub fn work(&mut self) {
+        let shared = Arc::clone(&self.shared);
+        while !shared.ending.load(Ordering::SeqCst) {
+            shared.stop.store(false, Ordering::SeqCst);
+            // a stop before this is seen here, one after it by the run
+            if !shared.may_move() || !self.take_job() {
+                thread::park_timeout(IDLE);
+            }
+        }
+    }
+
+    /// Runs the next job; false when there is none.
+    fn take_job(&mut self) -> bool {
+        let folder = |row: &JobRow| make_folder(&self.place.runs, row);
+        match self.shared.ledger.claim(&self.shared.name, &folder) {
+            Ok(Some(claimed)) => {
+                self.run(&claimed);
+                true
+            }
+            Ok(None) => false,
+            Err(fault) => {
+                tracing::error!(plate = self.shared.name, "no job can be taken: {fault}");
+                false
+            }
+        }
+    }
+
+    fn run(&mut self, claimed: &Claimed) {
+        let id = claimed.row.id;
+        let (recording, journal) = (RecordingSwitch::default(), ScribeWatch::default());
+        self.shared.begins(id, recording.clone(), journal.clone());
+        let JobRow { name, seed, pace, .. } = &claimed.row;
+        tracing::info!(plate = self.shared.name, job = %id, seed, pace = pace.name(), "begins: {name}");
+        self.tell(id, News::state(PlateTime::ZERO, JobState::Running));
+        let folder = self.place.runs.join(claimed.row.folder.as_deref().unwrap_or_default());
+        let done = self.play(claimed, &folder, &recording, journal);
+        self.place.disk.release(&id);
+        let cause = self.shared.ends();
+        let lost_parts = done.as_ref().map_or(0, |run| run.report.lost_parts);
+        let mut end = self.end_of(done, cause);
+        if recording.state() == RecordingState::Whole {
+            self.rates.add(recording.bytes(), end.at.secs());
+        }
+        let (kept, why) = what_is_kept(recording.state());
+        if !matches!(kept, RecordingKept::None | RecordingKept::Whole) {
+            tracing::warn!(plate = self.shared.name, job = %id, "the recording is {}: {why}", kept.name());
+        }
+        end.recording = kept;
+        if lost_parts > 0 {
+            // a person puts it back, or takes it away
+            self.pause_after(&end.reason);
+        }
+        self.settle_interlock(&end.reason);
+        self.log(&id, &end);
+        self.tell(id, News::recording(end.at, kept, &why));
+        if let Some(finished) = self.store(&id, end) {
+            self.shared.taps.offer(&Told::finished(id, finished));
+        }
+    }
+
+    fn play(
+        &self,
+        Claimed { row, spec_json }: &Claimed,
+        folder: &Path,
+        recording: &RecordingSwitch,
+        journal: ScribeWatch,
+    ) -> Result<RunResult, Vec<String>> {
+        let shared = &*self.shared;
+        let job = JobSpec::from_json(spec_json, &Origin::of_request("job"), Some(&shared.rig)).map_err(lines)?;
+        if row.rig_fingerprint != shared.rig.fingerprint {
+            return Err(vec!["the plate has another rig than when the job was accepted".to_owned()]);
+        }
+        let library = shared.library_of(&job).map_err(lines)?;
+        let folder = RunFolder::reopen(folder).ok_or_else(|| vec!["its run folder is gone".to_owned()])?;
+        if folder.state() != FolderState::default() {
+            return Err(vec!["its run folder holds a run: it had begun before, and is not run again".to_owned()]);
+        }
+        let record = self.place.record && self.has_room_for(&job, row.id, recording);
+        let real_time = row.pace == JobPace::RealTime;
+        shared.real_time.store(real_time, Ordering::Relaxed);
+        go_first(real_time);
+        let options = RunOptions {
+            out: self.place.runs.clone(),
+            started_utc: String::new(),
+            rerun: if record { RerunMode::Save } else { RerunMode::Off },
+            real_time,
+            // a plate that goes by the clock waits for no disk: the recording ends and the run goes on; without a
+            // journal it ends
+            keeping: Keeping {
+                scribe: ScribeMode::GiveUp,
+                journal,
+                on_full: if real_time { OnFull::GiveUp } else { OnFull::WaitAtMost(RECORDED_WITHIN) },
+                recording: recording.clone(),
+                has_clock: real_time,
+                stop: Arc::clone(&shared.stop),
+                clock: self.place.clock,
+            },
+            live: shared.live.clone(),
+        };
+        let (stop, interlock, pacing) = (&shared.stop, &shared.interlock, &shared.pacing);
+        let links = Links { stop, interlock, pacing, cause: &|| shared.cause() };
+        let clock = self.place.clock;
+        let mut attend = Attend::new(shared, &clock, &self.crier, row.id, radii_of(&job));
+        run_linked(&job, library, folder, &options, &clock, links, &mut attend).map_err(|error| error.lines())
+    }
+
+    /// Whether the disk takes a recording of that job; says it when not.
+    fn has_room_for(&self, job: &JobSpec, id: JobId, recording: &RecordingSwitch) -> bool {
+        let Place { disk, clock, .. } = &self.place;
+        let wanted_bytes = self.rates.estimate(job.plate_time_limit_s);
+        let Err(why) = disk.promise(id, recording, wanted_bytes, clock.elapsed()) else { return true };
+        let text = format!("there is no recording of this job: {why}");
+        tracing::warn!(plate = self.shared.name, job = %id, "{text}");
+        self.tell(id, News::warning(PlateTime::ZERO, EventLevel::Warning, &text));
+        false
+    }
+
+    /// How a run ended, and when on the plate.
+    fn end_of(&self, done: Result<RunResult, Vec<String>>, cause: Option<Cause>) -> JobEnd {
+        let report = match done {
+            Ok(result) => result.report,
+            // whoever stopped it stopped it, even when that could not be written down
+            Err(lines) if self.shared.is_stopped() || cause == Some(Cause::Cancelled) => {
+                let reason = format!("stopped; {}", lines.join("; "));
+                return ended(PlateTime::ZERO, JobState::Cancelled, reason, None);
+            }
+            Err(lines) => return ended(PlateTime::ZERO, JobState::Failed, lines.join("; "), None),
+        };
+        let at = PlateTime::from_secs(report.plate_time_s);
+        let state = match (report.outcome, &cause) {
+            (Outcome::Completed, _) => JobState::Completed,
+            (Outcome::Failed, _) | (_, Some(Cause::Watchdog(_))) => JobState::Failed,
+            (Outcome::Cancelled, _) if self.shared.is_stopped() => JobState::Cancelled,
+            (Outcome::Cancelled, Some(Cause::Cancelled)) => JobState::Cancelled,
+            (Outcome::Cancelled, None) => JobState::Interrupted,
+        };
+        ended(at, state, report.reason.clone(), serde_json::to_string(&report).ok())
+    }
+
+    fn log(&self, id: &JobId, JobEnd { state, reason, .. }: &JobEnd) {
+        let (plate, state_name) = (&self.shared.name, state.name());
+        match state {
+            JobState::Failed | JobState::Interrupted => tracing::warn!(plate, job = %id, "{state_name}: {reason}"),
+            _ => tracing::info!(plate, job = %id, "{state_name}: {reason}"),
+        }
+    }
+
+    fn pause_after(&self, reason: &str) {
+        self.shared.pause(Some(format!("the last job was stopped: {reason}")));
+    }
+
+    /// A trip that no person made ends with the run it stopped, and pauses the plate.
+    fn settle_interlock(&self, reason: &str) {
+        let shared = &*self.shared;
+        match shared.interlock.tripped() {
+            None | Some(Trip::EStop) => {}
+            Some(trip) => {
+                if trip != Trip::Shutdown {
+                    self.pause_after(reason);
+                }
+                shared.interlock.release(trip);
+            }
+        }
+    }
+
+    /// Waits until the end of a job is on the disk, behind all that was told of it: the plate does nothing else before.
+    /// `None` when the daemon ended first.
+    fn store(&self, id: &JobId, end: JobEnd) -> Option<StoredEvent> {
+        let mut told = false;
+        loop {
+            self.pass();
+            let fault = match self.shared.ledger.ended(id, end.clone()) {
+                Ok(finished) => return finished,
+                Err(fault) => fault,
+            };
+            if !std::mem::replace(&mut told, true) {
+                tracing::error!(plate = self.shared.name, job = %id, "the end of the job cannot be stored: {fault}");
+                let text = format!("the end of the job cannot be stored: {fault}");
+                self.tell(*id, News::warning(PlateTime::ZERO, EventLevel::Error, &text));
+            }
+            if self.shared.ending.load(Ordering::SeqCst) {
+                return None;
+            }
+            thread::park_timeout(STORED_AGAIN);
+        }
+    }
+
+    /// Waits until the crier has handed on all it was given.
+    fn pass(&self) {
+        let (sender, passed) = sync_channel(1);
+        if self.crier.send(Item::Pass(sender)).is_ok() {
+            passed.recv().ok();
+        }
+    }
+
+    /// Between runs the plate rests, and may wait for its crier.
+    fn tell(&self, id: JobId, news: News) {
+        self.crier.send(Item::Tell(id, news)).ok();
+    }
+}
+
+/// Radius of each part, m, in the order of the job.
+fn radii_of(job: &JobSpec) -> Vec<f64> {
+    let radius = |kind: usize| job.rig.kinds.get(kind).map_or(0.0, |spec| spec.kind.radius_m);
+    job.parts.iter().flat_map(|group| std::iter::repeat_n(radius(group.kind), group.count)).collect()
+}
+
+fn ended(at: PlateTime, state: JobState, reason: String, report_json: Option<String>) -> JobEnd {
+    JobEnd { at, state, reason, report_json, recording: RecordingKept::None }
+}
+
+/// The job's own folder, named after it. Made before the job is taken, so that no job is ever without one. Where it is
+/// there already the job is taken all the same: what lies in it is seen before anything is written.
+fn make_folder(runs: &Path, row: &JobRow) -> io::Result<String> {
+    let name = row.run_folder();
+    fs::create_dir_all(runs)?;
+    match fs::create_dir(runs.join(&name)) {
+        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => Err(error),
+        _ => Ok(name),
+    }
+}
+
+/// What there is of a recording after the run, and why no more.
+fn what_is_kept(state: RecordingState) -> (RecordingKept, String) {
+    match state {
+        RecordingState::Off => (RecordingKept::None, String::new()),
+        RecordingState::Writing { .. } => (RecordingKept::Partial, "it was not closed".to_owned()),
+        RecordingState::Stopped(why) => (RecordingKept::Stopped, why),
+        RecordingState::Failed(why) => (RecordingKept::Failed, why),
+        RecordingState::Whole => (RecordingKept::Whole, String::new()),
+    }
+}
+
+fn lines<T: ToString>(faults: Vec<T>) -> Vec<String> {
+    faults.iter().map(ToString::to_string).collect()
+}

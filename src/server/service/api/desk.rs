@@ -1,0 +1,222 @@
+use std::fs::File;
+use std::future::Future;
+use std::pin::Pin;
+use std::time::Duration;
+
+use bytes::Bytes;
+use tokio::sync::oneshot;
+
+use super::cursor::JobsQuery;
+use super::feed::{Feed, Opening, Replayed};
+use super::types::{EStopped, Job, JobsPage, Pace, Plate, Plates, ResetRequest};
+use crate::service::http::{Caller, Problem, ProblemKind};
+use upm_runner::config::Fault;
+
+/// An answer on its way.
+pub type Promise<T> = Pin<Box<dyn Future<Output = Result<T, Refusal>> + Send>>;
+
+/// What the API asks of the daemon behind it. The methods return at once; what takes time goes into the promise and
+/// is done on the threads of store and plates, see [`promise`]. A promise may be dropped before it is kept: a client
+/// that went away, or an answer that took too long.
+///
+/// Ids are 32 hex digits and names of plates plain names: what is neither never gets here.
+pub trait Desk: Send + Sync {
+    /// Checks a job and queues it. The promise is kept once the job is on the disk.
+    fn submit(&self, order: Order) -> Promise<Submitted>;
+
+    /// A job.
+    fn job(&self, id: &str) -> Promise<Job>;
+
+    /// Some jobs, newest first.
+    fn jobs(&self, query: JobsQuery) -> Promise<JobsPage>;
+
+    /// Takes a job out of the queue, or has its plate stop it.
+    fn cancel(&self, id: &str, caller: Caller) -> Promise<Job>;
+
+    /// All plates, with their queues counted now. The promise may wait for the store.
+    fn plates(&self) -> Promise<Plates>;
+
+    /// All plates, with their queues as they were counted last. Waits for nobody.
+    fn plates_as_counted(&self) -> Plates;
+
+    /// Emergency stop. The plate has been told before this returns; the promise only waits for how it went.
+    fn estop(&self, plate: &str, caller: Caller) -> Promise<EStopped>;
+
+    /// Ends an emergency stop; the plate stays paused.
+    fn reset(&self, plate: &str, request: ResetRequest, caller: Caller) -> Promise<Plate>;
+
+    /// Lets a paused plate go on with its queue.
+    fn resume(&self, plate: &str, caller: Caller) -> Promise<Plate>;
+
+    /// What keeps the daemon from working at all; nothing when it is well.
+    fn ailments(&self) -> Vec<String>;
+
+    /// What keeps it from taking jobs; nothing when it is ready.
+    fn obstacles(&self) -> Vec<String>;
+
+    /// Its figures, as OpenMetrics text.
+    fn metrics(&self) -> String;
+
+    /// Has `feed` offered all that is told of the job from now on, and says how the job stands.
+    fn watch(&self, id: &str, feed: Feed) -> Promise<Opening>;
+
+    /// At most `most` kept events of the job with numbers above `after`, in order.
+    fn replay(&self, id: &str, after: u64, most: usize) -> Promise<Replayed>;
+
+    /// The latest picture of the job. Busy while there is none that is new enough: it is asked again shortly.
+    fn frame(&self, id: &str) -> Promise<Picture>;
+
+    /// The job's recording, opened for reading.
+    fn recording(&self, id: &str) -> Promise<Recording>;
+
+    /// A file of the operator page; `index.html` is the page itself.
+    fn asset(&self, name: &str) -> Option<Asset>;
+}
+
+/// A job as it was sent.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Order {
+    /// The body.
+    pub text: String,
+    /// How fast it is to run; where that is not said, as the daemon's configuration says.
+    pub pace: Option<Pace>,
+    /// The idempotency key.
+    pub key: Option<String>,
+    /// Who sent it.
+    pub caller: Caller,
+}
+
+/// A job that is queued.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Submitted {
+    /// The job.
+    pub job: Job,
+    /// True when it had been before, under the same key.
+    pub replayed: bool,
+}
+
+/// A picture of a job on its plate.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    /// The PNG file.
+    pub png: Bytes,
+    /// Wall time since it was taken.
+    pub age: Duration,
+}
+
+/// A recording that can be read.
+#[derive(Debug)]
+pub struct Recording {
+    /// The open file.
+    pub file: File,
+    /// Its size, bytes.
+    pub bytes: u64,
+    /// The name a browser saves it under.
+    pub name: String,
+}
+
+/// A file of the operator page.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Asset {
+    /// Media type.
+    pub media: &'static str,
+    /// Content.
+    pub bytes: Bytes,
+    /// Entity tag, with its quotes; changes with the content.
+    pub etag: String,
+}
+
+/// Why the daemon does not do what it was asked.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// There is no such job, plate, picture or recording: 404.
+    Unknown(String),
+    /// What was sent is not JSON: 400.
+    Malformed(Vec<Fault>),
+    /// What was sent is not a valid job: 422.
+    Invalid(Vec<Fault>),
+    /// The idempotency key came before with another body: 422.
+    KeyReused,
+    /// The state of plate or job stands against it: 409.
+    Conflict(String),
+    /// The plate's queue is full: 429.
+    QueueFull {
+        /// Jobs in it.
+        queued: usize,
+        /// When a place may be free, s.
+        retry_after_s: u32,
+    },
+    /// More jobs come at once than can be checked and stored: 429.
+    Crowded {
+        /// When it may be over, s.
+        retry_after_s: u32,
+    },
+    /// Not now: 503.
+    Busy {
+        /// Why.
+        why: String,
+        /// When it may be over, s.
+        retry_after_s: u32,
+    },
+    /// The disk is full: 507.
+    DiskFull(String),
+    /// The daemon's own fault: 500.
+    Broken(String),
+}
+
+impl From<Refusal> for Problem {
+    fn from(refusal: Refusal) -> Self {
+        let counted = |faults: &[Fault]| match faults.len() {
+            1 => "1 fault".to_owned(),
+            n => format!("{n} faults"),
+        };
+        match refusal {
+            Refusal::Unknown(what) => Self::new(ProblemKind::NotFound, what),
+            Refusal::Malformed(faults) => Self::new(ProblemKind::Malformed, counted(&faults)).with_faults(faults),
+            Refusal::Invalid(faults) => Self::new(ProblemKind::Invalid, counted(&faults)).with_faults(faults),
+            Refusal::KeyReused => Self::new(ProblemKind::Invalid, "the Idempotency-Key came before with another body"),
+            Refusal::Conflict(why) => Self::new(ProblemKind::Conflict, why),
+            Refusal::QueueFull { queued, retry_after_s } => {
+                Self::new(ProblemKind::QueueFull, format!("{queued} jobs wait for this plate"))
+                    .retry_after(retry_after_s)
+            }
+            Refusal::Crowded { retry_after_s } => {
+                Self::new(ProblemKind::QueueFull, "too many jobs come at once").retry_after(retry_after_s)
+            }
+            Refusal::Busy { why, retry_after_s } => Self::new(ProblemKind::Unavailable, why).retry_after(retry_after_s),
+            Refusal::DiskFull(what) => Self::new(ProblemKind::InsufficientStorage, what),
+            Refusal::Broken(what) => Self::new(ProblemKind::Internal, what),
+        }
+    }
+}
+
+/// Keeps a promise, from any thread, without waiting.
+#[derive(Debug)]
+pub struct Reply<T>(oneshot::Sender<Result<T, Refusal>>);
+
+impl<T> Reply<T> {
+    /// Says how it went. Whether somebody still waits for it makes no difference.
+    pub fn send(self, outcome: Result<T, Refusal>) {
+        let _ = self.0.send(outcome);
+    }
+
+    /// Whether somebody still waits for it.
+    pub fn is_awaited(&self) -> bool {
+        !self.0.is_closed()
+    }
+}
+
+/// A promise that `start` sees to: it hands the reply to whoever will know. A reply that is lost is told as busy.
+pub fn promise<T: Send + 'static>(start: impl FnOnce(Reply<T>)) -> Promise<T> {
+    let (sender, receiver) = oneshot::channel();
+    start(Reply(sender));
+    Box::pin(async move {
+        let lost = || Err(Refusal::Busy { why: "the daemon is busy, or ends".to_owned(), retry_after_s: 1 });
+        receiver.await.unwrap_or_else(|_| lost())
+    })
+}
+
+/// A promise kept already.
+pub fn kept<T: Send + 'static>(outcome: Result<T, Refusal>) -> Promise<T> {
+    Box::pin(async move { outcome })
+}

@@ -1,0 +1,208 @@
+use std::io::SeekFrom;
+use std::time::Duration;
+
+use axum::body::Body;
+use axum::http::header::{
+    ACCEPT_RANGES, CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_LENGTH, CONTENT_RANGE, CONTENT_SECURITY_POLICY,
+    CONTENT_TYPE, ETAG, HeaderName, IF_NONE_MATCH, IF_RANGE, RANGE,
+};
+use axum::http::{HeaderMap, HeaderValue, StatusCode};
+use axum::response::Response;
+use bytes::{Bytes, BytesMut};
+use futures_util::stream;
+use tokio::fs::File;
+use tokio::io::{AsyncReadExt, AsyncSeekExt};
+use tokio::sync::OwnedSemaphorePermit;
+use tokio::time::sleep;
+
+use super::desk::{Picture, Refusal};
+use super::table::{Call, Outcome, media};
+use crate::service::http::{Problem, ProblemKind};
+use upm_runner::config::is_plain_name;
+
+pub(super) const RRD: &str = "application/octet-stream";
+
+/// Wall time since a picture was taken, ms.
+static UPM_AGE_MS: HeaderName = HeaderName::from_static("upm-age-ms");
+
+/// How often a picture that is being made is asked for again, and after what time.
+const PICTURE_TRIES: usize = 10;
+const PICTURE_AGAIN: Duration = Duration::from_millis(100);
+
+/// Bytes read from a file at once.
+const CHUNK_BYTES: usize = 64 << 10;
+
+/// What the operator page may do: run its own script, show pictures it made, call its own daemon.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; \
+                      connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+pub(super) fn frame(call: Call) -> Outcome {
+    Box::pin(async move {
+        let id = call.job_id()?;
+        // pictures are made for those who ask: the first takes a moment
+        for _ in 0..PICTURE_TRIES {
+            match call.desk.frame(id).await {
+                Err(Refusal::Busy { .. }) => sleep(PICTURE_AGAIN).await,
+                picture => return shown(picture?),
+            }
+        }
+        shown(call.desk.frame(id).await?)
+    })
+}
+
+fn shown(picture: Picture) -> Result<Response, Problem> {
+    let mut response = media(200, "image/png", picture.png)?;
+    put(&mut response, UPM_AGE_MS.clone(), &picture.age.as_millis().to_string());
+    Ok(response)
+}
+
+pub(super) fn openapi(call: Call) -> Outcome {
+    Box::pin(async move { media(200, "application/json", call.api.document.clone()) })
+}
+
+pub(super) fn page(call: Call) -> Outcome {
+    Box::pin(async move { asset_called(&call, "index.html") })
+}
+
+pub(super) fn asset(call: Call) -> Outcome {
+    Box::pin(async move { asset_called(&call, call.file()) })
+}
+
+fn asset_called(call: &Call, name: &str) -> Result<Response, Problem> {
+    let found = Some(name).filter(|name| is_plain_name(name)).and_then(|name| call.desk.asset(name));
+    let asset = found.ok_or_else(|| Problem::new(ProblemKind::NotFound, "the operator page has no such file"))?;
+    let known = call.headers.get(IF_NONE_MATCH).is_some_and(|tag| tag.as_bytes() == asset.etag.as_bytes());
+    let mut response = media(200, asset.media, asset.bytes)?;
+    if known {
+        *response.body_mut() = Body::empty();
+        *response.status_mut() = StatusCode::NOT_MODIFIED;
+        response.headers_mut().remove(CONTENT_TYPE);
+    }
+    put(&mut response, ETAG, &asset.etag);
+    put(&mut response, CACHE_CONTROL, "no-cache");
+    put(&mut response, CONTENT_SECURITY_POLICY, POLICY);
+    Ok(response)
+}
+
+/// The recording, or the one range of it that was asked for.
+pub(super) fn recording(call: Call) -> Outcome {
+    Box::pin(async move {
+        let id = call.job_id()?;
+        let seat = call.api.downloads.clone().try_acquire_owned();
+        let full = |_| Problem::new(ProblemKind::Unavailable, "too many recordings are being sent").retry_after(10);
+        let seat = seat.map_err(full)?;
+        let recording = call.desk.recording(id).await?;
+        let etag = format!("\"{id}-{}\"", recording.bytes);
+        let range = asked(&call.headers, &etag, recording.bytes)?;
+        let (first, length) = range.unwrap_or((0, recording.bytes));
+        let mut file = File::from_std(recording.file);
+        let unread = |_| Problem::new(ProblemKind::Internal, "the recording cannot be read");
+        file.seek(SeekFrom::Start(first)).await.map_err(unread)?;
+        let mut response = Response::new(body_of(file, length, seat));
+        if range.is_some() {
+            *response.status_mut() = StatusCode::PARTIAL_CONTENT;
+            let last = first + length.saturating_sub(1);
+            put(&mut response, CONTENT_RANGE, &format!("bytes {first}-{last}/{}", recording.bytes));
+        }
+        let name = Some(recording.name.as_str()).filter(|name| is_plain_name(name)).unwrap_or("run.rrd");
+        put(&mut response, CONTENT_TYPE, RRD);
+        put(&mut response, CONTENT_LENGTH, &length.to_string());
+        put(&mut response, CONTENT_DISPOSITION, &format!("attachment; filename=\"{name}\""));
+        put(&mut response, ACCEPT_RANGES, "bytes");
+        put(&mut response, ETAG, &etag);
+        Ok(response)
+    })
+}
+
+fn put(response: &mut Response, name: HeaderName, value: &str) {
+    if let Ok(value) = HeaderValue::from_str(value) {
+        response.headers_mut().insert(name, value);
+    }
+}
+
+/// First byte and length of the range asked for. What is not one plain range of bytes asks for the whole file.
+fn asked(headers: &HeaderMap, etag: &str, bytes: u64) -> Result<Option<(u64, u64)>, Problem> {
+    let same = headers.get(IF_RANGE).is_none_or(|tag| tag.as_bytes() == etag.as_bytes());
+    let text = headers.get(RANGE).filter(|_| same).and_then(|value| value.to_str().ok());
+    let Some((first, last)) = text.and_then(|text| text.strip_prefix("bytes=")?.split_once('-')) else {
+        return Ok(None);
+    };
+    let number = |text: &str| text.bytes().all(|b| b.is_ascii_digit()).then(|| text.parse::<u64>().ok()).flatten();
+    let range = match (number(first), number(last)) {
+        (Some(first), Some(last)) if first <= last => (first, last.min(bytes.saturating_sub(1))),
+        (Some(first), None) if last.is_empty() => (first, bytes.saturating_sub(1)),
+        (None, Some(suffix)) if first.is_empty() && suffix > 0 => {
+            (bytes.saturating_sub(suffix), bytes.saturating_sub(1))
+        }
+        (None, Some(0)) if first.is_empty() => (bytes, 0),
+        _ => return Ok(None),
+    };
+    if range.0 >= bytes {
+        let size = HeaderValue::from_str(&format!("bytes */{bytes}")).unwrap_or(HeaderValue::from_static("bytes */*"));
+        let problem = Problem::new(ProblemKind::RangeNotSatisfiable, format!("the recording has {bytes} bytes"));
+        return Err(problem.with_header(CONTENT_RANGE, size));
+    }
+    Ok(Some((range.0, range.1 - range.0 + 1)))
+}
+
+/// `length` bytes of the file from where it stands, a chunk at a time, never more than the client takes.
+fn body_of(file: File, length: u64, seat: OwnedSemaphorePermit) -> Body {
+    let chunks = stream::try_unfold((file, length, seat), |(mut file, left, seat)| async move {
+        if left == 0 {
+            return Ok(None);
+        }
+        let mut chunk = BytesMut::with_capacity(CHUNK_BYTES);
+        let most = left.min(CHUNK_BYTES as u64);
+        let read = (&mut file).take(most).read_buf(&mut chunk).await? as u64;
+        if read == 0 {
+            return Err(std::io::Error::from(std::io::ErrorKind::UnexpectedEof));
+        }
+        Ok(Some((Bytes::from(chunk), (file, left - read, seat))))
+    });
+    Body::from_stream(chunks)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn range(text: &str, bytes: u64) -> Result<Option<(u64, u64)>, ()> {
+        let headers = HeaderMap::from_iter([(RANGE, HeaderValue::from_str(text).unwrap())]);
+        asked(&headers, "\"x\"", bytes).map_err(|_| ())
+    }
+
+    #[test]
+    fn one_range_of_bytes_is_understood() {
+        for (text, wanted) in [
+            ("bytes=0-0", Ok(Some((0, 1)))),
+            ("bytes=2-5", Ok(Some((2, 4)))),
+            ("bytes=2-", Ok(Some((2, 8)))),
+            ("bytes=9-99999999999999999", Ok(Some((9, 1)))),
+            ("bytes=-3", Ok(Some((7, 3)))),
+            ("bytes=-99", Ok(Some((0, 10)))),
+            ("bytes=10-", Err(())),
+            ("bytes=10-11", Err(())),
+            ("bytes=-0", Err(())),
+            ("bytes=5-2", Ok(None)),
+            ("bytes=-", Ok(None)),
+            ("bytes=+1-2", Ok(None)),
+            ("bytes=0-1,4-5", Ok(None)),
+            ("bytes=99999999999999999999-", Ok(None)),
+            ("lines=1-2", Ok(None)),
+            ("", Ok(None)),
+        ] {
+            assert_eq!(range(text, 10), wanted, "{text:?}");
+        }
+        assert_eq!(range("bytes=0-", 0), Err(()));
+    }
+
+    #[test]
+    fn a_range_of_another_file_is_the_whole_file() {
+        let of = |tag| {
+            let headers = [(RANGE, HeaderValue::from_static("bytes=1-2")), (IF_RANGE, HeaderValue::from_static(tag))];
+            asked(&HeaderMap::from_iter(headers), "\"x\"", 10)
+        };
+        assert_eq!(of("\"x\""), Ok(Some((1, 2))));
+        assert_eq!(of("\"y\""), Ok(None));
+    }
+}

@@ -1,0 +1,196 @@
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use bytes::Bytes;
+use serde_json::Value;
+
+use crate::service::api::*;
+use crate::service::http::Caller;
+use upm_runner::config::{JobSpec, Origin, RigSpec};
+
+/// A job there is, one there is not, a plate there is.
+pub(super) const JOB: &str = "019a0000000070008000000000000001";
+pub(super) const NO_JOB: &str = "019a0000000070008000000000000002";
+pub(super) const PLATE: &str = "left";
+
+/// A job that is valid on the made-up desk's plate.
+pub(super) const HOLD: &str =
+    r#"{"name": "rest", "parts": [{"kind": "penny"}], "task": {"type": "hold", "duration_s": 1}}"#;
+
+/// A desk of one plate and one job. Says `refusal`, once, whatever it is asked.
+#[derive(Default)]
+pub(super) struct FakeDesk {
+    pub refusal: Mutex<Option<Refusal>>,
+    pub asked: Mutex<Vec<String>>,
+    pub feeds: Mutex<Vec<Feed>>,
+    pub opening: Mutex<Option<Opening>>,
+    pub kept: Mutex<Replayed>,
+    pub recording: Mutex<Vec<u8>>,
+    pub ailments: Mutex<Vec<String>>,
+    /// The store behind it never answers.
+    pub hangs: AtomicBool,
+}
+
+impl FakeDesk {
+    pub fn refuse(&self, refusal: Refusal) {
+        *self.refusal.lock().unwrap() = Some(refusal);
+    }
+
+    fn say<T: Send + 'static>(&self, asked: String, known: bool, answer: T) -> Promise<T> {
+        self.asked.lock().unwrap().push(asked);
+        kept(match self.refusal.lock().unwrap().take() {
+            Some(refusal) => Err(refusal),
+            None if known => Ok(answer),
+            None => Err(Refusal::Unknown("there is no such thing".to_owned())),
+        })
+    }
+}
+
+pub(super) fn job() -> Job {
+    Job {
+        id: JOB.to_owned(),
+        name: "rest".to_owned(),
+        state: JobState::Queued,
+        plate: PLATE.to_owned(),
+        submitted_at: "2026-11-22T05:14:00Z".to_owned(),
+        started_at: None,
+        finished_at: None,
+        progress: 0.0,
+        report: None,
+        reason: String::new(),
+        seed: 1,
+        pace: Pace::RealTime,
+        recording: RecordingState::None,
+    }
+}
+
+fn plate() -> Plate {
+    Plate {
+        name: PLATE.to_owned(),
+        state: PlateState::Idle,
+        why: String::new(),
+        job: None,
+        queued: 0,
+        at_s: 0.0,
+        age_s: None,
+        side_mm: 203.2,
+        positions_mm: vec![[1.0, 2.0]],
+        radii_mm: vec![9.525],
+        targets_mm: Vec::new(),
+        progress: 0.0,
+        phase: String::new(),
+        deadline_misses: 0,
+        live: None,
+    }
+}
+
+impl Desk for FakeDesk {
+    fn submit(&self, order: Order) -> Promise<Submitted> {
+        let path = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/rigs/upm-1.json");
+        let rig = RigSpec::load(&path).unwrap();
+        let checked = JobSpec::from_json(&order.text, &Origin::of_request("job"), Some(&rig));
+        let is_json = serde_json::from_str::<Value>(&order.text).is_ok();
+        if let Err(faults) = checked {
+            return kept(Err(if is_json { Refusal::Invalid(faults) } else { Refusal::Malformed(faults) }));
+        }
+        let replayed = order.key.as_deref() == Some("again");
+        self.say(format!("submit {:?}", order.pace), true, Submitted { job: job(), replayed })
+    }
+
+    fn job(&self, id: &str) -> Promise<Job> {
+        self.say(format!("job {id}"), id == JOB, job())
+    }
+
+    fn jobs(&self, query: JobsQuery) -> Promise<JobsPage> {
+        self.say(format!("jobs {}", query.limit), true, JobsPage { jobs: vec![job()], next: Some(JOB.to_owned()) })
+    }
+
+    fn cancel(&self, id: &str, caller: Caller) -> Promise<Job> {
+        self.say(format!("cancel {id} by {}", caller.name), id == JOB, job())
+    }
+
+    fn plates(&self) -> Promise<Plates> {
+        if self.hangs.load(Ordering::Relaxed) {
+            return Box::pin(std::future::pending());
+        }
+        self.say("plates".to_owned(), true, Plates { plates: vec![plate()] })
+    }
+
+    fn plates_as_counted(&self) -> Plates {
+        Plates { plates: vec![Plate { queued: 7, ..plate() }] }
+    }
+
+    fn estop(&self, name: &str, caller: Caller) -> Promise<EStopped> {
+        if name == "endless" {
+            self.asked.lock().unwrap().push("estop endless".to_owned());
+            return Box::pin(std::future::pending());
+        }
+        let stopped = EStopped {
+            plate: name.to_owned(),
+            silent: true,
+            persisted: true,
+            requested_at_s: Some(1.0),
+            silent_at_s: Some(1.00005),
+            wall_s: Some(0.0001),
+        };
+        self.say(format!("estop {name} by {}", caller.name), name == PLATE, stopped)
+    }
+
+    fn reset(&self, name: &str, request: ResetRequest, _: Caller) -> Promise<Plate> {
+        self.say(format!("reset {name} by {}: {}", request.operator, request.reason), name == PLATE, plate())
+    }
+
+    fn resume(&self, name: &str, _: Caller) -> Promise<Plate> {
+        self.say(format!("resume {name}"), name == PLATE, plate())
+    }
+
+    fn ailments(&self) -> Vec<String> {
+        self.ailments.lock().unwrap().clone()
+    }
+
+    fn obstacles(&self) -> Vec<String> {
+        self.ailments()
+    }
+
+    fn metrics(&self) -> String {
+        "# EOF\n".to_owned()
+    }
+
+    fn watch(&self, id: &str, feed: Feed) -> Promise<Opening> {
+        self.feeds.lock().unwrap().push(feed);
+        let over = || Opening { snapshot: "{}".to_owned(), newest: 0, is_over: true };
+        let opening = self.opening.lock().unwrap().clone().unwrap_or_else(over);
+        self.say(format!("watch {id}"), id == JOB, opening)
+    }
+
+    fn replay(&self, _: &str, after: u64, most: usize) -> Promise<Replayed> {
+        let mut replayed = self.kept.lock().unwrap().clone();
+        replayed.events.retain(|event| event.seq.is_some_and(|seq| seq > after));
+        replayed.events.truncate(most);
+        self.say(format!("replay {after}"), true, replayed)
+    }
+
+    fn frame(&self, id: &str) -> Promise<Picture> {
+        let picture = Picture { png: Bytes::from_static(b"\x89PNG"), age: Duration::from_micros(12_900) };
+        self.say(format!("frame {id}"), id == JOB, picture)
+    }
+
+    fn recording(&self, id: &str) -> Promise<Recording> {
+        use std::io::{Seek, Write};
+        let bytes = self.recording.lock().unwrap().clone();
+        let mut file = tempfile::tempfile().unwrap();
+        file.write_all(&bytes).unwrap();
+        file.rewind().unwrap();
+        let recording = Recording { file, bytes: bytes.len() as u64, name: "rest.rrd".to_owned() };
+        self.say(format!("recording {id}"), id == JOB, recording)
+    }
+
+    fn asset(&self, name: &str) -> Option<Asset> {
+        (name == "index.html").then(|| Asset {
+            media: "text/html; charset=utf-8",
+            bytes: Bytes::from_static(b"<!doctype html>"),
+            etag: "\"1\"".to_owned(),
+        })
+    }
+}

@@ -1,0 +1,195 @@
+use std::future::{Future, poll_fn};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::pin::pin;
+use std::sync::Arc;
+use std::task::Poll;
+use std::time::Duration;
+
+use axum::body::Body;
+use axum::extract::{Request, State};
+use axum::http::header::{CONNECTION, CONTENT_LENGTH, EXPECT};
+use axum::http::{HeaderMap, HeaderValue, Method, Uri};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use bytes::{Bytes, BytesMut};
+use http_body_util::BodyExt;
+use tokio::time::timeout;
+
+use super::{Problem, ProblemKind};
+use upm_runner::config::MOST_BYTES;
+
+/// Most of a body that is too large read off before the answer, so that clients that only then read will see it.
+const DRAINED_BYTES: usize = 64 << 10;
+
+/// Longest time for that.
+const DRAIN_TIME: Duration = Duration::from_millis(500);
+
+/// What one client may ask of the server.
+#[derive(Clone, Debug)]
+pub struct Limits {
+    /// Longest address, bytes.
+    pub uri_bytes: usize,
+    /// Largest header, bytes.
+    pub header_bytes: usize,
+    /// Most header lines.
+    pub header_lines: usize,
+    /// Largest body, bytes.
+    pub body_bytes: usize,
+    /// Longest time for a header to come in whole, and longest rest of a connection between requests.
+    pub header_time: Duration,
+    /// Longest time for a body to come in whole.
+    pub body_time: Duration,
+    /// Longest time until an answer starts.
+    pub handler_time: Duration,
+    /// Longest time a client may take nothing of what is written to it.
+    pub stalled_time: Duration,
+    /// Most connections at once, the spare ones among them. An idle one holds some 20 KiB beside the socket's buffers in
+    /// the kernel; one that sends, a header of at most 32 KiB and then its body, which takes up to twice
+    /// [`Limits::body_bytes`] while it grows.
+    pub connections: usize,
+    /// Connections kept for e-stop, the list of plates it begins with, and health.
+    pub spare_connections: usize,
+    /// Longest time for a header to come in whole on a spare connection.
+    pub spare_header_time: Duration,
+    /// Event streams at once.
+    pub watchers: usize,
+    /// Longest silence on an event stream.
+    pub heartbeat_time: Duration,
+    /// Recordings sent at once.
+    pub downloads: usize,
+    /// Longest time for requests under way when the server ends.
+    pub ending_time: Duration,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            uri_bytes: 4 << 10,
+            header_bytes: 16 << 10,
+            header_lines: 64,
+            body_bytes: usize::try_from(MOST_BYTES).unwrap_or(usize::MAX),
+            header_time: Duration::from_secs(5),
+            body_time: Duration::from_secs(10),
+            handler_time: Duration::from_secs(10),
+            stalled_time: Duration::from_secs(20),
+            connections: 1280,
+            spare_connections: 32,
+            spare_header_time: Duration::from_secs(2),
+            watchers: 256,
+            heartbeat_time: Duration::from_secs(5),
+            downloads: 8,
+            ending_time: Duration::from_millis(1500),
+        }
+    }
+}
+
+impl Limits {
+    /// The body, as long as it is within the limits of size and time.
+    pub(in crate::service) async fn read_body(&self, headers: &HeaderMap, body: Body) -> Result<Bytes, Problem> {
+        let announced = headers.get(CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
+        if announced.is_some_and(|bytes| bytes > self.body_bytes as u64) {
+            // a client that waits for `100 Continue` sends nothing before it is asked to
+            if !headers.contains_key(EXPECT) {
+                let _ = timeout(DRAIN_TIME, collect(body, DRAINED_BYTES)).await;
+            }
+            return Err(self.too_large());
+        }
+        match timeout(self.body_time, collect(body, self.body_bytes)).await {
+            Ok(Ok(bytes)) => Ok(bytes),
+            Ok(Err(Unread::TooLarge)) => Err(self.too_large()),
+            Ok(Err(Unread::Broken)) => Err(Problem::new(ProblemKind::Malformed, "the body broke off")),
+            Err(_) => {
+                let detail = format!("the body was not here after {} s", self.body_time.as_secs_f64());
+                Err(closing(Problem::new(ProblemKind::RequestTimeout, detail)))
+            }
+        }
+    }
+
+    fn too_large(&self) -> Problem {
+        let detail = format!("a body has at most {} bytes", self.body_bytes);
+        closing(Problem::new(ProblemKind::ContentTooLarge, detail))
+    }
+
+    /// What `handler` answers, if it does so in time.
+    pub(in crate::service) async fn in_time<T>(
+        &self,
+        handler: impl Future<Output = Result<T, Problem>>,
+    ) -> Result<T, Problem> {
+        timeout(self.handler_time, handler).await.unwrap_or_else(|_| {
+            let detail = format!("no answer within {} s", self.handler_time.as_secs_f64());
+            Err(Problem::new(ProblemKind::Unavailable, detail).retry_after(5))
+        })
+    }
+
+    fn check_head(&self, request: &Request) -> Result<(), Problem> {
+        if uri_bytes(request.uri()) > self.uri_bytes {
+            let detail = format!("an address has at most {} bytes", self.uri_bytes);
+            return Err(Problem::new(ProblemKind::UriTooLong, detail));
+        }
+        let headers = request.headers();
+        let line = |(name, value): (_, &HeaderValue)| AsRef::<str>::as_ref(name).len() + value.len() + 4;
+        if headers.len() > self.header_lines || headers.iter().map(line).sum::<usize>() > self.header_bytes {
+            let detail = format!("a header has at most {} lines and {} bytes", self.header_lines, self.header_bytes);
+            return Err(Problem::new(ProblemKind::HeaderTooLarge, detail));
+        }
+        if request.extensions().get::<Spare>().is_some() && !may_use_spare(request) {
+            let detail = "too many connections; those left are for e-stop, the list of plates and health";
+            return Err(closing(Problem::new(ProblemKind::Unavailable, detail).retry_after(2)));
+        }
+        Ok(())
+    }
+}
+
+/// Marks a request that came over a connection kept for e-stop, the list of plates and health.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spare;
+
+fn may_use_spare(request: &Request) -> bool {
+    let path = request.uri().path();
+    let estop = path.strip_prefix("/v1/plates/").is_some_and(|rest| rest.ends_with("/estop"));
+    let list = path == "/v1/plates" && request.method() == Method::GET;
+    (estop && request.method() == Method::POST) || list || path == "/healthz" || path == "/readyz"
+}
+
+fn uri_bytes(uri: &Uri) -> usize {
+    uri.path_and_query().map_or(0, |part| part.as_str().len()) + uri.authority().map_or(0, |part| part.as_str().len())
+}
+
+fn closing(problem: Problem) -> Problem {
+    problem.with_header(CONNECTION, HeaderValue::from_static("close"))
+}
+
+enum Unread {
+    TooLarge,
+    Broken,
+}
+
+async fn collect(body: Body, most: usize) -> Result<Bytes, Unread> {
+    let (mut body, mut bytes) = (pin!(body), BytesMut::new());
+    while let Some(frame) = body.frame().await {
+        let Ok(data) = frame.map_err(|_| Unread::Broken)?.into_data() else { continue };
+        if bytes.len() + data.len() > most {
+            return Err(Unread::TooLarge);
+        }
+        bytes.extend_from_slice(&data);
+    }
+    Ok(bytes.freeze())
+}
+
+/// The layer: refuses addresses and headers that are too large.
+pub async fn limit(State(limits): State<Arc<Limits>>, request: Request, next: Next) -> Response {
+    match limits.check_head(&request) {
+        Ok(()) => next.run(request).await,
+        Err(problem) => problem.into_response(),
+    }
+}
+
+/// The layer: a handler that panics is a problem of its own request and of no other.
+pub async fn catch(request: Request, next: Next) -> Response {
+    let mut answer = Box::pin(next.run(request));
+    poll_fn(|context| match catch_unwind(AssertUnwindSafe(|| answer.as_mut().poll(context))) {
+        Ok(poll) => poll,
+        Err(_) => Poll::Ready(Problem::new(ProblemKind::Internal, "the handler broke down").into_response()),
+    })
+    .await
+}

@@ -1,0 +1,262 @@
+use axum::body::Body;
+use axum::http::header::{CONTENT_TYPE, RETRY_AFTER};
+use axum::http::{HeaderName, HeaderValue, StatusCode};
+use axum::response::{IntoResponse, Response};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use upm_runner::config::Fault;
+
+/// Media type of problem documents.
+pub(in crate::service) const PROBLEM_JSON: &str = "application/problem+json";
+
+/// Every kind of problem that the API answers with, each with one status of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ProblemKind {
+    /// 400: the request cannot be read.
+    Malformed,
+    /// 401: no valid token.
+    Unauthorized,
+    /// 403: a valid request that is not allowed from here or with this token.
+    Forbidden,
+    /// 404: no such thing.
+    NotFound,
+    /// 405: the path knows other methods.
+    MethodNotAllowed,
+    /// 408: the body came too slowly.
+    RequestTimeout,
+    /// 409: the state of plate or job stands against it.
+    Conflict,
+    /// 413: the body is too large.
+    ContentTooLarge,
+    /// 414: the address is too long.
+    UriTooLong,
+    /// 415: the body is not JSON by its content type.
+    UnsupportedMediaType,
+    /// 416: the range lies outside the file.
+    RangeNotSatisfiable,
+    /// 422: readable, but not valid.
+    Invalid,
+    /// 429: the queue is full.
+    QueueFull,
+    /// 431: the header is too large.
+    HeaderTooLarge,
+    /// 500: the daemon's own fault.
+    Internal,
+    /// 503: not now.
+    Unavailable,
+    /// 507: the disk is full.
+    InsufficientStorage,
+}
+
+impl ProblemKind {
+    /// All kinds, by status.
+    pub const ALL: [Self; 17] = [
+        Self::Malformed,
+        Self::Unauthorized,
+        Self::Forbidden,
+        Self::NotFound,
+        Self::MethodNotAllowed,
+        Self::RequestTimeout,
+        Self::Conflict,
+        Self::ContentTooLarge,
+        Self::UriTooLong,
+        Self::UnsupportedMediaType,
+        Self::RangeNotSatisfiable,
+        Self::Invalid,
+        Self::QueueFull,
+        Self::HeaderTooLarge,
+        Self::Internal,
+        Self::Unavailable,
+        Self::InsufficientStorage,
+    ];
+
+    fn row(self) -> (StatusCode, &'static str, &'static str) {
+        match self {
+            Self::Malformed => (StatusCode::BAD_REQUEST, "malformed", "The request cannot be read"),
+            Self::Unauthorized => (StatusCode::UNAUTHORIZED, "unauthorized", "A valid bearer token is needed"),
+            Self::Forbidden => (StatusCode::FORBIDDEN, "forbidden", "The request is not allowed"),
+            Self::NotFound => (StatusCode::NOT_FOUND, "not-found", "There is no such thing"),
+            Self::MethodNotAllowed => {
+                (StatusCode::METHOD_NOT_ALLOWED, "method-not-allowed", "The path does not know this method")
+            }
+            Self::RequestTimeout => (StatusCode::REQUEST_TIMEOUT, "request-timeout", "The request was sent too slowly"),
+            Self::Conflict => (StatusCode::CONFLICT, "conflict", "The present state does not allow this"),
+            Self::ContentTooLarge => (StatusCode::PAYLOAD_TOO_LARGE, "content-too-large", "The body is too large"),
+            Self::UriTooLong => (StatusCode::URI_TOO_LONG, "uri-too-long", "The address is too long"),
+            Self::UnsupportedMediaType => {
+                (StatusCode::UNSUPPORTED_MEDIA_TYPE, "unsupported-media-type", "The body is of another type")
+            }
+            Self::RangeNotSatisfiable => {
+                (StatusCode::RANGE_NOT_SATISFIABLE, "range-not-satisfiable", "The range lies outside the file")
+            }
+            Self::Invalid => (StatusCode::UNPROCESSABLE_ENTITY, "invalid", "The request is not valid"),
+            Self::QueueFull => (StatusCode::TOO_MANY_REQUESTS, "queue-full", "The queue is full"),
+            Self::HeaderTooLarge => {
+                (StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE, "header-too-large", "The header is too large")
+            }
+            Self::Internal => (StatusCode::INTERNAL_SERVER_ERROR, "internal", "Something broke in the daemon"),
+            Self::Unavailable => (StatusCode::SERVICE_UNAVAILABLE, "unavailable", "The daemon cannot do this now"),
+            Self::InsufficientStorage => (StatusCode::INSUFFICIENT_STORAGE, "insufficient-storage", "The disk is full"),
+        }
+    }
+
+    /// The status it is answered with.
+    pub fn status(self) -> StatusCode {
+        self.row().0
+    }
+
+    /// The kind as an address, the same for ever: `urn:upm:problem:queue-full`.
+    pub fn address(self) -> String {
+        format!("urn:upm:problem:{}", self.row().1)
+    }
+
+    /// The kind in a few words.
+    pub fn title(self) -> &'static str {
+        self.row().2
+    }
+}
+
+/// One thing wrong in what was sent.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct ProblemFault {
+    /// Where: `parts[1].kind`, `$` for the whole.
+    pub path: String,
+    /// What stands there.
+    pub found: String,
+    /// What may stand there.
+    pub allowed: String,
+}
+
+impl From<Fault> for ProblemFault {
+    fn from(fault: Fault) -> Self {
+        Self { path: fault.path, found: fault.found, allowed: fault.allowed }
+    }
+}
+
+/// A problem document (RFC 9457), as it is sent.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct ProblemDocument {
+    /// The kind of problem, `urn:upm:problem:` and a word.
+    #[serde(rename = "type")]
+    pub kind: String,
+    /// The kind in a few words.
+    pub title: String,
+    /// The status of the answer.
+    #[schemars(range(min = 400, max = 599))]
+    pub status: u16,
+    /// What happened this time, and what to do.
+    pub detail: String,
+    /// This request, as in the header `X-Request-Id` and in the log.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instance: Option<String>,
+    /// Every fault of what was sent, when that is what was wrong.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<ProblemFault>,
+}
+
+/// What went wrong with one request. Becomes a problem document; the outermost layer puts the request's name in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Problem {
+    kind: ProblemKind,
+    detail: String,
+    faults: Vec<ProblemFault>,
+    headers: Vec<(HeaderName, HeaderValue)>,
+}
+
+impl Problem {
+    /// A problem of this kind; `detail` is a sentence for a person.
+    pub fn new(kind: ProblemKind, detail: impl Into<String>) -> Self {
+        Self { kind, detail: detail.into(), faults: Vec::new(), headers: Vec::new() }
+    }
+
+    /// With every fault found.
+    pub fn with_faults(mut self, faults: impl IntoIterator<Item = impl Into<ProblemFault>>) -> Self {
+        self.faults.extend(faults.into_iter().map(Into::into));
+        self
+    }
+
+    /// With one fault at `path`.
+    pub fn with_fault(self, path: &str, found: impl Into<String>, allowed: impl Into<String>) -> Self {
+        self.with_faults([ProblemFault { path: path.to_owned(), found: found.into(), allowed: allowed.into() }])
+    }
+
+    /// With the time after which trying again makes sense, s.
+    pub fn retry_after(self, seconds: u32) -> Self {
+        self.with_header(RETRY_AFTER, HeaderValue::from(seconds))
+    }
+
+    /// With one more header.
+    pub fn with_header(mut self, name: HeaderName, value: HeaderValue) -> Self {
+        self.headers.push((name, value));
+        self
+    }
+
+    /// Its kind.
+    pub fn kind(&self) -> ProblemKind {
+        self.kind
+    }
+
+    /// The document, for the request called `instance`.
+    pub fn document(&self, instance: Option<&str>) -> ProblemDocument {
+        ProblemDocument {
+            kind: self.kind.address(),
+            title: self.kind.title().to_owned(),
+            status: self.kind.status().as_u16(),
+            detail: self.detail.clone(),
+            instance: instance.map(|id| format!("urn:upm:request:{id}")),
+            faults: self.faults.clone(),
+        }
+    }
+
+    /// The document as the body of an answer.
+    pub(super) fn body(&self, instance: Option<&str>) -> Body {
+        Body::from(serde_json::to_vec(&self.document(instance)).unwrap_or_default())
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let mut response = Response::new(self.body(None));
+        *response.status_mut() = self.kind.status();
+        response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static(PROBLEM_JSON));
+        response.headers_mut().extend(self.headers.iter().cloned());
+        response.extensions_mut().insert(self);
+        response
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use upm_runner::config::Path;
+
+    #[test]
+    fn every_kind_has_a_status_and_an_address_of_its_own() {
+        let statuses: BTreeSet<u16> = ProblemKind::ALL.iter().map(|kind| kind.status().as_u16()).collect();
+        let addresses: BTreeSet<String> = ProblemKind::ALL.iter().map(|kind| kind.address()).collect();
+        assert_eq!((statuses.len(), addresses.len()), (ProblemKind::ALL.len(), ProblemKind::ALL.len()));
+        assert!(statuses.iter().all(|status| (400..600).contains(status)));
+    }
+
+    #[test]
+    fn a_problem_is_sent_as_its_document() {
+        let fault = Fault::new("job", &Path::root().key("seed"), "\"x\"", "a whole number");
+        let problem = Problem::new(ProblemKind::Invalid, "1 fault").with_faults([fault]).retry_after(7);
+        let json = serde_json::to_value(problem.document(Some("a1"))).unwrap();
+        assert_eq!(
+            json,
+            serde_json::json!({
+                "type": "urn:upm:problem:invalid", "title": "The request is not valid", "status": 422,
+                "detail": "1 fault", "instance": "urn:upm:request:a1",
+                "faults": [{"path": "seed", "found": "\"x\"", "allowed": "a whole number"}],
+            })
+        );
+        let response = problem.into_response();
+        assert_eq!(response.status(), 422);
+        assert_eq!(response.headers()[CONTENT_TYPE], PROBLEM_JSON);
+        assert_eq!(response.headers()[RETRY_AFTER], "7");
+    }
+}

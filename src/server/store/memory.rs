@@ -1,0 +1,296 @@
+use std::collections::BTreeMap;
+use std::io;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use jiff::Timestamp;
+
+use super::ids::Ids;
+use super::{
+    AuditEntry, Cancelled, Claimed, JobEnd, JobId, JobRow, JobState, Ledger, NewEvent, NewJob, Publish, RecordingKept,
+    StoreFault, StoredEvent,
+};
+
+/// A ledger that forgets everything when it is dropped, for tests of those who need one.
+#[derive(Debug)]
+pub struct MemoryLedger {
+    now: fn() -> Timestamp,
+    kept: Mutex<Kept>,
+}
+
+#[derive(Debug)]
+struct Kept {
+    ids: Ids,
+    jobs: BTreeMap<JobId, Entry>,
+    paused: BTreeMap<String, bool>,
+    audit: Vec<AuditEntry>,
+    fault: Option<StoreFault>,
+}
+
+#[derive(Debug)]
+struct Entry {
+    row: JobRow,
+    spec_json: String,
+    events: Vec<StoredEvent>,
+}
+
+impl MemoryLedger {
+    /// Without a job.
+    pub fn new(now: fn() -> Timestamp) -> Self {
+        let (jobs, paused, audit) = Default::default();
+        Self { now, kept: Mutex::new(Kept { ids: Ids::above(None), jobs, paused, audit, fault: None }) }
+    }
+
+    /// Queues a job.
+    pub fn accept(&self, job: NewJob) -> JobRow {
+        let mut kept = self.kept();
+        let submitted_at = (self.now)();
+        let row = job.row(kept.ids.next(submitted_at), submitted_at);
+        let entry = Entry { row: row.clone(), spec_json: job.spec_json, events: Vec::new() };
+        kept.jobs.insert(row.id, entry);
+        row
+    }
+
+    /// Takes a job out of the queue.
+    pub fn cancel_queued(&self, id: &JobId) -> Cancelled {
+        let mut kept = self.kept();
+        let told = kept.end(id, JobState::Queued, JobEnd::before_it_began(), (self.now)());
+        match (kept.jobs.get(id).map(|entry| entry.row.clone()), told) {
+            (None, _) => Cancelled::Unknown,
+            (Some(row), Some(told)) => Cancelled::Now(row, told),
+            (Some(row), None) => Cancelled::Not(row),
+        }
+    }
+
+    /// A job.
+    pub fn job(&self, id: &JobId) -> Option<JobRow> {
+        self.kept().jobs.get(id).map(|entry| entry.row.clone())
+    }
+
+    /// Every job, oldest first.
+    pub fn jobs(&self) -> Vec<JobRow> {
+        self.kept().jobs.values().map(|entry| entry.row.clone()).collect()
+    }
+
+    /// Every event of a job.
+    pub fn events(&self, id: &JobId) -> Vec<StoredEvent> {
+        self.kept().jobs.get(id).map(|entry| entry.events.clone()).unwrap_or_default()
+    }
+
+    /// Whether a plate has been noted as paused, if it has been noted at all.
+    pub fn paused(&self, plate: &str) -> Option<bool> {
+        self.kept().paused.get(plate).copied()
+    }
+
+    /// The audit log.
+    pub fn audit(&self) -> Vec<AuditEntry> {
+        self.kept().audit.clone()
+    }
+
+    /// From now on every write fails with `fault`; `None` mends it.
+    pub fn fail_with(&self, fault: Option<StoreFault>) {
+        self.kept().fault = fault;
+    }
+
+    fn kept(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Kept {
+    fn check(&self) -> Result<(), StoreFault> {
+        self.fault.clone().map_or(Ok(()), Err)
+    }
+
+    fn end(&mut self, id: &JobId, from: JobState, end: JobEnd, at: Timestamp) -> Option<StoredEvent> {
+        let entry = self.jobs.get_mut(id).filter(|entry| entry.row.state == from)?;
+        let event = end.event();
+        entry.row.end(end, at);
+        Some(entry.tell(event, at))
+    }
+}
+
+impl Entry {
+    fn tell(&mut self, event: NewEvent, at: Timestamp) -> StoredEvent {
+        self.row.last_event += 1;
+        let NewEvent { plate_time, kind, body } = event;
+        let stored = StoredEvent { seq: self.row.last_event, at, plate_time, kind: kind.to_owned(), body };
+        self.events.push(stored.clone());
+        stored
+    }
+}
+
+impl Ledger for MemoryLedger {
+    fn claim(
+        &self,
+        plate: &str,
+        folder: &dyn Fn(&JobRow) -> io::Result<String>,
+    ) -> Result<Option<Claimed>, StoreFault> {
+        let mut kept = self.kept();
+        kept.check()?;
+        let next = |entry: &&mut Entry| entry.row.plate == plate && entry.row.state == JobState::Queued;
+        let Some(Entry { row, spec_json, .. }) = kept.jobs.values_mut().find(next) else { return Ok(None) };
+        row.folder = Some(folder(row).map_err(|error| StoreFault::Io(error.to_string()))?);
+        (row.state, row.started_at) = (JobState::Running, Some((self.now)()));
+        Ok(Some(Claimed { row: row.clone(), spec_json: spec_json.clone() }))
+    }
+
+    fn ended(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
+        let mut kept = self.kept();
+        kept.check()?;
+        let told = kept.end(id, JobState::Running, end, (self.now)());
+        let has_ended = kept.jobs.get(id).is_some_and(|entry| entry.row.state.is_final());
+        has_ended.then_some(told).ok_or_else(|| unknown(id))
+    }
+
+    fn tell(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {
+        let stored = {
+            let mut kept = self.kept();
+            let known = kept.check();
+            known
+                .and_then(|()| kept.jobs.get_mut(id).ok_or_else(|| unknown(id)))
+                .map(|entry| entry.tell(event, (self.now)()))
+        };
+        published(stored);
+        true
+    }
+
+    fn progress(&self, id: &JobId, progress: f64) {
+        if let Some(entry) = self.kept().jobs.get_mut(id) {
+            entry.row.progress = progress;
+        }
+    }
+
+    fn note_paused(&self, plate: &str, paused: bool) {
+        self.kept().paused.insert(plate.to_owned(), paused);
+    }
+
+    fn note_act(&self, entry: AuditEntry) -> bool {
+        self.kept().audit.push(entry);
+        true
+    }
+
+    fn write_act(&self, entry: AuditEntry) -> Result<(), StoreFault> {
+        let mut kept = self.kept();
+        kept.check()?;
+        kept.audit.push(entry);
+        Ok(())
+    }
+}
+
+fn unknown(id: &JobId) -> StoreFault {
+    StoreFault::Io(format!("there is no job {id}"))
+}
+
+impl NewJob {
+    /// The row of this job when it has just been accepted.
+    pub(super) fn row(&self, id: JobId, submitted_at: Timestamp) -> JobRow {
+        JobRow {
+            id,
+            name: self.name.clone(),
+            plate: self.plate.clone(),
+            state: JobState::Queued,
+            seed: self.seed,
+            pace: self.pace,
+            rig_fingerprint: self.rig_fingerprint.clone(),
+            library_sha256: self.library_sha256.clone(),
+            submitted_at,
+            started_at: None,
+            finished_at: None,
+            progress: 0.0,
+            reason: String::new(),
+            report_json: None,
+            folder: None,
+            recording: RecordingKept::None,
+            last_event: 0,
+        }
+    }
+}
+
+impl JobRow {
+    fn end(&mut self, end: JobEnd, finished_at: Timestamp) {
+        let JobEnd { state, reason, report_json, recording, .. } = end;
+        if state == JobState::Completed {
+            self.progress = 1.0;
+        }
+        (self.state, self.reason, self.report_json, self.recording) = (state, reason, report_json, recording);
+        self.finished_at = Some(finished_at);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::sync::mpsc::sync_channel;
+
+    use super::*;
+    use crate::store::JobPace;
+    use upm_core::time::PlateTime;
+
+    fn new_job(plate: &str) -> NewJob {
+        NewJob {
+            name: "hold".into(),
+            plate: plate.into(),
+            seed: 3,
+            pace: JobPace::Max,
+            spec_json: "{}".into(),
+            rig_fingerprint: String::new(),
+            library_sha256: String::new(),
+            body_sha256: [0; 32],
+            key: None,
+        }
+    }
+
+    fn folder(row: &JobRow) -> io::Result<String> {
+        Ok(format!("{}-{}", row.name, row.seed))
+    }
+
+    #[test]
+    fn the_oldest_job_of_a_plate_is_claimed_once() {
+        let ledger = MemoryLedger::new(|| Timestamp::UNIX_EPOCH);
+        let [first, second, other] = ["a", "a", "b"].map(|plate| ledger.accept(new_job(plate)).id);
+        let claimed = ledger.claim("a", &folder).unwrap().unwrap().row;
+        assert_eq!((claimed.id, claimed.state, claimed.folder.as_deref()), (first, JobState::Running, Some("hold-3")));
+        let fault = StoreFault::Io("no room".into());
+        assert_eq!(ledger.claim("a", &|_| Err(io::Error::other("no room"))), Err(fault));
+        assert_eq!(ledger.claim("a", &folder).unwrap().unwrap().row.id, second);
+        assert_eq!(ledger.claim("a", &folder), Ok(None));
+        assert!(matches!(ledger.cancel_queued(&other), Cancelled::Now(..)));
+        assert!(matches!(ledger.cancel_queued(&first), Cancelled::Not(row) if row.state == JobState::Running));
+        assert_eq!(ledger.claim("b", &folder), Ok(None));
+    }
+
+    #[test]
+    fn a_job_ends_once_and_faults_can_be_made() {
+        let ledger = MemoryLedger::new(|| Timestamp::UNIX_EPOCH);
+        let id = ledger.accept(new_job("a")).id;
+        ledger.claim("a", &folder).unwrap();
+        let end = |state| JobEnd {
+            at: PlateTime::ZERO,
+            state,
+            reason: "done".into(),
+            report_json: None,
+            recording: RecordingKept::Whole,
+        };
+        ledger.fail_with(Some(StoreFault::Full));
+        assert_eq!(ledger.ended(&id, end(JobState::Completed)), Err(StoreFault::Full));
+        ledger.fail_with(None);
+        assert_eq!(ledger.ended(&id, end(JobState::Completed)).map(|told| told.unwrap().seq), Ok(1));
+        assert_eq!(ledger.ended(&id, end(JobState::Failed)), Ok(None));
+        let row = ledger.job(&id).unwrap();
+        assert_eq!((row.state, row.progress, row.recording), (JobState::Completed, 1.0, RecordingKept::Whole));
+    }
+
+    #[test]
+    fn events_count_from_one() {
+        let ledger = MemoryLedger::new(|| Timestamp::UNIX_EPOCH);
+        let id = ledger.accept(new_job("a")).id;
+        let (sender, receiver) = sync_channel(2);
+        for text in ["1", "2"] {
+            let sender = sender.clone();
+            let event = NewEvent { plate_time: PlateTime::ZERO, kind: "cycle", body: Arc::from(text) };
+            assert!(ledger.tell(&id, event, Box::new(move |stored| sender.send(stored.unwrap().seq).unwrap())));
+        }
+        assert_eq!(receiver.try_iter().collect::<Vec<_>>(), [1, 2]);
+        assert_eq!(ledger.events(&id).iter().map(|event| &*event.body).collect::<Vec<_>>(), ["1", "2"]);
+    }
+}

@@ -1,0 +1,269 @@
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Arc, PoisonError, RwLock};
+use std::thread;
+use std::time::Duration;
+
+use jiff::{SignedDuration, Timestamp};
+
+use super::orders::Orders;
+use super::places::Places;
+use super::salvage::modified;
+use super::{JobId, Limits, StoreFault};
+use upm_core::priority::step_back;
+
+/// Time between two sweeps.
+const SWEEP_EVERY: Duration = Duration::from_secs(60);
+
+/// A folder without a job may be one that a person is just putting there, until it is this old.
+const ORPHAN_AGE: Duration = Duration::from_secs(3600);
+
+/// What a sweep did.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Swept {
+    /// Names of the run folders that were deleted.
+    pub deleted: Vec<String>,
+    /// Bytes of those that are left.
+    pub bytes: u64,
+}
+
+/// Who asks for a sweep and waits for it; `None` when nobody waits.
+type Asked = Option<SyncSender<Result<Swept, StoreFault>>>;
+
+/// The thread that deletes run folders. It ends with the store.
+#[derive(Debug)]
+pub(super) struct Retention {
+    asked: SyncSender<Asked>,
+    /// Bytes of run folders when they were counted last; `u64::MAX` before.
+    bytes: Arc<AtomicU64>,
+}
+
+impl Retention {
+    pub fn start(sweeper: Sweeper) -> io::Result<Self> {
+        let (sender, asked) = sync_channel(1);
+        let bytes = Arc::clone(&sweeper.bytes);
+        thread::Builder::new().name("store-sweep".into()).spawn(move || {
+            step_back();
+            sweeper.run(&asked);
+        })?;
+        Ok(Self { asked: sender, bytes })
+    }
+
+    /// Asks for a sweep; one that is asked for already will do.
+    pub fn poke(&self) {
+        let _ = self.asked.try_send(None);
+    }
+
+    /// Bytes of run folders when they were counted last.
+    pub fn bytes(&self) -> Option<u64> {
+        Some(self.bytes.load(Ordering::Relaxed)).filter(|bytes| *bytes != u64::MAX)
+    }
+
+    /// Asks for a sweep and waits for it.
+    pub fn sweep(&self) -> Result<Swept, StoreFault> {
+        let (done, swept) = sync_channel(1);
+        self.asked.send(Some(done)).map_err(|_| StoreFault::Closed)?;
+        swept.recv().unwrap_or(Err(StoreFault::Closed))
+    }
+}
+
+/// Held shared from the making of a run folder until its row names it, and alone by who looks for folders without one.
+pub(super) type Begins = Arc<RwLock<()>>;
+
+/// Run folders of jobs by name, with the time at which each job ended.
+type RunFolders = BTreeMap<String, (JobId, Option<Timestamp>)>;
+
+/// A run folder that may be deleted.
+#[derive(Clone, Debug, PartialEq)]
+struct Kept {
+    name: String,
+    /// Its job; `None` for one that belongs to none.
+    job: Option<JobId>,
+    finished_at: Timestamp,
+    bytes: u64,
+}
+
+/// Deletes run folders that are too old or too many.
+#[derive(Debug)]
+pub(super) struct Sweeper {
+    places: Places,
+    limits: Limits,
+    now: fn() -> Timestamp,
+    orders: Orders,
+    begins: Begins,
+    /// Sizes of the folders of jobs that have ended.
+    sizes: BTreeMap<String, u64>,
+    /// What there is of them all.
+    bytes: Arc<AtomicU64>,
+}
+
+impl Sweeper {
+    pub fn new(places: Places, limits: Limits, now: fn() -> Timestamp, orders: Orders, begins: Begins) -> Self {
+        let bytes = Arc::new(AtomicU64::new(u64::MAX));
+        Self { places, limits, now, orders, begins, sizes: BTreeMap::new(), bytes }
+    }
+
+    fn run(mut self, asked: &Receiver<Asked>) {
+        loop {
+            let asked = match asked.recv_timeout(SWEEP_EVERY) {
+                Ok(asked) => asked,
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => return,
+            };
+            let swept = self.sweep();
+            match (asked, swept) {
+                (Some(done), swept) => drop(done.try_send(swept)),
+                (None, Ok(_) | Err(StoreFault::Closed)) => {}
+                (None, Err(fault)) => tracing::warn!("old run folders are not deleted: {fault}"),
+            }
+        }
+    }
+
+    /// Deletes and forgets; whatever becomes of the one, the other is done.
+    fn sweep(&mut self) -> Result<Swept, StoreFault> {
+        let swept = self.delete_folders();
+        let forgotten = self.orders.written(true, |books| books.forget_keys().and_then(|()| books.forget_jobs()));
+        forgotten.and(swept)
+    }
+
+    /// A folder that cannot be deleted is in no other's way.
+    fn delete_folders(&mut self) -> Result<Swept, StoreFault> {
+        let (folders, mut bytes) = self.folders()?;
+        let oldest = before((self.now)(), self.limits.runs_age);
+        let (mut deleted, mut faults) = (Vec::new(), Vec::new());
+        for kept in folders {
+            if kept.finished_at >= oldest && bytes <= self.limits.runs_bytes {
+                break;
+            }
+            if self.delete(&kept, &mut faults)? {
+                bytes = bytes.saturating_sub(kept.bytes);
+                deleted.push(kept.name);
+            }
+        }
+        self.bytes.store(bytes, Ordering::Relaxed);
+        if let Some(first) = faults.first() {
+            tracing::warn!(folders = faults.len(), "old run folders cannot be deleted, the first: {first}");
+        }
+        Ok(Swept { deleted, bytes })
+    }
+
+    /// The folders that may go, oldest first, and the bytes of all there are.
+    fn folders(&mut self) -> Result<(Vec<Kept>, u64), StoreFault> {
+        let (names, rows) = self.names_and_rows()?;
+        let (mut folders, mut bytes) = (Vec::new(), 0);
+        let mut sizes = BTreeMap::new();
+        for name in names {
+            let path = self.places.runs.join(&name);
+            let (job, finished_at) = match rows.get(&name) {
+                Some((id, finished_at)) => (Some(*id), *finished_at),
+                None => (None, self.orphaned_at(&path)),
+            };
+            let known = self.sizes.get(&name).filter(|_| finished_at.is_some());
+            let size = known.copied().unwrap_or_else(|| size_of(&path));
+            bytes += size;
+            if let Some(finished_at) = finished_at {
+                sizes.insert(name.clone(), size);
+                folders.push(Kept { name, job, finished_at, bytes: size });
+            }
+        }
+        self.sizes = sizes;
+        folders.sort_by(|a, b| a.finished_at.cmp(&b.finished_at).then_with(|| a.name.cmp(&b.name)));
+        Ok((folders, bytes))
+    }
+
+    /// Names of the run folders, and the rows that name them, with no claim between its folder and its row.
+    fn names_and_rows(&self) -> Result<(Vec<String>, RunFolders), StoreFault> {
+        let _none_begins = self.begins.write().unwrap_or_else(PoisonError::into_inner);
+        Ok((self.places.run_names()?, self.orders.written(true, |books| books.folders())?))
+    }
+
+    /// When a folder without a job was left; `None` while it may be one that is being made.
+    fn orphaned_at(&self, path: &Path) -> Option<Timestamp> {
+        modified(path).filter(|at| *at < before((self.now)(), ORPHAN_AGE))
+    }
+
+    /// First the row, then the folder: no row ever names a folder that is gone. False when the folder stays, its job's as
+    /// before; what stood in the way is added to `faults`.
+    fn delete(&mut self, kept: &Kept, faults: &mut Vec<String>) -> Result<bool, StoreFault> {
+        let Kept { name, job, .. } = kept;
+        let row = match *job {
+            None => None,
+            Some(id) => {
+                let folder = name.clone();
+                let Some(recording) = self.orders.written(true, move |books| books.prune(&id, &folder))? else {
+                    return Ok(false);
+                };
+                Some((id, recording))
+            }
+        };
+        let folder = self.places.runs.join(name);
+        // what is out of the way and cannot be removed is tried again at the next start
+        let removed = self.move_away(&folder, name).and_then(|trash| remove(&trash));
+        faults.extend(removed.err().map(|error| format!("{}: {error}", folder.display())));
+        if folder.exists() {
+            if let Some((id, recording)) = row {
+                let name = name.clone();
+                self.orders.written(true, move |books| books.give_back(&id, &name, recording))?;
+            }
+            return Ok(false);
+        }
+        self.sizes.remove(name);
+        Ok(true)
+    }
+
+    /// Takes a run folder out of the folder of runs, to where it is removed at leisure; where that is.
+    fn move_away(&self, folder: &Path, name: &str) -> io::Result<PathBuf> {
+        let Places { trash, runs_trash, .. } = &self.places;
+        match move_into(trash, folder, name) {
+            // the run folders lie on another disk
+            Err(error) if error.kind() == io::ErrorKind::CrossesDevices => move_into(runs_trash, folder, name),
+            moved => moved,
+        }
+    }
+}
+
+fn move_into(trash: &Path, folder: &Path, name: &str) -> io::Result<PathBuf> {
+    let path = trash.join(name);
+    fs::create_dir_all(trash)?;
+    remove(&path)?;
+    fs::rename(folder, &path)?;
+    Ok(path)
+}
+
+/// Removes what an earlier sweep had no time for. What cannot be removed now is tried again at the next start.
+pub(super) fn empty_trash(trash: &Path) {
+    let Ok(entries) = fs::read_dir(trash) else { return };
+    for entry in entries.flatten() {
+        if let Err(error) = remove(&entry.path()) {
+            tracing::warn!("{}: not removed: {error}", entry.path().display());
+        }
+    }
+}
+
+fn remove(folder: &Path) -> io::Result<()> {
+    match fs::remove_dir_all(folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        other => other,
+    }
+}
+
+/// Bytes of all files below a folder. Links are not followed; what cannot be read counts nothing.
+fn size_of(folder: &Path) -> u64 {
+    let Ok(entries) = fs::read_dir(folder) else { return 0 };
+    let size = |entry: fs::DirEntry| match entry.metadata() {
+        Ok(file) if file.is_dir() => size_of(&entry.path()),
+        Ok(file) => file.len(),
+        Err(_) => 0,
+    };
+    entries.flatten().map(size).sum()
+}
+
+/// The time `ago` before `now`.
+pub(super) fn before(now: Timestamp, ago: Duration) -> Timestamp {
+    let ago = SignedDuration::try_from(ago).unwrap_or(SignedDuration::MAX);
+    now.checked_sub(ago).unwrap_or(Timestamp::MIN)
+}

@@ -1,0 +1,195 @@
+mod crashes;
+mod damage;
+mod events;
+mod forgotten;
+mod full_disk;
+mod peeking;
+mod queue;
+mod recordings;
+mod sweeping;
+
+use std::io;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::time::Duration;
+
+use jiff::Timestamp;
+
+use super::task::{Task, task};
+use super::{
+    Accepted, AuditEntry, Claimed, FINISHED, JobEnd, JobId, JobPace, JobRow, JobState, Ledger, Limits, Mended,
+    NewEvent, NewJob, Opened, Page, RecordingKept, Store, StoreFault,
+};
+use upm_core::time::PlateTime;
+
+/// Longest wait for an answer of a store that works.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+impl Store {
+    /// Keeps it from writing until what this returns is dropped.
+    pub(crate) fn hold(&self) -> SyncSender<()> {
+        let ((let_go, gate), (stop, stopped)) = (sync_channel(0), sync_channel(0));
+        self.orders.write(wish(move |_| {
+            stop.send(()).unwrap();
+            assert!(gate.recv().is_err());
+        }));
+        stopped.recv_timeout(PATIENCE).unwrap();
+        let_go
+    }
+}
+
+/// A task that writes nothing.
+fn wish(done: impl FnOnce(Result<(), StoreFault>) + Send + 'static) -> Box<dyn Task> {
+    task(true, |_| Ok(()), done)
+}
+
+/// Notes whether a plate is paused, and waits until that is on the disk.
+fn set_paused(store: &Store, plate: &'static str, paused: bool) {
+    store.orders.written(true, move |books| books.set_paused(plate, paused)).unwrap();
+}
+
+fn noon() -> Timestamp {
+    Timestamp::from_second(1_800_000_000).unwrap()
+}
+
+fn limits() -> Limits {
+    Limits { reserve_bytes: 1 << 20, ..Limits::default() }
+}
+
+fn plates() -> Vec<String> {
+    ["a", "b"].map(String::from).to_vec()
+}
+
+/// A repair that finds every recording cut.
+fn repair(part: &Path, whole: &Path) -> Result<Mended, String> {
+    std::fs::rename(part, whole).map_err(|error| error.to_string())?;
+    Ok(Mended { messages: 3, cut_bytes: 7, was_whole: false })
+}
+
+fn try_open(data: &Path, limits: Limits) -> Result<Opened, StoreFault> {
+    Store::open(data, &plates(), limits, noon, &repair)
+}
+
+/// Opens a store that a test before this may be about to leave.
+fn open(data: &Path, limits: Limits) -> Opened {
+    for _ in 0..1000 {
+        match try_open(data, limits.clone()) {
+            Err(StoreFault::Io(reason)) if reason.contains("another daemon") => {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+            other => return other.unwrap(),
+        }
+    }
+    panic!("the store stays locked");
+}
+
+/// A store of its own in a folder of its own.
+fn new_store(limits: Limits) -> (tempfile::TempDir, Store) {
+    let folder = tempfile::tempdir().unwrap();
+    let Opened { store, recovery } = open(folder.path(), limits);
+    assert_eq!((recovery.clean, recovery.damage, recovery.paused.len()), (true, None, 0));
+    (folder, store)
+}
+
+fn new_job(name: &str, plate: &str) -> NewJob {
+    NewJob {
+        name: name.into(),
+        plate: plate.into(),
+        seed: u64::MAX,
+        pace: JobPace::Max,
+        spec_json: format!("{{\"name\": {name:?}}}"),
+        rig_fingerprint: "0123456789abcdef".into(),
+        library_sha256: "fedcba".into(),
+        body_sha256: [7; 32],
+        key: None,
+    }
+}
+
+/// Waits for the answer of a callback.
+fn ask<T: Send + 'static>(question: impl FnOnce(Box<dyn FnOnce(T) + Send>)) -> T {
+    let (sender, answer) = sync_channel(1);
+    question(Box::new(move |made| sender.send(made).unwrap()));
+    answer.recv_timeout(PATIENCE).unwrap()
+}
+
+fn accept(store: &Store, job: NewJob) -> Result<Accepted, StoreFault> {
+    ask(|done| store.accept(job, done))
+}
+
+/// Queues a job that must be taken.
+fn queue(store: &Store, name: &str, plate: &str) -> JobRow {
+    match accept(store, new_job(name, plate)) {
+        Ok(Accepted::New(row)) => row,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn job(store: &Store, id: JobId) -> JobRow {
+    ask(|done| store.job(&id, done)).unwrap().unwrap()
+}
+
+fn all_jobs(store: &Store) -> Vec<JobRow> {
+    let (mut rows, mut cursor) = (Vec::new(), None);
+    loop {
+        let page = ask(|done| store.list(Page { state: None, limit: Page::MOST, cursor }, done)).unwrap();
+        rows.extend(page.rows);
+        cursor = page.next;
+        if cursor.is_none() {
+            return rows;
+        }
+    }
+}
+
+/// Makes a run folder as a plate does.
+fn folder(store: &Store) -> impl Fn(&JobRow) -> io::Result<String> {
+    let runs = store.runs().to_owned();
+    move |row| {
+        std::fs::create_dir(runs.join(&row.name))?;
+        Ok(row.name.clone())
+    }
+}
+
+/// Queues a job and has its plate take it.
+fn begin(store: &Store, name: &str, plate: &str) -> Claimed {
+    queue(store, name, plate);
+    store.claim(plate, &folder(store)).unwrap().unwrap()
+}
+
+fn end(state: JobState) -> JobEnd {
+    let at = PlateTime::from_secs(2.5);
+    JobEnd { at, state, reason: "so it went".into(), report_json: Some("{}".into()), recording: RecordingKept::Whole }
+}
+
+fn event(kind: &'static str, body: &str) -> NewEvent {
+    NewEvent { plate_time: PlateTime::from_secs(1.5), kind, body: Arc::from(body) }
+}
+
+/// Tells an event and gives its number.
+fn tell(store: &Store, id: JobId, body: &str) -> Result<u64, StoreFault> {
+    ask(|done| assert!(store.tell(&id, event("cycle", body), done))).map(|stored| stored.seq)
+}
+
+fn act(operator: &str) -> AuditEntry {
+    AuditEntry { plate: Some("a".into()), act: "reset".into(), operator: operator.into(), ..AuditEntry::default() }
+}
+
+/// A copy of all that is on the disk, as a kill at this moment would leave it.
+fn snapshot(data: &Path) -> tempfile::TempDir {
+    let copy = tempfile::tempdir().unwrap();
+    copy_folder(data, copy.path());
+    copy
+}
+
+fn copy_folder(from: &Path, to: &Path) {
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let there = to.join(entry.file_name());
+        if entry.file_type().unwrap().is_dir() {
+            std::fs::create_dir(&there).unwrap();
+            copy_folder(&entry.path(), &there);
+        } else {
+            std::fs::copy(entry.path(), there).unwrap();
+        }
+    }
+}

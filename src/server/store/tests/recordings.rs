@@ -1,0 +1,74 @@
+//! Recordings that a daemon left.
+
+use std::fs;
+
+use super::crashes::killed;
+use super::*;
+use upm_recording::ENDED_EARLY;
+
+fn finished(store: &Store, name: &str, recording: RecordingKept) -> JobId {
+    let id = begin(store, name, "a").row.id;
+    store.ended(&id, JobEnd { recording, ..end(JobState::Completed) }).unwrap();
+    id
+}
+
+#[test]
+fn a_recording_that_failed_is_repaired_where_something_is_left_of_it() {
+    let (folder, store) = new_store(limits());
+    let failed = ["cut", "closed", "none"].map(|name| finished(&store, name, RecordingKept::Failed));
+    let whole = finished(&store, "whole", RecordingKept::Whole);
+    fs::write(store.runs().join("cut/run.rrd.part"), "rerun").unwrap();
+    fs::write(store.runs().join("closed/run.rrd"), "rerun").unwrap();
+    let (_copy, Opened { store, recovery }) = killed(folder.path());
+    assert_eq!((recovery.repaired.len(), recovery.interrupted.len(), recovery.ended.len()), (1, 0, 0));
+    let kept = [RecordingKept::Recovered, RecordingKept::Failed, RecordingKept::Failed];
+    assert_eq!(failed.map(|id| job(&store, id).recording), kept);
+    assert_eq!(job(&store, whole).recording, RecordingKept::Whole);
+    assert!(store.runs().join("cut/run.rrd").exists());
+    let row = job(&store, failed[0]);
+    assert_eq!((row.state, row.reason.as_str(), row.finished_at), (JobState::Completed, "so it went", Some(noon())));
+}
+
+#[test]
+fn a_recording_closed_before_its_run_was_over_is_no_whole_one() {
+    let (folder, store) = new_store(limits());
+    let runs = [
+        ("stopped", "stopped, the disk is nearly full", "run.rrd", RecordingKept::Stopped),
+        ("lagged", "the recorder lags", "run.rrd", RecordingKept::Stopped),
+        ("unnamed", "no space", "run.rrd.part", RecordingKept::Stopped),
+        ("whole", "", "run.rrd", RecordingKept::Whole),
+    ];
+    let ids = runs.map(|(name, why, file, _)| {
+        let id = begin(&store, name, "a").row.id;
+        let text = if why.is_empty() { "a part was lost".into() } else { format!("{ENDED_EARLY}{why}") };
+        let event = format!("{{\"type\":\"event\",\"at_s\":1.5,\"level\":\"warning\",\"text\":{text:?}}}\n");
+        fs::write(store.runs().join(name).join("journal.jsonl"), event.repeat(3)).unwrap();
+        fs::write(store.runs().join(name).join(file), "rerun").unwrap();
+        id
+    });
+    let was_whole =
+        |part: &Path, whole: &Path| super::repair(part, whole).map(|mended| Mended { was_whole: true, ..mended });
+    let copy = snapshot(folder.path());
+    let store = Store::open(copy.path(), &plates(), limits(), noon, &was_whole).unwrap().store;
+    assert_eq!(ids.map(|id| job(&store, id).recording), runs.map(|(.., kept)| kept));
+}
+
+#[test]
+fn a_start_killed_before_a_repaired_file_has_its_name_still_marks_it() {
+    let (folder, store) = new_store(limits());
+    let id = begin(&store, "one", "a").row.id;
+    fs::write(store.runs().join("one/run.rrd.part"), "cut").unwrap();
+    let first = snapshot(folder.path());
+    let second = tempfile::tempdir().unwrap();
+    let repair = |part: &Path, whole: &Path| {
+        fs::write(part, "mended").unwrap();
+        copy_folder(first.path(), second.path());
+        super::repair(part, whole)
+    };
+    Store::open(first.path(), &plates(), limits(), noon, &repair).unwrap();
+    let was_whole =
+        |part: &Path, whole: &Path| super::repair(part, whole).map(|mended| Mended { was_whole: true, ..mended });
+    let Opened { store, recovery } = Store::open(second.path(), &plates(), limits(), noon, &was_whole).unwrap();
+    assert_eq!((recovery.repaired.len(), recovery.interrupted), (1, vec![id]));
+    assert_eq!(job(&store, id).recording, RecordingKept::Recovered);
+}

@@ -1,0 +1,28 @@
+//! The simulated rig, the only owner of ground truth.
+
+mod accelerometers;
+mod camera;
+mod collision;
+mod friction;
+mod guard;
+mod motors;
+mod open_loop;
+mod oscillator;
+mod params;
+mod parts;
+mod plant;
+mod plate;
+#[cfg(test)]
+mod pump_tests;
+mod simulated_rig;
+
+pub use accelerometers::Accelerometers;
+pub use camera::{Camera, DiscShape, Snapshot};
+pub use friction::DiscFriction;
+pub use motors::{Motors, forces_of_wrench, wrench_of_forces};
+pub use open_loop::{OpenLoopError, OpenPulse, PartTrajectory, PlateMode, Trajectories, check_pulses, simulate};
+pub use params::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PartParams, PlateParams, SimParams};
+pub use parts::{PartMotion, Parts};
+pub use plant::Plant;
+pub use plate::{Plate, PlateMotion, Wrench};
+pub use simulated_rig::SimRig;

@@ -1,0 +1,92 @@
+//! The interface of this crate in a build without Rerun.
+
+use std::io;
+use std::path::Path;
+
+use upm_control::Sink;
+use upm_recording::{Keeping, LocalisedRecord, RerunMode};
+
+use crate::experiment::Experiment;
+use crate::types::{RecordingError, RecordingStats, Repaired, RunContext};
+
+/// In place of a recording: takes everything, keeps nothing.
+pub struct RerunSink(());
+
+impl RerunSink {
+    /// Refuses every mode but [`RerunMode::Off`].
+    pub fn check(mode: &RerunMode) -> Result<(), RecordingError> {
+        refuse(mode).map(|_| ())
+    }
+
+    /// Starts nothing. Refuses every mode but [`RerunMode::Off`].
+    pub fn start(
+        mode: &RerunMode,
+        _path: &Path,
+        _live: Option<&LiveServer>,
+        _context: RunContext,
+        _keeping: &Keeping,
+    ) -> Result<Self, RecordingError> {
+        refuse(mode).map(|_| Self(()))
+    }
+
+    /// Closes nothing.
+    pub fn finish(self) -> Result<RecordingStats, RecordingError> {
+        Ok(RecordingStats::default())
+    }
+}
+
+impl Sink for RerunSink {}
+
+/// In place of a live stream; there is no value of this type.
+#[derive(Clone, Debug)]
+pub enum LiveServer {}
+
+impl LiveServer {
+    /// `Err` with [`io::ErrorKind::Unsupported`].
+    pub fn start(_port: Option<u16>, _history_bytes: u64) -> io::Result<Self> {
+        Err(io::Error::new(io::ErrorKind::Unsupported, "this build was made without the feature `rerun`"))
+    }
+
+    /// The address of the stream.
+    pub fn uri(&self) -> &str {
+        match *self {}
+    }
+
+    /// Messages dropped.
+    pub fn dropped(&self) -> u64 {
+        match *self {}
+    }
+}
+
+/// Refuses every mode but [`RerunMode::Off`].
+pub fn record_experiment(
+    mode: &RerunMode,
+    _path: &Path,
+    _experiment: &Experiment,
+) -> Result<RecordingStats, RecordingError> {
+    refuse(mode)
+}
+
+/// Refuses every mode but [`RerunMode::Off`].
+pub fn record_located(
+    mode: &RerunMode,
+    _path: &Path,
+    _title: &str,
+    _found: &LocalisedRecord,
+    _names: &[&str],
+) -> Result<RecordingStats, RecordingError> {
+    refuse(mode)
+}
+
+/// Repairs nothing; `part` stays as it is.
+pub fn repair_recording(part: &Path, _out: &Path) -> Result<Repaired, RecordingError> {
+    let reason = "this build was made without the feature `rerun`".to_owned();
+    Err(RecordingError::Repair { path: part.to_owned(), reason })
+}
+
+fn refuse(mode: &RerunMode) -> Result<RecordingStats, RecordingError> {
+    match mode {
+        RerunMode::Off => Ok(RecordingStats::default()),
+        mode => Err(RecordingError::NotBuiltIn { mode: mode.clone() }),
+    }
+}

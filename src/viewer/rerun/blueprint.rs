@@ -1,0 +1,240 @@
+//! The layout that comes with a recording: four pages, the whole run on the first.
+//!
+//! Rerun's Rust builder has no setters for the bounds of a 2D view or the time span of a plot. They are properties of a
+//! view like any other, so they are logged into the blueprint's own store next to what the builder writes.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use rerun::blueprint::{
+    BarChartView, Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Grid, Horizontal, SelectionPanel,
+    Spatial2DView, Tabs, TextLogView, TimePanel, TimeSeriesView, Vertical,
+};
+use rerun::external::re_log_types::BlueprintActivationCommand;
+use rerun::external::re_sdk_types::blueprint::archetypes::{
+    PlotLegend, TextLogColumns, VisibleTimeRanges, VisualBounds2D,
+};
+use rerun::external::re_sdk_types::blueprint::components::{Corner2D, PanelState, VisibleTimeRange};
+use rerun::external::re_sdk_types::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
+use rerun::external::re_sdk_types::datatypes;
+use rerun::log::LogMsg;
+use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, SerializedComponentBatch};
+
+use super::recorder::{APPLICATION, PLATE_TIME};
+use super::table::WINDOW;
+use crate::types::RunContext;
+use upm_core::units::mm_from_m;
+use upm_planner::Method;
+
+/// Seconds before and after the cursor that the plots of fast signals show.
+const MOTOR_SPAN_S: [f64; 2] = [-0.3, 0.7];
+const TRACE_SPAN_S: [f64; 2] = [-0.1, 0.3];
+
+/// Sends the layout into `stream`.
+pub(super) fn send(stream: &RecordingStream, context: &RunContext) -> Result<(), String> {
+    let key = key(context);
+    let known = made().get(&key).cloned();
+    let written = match known {
+        Some(written) => written,
+        None => {
+            let mut layout = Layout::default();
+            let pages = pages(&mut layout, context);
+            let written = layout.written(pages)?;
+            let mut made = made();
+            if made.len() < MOST_MADE {
+                made.insert(key, written.clone());
+            }
+            written
+        }
+    };
+    written.send(stream);
+    Ok(())
+}
+
+/// Layouts that were made, by what they depend on. Making one takes three streams into memory, and those are never given
+/// back (rerun 0.36: each holds itself): a daemon would grow by them with every job.
+static MADE: Mutex<BTreeMap<String, Written>> = Mutex::new(BTreeMap::new());
+const MOST_MADE: usize = 64;
+
+fn made() -> MutexGuard<'static, BTreeMap<String, Written>> {
+    MADE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A layout as messages.
+#[derive(Clone)]
+struct Written {
+    messages: Vec<LogMsg>,
+    activation: BlueprintActivationCommand,
+}
+
+impl Written {
+    fn send(self, stream: &RecordingStream) {
+        stream.send_blueprint(self.messages, self.activation);
+    }
+}
+
+/// All that the layout depends on.
+pub(super) fn key(context: &RunContext) -> String {
+    let RunContext { model, method, .. } = context;
+    format!("{method:?}, frame {:?} px, plate {} m", model.frame_size_px, model.plate_side_m)
+}
+
+/// The pages in the order of their tabs.
+fn pages(layout: &mut Layout, context: &RunContext) -> Vec<ContainerLike> {
+    vec![
+        run(layout, context),
+        vision(layout, context.model.frame_size_px),
+        signals(layout),
+        errors(layout, context.method),
+    ]
+}
+
+fn run(layout: &mut Layout, context: &RunContext) -> ContainerLike {
+    let above = Horizontal::new([layout.camera(context), layout.table(context)]).with_column_shares([1.25, 1.0]);
+    let below = Horizontal::new([
+        layout.plot("Motors, counts", "motors", Some(MOTOR_SPAN_S)),
+        plan(context.method),
+        layout.plot("Distance to target, mm", "errors/to_target_mm", None),
+        layout.log(),
+    ]);
+    let below = below.with_column_shares([1.0, 0.6, 0.9, 1.5]);
+    Vertical::new([above.into(), below.into()]).with_row_shares([2.0, 1.0]).with_name("Run").into()
+}
+
+/// What a plan is made of: one bar a rotation, or one a harmonic of a field.
+fn plan(method: Method) -> ContainerLike {
+    let (name, origin) = match method {
+        Method::SynthesizedField => ("Harmonics, mm/s", "plan/harmonics_mm_s"),
+        Method::CorSequence | Method::PseudoInverse => ("Plan: d, mm", "plan/d_mm"),
+    };
+    BarChartView::new(name).with_origin(origin).into()
+}
+
+/// How table and parts were found in a frame of that size.
+pub(super) fn vision(layout: &mut Layout, frame_size_px: [usize; 2]) -> ContainerLike {
+    let [width, height] = frame_size_px.map(|side| side as f64);
+    let frame = layout.image("Table and parts as found", "vision/frame", width, height);
+    let edges = layout.image("Edges", "vision/edges", width / 2.0, height / 2.0);
+    let hough = Spatial2DView::new("Hough votes: angle right, distance down").with_origin("vision/hough").into();
+    let disk = layout.image("Disk response", "vision/disk_response", width / 2.0, height / 2.0);
+    Grid::new([frame, edges, hough, disk]).with_grid_columns(2).with_name("Vision").into()
+}
+
+fn signals(layout: &mut Layout) -> ContainerLike {
+    let views = [
+        layout.plot("Motors, counts", "motors", Some(MOTOR_SPAN_S)),
+        layout.plot("Accelerometer 1, m/s²", "accelerometers/1", Some(TRACE_SPAN_S)),
+        layout.plot("Accelerometer 2, m/s²", "accelerometers/2", Some(TRACE_SPAN_S)),
+    ];
+    Vertical::new(views).with_name("Signals").into()
+}
+
+fn errors(layout: &mut Layout, method: Method) -> ContainerLike {
+    let views = [
+        ("Distance to target, mm", "errors/to_target_mm"),
+        ("Distance to subgoal after the cycle, mm", "errors/to_subgoal_mm"),
+        ("Measured against predicted, mm", "errors/of_prediction_mm"),
+        ("Distance from the path, mm", "errors/cross_track_mm"),
+        ("Measured against true, mm", "errors/sensing_mm"),
+        ("Sum of |d| in a cycle, mm", "plan/total_mm"),
+        ("Tracking a frame, µs", "timing/track_us"),
+        ("Planning, µs", "timing/plan_us"),
+        ("Whole cycle, µs", "timing/cycle_us"),
+    ];
+    // fields have no d to sum up
+    let shown = |path: &str| method != Method::SynthesizedField || path != "plan/total_mm";
+    let views: Vec<ContainerLike> =
+        views.into_iter().filter(|(_, path)| shown(path)).map(|(name, path)| layout.plot(name, path, None)).collect();
+    Grid::new(views).with_grid_columns(3).with_name("Errors and timing").into()
+}
+
+/// Collects properties of views on the way.
+#[derive(Default)]
+pub(super) struct Layout {
+    properties: Vec<(String, Vec<SerializedComponentBatch>)>,
+}
+
+impl Layout {
+    fn camera(&mut self, context: &RunContext) -> ContainerLike {
+        let [width, height] = context.model.frame_size_px.map(|side| side as f64 / 2.0);
+        self.image("Camera", "camera", width, height)
+    }
+
+    fn table(&mut self, context: &RunContext) -> ContainerLike {
+        let reach_mm = mm_from_m(0.5 * context.model.plate_side_m) * WINDOW * 1.12;
+        let view = Spatial2DView::new("Table from above, mm").with_origin("table");
+        self.bounded(view, [-reach_mm, reach_mm], [-reach_mm, reach_mm])
+    }
+
+    fn image(&mut self, name: &str, origin: &str, width: f64, height: f64) -> ContainerLike {
+        self.bounded(Spatial2DView::new(name).with_origin(origin), [0.0, width], [0.0, height])
+    }
+
+    /// A view that shows just this stretch of x and y.
+    pub(super) fn bounded(&mut self, view: Spatial2DView, x: [f64; 2], y: [f64; 2]) -> ContainerLike {
+        let range = datatypes::Range2D { x_range: datatypes::Range1D(x), y_range: datatypes::Range1D(y) };
+        let view = view.into();
+        self.set(&view, "VisualBounds2D", &VisualBounds2D::new(range));
+        view
+    }
+
+    fn plot(&mut self, name: &str, origin: &str, span_s: Option<[f64; 2]>) -> ContainerLike {
+        let view = TimeSeriesView::new(name).with_origin(origin).into();
+        self.set(&view, "PlotLegend", &PlotLegend::new().with_corner(Corner2D::RightTop));
+        if let Some(span_s) = span_s {
+            let [start, end] =
+                span_s.map(|s| datatypes::TimeRangeBoundary::CursorRelative(datatypes::TimeInt((s * 1e9) as i64)));
+            let range = datatypes::TimeRange { start, end };
+            let range = VisibleTimeRange(datatypes::VisibleTimeRange { timeline: PLATE_TIME.into(), range });
+            self.set(&view, "VisibleTimeRanges", &VisibleTimeRanges::new([range]));
+        }
+        view
+    }
+
+    /// Time, level and words; every line comes from the same entity.
+    fn log(&mut self) -> ContainerLike {
+        let view = TextLogView::new("Log").with_origin("log").into();
+        let shown = [TextLogColumnKind::LogLevel, TextLogColumnKind::Body];
+        let columns = shown.map(|kind| TextLogColumn { visible: true.into(), kind });
+        self.set(&view, "TextLogColumns", &TextLogColumns::new().with_text_log_columns(columns));
+        view
+    }
+
+    fn set(&mut self, view: &ContainerLike, name: &str, property: &dyn AsComponents) {
+        if let ContainerLike::View(view) = view {
+            self.properties.push((format!("{}/{name}", view.blueprint_path()), property.as_serialized_batches()));
+        }
+    }
+
+    /// Sends the pages, each a tab, into `stream`.
+    pub(super) fn send(self, stream: &RecordingStream, pages: Vec<ContainerLike>) -> Result<(), String> {
+        self.written(pages).map(|written| written.send(stream))
+    }
+
+    fn written(self, pages: Vec<ContainerLike>) -> Result<Written, String> {
+        let blueprint = Blueprint::new(Tabs::new(pages))
+            .with_auto_layout(false)
+            .with_auto_views(false)
+            .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
+            .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
+            .with_time_panel(TimePanel::new().with_state(PanelState::Collapsed).with_timeline(PLATE_TIME));
+        let faults = |e: rerun::RecordingStreamError| e.to_string();
+        let builder = || RecordingStreamBuilder::new(APPLICATION).enabled(true);
+        let (scratch, written) = builder().memory().map_err(faults)?;
+        blueprint.send(&scratch, BlueprintActivation::default()).map_err(faults)?;
+        let mut messages: Vec<LogMsg> =
+            written.take().into_iter().filter(|message| message.store_id().is_blueprint()).collect();
+        let Some(LogMsg::BlueprintActivationCommand(activation)) = messages.pop() else {
+            return Err("the blueprint's last message does not activate it".to_owned());
+        };
+        let store = &activation.blueprint_id;
+        let (properties, written) =
+            RecordingStreamBuilder::from_store_id(store).enabled(true).memory().map_err(faults)?;
+        properties.set_time_sequence("blueprint", 0);
+        for (path, batches) in self.properties {
+            properties.log_serialized_batches(path, false, batches).map_err(faults)?;
+        }
+        messages.extend(written.take().into_iter().filter(|message| matches!(message, LogMsg::ArrowMsg(..))));
+        Ok(Written { messages, activation })
+    }
+}

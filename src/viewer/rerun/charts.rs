@@ -1,0 +1,326 @@
+//! Charts in 2D views. A map keeps the units of its axes; a curve is drawn in a box with ticks of its own, since a 2D
+//! view has no axes and a plot over time takes nothing but time along x. Views have y down, so y is negated.
+
+use rerun::{Arrows2D, Color, Ellipses2D, Image, LineStrips2D, Points2D, Transform3D};
+
+use super::cells::Raster;
+use super::paint::{self, thin};
+use super::recorder::{Logged, Tape};
+use upm_chart::{self as chart, Chart, Layer, Mark};
+
+/// Width and height of the box that a curve is drawn in.
+const BOX: [f64; 2] = [160.0, 100.0];
+
+/// Room around the picture for ticks and words, in hundredths of its height: left and right, below and above.
+const MARGIN: [[f64; 2]; 2] = [[18.0, 8.0], [24.0, 32.0]];
+
+/// Ticks along an axis, about.
+const TICKS: f64 = 5.0;
+
+/// Words are drawn over all layers, which are drawn in their order.
+const WORDS: f32 = 1e3;
+
+/// A chart and where it lies in its view.
+pub(super) struct ChartView<'a> {
+    chart: &'a Chart,
+    /// From and to of x and y, in the axes' units.
+    range: [[f64; 2]; 2],
+    /// Length in the view of one unit of x and of y.
+    scale: [f64; 2],
+    /// A hundredth of the picture's height in the view.
+    unit: f64,
+}
+
+impl<'a> ChartView<'a> {
+    pub(super) fn new(chart: &'a Chart) -> Self {
+        let range = [(0, &chart.x), (1, &chart.y)].map(|(axis, of)| of.range.unwrap_or_else(|| extent(chart, axis)));
+        let scale = [0, 1].map(|axis| if chart.map { 1.0 } else { BOX[axis] / (range[axis][1] - range[axis][0]) });
+        let unit = (range[1][1] - range[1][0]) * scale[1] / 100.0;
+        Self { chart, range, scale, unit }
+    }
+
+    /// What the view shall show: from and to along x and down y.
+    pub(super) fn bounds(&self) -> [[f64; 2]; 2] {
+        let [[left, right], [below, above]] = MARGIN.map(|margin| margin.map(|share| share * self.unit));
+        let [x, y] = [0, 1].map(|axis| self.range[axis].map(|value| value * self.scale[axis]));
+        [[x[0] - left, x[1] + right], [-y[1] - above, -y[0] + below]]
+    }
+
+    /// Logs the chart under `root`.
+    pub(super) fn log(&self, tape: &Tape, root: &str) -> Logged {
+        self.log_axes(tape, &format!("{root}/axes"))?;
+        self.log_legend(tape, &format!("{root}/legend"))?;
+        for (i, layer) in self.chart.layers.iter().enumerate() {
+            let name: String = layer.label.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
+            self.log_layer(tape, &format!("{root}/{}_{name}", i + 1), layer, i as f32)?;
+        }
+        Ok(())
+    }
+
+    fn place(&self, [x, y]: [f64; 2]) -> [f32; 2] {
+        [(x * self.scale[0]) as f32, (-y * self.scale[1]) as f32]
+    }
+
+    /// A point of the view, so many units to the right of and below another.
+    fn beside(&self, at: [f64; 2], right: f64, below: f64) -> [f32; 2] {
+        let [x, y] = self.place(at);
+        [x + (right * self.unit) as f32, y + (below * self.unit) as f32]
+    }
+
+    fn log_layer(&self, tape: &Tape, path: &str, layer: &Layer, order: f32) -> Logged {
+        let (color, points) = (color(layer.color), &layer.points);
+        let seen = || points.iter().copied().filter(is_finite).map(|point| self.place(point));
+        let strips = |strips: Vec<Vec<[f32; 2]>>| {
+            LineStrips2D::new(strips).with_colors([color]).with_radii([thin(1.0)]).with_draw_order(order)
+        };
+        match &layer.mark {
+            Mark::Line => tape.log_static(path, &strips(self.lines(points))),
+            Mark::Dashes => {
+                let broken = self.lines(points).iter().flat_map(|line| dashes(line, 2.0 * self.unit as f32)).collect();
+                tape.log_static(path, &strips(broken))
+            }
+            Mark::Dots => {
+                let dots = Points2D::new(seen()).with_colors([color]).with_radii([thin(2.0)]);
+                tape.log_static(path, &dots.with_draw_order(order))
+            }
+            Mark::Crosses => {
+                let arm = 1.2 * self.unit as f32;
+                let strokes = |[x, y]: [f32; 2]| {
+                    [1.0, -1.0].map(|lean| vec![[x - arm, y - lean * arm], [x + arm, y + lean * arm]])
+                };
+                tape.log_static(path, &strips(seen().flat_map(strokes).collect()))
+            }
+            Mark::Circles { radius } => {
+                let half = self.scale.map(|scale| (radius * scale) as f32);
+                let circles = Ellipses2D::from_centers_and_half_sizes(seen(), seen().map(|_| half));
+                tape.log_static(path, &circles.with_colors([color]).with_line_radii([thin(1.0)]).with_draw_order(order))
+            }
+            Mark::Arrows { vectors } => {
+                let (from, along): (Vec<_>, Vec<_>) = points
+                    .iter()
+                    .zip(vectors)
+                    .filter(|(point, vector)| is_finite(point) && is_finite(vector))
+                    .map(|(&point, &vector)| (self.place(point), self.place(vector)))
+                    .unzip();
+                let arrows = Arrows2D::from_vectors(along).with_origins(from).with_colors([color]);
+                tape.log_static(path, &arrows.with_radii([thin(1.0)]).with_draw_order(order))
+            }
+            Mark::Cells { side, values } => self.log_cells(tape, path, layer, (*side, values), order),
+            Mark::Labels { texts } => {
+                let pairs = points.iter().zip(texts).filter(|(point, _)| is_finite(point));
+                let words = pairs.map(|(&point, text)| (self.place(point), text.clone())).collect();
+                tape.log_static(path, &written(words).with_colors([color]))
+            }
+        }
+    }
+
+    /// Cells as one picture: boxes have no filling.
+    fn log_cells(&self, tape: &Tape, path: &str, layer: &Layer, (side, values): (f64, &[f64]), order: f32) -> Logged {
+        let cells: Vec<([f64; 2], f64)> = layer.points.iter().copied().zip(values.iter().copied()).collect();
+        let Some(raster) = Raster::of(&cells, side, layer.color.rgb()) else { return Ok(()) };
+        let [x, y] = self.place(raster.top_left);
+        let pixel = self.scale.map(|scale| (raster.pixel * scale) as f32);
+        let place = Transform3D::from_translation_scale([x, y, 0.0], [pixel[0], pixel[1], 1.0]);
+        tape.log_static(path, &place)?;
+        tape.log_static(path, &Image::from_rgba32(raster.rgba, raster.size_px).with_draw_order(order))
+    }
+
+    /// Lines through the points, broken where one is no number.
+    fn lines(&self, points: &[[f64; 2]]) -> Vec<Vec<[f32; 2]>> {
+        let stretches = points.split(|point| !is_finite(point)).filter(|stretch| !stretch.is_empty());
+        stretches.map(|stretch| stretch.iter().map(|&point| self.place(point)).collect()).collect()
+    }
+
+    /// Frame, ticks and what is along them.
+    fn log_axes(&self, tape: &Tape, path: &str) -> Logged {
+        let [[left, right], [below, above]] = self.range;
+        let frame = [[left, below], [right, below], [right, above], [left, above], [left, below]];
+        let mut strips = vec![frame.map(|corner| self.place(corner)).to_vec()];
+        let mut words = vec![
+            (self.beside([0.5 * (left + right), below], 0.0, 12.0), self.chart.x.label.clone()),
+            (self.beside([left, above], 0.0, -16.0), self.chart.y.label.clone()),
+        ];
+        for (tick, text) in ticks(self.range[0]) {
+            strips.push(vec![self.place([tick, below]), self.beside([tick, below], 0.0, 1.5)]);
+            words.push((self.beside([tick, below], 0.0, 1.5), text));
+        }
+        for (tick, text) in ticks(self.range[1]) {
+            strips.push(vec![self.place([left, tick]), self.beside([left, tick], -1.5, 0.0)]);
+            // names hang below their point
+            words.push((self.beside([left, tick], -7.0, -3.0), text));
+        }
+        let gray = paint::color(paint::FAINT);
+        let strips = LineStrips2D::new(strips).with_colors([gray]).with_radii([thin(0.5)]);
+        tape.log_static(&format!("{path}/lines"), &strips.with_draw_order(-20.0))?;
+        tape.log_static(&format!("{path}/words"), &written(words).with_colors([gray]))
+    }
+
+    /// The layers' names above the picture, in their colours.
+    fn log_legend(&self, tape: &Tape, path: &str) -> Logged {
+        let named: Vec<&Layer> = self.chart.layers.iter().filter(|layer| !layer.label.is_empty()).collect();
+        let ([left, right], above) = (self.range[0], self.range[1][1]);
+        let step = (right - left) / named.len().max(1) as f64;
+        let words = named
+            .iter()
+            .enumerate()
+            .map(|(i, layer)| (self.beside([left + (i as f64 + 0.5) * step, above], 0.0, -28.0), layer.label.clone()));
+        let words = written(words.collect()).with_colors(named.iter().map(|layer| color(layer.color)));
+        tape.log_static(path, &words.with_radii([thin(4.0)]))
+    }
+}
+
+/// Words, each hanging from a point.
+fn written(words: Vec<([f32; 2], String)>) -> Points2D {
+    let (places, words): (Vec<_>, Vec<_>) = words.into_iter().unzip();
+    Points2D::new(places).with_labels(words).with_show_labels(true).with_radii([thin(0.1)]).with_draw_order(WORDS)
+}
+
+/// The chart's colour, a little lighter: views are dark.
+fn color(of: chart::Color) -> Color {
+    let [r, g, b] = of.rgb().map(|part| part + (255 - part) / 4);
+    Color::from_rgb(r, g, b)
+}
+
+fn is_finite(point: &[f64; 2]) -> bool {
+    point.iter().all(|value| value.is_finite())
+}
+
+/// From and to of everything drawn along an axis, with a little room; 0 to 1 where nothing is.
+fn extent(chart: &Chart, axis: usize) -> [f64; 2] {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for layer in &chart.layers {
+        for (i, point) in layer.points.iter().enumerate() {
+            let (before, after) = match &layer.mark {
+                Mark::Circles { radius } => (-radius, *radius),
+                Mark::Cells { side, .. } => (-0.5 * side, 0.5 * side),
+                Mark::Arrows { vectors } => vectors.get(i).map_or((0.0, 0.0), |v| (v[axis].min(0.0), v[axis].max(0.0))),
+                _ => (0.0, 0.0),
+            };
+            if (point[axis] + before + after).is_finite() {
+                (low, high) = (low.min(point[axis] + before), high.max(point[axis] + after));
+            }
+        }
+    }
+    match high - low {
+        span if span > 0.0 => [low - 0.04 * span, high + 0.04 * span],
+        // one value alone
+        0.0 => [low - 0.5 * low.abs().max(1.0), high + 0.5 * high.abs().max(1.0)],
+        _ => [0.0, 1.0],
+    }
+}
+
+/// Round values within the range, 1, 2 or 5 apart times a power of ten.
+fn ticks([low, high]: [f64; 2]) -> Vec<(f64, String)> {
+    let rough = (high - low) / TICKS;
+    let power = rough.log10().floor();
+    let ten = 10_f64.powf(power);
+    let (step, power) = match rough / ten {
+        share if share < 1.5 => (ten, power),
+        share if share < 3.5 => (2.0 * ten, power),
+        share if share < 7.5 => (5.0 * ten, power),
+        _ => (10.0 * ten, power + 1.0),
+    };
+    let places = (-power).clamp(0.0, 12.0) as usize;
+    let (first, last) = ((low / step).ceil(), (high / step).floor());
+    let number = (last - first).clamp(0.0, 4.0 * TICKS) as usize;
+    // adding zero makes a negative zero positive
+    let value = |i: usize| (first + i as f64) * step + 0.0;
+    (0..=number).map(|i| (value(i), format!("{:.places$}", value(i)))).collect()
+}
+
+/// Every second stretch of `length` along a line.
+fn dashes(line: &[[f32; 2]], length: f32) -> Vec<Vec<[f32; 2]>> {
+    let (mut all, mut dash, mut left, mut drawn) = (Vec::new(), Vec::new(), length, true);
+    for pair in line.windows(2) {
+        let ([mut x, mut y], [to_x, to_y]) = (pair[0], pair[1]);
+        loop {
+            if drawn {
+                dash.push([x, y]);
+            }
+            let rest = (to_x - x).hypot(to_y - y);
+            if rest <= left || all.len() >= MOST_DASHES {
+                left -= rest;
+                break;
+            }
+            (x, y) = (x + (to_x - x) * left / rest, y + (to_y - y) * left / rest);
+            if drawn {
+                dash.push([x, y]);
+                all.push(std::mem::take(&mut dash));
+            }
+            (drawn, left) = (!drawn, length);
+        }
+    }
+    if let (true, Some(&end)) = (drawn, line.last()) {
+        dash.push(end);
+        all.push(dash);
+    }
+    all
+}
+
+/// A line that is long against its picture ends unbroken.
+const MOST_DASHES: usize = 2000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use upm_chart::Axis;
+
+    fn chart(map: bool, mark: Mark, points: &[[f64; 2]]) -> Chart {
+        let axis = Axis::new("a");
+        let layers = vec![Layer::new("layer", mark, chart::Color::Blue, points.iter().copied())];
+        Chart { name: "c".into(), title: "C".into(), x: axis.clone(), y: axis, map, layers }
+    }
+
+    #[test]
+    fn maps_keep_their_unit_and_curves_fill_their_box() {
+        let points = [[0.0, 0.0], [50.0, 100.0]];
+        let map = chart(true, Mark::Line, &points);
+        let view = ChartView::new(&map);
+        assert_eq!(view.place([50.0, 100.0]), [50.0, -100.0]);
+        let curve = chart(false, Mark::Line, &points);
+        let view = ChartView::new(&curve);
+        let ([x0, y0], [x1, y1]) = (view.place([-2.0, -4.0]), view.place([52.0, 104.0]));
+        assert!((f64::from(x1 - x0) - BOX[0]).abs() < 1e-4 && (f64::from(y0 - y1) - BOX[1]).abs() < 1e-4);
+        let [x, y] = view.bounds();
+        for (from, to, inside) in [(x[0], x[1], [x0, x1]), (y[0], y[1], [y0, y1])] {
+            assert!(inside.iter().all(|&value| from < f64::from(value) && f64::from(value) < to));
+        }
+    }
+
+    #[test]
+    fn extents_hold_what_marks_reach() {
+        assert_eq!(extent(&chart(true, Mark::Circles { radius: 5.0 }, &[[0.0, 0.0]]), 0), [-5.4, 5.4]);
+        assert_eq!(extent(&chart(true, Mark::Arrows { vectors: vec![[10.0, 0.0]] }, &[[0.0, 3.0]]), 0), [-0.4, 10.4]);
+        assert_eq!(extent(&chart(true, Mark::Dots, &[[f64::NAN, 3.0]]), 0), [0.0, 1.0]);
+        assert_eq!(extent(&chart(true, Mark::Dots, &[[0.0, 3.0]]), 1), [1.5, 4.5]);
+        assert_eq!(extent(&chart(true, Mark::Dots, &[]), 1), [0.0, 1.0]);
+    }
+
+    #[test]
+    fn ticks_are_round_and_inside() {
+        let words = |range| ticks(range).into_iter().map(|(_, text)| text).collect::<Vec<_>>().join(" ");
+        assert_eq!(words([-0.1, 1.05]), "0.0 0.2 0.4 0.6 0.8 1.0");
+        assert_eq!(words([-110.0, 110.0]), "-100 -50 0 50 100");
+        assert_eq!(words([3.0, 3.004]), "3.000 3.001 3.002 3.003 3.004");
+        assert_eq!(words([-4.7e4, 4.8e4]), "-40000 -20000 0 20000 40000");
+    }
+
+    #[test]
+    fn dashes_are_every_second_stretch() {
+        let line = [[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]];
+        let expected = [vec![[0.0, 0.0], [2.0, 0.0]], vec![[3.0, 1.0], [3.0, 3.0]]];
+        assert_eq!(dashes(&line, 2.0), expected);
+        let around = dashes(&line, 5.0);
+        assert_eq!(around, [vec![[0.0, 0.0], [3.0, 0.0], [3.0, 2.0]]]);
+        assert!(dashes(&[], 1.0).is_empty());
+        assert!(dashes(&[[0.0, 0.0], [1e9, 0.0]], 1e-3).len() <= MOST_DASHES + 1);
+    }
+
+    #[test]
+    fn lines_break_where_a_point_is_no_number() {
+        let broken = chart(true, Mark::Line, &[]);
+        let view = ChartView::new(&broken);
+        let lines = view.lines(&[[0.0, 0.0], [1.0, 1.0], [2.0, f64::NAN], [3.0, 3.0]]);
+        assert_eq!(lines, [vec![[0.0, -0.0], [1.0, -1.0]], vec![[3.0, -3.0]]]);
+    }
+}

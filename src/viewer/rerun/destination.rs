@@ -1,0 +1,95 @@
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use rerun::external::re_uri::ProxyUri;
+
+use super::draft::Draft;
+use super::file::RrdFile;
+use super::live::{Feed, Live};
+use super::live_server::LiveServer;
+use crate::types::RecordingError;
+use upm_recording::RecordingSwitch;
+use upm_recording::RerunMode;
+
+/// Where a recording goes: a file, and what feeds viewers.
+pub(super) struct Destination {
+    out: Option<Box<dyn Write + Send>>,
+    draft: Option<Draft>,
+    path: PathBuf,
+    viewer: Option<Live>,
+    feeds: Vec<Feed>,
+}
+
+impl Destination {
+    /// Opens a draft of the file at `path`, unless `mode` is off, and the viewer of `mode`, if there is one.
+    pub(super) fn open(mode: &RerunMode, path: &Path) -> Result<Self, RecordingError> {
+        let live = viewer_address(mode)?.map(Live::start).transpose().map_err(thread_fault)?;
+        let (viewer, feed) = live.unzip();
+        let feeds = feed.into_iter().collect();
+        if *mode == RerunMode::Off {
+            return Ok(Self { out: None, draft: None, path: path.to_owned(), viewer, feeds });
+        }
+        let (draft, file): (Draft, File) =
+            Draft::create(path).map_err(|e| RecordingError::Create { path: path.to_owned(), reason: e.to_string() })?;
+        Ok(Self { out: Some(Box::new(file)), path: draft.part().to_owned(), draft: Some(draft), viewer, feeds })
+    }
+
+    /// The same, and to `live` as well; all that the layout depends on is in `layout`.
+    pub(super) fn and_live(mut self, live: Option<&LiveServer>, layout: impl FnOnce() -> String) -> Self {
+        self.feeds.extend(live.map(|live| live.feed(layout())));
+        self
+    }
+
+    /// True when there is a file.
+    pub(super) fn has_file(&self) -> bool {
+        self.out.is_some()
+    }
+
+    /// Whatever is behind `wrap` of a draft of the file at `path`.
+    #[cfg(test)]
+    pub(super) fn wrapped<W: Write + Send + 'static>(path: &Path, wrap: impl FnOnce(File) -> W) -> Self {
+        let (draft, file) = Draft::create(path).unwrap();
+        let path = draft.part().to_owned();
+        Self { out: Some(Box::new(wrap(file))), path, draft: Some(draft), viewer: None, feeds: Vec::new() }
+    }
+
+    /// Starts the file. Its name in errors and what feeds the viewer come with it.
+    pub(super) fn start(self, switch: RecordingSwitch) -> Result<(RrdFile, PathBuf, Option<Live>), RecordingError> {
+        let Self { out, draft, path, viewer, feeds } = self;
+        match RrdFile::new(out, draft, feeds, switch) {
+            Ok(file) => Ok((file, path, viewer)),
+            Err(reason) => Err(RecordingError::Write { path, reason }),
+        }
+    }
+}
+
+pub(super) fn thread_fault(fault: std::io::Error) -> RecordingError {
+    RecordingError::Thread(fault.to_string())
+}
+
+/// Where the viewer of `mode` listens; starts it for [`RerunMode::Spawn`].
+fn viewer_address(mode: &RerunMode) -> Result<Option<ProxyUri>, RecordingError> {
+    let url = match mode {
+        RerunMode::Off | RerunMode::Save => return Ok(None),
+        RerunMode::Connect { url } => url.clone().unwrap_or_else(|| rerun::DEFAULT_CONNECT_URL.to_owned()),
+        RerunMode::Spawn => {
+            // the viewer's own default is to listen on every interface
+            let extra_args = vec!["--bind".to_owned(), "127.0.0.1".to_owned()];
+            let options = rerun::SpawnOptions { hide_welcome_screen: true, extra_args, ..Default::default() };
+            let viewer = rerun::spawn(&options).map_err(|e| RecordingError::Spawn(first_line(&e.to_string())))?;
+            format!("rerun+http://127.0.0.1:{}/proxy", viewer.port)
+        }
+    };
+    parse_address(url).map(Some)
+}
+
+pub(super) fn parse_address(url: String) -> Result<ProxyUri, RecordingError> {
+    let address = url.parse::<ProxyUri>().map_err(|e| e.to_string());
+    address.map_err(|reason| RecordingError::Address { url, reason })
+}
+
+/// Rerun's words for a missing viewer go on over a dozen lines, with the whole search path among them.
+fn first_line(text: &str) -> String {
+    text.lines().next().unwrap_or_default().trim_end().to_owned()
+}

@@ -1,0 +1,147 @@
+mod syncing;
+
+use std::io::{self, Write};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use rerun::external::re_build_info::CrateVersion;
+use rerun::external::re_log_encoding::{Encoder, EncodingOptions};
+use rerun::log::LogMsg;
+use rerun::sink::{LogSink, SinkFlushError};
+
+use super::draft::Draft;
+use super::live::Feed;
+use syncing::Syncing;
+use upm_recording::RecordingSwitch;
+
+/// The `.rrd` file as Rerun's log sink, or viewers alone. Unlike Rerun's own file sink it keeps the first write that fails,
+/// tells it at once on its switch, and can be closed with a result. Every message is one write, so a killed process leaves
+/// all that was written so far; a power cut takes the last second or so of it.
+#[derive(Clone)]
+pub(super) struct RrdFile(Arc<Mutex<State>>, RecordingSwitch);
+
+struct State {
+    encoder: Option<Encoder<Counted>>,
+    draft: Option<Draft>,
+    /// As long as the file is written.
+    syncing: Option<Syncing>,
+    fault: Option<String>,
+    messages: u64,
+    feeds: Vec<Feed>,
+}
+
+impl RrdFile {
+    /// Writes to `out`, unbuffered, and gives `draft` its name when that is closed; what is written goes to all `feeds`
+    /// as well.
+    pub(super) fn new(
+        out: Option<Box<dyn Write + Send>>,
+        draft: Option<Draft>,
+        feeds: Vec<Feed>,
+        switch: RecordingSwitch,
+    ) -> Result<Self, String> {
+        let encoder = out.map(|out| encoder(out, &switch)).transpose()?;
+        // without it the disk has the last of it later
+        let file = draft.as_ref().and_then(|draft| draft.to_sync().ok());
+        let syncing = file.and_then(|file| Syncing::start(move || file.sync_data(), switch.clone()).ok());
+        let state = State { encoder, draft, syncing, fault: None, messages: 0, feeds };
+        Ok(Self(Arc::new(Mutex::new(state)), switch))
+    }
+
+    /// How the recording is getting on.
+    pub(super) fn switch(&self) -> &RecordingSwitch {
+        &self.1
+    }
+
+    /// True while a viewer gets what is logged.
+    pub(super) fn has_viewer(&self) -> bool {
+        !self.state().feeds.is_empty()
+    }
+
+    /// Lets go of all viewers.
+    pub(super) fn hang_up(&self) {
+        self.state().feeds.clear();
+    }
+
+    /// Writes the footer, closes the file and gives it its name; a viewer goes on being told. Bytes and messages
+    /// written, or the first write that failed.
+    pub(super) fn close(&self) -> Result<(u64, u64), String> {
+        let mut state = self.state();
+        state.syncing = None;
+        if let Some(mut encoder) = state.encoder.take() {
+            let closed = encoder.finish().and_then(|()| encoder.into_inner()).map_err(|e| e.to_string());
+            let kept = closed.and_then(|out| {
+                let kept = state.draft.as_ref().map_or(Ok(()), Draft::keep);
+                drop(out); // locked until it has its name
+                kept.map_err(|e| e.to_string())
+            });
+            match kept {
+                Ok(()) => self.1.close(),
+                Err(fault) => self.fail(&mut state, fault),
+            }
+        }
+        match &state.fault {
+            Some(fault) => Err(fault.clone()),
+            None => Ok((self.1.bytes(), state.messages)),
+        }
+    }
+
+    /// Nothing more is written, no footer neither: it would stand behind half a message.
+    fn fail(&self, state: &mut State, fault: String) {
+        state.encoder.take().map(Encoder::into_inner);
+        state.syncing = None;
+        self.1.fail(fault.as_str());
+        state.fault.get_or_insert(fault);
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl LogSink for RrdFile {
+    fn send(&self, message: LogMsg) {
+        let mut state = self.state();
+        match state.encoder.as_mut().map(|encoder| encoder.append(&message)) {
+            Some(Ok(_)) => state.messages += 1,
+            Some(Err(fault)) => self.fail(&mut state, fault.to_string()),
+            None => {}
+        }
+        for feed in &mut state.feeds {
+            feed(message.clone());
+        }
+    }
+
+    fn flush_blocking(&self, _timeout: Duration) -> Result<(), SinkFlushError> {
+        Ok(()) // what failed is told by the switch and by `close`
+    }
+
+    fn defers_finalization_to_shutdown(&self) -> bool {
+        true
+    }
+}
+
+/// What writes messages to `out`, the header first.
+fn encoder(out: Box<dyn Write + Send>, switch: &RecordingSwitch) -> Result<Encoder<Counted>, String> {
+    switch.begin();
+    let out = Counted { out, switch: switch.clone() };
+    let encoder = Encoder::new_eager(CrateVersion::LOCAL, EncodingOptions::PROTOBUF_COMPRESSED, out);
+    encoder.map_err(|e| e.to_string()).inspect_err(|fault| switch.fail(fault.as_str()))
+}
+
+/// Counts what passes.
+struct Counted {
+    out: Box<dyn Write + Send>,
+    switch: RecordingSwitch,
+}
+
+impl Write for Counted {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(bytes)?;
+        self.switch.wrote(written as u64);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}

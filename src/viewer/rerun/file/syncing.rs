@@ -1,0 +1,84 @@
+use std::io;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+use upm_core::priority::step_back;
+use upm_recording::RecordingSwitch;
+
+/// Time from the end of one sync to the next.
+const EVERY: Duration = Duration::from_secs(1);
+
+/// A thread that brings a file to the disk while others write it: they never wait for that. It ends when this is dropped,
+/// and nobody waits for its end.
+pub(super) struct Syncing {
+    _alive: SyncSender<()>,
+}
+
+impl Syncing {
+    /// Calls `sync` about once a second, as long as the recording of `switch` grows. When it fails the recording ends
+    /// as a failed one.
+    pub(super) fn start(
+        sync: impl FnMut() -> io::Result<()> + Send + 'static,
+        switch: RecordingSwitch,
+    ) -> io::Result<Self> {
+        let (alive, ended) = sync_channel(1);
+        thread::Builder::new().name("recording-sync".into()).spawn(move || {
+            step_back();
+            run(sync, &ended, EVERY, &switch);
+        })?;
+        Ok(Self { _alive: alive })
+    }
+}
+
+/// Syncs `every` so often what is new, until nobody is left at the other end of `ended`.
+fn run(mut sync: impl FnMut() -> io::Result<()>, ended: &Receiver<()>, every: Duration, switch: &RecordingSwitch) {
+    let mut synced_bytes = 0;
+    while ended.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
+        let bytes = switch.bytes();
+        if bytes == synced_bytes {
+            continue;
+        }
+        synced_bytes = bytes;
+        if let Err(fault) = sync() {
+            // the disk tells it once: a later sync would find nothing wrong
+            let reason = format!("it cannot be brought to the disk: {fault}");
+            switch.fail(reason.as_str());
+            switch.stop(&reason);
+            return;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use upm_recording::RecordingState;
+
+    const OFTEN: Duration = Duration::from_millis(1);
+
+    #[test]
+    fn what_is_new_is_synced_once_until_it_is_let_go() {
+        let (switch, (alive, ended)) = (RecordingSwitch::default(), sync_channel(1));
+        let (told, syncs) = sync_channel(1);
+        let growing = switch.clone();
+        let thread = thread::spawn(move || run(|| told.send(()).map_err(io::Error::other), &ended, OFTEN, &switch));
+        assert!(syncs.recv_timeout(20 * OFTEN).is_err(), "there is nothing yet");
+        for _ in 0..3 {
+            growing.wrote(7);
+            syncs.recv().unwrap();
+        }
+        assert!(syncs.recv_timeout(20 * OFTEN).is_err(), "nothing was added");
+        drop(alive);
+        thread.join().unwrap();
+    }
+
+    #[test]
+    fn a_disk_that_does_not_take_it_ends_the_recording() {
+        let (switch, (_alive, ended)) = (RecordingSwitch::default(), sync_channel(1));
+        switch.wrote(7);
+        run(|| Err(io::Error::other("it is broken")), &ended, OFTEN, &switch);
+        let reason = "it cannot be brought to the disk: it is broken";
+        assert_eq!((switch.state(), switch.wanted_stop()), (RecordingState::Failed(reason.into()), Some(reason)));
+    }
+}

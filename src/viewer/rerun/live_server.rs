@@ -1,0 +1,233 @@
+use std::collections::HashMap;
+use std::fmt;
+use std::io;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::sync::atomic::AtomicU64;
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use rerun::external::re_log_types::BlueprintActivationCommand;
+use rerun::external::re_uri::{Origin, ProxyUri, Scheme};
+use rerun::grpc_server::GrpcServerSink;
+use rerun::log::LogMsg;
+use rerun::sink::LogSink;
+use rerun::{MemoryLimit, PlaybackBehavior, ServerOptions};
+
+use super::live::{Feed, LiveQueue};
+use super::live_gate::Gate;
+use upm_core::priority::step_back;
+
+/// Messages that the server may have before it has taken them in. Its own bound is 128 MiB.
+const MOST_AHEAD: usize = 64;
+
+/// Runs that one server of Rerun's is told of, unless viewers are there. It never forgets that there was a run, and what
+/// holds for the whole of one goes after all that changes: in the end its history would be of old runs alone.
+const RUNS_EACH: u32 = 16;
+
+/// Bytes of memory that a history takes for each that the server counts in it. Measured: 1.3 after fifty short runs, 2.1
+/// after some hundred.
+const TAKEN_PER_COUNTED: u64 = 2;
+
+/// Least history of a server, counted bytes: with none at all it blocks whoever sends.
+const LEAST_HISTORY_BYTES: u64 = 1 << 20;
+
+/// How often and how far apart it is tried whether a new server answers.
+const KNOCKS: usize = 200;
+const KNOCKS_APART: Duration = Duration::from_millis(10);
+
+/// Where Rerun viewers on this machine see the runs of one plate, each run as a recording of its own. It lives as long
+/// as the plate; clones are the same server. Who comes sees the last runs, the present one among them.
+///
+/// A viewer that lags or is frozen costs the runs nothing: what it does not take is dropped, for all viewers, until it is
+/// let go after half a minute. Whoever has a program on this machine may connect, without a password; pages in a browser may
+/// not.
+#[derive(Clone)]
+pub struct LiveServer(Arc<Serving>);
+
+struct Serving {
+    uri: String,
+    gate: Gate,
+    history_bytes: u64,
+    dropped: Arc<AtomicU64>,
+    on_show: Mutex<OnShow>,
+}
+
+struct OnShow {
+    stage: Arc<Stage>,
+    runs: u32,
+}
+
+impl LiveServer {
+    /// Starts to listen on `port` of the loopback, any free one without it. The newest messages are kept for
+    /// viewers that come later, as many as take about `history_bytes` of memory.
+    pub fn start(port: Option<u16>, history_bytes: u64) -> io::Result<Self> {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port.unwrap_or(0)))?;
+        let dropped = Arc::default();
+        let (stage, address) = Stage::start(history_bytes, Arc::clone(&dropped))?;
+        let gate = Gate::open(listener, address)?;
+        let uri = ProxyUri::new(Origin::from_scheme_and_socket_addr(Scheme::RerunHttp, gate.address())).to_string();
+        let on_show = Mutex::new(OnShow { stage, runs: 0 });
+        Ok(Self(Arc::new(Serving { uri, gate, history_bytes, dropped, on_show })))
+    }
+
+    /// What a viewer connects to, `rerun+http://127.0.0.1:PORT/proxy`.
+    pub fn uri(&self) -> &str {
+        &self.0.uri
+    }
+
+    /// Messages that were dropped because a viewer lagged.
+    #[cfg(test)]
+    pub(super) fn dropped(&self) -> u64 {
+        self.0.dropped.load(std::sync::atomic::Ordering::Relaxed)
+    }
+
+    /// What feeds it during one run, whose layout depends on nothing but `layout`.
+    pub(super) fn feed(&self, layout: String) -> Feed {
+        let mut feed = RunFeed { stage: self.0.stage_of_a_run(), layout, layout_whole: true };
+        Box::new(move |message| feed.offer(message))
+    }
+}
+
+impl fmt::Debug for LiveServer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("LiveServer").field(&self.0.uri).finish()
+    }
+}
+
+impl Serving {
+    fn stage_of_a_run(&self) -> Arc<Stage> {
+        let mut on_show = lock(&self.on_show);
+        if on_show.runs >= RUNS_EACH {
+            let start = || Stage::start(self.history_bytes, Arc::clone(&self.dropped));
+            match self.gate.replace_when_alone(start) {
+                Ok(Some(stage)) => *on_show = OnShow { stage, runs: 0 },
+                Ok(None) => {}
+                Err(fault) => tracing::warn!("the live stream at {} goes on as it was: {fault}", self.uri),
+            }
+        }
+        on_show.runs += 1;
+        Arc::clone(&on_show.stage)
+    }
+}
+
+/// One server of Rerun's, and the way to it. It ends with its last run.
+struct Stage {
+    queue: LiveQueue,
+    layouts: Mutex<Layouts>,
+}
+
+/// Layouts that the server has, by what they depend on. It forgets none, so one for each run would fill the memory.
+#[derive(Default)]
+struct Layouts {
+    told: HashMap<String, BlueprintActivationCommand>,
+    /// The one that viewers show.
+    shown: Option<String>,
+}
+
+impl Stage {
+    /// Starts a server and waits until it answers; where it does comes with it.
+    fn start(history_bytes: u64, dropped: Arc<AtomicU64>) -> io::Result<(Arc<Self>, SocketAddr)> {
+        let (queue, messages) = LiveQueue::counting(dropped);
+        let (told, started) = sync_channel(1);
+        thread::Builder::new().name("live".into()).spawn(move || {
+            // the server's own threads are what this one is
+            step_back();
+            let sink = sink(history_bytes);
+            let address =
+                sink.as_ref().map(|(_, address)| *address).map_err(|fault| io::Error::other(fault.to_string()));
+            told.try_send(address).ok();
+            if let Ok((sink, _)) = sink {
+                serve(&sink, &messages);
+            }
+        })?;
+        let address = started.recv().map_err(io::Error::other)??;
+        wait_for(address)?;
+        Ok((Arc::new(Self { queue, layouts: Mutex::default() }), address))
+    }
+}
+
+/// A server of Rerun's on any free port, and where that is.
+fn sink(history_bytes: u64) -> io::Result<(GrpcServerSink, SocketAddr)> {
+    let address = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?.local_addr()?;
+    let options = ServerOptions {
+        playback_behavior: PlaybackBehavior::NewestFirst,
+        memory_limit: MemoryLimit::from_bytes((history_bytes / TAKEN_PER_COUNTED).max(LEAST_HISTORY_BYTES)),
+        cors_allowed_origins: Vec::new(),
+    };
+    let sink = GrpcServerSink::new(&address.ip().to_string(), address.port(), options).map_err(io::Error::other)?;
+    Ok((sink, address))
+}
+
+struct RunFeed {
+    stage: Arc<Stage>,
+    layout: String,
+    /// False when some of the layout was dropped.
+    layout_whole: bool,
+}
+
+impl RunFeed {
+    fn offer(&mut self, message: LogMsg) {
+        if message.store_id().is_blueprint() {
+            self.offer_layout(message);
+        } else {
+            self.stage.queue.offer(message);
+        }
+    }
+
+    /// A layout goes to the server once; after that it is only shown again.
+    fn offer_layout(&mut self, message: LogMsg) {
+        let Stage { queue, layouts } = &*self.stage;
+        let mut layouts = lock(layouts);
+        let told = layouts.told.get(&self.layout).cloned();
+        match (message, told) {
+            (LogMsg::BlueprintActivationCommand(_), Some(_)) if layouts.shown.as_ref() == Some(&self.layout) => {}
+            (LogMsg::BlueprintActivationCommand(_), Some(told)) => {
+                if queue.offer(LogMsg::BlueprintActivationCommand(told)) {
+                    layouts.shown = Some(self.layout.clone());
+                }
+            }
+            (LogMsg::BlueprintActivationCommand(last), None) => {
+                if queue.offer(LogMsg::BlueprintActivationCommand(last.clone())) && self.layout_whole {
+                    layouts.told.insert(self.layout.clone(), last);
+                    layouts.shown = Some(self.layout.clone());
+                }
+            }
+            (_, Some(_)) => {}
+            (message, None) => self.layout_whole &= queue.offer(message),
+        }
+    }
+}
+
+fn lock<T>(held: &Mutex<T>) -> MutexGuard<'_, T> {
+    held.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Hands on what comes until nobody sends any more. When the sink is dropped here it waits for the slowest viewer, so
+/// nobody waits for this thread.
+fn serve(sink: &GrpcServerSink, messages: &Receiver<LogMsg>) {
+    let mut ahead = 0;
+    while let Ok(message) = messages.recv() {
+        sink.send(message);
+        ahead += 1;
+        if ahead == MOST_AHEAD {
+            ahead = 0;
+            if let Err(fault) = sink.flush_blocking(Duration::MAX) {
+                tracing::error!("the live stream has ended: {fault}");
+                return;
+            }
+        }
+    }
+}
+
+/// Waits until the server at `address` answers.
+fn wait_for(address: SocketAddr) -> io::Result<()> {
+    for _ in 1..KNOCKS {
+        if TcpStream::connect(address).is_ok() {
+            return Ok(());
+        }
+        thread::sleep(KNOCKS_APART);
+    }
+    TcpStream::connect(address).map(drop)
+}

@@ -1,0 +1,208 @@
+//! A live stream as viewers and runs meet it. The viewers here speak just enough HTTP/2 to ask for it.
+
+use std::io::{self, Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::path::Path;
+use std::thread;
+use std::time::Duration;
+
+use super::tests::{context, keeping, stores};
+use super::{LiveServer, RerunSink};
+use crate::{RecordingError, RecordingStats};
+use upm_core::time::{Clock, MonotonicClock};
+use upm_fixtures::synthetic_run::SyntheticRun;
+use upm_recording::{Keeping, OnFull, RecordingState, RerunMode};
+
+const HISTORY_BYTES: u64 = 16 << 20;
+/// The widest window of HTTP/2, bytes.
+const WIDEST: u32 = 0x7fff_ffff;
+
+fn address(server: &LiveServer) -> SocketAddr {
+    let address = server.uri().strip_prefix("rerun+http://").unwrap();
+    address.strip_suffix("/proxy").unwrap().parse().unwrap()
+}
+
+fn record(server: &LiveServer, mode: &RerunMode, path: &Path, fields: bool) -> Result<RecordingStats, RecordingError> {
+    let mut run = SyntheticRun::new(2);
+    run.plans_fields = fields;
+    let mut sink = RerunSink::start(mode, path, Some(server), context(&run), &keeping()).unwrap();
+    run.localise(&mut sink);
+    for _ in 0..4 {
+        run.cycle(&mut sink);
+    }
+    sink.finish()
+}
+
+/// A connection that has asked for everything the server has, and takes it.
+fn viewer(server: &LiveServer) -> TcpStream {
+    // windows as large as they go, or nothing would come after 64 KiB
+    let mut stream = frozen_viewer(server);
+    stream.write_all(&frame(4, 0, 0, &[&[0, 4][..], &WIDEST.to_be_bytes()].concat())).unwrap();
+    stream.write_all(&frame(8, 0, 0, &(WIDEST - 65_535).to_be_bytes())).unwrap();
+    stream
+}
+
+fn frame(kind: u8, flags: u8, stream: u8, payload: &[u8]) -> Vec<u8> {
+    let length = u32::try_from(payload.len()).unwrap().to_be_bytes();
+    [&length[1..], &[kind, flags, 0, 0, 0, stream], payload].concat()
+}
+
+/// A connection that has asked for everything, and takes no more than 64 KiB of it.
+fn frozen_viewer(server: &LiveServer) -> TcpStream {
+    let names = [
+        (":method", "POST"),
+        (":scheme", "http"),
+        (":path", "/rerun.sdk_comms.v1alpha1.MessageProxyService/ReadMessages"),
+        (":authority", "127.0.0.1"),
+        ("content-type", "application/grpc"),
+        ("te", "trailers"),
+    ];
+    // each as a literal without an index
+    let header = |(name, value): (&str, &str)| {
+        let lengths = [name, value].map(|text| u8::try_from(text.len()).unwrap());
+        [&[0, lengths[0]], name.as_bytes(), &[lengths[1]], value.as_bytes()].concat()
+    };
+    let headers: Vec<u8> = names.into_iter().flat_map(header).collect();
+    let mut stream = TcpStream::connect(address(server)).unwrap();
+    stream.write_all(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n").unwrap();
+    stream.write_all(&frame(4, 0, 0, &[])).unwrap();
+    stream.write_all(&frame(1, 4, 1, &headers)).unwrap();
+    stream.write_all(&frame(0, 1, 1, &[0; 5])).unwrap();
+    stream
+}
+
+/// True once `stream` has brought `text`.
+fn brings(stream: &mut TcpStream, text: &str) -> bool {
+    brought_with(stream, text).is_some()
+}
+
+/// All that `stream` has brought once `text` is among it.
+fn brought_with(stream: &mut TcpStream, text: &str) -> Option<Vec<u8>> {
+    stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    let mut seen = Vec::new();
+    loop {
+        let searched = seen.len().saturating_sub(text.len());
+        seen.extend(payload(stream).ok()?);
+        if has(&seen[searched..], text) {
+            return Some(seen);
+        }
+    }
+}
+
+/// What the next frame brings of data, which may be nothing.
+fn payload(stream: &mut TcpStream) -> io::Result<Vec<u8>> {
+    let mut head = [0; 9];
+    stream.read_exact(&mut head)?;
+    let [high, middle, low, kind, ..] = head;
+    let mut payload = vec![0; u32::from_be_bytes([0, high, middle, low]) as usize];
+    stream.read_exact(&mut payload)?;
+    Ok(if kind == 0 { payload } else { Vec::new() })
+}
+
+fn has(bytes: &[u8], text: &str) -> bool {
+    bytes.windows(text.len()).any(|window| window == text.as_bytes())
+}
+
+/// Name of the recording in the file at `path`, new for every run.
+fn recording_id(path: &Path) -> String {
+    stores(path).0.id().recording_id().to_string()
+}
+
+#[test]
+fn viewers_see_every_run_apart_whether_they_come_early_or_late() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second] = ["1.rrd", "2.rrd"].map(|name| folder.path().join(name));
+    let server = LiveServer::start(None, HISTORY_BYTES).unwrap();
+    let mut early = viewer(&server);
+    for path in [&first, &second] {
+        let stats = record(&server, &RerunMode::Save, path, false).unwrap();
+        assert!(!stats.viewer_caught_up && stats.file_bytes > 0, "nobody waits for viewers");
+    }
+    let ids = [&first, &second].map(|path| recording_id(path));
+    assert_ne!(ids[0], ids[1]);
+    assert!(brings(&mut early, &ids[0]) && brings(&mut early, &ids[1]));
+    assert!(brings(&mut viewer(&server), &ids[0]) && brings(&mut viewer(&server), &ids[1]));
+    assert_eq!(server.dropped(), 0);
+}
+
+#[test]
+fn who_comes_after_many_runs_sees_the_last_ones_and_who_stays_sees_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    let server = LiveServer::start(None, HISTORY_BYTES).unwrap();
+    let run = || {
+        record(&server, &RerunMode::Save, &path, false).unwrap();
+        recording_id(&path)
+    };
+    let ids: Vec<String> = (0..20).map(|_| run()).collect();
+    let mut late = viewer(&server);
+    let seen = brought_with(&mut late, &ids[19]).unwrap();
+    assert_eq!(ids.iter().filter(|id| has(&seen, id)).count(), 4, "16 of one server are gone");
+    // as long as somebody looks, no run is taken away from before them
+    let more: Vec<String> = (0..20).map(|_| run()).collect();
+    assert!(brings(&mut late, &more[19]));
+    let seen = brought_with(&mut viewer(&server), &more[19]).unwrap();
+    assert!(ids[16..].iter().chain(&more).all(|id| has(&seen, id)));
+    assert_eq!(server.dropped(), 0);
+}
+
+#[test]
+fn a_run_without_a_file_is_seen_all_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = LiveServer::start(None, HISTORY_BYTES).unwrap();
+    let mut run = SyntheticRun::new(2);
+    let keeping = Keeping { on_full: OnFull::GiveUp, ..keeping() };
+    let path = folder.path().join("run.rrd");
+    let mut sink = RerunSink::start(&RerunMode::Off, &path, Some(&server), context(&run), &keeping).unwrap();
+    run.cycle(&mut sink);
+    keeping.recording.stop("there is none that could be");
+    run.cycle(&mut sink);
+    assert_eq!(sink.finish().unwrap(), RecordingStats::default());
+    assert_eq!((keeping.recording.state(), keeping.recording.news()), (RecordingState::Off, None));
+    assert_eq!(folder.path().read_dir().unwrap().count(), 0);
+    assert!(brings(&mut viewer(&server), "upm"));
+}
+
+#[test]
+fn it_is_there_for_this_machine_alone() {
+    let server = LiveServer::start(None, HISTORY_BYTES).unwrap();
+    let port = address(&server).port();
+    assert!(address(&server).ip() == Ipv4Addr::LOCALHOST && TcpStream::connect(address(&server)).is_ok());
+    let elsewhere = TcpStream::connect((Ipv4Addr::new(127, 0, 0, 2), port));
+    assert_eq!(elsewhere.unwrap_err().kind(), io::ErrorKind::ConnectionRefused);
+}
+
+#[test]
+fn a_port_in_use_is_told_at_once() {
+    let other = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let port = other.local_addr().unwrap().port();
+    assert_eq!(LiveServer::start(Some(port), HISTORY_BYTES).unwrap_err().kind(), io::ErrorKind::AddrInUse);
+    drop(other);
+    let server = LiveServer::start(Some(port), HISTORY_BYTES).unwrap();
+    assert_eq!(server.uri(), format!("rerun+http://127.0.0.1:{port}/proxy"));
+}
+
+#[test]
+fn a_viewer_that_never_reads_costs_a_run_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    let server = LiveServer::start(None, HISTORY_BYTES).unwrap();
+    let _frozen = frozen_viewer(&server);
+    thread::sleep(Duration::from_millis(100));
+    let clock = MonotonicClock::new();
+    let mut run = SyntheticRun::new(8);
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, Some(&server), context(&run), &keeping()).unwrap();
+    let mut worst = Duration::ZERO;
+    while server.dropped() == 0 && clock.elapsed() < Duration::from_secs(60) {
+        let before = clock.elapsed();
+        run.cycle(&mut sink);
+        worst = worst.max(clock.elapsed() - before);
+    }
+    assert!(server.dropped() > 0, "it took everything");
+    assert!(worst < Duration::from_secs(2), "{worst:?}");
+    let before = clock.elapsed();
+    sink.finish().unwrap();
+    drop(server);
+    assert!(clock.elapsed() - before < Duration::from_secs(2), "the end waited");
+    stores(&path);
+}

@@ -1,0 +1,63 @@
+//! A single picture with what was found in it, on the page that runs have for their first frame.
+
+use std::path::Path;
+
+use super::blueprint::{self, Layout};
+use super::file::RrdFile;
+use super::recorder::{Logged, Tape};
+use super::sink::record;
+use super::vision;
+use crate::types::{RecordingError, RecordingStats};
+use upm_recording::LocalisedRecord;
+use upm_recording::RerunMode;
+
+/// Records what was `found` in a picture, parts by their `names`, into the file at `path` and to the viewer of `mode`;
+/// `title` names the recording. With [`RerunMode::Off`] does nothing.
+pub fn record_located(
+    mode: &RerunMode,
+    path: &Path,
+    title: &str,
+    found: &LocalisedRecord,
+    names: &[&str],
+) -> Result<RecordingStats, RecordingError> {
+    record(mode, path, |file| log(file, title, found, names))
+}
+
+fn log(file: RrdFile, title: &str, found: &LocalisedRecord, names: &[&str]) -> Logged {
+    let tape = Tape::start(file, title.to_owned(), |stream| {
+        let mut layout = Layout::default();
+        let page = blueprint::vision(&mut layout, [found.frame.width, found.frame.height]);
+        layout.send(stream, vec![page])
+    })?;
+    tape.at(found.frame.exposed_at, 0);
+    vision::log(&tape, found, names)?;
+    tape.flush()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::stores;
+    use super::*;
+    use upm_fixtures::synthetic_run::SyntheticRun;
+    use upm_recording::MemorySink;
+
+    #[test]
+    fn a_picture_is_recorded_as_the_first_frame_of_a_run() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.rrd");
+        let mut seen = MemorySink::default();
+        SyntheticRun::new(2).localise(&mut seen);
+        let found = seen.localised.remove(0);
+        let stats = record_located(&RerunMode::Save, &path, "made up", &found, &["penny"]).unwrap();
+        assert_eq!(stats.file_bytes, path.metadata().unwrap().len());
+        let (recording, blueprint) = stores(&path);
+        let entities: Vec<String> = recording.all_entities().iter().map(ToString::to_string).collect();
+        for path in ["frame/image", "frame/table", "frame/parts", "edges/map", "hough/votes", "disk_response/map"] {
+            assert!(entities.contains(&format!("/vision/{path}")), "{path} is not among {entities:#?}");
+        }
+        let bounded = blueprint.all_entities().into_iter().filter(|path| path.to_string().ends_with("VisualBounds2D"));
+        assert_eq!(bounded.count(), 3);
+        assert!(record_located(&RerunMode::Off, &folder.path().join("off.rrd"), "", &found, &[]).is_ok());
+        assert!(!folder.path().join("off.rrd").exists());
+    }
+}

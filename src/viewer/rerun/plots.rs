@@ -1,0 +1,109 @@
+use rerun::{BarChart, Scalars, SeriesLines};
+
+use super::paint;
+use super::recorder::{Logged, Looks, Tape, nanos};
+use crate::types::RunContext;
+use upm_core::geometry::{Twist, Vec2};
+use upm_core::signal::TwistHarmonic;
+use upm_core::units::mm_from_m;
+use upm_planner::PlannedPulse;
+use upm_recording::CycleRecord;
+
+/// Plots with one line for each part.
+const BY_PART: [&str; 5] = [
+    "errors/to_target_mm",
+    "errors/to_subgoal_mm",
+    "errors/of_prediction_mm",
+    "errors/cross_track_mm",
+    "errors/sensing_mm",
+];
+
+/// Plots with a single line.
+const SINGLE: [&str; 5] = ["plan/total_mm", "plan/pulses", "timing/track_us", "timing/plan_us", "timing/cycle_us"];
+
+/// The plan of each cycle, errors and wall times as curves.
+pub(super) struct Plots {
+    /// Frames tracked in this cycle, and the time that took, µs.
+    tracked: (u32, f64),
+    half_side_m: f64,
+}
+
+impl Plots {
+    /// Logs names and colours.
+    pub(super) fn start(tape: &Tape, context: &RunContext) -> Result<Self, String> {
+        for path in BY_PART {
+            let names = context.parts.iter().map(|part| part.id.as_str());
+            let lines = SeriesLines::new().with_names(names).with_colors(paint::series(context.parts.len()));
+            tape.log_static(path, &lines.with_widths([1.5]))?;
+        }
+        for (path, color) in SINGLE.into_iter().zip(paint::series(SINGLE.len())) {
+            let name = path.split_once('/').map_or(path, |(_, name)| name).replace('_', " ");
+            tape.log_static(path, &SeriesLines::new().with_names([name]).with_colors([color]).with_widths([1.5]))?;
+        }
+        Ok(Self { tracked: (0, 0.0), half_side_m: 0.5 * context.model.plate_side_m })
+    }
+
+    /// How far measured and true positions are apart.
+    pub(super) fn looks(&mut self, tape: &Tape, looks: &Looks) -> Logged {
+        let (frames, track_us) = looks.tracked();
+        self.tracked = (self.tracked.0 + frames, self.tracked.1 + track_us);
+        let parts = looks.parts();
+        if parts == 0 || looks.is_empty() || looks.true_m.len() != looks.measured_m.len() {
+            return Ok(());
+        }
+        let errors = distances_mm(&looks.measured_m, &looks.true_m);
+        let columns = Scalars::new(errors).columns(looks.at.iter().map(|_| parts)).map_err(|e| e.to_string())?;
+        tape.log_columns("errors/sensing_mm", looks.at.iter().copied().map(nanos), columns)
+    }
+
+    /// What the look of a cycle says, and its plan.
+    pub(super) fn planned(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
+        log_each(tape, "errors/to_target_mm", distances_mm(&cycle.observed_m, &cycle.wanted.targets_m))?;
+        log_each(tape, "errors/cross_track_mm", cycle.wanted.cross_track_m.iter().map(|&off_m| mm_from_m(off_m)))?;
+        let pulses = &cycle.plan.pulses;
+        log_each(tape, "plan/pulses", [pulses.len() as f64])?;
+        if let [PlannedPulse::Field(field), ..] = &pulses[..] {
+            let speeds = field.wave.harmonics.iter().map(|harmonic| self.speed_mm_s(harmonic));
+            return log_bars(tape, "plan/harmonics_mm_s", speeds.collect());
+        }
+        let distance_mm = |pulse: &PlannedPulse| match pulse {
+            PlannedPulse::Rotation(rotation) => Some(mm_from_m(rotation.distance_m)),
+            PlannedPulse::Field(_) => None,
+        };
+        let distances: Vec<f64> = pulses.iter().filter_map(distance_mm).collect();
+        log_each(tape, "plan/total_mm", [distances.iter().map(|d| d.abs()).sum()])?;
+        log_bars(tape, "plan/d_mm", distances)
+    }
+
+    /// Amplitude of a harmonic's x, y and spin together, spin as the speed half a side from the centre.
+    fn speed_mm_s(&self, harmonic: &TwistHarmonic) -> f64 {
+        let square = |twist: Twist| twist.velocity_mps.norm_squared() + (twist.spin_radps * self.half_side_m).powi(2);
+        mm_from_m((square(harmonic.cos) + square(harmonic.sin)).sqrt())
+    }
+
+    /// What came of it, and how long it took.
+    pub(super) fn ended(&mut self, tape: &Tape, cycle: &CycleRecord) -> Logged {
+        log_each(tape, "errors/to_subgoal_mm", distances_mm(&cycle.result_m, &cycle.wanted.subgoals_m))?;
+        if let Some(predicted_m) = cycle.plan.predicted_m.last() {
+            log_each(tape, "errors/of_prediction_mm", distances_mm(&cycle.result_m, predicted_m))?;
+        }
+        let (frames, track_us) = std::mem::take(&mut self.tracked);
+        log_each(tape, "timing/track_us", [track_us / f64::from(frames.max(1))])?;
+        log_each(tape, "timing/plan_us", [cycle.plan_us])?;
+        log_each(tape, "timing/cycle_us", [cycle.cycle_us])
+    }
+}
+
+/// Bars numbered from 1.
+fn log_bars(tape: &Tape, path: &str, heights: Vec<f64>) -> Logged {
+    let numbers: Vec<f64> = (1..=heights.len()).map(|j| j as f64).collect();
+    tape.log(path, &BarChart::new(heights).with_abscissa(numbers).with_color(paint::color(paint::CENTER)))
+}
+
+fn log_each(tape: &Tape, path: &str, values: impl IntoIterator<Item = f64>) -> Logged {
+    tape.log(path, &Scalars::new(values))
+}
+
+fn distances_mm(a_m: &[Vec2], b_m: &[Vec2]) -> impl Iterator<Item = f64> {
+    a_m.iter().zip(b_m).map(|(a, b)| mm_from_m((a - b).norm()))
+}

@@ -1,0 +1,181 @@
+//! Makes a whole recording of what a killed process left.
+
+use std::fs::{self, File};
+use std::io::{self, BufReader, ErrorKind, Read, Seek};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use rerun::external::re_build_info::CrateVersion;
+use rerun::external::re_log_encoding::{
+    CachingApplicationIdInjector, Decodable, DecoderTransport, Encoder, EncodingOptions, MessageHeader, MessageKind,
+    StreamFooter, StreamHeader, ToApplication,
+};
+use rerun::log::LogMsg;
+
+use super::draft::{Draft, keep, lock};
+use crate::types::{RecordingError, Repaired};
+
+/// No message of a recording is longer, packed or unpacked. What says it is, is broken.
+const LONGEST_BYTES: u64 = 64 << 20;
+
+/// Makes the whole recording `out` of `part`, which may end anywhere: every message up to the first broken one, and the
+/// footer. A `part` that is whole is only renamed; in any case it is gone afterwards. It may be done again after being
+/// broken off. Refuses a `part` that is still being written, and what is no recording.
+pub fn repair_recording(part: &Path, out: &Path) -> Result<Repaired, RecordingError> {
+    repair(part, out).map_err(|reason| RecordingError::Repair { path: part.to_owned(), reason })
+}
+
+fn repair(part: &Path, out: &Path) -> Result<Repaired, String> {
+    let file = File::open(part).map_err(words)?;
+    lock(&file).map_err(words)?;
+    let mut frames = Frames::new(file)?;
+    if let Some(messages) = frames.whole().map_err(words)? {
+        keep(part, out).map_err(words)?;
+        return Ok(Repaired { messages, cut_bytes: 0, was_whole: true });
+    }
+    frames.rewind().map_err(words)?;
+    let (draft, copy) = Draft::create_as("repair", out).map_err(words)?;
+    let messages = frames.copy_into(copy).inspect_err(|_| {
+        fs::remove_file(draft.part()).ok(); // a full disk needs the room
+    })?;
+    // first in the place of the broken one, so that two of them never stand side by side
+    keep(draft.part(), part).and_then(|()| keep(part, out)).map_err(words)?;
+    Ok(Repaired { messages, cut_bytes: frames.size - frames.at, was_whole: false })
+}
+
+fn words(fault: impl std::fmt::Display) -> String {
+    fault.to_string()
+}
+
+/// A recording as a row of framed messages, one of them in memory at a time. A frame is only believed when it ends
+/// within the file: Rerun's own decoder would take memory for any length it reads.
+struct Frames {
+    file: BufReader<File>,
+    size: u64,
+    /// Where the next frame begins.
+    at: u64,
+    /// What the file begins with.
+    head: Vec<u8>,
+    /// The frame read last, its header first.
+    frame: Vec<u8>,
+}
+
+const HEADER_BYTES: usize = MessageHeader::ENCODED_SIZE_BYTES;
+const FOOTER_BYTES: usize = StreamFooter::ENCODED_SIZE_BYTES;
+
+impl Frames {
+    fn new(file: File) -> Result<Self, String> {
+        let size = file.metadata().map_err(words)?.len();
+        let mut frames = Self { file: BufReader::new(file), size, at: 0, head: Vec::new(), frame: Vec::new() };
+        frames.rewind().map_err(words)?;
+        Ok(frames)
+    }
+
+    /// To the first message. What is too short for one holds none; anything but a recording is a fault.
+    fn rewind(&mut self) -> io::Result<()> {
+        self.file.rewind()?;
+        self.at = 0;
+        self.frame.clear();
+        if self.read(StreamHeader::ENCODED_SIZE_BYTES as u64)? {
+            let header = StreamHeader::from_rrd_bytes(&self.frame).and_then(StreamHeader::to_version_and_options);
+            header.map_err(|fault| io::Error::new(ErrorKind::InvalidData, fault.to_string()))?;
+        }
+        self.head.clone_from(&self.frame);
+        Ok(())
+    }
+
+    /// Reads so many bytes more of the frame, or tells that the file is too short for that.
+    fn read(&mut self, bytes: u64) -> io::Result<bool> {
+        if bytes > LONGEST_BYTES || self.at.checked_add(bytes).is_none_or(|end| end > self.size) {
+            return Ok(false);
+        }
+        let read = (&mut self.file).take(bytes).read_to_end(&mut self.frame)? as u64;
+        self.at += read;
+        Ok(read == bytes)
+    }
+
+    /// The kind of the next frame, which is in memory then; `None` when it is broken or there is none.
+    fn next(&mut self) -> io::Result<Option<MessageKind>> {
+        self.frame.clear();
+        if !self.read(HEADER_BYTES as u64)? {
+            return Ok(None);
+        }
+        let Ok(MessageHeader { kind, len }) = MessageHeader::from_rrd_bytes(&self.frame) else { return Ok(None) };
+        Ok(self.read(len)?.then_some(kind))
+    }
+
+    /// The number of messages in a recording that was closed, from its footer to the last byte.
+    fn whole(&mut self) -> io::Result<Option<u64>> {
+        let mut messages = 0;
+        loop {
+            match self.next()? {
+                Some(MessageKind::End) => break,
+                Some(_) => messages += 1,
+                None => return Ok(None),
+            }
+        }
+        let manifest = self.frame.split_off(HEADER_BYTES);
+        let manifest_at = self.at - manifest.len() as u64;
+        self.frame.clear();
+        if self.at + FOOTER_BYTES as u64 != self.size || !self.read(FOOTER_BYTES as u64)? {
+            return Ok(None);
+        }
+        let footer = StreamFooter::from_rrd_footer_bytes(manifest_at, &manifest);
+        let is_its_footer =
+            has_one_entry(&self.frame) && StreamFooter::from_rrd_bytes(&self.frame).is_ok_and(|found| found == footer);
+        Ok(is_its_footer.then_some(messages))
+    }
+
+    /// Copies every message up to the first broken one into a recording of its own and closes that. Stands behind the
+    /// last one copied then. How many there were.
+    fn copy_into(&mut self, out: File) -> Result<u64, String> {
+        let mut encoder =
+            Encoder::new_eager(CrateVersion::LOCAL, EncodingOptions::PROTOBUF_COMPRESSED, out).map_err(words)?;
+        let mut unpacker = Unpacker::new(self.head.clone());
+        let (mut messages, mut copied_to) = (0, self.at);
+        while let Some(kind) = self.next().map_err(words)? {
+            let message = if kind == MessageKind::End { None } else { unpacker.unpack(&self.frame) };
+            let Some(message) = message else { break };
+            encoder.append(&message).map_err(words)?;
+            messages += 1;
+            copied_to = self.at;
+        }
+        self.at = copied_to;
+        encoder.finish().and_then(|()| encoder.into_inner()).map_err(words)?;
+        Ok(messages)
+    }
+}
+
+/// Rerun's reader of footers relies on it.
+fn has_one_entry(footer: &[u8]) -> bool {
+    footer.ends_with(&1_u32.to_le_bytes())
+}
+
+/// Makes messages of frames.
+struct Unpacker {
+    decoder: DecoderTransport,
+    apps: CachingApplicationIdInjector,
+}
+
+impl Unpacker {
+    /// For a recording that begins with `head`.
+    fn new(head: Vec<u8>) -> Self {
+        let mut decoder = DecoderTransport::new();
+        decoder.push_byte_chunk(head);
+        Self { decoder, apps: CachingApplicationIdInjector::default() }
+    }
+
+    /// The message in `frame`, unless it is broken; nothing comes after that.
+    fn unpack(&mut self, frame: &[u8]) -> Option<LogMsg> {
+        // what reads the formats underneath is not ours: should it panic over broken bytes, they are just broken
+        let unpacked = catch_unwind(AssertUnwindSafe(|| {
+            self.decoder.push_byte_chunk(frame.to_vec());
+            let message = self.decoder.try_read().ok()??;
+            if message.byte_size_uncompressed() > LONGEST_BYTES {
+                return None;
+            }
+            message.to_application((&mut self.apps, None)).ok()
+        }));
+        unpacked.ok().flatten()
+    }
+}

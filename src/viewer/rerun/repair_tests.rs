@@ -1,0 +1,153 @@
+use std::fs::{self, File};
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use proptest::prelude::*;
+use rerun::external::re_log_encoding::{Decodable, DecoderApp, MessageHeader, MessageKind, StreamHeader};
+use rerun::log::LogMsg;
+
+use super::tests::{context, keeping, stores};
+use super::{RerunSink, repair_recording};
+use crate::{RecordingError, Repaired};
+use upm_fixtures::synthetic_run::SyntheticRun;
+use upm_recording::RerunMode;
+
+/// A recording of two cycles, and where each of its messages ends.
+fn recording() -> &'static (Vec<u8>, Vec<usize>) {
+    static RECORDING: OnceLock<(Vec<u8>, Vec<usize>)> = OnceLock::new();
+    RECORDING.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.rrd");
+        let mut run = SyntheticRun::new(2);
+        let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &keeping()).unwrap();
+        (0..2).for_each(|_| run.cycle(&mut sink));
+        sink.finish().unwrap();
+        let bytes = fs::read(path).unwrap();
+        let (mut at, mut ends) = (StreamHeader::ENCODED_SIZE_BYTES, Vec::new());
+        loop {
+            let header = &bytes[at..at + MessageHeader::ENCODED_SIZE_BYTES];
+            let header = MessageHeader::from_rrd_bytes(header).unwrap();
+            if header.kind == MessageKind::End {
+                return (bytes, ends);
+            }
+            at += MessageHeader::ENCODED_SIZE_BYTES + header.len as usize;
+            ends.push(at);
+        }
+    })
+}
+
+fn messages(path: &Path) -> Vec<LogMsg> {
+    let messages = DecoderApp::decode_lazy(BufReader::new(File::open(path).unwrap()));
+    messages.map(Result::unwrap).collect()
+}
+
+/// Repairs `bytes`: what was done, and what came of it.
+fn repaired(bytes: &[u8]) -> (tempfile::TempDir, PathBuf, Result<Repaired, RecordingError>) {
+    let folder = tempfile::tempdir().unwrap();
+    let (part, path) = (folder.path().join("run.rrd.part"), folder.path().join("run.rrd"));
+    fs::write(&part, bytes).unwrap();
+    let done = repair_recording(&part, &path);
+    (folder, path, done)
+}
+
+/// Whole messages in the first `cut` bytes, and where they end.
+fn whole_up_to(cut: usize) -> (u64, usize) {
+    let ends = recording().1.iter().take_while(|&&end| end <= cut);
+    let end = recording().1.iter().rev().find(|&&end| end <= cut);
+    (
+        ends.count() as u64,
+        end.copied().unwrap_or(if cut < StreamHeader::ENCODED_SIZE_BYTES {
+            0
+        } else {
+            StreamHeader::ENCODED_SIZE_BYTES
+        }),
+    )
+}
+
+#[test]
+fn cut_anywhere_a_recording_opens_again_with_every_whole_message() {
+    let (bytes, ends) = recording();
+    assert!(ends.len() > 20, "{} messages", ends.len());
+    let cuts = (0..bytes.len()).step_by(997).chain(0..20).chain(bytes.len() - 40..bytes.len());
+    for cut in cuts.chain(ends.iter().flat_map(|&end| [end - 1, end, end + 1])) {
+        let (_folder, path, done) = repaired(&bytes[..cut]);
+        let (messages, end) = whole_up_to(cut);
+        let expected = Repaired { messages, cut_bytes: (cut - end) as u64, was_whole: false };
+        assert_eq!(done.unwrap(), expected, "cut at {cut}");
+        let left: Vec<_> = fs::read_dir(path.parent().unwrap()).unwrap().map(|entry| entry.unwrap().path()).collect();
+        assert_eq!(left, std::slice::from_ref(&path), "nothing else is left");
+        // whole now: its footer stands where it should
+        let again = repair_recording(&path, &path).unwrap();
+        assert_eq!(again, Repaired { messages, cut_bytes: 0, was_whole: true }, "cut at {cut}");
+    }
+}
+
+#[test]
+fn messages_stay_what_they_were() {
+    let (bytes, ends) = recording();
+    let (_folder, whole, _) = repaired(bytes);
+    let before = messages(&whole);
+    let (_folder, path, _) = repaired(&bytes[..ends[ends.len() - 3] + 5]);
+    let after = messages(&path);
+    assert_eq!(after.len() + 2, before.len());
+    assert!(before.iter().zip(&after).all(|(a, b)| a == b));
+    stores(&path);
+}
+
+#[test]
+fn a_whole_recording_is_only_renamed() {
+    let (bytes, ends) = recording();
+    let (_folder, path, done) = repaired(bytes);
+    assert_eq!(done.unwrap(), Repaired { messages: ends.len() as u64, cut_bytes: 0, was_whole: true });
+    assert_eq!(&fs::read(path).unwrap(), bytes);
+}
+
+#[test]
+fn what_is_no_recording_or_still_written_stays_as_it_is() {
+    let (folder, path, done) = repaired(b"{\"a\": \"journal, that is\"}");
+    assert!(matches!(done, Err(RecordingError::Repair { .. })));
+    assert!(!path.exists() && folder.path().join("run.rrd.part").exists());
+
+    let mut run = SyntheticRun::new(2);
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &keeping()).unwrap();
+    run.cycle(&mut sink);
+    let refused = repair_recording(&folder.path().join("run.rrd.part"), &path).unwrap_err();
+    assert!(refused.to_string().ends_with("somebody else is writing it"), "{refused}");
+    sink.finish().unwrap();
+    assert!(path.exists());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn garbage_behind_a_cut_is_cut_off(
+        cut in 0.0..1.0f64, garbage in prop::collection::vec(any::<u8>(), 20..300), zeros in any::<bool>(),
+    ) {
+        let (bytes, ends) = recording();
+        // behind the first message, so that it stays a recording; and inside a message or just behind one
+        let cut = ends[0] + ((ends[ends.len() - 1] - ends[0]) as f64 * cut) as usize;
+        let garbage = if zeros { vec![0; garbage.len()] } else { garbage };
+        let (messages, end) = whole_up_to(cut);
+        let file = [&bytes[..cut], &garbage].concat();
+        let (_folder, path, done) = repaired(&file);
+        let done = done.unwrap();
+        prop_assert!(!done.was_whole && done.messages >= messages, "{done:?}");
+        prop_assert!(done.cut_bytes <= (file.len() - end) as u64);
+        prop_assert_eq!(repair_recording(&path, &path).unwrap().messages, done.messages);
+    }
+
+    #[test]
+    fn broken_bytes_inside_a_recording_never_do_harm(at in 0.0..1.0f64, garbage in prop::collection::vec(any::<u8>(), 1..40)) {
+        let (bytes, ends) = recording();
+        let mut bytes = bytes.clone();
+        let at = ends[0] + ((bytes.len() - garbage.len() - ends[0]) as f64 * at) as usize;
+        bytes[at..at + garbage.len()].copy_from_slice(&garbage);
+        let whole_before = whole_up_to(at).0;
+        let (_folder, path, done) = repaired(&bytes);
+        let done = done.unwrap();
+        prop_assert!(done.messages >= whole_before);
+        prop_assert!(done.was_whole || repair_recording(&path, &path).unwrap().was_whole);
+    }
+}

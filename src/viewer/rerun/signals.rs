@@ -1,0 +1,150 @@
+use rerun::{Scalars, SeriesLines, SeriesPoints};
+
+use super::paint;
+use super::recorder::{Logged, Tape, nanos};
+use upm_core::signal::{AccelTrace, Drive, MISSING_SAMPLE, MOTORS};
+use upm_perception::estimation::PlateFit;
+use upm_recording::PulseRecord;
+
+/// Samples of a motor's waveform a second, at least; and for each period of its highest harmonic.
+const MOTOR_HZ: f64 = 1000.0;
+const MOTOR_SAMPLES_A_PERIOD: f64 = 8.0;
+
+/// Base periods of the traces that are kept, in the middle of the sustain.
+const TRACE_PERIODS: f64 = 4.0;
+/// Samples of a trace a second, at most.
+const TRACE_HZ: f64 = 2500.0;
+
+/// Entities of the two accelerometers; each has x and y.
+const ACCELEROMETERS: [&str; 2] = ["accelerometers/1", "accelerometers/2"];
+
+/// What was sent to the motors and what the accelerometers saw of it.
+pub(super) struct Signals;
+
+impl Signals {
+    /// Logs names and colours.
+    pub(super) fn start(tape: &Tape) -> Result<Self, String> {
+        let names = ["X1", "X2", "Y1", "Y2"];
+        let lines = SeriesLines::new().with_names(names).with_colors(paint::series(MOTORS)).with_widths([1.0]);
+        tape.log_static("motors", &lines)?;
+        for entity in ACCELEROMETERS {
+            let dots = SeriesPoints::new()
+                .with_names(["x measured", "y measured"])
+                .with_colors(paint::series(2))
+                .with_marker_sizes([2.0]);
+            tape.log_static(&format!("{entity}/measured"), &dots)?;
+            let lines = SeriesLines::new().with_names(["x fitted", "y fitted"]).with_widths([1.0]);
+            tape.log_static(&format!("{entity}/fitted"), &lines.with_colors(paint::series(2)))?;
+        }
+        Ok(Self)
+    }
+
+    pub(super) fn pulse(&self, tape: &Tape, pulse: &PulseRecord) -> Logged {
+        let start_ns = nanos(pulse.started_at);
+        let (times_s, counts) = motor_samples(&pulse.drive);
+        log_scalars(tape, "motors", start_ns, &times_s, counts, MOTORS)?;
+        let window = trace_window(&pulse.drive, &pulse.trace);
+        let mut times_s: Vec<f64> = window.iter().map(|&i| pulse.trace.time_s(i)).collect();
+        let measured = |channel| window.iter().map(move |&i| measured_mps2(&pulse.trace, channel, i));
+        for (entity, channels) in ACCELEROMETERS.into_iter().zip([[0, 1], [2, 3]]) {
+            let values = interleaved(channels.map(|channel| measured(channel).collect()));
+            log_scalars(tape, &format!("{entity}/measured"), start_ns, &times_s, values, 2)?;
+        }
+        let Ok(fit) = &pulse.fit else { return Ok(()) };
+        // a last sample that is no number ends the line, so that it does not run on to the next pulse
+        let end_s = times_s.last().map_or(0.0, |last| last + 1.0 / pulse.trace.sample_hz);
+        for (entity, channels) in ACCELEROMETERS.into_iter().zip([[0, 1], [2, 3]]) {
+            let fitted =
+                |channel| times_s.iter().map(move |&t| fitted_mps2(fit, channel, t)).chain([f64::NAN]).collect();
+            let values = interleaved(channels.map(fitted));
+            times_s.push(end_s);
+            log_scalars(tape, &format!("{entity}/fitted"), start_ns, &times_s, values, 2)?;
+            times_s.pop();
+        }
+        Ok(())
+    }
+}
+
+fn log_scalars(
+    tape: &Tape,
+    path: &str,
+    start_ns: i64,
+    times_s: &[f64],
+    values: impl IntoIterator<Item = f64>,
+    series: usize,
+) -> Logged {
+    if times_s.is_empty() {
+        return Ok(());
+    }
+    let rows = times_s.iter().map(|_| series);
+    let columns = Scalars::new(values).columns(rows).map_err(|e| format!("{path}: {e}"))?;
+    tape.log_columns(path, times_s.iter().map(|t| start_ns + (t * 1e9).round() as i64), columns)
+}
+
+fn interleaved(pair: [Vec<f64>; 2]) -> impl Iterator<Item = f64> {
+    let [first, second] = pair;
+    first.into_iter().zip(second).flat_map(|(a, b)| [a, b])
+}
+
+/// Times after the start, s, and whole counts, motor by motor, from silence to silence.
+fn motor_samples(drive: &Drive) -> (Vec<f64>, Vec<f64>) {
+    let harmonics = drive.motors.iter().map(Vec::len).max().unwrap_or(0) as f64;
+    let top_hz = harmonics * drive.base_radps / std::f64::consts::TAU;
+    let sample_hz = MOTOR_HZ.max(MOTOR_SAMPLES_A_PERIOD * top_hz);
+    let sounding_s = drive.envelope.sounding_s();
+    let steps = (sounding_s * sample_hz).ceil() as usize;
+    let times_s: Vec<f64> = (0..=steps).map(|i| (i as f64 / sample_hz).min(sounding_s)).collect();
+    let counts = times_s.iter().flat_map(|&t| (0..MOTORS).map(move |motor| drive.counts_at(motor, t).round()));
+    let counts = counts.collect();
+    (times_s, counts)
+}
+
+/// Samples in the middle of the sustain, thinned out.
+fn trace_window(drive: &Drive, trace: &AccelTrace) -> Vec<usize> {
+    let half_s = (0.5 * TRACE_PERIODS * std::f64::consts::TAU / drive.base_radps).min(0.5 * drive.envelope.sustain_s);
+    let middle_s = drive.envelope.attack_s + 0.5 * drive.envelope.sustain_s;
+    let stride = ((trace.sample_hz / TRACE_HZ) as usize).max(1);
+    let inside = |&i: &usize| (trace.time_s(i) - middle_s).abs() <= half_s;
+    (0..trace.len()).step_by(stride).filter(inside).collect()
+}
+
+fn measured_mps2(trace: &AccelTrace, channel: usize, i: usize) -> f64 {
+    match trace.counts[channel].get(i) {
+        Some(&count) if count != MISSING_SAMPLE => f64::from(count) * trace.mps2_per_count,
+        _ => f64::NAN,
+    }
+}
+
+/// `c1 cos wt + s1 sin wt + c2 cos 2wt + s2 sin 2wt` (Eq. 12), and so on for as many harmonics as were fitted.
+fn fitted_mps2(fit: &PlateFit, channel: usize, t_s: f64) -> f64 {
+    let (coefficients, base_radps) = match fit {
+        PlateFit::Twist(fit) => (fit.accel_mps2[channel].as_chunks().0, fit.wave.base_radps),
+        PlateFit::Wave(fit) => (fit.accel_mps2[channel].as_slice(), fit.wave.base_radps),
+    };
+    let harmonic = |(k, [c, s]): (u32, &[f64; 2])| {
+        let (sin, cos) = (f64::from(k) * base_radps * t_s).sin_cos();
+        c * cos + s * sin
+    };
+    (1..).zip(coefficients).map(harmonic).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use upm_core::signal::{Envelope, Harmonic};
+
+    #[test]
+    fn motors_start_and_end_in_silence() {
+        let wave = vec![Harmonic { cos: 100.0, sin: 0.0 }; 2];
+        let drive = Drive {
+            base_radps: 377.0,
+            motors: [wave.clone(), wave.clone(), wave.clone(), wave],
+            envelope: Envelope { attack_s: 0.01, sustain_s: 0.0305, rest_s: 0.1 },
+        };
+        let (times_s, counts) = motor_samples(&drive);
+        assert_eq!(counts.len(), MOTORS * times_s.len());
+        assert_eq!((times_s.first(), times_s.last()), (Some(&0.0), Some(&drive.envelope.sounding_s())));
+        assert!(counts[..MOTORS].iter().chain(&counts[counts.len() - MOTORS..]).all(|&count| count == 0.0));
+        assert!(counts.iter().all(|count| count.fract() == 0.0));
+    }
+}

@@ -1,0 +1,300 @@
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+use super::blueprint;
+use super::destination::{Destination, parse_address, thread_fault};
+use super::file::RrdFile;
+use super::live::Live;
+use super::live_server::LiveServer;
+use super::recorder::{Desk, Logged, Looks, Message, Recorder};
+use crate::types::{RecordingError, RecordingStats, RunContext};
+use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_core::ground_truth::GroundTruthHandle;
+use upm_core::priority::step_back;
+use upm_core::signal::Frame;
+use upm_core::time::PlateTime;
+use upm_recording::EventRecord;
+use upm_recording::Keeping;
+use upm_recording::RerunMode;
+use upm_recording::{OnFull, RecordingState, RecordingSwitch};
+
+/// Messages that may wait for the recorder; at most so many frames are held.
+const QUEUE: usize = 32;
+
+/// The same where the run waits when there are more: a part of a second of plate time, so that a kill costs little.
+const QUEUE_OF_WAITING: usize = 8;
+
+/// Time from one try to hand a message to a recorder that lags to the next.
+const SEND_AGAIN: Duration = Duration::from_millis(1);
+
+/// The longest wait of a run that is told to stop: time enough for a recorder that works.
+const STOPPED_WITHIN: Duration = Duration::from_millis(100);
+
+/// How long [`OnFull::GiveUp`] waits at the end for a disk that lags.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Looks kept for trails, a second of plate time.
+const LOOKS_HZ: f64 = 15.0;
+
+/// Looks are gathered no longer than this, s of plate time.
+const GATHER_S: f64 = 0.2;
+
+/// Streams a run to Rerun. Dropping it closes the file as well, but only [`RerunSink::finish`] tells of faults.
+pub struct RerunSink(Option<Running>);
+
+struct Running {
+    path: PathBuf,
+    /// True when there is a file.
+    is_kept: bool,
+    /// `None` once the recorder was given up.
+    queue: Option<SyncSender<Message>>,
+    on_full: OnFull,
+    /// The run is told to end.
+    stop: Arc<AtomicBool>,
+    spare_pixels: Receiver<Vec<u8>>,
+    done: Receiver<Closed>,
+    switch: RecordingSwitch,
+    live: Option<Live>,
+    truth: Option<GroundTruthHandle>,
+    looks: Looks,
+    last_look: Option<PlateTime>,
+}
+
+impl RerunSink {
+    /// Refuses a mode with an address that is none, before anything is started.
+    pub fn check(mode: &RerunMode) -> Result<(), RecordingError> {
+        match mode {
+            RerunMode::Connect { url: Some(url) } => parse_address(url.clone()).map(|_| ()),
+            _ => Ok(()),
+        }
+    }
+
+    /// Starts recording into `path`, which is `path.part` until it is closed, and to `live`. With [`RerunMode::Off`] there
+    /// is no file; without a live stream either, this sink does nothing.
+    pub fn start(
+        mode: &RerunMode,
+        path: &Path,
+        live: Option<&LiveServer>,
+        context: RunContext,
+        keeping: &Keeping,
+    ) -> Result<Self, RecordingError> {
+        if *mode == RerunMode::Off && live.is_none() {
+            return Ok(Self(None));
+        }
+        let to = Destination::open(mode, path)?.and_live(live, || blueprint::key(&context));
+        Self::into_destination(to, context, keeping)
+    }
+
+    /// Records into `to`.
+    pub(super) fn into_destination(
+        to: Destination,
+        context: RunContext,
+        keeping: &Keeping,
+    ) -> Result<Self, RecordingError> {
+        let Keeping { on_full, clock, has_clock, .. } = *keeping;
+        let run_waits = on_full != OnFull::GiveUp;
+        // without a file there is no recording that could fail or be stopped
+        let is_kept = to.has_file();
+        let switch = if is_kept { keeping.recording.clone() } else { RecordingSwitch::default() };
+        let (file, path, live) = to.start(switch.clone())?;
+        let (queue, messages) = sync_channel(if run_waits { QUEUE_OF_WAITING } else { QUEUE });
+        let (pixels_back, spare_pixels) = sync_channel(QUEUE);
+        let (report, done) = sync_channel(1);
+        let truth = context.truth.clone();
+        let looks = Looks::new(context.parts.len());
+        let desk = Desk { messages, pixels_back, clock, file, run_waits };
+        thread::Builder::new()
+            .name("recorder".into())
+            .spawn(move || {
+                if has_clock {
+                    step_back();
+                }
+                let recorded = Recorder::start(desk.file.clone(), context).and_then(|recorder| recorder.run(&desk));
+                report.send(close(&desk.file, recorded)).ok();
+            })
+            .map_err(thread_fault)?;
+        let running = Running {
+            path,
+            is_kept,
+            queue: Some(queue),
+            on_full,
+            stop: Arc::clone(&keeping.stop),
+            spare_pixels,
+            done,
+            switch,
+            live,
+            truth,
+            looks,
+            last_look: None,
+        };
+        Ok(Self(Some(running)))
+    }
+
+    /// Waits until everything is written and closes the file. `Err` with the first fault of the whole run. A recording
+    /// that was stopped is none.
+    pub fn finish(mut self) -> Result<RecordingStats, RecordingError> {
+        self.0.take().map_or(Ok(RecordingStats::default()), Running::close)
+    }
+}
+
+impl Drop for RerunSink {
+    fn drop(&mut self) {
+        if let Some(running) = self.0.take() {
+            running.close().ok();
+        }
+    }
+}
+
+impl Running {
+    fn close(mut self) -> Result<RecordingStats, RecordingError> {
+        self.send_looks();
+        self.queue = None;
+        let closed = match self.on_full {
+            OnFull::Wait => self.done.recv().map_err(RecvTimeoutError::from),
+            OnFull::GiveUp | OnFull::WaitAtMost(_) => self.done.recv_timeout(PATIENCE),
+        };
+        if !self.is_kept {
+            return Ok(RecordingStats::default());
+        }
+        let closed = closed.unwrap_or_else(|fault| {
+            let reason = match fault {
+                RecvTimeoutError::Timeout => "the disk hangs",
+                RecvTimeoutError::Disconnected => "the recorder's thread died",
+            };
+            self.switch.fail(reason);
+            Err(reason.to_owned())
+        });
+        let lagged = match self.switch.state() {
+            RecordingState::Failed(reason) => Err(reason),
+            _ => Ok(()),
+        };
+        stats(&self.path, self.live, closed.and_then(|written| lagged.map(|()| written)))
+    }
+
+    /// Waits when the recorder lags, or gives it up. A dead recorder is told of by `close`.
+    fn send(&mut self, message: Message) {
+        let Some(queue) = &self.queue else { return };
+        let most = match self.on_full {
+            OnFull::Wait => return drop(queue.send(message)),
+            OnFull::WaitAtMost(most) => most,
+            OnFull::GiveUp => Duration::ZERO,
+        };
+        let mut waited = Duration::ZERO;
+        let mut sent = queue.try_send(message);
+        while let Err(TrySendError::Full(message)) = sent {
+            let most = if self.stop.load(Ordering::Relaxed) { most.min(STOPPED_WITHIN) } else { most };
+            if waited >= most {
+                self.switch.fail("the recorder lags");
+                self.queue = None;
+                return;
+            }
+            waited += SEND_AGAIN;
+            thread::sleep(SEND_AGAIN);
+            sent = queue.try_send(message);
+        }
+    }
+
+    fn send_looks(&mut self) {
+        if !self.looks.is_empty() {
+            let next = Looks::new(self.looks.parts());
+            let looks = std::mem::replace(&mut self.looks, next);
+            self.send(Message::Looks(looks));
+        }
+    }
+
+    fn look(&mut self, facts: &FrameFacts<'_>) {
+        let at = facts.frame.exposed_at;
+        self.looks.tracked_in(facts.track_us);
+        let due = self.last_look.is_none_or(|last| at.secs_since(last) >= 1.0 / LOOKS_HZ);
+        if due || facts.starts_cycle {
+            self.last_look = Some(at);
+            let truth = self.truth.as_ref().map(GroundTruthHandle::read);
+            self.looks.push(at, facts.tracks, truth.as_ref());
+        }
+        let oldest = self.looks.at.first();
+        if facts.starts_cycle || oldest.is_some_and(|&oldest| at.secs_since(oldest) >= GATHER_S) {
+            self.send_looks();
+        }
+        if facts.starts_cycle {
+            let mut pixels = self.spare_pixels.try_recv().unwrap_or_default();
+            pixels.clone_from(&facts.frame.pixels);
+            let Frame { width, height, index, exposed_at, .. } = *facts.frame;
+            let frame = Frame { width, height, pixels, index, exposed_at };
+            self.send(Message::Picture { frame, tracks: facts.tracks.to_vec() });
+        }
+    }
+}
+
+impl Sink for RerunSink {
+    fn localised(&mut self, facts: &LocalisedFacts<'_>) {
+        if let Some(running) = &mut self.0 {
+            running.send(Message::Localised(Box::new(facts.into())));
+        }
+    }
+
+    fn frame(&mut self, facts: &FrameFacts<'_>) {
+        if let Some(running) = &mut self.0 {
+            running.look(facts);
+        }
+    }
+
+    fn pulse(&mut self, facts: &PulseFacts<'_>) {
+        if let Some(running) = &mut self.0 {
+            running.send(Message::Pulse(Box::new(facts.into())));
+        }
+    }
+
+    fn cycle(&mut self, facts: &CycleFacts<'_>) {
+        if let Some(running) = &mut self.0 {
+            running.send_looks();
+            running.send(Message::Cycle(Box::new(facts.into())));
+        }
+    }
+
+    fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
+        if let Some(running) = &mut self.0 {
+            running.send(Message::Event(EventRecord { at, level, text: text.to_owned() }));
+        }
+    }
+}
+
+/// Makes a whole recording at once by `log`, into the file at `path` and to the viewer of `mode`. With
+/// [`RerunMode::Off`] does nothing.
+pub(super) fn record(
+    mode: &RerunMode,
+    path: &Path,
+    log: impl FnOnce(RrdFile) -> Logged,
+) -> Result<RecordingStats, RecordingError> {
+    if *mode == RerunMode::Off {
+        return Ok(RecordingStats::default());
+    }
+    let (file, path, live) = Destination::open(mode, path)?.start(RecordingSwitch::default())?;
+    let recorded = log(file.clone());
+    stats(&path, live, close(&file, recorded))
+}
+
+/// Bytes and messages in a file, or why it is not whole.
+type Closed = Result<(u64, u64), String>;
+
+/// Closes `file` in any case and lets go of its viewer. `Err` with the first fault of writing it or of what was
+/// `recorded`.
+fn close(file: &RrdFile, recorded: Logged) -> Closed {
+    if let Err(fault) = &recorded {
+        file.switch().fail(fault.as_str());
+    }
+    let closed = file.close();
+    file.hang_up();
+    closed.and_then(|written| recorded.map(|()| written))
+}
+
+/// Lets the viewer take what is left of the recording called `path`.
+fn stats(path: &Path, live: Option<Live>, closed: Closed) -> Result<RecordingStats, RecordingError> {
+    let (viewer_missed, viewer_caught_up) = live.map_or((0, false), Live::finish);
+    closed
+        .map(|(file_bytes, messages)| RecordingStats { file_bytes, messages, viewer_missed, viewer_caught_up })
+        .map_err(|reason| RecordingError::Write { path: path.to_owned(), reason })
+}

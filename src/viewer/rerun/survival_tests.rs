@@ -1,0 +1,237 @@
+//! What a recording holds when nobody gets to close it.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::Duration;
+
+use rerun::external::re_log_encoding::DecoderApp;
+use rerun::log::{Chunk, LogMsg};
+
+use super::RerunSink;
+use super::destination::Destination;
+use super::recorder::PLATE_TIME;
+use super::tests::{context, keeping, stores};
+use crate::RecordingError;
+use upm_control::{EventLevel, Sink};
+use upm_core::time::{Clock, MonotonicClock};
+use upm_fixtures::synthetic_run::SyntheticRun;
+use upm_recording::{Fanout, Herald, Keeping, MemorySink, OnFull, RecordingState, RerunMode, tell_recording};
+
+/// A folder, the recording in it, and the same before it is closed.
+fn places() -> (tempfile::TempDir, PathBuf, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    let part = folder.path().join("run.rrd.part");
+    (folder, path, part)
+}
+
+/// The newest moment of every series in the file at `path`, which may still be written, s.
+fn newest_s(path: &Path) -> BTreeMap<String, f64> {
+    let mut newest = BTreeMap::new();
+    for message in DecoderApp::decode_lazy(BufReader::new(File::open(path).unwrap())) {
+        if let LogMsg::ArrowMsg(_, message) = message.unwrap() {
+            let chunk = Chunk::from_arrow_msg(&message).unwrap();
+            for times in chunk.timelines().values().filter(|times| times.name() == PLATE_TIME) {
+                let series: &mut f64 = newest.entry(chunk.entity_path().to_string()).or_default();
+                *series = series.max(times.time_range().max().as_i64() as f64 * 1e-9);
+            }
+        }
+    }
+    newest
+}
+
+/// Runs `frame` 60 times a second for 2.5 s and reads the growing file at `path` all along. The age of the oldest of
+/// these series in it, s: the middle one of all readings.
+fn age_in_file_s(path: &Path, series: &[&str], mut frame: impl FnMut() -> f64) -> f64 {
+    let clock = MonotonicClock::new();
+    let mut ages_s = Vec::new();
+    for i in 0..150 {
+        thread::sleep(Duration::from_secs_f64(f64::from(i) / 60.0).saturating_sub(clock.elapsed()));
+        let now_s = frame();
+        if i >= 60 && i % 10 == 0 {
+            let newest = newest_s(path);
+            let age_s = |name: &&str| now_s - newest.get(*name).copied().unwrap_or(f64::NEG_INFINITY);
+            ages_s.push(series.iter().map(age_s).fold(0.0, f64::max));
+        }
+    }
+    ages_s.sort_by(f64::total_cmp);
+    ages_s[ages_s.len() / 2]
+}
+
+#[test]
+fn images_at_60_hz_keep_no_other_series_out_of_the_file() {
+    let (_folder, path, part) = places();
+    let mut run = SyntheticRun::new(2);
+    run.snow();
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &keeping()).unwrap();
+    // so large that Rerun sends them on by themselves, and puts off everything else for them
+    let age_s = age_in_file_s(&part, &["/log", "/errors/sensing_mm", "/table/measured"], || {
+        run.look(&mut sink, false, true);
+        sink.event(run.now(), EventLevel::Info, "a frame");
+        run.now().secs()
+    });
+    assert!(age_s <= 0.5, "{age_s} s");
+    sink.finish().unwrap();
+}
+
+#[test]
+fn looks_do_not_wait_for_the_end_of_a_long_cycle() {
+    let (_folder, path, part) = places();
+    let mut run = SyntheticRun::new(2);
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &keeping()).unwrap();
+    let age_s = age_in_file_s(&part, &["/errors/sensing_mm", "/table/measured"], || {
+        run.look(&mut sink, true, false);
+        run.now().secs()
+    });
+    assert!(age_s <= 0.5, "{age_s} s");
+    sink.finish().unwrap();
+}
+
+#[test]
+fn a_recording_has_its_name_only_once_it_is_closed() {
+    let (_folder, path, part) = places();
+    let (mut run, keeping) = (SyntheticRun::new(2), keeping());
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &keeping).unwrap();
+    run.cycle(&mut sink);
+    assert!(part.exists() && !path.exists());
+    assert!(matches!(keeping.recording.state(), RecordingState::Writing { bytes } if bytes > 0));
+    let stats = sink.finish().unwrap();
+    assert!(path.exists() && !part.exists());
+    assert_eq!(path.metadata().unwrap().len(), stats.file_bytes);
+    assert_eq!((keeping.recording.state(), keeping.recording.news()), (RecordingState::Whole, None));
+}
+
+/// Plays cycles until `done`, and tells of the recording as a run does.
+fn cycles_until(run: &mut SyntheticRun, sink: &mut RerunSink, keeping: &Keeping, done: RecordingState) -> MemorySink {
+    let mut seen = MemorySink::default();
+    let mut sinks = Fanout::new().with(&mut seen).with(sink);
+    let mut herald = Herald::new(&mut sinks, |sinks: &mut dyn Sink, at| tell_recording(&keeping.recording, sinks, at));
+    for _ in 0..400 {
+        run.cycle(&mut herald);
+        if keeping.recording.state() == done {
+            run.cycle(&mut herald);
+            break;
+        }
+    }
+    assert_eq!(keeping.recording.state(), done);
+    seen
+}
+
+#[test]
+fn a_stopped_recording_is_whole_while_the_run_goes_on() {
+    let (_folder, path, part) = places();
+    let (mut run, keeping) = (SyntheticRun::new(2), keeping());
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &keeping).unwrap();
+    run.cycle(&mut sink);
+    keeping.recording.stop("the disk is nearly full");
+    let stopped = RecordingState::Stopped("the disk is nearly full".into());
+    let seen = cycles_until(&mut run, &mut sink, &keeping, stopped.clone());
+    assert!(path.exists() && !part.exists(), "before the run is over");
+    assert_eq!(seen.events.len(), 1);
+    assert_eq!(seen.events[0].text, "the recording ends early: stopped, the disk is nearly full");
+    let bytes = path.metadata().unwrap().len();
+    assert_eq!(sink.finish().unwrap().file_bytes, bytes);
+    assert_eq!((path.metadata().unwrap().len(), keeping.recording.state()), (bytes, stopped));
+    let (recording, _) = stores(&path);
+    let logged: String = recording.iter_physical_chunks().map(|chunk| chunk.to_string()).collect();
+    assert!(logged.contains("stopped, the disk is nearly full"), "the recording says why it ends");
+}
+
+#[test]
+fn a_write_that_fails_is_told_at_once_and_the_draft_stays() {
+    struct Full(File, usize);
+    impl Write for Full {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let fits = bytes.len().min(self.1);
+            if fits == 0 {
+                return Err(io::ErrorKind::StorageFull.into());
+            }
+            self.1 -= fits;
+            self.0.write(&bytes[..fits])
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+    let (_folder, path, part) = places();
+    let (mut run, keeping) = (SyntheticRun::new(2), keeping());
+    let to = Destination::wrapped(&path, |file| Full(file, 200_000));
+    let mut sink = RerunSink::into_destination(to, context(&run), &keeping).unwrap();
+    let failed = RecordingState::Failed("Failed to write: no storage space".into());
+    let seen = cycles_until(&mut run, &mut sink, &keeping, failed.clone());
+    let told: Vec<_> = seen.events.iter().map(|event| (event.level, event.text.as_str())).collect();
+    assert_eq!(told, [(EventLevel::Warning, "the recording ends early: Failed to write: no storage space")]);
+    assert!(matches!(sink.finish(), Err(RecordingError::Write { path, .. }) if path == part));
+    assert_eq!(keeping.recording.state(), failed);
+    assert!(!path.exists());
+    assert_eq!(part.metadata().unwrap().len(), 200_000, "no footer behind half a message");
+}
+
+/// A file on a disk that hangs while the mutex is held.
+struct Gate(File, Arc<Mutex<()>>);
+
+impl Write for Gate {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        drop(self.1.lock().unwrap());
+        self.0.write(bytes)
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_run_that_is_told_to_stop_does_not_wait_for_a_disk_that_hangs() {
+    let (_folder, path, _) = places();
+    let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
+    let most = Duration::from_secs(3600);
+    let keeping = Keeping { on_full: OnFull::WaitAtMost(most), ..keeping() };
+    let to = Destination::wrapped(&path, |file| Gate(file, Arc::clone(&gate)));
+    let mut sink = RerunSink::into_destination(to, context(&run), &keeping).unwrap();
+    run.draw();
+    let hanging = gate.lock().unwrap();
+    let stopper = thread::spawn({
+        let stop = Arc::clone(&keeping.stop);
+        // in the middle of the wait, mostly
+        move || {
+            thread::sleep(Duration::from_millis(300));
+            stop.store(true, Ordering::Relaxed);
+        }
+    });
+    let lagging = RecordingState::Failed("the recorder lags".into());
+    let ended = (1..=5000).any(|_| {
+        run.look(&mut sink, false, true);
+        keeping.recording.state() == lagging
+    });
+    assert!(ended && stopper.join().is_ok(), "{:?}", keeping.recording.state());
+    drop(hanging);
+    assert!(matches!(sink.finish(), Err(RecordingError::Write { .. })));
+}
+
+#[test]
+fn a_disk_that_hangs_ends_the_recording_and_not_the_run() {
+    let (_folder, path, _) = places();
+    let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
+    let keeping = Keeping { on_full: OnFull::GiveUp, ..keeping() };
+    let to = Destination::wrapped(&path, |file| Gate(file, Arc::clone(&gate)));
+    let mut sink = RerunSink::into_destination(to, context(&run), &keeping).unwrap();
+    run.draw();
+    let hanging = gate.lock().unwrap();
+    let lagging = RecordingState::Failed("the recorder lags".into());
+    let frames = (1..=5000).find(|_| {
+        run.look(&mut sink, false, true);
+        keeping.recording.state() == lagging
+    });
+    assert!(frames.is_some(), "{:?}", keeping.recording.state());
+    drop(hanging);
+    assert!(matches!(sink.finish(), Err(RecordingError::Write { .. })));
+    assert_eq!(keeping.recording.state(), lagging);
+    let (recording, _) = stores(&path);
+    let logged: String = recording.iter_physical_chunks().map(|chunk| chunk.to_string()).collect();
+    assert!(logged.contains("the recorder lags"), "what was taken is there, and why no more");
+}

@@ -1,0 +1,247 @@
+use rerun::{Arrows2D, Ellipses2D, LineStrips2D, Points2D};
+
+use super::field::{mean_direction, over_a_period};
+use super::paint::{self, above, thin};
+use super::recorder::{Logged, Looks, Tape, nanos};
+use super::trails::Trails;
+use crate::types::RunContext;
+use upm_core::geometry::{Twist, Vec2, perp};
+use upm_core::units::mm_from_m;
+use upm_library::Library;
+use upm_planner::{PlannedPulse, Rotation};
+use upm_recording::CycleRecord;
+use upm_recording::Motion;
+
+/// Centres of rotation farther out are drawn at the rim of a window this much larger than the plate.
+pub(super) const WINDOW: f64 = 1.25;
+
+/// Arrows of the field along each side of the plate.
+const FIELD: usize = 11;
+
+/// The table from above, mm.
+pub(super) struct TableView {
+    half_side_m: f64,
+    ids: Vec<String>,
+    measured: Trails,
+    truth: Trails,
+}
+
+impl TableView {
+    /// Logs what never changes: the plate, the library's centres of rotation, how parts look.
+    pub(super) fn start(tape: &Tape, context: &RunContext) -> Result<Self, String> {
+        let half_side_m = context.model.plate_side_m / 2.0;
+        let h = half_side_m;
+        let rim = [(-h, -h), (h, -h), (h, h), (-h, h), (-h, -h)].map(|(x, y)| above(Vec2::new(x, y)));
+        let outline = LineStrips2D::new([rim]).with_colors([paint::color((210, 210, 220))]).with_radii([thin(1.0)]);
+        tape.log_static("table/outline", &outline)?;
+        let window_m = WINDOW * half_side_m;
+        let centers = context.library.entries.iter().filter_map(|entry| place_of(&entry.pump, window_m)).map(above);
+        let centers = Points2D::new(centers).with_colors([paint::color(paint::FAINT)]).with_radii([thin(1.5)]);
+        tape.log_static("table/library", &centers)?;
+        let sizes = || context.parts.iter().map(|part| [mm_from_m(part.radius_m) as f32; 2]);
+        let measured = Ellipses2D::update_fields().with_half_sizes(sizes()).with_line_radii([thin(1.75)]);
+        tape.log_static("table/measured", &measured.with_colors([paint::color(paint::MEASURED)]))?;
+        // a thinner line over that of the measured one, so that both are seen where they agree
+        let truth =
+            Ellipses2D::update_fields().with_half_sizes(sizes()).with_line_radii([thin(0.6)]).with_draw_order(50.0);
+        if context.truth.is_some() {
+            tape.log_static("table/true", &truth.with_colors([paint::color(paint::TRUE)]))?;
+        }
+        let trails = Trails::new(context.parts.len(), 1.5e-3);
+        let ids = context.parts.iter().map(|part| part.id.clone()).collect();
+        Ok(Self { half_side_m, ids, measured: trails.clone(), truth: trails })
+    }
+
+    pub(super) fn looks(&mut self, tape: &Tape, looks: &Looks) -> Logged {
+        let parts = looks.parts();
+        if parts == 0 || looks.is_empty() {
+            return Ok(());
+        }
+        for (path, trails, points_m) in
+            [("table/measured", &mut self.measured, &looks.measured_m), ("table/true", &mut self.truth, &looks.true_m)]
+        {
+            if points_m.len() != parts * looks.at.len() {
+                continue;
+            }
+            points_m.chunks_exact(parts).for_each(|look| trails.push(look));
+            let centers = Ellipses2D::update_fields().with_centers(points_m.iter().copied().map(above));
+            let columns = centers.columns(looks.at.iter().map(|_| parts)).map_err(|e| format!("{path}: {e}"))?;
+            tape.log_columns(path, looks.at.iter().copied().map(nanos), columns)?;
+        }
+        Ok(())
+    }
+
+    /// Where the parts have been up to now.
+    pub(super) fn trails(&self, tape: &Tape) -> Logged {
+        for (path, trails, paint) in [
+            ("table/trails/measured", &self.measured, paint::MEASURED),
+            ("table/trails/true", &self.truth, paint::TRUE),
+        ] {
+            let strips = trails.strips(above);
+            if strips.iter().any(|strip| !strip.is_empty()) {
+                let strips = LineStrips2D::new(strips).with_colors([paint::color(paint)]);
+                tape.log(path, &strips.with_radii([thin(0.6)]))?;
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn cycle(&self, tape: &Tape, cycle: &CycleRecord, context: &RunContext) -> Logged {
+        let below =
+            cycle.observed_m.iter().zip(&context.parts).map(|(p_m, part)| above(p_m - Vec2::y() * part.radius_m));
+        tape.log("table/names", &paint::names(below, &self.ids))?;
+        self.log_wanted(tape, cycle)?;
+        self.log_centers(tape, &cycle.plan.pulses, &context.library)?;
+        self.log_forecast(tape, cycle)?;
+        self.log_field(tape, &cycle.plan.pulses, &context.library)
+    }
+
+    /// What each field of this cycle is forecast to do: an arrow from where it finds a part to where it leaves it. For
+    /// rotations the centres say it.
+    fn log_forecast(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
+        let steps_m = forecast_steps(cycle);
+        if steps_m.is_empty() {
+            return Ok(());
+        }
+        let arrows = Arrows2D::from_vectors(steps_m.iter().map(|(from_m, to_m)| above(to_m - from_m)))
+            .with_origins(steps_m.iter().map(|(from_m, _)| above(*from_m)))
+            .with_colors([paint::color(paint::PREDICTED)])
+            .with_radii([thin(1.75)]);
+        tape.log("table/forecast", &arrows)
+    }
+
+    fn log_wanted(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
+        let wanted = &cycle.wanted;
+        let dots = |points_m: &[Vec2], paint, points| {
+            Points2D::new(points_m.iter().copied().map(above))
+                .with_colors([paint::color(paint)])
+                .with_radii([thin(points)])
+        };
+        tape.log("table/wanted/targets", &dots(&wanted.targets_m, paint::TARGET, 4.5))?;
+        tape.log("table/wanted/subgoals", &dots(&wanted.subgoals_m, paint::SUBGOAL, 3.0))?;
+        let predicted_m = cycle.plan.predicted_m.last().map_or(&[][..], Vec::as_slice);
+        tape.log("table/wanted/predicted", &dots(predicted_m, paint::PREDICTED, 2.0))?;
+        let steps = cycle.observed_m.iter().zip(&wanted.subgoals_m).map(|(from, to)| {
+            let ([x0, y0], [x1, y1]) = (above(*from), above(*to));
+            [x1 - x0, y1 - y0]
+        });
+        let steps = Arrows2D::from_vectors(steps)
+            .with_origins(cycle.observed_m.iter().copied().map(above))
+            .with_colors([paint::color(paint::SUBGOAL)])
+            .with_radii([thin(1.25)]);
+        tape.log("table/wanted/steps", &steps)
+    }
+
+    /// This cycle's centres of rotation, numbered in the order they are played.
+    fn log_centers(&self, tape: &Tape, pulses: &[PlannedPulse], library: &Library) -> Logged {
+        let window_m = WINDOW * self.half_side_m;
+        let chosen = pulses.iter().enumerate().filter_map(|(j, pulse)| {
+            let PlannedPulse::Rotation(pulse) = pulse else { return None };
+            let pump = library.entries.get(pulse.entry)?.pump * pulse.distance_m.signum();
+            let how = match Motion::of(&pump)? {
+                Motion::About { counter_clockwise: true, .. } => "ccw".to_owned(),
+                Motion::About { .. } => "cw".to_owned(),
+                Motion::Along { direction } => format!("towards {:.0}°", direction.y.atan2(direction.x).to_degrees()),
+            };
+            let label = format!("{}: {:.1} mm {how}", j + 1, mm_from_m(pulse.distance_m.abs()));
+            Some((above(place_of(&pump, window_m)?), label))
+        });
+        let (places, labels): (Vec<_>, Vec<_>) = chosen.unzip();
+        let points = Points2D::new(places)
+            .with_labels(labels)
+            .with_show_labels(true)
+            .with_colors([paint::color(paint::CENTER)])
+            .with_radii([thin(5.0)]);
+        tape.log("table/centers", &points)
+    }
+
+    /// The sum of the sequence's fields, to first order, or the mean pull of friction in a synthesised one; the longest
+    /// arrow spans the grid's pitch.
+    fn log_field(&self, tape: &Tape, pulses: &[PlannedPulse], library: &Library) -> Logged {
+        let pitch_m = 2.0 * self.half_side_m / FIELD as f64;
+        let middle = (FIELD as f64 - 1.0) / 2.0;
+        let grid =
+            (0..FIELD * FIELD).map(|i| Vec2::new((i % FIELD) as f64 - middle, (i / FIELD) as f64 - middle) * pitch_m);
+        let fields: Vec<Flow> = pulses.iter().filter_map(|pulse| Flow::of(pulse, library)).collect();
+        let field: Vec<(Vec2, Vec2)> = grid.map(|p_m| (p_m, fields.iter().map(|flow| flow.at(p_m)).sum())).collect();
+        let longest_m = field.iter().map(|(_, step_m)| step_m.norm()).fold(0.0, f64::max);
+        let scale = if longest_m > 0.0 { 0.95 * pitch_m / longest_m } else { 0.0 };
+        let arrows = Arrows2D::from_vectors(field.iter().map(|(_, step_m)| above(step_m * scale)))
+            .with_origins(field.iter().map(|(p_m, step_m)| above(p_m - step_m * (0.5 * scale))))
+            .with_colors([rerun::Color::from_unmultiplied_rgba(170, 175, 190, 130)])
+            .with_radii([thin(0.75)])
+            .with_draw_order(-5.0);
+        tape.log("table/field", &arrows)
+    }
+}
+
+/// From where to where each field of a cycle is forecast to carry each part, m.
+fn forecast_steps(cycle: &CycleRecord) -> Vec<(Vec2, Vec2)> {
+    let before_m = std::iter::once(&cycle.observed_m).chain(&cycle.plan.predicted_m);
+    let stages = cycle.plan.pulses.iter().zip(before_m.zip(&cycle.plan.predicted_m));
+    let of_fields = stages.filter(|(pulse, _)| matches!(pulse, PlannedPulse::Field(_)));
+    of_fields.flat_map(|(_, (from_m, to_m))| from_m.iter().copied().zip(to_m.iter().copied())).collect()
+}
+
+/// Which way a pulse carries parts, and how far against the plan's others of its kind.
+enum Flow {
+    /// `d τ(p)`, m.
+    Rotation { pump: Twist, distance_m: f64 },
+    /// The mean direction of the plate's velocity over this period of it.
+    Field(Vec<Twist>),
+}
+
+impl Flow {
+    fn of(pulse: &PlannedPulse, library: &Library) -> Option<Self> {
+        match pulse {
+            PlannedPulse::Rotation(Rotation { entry, distance_m, .. }) => {
+                let pump = library.entries.get(*entry)?.pump;
+                Some(Self::Rotation { pump, distance_m: *distance_m })
+            }
+            PlannedPulse::Field(field) => Some(Self::Field(over_a_period(&field.wave).collect())),
+        }
+    }
+
+    fn at(&self, p_m: Vec2) -> Vec2 {
+        match self {
+            Self::Rotation { pump, distance_m } => pump.direction_at(p_m) * *distance_m,
+            Self::Field(period) => mean_direction(period, p_m),
+        }
+    }
+}
+
+/// The centre of rotation of `pump`, drawn in to the rim of a square of half side `window_m`.
+fn place_of(pump: &Twist, window_m: f64) -> Option<Vec2> {
+    let center = match Motion::of(pump)? {
+        Motion::About { center_m, .. } => center_m,
+        // v = ω (p - C)^⊥ puts the centre to the left of the flow of a counter-clockwise turn
+        Motion::Along { direction } => perp(direction) * 1e3,
+    };
+    let reach = center.amax() / window_m;
+    Some(if reach > 1.0 { center / reach } else { center })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use upm_fixtures::rig;
+
+    #[test]
+    fn far_centres_are_drawn_at_the_rim() {
+        let on = |center: Vec2| place_of(&Twist::about(center, 2.0), 0.1).unwrap();
+        assert!((on(Vec2::new(0.05, 0.02)) - Vec2::new(0.05, 0.02)).norm() < 1e-12);
+        assert!((on(Vec2::new(0.4, 0.2)) - Vec2::new(0.1, 0.05)).norm() < 1e-12);
+        let translation = place_of(&Twist::new(1.0, 0.0, 0.0), 0.1).unwrap();
+        assert!((translation - Vec2::new(0.0, 0.1)).norm() < 1e-12);
+        assert!((translation - on(Vec2::new(0.0, -90.0))).norm() > 0.1, "a turn about a point below flows to the left");
+        assert_eq!(place_of(&Twist::ZERO, 0.1), None);
+    }
+
+    #[test]
+    fn the_field_of_one_rotation_is_its_tangent() {
+        let library = rig::library();
+        let pulse = PlannedPulse::Rotation(Rotation { entry: 40, distance_m: 0.003, sustain_s: 0.1 });
+        let step_m = Flow::of(&pulse, &library).unwrap().at(Vec2::new(0.05, 0.0));
+        assert!((step_m - Vec2::new(0.0, 0.003)).norm() < 1e-12, "entry 40 turns about the plate's centre");
+    }
+}

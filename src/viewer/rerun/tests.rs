@@ -1,0 +1,205 @@
+use std::collections::BTreeSet;
+use std::net::TcpListener;
+use std::path::Path;
+use std::sync::Arc;
+
+use rerun::external::re_chunk_store::{ChunkStore, ChunkStoreConfig};
+
+use super::RerunSink;
+use crate::{PartLook, RecordingError, RecordingStats, RunContext};
+use upm_control::{EventLevel, Sink};
+use upm_core::time::{MonotonicClock, PlateTime};
+use upm_fixtures::{
+    rig,
+    synthetic_run::{self, SyntheticRun},
+};
+use upm_planner::Method;
+use upm_recording::{Keeping, MemorySink, RerunMode};
+
+pub(super) fn context(run: &SyntheticRun) -> RunContext {
+    let part =
+        |i| PartLook { id: format!("penny-{}", i + 1), kind: "penny".to_owned(), radius_m: synthetic_run::RADIUS_M };
+    RunContext {
+        name: "made-up".to_owned(),
+        seed: 7,
+        library: Arc::new(rig::library()),
+        model: rig::model(),
+        method: if run.plans_fields { Method::SynthesizedField } else { Method::CorSequence },
+        parts: (0..run.parts_m.len()).map(part).collect(),
+        truth: Some(run.truth.clone()),
+    }
+}
+
+pub(super) fn keeping() -> Keeping {
+    Keeping::patient(MonotonicClock::new())
+}
+
+fn record(mode: &RerunMode, path: &Path, cycles: usize) -> Result<RecordingStats, RecordingError> {
+    record_run(SyntheticRun::new(2), mode, path, cycles)
+}
+
+fn record_run(
+    mut run: SyntheticRun,
+    mode: &RerunMode,
+    path: &Path,
+    cycles: usize,
+) -> Result<RecordingStats, RecordingError> {
+    run.wall_us = 180.0;
+    let mut sink = RerunSink::start(mode, path, None, context(&run), &keeping())?;
+    run.localise(&mut sink);
+    for _ in 0..cycles {
+        run.cycle(&mut sink);
+    }
+    sink.event(PlateTime::from_secs(0.5), EventLevel::Warning, "a warning in words");
+    sink.finish()
+}
+
+/// The recording and the blueprint in the file at `path`.
+pub(super) fn stores(path: &Path) -> (ChunkStore, ChunkStore) {
+    let mut file = std::fs::File::open(path).unwrap();
+    let stores = ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut file).unwrap();
+    let mut parted: (Vec<_>, Vec<_>) = stores.into_values().partition(|store| store.id().is_recording());
+    assert_eq!((parted.0.len(), parted.1.len()), (1, 1));
+    (parted.0.remove(0), parted.1.remove(0))
+}
+
+#[test]
+fn a_recording_holds_what_a_person_looks_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    let stats = record(&RerunMode::Save, &path, 4).unwrap();
+    assert_eq!(stats.file_bytes, path.metadata().unwrap().len());
+    let (recording, blueprint) = stores(&path);
+    let entities: BTreeSet<String> = recording.all_entities().iter().map(|path| path.to_string()).collect();
+    for path in [
+        "camera/image",
+        "camera/names",
+        "camera/parts",
+        "camera/table",
+        "camera/targets",
+        "camera/trails",
+        "vision/frame/image",
+        "vision/edges/map",
+        "vision/hough/votes",
+        "vision/hough/peaks",
+        "vision/disk_response/map",
+        "vision/disk_response/peaks",
+        "table/outline",
+        "table/library",
+        "table/centers",
+        "table/field",
+        "table/measured",
+        "table/true",
+        "table/trails/measured",
+        "table/trails/true",
+        "table/wanted/steps",
+        "table/wanted/subgoals",
+        "table/wanted/targets",
+        "plan/d_mm",
+        "plan/total_mm",
+        "plan/pulses",
+        "motors",
+        "accelerometers/1/measured",
+        "accelerometers/1/fitted",
+        "accelerometers/2/measured",
+        "accelerometers/2/fitted",
+        "errors/to_target_mm",
+        "errors/to_subgoal_mm",
+        "errors/of_prediction_mm",
+        "errors/cross_track_mm",
+        "errors/sensing_mm",
+        "timing/track_us",
+        "timing/plan_us",
+        "timing/cycle_us",
+        "log",
+    ] {
+        assert!(entities.contains(&format!("/{path}")), "{path} is not among {entities:#?}");
+    }
+    let chunks = recording.iter_physical_chunks();
+    let timelines: BTreeSet<String> =
+        chunks.flat_map(|chunk| chunk.timelines().keys().map(|t| t.to_string())).collect();
+    assert_eq!(timelines, BTreeSet::from(["cycle".to_owned(), "plate_time".to_owned()]), "no wall clock");
+    let properties = |name: &str| blueprint.all_entities().iter().filter(|p| p.to_string().ends_with(name)).count();
+    assert_eq!((properties("VisualBounds2D"), properties("VisibleTimeRanges")), (5, 4));
+}
+
+#[test]
+fn fields_are_shown_by_what_they_do_to_the_parts() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    let mut fields = SyntheticRun::new(2);
+    fields.plans_fields = true;
+    record_run(fields, &RerunMode::Save, &path, 3).unwrap();
+    let (recording, blueprint) = stores(&path);
+    let chunks = |path: &str| {
+        recording.iter_physical_chunks().filter(|chunk| *chunk.entity_path() == path.into()).collect::<Vec<_>>()
+    };
+    let arrows: usize = chunks("table/forecast").iter().map(|chunk| chunk.num_rows()).sum();
+    assert_eq!(arrows, 3, "once a cycle");
+    let logged =
+        [("table/field", 3), ("plan/pulses", 3), ("plan/harmonics_mm_s", 3), ("plan/d_mm", 0), ("plan/total_mm", 0)];
+    for (path, rows) in logged {
+        let logged = chunks(path).into_iter().filter(|chunk| !chunk.is_static());
+        assert_eq!(logged.map(|chunk| chunk.num_rows()).sum::<usize>(), rows, "{path}");
+    }
+    let shown: String = blueprint.iter_physical_chunks().map(|chunk| chunk.to_string()).collect();
+    assert!(shown.contains("plan/harmonics_mm_s") && !shown.contains("plan/d_mm"), "the panel shows what there is");
+}
+
+#[test]
+fn every_sample_and_every_frame_of_a_cycle_arrives() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    record(&RerunMode::Save, &path, 40).unwrap();
+    let (recording, _) = stores(&path);
+    let rows = |path: &str| -> u64 {
+        let chunks = recording.iter_physical_chunks().filter(|chunk| !chunk.is_static());
+        chunks.filter(|chunk| *chunk.entity_path() == path.into()).map(|chunk| chunk.num_rows() as u64).sum()
+    };
+    assert_eq!((rows("camera/image"), rows("plan/d_mm"), rows("errors/to_subgoal_mm")), (40, 40, 40));
+    let mut memory = MemorySink::default();
+    let mut run = SyntheticRun::new(2);
+    (0..40).for_each(|_| run.cycle(&mut memory));
+    let samples = |drive: &upm_core::signal::Drive| (drive.envelope.sounding_s() * 1000.0).ceil() as u64 + 1;
+    assert_eq!(rows("motors"), memory.pulses.iter().map(|pulse| samples(&pulse.drive)).sum::<u64>());
+}
+
+#[test]
+fn recording_stays_small() {
+    let folder = tempfile::tempdir().unwrap();
+    let size = |cycles| record(&RerunMode::Save, &folder.path().join("run.rrd"), cycles).unwrap().file_bytes;
+    let a_cycle = (size(45) - size(15)) / 30;
+    assert!(a_cycle < 100_000, "300 cycles of {a_cycle} bytes are more than 30 MB");
+}
+
+#[test]
+fn a_frozen_viewer_delays_nothing_and_the_file_is_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let url = format!("rerun+http://{}/proxy", listener.local_addr().unwrap());
+    let path = folder.path().join("live.rrd");
+    let stats = record(&RerunMode::Connect { url: Some(url) }, &path, 60).unwrap();
+
+    assert!(!stats.viewer_caught_up && stats.viewer_missed > 0, "{stats:?}");
+    let alone = record(&RerunMode::Save, &folder.path().join("alone.rrd"), 60).unwrap();
+    let rows = |path: &Path| stores(path).0.iter_physical_chunks().map(|chunk| chunk.num_rows()).sum::<usize>();
+    assert_eq!(rows(&path), rows(&folder.path().join("alone.rrd")));
+    assert!(alone.file_bytes > 0);
+}
+
+#[test]
+fn faults_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let nowhere = folder.path().join("missing").join("run.rrd");
+    assert!(matches!(record(&RerunMode::Save, &nowhere, 1), Err(RecordingError::Create { .. })));
+    let bad = RerunMode::Connect { url: Some("gopher://x".to_owned()) };
+    assert!(matches!(record(&bad, &folder.path().join("run.rrd"), 1), Err(RecordingError::Address { .. })));
+}
+
+#[test]
+fn off_leaves_no_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    assert_eq!(record(&RerunMode::Off, &path, 1).unwrap(), RecordingStats::default());
+    assert!(!path.exists());
+}

@@ -1,0 +1,87 @@
+use rerun::{Ellipses2D, LineStrips2D, Points2D};
+
+use super::paint::{self, in_frame, in_half_frame};
+use super::picture;
+use super::recorder::{Logged, Tape};
+use upm_core::geometry::Vec2;
+use upm_core::signal::Frame;
+use upm_perception::vision::{HoughArray, Plane, Stages};
+use upm_recording::LocalisedRecord;
+use upm_recording::{edge_map, outline_px, response_map, vote_map};
+
+/// The map of votes is shrunk to no more than this, px: its peaks are small, and the view is wide.
+const VOTES_PX: [usize; 2] = [720, 410];
+
+/// How table and parts were found: the frame at full size, edges, Hough votes and disk response, each with what was
+/// read off it. `names` are those of the parts.
+pub(super) fn log(tape: &Tape, found: &LocalisedRecord, names: &[&str]) -> Logged {
+    let Stages { edges, hough, disk_response } = &found.stages;
+    log_frame(tape, found, names)?;
+    // a stage that was not kept is empty
+    if !edges.values.is_empty() {
+        log_edges(tape, edges, &found.frame)?;
+    }
+    if !hough.votes.is_empty() {
+        log_hough(tape, hough)?;
+    }
+    if !disk_response.values.is_empty() {
+        log_disk_response(tape, disk_response, found)?;
+    }
+    Ok(())
+}
+
+fn log_frame(tape: &Tape, found: &LocalisedRecord, names: &[&str]) -> Logged {
+    tape.log("vision/frame/image", &picture::jpeg(&found.frame)?.with_draw_order(-10.0))?;
+    let outline: Vec<_> = outline_px(&found.table).map(in_frame).collect();
+    let strip = LineStrips2D::new([outline]).with_colors([paint::color(paint::TRUE)]);
+    tape.log("vision/frame/table", &strip.with_radii([paint::thin(1.0)]))?;
+    let corners = Points2D::new(found.table.corners_px.map(in_frame))
+        .with_labels(["1", "2", "3", "4"])
+        .with_colors([paint::color(paint::TRUE)])
+        .with_radii([paint::thin(4.0)]);
+    tape.log("vision/frame/corners", &corners)?;
+    // scores stand in the view of the disk response: one word a part leaves many parts legible
+    let labels: Vec<String> =
+        (0..found.detections.len()).map(|i| (*names.get(i).unwrap_or(&"part")).to_owned()).collect();
+    let below = found.detections.iter().map(|part| in_frame(part.center_px + Vec2::y() * part.radius_px));
+    tape.log("vision/frame/names", &paint::names(below, &labels))?;
+    let circles = Ellipses2D::from_centers_and_half_sizes(
+        found.detections.iter().map(|part| in_frame(part.center_px)),
+        found.detections.iter().map(|part| [part.radius_px as f32; 2]),
+    );
+    let circles = circles.with_colors([paint::color(paint::MEASURED)]).with_line_radii([paint::thin(1.0)]);
+    tape.log("vision/frame/parts", &circles)
+}
+
+fn log_edges(tape: &Tape, edges: &Plane, frame: &Frame) -> Logged {
+    let map = edge_map(edges, [frame.width, frame.height], 2);
+    tape.log("vision/edges/map", &picture::gray_png(&map)?.with_draw_order(-10.0))
+}
+
+fn log_hough(tape: &Tape, hough: &HoughArray) -> Logged {
+    let map = vote_map(hough, VOTES_PX);
+    tape.log("vision/hough/votes", &picture::color_png(&map.picture)?.with_draw_order(-10.0))?;
+    let degrees = |column: usize| 360.0 * column as f64 / hough.angles.max(1) as f64;
+    let labels = hough
+        .peaks
+        .iter()
+        .map(|&(column, row)| format!("{:.0}°, {:.0} px", degrees(column), row as f64 * hough.px_per_row));
+    let sizes = map.peaks.iter().map(|_| [7.0; 2]);
+    let rings = Ellipses2D::from_centers_and_half_sizes(map.peaks.iter().copied(), sizes)
+        .with_labels(labels)
+        .with_show_labels(true)
+        .with_colors([paint::color(paint::TRUE)])
+        .with_line_radii([paint::thin(1.0)]);
+    tape.log("vision/hough/peaks", &rings)
+}
+
+fn log_disk_response(tape: &Tape, response: &Plane, found: &LocalisedRecord) -> Logged {
+    let map = response_map(response, [found.frame.width, found.frame.height], 2);
+    tape.log("vision/disk_response/map", &picture::color_png(&map)?.with_draw_order(-10.0))?;
+    let peaks = Points2D::new(found.detections.iter().map(|part| in_half_frame(part.center_px)))
+        .with_labels(found.detections.iter().map(|part| format!("{:.2}", part.score)))
+        .with_show_labels(true)
+        .with_colors([paint::color(paint::TRUE)])
+        .with_radii([paint::thin(3.0)]);
+    tape.log("vision/disk_response/peaks", &peaks)
+}

@@ -1,0 +1,113 @@
+use rerun::{TextLog, TextLogLevel};
+
+use super::field::strongest_speed_mps;
+use super::recorder::{Logged, Tape};
+use crate::types::RunContext;
+use upm_control::EventLevel;
+use upm_core::units::mm_from_m;
+use upm_library::Library;
+use upm_planner::{FieldPulse, PlanStatus, PlannedPulse, Rotation};
+use upm_recording::Motion;
+use upm_recording::{CycleRecord, EventRecord, LocalisedRecord};
+
+/// The run in words.
+#[derive(Default)]
+pub(super) struct Words {
+    phase: String,
+}
+
+impl Words {
+    pub(super) fn localised(&self, tape: &Tape, found: &LocalisedRecord, context: &RunContext) -> Logged {
+        let text = format!(
+            "found the table, side {:.1} px, turned by {:.2}°, and {} of {} parts",
+            found.table.side_px,
+            found.table.rotation_rad.to_degrees(),
+            found.detections.len(),
+            context.parts.len()
+        );
+        say(tape, TextLogLevel::INFO, text)
+    }
+
+    pub(super) fn planned(&mut self, tape: &Tape, cycle: &CycleRecord, context: &RunContext) -> Logged {
+        if cycle.wanted.phase != self.phase {
+            self.phase.clone_from(&cycle.wanted.phase);
+            say(tape, TextLogLevel::INFO, self.phase.clone())?;
+        }
+        let (level, plan) = match &cycle.plan.status {
+            PlanStatus::Solved => (TextLogLevel::DEBUG, sequence(&cycle.plan.pulses, context)),
+            PlanStatus::NothingToDo => (TextLogLevel::DEBUG, "nothing to do".to_owned()),
+            PlanStatus::Infeasible(limit) => (TextLogLevel::WARN, format!("no plan: {limit:?}")),
+            PlanStatus::SolverFailed(reason) => (TextLogLevel::WARN, format!("no plan: {reason}")),
+        };
+        let errors = cycle.result_m.iter().zip(&cycle.wanted.subgoals_m).map(|(at, subgoal)| (at - subgoal).norm());
+        let worst_mm = mm_from_m(errors.fold(0.0, f64::max));
+        say(tape, level, format!("cycle {}: {plan}; ends within {worst_mm:.2} mm of the subgoals", cycle.index))
+    }
+
+    pub(super) fn event(&self, tape: &Tape, event: &EventRecord) -> Logged {
+        let level = match event.level {
+            EventLevel::Info => TextLogLevel::INFO,
+            EventLevel::Warning => TextLogLevel::WARN,
+            EventLevel::Error => TextLogLevel::ERROR,
+        };
+        say(tape, level, event.text.clone())
+    }
+
+    /// A warning, at the last moment told of.
+    pub(super) fn warn(&self, tape: &Tape, text: String) -> Logged {
+        say(tape, TextLogLevel::WARN, text)
+    }
+}
+
+fn say(tape: &Tape, level: &str, text: String) -> Logged {
+    tape.log("log", &TextLog::new(text).with_level(level))
+}
+
+/// The pulses in the order they are played.
+fn sequence(pulses: &[PlannedPulse], context: &RunContext) -> String {
+    let words = pulses.iter().map(|pulse| match pulse {
+        PlannedPulse::Rotation(pulse) => rotation(pulse, &context.library),
+        PlannedPulse::Field(pulse) => field(pulse, 0.5 * context.model.plate_side_m),
+    });
+    words.collect::<Vec<_>>().join(", ")
+}
+
+/// `4.0 mm about (10, -35)` or `-2.1 mm along (0.00, 1.00)`.
+fn rotation(pulse: &Rotation, library: &Library) -> String {
+    let distance_mm = mm_from_m(pulse.distance_m);
+    match library.entries.get(pulse.entry).and_then(|entry| Motion::of(&entry.pump)) {
+        Some(Motion::About { center_m, .. }) => {
+            format!("{distance_mm:.1} mm about ({:.0}, {:.0})", mm_from_m(center_m.x), mm_from_m(center_m.y))
+        }
+        Some(Motion::Along { direction }) => {
+            format!("{distance_mm:.1} mm along ({:.2}, {:.2})", direction.x, direction.y)
+        }
+        None => format!("{distance_mm:.1} mm"),
+    }
+}
+
+/// `a field of 8 harmonics of 30.0 Hz for 120 ms, up to 0.85 m/s`.
+fn field(pulse: &FieldPulse, half_side_m: f64) -> String {
+    format!(
+        "a field of {} harmonics of {:.1} Hz for {:.0} ms, up to {:.2} m/s",
+        pulse.wave.harmonics.len(),
+        pulse.wave.base_radps / std::f64::consts::TAU,
+        pulse.sustain_s * 1e3,
+        strongest_speed_mps(&pulse.wave, half_side_m)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use upm_core::geometry::{Twist, Vec2};
+    use upm_core::signal::TwistWave;
+
+    #[test]
+    fn a_field_is_told_by_harmonics_sustain_and_strongest_speed() {
+        // ½ + 1 of the amplitude at the corner farthest from the centre, half a period after the start
+        let wave = TwistWave::pump(Twist::about(Vec2::new(0.1, 0.1), 2.0), std::f64::consts::TAU * 30.0);
+        let words = field(&FieldPulse { wave, sustain_s: 0.12 }, 0.1);
+        assert_eq!(words, "a field of 2 harmonics of 30.0 Hz for 120 ms, up to 0.85 m/s");
+    }
+}

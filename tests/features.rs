@@ -1,0 +1,94 @@
+//! What a build without some features does, and says. `cargo test --no-default-features --test features` tries the
+//! smallest one; with all features on, the same tests hold that nothing is missing.
+#![allow(clippy::unwrap_used)] // a test that cannot go on shall say so
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+
+const FEATURES: [(&str, bool); 3] =
+    [("rerun", cfg!(feature = "rerun")), ("daemon", cfg!(feature = "daemon")), ("lab", cfg!(feature = "lab"))];
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Exit status, stdout and stderr of `upm` with these arguments.
+fn upm(args: &[&str]) -> (i32, String, String) {
+    let output = Command::cargo_bin("upm").unwrap().current_dir(root()).args(args).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+fn missing() -> Vec<&'static str> {
+    FEATURES.iter().filter(|(_, built)| !built).map(|(name, _)| *name).collect()
+}
+
+#[test]
+fn version_and_help_name_the_missing_features_in_one_line() {
+    let version = upm(&["--version"]).1;
+    let help = upm(&["--help"]).1;
+    let stated = help.lines().find(|line| line.starts_with("Built without "));
+    if missing().is_empty() {
+        assert_eq!(version.trim_end(), concat!("upm ", env!("CARGO_PKG_VERSION")));
+        assert_eq!(stated, None);
+    } else {
+        let named = missing().join(", ");
+        assert_eq!(version.trim_end(), format!("upm {} (built without {named})", env!("CARGO_PKG_VERSION")));
+        assert!(stated.is_some_and(|line| line.contains(&named)), "{help}");
+    }
+}
+
+#[test]
+fn help_lists_a_command_only_where_the_build_has_it() {
+    let help = upm(&["--help"]).1;
+    let lists = |command: &str| help.lines().any(|line| line.split_whitespace().next() == Some(command));
+    assert!(lists("run") && lists("verify"));
+    for (feature, commands) in [("daemon", &["serve", "submit", "estop", "support-bundle"][..]), ("lab", &["lab"])] {
+        for command in commands {
+            assert_eq!(lists(command), !missing().contains(&feature), "{command}: {help}");
+        }
+    }
+}
+
+#[test]
+fn a_command_that_the_build_lacks_says_which_feature_it_needs() {
+    let picture = root().join("target/never-written.svg").display().to_string();
+    let cases: [(&str, &[&str]); 7] = [
+        ("daemon", &["serve"]),
+        ("daemon", &["submit", "configs/plus-sign.json"]),
+        ("daemon", &["estop"]),
+        ("daemon", &["support-bundle"]),
+        ("lab", &["lab", "cor-steering"]),
+        ("lab", &["render", "--scene", "clean", "--out", "/nowhere/frame.png"]),
+        ("lab", &["check", "assets/libraries/upm-1.json", "--picture", &picture]),
+    ];
+    for (feature, args) in cases.into_iter().filter(|(feature, _)| missing().contains(feature)) {
+        let (status, stdout, stderr) = upm(args);
+        assert_eq!((status, stdout.as_str()), (2, ""), "{args:?}: {stderr}");
+        assert_eq!(stderr.lines().count(), 1, "{args:?}: {stderr}");
+        assert!(stderr.contains(&format!("needs the feature `{feature}`")), "{args:?}: {stderr}");
+    }
+    if missing().contains(&"rerun") {
+        let (status, _, stderr) = upm(&["run", "configs/plus-sign.json", "--rerun", "save", "--out", "/nowhere"]);
+        assert_eq!((status, stderr.lines().count()), (2, 1), "{stderr}");
+        assert!(stderr.contains("`rerun`"), "{stderr}");
+    }
+}
+
+/// Every build runs jobs and keeps what `upm verify` needs; a recording only where it can.
+#[test]
+fn every_build_runs_a_job_and_verifies_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().display().to_string();
+    let (status, stdout, stderr) = upm(&["run", "configs/plus-sign.json", "--out", &out, "--quiet"]);
+    assert_eq!(status, 0, "{stdout}{stderr}");
+    let run: PathBuf = fs::read_dir(Path::new(&out)).unwrap().next().unwrap().unwrap().path();
+    for file in ["effective.json", "journal.jsonl", "report.json"] {
+        assert!(run.join(file).is_file(), "{file}");
+    }
+    assert_eq!(run.join("run.rrd").is_file(), !missing().contains(&"rerun"));
+    let (status, stdout, stderr) = upm(&["verify", &run.display().to_string()]);
+    assert_eq!(status, 0, "{stdout}{stderr}");
+}
