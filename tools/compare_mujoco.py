@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """One shaken plate, four point parts, one pulse that moves each its own way: upm against MuJoCo.
 
-usage: compare_mujoco.py [--upm target/release/upm] [--venv target/compare-mujoco] [--seeds 1 2 3 4 5 7] [--json]
+usage: compare_mujoco.py [--upm target/debug/upm] [--venv target/compare-mujoco] [--seeds 1 2 3 4 5 7] [--json]
 
 Each seed scatters four parts. A periodic plate motion is sought whose mean friction force points another way at each;
 it is played as one pulse with `upm simulate` (prescribed plate motion) and with MuJoCo. MuJoCo, numpy and scipy are
@@ -347,7 +347,7 @@ def print_summary(results):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--upm", default=str(ROOT / "target/release/upm"))
+    parser.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
     parser.add_argument("--venv", type=pathlib.Path, default=ROOT / "target/compare-mujoco")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3, 4, 5, 7])
     parser.add_argument("--json", action="store_true")

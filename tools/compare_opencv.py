@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The same pictures through OpenCV and through upm, one core, one run: time and error side by side.
 
-usage: compare_opencv.py [--upm target/release/upm] [--venv target/compare-opencv] [--scenes 1 2 3] [--bar 10] [--json]
+usage: compare_opencv.py [--upm target/debug/upm] [--venv target/compare-opencv] [--scenes 1 2 3] [--bar 10] [--json]
 
 Pictures: `upm render --scene papers`, a white plate of 8 in with 16 pennies, 1280x1024, truth beside. Both are told the
 sizes of plate and penny and that parts are dark. OpenCV and numpy are installed from PyPI into the folder `--venv` when
@@ -174,7 +174,7 @@ def bars(results, bar):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--upm", default=str(ROOT / "target/release/upm"))
+    parser.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
     parser.add_argument("--venv", type=pathlib.Path, default=ROOT / "target/compare-opencv")
     parser.add_argument("--scenes", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--bar", type=float, default=10)

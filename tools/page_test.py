@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Looks at the operator page as a person would, in headless Chromium, with a daemon of its own behind it.
 
-usage: page_test.py [--upm target/release/upm] [--venv target/page-test] [--chromium PATH] [--shots DIR]
+usage: page_test.py [--upm target/debug/upm] [--venv target/page-test] [--chromium PATH] [--shots DIR]
 
 Prints a line for every assertion; exit status 1 when one does not hold. Playwright is installed from PyPI into the folder
 `--venv` when it is not there; Chromium is the one on the PATH, or Playwright's own.
@@ -346,7 +346,7 @@ def check_token(checks, page, daemon):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--upm", default=str(ROOT / "target/release/upm"))
+    parser.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
     parser.add_argument("--venv", type=pathlib.Path, default=ROOT / "target/page-test")
     parser.add_argument("--chromium", default=shutil.which("chromium") or shutil.which("google-chrome"))
     parser.add_argument("--shots", type=pathlib.Path)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A thousand jobs submitted at once: each is accepted or refused with Retry-After, and all are accounted for.
 
-usage: daemon_burst.py [--jobs 1000] [--connections 1000] [--queue 128] [--drain] [--upm target/release/upm]
+usage: daemon_burst.py [--jobs 1000] [--connections 1000] [--queue 128] [--drain] [--upm target/debug/upm]
 
 Jobs go to three plates in turn, each with an idempotency key and, unless fewer are asked for, over a connection of its
 own. Afterwards the list of jobs is read page by page: it has every accepted job once, and no other. With --drain those

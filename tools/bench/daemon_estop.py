@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Emergency stops under full load: plate time and wall time from the request to zero force.
 
-usage: daemon_estop.py [--stops 10000] [--watchers 64] [--rate 200] [--upm target/release/upm]
+usage: daemon_estop.py [--stops 10000] [--watchers 64] [--rate 200] [--upm target/debug/upm]
 
 Three plates run a plus sign in real time beside the traffic of daemon_load.py (64 event clients, 200 requests a second).
 Each plate in turn: a job comes into motion, is stopped at a random moment, the answer is checked, the plate is reset and

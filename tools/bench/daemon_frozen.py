@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A daemon that is frozen, clients that are, and an end with all of them connected.
 
-usage: daemon_frozen.py [--upm target/release/upm]
+usage: daemon_frozen.py [--upm target/debug/upm]
 
 frozen daemon   SIGSTOP for a second while a pulse sounds: nobody drove the plate, so the job fails by its drive lease. A stop
                 that met the plate at rest costs a deadline and no more; it is tried again, some times

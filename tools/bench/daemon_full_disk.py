@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A full disk: emergency stop, API and store still answer, what is the matter is said, and it goes on when there is room.
 
-usage: daemon_full_disk.py [--upm target/release/upm]
+usage: daemon_full_disk.py [--upm target/debug/upm]
 
 A tmpfs of 64 MiB is the data folder (this needs root; without it the campaign says so and is skipped). While two plates run,
 the disk is filled from outside: first so far that recordings have to stop, then to the last byte. Exit status 1 when

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Requests made up from the daemon's own OpenAPI document: no 5xx, no status or body that is not documented, no hang.
 
-usage: daemon_fuzz.py [--examples 100] [--upm target/release/upm] [--venv target/daemon-fuzz]
+usage: daemon_fuzz.py [--examples 100] [--upm target/debug/upm] [--venv target/daemon-fuzz]
 
 schemathesis, installed from PyPI into the folder `--venv` when it is not there, calls every operation of a running daemon,
 with ids and names that exist in about half of the calls, and checks status, content type and body against the document.

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """`kill -9` at random moments: no job that was accepted is lost or run twice, recordings are whole to a second.
 
-usage: daemon_kill.py [--rounds 200] [--upm target/release/upm] [--venv target/daemon-recordings]
+usage: daemon_kill.py [--rounds 200] [--upm target/debug/upm] [--venv target/daemon-recordings]
 
 Three plates run long jobs and short ones. Every other round is under camera load: real time, four clients that fetch
 frame.png without a pause; the others run as fast as the machine can. Jobs are submitted with idempotency keys until

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A plus sign in real time beside event clients and requests: deadlines missed, and how long requests take.
 
-usage: daemon_load.py [--minutes 10] [--watchers 64] [--rate 200] [--upm target/release/upm]
+usage: daemon_load.py [--minutes 10] [--watchers 64] [--rate 200] [--upm target/debug/upm]
 
 One plate runs `configs/plus-sign.json` without end. 64 clients read its events, break off at times and resume. 200 requests
 a second go to jobs, plates, health and metrics, one in ten a POST: jobs for another plate, which is paused, are submitted

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Memory of the daemon over short jobs, one after another.
 
-usage: daemon_memory.py [--jobs 500] [--every 50] [--live off] [--upm target/release/upm]
+usage: daemon_memory.py [--jobs 500] [--every 50] [--live off] [--upm target/debug/upm]
 
 Jobs are as fast as the machine can, recorded as always, on one plate; before the next is submitted the one before has
 ended. Memory is read after the first 50 and then every 50: resident, proportional and private. Exit status 1 when

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How fast the whole loop is against plate time, and what recording costs it.
 
-usage: loop_speed.py [--pairs 5] [--rig upm-1] [--upm target/release/upm]
+usage: loop_speed.py [--pairs 5] [--rig upm-1] [--upm target/debug/upm]
 
 Runs the plus-sign job with recording off and on in turn, prints each pair and the medians. The ratio of a pair is the
 figure to quote; single times wander with the machine. Also prints the size of one lap's recording and how long
@@ -27,7 +27,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pairs", type=int, default=5)
     parser.add_argument("--rig", default="upm-1")
-    parser.add_argument("--upm", default=str(ROOT / "target/release/upm"))
+    parser.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
     args = parser.parse_args()
 
     job = json.loads((ROOT / "configs/plus-sign.json").read_text())

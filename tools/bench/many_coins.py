@@ -2,7 +2,7 @@
 """Many coins at once over many seeds: how many jobs get done, how fast, how exactly; the benchmark page of the README.
 
 usage: many_coins.py [--seeds 20] [--jobs 2] [--only NAME ...] [--planner synthesized_field] [--spread 0.1] [--alone 5]
-                     [--compare 10] [--compare-limit 120] [--upm target/release/upm]
+                     [--compare 10] [--compare-limit 120] [--upm target/debug/upm]
 
 Every run is the whole loop on upm-2: each frame at 60/s rendered and looked at, parts' friction spread by --spread (its
 relative standard deviation), starts at random. Targets of the arrange jobs, starts of swap-2 and ring-6 are drawn by the
@@ -315,7 +315,7 @@ def main():
     parser.add_argument("--alone", type=int, default=5, help="runs of the timed jobs, 0 for none")
     parser.add_argument("--compare", type=int, default=10, help="runs with each of the other planners, 0 for none")
     parser.add_argument("--compare-limit", type=float, default=120.0, help="longest plate time of those runs, s")
-    parser.add_argument("--upm", default=str(ROOT / "target/release/upm"))
+    parser.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
     args = parser.parse_args()
 
     names = [name for name in JOBS if name in args.only]

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How fast the simulated plate is, and what its time step costs in accuracy.
 
-usage: plate.py [--upm target/release/upm] [--repeats 5] [--json]
+usage: plate.py [--upm target/debug/upm] [--repeats 5] [--json]
 
 (a) 16 pennies on the dynamic plate of upm-2 through `upm simulate`, at full drive and at weaker ones: part-steps a second
 of CPU time on one core, over the whole process, and with the time of the same run with one penny taken off, which leaves
@@ -119,7 +119,7 @@ def measure_halving(upm, plate):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--upm", default=str(ROOT / "target/release/upm"))
+    parser.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--json", action="store_true")
     args = parser.parse_args()

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The plus-sign task over many seeds: how often it completes, how well the path is kept, how fast the loop runs.
 
-usage: plus_sign.py [--seeds 50] [--laps 3] [--rig upm-1] [--jobs 2] [--upm target/release/upm]
+usage: plus_sign.py [--seeds 50] [--laps 3] [--rig upm-1] [--jobs 2] [--upm target/debug/upm]
 
 Every run is the whole loop: each frame at 60/s rendered and looked at. Prints one line a seed and a summary.
 """
@@ -56,7 +56,7 @@ def main():
     parser.add_argument("--laps", type=int, default=3)
     parser.add_argument("--rig", default="upm-1")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--upm", default=str(ROOT / "target/release/upm"))
+    parser.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
     args = parser.parse_args()
 
     job = json.loads((ROOT / "configs/plus-sign.json").read_text())
