@@ -1,4 +1,4 @@
-//! What needs the papers' experiments, rendered scenes or charts, in a build without them.
+//! Stand-ins for the commands of the feature `lab`, in a build without it.
 
 use serde_json::Value;
 use upm_chart::Chart;

@@ -1,4 +1,4 @@
-//! What every other crate of `upm` stands on: units, plate time, seeded random streams, planar geometry, the plain data
+//! Foundations of every other crate of `upm`: units, plate time, seeded random streams, planar geometry, the plain data
 //! that crosses the hardware boundary, and that boundary itself, the trait [`rig::Rig`].
 
 pub mod geometry;

@@ -1,6 +1,6 @@
 use upm_chart::Chart;
 
-/// What an experiment leaves, as one page of the viewer.
+/// One experiment as a page of the viewer.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Experiment {
     /// Names the recording.
@@ -9,7 +9,7 @@ pub struct Experiment {
     pub figures: String,
     /// Its charts.
     pub charts: Vec<Chart>,
-    /// What moved.
+    /// The motion of each part.
     pub motion: Option<Motion>,
 }
 

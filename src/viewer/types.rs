@@ -48,7 +48,7 @@ pub enum RecordingError {
         /// Why.
         reason: String,
     },
-    /// The address is none of a viewer.
+    /// The address is not one of a viewer.
     #[error("`{url}` is no viewer's address, like rerun+http://127.0.0.1:9876/proxy: {reason}")]
     Address {
         /// What was given.
