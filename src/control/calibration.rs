@@ -9,10 +9,12 @@
 //!    strongest the motors allow and read back through the accelerometers.
 //! 4. Fields: where the rig makes synthesised motions, each of their harmonics on each axis, read back likewise: the
 //!    plate's answer in amplitude and phase.
+//! 5. Resonances: a multisine on each axis; natural frequency and damping ratio from the accelerometers' spectra, by FFT.
 
 mod axes;
 mod displacement;
 mod fields;
+mod resonance;
 mod steering;
 mod workbench;
 
@@ -28,6 +30,7 @@ use upm_perception::estimation::FitFault;
 use workbench::Workbench;
 
 pub use axes::Axes;
+pub use resonance::AxisResonance;
 
 /// A rig this many times faster than the gentle speed needs gentle motions of their own.
 const STRONG: f64 = 2.0;
@@ -206,6 +209,21 @@ pub fn measure_fields(
     })
 }
 
+/// Measures the resonances of `rig`'s axes x, y and spin, by its accelerometers alone; `None` where its longest sustain
+/// is too short to tell them. Motors are at zero when this returns.
+pub fn measure_resonances(
+    rig: &mut dyn Rig,
+    model: &RigModel,
+    params: &CalibrationParams,
+    stop: &AtomicBool,
+    progress: &mut dyn FnMut(CalibrationProgress),
+) -> Result<Option<[AxisResonance; 3]>, CalibrationFault> {
+    Workbench::new(rig, model, stop, progress).work(|bench| {
+        axes::measure(bench, params)?;
+        resonance::measure(bench)
+    })
+}
+
 /// Measures `rig` and returns its library. Motors are at zero when this returns.
 pub fn calibrate(
     rig: &mut dyn Rig,
@@ -225,6 +243,8 @@ fn measure(
 ) -> Result<Library, CalibrationFault> {
     let half_side_m = 0.5 * bench.model.plate_side_m;
     let axes = axes::measure(bench, params)?;
+    let plate = resonance::measure(bench)?.as_ref().map(AxisResonance::plate_response);
+    bench.plate = plate.unwrap_or_default();
     let mut library = Library {
         rig: bench.model.name.clone(),
         fingerprint: fingerprint.to_owned(),
@@ -237,6 +257,7 @@ fn measure(
         entries: steering::measure(bench, &axes, params, &displacement::motions(half_side_m, params.gentle_mps))?,
         displacement: Default::default(),
         fields: None,
+        plate,
     };
     library.displacement = displacement::measure(bench, &library, params)?;
     library.entries = steering::measure(bench, &axes, params, &wanted(&axes, bench.model, params))?;

@@ -165,13 +165,15 @@ impl Cycle<'_> {
         let plan = self.plan(&observed, &wanted)?;
         let plan_us = (self.clock.elapsed() - planning).as_secs_f64() * 1e6;
 
-        for pulse in &plan.pulses {
+        for (number, pulse) in (1..).zip(&plan.pulses) {
             self.check_limits()?;
-            self.play(pulse)?;
+            self.play(pulse, if number == plan.pulses.len() { Moment::Cycle } else { Moment::Pulse })?;
             *last_pulse_at = self.rig.now();
             self.look_for_missing()?;
         }
-        let result = self.look_at_rest()?;
+        // the last frame of a pulse shows all at rest: it starts the next cycle, unless a part is missing in it
+        let seen = !plan.pulses.is_empty() && self.eyes.missing_for() == 0;
+        let result = if seen { self.eyes.positions_m() } else { self.look_at_rest()? };
         if plan.pulses.is_empty() {
             // a goal that gets on by time alone asks for no pulse
             if wanted.progress > self.furthest {

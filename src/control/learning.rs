@@ -15,8 +15,6 @@ const NODES: usize = 4;
 /// Spread expected of parts and regions before anything is seen.
 const PART_SD: f64 = 0.1;
 const REGION_SD: f64 = 0.04;
-/// Scatter of one ratio of the pulse; what does not grow with the step is the lesson's.
-const RATIO_SD: f64 = 0.06;
 /// Forecast steps below this say little, m.
 const SHORTEST_STEP_M: f64 = 0.3e-3;
 /// A ratio off by more is a disturbance, not friction.
@@ -49,6 +47,8 @@ pub(super) struct Scatter {
     least_m: f64,
     /// Part of the step that comes on top.
     of_step: f64,
+    /// Scatter of the ratio itself, however long the step.
+    of_ratio: f64,
 }
 
 impl Scatter {
@@ -56,8 +56,8 @@ impl Scatter {
     /// gain: taken as if it were, long first pulses had parts within 10 % of the usual called slow.
     pub(super) fn of(pulse: &PlannedPulse) -> Self {
         match pulse {
-            PlannedPulse::Rotation(_) => Self { least_m: 0.05e-3, of_step: 0.0 },
-            PlannedPulse::Field(_) => Self { least_m: 0.2e-3, of_step: 0.03 },
+            PlannedPulse::Rotation(_) => Self { least_m: 0.03e-3, of_step: 0.0, of_ratio: 0.02 },
+            PlannedPulse::Field(_) => Self { least_m: 0.2e-3, of_step: 0.03, of_ratio: 0.06 },
         }
     }
 
@@ -109,7 +109,7 @@ impl Gains {
             let off = (measured - forecast).dot(&per_gain) / per_gain.norm_squared();
             if off.abs() < FARTHEST {
                 let scatter_m = lesson.scatter.sd_m((forecast - before).norm());
-                let variance = RATIO_SD * RATIO_SD + (scatter_m / length_m).powi(2);
+                let variance = lesson.scatter.of_ratio.powi(2) + (scatter_m / length_m).powi(2);
                 self.correct(self.pattern(part, *before), off, variance);
             }
         }
@@ -154,7 +154,7 @@ mod tests {
     use upm_core::random::Streams;
 
     const HALF_M: f64 = 0.15;
-    const SCATTER: Scatter = Scatter { least_m: 0.05e-3, of_step: 0.02 };
+    const SCATTER: Scatter = Scatter { least_m: 0.05e-3, of_step: 0.02, of_ratio: 0.06 };
 
     /// Steps that grow with the gain, as a rotation's do: `steps_m` at gain 1, taken `ratios` times as far.
     fn teach(gains: &mut Gains, before_m: &[Vec2], steps_m: &[Vec2], ratios: &[f64]) {
@@ -216,7 +216,7 @@ mod tests {
         for ratio in ratios {
             // the step that is forecast grows with what is held at the time, and its scatter with it
             let scatter_m = SCATTER.least_m + SCATTER.of_step * step.norm() * held;
-            let noise = RATIO_SD * RATIO_SD + (scatter_m / step.norm()).powi(2);
+            let noise = SCATTER.of_ratio.powi(2) + (scatter_m / step.norm()).powi(2);
             sum += (ratio - 1.0) / noise;
             certainty += 1.0 / noise;
             held = 1.0 + sum / certainty;

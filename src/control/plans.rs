@@ -3,7 +3,9 @@ use std::sync::Arc;
 use super::ending::Ending;
 use upm_core::geometry::Vec2;
 use upm_library::Library;
-use upm_planner::{FieldPlanner, Method, PartState, Plan, PlannedPulse, Planner, PlannerParams, PseudoInverse};
+use upm_planner::{
+    FieldPlanner, Method, PartState, Plan, PlannedPulse, PlannerParams, PseudoInverse, RotationPlanner,
+};
 
 /// Finds the motions of a cycle and says what they will do.
 pub(super) trait Plans {
@@ -25,7 +27,7 @@ pub(super) fn planner_of(
     library: &Arc<Library>,
     params: PlannerParams,
 ) -> Result<Box<dyn Plans>, Ending> {
-    let planner = || Planner::new(Arc::clone(library), params);
+    let planner = || RotationPlanner::new(Arc::clone(library), params);
     match method {
         Method::CorSequence => Ok(Box::new(planner())),
         Method::PseudoInverse => {
@@ -39,14 +41,18 @@ pub(super) fn planner_of(
     }
 }
 
-impl Plans for Planner {
+impl Plans for RotationPlanner {
     fn plan(&mut self, parts: &[PartState]) -> Plan {
-        Planner::plan(self, parts)
+        RotationPlanner::plan(self, parts)
+    }
+
+    fn tries_smaller(&self) -> bool {
+        true
     }
 
     fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {
         match pulse {
-            PlannedPulse::Rotation(rotation) => Some(Planner::forecast(self, parts, rotation)),
+            PlannedPulse::Rotation(rotation) => Some(RotationPlanner::forecast(self, parts, rotation)),
             PlannedPulse::Field(_) => None,
         }
     }
@@ -72,7 +78,7 @@ impl Plans for FieldPlanner {
 /// The papers' method, which knows the ideal field alone; what its rotations will do is told by the measured flows.
 struct Plain {
     plain: PseudoInverse,
-    flows: Planner,
+    flows: RotationPlanner,
 }
 
 impl Plans for Plain {

@@ -6,7 +6,7 @@ mod frame;
 mod trace;
 mod twist_wave;
 
-pub use drive::{Drive, Harmonic, MOTORS, Motor};
+pub use drive::{Drive, Harmonic, MOTORS, Motor, Shaping};
 pub use envelope::Envelope;
 pub use frame::Frame;
 pub use trace::{AccelTrace, CHANNEL_NAMES, CHANNELS, MISSING_SAMPLE, RecordedPulse};

@@ -53,7 +53,8 @@ fn random_drive(lab: &LabRig, rng: &mut Rng) -> Drive {
 fn along_x(lab: &LabRig, wave: &[Harmonic; 2]) -> Drive {
     let against = wave.map(|h| Harmonic { cos: -h.cos, sin: -h.sin });
     let envelope = Envelope { attack_s: lab.model.attack_s, sustain_s: 3.5 * TAU / lab.model.base_radps, rest_s: 0.01 };
-    Drive { base_radps: lab.model.base_radps, motors: [wave.to_vec(), against.to_vec(), vec![], vec![]], envelope }
+    let motors = [wave.to_vec(), against.to_vec(), vec![], vec![]];
+    Drive { base_radps: lab.model.base_radps, motors, envelope, ..Drive::default() }
 }
 
 /// Velocity phasors along x for one count of each harmonic. The chain is linear but for whole counts and limits.

@@ -1,35 +1,84 @@
 use nalgebra::{Complex, Vector3};
 
-use super::{AxisShape, Library, motor_harmonics};
-use upm_core::signal::{Drive, Envelope, Harmonic, MOTORS};
+use super::{AxisShape, Library, PlateResponse, motor_harmonics};
+use upm_core::signal::{Drive, Envelope, Harmonic, MOTORS, Shaping};
 
-/// The drive that plays the motor amplitudes X1, X2, Y1, Y2 (counts) with the waveforms of x, y and spin.
+/// The drive that plays the motor amplitudes X1, X2, Y1, Y2 (counts) with the waveforms of x, y and spin, so that the
+/// displacement of a plate that answers as `plate` follows the envelope ([`Shaping::Displacement`]).
 ///
 /// The four amplitudes are three axis amplitudes (Eq. 7), `f_x = X1 - X2`, `f_y = Y1 - Y2`,
 /// `S = (Y1 + Y2) - (X1 + X2)` (torque over lever arm), and a fourth part `X1 + X2 + Y1 + Y2` that only squeezes the
 /// plate and makes no net force or torque. Each axis plays its own waveform; the squeeze is dropped, so that no motor
 /// spends counts on it.
-pub fn drive_for(amplitudes: [i32; 4], shapes: &[AxisShape; 3], base_radps: f64, envelope: Envelope) -> Drive {
+pub fn drive_for(
+    amplitudes: [i32; 4],
+    shapes: &[AxisShape; 3],
+    plate: &PlateResponse,
+    base_radps: f64,
+    envelope: Envelope,
+) -> Drive {
     let [x1, x2, y1, y2] = amplitudes.map(f64::from);
     let axes = [x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2)];
-    let mut motors: [Vec<Harmonic>; MOTORS] = Default::default();
+    let mut drive = Drive { base_radps, envelope, ..Drive::default() };
+    let mut flanks: [[Vec<Harmonic>; 2]; MOTORS] = Default::default();
     for k in 0..2 {
+        let rate_radps = (k + 1) as f64 * base_radps;
         let counts = |axis: usize| Complex::new(shapes[axis].0[k].cos, -shapes[axis].0[k].sin) * axes[axis];
-        for (motor, harmonic) in motors.iter_mut().zip(motor_harmonics(&Vector3::new(counts(0), counts(1), counts(2))))
-        {
-            motor.push(harmonic);
+        let force = Vector3::from_fn(|axis, _| counts(axis));
+        let slope = Vector3::from_fn(|axis, _| counts(axis) * plate.flank_factors(axis, rate_radps)[0]);
+        let curvature = Vector3::from_fn(|axis, _| counts(axis) * plate.flank_factors(axis, rate_radps)[1]);
+        let [force, slope, curvature] = [force, slope, curvature].map(|counts| motor_harmonics(&counts));
+        for motor in 0..MOTORS {
+            drive.motors[motor].push(force[motor]);
+            flanks[motor][0].push(slope[motor]);
+            flanks[motor][1].push(curvature[motor]);
         }
     }
-    Drive { base_radps, motors, envelope }
+    drive.shaping = Shaping::Displacement(flanks);
+    drive
+}
+
+impl PlateResponse {
+    /// With Z(s) = s² + 2ζω₀s + ω₀² of `axis` at `s = j rate`: Z'(s)/Z(s) and 1/Z(s). Times the phasor of a steady force they
+    /// are what slope and curvature of the envelope are multiplied by.
+    fn flank_factors(&self, axis: usize, rate_radps: f64) -> [Complex<f64>; 2] {
+        let (natural_radps, ratio) = (self.natural_radps[axis], self.damping_ratio[axis]);
+        let s = Complex::new(0.0, rate_radps);
+        let damping = 2.0 * ratio * natural_radps;
+        let inverse = (s * s + s * damping + natural_radps * natural_radps).inv();
+        [(s * 2.0 + damping) * inverse, inverse]
+    }
 }
 
 impl Library {
-    /// The drive of entry number `entry` held for `sustain_s`; `None` when there is no such entry.
-    /// [`Drive::reversed`] makes parts flow the other way.
+    /// The drive of entry number `entry` at full strength held for `sustain_s`; `None` when there is no such entry.
+    /// [`Drive::reversed`] makes parts flow the other way, [`Drive::scaled`] makes it weaker.
     pub fn drive(&self, entry: usize, sustain_s: f64) -> Option<Drive> {
+        self.drive_with_rest(entry, sustain_s, self.rest_after(sustain_s))
+    }
+
+    /// [`Library::drive`] with a rest of `rest_s`, s.
+    pub fn drive_with_rest(&self, entry: usize, sustain_s: f64, rest_s: f64) -> Option<Drive> {
         let entry = self.entries.get(entry)?;
-        let envelope = Envelope { attack_s: self.attack_s, sustain_s, rest_s: self.rest_after(sustain_s) };
-        Some(drive_for(entry.amplitudes, &self.shapes, self.base_radps, envelope))
+        let envelope = Envelope { attack_s: self.attack_s, sustain_s, rest_s };
+        let plate = self.plate.unwrap_or_default();
+        Some(drive_for(entry.amplitudes, &self.shapes, &plate, self.base_radps, envelope))
+    }
+
+    /// By how much the envelope of a pulse reaches the plate late against its wave, s: the delay of the motors, which the
+    /// waveforms of x, y and spin make up for in the phases of both harmonics and the envelope does not. Read from the
+    /// second harmonic, where the plate is nearest to a free mass.
+    pub fn envelope_delay_s(&self) -> f64 {
+        let rate_radps = 2.0 * self.base_radps;
+        let lead_rad = |axis: usize| {
+            let Harmonic { cos, sin } = self.shapes[axis].0[1];
+            // force over that of a free mass, -sin 2wt, and the plate's own part of that
+            let force = Complex::new(cos, -sin) / Complex::i();
+            let plate = self.plate.unwrap_or_default().flank_factors(axis, rate_radps)[1].inv();
+            (force / (plate * -(rate_radps * rate_radps).recip())).arg()
+        };
+        let mean_rad = (lead_rad(0) + lead_rad(1) + lead_rad(2)) / 3.0;
+        (mean_rad / rate_radps).clamp(0.0, 0.25 * self.attack_s)
     }
 
     /// Rest after a pulse held for `sustain_s`, s. The longer the pulse, the faster the parts and the longer they coast:
@@ -49,6 +98,7 @@ mod tests {
     use proptest::prelude::*;
     use upm_core::geometry::Twist;
 
+    const FREE: PlateResponse = PlateResponse { natural_radps: [0.0; 3], damping_ratio: [0.0; 3] };
     const ENVELOPE: Envelope = Envelope { attack_s: 0.0, sustain_s: 1.0, rest_s: 0.0 };
 
     /// Forces along x, y and torque over lever arm at `t`, from the four motors by Eq. 7.
@@ -63,10 +113,10 @@ mod tests {
 
     #[test]
     fn equal_shapes_leave_the_amplitudes_but_for_the_squeeze() {
-        let drive = drive_for([-250, 10, 128, 112], &[AxisShape::FREE_MASS; 3], 377.0, ENVELOPE);
+        let drive = drive_for([-250, 10, 128, 112], &[AxisShape::FREE_MASS; 3], &FREE, 377.0, ENVELOPE);
         let kept = drive.motors.each_ref().map(|harmonics| harmonics[0].cos);
         assert_eq!(kept, [-250.0, 10.0, 128.0, 112.0], "these four sum to zero");
-        let squeezed = drive_for([-150, 110, 228, 212], &[AxisShape::FREE_MASS; 3], 377.0, ENVELOPE);
+        let squeezed = drive_for([-150, 110, 228, 212], &[AxisShape::FREE_MASS; 3], &FREE, 377.0, ENVELOPE);
         assert_eq!(squeezed, drive, "a common part of 100 counts moves nothing");
     }
 
@@ -84,6 +134,7 @@ mod tests {
             entries: vec![Entry { amplitudes: [100, -100, 0, 0], pump: Twist::new(0.5, 0.0, 0.0) }],
             displacement: DisplacementModel::default(),
             fields: None,
+            plate: None,
         };
         assert_eq!(library.rest_after(0.01), 0.04, "nothing measured yet");
         library.displacement.sustain_s = vec![0.0, 0.1, 0.2];
@@ -98,7 +149,7 @@ mod tests {
         fn each_axis_plays_its_own_waveform(amplitudes: [i16; 4], t_s in 0.001..0.9f64, tilt in -0.3..0.3f64) {
             let amplitudes = amplitudes.map(i32::from);
             let shapes = [shape(1.0, tilt, 0.1, -1.1), shape(0.9, 0.0, tilt, -1.0), shape(1.2, -tilt, 0.0, -0.8)];
-            let drive = drive_for(amplitudes, &shapes, 377.0, ENVELOPE);
+            let drive = drive_for(amplitudes, &shapes, &FREE, 377.0, ENVELOPE);
             let [x1, x2, y1, y2] = amplitudes.map(f64::from);
             let axes = [x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2)];
             for ((got, axis), shape) in wrench(&drive, t_s).iter().zip(axes).zip(shapes) {

@@ -2,7 +2,7 @@ use nalgebra::{Complex, Matrix3, Vector3};
 
 use super::{FieldResponse, Library};
 use upm_core::geometry::Twist;
-use upm_core::signal::{Drive, Envelope, Harmonic, MOTORS, TwistHarmonic, TwistWave};
+use upm_core::signal::{Drive, Envelope, Harmonic, MOTORS, Shaping, TwistHarmonic, TwistWave};
 
 /// Relative difference between two base frequencies that are the same.
 const SAME: f64 = 1e-6;
@@ -25,7 +25,8 @@ impl Library {
                 motor.push(harmonic);
             }
         }
-        Some(Drive { base_radps, motors, envelope: Envelope { attack_s, sustain_s, rest_s } })
+        let envelope = Envelope { attack_s, sustain_s, rest_s };
+        Some(Drive { base_radps, motors, shaping: Shaping::Velocity, envelope })
     }
 }
 

@@ -34,6 +34,7 @@ fn library(twist_from_counts: Vec<Matrix3<Complex<f64>>>) -> Library {
             limit_counts: 2047.0,
             twist_from_counts,
         }),
+        plate: None,
     }
 }
 

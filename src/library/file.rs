@@ -38,6 +38,10 @@ impl Library {
         if let Some(fields) = &raw.fields {
             let _ = write!(out, ",\n{}", fields_json(fields));
         }
+        if let Some(plate) = &raw.plate {
+            let [natural_hz, damping_ratio] = [&plate.natural_hz, &plate.damping_ratio].map(json);
+            let _ = write!(out, ",\n  \"plate\": {{\"natural_hz\": {natural_hz}, \"damping_ratio\": {damping_ratio}}}");
+        }
         out + "\n}\n"
     }
 
@@ -128,6 +132,7 @@ mod tests {
                 sd_m: vec![vec![0.0; 3]; 2],
             },
             fields: None,
+            plate: None,
         }
     }
 
@@ -201,7 +206,7 @@ mod tests {
             (
                 "\"rest_s\"",
                 "\"color\": 1, \"rest_s\"",
-                "color: found unknown key \"color\", allowed: rig, fingerprint, plate_side_mm, base_hz, attack_s, rest_s, accelerometer_gain, shapes, entries, displacement, fields",
+                "color: found unknown key \"color\", allowed: rig, fingerprint, plate_side_mm, base_hz, attack_s, rest_s, accelerometer_gain, shapes, entries, displacement, fields, plate",
             ),
             ("\"rest_s\": 0.03,", "", "rest_s: found nothing, allowed: a number"),
             (

@@ -7,8 +7,11 @@ mod field_drive;
 #[cfg(test)]
 mod fields_tests;
 mod file;
+#[cfg(test)]
+mod plate_tests;
 mod raw;
 mod raw_fields;
+mod raw_plate;
 mod types;
 mod validate;
 mod wording;
@@ -18,5 +21,6 @@ pub use fault::LibraryFault;
 pub use field_drive::motor_harmonics;
 pub use raw::{RawDisplacement, RawEntry, RawLibrary, RawShapes};
 pub use raw_fields::RawFieldResponse;
-pub use types::{AxisShape, DisplacementModel, Entry, FieldResponse, Library};
+pub use raw_plate::{RawAxes, RawPlateResponse};
+pub use types::{AxisShape, DisplacementModel, Entry, FieldResponse, Library, PlateResponse};
 pub use validate::{FieldFacts, RigFacts};

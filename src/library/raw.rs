@@ -3,7 +3,7 @@ use std::f64::consts::TAU;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{AxisShape, DisplacementModel, Entry, Library, RawFieldResponse};
+use super::{AxisShape, DisplacementModel, Entry, Library, RawFieldResponse, RawPlateResponse};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{CHANNELS, Harmonic};
 use upm_core::units::{m_from_mm, mm_from_m};
@@ -52,6 +52,9 @@ pub struct RawLibrary {
     /// How the plate answers to synthesised motions; null or left out where the rig has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fields: Option<RawFieldResponse>,
+    /// Resonances of the plate's axes; null or left out where they were not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plate: Option<RawPlateResponse>,
 }
 
 /// Force waveforms of the axes: `[cos, sin]` of harmonics 1 and 2 for one unit of amplitude.
@@ -140,6 +143,7 @@ impl From<&Library> for RawLibrary {
             entries: library.entries.iter().map(RawEntry::from).collect(),
             displacement: RawDisplacement::from(&library.displacement),
             fields: library.fields.as_ref().map(RawFieldResponse::from),
+            plate: library.plate.as_ref().map(RawPlateResponse::from),
         }
     }
 }
@@ -190,6 +194,7 @@ impl RawLibrary {
                 sd_m: table(&self.displacement.sd_mm),
             },
             fields: self.fields.as_ref().map(RawFieldResponse::response),
+            plate: self.plate.as_ref().map(RawPlateResponse::response),
             rig: self.rig,
             fingerprint: self.fingerprint,
         }

@@ -74,6 +74,19 @@ pub struct Library {
     pub displacement: DisplacementModel,
     /// How the plate answers to synthesised motions; `None` where the rig has none.
     pub fields: Option<FieldResponse>,
+    /// Resonances of the plate's axes; `None` in libraries written before they were measured, and where the rig's
+    /// longest sustain is too short to tell them.
+    pub plate: Option<PlateResponse>,
+}
+
+/// The plate's axes as mass-spring-dampers `m q̈ + b q̇ + k q = f` (UPM paper, Eq. 33), in the order x, y, spin; all zero is a
+/// free mass.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PlateResponse {
+    /// Undamped natural frequencies `sqrt(k/m)`, rad/s.
+    pub natural_radps: [f64; 3],
+    /// Damping ratios `b / (2 sqrt(k m))`.
+    pub damping_ratio: [f64; 3],
 }
 
 /// How the plate answers to each harmonic of the synthesised motions' base frequency.

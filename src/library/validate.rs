@@ -5,7 +5,8 @@ use super::raw::{
     PLATE_SIDE_MM, RawDisplacement, RawEntry, RawLibrary,
 };
 use super::raw_fields::{LIMIT_COUNTS, MOST_RESPONSE, matrix};
-use super::{FieldResponse, Library, LibraryFault, RawFieldResponse};
+use super::raw_plate::{DAMPING_RATIO, NATURAL_HZ};
+use super::{FieldResponse, Library, LibraryFault, RawFieldResponse, RawPlateResponse};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 
@@ -32,6 +33,9 @@ impl TryFrom<RawLibrary> for Library {
         faults.check_displacement(&raw.displacement);
         if let Some(fields) = &raw.fields {
             faults.check_fields(fields);
+        }
+        if let Some(plate) = &raw.plate {
+            faults.check_plate(plate);
         }
         let library = raw.into_library();
         if faults.0.is_empty() && spread_at_center(&library) < MIN_SPREAD {
@@ -252,6 +256,16 @@ impl Faults {
                 self.add(path, largest, &format!("numbers from -{MOST_RESPONSE} to {MOST_RESPONSE}"));
             } else if matrix(rows).try_inverse().is_none() {
                 self.add(path, "a singular matrix", "forces on x, y and spin that move the plate independently");
+            }
+        }
+    }
+
+    fn check_plate(&mut self, raw: &RawPlateResponse) {
+        for (key, axes, range) in
+            [("natural_hz", raw.natural_hz, NATURAL_HZ), ("damping_ratio", raw.damping_ratio, DAMPING_RATIO)]
+        {
+            for (axis, value) in [("x", axes.x), ("y", axes.y), ("spin", axes.spin)] {
+                self.check_within(format!("plate.{key}.{axis}"), value, range);
             }
         }
     }

@@ -13,7 +13,8 @@ pub(super) fn reworded(path: &str, message: &str) -> LibraryFault {
     match found.split_once(' ') {
         Some(("missing", field)) => {
             let key = quoted(field);
-            LibraryFault::new(inside(&key), "nothing", meant_by(&key))
+            let meant = if path.starts_with("plate.") { "a number" } else { meant_by(&key) };
+            LibraryFault::new(inside(&key), "nothing", meant)
         }
         Some(("unknown", field)) => {
             let keys: Vec<&str> = allowed.split('`').skip(1).step_by(2).collect();
@@ -67,7 +68,7 @@ fn meant_by(key: &str) -> &'static str {
     match key {
         "rig" | "fingerprint" => "a string",
         "base_hz" | "attack_s" | "rest_s" | "spin_rad_s" | "limit_counts" => "a number",
-        "shapes" | "displacement" => "an object",
+        "shapes" | "displacement" | "natural_hz" | "damping_ratio" => "an object",
         "amplitudes" => "a list of 4 whole numbers",
         "velocity_mm_s" => "a list of 2 numbers",
         "x" | "y" | "spin" => "a list of 2 lists of 2 numbers",

@@ -4,8 +4,8 @@
 mod aim;
 mod bank;
 mod course;
-mod friction;
 mod guard;
+mod limits;
 mod planner;
 mod strength;
 mod waves;

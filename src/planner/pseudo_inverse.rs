@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::field::reference_speed;
 use super::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
 use upm_core::geometry::Vec2;
 use upm_library::{Entry, Library};
@@ -91,7 +90,9 @@ impl PseudoInverse {
             let Some((length_m, sustain_s)) = self.pulse(entry, &at_m, wanted_m.abs()) else { continue };
             let distance_m = length_m.copysign(wanted_m);
             at_m = after(entry, distance_m, &at_m);
-            plan.pulses.push(PlannedPulse::Rotation(Rotation { entry: number, distance_m, sustain_s }));
+            let rest_s = self.library.rest_after(sustain_s);
+            let rotation = Rotation { entry: number, distance_m, amplitude: 1.0, sustain_s, rest_s };
+            plan.pulses.push(PlannedPulse::Rotation(rotation));
             plan.predicted_m.push(at_m.clone());
         }
         if plan.pulses.is_empty() {
@@ -103,7 +104,7 @@ impl PseudoInverse {
     /// Length, m, and sustain, s, of the pulse about `entry` nearest to `wanted_m`; `None` where none is nearer.
     fn pulse(&self, entry: &Entry, at_m: &[Vec2], wanted_m: f64) -> Option<(f64, f64)> {
         let model = &self.library.displacement;
-        let speed = reference_speed(entry, at_m.iter().copied());
+        let speed = at_m.iter().map(|&p| entry.speed_at(p)).fold(0.0, f64::max);
         let shortest_m = model.min_distance(speed);
         let length_m = wanted_m.min(LONGEST_M).max(shortest_m).min(model.max_distance(speed));
         let worth = length_m > 0.0 && wanted_m >= 0.5 * shortest_m;
@@ -203,7 +204,7 @@ mod tests {
         let mut planner = PseudoInverse::new(mixed.into(), PlannerParams { min_distance_m: 2e-5, ..params() });
         assert_eq!(planner.plan(&scene(2, 3e-3, 1)).candidates, strong[..4]);
         // along the field of the strong centre in the middle, less than half as far as its shortest pulse goes
-        let plan = planner.plan(&[penny(mm(40.0, -40.0), mm(0.042, 0.042))]);
+        let plan = planner.plan(&[penny(mm(40.0, -40.0), mm(0.1, 0.1))]);
         assert_eq!((plan.status, plan.candidates), (PlanStatus::Solved, gentle[..2].to_vec()));
     }
 

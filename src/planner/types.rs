@@ -35,20 +35,14 @@ pub struct PlannerParams {
     pub edge_margin_m: f64,
     /// Gap kept between rims, m.
     pub separation_m: f64,
-    /// Largest |d| of one rotation, m.
-    pub max_distance_m: f64,
-    /// Smallest |d| worth a pulse, m.
+    /// Steps smaller than half of this are not worth a pulse, m.
     pub min_distance_m: f64,
-    /// Most pulses in one sequence.
-    pub max_pulses: usize,
-    /// Candidates taken out of the library for each part.
-    pub candidates_per_part: usize,
-    /// Time after a sequence that a look takes: that of a frame, s.
-    pub look_s: f64,
-    /// Longest sustain of a synthesised field, s.
+    /// Time from one camera frame to the next, s: parts are seen at rest in the first whole frame after a pulse.
+    pub frame_s: f64,
+    /// Time the shutter is open, s.
+    pub exposure_s: f64,
+    /// Longest sustain, s.
     pub max_sustain_s: f64,
-    /// Price of a metre of |d| against a metre of error; more gives sparser sequences.
-    pub sparsity: f64,
 }
 
 /// One pulse of a plan.
@@ -75,10 +69,14 @@ impl PlannedPulse {
 pub struct Rotation {
     /// Index into the library's entries.
     pub entry: usize,
-    /// The rotation d_j, m: how far it moves a part on the nominal field; negative runs the drive in reverse.
+    /// The rotation d_j, m: how far it moves a part on the entry's typical belt; negative runs the drive in reverse.
     pub distance_m: f64,
-    /// Sustain that gives that distance, s.
+    /// Part of the entry's full amplitude, 0 to 1.
+    pub amplitude: f64,
+    /// Sustain, s.
     pub sustain_s: f64,
+    /// Rest after it, until all parts are forecast to stand, s.
+    pub rest_s: f64,
 }
 
 /// One synthesised motion under an envelope (equation sheet, section 5).

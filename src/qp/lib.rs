@@ -3,7 +3,7 @@
 //! ```text
 //!   minimise    ½ xᵀ P x + qᵀ x
 //!   over        x, n numbers
-//!   subject to  A x + s = b,   s_i = 0 for the first `equalities` rows,  s_i >= 0 for the others
+//!   subject to  A x + s = b,   s in a product of cones: s_i = 0, s_i >= 0, or s_1 >= |(s_2, …)|
 //! ```
 //!
 //! The solver is compiled here once, not in the crates that state programs. Equal programs give equal answers to the last
@@ -11,7 +11,8 @@
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverError, SolverStatus, ZeroConeT,
+    DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SecondOrderConeT, SolverError, SolverStatus,
+    SupportedConeT, ZeroConeT,
 };
 
 /// A sparse matrix, compressed by columns.
@@ -55,8 +56,19 @@ pub struct Program {
     pub constraints: Matrix,
     /// b, m numbers.
     pub bounds: Vec<f64>,
-    /// How many of the m rows are equalities; they come first.
-    pub equalities: usize,
+    /// The cones of s, in the order of the rows.
+    pub cones: Vec<Cone>,
+}
+
+/// A cone of this many rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cone {
+    /// Every s is 0: equalities.
+    Zero(usize),
+    /// No s is negative: inequalities.
+    Nonnegative(usize),
+    /// The first s is at least as large as the norm of the others.
+    SecondOrder(usize),
 }
 
 /// A minimiser and its multipliers.
@@ -70,8 +82,15 @@ pub struct Minimiser {
 impl Program {
     /// Solves the program. `Err` holds clarabel's status; `PrimalInfeasible` means that the constraints exclude every x.
     pub fn solve(&self) -> Result<Minimiser, String> {
-        let Self { hessian, gradient, constraints, bounds, equalities } = self;
-        let cones = [ZeroConeT(*equalities), NonnegativeConeT(bounds.len().saturating_sub(*equalities))];
+        let Self { hessian, gradient, constraints, bounds, cones } = self;
+        let cones: Vec<SupportedConeT<f64>> = cones
+            .iter()
+            .map(|cone| match *cone {
+                Cone::Zero(rows) => ZeroConeT(rows),
+                Cone::Nonnegative(rows) => NonnegativeConeT(rows),
+                Cone::SecondOrder(rows) => SecondOrderConeT(rows),
+            })
+            .collect();
         let mut solver = DefaultSolver::new(&hessian.0, gradient, &constraints.0, bounds, &cones, settings())
             .map_err(|error: SolverError| error.to_string())?;
         solver.solve();
@@ -127,7 +146,7 @@ mod tests {
             gradient: vec![0.0, 0.0],
             constraints: constraints.finish(2),
             bounds: vec![1.0, 0.2],
-            equalities: 1,
+            cones: vec![Cone::Zero(1), Cone::Nonnegative(1)],
         };
         let Minimiser { x, multipliers } = program.solve().unwrap();
         let close = |found: &[f64], expected: [f64; 2]| found.iter().zip(expected).all(|(f, e)| (f - e).abs() < 1e-5);
@@ -147,8 +166,28 @@ mod tests {
                 writer.finish(2)
             },
             bounds: vec![-1.0, -1.0],
-            equalities: 0,
+            cones: vec![Cone::Nonnegative(2)],
         };
         assert_eq!(program.solve().err().as_deref(), Some("PrimalInfeasible"));
+    }
+
+    /// The least x + y with (x, y) within 0.1 of (1, 0): at (1, 0) - 0.1 (1, 1)/sqrt 2.
+    #[test]
+    fn a_second_order_cone_is_a_ball() {
+        let mut constraints = ColumnWriter::default();
+        constraints.put(1, 1.0);
+        constraints.end_column();
+        constraints.put(2, 1.0);
+        constraints.end_column();
+        let program = Program {
+            hessian: diagonal(&[0.0, 0.0]),
+            gradient: vec![1.0, 1.0],
+            constraints: constraints.finish(3),
+            bounds: vec![0.1, 1.0, 0.0],
+            cones: vec![Cone::SecondOrder(3)],
+        };
+        let Minimiser { x, .. } = program.solve().unwrap();
+        let off = 0.1 * std::f64::consts::FRAC_1_SQRT_2;
+        assert!((x[0] - (1.0 - off)).abs() < 1e-5 && (x[1] + off).abs() < 1e-5, "{x:?}");
     }
 }

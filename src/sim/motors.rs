@@ -131,7 +131,7 @@ mod tests {
 
     fn steady(counts: f64, envelope: Envelope) -> Drive {
         let wave = vec![Harmonic { cos: counts, sin: 0.0 }];
-        Drive { base_radps: TAU * 60.0, motors: [wave, vec![], vec![], vec![]], envelope }
+        Drive { base_radps: TAU * 60.0, motors: [wave, vec![], vec![], vec![]], envelope, ..Drive::default() }
     }
 
     #[test]

@@ -183,6 +183,7 @@ mod tests {
         Drive {
             base_radps: 377.0,
             motors: [wave(300.0), wave(-100.0), wave(250.0), wave(50.0)],
+            shaping: Default::default(),
             envelope: Envelope { attack_s: 0.01, sustain_s: 0.1, rest_s: 0.0 },
         }
     }

@@ -369,6 +369,7 @@ fn a_heavy_load_slows_the_plate() {
         let drive = upm_core::signal::Drive {
             base_radps: W,
             motors: [wave, vec![], vec![], vec![]],
+            shaping: Default::default(),
             envelope: envelope(0.01, 0.2),
         };
         plant.play(drive);

@@ -244,7 +244,8 @@ mod tests {
             let first = Harmonic { cos: 0.0, sin: -sign * counts };
             vec![first, Harmonic { cos: 0.0, sin: sign * counts }]
         };
-        Drive { base_radps: TAU * 60.0, motors: [wave(-1.0), wave(-1.0), wave(1.0), wave(1.0)], envelope: ENVELOPE }
+        let motors = [wave(-1.0), wave(-1.0), wave(1.0), wave(1.0)];
+        Drive { base_radps: TAU * 60.0, motors, envelope: ENVELOPE, ..Drive::default() }
     }
 
     fn capture(rig: &mut SimRig) -> Frame {

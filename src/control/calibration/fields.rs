@@ -63,8 +63,9 @@ fn pulse(bench: &Workbench<'_>, fields: &FieldDriveModel, k: usize, axis: usize,
     let axis_counts = Vector3::from_fn(|i, _| Complex::from(if i == axis { counts } else { 0.0 }));
     let forces = motor_harmonics(&axis_counts);
     if k == 1 {
-        return Drive { base_radps: fields.base_radps, motors: forces.map(|force| vec![force]), envelope };
+        let motors = forces.map(|force| vec![force]);
+        return Drive { base_radps: fields.base_radps, motors, envelope, ..Drive::default() };
     }
     let motors = forces.map(|force| vec![Harmonic::default(), force]);
-    Drive { base_radps: 0.5 * k as f64 * fields.base_radps, motors, envelope }
+    Drive { base_radps: 0.5 * k as f64 * fields.base_radps, motors, envelope, ..Drive::default() }
 }

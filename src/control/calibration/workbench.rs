@@ -2,8 +2,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{CalibrationFault, CalibrationProgress};
 use upm_core::rig::{Rig, RigModel};
-use upm_core::signal::{Drive, Envelope, Frame, MISSING_SAMPLE};
-use upm_library::{AxisShape, drive_for};
+use upm_core::signal::{AccelTrace, Drive, Envelope, Frame, MISSING_SAMPLE};
+use upm_library::{AxisShape, PlateResponse, drive_for};
 use upm_perception::estimation::{AccelerometerPair, TwistFit, fit_twist};
 
 /// The rig with what every measurement needs.
@@ -12,6 +12,8 @@ pub(super) struct Workbench<'a> {
     pub model: &'a RigModel,
     /// The accelerometers as far as they are known by now.
     pub sensors: AccelerometerPair,
+    /// The plate as far as it is known by now.
+    pub plate: PlateResponse,
     pub stop: &'a AtomicBool,
     pub progress: &'a mut dyn FnMut(CalibrationProgress),
 }
@@ -25,7 +27,7 @@ impl<'a> Workbench<'a> {
         progress: &'a mut dyn FnMut(CalibrationProgress),
     ) -> Self {
         let sensors = AccelerometerPair::exact(model.accelerometer_in_plate_m);
-        Self { rig, model, sensors, stop, progress }
+        Self { rig, model, sensors, plate: PlateResponse::default(), stop, progress }
     }
 
     /// Measures, and leaves the motors at zero however that ends.
@@ -46,7 +48,7 @@ impl<'a> Workbench<'a> {
     /// The pulse of these amplitudes.
     pub fn drive(&self, amplitudes: [i32; 4], shapes: &[AxisShape; 3], sustain_s: f64) -> Drive {
         let envelope = Envelope { attack_s: self.model.attack_s, sustain_s, rest_s: self.model.rest_s };
-        drive_for(amplitudes, shapes, self.model.base_radps, envelope)
+        drive_for(amplitudes, shapes, &self.plate, self.model.base_radps, envelope)
     }
 
     /// How many times stronger than `amplitudes` a pulse may be until a motor is at its limit.
@@ -65,8 +67,15 @@ impl<'a> Workbench<'a> {
         f64::from(shown.map(|count| count.unsigned_abs()).max().unwrap_or(0)) * trace.mps2_per_count
     }
 
-    /// Plays a pulse to the end of its rest and reads the accelerometers.
+    /// Plays a pulse to the end of its rest and reads its motion from the accelerometers.
     pub fn read_twist(&mut self, what: &str, drive: &Drive) -> Result<TwistFit, CalibrationFault> {
+        let trace = self.play(drive)?;
+        fit_twist(&trace, &drive.envelope, drive.base_radps, &self.sensors)
+            .map_err(|fault| CalibrationFault::Trace { what: what.to_owned(), fault })
+    }
+
+    /// Plays a pulse to the end of its rest: the accelerometers' trace of it.
+    pub fn play(&mut self, drive: &Drive) -> Result<AccelTrace, CalibrationFault> {
         let [width, height] = self.model.frame_size_px;
         let mut frame = Frame::new(width, height);
         self.rig.play(drive)?;
@@ -74,7 +83,6 @@ impl<'a> Workbench<'a> {
             self.stop_check()?;
             self.rig.capture(&mut frame)?;
         }
-        fit_twist(&self.rig.trace(), &drive.envelope, drive.base_radps, &self.sensors)
-            .map_err(|fault| CalibrationFault::Trace { what: what.to_owned(), fault })
+        Ok(self.rig.trace())
     }
 }

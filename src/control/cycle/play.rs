@@ -12,15 +12,14 @@ use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twis
 use upm_planner::{PartState, PlannedPulse};
 
 impl Cycle<'_> {
-    /// Plays one pulse and follows the parts until everything rests.
-    pub(super) fn play(&mut self, planned: &PlannedPulse) -> Result<(), Ending> {
+    /// Plays one pulse and follows the parts until a frame shows everything at rest; `moment` says what that frame is for.
+    pub(super) fn play(&mut self, planned: &PlannedPulse, moment: Moment) -> Result<(), Ending> {
         let drive = drive_of(self.library, planned).map_err(Ending::failed)?;
         let started_at = self.rig.now();
         let (all_seen, before_m) = (self.eyes.missing_for() == 0, self.eyes.positions_m());
         self.rig.play(&drive)?;
-        while self.rig.now() < self.rig.quiet_at() {
+        while !self.eyes.look(self.rig, moment, self.sink, self.clock)? {
             self.check_stop()?;
-            self.eyes.look(self.rig, Moment::Pulse, self.sink, self.clock)?;
         }
         let trace = self.rig.trace();
         let sensors = AccelerometerPair {
@@ -82,8 +81,8 @@ impl Cycle<'_> {
 fn drive_of(library: &Library, planned: &PlannedPulse) -> Result<Drive, String> {
     match planned {
         PlannedPulse::Rotation(rotation) => library
-            .drive(rotation.entry, rotation.sustain_s)
-            .map(|drive| if rotation.distance_m < 0.0 { drive.reversed() } else { drive })
+            .drive_with_rest(rotation.entry, rotation.sustain_s, rotation.rest_s)
+            .map(|drive| drive.scaled(rotation.amplitude.copysign(rotation.distance_m)))
             .ok_or_else(|| format!("library has no entry {}", rotation.entry)),
         PlannedPulse::Field(field) => library
             .field_drive(&field.wave, field.sustain_s)
@@ -139,6 +138,7 @@ mod tests {
             entries: vec![Entry { amplitudes: [100, -100, 0, 0], pump: Twist::new(0.5, 0.0, 0.0) }],
             displacement: DisplacementModel::default(),
             fields: Some(fields),
+            plate: None,
         }
     }
 
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn either_kind_is_driven_by_the_library_or_refused_in_words() {
-        let rotation = |entry, distance_m| PlannedPulse::Rotation(Rotation { entry, distance_m, sustain_s: 0.1 });
+        let rotation = |entry, distance_m| PlannedPulse::Rotation(Rotation { entry, distance_m, amplitude: 1.0, sustain_s: 0.1, rest_s: 0.04 });
         let forwards = drive_of(&library(), &rotation(0, 0.01)).unwrap();
         assert_eq!(drive_of(&library(), &rotation(0, -0.01)), Ok(forwards.reversed()));
         assert_eq!(drive_of(&library(), &rotation(1, 0.01)), Err("library has no entry 1".into()));

@@ -107,9 +107,7 @@ impl Stage {
     fn length_s(&self, pulse: &PlannedPulse) -> f64 {
         let library = &self.library;
         match pulse {
-            PlannedPulse::Rotation(Rotation { sustain_s, .. }) => {
-                2.0 * library.attack_s + sustain_s + library.rest_after(*sustain_s)
-            }
+            PlannedPulse::Rotation(Rotation { sustain_s, rest_s, .. }) => 2.0 * library.attack_s + sustain_s + rest_s,
             PlannedPulse::Field(FieldPulse { sustain_s, .. }) => {
                 library.fields.as_ref().map_or(0.0, |fields| 2.0 * fields.attack_s + fields.rest_s) + sustain_s
             }

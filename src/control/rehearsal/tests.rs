@@ -40,6 +40,7 @@ fn library(pumps: impl IntoIterator<Item = Twist>, relative_sd: f64) -> Arc<Libr
             distance_m,
         },
         fields: None,
+        plate: None,
     })
 }
 
@@ -65,13 +66,10 @@ fn params(parts: usize) -> ControlParams {
             half_side_m: HALF_M,
             edge_margin_m: 0.001,
             separation_m: 0.002,
-            max_distance_m: 0.02,
             min_distance_m: 0.3e-3,
-            max_pulses: 24,
-            candidates_per_part: 24,
-            look_s: 1.0 / FRAME_HZ,
+            frame_s: 1.0 / FRAME_HZ,
+            exposure_s: 0.002,
             max_sustain_s: 0.3,
-            sparsity: 0.05,
         },
     }
 }
@@ -225,7 +223,7 @@ fn parts_that_meet_push_each_other_aside() {
         let how = RehearsalParams { friction_spread: 0.4, ..rehearsal(&starts_m, number) };
         let mut stage = Stage::new(Arc::clone(&made), &params(2), &how);
         stage.play(
-            &PlannedPulse::Rotation(Rotation { entry: 0, distance_m: 0.01, sustain_s: 0.1 }),
+            &PlannedPulse::Rotation(Rotation { entry: 0, distance_m: 0.01, amplitude: 1.0, sustain_s: 0.1, rest_s: 0.04 }),
             &Along(Vec2::zeros()),
         );
         let gap_m = (stage.positions_m[0] - stage.positions_m[1]).norm() - 2.0 * RADIUS_M;

@@ -30,19 +30,32 @@ pub struct Harmonic {
     pub sin: f64,
 }
 
+/// What a pulse's envelope shapes, and so what the motors play on the flanks.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Shaping {
+    /// The velocity of a free mass: with `p = ∫ f` the motors play `d/dt (env p) = env f + env' p`. A flank of two periods
+    /// leaves no offset behind; a shorter one does, and the rods swing it off.
+    #[default]
+    Velocity,
+    /// The displacement of the plate on its rods. With Z(s) = m s² + b s + k (UPM paper, Eq. 33) and the steady
+    /// displacement x under f the motors play `Z(d/dt)(env x) = env f + env' g + env'' c`, with g = Z'(d/dt) x and
+    /// c = m x: for each motor the harmonics of g (counts·s) and of c (counts·s²). The plate is at rest after the pulse,
+    /// however short the flank.
+    Displacement([[Vec<Harmonic>; 2]; MOTORS]),
+}
+
 /// What the waveform generator is told to play: harmonics for each motor and a common envelope.
 ///
-/// At full height the motors play `f(t) = Σ c cos kwt + s sin kwt`, which gives a mass the momentum
-/// `p(t) = Σ (c sin kwt - s cos kwt) / kw`. It is the momentum, and so the velocity, that follows the envelope:
-/// what is played is `d/dt (env p) = env f + env' p`. With `env f` alone the flanks would leave the plate a
-/// speed that the pulse does not have, and the rods would swing it off. The generator rounds every sample to whole
-/// counts.
+/// At full height the motors play `f(t) = Σ c cos kwt + s sin kwt`; [`Shaping`] says what they play on the flanks. The
+/// generator rounds every sample to whole counts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Drive {
     /// Base frequency w, rad/s.
     pub base_radps: f64,
     /// For each motor harmonic `k` at index `k - 1`.
     pub motors: [Vec<Harmonic>; MOTORS],
+    /// What follows the envelope.
+    pub shaping: Shaping,
     /// Outline of the pulse.
     pub envelope: Envelope,
 }
@@ -51,24 +64,38 @@ impl Drive {
     /// The sample of `motor` (index into [`Motor::ALL`]) at `t_s` after the start, counts, before rounding.
     #[inline]
     pub fn counts_at(&self, motor: usize, t_s: f64) -> f64 {
-        let height = self.envelope.at(t_s);
+        let envelope = &self.envelope;
+        let height = envelope.at(t_s);
         if height == 0.0 {
             return 0.0;
         }
-        let [force, momentum] = self.at_full_height(motor, (self.base_radps * t_s).sin_cos());
-        height * force + self.envelope.slope(t_s) * momentum
+        let sin_cos = (self.base_radps * t_s).sin_cos();
+        if height == 1.0 {
+            return sum_at(&self.motors[motor], sin_cos);
+        }
+        let [f, g, c] = self.parts_at(motor, sin_cos);
+        height * f + envelope.slope(t_s) * g + envelope.curvature(t_s) * c
     }
 
-    /// `f` and `p` of `motor` at the phase with this sine and cosine, counts and counts·s.
-    fn at_full_height(&self, motor: usize, (sin, cos): (f64, f64)) -> [f64; 2] {
-        let (mut sin_k, mut cos_k) = (sin, cos);
-        let (mut force, mut momentum) = (0.0, 0.0);
-        for (k, harmonic) in (1..).zip(&self.motors[motor]) {
-            force += harmonic.cos * cos_k + harmonic.sin * sin_k;
-            momentum += (harmonic.cos * sin_k - harmonic.sin * cos_k) / f64::from(k);
-            (sin_k, cos_k) = (sin_k * cos + cos_k * sin, cos_k * cos - sin_k * sin);
+    /// What height, slope and curvature of the envelope are multiplied by, for `motor` at the phase with this sine and
+    /// cosine: counts, counts·s and counts·s².
+    fn parts_at(&self, motor: usize, sin_cos: (f64, f64)) -> [f64; 3] {
+        let harmonics = &self.motors[motor];
+        match &self.shaping {
+            Shaping::Velocity => [sum_at(harmonics, sin_cos), self.momentum_at(harmonics, sin_cos), 0.0],
+            Shaping::Displacement(flanks) => {
+                let [slope, curvature] = &flanks[motor];
+                [harmonics, slope, curvature].map(|of| sum_at(of, sin_cos))
+            }
         }
-        [force, momentum / self.base_radps]
+    }
+
+    /// `∫ f` at the phase with this sine and cosine, counts·s.
+    fn momentum_at(&self, harmonics: &[Harmonic], sin_cos: (f64, f64)) -> f64 {
+        let momentum = (1..).zip(harmonics).zip(multiples(sin_cos));
+        let momentum =
+            momentum.map(|((k, harmonic), (sin, cos))| (harmonic.cos * sin - harmonic.sin * cos) / f64::from(k));
+        momentum.sum::<f64>() / self.base_radps
     }
 
     /// Bound on the samples any motor plays, however long the sustain and wherever in the period it ends, counts;
@@ -79,22 +106,45 @@ impl Drive {
         let largest = |i: usize| {
             let sin_cos = (self.base_radps * (period_s * i as f64 / STEPS as f64)).sin_cos();
             let of_motor = |motor: usize| {
-                let [force, momentum] = self.at_full_height(motor, sin_cos);
-                self.envelope.largest(force, momentum)
+                let [f, g, c] = self.parts_at(motor, sin_cos);
+                self.envelope.largest(f, g, c)
             };
             (0..MOTORS).map(of_motor).fold(0.0, f64::max)
         };
         (1..=STEPS).map(largest).fold(0.0, f64::max)
     }
 
-    /// The same pulse with every force reversed: parts flow the other way.
+    /// The same pulse `factor` times as strong; a negative factor reverses every force, and parts flow the other way.
     #[inline]
-    pub fn reversed(mut self) -> Self {
-        for harmonic in self.motors.iter_mut().flatten() {
-            *harmonic = Harmonic { cos: -harmonic.cos, sin: -harmonic.sin };
+    pub fn scaled(mut self, factor: f64) -> Self {
+        let scale = |harmonic: &mut Harmonic| {
+            *harmonic = Harmonic { cos: factor * harmonic.cos, sin: factor * harmonic.sin };
+        };
+        self.motors.iter_mut().flatten().for_each(scale);
+        if let Shaping::Displacement(flanks) = &mut self.shaping {
+            flanks.iter_mut().flatten().flatten().for_each(scale);
         }
         self
     }
+
+    /// The same pulse with every force reversed: parts flow the other way.
+    #[inline]
+    pub fn reversed(self) -> Self {
+        self.scaled(-1.0)
+    }
+}
+
+/// Sines and cosines of the multiples 1, 2, … of an angle.
+fn multiples((sin, cos): (f64, f64)) -> impl Iterator<Item = (f64, f64)> {
+    std::iter::successors(Some((sin, cos)), move |&(sin_k, cos_k)| {
+        Some((sin_k * cos + cos_k * sin, cos_k * cos - sin_k * sin))
+    })
+}
+
+/// `Σ c cos kwt + s sin kwt` at the phase with this sine and cosine.
+#[inline]
+fn sum_at(harmonics: &[Harmonic], sin_cos: (f64, f64)) -> f64 {
+    harmonics.iter().zip(multiples(sin_cos)).map(|(harmonic, (sin, cos))| harmonic.cos * cos + harmonic.sin * sin).sum()
 }
 
 #[cfg(test)]
@@ -109,6 +159,7 @@ mod tests {
         let drive = Drive {
             base_radps: 377.0,
             motors: [wave, vec![], vec![], vec![]],
+            shaping: Shaping::Velocity,
             envelope: Envelope { attack_s: 0.01, sustain_s: 0.1, rest_s: 0.05 },
         };
         for t in [0.02f64, 0.05, 0.0777] {
@@ -128,7 +179,12 @@ mod tests {
             rest_s: 0.0,
         });
         (200.0..500.0f64, proptest::collection::vec(harmonic, 1..4), envelope).prop_map(
-            |(base_radps, wave, envelope)| Drive { base_radps, motors: [vec![], wave, vec![], vec![]], envelope },
+            |(base_radps, wave, envelope)| Drive {
+                base_radps,
+                motors: [vec![], wave, vec![], vec![]],
+                shaping: Shaping::Velocity,
+                envelope,
+            },
         )
     }
 

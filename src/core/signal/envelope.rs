@@ -41,18 +41,33 @@ impl Envelope {
         if t_s < to_end_s { steepness } else { -steepness }
     }
 
-    /// The largest of `|h f + h' p|` over all heights h and slopes h' of the flanks and the sustain; how long it is held
-    /// makes no difference.
-    pub fn largest(&self, f: f64, p: f64) -> f64 {
-        let (f, per_attack) = (f.abs(), p.abs() / self.attack_s);
-        // Above half height h = 1 - 2y² and h' = 4y/attack, largest at y = p / (f attack); below it both fall.
-        if self.attack_s == 0.0 {
-            f
-        } else if per_attack < 0.5 * f {
-            f + 2.0 * per_attack * per_attack / f
-        } else {
-            0.5 * f + 2.0 * per_attack
+    /// Second derivative of the height at `t_s` after the start, 1/s²; constant on each half of a flank.
+    #[inline]
+    pub fn curvature(&self, t_s: f64) -> f64 {
+        let from_edge = t_s.min(self.sounding_s() - t_s);
+        if from_edge < 0.0 || from_edge >= self.attack_s {
+            return 0.0;
         }
+        let steepness = 4.0 / (self.attack_s * self.attack_s);
+        if from_edge < 0.5 * self.attack_s { steepness } else { -steepness }
+    }
+
+    /// The largest of `|h f + h' g + h'' c|` over all heights h of the flanks and the sustain, with their first and second
+    /// derivatives; the length of the sustain makes no difference.
+    pub fn largest(&self, f: f64, g: f64, c: f64) -> f64 {
+        if self.attack_s == 0.0 {
+            return f.abs();
+        }
+        let (g, c) = (4.0 * g / self.attack_s, 4.0 * c / (self.attack_s * self.attack_s));
+        // z, 0 to ½, is the way from the foot of a flank, or from its top: h = 2z² or 1 - 2z², |h'| = 4z/attack
+        let most = |square: f64, linear: f64, constant: f64| {
+            let at = |z: f64| ((square * z + linear) * z + constant).abs();
+            let vertex = -0.5 * linear / square;
+            let inside = if vertex > 0.0 && vertex < 0.5 { at(vertex) } else { 0.0 };
+            at(0.0).max(at(0.5)).max(inside)
+        };
+        let halves = |g: f64| most(2.0 * f, g, c).max(most(-2.0 * f, g, f - c));
+        halves(g).max(halves(-g)).max(f.abs())
     }
 
     /// Time in which the motors move, s.
@@ -94,14 +109,21 @@ mod tests {
             prop_assume!(corners.iter().all(|corner| (t_s - corner).abs() > 2.0 * h));
             let difference = (envelope.at(t_s + h) - envelope.at(t_s - h)) / (2.0 * h);
             prop_assert!((envelope.slope(t_s) - difference).abs() < 1e-4 * (1.0 + difference.abs()));
+            let middles = [0.5 * attack_s, 1.5 * attack_s + sustain_s];
+            prop_assume!(middles.iter().all(|middle| (t_s - middle).abs() > 2.0 * h));
+            let bend = (envelope.slope(t_s + h) - envelope.slope(t_s - h)) / (2.0 * h);
+            prop_assert!((envelope.curvature(t_s) - bend).abs() < 1e-3 * (1.0 + bend.abs()));
         }
 
         #[test]
-        fn largest_is_reached_and_never_passed(attack_s in 0.005..0.03f64, f in -2.0..2.0f64, p in -0.05..0.05f64) {
+        fn largest_is_reached_and_never_passed(
+            attack_s in 0.005..0.03f64, f in -2.0..2.0f64, g in -0.05..0.05f64, c in -5e-4..5e-4f64,
+        ) {
             let envelope = Envelope { attack_s, sustain_s: 0.01, rest_s: 0.0 };
             let at = |i: i32| 5e-6 * f64::from(i);
-            let found = (0..14_000).map(at).map(|t| (envelope.at(t) * f + envelope.slope(t) * p).abs()).fold(0.0, f64::max);
-            let bound = envelope.largest(f, p);
+            let played = |t| envelope.at(t) * f + envelope.slope(t) * g + envelope.curvature(t) * c;
+            let found = (0..14_000).map(at).map(|t| played(t).abs()).fold(0.0, f64::max);
+            let bound = envelope.largest(f, g, c);
             prop_assert!(found <= bound + 1e-12 && found > 0.998 * bound - 1e-9, "{found} {bound}");
         }
 

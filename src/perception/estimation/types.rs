@@ -143,6 +143,14 @@ pub enum FitFault {
         /// What is needed, m/s².
         needed_mps2: f64,
     },
+    /// The lines of a spectrum do not fix an axis's resonance.
+    #[error("resonance: found a standard deviation of {found_sd:.3}, allowed: {needed_sd} or less")]
+    Undetermined {
+        /// Larger one of natural frequency, as a part of it, and damping ratio.
+        found_sd: f64,
+        /// Largest that is accepted.
+        needed_sd: f64,
+    },
     /// The trace, or what it is read with, makes no sense.
     #[error("trace cannot be read: {0}")]
     Unreadable(&'static str),

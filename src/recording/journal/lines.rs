@@ -174,6 +174,7 @@ enum PlannedPart {
         #[serde(flatten)]
         motion: Option<MotionPart>,
         d_mm: Mm,
+        amplitude: Fixed<4>,
         sustain_s: Seconds,
     },
     Field {
@@ -192,6 +193,7 @@ impl PlannedPart {
                     entry: rotation.entry,
                     motion: entry.and_then(|entry| Motion::of(&entry.pump)).map(MotionPart::new),
                     d_mm: mm(rotation.distance_m),
+                    amplitude: Fixed(rotation.amplitude),
                     sustain_s: Fixed(rotation.sustain_s),
                 }
             }

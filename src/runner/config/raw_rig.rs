@@ -136,7 +136,7 @@ pub struct RawDrive {
     /// Base frequency of the vibration, Hz.
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub base_hz: f64,
-    /// Attack and decay of every pulse, s; two periods of the drive leave the plate without a swing of its own.
+    /// Attack and decay of every pulse, s; one period of the drive or more: shorter ones ask for much more force.
     #[serde(default = "attack_s")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub attack_s: f64,

@@ -27,10 +27,6 @@ const ONE_PULSE: f64 = 0.9;
 const MEASURED_SHARE: f64 = 0.9;
 /// How far a part's reference may run ahead of it, m.
 const LEAD_M: f64 = 4e-3;
-/// Pulses a sequence may always have.
-const LEAST_PULSES: usize = 24;
-/// Candidates of a plan, where they make eight for each part.
-const CANDIDATES: usize = 24;
 /// Seconds at rest without a part after which it is lost.
 const LOST_AFTER_S: f64 = 0.5;
 
@@ -67,7 +63,7 @@ impl Bench {
                 PlannerChoice::CorSequence => Method::CorSequence,
                 PlannerChoice::SynthesizedField => Method::SynthesizedField,
             },
-            planner: planner_params(job, library, placed.len()),
+            planner: planner_params(job),
             kinds,
         };
         let goal = goal(job, library, &placed);
@@ -127,19 +123,16 @@ fn given_positions(job: &JobSpec) -> impl Iterator<Item = bool> {
     job.parts.iter().flat_map(|group| std::iter::repeat_n(group.position_m.is_some(), group.count))
 }
 
-fn planner_params(job: &JobSpec, library: &Library, parts: usize) -> PlannerParams {
-    let fastest = library.displacement.speed_mps.last().copied().unwrap_or_default();
+fn planner_params(job: &JobSpec) -> PlannerParams {
+    let model = &job.rig.model;
     PlannerParams {
-        half_side_m: 0.5 * job.rig.model.plate_side_m,
+        half_side_m: 0.5 * model.plate_side_m,
         edge_margin_m: REST_MARGIN_M,
         separation_m: REST_GAP_M,
-        max_distance_m: library.displacement.max_distance(fastest),
         min_distance_m: 0.3e-3,
-        max_pulses: LEAST_PULSES.max(4 * parts),
-        candidates_per_part: CANDIDATES.div_ceil(parts.max(1)).max(8),
-        look_s: 1.0 / job.rig.model.frame_hz,
-        max_sustain_s: job.rig.model.max_sustain_s,
-        sparsity: 0.05,
+        frame_s: 1.0 / model.frame_hz,
+        exposure_s: model.exposure_s,
+        max_sustain_s: model.max_sustain_s,
     }
 }
 

@@ -113,6 +113,12 @@ mod tests {
             }
         }
         assert_eq!(library.fingerprint, golden.fingerprint);
+        // with the friction of seven pennies on the plate
+        let (plate, truth) = (library.plate.unwrap(), &rig.sim.plate);
+        for axis in 0..3 {
+            assert!((plate.natural_radps[axis] / (TAU * truth.resonance_hz[axis]) - 1.0).abs() < 0.03, "{plate:?}");
+            assert!((plate.damping_ratio[axis] - truth.damping_ratio[axis]).abs() < 0.03, "{plate:?}");
+        }
     }
 
     /// The harmonics of the plate's true velocity over the last six base periods of the sustain of `drive`, played from
@@ -177,6 +183,40 @@ mod tests {
                 assert!(off < 0.002 * size, "harmonic {}: off by {off} of {size}", k + 1);
             }
         }
+    }
+
+    /// The shipped rigs' resonances on an empty plate, beside those of their files.
+    #[test]
+    fn resonances_of_the_shipped_rigs_are_found() {
+        let root = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+        for (name, seed) in [("upm-1", 1), ("upm-1", 2), ("upm-2", 1), ("upm-2", 2)] {
+            let mut rig = RigSpec::load(&root.join(format!("configs/rigs/{name}.json"))).unwrap();
+            rig.sim.camera.size_px = [1, 1];
+            rig.model.frame_size_px = [1, 1];
+            let (params, stop) = (CalibrationParams::full(Vec::new(), Vec::new()), AtomicBool::new(false));
+            let mut simulated = SimRig::new(rig.model.clone(), rig.sim.clone(), Vec::new(), Streams::new(seed));
+            let found = calibration::measure_resonances(&mut simulated, &rig.model, &params, &stop, &mut |_| ());
+            for (axis, found) in found.unwrap().unwrap().iter().enumerate() {
+                let (natural_hz, ratio) = (rig.sim.plate.resonance_hz[axis], rig.sim.plate.damping_ratio[axis]);
+                let off = found.fit.natural_radps / (TAU * natural_hz) - 1.0;
+                assert!(off.abs() < 0.03, "{name} axis {axis}: off by {off}: {:?}", found.fit);
+                assert!((found.fit.damping_ratio - ratio).abs() < 0.03, "{name} axis {axis}: {:?}", found.fit);
+            }
+        }
+    }
+
+    /// A sustain of 0.05 s holds a quarter of the slowest axis's period: the search says so or finds it.
+    #[test]
+    fn resonance_beyond_the_longest_sustain_is_left_out() {
+        let mut rig = RigSpec::upm_2().unwrap();
+        rig.sim.camera.size_px = [1, 1];
+        rig.model.frame_size_px = [1, 1];
+        rig.model.max_sustain_s = 0.05;
+        let (params, stop) = (CalibrationParams::full(Vec::new(), Vec::new()), AtomicBool::new(false));
+        let mut simulated = SimRig::new(rig.model.clone(), rig.sim.clone(), Vec::new(), Streams::new(1));
+        let found = calibration::measure_resonances(&mut simulated, &rig.model, &params, &stop, &mut |_| ()).unwrap();
+        let off = |axis: &calibration::AxisResonance| axis.fit.natural_radps / (TAU * 5.0) - 1.0;
+        assert!(found.as_ref().is_none_or(|axes| off(&axes[0]).abs() < 0.15), "{found:?}");
     }
 
     #[test]

@@ -139,6 +139,7 @@ mod tests {
         let drive = Drive {
             base_radps: 377.0,
             motors: [wave.clone(), wave.clone(), wave.clone(), wave],
+            shaping: Default::default(),
             envelope: Envelope { attack_s: 0.01, sustain_s: 0.0305, rest_s: 0.1 },
         };
         let (times_s, counts) = motor_samples(&drive);

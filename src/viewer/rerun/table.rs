@@ -240,7 +240,13 @@ mod tests {
     #[test]
     fn the_field_of_one_rotation_is_its_tangent() {
         let library = rig::library();
-        let pulse = PlannedPulse::Rotation(Rotation { entry: 40, distance_m: 0.003, sustain_s: 0.1 });
+        let pulse = PlannedPulse::Rotation(Rotation {
+            entry: 40,
+            distance_m: 0.003,
+            amplitude: 1.0,
+            sustain_s: 0.1,
+            rest_s: 0.04,
+        });
         let step_m = Flow::of(&pulse, &library).unwrap().at(Vec2::new(0.05, 0.0));
         assert!((step_m - Vec2::new(0.0, 0.003)).norm() < 1e-12, "entry 40 turns about the plate's centre");
     }

@@ -1,32 +1,44 @@
 use std::f64::consts::TAU;
 
-use super::super::friction::friction_of;
 use super::*;
 use crate::fixture;
-use upm_core::geometry::Twist;
-use upm_core::signal::TwistHarmonic;
+use crate::friction::friction_of;
 use upm_library::DisplacementModel;
 
 const BASE_RADPS: f64 = TAU * 60.0;
-const ATTACK_S: f64 = 0.0333;
+const ATTACK_S: f64 = 1.0 / 60.0;
 
-/// A library whose table is what Coulomb's law in fine steps says of points under `A (sin wt + ½ cos 2wt)`.
-fn library_of(friction: f64) -> Library {
-    let distance = |speed_mps: f64, sustain_s: f64| {
-        let along_x = |speed_mps: f64| Twist::new(speed_mps, 0.0, 0.0);
-        let sin = TwistHarmonic { cos: Twist::ZERO, sin: along_x(speed_mps) };
-        let cos = TwistHarmonic { cos: along_x(0.5 * speed_mps), sin: Twist::ZERO };
-        let wave = TwistWave { base_radps: BASE_RADPS, harmonics: vec![sin, cos] };
-        let envelope = Envelope { attack_s: ATTACK_S, sustain_s, rest_s: 0.0 };
-        point_end(&wave, &envelope, Vec2::zeros(), friction).x
+/// Where Coulomb's law in steps of 10 µs puts a point on a belt whose displacement, `sin 2wt / 4w - cos wt / w` times its
+/// speed, follows the envelope.
+fn distance(speed_mps: f64, sustain_s: f64, friction: f64) -> f64 {
+    const STEP_S: f64 = 1e-5;
+    let envelope = Envelope { attack_s: ATTACK_S, sustain_s, rest_s: 0.0 };
+    let belt_m = |t_s: f64| {
+        let angle = BASE_RADPS * t_s;
+        envelope.at(t_s) * speed_mps * (0.25 * (2.0 * angle).sin() - angle.cos()) / BASE_RADPS
     };
+    let pull_mps = friction * 9.81 * STEP_S;
+    let (mut v, mut x) = (0.0, 0.0);
+    for k in 0..(envelope.sounding_s() / STEP_S) as i32 {
+        let t_s = f64::from(k) * STEP_S;
+        let slip = (belt_m(t_s + STEP_S) - belt_m(t_s)) / STEP_S - v;
+        v += slip.clamp(-pull_mps, pull_mps);
+        x += v * STEP_S;
+    }
+    x + v * v.abs() / (2.0 * friction * 9.81)
+}
+
+/// A library whose table is what that says of points.
+fn library_of(friction: f64) -> Library {
+    let distance = |speed_mps: f64, sustain_s: f64| distance(speed_mps, sustain_s, friction).max(0.0);
     let speed_mps = upm_2().displacement.speed_mps.clone();
     let sustain_s: Vec<f64> = (0..7).map(|k| 0.05 * f64::from(k)).collect();
     let distance_m: Vec<Vec<f64>> =
         speed_mps.iter().map(|&speed| sustain_s.iter().map(|&sustain| distance(speed, sustain)).collect()).collect();
     let sd_m = vec![vec![0.0; sustain_s.len()]; speed_mps.len()];
     let displacement = DisplacementModel { speed_mps, sustain_s, distance_m, sd_m };
-    Library { base_radps: BASE_RADPS, attack_s: ATTACK_S, displacement, ..Library::clone(&fixture::library()) }
+    let shapes = [upm_library::AxisShape::FREE_MASS; 3];
+    Library { base_radps: BASE_RADPS, attack_s: ATTACK_S, shapes, displacement, ..Library::clone(&fixture::library()) }
 }
 
 /// To a percent at the rigs' friction. Elsewhere the steps and the slip at which friction is told from none make 3 %.
@@ -38,11 +50,12 @@ fn a_table_made_with_a_friction_gives_it_back() {
     }
 }
 
-/// Its rig file says 0.3.
+/// Its rig file says 0.3 with a spread of a tenth from coin to coin: the mean of the calibration's seven coins has a standard
+/// deviation of 3.8 %.
 #[test]
 fn the_shipped_library_knows_its_friction() {
     let found = friction_of(&upm_2()).unwrap();
-    assert!((found / 0.3 - 1.0).abs() < 0.02, "{found}");
+    assert!((found / 0.3 - 1.0).abs() < 0.038, "{found}");
 }
 
 #[test]

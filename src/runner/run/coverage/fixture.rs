@@ -27,5 +27,6 @@ pub fn library(pumps: impl IntoIterator<Item = Twist>) -> Library {
             distance_m,
         },
         fields: None,
+        plate: None,
     }
 }

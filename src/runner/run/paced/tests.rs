@@ -98,7 +98,7 @@ impl Rig for MadeUp<'_> {
 /// Sounds for 0.3 s and rests as long.
 fn pulse() -> Drive {
     let envelope = Envelope { attack_s: 0.05, sustain_s: 0.2, rest_s: 0.3 };
-    Drive { base_radps: 377.0, motors: Default::default(), envelope }
+    Drive { base_radps: 377.0, envelope, ..Drive::default() }
 }
 
 fn capture(rig: &mut Paced<'_>) -> Result<(), RigFault> {

@@ -1,6 +1,6 @@
-//! The plate's edge and the parts' rims: linear for the quadratic program, exact for the check of a sequence.
+//! The plate's edge and the parts' rims on the way of a synthesised field: linear for the steps, exact for a forecast.
 
-use super::{Limit, PartState, PlannerParams};
+use crate::{Limit, PartState, PlannerParams};
 use upm_core::geometry::Vec2;
 
 /// Slack below which a limit counts as kept, m.
@@ -19,16 +19,6 @@ pub(super) struct HalfSpace {
 }
 
 impl HalfSpace {
-    /// Factor of number `step` in the flat vector of steps x, y of each part.
-    pub fn coefficient(&self, step: usize) -> f64 {
-        let along = self.normal[step % 2];
-        match step / 2 {
-            part if part == self.part => along,
-            part if Some(part) == self.other => -along,
-            _ => 0.0,
-        }
-    }
-
     /// How far flat steps `u` overstep it, m; negative when they keep it.
     pub fn excess_m(&self, steps_m: &[f64]) -> f64 {
         let of = |part: usize| self.normal.x * steps_m[2 * part] + self.normal.y * steps_m[2 * part + 1];
@@ -111,14 +101,10 @@ impl Clearances {
         Self { bound_m: bound_m.collect(), distance_m: pairs.collect(), asked_bound_m }
     }
 
-    /// The first limit that is broken while all parts go in straight lines from `before` to `after`, in step. A limit
-    /// is kept with room for what the forecast of each step may be off, unless the parts go away from it.
-    pub fn broken_by(&self, before_m: &[Vec2], after_m: &[Vec2]) -> Option<Limit> {
-        self.broken_after(before_m, before_m, after_m, 0.0)
-    }
-
-    /// The same for one piece of a longer forecast way that began at `start_m`: what it may be off grows all the way. Where
-    /// a limit is broken at the start it may be broken by `sway_m` more: shaken parts sway.
+    /// The first limit that is broken while all parts go in straight lines from `before` to `after`, in step: a piece of a
+    /// forecast way that began at `start_m`. A limit is kept with room for what the forecast may be off, which grows all the
+    /// way, unless the parts go away from it. Where it is broken at the start it may be broken by `sway_m` more: shaken
+    /// parts sway.
     pub fn broken_after(&self, start_m: &[Vec2], before_m: &[Vec2], after_m: &[Vec2], sway_m: f64) -> Option<Limit> {
         let unsure_m: Vec<f64> = start_m.iter().zip(after_m).map(|(s, a)| UNSURE * (a - s).norm()).collect();
         for (part, (start, after)) in start_m.iter().zip(after_m).enumerate() {
@@ -182,9 +168,10 @@ mod tests {
         assert_eq!(most_violated(&limits, &[-0.001, 0.0, 0.001, 0.0]), Some(Limit::Separation { parts: [0, 1] }));
         let clearances = Clearances::of(&[over, near], &params());
         let at = [over.position_m, near.position_m];
-        assert_eq!(clearances.broken_by(&at, &at), None);
-        assert_eq!(clearances.broken_by(&at, &[at[0] + Vec2::new(1e-4, 0.0), at[1]]), Some(Limit::Edge { part: 0 }));
+        let broken_by = |after_m: &[Vec2]| clearances.broken_after(&at, &at, after_m, 0.0);
+        assert_eq!(broken_by(&at), None);
+        assert_eq!(broken_by(&[at[0] + Vec2::new(1e-4, 0.0), at[1]]), Some(Limit::Edge { part: 0 }));
         let closer = [at[0], at[1] + Vec2::new(1e-4, 0.0)];
-        assert_eq!(clearances.broken_by(&at, &closer), Some(Limit::Separation { parts: [0, 1] }));
+        assert_eq!(broken_by(&closer), Some(Limit::Separation { parts: [0, 1] }));
     }
 }

@@ -1,0 +1,181 @@
+//! Resonance search: each axis is driven by a multisine and its mass-spring-damper fitted to the accelerometers' spectrum
+//! (UPM paper, Eq. 33).
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{Complex, Vector3};
+
+use super::CalibrationFault;
+use super::workbench::Workbench;
+use upm_core::rig::RigModel;
+use upm_core::signal::{Drive, Envelope};
+use upm_library::{PlateResponse, motor_harmonics};
+use upm_perception::estimation::{FitFault, OscillatorFit, axis_lines, fit_oscillator};
+
+/// Longest period of the multisine, s: its first line is at 3.3 Hz, below the resonances of plates on springs.
+const PERIOD_S: f64 = 0.3;
+/// Lines of the multisine; a drive's peak is known exactly enough for up to 16.
+const LINES: usize = 16;
+/// Part of the count limit the multisine may use.
+const EFFORT: f64 = 0.8;
+/// Travel of a free plate, its lines added up, m. A resonance multiplies the share of the lines next to it.
+const TRAVEL_M: f64 = 2e-3;
+/// Part of the accelerometers' range that a free plate's acceleration may use, its lines added up.
+const RANGE_SHARE: f64 = 0.7;
+/// Pulses of either sign whose spectra are averaged.
+const REPEATS: usize = 4;
+/// Times the strength is halved when a resonance drives the accelerometers to their limit.
+const HALVINGS: usize = 3;
+const NAMES: [&str; 3] = ["resonance x", "resonance y", "resonance spin"];
+
+/// One axis's frequency response and the oscillator fitted to it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AxisResonance {
+    /// The oscillator; force in counts of the axis amplitude.
+    pub fit: OscillatorFit,
+    /// Acceleration per count (m/s² or rad/s²) as a phasor at each line, with the line's frequency in rad/s. The free
+    /// decay of the attack is in it; the fit takes it out.
+    pub lines: Vec<(f64, Complex<f64>)>,
+}
+
+impl AxisResonance {
+    /// The library's form of x, y and spin.
+    pub(super) fn plate_response(axes: &[Self; 3]) -> PlateResponse {
+        PlateResponse {
+            natural_radps: axes.each_ref().map(|axis| axis.fit.natural_radps),
+            damping_ratio: axes.each_ref().map(|axis| axis.fit.damping_ratio),
+        }
+    }
+}
+
+/// Finds the resonances of x, y and spin; the accelerometers' gains must be known. `None` where the rig's longest
+/// sustain holds too little of a period to tell them.
+pub(super) fn measure(bench: &mut Workbench<'_>) -> Result<Option<[AxisResonance; 3]>, CalibrationFault> {
+    let mut found = Vec::with_capacity(3);
+    for axis in 0..3 {
+        match measure_axis(bench, axis) {
+            Ok(resonance) => found.push(resonance),
+            Err(CalibrationFault::Trace { fault: FitFault::Undetermined { .. }, .. }) => return Ok(None),
+            Err(fault) => return Err(fault),
+        }
+    }
+    Ok(found.try_into().ok())
+}
+
+fn measure_axis(bench: &mut Workbench<'_>, axis: usize) -> Result<AxisResonance, CalibrationFault> {
+    let mut drive = multisine(bench, axis);
+    for _ in 0..HALVINGS {
+        match average(bench, axis, &drive) {
+            Err(CalibrationFault::Trace { fault: FitFault::Clipped { .. }, .. }) => drive = drive.scaled(0.5),
+            answer => return answer,
+        }
+    }
+    average(bench, axis, &drive)
+}
+
+/// Plays `drive` both ways [`REPEATS`] times; half the difference leaves out all that does not turn round with it.
+fn average(bench: &mut Workbench<'_>, axis: usize, drive: &Drive) -> Result<AxisResonance, CalibrationFault> {
+    let fault = |fault| CalibrationFault::Trace { what: NAMES[axis].to_owned(), fault };
+    let mut accel = vec![Complex::default(); LINES];
+    for repeat in 0..REPEATS {
+        bench.report("resonance", REPEATS * axis + repeat, REPEATS * NAMES.len());
+        for (drive, sign) in [(drive.clone(), 1.0), (drive.clone().reversed(), -1.0)] {
+            let trace = bench.play(&drive)?;
+            let lines = axis_lines(&trace, &drive.envelope, drive.base_radps, LINES, &bench.sensors).map_err(fault)?;
+            let share = sign / (2 * REPEATS) as f64;
+            accel.iter_mut().zip(&lines[axis]).for_each(|(sum, line)| *sum += line * share);
+        }
+    }
+    let force = axis_force(drive, axis);
+    let fit = fit_oscillator(drive.base_radps, &force, &accel).map_err(fault)?;
+    let responses = force.iter().zip(&accel).map(|(force, accel)| accel / force);
+    let lines = (1..).zip(responses).map(|(k, response)| (f64::from(k) * drive.base_radps, response)).collect();
+    Ok(AxisResonance { fit, lines })
+}
+
+/// As strong as counts, accelerometers and travel allow. Force grows with frequency, so that every line of a free plate
+/// has the same speed: slow lines stay within the travel, fast ones keep friction and rounding from acting on slow
+/// ones. Phases are Schroeder's (IEEE Trans. Inf. Theory 16, 1970), which keep the peak low.
+fn multisine(bench: &Workbench<'_>, axis: usize) -> Drive {
+    let model = bench.model;
+    let trace = bench.rig.trace();
+    let base_radps = base_radps(PERIOD_S.min(model.max_sustain_s), trace.sample_hz);
+    // a flank as long as a period: short ones would need more force than the sustain
+    let envelope = Envelope {
+        attack_s: TAU / base_radps,
+        sustain_s: (TAU / base_radps).min(model.max_sustain_s),
+        rest_s: model.rest_s,
+    };
+    let mut unit = Drive { base_radps, envelope, ..Drive::default() };
+    for k in 1..=LINES {
+        let k = k as f64;
+        let line = Complex::from_polar(k, -PI * k * k / LINES as f64);
+        let counts = Vector3::from_fn(|i, _| if i == axis { line } else { Complex::default() });
+        for (motor, harmonic) in unit.motors.iter_mut().zip(motor_harmonics(&counts)) {
+            motor.push(harmonic);
+        }
+    }
+    let range_mps2 = f64::from(trace.count_limit) * trace.mps2_per_count;
+    let first_mps2 = free_accel_mps2(axis, model);
+    let orders = (1..=LINES).map(|k| k as f64);
+    let summed_mps2 = first_mps2 * orders.clone().sum::<f64>();
+    let summed_m = first_mps2 / (base_radps * base_radps) * orders.map(f64::recip).sum::<f64>();
+    let by_counts = EFFORT * model.count_limit / unit.peak_counts();
+    let scale = by_counts.min(RANGE_SHARE * range_mps2 / summed_mps2).min(TRAVEL_M / summed_m);
+    unit.scaled(scale)
+}
+
+/// Base frequency whose period is the longest of whole samples within `period_s`.
+fn base_radps(period_s: f64, sample_hz: f64) -> f64 {
+    TAU * sample_hz / (period_s * sample_hz + 1e-6).floor().max(1.0)
+}
+
+/// Acceleration of one count of `axis` on a free plate, for spin that of the accelerometers, m/s².
+fn free_accel_mps2(axis: usize, model: &RigModel) -> f64 {
+    let force_n = model.newtons_per_count;
+    if axis < 2 {
+        return force_n / model.plate_mass_kg;
+    }
+    model.accelerometer_in_plate_m.norm() * model.lever_arm_m * force_n / model.plate_inertia_kgm2
+}
+
+/// Phasors of the axis amplitude that `drive` plays, counts (Eq. 7).
+fn axis_force(drive: &Drive, axis: usize) -> Vec<Complex<f64>> {
+    let [x1, x2, y1, y2] = drive.motors.each_ref();
+    let signs: [(f64, &Vec<_>); 4] = match axis {
+        0 => [(1.0, x1), (-1.0, x2), (0.0, y1), (0.0, y2)],
+        1 => [(0.0, x1), (0.0, x2), (1.0, y1), (-1.0, y2)],
+        _ => [(-1.0, x1), (-1.0, x2), (1.0, y1), (1.0, y2)],
+    };
+    let phasor = |k: usize| signs.iter().map(|(sign, motor)| Complex::new(motor[k].cos, -motor[k].sin) * *sign).sum();
+    (0..x1.len()).map(phasor).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn period_is_whole_samples_within_the_sustain() {
+        for (period_s, sample_hz, samples) in [(0.3, 5000.0, 1500.0), (0.05, 4410.0, 220.0), (0.1, 2999.9, 299.0)] {
+            let found = TAU / base_radps(period_s, sample_hz) * sample_hz;
+            assert!((found - samples).abs() < 1e-6, "{found} {samples}");
+            assert!(found / sample_hz <= period_s + 1e-9);
+        }
+    }
+
+    #[test]
+    fn axis_force_inverts_the_motor_split() {
+        for axis in 0..3 {
+            let wanted = Complex::new(30.0, -4.0 * axis as f64);
+            let counts = Vector3::from_fn(|i, _| if i == axis { wanted } else { Complex::default() });
+            let motors = motor_harmonics(&counts).map(|harmonic| vec![harmonic]);
+            let drive = Drive { base_radps: 20.0, motors, ..Drive::default() };
+            for other in 0..3 {
+                let found = axis_force(&drive, other)[0];
+                let expected = if other == axis { wanted } else { Complex::default() };
+                assert!((found - expected).norm() < 1e-9);
+            }
+        }
+    }
+}

@@ -1,0 +1,23 @@
+//! Sequences of rotations about centres of the library: look-up, program, order, refinement.
+//!
+//! ```text
+//!  steps ──► subgoals ──► columns ──► least_time ──► order ──► refine ──► pulses, four at a time
+//!                            ▲  ▲         (clarabel)              (clarabel)        │
+//!                            │  └───────────── prices ◄─────┘        ▲              │ look
+//!                          belts ─────────────── rollout ────────────┘◄─────────────┘
+//! ```
+
+mod belt_table;
+mod belts;
+mod columns;
+mod least_time;
+mod order;
+mod planner;
+mod refine;
+mod rollout;
+mod subgoals;
+
+#[cfg(test)]
+mod tests;
+
+pub use planner::RotationPlanner;

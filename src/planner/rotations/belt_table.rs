@@ -1,0 +1,165 @@
+//! How far a part goes on a belt: what friction says, corrected by what calibration measured.
+
+use upm_library::Library;
+
+use crate::friction::friction_of;
+use crate::pump::{Discs, LANES, Pump, Travel};
+
+/// Nodes of belt speed, evenly spaced in its logarithm.
+const SPEEDS: usize = 40;
+/// Nodes of spin, as parts of the largest in the library.
+const SPINS: [f64; LANES] = [0.0, 0.06, 0.12, 0.25, 0.4, 0.6, 0.8, 1.0];
+/// Outline of the coin that the table is for, m; it counts on slow belts about near centres alone.
+const RADIUS_M: f64 = 10e-3;
+/// A belt carries nothing below about this part of the speed at which friction accelerates as the plate does.
+const SLOWEST: f64 = 0.55;
+/// Friction where the library shows none.
+const USUAL_FRICTION: f64 = 0.3;
+/// Distances below which measured and computed are not compared, m, and the most that they may differ by.
+const COMPARED_M: f64 = 0.3e-3;
+const CORRECTION: (f64, f64) = (0.6, 1.6);
+
+/// Travel of a part from rest over the speed amplitude of the belt under it, the plate's spin and the sustain.
+#[derive(Clone, Debug)]
+pub(super) struct BeltTable {
+    first_ln: f64,
+    step_ln: f64,
+    spin_radps: [f64; LANES],
+    sustain_step_s: f64,
+    sustains: usize,
+    /// `[speed][sustain][spin]`.
+    travels: Vec<[Travel; LANES]>,
+}
+
+/// The table at one spin and one sustain.
+#[derive(Clone, Debug)]
+pub(super) struct BeltSlice {
+    first_ln: f64,
+    per_ln: f64,
+    travels: [Travel; SPEEDS],
+}
+
+impl BeltTable {
+    /// For the motions of `library`, with sustains of up to `longest_s`.
+    pub fn new(library: &Library, longest_s: f64) -> Self {
+        let pump = Pump::of(library);
+        let friction = friction_of(library).unwrap_or(USUAL_FRICTION);
+        let half_side_m = 0.5 * library.plate_side_m;
+        let fastest = |entry: &upm_library::Entry| {
+            entry.pump.velocity_mps.norm() + entry.pump.spin_radps.abs() * half_side_m * std::f64::consts::SQRT_2
+        };
+        let slowest_mps = SLOWEST * friction * upm_core::units::GRAVITY_MPS2 / library.base_radps;
+        let fastest_mps = library.entries.iter().map(fastest).fold(2.0 * slowest_mps, f64::max) * 1.2;
+        let most_spin = library.entries.iter().map(|entry| entry.pump.spin_radps.abs()).fold(1e-6, f64::max);
+        let first_ln = slowest_mps.ln();
+        let step_ln = (fastest_mps / slowest_mps).ln() / (SPEEDS - 1) as f64;
+        let sustain_step_s = pump.sustain_step_s();
+        let sustains = (longest_s / sustain_step_s).ceil() as usize + 1;
+        let spin_radps = SPINS.map(|part| part * most_spin);
+        let mut travels = Vec::with_capacity(SPEEDS * sustains);
+        for i in 0..SPEEDS {
+            let speed_mps = (first_ln + step_ln * i as f64).exp();
+            let discs =
+                Discs { speed_mps: [speed_mps; LANES], spin_radps, friction: [friction; LANES], radius_m: RADIUS_M };
+            travels.extend(pump.travels(&discs, sustains));
+        }
+        let mut table = Self { first_ln, step_ln, spin_radps, sustain_step_s, sustains, travels };
+        table.correct(library);
+        table
+    }
+
+    /// Scales the table to what was measured: a factor for each speed, over all sustains.
+    fn correct(&mut self, library: &Library) {
+        let model = &library.displacement;
+        let factor = |&speed_mps: &f64| {
+            let compared = model.sustain_s.iter().map(|&sustain_s| {
+                (model.distance(speed_mps, sustain_s), self.slice(0.0, sustain_s).at(speed_mps).along_m)
+            });
+            let compared = compared.filter(|&(measured_m, computed_m)| measured_m.min(computed_m) > COMPARED_M);
+            let (measured, computed) = compared.fold((0.0, 0.0), |(measured, computed), (measured_m, computed_m)| {
+                (measured + measured_m, computed + computed_m)
+            });
+            (computed > 0.0).then(|| (speed_mps.ln(), (measured / computed).clamp(CORRECTION.0, CORRECTION.1)))
+        };
+        let factors: Vec<(f64, f64)> = model.speed_mps.iter().filter_map(factor).collect();
+        for i in 0..SPEEDS {
+            let factor = interpolated(&factors, self.first_ln + self.step_ln * i as f64);
+            for travel in self.travels[i * self.sustains..][..self.sustains].iter_mut().flatten() {
+                travel.along_m *= factor;
+                travel.across_m *= factor;
+            }
+        }
+    }
+
+    /// Time between the table's sustains, s.
+    pub fn sustain_step_s(&self) -> f64 {
+        self.sustain_step_s
+    }
+
+    /// Sustains in the table; they begin at 0.
+    pub fn sustains(&self) -> usize {
+        self.sustains
+    }
+
+    /// The slowest belt in the table, m/s.
+    pub fn slowest_mps(&self) -> f64 {
+        self.first_ln.exp()
+    }
+
+    /// The table at this spin (its sign does not count) and this sustain.
+    pub fn slice(&self, spin_radps: f64, sustain_s: f64) -> BeltSlice {
+        let spin = spin_radps.abs().min(self.spin_radps[LANES - 1]);
+        let q = self.spin_radps[1..LANES - 1].partition_point(|&node| node <= spin);
+        let along_spin = (spin - self.spin_radps[q]) / (self.spin_radps[q + 1] - self.spin_radps[q]);
+        let steps = (sustain_s / self.sustain_step_s).clamp(0.0, (self.sustains - 1) as f64);
+        let k = (steps as usize).min(self.sustains.saturating_sub(2));
+        let later = (k + 1).min(self.sustains - 1);
+        let along_sustain = steps - k as f64;
+        let blend = |of: fn(&Travel) -> f64, i: usize| {
+            let row = |k: usize| {
+                let nodes = &self.travels[i * self.sustains + k];
+                of(&nodes[q]) + along_spin * (of(&nodes[q + 1]) - of(&nodes[q]))
+            };
+            let (before, after) = (row(k), row(later));
+            before + along_sustain * (after - before)
+        };
+        let travels = std::array::from_fn(|i| Travel {
+            along_m: blend(|t| t.along_m, i),
+            across_m: blend(|t| t.across_m, i),
+            coasts_s: blend(|t| t.coasts_s, i),
+        });
+        BeltSlice { first_ln: self.first_ln, per_ln: 1.0 / self.step_ln, travels }
+    }
+}
+
+impl BeltSlice {
+    /// Travel on a belt of this speed; below the table it falls in a straight line to nothing.
+    #[inline]
+    pub fn at(&self, speed_mps: f64) -> Travel {
+        let place = (speed_mps.max(1e-9).ln() - self.first_ln) * self.per_ln;
+        if place <= 0.0 {
+            let share = (place / self.per_ln).exp();
+            let first = self.travels[0];
+            return Travel { along_m: share * first.along_m, across_m: share * first.across_m, ..first };
+        }
+        let i = (place as usize).min(SPEEDS - 2);
+        let part = (place - i as f64).min(1.0);
+        let (a, b) = (&self.travels[i], &self.travels[i + 1]);
+        let mix = |a: f64, b: f64| a + part * (b - a);
+        Travel {
+            along_m: mix(a.along_m, b.along_m),
+            across_m: mix(a.across_m, b.across_m),
+            coasts_s: mix(a.coasts_s, b.coasts_s),
+        }
+    }
+}
+
+/// Between points of rising x, the nearest beyond them; 1 without any.
+fn interpolated(points: &[(f64, f64)], x: f64) -> f64 {
+    let above = points.partition_point(|point| point.0 <= x);
+    match (above.checked_sub(1).and_then(|below| points.get(below)), points.get(above)) {
+        (Some(a), Some(b)) => a.1 + (x - a.0) / (b.0 - a.0) * (b.1 - a.1),
+        (Some(only), None) | (None, Some(only)) => only.1,
+        (None, None) => 1.0,
+    }
+}

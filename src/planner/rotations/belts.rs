@@ -1,0 +1,185 @@
+//! The library's motions with a dial each: how strong and how long a pulse is that goes a given way, and where it puts parts.
+
+use std::sync::Arc;
+
+use super::belt_table::{BeltSlice, BeltTable};
+use crate::PlannerParams;
+use upm_core::geometry::{Twist, Vec2, perp};
+use upm_library::Library;
+
+/// Rows and columns of places on the plate that make an entry's typical belt, and how far out they reach.
+const PLACES: i32 = 9;
+const REACH: f64 = 0.85;
+/// Amplitudes of the dial below the full one.
+const AMPLITUDES: usize = 24;
+/// Entries whose typical belt is slower than this part of the fastest are not looked at: the dial makes short steps.
+const STRONG: f64 = 0.35;
+/// A centre this near a part, in radii, spins it more than it moves it.
+const NEAR_RADII: f64 = 0.8;
+/// Time that parts are left to stand beyond what is forecast, and the least rest after a pulse, s.
+const STANDING_S: f64 = 3e-3;
+const LEAST_REST_S: f64 = 8e-3;
+
+/// One pulse: which motion, and the way it goes on the motion's typical belt.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pulse {
+    /// Index into the belts.
+    pub belt: usize,
+    /// Signed way on the typical belt, m; negative runs the drive in reverse.
+    pub way_m: f64,
+}
+
+/// How a pulse is played.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Setting {
+    /// Part of the full amplitude, 0 to 1.
+    pub amplitude: f64,
+    pub sustain_s: f64,
+}
+
+/// A pulse ready to be forecast.
+#[derive(Clone, Debug)]
+pub(super) struct Motion {
+    pub setting: Setting,
+    /// Amplitude of the plate's twist, reversed where the pulse is.
+    twist: Twist,
+    slice: BeltSlice,
+}
+
+/// A motion of the library and its dial.
+#[derive(Clone, Debug)]
+pub(super) struct Belt {
+    /// Index into the library.
+    pub entry: usize,
+    pub twist: Twist,
+    /// Ways on the typical belt, rising, m, with the setting that goes it.
+    dial: Vec<(f64, Setting)>,
+}
+
+/// All motions that a planner uses.
+#[derive(Clone, Debug)]
+pub(super) struct Belts {
+    pub table: BeltTable,
+    pub belts: Vec<Belt>,
+    attack_s: f64,
+    frame_s: f64,
+    exposure_s: f64,
+}
+
+impl Belts {
+    pub fn new(library: &Arc<Library>, params: &PlannerParams) -> Self {
+        let table = BeltTable::new(library, params.max_sustain_s);
+        let typical: Vec<f64> = library.entries.iter().map(|e| typical_mps(&e.pump, params.half_side_m)).collect();
+        let fastest = typical.iter().copied().fold(0.0, f64::max);
+        let strong = library.entries.iter().zip(typical).enumerate().filter(|(_, (_, speed))| *speed >= STRONG * fastest);
+        let belts = strong.map(|(entry, (motion, speed))| Belt {
+            entry,
+            twist: motion.pump,
+            dial: dial(&table, &motion.pump, speed),
+        });
+        let belts = belts.collect();
+        let (frame_s, exposure_s) = (params.frame_s, params.exposure_s);
+        Self { table, belts, attack_s: library.attack_s, frame_s, exposure_s }
+    }
+
+    /// Shortest and longest way of a belt, m.
+    pub fn range_m(&self, belt: usize) -> (f64, f64) {
+        let dial = &self.belts[belt].dial;
+        (dial.first().map_or(0.0, |d| d.0), dial.last().map_or(0.0, |d| d.0))
+    }
+
+    /// Amplitude and sustain of `pulse`.
+    pub fn setting(&self, pulse: Pulse) -> Setting {
+        let (dial, way_m) = (&self.belts[pulse.belt].dial, pulse.way_m.abs());
+        let above = dial.partition_point(|d| d.0 < way_m);
+        match (above.checked_sub(1).map(|below| dial[below]), dial.get(above)) {
+            (Some((low_m, low)), Some(&(high_m, high))) => {
+                let part = (way_m - low_m) / (high_m - low_m);
+                Setting {
+                    amplitude: low.amplitude + part * (high.amplitude - low.amplitude),
+                    sustain_s: low.sustain_s + part * (high.sustain_s - low.sustain_s),
+                }
+            }
+            (None, Some(&(first_m, first))) => {
+                Setting { amplitude: first.amplitude * way_m / first_m, sustain_s: first.sustain_s }
+            }
+            (Some((_, last)), None) => last,
+            (None, None) => Setting { amplitude: 0.0, sustain_s: 0.0 },
+        }
+    }
+
+    /// `pulse`, ready to be forecast.
+    pub fn motion(&self, pulse: Pulse) -> Motion {
+        self.motion_of(&self.belts[pulse.belt].twist, self.setting(pulse), pulse.way_m < 0.0)
+    }
+
+    /// The motion of a library entry's `twist` at `setting`.
+    pub fn motion_of(&self, twist: &Twist, setting: Setting, reversed: bool) -> Motion {
+        let signed = if reversed { -setting.amplitude } else { setting.amplitude };
+        let twist = *twist * signed;
+        Motion { setting, twist, slice: self.table.slice(twist.spin_radps, setting.sustain_s) }
+    }
+
+    /// Rest after a pulse whose slowest part stands after `coasts_s`, s.
+    pub fn rest_s(&self, coasts_s: f64) -> f64 {
+        (coasts_s + STANDING_S).max(LEAST_REST_S)
+    }
+
+    /// Time that a pulse takes until the camera has seen the parts at rest, s: whole frames.
+    pub fn price_s(&self, setting: Setting, coasts_s: f64) -> f64 {
+        let all_s = 2.0 * self.attack_s + setting.sustain_s + self.rest_s(coasts_s) + self.exposure_s;
+        (all_s / self.frame_s - 1e-6).ceil() * self.frame_s
+    }
+
+    /// Belts that carry every one of these discs (place and outline, m) more than they spin it.
+    pub fn usable(&self, discs: impl Iterator<Item = (Vec2, f64)> + Clone) -> Vec<usize> {
+        let carries = |belt: &Belt| {
+            discs.clone().all(|(p, radius_m)| {
+                belt.twist.velocity_at(p).norm() > NEAR_RADII * radius_m * belt.twist.spin_radps.abs()
+            })
+        };
+        (0..self.belts.len()).filter(|&j| carries(&self.belts[j])).collect()
+    }
+}
+
+impl Motion {
+    /// Where a part at `p` that goes `gain` times as far as was measured ends, m, and how long it coasts, s.
+    #[inline]
+    pub fn carry(&self, p: Vec2, gain: f64) -> (Vec2, f64) {
+        let belt = self.twist.velocity_at(p);
+        let speed = belt.norm();
+        if speed < 1e-9 {
+            return (p, 0.0);
+        }
+        let travel = self.slice.at(speed / gain);
+        let across_m = if self.twist.spin_radps < 0.0 { -travel.across_m } else { travel.across_m };
+        let step = (belt * travel.along_m + perp(belt) * across_m) * (gain / speed);
+        (p + step, travel.coasts_s)
+    }
+}
+
+fn typical_mps(twist: &Twist, half_side_m: f64) -> f64 {
+    let at = |k: i32| REACH * half_side_m * (2.0 * f64::from(k) / f64::from(PLACES - 1) - 1.0);
+    let places = (0..PLACES * PLACES).map(|k| Vec2::new(at(k % PLACES), at(k / PLACES)));
+    (places.map(|p| twist.velocity_at(p).norm_squared()).sum::<f64>() / f64::from(PLACES * PLACES)).sqrt()
+}
+
+/// Settings from the weakest belt that moves anything without sustain, over full amplitude, to the longest sustain.
+fn dial(table: &BeltTable, twist: &Twist, typical_mps: f64) -> Vec<(f64, Setting)> {
+    let weakest = (table.slowest_mps() / typical_mps).min(0.9);
+    let weaker = (0..AMPLITUDES).map(|k| Setting {
+        amplitude: weakest.powf(1.0 - k as f64 / (AMPLITUDES - 1) as f64),
+        sustain_s: 0.0,
+    });
+    let longer = (1..=(table.sustains() - 1) / 2)
+        .map(|k| Setting { amplitude: 1.0, sustain_s: 2.0 * k as f64 * table.sustain_step_s() });
+    let mut dial: Vec<(f64, Setting)> = Vec::new();
+    for setting in weaker.chain(longer) {
+        let slice = table.slice(twist.spin_radps * setting.amplitude, setting.sustain_s);
+        let way_m = slice.at(typical_mps * setting.amplitude).along_m;
+        if dial.last().is_none_or(|last| way_m > last.0 + 1e-7) && way_m > 1e-7 {
+            dial.push((way_m, setting));
+        }
+    }
+    dial
+}

@@ -1,0 +1,140 @@
+//! The relaxed program: how many of which pulses bring the steps in the least plate time.
+//!
+//! ```text
+//!   minimise    c · n            c_j: plate time of pulse j
+//!   subject to  n >= 0,   |e - Φ n| <= leave       Φ_j: its exact displacement of all parts
+//! ```
+//!
+//! The steps may be missed by `leave`: their hardest part costs most of the time of all. More is left only where the columns
+//! cannot do it, at a price above all others. Solved by column generation: over
+//! the columns that pay at the last prices, then over those too that pay at the new ones.
+
+use std::collections::BTreeSet;
+
+use super::columns::Columns;
+use upm_qp::{ColumnWriter, Cone, Minimiser, Program};
+
+/// Columns of the first program and of each addition, for each coordinate.
+const FIRST: usize = 12;
+const MORE: usize = 8;
+/// Columns for each coordinate and direction where there are no prices yet.
+const SPANNING: usize = 3;
+/// Programs until the prices are taken as they are.
+const ROUNDS: usize = 8;
+/// A column is added when it pays more than this for its time, and dropped when it pays less than that.
+const PAYS: f64 = 1.02;
+const WORTH_KEEPING: f64 = 0.5;
+/// Price of leaving more than may be left, s/mm.
+const BEYOND_S_PER_MM: f64 = 30.0;
+
+/// Counts of pulses, and what a millimetre of each step is worth.
+#[derive(Clone, Debug, Default)]
+pub(super) struct LeastTime {
+    /// n, for each column.
+    pub counts: Vec<f64>,
+    /// s/mm, for x and y of each part.
+    pub prices: Vec<f64>,
+    /// c · n, s.
+    pub time_s: f64,
+    /// What has to be left beyond what may be, mm.
+    pub beyond_mm: f64,
+}
+
+impl LeastTime {
+    /// The program over all of `columns`; `last` are prices to begin with. `None` where the solver fails.
+    pub fn solve(columns: &Columns, steps_mm: &[f64], leave_mm: f64, last: &[f64]) -> Option<Self> {
+        let rows = steps_mm.len();
+        let mut chosen: BTreeSet<usize> = if last.len() == rows {
+            best_paying(columns, last, FIRST * rows, 0.0).into_iter().collect()
+        } else {
+            spanning(columns, steps_mm)
+        };
+        for _ in 1..ROUNDS {
+            let found = Self::over(columns, &chosen, steps_mm, leave_mm)?;
+            let new = best_paying(columns, &found.prices, MORE * rows, PAYS);
+            chosen.retain(|&j| columns.pay(j, &found.prices) > WORTH_KEEPING);
+            let kept = chosen.len();
+            chosen.extend(new);
+            if chosen.len() == kept {
+                return Some(found);
+            }
+        }
+        Self::over(columns, &chosen, steps_mm, leave_mm)
+    }
+
+    /// The program over these of `columns` alone; the counts of the others are 0.
+    pub fn over<'a>(
+        columns: &Columns,
+        chosen: impl IntoIterator<Item = &'a usize>,
+        steps_mm: &[f64],
+        leave_mm: f64,
+    ) -> Option<Self> {
+        let chosen: Vec<usize> = chosen.into_iter().copied().collect();
+        let (count, rows) = (chosen.len(), steps_mm.len());
+        let mut constraints = ColumnWriter::default();
+        for (at, &j) in chosen.iter().enumerate() {
+            constraints.put(at, -1.0);
+            for (row, &value) in columns.column(j).iter().enumerate() {
+                constraints.put(count + 2 + row, value);
+            }
+            constraints.end_column();
+        }
+        // the last variable is what has to be left beyond `leave`
+        constraints.put(count, -1.0);
+        constraints.put(count + 1, -1.0);
+        constraints.end_column();
+        let mut bounds = vec![0.0; count + 2 + rows];
+        bounds[count + 1] = leave_mm;
+        bounds[count + 2..].copy_from_slice(steps_mm);
+        let mut hessian = ColumnWriter::default();
+        (0..=count).for_each(|_| hessian.end_column());
+        let program = Program {
+            hessian: hessian.finish(count + 1),
+            gradient: chosen.iter().map(|&j| columns.price_s[j]).chain([BEYOND_S_PER_MM]).collect(),
+            constraints: constraints.finish(bounds.len()),
+            bounds,
+            cones: vec![Cone::Nonnegative(count + 1), Cone::SecondOrder(1 + rows)],
+        };
+        let Minimiser { x, multipliers } = program.solve().ok()?;
+        let mut counts = vec![0.0; columns.len()];
+        let mut time_s = 0.0;
+        for (&j, &n) in chosen.iter().zip(&x) {
+            counts[j] = n.max(0.0);
+            time_s += counts[j] * columns.price_s[j];
+        }
+        let prices = multipliers[count + 2..].iter().map(|y| -y).collect();
+        Some(Self { counts, prices, time_s, beyond_mm: x[count].max(0.0) })
+    }
+}
+
+/// Up to `most` columns that pay more than `least` at `prices`, best first.
+pub(super) fn best_paying(columns: &Columns, prices: &[f64], most: usize, least: f64) -> Vec<usize> {
+    let mut paying: Vec<(f64, usize)> =
+        (0..columns.len()).map(|j| (columns.pay(j, prices), j)).filter(|&(pay, _)| pay > least).collect();
+    paying.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    paying.truncate(most);
+    paying.into_iter().map(|(_, j)| j).collect()
+}
+
+/// Columns along the steps, and a few for each coordinate both ways that move the others little.
+fn spanning(columns: &Columns, steps_mm: &[f64]) -> BTreeSet<usize> {
+    let rows = steps_mm.len();
+    let mut chosen: BTreeSet<usize> = best_paying(columns, steps_mm, FIRST * rows, 0.0).into_iter().collect();
+    let lengths: Vec<f64> =
+        (0..columns.len()).map(|j| columns.column(j).iter().map(|v| v * v).sum::<f64>().sqrt().max(1e-9)).collect();
+    for row in 0..rows {
+        for sign in [1.0, -1.0] {
+            let worth = |j: usize| {
+                let along = (sign * columns.column(j)[row]).max(0.0);
+                along * along / (lengths[j] * columns.price_s[j])
+            };
+            let mut by_worth: Vec<(f64, usize)> = (0..columns.len()).map(|j| (worth(j), j)).collect();
+            let most = SPANNING.min(by_worth.len());
+            if most > 0 {
+                by_worth.select_nth_unstable_by(most - 1, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            }
+            chosen.extend(by_worth.iter().take(most).map(|&(_, j)| j));
+        }
+    }
+    chosen
+}

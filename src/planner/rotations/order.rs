@@ -1,0 +1,39 @@
+//! The order in which pulses are played.
+
+use super::belts::Motion;
+use super::subgoals::Room;
+use crate::PartState;
+use upm_core::geometry::Vec2;
+
+/// What a broken limit costs against distance from the straight way.
+const LIMIT: f64 = 20.0;
+
+/// Next always the pulse after which the parts are nearest to their share of the straight way by `steps_m`; a broken limit
+/// costs most.
+pub(super) fn order(motions: &[Motion], parts: &[PartState], steps_m: &[Vec2], room: &Room) -> Vec<usize> {
+    let start_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
+    let mut at_m = start_m.clone();
+    let mut left: Vec<usize> = (0..motions.len()).collect();
+    let mut order = Vec::with_capacity(motions.len());
+    let mut after_m = at_m.clone();
+    while !left.is_empty() {
+        let share = (order.len() + 1) as f64 / motions.len() as f64;
+        let mut best: Option<(f64, usize, Vec<Vec2>)> = None;
+        for (place, &k) in left.iter().enumerate() {
+            let mut off = 0.0;
+            for (i, part) in parts.iter().enumerate() {
+                after_m[i] = motions[k].carry(at_m[i], part.gain).0;
+                off += (after_m[i] - start_m[i] - steps_m[i] * share).norm_squared();
+            }
+            let broken_m = room.shortfall(&at_m, &after_m).map_or(0.0, |shortfall| shortfall.by_m);
+            let cost = off.sqrt() + LIMIT * broken_m;
+            if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
+                best = Some((cost, place, after_m.clone()));
+            }
+        }
+        let Some((_, place, after)) = best else { break };
+        order.push(left.remove(place));
+        at_m = after;
+    }
+    order
+}

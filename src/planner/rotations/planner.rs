@@ -1,0 +1,370 @@
+use std::sync::Arc;
+
+use super::belts::{Belts, Pulse};
+use super::columns::Columns;
+use super::least_time::{LeastTime, best_paying};
+use super::order::order;
+use super::refine::Refined;
+use super::rollout::Rollout;
+use super::subgoals::Room;
+use crate::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
+use upm_core::geometry::Vec2;
+use upm_library::Library;
+
+/// Pulses that are played before the parts are looked at and the rest is corrected.
+const CHUNK: usize = 4;
+/// Longest way of a part in one sequence, m: this over the number of parts, within bounds.
+const WAY_M: f64 = 160e-3;
+const WAYS_M: (f64, f64) = (16e-3, 40e-3);
+const LEAST_WAY_M: f64 = 2e-3;
+/// Part of the steps that a sequence may leave, for one part and for several.
+const LEAVE_ALONE: f64 = 0.05;
+const LEAVE: f64 = 0.3;
+/// What may be left near the goal, root mean square, m.
+const NEAR_ALONE_M: f64 = 0.02e-3;
+const NEAR_M: f64 = 0.15e-3;
+/// Near the goal a sequence may leave up to this part.
+const NEAREST: f64 = 0.5;
+/// The program leaves less than the sequence may, since ordering and rounding add to it.
+const TIGHTER: f64 = 0.8;
+/// Sequences tried in one cycle: each for half the way of the one before, or where the steps are small, root mean square,
+/// each leaving less of them.
+const ATTEMPTS: usize = 4;
+const SMALL_M: f64 = 2e-3;
+const TIGHTEN: f64 = 0.4;
+/// A sequence that leaves more than this part is tried for half the way.
+const POOR: f64 = 0.55;
+/// Ways grow and shrink by these, with what sequences leave.
+const GROW: (f64, f64) = (0.3, 1.15);
+const SHRINK: (f64, f64) = (0.4, 0.85);
+const SHRINK_FAILED: f64 = 0.8;
+/// The rest of a sequence is played on while it leaves less than this many times what was promised, and at least so much, m;
+/// and while no limit is broken by more.
+const KEPT: f64 = 1.4;
+const KEPT_M: f64 = 0.25e-3;
+const BROKEN_M: f64 = 0.5e-3;
+/// Programs of the refinement of a new sequence, after a pulse was dropped, and of the rest of one.
+const NEW_ROUNDS: usize = 6;
+const PRUNED_ROUNDS: usize = 2;
+const REST_ROUNDS: usize = 4;
+/// Times pulses are dropped: this part of them at first, then ever fewer.
+const PRUNED: usize = 6;
+const PRUNED_SHARE: usize = 8;
+/// Pulses shorter than this on their typical belts are dropped, m.
+const SHORT_M: f64 = 0.03e-3;
+/// Targets that moved less than this part of the steps move the subgoals; others end the sequence.
+const MOVED: f64 = 0.5;
+/// What the time figure leaves of the steps, root mean square, mm.
+const FIGURE_LEFT_MM: f64 = 0.4;
+
+/// Plans sequences of rotations that bring every part its step, and corrects them as they are played.
+#[derive(Clone, Debug)]
+pub struct RotationPlanner {
+    library: Arc<Library>,
+    params: PlannerParams,
+    pub(super) belts: Arc<Belts>,
+    /// Of the last program, s/mm.
+    prices: Vec<f64>,
+    /// Longest way of a part in the next sequence, m.
+    way_m: Option<f64>,
+    running: Option<Running>,
+}
+
+/// A sequence that is being played.
+#[derive(Clone, Debug)]
+struct Running {
+    /// What is left to play.
+    pulses: Vec<Pulse>,
+    subgoals_m: Vec<Vec2>,
+    targets_m: Vec<Vec2>,
+    /// What it may leave, root mean square, m.
+    want_m: f64,
+}
+
+/// A sequence that could be played.
+struct Candidate {
+    refined: Refined,
+    /// Pulses that keep the limits, from the first.
+    safe: usize,
+    subgoals_m: Vec<Vec2>,
+    want_m: f64,
+    /// Way towards the targets for each second, m/s.
+    gain_mps: f64,
+}
+
+impl RotationPlanner {
+    /// A planner for one rig's library.
+    pub fn new(library: Arc<Library>, params: PlannerParams) -> Self {
+        let belts = Arc::new(Belts::new(&library, &params));
+        Self { library, params, belts, prices: Vec::new(), way_m: None, running: None }
+    }
+
+    /// Plans one cycle: the next pulses of a sequence that brings every part nearer to its target.
+    pub fn plan(&mut self, parts: &[PartState]) -> Plan {
+        let finite = |p: &PartState| {
+            let numbers = [p.position_m.x, p.position_m.y, p.step_m.x, p.step_m.y, p.radius_m, p.gain];
+            numbers.iter().all(|v| v.is_finite()) && p.gain > 0.0
+        };
+        if !parts.iter().all(finite) {
+            return ended(PlanStatus::SolverFailed("a part's position is not finite".into()));
+        }
+        let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
+        if largest_m < 0.5 * self.params.min_distance_m {
+            self.running = None;
+            return ended(PlanStatus::NothingToDo);
+        }
+        let targets_m: Vec<Vec2> = parts.iter().map(|part| part.position_m + part.step_m).collect();
+        let room = Room::of(parts, &targets_m, &self.params);
+        if let Some(candidate) = self.rest(parts, &targets_m, &room) {
+            return self.play(candidate, parts, targets_m);
+        }
+        match self.new_sequence(parts, &targets_m, &room) {
+            Ok(candidate) => self.play(candidate, parts, targets_m),
+            Err(limit) => ended(PlanStatus::Infeasible(limit)),
+        }
+    }
+
+    /// Where `parts` are forecast to be after `pulse`, m.
+    pub fn forecast(&self, parts: &[PartState], pulse: &Rotation) -> Vec<Vec2> {
+        let Some(entry) = self.library.entries.get(pulse.entry) else {
+            return parts.iter().map(|part| part.position_m).collect();
+        };
+        let setting = super::belts::Setting { amplitude: pulse.amplitude, sustain_s: pulse.sustain_s };
+        let motion = self.belts.motion_of(&entry.pump, setting, pulse.distance_m < 0.0);
+        parts.iter().map(|part| motion.carry(part.position_m, part.gain).0).collect()
+    }
+
+    /// The least plate time of all steps by the relaxed program, s: every pulse as if from where the parts are now. No strict
+    /// bound, since flows change on the way. `None` where the library cannot make the steps.
+    pub fn least_time_s(&self, parts: &[PartState]) -> Option<f64> {
+        let steps_mm = steps_mm(parts.iter().map(|part| part.step_m));
+        let columns = Columns::all(&self.belts, parts, f64::INFINITY);
+        let leave_mm = FIGURE_LEFT_MM * (parts.len() as f64).sqrt();
+        if steps_mm.iter().map(|v| v * v).sum::<f64>().sqrt() <= leave_mm {
+            return Some(0.0);
+        }
+        let found = LeastTime::solve(&columns, &steps_mm, leave_mm, &[])?;
+        (found.beyond_mm < leave_mm).then_some(found.time_s)
+    }
+
+    /// The rest of the running sequence, corrected; `None` where it no longer does what it promised.
+    fn rest(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Room) -> Option<Candidate> {
+        let mut running = self.running.take()?;
+        if running.pulses.is_empty() || running.targets_m.len() != parts.len() {
+            return None;
+        }
+        let moved_m = running.targets_m.iter().zip(targets_m).map(|(a, b)| (b - a).norm()).fold(0.0, f64::max);
+        if moved_m > 0.0 {
+            let steps_sq: f64 =
+                running.subgoals_m.iter().zip(parts).map(|(goal, part)| (goal - part.position_m).norm_squared()).sum();
+            if moved_m > MOVED * (steps_sq / parts.len() as f64).sqrt() {
+                return None;
+            }
+            let moves = running.targets_m.iter().zip(targets_m).map(|(a, b)| b - a);
+            running.subgoals_m.iter_mut().zip(moves).for_each(|(goal, by)| *goal += by);
+        }
+        let (subgoals_m, want_m) = (running.subgoals_m, running.want_m);
+        let refined = Refined::of(&self.belts, running.pulses, parts, &subgoals_m, room);
+        let refined = refined.refined(&self.belts, parts, &subgoals_m, room, (REST_ROUNDS, want_m));
+        let left_m = refined.left_m / (parts.len() as f64).sqrt();
+        let kept = left_m < (KEPT * want_m).max(KEPT_M) && refined.broken_m() < BROKEN_M;
+        let safe = safe(&refined, room);
+        (kept && safe > 0).then_some(Candidate { refined, safe, subgoals_m, want_m, gain_mps: 0.0 })
+    }
+
+    /// A new sequence towards `targets_m`: for all of the way that one sequence goes, or for less where that is no good.
+    fn new_sequence(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Room) -> Result<Candidate, Limit> {
+        let usual_m = (WAY_M / parts.len() as f64).clamp(WAYS_M.0, WAYS_M.1);
+        let mut way_m = self.way_m.unwrap_or(usual_m);
+        let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
+        let mut share = (way_m / largest_m).min(1.0);
+        let (mut best, mut limit): (Option<Candidate>, _) = (None, Limit::Unreachable);
+        let mut tightened = 1.0;
+        for _ in 0..ATTEMPTS {
+            let mut subgoals_m: Vec<Vec2> = parts.iter().map(|p| p.position_m + p.step_m * share).collect();
+            room.spread_out(&mut subgoals_m, targets_m);
+            let rms_m = rms_m(parts.iter().zip(&subgoals_m).map(|(p, goal)| goal - p.position_m));
+            let candidate = self.sequence(parts, targets_m, (subgoals_m, tightened), room);
+            if let Some(candidate) = candidate {
+                let left = candidate.refined.left_m / (parts.len() as f64).sqrt() / rms_m;
+                let whole = candidate.safe == candidate.refined.pulses.len();
+                if let (false, Some(shortfall)) = (whole, candidate.refined.shortfall) {
+                    limit = shortfall.limit;
+                }
+                let gains = candidate.gain_mps > 0.0;
+                if best.as_ref().is_none_or(|best| candidate.gain_mps > best.gain_mps) {
+                    best = Some(candidate);
+                }
+                if whole && left < POOR && gains {
+                    way_m *= match left {
+                        left if left < GROW.0 => GROW.1,
+                        left if left > SHRINK.0 => SHRINK.1,
+                        _ => 1.0,
+                    };
+                    break;
+                }
+            }
+            if rms_m < SMALL_M {
+                tightened *= TIGHTEN;
+            } else {
+                share *= 0.5;
+                way_m *= SHRINK_FAILED;
+            }
+        }
+        self.way_m = Some(way_m.clamp(LEAST_WAY_M, usual_m));
+        best.filter(|best| best.gain_mps > 0.0).ok_or(limit)
+    }
+
+    /// A sequence to `subgoals_m`: program, order, refinement, and pulses that can be spared dropped.
+    fn sequence(
+        &mut self,
+        parts: &[PartState],
+        targets_m: &[Vec2],
+        (subgoals_m, tightened): (Vec<Vec2>, f64),
+        room: &Room,
+    ) -> Option<Candidate> {
+        let steps_m: Vec<Vec2> = parts.iter().zip(&subgoals_m).map(|(p, goal)| goal - p.position_m).collect();
+        let rms_m = rms_m(steps_m.iter().copied());
+        let alone = parts.len() == 1;
+        let (most, near_m) = if alone { (LEAVE_ALONE, NEAR_ALONE_M) } else { (LEAVE, NEAR_M) };
+        let want_m = tightened * near_m.min(NEAREST * rms_m).max(most * rms_m);
+        let pulses = self.program(parts, &steps_m, rms_m, want_m)?;
+        let motions: Vec<_> = pulses.iter().map(|&pulse| self.belts.motion(pulse)).collect();
+        let pulses = order(&motions, parts, &steps_m, room).into_iter().map(|k| pulses[k]).collect();
+        let first = Refined::of(&self.belts, pulses, parts, &subgoals_m, room);
+        let refined = first.refined(&self.belts, parts, &subgoals_m, room, (NEW_ROUNDS, want_m));
+        let refined = self.pruned(refined, parts, &subgoals_m, room, want_m);
+        if refined.pulses.is_empty() {
+            return None;
+        }
+        let safe = safe(&refined, room);
+        let left_m = refined.left_m / (parts.len() as f64).sqrt();
+        let gain_mps = self.gain_mps(&refined, safe, parts, targets_m);
+        Some(Candidate { refined, safe, subgoals_m, want_m: want_m.max(left_m), gain_mps })
+    }
+
+    /// Pulses that make `steps_m` in the least time: the relaxed program, its counts made whole, and once more over the pulses
+    /// that came of it.
+    fn program(&mut self, parts: &[PartState], steps_m: &[Vec2], rms_m: f64, want_m: f64) -> Option<Vec<Pulse>> {
+        let steps_mm = steps_mm(steps_m.iter().copied());
+        let leave_mm = TIGHTER * 1e3 * want_m * (parts.len() as f64).sqrt();
+        let columns = Columns::all(&self.belts, parts, rms_m);
+        let first = LeastTime::solve(&columns, &steps_mm, leave_mm, &self.prices)?;
+        self.prices.clone_from(&first.prices);
+        let (mut whole, mut counts) = self.whole(&columns, &first.counts);
+        let more = best_paying(&columns, &first.prices, 3 * steps_mm.len(), 0.0).into_iter();
+        let halves = more.map(|j| Pulse { way_m: 0.5 * columns.pulses[j].way_m, ..columns.pulses[j] });
+        let second = Columns::of(&self.belts, parts, whole.iter().copied().chain(halves));
+        let all: Vec<usize> = (0..second.len()).collect();
+        if let Some(found) = LeastTime::over(&second, &all, &steps_mm, leave_mm) {
+            (whole, counts) = self.whole(&second, &found.counts);
+        }
+        let pulses = whole.into_iter().zip(counts).filter(|(pulse, _)| pulse.way_m.abs() > SHORT_M);
+        let pulses: Vec<Pulse> = pulses.flat_map(|(pulse, count)| std::iter::repeat_n(pulse, count)).collect();
+        (!pulses.is_empty()).then_some(pulses)
+    }
+
+    /// Whole pulses for relaxed counts: less than one is a shorter pulse, more are several alike, never one longer.
+    fn whole(&self, columns: &Columns, counts: &[f64]) -> (Vec<Pulse>, Vec<usize>) {
+        let used = counts.iter().enumerate().filter(|(_, count)| **count > 0.02);
+        let whole = used.map(|(j, &count)| {
+            let pulse = columns.pulses[j];
+            let copies = (count - 0.05).ceil().max(1.0);
+            let (low_m, high_m) = self.belts.range_m(pulse.belt);
+            let way_m = (pulse.way_m.abs() * count / copies).clamp(low_m, high_m);
+            (Pulse { way_m: way_m.copysign(pulse.way_m), ..pulse }, copies as usize)
+        });
+        whole.unzip()
+    }
+
+    /// Drops the shortest pulses while the sequence stays as good.
+    fn pruned(
+        &self,
+        mut best: Refined,
+        parts: &[PartState],
+        goal_m: &[Vec2],
+        room: &Room,
+        want_m: f64,
+    ) -> Refined {
+        best.pulses.retain(|pulse| pulse.way_m.abs() > SHORT_M);
+        if best.pulses.len() < best.motions.len() {
+            best = Refined::of(&self.belts, best.pulses, parts, goal_m, room);
+        }
+        let enough_m = (1.1 * want_m * (parts.len() as f64).sqrt()).max(1.02 * best.left_m);
+        let tolerated_m = best.broken_m().max(0.3e-3);
+        let mut dropped = (best.pulses.len() / PRUNED_SHARE).max(1);
+        for _ in 0..PRUNED {
+            if best.pulses.len() <= dropped {
+                break;
+            }
+            let mut by_way: Vec<usize> = (0..best.pulses.len()).collect();
+            by_way.sort_by(|&a, &b| best.pulses[a].way_m.abs().total_cmp(&best.pulses[b].way_m.abs()).then(a.cmp(&b)));
+            let short = &by_way[..dropped];
+            let kept = best.pulses.iter().enumerate().filter(|(k, _)| !short.contains(k)).map(|(_, &pulse)| pulse);
+            let next = Refined::of(&self.belts, kept.collect(), parts, goal_m, room);
+            let next = next.refined(&self.belts, parts, goal_m, room, (PRUNED_ROUNDS, want_m));
+            if next.left_m < enough_m && next.broken_m() <= tolerated_m {
+                best = next;
+            } else if dropped == 1 {
+                break;
+            } else {
+                dropped /= 2;
+            }
+        }
+        best
+    }
+
+    /// Way of all parts together towards their targets for each second of the pulses that can be played, m/s.
+    fn gain_mps(&self, refined: &Refined, safe: usize, parts: &[PartState], targets_m: &[Vec2]) -> f64 {
+        let away_m = |places_m: &[Vec2]| -> f64 {
+            places_m.iter().zip(targets_m).map(|(p, target)| (target - p).norm_squared()).sum::<f64>().sqrt()
+        };
+        let before_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
+        let time_s: f64 = (0..safe)
+            .map(|k| self.belts.price_s(refined.motions[k].setting, refined.rollout.coasts_s[k]))
+            .sum();
+        if safe == 0 { -1.0 } else { (away_m(&before_m) - away_m(refined.rollout.at(safe))) / time_s }
+    }
+
+    /// The plan of the first pulses of `candidate`; the rest is kept.
+    fn play(&mut self, candidate: Candidate, parts: &[PartState], targets_m: Vec<Vec2>) -> Plan {
+        let Candidate { refined, safe, subgoals_m, want_m, .. } = candidate;
+        let count = if 2 * safe > 3 * CHUNK { CHUNK } else { safe };
+        let rotation = |k: usize| {
+            let (pulse, setting) = (refined.pulses[k], refined.motions[k].setting);
+            PlannedPulse::Rotation(Rotation {
+                entry: self.belts.belts[pulse.belt].entry,
+                distance_m: pulse.way_m,
+                amplitude: setting.amplitude,
+                sustain_s: setting.sustain_s,
+                rest_s: self.belts.rest_s(refined.rollout.coasts_s[k]),
+            })
+        };
+        let pulses: Vec<PlannedPulse> = (0..count).map(rotation).collect();
+        let predicted_m = (1..=count).map(|stage| refined.rollout.at(stage).to_vec()).collect();
+        debug_assert_eq!(refined.rollout.at(0).len(), parts.len());
+        let left = refined.pulses[count..].to_vec();
+        self.running = Some(Running { pulses: left, subgoals_m, targets_m, want_m });
+        Plan { status: PlanStatus::Solved, pulses, candidates: Vec::new(), predicted_m }
+    }
+}
+
+/// Pulses from the first that keep the limits.
+fn safe(refined: &Refined, room: &Room) -> usize {
+    let (rollout, played): (&Rollout, Room) = (&refined.rollout, room.for_playing());
+    let breaks = |k: &usize| played.shortfall(rollout.at(*k), rollout.at(k + 1)).is_some();
+    (0..rollout.pulses()).find(breaks).unwrap_or(rollout.pulses())
+}
+
+fn steps_mm(steps_m: impl Iterator<Item = Vec2>) -> Vec<f64> {
+    steps_m.flat_map(|step| [1e3 * step.x, 1e3 * step.y]).collect()
+}
+
+fn rms_m(steps_m: impl ExactSizeIterator<Item = Vec2>) -> f64 {
+    let count = steps_m.len().max(1) as f64;
+    (steps_m.map(|step| step.norm_squared()).sum::<f64>() / count).sqrt()
+}
+
+fn ended(status: PlanStatus) -> Plan {
+    Plan { status, pulses: Vec::new(), candidates: Vec::new(), predicted_m: Vec::new() }
+}

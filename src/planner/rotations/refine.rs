@@ -1,0 +1,228 @@
+//! A sequence bettered on its exact end: damped Gauss-Newton steps, each a quadratic program with the limits at every stage.
+//!
+//! ```text
+//!   minimise    |r - J δ|² + λ tr(JᵀJ)/K Σ δ_k² / (ε + |d_k|) + price Σ |d_k + δ_k| + penalty s
+//!   subject to  shortest <= |d_k + δ_k| <= longest, no sign changes
+//!               what each δ does to a gap or to the way to the edge, at each stage <= its room + s,   s >= 0
+//! ```
+
+use super::belts::{Belts, Motion, Pulse};
+use super::rollout::{Rollout, Slopes};
+use super::subgoals::{Room, Shortfall};
+use crate::PartState;
+use upm_core::geometry::Vec2;
+use upm_qp::{ColumnWriter, Cone, Program};
+
+/// Merit of a metre of a limit that is broken by more than this, against a metre of error.
+const BROKEN: f64 = 8.0;
+const TOLERATED_M: f64 = 0.2e-3;
+/// Damping at first, at most, and how it changes.
+const DAMPING: f64 = 0.03;
+const LEAST_DAMPING: f64 = 1e-5;
+const MOST_DAMPING: f64 = 100.0;
+/// Ways count for the damping between these, mm.
+const STIFF_MM: (f64, f64) = (0.3, 3.0);
+/// Price of a millimetre of way, and of a limit broken by the linear forecast.
+const PRICE: f64 = 2e-3;
+const PENALTY: f64 = 3.0;
+/// Limits are looked at when they are nearer than this, m, and kept with so much to spare; the tightest of each stage's
+/// are enough, so many for each part.
+const NEAR_M: f64 = 3e-3;
+const SPARE_M: f64 = 0.2e-3;
+const ROWS_PER_PART: usize = 3;
+/// A sequence whose parts end this near their subgoals, root mean square, is good enough, m.
+const ENOUGH_M: f64 = 0.08e-3;
+/// Rounds that gain less than this part end it.
+const SLOW: f64 = 0.97;
+
+/// A sequence and what it is forecast to do.
+#[derive(Clone, Debug)]
+pub(super) struct Refined {
+    pub pulses: Vec<Pulse>,
+    pub motions: Vec<Motion>,
+    pub rollout: Rollout,
+    /// What the end leaves of the way to the subgoals: root of the sum of squares over the parts, m.
+    pub left_m: f64,
+    /// The limit broken most on the way.
+    pub shortfall: Option<Shortfall>,
+}
+
+impl Refined {
+    /// Forecast of `pulses` on `parts`.
+    pub fn of(belts: &Belts, pulses: Vec<Pulse>, parts: &[PartState], goal_m: &[Vec2], room: &Room) -> Self {
+        let motions: Vec<Motion> = pulses.iter().map(|&pulse| belts.motion(pulse)).collect();
+        let rollout = Rollout::of(&motions, parts);
+        let left_m = rollout.end().iter().zip(goal_m).map(|(end, goal)| (goal - end).norm_squared()).sum::<f64>().sqrt();
+        let shortfall = (0..pulses.len())
+            .filter_map(|k| room.shortfall(rollout.at(k), rollout.at(k + 1)))
+            .max_by(|a, b| a.by_m.total_cmp(&b.by_m));
+        Self { pulses, motions, rollout, left_m, shortfall }
+    }
+
+    /// By how much the limit broken most is broken, m.
+    pub fn broken_m(&self) -> f64 {
+        self.shortfall.map_or(0.0, |shortfall| shortfall.by_m)
+    }
+
+    /// What is left and what is broken, as one length, m: less is better.
+    pub fn merit_m(&self) -> f64 {
+        self.left_m + BROKEN * (self.broken_m() - TOLERATED_M).max(0.0)
+    }
+
+    /// Bettered in up to `rounds` programs, or until it leaves `want_m` (root mean square).
+    pub fn refined(
+        self,
+        belts: &Belts,
+        parts: &[PartState],
+        goal_m: &[Vec2],
+        room: &Room,
+        (rounds, want_m): (usize, f64),
+    ) -> Self {
+        let enough_m = ENOUGH_M.max(0.8 * want_m) * (parts.len() as f64).sqrt();
+        let (mut best, mut damping, mut slow) = (self, DAMPING, 0);
+        let mut model: Option<Linear> = None;
+        for _ in 0..rounds {
+            if best.merit_m() < enough_m || damping > MOST_DAMPING || best.pulses.is_empty() {
+                break;
+            }
+            let linear = model.take().unwrap_or_else(|| Linear::at(belts, &best, parts, goal_m, room));
+            let Some(changes_mm) = linear.step(belts, &best.pulses, damping) else {
+                (damping, model) = (5.0 * damping, Some(linear));
+                continue;
+            };
+            let changed = |(pulse, change_mm): (&Pulse, &f64)| Pulse { way_m: pulse.way_m + 1e-3 * change_mm, ..*pulse };
+            let pulses = best.pulses.iter().zip(&changes_mm).map(changed).collect();
+            let next = Self::of(belts, pulses, parts, goal_m, room);
+            if next.merit_m() < best.merit_m() - 1e-7 {
+                slow = if next.merit_m() > SLOW * best.merit_m() { slow + 1 } else { 0 };
+                (best, damping) = (next, (damping / 5.0).max(LEAST_DAMPING));
+                if slow > 2 {
+                    break;
+                }
+            } else {
+                (damping, model) = (5.0 * damping, Some(linear));
+            }
+        }
+        best
+    }
+}
+
+/// The sequence made linear: errors and limits in mm, by mm of each way.
+struct Linear {
+    /// What each way does to the end of every part: `[pulse][coordinate]`.
+    slopes: Vec<f64>,
+    /// What is left of the way to the subgoals.
+    left_mm: Vec<f64>,
+    /// Sum of the squares of all slopes over the number of pulses.
+    stiffness: f64,
+    /// Limits: what each way before its stage does to it, and the room, mm.
+    limits: Vec<(Vec<f64>, f64)>,
+}
+
+impl Linear {
+    fn at(belts: &Belts, now: &Refined, parts: &[PartState], goal_m: &[Vec2], room: &Room) -> Self {
+        let count = now.pulses.len();
+        let by_stage = Slopes::of(belts, &now.pulses, &now.motions, &now.rollout, parts);
+        let slopes: Vec<f64> = (0..count).flat_map(|k| by_stage.at(count, k).iter().flat_map(|s| [s.x, s.y])).collect();
+        let left = now.rollout.end().iter().zip(goal_m).map(|(end, goal)| (goal - end) * 1e3);
+        let left_mm = left.flat_map(|left| [left.x, left.y]).collect();
+        let stiffness = slopes.iter().map(|slope| slope * slope).sum::<f64>() / count as f64;
+        Self { slopes, left_mm, stiffness, limits: limits(now, &by_stage, parts.len(), room) }
+    }
+
+    /// The best changes of the ways at this damping, mm; `None` where the solver finds none.
+    ///
+    /// Variables are the changes, what they leave of the way to the subgoals, and the slack of the limits. Rows are the
+    /// definition of what is left, longest and shortest ways, the slack's sign, and the limits.
+    fn step(&self, belts: &Belts, pulses: &[Pulse], damping: f64) -> Option<Vec<f64>> {
+        let (n, m) = (pulses.len(), self.left_mm.len());
+        let (first_bound, slack_row, first_limit) = (m, m + 2 * n, m + 2 * n + 1);
+        let sign = |k: usize| if pulses[k].way_m < 0.0 { -1.0 } else { 1.0 };
+        let (mut hessian, mut constraints) = (ColumnWriter::default(), ColumnWriter::default());
+        let mut bounds = vec![0.0; first_limit + self.limits.len()];
+        bounds[..m].copy_from_slice(&self.left_mm);
+        for (k, pulse) in pulses.iter().enumerate() {
+            let way_mm = (1e3 * pulse.way_m.abs()).min(STIFF_MM.1);
+            hessian.put(k, damping * self.stiffness / (STIFF_MM.0 + way_mm));
+            hessian.end_column();
+            let (low_m, high_m) = belts.range_m(pulse.belt);
+            let row = first_bound + 2 * k;
+            bounds[row] = (1e3 * (high_m - pulse.way_m.abs())).max(0.0);
+            bounds[row + 1] = (1e3 * (pulse.way_m.abs() - low_m)).max(0.0);
+            self.slopes[k * m..][..m].iter().enumerate().for_each(|(row, &slope)| constraints.put(row, slope));
+            constraints.put(row, sign(k));
+            constraints.put(row + 1, -sign(k));
+            for (limit, (by, _)) in self.limits.iter().enumerate().filter(|(_, (by, _))| k < by.len()) {
+                constraints.put(first_limit + limit, by[k]);
+            }
+            constraints.end_column();
+        }
+        for row in 0..m {
+            hessian.put(n + row, 1.0);
+            hessian.end_column();
+            constraints.put(row, 1.0);
+            constraints.end_column();
+        }
+        hessian.end_column();
+        constraints.put(slack_row, -1.0);
+        for (limit, (_, room_mm)) in self.limits.iter().enumerate() {
+            constraints.put(first_limit + limit, -1.0);
+            bounds[first_limit + limit] = *room_mm;
+        }
+        constraints.end_column();
+        let price = (0..n).map(|k| PRICE * sign(k));
+        let program = Program {
+            hessian: hessian.finish(n + m + 1),
+            gradient: price.chain(std::iter::repeat_n(0.0, m)).chain([PENALTY]).collect(),
+            constraints: constraints.finish(bounds.len()),
+            cones: vec![Cone::Zero(m), Cone::Nonnegative(bounds.len() - m)],
+            bounds,
+        };
+        let mut found = program.solve().ok()?;
+        found.x.truncate(n);
+        Some(found.x)
+    }
+}
+
+/// The tightest limits at the stages before the end.
+fn limits(now: &Refined, slopes: &Slopes, parts: usize, room: &Room) -> Vec<(Vec<f64>, f64)> {
+    let count = now.pulses.len();
+    // room, stage, part, and the other part or the axis
+    let mut near: Vec<(f64, usize, usize, Result<usize, usize>)> = Vec::new();
+    for stage in 1..count {
+        let at_m = now.rollout.at(stage);
+        for i in 0..parts {
+            for axis in 0..2 {
+                let room_m = room.bound_m(i) - at_m[i][axis].abs();
+                if room_m < NEAR_M {
+                    near.push((room_m, stage, i, Err(axis)));
+                }
+            }
+            for j in 0..i {
+                let room_m = (at_m[i] - at_m[j]).norm() - room.apart_m(i, j);
+                if room_m < NEAR_M {
+                    near.push((room_m, stage, i, Ok(j)));
+                }
+            }
+        }
+    }
+    near.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    near.truncate(ROWS_PER_PART * parts);
+    let row = |&(room_m, stage, i, other): &(f64, usize, usize, Result<usize, usize>)| {
+        let at_m = now.rollout.at(stage);
+        let by = |k: usize| {
+            let slope = slopes.at(stage, k);
+            match other {
+                Ok(j) => {
+                    let apart = (at_m[i] - at_m[j]).try_normalize(0.0).unwrap_or_else(Vec2::x);
+                    -(slope[i] - slope[j]).dot(&apart)
+                }
+                Err(axis) => slope[i][axis] * at_m[i][axis].signum(),
+            }
+        };
+        let by = (0..stage).map(by).collect();
+        let spare_m = if other.is_ok() { SPARE_M } else { 0.0 };
+        (by, 1e3 * (room_m - spare_m))
+    };
+    near.iter().map(row).collect()
+}

@@ -1,0 +1,121 @@
+//! The places that the next sequence is for, and the room that parts keep on their way there.
+
+use crate::{Limit, PartState, PlannerParams};
+use upm_core::geometry::Vec2;
+
+/// Room kept to the edge on the way, m: a pulse's arc bulges past the straight line between its ends.
+const EDGE_M: f64 = 2.5e-3;
+/// Rounds in which subgoals are pushed apart.
+const ROUNDS: usize = 60;
+/// Subgoals keep this many times the room of the way.
+const SUBGOAL_ROOM: f64 = 1.5;
+/// Parts of the room to others and to the edge that a pulse about to be played may use up.
+const PLAYED_GAP: f64 = 0.6;
+const PLAYED_EDGE: f64 = 0.5;
+
+/// How near parts may come to each other and to the edge.
+#[derive(Clone, Debug)]
+pub(super) struct Room {
+    half_side_m: f64,
+    radii_m: Vec<f64>,
+    gap_m: f64,
+    /// For each part the room that it keeps to the edge, m: less where its target has less.
+    edge_m: Vec<f64>,
+}
+
+/// A limit on the way, and by how much it is broken, m.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shortfall {
+    pub by_m: f64,
+    pub limit: Limit,
+}
+
+impl Room {
+    /// Of parts on their way to `targets_m`.
+    pub fn of(parts: &[PartState], targets_m: &[Vec2], params: &PlannerParams) -> Self {
+        let edge_m = |(part, target): (&PartState, &Vec2)| {
+            let at_target_m = params.half_side_m - part.radius_m - target.amax();
+            EDGE_M.min(at_target_m.max(params.edge_margin_m))
+        };
+        Self {
+            half_side_m: params.half_side_m,
+            radii_m: parts.iter().map(|part| part.radius_m).collect(),
+            gap_m: params.separation_m,
+            edge_m: parts.iter().zip(targets_m).map(edge_m).collect(),
+        }
+    }
+
+    /// Largest |x| and |y| of part `i`, m.
+    pub fn bound_m(&self, i: usize) -> f64 {
+        self.half_side_m - self.radii_m[i] - self.edge_m[i]
+    }
+
+    /// Least distance of the centres of parts `i` and `j`, m.
+    pub fn apart_m(&self, i: usize, j: usize) -> f64 {
+        self.radii_m[i] + self.radii_m[j] + self.gap_m
+    }
+
+    /// The room that a pulse about to be played may use up to.
+    pub fn for_playing(&self) -> Self {
+        let edge_m = self.edge_m.iter().map(|edge_m| PLAYED_EDGE * edge_m).collect();
+        Self { gap_m: PLAYED_GAP * self.gap_m, edge_m, radii_m: self.radii_m.clone(), ..*self }
+    }
+
+    /// The limit that is broken most while all parts go straight from `before_m` to `after_m`, in step. What is broken
+    /// before counts only where it gets worse.
+    pub fn shortfall(&self, before_m: &[Vec2], after_m: &[Vec2]) -> Option<Shortfall> {
+        let mut worst: Option<Shortfall> = None;
+        let mut note = |by_m: f64, limit: Limit| {
+            if by_m > 1e-7 && worst.is_none_or(|worst| by_m > worst.by_m) {
+                worst = Some(Shortfall { by_m, limit });
+            }
+        };
+        for (i, (before, after)) in before_m.iter().zip(after_m).enumerate() {
+            let bound_m = self.bound_m(i);
+            for axis in 0..2 {
+                note(after[axis].abs() - bound_m.max(before[axis].abs()), Limit::Edge { part: i });
+            }
+            for j in 0..i {
+                let (from, to) = (before - before_m[j], after - after_m[j]);
+                let asked_m = self.apart_m(i, j);
+                if from.norm_squared().min(to.norm_squared()) > 4.0 * asked_m * asked_m {
+                    continue;
+                }
+                let along = to - from;
+                let length_sq = along.norm_squared();
+                let way = if length_sq > 0.0 { (-from.dot(&along) / length_sq).clamp(0.0, 1.0) } else { 0.0 };
+                let least_m = asked_m.min(from.norm());
+                note(least_m - (from + along * way).norm(), Limit::Separation { parts: [j, i] });
+            }
+        }
+        worst
+    }
+
+    /// Moves `places_m` apart and off the edge until they have room to spare.
+    pub fn spread_out(&self, places_m: &mut [Vec2], targets_m: &[Vec2]) {
+        for _ in 0..ROUNDS {
+            let mut moved = false;
+            for i in 0..places_m.len() {
+                for j in 0..i {
+                    let between = places_m[i] - places_m[j];
+                    let distance_m = between.norm();
+                    let room_m = (targets_m[i] - targets_m[j]).norm();
+                    let wanted_m = (self.apart_m(i, j) + (SUBGOAL_ROOM - 1.0) * self.gap_m).min(room_m);
+                    if distance_m < wanted_m && distance_m > 0.0 {
+                        let push = between * (0.5 * (wanted_m - distance_m) / distance_m);
+                        places_m[i] += push;
+                        places_m[j] -= push;
+                        moved = true;
+                    }
+                }
+                let bound_m = (self.bound_m(i) - (SUBGOAL_ROOM - 1.0) * self.edge_m[i]).max(targets_m[i].amax());
+                let inside = places_m[i].map(|v| v.clamp(-bound_m, bound_m));
+                moved |= inside != places_m[i];
+                places_m[i] = inside;
+            }
+            if !moved {
+                break;
+            }
+        }
+    }
+}

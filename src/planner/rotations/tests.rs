@@ -1,0 +1,20 @@
+mod closed_loop;
+mod forecast;
+mod planner;
+mod program;
+
+use std::sync::{Arc, LazyLock};
+
+use super::RotationPlanner;
+use super::belts::Belts;
+use crate::fixture::{library, params};
+
+/// A planner for the fixture's library; the belt table is made once.
+fn planner() -> RotationPlanner {
+    static MADE: LazyLock<RotationPlanner> = LazyLock::new(|| RotationPlanner::new(library(), params()));
+    MADE.clone()
+}
+
+fn belts() -> Arc<Belts> {
+    planner().belts
+}

@@ -1,0 +1,136 @@
+//! The forecast of a pulse against closed forms, and its slopes against differences.
+
+use proptest::prelude::*;
+
+use super::belts;
+use crate::fixture::{library, mm, penny, scene};
+use crate::friction::friction_of;
+use crate::pump::{Discs, LANES, Pump};
+use crate::rotations::belts::{Motion, Pulse, Setting};
+use crate::rotations::rollout::{Rollout, Slopes};
+use upm_core::geometry::{Twist, Vec2};
+
+/// Travel of a point on belts of these speeds after a sustain of `steps`, m.
+fn travels_m(speed_mps: [f64; LANES], steps: usize) -> [f64; LANES] {
+    let discs = Discs { speed_mps, spin_radps: [0.0; LANES], friction: [0.3; LANES], radius_m: 0.0 };
+    Pump::of(&library()).travels(&discs, steps + 1)[steps].map(|travel| travel.along_m)
+}
+
+/// While the part is slow against the belt, d = ½ · 0.2386 · 1.2386 · μ g (S + 2A)² (equation sheet, section 1): a long
+/// pulse on a very fast belt, where the phase in which it starts and ends hardly counts.
+#[test]
+fn a_fast_belt_carries_with_the_square_of_the_time() {
+    let pump = Pump::of(&library());
+    for steps in [60, 120] {
+        let length_s = steps as f64 * pump.sustain_step_s() + 2.0 / 60.0;
+        let sheet_m = 0.5 * 0.2386 * 1.2386 * 0.3 * 9.81 * length_s * length_s;
+        let found_m = travels_m([20.0; LANES], steps)[0];
+        assert!((found_m / sheet_m - 1.0).abs() < 0.12, "{found_m} {sheet_m}");
+    }
+}
+
+/// In the end a part goes along with the belt at half its amplitude.
+#[test]
+fn a_slow_belt_carries_at_half_its_amplitude() {
+    let pump = Pump::of(&library());
+    let (speed_mps, before, after) = (0.2, 1200, 1300);
+    let gained_m = travels_m([speed_mps; LANES], after)[0] - travels_m([speed_mps; LANES], before)[0];
+    let time_s = (after - before) as f64 * pump.sustain_step_s();
+    assert!((gained_m / time_s / (0.5 * speed_mps) - 1.0).abs() < 0.05, "{}", gained_m / time_s);
+}
+
+#[test]
+fn a_plate_too_gentle_for_friction_carries_nothing() {
+    // the plate's acceleration stays below μ g: no slip at all
+    assert!(travels_m([0.002; LANES], 40)[0].abs() < 1e-5);
+}
+
+#[test]
+fn friction_is_found_again_from_a_table_that_it_made() {
+    let mut made = (*library()).clone();
+    let pump = Pump::of(&made);
+    made.displacement.sustain_s = (0..26).map(|k| k as f64 * 3.0 * pump.sustain_step_s()).collect();
+    let row = |&speed: &f64| -> Vec<f64> {
+        let discs =
+            Discs { speed_mps: [speed; LANES], spin_radps: [0.0; LANES], friction: [0.24; LANES], radius_m: 0.0 };
+        let ends = pump.travels(&discs, 76);
+        (0..26).map(|k| ends[3 * k][0].along_m.max(0.0)).collect()
+    };
+    made.displacement.distance_m = made.displacement.speed_mps.iter().map(row).collect();
+    let found = friction_of(&made).unwrap();
+    assert!((found - 0.24).abs() < 0.002, "{found}");
+}
+
+fn motion(twist: Twist, amplitude: f64, sustain_s: f64, reversed: bool) -> Motion {
+    belts().motion_of(&twist, Setting { amplitude, sustain_s }, reversed)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// A slow belt carries a part along its circle; the way back ends where it began.
+    #[test]
+    fn a_slow_belt_carries_round_its_center_and_back(
+        x in -60.0..60.0f64, y in -60.0..60.0f64, angle in 0.0..6.3f64, sustain_s in 0.0..0.05f64,
+    ) {
+        let center = mm(x, y);
+        let start = center + Vec2::new(angle.cos(), angle.sin()) * 0.04;
+        let twist = Twist::about(center, 1.0);
+        let (end, _) = motion(twist, 1.0, sustain_s, false).carry(start, 1.0);
+        let way_m = (end - start).norm();
+        prop_assume!(way_m > 1e-4);
+        prop_assert!(((end - center).norm() - 0.04).abs() < 0.02 * way_m, "{} {way_m}", (end - center).norm());
+        let (back, _) = motion(twist, 1.0, sustain_s, true).carry(end, 1.0);
+        prop_assert!((back - start).norm() < 0.02 * way_m);
+    }
+
+    /// The dial goes the way that it is set to on the typical belt: a translation has no other.
+    #[test]
+    fn a_translation_goes_the_way_it_is_set_to(way_mm in 0.05..20.0f64, k in 0usize..16, forwards: bool) {
+        let belts = belts();
+        let belt = belts.belts.iter().position(|belt| belt.entry == 289 + k).unwrap();
+        let way_m = if forwards { 1e-3 * way_mm } else { -1e-3 * way_mm };
+        let (end, _) = belts.motion(Pulse { belt, way_m }).carry(Vec2::zeros(), 1.0);
+        let along = belts.belts[belt].twist.direction_at(Vec2::zeros());
+        prop_assert!((end - along * way_m).norm() < 0.02 * way_m.abs() + 5e-6, "{end} {way_m}");
+    }
+
+    #[test]
+    fn slopes_of_a_sequence_agree_with_differences(seed in 0u64..1000, changed in 0usize..6) {
+        let (belts, parts) = (belts(), scene(3, 5e-3, seed));
+        let usable = belts.usable(parts.iter().map(|part| (part.position_m, part.radius_m)));
+        let pulse = |k: usize| Pulse {
+            belt: usable[(37 * k + seed as usize) % usable.len()],
+            way_m: if k % 2 == 0 { 2e-3 } else { -3e-3 },
+        };
+        let pulses: Vec<Pulse> = (0..6).map(pulse).collect();
+        let play = |pulses: &[Pulse]| {
+            let motions: Vec<Motion> = pulses.iter().map(|&pulse| belts.motion(pulse)).collect();
+            let rollout = Rollout::of(&motions, &parts);
+            (motions, rollout)
+        };
+        let (motions, rollout) = play(&pulses);
+        let slopes = Slopes::of(&belts, &pulses, &motions, &rollout, &parts);
+        let mut other = pulses.clone();
+        // the dial and the phase in which a pulse ends bend the curve: the slope is that of a little more of the same
+        let change_m = 0.02 * other[changed].way_m;
+        other[changed].way_m += change_m;
+        let moved = play(&other).1;
+        for stage in changed + 1..=6 {
+            for i in 0..parts.len() {
+                let expected = (moved.at(stage)[i] - rollout.at(stage)[i]) / change_m;
+                let found = slopes.at(stage, changed)[i];
+                prop_assert!((found - expected).norm() < 0.03 * expected.norm() + 0.02, "{found} {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_part_that_goes_farther_by_its_gain_is_forecast_so() {
+    let translation = Twist::new(0.8, 0.0, 0.0);
+    let part = penny(mm(10.0, 5.0), Vec2::zeros());
+    let way_m = |gain: f64| (motion(translation, 1.0, 0.05, false).carry(part.position_m, gain).0 - part.position_m).x;
+    // a belt much faster than the part: the way is in proportion to friction
+    assert!((way_m(1.2) / way_m(1.0) - 1.2).abs() < 0.03, "{}", way_m(1.2) / way_m(1.0));
+}

@@ -1,0 +1,70 @@
+//! The relaxed program and the refinement against what they promise.
+
+use proptest::prelude::*;
+
+use super::belts;
+use crate::PartState;
+use crate::fixture::{params, scene};
+use crate::rotations::columns::Columns;
+use crate::rotations::least_time::LeastTime;
+use crate::rotations::refine::Refined;
+use crate::rotations::subgoals::Room;
+use upm_core::geometry::Vec2;
+
+fn steps_mm(parts: &[PartState]) -> Vec<f64> {
+    parts.iter().flat_map(|part| [1e3 * part.step_m.x, 1e3 * part.step_m.y]).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    /// Feasible, and no column of the library would shorten it: the optimality conditions of the program.
+    #[test]
+    fn counts_are_feasible_and_no_column_pays_more(count in 1usize..7, seed in 0u64..1000) {
+        let (belts, parts) = (belts(), scene(count, 4e-3, seed));
+        let (columns, steps_mm) = (Columns::all(&belts, &parts, 4e-3), steps_mm(&parts));
+        let length_mm = steps_mm.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let leave_mm = 0.3 * length_mm;
+        let found = LeastTime::solve(&columns, &steps_mm, leave_mm, &[]).unwrap();
+        prop_assert!(found.beyond_mm < 1e-3);
+        let mut left = steps_mm.clone();
+        for (j, count) in found.counts.iter().enumerate() {
+            left.iter_mut().zip(columns.column(j)).for_each(|(left, d)| *left -= count * d);
+        }
+        prop_assert!(left.iter().map(|v| v * v).sum::<f64>().sqrt() < leave_mm + 0.02);
+        let most = (0..columns.len()).map(|j| columns.pay(j, &found.prices)).fold(0.0, f64::max);
+        prop_assert!(most < 1.05, "{most}");
+        // the value of the dual program: y · e - leave |y|
+        let price = found.prices.iter().map(|y| y * y).sum::<f64>().sqrt();
+        let dual_s = found.prices.iter().zip(&steps_mm).map(|(y, e)| y * e).sum::<f64>() - leave_mm * price;
+        prop_assert!((found.time_s / dual_s - 1.0).abs() < 0.02, "{} {dual_s}", found.time_s);
+    }
+
+    #[test]
+    fn refinement_never_leaves_more(count in 2usize..6, seed in 0u64..1000) {
+        let (belts, parts) = (belts(), scene(count, 3e-3, seed));
+        let goal_m: Vec<Vec2> = parts.iter().map(|part| part.position_m + part.step_m).collect();
+        let room = Room::of(&parts, &goal_m, &params());
+        let columns = Columns::all(&belts, &parts, 3e-3);
+        let found = LeastTime::solve(&columns, &steps_mm(&parts), 1.0, &[]).unwrap();
+        let used = found.counts.iter().enumerate().filter(|(_, count)| **count > 0.3).map(|(j, _)| columns.pulses[j]);
+        let first = Refined::of(&belts, used.collect(), &parts, &goal_m, &room);
+        let before_m = first.merit_m();
+        let after = first.refined(&belts, &parts, &goal_m, &room, (6, 0.1e-3));
+        prop_assert!(after.merit_m() <= before_m);
+        for pulse in &after.pulses {
+            let (low_m, high_m) = belts.range_m(pulse.belt);
+            prop_assert!((low_m - 1e-9..=high_m + 1e-9).contains(&pulse.way_m.abs()));
+        }
+    }
+}
+
+#[test]
+fn what_the_columns_cannot_do_is_left_beyond() {
+    let (belts, parts) = (belts(), scene(2, 4e-3, 1));
+    // one pulse for four wanted numbers
+    let one = [Columns::all(&belts, &parts, 4e-3).pulses[0]];
+    let columns = Columns::of(&belts, &parts, one.into_iter());
+    let found = LeastTime::solve(&columns, &steps_mm(&parts), 0.01, &[]).unwrap();
+    assert!(found.beyond_mm > 0.1, "{}", found.beyond_mm);
+}
