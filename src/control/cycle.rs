@@ -1,10 +1,12 @@
 mod play;
+mod warn;
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use super::attempts::ways_to_try;
-use super::ending::{Ending, Outcome, check_stop};
+use super::conditions::Conditions;
+use super::ending::{Ending, Outcome, check_stop, is_stop};
 use super::eyes::{ExpectedPart, Eyes, Moment};
 use super::learning::Gains;
 use super::plans::{Plans, planner_of};
@@ -14,10 +16,8 @@ use upm_core::rig::{PartKind, Rig, RigModel};
 use upm_core::time::{Clock, PlateTime};
 use upm_goal::{Goal, Wanted};
 use upm_library::Library;
-use upm_planner::{Limit, Method, PartState, Plan, PlanStatus, PlannerParams};
+use upm_planner::{Method, PartState, Plan, PlanStatus, PlannerParams};
 
-/// A part that goes less than this part of the way the library has it is called slow.
-const SLOW: f64 = 0.7;
 /// Plate time without a pulse after which a run counts as stalled, s.
 const STALLED_S: f64 = 10.0;
 
@@ -84,7 +84,7 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
         Ok((plans, eyes)) => {
             let gains = Gains::new(params.parts.len(), 0.5 * model.plate_side_m);
             let (rig, sink) = (&mut *rig, &mut *sink);
-            let (told_slow, told_boxed_in, wanted, index) = (Vec::new(), Vec::new(), None, 0);
+            let (conditions, wanted, index) = (Conditions::default(), None, 0);
             let mut cycle = Cycle {
                 rig,
                 model,
@@ -97,8 +97,7 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
                 eyes,
                 plans,
                 gains,
-                told_slow,
-                told_boxed_in,
+                conditions,
                 wanted,
                 furthest: 0.0,
                 index,
@@ -125,10 +124,7 @@ struct Cycle<'a> {
     eyes: Eyes,
     plans: Box<dyn Plans>,
     gains: Gains,
-    /// Parts of which it was said that they are slow.
-    told_slow: Vec<usize>,
-    /// Parts that were last said to be boxed in.
-    told_boxed_in: Vec<usize>,
+    conditions: Conditions,
     wanted: Option<Wanted>,
     /// Progress when a cycle without a pulse last got further.
     furthest: f64,
@@ -145,6 +141,10 @@ impl Cycle<'_> {
                 Err(ending) => break ending,
             };
         };
+        // a stopped run ends in the middle: its repetition goes on, and tells of no end there
+        if !is_stop(&ending.reason) {
+            self.conditions.end_run(self.rig.now(), self.sink);
+        }
         let lost =
             if self.eyes.missing_for() > self.params.lost_after_frames { self.eyes.unseen() } else { Vec::new() };
         Finish { ending, wanted: self.wanted.take(), measured_m: self.eyes.positions_m(), lost }
@@ -159,11 +159,12 @@ impl Cycle<'_> {
         if wanted.done {
             return Err(Ending::completed(wanted.phase));
         }
-        self.tell_boxed_in(&wanted.boxed_in);
+        self.warn_of_blocked(&wanted.boxed_in);
         self.check_limits()?;
         let planning = self.clock.elapsed();
         let plan = self.plan(&observed, &wanted)?;
         let plan_us = (self.clock.elapsed() - planning).as_secs_f64() * 1e6;
+        self.conditions.end_cycle(self.rig.now(), self.sink);
 
         for (number, pulse) in (1..).zip(&plan.pulses) {
             self.check_limits()?;
@@ -221,11 +222,11 @@ impl Cycle<'_> {
             match &plan.status {
                 PlanStatus::NothingToDo if tried.is_part => continue,
                 PlanStatus::Solved | PlanStatus::NothingToDo => return Ok(plan),
-                PlanStatus::Infeasible(limit) => stopped_by = format!("infeasible, {}", self.in_words(*limit)),
-                PlanStatus::SolverFailed(why) => stopped_by = format!("without a solution, the solver gave up ({why})"),
+                PlanStatus::Infeasible(_) | PlanStatus::SolverFailed(_) => stopped_by = self.why_not(&plan.status),
             }
-            let what = tried.in_words(|part| self.id(part));
-            self.sink.event(self.rig.now(), EventLevel::Warning, &format!("{what}: {stopped_by}"));
+            if !tried.is_part {
+                self.warn_of_steps(&plan.status);
+            }
         }
         Err(Ending::failed(format!("no feasible step in cycle {}, {}: {stopped_by}", self.index, wanted.phase)))
     }
@@ -244,38 +245,6 @@ impl Cycle<'_> {
 
     fn id(&self, part: usize) -> &str {
         self.params.parts.get(part).map_or("?", |part| part.id.as_str())
-    }
-
-    fn in_words(&self, limit: Limit) -> String {
-        let id = |part: usize| self.id(part);
-        match limit {
-            Limit::Edge { part } => format!("{} would leave the plate", id(part)),
-            Limit::Separation { parts: [a, b] } => format!("{} and {} would touch", id(a), id(b)),
-            Limit::Unreachable => "no motion of the library moves every part that should move".into(),
-        }
-    }
-
-    /// Says once of each part that goes much less far than the library has it.
-    fn tell_slow_parts(&mut self) {
-        for part in 0..self.params.parts.len() {
-            let gain = self.gains.of_part(part);
-            if gain < SLOW && !self.told_slow.contains(&part) {
-                let text = format!("{} is slow: it goes {gain:.2} of the way measured in calibration", self.id(part));
-                self.sink.event(self.rig.now(), EventLevel::Warning, &text);
-                self.told_slow.push(part);
-            }
-        }
-    }
-
-    /// Says it when other parts than before have no way to their targets.
-    fn tell_boxed_in(&mut self, boxed_in: &[usize]) {
-        if boxed_in != self.told_boxed_in {
-            for &part in boxed_in {
-                let text = format!("{} is boxed in: there is no way to its target as the others lie", self.id(part));
-                self.sink.event(self.rig.now(), EventLevel::Warning, &text);
-            }
-            self.told_boxed_in = boxed_in.to_vec();
-        }
     }
 
     fn check_stop(&self) -> Result<(), Ending> {

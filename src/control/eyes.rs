@@ -1,8 +1,9 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use super::conditions::{Condition, Conditions};
 use super::ending::{Ending, check_stop};
-use super::{EventLevel, FrameFacts, LocalisedFacts, Sink};
+use super::{FrameFacts, LocalisedFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::rig::{PartKind, Rig, RigModel};
 use upm_core::signal::Frame;
@@ -124,17 +125,23 @@ fn find_table(
 ) -> Result<(Table, Stages, Duration), Ending> {
     let mut last: Option<TableFault> = None;
     let mut stages = Stages::default();
+    let mut conditions = Conditions::default();
     for _ in 0..TABLE_LOOKS {
         check_stop(stop)?;
         rig.capture(frame)?;
         let started = clock.elapsed();
         match locate_table_in_stages(frame, &model.lens, model.plate_side_m, &mut stages) {
-            Ok(table) => return Ok((table, stages, started)),
+            Ok(table) => {
+                conditions.end_run(frame.exposed_at, sink);
+                return Ok((table, stages, started));
+            }
             Err(fault) => {
-                sink.event(frame.exposed_at, EventLevel::Warning, &format!("no table in this frame: {fault}"));
+                let reason = || format!("no table in the camera's frames: {fault}");
+                conditions.note(frame.exposed_at, Condition::TableMissing, reason, sink);
                 last = Some(fault);
             }
         }
+        conditions.end_cycle(frame.exposed_at, sink);
     }
     let why = last.map_or_else(String::new, |fault| format!(": {fault}"));
     Err(Ending::failed(format!("no table found in {TABLE_LOOKS} frames{why}")))

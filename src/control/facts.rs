@@ -1,3 +1,4 @@
+use super::conditions::{Condition, ConditionChange};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
@@ -91,6 +92,19 @@ pub struct CycleFacts<'a> {
     pub cycle_us: f64,
 }
 
+/// A condition of the run that began or ended.
+#[derive(Clone, Copy, Debug)]
+pub struct ConditionFacts<'a> {
+    /// Plate time.
+    pub at: PlateTime,
+    /// Which.
+    pub condition: Condition,
+    /// Whether it began or ended.
+    pub change: ConditionChange,
+    /// For people: the reason and a remedy at its begin, the reason and how often it held at its end.
+    pub text: &'a str,
+}
+
 /// How loud an event is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EventLevel {
@@ -114,4 +128,8 @@ pub trait Sink {
     fn cycle(&mut self, _facts: &CycleFacts<'_>) {}
     /// Something worth a line happened.
     fn event(&mut self, _at: PlateTime, _level: EventLevel, _text: &str) {}
+    /// A lasting condition began or ended. A sink that does not tell them apart gets them as warnings.
+    fn condition(&mut self, facts: &ConditionFacts<'_>) {
+        self.event(facts.at, EventLevel::Warning, facts.text);
+    }
 }

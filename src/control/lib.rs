@@ -4,6 +4,7 @@
 
 mod attempts;
 pub mod calibration;
+mod conditions;
 mod cycle;
 mod ending;
 mod eyes;
@@ -12,8 +13,9 @@ mod learning;
 mod plans;
 mod rehearsal;
 
+pub use conditions::{Condition, ConditionChange};
 pub use cycle::{ControlParams, Devices, Finish, run};
 pub use ending::{Ending, Outcome, STOPPED, is_stop};
 pub use eyes::{ExpectedPart, Eyes, Moment};
-pub use facts::{Carried, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+pub use facts::{Carried, ConditionFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 pub use rehearsal::{LimitMet, Nearest, Rehearsal, RehearsalParams, rehearse};

@@ -1,4 +1,4 @@
-use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_control::{ConditionFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::time::PlateTime;
 
 /// Several sinks as one: each is told everything, in order.
@@ -37,6 +37,10 @@ impl Sink for Fanout<'_> {
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
         self.0.iter_mut().for_each(|sink| sink.event(at, level, text));
+    }
+
+    fn condition(&mut self, facts: &ConditionFacts<'_>) {
+        self.0.iter_mut().for_each(|sink| sink.condition(facts));
     }
 }
 

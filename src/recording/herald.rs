@@ -1,5 +1,5 @@
 use super::switch::RecordingSwitch;
-use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_control::{ConditionFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::time::PlateTime;
 
 /// Passes everything on to `sinks`, and after each frame looks whether there is something to tell them that comes from
@@ -43,5 +43,9 @@ impl<F: FnMut(&mut dyn Sink, PlateTime)> Sink for Herald<'_, F> {
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
         self.sinks.event(at, level, text);
+    }
+
+    fn condition(&mut self, facts: &ConditionFacts<'_>) {
+        self.sinks.condition(facts);
     }
 }

@@ -4,14 +4,15 @@ use std::io::{self, Write};
 use std::sync::Arc;
 
 use self::lines::{CycleLine, EventLine, Line, LocalisedLine, SentLine, UnfinishedLine};
-use upm_control::{CycleFacts, EventLevel, LocalisedFacts, PulseFacts, Sink};
+use upm_control::{ConditionFacts, CycleFacts, EventLevel, LocalisedFacts, PulseFacts, Sink};
 use upm_core::time::PlateTime;
 use upm_library::Library;
 
 /// Writes `journal.jsonl`: one JSON object a line, each with a `type`.
 ///
 /// `localised`: table and parts as first found. `cycle`: what was observed, wanted, planned, sent to the motors, read
-/// back from the accelerometers, predicted and measured. `event`: level and text. `unfinished_cycle`: pulses sent in a
+/// back from the accelerometers, predicted and measured. `event`: level and text, of a
+/// lasting condition its code, too, and whether it began or ended. `unfinished_cycle`: pulses sent in a
 /// cycle that never ended. Lengths are millimetres to 1e-4, times seconds to 1e-6, counts to 1e-3. Nothing
 /// depends on wall time, so equal seeds give equal bytes.
 ///
@@ -88,6 +89,10 @@ impl<W: Write> Sink for Journal<W> {
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
         self.put(&Line::Event(EventLine::new(at, level, text)));
     }
+
+    fn condition(&mut self, facts: &ConditionFacts<'_>) {
+        self.put(&Line::Event(EventLine::of_condition(facts)));
+    }
 }
 
 #[cfg(test)]
@@ -95,6 +100,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use upm_control::{Condition, ConditionChange};
     use upm_fixtures::{rig, synthetic_run};
 
     fn written(run: impl FnOnce(&mut Journal<&mut Vec<u8>>)) -> String {
@@ -138,6 +144,25 @@ mod tests {
         let read = &line["sent"][0]["read"];
         assert_eq!((&read["residual_m_s2"], &read["off_asked"]), (&json!(0.9), &json!(0.1)));
         assert_eq!(read["harmonics"][1]["sin_mm_s"], second(1.1)["sin_mm_s"]);
+    }
+
+    #[test]
+    fn conditions_are_events_with_a_code() {
+        let text = written(|journal| {
+            let condition = Condition::PartSlow { part: 1 };
+            let facts = |change, text| ConditionFacts { at: PlateTime::from_secs(2.0), condition, change, text };
+            journal.condition(&facts(ConditionChange::Began, "slow"));
+            journal.condition(&facts(ConditionChange::Ended { times: 3, lasted_s: 1.5 }, "no longer"));
+        });
+        let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        let began = json!({
+            "type": "event", "at_s": 2.0, "level": "warning", "text": "slow", "code": "part_slow", "change": "began",
+        });
+        let ended = json!({
+            "type": "event", "at_s": 2.0, "level": "warning", "text": "no longer", "code": "part_slow",
+            "change": "ended", "times": 3,
+        });
+        assert_eq!(lines, [began, ended]);
     }
 
     #[test]

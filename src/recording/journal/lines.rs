@@ -5,7 +5,7 @@ use serde::{Serialize, Serializer};
 
 use crate::motion::Motion;
 use crate::wave::off_part;
-use upm_control::{CycleFacts, EventLevel, LocalisedFacts, PulseFacts};
+use upm_control::{ConditionChange, ConditionFacts, CycleFacts, EventLevel, LocalisedFacts, PulseFacts};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{Harmonic, MOTORS, TwistWave};
 use upm_core::time::PlateTime;
@@ -347,6 +347,17 @@ pub(super) struct EventLine<'a> {
     at_s: Seconds,
     level: &'static str,
     text: &'a str,
+    #[serde(flatten)]
+    condition: Option<ConditionPart>,
+}
+
+/// A lasting condition that began or ended.
+#[derive(Serialize)]
+struct ConditionPart {
+    code: &'static str,
+    change: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    times: Option<u64>,
 }
 
 impl<'a> EventLine<'a> {
@@ -356,6 +367,15 @@ impl<'a> EventLine<'a> {
             EventLevel::Warning => "warning",
             EventLevel::Error => "error",
         };
-        Self { at_s: seconds(at), level, text }
+        Self { at_s: seconds(at), level, text, condition: None }
+    }
+
+    pub(super) fn of_condition(facts: &ConditionFacts<'a>) -> Self {
+        let (change, times) = match facts.change {
+            ConditionChange::Began => ("began", None),
+            ConditionChange::Ended { times, .. } => ("ended", Some(times)),
+        };
+        let condition = Some(ConditionPart { code: facts.condition.code(), change, times });
+        Self { condition, ..Self::new(facts.at, EventLevel::Warning, facts.text) }
     }
 }

@@ -1,0 +1,225 @@
+//! Conditions that last: each is reported once when it begins and once when it ends, with how often it held in between.
+
+use super::{ConditionFacts, Sink};
+use upm_core::time::PlateTime;
+use upm_planner::{Limit, PlanStatus};
+
+/// Cycles in a row without a condition after which it has ended: a plan that fails every other cycle is one condition.
+const QUIET_CYCLES: u64 = 5;
+
+/// A state of a run that may last over many cycles and that an operator should know of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Condition {
+    /// The whole steps of a cycle would take a part over the edge margin.
+    StepsMeetEdge,
+    /// The whole steps of a cycle would bring two parts closer than the gap they must keep.
+    StepsMeetParts,
+    /// No motion is found that moves every part that should move.
+    StepsUnreachable,
+    /// The solver of the planner gives up.
+    SolverFails,
+    /// No way leads the part to its target, as the others are placed.
+    PartBlocked {
+        /// Index of the part.
+        part: usize,
+    },
+    /// The part goes much less far than calibration has it.
+    PartSlow {
+        /// Index of the part.
+        part: usize,
+    },
+    /// The camera's frames show no table.
+    TableMissing,
+}
+
+impl Condition {
+    /// A name for programs that never changes.
+    pub fn code(self) -> &'static str {
+        match self {
+            Self::StepsMeetEdge => "steps_meet_edge",
+            Self::StepsMeetParts => "steps_meet_parts",
+            Self::StepsUnreachable => "steps_unreachable",
+            Self::SolverFails => "solver_fails",
+            Self::PartBlocked { .. } => "part_blocked",
+            Self::PartSlow { .. } => "part_slow",
+            Self::TableMissing => "table_missing",
+        }
+    }
+
+    /// The condition that a plan without pulses stands for; `None` for a plan that can be played.
+    pub(super) fn of_plan(status: &PlanStatus) -> Option<Self> {
+        match status {
+            PlanStatus::Solved | PlanStatus::NothingToDo => None,
+            PlanStatus::Infeasible(Limit::Edge { .. }) => Some(Self::StepsMeetEdge),
+            PlanStatus::Infeasible(Limit::Separation { .. }) => Some(Self::StepsMeetParts),
+            PlanStatus::Infeasible(Limit::Unreachable) => Some(Self::StepsUnreachable),
+            PlanStatus::SolverFailed(_) => Some(Self::SolverFails),
+        }
+    }
+
+    /// For people: the remedy, which is what they can change about the job or the rig.
+    fn remedy(self) -> &'static str {
+        match self {
+            Self::StepsMeetEdge => "targets farther from the edge help",
+            Self::StepsMeetParts => "more room between the targets helps, or another order of arrival",
+            Self::StepsUnreachable => {
+                "check the library's coverage with `upm check LIBRARY.json`, or take another planner"
+            }
+            Self::SolverFails => "check the library with `upm check LIBRARY.json`, or take another planner",
+            Self::PartBlocked { .. } => "it waits until the others have moved; if they never do, change the targets",
+            Self::PartSlow { .. } => "clean the part and the plate under it, or calibrate again if every part is slow",
+            Self::TableMissing => "check light, focus and that the whole plate is in view",
+        }
+    }
+}
+
+/// The change of a condition.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ConditionChange {
+    /// It holds from now on.
+    Began,
+    /// It no longer holds, or the run has ended.
+    Ended {
+        /// Cycles in which it held.
+        times: u64,
+        /// Plate time from its beginning to the last cycle in which it held, s.
+        lasted_s: f64,
+    },
+}
+
+/// The conditions of a run that hold at present.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Conditions {
+    active: Vec<Active>,
+    cycle: u64,
+}
+
+#[derive(Clone, Debug)]
+struct Active {
+    condition: Condition,
+    /// The sentence that told of its beginning, without the remedy.
+    reason: String,
+    began_at: PlateTime,
+    last_at: PlateTime,
+    last_cycle: u64,
+    times: u64,
+}
+
+impl Conditions {
+    /// True while `condition` is reported as begun and not as ended.
+    pub fn holds(&self, condition: Condition) -> bool {
+        self.active.iter().any(|active| active.condition == condition)
+    }
+
+    /// Notes that `condition` holds in the present cycle. Tells `sink` if it has just begun, with `reason` and its remedy.
+    pub fn note(&mut self, at: PlateTime, condition: Condition, reason: impl FnOnce() -> String, sink: &mut dyn Sink) {
+        let cycle = self.cycle;
+        match self.active.iter_mut().find(|active| active.condition == condition) {
+            Some(active) if active.last_cycle == cycle => {}
+            Some(active) => (active.last_at, active.last_cycle, active.times) = (at, cycle, active.times + 1),
+            None => {
+                let reason = reason();
+                let text = format!("{reason}; {}", condition.remedy());
+                sink.condition(&ConditionFacts { at, condition, change: ConditionChange::Began, text: &text });
+                self.active.push(Active { condition, reason, began_at: at, last_at: at, last_cycle: cycle, times: 1 });
+            }
+        }
+    }
+
+    /// Ends the present cycle. Tells `sink` of conditions that have not held for a while.
+    pub fn end_cycle(&mut self, at: PlateTime, sink: &mut dyn Sink) {
+        let cycle = self.cycle;
+        self.end(at, "no longer", sink, |active| active.last_cycle + QUIET_CYCLES <= cycle);
+        self.cycle += 1;
+    }
+
+    /// Ends the run. Tells `sink` of every condition that held until now.
+    pub fn end_run(&mut self, at: PlateTime, sink: &mut dyn Sink) {
+        self.end(at, "until the end", sink, |_| true);
+    }
+
+    fn end(&mut self, at: PlateTime, until: &str, sink: &mut dyn Sink, is_over: impl Fn(&Active) -> bool) {
+        for Active { condition, reason, began_at, last_at, times, .. } in self.active.extract_if(.., |a| is_over(a)) {
+            let lasted_s = last_at - began_at;
+            let cycles = if times == 1 { "cycle" } else { "cycles" };
+            let text = format!("{until}: {reason} (in {times} {cycles} over {lasted_s:.1} s)");
+            let change = ConditionChange::Ended { times, lasted_s };
+            sink.condition(&ConditionFacts { at, condition, change, text: &text });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Keeps what is told.
+    #[derive(Default)]
+    struct Told(Vec<(f64, &'static str, ConditionChange, String)>);
+
+    impl Sink for Told {
+        fn condition(&mut self, facts: &ConditionFacts<'_>) {
+            self.0.push((facts.at.secs(), facts.condition.code(), facts.change, facts.text.to_owned()));
+        }
+    }
+
+    /// Runs cycles of 1 s; `holds` tells what holds in each.
+    fn told(cycles: u32, holds: impl Fn(u32) -> Vec<Condition>) -> Told {
+        let (mut conditions, mut told) = (Conditions::default(), Told::default());
+        for cycle in 0..cycles {
+            let at = PlateTime::from_secs(f64::from(cycle));
+            for condition in holds(cycle) {
+                conditions.note(at, condition, || format!("reason of cycle {cycle}"), &mut told);
+            }
+            conditions.end_cycle(at, &mut told);
+        }
+        conditions.end_run(PlateTime::from_secs(f64::from(cycles)), &mut told);
+        told
+    }
+
+    #[test]
+    fn lasting_condition_is_told_at_its_begin_and_its_end_with_the_count() {
+        let Told(told) =
+            told(40, |cycle| if (3..20).contains(&cycle) { vec![Condition::StepsMeetParts] } else { vec![] });
+        assert_eq!(told.len(), 2, "{told:?}");
+        let (at_s, code, change, text) = &told[0];
+        assert_eq!((*at_s, *code, *change), (3.0, "steps_meet_parts", ConditionChange::Began));
+        assert!(text.starts_with("reason of cycle 3; ") && text.contains("more room"), "{text}");
+        let (at_s, code, change, text) = &told[1];
+        assert_eq!((*at_s, *code), (24.0, "steps_meet_parts"), "five quiet cycles after cycle 19");
+        assert_eq!(*change, ConditionChange::Ended { times: 17, lasted_s: 16.0 });
+        assert_eq!(text, "no longer: reason of cycle 3 (in 17 cycles over 16.0 s)");
+    }
+
+    #[test]
+    fn condition_that_comes_and_goes_is_one_until_it_stays_away() {
+        let now_and_then =
+            |every: u32| told(60, move |cycle| [Condition::SolverFails].repeat((cycle % every == 0).into()));
+        assert_eq!(now_and_then(4).0.len(), 2);
+        assert_eq!(now_and_then(12).0.len(), 10, "each of five is told twice");
+    }
+
+    #[test]
+    fn conditions_of_several_parts_are_told_apart_and_end_with_the_run() {
+        let Told(told) = told(2, |_| [0, 1, 0].map(|part| Condition::PartBlocked { part }).to_vec());
+        let ends: Vec<&ConditionChange> = told.iter().map(|(_, _, change, _)| change).collect();
+        let ended = ConditionChange::Ended { times: 2, lasted_s: 1.0 };
+        assert_eq!(ends, [&ConditionChange::Began, &ConditionChange::Began, &ended, &ended]);
+        assert!(told[2].3.starts_with("until the end: "), "{told:?}");
+    }
+
+    #[test]
+    fn sink_that_knows_no_conditions_gets_them_as_warnings() {
+        #[derive(Default)]
+        struct Events(Vec<(crate::EventLevel, String)>);
+        impl Sink for Events {
+            fn event(&mut self, _: PlateTime, level: crate::EventLevel, text: &str) {
+                self.0.push((level, text.to_owned()));
+            }
+        }
+        let (mut conditions, mut events) = (Conditions::default(), Events::default());
+        conditions.note(PlateTime::ZERO, Condition::TableMissing, || "too dark".into(), &mut events);
+        let [(level, text)] = &events.0[..] else { panic!("{:?}", events.0) };
+        assert!(*level == crate::EventLevel::Warning && text.starts_with("too dark; check light"), "{text}");
+    }
+}
