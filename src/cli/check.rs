@@ -10,13 +10,14 @@ use serde_json::{Value, json};
 
 use super::args::{CheckArgs, Common, SchemaArgs};
 use super::failure::Failure;
+use super::progress::ProgressMode;
 use super::{BAD_INPUT, NOT_REACHED, lab, print_json};
 use covered::Covered;
 use plan::Planned;
 use upm_chart::Chart;
 use upm_library::Library;
 use upm_runner::config::{self, DaemonSpec, Document, Fault, JobSpec, PlateSpec, RigSpec, SimulateSpec};
-use upm_runner::run::{check_simulate, job_library, library_faults};
+use upm_runner::run::{PlannerSelection, check_simulate, job_library, library_faults};
 
 /// What a valid file turned out to be.
 struct Found {
@@ -53,8 +54,8 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
         check_picture_name(path, args.files.len())?;
     }
     let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::faults)?;
-    let quiet = common.quiet || !std::io::stderr().is_terminal();
-    let asked = Asked { rig: rig.as_ref(), plan: args.plan, quiet };
+    let progress = ProgressMode::of(common.quiet, std::io::stderr().is_terminal());
+    let asked = Asked { rig: rig.as_ref(), plan: args.plan, progress };
     let findings: Vec<(&Path, Finding)> =
         args.files.iter().map(|path| (path.as_path(), check_file(path, asked))).collect();
     if args.plan {
@@ -78,7 +79,7 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
 fn status(findings: &[(&Path, Finding)]) -> u8 {
     let cannot = |finding: &Finding| {
         let planned = finding.as_ref().ok().and_then(|found| found.planned.as_ref());
-        planned.is_some_and(|planned| !planned.forecast.can_be_done())
+        planned.is_some_and(|planned| planned.forecast.verdict().is_failure())
     };
     if findings.iter().any(|(_, finding)| finding.is_err()) {
         BAD_INPUT
@@ -96,8 +97,8 @@ struct Asked<'a> {
     rig: Option<&'a RigSpec>,
     /// Whether jobs are rehearsed.
     plan: bool,
-    /// Whether nobody looks at stderr.
-    quiet: bool,
+    /// How progress is shown.
+    progress: ProgressMode,
 }
 
 /// Only jobs can be planned.
@@ -206,8 +207,9 @@ fn check_job(path: &Path, asked: Asked<'_>) -> Finding {
     let job = JobSpec::load(path).map_err(lines)?;
     let in_words = |fault: Fault| vec![fault.to_string()];
     let library = job_library(&job).map_err(lines)?;
-    let says = format!("job {} on {}, parts: {}", job.name, job.rig.model.name, job.kinds_of_parts().len());
-    let planned = asked.plan.then(|| Planned::of(&job, &library, asked.quiet)).transpose().map_err(in_words)?;
+    let (rig, parts, planner) = (&job.rig.model.name, job.kinds_of_parts().len(), PlannerSelection::of(&job));
+    let says = format!("job {} on {rig}, parts: {parts}, planner: {}", job.name, planner.name());
+    let planned = asked.plan.then(|| Planned::of(&job, &library, asked.progress)).transpose().map_err(in_words)?;
     Ok(Found { planned, ..Found::new(says) })
 }
 

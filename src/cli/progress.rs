@@ -4,12 +4,12 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use upm_control::calibration::CalibrationProgress;
 use upm_control::{CycleFacts, EventLevel, LocalisedFacts, Sink};
-use upm_core::time::{Clock, MonotonicClock, PlateTime};
+use upm_core::time::{Clock, PlateTime};
 
 /// Thousandths, so that a bar can stand for any fraction.
 pub(super) const FULL: u64 = 1000;
 
-/// Work that takes no longer than this is done without a bar.
+/// Work that takes no longer than this shows no progress; lines are this far apart.
 const LATE: Duration = Duration::from_secs(2);
 
 /// Shows a run as a bar on stderr; silent without a terminal.
@@ -70,27 +70,70 @@ impl StageProgress {
     }
 }
 
-/// A bar on stderr that appears once work has taken a while.
-pub(super) struct LateProgress {
-    clock: MonotonicClock,
-    quiet: bool,
-    bar: Option<ProgressBar>,
+/// Where the progress of work that may take long goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ProgressMode {
+    /// A bar, on a terminal.
+    Bar,
+    /// A line now and then, in a file or a pipe.
+    Lines,
+    /// Nowhere.
+    Hidden,
 }
 
-impl LateProgress {
-    pub fn new(quiet: bool) -> Self {
-        Self { clock: MonotonicClock::new(), quiet, bar: None }
+impl ProgressMode {
+    pub fn of(quiet: bool, is_terminal: bool) -> Self {
+        match (quiet, is_terminal) {
+            (true, _) => Self::Hidden,
+            (false, true) => Self::Bar,
+            (false, false) => Self::Lines,
+        }
+    }
+}
+
+/// Progress on stderr of work that has taken a while.
+pub(super) struct LateProgress<C> {
+    clock: C,
+    mode: ProgressMode,
+    bar: Option<ProgressBar>,
+    /// When the last line was written.
+    line_at: Duration,
+}
+
+impl<C: Clock> LateProgress<C> {
+    pub fn new(mode: ProgressMode, clock: C) -> Self {
+        let line_at = clock.elapsed();
+        Self { clock, mode, bar: None, line_at }
     }
 
     /// Shows that this part of the work is done, 0 to 1.
     pub fn show(&mut self, done: f64, message: impl FnOnce() -> String) {
-        if self.bar.is_none() && self.clock.elapsed() < LATE {
-            return;
+        match self.mode {
+            ProgressMode::Hidden => {}
+            ProgressMode::Lines => {
+                if let Some(line) = self.line(done, message) {
+                    complain!("{line}");
+                }
+            }
+            ProgressMode::Bar => {
+                if self.bar.is_none() && self.clock.elapsed() < LATE {
+                    return;
+                }
+                let bar = self.bar.get_or_insert_with(|| bar(false));
+                bar.set_position((done * FULL as f64) as u64);
+                bar.set_message(message());
+            }
         }
-        let quiet = self.quiet;
-        let bar = self.bar.get_or_insert_with(|| bar(quiet));
-        bar.set_position((done * FULL as f64) as u64);
-        bar.set_message(message());
+    }
+
+    /// The line to write now; `None` while the last one is recent.
+    fn line(&mut self, done: f64, message: impl FnOnce() -> String) -> Option<String> {
+        let now = self.clock.elapsed();
+        if now < self.line_at + LATE {
+            return None;
+        }
+        self.line_at = now;
+        Some(format!("{:3.0} %  {}", 100.0 * done, message()))
     }
 
     pub fn finish(&self) {
@@ -113,4 +156,37 @@ pub(super) fn bar(quiet: bool) -> ProgressBar {
     }
     bar.enable_steady_tick(Duration::from_millis(200));
     bar
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+
+    struct Hand<'a>(&'a Cell<u64>);
+
+    impl Clock for Hand<'_> {
+        fn elapsed(&self) -> Duration {
+            Duration::from_millis(self.0.get())
+        }
+    }
+
+    #[test]
+    fn long_work_without_a_terminal_gets_a_line_every_two_seconds() {
+        let now_ms = Cell::new(500);
+        let mut progress = LateProgress::new(ProgressMode::of(false, false), Hand(&now_ms));
+        let mut lines = Vec::new();
+        for at_ms in (500..=7000).step_by(100) {
+            now_ms.set(at_ms);
+            lines.extend(progress.line(at_ms as f64 / 1e4, || format!("at {at_ms} ms")));
+        }
+        assert_eq!(lines, [" 25 %  at 2500 ms", " 45 %  at 4500 ms", " 65 %  at 6500 ms"]);
+    }
+
+    #[test]
+    fn quiet_hides_progress_with_a_terminal_and_without() {
+        assert_eq!([true, false].map(|terminal| ProgressMode::of(true, terminal)), [ProgressMode::Hidden; 2]);
+        assert_eq!(ProgressMode::of(false, true), ProgressMode::Bar);
+    }
 }

@@ -1,5 +1,5 @@
 use super::failure::Failure;
-use upm_recording::{Outcome, PredictionError, Report};
+use upm_recording::{Outcome, PlannerReport, PredictionError, Report};
 use upm_runner::config::JobSpec;
 use upm_runner::run::RunResult;
 
@@ -32,6 +32,9 @@ pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
         ),
         ("work", format!("{} cycles, {} pulses, {} frames", report.cycles, report.pulses, report.frames)),
     ];
+    if let Some(planner) = &report.planner {
+        rows.push(("planner", planner_line(planner)));
+    }
     if let (Some(misses), Some(worst)) = (report.deadline_misses, report.worst_late_frames) {
         rows.push(("deadlines", if misses == 0 { "none missed".into() } else { missed(misses, worst) }));
     }
@@ -63,6 +66,11 @@ pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
         rows.push(("lost parts", report.lost_parts.to_string()));
     }
     rows
+}
+
+/// The planner, why it ran, and what else the rig could run.
+pub(super) fn planner_line(PlannerReport { name, why, alternatives, .. }: &PlannerReport) -> String {
+    format!("{name}: {why}; also possible: {}", alternatives.join(", "))
 }
 
 fn missed(misses: u64, worst_frames: u64) -> String {

@@ -2,7 +2,7 @@
 
 use super::{ConditionFacts, Sink};
 use upm_core::time::PlateTime;
-use upm_planner::{Limit, PlanStatus};
+use upm_planner::{Limit, Method, PlanStatus};
 
 /// Cycles in a row without a condition after which it has ended: a plan that fails every other cycle is one condition.
 const QUIET_CYCLES: u64 = 5;
@@ -70,6 +70,25 @@ impl Condition {
             Self::PartSlow { .. } => "clean the part and the plate under it, or calibrate again if every part is slow",
             Self::TableMissing => "check light, focus and that the whole plate is in view",
         }
+    }
+}
+
+/// For people: why a plan has no pulses. `id` names a part.
+pub(super) fn why_not<'a>(status: &PlanStatus, method: Method, id: impl Fn(usize) -> &'a str) -> String {
+    match (status, method) {
+        (PlanStatus::Solved, _) => "it has pulses".into(),
+        (PlanStatus::NothingToDo, _) => "every step is shorter than the shortest pulse".into(),
+        (PlanStatus::Infeasible(Limit::Edge { part }), _) => format!("{} would cross the edge margin", id(*part)),
+        (PlanStatus::Infeasible(Limit::Separation { parts: [a, b] }), _) => {
+            format!("{} and {} would come too close to each other", id(*a), id(*b))
+        }
+        (PlanStatus::Infeasible(Limit::Unreachable), Method::SynthesizedField) => {
+            "no motion was found that brings the parts closer to their places".into()
+        }
+        (PlanStatus::Infeasible(Limit::Unreachable), Method::CorSequence | Method::PseudoInverse) => {
+            "no motion of the library moves every part that should move".into()
+        }
+        (PlanStatus::SolverFailed(why), _) => format!("the solver gave up ({why})"),
     }
 }
 

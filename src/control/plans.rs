@@ -36,7 +36,10 @@ pub(super) fn planner_of(
         }
         Method::SynthesizedField => match FieldPlanner::new(library, params) {
             Some(planner) => Ok(Box::new(planner)),
-            None => Err(Ending::failed("the library knows no synthesised motions")),
+            None => {
+                let remedy = "take \"planner\": \"auto\" or \"cor_sequence\", or calibrate the rig with `fields`";
+                Err(Ending::failed(format!("the library has no response to synthesised fields: {remedy}")))
+            }
         },
     }
 }

@@ -1,22 +1,19 @@
 //! A job played on the library's displacement model alone, before anything moves: no rig, no camera, no truth.
 //!
-//! The loop is that of a run: ask the goal, plan, play, look again, learn the parts' gains. A part goes with the flow as
-//! far as was measured for the belt under it, times a friction of its own, with the scatter that was measured. A
-//! synthesised field carries it where the field's own planner forecasts it with that friction, and off that in any direction
-//! by what such forecasts are off in runs on the simulated plate. Looks are perfect, and parts that meet only push each
-//! other aside.
-//!
-//! A part goes straight in the flow's direction half way, not along the arc that the planner forecasts: a plan is not
-//! judged by the forecast it was made with. Over 300 random pulses of upm-2, 12 mm on average (rms), the two differ by
-//! 0.14 mm rms; from where the simulated plate takes a part, the forecast is off by 0.24 mm and this by 0.29 mm.
+//! The loop is that of a run: ask the goal, plan, play, look again, learn the parts' gains. Parts go exactly where the
+//! run's planner forecasts them with a friction that it does not know, on a plate that makes each motion a little off
+//! what it is asked for, as plates do in runs. Looks are perfect, and parts that meet only push each other aside.
 
+mod disturbance;
 mod stage;
 mod trail;
+mod work;
 
 use std::sync::Arc;
 
 use super::ControlParams;
 use super::attempts::ways_to_try;
+use super::conditions::why_not;
 use super::ending::Ending;
 use super::learning::{Gains, Lesson, MORE, Scatter};
 use super::plans::{Plans, planner_of};
@@ -27,14 +24,12 @@ use upm_core::random::Streams;
 use upm_core::time::PlateTime;
 use upm_goal::{Goal, Wanted};
 use upm_library::Library;
-use upm_planner::{Limit, PartState, Plan, PlanStatus};
+use upm_planner::{PartState, Plan, PlanStatus};
 
 /// Plate time without a pulse and without progress after which a rehearsal counts as stalled, s.
 const STALLED_S: f64 = 10.0;
 /// Frames that open the eyes before the first cycle: one for the table, one to start from.
 const OPENING_FRAMES: u64 = 2;
-/// Looks after which a rehearsal is left off, whatever the job's time limit.
-const MOST_LOOKS: u64 = 100_000;
 
 /// What a rehearsal needs beside what a run needs.
 #[derive(Clone, Debug)]
@@ -50,6 +45,8 @@ pub struct RehearsalParams {
     /// Which of several rehearsals of one job this is. In number 0 parts go as far as was measured; 1 and 2, 3 and 4 and so
     /// on are pairs of opposite friction.
     pub number: u64,
+    /// Modelled computing time after which the rehearsal is left off, ms.
+    pub most_work_ms: f64,
 }
 
 /// How a rehearsal went. Everything in it is predicted.
@@ -57,6 +54,12 @@ pub struct RehearsalParams {
 pub struct Rehearsal {
     /// How it ended and why.
     pub ending: Ending,
+    /// True when it was left off, neither at the goal nor failed.
+    pub left_off: bool,
+    /// The goal's progress at the end, 0 to 1.
+    pub progress: f64,
+    /// Modelled computing time it took, ms: equal for equal jobs.
+    pub work_ms: f64,
     /// Plate time it took, s.
     pub plate_time_s: f64,
     /// Cycles with pulses.
@@ -71,6 +74,9 @@ pub struct Rehearsal {
     pub nearest: Option<Nearest>,
     /// What kept plans from being made, in order of first appearance.
     pub limits_met: Vec<LimitMet>,
+    /// How far parts ended from where pulses were forecast to bring them with what was learned, root mean square, m;
+    /// `None` without a pulse.
+    pub prediction_error_m: Option<f64>,
 }
 
 /// Two parts as near to each other as they came.
@@ -87,7 +93,7 @@ pub struct Nearest {
 /// A limit that made plans infeasible.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LimitMet {
-    /// Which, in words: `penny-1 and penny-2 would touch`.
+    /// Which, in words: `penny-1 and penny-2 would come too close to each other`.
     pub limit: String,
     /// How many plans.
     pub times: u64,
@@ -114,10 +120,17 @@ pub fn rehearse(
     let stage = Stage::new(Arc::clone(library), params, rehearsal);
     let trails = rehearsal.starts_m.iter().map(|&start_m| Trail::from(start_m)).collect();
     let gains = Gains::new(rehearsal.starts_m.len(), params.planner.half_side_m);
-    let mut player = Player { params, plans, stage, gains, trails, cycles: 0, pulses: 0, limits_met: Vec::new() };
-    let (ending, wanted) = player.until_end(goal, watch);
+    let off = MeanSquare::default();
+    let (most_work_ms, limits_met) = (rehearsal.most_work_ms, Vec::new());
+    let (cycles, pulses, work_ms) = (0, 0, 0.0);
+    let mut player =
+        Player { params, library, plans, stage, gains, trails, off, cycles, pulses, work_ms, most_work_ms, limits_met };
+    let (end, wanted) = player.until_end(goal, watch);
     Rehearsal {
-        ending,
+        left_off: end.is_none(),
+        ending: end.unwrap_or_else(|| player.left_off(&wanted)),
+        progress: wanted.progress,
+        work_ms: player.work_ms,
         plate_time_s: player.stage.now().secs(),
         cycles: player.cycles,
         pulses: player.pulses,
@@ -125,29 +138,56 @@ pub fn rehearse(
         targets_m: wanted.targets_m,
         nearest: player.stage.nearest,
         limits_met: player.limits_met,
+        prediction_error_m: player.off.rms(),
+    }
+}
+
+/// Root mean square of lengths, m.
+#[derive(Clone, Copy, Debug, Default)]
+struct MeanSquare {
+    count: u64,
+    sum_m2: f64,
+}
+
+impl MeanSquare {
+    fn push(&mut self, length_m: f64) {
+        self.count += 1;
+        self.sum_m2 += length_m * length_m;
+    }
+
+    fn rms(self) -> Option<f64> {
+        (self.count > 0).then(|| (self.sum_m2 / self.count as f64).sqrt())
     }
 }
 
 struct Player<'a> {
     params: &'a ControlParams,
+    library: &'a Library,
     plans: Box<dyn Plans>,
     stage: Stage,
     gains: Gains,
     trails: Vec<Trail>,
+    off: MeanSquare,
     cycles: u64,
     pulses: u64,
+    work_ms: f64,
+    most_work_ms: f64,
     limits_met: Vec<LimitMet>,
 }
 
 impl Player<'_> {
-    fn until_end(&mut self, goal: &mut dyn Goal, watch: &mut dyn FnMut(PlateTime, f64)) -> (Ending, Wanted) {
+    /// How it ended, `None` when it is left off, and what the goal wanted last.
+    fn until_end(&mut self, goal: &mut dyn Goal, watch: &mut dyn FnMut(PlateTime, f64)) -> (Option<Ending>, Wanted) {
         let (mut went_on_at, mut furthest) = (self.stage.now(), 0.0);
-        for _ in 0..MOST_LOOKS {
+        loop {
             let now = self.stage.now();
             let wanted = goal.next(now, &self.stage.positions_m);
             watch(now, wanted.progress);
             if wanted.done {
-                return (Ending::completed(wanted.phase.clone()), wanted);
+                return (Some(Ending::completed(wanted.phase.clone())), wanted);
+            }
+            if self.work_ms > self.most_work_ms {
+                return (None, wanted);
             }
             if wanted.progress > furthest {
                 (furthest, went_on_at) = (wanted.progress, now);
@@ -156,21 +196,26 @@ impl Player<'_> {
                 Ok(true) => went_on_at = self.stage.now(),
                 Ok(false) if self.stage.now() - went_on_at > STALLED_S => {
                     let reason = format!("stalled: no pulse for {STALLED_S} s of plate time, {}", wanted.phase);
-                    return (Ending::failed(reason), wanted);
+                    return (Some(Ending::failed(reason)), wanted);
                 }
                 Ok(false) => {}
-                Err(ending) => return (ending, wanted),
+                Err(ending) => return (Some(ending), wanted),
             }
         }
-        let reason = format!("left off after {:.0} s of plate time", self.stage.now().secs());
-        let wanted = goal.next(self.stage.now(), &self.stage.positions_m);
-        (if self.params.endless { Ending::completed(reason) } else { Ending::failed(reason) }, wanted)
+    }
+
+    /// The ending of a rehearsal that is left off. A job without an end has done what it can by then.
+    fn left_off(&self, wanted: &Wanted) -> Ending {
+        let (plate_s, percent) = (self.stage.now().secs(), 100.0 * wanted.progress);
+        let reason = format!("left off after {plate_s:.0} s of plate time, {percent:.0} % of the way");
+        if self.params.endless { Ending::completed(reason) } else { Ending::failed(reason) }
     }
 
     /// One cycle from a look to the next; true when it had a pulse.
     fn once(&mut self, wanted: &Wanted) -> Result<bool, Ending> {
         self.check_time()?;
         let plan = self.plan(wanted)?;
+        self.work_ms += work::cycle_ms(self.library, &plan, self.params.parts.len());
         for pulse in &plan.pulses {
             self.check_time()?;
             let before_m = self.stage.positions_m.clone();
@@ -180,6 +225,8 @@ impl Player<'_> {
             self.stage.play(pulse, self.plans.as_ref());
             self.pulses += 1;
             if let (Some(forecast_m), Some(with_more_m)) = (forecast_m, with_more_m) {
+                let ends = forecast_m.iter().zip(&self.stage.positions_m);
+                ends.for_each(|(forecast_m, after_m)| self.off.push((after_m - forecast_m).norm()));
                 self.gains.learn(&Lesson {
                     before_m: &before_m,
                     forecast_m: &forecast_m,
@@ -225,8 +272,7 @@ impl Player<'_> {
             last = match &plan.status {
                 PlanStatus::NothingToDo if tried.is_part => continue,
                 PlanStatus::Solved | PlanStatus::NothingToDo => return Ok(plan),
-                PlanStatus::Infeasible(limit) => self.in_words(*limit),
-                PlanStatus::SolverFailed(why) => format!("the solver gave up: {why}"),
+                status => why_not(status, self.params.method, |part| self.id(part)),
             };
             self.note(&last);
         }
@@ -249,14 +295,6 @@ impl Player<'_> {
         match self.limits_met.iter_mut().find(|met| met.limit == limit) {
             Some(met) => met.times += 1,
             None => self.limits_met.push(LimitMet { limit: limit.to_owned(), times: 1 }),
-        }
-    }
-
-    fn in_words(&self, limit: Limit) -> String {
-        match limit {
-            Limit::Edge { part } => format!("{} would leave the plate", self.id(part)),
-            Limit::Separation { parts: [a, b] } => format!("{} and {} would touch", self.id(a), self.id(b)),
-            Limit::Unreachable => "no motion of the library moves every part that should move".into(),
         }
     }
 

@@ -34,6 +34,9 @@ pub struct Report {
     pub seed: u64,
     /// Version of this program.
     pub version: String,
+    /// The planner that ran and why; `None` in reports from before it was told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub planner: Option<PlannerReport>,
     /// How the run ended.
     pub outcome: Outcome,
     /// Why, in words.
@@ -83,6 +86,31 @@ pub struct Report {
     /// What went wrong beside the run itself: a recording that does not hold all of it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
+}
+
+/// The planner of a run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PlannerReport {
+    /// Its name in a job file.
+    pub name: String,
+    /// Who named it.
+    pub chosen: SelectedBy,
+    /// Why it was this one, for programs.
+    pub code: String,
+    /// The same for people.
+    pub why: String,
+    /// The others that the rig could run, by their names in a job file.
+    pub alternatives: Vec<String>,
+}
+
+/// Who named the planner of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SelectedBy {
+    /// The program, for a job that leaves it open or says `auto`.
+    Auto,
+    /// The job.
+    Job,
 }
 
 /// Distances of forecast places from measured ones over every pulse and part, root mean square, mm.

@@ -1,4 +1,4 @@
-use super::report::{Outcome, PartReport, PredictionError, Report};
+use super::report::{Outcome, PartReport, PlannerReport, PredictionError, Report};
 use super::timings::Timings;
 use upm_control::{CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::geometry::Vec2;
@@ -32,6 +32,8 @@ pub struct Ending {
     pub name: String,
     /// Its seed.
     pub seed: u64,
+    /// Its planner and why; `None` where that is not known.
+    pub planner: Option<PlannerReport>,
     /// How.
     pub outcome: Outcome,
     /// Why, in words.
@@ -110,6 +112,7 @@ impl Tally {
             name: ending.name,
             seed: ending.seed,
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            planner: ending.planner,
             outcome: ending.outcome,
             reason: ending.reason,
             plate_time_s: rounded(ending.plate_time.secs()),
@@ -227,12 +230,14 @@ fn point_mm(p_m: Vec2) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::report::SelectedBy;
     use upm_fixtures::synthetic_run::SyntheticRun;
 
     fn ending(parts: Vec<PartEnding>) -> Ending {
         Ending {
             name: "test".into(),
             seed: 7,
+            planner: None,
             outcome: Outcome::Completed,
             reason: "all parts in place".into(),
             plate_time: PlateTime::from_secs(3.25),
@@ -322,6 +327,25 @@ mod tests {
             }
         }
         assert_eq!(json["outcome"], "completed");
+        assert_eq!(serde_json::from_value::<Report>(json).unwrap(), report);
+    }
+
+    #[test]
+    fn planner_of_the_run_is_reported_with_its_reason() {
+        let planner = PlannerReport {
+            name: "cor_sequence".into(),
+            chosen: SelectedBy::Auto,
+            code: "one_part".into(),
+            why: "the job moves one part".into(),
+            alternatives: vec!["pseudo_inverse".into()],
+        };
+        let report = Tally::new(None).report(Ending { planner: Some(planner), ..ending(Vec::new()) });
+        let json = serde_json::to_value(&report).unwrap();
+        let expected = serde_json::json!({
+            "name": "cor_sequence", "chosen": "auto", "code": "one_part", "why": "the job moves one part",
+            "alternatives": ["pseudo_inverse"],
+        });
+        assert_eq!(json["planner"], expected);
         assert_eq!(serde_json::from_value::<Report>(json).unwrap(), report);
     }
 

@@ -12,6 +12,7 @@ mod links;
 mod lost_tests;
 mod paced;
 mod pacing;
+mod planner_selection;
 #[cfg(test)]
 mod recording_tests;
 mod rehearse;
@@ -49,7 +50,8 @@ pub use folder::{FolderState, RunFolder};
 pub use library::{check_job, check_places, job_library, library_faults};
 pub use links::Links;
 pub use pacing::PacingStats;
-pub use rehearse::{Forecast, Independence, PartForecast, RehearsalProgress, Spot, rehearse};
+pub use planner_selection::{PlannerSelection, SelectionReason};
+pub use rehearse::{Forecast, Independence, PartForecast, PlanVerdict, RehearsalProgress, Spot, rehearse};
 pub use simulate::{check_simulate, simulate};
 pub use upm_sim::Trajectories;
 pub use verify::{Verdict, VerifyError, verify};
@@ -289,6 +291,7 @@ fn ending(job: &JobSpec, bench: Option<&Bench>, finish: Finish, wall_time_s: f64
     recording::Ending {
         name: job.name.clone(),
         seed: job.seed(),
+        planner: Some(PlannerSelection::of(job).report()),
         outcome: ending.outcome.into(),
         reason: ending.reason,
         plate_time: bench.map_or(PlateTime::ZERO, Bench::now),

@@ -55,7 +55,9 @@ fn a_job_that_can_be_done_is_told_in_figures() {
     assert_eq!(planned(&file, 0), row, "equal jobs, equal forecasts");
 
     let (said, _) = status(&["check", file.to_str().unwrap(), "--plan"], 0);
-    for label in ["can be done", "predicted ", "smallest gap", "all together", "penny-1  start", "penny-2  target"] {
+    for label in
+        ["can be done", "planner ", "predicted ", "smallest gap", "all together", "penny-1  start", "penny-2  target"]
+    {
         assert_eq!(said.lines().filter(|line| line.trim_start().starts_with(label)).count(), 1, "{label}: {said}");
     }
     let (said, _) = status(&["check", file.to_str().unwrap()], 0);
@@ -141,4 +143,56 @@ fn plus_sign_on_the_weak_rig_takes_what_was_predicted() {
 #[test]
 fn plus_sign_on_the_strong_rig_takes_what_was_predicted() {
     a_run_takes_what_was_predicted("plus-sign-upm-2.json");
+}
+
+#[test]
+fn dense_job_by_fields_takes_what_was_predicted() {
+    a_run_takes_what_was_predicted("arrange-16.json");
+}
+
+#[test]
+fn planner_is_named_with_its_reason_and_the_other_ones() {
+    let planner = |name: &str| planned(&root().join("configs").join(name), 0)["plan"]["planner"].clone();
+    let auto = planner("sort-8.json");
+    assert_eq!((&auto["name"], &auto["chosen"]), (&json!("synthesized_field"), &json!("auto")));
+    assert_eq!(
+        (&auto["code"], &auto["alternatives"]),
+        (&json!("several_parts"), &json!(["cor_sequence", "pseudo_inverse"]))
+    );
+    let named = planner("arrange-4-cor.json");
+    assert_eq!((&named["name"], &named["chosen"]), (&json!("cor_sequence"), &json!("job")));
+    assert_eq!(named["alternatives"], json!(["synthesized_field", "pseudo_inverse"]));
+    let alone = planner("plus-sign.json");
+    assert_eq!((&alone["name"], &alone["code"]), (&json!("cor_sequence"), &json!("no_fields")));
+    let (said, _) = status(&["check", "configs/plus-sign-upm-2.json", "--plan"], 0);
+    let line = said.lines().find(|line| line.trim_start().starts_with("planner ")).unwrap();
+    assert!(line.contains("cor_sequence: the job moves one part; also possible: synthesized_field"), "{line}");
+}
+
+#[test]
+fn failed_run_names_its_planner_and_what_else_the_rig_could_do() {
+    let folder = TempDir::new().unwrap();
+    let text = fs::read_to_string(root().join("configs/arrange-4.json")).unwrap();
+    let mut job: Value = serde_json::from_str(&text).unwrap();
+    job["rig"] = json!(root().join("configs/rigs/upm-2.json"));
+    job["limits"] = json!({"plate_time_s": 0.5});
+    let file = folder.path().join("job.json");
+    fs::write(&file, job.to_string()).unwrap();
+    let out = folder.path().to_str().unwrap();
+    let run = ["run", file.to_str().unwrap(), "--out", out, "--rerun", "off"];
+    let (said, _) = status(&run, 1);
+    let line = said.lines().find(|line| line.trim_start().starts_with("planner ")).unwrap();
+    assert!(line.contains("synthesized_field: the rig has fields and the job moves 4 parts"), "{line}");
+    assert!(line.contains("also possible: cor_sequence"), "{line}");
+    let (report, _) = status(&[&run[..], &["--json"]].concat(), 1);
+    let planner = serde_json::from_str::<Value>(&report).unwrap()["planner"].clone();
+    assert_eq!((&planner["name"], &planner["chosen"]), (&json!("synthesized_field"), &json!("auto")));
+}
+
+#[test]
+fn rehearsals_of_twenty_four_coins_end_soon_and_at_the_goal() {
+    let plan = &planned(&root().join("configs/arrange-24.json"), 0)["plan"];
+    assert_eq!(plan["verdict"], "can_be_done");
+    let rehearsals = plan["rehearsals"].as_array().unwrap();
+    assert!((1..5).contains(&rehearsals.len()), "their number is bounded by the work of each: {}", rehearsals.len());
 }

@@ -5,11 +5,13 @@ use std::sync::Arc;
 use serde_json::{Value, json};
 
 use super::covered::{degrees, mm, place_json, rounded, shown, steps};
-use crate::cli::progress::LateProgress;
+use crate::cli::progress::{LateProgress, ProgressMode};
+use crate::cli::summary::planner_line;
 use upm_control::{LimitMet, Nearest, Outcome, Rehearsal};
+use upm_core::time::MonotonicClock;
 use upm_library::Library;
 use upm_runner::config::{Fault, JobSpec};
-use upm_runner::run::{Forecast, PartForecast, Spot, rehearse};
+use upm_runner::run::{Forecast, PartForecast, PlanVerdict, Spot, rehearse};
 
 /// The forecast of a job.
 pub(super) struct Planned {
@@ -22,9 +24,9 @@ pub(super) struct Planned {
 }
 
 impl Planned {
-    /// Rehearses `job` with `library`, with a bar on stderr when that takes long.
-    pub fn of(job: &JobSpec, library: &Arc<Library>, quiet: bool) -> Result<Self, Fault> {
-        let mut progress = LateProgress::new(quiet);
+    /// Rehearses `job` with `library`, with progress on stderr when that takes long.
+    pub fn of(job: &JobSpec, library: &Arc<Library>, progress: ProgressMode) -> Result<Self, Fault> {
+        let mut progress = LateProgress::new(progress, MonotonicClock::new());
         let forecast = rehearse(job, library, &mut |at| {
             progress.show(at.done, || format!("rehearsal {} of {}, plate {:6.1} s", at.rehearsal, at.of, at.at.secs()));
         });
@@ -42,7 +44,7 @@ impl Planned {
         }
         lines.extend(table(&forecast.parts));
         lines.push(format!(
-            "all of it predicted by the library's displacement model; friction drawn with {:.0} % spread",
+            "all of it predicted by the planner's own forecasts; friction drawn with {:.0} % spread",
             100.0 * forecast.friction_spread
         ));
         lines
@@ -63,10 +65,12 @@ impl Planned {
         let rehearsals = forecast.rehearsals.iter().map(|rehearsal| {
             json!({
                 "completed": rehearsal.ending.outcome == Outcome::Completed,
+                "left_off": rehearsal.left_off,
                 "reason": rehearsal.ending.reason,
                 "plate_time_s": rounded(rehearsal.plate_time_s),
                 "cycles": rehearsal.cycles,
                 "pulses": rehearsal.pulses,
+                "prediction_error_mm": rehearsal.prediction_error_m.map(|error_m| rounded(mm(error_m))),
             })
         });
         let parts = forecast.parts.iter().map(|part| {
@@ -78,7 +82,13 @@ impl Planned {
             told
         });
         json!({
-            "can_be_done": forecast.can_be_done(),
+            "planner": forecast.planner.report(),
+            "verdict": forecast.verdict().code(),
+            "can_be_done": match forecast.verdict() {
+                PlanVerdict::CanBeDone => json!(true),
+                PlanVerdict::Undecided => Value::Null,
+                PlanVerdict::Likely | PlanVerdict::Unlikely | PlanVerdict::CannotBeDone => json!(false),
+            },
             "endings": forecast.endings().iter().map(ending).collect::<Vec<_>>(),
             "predicted_plate_time_s": range,
             "smallest_gap": nearest,
@@ -99,15 +109,18 @@ impl Planned {
 
 fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
     let (completed, all) = (forecast.completed(), forecast.rehearsals.len());
-    let verdict = match completed {
-        _ if forecast.can_be_done() => "can be done",
-        0 => "cannot be done",
-        _ => "uncertain",
+    let verdict = match forecast.verdict() {
+        PlanVerdict::CanBeDone => "can be done",
+        PlanVerdict::Likely => "likely done",
+        PlanVerdict::Unlikely => "unlikely",
+        PlanVerdict::CannotBeDone => "cannot be done",
+        PlanVerdict::Undecided => "undecided",
     };
     let mut figures = vec![(verdict, format!("{completed} of {all} rehearsals reach the goal"))];
     for (reason, times) in forecast.endings() {
         figures.push(("", format!("{times} of {all}: {reason}")));
     }
+    figures.push(("planner", planner_line(&forecast.planner.report())));
     let median = |figure: fn(&Rehearsal) -> f64| forecast.range(figure).map_or(0.0, |[_, median, _]| median);
     if let Some([least, middle, most]) = forecast.range(|rehearsal| rehearsal.plate_time_s) {
         let cycles = median(|rehearsal| rehearsal.cycles as f64);

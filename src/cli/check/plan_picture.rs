@@ -3,7 +3,7 @@ use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_control::Rehearsal;
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
-use upm_runner::run::PartForecast;
+use upm_runner::run::{PartForecast, PlanVerdict};
 
 /// What the picture shows, in half sides of the plate from its middle.
 const SHOWN: f64 = 1.08;
@@ -35,10 +35,13 @@ pub(super) fn chart(planned: &Planned) -> Chart {
 fn title(planned: &Planned) -> String {
     let Planned { job, rig, forecast } = planned;
     match forecast.range(|rehearsal| rehearsal.plate_time_s) {
-        Some([_, median_s, _]) if forecast.can_be_done() => {
+        Some([_, median_s, _]) if forecast.verdict() == PlanVerdict::CanBeDone => {
             format!("{job} on {rig}: predicted to take {median_s:.1} s of plate time")
         }
         Some(_) => format!("{job} on {rig}: not every rehearsal reaches the goal"),
+        None if forecast.verdict() == PlanVerdict::Undecided => {
+            format!("{job} on {rig}: too long to be rehearsed to its end")
+        }
         None => format!("{job} on {rig}: predicted that it cannot be done"),
     }
 }

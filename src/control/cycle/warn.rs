@@ -1,8 +1,8 @@
 //! The conditions of a cycle: which hold, and why, in words.
 
 use super::Cycle;
-use crate::conditions::Condition;
-use upm_planner::{Limit, Method, PlanStatus};
+use crate::conditions::{Condition, why_not};
+use upm_planner::PlanStatus;
 
 /// A part that goes less than this part of the way the library has it is slow, and no longer slow from the second on.
 const SLOW: f64 = 0.7;
@@ -43,23 +43,6 @@ impl Cycle<'_> {
 
     /// For people: why a plan has no pulses.
     pub(super) fn why_not(&self, status: &PlanStatus) -> String {
-        let id = |part: usize| self.id(part);
-        match status {
-            PlanStatus::Solved => "it has pulses".into(),
-            PlanStatus::NothingToDo => "every step is shorter than the shortest pulse".into(),
-            PlanStatus::Infeasible(Limit::Edge { part }) => {
-                format!("{} would cross the plate's edge margin", id(*part))
-            }
-            PlanStatus::Infeasible(Limit::Separation { parts: [a, b] }) => {
-                format!("{} and {} would come too close to each other", id(*a), id(*b))
-            }
-            PlanStatus::Infeasible(Limit::Unreachable) => match self.params.method {
-                Method::SynthesizedField => "no motion was found that brings the parts closer to their places".into(),
-                Method::CorSequence | Method::PseudoInverse => {
-                    "no motion of the library moves every part that should move".into()
-                }
-            },
-            PlanStatus::SolverFailed(why) => format!("the solver gave up ({why})"),
-        }
+        why_not(status, self.params.method, |part| self.id(part))
     }
 }

@@ -1,14 +1,10 @@
-use std::f64::consts::FRAC_1_SQRT_2;
 use std::sync::Arc;
 
-use rand_distr::{Distribution, StandardNormal};
-
+use super::disturbance::{Disturbance, normal};
 use super::{Nearest, OPENING_FRAMES, RehearsalParams};
 use crate::ControlParams;
-use crate::learning::Scatter;
 use crate::plans::Plans;
 use upm_core::geometry::Vec2;
-use upm_core::random::Rng;
 use upm_core::time::PlateTime;
 use upm_library::Library;
 use upm_planner::{FieldPulse, PartState, PlannedPulse, Rotation};
@@ -34,7 +30,7 @@ pub(super) struct Stage {
     library: Arc<Library>,
     /// For each part how far it goes against what was measured.
     friction: Vec<f64>,
-    scatter: Rng,
+    disturbance: Disturbance,
     frame_hz: f64,
     frames: u64,
 }
@@ -42,14 +38,15 @@ pub(super) struct Stage {
 impl Stage {
     /// Parts where they start, with the friction drawn for each.
     pub fn new(library: Arc<Library>, params: &ControlParams, rehearsal: &RehearsalParams) -> Self {
-        let RehearsalParams { starts_m, frame_hz, streams, number, .. } = rehearsal;
+        let RehearsalParams { starts_m, frame_hz, .. } = rehearsal;
+        let disturbance = Disturbance::new(&library, rehearsal);
         let mut stage = Self {
             positions_m: starts_m.clone(),
             radii_m: (0..starts_m.len()).map(|part| params.radius_m(part)).collect(),
             nearest: None,
             library,
             friction: friction(rehearsal),
-            scatter: streams.numbered("rehearsal scatter", *number),
+            disturbance,
             frame_hz: *frame_hz,
             frames: OPENING_FRAMES,
         };
@@ -79,24 +76,15 @@ impl Stage {
         places.map(state).collect()
     }
 
-    /// Plays a pulse to the first frame after its end. `plans` knows where a field carries parts.
+    /// Plays a pulse to the first frame after its end: parts go where `plans` forecasts them with their own friction, on a
+    /// plate that is a little off what it is asked for.
     pub fn play(&mut self, pulse: &PlannedPulse, plans: &dyn Plans) {
         self.frames += (self.length_s(pulse) * self.frame_hz - ROUNDING).ceil().max(1.0) as u64;
         let before_m = self.positions_m.clone();
-        match pulse {
-            PlannedPulse::Rotation(rotation) => {
-                for part in 0..self.positions_m.len() {
-                    self.positions_m[part] = self.carried(part, rotation);
-                }
-            }
-            PlannedPulse::Field(_) => {
-                if let Some(after_m) = plans.forecast(&self.states(|part| self.friction[part]), pulse) {
-                    let scatter = Scatter::of(pulse);
-                    for (at, after) in self.positions_m.iter_mut().zip(after_m) {
-                        let sd_m = scatter.sd_m((after - *at).norm()) * FRAC_1_SQRT_2;
-                        *at = after + sd_m * Vec2::new(normal(&mut self.scatter), normal(&mut self.scatter));
-                    }
-                }
+        let made = self.disturbance.made(pulse);
+        if let Some(after_m) = plans.forecast(&self.states(|part| self.friction[part]), &made) {
+            for (at, after) in self.positions_m.iter_mut().zip(after_m) {
+                *at = self.disturbance.end_m(&made, *at, after);
             }
         }
         self.note_gaps(&before_m);
@@ -136,19 +124,6 @@ impl Stage {
         }
     }
 
-    /// Where a rotation carries a part. Distance and direction are those half way along: so they were measured.
-    fn carried(&mut self, part: usize, pulse: &Rotation) -> Vec2 {
-        let from_m = self.positions_m[part];
-        let Some(entry) = self.library.entries.get(pulse.entry) else { return from_m };
-        let model = &self.library.displacement;
-        let reverse = if pulse.distance_m < 0.0 { -1.0 } else { 1.0 };
-        let usual_m = |p_m: Vec2| reverse * model.distance(entry.speed_at(p_m), pulse.sustain_s);
-        let half_m = entry.pump.direction_at(from_m) * (0.5 * self.friction[part] * usual_m(from_m));
-        let middle_m = from_m + half_m;
-        let scatter_m = model.sd(entry.speed_at(middle_m), pulse.sustain_s) * normal(&mut self.scatter);
-        from_m + entry.pump.direction_at(middle_m) * (self.friction[part] * (usual_m(middle_m) + scatter_m))
-    }
-
     /// Takes note of the least gap while all parts go straight from `before_m` to where they are, in step.
     fn note_gaps(&mut self, before_m: &[Vec2]) {
         let at_s = self.now().secs();
@@ -176,10 +151,6 @@ pub(super) fn friction(rehearsal: &RehearsalParams) -> Vec<f64> {
     };
     let draw = |_: &Vec2| sign * friction_spread * normal(&mut draws).clamp(-FRICTION_CUT, FRICTION_CUT);
     starts_m.iter().map(draw).map(|off| (1.0 + off).max(LEAST_FRICTION)).collect()
-}
-
-fn normal(rng: &mut Rng) -> f64 {
-    StandardNormal.sample(rng)
 }
 
 /// Distance of the segment from `a` to `b` from the origin.

@@ -31,7 +31,7 @@ pub struct JobSpec {
     pub parts: Vec<PartGroup>,
     /// What to do.
     pub task: TaskSpec,
-    /// How motions are found.
+    /// The planner as the file has it, `auto` included.
     pub planner: PlannerChoice,
     /// A part this near its target has arrived, m.
     pub tolerance_m: f64,
@@ -195,7 +195,7 @@ fn the_same(raw: &RawRig, rig: &RigSpec, plate: Option<&str>, at: &Path, faults:
 /// Synthesised fields need a rig that says how they are driven.
 fn refuse_fields(faults: &mut Faults) {
     let found = "\"synthesized_field\" on a rig without `fields`";
-    let allowed = "cor_sequence, pseudo_inverse, or a rig that has `fields`";
+    let allowed = "auto, cor_sequence, pseudo_inverse, or a rig that has `fields`";
     faults.push(&Path::root().key("planner"), found, allowed);
 }
 

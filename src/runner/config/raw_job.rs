@@ -188,8 +188,11 @@ pub struct RawRegion {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PlannerChoice {
-    /// Rotations about measured centres, one after another. Works on every rig that has a library.
+    /// The planner that suits rig and parts: `synthesized_field` where the rig has `fields` and the job two parts or
+    /// more, else `cor_sequence`.
     #[default]
+    Auto,
+    /// Rotations about measured centres, one after another. Works on every rig that has a library.
     CorSequence,
     /// One motion of many harmonics a cycle, which moves every part its own step at once. Asks for a rig with `fields`;
     /// much faster than rotations with several parts.

@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
+use super::planner_selection::PlannerSelection;
 use crate::config::{
-    Assignment, BinSpec, Fault, JobSpec, PathSpec, PlacedPart, PlannerChoice, REST_GAP_M, REST_MARGIN_M, TaskSpec,
-    place_parts,
+    Assignment, BinSpec, Fault, JobSpec, PathSpec, PlacedPart, REST_GAP_M, REST_MARGIN_M, TaskSpec, place_parts,
 };
 use upm_control::{ControlParams, ExpectedPart, LocalisedFacts, Sink};
 use upm_core::geometry::{Pose, Vec2};
@@ -15,7 +15,7 @@ use upm_goal::{
     PlusSignParams, Sort, SortParams, Trajectories,
 };
 use upm_library::{Entry, Library};
-use upm_planner::{Method, PlannerParams};
+use upm_planner::PlannerParams;
 use upm_sim::SimRig;
 use upm_viewer::PartLook;
 
@@ -58,11 +58,7 @@ impl Bench {
             time_limit_s: job.plate_time_limit_s,
             endless: matches!(job.task, TaskSpec::PlusSign { laps: 0, .. }),
             lost_after_frames: lost_after_frames(model.frame_hz),
-            method: match job.planner {
-                PlannerChoice::PseudoInverse => Method::PseudoInverse,
-                PlannerChoice::CorSequence => Method::CorSequence,
-                PlannerChoice::SynthesizedField => Method::SynthesizedField,
-            },
+            method: PlannerSelection::of(job).method,
             planner: planner_params(job),
             kinds,
         };

@@ -1,5 +1,7 @@
 use std::sync::atomic::AtomicBool;
 
+use serde_json::{Value, json};
+
 use super::*;
 use crate::config::Origin;
 use upm_control::{Outcome, PulseFacts};
@@ -64,8 +66,9 @@ impl Sink for FirstCycle {
 fn first_cycle(blind_from: Option<u64>) -> (u64, Finish, f64) {
     let root = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
     let file = root.join("configs/arrange-8.json");
-    let text = std::fs::read_to_string(&file).unwrap().replace("synthesized_field", "cor_sequence");
-    let job = JobSpec::from_json(&text, &Origin::of_file(&file), None).unwrap();
+    let mut job: Value = serde_json::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
+    job["planner"] = json!("cor_sequence");
+    let job = JobSpec::from_json(&job.to_string(), &Origin::of_file(&file), None).unwrap();
     let library = job_library(&job).unwrap();
     let Bench { mut rig, model, mut goal, mut params, .. } = Bench::new(&job, &library).unwrap();
     params.time_limit_s = 8.0;

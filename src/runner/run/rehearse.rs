@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::bench::{self, Bench};
 use super::coverage::Place;
+use super::planner_selection::PlannerSelection;
 use crate::config::{Fault, JobSpec, PlacedPart};
 use upm_control::{self as control, ControlParams, LimitMet, Nearest, Outcome, Rehearsal, RehearsalParams};
 use upm_core::geometry::Vec2;
@@ -17,12 +18,18 @@ use upm_planner::{FieldPlanner, Method, Reach};
 
 pub use independence::Independence;
 
-/// Rehearsals of one job.
+/// Most rehearsals of one job.
 const REHEARSALS: u64 = 5;
+/// Modelled computing time of all of them, ms; at least one is begun.
+const WORK_MS: f64 = 1900.0;
+/// How much longer than those before it a rehearsal may take that is begun.
+const MARGIN: f64 = 1.3;
 
 /// What a job is predicted to come to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Forecast {
+    /// The planner of the job and why.
+    pub planner: PlannerSelection,
     /// Half the plate's side, m.
     pub half_side_m: f64,
     /// The parts, in the order of the job.
@@ -66,12 +73,45 @@ impl Spot {
     }
 }
 
+/// What the rehearsals of a job say of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlanVerdict {
+    /// Every rehearsal reaches the goal.
+    CanBeDone,
+    /// Most do.
+    Likely,
+    /// Most do not.
+    Unlikely,
+    /// None does.
+    CannotBeDone,
+    /// The job is too long for a rehearsal: all were left off on the way.
+    Undecided,
+}
+
+impl PlanVerdict {
+    /// A name for programs that never changes.
+    pub fn code(self) -> &'static str {
+        match self {
+            Self::CanBeDone => "can_be_done",
+            Self::Likely => "likely",
+            Self::Unlikely => "unlikely",
+            Self::CannotBeDone => "cannot_be_done",
+            Self::Undecided => "undecided",
+        }
+    }
+
+    /// True when the job is predicted to fail.
+    pub fn is_failure(self) -> bool {
+        matches!(self, Self::Unlikely | Self::CannotBeDone)
+    }
+}
+
 /// How far the rehearsals of a job are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RehearsalProgress {
     /// Number of the present one, from 1.
     pub rehearsal: u64,
-    /// How many there are.
+    /// How many there will be, as far as that is known.
     pub of: u64,
     /// Plate time in it.
     pub at: PlateTime,
@@ -88,22 +128,28 @@ pub fn rehearse(
     // the bench has a rig beside what is wanted of it here; nothing is played on it
     let Bench { params, placed, model, .. } = Bench::new(job, library)?;
     let starts_m = named(&placed, &params);
-    let rehearsals: Vec<Rehearsal> = (0..REHEARSALS)
-        .map(|number| {
-            let rehearsal = RehearsalParams {
-                starts_m: starts_m.clone(),
-                frame_hz: model.frame_hz,
-                friction_spread: job.rig.friction.spread,
-                streams: Streams::new(job.seed()),
-                number,
-            };
-            let mut goal = bench::goal(job, library, &placed);
-            control::rehearse(library, goal.as_mut(), &params, &rehearsal, &mut |at, progress| {
-                let done = (number as f64 + progress) / REHEARSALS as f64;
-                watch(RehearsalProgress { rehearsal: number + 1, of: REHEARSALS, at, done });
-            })
-        })
-        .collect();
+    let (mut rehearsals, mut work_ms, mut of) = (Vec::new(), 0.0, REHEARSALS);
+    for number in 0..REHEARSALS {
+        let rehearsal = RehearsalParams {
+            starts_m: starts_m.clone(),
+            frame_hz: model.frame_hz,
+            friction_spread: job.rig.friction.spread,
+            streams: Streams::new(job.seed()),
+            number,
+            most_work_ms: WORK_MS - work_ms,
+        };
+        let mut goal = bench::goal(job, library, &placed);
+        let done = control::rehearse(library, goal.as_mut(), &params, &rehearsal, &mut |at, progress| {
+            let done = (number as f64 + progress) / of as f64;
+            watch(RehearsalProgress { rehearsal: number + 1, of, at, done });
+        });
+        work_ms += done.work_ms;
+        rehearsals.push(done);
+        of = affordable(work_ms, number + 1);
+        if of == number + 1 {
+            break;
+        }
+    }
     let by_fields = params.method == Method::SynthesizedField;
     let fields = by_fields.then(|| FieldPlanner::new(library, params.planner)).flatten();
     let targets_m = rehearsals.first().map_or(&[][..], |first| &first.targets_m);
@@ -114,6 +160,7 @@ pub fn rehearse(
         target: targets_m.get(i).map(|&target_m| Spot::of(library, target_m)),
     });
     Ok(Forecast {
+        planner: PlannerSelection::of(job),
         half_side_m: 0.5 * model.plate_side_m,
         parts: parts.collect(),
         independence: match &fields {
@@ -124,6 +171,14 @@ pub fn rehearse(
         rehearsals,
         friction_spread: job.rig.friction.spread,
     })
+}
+
+/// How many rehearsals fit when the first `done` of them took `work_ms`: another is begun only if it can take somewhat
+/// longer than those, since one that is left off on the way tells nothing.
+fn affordable(work_ms: f64, done: u64) -> u64 {
+    let each_ms = MARGIN * work_ms / done as f64;
+    let more = if each_ms > 0.0 { ((WORK_MS - work_ms).max(0.0) / each_ms) as u64 } else { REHEARSALS };
+    (done + more).min(REHEARSALS)
 }
 
 /// Where each part starts by the names that control will give: of one kind, parts without a given place are named from
@@ -141,14 +196,25 @@ fn named(placed: &[PlacedPart], params: &ControlParams) -> Vec<Vec2> {
 }
 
 impl Forecast {
-    /// True when every rehearsal came to its end.
-    pub fn can_be_done(&self) -> bool {
-        self.completed() == self.rehearsals.len()
+    /// What the rehearsals say of the job.
+    pub fn verdict(&self) -> PlanVerdict {
+        match (self.completed(), self.decided()) {
+            (_, 0) => PlanVerdict::Undecided,
+            (completed, decided) if completed == decided => PlanVerdict::CanBeDone,
+            (0, _) => PlanVerdict::CannotBeDone,
+            (completed, decided) if 2 * completed >= decided => PlanVerdict::Likely,
+            _ => PlanVerdict::Unlikely,
+        }
     }
 
     /// How many rehearsals came to their end.
     pub fn completed(&self) -> usize {
         self.rehearsals.iter().filter(|rehearsal| is_completed(rehearsal)).count()
+    }
+
+    /// How many rehearsals were not left off before they could complete or fail.
+    pub fn decided(&self) -> usize {
+        self.rehearsals.iter().filter(|rehearsal| is_completed(rehearsal) || !rehearsal.left_off).count()
     }
 
     /// Reasons for which rehearsals ended, those that failed first, and how many of each.

@@ -36,8 +36,8 @@ macro_rules! shipped {
 
 /// The jobs of `configs/`.
 const JOBS: &[(&str, &str)] = shipped! {
-    "arrange-2" "arrange-4" "arrange-8" "arrange-16" "arrange-24" "bowtie-3" "hold-4" "plus-sign" "plus-sign-upm-2"
-    "ring-6" "sort-8" "sort-12" "swap-2" "trajectories"
+    "arrange-2" "arrange-4" "arrange-4-cor" "arrange-8" "arrange-16" "arrange-24" "bowtie-3" "hold-4" "plus-sign"
+    "plus-sign-upm-2" "ring-6" "sort-8" "sort-8-cor" "sort-12" "swap-2" "trajectories" "trajectories-cor"
 };
 
 /// A file of the operator page; `index.html` is the page itself, `examples.json` the shipped jobs.
@@ -84,7 +84,9 @@ fn what(job: &Value) -> Option<String> {
     let count = |part: &Value| part.get("count").map_or(Some(1), Value::as_u64);
     let parts: u64 = job.get("parts")?.as_array()?.iter().map(count).sum::<Option<u64>>()?;
     let task = job.get("task")?.get("type")?.as_str()?.replace('_', " ");
-    Some(format!("{task}, {parts} {}", if parts == 1 { "part" } else { "parts" }))
+    let parts = format!("{task}, {parts} {}", if parts == 1 { "part" } else { "parts" });
+    let planner = job.get("planner").and_then(Value::as_str);
+    Some(planner.map_or(parts.clone(), |planner| format!("{parts}, {planner}")))
 }
 
 fn rig(job: &Value) -> String {
@@ -175,5 +177,6 @@ mod tests {
         let of = |name| examples.iter().find(|example| example.name == name).map(|example| example.what.as_str());
         assert_eq!(of("sort-12"), Some("sort, 12 parts"));
         assert_eq!(of("plus-sign"), Some("plus sign, 1 part"));
+        assert_eq!(of("sort-8-cor"), Some("sort, 8 parts, cor_sequence"));
     }
 }

@@ -34,7 +34,7 @@ fn defaults_are_as_documented() {
         ("/seed", json!(1)),
         ("/parts/0/count", json!(1)),
         ("/task/laps", json!(1)),
-        ("/planner", json!("cor_sequence")),
+        ("/planner", json!("auto")),
         ("/limits/plate_time_s", json!(600.0)),
         ("/rig/motors/low_pass_hz", json!(1000.0)),
     ] {
@@ -46,7 +46,7 @@ fn defaults_are_as_documented() {
 fn fields_need_a_rig_that_drives_them() {
     let mut document = value_of("plus-sign.json");
     set(&mut document, "/planner", json!("synthesized_field"));
-    let line = r#"planner: found "synthesized_field" on a rig without `fields`, allowed: cor_sequence, pseudo_inverse, or a rig that has `fields`"#;
+    let line = r#"planner: found "synthesized_field" on a rig without `fields`, allowed: auto, cor_sequence, pseudo_inverse, or a rig that has `fields`"#;
     assert_eq!(lines(job(&document).unwrap_err()), [line]);
 }
 

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::*;
 use crate::config::Origin;
+use crate::run::SelectionReason;
 use crate::run::coverage::fixture::library;
 use upm_control::Ending;
 use upm_core::geometry::Twist;
@@ -102,9 +103,16 @@ fn a_forecast_sums_up_its_rehearsals() {
         targets_m: Vec::new(),
         nearest: nearest(gap_m),
         limits_met,
+        prediction_error_m: None,
+        left_off: false,
+        progress: 1.0,
+        work_ms: 1.0,
     };
     let done = || Ending::completed("there");
+    let planner =
+        PlannerSelection { method: Method::CorSequence, reason: SelectionReason::OnePart, alternatives: vec![] };
     let mut forecast = Forecast {
+        planner,
         half_side_m: 0.1,
         parts: Vec::new(),
         independence: Independence { singular_values: Vec::new(), weakest: None },
@@ -117,14 +125,35 @@ fn a_forecast_sums_up_its_rehearsals() {
         friction_spread: 0.0,
     };
     let time = |rehearsal: &Rehearsal| rehearsal.plate_time_s;
-    assert!(forecast.can_be_done());
+    assert_eq!(forecast.verdict(), PlanVerdict::CanBeDone);
     assert_eq!(forecast.range(time), Some([4.0, 5.0, 9.0]));
     assert_eq!(forecast.nearest(), nearest(0.001));
     assert_eq!(forecast.limits_met(), [met("b", 4), met("a", 2)]);
     forecast.rehearsals[2].ending = Ending::failed("stalled");
-    assert!(!forecast.can_be_done());
+    assert_eq!(forecast.verdict(), PlanVerdict::Likely);
     assert_eq!(forecast.endings(), [("stalled", 1), ("there", 2)]);
     assert_eq!(forecast.range(time), Some([4.0, 6.5, 9.0]));
+    forecast.rehearsals[1].ending = Ending::failed("stalled");
+    assert_eq!(forecast.verdict(), PlanVerdict::Unlikely);
+    forecast.rehearsals[0].left_off = true;
+    assert_eq!((forecast.verdict(), forecast.decided()), (PlanVerdict::Unlikely, 3), "left off at its end");
+    for rehearsal in &mut forecast.rehearsals {
+        rehearsal.ending = Ending::failed("left off");
+    }
+    assert_eq!((forecast.verdict(), forecast.decided()), (PlanVerdict::CannotBeDone, 2));
+    assert!(forecast.verdict().is_failure());
+    forecast.rehearsals.iter_mut().for_each(|rehearsal| rehearsal.left_off = true);
+    assert_eq!((forecast.verdict(), forecast.verdict().is_failure()), (PlanVerdict::Undecided, false));
     forecast.rehearsals.clear();
     assert_eq!(forecast.range(time), None);
+}
+
+#[test]
+fn number_of_rehearsals_follows_from_the_work_of_those_done() {
+    assert_eq!(affordable(0.0, 1), REHEARSALS, "no work at all");
+    assert_eq!(affordable(100.0, 1), REHEARSALS);
+    assert_eq!(affordable(WORK_MS / 2.5, 1), 2, "another may take 1.3 times as long, two may not");
+    assert_eq!(affordable(WORK_MS / 2.0, 1), 1);
+    assert_eq!(affordable(2.0 * WORK_MS, 1), 1);
+    assert_eq!(affordable(0.75 * WORK_MS, 3), 3);
 }

@@ -1,0 +1,162 @@
+use std::fmt;
+
+use crate::config::{JobSpec, PlannerChoice};
+use upm_planner::Method;
+use upm_recording::{PlannerReport, SelectedBy};
+
+/// Parts from which on one motion for all of them beats rotations one after another.
+const SEVERAL: usize = 2;
+
+/// The planner of a job, why it is that one, and the others that its rig could run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PlannerSelection {
+    /// The planner that runs.
+    pub method: Method,
+    /// Why.
+    pub reason: SelectionReason,
+    /// The other planners that the rig could run, the most promising first.
+    pub alternatives: Vec<Method>,
+}
+
+/// Why a job has the planner it has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SelectionReason {
+    /// The job file names it.
+    NamedByJob,
+    /// The rig has fields and several parts are to be moved.
+    SeveralParts {
+        /// How many.
+        parts: usize,
+    },
+    /// A single part gains nothing from a field.
+    OnePart,
+    /// The rig has no fields.
+    NoFields,
+}
+
+impl PlannerSelection {
+    /// Of `job`. Every part counts as moved: each has a goal, if only to stay where it is.
+    pub fn of(job: &JobSpec) -> Self {
+        let has_fields = job.rig.model.fields.is_some();
+        let parts: usize = job.parts.iter().map(|group| group.count).sum();
+        let (method, reason) = match job.planner {
+            PlannerChoice::CorSequence => (Method::CorSequence, SelectionReason::NamedByJob),
+            PlannerChoice::SynthesizedField => (Method::SynthesizedField, SelectionReason::NamedByJob),
+            PlannerChoice::PseudoInverse => (Method::PseudoInverse, SelectionReason::NamedByJob),
+            PlannerChoice::Auto if !has_fields => (Method::CorSequence, SelectionReason::NoFields),
+            PlannerChoice::Auto if parts < SEVERAL => (Method::CorSequence, SelectionReason::OnePart),
+            PlannerChoice::Auto => (Method::SynthesizedField, SelectionReason::SeveralParts { parts }),
+        };
+        let possible = [Method::SynthesizedField, Method::CorSequence, Method::PseudoInverse];
+        let is_other = |other: &Method| *other != method && (has_fields || *other != Method::SynthesizedField);
+        Self { method, reason, alternatives: possible.into_iter().filter(is_other).collect() }
+    }
+
+    /// The planner's name in a job file.
+    pub fn name(&self) -> &'static str {
+        name_of(self.method)
+    }
+
+    /// Names of the others that the rig could run.
+    pub fn alternative_names(&self) -> Vec<&'static str> {
+        self.alternatives.iter().copied().map(name_of).collect()
+    }
+
+    /// For `report.json`.
+    pub fn report(&self) -> PlannerReport {
+        PlannerReport {
+            name: self.name().into(),
+            chosen: if self.reason == SelectionReason::NamedByJob { SelectedBy::Job } else { SelectedBy::Auto },
+            code: self.reason.code().into(),
+            why: self.reason.to_string(),
+            alternatives: self.alternative_names().into_iter().map(str::to_owned).collect(),
+        }
+    }
+}
+
+impl SelectionReason {
+    /// A name for programs that never changes.
+    pub fn code(self) -> &'static str {
+        match self {
+            Self::NamedByJob => "named_by_job",
+            Self::SeveralParts { .. } => "several_parts",
+            Self::OnePart => "one_part",
+            Self::NoFields => "no_fields",
+        }
+    }
+}
+
+impl fmt::Display for SelectionReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NamedByJob => f.write_str("the job names it"),
+            Self::SeveralParts { parts } => write!(f, "the rig has fields and the job moves {parts} parts"),
+            Self::OnePart => f.write_str("the job moves one part"),
+            Self::NoFields => f.write_str("the rig has no fields"),
+        }
+    }
+}
+
+/// The name of a planner in a job file.
+fn name_of(method: Method) -> &'static str {
+    match method {
+        Method::CorSequence => "cor_sequence",
+        Method::SynthesizedField => "synthesized_field",
+        Method::PseudoInverse => "pseudo_inverse",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::config::Origin;
+
+    fn selection(rig: &str, pennies: usize, planner: Value) -> PlannerSelection {
+        let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json");
+        let mut job = json!({
+            "name": "made", "rig": format!("rigs/{rig}.json"), "parts": [{"kind": "penny", "count": pennies}],
+            "task": {"type": "hold", "duration_s": 1}, "planner": planner,
+        });
+        if planner == Value::Null {
+            job.as_object_mut().unwrap().remove("planner");
+        }
+        PlannerSelection::of(&JobSpec::from_json(&job.to_string(), &Origin::of_file(&folder), None).unwrap())
+    }
+
+    #[test]
+    fn auto_takes_fields_for_several_parts_on_a_rig_that_has_them() {
+        for (rig, pennies, method, reason) in [
+            ("upm-2", 2, Method::SynthesizedField, SelectionReason::SeveralParts { parts: 2 }),
+            ("upm-2", 1, Method::CorSequence, SelectionReason::OnePart),
+            ("upm-1", 2, Method::CorSequence, SelectionReason::NoFields),
+            ("upm-1", 1, Method::CorSequence, SelectionReason::NoFields),
+        ] {
+            for planner in [Value::Null, json!("auto")] {
+                let selection = selection(rig, pennies, planner);
+                assert_eq!((selection.method, selection.reason), (method, reason), "{pennies} on {rig}");
+            }
+        }
+    }
+
+    #[test]
+    fn named_planner_is_kept_and_the_others_of_the_rig_are_alternatives() {
+        let named = selection("upm-2", 4, json!("cor_sequence"));
+        assert_eq!((named.method, named.reason), (Method::CorSequence, SelectionReason::NamedByJob));
+        assert_eq!(named.alternative_names(), ["synthesized_field", "pseudo_inverse"]);
+        assert_eq!(named.report().chosen, SelectedBy::Job);
+        let without_fields = selection("upm-1", 4, json!("pseudo_inverse"));
+        assert_eq!(without_fields.alternative_names(), ["cor_sequence"]);
+    }
+
+    #[test]
+    fn name_of_every_planner_is_the_one_a_job_file_has() {
+        for planner in [PlannerChoice::CorSequence, PlannerChoice::SynthesizedField, PlannerChoice::PseudoInverse] {
+            let in_file = serde_json::to_value(planner).unwrap();
+            assert_eq!(json!(selection("upm-2", 2, in_file.clone()).name()), in_file);
+        }
+    }
+}
