@@ -275,8 +275,8 @@ pub struct RunFolderArgs {
 #[command(
     after_help = "Of a COR library it tells what is covered: where the centres of rotation lie, how far one pulse moves a \
                   part in the direction in which it moves it least, and where some direction cannot be reached.\n\n\
-                  With --plan a job is rehearsed a few times on the displacement model of its library, without a rig or a \
-                  camera. Everything told of it is predicted, not measured. Exit status 1 when it cannot be done."
+                  With --plan a job is rehearsed up to five times on the forecasts of its planner, without a rig or a camera. \
+                  All its figures are predictions. Exit status 1 when most rehearsals fail."
 )]
 pub struct CheckArgs {
     /// Files to validate: jobs, rigs, daemons, experiments, COR libraries, traces

@@ -215,7 +215,7 @@ impl Player<'_> {
     fn once(&mut self, wanted: &Wanted) -> Result<bool, Ending> {
         self.check_time()?;
         let plan = self.plan(wanted)?;
-        self.work_ms += work::cycle_ms(self.library, &plan, self.params.parts.len());
+        self.work_ms += work::LOOK_MS;
         for pulse in &plan.pulses {
             self.check_time()?;
             let before_m = self.stage.positions_m.clone();
@@ -269,6 +269,7 @@ impl Player<'_> {
         let whole = self.part_states(wanted);
         for tried in ways_to_try(&whole, self.plans.tries_smaller()) {
             let plan = self.plans.plan(&tried.parts);
+            self.work_ms += self.attempt_ms(&plan);
             last = match &plan.status {
                 PlanStatus::NothingToDo if tried.is_part => continue,
                 PlanStatus::Solved | PlanStatus::NothingToDo => return Ok(plan),
@@ -277,6 +278,15 @@ impl Player<'_> {
             self.note(&last);
         }
         Err(Ending::failed(format!("no feasible step in cycle {}, {}: {last}", self.cycles, wanted.phase)))
+    }
+
+    /// Modelled time of a plan. The check for nothing to do comes first in every planner.
+    fn attempt_ms(&self, plan: &Plan) -> f64 {
+        if plan.status == PlanStatus::NothingToDo {
+            return 0.0;
+        }
+        let ControlParams { method, planner, parts, .. } = self.params;
+        work::attempt_ms(self.library, *method, planner.max_sustain_s, plan, parts.len())
     }
 
     fn part_states(&self, wanted: &Wanted) -> Vec<PartState> {
