@@ -5,7 +5,7 @@ use upm_core::time::PlateTime;
 use upm_planner::{Limit, Method, PlanStatus};
 
 /// Cycles in a row without a condition after which it has ended: a plan that fails every other cycle is one condition.
-const QUIET_CYCLES: u64 = 5;
+const QUIET_CYCLES: u64 = 20;
 
 /// A state of a run that may last over many cycles and that an operator should know of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -205,7 +205,7 @@ mod tests {
         assert_eq!((*at_s, *code, *change), (3.0, "steps_meet_parts", ConditionChange::Began));
         assert!(text.starts_with("reason of cycle 3; ") && text.contains("more room"), "{text}");
         let (at_s, code, change, text) = &told[1];
-        assert_eq!((*at_s, *code), (24.0, "steps_meet_parts"), "five quiet cycles after cycle 19");
+        assert_eq!((*at_s, *code), (39.0, "steps_meet_parts"), "twenty quiet cycles after cycle 19");
         assert_eq!(*change, ConditionChange::Ended { times: 17, lasted_s: 16.0 });
         assert_eq!(text, "no longer: reason of cycle 3 (in 17 cycles over 16.0 s)");
     }
@@ -215,7 +215,7 @@ mod tests {
         let now_and_then =
             |every: u32| told(60, move |cycle| [Condition::SolverFails].repeat((cycle % every == 0).into()));
         assert_eq!(now_and_then(4).0.len(), 2);
-        assert_eq!(now_and_then(12).0.len(), 10, "each of five is told twice");
+        assert_eq!(now_and_then(25).0.len(), 6, "each of three is told twice");
     }
 
     #[test]
