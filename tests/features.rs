@@ -55,12 +55,13 @@ fn help_lists_a_command_only_where_the_build_has_it() {
 #[test]
 fn a_command_that_the_build_lacks_says_which_feature_it_needs() {
     let picture = root().join("target/never-written.svg").display().to_string();
-    let cases: [(&str, &[&str]); 7] = [
+    let cases: [(&str, &[&str]); 8] = [
         ("daemon", &["serve"]),
         ("daemon", &["submit", "configs/plus-sign.json"]),
         ("daemon", &["estop"]),
         ("daemon", &["support-bundle"]),
         ("lab", &["lab", "cor-steering"]),
+        ("lab", &["locate", "--reference", "assets/missing.png"]),
         ("lab", &["render", "--scene", "clean", "--out", "/nowhere/frame.png"]),
         ("lab", &["check", "assets/libraries/upm-1.json", "--picture", &picture]),
     ];

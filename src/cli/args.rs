@@ -215,6 +215,13 @@ pub struct LocateArgs {
     /// Parts are lighter than the plate, as white ones on black
     #[arg(long, conflicts_with = "rig")]
     pub light_parts: bool,
+    /// Method of the disks' response: auto takes the cheaper one by the sizes, which for coins is chords
+    #[arg(long, value_name = "METHOD", value_enum, default_value_t = ResponseArg::Auto)]
+    pub response: ResponseArg,
+    /// Use the reference method in place of the fast one: Canny, Hough and template matching of imageproc; slow, for
+    /// comparison
+    #[arg(long, conflicts_with_all = ["stages", "response"])]
+    pub reference: bool,
     /// Draw the stages into this folder: picture, edges, Hough votes, disk response, overlay; of several pictures each
     /// into a folder of its own
     #[arg(long, value_name = "DIR")]
@@ -225,6 +232,17 @@ pub struct LocateArgs {
     /// Folder that recordings go into
     #[arg(long, value_name = "DIR", default_value = "runs/locate")]
     pub out: PathBuf,
+}
+
+/// `--response`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ResponseArg {
+    /// The cheaper one.
+    Auto,
+    /// Differences of running sums.
+    Chords,
+    /// Products of spectra.
+    Fft,
 }
 
 /// `upm simulate`.

@@ -5,6 +5,8 @@ mod jpeg;
 mod names;
 mod panels;
 mod picture;
+#[cfg(feature = "lab")]
+mod reference;
 mod report;
 mod setting;
 
@@ -13,19 +15,30 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::args::{Common, LocateArgs};
+use super::args::{Common, LocateArgs, ResponseArg};
 use super::failure::Failure;
 use super::{print_json, recording};
 use report::TimeUs;
 use setting::Setting;
 use upm_core::time::{Clock, MonotonicClock};
-use upm_perception::vision::{CoinFinder, Stages, locate_table, locate_table_in_stages};
+use upm_perception::vision::{CoinFinder, ResponseMethod, Stages, locate_table, locate_table_in_stages};
 use upm_recording::{LocalisedRecord, RerunMode};
 
 /// What is in a picture.
 struct Located {
     found: LocalisedRecord,
+    method: Method,
     time_us: TimeUs,
+}
+
+/// How a picture was searched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Method {
+    /// The program's own vision, with the method of the disks' response.
+    Fast(ResponseMethod),
+    /// Standard algorithms of `imageproc`.
+    #[cfg(feature = "lab")]
+    Reference,
 }
 
 /// Exit status: 0 when all pictures show what was looked for, else the worst of any.
@@ -33,11 +46,15 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let setting = Setting::of(args)?;
     let rerun = args.rerun.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;
     recording::check(&rerun)?;
+    if args.reference && rerun != RerunMode::Off {
+        return Err(Failure::bad_input("--reference: found with --rerun, allowed: without a recording"));
+    }
     let several = args.images.len() > 1;
     let mut worst = 0;
     for (image, name) in args.images.iter().zip(names::of(&args.images)) {
         let shown = args.stages.is_some() || rerun != RerunMode::Off;
-        let made = look(image, &name, args, &setting, shown).and_then(|located| {
+        let search = if args.reference { look_by_reference } else { look };
+        let made = search(image, &name, args, &setting, shown).and_then(|located| {
             let mut written = draw(&located.found, &name, args)?;
             written.extend(record(&located.found, image, &name, args, &rerun, &setting)?);
             Ok((written, located))
@@ -88,7 +105,18 @@ fn look(image: &Path, name: &str, args: &LocateArgs, setting: &Setting, shown: b
     }
     let table = table.map_err(|fault| Failure::failed(format!("{}: {fault}", image.display())))?;
     let found = clock.elapsed();
-    let mut finder = CoinFinder::new(&table, [frame.width, frame.height], &setting.kinds, setting.dark_parts);
+    let size = [frame.width, frame.height];
+    let wanted = match args.response {
+        ResponseArg::Auto => ResponseMethod::Auto,
+        ResponseArg::Chords => ResponseMethod::Chords,
+        ResponseArg::Fft => ResponseMethod::Fft,
+    };
+    let mut finder = CoinFinder::with_response(&table, size, &setting.kinds, setting.dark_parts, wanted);
+    let used = finder.response_method();
+    if wanted != ResponseMethod::Auto && used != wanted {
+        let allowed = "fft or auto: a disk of these kinds is too large for the chords' sums";
+        return Err(Failure::bad_input(format!("--response: found chords, allowed: {allowed}")));
+    }
     let detections = finder.find(&frame);
     let done = clock.elapsed();
     if shown {
@@ -97,7 +125,15 @@ fn look(image: &Path, name: &str, args: &LocateArgs, setting: &Setting, shown: b
     let us = |time: Duration| 1e6 * time.as_secs_f64();
     let time_us = TimeUs { decode: us(decode), table: us(found - begun), parts: us(done - found) };
     let found = LocalisedRecord { frame, table, detections, stages, localise_us: us(done - begun) };
-    Ok(Located { found, time_us })
+    Ok(Located { found, method: Method::Fast(used), time_us })
+}
+
+#[cfg(feature = "lab")]
+use reference::look_by_reference;
+
+#[cfg(not(feature = "lab"))]
+fn look_by_reference(_: &Path, _: &str, _: &LocateArgs, _: &Setting, _: bool) -> Result<Located, Failure> {
+    Err(super::features::lacking(super::features::LAB, "upm locate --reference"))
 }
 
 /// Draws the stages if `args` ask for it; the files.

@@ -13,7 +13,9 @@ mod pulses;
 mod pumped;
 mod race_track;
 mod recorded;
+mod resonance;
 mod shaken;
+mod spectrum;
 mod table;
 #[cfg(test)]
 mod testing;

@@ -1,3 +1,4 @@
+use super::spectrum::TraceSpectrum;
 use super::{Figure, LabFault, Outcome, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::signal::{CHANNEL_NAMES, RecordedPulse};
@@ -34,7 +35,13 @@ pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<Outcome, LabFault> {
         layers,
     };
     let recorded = Some(pulse.clone());
-    Ok(Outcome { figures: figures(&fit), series, charts: vec![chart], recorded, ..Outcome::default() })
+    let mut outcome = Outcome { figures: figures(&fit), series, charts: vec![chart], recorded, ..Outcome::default() };
+    match TraceSpectrum::of(pulse) {
+        Ok(spectrum) => spectrum.add_to(&mut outcome, &fit),
+        // it reads more of the trace than the fit does, and needs periods of whole samples
+        Err(fault) => outcome.notes.push(format!("spectrum: {fault}")),
+    }
+    Ok(outcome)
 }
 
 /// Values over milliseconds.

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use nalgebra::Complex;
 
 use super::{LabFault, LabRig};
-use upm_control::calibration::{self, Axes, CalibrationFault, CalibrationParams};
+use upm_control::calibration::{self, Axes, AxisResonance, CalibrationFault, CalibrationParams};
 use upm_core::geometry::Twist;
 use upm_core::random::Streams;
 use upm_core::rig::{Rig, RigModel};
@@ -53,6 +53,12 @@ impl ShakenPlate {
         let found =
             calibration::measure_axes(&mut self.rig, &self.model, &params, &AtomicBool::new(false), &mut |_| ());
         found.map_err(told)
+    }
+
+    /// The resonances of x, y and spin, as calibration finds them; `None` where the sustain is too short.
+    pub fn resonances(&mut self) -> Result<Option<[AxisResonance; 3]>, LabFault> {
+        let (params, stop) = (CalibrationParams::full(Vec::new(), Vec::new()), AtomicBool::new(false));
+        calibration::measure_resonances(&mut self.rig, &self.model, &params, &stop, &mut |_| ()).map_err(told)
     }
 
     /// The axes and every motion of the library, as calibration finds them.

@@ -1,5 +1,6 @@
 use super::force_sign::force_signs;
 use super::recorded::{fit, waveform_fit_of};
+use super::resonance::add_resonances;
 use super::shaken::{ShakenPlate, steady_motion};
 use super::{Figure, LabFault, LabRig, Outcome};
 use upm_control::calibration::Axes;
@@ -20,12 +21,14 @@ const AXES: [&str; 3] = ["x", "y", "spin"];
 
 /// The least-squares fit of the accelerometers' traces (UPM paper, section 3.2, Eq. 12 and 13, App. B): one pulse
 /// through the whole chain, read back and set beside how the plate truly moves; and what calibration's
-/// pre-compensation makes of every axis.
+/// pre-compensation makes of every axis. Beside it the spectrum of the same trace by FFT, and the resonances of the axes as
+/// calibration finds them.
 pub fn waveform_fit(lab: &LabRig) -> Result<Outcome, LabFault> {
     let mut plate = ShakenPlate::new(lab);
     let axes = plate.axes()?;
     let mut outcome = one_pulse(lab, &mut plate, &axes)?;
     outcome.figures.extend(precompensation(lab, &axes));
+    add_resonances(lab, &mut plate, &mut outcome)?;
     let signs = force_signs(lab, &mut plate, SIGNS)?;
     let wrong = f64::from(signs.tried - signs.right);
     let source = "Eq. 14, random drives off the null through the whole chain";
@@ -125,7 +128,39 @@ mod tests {
                 seen += 1;
             }
             assert_eq!(seen, 3);
-            assert!(outcome.recorded.is_some() && outcome.series.len() == 9);
+            assert!(outcome.recorded.is_some() && outcome.series.len() == 9 + 5);
+        }
+    }
+
+    /// FFT bins at w and 2w beside least squares, noise beside the sensors' own with the converter's rounding.
+    #[test]
+    fn spectrum_agrees_with_least_squares_and_shows_the_noise() {
+        for name in ["upm-1", "upm-2"] {
+            let (outcome, sensors) = (pulse(name), lab_rig(name).sim.accelerometers);
+            let bins: Vec<_> = outcome.figures.iter().filter(|figure| figure.name.contains("FFT amplitude")).collect();
+            let strongest = bins.iter().map(|figure| figure.measured).fold(0.0, f64::max);
+            for figure in &bins {
+                let off = (figure.measured - figure.reference.unwrap()).abs();
+                assert!(off < 0.01 * strongest, "{name}: {figure:?}");
+            }
+            let noise = outcome.figures.iter().find(|figure| figure.name == "noise of a sample").unwrap().measured;
+            let count_mps2 = sensors.range_mps2 / f64::from(1u32 << (sensors.bits - 1));
+            let expected = sensors.noise_mps2.hypot(count_mps2 / 12f64.sqrt());
+            assert!(bins.len() == 8 && (noise / expected - 1.0).abs() < 0.2, "{name}: {noise} of {expected}");
+        }
+    }
+
+    #[test]
+    fn resonances_are_those_of_the_rigs_file() {
+        for name in ["upm-1", "upm-2"] {
+            let (lab, mut outcome) = (lab_rig(name), Outcome::default());
+            add_resonances(&lab, &mut ShakenPlate::new(&lab), &mut outcome).unwrap();
+            assert_sources_are_short(&outcome);
+            assert_eq!((outcome.figures.len(), outcome.series.len(), outcome.charts.len()), (9, 4, 1));
+            for figure in outcome.figures.iter().filter(|figure| figure.reference.is_some()) {
+                let bar = if figure.unit == "Hz" { 0.03 * figure.measured } else { 0.03 };
+                assert!((figure.measured - figure.reference.unwrap()).abs() < bar, "{name}: {figure:?}");
+            }
         }
     }
 

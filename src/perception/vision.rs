@@ -28,5 +28,6 @@ mod types;
 
 pub use coins::CoinFinder;
 pub use locate::{TableFault, locate_table, locate_table_in_stages};
+pub use response::ResponseMethod;
 pub use tracking::Tracker;
 pub use types::{Detection, HoughArray, Plane, Stages, Table, Track};

@@ -4,10 +4,11 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::Located;
 use super::setting::Setting;
+use super::{Located, Method};
 use crate::cli::failure::Failure;
 use upm_core::units::mm_from_m;
+use upm_perception::vision::ResponseMethod;
 use upm_recording::LocalisedRecord;
 
 /// Wall time that one picture took, µs.
@@ -22,7 +23,7 @@ pub(super) struct TimeUs {
 }
 
 pub(super) fn as_json(located: &Located, setting: &Setting) -> Value {
-    let Located { found: LocalisedRecord { table, detections: parts, .. }, time_us } = located;
+    let Located { found: LocalisedRecord { table, detections: parts, .. }, method, time_us } = located;
     let parts = parts.iter().map(|part| {
         let [[xx, xy], [_, yy]] = part.covariance_px2.into();
         json!({
@@ -34,7 +35,10 @@ pub(super) fn as_json(located: &Located, setting: &Setting) -> Value {
             "covariance_px2": [[xx, xy], [xy, yy]],
         })
     });
+    let (method, response) = named(*method);
     json!({
+        "method": method,
+        "response": response,
         "table": {
             "corners_px": table.corners_px.map(|corner| [corner.x, corner.y]),
             "side_px": table.side_px,
@@ -43,6 +47,16 @@ pub(super) fn as_json(located: &Located, setting: &Setting) -> Value {
         "parts": parts.collect::<Vec<_>>(),
         "time_us": { "decode": time_us.decode, "table": time_us.table, "parts": time_us.parts },
     })
+}
+
+/// Search method, and method of the disks' response.
+fn named(method: Method) -> (&'static str, &'static str) {
+    match method {
+        Method::Fast(ResponseMethod::Fft) => ("fast", "fft"),
+        Method::Fast(_) => ("fast", "chords"),
+        #[cfg(feature = "lab")]
+        Method::Reference => ("reference", "template"),
+    }
 }
 
 /// `value` as one line that begins with the picture's name.
@@ -55,7 +69,10 @@ pub(super) fn say_line(image: &Path, value: Value) -> Result<(), Failure> {
 }
 
 pub(super) fn say_located(located: &Located, setting: &Setting) -> Result<(), Failure> {
-    let Located { found: LocalisedRecord { table, detections: parts, .. }, time_us } = located;
+    let Located { found: LocalisedRecord { table, detections: parts, .. }, method, time_us } = located;
+    if let ("reference", _) = named(*method) {
+        say!("method: reference (Canny, Hough and template matching of imageproc)")?;
+    }
     say!("table: side {:.1} px, turned {:.2} deg", table.side_px, table.rotation_rad.to_degrees())?;
     for (name, corner) in ["top left", "top right", "bottom right", "bottom left"].iter().zip(table.corners_px) {
         say!("  {name:12} ({:8.2}, {:8.2}) px", corner.x, corner.y)?;

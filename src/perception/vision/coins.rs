@@ -2,7 +2,7 @@ use super::coarse::{Coarse, UNITS};
 use super::disk::Disk;
 use super::judge::{LEAST_SCORE, PartJudge, kernel_radius_px, overlap, reach_px};
 use super::outline::PlateCells;
-use super::response::DiskResponder;
+use super::response::{DiskResponder, ResponseMethod};
 use super::rim::RimFit;
 use super::sampling::Sampler;
 use super::shading::Shading;
@@ -69,6 +69,17 @@ impl CoinFinder {
     /// For frames of `frame_size` (columns, rows), kinds of parts and whether parts are darker than the plate.
     /// Kernels take the plate's mean scale.
     pub fn new(table: &Table, frame_size: [usize; 2], kinds: &[PartKind], dark_parts: bool) -> Self {
+        Self::with_response(table, frame_size, kinds, dark_parts, ResponseMethod::Auto)
+    }
+
+    /// As [`Self::new`], with the method of the disks' response told.
+    pub fn with_response(
+        table: &Table,
+        frame_size: [usize; 2],
+        kinds: &[PartKind],
+        dark_parts: bool,
+        method: ResponseMethod,
+    ) -> Self {
         let scale = table.mean_px_per_m();
         let radii: Vec<f64> = kinds.iter().map(|kind| kernel_radius_px(table, kind, scale)).collect();
         let bin = bin_for(table, frame_size, &radii);
@@ -83,7 +94,7 @@ impl CoinFinder {
             reaches: binned.iter().map(|disk| disk.reach() as f64).collect(),
             frame_size,
             plate,
-            responder: DiskResponder::new(width, height, binned),
+            responder: DiskResponder::new(width, height, binned, method),
             inverse: vec![0.0; width],
             responses: vec![vec![0.0; width * height]; kinds.len()],
             strongest: 0.0,
@@ -112,6 +123,11 @@ impl CoinFinder {
         let found: Vec<Found> =
             candidates.iter().filter_map(|candidate| self.examine(frame, &sampler, &picture, candidate)).collect();
         self.agreed(found)
+    }
+
+    /// The method the response is computed by: [`ResponseMethod::Chords`] or [`ResponseMethod::Fft`].
+    pub fn response_method(&self) -> ResponseMethod {
+        self.responder.method()
     }
 
     /// The last response of kind 0, over the whole frame: 1 where a part covers the whole kernel, 0 off the plate. One

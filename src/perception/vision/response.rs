@@ -2,8 +2,22 @@ use super::chords::{ChordSums, LARGEST_AREA};
 use super::convolution::DiskConvolver;
 use super::disk::Disk;
 
-/// Means under solid disks at every cell of a rectangle, by whichever way is faster for these disks. What is shared
-/// between disks (running sums, or the picture's spectrum) is made once a picture.
+/// Method that computes the means under the disks. Both give the same response to within rounding.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ResponseMethod {
+    /// The one that costs fewer steps by an estimate from the sizes. With coins, which are within a factor of two of
+    /// each other, that is always [`Self::Chords`]: the picture is averaged until the smallest disk has a radius of 7 to 14
+    /// cells, and the FFT is cheaper only for disks of some 40 cells and more.
+    #[default]
+    Auto,
+    /// Differences of running sums, a row of the disk at a time.
+    Chords,
+    /// Products of spectra, by `realfft`.
+    Fft,
+}
+
+/// Means under solid disks at every cell of a rectangle. What is shared between disks (running sums, or the picture's
+/// spectrum) is made once a picture.
 pub(super) struct DiskResponder {
     disks: Vec<Disk>,
     way: Way,
@@ -15,15 +29,29 @@ enum Way {
 }
 
 impl DiskResponder {
-    /// For rectangles of `width` by `height` cells and these kernels. Beyond the rectangle everything counts as 0.
-    pub(super) fn new(width: usize, height: usize, disks: Vec<Disk>) -> Self {
+    /// For rectangles of `width` by `height` cells and these kernels. Beyond the rectangle everything counts as 0. Disks
+    /// whose sums would overflow the chords' integers take the FFT, whatever the `method`.
+    pub(super) fn new(width: usize, height: usize, disks: Vec<Disk>, method: ResponseMethod) -> Self {
         let reach = disks.iter().map(Disk::reach).max().unwrap_or(0);
-        let way = if disks.iter().all(|disk| disk.area() <= LARGEST_AREA) && chords_are_faster(width, height, &disks) {
+        let wanted = match method {
+            ResponseMethod::Auto => chords_are_faster(width, height, &disks),
+            ResponseMethod::Chords => true,
+            ResponseMethod::Fft => false,
+        };
+        let way = if wanted && disks.iter().all(|disk| disk.area() <= LARGEST_AREA) {
             Way::Chords(ChordSums::new(width, height, reach))
         } else {
             Way::Spectrum(DiskConvolver::new(width.max(1), height.max(1), &disks))
         };
         Self { disks, way }
+    }
+
+    /// The method in use: chords or FFT.
+    pub(super) fn method(&self) -> ResponseMethod {
+        match self.way {
+            Way::Chords(_) => ResponseMethod::Chords,
+            Way::Spectrum(_) => ResponseMethod::Fft,
+        }
     }
 
     /// Takes in rows of `width` values of 0 to 1, each written by `fill`.
@@ -92,9 +120,12 @@ mod tests {
 
     #[test]
     fn the_way_follows_the_size_of_the_disks() {
-        let way = |radius| DiskResponder::new(215, 215, vec![Disk::new(radius)]).way;
-        assert!(matches!(way(10.0), Way::Chords(_)));
-        assert!(matches!(way(150.0), Way::Spectrum(_)));
-        DiskResponder::new(0, 0, vec![Disk::new(3.0)]).load(|_, _| {});
+        let used = |radius, method| DiskResponder::new(215, 215, vec![Disk::new(radius)], method).method();
+        assert_eq!(used(10.0, ResponseMethod::Auto), ResponseMethod::Chords);
+        assert_eq!(used(150.0, ResponseMethod::Auto), ResponseMethod::Fft);
+        assert_eq!(used(10.0, ResponseMethod::Fft), ResponseMethod::Fft);
+        assert_eq!(used(90.0, ResponseMethod::Chords), ResponseMethod::Chords);
+        assert_eq!(used(150.0, ResponseMethod::Chords), ResponseMethod::Fft, "its sum overflows");
+        DiskResponder::new(0, 0, vec![Disk::new(3.0)], ResponseMethod::Auto).load(|_, _| {});
     }
 }

@@ -60,8 +60,9 @@ fn converted(axes: &[Vec<f64>; 3], mps2_per_count: f64, noise_mps2: f64, seed: u
     let mut rng = Streams::new(seed).stream("noise");
     let noise = Normal::new(0.0, noise_mps2).unwrap();
     let mut counts: [Vec<i16>; CHANNELS] = Default::default();
-    for i in 0..axes[0].len() {
-        let twist = Twist::new(axes[0][i], axes[1][i], axes[2][i]);
+    let [x, y, spin] = axes;
+    for ((&x, &y), &spin) in x.iter().zip(y).zip(spin) {
+        let twist = Twist::new(x, y, spin);
         let (one, two) = (twist.velocity_at(PLACE_M), twist.velocity_at(-PLACE_M));
         for (channel, value) in counts.iter_mut().zip([one.x, one.y, two.x, two.y]) {
             channel.push(((value + noise.sample(&mut rng)) / mps2_per_count).round() as i16);

@@ -1,0 +1,117 @@
+//! The accelerometers' amplitude spectrum of one pulse, by FFT, beside the least-squares fit of two harmonics.
+
+use std::f64::consts::TAU;
+
+use super::{Figure, Outcome, Series};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_core::signal::{CHANNEL_NAMES, CHANNELS, RecordedPulse};
+use upm_perception::estimation::{FitFault, TwistFit, Window, accelerations_mps2, amplitude_spectrum};
+
+/// Largest departure of the periods transformed from whole samples.
+const UNEVEN_SAMPLES: f64 = 1e-3;
+/// Harmonics below and at this one are left out of the noise floor.
+const LAST_HARMONIC: usize = 4;
+/// Lowest amplitude drawn, dB re 1 m/s².
+const FLOOR_DB: f64 = -80.0;
+
+/// Amplitudes of every channel, gains taken out, over the last whole base periods at full height.
+#[derive(Clone, Debug)]
+pub(super) struct TraceSpectrum {
+    /// Base periods transformed: the bin of harmonic k is `k · periods`.
+    periods: usize,
+    hz: Vec<f64>,
+    amplitude_mps2: [Vec<f64>; CHANNELS],
+    samples: usize,
+}
+
+impl TraceSpectrum {
+    pub fn of(pulse: &RecordedPulse) -> Result<Self, FitFault> {
+        let window = whole_periods(pulse)?;
+        let channels = accelerations_mps2(&pulse.trace, &window)?;
+        let samples = window.samples.len();
+        let amplitudes = |channel: usize| -> Vec<f64> {
+            let gain = pulse.channel_gain[channel];
+            amplitude_spectrum(&channels[channel]).iter().map(|bin| bin.norm() / gain).collect()
+        };
+        let bin_hz = 1.0 / (samples as f64 * window.step_s);
+        Ok(Self {
+            periods: window.periods,
+            hz: (0..=samples / 2).map(|k| k as f64 * bin_hz).collect(),
+            amplitude_mps2: std::array::from_fn(amplitudes),
+            samples,
+        })
+    }
+
+    /// Standard deviation of white noise with the floor above the fourth harmonic, between the harmonics, m/s² a sample: its
+    /// mean square amplitude in a bin is `4 sd²/N`.
+    pub fn noise_mps2(&self) -> f64 {
+        let above = LAST_HARMONIC * self.periods + 1;
+        let floor = |amplitudes: &Vec<f64>| -> Vec<f64> {
+            let bins = amplitudes.iter().enumerate().skip(above);
+            bins.filter(|(k, _)| k % self.periods != 0).map(|(_, a)| a * a).collect()
+        };
+        let squares: Vec<f64> = self.amplitude_mps2.iter().flat_map(floor).collect();
+        let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+        (0.25 * mean * self.samples as f64).sqrt()
+    }
+
+    /// Adds figures, series and chart to `outcome`, whose fit is `fit`.
+    pub fn add_to(&self, outcome: &mut Outcome, fit: &TwistFit) {
+        for (channel, (name, amplitudes)) in CHANNEL_NAMES.iter().zip(&self.amplitude_mps2).enumerate() {
+            for (k, harmonic) in [(1, "w"), (2, "2w")] {
+                let [c, s] = [0, 1].map(|i| fit.accel_mps2[channel][2 * (k - 1) + i]);
+                let bin = amplitudes.get(k * self.periods).copied().unwrap_or(f64::NAN);
+                let name = format!("{name}: FFT amplitude at {harmonic}");
+                outcome.figures.push(Figure::against(name, "m/s²", bin, c.hypot(s), "least squares, Eq. 12"));
+            }
+        }
+        let source = "floor of the spectrum above 4w, between harmonics";
+        outcome.figures.push(Figure::alone("noise of a sample", "m/s²", self.noise_mps2(), source));
+        outcome.series.push(Series::new("spectrum_hz", self.hz.iter().copied()));
+        for (name, amplitudes) in CHANNEL_NAMES.iter().zip(&self.amplitude_mps2) {
+            outcome.series.push(Series::new(&format!("{name}_amplitude_mps2"), amplitudes.iter().copied()));
+        }
+        outcome.charts.push(self.chart());
+    }
+
+    fn chart(&self) -> Chart {
+        let db = |amplitude_mps2: f64| (20.0 * amplitude_mps2.log10()).max(FLOOR_DB);
+        let mut layers = Vec::new();
+        for (channel, (name, amplitudes)) in CHANNEL_NAMES.iter().zip(&self.amplitude_mps2).enumerate() {
+            let bins = self.hz.iter().zip(amplitudes).skip(1).map(|(&hz, &amplitude)| [hz, db(amplitude)]);
+            layers.push(Layer::new(name, Mark::Line, Color::nth(channel), bins));
+            let harmonics = [1, 2].iter().filter_map(|k| {
+                let bin = k * self.periods;
+                Some([*self.hz.get(bin)?, db(*amplitudes.get(bin)?)])
+            });
+            layers.push(Layer::new("", Mark::Dots, Color::nth(channel), harmonics));
+        }
+        let floor_db = db(self.noise_mps2() * 2.0 / (self.samples as f64).sqrt());
+        let ends = [1, self.hz.len() - 1].map(|k| [self.hz[k], floor_db]);
+        layers.push(Layer::new("noise floor", Mark::Dashes, Color::Gray, ends));
+        Chart {
+            name: "waveform-fit-spectrum".to_owned(),
+            title: "Amplitude spectrum of the accelerations; dots mark the harmonics w and 2w".to_owned(),
+            x: Axis::new("frequency (Hz)"),
+            y: Axis::new("amplitude (dB re 1 m/s²)"),
+            map: false,
+            layers,
+        }
+    }
+}
+
+/// The latest base periods at full height, as many as are whole samples.
+fn whole_periods(pulse: &RecordedPulse) -> Result<Window, FitFault> {
+    let (trace, envelope) = (&pulse.trace, &pulse.envelope);
+    let index = |t_s: f64| ((t_s - trace.first_sample_s) * trace.sample_hz - 1e-6).ceil().max(0.0) as usize;
+    let (from, to) = (index(envelope.attack_s), index(envelope.attack_s + envelope.sustain_s).min(trace.len()));
+    let period_samples = TAU / pulse.base_radps * trace.sample_hz;
+    let most = (to.saturating_sub(from) as f64 / period_samples + 1e-9) as usize;
+    let even = |periods: &usize| {
+        let samples = *periods as f64 * period_samples;
+        (samples - samples.round()).abs() <= UNEVEN_SAMPLES
+    };
+    let periods = (2..=most).rev().find(even).ok_or(FitFault::Unreadable("no base periods are whole samples"))?;
+    let first = to - (periods as f64 * period_samples).round() as usize;
+    Ok(Window { samples: first..to, start_s: trace.time_s(first), step_s: 1.0 / trace.sample_hz, periods })
+}
