@@ -148,6 +148,23 @@ fn a_rotation_is_the_free_wave_it_stands_for() {
 }
 
 #[test]
+fn tasks_without_end_are_done_at_their_plate_time_limit() {
+    let folder = TempDir::new().unwrap();
+    let circuit = json!({"waypoints_mm": [[0, 0], [20, 0], [0, 20]], "speed_mm_s": 10, "repeat": 0});
+    for task in [json!({"type": "trajectories", "paths": [circuit]}), json!({"type": "hold"})] {
+        let file = job(folder.path(), |job| {
+            job["task"] = task.clone();
+            job["limits"]["plate_time_s"] = json!(2);
+        });
+        let out = folder.path().join("out");
+        let args = ["run", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rerun", "off", "--json"];
+        let report: Value = serde_json::from_str(&status(&args, 0).0).unwrap();
+        assert_eq!((&report["outcome"], &report["laps"]), (&json!("completed"), &json!(0)), "{report}");
+        fs::remove_dir_all(&out).unwrap();
+    }
+}
+
+#[test]
 fn schemas_and_completions_are_printed() {
     for name in ["job", "rig", "simulate", "library", "trace", "daemon"] {
         let (stdout, _) = status(&["schema", name], 0);

@@ -2,7 +2,7 @@ mod play;
 mod warn;
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::attempts::ways_to_try;
 use super::conditions::Conditions;
@@ -30,7 +30,7 @@ pub struct ControlParams {
     pub parts: Vec<ExpectedPart>,
     /// Plate time after which the run ends, s.
     pub time_limit_s: f64,
-    /// True when the time limit is the task's natural end.
+    /// True when the task has no end before the time limit, which then completes it.
     pub endless: bool,
     /// Frames at rest without a part after which it is lost.
     pub lost_after_frames: u32,
@@ -60,6 +60,8 @@ pub struct Devices<'a> {
     pub clock: &'a dyn Clock,
     /// Set from outside to stop.
     pub stop: &'a AtomicBool,
+    /// Set from outside to end the run between two cycles.
+    pub give_way: &'a AtomicBool,
 }
 
 /// How a run ended and where things stood then.
@@ -77,7 +79,7 @@ pub struct Finish {
 
 /// Runs `goal` to its end. Motors are at zero when this returns, whatever happened.
 pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, params: &ControlParams) -> Finish {
-    let Devices { rig, model, sink, clock, stop } = devices;
+    let Devices { rig, model, sink, clock, stop, give_way } = devices;
     let opened = planner_of(params.method, library, params.planner)
         .and_then(|plans| Ok((plans, Eyes::open(rig, model, &params.kinds, &params.parts, sink, clock, stop)?)));
     let finish = match opened {
@@ -91,6 +93,7 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
                 sink,
                 clock,
                 stop,
+                give_way,
                 library,
                 goal,
                 params,
@@ -118,6 +121,7 @@ struct Cycle<'a> {
     sink: &'a mut dyn Sink,
     clock: &'a dyn Clock,
     stop: &'a AtomicBool,
+    give_way: &'a AtomicBool,
     library: &'a Arc<Library>,
     goal: &'a mut dyn Goal,
     params: &'a ControlParams,
@@ -137,6 +141,8 @@ impl Cycle<'_> {
         let mut look = self.look_at_rest();
         let ending = loop {
             look = match look {
+                // here the last cycle is over, its parts seen at rest
+                Ok(_) if self.give_way.load(Ordering::Relaxed) => break Ending::gave_way(self.params.endless),
                 Ok(observed) => self.once(observed, &mut last_pulse_at),
                 Err(ending) => break ending,
             };

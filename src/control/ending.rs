@@ -17,11 +17,23 @@ pub enum Outcome {
 /// Reason of a run that somebody stopped.
 pub const STOPPED: &str = "stopped from outside, motors at zero";
 
-/// An outcome and the reason in words.
+/// What ended a run, for programs to tell apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EndCause {
+    /// The run itself, or a stop from outside.
+    #[default]
+    Run,
+    /// A request to give way: the run ended between two cycles, with motors at zero and parts at rest.
+    GaveWay,
+}
+
+/// Outcome, cause and reason of the end of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ending {
     /// How.
     pub outcome: Outcome,
+    /// What ended it.
+    pub cause: EndCause,
     /// Why, one line for people.
     pub reason: String,
 }
@@ -29,17 +41,24 @@ pub struct Ending {
 impl Ending {
     /// The goal was reached.
     pub fn completed(reason: impl Into<String>) -> Self {
-        Self { outcome: Outcome::Completed, reason: reason.into() }
+        Self { outcome: Outcome::Completed, reason: reason.into(), ..Self::default() }
     }
 
     /// The goal is out of reach.
     pub fn failed(reason: impl Into<String>) -> Self {
-        Self { outcome: Outcome::Failed, reason: reason.into() }
+        Self { outcome: Outcome::Failed, reason: reason.into(), ..Self::default() }
     }
 
     /// Somebody stopped it.
     pub fn cancelled(reason: impl Into<String>) -> Self {
-        Self { outcome: Outcome::Cancelled, reason: reason.into() }
+        Self { outcome: Outcome::Cancelled, reason: reason.into(), ..Self::default() }
+    }
+
+    /// Ended between two cycles to make room for another run. A task without an end is completed by that; any other
+    /// has not reached its goal.
+    pub fn gave_way(endless: bool) -> Self {
+        let outcome = if endless { Outcome::Completed } else { Outcome::Cancelled };
+        Self { outcome, cause: EndCause::GaveWay, reason: "gave way to another job".to_owned() }
     }
 }
 

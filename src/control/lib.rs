@@ -15,7 +15,7 @@ mod rehearsal;
 
 pub use conditions::{Condition, ConditionChange};
 pub use cycle::{ControlParams, Devices, Finish, run};
-pub use ending::{Ending, Outcome, STOPPED, is_stop};
+pub use ending::{EndCause, Ending, Outcome, STOPPED, is_stop};
 pub use eyes::{ExpectedPart, Eyes, Moment};
 pub use facts::{Carried, ConditionFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 pub use rehearsal::{LimitMet, Nearest, Rehearsal, RehearsalParams, rehearse};

@@ -46,7 +46,7 @@ pub struct Wanted {
     pub targets_m: Vec<Vec2>,
     /// What is being done, in words: `lap 2 of 3: branch +x, outwards`.
     pub phase: String,
-    /// Part of the whole task that is done, 0 to 1; stays 0 on endless tasks.
+    /// Part of the whole task that is done, 0 to 1; stays 0 on endless paths.
     pub progress: f64,
     /// Laps completed.
     pub laps: u32,

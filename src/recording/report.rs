@@ -25,6 +25,23 @@ impl From<control::Outcome> for Outcome {
     }
 }
 
+/// Stable code of what ended a run from outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StopCode {
+    /// It gave way to another job, between two cycles.
+    GaveWay,
+}
+
+/// What ended a run from outside: a code for programs, a text for people.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StopReport {
+    /// Stable code.
+    pub code: StopCode,
+    /// The same in words.
+    pub text: String,
+}
+
 /// `report.json`. Lengths in mm, to 1e-4.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
@@ -41,6 +58,9 @@ pub struct Report {
     pub outcome: Outcome,
     /// Why, in words.
     pub reason: String,
+    /// What ended the run from outside, where a program has to know it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stop: Option<StopReport>,
     /// The experiment's own time, s.
     pub plate_time_s: f64,
     /// Time on the wall, s.

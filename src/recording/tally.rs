@@ -1,4 +1,4 @@
-use super::report::{Outcome, PartReport, PlannerReport, PredictionError, Report};
+use super::report::{Outcome, PartReport, PlannerReport, PredictionError, Report, StopCode, StopReport};
 use super::timings::Timings;
 use upm_control::{CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::geometry::Vec2;
@@ -38,6 +38,8 @@ pub struct Ending {
     pub outcome: Outcome,
     /// Why, in words.
     pub reason: String,
+    /// What ended it from outside, where a program has to know it.
+    pub stop: Option<StopCode>,
     /// The experiment's own time.
     pub plate_time: PlateTime,
     /// Time on the wall, s.
@@ -114,6 +116,7 @@ impl Tally {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             planner: ending.planner,
             outcome: ending.outcome,
+            stop: ending.stop.map(|code| StopReport { code, text: ending.reason.clone() }),
             reason: ending.reason,
             plate_time_s: rounded(ending.plate_time.secs()),
             wall_time_s: rounded(ending.wall_time_s),
@@ -240,6 +243,7 @@ mod tests {
             planner: None,
             outcome: Outcome::Completed,
             reason: "all parts in place".into(),
+            stop: None,
             plate_time: PlateTime::from_secs(3.25),
             wall_time_s: 0.5,
             deadlines: None,

@@ -4,6 +4,8 @@
 mod bench;
 mod calibrate;
 mod coverage;
+#[cfg(test)]
+mod endless_tests;
 mod first_frame;
 mod folder;
 mod library;
@@ -29,13 +31,13 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::config::{Fault, JobSpec};
-use upm_control::{self as control, Devices, Ending, Finish, Sink};
+use upm_control::{self as control, Devices, EndCause, Ending, Finish, Sink};
 use upm_core::rig::{Interlock, RigFault};
 use upm_core::time::{Clock, PlateTime};
 use upm_library::{Library, LibraryFault};
 use upm_recording::{
-    self as recording, Deadlines, Fanout, Herald, Journal, Keeping, PartEnding, Report, RerunMode, Scribe, Tally,
-    tell_recording,
+    self as recording, Deadlines, Fanout, Herald, Journal, Keeping, PartEnding, Report, RerunMode, Scribe, StopCode,
+    Tally, tell_recording,
 };
 use upm_viewer::{LiveServer, RerunSink, RunContext};
 
@@ -142,8 +144,8 @@ pub fn run(
     // what cannot be run leaves no folder
     let bench = Bench::new(job, &library).map_err(RunError::Job)?;
     let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
-    let (interlock, pacing) = (Interlock::default(), Arc::default());
-    let links = Links { stop, interlock: &interlock, pacing: &pacing, cause: &|| None };
+    let (interlock, pacing, give_way) = (Interlock::default(), Arc::default(), AtomicBool::new(false));
+    let links = Links { stop, give_way: &give_way, interlock: &interlock, pacing: &pacing, cause: &|| None };
     let Done { result, written } = Session { job, library, folder, options, clock, links }.run(bench, watcher)?;
     written.map(|()| result)
 }
@@ -222,7 +224,8 @@ impl Session<'_> {
             tell_recording(&options.keeping.recording, sinks, at);
         });
         let missed_before = links.pacing.start_run();
-        let mut finish = play(bench, library, self.pace(bench), &mut herald, *clock, links.stop);
+        let (stop, give_way) = (links.stop, links.give_way);
+        let mut finish = play(bench, library, self.pace(bench), &mut herald, *clock, stop, give_way);
         links.explain(&mut finish, &mut herald, bench.now());
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
@@ -267,14 +270,16 @@ fn play(
     sink: &mut dyn Sink,
     clock: &dyn Clock,
     stop: &AtomicBool,
+    give_way: &AtomicBool,
 ) -> Finish {
     let Bench { rig, model, goal, params, .. } = bench;
     match pace {
         Some(pace) => {
             let mut rig = Paced::new(rig, pace);
-            control::run(Devices { rig: &mut rig, model, sink, clock, stop }, library, goal.as_mut(), params)
+            let devices = Devices { rig: &mut rig, model, sink, clock, stop, give_way };
+            control::run(devices, library, goal.as_mut(), params)
         }
-        None => control::run(Devices { rig, model, sink, clock, stop }, library, goal.as_mut(), params),
+        None => control::run(Devices { rig, model, sink, clock, stop, give_way }, library, goal.as_mut(), params),
     }
 }
 
@@ -294,6 +299,7 @@ fn ending(job: &JobSpec, bench: Option<&Bench>, finish: Finish, wall_time_s: f64
         planner: Some(PlannerSelection::of(job).report()),
         outcome: ending.outcome.into(),
         reason: ending.reason,
+        stop: (ending.cause == EndCause::GaveWay).then_some(StopCode::GaveWay),
         plate_time: bench.map_or(PlateTime::ZERO, Bench::now),
         wall_time_s,
         deadlines: None,

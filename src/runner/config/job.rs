@@ -109,6 +109,16 @@ impl JobSpec {
         })
     }
 
+    /// True when the task has no end of its own: the plate time limit completes it.
+    pub fn is_endless(&self) -> bool {
+        self.task.is_endless(self.plate_time_limit_s)
+    }
+
+    /// True when the job itself names a library file; its rig may name another.
+    pub(super) fn names_library_file(&self) -> bool {
+        matches!(self.raw.library, Some(LibrarySource::File(_)))
+    }
+
     /// Seed of everything random.
     pub fn seed(&self) -> u64 {
         self.raw.seed
@@ -134,6 +144,11 @@ impl JobSpec {
     pub fn effective(&self) -> Value {
         let rig = Some(RigSource::Inline(Box::new(self.rig.raw.clone())));
         serde_json::to_value(RawJob { rig, ..self.raw.clone() }).unwrap_or_default()
+    }
+
+    /// The same without the rig: what a plate that has the rig is sent.
+    pub fn effective_without_rig(&self) -> Value {
+        serde_json::to_value(&self.raw).unwrap_or_default()
     }
 
     /// The same with the library written out too: what a run can be done again from, without any other file.

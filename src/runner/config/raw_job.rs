@@ -124,8 +124,10 @@ pub enum RawTask {
     },
     /// Every part stays where it is.
     Hold {
-        /// How long, s.
-        #[schemars(range(max = 1e6), extend("exclusiveMinimum" = 0.0))]
+        /// How long, s; 0 or left out: without end. A hold that lasts as long as the plate time limit, or longer, ends
+        /// at the limit, completed.
+        #[serde(default)]
+        #[schemars(range(min = 0.0, max = 1e6))]
         duration_s: f64,
     },
 }
@@ -201,7 +203,7 @@ pub enum PlannerChoice {
     PseudoInverse,
 }
 
-/// When to give up.
+/// When to give up; tasks without end are completed then.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawLimits {

@@ -38,9 +38,21 @@ pub enum TaskSpec {
     },
     /// Every part stays where it is.
     Hold {
-        /// How long, s.
+        /// How long, s; 0 is without end.
         duration_s: f64,
     },
+}
+
+impl TaskSpec {
+    /// True when the task has no end before `limit_s`, its plate time limit: the limit then completes it.
+    pub fn is_endless(&self, limit_s: f64) -> bool {
+        match self {
+            Self::PlusSign { laps, .. } => *laps == 0,
+            Self::Trajectories { paths, .. } => paths.iter().any(|path| path.repeat == 0),
+            Self::Hold { duration_s } => *duration_s == 0.0 || *duration_s >= limit_s,
+            Self::Arrange { .. } | Self::Sort { .. } => false,
+        }
+    }
 }
 
 /// A path of one part.

@@ -56,7 +56,7 @@ impl Bench {
         let params = ControlParams {
             parts: parts.collect(),
             time_limit_s: job.plate_time_limit_s,
-            endless: matches!(job.task, TaskSpec::PlusSign { laps: 0, .. }),
+            endless: job.is_endless(),
             lost_after_frames: lost_after_frames(model.frame_hz),
             method: PlannerSelection::of(job).method,
             planner: planner_params(job),
@@ -162,7 +162,9 @@ pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> B
             arrive_m,
         })),
         TaskSpec::Hold { duration_s } => {
-            Box::new(Hold::new(HoldParams { half_side_m, discs: discs(placed), duration_s: *duration_s, arrive_m }))
+            // without end it counts to the limit: time that passes is its only progress
+            let duration_s = if job.is_endless() { job.plate_time_limit_s } else { *duration_s };
+            Box::new(Hold::new(HoldParams { half_side_m, discs: discs(placed), duration_s, arrive_m }))
         }
         TaskSpec::Sort { bins } => Box::new(Sort::new(sort_params(job, bins, discs(placed)))),
     }

@@ -11,6 +11,8 @@ use upm_core::time::PlateTime;
 pub struct Links<'a> {
     /// Set to stop after the next frame.
     pub stop: &'a AtomicBool,
+    /// Set to end between two cycles, with motors at zero and parts at rest.
+    pub give_way: &'a AtomicBool,
     /// Cuts the motors at once. The run fits it to its rig, and the rig is gone when the run returns.
     pub interlock: &'a Interlock,
     /// Told of deadlines that are missed.

@@ -72,9 +72,11 @@ fn first_cycle(blind_from: Option<u64>) -> (u64, Finish, f64) {
     let library = job_library(&job).unwrap();
     let Bench { mut rig, model, mut goal, mut params, .. } = Bench::new(&job, &library).unwrap();
     params.time_limit_s = 8.0;
-    let (mut pulses, clock, stop) = (FirstCycle::default(), MonotonicClock::new(), AtomicBool::new(false));
+    let (mut pulses, clock) = (FirstCycle::default(), MonotonicClock::new());
+    let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
     let mut rig = Blinded { rig: &mut rig, pulses: 0, blind_from, blind_at: None };
-    let devices = Devices { rig: &mut rig, model: &model, sink: &mut pulses, clock: &clock, stop: &stop };
+    let (sink, clock) = (&mut pulses, &clock);
+    let devices = Devices { rig: &mut rig, model: &model, sink, clock, stop: &stop, give_way: &give_way };
     let finish = control::run(devices, &library, goal.as_mut(), &params);
     let blind_s = rig.blind_at.map_or(0.0, |at| rig.now().secs() - at.secs());
     (pulses.0, finish, blind_s)

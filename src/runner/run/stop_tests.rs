@@ -82,7 +82,13 @@ impl Stopped {
         let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
         let mut watcher = InPulse { number, act, pulses: 0, frames: 0, clock: Arc::clone(&plate.clock) };
         let cause = || cause.map(str::to_owned);
-        let links = Links { stop: &plate.stop, interlock: &plate.interlock, pacing: &plate.pacing, cause: &cause };
+        let links = Links {
+            stop: &plate.stop,
+            give_way: &plate.give_way,
+            interlock: &plate.interlock,
+            pacing: &plate.pacing,
+            cause: &cause,
+        };
         let run = run_linked(&job, library, folder, &options, &*plate.clock, links, &mut watcher).unwrap();
         let journal = std::fs::read_to_string(run.folder.join("journal.jsonl")).unwrap();
         let lines: Vec<Value> = journal.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
@@ -117,6 +123,7 @@ impl Stopped {
 #[derive(Default)]
 struct Plate {
     stop: AtomicBool,
+    give_way: AtomicBool,
     interlock: Interlock,
     pacing: Arc<PacingStats>,
     clock: Arc<PlateClock>,
@@ -185,8 +192,13 @@ fn a_run_on_a_tripped_plate_plays_nothing_and_says_why() {
 fn a_cause_that_comes_too_late_changes_nothing() {
     let plate = Plate::default();
     let mut finish = Finish { ending: Ending::completed("all in place"), ..Finish::default() };
-    let links =
-        Links { stop: &plate.stop, interlock: &plate.interlock, pacing: &plate.pacing, cause: &|| Some("late".into()) };
+    let links = Links {
+        stop: &plate.stop,
+        give_way: &plate.give_way,
+        interlock: &plate.interlock,
+        pacing: &plate.pacing,
+        cause: &|| Some("late".into()),
+    };
     let mut heard = upm_recording::MemorySink::default();
     links.explain(&mut finish, &mut heard, PlateTime::ZERO);
     assert_eq!(finish.ending, Ending::completed("all in place"));
@@ -217,7 +229,13 @@ fn what_cannot_be_run_is_told_before_and_leaves_its_reason() {
         keeping: keeping(),
         real_time: false,
     };
-    let links = Links { stop: &plate.stop, interlock: &plate.interlock, pacing: &plate.pacing, cause: &|| None };
+    let links = Links {
+        stop: &plate.stop,
+        give_way: &plate.give_way,
+        interlock: &plate.interlock,
+        pacing: &plate.pacing,
+        cause: &|| None,
+    };
     let mut watcher = upm_recording::MemorySink::default();
     let done = run_linked(&job, library, folder, &options, &*plate.clock, links, &mut watcher);
     assert!(done.is_err_and(|error| error.is_bad_input()));
@@ -239,7 +257,13 @@ fn one_interlock_serves_one_run_at_a_time() {
         real_time: false,
     };
     let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
-    let links = Links { stop: &plate.stop, interlock: &plate.interlock, pacing: &plate.pacing, cause: &|| None };
+    let links = Links {
+        stop: &plate.stop,
+        give_way: &plate.give_way,
+        interlock: &plate.interlock,
+        pacing: &plate.pacing,
+        cause: &|| None,
+    };
     let mut watcher = upm_recording::MemorySink::default();
     let library = job_library(&job).unwrap();
     let done = run_linked(&job, library, folder, &options, &*plate.clock, links, &mut watcher);

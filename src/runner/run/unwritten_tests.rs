@@ -52,8 +52,9 @@ fn a_run_keeps_its_outcome_when_its_report_cannot_be_written() {
     let (job, out) = (job(), TempDir::new().unwrap());
     let options = options(&out);
     let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
-    let (stop, interlock, pacing) = (AtomicBool::new(false), Interlock::default(), Arc::default());
-    let links = Links { stop: &stop, interlock: &interlock, pacing: &pacing, cause: &|| None };
+    let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
+    let (interlock, pacing) = (Interlock::default(), Arc::default());
+    let links = Links { stop: &stop, give_way: &give_way, interlock: &interlock, pacing: &pacing, cause: &|| None };
     let library = job_library(&job).unwrap();
     let clock = MonotonicClock::new();
     let done = run_linked(&job, library, folder, &options, &clock, links, &mut InTheWay(out.path())).unwrap();

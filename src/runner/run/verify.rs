@@ -10,7 +10,7 @@ use super::{Bench, NamedTruth, RunError, job_library, play};
 use crate::config::{Fault, JobSpec, Origin};
 use upm_control::{FrameFacts, Sink, is_stop};
 use upm_core::time::StoppedClock;
-use upm_recording::{ENDED_EARLY, Fanout, Journal};
+use upm_recording::{ENDED_EARLY, Fanout, Journal, Report, StopCode};
 
 /// The event of a stop stands among the last lines of a journal; after it come its cause, what became of the recording,
 /// and a cycle that never ended.
@@ -62,18 +62,26 @@ pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<V
     let effective = run.join("effective.json");
     let job = effective_job(&read(&effective)?, &effective)?;
     let recorded = read(&run.join("journal.jsonl"))?;
+    let gave_way = gave_way(run);
     let library = job_library(&job).map_err(RunError::Library)?;
     let mut bench = Bench::new(&job, &library).map_err(RunError::Job)?;
     let enough = AtomicBool::new(false);
-    let mut repetition = Repetition::of(&recorded, &enough);
+    let mut repetition = Repetition::of(&recorded, gave_way, &enough);
     let mut journal = Journal::new(&mut repetition, Arc::clone(&library));
     let mut named = NamedTruth::new(bench.truth());
     let mut until = Until { stop, enough: &enough };
     let mut sinks = Fanout::new().with(&mut named).with(&mut journal).with(watcher).with(&mut until);
-    play(&mut bench, &library, None, &mut sinks, &StoppedClock, &enough);
+    play(&mut bench, &library, None, &mut sinks, &StoppedClock, &enough, &AtomicBool::new(false));
     let broken = |error: io::Error| VerifyError::Read { path: "journal".into(), reason: error.to_string() };
     journal.finish().map_err(broken)?;
     Ok(repetition.verdict())
+}
+
+/// True when the report of a run says that it gave way to another job.
+fn gave_way(run: &Path) -> bool {
+    let report = fs::read_to_string(run.join("report.json")).ok();
+    let report: Option<Report> = report.and_then(|text| serde_json::from_str(&text).ok());
+    report.and_then(|report| report.stop).is_some_and(|stop| stop.code == StopCode::GaveWay)
 }
 
 /// Ends the repetition when somebody stops it.
@@ -119,9 +127,9 @@ struct Repetition<'a> {
 }
 
 impl<'a> Repetition<'a> {
-    fn of(recorded: &'a str, enough: &'a AtomicBool) -> Self {
+    fn of(recorded: &'a str, gave_way: bool, enough: &'a AtomicBool) -> Self {
         let recorded: Vec<&str> = recorded.split_inclusive('\n').filter(|line| !is_of_recording(line)).collect();
-        let stop = lines_before_stop(&recorded);
+        let stop = lines_before_stop(&recorded, gave_way);
         let stopped = stop.is_some();
         let recorded = recorded[..stop.unwrap_or(recorded.len())].to_vec();
         let this = Self { recorded, stopped, equal: 0, differs: None, enough };
@@ -187,9 +195,9 @@ fn event_in(line: &str) -> Option<String> {
 }
 
 /// Lines up to the moment somebody stopped the run; `None` when nobody did. What follows, the event and a cycle that
-/// never ended, the repetition cannot know of.
-fn lines_before_stop(journal: &[&str]) -> Option<usize> {
-    let is_stop_at = |&at: &usize| event_in(journal[at]).is_some_and(|text| is_stop(&text));
+/// never ended, the repetition cannot know of. The last event of a run that gave way says so.
+fn lines_before_stop(journal: &[&str], gave_way: bool) -> Option<usize> {
+    let is_stop_at = |&at: &usize| event_in(journal[at]).is_some_and(|text| gave_way || is_stop(&text));
     (0..journal.len()).rev().take(TAIL_LINES).find(is_stop_at)
 }
 
@@ -201,7 +209,7 @@ mod tests {
 
     fn compare(recorded: &str, repeated: &str) -> Verdict {
         let enough = AtomicBool::new(false);
-        let mut repetition = Repetition::of(recorded, &enough);
+        let mut repetition = Repetition::of(recorded, false, &enough);
         for line in repeated.split_inclusive('\n') {
             repetition.write_all(line.as_bytes()).unwrap();
         }
@@ -252,7 +260,7 @@ mod tests {
         let stopped = format!("a\nb\n{{\"type\":\"event\",\"text\":\"{STOPPED}\"}}\n");
         for (recorded, repeated, lines) in [(stopped.as_str(), ["a\n", "b\n"], 2), ("a\nb\n", ["x\n", "b\n"], 1)] {
             let enough = AtomicBool::new(false);
-            let mut repetition = Repetition::of(recorded, &enough);
+            let mut repetition = Repetition::of(recorded, false, &enough);
             let taken = repeated.iter().take_while(|line| {
                 repetition.write_all(line.as_bytes()).unwrap();
                 !enough.load(Ordering::Relaxed)

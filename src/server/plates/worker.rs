@@ -2,7 +2,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
@@ -150,7 +150,8 @@ impl Worker {
             live: shared.live.clone(),
         };
         let (stop, interlock, pacing) = (&shared.stop, &shared.interlock, &shared.pacing);
-        let links = Links { stop, interlock, pacing, cause: &|| shared.cause() };
+        let give_way = AtomicBool::new(false);
+        let links = Links { stop, give_way: &give_way, interlock, pacing, cause: &|| shared.cause() };
         let clock = self.place.clock;
         let mut attend = Attend::new(shared, &clock, &self.crier, row.id, radii_of(&job));
         run_linked(&job, library, folder, &options, &clock, links, &mut attend).map_err(|error| error.lines())

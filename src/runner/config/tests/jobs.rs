@@ -64,6 +64,30 @@ fn every_task_is_valid() {
 }
 
 #[test]
+fn job_without_an_end_is_known_by_its_task_and_its_limit() {
+    let path = |repeat: u32| json!({"waypoints_mm": [[0, 0], [20, 0]], "speed_mm_s": 10, "repeat": repeat});
+    let is_endless = |task: Value| {
+        let mut document = value_of("plus-sign.json");
+        set(&mut document, "/task", task);
+        set(&mut document, "/limits/plate_time_s", json!(60));
+        job(&document).unwrap().is_endless()
+    };
+    for (task, endless) in [
+        (json!({"type": "plus_sign", "laps": 0}), true),
+        (json!({"type": "plus_sign", "laps": 2}), false),
+        (json!({"type": "trajectories", "paths": [path(0)]}), true),
+        (json!({"type": "trajectories", "paths": [path(3)]}), false),
+        (json!({"type": "hold"}), true),
+        (json!({"type": "hold", "duration_s": 0}), true),
+        (json!({"type": "hold", "duration_s": 60}), true),
+        (json!({"type": "hold", "duration_s": 59.9}), false),
+        (json!({"type": "arrange", "targets_mm": [[0, 0]]}), false),
+    ] {
+        assert_eq!(is_endless(task.clone()), endless, "{task}");
+    }
+}
+
+#[test]
 fn impossible_jobs_are_faults() {
     let penny = |x: f64, y: f64| json!({"kind": "penny", "position_mm": [x, y]});
     let pennies = |count: u32| json!([{"kind": "penny", "count": count}]);
