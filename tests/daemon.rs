@@ -17,5 +17,7 @@ mod recovery;
 mod served;
 #[path = "daemon/shutdown.rs"]
 mod shutdown;
+#[path = "daemon/standing.rs"]
+mod standing;
 #[path = "daemon/wire.rs"]
 mod wire;

@@ -32,6 +32,7 @@ class Daemon:
         self.upm, self.folder, self.token = upm, pathlib.Path(folder), token
         spec = json.loads((ROOT / "configs/daemon.json").read_text())
         for plate in spec["plates"]:
+            plate.pop("standing_job", None)  # the page is looked at with jobs that are sent
             plate["rig"] = str(ROOT / "configs" / plate["rig"])
         spec["live"] = {"rerun": False}
         spec["queue"] = 300

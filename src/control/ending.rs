@@ -17,7 +17,7 @@ pub enum Outcome {
 /// Reason of a run that somebody stopped.
 pub const STOPPED: &str = "stopped from outside, motors at zero";
 
-/// What ended a run, for programs to tell apart.
+/// Cause of the end of a run, for programs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EndCause {
     /// The run itself, or a stop from outside.
@@ -32,7 +32,7 @@ pub enum EndCause {
 pub struct Ending {
     /// How.
     pub outcome: Outcome,
-    /// What ended it.
+    /// Its cause.
     pub cause: EndCause,
     /// Why, one line for people.
     pub reason: String,

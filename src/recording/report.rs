@@ -25,7 +25,7 @@ impl From<control::Outcome> for Outcome {
     }
 }
 
-/// Stable code of what ended a run from outside.
+/// Stable code of a request from outside that ended a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StopCode {
@@ -33,7 +33,7 @@ pub enum StopCode {
     GaveWay,
 }
 
-/// What ended a run from outside: a code for programs, a text for people.
+/// A request from outside that ended a run: a code for programs, a text for people.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StopReport {
     /// Stable code.
@@ -58,7 +58,7 @@ pub struct Report {
     pub outcome: Outcome,
     /// Why, in words.
     pub reason: String,
-    /// What ended the run from outside, where a program has to know it.
+    /// The request that ended it, where it gave way to another job.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stop: Option<StopReport>,
     /// The experiment's own time, s.

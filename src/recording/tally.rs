@@ -38,7 +38,7 @@ pub struct Ending {
     pub outcome: Outcome,
     /// Why, in words.
     pub reason: String,
-    /// What ended it from outside, where a program has to know it.
+    /// The request that ended it, where it gave way to another job.
     pub stop: Option<StopCode>,
     /// The experiment's own time.
     pub plate_time: PlateTime,

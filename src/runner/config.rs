@@ -33,6 +33,7 @@ mod room;
 mod schema;
 mod shape;
 mod simulate;
+mod standing;
 mod task;
 #[cfg(test)]
 mod tests;
@@ -45,7 +46,9 @@ pub use fault::{Fault, Path};
 pub use job::{JobSpec, LibraryRef, PartGroup, is_plain_name};
 pub use kinds::KindSpec;
 pub use place::{PlacedPart, place_parts};
-pub use raw_daemon::{RawDaemon, RawDisk, RawKeep, RawLive, RawPace, RawServedPlate, RawWatchdog};
+pub use raw_daemon::{
+    RawDaemon, RawDisk, RawKeep, RawLive, RawPace, RawServedPlate, RawStandingJob, RawStart, RawWatchdog,
+};
 pub use raw_job::{
     Assignment, LibrarySource, PlannerChoice, RawBin, RawJob, RawLimits, RawParts, RawPath, RawRegion, RawTask,
 };
@@ -60,5 +63,6 @@ pub use rig::{FrictionSpec, RigSpec, fingerprint};
 pub use room::{REST_GAP_M, REST_MARGIN_M, START_GAP_M, START_MARGIN_M};
 pub use schema::{schema, schema_names};
 pub use simulate::{PulseSpec, SimulateSpec};
+pub use standing::StandingSpec;
 pub use task::{BinSpec, PathSpec, TaskSpec};
 pub use trace::{load_trace, trace_from_json, trace_to_json};

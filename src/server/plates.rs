@@ -1,5 +1,5 @@
-//! The plates of the daemon: for each a thread that runs its jobs one after another, an emergency stop that waits for
-//! nobody, and whoever watches, told without the plate ever waiting for them.
+//! The plates of the daemon. Each has a thread that runs its jobs one after another and, while none is queued, its standing
+//! job; an emergency stop that waits for nobody; and whoever watches, told without the plate ever waiting for them.
 //!
 //! ```text
 //!            wake            try_send            tell (after commit)
@@ -17,6 +17,7 @@ mod frames;
 mod latch;
 mod plate;
 mod shared;
+mod standing;
 mod start;
 #[cfg(test)]
 mod tests;
@@ -29,6 +30,8 @@ mod worker;
 pub use frames::Picture;
 pub use latch::{Held, Latch, Latches};
 pub use plate::{Caller, Plate};
+pub use standing::{StandingSetup, StandingSnapshot, StandingState};
 pub use start::{PlateSetup, Plates, Surroundings};
 pub use told::{Tap, Told};
 pub use types::{PlateSnapshot, PlateState, ResetFault, Sight};
+pub use validate::fitting_library;

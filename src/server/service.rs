@@ -10,7 +10,7 @@ mod http;
 pub use api::{
     AppParts, Asset, Desk, EStopped, Event, Feed, Job, JobState, JobsPage, JobsQuery, Opening, Order, Pace, Picture,
     Plate, PlateState, Plates, Promise, Recording, RecordingState, Refusal, Replayed, Reply, Requests, ResetRequest,
-    Submitted, Traffic, Well, app, kept, openapi, promise,
+    StandingJob, StandingState, Submitted, Traffic, Well, app, kept, openapi, promise,
 };
 pub use http::{
     Caller, Hosts, Limits, Problem, ProblemDocument, ProblemFault, ProblemKind, Scope, Served, StopFlag, StopSender,

@@ -81,7 +81,8 @@ impl Served {
         Self::in_folder(folder)
     }
 
-    fn in_folder(folder: TempDir) -> Self {
+    /// One whose configuration, and what that names, is in this folder.
+    pub fn in_folder(folder: TempDir) -> Self {
         let (child, url) = spawn(folder.path(), "127.0.0.1:0");
         Self { child, url, folder }
     }

@@ -5,7 +5,9 @@ use crate::cli::failure::Failure;
 use crate::cli::print_json;
 use crate::cli::summary;
 use upm_recording::Report;
-use upm_server::service::{Job, JobState, JobsPage, Pace, Plate, PlateState, Plates, RecordingState};
+use upm_server::service::{
+    Job, JobState, JobsPage, Pace, Plate, PlateState, Plates, RecordingState, StandingJob, StandingState,
+};
 
 /// Most jobs that the daemon lists at once.
 const PAGE: u32 = 200;
@@ -45,7 +47,8 @@ pub(super) fn list(client: &Client, state: Option<&str>, most: u32) -> Result<Jo
 fn print_line(job: &Job) -> Result<(), Failure> {
     let Job { id, name, plate, submitted_at, .. } = job;
     let (state, percent) = (state_name(job.state), 100.0 * job.progress);
-    let line = format!("{id}  {state:11} {percent:3.0} %  {}  {plate:16} {name}", seconds(submitted_at));
+    let standing = if job.standing { " (standing job)" } else { "" };
+    let line = format!("{id}  {state:11} {percent:3.0} %  {}  {plate:16} {name}{standing}", seconds(submitted_at));
     say!("{}", on_one_line(&line))
 }
 
@@ -137,7 +140,12 @@ pub(super) fn plates(args: &PlatesArgs, common: Common) -> Result<u8, Failure> {
 pub(super) fn plate_line(plate: &Plate) -> String {
     let Plate { name, queued, why, .. } = plate;
     let doing = match plate.state {
-        PlateState::Idle => String::new(),
+        PlateState::Idle => {
+            plate.standing_job.as_ref().map(|standing| standing_line(standing, name)).unwrap_or_default()
+        }
+        PlateState::Running if is_standing(plate) => {
+            format!("standing job {}  {}", plate.job.as_deref().unwrap_or_default(), plate.phase)
+        }
         PlateState::Running => {
             let job = plate.job.as_deref().unwrap_or("a job");
             format!("{:3.0} % of {job}  {}", 100.0 * plate.progress, plate.phase)
@@ -152,6 +160,21 @@ pub(super) fn plate_line(plate: &Plate) -> String {
         PlateState::Stopped => "stopped",
     };
     on_one_line(format!("{name:16} {state:8} {queued:4} queued  {doing}").trim_end())
+}
+
+/// True while the job on the plate is a run of its standing job.
+fn is_standing(plate: &Plate) -> bool {
+    plate.standing_job.as_ref().is_some_and(|standing| standing.state == StandingState::Running)
+}
+
+/// A standing job that does not run.
+fn standing_line(standing: &StandingJob, plate: &str) -> String {
+    let StandingJob { name, state, why } = standing;
+    match state {
+        StandingState::Paused => format!("standing job {name} is paused: {why} (upm resume {plate})"),
+        StandingState::Waiting | StandingState::Running if why.is_empty() => String::new(),
+        StandingState::Waiting | StandingState::Running => format!("standing job {name} waits: {why}"),
+    }
 }
 
 /// A state as it is written.

@@ -10,6 +10,7 @@ use super::kinds::NAMES;
 use super::raw_daemon::{RawDaemon, RawDisk, RawKeep, RawPace, RawServedPlate, RawWatchdog};
 use super::read::{Origin, parse, text_of};
 use super::rig::RigSpec;
+use super::standing::{StandingSpec, standing_of};
 
 /// What a daemon runs, validated.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,6 +61,8 @@ pub struct PlateSpec {
     pub library: PathBuf,
     /// Port of its live stream; `None` for any free one.
     pub live_port: Option<u16>,
+    /// The job that runs whenever its queue is empty.
+    pub standing: Option<StandingSpec>,
 }
 
 /// What is kept of jobs that have ended.
@@ -69,6 +72,8 @@ pub struct KeepSpec {
     pub runs_bytes: u64,
     /// Longest time a run folder is kept.
     pub runs_age: Duration,
+    /// Ended runs of standing jobs that are kept, for each plate.
+    pub standing_runs: u64,
     /// Jobs that are remembered.
     pub jobs: u64,
     /// Events kept of one job.
@@ -166,7 +171,7 @@ fn listen_of(text: &str, faults: &mut Faults) -> Option<SocketAddr> {
     address
 }
 
-fn named_file(named: &str, origin: &Origin, at: &Path, faults: &mut Faults) -> Option<PathBuf> {
+pub(super) fn named_file(named: &str, origin: &Origin, at: &Path, faults: &mut Faults) -> Option<PathBuf> {
     let path = origin.resolve(named);
     faults.demand(path.is_some(), at, shown(&Value::from(named)), "nothing: files cannot be named here");
     path
@@ -187,7 +192,14 @@ fn plates_of(raw: &[RawServedPlate], origin: &Origin, faults: &mut Faults) -> Op
             Some(library) => library?,
             None => library_of_rig(&rig, &at, faults)?,
         };
-        Some(PlateSpec { name: plate.name.clone(), rig, library, live_port: plate.live_port })
+        let at_standing = at.key("standing_job");
+        let standing =
+            plate.standing_job.as_ref().map(|job| standing_of(job, plate, &rig, origin, &at_standing, faults));
+        let standing = match standing {
+            Some(standing) => Some(standing?),
+            None => None,
+        };
+        Some(PlateSpec { name: plate.name.clone(), rig, library, live_port: plate.live_port, standing })
     };
     let plates: Vec<Option<PlateSpec>> = raw.iter().enumerate().map(plate_of).collect();
     plates.into_iter().collect()
@@ -276,6 +288,7 @@ fn keep_of(raw: &RawKeep) -> KeepSpec {
     KeepSpec {
         runs_bytes: (raw.runs_gb * 1e9).round() as u64,
         runs_age: Duration::from_secs_f64(raw.runs_days * 86_400.0),
+        standing_runs: raw.standing_runs.into(),
         jobs: raw.jobs.into(),
         events_per_job: raw.events_per_job.into(),
         events: raw.events.into(),

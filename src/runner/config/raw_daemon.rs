@@ -86,6 +86,32 @@ pub struct RawServedPlate {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1))]
     pub live_port: Option<u16>,
+    /// Job that runs whenever the plate's queue is empty, and gives way between two cycles to any job that comes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub standing_job: Option<RawStandingJob>,
+}
+
+/// The standing job of a plate. It begins again whenever it ends, until it fails or a person cancels it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawStandingJob {
+    /// Path of the job file, relative to this file. It may name the plate's rig, and no other.
+    #[schemars(length(min = 1, max = 4096))]
+    pub job: String,
+    /// Whether it runs from the start of the daemon on, or waits for `upm resume PLATE`.
+    #[serde(default)]
+    pub start: RawStart,
+}
+
+/// How a standing job is when the daemon starts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RawStart {
+    /// It runs as soon as its plate may move and nothing is queued.
+    #[default]
+    Running,
+    /// It waits until a person resumes the plate.
+    Paused,
 }
 
 /// How fast a job runs.
@@ -109,6 +135,9 @@ pub struct RawKeep {
     /// Longest time a run folder is kept, days.
     #[schemars(range(max = 36_500.0), extend("exclusiveMinimum" = 0.0))]
     pub runs_days: f64,
+    /// Ended runs of a standing job that are kept, for each plate: the newest. They go with folder, events and row.
+    #[schemars(range(min = 1, max = 10_000))]
+    pub standing_runs: u32,
     /// Jobs that are remembered.
     #[schemars(range(min = 100, max = 10_000_000))]
     pub jobs: u32,
@@ -122,7 +151,14 @@ pub struct RawKeep {
 
 impl Default for RawKeep {
     fn default() -> Self {
-        Self { runs_gb: 20.0, runs_days: 30.0, jobs: 100_000, events_per_job: 10_000, events: 1_000_000 }
+        Self {
+            runs_gb: 20.0,
+            runs_days: 30.0,
+            standing_runs: 8,
+            jobs: 100_000,
+            events_per_job: 10_000,
+            events: 1_000_000,
+        }
     }
 }
 

@@ -1,7 +1,9 @@
 use serde_json::{Map, Value};
 
 use crate::plates::{self, PlateSnapshot};
-use crate::service::{Event, Job, JobState, Pace, Plate, PlateState, RecordingState, Refusal};
+use crate::service::{
+    Event, Job, JobState, Pace, Plate, PlateState, RecordingState, Refusal, StandingJob, StandingState,
+};
 use crate::store::{self, JobPace, JobRow, RecordingKept, StoreFault, StoredEvent};
 use upm_core::units::{mm_from_m, places_mm};
 
@@ -24,6 +26,7 @@ pub(super) fn job(row: &JobRow) -> Job {
             JobPace::Max => Pace::Max,
         },
         recording: recording(row.recording),
+        standing: row.standing,
     }
 }
 
@@ -82,6 +85,7 @@ pub(super) fn plate(snapshot: &PlateSnapshot, queued: u64) -> Plate {
         },
         why: snapshot.why.clone(),
         job: snapshot.job.map(|id| id.to_string()),
+        standing_job: snapshot.standing.as_ref().map(standing_job),
         queued,
         at_s: sight.at.secs(),
         age_s: snapshot.age.map(|age| age.as_secs_f64()),
@@ -93,6 +97,18 @@ pub(super) fn plate(snapshot: &PlateSnapshot, queued: u64) -> Plate {
         phase: sight.phase.clone(),
         deadline_misses: snapshot.deadline_misses,
         live: snapshot.live.clone(),
+    }
+}
+
+fn standing_job(snapshot: &plates::StandingSnapshot) -> StandingJob {
+    StandingJob {
+        name: snapshot.name.clone(),
+        state: match snapshot.state {
+            plates::StandingState::Running => StandingState::Running,
+            plates::StandingState::Waiting => StandingState::Waiting,
+            plates::StandingState::Paused => StandingState::Paused,
+        },
+        why: snapshot.why.clone(),
     }
 }
 

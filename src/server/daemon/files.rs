@@ -73,6 +73,7 @@ mod tests {
             report_json: None,
             folder: Some("rest-1".to_owned()),
             recording,
+            standing: false,
             last_event: 1,
         }
     }

@@ -37,7 +37,8 @@ macro_rules! shipped {
 /// The jobs of `configs/`.
 const JOBS: &[(&str, &str)] = shipped! {
     "arrange-2" "arrange-4" "arrange-4-cor" "arrange-8" "arrange-16" "arrange-24" "bowtie-3" "hold-4" "plus-sign"
-    "plus-sign-upm-2" "ring-6" "sort-8" "sort-8-cor" "sort-12" "swap-2" "trajectories" "trajectories-cor"
+    "plus-sign-endless" "plus-sign-upm-2" "ring-6" "sort-8" "sort-8-cor" "sort-12" "swap-2" "trajectories"
+    "trajectories-cor"
 };
 
 /// A file of the operator page; `index.html` is the page itself, `examples.json` the shipped jobs.

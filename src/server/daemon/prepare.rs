@@ -5,6 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use rustix::fs::{Access, access};
 
+use crate::plates::fitting_library;
 use crate::service::{Scope, Tokens};
 use upm_library::{Library, LibraryFault};
 use upm_runner::config::{DaemonSpec, Fault, PlateSpec};
@@ -29,7 +30,7 @@ pub struct Prepared {
 pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Fault>> {
     let mut faults = Vec::new();
     let tokens = tokens_of(spec, &mut faults);
-    let libraries = spec.plates.iter().filter_map(|plate| taken(library_of(plate), &mut faults)).collect();
+    let libraries = spec.plates.iter().filter_map(|plate| taken(fitted_library(plate), &mut faults)).collect();
     if !spec.listen.ip().is_loopback() && tokens.is_empty() && faults.is_empty() {
         let allowed =
             "an address of this machine alone, as 127.0.0.1:8750, or a `token_file`: others can reach this one";
@@ -92,6 +93,15 @@ fn secret_in(file: &Path) -> Result<String, String> {
     }
     let text = fs::read_to_string(file).map_err(|error| error.to_string())?;
     Ok(text.trim_end().to_owned())
+}
+
+/// The library of a plate; its standing job must be one that can be run with it.
+fn fitted_library(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Fault>> {
+    let library = library_of(plate)?;
+    if let Some(standing) = &plate.standing {
+        fitting_library(&standing.job, &library)?;
+    }
+    Ok(library)
 }
 
 fn library_of(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Fault>> {

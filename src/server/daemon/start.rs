@@ -11,9 +11,10 @@ use jiff::Timestamp;
 
 use super::desk::{FrontDesk, Furniture, Office};
 use super::prepare::Prepared;
+use super::submit::pace_of;
 use super::systemd::{ServiceManager, SignsOfLife};
 use super::{health, recovered};
-use crate::plates::{PlateSetup, Plates, Surroundings};
+use crate::plates::{PlateSetup, Plates, StandingSetup, Surroundings};
 use crate::service::{AppParts, Hosts, Limits, Served, StopFlag, StopSender, Tokens, app, serve};
 use crate::store::{self, Mended, Opened, Store, StoreFault};
 use upm_core::time::MonotonicClock;
@@ -29,6 +30,9 @@ const STORE_WITHIN: Duration = Duration::from_millis(400);
 const TICK: Duration = Duration::from_millis(500);
 /// How many of these go by from one count of all jobs to the next.
 const COUNT_EVERY: u32 = 10;
+
+/// Why a standing job waits whose configuration says `"start": "paused"`.
+const STARTS_PAUSED: &str = "it starts paused, as the configuration says";
 
 /// Why a daemon does not start.
 #[derive(Debug, thiserror::Error)]
@@ -93,6 +97,11 @@ impl Daemon {
             rig: plate.rig.clone(),
             library,
             live_port: plate.live_port,
+            standing: plate.standing.as_ref().map(|standing| StandingSetup {
+                job: standing.job.clone(),
+                pace: pace_of(spec.pace),
+                paused: standing.starts_paused.then(|| STARTS_PAUSED.to_owned()),
+            }),
             paused: recovery.paused.contains(&plate.name).then(|| recovered::why_paused(&recovery).to_owned()),
         });
         let around = Surroundings {
@@ -215,6 +224,7 @@ fn limits_of(spec: &DaemonSpec) -> store::Limits {
         events: spec.keep.events,
         runs_bytes: spec.keep.runs_bytes,
         runs_age: spec.keep.runs_age,
+        standing_runs: spec.keep.standing_runs,
         reserve_bytes: spec.reserve_bytes,
         ..store::Limits::default()
     }

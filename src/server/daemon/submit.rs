@@ -121,10 +121,18 @@ fn queue(office: &Arc<Office>, asked: &Asked, answer: Answer) {
         if let Ok(Accepted::New(row)) = &accepted
             && let Some(plate) = then.plates.get(&row.plate)
         {
-            plate.wake();
+            plate.job_queued();
         }
         answer.send(accepted.map_err(unstored).and_then(submitted));
     });
+}
+
+/// A pace of the configuration.
+pub(super) fn pace_of(pace: RawPace) -> JobPace {
+    match pace {
+        RawPace::RealTime => JobPace::RealTime,
+        RawPace::Max => JobPace::Max,
+    }
 }
 
 /// What a fault of the store means to who submits.
@@ -171,9 +179,10 @@ impl Office {
 
     fn checked(&self, plate: &Plate, asked: &Asked) -> Result<NewJob, Refusal> {
         let order = &asked.order;
-        let pace = match (order.pace, self.spec.pace) {
-            (Some(Pace::RealTime), _) | (None, RawPace::RealTime) => JobPace::RealTime,
-            (Some(Pace::Max), _) | (None, RawPace::Max) => JobPace::Max,
+        let pace = match order.pace {
+            Some(Pace::RealTime) => JobPace::RealTime,
+            Some(Pace::Max) => JobPace::Max,
+            None => pace_of(self.spec.pace),
         };
         let job = plate.validate(&order.text, pace, order.key.clone()).map_err(|faults| {
             let is_json = serde_json::from_str::<IgnoredAny>(&order.text).is_ok();

@@ -60,6 +60,12 @@ impl Disk {
         (free != UNKNOWN && !self.hangs(now)).then_some(free)
     }
 
+    /// Why nothing should be begun that can wait: less is free than is to stay free.
+    pub fn is_low(&self, now: Duration) -> Option<String> {
+        let free = self.free_bytes(now).filter(|&free| free < self.min_free_bytes)?;
+        Some(format!("the disk has only {} left", megabytes(free)))
+    }
+
     /// Lets the recording of a job come to `wanted_bytes`, until [`Self::release`]; why not. Counted in is what other
     /// recordings may still take. A disk that does not say what is free is trusted.
     pub fn promise(

@@ -124,21 +124,33 @@ impl Plate {
         Ok(())
     }
 
-    /// Lets it take jobs again. False while an emergency stop holds. Going on twice is going on.
+    /// Lets it take jobs again, and run its standing job. False while an emergency stop holds. Going on twice is going on.
     pub fn resume(&self, who: Caller) -> bool {
         if self.shared.is_stopped() {
             return false;
         }
-        if self.shared.paused().is_some() {
+        let standing = self.shared.standing.as_ref();
+        if self.shared.paused().is_some() || standing.is_some_and(|standing| standing.paused().is_some()) {
             self.audit("resume", who);
             self.shared.pause(None);
+        }
+        if let Some(standing) = standing {
+            standing.pause(None);
         }
         self.wake();
         true
     }
 
-    /// Tells it that a job was queued.
-    pub fn wake(&self) {
+    /// Tells it that a job was queued: a standing job on it gives way.
+    pub fn job_queued(&self) {
+        if let Some(standing) = &self.shared.standing {
+            standing.give_way();
+        }
+        self.wake();
+    }
+
+    /// Has it look what there is to do.
+    pub(super) fn wake(&self) {
         self.worker.thread().unpark();
     }
 

@@ -7,14 +7,15 @@ use sha2::{Digest, Sha256};
 use super::crier::Taps;
 use super::frames::Window;
 use super::latch::Latch;
+use super::standing::Standing;
 use super::watchdog::{Deadlines, Vitals};
 use super::{PlateSetup, PlateSnapshot, PlateState, Sight};
 use crate::store::{BY_THE_DAEMON, JobId, Ledger};
 use upm_core::rig::{Interlock, Trip};
-use upm_library::{Library, LibraryFault};
+use upm_library::Library;
 use upm_recording::{RecordingSwitch, ScribeWatch};
-use upm_runner::config::{JobSpec, LibraryRef, RigSpec};
-use upm_runner::run::{PacingStats, job_library};
+use upm_runner::config::RigSpec;
+use upm_runner::run::PacingStats;
 use upm_viewer::LiveServer;
 
 /// What a plate's thread and everybody outside share.
@@ -41,6 +42,8 @@ pub(super) struct Shared {
     pub estops: AtomicU64,
     /// Where viewers see its runs.
     pub live: Option<LiveServer>,
+    /// Runs whenever nothing is queued.
+    pub standing: Option<Standing>,
     /// Why the plate must not move until a person resumes it.
     paused: Mutex<Option<String>>,
     /// Held by a reset from its begin to its end, and by nobody else.
@@ -63,6 +66,8 @@ struct Turn {
 #[derive(Clone, Debug)]
 struct Running {
     job: JobId,
+    /// True for a run of the standing job.
+    standing: bool,
     recording: RecordingSwitch,
     journal: ScribeWatch,
     /// Why it was told to end.
@@ -83,7 +88,7 @@ struct Seen {
 }
 
 impl Shared {
-    /// A plate as it is set up, without a job.
+    /// A plate as it is set up, without a job of any kind.
     pub fn new(
         setup: PlateSetup,
         ledger: Arc<dyn Ledger>,
@@ -91,7 +96,7 @@ impl Shared {
         interlock: Interlock,
         live: Option<LiveServer>,
     ) -> Self {
-        let PlateSetup { name, rig, library, paused, live_port: _ } = setup;
+        let PlateSetup { name, rig, library, paused, live_port: _, standing: _ } = setup;
         let library_sha256 = sha256_hex(&library);
         Self {
             name,
@@ -110,6 +115,7 @@ impl Shared {
             taps: Arc::default(),
             estops: AtomicU64::new(0),
             live,
+            standing: None,
             paused: Mutex::new(paused),
             resetting: Mutex::default(),
             turn: Mutex::default(),
@@ -122,14 +128,6 @@ impl Shared {
         let Some(mut seen) = locked_now(&self.seen) else { return };
         seen.sight.clone_from(sight);
         seen.at = Some(now);
-    }
-
-    /// What `job` runs with: its own library, or the plate's.
-    pub fn library_of(&self, job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
-        match job.library {
-            Some(LibraryRef::Inline(_)) => job_library(job),
-            _ => Ok(Arc::clone(&self.library)),
-        }
     }
 
     /// SHA-256 of a library's file form, in hex.
@@ -176,7 +174,7 @@ impl Shared {
     }
 
     /// A job comes onto the plate; to end at once when it was told to before.
-    pub fn begins(&self, job: JobId, recording: RecordingSwitch, journal: ScribeWatch) {
+    pub fn begins(&self, job: JobId, standing: bool, recording: RecordingSwitch, journal: ScribeWatch) {
         *locked(&self.seen) = Seen::default();
         self.vitals.clear();
         self.window.clear();
@@ -185,7 +183,7 @@ impl Shared {
         if cause.is_some() {
             self.stop.store(true, Ordering::SeqCst);
         }
-        turn.running = Some(Running { job, recording, journal, cause });
+        turn.running = Some(Running { job, standing, recording, journal, cause });
     }
 
     /// The recording of the job on the plate.
@@ -264,12 +262,14 @@ impl Shared {
             (false, None, None) => (PlateState::Idle, String::new()),
         };
         let age = at.map(|at| now.saturating_sub(at));
+        let stands = running.as_ref().is_some_and(|running| running.standing);
         PlateSnapshot {
             name: self.name.clone(),
             side_m: self.rig.model.plate_side_m,
             state,
             why,
             job,
+            standing: self.standing.as_ref().map(|standing| standing.snapshot(stands)),
             recording: running.map(|running| running.recording.state()),
             sight,
             age,

@@ -12,6 +12,7 @@ use super::disk::{Disk, DiskGuard, Rates};
 use super::latch::Latches;
 use super::plate::Plate;
 use super::shared::Shared;
+use super::standing::{Standing, StandingSetup};
 use super::watchdog::{TICK, Watchdog, ms};
 use super::worker::{Place, Worker};
 use crate::store::Ledger;
@@ -40,6 +41,8 @@ pub struct PlateSetup {
     pub paused: Option<String>,
     /// Port of its live stream; `None` for any free one.
     pub live_port: Option<u16>,
+    /// The job that runs whenever its queue is empty.
+    pub standing: Option<StandingSetup>,
 }
 
 /// What all plates need.
@@ -90,8 +93,9 @@ impl Plates {
             if latch.is_stopped() {
                 interlock.trip(Trip::EStop);
             }
-            let live = live(&setup, around);
-            let shared = Shared::new(setup, Arc::clone(&around.ledger), latch.clone(), interlock, live);
+            let (live, standing) = (live(&setup, around), setup.standing.clone());
+            let mut shared = Shared::new(setup, Arc::clone(&around.ledger), latch.clone(), interlock, live);
+            shared.standing = standing.map(|setup| Standing::new(&setup, &shared)).transpose()?;
             plates.push(plate(Arc::new(shared), around, &disk, latches.keeper())?);
         }
         let watched = || plates.iter().map(|plate| Arc::clone(&plate.shared)).collect();

@@ -1,3 +1,4 @@
+mod standing;
 mod stops;
 
 use std::path::Path;
@@ -44,11 +45,13 @@ impl Tap for Ear {
 struct House {
     folder: tempfile::TempDir,
     ledger: Arc<MemoryLedger>,
+    standing: Option<StandingSetup>,
 }
 
 impl House {
     fn new() -> Self {
-        Self { folder: tempfile::tempdir().unwrap(), ledger: Arc::new(MemoryLedger::new(|| Timestamp::UNIX_EPOCH)) }
+        let ledger = Arc::new(MemoryLedger::new(|| Timestamp::UNIX_EPOCH));
+        Self { folder: tempfile::tempdir().unwrap(), ledger, standing: None }
     }
 
     fn open(&self, paused: Option<&str>) -> Plates {
@@ -62,7 +65,8 @@ impl House {
     fn open_by(&self, library: Library, paused: Option<&str>, change: impl FnOnce(&mut Surroundings)) -> Plates {
         let rig = RigSpec::load(&root().join("configs/rigs/upm-2.json")).unwrap();
         let library = Arc::new(library);
-        let setup = PlateSetup { name: "one".into(), rig, library, paused: paused.map(str::to_owned), live_port: None };
+        let (paused, live_port, standing) = (paused.map(str::to_owned), None, self.standing.clone());
+        let setup = PlateSetup { name: "one".into(), rig, library, paused, live_port, standing };
         let mut around = Surroundings {
             ledger: Arc::clone(&self.ledger) as _,
             runs: self.folder.path().join("runs"),
@@ -79,7 +83,7 @@ impl House {
 
     fn submit(&self, plate: &Plate, text: &str, pace: JobPace) -> JobId {
         let row = self.ledger.accept(plate.validate(text, pace, None).unwrap());
-        plate.wake();
+        plate.job_queued();
         row.id
     }
 

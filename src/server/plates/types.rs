@@ -1,5 +1,6 @@
 use std::time::Duration;
 
+use super::StandingSnapshot;
 use crate::store::{JobId, StoreFault};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
@@ -60,6 +61,8 @@ pub struct PlateSnapshot {
     pub why: String,
     /// The job it has.
     pub job: Option<JobId>,
+    /// Its standing job, if it has one.
+    pub standing: Option<StandingSnapshot>,
     /// How the recording of that job is getting on.
     pub recording: Option<RecordingState>,
     /// The parts as last seen.

@@ -1,10 +1,12 @@
+use std::sync::Arc;
+
 use sha2::{Digest, Sha256};
 
 use super::shared::Shared;
 use crate::store::{JobPace, NewJob};
-use upm_library::LibraryFault;
+use upm_library::{Library, LibraryFault};
 use upm_runner::config::{Fault, JobSpec, LibraryRef, Origin};
-use upm_runner::run::{check_job, check_places};
+use upm_runner::run::{check_job, check_places, job_library};
 
 /// What faults of a job that came in a request call it.
 const REQUEST: &str = "job";
@@ -12,27 +14,38 @@ const REQUEST: &str = "job";
 /// The job of a request, checked as a whole: its text, the library it is to run with and whether its parts find room.
 pub(super) fn validated(shared: &Shared, text: &str, pace: JobPace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
     let job = JobSpec::from_json(text, &Origin::of_request(REQUEST), Some(&shared.rig))?;
-    let library = shared.library_of(&job).map_err(|faults| faults.into_iter().map(of_library).collect::<Vec<_>>())?;
-    match &job.library {
-        Some(LibraryRef::Inline(_)) => check_job(&job, &library)?,
-        // the plate's own was held against the rig when the plate was set up, and that takes a while
-        _ => check_places(&job).map_err(|fault| vec![fault])?,
-    }
-    let mut spec = job.effective();
-    if let Some(members) = spec.as_object_mut() {
-        members.remove("rig");
-    }
+    let library = fitting_library(&job, &shared.library)?;
     Ok(NewJob {
         name: job.name.clone(),
         plate: shared.name.clone(),
         seed: job.seed(),
         pace,
-        spec_json: spec.to_string(),
+        spec_json: job.effective_without_rig().to_string(),
         rig_fingerprint: shared.rig.fingerprint.clone(),
         library_sha256: shared.sha256_of(&library),
         body_sha256: Sha256::digest(text.as_bytes()).into(),
         key,
     })
+}
+
+/// The library of `job` on a plate whose own is `of_plate`, checked together with the places of the parts.
+pub fn fitting_library(job: &JobSpec, of_plate: &Arc<Library>) -> Result<Arc<Library>, Vec<Fault>> {
+    let library =
+        library_for(job, of_plate).map_err(|faults| faults.into_iter().map(of_library).collect::<Vec<_>>())?;
+    match &job.library {
+        Some(LibraryRef::Inline(_)) => check_job(job, &library)?,
+        // the plate's own was held against the rig when the plate was set up, and that takes a while
+        _ => check_places(job).map_err(|fault| vec![fault])?,
+    }
+    Ok(library)
+}
+
+/// The job's own library, or the plate's.
+pub(super) fn library_for(job: &JobSpec, of_plate: &Arc<Library>) -> Result<Arc<Library>, Vec<LibraryFault>> {
+    match job.library {
+        Some(LibraryRef::Inline(_)) => job_library(job),
+        _ => Ok(Arc::clone(of_plate)),
+    }
 }
 
 fn of_library(fault: LibraryFault) -> Fault {

@@ -11,13 +11,17 @@ use super::attend::Attend;
 use super::crier::Item;
 use super::disk::{Disk, Rates};
 use super::shared::{Cause, Shared};
+use super::standing::Standing;
 use super::told::{News, Told};
-use crate::store::{Claimed, JobEnd, JobId, JobPace, JobRow, JobState, RecordingKept, StoredEvent};
+use super::validate::library_for;
+use crate::store::{Claimed, JobEnd, JobId, JobPace, JobRow, JobState, RecordingKept, StoreFault, StoredEvent};
 use upm_control::EventLevel;
 use upm_core::priority::go_first;
 use upm_core::rig::Trip;
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
-use upm_recording::{Keeping, OnFull, Outcome, RecordingState, RecordingSwitch, RerunMode, ScribeMode, ScribeWatch};
+use upm_recording::{
+    Keeping, OnFull, Outcome, RecordingState, RecordingSwitch, RerunMode, ScribeMode, ScribeWatch, StopCode,
+};
 use upm_runner::config::{JobSpec, Origin};
 use upm_runner::run::{FolderState, Links, RunFolder, RunOptions, RunResult, run_linked};
 
@@ -54,6 +58,10 @@ impl Worker {
         let shared = Arc::clone(&self.shared);
         while !shared.ending.load(Ordering::SeqCst) {
             shared.stop.store(false, Ordering::SeqCst);
+            // before the store is asked: a job that it does not tell of yet sets this again
+            if let Some(standing) = &shared.standing {
+                standing.give_way.store(false, Ordering::SeqCst);
+            }
             // a stop before this is seen here, one after it by the run
             if !shared.may_move() || !self.take_job() {
                 thread::park_timeout(IDLE);
@@ -61,13 +69,14 @@ impl Worker {
         }
     }
 
-    /// Runs the next job; false when there is none.
+    /// Runs the next job; false when there is none, and after a standing job that ended by itself: one that is done at
+    /// once shall not begin again and again without a pause.
     fn take_job(&mut self) -> bool {
-        let folder = |row: &JobRow| make_folder(&self.place.runs, row);
-        match self.shared.ledger.claim(&self.shared.name, &folder) {
+        match self.next_job() {
             Ok(Some(claimed)) => {
                 self.run(&claimed);
-                true
+                let gave_way = |standing: &Standing| standing.give_way.load(Ordering::SeqCst);
+                !claimed.row.standing || self.shared.standing.as_ref().is_some_and(gave_way)
             }
             Ok(None) => false,
             Err(fault) => {
@@ -77,10 +86,31 @@ impl Worker {
         }
     }
 
+    /// The oldest queued job; without one the standing job, if there is one that may run.
+    fn next_job(&self) -> Result<Option<Claimed>, StoreFault> {
+        let folder = |row: &JobRow| make_folder(&self.place.runs, row);
+        let ledger = &self.shared.ledger;
+        if let Some(claimed) = ledger.claim(&self.shared.name, &folder)? {
+            return Ok(Some(claimed));
+        }
+        let Some(standing) = &self.shared.standing else { return Ok(None) };
+        let low = self.place.disk.is_low(self.place.clock.elapsed());
+        let is_held = low.is_some();
+        if standing.hold(low.clone())
+            && let Some(why) = low
+        {
+            tracing::warn!(plate = self.shared.name, "the standing job waits: {why}");
+        }
+        if is_held || standing.paused().is_some() {
+            return Ok(None);
+        }
+        ledger.begin_standing(&standing.job, &folder)
+    }
+
     fn run(&mut self, claimed: &Claimed) {
         let id = claimed.row.id;
         let (recording, journal) = (RecordingSwitch::default(), ScribeWatch::default());
-        self.shared.begins(id, recording.clone(), journal.clone());
+        self.shared.begins(id, claimed.row.standing, recording.clone(), journal.clone());
         let JobRow { name, seed, pace, .. } = &claimed.row;
         tracing::info!(plate = self.shared.name, job = %id, seed, pace = pace.name(), "begins: {name}");
         self.tell(id, News::state(PlateTime::ZERO, JobState::Running));
@@ -89,7 +119,7 @@ impl Worker {
         self.place.disk.release(&id);
         let cause = self.shared.ends();
         let lost_parts = done.as_ref().map_or(0, |run| run.report.lost_parts);
-        let mut end = self.end_of(done, cause);
+        let mut end = self.end_of(done, cause.as_ref());
         if recording.state() == RecordingState::Whole {
             self.rates.add(recording.bytes(), end.at.secs());
         }
@@ -103,6 +133,9 @@ impl Worker {
             self.pause_after(&end.reason);
         }
         self.settle_interlock(&end.reason);
+        if claimed.row.standing {
+            self.settle_standing(&end, cause.as_ref());
+        }
         self.log(&id, &end);
         self.tell(id, News::recording(end.at, kept, &why));
         if let Some(finished) = self.store(&id, end) {
@@ -122,7 +155,7 @@ impl Worker {
         if row.rig_fingerprint != shared.rig.fingerprint {
             return Err(vec!["the plate has another rig than when the job was accepted".to_owned()]);
         }
-        let library = shared.library_of(&job).map_err(lines)?;
+        let library = library_for(&job, &shared.library).map_err(lines)?;
         let folder = RunFolder::reopen(folder).ok_or_else(|| vec!["its run folder is gone".to_owned()])?;
         if folder.state() != FolderState::default() {
             return Err(vec!["its run folder holds a run: it had begun before, and is not run again".to_owned()]);
@@ -149,9 +182,11 @@ impl Worker {
             },
             live: shared.live.clone(),
         };
-        let (stop, interlock, pacing) = (&shared.stop, &shared.interlock, &shared.pacing);
-        let give_way = AtomicBool::new(false);
-        let links = Links { stop, give_way: &give_way, interlock, pacing, cause: &|| shared.cause() };
+        let (stop, interlock, pacing, never) =
+            (&shared.stop, &shared.interlock, &shared.pacing, AtomicBool::new(false));
+        let standing = shared.standing.as_ref().filter(|_| row.standing);
+        let give_way = standing.map_or(&never, |standing| &standing.give_way);
+        let links = Links { stop, give_way, interlock, pacing, cause: &|| shared.cause() };
         let clock = self.place.clock;
         let mut attend = Attend::new(shared, &clock, &self.crier, row.id, radii_of(&job));
         run_linked(&job, library, folder, &options, &clock, links, &mut attend).map_err(|error| error.lines())
@@ -169,21 +204,22 @@ impl Worker {
     }
 
     /// How a run ended, and when on the plate.
-    fn end_of(&self, done: Result<RunResult, Vec<String>>, cause: Option<Cause>) -> JobEnd {
+    fn end_of(&self, done: Result<RunResult, Vec<String>>, cause: Option<&Cause>) -> JobEnd {
         let report = match done {
             Ok(result) => result.report,
             // whoever stopped it stopped it, even when that could not be written down
-            Err(lines) if self.shared.is_stopped() || cause == Some(Cause::Cancelled) => {
+            Err(lines) if self.shared.is_stopped() || cause == Some(&Cause::Cancelled) => {
                 let reason = format!("stopped; {}", lines.join("; "));
                 return ended(PlateTime::ZERO, JobState::Cancelled, reason, None);
             }
             Err(lines) => return ended(PlateTime::ZERO, JobState::Failed, lines.join("; "), None),
         };
         let at = PlateTime::from_secs(report.plate_time_s);
-        let state = match (report.outcome, &cause) {
+        let gave_way = report.stop.as_ref().is_some_and(|stop| stop.code == StopCode::GaveWay);
+        let state = match (report.outcome, cause) {
             (Outcome::Completed, _) => JobState::Completed,
             (Outcome::Failed, _) | (_, Some(Cause::Watchdog(_))) => JobState::Failed,
-            (Outcome::Cancelled, _) if self.shared.is_stopped() => JobState::Cancelled,
+            (Outcome::Cancelled, _) if gave_way || self.shared.is_stopped() => JobState::Cancelled,
             (Outcome::Cancelled, Some(Cause::Cancelled)) => JobState::Cancelled,
             (Outcome::Cancelled, None) => JobState::Interrupted,
         };
@@ -213,6 +249,16 @@ impl Worker {
                 }
                 shared.interlock.release(trip);
             }
+        }
+    }
+
+    /// A standing job that failed, or that was cancelled by request, waits for a person: it would only do so again.
+    fn settle_standing(&self, end: &JobEnd, cause: Option<&Cause>) {
+        let Some(standing) = &self.shared.standing else { return };
+        if cause == Some(&Cause::Cancelled) {
+            standing.pause(Some("its last run was cancelled by request".to_owned()));
+        } else if end.state == JobState::Failed {
+            standing.pause(Some(format!("its last run failed: {}", end.reason)));
         }
     }
 

@@ -6,7 +6,7 @@ use super::{JobId, JobPace, JobRow, JobState, RecordingKept, StoreFault};
 
 /// Columns of [`job_of`], in its order.
 pub(super) const JOB: &str = "id, name, plate, state, seed, pace, rig, library, submitted_at, started_at, finished_at, \
-                              progress, reason, report, folder, recording, last_event";
+                              progress, reason, report, folder, recording, last_event, standing";
 
 /// The job in a row of [`JOB`].
 pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
@@ -28,6 +28,7 @@ pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
         folder: row.get(14)?,
         recording: row.get(15)?,
         last_event: row.get::<_, i64>(16)?.cast_unsigned(),
+        standing: row.get(17)?,
     })
 }
 

@@ -182,6 +182,28 @@ impl Ledger for Store {
         }
     }
 
+    fn begin_standing(
+        &self,
+        job: &NewJob,
+        folder: &dyn Fn(&JobRow) -> io::Result<String>,
+    ) -> Result<Option<Claimed>, StoreFault> {
+        let new = job.clone();
+        let Some(row) = self.orders.written(false, move |books| books.next_standing(&new))? else {
+            return Ok(None);
+        };
+        let _begins = self.begins.read().unwrap_or_else(PoisonError::into_inner);
+        let name = folder(&row)?;
+        std::fs::File::open(&self.runs)?.sync_all()?;
+        let (state, started_at) = (JobState::Running, Some(row.submitted_at));
+        let row = JobRow { state, started_at, folder: Some(name.clone()), ..row };
+        let (begun, spec_json) = (row.clone(), job.spec_json.clone());
+        let started = self.orders.written(false, move |books| books.start_standing(&begun, &spec_json));
+        if !matches!(started, Ok(true)) {
+            drop(std::fs::remove_dir(self.runs.join(&name)));
+        }
+        Ok(started?.then(|| Claimed { row, spec_json: job.spec_json.clone() }))
+    }
+
     fn ended(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
         let known = *id;
         let written = self.orders.written(true, move |books| {

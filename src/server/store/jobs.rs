@@ -7,6 +7,13 @@ use super::{
     Accepted, Cancelled, Claimed, JobEnd, JobId, JobPage, JobRow, JobState, NewJob, Page, StoreFault, StoredEvent,
 };
 
+/// Ended runs of standing jobs but for the newest of each plate.
+const SURPLUS_STANDING: &str = "
+    SELECT id, folder FROM (
+        SELECT id, folder, row_number() OVER (PARTITION BY plate ORDER BY id DESC) AS age FROM jobs
+            WHERE standing = 1 AND state NOT IN ('queued', 'running'))
+    WHERE age > ?1 ORDER BY id";
+
 /// What became of the wish to begin a job.
 pub(super) enum Begun {
     /// It runs.
@@ -70,6 +77,36 @@ impl Books<'_> {
         Ok(self.find(id)?.map_or(Begun::Not, |row| Begun::Now(Box::new(Claimed { row, spec_json }))))
     }
 
+    /// A run of the standing job `job` that is about to begin; `None` while a job waits for its plate.
+    pub fn next_standing(&self, job: &NewJob) -> rusqlite::Result<Option<JobRow>> {
+        let is_free = self.queued(&job.plate)? == 0;
+        let row = || JobRow { standing: true, ..job.row(self.ids.next(self.now), At::rounded(self.now)) };
+        Ok(is_free.then(row))
+    }
+
+    /// Begins that run in its folder. False when a job has come meanwhile: that one is first.
+    pub fn start_standing(&self, row: &JobRow, spec_json: &str) -> rusqlite::Result<bool> {
+        let is_free = self.queued(&row.plate)? == 0;
+        if is_free {
+            insert(self.tx, row, Some(spec_json))?;
+        }
+        Ok(is_free)
+    }
+
+    /// Ended runs of standing jobs beyond those that are remembered, with their run folders.
+    pub fn surplus_standing(&self) -> rusqlite::Result<Vec<(JobId, Option<String>)>> {
+        let mut statement = self.tx.prepare(SURPLUS_STANDING)?;
+        let most = i64::try_from(self.limits.standing_runs).unwrap_or(i64::MAX);
+        statement.query_map([most], |row| Ok((row.get(0)?, row.get(1)?)))?.collect()
+    }
+
+    /// Forgets a run of a standing job that has ended, once its run folder is gone.
+    pub fn forget_standing(&self, id: &JobId) -> rusqlite::Result<()> {
+        let sql = "DELETE FROM jobs WHERE id = ?1 AND standing = 1 AND folder IS NULL
+                       AND state NOT IN ('queued', 'running')";
+        self.tx.execute(sql, [id]).map(|_| ())
+    }
+
     /// Ends a job that is in state `from`; its last event, or `None` when it is in another one, and stays so.
     pub fn end(&self, id: &JobId, from: JobState, end: &JobEnd) -> rusqlite::Result<Option<StoredEvent>> {
         let JobEnd { state, reason, report_json, recording, .. } = end;
@@ -128,7 +165,7 @@ impl Books<'_> {
 pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> rusqlite::Result<()> {
     let sql = format!(
         "INSERT INTO jobs ({JOB}, first_event)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?17 + 1)"
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?17 + 1)"
     );
     let values = params![
         row.id,
@@ -148,6 +185,7 @@ pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> 
         row.folder,
         row.recording,
         row.last_event.cast_signed(),
+        row.standing,
     ];
     tx.execute(&sql, values)?;
     match spec_json {

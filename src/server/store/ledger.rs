@@ -5,7 +5,7 @@ use std::sync::Arc;
 use jiff::Timestamp;
 use serde::Serialize;
 
-use super::{AuditEntry, JobId, JobRow, JobState, RecordingKept, StoreFault};
+use super::{AuditEntry, JobId, JobRow, JobState, NewJob, RecordingKept, StoreFault};
 use upm_core::time::PlateTime;
 
 /// Kind of the event that a job ends with: it is kept in one with the end, so that a job which has ended has it.
@@ -109,6 +109,14 @@ pub trait Ledger: Send + Sync + fmt::Debug {
     /// when this returns a job, it is `running` for good, and nobody gets it again.
     fn claim(&self, plate: &str, folder: &dyn Fn(&JobRow) -> io::Result<String>)
     -> Result<Option<Claimed>, StoreFault>;
+
+    /// Begins a run of the standing job `job`, as [`Self::claim`] begins a queued one; `None` while a job waits for its
+    /// plate. A job that is queued after this returns finds the run begun.
+    fn begin_standing(
+        &self,
+        job: &NewJob,
+        folder: &dyn Fn(&JobRow) -> io::Result<String>,
+    ) -> Result<Option<Claimed>, StoreFault>;
 
     /// Says how a running job ended, and tells its [`FINISHED`] event; `None` when it had ended before, which is no
     /// fault. Waits for the disk. On a fault the caller asks again later, and leaves its plate alone until then.

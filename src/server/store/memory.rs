@@ -134,6 +134,27 @@ impl Ledger for MemoryLedger {
         Ok(Some(Claimed { row: row.clone(), spec_json: spec_json.clone() }))
     }
 
+    fn begin_standing(
+        &self,
+        job: &NewJob,
+        folder: &dyn Fn(&JobRow) -> io::Result<String>,
+    ) -> Result<Option<Claimed>, StoreFault> {
+        let mut kept = self.kept();
+        kept.check()?;
+        let waits = |entry: &Entry| entry.row.plate == job.plate && entry.row.state == JobState::Queued;
+        if kept.jobs.values().any(waits) {
+            return Ok(None);
+        }
+        let now = (self.now)();
+        let mut row = JobRow { standing: true, ..job.row(kept.ids.next(now), now) };
+        row.folder = Some(folder(&row).map_err(|error| StoreFault::Io(error.to_string()))?);
+        (row.state, row.started_at) = (JobState::Running, Some(now));
+        let spec_json = job.spec_json.clone();
+        let entry = Entry { row: row.clone(), spec_json: spec_json.clone(), events: Vec::new() };
+        kept.jobs.insert(row.id, entry);
+        Ok(Some(Claimed { row, spec_json }))
+    }
+
     fn ended(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
         let mut kept = self.kept();
         kept.check()?;
@@ -202,6 +223,7 @@ impl NewJob {
             folder: None,
             recording: RecordingKept::None,
             last_event: 0,
+            standing: false,
         }
     }
 }

@@ -130,6 +130,7 @@ impl Opening<'_> {
         found: &mut Recovery,
     ) -> Result<Connection, StoreFault> {
         schema::restart_log(&connection)?;
+        schema::upgrade(&connection)?;
         found.clean &= found.damage.is_none() && is_clean(&connection)?;
         recover(&mut connection, places, self, found)?;
         // that it is open now must be known without the log, too

@@ -132,9 +132,10 @@ impl Sweeper {
 
     /// A folder that cannot be deleted is in no other's way.
     fn delete_folders(&mut self) -> Result<Swept, StoreFault> {
+        let (mut deleted, mut faults) = (Vec::new(), Vec::new());
+        self.delete_standing(&mut deleted, &mut faults)?;
         let (folders, mut bytes) = self.folders()?;
         let oldest = before((self.now)(), self.limits.runs_age);
-        let (mut deleted, mut faults) = (Vec::new(), Vec::new());
         for kept in folders {
             if kept.finished_at >= oldest && bytes <= self.limits.runs_bytes {
                 break;
@@ -149,6 +150,22 @@ impl Sweeper {
             tracing::warn!(folders = faults.len(), "old run folders cannot be deleted, the first: {first}");
         }
         Ok(Swept { deleted, bytes })
+    }
+
+    /// Deletes and forgets runs of standing jobs beyond those that are remembered: a plate that is never idle would fill
+    /// the disk, and push the runs of other jobs out.
+    fn delete_standing(&mut self, deleted: &mut Vec<String>, faults: &mut Vec<String>) -> Result<(), StoreFault> {
+        for (id, folder) in self.orders.written(true, |books| books.surplus_standing())? {
+            if let Some(name) = folder {
+                let kept = Kept { name, job: Some(id), finished_at: Timestamp::MIN, bytes: 0 };
+                if !self.delete(&kept, faults)? {
+                    continue;
+                }
+                deleted.push(kept.name);
+            }
+            self.orders.written(true, move |books| books.forget_standing(&id))?;
+        }
+        Ok(())
     }
 
     /// The folders that may go, oldest first, and the bytes of all there are.

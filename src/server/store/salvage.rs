@@ -23,9 +23,10 @@ pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault>
     let Ok(old) = reading(old) else { return Ok(()) };
     let tx = new.unchecked_transaction()?;
     let (mut seen, mut lines) = (BTreeSet::new(), Vec::new());
+    let columns = columns_of(&old);
     // from both ends, since nothing comes after a page that is broken
     for order in ["", "DESC"] {
-        let sql = format!("SELECT {JOB} FROM jobs NOT INDEXED ORDER BY rowid {order}");
+        let sql = format!("SELECT {columns} FROM jobs NOT INDEXED ORDER BY rowid {order}");
         for job in rows(&old, &sql, job_of) {
             if seen.insert(job.id) {
                 copy_job(&old, &tx, job)?;
@@ -50,6 +51,12 @@ pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault>
         tx.execute("INSERT OR IGNORE INTO keys VALUES (?1, ?2, ?3, ?4)", params![key, body_sha256, job, at])?;
     }
     Ok(tx.commit()?)
+}
+
+/// The columns of [`JOB`]; a store of the first version knows no standing jobs.
+fn columns_of(old: &Connection) -> String {
+    let is_known = old.prepare("SELECT standing FROM jobs").is_ok();
+    if is_known { JOB.to_owned() } else { JOB.replace("standing", "0") }
 }
 
 /// The rows up to the first that cannot be read.
@@ -156,6 +163,7 @@ fn job_in(folder: &Path, name: String) -> Option<JobRow> {
         folder: Some(name),
         recording: RecordingKept::None,
         last_event: 0,
+        standing: false,
     })
 }
 

@@ -12,7 +12,16 @@ use super::aside::remove_all;
 pub(super) const APPLICATION_ID: i32 = 0x7570_6d31;
 
 /// Version of the tables below.
-pub(super) const VERSION: i32 = 1;
+pub(super) const VERSION: i32 = 2;
+
+/// The version before this one, which [`upgrade`] brings up to it.
+pub(super) const BEFORE: i32 = 1;
+
+/// The change from version 1 to version 2.
+const STANDING: &str = "
+ALTER TABLE jobs ADD COLUMN standing INTEGER NOT NULL DEFAULT 0 CHECK (standing IN (0, 1));
+CREATE INDEX jobs_standing ON jobs (plate, id) WHERE standing = 1;
+";
 
 /// Pages that a connection keeps in memory, in the pragma's own unit of -1024 bytes. The system keeps the file, too.
 const CACHE: &str = "PRAGMA cache_size = -512;";
@@ -84,7 +93,11 @@ CREATE TABLE audit (
 ) STRICT;
 CREATE TRIGGER audit_stays BEFORE UPDATE ON audit BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;
 CREATE TRIGGER audit_keeps BEFORE DELETE ON audit BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;
+";
 
+/// State of plates and store. Its tables come last: an index without entries at the end of the file would hide that the
+/// last byte is cut off.
+const STATE: &str = "
 CREATE TABLE plates (name TEXT NOT NULL PRIMARY KEY, paused INTEGER NOT NULL) STRICT, WITHOUT ROWID;
 CREATE TABLE meta (only INTEGER PRIMARY KEY CHECK (only = 1), clean_shutdown INTEGER NOT NULL) STRICT;
 INSERT INTO meta VALUES (1, 1);
@@ -94,10 +107,21 @@ INSERT INTO meta VALUES (1, 1);
 pub(super) fn create(path: &Path) -> rusqlite::Result<()> {
     let connection = writing(path)?;
     connection.execute_batch(&format!(
-        "BEGIN; {TABLES} PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {VERSION}; COMMIT;"
+        "BEGIN; {TABLES} {STANDING} {STATE} PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {VERSION}; COMMIT;"
     ))?;
     empty_log(&connection)?;
     connection.close().map_err(|(_, error)| error)
+}
+
+/// Brings the tables of a sound store up to this version, all of them or none.
+pub(super) fn upgrade(connection: &Connection) -> rusqlite::Result<()> {
+    let version: i32 = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
+    if version != BEFORE {
+        return Ok(());
+    }
+    let tx = connection.unchecked_transaction()?;
+    tx.execute_batch(&format!("{STANDING} PRAGMA user_version = {VERSION};"))?;
+    tx.commit()
 }
 
 /// Makes a new store under one name and gives it another when it is whole.

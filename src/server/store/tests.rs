@@ -6,6 +6,7 @@ mod full_disk;
 mod peeking;
 mod queue;
 mod recordings;
+mod standing;
 mod sweeping;
 
 use std::io;

@@ -178,6 +178,8 @@ pub struct JobRow {
     pub recording: RecordingKept,
     /// Sequence number of its last event; 0 before the first.
     pub last_event: u64,
+    /// True for a run of its plate's standing job, which was never queued.
+    pub standing: bool,
 }
 
 impl JobRow {
@@ -315,6 +317,8 @@ pub struct Limits {
     pub runs_bytes: u64,
     /// Longest time a run folder is kept after its job ended.
     pub runs_age: Duration,
+    /// Ended runs of standing jobs that are remembered for each plate, with their folders and events.
+    pub standing_runs: u64,
     /// Size of the ballast that is thrown off when the disk is full, bytes; 0 for none.
     pub reserve_bytes: u64,
 }
@@ -330,6 +334,7 @@ impl Default for Limits {
             keys_kept: day,
             runs_bytes: 20_000_000_000,
             runs_age: 30 * day,
+            standing_runs: 8,
             reserve_bytes: 16 << 20,
         }
     }

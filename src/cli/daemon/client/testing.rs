@@ -147,6 +147,7 @@ pub fn job(state: JobState) -> Job {
         seed: 1,
         pace: Pace::RealTime,
         recording: RecordingState::None,
+        standing: false,
     }
 }
 

@@ -131,3 +131,70 @@ fn a_job_may_say_its_plates_rig_and_no_other() {
     let named = job(json!("rigs/upm-2.json")).unwrap_err();
     assert!(named[0].contains("files cannot be named here"), "{named:?}");
 }
+
+#[test]
+fn shipped_plate_has_an_endless_standing_job_that_starts_running() {
+    let spec = DaemonSpec::load(&shipped("daemon.json")).unwrap();
+    let standing: Vec<_> = spec.plates.iter().map(|plate| plate.standing.as_ref()).collect();
+    let [Some(plus_sign), None, None] = standing[..] else { panic!("{standing:?}") };
+    assert_eq!((plus_sign.job.name.as_str(), plus_sign.starts_paused), ("plus-sign-endless", false));
+    assert!(plus_sign.job.is_endless() && plus_sign.job.rig == spec.plates[0].rig);
+    assert_eq!(spec.keep.standing_runs, 8);
+    let mut paused = value_of("daemon.json");
+    set(&mut paused, "/plates/0/standing_job/start", json!("paused"));
+    assert!(daemon(&paused).unwrap().plates[0].standing.as_ref().unwrap().starts_paused);
+}
+
+#[test]
+fn invalid_standing_job_is_told_in_one_line_with_its_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("job.json");
+    let with = |pointer: &str, value: Value| {
+        let mut job = value_of("plus-sign-endless.json");
+        set(&mut job, "/rig", json!(shipped("rigs/upm-1.json")));
+        set(&mut job, pointer, value);
+        std::fs::write(&file, job.to_string()).unwrap();
+        changed("/plates/0/standing_job/job", json!(file))
+    };
+    let at = |path: &str| format!("{path}: found ");
+    for (pointer, value, told) in [
+        (
+            "/rig",
+            json!(shipped("rigs/upm-2.json")),
+            "rig: found another rig, allowed: the rig of plate upm-1, or nothing",
+        ),
+        ("/plate", json!("upm-2"), "plate: found \"upm-2\", allowed: upm-1, whose standing job this is, or nothing"),
+        (
+            "/library",
+            json!("x.json"),
+            "library: found a path, allowed: the library itself, or nothing: that of plate upm-1 applies",
+        ),
+        ("/task/laps", json!(-1), "task.laps: found -1, allowed: a whole number from 0 to 1000000"),
+        (
+            "/parts/0/kind",
+            json!("pennyy"),
+            "parts[0].kind: found \"pennyy\", allowed: penny, nickel, dime, quarter (did you mean penny?)",
+        ),
+    ] {
+        assert_eq!(with(pointer, value), [told], "{pointer}");
+    }
+    for (pointer, value, told) in [
+        (
+            "/plates/0/standing_job/job",
+            json!("gone.json"),
+            at("plates[0].standing_job.job") + "\"gone.json\", allowed: a job file (No such file",
+        ),
+        ("/plates/0/standing_job/job", json!(7), at("plates[0].standing_job.job") + "7, allowed: "),
+        ("/plates/0/standing_job", json!({}), at("plates[0].standing_job.job") + "nothing, allowed: "),
+        (
+            "/plates/0/standing_job/start",
+            json!("later"),
+            at("plates[0].standing_job.start") + "\"later\", allowed: running, paused",
+        ),
+        ("/plates/0/standing_job/pace", json!("max"), at("plates[0].standing_job.pace") + "unknown key"),
+        ("/keep/standing_runs", json!(0), at("keep.standing_runs") + "0, allowed: "),
+    ] {
+        let faults = changed(pointer, value);
+        assert!(faults.len() == 1 && faults[0].starts_with(&told), "{told}: {faults:?}");
+    }
+}

@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 pub(super) const REMOVED: &str = "[removed]";
 
 /// Members of the configuration whose text is kept. Numbers and flags are, wherever they stand.
-const KEPT: [&str; 4] = ["listen", "pace", "default_plate", "name"];
+const KEPT: [&str; 5] = ["listen", "pace", "default_plate", "name", "start"];
 
 /// Longest run of letters and digits that is taken for words.
 const LONGEST_PLAIN: usize = 20;

@@ -6,7 +6,7 @@ use std::sync::{Barrier, Mutex};
 use std::thread;
 
 use super::*;
-use crate::store::{AuditEntry, Claimed, JobEnd, Ledger, NewEvent, Publish, StoreFault, StoredEvent};
+use crate::store::{AuditEntry, Claimed, JobEnd, Ledger, NewEvent, NewJob, Publish, StoreFault, StoredEvent};
 use upm_core::time::{Clock, PlateTime};
 use upm_recording::{RecordingSwitch, ScribeWatch};
 
@@ -31,6 +31,14 @@ impl Ledger for Meddler {
         folder: &dyn Fn(&JobRow) -> io::Result<String>,
     ) -> Result<Option<Claimed>, StoreFault> {
         self.ledger.claim(plate, folder)
+    }
+
+    fn begin_standing(
+        &self,
+        job: &NewJob,
+        folder: &dyn Fn(&JobRow) -> io::Result<String>,
+    ) -> Result<Option<Claimed>, StoreFault> {
+        self.ledger.begin_standing(job, folder)
     }
 
     fn ended(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
@@ -188,7 +196,7 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
     let plate = plates.get("one").unwrap();
     let shared = &plate.shared;
     let [first, second] = [(); 2].map(|()| house.submit(plate, TWO_COINS, JobPace::Max));
-    let begin = |job| shared.begins(job, RecordingSwitch::default(), ScribeWatch::default());
+    let begin = |job| shared.begins(job, false, RecordingSwitch::default(), ScribeWatch::default());
     let frame = || shared.vitals.frame(plate.clock.elapsed(), PlateTime::ZERO, true, false);
     let bark = |job: &JobId| {
         shared.bark(job, "no frame came".to_owned());

@@ -227,7 +227,7 @@ fn plate_operations() -> Vec<Operation> {
             "resume",
             "/v1/plates/{name}/resume",
             Scope::Operate,
-            "Let a paused plate go on with its queue",
+            "Let a paused plate go on with its queue, and a paused standing job run",
             plates::resume,
         ),
     ]

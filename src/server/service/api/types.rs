@@ -102,6 +102,9 @@ pub struct Job {
     pub pace: Pace,
     /// What there is of its recording.
     pub recording: RecordingState,
+    /// True for a run of its plate's standing job, which no client submitted.
+    #[serde(default)]
+    pub standing: bool,
 }
 
 /// Jobs, newest first.
@@ -127,6 +130,29 @@ pub enum PlateState {
     Stopped,
 }
 
+/// State of a standing job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum StandingState {
+    /// It is on its plate, and gives way to any job that is queued.
+    Running,
+    /// It runs as soon as its plate may move and nothing is queued.
+    Waiting,
+    /// It waits for a person to resume the plate.
+    Paused,
+}
+
+/// The standing job of a plate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct StandingJob {
+    /// Name of the job.
+    pub name: String,
+    /// Its state.
+    pub state: StandingState,
+    /// Why it does not run; empty when it does, or only waits for its turn.
+    pub why: String,
+}
+
 /// A plate at one moment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Plate {
@@ -138,6 +164,8 @@ pub struct Plate {
     pub why: String,
     /// Id of the job it has.
     pub job: Option<String>,
+    /// The job that runs whenever its queue is empty; null when it has none.
+    pub standing_job: Option<StandingJob>,
     /// Jobs that wait for it.
     pub queued: u64,
     /// Plate time of what is shown, from the start of its job, s.

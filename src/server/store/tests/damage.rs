@@ -81,7 +81,7 @@ fn a_store_of_another_version_keeps_all_its_jobs() {
         .execute_batch("PRAGMA user_version = 99")
         .unwrap();
     let (store, _, damage) = damaged(data.path());
-    assert!(damage.contains("version 99, not of version 1"), "{damage}");
+    assert!(damage.contains("version 99, not of version 2"), "{damage}");
     assert_eq!(ids.map(|id| job(&store, id).state), [JobState::Completed, JobState::Interrupted, JobState::Queued]);
     let keyed = NewJob { key: Some("k".into()), ..new_job("queued", "a") };
     assert!(matches!(accept(&store, keyed), Ok(Accepted::Replayed(row)) if row.id == ids[2]));

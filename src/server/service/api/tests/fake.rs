@@ -62,6 +62,7 @@ pub(super) fn job() -> Job {
         seed: 1,
         pace: Pace::RealTime,
         recording: RecordingState::None,
+        standing: false,
     }
 }
 
@@ -71,6 +72,7 @@ fn plate() -> Plate {
         state: PlateState::Idle,
         why: String::new(),
         job: None,
+        standing_job: None,
         queued: 0,
         at_s: 0.0,
         age_s: None,

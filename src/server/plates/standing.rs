@@ -1,0 +1,100 @@
+use std::io;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::shared::{Shared, locked};
+use super::validate::validated;
+use crate::store::{JobPace, NewJob};
+use upm_runner::config::JobSpec;
+
+/// Settings of a standing job.
+#[derive(Clone, Debug)]
+pub struct StandingSetup {
+    /// The job, on the plate's rig.
+    pub job: JobSpec,
+    /// How fast it runs.
+    pub pace: JobPace,
+    /// Why it must not run at first; `None` when it may.
+    pub paused: Option<String>,
+}
+
+/// State of a standing job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StandingState {
+    /// It is on its plate.
+    Running,
+    /// It runs as soon as its plate may move and nothing is queued.
+    Waiting,
+    /// It waits for a person to resume the plate.
+    Paused,
+}
+
+/// A standing job at one moment.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StandingSnapshot {
+    /// Name of the job.
+    pub name: String,
+    /// Its state.
+    pub state: StandingState,
+    /// Why it does not run; empty when it does, or only waits for its turn.
+    pub why: String,
+}
+
+/// The standing job of a plate: runs whenever the plate's queue is empty, and gives way to every queued job.
+#[derive(Debug)]
+pub(super) struct Standing {
+    pub job: NewJob,
+    /// Set when a job is queued: the run on the plate ends between two cycles.
+    pub give_way: AtomicBool,
+    /// Why it waits for a person.
+    paused: Mutex<Option<String>>,
+    /// Why it waits for anything else than its turn.
+    held: Mutex<Option<String>>,
+}
+
+impl Standing {
+    /// The standing job of the plate `shared`, checked as a job that is sent to it.
+    pub fn new(setup: &StandingSetup, shared: &Shared) -> io::Result<Self> {
+        let StandingSetup { job, pace, paused } = setup;
+        let text = job.effective_without_rig().to_string();
+        let job = validated(shared, &text, *pace, None).map_err(|faults| {
+            let lines: Vec<String> = faults.iter().map(ToString::to_string).collect();
+            io::Error::new(io::ErrorKind::InvalidInput, lines.join("; "))
+        })?;
+        let (give_way, held) = (AtomicBool::new(false), Mutex::default());
+        Ok(Self { job, give_way, paused: Mutex::new(paused.clone()), held })
+    }
+
+    /// Why it waits for a person.
+    pub fn paused(&self) -> Option<String> {
+        locked(&self.paused).clone()
+    }
+
+    /// Has it wait for a person, or lets it run again.
+    pub fn pause(&self, why: Option<String>) {
+        *locked(&self.paused) = why;
+    }
+
+    /// Notes why it may not begin, apart from its turn. True when that is news.
+    pub fn hold(&self, why: Option<String>) -> bool {
+        let mut held = locked(&self.held);
+        let is_news = *held != why;
+        *held = why;
+        is_news
+    }
+
+    /// Ends its run between two cycles.
+    pub fn give_way(&self) {
+        self.give_way.store(true, Ordering::SeqCst);
+    }
+
+    /// How it is now, on the plate or not.
+    pub fn snapshot(&self, is_running: bool) -> StandingSnapshot {
+        let (state, why) = match (is_running, self.paused()) {
+            (true, _) => (StandingState::Running, None),
+            (false, Some(why)) => (StandingState::Paused, Some(why)),
+            (false, None) => (StandingState::Waiting, locked(&self.held).clone()),
+        };
+        StandingSnapshot { name: self.job.name.clone(), state, why: why.unwrap_or_default() }
+    }
+}

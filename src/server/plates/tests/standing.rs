@@ -1,0 +1,202 @@
+//! Standing jobs: they run on an idle plate and give way to every job that is queued.
+
+use super::*;
+use upm_runner::config::{JobSpec, Origin};
+
+/// A standing job as fast as it goes, its parts and its task as given.
+fn setup(task: &str, plate_time_s: f64) -> StandingSetup {
+    let text = format!(
+        r#"{{ "name": "standing", "rig": "rigs/upm-2.json", "parts": [{{ "kind": "penny", "position_mm": [30, 0] }}],
+            "task": {task}, "limits": {{ "plate_time_s": {plate_time_s} }} }}"#
+    );
+    let origin = Origin::of_file(&root().join("configs/standing.json"));
+    StandingSetup { job: JobSpec::from_json(&text, &origin, None).unwrap(), pace: JobPace::Max, paused: None }
+}
+
+fn endless() -> StandingSetup {
+    setup(r#"{ "type": "plus_sign", "laps": 0 }"#, 600.0)
+}
+
+/// Plates that end with their test: a standing job never ends by itself.
+struct Ending(Plates);
+
+impl std::ops::Deref for Ending {
+    type Target = Plates;
+
+    fn deref(&self) -> &Plates {
+        &self.0
+    }
+}
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        self.0.shutdown(LONG);
+    }
+}
+
+fn house(standing: StandingSetup) -> House {
+    House { standing: Some(standing), ..House::new() }
+}
+
+/// What the plate's standing job is doing, and why not more.
+fn standing(plate: &Plate) -> (StandingState, String) {
+    let StandingSnapshot { name, state, why } = plate.snapshot().standing.unwrap();
+    assert_eq!(name, "standing");
+    (state, why)
+}
+
+/// Waits until the standing job is in that state; why it is.
+fn until(plate: &Plate, state: StandingState) -> String {
+    for _ in 0..6000 {
+        let (now, why) = standing(plate);
+        if now == state {
+            return why;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    panic!("the standing job is never {state:?}: {:?}", plate.snapshot());
+}
+
+/// Name, state and kind of each job, oldest first.
+fn jobs(house: &House) -> Vec<(String, JobState, bool)> {
+    house.ledger.jobs().into_iter().map(|row| (row.name, row.state, row.standing)).collect()
+}
+
+#[test]
+fn standing_job_runs_when_idle_gives_way_to_a_queued_job_and_runs_again() {
+    let house = house(endless());
+    let plates = Ending(house.open(None));
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    next(&told, "cycle");
+    let snapshot = plate.snapshot();
+    assert_eq!((snapshot.state, standing(plate)), (PlateState::Running, (StandingState::Running, String::new())));
+    let first = snapshot.job.unwrap();
+
+    let queued = house.submit(plate, TWO_COINS, JobPace::Max);
+    let ends = [next(&told, "finished"), next(&told, "finished")];
+    assert_eq!([&ends[0]["state"], &ends[1]["state"]], ["completed", "completed"]);
+    next(&told, "cycle");
+    assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
+    let run = |state| ("standing".to_owned(), state, true);
+    let two = ("two".to_owned(), JobState::Completed, false);
+    assert_eq!(jobs(&house), [run(JobState::Completed), two, run(JobState::Interrupted)]);
+
+    let row = house.row(&first);
+    let report: serde_json::Value = serde_json::from_str(row.report_json.as_deref().unwrap()).unwrap();
+    assert_eq!((&report["stop"]["code"], &report["outcome"]), (&"gave_way".into(), &"completed".into()));
+    let folder = house.folder.path().join("runs").join(row.folder.unwrap());
+    let journal = std::fs::read_to_string(folder.join("journal.jsonl")).unwrap();
+    assert!(!journal.contains("unfinished_cycle"), "it ends between two cycles");
+    assert!(house.row(&queued).started_at.is_some());
+}
+
+#[test]
+fn endless_standing_job_is_completed_at_its_limit_and_begins_again() {
+    let house = house(setup(r#"{ "type": "hold" }"#, 0.5));
+    let plates = Ending(house.open(None));
+    let told = listen(plates.get("one").unwrap());
+    for _ in 0..2 {
+        let end = next(&told, "finished");
+        assert_eq!((&end["state"], &end["reason"]), (&"completed".into(), &"plate time limit of 0.5 s reached".into()));
+    }
+    assert!(house.ledger.jobs().len() >= 2);
+}
+
+#[test]
+fn paused_standing_job_leaves_the_plate_to_queued_jobs_until_it_is_resumed() {
+    let paused = Some("by the configuration".to_owned());
+    let house = house(StandingSetup { paused, ..endless() });
+    let plates = Ending(house.open(None));
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    house.submit(plate, TWO_COINS, JobPace::Max);
+    assert_eq!(next(&told, "finished")["state"], "completed");
+    assert_eq!(standing(plate), (StandingState::Paused, "by the configuration".to_owned()));
+    assert_eq!(jobs(&house).len(), 1);
+    assert!(plate.resume(who("ann")));
+    next(&told, "cycle");
+    assert_eq!(standing(plate), (StandingState::Running, String::new()));
+    assert_eq!(house.ledger.audit().last().map(|entry| entry.act.clone()), Some("resume".to_owned()));
+}
+
+#[test]
+fn cancelled_standing_job_waits_for_a_person() {
+    let house = house(endless());
+    let plates = Ending(house.open(None));
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    next(&told, "cycle");
+    assert!(plate.cancel(&plate.snapshot().job.unwrap()));
+    assert_eq!(next(&told, "finished")["state"], "cancelled");
+    assert_eq!(until(plate, StandingState::Paused), "its last run was cancelled by request");
+    assert_eq!((plate.snapshot().state, plate.paused()), (PlateState::Idle, None), "the plate itself takes jobs");
+    house.submit(plate, TWO_COINS, JobPace::Max);
+    assert_eq!(next(&told, "finished")["state"], "completed");
+    assert_eq!(jobs(&house).len(), 2);
+    plate.resume(who("ann"));
+    next(&told, "cycle");
+}
+
+#[test]
+fn emergency_stop_holds_the_standing_job_until_reset_and_resume() {
+    let house = house(endless());
+    let plates = Ending(house.open(None));
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    next(&told, "cycle");
+    assert!(plate.estop());
+    assert_eq!(next(&told, "finished")["reason"], "emergency stop");
+    while reset(plate, "bob") == Err(ResetFault::StillStopping) {
+        std::thread::yield_now();
+    }
+    assert_eq!((plate.snapshot().state, standing(plate).0), (PlateState::Paused, StandingState::Waiting));
+    assert_eq!(jobs(&house), [("standing".to_owned(), JobState::Cancelled, true)], "a reset starts nothing");
+    plate.resume(who("bob"));
+    next(&told, "cycle");
+    assert_eq!(jobs(&house).len(), 2);
+}
+
+#[test]
+fn failed_standing_job_waits_for_a_person_and_says_why() {
+    let house = house(setup(r#"{ "type": "arrange", "targets_mm": [[-100, 0]] }"#, 0.5));
+    let plates = Ending(house.open(None));
+    let why = until(plates.get("one").unwrap(), StandingState::Paused);
+    assert_eq!(why, "its last run failed: plate time limit of 0.5 s reached");
+    assert_eq!(jobs(&house), [("standing".to_owned(), JobState::Failed, true)]);
+}
+
+#[test]
+fn standing_job_with_an_end_that_gives_way_is_cancelled() {
+    let house = house(setup(r#"{ "type": "plus_sign", "laps": 50 }"#, 6000.0));
+    let plates = Ending(house.open(None));
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    next(&told, "cycle");
+    house.submit(plate, TWO_COINS, JobPace::Max);
+    let end = next(&told, "finished");
+    assert_eq!((&end["state"], &end["reason"]), (&"cancelled".into(), &"gave way to another job".into()));
+    assert_eq!(next(&told, "finished")["state"], "completed");
+    next(&told, "cycle");
+}
+
+#[test]
+fn standing_job_waits_while_the_disk_is_nearly_full() {
+    let house = house(endless());
+    let plates = Ending(house.open_with(None, |around| around.min_free_bytes = u64::MAX / 2));
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    // other jobs run all the same
+    house.submit(plate, TWO_COINS, JobPace::Max);
+    assert_eq!(next(&told, "finished")["state"], "completed");
+    for _ in 0..6000 {
+        let (state, why) = standing(plate);
+        assert_eq!(state, StandingState::Waiting);
+        if why.starts_with("the disk has only ") {
+            assert_eq!(jobs(&house).len(), 1);
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    panic!("{:?}", plate.snapshot());
+}
