@@ -31,10 +31,10 @@ class Row {
     this.job = job;
     this.root.dataset.job = job.id;
     this.state.dataset.state = job.state;
-    const share = job.state === 'running' ? ` ${Math.floor(job.progress * 100)} %` : '';
+    const share = job.state === 'running' && !job.standing ? ` ${Math.floor(job.progress * 100)} %` : '';
     say(this.state, job.state + share);
     say(this.name, job.name);
-    say(this.plate, job.plate);
+    say(this.plate, job.standing ? `${job.plate}, standing job` : job.plate);
     this.time.dateTime = job.submitted_at;
     this.time.title = `submitted ${job.submitted_at}`;
     say(this.time, clock(job.submitted_at));
@@ -68,7 +68,7 @@ class Row {
 
   /** Its plate tells how far it is more often than the list is asked for. */
   runs(progress) {
-    if (this.job.state === 'running') say(this.state, `running ${Math.floor(progress * 100)} %`);
+    if (this.job.state === 'running' && !this.job.standing) say(this.state, `running ${Math.floor(progress * 100)} %`);
   }
 
   open(options) {

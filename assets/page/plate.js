@@ -31,7 +31,9 @@ export class PlateCard {
     this.phase = el('span', { class: 'phase' });
     this.bar = el('progress', { max: 1, 'aria-label': `Progress on ${this.name}` });
     this.share = el('span', { class: 'share' });
-    this.doing = el('div', { class: 'doing' }, this.job, this.phase, el('div', { class: 'bar' }, this.bar, this.share));
+    this.barBox = el('div', { class: 'bar' }, this.bar, this.share);
+    this.doing = el('div', { class: 'doing' }, this.job, this.phase, this.barBox);
+    this.standing = el('p', { class: 'facts' });
     this.queue = el('ol', { class: 'queue' });
     this.facts = el('p', { class: 'facts' });
     this.says = el('p', { class: 'why', role: 'alert' });
@@ -42,7 +44,8 @@ export class PlateCard {
     const title = el('div', { class: 'card-title' }, el('h2', {}, this.name), this.state);
     const head = el('div', { class: 'card-head' }, title, this.stopButton);
     const drawing = el('div', { class: 'drawing' }, this.view.root, this.age);
-    const rest = [this.why, this.doing, this.reset.root, this.queue, this.actions, this.says, this.facts];
+    const says = [this.says, this.standing, this.facts];
+    const rest = [this.why, this.doing, this.reset.root, this.queue, this.actions, ...says];
     this.root = el('article', { class: 'card', 'aria-label': `Plate ${this.name}` }, head, drawing, ...rest);
   }
 
@@ -61,12 +64,15 @@ export class PlateCard {
     this.bar.value = plate.progress;
     say(this.share, `${Math.floor(plate.progress * 100)} %`);
     say(this.phase, plate.phase || 'getting ready');
+    this.takeStanding(plate);
     show(this.why, plate.why !== '' && plate.state !== 'running');
     say(this.why, plate.why);
     this.reset.show(plate.state === 'stopped');
-    show(this.resume, plate.state === 'paused');
+    const startsStanding = plate.state === 'idle' && plate.standing_job?.state === 'paused';
+    show(this.resume, plate.state === 'paused' || startsStanding);
     const waiting = plate.queued === 1 ? '1 job waits' : `${plate.queued} jobs wait`;
-    say(this.resume, plate.queued ? `Resume: ${waiting}` : 'Resume');
+    const resumes = startsStanding ? 'Start standing job' : 'Resume';
+    say(this.resume, plate.queued ? `${resumes}: ${waiting}` : resumes);
     show(this.cancel, plate.job !== null && plate.state === 'running');
     show(this.actions, !this.resume.hidden || !this.cancel.hidden);
     const misses = plate.deadline_misses;
@@ -75,6 +81,16 @@ export class PlateCard {
     if (before && misses > before.deadline_misses) this.lateAt = moment();
     this.facts.classList.toggle('late', misses > 0 && this.lateAt !== undefined && since(this.lateAt) < LATE_S);
     this.tick();
+  }
+
+  /** The job that runs whenever nothing is queued. A run of it has no end to be measured against. */
+  takeStanding({ standing_job: standing }) {
+    show(this.barBox, standing?.state !== 'running');
+    show(this.standing, standing !== null);
+    if (standing === null) return;
+    const why = standing.why ? `: ${standing.why}` : '';
+    const turn = { running: 'runs until a job is queued', waiting: `waits${why}`, paused: `is paused${why}` };
+    say(this.standing, `Standing job ${standing.name} ${turn[standing.state]}`);
   }
 
   /** Another job came on the plate: its name is learned later, and what was pressed was meant for the one before. */
@@ -132,7 +148,8 @@ export class PlateCard {
   }
 
   cancelOf(job) {
-    return twice('Cancel job', 'Press again to cancel', () => this.cancelJob(job));
+    const name = this.plate?.standing_job?.state === 'running' ? 'Pause standing job' : 'Cancel job';
+    return twice(name, 'Press again to cancel', () => this.cancelJob(job));
   }
 
   waits(job) {
