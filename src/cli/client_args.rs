@@ -35,7 +35,7 @@ pub enum ClientCommand {
     /// Daemon: end an emergency stop; the plate stays paused
     #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Reset(ResetArgs),
-    /// Daemon: let a paused plate go on with its queue
+    /// Daemon: let a paused plate go on with its queue, and a paused standing job start
     #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Resume(PlateArgs),
 }
