@@ -3,9 +3,7 @@ use std::sync::Arc;
 use super::ending::Ending;
 use upm_core::geometry::Vec2;
 use upm_library::Library;
-use upm_planner::{
-    FieldPlanner, Method, PartState, Plan, PlannedPulse, PlannerParams, PseudoInverse, RotationPlanner,
-};
+use upm_planner::{FieldPlanner, Method, PartState, Plan, PlannedPulse, PlannerParams, PseudoInverse, RotationPlanner};
 
 /// Finds the motions of a cycle and says what they will do.
 pub(super) trait Plans {

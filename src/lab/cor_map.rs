@@ -6,7 +6,7 @@ use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::Envelope;
 use upm_core::units::mm_from_m;
-use upm_library::{Entry, PlateResponse, drive_for};
+use upm_library::{Entry, drive_for};
 use upm_perception::estimation::nearest_pump;
 
 /// Centres farther than this many half sides are translations, as `upm check` counts them.
@@ -26,7 +26,7 @@ pub fn cor_map(lab: &LabRig) -> Result<Outcome, LabFault> {
     let envelope = Envelope { attack_s: lab.model.attack_s, sustain_s: 0.1, rest_s: 0.0 };
     let arm_m = lab.model.accelerometer_in_plate_m.norm();
     let read = |entry: &Entry| {
-        let drive = drive_for(entry.amplitudes, &axes.shapes, &PlateResponse::default(), lab.model.base_radps, envelope);
+        let drive = drive_for(entry.amplitudes, &axes.shapes, &lab.plate_response(), lab.model.base_radps, envelope);
         Read { read: entry.pump, truth: nearest_pump(&steady_motion(lab, &drive), arm_m).0 }
     };
     let read: Vec<Read> = entries.iter().map(read).collect();

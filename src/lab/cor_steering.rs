@@ -5,7 +5,7 @@ use upm_control::calibration::Axes;
 use upm_core::geometry::Vec2;
 use upm_core::signal::Envelope;
 use upm_core::units::{INCH_M, mm_from_m};
-use upm_library::{AxisShape, PlateResponse, drive_for};
+use upm_library::{AxisShape, drive_for};
 use upm_perception::estimation::{AccelerometerPair, fit_twist};
 
 /// One row of the paper's Table 1.
@@ -49,7 +49,13 @@ pub fn cor_steering(lab: &LabRig) -> Result<Outcome, LabFault> {
     let mut read = |shapes: &[AxisShape; 3]| -> Result<Vec<Vec2>, LabFault> {
         ROWS.iter()
             .map(|row| {
-                let drive = drive_for(row.amplitudes.map(|a| a * unit), shapes, &PlateResponse::default(), lab.model.base_radps, envelope(lab));
+                let drive = drive_for(
+                    row.amplitudes.map(|a| a * unit),
+                    shapes,
+                    &lab.plate_response(),
+                    lab.model.base_radps,
+                    envelope(lab),
+                );
                 let trace = plate.play(&drive)?;
                 let what = || format!("row {}", row.name);
                 let fit = fit_twist(&trace, &drive.envelope, drive.base_radps, &sensors)
@@ -77,7 +83,8 @@ fn envelope(lab: &LabRig) -> Envelope {
 /// The paper's unit, or the largest with which every row stays within the motors' limit, with both waveforms.
 fn unit_within_limits(lab: &LabRig, axes: &Axes) -> i32 {
     let peak = |row: &Row, shapes: &[AxisShape; 3]| {
-        drive_for(row.amplitudes.map(|a| a * UNIT), shapes, &PlateResponse::default(), lab.model.base_radps, envelope(lab)).peak_counts()
+        drive_for(row.amplitudes.map(|a| a * UNIT), shapes, &lab.plate_response(), lab.model.base_radps, envelope(lab))
+            .peak_counts()
     };
     let peaks = ROWS.iter().flat_map(|row| [peak(row, &axes.shapes), peak(row, &[AxisShape::FREE_MASS; 3])]);
     let room = EFFORT * lab.model.count_limit / peaks.fold(f64::MIN_POSITIVE, f64::max);

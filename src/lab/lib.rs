@@ -36,6 +36,7 @@ pub use vision::{vision, vision_of};
 pub use waveform_fit::waveform_fit;
 
 use upm_core::rig::RigModel;
+use upm_library::PlateResponse;
 use upm_sim::{PartParams, SimParams};
 
 /// The rig an experiment is made on.
@@ -49,6 +50,16 @@ pub struct LabRig {
     pub penny: PartParams,
     /// Seed of noise and sensor errors.
     pub seed: u64,
+}
+
+impl LabRig {
+    /// The plate's resonances as the rig's file has them: what calibration would find.
+    fn plate_response(&self) -> PlateResponse {
+        PlateResponse {
+            natural_radps: self.sim.plate.resonance_hz.map(|hz| std::f64::consts::TAU * hz),
+            damping_ratio: self.sim.plate.damping_ratio,
+        }
+    }
 }
 
 /// Why an experiment came to nothing.

@@ -307,14 +307,14 @@ mod tests {
         let outcome = race_track(&lab_rig("upm-2")).unwrap();
         assert_sources_are_short(&outcome);
         let angle = NAMES.map(|coin| figure(&outcome, &format!("{coin}: angle turned")));
-        assert!(angle[0] > 1.2 * angle[1] && angle[1] > 1.2 * angle[2] && angle[0] > 80.0, "{angle:?}");
+        assert!(angle[0] > 1.15 * angle[1] && angle[1] > 1.15 * angle[2] && angle[0] > 80.0, "{angle:?}");
         for coin in NAMES {
             assert!(figure(&outcome, &format!("{coin}: saturation")) < 1.0);
         }
         for coin in &NAMES[..OUTER] {
             let arcs = figure(&outcome, &format!("{coin}: arc over the outer coin's"));
-            // The inner coin's belt is nearest to saturation: a prescribed motion of the plate gives 0.74 too.
-            assert!((0.7..1.05).contains(&arcs), "{coin}: {arcs}");
+            // the inner coin's belt is nearest to saturation; flanks of one period are a smaller part of the pulse than of two
+            assert!((0.6..1.05).contains(&arcs), "{coin}: {arcs}");
         }
     }
 

@@ -13,6 +13,8 @@ const UNEVEN_SAMPLES: f64 = 1e-3;
 const LAST_HARMONIC: usize = 4;
 /// Lowest amplitude drawn, dB re 1 m/s².
 const FLOOR_DB: f64 = -80.0;
+/// Time after the attack that is not looked at, s.
+const SETTLING_S: f64 = 3e-3;
 
 /// Amplitudes of every channel, gains taken out, over the last whole base periods at full height.
 #[derive(Clone, Debug)]
@@ -104,7 +106,9 @@ impl TraceSpectrum {
 fn whole_periods(pulse: &RecordedPulse) -> Result<Window, FitFault> {
     let (trace, envelope) = (&pulse.trace, &pulse.envelope);
     let index = |t_s: f64| ((t_s - trace.first_sample_s) * trace.sample_hz - 1e-6).ceil().max(0.0) as usize;
-    let (from, to) = (index(envelope.attack_s), index(envelope.attack_s + envelope.sustain_s).min(trace.len()));
+    // the force steps where the flank ends, and the motors' low-pass takes a few milliseconds to follow
+    let (from, to) =
+        (index(envelope.attack_s + SETTLING_S), index(envelope.attack_s + envelope.sustain_s).min(trace.len()));
     let period_samples = TAU / pulse.base_radps * trace.sample_hz;
     let most = (to.saturating_sub(from) as f64 / period_samples + 1e-9) as usize;
     let even = |periods: &usize| {

@@ -87,15 +87,12 @@ impl Pump {
         let attack = ((self.attack_s + self.delay_s) / self.step_s).ceil() as usize;
         let between = STEPS / BETWEEN;
         let mut at_full = vec![State { x: Lanes::ZERO, y: Lanes::ZERO, u: Lanes::ZERO, v: Lanes::ZERO }];
-        let longest = Envelope {
-            attack_s: self.attack_s,
-            sustain_s: (count * between) as f64 * self.step_s,
-            rest_s: 0.0,
-        };
+        let longest =
+            Envelope { attack_s: self.attack_s, sustain_s: (count * between) as f64 * self.step_s, rest_s: 0.0 };
         let mut state = at_full.remove(0);
         let belts = Belts::of(discs, self.step_s);
         for k in 0..attack + count.saturating_sub(1) * between {
-            if k >= attack && (k - attack) % between == 0 {
+            if k >= attack && (k - attack).is_multiple_of(between) {
                 at_full.push(state);
             }
             state = belts.step(state, self.shape((k as f64 + 0.5) * self.step_s, &longest));

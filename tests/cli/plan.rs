@@ -25,7 +25,7 @@ fn hardly_along_y(folder: &Path) -> PathBuf {
     let text = fs::read_to_string(root().join("assets/libraries/upm-1.json")).unwrap();
     let mut library: Value = serde_json::from_str(&text).unwrap();
     let motion =
-        |velocity: [f64; 2]| json!({"amplitudes": [-273, 69, 270, -66], "velocity_mm_s": velocity, "spin_rad_s": 0.0});
+        |velocity: [f64; 2]| json!({"amplitudes": [-271, 69, 268, -66], "velocity_mm_s": velocity, "spin_rad_s": 0.0});
     library["entries"] = json!([motion([40.0, 0.0]), motion([30.0, 0.0]), motion([0.0, 8.5])]);
     fs::write(folder.join("library.json"), library.to_string()).unwrap();
     job(folder, |job| job["library"] = json!("library.json"))

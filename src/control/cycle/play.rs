@@ -150,7 +150,9 @@ mod tests {
 
     #[test]
     fn either_kind_is_driven_by_the_library_or_refused_in_words() {
-        let rotation = |entry, distance_m| PlannedPulse::Rotation(Rotation { entry, distance_m, amplitude: 1.0, sustain_s: 0.1, rest_s: 0.04 });
+        let rotation = |entry, distance_m| {
+            PlannedPulse::Rotation(Rotation { entry, distance_m, amplitude: 1.0, sustain_s: 0.1, rest_s: 0.04 })
+        };
         let forwards = drive_of(&library(), &rotation(0, 0.01)).unwrap();
         assert_eq!(drive_of(&library(), &rotation(0, -0.01)), Ok(forwards.reversed()));
         assert_eq!(drive_of(&library(), &rotation(1, 0.01)), Err("library has no entry 1".into()));

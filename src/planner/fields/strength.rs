@@ -87,7 +87,8 @@ impl Strength {
         if bound.simd_le(f64x4::splat(peak)).all() {
             return peak;
         }
-        let exact = forces.into_iter().zip(momenta).map(|(force, momentum)| self.envelope.largest(force, momentum, 0.0));
+        let exact =
+            forces.into_iter().zip(momenta).map(|(force, momentum)| self.envelope.largest(force, momentum, 0.0));
         exact.fold(peak, f64::max)
     }
 }

@@ -71,7 +71,8 @@ impl Belts {
         let table = BeltTable::new(library, params.max_sustain_s);
         let typical: Vec<f64> = library.entries.iter().map(|e| typical_mps(&e.pump, params.half_side_m)).collect();
         let fastest = typical.iter().copied().fold(0.0, f64::max);
-        let strong = library.entries.iter().zip(typical).enumerate().filter(|(_, (_, speed))| *speed >= STRONG * fastest);
+        let strong =
+            library.entries.iter().zip(typical).enumerate().filter(|(_, (_, speed))| *speed >= STRONG * fastest);
         let belts = strong.map(|(entry, (motion, speed))| Belt {
             entry,
             twist: motion.pump,
@@ -167,10 +168,8 @@ fn typical_mps(twist: &Twist, half_side_m: f64) -> f64 {
 /// Settings from the weakest belt that moves anything without sustain, over full amplitude, to the longest sustain.
 fn dial(table: &BeltTable, twist: &Twist, typical_mps: f64) -> Vec<(f64, Setting)> {
     let weakest = (table.slowest_mps() / typical_mps).min(0.9);
-    let weaker = (0..AMPLITUDES).map(|k| Setting {
-        amplitude: weakest.powf(1.0 - k as f64 / (AMPLITUDES - 1) as f64),
-        sustain_s: 0.0,
-    });
+    let weaker = (0..AMPLITUDES)
+        .map(|k| Setting { amplitude: weakest.powf(1.0 - k as f64 / (AMPLITUDES - 1) as f64), sustain_s: 0.0 });
     let longer = (1..=(table.sustains() - 1) / 2)
         .map(|k| Setting { amplitude: 1.0, sustain_s: 2.0 * k as f64 * table.sustain_step_s() });
     let mut dial: Vec<(f64, Setting)> = Vec::new();

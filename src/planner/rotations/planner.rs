@@ -278,14 +278,7 @@ impl RotationPlanner {
     }
 
     /// Drops the shortest pulses while the sequence stays as good.
-    fn pruned(
-        &self,
-        mut best: Refined,
-        parts: &[PartState],
-        goal_m: &[Vec2],
-        room: &Room,
-        want_m: f64,
-    ) -> Refined {
+    fn pruned(&self, mut best: Refined, parts: &[PartState], goal_m: &[Vec2], room: &Room, want_m: f64) -> Refined {
         best.pulses.retain(|pulse| pulse.way_m.abs() > SHORT_M);
         if best.pulses.len() < best.motions.len() {
             best = Refined::of(&self.belts, best.pulses, parts, goal_m, room);
@@ -320,9 +313,8 @@ impl RotationPlanner {
             places_m.iter().zip(targets_m).map(|(p, target)| (target - p).norm_squared()).sum::<f64>().sqrt()
         };
         let before_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
-        let time_s: f64 = (0..safe)
-            .map(|k| self.belts.price_s(refined.motions[k].setting, refined.rollout.coasts_s[k]))
-            .sum();
+        let time_s: f64 =
+            (0..safe).map(|k| self.belts.price_s(refined.motions[k].setting, refined.rollout.coasts_s[k])).sum();
         if safe == 0 { -1.0 } else { (away_m(&before_m) - away_m(refined.rollout.at(safe))) / time_s }
     }
 

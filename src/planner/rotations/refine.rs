@@ -52,7 +52,8 @@ impl Refined {
     pub fn of(belts: &Belts, pulses: Vec<Pulse>, parts: &[PartState], goal_m: &[Vec2], room: &Room) -> Self {
         let motions: Vec<Motion> = pulses.iter().map(|&pulse| belts.motion(pulse)).collect();
         let rollout = Rollout::of(&motions, parts);
-        let left_m = rollout.end().iter().zip(goal_m).map(|(end, goal)| (goal - end).norm_squared()).sum::<f64>().sqrt();
+        let left_m =
+            rollout.end().iter().zip(goal_m).map(|(end, goal)| (goal - end).norm_squared()).sum::<f64>().sqrt();
         let shortfall = (0..pulses.len())
             .filter_map(|k| room.shortfall(rollout.at(k), rollout.at(k + 1)))
             .max_by(|a, b| a.by_m.total_cmp(&b.by_m));
@@ -90,7 +91,8 @@ impl Refined {
                 (damping, model) = (5.0 * damping, Some(linear));
                 continue;
             };
-            let changed = |(pulse, change_mm): (&Pulse, &f64)| Pulse { way_m: pulse.way_m + 1e-3 * change_mm, ..*pulse };
+            let changed =
+                |(pulse, change_mm): (&Pulse, &f64)| Pulse { way_m: pulse.way_m + 1e-3 * change_mm, ..*pulse };
             let pulses = best.pulses.iter().zip(&changes_mm).map(changed).collect();
             let next = Self::of(belts, pulses, parts, goal_m, room);
             if next.merit_m() < best.merit_m() - 1e-7 {
@@ -192,8 +194,8 @@ fn limits(now: &Refined, slopes: &Slopes, parts: usize, room: &Room) -> Vec<(Vec
     for stage in 1..count {
         let at_m = now.rollout.at(stage);
         for i in 0..parts {
-            for axis in 0..2 {
-                let room_m = room.bound_m(i) - at_m[i][axis].abs();
+            for (axis, along) in [at_m[i].x, at_m[i].y].into_iter().enumerate() {
+                let room_m = room.bound_m(i) - along.abs();
                 if room_m < NEAR_M {
                     near.push((room_m, stage, i, Err(axis)));
                 }

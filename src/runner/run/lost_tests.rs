@@ -61,11 +61,11 @@ impl Sink for FirstCycle {
     }
 }
 
-/// The first cycle of eight coins moved by one rotation after the other: its pulses, how the run ended, and how long it
+/// The first cycle of four coins moved by one rotation after the other: its pulses, how the run ended, and how long it
 /// went on without a picture, s.
 fn first_cycle(blind_from: Option<u64>) -> (u64, Finish, f64) {
     let root = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
-    let file = root.join("configs/arrange-8.json");
+    let file = root.join("configs/arrange-4.json");
     let mut job: Value = serde_json::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
     job["planner"] = json!("cor_sequence");
     let job = JobSpec::from_json(&job.to_string(), &Origin::of_file(&file), None).unwrap();
@@ -85,10 +85,10 @@ fn first_cycle(blind_from: Option<u64>) -> (u64, Finish, f64) {
 #[test]
 fn a_part_that_is_not_seen_for_half_a_second_ends_the_run_in_the_middle_of_a_cycle() {
     let (whole, ..) = first_cycle(None);
-    let (played, finish, blind_s) = first_cycle(Some(2));
+    let (played, finish, blind_s) = first_cycle(Some(1));
     assert_eq!(finish.ending.outcome, Outcome::Failed);
     assert!(finish.ending.reason.contains("penny-1 is lost, last seen at"), "{}", finish.ending.reason);
-    assert_eq!(finish.lost.len(), 8);
+    assert_eq!(finish.lost.len(), 4);
     assert!(played < whole, "{played} of {whole} pulses");
     assert!(blind_s < 1.2, "{blind_s}");
 }

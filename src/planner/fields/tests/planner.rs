@@ -1,10 +1,10 @@
 use proptest::prelude::*;
 
-use crate::friction::friction_of;
+use super::super::limits::Clearances;
 use super::super::planner::FieldPlanner;
 use super::*;
 use crate::fixture::{self, mm, penny};
-use super::super::limits::Clearances;
+use crate::friction::friction_of;
 use crate::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
 
 /// Looks a period at which the planner holds a course to the limits.

@@ -30,7 +30,8 @@ fn arrives(count: usize, seed: u64) -> usize {
     let targets_m: Vec<Vec2> = at_m
         .iter()
         .map(|p| {
-            let nearest = (0..places_m.len()).min_by(|&a, &b| (places_m[a] - p).norm().total_cmp(&(places_m[b] - p).norm()));
+            let nearest =
+                (0..places_m.len()).min_by(|&a, &b| (places_m[a] - p).norm().total_cmp(&(places_m[b] - p).norm()));
             places_m.swap_remove(nearest.unwrap())
         })
         .collect();
@@ -58,7 +59,10 @@ fn arrives(count: usize, seed: u64) -> usize {
             }
             pulses += 1;
             for i in 0..count {
-                assert!((0..i).all(|j| (at_m[i] - at_m[j]).norm() > 2.0 * PENNY_M), "{count} parts, seed {seed}: a touch");
+                assert!(
+                    (0..i).all(|j| (at_m[i] - at_m[j]).norm() > 2.0 * PENNY_M),
+                    "{count} parts, seed {seed}: a touch"
+                );
             }
         }
     }

@@ -101,7 +101,7 @@ proptest! {
         let usable = belts.usable(parts.iter().map(|part| (part.position_m, part.radius_m)));
         let pulse = |k: usize| Pulse {
             belt: usable[(37 * k + seed as usize) % usable.len()],
-            way_m: if k % 2 == 0 { 2e-3 } else { -3e-3 },
+            way_m: if k.is_multiple_of(2) { 2e-3 } else { -3e-3 },
         };
         let pulses: Vec<Pulse> = (0..6).map(pulse).collect();
         let play = |pulses: &[Pulse]| {
