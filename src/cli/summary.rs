@@ -32,6 +32,14 @@ pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
         ),
         ("work", format!("{} cycles, {} pulses, {} frames", report.cycles, report.pulses, report.frames)),
     ];
+    if let Some(bound_s) = report.bound_s {
+        let ratio = if bound_s > 0.0 {
+            format!("; the run took {:.1} times that", report.plate_time_s / bound_s)
+        } else {
+            String::new()
+        };
+        rows.push(("time figure", format!("{bound_s:.1} s by rotations (relaxed, no strict bound){ratio}")));
+    }
     if let Some(planner) = &report.planner {
         rows.push(("planner", planner_line(planner)));
     }

@@ -42,6 +42,8 @@ pub struct Ending {
     pub stop: Option<StopCode>,
     /// The experiment's own time.
     pub plate_time: PlateTime,
+    /// Least plate time by rotations, s; `None` where there is no such figure.
+    pub bound_s: Option<f64>,
     /// Time on the wall, s.
     pub wall_time_s: f64,
     /// What was late; `None` where plate time did not keep to the clock.
@@ -119,6 +121,7 @@ impl Tally {
             stop: ending.stop.map(|code| StopReport { code, text: ending.reason.clone() }),
             reason: ending.reason,
             plate_time_s: rounded(ending.plate_time.secs()),
+            bound_s: ending.bound_s.map(rounded),
             wall_time_s: rounded(ending.wall_time_s),
             frames: self.frames,
             cycles: self.cycles,
@@ -245,6 +248,7 @@ mod tests {
             reason: "all parts in place".into(),
             stop: None,
             plate_time: PlateTime::from_secs(3.25),
+            bound_s: Some(1.234_56),
             wall_time_s: 0.5,
             deadlines: None,
             laps: 0,

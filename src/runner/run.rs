@@ -21,6 +21,7 @@ mod rehearse;
 mod simulate;
 #[cfg(test)]
 mod stop_tests;
+mod time_figure;
 mod unwritten;
 #[cfg(test)]
 mod unwritten_tests;
@@ -42,6 +43,7 @@ use upm_recording::{
 use upm_viewer::{LiveServer, RerunSink, RunContext};
 
 use paced::{Pace, Paced};
+use time_figure::FirstLook;
 use unwritten::Unwritten;
 
 pub use bench::{Bench, NamedTruth};
@@ -215,9 +217,9 @@ impl Session<'_> {
         let mut journal = Journal::new(folder.journal(&options.keeping)?, Arc::clone(library));
         let mut tally = Tally::new(Some(bench.truth()));
         let mut recorder = start_recording(options, folder, bench, job, library)?;
-        let mut named = NamedTruth::new(bench.truth());
-        let mut sinks =
-            Fanout::new().with(&mut named).with(&mut journal).with(&mut tally).with(&mut recorder).with(watcher);
+        let (mut named, mut first_look) = (NamedTruth::new(bench.truth()), FirstLook::default());
+        let mut sinks = Fanout::new().with(&mut named).with(&mut first_look).with(&mut journal);
+        sinks = sinks.with(&mut tally).with(&mut recorder).with(watcher);
         let mut unwritten = Unwritten { journal: &options.keeping.journal, stop: links.stop, told: false };
         let mut herald = Herald::new(&mut sinks, |sinks: &mut dyn Sink, at| {
             unwritten.check(sinks, at);
@@ -235,6 +237,7 @@ impl Session<'_> {
         let written =
             journal.finish().and_then(Scribe::finish).map_err(|error| folder.write_error("journal.jsonl", &error));
         let mut ending = ending(job, Some(bench), finish, wall_time_s);
+        ending.bound_s = first_look.time_figure_s(job, library, &bench.params);
         ending.deadlines = options.real_time.then(|| Deadlines {
             misses: links.pacing.misses().saturating_sub(missed_before),
             worst_frames: links.pacing.worst_frames(),
@@ -301,6 +304,7 @@ fn ending(job: &JobSpec, bench: Option<&Bench>, finish: Finish, wall_time_s: f64
         reason: ending.reason,
         stop: (ending.cause == EndCause::GaveWay).then_some(StopCode::GaveWay),
         plate_time: bench.map_or(PlateTime::ZERO, Bench::now),
+        bound_s: None,
         wall_time_s,
         deadlines: None,
         laps: wanted.as_ref().map_or(0, |wanted| wanted.laps),

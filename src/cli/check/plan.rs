@@ -81,7 +81,7 @@ impl Planned {
             }
             told
         });
-        json!({
+        let mut told = json!({
             "planner": forecast.planner.report(),
             "verdict": forecast.verdict().code(),
             "can_be_done": match forecast.verdict() {
@@ -103,7 +103,11 @@ impl Planned {
             "friction_spread": forecast.friction_spread,
             "parts": parts.collect::<Vec<_>>(),
             "rehearsals": rehearsals.collect::<Vec<_>>(),
-        })
+        });
+        if let Some(bound_s) = forecast.bound_s {
+            told["bound_s"] = json!(rounded(bound_s));
+        }
+        told
     }
 }
 
@@ -128,6 +132,12 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
         let text =
             format!("{middle:.1} s of plate time ({least:.1} to {most:.1}), {cycles:.0} cycles, {pulses:.0} pulses");
         figures.push(("predicted", text));
+    }
+    if let Some(bound_s) = forecast.bound_s {
+        figures.push((
+            "time figure",
+            format!("{bound_s:.1} s by rotations (relaxed program at the start; no strict bound)"),
+        ));
     }
     let id = |part: usize| forecast.parts.get(part).map_or("?", |part| part.id.as_str());
     if let Some(Nearest { gap_m, parts: [a, b], at_s }) = forecast.nearest() {

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use super::bench::{self, Bench};
 use super::coverage::Place;
 use super::planner_selection::PlannerSelection;
+use super::time_figure::time_figure_s;
 use crate::config::{Fault, JobSpec, PlacedPart};
 use upm_control::{self as control, ControlParams, LimitMet, Nearest, Outcome, Rehearsal, RehearsalParams};
 use upm_core::geometry::Vec2;
@@ -38,6 +39,9 @@ pub struct Forecast {
     pub independence: Independence,
     /// True when it plans with synthesised fields.
     pub fields: bool,
+    /// Least plate time by rotations, s: the relaxed program over the library at the flows of the start, no strict bound.
+    /// `None` for tasks without final targets, for more than 16 parts, and where the library cannot make the steps.
+    pub bound_s: Option<f64>,
     /// The rehearsals, each with numbers of its own.
     pub rehearsals: Vec<Rehearsal>,
     /// Standard deviation of how far parts go against each other in them: the spread of friction in the rig's file.
@@ -150,6 +154,7 @@ pub fn rehearse(
             break;
         }
     }
+    let first_targets_m = bench::goal(job, library, &placed).next(PlateTime::ZERO, &starts_m).targets_m;
     let by_fields = params.method == Method::SynthesizedField;
     let fields = by_fields.then(|| FieldPlanner::new(library, params.planner)).flatten();
     let targets_m = rehearsals.first().map_or(&[][..], |first| &first.targets_m);
@@ -168,6 +173,7 @@ pub fn rehearse(
             None => Independence::of_rotations(library, &starts_m),
         },
         fields: fields.is_some(),
+        bound_s: time_figure_s(job, library, &params, &starts_m, &first_targets_m),
         rehearsals,
         friction_spread: job.rig.friction.spread,
     })

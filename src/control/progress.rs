@@ -1,0 +1,209 @@
+//! Net progress of a run: a run that plays pulses and brings no part nearer ends instead of going on to its time limit.
+
+use upm_core::geometry::Vec2;
+use upm_goal::Wanted;
+use upm_planner::Limit;
+
+/// Cycles with pulses in which some measure of progress must improve.
+pub(super) const FUTILE_CYCLES: u32 = 20;
+/// Cycles with pulses in which the parts must come nearer to their targets: ways round each other lead away for a while.
+const DETOUR_CYCLES: u32 = 200;
+/// Part of the distance by which it must fall to count as an improvement.
+const SHARE: f64 = 0.01;
+/// Subgoals that moved farther than this are new ones, m.
+const NEW_M: f64 = 1e-3;
+
+/// Watches the progress of a run over its cycles with pulses.
+///
+/// The measures are the distances of all parts from the goal's targets and from its subgoals, each the root of a sum of
+/// squares. Parts on paths have progressed when their subgoals have moved on: a reference waits for its part, and its
+/// target may lie a whole lap ahead.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ProgressWatch {
+    follows_paths: bool,
+    targets_m: Vec<Vec2>,
+    subgoals_m: Vec<Vec2>,
+    /// The least distances so far, m.
+    from_targets_m: f64,
+    from_subgoals_m: f64,
+    /// Cycles with pulses since any measure improved, and since the distance from the targets did.
+    futile: u32,
+    detour: u32,
+    /// What stopped the last plan that could not be made since any measure improved.
+    limit: Option<Limit>,
+}
+
+/// A part that is held up: the farthest from where it should be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct HeldUp {
+    /// Index of the part.
+    pub part: usize,
+    /// Its way to its target, or on a path to its subgoal, m.
+    pub way_m: Vec2,
+}
+
+impl ProgressWatch {
+    /// A watch at the beginning of a run.
+    pub fn new(follows_paths: bool) -> Self {
+        Self { follows_paths, ..Self::default() }
+    }
+
+    /// Notes the limit that stopped a plan.
+    pub fn note(&mut self, limit: Limit) {
+        self.limit = Some(limit);
+    }
+
+    /// The limit that stopped a plan since the run last progressed.
+    pub fn limit(&self) -> Option<Limit> {
+        self.limit
+    }
+
+    /// Takes a look at rest; `played` says whether pulses came before it. True when the run makes no progress any more.
+    pub fn look(&mut self, wanted: &Wanted, seen_m: &[Vec2], played: bool) -> bool {
+        if distance_m(seen_m, &wanted.subgoals_m) == 0.0 {
+            // every part is let be: a hold that holds
+            *self = Self::new(self.follows_paths);
+            return false;
+        }
+        let (futile, detour) = (self.futile + u32::from(played), self.detour + u32::from(played));
+        let (from_targets_m, from_subgoals_m) =
+            (distance_m(seen_m, &wanted.targets_m), distance_m(seen_m, &wanted.subgoals_m));
+        let begins = self.subgoals_m.len() != wanted.subgoals_m.len();
+        let moved = begins || farthest_m(&self.subgoals_m, &wanted.subgoals_m) > NEW_M;
+        // what is new is no progress by itself: targets may be exchanged and ways looked for again, over and over
+        if begins || self.targets_m != wanted.targets_m {
+            self.targets_m.clone_from(&wanted.targets_m);
+            self.from_targets_m = from_targets_m;
+        }
+        if moved {
+            self.subgoals_m.clone_from(&wanted.subgoals_m);
+            self.from_subgoals_m = from_subgoals_m;
+        }
+        let nearer = improves(&mut self.from_targets_m, from_targets_m);
+        let gets_on = improves(&mut self.from_subgoals_m, from_subgoals_m) || (moved && self.follows_paths);
+        self.detour = if nearer || self.follows_paths { 0 } else { detour };
+        self.futile = if nearer || gets_on { 0 } else { futile };
+        if self.futile == 0 {
+            self.limit = None;
+        }
+        self.futile >= FUTILE_CYCLES || self.detour >= DETOUR_CYCLES
+    }
+
+    /// The part that is farthest from where it should be; `None` without parts.
+    pub fn held_up(&self, wanted: &Wanted, seen_m: &[Vec2]) -> Option<HeldUp> {
+        let ends_m = if self.follows_paths { &wanted.subgoals_m } else { &wanted.targets_m };
+        let ways = seen_m.iter().zip(ends_m).enumerate().map(|(part, (seen, end))| HeldUp { part, way_m: end - seen });
+        ways.max_by(|a, b| a.way_m.norm_squared().total_cmp(&b.way_m.norm_squared()))
+    }
+}
+
+/// For people: which part is held up, how far from its place and in which direction.
+pub(super) fn held_up_in_words<'a>(held_up: Option<HeldUp>, id: impl Fn(usize) -> &'a str) -> String {
+    let Some(HeldUp { part, way_m }) = held_up else { return "no part is in view".into() };
+    let direction_deg = way_m.y.atan2(way_m.x).to_degrees();
+    format!("{} is {:.2} mm from its place, which is towards {direction_deg:.0} deg", id(part), 1e3 * way_m.norm())
+}
+
+/// Root of the sum of squared distances, m.
+fn distance_m(from_m: &[Vec2], to_m: &[Vec2]) -> f64 {
+    from_m.iter().zip(to_m).map(|(from, to)| (to - from).norm_squared()).sum::<f64>().sqrt()
+}
+
+/// The largest distance, m.
+fn farthest_m(from_m: &[Vec2], to_m: &[Vec2]) -> f64 {
+    from_m.iter().zip(to_m).map(|(from, to)| (to - from).norm()).fold(0.0, f64::max)
+}
+
+/// True when `now_m` is clearly less than `least_m`, which it then becomes.
+fn improves(least_m: &mut f64, now_m: f64) -> bool {
+    let better = now_m < (1.0 - SHARE) * *least_m;
+    if better {
+        *least_m = now_m;
+    }
+    better
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wanted(subgoal_m: Vec2, target_m: Vec2) -> Wanted {
+        Wanted { subgoals_m: vec![subgoal_m], targets_m: vec![target_m], ..Wanted::default() }
+    }
+
+    fn x(x_m: f64) -> Vec2 {
+        Vec2::new(x_m, 0.0)
+    }
+
+    /// Looks until a run of one part is ended; `at` gives wanted and where the part is in each cycle.
+    fn ended_at(paths: bool, cycles: u32, at: impl Fn(u32) -> (Wanted, Vec2)) -> Option<u32> {
+        let mut watch = ProgressWatch::new(paths);
+        (0..cycles).find(|&cycle| {
+            let (wanted, seen_m) = at(cycle);
+            watch.look(&wanted, &[seen_m], cycle > 0)
+        })
+    }
+
+    #[test]
+    fn part_that_stays_away_ends_a_run_after_twenty_cycles_and_one_that_comes_nearer_does_not() {
+        let there = || wanted(x(0.05), x(0.05));
+        assert_eq!(ended_at(false, 100, |_| (there(), x(0.0))), Some(FUTILE_CYCLES));
+        let jitter = |cycle: u32| (there(), x(0.0498 + 0.0001 * f64::from(cycle % 2)));
+        assert_eq!(ended_at(false, 100, jitter), Some(FUTILE_CYCLES + 1), "the least distance counts");
+        assert_eq!(ended_at(false, 500, |cycle| (there(), x(0.05 - 0.05 * 0.999_f64.powi(cycle as i32)))), None);
+        assert_eq!(ended_at(true, 100, |_| (there(), x(0.0))), Some(FUTILE_CYCLES), "on a path, too");
+    }
+
+    #[test]
+    fn cycles_without_pulses_do_not_count() {
+        let mut watch = ProgressWatch::new(false);
+        assert!((0..100).all(|_| !watch.look(&wanted(x(0.05), x(0.05)), &[x(0.0)], false)));
+    }
+
+    #[test]
+    fn hold_that_holds_starts_the_count_again() {
+        let drifts = |cycle: u32| {
+            let seen_m = x(if cycle % 15 < 14 { 6e-4 } else { 2e-4 });
+            (wanted(if cycle % 15 < 14 { x(0.0) } else { seen_m }, x(0.0)), seen_m)
+        };
+        assert_eq!(ended_at(false, 300, drifts), None);
+    }
+
+    #[test]
+    fn way_round_others_counts_by_its_stages_and_not_without_end() {
+        // each stage of ten cycles leads away from the target
+        let leads_away = |cycle: u32| {
+            let at_m = |cycle: u32| x(-0.002 * f64::from(cycle));
+            (wanted(at_m(10 * (cycle / 10 + 1)), x(0.1)), at_m(cycle))
+        };
+        assert_eq!(ended_at(false, 150, leads_away), None);
+        assert_eq!(ended_at(false, 500, leads_away), Some(DETOUR_CYCLES));
+    }
+
+    #[test]
+    fn reference_that_moves_on_is_progress_on_a_path_alone() {
+        // a lap of 40 cycles; the part keeps its distance from its subgoal
+        let round = |cycle: u32| {
+            let angle = f64::from(cycle) * std::f64::consts::TAU / 40.0;
+            let at_m = |angle: f64| 0.05 * Vec2::new(angle.cos(), angle.sin());
+            (wanted(at_m(angle + 0.1), at_m(0.0)), at_m(angle))
+        };
+        assert_eq!(ended_at(true, 1000, round), None);
+        assert!(ended_at(false, 1000, round).is_some());
+    }
+
+    #[test]
+    fn part_that_is_held_up_is_named_with_way_and_limit() {
+        let mut watch = ProgressWatch::new(false);
+        let wanted = Wanted { subgoals_m: vec![x(0.0), x(0.02)], targets_m: vec![x(0.0), x(0.02)], ..Wanted::default() };
+        let seen_m = [x(0.001), Vec2::new(0.02, -0.003)];
+        watch.look(&wanted, &seen_m, false);
+        watch.note(Limit::Edge { part: 1 });
+        assert!(!watch.look(&wanted, &seen_m, true));
+        assert_eq!(watch.limit(), Some(Limit::Edge { part: 1 }));
+        let said = held_up_in_words(watch.held_up(&wanted, &seen_m), |part| ["a", "b"][part]);
+        assert_eq!(said, "b is 3.00 mm from its place, which is towards 90 deg");
+        watch.look(&wanted, &wanted.targets_m.clone(), true);
+        assert_eq!(watch.limit(), None, "arrived");
+    }
+}
