@@ -17,7 +17,7 @@ use plan::Planned;
 use upm_chart::Chart;
 use upm_library::Library;
 use upm_runner::config::{self, DaemonSpec, Document, Fault, JobSpec, PlateSpec, RigSpec, SimulateSpec};
-use upm_runner::run::{PlannerSelection, check_simulate, job_library, library_faults};
+use upm_runner::run::{PlannerSelection, check_simulate, job_library, library_faults, tolerance_warning};
 
 /// What a valid file turned out to be.
 struct Found {
@@ -27,11 +27,13 @@ struct Found {
     covered: Option<Covered>,
     /// What a job is predicted to come to, where that was asked.
     planned: Option<Planned>,
+    /// What the job asks for beyond what its rig can hold. A job with warnings is valid.
+    warnings: Vec<String>,
 }
 
 impl Found {
     fn new(says: String) -> Self {
-        Self { says, covered: None, planned: None }
+        Self { says, covered: None, planned: None, warnings: Vec::new() }
     }
 
     fn lines(&self) -> Vec<String> {
@@ -153,6 +155,11 @@ fn row(path: &Path, finding: &Finding) -> Value {
     if let Ok(Found { planned: Some(planned), .. }) = finding {
         row["plan"] = planned.json();
     }
+    if let Ok(Found { warnings, .. }) = finding
+        && !warnings.is_empty()
+    {
+        row["warnings"] = json!(warnings);
+    }
     row
 }
 
@@ -161,6 +168,7 @@ fn print(path: &Path, finding: &Finding) -> Result<(), Failure> {
         Ok(found) => {
             say!("{}: ok, {}", path.display(), found.says)?;
             found.lines().iter().try_for_each(|line| say!("  {line}"))?;
+            found.warnings.iter().for_each(|warning| complain!("upm: warning: {warning}"));
         }
         Err(faults) => faults.iter().for_each(|fault| complain!("upm: {fault}")),
     }
@@ -210,7 +218,8 @@ fn check_job(path: &Path, asked: Asked<'_>) -> Finding {
     let (rig, parts, planner) = (&job.rig.model.name, job.kinds_of_parts().len(), PlannerSelection::of(&job));
     let says = format!("job {} on {rig}, parts: {parts}, planner: {}", job.name, planner.name());
     let planned = asked.plan.then(|| Planned::of(&job, &library, asked.progress)).transpose().map_err(in_words)?;
-    Ok(Found { planned, ..Found::new(says) })
+    let warnings = lines(tolerance_warning(&job, &library).into_iter().collect());
+    Ok(Found { planned, warnings, ..Found::new(says) })
 }
 
 fn check_library(path: &Path, rig: Option<&RigSpec>) -> Finding {

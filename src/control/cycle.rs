@@ -6,10 +6,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::attempts::ways_to_try;
 use super::conditions::Conditions;
-use super::ending::{Ending, Outcome, check_stop, is_stop};
+use super::controllability::check_controllable;
+use super::ending::{EndCause, Ending, Outcome, check_stop, is_stop};
 use super::eyes::{ExpectedPart, Eyes, Moment};
 use super::learning::Gains;
 use super::plans::{Plans, planner_of};
+use super::progress::ProgressWatch;
 use super::{CycleFacts, EventLevel, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::rig::{PartKind, Rig, RigModel};
@@ -32,6 +34,8 @@ pub struct ControlParams {
     pub time_limit_s: f64,
     /// True when the task has no end before the time limit, which then completes it.
     pub endless: bool,
+    /// True when parts follow paths: their subgoals move on as they do.
+    pub follows_paths: bool,
     /// Frames at rest without a part after which it is lost.
     pub lost_after_frames: u32,
     /// How motions are found.
@@ -87,6 +91,7 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
             let gains = Gains::new(params.parts.len(), 0.5 * model.plate_side_m);
             let (rig, sink) = (&mut *rig, &mut *sink);
             let (conditions, wanted, index) = (Conditions::default(), None, 0);
+            let (watch, played) = (ProgressWatch::new(params.follows_paths), false);
             let mut cycle = Cycle {
                 rig,
                 model,
@@ -101,6 +106,8 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
                 plans,
                 gains,
                 conditions,
+                watch,
+                played,
                 wanted,
                 furthest: 0.0,
                 index,
@@ -129,6 +136,9 @@ struct Cycle<'a> {
     plans: Box<dyn Plans>,
     gains: Gains,
     conditions: Conditions,
+    watch: ProgressWatch,
+    /// True when the last cycle had pulses.
+    played: bool,
     wanted: Option<Wanted>,
     /// Progress when a cycle without a pulse last got further.
     furthest: f64,
@@ -161,16 +171,21 @@ impl Cycle<'_> {
         let started = self.clock.elapsed();
         let observed_at = self.eyes.seen_at();
         let wanted = self.goal.next(observed_at, &observed);
-        self.wanted = Some(wanted.clone());
+        let is_first = self.wanted.replace(wanted.clone()).is_none();
         if wanted.done {
             return Err(Ending::completed(wanted.phase));
         }
+        if is_first {
+            check_controllable(self.params.method, self.library, &observed, &wanted, |part| self.id(part))?;
+        }
         self.warn_of_blocked(&wanted.boxed_in);
         self.check_limits()?;
+        self.check_progress(&observed, &wanted)?;
         let planning = self.clock.elapsed();
         let plan = self.plan(&observed, &wanted)?;
         let plan_us = (self.clock.elapsed() - planning).as_secs_f64() * 1e6;
         self.conditions.end_cycle(self.rig.now(), self.sink);
+        self.played = !plan.pulses.is_empty();
 
         for (number, pulse) in (1..).zip(&plan.pulses) {
             self.check_limits()?;
@@ -187,7 +202,9 @@ impl Cycle<'_> {
                 (self.furthest, *last_pulse_at) = (wanted.progress, self.rig.now());
             }
             if self.rig.now() - *last_pulse_at > STALLED_S {
-                return Err(Ending::failed(format!("stalled: no pulse for {STALLED_S} s of plate time")));
+                let held_up = self.watch.held_up_in_words(&wanted, &result, |part| self.id(part));
+                let reason = format!("stalled: no pulse for {STALLED_S} s of plate time; {held_up}");
+                return Err(Ending::failed_because(EndCause::NoProgress, reason));
             }
             return Ok(result);
         }
@@ -217,6 +234,13 @@ impl Cycle<'_> {
         Ok(())
     }
 
+    fn check_progress(&mut self, observed: &[Vec2], wanted: &Wanted) -> Result<(), Ending> {
+        if self.watch.look(wanted, observed, self.played) {
+            return Err(self.watch.ending(wanted, observed, self.params.method, |part| self.id(part)));
+        }
+        Ok(())
+    }
+
     /// Plans the wanted steps; where they are infeasible, half of them, and half again; then one part at a time, the
     /// one with the longest way first, while the others stay.
     fn plan(&mut self, observed: &[Vec2], wanted: &Wanted) -> Result<Plan, Ending> {
@@ -230,11 +254,14 @@ impl Cycle<'_> {
                 PlanStatus::Solved | PlanStatus::NothingToDo => return Ok(plan),
                 PlanStatus::Infeasible(_) | PlanStatus::SolverFailed(_) => stopped_by = self.why_not(&plan.status),
             }
+            self.watch.note(&plan.status);
             if !tried.is_part {
                 self.warn_of_steps(&plan.status);
             }
         }
-        Err(Ending::failed(format!("no feasible step in cycle {}, {}: {stopped_by}", self.index, wanted.phase)))
+        let held_up = self.watch.held_up_in_words(wanted, observed, |part| self.id(part));
+        let reason = format!("no feasible step in cycle {}, {}: {stopped_by}; {held_up}", self.index, wanted.phase);
+        Err(Ending::failed_because(EndCause::NoFeasibleStep, reason))
     }
 
     fn part_states(&self, observed: &[Vec2], wanted: &Wanted) -> Vec<PartState> {

@@ -25,6 +25,12 @@ pub enum EndCause {
     Run,
     /// A request to give way: the run ended between two cycles, with motors at zero and parts at rest.
     GaveWay,
+    /// Pulses, or time without one, brought no part nearer to its target.
+    NoProgress,
+    /// A cycle had no plan that keeps the limits.
+    NoFeasibleStep,
+    /// Rotations of the library cannot move the parts independently where they were first seen.
+    Uncontrollable,
 }
 
 /// Outcome, cause and reason of the end of a run.
@@ -47,6 +53,11 @@ impl Ending {
     /// The goal is out of reach.
     pub fn failed(reason: impl Into<String>) -> Self {
         Self { outcome: Outcome::Failed, reason: reason.into(), ..Self::default() }
+    }
+
+    /// The goal is out of reach for a cause that programs tell apart.
+    pub(super) fn failed_because(cause: EndCause, reason: impl Into<String>) -> Self {
+        Self { cause, ..Self::failed(reason) }
     }
 
     /// Somebody stopped it.

@@ -5,12 +5,14 @@
 mod attempts;
 pub mod calibration;
 mod conditions;
+mod controllability;
 mod cycle;
 mod ending;
 mod eyes;
 mod facts;
 mod learning;
 mod plans;
+mod progress;
 mod rehearsal;
 
 pub use conditions::{Condition, ConditionChange};

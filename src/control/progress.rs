@@ -1,11 +1,13 @@
 //! Net progress of a run: a run that plays pulses and brings no part nearer ends instead of going on to its time limit.
 
+use super::conditions::why_not;
+use super::ending::{EndCause, Ending};
 use upm_core::geometry::Vec2;
 use upm_goal::Wanted;
-use upm_planner::Limit;
+use upm_planner::{Limit, Method, PlanStatus};
 
 /// Cycles with pulses in which some measure of progress must improve.
-pub(super) const FUTILE_CYCLES: u32 = 20;
+const FUTILE_CYCLES: u32 = 20;
 /// Cycles with pulses in which the parts must come nearer to their targets: ways round each other lead away for a while.
 const DETOUR_CYCLES: u32 = 200;
 /// Part of the distance by which it must fall to count as an improvement.
@@ -35,11 +37,11 @@ pub(super) struct ProgressWatch {
 
 /// A part that is held up: the farthest from where it should be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct HeldUp {
+struct HeldUp {
     /// Index of the part.
-    pub part: usize,
+    part: usize,
     /// Its way to its target, or on a path to its subgoal, m.
-    pub way_m: Vec2,
+    way_m: Vec2,
 }
 
 impl ProgressWatch {
@@ -48,14 +50,11 @@ impl ProgressWatch {
         Self { follows_paths, ..Self::default() }
     }
 
-    /// Notes the limit that stopped a plan.
-    pub fn note(&mut self, limit: Limit) {
-        self.limit = Some(limit);
-    }
-
-    /// The limit that stopped a plan since the run last progressed.
-    pub fn limit(&self) -> Option<Limit> {
-        self.limit
+    /// Notes why a plan could not be made.
+    pub fn note(&mut self, status: &PlanStatus) {
+        if let PlanStatus::Infeasible(limit) = status {
+            self.limit = Some(*limit);
+        }
     }
 
     /// Takes a look at rest; `played` says whether pulses came before it. True when the run makes no progress any more.
@@ -89,19 +88,36 @@ impl ProgressWatch {
         self.futile >= FUTILE_CYCLES || self.detour >= DETOUR_CYCLES
     }
 
+    /// The ending of a run that makes no progress: the part that is held up, its way, and the limit that stopped plans.
+    pub fn ending<'a>(
+        &self,
+        wanted: &Wanted,
+        seen_m: &[Vec2],
+        method: Method,
+        id: impl Fn(usize) -> &'a str + Copy,
+    ) -> Ending {
+        let cycles = if self.futile >= FUTILE_CYCLES { FUTILE_CYCLES } else { DETOUR_CYCLES };
+        let percent = 100.0 * SHARE;
+        let held_up = self.held_up_in_words(wanted, seen_m, id);
+        let limit = self.limit.map(|limit| why_not(&PlanStatus::Infeasible(limit), method, id));
+        let limit = limit.map(|limit| format!("; plans were cut short because {limit}")).unwrap_or_default();
+        let reason = format!("no progress: less than {percent:.0} % nearer in {cycles} cycles; {held_up}{limit}");
+        Ending::failed_because(EndCause::NoProgress, reason)
+    }
+
+    /// For people: the part that is held up, how far from its place and in which direction.
+    pub fn held_up_in_words<'a>(&self, wanted: &Wanted, seen_m: &[Vec2], id: impl Fn(usize) -> &'a str) -> String {
+        let Some(HeldUp { part, way_m }) = self.held_up(wanted, seen_m) else { return "there are no parts".into() };
+        let direction_deg = way_m.y.atan2(way_m.x).to_degrees();
+        format!("{} is {:.2} mm from its place, which is towards {direction_deg:.0} deg", id(part), 1e3 * way_m.norm())
+    }
+
     /// The part that is farthest from where it should be; `None` without parts.
-    pub fn held_up(&self, wanted: &Wanted, seen_m: &[Vec2]) -> Option<HeldUp> {
+    fn held_up(&self, wanted: &Wanted, seen_m: &[Vec2]) -> Option<HeldUp> {
         let ends_m = if self.follows_paths { &wanted.subgoals_m } else { &wanted.targets_m };
         let ways = seen_m.iter().zip(ends_m).enumerate().map(|(part, (seen, end))| HeldUp { part, way_m: end - seen });
         ways.max_by(|a, b| a.way_m.norm_squared().total_cmp(&b.way_m.norm_squared()))
     }
-}
-
-/// For people: which part is held up, how far from its place and in which direction.
-pub(super) fn held_up_in_words<'a>(held_up: Option<HeldUp>, id: impl Fn(usize) -> &'a str) -> String {
-    let Some(HeldUp { part, way_m }) = held_up else { return "no part is in view".into() };
-    let direction_deg = way_m.y.atan2(way_m.x).to_degrees();
-    format!("{} is {:.2} mm from its place, which is towards {direction_deg:.0} deg", id(part), 1e3 * way_m.norm())
 }
 
 /// Root of the sum of squared distances, m.
@@ -195,15 +211,19 @@ mod tests {
     #[test]
     fn part_that_is_held_up_is_named_with_way_and_limit() {
         let mut watch = ProgressWatch::new(false);
-        let wanted = Wanted { subgoals_m: vec![x(0.0), x(0.02)], targets_m: vec![x(0.0), x(0.02)], ..Wanted::default() };
+        let wanted =
+            Wanted { subgoals_m: vec![x(0.0), x(0.02)], targets_m: vec![x(0.0), x(0.02)], ..Wanted::default() };
         let seen_m = [x(0.001), Vec2::new(0.02, -0.003)];
         watch.look(&wanted, &seen_m, false);
-        watch.note(Limit::Edge { part: 1 });
-        assert!(!watch.look(&wanted, &seen_m, true));
-        assert_eq!(watch.limit(), Some(Limit::Edge { part: 1 }));
-        let said = held_up_in_words(watch.held_up(&wanted, &seen_m), |part| ["a", "b"][part]);
-        assert_eq!(said, "b is 3.00 mm from its place, which is towards 90 deg");
-        watch.look(&wanted, &wanted.targets_m.clone(), true);
-        assert_eq!(watch.limit(), None, "arrived");
+        watch.note(&PlanStatus::Infeasible(Limit::Edge { part: 1 }));
+        let ended = (0..FUTILE_CYCLES).filter(|_| watch.look(&wanted, &seen_m, true)).count();
+        assert_eq!(ended, 1, "in the last cycle");
+        let ending = watch.ending(&wanted, &seen_m, Method::CorSequence, |part| ["a", "b"][part]);
+        assert_eq!(ending.cause, EndCause::NoProgress);
+        let parts =
+            ["less than 1 % nearer in 20 cycles", "b is 3.00 mm", "towards 90 deg", "b would cross the edge margin"];
+        assert!(parts.iter().all(|part| ending.reason.contains(part)), "{}", ending.reason);
+        watch.look(&wanted, &[x(0.0), x(0.0201)], true);
+        assert_eq!(watch.limit, None, "nearer again");
     }
 }

@@ -14,9 +14,11 @@ use std::sync::Arc;
 use super::ControlParams;
 use super::attempts::ways_to_try;
 use super::conditions::why_not;
-use super::ending::Ending;
+use super::controllability::check_controllable;
+use super::ending::{EndCause, Ending};
 use super::learning::{Gains, Lesson, MORE, Scatter};
 use super::plans::{Plans, planner_of};
+use super::progress::ProgressWatch;
 use stage::Stage;
 use trail::Trail;
 use upm_core::geometry::Vec2;
@@ -123,8 +125,21 @@ pub fn rehearse(
     let off = MeanSquare::default();
     let (most_work_ms, limits_met) = (rehearsal.most_work_ms, Vec::new());
     let (cycles, pulses, work_ms) = (0, 0, 0.0);
-    let mut player =
-        Player { params, library, plans, stage, gains, trails, off, cycles, pulses, work_ms, most_work_ms, limits_met };
+    let mut player = Player {
+        params,
+        library,
+        plans,
+        stage,
+        gains,
+        watch: ProgressWatch::new(params.follows_paths),
+        trails,
+        off,
+        cycles,
+        pulses,
+        work_ms,
+        most_work_ms,
+        limits_met,
+    };
     let (end, wanted) = player.until_end(goal, watch);
     Rehearsal {
         left_off: end.is_none(),
@@ -166,6 +181,7 @@ struct Player<'a> {
     plans: Box<dyn Plans>,
     stage: Stage,
     gains: Gains,
+    watch: ProgressWatch,
     trails: Vec<Trail>,
     off: MeanSquare,
     cycles: u64,
@@ -179,6 +195,7 @@ impl Player<'_> {
     /// How it ended, `None` when it is left off, and what the goal wanted last.
     fn until_end(&mut self, goal: &mut dyn Goal, watch: &mut dyn FnMut(PlateTime, f64)) -> (Option<Ending>, Wanted) {
         let (mut went_on_at, mut furthest) = (self.stage.now(), 0.0);
+        let (mut looked, mut played) = (false, false);
         loop {
             let now = self.stage.now();
             let wanted = goal.next(now, &self.stage.positions_m);
@@ -186,17 +203,30 @@ impl Player<'_> {
             if wanted.done {
                 return (Some(Ending::completed(wanted.phase.clone())), wanted);
             }
+            if !std::mem::replace(&mut looked, true)
+                && let Err(ending) = self.check_controllable(&wanted)
+            {
+                return (Some(ending), wanted);
+            }
             if self.work_ms > self.most_work_ms {
                 return (None, wanted);
             }
             if wanted.progress > furthest {
                 (furthest, went_on_at) = (wanted.progress, now);
             }
-            match self.once(&wanted) {
+            if self.watch.look(&wanted, &self.stage.positions_m, played) {
+                let (seen_m, method) = (&self.stage.positions_m, self.params.method);
+                return (Some(self.watch.ending(&wanted, seen_m, method, |part| self.id(part))), wanted);
+            }
+            let once = self.once(&wanted);
+            played = matches!(once, Ok(true));
+            match once {
                 Ok(true) => went_on_at = self.stage.now(),
                 Ok(false) if self.stage.now() - went_on_at > STALLED_S => {
-                    let reason = format!("stalled: no pulse for {STALLED_S} s of plate time, {}", wanted.phase);
-                    return (Some(Ending::failed(reason)), wanted);
+                    let held_up = self.held_up(&wanted);
+                    let reason =
+                        format!("stalled: no pulse for {STALLED_S} s of plate time, {}; {held_up}", wanted.phase);
+                    return (Some(Ending::failed_because(EndCause::NoProgress, reason)), wanted);
                 }
                 Ok(false) => {}
                 Err(ending) => return (Some(ending), wanted),
@@ -246,6 +276,11 @@ impl Player<'_> {
         Ok(moved)
     }
 
+    fn check_controllable(&self, wanted: &Wanted) -> Result<(), Ending> {
+        let seen_m = &self.stage.positions_m;
+        check_controllable(self.params.method, self.library, seen_m, wanted, |part| self.id(part))
+    }
+
     fn check_time(&self) -> Result<(), Ending> {
         let limit_s = self.params.time_limit_s;
         if self.stage.now().secs() < limit_s {
@@ -276,8 +311,16 @@ impl Player<'_> {
                 status => why_not(status, self.params.method, |part| self.id(part)),
             };
             self.note(&last);
+            self.watch.note(&plan.status);
         }
-        Err(Ending::failed(format!("no feasible step in cycle {}, {}: {last}", self.cycles, wanted.phase)))
+        let (cycle, phase, held_up) = (self.cycles, &wanted.phase, self.held_up(wanted));
+        let reason = format!("no feasible step in cycle {cycle}, {phase}: {last}; {held_up}");
+        Err(Ending::failed_because(EndCause::NoFeasibleStep, reason))
+    }
+
+    /// For people: the part that is farthest from its place.
+    fn held_up(&self, wanted: &Wanted) -> String {
+        self.watch.held_up_in_words(wanted, &self.stage.positions_m, |part| self.id(part))
     }
 
     /// Modelled time of a plan. The check for nothing to do comes first in every planner.

@@ -3,6 +3,7 @@
 
 mod fields;
 mod friction;
+mod independence;
 mod pseudo_inverse;
 mod pump;
 mod reach;
@@ -15,6 +16,7 @@ mod fixture;
 mod tests;
 
 pub use fields::FieldPlanner;
+pub use independence::Independence;
 pub use pseudo_inverse::PseudoInverse;
 pub use reach::Reach;
 pub use rotations::RotationPlanner;

@@ -25,15 +25,34 @@ impl From<control::Outcome> for Outcome {
     }
 }
 
-/// Stable code of a request from outside that ended a run.
+/// Stable code of the cause that ended a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StopCode {
     /// It gave way to another job, between two cycles.
     GaveWay,
+    /// Pulses, or time without one, brought no part nearer to its target.
+    NoProgress,
+    /// A cycle had no plan that keeps the limits.
+    NoFeasibleStep,
+    /// Rotations of the library cannot move the parts independently where they were first seen.
+    Uncontrollable,
 }
 
-/// A request from outside that ended a run: a code for programs, a text for people.
+impl StopCode {
+    /// The code of `cause`; `None` where the outcome says it all.
+    pub fn of(cause: control::EndCause) -> Option<Self> {
+        match cause {
+            control::EndCause::Run => None,
+            control::EndCause::GaveWay => Some(Self::GaveWay),
+            control::EndCause::NoProgress => Some(Self::NoProgress),
+            control::EndCause::NoFeasibleStep => Some(Self::NoFeasibleStep),
+            control::EndCause::Uncontrollable => Some(Self::Uncontrollable),
+        }
+    }
+}
+
+/// The cause that ended a run: a code for programs, a text for people.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StopReport {
     /// Stable code.
@@ -58,7 +77,7 @@ pub struct Report {
     pub outcome: Outcome,
     /// Why, in words.
     pub reason: String,
-    /// The request that ended it, where it gave way to another job.
+    /// The cause that ended it, where programs tell it apart.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stop: Option<StopReport>,
     /// The experiment's own time, s.

@@ -38,7 +38,7 @@ pub struct Ending {
     pub outcome: Outcome,
     /// Why, in words.
     pub reason: String,
-    /// The request that ended it, where it gave way to another job.
+    /// The cause that ended it, where programs tell it apart.
     pub stop: Option<StopCode>,
     /// The experiment's own time.
     pub plate_time: PlateTime,

@@ -22,6 +22,7 @@ mod simulate;
 #[cfg(test)]
 mod stop_tests;
 mod time_figure;
+mod tolerance;
 mod unwritten;
 #[cfg(test)]
 mod unwritten_tests;
@@ -32,7 +33,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::config::{Fault, JobSpec};
-use upm_control::{self as control, Devices, EndCause, Ending, Finish, Sink};
+use upm_control::{self as control, Devices, Ending, Finish, Sink};
 use upm_core::rig::{Interlock, RigFault};
 use upm_core::time::{Clock, PlateTime};
 use upm_library::{Library, LibraryFault};
@@ -55,8 +56,9 @@ pub use library::{check_job, check_places, job_library, library_faults};
 pub use links::Links;
 pub use pacing::PacingStats;
 pub use planner_selection::{PlannerSelection, SelectionReason};
-pub use rehearse::{Forecast, Independence, PartForecast, PlanVerdict, RehearsalProgress, Spot, rehearse};
+pub use rehearse::{Forecast, PartForecast, PlanVerdict, RehearsalProgress, Spot, rehearse};
 pub use simulate::{check_simulate, simulate};
+pub use tolerance::tolerance_warning;
 pub use upm_sim::Trajectories;
 pub use verify::{Verdict, VerifyError, verify};
 
@@ -302,7 +304,7 @@ fn ending(job: &JobSpec, bench: Option<&Bench>, finish: Finish, wall_time_s: f64
         planner: Some(PlannerSelection::of(job).report()),
         outcome: ending.outcome.into(),
         reason: ending.reason,
-        stop: (ending.cause == EndCause::GaveWay).then_some(StopCode::GaveWay),
+        stop: StopCode::of(ending.cause),
         plate_time: bench.map_or(PlateTime::ZERO, Bench::now),
         bound_s: None,
         wall_time_s,

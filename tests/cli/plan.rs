@@ -25,7 +25,7 @@ fn hardly_along_y(folder: &Path) -> PathBuf {
     let text = fs::read_to_string(root().join("assets/libraries/upm-1.json")).unwrap();
     let mut library: Value = serde_json::from_str(&text).unwrap();
     let motion =
-        |velocity: [f64; 2]| json!({"amplitudes": [-271, 69, 268, -66], "velocity_mm_s": velocity, "spin_rad_s": 0.0});
+        |velocity: [f64; 2]| json!({"amplitudes": [-270, 68, 267, -65], "velocity_mm_s": velocity, "spin_rad_s": 0.0});
     library["entries"] = json!([motion([40.0, 0.0]), motion([30.0, 0.0]), motion([0.0, 8.5])]);
     fs::write(folder.join("library.json"), library.to_string()).unwrap();
     job(folder, |job| job["library"] = json!("library.json"))
@@ -81,6 +81,71 @@ fn a_library_without_a_direction_cannot_do_it_and_says_which() {
     assert!(number(&start["singular_values"][0]) > 0.5 && number(&start["singular_values"][1]) < 2e-3, "{start}");
     let (said, _) = status(&["check", file.to_str().unwrap(), "--plan"], 1);
     assert!(said.contains("cannot be done") && said.contains("towards 90 deg, 0.000 of the best"), "{said}");
+}
+
+#[test]
+fn run_that_rotations_cannot_do_ends_at_its_first_look_with_part_direction_and_bound() {
+    let folder = TempDir::new().unwrap();
+    let file = hardly_along_y(folder.path());
+    let plan = &planned(&file, 1)["plan"];
+    let reason = plan["rehearsals"][0]["reason"].as_str().unwrap();
+    assert!(reason.contains("penny-1 towards 90 deg") && reason.contains("at least 1e-4"), "{reason}");
+    let out = folder.path().to_str().unwrap();
+    let (report, _) = status(&["run", file.to_str().unwrap(), "--out", out, "--rerun", "off", "--json"], 1);
+    let report: Value = serde_json::from_str(&report).unwrap();
+    assert_eq!((&report["outcome"], &report["pulses"]), (&json!("failed"), &json!(0)));
+    assert_eq!(report["stop"], json!({"code": "uncontrollable", "text": reason}));
+}
+
+/// A shipped job on `upm-2` with changes.
+fn shipped(folder: &Path, name: &str, change: impl FnOnce(&mut Value)) -> PathBuf {
+    let mut job: Value = serde_json::from_str(&fs::read_to_string(root().join("configs").join(name)).unwrap()).unwrap();
+    job["rig"] = json!(root().join("configs/rigs/upm-2.json"));
+    change(&mut job);
+    let file = folder.join("job.json");
+    fs::write(&file, job.to_string()).unwrap();
+    file
+}
+
+#[test]
+fn time_figure_stands_beside_the_plan_and_in_the_report_of_jobs_with_targets_alone() {
+    let file = root().join("configs/arrange-2.json");
+    let bound_s = number(&planned(&file, 0)["plan"]["bound_s"]);
+    assert!((0.5..60.0).contains(&bound_s), "{bound_s}");
+    let (said, _) = status(&["check", file.to_str().unwrap(), "--plan"], 0);
+    let line = said.lines().find(|line| line.trim_start().starts_with("time figure")).unwrap();
+    assert!(
+        line.contains(&format!("{bound_s:.1} s by rotations (relaxed program at the start; no strict bound)")),
+        "{line}"
+    );
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let (report, _) = status(&["run", file.to_str().unwrap(), "--out", out, "--rerun", "off", "--json"], 0);
+    let of_run_s = number(&serde_json::from_str::<Value>(&report).unwrap()["bound_s"]);
+    assert!((of_run_s / bound_s - 1.0).abs() < 0.05, "from measured places: {of_run_s} {bound_s}");
+    let plan = planned(&root().join("configs/trajectories.json"), 0)["plan"].clone();
+    assert!(plan.get("bound_s").is_none(), "{plan}");
+}
+
+#[test]
+fn tolerance_finer_than_can_be_held_is_a_warning_and_its_run_ends_soon() {
+    let folder = TempDir::new().unwrap();
+    let file = shipped(folder.path(), "arrange-4.json", |job| job["tolerance_mm"] = json!(0.001));
+    let path = file.to_str().unwrap();
+    let (said, warned) = status(&["check", path], 0);
+    assert!(said.contains(": ok, job arrange-4"), "{said}");
+    assert!(warned.contains("warning: ") && warned.contains("tolerance_mm: found 0.001 mm"), "{warned}");
+    assert!(warned.contains("allowed: 0.22 mm or more with synthesized_field"), "{warned}");
+    let (rows, _) = status(&["check", path, "--json"], 0);
+    let rows: Value = serde_json::from_str(&rows).unwrap();
+    assert_eq!((&rows[0]["valid"], rows[0]["warnings"].as_array().map(Vec::len)), (&json!(true), Some(1)));
+    let out = folder.path().to_str().unwrap();
+    let (report, _) = status(&["run", path, "--out", out, "--rerun", "off", "--json"], 1);
+    let report: Value = serde_json::from_str(&report).unwrap();
+    assert_eq!(report["stop"]["code"], "no_progress");
+    assert!(number(&report["plate_time_s"]) < 60.0, "{report}");
+    let (_, warned) = status(&["check", root().join("configs/arrange-4.json").to_str().unwrap()], 0);
+    assert_eq!(warned, "", "0.5 mm can be held");
 }
 
 #[test]

@@ -24,7 +24,9 @@ const LONGEST_STEP_M: f64 = 8e-3;
 /// Part of the strong entries' reach at the plate's centre that a step may ask for.
 const ONE_PULSE: f64 = 0.9;
 /// Part of the tolerance within which a part must be seen to have arrived: the rest is for what the eyes are off.
-const MEASURED_SHARE: f64 = 0.9;
+pub(super) const MEASURED_SHARE: f64 = 0.9;
+/// Steps smaller than half of this are not worth a pulse, m.
+pub(super) const MIN_DISTANCE_M: f64 = 0.3e-3;
 /// How far a part's reference may run ahead of it, m.
 const LEAD_M: f64 = 4e-3;
 /// Seconds at rest without a part after which it is lost.
@@ -57,6 +59,7 @@ impl Bench {
             parts: parts.collect(),
             time_limit_s: job.plate_time_limit_s,
             endless: job.is_endless(),
+            follows_paths: matches!(job.task, TaskSpec::Trajectories { .. }),
             lost_after_frames: lost_after_frames(model.frame_hz),
             method: PlannerSelection::of(job).method,
             planner: planner_params(job),
@@ -125,7 +128,7 @@ fn planner_params(job: &JobSpec) -> PlannerParams {
         half_side_m: 0.5 * model.plate_side_m,
         edge_margin_m: REST_MARGIN_M,
         separation_m: REST_GAP_M,
-        min_distance_m: 0.3e-3,
+        min_distance_m: MIN_DISTANCE_M,
         frame_s: 1.0 / model.frame_hz,
         exposure_s: model.exposure_s,
         max_sustain_s: model.max_sustain_s,

@@ -1,8 +1,6 @@
 //! What a job is predicted to come to, before anything moves: what the library can do where its parts are and shall be,
 //! and a few rehearsals on the displacement model.
 
-mod independence;
-
 use std::sync::Arc;
 
 use super::bench::{self, Bench};
@@ -15,9 +13,7 @@ use upm_core::geometry::Vec2;
 use upm_core::random::Streams;
 use upm_core::time::PlateTime;
 use upm_library::Library;
-use upm_planner::{FieldPlanner, Method, Reach};
-
-pub use independence::Independence;
+use upm_planner::{FieldPlanner, Independence, Method, Reach};
 
 /// Most rehearsals of one job.
 const REHEARSALS: u64 = 5;

@@ -1,8 +1,8 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
+use super::FieldPlanner;
 use upm_core::geometry::Vec2;
 use upm_library::Library;
-use upm_planner::FieldPlanner;
 
 /// Flows that move none of the parts as far as this part of the largest step there is are left out: they leave parts where
 /// they are, whatever their direction.
