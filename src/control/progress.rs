@@ -109,14 +109,17 @@ impl ProgressWatch {
     pub fn held_up_in_words<'a>(&self, wanted: &Wanted, seen_m: &[Vec2], id: impl Fn(usize) -> &'a str) -> String {
         let Some(HeldUp { part, way_m }) = self.held_up(wanted, seen_m) else { return "there are no parts".into() };
         let direction_deg = way_m.y.atan2(way_m.x).to_degrees();
-        format!("{} is {:.2} mm from its place, which is towards {direction_deg:.0} deg", id(part), 1e3 * way_m.norm())
+        let boxed_in = if wanted.boxed_in.contains(&part) { ", and boxed in by other parts" } else { "" };
+        let way_mm = 1e3 * way_m.norm();
+        format!("{} is {way_mm:.2} mm from its place, which is towards {direction_deg:.0} deg{boxed_in}", id(part))
     }
 
-    /// The part that is farthest from where it should be; `None` without parts.
+    /// The part that is farthest from where it should be, of those that are boxed in if there are any; `None` without parts.
     fn held_up(&self, wanted: &Wanted, seen_m: &[Vec2]) -> Option<HeldUp> {
         let ends_m = if self.follows_paths { &wanted.subgoals_m } else { &wanted.targets_m };
         let ways = seen_m.iter().zip(ends_m).enumerate().map(|(part, (seen, end))| HeldUp { part, way_m: end - seen });
-        ways.max_by(|a, b| a.way_m.norm_squared().total_cmp(&b.way_m.norm_squared()))
+        let is_limiting = |held_up: &HeldUp| wanted.boxed_in.is_empty() || wanted.boxed_in.contains(&held_up.part);
+        ways.filter(is_limiting).max_by(|a, b| a.way_m.norm_squared().total_cmp(&b.way_m.norm_squared()))
     }
 }
 
@@ -223,6 +226,9 @@ mod tests {
         let parts =
             ["less than 1 % nearer in 20 cycles", "b is 3.00 mm", "towards 90 deg", "b would cross the edge margin"];
         assert!(parts.iter().all(|part| ending.reason.contains(part)), "{}", ending.reason);
+        let boxed_in = Wanted { boxed_in: vec![0], ..wanted.clone() };
+        let said = watch.held_up_in_words(&boxed_in, &seen_m, |part| ["a", "b"][part]);
+        assert_eq!(said, "a is 1.00 mm from its place, which is towards 180 deg, and boxed in by other parts");
         watch.look(&wanted, &[x(0.0), x(0.0201)], true);
         assert_eq!(watch.limit, None, "nearer again");
     }
