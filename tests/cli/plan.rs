@@ -135,7 +135,7 @@ fn tolerance_finer_than_can_be_held_is_a_warning_and_its_run_ends_soon() {
     let (said, warned) = status(&["check", path], 0);
     assert!(said.contains(": ok, job arrange-4"), "{said}");
     assert!(warned.contains("warning: ") && warned.contains("tolerance_mm: found 0.001 mm"), "{warned}");
-    assert!(warned.contains("allowed: 0.22 mm or more with synthesized_field"), "{warned}");
+    assert!(warned.contains("allowed: 0.29 mm or more with synthesized_field"), "{warned}");
     let (rows, _) = status(&["check", path, "--json"], 0);
     let rows: Value = serde_json::from_str(&rows).unwrap();
     assert_eq!((&rows[0]["valid"], rows[0]["warnings"].as_array().map(Vec::len)), (&json!(true), Some(1)));

@@ -14,42 +14,47 @@ use upm_planner::Method;
 const SENSING_PX: f64 = 0.01;
 /// What every planner leaves of a way: a shorter step gets no pulse, m.
 const LEFT_M: f64 = 0.5 * MIN_DISTANCE_M;
+/// Scatter of a part along one axis after a synthesised field, m; the library has none. In runs on `upm-2` parts end 0.05 mm
+/// off at random in both axes together, as rehearsals draw it.
+const FIELD_SCATTER_M: f64 = 0.035e-3;
 /// Standard deviations of sensing and scatter that a part may be off on top.
 const DEVIATIONS: f64 = 3.0;
 /// A part of a hold that has drifted is brought back to half of its tolerance.
 const BROUGHT_BACK: f64 = 0.5;
 
 /// The finest tolerance that the parts of `job` can hold, m: the way that the planner leaves, and three standard deviations
-/// of sensing and of the scatter of the library's shortest useful pulses, all within the share of the tolerance in which a
-/// part is seen to have arrived:
+/// of sensing and scatter, all within the share of the tolerance in which a part is seen to have arrived:
 ///
 /// `(left + 3 hypot(sensing, scatter)) / 0.9`
 ///
 /// A synthesised field leaves 0.15 mm of each part's way. Rotations leave √2 times that where there are several parts,
-/// since each pulse for one of them moves the others. On `upm-2` that gives 0.22 mm by fields and 0.28 mm by rotations.
-/// Runs of arrange-2 and arrange-4 that reached their goal, of six seeds each (three below 0.25 mm):
+/// since each pulse for one of them moves the others, and scatter as the library's shortest useful pulses do. On `upm-2`
+/// that gives 0.29 mm by fields and 0.28 mm by rotations. Runs of arrange-2 and arrange-4 that reached their goal, with
+/// seeds 1 to 3, and 1 to 6 from 0.22 mm on:
 ///
-/// | tolerance, mm | 0.05 | 0.1 | 0.15 | 0.2 | 0.25 | 0.3 | 0.35, 0.4 |
-/// |---|---|---|---|---|---|---|---|
-/// | fields | 1 of 6 | 5 of 6 | 6 of 6 | 6 of 6 | 12 of 12 | 12 of 12 | 24 of 24 |
-/// | rotations | 0 of 6 | 0 of 6 | 1 of 6 | 2 of 6 | 10 of 12 | 12 of 12 | 24 of 24 |
+/// | tolerance, mm | 0.05 | 0.1 | 0.15 | 0.2 | 0.22 | 0.28 |
+/// |---|---|---|---|---|---|---|
+/// | fields | 0 of 6 | 2 of 6 | 3 of 6 | 5 of 6 | 11 of 12 | 12 of 12 |
+/// | rotations | 0 of 6 | 0 of 6 | 1 of 6 | 2 of 6 | 10 of 12 | 12 of 12 |
 ///
-/// Those by fields at 0.1 and 0.15 mm took up to 95 cycles. A hold needs twice the figure, which is not measured.
+/// A hold brings parts back to half of its tolerance, and has the time for another try: what is left must fit in there.
 /// `None` for sorting, whose bins are larger than any such distance.
 pub(super) fn finest_tolerance_m(job: &JobSpec, library: &Library) -> Option<f64> {
-    let share = match job.task {
-        TaskSpec::Sort { .. } => return None,
-        TaskSpec::Hold { .. } => BROUGHT_BACK * MEASURED_SHARE,
-        TaskSpec::PlusSign { .. } | TaskSpec::Trajectories { .. } | TaskSpec::Arrange { .. } => MEASURED_SHARE,
-    };
     let parts: usize = job.parts.iter().map(|group| group.count).sum();
-    let left_m = match PlannerSelection::of(job).method {
-        Method::CorSequence | Method::PseudoInverse if parts > 1 => SQRT_2 * LEFT_M,
-        Method::CorSequence | Method::PseudoInverse | Method::SynthesizedField => LEFT_M,
+    let (left_m, scatter_m) = match PlannerSelection::of(job).method {
+        Method::SynthesizedField => (LEFT_M, FIELD_SCATTER_M),
+        Method::CorSequence | Method::PseudoInverse => {
+            (if parts > 1 { SQRT_2 * LEFT_M } else { LEFT_M }, scatter_m(&library.displacement))
+        }
     };
     let camera = &job.rig.sim.camera;
     let sensing_m = SENSING_PX * camera.position_m.z / camera.lens.focal_px;
-    Some((left_m + DEVIATIONS * sensing_m.hypot(scatter_m(&library.displacement))) / share)
+    let finest_m = (left_m + DEVIATIONS * sensing_m.hypot(scatter_m)) / MEASURED_SHARE;
+    match job.task {
+        TaskSpec::PlusSign { .. } | TaskSpec::Trajectories { .. } | TaskSpec::Arrange { .. } => Some(finest_m),
+        TaskSpec::Hold { .. } => Some(finest_m.max(left_m / (BROUGHT_BACK * MEASURED_SHARE))),
+        TaskSpec::Sort { .. } => None,
+    }
 }
 
 /// Scatter of the shortest useful pulses: the root mean square over the speeds of the standard deviation of the shortest
@@ -103,17 +108,17 @@ mod tests {
         };
         let fault = at("auto", 0.1).unwrap();
         assert!(fault.path == "tolerance_mm" && fault.found.starts_with("0.1 mm"), "{fault}");
-        assert!(fault.allowed.starts_with("0.22 mm or more with synthesized_field"), "{fault}");
-        assert_eq!(at("auto", 0.22), None);
+        assert!(fault.allowed.starts_with("0.29 mm or more with synthesized_field"), "{fault}");
+        assert_eq!(at("auto", 0.29), None);
         let fault = at("cor_sequence", 0.25).unwrap();
         assert!(fault.allowed.starts_with("0.28 mm or more with cor_sequence"), "{fault}");
         assert_eq!(at("cor_sequence", 0.28), None);
     }
 
     #[test]
-    fn holds_need_twice_the_tolerance_and_sorting_none() {
-        let fine = |job: &mut Value| job["tolerance_mm"] = json!(0.4);
-        assert!(warning("hold-4.json", fine).is_some_and(|fault| fault.allowed.starts_with("0.43 mm")));
+    fn holds_need_room_to_bring_parts_back_and_sorting_none() {
+        let fine = |job: &mut Value| job["tolerance_mm"] = json!(0.3);
+        assert!(warning("hold-4.json", fine).is_some_and(|fault| fault.allowed.starts_with("0.34 mm")));
         assert_eq!(warning("sort-8.json", |job| job["tolerance_mm"] = json!(0.001)), None);
     }
 
