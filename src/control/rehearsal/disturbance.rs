@@ -14,8 +14,8 @@ use upm_planner::{FieldPulse, PlannedPulse};
 /// accelerometers read motions that are 0.9 to 1.4 % off what was asked, in the median over pulses.
 pub(super) const PLATE_OFF: f64 = 0.014;
 /// How far a rotation's steps are off in length and, across, in direction, relative: the same in every pulse of an entry.
-/// With it rotations end off their learned forecasts as in runs, 0.17 to 0.35 mm rms.
-pub(super) const ENTRY_OFF: f64 = 0.02;
+/// With it rotations end off their learned forecasts as in runs, by 1 % of the way.
+pub(super) const ENTRY_OFF: f64 = 0.01;
 /// How far parts are off at random after a pulse of either kind, m: the standard deviation.
 pub(super) const FIELD_SD_M: f64 = 0.05e-3;
 pub(super) const ROTATION_SD_M: f64 = 0.03e-3;

@@ -8,10 +8,10 @@ use upm_planner::{Method, Plan, PlannedPulse};
 const FIELD_MS: f64 = 3.5;
 /// Parts that the field planner moves in one vector.
 const GROUP: usize = 8;
-/// Planning a sequence of rotations and playing it, ms, and the part that grows with the third power of the number of
-/// parts, as the programs do: 8 parts take 2 ms an attempt, 16 take 20 ms, 20 take 32 ms.
-const SEQUENCE_MS: f64 = 0.1;
-const CUBIC_MS: f64 = 0.004;
+/// Planning a cycle of rotations and playing it, ms, and the part that grows with the square of the number of parts: most
+/// cycles correct a sequence, some plan a new one. 8 parts take 10 ms a cycle in the mean, 16 take 40 ms.
+const CYCLE_MS: f64 = 2.5;
+const SQUARE_MS: f64 = 0.15;
 /// A look, ms.
 pub(super) const LOOK_MS: f64 = 0.02;
 
@@ -24,6 +24,6 @@ pub(super) fn attempt_ms(library: &Library, method: Method, longest_s: f64, plan
             let flanks_s = library.fields.as_ref().map_or(0.0, |fields| 2.0 * fields.attack_s);
             FIELD_MS * parts.div_ceil(GROUP) as f64 * (flanks_s + sustain_s)
         }
-        Method::CorSequence | Method::PseudoInverse => SEQUENCE_MS + CUBIC_MS * (parts as f64).powi(3),
+        Method::CorSequence | Method::PseudoInverse => CYCLE_MS + SQUARE_MS * (parts as f64).powi(2),
     }
 }
