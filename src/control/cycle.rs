@@ -36,6 +36,8 @@ pub struct ControlParams {
     pub endless: bool,
     /// True when parts follow paths: their subgoals move on as they do.
     pub follows_paths: bool,
+    /// How near to its target a part has arrived, m.
+    pub tolerance_m: f64,
     /// Frames at rest without a part after which it is lost.
     pub lost_after_frames: u32,
     /// How motions are found.
@@ -91,7 +93,7 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
             let gains = Gains::new(params.parts.len(), 0.5 * model.plate_side_m);
             let (rig, sink) = (&mut *rig, &mut *sink);
             let (conditions, wanted, index) = (Conditions::default(), None, 0);
-            let (watch, played) = (ProgressWatch::new(params.follows_paths), false);
+            let (watch, played) = (ProgressWatch::new(params.follows_paths, params.tolerance_m), false);
             let mut cycle = Cycle {
                 rig,
                 model,

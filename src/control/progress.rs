@@ -8,6 +8,10 @@ use upm_planner::{Limit, Method, PlanStatus};
 
 /// Cycles with pulses in which some measure of progress must improve.
 const FUTILE_CYCLES: u32 = 20;
+/// The same where every part is within twice the tolerance: each cycle may be the one that brings all of them in, as in a
+/// run of 24 coins after twenty cycles that brought them no nearer.
+const NEAR_CYCLES: u32 = 100;
+const NEAR: f64 = 2.0;
 /// Cycles with pulses in which the parts must come nearer to their targets: ways round each other lead away for a while.
 const DETOUR_CYCLES: u32 = 200;
 /// Part of the distance by which it must fall to count as an improvement.
@@ -23,6 +27,7 @@ const NEW_M: f64 = 1e-3;
 #[derive(Clone, Debug, Default)]
 pub(super) struct ProgressWatch {
     follows_paths: bool,
+    tolerance_m: f64,
     targets_m: Vec<Vec2>,
     subgoals_m: Vec<Vec2>,
     /// The least distances so far, m.
@@ -46,8 +51,8 @@ struct HeldUp {
 
 impl ProgressWatch {
     /// A watch at the beginning of a run.
-    pub fn new(follows_paths: bool) -> Self {
-        Self { follows_paths, ..Self::default() }
+    pub fn new(follows_paths: bool, tolerance_m: f64) -> Self {
+        Self { follows_paths, tolerance_m, ..Self::default() }
     }
 
     /// Notes why a plan could not be made.
@@ -61,7 +66,7 @@ impl ProgressWatch {
     pub fn look(&mut self, wanted: &Wanted, seen_m: &[Vec2], played: bool) -> bool {
         if distance_m(seen_m, &wanted.subgoals_m) == 0.0 {
             // every part is let be: a hold that holds
-            *self = Self::new(self.follows_paths);
+            *self = Self::new(self.follows_paths, self.tolerance_m);
             return false;
         }
         let (futile, detour) = (self.futile + u32::from(played), self.detour + u32::from(played));
@@ -85,7 +90,8 @@ impl ProgressWatch {
         if self.futile == 0 {
             self.limit = None;
         }
-        self.futile >= FUTILE_CYCLES || self.detour >= DETOUR_CYCLES
+        let is_near = farthest_m(seen_m, &wanted.targets_m) < NEAR * self.tolerance_m;
+        self.futile >= if is_near { NEAR_CYCLES } else { FUTILE_CYCLES } || self.detour >= DETOUR_CYCLES
     }
 
     /// The ending of a run that makes no progress: the part that is held up, its way, and the limit that stopped plans.
@@ -96,7 +102,7 @@ impl ProgressWatch {
         method: Method,
         id: impl Fn(usize) -> &'a str + Copy,
     ) -> Ending {
-        let cycles = if self.futile >= FUTILE_CYCLES { FUTILE_CYCLES } else { DETOUR_CYCLES };
+        let cycles = if self.futile >= FUTILE_CYCLES { self.futile } else { self.detour };
         let percent = 100.0 * SHARE;
         let held_up = self.held_up_in_words(wanted, seen_m, id);
         let limit = self.limit.map(|limit| why_not(&PlanStatus::Infeasible(limit), method, id));
@@ -146,6 +152,8 @@ fn improves(least_m: &mut f64, now_m: f64) -> bool {
 mod tests {
     use super::*;
 
+    const TOLERANCE_M: f64 = 0.5e-3;
+
     fn wanted(subgoal_m: Vec2, target_m: Vec2) -> Wanted {
         Wanted { subgoals_m: vec![subgoal_m], targets_m: vec![target_m], ..Wanted::default() }
     }
@@ -156,7 +164,7 @@ mod tests {
 
     /// Looks until a run of one part is ended; `at` gives wanted and where the part is in each cycle.
     fn ended_at(paths: bool, cycles: u32, at: impl Fn(u32) -> (Wanted, Vec2)) -> Option<u32> {
-        let mut watch = ProgressWatch::new(paths);
+        let mut watch = ProgressWatch::new(paths, TOLERANCE_M);
         (0..cycles).find(|&cycle| {
             let (wanted, seen_m) = at(cycle);
             watch.look(&wanted, &[seen_m], cycle > 0)
@@ -167,15 +175,16 @@ mod tests {
     fn part_that_stays_away_ends_a_run_after_twenty_cycles_and_one_that_comes_nearer_does_not() {
         let there = || wanted(x(0.05), x(0.05));
         assert_eq!(ended_at(false, 100, |_| (there(), x(0.0))), Some(FUTILE_CYCLES));
-        let jitter = |cycle: u32| (there(), x(0.0498 + 0.0001 * f64::from(cycle % 2)));
+        let jitter = |cycle: u32| (there(), x(0.0480 + 0.0001 * f64::from(cycle % 2)));
         assert_eq!(ended_at(false, 100, jitter), Some(FUTILE_CYCLES + 1), "the least distance counts");
         assert_eq!(ended_at(false, 500, |cycle| (there(), x(0.05 - 0.05 * 0.999_f64.powi(cycle as i32)))), None);
         assert_eq!(ended_at(true, 100, |_| (there(), x(0.0))), Some(FUTILE_CYCLES), "on a path, too");
+        assert_eq!(ended_at(false, 200, |_| (there(), x(0.0494))), Some(NEAR_CYCLES), "within twice the tolerance");
     }
 
     #[test]
     fn cycles_without_pulses_do_not_count() {
-        let mut watch = ProgressWatch::new(false);
+        let mut watch = ProgressWatch::new(false, TOLERANCE_M);
         assert!((0..100).all(|_| !watch.look(&wanted(x(0.05), x(0.05)), &[x(0.0)], false)));
     }
 
@@ -213,7 +222,7 @@ mod tests {
 
     #[test]
     fn part_that_is_held_up_is_named_with_way_and_limit() {
-        let mut watch = ProgressWatch::new(false);
+        let mut watch = ProgressWatch::new(false, TOLERANCE_M);
         let wanted =
             Wanted { subgoals_m: vec![x(0.0), x(0.02)], targets_m: vec![x(0.0), x(0.02)], ..Wanted::default() };
         let seen_m = [x(0.001), Vec2::new(0.02, -0.003)];

@@ -131,7 +131,7 @@ pub fn rehearse(
         plans,
         stage,
         gains,
-        watch: ProgressWatch::new(params.follows_paths),
+        watch: ProgressWatch::new(params.follows_paths, params.tolerance_m),
         trails,
         off,
         cycles,

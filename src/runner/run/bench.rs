@@ -60,6 +60,7 @@ impl Bench {
             time_limit_s: job.plate_time_limit_s,
             endless: job.is_endless(),
             follows_paths: matches!(job.task, TaskSpec::Trajectories { .. }),
+            tolerance_m: job.tolerance_m,
             lost_after_frames: lost_after_frames(model.frame_hz),
             method: PlannerSelection::of(job).method,
             planner: planner_params(job),
