@@ -139,7 +139,7 @@ struct Cycle<'a> {
     gains: Gains,
     conditions: Conditions,
     watch: ProgressWatch,
-    /// True when the last cycle had pulses.
+    /// True when the last cycle had pulses and began something: the rest of a sequence may lead away before it leads near.
     played: bool,
     wanted: Option<Wanted>,
     /// Progress when a cycle without a pulse last got further.
@@ -187,7 +187,7 @@ impl Cycle<'_> {
         let plan = self.plan(&observed, &wanted)?;
         let plan_us = (self.clock.elapsed() - planning).as_secs_f64() * 1e6;
         self.conditions.end_cycle(self.rig.now(), self.sink);
-        self.played = !plan.pulses.is_empty();
+        self.played = !plan.pulses.is_empty() && !plan.continues;
 
         for (number, pulse) in (1..).zip(&plan.pulses) {
             self.check_limits()?;

@@ -6,7 +6,7 @@ use upm_core::geometry::Vec2;
 use upm_goal::Wanted;
 use upm_planner::{Limit, Method, PlanStatus};
 
-/// Cycles with pulses in which some measure of progress must improve.
+/// Plans with pulses in which some measure of progress must improve; cycles that play on a sequence do not count.
 const FUTILE_CYCLES: u32 = 20;
 /// The same where every part is within four times the tolerance: each cycle may be the one that brings all of them in, as in a
 /// run of 24 coins after twenty cycles that brought them no nearer.
@@ -107,7 +107,7 @@ impl ProgressWatch {
         let held_up = self.held_up_in_words(wanted, seen_m, id);
         let limit = self.limit.map(|limit| why_not(&PlanStatus::Infeasible(limit), method, id));
         let limit = limit.map(|limit| format!("; plans were cut short because {limit}")).unwrap_or_default();
-        let reason = format!("no progress: less than {percent:.0} % nearer in {cycles} cycles; {held_up}{limit}");
+        let reason = format!("no progress: less than {percent:.0} % nearer in {cycles} plans; {held_up}{limit}");
         Ending::failed_because(EndCause::NoProgress, reason)
     }
 
@@ -237,7 +237,7 @@ mod tests {
         let ending = watch.ending(&wanted, &seen_m, Method::CorSequence, |part| ["a", "b"][part]);
         assert_eq!(ending.cause, EndCause::NoProgress);
         let parts =
-            ["less than 1 % nearer in 20 cycles", "b is 3.00 mm", "towards 90 deg", "b would cross the edge margin"];
+            ["less than 1 % nearer in 20 plans", "b is 3.00 mm", "towards 90 deg", "b would cross the edge margin"];
         assert!(parts.iter().all(|part| ending.reason.contains(part)), "{}", ending.reason);
         let boxed_in = Wanted { boxed_in: vec![0], ..wanted.clone() };
         let said = watch.held_up_in_words(&boxed_in, &seen_m, |part| ["a", "b"][part]);

@@ -132,6 +132,7 @@ pub fn rehearse(
         stage,
         gains,
         watch: ProgressWatch::new(params.follows_paths, params.tolerance_m),
+        continues: false,
         trails,
         off,
         cycles,
@@ -189,6 +190,8 @@ struct Player<'a> {
     work_ms: f64,
     most_work_ms: f64,
     limits_met: Vec<LimitMet>,
+    /// True when the last plan played on a sequence.
+    continues: bool,
 }
 
 impl Player<'_> {
@@ -219,7 +222,7 @@ impl Player<'_> {
                 return (Some(self.watch.ending(&wanted, seen_m, method, |part| self.id(part))), wanted);
             }
             let once = self.once(&wanted);
-            played = matches!(once, Ok(true));
+            played = matches!(once, Ok(true)) && !self.continues;
             match once {
                 Ok(true) => went_on_at = self.stage.now(),
                 Ok(false) if self.stage.now() - went_on_at > STALLED_S => {
@@ -245,6 +248,7 @@ impl Player<'_> {
     fn once(&mut self, wanted: &Wanted) -> Result<bool, Ending> {
         self.check_time()?;
         let plan = self.plan(wanted)?;
+        self.continues = plan.continues;
         self.work_ms += work::LOOK_MS;
         for pulse in &plan.pulses {
             self.check_time()?;

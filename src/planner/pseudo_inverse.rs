@@ -114,7 +114,7 @@ impl PseudoInverse {
 }
 
 fn ended(status: PlanStatus, centers: &[usize]) -> Plan {
-    Plan { status, pulses: Vec::new(), candidates: centers.to_vec(), predicted_m: Vec::new() }
+    Plan { status, pulses: Vec::new(), candidates: centers.to_vec(), predicted_m: Vec::new(), continues: false }
 }
 
 /// Where parts are after `distance_m` along the ideal field of `entry`, whatever their distance from its centre.

@@ -129,4 +129,6 @@ pub struct Plan {
     pub candidates: Vec<usize>,
     /// Where each part is predicted to be after each pulse, m: `predicted_m[pulse][part]`.
     pub predicted_m: Vec<Vec<Vec2>>,
+    /// True when it plays on a sequence that was begun in an earlier cycle: only its end need bring the parts nearer.
+    pub continues: bool,
 }

@@ -267,7 +267,13 @@ struct Along(Vec2);
 
 impl Plans for Along {
     fn plan(&mut self, _: &[PartState]) -> Plan {
-        Plan { status: PlanStatus::NothingToDo, pulses: Vec::new(), candidates: Vec::new(), predicted_m: Vec::new() }
+        Plan {
+            status: PlanStatus::NothingToDo,
+            pulses: Vec::new(),
+            candidates: Vec::new(),
+            predicted_m: Vec::new(),
+            continues: false,
+        }
     }
 
     fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {
@@ -309,7 +315,13 @@ struct ByWave;
 
 impl Plans for ByWave {
     fn plan(&mut self, _: &[PartState]) -> Plan {
-        Plan { status: PlanStatus::NothingToDo, pulses: Vec::new(), candidates: Vec::new(), predicted_m: Vec::new() }
+        Plan {
+            status: PlanStatus::NothingToDo,
+            pulses: Vec::new(),
+            candidates: Vec::new(),
+            predicted_m: Vec::new(),
+            continues: false,
+        }
     }
 
     fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {

@@ -201,7 +201,13 @@ impl FieldPlanner {
         self.learn_reach(wanted_m, left);
         self.last = Some(shot.coefficients.clone());
         self.spare.keep(shot);
-        Ok(Plan { status: PlanStatus::Solved, pulses: vec![pulse], candidates: Vec::new(), predicted_m })
+        Ok(Plan {
+            status: PlanStatus::Solved,
+            pulses: vec![pulse],
+            candidates: Vec::new(),
+            predicted_m,
+            continues: false,
+        })
     }
 
     /// `shot`, changed so that it keeps the limits, with guards where it has to be.
@@ -309,5 +315,5 @@ impl FieldPlanner {
 }
 
 fn ended(status: PlanStatus) -> Plan {
-    Plan { status, pulses: Vec::new(), candidates: Vec::new(), predicted_m: Vec::new() }
+    Plan { status, pulses: Vec::new(), candidates: Vec::new(), predicted_m: Vec::new(), continues: false }
 }

@@ -116,10 +116,10 @@ impl RotationPlanner {
         let targets_m: Vec<Vec2> = parts.iter().map(|part| part.position_m + part.step_m).collect();
         let room = Room::of(parts, &targets_m, &self.params);
         if let Some(candidate) = self.rest(parts, &targets_m, &room) {
-            return self.play(candidate, parts, targets_m);
+            return self.play(candidate, targets_m, true);
         }
         match self.new_sequence(parts, &targets_m, &room) {
-            Ok(candidate) => self.play(candidate, parts, targets_m),
+            Ok(candidate) => self.play(candidate, targets_m, false),
             Err(limit) => ended(PlanStatus::Infeasible(limit)),
         }
     }
@@ -319,7 +319,7 @@ impl RotationPlanner {
     }
 
     /// The plan of the first pulses of `candidate`; the rest is kept.
-    fn play(&mut self, candidate: Candidate, parts: &[PartState], targets_m: Vec<Vec2>) -> Plan {
+    fn play(&mut self, candidate: Candidate, targets_m: Vec<Vec2>, continues: bool) -> Plan {
         let Candidate { refined, safe, subgoals_m, want_m, .. } = candidate;
         let count = if 2 * safe > 3 * CHUNK { CHUNK } else { safe };
         let rotation = |k: usize| {
@@ -334,10 +334,10 @@ impl RotationPlanner {
         };
         let pulses: Vec<PlannedPulse> = (0..count).map(rotation).collect();
         let predicted_m = (1..=count).map(|stage| refined.rollout.at(stage).to_vec()).collect();
-        debug_assert_eq!(refined.rollout.at(0).len(), parts.len());
         let left = refined.pulses[count..].to_vec();
         self.running = Some(Running { pulses: left, subgoals_m, targets_m, want_m });
-        Plan { status: PlanStatus::Solved, pulses, candidates: Vec::new(), predicted_m }
+        let candidates = refined.pulses.iter().map(|pulse| self.belts.belts[pulse.belt].entry).collect();
+        Plan { status: PlanStatus::Solved, pulses, candidates, predicted_m, continues }
     }
 }
 
@@ -358,5 +358,5 @@ fn rms_m(steps_m: impl ExactSizeIterator<Item = Vec2>) -> f64 {
 }
 
 fn ended(status: PlanStatus) -> Plan {
-    Plan { status, pulses: Vec::new(), candidates: Vec::new(), predicted_m: Vec::new() }
+    Plan { status, pulses: Vec::new(), candidates: Vec::new(), predicted_m: Vec::new(), continues: false }
 }
