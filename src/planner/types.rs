@@ -106,11 +106,12 @@ pub enum Limit {
 }
 
 /// How planning ended.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub enum PlanStatus {
     /// The pulses do what was wanted, to first order.
     Solved,
     /// All steps are smaller than the smallest pulse can make.
+    #[default]
     NothingToDo,
     /// Nothing found within the limits; the one that stopped it.
     Infeasible(Limit),
@@ -119,7 +120,7 @@ pub enum PlanStatus {
 }
 
 /// What to play this cycle and what should come of it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
     /// How planning ended.
     pub status: PlanStatus,

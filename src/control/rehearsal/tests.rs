@@ -45,11 +45,6 @@ fn library(pumps: impl IntoIterator<Item = Twist>, relative_sd: f64) -> Arc<Libr
     })
 }
 
-fn nothing_to_do() -> Plan {
-    let (pulses, candidates, predicted_m) = Default::default();
-    Plan { status: PlanStatus::NothingToDo, pulses, candidates, predicted_m, continues: false }
-}
-
 /// Ways over the plate as a whole, in 16 directions.
 fn translations() -> impl Iterator<Item = Twist> {
     (0..16).map(|k| PI * f64::from(k) / 16.0).map(|angle| Twist::new(0.5 * angle.cos(), 0.5 * angle.sin(), 0.0))
@@ -272,7 +267,7 @@ struct Along(Vec2);
 
 impl Plans for Along {
     fn plan(&mut self, _: &[PartState]) -> Plan {
-        nothing_to_do()
+        Plan::default()
     }
 
     fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {
@@ -314,7 +309,7 @@ struct ByWave;
 
 impl Plans for ByWave {
     fn plan(&mut self, _: &[PartState]) -> Plan {
-        nothing_to_do()
+        Plan::default()
     }
 
     fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {
