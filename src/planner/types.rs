@@ -17,7 +17,7 @@ pub struct PartState {
 /// How motions are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
-    /// The sparse sequence over measured flows: [`Planner`](super::Planner).
+    /// Sequences of rotations: [`RotationPlanner`](super::RotationPlanner).
     #[default]
     CorSequence,
     /// The papers' plain method, for comparison: [`PseudoInverse`](super::PseudoInverse).
