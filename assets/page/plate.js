@@ -33,7 +33,7 @@ export class PlateCard {
     this.share = el('span', { class: 'share' });
     this.barBox = el('div', { class: 'bar' }, this.bar, this.share);
     this.doing = el('div', { class: 'doing' }, this.job, this.phase, this.barBox);
-    this.standing = el('p', { class: 'facts' });
+    this.standing = el('p', { class: 'standing' });
     this.queue = el('ol', { class: 'queue' });
     this.facts = el('p', { class: 'facts' });
     this.says = el('p', { class: 'why', role: 'alert' });
