@@ -36,7 +36,7 @@ pub(super) struct ProgressWatch {
     /// Cycles with pulses since any measure improved, and since the distance from the targets did.
     futile: u32,
     detour: u32,
-    /// What stopped the last plan that could not be made since any measure improved.
+    /// Limit of the last infeasible plan since any measure improved.
     limit: Option<Limit>,
 }
 

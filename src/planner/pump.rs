@@ -120,7 +120,7 @@ impl Pump {
     }
 }
 
-/// What stays the same through a pulse.
+/// Constants of one pulse.
 struct Belts {
     speed: Lanes,
     spin: Lanes,

@@ -30,7 +30,7 @@ pub struct Harmonic {
     pub sin: f64,
 }
 
-/// What a pulse's envelope shapes, and so what the motors play on the flanks.
+/// The quantity that follows a pulse's envelope, which decides the forces on the flanks.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Shaping {
     /// The velocity of a free mass: with `p = ∫ f` the motors play `d/dt (env p) = env f + env' p`. A flank of two periods
@@ -54,7 +54,7 @@ pub struct Drive {
     pub base_radps: f64,
     /// For each motor harmonic `k` at index `k - 1`.
     pub motors: [Vec<Harmonic>; MOTORS],
-    /// What follows the envelope.
+    /// The quantity that follows the envelope.
     pub shaping: Shaping,
     /// Outline of the pulse.
     pub envelope: Envelope,
@@ -77,7 +77,7 @@ impl Drive {
         height * f + envelope.slope(t_s) * g + envelope.curvature(t_s) * c
     }
 
-    /// What height, slope and curvature of the envelope are multiplied by, for `motor` at the phase with this sine and
+    /// The factors of the envelope's height, slope and curvature, for `motor` at the phase with this sine and
     /// cosine: counts, counts·s and counts·s².
     fn parts_at(&self, motor: usize, sin_cos: (f64, f64)) -> [f64; 3] {
         let harmonics = &self.motors[motor];

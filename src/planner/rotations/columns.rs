@@ -68,7 +68,7 @@ impl Columns {
         &self.values_mm[j * self.rows..][..self.rows]
     }
 
-    /// What column `j` is worth at `prices` (s/mm) for each second that it takes.
+    /// Worth of column `j` at `prices` (s/mm) for each second that it takes.
     pub fn pay(&self, j: usize, prices: &[f64]) -> f64 {
         self.column(j).iter().zip(prices).map(|(d, y)| d * y).sum::<f64>() / self.price_s[j]
     }

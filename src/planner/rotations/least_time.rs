@@ -36,7 +36,7 @@ pub(super) struct LeastTime {
     pub prices: Vec<f64>,
     /// c · n, s.
     pub time_s: f64,
-    /// What has to be left beyond what may be, mm.
+    /// Excess over the distance that may be left, mm.
     pub beyond_mm: f64,
 }
 
