@@ -12,6 +12,9 @@ const PLACES: i32 = 9;
 const REACH: f64 = 0.85;
 /// Amplitudes of the dial below the full one.
 const AMPLITUDES: usize = 24;
+/// Settings between two neighbours of the dial: from the strongest belt that more strength helps without sustain to full
+/// strength with some, the way is far from straight in both.
+const BETWEEN: u32 = 4;
 /// Entries whose typical belt is slower than this part of the fastest are not looked at: the dial makes short steps.
 const STRONG: f64 = 0.35;
 /// A centre this near a part, in radii, spins it more than it moves it.
@@ -35,6 +38,16 @@ pub(super) struct Setting {
     /// Part of the full amplitude, 0 to 1.
     pub amplitude: f64,
     pub sustain_s: f64,
+}
+
+impl Setting {
+    /// This one and `part` of the way to `other`.
+    fn towards(self, other: Self, part: f64) -> Self {
+        Self {
+            amplitude: self.amplitude + part * (other.amplitude - self.amplitude),
+            sustain_s: self.sustain_s + part * (other.sustain_s - self.sustain_s),
+        }
+    }
 }
 
 /// A pulse ready to be forecast.
@@ -94,13 +107,7 @@ impl Belts {
         let (dial, way_m) = (&self.belts[pulse.belt].dial, pulse.way_m.abs());
         let above = dial.partition_point(|d| d.0 < way_m);
         match (above.checked_sub(1).map(|below| dial[below]), dial.get(above)) {
-            (Some((low_m, low)), Some(&(high_m, high))) => {
-                let part = (way_m - low_m) / (high_m - low_m);
-                Setting {
-                    amplitude: low.amplitude + part * (high.amplitude - low.amplitude),
-                    sustain_s: low.sustain_s + part * (high.sustain_s - low.sustain_s),
-                }
-            }
+            (Some((low_m, low)), Some(&(high_m, high))) => low.towards(high, (way_m - low_m) / (high_m - low_m)),
             (None, Some(&(first_m, first))) => {
                 Setting { amplitude: first.amplitude * way_m / first_m, sustain_s: first.sustain_s }
             }
@@ -172,13 +179,30 @@ fn dial(table: &BeltTable, twist: &Twist, typical_mps: f64) -> Vec<(f64, Setting
         .map(|k| Setting { amplitude: weakest.powf(1.0 - k as f64 / (AMPLITUDES - 1) as f64), sustain_s: 0.0 });
     let longer = (1..=(table.sustains() - 1) / 2)
         .map(|k| Setting { amplitude: 1.0, sustain_s: 2.0 * k as f64 * table.sustain_step_s() });
-    let mut dial: Vec<(f64, Setting)> = Vec::new();
-    for setting in weaker.chain(longer) {
+    let way_m = |setting: Setting| {
         let slice = table.slice(twist.spin_radps * setting.amplitude, setting.sustain_s);
-        let way_m = slice.at(typical_mps * setting.amplitude).along_m;
-        if dial.last().is_none_or(|last| way_m > last.0 + 1e-7) && way_m > 1e-7 {
-            dial.push((way_m, setting));
+        slice.at(typical_mps * setting.amplitude).along_m
+    };
+    let mut coarse: Vec<(f64, Setting)> = Vec::new();
+    for setting in weaker.chain(longer) {
+        push_longer(&mut coarse, way_m(setting), setting);
+    }
+    let mut dial = Vec::new();
+    for pair in coarse.windows(2) {
+        for k in 0..BETWEEN {
+            let setting = pair[0].1.towards(pair[1].1, f64::from(k) / f64::from(BETWEEN));
+            push_longer(&mut dial, way_m(setting), setting);
         }
     }
+    if let Some(&(way_m, setting)) = coarse.last() {
+        push_longer(&mut dial, way_m, setting);
+    }
     dial
+}
+
+/// Adds a setting that goes farther than those before.
+fn push_longer(dial: &mut Vec<(f64, Setting)>, way_m: f64, setting: Setting) {
+    if way_m > dial.last().map_or(0.0, |last| last.0) + 1e-7 {
+        dial.push((way_m, setting));
+    }
 }
