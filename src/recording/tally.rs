@@ -187,6 +187,8 @@ impl Sink for Tally {
     fn cycle(&mut self, facts: &CycleFacts<'_>) {
         self.cycles += 1;
         self.timings.plan.push(facts.plan_us);
+        let Timings { plan_new, plan_correction, .. } = &mut self.timings;
+        if facts.plan.continues { plan_correction } else { plan_new }.push(facts.plan_us);
         self.timings.cycle.push(facts.cycle_us);
         // 0 stands for a part that has no path just now
         let off_path = facts.wanted.cross_track_m.iter().filter(|&&off_m| off_m != 0.0);
@@ -329,7 +331,7 @@ mod tests {
         for key in ["id", "kind", "target_mm", "measured_mm", "true_mm", "error_mm"] {
             assert!(json["parts"][0].get(key).is_some(), "parts: {key}");
         }
-        for key in ["localise", "track", "plan", "cycle"] {
+        for key in ["localise", "track", "plan", "plan_new", "plan_correction", "cycle"] {
             for figure in ["p50", "p99", "max"] {
                 assert!(json["timing_us"][key][figure].is_number(), "{key}: {figure}");
             }

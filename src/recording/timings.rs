@@ -12,17 +12,23 @@ pub struct Timings {
     pub track: Durations,
     /// Plans.
     pub plan: Durations,
+    /// Of them those that begin a sequence of pulses.
+    pub plan_new: Durations,
+    /// Those that correct one that is being played.
+    pub plan_correction: Durations,
     /// Whole cycles.
     pub cycle: Durations,
 }
 
 impl Timings {
-    /// The figures of all four.
+    /// The figures of all of them.
     pub fn report(&self) -> TimingsReport {
         TimingsReport {
             localise: self.localise.quantiles(),
             track: self.track.quantiles(),
             plan: self.plan.quantiles(),
+            plan_new: self.plan_new.quantiles(),
+            plan_correction: self.plan_correction.quantiles(),
             cycle: self.cycle.quantiles(),
         }
     }
@@ -80,6 +86,12 @@ pub struct TimingsReport {
     pub track: Quantiles,
     /// Plans.
     pub plan: Quantiles,
+    /// Of them those that begin a sequence of pulses.
+    #[serde(default)]
+    pub plan_new: Quantiles,
+    /// Those that correct a sequence that is being played; zeros where the planner makes no sequences.
+    #[serde(default)]
+    pub plan_correction: Quantiles,
     /// Whole cycles.
     pub cycle: Quantiles,
 }
