@@ -1,13 +1,15 @@
-use super::steering::Steering;
+use super::steering::{Motions, Steering};
 use super::{Disc, Goal, Wanted};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
 /// Every part goes to a place.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct ArrangeParams {
     /// Half the plate's side, m.
     pub half_side_m: f64,
+    /// What moves the parts.
+    pub motions: Motions,
     /// The parts.
     pub discs: Vec<Disc>,
     /// One place for each part, m. A part beyond them stays where it was first seen.
@@ -39,10 +41,11 @@ fn groups(discs: &[Disc], exchange: bool) -> Vec<usize> {
 
 impl Goal for Arrange {
     fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
-        let ArrangeParams { half_side_m, discs, targets_m, exchange, arrive_m } = &self.params;
+        let ArrangeParams { half_side_m, motions, discs, targets_m, exchange, arrive_m } = &self.params;
         let of = parts_in_table_m.len();
         let steering = self.steering.take().filter(|steering| steering.seen_m().len() == of);
-        let begin = || Steering::new(discs, *half_side_m, targets_m, groups(discs, *exchange), parts_in_table_m);
+        let begin =
+            || Steering::new(motions, discs, *half_side_m, targets_m, groups(discs, *exchange), parts_in_table_m);
         let steering = self.steering.insert(steering.unwrap_or_else(begin));
         steering.look(parts_in_table_m);
         let there = steering.distances_m().filter(|distance_m| distance_m <= arrive_m).count();
@@ -67,7 +70,14 @@ mod tests {
     fn arrange(kinds: &[usize], targets_m: &[(f64, f64)], exchange: bool) -> Arrange {
         let discs = kinds.iter().map(|&kind| Disc { kind, radius_m: 0.009525 }).collect();
         let targets_m = targets_m.iter().map(|&(x, y)| Vec2::new(x, y)).collect();
-        Arrange::new(ArrangeParams { half_side_m: 0.1524, discs, targets_m, exchange, arrive_m: 0.00045 })
+        Arrange::new(ArrangeParams {
+            half_side_m: 0.1524,
+            motions: Motions::Independent,
+            discs,
+            targets_m,
+            exchange,
+            arrive_m: 0.00045,
+        })
     }
 
     const PLACES: [(f64, f64); 3] = [(-0.05, 0.0), (0.0, 0.0), (0.05, 0.0)];

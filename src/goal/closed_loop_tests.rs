@@ -1,10 +1,12 @@
 //! Parts that do what they are told but for a few percent, from look to look, until the task is done.
 
+mod rotations;
+
 use proptest::prelude::*;
 use rand::RngExt;
 use std::f64::consts::TAU;
 
-use super::{Arrange, ArrangeParams, Bin, Disc, Goal, Sort, SortParams};
+use super::{Arrange, ArrangeParams, Bin, Disc, Goal, Motions, Sort, SortParams};
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
 use upm_core::time::PlateTime;
@@ -73,8 +75,14 @@ fn run(goal: &mut dyn Goal, discs: &[Disc], starts_m: &[Vec2], noise: f64, cycle
 
 fn arranged(discs: &[Disc], starts_m: &[Vec2], targets_m: &[Vec2], exchange: bool) -> Course {
     let (discs, targets_m) = (discs.to_vec(), targets_m.to_vec());
-    let params =
-        ArrangeParams { half_side_m: HALF_SIDE_M, discs: discs.clone(), targets_m, exchange, arrive_m: ARRIVE_M };
+    let params = ArrangeParams {
+        half_side_m: HALF_SIDE_M,
+        motions: Motions::Independent,
+        discs: discs.clone(),
+        targets_m,
+        exchange,
+        arrive_m: ARRIVE_M,
+    };
     run(&mut Arrange::new(params), &discs, starts_m, 0.03, 150)
 }
 
@@ -130,8 +138,14 @@ fn who_cannot_pass_is_named_and_the_others_arrive() {
     let discs: Vec<Disc> = radii_m.iter().zip(0..).map(|(&radius_m, kind)| Disc { kind, radius_m }).collect();
     let starts_m = [Vec2::zeros(), Vec2::new(-0.13, -0.13), Vec2::new(0.14, -0.12)];
     let targets_m = vec![Vec2::zeros(), Vec2::new(0.13, 0.13), Vec2::new(0.12, -0.14)];
-    let params =
-        ArrangeParams { half_side_m: HALF_SIDE_M, discs: discs.clone(), targets_m, exchange: true, arrive_m: ARRIVE_M };
+    let params = ArrangeParams {
+        half_side_m: HALF_SIDE_M,
+        motions: Motions::Independent,
+        discs: discs.clone(),
+        targets_m,
+        exchange: true,
+        arrive_m: ARRIVE_M,
+    };
     let mut goal = Arrange::new(params);
     let course = run(&mut goal, &discs, &starts_m, 0.03, 40);
     assert_eq!((course.cycles, course.boxed_in), (usize::MAX, vec![1]));
@@ -153,7 +167,13 @@ fn bins(kinds: usize, width_m: f64, height_m: f64, apart_m: f64) -> Vec<Bin> {
 }
 
 fn sorted(discs: &[Disc], starts_m: &[Vec2], bins: Vec<Bin>) -> Course {
-    let params = SortParams { half_side_m: HALF_SIDE_M, discs: discs.to_vec(), bins: bins.clone(), margin_m: 5e-5 };
+    let params = SortParams {
+        half_side_m: HALF_SIDE_M,
+        motions: Motions::Independent,
+        discs: discs.to_vec(),
+        bins: bins.clone(),
+        margin_m: 5e-5,
+    };
     let mut goal = Sort::new(params);
     run(&mut goal, discs, starts_m, 0.03, 150)
 }

@@ -1,4 +1,4 @@
-use super::steering::Steering;
+use super::steering::{Motions, Steering};
 use super::{Disc, Goal, Wanted};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
@@ -41,7 +41,7 @@ impl Goal for Hold {
         let HoldParams { half_side_m, discs, duration_s, arrive_m } = &self.params;
         let of = parts_in_table_m.len();
         let steering = self.steering.take().filter(|steering| steering.seen_m().len() == of);
-        let begin = || Steering::new(discs, *half_side_m, &[], Vec::new(), parts_in_table_m);
+        let begin = || Steering::new(&Motions::Independent, discs, *half_side_m, &[], Vec::new(), parts_in_table_m);
         let steering = self.steering.insert(steering.unwrap_or_else(begin));
         steering.look(parts_in_table_m);
 

@@ -1,5 +1,5 @@
 use super::polyline::Polyline;
-use super::steering::Steering;
+use super::steering::{Motions, Steering};
 use super::{Disc, Goal, Wanted};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
@@ -12,10 +12,12 @@ const FIRST_CYCLE_S: f64 = 0.5;
 const SEARCHED: f64 = 2.0;
 
 /// Parts on closed loops that keep step: each as far round its loop as the others round theirs.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct InPhaseParams {
     /// Half the plate's side, m.
     pub half_side_m: f64,
+    /// What moves the parts.
+    pub motions: Motions,
     /// The parts.
     pub discs: Vec<Disc>,
     /// For each part the corners of its loop, m, from where it begins; the last leads straight back to the first. A
@@ -63,7 +65,7 @@ impl InPhase {
     }
 
     fn begin(&self, parts_in_table_m: &[Vec2]) -> (Vec<Polyline>, Steering) {
-        let InPhaseParams { half_side_m, discs, loops_m, .. } = &self.params;
+        let InPhaseParams { half_side_m, motions, discs, loops_m, .. } = &self.params;
         let corners = |(i, part_m): (usize, &Vec2)| match loops_m.get(i).map(Vec::as_slice) {
             Some([first, rest @ ..]) => [&[*first], rest, &[*first]].concat(),
             _ => vec![*part_m],
@@ -71,7 +73,7 @@ impl InPhase {
         let loops: Vec<Polyline> = parts_in_table_m.iter().enumerate().map(corners).map(Polyline::new).collect();
         let firsts_m: Vec<Vec2> = loops.iter().map(|lap| lap.at(0.0)).collect();
         let each_its_own = (0..loops.len()).collect();
-        (loops, Steering::new(discs, *half_side_m, &firsts_m, each_its_own, parts_in_table_m))
+        (loops, Steering::new(motions, discs, *half_side_m, &firsts_m, each_its_own, parts_in_table_m))
     }
 
     /// The shortest loop with any length, m: a lead is the greatest part of a lap on it.
@@ -201,6 +203,7 @@ mod tests {
     fn three_on_one_eight(laps: u32) -> InPhaseParams {
         InPhaseParams {
             half_side_m: 0.1524,
+            motions: Motions::Independent,
             discs: vec![Disc { kind: 0, radius_m: PENNY_M }; 3],
             loops_m: (0..3).map(|i| eight(0.05 + f64::from(i) / 3.0)).collect(),
             period_s: 30.0,

@@ -7,6 +7,7 @@ mod closed_loop_tests;
 mod fleet;
 mod hold;
 mod in_phase;
+mod least_effort;
 mod plus_sign;
 mod polyline;
 mod routes;
@@ -16,12 +17,15 @@ mod sort;
 mod stages;
 mod steering;
 mod trajectories;
+mod turns;
 
 pub use arrange::{Arrange, ArrangeParams};
 pub use hold::{Hold, HoldParams};
 pub use in_phase::{InPhase, InPhaseParams};
+pub use least_effort::Effort;
 pub use plus_sign::{PlusSign, PlusSignParams};
 pub use sort::{Bin, Sort, SortParams};
+pub use steering::Motions;
 pub use trajectories::{PathParams, Trajectories};
 
 use upm_core::geometry::Vec2;

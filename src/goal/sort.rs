@@ -1,6 +1,6 @@
 use super::assignment::assign;
 use super::slots::Slots;
-use super::steering::Steering;
+use super::steering::{Motions, Steering};
 use super::{Disc, Goal, Wanted};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
@@ -37,10 +37,12 @@ impl Bin {
 }
 
 /// Every part goes into its kind's bin.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct SortParams {
     /// Half the plate's side, m.
     pub half_side_m: f64,
+    /// What moves the parts.
+    pub motions: Motions,
     /// The parts.
     pub discs: Vec<Disc>,
     /// The bins. A part whose kind has none stays where it was first seen.
@@ -91,13 +93,13 @@ impl Sort {
     }
 
     fn steering(&self, parts_in_table_m: &[Vec2]) -> Steering {
-        let SortParams { half_side_m, discs, bins, .. } = &self.params;
+        let SortParams { half_side_m, motions, discs, bins, .. } = &self.params;
         let mut places = Places::new(parts_in_table_m);
         for (number, bin) in bins.iter().enumerate() {
             let parts = self.params.parts_of(number).filter(|&part| part < parts_in_table_m.len());
             places.fill(bin, parts.collect(), discs, parts_in_table_m);
         }
-        Steering::new(discs, *half_side_m, &places.at_m, places.groups, parts_in_table_m)
+        Steering::new(motions, discs, *half_side_m, &places.at_m, places.groups, parts_in_table_m)
     }
 }
 
@@ -201,7 +203,7 @@ mod tests {
     fn penny_bin(min: (f64, f64), max: (f64, f64), pennies: usize) -> SortParams {
         let bin = Bin { kinds: vec![0, 1], min_m: Vec2::new(min.0, min.1), max_m: Vec2::new(max.0, max.1) };
         let discs = vec![Disc { kind: 0, radius_m: PENNY_M }; pennies];
-        SortParams { half_side_m: 0.1524, discs, bins: vec![bin], margin_m: 5e-5 }
+        SortParams { half_side_m: 0.1524, motions: Motions::Independent, discs, bins: vec![bin], margin_m: 5e-5 }
     }
 
     #[test]

@@ -16,8 +16,10 @@ pub(super) struct Stages {
     pub(super) places_m: Vec<Vec<Vec2>>,
     /// Parts that find no way and stay where they are.
     pub(super) boxed_in: Vec<usize>,
-    /// Sum over the stages of the longest way, and something for each stage, m.
-    cost_m: f64,
+    /// True where the parts cannot all go straight.
+    pub(super) round: bool,
+    /// What they cost: the effort of rotations, or else the longest way of each stage and something for each, m.
+    pub(super) cost: f64,
 }
 
 /// The stages from `starts_m` to the fleet's targets: one where all can go straight, else the best of a few ways
@@ -31,7 +33,7 @@ pub(super) fn find_stages(fleet: &Fleet, starts_m: &[Vec2], rng: &mut Rng) -> St
     for _ in 1..TRIES {
         let Some(routes) = search.other_routes(rng) else { break };
         let other = stages(fleet, routes);
-        if other.cost_m < best.cost_m {
+        if other.cost < best.cost {
             best = other;
         }
     }
@@ -39,7 +41,7 @@ pub(super) fn find_stages(fleet: &Fleet, starts_m: &[Vec2], rng: &mut Rng) -> St
 }
 
 /// Shortens ways: wherever a part can go straight between two moments without coming too near to another, it does.
-fn straighten(fleet: &Fleet, routes: &mut Routes) {
+pub(super) fn straighten(fleet: &Fleet, routes: &mut Routes) {
     let last = routes.ways_m.first().map_or(0, |way_m| way_m.len().saturating_sub(1));
     let mut span = last;
     while span > 1 {
@@ -105,7 +107,7 @@ fn stages(fleet: &Fleet, mut routes: Routes) -> Stages {
         k = best[k].1;
     }
     places_m.reverse();
-    Stages { places_m, boxed_in: routes.boxed_in, cost_m: best.last().map_or(0.0, |last| last.0) }
+    Stages { places_m, boxed_in: routes.boxed_in, round: true, cost: best.last().map_or(0.0, |last| last.0) }
 }
 
 #[cfg(test)]

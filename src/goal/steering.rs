@@ -1,8 +1,11 @@
 use super::Disc;
 use super::assignment::assign;
 use super::fleet::Fleet;
+use super::least_effort::Effort;
 use super::routes::PLANNED_GAP_M;
-use super::stages::find_stages;
+use super::stages::{Stages, find_stages};
+use super::turns::Task;
+use std::sync::Arc;
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
 
@@ -19,12 +22,31 @@ const STAGE_REACHED_M: f64 = 1e-3;
 /// Looks after which a way is looked for again while a part is boxed in.
 const PATIENCE: usize = 16;
 
+/// Rotations leave their hardest part of a stage: the next one begins when no more than this part is left of it.
+const STAGE_LEFT: f64 = 0.4;
+
 /// Other assignments tried for parts that are boxed in.
 const EXCHANGES: usize = 3;
+
+/// What moves the parts, and so which ways are short.
+#[derive(Clone, Debug, Default)]
+pub enum Motions {
+    /// Every part goes its own way whatever the others do, as synthesised fields have it: ways are short as lengths are.
+    #[default]
+    Independent,
+    /// Rotations: what all parts do together is nearly free, and what they do against each other dear.
+    Rotations {
+        /// Longest way of a part in one sequence of rotations, m.
+        stride_m: f64,
+        /// How hard steps are.
+        effort: Arc<dyn Effort>,
+    },
+}
 
 /// Brings every part to a place: who goes where, and by what way.
 #[derive(Clone, Debug)]
 pub(super) struct Steering {
+    motions: Motions,
     discs: Vec<Disc>,
     half_side_m: f64,
     places_m: Vec<Vec2>,
@@ -36,6 +58,10 @@ pub(super) struct Steering {
     seen_m: Vec<Vec2>,
     /// Where all parts shall be one after another; from each to the next they go straight and in step.
     stages_m: Vec<Vec<Vec2>>,
+    /// Distance of the parts from the present stage when it became that, root mean square, m.
+    begun_m: f64,
+    /// True while the ways lead round each other.
+    round: bool,
     boxed_in: Vec<usize>,
     /// Looks since a way was looked for.
     looks: usize,
@@ -50,6 +76,7 @@ impl Steering {
     /// One place for each part; those with the same number in `groups` may be exchanged. A part without a place
     /// stays where it is seen first.
     pub(super) fn new(
+        motions: &Motions,
         discs: &[Disc],
         half_side_m: f64,
         places_m: &[Vec2],
@@ -62,6 +89,7 @@ impl Steering {
         let place = |i: usize| places_m.get(i).copied().unwrap_or(seen_m[i]);
         let group = |i: usize| if i < places_m.len() { groups.get(i).copied().unwrap_or(i) } else { usize::MAX - i };
         let mut steering = Self {
+            motions: motions.clone(),
             discs: (0..parts).map(|i| discs.get(i).copied().unwrap_or_default()).collect(),
             half_side_m,
             places_m: (0..parts).map(place).collect(),
@@ -69,13 +97,18 @@ impl Steering {
             place_of: Vec::new(),
             seen_m,
             stages_m: Vec::new(),
+            begun_m: 0.0,
+            round: false,
             boxed_in: Vec::new(),
             looks: 0,
             rng: Streams::new(0).stream("routes"),
             at_first_m: 0.0,
             progress: 0.0,
         };
-        steering.place_of = steering.best_assignment(&[]);
+        steering.place_of = steering.best_assignment(&steering.seen_m, &[]);
+        if let Motions::Rotations { effort, .. } = motions {
+            steering.place_of = steering.turning_assignment(effort.as_ref());
+        }
         steering.at_first_m = steering.distances_m().sum();
         steering
     }
@@ -92,14 +125,19 @@ impl Steering {
     /// Takes note of where parts are, m, and settles where they go.
     pub(super) fn look(&mut self, parts_in_table_m: &[Vec2]) {
         self.see(parts_in_table_m);
-        self.exchange_places();
+        if matches!(self.motions, Motions::Independent) {
+            self.exchange_places();
+        }
         if self.at_first_m > 0.0 {
             let left = self.distances_m().sum::<f64>() / self.at_first_m;
             self.progress = self.progress.max(1.0 - left);
         }
         self.looks += 1;
-        if !self.keep_way() {
-            self.find_way();
+        match self.motions.clone() {
+            Motions::Independent if self.keep_way() => {}
+            Motions::Independent => self.find_way(),
+            Motions::Rotations { stride_m, .. } if self.keep_turning_way(stride_m) => {}
+            Motions::Rotations { stride_m, effort } => self.find_turning_way(stride_m, effort.as_ref()),
         }
     }
 
@@ -118,11 +156,13 @@ impl Steering {
     pub(super) fn phase(&self, to: &str, there: usize) -> String {
         let of = self.seen_m.len();
         let numbers: Vec<String> = self.boxed_in.iter().map(|part| (part + 1).to_string()).collect();
-        match self.stages_m.len() {
+        let round = if matches!(self.motions, Motions::Independent) { self.stages_m.len() > 1 } else { self.round };
+        match round {
             _ if of == 0 => "no parts".into(),
             _ if !numbers.is_empty() => format!("{to}: {there} of {of} there, part {} boxed in", numbers.join(", ")),
-            0 | 1 => format!("{to}, straight: {there} of {of} there"),
-            _ => format!("{to}, round each other: {there} of {of} there"),
+            false if !matches!(self.motions, Motions::Independent) => format!("{to}: {there} of {of} there"),
+            false => format!("{to}, straight: {there} of {of} there"),
+            true => format!("{to}, round each other: {there} of {of} there"),
         }
     }
 
@@ -146,10 +186,11 @@ impl Steering {
         self.progress
     }
 
-    fn best_assignment(&self, never: &[(usize, usize)]) -> Vec<usize> {
-        assign(self.seen_m.len(), self.places_m.len(), |part, place| {
+    /// The least sum of squared ways from `starts_m`.
+    fn best_assignment(&self, starts_m: &[Vec2], never: &[(usize, usize)]) -> Vec<usize> {
+        assign(starts_m.len(), self.places_m.len(), |part, place| {
             if self.may((part, &place), never) {
-                (self.seen_m[part] - self.places_m[place]).norm_squared()
+                (starts_m[part] - self.places_m[place]).norm_squared()
             } else {
                 f64::INFINITY
             }
@@ -172,7 +213,7 @@ impl Steering {
     /// Takes a clearly better assignment; on a way round only when it is straight from there, so that
     /// exchanges come to an end.
     fn exchange_places(&mut self) {
-        let better = self.best_assignment(&[]);
+        let better = self.best_assignment(&self.seen_m, &[]);
         if self.cost_m2(&better) >= CLEARLY_BETTER * self.cost_m2(&self.place_of) {
             return;
         }
@@ -198,22 +239,90 @@ impl Steering {
         self.stages_m.len() == 1 || !self.stages_m.first().is_some_and(reached)
     }
 
+    /// Goes on along a way of rotations: to the present stage until little of it is left, then to one a stride further on.
+    /// False where the way is no longer clear.
+    fn keep_turning_way(&mut self, stride_m: f64) -> bool {
+        if !self.boxed_in.is_empty() && self.looks > PATIENCE {
+            return false;
+        }
+        let Some(present_m) = self.stages_m.first() else { return false };
+        let on_it = self.stages_m.len() == 1 || self.away_m(present_m) > STAGE_LEFT * self.begun_m;
+        if on_it && self.fleet(&self.place_of).is_clear(&self.seen_m, present_m, KEPT_GAP_M) {
+            return true;
+        }
+        !on_it && self.go_on(1, stride_m)
+    }
+
+    /// Makes the stage a stride from where the parts are the present one, or the furthest before it that can be reached
+    /// straight; false where none can.
+    fn go_on(&mut self, from: usize, stride_m: f64) -> bool {
+        let longest_m = |stage_m: &Vec<Vec2>| {
+            stage_m.iter().zip(&self.seen_m).map(|(to, seen)| (to - seen).norm()).fold(0.0, f64::max)
+        };
+        let ahead = self.stages_m.iter().skip(from).position(|stage_m| longest_m(stage_m) >= stride_m);
+        let ahead = ahead.map_or(self.stages_m.len(), |ahead| from + ahead + 1);
+        let fleet = self.fleet(&self.place_of);
+        let clear = |stage_m: &Vec<Vec2>| fleet.is_clear(&self.seen_m, stage_m, KEPT_GAP_M);
+        let Some(next) = self.stages_m[..ahead].iter().skip(from).rposition(clear) else { return false };
+        self.stages_m.drain(..from + next);
+        self.begun_m = self.stages_m.first().map_or(0.0, |stage_m| self.away_m(stage_m));
+        true
+    }
+
+    /// Distance of the parts from a stage, root mean square, m.
+    fn away_m(&self, stage_m: &[Vec2]) -> f64 {
+        let squares: f64 = stage_m.iter().zip(&self.seen_m).map(|(to, seen)| (to - seen).norm_squared()).sum();
+        (squares / self.seen_m.len().max(1) as f64).sqrt()
+    }
+
+    fn turning_assignment(&self, effort: &dyn Effort) -> Vec<usize> {
+        let assign = |starts_m: &[Vec2]| self.best_assignment(starts_m, &[]);
+        let fleet = self.fleet(&self.place_of);
+        Task { fleet: &fleet, starts_m: &self.seen_m, effort }.assignment(&self.places_m, assign)
+    }
+
+    /// Finds a turning way anew, and places that take clearly less effort to reach.
+    fn find_turning_way(&mut self, stride_m: f64, effort: &dyn Effort) {
+        let better = self.turning_assignment(effort);
+        let cost = |place_of: &[usize]| {
+            Task { fleet: &self.fleet(place_of), starts_m: &self.seen_m, effort }.straight_effort()
+        };
+        if better != self.place_of && cost(&better) < CLEARLY_BETTER * cost(&self.place_of) {
+            self.place_of = better;
+        }
+        self.find_way();
+        if !self.go_on(0, stride_m) {
+            self.begun_m = self.stages_m.first().map_or(0.0, |stage_m| self.away_m(stage_m));
+        }
+    }
+
+    fn stages(&mut self, place_of: &[usize]) -> Stages {
+        let fleet = self.fleet(place_of);
+        match &self.motions {
+            Motions::Independent => find_stages(&fleet, &self.seen_m, &mut self.rng),
+            Motions::Rotations { effort, .. } => {
+                Task { fleet: &fleet, starts_m: &self.seen_m, effort: effort.as_ref() }.stages(&mut self.rng)
+            }
+        }
+    }
+
     /// Finds a way anew. Where it leaves parts boxed in, others of their kind may take their places.
     fn find_way(&mut self) {
         self.looks = 0;
-        let mut best = find_stages(&self.fleet(&self.place_of), &self.seen_m, &mut self.rng);
+        let mut best = self.stages(&self.place_of.clone());
         let mut never = Vec::new();
         for _ in 0..EXCHANGES {
             never.extend(best.boxed_in.iter().map(|&part| (part, self.place_of[part])));
-            let other = self.best_assignment(&never);
+            let other = self.best_assignment(&self.seen_m, &never);
             if best.boxed_in.is_empty() || other.iter().enumerate().any(|pair| !self.may(pair, &never)) {
                 break;
             }
-            let found = find_stages(&self.fleet(&other), &self.seen_m, &mut self.rng);
+            let found = self.stages(&other);
             if found.boxed_in.len() < best.boxed_in.len() {
                 (best, self.place_of) = (found, other);
             }
         }
+        self.round = best.round;
         (self.boxed_in, self.stages_m) = (best.boxed_in, best.places_m);
     }
 }

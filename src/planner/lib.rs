@@ -2,6 +2,7 @@
 //! motion for all parts.
 
 mod fields;
+mod flow_effort;
 mod friction;
 mod independence;
 mod pseudo_inverse;
@@ -16,6 +17,7 @@ mod fixture;
 mod tests;
 
 pub use fields::FieldPlanner;
+pub use flow_effort::FlowEffort;
 pub use independence::Independence;
 pub use pseudo_inverse::PseudoInverse;
 pub use reach::Reach;

@@ -15,8 +15,8 @@ use super::columns::Columns;
 use upm_qp::{ColumnWriter, Cone, Minimiser, Program};
 
 /// Columns of the first program and of each addition, for each coordinate.
-const FIRST: usize = 12;
-const MORE: usize = 8;
+const FIRST: usize = 6;
+const MORE: usize = 5;
 /// Columns for each coordinate and direction where there are no prices yet.
 const SPANNING: usize = 3;
 /// Programs until the prices are taken as they are.

@@ -47,6 +47,8 @@ const BROKEN_M: f64 = 0.5e-3;
 const NEW_ROUNDS: usize = 6;
 const PRUNED_ROUNDS: usize = 2;
 const REST_ROUNDS: usize = 4;
+/// Programs over more pulses than this in all are fewer, down to two.
+const REST_PULSES: usize = 240;
 /// Times pulses are dropped: this part of them at first, then ever fewer.
 const PRUNED: usize = 6;
 const PRUNED_SHARE: usize = 8;
@@ -97,6 +99,11 @@ impl RotationPlanner {
     pub fn new(library: Arc<Library>, params: PlannerParams) -> Self {
         let belts = Arc::new(Belts::new(&library, &params));
         Self { library, params, belts, prices: Vec::new(), way_m: None, running: None }
+    }
+
+    /// Longest way of a part in one sequence for so many parts, m.
+    pub fn longest_way_m(parts: usize) -> f64 {
+        (WAY_M / parts.max(1) as f64).clamp(WAYS_M.0, WAYS_M.1)
     }
 
     /// Plans one cycle: the next pulses of a sequence that brings every part nearer to its target.
@@ -165,7 +172,8 @@ impl RotationPlanner {
         }
         let (subgoals_m, want_m) = (running.subgoals_m, running.want_m);
         let refined = Refined::of(&self.belts, running.pulses, parts, &subgoals_m, room);
-        let refined = refined.refined(&self.belts, parts, &subgoals_m, room, (REST_ROUNDS, want_m));
+        let rounds = (REST_PULSES / refined.pulses.len().max(1)).clamp(2, REST_ROUNDS);
+        let refined = refined.refined(&self.belts, parts, &subgoals_m, room, (rounds, want_m));
         let left_m = refined.left_m / (parts.len() as f64).sqrt();
         let kept = left_m < (KEPT * want_m).max(KEPT_M) && refined.broken_m() < BROKEN_M;
         let safe = safe(&refined, room);
@@ -174,7 +182,7 @@ impl RotationPlanner {
 
     /// A new sequence towards `targets_m`: for all of the way that one sequence goes, or for less where that is no good.
     fn new_sequence(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Room) -> Result<Candidate, Limit> {
-        let usual_m = (WAY_M / parts.len() as f64).clamp(WAYS_M.0, WAYS_M.1);
+        let usual_m = Self::longest_way_m(parts.len());
         let mut way_m = self.way_m.unwrap_or(usual_m);
         let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
         let mut share = (way_m / largest_m).min(1.0);

@@ -11,11 +11,11 @@ use upm_core::random::Streams;
 use upm_core::rig::{PartKind, Rig, RigModel};
 use upm_core::time::PlateTime;
 use upm_goal::{
-    Arrange, ArrangeParams, Bin, Disc, Goal, Hold, HoldParams, InPhase, InPhaseParams, PathParams, PlusSign,
-    PlusSignParams, Sort, SortParams, Trajectories,
+    Arrange, ArrangeParams, Bin, Disc, Effort, Goal, Hold, HoldParams, InPhase, InPhaseParams, Motions, PathParams,
+    PlusSign, PlusSignParams, Sort, SortParams, Trajectories,
 };
 use upm_library::{Entry, Library};
-use upm_planner::PlannerParams;
+use upm_planner::{FlowEffort, Method, PlannerParams, RotationPlanner};
 use upm_sim::SimRig;
 use upm_viewer::PartLook;
 
@@ -157,9 +157,10 @@ pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> B
             arrive_m: job.tolerance_m,
             stride_m: stride_m(library),
         })),
-        TaskSpec::Trajectories { paths, in_phase } => trajectories(job, paths, *in_phase, discs(placed)),
+        TaskSpec::Trajectories { paths, in_phase } => trajectories(job, library, paths, *in_phase, discs(placed)),
         TaskSpec::Arrange { targets_m, assignment } => Box::new(Arrange::new(ArrangeParams {
             half_side_m,
+            motions: motions(job, library),
             discs: discs(placed),
             targets_m: targets_m.clone(),
             exchange: *assignment == Assignment::Optimal,
@@ -170,7 +171,29 @@ pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> B
             let duration_s = if job.is_endless() { job.plate_time_limit_s } else { *duration_s };
             Box::new(Hold::new(HoldParams { half_side_m, discs: discs(placed), duration_s, arrive_m }))
         }
-        TaskSpec::Sort { bins } => Box::new(Sort::new(sort_params(job, bins, discs(placed)))),
+        TaskSpec::Sort { bins } => Box::new(Sort::new(sort_params(job, bins, discs(placed), motions(job, library)))),
+    }
+}
+
+/// What the job's planner moves parts with.
+fn motions(job: &JobSpec, library: &Library) -> Motions {
+    let parts = job.parts.iter().map(|group| group.count).sum();
+    match PlannerSelection::of(job).method {
+        Method::CorSequence => Motions::Rotations {
+            stride_m: RotationPlanner::longest_way_m(parts),
+            effort: Arc::new(RotationEffort(FlowEffort::new(library))),
+        },
+        Method::PseudoInverse | Method::SynthesizedField => Motions::Independent,
+    }
+}
+
+/// The planner's measure as goals ask for it.
+#[derive(Debug)]
+struct RotationEffort(FlowEffort);
+
+impl Effort for RotationEffort {
+    fn squared(&self, places_m: &[Vec2], steps_m: &[Vec2], slopes: Option<(&mut [Vec2], &mut [Vec2])>) -> f64 {
+        self.0.squared(places_m, steps_m, slopes)
     }
 }
 
@@ -178,21 +201,29 @@ fn discs(placed: &[PlacedPart]) -> Vec<Disc> {
     placed.iter().map(|part| Disc { kind: part.kind, radius_m: part.params.radius_m }).collect()
 }
 
-fn sort_params(job: &JobSpec, bins: &[BinSpec], discs: Vec<Disc>) -> SortParams {
+fn sort_params(job: &JobSpec, bins: &[BinSpec], discs: Vec<Disc>, motions: Motions) -> SortParams {
     let bin = |bin: &BinSpec| Bin { kinds: bin.kinds.clone(), min_m: bin.min_m, max_m: bin.max_m };
     SortParams {
         half_side_m: 0.5 * job.rig.model.plate_side_m,
+        motions,
         discs,
         bins: bins.iter().map(bin).collect(),
         margin_m: (1.0 - MEASURED_SHARE) * job.tolerance_m,
     }
 }
 
-fn trajectories(job: &JobSpec, paths: &[PathSpec], in_phase: bool, discs: Vec<Disc>) -> Box<dyn Goal> {
+fn trajectories(
+    job: &JobSpec,
+    library: &Library,
+    paths: &[PathSpec],
+    in_phase: bool,
+    discs: Vec<Disc>,
+) -> Box<dyn Goal> {
     if let (true, Some(path)) = (in_phase, paths.first()) {
         let period_s = lap_m(&path.waypoints_m) / path.speed_mps;
         return Box::new(InPhase::new(InPhaseParams {
             half_side_m: 0.5 * job.rig.model.plate_side_m,
+            motions: motions(job, library),
             discs,
             loops_m: paths.iter().map(|path| path.waypoints_m.clone()).collect(),
             period_s,
@@ -275,7 +306,7 @@ mod tests {
             let smallest = job(high).unwrap();
             let placed = place_parts(&smallest, Streams::new(1)).unwrap();
             let TaskSpec::Sort { bins } = &smallest.task else { panic!("{:?}", smallest.task) };
-            let gaps_m = sort_params(&smallest, bins, discs(&placed)).gaps_m();
+            let gaps_m = sort_params(&smallest, bins, discs(&placed), Motions::Independent).gaps_m();
             // slots are spread by halving, to less than a micrometre
             prop_assert!(gaps_m[0] > REST_GAP_M - 1e-6, "{gaps_m:?} in {width} x {high}");
         }
