@@ -9,6 +9,8 @@ use upm_library::Library;
 const PULSE_M: f64 = 2e-3;
 /// Entries slower than this part of the fastest are not counted.
 const STRONG: f64 = 0.35;
+/// Most motions that are counted: of more, every second, third and so on, for they overlap.
+const MOST: usize = 180;
 /// Directions in which all flows together do less than this part of the mean count as if they did so much.
 const RIDGE: f64 = 1e-3;
 /// Nodes of belt speed.
@@ -33,7 +35,8 @@ impl FlowEffort {
         let typical = |twist: &Twist| twist.velocity_mps.norm().hypot(0.7 * twist.spin_radps * half_side_m);
         let strongest = library.entries.iter().map(|entry| typical(&entry.pump)).fold(0.0, f64::max);
         let pumps = library.entries.iter().map(|entry| entry.pump);
-        let twists: Vec<Twist> = pumps.filter(|twist| typical(twist) >= STRONG * strongest).collect();
+        let strong: Vec<Twist> = pumps.filter(|twist| typical(twist) >= STRONG * strongest).collect();
+        let twists: Vec<Twist> = strong.iter().step_by(strong.len().div_ceil(MOST).max(1)).copied().collect();
         let most_mps = twists.iter().map(fastest).fold(1e-6, f64::max);
         let speed_step_mps = most_mps / (SPEEDS - 1) as f64;
         let model = &library.displacement;
@@ -50,14 +53,17 @@ impl FlowEffort {
             return 0.0;
         }
         let mut kernel = DMatrix::<f64>::zeros(rows, rows);
-        let mut flows = Vec::with_capacity(self.twists.len() * rows);
+        let mut flows: Vec<Flow> = Vec::with_capacity(self.twists.len() * places_m.len());
+        let mut ways = vec![0.0; rows];
         for twist in &self.twists {
-            let begin = flows.len();
-            flows.extend(places_m.iter().flat_map(|place_m| <[f64; 2]>::from(self.flow(twist, *place_m).way_m)));
-            let flow = &flows[begin..begin + rows];
-            for (column, &by) in flow.iter().enumerate() {
+            for (way, &place_m) in ways.chunks_exact_mut(2).zip(places_m) {
+                let flow = self.flow(twist, place_m);
+                way.copy_from_slice(flow.way_m.as_slice());
+                flows.push(flow);
+            }
+            for (column, &by) in ways.iter().enumerate() {
                 let sums = &mut kernel.as_mut_slice()[column * rows + column..(column + 1) * rows];
-                sums.iter_mut().zip(&flow[column..]).for_each(|(sum, flow)| *sum += by * flow);
+                sums.iter_mut().zip(&ways[column..]).for_each(|(sum, way)| *sum += by * way);
             }
         }
         let ridge = RIDGE * kernel.trace() / rows as f64;
@@ -68,10 +74,10 @@ impl FlowEffort {
         if let Some((by_place, by_step)) = slopes {
             let price = |i: usize| Vec2::new(prices[2 * i], prices[2 * i + 1]);
             by_step.iter_mut().enumerate().for_each(|(i, slope)| *slope += price(i) * 2.0);
-            for (twist, flow) in self.twists.iter().zip(flows.chunks_exact(rows)) {
-                let count: f64 = flow.iter().zip(prices.iter()).map(|(flow, price)| flow * price).sum();
-                for (i, slope) in by_place.iter_mut().enumerate() {
-                    *slope -= self.flow(twist, places_m[i]).slope(twist, price(i)) * (2.0 * count);
+            for (twist, flows) in self.twists.iter().zip(flows.chunks_exact(places_m.len())) {
+                let count: f64 = flows.iter().enumerate().map(|(i, flow)| flow.way_m.dot(&price(i))).sum();
+                for (i, (slope, flow)) in by_place.iter_mut().zip(flows).enumerate() {
+                    *slope -= flow.slope(twist, price(i)) * (2.0 * count);
                 }
             }
         }
