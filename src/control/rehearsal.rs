@@ -62,7 +62,8 @@ pub struct Rehearsal {
     pub progress: f64,
     /// Modelled computing time it took, ms: equal for equal jobs.
     pub work_ms: f64,
-    /// Plate time it took, s.
+    /// Plate time it took, s. Of a job without an end that is left off this and the counts are those at its limit, at the
+    /// pace so far.
     pub plate_time_s: f64,
     /// Cycles with pulses.
     pub cycles: u64,
@@ -142,14 +143,20 @@ pub fn rehearse(
         limits_met,
     };
     let (end, wanted) = player.until_end(goal, watch);
+    let left_off = end.is_none();
+    let played_s = player.stage.now().secs();
+    // a job without an end goes on as it did until its limit
+    let goes_on =
+        if left_off && params.endless && played_s > 0.0 { (params.time_limit_s / played_s).max(1.0) } else { 1.0 };
+    let in_all = |count: u64| (count as f64 * goes_on).round() as u64;
     Rehearsal {
-        left_off: end.is_none(),
+        left_off,
         ending: end.unwrap_or_else(|| player.left_off(&wanted)),
         progress: wanted.progress,
         work_ms: player.work_ms,
-        plate_time_s: player.stage.now().secs(),
-        cycles: player.cycles,
-        pulses: player.pulses,
+        plate_time_s: played_s * goes_on,
+        cycles: in_all(player.cycles),
+        pulses: in_all(player.pulses),
         trails_m: player.trails.into_iter().map(Trail::into_points).collect(),
         targets_m: wanted.targets_m,
         nearest: player.stage.nearest,
@@ -240,8 +247,13 @@ impl Player<'_> {
     /// The ending of a rehearsal that is left off. A job without an end has done what it can by then.
     fn left_off(&self, wanted: &Wanted) -> Ending {
         let (plate_s, percent) = (self.stage.now().secs(), 100.0 * wanted.progress);
-        let reason = format!("left off after {plate_s:.0} s of plate time, {percent:.0} % of the way");
-        if self.params.endless { Ending::completed(reason) } else { Ending::failed(reason) }
+        if self.params.endless {
+            let limit_s = self.params.time_limit_s;
+            return Ending::completed(format!(
+                "left off after {plate_s:.0} s of plate time; it goes on to its {limit_s} s"
+            ));
+        }
+        Ending::failed(format!("left off after {plate_s:.0} s of plate time, {percent:.0} % of the way"))
     }
 
     /// One cycle from a look to the next; true when it had a pulse.
