@@ -10,7 +10,7 @@ use super::controllability::check_controllable;
 use super::ending::{EndCause, Ending, Outcome, check_stop, is_stop};
 use super::eyes::{ExpectedPart, Eyes, Moment};
 use super::learning::Gains;
-use super::plans::{Plans, planner_of};
+use super::plans::{FreshPlanner, Plans};
 use super::progress::ProgressWatch;
 use super::{CycleFacts, EventLevel, Sink};
 use upm_core::geometry::Vec2;
@@ -86,7 +86,8 @@ pub struct Finish {
 /// Runs `goal` to its end. Motors are at zero when this returns, whatever happened.
 pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, params: &ControlParams) -> Finish {
     let Devices { rig, model, sink, clock, stop, give_way } = devices;
-    let opened = planner_of(params.method, library, params.planner)
+    let opened = FreshPlanner::new(params.method, library, params.planner)
+        .plans()
         .and_then(|plans| Ok((plans, Eyes::open(rig, model, &params.kinds, &params.parts, sink, clock, stop)?)));
     let finish = match opened {
         Ok((plans, eyes)) => {

@@ -19,26 +19,41 @@ pub(super) trait Plans {
     fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>>;
 }
 
-/// The one that `method` asks for; an ending where it cannot work with this library.
-pub(super) fn planner_of(
-    method: Method,
-    library: &Arc<Library>,
-    params: PlannerParams,
-) -> Result<Box<dyn Plans>, Ending> {
-    let planner = || RotationPlanner::new(Arc::clone(library), params);
-    match method {
-        Method::CorSequence => Ok(Box::new(planner())),
-        Method::PseudoInverse => {
-            let plain = PseudoInverse::new(Arc::clone(library), params);
-            Ok(Box::new(Plain { plain, flows: planner() }))
-        }
-        Method::SynthesizedField => match FieldPlanner::new(library, params) {
-            Some(planner) => Ok(Box::new(planner)),
-            None => {
-                let remedy = "take \"planner\": \"auto\" or \"cor_sequence\", or calibrate the rig with `fields`";
-                Err(Ending::failed(format!("the library has no response to synthesised fields: {remedy}")))
+/// A planner that has planned nothing yet, or why there is none: made once for several rehearsals, since its tables take a
+/// few tenths of a second.
+pub struct FreshPlanner(Result<Kind, Ending>);
+
+enum Kind {
+    Rotations(RotationPlanner),
+    Plain(Plain),
+    Fields(FieldPlanner),
+}
+
+impl FreshPlanner {
+    /// The one that `method` asks for; none where it cannot work with this library.
+    pub fn new(method: Method, library: &Arc<Library>, params: PlannerParams) -> Self {
+        let rotations = || RotationPlanner::new(Arc::clone(library), params);
+        Self(match method {
+            Method::CorSequence => Ok(Kind::Rotations(rotations())),
+            Method::PseudoInverse => {
+                let plain = PseudoInverse::new(Arc::clone(library), params);
+                Ok(Kind::Plain(Plain { plain, flows: rotations() }))
             }
-        },
+            Method::SynthesizedField => FieldPlanner::new(library, params).map(Kind::Fields).ok_or_else(|| {
+                let remedy = "take \"planner\": \"auto\" or \"cor_sequence\", or calibrate the rig with `fields`";
+                Ending::failed(format!("the library has no response to synthesised fields: {remedy}"))
+            }),
+        })
+    }
+
+    /// One to plan with; else the ending of a run that has none.
+    pub(super) fn plans(&self) -> Result<Box<dyn Plans>, Ending> {
+        match &self.0 {
+            Ok(Kind::Rotations(planner)) => Ok(Box::new(planner.clone())),
+            Ok(Kind::Plain(planner)) => Ok(Box::new(planner.clone())),
+            Ok(Kind::Fields(planner)) => Ok(Box::new(planner.clone())),
+            Err(ending) => Err(ending.clone()),
+        }
     }
 }
 
@@ -77,6 +92,7 @@ impl Plans for FieldPlanner {
 }
 
 /// The papers' method, which knows the ideal field alone; what its rotations will do is told by the measured flows.
+#[derive(Clone)]
 struct Plain {
     plain: PseudoInverse,
     flows: RotationPlanner,

@@ -8,21 +8,23 @@ use upm_planner::{Limit, Method, PlanStatus};
 
 /// Plans with pulses in which some measure of progress must improve; cycles that play on a sequence do not count.
 const FUTILE_CYCLES: u32 = 20;
-/// The same where every part is within four times the tolerance: each cycle may be the one that brings all of them in, as in a
+/// The same where every part is within six times the tolerance: each cycle may be the one that brings all of them in, as in a
 /// run of 24 coins after twenty cycles that brought them no nearer.
 const NEAR_CYCLES: u32 = 100;
-const NEAR: f64 = 4.0;
+const NEAR: f64 = 6.0;
 /// Cycles with pulses in which the parts must come nearer to their targets: ways round each other lead away for a while.
 const DETOUR_CYCLES: u32 = 200;
 /// Part of the distance by which it must fall to count as an improvement.
 const SHARE: f64 = 0.01;
+/// The same for a single part that is not at its target yet: dense sets go on part by part, some of them back for a while.
+const PART_SHARE: f64 = 0.05;
 /// Subgoals that moved farther than this are new ones, m.
 const NEW_M: f64 = 1e-3;
 
 /// Watches the progress of a run over its cycles with pulses.
 ///
 /// The measures are the distances of all parts from the goal's targets and from its subgoals, each the root of a sum of
-/// squares. Parts on paths have progressed when their subgoals have moved on: a reference waits for its part, and its
+/// squares, and the least distance of each part from its target. Parts on paths have progressed when their subgoals have moved on: a reference waits for its part, and its
 /// target may lie a whole lap ahead.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ProgressWatch {
@@ -33,6 +35,8 @@ pub(super) struct ProgressWatch {
     /// The least distances so far, m.
     from_targets_m: f64,
     from_subgoals_m: f64,
+    /// For each part the least distance from its target so far, m.
+    of_each_m: Vec<f64>,
     /// Cycles with pulses since any measure improved, and since the distance from the targets did.
     futile: u32,
     detour: u32,
@@ -78,6 +82,7 @@ impl ProgressWatch {
         if begins || self.targets_m != wanted.targets_m {
             self.targets_m.clone_from(&wanted.targets_m);
             self.from_targets_m = from_targets_m;
+            self.of_each_m = distances_m(seen_m, &wanted.targets_m).collect();
         }
         if moved {
             self.subgoals_m.clone_from(&wanted.subgoals_m);
@@ -85,13 +90,25 @@ impl ProgressWatch {
         }
         let nearer = improves(&mut self.from_targets_m, from_targets_m);
         let gets_on = improves(&mut self.from_subgoals_m, from_subgoals_m) || (moved && self.follows_paths);
+        let one_gets_on = self.one_is_nearer(seen_m);
         self.detour = if nearer || self.follows_paths { 0 } else { detour };
-        self.futile = if nearer || gets_on { 0 } else { futile };
+        self.futile = if nearer || gets_on || one_gets_on { 0 } else { futile };
         if self.futile == 0 {
             self.limit = None;
         }
         let is_near = farthest_m(seen_m, &wanted.targets_m) < NEAR * self.tolerance_m;
         self.futile >= if is_near { NEAR_CYCLES } else { FUTILE_CYCLES } || self.detour >= DETOUR_CYCLES
+    }
+
+    /// True when a part that is not there yet is clearly nearer to its target than ever.
+    fn one_is_nearer(&mut self, seen_m: &[Vec2]) -> bool {
+        let mut any = false;
+        for (least_m, now_m) in self.of_each_m.iter_mut().zip(distances_m(seen_m, &self.targets_m)) {
+            if *least_m > self.tolerance_m && now_m < (1.0 - PART_SHARE) * *least_m {
+                (*least_m, any) = (now_m, true);
+            }
+        }
+        any
     }
 
     /// The ending of a run that makes no progress: the part that is held up, its way, and the limit that stopped plans.
@@ -131,12 +148,16 @@ impl ProgressWatch {
 
 /// Root of the sum of squared distances, m.
 fn distance_m(from_m: &[Vec2], to_m: &[Vec2]) -> f64 {
-    from_m.iter().zip(to_m).map(|(from, to)| (to - from).norm_squared()).sum::<f64>().sqrt()
+    distances_m(from_m, to_m).map(|distance_m| distance_m * distance_m).sum::<f64>().sqrt()
 }
 
 /// The largest distance, m.
 fn farthest_m(from_m: &[Vec2], to_m: &[Vec2]) -> f64 {
-    from_m.iter().zip(to_m).map(|(from, to)| (to - from).norm()).fold(0.0, f64::max)
+    distances_m(from_m, to_m).fold(0.0, f64::max)
+}
+
+fn distances_m(from_m: &[Vec2], to_m: &[Vec2]) -> impl Iterator<Item = f64> {
+    from_m.iter().zip(to_m).map(|(from, to)| (to - from).norm())
 }
 
 /// True when `now_m` is clearly less than `least_m`, which it then becomes.
@@ -179,11 +200,23 @@ mod tests {
         assert_eq!(ended_at(false, 100, jitter), Some(FUTILE_CYCLES + 1), "the least distance counts");
         assert_eq!(ended_at(false, 500, |cycle| (there(), x(0.05 - 0.05 * 0.999_f64.powi(cycle as i32)))), None);
         assert_eq!(ended_at(true, 100, |_| (there(), x(0.0))), Some(FUTILE_CYCLES), "on a path, too");
-        assert_eq!(
-            ended_at(false, 200, |_| (there(), x(0.0494))),
-            Some(NEAR_CYCLES),
-            "within four times the tolerance"
-        );
+        assert_eq!(ended_at(false, 200, |_| (there(), x(0.0494))), Some(NEAR_CYCLES), "within six times the tolerance");
+    }
+
+    #[test]
+    fn one_part_that_gets_on_is_progress_until_it_is_there() {
+        let targets_m = vec![x(0.0), x(0.1)];
+        let wanted = Wanted { subgoals_m: targets_m.clone(), targets_m, ..Wanted::default() };
+        let mut watch = ProgressWatch::new(false, TOLERANCE_M);
+        // the first comes nearer step by step while the second goes away by as much and more
+        let ended = (0..300).find(|&cycle| {
+            let at_m = 0.02 * 0.99_f64.powi(cycle);
+            watch.look(&wanted, &[x(at_m), x(0.1 + 0.05 - at_m)], cycle > 0)
+        });
+        assert_eq!(ended, Some(DETOUR_CYCLES as i32), "and not without end");
+        let mut watch = ProgressWatch::new(false, TOLERANCE_M);
+        let ended = (0..200).find(|&cycle| watch.look(&wanted, &[x(1e-4 * 0.9_f64.powi(cycle)), x(0.15)], cycle > 0));
+        assert_eq!(ended, Some(FUTILE_CYCLES as i32), "one that is there does not count");
     }
 
     #[test]

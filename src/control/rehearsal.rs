@@ -17,7 +17,7 @@ use super::conditions::why_not;
 use super::controllability::check_controllable;
 use super::ending::{EndCause, Ending};
 use super::learning::{Gains, Lesson, MORE, Scatter};
-use super::plans::{Plans, planner_of};
+use super::plans::{FreshPlanner, Plans};
 use super::progress::ProgressWatch;
 use stage::Stage;
 use trail::Trail;
@@ -107,16 +107,17 @@ impl Rehearsal {
     pub const MOST_POINTS: usize = trail::MOST_POINTS;
 }
 
-/// Plays `goal` to its end on the displacement model of `library`. `watch` is told the plate time and the goal's
+/// Plays `goal` to its end by `planner` on the displacement model of `library`. `watch` is told the plate time and the goal's
 /// progress, 0 to 1, once a look.
 pub fn rehearse(
     library: &Arc<Library>,
+    planner: &FreshPlanner,
     goal: &mut dyn Goal,
     params: &ControlParams,
     rehearsal: &RehearsalParams,
     watch: &mut dyn FnMut(PlateTime, f64),
 ) -> Rehearsal {
-    let plans = match planner_of(params.method, library, params.planner) {
+    let plans = match planner.plans() {
         Ok(plans) => plans,
         Err(ending) => return Rehearsal { ending, ..Rehearsal::default() },
     };

@@ -95,7 +95,7 @@ fn to(targets_m: &[Vec2]) -> Trajectories {
 }
 
 fn play(library: &Arc<Library>, goal: &mut dyn Goal, params: &ControlParams, how: &RehearsalParams) -> Rehearsal {
-    rehearse(library, goal, params, how, &mut |_, _| ())
+    rehearse(library, &FreshPlanner::new(params.method, library, params.planner), goal, params, how, &mut |_, _| ())
 }
 
 /// Wants parts to stay where they are; done after a time, or never.
@@ -246,7 +246,7 @@ fn parts_that_meet_push_each_other_aside() {
     for number in 1..20 {
         let how = RehearsalParams { friction_spread: 0.4, ..rehearsal(&starts_m, number) };
         let mut stage = Stage::new(Arc::clone(&made), &params(2), &how);
-        let plans = planner_of(Method::CorSequence, &made, params(2).planner).ok().unwrap();
+        let plans = FreshPlanner::new(Method::CorSequence, &made, params(2).planner).plans().ok().unwrap();
         let pulse = PlannedPulse::Rotation(Rotation {
             entry: 0,
             distance_m: 0.01,
@@ -353,7 +353,7 @@ fn plate_is_off_what_it_is_asked_by_the_same_share_in_every_pulse() {
 #[test]
 fn rotation_is_off_its_forecast_by_the_same_share_in_every_pulse_of_an_entry() {
     let made = library([Twist::new(0.5, 0.0, 0.0), Twist::new(0.0, 0.5, 0.0)], 0.0);
-    let plans = planner_of(Method::CorSequence, &made, params(1).planner).ok().unwrap();
+    let plans = FreshPlanner::new(Method::CorSequence, &made, params(1).planner).plans().ok().unwrap();
     let mut squares = 0.0;
     for number in 0..200 {
         let mut stage = Stage::new(Arc::clone(&made), &params(1), &rehearsal(&[Vec2::zeros()], number));

@@ -8,7 +8,9 @@ use super::coverage::Place;
 use super::planner_selection::PlannerSelection;
 use super::time_figure::time_figure_s;
 use crate::config::{Fault, JobSpec, PlacedPart};
-use upm_control::{self as control, ControlParams, LimitMet, Nearest, Outcome, Rehearsal, RehearsalParams};
+use upm_control::{
+    self as control, ControlParams, FreshPlanner, LimitMet, Nearest, Outcome, Rehearsal, RehearsalParams,
+};
 use upm_core::geometry::Vec2;
 use upm_core::random::Streams;
 use upm_core::time::PlateTime;
@@ -128,6 +130,7 @@ pub fn rehearse(
     // the bench has a rig beside what is wanted of it here; nothing is played on it
     let Bench { params, placed, model, .. } = Bench::new(job, library)?;
     let starts_m = named(&placed, &params);
+    let planner = FreshPlanner::new(params.method, library, params.planner);
     let (mut rehearsals, mut work_ms, mut of) = (Vec::new(), 0.0, REHEARSALS);
     for number in 0..REHEARSALS {
         let rehearsal = RehearsalParams {
@@ -139,7 +142,7 @@ pub fn rehearse(
             most_work_ms: WORK_MS - work_ms,
         };
         let mut goal = bench::goal(job, library, &placed);
-        let done = control::rehearse(library, goal.as_mut(), &params, &rehearsal, &mut |at, progress| {
+        let done = control::rehearse(library, &planner, goal.as_mut(), &params, &rehearsal, &mut |at, progress| {
             let done = (number as f64 + progress) / of as f64;
             watch(RehearsalProgress { rehearsal: number + 1, of, at, done });
         });
