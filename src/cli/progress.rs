@@ -36,8 +36,8 @@ impl Sink for RunProgress {
         self.bar.set_position((facts.wanted.progress * FULL as f64) as u64);
         self.bar.set_message(format!("plate {:6.1} s  {}", facts.ended_at.secs(), facts.wanted.phase));
         let CycleFacts { index: cycle, plan_us, cycle_us, .. } = facts;
-        let pulses = facts.plan.pulses.len();
-        self.bar.suspend(|| tracing::debug!(cycle, pulses, plan_us, cycle_us, "planned and played"));
+        let (pulses, continues) = (facts.plan.pulses.len(), facts.plan.continues);
+        self.bar.suspend(|| tracing::debug!(cycle, pulses, continues, plan_us, cycle_us, "planned and played"));
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {

@@ -28,6 +28,7 @@ const ANGLES: usize = 12;
 const REFITS: usize = 3;
 /// Gap between rims on a way that may be taken, m: a little less than ways in the frame keep.
 const LEAST_GAP_M: f64 = PLANNED_GAP_M - 0.3e-3;
+
 /// Where parts go, and what moves them there.
 #[derive(Clone, Copy)]
 pub(super) struct Task<'a> {

@@ -37,6 +37,17 @@ APART_MM, MARGIN_MM, WIDEST_MM = 25.4, 5.0, 24.26
 PLAN_P99_MS = {"arrange-8": 2.0, "arrange-16": 6.0}
 RECORDED, RECORDED_SPEED = "arrange-8", 15.0
 
+# the bars of sequences of rotations: median plate time, planning of a new sequence and of a correction, speed with recording
+ROTATIONS = "cor_sequence"
+ROTATION_MEDIAN_S = {
+    "arrange-2": 6.0, "arrange-4": 14.0, "arrange-8": 36.0, "arrange-16": 150.0,
+    "sort-8": 40.0, "sort-12": 120.0, "swap-2": 6.0, "ring-6": 35.0, "bowtie-3": 200.0,
+}  # fmt: skip
+ROTATION_P99_MS = {"arrange-8": (80.0, 3.0), "arrange-16": (250.0, 10.0)}
+ROTATION_RECORDED, ROTATION_RECORDED_SPEED = "arrange-16", 10.0
+
+KINDS = {"plan_ms": "planning", "new_ms": "planning a new sequence", "correction_ms": "correcting a sequence"}
+
 # by what they are called in jobs, in the order of the comparison
 PLANNERS = {
     "pseudo_inverse": "pseudo-inverse, 2N fixed centres",
@@ -150,8 +161,11 @@ class Bench:
             return {"outcome": "refused", "reason": done.stderr.strip()}
         if done.returncode not in (0, 1):
             sys.exit(f"{name}, seed {seed}: exit {done.returncode}: {done.stderr}")
-        plan_ms = [1e-3 * float(us) for us in re.findall(r"\bplan_us=([\d.]+)", done.stderr)]
-        return json.loads(done.stdout) | {"plan_ms": plan_ms}
+        plans = re.findall(r"\bcontinues=(\w+) plan_us=([\d.]+)", done.stderr)
+        times = {"plan_ms": [1e-3 * float(us) for _, us in plans]}
+        times["new_ms"] = [1e-3 * float(us) for continues, us in plans if continues == "false"]
+        times["correction_ms"] = [1e-3 * float(us) for continues, us in plans if continues == "true"]
+        return json.loads(done.stdout) | times
 
     def campaign(self, names, planner, seeds, at_once, most_s=math.inf):
         """Reports by name, each told as it comes; no run takes more than `most_s` of plate time."""
@@ -259,22 +273,23 @@ def alone(bench, names, planner, seeds):
     print(f"\none at a time on one core, {seeds} runs each")
     for name in names:
         reports = [bench.run(name, planner, seed, one_core=True) for seed in range(1, seeds + 1)]
-        by_run = [found for found in values(reports, "plan_ms") if found]
-        cycles = [ms for found in by_run for ms in found]
-        figures = [over(p99, cycles), over(statistics.median, cycles), over(max, [p99(found) for found in by_run])]
-        of_all, median, worst = (shown(figure, 2, 0) for figure in figures)
-        bar = PLAN_P99_MS[name]
-        print(f"{name:11} planning p99 {of_all} ms of {len(cycles)} cycles, bar {bar:g}; median {median}, p99 of the worst run {worst}")
+        bars = zip(("new_ms", "correction_ms"), ROTATION_P99_MS[name]) if planner == ROTATIONS else [("plan_ms", PLAN_P99_MS[name])]
+        for key, bar in bars:
+            by_run = [found for found in values(reports, key) if found]
+            cycles = [ms for found in by_run for ms in found]
+            figures = [over(p99, cycles), over(statistics.median, cycles), over(max, [p99(found) for found in by_run])]
+            of_all, median, worst = (shown(figure, 2, 0) for figure in figures)
+            print(f"{name:11} {KINDS[key]} p99 {of_all} ms of {len(cycles)} cycles, bar {bar:g}; median {median}, p99 of the worst run {worst}")
+            if not cycles or p99(cycles) > bar:
+                yield f"{name}: {KINDS[key]} p99 {of_all} ms, bar {bar:g}"
         print(f"{name:11} without recording {speeds(reports)}", flush=True)
-        if not cycles or p99(cycles) > bar:
-            yield f"{name}: planning p99 {of_all} ms, bar {bar:g}"
-    if RECORDED in names:
-        reports = [bench.run(RECORDED, planner, seed, rerun="save", one_core=True) for seed in range(1, seeds + 1)]
+    recorded, bar = (ROTATION_RECORDED, ROTATION_RECORDED_SPEED) if planner == ROTATIONS else (RECORDED, RECORDED_SPEED)
+    if recorded in names:
+        reports = [bench.run(recorded, planner, seed, rerun="save", one_core=True) for seed in range(1, seeds + 1)]
         found = [times for times in map(speed, reports) if times]
-        bar = RECORDED_SPEED
-        print(f"{RECORDED:11} with recording {speeds(reports)}, bar {bar:g}", flush=True)
+        print(f"{recorded:11} with recording {speeds(reports)}, bar {bar:g}", flush=True)
         if not found or statistics.median(found) < bar:
-            yield f"{RECORDED}: with recording {speeds(reports)}, bar {bar:g}"
+            yield f"{recorded}: with recording {speeds(reports)}, bar {bar:g}"
 
 
 def speeds(reports):
@@ -319,6 +334,8 @@ def main():
     args = parser.parse_args()
 
     names = [name for name in JOBS if name in args.only]
+    for name, bar in ROTATION_MEDIAN_S.items() if args.planner == ROTATIONS else ():
+        JOBS[name].median_s = bar
     compared = [name for name in names if name.startswith("arrange-") and JOBS[name].median_s] if args.compare else []
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(args.upm, folder, args.spread)

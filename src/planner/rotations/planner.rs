@@ -47,8 +47,8 @@ const BROKEN_M: f64 = 0.5e-3;
 const NEW_ROUNDS: usize = 6;
 const PRUNED_ROUNDS: usize = 2;
 const REST_ROUNDS: usize = 4;
-/// Programs over more pulses than this in all are fewer, down to two.
-const REST_PULSES: usize = 240;
+/// Rounds over more pulses than this in all are fewer, down to one.
+const REST_PULSES: usize = 160;
 /// Times pulses are dropped: this part of them at first, then ever fewer.
 const PRUNED: usize = 6;
 const PRUNED_SHARE: usize = 8;
@@ -172,7 +172,7 @@ impl RotationPlanner {
         }
         let (subgoals_m, want_m) = (running.subgoals_m, running.want_m);
         let refined = Refined::of(&self.belts, running.pulses, parts, &subgoals_m, room);
-        let rounds = (REST_PULSES / refined.pulses.len().max(1)).clamp(2, REST_ROUNDS);
+        let rounds = (REST_PULSES / refined.pulses.len().max(1)).clamp(1, REST_ROUNDS);
         let refined = refined.refined(&self.belts, parts, &subgoals_m, room, (rounds, want_m));
         let left_m = refined.left_m / (parts.len() as f64).sqrt();
         let kept = left_m < (KEPT * want_m).max(KEPT_M) && refined.broken_m() < BROKEN_M;
