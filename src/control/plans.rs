@@ -19,8 +19,8 @@ pub(super) trait Plans {
     fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>>;
 }
 
-/// A planner that has planned nothing yet, or why there is none: made once for several rehearsals, since its tables take a
-/// few tenths of a second.
+/// An unused planner, or the reason that the library has none. Several rehearsals share one: its tables take a few tenths
+/// of a second.
 pub struct FreshPlanner(Result<Kind, Ending>);
 
 enum Kind {

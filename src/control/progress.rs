@@ -24,8 +24,8 @@ const NEW_M: f64 = 1e-3;
 /// Watches the progress of a run over its cycles with pulses.
 ///
 /// The measures are the distances of all parts from the goal's targets and from its subgoals, each the root of a sum of
-/// squares, and the least distance of each part from its target. Parts on paths have progressed when their subgoals have moved on: a reference waits for its part, and its
-/// target may lie a whole lap ahead.
+/// squares, and the least distance of each part from its target. Parts on paths have progressed when their subgoals have
+/// moved on: a reference waits for its part, and its target may be a whole lap ahead.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ProgressWatch {
     follows_paths: bool,

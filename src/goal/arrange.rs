@@ -8,7 +8,7 @@ use upm_core::time::PlateTime;
 pub struct ArrangeParams {
     /// Half the plate's side, m.
     pub half_side_m: f64,
-    /// What moves the parts.
+    /// The kind of motion that moves the parts.
     pub motions: Motions,
     /// The parts.
     pub discs: Vec<Disc>,

@@ -112,6 +112,16 @@ fn scattered(radii_m: &[f64], gap_m: f64, margin_m: f64, rng: &mut Rng) -> Vec<V
     }
 }
 
+/// Coins at random places, and random targets for them.
+fn scene(seed: u64, count: usize, kinds: usize) -> (Vec<Disc>, Vec<Vec2>, Vec<Vec2>) {
+    let mut rng = Streams::new(seed).stream("scene");
+    let discs = coins(count, kinds);
+    let radii_m = radii_m(&discs);
+    let starts_m = scattered(&radii_m, 0.003, 0.005, &mut rng);
+    let targets_m = scattered(&radii_m, 0.003, 0.002, &mut rng);
+    (discs, starts_m, targets_m)
+}
+
 #[test]
 fn two_change_places() {
     for (x, y) in [(0.03, 0.0), (0.03, 0.03), (0.0112, 0.0), (0.1, 0.1), (0.1, 0.135)] {
@@ -221,11 +231,7 @@ proptest! {
 
     #[test]
     fn scattered_parts_reach_scattered_places(seed in 0u64..10_000, count in 2usize..=24, kinds in 1usize..=3) {
-        let mut rng = Streams::new(seed).stream("scene");
-        let discs = coins(count, kinds);
-        let radii_m = radii_m(&discs);
-        let starts_m = scattered(&radii_m, 0.003, 0.005, &mut rng);
-        let targets_m = scattered(&radii_m, 0.003, 0.002, &mut rng);
+        let (discs, starts_m, targets_m) = scene(seed, count, kinds);
         let course = arranged(&discs, &starts_m, &targets_m, seed % 2 == 0);
         prop_assert!(course.cycles < 100 && course.gap_m > 0.0015 && course.edge_gap_m > 0.0005, "{course:?}");
     }

@@ -16,7 +16,7 @@ const SEARCHED: f64 = 2.0;
 pub struct InPhaseParams {
     /// Half the plate's side, m.
     pub half_side_m: f64,
-    /// What moves the parts.
+    /// The kind of motion that moves the parts.
     pub motions: Motions,
     /// The parts.
     pub discs: Vec<Disc>,

@@ -14,8 +14,8 @@ use super::fleet::Fleet;
 use super::routes::PLANNED_GAP_M;
 use upm_core::geometry::Vec2;
 
-/// Room beyond what ways are planned with, to others and to the edge, m: sequences of rotations stray by some millimetres from
-/// the straight way between two stages, and what the limits cut off them is lost.
+/// Room in addition to that of planned ways, to other parts and to the edge, m: sequences of rotations stray by some
+/// millimetres from the straight way between two stages, and are cut short where they break a limit.
 const SPARE_M: f64 = 2e-3;
 const EDGE_SPARE_M: f64 = 10e-3;
 /// Price of what is missing, for each square metre: 1 mm counts like 5 pulses.
@@ -158,7 +158,7 @@ impl Descent {
     }
 }
 
-/// What parts too near to each other or to the edge pay; adds its slopes.
+/// Penalty of parts that are too near to each other or to the edge; adds its slopes.
 fn crowding((places_m, bounds_m): (&[Vec2], &[Vec2]), fleet: &Fleet, slopes: &mut [Vec2]) -> f64 {
     let mut cost = 0.0;
     for i in 0..places_m.len() {

@@ -18,7 +18,7 @@ pub(super) struct Stages {
     pub(super) boxed_in: Vec<usize>,
     /// True where the parts cannot all go straight.
     pub(super) round: bool,
-    /// What they cost: the effort of rotations, or else the longest way of each stage and something for each, m.
+    /// Their cost: the effort of rotations in pulses, or the sum over the stages of the longest way and a constant, m.
     pub(super) cost: f64,
 }
 

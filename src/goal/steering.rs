@@ -28,7 +28,7 @@ const STAGE_LEFT: f64 = 0.4;
 /// Other assignments tried for parts that are boxed in.
 const EXCHANGES: usize = 3;
 
-/// What moves the parts, and so which ways are short.
+/// The kind of motion that moves the parts; it decides which ways are short.
 #[derive(Clone, Debug, Default)]
 pub enum Motions {
     /// Every part goes its own way whatever the others do, as synthesised fields have it: ways are short as lengths are.

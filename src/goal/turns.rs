@@ -13,7 +13,7 @@ use upm_core::random::Rng;
 
 /// Longest way of a part from one stage to the next, m.
 const FINE_M: f64 = 8e-3;
-/// About the way of a part from one stage to the next of a way that is eased, m, and how many there are at least and at most.
+/// Length of a stage while a way is eased, m, and the least and greatest number of stages.
 const COARSE_M: f64 = 15e-3;
 const LEAST_STAGES: f64 = 2.0;
 const MOST_STAGES: f64 = 16.0;
@@ -80,7 +80,7 @@ impl Turn {
         (to_m - from_m).norm() + (self.angle_rad.abs() * arm_m + self.shift_m.norm()) / legs as f64
     }
 
-    /// What comes to `p` by the motion.
+    /// Place that the whole motion carries to `p`.
     pub(super) fn undo(&self, p: Vec2) -> Vec2 {
         let (sin, cos) = self.angle_rad.sin_cos();
         let arm = p - self.center_m - self.shift_m;
@@ -128,14 +128,14 @@ impl Task<'_> {
         Some(Stages { cost, places_m: fine(&way_m), boxed_in: Vec::new(), round })
     }
 
-    /// The effort of straight ways in the frame of all parts, whoever is in the way.
+    /// Effort of straight ways in the frame of all parts, with no regard to other parts.
     pub(super) fn straight_effort(&self) -> f64 {
         let frame = Turn::between(self.starts_m, self.fleet.targets_m());
         effort_of(&self.straight_in(&frame), self.effort)
     }
 
-    /// The assignment to `places_m` whose straight ways take least effort: of those that are nearest (least sum of squares, by
-    /// `assign`) once the parts are turned by one of a few angles and brought over the places.
+    /// Assignment to `places_m` with the least effort of straight ways. Candidates are the nearest places (least sum of squares,
+    /// by `assign`) of parts that are turned by one of a few angles and shifted over the places.
     pub(super) fn assignment(&self, places_m: &[Vec2], assign: impl Fn(&[Vec2]) -> Vec<usize>) -> Vec<usize> {
         let chosen_m = |place_of: &[usize]| -> Vec<Vec2> { place_of.iter().map(|&place| places_m[place]).collect() };
         let effort = |place_of: &[usize]| {

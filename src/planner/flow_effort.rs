@@ -84,7 +84,7 @@ impl FlowEffort {
         steps.dot(&prices).max(0.0)
     }
 
-    /// What one pulse of `twist` does to a part at `place_m`.
+    /// Flow of one pulse of `twist` at `place_m`.
     fn flow(&self, twist: &Twist, place_m: Vec2) -> Flow {
         let belt_mps = twist.velocity_at(place_m);
         let speed = belt_mps.norm();

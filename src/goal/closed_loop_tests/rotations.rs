@@ -102,11 +102,7 @@ proptest! {
 
     #[test]
     fn scattered_parts_reach_scattered_places_by_rotations(seed in 0u64..10_000, count in 2usize..=12, kinds in 1usize..=3) {
-        let mut rng = Streams::new(seed).stream("scene");
-        let discs = coins(count, kinds);
-        let radii_m = radii_m(&discs);
-        let starts_m = scattered(&radii_m, 0.003, 0.005, &mut rng);
-        let targets_m = scattered(&radii_m, 0.003, 0.002, &mut rng);
+        let (discs, starts_m, targets_m) = scene(seed, count, kinds);
         let course = arranged(&discs, &starts_m, &targets_m, seed % 2 == 0);
         prop_assert!(course.cycles < 150 && course.gap_m > 0.0015 && course.edge_gap_m > 0.0005, "{course:?}");
     }

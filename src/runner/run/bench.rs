@@ -175,7 +175,7 @@ pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> B
     }
 }
 
-/// What the job's planner moves parts with.
+/// The kind of motion by which the job's planner moves parts.
 fn motions(job: &JobSpec, library: &Library) -> Motions {
     let parts = job.parts.iter().map(|group| group.count).sum();
     match PlannerSelection::of(job).method {
