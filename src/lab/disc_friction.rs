@@ -7,7 +7,7 @@ use ellip::{ellipe, ellipk};
 
 use super::{Figure, Outcome, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
-use upm_sim::DiscFriction;
+use upm_core::disc_friction::DiscFriction;
 
 /// Slip ratios compared, from 1e-4 to 1e4.
 const RATIOS: usize = 200;

@@ -2,19 +2,21 @@
 //!
 //! ```text
 //!   y ▲            x along the flow where the disc starts, y to its left, the origin where it starts
-//!     │            plate under the disc: u = f(t) (a - ω y, ω x)
-//!     └───► x      slip s = u - v,   dv/dt = μ g s / sqrt(|s|² + κ R² ω² f²)   while it slips, else v = u
+//!     │            plate under the disc: u = f(t) (a - ω y, ω x), turning at f(t) ω
+//!     └───► x      against it the disc slides at s and spins at r/R: |s| loses μ g F(s, r), r loses 2 μ g T(s, r) a second
 //! ```
 //!
 //! a and ω are the amplitudes of the belt's speed and of the plate's spin, f = d/dt (env X) the displacement wave
 //! `X' = sin wt + ½ cos 2wt` under the envelope: the UPM paper's pump (Eqs. 5 and 9) with flanks that leave the plate where
-//! it was. The motors' low-pass delays the envelope against the wave, whose phase is compensated. κ is that of [`fields::course`](super::fields): friction of a disc that slides and turns. The disc's own turning
-//! is left out. After the pulse the disc coasts for `v²/(2 μ g)`.
+//! it was. The motors' low-pass delays the envelope against the wave, whose phase is compensated. F and T are those of
+//! [`DiscFriction`], the disc's moment of inertia is m R²/2. About a near centre, where the plate turns under the disc as fast
+//! as it slides, the disc is soon turned along and then carried half as far again as one that would not turn.
 
 use std::f64::consts::TAU;
 
 use wide::f64x8 as Lanes;
 
+use upm_core::disc_friction::DiscFriction;
 use upm_core::signal::Envelope;
 use upm_core::units::GRAVITY_MPS2;
 use upm_library::Library;
@@ -25,8 +27,9 @@ pub(crate) const LANES: usize = 8;
 const STEPS: usize = 168;
 /// Sustains of the table in a period.
 const BETWEEN: usize = 12;
-/// See the module: `1/sqrt(1 + κ) = 8/(3π)` (Farkas et al., Phys. Rev. Lett. 90, 248302).
-const KAPPA: f64 = 0.388;
+/// Steps of the pulse in one of the coasting after it, and the most of these.
+const COASTING: f64 = 8.0;
+const MOST_COASTING: usize = 400;
 
 /// Up to eight discs on belts of their own.
 #[derive(Clone, Copy, Debug)]
@@ -61,12 +64,14 @@ pub(crate) struct Pump {
     step_s: f64,
 }
 
-#[derive(Clone, Copy, Debug)]
+/// Place and velocity, m and m/s, and the speed at which the rim goes round the disc's centre, m/s.
+#[derive(Clone, Copy, Debug, Default)]
 struct State {
     x: Lanes,
     y: Lanes,
     u: Lanes,
     v: Lanes,
+    rim: Lanes,
 }
 
 impl Pump {
@@ -86,7 +91,7 @@ impl Pump {
     pub fn travels(&self, discs: &Discs, count: usize) -> Vec<[Travel; LANES]> {
         let attack = ((self.attack_s + self.delay_s) / self.step_s).ceil() as usize;
         let between = STEPS / BETWEEN;
-        let mut at_full = vec![State { x: Lanes::ZERO, y: Lanes::ZERO, u: Lanes::ZERO, v: Lanes::ZERO }];
+        let mut at_full = vec![State::default()];
         let longest =
             Envelope { attack_s: self.attack_s, sustain_s: (count * between) as f64 * self.step_s, rest_s: 0.0 };
         let mut state = at_full.remove(0);
@@ -124,34 +129,79 @@ impl Pump {
 struct Belts {
     speed: Lanes,
     spin: Lanes,
-    turning: Lanes,
-    pull: Lanes,
-    friction_mps2: Lanes,
+    /// Amplitude of the speed at which the plate turns under the rim.
+    rim: Lanes,
+    /// What friction takes of a speed in a second.
+    friction_mps2: [f64; LANES],
     dt: f64,
+    friction: &'static DiscFriction,
 }
 
 impl Belts {
     fn of(discs: &Discs, dt: f64) -> Self {
         let spin = Lanes::from(discs.spin_radps);
-        let friction_mps2 = Lanes::from(discs.friction) * GRAVITY_MPS2;
-        let turning = spin * spin * (KAPPA * discs.radius_m * discs.radius_m);
-        Self { speed: Lanes::from(discs.speed_mps), spin, turning, pull: friction_mps2 * dt, friction_mps2, dt }
+        Self {
+            speed: Lanes::from(discs.speed_mps),
+            spin,
+            rim: spin * discs.radius_m,
+            friction_mps2: discs.friction.map(|friction| friction * GRAVITY_MPS2),
+            dt,
+            friction: DiscFriction::shared(),
+        }
     }
 
     #[inline]
-    fn step(&self, State { x, y, u, v }: State, f: f64) -> State {
+    fn step(&self, state: State, f: f64) -> State {
         let spin = self.spin * f;
-        let (slip_x, slip_y) = (self.speed * f - spin * y - u, spin * x - v);
-        let slip = (slip_x * slip_x + slip_y * slip_y + self.turning * (f * f)).sqrt();
-        let share = slip.simd_le(self.pull).select(Lanes::ONE, self.pull / slip.max(Lanes::splat(1e-12)));
-        let (u, v) = (u + share * slip_x, v + share * slip_y);
-        State { x: x + u * self.dt, y: y + v * self.dt, u, v }
+        let plate = (self.speed * f - spin * state.y, spin * state.x, self.rim * f);
+        let State { x, y, u, v, rim } = self.dragged(state, plate, self.dt);
+        State { x: x + u * self.dt, y: y + v * self.dt, u, v, rim }
     }
 
-    fn rest(&self, State { x, y, u, v }: State) -> [Travel; LANES] {
-        let coasts_s = (u * u + v * v).sqrt() / self.friction_mps2;
-        let (along, across) = (x + u * coasts_s * 0.5, y + v * coasts_s * 0.5);
-        let [along, across, coasts_s] = [along, across, coasts_s].map(Lanes::to_array);
+    /// What `dt` of friction on a plate that moves so makes of the disc's motion.
+    #[inline]
+    fn dragged(&self, state: State, (plate_u, plate_v, plate_rim): (Lanes, Lanes, Lanes), dt: f64) -> State {
+        let (slip_u, slip_v, slip_rim) = (plate_u - state.u, plate_v - state.v, plate_rim - state.rim);
+        let slide = (slip_u * slip_u + slip_v * slip_v).sqrt().to_array();
+        let turn = slip_rim.abs().to_array();
+        let (mut taken, mut taken_rim) = ([0.0; LANES], [0.0; LANES]);
+        for i in 0..LANES {
+            let [kept, kept_rim] = self.friction.kept(slide[i], turn[i], self.friction_mps2[i] * dt);
+            (taken[i], taken_rim[i]) = (1.0 - kept, 1.0 - kept_rim);
+        }
+        let (taken, taken_rim) = (Lanes::from(taken), Lanes::from(taken_rim));
+        State {
+            u: state.u + taken * slip_u,
+            v: state.v + taken * slip_v,
+            rim: state.rim + taken_rim * slip_rim,
+            ..state
+        }
+    }
+
+    /// Where the discs come to rest on the plate at rest.
+    fn rest(&self, mut state: State) -> [Travel; LANES] {
+        let dt = COASTING * self.dt;
+        let mut coasts_s = Lanes::ZERO;
+        for _ in 0..MOST_COASTING {
+            let speed = (state.u * state.u + state.v * state.v).sqrt();
+            let moves = speed.simd_gt(Lanes::ZERO);
+            if moves.none() {
+                break;
+            }
+            let next = self.dragged(state, (Lanes::ZERO, Lanes::ZERO, Lanes::ZERO), dt);
+            // in the step in which it comes to rest it does so after a part of it
+            let stops = (next.u * next.u + next.v * next.v).simd_le(Lanes::ZERO);
+            let needed = speed / Lanes::from(self.friction_mps2);
+            let time = moves.select(stops.select(needed.min(Lanes::splat(dt)), Lanes::splat(dt)), Lanes::ZERO);
+            let half = time * 0.5;
+            state = State {
+                x: state.x + (state.u + next.u) * half,
+                y: state.y + (state.v + next.v) * half,
+                ..next
+            };
+            coasts_s += time;
+        }
+        let [along, across, coasts_s] = [state.x, state.y, coasts_s].map(Lanes::to_array);
         std::array::from_fn(|i| Travel { along_m: along[i], across_m: across[i], coasts_s: coasts_s[i] })
     }
 }

@@ -3,7 +3,6 @@
 mod accelerometers;
 mod camera;
 mod collision;
-mod friction;
 mod guard;
 mod motors;
 mod open_loop;
@@ -18,7 +17,6 @@ mod simulated_rig;
 
 pub use accelerometers::Accelerometers;
 pub use camera::{Camera, DiscShape, Snapshot};
-pub use friction::DiscFriction;
 pub use motors::{Motors, forces_of_wrench, wrench_of_forces};
 pub use open_loop::{OpenLoopError, OpenPulse, PartTrajectory, PlateMode, Trajectories, check_pulses, simulate};
 pub use params::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PartParams, PlateParams, SimParams};

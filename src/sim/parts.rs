@@ -5,9 +5,9 @@
 //! sticking where it can (see [`DiscFriction::kept`]), and the new velocity carries the part.
 
 use super::collision::Contacts;
-use super::friction::DiscFriction;
 use super::plate::{PlateMotion, Wrench};
 use super::{ContactParams, PartParams};
+use upm_core::disc_friction::DiscFriction;
 use upm_core::geometry::{Pose, Vec2, cross};
 use upm_core::units::GRAVITY_MPS2;
 
