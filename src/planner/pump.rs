@@ -194,11 +194,7 @@ impl Belts {
             let needed = speed / Lanes::from(self.friction_mps2);
             let time = moves.select(stops.select(needed.min(Lanes::splat(dt)), Lanes::splat(dt)), Lanes::ZERO);
             let half = time * 0.5;
-            state = State {
-                x: state.x + (state.u + next.u) * half,
-                y: state.y + (state.v + next.v) * half,
-                ..next
-            };
+            state = State { x: state.x + (state.u + next.u) * half, y: state.y + (state.v + next.v) * half, ..next };
             coasts_s += time;
         }
         let [along, across, coasts_s] = [state.x, state.y, coasts_s].map(Lanes::to_array);
