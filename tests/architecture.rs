@@ -10,7 +10,7 @@ use scan::{Scan, scan};
 
 /// Crates and the rooms in them. A crate whose only room has its name is that room.
 const CRATES: &[(&str, &[&str])] = &[
-    ("core", &["units", "time", "priority", "random", "geometry", "signal", "ground_truth", "rig"]),
+    ("core", &["units", "time", "priority", "random", "geometry", "signal", "disc_friction", "ground_truth", "rig"]),
     ("sim", &["sim"]),
     ("scene", &["scene"]),
     ("perception", &["vision", "estimation"]),
@@ -38,9 +38,10 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("random", &[]),
     ("geometry", &[]),
     ("signal", &[]),
+    ("disc_friction", &[]),
     ("ground_truth", &[]),
     ("rig", &["signal"]),
-    ("sim", &["signal", "rig", "ground_truth"]),
+    ("sim", &["signal", "rig", "disc_friction", "ground_truth"]),
     ("vision", &["signal", "rig::PartKind"]),
     ("reference", &["signal", "rig::PartKind", "vision"]),
     ("scene", &["signal", "rig::PartKind"]),
@@ -48,7 +49,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("library", &["signal"]),
     ("goal", &[]),
     ("qp", &[]),
-    ("planner", &["signal", "library", "qp"]),
+    ("planner", &["signal", "disc_friction", "library", "qp"]),
     ("control", &["signal", "rig", "vision", "estimation", "library", "goal", "planner"]),
     ("recording", &["signal", "rig", "vision", "estimation", "library", "goal", "planner", "control", "ground_truth"]),
     (
@@ -69,7 +70,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ),
     ("fixtures", &["signal", "rig", "vision", "estimation", "library", "goal", "planner", "control", "ground_truth"]),
     ("chart", &[]),
-    ("lab", &["chart", "signal", "rig", "sim", "vision", "scene", "estimation", "library", "control"]),
+    ("lab", &["chart", "signal", "disc_friction", "rig", "sim", "vision", "scene", "estimation", "library", "control"]),
     (
         "config",
         &[

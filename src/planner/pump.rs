@@ -24,11 +24,11 @@ use upm_library::Library;
 /// Discs that are moved side by side.
 pub(crate) const LANES: usize = 8;
 /// Steps in a period of the drive.
-const STEPS: usize = 168;
+const STEPS: usize = 60;
 /// Sustains of the table in a period.
 const BETWEEN: usize = 12;
 /// Steps of the pulse in one of the coasting after it, and the most of these.
-const COASTING: f64 = 8.0;
+const COASTING: f64 = 4.0;
 const MOST_COASTING: usize = 400;
 
 /// Up to eight discs on belts of their own.
@@ -55,7 +55,7 @@ pub(crate) struct Travel {
     pub coasts_s: f64,
 }
 
-/// Pulses of one base frequency and one attack, with sustains that are multiples of a sixth of a period.
+/// Pulses of one base frequency and one attack, with sustains that are multiples of a twelfth of a period.
 #[derive(Clone, Debug)]
 pub(crate) struct Pump {
     base_radps: f64,
@@ -81,7 +81,7 @@ impl Pump {
         Self { base_radps, attack_s, delay_s: library.envelope_delay_s(), step_s: TAU / base_radps / STEPS as f64 }
     }
 
-    /// Time from one sustain to the next, s. The phase in which a pulse ends makes up to a tenth of the distance: a sixth
+    /// Time from one sustain to the next, s. The phase in which a pulse ends makes up to a tenth of the distance: a twelfth
     /// of a period follows that.
     pub fn sustain_step_s(&self) -> f64 {
         self.step_s * (STEPS / BETWEEN) as f64
@@ -100,18 +100,22 @@ impl Pump {
             if k >= attack && (k - attack).is_multiple_of(between) {
                 at_full.push(state);
             }
-            state = belts.step(state, self.shape((k as f64 + 0.5) * self.step_s, &longest));
+            state = belts.step(state, self.shapes(k, &longest));
         }
         at_full.push(state);
         let end = |(k, state): (usize, State)| {
             let sustain_s = (k * between) as f64 * self.step_s;
             let envelope = Envelope { sustain_s, ..longest };
             let from = attack + k * between;
-            let state = (from..from + attack)
-                .fold(state, |state, k| belts.step(state, self.shape((k as f64 + 0.5) * self.step_s, &envelope)));
+            let state = (from..from + attack).fold(state, |state, k| belts.step(state, self.shapes(k, &envelope)));
             belts.rest(state)
         };
         at_full.into_iter().take(count).enumerate().map(end).collect()
+    }
+
+    /// f before and after step `k`.
+    fn shapes(&self, k: usize, envelope: &Envelope) -> [f64; 2] {
+        [k, k + 1].map(|k| self.shape(k as f64 * self.step_s, envelope))
     }
 
     /// f at `t_s`.
@@ -151,29 +155,36 @@ impl Belts {
     }
 
     #[inline]
-    fn step(&self, state: State, f: f64) -> State {
-        let spin = self.spin * f;
-        let plate = (self.speed * f - spin * state.y, spin * state.x, self.rim * f);
-        let State { x, y, u, v, rim } = self.dragged(state, plate, self.dt);
+    fn step(&self, state: State, f: [f64; 2]) -> State {
+        let plates = f.map(|f| {
+            let spin = self.spin * f;
+            (self.speed * f - spin * state.y, spin * state.x, self.rim * f)
+        });
+        let State { x, y, u, v, rim } = self.dragged(state, plates, self.dt);
         State { x: x + u * self.dt, y: y + v * self.dt, u, v, rim }
     }
 
-    /// What `dt` of friction on a plate that moves so makes of the disc's motion.
+    /// What `dt` of friction makes of the disc's motion on a plate that moves so before and after it.
+    ///
+    /// Friction has the direction of the mean slip and is as large as if the slip had the mean size: where it turns round in
+    /// between, the two pulls cancel but for the rest.
     #[inline]
-    fn dragged(&self, state: State, (plate_u, plate_v, plate_rim): (Lanes, Lanes, Lanes), dt: f64) -> State {
-        let (slip_u, slip_v, slip_rim) = (plate_u - state.u, plate_v - state.v, plate_rim - state.rim);
-        let slide = (slip_u * slip_u + slip_v * slip_v).sqrt().to_array();
-        let turn = slip_rim.abs().to_array();
+    fn dragged(&self, state: State, plates: [(Lanes, Lanes, Lanes); 2], dt: f64) -> State {
+        let slips = plates.map(|(u, v, rim)| (u - state.u, v - state.v, rim - state.rim));
+        let [before, after] = slips.map(|(u, v, rim)| ((u * u + v * v).sqrt(), rim.abs()));
+        let slide = ((before.0 + after.0) * 0.5).to_array();
+        let turn = ((before.1 + after.1) * 0.5).to_array();
         let (mut taken, mut taken_rim) = ([0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
             let [kept, kept_rim] = self.friction.kept(slide[i], turn[i], self.friction_mps2[i] * dt);
             (taken[i], taken_rim[i]) = (1.0 - kept, 1.0 - kept_rim);
         }
-        let (taken, taken_rim) = (Lanes::from(taken), Lanes::from(taken_rim));
+        let (taken, taken_rim) = (Lanes::from(taken) * 0.5, Lanes::from(taken_rim) * 0.5);
+        let [before, after] = slips;
         State {
-            u: state.u + taken * slip_u,
-            v: state.v + taken * slip_v,
-            rim: state.rim + taken_rim * slip_rim,
+            u: state.u + taken * (before.0 + after.0),
+            v: state.v + taken * (before.1 + after.1),
+            rim: state.rim + taken_rim * (before.2 + after.2),
             ..state
         }
     }
@@ -188,7 +199,7 @@ impl Belts {
             if moves.none() {
                 break;
             }
-            let next = self.dragged(state, (Lanes::ZERO, Lanes::ZERO, Lanes::ZERO), dt);
+            let next = self.dragged(state, [(Lanes::ZERO, Lanes::ZERO, Lanes::ZERO); 2], dt);
             // in the step in which it comes to rest it does so after a part of it
             let stops = (next.u * next.u + next.v * next.v).simd_le(Lanes::ZERO);
             let needed = speed / Lanes::from(self.friction_mps2);

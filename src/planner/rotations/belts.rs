@@ -17,8 +17,6 @@ const AMPLITUDES: usize = 24;
 const BETWEEN: u32 = 4;
 /// Entries whose typical belt is slower than this part of the fastest are not looked at: the dial makes short steps.
 const STRONG: f64 = 0.35;
-/// A centre this near a part, in radii, spins it more than it moves it.
-const NEAR_RADII: f64 = 0.8;
 /// Time that parts are left to stand beyond what is forecast, and the least rest after a pulse, s.
 const STANDING_S: f64 = 3e-3;
 const LEAST_REST_S: f64 = 8e-3;
@@ -139,11 +137,11 @@ impl Belts {
         (all_s / self.frame_s - 1e-6).ceil() * self.frame_s
     }
 
-    /// Belts that carry every one of these discs (place and outline, m) more than they spin it.
-    pub fn usable(&self, discs: impl Iterator<Item = (Vec2, f64)> + Clone) -> Vec<usize> {
+    /// Belts whose centre is more than `nearest` radii from every one of these discs (place and outline, m).
+    pub fn usable(&self, discs: impl Iterator<Item = (Vec2, f64)> + Clone, nearest: f64) -> Vec<usize> {
         let carries = |belt: &Belt| {
             discs.clone().all(|(p, radius_m)| {
-                belt.twist.velocity_at(p).norm() > NEAR_RADII * radius_m * belt.twist.spin_radps.abs()
+                belt.twist.velocity_at(p).norm() > nearest * radius_m * belt.twist.spin_radps.abs()
             })
         };
         (0..self.belts.len()).filter(|&j| carries(&self.belts[j])).collect()

@@ -5,12 +5,45 @@ use crate::PartState;
 use upm_core::geometry::Vec2;
 
 /// Ways of candidate pulses on their typical belts, m.
-const LEVELS_M: [f64; 10] = [25e-3, 16e-3, 10e-3, 7e-3, 5e-3, 3.5e-3, 2.5e-3, 1.7e-3, 1.2e-3, 0.8e-3];
-/// A candidate is at most this many times as long as the root mean square of the steps: long pulses span little more than
-/// rigid motions, and what cancels of them costs more than it moves.
-const LONGEST: f64 = 1.4;
-/// The shortest candidates are offered whatever the steps, m.
-const ALWAYS_M: f64 = 1.3e-3;
+const LEVELS_M: [f64; 13] =
+    [25e-3, 16e-3, 10e-3, 7e-3, 5e-3, 3.5e-3, 2.5e-3, 1.7e-3, 1.2e-3, 0.8e-3, 0.55e-3, 0.35e-3, 0.24e-3];
+
+/// Which pulses a sequence is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Grain {
+    /// Pulses up to the length of the steps: least time.
+    Coarse,
+    /// Pulses much shorter than the steps, and centres among the parts. Where parts stand close, the pulses that part them
+    /// cancel but for a little, and the second order of long ones is more than that.
+    Fine,
+}
+
+impl Grain {
+    /// Candidates are at most this many times as long as the root mean square of the steps: long pulses span little more
+    /// than rigid motions, and what cancels of them costs more than it moves.
+    fn longest(self) -> f64 {
+        match self {
+            Self::Coarse => 1.4,
+            Self::Fine => 0.35,
+        }
+    }
+
+    /// Shortest candidates, and those that are offered whatever the steps, m.
+    fn shortest_m(self) -> (f64, f64) {
+        match self {
+            Self::Coarse => (0.7e-3, 1.3e-3),
+            Self::Fine => (0.2e-3, 0.4e-3),
+        }
+    }
+
+    /// Centres are no nearer to a part than this many radii: a nearer one spins it more than it moves it.
+    fn nearest_radii(self) -> f64 {
+        match self {
+            Self::Coarse => 0.8,
+            Self::Fine => 0.0,
+        }
+    }
+}
 
 /// Exact displacements of pulses on all parts, in mm, with their times.
 #[derive(Clone, Debug, Default)]
@@ -24,10 +57,13 @@ pub(super) struct Columns {
 
 impl Columns {
     /// Every usable belt both ways at every length that suits steps of `rms_m`.
-    pub fn all(belts: &Belts, parts: &[PartState], rms_m: f64) -> Self {
-        let usable = belts.usable(parts.iter().map(|part| (part.position_m, part.radius_m)));
+    pub fn all(belts: &Belts, parts: &[PartState], rms_m: f64, grain: Grain) -> Self {
+        let discs = parts.iter().map(|part| (part.position_m, part.radius_m));
+        let usable = belts.usable(discs, grain.nearest_radii());
+        let (shortest_m, always_m) = grain.shortest_m();
+        let longest_m = (grain.longest() * rms_m).max(always_m);
         let mut columns = Self { rows: 2 * parts.len(), ..Self::default() };
-        for level_m in LEVELS_M.into_iter().filter(|&level_m| level_m <= (LONGEST * rms_m).max(ALWAYS_M)) {
+        for level_m in LEVELS_M.into_iter().filter(|&level_m| shortest_m <= level_m && level_m <= longest_m) {
             for &belt in &usable {
                 let (low_m, high_m) = belts.range_m(belt);
                 let way_m = level_m.clamp(low_m, high_m);

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::belts::{Belts, Pulse};
-use super::columns::Columns;
+use super::columns::{Columns, Grain};
 use super::least_time::{LeastTime, best_paying};
 use super::order::order;
 use super::refine::Refined;
@@ -27,12 +27,12 @@ const NEAR_M: f64 = 0.15e-3;
 const NEAREST: f64 = 0.5;
 /// The program leaves less than the sequence may, since ordering and rounding add to it.
 const TIGHTER: f64 = 0.8;
-/// Sequences tried in one cycle: each for half the way of the one before, or where the steps are small, root mean square,
-/// each leaving less of them.
-const ATTEMPTS: usize = 4;
+/// Sequences tried in one cycle: the second of finer pulses, the others also for half the way of the one before, or where the
+/// steps are small, root mean square, each leaving less of them.
+const ATTEMPTS: usize = 5;
 const SMALL_M: f64 = 2e-3;
 const TIGHTEN: f64 = 0.4;
-/// A sequence that leaves more than this part is tried for half the way.
+/// A sequence that leaves more than this part is tried again, of finer pulses or for less of the way.
 const POOR: f64 = 0.55;
 /// Ways grow and shrink by these, with what sequences leave.
 const GROW: (f64, f64) = (0.3, 1.15);
@@ -43,17 +43,21 @@ const SHRINK_FAILED: f64 = 0.8;
 const KEPT: f64 = 1.4;
 const KEPT_M: f64 = 0.25e-3;
 const BROKEN_M: f64 = 0.5e-3;
-/// Programs of the refinement of a new sequence, after a pulse was dropped, and of the rest of one.
+/// Programs of the refinement of a new sequence, after pulses were dropped, and of the rest of one.
 const NEW_ROUNDS: usize = 6;
 const PRUNED_ROUNDS: usize = 2;
 const REST_ROUNDS: usize = 4;
 /// Rounds over more pulses than this in all are fewer, down to one.
+const NEW_PULSES: usize = 400;
 const REST_PULSES: usize = 160;
-/// Times pulses are dropped: this part of them at first, then ever fewer.
+/// Times pulses are dropped, over more pulses than this in all fewer: this part of them at first, then ever fewer.
 const PRUNED: usize = 6;
+const PRUNED_PULSES: usize = 160;
 const PRUNED_SHARE: usize = 8;
 /// Pulses shorter than this on their typical belts are dropped, m.
 const SHORT_M: f64 = 0.03e-3;
+/// Halvings that find how short a pulse is.
+const HALVINGS: usize = 10;
 /// Targets that moved less than this part of the steps move the subgoals; others end the sequence.
 const MOVED: f64 = 0.5;
 /// What the time figure leaves of the steps, root mean square, mm.
@@ -145,7 +149,7 @@ impl RotationPlanner {
     /// bound, since flows change on the way. `None` where the library cannot make the steps.
     pub fn least_time_s(&self, parts: &[PartState]) -> Option<f64> {
         let steps_mm = steps_mm(parts.iter().map(|part| part.step_m));
-        let columns = Columns::all(&self.belts, parts, f64::INFINITY);
+        let columns = Columns::all(&self.belts, parts, f64::INFINITY, Grain::Coarse);
         let leave_mm = FIGURE_LEFT_MM * (parts.len() as f64).sqrt();
         if steps_mm.iter().map(|v| v * v).sum::<f64>().sqrt() <= leave_mm {
             return Some(0.0);
@@ -187,12 +191,12 @@ impl RotationPlanner {
         let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
         let mut share = (way_m / largest_m).min(1.0);
         let (mut best, mut limit): (Option<Candidate>, _) = (None, Limit::Unreachable);
-        let mut tightened = 1.0;
+        let (mut tightened, mut grain) = (1.0, Grain::Coarse);
         for _ in 0..ATTEMPTS {
             let mut subgoals_m: Vec<Vec2> = parts.iter().map(|p| p.position_m + p.step_m * share).collect();
             room.spread_out(&mut subgoals_m, targets_m);
             let rms_m = rms_m(parts.iter().zip(&subgoals_m).map(|(p, goal)| goal - p.position_m));
-            let candidate = self.sequence(parts, targets_m, (subgoals_m, tightened), room);
+            let candidate = self.sequence(parts, targets_m, (subgoals_m, tightened, grain), room);
             if let Some(candidate) = candidate {
                 let left = candidate.refined.left_m / (parts.len() as f64).sqrt() / rms_m;
                 let whole = candidate.safe == candidate.refined.pulses.len();
@@ -212,7 +216,9 @@ impl RotationPlanner {
                     break;
                 }
             }
-            if rms_m < SMALL_M {
+            if grain == Grain::Coarse {
+                grain = Grain::Fine;
+            } else if rms_m < SMALL_M {
                 tightened *= TIGHTEN;
             } else {
                 share *= 0.5;
@@ -228,7 +234,7 @@ impl RotationPlanner {
         &mut self,
         parts: &[PartState],
         targets_m: &[Vec2],
-        (subgoals_m, tightened): (Vec<Vec2>, f64),
+        (subgoals_m, tightened, grain): (Vec<Vec2>, f64, Grain),
         room: &Room,
     ) -> Option<Candidate> {
         let steps_m: Vec<Vec2> = parts.iter().zip(&subgoals_m).map(|(p, goal)| goal - p.position_m).collect();
@@ -236,11 +242,12 @@ impl RotationPlanner {
         let alone = parts.len() == 1;
         let (most, near_m) = if alone { (LEAVE_ALONE, NEAR_ALONE_M) } else { (LEAVE, NEAR_M) };
         let want_m = tightened * near_m.min(NEAREST * rms_m).max(most * rms_m);
-        let pulses = self.program(parts, &steps_m, rms_m, want_m)?;
+        let pulses = self.program(parts, &steps_m, want_m, grain)?;
         let motions: Vec<_> = pulses.iter().map(|&pulse| self.belts.motion(pulse)).collect();
         let pulses = order(&motions, parts, &steps_m, room).into_iter().map(|k| pulses[k]).collect();
         let first = Refined::of(&self.belts, pulses, parts, &subgoals_m, room);
-        let refined = first.refined(&self.belts, parts, &subgoals_m, room, (NEW_ROUNDS, want_m));
+        let rounds = (NEW_PULSES / first.pulses.len().max(1)).clamp(1, NEW_ROUNDS);
+        let refined = first.refined(&self.belts, parts, &subgoals_m, room, (rounds, want_m));
         let refined = self.pruned(refined, parts, &subgoals_m, room, want_m);
         if refined.pulses.is_empty() {
             return None;
@@ -253,19 +260,20 @@ impl RotationPlanner {
 
     /// Pulses that make `steps_m` in the least time: the relaxed program, its counts made whole, and once more over the pulses
     /// that came of it.
-    fn program(&mut self, parts: &[PartState], steps_m: &[Vec2], rms_m: f64, want_m: f64) -> Option<Vec<Pulse>> {
+    fn program(&mut self, parts: &[PartState], steps_m: &[Vec2], want_m: f64, grain: Grain) -> Option<Vec<Pulse>> {
+        let rms_m = rms_m(steps_m.iter().copied());
         let steps_mm = steps_mm(steps_m.iter().copied());
         let leave_mm = TIGHTER * 1e3 * want_m * (parts.len() as f64).sqrt();
-        let columns = Columns::all(&self.belts, parts, rms_m);
+        let columns = Columns::all(&self.belts, parts, rms_m, grain);
         let first = LeastTime::solve(&columns, &steps_mm, leave_mm, &self.prices)?;
         self.prices.clone_from(&first.prices);
-        let (mut whole, mut counts) = self.whole(&columns, &first.counts);
+        let (mut whole, mut counts) = self.whole(parts, &columns, &first.counts);
         let more = best_paying(&columns, &first.prices, 3 * steps_mm.len(), 0.0).into_iter();
         let halves = more.map(|j| Pulse { way_m: 0.5 * columns.pulses[j].way_m, ..columns.pulses[j] });
         let second = Columns::of(&self.belts, parts, whole.iter().copied().chain(halves));
         let all: Vec<usize> = (0..second.len()).collect();
         if let Some(found) = LeastTime::over(&second, &all, &steps_mm, leave_mm) {
-            (whole, counts) = self.whole(&second, &found.counts);
+            (whole, counts) = self.whole(parts, &second, &found.counts);
         }
         let pulses = whole.into_iter().zip(counts).filter(|(pulse, _)| pulse.way_m.abs() > SHORT_M);
         let pulses: Vec<Pulse> = pulses.flat_map(|(pulse, count)| std::iter::repeat_n(pulse, count)).collect();
@@ -273,16 +281,33 @@ impl RotationPlanner {
     }
 
     /// Whole pulses for relaxed counts: less than one is a shorter pulse, more are several alike, never one longer.
-    fn whole(&self, columns: &Columns, counts: &[f64]) -> (Vec<Pulse>, Vec<usize>) {
+    fn whole(&self, parts: &[PartState], columns: &Columns, counts: &[f64]) -> (Vec<Pulse>, Vec<usize>) {
         let used = counts.iter().enumerate().filter(|(_, count)| **count > 0.02);
         let whole = used.map(|(j, &count)| {
-            let pulse = columns.pulses[j];
             let copies = (count - 0.05).ceil().max(1.0);
-            let (low_m, high_m) = self.belts.range_m(pulse.belt);
-            let way_m = (pulse.way_m.abs() * count / copies).clamp(low_m, high_m);
-            (Pulse { way_m: way_m.copysign(pulse.way_m), ..pulse }, copies as usize)
+            (self.shortened(parts, columns, j, count / copies), copies as usize)
         });
         whole.unzip()
+    }
+
+    /// The pulse of column `j` made so short that it does `share` of what the column does. Friction holds the slowest belts of a
+    /// weak pulse, so that its way is no measure of that.
+    fn shortened(&self, parts: &[PartState], columns: &Columns, j: usize, share: f64) -> Pulse {
+        let (pulse, column) = (columns.pulses[j], columns.column(j));
+        let with_way = |way_m: f64| Pulse { way_m: way_m.copysign(pulse.way_m), ..pulse };
+        let does = |way_m: f64| {
+            let motion = self.belts.motion(with_way(way_m));
+            let moves = parts.iter().map(|part| 1e3 * (motion.carry(part.position_m, part.gain).0 - part.position_m));
+            moves.zip(column.chunks_exact(2)).map(|(by, c)| by.x * c[0] + by.y * c[1]).sum::<f64>()
+        };
+        let wanted = share * column.iter().map(|v| v * v).sum::<f64>();
+        let (mut low_m, mut high_m) = self.belts.range_m(pulse.belt);
+        high_m = high_m.min(pulse.way_m.abs());
+        for _ in 0..HALVINGS {
+            let middle_m = 0.5 * (low_m + high_m);
+            if does(middle_m) < wanted { low_m = middle_m } else { high_m = middle_m }
+        }
+        with_way(high_m)
     }
 
     /// Drops the shortest pulses while the sequence stays as good.
@@ -294,7 +319,8 @@ impl RotationPlanner {
         let enough_m = (1.1 * want_m * (parts.len() as f64).sqrt()).max(1.02 * best.left_m);
         let tolerated_m = best.broken_m().max(0.3e-3);
         let mut dropped = (best.pulses.len() / PRUNED_SHARE).max(1);
-        for _ in 0..PRUNED {
+        let times = (PRUNED_PULSES / best.pulses.len().max(1)).clamp(1, PRUNED);
+        for _ in 0..times {
             if best.pulses.len() <= dropped {
                 break;
             }

@@ -1,5 +1,6 @@
 mod closed_loop;
 mod forecast;
+mod near_center;
 mod planner;
 mod program;
 

@@ -98,7 +98,7 @@ proptest! {
     #[test]
     fn slopes_of_a_sequence_agree_with_differences(seed in 0u64..1000, changed in 0usize..6) {
         let (belts, parts) = (belts(), scene(3, 5e-3, seed));
-        let usable = belts.usable(parts.iter().map(|part| (part.position_m, part.radius_m)));
+        let usable = belts.usable(parts.iter().map(|part| (part.position_m, part.radius_m)), 0.8);
         let pulse = |k: usize| Pulse {
             belt: usable[(37 * k + seed as usize) % usable.len()],
             way_m: if k.is_multiple_of(2) { 2e-3 } else { -3e-3 },

@@ -1,0 +1,82 @@
+//! The forecast of a disc near a centre of rotation against a disc made of patches, each with Coulomb's friction of its own.
+
+use std::f64::consts::TAU;
+
+use crate::fixture::library;
+use crate::pump::{Discs, LANES, Pump};
+use upm_core::geometry::{Vec2, perp};
+use upm_core::signal::Envelope;
+use upm_core::units::GRAVITY_MPS2;
+use upm_library::Library;
+
+const FRICTION: f64 = 0.3;
+const RADIUS_M: f64 = 9.53e-3;
+/// Rings of the disc, and patches in each.
+const RINGS: usize = 8;
+const PATCHES: usize = 24;
+/// Step of the integration, s; slip below which friction fades, m/s; and time that the disc is left to come to rest, s.
+const STEP_S: f64 = 2e-6;
+const FADES_MPS: f64 = 2e-4;
+const REST_S: f64 = 0.06;
+
+/// Patches of equal area, in the middle of theirs, m.
+fn patches() -> Vec<Vec2> {
+    let ring_m = |ring: usize| RADIUS_M * ((ring as f64 + 0.5) / RINGS as f64).sqrt();
+    let patch = |k: usize| {
+        let (sin, cos) = (TAU * (k % PATCHES) as f64 / PATCHES as f64).sin_cos();
+        ring_m(k / PATCHES) * Vec2::new(cos, sin)
+    };
+    (0..RINGS * PATCHES).map(patch).collect()
+}
+
+/// Where the disc ends that starts at the origin of a belt of `speed_mps` along x on a plate that spins at `spin_radps`, m.
+fn end_in_belt(library: &Library, (speed_mps, spin_radps): (f64, f64), sustain_s: f64) -> Vec2 {
+    let (radps, delay_s) = (library.base_radps, library.envelope_delay_s());
+    let envelope = Envelope { attack_s: library.attack_s, sustain_s, rest_s: 0.0 };
+    let length_s = 2.0 * library.attack_s + sustain_s + delay_s;
+    let patches = patches();
+    let (mut at, mut velocity, mut turning_radps) = (Vec2::zeros(), Vec2::zeros(), 0.0);
+    for k in 0..((length_s + REST_S) / STEP_S) as usize {
+        let t_s = (k as f64 + 0.5) * STEP_S;
+        let wave = (radps * t_s).sin() + 0.5 * (2.0 * radps * t_s).cos();
+        let integral = ((2.0 * radps * t_s).sin() / 4.0 - (radps * t_s).cos()) / radps;
+        let shape = envelope.at(t_s - delay_s) * wave + envelope.slope(t_s - delay_s) * integral;
+        let (mut force, mut torque) = (Vec2::zeros(), 0.0);
+        for arm in &patches {
+            let plate = (Vec2::new(speed_mps, 0.0) + perp(at + arm) * spin_radps) * shape;
+            let slip = plate - velocity - perp(*arm) * turning_radps;
+            let pull = slip / slip.norm().max(FADES_MPS);
+            force += pull;
+            torque += arm.perp(&pull);
+        }
+        let per_patch = FRICTION * GRAVITY_MPS2 * STEP_S / patches.len() as f64;
+        velocity += force * per_patch;
+        turning_radps += 2.0 * torque * per_patch / (RADIUS_M * RADIUS_M);
+        at += velocity * STEP_S;
+    }
+    at
+}
+
+/// From a centre under the disc's rim to one far away, short and long: within a hundredth of the way and 5 µm.
+#[test]
+fn a_disc_near_a_center_goes_as_its_patches_pull_it() {
+    let library = library();
+    let pump = Pump::of(&library);
+    let arms_m = [6e-3, 9e-3, 14e-3, 25e-3, 60e-3, 1.0, 1.0, 1.0];
+    let spin_radps: f64 = 18.0;
+    for sustains in [0, 7, 24] {
+        let discs = Discs {
+            speed_mps: arms_m.map(|arm_m: f64| (spin_radps * arm_m).min(1.2)),
+            spin_radps: [spin_radps; LANES],
+            friction: [FRICTION; LANES],
+            radius_m: RADIUS_M,
+        };
+        let found = pump.travels(&discs, sustains + 1)[sustains];
+        for (lane, arm_m) in arms_m.iter().enumerate().take(6) {
+            let sustain_s = sustains as f64 * pump.sustain_step_s();
+            let end_m = end_in_belt(&library, (discs.speed_mps[lane], spin_radps), sustain_s);
+            let off_m = (Vec2::new(found[lane].along_m, found[lane].across_m) - end_m).norm();
+            assert!(off_m < 0.01 * end_m.norm() + 5e-6, "{sustains} sustains, {arm_m} m: {off_m}");
+        }
+    }
+}
