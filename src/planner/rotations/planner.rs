@@ -247,7 +247,9 @@ impl RotationPlanner {
         let pulses = order(&motions, parts, &steps_m, room).into_iter().map(|k| pulses[k]).collect();
         let first = Refined::of(&self.belts, pulses, parts, &subgoals_m, room);
         let rounds = (NEW_PULSES / first.pulses.len().max(1)).clamp(1, NEW_ROUNDS);
-        let refined = first.refined(&self.belts, parts, &subgoals_m, room, (rounds, want_m));
+        // one part can go where it should exactly, by the pulses that it has
+        let aim_m = if alone { near_m } else { want_m };
+        let refined = first.refined(&self.belts, parts, &subgoals_m, room, (rounds, aim_m));
         let refined = self.pruned(refined, parts, &subgoals_m, room, want_m);
         if refined.pulses.is_empty() {
             return None;
