@@ -25,8 +25,8 @@ use upm_library::Library;
 pub(crate) const LANES: usize = 8;
 /// Steps in a period of the drive.
 const STEPS: usize = 60;
-/// Sustains of the table in a period.
-const BETWEEN: usize = 12;
+/// Steps from one sustain of the table to the next.
+const BETWEEN: usize = STEPS / 12;
 /// Steps of the pulse in one of the coasting after it, and the most of these.
 const COASTING: f64 = 4.0;
 const MOST_COASTING: usize = 400;
@@ -84,38 +84,50 @@ impl Pump {
     /// Time from one sustain to the next, s. The phase in which a pulse ends makes up to a tenth of the distance: a twelfth
     /// of a period follows that.
     pub fn sustain_step_s(&self) -> f64 {
-        self.step_s * (STEPS / BETWEEN) as f64
+        self.step_s * BETWEEN as f64
     }
 
-    /// Where `discs` end after pulses of `count` sustains 0, 1, 2, … steps: `[sustain][disc]`.
-    pub fn travels(&self, discs: &Discs, count: usize) -> Vec<[Travel; LANES]> {
-        let attack = ((self.attack_s + self.delay_s) / self.step_s).ceil() as usize;
-        let between = STEPS / BETWEEN;
-        let mut at_full = vec![State::default()];
-        let longest =
-            Envelope { attack_s: self.attack_s, sustain_s: (count * between) as f64 * self.step_s, rest_s: 0.0 };
-        let mut state = at_full.remove(0);
-        let belts = Belts::of(discs, self.step_s);
-        for k in 0..attack + count.saturating_sub(1) * between {
-            if k >= attack && (k - attack).is_multiple_of(between) {
-                at_full.push(state);
-            }
-            state = belts.step(state, self.shapes(k, &longest));
-        }
-        at_full.push(state);
-        let end = |(k, state): (usize, State)| {
-            let sustain_s = (k * between) as f64 * self.step_s;
-            let envelope = Envelope { sustain_s, ..longest };
-            let from = attack + k * between;
-            let state = (from..from + attack).fold(state, |state, k| belts.step(state, self.shapes(k, &envelope)));
-            belts.rest(state)
+    /// Where each of `sets` ends after pulses of `count` sustains 0, 1, 2, … steps: `[set][sustain][disc]`.
+    pub fn travels(&self, sets: &[Discs], count: usize) -> Vec<Vec<[Travel; LANES]>> {
+        let rise = self.shapes(0, self.flank() + count.saturating_sub(1) * BETWEEN, count * BETWEEN);
+        let falls: Vec<Vec<f64>> = (0..count).map(|k| self.fall(k * BETWEEN)).collect();
+        let ends = |discs: &Discs| {
+            let belts = Belts::of(discs, self.step_s);
+            let (mut state, mut risen) = (State::default(), 0);
+            let end = |(k, fall): (usize, &Vec<f64>)| {
+                let until = self.flank() + k * BETWEEN;
+                state = belts.played(state, &rise[risen..=until]);
+                risen = until;
+                belts.rest(belts.played(state, fall))
+            };
+            falls.iter().enumerate().map(end).collect()
         };
-        at_full.into_iter().take(count).enumerate().map(end).collect()
+        sets.iter().map(ends).collect()
     }
 
-    /// f before and after step `k`.
-    fn shapes(&self, k: usize, envelope: &Envelope) -> [f64; 2] {
-        [k, k + 1].map(|k| self.shape(k as f64 * self.step_s, envelope))
+    /// Where `discs` end after a pulse with a sustain of this many steps of the table.
+    pub fn travel(&self, discs: &Discs, sustain: usize) -> [Travel; LANES] {
+        let (belts, sustain) = (Belts::of(discs, self.step_s), sustain * BETWEEN);
+        let state = belts.played(State::default(), &self.shapes(0, self.flank() + sustain, sustain));
+        belts.rest(belts.played(state, &self.fall(sustain)))
+    }
+
+    /// Steps of a flank, the envelope's delay included.
+    fn flank(&self) -> usize {
+        ((self.attack_s + self.delay_s) / self.step_s).ceil() as usize
+    }
+
+    /// f from the end of the sustain to the end of the pulse.
+    fn fall(&self, sustain: usize) -> Vec<f64> {
+        let from = self.flank() + sustain;
+        self.shapes(from, from + self.flank(), sustain)
+    }
+
+    /// f before, between and after steps `from` to `to` of a pulse with a sustain of so many.
+    fn shapes(&self, from: usize, to: usize, sustain: usize) -> Vec<f64> {
+        let sustain_s = sustain as f64 * self.step_s;
+        let envelope = Envelope { attack_s: self.attack_s, sustain_s, rest_s: 0.0 };
+        (from..=to).map(|k| self.shape(k as f64 * self.step_s, &envelope)).collect()
     }
 
     /// f at `t_s`.
@@ -152,6 +164,11 @@ impl Belts {
             dt,
             friction: DiscFriction::shared(),
         }
+    }
+
+    /// The discs after the steps between these f.
+    fn played(&self, state: State, shapes: &[f64]) -> State {
+        shapes.windows(2).fold(state, |state, f| self.step(state, [f[0], f[1]]))
     }
 
     #[inline]

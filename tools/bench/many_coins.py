@@ -6,7 +6,7 @@ usage: many_coins.py [--seeds 20] [--jobs 2] [--only NAME ...] [--planner synthe
 
 Every run is the whole loop on upm-2: each frame at 60/s rendered and looked at, parts' friction spread by --spread (its
 relative standard deviation), starts at random. Targets of the arrange jobs, starts of swap-2 and ring-6 are drawn by the
-seed. Prints a line a run, then three tables, the last one in Markdown:
+seed. The dense jobs (row-6-22 and so on) run when they are named. Prints a line a run, then three tables, the last one in Markdown:
 
   jobs        --seeds runs of each job, --jobs at once, and the bars that they miss. Prediction errors and speed are medians
               over the runs; speed is that of --jobs runs at once.
@@ -93,6 +93,22 @@ def ring(rng):
     return parts, {"type": "arrange", "targets_mm": places[1:] + places[:1], "assignment": "fixed"}
 
 
+def placed(targets_mm):
+    """Pennies from random starts to these places."""
+    return lambda _: ([{"kind": "penny", "count": len(targets_mm)}], {"type": "arrange", "targets_mm": targets_mm})
+
+
+def grid(columns, rows, pitch_mm):
+    """Places about the middle of the plate, row by row."""
+    middle = (columns - 1) / 2, (rows - 1) / 2
+    return [[pitch_mm * (column - middle[0]), pitch_mm * (row - middle[1])] for row in range(rows) for column in range(columns)]
+
+
+def octagon(radius_mm):
+    angles = [k * math.pi / 4 for k in range(8)]
+    return [[radius_mm * math.cos(angle), radius_mm * math.sin(angle)] for angle in angles]
+
+
 def scattered(rng, count, apart_mm):
     """Places at random, `apart_mm` apart, where even a quarter's rim is MARGIN_MM inside the edge of upm-2."""
     side_mm = json.loads((ROOT / "configs/rigs/upm-2.json").read_text())["plate"]["side_mm"]
@@ -129,6 +145,16 @@ JOBS = {
     "ring-6": Job(ring, most={"collisions": 0}),
     "bowtie-3": Job(shipped("bowtie-3"), most={"phase_error_max": 0.05, "cross_track_rms_mm": 1.5}, limit_s=900.0),
 }
+# places that leave little between the pennies (19 mm); no bars, and run when they are named
+DENSE = {
+    "row-6-22": Job(placed(grid(6, 1, 22.0)), share=0.0),
+    "row-8-22": Job(placed(grid(8, 1, 22.0)), share=0.0),
+    "octagon-8": Job(placed(octagon(32.0)), share=0.0),
+    "grid-9-24": Job(placed(grid(3, 3, 24.0)), share=0.0, limit_s=600.0),
+    "grid-12-25": Job(placed(grid(4, 3, 25.0)), share=0.0, limit_s=600.0),
+    "grid-12-32": Job(placed(grid(4, 3, 32.0)), share=0.0, limit_s=600.0),
+}
+JOBS |= DENSE
 
 
 @dataclass
@@ -324,7 +350,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--jobs", type=int, default=2, help="runs at once")
-    parser.add_argument("--only", nargs="+", choices=JOBS, default=list(JOBS), metavar="NAME")
+    parser.add_argument("--only", nargs="+", choices=JOBS, default=[name for name in JOBS if name not in DENSE], metavar="NAME")
     parser.add_argument("--planner", choices=PLANNERS, default="synthesized_field")
     parser.add_argument("--spread", type=float, default=0.1, help="relative standard deviation of friction from part to part")
     parser.add_argument("--alone", type=int, default=5, help="runs of the timed jobs, 0 for none")

@@ -56,13 +56,12 @@ impl BeltTable {
         let sustain_step_s = pump.sustain_step_s();
         let sustains = (longest_s / sustain_step_s).ceil() as usize + 1;
         let spin_radps = SPINS.map(|part| part * most_spin);
-        let mut travels = Vec::with_capacity(SPEEDS * sustains);
-        for i in 0..SPEEDS {
-            let speed_mps = (first_ln + step_ln * i as f64).exp();
-            let discs =
-                Discs { speed_mps: [speed_mps; LANES], spin_radps, friction: [friction; LANES], radius_m: RADIUS_M };
-            travels.extend(pump.travels(&discs, sustains));
-        }
+        let discs = |i: usize| {
+            let speed_mps = [(first_ln + step_ln * i as f64).exp(); LANES];
+            Discs { speed_mps, spin_radps, friction: [friction; LANES], radius_m: RADIUS_M }
+        };
+        let sets: Vec<Discs> = (0..SPEEDS).map(discs).collect();
+        let travels = pump.travels(&sets, sustains).concat();
         let mut table = Self { first_ln, step_ln, spin_radps, sustain_step_s, sustains, travels };
         table.correct(library);
         table

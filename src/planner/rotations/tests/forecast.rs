@@ -13,7 +13,7 @@ use upm_core::geometry::{Twist, Vec2};
 /// Travel of a point on belts of these speeds after a sustain of `steps`, m.
 fn travels_m(speed_mps: [f64; LANES], steps: usize) -> [f64; LANES] {
     let discs = Discs { speed_mps, spin_radps: [0.0; LANES], friction: [0.3; LANES], radius_m: 0.0 };
-    Pump::of(&library()).travels(&discs, steps + 1)[steps].map(|travel| travel.along_m)
+    Pump::of(&library()).travel(&discs, steps).map(|travel| travel.along_m)
 }
 
 /// While the part is slow against the belt, d = ½ · 0.2386 · 1.2386 · μ g (S + 2A)² (equation sheet, section 1): a long
@@ -53,7 +53,7 @@ fn friction_is_found_again_from_a_table_that_it_made() {
     let row = |&speed: &f64| -> Vec<f64> {
         let discs =
             Discs { speed_mps: [speed; LANES], spin_radps: [0.0; LANES], friction: [0.24; LANES], radius_m: 0.0 };
-        let ends = pump.travels(&discs, 76);
+        let ends = pump.travels(&[discs], 76).remove(0);
         (0..26).map(|k| ends[3 * k][0].along_m.max(0.0)).collect()
     };
     made.displacement.distance_m = made.displacement.speed_mps.iter().map(row).collect();

@@ -71,7 +71,7 @@ fn a_disc_near_a_center_goes_as_its_patches_pull_it() {
             friction: [FRICTION; LANES],
             radius_m: RADIUS_M,
         };
-        let found = pump.travels(&discs, sustains + 1)[sustains];
+        let found = pump.travel(&discs, sustains);
         for (lane, arm_m) in arms_m.iter().enumerate().take(6) {
             let sustain_s = sustains as f64 * pump.sustain_step_s();
             let end_m = end_in_belt(&library, (discs.speed_mps[lane], spin_radps), sustain_s);
