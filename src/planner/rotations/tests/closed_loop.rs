@@ -1,5 +1,7 @@
 //! Whole tasks closed over the planner: parts go as forecast with a friction of their own that nobody tells it, and scatter.
 
+use std::f64::consts::PI;
+
 use rand::RngExt as _;
 
 use super::planner;
@@ -21,12 +23,18 @@ fn away_m(parts: &[PartState]) -> f64 {
     parts.iter().map(|part| part.step_m.norm_squared()).sum::<f64>().sqrt()
 }
 
-/// Random starts to random targets (nearest first), to 0.5 mm: every cycle has a plan, gaps stay open, and the parts are
-/// nearer after every twenty cycles. Number of pulses.
+/// Random starts to random targets.
 fn arrives(count: usize, seed: u64) -> usize {
     let mut rng = Streams::new(seed).numbered("loop", count as u64);
-    let mut at_m = scatter(count, &mut || rng.random());
-    let mut places_m = scatter(count, &mut || rng.random());
+    let starts_m = scatter(count, &mut || rng.random());
+    let places_m = scatter(count, &mut || rng.random());
+    arrives_at(places_m, starts_m, rng)
+}
+
+/// From `starts_m` to these places (nearest first), to 0.5 mm: every cycle has a plan, gaps stay open, and the parts are
+/// nearer after every twenty cycles. Number of pulses.
+fn arrives_at(mut places_m: Vec<Vec2>, starts_m: Vec<Vec2>, mut rng: Rng) -> usize {
+    let (count, mut at_m) = (starts_m.len(), starts_m);
     let targets_m: Vec<Vec2> = at_m
         .iter()
         .map(|p| {
@@ -46,11 +54,11 @@ fn arrives(count: usize, seed: u64) -> usize {
             return pulses;
         }
         if cycle % 20 == 0 {
-            assert!(away_m(&seen) < twenty_before_m, "{count} parts, seed {seed}, cycle {cycle}");
+            assert!(away_m(&seen) < twenty_before_m, "{count} parts, cycle {cycle}");
             twenty_before_m = away_m(&seen);
         }
         let plan = planner.plan(&seen);
-        assert_eq!(plan.status, PlanStatus::Solved, "{count} parts, seed {seed}, cycle {cycle}");
+        assert_eq!(plan.status, PlanStatus::Solved, "{count} parts, cycle {cycle}");
         for pulse in rotations(&plan) {
             let truth: Vec<PartState> = (0..count).map(|i| state(i, gains[i], at_m[i])).collect();
             let after_m = planner.forecast(&truth, pulse);
@@ -59,14 +67,11 @@ fn arrives(count: usize, seed: u64) -> usize {
             }
             pulses += 1;
             for i in 0..count {
-                assert!(
-                    (0..i).all(|j| (at_m[i] - at_m[j]).norm() > 2.0 * PENNY_M),
-                    "{count} parts, seed {seed}: a touch"
-                );
+                assert!((0..i).all(|j| (at_m[i] - at_m[j]).norm() > 2.0 * PENNY_M), "{count} parts: a touch");
             }
         }
     }
-    panic!("{count} parts, seed {seed}: not there after 300 cycles");
+    panic!("{count} parts: not there after 300 cycles");
 }
 
 #[test]
@@ -81,4 +86,16 @@ fn one_two_and_four_parts_arrive() {
 fn eight_parts_arrive() {
     let pulses: Vec<usize> = (0..2).map(|seed| arrives(8, seed)).collect();
     eprintln!("8 parts: {pulses:?} pulses");
+}
+
+/// Pennies 5 mm apart in a row and on a hexagon: what parts them is no more than the second order of long pulses.
+#[test]
+fn dense_places_are_reached() {
+    let row = |k: usize| Vec2::new(24e-3 * (k as f64 - 2.5), 0.02);
+    let hexagon = |k: usize| 24e-3 * Vec2::new((k as f64 * PI / 3.0).cos(), (k as f64 * PI / 3.0).sin());
+    for (seed, places_m) in [(1, (0..6).map(row).collect::<Vec<_>>()), (2, (0..6).map(hexagon).collect())] {
+        let mut rng = Streams::new(seed).stream("dense");
+        let starts_m = scatter(6, &mut || rng.random());
+        eprintln!("seed {seed}: {} pulses", arrives_at(places_m, starts_m, rng));
+    }
 }
