@@ -5,7 +5,7 @@
 //! the face that depend on the slip ratio `e = v/(R w)` alone: `F = μ N f(e)`, `T = μ N R t(e)`.
 //! Seen from the point about which the disc turns at this instant (at distance eR from its centre) slip is
 //! perpendicular to the radius vector, the radial integral is elementary, and one over the angle remains
-//! (`[f, t]` in [`Ratio::integrals`]). They are the complete elliptic integrals of Farkas, Bartels, Unger, Wolf,
+//! (`[f, t]` in `Ratio::integrals`). They are the complete elliptic integrals of Farkas, Bartels, Unger, Wolf,
 //! Phys. Rev. Lett. 90, 248302 (2003):
 //!
 //! ```text
