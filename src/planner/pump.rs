@@ -166,7 +166,7 @@ impl Belts {
         }
     }
 
-    /// The discs after the steps between these f.
+    /// State after one step for each pair of neighbouring values of f.
     fn played(&self, state: State, shapes: &[f64]) -> State {
         shapes.windows(2).fold(state, |state, f| self.step(state, [f[0], f[1]]))
     }
@@ -181,10 +181,10 @@ impl Belts {
         State { x: x + u * self.dt, y: y + v * self.dt, u, v, rim }
     }
 
-    /// What `dt` of friction makes of the disc's motion on a plate that moves so before and after it.
+    /// State after `dt` of friction, for the plate's velocity under the disc before and after it.
     ///
-    /// Friction has the direction of the mean slip and is as large as if the slip had the mean size: where it turns round in
-    /// between, the two pulls cancel but for the rest.
+    /// Second order in `dt`: friction points along the mean slip and is scaled by the mean of the two slip speeds, so that it
+    /// averages out where the slip reverses within the step.
     #[inline]
     fn dragged(&self, state: State, plates: [(Lanes, Lanes, Lanes); 2], dt: f64) -> State {
         let slips = plates.map(|(u, v, rim)| (u - state.u, v - state.v, rim - state.rim));

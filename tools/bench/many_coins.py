@@ -6,13 +6,15 @@ usage: many_coins.py [--seeds 20] [--jobs 2] [--only NAME ...] [--planner synthe
 
 Every run is the whole loop on upm-2: each frame at 60/s rendered and looked at, parts' friction spread by --spread (its
 relative standard deviation), starts at random. Targets of the arrange jobs, starts of swap-2 and ring-6 are drawn by the
-seed. The dense jobs (row-6-22 and so on) run when they are named. Prints a line a run, then three tables, the last one in Markdown:
+seed. The dense jobs (row-6-22 and so on) run when they are named. Prints a line a run, then three tables, the last one in
+Markdown:
 
   jobs        --seeds runs of each job, --jobs at once, and the bars that they miss. Prediction errors and speed are medians
               over the runs; speed is that of --jobs runs at once.
   alone       --alone runs of arrange-8 and arrange-16 one at a time on one core, of arrange-8 with recording too (with
-              rotations of arrange-16, on one core and on all): planning times and the speed of the whole. The p99 of planning is over the cycles of all runs; that of the worst run
-              is told beside it, which with fewer than 100 cycles in a run is its longest.
+              rotations of arrange-16, on one core and on all): planning times and the speed of the whole. The p99 of planning
+              is over the cycles of all runs; that of the worst run is told beside it, which with fewer than 100 cycles in a
+              run is its longest.
   comparison  the arrange jobs beside what others reported: --compare runs with each of the other planners, from the same
               starts to the same targets. In it a run of more than --compare-limit s of plate time is not done, whosever it is.
 
@@ -312,11 +314,12 @@ def alone(bench, names, planner, seeds):
     recorded, bar = (ROTATION_RECORDED, ROTATION_RECORDED_SPEED) if planner == ROTATIONS else (RECORDED, RECORDED_SPEED)
     if recorded in names:
         # a recording is written beside the loop: rotations are held to their bar as people run them, on all cores
-        for cores in ("one core",) if planner != ROTATIONS else ("one core", "all cores"):
-            pinned = cores == "one core"
-            reports = [bench.run(recorded, planner, seed, rerun="save", one_core=pinned) for seed in range(1, seeds + 1)]
+        barred = "all cores" if planner == ROTATIONS else "one core"
+        for cores in sorted({"one core", barred}, reverse=True):
+            one_core = cores == "one core"
+            reports = [bench.run(recorded, planner, seed, rerun="save", one_core=one_core) for seed in range(1, seeds + 1)]
             found = [times for times in map(speed, reports) if times]
-            held = pinned == (planner != ROTATIONS)
+            held = cores == barred
             print(f"{recorded:11} with recording on {cores} {speeds(reports)}{f', bar {bar:g}' if held else ''}", flush=True)
             if held and (not found or statistics.median(found) < bar):
                 yield f"{recorded}: with recording on {cores} {speeds(reports)}, bar {bar:g}"

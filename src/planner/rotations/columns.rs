@@ -8,17 +8,17 @@ use upm_core::geometry::Vec2;
 const LEVELS_M: [f64; 13] =
     [25e-3, 16e-3, 10e-3, 7e-3, 5e-3, 3.5e-3, 2.5e-3, 1.7e-3, 1.2e-3, 0.8e-3, 0.55e-3, 0.35e-3, 0.24e-3];
 
-/// Which pulses a sequence is made of.
+/// Lengths and centres of the candidate pulses of a sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Grain {
+pub(super) enum PulseScale {
     /// Pulses up to the length of the steps: least time.
     Coarse,
-    /// Pulses much shorter than the steps, and centres among the parts. Where parts stand close, the pulses that part them
-    /// cancel but for a little, and the second order of long ones is more than that.
+    /// Pulses much shorter than the steps, and centres among the parts. Pulses that separate parts close together nearly
+    /// cancel, and the second-order terms of long pulses exceed the remainder.
     Fine,
 }
 
-impl Grain {
+impl PulseScale {
     /// Candidates are at most this many times as long as the root mean square of the steps: long pulses span little more
     /// than rigid motions, and what cancels of them costs more than it moves.
     fn longest(self) -> f64 {
@@ -57,11 +57,11 @@ pub(super) struct Columns {
 
 impl Columns {
     /// Every usable belt both ways at every length that suits steps of `rms_m`.
-    pub fn all(belts: &Belts, parts: &[PartState], rms_m: f64, grain: Grain) -> Self {
+    pub fn all(belts: &Belts, parts: &[PartState], rms_m: f64, scale: PulseScale) -> Self {
         let discs = parts.iter().map(|part| (part.position_m, part.radius_m));
-        let usable = belts.usable(discs, grain.nearest_radii());
-        let (shortest_m, always_m) = grain.shortest_m();
-        let longest_m = (grain.longest() * rms_m).max(always_m);
+        let usable = belts.usable(discs, scale.nearest_radii());
+        let (shortest_m, always_m) = scale.shortest_m();
+        let longest_m = (scale.longest() * rms_m).max(always_m);
         let mut columns = Self { rows: 2 * parts.len(), ..Self::default() };
         for level_m in LEVELS_M.into_iter().filter(|&level_m| shortest_m <= level_m && level_m <= longest_m) {
             for &belt in &usable {

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::belts::{Belts, Pulse};
-use super::columns::{Columns, Grain};
+use super::columns::{Columns, PulseScale};
 use super::least_time::{LeastTime, best_paying};
 use super::order::order;
 use super::refine::Refined;
@@ -149,7 +149,7 @@ impl RotationPlanner {
     /// bound, since flows change on the way. `None` where the library cannot make the steps.
     pub fn least_time_s(&self, parts: &[PartState]) -> Option<f64> {
         let steps_mm = steps_mm(parts.iter().map(|part| part.step_m));
-        let columns = Columns::all(&self.belts, parts, f64::INFINITY, Grain::Coarse);
+        let columns = Columns::all(&self.belts, parts, f64::INFINITY, PulseScale::Coarse);
         let leave_mm = FIGURE_LEFT_MM * (parts.len() as f64).sqrt();
         if steps_mm.iter().map(|v| v * v).sum::<f64>().sqrt() <= leave_mm {
             return Some(0.0);
@@ -191,12 +191,12 @@ impl RotationPlanner {
         let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
         let mut share = (way_m / largest_m).min(1.0);
         let (mut best, mut limit): (Option<Candidate>, _) = (None, Limit::Unreachable);
-        let (mut tightened, mut grain) = (1.0, Grain::Coarse);
+        let (mut tightened, mut scale) = (1.0, PulseScale::Coarse);
         for _ in 0..ATTEMPTS {
             let mut subgoals_m: Vec<Vec2> = parts.iter().map(|p| p.position_m + p.step_m * share).collect();
             room.spread_out(&mut subgoals_m, targets_m);
             let rms_m = rms_m(parts.iter().zip(&subgoals_m).map(|(p, goal)| goal - p.position_m));
-            let candidate = self.sequence(parts, targets_m, (subgoals_m, tightened, grain), room);
+            let candidate = self.sequence(parts, targets_m, (subgoals_m, tightened, scale), room);
             if let Some(candidate) = candidate {
                 let left = candidate.refined.left_m / (parts.len() as f64).sqrt() / rms_m;
                 let whole = candidate.safe == candidate.refined.pulses.len();
@@ -216,8 +216,8 @@ impl RotationPlanner {
                     break;
                 }
             }
-            if grain == Grain::Coarse {
-                grain = Grain::Fine;
+            if scale == PulseScale::Coarse {
+                scale = PulseScale::Fine;
             } else if rms_m < SMALL_M {
                 tightened *= TIGHTEN;
             } else {
@@ -234,7 +234,7 @@ impl RotationPlanner {
         &mut self,
         parts: &[PartState],
         targets_m: &[Vec2],
-        (subgoals_m, tightened, grain): (Vec<Vec2>, f64, Grain),
+        (subgoals_m, tightened, scale): (Vec<Vec2>, f64, PulseScale),
         room: &Room,
     ) -> Option<Candidate> {
         let steps_m: Vec<Vec2> = parts.iter().zip(&subgoals_m).map(|(p, goal)| goal - p.position_m).collect();
@@ -242,7 +242,7 @@ impl RotationPlanner {
         let alone = parts.len() == 1;
         let (most, near_m) = if alone { (LEAVE_ALONE, NEAR_ALONE_M) } else { (LEAVE, NEAR_M) };
         let want_m = tightened * near_m.min(NEAREST * rms_m).max(most * rms_m);
-        let pulses = self.program(parts, &steps_m, want_m, grain)?;
+        let pulses = self.program(parts, &steps_m, want_m, scale)?;
         let motions: Vec<_> = pulses.iter().map(|&pulse| self.belts.motion(pulse)).collect();
         let pulses = order(&motions, parts, &steps_m, room).into_iter().map(|k| pulses[k]).collect();
         let first = Refined::of(&self.belts, pulses, parts, &subgoals_m, room);
@@ -262,11 +262,11 @@ impl RotationPlanner {
 
     /// Pulses that make `steps_m` in the least time: the relaxed program, its counts made whole, and once more over the pulses
     /// that came of it.
-    fn program(&mut self, parts: &[PartState], steps_m: &[Vec2], want_m: f64, grain: Grain) -> Option<Vec<Pulse>> {
+    fn program(&mut self, parts: &[PartState], steps_m: &[Vec2], want_m: f64, scale: PulseScale) -> Option<Vec<Pulse>> {
         let rms_m = rms_m(steps_m.iter().copied());
         let steps_mm = steps_mm(steps_m.iter().copied());
         let leave_mm = TIGHTER * 1e3 * want_m * (parts.len() as f64).sqrt();
-        let columns = Columns::all(&self.belts, parts, rms_m, grain);
+        let columns = Columns::all(&self.belts, parts, rms_m, scale);
         let first = LeastTime::solve(&columns, &steps_mm, leave_mm, &self.prices)?;
         self.prices.clone_from(&first.prices);
         let (mut whole, mut counts) = self.whole(parts, &columns, &first.counts);
@@ -292,8 +292,8 @@ impl RotationPlanner {
         whole.unzip()
     }
 
-    /// The pulse of column `j` made so short that it does `share` of what the column does. Friction holds the slowest belts of a
-    /// weak pulse, so that its way is no measure of that.
+    /// The pulse of column `j`, shortened until its displacement projects to `share` of the column. Its way is no measure of
+    /// that, since parts on the slowest belts of a weak pulse stick.
     fn shortened(&self, parts: &[PartState], columns: &Columns, j: usize, share: f64) -> Pulse {
         let (pulse, column) = (columns.pulses[j], columns.column(j));
         let with_way = |way_m: f64| Pulse { way_m: way_m.copysign(pulse.way_m), ..pulse };

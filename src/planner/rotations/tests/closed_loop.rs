@@ -88,7 +88,7 @@ fn eight_parts_arrive() {
     eprintln!("8 parts: {pulses:?} pulses");
 }
 
-/// Pennies 5 mm apart in a row and on a hexagon: what parts them is no more than the second order of long pulses.
+/// Places with 5 mm between pennies, in a row and on a hexagon, where sequences of long pulses stalled.
 #[test]
 fn dense_places_are_reached() {
     let row = |k: usize| Vec2::new(24e-3 * (k as f64 - 2.5), 0.02);
