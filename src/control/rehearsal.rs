@@ -247,7 +247,8 @@ impl Player<'_> {
 
     /// The ending of a rehearsal that is left off. A job without an end has done what it can by then.
     fn left_off(&self, wanted: &Wanted) -> Ending {
-        let (plate_s, percent) = (self.stage.now().secs(), 100.0 * wanted.progress);
+        // rounded down: what is left off is never all of the way
+        let (plate_s, percent) = (self.stage.now().secs(), (100.0 * wanted.progress).floor());
         if self.params.endless {
             let limit_s = self.params.time_limit_s;
             return Ending::completed(format!(
