@@ -102,6 +102,10 @@ pub struct RunArgs {
     /// What becomes of the Rerun recording: off, save, connect[=URL] or spawn
     #[arg(long, value_name = "MODE", default_value = default_rerun())]
     pub rerun: String,
+    /// Faults of the simulated rig besides the job's, for example coil0:reversed@1.2 or camera:shift=3;0@0.5-2; several by
+    /// comma or again
+    #[arg(long, value_name = "COMPONENT:KIND[=VALUE][@FROM_S[-TO_S]]")]
+    pub faults: Vec<String>,
 }
 
 /// `upm serve`.

@@ -6,7 +6,7 @@ use super::progress::RunProgress;
 use super::summary::print_summary;
 use super::{INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
 use upm_core::time::MonotonicClock;
-use upm_recording::{Keeping, Outcome, RerunMode};
+use upm_recording::{Keeping, Outcome, RerunMode, Verdict};
 use upm_runner::config::JobSpec;
 use upm_runner::run::{RunError, RunOptions, run as run_job};
 
@@ -16,6 +16,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     if let Some(seed) = args.seed {
         job = job.with_seed(seed);
     }
+    job = job.with_faults(&args.faults).map_err(Failure::faults)?;
     let clock = MonotonicClock::new();
     let real_time = args.pace == Pace::RealTime;
     let options = RunOptions {
@@ -39,7 +40,9 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     } else {
         print_summary(&job, &result)?;
     }
+    let is_false = result.report.verdict == Some(Verdict::FalseSuccess);
     Ok(match result.report.outcome {
+        Outcome::Completed if is_false => NOT_REACHED,
         Outcome::Completed => 0,
         Outcome::Failed => NOT_REACHED,
         Outcome::Cancelled => INTERRUPTED,

@@ -1,5 +1,5 @@
 use super::failure::Failure;
-use upm_recording::{Outcome, PlannerReport, PredictionError, Report};
+use upm_recording::{Outcome, PlannerReport, PredictionError, Report, Verdict};
 use upm_runner::config::JobSpec;
 use upm_runner::run::RunResult;
 
@@ -63,6 +63,9 @@ pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
     }
     if let Some(rms) = report.sensing_rms_error_mm {
         rows.push(("sensing error", format!("{rms:.3} mm rms against the truth")));
+    }
+    if report.verdict == Some(Verdict::FalseSuccess) {
+        rows.push(("false success", "the truth says that a part is not at its place".to_owned()));
     }
     if let Some(error) = report.max_error_mm {
         rows.push(("final error", format!("{error:.2} mm at most")));

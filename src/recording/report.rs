@@ -77,6 +77,9 @@ pub struct Report {
     pub outcome: Outcome,
     /// Why, in words.
     pub reason: String,
+    /// Whether the truth agrees that the goal was reached; only on a simulated rig.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
     /// The cause that ended it, where programs tell it apart.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stop: Option<StopReport>,
@@ -126,9 +129,52 @@ pub struct Report {
     pub parts: Vec<PartReport>,
     /// How long things took, µs of wall time.
     pub timing_us: TimingsReport,
+    /// Guards that fired, in the order in which they did.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub guards: Vec<GuardReport>,
+    /// Faults of the simulated rig that began within the run.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<FaultReport>,
     /// What went wrong beside the run itself: a recording that does not hold all of it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
+}
+
+/// What the truth says of an outcome.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The outcome is true.
+    True,
+    /// The run counts as completed, and a part is farther from its target than the tolerance and 0.1 mm.
+    FalseSuccess,
+}
+
+/// A guard that fired.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GuardReport {
+    /// Stable code.
+    pub code: String,
+    /// When, s of plate time.
+    pub at_s: f64,
+    /// What it found and what to check.
+    pub text: String,
+}
+
+/// A fault of the simulated rig.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FaultReport {
+    /// Where.
+    pub component: String,
+    /// What.
+    pub kind: String,
+    /// How much.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub value: Vec<f64>,
+    /// From when, s of plate time.
+    pub from_s: f64,
+    /// Until when, s; `None` for good.
+    pub to_s: Option<f64>,
 }
 
 /// The planner of a run.

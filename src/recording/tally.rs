@@ -1,4 +1,6 @@
-use super::report::{Outcome, PartReport, PlannerReport, PredictionError, Report, StopCode, StopReport};
+use super::report::{
+    FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report, StopCode, StopReport,
+};
 use super::timings::Timings;
 use upm_control::{CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::geometry::Vec2;
@@ -22,6 +24,7 @@ pub struct Tally {
     phase_error_max: Option<f64>,
     off_library: MeanSquare,
     off_learning: MeanSquare,
+    guards: Vec<GuardReport>,
     timings: Timings,
 }
 
@@ -54,6 +57,8 @@ pub struct Ending {
     pub lost_parts: usize,
     /// Every part, in the order of the job.
     pub parts: Vec<PartEnding>,
+    /// Faults of the rig that began within the run.
+    pub faults: Vec<FaultReport>,
 }
 
 /// Deadlines of a run in real time.
@@ -113,6 +118,9 @@ impl Tally {
             });
         }
         Report {
+            verdict: None,
+            guards: self.guards.clone(),
+            faults: ending.faults,
             name: ending.name,
             seed: ending.seed,
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -256,6 +264,7 @@ mod tests {
             laps: 0,
             lost_parts: 0,
             parts,
+            faults: Vec::new(),
         }
     }
 

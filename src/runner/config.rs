@@ -16,6 +16,7 @@ mod bins;
 mod daemon;
 mod document;
 mod fault;
+mod faults;
 mod job;
 mod kinds;
 mod packing;

@@ -6,6 +6,8 @@ mod calibrate;
 mod coverage;
 #[cfg(test)]
 mod endless_tests;
+#[cfg(test)]
+mod fault_tests;
 mod first_frame;
 mod folder;
 mod library;
@@ -23,9 +25,11 @@ mod simulate;
 mod stop_tests;
 mod time_figure;
 mod tolerance;
+mod truth_log;
 mod unwritten;
 #[cfg(test)]
 mod unwritten_tests;
+mod verdict;
 mod verify;
 
 use std::path::PathBuf;
@@ -34,18 +38,21 @@ use std::sync::atomic::AtomicBool;
 
 use crate::config::{Fault, JobSpec};
 use upm_control::{self as control, Devices, Ending, Finish, Sink};
-use upm_core::rig::{Interlock, RigFault};
+use upm_core::rig::{Interlock, Rig, RigFault};
 use upm_core::time::{Clock, PlateTime};
 use upm_library::{Library, LibraryFault};
 use upm_recording::{
-    self as recording, Deadlines, Fanout, Herald, Journal, Keeping, PartEnding, Report, RerunMode, Scribe, StopCode,
-    Tally, tell_recording,
+    self as recording, Deadlines, Fanout, FaultReport, Herald, Journal, Keeping, PartEnding, Report, RerunMode, Scribe,
+    StopCode, Tally, tell_recording,
 };
+use upm_sim::faults::{FaultSpec, Faulty};
 use upm_viewer::{LiveServer, RerunSink, RunContext};
 
 use paced::{Pace, Paced};
 use time_figure::FirstLook;
+use truth_log::TruthLog;
 use unwritten::Unwritten;
+use verdict::verdict;
 
 pub use bench::{Bench, NamedTruth};
 pub use calibrate::{calibrate, calibration_params};
@@ -219,9 +226,10 @@ impl Session<'_> {
         let mut journal = Journal::new(folder.journal(&options.keeping)?, Arc::clone(library));
         let mut tally = Tally::new(Some(bench.truth()));
         let mut recorder = start_recording(options, folder, bench, job, library)?;
+        let mut truth_log = TruthLog::of(bench, folder)?;
         let (mut named, mut first_look) = (NamedTruth::new(bench.truth()), FirstLook::default());
         let mut sinks = Fanout::new().with(&mut named).with(&mut first_look).with(&mut journal);
-        sinks = sinks.with(&mut tally).with(&mut recorder).with(watcher);
+        sinks = sinks.with(&mut tally).with(&mut truth_log).with(&mut recorder).with(watcher);
         let mut unwritten = Unwritten { journal: &options.keeping.journal, stop: links.stop, told: false };
         let mut herald = Herald::new(&mut sinks, |sinks: &mut dyn Sink, at| {
             unwritten.check(sinks, at);
@@ -236,8 +244,9 @@ impl Session<'_> {
         let warnings: Vec<String> = finish_recording(recorder, options).into_iter().collect();
         let mut sinks = Fanout::new().with(&mut journal).with(&mut tally).with(watcher);
         tell_recording(&options.keeping.recording, &mut sinks, bench.now());
-        let written =
-            journal.finish().and_then(Scribe::finish).map_err(|error| folder.write_error("journal.jsonl", &error));
+        let written = journal.finish().and_then(Scribe::finish);
+        let written = written.map_err(|error| folder.write_error("journal.jsonl", &error));
+        let written = written.and(truth_log.finish().map_err(|error| folder.write_error(truth_log::FILE, &error)));
         let mut ending = ending(job, Some(bench), finish, wall_time_s);
         ending.bound_s = first_look.time_figure_s(job, library, &bench.params);
         ending.deadlines = options.real_time.then(|| Deadlines {
@@ -248,6 +257,7 @@ impl Session<'_> {
             (ending.outcome, ending.reason) = (recording::Outcome::Failed, error.to_string());
         }
         let mut report = Report { warnings, ..tally.report(ending) };
+        report.verdict = verdict(job, &report);
         let reported = folder.write_report(&report);
         written?;
         report.warnings.extend(reported.as_ref().err().map(ToString::to_string));
@@ -277,7 +287,14 @@ fn play(
     stop: &AtomicBool,
     give_way: &AtomicBool,
 ) -> Finish {
-    let Bench { rig, model, goal, params, .. } = bench;
+    let Bench { rig, model, goal, params, faults, streams, .. } = bench;
+    let mut faulty;
+    let rig: &mut dyn Rig = if faults.is_empty() {
+        rig
+    } else {
+        faulty = Faulty::new(rig, faults, *streams, &std::thread::sleep);
+        &mut faulty
+    };
     match pace {
         Some(pace) => {
             let mut rig = Paced::new(rig, pace);
@@ -312,7 +329,22 @@ fn ending(job: &JobSpec, bench: Option<&Bench>, finish: Finish, wall_time_s: f64
         laps: wanted.as_ref().map_or(0, |wanted| wanted.laps),
         lost_parts: lost.len(),
         parts: parts.unwrap_or_default(),
+        faults: bench.map(faults_within).unwrap_or_default(),
     }
+}
+
+/// The faults that have begun by now.
+fn faults_within(bench: &Bench) -> Vec<FaultReport> {
+    let now = bench.now();
+    let begun = bench.faults.iter().filter(|fault| fault.from <= now);
+    let report = |fault: &FaultSpec| FaultReport {
+        component: fault.component.name(),
+        kind: fault.kind.name().to_owned(),
+        value: fault.values.iter().copied().take(fault.kind.values().len()).collect(),
+        from_s: fault.from.secs(),
+        to_s: fault.to.map(PlateTime::secs),
+    };
+    begun.map(report).collect()
 }
 
 /// Starts the Rerun recording of a run.

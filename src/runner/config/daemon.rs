@@ -46,6 +46,8 @@ pub struct DaemonSpec {
     pub watchdog: WatchdogSpec,
     /// Bytes a live stream for the Rerun viewer keeps; `None` for no live streams.
     pub live_history_bytes: Option<u64>,
+    /// True to take jobs that make the simulated rig fail on purpose.
+    pub allow_faults: bool,
     /// The file's content with every default written out.
     raw: RawDaemon,
 }
@@ -143,6 +145,7 @@ impl DaemonSpec {
             reserve_bytes: megabytes(raw.disk.reserve_mb),
             watchdog: watchdog_of(&raw.watchdog),
             live_history_bytes: raw.live.rerun.then(|| megabytes(raw.live.history_mb)),
+            allow_faults: raw.allow_faults,
             raw,
         })
     }

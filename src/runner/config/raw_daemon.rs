@@ -55,6 +55,9 @@ pub struct RawDaemon {
     /// Live streams for the Rerun viewer.
     #[serde(default)]
     pub live: RawLive,
+    /// True to take jobs with `faults`, which make the simulated rig fail on purpose.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub allow_faults: bool,
 }
 
 fn listen() -> String {

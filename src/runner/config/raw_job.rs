@@ -2,6 +2,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use super::faults::RawFaults;
 use super::raw_rig::RigSource;
 
 /// A job: which rig, which parts, and what to do with them.
@@ -40,6 +41,9 @@ pub struct RawJob {
     /// When to give up.
     #[serde(default)]
     pub limits: RawLimits,
+    /// Faults of the simulated rig, to see what a run makes of them. A daemon takes them only where its file allows it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub faults: Option<RawFaults>,
 }
 
 fn one_u64() -> u64 {

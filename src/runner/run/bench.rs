@@ -17,6 +17,7 @@ use upm_goal::{
 use upm_library::{Entry, Library};
 use upm_planner::{FlowEffort, Method, PlannerParams, RotationPlanner};
 use upm_sim::SimRig;
+use upm_sim::faults::FaultSpec;
 use upm_viewer::PartLook;
 
 /// Longest step wanted of a part in one cycle, m.
@@ -44,6 +45,10 @@ pub struct Bench {
     pub params: ControlParams,
     /// Parts where they start.
     pub placed: Vec<PlacedPart>,
+    /// What goes wrong with the rig.
+    pub faults: Vec<FaultSpec>,
+    /// Where its randomness comes from.
+    pub streams: Streams,
 }
 
 impl Bench {
@@ -67,7 +72,8 @@ impl Bench {
             kinds,
         };
         let goal = goal(job, library, &placed);
-        Ok(Self { rig, model, goal, params, placed })
+        let (faults, streams) = (job.faults.clone(), Streams::new(job.seed()));
+        Ok(Self { rig, model, goal, params, placed, faults, streams })
     }
 
     /// Plate time now.

@@ -24,6 +24,8 @@ pub(super) struct Shared {
     pub name: String,
     pub rig: RigSpec,
     pub library: Arc<Library>,
+    /// True to take jobs with faults.
+    pub allow_faults: bool,
     library_sha256: String,
     pub ledger: Arc<dyn Ledger>,
     pub latch: Latch,
@@ -96,12 +98,13 @@ impl Shared {
         interlock: Interlock,
         live: Option<LiveServer>,
     ) -> Self {
-        let PlateSetup { name, rig, library, paused, live_port: _, standing: _ } = setup;
+        let PlateSetup { name, rig, library, paused, live_port: _, standing: _, allow_faults } = setup;
         let library_sha256 = sha256_hex(&library);
         Self {
             name,
             rig,
             library,
+            allow_faults,
             library_sha256,
             ledger,
             latch,
