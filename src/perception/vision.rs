@@ -21,6 +21,9 @@ mod shading;
 mod table;
 #[cfg(test)]
 mod table_tests;
+mod table_watch;
+#[cfg(test)]
+mod table_watch_tests;
 mod tracking;
 #[cfg(test)]
 mod tracking_tests;
@@ -29,5 +32,6 @@ mod types;
 pub use coins::CoinFinder;
 pub use locate::{TableFault, locate_table, locate_table_in_stages};
 pub use response::ResponseMethod;
+pub use table_watch::{TableMotion, TableWatch};
 pub use tracking::Tracker;
 pub use types::{Detection, HoughArray, Plane, Stages, Table, Track};
