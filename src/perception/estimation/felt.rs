@@ -35,14 +35,13 @@ pub fn felt(velocity: &Velocity, base_radps: f64, position_m: Vec2) -> Felt {
         .collect()
 }
 
-/// Phasor of harmonic `n` of the product of two periodic quantities.
+/// Phasor of harmonic `n` of the product of two periodic quantities with as many harmonics each, `n` or more.
 fn product(a: &[Complex<f64>], b: &[Complex<f64>], n: usize) -> Complex<f64> {
-    let at = |of: &[Complex<f64>], k: usize| of.get(k.wrapping_sub(1)).copied().unwrap_or_default();
-    let sums: Complex<f64> = (1..n).map(|k| at(a, k) * at(b, n - k)).sum();
-    let differences = (1..).zip(a).zip(b);
-    let differences: Complex<f64> =
-        differences.map(|((k, &a_k), &b_k)| at(a, k + n) * b_k.conj() + a_k.conj() * at(b, k + n)).sum();
-    (sums + differences) * 0.5
+    let sums: Complex<f64> = a[..n - 1].iter().zip(b[..n - 1].iter().rev()).map(|(a, b)| a * b).sum();
+    let differences = |high: &[Complex<f64>], low: &[Complex<f64>]| -> Complex<f64> {
+        high[n..].iter().zip(low).map(|(high, low)| high * low.conj()).sum()
+    };
+    (sums + differences(a, b) + differences(b, a)) * 0.5
 }
 
 #[cfg(test)]
