@@ -6,15 +6,15 @@ use super::Library;
 use upm_core::geometry::Twist;
 use upm_core::signal::{Harmonic, MOTORS, TwistHarmonic};
 
-/// Velocity phasors of the pump wave `cos wt' - ½ cos 2wt'`, `wt' = wt - π/2`, that the waveforms of x, y and spin make:
-/// that of a free mass under `cos wt - sin 2wt` (Eq. 5 and 8).
+/// Velocity phasors of the pump wave `cos wt' - ½ cos 2wt'`, `wt' = wt - π/2`, that the waveforms of x, y and spin
+/// make: that of a free mass under `cos wt - sin 2wt` (Eq. 5 and 8).
 const PUMP_PHASORS: [Complex<f64>; 2] = [Complex::new(0.0, -1.0), Complex::new(0.5, 0.0)];
 
 /// Axis amplitudes fx, fy and s of one count of the motors X1, X2, Y1, Y2 (Eq. 7).
 const AXES_FROM_MOTOR: [[f64; 3]; MOTORS] = [[1.0, 0.0, -1.0], [-1.0, 0.0, -1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]];
 
-/// For each voice coil and harmonic k, at index `k - 1`: the plate's steady velocity under one count of `cos kwt` of that
-/// coil alone, times from the start of the pulse.
+/// For each voice coil and harmonic k, at index `k - 1`: the plate's steady velocity under one count of `cos kwt` of
+/// that coil alone, times from the start of the pulse.
 pub type CoilResponse = [Vec<TwistHarmonic>; MOTORS];
 
 impl Library {

@@ -1,8 +1,8 @@
 //! What the accelerometers feel of a known periodic motion, to second order.
 //!
-//! A sensor at `r` on a plate turned by `θ` shows, along the plate's axes, `A - θ A^⊥ + α r^⊥ - ω² r`: the acceleration of the
-//! centre seen from the turned plate, that of the spin, and the pull towards the centre. The two products are a few percent
-//! of strong motions and have the same harmonics.
+//! A sensor at `r` on a plate turned by `θ` shows, along the plate's axes, `A - θ A^⊥ + α r^⊥ - ω² r`: the acceleration
+//! of the centre seen from the turned plate, that of the spin, and the pull towards the centre. The two products are a
+//! few percent of strong motions and have the same harmonics.
 
 use nalgebra::{Complex, Vector3};
 
@@ -71,7 +71,8 @@ mod tests {
                 let angle = TAU * f64::from(i) / f64::from(steps);
                 let sum = |factor: &dyn Fn(f64) -> Complex<f64>| -> Vector3<f64> {
                     let terms = (1..).zip(&velocity).map(|(k, v)| {
-                        let turning = Complex::from_polar(1.0, f64::from(k) * angle) * factor(f64::from(k) * BASE_RADPS);
+                        let k = f64::from(k);
+                        let turning = Complex::from_polar(1.0, k * angle) * factor(k * BASE_RADPS);
                         v.map(|v| (v * turning).re)
                     });
                     terms.sum()

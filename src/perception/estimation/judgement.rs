@@ -16,8 +16,8 @@ use upm_core::signal::{CHANNELS, Drive, MOTORS, TwistHarmonic};
 /// Standard deviations within which a coefficient is as predicted, when two periods or more were read.
 const DEVIATIONS: f64 = 8.0;
 
-/// The same when a single period was read. The fit's polynomial then follows the plate's resonance only in part: healthy
-/// coefficients are up to 8 off.
+/// The same when a single period was read. The fit's polynomial then follows the plate's resonance only in part:
+/// healthy coefficients are up to 8 off.
 const DEVIATIONS_ONE_PERIOD: f64 = 14.0;
 
 /// Error allowed of the library's response, as a part of the planned acceleration. Over two periods or more healthy

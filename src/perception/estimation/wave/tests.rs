@@ -163,7 +163,8 @@ fn what_cannot_be_read_is_refused() {
     assert_eq!(fit(&clipped, &envelope, 8), Err(FitFault::Clipped { channel: 1, samples: 1, limit: 1023 }));
 }
 
-/// White noise alone: the errors of the coefficients, each over its own standard deviation, have a root mean square of 1.
+/// White noise alone: the errors of the coefficients, each over its own standard deviation, have a root mean square
+/// of 1.
 #[test]
 fn standard_deviations_are_those_of_repeated_fits() {
     let mut rng = Streams::new(8).stream("waves");
