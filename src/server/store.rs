@@ -11,6 +11,7 @@ mod books;
 mod columns;
 mod events;
 mod handle;
+mod held;
 mod idempotency;
 mod ids;
 mod jobs;
@@ -33,6 +34,7 @@ mod types;
 mod writer;
 
 pub use handle::Store;
+pub use held::{Displaced, Found, HeldPath};
 pub use ids::JobId;
 pub use ledger::{BY_THE_DAEMON, Claimed, FINISHED, JobEnd, Ledger, NewEvent, Publish, StoredEvent};
 pub use memory::MemoryLedger;

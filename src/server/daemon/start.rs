@@ -94,6 +94,7 @@ impl Daemon {
         let store = Arc::new(store);
         let setups = spec.plates.iter().zip(prepared.libraries).map(|(plate, library)| PlateSetup {
             name: plate.name.clone(),
+            known: recovery.known.contains(&plate.name),
             rig: plate.rig.clone(),
             library,
             live_port: plate.live_port,

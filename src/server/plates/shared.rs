@@ -96,7 +96,7 @@ impl Shared {
         interlock: Interlock,
         live: Option<LiveServer>,
     ) -> Self {
-        let PlateSetup { name, rig, library, paused, live_port: _, standing: _ } = setup;
+        let PlateSetup { name, rig, library, paused, .. } = setup;
         let library_sha256 = sha256_hex(&library);
         Self {
             name,

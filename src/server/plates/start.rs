@@ -33,6 +33,8 @@ const WAITING: usize = 1024;
 pub struct PlateSetup {
     /// Its name, fit for a file.
     pub name: String,
+    /// True when the store knew it before this start: a latch file that is missing then counts as stopped.
+    pub known: bool,
     /// The simulated rig.
     pub rig: RigSpec,
     /// The library its jobs use unless they bring their own.
@@ -82,7 +84,7 @@ pub struct Plates {
 impl Plates {
     /// Makes the plates and starts their threads. A plate whose latch is stopped stays stopped.
     pub fn start(setups: Vec<PlateSetup>, around: &Surroundings) -> io::Result<Self> {
-        let names: Vec<String> = setups.iter().map(|setup| setup.name.clone()).collect();
+        let names: Vec<(String, bool)> = setups.iter().map(|setup| (setup.name.clone(), setup.known)).collect();
         let latches = Latches::open(&around.latches, &names)?;
         fs::create_dir_all(&around.runs)?;
         let clock = around.clock;

@@ -358,6 +358,8 @@ pub struct Recovery {
     pub interrupted: Vec<JobId>,
     /// Jobs that were running and had ended: their run folder holds a report.
     pub ended: Vec<JobId>,
+    /// Plates that the store knew before this start; all of them when it was damaged, since it may have known them.
+    pub known: Vec<String>,
     /// Plates that must not move until a person resumes them.
     pub paused: Vec<String>,
     /// Where a damaged store was moved to.

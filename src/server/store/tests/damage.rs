@@ -191,3 +191,17 @@ fn moving_aside_cut_short_is_taken_up_again() {
         assert!(store.close(PATIENCE));
     }
 }
+
+#[test]
+fn plates_are_known_from_the_second_start_on_and_after_damage() {
+    let folder = tempfile::tempdir().unwrap();
+    let Opened { store, recovery } = open(folder.path(), limits());
+    assert_eq!(recovery.known, [""; 0]);
+    assert!(store.close(PATIENCE));
+    let Opened { store, recovery } = open(folder.path(), limits());
+    assert_eq!(recovery.known, plates());
+    begin(&store, "run", "a");
+    assert!(store.close(PATIENCE));
+    fs::remove_file(folder.path().join("upm.db")).unwrap();
+    assert_eq!(open(folder.path(), limits()).recovery.known, plates());
+}
