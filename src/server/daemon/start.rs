@@ -15,7 +15,7 @@ use super::submit::pace_of;
 use super::systemd::{ServiceManager, SignsOfLife};
 use super::{health, recovered};
 use crate::plates::{PlateSetup, Plates, StandingSetup, Surroundings};
-use crate::service::{AppParts, Hosts, Limits, Served, StopFlag, StopSender, Tokens, app, serve};
+use crate::service::{AppParts, Hosts, Limits, Served, StopFlag, StopSender, Tokens, app, joined, serve};
 use crate::store::{self, Mended, Opened, Store, StoreFault};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
@@ -158,9 +158,10 @@ impl Daemon {
 /// Shows the service manager that the daemon lives for as long as it is well, and what it returns is held.
 fn show_life(office: &Arc<Office>, manager: &ServiceManager) -> Option<SignsOfLife> {
     let office = Arc::clone(office);
-    let well = move || match health::ailments(&office.observed()) {
-        ailments if ailments.is_empty() => Ok(()),
-        ailments => Err(ailments.join("; ")),
+    let well = move || {
+        let mut ailments = health::ailments(&office.observed());
+        ailments.retain(|reason| reason.code.may_end_by_restart());
+        if ailments.is_empty() { Ok(()) } else { Err(joined(&ailments)) }
     };
     manager.keep_alive(well).unwrap_or_else(|error| {
         tracing::error!("no signs of life for the service manager: {error}");

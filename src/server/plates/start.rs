@@ -15,7 +15,7 @@ use super::shared::Shared;
 use super::standing::{Standing, StandingSetup};
 use super::watchdog::{TICK, Watchdog, ms};
 use super::worker::{Place, Worker};
-use crate::store::Ledger;
+use crate::store::{Displaced, Ledger};
 use upm_core::priority::step_back;
 use upm_core::rig::{Interlock, Trip};
 use upm_core::time::{Clock, MonotonicClock};
@@ -137,6 +137,16 @@ impl Plates {
             return Err("the thread that keeps emergency stops has died".to_owned());
         }
         self.plates.iter().find_map(Plate::dead).map_or(Ok(()), Err)
+    }
+
+    /// Compares the paths of the latch files with the files held open; the first that is displaced. Waits for the disk.
+    pub fn check_paths(&self) -> Result<(), Displaced> {
+        self.latches.check_paths()
+    }
+
+    /// Pauses every plate that is not paused. A run of a standing job ends between two cycles, any other at its own end.
+    pub fn pause_all(&self, why: &str) {
+        self.plates.iter().for_each(|plate| plate.pause(why));
     }
 
     /// What is free on the disk of the run folders, in bytes; `None` when it does not say.

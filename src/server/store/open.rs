@@ -12,7 +12,7 @@ use super::ballast::Ballast;
 use super::handle::Store;
 use super::ids::Ids;
 use super::orders::Orders;
-use super::places::{Places, beside};
+use super::places::{Lock, Places, beside};
 use super::reader::Readers;
 use super::recover::recover;
 use super::retention::{Begins, Retention, Sweeper, empty_trash};
@@ -54,8 +54,10 @@ impl Store {
         now: fn() -> Timestamp,
         repair: RepairRecording<'_>,
     ) -> Result<Opened, StoreFault> {
-        let places = Places::make(data)?;
-        let lock = places.lock()?;
+        let places = Places::in_folder(data)?;
+        let folder = places.lock_folder()?;
+        let lock = Lock { folder, file: places.lock_file()? };
+        places.make_folders()?;
         [&places.trash, &places.runs_trash].into_iter().for_each(|trash| empty_trash(trash));
         let mut ballast = Ballast::at(&places.reserve, limits.reserve_bytes);
         let opening = Opening { plates, limits: &limits, now, repair };
@@ -64,6 +66,7 @@ impl Store {
             made = opening.start(&places);
         }
         let (connection, recovery) = made?;
+        let held = places.held(&lock)?;
         let ids = Ids::above(last_id(&connection)?);
         let readers = Readers::start(vec![schema::reading(&places.db)?, schema::reading(&places.db)?])?;
         let (sender, waiting) = sync_channel(MOST_WAITING);
@@ -78,7 +81,7 @@ impl Store {
             writer.run();
         })?;
         let retention = Retention::start(sweeper)?;
-        Ok(Opened { store: Store { orders, readers, runs: places.runs, now, retention, begins }, recovery })
+        Ok(Opened { store: Store { orders, readers, runs: places.runs, now, retention, begins, held }, recovery })
     }
 }
 
