@@ -17,6 +17,7 @@ mod ids;
 mod jobs;
 mod ledger;
 mod memory;
+mod migrate;
 mod open;
 mod orders;
 mod peek;

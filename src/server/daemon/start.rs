@@ -40,6 +40,9 @@ pub enum StartFault {
     /// Its job store cannot be opened.
     #[error("{0}: {1}")]
     Store(String, StoreFault),
+    /// A newer release wrote its job store, which is left as it is.
+    #[error("{0}")]
+    NewerStore(StoreFault),
     /// It cannot listen.
     #[error("{0}: cannot be listened on: {1}")]
     Listen(SocketAddr, io::Error),
@@ -87,7 +90,10 @@ impl Daemon {
     ) -> Result<Self, StartFault> {
         // before anything is changed: a port in use is no end of the daemon that had the data before
         let listener = listener_at(spec.listen)?;
-        let at_store = |fault| StartFault::Store(spec.data.display().to_string(), fault);
+        let at_store = |fault| match fault {
+            StoreFault::Newer { .. } => StartFault::NewerStore(fault),
+            fault => StartFault::Store(spec.data.display().to_string(), fault),
+        };
         let repair = |part: &Path, whole: &Path| repair_unless(&prepared.told_to_end, part, whole);
         let opened = Store::open(&spec.data, &spec.plate_names(), limits_of(&spec), now, &repair).map_err(at_store)?;
         let Opened { store, recovery } = opened;

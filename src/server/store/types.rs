@@ -295,6 +295,16 @@ pub enum StoreFault {
     /// The database is damaged.
     #[error("the job store is damaged: {0}")]
     Corrupt(String),
+    /// A newer release wrote the store.
+    #[error("{file}: found a job store of version {found}, expected version {known} or older: start a newer release")]
+    Newer {
+        /// The database.
+        file: String,
+        /// Its version.
+        found: i32,
+        /// The newest version that this release knows.
+        known: i32,
+    },
     /// The store has been closed.
     #[error("the job store is closed")]
     Closed,
