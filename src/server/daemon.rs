@@ -4,6 +4,7 @@
 mod answers;
 mod bundle;
 mod clerks;
+mod data_watch;
 mod desk;
 mod files;
 mod health;

@@ -110,6 +110,7 @@ fn start_failure(fault: StartFault) -> Failure {
         StartFault::Listen(address, error) if error.kind() == ErrorKind::AddrInUse => {
             Failure::failed(format!("{address} is in use: is another daemon running? --listen takes another one"))
         }
+        StartFault::NewerStore(_) => Failure::bad_input(fault.to_string()),
         _ => Failure::failed(fault.to_string()),
     }
 }

@@ -6,13 +6,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use serde_json::json;
 
 use super::clerks::Clerks;
+use super::data_watch::{self, DataWatch};
 use super::observe::Damage;
 use super::wires::Wire;
 use super::{answers, files, health, metrics, page, stops, submit};
 use crate::plates::{self, Plates};
 use crate::service::{
-    Asset, Caller, Desk, EStopped, Feed, Job, JobsPage, JobsQuery, Opening, Order, Picture, Plate, Promise, Recording,
-    Refusal, Replayed, Reply, ResetRequest, Submitted, Traffic, kept, promise,
+    Asset, Caller, Desk, EStopped, Feed, Job, JobsPage, JobsQuery, Opening, Order, Picture, Plate, Promise, Reason,
+    Recording, Refusal, Replayed, Reply, ResetRequest, Submitted, Traffic, kept, promise,
 };
 use crate::store::{JobId, JobRow, JobState, Page, Store};
 use upm_core::time::MonotonicClock;
@@ -53,6 +54,8 @@ pub(super) struct Office {
     pub traffic: Traffic,
     /// What the store had come to when it was opened.
     pub damage: Damage,
+    /// Whether the data folder is still the one that is held open.
+    pub data: DataWatch,
     pub version: &'static str,
 }
 
@@ -85,12 +88,14 @@ impl FrontDesk {
             (plate.name().to_owned(), wire)
         });
         let (wires, ending, counted) = (wires.collect(), AtomicBool::new(false), Mutex::default());
-        let (traffic, damage) = (Traffic::default(), Damage::found(damage));
-        let office = Office { spec, store, plates, clock, ending, wires, counted, traffic, damage, version };
+        let (traffic, damage, data) = (Traffic::default(), Damage::found(damage), DataWatch::default());
+        let office = Office { spec, store, plates, clock, ending, wires, counted, traffic, damage, data, version };
+        let office = Arc::new(office);
+        data_watch::watch(&office)?;
         let checkers = Arc::new(Clerks::hire("check", CHECKERS, CHECKS_WAITING)?);
         let stops = Clerks::hire("stops", STOP_CLERKS, STOPS_WAITING)?;
         let resets = Clerks::hire("resets", 1, RESETS_WAITING)?;
-        Ok(Self { office: Arc::new(office), checkers, stops, resets })
+        Ok(Self { office, checkers, stops, resets })
     }
 
     /// The job of that id, handed on to `then` with the reply it is for.
@@ -215,7 +220,8 @@ impl Desk for FrontDesk {
 
     fn reset(&self, plate: &str, request: ResetRequest, caller: Caller) -> Promise<Plate> {
         // found before it waits its turn: a stop that comes meanwhile is another one
-        let held = match self.office.plate(plate).and_then(stops::held) {
+        let may = |at| self.office.intact().map(|()| at);
+        let held = match self.office.plate(plate).and_then(may).and_then(stops::held) {
             Ok(held) => held,
             Err(refusal) => return kept(Err(refusal)),
         };
@@ -235,18 +241,19 @@ impl Desk for FrontDesk {
     }
 
     fn resume(&self, plate: &str, caller: Caller) -> Promise<Plate> {
-        let done = self.office.plate(plate).and_then(|at| stops::resume(at, &caller));
+        let may = |at| self.office.intact().map(|()| at);
+        let done = self.office.plate(plate).and_then(may).and_then(|at| stops::resume(at, &caller));
         match done {
             Ok(()) => promise(|reply| self.office.answer_with(plate, reply)),
             Err(refusal) => kept(Err(refusal)),
         }
     }
 
-    fn ailments(&self) -> Vec<String> {
+    fn ailments(&self) -> Vec<Reason> {
         health::ailments(&self.office.observed())
     }
 
-    fn obstacles(&self) -> Vec<String> {
+    fn obstacles(&self) -> Vec<Reason> {
         health::obstacles(&self.office.observed())
     }
 

@@ -1,35 +1,41 @@
-//! What keeps the daemon from working, and what keeps it from taking jobs. Sentences for a person, made of what is
-//! observed and of nothing else.
+//! What keeps the daemon from working, and what keeps it from taking jobs: codes for programs and sentences for a person,
+//! made of what is observed and of nothing else.
 
 use std::time::Duration;
 
+use super::data_watch;
 use super::observed::Observed;
 use crate::plates::PlateState;
+use crate::service::{Reason, ReasonCode};
 
 /// A store that has been silent for longer hangs: it goes round four times a second.
 const LONGEST_SILENCE: Duration = Duration::from_secs(5);
 
 /// What keeps it from working at all; nothing when it is well.
-pub(super) fn ailments(observed: &Observed) -> Vec<String> {
+pub(super) fn ailments(observed: &Observed) -> Vec<Reason> {
     let mut ailments = Vec::new();
     if observed.store.heartbeat > LONGEST_SILENCE {
-        ailments.push(format!("the job store hangs since {:.1} s", observed.store.heartbeat.as_secs_f64()));
+        let silent_s = observed.store.heartbeat.as_secs_f64();
+        ailments.push(Reason::new(ReasonCode::StoreHangs, format!("the job store hangs since {silent_s:.1} s")));
     }
-    ailments.extend(observed.plates_alive.as_ref().err().cloned());
+    let dead = observed.plates_alive.as_ref().err();
+    ailments.extend(dead.map(|dead| Reason::new(ReasonCode::PlatesDead, dead.clone())));
+    ailments.extend(observed.displaced.as_ref().map(data_watch::reason));
     ailments
 }
 
 /// What keeps it from taking jobs; nothing when it is ready.
-pub(super) fn obstacles(observed: &Observed) -> Vec<String> {
+pub(super) fn obstacles(observed: &Observed) -> Vec<Reason> {
     let mut obstacles = ailments(observed);
     if observed.is_stopping {
-        obstacles.push("the daemon is ending".to_owned());
+        obstacles.push(Reason::new(ReasonCode::Ending, "the daemon is ending"));
     }
-    obstacles.extend(observed.damage.clone());
-    obstacles.extend(observed.store.fault.as_ref().map(ToString::to_string));
-    obstacles.extend(low_disk(observed));
+    obstacles.extend(observed.damage.clone().map(|damage| Reason::new(ReasonCode::StoreDamaged, damage)));
+    let fault = observed.store.fault.as_ref();
+    obstacles.extend(fault.map(|fault| Reason::new(ReasonCode::StoreUnwritable, fault.to_string())));
+    obstacles.extend(low_disk(observed).map(|low| Reason::new(ReasonCode::DiskLow, low)));
     if observed.plates.iter().all(|plate| plate.state == PlateState::Stopped) {
-        obstacles.push("an emergency stop holds on every plate".to_owned());
+        obstacles.push(Reason::new(ReasonCode::AllStopped, "an emergency stop holds on every plate"));
     }
     obstacles
 }
@@ -45,12 +51,13 @@ fn low_disk(observed: &Observed) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::StoreFault;
+    use crate::store::{Displaced, Found, StoreFault};
 
     fn told(change: impl FnOnce(&mut Observed)) -> (Vec<String>, Vec<String>) {
         let mut observed = Observed::well();
         change(&mut observed);
-        (ailments(&observed), obstacles(&observed))
+        let told = |reasons: Vec<Reason>| reasons.into_iter().map(|reason| reason.detail).collect();
+        (told(ailments(&observed)), told(obstacles(&observed)))
     }
 
     fn both(change: impl FnOnce(&mut Observed), told_of: &str) {
@@ -72,6 +79,16 @@ mod tests {
         both(|o| o.store.heartbeat = Duration::from_millis(5100), "the job store hangs since 5.1 s");
         let dead = || Err("the worker of plate right has died".to_owned());
         both(|o| o.plates_alive = dead(), "the worker of plate right has died");
+    }
+
+    #[test]
+    fn displaced_data_are_an_ailment_that_no_restart_ends() {
+        let mut observed = Observed::well();
+        observed.displaced = Some(Displaced { path: "/data/lock".into(), found: Found::Nothing });
+        let detail = "/data/lock: expected the file that the daemon holds open, found none";
+        let expected = [Reason::new(ReasonCode::DataDisplaced, detail)];
+        assert_eq!((ailments(&observed), obstacles(&observed)), (expected.to_vec(), expected.to_vec()));
+        assert!(!ReasonCode::DataDisplaced.may_end_by_restart() && ReasonCode::StoreHangs.may_end_by_restart());
     }
 
     #[test]

@@ -11,6 +11,7 @@ use self::family::{Family, Sample, written};
 use super::health::{ailments, obstacles};
 use super::observed::{Observed, PlateObserved};
 use crate::plates::PlateState;
+use crate::service::Reason;
 use upm_recording::RecordingState;
 
 const PLATE_STATES: [PlateState; 4] = [PlateState::Idle, PlateState::Running, PlateState::Paused, PlateState::Stopped];
@@ -26,7 +27,7 @@ pub(super) fn text(observed: &Observed) -> String {
 
 fn own(observed: &Observed) -> Vec<Family> {
     let build = vec![("version", observed.version.to_owned()), ("rerun", upm_viewer::BUILT_IN.to_string())];
-    let is_well = |reasons: Vec<String>| f64::from(u8::from(reasons.is_empty()));
+    let is_well = |reasons: Vec<Reason>| f64::from(u8::from(reasons.is_empty()));
     vec![
         Family::info("build", "The program that runs", build),
         Family::gauge("uptime", "Time since the daemon started")

@@ -21,6 +21,7 @@ impl Office {
             uptime: self.clock.elapsed(),
             is_stopping: self.ending.load(Ordering::SeqCst),
             damage: self.unseen_damage(),
+            displaced: self.data.displaced(),
             plates_alive: self.plates.alive(),
             plates: plates.collect(),
             jobs: counted.jobs,

@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use crate::plates::PlateState;
 use crate::service::Requests;
-use crate::store::{JobState, StoreHealth};
+use crate::store::{Displaced, JobState, StoreHealth};
 use upm_recording::RecordingState;
 
 /// The daemon at one moment: what figures and readiness are made of. Taken without waiting for anybody.
@@ -16,6 +16,8 @@ pub(super) struct Observed {
     pub is_stopping: bool,
     /// Damage found at start that nobody has taken note of yet, as a sentence.
     pub damage: Option<String>,
+    /// The path of the data folder that names another file than the one held open.
+    pub displaced: Option<Displaced>,
     /// What of the plates' threads works no more.
     pub plates_alive: Result<(), String>,
     /// The plates, in the order of the configuration.
@@ -89,6 +91,7 @@ impl Observed {
             uptime: Duration::from_millis(61_500),
             is_stopping: false,
             damage: None,
+            displaced: None,
             plates_alive: Ok(()),
             plates: vec![left, plate("right", PlateState::Idle)],
             jobs: vec![("left".to_owned(), JobState::Completed, 7), ("gone".to_owned(), JobState::Failed, 1)],

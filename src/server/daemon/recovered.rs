@@ -4,7 +4,7 @@ use crate::store::{Recovery, Store};
 
 /// Says in the log what the last daemon left.
 pub(super) fn tell(recovery: &Recovery) {
-    let Recovery { interrupted, ended, paused, moved_aside, damage, clean, orphans, repaired } = recovery;
+    let Recovery { interrupted, ended, paused, moved_aside, damage, clean, orphans, repaired, .. } = recovery;
     if let Some(damage) = damage {
         let aside = moved_aside.as_deref().map(|path| format!("; it is in {} now", path.display()));
         tracing::error!("the job store was damaged: {damage}{}", aside.unwrap_or_default());

@@ -15,7 +15,7 @@ use super::submit::pace_of;
 use super::systemd::{ServiceManager, SignsOfLife};
 use super::{health, recovered};
 use crate::plates::{PlateSetup, Plates, StandingSetup, Surroundings};
-use crate::service::{AppParts, Hosts, Limits, Served, StopFlag, StopSender, Tokens, app, serve};
+use crate::service::{AppParts, Hosts, Limits, Served, StopFlag, StopSender, Tokens, app, joined, serve};
 use crate::store::{self, Mended, Opened, Store, StoreFault};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
@@ -40,6 +40,9 @@ pub enum StartFault {
     /// Its job store cannot be opened.
     #[error("{0}: {1}")]
     Store(String, StoreFault),
+    /// A newer release wrote its job store, which is left as it is.
+    #[error("{0}")]
+    NewerStore(StoreFault),
     /// It cannot listen.
     #[error("{0}: cannot be listened on: {1}")]
     Listen(SocketAddr, io::Error),
@@ -87,13 +90,17 @@ impl Daemon {
     ) -> Result<Self, StartFault> {
         // before anything is changed: a port in use is no end of the daemon that had the data before
         let listener = listener_at(spec.listen)?;
-        let at_store = |fault| StartFault::Store(spec.data.display().to_string(), fault);
+        let at_store = |fault| match fault {
+            StoreFault::Newer { .. } => StartFault::NewerStore(fault),
+            fault => StartFault::Store(spec.data.display().to_string(), fault),
+        };
         let repair = |part: &Path, whole: &Path| repair_unless(&prepared.told_to_end, part, whole);
         let opened = Store::open(&spec.data, &spec.plate_names(), limits_of(&spec), now, &repair).map_err(at_store)?;
         let Opened { store, recovery } = opened;
         let store = Arc::new(store);
         let setups = spec.plates.iter().zip(prepared.libraries).map(|(plate, library)| PlateSetup {
             name: plate.name.clone(),
+            known: recovery.known.contains(&plate.name),
             rig: plate.rig.clone(),
             library,
             live_port: plate.live_port,
@@ -158,9 +165,10 @@ impl Daemon {
 /// Shows the service manager that the daemon lives for as long as it is well, and what it returns is held.
 fn show_life(office: &Arc<Office>, manager: &ServiceManager) -> Option<SignsOfLife> {
     let office = Arc::clone(office);
-    let well = move || match health::ailments(&office.observed()) {
-        ailments if ailments.is_empty() => Ok(()),
-        ailments => Err(ailments.join("; ")),
+    let well = move || {
+        let mut ailments = health::ailments(&office.observed());
+        ailments.retain(|reason| reason.code.may_end_by_restart());
+        if ailments.is_empty() { Ok(()) } else { Err(joined(&ailments)) }
     };
     manager.keep_alive(well).unwrap_or_else(|error| {
         tracing::error!("no signs of life for the service manager: {error}");

@@ -12,7 +12,8 @@ use super::desk::FrontDesk;
 use super::start::Daemon;
 use super::{StartFault, prepare};
 use crate::service::{
-    Caller, Desk, EStopped, Job, JobState, Order, Pace, Plate, PlateState, Promise, Refusal, ResetRequest, Submitted,
+    Caller, Desk, EStopped, Job, JobState, Order, Pace, Plate, PlateState, Promise, Reason, ReasonCode, Refusal,
+    ResetRequest, Submitted,
 };
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::{DaemonSpec, WatchdogSpec};
@@ -266,4 +267,35 @@ fn one_daemon_has_the_data() {
     let first = start(spec(data.path())).unwrap();
     assert!(matches!(start(spec(data.path())), Err(StartFault::Store(..))));
     assert!(first.desk.office.plates.shutdown(PATIENCE).is_empty());
+}
+
+#[test]
+fn displaced_data_pause_all_plates_and_no_job_is_taken_until_they_are_put_back() {
+    let parent = tempfile::tempdir().unwrap();
+    let (data, aside) = (parent.path().join("data"), parent.path().join("aside"));
+    let running = Running { desk: start(spec(&data)).unwrap().desk, _data: parent };
+    let desk = &running.desk;
+    let codes = |reasons: Vec<Reason>| reasons.into_iter().map(|reason| reason.code).collect::<Vec<_>>();
+    let unwell = |refusal| matches!(refusal, Refusal::Unwell(reason) if reason.code == ReasonCode::DataDisplaced);
+    for path in ["latch/upm-1", "lock", "upm.db", "upm.db-wal", ""] {
+        desk.office.check_paths();
+        assert_eq!((codes(desk.ailments()), codes(desk.obstacles())), (vec![], vec![]), "{path}");
+        let path = if path.is_empty() { data.clone() } else { data.join(path) };
+        std::fs::rename(&path, &aside).unwrap();
+        desk.office.check_paths();
+        assert_eq!(codes(desk.ailments()), [ReasonCode::DataDisplaced], "{}", path.display());
+        assert_eq!(codes(desk.obstacles()), [ReasonCode::DataDisplaced]);
+        let states: Vec<PlateState> = desk.plates_as_counted().plates.iter().map(|plate| plate.state).collect();
+        assert!(states.iter().all(|state| *state == PlateState::Paused), "{states:?}");
+        assert!(unwell(running.submit(&on("upm-1")).unwrap_err()));
+        assert!(unwell(kept(desk.resume("upm-1", caller())).unwrap_err()));
+        std::fs::rename(&aside, &path).unwrap();
+        desk.office.check_paths();
+        kept(desk.resume("upm-1", caller())).unwrap();
+        running.ended(&running.submit(&on("upm-1")).unwrap().id);
+        assert!(soon("the plate does not rest", || {
+            let state = desk.plates_as_counted().plates[0].state;
+            (state != PlateState::Running).then_some(state == PlateState::Idle)
+        }));
+    }
 }

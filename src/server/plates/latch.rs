@@ -2,21 +2,25 @@
 //!
 //! Each plate has a small file that is rewritten in place, so that a full disk or a broken job store is in nobody's way.
 //! Stopping is one atomic write; a thread of its own brings it to the disk. A file that cannot be read or makes no
-//! sense counts as stopped.
+//! sense counts as stopped, and so does the missing file of a plate that the store knows.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, Read, Seek, SeekFrom, Write};
+mod file;
+
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{self, JoinHandle, Thread};
 use std::time::Duration;
 
-const STOPPED: &[u8; 16] = b"upm: stopped    ";
-const RELEASED: &[u8; 16] = b"upm: released   ";
+use self::file::{LatchFile, check_all, make_folder};
+use crate::store::{Displaced, HeldPath};
 
 /// How often a write that failed is tried again, and the longest a change waits for the thread to wake.
 const AGAIN: Duration = Duration::from_millis(50);
+
+/// A word that no latch comes to: what the disk has before anything was persisted.
+const UNKNOWN: u64 = u64::MAX;
 
 /// One plate's latch. Copies are the same latch.
 #[derive(Clone, Debug)]
@@ -29,7 +33,7 @@ pub struct Held(Word);
 #[derive(Debug)]
 struct Cell {
     word: AtomicU64,
-    /// The change that is on the disk.
+    /// The word that is on the disk: that much was written, and found to be in the file that the path names.
     kept: AtomicU64,
 }
 
@@ -55,10 +59,9 @@ impl Word {
 }
 
 impl Latch {
-    /// A latch as it was found.
+    /// A latch as it was found, which is not seen to be on the disk yet.
     fn found(stopped: bool) -> Self {
-        let changes = u64::from(stopped);
-        Self(Arc::new(Cell { word: AtomicU64::new(changes), kept: AtomicU64::new(changes) }))
+        Self(Arc::new(Cell { word: AtomicU64::new(u64::from(stopped)), kept: AtomicU64::new(UNKNOWN) }))
     }
 
     /// Stops. True when it was not stopped before. Never waits.
@@ -85,9 +88,9 @@ impl Latch {
         self.0.word().is_stopped()
     }
 
-    /// True when the disk says the same.
+    /// True when the disk says the same, as seen since the last stop or release.
     pub fn is_kept(&self) -> bool {
-        self.0.kept.load(Ordering::SeqCst) == self.0.word().changes()
+        self.0.kept.load(Ordering::SeqCst) == self.0.word().0
     }
 }
 
@@ -101,6 +104,8 @@ impl Cell {
 #[derive(Debug)]
 pub struct Latches {
     latches: Vec<Latch>,
+    /// The latch files.
+    held: Vec<HeldPath>,
     ending: Arc<AtomicBool>,
     /// Taken when it is joined.
     keeper: Option<JoinHandle<()>>,
@@ -108,21 +113,30 @@ pub struct Latches {
 }
 
 impl Latches {
-    /// Opens the latch file of every plate in `folder`, making those that are missing.
-    pub fn open(folder: &Path, plates: &[String]) -> io::Result<Self> {
-        fs::create_dir_all(folder)?;
-        let opened = plates.iter().map(|name| open(&folder.join(name))).collect::<io::Result<Vec<_>>>()?;
-        let (files, latches): (Vec<File>, Vec<Latch>) = opened.into_iter().unzip();
+    /// Opens the latch file of every plate in `folder`, making those that are missing. With each name comes whether the
+    /// store knew the plate before this start: then a missing file counts as stopped.
+    pub fn open(folder: &Path, plates: &[(String, bool)]) -> io::Result<Self> {
+        make_folder(folder)?;
+        let open = |(name, known): &(String, bool)| LatchFile::open(folder, name, *known);
+        let opened = plates.iter().map(open).collect::<io::Result<Vec<_>>>()?;
+        let (files, stopped): (Vec<LatchFile>, Vec<bool>) = opened.into_iter().unzip();
+        let latches: Vec<Latch> = stopped.into_iter().map(Latch::found).collect();
+        let held = files.iter().map(|file| file.held().clone()).collect();
         let ending = Arc::new(AtomicBool::new(false));
         let (cells, told) = (latches.clone(), Arc::clone(&ending));
         let keeper = thread::Builder::new().name("latches".into()).spawn(move || keep(files, &cells, &told))?;
         let thread = keeper.thread().clone();
-        Ok(Self { latches, ending, keeper: Some(keeper), thread })
+        Ok(Self { latches, held, ending, keeper: Some(keeper), thread })
     }
 
     /// The latch of each plate, in their order.
     pub fn latches(&self) -> &[Latch] {
         &self.latches
+    }
+
+    /// Compares the paths of the latch files with the files held open; the first that is displaced. Waits for the disk.
+    pub fn check_paths(&self) -> Result<(), Displaced> {
+        check_all(&self.held)
     }
 
     /// True while changes are brought to the disk.
@@ -146,14 +160,15 @@ impl Drop for Latches {
     }
 }
 
-/// Brings every change to the disk; one last time when it is to end.
-fn keep(mut files: Vec<File>, latches: &[Latch], ending: &AtomicBool) {
+/// Brings every change to the disk; one last time when it is to end. A stop of what is stopped already is no change, yet
+/// whoever made it wants to know that the disk has it.
+fn keep(mut files: Vec<LatchFile>, latches: &[Latch], ending: &AtomicBool) {
     loop {
         let last = ending.load(Ordering::SeqCst);
         for (file, Latch(cell)) in files.iter_mut().zip(latches) {
             let word = cell.word();
-            if word.changes() != cell.kept.load(Ordering::SeqCst) && write(file, word.is_stopped()).is_ok() {
-                cell.kept.store(word.changes(), Ordering::SeqCst);
+            if word.0 != cell.kept.load(Ordering::SeqCst) && file.persist(word.is_stopped()) {
+                cell.kept.store(word.0, Ordering::SeqCst);
             }
         }
         if last {
@@ -163,30 +178,15 @@ fn keep(mut files: Vec<File>, latches: &[Latch], ending: &AtomicBool) {
     }
 }
 
-fn open(path: &Path) -> io::Result<(File, Latch)> {
-    let is_new = !path.try_exists()?;
-    let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
-    if is_new {
-        write(&mut file, false)?;
-        return Ok((file, Latch::found(false)));
-    }
-    let mut text = Vec::new();
-    let whole = (&file).take(1024).read_to_end(&mut text).is_ok();
-    Ok((file, Latch::found(!(whole && text == RELEASED))))
-}
-
-fn write(file: &mut File, stopped: bool) -> io::Result<()> {
-    file.seek(SeekFrom::Start(0))?;
-    file.write_all(if stopped { STOPPED } else { RELEASED })?;
-    file.sync_data()
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
+    use super::file::RELEASED;
     use super::*;
 
-    fn names(names: &[&str]) -> Vec<String> {
-        names.iter().map(|name| (*name).to_owned()).collect()
+    fn names(names: &[&str]) -> Vec<(String, bool)> {
+        names.iter().map(|name| ((*name).to_owned(), false)).collect()
     }
 
     fn kept(latches: &Latches) {
@@ -227,6 +227,23 @@ mod tests {
     }
 
     #[test]
+    fn lost_files_of_known_plates_hold_over_the_next_start_until_they_are_released() {
+        let folder = tempfile::tempdir().unwrap();
+        let latch = folder.path().join("latch");
+        let plates = [("left".to_owned(), true), ("right".to_owned(), false)];
+        for _ in 0..2 {
+            let latches = Latches::open(&latch, &plates).unwrap();
+            let stopped: Vec<bool> = latches.latches().iter().map(Latch::is_stopped).collect();
+            assert_eq!(stopped, [true, false]);
+        }
+        let latches = Latches::open(&latch, &plates).unwrap();
+        let held = latches.latches()[0].held().unwrap();
+        assert!(latches.latches()[0].release(held));
+        drop(latches);
+        assert!(!Latches::open(&latch, &plates).unwrap().latches()[0].is_stopped());
+    }
+
+    #[test]
     fn it_is_written_in_place() {
         let folder = tempfile::tempdir().unwrap();
         let latches = Latches::open(folder.path(), &names(&["one"])).unwrap();
@@ -243,12 +260,14 @@ mod tests {
     #[test]
     fn a_stop_that_comes_before_a_release_is_not_released_with_it() {
         let latch = Latch::found(true);
+        latch.0.kept.store(latch.0.word().0, Ordering::SeqCst);
         let first = latch.held().unwrap();
+        assert!(latch.is_kept());
         assert!(!latch.stop(), "it is stopped already, and yet this is another stop");
-        assert!(latch.is_kept(), "the disk has nothing new to say");
+        assert!(!latch.is_kept(), "the disk is asked once more");
         assert!(!latch.release(first) && latch.is_stopped());
         let second = latch.held().unwrap();
-        assert!(latch.release(second) && !latch.is_stopped() && !latch.is_kept());
+        assert!(latch.release(second) && !latch.is_stopped());
         assert!(!latch.release(second), "once");
         assert_eq!(latch.held(), None);
         assert!(latch.stop() && !latch.release(second) && latch.is_stopped());

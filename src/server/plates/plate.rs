@@ -141,6 +141,16 @@ impl Plate {
         true
     }
 
+    /// Pauses it, unless it is paused already; its standing job gives way.
+    pub(super) fn pause(&self, why: &str) {
+        if self.shared.paused().is_none() {
+            self.shared.pause(Some(why.to_owned()));
+        }
+        if let Some(standing) = &self.shared.standing {
+            standing.give_way();
+        }
+    }
+
     /// Tells it that a job was queued: a standing job on it gives way.
     pub fn job_queued(&self) {
         if let Some(standing) = &self.shared.standing {

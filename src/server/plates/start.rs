@@ -15,7 +15,7 @@ use super::shared::Shared;
 use super::standing::{Standing, StandingSetup};
 use super::watchdog::{TICK, Watchdog, ms};
 use super::worker::{Place, Worker};
-use crate::store::Ledger;
+use crate::store::{Displaced, Ledger};
 use upm_core::priority::step_back;
 use upm_core::rig::{Interlock, Trip};
 use upm_core::time::{Clock, MonotonicClock};
@@ -33,6 +33,8 @@ const WAITING: usize = 1024;
 pub struct PlateSetup {
     /// Its name, fit for a file.
     pub name: String,
+    /// True when the store knew it before this start: a latch file that is missing then counts as stopped.
+    pub known: bool,
     /// The simulated rig.
     pub rig: RigSpec,
     /// The library its jobs use unless they bring their own.
@@ -84,7 +86,7 @@ pub struct Plates {
 impl Plates {
     /// Makes the plates and starts their threads. A plate whose latch is stopped stays stopped.
     pub fn start(setups: Vec<PlateSetup>, around: &Surroundings) -> io::Result<Self> {
-        let names: Vec<String> = setups.iter().map(|setup| setup.name.clone()).collect();
+        let names: Vec<(String, bool)> = setups.iter().map(|setup| (setup.name.clone(), setup.known)).collect();
         let latches = Latches::open(&around.latches, &names)?;
         fs::create_dir_all(&around.runs)?;
         let clock = around.clock;
@@ -137,6 +139,16 @@ impl Plates {
             return Err("the thread that keeps emergency stops has died".to_owned());
         }
         self.plates.iter().find_map(Plate::dead).map_or(Ok(()), Err)
+    }
+
+    /// Compares the paths of the latch files with the files held open; the first that is displaced. Waits for the disk.
+    pub fn check_paths(&self) -> Result<(), Displaced> {
+        self.latches.check_paths()
+    }
+
+    /// Pauses every plate that is not paused. A run of a standing job ends between two cycles, any other at its own end.
+    pub fn pause_all(&self, why: &str) {
+        self.plates.iter().for_each(|plate| plate.pause(why));
     }
 
     /// What is free on the disk of the run folders, in bytes; `None` when it does not say.

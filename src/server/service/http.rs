@@ -12,6 +12,7 @@ mod listen;
 #[cfg(test)]
 mod listen_tests;
 mod problem;
+mod reason;
 mod request_id;
 mod socket;
 mod stop;
@@ -23,6 +24,7 @@ pub(super) use listen::Peer;
 pub use listen::{Served, serve};
 pub(super) use problem::PROBLEM_JSON;
 pub use problem::{Problem, ProblemDocument, ProblemFault, ProblemKind};
+pub use reason::{Reason, ReasonCode, joined};
 pub use stop::{StopFlag, StopSender};
 pub use tokens::{Caller, Scope, Tokens};
 

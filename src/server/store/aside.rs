@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 
 use rusqlite::{Connection, ErrorCode};
 
+use super::migrate::{OLDEST, VERSION};
 use super::open::Opening;
 use super::places::{Places, beside};
 use super::salvage::{from_folders, from_store, have_begun};
-use super::schema::{APPLICATION_ID, BEFORE, VERSION, create, empty_log, reading, writing};
+use super::schema::{APPLICATION_ID, create, empty_log, reading, writing};
 use super::{Recovery, StoreFault};
 
 /// Shorter files hold no database. SQLite would take them for a new one, and throw away the log beside them.
@@ -41,7 +42,7 @@ pub(super) fn damage_of(path: &Path) -> Result<Option<String>, StoreFault> {
 fn look_at(connection: &Connection) -> rusqlite::Result<Option<String>> {
     let number = |name: &str| connection.pragma_query_value(None, name, |row| row.get::<_, i32>(0));
     let (id, version) = (number("application_id")?, number("user_version")?);
-    if id != APPLICATION_ID || !(BEFORE..=VERSION).contains(&version) {
+    if id != APPLICATION_ID || !(OLDEST..=VERSION).contains(&version) {
         return Ok(Some(format!("upm.db is of kind {id:08x} and version {version}, not of version {VERSION}")));
     }
     let said: String = connection.query_row("PRAGMA quick_check(1)", [], |row| row.get(0))?;

@@ -14,8 +14,8 @@ use super::reader::Readers;
 use super::retention::{Begins, Retention, Swept};
 use super::task::task;
 use super::{
-    Accepted, AuditEntry, AuditRow, Cancelled, Claimed, JobEnd, JobId, JobPage, JobRow, JobState, Ledger, NewEvent,
-    NewJob, Page, Publish, Replay, StoreFault, StoreHealth, StoredEvent, audit, events, jobs,
+    Accepted, AuditEntry, AuditRow, Cancelled, Claimed, Displaced, HeldPath, JobEnd, JobId, JobPage, JobRow, JobState,
+    Ledger, NewEvent, NewJob, Page, Publish, Replay, StoreFault, StoreHealth, StoredEvent, audit, events, jobs,
 };
 
 /// The job store of one data folder. Callbacks run on its threads, after the commit: they hand on and return, and never
@@ -27,6 +27,8 @@ pub struct Store {
     pub(super) now: fn() -> Timestamp,
     pub(super) retention: Retention,
     pub(super) begins: Begins,
+    /// Data folder, lock file, database and log.
+    pub(super) held: Vec<HeldPath>,
 }
 
 impl fmt::Debug for Store {
@@ -125,6 +127,12 @@ impl Store {
     /// Time since the writing thread last went round its loop, four times a second when all is well.
     pub fn heartbeat(&self) -> Duration {
         self.orders.shown.heartbeat()
+    }
+
+    /// Compares the paths of the data folder, its lock file, the database and its log with what is held open; the first
+    /// that is displaced. Waits for the disk.
+    pub fn check_paths(&self) -> Result<(), Displaced> {
+        self.held.iter().try_for_each(HeldPath::check)
     }
 
     /// How it is.

@@ -11,8 +11,9 @@ use super::aside::{damage_of, set_aside};
 use super::ballast::Ballast;
 use super::handle::Store;
 use super::ids::Ids;
+use super::migrate::{MIGRATIONS, migrate, refuse_newer};
 use super::orders::Orders;
-use super::places::{Places, beside};
+use super::places::{Lock, Places, beside};
 use super::reader::Readers;
 use super::recover::recover;
 use super::retention::{Begins, Retention, Sweeper, empty_trash};
@@ -45,8 +46,9 @@ pub(super) struct Opening<'a> {
 
 impl Store {
     /// Opens the store in the folder `data`, made if need be, and puts in order what a crash left behind. A damaged
-    /// store is moved aside and a new one made of what can be saved. Fails when another process has it, when the folder
-    /// cannot be written, and when its disk is full.
+    /// store is moved aside and a new one made of what can be saved; an older one is migrated, after a copy of it was
+    /// made. Fails when another process has it, when the folder cannot be written, when its disk is full, and, with
+    /// nothing changed, when a newer release wrote it.
     pub fn open(
         data: &Path,
         plates: &[String],
@@ -54,8 +56,11 @@ impl Store {
         now: fn() -> Timestamp,
         repair: RepairRecording<'_>,
     ) -> Result<Opened, StoreFault> {
-        let places = Places::make(data)?;
-        let lock = places.lock()?;
+        let places = Places::in_folder(data)?;
+        let folder = places.lock_folder()?;
+        [&places.db, &places.next].into_iter().try_for_each(|db| refuse_newer(db))?;
+        let lock = Lock { folder, file: places.lock_file()? };
+        places.make_folders()?;
         [&places.trash, &places.runs_trash].into_iter().for_each(|trash| empty_trash(trash));
         let mut ballast = Ballast::at(&places.reserve, limits.reserve_bytes);
         let opening = Opening { plates, limits: &limits, now, repair };
@@ -64,6 +69,7 @@ impl Store {
             made = opening.start(&places);
         }
         let (connection, recovery) = made?;
+        let held = places.held(&lock)?;
         let ids = Ids::above(last_id(&connection)?);
         let readers = Readers::start(vec![schema::reading(&places.db)?, schema::reading(&places.db)?])?;
         let (sender, waiting) = sync_channel(MOST_WAITING);
@@ -78,7 +84,7 @@ impl Store {
             writer.run();
         })?;
         let retention = Retention::start(sweeper)?;
-        Ok(Opened { store: Store { orders, readers, runs: places.runs, now, retention, begins }, recovery })
+        Ok(Opened { store: Store { orders, readers, runs: places.runs, now, retention, begins, held }, recovery })
     }
 }
 
@@ -130,7 +136,7 @@ impl Opening<'_> {
         found: &mut Recovery,
     ) -> Result<Connection, StoreFault> {
         schema::restart_log(&connection)?;
-        schema::upgrade(&connection)?;
+        migrate(&mut connection, places, MIGRATIONS)?;
         found.clean &= found.damage.is_none() && is_clean(&connection)?;
         recover(&mut connection, places, self, found)?;
         // that it is open now must be known without the log, too

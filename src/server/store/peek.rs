@@ -2,8 +2,9 @@ use std::path::Path;
 
 use rusqlite::{Connection, OpenFlags};
 
+use super::migrate::{VERSION, refuse_newer};
 use super::places::beside;
-use super::schema::{APPLICATION_ID, VERSION, reading};
+use super::schema::{APPLICATION_ID, reading};
 use super::{AuditRow, JobId, JobRow, JobState, Page, StoreFault, StoredEvent, audit, events, jobs};
 
 /// How much of a store to look at.
@@ -37,7 +38,9 @@ pub struct Peeked {
 /// Looks into the store of the data folder `data`, whether a daemon has it or not. Writes nothing a store would miss and
 /// holds nobody up: each answer is read in one short transaction.
 pub fn peek(data: &Path, most: PeekMost) -> Result<Peeked, StoreFault> {
-    let connection = open(&data.join("upm.db"))?;
+    let db = data.join("upm.db");
+    refuse_newer(&db)?;
+    let connection = open(&db)?;
     let number = |name: &str| connection.pragma_query_value(None, name, |row| row.get::<_, i32>(0));
     let (id, version) = (number("application_id")?, number("user_version")?);
     if (id, version) != (APPLICATION_ID, VERSION) {
@@ -56,7 +59,7 @@ pub fn peek(data: &Path, most: PeekMost) -> Result<Peeked, StoreFault> {
 
 /// Where there is no log, an ordinary reader would make one, and the next start could no longer tell that it had been
 /// lost. Then the file is read as it lies there.
-fn open(db: &Path) -> Result<Connection, StoreFault> {
+pub(super) fn open(db: &Path) -> Result<Connection, StoreFault> {
     if beside(db, "-wal").exists() {
         return Ok(reading(db)?);
     }

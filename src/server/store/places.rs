@@ -3,10 +3,17 @@ use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::StoreFault;
+use super::{HeldPath, StoreFault};
 
 /// Name of a folder whose contents are being deleted.
 const TRASH: &str = ".trash";
+
+/// A data folder held for this process alone, until this is dropped.
+#[derive(Debug)]
+pub(super) struct Lock {
+    pub folder: File,
+    pub file: File,
+}
 
 /// Where things are in a data folder.
 #[derive(Clone, Debug)]
@@ -30,8 +37,8 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// Those in `data`, with the folders made.
-    pub fn make(data: &Path) -> Result<Self, StoreFault> {
+    /// Those in `data`, which is made if need be.
+    pub fn in_folder(data: &Path) -> Result<Self, StoreFault> {
         let at = |name: &str| data.join(name);
         let places = Self {
             data: data.to_owned(),
@@ -43,25 +50,59 @@ impl Places {
             runs_trash: at("runs").join(TRASH),
             reserve: at("reserve"),
         };
-        for folder in [&places.runs, &places.trash] {
-            fs::create_dir_all(folder).map_err(|error| named(folder, error))?;
-        }
+        fs::create_dir_all(data).map_err(|error| named(data, error))?;
         Ok(places)
     }
 
-    /// Holds the data folder for this process alone.
-    pub fn lock(&self) -> Result<File, StoreFault> {
-        let path = self.data.join("lock");
+    /// Makes the folders in it.
+    pub fn make_folders(&self) -> Result<(), StoreFault> {
+        let make = |folder: &PathBuf| fs::create_dir_all(folder).map_err(|error| named(folder, error));
+        [&self.runs, &self.trash].into_iter().try_for_each(make)
+    }
+
+    /// Holds the data folder itself for this process alone, so that a lock file that is deleted lets nobody in. Some file
+    /// systems lock no folders: there the lock file alone holds it.
+    pub fn lock_folder(&self) -> Result<File, StoreFault> {
+        let folder = File::open(&self.data).map_err(|error| named(&self.data, error))?;
+        match folder.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Err(self.in_use()),
+            Err(TryLockError::Error(error)) => {
+                tracing::warn!("{}: the folder cannot be locked, its lock file is: {error}", self.data.display());
+            }
+        }
+        Ok(folder)
+    }
+
+    /// Holds the data folder by the file that other releases lock.
+    pub fn lock_file(&self) -> Result<File, StoreFault> {
+        let path = self.lock_path();
         let file = File::options().write(true).create(true).truncate(false).open(&path);
         let file = file.map_err(|error| named(&path, error))?;
         match file.try_lock() {
             Ok(()) => Ok(file),
-            Err(TryLockError::WouldBlock) => {
-                let data = self.data.display();
-                Err(StoreFault::Io(format!("{data} belongs to another daemon that is running")))
-            }
+            Err(TryLockError::WouldBlock) => Err(self.in_use()),
             Err(TryLockError::Error(error)) => Err(named(&path, error)),
         }
+    }
+
+    fn in_use(&self) -> StoreFault {
+        StoreFault::Io(format!("{} belongs to another daemon that is running", self.data.display()))
+    }
+
+    fn lock_path(&self) -> PathBuf {
+        self.data.join("lock")
+    }
+
+    /// The paths that must go on naming what an open store holds: folder, lock file, database and its log.
+    pub fn held(&self, lock: &Lock) -> io::Result<Vec<HeldPath>> {
+        let log = beside(&self.db, "-wal");
+        Ok(vec![
+            HeldPath::of(&self.data, &lock.folder)?,
+            HeldPath::of(&self.lock_path(), &lock.file)?,
+            HeldPath::named(&self.db)?,
+            HeldPath::named(&log)?,
+        ])
     }
 
     /// Names of the run folders, sorted.

@@ -52,9 +52,10 @@ pub(super) fn recover(
         let list = if end.state == JobState::Interrupted { &mut found.interrupted } else { &mut found.ended };
         list.push(job.id);
     }
+    found.known = if found.damage.is_some() { opening.plates.to_vec() } else { known(&tx)? };
     found.paused = pause(&tx, opening.plates, found.clean)?;
-    let known = folders_of(&tx)?;
-    let orphans = places.run_names()?.into_iter().filter(|name| !known.contains(name));
+    let owned = folders_of(&tx)?;
+    let orphans = places.run_names()?.into_iter().filter(|name| !owned.contains(name));
     // one that is empty was made for a job that did not come to begin
     let left = orphans.map(|name| places.runs.join(name)).filter(|folder| fs::remove_dir(folder).is_err());
     found.orphans = left.collect();
@@ -92,6 +93,11 @@ fn mark_partial(connection: &mut Connection, places: &Places, left: &[JobRow]) -
         tx.execute("UPDATE jobs SET recording = 'partial' WHERE id = ?1", [job.id])?;
     }
     Ok(tx.commit()?)
+}
+
+/// Plates that earlier starts were told of.
+fn known(tx: &Connection) -> rusqlite::Result<Vec<String>> {
+    tx.prepare("SELECT name FROM plates ORDER BY name")?.query_map([], |row| row.get(0))?.collect()
 }
 
 /// Pauses every plate that has work waiting, that was paused, or, after anything but an orderly end, any. Told are

@@ -7,21 +7,10 @@ use rusqlite::{Connection, OpenFlags};
 
 use super::StoreFault;
 use super::aside::remove_all;
+use super::migrate::{MIGRATIONS, VERSION};
 
 /// `upm1`: says in the file's header whose it is.
 pub(super) const APPLICATION_ID: i32 = 0x7570_6d31;
-
-/// Version of the tables below.
-pub(super) const VERSION: i32 = 2;
-
-/// The version before this one, which [`upgrade`] brings up to it.
-pub(super) const BEFORE: i32 = 1;
-
-/// The change from version 1 to version 2.
-const STANDING: &str = "
-ALTER TABLE jobs ADD COLUMN standing INTEGER NOT NULL DEFAULT 0 CHECK (standing IN (0, 1));
-CREATE INDEX jobs_standing ON jobs (plate, id) WHERE standing = 1;
-";
 
 /// Pages that a connection keeps in memory, in the pragma's own unit of -1024 bytes. The system keeps the file, too.
 const CACHE: &str = "PRAGMA cache_size = -512;";
@@ -29,6 +18,8 @@ const CACHE: &str = "PRAGMA cache_size = -512;";
 /// How long a connection waits for another one's lock.
 const BUSY: Duration = Duration::from_secs(2);
 
+/// Tables of version 1, but for those of [`STATE`]; the migrations come on top of them.
+///
 /// Times are whole microseconds of Unix time. An event's number never comes twice in a job: what is pruned moves
 /// `first_event` up. A job's text stands apart, since it is long and the rest changes often; it goes when the job ends and
 /// its run folder has it.
@@ -106,22 +97,13 @@ INSERT INTO meta VALUES (1, 1);
 /// Makes a new store at `path`, whole in one file: closed and on the disk when this returns.
 pub(super) fn create(path: &Path) -> rusqlite::Result<()> {
     let connection = writing(path)?;
+    let migrations = MIGRATIONS.concat();
     connection.execute_batch(&format!(
-        "BEGIN; {TABLES} {STANDING} {STATE} PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {VERSION}; COMMIT;"
+        "BEGIN; {TABLES} {migrations} {STATE}
+         PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {VERSION}; COMMIT;"
     ))?;
     empty_log(&connection)?;
     connection.close().map_err(|(_, error)| error)
-}
-
-/// Brings the tables of a sound store up to this version, all of them or none.
-pub(super) fn upgrade(connection: &Connection) -> rusqlite::Result<()> {
-    let version: i32 = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
-    if version != BEFORE {
-        return Ok(());
-    }
-    let tx = connection.unchecked_transaction()?;
-    tx.execute_batch(&format!("{STANDING} PRAGMA user_version = {VERSION};"))?;
-    tx.commit()
 }
 
 /// Makes a new store under one name and gives it another when it is whole.

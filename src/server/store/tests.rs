@@ -8,6 +8,7 @@ mod queue;
 mod recordings;
 mod standing;
 mod sweeping;
+mod versions;
 
 use std::io;
 use std::path::Path;

@@ -295,6 +295,16 @@ pub enum StoreFault {
     /// The database is damaged.
     #[error("the job store is damaged: {0}")]
     Corrupt(String),
+    /// A newer release wrote the store.
+    #[error("{file}: found a job store of version {found}, expected version {known} or older: start a newer release")]
+    Newer {
+        /// The database.
+        file: String,
+        /// Its version.
+        found: i32,
+        /// The newest version that this release knows.
+        known: i32,
+    },
     /// The store has been closed.
     #[error("the job store is closed")]
     Closed,
@@ -358,6 +368,8 @@ pub struct Recovery {
     pub interrupted: Vec<JobId>,
     /// Jobs that were running and had ended: their run folder holds a report.
     pub ended: Vec<JobId>,
+    /// Plates that the store knew before this start; all of them when it was damaged, since it may have known them.
+    pub known: Vec<String>,
     /// Plates that must not move until a person resumes them.
     pub paused: Vec<String>,
     /// Where a damaged store was moved to.

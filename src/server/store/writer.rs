@@ -1,5 +1,4 @@
 use std::cell::Cell;
-use std::fs::File;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
@@ -13,6 +12,7 @@ use super::ballast::Ballast;
 use super::books::Books;
 use super::ids::Ids;
 use super::pending::{Notes, Pending};
+use super::places::Lock;
 use super::schema::restart_log;
 use super::task::Task;
 use super::{Limits, StoreFault};
@@ -109,7 +109,7 @@ pub(super) struct Writer {
     pub ballast: Ballast,
     pub told: Cell<u64>,
     /// Held as long as anything is written.
-    pub lock: File,
+    pub lock: Lock,
 }
 
 impl Writer {

@@ -273,3 +273,16 @@ fn a_lost_part_stops_the_plate_for_a_person_to_look() {
     assert!(plate.resume(who("ann")));
     next(&told, "finished");
 }
+
+#[test]
+fn stop_whose_latch_file_vanished_holds_and_is_not_persisted() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    plate.estop();
+    assert!(plate.account_for_estop(Caller::default()));
+    std::fs::remove_dir_all(house.folder.path().join("latch")).unwrap();
+    plate.estop();
+    assert!(!plate.account_for_estop(Caller::default()), "it was persisted, and is no longer");
+    assert!(stopped(plate));
+}

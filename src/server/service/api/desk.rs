@@ -9,7 +9,7 @@ use tokio::sync::oneshot;
 use super::cursor::JobsQuery;
 use super::feed::{Feed, Opening, Replayed};
 use super::types::{EStopped, Job, JobsPage, Pace, Plate, Plates, ResetRequest};
-use crate::service::http::{Caller, Problem, ProblemKind};
+use crate::service::http::{Caller, Problem, ProblemKind, Reason};
 use upm_runner::config::Fault;
 
 /// An answer on its way.
@@ -49,10 +49,10 @@ pub trait Desk: Send + Sync {
     fn resume(&self, plate: &str, caller: Caller) -> Promise<Plate>;
 
     /// What keeps the daemon from working at all; nothing when it is well.
-    fn ailments(&self) -> Vec<String>;
+    fn ailments(&self) -> Vec<Reason>;
 
     /// What keeps it from taking jobs; nothing when it is ready.
-    fn obstacles(&self) -> Vec<String>;
+    fn obstacles(&self) -> Vec<Reason>;
 
     /// Its figures, as OpenMetrics text.
     fn metrics(&self) -> String;
@@ -158,6 +158,8 @@ pub enum Refusal {
         /// When it may be over, s.
         retry_after_s: u32,
     },
+    /// Not before an operator has seen to the daemon: 503.
+    Unwell(Reason),
     /// The disk is full: 507.
     DiskFull(String),
     /// The daemon's own fault: 500.
@@ -184,6 +186,9 @@ impl From<Refusal> for Problem {
                 Self::new(ProblemKind::QueueFull, "too many jobs come at once").retry_after(retry_after_s)
             }
             Refusal::Busy { why, retry_after_s } => Self::new(ProblemKind::Unavailable, why).retry_after(retry_after_s),
+            Refusal::Unwell(reason) => {
+                Self::new(ProblemKind::Unavailable, reason.detail.clone()).with_reasons([reason])
+            }
             Refusal::DiskFull(what) => Self::new(ProblemKind::InsufficientStorage, what),
             Refusal::Broken(what) => Self::new(ProblemKind::Internal, what),
         }

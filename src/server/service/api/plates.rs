@@ -5,7 +5,7 @@ use tokio::time::timeout;
 use super::jobs::text_of;
 use super::table::{Call, Outcome, json, media};
 use super::types::{ResetRequest, Well};
-use crate::service::http::{Problem, ProblemKind};
+use crate::service::http::{Problem, ProblemKind, Reason, joined};
 
 pub(super) const OPENMETRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
@@ -41,22 +41,22 @@ pub(super) fn resume(call: Call) -> Outcome {
 }
 
 pub(super) fn healthz(call: Call) -> Outcome {
-    Box::pin(async move { well(&call.desk.ailments()) })
+    Box::pin(async move { well(call.desk.ailments()) })
 }
 
 pub(super) fn readyz(call: Call) -> Outcome {
-    Box::pin(async move { well(&call.desk.obstacles()) })
+    Box::pin(async move { well(call.desk.obstacles()) })
 }
 
 pub(super) fn metrics(call: Call) -> Outcome {
     Box::pin(async move { media(200, OPENMETRICS, call.desk.metrics().into()) })
 }
 
-fn well(reasons: &[String]) -> Result<axum::response::Response, Problem> {
+fn well(reasons: Vec<Reason>) -> Result<axum::response::Response, Problem> {
     if reasons.is_empty() {
         return json(200, &Well { ok: true });
     }
-    Err(Problem::new(ProblemKind::Unavailable, reasons.join("; ")))
+    Err(Problem::new(ProblemKind::Unavailable, joined(&reasons)).with_reasons(reasons))
 }
 
 /// 400 for what is no JSON, 422 for JSON that is no reset.

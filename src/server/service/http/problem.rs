@@ -5,6 +5,7 @@ use axum::response::{IntoResponse, Response};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::Reason;
 use upm_runner::config::Fault;
 
 /// Media type of problem documents.
@@ -153,6 +154,9 @@ pub struct ProblemDocument {
     /// Every fault of what was sent, when that is what was wrong.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<ProblemFault>,
+    /// What is wrong with the daemon, when that is why it answers 503.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub reasons: Vec<Reason>,
 }
 
 /// What went wrong with one request. Becomes a problem document; the outermost layer puts the request's name in.
@@ -161,18 +165,25 @@ pub struct Problem {
     kind: ProblemKind,
     detail: String,
     faults: Vec<ProblemFault>,
+    reasons: Vec<Reason>,
     headers: Vec<(HeaderName, HeaderValue)>,
 }
 
 impl Problem {
     /// A problem of this kind; `detail` is a sentence for a person.
     pub fn new(kind: ProblemKind, detail: impl Into<String>) -> Self {
-        Self { kind, detail: detail.into(), faults: Vec::new(), headers: Vec::new() }
+        Self { kind, detail: detail.into(), faults: Vec::new(), reasons: Vec::new(), headers: Vec::new() }
     }
 
     /// With every fault found.
     pub fn with_faults(mut self, faults: impl IntoIterator<Item = impl Into<ProblemFault>>) -> Self {
         self.faults.extend(faults.into_iter().map(Into::into));
+        self
+    }
+
+    /// With what is wrong with the daemon.
+    pub fn with_reasons(mut self, reasons: impl IntoIterator<Item = Reason>) -> Self {
+        self.reasons.extend(reasons);
         self
     }
 
@@ -206,6 +217,7 @@ impl Problem {
             detail: self.detail.clone(),
             instance: instance.map(|id| format!("urn:upm:request:{id}")),
             faults: self.faults.clone(),
+            reasons: self.reasons.clone(),
         }
     }
 

@@ -78,10 +78,10 @@ fn a_store_of_another_version_keeps_all_its_jobs() {
     let (data, ids) = left_behind();
     crate::store::schema::writing(&data.path().join("upm.db"))
         .unwrap()
-        .execute_batch("PRAGMA user_version = 99")
+        .execute_batch("PRAGMA user_version = 0")
         .unwrap();
     let (store, _, damage) = damaged(data.path());
-    assert!(damage.contains("version 99, not of version 2"), "{damage}");
+    assert!(damage.contains("version 0, not of version"), "{damage}");
     assert_eq!(ids.map(|id| job(&store, id).state), [JobState::Completed, JobState::Interrupted, JobState::Queued]);
     let keyed = NewJob { key: Some("k".into()), ..new_job("queued", "a") };
     assert!(matches!(accept(&store, keyed), Ok(Accepted::Replayed(row)) if row.id == ids[2]));
@@ -167,7 +167,7 @@ fn a_database_that_is_missing_is_told_by_its_folders() {
 fn moving_aside_cut_short_is_taken_up_again() {
     let (left, ids) = left_behind();
     let version = |data: &Path| {
-        crate::store::schema::writing(&data.join("upm.db")).unwrap().execute_batch("PRAGMA user_version = 99").unwrap();
+        crate::store::schema::writing(&data.join("upm.db")).unwrap().execute_batch("PRAGMA user_version = 0").unwrap();
     };
     version(left.path());
     let done = snapshot(left.path());
@@ -190,4 +190,18 @@ fn moving_aside_cut_short_is_taken_up_again() {
         assert!(!data.path().join("upm.db.next").exists() && !data.path().join("upm.db.draft").exists());
         assert!(store.close(PATIENCE));
     }
+}
+
+#[test]
+fn plates_are_known_from_the_second_start_on_and_after_damage() {
+    let folder = tempfile::tempdir().unwrap();
+    let Opened { store, recovery } = open(folder.path(), limits());
+    assert_eq!(recovery.known, [""; 0]);
+    assert!(store.close(PATIENCE));
+    let Opened { store, recovery } = open(folder.path(), limits());
+    assert_eq!(recovery.known, plates());
+    begin(&store, "run", "a");
+    assert!(store.close(PATIENCE));
+    fs::remove_file(folder.path().join("upm.db")).unwrap();
+    assert_eq!(open(folder.path(), limits()).recovery.known, plates());
 }

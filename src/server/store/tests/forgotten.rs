@@ -71,7 +71,7 @@ fn a_store_moved_aside_makes_no_second_job_of_a_run() {
     let data = snapshot(folder.path());
     crate::store::schema::writing(&data.path().join("upm.db"))
         .unwrap()
-        .execute_batch("PRAGMA user_version = 99")
+        .execute_batch("PRAGMA user_version = 0")
         .unwrap();
     let Opened { store, .. } = open(data.path(), limits());
     let rows = all_jobs(&store);
@@ -108,7 +108,7 @@ fn the_text_of_a_job_stays_until_its_folder_has_it() {
     assert_eq!(texts(&store), kept, "a start keeps it, too");
     assert!(store.close(PATIENCE));
     let version = crate::store::schema::writing(&copy.path().join("upm.db")).unwrap();
-    version.execute_batch("PRAGMA user_version = 99").unwrap();
+    version.execute_batch("PRAGMA user_version = 0").unwrap();
     drop(version);
     let limits = Limits { jobs: 0, runs_bytes: 0, ..limits() };
     let Opened { store, recovery } = open(copy.path(), limits);

@@ -83,24 +83,3 @@ fn killed_standing_run_is_interrupted_as_any_other_and_waits_for_nobody() {
     assert_eq!((row.state, row.standing), (JobState::Interrupted, true));
     assert_eq!(store.claim("a", &super::folder(&store)), Ok(None), "it is not run again");
 }
-
-#[test]
-fn store_of_the_version_before_is_brought_up_to_date_with_all_its_jobs() {
-    let (folder, store) = new_store(limits());
-    let [done, waiting] = ["done", "waiting"].map(|name| queue(&store, name, "a").id);
-    store.claim("a", &super::folder(&store)).unwrap().unwrap();
-    store.ended(&done, end(JobState::Completed)).unwrap();
-    assert!(store.close(PATIENCE));
-    let before = crate::store::schema::writing(&folder.path().join("upm.db")).unwrap();
-    before
-        .execute_batch("DROP INDEX jobs_standing; ALTER TABLE jobs DROP COLUMN standing; PRAGMA user_version = 1")
-        .unwrap();
-    drop(before);
-    let Opened { store, recovery } = open(folder.path(), limits());
-    assert_eq!((recovery.damage, recovery.moved_aside, recovery.clean), (None, None, true));
-    let rows = all_jobs(&store);
-    let kept: Vec<_> = rows.iter().map(|row| (row.id, row.state, row.standing)).collect();
-    assert_eq!(kept, [(waiting, JobState::Queued, false), (done, JobState::Completed, false)]);
-    assert_eq!(store.claim("a", &super::folder(&store)).unwrap().unwrap().row.id, waiting);
-    assert!(begin_standing(&store, "run").is_some());
-}

@@ -7,7 +7,7 @@ use super::fake::{HOLD, JOB, PLATE};
 use super::{Asked, LOOK, WORK, request};
 use crate::service::api::table::{Method, Operation};
 use crate::service::api::{Refusal, routes};
-use crate::service::http::{Scope, Tokens};
+use crate::service::http::{Reason, ReasonCode, Scope, Tokens};
 
 fn path_of(operation: &Operation) -> String {
     operation.path.replace("{id}", JOB).replace("{name}", PLATE).replace("{file}", "index.html")
@@ -160,10 +160,13 @@ async fn an_emergency_stop_is_told_before_anything_is_waited_for() {
 async fn health_says_what_is_wrong() {
     let asked = Asked::new();
     assert_eq!(asked.get("/healthz").await.json(), json!({"ok": true}));
-    *asked.desk.ailments.lock().unwrap() = vec!["the store hangs".to_owned(), "no room".to_owned()];
+    let reasons = [(ReasonCode::StoreHangs, "the store hangs"), (ReasonCode::DiskLow, "no room")];
+    *asked.desk.ailments.lock().unwrap() = reasons.map(|(code, detail)| Reason::new(code, detail)).into();
     for path in ["/healthz", "/readyz"] {
         let seen = asked.get(path).await;
         assert_eq!((seen.status, &seen.json()["detail"]), (503, &json!("the store hangs; no room")));
+        let codes = seen.json()["reasons"].as_array().unwrap().iter().map(|reason| reason["code"].clone()).collect();
+        assert_eq!(json!(["store_hangs", "disk_low"]), serde_json::Value::Array(codes));
     }
 }
 

@@ -6,7 +6,7 @@ use bytes::Bytes;
 use serde_json::Value;
 
 use crate::service::api::*;
-use crate::service::http::Caller;
+use crate::service::http::{Caller, Reason};
 use upm_runner::config::{JobSpec, Origin, RigSpec};
 
 /// A job there is, one there is not, a plate there is.
@@ -27,7 +27,7 @@ pub(super) struct FakeDesk {
     pub opening: Mutex<Option<Opening>>,
     pub kept: Mutex<Replayed>,
     pub recording: Mutex<Vec<u8>>,
-    pub ailments: Mutex<Vec<String>>,
+    pub ailments: Mutex<Vec<Reason>>,
     /// The store behind it never answers.
     pub hangs: AtomicBool,
 }
@@ -147,11 +147,11 @@ impl Desk for FakeDesk {
         self.say(format!("resume {name}"), name == PLATE, plate())
     }
 
-    fn ailments(&self) -> Vec<String> {
+    fn ailments(&self) -> Vec<Reason> {
         self.ailments.lock().unwrap().clone()
     }
 
-    fn obstacles(&self) -> Vec<String> {
+    fn obstacles(&self) -> Vec<Reason> {
         self.ailments()
     }
 

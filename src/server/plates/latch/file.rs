@@ -1,0 +1,134 @@
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
+use std::path::Path;
+
+use crate::store::{Displaced, HeldPath};
+
+const STOPPED: &[u8; 16] = b"upm: stopped    ";
+pub(super) const RELEASED: &[u8; 16] = b"upm: released   ";
+
+/// The file of one latch: 16 bytes, rewritten in place.
+#[derive(Debug)]
+pub(super) struct LatchFile {
+    file: File,
+    held: HeldPath,
+    /// The state that was written last; `None` when that is not known.
+    written: Option<bool>,
+}
+
+impl LatchFile {
+    /// Opens the latch file of `plate` in `folder`, and tells whether it says stopped. A file that cannot be read or
+    /// makes no sense says so, and so does a missing one of a plate that is `known`: its stop may have been lost with it. The
+    /// missing file of a new plate is made and says released.
+    pub fn open(folder: &Path, plate: &str, known: bool) -> io::Result<(Self, bool)> {
+        let path = folder.join(plate);
+        let mut options = OpenOptions::new();
+        options.read(true).write(true);
+        let (file, is_new) = match options.open(&path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => (options.create_new(true).open(&path)?, true),
+            opened => (opened?, false),
+        };
+        let mut latch = Self { held: HeldPath::of(&path, &file)?, file, written: None };
+        if !is_new {
+            let released = latch.says_released();
+            latch.written = Some(!released);
+            return Ok((latch, !released));
+        }
+        if known {
+            let path = path.display();
+            tracing::error!(
+                plate,
+                "{path}: expected the latch file of a known plate, found none: the plate is stopped"
+            );
+        } else {
+            latch.write(false)?;
+        }
+        // a file whose entry a power cut takes away would be a missing one
+        sync(folder)?;
+        Ok((latch, known))
+    }
+
+    fn says_released(&self) -> bool {
+        let mut text = Vec::new();
+        let whole = (&self.file).take(1024).read_to_end(&mut text).is_ok();
+        whole && text == RELEASED
+    }
+
+    /// Brings the state to the disk. True when it is there, in the file that the path names: the next start reads that
+    /// one. Waits for the disk.
+    pub fn persist(&mut self, stopped: bool) -> bool {
+        let is_written = self.written == Some(stopped) || self.write(stopped).is_ok();
+        is_written && self.held.check().is_ok()
+    }
+
+    fn write(&mut self, stopped: bool) -> io::Result<()> {
+        self.written = None;
+        self.file.seek(SeekFrom::Start(0))?;
+        self.file.write_all(if stopped { STOPPED } else { RELEASED })?;
+        self.file.sync_data()?;
+        self.written = Some(stopped);
+        Ok(())
+    }
+
+    /// The path of the file and what it must name.
+    pub fn held(&self) -> &HeldPath {
+        &self.held
+    }
+}
+
+/// Compares each path with what it must name; the first that is displaced.
+pub(super) fn check_all(held: &[HeldPath]) -> Result<(), Displaced> {
+    held.iter().try_for_each(HeldPath::check)
+}
+
+/// Makes the folder of the latch files, so that a power cut does not take it away.
+pub(super) fn make_folder(folder: &Path) -> io::Result<()> {
+    if folder.is_dir() {
+        return Ok(());
+    }
+    fs::create_dir_all(folder)?;
+    folder.parent().map_or(Ok(()), sync)
+}
+
+fn sync(folder: &Path) -> io::Result<()> {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    File::open(folder)?.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn open(folder: &Path, known: bool) -> (LatchFile, bool) {
+        LatchFile::open(folder, "one", known).unwrap()
+    }
+
+    #[test]
+    fn missing_file_of_a_known_plate_says_stopped_and_of_a_new_one_released() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(!open(folder.path(), false).1);
+        assert!(!open(folder.path(), true).1, "it is there now");
+        fs::remove_file(folder.path().join("one")).unwrap();
+        let (mut latch, stopped) = open(folder.path(), true);
+        assert!(stopped);
+        assert!(open(folder.path(), false).1, "what is not written yet says stopped, too");
+        assert!(latch.persist(true));
+        assert_eq!(fs::read(folder.path().join("one")).unwrap(), STOPPED);
+    }
+
+    #[test]
+    fn state_in_a_file_that_is_deleted_or_replaced_is_not_persisted() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, aside) = (folder.path().join("one"), folder.path().join("aside"));
+        let (mut latch, _) = open(folder.path(), false);
+        assert!(latch.persist(true));
+        fs::rename(&path, &aside).unwrap();
+        assert!(!latch.persist(true), "though nothing has to be written");
+        fs::write(&path, STOPPED).unwrap();
+        assert!(!latch.persist(false) && !latch.persist(true));
+        fs::rename(&aside, &path).unwrap();
+        assert!(latch.persist(true));
+        fs::remove_dir_all(folder.path()).unwrap();
+        assert!(!latch.persist(true));
+    }
+}
