@@ -44,8 +44,8 @@ const READABLE_PERIODS: f64 = 1.05;
 pub struct ExpectedMotion<'a> {
     /// What the motors are sent.
     pub drive: &'a Drive,
-    /// For each voice coil and harmonic k, at index `k - 1`: the plate's steady velocity under one count of `cos kwt` of
-    /// that coil alone, times from the start of the pulse.
+    /// For each voice coil and harmonic k, at index `k - 1`: the plate's steady velocity under one count of `cos kwt`
+    /// of that coil alone, times from the start of the pulse.
     pub coils: &'a [Vec<TwistHarmonic>; MOTORS],
 }
 

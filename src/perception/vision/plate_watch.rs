@@ -1,7 +1,7 @@
 mod blobs;
 mod grid;
 
-use self::blobs::{Blob, Blobs};
+use self::blobs::{BARE, BORDER, Blob, Blobs, DIFFERS, SEEN, UNSEEN};
 use self::grid::Grid;
 use super::coarse::Coarse;
 use super::outline::PlateCells;
@@ -82,8 +82,8 @@ pub struct PlateWatch {
     reference: Reference,
     /// Gray level of each sample in the newest frame.
     levels: Vec<f32>,
-    /// Samples that tracked parts excuse.
-    excused: Vec<Excuse>,
+    /// State of every place if no sample differed: what tracked parts excuse is told from bare plate.
+    excused: Vec<u8>,
     blobs: Blobs,
     foreign: Vec<ForeignPart>,
 }
@@ -101,16 +101,6 @@ struct Reference {
     is_known: bool,
     /// True while it is that of a saturated plate, to be learned again in less light.
     is_saturated: bool,
-}
-
-/// Whether a tracked part excuses a sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Excuse {
-    No,
-    /// A part that the newest frame shows.
-    Seen,
-    /// The last place of a part that it does not show.
-    Unseen,
 }
 
 /// Light of a frame against that of the first one, and robust standard deviation of the samples about it.
@@ -140,7 +130,7 @@ impl PlateWatch {
             probes: (0..probes).map(|i| usable[i * usable.len() / probes]).collect(),
             reference: Reference::default(),
             levels: vec![0.0; grid.len()],
-            excused: vec![Excuse::No; grid.len()],
+            excused: vec![BARE; grid.len()],
             blobs: Blobs::new(&grid, [smallest_m, largest_m], excused_m),
             foreign: Vec::with_capacity(MOST_FOREIGN),
             grid,
@@ -177,12 +167,12 @@ impl PlateWatch {
         }
         self.learn(light);
         let hidden = if differing > 0 { self.gather() } else { 0 };
-        Some(hidden as f64 / compared.max(1) as f64)
+        Some(hidden as f64 / f64::from(compared.max(1)))
     }
 
     /// Marks the samples that tracked parts cover, or may.
     fn excuse(&mut self, tracks: &[Track]) {
-        self.excused.fill(Excuse::No);
+        self.excused.fill(BARE);
         for Track { seen, frames_unseen } in tracks {
             let Some(PartKind { radius_m, thickness_m, .. }) = self.kinds.get(seen.kind) else { continue };
             let (shift_m, growth) = self.table.parallax(seen.position_m, *thickness_m);
@@ -190,7 +180,7 @@ impl PlateWatch {
             let reach_m = radius_m * (1.0 + growth + MARGIN_RADII)
                 + shift_m.norm() / 2.0
                 + MARGIN_PX / self.table.px_per_m_at(seen.position_m);
-            let excuse = if *frames_unseen == 0 { Excuse::Seen } else { Excuse::Unseen };
+            let excuse = if *frames_unseen == 0 { SEEN } else { UNSEEN };
             self.grid.within(center_m, reach_m, |sample| self.excused[sample] = excuse);
         }
     }
@@ -221,7 +211,7 @@ impl PlateWatch {
 
     /// Share of the plate that is saturated in the newest frame.
     fn saturated_share(&self) -> f64 {
-        let open = || self.probes.iter().filter(|&&probe| self.excused[probe] == Excuse::No);
+        let open = || self.probes.iter().filter(|&&probe| self.excused[probe] == BARE);
         let saturated = open().filter(|&&probe| self.levels[probe] >= SATURATED).count();
         saturated as f64 / open().count().max(1) as f64
     }
@@ -230,7 +220,7 @@ impl PlateWatch {
     /// dimmest places: the others only bound it from below.
     fn light(&self) -> Option<Light> {
         let (mut ratios, mut count) = ([0.0; PROBES], 0);
-        for &probe in self.probes.iter().filter(|&&probe| self.excused[probe] == Excuse::No).take(PROBES) {
+        for &probe in self.probes.iter().filter(|&&probe| self.excused[probe] == BARE).take(PROBES) {
             ratios[count] = f64::from(self.levels[probe] / self.reference.levels[probe]);
             count += 1;
         }
@@ -248,7 +238,7 @@ impl PlateWatch {
 
     /// Marks the samples that differ from the lit reference and that no tracked part excuses. How many they are, and of how
     /// many.
-    fn compare(&mut self, light: Light) -> [usize; 2] {
+    fn compare(&mut self, light: Light) -> [u32; 2] {
         let noise = (NOISE_SDS * light.scatter).min(MOST_NOISE) as f32;
         let (least, most) = (1.0 - noise.max(DARKER), 1.0 + noise.max(LIGHTER));
         let ratio = light.ratio as f32;
@@ -257,21 +247,22 @@ impl PlateWatch {
         for (state, ((level, reference), excuse)) in self.blobs.states().iter_mut().zip(samples) {
             let expected = (ratio * reference).min(255.0);
             let differs = (*level < least * expected - FLOOR) | (*level > most * expected + FLOOR);
-            let open = *excuse == Excuse::No;
-            *state = u8::from(differs & open);
-            differing += usize::from(differs & open);
-            compared += usize::from(open & !level.is_nan());
+            // Where there is no sample the level is not a number.
+            let bare = if level.is_nan() { BORDER } else { *excuse };
+            *state = if bare == BARE { u8::from(differs) * DIFFERS } else { bare };
+            differing += u32::from(differs & (bare == BARE));
+            compared += u32::from(bare == BARE);
         }
         [differing, compared]
     }
 
     /// Takes what bare plate shows for the reference of samples that have none of their own yet.
     fn learn(&mut self, light: Light) {
-        let Self { reference, excused, levels, blobs, .. } = self;
+        let Self { reference, levels, blobs, .. } = self;
         let Reference { levels: references, pending, .. } = reference;
         let states = blobs.states();
         pending.retain(|&sample| {
-            let bare = excused[sample] == Excuse::No && states[sample] == 0 && levels[sample] < SATURATED;
+            let bare = states[sample] == BARE && levels[sample] < SATURATED;
             if bare {
                 references[sample] = levels[sample] / light.ratio as f32;
             }
@@ -282,10 +273,9 @@ impl PlateWatch {
 
     /// Gathers differing samples into blobs: foreign parts, and how many samples are hidden.
     fn gather(&mut self) -> usize {
-        let Self { blobs, excused, foreign, grid, .. } = self;
-        let unseen = |sample: usize| excused[sample] == Excuse::Unseen;
+        let Self { blobs, foreign, grid, .. } = self;
         let mut hidden = 0;
-        blobs.gather(unseen, |blob| match blob {
+        blobs.gather(|blob| match blob {
             Blob::Hiding { samples } => hidden += samples,
             Blob::Foreign { samples, middle } if foreign.len() < MOST_FOREIGN => foreign
                 .push(ForeignPart { position_m: grid.place_m(middle), area_m2: samples as f64 * grid.sample_m2() }),

@@ -48,8 +48,11 @@ pub enum TableMotion {
         /// Offset of each side along its outward normal, px: top, right, bottom, left in the order of
         /// [`Table::corners_px`], side `i` from corner `i` to the next. `None` where it is hidden.
         sides_px: [Option<f64>; 4],
-        /// Largest displacement of a corner, px, under the shift, turn and growth of the plate's image that fits the
-        /// seen sides best.
+        /// Shift of the plate's image that fits the seen sides best, px, x to the right, y down.
+        shift_px: Vec2,
+        /// Turn about the plate's middle, px at its farthest corner, clockwise as seen.
+        turn_px: f64,
+        /// Largest displacement of a corner, px, under that shift and turn and the growth fitted with them.
         corner_px: f64,
     },
     /// Plate and ground are seen, and both lie where a side was: the plate has moved by more than the 6 px that
@@ -194,9 +197,10 @@ impl TableWatch {
         }
         let [x, y, turn, growth] = motion.into();
         let growth = if reading.saturated { 0.0 } else { growth };
-        let moved = |corner: Vec2| (Vec2::new(x, y) + perp(corner) * turn + corner * growth).norm();
+        let shift_px = Vec2::new(x, y);
+        let moved = |corner: Vec2| (shift_px + perp(corner) * turn + corner * growth).norm();
         let corner_px = self.corners.iter().fold(0.0, |most: f64, &corner| most.max(moved(corner)));
-        Some(TableMotion::Seen { sides_px, corner_px })
+        Some(TableMotion::Seen { sides_px, shift_px, turn_px: turn, corner_px })
     }
 
     /// The motion to start from, and the scatter about it: of all sides, or without the side that disagrees most.

@@ -76,11 +76,26 @@ fn unmoved_table_is_told_from_a_knock_of_half_a_pixel() {
 fn side_offsets_follow_a_shift_along_outward_normals() {
     let scene = Scene::plain(1);
     let after = knocked(&scene, Vec2::new(1.5, -0.7), 0.0);
-    let TableMotion::Seen { sides_px, corner_px } = watch(&scene).check(&after.frame_with(&discs())) else { panic!() };
+    let motion = watch(&scene).check(&after.frame_with(&discs()));
+    let TableMotion::Seen { sides_px, shift_px, turn_px, corner_px } = motion else { panic!("{motion:?}") };
+    assert!((shift_px - Vec2::new(1.5, -0.7)).norm() < 0.03 && turn_px.abs() < 0.03, "{shift_px} {turn_px}");
     for (side, expected) in sides_px.into_iter().zip([0.7, 1.5, -0.7, -1.5]) {
         assert!((side.unwrap() - expected).abs() < 0.03, "{sides_px:?}");
     }
     assert!((corner_px - 1.5f64.hypot(0.7)).abs() < 0.03, "{corner_px}");
+}
+
+#[test]
+fn turn_is_clockwise_as_seen_and_told_at_the_corner() {
+    let scene = Scene::plain(1);
+    // The plate seen turned counter-clockwise.
+    let after = knocked(&scene, Vec2::zeros(), -0.002);
+    let motion = watch(&scene).check(&after.frame_with(&discs()));
+    let TableMotion::Seen { shift_px, turn_px, corner_px, .. } = motion else { panic!("{motion:?}") };
+    let [corner, seen] = [scene.corners_px()[0], after.corners_px()[0]];
+    assert!(seen.y > corner.y && seen.x < corner.x, "{seen} {corner}");
+    assert!((turn_px + truth_px(&scene, &after)).abs() < 0.03 && shift_px.norm() < 0.05, "{motion:?}");
+    assert!((corner_px - turn_px.abs()).abs() < 0.05, "{motion:?}");
 }
 
 #[test]
@@ -104,7 +119,7 @@ fn large_knock_is_displaced_or_large_in_any_direction() {
 }
 
 #[test]
-fn camera_lifted_by_a_hundredth_is_a_knock() {
+fn lifted_camera_is_a_knock() {
     let scene = Scene::plain(1);
     let mut after = scene.clone();
     after.camera_m.z *= 1.005;

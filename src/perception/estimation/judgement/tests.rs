@@ -142,9 +142,9 @@ fn strong_field(seed: u64, periods: f64) -> Drive {
     field(&mut Streams::new(seed).stream("field"), 8, periods, 400.0)
 }
 
-/// A rotation in which every coil does its own share.
+/// A rotation in which every coil has a share of its own and every channel shows at least a fifth of the motion.
 fn strong_rotation() -> Drive {
-    rotation([700.0, -250.0, 400.0, -500.0])
+    rotation([700.0, -250.0, 600.0, -500.0])
 }
 
 proptest! {
@@ -164,8 +164,12 @@ proptest! {
 
     #[test]
     fn single_coil_of_a_field_is_blamed_with_its_gain(
-        seed: u64, coil in 0..MOTORS, periods in 1.05..6.0f64,
-        gain in prop_oneof![-1.5..0.85f64, 1.15..1.5f64, Just(0.0), Just(-1.0)],
+        seed: u64, coil in 0..MOTORS,
+        (periods, gain) in prop_oneof![
+            (2.05..6.0f64, prop_oneof![-1.5..0.85f64, 1.15..1.5f64, Just(0.0), Just(-1.0)]),
+            // over a single period 15 % may drown in what is allowed
+            (1.05..2.0f64, prop_oneof![-1.5..0.5f64, 1.5..1.9f64]),
+        ],
     ) {
         let judgement = weak(coil, gain).judged(&strong_field(seed, periods), seed);
         let MotionVerdict::Coil { coil: found, gain: read, gain_sd } = judgement.verdict else {

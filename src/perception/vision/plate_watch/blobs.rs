@@ -3,10 +3,19 @@ use std::f64::consts::PI;
 use super::grid::Grid;
 use upm_core::geometry::Vec2;
 
-/// States of a sample: bare plate, differing, taken into a blob, in a blob larger than a part.
-const DIFFERS: u8 = 1;
-const TAKEN: u8 = 2;
-const LARGE: u8 = 3;
+/// States of a place: bare plate, or a tracked part's.
+pub(super) const BARE: u8 = 0;
+/// Something else than bare plate.
+pub(super) const DIFFERS: u8 = 1;
+/// Covered by a part that the frame shows, or nearly.
+pub(super) const SEEN: u8 = 2;
+/// The last place of a part that the frame does not show.
+pub(super) const UNSEEN: u8 = 4;
+/// No sample: around the plate, or beyond the frame.
+pub(super) const BORDER: u8 = 8;
+/// Taken into a blob, and into a blob larger than a part.
+const TAKEN: u8 = 16;
+const LARGE: u8 = 32;
 /// Of the samples under the smallest part this share makes a blob, and no fewer than so many.
 const LEAST_SHARE: f64 = 0.4;
 const LEAST_SAMPLES: usize = 3;
@@ -32,7 +41,7 @@ pub(super) enum Blob {
 pub(super) struct Blobs {
     stride: usize,
     states: Vec<u8>,
-    queue: Vec<usize>,
+    queue: Vec<Place>,
     small: Vec<Extent>,
     /// Samples under the largest part.
     one_part: usize,
@@ -42,11 +51,14 @@ pub(super) struct Blobs {
     reach: usize,
 }
 
+/// Column and row.
+type Place = [u32; 2];
+
 /// What a blob covers.
 #[derive(Clone, Copy, Default)]
 struct Extent {
     samples: usize,
-    sum: Vec2,
+    sum: [u32; 2],
     touches_border: bool,
     touches_unseen: bool,
 }
@@ -57,7 +69,7 @@ impl Blobs {
         let [fewest, one_part] = radii_m.map(|radius_m| PI * radius_m * radius_m / grid.sample_m2());
         Self {
             stride: grid.stride(),
-            states: vec![0; grid.len()],
+            states: vec![BORDER; grid.len()],
             queue: Vec::with_capacity(grid.len()),
             small: Vec::with_capacity(MOST_SMALL),
             one_part: one_part.ceil() as usize,
@@ -66,22 +78,23 @@ impl Blobs {
         }
     }
 
-    /// The state of every place: 1 where it differs, else 0. To be written before [`Blobs::gather`].
+    /// The state of every place: [`BARE`] to [`BORDER`]. To be written before [`Blobs::gather`].
     pub(super) fn states(&mut self) -> &mut [u8] {
         &mut self.states
     }
 
-    /// Calls `each` with every blob of the differing samples. `is_unseen` is true on the last place of a part not seen.
-    pub(super) fn gather(&mut self, is_unseen: impl Fn(usize) -> bool, mut each: impl FnMut(Blob)) {
+    /// Calls `each` with every blob of the differing samples.
+    pub(super) fn gather(&mut self, mut each: impl FnMut(Blob)) {
         self.small.clear();
         for start in 0..self.states.len() {
             if self.states[start] != DIFFERS {
                 continue;
             }
-            let extent = self.flood(start, &is_unseen);
+            let extent = self.flood(start);
             let samples = extent.samples;
             if samples > self.one_part && (samples > self.part[1] || extent.touches_border) {
-                self.queue.iter().for_each(|&sample| self.states[sample] = LARGE);
+                let Self { queue, states, stride, .. } = self;
+                queue.iter().for_each(|[column, row]| states[*row as usize * *stride + *column as usize] = LARGE);
             }
             if samples < self.part[0] {
                 continue;
@@ -93,7 +106,7 @@ impl Blobs {
             }
         }
         for Extent { samples, sum, .. } in &self.small {
-            let middle = sum / *samples as f64;
+            let middle = Vec2::from(sum.map(f64::from)) / *samples as f64;
             each(match self.is_near_large(middle) {
                 true => Blob::Hiding { samples: *samples },
                 false => Blob::Foreign { samples: *samples, middle },
@@ -102,27 +115,26 @@ impl Blobs {
     }
 
     /// The blob of the differing sample `start`; its samples are in `queue` then.
-    fn flood(&mut self, start: usize, is_unseen: impl Fn(usize) -> bool) -> Extent {
+    fn flood(&mut self, start: usize) -> Extent {
         let Self { stride, states, queue, .. } = self;
         let stride = *stride;
         let mut extent = Extent::default();
         queue.clear();
-        queue.push(start);
+        queue.push([start % stride, start / stride].map(|i| i as u32));
         states[start] = TAKEN;
-        let mut next = 0;
-        while let Some(&sample) = queue.get(next) {
-            next += 1;
-            let place = [sample % stride, sample / stride];
+        while let Some(&[column, row]) = queue.get(extent.samples) {
             extent.samples += 1;
-            extent.sum += Vec2::new(place[0] as f64, place[1] as f64);
-            extent.touches_border |= place.iter().any(|&i| i <= 1 || i + 2 >= stride);
-            let beside = [sample - stride, sample - 1, sample + 1, sample + stride];
-            extent.touches_unseen |= beside.into_iter().any(&is_unseen);
-            for row in [sample - stride, sample, sample + stride] {
-                for neighbour in row - 1..=row + 1 {
-                    if states[neighbour] == DIFFERS {
-                        states[neighbour] = TAKEN;
-                        queue.push(neighbour);
+            extent.sum = [extent.sum[0] + column, extent.sum[1] + row];
+            let sample = row as usize * stride + column as usize;
+            let beside = [sample - stride, sample - 1, sample + 1, sample + stride].map(|beside| states[beside]);
+            extent.touches_unseen |= beside.contains(&UNSEEN);
+            for row in row - 1..=row + 1 {
+                let first = row as usize * stride + column as usize - 1;
+                for (state, column) in states[first..first + 3].iter_mut().zip(column - 1..) {
+                    extent.touches_border |= *state == BORDER;
+                    if *state == DIFFERS {
+                        *state = TAKEN;
+                        queue.push([column, row]);
                     }
                 }
             }

@@ -9,7 +9,7 @@ const EDGE_PX: f64 = 5.0;
 /// Pixels side by side that make a sample.
 const WIDTH: usize = 4;
 /// In place of a pixel where the grid has no sample.
-const NONE: usize = usize::MAX;
+const NONE: u32 = u32::MAX;
 
 /// A square grid of places on the plate, and where the frame shows them. A ring of places without a sample is around it,
 /// so that every sample has eight neighbours.
@@ -18,7 +18,7 @@ pub(super) struct Grid {
     stride: usize,
     spacing_m: f64,
     /// The first of the pixels of each sample.
-    pixels: Vec<usize>,
+    pixels: Vec<u32>,
 }
 
 impl Grid {
@@ -34,7 +34,7 @@ impl Grid {
             let p = table.image_from_table(grid.place_m(Vec2::new(column as f64, row as f64)));
             let (x, y) = ((p.x - (WIDTH as f64 - 1.0) / 2.0).round(), p.y.round());
             let in_frame = x >= 0.0 && y >= 0.0 && x + WIDTH as f64 <= width as f64 && y < height as f64;
-            if in_frame && !on_ring { y as usize * width + x as usize } else { NONE }
+            if in_frame && !on_ring { (y as usize * width + x as usize).try_into().unwrap_or(NONE) } else { NONE }
         };
         let pixels = (0..stride * stride).map(pixel).collect();
         grid.pixels = pixels;
@@ -68,7 +68,7 @@ impl Grid {
 
     /// Index of the first pixel of a sample.
     pub(super) fn pixel(&self, sample: usize) -> usize {
-        self.pixels[sample]
+        self.pixels[sample] as usize
     }
 
     /// Place on the plate, m, of a column and a row of the grid.
@@ -96,9 +96,9 @@ impl Grid {
     /// The gray level of every sample; NaN where there is none. `levels` holds [`Grid::len`] of them.
     pub(super) fn read(&self, pixels: &[u8], levels: &mut [f32]) {
         for (level, &first) in levels.iter_mut().zip(&self.pixels) {
-            let sample = first.checked_add(WIDTH).and_then(|end| pixels.get(first..end));
-            let sum = |sample: &[u8]| sample.iter().map(|&pixel| u16::from(pixel)).sum::<u16>();
-            *level = sample.map_or(f32::NAN, |sample| f32::from(sum(sample)) / WIDTH as f32);
+            let sample = pixels.get(first as usize..).and_then(|rest| rest.first_chunk::<WIDTH>());
+            let sum = |sample: &[u8; WIDTH]| sample.iter().map(|&pixel| u16::from(pixel)).sum::<u16>();
+            *level = sample.map_or(f32::NAN, |sample| f32::from(sum(sample)) * (1.0 / WIDTH as f32));
         }
     }
 }
