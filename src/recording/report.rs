@@ -37,6 +37,42 @@ pub enum StopCode {
     NoFeasibleStep,
     /// Rotations of the library cannot move the parts independently where they were first seen.
     Uncontrollable,
+    /// The plate time limit was reached.
+    TimeLimit,
+    /// A part cannot be seen any more.
+    PartLost,
+    /// The camera does not see the parts of the job when the run begins.
+    PartCount,
+    /// The rig failed.
+    DeviceFault,
+    /// The camera sees no table.
+    TableMissing,
+    /// The camera sends the same pictures again and again.
+    CameraFrozen,
+    /// Numbers or stamps of the camera's frames do not fit the present.
+    CameraStale,
+    /// The camera's frames show no plate.
+    CameraDark,
+    /// The plate is not where it was in the picture.
+    CameraMoved,
+    /// Parts move later in the pictures than they are driven.
+    CameraLate,
+    /// Something large hides part of the plate.
+    ViewHidden,
+    /// Something of a part's size lies on the plate that is no part of the job.
+    ForeignPart,
+    /// Parts are not where they can have got to.
+    PartsJumped,
+    /// A voice coil does not do what it is sent.
+    CoilFault,
+    /// An accelerometer channel does not show how the plate moves.
+    AccelerometerFault,
+    /// The plate does not move as planned.
+    MotionOff,
+    /// A part hardly moves although pulses should carry it.
+    PartStuck,
+    /// A part goes the other way than pulses should carry it.
+    PartAstray,
 }
 
 impl StopCode {
@@ -48,7 +84,43 @@ impl StopCode {
             control::EndCause::NoProgress => Some(Self::NoProgress),
             control::EndCause::NoFeasibleStep => Some(Self::NoFeasibleStep),
             control::EndCause::Uncontrollable => Some(Self::Uncontrollable),
+            control::EndCause::TimeLimit => Some(Self::TimeLimit),
+            control::EndCause::PartLost => Some(Self::PartLost),
+            control::EndCause::PartCount => Some(Self::PartCount),
+            control::EndCause::Device => Some(Self::DeviceFault),
+            control::EndCause::Guard(condition) => Self::of_guard(condition),
         }
+    }
+
+    fn of_guard(condition: control::Condition) -> Option<Self> {
+        use control::Condition;
+        match condition {
+            Condition::TableMissing => Some(Self::TableMissing),
+            Condition::CameraFrozen => Some(Self::CameraFrozen),
+            Condition::CameraStale => Some(Self::CameraStale),
+            Condition::CameraDark => Some(Self::CameraDark),
+            Condition::CameraMoved => Some(Self::CameraMoved),
+            Condition::CameraLate => Some(Self::CameraLate),
+            Condition::ViewHidden => Some(Self::ViewHidden),
+            Condition::ForeignPart => Some(Self::ForeignPart),
+            Condition::PartsJumped => Some(Self::PartsJumped),
+            Condition::CoilFault { .. } => Some(Self::CoilFault),
+            Condition::AccelerometerFault { .. } => Some(Self::AccelerometerFault),
+            Condition::MotionOff => Some(Self::MotionOff),
+            Condition::PartStuck { .. } => Some(Self::PartStuck),
+            Condition::PartAstray { .. } => Some(Self::PartAstray),
+            Condition::StepsMeetEdge
+            | Condition::StepsMeetParts
+            | Condition::StepsUnreachable
+            | Condition::SolverFails
+            | Condition::PartBlocked { .. }
+            | Condition::PartSlow { .. } => None,
+        }
+    }
+
+    /// True for an end by a guard or the time limit: a person looks what is wrong before the plate takes another job.
+    pub fn pauses_plate(self) -> bool {
+        !matches!(self, Self::GaveWay | Self::NoFeasibleStep | Self::Uncontrollable | Self::PartCount)
     }
 }
 

@@ -2,7 +2,7 @@ use super::report::{
     FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report, StopCode, StopReport,
 };
 use super::timings::Timings;
-use upm_control::{CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_control::{ConditionChange, ConditionFacts, CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::time::PlateTime;
@@ -10,6 +10,9 @@ use upm_core::units::mm_from_m;
 
 /// A look and the truth belong together when they are no farther apart than this, s: a part at 0.1 m/s moves 0.1 µm.
 const SAME_MOMENT_S: f64 = 1e-6;
+
+/// Most guards that are reported: one that comes and goes is told each time.
+const MOST_GUARDS: usize = 100;
 
 /// Counts what happens and compares what is measured with the truth, as far as the rig tells it.
 #[derive(Debug, Default)]
@@ -189,6 +192,14 @@ impl Sink for Tally {
             let off_m = |forecast_m: &[Vec2]| forecast_m.get(i).map_or(0.0, |forecast_m| (after_m - forecast_m).norm());
             self.off_library.push(off_m(carried.by_library_m));
             self.off_learning.push(off_m(carried.by_learning_m));
+        }
+    }
+
+    fn condition(&mut self, facts: &ConditionFacts<'_>) {
+        let begins = facts.change == ConditionChange::Began && facts.condition.is_guard();
+        if begins && self.guards.len() < MOST_GUARDS {
+            let code = facts.condition.code().to_owned();
+            self.guards.push(GuardReport { code, at_s: rounded(facts.at.secs()), text: facts.text.to_owned() });
         }
     }
 

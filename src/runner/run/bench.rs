@@ -4,7 +4,7 @@ use super::planner_selection::PlannerSelection;
 use crate::config::{
     Assignment, BinSpec, Fault, JobSpec, PathSpec, PlacedPart, REST_GAP_M, REST_MARGIN_M, TaskSpec, place_parts,
 };
-use upm_control::{ControlParams, ExpectedPart, LocalisedFacts, Sink};
+use upm_control::{ControlParams, ExpectedPart, Guards, LocalisedFacts, Sink};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::random::Streams;
@@ -69,6 +69,7 @@ impl Bench {
             lost_after_frames: lost_after_frames(model.frame_hz),
             method: PlannerSelection::of(job).method,
             planner: planner_params(job),
+            guards: Guards::default(),
             kinds,
         };
         let goal = goal(job, library, &placed);

@@ -98,11 +98,7 @@ impl Shared {
         interlock: Interlock,
         live: Option<LiveServer>,
     ) -> Self {
-<<<<<<< HEAD
-        let PlateSetup { name, rig, library, paused, live_port: _, standing: _, allow_faults } = setup;
-=======
-        let PlateSetup { name, rig, library, paused, .. } = setup;
->>>>>>> store
+        let PlateSetup { name, rig, library, paused, allow_faults, .. } = setup;
         let library_sha256 = sha256_hex(&library);
         Self {
             name,

@@ -66,7 +66,16 @@ impl House {
         let rig = RigSpec::load(&root().join("configs/rigs/upm-2.json")).unwrap();
         let library = Arc::new(library);
         let (paused, live_port, standing) = (paused.map(str::to_owned), None, self.standing.clone());
-        let setup = PlateSetup { name: "one".into(), known: false, rig, library, paused, live_port, standing, allow_faults: false };
+        let setup = PlateSetup {
+            name: "one".into(),
+            known: false,
+            rig,
+            library,
+            paused,
+            live_port,
+            standing,
+            allow_faults: false,
+        };
         let mut around = Surroundings {
             ledger: Arc::clone(&self.ledger) as _,
             runs: self.folder.path().join("runs"),

@@ -119,6 +119,8 @@ impl Worker {
         self.place.disk.release(&id);
         let cause = self.shared.ends();
         let lost_parts = done.as_ref().map_or(0, |run| run.report.lost_parts);
+        let stop = done.as_ref().ok().and_then(|run| run.report.stop.as_ref());
+        let stopped_by_guard = stop.is_some_and(|stop| stop.code.pauses_plate());
         let mut end = self.end_of(done, cause.as_ref());
         if recording.state() == RecordingState::Whole {
             self.rates.add(recording.bytes(), end.at.secs());
@@ -128,8 +130,8 @@ impl Worker {
             tracing::warn!(plate = self.shared.name, job = %id, "the recording is {}: {why}", kept.name());
         }
         end.recording = kept;
-        if lost_parts > 0 {
-            // a person puts it back, or takes it away
+        if lost_parts > 0 || stopped_by_guard {
+            // a person puts it back, takes it away, or looks what is wrong
             self.pause_after(&end.reason);
         }
         self.settle_interlock(&end.reason);
