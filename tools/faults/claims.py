@@ -1,0 +1,107 @@
+"""O1: a run that claims to be completed has done what the job asked for, in truth."""
+import itertools
+import math
+
+from .jobs import RADIUS_MM
+
+SLACK_MM = 0.1
+ENDLESS_S = 5.0
+# a part that follows a path goes at 8 mm/s and more
+LEAST_WAY_MM = 2.0
+# the camera's first frames: what a hold took as its targets
+FIRST_FRAMES = 4
+
+
+def violations(run):
+    """Rows of (rule, text, is unobservable)."""
+    at = run.final_truth()
+    if run.outcome != "completed" or at is None:
+        return
+    bar_mm = run.tolerance_mm + SLACK_MM
+    found = list(errors_of(run, at, bar_mm))
+    if found:
+        seen = any(not list(errors_of(run, exchanged, bar_mm)) for exchanged in unseen_exchanges(run, at))
+        for text in found:
+            yield "O1", text, seen
+    elif run.report.get("verdict") == "false_success":
+        yield "O1", "the report's verdict is false_success, the true places say that the job is done"
+
+
+def errors_of(run, at, bar_mm):
+    """What is not as claimed, in words."""
+    for part, place in enumerate(at):
+        if not place[2]:
+            yield f"completed with part {part} off the plate"
+    task = run.job["task"]
+    rule = {"arrange": of_arrange, "hold": of_hold, "sort": of_sort, "plus_sign": of_plus_sign}.get(task["type"])
+    if rule:
+        yield from rule(run, task, at, bar_mm)
+
+
+def of_arrange(run, task, at, bar_mm):
+    """Every part at a target that the job allows it."""
+    targets = [tuple(part["target_mm"]) for part in run.report["parts"]]
+    asked = [tuple(target) for target in task["targets_mm"]]
+    kinds = [part["kind"] for part in run.report["parts"]]
+    if task.get("assignment") == "fixed":
+        allowed = all(math.dist(a, b) < 1e-3 for a, b in zip(targets, asked))
+    else:
+        by_kind = [sorted((kind, *target) for kind, target in zip(kinds, which)) for which in (targets, asked)]
+        allowed = all(a[0] == b[0] and math.dist(a[1:], b[1:]) < 1e-3 for a, b in zip(*by_kind))
+    if not allowed:
+        yield "the report's targets are not those of the job"
+    for part, (target, place) in enumerate(zip(targets, at)):
+        error_mm = math.dist(target, place[:2])
+        if error_mm > bar_mm:
+            yield f"completed with part {part} {error_mm:.3f} mm from its target, bar {bar_mm:.2f} mm"
+
+
+def of_hold(run, _, at, bar_mm):
+    """Every part where it was in one of the first frames."""
+    first = [parts for _, parts in run.truth[:FIRST_FRAMES]]
+    for part, place in enumerate(at):
+        moved_mm = min((math.dist(parts[part][:2], place[:2]) for parts in first), default=0.0)
+        if moved_mm > bar_mm:
+            yield f"completed with part {part} {moved_mm:.3f} mm from where it was to be held, bar {bar_mm:.2f} mm"
+
+
+def of_sort(run, task, at, bar_mm):
+    """Every part with its rim inside its bin."""
+    for part, (place, kind) in enumerate(zip(at, (part["kind"] for part in run.report["parts"]))):
+        region = next((row["region_mm"] for row in task["bins"] if kind in row["kinds"]), None)
+        if region is None or kind not in RADIUS_MM:
+            continue
+        inside_mm = min(min(place[i] - region["min"][i], region["max"][i] - place[i]) for i in (0, 1)) - RADIUS_MM[kind]
+        if inside_mm < -bar_mm:
+            yield f"completed with part {part} {-inside_mm:.3f} mm outside its bin, bar {bar_mm:.2f} mm"
+
+
+def of_plus_sign(run, task, at, bar_mm):
+    """Over the last seconds of an endless job the places it went by are true, and the part gets on."""
+    if not run.truth:
+        return
+    since_s = run.end_s - ENDLESS_S if task.get("laps") == 0 else 0.0
+    recent = [cycle for cycle in run.cycles if cycle["observed_at_s"] >= since_s]
+    for cycle in recent:
+        true = run.truth_at(cycle["observed_at_s"])
+        off_mm = math.dist(cycle["observed_mm"][0], true[0][:2])
+        if off_mm > bar_mm:
+            yield f"completed, with a path error of {off_mm:.3f} mm at {cycle['observed_at_s']:.3f} s, bar {bar_mm:.2f} mm"
+            break
+    trail = [parts[0][:2] for at_s, parts in run.truth if at_s >= since_s]
+    way_mm = max((math.dist(trail[0], place) for place in trail), default=0.0)
+    if way_mm < LEAST_WAY_MM:
+        yield f"completed, and the part stayed within {way_mm:.2f} mm over the last {run.end_s - since_s:.1f} s"
+
+
+def unseen_exchanges(run, at):
+    """The true places with parts of one kind exchanged back that changed places between two frames, by any of the swaps."""
+    kinds = [part["kind"] for part in run.report["parts"]]
+    swaps = [tuple(int(v) for v in fault.value) for fault in run.fired() if fault.name == "parts swapped"]
+    swaps = [(a, b) for a, b in swaps if max(a, b) < len(kinds) and kinds[a] == kinds[b]]
+    for count in range(1, len(swaps) + 1):
+        for chosen in itertools.combinations(swaps, count):
+            places = list(at)
+            for a, b in reversed(chosen):
+                places[a], places[b] = places[b], places[a]
+            yield places
