@@ -39,7 +39,8 @@ def run_campaign(args):
     options = campaign.Options(args.seeds, args.first, args.jobs, args.hours, args.half, args.keep, not args.no_shrink)
     runner = Runner(args.upm)
     found = campaign.Campaign(runner, options)
-    return campaign.report(found.verdicts, found.run(), runner, options)
+    wall_s = found.run()
+    return campaign.report(found.verdicts, wall_s, runner, options)
 
 
 def run_schedules(args):
@@ -48,9 +49,9 @@ def run_schedules(args):
 
 def run_shrink(args):
     runner, case = Runner(args.upm), campaign.case_of(args.seed, args.half)
-    verdict = campaign.Campaign(runner, campaign.Options(1, args.seed, half=args.half, keep=args.keep))
-    verdict.run()
-    found = campaign.seen(verdict.verdicts[0])
+    alone = campaign.Campaign(runner, campaign.Options(1, args.seed, half=args.half, keep=args.keep))
+    alone.run()
+    found = campaign.seen(alone.verdicts[0])
     print("\n".join(map(str, found)) or "breaks no rule")
     if found:
         print("\n".join(shrunk(runner, case.made, case.faults, found[0].rule, case.is_liveness, args.keep)))

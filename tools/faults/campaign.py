@@ -3,7 +3,6 @@ import collections
 import pathlib
 import random
 import shutil
-import sys
 import tempfile
 import time
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
@@ -253,11 +252,3 @@ def print_refused(verdicts):
         print(f"\n{sum(said.values())} runs refused:")
         for text, count in said.most_common(5):
             print(f"  {count} x {text}")
-
-
-def fault_names(verdicts):
-    return sorted({fault.name for verdict in verdicts for fault in verdict.case.faults})
-
-
-def write_plain(text):
-    sys.stdout.write(text)

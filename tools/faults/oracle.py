@@ -195,7 +195,8 @@ def resources(run, process):
     limit_s = 3.0 * run.job["limits"]["plate_time_s"] + 20.0
     if run.report["wall_time_s"] > limit_s:
         yield "O6", f"{run.report['wall_time_s']:.1f} s of wall time, allowed {limit_s:.0f} s"
-    if process and process.status in (0, 1) and STATUS_OF.get(run.outcome) != process.status:
+    expected = 1 if run.report.get("verdict") == "false_success" else STATUS_OF.get(run.outcome)
+    if process and process.status in (0, 1, 130) and process.status != expected:
         yield "O6", f"exit status {process.status} of a run that is {run.outcome}"
     for violation in process_faults(process):
         yield violation.rule, violation.text

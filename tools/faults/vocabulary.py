@@ -103,6 +103,7 @@ def harmless(fault):
         "part moved": size <= 5.0,
         "plate bumped": size <= 1.0,
         "device hang": True,
+        "device deaf": True,
     }.get(fault.name, False)
 
 
@@ -144,14 +145,35 @@ CAMERA = {
     "rotate": one(lambda rng: signed(rng, 0.05, 20.0)),
     "mirror": nothing,
 }
-COIL = {"dead": nothing, "gain": factor(0.5, 2.0), "reversed": nothing, "stuck": nothing}
-ACCEL = {"dead": nothing, "stuck": nothing, "garbage": nothing, "flip": nothing, "gain": factor(0.5, 2.0), "clipped": factor(1.0, 40.0)}
+COIL = {
+    "dead": nothing,
+    "gain": factor(0.5, 2.0),
+    "reversed": nothing,
+    "stuck": nothing,
+    "low_pass": factor(20.0, 500.0),
+    "chatter": factor(0.01, 1.0),
+}
+ACCEL = {
+    "dead": nothing,
+    "stuck": nothing,
+    "garbage": nothing,
+    "flip": nothing,
+    "gain": factor(0.5, 2.0),
+    "late": CAMERA["late"],
+    "clipped": factor(1.0, 40.0),
+}
 PART = {"moved": two(0.5, 30.0), "removed": nothing, "glued": nothing, "ice": nothing, "friction": factor(0.2, 5.0)}
-PLATE = {"bumped": two(0.2, 10.0), "tilt": one(lambda rng: signed(rng, 0.1, 5.0)), "resonance": factor(0.5, 2.0)}
+PLATE = {
+    "bumped": two(0.2, 10.0),
+    "tilt": one(lambda rng: signed(rng, 0.1, 5.0)),
+    "resonance": factor(0.5, 2.0),
+    "oil": lambda rng: (*two(5.0, 90.0)(rng), log_uniform(rng, 5.0, 50.0)),
+}
 OTHER = {
     "light": {"gain": factor(0.05, 2.0), "flicker": factor(0.5, 120.0)},
     "view": {"hand": factor(0.02, 0.6), "ghost": two(5.0, 90.0)},
-    "device": {"busy": nothing, "error": nothing, "hang": factor(0.02, 0.5)},
+    "device": {"busy": nothing, "error": nothing, "hang": factor(0.02, 0.5), "deaf": nothing},
+    "clock": {"skew": one(lambda rng: signed(rng, 0.005, 0.5))},
 }
 
 
