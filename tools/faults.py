@@ -19,7 +19,7 @@ mutants    switches one guard off after the other (a build with the feature `mut
            broken.
 selftest   the oracle and the shrinker over run folders made by hand.
 
-Exit status 1 when a rule is broken, a bar is missed or a mutant goes on uncaught.
+Exit status 1 when a rule is broken, a bar is missed, a drawn run is refused or a mutant goes on uncaught.
 """
 import argparse
 import os
@@ -76,8 +76,8 @@ def run_mutants(args):
         found = campaign.Campaign(Runner(args.upm, without_guard=guard), options)
         found.run()
         refused = {verdict.told for verdict in found.verdicts if verdict.outcome == "refused"}
-        if len(found.verdicts) == sum(verdict.outcome == "refused" for verdict in found.verdicts):
-            sys.exit(f"{guard}: every run is refused: {', '.join(refused)[:300]}")
+        if refused:
+            sys.exit(f"{guard}: runs are refused: {refused.pop()}")
         caught = next((verdict for verdict in found.verdicts if campaign.seen(verdict)), None)
         seeds = caught.case.seed - args.first + 1 if caught else None
         rows.append([guard, seeds or f"not in {args.seeds}", campaign.seen(caught)[0] if caught else "-"])

@@ -39,21 +39,38 @@ def errors_of(run, at, bar_mm):
 
 
 def of_arrange(run, task, at, bar_mm):
-    """Every part at a target that the job allows it."""
-    targets = [tuple(part["target_mm"]) for part in run.report["parts"]]
-    asked = [tuple(target) for target in task["targets_mm"]]
-    kinds = [part["kind"] for part in run.report["parts"]]
-    if task.get("assignment") == "fixed":
-        allowed = all(math.dist(a, b) < 1e-3 for a, b in zip(targets, asked))
-    else:
-        by_kind = [sorted((kind, *target) for kind, target in zip(kinds, which)) for which in (targets, asked)]
-        allowed = all(a[0] == b[0] and math.dist(a[1:], b[1:]) < 1e-3 for a, b in zip(*by_kind))
-    if not allowed:
-        yield "the report's targets are not those of the job"
-    for part, (target, place) in enumerate(zip(targets, at)):
-        error_mm = math.dist(target, place[:2])
+    """Every part at its target; where the job lets parts of one kind exchange targets, each target has one of them."""
+    kinds, asked = [part["kind"] for part in run.report["parts"]], task["targets_mm"]
+    is_fixed = task.get("assignment") == "fixed"
+
+    def fits(part, target):
+        allowed = part == target if is_fixed else kinds[part] == kinds[target]
+        return allowed and math.dist(at[part][:2], asked[target]) <= bar_mm
+
+    if is_matched(len(at), fits):
+        return
+    for part, (row, place) in enumerate(zip(run.report["parts"], at)):
+        error_mm = math.dist(asked[part] if is_fixed else row["target_mm"], place[:2])
         if error_mm > bar_mm:
             yield f"completed with part {part} {error_mm:.3f} mm from its target, bar {bar_mm:.2f} mm"
+            return
+    yield "completed, and the true places are not the targets of the job"
+
+
+def is_matched(count, fits):
+    """True when every part has a target of its own that fits (augmenting paths)."""
+    part_at = {}
+
+    def place(part, tried):
+        for target in range(count):
+            if target not in tried and fits(part, target):
+                tried.add(target)
+                if target not in part_at or place(part_at[target], tried):
+                    part_at[target] = part
+                    return True
+        return False
+
+    return all(place(part, set()) for part in range(count))
 
 
 def of_hold(run, _, at, bar_mm):
