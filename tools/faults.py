@@ -16,7 +16,7 @@ schedules  the 55 schedules with a name, against the bars by which their faults 
 shrink     makes the case of a seed small: fewer faults, fewer parts, rounder onsets.
 judge      the oracle alone, over run folders.
 mutants    switches one guard off after the other (a build with the feature `mutants`), and counts the seeds until a rule is
-           broken.
+           broken that is not broken with all guards on.
 selftest   the oracle and the shrinker over run folders made by hand.
 
 Exit status 1 when a rule is broken, a bar is missed, a drawn run is refused or a mutant goes on uncaught.
@@ -72,7 +72,7 @@ def run_judge(args):
 def run_mutants(args):
     rows = []
     for guard in args.guards.split(","):
-        options = campaign.Options(args.seeds, args.first, args.jobs, half=args.half, shrinks=False, until_caught=True)
+        options = campaign.Options(args.seeds, args.first, args.jobs, half=args.half, keep=args.keep, sound=Runner(args.upm))
         found = campaign.Campaign(Runner(args.upm, without_guard=guard), options)
         found.run()
         refused = {verdict.told for verdict in found.verdicts if verdict.outcome == "refused"}

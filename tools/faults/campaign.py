@@ -29,7 +29,7 @@ class Case:
 
 @dataclass
 class Verdict:
-    """What became of a case."""
+    """Outcome and violations of a case."""
 
     case: Case
     outcome: str
@@ -88,7 +88,8 @@ def judged(runner, case, folder):
     run, found = oracle.judge_folder(run_folder, process, case.is_liveness and bool(case.faults))
     if run is None:
         return Verdict(case, "unreadable", None, [], found, [], process.wall_s, process.stderr.strip()[:300])
-    if case.seed % VERIFY_EVERY == 0:
+    # `upm verify` runs with all guards
+    if case.seed % VERIFY_EVERY == 0 and not runner.without_guard:
         said = runner.verify(run_folder, case.made.job, folder)
         found += [oracle.Violation("O10", f"does not repeat: {said[:200]}")] if said else []
     if case.is_liveness and case.faults and case.seed % NEXT_JOB_EVERY == 0:
@@ -107,7 +108,7 @@ def next_job(runner, case, folder):
 
 @dataclass
 class Options:
-    """What a campaign is told."""
+    """Options of a campaign."""
 
     seeds: int
     first: int = 0
@@ -116,8 +117,8 @@ class Options:
     half: str = "both"
     keep: pathlib.Path | None = None
     shrinks: bool = True
-    # ends with the first violation
-    until_caught: bool = False
+    # a build with all guards: the campaign ends with the first rule broken that is not broken there too
+    sound: object = None
 
 
 @dataclass
@@ -150,7 +151,7 @@ class Campaign:
         return time.monotonic() - begin
 
     def is_over(self):
-        return self.options.until_caught and any(seen(verdict) for verdict in self.verdicts)
+        return self.options.sound is not None and any(seen(verdict) for verdict in self.verdicts)
 
     def seeds(self, begin):
         seed = self.options.first
@@ -159,7 +160,11 @@ class Campaign:
             seed += 1
 
     def one(self, seed, folder):
-        verdict = judged(self.runner, case_of(seed, self.options.half), folder)
+        case = case_of(seed, self.options.half)
+        verdict = judged(self.runner, case, folder)
+        if verdict.violations and self.options.sound:
+            broken = {violation.rule for violation in judged(self.options.sound, case, folder / "sound").violations}
+            verdict.violations = [violation for violation in verdict.violations if violation.rule not in broken]
         if verdict.violations and self.options.keep:
             shutil.copytree(folder, self.options.keep / str(seed), dirs_exist_ok=True)
         shutil.rmtree(folder, ignore_errors=True)
@@ -220,6 +225,8 @@ def print_matrix(verdicts):
     rows = [[name, *(counts[name, phase] or "." for phase in PHASES)] for name in names]
     rows.append(["all", *(sum(counts[name, phase] for name in names) for phase in PHASES)])
     print("\n".join(table(["fault", *PHASES], rows)))
+    empty = sum(not counts[name, phase] for name in names for phase in PHASES[:-1])
+    print(f"{empty} of {len(names) * (len(PHASES) - 1)} cells with a pulse, a plan or a first look are empty")
 
 
 def print_by_kind(verdicts):

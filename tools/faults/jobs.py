@@ -115,7 +115,7 @@ def rig_of(name, is_small):
 
 
 def make(rng, template=None, rig=None, planner=None, seed=0, is_small=None):
-    """A job; what is not given is drawn."""
+    """A job; arguments left out are drawn."""
     template = template or rng.choice(sorted(TEMPLATES))
     maker, rigs, limits_s = TEMPLATES[template]
     rig = rig or rng.choice(rigs)

@@ -53,7 +53,7 @@ class Runner:
     """Starts runs of one build."""
 
     def __init__(self, upm, without_guard=None):
-        self.upm = upm
+        self.upm, self.without_guard = upm, without_guard
         self.options = ["--rerun", "off", "--json", "--quiet"]
         if without_guard:
             self.options += ["--without-guard", without_guard]
