@@ -15,20 +15,22 @@ TRUE_MM = 0.25
 
 @dataclass(frozen=True)
 class Bar:
-    """By when a class of faults is noticed, and by which guards."""
+    """By when a class of faults is noticed, and by which guards. A count of pulses is one of pulses that tell."""
 
     codes: tuple
     most_s: float = math.inf
+    # where the plate has to be at rest the time counts from the end of the pulse that is being played
+    at_rest: bool = False
     pulses: float = math.inf
     cycles: float = math.inf
 
 
 COIL_CODES = ("coil_fault", "motion_off")
 BARS = {
-    "camera freeze": Bar(("camera_frozen", "camera_stale"), most_s=FROZEN_S),
-    "camera shift": Bar(("camera_moved",), most_s=KNOCKED_S),
-    "camera rotate": Bar(("camera_moved",), most_s=KNOCKED_S),
-    "camera mirror": Bar(("camera_moved",), most_s=KNOCKED_S),
+    "camera freeze": Bar(("camera_frozen", "camera_stale"), FROZEN_S),
+    "camera shift": Bar(("camera_moved",), KNOCKED_S, at_rest=True),
+    "camera rotate": Bar(("camera_moved",), KNOCKED_S, at_rest=True),
+    "camera mirror": Bar(("camera_moved",), KNOCKED_S, at_rest=True),
     "camera late": Bar(("camera_late", "camera_stale"), pulses=LATE_PULSES),
     "coil dead": Bar(COIL_CODES, pulses=1),
     "coil reversed": Bar(COIL_CODES, pulses=1),
@@ -37,7 +39,7 @@ BARS = {
     "accel dead": Bar(("accelerometer_fault",), pulses=1),
     "accel flip": Bar(("accelerometer_fault",), pulses=1),
     "part glued": Bar(("part_stuck", "part_astray"), cycles=5),
-    "view ghost": Bar(("foreign_part", "part_count"), most_s=0.5),
+    "view ghost": Bar(("foreign_part", "part_count"), 0.5, at_rest=True),
 }
 BARS |= {f"coils {kind}": BARS["coil dead"] for kind in LYING_COILS} | {"coils gain": BARS["coil gain"]}
 
@@ -158,9 +160,7 @@ def misplayed(run):
 
 def misread(run, fault):
     """Accelerometers that lie: the guard fires before the second pulse."""
-    axis = (0, 1) if int(fault.component[-1]) % 2 == 0 else (2, 3)
-    tells = [pulse for pulse in run.pulses if fault.from_s <= pulse.start_s and pulse.end_s <= fault.to_s]
-    pulse = next((pulse for pulse in tells if is_strong(run, pulse) and share_of(pulse, axis) >= TELLING_SHARE), None)
+    pulse = next((pulse for pulse in run.pulses if tells(run, pulse, fault)), None)
     if pulse is None or pulse.end_s > run.end_s:
         return
     later = [other.start_s for other in run.pulses if other.start_s > pulse.start_s]
@@ -169,6 +169,20 @@ def misread(run, fault):
     named = any(guard["code"] in codes and guard["at_s"] <= bar_s for guard in run.guards)
     if not named and not (run.stop_code and not later):
         yield "O2", f"{fault}: not named by {bar_s:.3f} s, after the pulse at {pulse.start_s:.3f} s"
+
+
+def tells(run, pulse, fault):
+    """True for a pulse, all of it under the fault, that shows a fault of a coil or an accelerometer if any does."""
+    if not (fault.from_s <= pulse.start_s and pulse.end_s <= fault.to_s and is_strong(run, pulse)):
+        return False
+    if fault.kind == "swapped":
+        return played_wrongly(run, pulse) >= TELLING_SHARE
+    if fault.group == "coils":
+        return True
+    number = int(fault.component[-1])
+    # channels are x1, y1, x2, y2, coils x1, x2, y1, y2
+    coils = ((0, 1), (2, 3))[number % 2] if fault.group == "accel" else (number,)
+    return share_of(pulse, coils) >= TELLING_SHARE
 
 
 def share_of(pulse, coils):
@@ -182,7 +196,6 @@ class Notice:
     """When a fault was noticed, against its bar."""
 
     code: str | None
-    after_s: float | None
     text: str
     is_missed: bool
 
@@ -198,9 +211,17 @@ def notice(run, fault):
         return None
     found = next((g for g in run.guards if g["code"] in bar.codes and g["at_s"] >= fault.from_s - 1e-6), None)
     by_s = found["at_s"] if found else run.end_s
-    after = [pulse for pulse in run.pulses if fault.from_s <= pulse.start_s <= by_s + 1e-6 and fault.holds(pulse.start_s)]
+    after = [pulse for pulse in run.pulses if fault.holds(pulse.start_s) and pulse.start_s <= by_s + 1e-6]
+    if fault.group in ("coil", "coils", "accel"):
+        after = [pulse for pulse in after if tells(run, pulse, fault)]
     cycles = [c for c in run.cycles if c.get("sent") and fault.from_s <= c["observed_at_s"] and c["ended_at_s"] <= by_s + 1e-6]
-    late_s = min(by_s, fault.to_s) - fault.from_s
+    begin_s = fault.from_s
+    if bar.at_rest:
+        begin_s = max([begin_s] + [pulse.end_s for pulse in run.pulses if pulse.start_s <= begin_s < pulse.end_s])
+    late_s = max(0.0, min(by_s, fault.to_s) - begin_s)
     missed = late_s > bar.most_s + run.frame_s or len(after) > bar.pulses or len(cycles) > bar.cycles
-    measure = f"{late_s:.3f} s" if bar.most_s < math.inf else f"{len(after)} pulses" if bar.pulses < math.inf else f"{len(cycles)} cycles"
-    return Notice(found["code"] if found else None, by_s - fault.from_s if found else None, measure, missed)
+    if bar.most_s < math.inf:
+        measure = f"{late_s:.3f} s{' at rest' if bar.at_rest else ''}"
+    else:
+        measure = f"{len(after)} pulses" if bar.pulses < math.inf else f"{len(cycles)} cycles"
+    return Notice(found["code"] if found else None, measure, missed)

@@ -96,26 +96,26 @@ def row_of(run, name, template, seed, faults, found):
     notices = [detection.notice(run, fault) for fault in faults]
     seen = "; ".join(f"{n.code or 'never'} {n.text}{' MISSED' if n.is_missed else ''}" for n in notices if n) or "-"
     codes = ",".join(sorted({guard["code"] for guard in run.guards})) or "-"
-    missed = [str(violation) for violation in found if not violation.is_unobservable]
-    missed += [f"{name}: bar missed" for n in notices if n and n.is_missed]
+    broken = [violation for violation in found if not violation.is_unobservable]
+    missed = [f"{run.stop_code or run.outcome}: {violation}" for violation in broken]
+    missed += [f"bar missed: {fault} noticed {n.code or 'never'}, {n.text}" for fault, n in zip(faults, notices) if n and n.is_missed]
     if name in GOES_ON and run.outcome != "completed":
-        missed.append(f"{name}: {run.outcome}, and should wait and go on")
-    error = worst_error_mm(run)
+        missed.append(f"{run.outcome}, and should wait and go on")
     outcome = run.outcome if not run.stop_code else f"{run.outcome}: {run.stop_code}"
-    return [name, template, seed, outcome, "-" if error is None else f"{error:.2f}", seen, codes, " | ".join(missed)[:110]], missed
+    return [name, template, seed, outcome, worst_error(run), seen, codes, " ".join(sorted({v.rule for v in broken})) or "-"], missed
 
 
-def worst_error_mm(run):
-    """The largest true error at the end, or for a job without targets between the last look and the truth then, mm."""
+def worst_error(run):
+    """The largest true error at the end, mm, in words; without targets that between the last look and the truth then."""
     at = run.final_truth()
-    if at is None:
-        return None
-    if run.job["task"]["type"] == "plus_sign":
-        if not run.cycles:
-            return None
-        cycle = run.cycles[-1]
-        return math.dist(cycle["observed_mm"][0], run.truth_at(cycle["observed_at_s"])[0][:2]) if run.truth else None
-    return max((math.dist(part["target_mm"], place[:2]) for part, place in zip(run.report["parts"], at) if part.get("target_mm")), default=0.0)
+    if at is None or not run.cycles:
+        return "-"
+    if not all(part[2] for part in at):
+        return "off plate"
+    if run.job["task"]["type"] != "plus_sign":
+        return f"{max(math.dist(part['target_mm'], place[:2]) for part, place in zip(run.report['parts'], at)):.2f}"
+    cycle = run.cycles[-1]
+    return f"{math.dist(cycle['observed_mm'][0], run.truth_at(cycle['observed_at_s'])[0][:2]):.2f}"
 
 
 def run_all(runner, jobs_per, seeds, at_once, only=None):
