@@ -142,7 +142,12 @@ class Campaign:
                     pending.add(pool.submit(self.one, seed, pathlib.Path(scratch) / str(seed)))
                 if not pending:
                     break
-                done, pending = wait(pending, timeout=1.0, return_when=FIRST_COMPLETED)
+                try:
+                    done, pending = wait(pending, timeout=1.0, return_when=FIRST_COMPLETED)
+                except KeyboardInterrupt:
+                    print("interrupted: the runs that are under way are the last", flush=True)
+                    done, seeds = set(), iter(())
+                    pending = {future for future in pending if not future.cancel()}
                 self.verdicts += [future.result() for future in done]
                 if time.monotonic() - told > TELL_EVERY_S:
                     told = time.monotonic()

@@ -112,13 +112,17 @@ def of_plus_sign(run, task, at, bar_mm):
 
 
 def unseen_exchanges(run, at):
-    """The true places with parts of one kind exchanged back that changed places between two frames, by any of the swaps."""
+    """The true places with as many parts of one kind exchanged back as changed places between two frames.
+
+    Which of them these were is open: faults number parts as the job does, a run numbers equal ones as it sees them.
+    """
     kinds = [part["kind"] for part in run.report["parts"]]
-    swaps = [tuple(int(v) for v in fault.value) for fault in run.fired() if fault.name == "parts swapped"]
-    swaps = [(a, b) for a, b in swaps if max(a, b) < len(kinds) and kinds[a] == kinds[b]]
-    for count in range(1, len(swaps) + 1):
-        for chosen in itertools.combinations(swaps, count):
+    alike = [(a, b) for a, b in itertools.combinations(range(len(kinds)), 2) if kinds[a] == kinds[b]]
+    swaps = [fault for fault in run.fired() if fault.name == "parts swapped"]
+    swaps = sum(max(fault.value) < len(kinds) and len({kinds[int(v)] for v in fault.value}) == 1 for fault in swaps)
+    for count in range(1, swaps + 1):
+        for chosen in itertools.product(alike, repeat=count):
             places = list(at)
-            for a, b in reversed(chosen):
+            for a, b in chosen:
                 places[a], places[b] = places[b], places[a]
             yield places

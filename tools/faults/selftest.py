@@ -122,6 +122,8 @@ class Claims(unittest.TestCase):
         straight = folder.true
         folder.true = lambda part, at_s: straight(1 - part if at_s >= 1 else part, at_s)
         self.assertEqual(folder.rules(), ["(O1)"])
+        folder.job["faults"] = [Fault.parse("parts:swapped=0;1@9").row()]
+        self.assertEqual(folder.rules(), ["O1"], "the exchange is not that of the fault")
 
     def test_hold_is_judged_by_where_parts_were_at_first(self):
         folder = Folder("camera:shift=9;0@0.5", cycles=0)
