@@ -29,8 +29,9 @@ def allowed_s(job):
 def watched(command, most_s, log):
     """Runs `command` with its stderr in the file `log`."""
     begin = time.monotonic()
+    # in a group of its own: Ctrl-C ends the campaign, not its runs
     with open(log, "w") as stderr:
-        child = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=stderr)
+        child = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=stderr, process_group=0)
     while True:
         pid, status, usage = os.wait4(child.pid, os.WNOHANG)
         if pid:
