@@ -31,6 +31,10 @@ pub enum EndCause {
     NoFeasibleStep,
     /// Rotations of the library cannot move the parts independently where they were first seen.
     Uncontrollable,
+    /// Stopped from outside: this computer was too slow for the plate, under strict deadlines.
+    DeadlineMissed,
+    /// Stopped from outside: control took no frame for a long time.
+    Hung,
 }
 
 /// Outcome, cause and reason of the end of a run.

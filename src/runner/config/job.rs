@@ -4,7 +4,7 @@ use serde_json::{Map, Value};
 
 use super::fault::{Fault, Faults, Path, one_of, shown};
 use super::kinds::{KindSpec, NAMES};
-use super::raw_job::{LibrarySource, PlannerChoice, RawJob, RawParts};
+use super::raw_job::{DeadlinePolicy, LibrarySource, PlannerChoice, RawJob, RawParts};
 use super::raw_rig::{RawRig, RigSource};
 use super::read::{Origin, parse, text_of};
 use super::rig::RigSpec;
@@ -37,6 +37,8 @@ pub struct JobSpec {
     pub tolerance_m: f64,
     /// Longest plate time of the run, s.
     pub plate_time_limit_s: f64,
+    /// What happens when this computer is too slow for the plate.
+    pub deadlines: DeadlinePolicy,
     /// The file's content with every default written out, the rig left out.
     raw: RawJob,
 }
@@ -104,6 +106,7 @@ impl JobSpec {
             planner: raw.planner,
             tolerance_m: m_from_mm(raw.tolerance_mm),
             plate_time_limit_s: raw.limits.plate_time_s,
+            deadlines: raw.deadlines,
             rig,
             raw,
         })
