@@ -12,6 +12,7 @@ mod library;
 mod links;
 #[cfg(test)]
 mod lost_tests;
+mod pace_check;
 mod paced;
 mod pacing;
 mod planner_selection;
@@ -54,6 +55,7 @@ pub use first_frame::{FirstFrame, FirstFrameError, TruePart, first_frame};
 pub use folder::{FolderState, RunFolder};
 pub use library::{check_job, check_places, job_library, library_faults};
 pub use links::{Links, StopCause};
+pub use pace_check::{PaceCheck, check_pace};
 pub use pacing::PacingStats;
 pub use planner_selection::{PlannerSelection, SelectionReason};
 pub use rehearse::{Forecast, PartForecast, PlanVerdict, RehearsalProgress, Spot, rehearse};
