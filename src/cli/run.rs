@@ -8,7 +8,7 @@ use super::{INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
 use upm_core::time::MonotonicClock;
 use upm_recording::{Keeping, Outcome, RerunMode, Verdict};
 use upm_runner::config::JobSpec;
-use upm_runner::run::{RunError, RunOptions, run as run_job};
+use upm_runner::run::{PacingStats, RunError, RunOptions, run as run_job};
 
 pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let rerun: RerunMode = args.rerun.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;
@@ -28,8 +28,9 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
         live: None,
     };
     let stop = stop_on_interrupt();
-    let mut progress = RunProgress::new(common.quiet || !std::io::stderr().is_terminal());
-    let result = run_job(&job, &options, &clock, &stop, &mut progress);
+    let pacing = PacingStats::default();
+    let mut progress = RunProgress::new(common.quiet || !std::io::stderr().is_terminal(), &pacing);
+    let result = run_job(&job, &options, &clock, &stop, &pacing, &mut progress);
     progress.finish();
     let result = result.map_err(|error| run_failure(&error))?;
     for warning in &result.warnings {

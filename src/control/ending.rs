@@ -42,6 +42,10 @@ pub enum EndCause {
     Device,
     /// A guard found something that a run cannot go on with.
     Guard(Condition),
+    /// Stopped from outside: this computer was too slow for the plate, under strict deadlines.
+    DeadlineMissed,
+    /// Stopped from outside: control took no frame for a long time.
+    Hung,
 }
 
 /// Outcome, cause and reason of the end of a run.

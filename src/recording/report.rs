@@ -73,6 +73,10 @@ pub enum StopCode {
     PartStuck,
     /// A part goes the other way than pulses should carry it.
     PartAstray,
+    /// This computer was too slow for the plate, under strict deadlines.
+    DeadlineMissed,
+    /// Control took no frame for a long time.
+    Hung,
 }
 
 impl StopCode {
@@ -89,6 +93,8 @@ impl StopCode {
             control::EndCause::PartCount => Some(Self::PartCount),
             control::EndCause::Device => Some(Self::DeviceFault),
             control::EndCause::Guard(condition) => Self::of_guard(condition),
+            control::EndCause::DeadlineMissed => Some(Self::DeadlineMissed),
+            control::EndCause::Hung => Some(Self::Hung),
         }
     }
 
@@ -181,6 +187,10 @@ pub struct Report {
     /// Whole frames by which the worst of them was missed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub worst_late_frames: Option<u64>,
+    /// How far plate time fell behind the clock in all, s: a plate that waited for this computer. Only where plate time
+    /// kept to the clock; `None` in reports from before it was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub behind_s: Option<f64>,
     /// Largest distance of a part from its target at the end, from truth where there is one; `None` without targets.
     pub max_error_mm: Option<f64>,
     /// Root mean square of those distances.

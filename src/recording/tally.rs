@@ -1,3 +1,5 @@
+use std::time::Duration;
+
 use super::report::{
     FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report, StopCode, StopReport,
 };
@@ -71,6 +73,8 @@ pub struct Deadlines {
     pub misses: u64,
     /// Whole frames by which the worst one was.
     pub worst_frames: u64,
+    /// How far plate time fell behind the clock in all.
+    pub behind: Duration,
 }
 
 /// Where one part ended, as control knows it.
@@ -142,6 +146,7 @@ impl Tally {
             lost_parts: ending.lost_parts,
             deadline_misses: ending.deadlines.map(|deadlines| deadlines.misses),
             worst_late_frames: ending.deadlines.map(|deadlines| deadlines.worst_frames),
+            behind_s: ending.deadlines.map(|deadlines| rounded(deadlines.behind.as_secs_f64())),
             max_error_mm: errors.max_mm(),
             rms_error_mm: errors.rms_mm(),
             sensing_rms_error_mm: self.sensing.rms_mm(),
@@ -385,10 +390,10 @@ mod tests {
             let report = Tally::new(None).report(Ending { deadlines, ..ending(Vec::new()) });
             let json = serde_json::to_value(&report).unwrap();
             assert_eq!(serde_json::from_value::<Report>(json.clone()).unwrap(), report);
-            (json.get("deadline_misses").cloned(), json.get("worst_late_frames").cloned())
+            ["deadline_misses", "worst_late_frames", "behind_s"].map(|key| json.get(key).cloned())
         };
-        assert_eq!(json(None), (None, None));
-        let late = Deadlines { misses: 3, worst_frames: 2 };
-        assert_eq!(json(Some(late)), (Some(3.into()), Some(2.into())));
+        assert_eq!(json(None), [None, None, None]);
+        let late = Deadlines { misses: 3, worst_frames: 2, behind: Duration::from_millis(1250) };
+        assert_eq!(json(Some(late)), [Some(3.into()), Some(2.into()), Some(1.25.into())]);
     }
 }

@@ -14,6 +14,7 @@ mod library;
 mod links;
 #[cfg(test)]
 mod lost_tests;
+mod pace_check;
 mod paced;
 mod pacing;
 mod planner_selection;
@@ -60,7 +61,8 @@ pub use coverage::{Coverage, Gap, Place};
 pub use first_frame::{FirstFrame, FirstFrameError, TruePart, first_frame};
 pub use folder::{FolderState, RunFolder};
 pub use library::{check_job, check_places, job_library, library_faults};
-pub use links::Links;
+pub use links::{Links, StopCause};
+pub use pace_check::{PaceCheck, check_pace};
 pub use pacing::PacingStats;
 pub use planner_selection::{PlannerSelection, SelectionReason};
 pub use rehearse::{Forecast, PartForecast, PlanVerdict, RehearsalProgress, Spot, rehearse};
@@ -141,13 +143,14 @@ fn one_a_line(faults: &[LibraryFault]) -> String {
     faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
-/// Runs `job` to its end and writes a folder of its own. `watcher` is told everything, too; it changes nothing. `Err` when
-/// it cannot be run, and when something of it could not be written.
+/// Runs `job` to its end and writes a folder of its own. `pacing` shows how a run in real time keeps up; `watcher` is told
+/// everything, too; it changes nothing. `Err` when it cannot be run, and when something of it could not be written.
 pub fn run(
     job: &JobSpec,
     options: &RunOptions,
     clock: &dyn Clock,
     stop: &AtomicBool,
+    pacing: &PacingStats,
     watcher: &mut dyn Sink,
 ) -> Result<RunResult, RunError> {
     RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()))?;
@@ -155,8 +158,8 @@ pub fn run(
     // what cannot be run leaves no folder
     let bench = Bench::new(job, &library).map_err(RunError::Job)?;
     let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
-    let (interlock, pacing, give_way) = (Interlock::default(), Arc::default(), AtomicBool::new(false));
-    let links = Links { stop, give_way: &give_way, interlock: &interlock, pacing: &pacing, cause: &|| None };
+    let (interlock, give_way) = (Interlock::default(), AtomicBool::new(false));
+    let links = Links { stop, give_way: &give_way, interlock: &interlock, pacing, cause: &|| None };
     let Done { result, written } = Session { job, library, folder, options, clock, links }.run(bench, watcher)?;
     written.map(|()| result)
 }
@@ -252,6 +255,7 @@ impl Session<'_> {
         ending.deadlines = options.real_time.then(|| Deadlines {
             misses: links.pacing.misses().saturating_sub(missed_before),
             worst_frames: links.pacing.worst_frames(),
+            behind: links.pacing.behind(),
         });
         if let Err(error) = &written {
             (ending.outcome, ending.reason) = (recording::Outcome::Failed, error.to_string());
@@ -273,6 +277,7 @@ impl Session<'_> {
             stats: self.links.pacing,
             interlock: self.links.interlock,
             frame_hz: bench.model.frame_hz,
+            deadlines: self.job.deadlines,
         })
     }
 }

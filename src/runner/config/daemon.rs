@@ -87,6 +87,8 @@ pub struct KeepSpec {
 /// When a plate is stopped because something is wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchdogSpec {
+    /// Relaxed deadlines: no frame came, or nothing could be written, for so long, wall time.
+    pub hung: Duration,
     /// No frame came for so long, wall time.
     pub no_frame: Duration,
     /// A plan took so long, wall time.
@@ -300,6 +302,7 @@ fn keep_of(raw: &RawKeep) -> KeepSpec {
 
 fn watchdog_of(raw: &RawWatchdog) -> WatchdogSpec {
     WatchdogSpec {
+        hung: Duration::from_secs_f64(raw.hung_s),
         no_frame: Duration::from_secs_f64(raw.no_frame_s),
         planning: Duration::from_secs_f64(raw.planning_s),
         no_part_s: raw.no_part_s,

@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 use super::fault::{Fault, Faults, Path, one_of, shown};
 use super::faults::{self, RawFault, RawFaults};
 use super::kinds::{KindSpec, NAMES};
-use super::raw_job::{LibrarySource, PlannerChoice, RawJob, RawParts};
+use super::raw_job::{DeadlinePolicy, LibrarySource, PlannerChoice, RawJob, RawParts};
 use super::raw_rig::{RawRig, RigSource};
 use super::read::{Origin, parse, text_of};
 use super::rig::RigSpec;
@@ -41,6 +41,8 @@ pub struct JobSpec {
     pub plate_time_limit_s: f64,
     /// Faults of the simulated rig.
     pub faults: Vec<FaultSpec>,
+    /// What happens when this computer is too slow for the plate.
+    pub deadlines: DeadlinePolicy,
     /// The file's content with every default written out, the rig left out.
     raw: RawJob,
 }
@@ -113,6 +115,7 @@ impl JobSpec {
             tolerance_m: m_from_mm(raw.tolerance_mm),
             plate_time_limit_s: raw.limits.plate_time_s,
             faults: of_rig.unwrap_or_default(),
+            deadlines: raw.deadlines,
             rig,
             raw,
         })

@@ -25,6 +25,7 @@ const HOLD: &str = r#"{ "name": "hold", "seed": 3, "parts": [{ "kind": "penny", 
 
 /// Tests share a machine that may be slow.
 const WATCHDOG: WatchdogSpec = WatchdogSpec {
+    hung: Duration::from_secs(30),
     no_frame: Duration::from_secs(5),
     planning: Duration::from_secs(20),
     no_part_s: 0.5,

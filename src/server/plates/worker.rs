@@ -22,7 +22,7 @@ use upm_core::time::{Clock, MonotonicClock, PlateTime};
 use upm_recording::{
     Keeping, OnFull, Outcome, RecordingState, RecordingSwitch, RerunMode, ScribeMode, ScribeWatch, StopCode,
 };
-use upm_runner::config::{JobSpec, Origin};
+use upm_runner::config::{DeadlinePolicy, JobSpec, Origin};
 use upm_runner::run::{FolderState, Links, RunFolder, RunOptions, RunResult, run_linked};
 
 /// How long a plate without work waits before it asks again, unless it is woken.
@@ -30,7 +30,7 @@ const IDLE: Duration = Duration::from_secs(1);
 /// How long the end of a job waits to be stored again when that failed.
 const STORED_AGAIN: Duration = Duration::from_millis(250);
 
-/// How long a run that goes as fast as it can waits for a recorder that lags: its plate stands still meanwhile.
+/// How long a run without deadlines to meet waits for a recorder that lags: its plate stands still meanwhile.
 const RECORDED_WITHIN: Duration = Duration::from_secs(2);
 
 /// What runs need beside the job.
@@ -164,19 +164,21 @@ impl Worker {
         }
         let record = self.place.record && self.has_room_for(&job, row.id, recording);
         let real_time = row.pace == JobPace::RealTime;
+        let is_strict = job.deadlines == DeadlinePolicy::Strict;
         shared.real_time.store(real_time, Ordering::Relaxed);
+        shared.strict.store(is_strict, Ordering::Relaxed);
         go_first(real_time);
         let options = RunOptions {
             out: self.place.runs.clone(),
             started_utc: String::new(),
             rerun: if record { RerunMode::Save } else { RerunMode::Off },
             real_time,
-            // a plate that goes by the clock waits for no disk: the recording ends and the run goes on; without a
+            // a plate with deadlines to meet waits for no disk: the recording ends and the run goes on; without a
             // journal it ends
             keeping: Keeping {
                 scribe: ScribeMode::GiveUp,
                 journal,
-                on_full: if real_time { OnFull::GiveUp } else { OnFull::WaitAtMost(RECORDED_WITHIN) },
+                on_full: if real_time && is_strict { OnFull::GiveUp } else { OnFull::WaitAtMost(RECORDED_WITHIN) },
                 recording: recording.clone(),
                 has_clock: real_time,
                 stop: Arc::clone(&shared.stop),
