@@ -48,7 +48,10 @@ pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault>
     let key = |row: &Row<'_>| Ok((row.get::<_, String>(0)?, row.get::<_, [u8; 32]>(1)?, row.get(2)?, row.get(3)?));
     let keys: Vec<(_, _, JobId, At)> = rows(&old, "SELECT key, body_sha256, job, at FROM keys", key);
     for (key, body_sha256, job, at) in keys.into_iter().filter(|(_, _, job, _)| seen.contains(job)) {
-        tx.execute("INSERT OR IGNORE INTO keys VALUES (?1, ?2, ?3, ?4)", params![key, body_sha256, job, at])?;
+        tx.execute(
+            "INSERT OR IGNORE INTO keys (key, body_sha256, job, at) VALUES (?1, ?2, ?3, ?4)",
+            params![key, body_sha256, job, at],
+        )?;
     }
     Ok(tx.commit()?)
 }

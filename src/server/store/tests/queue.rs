@@ -159,24 +159,31 @@ fn a_repeated_key_gives_the_first_job_again() {
 }
 
 #[test]
-fn keys_are_forgotten_with_age() {
+fn keys_are_forgotten_with_age_and_the_time_between_two_starts_is_none() {
+    static HOURS: AtomicI64 = AtomicI64::new(0);
     let folder = tempfile::tempdir().unwrap();
     let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
-    let store = open(folder.path(), limits()).store;
+    let open = || {
+        let wall = || noon() + Duration::from_secs(3600 * HOURS.load(Ordering::SeqCst).unsigned_abs());
+        Store::open(folder.path(), &plates(), limits(), Clocks::new(wall, Hours(&HOURS)), &repair).unwrap().store
+    };
+    let store = open();
     let Ok(Accepted::New(first)) = accept(&store, keyed()) else { panic!("not accepted") };
+    let replayed = |store: &Store| match accept(store, keyed()).unwrap() {
+        Accepted::New(row) => row.id == first.id,
+        Accepted::Replayed(row) => row.id == first.id,
+        other => panic!("{other:?}"),
+    };
+    HOURS.store(20, Ordering::SeqCst);
+    assert!(replayed(&store));
     assert!(store.close(PATIENCE));
-    for (now, new) in [
-        ((|| noon() + Duration::from_secs(24 * 3600)) as fn() -> Timestamp, false),
-        (|| noon() + Duration::from_secs(24 * 3600 + 1), true),
-    ] {
-        let store = Store::open(folder.path(), &plates(), limits(), now, &repair).unwrap().store;
-        match accept(&store, keyed()).unwrap() {
-            Accepted::New(row) => assert!(new && row.id != first.id),
-            Accepted::Replayed(row) => assert!(!new && row.id == first.id),
-            other => panic!("{other:?}"),
-        }
-        assert!(store.close(PATIENCE));
-    }
+    HOURS.store(1000, Ordering::SeqCst);
+    let store = open();
+    assert!(replayed(&store));
+    HOURS.store(1004, Ordering::SeqCst);
+    assert!(replayed(&store));
+    HOURS.store(1005, Ordering::SeqCst);
+    assert!(!replayed(&store));
 }
 
 #[test]
