@@ -28,6 +28,7 @@ mod places;
 mod reader;
 mod recover;
 mod retention;
+mod run_file;
 mod salvage;
 mod schema;
 mod task;
@@ -46,6 +47,7 @@ pub use memory::MemoryLedger;
 pub use open::{Opened, RepairRecording};
 pub use peek::{PeekMost, Peeked, peek};
 pub use retention::Swept;
+pub use run_file::{RunFileFault, open_run_file};
 pub use types::{
     Accepted, AuditEntry, AuditRow, Cancelled, JobPace, JobPage, JobRow, JobState, Mended, NewJob, Page, RecordingKept,
     Recovery, Replay, StoreFault, StoreHealth,

@@ -151,6 +151,7 @@ impl Store {
             waiting: self.orders.shown.waiting.load(Ordering::Relaxed),
             audit_waiting: self.orders.shown.pending.acts_waiting(),
             reserve,
+            reader_busy: self.readers.busy(),
             deletion_suspended: self.ages.ages().suspended,
         }
     }

@@ -71,7 +71,8 @@ impl Store {
         let (connection, recovery) = made?;
         let held = places.held(&lock)?;
         let ids = Ids::above(last_id(&connection)?);
-        let readers = Readers::start(vec![schema::reading(&places.db)?, schema::reading(&places.db)?])?;
+        let reading = vec![schema::reading(&places.db)?, schema::reading(&places.db)?];
+        let readers = Readers::start(reading, Arc::clone(&clocks.monotonic))?;
         let (sender, waiting) = sync_channel(MOST_WAITING);
         let shown = Arc::new(Shown::new(MonotonicClock::new()));
         let orders = Orders { sender, shown: Arc::clone(&shown) };

@@ -1,5 +1,5 @@
 use std::collections::BTreeSet;
-use std::fs::{self, File};
+use std::fs;
 use std::io::Read;
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use super::columns::{At, JOB, job_of};
 use super::ids::Ids;
 use super::places::Places;
 use super::schema::reading;
-use super::{JobId, JobPace, JobRow, JobState, RecordingKept, StoreFault, jobs};
+use super::{JobId, JobPace, JobRow, JobState, RecordingKept, StoreFault, jobs, open_run_file};
 
 /// Largest `effective.json` or `report.json` that is read.
 const MOST_BYTES: u64 = 16 << 20;
@@ -173,7 +173,8 @@ fn job_in(folder: &Path, name: String) -> Option<JobRow> {
 /// What stands in a file of a run folder; `None` for one that is not there, not text, or far too long.
 pub(super) fn text_of(path: &Path) -> Option<String> {
     let mut text = String::new();
-    let read = File::open(path).ok()?.take(MOST_BYTES + 1).read_to_string(&mut text).ok()?;
+    let file = open_run_file(path.parent()?, path.file_name()?.to_str()?).ok()?;
+    let read = file.take(MOST_BYTES + 1).read_to_string(&mut text).ok()?;
     (read as u64 <= MOST_BYTES).then_some(text)
 }
 

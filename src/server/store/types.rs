@@ -358,6 +358,8 @@ pub struct StoreHealth {
     pub audit_waiting: usize,
     /// False while the ballast has been thrown off.
     pub reserve: bool,
+    /// Longest time that a reading thread has been at one question.
+    pub reader_busy: Duration,
     /// True while nothing is deleted by age, since the wall clock has jumped.
     pub deletion_suspended: bool,
 }

@@ -253,3 +253,26 @@ fn a_queue_too_long_is_refused_at_once() {
         assert_eq!(answers.recv_timeout(PATIENCE).unwrap(), Ok(()));
     }
 }
+
+#[test]
+fn reader_that_does_not_come_back_from_a_question_is_told_by_health() {
+    static HOURS: AtomicI64 = AtomicI64::new(0);
+    let folder = tempfile::tempdir().unwrap();
+    let clocks = Clocks::new(noon, Hours(&HOURS));
+    let store = Store::open(folder.path(), &plates(), limits(), clocks, &repair).unwrap().store;
+    let ((began, begun), (let_go, gate)) = (sync_channel(0), sync_channel::<()>(0));
+    let hang = move |_: Result<(), StoreFault>| {
+        began.send(()).unwrap();
+        gate.recv().ok();
+    };
+    store.readers.ask(|_| Ok(()), hang);
+    begun.recv_timeout(PATIENCE).unwrap();
+    HOURS.store(1, Ordering::SeqCst);
+    let busy = store.health().reader_busy;
+    assert!(Duration::from_secs(3599) < busy && busy <= Duration::from_secs(3600), "{busy:?}");
+    assert_eq!(ask(|done| store.counts(done)).unwrap(), [], "the other one answers");
+    drop(let_go);
+    while store.health().reader_busy > Duration::ZERO {
+        std::thread::yield_now();
+    }
+}
