@@ -4,6 +4,7 @@
 //! for the disk: answers come by a callback. Only what a plate's worker needs before it may move ([`Ledger::claim`])
 //! and after it has stopped ([`Ledger::ended`]) blocks. Every queue is bounded.
 
+mod ages;
 mod aside;
 mod audit;
 mod ballast;
@@ -16,6 +17,7 @@ mod idempotency;
 mod ids;
 mod jobs;
 mod ledger;
+mod limits;
 mod memory;
 mod migrate;
 mod open;
@@ -26,6 +28,7 @@ mod places;
 mod reader;
 mod recover;
 mod retention;
+mod run_file;
 mod salvage;
 mod schema;
 mod task;
@@ -34,15 +37,18 @@ mod tests;
 mod types;
 mod writer;
 
+pub use ages::Clocks;
 pub use handle::Store;
 pub use held::{Displaced, Found, HeldPath};
 pub use ids::JobId;
 pub use ledger::{BY_THE_DAEMON, Claimed, FINISHED, JobEnd, Ledger, NewEvent, Publish, StoredEvent};
+pub use limits::Limits;
 pub use memory::MemoryLedger;
 pub use open::{Opened, RepairRecording};
 pub use peek::{PeekMost, Peeked, peek};
 pub use retention::Swept;
+pub use run_file::{RunFileFault, open_run_file};
 pub use types::{
-    Accepted, AuditEntry, AuditRow, Cancelled, JobPace, JobPage, JobRow, JobState, Limits, Mended, NewJob, Page,
-    RecordingKept, Recovery, Replay, StoreFault, StoreHealth,
+    Accepted, AuditEntry, AuditRow, Cancelled, JobPace, JobPage, JobRow, JobState, Mended, NewJob, Page, RecordingKept,
+    Recovery, Replay, StoreFault, StoreHealth,
 };

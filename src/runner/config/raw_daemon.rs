@@ -135,7 +135,7 @@ pub struct RawKeep {
     /// Most room for run folders, GB of 10⁹ bytes.
     #[schemars(range(max = 1e6), extend("exclusiveMinimum" = 0.0))]
     pub runs_gb: f64,
-    /// Longest time a run folder is kept, days.
+    /// Longest time a run folder is kept, days in which the daemon runs.
     #[schemars(range(max = 36_500.0), extend("exclusiveMinimum" = 0.0))]
     pub runs_days: f64,
     /// Ended runs of a standing job that are kept, for each plate: the newest. They go with folder, events and row.

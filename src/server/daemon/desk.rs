@@ -28,6 +28,10 @@ const STOPS_WAITING: usize = 256;
 /// Resets that may wait: each is written down before it takes place.
 const RESETS_WAITING: usize = 16;
 
+/// Threads that open files, which a dead disk holds up, and how many may wait for them.
+const FILE_OPENERS: usize = 2;
+const FILES_WAITING: usize = 64;
+
 /// Answers the API out of store and plates.
 #[derive(Debug)]
 pub(super) struct FrontDesk {
@@ -35,6 +39,7 @@ pub(super) struct FrontDesk {
     checkers: Arc<Clerks>,
     stops: Clerks,
     resets: Clerks,
+    files: Arc<Clerks>,
 }
 
 /// What answers are made of.
@@ -95,7 +100,8 @@ impl FrontDesk {
         let checkers = Arc::new(Clerks::hire("check", CHECKERS, CHECKS_WAITING)?);
         let stops = Clerks::hire("stops", STOP_CLERKS, STOPS_WAITING)?;
         let resets = Clerks::hire("resets", 1, RESETS_WAITING)?;
-        Ok(Self { office, checkers, stops, resets })
+        let files = Arc::new(Clerks::hire("files", FILE_OPENERS, FILES_WAITING)?);
+        Ok(Self { office, checkers, stops, resets, files })
     }
 
     /// The job of that id, handed on to `then` with the reply it is for.
@@ -298,7 +304,11 @@ impl Desk for FrontDesk {
 
     fn recording(&self, id: &str) -> Promise<Recording> {
         promise(|reply| {
-            self.with_job(id, reply, |office, row, reply| reply.send(files::recording(office.store.runs(), &row)));
+            let files = Arc::clone(&self.files);
+            self.with_job(id, reply, move |office, row, reply| {
+                let office = Arc::clone(office);
+                files.give(move || reply.send(files::recording(office.store.runs(), &row)));
+            });
         })
     }
 

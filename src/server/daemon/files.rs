@@ -1,12 +1,10 @@
-use std::fs::File;
-use std::io::ErrorKind;
 use std::path::Path;
 
 use bytes::Bytes;
 
 use crate::plates::Plates;
 use crate::service::{Picture, Recording, Refusal};
-use crate::store::{JobRow, JobState, RecordingKept};
+use crate::store::{JobRow, JobState, RecordingKept, RunFileFault, open_run_file};
 
 /// The newest picture of a job that is on a plate.
 pub(super) fn picture(plates: &Plates, row: &JobRow) -> Result<Picture, Refusal> {
@@ -17,7 +15,7 @@ pub(super) fn picture(plates: &Plates, row: &JobRow) -> Result<Picture, Refusal>
     Ok(Picture { png: Bytes::copy_from_slice(&picture.png), age })
 }
 
-/// The recording of a job that has ended, opened.
+/// The recording of a job that has ended, opened. Waits for the disk.
 pub(super) fn recording(runs: &Path, row: &JobRow) -> Result<Recording, Refusal> {
     let none = |why: &str| Err(Refusal::Unknown(why.to_owned()));
     match (row.state, row.recording) {
@@ -37,16 +35,18 @@ pub(super) fn recording(runs: &Path, row: &JobRow) -> Result<Recording, Refusal>
 /// The file, opened; `none` says why there is none.
 fn open(runs: &Path, row: &JobRow, none: &str) -> Result<Recording, Refusal> {
     let opened = || {
-        let file = File::open(runs.join(row.folder.as_deref().unwrap_or_default()).join("run.rrd"))?;
+        let folder = row.folder.as_deref().ok_or(RunFileFault::Missing)?;
+        let file = open_run_file(&runs.join(folder), "run.rrd")?;
         let bytes = file.metadata()?.len();
         Ok(Recording { file, bytes, name: format!("{}.rrd", row.name) })
     };
-    opened().map_err(|error: std::io::Error| {
-        if error.kind() == ErrorKind::NotFound {
-            return Refusal::Unknown(none.to_owned());
+    opened().map_err(|fault| match fault {
+        RunFileFault::Missing => Refusal::Unknown(none.to_owned()),
+        RunFileFault::NotRegular => Refusal::Conflict(format!("the recording is not served: {fault}")),
+        RunFileFault::Io(error) => {
+            tracing::error!(job = %row.id, "the recording cannot be read: {error}");
+            Refusal::Broken("the recording cannot be read".to_owned())
         }
-        tracing::error!(job = %row.id, "the recording cannot be read: {error}");
-        Refusal::Broken("the recording cannot be read".to_owned())
     })
 }
 
@@ -88,6 +88,9 @@ mod tests {
         std::fs::create_dir(runs.path().join("rest-1")).unwrap();
         std::fs::write(runs.path().join("rest-1/run.rrd"), "RRF2").unwrap();
         assert_eq!([told(RecordingKept::Failed), told(RecordingKept::Whole)], [Ok(4), Ok(4)]);
+        std::fs::rename(runs.path().join("rest-1/run.rrd"), runs.path().join("elsewhere")).unwrap();
+        std::os::unix::fs::symlink("../elsewhere", runs.path().join("rest-1/run.rrd")).unwrap();
+        assert!(matches!(told(RecordingKept::Whole), Err(Refusal::Conflict(_))), "a link leaves the folder");
         assert_eq!(told(RecordingKept::Pruned), gone("the recording was deleted to make room"));
     }
 }

@@ -8,7 +8,7 @@ use super::observed::Observed;
 use crate::plates::PlateState;
 use crate::service::{Reason, ReasonCode};
 
-/// A store that has been silent for longer hangs: it goes round four times a second.
+/// A store that has been silent for longer hangs: it goes round four times a second, and questions are short.
 const LONGEST_SILENCE: Duration = Duration::from_secs(5);
 
 /// What keeps it from working at all; nothing when it is well.
@@ -17,6 +17,11 @@ pub(super) fn ailments(observed: &Observed) -> Vec<Reason> {
     if observed.store.heartbeat > LONGEST_SILENCE {
         let silent_s = observed.store.heartbeat.as_secs_f64();
         ailments.push(Reason::new(ReasonCode::StoreHangs, format!("the job store hangs since {silent_s:.1} s")));
+    }
+    if observed.store.reader_busy > LONGEST_SILENCE {
+        let busy_s = observed.store.reader_busy.as_secs_f64();
+        let detail = format!("the job store has not answered a question for {busy_s:.1} s");
+        ailments.push(Reason::new(ReasonCode::StoreHangs, detail));
     }
     let dead = observed.plates_alive.as_ref().err();
     ailments.extend(dead.map(|dead| Reason::new(ReasonCode::PlatesDead, dead.clone())));
@@ -77,6 +82,8 @@ mod tests {
     fn what_hangs_is_an_ailment() {
         assert_eq!(told(|o| o.store.heartbeat = LONGEST_SILENCE).0, [""; 0]);
         both(|o| o.store.heartbeat = Duration::from_millis(5100), "the job store hangs since 5.1 s");
+        let busy = Duration::from_millis(6200);
+        both(|o| o.store.reader_busy = busy, "the job store has not answered a question for 6.2 s");
         let dead = || Err("the worker of plate right has died".to_owned());
         both(|o| o.plates_alive = dead(), "the worker of plate right has died");
     }

@@ -99,6 +99,8 @@ fn of_store(observed: &Observed) -> Vec<Family> {
         Family::gauge("store_audit_waiting", "Lines of the audit log that wait to be written")
             .with(store.audit_waiting as f64),
         Family::gauge("store_reserve", "0 while room set aside for a full disk is in use").with(flag(store.reserve)),
+        Family::gauge("store_deletion_suspended", "1 while nothing is deleted by age, since the wall clock jumped")
+            .with(flag(store.deletion_suspended)),
         Family::gauge("disk_free", "Room left on the disk of the data folder")
             .in_unit(Unit::Bytes)
             .with_all(disk.free_bytes.map(|bytes| Sample::new(Vec::new(), bytes as f64))),

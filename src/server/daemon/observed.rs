@@ -104,6 +104,8 @@ impl Observed {
                 waiting: 4,
                 audit_waiting: 0,
                 reserve: true,
+                reader_busy: Duration::ZERO,
+                deletion_suspended: false,
             },
             disk: DiskObserved { free_bytes: Some(5_000_000_000), reserve_bytes: 16_000_000, runs_bytes: Some(123) },
             requests: vec![

@@ -16,7 +16,7 @@ use super::systemd::{ServiceManager, SignsOfLife};
 use super::{health, recovered};
 use crate::plates::{PlateSetup, Plates, StandingSetup, Surroundings};
 use crate::service::{AppParts, Hosts, Limits, Served, StopFlag, StopSender, Tokens, app, joined, serve};
-use crate::store::{self, Mended, Opened, Store, StoreFault};
+use crate::store::{self, Clocks, Mended, Opened, Store, StoreFault};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
 
@@ -95,7 +95,9 @@ impl Daemon {
             fault => StartFault::Store(spec.data.display().to_string(), fault),
         };
         let repair = |part: &Path, whole: &Path| repair_unless(&prepared.told_to_end, part, whole);
-        let opened = Store::open(&spec.data, &spec.plate_names(), limits_of(&spec), now, &repair).map_err(at_store)?;
+        let clocks = Clocks::new(now, clock);
+        let opened = Store::open(&spec.data, &spec.plate_names(), limits_of(&spec), clocks, &repair);
+        let opened = opened.map_err(at_store)?;
         let Opened { store, recovery } = opened;
         let store = Arc::new(store);
         let setups = spec.plates.iter().zip(prepared.libraries).map(|(plate, library)| PlateSetup {

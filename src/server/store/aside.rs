@@ -85,7 +85,7 @@ fn move_away(db: &Path, opening: &Opening<'_>) -> Result<Option<PathBuf>, StoreF
     if there.is_empty() {
         return Ok(None);
     }
-    let utc = (opening.now)().strftime("%Y%m%dT%H%M%SZ").to_string();
+    let utc = (opening.clocks.wall)().strftime("%Y%m%dT%H%M%SZ").to_string();
     let name_of = |number: u32| {
         beside(db, &format!(".corrupt-{utc}{}", if number == 0 { String::new() } else { format!("-{number}") }))
     };

@@ -5,9 +5,18 @@ use std::path::Path;
 use jiff::Timestamp;
 use rusqlite::{Connection, OptionalExtension, params};
 
+use super::ages::{Ages, Uptime};
 use super::columns::At;
 use super::ids::Ids;
 use super::{JobId, Limits, RecordingKept};
+
+/// When a job ended, or a folder without a job was found: what ended earlier has the lesser one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Ended {
+    pub uptime: Uptime,
+    /// Wall time, for what is of the same uptime: all that an older release has left.
+    pub at: Timestamp,
+}
 
 /// What a writing transaction works with. The rooms' acts are methods on it, in files of their own.
 pub(super) struct Books<'a> {
@@ -21,17 +30,27 @@ pub(super) struct Books<'a> {
     pub runs: &'a Path,
     /// When this transaction began.
     pub now: Timestamp,
+    /// What was old then.
+    pub ages: Ages,
     /// Events told since they were last counted.
     pub told: &'a Cell<u64>,
 }
 
 impl Books<'_> {
-    /// Run folders of all jobs, with the time at which the job ended; `None` for one that runs.
-    pub fn folders(&self) -> rusqlite::Result<BTreeMap<String, (JobId, Option<Timestamp>)>> {
-        let sql = "SELECT folder, id, finished_at FROM jobs WHERE folder IS NOT NULL";
+    /// Run folders of all jobs, with when the job ended; `None` for one that runs.
+    pub fn folders(&self) -> rusqlite::Result<BTreeMap<String, (JobId, Option<Ended>)>> {
+        let sql = "SELECT folder, id, ended_uptime, finished_at FROM jobs WHERE folder IS NOT NULL";
         let mut statement = self.tx.prepare(sql)?;
-        let ended = |at: Option<At>| at.map(|At(at)| at);
-        statement.query_map([], |row| Ok((row.get(0)?, (row.get(1)?, ended(row.get(2)?)))))?.collect()
+        let rows = statement.query_map([], |row| {
+            let (uptime, at) = (row.get(2)?, row.get::<_, Option<At>>(3)?);
+            Ok((row.get(0)?, (row.get(1)?, at.map(|At(at)| Ended { uptime, at }))))
+        })?;
+        rows.collect()
+    }
+
+    /// Notes how long the store has been open, for the next start.
+    pub fn note_uptime(&self) -> rusqlite::Result<()> {
+        self.tx.execute("UPDATE clock SET uptime = max(uptime, ?1)", [self.ages.now]).map(|_| ())
     }
 
     /// Notes that a job's run folder goes; what there was of its recording. `None` when the folder is not that job's,

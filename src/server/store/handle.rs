@@ -1,12 +1,13 @@
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
 use jiff::Timestamp;
 
+use super::ages::AgeClock;
 use super::books::Books;
 use super::jobs::Begun;
 use super::orders::Orders;
@@ -25,6 +26,7 @@ pub struct Store {
     pub(super) readers: Readers,
     pub(super) runs: PathBuf,
     pub(super) now: fn() -> Timestamp,
+    pub(super) ages: Arc<AgeClock>,
     pub(super) retention: Retention,
     pub(super) begins: Begins,
     /// Data folder, lock file, database and log.
@@ -149,6 +151,8 @@ impl Store {
             waiting: self.orders.shown.waiting.load(Ordering::Relaxed),
             audit_waiting: self.orders.shown.pending.acts_waiting(),
             reserve,
+            reader_busy: self.readers.busy(),
+            deletion_suspended: self.ages.ages().suspended,
         }
     }
 

@@ -69,7 +69,8 @@ impl Books<'_> {
             self.end(id, JobState::Queued, &JobEnd::without_a_folder())?;
             return Ok(Begun::Never);
         }
-        let sql = "UPDATE jobs SET state = 'running', started_at = ?2, folder = ?3 WHERE id = ?1 AND state = 'queued'";
+        let sql = "UPDATE jobs SET state = 'running', started_at = max(?2, submitted_at), folder = ?3
+                   WHERE id = ?1 AND state = 'queued'";
         if self.tx.execute(sql, params![id, At(self.now), folder])? == 0 {
             return Ok(Begun::Not);
         }
@@ -110,10 +111,12 @@ impl Books<'_> {
     /// Ends a job that is in state `from`; its last event, or `None` when it is in another one, and stays so.
     pub fn end(&self, id: &JobId, from: JobState, end: &JobEnd) -> rusqlite::Result<Option<StoredEvent>> {
         let JobEnd { state, reason, report_json, recording, .. } = end;
-        let sql = "UPDATE jobs SET state = ?3, reason = ?4, report = ?5, recording = ?6, finished_at = ?7,
+        let sql = "UPDATE jobs SET state = ?3, reason = ?4, report = ?5, recording = ?6,
+                       finished_at = max(?7, coalesce(started_at, submitted_at)), ended_uptime = ?8,
                        progress = CASE ?3 WHEN 'completed' THEN 1 ELSE progress END
                    WHERE id = ?1 AND state = ?2";
-        if self.tx.execute(sql, params![id, from, state, reason, report_json, recording, At(self.now)])? == 0 {
+        let (now, uptime) = (At(self.now), self.ages.now);
+        if self.tx.execute(sql, params![id, from, state, reason, report_json, recording, now, uptime])? == 0 {
             return Ok(None);
         }
         self.drop_spec(id)?;

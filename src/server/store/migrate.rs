@@ -13,7 +13,7 @@ use super::schema::APPLICATION_ID;
 pub(super) const OLDEST: i32 = 1;
 
 /// The change from each version to the next, beginning at [`OLDEST`].
-pub(super) const MIGRATIONS: &[&str] = &[STANDING];
+pub(super) const MIGRATIONS: &[&str] = &[STANDING, UPTIME];
 
 /// Version of the tables that this release makes and uses.
 pub(super) const VERSION: i32 = OLDEST + MIGRATIONS.len() as i32;
@@ -22,6 +22,16 @@ pub(super) const VERSION: i32 = OLDEST + MIGRATIONS.len() as i32;
 const STANDING: &str = "
 ALTER TABLE jobs ADD COLUMN standing INTEGER NOT NULL DEFAULT 0 CHECK (standing IN (0, 1));
 CREATE INDEX jobs_standing ON jobs (plate, id) WHERE standing = 1;
+";
+
+/// From version 2 to 3: ages are counted on the time that the store is open. What is there already begins to age now.
+const UPTIME: &str = "
+ALTER TABLE jobs ADD COLUMN ended_uptime INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE keys ADD COLUMN uptime INTEGER NOT NULL DEFAULT 0;
+DROP INDEX keys_by_age;
+CREATE INDEX keys_by_uptime ON keys (uptime);
+CREATE TABLE clock (only INTEGER PRIMARY KEY CHECK (only = 1), uptime INTEGER NOT NULL) STRICT;
+INSERT INTO clock VALUES (1, 0);
 ";
 
 /// Version of the tables in a store.

@@ -4,9 +4,9 @@ use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
 use std::thread;
 
-use jiff::Timestamp;
 use rusqlite::{Connection, OptionalExtension};
 
+use super::ages::AgeClock;
 use super::aside::{damage_of, set_aside};
 use super::ballast::Ballast;
 use super::handle::Store;
@@ -15,11 +15,11 @@ use super::migrate::{MIGRATIONS, migrate, refuse_newer};
 use super::orders::Orders;
 use super::places::{Lock, Places, beside};
 use super::reader::Readers;
-use super::recover::recover;
+use super::recover::{recover, uptime};
 use super::retention::{Begins, Retention, Sweeper, empty_trash};
 use super::schema;
 use super::writer::{MOST_WAITING, Shown, Writer};
-use super::{JobId, Limits, Mended, Recovery, StoreFault};
+use super::{Clocks, JobId, Limits, Mended, Recovery, StoreFault};
 use upm_core::priority::step_back;
 use upm_core::time::MonotonicClock;
 
@@ -40,7 +40,7 @@ pub struct Opened {
 pub(super) struct Opening<'a> {
     pub plates: &'a [String],
     pub limits: &'a Limits,
-    pub now: fn() -> Timestamp,
+    pub clocks: &'a Clocks,
     pub repair: RepairRecording<'a>,
 }
 
@@ -53,7 +53,7 @@ impl Store {
         data: &Path,
         plates: &[String],
         limits: Limits,
-        now: fn() -> Timestamp,
+        clocks: Clocks,
         repair: RepairRecording<'_>,
     ) -> Result<Opened, StoreFault> {
         let places = Places::in_folder(data)?;
@@ -63,7 +63,7 @@ impl Store {
         places.make_folders()?;
         [&places.trash, &places.runs_trash].into_iter().for_each(|trash| empty_trash(trash));
         let mut ballast = Ballast::at(&places.reserve, limits.reserve_bytes);
-        let opening = Opening { plates, limits: &limits, now, repair };
+        let opening = Opening { plates, limits: &limits, clocks: &clocks, repair };
         let mut made = opening.start(&places);
         if matches!(made, Err(StoreFault::Full)) && ballast.throw_off() {
             made = opening.start(&places);
@@ -71,20 +71,35 @@ impl Store {
         let (connection, recovery) = made?;
         let held = places.held(&lock)?;
         let ids = Ids::above(last_id(&connection)?);
-        let readers = Readers::start(vec![schema::reading(&places.db)?, schema::reading(&places.db)?])?;
+        let reading = vec![schema::reading(&places.db)?, schema::reading(&places.db)?];
+        let readers = Readers::start(reading, Arc::clone(&clocks.monotonic))?;
         let (sender, waiting) = sync_channel(MOST_WAITING);
         let shown = Arc::new(Shown::new(MonotonicClock::new()));
         let orders = Orders { sender, shown: Arc::clone(&shown) };
         let begins = Begins::default();
-        let sweeper = Sweeper::new(places.clone(), limits.clone(), now, orders.clone(), Arc::clone(&begins));
-        let (runs, told) = (places.runs.clone(), Cell::new(0));
-        let writer = Writer { connection, orders: waiting, shown, ids, limits, runs, now, ballast, told, lock };
+        let ages = Arc::new(AgeClock::after(uptime(&connection)?, clocks.clone()));
+        let sweeper =
+            Sweeper::new(places.clone(), limits.clone(), Arc::clone(&ages), orders.clone(), Arc::clone(&begins));
+        let (runs, told, now) = (places.runs.clone(), Cell::new(0), clocks.wall);
+        let writer = Writer {
+            connection,
+            orders: waiting,
+            shown,
+            ids,
+            limits,
+            runs,
+            now,
+            ages: Arc::clone(&ages),
+            ballast,
+            told,
+            lock,
+        };
         thread::Builder::new().name("store-write".into()).spawn(move || {
             step_back();
             writer.run();
         })?;
         let retention = Retention::start(sweeper)?;
-        Ok(Opened { store: Store { orders, readers, runs: places.runs, now, retention, begins, held }, recovery })
+        Ok(Opened { store: Store { orders, readers, runs: places.runs, now, ages, retention, begins, held }, recovery })
     }
 }
 

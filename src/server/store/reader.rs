@@ -1,11 +1,14 @@
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
+use std::time::Duration;
 
 use rusqlite::Connection;
 
 use super::StoreFault;
 use upm_core::priority::step_back;
+use upm_core::time::Clock;
 
 /// Questions that may wait.
 const MOST_WAITING: usize = 512;
@@ -13,22 +16,38 @@ const MOST_WAITING: usize = 512;
 type Question = Box<dyn FnOnce(Result<&Connection, StoreFault>) + Send>;
 
 /// The threads that read. Every question is one short transaction: a long one would keep the log from being emptied.
-#[derive(Debug)]
-pub(super) struct Readers(SyncSender<Question>);
+pub(super) struct Readers {
+    questions: SyncSender<Question>,
+    clock: Arc<dyn Clock + Send + Sync>,
+    busy: Vec<Arc<Busy>>,
+}
+
+/// When a reader took the question it is at, µs on the clock and at least 1; 0 while it waits for one. A reader that
+/// died at a question stays at it.
+type Busy = AtomicU64;
 
 impl Readers {
     /// One thread for each connection.
-    pub fn start(connections: Vec<Connection>) -> Result<Self, StoreFault> {
+    pub fn start(connections: Vec<Connection>, clock: Arc<dyn Clock + Send + Sync>) -> Result<Self, StoreFault> {
         let (sender, questions) = sync_channel::<Question>(MOST_WAITING);
         let questions = Arc::new(Mutex::new(questions));
+        let mut readers = Self { questions: sender, clock, busy: Vec::new() };
         for connection in connections {
-            let questions = Arc::clone(&questions);
+            let (questions, clock, busy) = (Arc::clone(&questions), Arc::clone(&readers.clock), Arc::<Busy>::default());
+            readers.busy.push(Arc::clone(&busy));
             thread::Builder::new().name("store-read".into()).spawn(move || {
                 step_back();
-                answer(&connection, &questions);
+                answer(&connection, &questions, &*clock, &busy);
             })?;
         }
-        Ok(Self(sender))
+        Ok(readers)
+    }
+
+    /// Longest time that a reader has been at one question.
+    pub fn busy(&self) -> Duration {
+        let now = self.clock.elapsed();
+        let since = self.busy.iter().map(|busy| busy.load(Ordering::Relaxed)).filter(|since| *since > 0).min();
+        since.map_or(Duration::ZERO, |since| now.saturating_sub(Duration::from_micros(since)))
     }
 
     /// Asks `read`, and hands `done` the answer on a reader's thread; at once on this one when too many wait.
@@ -38,7 +57,7 @@ impl Readers {
         done: impl FnOnce(Result<T, StoreFault>) + Send + 'static,
     ) {
         let question: Question = Box::new(move |connection| done(connection.and_then(read)));
-        match self.0.try_send(question) {
+        match self.questions.try_send(question) {
             Ok(()) => {}
             Err(TrySendError::Full(question)) => question(Err(StoreFault::Busy)),
             Err(TrySendError::Disconnected(question)) => question(Err(StoreFault::Closed)),
@@ -46,11 +65,16 @@ impl Readers {
     }
 }
 
-fn answer(connection: &Connection, questions: &Mutex<Receiver<Question>>) {
+fn answer(connection: &Connection, questions: &Mutex<Receiver<Question>>, clock: &dyn Clock, busy: &Busy) {
     loop {
         let next = questions.lock().unwrap_or_else(PoisonError::into_inner).recv();
         match next {
-            Ok(question) => question(Ok(connection)),
+            Ok(question) => {
+                let now = u64::try_from(clock.elapsed().as_micros()).unwrap_or(u64::MAX);
+                busy.store(now.max(1), Ordering::Relaxed);
+                question(Ok(connection));
+                busy.store(0, Ordering::Relaxed);
+            }
             Err(_) => return,
         }
     }

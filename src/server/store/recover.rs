@@ -6,6 +6,7 @@ use std::path::Path;
 
 use rusqlite::{Connection, params};
 
+use super::ages::{Ages, Uptime};
 use super::books::Books;
 use super::columns::{At, JOB, job_of};
 use super::ids::Ids;
@@ -39,16 +40,16 @@ pub(super) fn recover(
         ends.push((job, folder, recording, end));
     }
     let tx = connection.transaction()?;
-    let (ids, told) = (Ids::above(None), Cell::new(0));
-    let books =
-        Books { tx: &tx, ids: &ids, limits: opening.limits, runs: &places.runs, now: (opening.now)(), told: &told };
+    let (ids, told, now) = (Ids::above(None), Cell::new(0), (opening.clocks.wall)());
+    let ages = Ages { now: uptime(&tx)?, suspended: false };
+    let books = Books { tx: &tx, ids: &ids, limits: opening.limits, runs: &places.runs, now, ages, told: &told };
     for (job, folder, recording, end) in &ends {
         tx.execute("UPDATE jobs SET recording = ?2 WHERE id = ?1", params![job.id, recording])?;
         let Some(end) = end else { continue };
         books.end(&job.id, JobState::Running, end)?;
         let at = folder.as_ref().and_then(|folder| last_sign(folder)).unwrap_or(books.now);
         let sql = "UPDATE jobs SET finished_at = ?2 WHERE id = ?1";
-        tx.execute(sql, params![job.id, At(at.max(job.submitted_at))])?;
+        tx.execute(sql, params![job.id, At(at.max(job.started_at.unwrap_or(job.submitted_at)))])?;
         let list = if end.state == JobState::Interrupted { &mut found.interrupted } else { &mut found.ended };
         list.push(job.id);
     }
@@ -93,6 +94,11 @@ fn mark_partial(connection: &mut Connection, places: &Places, left: &[JobRow]) -
         tx.execute("UPDATE jobs SET recording = 'partial' WHERE id = ?1", [job.id])?;
     }
     Ok(tx.commit()?)
+}
+
+/// Time that the store has been open before this start.
+pub(super) fn uptime(connection: &Connection) -> rusqlite::Result<Uptime> {
+    connection.query_row("SELECT uptime FROM clock", [], |row| row.get(0))
 }
 
 /// Plates that earlier starts were told of.

@@ -8,11 +8,12 @@ use std::sync::{Arc, PoisonError, RwLock};
 use std::thread;
 use std::time::Duration;
 
-use jiff::{SignedDuration, Timestamp};
+use jiff::Timestamp;
 
+use super::ages::{AgeClock, Ages, Uptime};
+use super::books::Ended;
 use super::orders::Orders;
 use super::places::Places;
-use super::salvage::modified;
 use super::{JobId, Limits, StoreFault};
 use upm_core::priority::step_back;
 
@@ -74,8 +75,8 @@ impl Retention {
 /// Held shared from the making of a run folder until its row names it, and alone by who looks for folders without one.
 pub(super) type Begins = Arc<RwLock<()>>;
 
-/// Run folders of jobs by name, with the time at which each job ended.
-type RunFolders = BTreeMap<String, (JobId, Option<Timestamp>)>;
+/// Run folders of jobs by name, with when each job ended.
+type RunFolders = BTreeMap<String, (JobId, Option<Ended>)>;
 
 /// A run folder that may be deleted.
 #[derive(Clone, Debug, PartialEq)]
@@ -83,7 +84,7 @@ struct Kept {
     name: String,
     /// Its job; `None` for one that belongs to none.
     job: Option<JobId>,
-    finished_at: Timestamp,
+    ended: Ended,
     bytes: u64,
 }
 
@@ -92,9 +93,11 @@ struct Kept {
 pub(super) struct Sweeper {
     places: Places,
     limits: Limits,
-    now: fn() -> Timestamp,
+    ages: Arc<AgeClock>,
     orders: Orders,
     begins: Begins,
+    /// Uptime at which each folder without a job was first seen since the start.
+    orphans: BTreeMap<String, Uptime>,
     /// Sizes of the folders of jobs that have ended.
     sizes: BTreeMap<String, u64>,
     /// What there is of them all.
@@ -102,9 +105,10 @@ pub(super) struct Sweeper {
 }
 
 impl Sweeper {
-    pub fn new(places: Places, limits: Limits, now: fn() -> Timestamp, orders: Orders, begins: Begins) -> Self {
+    pub fn new(places: Places, limits: Limits, ages: Arc<AgeClock>, orders: Orders, begins: Begins) -> Self {
         let bytes = Arc::new(AtomicU64::new(u64::MAX));
-        Self { places, limits, now, orders, begins, sizes: BTreeMap::new(), bytes }
+        let (orphans, sizes) = (BTreeMap::new(), BTreeMap::new());
+        Self { places, limits, ages, orders, begins, orphans, sizes, bytes }
     }
 
     fn run(mut self, asked: &Receiver<Asked>) {
@@ -127,6 +131,8 @@ impl Sweeper {
     fn sweep(&mut self) -> Result<Swept, StoreFault> {
         let swept = self.delete_folders();
         let forgotten = self.orders.written(true, |books| books.forget_keys().and_then(|()| books.forget_jobs()));
+        // what fails here is told by the store's health, and makes nothing older
+        let _ = self.orders.written(false, |books| books.note_uptime());
         forgotten.and(swept)
     }
 
@@ -135,9 +141,9 @@ impl Sweeper {
         let (mut deleted, mut faults) = (Vec::new(), Vec::new());
         self.delete_standing(&mut deleted, &mut faults)?;
         let (folders, mut bytes) = self.folders()?;
-        let oldest = before((self.now)(), self.limits.runs_age);
+        let oldest = self.ages.ages().cutoff(self.limits.runs_age);
         for kept in folders {
-            if kept.finished_at >= oldest && bytes <= self.limits.runs_bytes {
+            if kept.ended.uptime >= oldest && bytes <= self.limits.runs_bytes {
                 break;
             }
             if self.delete(&kept, &mut faults)? {
@@ -157,7 +163,8 @@ impl Sweeper {
     fn delete_standing(&mut self, deleted: &mut Vec<String>, faults: &mut Vec<String>) -> Result<(), StoreFault> {
         for (id, folder) in self.orders.written(true, |books| books.surplus_standing())? {
             if let Some(name) = folder {
-                let kept = Kept { name, job: Some(id), finished_at: Timestamp::MIN, bytes: 0 };
+                let kept =
+                    Kept { name, job: Some(id), ended: Ended { uptime: Uptime::MIN, at: Timestamp::MIN }, bytes: 0 };
                 if !self.delete(&kept, faults)? {
                     continue;
                 }
@@ -172,23 +179,28 @@ impl Sweeper {
     fn folders(&mut self) -> Result<(Vec<Kept>, u64), StoreFault> {
         let (names, rows) = self.names_and_rows()?;
         let (mut folders, mut bytes) = (Vec::new(), 0);
-        let mut sizes = BTreeMap::new();
+        let (mut sizes, mut orphans) = (BTreeMap::new(), BTreeMap::new());
+        let ages = self.ages.ages();
         for name in names {
             let path = self.places.runs.join(&name);
-            let (job, finished_at) = match rows.get(&name) {
-                Some((id, finished_at)) => (Some(*id), *finished_at),
-                None => (None, self.orphaned_at(&path)),
+            let (job, ended) = match rows.get(&name) {
+                Some((id, ended)) => (Some(*id), *ended),
+                None => {
+                    let found = self.orphans.get(&name).copied().unwrap_or(ages.now);
+                    orphans.insert(name.clone(), found);
+                    (None, orphaned(found, ages))
+                }
             };
-            let known = self.sizes.get(&name).filter(|_| finished_at.is_some());
+            let known = self.sizes.get(&name).filter(|_| ended.is_some());
             let size = known.copied().unwrap_or_else(|| size_of(&path));
             bytes += size;
-            if let Some(finished_at) = finished_at {
+            if let Some(ended) = ended {
                 sizes.insert(name.clone(), size);
-                folders.push(Kept { name, job, finished_at, bytes: size });
+                folders.push(Kept { name, job, ended, bytes: size });
             }
         }
-        self.sizes = sizes;
-        folders.sort_by(|a, b| a.finished_at.cmp(&b.finished_at).then_with(|| a.name.cmp(&b.name)));
+        (self.sizes, self.orphans) = (sizes, orphans);
+        folders.sort_by(|a, b| a.ended.cmp(&b.ended).then_with(|| a.name.cmp(&b.name)));
         Ok((folders, bytes))
     }
 
@@ -196,11 +208,6 @@ impl Sweeper {
     fn names_and_rows(&self) -> Result<(Vec<String>, RunFolders), StoreFault> {
         let _none_begins = self.begins.write().unwrap_or_else(PoisonError::into_inner);
         Ok((self.places.run_names()?, self.orders.written(true, |books| books.folders())?))
-    }
-
-    /// When a folder without a job was left; `None` while it may be one that is being made.
-    fn orphaned_at(&self, path: &Path) -> Option<Timestamp> {
-        modified(path).filter(|at| *at < before((self.now)(), ORPHAN_AGE))
     }
 
     /// First the row, then the folder: no row ever names a folder that is gone. False when the folder stays, its job's as
@@ -243,6 +250,12 @@ impl Sweeper {
     }
 }
 
+/// When a folder without a job was found, at uptime `found`; `None` while it may be one that is being made. A folder's own
+/// time is wall time, and says nothing.
+fn orphaned(found: Uptime, ages: Ages) -> Option<Ended> {
+    (found < ages.cutoff(ORPHAN_AGE)).then_some(Ended { uptime: found, at: Timestamp::MIN })
+}
+
 fn move_into(trash: &Path, folder: &Path, name: &str) -> io::Result<PathBuf> {
     let path = trash.join(name);
     fs::create_dir_all(trash)?;
@@ -277,10 +290,4 @@ fn size_of(folder: &Path) -> u64 {
         Err(_) => 0,
     };
     entries.flatten().map(size).sum()
-}
-
-/// The time `ago` before `now`.
-pub(super) fn before(now: Timestamp, ago: Duration) -> Timestamp {
-    let ago = SignedDuration::try_from(ago).unwrap_or(SignedDuration::MAX);
-    now.checked_sub(ago).unwrap_or(Timestamp::MIN)
 }

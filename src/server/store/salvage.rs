@@ -1,5 +1,5 @@
 use std::collections::BTreeSet;
-use std::fs::{self, File};
+use std::fs;
 use std::io::Read;
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use super::columns::{At, JOB, job_of};
 use super::ids::Ids;
 use super::places::Places;
 use super::schema::reading;
-use super::{JobId, JobPace, JobRow, JobState, RecordingKept, StoreFault, jobs};
+use super::{JobId, JobPace, JobRow, JobState, RecordingKept, StoreFault, jobs, open_run_file};
 
 /// Largest `effective.json` or `report.json` that is read.
 const MOST_BYTES: u64 = 16 << 20;
@@ -48,7 +48,10 @@ pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault>
     let key = |row: &Row<'_>| Ok((row.get::<_, String>(0)?, row.get::<_, [u8; 32]>(1)?, row.get(2)?, row.get(3)?));
     let keys: Vec<(_, _, JobId, At)> = rows(&old, "SELECT key, body_sha256, job, at FROM keys", key);
     for (key, body_sha256, job, at) in keys.into_iter().filter(|(_, _, job, _)| seen.contains(job)) {
-        tx.execute("INSERT OR IGNORE INTO keys VALUES (?1, ?2, ?3, ?4)", params![key, body_sha256, job, at])?;
+        tx.execute(
+            "INSERT OR IGNORE INTO keys (key, body_sha256, job, at) VALUES (?1, ?2, ?3, ?4)",
+            params![key, body_sha256, job, at],
+        )?;
     }
     Ok(tx.commit()?)
 }
@@ -170,7 +173,8 @@ fn job_in(folder: &Path, name: String) -> Option<JobRow> {
 /// What stands in a file of a run folder; `None` for one that is not there, not text, or far too long.
 pub(super) fn text_of(path: &Path) -> Option<String> {
     let mut text = String::new();
-    let read = File::open(path).ok()?.take(MOST_BYTES + 1).read_to_string(&mut text).ok()?;
+    let file = open_run_file(path.parent()?, path.file_name()?.to_str()?).ok()?;
+    let read = file.take(MOST_BYTES + 1).read_to_string(&mut text).ok()?;
     (read as u64 <= MOST_BYTES).then_some(text)
 }
 

@@ -13,6 +13,7 @@ mod versions;
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::Duration;
 
@@ -20,10 +21,10 @@ use jiff::Timestamp;
 
 use super::task::{Task, task};
 use super::{
-    Accepted, AuditEntry, Claimed, FINISHED, JobEnd, JobId, JobPace, JobRow, JobState, Ledger, Limits, Mended,
+    Accepted, AuditEntry, Claimed, Clocks, FINISHED, JobEnd, JobId, JobPace, JobRow, JobState, Ledger, Limits, Mended,
     NewEvent, NewJob, Opened, Page, RecordingKept, Store, StoreFault,
 };
-use upm_core::time::PlateTime;
+use upm_core::time::{Clock, MonotonicClock, PlateTime};
 
 /// Longest wait for an answer of a store that works.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -55,6 +56,20 @@ fn noon() -> Timestamp {
     Timestamp::from_second(1_800_000_000).unwrap()
 }
 
+/// A wall clock that a test has in hand, beside the machine's monotonic clock.
+fn still(wall: fn() -> Timestamp) -> Clocks {
+    Clocks::new(wall, MonotonicClock::new())
+}
+
+/// A monotonic clock that a test turns, in hours.
+struct Hours(&'static AtomicI64);
+
+impl Clock for Hours {
+    fn elapsed(&self) -> Duration {
+        Duration::from_secs(3600 * self.0.load(Ordering::SeqCst).unsigned_abs())
+    }
+}
+
 fn limits() -> Limits {
     Limits { reserve_bytes: 1 << 20, ..Limits::default() }
 }
@@ -70,7 +85,7 @@ fn repair(part: &Path, whole: &Path) -> Result<Mended, String> {
 }
 
 fn try_open(data: &Path, limits: Limits) -> Result<Opened, StoreFault> {
-    Store::open(data, &plates(), limits, noon, &repair)
+    Store::open(data, &plates(), limits, still(noon), &repair)
 }
 
 /// Opens a store that a test before this may be about to leave.

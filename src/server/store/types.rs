@@ -162,9 +162,10 @@ pub struct JobRow {
     pub library_sha256: String,
     /// When it was accepted.
     pub submitted_at: Timestamp,
-    /// When its plate took it.
+    /// When its plate took it; not before `submitted_at`.
     pub started_at: Option<Timestamp>,
-    /// When it ended, however it did.
+    /// When it ended, however it did. Never before it was submitted or began: where the wall clock was set back
+    /// meanwhile, the same as that.
     pub finished_at: Option<Timestamp>,
     /// Share of it that is done, 0 to 1.
     pub progress: f64,
@@ -310,46 +311,6 @@ pub enum StoreFault {
     Closed,
 }
 
-/// How much is kept.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Limits {
-    /// Jobs that may wait for one plate.
-    pub queued: usize,
-    /// Jobs the store remembers; the oldest finished ones go first, none as long as its idempotency key is remembered.
-    pub jobs: u64,
-    /// Events kept of one job.
-    pub events_per_job: u64,
-    /// Events kept of all jobs.
-    pub events: u64,
-    /// How long an idempotency key is remembered.
-    pub keys_kept: Duration,
-    /// Most bytes of run folders.
-    pub runs_bytes: u64,
-    /// Longest time a run folder is kept after its job ended.
-    pub runs_age: Duration,
-    /// Ended runs of standing jobs that are remembered for each plate, with their folders and events.
-    pub standing_runs: u64,
-    /// Size of the ballast that is thrown off when the disk is full, bytes; 0 for none.
-    pub reserve_bytes: u64,
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        let day = Duration::from_secs(24 * 3600);
-        Self {
-            queued: 64,
-            jobs: 100_000,
-            events_per_job: 10_000,
-            events: 1_000_000,
-            keys_kept: day,
-            runs_bytes: 20_000_000_000,
-            runs_age: 30 * day,
-            standing_runs: 8,
-            reserve_bytes: 16 << 20,
-        }
-    }
-}
-
 /// What was done to a recording that had not been closed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mended {
@@ -397,4 +358,8 @@ pub struct StoreHealth {
     pub audit_waiting: usize,
     /// False while the ballast has been thrown off.
     pub reserve: bool,
+    /// Longest time that a reading thread has been at one question.
+    pub reader_busy: Duration,
+    /// True while nothing is deleted by age, since the wall clock has jumped.
+    pub deletion_suspended: bool,
 }

@@ -8,6 +8,7 @@ use std::time::Duration;
 use jiff::Timestamp;
 use rusqlite::{Connection, TransactionBehavior};
 
+use super::ages::AgeClock;
 use super::ballast::Ballast;
 use super::books::Books;
 use super::ids::Ids;
@@ -106,6 +107,7 @@ pub(super) struct Writer {
     /// The folder of run folders.
     pub runs: PathBuf,
     pub now: fn() -> Timestamp,
+    pub ages: Arc<AgeClock>,
     pub ballast: Ballast,
     pub told: Cell<u64>,
     /// Held as long as anything is written.
@@ -121,6 +123,8 @@ impl Writer {
             let (batch, then) = self.collect();
             self.shown.beat();
             let now = self.shown.clock.elapsed();
+            // a jump of the wall clock is seen soon, whether anything is written or not
+            self.ages.ages();
             let due =
                 now.saturating_sub(progress_at) >= PROGRESS_EVERY || !batch.is_empty() || matches!(then, Then::End(_));
             if due {
@@ -222,8 +226,8 @@ impl Writer {
     fn commit(&mut self, act: impl FnOnce(&Books<'_>) -> rusqlite::Result<()>) -> Result<(), StoreFault> {
         let before = self.connection.total_changes();
         let tx = self.connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
-        let (now, runs) = ((self.now)(), self.runs.as_path());
-        let books = Books { tx: &tx, ids: &self.ids, limits: &self.limits, runs, now, told: &self.told };
+        let (now, ages, runs) = ((self.now)(), self.ages.ages(), self.runs.as_path());
+        let books = Books { tx: &tx, ids: &self.ids, limits: &self.limits, runs, now, ages, told: &self.told };
         act(&books)?;
         tx.commit()?;
         // reading alone says nothing about the disk
@@ -253,7 +257,10 @@ impl Writer {
     }
 
     fn note_clean(&mut self) -> bool {
-        let clean = |books: &Books<'_>| books.tx.execute("UPDATE meta SET clean_shutdown = 1", []).map(|_| ());
+        let clean = |books: &Books<'_>| {
+            books.note_uptime()?;
+            books.tx.execute("UPDATE meta SET clean_shutdown = 1", []).map(|_| ())
+        };
         let stored = self.commit_alone(true, clean).and_then(|()| Ok(restart_log(&self.connection)?));
         if let Err(fault) = &stored {
             tracing::error!("the job store was not closed in order: {fault}");

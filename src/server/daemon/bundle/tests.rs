@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
 
 use super::*;
-use crate::store::{AuditEntry, JobPace, JobRow, Ledger, Limits, NewEvent, NewJob, Opened, Store};
-use upm_core::time::PlateTime;
+use crate::store::{AuditEntry, Clocks, JobPace, JobRow, Ledger, Limits, NewEvent, NewJob, Opened, Store};
+use upm_core::time::{MonotonicClock, PlateTime};
 use upm_runner::config::Origin;
 
 const TOKEN: &str = "hIq8Zr0pT3vL5mWn9xYb2cKd7fGj4sAe";
@@ -41,7 +41,9 @@ impl Planted {
         let data = folder.path().join(TOKEN);
         fs::create_dir(&data).unwrap();
         fs::write(data.join("token"), TOKEN).unwrap();
-        let opened = Store::open(&data, &["left".to_owned()], Limits::default(), noon, &|_, _| Err("none".to_owned()));
+        let clocks = Clocks::new(noon, MonotonicClock::new());
+        let opened =
+            Store::open(&data, &["left".to_owned()], Limits::default(), clocks, &|_, _| Err("none".to_owned()));
         let Opened { store, .. } = opened.unwrap();
         Self { folder, store }
     }

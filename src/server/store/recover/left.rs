@@ -1,4 +1,4 @@
-use std::fs::{self, File};
+use std::fs;
 use std::io::Read;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -6,7 +6,9 @@ use std::path::Path;
 use serde_json::Value;
 
 use crate::store::salvage::{modified, text_of};
-use crate::store::{BY_THE_DAEMON, JobEnd, JobRow, JobState, Mended, RecordingKept, Recovery, RepairRecording};
+use crate::store::{
+    BY_THE_DAEMON, JobEnd, JobRow, JobState, Mended, RecordingKept, Recovery, RepairRecording, open_run_file,
+};
 use upm_core::time::PlateTime;
 
 /// How a text begins, in a journal and in a report, that tells of a recording which ended before its run did.
@@ -54,12 +56,12 @@ fn closed(folder: &Path, known: RecordingKept) -> RecordingKept {
 /// True when the report, or the journal of a run that came to none, tells that the recording ended before the run did.
 fn ends_early(folder: &Path) -> bool {
     let report = text_of(&folder.join("report.json"));
-    report.map_or_else(|| journal_tells(&folder.join("journal.jsonl")), |report| report.contains(ENDS_EARLY))
+    report.map_or_else(|| journal_tells(folder), |report| report.contains(ENDS_EARLY))
 }
 
 /// A journal may be long. One that cannot be read tells nothing.
-fn journal_tells(journal: &Path) -> bool {
-    let Ok(mut file) = File::open(journal) else { return false };
+fn journal_tells(folder: &Path) -> bool {
+    let Ok(mut file) = open_run_file(folder, "journal.jsonl") else { return false };
     let mut seen = Vec::new();
     loop {
         // it may lie across two blocks

@@ -140,7 +140,7 @@ fn recordings_that_were_not_closed_are_repaired_once() {
         Some("broken") => Err("not a recording".to_owned()),
         other => panic!("{other:?}"),
     };
-    let open = || Store::open(copy.path(), &plates(), limits(), noon, &repair).unwrap();
+    let open = || Store::open(copy.path(), &plates(), limits(), still(noon), &repair).unwrap();
     let Opened { store: again, recovery } = open();
     let repaired = recovery.repaired.iter().map(|(path, result)| {
         let name = path.parent().unwrap().file_name().unwrap().to_str().unwrap();
@@ -177,7 +177,7 @@ fn a_start_killed_after_a_repair_still_marks_it() {
         copy_folder(first.path(), second.path());
         mended
     };
-    Store::open(first.path(), &plates(), limits(), noon, &repair).unwrap();
+    Store::open(first.path(), &plates(), limits(), still(noon), &repair).unwrap();
     let Opened { store, recovery } = open(second.path(), limits());
     assert_eq!((recovery.repaired, recovery.interrupted), (vec![], vec![id]));
     assert_eq!(job(&store, id).recording, RecordingKept::Recovered);
@@ -219,7 +219,8 @@ fn ids_rise_across_a_clock_set_back() {
     let (folder, store) = new_store(limits());
     let first = queue(&store, "one", "a").id;
     assert!(store.close(PATIENCE));
-    let store = Store::open(folder.path(), &plates(), limits(), || Timestamp::UNIX_EPOCH, &repair).unwrap().store;
+    let store =
+        Store::open(folder.path(), &plates(), limits(), still(|| Timestamp::UNIX_EPOCH), &repair).unwrap().store;
     assert!(queue(&store, "two", "a").id > first);
 }
 

@@ -159,24 +159,31 @@ fn a_repeated_key_gives_the_first_job_again() {
 }
 
 #[test]
-fn keys_are_forgotten_with_age() {
+fn keys_are_forgotten_with_age_and_the_time_between_two_starts_is_none() {
+    static HOURS: AtomicI64 = AtomicI64::new(0);
     let folder = tempfile::tempdir().unwrap();
     let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
-    let store = open(folder.path(), limits()).store;
+    let open = || {
+        let wall = || noon() + Duration::from_secs(3600 * HOURS.load(Ordering::SeqCst).unsigned_abs());
+        Store::open(folder.path(), &plates(), limits(), Clocks::new(wall, Hours(&HOURS)), &repair).unwrap().store
+    };
+    let store = open();
     let Ok(Accepted::New(first)) = accept(&store, keyed()) else { panic!("not accepted") };
+    let replayed = |store: &Store| match accept(store, keyed()).unwrap() {
+        Accepted::New(row) => row.id == first.id,
+        Accepted::Replayed(row) => row.id == first.id,
+        other => panic!("{other:?}"),
+    };
+    HOURS.store(20, Ordering::SeqCst);
+    assert!(replayed(&store));
     assert!(store.close(PATIENCE));
-    for (now, new) in [
-        ((|| noon() + Duration::from_secs(24 * 3600)) as fn() -> Timestamp, false),
-        (|| noon() + Duration::from_secs(24 * 3600 + 1), true),
-    ] {
-        let store = Store::open(folder.path(), &plates(), limits(), now, &repair).unwrap().store;
-        match accept(&store, keyed()).unwrap() {
-            Accepted::New(row) => assert!(new && row.id != first.id),
-            Accepted::Replayed(row) => assert!(!new && row.id == first.id),
-            other => panic!("{other:?}"),
-        }
-        assert!(store.close(PATIENCE));
-    }
+    HOURS.store(1000, Ordering::SeqCst);
+    let store = open();
+    assert!(replayed(&store));
+    HOURS.store(1004, Ordering::SeqCst);
+    assert!(replayed(&store));
+    HOURS.store(1005, Ordering::SeqCst);
+    assert!(!replayed(&store));
 }
 
 #[test]
@@ -244,5 +251,28 @@ fn a_queue_too_long_is_refused_at_once() {
     drop(held);
     for _ in refused..5000 {
         assert_eq!(answers.recv_timeout(PATIENCE).unwrap(), Ok(()));
+    }
+}
+
+#[test]
+fn reader_that_does_not_come_back_from_a_question_is_told_by_health() {
+    static HOURS: AtomicI64 = AtomicI64::new(0);
+    let folder = tempfile::tempdir().unwrap();
+    let clocks = Clocks::new(noon, Hours(&HOURS));
+    let store = Store::open(folder.path(), &plates(), limits(), clocks, &repair).unwrap().store;
+    let ((began, begun), (let_go, gate)) = (sync_channel(0), sync_channel::<()>(0));
+    let hang = move |_: Result<(), StoreFault>| {
+        began.send(()).unwrap();
+        gate.recv().ok();
+    };
+    store.readers.ask(|_| Ok(()), hang);
+    begun.recv_timeout(PATIENCE).unwrap();
+    HOURS.store(1, Ordering::SeqCst);
+    let busy = store.health().reader_busy;
+    assert!(Duration::from_secs(3599) < busy && busy <= Duration::from_secs(3600), "{busy:?}");
+    assert_eq!(ask(|done| store.counts(done)).unwrap(), [], "the other one answers");
+    drop(let_go);
+    while store.health().reader_busy > Duration::ZERO {
+        std::thread::yield_now();
     }
 }

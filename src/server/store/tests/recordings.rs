@@ -49,7 +49,7 @@ fn a_recording_closed_before_its_run_was_over_is_no_whole_one() {
     let was_whole =
         |part: &Path, whole: &Path| super::repair(part, whole).map(|mended| Mended { was_whole: true, ..mended });
     let copy = snapshot(folder.path());
-    let store = Store::open(copy.path(), &plates(), limits(), noon, &was_whole).unwrap().store;
+    let store = Store::open(copy.path(), &plates(), limits(), still(noon), &was_whole).unwrap().store;
     assert_eq!(ids.map(|id| job(&store, id).recording), runs.map(|(.., kept)| kept));
 }
 
@@ -65,10 +65,10 @@ fn a_start_killed_before_a_repaired_file_has_its_name_still_marks_it() {
         copy_folder(first.path(), second.path());
         super::repair(part, whole)
     };
-    Store::open(first.path(), &plates(), limits(), noon, &repair).unwrap();
+    Store::open(first.path(), &plates(), limits(), still(noon), &repair).unwrap();
     let was_whole =
         |part: &Path, whole: &Path| super::repair(part, whole).map(|mended| Mended { was_whole: true, ..mended });
-    let Opened { store, recovery } = Store::open(second.path(), &plates(), limits(), noon, &was_whole).unwrap();
+    let Opened { store, recovery } = Store::open(second.path(), &plates(), limits(), still(noon), &was_whole).unwrap();
     assert_eq!((recovery.repaired.len(), recovery.interrupted), (1, vec![id]));
     assert_eq!(job(&store, id).recording, RecordingKept::Recovered);
 }

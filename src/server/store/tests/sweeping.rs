@@ -1,21 +1,19 @@
 use std::fs;
-use std::sync::atomic::{AtomicI64, Ordering};
 
 use super::*;
 use crate::store::Swept;
 
-/// A store whose clock a test turns: hours since noon.
-macro_rules! turned_clock {
-    ($hours:ident, $now:ident) => {
+/// Clocks that a test turns together: hours since noon.
+macro_rules! turned_clocks {
+    ($hours:ident, $clocks:ident) => {
         static $hours: AtomicI64 = AtomicI64::new(0);
-        fn $now() -> Timestamp {
-            noon() + Duration::from_secs(3600 * $hours.load(Ordering::SeqCst) as u64)
-        }
+        let $clocks =
+            Clocks::new(|| noon() + Duration::from_secs(3600 * $hours.load(Ordering::SeqCst) as u64), Hours(&$hours));
     };
 }
 
-fn opened(data: &Path, limits: Limits, now: fn() -> Timestamp) -> Store {
-    Store::open(data, &plates(), limits, now, &repair).unwrap().store
+fn opened(data: &Path, limits: Limits, clocks: Clocks) -> Store {
+    Store::open(data, &plates(), limits, clocks, &repair).unwrap().store
 }
 
 /// Runs a job whose folder holds that many bytes, in two levels.
@@ -37,9 +35,9 @@ fn names(store: &Store) -> Vec<String> {
 
 #[test]
 fn the_oldest_ended_go_first_when_there_is_too_much() {
-    turned_clock!(HOURS, now);
+    turned_clocks!(HOURS, clocks);
     let data = tempfile::tempdir().unwrap();
-    let store = opened(data.path(), Limits { runs_bytes: 25_000, ..limits() }, now);
+    let store = opened(data.path(), Limits { runs_bytes: 25_000, ..limits() }, clocks);
     let running = begin_with(&store, "running", 10_000);
     let ids = ["one", "two", "three", "four"].map(|name| begin_with(&store, name, 5000));
     // they end in another order than they began
@@ -62,9 +60,9 @@ fn the_oldest_ended_go_first_when_there_is_too_much() {
 
 #[test]
 fn what_is_too_old_goes() {
-    turned_clock!(HOURS, now);
+    turned_clocks!(HOURS, clocks);
     let data = tempfile::tempdir().unwrap();
-    let store = opened(data.path(), Limits { runs_age: Duration::from_secs(10 * 3600), ..limits() }, now);
+    let store = opened(data.path(), Limits { runs_age: Duration::from_secs(10 * 3600), ..limits() }, clocks);
     for (hours, name) in ["one", "two", "three"].into_iter().enumerate() {
         HOURS.store(hours as i64, Ordering::SeqCst);
         let id = begin_with(&store, name, 10);
@@ -82,25 +80,24 @@ fn what_is_too_old_goes() {
 
 #[test]
 fn folders_without_a_job_go_when_they_are_old_and_never_at_once() {
-    turned_clock!(HOURS, now);
+    turned_clocks!(HOURS, clocks);
     let data = tempfile::tempdir().unwrap();
     // the folder's own time is the machine's, long before this clock's noon
-    let store = opened(data.path(), Limits { runs_age: Duration::from_secs(3600), ..limits() }, now);
+    let store = opened(data.path(), Limits { runs_age: Duration::ZERO, runs_bytes: 0, ..limits() }, clocks);
     fs::create_dir(store.runs().join("left")).unwrap();
     fs::write(data.path().join(".trash/left"), "not a folder").unwrap();
-    assert_eq!(store.sweep().unwrap().deleted, [""; 0]);
+    for hours in [0, 1, 2] {
+        HOURS.store(hours, Ordering::SeqCst);
+        assert_eq!(store.sweep().unwrap().deleted, [""; 0]);
+    }
     fs::remove_file(data.path().join(".trash/left")).unwrap();
     assert_eq!(store.sweep().unwrap().deleted, ["left"]);
-    let long_ago = opened(&data.path().join("other"), limits(), || Timestamp::UNIX_EPOCH);
-    fs::create_dir(long_ago.runs().join("new")).unwrap();
-    assert_eq!(long_ago.sweep().unwrap().deleted, [""; 0]);
 }
 
 #[test]
 fn a_folder_whose_job_is_just_beginning_stays() {
     let data = tempfile::tempdir().unwrap();
-    // to this clock every folder was left long ago
-    let store = Arc::new(opened(data.path(), Limits { runs_age: Duration::ZERO, ..limits() }, noon));
+    let store = Arc::new(opened(data.path(), Limits { runs_age: Duration::ZERO, ..limits() }, still(noon)));
     queue(&store, "one", "a");
     let (done, swept) = sync_channel(1);
     let make = folder(&store);
@@ -123,14 +120,14 @@ fn a_sweep_that_was_cut_short_is_ended_at_the_next_start() {
     let trash = data.path().join(".trash/one/deep");
     fs::create_dir_all(&trash).unwrap();
     fs::write(trash.join("file"), "x").unwrap();
-    opened(data.path(), limits(), noon);
+    opened(data.path(), limits(), still(noon));
     assert_eq!(fs::read_dir(data.path().join(".trash")).unwrap().count(), 0);
 }
 
 #[test]
 fn a_folder_that_cannot_be_deleted_stays_its_jobs_and_is_in_nobodys_way() {
     let data = tempfile::tempdir().unwrap();
-    let store = opened(data.path(), Limits { jobs: 1, runs_bytes: 0, ..limits() }, noon);
+    let store = opened(data.path(), Limits { jobs: 1, runs_bytes: 0, ..limits() }, still(noon));
     // no folder can be moved to where that lies
     let in_the_way = data.path().join(".trash/two");
     fs::write(&in_the_way, "not a folder").unwrap();
@@ -161,7 +158,7 @@ fn run_folders_on_another_disk_go_too() {
         return;
     }
     symlink(disk.path(), data.path().join("runs")).unwrap();
-    let store = opened(data.path(), Limits { runs_bytes: 0, ..limits() }, noon);
+    let store = opened(data.path(), Limits { runs_bytes: 0, ..limits() }, still(noon));
     let id = begin_with(&store, "one", 10);
     store.ended(&id, end(JobState::Completed)).unwrap();
     store.sweep().unwrap();
@@ -179,9 +176,9 @@ fn run_folders_on_another_disk_go_too() {
 
 #[test]
 fn a_job_is_remembered_as_long_as_its_key() {
-    turned_clock!(HOURS, now);
+    turned_clocks!(HOURS, clocks);
     let data = tempfile::tempdir().unwrap();
-    let store = opened(data.path(), Limits { jobs: 0, runs_bytes: 0, ..limits() }, now);
+    let store = opened(data.path(), Limits { jobs: 0, runs_bytes: 0, ..limits() }, clocks);
     let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
     let Ok(Accepted::New(first)) = accept(&store, keyed()) else { panic!("not accepted") };
     store.claim("a", &folder(&store)).unwrap().unwrap();
@@ -200,7 +197,7 @@ fn a_job_is_remembered_as_long_as_its_key() {
 #[test]
 fn jobs_are_remembered_up_to_a_number() {
     let data = tempfile::tempdir().unwrap();
-    let store = opened(data.path(), Limits { jobs: 3, runs_bytes: 0, ..limits() }, noon);
+    let store = opened(data.path(), Limits { jobs: 3, runs_bytes: 0, ..limits() }, still(noon));
     for name in ["one", "two", "three", "four"] {
         let id = begin_with(&store, name, 10);
         tell(&store, id, "{}").unwrap();
@@ -211,4 +208,54 @@ fn jobs_are_remembered_up_to_a_number() {
     store.sweep().unwrap();
     let names: Vec<String> = all_jobs(&store).into_iter().map(|row| row.name).collect();
     assert_eq!(names, ["queued", "running", "four"]);
+}
+
+#[test]
+fn wall_clock_that_jumps_makes_nothing_old() {
+    static HOURS: AtomicI64 = AtomicI64::new(0);
+    static DAYS_AHEAD: AtomicI64 = AtomicI64::new(0);
+    const DAY: i64 = 24 * 3600;
+    let wall = || noon() + jiff::SignedDuration::from_secs(DAY * DAYS_AHEAD.load(Ordering::SeqCst));
+    let data = tempfile::tempdir().unwrap();
+    let limits = Limits { runs_age: Duration::from_secs(30 * DAY as u64), ..limits() };
+    let store = opened(data.path(), limits, Clocks::new(wall, Hours(&HOURS)));
+    let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
+    let Ok(Accepted::New(first)) = accept(&store, keyed()) else { panic!("not accepted") };
+    store.claim("a", &folder(&store)).unwrap().unwrap();
+    store.ended(&first.id, end(JobState::Completed)).unwrap();
+    store.sweep().unwrap();
+    assert!(!store.health().deletion_suspended);
+    for days in [60, 0, -7300] {
+        DAYS_AHEAD.store(days, Ordering::SeqCst);
+        assert_eq!(store.sweep().unwrap().deleted, [""; 0], "{days} days");
+        assert!(store.health().deletion_suspended);
+        assert!(matches!(accept(&store, keyed()), Ok(Accepted::Replayed(row)) if row.id == first.id), "{days} days");
+    }
+    // by the hour: a wall clock that stands still for longer has jumped, too
+    let pass_days = |days| {
+        (0..24 * days).for_each(|_| {
+            HOURS.fetch_add(1, Ordering::SeqCst);
+            store.health();
+        })
+    };
+    pass_days(1);
+    assert!(!store.health().deletion_suspended);
+    assert_eq!(store.sweep().unwrap().deleted, [""; 0]);
+    pass_days(30);
+    assert_eq!(store.sweep().unwrap().deleted, ["one"]);
+    assert!(matches!(accept(&store, keyed()), Ok(Accepted::New(_))));
+}
+
+#[test]
+fn job_never_ends_before_it_was_submitted_whatever_the_wall_clock_does() {
+    static BACK: AtomicI64 = AtomicI64::new(0);
+    let wall = || noon() - Duration::from_secs(BACK.load(Ordering::SeqCst).unsigned_abs());
+    let data = tempfile::tempdir().unwrap();
+    let store = opened(data.path(), limits(), still(wall));
+    let submitted = queue(&store, "one", "a").submitted_at;
+    BACK.store(20 * 365 * 24 * 3600, Ordering::SeqCst);
+    let id = store.claim("a", &folder(&store)).unwrap().unwrap().row.id;
+    store.ended(&id, end(JobState::Completed)).unwrap();
+    let row = job(&store, id);
+    assert_eq!((row.submitted_at, row.started_at, row.finished_at), (submitted, Some(submitted), Some(submitted)));
 }

@@ -11,7 +11,8 @@ use crate::store::schema::{reading, writing};
 /// Makes a closed store one of version 1.
 fn make_oldest(data: &Path) {
     let connection = writing(&data.join("upm.db")).unwrap();
-    let undo = "DROP INDEX jobs_standing; ALTER TABLE jobs DROP COLUMN standing; PRAGMA user_version = 1";
+    let undo = "DROP TABLE clock; DROP INDEX keys_by_uptime; CREATE INDEX keys_by_age ON keys (at);
+                ALTER TABLE keys DROP COLUMN uptime; ALTER TABLE jobs DROP COLUMN ended_uptime; DROP INDEX jobs_standing; ALTER TABLE jobs DROP COLUMN standing; PRAGMA user_version = 1";
     connection.execute_batch(undo).unwrap();
 }
 

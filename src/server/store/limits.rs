@@ -1,0 +1,41 @@
+use std::time::Duration;
+
+/// How much is kept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Limits {
+    /// Jobs that may wait for one plate.
+    pub queued: usize,
+    /// Jobs the store remembers; the oldest finished ones go first, none as long as its idempotency key is remembered.
+    pub jobs: u64,
+    /// Events kept of one job.
+    pub events_per_job: u64,
+    /// Events kept of all jobs.
+    pub events: u64,
+    /// How long an idempotency key is remembered: time that the store is open, see [`Clocks`](super::Clocks).
+    pub keys_kept: Duration,
+    /// Most bytes of run folders.
+    pub runs_bytes: u64,
+    /// Longest time a run folder is kept after its job ended, counted like that of keys.
+    pub runs_age: Duration,
+    /// Ended runs of standing jobs that are remembered for each plate, with their folders and events.
+    pub standing_runs: u64,
+    /// Size of the ballast that is thrown off when the disk is full, bytes; 0 for none.
+    pub reserve_bytes: u64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        let day = Duration::from_secs(24 * 3600);
+        Self {
+            queued: 64,
+            jobs: 100_000,
+            events_per_job: 10_000,
+            events: 1_000_000,
+            keys_kept: day,
+            runs_bytes: 20_000_000_000,
+            runs_age: 30 * day,
+            standing_runs: 8,
+            reserve_bytes: 16 << 20,
+        }
+    }
+}

@@ -1,0 +1,78 @@
+use std::fs::File;
+use std::io;
+use std::path::Path;
+
+use rustix::fs::{Mode, OFlags, open, openat};
+use rustix::io::Errno;
+
+/// Why a file of a run folder is not opened.
+#[derive(Debug, thiserror::Error)]
+pub enum RunFileFault {
+    /// There is none.
+    #[error("there is no such file")]
+    Missing,
+    /// The file is a link, a folder, a FIFO or the like, or the folder is a link.
+    #[error("expected a regular file in a folder, found something else")]
+    NotRegular,
+    /// Opening it failed.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+}
+
+/// Opens the regular file `name` in a run folder for reading. Follows no link, so it never leaves the folder, and never waits
+/// for the other end of a FIFO; a dead disk holds it up.
+pub fn open_run_file(folder: &Path, name: &str) -> Result<File, RunFileFault> {
+    let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let folder = open(folder, flags | OFlags::DIRECTORY, Mode::empty()).map_err(fault)?;
+    let file = File::from(openat(folder, name, flags, Mode::empty()).map_err(fault)?);
+    if file.metadata()?.is_file() { Ok(file) } else { Err(RunFileFault::NotRegular) }
+}
+
+fn fault(errno: Errno) -> RunFileFault {
+    match errno {
+        Errno::NOENT => RunFileFault::Missing,
+        // a link, a file where a folder should be, a socket
+        Errno::LOOP | Errno::NOTDIR | Errno::NXIO => RunFileFault::NotRegular,
+        other => RunFileFault::Io(other.into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::io::Read;
+    use std::os::unix::fs::symlink;
+
+    use super::*;
+
+    #[test]
+    fn regular_file_is_opened_and_nothing_else_is() {
+        let data = tempfile::tempdir().unwrap();
+        let run = data.path().join("run");
+        fs::create_dir(&run).unwrap();
+        fs::write(data.path().join("secret"), "secret").unwrap();
+        fs::write(run.join("run.rrd"), "RRF2").unwrap();
+        let mut text = String::new();
+        open_run_file(&run, "run.rrd").unwrap().read_to_string(&mut text).unwrap();
+        assert_eq!(text, "RRF2");
+        assert!(matches!(open_run_file(&run, "none"), Err(RunFileFault::Missing)));
+        symlink("../secret", run.join("link")).unwrap();
+        symlink("run", data.path().join("other")).unwrap();
+        for (folder, name) in
+            [(run.clone(), "link"), (data.path().to_owned(), "run"), (data.path().join("other"), "run.rrd")]
+        {
+            let opened = open_run_file(&folder, name);
+            assert!(matches!(opened, Err(RunFileFault::NotRegular)), "{name}: {opened:?}");
+        }
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn fifo_is_refused_at_once() {
+        use rustix::fs::{CWD, FileType, mknodat};
+
+        let run = tempfile::tempdir().unwrap();
+        mknodat(CWD, run.path().join("run.rrd"), FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
+        assert!(matches!(open_run_file(run.path(), "run.rrd"), Err(RunFileFault::NotRegular)));
+    }
+}
