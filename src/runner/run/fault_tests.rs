@@ -34,7 +34,8 @@ fn run_of(faults: &Value) -> (TempDir, RunResult) {
         real_time: false,
         keeping: Keeping::patient(MonotonicClock::new()),
     };
-    let done = run(&job(faults), &options, &MonotonicClock::new(), &stop, &mut Fanout::new()).unwrap();
+    let done = run(&job(faults), &options, &MonotonicClock::new(), &stop, &mut Fanout::new(), &PacingStats::default())
+        .unwrap();
     (out, done)
 }
 
