@@ -34,7 +34,7 @@ fn run_of(faults: &Value) -> (TempDir, RunResult) {
         real_time: false,
         keeping: Keeping::patient(MonotonicClock::new()),
     };
-    let done = run(&job(faults), &options, &MonotonicClock::new(), &stop, &mut Fanout::new(), &PacingStats::default())
+    let done = run(&job(faults), &options, &MonotonicClock::new(), &stop, &PacingStats::default(), &mut Fanout::new())
         .unwrap();
     (out, done)
 }
