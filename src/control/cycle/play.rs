@@ -103,7 +103,7 @@ impl Cycle<'_> {
         if !guards.has(condition) {
             return Ok(());
         }
-        let reason = format!("{} {does} although three pulses in a row should carry it", self.id(part));
+        let reason = format!("{} {does} although four pulses in a row should carry it", self.id(part));
         self.warn(condition, reason.clone());
         Err(Ending::guarded(condition, reason))
     }

@@ -14,7 +14,7 @@ use upm_perception::vision::{CoinFinder, Detection, Stages, Table, TableFault, T
 /// Looks with the table located anew before a goal counts as reached.
 const CONFIRMING_LOOKS: usize = 2;
 /// Between such looks corners and parts may differ by this much.
-const SAME_CORNER_PX: f64 = 0.5;
+const SAME_CORNER_PX: f64 = 0.7;
 const SAME_PART_M: f64 = 0.2e-3;
 /// Time in which a plate swings out, s.
 const SWING_S: f64 = 0.4;

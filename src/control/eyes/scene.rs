@@ -14,7 +14,7 @@ use upm_perception::vision::{PlateWatch, Table, TableMotion, TableWatch, Track};
 const SWING_CORNER_PX: f64 = 1.3;
 const SWING_SHIFT_PX: f64 = 0.75;
 /// The same once it has swung out.
-const STILL_PX: f64 = 0.4;
+const STILL_PX: f64 = 0.25;
 /// A share of the plate below this counts as in view.
 const HIDDEN: f64 = 0.02;
 
