@@ -9,6 +9,8 @@ import { View } from './view.js';
 const QUEUE_SHOWN = 5;
 /** For so long a missed deadline stands out, s. */
 const LATE_S = 60;
+/** A plate that is less behind real time than this is not reported as behind, s. */
+const LEAST_BEHIND_S = 0.1;
 
 export class PlateCard {
   /** `open(id)` shows a job; `stop(name)` stops the plate; `refresh()` asks for everything again. */
@@ -77,7 +79,8 @@ export class PlateCard {
     show(this.actions, !this.resume.hidden || !this.cancel.hidden);
     const misses = plate.deadline_misses;
     const late = misses === 0 ? 'No deadline missed' : misses === 1 ? '1 deadline missed' : `${misses} deadlines missed`;
-    say(this.facts, `${late} · plate time ${plate.at_s.toFixed(1)} s${plate.live ? ` · Rerun: ${plate.live}` : ''}`);
+    const behind = plate.behind_s < LEAST_BEHIND_S ? '' : ` · ${plate.behind_s.toFixed(1)} s behind real time`;
+    say(this.facts, `${late}${behind} · plate time ${plate.at_s.toFixed(1)} s${plate.live ? ` · Rerun: ${plate.live}` : ''}`);
     if (before && misses > before.deadline_misses) this.lateAt = moment();
     this.facts.classList.toggle('late', misses > 0 && this.lateAt !== undefined && since(this.lateAt) < LATE_S);
     this.tick();

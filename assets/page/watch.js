@@ -49,6 +49,7 @@ export class Watched {
       'RMS error': number('rms_error_mm', ' mm'),
       'plate time': number('plate_time_s', ' s', 1),
       'wall time': number('wall_time_s', ' s', 1),
+      'behind real time': report.behind_s > 0 ? number('behind_s', ' s', 1) : undefined,
       cycles: number('cycles', '', 0),
       pulses: number('pulses', '', 0),
       collisions: number('collisions', '', 0),

@@ -102,6 +102,10 @@ pub struct RunArgs {
     /// What becomes of the Rerun recording: off, save, connect[=URL] or spawn
     #[arg(long, value_name = "MODE", default_value = default_rerun())]
     pub rerun: String,
+    /// Faults of the simulated rig besides the job's, for example coil0:reversed@1.2 or camera:shift=3;0@0.5-2; several by
+    /// comma or again
+    #[arg(long, value_name = "COMPONENT:KIND[=VALUE][@FROM_S[-TO_S]]")]
+    pub faults: Vec<String>,
 }
 
 /// `upm serve`.
@@ -116,7 +120,8 @@ pub struct ServeArgs {
     /// Folder of job store and run folders in place of the file's
     #[arg(long, value_name = "DIR")]
     pub data: Option<PathBuf>,
-    /// Check everything that can be checked before a start, and start nothing; status 1 when only an address is taken
+    /// Check everything that can be checked before a start, measure for two seconds whether this computer keeps up with the
+    /// plates, and start nothing; status 1 when only an address is taken
     #[arg(long)]
     pub check: bool,
     /// The log on stderr: for people, or one JSON object a line

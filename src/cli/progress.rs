@@ -5,21 +5,27 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use upm_control::calibration::CalibrationProgress;
 use upm_control::{CycleFacts, EventLevel, LocalisedFacts, Sink};
 use upm_core::time::{Clock, PlateTime};
+use upm_runner::run::PacingStats;
 
 /// Thousandths, so that a bar can stand for any fraction.
 pub(super) const FULL: u64 = 1000;
+
+/// A plate that is less than this behind real time is not reported as behind, s.
+const LEAST_BEHIND_S: f64 = 0.1;
 
 /// Work that takes no longer than this shows no progress; lines are this far apart.
 const LATE: Duration = Duration::from_secs(2);
 
 /// Shows a run as a bar on stderr; silent without a terminal.
-pub(super) struct RunProgress {
+pub(super) struct RunProgress<'a> {
     bar: ProgressBar,
+    pacing: &'a PacingStats,
 }
 
-impl RunProgress {
-    pub fn new(quiet: bool) -> Self {
-        Self { bar: bar(quiet) }
+impl<'a> RunProgress<'a> {
+    /// `pacing` is that of the run.
+    pub fn new(quiet: bool, pacing: &'a PacingStats) -> Self {
+        Self { bar: bar(quiet), pacing }
     }
 
     pub fn finish(&self) {
@@ -27,14 +33,15 @@ impl RunProgress {
     }
 }
 
-impl Sink for RunProgress {
+impl Sink for RunProgress<'_> {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
         self.bar.set_message(format!("table found, {} parts", facts.detections.len()));
     }
 
     fn cycle(&mut self, facts: &CycleFacts<'_>) {
         self.bar.set_position((facts.wanted.progress * FULL as f64) as u64);
-        self.bar.set_message(format!("plate {:6.1} s  {}", facts.ended_at.secs(), facts.wanted.phase));
+        let behind = behind(self.pacing.behind().as_secs_f64());
+        self.bar.set_message(format!("plate {:6.1} s{behind}  {}", facts.ended_at.secs(), facts.wanted.phase));
         let CycleFacts { index: cycle, plan_us, cycle_us, .. } = facts;
         let (pulses, continues) = (facts.plan.pulses.len(), facts.plan.continues);
         self.bar.suspend(|| tracing::debug!(cycle, pulses, continues, plan_us, cycle_us, "planned and played"));
@@ -47,6 +54,11 @@ impl Sink for RunProgress {
             EventLevel::Error => self.bar.suspend(|| tracing::error!("plate {at}: {text}")),
         }
     }
+}
+
+/// How far a plate is behind real time, to follow its time; empty where it hardly is.
+pub(super) fn behind(behind_s: f64) -> String {
+    if behind_s < LEAST_BEHIND_S { String::new() } else { format!(", {behind_s:.1} s behind real time") }
 }
 
 /// Shows a calibration as a bar on stderr.
@@ -182,6 +194,14 @@ mod tests {
             lines.extend(progress.line(at_ms as f64 / 1e4, || format!("at {at_ms} ms")));
         }
         assert_eq!(lines, [" 25 %  at 2500 ms", " 45 %  at 4500 ms", " 65 %  at 6500 ms"]);
+    }
+
+    #[test]
+    fn plate_behind_real_time_is_shown_from_a_tenth_of_a_second_on() {
+        assert_eq!(
+            [0.0, 0.09, 0.1, 8.04].map(behind),
+            ["", "", ", 0.1 s behind real time", ", 8.0 s behind real time"]
+        );
     }
 
     #[test]

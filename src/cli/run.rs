@@ -6,9 +6,9 @@ use super::progress::RunProgress;
 use super::summary::print_summary;
 use super::{INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
 use upm_core::time::MonotonicClock;
-use upm_recording::{Keeping, Outcome, RerunMode};
+use upm_recording::{Keeping, Outcome, RerunMode, Verdict};
 use upm_runner::config::JobSpec;
-use upm_runner::run::{RunError, RunOptions, run as run_job};
+use upm_runner::run::{PacingStats, RunError, RunOptions, run as run_job};
 
 pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let rerun: RerunMode = args.rerun.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;
@@ -16,6 +16,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     if let Some(seed) = args.seed {
         job = job.with_seed(seed);
     }
+    job = job.with_faults(&args.faults).map_err(Failure::faults)?;
     let clock = MonotonicClock::new();
     let real_time = args.pace == Pace::RealTime;
     let options = RunOptions {
@@ -27,8 +28,9 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
         live: None,
     };
     let stop = stop_on_interrupt();
-    let mut progress = RunProgress::new(common.quiet || !std::io::stderr().is_terminal());
-    let result = run_job(&job, &options, &clock, &stop, &mut progress);
+    let pacing = PacingStats::default();
+    let mut progress = RunProgress::new(common.quiet || !std::io::stderr().is_terminal(), &pacing);
+    let result = run_job(&job, &options, &clock, &stop, &pacing, &mut progress);
     progress.finish();
     let result = result.map_err(|error| run_failure(&error))?;
     for warning in &result.warnings {
@@ -39,7 +41,9 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     } else {
         print_summary(&job, &result)?;
     }
+    let is_false = result.report.verdict == Some(Verdict::FalseSuccess);
     Ok(match result.report.outcome {
+        Outcome::Completed if is_false => NOT_REACHED,
         Outcome::Completed => 0,
         Outcome::Failed => NOT_REACHED,
         Outcome::Cancelled => INTERRUPTED,

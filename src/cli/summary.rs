@@ -1,5 +1,6 @@
 use super::failure::Failure;
-use upm_recording::{Outcome, PlannerReport, PredictionError, Report};
+use super::progress::behind;
+use upm_recording::{Outcome, PlannerReport, PredictionError, Report, Verdict};
 use upm_runner::config::JobSpec;
 use upm_runner::run::RunResult;
 
@@ -44,7 +45,8 @@ pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
         rows.push(("planner", planner_line(planner)));
     }
     if let (Some(misses), Some(worst)) = (report.deadline_misses, report.worst_late_frames) {
-        rows.push(("deadlines", if misses == 0 { "none missed".into() } else { missed(misses, worst) }));
+        let behind = behind(report.behind_s.unwrap_or_default());
+        rows.push(("deadlines", if misses == 0 { "none missed".into() } else { missed(misses, worst) + &behind }));
     }
     if report.laps > 0 {
         rows.push(("laps", report.laps.to_string()));
@@ -63,6 +65,9 @@ pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
     }
     if let Some(rms) = report.sensing_rms_error_mm {
         rows.push(("sensing error", format!("{rms:.3} mm rms against the truth")));
+    }
+    if report.verdict == Some(Verdict::FalseSuccess) {
+        rows.push(("false success", "the truth says that a part is not at its place".to_owned()));
     }
     if let Some(error) = report.max_error_mm {
         rows.push(("final error", format!("{error:.2} mm at most")));

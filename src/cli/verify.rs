@@ -7,14 +7,16 @@ use super::failure::Failure;
 use super::progress::RunProgress;
 use super::run::run_failure;
 use super::{INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
-use upm_runner::run::{Verdict, VerifyError, verify as verify_run};
+use upm_runner::run::{PacingStats, Verdict, VerifyError, verify as verify_run};
 
 /// Characters of a differing line that are shown.
 const SHOWN: usize = 160;
 
 pub(super) fn verify(args: &RunFolderArgs, common: Common) -> Result<u8, Failure> {
     let stop = stop_on_interrupt();
-    let mut progress = RunProgress::new(common.quiet || !std::io::stderr().is_terminal());
+    // as fast as it can: there is no clock to keep to
+    let pacing = PacingStats::default();
+    let mut progress = RunProgress::new(common.quiet || !std::io::stderr().is_terminal(), &pacing);
     let verdict = verify_run(&args.run, &stop, &mut progress);
     progress.finish();
     if stop.load(std::sync::atomic::Ordering::Relaxed) {

@@ -30,6 +30,44 @@ pub enum Condition {
     },
     /// The camera's frames show no table.
     TableMissing,
+    /// The camera sends the same pictures again and again.
+    CameraFrozen,
+    /// Numbers or stamps of the camera's frames do not fit the present.
+    CameraStale,
+    /// The camera's frames show no plate: dark, or garbage.
+    CameraDark,
+    /// The plate is not where it was in the picture: the camera was knocked, or the plate.
+    CameraMoved,
+    /// Parts move later in the pictures than they are driven.
+    CameraLate,
+    /// Something large hides part of the plate.
+    ViewHidden,
+    /// Something of a part's size lies on the plate that is no part of the job.
+    ForeignPart,
+    /// Parts are not where they can have got to.
+    PartsJumped,
+    /// A voice coil does not do what it is sent.
+    CoilFault {
+        /// Index of the coil.
+        coil: usize,
+    },
+    /// An accelerometer channel does not show how the plate moves.
+    AccelerometerFault {
+        /// Index of the channel; `None` where it is not known which.
+        channel: Option<usize>,
+    },
+    /// The plate does not move as planned.
+    MotionOff,
+    /// The part hardly moves although pulses should carry it.
+    PartStuck {
+        /// Index of the part.
+        part: usize,
+    },
+    /// The part goes the other way than pulses should carry it.
+    PartAstray {
+        /// Index of the part.
+        part: usize,
+    },
 }
 
 impl Condition {
@@ -43,7 +81,33 @@ impl Condition {
             Self::PartBlocked { .. } => "part_blocked",
             Self::PartSlow { .. } => "part_slow",
             Self::TableMissing => "table_missing",
+            Self::CameraFrozen => "camera_frozen",
+            Self::CameraStale => "camera_stale",
+            Self::CameraDark => "camera_dark",
+            Self::CameraMoved => "camera_moved",
+            Self::CameraLate => "camera_late",
+            Self::ViewHidden => "view_hidden",
+            Self::ForeignPart => "foreign_part",
+            Self::PartsJumped => "parts_jumped",
+            Self::CoilFault { .. } => "coil_fault",
+            Self::AccelerometerFault { .. } => "accelerometer_fault",
+            Self::MotionOff => "motion_off",
+            Self::PartStuck { .. } => "part_stuck",
+            Self::PartAstray { .. } => "part_astray",
         }
+    }
+
+    /// True for what a guard finds: rig or scene are not what they should be.
+    pub fn is_guard(self) -> bool {
+        !matches!(
+            self,
+            Self::StepsMeetEdge
+                | Self::StepsMeetParts
+                | Self::StepsUnreachable
+                | Self::SolverFails
+                | Self::PartBlocked { .. }
+                | Self::PartSlow { .. }
+        )
     }
 
     /// The condition that a plan without pulses stands for; `None` for a plan that can be played.
@@ -58,7 +122,7 @@ impl Condition {
     }
 
     /// For people: the remedy, which is what they can change about the job or the rig.
-    fn remedy(self) -> &'static str {
+    pub(super) fn remedy(self) -> &'static str {
         match self {
             Self::StepsMeetEdge => "targets farther from the edge help",
             Self::StepsMeetParts => "more room between the targets helps, or another order of arrival",
@@ -69,6 +133,23 @@ impl Condition {
             Self::PartBlocked { .. } => "it waits until the others have moved; if they never do, change the targets",
             Self::PartSlow { .. } => "clean the part and the plate under it, or calibrate again if every part is slow",
             Self::TableMissing => "check light, focus and that the whole plate is in view",
+            Self::CameraFrozen => "check the camera, its cable and its driver; start it again",
+            Self::CameraStale => "check the clock that stamps the frames, and that no frames pile up on their way",
+            Self::CameraDark => "check the light, the lens cap and the cable",
+            Self::CameraMoved => "check that the camera and the plate's frame are tight",
+            Self::CameraLate => "check how many frames the camera's driver buffers",
+            Self::ViewHidden => "keep hands and tools out of the camera's view",
+            Self::ForeignPart => "take it off the plate, or add it to the job",
+            Self::PartsJumped => "check that the picture is not mirrored or turned, and that nobody moves the parts",
+            Self::CoilFault { .. } => {
+                "check the coil, its amplifier and its wires; calibrate again if it was exchanged"
+            }
+            Self::AccelerometerFault { .. } => "check the accelerometer, its cable and its mounting",
+            Self::MotionOff => {
+                "check power and wires of the amplifiers and that nothing touches the plate; calibrate again"
+            }
+            Self::PartStuck { .. } => "check that the part lies flat and free, and clean it",
+            Self::PartAstray { .. } => "check the order of the coils and of the picture's axes; calibrate again",
         }
     }
 }

@@ -5,10 +5,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::attempts::ways_to_try;
-use super::conditions::Conditions;
+use super::conditions::{Condition, Conditions};
 use super::controllability::check_controllable;
 use super::ending::{EndCause, Ending, Outcome, check_stop, is_stop};
 use super::eyes::{ExpectedPart, Eyes, Moment};
+use super::guards::{DelayGuard, Guards, MotionGuard, StepGuard};
 use super::learning::Gains;
 use super::plans::{FreshPlanner, Plans};
 use super::progress::ProgressWatch;
@@ -22,6 +23,8 @@ use upm_planner::{Method, PartState, Plan, PlanStatus, PlannerParams};
 
 /// Plate time without a pulse after which a run counts as stalled, s.
 const STALLED_S: f64 = 10.0;
+/// Times that a goal may seem reached without a second look agreeing.
+const MOST_UNCONFIRMED: u32 = 5;
 
 /// What a run needs to know beside the rig's model.
 #[derive(Clone, Debug)]
@@ -44,6 +47,8 @@ pub struct ControlParams {
     pub method: Method,
     /// Limits and weights of the planner.
     pub planner: PlannerParams,
+    /// Guards that are awake.
+    pub guards: Guards,
 }
 
 impl ControlParams {
@@ -86,9 +91,9 @@ pub struct Finish {
 /// Runs `goal` to its end. Motors are at zero when this returns, whatever happened.
 pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, params: &ControlParams) -> Finish {
     let Devices { rig, model, sink, clock, stop, give_way } = devices;
-    let opened = FreshPlanner::new(params.method, library, params.planner)
-        .plans()
-        .and_then(|plans| Ok((plans, Eyes::open(rig, model, &params.kinds, &params.parts, sink, clock, stop)?)));
+    let opened = FreshPlanner::new(params.method, library, params.planner).plans().and_then(|plans| {
+        Ok((plans, Eyes::open(rig, model, &params.kinds, &params.parts, params.guards.clone(), sink, clock, stop)?))
+    });
     let finish = match opened {
         Ok((plans, eyes)) => {
             let gains = Gains::new(params.parts.len(), 0.5 * model.plate_side_m);
@@ -114,6 +119,10 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
                 wanted,
                 furthest: 0.0,
                 index,
+                motion: MotionGuard::new(library),
+                steps: StepGuard::default(),
+                delay: DelayGuard::default(),
+                unconfirmed: 0,
             };
             cycle.until_end()
         }
@@ -146,6 +155,11 @@ struct Cycle<'a> {
     /// Progress when a cycle without a pulse last got further.
     furthest: f64,
     index: u64,
+    motion: MotionGuard,
+    steps: StepGuard,
+    delay: DelayGuard,
+    /// Times the goal seemed reached and a second look said no.
+    unconfirmed: u32,
 }
 
 impl Cycle<'_> {
@@ -163,9 +177,13 @@ impl Cycle<'_> {
         // a stopped run ends in the middle: its repetition goes on, and tells of no end there
         if !is_stop(&ending.reason) {
             self.conditions.end_run(self.rig.now(), self.sink);
+            self.eyes.end_run(self.rig.now(), self.sink);
         }
-        let lost =
-            if self.eyes.missing_for() > self.params.lost_after_frames { self.eyes.unseen() } else { Vec::new() };
+        let lost = if self.eyes.plainly_missing_for() > self.params.lost_after_frames {
+            self.eyes.unseen()
+        } else {
+            Vec::new()
+        };
         Finish { ending, wanted: self.wanted.take(), measured_m: self.eyes.positions_m(), lost }
     }
 
@@ -176,7 +194,7 @@ impl Cycle<'_> {
         let wanted = self.goal.next(observed_at, &observed);
         let is_first = self.wanted.replace(wanted.clone()).is_none();
         if wanted.done {
-            return Err(Ending::completed(wanted.phase));
+            return self.finish(wanted.phase);
         }
         if is_first {
             check_controllable(self.params.method, self.library, &observed, &wanted, |part| self.id(part))?;
@@ -188,6 +206,7 @@ impl Cycle<'_> {
         let plan = self.plan(&observed, &wanted)?;
         let plan_us = (self.clock.elapsed() - planning).as_secs_f64() * 1e6;
         self.conditions.end_cycle(self.rig.now(), self.sink);
+        self.eyes.end_cycle(self.rig.now(), self.sink);
         self.played = !plan.pulses.is_empty() && !plan.continues;
 
         for (number, pulse) in (1..).zip(&plan.pulses) {
@@ -195,6 +214,9 @@ impl Cycle<'_> {
             self.play(pulse, if number == plan.pulses.len() { Moment::Cycle } else { Moment::Pulse })?;
             *last_pulse_at = self.rig.now();
             self.look_for_missing()?;
+            if self.eyes.silenced_pulse() {
+                break;
+            }
         }
         // the last frame of a pulse shows all at rest: it starts the next cycle, unless a part is missing in it
         let seen = !plan.pulses.is_empty() && self.eyes.missing_for() == 0;
@@ -232,7 +254,13 @@ impl Cycle<'_> {
         let limit_s = self.params.time_limit_s;
         if self.rig.now().secs() >= limit_s {
             let reason = format!("plate time limit of {limit_s} s reached");
-            return Err(if self.params.endless { Ending::completed(reason) } else { Ending::failed(reason) });
+            return Err(if self.params.endless && self.watch.is_getting_on() {
+                Ending::completed(reason)
+            } else if self.params.endless {
+                Ending::failed_because(EndCause::NoProgress, format!("{reason} without progress"))
+            } else {
+                Ending::failed_because(EndCause::TimeLimit, reason)
+            });
         }
         Ok(())
     }
@@ -287,9 +315,23 @@ impl Cycle<'_> {
         check_stop(self.stop)
     }
 
+    /// The goal is reached if two more looks, with the table located anew, say so too; else the run goes on from what they show.
+    fn finish(&mut self, reason: String) -> Result<Vec<Vec2>, Ending> {
+        self.check_limits()?;
+        if !self.params.guards.has_code("two_looks") || self.eyes.confirm(self.rig, self.sink, self.clock, self.stop)? {
+            return Err(Ending::completed(reason));
+        }
+        self.unconfirmed += 1;
+        if self.unconfirmed > MOST_UNCONFIRMED {
+            let reason = format!("the goal seemed reached {MOST_UNCONFIRMED} times, and a second look did not agree");
+            return Err(Ending::guarded(Condition::CameraMoved, reason));
+        }
+        self.look_at_rest()
+    }
+
     /// Nothing more is played while a part that was not seen for long may be lost.
     fn look_for_missing(&mut self) -> Result<(), Ending> {
-        if self.eyes.missing_for() > self.params.lost_after_frames {
+        if self.eyes.missing_for() > self.params.lost_after_frames && !self.eyes.silenced_pulse() {
             self.look_at_rest()?;
         }
         Ok(())
@@ -303,7 +345,7 @@ impl Cycle<'_> {
             if at_rest && self.eyes.missing_for() == 0 {
                 return Ok(self.eyes.positions_m());
             }
-            if at_rest && self.eyes.missing_for() > self.params.lost_after_frames {
+            if at_rest && self.eyes.plainly_missing_for() > self.params.lost_after_frames {
                 return Err(self.lost());
             }
         }
@@ -316,6 +358,6 @@ impl Cycle<'_> {
             let place = places.get(part).copied().unwrap_or_default() * 1e3;
             format!("{id} is lost, last seen at ({:.1}, {:.1}) mm", place.x, place.y)
         });
-        Ending::failed(each.collect::<Vec<_>>().join("; "))
+        Ending::failed_because(EndCause::PartLost, each.collect::<Vec<_>>().join("; "))
     }
 }

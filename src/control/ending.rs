@@ -1,5 +1,6 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::conditions::Condition;
 use upm_core::rig::{RigFault, Trip};
 
 /// How a run ended. A lost coin or a missing table is an ending, not an error.
@@ -31,6 +32,20 @@ pub enum EndCause {
     NoFeasibleStep,
     /// Rotations of the library cannot move the parts independently where they were first seen.
     Uncontrollable,
+    /// The plate time limit was reached.
+    TimeLimit,
+    /// A part cannot be seen any more.
+    PartLost,
+    /// The camera does not see the parts of the job when the run begins.
+    PartCount,
+    /// The rig failed.
+    Device,
+    /// A guard found something that a run cannot go on with.
+    Guard(Condition),
+    /// Stopped from outside: this computer was too slow for the plate, under strict deadlines.
+    DeadlineMissed,
+    /// Stopped from outside: control took no frame for a long time.
+    Hung,
 }
 
 /// Outcome, cause and reason of the end of a run.
@@ -60,6 +75,11 @@ impl Ending {
         Self { cause, ..Self::failed(reason) }
     }
 
+    /// A guard ends the run; `reason` is followed by what the operator should check.
+    pub(super) fn guarded(condition: Condition, reason: impl std::fmt::Display) -> Self {
+        Self::failed_because(EndCause::Guard(condition), format!("{reason}; {}", condition.remedy()))
+    }
+
     /// Somebody stopped it.
     pub fn cancelled(reason: impl Into<String>) -> Self {
         Self { outcome: Outcome::Cancelled, reason: reason.into(), ..Self::default() }
@@ -78,7 +98,8 @@ impl From<RigFault> for Ending {
         let reason = format!("the rig stopped: {fault}");
         match fault {
             RigFault::Stopped(Trip::EStop | Trip::Shutdown) => Self::cancelled(reason),
-            _ => Self::failed(reason),
+            RigFault::Stopped(_) => Self::failed(reason),
+            _ => Self::failed_because(EndCause::Device, reason),
         }
     }
 }

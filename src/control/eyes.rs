@@ -1,17 +1,34 @@
+mod naming;
+mod relocate;
+mod scene;
+
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use self::naming::name_parts;
+use self::scene::{Blind, Place, Scene};
 use super::conditions::{Condition, Conditions};
-use super::ending::{Ending, check_stop};
+use super::ending::{EndCause, Ending, check_stop};
+use super::guards::Guards;
 use super::{FrameFacts, LocalisedFacts, Sink};
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Lens, Vec2};
 use upm_core::rig::{PartKind, Rig, RigModel};
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, PlateTime};
-use upm_perception::vision::{CoinFinder, Detection, Stages, Table, TableFault, Tracker, locate_table_in_stages};
+use upm_perception::vision::{CoinFinder, Stages, Table, TableFault, Tracker, locate_table_in_stages};
 
 /// Looks at an empty-handed rig before the table counts as missing.
 const TABLE_LOOKS: usize = 5;
+/// Frames without sight before the motors are silenced and it is said, at least, and at most this long, s.
+const BLIND_FRAMES: f64 = 3.0;
+const BLIND_S: f64 = 0.1;
+/// Time without sight after which a run ends, s; behind a hand, s.
+const WAIT_S: f64 = 2.0;
+const HAND_S: f64 = 10.0;
+/// Looks at rest in a row that show the plate elsewhere, or something foreign, before it is believed.
+const BELIEVED: u32 = 2;
+/// How far a part may lie from where it was when the table is located anew, m, besides what a pulse should carry it.
+const REACH_M: f64 = 3e-3;
 
 /// What a frame is taken for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,20 +50,40 @@ pub struct ExpectedPart {
     pub expected_m: Option<Vec2>,
 }
 
-/// The camera's frames turned into part positions: the table once, then every part in every frame.
+/// The camera's frames turned into part positions: the table once, then every part in every frame, and doubts about both.
 pub struct Eyes {
     frame: Frame,
+    table: Table,
     tracker: Tracker,
+    scene: Scene,
+    guards: Guards,
+    kinds: Vec<PartKind>,
+    lens: Lens,
+    dark_parts: bool,
     half_exposure_s: f64,
+    blind_after_s: f64,
+    /// Since when nothing can be seen, and why.
+    blind: Option<(PlateTime, Blind)>,
+    /// The pulse that sounds was silenced.
+    silenced: bool,
+    displaced: u32,
+    foreign: u32,
+    /// Looks at rest in plain view that lack a part.
+    missing: u32,
+    /// How far parts may have gone since they were last seen at rest, m.
+    reach_m: f64,
+    conditions: Conditions,
 }
 
 impl Eyes {
     /// Captures frames until the table is found, finds the parts and names them.
+    #[allow(clippy::too_many_arguments)] // what a rig is, and what a run tells and obeys
     pub fn open(
         rig: &mut dyn Rig,
         model: &RigModel,
         kinds: &[PartKind],
         parts: &[ExpectedPart],
+        guards: Guards,
         sink: &mut dyn Sink,
         clock: &dyn Clock,
         stop: &AtomicBool,
@@ -66,11 +103,35 @@ impl Eyes {
             stages: &stages,
             localise_us,
         });
+        let mut scene = Scene::new(&table, model, kinds);
+        scene.see_first(&frame, rig.now());
         let tracker = Tracker::new(&table, model.frame_size_px, kinds, model.dark_parts, detections);
-        Ok(Self { frame, tracker, half_exposure_s: 0.5 * model.exposure_s })
+        Ok(Self {
+            frame,
+            table,
+            tracker,
+            scene,
+            guards,
+            kinds: kinds.to_vec(),
+            lens: model.lens,
+            dark_parts: model.dark_parts,
+            half_exposure_s: 0.5 * model.exposure_s,
+            blind_after_s: (BLIND_FRAMES / model.frame_hz).min(BLIND_S.max(1.5 / model.frame_hz)),
+            blind: None,
+            silenced: false,
+            displaced: 0,
+            foreign: 0,
+            missing: 0,
+            reach_m: REACH_M,
+            conditions: Conditions::default(),
+        })
     }
 
-    /// Captures the next frame and tracks every part in it. Returns true when it was taken at rest.
+    /// Captures the next frame and tracks every part in it. Returns true when it was taken at rest and can be relied on:
+    /// it is of the present, nothing hides the plate, and the plate is where it was.
+    ///
+    /// # Errors
+    /// The ending of a run that cannot see any more.
     pub fn look(
         &mut self,
         rig: &mut dyn Rig,
@@ -81,16 +142,125 @@ impl Eyes {
         rig.capture(&mut self.frame)?;
         let at_rest = self.frame.exposed_at - rig.quiet_at() >= self.half_exposure_s;
         let start = clock.elapsed();
-        self.tracker.track(&self.frame);
+        let stale = self.scene.stale(&self.frame, rig.now()).filter(|blind| self.guards.has(blind.condition()));
+        if stale.is_some() {
+            self.tracker.miss();
+        } else {
+            self.tracker.track(&self.frame);
+        }
+        let (blind, place) = match stale {
+            Some(blind) => (Some(blind), Place::Unknown),
+            None if at_rest => self.examine(),
+            None => (None, Place::Unknown),
+        };
         let track_us = (clock.elapsed() - start).as_secs_f64() * 1e6;
+        let is_plain = at_rest && blind.is_none() && matches!(place, Place::Same) && self.foreign == 0;
         sink.frame(&FrameFacts {
             frame: &self.frame,
             tracks: self.tracker.tracks(),
             sounding: !at_rest,
-            starts_cycle: at_rest && moment == Moment::Cycle,
+            starts_cycle: is_plain && moment == Moment::Cycle,
             track_us,
         });
-        Ok(at_rest)
+        self.settle_blind(blind, rig, sink)?;
+        if blind.is_none() && at_rest {
+            self.settle_foreign()?;
+            self.settle_place(&place, sink, clock)?;
+        }
+        if is_plain {
+            self.missing = if self.missing_for() > 0 { self.missing + 1 } else { 0 };
+            self.reach_m = REACH_M;
+        }
+        Ok(is_plain)
+    }
+
+    /// What a frame at rest shows besides the parts.
+    fn examine(&mut self) -> (Option<Blind>, Place) {
+        let seen = self.scene.examine(&self.frame, self.tracker.tracks());
+        let blind = seen.blind.filter(|blind| self.guards.has(blind.condition()));
+        let is_foreign = seen.foreign_m.is_some() && self.guards.has(Condition::ForeignPart);
+        self.foreign = if is_foreign && blind.is_none() { self.foreign + 1 } else { 0 };
+        let place = if self.guards.has(Condition::CameraMoved) { seen.place } else { Place::Same };
+        (blind, place)
+    }
+
+    /// Waits while nothing can be seen, with motors at zero; for so long and no longer.
+    fn settle_blind(&mut self, blind: Option<Blind>, rig: &mut dyn Rig, sink: &mut dyn Sink) -> Result<(), Ending> {
+        let now = rig.now();
+        let Some(why) = blind else {
+            // a frame in the middle of a pulse is not examined: it ends no darkness that began at rest
+            self.blind = None;
+            return Ok(());
+        };
+        let (since, _) = *self.blind.get_or_insert((self.frame.exposed_at.min(now), why));
+        let for_s = now.secs_since(since);
+        if for_s + 1e-9 >= self.blind_after_s {
+            if rig.quiet_at() > now {
+                rig.stop();
+                self.silenced = true;
+            }
+            self.conditions.note(now, why.condition(), || why.reason(), sink);
+        }
+        if for_s > if why == Blind::Hidden { HAND_S } else { WAIT_S } {
+            let reason = format!("{} for {for_s:.1} s", why.reason());
+            return Err(Ending::guarded(why.condition(), reason));
+        }
+        Ok(())
+    }
+
+    fn settle_foreign(&mut self) -> Result<(), Ending> {
+        match self.scene.foreign_m().filter(|_| self.foreign >= BELIEVED) {
+            Some(at_m) => {
+                let at_mm = at_m * 1e3;
+                let reason =
+                    format!("something that is no part of the job lies at ({:.0}, {:.0}) mm", at_mm.x, at_mm.y);
+                Err(Ending::guarded(Condition::ForeignPart, reason))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn settle_place(&mut self, place: &Place, sink: &mut dyn Sink, clock: &dyn Clock) -> Result<(), Ending> {
+        let Place::Elsewhere { corner_px } = *place else {
+            self.displaced = 0;
+            return Ok(());
+        };
+        self.displaced += 1;
+        if self.displaced < BELIEVED {
+            return Ok(());
+        }
+        let by = if corner_px.is_finite() { format!("by {corner_px:.1} px") } else { "by more than 6 px".to_owned() };
+        let reason = || format!("the plate has moved in the picture {by}; it is located anew");
+        self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
+        match self.locate(clock) {
+            Ok(found) => self.relocate(found, sink),
+            Err(fault) if self.displaced > BELIEVED + TABLE_LOOKS as u32 => Err(Ending::guarded(
+                Condition::CameraMoved,
+                format!("the plate has moved in the picture {by}: {fault}"),
+            )),
+            Err(_) => Ok(()),
+        }
+    }
+
+    /// Parts may be `way_m` from where they are now when they are next seen at rest.
+    pub fn expect_motion(&mut self, way_m: f64) {
+        self.reach_m = REACH_M + 1.5 * way_m;
+        self.silenced = false;
+    }
+
+    /// True when the last pulse was silenced because nothing could be seen.
+    pub fn silenced_pulse(&self) -> bool {
+        self.silenced
+    }
+
+    /// Tells `sink` of every condition of the camera that held until now.
+    pub fn end_run(&mut self, at: PlateTime, sink: &mut dyn Sink) {
+        self.conditions.end_run(at, sink);
+    }
+
+    /// Ends a cycle for the conditions of the camera.
+    pub fn end_cycle(&mut self, at: PlateTime, sink: &mut dyn Sink) {
+        self.conditions.end_cycle(at, sink);
     }
 
     /// Where the parts were last seen, m, in the order of the job.
@@ -107,6 +277,11 @@ impl Eyes {
     /// Frames for which the longest missing part has been missing; 0 when the newest frame shows all.
     pub fn missing_for(&self) -> u32 {
         self.tracker.tracks().iter().map(|track| track.frames_unseen).max().unwrap_or(0)
+    }
+
+    /// Looks at rest in plain view, one after another, that lack a part.
+    pub fn plainly_missing_for(&self) -> u32 {
+        self.missing
     }
 
     /// When the newest frame was exposed.
@@ -144,82 +319,6 @@ fn find_table(
         conditions.end_cycle(frame.exposed_at, sink);
     }
     let why = last.map_or_else(String::new, |fault| format!(": {fault}"));
-    Err(Ending::failed(format!("no table found in {TABLE_LOOKS} frames{why}")))
-}
-
-/// Gives each part of the job its detection: those with a known place take the nearest of their kind, the others
-/// what is left from left to right.
-fn name_parts(mut found: Vec<Detection>, kinds: &[PartKind], parts: &[ExpectedPart]) -> Result<Vec<Detection>, Ending> {
-    count_parts(&found, kinds, parts)?;
-    found.sort_by(|a, b| a.position_m.x.total_cmp(&b.position_m.x).then(a.position_m.y.total_cmp(&b.position_m.y)));
-    let mut named: Vec<Option<Detection>> = vec![None; parts.len()];
-    let by_certainty = (0..parts.len()).filter(|&i| parts[i].expected_m.is_some());
-    let rest = (0..parts.len()).filter(|&i| parts[i].expected_m.is_none());
-    for i in by_certainty.chain(rest) {
-        let part = &parts[i];
-        let same_kind = found.iter().enumerate().filter(|(_, detection)| detection.kind == part.kind);
-        let choice = match part.expected_m {
-            Some(place) => same_kind
-                .min_by(|(_, a), (_, b)| {
-                    (a.position_m - place).norm_squared().total_cmp(&(b.position_m - place).norm_squared())
-                })
-                .map(|(at, _)| at),
-            None => same_kind.map(|(at, _)| at).next(),
-        };
-        named[i] = choice.map(|at| found.remove(at));
-    }
-    named.into_iter().collect::<Option<Vec<_>>>().ok_or_else(|| Ending::failed("a part of the job was not found"))
-}
-
-fn count_parts(found: &[Detection], kinds: &[PartKind], parts: &[ExpectedPart]) -> Result<(), Ending> {
-    for (kind, spec) in kinds.iter().enumerate() {
-        let seen = found.iter().filter(|detection| detection.kind == kind).count();
-        let expected = parts.iter().filter(|part| part.kind == kind).count();
-        if seen != expected {
-            return Err(Ending::failed(format!(
-                "the camera sees {seen} of kind {:?}, the job has {expected}",
-                spec.name
-            )));
-        }
-    }
-    Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn detection(kind: usize, x: f64, y: f64) -> Detection {
-        Detection {
-            kind,
-            center_px: Vec2::zeros(),
-            radius_px: 40.0,
-            position_m: Vec2::new(x, y),
-            score: 1.0,
-            covariance_px2: nalgebra::Matrix2::from_diagonal_element(1e-4),
-        }
-    }
-
-    fn part(kind: usize, expected_m: Option<Vec2>) -> ExpectedPart {
-        ExpectedPart { id: String::new(), kind, expected_m }
-    }
-
-    fn kinds() -> Vec<PartKind> {
-        ["penny", "quarter"].map(|name| PartKind { name: name.into(), radius_m: 0.01, thickness_m: 0.0015 }).to_vec()
-    }
-
-    #[test]
-    fn known_places_are_served_before_the_rest() {
-        let found = vec![detection(0, 0.02, 0.0), detection(1, 0.0, 0.0), detection(0, -0.02, 0.0)];
-        let parts = [part(0, None), part(0, Some(Vec2::new(-0.019, 0.0))), part(1, None)];
-        let named = name_parts(found, &kinds(), &parts).unwrap();
-        let x: Vec<f64> = named.iter().map(|d| d.position_m.x).collect();
-        assert_eq!(x, [0.02, -0.02, 0.0]);
-    }
-
-    #[test]
-    fn a_wrong_count_is_an_ending_in_words() {
-        let ending = name_parts(vec![detection(0, 0.0, 0.0)], &kinds(), &[part(0, None), part(0, None)]).unwrap_err();
-        assert_eq!(ending.reason, "the camera sees 1 of kind \"penny\", the job has 2");
-    }
+    let reason = format!("no table found in {TABLE_LOOKS} frames{why}");
+    Err(Ending::failed_because(EndCause::Guard(Condition::TableMissing), reason))
 }

@@ -100,6 +100,11 @@ impl ProgressWatch {
         self.futile >= if is_near { NEAR_CYCLES } else { FUTILE_CYCLES } || self.detour >= DETOUR_CYCLES
     }
 
+    /// True unless the last cycles brought nothing.
+    pub fn is_getting_on(&self) -> bool {
+        self.futile < FUTILE_CYCLES / 4
+    }
+
     /// True when a part that is not there yet is clearly nearer to its target than ever.
     fn one_is_nearer(&mut self, seen_m: &[Vec2]) -> bool {
         let mut any = false;

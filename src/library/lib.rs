@@ -1,5 +1,6 @@
 //! The COR library: what a rig was measured to be able to do, and how far parts go when it does.
 
+mod coil_response;
 mod displacement;
 mod drive;
 mod fault;
@@ -16,6 +17,7 @@ mod types;
 mod validate;
 mod wording;
 
+pub use coil_response::CoilResponse;
 pub use drive::drive_for;
 pub use fault::LibraryFault;
 pub use field_drive::motor_harmonics;

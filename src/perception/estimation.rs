@@ -1,8 +1,10 @@
 //! What the accelerometers say: a trace becomes harmonics, a plate twist, a centre of rotation
 //! (UPM paper, section 3.2, App. B and C).
 
+mod felt;
 mod gains;
 mod harmonics;
+mod judgement;
 mod pump;
 mod rigid;
 mod spectrum;
@@ -15,6 +17,7 @@ mod plate_tests;
 
 pub use gains::relative_gains;
 pub use harmonics::{Coefficients, HarmonicFit, fit_channels, velocity_mps};
+pub use judgement::{ChannelFault, ExpectedMotion, Mismatch, MotionJudgement, MotionVerdict, judge};
 pub use pump::{force_sign, nearest_pump};
 pub use rigid::twist_from_corners;
 pub use spectrum::{OscillatorFit, amplitude_spectrum, axis_lines, fit_oscillator};
@@ -50,7 +53,9 @@ pub fn fit_twist(
     let (pump, quality) = nearest_pump(&axes, sensors.position_m.norm());
     let residual_sum: f64 = fits.iter().map(|fit| fit.residual_sum).sum();
     let residual_rms_mps2 = (residual_sum / (CHANNELS * window.samples.len()) as f64).sqrt();
-    Ok(TwistFit { accel_mps2, residual_rms_mps2, wave, axes, pump, quality })
+    let variance = |k: usize| fits.iter().map(|fit| fit.sd[k] * fit.sd[k]).sum::<f64>() / CHANNELS as f64;
+    let accel_sd_mps2 = std::array::from_fn(|k| variance(k).sqrt());
+    Ok(TwistFit { accel_mps2, accel_sd_mps2, residual_rms_mps2, wave, axes, pump, quality })
 }
 
 fn refuse_bad(sensors: &AccelerometerPair) -> Result<(), FitFault> {

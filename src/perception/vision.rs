@@ -13,6 +13,9 @@ mod judge;
 mod lines;
 mod locate;
 mod outline;
+mod plate_watch;
+#[cfg(test)]
+mod plate_watch_tests;
 mod quad;
 mod response;
 mod rim;
@@ -21,6 +24,9 @@ mod shading;
 mod table;
 #[cfg(test)]
 mod table_tests;
+mod table_watch;
+#[cfg(test)]
+mod table_watch_tests;
 mod tracking;
 #[cfg(test)]
 mod tracking_tests;
@@ -28,6 +34,8 @@ mod types;
 
 pub use coins::CoinFinder;
 pub use locate::{TableFault, locate_table, locate_table_in_stages};
+pub use plate_watch::{ForeignPart, PlateSight, PlateWatch};
 pub use response::ResponseMethod;
+pub use table_watch::{TableMotion, TableWatch};
 pub use tracking::Tracker;
 pub use types::{Detection, HoughArray, Plane, Stages, Table, Track};

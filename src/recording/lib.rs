@@ -31,7 +31,10 @@ pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
 pub use memory::MemorySink;
 pub use motion::Motion;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
-pub use report::{Outcome, PartReport, PlannerReport, PredictionError, Report, SelectedBy, StopCode, StopReport};
+pub use report::{
+    FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report, SelectedBy, StopCode,
+    StopReport, Verdict,
+};
 pub use rerun_mode::{BadRerunMode, RerunMode};
 pub use roomy_file::RoomyFile;
 pub use scribe::{Durable, Scribe, ScribeMode};

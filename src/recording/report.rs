@@ -37,6 +37,46 @@ pub enum StopCode {
     NoFeasibleStep,
     /// Rotations of the library cannot move the parts independently where they were first seen.
     Uncontrollable,
+    /// The plate time limit was reached.
+    TimeLimit,
+    /// A part cannot be seen any more.
+    PartLost,
+    /// The camera does not see the parts of the job when the run begins.
+    PartCount,
+    /// The rig failed.
+    DeviceFault,
+    /// The camera sees no table.
+    TableMissing,
+    /// The camera sends the same pictures again and again.
+    CameraFrozen,
+    /// Numbers or stamps of the camera's frames do not fit the present.
+    CameraStale,
+    /// The camera's frames show no plate.
+    CameraDark,
+    /// The plate is not where it was in the picture.
+    CameraMoved,
+    /// Parts move later in the pictures than they are driven.
+    CameraLate,
+    /// Something large hides part of the plate.
+    ViewHidden,
+    /// Something of a part's size lies on the plate that is no part of the job.
+    ForeignPart,
+    /// Parts are not where they can have got to.
+    PartsJumped,
+    /// A voice coil does not do what it is sent.
+    CoilFault,
+    /// An accelerometer channel does not show how the plate moves.
+    AccelerometerFault,
+    /// The plate does not move as planned.
+    MotionOff,
+    /// A part hardly moves although pulses should carry it.
+    PartStuck,
+    /// A part goes the other way than pulses should carry it.
+    PartAstray,
+    /// This computer was too slow for the plate, under strict deadlines.
+    DeadlineMissed,
+    /// Control took no frame for a long time.
+    Hung,
 }
 
 impl StopCode {
@@ -48,7 +88,45 @@ impl StopCode {
             control::EndCause::NoProgress => Some(Self::NoProgress),
             control::EndCause::NoFeasibleStep => Some(Self::NoFeasibleStep),
             control::EndCause::Uncontrollable => Some(Self::Uncontrollable),
+            control::EndCause::TimeLimit => Some(Self::TimeLimit),
+            control::EndCause::PartLost => Some(Self::PartLost),
+            control::EndCause::PartCount => Some(Self::PartCount),
+            control::EndCause::Device => Some(Self::DeviceFault),
+            control::EndCause::Guard(condition) => Self::of_guard(condition),
+            control::EndCause::DeadlineMissed => Some(Self::DeadlineMissed),
+            control::EndCause::Hung => Some(Self::Hung),
         }
+    }
+
+    fn of_guard(condition: control::Condition) -> Option<Self> {
+        use control::Condition;
+        match condition {
+            Condition::TableMissing => Some(Self::TableMissing),
+            Condition::CameraFrozen => Some(Self::CameraFrozen),
+            Condition::CameraStale => Some(Self::CameraStale),
+            Condition::CameraDark => Some(Self::CameraDark),
+            Condition::CameraMoved => Some(Self::CameraMoved),
+            Condition::CameraLate => Some(Self::CameraLate),
+            Condition::ViewHidden => Some(Self::ViewHidden),
+            Condition::ForeignPart => Some(Self::ForeignPart),
+            Condition::PartsJumped => Some(Self::PartsJumped),
+            Condition::CoilFault { .. } => Some(Self::CoilFault),
+            Condition::AccelerometerFault { .. } => Some(Self::AccelerometerFault),
+            Condition::MotionOff => Some(Self::MotionOff),
+            Condition::PartStuck { .. } => Some(Self::PartStuck),
+            Condition::PartAstray { .. } => Some(Self::PartAstray),
+            Condition::StepsMeetEdge
+            | Condition::StepsMeetParts
+            | Condition::StepsUnreachable
+            | Condition::SolverFails
+            | Condition::PartBlocked { .. }
+            | Condition::PartSlow { .. } => None,
+        }
+    }
+
+    /// True for an end by a guard or the time limit: a person looks what is wrong before the plate takes another job.
+    pub fn pauses_plate(self) -> bool {
+        !matches!(self, Self::GaveWay | Self::NoFeasibleStep | Self::Uncontrollable | Self::PartCount)
     }
 }
 
@@ -77,6 +155,9 @@ pub struct Report {
     pub outcome: Outcome,
     /// Why, in words.
     pub reason: String,
+    /// Whether the truth agrees that the goal was reached; only on a simulated rig.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
     /// The cause that ended it, where programs tell it apart.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stop: Option<StopReport>,
@@ -106,6 +187,10 @@ pub struct Report {
     /// Whole frames by which the worst of them was missed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub worst_late_frames: Option<u64>,
+    /// How far plate time fell behind the clock in all, s: a plate that waited for this computer. Only where plate time
+    /// kept to the clock; `None` in reports from before it was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub behind_s: Option<f64>,
     /// Largest distance of a part from its target at the end, from truth where there is one; `None` without targets.
     pub max_error_mm: Option<f64>,
     /// Root mean square of those distances.
@@ -126,9 +211,52 @@ pub struct Report {
     pub parts: Vec<PartReport>,
     /// How long things took, µs of wall time.
     pub timing_us: TimingsReport,
+    /// Guards that fired, in the order in which they did.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub guards: Vec<GuardReport>,
+    /// Faults of the simulated rig that began within the run.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<FaultReport>,
     /// What went wrong beside the run itself: a recording that does not hold all of it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
+}
+
+/// What the truth says of an outcome.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The outcome is true.
+    True,
+    /// The run counts as completed, and a part is farther from its target than the tolerance and 0.1 mm.
+    FalseSuccess,
+}
+
+/// A guard that fired.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GuardReport {
+    /// Stable code.
+    pub code: String,
+    /// When, s of plate time.
+    pub at_s: f64,
+    /// What it found and what to check.
+    pub text: String,
+}
+
+/// A fault of the simulated rig.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FaultReport {
+    /// Where.
+    pub component: String,
+    /// What.
+    pub kind: String,
+    /// How much.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub value: Vec<f64>,
+    /// From when, s of plate time.
+    pub from_s: f64,
+    /// Until when, s; `None` for good.
+    pub to_s: Option<f64>,
 }
 
 /// The planner of a run.

@@ -1,6 +1,10 @@
-use super::report::{Outcome, PartReport, PlannerReport, PredictionError, Report, StopCode, StopReport};
+use std::time::Duration;
+
+use super::report::{
+    FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report, StopCode, StopReport,
+};
 use super::timings::Timings;
-use upm_control::{CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_control::{ConditionChange, ConditionFacts, CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::time::PlateTime;
@@ -8,6 +12,9 @@ use upm_core::units::mm_from_m;
 
 /// A look and the truth belong together when they are no farther apart than this, s: a part at 0.1 m/s moves 0.1 µm.
 const SAME_MOMENT_S: f64 = 1e-6;
+
+/// Most guards that are reported: one that comes and goes is told each time.
+const MOST_GUARDS: usize = 100;
 
 /// Counts what happens and compares what is measured with the truth, as far as the rig tells it.
 #[derive(Debug, Default)]
@@ -22,6 +29,7 @@ pub struct Tally {
     phase_error_max: Option<f64>,
     off_library: MeanSquare,
     off_learning: MeanSquare,
+    guards: Vec<GuardReport>,
     timings: Timings,
 }
 
@@ -54,6 +62,8 @@ pub struct Ending {
     pub lost_parts: usize,
     /// Every part, in the order of the job.
     pub parts: Vec<PartEnding>,
+    /// Faults of the rig that began within the run.
+    pub faults: Vec<FaultReport>,
 }
 
 /// Deadlines of a run in real time.
@@ -63,6 +73,8 @@ pub struct Deadlines {
     pub misses: u64,
     /// Whole frames by which the worst one was.
     pub worst_frames: u64,
+    /// How far plate time fell behind the clock in all.
+    pub behind: Duration,
 }
 
 /// Where one part ended, as control knows it.
@@ -113,6 +125,9 @@ impl Tally {
             });
         }
         Report {
+            verdict: None,
+            guards: self.guards.clone(),
+            faults: ending.faults,
             name: ending.name,
             seed: ending.seed,
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -131,6 +146,7 @@ impl Tally {
             lost_parts: ending.lost_parts,
             deadline_misses: ending.deadlines.map(|deadlines| deadlines.misses),
             worst_late_frames: ending.deadlines.map(|deadlines| deadlines.worst_frames),
+            behind_s: ending.deadlines.map(|deadlines| rounded(deadlines.behind.as_secs_f64())),
             max_error_mm: errors.max_mm(),
             rms_error_mm: errors.rms_mm(),
             sensing_rms_error_mm: self.sensing.rms_mm(),
@@ -181,6 +197,14 @@ impl Sink for Tally {
             let off_m = |forecast_m: &[Vec2]| forecast_m.get(i).map_or(0.0, |forecast_m| (after_m - forecast_m).norm());
             self.off_library.push(off_m(carried.by_library_m));
             self.off_learning.push(off_m(carried.by_learning_m));
+        }
+    }
+
+    fn condition(&mut self, facts: &ConditionFacts<'_>) {
+        let begins = facts.change == ConditionChange::Began && facts.condition.is_guard();
+        if begins && self.guards.len() < MOST_GUARDS {
+            let code = facts.condition.code().to_owned();
+            self.guards.push(GuardReport { code, at_s: rounded(facts.at.secs()), text: facts.text.to_owned() });
         }
     }
 
@@ -256,6 +280,7 @@ mod tests {
             laps: 0,
             lost_parts: 0,
             parts,
+            faults: Vec::new(),
         }
     }
 
@@ -365,10 +390,10 @@ mod tests {
             let report = Tally::new(None).report(Ending { deadlines, ..ending(Vec::new()) });
             let json = serde_json::to_value(&report).unwrap();
             assert_eq!(serde_json::from_value::<Report>(json.clone()).unwrap(), report);
-            (json.get("deadline_misses").cloned(), json.get("worst_late_frames").cloned())
+            ["deadline_misses", "worst_late_frames", "behind_s"].map(|key| json.get(key).cloned())
         };
-        assert_eq!(json(None), (None, None));
-        let late = Deadlines { misses: 3, worst_frames: 2 };
-        assert_eq!(json(Some(late)), (Some(3.into()), Some(2.into())));
+        assert_eq!(json(None), [None, None, None]);
+        let late = Deadlines { misses: 3, worst_frames: 2, behind: Duration::from_millis(1250) };
+        assert_eq!(json(Some(late)), [Some(3.into()), Some(2.into()), Some(1.25.into())]);
     }
 }

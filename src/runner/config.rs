@@ -16,6 +16,7 @@ mod bins;
 mod daemon;
 mod document;
 mod fault;
+mod faults;
 mod job;
 mod kinds;
 mod packing;
@@ -50,7 +51,8 @@ pub use raw_daemon::{
     RawDaemon, RawDisk, RawKeep, RawLive, RawPace, RawServedPlate, RawStandingJob, RawStart, RawWatchdog,
 };
 pub use raw_job::{
-    Assignment, LibrarySource, PlannerChoice, RawBin, RawJob, RawLimits, RawParts, RawPath, RawRegion, RawTask,
+    Assignment, DeadlinePolicy, LibrarySource, PlannerChoice, RawBin, RawJob, RawLimits, RawParts, RawPath, RawRegion,
+    RawTask,
 };
 pub use raw_rig::{
     RawAccelerometers, RawCamera, RawDamping, RawDrive, RawFriction, RawKind, RawLevels, RawMotors, RawPlate,

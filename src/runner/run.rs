@@ -6,12 +6,15 @@ mod calibrate;
 mod coverage;
 #[cfg(test)]
 mod endless_tests;
+#[cfg(test)]
+mod fault_tests;
 mod first_frame;
 mod folder;
 mod library;
 mod links;
 #[cfg(test)]
 mod lost_tests;
+mod pace_check;
 mod paced;
 mod pacing;
 mod planner_selection;
@@ -23,9 +26,11 @@ mod simulate;
 mod stop_tests;
 mod time_figure;
 mod tolerance;
+mod truth_log;
 mod unwritten;
 #[cfg(test)]
 mod unwritten_tests;
+mod verdict;
 mod verify;
 
 use std::path::PathBuf;
@@ -34,18 +39,21 @@ use std::sync::atomic::AtomicBool;
 
 use crate::config::{Fault, JobSpec};
 use upm_control::{self as control, Devices, Ending, Finish, Sink};
-use upm_core::rig::{Interlock, RigFault};
+use upm_core::rig::{Interlock, Rig, RigFault};
 use upm_core::time::{Clock, PlateTime};
 use upm_library::{Library, LibraryFault};
 use upm_recording::{
-    self as recording, Deadlines, Fanout, Herald, Journal, Keeping, PartEnding, Report, RerunMode, Scribe, StopCode,
-    Tally, tell_recording,
+    self as recording, Deadlines, Fanout, FaultReport, Herald, Journal, Keeping, PartEnding, Report, RerunMode, Scribe,
+    StopCode, Tally, tell_recording,
 };
+use upm_sim::faults::{FaultSpec, Faulty};
 use upm_viewer::{LiveServer, RerunSink, RunContext};
 
 use paced::{Pace, Paced};
 use time_figure::FirstLook;
+use truth_log::TruthLog;
 use unwritten::Unwritten;
+use verdict::verdict;
 
 pub use bench::{Bench, NamedTruth};
 pub use calibrate::{calibrate, calibration_params};
@@ -53,7 +61,8 @@ pub use coverage::{Coverage, Gap, Place};
 pub use first_frame::{FirstFrame, FirstFrameError, TruePart, first_frame};
 pub use folder::{FolderState, RunFolder};
 pub use library::{check_job, check_places, job_library, library_faults};
-pub use links::Links;
+pub use links::{Links, StopCause};
+pub use pace_check::{PaceCheck, check_pace};
 pub use pacing::PacingStats;
 pub use planner_selection::{PlannerSelection, SelectionReason};
 pub use rehearse::{Forecast, PartForecast, PlanVerdict, RehearsalProgress, Spot, rehearse};
@@ -134,13 +143,14 @@ fn one_a_line(faults: &[LibraryFault]) -> String {
     faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
-/// Runs `job` to its end and writes a folder of its own. `watcher` is told everything, too; it changes nothing. `Err` when
-/// it cannot be run, and when something of it could not be written.
+/// Runs `job` to its end and writes a folder of its own. `pacing` shows how a run in real time keeps up; `watcher` is told
+/// everything, too; it changes nothing. `Err` when it cannot be run, and when something of it could not be written.
 pub fn run(
     job: &JobSpec,
     options: &RunOptions,
     clock: &dyn Clock,
     stop: &AtomicBool,
+    pacing: &PacingStats,
     watcher: &mut dyn Sink,
 ) -> Result<RunResult, RunError> {
     RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()))?;
@@ -148,8 +158,8 @@ pub fn run(
     // what cannot be run leaves no folder
     let bench = Bench::new(job, &library).map_err(RunError::Job)?;
     let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
-    let (interlock, pacing, give_way) = (Interlock::default(), Arc::default(), AtomicBool::new(false));
-    let links = Links { stop, give_way: &give_way, interlock: &interlock, pacing: &pacing, cause: &|| None };
+    let (interlock, give_way) = (Interlock::default(), AtomicBool::new(false));
+    let links = Links { stop, give_way: &give_way, interlock: &interlock, pacing, cause: &|| None };
     let Done { result, written } = Session { job, library, folder, options, clock, links }.run(bench, watcher)?;
     written.map(|()| result)
 }
@@ -219,9 +229,10 @@ impl Session<'_> {
         let mut journal = Journal::new(folder.journal(&options.keeping)?, Arc::clone(library));
         let mut tally = Tally::new(Some(bench.truth()));
         let mut recorder = start_recording(options, folder, bench, job, library)?;
+        let mut truth_log = TruthLog::of(bench, folder)?;
         let (mut named, mut first_look) = (NamedTruth::new(bench.truth()), FirstLook::default());
         let mut sinks = Fanout::new().with(&mut named).with(&mut first_look).with(&mut journal);
-        sinks = sinks.with(&mut tally).with(&mut recorder).with(watcher);
+        sinks = sinks.with(&mut tally).with(&mut truth_log).with(&mut recorder).with(watcher);
         let mut unwritten = Unwritten { journal: &options.keeping.journal, stop: links.stop, told: false };
         let mut herald = Herald::new(&mut sinks, |sinks: &mut dyn Sink, at| {
             unwritten.check(sinks, at);
@@ -236,18 +247,21 @@ impl Session<'_> {
         let warnings: Vec<String> = finish_recording(recorder, options).into_iter().collect();
         let mut sinks = Fanout::new().with(&mut journal).with(&mut tally).with(watcher);
         tell_recording(&options.keeping.recording, &mut sinks, bench.now());
-        let written =
-            journal.finish().and_then(Scribe::finish).map_err(|error| folder.write_error("journal.jsonl", &error));
+        let written = journal.finish().and_then(Scribe::finish);
+        let written = written.map_err(|error| folder.write_error("journal.jsonl", &error));
+        let written = written.and(truth_log.finish().map_err(|error| folder.write_error(truth_log::FILE, &error)));
         let mut ending = ending(job, Some(bench), finish, wall_time_s);
         ending.bound_s = first_look.time_figure_s(job, library, &bench.params);
         ending.deadlines = options.real_time.then(|| Deadlines {
             misses: links.pacing.misses().saturating_sub(missed_before),
             worst_frames: links.pacing.worst_frames(),
+            behind: links.pacing.behind(),
         });
         if let Err(error) = &written {
             (ending.outcome, ending.reason) = (recording::Outcome::Failed, error.to_string());
         }
         let mut report = Report { warnings, ..tally.report(ending) };
+        report.verdict = verdict(job, &report);
         let reported = folder.write_report(&report);
         written?;
         report.warnings.extend(reported.as_ref().err().map(ToString::to_string));
@@ -263,6 +277,7 @@ impl Session<'_> {
             stats: self.links.pacing,
             interlock: self.links.interlock,
             frame_hz: bench.model.frame_hz,
+            deadlines: self.job.deadlines,
         })
     }
 }
@@ -277,7 +292,14 @@ fn play(
     stop: &AtomicBool,
     give_way: &AtomicBool,
 ) -> Finish {
-    let Bench { rig, model, goal, params, .. } = bench;
+    let Bench { rig, model, goal, params, faults, streams, .. } = bench;
+    let mut faulty;
+    let rig: &mut dyn Rig = if faults.is_empty() {
+        rig
+    } else {
+        faulty = Faulty::new(rig, faults, *streams, &std::thread::sleep);
+        &mut faulty
+    };
     match pace {
         Some(pace) => {
             let mut rig = Paced::new(rig, pace);
@@ -312,7 +334,22 @@ fn ending(job: &JobSpec, bench: Option<&Bench>, finish: Finish, wall_time_s: f64
         laps: wanted.as_ref().map_or(0, |wanted| wanted.laps),
         lost_parts: lost.len(),
         parts: parts.unwrap_or_default(),
+        faults: bench.map(faults_within).unwrap_or_default(),
     }
+}
+
+/// The faults that have begun by now.
+fn faults_within(bench: &Bench) -> Vec<FaultReport> {
+    let now = bench.now();
+    let begun = bench.faults.iter().filter(|fault| fault.from <= now);
+    let report = |fault: &FaultSpec| FaultReport {
+        component: fault.component.name(),
+        kind: fault.kind.name().to_owned(),
+        value: fault.values.iter().copied().take(fault.kind.values().len()).collect(),
+        from_s: fault.from.secs(),
+        to_s: fault.to.map(PlateTime::secs),
+    };
+    begun.map(report).collect()
 }
 
 /// Starts the Rerun recording of a run.

@@ -11,6 +11,7 @@ mod health;
 mod metrics;
 mod observe;
 mod observed;
+mod pace_check;
 mod page;
 mod prepare;
 mod recovered;

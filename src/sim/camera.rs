@@ -143,6 +143,11 @@ impl Camera {
         &self.params
     }
 
+    /// The shape of part `index`.
+    pub fn disc(&self, index: usize) -> Option<DiscShape> {
+        self.parts.get(index).map(DiscOutline::shape)
+    }
+
     /// True projection of a table point `height_m` above the plate, px; lens distortion included.
     pub fn image_from_table(&self, p_m: Vec2, height_m: f64) -> Vec2 {
         self.view.image_from_table(p_m, height_m)

@@ -3,6 +3,7 @@
 mod accelerometers;
 mod camera;
 mod collision;
+pub mod faults;
 mod guard;
 mod motors;
 mod open_loop;

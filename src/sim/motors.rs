@@ -2,6 +2,7 @@
 //! voice coils, and how their pulls add up on the plate (UPM paper, sections 3.1 and 3.2, Eq. 7).
 
 use super::MotorParams;
+use super::faults::CoilFaults;
 use super::oscillator::{Motion, Oscillator};
 use super::plate::Wrench;
 use upm_core::geometry::Vec2;
@@ -19,6 +20,25 @@ pub struct Motors {
     steps: u64,
     held_sample: Option<u64>,
     held_counts: [f64; MOTORS],
+    faults: CoilFaults,
+    /// Coils whose amplifier has a further low-pass.
+    slow: [Option<SlowCoil>; MOTORS],
+}
+
+/// A further low-pass of one coil, and what it lets through at present.
+#[derive(Clone, Copy, Debug)]
+struct SlowCoil {
+    low_pass: Oscillator,
+    gain: f64,
+    filtered: Motion,
+}
+
+impl SlowCoil {
+    fn new(corner_hz: f64, step_s: f64) -> Self {
+        let corner_radps = std::f64::consts::TAU * corner_hz;
+        let low_pass = Oscillator::new(corner_radps, std::f64::consts::FRAC_1_SQRT_2, step_s);
+        Self { low_pass, gain: corner_radps * corner_radps, filtered: Motion::default() }
+    }
 }
 
 impl Motors {
@@ -35,7 +55,17 @@ impl Motors {
             steps: 0,
             held_sample: None,
             held_counts: [0.0; MOTORS],
+            faults: CoilFaults::default(),
+            slow: [None; MOTORS],
         }
+    }
+
+    /// From now on this is wrong with the coils, and nothing else.
+    pub fn set_faults(&mut self, faults: &CoilFaults) {
+        for (slow, corner_hz) in self.slow.iter_mut().zip(faults.low_pass_hz) {
+            *slow = corner_hz.is_finite().then(|| SlowCoil::new(corner_hz, self.step_s));
+        }
+        self.faults = *faults;
     }
 
     /// Starts `drive` now, in place of any other.
@@ -50,6 +80,7 @@ impl Motors {
         self.drive = None;
         self.held_counts = [0.0; MOTORS];
         self.filtered = [Motion::default(); MOTORS];
+        self.slow.iter_mut().flatten().for_each(|slow| slow.filtered = Motion::default());
     }
 
     /// True when no drive sounds and the coils' last force has died away (below a thousandth of a count).
@@ -66,6 +97,11 @@ impl Motors {
         for (filtered, counts) in self.filtered.iter_mut().zip(self.held_counts) {
             *filtered = self.low_pass.step(*filtered, self.low_pass_gain * counts);
         }
+        for (slow, filtered) in self.slow.iter_mut().zip(&self.filtered) {
+            if let Some(slow) = slow {
+                slow.filtered = slow.low_pass.step(slow.filtered, slow.gain * filtered.position);
+            }
+        }
         self.steps += 1;
         self.wrench()
     }
@@ -79,13 +115,23 @@ impl Motors {
         self.held_sample = Some(sample);
         let t_s = sample as f64 / self.params.sample_hz;
         if t_s >= drive.envelope.sounding_s() {
-            self.held_counts = [0.0; MOTORS];
+            self.hold(|_| 0.0);
             self.drive = None;
             return;
         }
         let limit = self.params.count_limit;
-        for (motor, counts) in self.held_counts.iter_mut().enumerate() {
-            *counts = drive.counts_at(motor, t_s).round().max(-limit).min(limit);
+        let played: [f64; MOTORS] =
+            std::array::from_fn(|motor| drive.counts_at(motor, t_s).round().max(-limit).min(limit));
+        self.hold(|motor| played[motor]);
+    }
+
+    /// Holds what `counts` says of each motor from now on; a coil that is stuck keeps what it has.
+    fn hold(&mut self, counts: impl Fn(usize) -> f64) {
+        let CoilFaults { source, stuck, .. } = self.faults;
+        for ((held, source), stuck) in self.held_counts.iter_mut().zip(source).zip(stuck) {
+            if !stuck {
+                *held = counts(source);
+            }
         }
     }
 
@@ -93,9 +139,10 @@ impl Motors {
     pub fn wrench(&self) -> Wrench {
         let params = &self.params;
         let mut forces_n = [0.0; MOTORS];
-        for ((force, filtered), gain_error) in forces_n.iter_mut().zip(&self.filtered).zip(params.gain_error) {
-            let wanted = filtered.position * params.newtons_per_count * (1.0 + gain_error);
-            *force = wanted.max(-params.force_limit_n).min(params.force_limit_n);
+        for (motor, force) in forces_n.iter_mut().enumerate() {
+            let filtered = self.slow[motor].map_or(self.filtered[motor], |slow| slow.filtered);
+            let wanted = filtered.position * params.newtons_per_count * (1.0 + params.gain_error[motor]);
+            *force = (wanted * self.faults.gain[motor]).max(-params.force_limit_n).min(params.force_limit_n);
         }
         wrench_of_forces(forces_n, params.lever_arm_m)
     }

@@ -4,7 +4,10 @@
 //! frame. Output: the wrench that the parts exert on the plate. Semi-implicit steps: friction changes the velocity,
 //! sticking where it can (see [`DiscFriction::kept`]), and the new velocity carries the part.
 
+mod faults;
+
 use super::collision::Contacts;
+use super::faults::{Oil, PlantFaults};
 use super::plate::{PlateMotion, Wrench};
 use super::{ContactParams, PartParams};
 use upm_core::disc_friction::DiscFriction;
@@ -51,6 +54,8 @@ pub(super) struct Body {
     mass_kg: f64,
     /// Speed that friction can take away in one step, μ g h, m/s.
     reach_mps: f64,
+    /// Where it lay before it was taken off.
+    taken_from: Option<Pose>,
 }
 
 impl Body {
@@ -61,6 +66,7 @@ impl Body {
             inverse_mass: params.mass_kg.recip(),
             mass_kg: params.mass_kg,
             reach_mps: params.friction * GRAVITY_MPS2 * step_s,
+            taken_from: None,
         }
     }
 
@@ -72,11 +78,11 @@ impl Body {
     /// Friction of one step against a plate that moves at `surface_mps` here and spins at `surface_radps`.
     /// Returns the changes of velocity and spin.
     #[inline]
-    fn drag(&mut self, friction: &DiscFriction, surface_mps: Vec2, surface_radps: f64) -> (Vec2, f64) {
+    fn drag(&mut self, friction: &DiscFriction, reach_mps: f64, surface_mps: Vec2, surface_radps: f64) -> (Vec2, f64) {
         let slip = self.motion.velocity_mps - surface_mps;
         let spin_slip = self.motion.spin_radps - surface_radps;
         let rim_mps = self.radius_m * spin_slip.abs();
-        let [keep_slide, keep_spin] = friction.kept(slip.norm(), rim_mps, self.reach_mps);
+        let [keep_slide, keep_spin] = friction.kept(slip.norm(), rim_mps, reach_mps);
         let change = (slip * (keep_slide - 1.0), spin_slip * (keep_spin - 1.0));
         self.motion.velocity_mps += change.0;
         self.motion.spin_radps += change.1;
@@ -100,6 +106,13 @@ impl Body {
     }
 }
 
+/// Factor on the friction of part `part` at `arm_m` from the plate's centre.
+fn friction_factor(faults: &PlantFaults, part: usize, arm_m: Vec2) -> f64 {
+    let own = faults.friction.get(part).copied().unwrap_or(1.0);
+    let is_in = |oil: &Oil| (arm_m - oil.center_m).norm_squared() < oil.radius_m * oil.radius_m;
+    own * faults.oil.filter(is_in).map_or(1.0, |oil| oil.friction)
+}
+
 /// All parts of one plate.
 #[derive(Clone, Debug)]
 pub struct Parts {
@@ -109,6 +122,7 @@ pub struct Parts {
     half_side_m: f64,
     step_s: f64,
     fastest_mps: f64,
+    faults: PlantFaults,
 }
 
 impl Parts {
@@ -122,6 +136,7 @@ impl Parts {
             half_side_m: 0.5 * plate_side_m,
             step_s,
             fastest_mps: 0.0,
+            faults: PlantFaults::default(),
         }
     }
 
@@ -130,9 +145,14 @@ impl Parts {
     pub fn step(&mut self, plate: &PlateMotion) -> Wrench {
         let (center, tilt) = (plate.plate_in_table.position_m, plate.plate_in_table.heading_rad);
         let (mut impulse, mut turn, mut liveliest) = (Vec2::zeros(), 0.0, 0.0f64);
-        for body in self.bodies.iter_mut().filter(|body| body.motion.on_plate) {
+        let Self { bodies, faults, .. } = self;
+        let pull_mps = faults.pull_mps2 * self.step_s;
+        for (part, body) in bodies.iter_mut().enumerate().filter(|(_, body)| body.motion.on_plate) {
             let arm = body.motion.part_in_table.position_m - center;
-            let (sped, spun) = body.drag(self.friction, plate.twist.velocity_at(arm), plate.twist.spin_radps);
+            let reach_mps = body.reach_mps * friction_factor(faults, part, arm);
+            body.motion.velocity_mps += pull_mps;
+            let (sped, spun) =
+                body.drag(self.friction, reach_mps, plate.twist.velocity_at(arm), plate.twist.spin_radps);
             impulse += sped * body.mass_kg;
             turn += cross(arm, sped) * body.mass_kg + body.inertia_kgm2() * spun;
             liveliest = liveliest.max(body.liveliness());

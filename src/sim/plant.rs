@@ -1,6 +1,7 @@
 //! Everything that moves, stepped together: motors, plate, parts, accelerometers. No camera.
 
 use super::accelerometers::Accelerometers;
+use super::faults::{PlantChange, PlantFaults};
 use super::guard::Guard;
 use super::motors::Motors;
 use super::parts::Parts;
@@ -126,6 +127,24 @@ impl Plant {
     pub fn parts_mut(&mut self) -> &mut Parts {
         self.still = false;
         &mut self.parts
+    }
+
+    /// From now on this is wrong, and nothing else.
+    pub fn set_faults(&mut self, faults: &PlantFaults) {
+        self.motors.set_faults(&faults.coils);
+        self.plate.detune(if faults.resonance > 0.0 { faults.resonance } else { 1.0 });
+        self.parts.set_faults(faults);
+        self.still = false;
+    }
+
+    /// This happens now.
+    pub fn change(&mut self, change: PlantChange) {
+        match change {
+            PlantChange::Moved { part, by_m } => self.parts.shift(part, by_m),
+            PlantChange::Swapped(parts) => self.parts.exchange(parts),
+            PlantChange::Bumped(by_m) => self.plate.bump(by_m),
+        }
+        self.still = false;
     }
 
     /// What the accelerometers saw of the last pulse, up to now.

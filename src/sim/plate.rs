@@ -86,6 +86,8 @@ impl PlateMotion {
 /// The plate's state.
 #[derive(Clone, Debug)]
 pub struct Plate {
+    params: PlateParams,
+    step_s: f64,
     axes: [Oscillator; 3],
     inverse_inertia: [f64; 3],
     motions: [Motion; 3],
@@ -95,15 +97,26 @@ pub struct Plate {
 impl Plate {
     /// At rest; it will be stepped by `step_s`.
     pub fn new(params: &PlateParams, step_s: f64) -> Self {
-        let axis =
-            |i: usize| Oscillator::new(std::f64::consts::TAU * params.resonance_hz[i], params.damping_ratio[i], step_s);
         let inverse_mass = params.mass_kg.recip();
         Self {
-            axes: [axis(0), axis(1), axis(2)],
+            params: *params,
+            step_s,
+            axes: axes(params, step_s, 1.0),
             inverse_inertia: [inverse_mass, inverse_mass, params.inertia_kgm2.recip()],
             motions: [Motion::default(); 3],
             wrench: Wrench::default(),
         }
+    }
+
+    /// From now on its natural frequencies are `factor` times those it was built with.
+    pub fn detune(&mut self, factor: f64) {
+        self.axes = axes(&self.params, self.step_s, factor);
+    }
+
+    /// Pushed out of its place by `by_m`, now.
+    pub fn bump(&mut self, by_m: Vec2) {
+        self.motions[0].position += by_m.x;
+        self.motions[1].position += by_m.y;
     }
 
     /// One step on. `wrench` is that at the step's end; over the step its mean with the last one acts.
@@ -137,6 +150,11 @@ impl Plate {
         let [x, y, spin] = self.inverse_inertia;
         [wrench.force_n.x * x, wrench.force_n.y * y, wrench.torque_nm * spin]
     }
+}
+
+fn axes(params: &PlateParams, step_s: f64, detuned: f64) -> [Oscillator; 3] {
+    let natural_radps = |i: usize| std::f64::consts::TAU * params.resonance_hz[i] * detuned;
+    std::array::from_fn(|i| Oscillator::new(natural_radps(i), params.damping_ratio[i], step_s))
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The simulated rig behind the hardware boundary: the plant under a camera, its truth shown through a probe alone.
 
 mod exposure;
+mod faults;
 
 use self::exposure::{EXPOSURE_SNAPSHOTS, Exposure, MIDDLE};
 use super::guard::Guard;

@@ -3,6 +3,7 @@ use crate::cli::args::Common;
 use crate::cli::client_args::{JobArgs, JobsArgs, PlatesArgs};
 use crate::cli::failure::Failure;
 use crate::cli::print_json;
+use crate::cli::progress::behind;
 use crate::cli::summary;
 use upm_recording::Report;
 use upm_server::service::{
@@ -139,16 +140,17 @@ pub(super) fn plates(args: &PlatesArgs, common: Common) -> Result<u8, Failure> {
 /// A plate on one line, and what to do where it waits for a person.
 pub(super) fn plate_line(plate: &Plate) -> String {
     let Plate { name, queued, why, .. } = plate;
+    let behind = behind(plate.behind_s);
     let doing = match plate.state {
         PlateState::Idle => {
             plate.standing_job.as_ref().map(|standing| standing_line(standing, name)).unwrap_or_default()
         }
         PlateState::Running if is_standing(plate) => {
-            format!("standing job {}  {}", plate.job.as_deref().unwrap_or_default(), plate.phase)
+            format!("standing job {}{behind}  {}", plate.job.as_deref().unwrap_or_default(), plate.phase)
         }
         PlateState::Running => {
             let job = plate.job.as_deref().unwrap_or("a job");
-            format!("{:3.0} % of {job}  {}", 100.0 * plate.progress, plate.phase)
+            format!("{:3.0} % of {job}{behind}  {}", 100.0 * plate.progress, plate.phase)
         }
         PlateState::Paused => format!("{why} (upm resume {name})"),
         PlateState::Stopped => format!("{why} (upm reset {name} --operator NAME --reason TEXT)"),

@@ -8,15 +8,21 @@ use std::time::Duration;
 use jiff::Timestamp;
 use serde_json::{Value, json};
 
+use super::client::on_one_line;
 use crate::cli::args::{Common, ServeArgs};
 use crate::cli::failure::Failure;
 use crate::cli::{NOT_REACHED, print_json};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
-use upm_server::daemon::{Daemon, Ended, Notice, ServiceManager, StartFault, keep_files_private, prepare};
+use upm_runner::run::PaceCheck;
+use upm_server::daemon::{Daemon, Ended, Notice, Prepared, ServiceManager, StartFault, keep_files_private, prepare};
 
 /// Time that repairing what a crash left may take.
 const LONGEST_START: Duration = Duration::from_secs(600);
+
+/// What helps a computer that does not keep up.
+const WHAT_TO_DO: &str =
+    "jobs complete all the same; \"pace\": \"max\", fewer plates or a smaller camera frame would do";
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
@@ -40,36 +46,78 @@ pub(in crate::cli) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Fail
     Ok(status(&daemon.serve(&stop, &manager)))
 }
 
-/// Tells whether the daemon would start now, in the form in which `upm check` tells of files.
+/// Tells whether the daemon would start now, in the form in which `upm check` tells of files, and whether this computer
+/// keeps up with its plates. One that is too slow is no fault: jobs complete all the same.
 fn check(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     let checked = checked(args);
+    let measure = |startable: &Startable| startable.prepared.check_pace(&startable.spec, &MonotonicClock::new());
+    let paces = checked.as_ref().map(measure).unwrap_or_default();
     if !common.json {
-        say!("{}: {}", args.config.display(), checked?)?;
+        say!("{}: {}", args.config.display(), checked?.says)?;
+        paces.iter().try_for_each(|(plate, pace)| say!("{}", pace_line(plate, pace)))?;
         return Ok(0);
     }
-    print_json(&row(&args.config, &checked))?;
+    print_json(&row(&args.config, &checked, &paces))?;
     Ok(checked.map_or_else(|failure| failure.status, |_| 0))
 }
 
-fn row(file: &Path, checked: &Result<String, Failure>) -> Value {
+/// A daemon that would start now.
+struct Startable {
+    /// A line about it.
+    says: String,
+    spec: DaemonSpec,
+    prepared: Prepared,
+}
+
+fn row(file: &Path, checked: &Result<Startable, Failure>, paces: &[(String, Result<PaceCheck, String>)]) -> Value {
     json!({
         "file": file,
         "valid": checked.is_ok(),
-        "says": checked.as_ref().ok(),
+        "says": checked.as_ref().ok().map(|startable| &startable.says),
         "faults": checked.as_ref().err().map(|failure| &failure.lines),
+        "plates": paces.iter().map(|(plate, pace)| pace_row(plate, pace)).collect::<Vec<_>>(),
     })
 }
 
-/// A line about the daemon that would start.
-fn checked(args: &ServeArgs) -> Result<String, Failure> {
+fn checked(args: &ServeArgs) -> Result<Startable, Failure> {
     let spec = spec_of(args)?;
-    prepare(&spec).map_err(Failure::faults)?;
+    let prepared = prepare(&spec).map_err(Failure::faults)?;
     let refused = Daemon::refused_addresses(&spec);
     if !refused.is_empty() {
         let lines = refused.iter().map(ToString::to_string).collect();
         return Err(Failure { status: NOT_REACHED, lines });
     }
-    Ok(format!("daemon on {}, plates: {}", spec.listen, spec.plate_names().join(", ")))
+    let says = format!("daemon on {}, plates: {}", spec.listen, spec.plate_names().join(", "));
+    Ok(Startable { says, spec, prepared })
+}
+
+/// Whether this computer keeps up with a plate, on one line.
+fn pace_line(plate: &str, pace: &Result<PaceCheck, String>) -> String {
+    let pace = match pace {
+        Ok(pace) => pace,
+        Err(why) => return on_one_line(&format!("{plate}: pace not measured: {why}")),
+    };
+    let [p50_ms, p99_ms, period_ms] = [pace.loop_p50_s, pace.loop_p99_s, pace.period_s].map(|s| 1e3 * s);
+    let measured = format!("loop time per frame {p50_ms:.1} ms (p50), {p99_ms:.1} ms (p99) of {period_ms:.1} ms");
+    if pace.keeps_up() {
+        return format!("{plate}: {measured}: keeps up");
+    }
+    let behind_s = pace.behind_s_per_minute;
+    format!("{plate}: {measured}: too slow: falls behind by {behind_s:.1} s per minute; {WHAT_TO_DO}")
+}
+
+fn pace_row(plate: &str, pace: &Result<PaceCheck, String>) -> Value {
+    match pace {
+        Ok(pace) => json!({
+            "plate": plate,
+            "period_s": pace.period_s,
+            "loop_p50_s": pace.loop_p50_s,
+            "loop_p99_s": pace.loop_p99_s,
+            "behind_s_per_minute": pace.behind_s_per_minute,
+            "keeps_up": pace.keeps_up(),
+        }),
+        Err(why) => json!({ "plate": plate, "why": why }),
+    }
 }
 
 /// The service manager that the environment tells of.
@@ -135,6 +183,23 @@ mod tests {
     use crate::cli::BAD_INPUT;
     use crate::cli::logs::LogFormat;
 
+    fn pace(behind_s_per_minute: f64) -> PaceCheck {
+        PaceCheck { period_s: 1.0 / 60.0, loop_p50_s: 0.0041, loop_p99_s: 0.0212, behind_s_per_minute }
+    }
+
+    #[test]
+    fn pace_check_says_whether_the_computer_keeps_up_and_what_to_do() {
+        let start = "upm-1: loop time per frame 4.1 ms (p50), 21.2 ms (p99) of 16.7 ms: ";
+        assert_eq!(pace_line("upm-1", &Ok(pace(0.2))), format!("{start}keeps up"));
+        let slow = pace_line("upm-1", &Ok(pace(12.34)));
+        assert_eq!(slow, format!("{start}too slow: falls behind by 12.3 s per minute; {WHAT_TO_DO}"));
+        let row = pace_row("upm-1", &Ok(pace(12.34)));
+        assert_eq!((&row["keeps_up"], &row["behind_s_per_minute"]), (&json!(false), &json!(12.34)));
+        let unmeasured = Err("no room".to_owned());
+        assert_eq!(pace_line("upm-1", &unmeasured), "upm-1: pace not measured: no room");
+        assert_eq!(pace_row("upm-1", &unmeasured)["why"], "no room");
+    }
+
     fn args(config: &str, listen: SocketAddr) -> ServeArgs {
         let config = Path::new(env!("CARGO_MANIFEST_DIR")).join(config);
         ServeArgs { config, listen: Some(listen), data: None, check: true, log: LogFormat::Text }
@@ -145,21 +210,21 @@ mod tests {
         let free = "127.0.0.1:0".parse().unwrap();
         let good = args("configs/daemon.json", free);
         let checked_good = checked(&good);
-        let told = row(&good.config, &checked_good);
+        let told = row(&good.config, &checked_good, &[]);
         assert_eq!((&told["valid"], &told["faults"]), (&json!(true), &Value::Null));
         assert!(told["says"].as_str().unwrap().starts_with("daemon on 127.0.0.1:0, plates: upm-1, "), "{told}");
 
         let other = TcpListener::bind(free).unwrap();
         let taken = other.local_addr().unwrap();
-        let failure = checked(&args("configs/daemon.json", taken)).unwrap_err();
+        let failure = checked(&args("configs/daemon.json", taken)).err().unwrap();
         assert_eq!(failure.status, NOT_REACHED, "its files are right");
         assert!(failure.lines[0].starts_with(&format!("{taken}: cannot be listened on: ")), "{failure:?}");
 
         let bad = args("configs/plus-sign.json", free);
         let checked_bad = checked(&bad);
-        let told = row(&bad.config, &checked_bad);
+        let told = row(&bad.config, &checked_bad, &[]);
         assert_eq!((&told["valid"], &told["says"]), (&json!(false), &Value::Null));
         assert!(!told["faults"].as_array().unwrap().is_empty(), "{told}");
-        assert_eq!(checked_bad.unwrap_err().status, BAD_INPUT);
+        assert_eq!(checked_bad.err().unwrap().status, BAD_INPUT);
     }
 }

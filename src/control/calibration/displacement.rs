@@ -1,3 +1,4 @@
+use crate::Guards;
 use std::f64::consts::{FRAC_PI_4, TAU};
 
 use nalgebra::{DMatrix, DVector};
@@ -50,7 +51,8 @@ pub(super) fn measure(
     params: &CalibrationParams,
 ) -> Result<DisplacementModel, CalibrationFault> {
     let (kinds, coins) = (&params.kinds, &params.coins);
-    let mut eyes = Eyes::open(bench.rig, bench.model, kinds, coins, &mut Quiet, &StoppedClock, bench.stop)?;
+    let mut eyes =
+        Eyes::open(bench.rig, bench.model, kinds, coins, Guards::default(), &mut Quiet, &StoppedClock, bench.stop)?;
     let sustain_s = choose_sustains(bench, &mut eyes, library, params)?;
     let motions = library.entries.len();
     let mut samples = Vec::new();

@@ -1,8 +1,10 @@
 //! One pulse: sent to the motors, followed by the eyes, read from the accelerometers, learned from.
 
 use super::Cycle;
+use crate::conditions::Condition;
 use crate::ending::Ending;
 use crate::eyes::Moment;
+use crate::guards::{Finding, Unlike, went_as_forecast};
 use crate::learning::{Lesson, MORE, Scatter};
 use crate::{Carried, PulseFacts};
 use upm_core::geometry::Vec2;
@@ -17,10 +19,15 @@ impl Cycle<'_> {
         let drive = drive_of(self.library, planned).map_err(Ending::failed)?;
         let started_at = self.rig.now();
         let (all_seen, before_m) = (self.eyes.missing_for() == 0, self.eyes.positions_m());
+        let ahead = self.forecasts(&before_m, planned);
+        self.eyes.expect_motion(ahead.as_ref().map_or(0.0, |[_, learned_m, _]| farthest_m(&before_m, learned_m)));
         self.rig.play(&drive)?;
+        self.delay.begin(&before_m);
         while !self.eyes.look(self.rig, moment, self.sink, self.clock)? {
             self.check_stop()?;
+            self.delay.frame(self.eyes.seen_at() - started_at, self.eyes.positions_m());
         }
+        self.delay.frame(self.eyes.seen_at() - started_at, self.eyes.positions_m());
         let trace = self.rig.trace();
         let sensors = AccelerometerPair {
             position_m: self.model.accelerometer_in_plate_m,
@@ -29,7 +36,7 @@ impl Cycle<'_> {
         let fit = read(planned, &drive, &trace, &sensors);
         let after_m = self.eyes.positions_m();
         let all_seen = all_seen && self.eyes.missing_for() == 0;
-        let forecasts = if all_seen { self.forecasts(&before_m, planned) } else { None };
+        let forecasts = ahead.filter(|_| all_seen && !self.eyes.silenced_pulse());
         let carried = forecasts.as_ref().map(|[by_library_m, by_learning_m, _]| Carried {
             before_m: &before_m,
             after_m: &after_m,
@@ -55,7 +62,50 @@ impl Cycle<'_> {
             });
             self.tell_slow_parts();
         }
-        Ok(())
+        if self.eyes.silenced_pulse() {
+            return Ok(());
+        }
+        let steps = forecasts.as_ref().map(|[_, forecast_m, _]| (&before_m[..], &forecast_m[..], &after_m[..]));
+        self.doubt(planned, &drive, &fit, &sensors, steps)
+    }
+
+    /// Holds a pulse against its plan: the plate's motion, the parts' steps, the pictures' time. `steps` are places before
+    /// it, forecast and seen after it, where all were seen.
+    fn doubt(
+        &mut self,
+        planned: &PlannedPulse,
+        drive: &Drive,
+        fit: &Result<PlateFit, FitFault>,
+        sensors: &AccelerometerPair,
+        steps: Option<(&[Vec2], &[Vec2], &[Vec2])>,
+    ) -> Result<(), Ending> {
+        let guards = &self.params.guards;
+        let as_forecast = steps.and_then(|(before, forecast, after)| went_as_forecast(before, forecast, after));
+        let found = self.motion.check(planned, drive, fit, sensors, as_forecast);
+        if let Some(Finding { condition, reason, ends }) = found.filter(|found| guards.has(found.condition)) {
+            self.warn(condition, reason.clone());
+            if ends {
+                return Err(Ending::guarded(condition, reason));
+            }
+        }
+        let (sounding_s, frame_s) = (drive.envelope.sounding_s(), self.model.frame_hz.recip());
+        if let Some(frames) = self.delay.end(sounding_s, frame_s).filter(|_| guards.has(Condition::CameraLate)) {
+            let reason = format!("parts move {frames:.1} frames later in the pictures than they are driven");
+            self.warn(Condition::CameraLate, reason.clone());
+            return Err(Ending::guarded(Condition::CameraLate, reason));
+        }
+        let Some((before, forecast, after)) = steps else { return Ok(()) };
+        let Some((part, unlike)) = self.steps.check(before, forecast, after) else { return Ok(()) };
+        let (condition, does) = match unlike {
+            Unlike::Stuck => (Condition::PartStuck { part }, "hardly moves"),
+            Unlike::Astray => (Condition::PartAstray { part }, "goes the other way"),
+        };
+        if !guards.has(condition) {
+            return Ok(());
+        }
+        let reason = format!("{} {does} although three pulses in a row should carry it", self.id(part));
+        self.warn(condition, reason.clone());
+        Err(Ending::guarded(condition, reason))
     }
 
     /// Where parts at `before_m` should be after a pulse: by the library alone, with what was learned, and with
@@ -75,6 +125,11 @@ impl Cycle<'_> {
         let learned = |i: usize, p_m: Vec2| self.gains.get(i, p_m);
         Some([with(&|_, _| 1.0)?, with(&learned)?, with(&|i, p_m| learned(i, p_m) + MORE)?])
     }
+}
+
+/// The longest way of a part, m.
+fn farthest_m(from_m: &[Vec2], to_m: &[Vec2]) -> f64 {
+    from_m.iter().zip(to_m).map(|(from, to)| (to - from).norm()).fold(0.0, f64::max)
 }
 
 /// What the motors are sent for a pulse; `Err` in words where the library cannot drive it.

@@ -37,7 +37,7 @@ impl Cycle<'_> {
         }
     }
 
-    fn warn(&mut self, condition: Condition, reason: String) {
+    pub(super) fn warn(&mut self, condition: Condition, reason: String) {
         self.conditions.note(self.rig.now(), condition, || reason, self.sink);
     }
 

@@ -50,7 +50,6 @@ fn translations() -> impl Iterator<Item = Twist> {
     (0..16).map(|k| PI * f64::from(k) / 16.0).map(|angle| Twist::new(0.5 * angle.cos(), 0.5 * angle.sin(), 0.0))
 }
 
-/// Centres all over the plate.
 fn rotations() -> impl Iterator<Item = Twist> {
     (0..169).map(|k| Twist::about(Vec2::new(f64::from(k % 13 - 6), f64::from(k / 13 - 6)) * (HALF_M / 6.0), 4.0))
 }
@@ -74,6 +73,7 @@ fn params(parts: usize) -> ControlParams {
             exposure_s: 0.002,
             max_sustain_s: 0.3,
         },
+        guards: Default::default(),
     }
 }
 

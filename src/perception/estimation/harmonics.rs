@@ -19,6 +19,8 @@ pub type Coefficients = [f64; 4];
 pub struct HarmonicFit {
     /// Of `c1 cos wt + s1 sin wt + c2 cos 2wt + s2 sin 2wt`, times from the start of the pulse.
     pub coefficients: Coefficients,
+    /// Standard deviation of each coefficient, by the residuals and the normal matrix, m/s².
+    pub sd: Coefficients,
     /// Sum of the squares of what is left over, (m/s²)².
     pub residual_sum: f64,
 }
@@ -51,15 +53,18 @@ pub fn fit<const D: usize, const N: usize>(
         let values = SVector::<f64, N>::from_fn(|channel, _| channels[channel].get(i).copied().unwrap_or(0.0));
         projected.ger(1.0, &row, &values, 1.0);
     }
-    let solution = normal.cholesky()?.solve(&projected);
+    let factor = normal.cholesky()?;
+    let (solution, covariance) = (factor.solve(&projected), factor.inverse());
     let mut residual_sums = SVector::<f64, N>::zeros();
     for (i, row) in regressors::<D>(window, base_radps).enumerate() {
         let values = SVector::<f64, N>::from_fn(|channel, _| channels[channel].get(i).copied().unwrap_or(0.0));
         let left_over = values - solution.tr_mul(&row);
         residual_sums += left_over.component_mul(&left_over);
     }
+    let freedom = window.samples.len().saturating_sub(D).max(1) as f64;
     Some(std::array::from_fn(|channel| HarmonicFit {
         coefficients: std::array::from_fn(|k| solution[(k, channel)]),
+        sd: std::array::from_fn(|k| (covariance[(k, k)] * residual_sums[channel] / freedom).sqrt()),
         residual_sum: residual_sums[channel],
     }))
 }

@@ -33,6 +33,8 @@ pub enum PlateFit {
 pub struct TwistFit {
     /// Least-squares acceleration coefficients of each channel, m/s², its gain taken out: c1, s1, c2, s2 (Eq. 12).
     pub accel_mps2: [[f64; 4]; CHANNELS],
+    /// Standard deviation of each of them, m/s²: by the residuals of all channels together and the normal matrix.
+    pub accel_sd_mps2: [f64; 4],
     /// Root mean square of what the fit leaves over, m/s².
     pub residual_rms_mps2: f64,
     /// The plate's velocity as a two-harmonic twist (Eq. 13, App. B), times from the start of the pulse.
@@ -52,6 +54,8 @@ pub struct WaveFit {
     /// Least-squares acceleration coefficients of each channel, m/s², its gain taken out: for harmonic k at index k - 1
     /// those of cos kwt and sin kwt.
     pub accel_mps2: [Vec<[f64; 2]>; CHANNELS],
+    /// Standard deviation of each of them, m/s²: by the residuals of all channels together and the normal matrix.
+    pub accel_sd_mps2: Vec<[f64; 2]>,
     /// Root mean square of what the fit leaves over, m/s².
     pub residual_rms_mps2: f64,
     /// The plate's velocity, times from the start of the pulse.

@@ -36,8 +36,8 @@ pub fn fit_wave(
     let measured = DMatrix::from_columns(&accelerations_mps2(trace, &window)?.map(Into::into));
     let regressors = regressors(&window, base_radps, harmonics);
     let normal = regressors.tr_mul(&regressors).cholesky();
-    let solution = normal.ok_or(FitFault::Unreadable("harmonics cannot be told from drift"))?;
-    let solution = solution.solve(&regressors.tr_mul(&measured));
+    let factor = normal.ok_or(FitFault::Unreadable("harmonics cannot be told from drift"))?;
+    let solution = factor.solve(&regressors.tr_mul(&measured));
     let left_over = &measured - &regressors * &solution;
     let coefficient = |row: usize, channel: usize| solution[(row, channel)] / sensors.gain[channel];
     let accel_mps2: [Vec<[f64; 2]>; CHANNELS] = std::array::from_fn(|channel| {
@@ -46,7 +46,11 @@ pub fn fit_wave(
     refuse_weak(&accel_mps2)?;
     let residual_rms_mps2 = (left_over.norm_squared() / left_over.len() as f64).sqrt();
     let wave = twist_wave(&accel_mps2, base_radps, sensors.position_m);
-    Ok(WaveFit { accel_mps2, residual_rms_mps2, wave })
+    let freedom = CHANNELS * left_over.nrows().saturating_sub(regressors.ncols()).max(1);
+    let (residual_variance, covariance) = (left_over.norm_squared() / freedom as f64, factor.inverse());
+    let sd = |k: usize| (residual_variance * covariance[(k, k)]).sqrt();
+    let accel_sd_mps2 = (0..harmonics).map(|k| [sd(2 * k), sd(2 * k + 1)]).collect();
+    Ok(WaveFit { accel_mps2, accel_sd_mps2, residual_rms_mps2, wave })
 }
 
 /// A row for each sample of `window`: cos and sin of every harmonic, then Legendre polynomials from the constant up.

@@ -89,6 +89,17 @@ impl Tracker {
         }
     }
 
+    /// Lets a frame pass that shows nothing of the present.
+    pub fn miss(&mut self) {
+        self.frames += 1;
+        let last = Vec2::new(self.frame_size[0] as f64 - 1.0, self.frame_size[1] as f64 - 1.0);
+        for (motion, track) in self.motions.iter_mut().zip(&mut self.tracks) {
+            motion.step();
+            motion.keep_within(Vec2::zeros(), last);
+            track.frames_unseen = track.frames_unseen.saturating_add(1);
+        }
+    }
+
     /// One entry for each part of the start, in that order.
     pub fn tracks(&self) -> &[Track] {
         &self.tracks

@@ -46,6 +46,8 @@ pub struct DaemonSpec {
     pub watchdog: WatchdogSpec,
     /// Bytes a live stream for the Rerun viewer keeps; `None` for no live streams.
     pub live_history_bytes: Option<u64>,
+    /// True to take jobs that make the simulated rig fail on purpose.
+    pub allow_faults: bool,
     /// The file's content with every default written out.
     raw: RawDaemon,
 }
@@ -85,6 +87,8 @@ pub struct KeepSpec {
 /// When a plate is stopped because something is wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchdogSpec {
+    /// Relaxed deadlines: no frame came, or nothing could be written, for so long, wall time.
+    pub hung: Duration,
     /// No frame came for so long, wall time.
     pub no_frame: Duration,
     /// A plan took so long, wall time.
@@ -143,6 +147,7 @@ impl DaemonSpec {
             reserve_bytes: megabytes(raw.disk.reserve_mb),
             watchdog: watchdog_of(&raw.watchdog),
             live_history_bytes: raw.live.rerun.then(|| megabytes(raw.live.history_mb)),
+            allow_faults: raw.allow_faults,
             raw,
         })
     }
@@ -297,6 +302,7 @@ fn keep_of(raw: &RawKeep) -> KeepSpec {
 
 fn watchdog_of(raw: &RawWatchdog) -> WatchdogSpec {
     WatchdogSpec {
+        hung: Duration::from_secs_f64(raw.hung_s),
         no_frame: Duration::from_secs_f64(raw.no_frame_s),
         planning: Duration::from_secs_f64(raw.planning_s),
         no_part_s: raw.no_part_s,

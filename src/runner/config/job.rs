@@ -3,8 +3,9 @@ use std::path::PathBuf;
 use serde_json::{Map, Value};
 
 use super::fault::{Fault, Faults, Path, one_of, shown};
+use super::faults::{self, RawFault, RawFaults};
 use super::kinds::{KindSpec, NAMES};
-use super::raw_job::{LibrarySource, PlannerChoice, RawJob, RawParts};
+use super::raw_job::{DeadlinePolicy, LibrarySource, PlannerChoice, RawJob, RawParts};
 use super::raw_rig::{RawRig, RigSource};
 use super::read::{Origin, parse, text_of};
 use super::rig::RigSpec;
@@ -13,6 +14,7 @@ use super::task::{self, TaskSpec};
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::units::{m_from_mm, mm_from_m};
+use upm_sim::faults::FaultSpec;
 
 /// A validated job.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,6 +39,10 @@ pub struct JobSpec {
     pub tolerance_m: f64,
     /// Longest plate time of the run, s.
     pub plate_time_limit_s: f64,
+    /// Faults of the simulated rig.
+    pub faults: Vec<FaultSpec>,
+    /// What happens when this computer is too slow for the plate.
+    pub deadlines: DeadlinePolicy,
     /// The file's content with every default written out, the rig left out.
     raw: RawJob,
 }
@@ -94,6 +100,10 @@ impl JobSpec {
         }
         let task = task::build(&raw.task, &parts, &rig, faults);
         room::check(&parts, &rig, faults);
+        let at = root.key("faults");
+        let of_rig = raw.faults.as_ref().map(|raw| faults::build(raw, each_kind(&parts).len(), &at, faults));
+        // what a seed drew is written out: a run folder says by itself what went wrong
+        raw.faults = of_rig.as_ref().map(|specs| RawFaults::List(specs.iter().map(RawFault::of).collect()));
         Some(Self {
             file: origin.file.clone(),
             name: raw.name.clone(),
@@ -104,6 +114,8 @@ impl JobSpec {
             planner: raw.planner,
             tolerance_m: m_from_mm(raw.tolerance_mm),
             plate_time_limit_s: raw.limits.plate_time_s,
+            faults: of_rig.unwrap_or_default(),
+            deadlines: raw.deadlines,
             rig,
             raw,
         })
@@ -128,6 +140,21 @@ impl JobSpec {
     pub fn with_seed(mut self, seed: u64) -> Self {
         self.raw.seed = seed;
         self
+    }
+
+    /// The same job with the faults in `texts` besides its own, as typed on the command line.
+    ///
+    /// # Errors
+    /// Every one that is none.
+    pub fn with_faults(mut self, texts: &[String]) -> Result<Self, Vec<Fault>> {
+        let mut faults = Faults::of("--faults");
+        let typed = faults::typed(texts, self.kinds_of_parts().len(), &mut faults);
+        let typed = faults.into_result(Some(typed))?;
+        self.faults.extend(typed);
+        if !self.faults.is_empty() {
+            self.raw.faults = Some(RawFaults::List(self.faults.iter().map(RawFault::of).collect()));
+        }
+        Ok(self)
     }
 
     /// Kind of every part, as indices into the rig's kinds, in the order of the job.

@@ -55,6 +55,9 @@ pub struct RawDaemon {
     /// Live streams for the Rerun viewer.
     #[serde(default)]
     pub live: RawLive,
+    /// True to take jobs with `faults`, which make the simulated rig fail on purpose.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub allow_faults: bool,
 }
 
 fn listen() -> String {
@@ -180,10 +183,14 @@ impl Default for RawDisk {
     }
 }
 
-/// When a plate is stopped because something is wrong.
+/// When a plate is stopped because something is wrong. `no_frame_s`, `planning_s`, `blocked_s`, `late_frames` and
+/// `misses_per_s` are for jobs with strict deadlines; a job with relaxed ones may be as slow as `hung_s` allows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawWatchdog {
+    /// Relaxed deadlines: no frame came, or nothing could be written, for so long, s of wall time.
+    #[schemars(range(min = 1.0, max = 3600.0))]
+    pub hung_s: f64,
     /// No frame came for so long, s of wall time.
     #[schemars(range(min = 0.1, max = 60.0))]
     pub no_frame_s: f64,
@@ -206,7 +213,15 @@ pub struct RawWatchdog {
 
 impl Default for RawWatchdog {
     fn default() -> Self {
-        Self { no_frame_s: 0.5, planning_s: 5.0, no_part_s: 0.5, blocked_s: 0.5, late_frames: 5, misses_per_s: 10 }
+        Self {
+            hung_s: 30.0,
+            no_frame_s: 0.5,
+            planning_s: 5.0,
+            no_part_s: 0.5,
+            blocked_s: 0.5,
+            late_frames: 5,
+            misses_per_s: 10,
+        }
     }
 }
 

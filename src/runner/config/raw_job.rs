@@ -2,6 +2,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use super::faults::RawFaults;
 use super::raw_rig::RigSource;
 
 /// A job: which rig, which parts, and what to do with them.
@@ -40,6 +41,12 @@ pub struct RawJob {
     /// When to give up.
     #[serde(default)]
     pub limits: RawLimits,
+    /// Faults of the simulated rig, to see what a run makes of them. A daemon takes them only where its file allows it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub faults: Option<RawFaults>,
+    /// What happens when this computer is too slow for the plate.
+    #[serde(default)]
+    pub deadlines: DeadlinePolicy,
 }
 
 fn one_u64() -> u64 {
@@ -201,6 +208,18 @@ pub enum PlannerChoice {
     SynthesizedField,
     /// The papers' plain method, for comparison: fixed centres, the ideal field, the pseudo-inverse.
     PseudoInverse,
+}
+
+/// What happens when this computer is too slow for the plate. It changes no journal.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DeadlinePolicy {
+    /// The simulated plate waits: its time falls behind the clock, and the run goes on.
+    #[default]
+    Relaxed,
+    /// The run is stopped, as it must be on real hardware: by the drive lease, and by the watchdog's limits for late
+    /// frames, missing frames and planning.
+    Strict,
 }
 
 /// When to give up; tasks without end are completed then.

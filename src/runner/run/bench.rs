@@ -4,7 +4,7 @@ use super::planner_selection::PlannerSelection;
 use crate::config::{
     Assignment, BinSpec, Fault, JobSpec, PathSpec, PlacedPart, REST_GAP_M, REST_MARGIN_M, TaskSpec, place_parts,
 };
-use upm_control::{ControlParams, ExpectedPart, LocalisedFacts, Sink};
+use upm_control::{ControlParams, ExpectedPart, Guards, LocalisedFacts, Sink};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::random::Streams;
@@ -17,6 +17,7 @@ use upm_goal::{
 use upm_library::{Entry, Library};
 use upm_planner::{FlowEffort, Method, PlannerParams, RotationPlanner};
 use upm_sim::SimRig;
+use upm_sim::faults::FaultSpec;
 use upm_viewer::PartLook;
 
 /// Longest step wanted of a part in one cycle, m.
@@ -44,6 +45,10 @@ pub struct Bench {
     pub params: ControlParams,
     /// Parts where they start.
     pub placed: Vec<PlacedPart>,
+    /// What goes wrong with the rig.
+    pub faults: Vec<FaultSpec>,
+    /// Where its randomness comes from.
+    pub streams: Streams,
 }
 
 impl Bench {
@@ -64,10 +69,12 @@ impl Bench {
             lost_after_frames: lost_after_frames(model.frame_hz),
             method: PlannerSelection::of(job).method,
             planner: planner_params(job),
+            guards: Guards::default(),
             kinds,
         };
         let goal = goal(job, library, &placed);
-        Ok(Self { rig, model, goal, params, placed })
+        let (faults, streams) = (job.faults.clone(), Streams::new(job.seed()));
+        Ok(Self { rig, model, goal, params, placed, faults, streams })
     }
 
     /// Plate time now.

@@ -37,7 +37,7 @@ fn report_of(task: &Value, plate_time_s: f64) -> Report {
     let (out, stop) = (TempDir::new().unwrap(), AtomicBool::new(false));
     let mut watcher = Fanout::new();
     let job = job(task, plate_time_s);
-    run(&job, &options(&out), &MonotonicClock::new(), &stop, &mut watcher).unwrap().report
+    run(&job, &options(&out), &MonotonicClock::new(), &stop, &PacingStats::default(), &mut watcher).unwrap().report
 }
 
 /// Asks a run to give way in the first frame of a pulse after `after_s`.
@@ -64,7 +64,7 @@ fn gives_way(task: &Value) -> (TempDir, Report, Vec<Value>, f64) {
     let options = options(&out);
     let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
     let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
-    let (interlock, pacing) = (Interlock::default(), Arc::default());
+    let (interlock, pacing) = (Interlock::default(), PacingStats::default());
     let links = Links { stop: &stop, give_way: &give_way, interlock: &interlock, pacing: &pacing, cause: &|| None };
     let mut watcher = InAPulse { after_s: 2.0, give_way: &give_way, asked_s: None };
     let (library, clock) = (job_library(&job).unwrap(), MonotonicClock::new());

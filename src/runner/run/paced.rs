@@ -1,6 +1,7 @@
 use std::time::Duration;
 
 use super::pacing::PacingStats;
+use crate::config::DeadlinePolicy;
 use upm_core::rig::{Interlock, Rig, RigFault};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::{Clock, PlateTime};
@@ -17,14 +18,17 @@ pub(super) struct Pace<'a> {
     pub(super) interlock: &'a Interlock,
     /// Frames a second of the rig's camera.
     pub(super) frame_hz: f64,
+    /// Whether the drive lease runs out on control that is late.
+    pub(super) deadlines: DeadlinePolicy,
 }
 
 /// A rig whose plate time never runs ahead of the clock: for watching a simulated plate as if it stood there.
 ///
 /// The first frame starts it. Control that comes late for the next frame finds the plate where it left it: a simulated
-/// plate waits, and from then on its time lies that much further behind the clock. It never hurries to catch up.
-/// Who comes later than [`Interlock::LEASE_S`] while a pulse sounds, as after the process stood still, was not there
-/// to drive it: what then happens to the plate is what happens to one that nobody drives.
+/// plate waits, and from then on its time is that much further behind the clock. It never hurries to catch up.
+///
+/// Under strict deadlines a plate does not wait while a pulse sounds: control that comes later than
+/// [`Interlock::LEASE_S`], as after the process stood still, was not there to drive it, and the drive lease runs out.
 pub(super) struct Paced<'a> {
     rig: &'a mut dyn Rig,
     pace: Pace<'a>,
@@ -41,6 +45,11 @@ struct Epoch(i128);
 impl Epoch {
     fn of(elapsed: Duration, now: PlateTime) -> Self {
         Self(elapsed.as_nanos() as i128 - i128::from(now.nanos()))
+    }
+
+    /// Plate time passes so much later than it did.
+    fn later(self, by: Duration) -> Self {
+        Self(self.0 + by.as_nanos() as i128)
     }
 
     /// How far the clock is past plate time `now`, and how far it has still to go there.
@@ -66,12 +75,15 @@ impl<'a> Paced<'a> {
         }
         let frames = late.as_nanos().checked_div(self.period.as_nanos());
         self.pace.stats.miss(late, frames.and_then(|frames| frames.try_into().ok()).unwrap_or(u64::MAX));
-        let lease_ran_out = late.as_secs_f64() > Interlock::LEASE_S;
+        let is_strict = self.pace.deadlines == DeadlinePolicy::Strict;
+        let lease_ran_out = is_strict && late.as_secs_f64() > Interlock::LEASE_S;
         if lease_ran_out && self.rig.now() < self.sounding_until {
             self.rig.pass(self.rig.now() + late.as_secs_f64())?;
         }
-        if self.late() > self.period {
-            self.epoch = Some(Epoch::of(self.pace.clock.elapsed(), self.rig.now()));
+        let behind = self.late();
+        if behind > self.period {
+            self.epoch = self.epoch.map(|epoch| epoch.later(behind));
+            self.pace.stats.fall_behind(behind);
         }
         Ok(())
     }

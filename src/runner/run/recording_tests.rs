@@ -42,7 +42,7 @@ fn run_until(out: &Path, frame: u64) -> (RunResult, RecordingState) {
         keeping,
     };
     let mut watcher = StopsAt(frame, recording.clone());
-    let done = run(&job, &options, &clock, &AtomicBool::new(false), &mut watcher).unwrap();
+    let done = run(&job, &options, &clock, &AtomicBool::new(false), &PacingStats::default(), &mut watcher).unwrap();
     (done, recording.state())
 }
 

@@ -6,6 +6,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use super::*;
+use crate::config::Origin;
 use upm_control::{FrameFacts, PulseFacts};
 use upm_core::rig::Trip;
 use upm_core::time::MonotonicClock;
@@ -15,6 +16,16 @@ const STEP_S: f64 = 5e-5;
 
 fn job() -> JobSpec {
     JobSpec::load(&config_file("plus-sign.json")).unwrap()
+}
+
+/// A penny that goes some millimetres, with these deadlines.
+fn short_job(deadlines: &str) -> JobSpec {
+    let text = serde_json::json!({
+        "name": "short", "rig": "rigs/upm-1.json", "deadlines": deadlines,
+        "parts": [{"kind": "penny", "position_mm": [0, 0]}],
+        "task": {"type": "arrange", "targets_mm": [[12, 0]]},
+    });
+    JobSpec::from_json(&text.to_string(), &Origin::of_file(&config_file("short.json")), None).unwrap()
 }
 
 /// Does something once, in a frame of a pulse.
@@ -66,10 +77,22 @@ fn keeping() -> Keeping {
 }
 
 impl Stopped {
-    /// Runs the job, `act` in the third frame of pulse `number`, from 1.
+    /// Runs the plus sign, `act` in the third frame of pulse `number`, from 1.
     fn run(plate: &Plate, real_time: bool, number: u64, act: impl FnMut(), cause: Option<&str>) -> Self {
-        let (job, out) = (job(), TempDir::new().unwrap());
-        let library = job_library(&job).unwrap();
+        Self::run_job(&job(), plate, real_time, number, act, cause)
+    }
+
+    /// The same with another job.
+    fn run_job(
+        job: &JobSpec,
+        plate: &Plate,
+        real_time: bool,
+        number: u64,
+        act: impl FnMut(),
+        cause: Option<&str>,
+    ) -> Self {
+        let out = TempDir::new().unwrap();
+        let library = job_library(job).unwrap();
         let started_utc = "20260101T000000Z".to_owned();
         let options = RunOptions {
             live: None,
@@ -79,9 +102,9 @@ impl Stopped {
             keeping: keeping(),
             real_time,
         };
-        let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
+        let folder = RunFolder::create(&options.out, job, &options.started_utc).unwrap();
         let mut watcher = InPulse { number, act, pulses: 0, frames: 0, clock: Arc::clone(&plate.clock) };
-        let cause = || cause.map(str::to_owned);
+        let cause = || cause.map(StopCause::from);
         let links = Links {
             stop: &plate.stop,
             give_way: &plate.give_way,
@@ -89,7 +112,7 @@ impl Stopped {
             pacing: &plate.pacing,
             cause: &cause,
         };
-        let run = run_linked(&job, library, folder, &options, &*plate.clock, links, &mut watcher).unwrap();
+        let run = run_linked(job, library, folder, &options, &*plate.clock, links, &mut watcher).unwrap();
         let journal = std::fs::read_to_string(run.folder.join("journal.jsonl")).unwrap();
         let lines: Vec<Value> = journal.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
         let text = |line: &Value| line["text"].as_str().map(str::to_owned);
@@ -125,7 +148,7 @@ struct Plate {
     stop: AtomicBool,
     give_way: AtomicBool,
     interlock: Interlock,
-    pacing: Arc<PacingStats>,
+    pacing: PacingStats,
     clock: Arc<PlateClock>,
 }
 
@@ -163,17 +186,43 @@ fn a_watchdog_needs_no_flag_and_fails_the_run() {
 }
 
 #[test]
-fn a_process_that_stood_still_in_a_pulse_lost_the_lease() {
+fn process_stopped_in_a_pulse_loses_the_lease_under_strict_deadlines() {
     let plate = Plate::default();
     let stand_still = || plate.clock.ahead_ns.store(3_000_000_000, Ordering::Relaxed);
-    let stopped = Stopped::run(&plate, true, 1, stand_still, None);
+    let stopped = Stopped::run_job(&short_job("strict"), &plate, true, 1, stand_still, None);
     assert_eq!((stopped.report.outcome, stopped.pulses), (Outcome::Failed, 0));
-    assert_eq!(stopped.report.reason, Ending::from(RigFault::Stopped(Trip::Lease)).reason);
+    let by_rig = Ending::from(RigFault::Stopped(Trip::Lease)).reason;
+    let reason = format!("{by_rig}; {}", StopCause::too_busy(true));
+    assert_eq!(stopped.report.reason, reason);
+    assert_eq!(stopped.report.stop.as_ref().map(|stop| stop.code), Some(StopCode::DeadlineMissed));
+    assert_eq!(stopped.events.iter().rev().take(2).collect::<Vec<_>>(), [&reason, &by_rig]);
     let answer = plate.interlock.answer().unwrap();
     assert!(stopped.report.plate_time_s > answer.silent_at.secs() + 2.0, "time went on without force");
     assert_eq!(stopped.report.deadline_misses, Some(1));
     assert!(stopped.report.worst_late_frames > Some(10), "{:?}", stopped.report.worst_late_frames);
     assert!(matches!(stopped.holds(), Verdict::Equal { stopped: true, .. }));
+}
+
+#[test]
+fn process_stopped_in_a_pulse_falls_behind_and_completes_under_relaxed_deadlines() {
+    let plate = Plate::default();
+    let stand_still = || plate.clock.ahead_ns.store(8_000_000_000, Ordering::Relaxed);
+    let stalled = Stopped::run_job(&short_job("relaxed"), &plate, true, 1, stand_still, None);
+    let report = &stalled.report;
+    assert_eq!((report.outcome, report.deadline_misses, &report.stop), (Outcome::Completed, Some(1), &None));
+    let behind_s = report.behind_s.unwrap();
+    assert!((behind_s - 8.0).abs() < 0.04, "{behind_s}");
+    assert!(report.plate_time_s < 8.0, "plate time did not pass meanwhile: {}", report.plate_time_s);
+    assert_eq!(plate.interlock.tripped(), None);
+    assert!(matches!(stalled.holds(), Verdict::Equal { stopped: false, .. }));
+
+    let fast = Stopped::run_job(&short_job("strict"), &Plate::default(), false, 1, || (), None);
+    let journal = |run: &Stopped| std::fs::read(run.folder().join("journal.jsonl")).unwrap();
+    assert!(journal(&stalled) == journal(&fast), "neither deadlines nor the computer's speed change a journal");
+    let effective = std::fs::read_to_string(fast.folder().join("effective.json")).unwrap();
+    let effective: Value = serde_json::from_str(&effective).unwrap();
+    assert_eq!(effective["job"]["deadlines"], "strict");
+    assert_eq!(fast.report.behind_s, None, "there was no clock to keep to");
 }
 
 #[test]
@@ -277,7 +326,7 @@ fn crowded() -> JobSpec {
     let mut job: Value = serde_json::from_str(&text).unwrap();
     job["parts"] = serde_json::json!([{"kind": "quarter", "count": 42}]);
     job["task"] = serde_json::json!({"type": "hold", "duration_s": 1});
-    JobSpec::from_json(&job.to_string(), &crate::config::Origin::of_file(&config_file("job.json")), None).unwrap()
+    JobSpec::from_json(&job.to_string(), &Origin::of_file(&config_file("job.json")), None).unwrap()
 }
 
 fn config_file(name: &str) -> PathBuf {

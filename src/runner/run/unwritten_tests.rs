@@ -53,7 +53,7 @@ fn a_run_keeps_its_outcome_when_its_report_cannot_be_written() {
     let options = options(&out);
     let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
     let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
-    let (interlock, pacing) = (Interlock::default(), Arc::default());
+    let (interlock, pacing) = (Interlock::default(), PacingStats::default());
     let links = Links { stop: &stop, give_way: &give_way, interlock: &interlock, pacing: &pacing, cause: &|| None };
     let library = job_library(&job).unwrap();
     let clock = MonotonicClock::new();
@@ -68,6 +68,7 @@ fn a_run_keeps_its_outcome_when_its_report_cannot_be_written() {
 fn who_runs_a_job_by_hand_is_told_of_a_report_that_cannot_be_written() {
     let (job, out) = (job(), TempDir::new().unwrap());
     let (options, clock) = (options(&out), MonotonicClock::new());
-    let done = run(&job, &options, &clock, &AtomicBool::new(false), &mut InTheWay(out.path()));
+    let (stop, pacing) = (AtomicBool::new(false), PacingStats::default());
+    let done = run(&job, &options, &clock, &stop, &pacing, &mut InTheWay(out.path()));
     assert!(matches!(done, Err(RunError::Write { path, .. }) if path.ends_with("report.json")));
 }

@@ -96,6 +96,7 @@ pub(super) fn plate(snapshot: &PlateSnapshot, queued: u64) -> Plate {
         progress: sight.progress.clamp(0.0, 1.0),
         phase: sight.phase.clone(),
         deadline_misses: snapshot.deadline_misses,
+        behind_s: snapshot.behind.as_secs_f64(),
         live: snapshot.live.clone(),
     }
 }

@@ -56,6 +56,11 @@ fn of_plates(plates: &[PlateObserved]) -> Vec<Family> {
         each(Family::counter("deadline_misses", "Frames that control came too late for"), |plate| {
             Some(plate.deadline_misses as f64)
         }),
+        each(
+            Family::gauge("behind", "How far plate time fell behind the clock in the present or last run")
+                .in_unit(Unit::Seconds),
+            |plate| Some(plate.behind.as_secs_f64()),
+        ),
         each(Family::counter("estops", "Emergency stops"), |plate| Some(plate.estops as f64)),
         each(Family::gauge("frame_age", "Time since the newest camera frame").in_unit(Unit::Seconds), |plate| {
             plate.frame_age.map(|age| age.as_secs_f64())

@@ -65,12 +65,13 @@ impl Damage {
 }
 
 fn plate_observed(plate: PlateSnapshot, queued: u64) -> PlateObserved {
-    let PlateSnapshot { name, state, job, sight, age, recording, deadline_misses, estops, .. } = plate;
+    let PlateSnapshot { name, state, job, sight, age, recording, deadline_misses, behind, estops, .. } = plate;
     PlateObserved {
         name,
         state,
         queued,
         deadline_misses,
+        behind,
         estops,
         frame_age: age,
         progress: job.map(|_| sight.progress),

@@ -45,6 +45,8 @@ pub(super) struct PlateObserved {
     pub queued: u64,
     /// Deadlines missed since the daemon started.
     pub deadline_misses: u64,
+    /// How far plate time fell behind the clock in its present or last run.
+    pub behind: Duration,
     /// Emergency stops since the daemon started.
     pub estops: u64,
     /// Time since its newest frame; `None` before the first.
@@ -75,6 +77,7 @@ impl Observed {
             state,
             queued: 2,
             deadline_misses: 3,
+            behind: Duration::from_millis(1500),
             estops: 1,
             frame_age: None,
             progress: None,

@@ -106,6 +106,7 @@ impl Daemon {
             rig: plate.rig.clone(),
             library,
             live_port: plate.live_port,
+            allow_faults: spec.allow_faults,
             standing: plate.standing.as_ref().map(|standing| StandingSetup {
                 job: standing.job.clone(),
                 pace: pace_of(spec.pace),

@@ -22,6 +22,7 @@ const REST: &str = r#""name": "rest", "parts": [{"kind": "penny"}], "task": {"ty
 
 /// Tests share a machine that may be slow: none of this is what they are about.
 const PATIENT: WatchdogSpec = WatchdogSpec {
+    hung: Duration::from_secs(600),
     no_frame: Duration::from_secs(60),
     planning: Duration::from_secs(600),
     no_part_s: 60.0,

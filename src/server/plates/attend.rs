@@ -58,7 +58,7 @@ impl<'a> Attend<'a> {
         self.shared.saw(&self.sight, now);
         if self.looked_at.is_none_or(|before| now >= before + LOOKS_APART) {
             self.looked_at = Some(now);
-            self.tell(News::look(&self.sight));
+            self.tell(News::look(&self.sight, self.shared.pacing.behind()));
         }
     }
 
@@ -101,7 +101,7 @@ impl Sink for Attend<'_> {
         self.sight.progress = facts.wanted.progress;
         self.sight.phase.clone_from(&facts.wanted.phase);
         self.shared.ledger.progress(&self.job, facts.wanted.progress);
-        self.tell(News::cycle(facts));
+        self.tell(News::cycle(facts, self.shared.pacing.behind()));
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {

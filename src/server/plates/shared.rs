@@ -14,8 +14,8 @@ use crate::store::{BY_THE_DAEMON, JobId, Ledger};
 use upm_core::rig::{Interlock, Trip};
 use upm_library::Library;
 use upm_recording::{RecordingSwitch, ScribeWatch};
-use upm_runner::config::RigSpec;
-use upm_runner::run::PacingStats;
+use upm_runner::config::{DeadlinePolicy, RigSpec};
+use upm_runner::run::{PacingStats, StopCause};
 use upm_viewer::LiveServer;
 
 /// What a plate's thread and everybody outside share.
@@ -24,6 +24,8 @@ pub(super) struct Shared {
     pub name: String,
     pub rig: RigSpec,
     pub library: Arc<Library>,
+    /// True to take jobs with faults.
+    pub allow_faults: bool,
     library_sha256: String,
     pub ledger: Arc<dyn Ledger>,
     pub latch: Latch,
@@ -35,6 +37,8 @@ pub(super) struct Shared {
     pub vitals: Vitals,
     /// True when the present run goes by the clock.
     pub real_time: AtomicBool,
+    /// True when its deadlines are strict.
+    pub strict: AtomicBool,
     pub pacing: Arc<PacingStats>,
     pub window: Window,
     pub taps: Arc<Taps>,
@@ -78,7 +82,7 @@ struct Running {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Cause {
     Cancelled,
-    Watchdog(String),
+    Watchdog(StopCause),
 }
 
 #[derive(Clone, Debug, Default)]
@@ -96,12 +100,13 @@ impl Shared {
         interlock: Interlock,
         live: Option<LiveServer>,
     ) -> Self {
-        let PlateSetup { name, rig, library, paused, .. } = setup;
+        let PlateSetup { name, rig, library, paused, allow_faults, .. } = setup;
         let library_sha256 = sha256_hex(&library);
         Self {
             name,
             rig,
             library,
+            allow_faults,
             library_sha256,
             ledger,
             latch,
@@ -110,6 +115,7 @@ impl Shared {
             ending: AtomicBool::new(false),
             vitals: Vitals::default(),
             real_time: AtomicBool::new(false),
+            strict: AtomicBool::new(false),
             pacing: Arc::default(),
             window: Window::default(),
             taps: Arc::default(),
@@ -161,7 +167,9 @@ impl Shared {
 
     /// How the pacing of the run on the plate goes.
     pub fn deadlines(&self) -> Deadlines {
+        let is_strict = self.strict.load(Ordering::Relaxed);
         Deadlines {
+            policy: if is_strict { DeadlinePolicy::Strict } else { DeadlinePolicy::Relaxed },
             real_time: self.real_time.load(Ordering::Relaxed),
             misses: self.pacing.misses(),
             worst_frames: self.pacing.worst_frames(),
@@ -200,15 +208,15 @@ impl Shared {
     }
 
     /// Why the run on the plate was told to end, for its journal and its report.
-    pub fn cause(&self) -> Option<String> {
+    pub fn cause(&self) -> Option<StopCause> {
         if self.is_stopped() {
-            return Some("emergency stop".to_owned());
+            return Some("emergency stop".into());
         }
         if self.ending.load(Ordering::SeqCst) {
-            return Some(BY_THE_DAEMON.to_owned());
+            return Some(BY_THE_DAEMON.into());
         }
         match locked(&self.turn).running.as_ref()?.cause.as_ref()? {
-            Cause::Cancelled => Some("cancelled by request".to_owned()),
+            Cause::Cancelled => Some("cancelled by request".into()),
             Cause::Watchdog(why) => Some(why.clone()),
         }
     }
@@ -241,7 +249,7 @@ impl Shared {
 
     /// Stops `job` because something is wrong with it, as long as it is driven on the plate: what is seen of it later
     /// is no fault of the next one, nor of a plate at rest.
-    pub fn bark(&self, job: &JobId, why: String) {
+    pub fn bark(&self, job: &JobId, why: StopCause) {
         let mut turn = locked(&self.turn);
         let driven = turn.running.as_mut().filter(|running| running.job == *job && !self.vitals.is_over());
         if let Some(running) = driven {
@@ -275,6 +283,7 @@ impl Shared {
             age,
             live: self.live.as_ref().map(|live| live.uri().to_owned()),
             deadline_misses: self.pacing.misses(),
+            behind: self.pacing.behind(),
             estops: self.estops.load(Ordering::Relaxed),
         }
     }

@@ -45,6 +45,8 @@ pub struct PlateSetup {
     pub live_port: Option<u16>,
     /// The job that runs whenever its queue is empty.
     pub standing: Option<StandingSetup>,
+    /// True to take jobs that make the simulated rig fail on purpose.
+    pub allow_faults: bool,
 }
 
 /// What all plates need.

@@ -25,6 +25,7 @@ const HOLD: &str = r#"{ "name": "hold", "seed": 3, "parts": [{ "kind": "penny", 
 
 /// Tests share a machine that may be slow.
 const WATCHDOG: WatchdogSpec = WatchdogSpec {
+    hung: Duration::from_secs(30),
     no_frame: Duration::from_secs(5),
     planning: Duration::from_secs(20),
     no_part_s: 0.5,
@@ -66,7 +67,16 @@ impl House {
         let rig = RigSpec::load(&root().join("configs/rigs/upm-2.json")).unwrap();
         let library = Arc::new(library);
         let (paused, live_port, standing) = (paused.map(str::to_owned), None, self.standing.clone());
-        let setup = PlateSetup { name: "one".into(), known: false, rig, library, paused, live_port, standing };
+        let setup = PlateSetup {
+            name: "one".into(),
+            known: false,
+            rig,
+            library,
+            paused,
+            live_port,
+            standing,
+            allow_faults: false,
+        };
         let mut around = Surroundings {
             ledger: Arc::clone(&self.ledger) as _,
             runs: self.folder.path().join("runs"),

@@ -1,4 +1,5 @@
 use std::sync::Arc;
+use std::time::Duration;
 
 use serde::Serialize;
 
@@ -62,6 +63,7 @@ enum Body<'a> {
         observed_mm: Vec<[f64; 2]>,
         result_mm: Vec<[f64; 2]>,
         targets_mm: Vec<[f64; 2]>,
+        behind_s: f64,
     },
     Warning {
         at_s: f64,
@@ -79,6 +81,7 @@ enum Body<'a> {
         progress: f64,
         positions_mm: Vec<[f64; 2]>,
         targets_mm: Vec<[f64; 2]>,
+        behind_s: f64,
     },
 }
 
@@ -92,7 +95,8 @@ impl News {
         Self::new(at, "state", true, &Body::State { state: state.name(), at_s: at.secs() })
     }
 
-    pub fn cycle(facts: &CycleFacts<'_>) -> Self {
+    /// `behind` is how far plate time has fallen behind the clock.
+    pub fn cycle(facts: &CycleFacts<'_>, behind: Duration) -> Self {
         let pulses = &facts.plan.pulses;
         let rotations = pulses.iter().filter(|pulse| matches!(pulse, PlannedPulse::Rotation(_))).count();
         let body = Body::Cycle {
@@ -105,6 +109,7 @@ impl News {
             observed_mm: places_mm(facts.observed_m),
             result_mm: places_mm(facts.result_m),
             targets_mm: places_mm(&facts.wanted.targets_m),
+            behind_s: behind.as_secs_f64(),
         };
         Self::new(facts.ended_at, "cycle", true, &body)
     }
@@ -122,13 +127,15 @@ impl News {
         Self::new(at, "recording", true, &Body::Recording { at_s: at.secs(), recording: kept.name(), reason })
     }
 
-    pub fn look(sight: &Sight) -> Self {
+    /// `behind` as in [`News::cycle`].
+    pub fn look(sight: &Sight, behind: Duration) -> Self {
         let body = Body::Look {
             at_s: sight.at.secs(),
             phase: &sight.phase,
             progress: sight.progress,
             positions_mm: places_mm(&sight.positions_m),
             targets_mm: places_mm(&sight.targets_m),
+            behind_s: behind.as_secs_f64(),
         };
         Self::new(sight.at, "look", false, &body)
     }
@@ -149,12 +156,12 @@ mod tests {
             progress: 0.5,
             phase: "a \"phase\"".into(),
         };
-        let look = News::look(&sight);
+        let look = News::look(&sight, Duration::from_millis(8200));
         assert!(!look.durable && look.kind == "look");
         let read: serde_json::Value = serde_json::from_str(&look.body).unwrap();
         let wanted = serde_json::json!({
             "at_s": 1.25, "phase": "a \"phase\"", "progress": 0.5,
-            "positions_mm": [[12.346, -0.0]], "targets_mm": [[0.0, 0.0]],
+            "positions_mm": [[12.346, -0.0]], "targets_mm": [[0.0, 0.0]], "behind_s": 8.2,
         });
         assert_eq!(read, wanted);
         let running = News::state(PlateTime::ZERO, JobState::Running);

@@ -73,6 +73,8 @@ pub struct PlateSnapshot {
     pub live: Option<String>,
     /// Deadlines missed since the daemon started.
     pub deadline_misses: u64,
+    /// How far plate time fell behind the clock in its present or last run.
+    pub behind: Duration,
     /// Emergency stops since then.
     pub estops: u64,
 }

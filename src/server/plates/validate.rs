@@ -5,7 +5,7 @@ use sha2::{Digest, Sha256};
 use super::shared::Shared;
 use crate::store::{JobPace, NewJob};
 use upm_library::{Library, LibraryFault};
-use upm_runner::config::{Fault, JobSpec, LibraryRef, Origin};
+use upm_runner::config::{Fault, JobSpec, LibraryRef, Origin, Path};
 use upm_runner::run::{check_job, check_places, job_library};
 
 /// What faults of a job that came in a request call it.
@@ -14,6 +14,11 @@ const REQUEST: &str = "job";
 /// The job of a request, checked as a whole: its text, the library it is to run with and whether its parts find room.
 pub(super) fn validated(shared: &Shared, text: &str, pace: JobPace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
     let job = JobSpec::from_json(text, &Origin::of_request(REQUEST), Some(&shared.rig))?;
+    if !shared.allow_faults && !job.faults.is_empty() {
+        let found = format!("{} faults", job.faults.len());
+        let allowed = "none, unless the daemon's file says \"allow_faults\": true";
+        return Err(vec![Fault::new(REQUEST, &Path::root().key("faults"), found, allowed)]);
+    }
     let library = fitting_library(&job, &shared.library)?;
     Ok(NewJob {
         name: job.name.clone(),

@@ -3,8 +3,10 @@
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
+use upm_control::EndCause;
 use upm_core::time::PlateTime;
-use upm_runner::config::WatchdogSpec;
+use upm_runner::config::{DeadlinePolicy, WatchdogSpec};
+use upm_runner::run::StopCause;
 
 /// How often the watchdog looks.
 pub(super) const TICK: Duration = Duration::from_millis(10);
@@ -74,6 +76,7 @@ impl Vitals {
 /// How the pacing of a run goes.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Deadlines {
+    pub policy: DeadlinePolicy,
     pub real_time: bool,
     pub misses: u64,
     pub worst_frames: u64,
@@ -94,6 +97,18 @@ struct Memory {
     went_on: Duration,
     /// Begin of the present second, and the misses there were then.
     second: (Duration, u64),
+    /// The newest frame, as [`Vitals`] has it, and how long the program has run since it was first seen.
+    newest: (u64, Duration),
+}
+
+impl Memory {
+    /// The program ran for that long since the last look, with that as its newest frame; how long it has run since then.
+    fn without_frame(&mut self, ran: Duration, frame_ms: u64) -> Duration {
+        let (newest_ms, before) = self.newest;
+        let since = if newest_ms == frame_ms { before + ran } else { Duration::ZERO };
+        self.newest = (frame_ms, since);
+        since
+    }
 }
 
 impl Watchdog {
@@ -103,25 +118,36 @@ impl Watchdog {
 
     /// Looks at a run. What is wrong with it, if anything is; nothing before its first frame.
     /// `unwritten_since` is when the journal began to wait for the disk, if it does.
+    ///
+    /// Under relaxed deadlines a run may be slow: only one that hangs is wrong in wall time.
     pub fn look(
         &mut self,
         now: Duration,
         vitals: &Vitals,
         deadlines: Deadlines,
         unwritten_since: Option<Duration>,
-    ) -> Option<String> {
+    ) -> Option<StopCause> {
         let memory = &mut self.memory;
-        let before = memory.looked_at.replace(now)?;
-        if now.saturating_sub(before) > STOOD_STILL {
+        let gap = now.saturating_sub(memory.looked_at.replace(now)?);
+        let frame_ms = vitals.frame_ms.load(Ordering::Relaxed);
+        let unframed = memory.without_frame(gap.min(STOOD_STILL), frame_ms);
+        if gap > STOOD_STILL {
             (memory.went_on, memory.second) = (now, (now, deadlines.misses));
             return None;
         }
-        if vitals.frame_ms.load(Ordering::Relaxed) == 0 {
+        if frame_ms == 0 {
             return None; // until then the deadlines are those of the run before
         }
-        self.late(now, deadlines)
-            .or_else(|| self.stuck(now, vitals, deadlines.real_time))
-            .or_else(|| self.unwritten(now, unwritten_since?))
+        let (slow, blocked) = match deadlines.policy {
+            DeadlinePolicy::Strict => {
+                let slow = self.late(now, deadlines).or_else(|| self.no_frame(now, vitals, deadlines.real_time));
+                (slow.map(|what| too_busy(&what, deadlines.real_time)), self.spec.blocked)
+            }
+            DeadlinePolicy::Relaxed => (self.hung(unframed), self.spec.hung),
+        };
+        slow.or_else(|| self.unseen(vitals))
+            .or_else(|| self.untold(now, vitals, blocked))
+            .or_else(|| self.unwritten(now, unwritten_since?, blocked))
     }
 
     /// A run ended, or none is on the plate.
@@ -142,34 +168,52 @@ impl Watchdog {
         counted.then(|| format!("{misses} deadlines were missed within a second"))
     }
 
-    fn unwritten(&self, now: Duration, since: Duration) -> Option<String> {
-        let waited = now.saturating_sub(since.max(self.memory.went_on));
-        (waited > self.spec.blocked)
-            .then(|| format!("the journal could not be written for {:.1} s", waited.as_secs_f64()))
+    /// Wall time since then, ms, without that before the program went on.
+    fn since(&self, now: Duration, then_ms: u64) -> Duration {
+        Duration::from_millis(ms(now).saturating_sub(then_ms.max(ms(self.memory.went_on))))
     }
 
-    fn stuck(&self, now: Duration, vitals: &Vitals, real_time: bool) -> Option<String> {
-        let Self { spec, memory } = self;
-        let read = |value: &AtomicU64| value.load(Ordering::Relaxed);
-        let since = |then_ms: u64| Duration::from_millis(ms(now).saturating_sub(then_ms.max(ms(memory.went_on))));
-        let (unframed, untold_ms) = (since(read(&vitals.frame_ms)), read(&vitals.untold_ms));
+    fn no_frame(&self, now: Duration, vitals: &Vitals, real_time: bool) -> Option<String> {
+        let spec = &self.spec;
+        let unframed = self.since(now, vitals.frame_ms.load(Ordering::Relaxed));
         // without a clock to keep up with, all that happens between two frames may take as long as a plan
         let (longest, what) = match (vitals.planning.load(Ordering::Relaxed), real_time) {
             (true, _) => (spec.planning, "no plan came"),
             (false, true) => (spec.no_frame, "no frame came"),
             (false, false) => (spec.planning, "no frame came"),
         };
-        let unseen_s = read(&vitals.plate_ms).saturating_sub(read(&vitals.seen_ms)) as f64 * 1e-3;
-        if unframed > longest {
-            Some(format!("{what} for {:.1} s", unframed.as_secs_f64()))
-        } else if unseen_s > spec.no_part_s {
-            Some(format!("no part was seen for {unseen_s:.1} s of plate time"))
-        } else if untold_ms != 0 && since(untold_ms) > spec.blocked {
-            Some(format!("nothing could be told for {:.1} s", since(untold_ms).as_secs_f64()))
-        } else {
-            None
-        }
+        (unframed > longest).then(|| format!("{what} for {:.1} s", unframed.as_secs_f64()))
     }
+
+    fn hung(&self, unframed: Duration) -> Option<StopCause> {
+        let reason = || format!("no frame came for {:.1} s: the controller hangs", unframed.as_secs_f64());
+        (unframed > self.spec.hung).then(|| StopCause { cause: EndCause::Hung, reason: reason() })
+    }
+
+    fn unseen(&self, vitals: &Vitals) -> Option<StopCause> {
+        let read = |value: &AtomicU64| value.load(Ordering::Relaxed);
+        let unseen_s = read(&vitals.plate_ms).saturating_sub(read(&vitals.seen_ms)) as f64 * 1e-3;
+        let reason = || format!("no part was seen for {unseen_s:.1} s of plate time");
+        (unseen_s > self.spec.no_part_s).then(|| reason().as_str().into())
+    }
+
+    fn untold(&self, now: Duration, vitals: &Vitals, longest: Duration) -> Option<StopCause> {
+        let since_ms = vitals.untold_ms.load(Ordering::Relaxed);
+        let waited = self.since(now, since_ms);
+        let reason = || format!("nothing could be told for {:.1} s", waited.as_secs_f64());
+        (since_ms != 0 && waited > longest).then(|| reason().as_str().into())
+    }
+
+    fn unwritten(&self, now: Duration, since: Duration, longest: Duration) -> Option<StopCause> {
+        let waited = now.saturating_sub(since.max(self.memory.went_on));
+        let reason = || format!("the journal could not be written for {:.1} s", waited.as_secs_f64());
+        (waited > longest).then(|| reason().as_str().into())
+    }
+}
+
+/// A run that was too slow for strict deadlines.
+fn too_busy(what: &str, real_time: bool) -> StopCause {
+    StopCause { cause: EndCause::DeadlineMissed, reason: format!("{what}; {}", StopCause::too_busy(real_time)) }
 }
 
 pub(super) fn ms(time: Duration) -> u64 {
@@ -177,160 +221,4 @@ pub(super) fn ms(time: Duration) -> u64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const REAL_TIME: Deadlines = Deadlines { real_time: true, misses: 0, worst_frames: 0 };
-
-    const SPEC: WatchdogSpec = WatchdogSpec {
-        no_frame: Duration::from_millis(500),
-        planning: Duration::from_secs(5),
-        no_part_s: 0.5,
-        blocked: Duration::from_millis(500),
-        late_frames: 5,
-        misses_per_s: 10,
-    };
-
-    fn at(ms: u64) -> Duration {
-        Duration::from_millis(ms)
-    }
-
-    /// Looks every tick from `from_ms` on; when and what was found first.
-    fn first_found(
-        dog: &mut Watchdog,
-        from_ms: u64,
-        until_ms: u64,
-        vitals: impl Fn(u64, &Vitals),
-        deadlines: impl Fn(u64) -> Deadlines,
-    ) -> Option<(u64, String)> {
-        let state = Vitals::default();
-        (from_ms..until_ms).step_by(10).find_map(|now_ms| {
-            vitals(now_ms, &state);
-            Some((now_ms, dog.look(at(now_ms), &state, deadlines(now_ms), None)?))
-        })
-    }
-
-    fn frames_until(last_ms: u64) -> impl Fn(u64, &Vitals) {
-        move |now_ms, vitals| {
-            if now_ms <= last_ms {
-                vitals.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), true, false);
-            }
-        }
-    }
-
-    #[test]
-    fn a_run_that_goes_on_is_left_alone() {
-        let mut dog = Watchdog::new(SPEC);
-        assert_eq!(first_found(&mut dog, 1000, 20_000, frames_until(u64::MAX), |_| REAL_TIME), None);
-        let mut dog = Watchdog::new(SPEC);
-        assert_eq!(first_found(&mut dog, 1000, 20_000, |_, _| {}, |_| REAL_TIME), None, "it has not begun");
-    }
-
-    #[test]
-    fn frames_that_stay_away_are_told() {
-        let mut dog = Watchdog::new(SPEC);
-        let found = first_found(&mut dog, 1000, 9000, frames_until(2000), |_| REAL_TIME);
-        assert_eq!(found, Some((2510, "no frame came for 0.5 s".into())));
-        let mut dog = Watchdog::new(SPEC);
-        let found = first_found(&mut dog, 1000, 9000, frames_until(2000), |_| Deadlines::default());
-        assert_eq!(found, Some((7010, "no frame came for 5.0 s".into())), "as fast as the machine works");
-    }
-
-    #[test]
-    fn a_plan_may_take_longer_than_a_frame() {
-        let mut dog = Watchdog::new(SPEC);
-        let plans = |now_ms: u64, vitals: &Vitals| {
-            if now_ms <= 2000 || (6500..=6600).contains(&now_ms) {
-                vitals.frame(at(now_ms), PlateTime::from_secs(2.0), true, now_ms >= 2000);
-            }
-        };
-        let found = first_found(&mut dog, 1000, 19_000, plans, |_| REAL_TIME);
-        assert_eq!(found, Some((11_610, "no plan came for 5.0 s".into())));
-    }
-
-    #[test]
-    fn a_run_is_over_with_its_last_word_unless_frames_come_after_it() {
-        let vitals = Vitals::default();
-        assert!(!vitals.is_over());
-        vitals.end();
-        assert!(vitals.is_over());
-        vitals.frame(at(10), PlateTime::ZERO, true, false);
-        assert!(!vitals.is_over());
-        vitals.end();
-        vitals.clear();
-        assert!(!vitals.is_over(), "the next one begins");
-    }
-
-    #[test]
-    fn the_deadlines_of_the_run_before_are_not_held_against_a_new_one() {
-        let mut dog = Watchdog::new(SPEC);
-        let late = |_| Deadlines { worst_frames: 9, ..REAL_TIME };
-        assert_eq!(first_found(&mut dog, 1000, 9000, |_, _| {}, late), None);
-    }
-
-    #[test]
-    fn parts_that_nobody_sees_are_told() {
-        let mut dog = Watchdog::new(SPEC);
-        let blind = |now_ms: u64, vitals: &Vitals| {
-            vitals.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), now_ms < 3000, false);
-        };
-        let found = first_found(&mut dog, 1000, 9000, blind, |_| REAL_TIME);
-        assert_eq!(found, Some((3500, "no part was seen for 0.5 s of plate time".into())));
-    }
-
-    #[test]
-    fn late_control_is_told() {
-        let late = |worst_frames| {
-            move |now_ms| Deadlines { worst_frames: if now_ms < 3000 { 0 } else { worst_frames }, ..REAL_TIME }
-        };
-        let mut dog = Watchdog::new(SPEC);
-        assert_eq!(first_found(&mut dog, 1000, 9000, frames_until(u64::MAX), late(5)), None);
-        let mut dog = Watchdog::new(SPEC);
-        let found = first_found(&mut dog, 1000, 9000, frames_until(u64::MAX), late(6));
-        assert_eq!(found, Some((3000, "control came 6 frames late".into())));
-
-        let often = |per_s: u64| move |now_ms: u64| Deadlines { misses: 7 + per_s * now_ms / 1000, ..REAL_TIME };
-        let mut dog = Watchdog::new(SPEC);
-        assert_eq!(first_found(&mut dog, 1000, 9000, frames_until(u64::MAX), often(10)), None);
-        let mut dog = Watchdog::new(SPEC);
-        let (_, found) = first_found(&mut dog, 1000, 9000, frames_until(u64::MAX), often(20)).unwrap();
-        assert_eq!(found, "11 deadlines were missed within a second");
-    }
-
-    #[test]
-    fn a_crier_that_hangs_is_told() {
-        let mut dog = Watchdog::new(SPEC);
-        let hangs = |now_ms: u64, vitals: &Vitals| {
-            vitals.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), true, false);
-            vitals.could_tell(at(now_ms), !(2000..2400).contains(&now_ms) && now_ms < 4000);
-        };
-        let found = first_found(&mut dog, 1000, 9000, hangs, |_| REAL_TIME);
-        assert_eq!(found, Some((4510, "nothing could be told for 0.5 s".into())));
-    }
-
-    #[test]
-    fn a_journal_that_waits_for_the_disk_is_told() {
-        let vitals = Vitals::default();
-        let first = |since_ms: u64| {
-            let mut dog = Watchdog::new(SPEC);
-            (2000..4000).step_by(10).find_map(|now_ms| {
-                vitals.frame(at(now_ms), PlateTime::ZERO, true, false);
-                Some((now_ms, dog.look(at(now_ms), &vitals, REAL_TIME, Some(at(now_ms.min(since_ms))))?))
-            })
-        };
-        assert_eq!(first(u64::MAX), None);
-        assert_eq!(first(3000), Some((3510, "the journal could not be written for 0.5 s".into())));
-    }
-
-    #[test]
-    fn a_program_that_stood_still_is_nobodys_fault() {
-        let (mut dog, vitals) = (Watchdog::new(SPEC), Vitals::default());
-        vitals.frame(at(1000), PlateTime::ZERO, true, false);
-        assert_eq!(dog.look(at(1000), &vitals, REAL_TIME, None), None);
-        assert_eq!(dog.look(at(61_000), &vitals, REAL_TIME, None), None);
-        let later = (61_010..).step_by(10).find(|&ms| dog.look(at(ms), &vitals, REAL_TIME, None).is_some());
-        assert_eq!(later, Some(61_510), "but then frames should come again");
-        dog.rest();
-        assert_eq!(dog.look(at(61_520), &vitals, REAL_TIME, None), None, "a first look only looks");
-    }
-}
+mod tests;

@@ -22,7 +22,7 @@ use upm_core::time::{Clock, MonotonicClock, PlateTime};
 use upm_recording::{
     Keeping, OnFull, Outcome, RecordingState, RecordingSwitch, RerunMode, ScribeMode, ScribeWatch, StopCode,
 };
-use upm_runner::config::{JobSpec, Origin};
+use upm_runner::config::{DeadlinePolicy, JobSpec, Origin};
 use upm_runner::run::{FolderState, Links, RunFolder, RunOptions, RunResult, run_linked};
 
 /// How long a plate without work waits before it asks again, unless it is woken.
@@ -30,7 +30,7 @@ const IDLE: Duration = Duration::from_secs(1);
 /// How long the end of a job waits to be stored again when that failed.
 const STORED_AGAIN: Duration = Duration::from_millis(250);
 
-/// How long a run that goes as fast as it can waits for a recorder that lags: its plate stands still meanwhile.
+/// How long a run without deadlines to meet waits for a recorder that lags: its plate stands still meanwhile.
 const RECORDED_WITHIN: Duration = Duration::from_secs(2);
 
 /// What runs need beside the job.
@@ -119,6 +119,8 @@ impl Worker {
         self.place.disk.release(&id);
         let cause = self.shared.ends();
         let lost_parts = done.as_ref().map_or(0, |run| run.report.lost_parts);
+        let stop = done.as_ref().ok().and_then(|run| run.report.stop.as_ref());
+        let stopped_by_guard = stop.is_some_and(|stop| stop.code.pauses_plate());
         let mut end = self.end_of(done, cause.as_ref());
         if recording.state() == RecordingState::Whole {
             self.rates.add(recording.bytes(), end.at.secs());
@@ -128,8 +130,8 @@ impl Worker {
             tracing::warn!(plate = self.shared.name, job = %id, "the recording is {}: {why}", kept.name());
         }
         end.recording = kept;
-        if lost_parts > 0 {
-            // a person puts it back, or takes it away
+        if lost_parts > 0 || stopped_by_guard {
+            // a person puts it back, takes it away, or looks what is wrong
             self.pause_after(&end.reason);
         }
         self.settle_interlock(&end.reason);
@@ -162,19 +164,21 @@ impl Worker {
         }
         let record = self.place.record && self.has_room_for(&job, row.id, recording);
         let real_time = row.pace == JobPace::RealTime;
+        let is_strict = job.deadlines == DeadlinePolicy::Strict;
         shared.real_time.store(real_time, Ordering::Relaxed);
+        shared.strict.store(is_strict, Ordering::Relaxed);
         go_first(real_time);
         let options = RunOptions {
             out: self.place.runs.clone(),
             started_utc: String::new(),
             rerun: if record { RerunMode::Save } else { RerunMode::Off },
             real_time,
-            // a plate that goes by the clock waits for no disk: the recording ends and the run goes on; without a
+            // a plate with deadlines to meet waits for no disk: the recording ends and the run goes on; without a
             // journal it ends
             keeping: Keeping {
                 scribe: ScribeMode::GiveUp,
                 journal,
-                on_full: if real_time { OnFull::GiveUp } else { OnFull::WaitAtMost(RECORDED_WITHIN) },
+                on_full: if real_time && is_strict { OnFull::GiveUp } else { OnFull::WaitAtMost(RECORDED_WITHIN) },
                 recording: recording.clone(),
                 has_clock: real_time,
                 stop: Arc::clone(&shared.stop),

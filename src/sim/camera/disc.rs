@@ -51,6 +51,10 @@ impl DiscOutline {
         Self { shape, shown, next, silhouettes, tiles: TileBox::default() }
     }
 
+    pub(super) fn shape(&self) -> DiscShape {
+        self.shape
+    }
+
     /// Takes the part's positions of a new exposure, none when it is not to be seen. Calls `stale` with every tile
     /// whose picture may change.
     pub(super) fn show(

@@ -8,7 +8,7 @@ use crate::cli::args::Common;
 use crate::cli::daemon::client::on_one_line;
 use crate::cli::daemon::jobs::{headline, plate_line, print_job, state_name};
 use crate::cli::failure::Failure;
-use crate::cli::progress::{FULL, bar};
+use crate::cli::progress::{FULL, bar, behind};
 use upm_server::service::{Job, JobState, Plate, PlateState};
 
 /// How a job is shown that is watched.
@@ -127,7 +127,8 @@ fn bar_of(event: &Event) -> Option<(f64, String)> {
     let data = &event.data;
     match event.kind.as_str() {
         "look" | "cycle" => {
-            let message = format!("plate {:6.1} s  {}", number(data, "at_s"), text(data, "phase"));
+            let behind = behind(number(data, "behind_s"));
+            let message = format!("plate {:6.1} s{behind}  {}", number(data, "at_s"), text(data, "phase"));
             Some((number(data, "progress"), message))
         }
         "snapshot" => {
@@ -181,7 +182,8 @@ pub(super) fn line_of(event: &Event) -> Option<String> {
                 ["cycle", "pulses"].map(|key| data.get(key).and_then(Value::as_u64).unwrap_or_default());
             let (percent, phase) = (100.0 * number(data, "progress"), text(data, "phase"));
             let noun = if pulses == 1 { "pulse" } else { "pulses" };
-            Some(format!("{at}  {percent:3.0} %  cycle {cycle}, {pulses} {noun}  {phase}"))
+            let behind = behind(number(data, "behind_s"));
+            Some(format!("{at}{behind}  {percent:3.0} %  cycle {cycle}, {pulses} {noun}  {phase}"))
         }
         "finished" => Some(format!("{at}  {}: {}", text(data, "state"), text(data, "reason"))),
         _ => note_of(event),

@@ -108,6 +108,9 @@ fn what_happens_is_told_in_a_line() {
     assert_eq!(line("state", json!({"state": "running", "at_s": 0})).unwrap(), "plate    0.0 s  running");
     let cycle = json!({"at_s": 12.34, "progress": 0.5, "cycle": 3, "pulses": 24, "phase": "to\u{1b} A"});
     assert_eq!(line("cycle", cycle).unwrap(), "plate   12.3 s   50 %  cycle 3, 24 pulses  to\\u{1b} A");
+    let late = json!({"at_s": 12.34, "progress": 0.5, "cycle": 3, "pulses": 1, "phase": "to A", "behind_s": 8.2});
+    let line_of_late = "plate   12.3 s, 8.2 s behind real time   50 %  cycle 3, 1 pulse  to A";
+    assert_eq!(line("cycle", late).unwrap(), line_of_late);
     let recording = json!({"at_s": 1, "recording": "stopped", "reason": "disk low"});
     assert_eq!(line("recording", recording).unwrap(), "plate    1.0 s  recording stopped: disk low");
     assert_eq!(line("gap", json!({"from": 5, "to": 9})).unwrap(), "events 5 to 9 cannot be had any more");

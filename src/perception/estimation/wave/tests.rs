@@ -162,3 +162,35 @@ fn what_cannot_be_read_is_refused() {
     clipped.counts[1][600] = 1023;
     assert_eq!(fit(&clipped, &envelope, 8), Err(FitFault::Clipped { channel: 1, samples: 1, limit: 1023 }));
 }
+
+/// White noise alone: the errors of the coefficients, each over its own standard deviation, have a root mean square
+/// of 1.
+#[test]
+fn standard_deviations_are_those_of_repeated_fits() {
+    let mut rng = Streams::new(8).stream("waves");
+    for (harmonics, periods) in [(8, 1.05), (8, 3.5), (2, 1.05), (2, 2.5)] {
+        let wave = random_wave(&mut rng, 30.0, harmonics);
+        let envelope = pulse(30.0, periods);
+        let clean = trace_of(&wave, &envelope, FINE, [1.0; CHANNELS], &mut |_, _| 0.0);
+        let exact = fit_wave(&clean, &envelope, wave.base_radps, harmonics, &SENSORS).unwrap();
+        let (mut of_wave, mut of_twist, trials) = (0.0, 0.0, 60);
+        for _ in 0..trials {
+            let noisy = trace_of(&wave, &envelope, FINE, [1.0; CHANNELS], &mut |_, _| 0.5 * normal(&mut rng));
+            let fit = fit_wave(&noisy, &envelope, wave.base_radps, harmonics, &SENSORS).unwrap();
+            for (found, truth) in fit.accel_mps2.iter().zip(&exact.accel_mps2) {
+                let errors = found.as_flattened().iter().zip(truth.as_flattened()).map(|(a, b)| a - b);
+                of_wave += errors.zip(fit.accel_sd_mps2.as_flattened()).map(|(e, sd)| (e / sd).powi(2)).sum::<f64>();
+            }
+            if harmonics == 2 {
+                let fit = super::super::fit_twist(&noisy, &envelope, wave.base_radps, &SENSORS).unwrap();
+                for (found, truth) in fit.accel_mps2.iter().zip(&exact.accel_mps2) {
+                    let errors = found.iter().zip(truth.as_flattened()).map(|(a, b)| a - b);
+                    of_twist += errors.zip(fit.accel_sd_mps2).map(|(e, sd)| (e / sd).powi(2)).sum::<f64>();
+                }
+            }
+        }
+        let rms = |sum: f64| (sum / f64::from(trials) / (2 * CHANNELS * harmonics) as f64).sqrt();
+        assert!((0.9..1.1).contains(&rms(of_wave)), "{harmonics} harmonics, {periods} periods: {}", rms(of_wave));
+        assert!(harmonics != 2 || (0.9..1.1).contains(&rms(of_twist)), "{periods} periods: {}", rms(of_twist));
+    }
+}

@@ -36,6 +36,7 @@ fn defaults_are_as_documented() {
         ("/task/laps", json!(1)),
         ("/planner", json!("auto")),
         ("/limits/plate_time_s", json!(600.0)),
+        ("/deadlines", json!("relaxed")),
         ("/rig/motors/low_pass_hz", json!(1000.0)),
     ] {
         assert_eq!(effective.pointer(pointer), Some(&value), "{pointer}");

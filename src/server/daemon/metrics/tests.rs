@@ -134,6 +134,7 @@ fn figures_are_what_was_observed() {
     assert_eq!(value("upm_queue_jobs", &[("plate", "right")]), Some(2.0));
     assert_eq!(value("upm_jobs", &[("plate", "gone"), ("state", "failed")]), Some(1.0));
     assert_eq!(value("upm_deadline_misses", &[("plate", "left")]), Some(3.0));
+    assert_eq!(value("upm_behind_seconds", &[("plate", "left")]), Some(1.5));
     assert_eq!(value("upm_frame_age_seconds", &[("plate", "left")]), Some(0.015));
     assert_eq!(value("upm_frame_age_seconds", &[("plate", "right")]), None, "it has shown nothing yet");
     assert_eq!(value("upm_recording_bytes", &[("plate", "left")]), Some(4096.0));

@@ -7,6 +7,7 @@ use std::thread;
 
 use super::*;
 use crate::store::{AuditEntry, Claimed, JobEnd, Ledger, NewEvent, NewJob, Publish, StoreFault, StoredEvent};
+use upm_control::EndCause;
 use upm_core::time::{Clock, PlateTime};
 use upm_recording::{RecordingSwitch, ScribeWatch};
 
@@ -199,7 +200,7 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
     let begin = |job| shared.begins(job, false, RecordingSwitch::default(), ScribeWatch::default());
     let frame = || shared.vitals.frame(plate.clock.elapsed(), PlateTime::ZERO, true, false);
     let bark = |job: &JobId| {
-        shared.bark(job, "no frame came".to_owned());
+        shared.bark(job, "no frame came".into());
         shared.interlock.tripped()
     };
     begin(first);
@@ -214,7 +215,7 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
     assert_eq!(shared.driven().map(|(job, _)| job), Some(second));
     assert_eq!(bark(&first), None, "it is the next one's turn");
     assert_eq!(bark(&second), Some(Trip::Watchdog));
-    assert_eq!(shared.ends(), Some(shared::Cause::Watchdog("no frame came".to_owned())));
+    assert_eq!(shared.ends(), Some(shared::Cause::Watchdog("no frame came".into())));
 }
 
 #[test]
@@ -285,4 +286,43 @@ fn stop_whose_latch_file_vanished_holds_and_is_not_persisted() {
     plate.estop();
     assert!(!plate.account_for_estop(Caller::default()), "it was persisted, and is no longer");
     assert!(stopped(plate));
+}
+
+#[test]
+fn hung_controller_trips_the_watchdog_under_relaxed_deadlines() {
+    let house = House::new();
+    let plates = house.open_with(Some("a test"), |around| around.watchdog.hung = Duration::from_millis(300));
+    let plate = plates.get("one").unwrap();
+    let shared = &plate.shared;
+    let job = house.submit(plate, TWO_COINS, JobPace::RealTime);
+    shared.begins(job, false, RecordingSwitch::default(), ScribeWatch::default());
+    shared.vitals.frame(plate.clock.elapsed(), PlateTime::ZERO, true, true);
+    while shared.interlock.tripped().is_none() {
+        thread::yield_now();
+    }
+    let cause = shared.cause().unwrap();
+    assert_eq!((shared.interlock.tripped(), cause.cause), (Some(Trip::Watchdog), EndCause::Hung), "{cause:?}");
+}
+
+#[test]
+fn watchdog_limits_of_wall_time_end_a_job_under_strict_deadlines_only() {
+    let house = House::new();
+    let plates = house.open_with(None, |around| {
+        let never = Duration::ZERO;
+        (around.watchdog.no_frame, around.watchdog.planning) = (never, never);
+        (around.watchdog.late_frames, around.watchdog.misses_per_s) = (0, 0);
+    });
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let relaxed = house.submit(plate, TWO_COINS, JobPace::Max);
+    assert_eq!(next(&told, "finished")["state"], "completed");
+    let strict = TWO_COINS.replace("\"seed\"", "\"deadlines\": \"strict\", \"seed\"");
+    let strict = house.submit(plate, &strict, JobPace::Max);
+    assert_eq!(next(&told, "finished")["state"], "failed");
+    let report = |job| -> serde_json::Value { serde_json::from_str(&house.row(job).report_json.unwrap()).unwrap() };
+    assert_eq!(report(&relaxed)["stop"], serde_json::Value::Null);
+    let stop = &report(&strict)["stop"];
+    assert_eq!(stop["code"], "deadline_missed");
+    assert!(stop["text"].as_str().unwrap().contains("this computer was too busy"), "{stop}");
+    assert!(plate.paused().is_some(), "a person looks before the next job");
 }

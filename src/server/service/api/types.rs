@@ -187,6 +187,8 @@ pub struct Plate {
     pub phase: String,
     /// Frames that came later than one frame, since the daemon started.
     pub deadline_misses: u64,
+    /// How far plate time fell behind the clock in the present or last run, s: this computer was too slow.
+    pub behind_s: f64,
     /// Where a Rerun viewer on this machine connects to; null where there is no live stream.
     pub live: Option<String>,
 }

@@ -83,6 +83,7 @@ fn plate() -> Plate {
         progress: 0.0,
         phase: String::new(),
         deadline_misses: 0,
+        behind_s: 0.0,
         live: None,
     }
 }

@@ -1,0 +1,108 @@
+//! Which detection is which part of the job.
+
+use super::ExpectedPart;
+use crate::ending::{EndCause, Ending};
+use upm_core::rig::PartKind;
+use upm_perception::vision::Detection;
+
+/// Gives each part of the job its detection: those with a known place take the nearest of their kind, the others
+/// what is left from left to right.
+pub(super) fn name_parts(
+    mut found: Vec<Detection>,
+    kinds: &[PartKind],
+    parts: &[ExpectedPart],
+) -> Result<Vec<Detection>, Ending> {
+    count_parts(&found, kinds, parts)?;
+    found.sort_by(|a, b| a.position_m.x.total_cmp(&b.position_m.x).then(a.position_m.y.total_cmp(&b.position_m.y)));
+    let mut named: Vec<Option<Detection>> = vec![None; parts.len()];
+    let by_certainty = (0..parts.len()).filter(|&i| parts[i].expected_m.is_some());
+    let rest = (0..parts.len()).filter(|&i| parts[i].expected_m.is_none());
+    for i in by_certainty.chain(rest) {
+        let part = &parts[i];
+        let same_kind = found.iter().enumerate().filter(|(_, detection)| detection.kind == part.kind);
+        let choice = match part.expected_m {
+            Some(place) => same_kind
+                .min_by(|(_, a), (_, b)| {
+                    (a.position_m - place).norm_squared().total_cmp(&(b.position_m - place).norm_squared())
+                })
+                .map(|(at, _)| at),
+            None => same_kind.map(|(at, _)| at).next(),
+        };
+        named[i] = choice.map(|at| found.remove(at));
+    }
+    named
+        .into_iter()
+        .collect::<Option<Vec<_>>>()
+        .ok_or_else(|| Ending::failed_because(EndCause::PartCount, "a part of the job was not found"))
+}
+
+fn count_parts(found: &[Detection], kinds: &[PartKind], parts: &[ExpectedPart]) -> Result<(), Ending> {
+    for (kind, spec) in kinds.iter().enumerate() {
+        let seen = found.iter().filter(|detection| detection.kind == kind).count();
+        let expected = parts.iter().filter(|part| part.kind == kind).count();
+        if seen != expected {
+            let reason = format!("the camera sees {seen} of kind {:?}, the job has {expected}", spec.name);
+            return Err(Ending::failed_because(EndCause::PartCount, reason));
+        }
+    }
+    Ok(())
+}
+
+/// Gives each part the detection of its kind that is nearest to where it was, each detection to one part; `None` when
+/// the numbers differ. With it the longest way from there, m.
+pub(super) fn match_parts(mut found: Vec<Detection>, before: &[Detection]) -> Option<(Vec<Detection>, f64)> {
+    if found.len() != before.len() {
+        return None;
+    }
+    let mut farthest_m = 0.0f64;
+    let mut matched = Vec::with_capacity(before.len());
+    for part in before {
+        let away_m = |detection: &Detection| (detection.position_m - part.position_m).norm();
+        let same_kind = found.iter().enumerate().filter(|(_, detection)| detection.kind == part.kind);
+        let (at, _) = same_kind.min_by(|(_, a), (_, b)| away_m(a).total_cmp(&away_m(b)))?;
+        let detection = found.swap_remove(at);
+        farthest_m = farthest_m.max(away_m(&detection));
+        matched.push(detection);
+    }
+    Some((matched, farthest_m))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use upm_core::geometry::Vec2;
+
+    fn detection(kind: usize, x: f64, y: f64) -> Detection {
+        Detection {
+            kind,
+            center_px: Vec2::zeros(),
+            radius_px: 40.0,
+            position_m: Vec2::new(x, y),
+            score: 1.0,
+            covariance_px2: nalgebra::Matrix2::from_diagonal_element(1e-4),
+        }
+    }
+
+    fn part(kind: usize, expected_m: Option<Vec2>) -> ExpectedPart {
+        ExpectedPart { id: String::new(), kind, expected_m }
+    }
+
+    fn kinds() -> Vec<PartKind> {
+        ["penny", "quarter"].map(|name| PartKind { name: name.into(), radius_m: 0.01, thickness_m: 0.0015 }).to_vec()
+    }
+
+    #[test]
+    fn known_places_are_served_before_the_rest() {
+        let found = vec![detection(0, 0.02, 0.0), detection(1, 0.0, 0.0), detection(0, -0.02, 0.0)];
+        let parts = [part(0, None), part(0, Some(Vec2::new(-0.019, 0.0))), part(1, None)];
+        let named = name_parts(found, &kinds(), &parts).unwrap();
+        let x: Vec<f64> = named.iter().map(|d| d.position_m.x).collect();
+        assert_eq!(x, [0.02, -0.02, 0.0]);
+    }
+
+    #[test]
+    fn a_wrong_count_is_an_ending_in_words() {
+        let ending = name_parts(vec![detection(0, 0.0, 0.0)], &kinds(), &[part(0, None), part(0, None)]).unwrap_err();
+        assert_eq!(ending.reason, "the camera sees 1 of kind \"penny\", the job has 2");
+    }
+}

@@ -1,0 +1,134 @@
+//! Table and parts located anew: after a knock, and before a goal counts as reached.
+
+use std::sync::atomic::AtomicBool;
+
+use super::naming::match_parts;
+use super::{Eyes, Moment, TABLE_LOOKS};
+use crate::conditions::Condition;
+use crate::ending::{Ending, check_stop};
+use crate::{LocalisedFacts, Sink};
+use upm_core::rig::Rig;
+use upm_core::time::Clock;
+use upm_perception::vision::{CoinFinder, Detection, Stages, Table, TableFault, Tracker, locate_table_in_stages};
+
+/// Looks with the table located anew before a goal counts as reached.
+const CONFIRMING_LOOKS: usize = 2;
+/// Between such looks corners and parts may differ by this much.
+const SAME_CORNER_PX: f64 = 0.5;
+const SAME_PART_M: f64 = 0.2e-3;
+/// Time in which a plate swings out, s.
+const SWING_S: f64 = 0.4;
+
+/// Table and parts of one frame, from nothing.
+pub(super) struct Located {
+    table: Table,
+    found: Vec<Detection>,
+    stages: Stages,
+    localise_us: f64,
+}
+
+impl Eyes {
+    /// Table and parts of the newest frame, from nothing.
+    pub(super) fn locate(&self, clock: &dyn Clock) -> Result<Located, TableFault> {
+        let (mut stages, started) = (Stages::default(), clock.elapsed());
+        let table = locate_table_in_stages(&self.frame, &self.lens, self.table.side_m, &mut stages)?;
+        let size = [self.frame.width, self.frame.height];
+        let mut finder = CoinFinder::new(&table, size, &self.kinds, self.dark_parts);
+        let found = finder.find(&self.frame);
+        stages.disk_response = finder.response();
+        let localise_us = (clock.elapsed() - started).as_secs_f64() * 1e6;
+        Ok(Located { table, found, stages, localise_us })
+    }
+
+    /// Goes on from a table that was located anew.
+    pub(super) fn relocate(&mut self, located: Located, sink: &mut dyn Sink) -> Result<(), Ending> {
+        let Located { table, found, stages, localise_us } = located;
+        let count = found.len();
+        let before: Vec<Detection> = self.tracker.tracks().iter().map(|track| track.seen.clone()).collect();
+        let Some((detections, farthest_m)) = match_parts(found, &before) else {
+            let expected = before.len();
+            let reason =
+                format!("the plate has moved in the picture, and {count} parts are seen instead of {expected}");
+            return Err(Ending::guarded(Condition::CameraMoved, reason));
+        };
+        if farthest_m > self.reach_m && self.guards.has(Condition::PartsJumped) {
+            let far_mm = farthest_m * 1e3;
+            let reason =
+                format!("the plate has moved in the picture, and a part is {far_mm:.1} mm from where it was on it");
+            return Err(Ending::guarded(Condition::PartsJumped, reason));
+        }
+        let frame = &self.frame;
+        sink.localised(&LocalisedFacts { frame, table: &table, detections: &detections, stages: &stages, localise_us });
+        self.scene.relocate(&table, [frame.width, frame.height], &self.kinds, self.dark_parts);
+        self.tracker = Tracker::new(&table, [frame.width, frame.height], &self.kinds, self.dark_parts, detections);
+        (self.table, self.displaced) = (table, 0);
+        Ok(())
+    }
+
+    /// Looks twice more with table and parts located from nothing; true when both looks agree with what was tracked. Where
+    /// they do not, what was located anew holds from now on.
+    ///
+    /// # Errors
+    /// As [`Eyes::look`].
+    pub fn confirm(
+        &mut self,
+        rig: &mut dyn Rig,
+        sink: &mut dyn Sink,
+        clock: &dyn Clock,
+        stop: &AtomicBool,
+    ) -> Result<bool, Ending> {
+        self.let_swing_out(rig, sink, clock, stop)?;
+        for _ in 0..CONFIRMING_LOOKS {
+            let located = self.locate_at_rest(rig, sink, clock, stop)?;
+            let corners = located.table.corners_px.iter().zip(&self.table.corners_px);
+            let off_px = corners.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+            let tracked: Vec<Detection> = self.tracker.tracks().iter().map(|track| track.seen.clone()).collect();
+            let same = match_parts(located.found.clone(), &tracked);
+            let agrees = off_px < SAME_CORNER_PX && same.is_some_and(|(_, off_m)| off_m < SAME_PART_M);
+            if !agrees {
+                let reason = || format!("table and parts located anew differ, the corners by {off_px:.1} px");
+                self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
+                self.relocate(located, sink)?;
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Looks until the plate lies still in the picture, for as long as it takes a plate that was not knocked.
+    fn let_swing_out(
+        &mut self,
+        rig: &mut dyn Rig,
+        sink: &mut dyn Sink,
+        clock: &dyn Clock,
+        stop: &AtomicBool,
+    ) -> Result<(), Ending> {
+        let until = rig.quiet_at().max(self.frame.exposed_at) + SWING_S;
+        while rig.now() < until && !self.scene.is_still(&self.frame) {
+            check_stop(stop)?;
+            self.look(rig, Moment::Pulse, sink, clock)?;
+        }
+        Ok(())
+    }
+
+    fn locate_at_rest(
+        &mut self,
+        rig: &mut dyn Rig,
+        sink: &mut dyn Sink,
+        clock: &dyn Clock,
+        stop: &AtomicBool,
+    ) -> Result<Located, Ending> {
+        let mut last = None;
+        for _ in 0..TABLE_LOOKS {
+            while !self.look(rig, Moment::Pulse, sink, clock)? {
+                check_stop(stop)?;
+            }
+            match self.locate(clock) {
+                Ok(located) => return Ok(located),
+                Err(fault) => last = Some(fault),
+            }
+        }
+        let why = last.map_or_else(String::new, |fault| format!(": {fault}"));
+        Err(Ending::guarded(Condition::TableMissing, format!("no table found in {TABLE_LOOKS} frames{why}")))
+    }
+}

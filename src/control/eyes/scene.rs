@@ -1,0 +1,149 @@
+//! What a frame says besides where the parts are: whether it is of the present, whether the plate can be seen, whether it
+//! is where it was, and whether something lies on it.
+
+use crate::conditions::Condition;
+use crate::guards::{Freshness, Stale};
+use upm_core::geometry::Vec2;
+use upm_core::rig::{PartKind, RigModel};
+use upm_core::signal::Frame;
+use upm_core::time::PlateTime;
+use upm_perception::vision::{PlateWatch, Table, TableMotion, TableWatch, Track};
+
+/// A plate that swings out after a pulse has its corners up to 1.03 px away in the first frame at rest, 0.5 px of it shift
+/// (rig upm-2); what is more is no swing.
+const SWING_CORNER_PX: f64 = 1.3;
+const SWING_SHIFT_PX: f64 = 0.75;
+/// The same once it has swung out.
+const STILL_PX: f64 = 0.4;
+/// A share of the plate below this counts as in view.
+const HIDDEN: f64 = 0.02;
+
+/// Why a frame shows nothing to go by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Blind {
+    /// It is not of the present.
+    Stale(Stale),
+    /// It shows no plate.
+    Dark,
+    /// Something hides part of the plate.
+    Hidden,
+}
+
+impl Blind {
+    /// The condition that it is.
+    pub(super) fn condition(self) -> Condition {
+        match self {
+            Self::Stale(Stale::Repeated) => Condition::CameraFrozen,
+            Self::Stale(Stale::Stamp { .. }) => Condition::CameraStale,
+            Self::Dark => Condition::CameraDark,
+            Self::Hidden => Condition::ViewHidden,
+        }
+    }
+
+    /// For people.
+    pub(super) fn reason(self) -> String {
+        match self {
+            Self::Stale(Stale::Repeated) => "the camera sends the same picture again".into(),
+            Self::Stale(Stale::Stamp { older_s }) => {
+                format!("a frame's number or stamp does not fit: it is {:.0} ms old", older_s * 1e3)
+            }
+            Self::Dark => "the camera's frames show no plate".into(),
+            Self::Hidden => "part of the plate is hidden from the camera".into(),
+        }
+    }
+}
+
+/// Where the plate is in the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Place {
+    /// Where it was.
+    Same,
+    /// Elsewhere, by this much at a corner, px; infinite where it cannot be told.
+    Elsewhere {
+        /// px.
+        corner_px: f64,
+    },
+    /// The frame does not tell.
+    Unknown,
+}
+
+/// What a frame at rest shows.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    pub(super) blind: Option<Blind>,
+    pub(super) place: Place,
+    /// Something that is no part of the job, m.
+    pub(super) foreign_m: Option<Vec2>,
+}
+
+/// Follows what should not change.
+pub(super) struct Scene {
+    freshness: Freshness,
+    table: TableWatch,
+    plate: PlateWatch,
+    foreign_m: Option<Vec2>,
+}
+
+impl Scene {
+    pub(super) fn new(table: &Table, model: &RigModel, kinds: &[PartKind]) -> Self {
+        Self {
+            freshness: Freshness::new(model.frame_hz, model.exposure_s),
+            table: TableWatch::new(table, model.frame_size_px),
+            plate: PlateWatch::new(table, model.frame_size_px, kinds, model.dark_parts),
+            foreign_m: None,
+        }
+    }
+
+    /// The first frame: what later ones are compared with.
+    pub(super) fn see_first(&mut self, frame: &Frame, now: PlateTime) {
+        self.freshness.check(frame, now);
+    }
+
+    /// Why `frame`, which arrived at `now`, is not of the present, if it is not.
+    pub(super) fn stale(&mut self, frame: &Frame, now: PlateTime) -> Option<Blind> {
+        self.freshness.check(frame, now).map(Blind::Stale)
+    }
+
+    /// Looks at a frame taken at rest, in which `tracks` were followed.
+    pub(super) fn examine(&mut self, frame: &Frame, tracks: &[Track]) -> Seen {
+        let motion = self.table.check(frame);
+        let place = match motion {
+            TableMotion::Seen { corner_px, shift_px, .. }
+                if corner_px < SWING_CORNER_PX && shift_px.norm() < SWING_SHIFT_PX =>
+            {
+                Place::Same
+            }
+            TableMotion::Seen { corner_px, .. } => Place::Elsewhere { corner_px },
+            TableMotion::Displaced => Place::Elsewhere { corner_px: f64::INFINITY },
+            TableMotion::Hidden => Place::Unknown,
+        };
+        if let Place::Elsewhere { .. } = place {
+            // what lies on a plate that has moved is seen once it is located anew
+            self.foreign_m = None;
+            return Seen { blind: None, place, foreign_m: None };
+        }
+        let sight = self.plate.check(frame, tracks);
+        // a hand shows; where nothing does and the sides are gone, there is no picture of the plate
+        let is_hidden = sight.hidden_share > HIDDEN;
+        let is_dark = sight.dark || (place == Place::Unknown && !is_hidden);
+        let blind = if is_dark { Some(Blind::Dark) } else { is_hidden.then_some(Blind::Hidden) };
+        self.foreign_m = sight.foreign.first().map(|part| part.position_m);
+        Seen { blind, place, foreign_m: self.foreign_m }
+    }
+
+    /// True when the plate lies where it was to a fraction of a pixel: it no longer swings, and nobody knocked it.
+    pub(super) fn is_still(&self, frame: &Frame) -> bool {
+        self.table.check(frame).corner_px().is_some_and(|corner_px| corner_px < STILL_PX)
+    }
+
+    /// Where something foreign lies in the newest frame, m.
+    pub(super) fn foreign_m(&self) -> Option<Vec2> {
+        self.foreign_m
+    }
+
+    /// The table was located anew.
+    pub(super) fn relocate(&mut self, table: &Table, size: [usize; 2], kinds: &[PartKind], dark_parts: bool) {
+        self.table = TableWatch::new(table, size);
+        self.plate = PlateWatch::new(table, size, kinds, dark_parts);
+    }
+}

@@ -1,0 +1,37 @@
+//! Guards: what is measured is held against what must be so. Each finding is a [`Condition`](super::Condition) with a code;
+//! a run goes on, waits or ends as it deserves.
+
+mod delay;
+mod freshness;
+mod motion;
+mod steps;
+
+use super::conditions::Condition;
+
+pub(super) use delay::DelayGuard;
+pub(super) use freshness::{Freshness, Stale};
+pub(super) use motion::{Finding, MotionGuard};
+pub(super) use steps::{StepGuard, Unlike, went_as_forecast};
+
+/// Which guards are awake: all, but for the one that a test of the tests puts to sleep.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Guards {
+    asleep: Option<String>,
+}
+
+impl Guards {
+    /// All guards but the one with this code: to see that its absence is noticed.
+    pub fn without(code: &str) -> Self {
+        Self { asleep: Some(code.to_owned()) }
+    }
+
+    /// True while the guard for `condition` is awake.
+    pub fn has(&self, condition: Condition) -> bool {
+        self.has_code(condition.code())
+    }
+
+    /// The same for one that is no condition: `two_looks`, `progress`.
+    pub fn has_code(&self, code: &str) -> bool {
+        self.asleep.as_deref() != Some(code)
+    }
+}

@@ -1,0 +1,151 @@
+use upm_core::signal::Frame;
+use upm_core::time::PlateTime;
+
+/// Bands of a frame that are told apart: one of them may stop while the others go on.
+const BANDS: usize = 4;
+/// One row of so many is looked at.
+const ROW_STEP: usize = 8;
+/// Pictures that are remembered: a camera may play the same few again and again.
+const REMEMBERED: usize = 8;
+/// A stamp may be older than the present by so many frames.
+const OLDEST_FRAMES: f64 = 3.0;
+
+/// Why a frame does not show the present.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stale {
+    /// It is one of the last pictures again, or part of it is. Read noise makes every picture of a living camera another one.
+    Repeated,
+    /// Its number or its stamp does not fit the present: the stamp is this much older, s.
+    Stamp {
+        /// Negative for a stamp in the future.
+        older_s: f64,
+    },
+}
+
+/// Tells frames of the present from old ones.
+#[derive(Clone, Debug)]
+pub struct Freshness {
+    frame_s: f64,
+    exposure_s: f64,
+    last: Option<(u64, PlateTime)>,
+    /// For each band the hashes of its last pictures; `None` where all pixels were equal.
+    seen: [Vec<Option<u64>>; BANDS],
+    /// Bands that differed in the first two frames, which show the same scene: noise is seen in them.
+    noisy: [bool; BANDS],
+    frames: u64,
+}
+
+impl Freshness {
+    /// For a camera of this rate and exposure.
+    pub fn new(frame_hz: f64, exposure_s: f64) -> Self {
+        let seen = std::array::from_fn(|_| Vec::with_capacity(REMEMBERED));
+        Self { frame_s: frame_hz.recip(), exposure_s, last: None, seen, noisy: [false; BANDS], frames: 0 }
+    }
+
+    /// Takes `frame`, which arrived at `now`; `Some` where it does not show the present.
+    pub fn check(&mut self, frame: &Frame, now: PlateTime) -> Option<Stale> {
+        let stamp = self.check_stamp(frame, now);
+        let repeated = self.check_picture(frame);
+        stamp.or(repeated.then_some(Stale::Repeated))
+    }
+
+    fn check_stamp(&mut self, frame: &Frame, now: PlateTime) -> Option<Stale> {
+        let before = self.last.replace((frame.index, frame.exposed_at));
+        let older_s = now - frame.exposed_at;
+        let is_next = before.is_none_or(|(index, at)| frame.index > index && frame.exposed_at > at);
+        let in_time = (-self.frame_s..=OLDEST_FRAMES * self.frame_s + self.exposure_s).contains(&older_s);
+        (!is_next || !in_time).then_some(Stale::Stamp { older_s })
+    }
+
+    fn check_picture(&mut self, frame: &Frame) -> bool {
+        let mut repeated = false;
+        let rows = frame.height.div_ceil(BANDS).max(1);
+        for band in 0..BANDS {
+            let hash = hash(frame, band * rows..((band + 1) * rows).min(frame.height));
+            let seen = &mut self.seen[band];
+            if self.frames == 1 {
+                self.noisy[band] = hash.is_some() && seen.last() != Some(&hash);
+            }
+            repeated |= self.frames > 1 && self.noisy[band] && hash.is_some() && seen.contains(&hash);
+            if seen.len() == REMEMBERED {
+                seen.remove(0);
+            }
+            seen.push(hash);
+        }
+        self.frames += 1;
+        repeated
+    }
+}
+
+/// Of some rows between `rows`; `None` where all their pixels are equal: black or white shows no noise.
+fn hash(frame: &Frame, rows: std::ops::Range<usize>) -> Option<u64> {
+    let mut hash = 0xcbf2_9ce4_8422_2325u64;
+    let (mut least, mut most) = (u8::MAX, u8::MIN);
+    for y in rows.step_by(ROW_STEP) {
+        let row = frame.pixels.get(y * frame.width..(y + 1) * frame.width)?;
+        let (words, rest) = row.as_chunks::<8>();
+        for word in words {
+            hash = (hash.rotate_left(5) ^ u64::from_le_bytes(*word)).wrapping_mul(0x0100_0000_01b3_9e3d);
+        }
+        for &pixel in rest {
+            hash = (hash.rotate_left(5) ^ u64::from(pixel)).wrapping_mul(0x0100_0000_01b3_9e3d);
+        }
+        (least, most) = row.iter().fold((least, most), |(a, b), &pixel| (a.min(pixel), b.max(pixel)));
+    }
+    (least < most).then_some(hash)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frame `index` at 60/s with noise of `seed`.
+    fn frame(index: u64, seed: u64) -> Frame {
+        let mut frame = Frame::new(40, 64);
+        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+        for pixel in &mut frame.pixels {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            *pixel = 100 + (state >> 62) as u8;
+        }
+        (frame.index, frame.exposed_at) = (index, PlateTime::from_secs(index as f64 / 60.0));
+        frame
+    }
+
+    fn check(of: &mut Freshness, frame: &Frame) -> Option<Stale> {
+        of.check(frame, frame.exposed_at + 0.002)
+    }
+
+    #[test]
+    fn picture_that_comes_again_is_stale_and_new_ones_are_not() {
+        let mut fresh = Freshness::new(60.0, 0.004);
+        assert!((1..50).all(|i| check(&mut fresh, &frame(i, i)).is_none()));
+        assert_eq!(check(&mut fresh, &frame(50, 49)), Some(Stale::Repeated));
+        assert_eq!(check(&mut fresh, &frame(51, 47)), Some(Stale::Repeated), "one of several");
+        assert_eq!(check(&mut fresh, &frame(52, 52)), None);
+        let mut torn = frame(53, 53);
+        torn.pixels[..16 * 40].copy_from_slice(&frame(52, 52).pixels[..16 * 40]);
+        assert_eq!(check(&mut fresh, &torn), Some(Stale::Repeated), "a quarter of it stands still");
+    }
+
+    #[test]
+    fn camera_without_noise_may_show_the_same_picture() {
+        let mut fresh = Freshness::new(60.0, 0.004);
+        assert!((1..20).all(|i| check(&mut fresh, &frame(i, 7)).is_none()));
+        let mut fresh = Freshness::new(60.0, 0.004);
+        let black = |i| Frame { pixels: vec![0; 40 * 64], ..frame(i, 1) };
+        assert!((1..20).all(|i| check(&mut fresh, &black(i)).is_none()));
+    }
+
+    #[test]
+    fn stamp_that_does_not_fit_the_present_is_stale() {
+        let mut fresh = Freshness::new(60.0, 0.004);
+        assert_eq!(check(&mut fresh, &frame(1, 1)), None);
+        assert!(matches!(check(&mut fresh, &frame(1, 2)), Some(Stale::Stamp { .. })), "the same number");
+        let late = frame(9, 9);
+        assert!(matches!(fresh.check(&late, late.exposed_at + 0.2), Some(Stale::Stamp { older_s }) if older_s > 0.19));
+        let early = frame(10, 10);
+        assert!(
+            matches!(fresh.check(&early, PlateTime::from_secs(0.1)), Some(Stale::Stamp { older_s }) if older_s < 0.0)
+        );
+    }
+}

@@ -1,0 +1,148 @@
+use crate::conditions::Condition;
+use upm_core::signal::{CHANNEL_NAMES, Drive};
+use upm_library::{CoilResponse, Library};
+use upm_perception::estimation::{
+    AccelerometerPair, ChannelFault, ExpectedMotion, FitFault, MotionVerdict, PlateFit, judge,
+};
+use upm_planner::PlannedPulse;
+
+/// Names of the voice coils.
+const COILS: [&str; 4] = ["x1", "x2", "y1", "y2"];
+/// A coil whose gain lies within this range is made up for by the next look.
+const BEARABLE_GAIN: (f64, f64) = (0.7, 1.4);
+/// A motion that differs from the plan by more than this part of it ends a run.
+const FAR_OFF: f64 = 0.25;
+/// Pulses in a row that are off by less before it is said.
+const OFF_IN_A_ROW: u32 = 2;
+
+/// What a pulse tells of coils and accelerometers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    /// What is wrong.
+    pub condition: Condition,
+    /// For people.
+    pub reason: String,
+    /// True when nothing more may be played.
+    pub ends: bool,
+}
+
+/// Holds what the accelerometers read of each pulse against what was planned.
+#[derive(Clone, Debug)]
+pub struct MotionGuard {
+    of_field: Option<CoilResponse>,
+    of_rotation: Option<CoilResponse>,
+    off: u32,
+}
+
+impl MotionGuard {
+    /// For pulses out of `library`.
+    pub fn new(library: &Library) -> Self {
+        Self { of_field: library.field_coils(), of_rotation: library.rotation_coils(), off: 0 }
+    }
+
+    /// Takes one pulse; `as_forecast` says whether the camera saw most parts go where they should.
+    pub fn check(
+        &mut self,
+        planned: &PlannedPulse,
+        drive: &Drive,
+        fit: &Result<PlateFit, FitFault>,
+        sensors: &AccelerometerPair,
+        as_forecast: Option<bool>,
+    ) -> Option<Finding> {
+        let response = match planned {
+            PlannedPulse::Field(_) => &self.of_field,
+            PlannedPulse::Rotation(_) => &self.of_rotation,
+        };
+        let judged = judge(&ExpectedMotion { drive, coils: response.as_ref()? }, fit.as_ref(), sensors);
+        let off = judged.mismatch.map_or(0.0, |mismatch| mismatch.relative);
+        self.finding(judged.verdict, off, as_forecast)
+    }
+
+    fn finding(&mut self, verdict: MotionVerdict, off: f64, as_forecast: Option<bool>) -> Option<Finding> {
+        let saw_it_go = as_forecast == Some(true);
+        let found = |condition, reason: String, ends| Some(Finding { condition, reason, ends });
+        let percent = 100.0 * off;
+        match verdict {
+            MotionVerdict::AsPlanned | MotionVerdict::Unreadable { strong: false } => {
+                self.off = 0;
+                None
+            }
+            MotionVerdict::Channel { channel, kind } => {
+                let name = CHANNEL_NAMES.get(channel).copied().unwrap_or("?");
+                let shows = match kind {
+                    ChannelFault::Dead => "shows nothing".to_owned(),
+                    ChannelFault::Reversed => "has the wrong sign".to_owned(),
+                    ChannelFault::Gain(gain) => format!("shows {gain:.2} of the motion"),
+                    ChannelFault::Erratic => "does not agree with the other three".to_owned(),
+                };
+                let reason = format!("accelerometer channel {name} {shows}: pulses are watched by the camera alone");
+                found(Condition::AccelerometerFault { channel: Some(channel) }, reason, false)
+            }
+            MotionVerdict::Coil { coil, gain, .. } => {
+                let name = COILS.get(coil).copied().unwrap_or("?");
+                let is_bearable = (BEARABLE_GAIN.0..=BEARABLE_GAIN.1).contains(&gain);
+                let reason =
+                    format!("coil {name} gives {gain:.2} of its force; the plate moved {percent:.0} % off the plan");
+                found(Condition::CoilFault { coil }, reason, !is_bearable)
+            }
+            MotionVerdict::Swapped { coils: [a, b] } => {
+                let [first, second] = [a, b].map(|coil| COILS.get(coil).copied().unwrap_or("?"));
+                let reason = format!("coils {first} and {second} play each other's part");
+                found(Condition::CoilFault { coil: a }, reason, true)
+            }
+            MotionVerdict::Other if saw_it_go && off > FAR_OFF => {
+                let reason =
+                    format!("the accelerometers read a motion {percent:.0} % off the plan, the parts went as forecast");
+                found(Condition::AccelerometerFault { channel: None }, reason, false)
+            }
+            MotionVerdict::Other => {
+                self.off += 1;
+                let reason = format!("the plate moved {percent:.0} % off the plan");
+                let is_far = off > FAR_OFF;
+                if is_far || self.off >= OFF_IN_A_ROW { found(Condition::MotionOff, reason, is_far) } else { None }
+            }
+            MotionVerdict::Unreadable { strong: true } if saw_it_go => {
+                let reason = "the accelerometers read no motion, the parts went as forecast".to_owned();
+                found(Condition::AccelerometerFault { channel: None }, reason, false)
+            }
+            MotionVerdict::Unreadable { strong: true } => {
+                found(Condition::MotionOff, "the accelerometers read no motion of the plate".to_owned(), true)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn guard() -> MotionGuard {
+        MotionGuard { of_field: None, of_rotation: None, off: 0 }
+    }
+
+    fn ends(verdict: MotionVerdict, off: f64, as_forecast: Option<bool>) -> Option<bool> {
+        guard().finding(verdict, off, as_forecast).map(|finding| finding.ends)
+    }
+
+    #[test]
+    fn each_verdict_gets_what_it_deserves() {
+        let coil = |gain| MotionVerdict::Coil { coil: 0, gain, gain_sd: 0.02 };
+        let channel = MotionVerdict::Channel { channel: 2, kind: ChannelFault::Dead };
+        let unread = |strong| MotionVerdict::Unreadable { strong };
+        assert_eq!(ends(MotionVerdict::AsPlanned, 0.01, None), None);
+        assert_eq!([0.85, 0.0, -1.0].map(|gain| ends(coil(gain), 0.1, None)), [Some(false), Some(true), Some(true)]);
+        assert_eq!(ends(channel, 0.4, Some(false)), Some(false));
+        assert_eq!(ends(MotionVerdict::Swapped { coils: [0, 1] }, 0.9, None), Some(true));
+        assert_eq!([None, Some(true)].map(|seen| ends(MotionVerdict::Other, 0.5, seen)), [Some(true), Some(false)]);
+        assert_eq!([false, true].map(|strong| ends(unread(strong), 0.0, None)), [None, Some(true)]);
+        assert_eq!(ends(unread(true), 0.0, Some(true)), Some(false));
+    }
+
+    #[test]
+    fn motion_a_little_off_is_told_the_second_time_in_a_row() {
+        let mut guard = guard();
+        let mut told = |verdict| guard.finding(verdict, 0.1, None).is_some();
+        assert!(!told(MotionVerdict::Other) && !told(MotionVerdict::AsPlanned) && !told(MotionVerdict::Other));
+        assert!(told(MotionVerdict::Other));
+    }
+}

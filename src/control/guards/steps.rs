@@ -1,0 +1,94 @@
+use upm_core::geometry::Vec2;
+
+/// Forecast steps below this say little, m.
+const SHORTEST_M: f64 = 1e-3;
+/// A part that goes less than this part of its forecast step hardly moves.
+const STUCK: f64 = 0.2;
+/// Pulses in a row.
+const IN_A_ROW: u32 = 3;
+/// Part of the forecast step, along it, from which on a part went as forecast.
+const AS_FORECAST: f64 = 0.5;
+
+/// How a part goes unlike its forecasts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unlike {
+    /// It hardly moves.
+    Stuck,
+    /// It goes the other way.
+    Astray,
+}
+
+/// Holds the measured step of each part against its forecast.
+#[derive(Clone, Debug, Default)]
+pub struct StepGuard {
+    stuck: Vec<u32>,
+    astray: Vec<u32>,
+}
+
+impl StepGuard {
+    /// Takes what one pulse did; the first part that has gone unlike its forecasts three times in a row, and how.
+    pub fn check(&mut self, before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<(usize, Unlike)> {
+        self.stuck.resize(before_m.len(), 0);
+        self.astray.resize(before_m.len(), 0);
+        let mut found = None;
+        for (part, ((before, forecast), after)) in before_m.iter().zip(forecast_m).zip(after_m).enumerate() {
+            let (wanted, went) = (forecast - before, after - before);
+            let length_m = wanted.norm();
+            if length_m < SHORTEST_M {
+                continue;
+            }
+            let along = went.dot(&wanted) / (length_m * length_m);
+            let count = |held: u32, holds: bool| if holds { held + 1 } else { 0 };
+            self.stuck[part] = count(self.stuck[part], went.norm() < STUCK * length_m);
+            self.astray[part] = count(self.astray[part], along < -STUCK);
+            let unlike = if self.astray[part] >= IN_A_ROW {
+                Some(Unlike::Astray)
+            } else {
+                (self.stuck[part] >= IN_A_ROW).then_some(Unlike::Stuck)
+            };
+            found = found.or(unlike.map(|unlike| (part, unlike)));
+        }
+        found
+    }
+}
+
+/// True when most parts that should go somewhere went about there; `None` when none should.
+pub fn went_as_forecast(before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<bool> {
+    let steps = before_m.iter().zip(forecast_m).zip(after_m).map(|((a, b), c)| (b - a, c - a));
+    let far: Vec<bool> = steps
+        .filter(|(wanted, _)| wanted.norm() >= SHORTEST_M)
+        .map(|(wanted, went)| {
+            let along = went.dot(&wanted) / wanted.norm_squared();
+            along > AS_FORECAST && along < 1.0 / AS_FORECAST
+        })
+        .collect();
+    (!far.is_empty()).then(|| 2 * far.iter().filter(|&&as_forecast| as_forecast).count() > far.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is found in each of some pulses that should carry two parts 4 mm along x; the second goes `share` of it.
+    fn found(shares: &[f64]) -> Vec<Option<(usize, Unlike)>> {
+        let (mut guard, start) = (StepGuard::default(), [Vec2::zeros(); 2]);
+        let step = Vec2::new(4e-3, 0.0);
+        shares.iter().map(|&share| guard.check(&start, &[step; 2], &[step, step * share])).collect()
+    }
+
+    #[test]
+    fn part_that_goes_unlike_its_forecast_three_times_is_found() {
+        assert_eq!(found(&[0.0, 0.1, 0.05]), [None, None, Some((1, Unlike::Stuck))]);
+        assert_eq!(found(&[-1.0, -0.5, -0.3])[2], Some((1, Unlike::Astray)));
+        assert_eq!(found(&[0.0, 0.0, 0.5, 0.0, 0.0]), [None; 5], "in a row");
+        assert_eq!(found(&[0.5, 1.5, 0.3, 1.0]), [None; 4]);
+    }
+
+    #[test]
+    fn most_parts_tell_whether_a_pulse_went_as_forecast() {
+        let (start, step) = ([Vec2::zeros(); 3], Vec2::new(4e-3, 0.0));
+        let went = |shares: [f64; 3]| went_as_forecast(&start, &[step; 3], &shares.map(|share| step * share));
+        assert_eq!((went([1.0, 0.9, 0.0]), went([0.0, 0.1, 1.0])), (Some(true), Some(false)));
+        assert_eq!(went_as_forecast(&start, &start, &start), None);
+    }
+}

@@ -1,0 +1,334 @@
+//! Whether the plate moved as planned and, if not, which coil or accelerometer channel explains it.
+//!
+//! Every explanation predicts what the accelerometers should have shown ([`felt`]). A prediction is weighed against the
+//! reading by `score² = mean of |difference|² / tolerance²` over all coefficients, and holds up to a score of 1. The
+//! simplest that holds is the verdict: the plan, then one coil, channel or pair of coils, the best of those that hold.
+//!
+//! A coil or channel without a share in the planned motion cannot be judged by it: such a pulse is as planned.
+
+use nalgebra::{Complex, Vector3};
+
+use super::felt::{Felt, Velocity, felt};
+use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2};
+use upm_core::geometry::Twist;
+use upm_core::signal::{CHANNELS, Drive, MOTORS, TwistHarmonic};
+
+/// Standard deviations within which a coefficient is as predicted, when two periods or more were read.
+const DEVIATIONS: f64 = 8.0;
+
+/// The same when a single period was read. The fit's polynomial then follows the plate's resonance only in part:
+/// healthy coefficients are up to 8 off.
+const DEVIATIONS_ONE_PERIOD: f64 = 14.0;
+
+/// Error allowed of the library's response, as a part of the planned acceleration. Over two periods or more healthy
+/// pulses are off by up to 0.013 on the strong rig and 0.022 on the weak one, noise included.
+const RESPONSE_ERROR: f64 = 0.02;
+
+/// Smallest error of a gain that is blamed on its coil or channel.
+const LEAST_GAIN_ERROR: f64 = 0.05;
+
+/// Largest gain of a dead channel, either sign.
+const DEAD_GAIN: f64 = 0.1;
+
+/// Largest distance of a reversed channel's gain from -1.
+const REVERSED_GAIN_ERROR: f64 = 0.2;
+
+/// Planned acceleration from which on a pulse must be readable, in units of [`WEAKEST_MPS2`].
+const STRONG: f64 = 4.0;
+
+/// Base periods of sustain from which on a pulse must be readable: one, and room for the samples that fall on no edge.
+const READABLE_PERIODS: f64 = 1.05;
+
+/// The motion that a pulse should make.
+#[derive(Clone, Copy, Debug)]
+pub struct ExpectedMotion<'a> {
+    /// What the motors are sent.
+    pub drive: &'a Drive,
+    /// For each voice coil and harmonic k, at index `k - 1`: the plate's steady velocity under one count of `cos kwt`
+    /// of that coil alone, times from the start of the pulse.
+    pub coils: &'a [Vec<TwistHarmonic>; MOTORS],
+}
+
+/// How far a pulse was from the plan, and why.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionJudgement {
+    /// The difference; `None` where the trace could not be read.
+    pub mismatch: Option<Mismatch>,
+    /// The explanation.
+    pub verdict: MotionVerdict,
+}
+
+/// Difference between the planned and the measured motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mismatch {
+    /// Norm of measured minus planned acceleration, all channels and harmonics, over that of the planned.
+    pub relative: f64,
+    /// What noise alone makes of it, by the fit's standard deviations.
+    pub relative_sd: f64,
+    /// The same difference weighed by what is allowed; up to 1 the pulse is as planned.
+    pub score: f64,
+}
+
+/// Explanation of a measured motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MotionVerdict {
+    /// The plate moved as planned.
+    AsPlanned,
+    /// The plate moved as planned, one accelerometer channel does not show it.
+    Channel {
+        /// Index of the channel.
+        channel: usize,
+        /// Its fault.
+        kind: ChannelFault,
+    },
+    /// One coil's force is not as planned.
+    Coil {
+        /// Index into [`upm_core::signal::Motor::ALL`].
+        coil: usize,
+        /// Its force over the planned one: 0 dead, -1 reversed.
+        gain: f64,
+        /// Standard deviation of `gain`, the allowed errors included.
+        gain_sd: f64,
+    },
+    /// Two coils play each other's part.
+    Swapped {
+        /// Indices into [`upm_core::signal::Motor::ALL`].
+        coils: [usize; 2],
+    },
+    /// Not as planned, and no single coil, channel or pair of coils explains it.
+    Other,
+    /// The trace could not be read.
+    Unreadable {
+        /// True when the planned motion is strong and long enough to be read: then plate or sensors failed.
+        strong: bool,
+    },
+}
+
+/// Fault of an accelerometer channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ChannelFault {
+    /// Shows no motion.
+    Dead,
+    /// Shows the motion with the wrong sign.
+    Reversed,
+    /// Shows this much of the motion.
+    Gain(f64),
+    /// Shows something else; the other three agree with the plan.
+    Erratic,
+}
+
+/// Judges a pulse by what was read of it.
+pub fn judge(
+    expected: &ExpectedMotion<'_>,
+    fit: Result<&PlateFit, &FitFault>,
+    sensors: &AccelerometerPair,
+) -> MotionJudgement {
+    match fit {
+        Ok(fit) => Judge::new(expected, Reading::of(fit), sensors).judgement(),
+        Err(fault) => MotionJudgement { mismatch: None, verdict: unreadable(expected, fault, sensors) },
+    }
+}
+
+fn unreadable(expected: &ExpectedMotion<'_>, fault: &FitFault, sensors: &AccelerometerPair) -> MotionVerdict {
+    let Drive { base_radps, motors, .. } = expected.drive;
+    let harmonics = motors.iter().map(Vec::len).max().unwrap_or(0);
+    let planned = felt(&expected.velocity(harmonics, &Played::Planned), *base_radps, sensors.position_m);
+    let largest_mps2 = planned.iter().flatten().map(|a| a.norm()).fold(0.0, f64::max);
+    // these two say that this rig's traces can never be read so, whatever the plate does
+    let never = matches!(fault, FitFault::Unreadable(_) | FitFault::Undetermined { .. });
+    let strong = !never && expected.periods() >= READABLE_PERIODS && largest_mps2 >= STRONG * WEAKEST_MPS2;
+    MotionVerdict::Unreadable { strong }
+}
+
+/// Which counts the coils play.
+enum Played {
+    Planned,
+    Gain { coil: usize, gain: f64 },
+    Swapped([usize; 2]),
+}
+
+impl ExpectedMotion<'_> {
+    /// Base periods that the pulse is held for.
+    fn periods(&self) -> f64 {
+        self.drive.envelope.sustain_s * self.drive.base_radps / std::f64::consts::TAU
+    }
+
+    /// The plate's velocity in so many harmonics; those that drive or response lack are zero.
+    fn velocity(&self, harmonics: usize, played: &Played) -> Velocity {
+        let mut velocity = vec![Vector3::zeros(); harmonics];
+        for (coil, answers) in self.coils.iter().enumerate() {
+            let (part, factor) = match *played {
+                Played::Gain { coil: of, gain } if of == coil => (coil, gain),
+                Played::Swapped([a, b]) if a == coil => (b, 1.0),
+                Played::Swapped([a, b]) if b == coil => (a, 1.0),
+                _ => (coil, 1.0),
+            };
+            for ((sum, answer), counts) in velocity.iter_mut().zip(answers).zip(&self.drive.motors[part]) {
+                *sum += phasor(answer) * (Complex::new(counts.cos, -counts.sin) * factor);
+            }
+        }
+        velocity
+    }
+}
+
+fn phasor(harmonic: &TwistHarmonic) -> Vector3<Complex<f64>> {
+    let parts = |twist: &Twist| Vector3::new(twist.velocity_mps.x, twist.velocity_mps.y, twist.spin_radps);
+    parts(&harmonic.cos).zip_map(&parts(&harmonic.sin), |cos, sin| Complex::new(cos, -sin))
+}
+
+/// Acceleration phasors of all channels and the mean variance of cos and sin coefficient, harmonic by harmonic.
+struct Reading {
+    accel_mps2: Felt,
+    variance: Vec<f64>,
+}
+
+impl Reading {
+    fn of(fit: &PlateFit) -> Self {
+        match fit {
+            PlateFit::Twist(fit) => Self::new(fit.accel_mps2.each_ref().map(|c| c.as_chunks().0), &fit.accel_sd_mps2),
+            PlateFit::Wave(fit) => {
+                Self::new(fit.accel_mps2.each_ref().map(Vec::as_slice), fit.accel_sd_mps2.as_flattened())
+            }
+        }
+    }
+
+    fn new(channels: [&[[f64; 2]]; CHANNELS], sd: &[f64]) -> Self {
+        let (pairs, _) = sd.as_chunks::<2>();
+        let at = |k: usize| channels.map(|of| of.get(k).map_or_else(Complex::default, |[c, s]| Complex::new(*c, -s)));
+        Self {
+            accel_mps2: (0..pairs.len()).map(at).collect(),
+            variance: pairs.iter().map(|[c, s]| 0.5 * (c * c + s * s)).collect(),
+        }
+    }
+}
+
+/// A reading beside the planned one.
+struct Judge<'a> {
+    expected: &'a ExpectedMotion<'a>,
+    sensors: &'a AccelerometerPair,
+    read: Reading,
+    planned: Felt,
+    /// One over the square of what is allowed of each coefficient, (m/s²)⁻², harmonic by harmonic.
+    weights: Vec<f64>,
+}
+
+impl<'a> Judge<'a> {
+    fn new(expected: &'a ExpectedMotion<'a>, read: Reading, sensors: &'a AccelerometerPair) -> Self {
+        let velocity = expected.velocity(read.variance.len(), &Played::Planned);
+        let planned = felt(&velocity, expected.drive.base_radps, sensors.position_m);
+        let coefficients = 2.0 * (CHANNELS * planned.len()) as f64;
+        let response_variance = RESPONSE_ERROR * RESPONSE_ERROR * energy(&planned) / coefficients;
+        let deviations = if expected.periods() < 2.0 { DEVIATIONS_ONE_PERIOD } else { DEVIATIONS };
+        let weight = |variance: &f64| (deviations * deviations * variance + response_variance).recip();
+        let weights = read.variance.iter().map(weight).collect();
+        Self { expected, sensors, read, planned, weights }
+    }
+
+    fn judgement(&self) -> MotionJudgement {
+        let difference: f64 = self.planned.iter().zip(&self.read.accel_mps2).map(|(a, b)| distance(a, b)).sum();
+        let noise = 2.0 * CHANNELS as f64 * self.read.variance.iter().sum::<f64>();
+        let size = energy(&self.planned);
+        let mismatch = Mismatch {
+            relative: (difference / size).sqrt(),
+            relative_sd: (noise / size).sqrt(),
+            score: self.score(&self.planned),
+        };
+        let verdict = if mismatch.score <= 1.0 { MotionVerdict::AsPlanned } else { self.explanation() };
+        MotionJudgement { mismatch: Some(mismatch), verdict }
+    }
+
+    /// The best of the explanations that hold.
+    fn explanation(&self) -> MotionVerdict {
+        let pairs = (0..MOTORS).flat_map(|a| (a + 1..MOTORS).map(move |b| [a, b]));
+        let coils = (0..MOTORS).map(|coil| self.coil(coil));
+        let channels = (0..CHANNELS).map(|channel| self.channel(channel));
+        let swaps = pairs.map(|coils| self.swap(coils));
+        let held = coils.chain(channels).chain(swaps).filter(|(score, _)| *score <= 1.0);
+        if let Some((_, verdict)) = held.min_by(|(a, _), (b, _)| a.total_cmp(b)) {
+            return verdict;
+        }
+        let erratic = (0..CHANNELS).map(|channel| (self.score_without(channel), channel));
+        match erratic.min_by(|(a, _), (b, _)| a.total_cmp(b)) {
+            Some((score, channel)) if score <= 1.0 => MotionVerdict::Channel { channel, kind: ChannelFault::Erratic },
+            _ => MotionVerdict::Other,
+        }
+    }
+
+    /// Score and verdict for the gain of `coil` that comes nearest to the reading.
+    fn coil(&self, coil: usize) -> (f64, MotionVerdict) {
+        let (base_radps, harmonics) = (self.expected.drive.base_radps, self.planned.len());
+        let predicted = |gain: f64| {
+            let velocity = self.expected.velocity(harmonics, &Played::Gain { coil, gain });
+            felt(&velocity, base_radps, self.sensors.position_m)
+        };
+        let dead = predicted(0.0);
+        let share: Felt = self.planned.iter().zip(&dead).map(|(a, b)| std::array::from_fn(|c| a[c] - b[c])).collect();
+        let missing = self.read.accel_mps2.iter().zip(&dead).map(|(a, b)| std::array::from_fn(|c| a[c] - b[c]));
+        let information = self.dot(&share, &share, 0..CHANNELS);
+        let gain = self.dot(&share, &missing.collect(), 0..CHANNELS) / information;
+        let score = if is_fault(gain) { self.score(&predicted(gain)) } else { f64::INFINITY };
+        (score, MotionVerdict::Coil { coil, gain, gain_sd: information.recip().sqrt() })
+    }
+
+    /// Score and verdict for the gain of `channel` that comes nearest to the reading.
+    fn channel(&self, channel: usize) -> (f64, MotionVerdict) {
+        let only = channel..channel + 1;
+        let information = self.dot(&self.planned, &self.planned, only.clone());
+        let gain = self.dot(&self.planned, &self.read.accel_mps2, only) / information;
+        let shown = self.planned.iter().map(|planned| {
+            let mut shown = *planned;
+            shown[channel] *= gain;
+            shown
+        });
+        let kind = if gain.abs() <= DEAD_GAIN {
+            ChannelFault::Dead
+        } else if (gain + 1.0).abs() <= REVERSED_GAIN_ERROR {
+            ChannelFault::Reversed
+        } else {
+            ChannelFault::Gain(gain)
+        };
+        let score = if is_fault(gain) { self.score(&shown.collect()) } else { f64::INFINITY };
+        (score, MotionVerdict::Channel { channel, kind })
+    }
+
+    fn swap(&self, coils: [usize; 2]) -> (f64, MotionVerdict) {
+        let velocity = self.expected.velocity(self.planned.len(), &Played::Swapped(coils));
+        let predicted = felt(&velocity, self.expected.drive.base_radps, self.sensors.position_m);
+        (self.score(&predicted), MotionVerdict::Swapped { coils })
+    }
+
+    fn score(&self, predicted: &Felt) -> f64 {
+        let rows = predicted.iter().zip(&self.read.accel_mps2).zip(&self.weights);
+        let sum: f64 = rows.map(|((a, b), weight)| weight * distance(a, b)).sum();
+        (sum / (2 * CHANNELS * self.weights.len()) as f64).sqrt()
+    }
+
+    /// Score of the plan by the three other channels.
+    fn score_without(&self, channel: usize) -> f64 {
+        let rows = self.planned.iter().zip(&self.read.accel_mps2).zip(&self.weights);
+        let others = rows.map(|((a, b), weight)| weight * (distance(a, b) - (a[channel] - b[channel]).norm_sqr()));
+        (others.sum::<f64>() / (2 * (CHANNELS - 1) * self.weights.len()) as f64).sqrt()
+    }
+
+    /// Weighted inner product over `channels`.
+    fn dot(&self, a: &Felt, b: &Felt, channels: std::ops::Range<usize>) -> f64 {
+        let rows = a.iter().zip(b).zip(&self.weights);
+        rows.map(|((a, b), weight)| weight * channels.clone().map(|c| (a[c].conj() * b[c]).re).sum::<f64>()).sum()
+    }
+}
+
+/// True for a gain that differs enough from 1 to be blamed.
+fn is_fault(gain: f64) -> bool {
+    (gain - 1.0).abs() >= LEAST_GAIN_ERROR
+}
+
+fn energy(felt: &Felt) -> f64 {
+    felt.iter().flatten().map(Complex::norm_sqr).sum()
+}
+
+fn distance(a: &[Complex<f64>; CHANNELS], b: &[Complex<f64>; CHANNELS]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).norm_sqr()).sum()
+}
+
+#[cfg(test)]
+mod tests;

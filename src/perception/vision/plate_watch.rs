@@ -1,0 +1,286 @@
+mod blobs;
+mod grid;
+
+use self::blobs::{BARE, BORDER, Blob, Blobs, DIFFERS, SEEN, UNSEEN};
+use self::grid::Grid;
+use super::coarse::Coarse;
+use super::outline::PlateCells;
+use super::sampling::quantile;
+use super::shading::Shading;
+use super::{Table, Track};
+use upm_core::geometry::Vec2;
+use upm_core::rig::PartKind;
+use upm_core::signal::Frame;
+
+/// Most foreign parts reported of one frame.
+const MOST_FOREIGN: usize = 8;
+/// What is excused around a tracked part beyond its outline, as a part of its radius and px.
+const MARGIN_RADII: f64 = 0.15;
+const MARGIN_PX: f64 = 4.0;
+/// How much darker or lighter than the bare plate a sample is that shows something else, as a part of the plate's level.
+/// Glints and shadows of parts stay below.
+const DARKER: f32 = 0.2;
+const LIGHTER: f32 = 0.1;
+/// The same in standard deviations of the frame's noise, and never more than this part of the plate's level.
+const NOISE_SDS: f64 = 6.0;
+const MOST_NOISE: f64 = 0.35;
+/// Added to both, levels.
+const FLOOR: f32 = 3.0;
+/// Samples that the light is measured from, at most and at least. A prime number spreads them over all columns of the grid.
+const PROBES: usize = 251;
+const LEAST_PROBES: usize = 16;
+/// A plate no brighter than this, levels, or that scatters more than this about its reference is not seen.
+const DARKEST: f64 = 8.0;
+const MOST_SCATTER: f64 = 0.1;
+/// Standard deviation of a normal distribution over the lower quartile of absolute deviations, which a hand over nearly
+/// half of the plate hardly widens.
+const SD_OF_QUARTILE: f64 = 3.138;
+/// From this level on a sample may be saturated.
+const SATURATED: f32 = 250.0;
+/// A larger share of such samples than glints make is a plate that saturates.
+const SATURATED_SHARE: f64 = 0.03;
+/// Squares that the plate's brightness is fitted to, px.
+const BIN: usize = 4;
+
+/// Something on the plate that is no tracked part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ForeignPart {
+    /// Middle of what is covered, m.
+    pub position_m: Vec2,
+    /// Area covered, m².
+    pub area_m2: f64,
+}
+
+/// What one frame shows on the plate besides the tracked parts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlateSight<'a> {
+    /// Things of a part's size in plain view; the first 8 of them.
+    pub foreign: &'a [ForeignPart],
+    /// Share of the plate behind something too large for a part, behind something that reaches over the plate's border,
+    /// or beside the last place of a part that is not seen: 0 to 1.
+    pub hidden_share: f64,
+    /// True when the frame shows no plate: black, unreadable, or more than half of it something else.
+    pub dark: bool,
+}
+
+/// Tells what lies on the plate besides the tracked parts.
+///
+/// A grid of samples covers the plate, half a radius of the smallest kind apart. Each has a reference level: that of the
+/// first frame where it showed bare plate, until then the level of a quadratic surface through the plate's brightness. The
+/// light of a frame is the median ratio of samples and references. Samples that are lighter or darker than the lit
+/// reference, and no part's, are gathered into connected blobs; a blob is judged by its size and by what it touches.
+/// A mark on the plate as large as a part, and a fifth darker than the plate, is reported as foreign, too.
+pub struct PlateWatch {
+    table: Table,
+    kinds: Vec<PartKind>,
+    dark_parts: bool,
+    frame_size: [usize; 2],
+    cells: PlateCells,
+    grid: Grid,
+    /// Indices of the samples that the light is measured from.
+    probes: Vec<usize>,
+    reference: Reference,
+    /// Gray level of each sample in the newest frame.
+    levels: Vec<f32>,
+    /// State of every place if no sample differed: what tracked parts excuse is told from bare plate.
+    excused: Vec<u8>,
+    blobs: Blobs,
+    foreign: Vec<ForeignPart>,
+}
+
+/// Gray levels of the bare plate.
+#[derive(Default)]
+struct Reference {
+    /// Of each sample, in the light of the first frame.
+    levels: Vec<f32>,
+    /// Median of those.
+    median: f64,
+    /// Samples whose level is that of the surface so far.
+    pending: Vec<usize>,
+    /// True after the first frame that shows a plate.
+    is_known: bool,
+    /// True while it is that of a saturated plate, to be learned again in less light.
+    is_saturated: bool,
+}
+
+/// Light of a frame against that of the first one, and robust standard deviation of the samples about it.
+#[derive(Clone, Copy)]
+struct Light {
+    ratio: f64,
+    scatter: f64,
+}
+
+impl PlateWatch {
+    /// For frames of `frame_size` (columns, rows), all kinds of parts that are tracked and whether they are darker than
+    /// the plate.
+    pub fn new(table: &Table, frame_size: [usize; 2], kinds: &[PartKind], dark_parts: bool) -> Self {
+        let radii_m = || kinds.iter().map(|kind| kind.radius_m);
+        let smallest_m = radii_m().fold(f64::INFINITY, f64::min).min(table.side_m / 4.0);
+        let largest_m = radii_m().fold(smallest_m, f64::max);
+        let grid = Grid::new(table, frame_size, smallest_m / 2.0);
+        let usable: Vec<usize> = grid.usable().collect();
+        let excused_m = largest_m * (1.0 + MARGIN_RADII) + MARGIN_PX / table.mean_px_per_m();
+        let probes = PROBES.min(usable.len());
+        Self {
+            table: table.clone(),
+            kinds: kinds.to_vec(),
+            dark_parts,
+            frame_size,
+            cells: PlateCells::new(table, frame_size, BIN, MARGIN_PX),
+            probes: (0..probes).map(|i| usable[i * usable.len() / probes]).collect(),
+            reference: Reference::default(),
+            levels: vec![0.0; grid.len()],
+            excused: vec![BARE; grid.len()],
+            blobs: Blobs::new(&grid, [smallest_m, largest_m], excused_m),
+            foreign: Vec::with_capacity(MOST_FOREIGN),
+            grid,
+        }
+    }
+
+    /// Looks at the plate in `frame`, in which `tracks` are where they were last seen. The first frame that shows a plate
+    /// takes longer: the plate's brightness is learned from it.
+    pub fn check(&mut self, frame: &Frame, tracks: &[Track]) -> PlateSight<'_> {
+        self.foreign.clear();
+        match self.hidden_share(frame, tracks) {
+            Some(hidden_share) => PlateSight { foreign: &self.foreign, hidden_share, dark: false },
+            None => PlateSight { foreign: &[], hidden_share: 0.0, dark: true },
+        }
+    }
+
+    /// Fills `foreign` and gives the hidden share; `None` of a frame that shows no plate.
+    fn hidden_share(&mut self, frame: &Frame, tracks: &[Track]) -> Option<f64> {
+        let whole = frame.width.checked_mul(frame.height) == Some(frame.pixels.len());
+        if !whole || [frame.width, frame.height] != self.frame_size {
+            return None;
+        }
+        self.grid.read(&frame.pixels, &mut self.levels);
+        self.excuse(tracks);
+        let is_saturated = self.saturated_share() > SATURATED_SHARE;
+        if !self.reference.is_known || self.reference.is_saturated && !is_saturated {
+            self.load_surface(frame);
+            self.reference.is_saturated = is_saturated;
+        }
+        let light = self.light()?;
+        let [differing, compared] = self.compare(light);
+        if 2 * differing > compared {
+            return None;
+        }
+        self.learn(light);
+        let hidden = if differing > 0 { self.gather() } else { 0 };
+        Some(hidden as f64 / f64::from(compared.max(1)))
+    }
+
+    /// Marks the samples that tracked parts cover, or may.
+    fn excuse(&mut self, tracks: &[Track]) {
+        self.excused.fill(BARE);
+        for Track { seen, frames_unseen } in tracks {
+            let Some(PartKind { radius_m, thickness_m, .. }) = self.kinds.get(seen.kind) else { continue };
+            let (shift_m, growth) = self.table.parallax(seen.position_m, *thickness_m);
+            let center_m = seen.position_m + shift_m / 2.0;
+            let reach_m = radius_m * (1.0 + growth + MARGIN_RADII)
+                + shift_m.norm() / 2.0
+                + MARGIN_PX / self.table.px_per_m_at(seen.position_m);
+            let excuse = if *frames_unseen == 0 { SEEN } else { UNSEEN };
+            self.grid.within(center_m, reach_m, |sample| self.excused[sample] = excuse);
+        }
+    }
+
+    /// Takes the plate's brightness in `frame` for the reference of all samples.
+    fn load_surface(&mut self, frame: &Frame) {
+        let picture = Coarse::part_of(frame, self.cells.bin, self.cells.corner, self.cells.size);
+        let shading = Shading::fit(&picture, &self.cells, self.dark_parts);
+        let mut inverse = vec![1.0; picture.width.max(1)];
+        let mut last_row = None;
+        let Self { reference, grid, cells, .. } = self;
+        reference.levels.clear();
+        reference.levels.resize(grid.len(), f32::NAN);
+        reference.pending.clear();
+        for sample in grid.usable() {
+            let pixel = grid.pixel(sample);
+            let at = [pixel % self.frame_size[0], pixel / self.frame_size[0]];
+            let cell = [0, 1].map(|i| (at[i] / cells.bin).saturating_sub(cells.corner[i]).min(cells.size[i]));
+            if last_row.replace(cell[1]) != Some(cell[1]) {
+                shading.inverse_row(cell[1], &mut inverse);
+            }
+            reference.levels[sample] = 1.0 / inverse[cell[0].min(inverse.len() - 1)];
+            reference.pending.push(sample);
+        }
+        let mut levels: Vec<f64> = self.probes.iter().map(|&probe| f64::from(reference.levels[probe])).collect();
+        reference.median = quantile(&mut levels, 0.5);
+    }
+
+    /// Share of the plate that is saturated in the newest frame.
+    fn saturated_share(&self) -> f64 {
+        let open = || self.probes.iter().filter(|&&probe| self.excused[probe] == BARE);
+        let saturated = open().filter(|&&probe| self.levels[probe] >= SATURATED).count();
+        saturated as f64 / open().count().max(1) as f64
+    }
+
+    /// The light of the newest frame, if it shows a plate. Where most of the plate is saturated the light is that of its
+    /// dimmest places: the others only bound it from below.
+    fn light(&self) -> Option<Light> {
+        let (mut ratios, mut count) = ([0.0; PROBES], 0);
+        for &probe in self.probes.iter().filter(|&&probe| self.excused[probe] == BARE).take(PROBES) {
+            ratios[count] = f64::from(self.levels[probe] / self.reference.levels[probe]);
+            count += 1;
+        }
+        if count < LEAST_PROBES {
+            return None;
+        }
+        let ratios = &mut ratios[..count];
+        let is_saturated = self.saturated_share() > 0.5;
+        let ratio = quantile(ratios, if is_saturated { 0.9 } else { 0.5 });
+        ratios.iter_mut().for_each(|value| *value = (*value / ratio - 1.0).abs());
+        let scatter = if is_saturated { 0.0 } else { SD_OF_QUARTILE * quantile(ratios, 0.25) };
+        let shows_plate = ratio * self.reference.median > DARKEST && scatter < MOST_SCATTER;
+        shows_plate.then_some(Light { ratio, scatter })
+    }
+
+    /// Marks the samples that differ from the lit reference and that no tracked part excuses. How many they are, and of how
+    /// many.
+    fn compare(&mut self, light: Light) -> [u32; 2] {
+        let noise = (NOISE_SDS * light.scatter).min(MOST_NOISE) as f32;
+        let (least, most) = (1.0 - noise.max(DARKER), 1.0 + noise.max(LIGHTER));
+        let ratio = light.ratio as f32;
+        let (mut differing, mut compared) = (0, 0);
+        let samples = self.levels.iter().zip(&self.reference.levels).zip(&self.excused);
+        for (state, ((level, reference), excuse)) in self.blobs.states().iter_mut().zip(samples) {
+            let expected = (ratio * reference).min(255.0);
+            let differs = (*level < least * expected - FLOOR) | (*level > most * expected + FLOOR);
+            // Where there is no sample the level is not a number.
+            let bare = if level.is_nan() { BORDER } else { *excuse };
+            *state = if bare == BARE { u8::from(differs) * DIFFERS } else { bare };
+            differing += u32::from(differs & (bare == BARE));
+            compared += u32::from(bare == BARE);
+        }
+        [differing, compared]
+    }
+
+    /// Takes what bare plate shows for the reference of samples that have none of their own yet.
+    fn learn(&mut self, light: Light) {
+        let Self { reference, levels, blobs, .. } = self;
+        let Reference { levels: references, pending, .. } = reference;
+        let states = blobs.states();
+        pending.retain(|&sample| {
+            let bare = states[sample] == BARE && levels[sample] < SATURATED;
+            if bare {
+                references[sample] = levels[sample] / light.ratio as f32;
+            }
+            !bare
+        });
+        reference.is_known = true;
+    }
+
+    /// Gathers differing samples into blobs: foreign parts, and how many samples are hidden.
+    fn gather(&mut self) -> usize {
+        let Self { blobs, foreign, grid, .. } = self;
+        let mut hidden = 0;
+        blobs.gather(|blob| match blob {
+            Blob::Hiding { samples } => hidden += samples,
+            Blob::Foreign { samples, middle } if foreign.len() < MOST_FOREIGN => foreign
+                .push(ForeignPart { position_m: grid.place_m(middle), area_m2: samples as f64 * grid.sample_m2() }),
+            Blob::Foreign { .. } => {}
+        });
+        hidden
+    }
+}

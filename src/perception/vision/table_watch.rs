@@ -1,0 +1,272 @@
+use nalgebra::{Matrix4, Vector4};
+
+use super::Table;
+use super::sampling::{Sampler, biweight, quantile, rising_crossing};
+use upm_core::geometry::{Vec2, cross, perp};
+use upm_core::signal::Frame;
+
+/// Profiles across each side.
+const PROFILES: usize = 16;
+const ALL: usize = 4 * PROFILES;
+/// Levels along a profile, a pixel apart; its middle one lies on the side.
+const SAMPLES: usize = 13;
+const MIDDLE: f64 = (SAMPLES as f64 - 1.0) / 2.0;
+/// Share of a side at each end without profiles.
+const ENDS: f64 = 0.05;
+/// Least step across a side, levels and as a part of the strong ones in the same frame.
+const FAINTEST: f32 = 4.0;
+const WEAKEST: f64 = 0.4;
+/// Steps across the sides add up to no less than this part of the sum of their sizes where most of them go from ground to
+/// plate; in noise they cancel.
+const ONE_WAY: f32 = 0.5;
+/// Profiles of a side that must agree with the motion of the others before the side counts as seen.
+const AGREEING: usize = 4;
+/// Sides that tell a motion of the plate.
+const SIDES: usize = 3;
+/// Least-squares residuals with a larger median than this, px, come from a side that disagrees as a whole.
+const DISAGREEMENT_PX: f64 = 0.25;
+/// Crossings that scatter more than this about a motion of the plate, px, are no side.
+const MOST_SCATTER_PX: f64 = 0.5;
+const LEAST_SCATTER_PX: f64 = 0.05;
+const ROUNDS: usize = 5;
+/// From this level on a pixel may be saturated.
+const SATURATED: f32 = 250.0;
+/// Levels of a profile that lies wholly on the plate or wholly on the ground differ by no more than this part of the
+/// step between the two.
+const FLAT: f32 = 0.35;
+/// Samples left out at either end of such a profile: there a side at the window's end reaches in.
+const FLAT_ENDS: usize = 2;
+/// Least step between plate and ground, levels, and least number of flat profiles on either of a displaced plate.
+const FLAT_STEP: f32 = 10.0;
+const FLAT_PROFILES: usize = 10;
+
+/// Where the sides of the plate are, against where they were when the table was located.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TableMotion {
+    /// At least three sides are seen near their places.
+    Seen {
+        /// Offset of each side along its outward normal, px: top, right, bottom, left in the order of
+        /// [`Table::corners_px`], side `i` from corner `i` to the next. `None` where it is hidden.
+        sides_px: [Option<f64>; 4],
+        /// Shift of the plate's image that fits the seen sides best, px, x to the right, y down.
+        shift_px: Vec2,
+        /// Turn about the plate's middle, px at its farthest corner, clockwise as seen.
+        turn_px: f64,
+        /// Largest displacement of a corner, px, under that shift and turn and the growth fitted with them.
+        corner_px: f64,
+    },
+    /// Plate and ground are seen, and both lie where a side was: the plate has moved by more than the 6 px that
+    /// profiles reach.
+    Displaced,
+    /// Too little shows to judge: a dark or unreadable frame, or two sides and more behind something.
+    Hidden,
+}
+
+impl TableMotion {
+    /// Sides seen near their places.
+    pub fn sides_seen(&self) -> usize {
+        match self {
+            Self::Seen { sides_px, .. } => sides_px.iter().flatten().count(),
+            Self::Displaced | Self::Hidden => 0,
+        }
+    }
+
+    /// Largest displacement of a corner, px: infinite for a displaced plate, `None` when the frame does not tell.
+    pub fn corner_px(&self) -> Option<f64> {
+        match self {
+            Self::Seen { corner_px, .. } => Some(*corner_px),
+            Self::Displaced => Some(f64::INFINITY),
+            Self::Hidden => None,
+        }
+    }
+}
+
+/// Follows the sides of a table that was located before, by gray level profiles across them.
+///
+/// The half-level crossings of all profiles are fitted with one motion of the plate's image, a shift, a turn and growth;
+/// biweights leave out profiles that see something else (coins over the edge, a hand). Crossings do not depend on light,
+/// except where the plate saturates: there every side moves outwards by up to 0.4 px, so that in saturated frames
+/// growth is not counted as displacement.
+pub struct TableWatch {
+    profiles: [Profile; ALL],
+    /// Corners from the plate's middle, in units of the farthest one's distance.
+    corners: [Vec2; 4],
+    frame_size: [usize; 2],
+}
+
+/// One profile across a side.
+#[derive(Clone, Copy)]
+struct Profile {
+    center_px: Vec2,
+    /// Unit vector.
+    outward: Vec2,
+    /// Offset of the side here under unit shifts along x and y, a turn and growth.
+    row: Vector4<f64>,
+}
+
+/// What the profiles show in one frame.
+struct Reading {
+    levels: [[f32; SAMPLES]; ALL],
+    /// Offset of the side along its outward normal, px; NaN where none is seen.
+    crossings: [f64; ALL],
+    saturated: bool,
+}
+
+impl TableWatch {
+    /// For frames of `frame_size` (columns, rows).
+    pub fn new(table: &Table, frame_size: [usize; 2]) -> Self {
+        let middle_px = table.corners_px.iter().sum::<Vec2>() / 4.0;
+        let radius_px = table.corners_px.iter().fold(1e-9, |most: f64, corner| most.max((corner - middle_px).norm()));
+        let from_middle = |p_px: Vec2| (p_px - middle_px) / radius_px;
+        let half_m = table.side_m / 2.0;
+        let profiles = std::array::from_fn(|i| {
+            let share = ENDS + (1.0 - 2.0 * ENDS) * ((i % PROFILES) as f64 + 0.5) / PROFILES as f64;
+            let along = 2.0 * share - 1.0;
+            // Clockwise as seen: along the top to the right, down the right side, and so on.
+            let out = [Vec2::y(), Vec2::x(), -Vec2::y(), -Vec2::x()][i / PROFILES];
+            let at = |along: f64| table.image_from_table((out - perp(out) * along) * half_m);
+            let tangent = (at(along + 0.01) - at(along - 0.01)).normalize();
+            let (center_px, outward) = (at(along), -perp(tangent));
+            let arm = from_middle(center_px);
+            let row = Vector4::new(outward.x, outward.y, cross(arm, outward), arm.dot(&outward));
+            Profile { center_px, outward, row }
+        });
+        Self { profiles, corners: table.corners_px.map(from_middle), frame_size }
+    }
+
+    /// Looks at the sides in `frame`. A frame of another size shows nothing.
+    pub fn check(&self, frame: &Frame) -> TableMotion {
+        let sampler = Sampler::new(frame).filter(|_| [frame.width, frame.height] == self.frame_size);
+        let Some(reading) = sampler.map(|sampler| self.read(&sampler)) else { return TableMotion::Hidden };
+        match self.motion(&reading) {
+            Some(motion) => motion,
+            None if is_displaced(&reading.levels) => TableMotion::Displaced,
+            None => TableMotion::Hidden,
+        }
+    }
+
+    /// Profiles run from outside to inside.
+    fn read(&self, sampler: &Sampler) -> Reading {
+        let levels = self.profiles.map(|Profile { center_px, outward, .. }| {
+            let (from, to) = (center_px + outward * MIDDLE, center_px - outward * MIDDLE);
+            sampler.along::<SAMPLES>(from, to).unwrap_or_else(|| {
+                std::array::from_fn(|k| {
+                    let p = from.lerp(&to, k as f64 / (SAMPLES as f64 - 1.0));
+                    sampler.at(p.x, p.y)
+                })
+            })
+        });
+        let outside = |levels: &[f32; SAMPLES]| (levels[0] + levels[1]) / 2.0;
+        let inside = |levels: &[f32; SAMPLES]| (levels[SAMPLES - 1] + levels[SAMPLES - 2]) / 2.0;
+        let steps = levels.each_ref().map(|levels| inside(levels) - outside(levels));
+        let total: f32 = steps.iter().sum();
+        let sign = total.signum();
+        let steps = steps.map(|step| sign * step);
+        let one_way = total.abs() > ONE_WAY * steps.iter().map(|step| step.abs()).sum::<f32>();
+        let strong = if one_way { quantile(&mut steps.map(f64::from), 0.75) } else { f64::INFINITY };
+        let least = ((WEAKEST * strong) as f32).max(FAINTEST);
+        let crossings = std::array::from_fn(|i| {
+            if steps[i] < least {
+                return f64::NAN;
+            }
+            let profile = levels[i].map(|level| sign * level);
+            let at = rising_crossing(&profile, sign * outside(&levels[i]), sign * inside(&levels[i]));
+            at.map_or(f64::NAN, |at| MIDDLE - at)
+        });
+        let saturated = levels.iter().any(|levels| inside(levels).max(outside(levels)) >= SATURATED);
+        Reading { levels, crossings, saturated }
+    }
+
+    /// The motion that fits most profiles on at least three sides.
+    fn motion(&self, reading: &Reading) -> Option<TableMotion> {
+        let crossings = &reading.crossings;
+        let mut weights = crossings.map(|at| if at.is_finite() { 1.0 } else { 0.0 });
+        let (mut motion, mut scatter_px) = self.start(crossings, &weights)?;
+        for _ in 0..ROUNDS {
+            for (i, weight) in weights.iter_mut().enumerate() {
+                let off = crossings[i] - self.profiles[i].row.dot(&motion);
+                *weight = if off.is_finite() { biweight(off / scatter_px) } else { 0.0 };
+            }
+            motion = self.fitted(crossings, &weights)?;
+            scatter_px = self.scatter_px(crossings, &motion);
+        }
+        let sides_px = std::array::from_fn(|side| mean_of_side(crossings, &weights, side));
+        let seen = sides_px.iter().flatten().count();
+        if seen < SIDES || scatter_px > MOST_SCATTER_PX {
+            return None;
+        }
+        let [x, y, turn, growth] = motion.into();
+        let growth = if reading.saturated { 0.0 } else { growth };
+        let shift_px = Vec2::new(x, y);
+        let moved = |corner: Vec2| (shift_px + perp(corner) * turn + corner * growth).norm();
+        let corner_px = self.corners.iter().fold(0.0, |most: f64, &corner| most.max(moved(corner)));
+        Some(TableMotion::Seen { sides_px, shift_px, turn_px: turn, corner_px })
+    }
+
+    /// The motion to start from, and the scatter about it: of all sides, or without the side that disagrees most.
+    fn start(&self, crossings: &[f64; ALL], weights: &[f64; ALL]) -> Option<(Vector4<f64>, f64)> {
+        let scattered = |motion: Vector4<f64>| (motion, self.scatter_px(crossings, &motion));
+        let mut best = scattered(self.fitted(crossings, weights)?);
+        let seen = |side: usize| weights[side * PROFILES..][..PROFILES].iter().sum::<f64>() >= AGREEING as f64;
+        if best.1 < 1.4826 * DISAGREEMENT_PX || !(0..4).all(seen) {
+            return Some(best);
+        }
+        for side in 0..4 {
+            let mut others = *weights;
+            others[side * PROFILES..][..PROFILES].fill(0.0);
+            let without = self.fitted(crossings, &others).map(scattered);
+            best = without.filter(|(_, scatter_px)| *scatter_px < best.1).unwrap_or(best);
+        }
+        Some(best)
+    }
+
+    /// Shift along x and y, turn and growth by weighted least squares, all in px, the last two at the farthest corner.
+    fn fitted(&self, crossings: &[f64; ALL], weights: &[f64; ALL]) -> Option<Vector4<f64>> {
+        let (mut normal, mut right) = (Matrix4::identity() * 1e-6, Vector4::zeros());
+        for ((profile, &crossing), &weight) in self.profiles.iter().zip(crossings).zip(weights) {
+            if weight > 0.0 {
+                let weighted = profile.row * weight;
+                normal += weighted * profile.row.transpose();
+                right += weighted * crossing;
+            }
+        }
+        normal.cholesky().map(|factors| factors.solve(&right))
+    }
+
+    /// Robust standard deviation of the crossings about a motion, px.
+    fn scatter_px(&self, crossings: &[f64; ALL], motion: &Vector4<f64>) -> f64 {
+        let (mut off, mut count) = ([0.0; ALL], 0);
+        for (profile, crossing) in self.profiles.iter().zip(crossings).filter(|(_, crossing)| crossing.is_finite()) {
+            off[count] = (crossing - profile.row.dot(motion)).abs();
+            count += 1;
+        }
+        (1.4826 * quantile(&mut off[..count], 0.5)).max(LEAST_SCATTER_PX)
+    }
+}
+
+/// Mean crossing of the profiles of a side that agree, if enough do.
+fn mean_of_side(crossings: &[f64; ALL], weights: &[f64; ALL], side: usize) -> Option<f64> {
+    let profiles = side * PROFILES..(side + 1) * PROFILES;
+    let agreeing = || profiles.clone().filter(|&i| weights[i] > 0.0).map(|i| crossings[i]);
+    let count = agreeing().count();
+    (count >= AGREEING).then(|| agreeing().sum::<f64>() / count as f64)
+}
+
+/// True when some profiles lie wholly on something light and others wholly on something dark: the side between the two
+/// has left its place.
+fn is_displaced(levels: &[[f32; SAMPLES]; ALL]) -> bool {
+    let range = |levels: &[f32]| levels.iter().fold((f32::MAX, f32::MIN), |(a, b), &v| (a.min(v), b.max(v)));
+    let ranges = levels.each_ref().map(|levels| range(&levels[FLAT_ENDS..SAMPLES - FLAT_ENDS]));
+    let middles = ranges.map(|(least, most)| (least + most) / 2.0);
+    let (darkest, lightest) = range(&middles);
+    let step = lightest - darkest;
+    if step < FLAT_STEP {
+        return false;
+    }
+    let flat = |at: f32| {
+        let near =
+            |&(least, most): &(f32, f32)| most - least < FLAT * step && ((least + most) / 2.0 - at).abs() < FLAT * step;
+        ranges.iter().filter(|range| near(range)).count()
+    };
+    flat(darkest).min(flat(lightest)) >= FLAT_PROFILES
+}

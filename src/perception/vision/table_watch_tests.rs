@@ -1,0 +1,221 @@
+//! The sides of rendered tables whose camera is knocked, hidden or dimmed.
+
+use super::{Table, TableMotion, TableWatch};
+use proptest::prelude::*;
+use rand::RngExt;
+use upm_core::geometry::Vec2;
+use upm_core::random::Streams;
+use upm_core::signal::Frame;
+use upm_scene::testing::{SIDE_M, penny};
+use upm_scene::{Disc, Scene, Shape, Thing};
+
+/// The largest displacement of a corner in frames of an unmoved table, px: the least that counts as a knock.
+const KNOCK_PX: f64 = 0.3;
+
+fn watch(scene: &Scene) -> TableWatch {
+    let corners = scene.corners_px().map(|corner| scene.lens.ideal_from_image(corner));
+    TableWatch::new(&Table::from_ideal_corners(corners, SIDE_M, &scene.lens).unwrap(), scene.size_px)
+}
+
+/// Parts, some of them over the edge.
+fn discs() -> Vec<Disc> {
+    let half = SIDE_M / 2.0;
+    [(0.0, 0.0), (half - 0.002, 0.03), (-0.05, half), (0.03, 0.008 - half), (-half + 0.01, -0.04)]
+        .map(|(x, y)| penny(x, y))
+        .into()
+}
+
+/// The camera knocked: the picture shifted, px, and turned about its middle.
+fn knocked(scene: &Scene, shift_px: Vec2, turn_rad: f64) -> Scene {
+    let mut knocked = scene.clone();
+    knocked.lens.principal_px += shift_px;
+    knocked.tilt_rad[2] += turn_rad;
+    knocked
+}
+
+/// The largest displacement of a corner, px.
+fn truth_px(scene: &Scene, knocked: &Scene) -> f64 {
+    scene.corners_px().iter().zip(knocked.corners_px()).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
+}
+
+fn lit(mut frame: Frame, factor: f64) -> Frame {
+    frame.pixels.iter_mut().for_each(|pixel| *pixel = (f64::from(*pixel) * factor).round().min(255.0) as u8);
+    frame
+}
+
+fn corner_px(motion: TableMotion) -> f64 {
+    match motion {
+        TableMotion::Seen { corner_px, .. } => corner_px,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn unmoved_table_is_told_from_a_knock_of_half_a_pixel() {
+    for seed in 0..6 {
+        let scene = Scene { noise_sd: 2.5, shading: 0.2, ..Scene::general(seed) };
+        let watch = watch(&scene);
+        let mut most = 0.0f64;
+        for noise in 0..4 {
+            let frame = Scene { seed: 100 + noise, ..scene.clone() }.frame_with(&discs());
+            let motion = watch.check(&frame);
+            assert_eq!(motion.sides_seen(), 4);
+            most = most.max(corner_px(motion));
+        }
+        assert!(most < 0.1, "seed {seed}: {most} px at rest");
+        let (sin, cos) = (seed as f64).sin_cos();
+        for (shift_px, turn_rad) in [(0.5, 0.0), (0.9, 0.0), (0.0, 0.002), (3.0, -0.003), (4.0, 0.0)] {
+            let after = knocked(&scene, Vec2::new(cos, sin) * shift_px, turn_rad);
+            let (seen, truth) = (corner_px(watch.check(&after.frame_with(&discs()))), truth_px(&scene, &after));
+            assert!((seen - truth).abs() < 0.1 + 0.1 * truth, "seed {seed}: {seen} px of {truth} px");
+        }
+    }
+}
+
+#[test]
+fn side_offsets_follow_a_shift_along_outward_normals() {
+    let scene = Scene::plain(1);
+    let after = knocked(&scene, Vec2::new(1.5, -0.7), 0.0);
+    let motion = watch(&scene).check(&after.frame_with(&discs()));
+    let TableMotion::Seen { sides_px, shift_px, turn_px, corner_px } = motion else { panic!("{motion:?}") };
+    assert!((shift_px - Vec2::new(1.5, -0.7)).norm() < 0.03 && turn_px.abs() < 0.03, "{shift_px} {turn_px}");
+    for (side, expected) in sides_px.into_iter().zip([0.7, 1.5, -0.7, -1.5]) {
+        assert!((side.unwrap() - expected).abs() < 0.03, "{sides_px:?}");
+    }
+    assert!((corner_px - 1.5f64.hypot(0.7)).abs() < 0.03, "{corner_px}");
+}
+
+#[test]
+fn turn_is_clockwise_as_seen_and_told_at_the_corner() {
+    let scene = Scene::plain(1);
+    // The plate seen turned counter-clockwise.
+    let after = knocked(&scene, Vec2::zeros(), -0.002);
+    let motion = watch(&scene).check(&after.frame_with(&discs()));
+    let TableMotion::Seen { shift_px, turn_px, corner_px, .. } = motion else { panic!("{motion:?}") };
+    let [corner, seen] = [scene.corners_px()[0], after.corners_px()[0]];
+    assert!(seen.y > corner.y && seen.x < corner.x, "{seen} {corner}");
+    assert!((turn_px + truth_px(&scene, &after)).abs() < 0.03 && shift_px.norm() < 0.05, "{motion:?}");
+    assert!((corner_px - turn_px.abs()).abs() < 0.05, "{motion:?}");
+}
+
+#[test]
+fn large_knock_is_displaced_or_large_in_any_direction() {
+    for seed in 0..3 {
+        let scene = Scene { noise_sd: 2.5, shading: 0.3, ..Scene::plain(seed) };
+        let watch = watch(&scene);
+        for px in [5.0, 5.4, 5.8, 6.2, 6.6, 7.0, 8.0, 12.0, 25.0, 40.0, 80.0, 120.0] {
+            for k in 0..8 {
+                let (sin, cos) = (f64::from(k) * std::f64::consts::FRAC_PI_4).sin_cos();
+                let motion = watch.check(&knocked(&scene, Vec2::new(cos, sin) * px, 0.0).frame_with(&discs()));
+                let told = motion.corner_px().unwrap_or(0.0);
+                assert!(told > 2.0, "{px} px to ({cos:.1}, {sin:.1}): {motion:?}");
+            }
+        }
+        for turn_rad in [0.01, 0.03, 0.08, -0.2] {
+            let motion = watch.check(&knocked(&scene, Vec2::zeros(), turn_rad).frame_with(&discs()));
+            assert!(motion.corner_px().unwrap_or(0.0) > 2.0, "{turn_rad} rad: {motion:?}");
+        }
+    }
+}
+
+#[test]
+fn lifted_camera_is_a_knock() {
+    let scene = Scene::plain(1);
+    let mut after = scene.clone();
+    after.camera_m.z *= 1.005;
+    let told = corner_px(watch(&scene).check(&after.frame_with(&discs())));
+    assert!((told / truth_px(&scene, &after) - 1.0).abs() < 0.1, "{told}");
+}
+
+#[test]
+fn frames_that_show_no_plate_are_hidden() {
+    let scene = Scene::plain(1);
+    let watch = watch(&scene);
+    let mut white = Frame::new(1280, 1024);
+    white.pixels.fill(255);
+    for frame in [Frame::new(1280, 1024), white, Frame::new(3, 3), Frame::new(1, 1), Frame::new(640, 512)] {
+        assert_eq!(watch.check(&frame), TableMotion::Hidden);
+    }
+    for seed in 0..50 {
+        let mut garbage = Frame::new(1280, 1024);
+        let mut rng = Streams::new(seed).stream("garbage");
+        garbage.pixels.fill_with(|| rng.next_u64() as u8);
+        assert_eq!(watch.check(&garbage), TableMotion::Hidden);
+        let mut faint = Frame::new(1280, 1024);
+        faint.pixels.fill_with(|| 3 + (rng.next_u64() % 5) as u8);
+        assert_eq!(watch.check(&faint), TableMotion::Hidden);
+    }
+}
+
+#[test]
+fn hand_over_a_third_of_the_view_is_no_knock_and_hides_none() {
+    for (seed, level) in [(0, 20.0), (1, 60.0), (2, 120.0), (3, 250.0)] {
+        for k in 0..4 {
+            let (sin, cos) = (f64::from(k) * std::f64::consts::FRAC_PI_2).sin_cos();
+            let out = Vec2::new(cos, sin);
+            let shape = Shape::rectangle(out * (SIDE_M * 0.66), [SIDE_M / 2.0, SIDE_M], 0.05 + sin.atan2(cos));
+            let scene = Scene { noise_sd: 2.5, shading: 0.2, ..Scene::general(seed) };
+            let covered = |scene: &Scene| {
+                let covers = vec![Thing { shape: shape.clone(), level }];
+                Scene { covers, ..scene.clone() }.frame_with(&discs())
+            };
+            let watch = watch(&scene);
+            let motion = watch.check(&covered(&scene));
+            assert!(motion.sides_seen() >= 3 && corner_px(motion) < KNOCK_PX, "level {level}, side {k}: {motion:?}");
+            let after = knocked(&scene, Vec2::new(0.8, -0.6), 0.0);
+            let told = corner_px(watch.check(&covered(&after)));
+            assert!((told - 1.0).abs() < KNOCK_PX, "level {level}, side {k}: {told}");
+        }
+    }
+}
+
+#[test]
+fn hand_along_a_side_is_left_out() {
+    let scene = Scene { noise_sd: 2.5, ..Scene::plain(4) };
+    for depth_m in [-0.0008, 0.0, 0.0006, 0.001] {
+        let at = Vec2::new(0.0, SIDE_M - depth_m);
+        let covers = vec![Thing { shape: Shape::rectangle(at, [SIDE_M, SIDE_M / 2.0], 0.0), level: 150.0 }];
+        let motion = watch(&scene).check(&Scene { covers, ..scene.clone() }.frame_with(&discs()));
+        assert!(corner_px(motion) < KNOCK_PX, "{motion:?}");
+    }
+}
+
+#[test]
+fn white_parts_and_dark_plates_are_followed() {
+    let scene = Scene { levels: [190.0, 30.0, 220.0], noise_sd: 3.0, ..Scene::general(3) };
+    let watch = watch(&scene);
+    assert!(corner_px(watch.check(&scene.frame_with(&discs()))) < 0.1);
+    let after = knocked(&scene, Vec2::new(0.0, 2.0), 0.0);
+    assert!((corner_px(watch.check(&after.frame_with(&discs()))) - 2.0).abs() < 0.1);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn light_noise_and_parts_are_no_knock(seed in 0u64..10_000, light in 0.1..1.5f64, shading in 0.0..0.3f64) {
+        let mut dice = Streams::new(seed).stream("parts");
+        let mut place = || SIDE_M * dice.random_range(-0.5..0.5);
+        let discs: Vec<Disc> = (0..12).map(|_| penny(place(), place())).collect();
+        let scene = Scene { seed, noise_sd: 2.5, shading, ..Scene::general(seed % 50) };
+        let watch = watch(&scene);
+        let motion = watch.check(&lit(scene.frame_with(&discs), light));
+        prop_assert!(motion.sides_seen() >= 3 && corner_px(motion) < KNOCK_PX, "{:?}", motion);
+        let after = knocked(&scene, Vec2::new(0.6, 0.5), 0.0);
+        let told = corner_px(watch.check(&lit(after.frame_with(&discs), light)));
+        prop_assert!((told - 0.78).abs() < KNOCK_PX, "{}", told);
+    }
+
+    #[test]
+    fn any_table_and_any_frame_is_judged(
+        corners in proptest::array::uniform8(-40.0..160.0f64), size in proptest::array::uniform2(1usize..130), seed in 0u64..100,
+    ) {
+        let corners = [0, 2, 4, 6].map(|i| Vec2::new(corners[i], corners[i + 1]));
+        let scene = Scene::general(1);
+        let Some(table) = Table::from_ideal_corners(corners, SIDE_M, &scene.lens) else { return Ok(()) };
+        let mut frame = Frame::new(size[0], size[1]);
+        let mut rng = Streams::new(seed).stream("noise");
+        frame.pixels.fill_with(|| rng.next_u64() as u8);
+        let told = TableWatch::new(&table, size).check(&frame).corner_px();
+        prop_assert!(told.is_none_or(|px| !px.is_nan()));
+    }
+}

@@ -1,0 +1,277 @@
+//! Faults of a job: as they stand in its file, as they are typed on the command line, and drawn by a seed.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::fault::{Faults, Path, one_of, shown};
+use upm_core::time::PlateTime;
+use upm_sim::faults::{Component, FaultKind, FaultSpec, ValueRange, drawn_faults};
+
+/// Names of components as a person is told them.
+const COMPONENTS: [&str; 11] =
+    ["camera", "light", "view", "coil0", "coils", "accel0", "part0", "parts", "plate", "device", "clock"];
+/// Latest onset and end, s.
+const LATEST_S: f64 = 1e6;
+
+/// Faults of the simulated rig: a list, or a seed that draws them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum RawFaults {
+    /// The faults themselves.
+    #[schemars(title = "list")]
+    List(#[schemars(length(max = 32))] Vec<RawFault>),
+    /// One to five faults drawn by a seed, or none.
+    #[schemars(title = "drawn")]
+    Drawn(DrawnFaults),
+}
+
+/// Faults drawn by a seed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DrawnFaults {
+    /// The seed.
+    pub seed: u64,
+}
+
+/// One fault of the simulated rig.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawFault {
+    /// Where: `camera`, `light`, `view`, `coil0` to `coil3`, `coils`, `accel0` to `accel3`, `part0` and on, `parts`,
+    /// `plate`, `device`, `clock`.
+    #[schemars(length(min = 1, max = 16))]
+    pub component: String,
+    /// What; each component has kinds of its own.
+    #[schemars(length(min = 1, max = 16))]
+    pub kind: String,
+    /// How much, where the kind asks for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value: Option<RawValue>,
+    /// From when, s of plate time.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1e6))]
+    pub from_s: f64,
+    /// Until when, s; left out: for good.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1e6))]
+    pub to_s: Option<f64>,
+}
+
+/// One value of a fault, or several.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum RawValue {
+    /// One.
+    #[schemars(title = "number")]
+    One(f64),
+    /// Several.
+    #[schemars(title = "numbers")]
+    Several(#[schemars(length(min = 1, max = 3))] Vec<f64>),
+}
+
+impl RawValue {
+    fn numbers(&self) -> &[f64] {
+        match self {
+            Self::One(value) => std::slice::from_ref(value),
+            Self::Several(values) => values,
+        }
+    }
+}
+
+impl RawFault {
+    /// `spec` as a file has it.
+    pub fn of(spec: &FaultSpec) -> Self {
+        let count = spec.kind.values().len();
+        let value = match count {
+            0 => None,
+            1 => Some(RawValue::One(spec.values[0])),
+            _ => Some(RawValue::Several(spec.values.iter().copied().take(count).collect())),
+        };
+        Self {
+            component: spec.component.name(),
+            kind: spec.kind.name().to_owned(),
+            value,
+            from_s: spec.from.secs(),
+            to_s: spec.to.map(PlateTime::secs),
+        }
+    }
+
+    /// Reads `COMPONENT:KIND[=VALUE[;VALUE]][@FROM_S[-TO_S]]`; `None` where `text` has another form.
+    fn parse(text: &str) -> Option<Self> {
+        let (what, when) = text.split_once('@').map_or((text, None), |(what, when)| (what, Some(when)));
+        let (what, value) = what.split_once('=').map_or((what, None), |(what, value)| (what, Some(value)));
+        let (component, kind) = what.split_once(':')?;
+        let numbers = |list: &str| list.split(';').map(|n| n.trim().parse().ok()).collect::<Option<Vec<f64>>>();
+        let (from_s, to_s) = match when {
+            Some(when) => match when.split_once('-') {
+                Some((from_s, to_s)) => (from_s.parse().ok()?, Some(to_s.parse().ok()?)),
+                None => (when.parse().ok()?, None),
+            },
+            None => (0.0, None),
+        };
+        Some(Self {
+            component: component.trim().to_owned(),
+            kind: kind.trim().to_owned(),
+            value: value.map(numbers).map_or(Some(None), |list| list.map(|list| Some(RawValue::Several(list))))?,
+            from_s,
+            to_s,
+        })
+    }
+}
+
+/// The faults of a job of `parts` parts, and the list that says the same.
+pub(super) fn build(raw: &RawFaults, parts: usize, at: &Path, faults: &mut Faults) -> Vec<FaultSpec> {
+    match raw {
+        RawFaults::Drawn(drawn) => drawn_faults(drawn.seed, parts),
+        RawFaults::List(list) => {
+            let each = list.iter().enumerate();
+            each.filter_map(|(i, raw)| spec(raw, parts, &at.index(i), faults)).collect()
+        }
+    }
+}
+
+/// The faults in `texts`, each one fault or several parted by commas, for a job of `parts` parts.
+pub(super) fn typed(texts: &[String], parts: usize, faults: &mut Faults) -> Vec<FaultSpec> {
+    let each = texts.iter().flat_map(|text| text.split(',')).map(str::trim).filter(|text| !text.is_empty());
+    let mut specs = Vec::new();
+    for text in each {
+        let at = Path::root().key(text);
+        match RawFault::parse(text) {
+            Some(raw) => specs.extend(spec(&raw, parts, &at, faults)),
+            None => {
+                let allowed = "COMPONENT:KIND[=VALUE[;VALUE]][@FROM_S[-TO_S]], for example coil0:reversed@1.2";
+                faults.push(&Path::root(), shown(&Value::from(text)), allowed);
+            }
+        }
+    }
+    specs
+}
+
+fn spec(raw: &RawFault, parts: usize, at: &Path, faults: &mut Faults) -> Option<FaultSpec> {
+    let Some(component) = Component::named(&raw.component) else {
+        let found = shown(&Value::from(raw.component.as_str()));
+        faults.push(&at.key("component"), found, one_of(&raw.component, &COMPONENTS));
+        return None;
+    };
+    if let Component::Part(part) = component {
+        let allowed = format!("part0 to part{}", parts.saturating_sub(1));
+        faults.demand(part < parts, &at.key("component"), &raw.component, allowed);
+    }
+    let Some(kind) = component.kinds().find(|kind| kind.name() == raw.kind) else {
+        let kinds: Vec<&str> = component.kinds().map(FaultKind::name).collect();
+        faults.push(&at.key("kind"), shown(&Value::from(raw.kind.as_str())), one_of(&raw.kind, &kinds));
+        return None;
+    };
+    let values = values(raw, component, kind, parts, &at.key("value"), faults)?;
+    let in_time = |s: f64| (0.0..=LATEST_S).contains(&s);
+    faults.demand(in_time(raw.from_s), &at.key("from_s"), raw.from_s, format!("0 to {LATEST_S}"));
+    if let Some(to_s) = raw.to_s {
+        let allowed = format!("a time after from_s, {}, up to {LATEST_S}", raw.from_s);
+        faults.demand(in_time(to_s) && to_s > raw.from_s, &at.key("to_s"), to_s, allowed);
+    }
+    let (from, to) = (PlateTime::from_secs(raw.from_s), raw.to_s.map(PlateTime::from_secs));
+    Some(FaultSpec { component, kind, values, from, to })
+}
+
+fn values(
+    raw: &RawFault,
+    component: Component,
+    kind: FaultKind,
+    parts: usize,
+    at: &Path,
+    faults: &mut Faults,
+) -> Option<[f64; 3]> {
+    let given = raw.value.as_ref().map_or(&[][..], RawValue::numbers);
+    let wanted = kind.values();
+    let mut values = [0.0; 3];
+    if given.is_empty() && wanted.iter().all(|range| range.default.is_some()) {
+        values.iter_mut().zip(wanted).for_each(|(value, range)| *value = range.default.unwrap_or_default());
+        return Some(values);
+    }
+    if given.len() != wanted.len() {
+        let found = format!("{} for {}", super::fault::counted(given.len(), "value"), kind.name());
+        faults.push(at, found, in_words(wanted));
+        return None;
+    }
+    for (i, (value, range)) in given.iter().zip(wanted).enumerate() {
+        let top = if kind != FaultKind::Swapped {
+            range.max
+        } else if component == Component::Coils {
+            3.0
+        } else {
+            parts.saturating_sub(1) as f64
+        };
+        let fits = (range.min..=top).contains(value) && (!range.whole || value.fract() == 0.0);
+        let allowed = format!("{}{} to {top} ({})", if range.whole { "whole, " } else { "" }, range.min, range.name);
+        faults.demand(fits, &at.index(i), value, allowed);
+        values[i] = *value;
+    }
+    if kind == FaultKind::Swapped {
+        faults.demand(values[0] != values[1], at, format!("{} and {}", values[0], values[1]), "two different ones");
+    }
+    Some(values)
+}
+
+fn in_words(ranges: &[ValueRange]) -> String {
+    if ranges.is_empty() {
+        return "no value".to_owned();
+    }
+    let each: Vec<String> =
+        ranges.iter().map(|range| format!("{} to {} ({})", range.min, range.max, range.name)).collect();
+    each.join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Vec<FaultSpec>, Vec<String>> {
+        let mut faults = Faults::of("--faults");
+        let specs = typed(&[text.to_owned()], 3, &mut faults);
+        faults.into_result(Some(specs)).map_err(|list| list.iter().map(ToString::to_string).collect())
+    }
+
+    #[test]
+    fn typed_faults_are_read_with_values_and_times() {
+        let specs = read("coil0:reversed@1.2, camera:shift=3;-1.5@0.5-1.5,device:hang").unwrap();
+        let [coil, shift, hang] = &specs[..] else { panic!("{specs:?}") };
+        assert_eq!((coil.component, coil.kind), (Component::Coil(0), FaultKind::Reversed));
+        assert_eq!((coil.from, coil.to), (PlateTime::from_secs(1.2), None));
+        assert_eq!((shift.values, shift.to), ([3.0, -1.5, 0.0], Some(PlateTime::from_secs(1.5))));
+        assert_eq!(hang.values[0], 1.0, "the default");
+    }
+
+    #[test]
+    fn wrong_faults_are_refused_with_what_is_allowed() {
+        for (text, said) in [
+            ("coil0", "COMPONENT:KIND"),
+            ("camera:freeze@x", "COMPONENT:KIND"),
+            ("coil7:dead", "did you mean coil0"),
+            ("part3:glued", "part0 to part2"),
+            ("camera:freez", "did you mean freeze"),
+            ("camera:flip", "freeze, late, drop"),
+            ("camera:shift=1", "-2000 to 2000 (px); -2000 to 2000 (px)"),
+            ("camera:freeze=1", "no value"),
+            ("camera:drop=2", "0 to 1 (a share)"),
+            ("camera:late=1.5", "whole, 0 to 60"),
+            ("camera:freeze@2-1", "a time after from_s, 2"),
+            ("coils:swapped=0;4", "whole, 0 to 3"),
+            ("parts:swapped=1;1", "two different ones"),
+            ("camera:drop=NaN", "0 to 1"),
+        ] {
+            let lines = read(text).unwrap_err();
+            assert!(lines.len() == 1 && lines[0].contains(said), "{text}: {lines:?}");
+        }
+    }
+
+    #[test]
+    fn drawn_faults_come_back_from_the_list_that_says_the_same() {
+        for seed in 0..500 {
+            let drawn = drawn_faults(seed, 3);
+            let list = RawFaults::List(drawn.iter().map(RawFault::of).collect());
+            let mut faults = Faults::of("job");
+            assert_eq!(build(&list, 3, &Path::root(), &mut faults), drawn, "{:?}", faults.into_list());
+        }
+    }
+}

@@ -1,0 +1,82 @@
+use std::path::Path;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use super::*;
+use crate::config::Origin;
+use upm_core::time::MonotonicClock;
+use upm_recording::{Outcome, Verdict as Truth};
+
+/// Two pennies that go 40 mm each, with `faults`.
+fn job(faults: &Value) -> JobSpec {
+    let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
+    let mut text = json!({
+        "name": "faulty",
+        "rig": "rigs/upm-2.json",
+        "parts": [{"kind": "penny", "position_mm": [60, 20]}, {"kind": "penny", "position_mm": [-60, 20]}],
+        "task": {"type": "arrange", "targets_mm": [[30, -10], [-30, -10]], "assignment": "fixed"},
+        "limits": {"plate_time_s": 20},
+    });
+    if !faults.is_null() {
+        text["faults"] = faults.clone();
+    }
+    JobSpec::from_json(&text.to_string(), &origin, None).unwrap()
+}
+
+fn run_of(faults: &Value) -> (TempDir, RunResult) {
+    let (out, stop) = (TempDir::new().unwrap(), AtomicBool::new(false));
+    let options = RunOptions {
+        live: None,
+        out: out.path().to_owned(),
+        started_utc: "20260101T000000Z".into(),
+        rerun: RerunMode::Off,
+        real_time: false,
+        keeping: Keeping::patient(MonotonicClock::new()),
+    };
+    let done = run(&job(faults), &options, &MonotonicClock::new(), &stop, &PacingStats::default(), &mut Fanout::new())
+        .unwrap();
+    (out, done)
+}
+
+fn bytes(done: &RunResult, name: &str) -> String {
+    std::fs::read_to_string(done.folder.join(name)).unwrap_or_default()
+}
+
+#[test]
+fn run_without_faults_keeps_its_bytes_and_writes_no_truth() {
+    let ((_a, plain), (_b, none)) = (run_of(&Value::Null), run_of(&json!([])));
+    assert_eq!(plain.report.outcome, Outcome::Completed, "{}", plain.report.reason);
+    assert_eq!(bytes(&plain, "journal.jsonl"), bytes(&none, "journal.jsonl"));
+    assert!(!plain.folder.join(truth_log::FILE).exists());
+    assert_eq!((plain.report.verdict, plain.report.faults.len()), (Some(Truth::True), 0));
+    // a fault that never begins changes nothing but what is written of it
+    let (_c, later) = run_of(&json!([{"component": "coil0", "kind": "dead", "from_s": 1000.0}]));
+    assert_eq!(bytes(&plain, "journal.jsonl"), bytes(&later, "journal.jsonl"));
+    assert_eq!(bytes(&later, truth_log::FILE).lines().count() as u64, later.report.frames);
+}
+
+#[test]
+fn faulty_run_is_reported_and_repeats_from_its_folder() {
+    let faults = json!([
+        {"component": "camera", "kind": "drop", "value": 0.3, "from_s": 0.2},
+        {"component": "accel1", "kind": "garbage", "from_s": 0.1, "to_s": 0.9},
+        {"component": "coils", "kind": "chatter", "value": 0.1, "from_s": 0.3, "to_s": 0.8},
+        {"component": "part0", "kind": "moved", "value": [3, 0], "from_s": 0.5},
+    ]);
+    let (_out, done) = run_of(&faults);
+    assert_eq!(done.report.faults.len(), 4);
+    let effective: Value = serde_json::from_str(&bytes(&done, "effective.json")).unwrap();
+    assert_eq!(effective["job"]["faults"][3]["kind"], "moved");
+    let verdict = verify(&done.folder, &AtomicBool::new(false), &mut Fanout::new()).unwrap();
+    assert!(matches!(verdict, Verdict::Equal { .. }), "{verdict:?}");
+}
+
+#[test]
+fn drawn_faults_are_written_out() {
+    let seed = (0..).find(|&seed| !job(&json!({"seed": seed})).faults.is_empty()).unwrap_or_default();
+    let drawn = job(&json!({"seed": seed}));
+    let list = drawn.effective()["faults"].clone();
+    assert!(list.is_array(), "{list}");
+    assert_eq!(job(&list).faults, drawn.faults);
+}

@@ -1,0 +1,170 @@
+use std::cell::Cell;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use serde_json::json;
+
+use super::paced::Pace;
+use super::{Bench, PacingStats, play};
+use crate::config::{DeadlinePolicy, Fault, JobSpec, Origin, RigSpec};
+use upm_control::{FrameFacts, Sink};
+use upm_core::rig::Interlock;
+use upm_core::time::Clock;
+use upm_library::Library;
+
+/// A computer that falls behind by less than this keeps up, s a minute: one short stall in a check of two seconds.
+const TOLERATED_S_PER_MINUTE: f64 = 1.0;
+
+/// How this computer keeps up with a plate in real time, measured on one penny.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PaceCheck {
+    /// Time from one frame of the camera to the next, s.
+    pub period_s: f64,
+    /// What simulation and control take for a frame, s: median.
+    pub loop_p50_s: f64,
+    /// The same, 99th percentile.
+    pub loop_p99_s: f64,
+    /// How far plate time falls behind the clock, s a minute.
+    pub behind_s_per_minute: f64,
+}
+
+impl PaceCheck {
+    /// True for a computer that keeps up.
+    pub fn keeps_up(&self) -> bool {
+        self.behind_s_per_minute < TOLERATED_S_PER_MINUTE
+    }
+}
+
+/// Runs a plus sign on a simulated `rig` in real time for so long, in memory, and measures how it keeps up. `nap` parks the
+/// thread. `Err` in one line when such a job cannot be run on that rig.
+pub fn check_pace(
+    rig: &RigSpec,
+    library: &Arc<Library>,
+    clock: &dyn Clock,
+    nap: &dyn Fn(Duration),
+    lasting: Duration,
+) -> Result<PaceCheck, String> {
+    let job = json!({
+        "name": "pace-check", "parts": [{"kind": "penny"}], "task": {"type": "plus_sign", "laps": 0},
+        "limits": {"plate_time_s": lasting.as_secs_f64() + 10.0},
+    });
+    let origin = Origin::of_request("pace check");
+    let job = JobSpec::from_json(&job.to_string(), &origin, Some(rig)).map_err(|faults| one_line(&faults))?;
+    let mut bench = Bench::new(&job, library).map_err(|fault| fault.to_string())?;
+    let (stats, interlock, napped) = (PacingStats::default(), Interlock::default(), Cell::new(Duration::ZERO));
+    let timed_nap = |time| {
+        let from = clock.elapsed();
+        nap(time);
+        napped.set(napped.get() + clock.elapsed().saturating_sub(from));
+    };
+    let frame_hz = bench.model.frame_hz;
+    let deadlines = DeadlinePolicy::Relaxed;
+    let pace = Pace { clock, nap: &timed_nap, stats: &stats, interlock: &interlock, frame_hz, deadlines };
+    let stop = AtomicBool::new(false);
+    let mut loops =
+        LoopTimes { clock, napped: &napped, stats: &stats, lasting, stop: &stop, begin: None, loops: vec![] };
+    let finish = play(&mut bench, library, Some(pace), &mut loops, clock, &stop, &AtomicBool::new(false));
+    loops.result(1.0 / frame_hz).ok_or(finish.ending.reason)
+}
+
+fn one_line(faults: &[Fault]) -> String {
+    faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+}
+
+/// A moment of a run.
+#[derive(Clone, Copy)]
+struct Moment {
+    at: Duration,
+    napped: Duration,
+    behind: Duration,
+}
+
+/// Measures the time from frame to frame without the naps in it, and stops the run when it has lasted long enough.
+struct LoopTimes<'a> {
+    clock: &'a dyn Clock,
+    napped: &'a Cell<Duration>,
+    stats: &'a PacingStats,
+    lasting: Duration,
+    stop: &'a AtomicBool,
+    /// The first frame, and the newest.
+    begin: Option<(Moment, Moment)>,
+    loops: Vec<Duration>,
+}
+
+impl LoopTimes<'_> {
+    /// `None` without two frames.
+    fn result(mut self, period_s: f64) -> Option<PaceCheck> {
+        let (first, newest) = self.begin?;
+        self.loops.sort_unstable();
+        let last = self.loops.len().checked_sub(1)?;
+        let percentile = |share: f64| self.loops[(share * last as f64).round() as usize].as_secs_f64();
+        let minutes = (newest.at - first.at).as_secs_f64() / 60.0;
+        let behind_s = (newest.behind - first.behind).as_secs_f64();
+        Some(PaceCheck {
+            period_s,
+            loop_p50_s: percentile(0.5),
+            loop_p99_s: percentile(0.99),
+            behind_s_per_minute: if minutes > 0.0 { behind_s / minutes } else { 0.0 },
+        })
+    }
+}
+
+impl Sink for LoopTimes<'_> {
+    fn frame(&mut self, _: &FrameFacts<'_>) {
+        let now = Moment { at: self.clock.elapsed(), napped: self.napped.get(), behind: self.stats.behind() };
+        let (first, before) = *self.begin.get_or_insert((now, now));
+        if now.at > before.at || now.napped > before.napped {
+            self.loops.push((now.at - before.at).saturating_sub(now.napped - before.napped));
+        }
+        self.begin = Some((first, now));
+        if now.at - first.at >= self.lasting {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    /// A computer that takes a given time each time it reads the clock, and none otherwise.
+    #[derive(Default)]
+    struct Computer {
+        now: Cell<Duration>,
+        takes: Duration,
+    }
+
+    impl Clock for Computer {
+        fn elapsed(&self) -> Duration {
+            self.now.set(self.now.get() + self.takes);
+            self.now.get()
+        }
+    }
+
+    fn checked(takes: Duration) -> PaceCheck {
+        let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+        let rig = RigSpec::load(&root.join("configs/rigs/upm-1.json")).unwrap();
+        let library = Arc::new(Library::load(&root.join("assets/libraries/upm-1.json")).unwrap());
+        let computer = Computer { takes, ..Computer::default() };
+        let nap = |time| computer.now.set(computer.now.get() + time);
+        check_pace(&rig, &library, &computer, &nap, Duration::from_millis(500)).unwrap()
+    }
+
+    #[test]
+    fn computer_that_takes_no_time_keeps_up() {
+        let pace = checked(Duration::ZERO);
+        assert_eq!((pace.loop_p99_s, pace.behind_s_per_minute), (0.0, 0.0));
+        assert!(pace.keeps_up() && (pace.period_s - 1.0 / 60.0).abs() < 1e-9, "{pace:?}");
+    }
+
+    #[test]
+    fn slow_computer_falls_behind_by_what_its_loop_takes_too_long() {
+        let pace = checked(Duration::from_millis(10));
+        assert!(!pace.keeps_up() && pace.loop_p50_s > pace.period_s && pace.loop_p99_s >= pace.loop_p50_s, "{pace:?}");
+        let expected = 60.0 * (1.0 - pace.period_s / pace.loop_p50_s);
+        assert!((pace.behind_s_per_minute - expected).abs() < 10.0, "{pace:?}, {expected}");
+    }
+}

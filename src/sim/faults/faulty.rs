@@ -1,0 +1,337 @@
+use std::collections::VecDeque;
+use std::f64::consts::TAU;
+use std::time::Duration;
+
+use rand_pcg::rand_core::Rng as _;
+
+use super::plant::{FaultyPlant, Oil, PlantChange, PlantFaults};
+use super::{Component, FaultKind, FaultSpec, picture, trace};
+use upm_core::geometry::Vec2;
+use upm_core::random::{Rng, Streams};
+use upm_core::rig::{Rig, RigFault};
+use upm_core::signal::{AccelTrace, Drive, Frame, MOTORS};
+use upm_core::time::PlateTime;
+use upm_core::units::{GRAVITY_MPS2, m_from_mm};
+
+/// Frames lost in a row after which the camera counts as gone.
+const MOST_LOST: usize = 600;
+/// Friction of a glued part, of one on ice and of an oily spot, as a factor.
+const GLUED: f64 = 1000.0;
+const ICE: f64 = 0.001;
+const OIL: f64 = 0.1;
+/// Part of the light by which it flickers.
+const FLICKER: f64 = 0.3;
+
+/// A rig with faults. All that is random about them comes from a stream of their own.
+///
+/// Onsets are seen where time passes: a fault of the plant begins with the first frame or pulse at or after its time, one of
+/// the camera with the first exposure, one of an accelerometer with the first sample.
+pub struct Faulty<'a, R> {
+    rig: &'a mut R,
+    faults: Vec<FaultSpec>,
+    /// True for a fault that has happened and does so once.
+    done: Vec<bool>,
+    streams: Streams,
+    noise: Rng,
+    /// How a hang is waited out.
+    nap: &'a dyn Fn(Duration),
+    plant: PlantFaults,
+    started_at: PlateTime,
+    /// Pictures as they were taken, newest last, for those that come late.
+    taken: VecDeque<Vec<u8>>,
+    longest_lag: usize,
+    /// The picture that was handed on last, where one may freeze.
+    shown: Vec<u8>,
+    frozen: bool,
+}
+
+impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
+    /// `rig` with `faults`; `nap` lets wall time pass.
+    pub fn new(rig: &'a mut R, faults: &[FaultSpec], streams: Streams, nap: &'a dyn Fn(Duration)) -> Self {
+        let lag = |fault: &FaultSpec| {
+            let is_late = fault.component == Component::Camera && fault.kind == FaultKind::Late;
+            if is_late { fault.values[0] as usize } else { 0 }
+        };
+        Self {
+            rig,
+            done: vec![false; faults.len()],
+            longest_lag: faults.iter().map(lag).max().unwrap_or(0),
+            faults: faults.to_vec(),
+            streams,
+            noise: streams.stream("faults"),
+            nap,
+            plant: PlantFaults::default(),
+            started_at: PlateTime::ZERO,
+            taken: VecDeque::new(),
+            shown: Vec::new(),
+            frozen: false,
+        }
+    }
+
+    /// The faults that hold at `now`.
+    fn held(&self, now: PlateTime) -> impl Iterator<Item = &FaultSpec> {
+        self.faults.iter().filter(move |fault| fault.holds(now))
+    }
+
+    /// The fault of `kind` at `component` that holds at `now`.
+    fn find(&self, now: PlateTime, component: Component, kind: FaultKind) -> Option<FaultSpec> {
+        self.held(now).find(|fault| fault.component == component && fault.kind == kind).copied()
+    }
+
+    /// Random, 0 to 1.
+    fn draw(&mut self) -> f64 {
+        (self.noise.next_u64() >> 11) as f64 * 2f64.powi(-53)
+    }
+
+    /// Lets happen to the plant what is due.
+    fn settle_plant(&mut self) {
+        let now = self.rig.now();
+        for i in 0..self.faults.len() {
+            if now >= self.faults[i].from
+                && !self.done[i]
+                && let Some(change) = change_of(&self.faults[i])
+            {
+                self.done[i] = true;
+                self.rig.change(change);
+            }
+        }
+        let mut plant = plant_faults(self.held(now), self.rig.parts());
+        for i in 0..self.faults.len() {
+            let fault = self.faults[i];
+            if fault.kind == FaultKind::Chatter && fault.holds(now) && self.draw() < fault.values[0] {
+                coils_of(fault.component).for_each(|coil| plant.coils.gain[coil] = 0.0);
+            }
+        }
+        if plant != self.plant {
+            self.rig.set_faults(&plant);
+            self.plant = plant;
+        }
+    }
+
+    /// Waits out a hang, once.
+    fn hang(&mut self) {
+        let now = self.rig.now();
+        for i in 0..self.faults.len() {
+            if self.faults[i].kind == FaultKind::Hang && self.faults[i].holds(now) && !self.done[i] {
+                self.done[i] = true;
+                (self.nap)(Duration::try_from_secs_f64(self.faults[i].values[0]).unwrap_or_default());
+            }
+        }
+    }
+
+    fn refuse_broken(&self) -> Result<(), RigFault> {
+        match self.find(self.rig.now(), Component::Device, FaultKind::Error) {
+            Some(_) => Err(RigFault::Device("the controller does not answer".into())),
+            None => Ok(()),
+        }
+    }
+
+    fn loses_frame(&mut self, at: PlateTime) -> bool {
+        let lost = self.find(at, Component::Camera, FaultKind::Drop).map_or(0.0, |fault| fault.values[0]);
+        lost > 0.0 && self.draw() < lost
+    }
+
+    /// From the scene to the picture that arrives.
+    fn spoil(&mut self, frame: &mut Frame) {
+        let at = frame.exposed_at;
+        let held: Vec<FaultSpec> = self.held(at).copied().collect();
+        for fault in &held {
+            self.spoil_scene(frame, fault);
+        }
+        for fault in &held {
+            self.spoil_picture(frame, fault, at);
+        }
+        self.deliver(frame, &held);
+        for fault in held.iter().filter(|fault| fault.kind == FaultKind::Skew) {
+            let skewed_s = frame.exposed_at.secs() + fault.values[0];
+            frame.exposed_at = PlateTime::from_secs(skewed_s.max(0.0));
+        }
+    }
+
+    fn spoil_scene(&self, frame: &mut Frame, fault: &FaultSpec) {
+        match fault.kind {
+            FaultKind::Ghost => {
+                if let Some(disc) = self.rig.seen_disc(place_m(fault)) {
+                    picture::paint(frame, disc);
+                }
+            }
+            FaultKind::Hand => picture::cover(frame, fault.values[0]),
+            _ => {}
+        }
+    }
+
+    fn spoil_picture(&mut self, frame: &mut Frame, fault: &FaultSpec, at: PlateTime) {
+        let value = fault.values[0];
+        match (fault.component, fault.kind) {
+            (_, FaultKind::Shift) => picture::knock(frame, Vec2::new(value, fault.values[1]), 0.0),
+            (_, FaultKind::Rotate) => picture::knock(frame, Vec2::zeros(), value.to_radians()),
+            (_, FaultKind::Mirror) => picture::mirror(frame),
+            (Component::Light, FaultKind::Gain) => picture::light(frame, value.max(0.0)),
+            (_, FaultKind::Flicker) => {
+                picture::light(frame, 1.0 + FLICKER * (TAU * value * (at - fault.from)).sin());
+            }
+            (_, FaultKind::Dark) => picture::darken(frame, &mut self.noise),
+            (Component::Camera, FaultKind::Garbage) => picture::garble(frame, &mut self.noise),
+            _ => {}
+        }
+    }
+
+    /// Pictures that come late, and the one that comes again and again.
+    fn deliver(&mut self, frame: &mut Frame, held: &[FaultSpec]) {
+        let with = |kind| held.iter().find(|fault| fault.component == Component::Camera && fault.kind == kind);
+        if self.longest_lag > 0 {
+            self.taken.push_back(frame.pixels.clone());
+            if self.taken.len() > self.longest_lag + 1 {
+                self.taken.pop_front();
+            }
+            let lag = with(FaultKind::Late).map_or(0, |fault| fault.values[0] as usize);
+            let at = self.taken.len().saturating_sub(lag + 1);
+            if let Some(pixels) = self.taken.get(at).filter(|_| lag > 0) {
+                frame.pixels.clone_from(pixels);
+            }
+        }
+        if !self.faults.iter().any(|fault| fault.kind == FaultKind::Freeze) {
+            return;
+        }
+        self.frozen = with(FaultKind::Freeze).is_some();
+        if self.frozen && self.shown.len() == frame.pixels.len() {
+            frame.pixels.clone_from(&self.shown);
+        } else {
+            self.shown.clone_from(&frame.pixels);
+        }
+    }
+}
+
+impl<R: Rig + FaultyPlant> Rig for Faulty<'_, R> {
+    fn now(&self) -> PlateTime {
+        self.rig.now()
+    }
+
+    fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
+        self.settle_plant();
+        self.refuse_broken()?;
+        if self.find(self.rig.now(), Component::Device, FaultKind::Busy).is_some() {
+            return Err(RigFault::Busy(self.rig.quiet_at()));
+        }
+        self.started_at = self.rig.now();
+        self.rig.play(drive)
+    }
+
+    fn quiet_at(&self) -> PlateTime {
+        self.rig.quiet_at()
+    }
+
+    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
+        self.hang();
+        for _ in 0..MOST_LOST {
+            self.settle_plant();
+            self.refuse_broken()?;
+            self.rig.capture(frame)?;
+            if !self.loses_frame(frame.exposed_at) {
+                self.spoil(frame);
+                return Ok(());
+            }
+        }
+        Err(RigFault::Device(format!("the camera sends nothing: {MOST_LOST} frames are lost in a row")))
+    }
+
+    fn trace(&self) -> AccelTrace {
+        let mut read = self.rig.trace();
+        let mut noise = self.streams.numbered("faults of a trace", self.started_at.nanos());
+        for fault in &self.faults {
+            if let Component::Accelerometer(channel) = fault.component {
+                trace::spoil(&mut read, fault, channel, self.started_at, &mut noise);
+            }
+        }
+        read
+    }
+
+    fn stop(&mut self) {
+        if self.find(self.rig.now(), Component::Device, FaultKind::Deaf).is_none() {
+            self.rig.stop();
+        }
+    }
+
+    fn pass(&mut self, until: PlateTime) -> Result<(), RigFault> {
+        self.settle_plant();
+        self.rig.pass(until)
+    }
+}
+
+/// The first two values as a place or a way, m.
+fn place_m(fault: &FaultSpec) -> Vec2 {
+    Vec2::new(m_from_mm(fault.values[0]), m_from_mm(fault.values[1]))
+}
+
+/// What `fault` does to the plant once, if it is of that kind.
+fn change_of(fault: &FaultSpec) -> Option<PlantChange> {
+    match (fault.component, fault.kind) {
+        (Component::Part(part), FaultKind::Moved) => Some(PlantChange::Moved { part, by_m: place_m(fault) }),
+        (Component::Parts, _) => fault.pair().map(PlantChange::Swapped),
+        (_, FaultKind::Bumped) => Some(PlantChange::Bumped(place_m(fault))),
+        _ => None,
+    }
+}
+
+fn coils_of(component: Component) -> std::ops::Range<usize> {
+    match component {
+        Component::Coil(coil) => coil..coil + 1,
+        Component::Coils => 0..MOTORS,
+        _ => 0..0,
+    }
+}
+
+/// All that is wrong with a plant of `parts` parts.
+fn plant_faults<'f>(held: impl Iterator<Item = &'f FaultSpec>, parts: usize) -> PlantFaults {
+    let mut plant = PlantFaults { friction: vec![1.0; parts], ..PlantFaults::default() };
+    for fault in held {
+        let value = fault.values[0];
+        match fault.component {
+            Component::Coil(_) | Component::Coils => spoil_coils(&mut plant, fault),
+            Component::Part(part) => {
+                let factor = match fault.kind {
+                    FaultKind::Glued => GLUED,
+                    FaultKind::Ice => ICE,
+                    FaultKind::Friction => value,
+                    _ => 1.0,
+                };
+                plant.friction.get_mut(part).into_iter().for_each(|friction| *friction *= factor);
+                plant.removed.extend((fault.kind == FaultKind::Removed).then_some(part));
+            }
+            Component::Parts if fault.kind == FaultKind::Friction => {
+                plant.friction.iter_mut().for_each(|friction| *friction *= value);
+            }
+            Component::Plate => match fault.kind {
+                FaultKind::Tilt => plant.pull_mps2.x += GRAVITY_MPS2 * value.to_radians().sin(),
+                FaultKind::Resonance => plant.resonance = value,
+                FaultKind::Oil => {
+                    let radius_m = m_from_mm(fault.values[2]);
+                    plant.oil = Some(Oil { center_m: place_m(fault), radius_m, friction: OIL });
+                }
+                _ => {}
+            },
+            _ => {}
+        }
+    }
+    if plant.friction.iter().all(|&friction| friction == 1.0) {
+        plant.friction.clear();
+    }
+    plant
+}
+
+fn spoil_coils(plant: &mut PlantFaults, fault: &FaultSpec) {
+    let coils = &mut plant.coils;
+    if let Some([a, b]) = fault.pair().filter(|pair| pair.iter().all(|&coil| coil < MOTORS)) {
+        coils.source.swap(a, b);
+    }
+    for coil in coils_of(fault.component) {
+        match fault.kind {
+            FaultKind::Dead => coils.gain[coil] = 0.0,
+            FaultKind::Gain => coils.gain[coil] *= fault.values[0],
+            FaultKind::Reversed => coils.gain[coil] *= -1.0,
+            FaultKind::Stuck => coils.stuck[coil] = true,
+            FaultKind::LowPass => coils.low_pass_hz[coil] = fault.values[0],
+            _ => {}
+        }
+    }
+}

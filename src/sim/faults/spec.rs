@@ -1,0 +1,358 @@
+//! The vocabulary of faults, and one fault as data.
+
+use upm_core::time::PlateTime;
+
+/// A component of the rig, with its number where there are several.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Component {
+    /// The camera and its cable.
+    Camera,
+    /// The light over the plate.
+    Light,
+    /// What comes between the camera and the plate.
+    View,
+    /// One voice coil with its amplifier, 0 to 3: x1, x2, y1, y2.
+    Coil(usize),
+    /// All coils.
+    Coils,
+    /// One accelerometer channel, 0 to 3: x1, y1, x2, y2.
+    Accelerometer(usize),
+    /// One part, in the order of the job.
+    Part(usize),
+    /// All parts.
+    Parts,
+    /// The plate.
+    Plate,
+    /// The controller between computer and plate.
+    Device,
+    /// The camera's clock.
+    Clock,
+}
+
+impl Component {
+    /// The component called `name`: `camera`, `coil0`, `part12`.
+    pub fn named(name: &str) -> Option<Self> {
+        let digits = name.trim_start_matches(|c: char| c.is_ascii_lowercase());
+        let number = || digits.parse::<usize>().ok().filter(|_| digits.len() < 4);
+        match (&name[..name.len() - digits.len()], digits.is_empty()) {
+            ("camera", true) => Some(Self::Camera),
+            ("light", true) => Some(Self::Light),
+            ("view", true) => Some(Self::View),
+            ("coils", true) => Some(Self::Coils),
+            ("parts", true) => Some(Self::Parts),
+            ("plate", true) => Some(Self::Plate),
+            ("device", true) => Some(Self::Device),
+            ("clock", true) => Some(Self::Clock),
+            ("coil", false) => number().filter(|&i| i < 4).map(Self::Coil),
+            ("accel", false) => number().filter(|&i| i < 4).map(Self::Accelerometer),
+            ("part", false) => number().map(Self::Part),
+            _ => None,
+        }
+    }
+
+    /// Its name in files.
+    pub fn name(self) -> String {
+        match self {
+            Self::Coil(i) => format!("coil{i}"),
+            Self::Accelerometer(i) => format!("accel{i}"),
+            Self::Part(i) => format!("part{i}"),
+            _ => self.class().to_owned(),
+        }
+    }
+
+    /// The name without a number: components of one class have the same kinds of faults.
+    pub fn class(self) -> &'static str {
+        match self {
+            Self::Camera => "camera",
+            Self::Light => "light",
+            Self::View => "view",
+            Self::Coil(_) => "coil",
+            Self::Coils => "coils",
+            Self::Accelerometer(_) => "accel",
+            Self::Part(_) => "part",
+            Self::Parts => "parts",
+            Self::Plate => "plate",
+            Self::Device => "device",
+            Self::Clock => "clock",
+        }
+    }
+
+    /// The kinds of faults it can have.
+    pub fn kinds(self) -> impl Iterator<Item = FaultKind> {
+        let class = self.class();
+        FaultKind::ALL.into_iter().filter(move |kind| kind.classes().contains(&class))
+    }
+}
+
+/// Range of one value of a fault, and what stands in where it is left out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ValueRange {
+    /// What it is: `px`, `a coil`.
+    pub name: &'static str,
+    /// Least.
+    pub min: f64,
+    /// Largest.
+    pub max: f64,
+    /// Taken where there is no value; `None` where there must be one.
+    pub default: Option<f64>,
+    /// True when only whole numbers are.
+    pub whole: bool,
+}
+
+const fn any(name: &'static str, min: f64, max: f64) -> ValueRange {
+    ValueRange { name, min, max, default: None, whole: false }
+}
+
+const fn whole(name: &'static str, max: f64) -> ValueRange {
+    ValueRange { name, min: 0.0, max, default: None, whole: true }
+}
+
+/// What can go wrong. The names in files are those of [`FaultKind::name`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FaultKind {
+    /// The same picture again and again, with fresh stamps.
+    Freeze,
+    /// Pictures of so many frames ago, with fresh stamps; samples of so many ago.
+    Late,
+    /// Frames that are lost, with this probability each.
+    Drop,
+    /// Black pictures.
+    Dark,
+    /// Pictures, or samples, of noise.
+    Garbage,
+    /// The camera is knocked: the picture is shifted, px.
+    Shift,
+    /// The camera is knocked: the picture is turned, degrees.
+    Rotate,
+    /// The picture is mirrored.
+    Mirror,
+    /// Too much or too little, by this factor.
+    Gain,
+    /// Light that goes up and down by 30 %, Hz.
+    Flicker,
+    /// A hand covers this share of the view.
+    Hand,
+    /// A coin that is not there, at this place, mm.
+    Ghost,
+    /// Nothing comes out.
+    Dead,
+    /// Wired the wrong way round.
+    Reversed,
+    /// The last value stays.
+    Stuck,
+    /// Two have changed places.
+    Swapped,
+    /// A slow amplifier: two poles at this frequency, Hz.
+    LowPass,
+    /// A loose contact: without current in this share of the frames.
+    Chatter,
+    /// The sign is wrong.
+    Flip,
+    /// Clipped at this acceleration, m/s².
+    Clipped,
+    /// Moved by hand, mm.
+    Moved,
+    /// Taken off the plate; put back where it was at the end.
+    Removed,
+    /// Friction times 1000.
+    Glued,
+    /// Friction times 0.001.
+    Ice,
+    /// Friction times this factor.
+    Friction,
+    /// The plate is pushed out of its place and swings back, mm.
+    Bumped,
+    /// The plate is not level, degrees about y.
+    Tilt,
+    /// Natural frequencies times this factor.
+    Resonance,
+    /// A spot with a tenth of the friction: place and radius, mm.
+    Oil,
+    /// Refuses pulses as if one still sounded.
+    Busy,
+    /// Fails.
+    Error,
+    /// Stands still once, for so long on the wall, s.
+    Hang,
+    /// Does not obey when told to stop.
+    Deaf,
+    /// Stamps that are off, s.
+    Skew,
+}
+
+impl FaultKind {
+    /// All of them.
+    pub const ALL: [Self; 34] = [
+        Self::Freeze,
+        Self::Late,
+        Self::Drop,
+        Self::Dark,
+        Self::Garbage,
+        Self::Shift,
+        Self::Rotate,
+        Self::Mirror,
+        Self::Gain,
+        Self::Flicker,
+        Self::Hand,
+        Self::Ghost,
+        Self::Dead,
+        Self::Reversed,
+        Self::Stuck,
+        Self::Swapped,
+        Self::LowPass,
+        Self::Chatter,
+        Self::Flip,
+        Self::Clipped,
+        Self::Moved,
+        Self::Removed,
+        Self::Glued,
+        Self::Ice,
+        Self::Friction,
+        Self::Bumped,
+        Self::Tilt,
+        Self::Resonance,
+        Self::Oil,
+        Self::Busy,
+        Self::Error,
+        Self::Hang,
+        Self::Deaf,
+        Self::Skew,
+    ];
+
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        self.row().0
+    }
+
+    /// The classes of components that can have it, by [`Component::class`].
+    pub fn classes(self) -> &'static [&'static str] {
+        self.row().1
+    }
+
+    /// Its values.
+    pub fn values(self) -> &'static [ValueRange] {
+        self.row().2
+    }
+
+    /// The kind called `name`.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
+    /// Name, classes and values.
+    fn row(self) -> (&'static str, &'static [&'static str], &'static [ValueRange]) {
+        const COILS: &[&str] = &["coil", "coils"];
+        const SHIFT: &[ValueRange] = &[any("px", -2000.0, 2000.0), any("px", -2000.0, 2000.0)];
+        const PLACE: &[ValueRange] = &[any("mm", -1000.0, 1000.0), any("mm", -1000.0, 1000.0)];
+        const OIL: &[ValueRange] = &[PLACE[0], PLACE[1], any("mm", 0.0, 1000.0)];
+        const FACTOR: &[ValueRange] = &[any("a factor", 0.001, 1000.0)];
+        const GAIN: &[ValueRange] = &[any("a factor", -10.0, 10.0)];
+        const SHARE: &[ValueRange] = &[any("a share", 0.0, 1.0)];
+        const HZ: &[ValueRange] = &[any("Hz", 0.01, 10_000.0)];
+        const PAIR: &[ValueRange] = &[whole("a number", 63.0), whole("a number", 63.0)];
+        const HANG: &[ValueRange] = &[ValueRange { default: Some(1.0), ..any("s", 0.0, 600.0) }];
+        match self {
+            Self::Freeze => ("freeze", &["camera"], &[]),
+            Self::Late => ("late", &["camera", "accel"], const { &[whole("frames or samples", 60.0)] }),
+            Self::Drop => ("drop", &["camera"], SHARE),
+            Self::Dark => ("dark", &["camera"], &[]),
+            Self::Garbage => ("garbage", &["camera", "accel"], &[]),
+            Self::Shift => ("shift", &["camera"], SHIFT),
+            Self::Rotate => ("rotate", &["camera"], const { &[any("degrees", -180.0, 180.0)] }),
+            Self::Mirror => ("mirror", &["camera"], &[]),
+            Self::Gain => ("gain", &["light", "coil", "coils", "accel"], GAIN),
+            Self::Flicker => ("flicker", &["light"], HZ),
+            Self::Hand => ("hand", &["view"], SHARE),
+            Self::Ghost => ("ghost", &["view"], PLACE),
+            Self::Dead => ("dead", &["coil", "coils", "accel"], &[]),
+            Self::Reversed => ("reversed", COILS, &[]),
+            Self::Stuck => ("stuck", &["coil", "coils", "accel"], &[]),
+            Self::Swapped => ("swapped", &["coils", "parts"], PAIR),
+            Self::LowPass => ("low_pass", COILS, HZ),
+            Self::Chatter => ("chatter", COILS, SHARE),
+            Self::Flip => ("flip", &["accel"], &[]),
+            Self::Clipped => ("clipped", &["accel"], const { &[any("m/s²", 0.0, 1000.0)] }),
+            Self::Moved => ("moved", &["part"], PLACE),
+            Self::Removed => ("removed", &["part"], &[]),
+            Self::Glued => ("glued", &["part"], &[]),
+            Self::Ice => ("ice", &["part"], &[]),
+            Self::Friction => ("friction", &["part", "parts"], FACTOR),
+            Self::Bumped => ("bumped", &["plate"], const { &[any("mm", -20.0, 20.0), any("mm", -20.0, 20.0)] }),
+            Self::Tilt => ("tilt", &["plate"], const { &[any("degrees", -10.0, 10.0)] }),
+            Self::Resonance => ("resonance", &["plate"], const { &[any("a factor", 0.1, 10.0)] }),
+            Self::Oil => ("oil", &["plate"], OIL),
+            Self::Busy => ("busy", &["device"], &[]),
+            Self::Error => ("error", &["device"], &[]),
+            Self::Hang => ("hang", &["device"], HANG),
+            Self::Deaf => ("deaf", &["device"], &[]),
+            Self::Skew => ("skew", &["clock"], const { &[any("s", -10.0, 10.0)] }),
+        }
+    }
+}
+
+/// One fault: what, how much, from when to when.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FaultSpec {
+    /// Where.
+    pub component: Component,
+    /// What.
+    pub kind: FaultKind,
+    /// How much, as [`FaultKind::values`] says; zeros behind.
+    pub values: [f64; 3],
+    /// From when.
+    pub from: PlateTime,
+    /// Until when; `None` for good.
+    pub to: Option<PlateTime>,
+}
+
+impl FaultSpec {
+    /// True when it is there at `now`.
+    pub fn holds(&self, now: PlateTime) -> bool {
+        now >= self.from && self.to.is_none_or(|to| now < to)
+    }
+
+    /// The two indices of a swap; `None` for another kind.
+    pub(super) fn pair(&self) -> Option<[usize; 2]> {
+        (self.kind == FaultKind::Swapped).then(|| [self.values[0] as usize, self.values[1] as usize])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_belongs_to_a_component_and_is_found_by_its_name() {
+        let classes =
+            ["camera", "light", "view", "coil0", "coils", "accel3", "part12", "parts", "plate", "device", "clock"];
+        let components: Vec<Component> = classes.iter().filter_map(|name| Component::named(name)).collect();
+        assert_eq!(components.len(), classes.len());
+        assert_eq!(components.iter().map(|c| c.name()).collect::<Vec<_>>(), classes);
+        for kind in FaultKind::ALL {
+            assert_eq!(FaultKind::named(kind.name()), Some(kind));
+            assert!(components.iter().any(|component| component.kinds().any(|k| k == kind)), "{kind:?}");
+            assert!(kind.values().len() <= 3);
+        }
+    }
+
+    #[test]
+    fn unknown_components_have_no_name() {
+        for name in ["", "coil", "coil4", "accel9", "camera1", "part", "part9999", "part-1", "7", "Camera"] {
+            assert_eq!(Component::named(name), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn fault_holds_from_its_begin_to_its_end() {
+        let at = PlateTime::from_secs;
+        let fault = |to| FaultSpec {
+            component: Component::Camera,
+            kind: FaultKind::Freeze,
+            values: [0.0; 3],
+            from: at(1.0),
+            to,
+        };
+        assert_eq!([0.99, 1.0, 1.99, 2.0].map(|t| fault(Some(at(2.0))).holds(at(t))), [false, true, true, false]);
+        assert!(fault(None).holds(at(1e6)));
+    }
+}

@@ -1,0 +1,130 @@
+#!/usr/bin/env python3
+"""The fault campaign: runs with faults that begin inside them, judged by what truly happened.
+
+usage: faults.py campaign  [--seeds 200] [--first 0] [--hours H] [--half safety|liveness|both] [--keep DIR] [--no-shrink]
+       faults.py schedules [--jobs-per 3] [--seeds 2] [--only WORD ...]
+       faults.py shrink SEED [--half H] [--keep DIR]
+       faults.py judge RUN_FOLDER ...
+       faults.py mutants --guards a,b,c [--seeds 1000]
+       faults.py selftest
+options of all that run: [--upm target/debug/upm] [--jobs CORES]
+
+campaign   draws job and schedule by seed, runs each in a process of its own on all cores and judges it by the rules
+           O1 to O10 (tools/faults/oracle.py). Prints violations with the smallest command that still fails, onsets by kind
+           and phase, outcomes and guards by kind, needless stops and the rate of violations with its 95 % bound.
+schedules  the 55 schedules with a name, against the bars by which their faults have to be noticed.
+shrink     makes the case of a seed small: fewer faults, fewer parts, rounder onsets.
+judge      the oracle alone, over run folders.
+mutants    switches one guard off after the other (a build with the feature `mutants`), and counts the seeds until a rule is
+           broken that is not broken with all guards on.
+selftest   the oracle and the shrinker over run folders made by hand.
+
+Exit status 1 when a rule is broken, a bar is missed, a drawn run is refused or a mutant goes on uncaught.
+"""
+import argparse
+import os
+import pathlib
+import sys
+import unittest
+
+from faults import campaign, oracle, schedules
+from faults.runs import Runner
+from faults.shrink import shrunk
+from faults.tables import table
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+
+
+def run_campaign(args):
+    options = campaign.Options(args.seeds, args.first, args.jobs, args.hours, args.half, args.keep, not args.no_shrink)
+    runner = Runner(args.upm)
+    found = campaign.Campaign(runner, options)
+    wall_s = found.run()
+    return campaign.report(found.verdicts, wall_s, runner, options)
+
+
+def run_schedules(args):
+    return schedules.run_all(Runner(args.upm), args.jobs_per, args.seeds, args.jobs, args.only)
+
+
+def run_shrink(args):
+    runner, case = Runner(args.upm), campaign.case_of(args.seed, args.half)
+    alone = campaign.Campaign(runner, campaign.Options(1, args.seed, half=args.half, keep=args.keep))
+    alone.run()
+    found = campaign.seen(alone.verdicts[0])
+    print("\n".join(map(str, found)) or "breaks no rule")
+    if found:
+        print("\n".join(shrunk(runner, case.made, case.faults, found[0].rule, case.is_liveness, args.keep)))
+    return not found
+
+
+def run_judge(args):
+    good = True
+    for folder in args.folders:
+        run, found = oracle.judge_folder(folder)
+        good &= not found
+        print(f"{folder}: {run.outcome if run else 'unreadable'}, {len(found)} violations")
+        for violation in found:
+            print(f"  {violation}{' (no picture shows it)' if violation.is_unobservable else ''}")
+    return good
+
+
+def run_mutants(args):
+    rows = []
+    for guard in args.guards.split(","):
+        options = campaign.Options(args.seeds, args.first, args.jobs, half=args.half, keep=args.keep, sound=Runner(args.upm))
+        found = campaign.Campaign(Runner(args.upm, without_guard=guard), options)
+        found.run()
+        refused = {verdict.told for verdict in found.verdicts if verdict.outcome == "refused"}
+        if refused:
+            sys.exit(f"{guard}: runs are refused: {refused.pop()}")
+        caught = next((verdict for verdict in found.verdicts if campaign.seen(verdict)), None)
+        seeds = caught.case.seed - args.first + 1 if caught else None
+        rows.append([guard, seeds or f"not in {args.seeds}", campaign.seen(caught)[0] if caught else "-"])
+        print("  ".join(map(str, rows[-1])), flush=True)
+    print("\n".join(table(["guard", "seeds until caught", "by"], rows)))
+    return all(isinstance(row[1], int) for row in rows)
+
+
+def run_selftest(_):
+    from faults import selftest
+
+    return unittest.TextTestRunner().run(unittest.defaultTestLoader.loadTestsFromModule(selftest)).wasSuccessful()
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    running = argparse.ArgumentParser(add_help=False)
+    running.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
+    running.add_argument("--jobs", type=int, default=os.cpu_count(), help="runs at once")
+    drawing = argparse.ArgumentParser(add_help=False)
+    drawing.add_argument("--half", choices=("safety", "liveness", "both"), default="both", help="faults that stay, that end, either")
+    drawing.add_argument("--first", type=int, default=0, help="the first seed")
+    drawing.add_argument("--keep", type=pathlib.Path, help="where folders of failing runs and shrunk jobs are kept")
+
+    def add(name, does, *parents):
+        command = commands.add_parser(name, parents=parents)
+        command.set_defaults(does=does)
+        return command
+
+    command = add("campaign", run_campaign, running, drawing)
+    command.add_argument("--seeds", type=int, default=200)
+    command.add_argument("--hours", type=float, help="as many seeds as go into so many hours")
+    command.add_argument("--no-shrink", action="store_true")
+    command = add("schedules", run_schedules, running)
+    command.add_argument("--jobs-per", type=int, default=3, choices=range(1, len(schedules.JOBS) + 1))
+    command.add_argument("--seeds", type=int, default=2)
+    command.add_argument("--only", nargs="+", metavar="WORD", help="schedules with one of these in their names")
+    add("shrink", run_shrink, running, drawing).add_argument("seed", type=int)
+    add("judge", run_judge).add_argument("folders", nargs="+", metavar="RUN_FOLDER")
+    command = add("mutants", run_mutants, running, drawing)
+    command.add_argument("--guards", required=True, help="names, with commas between")
+    command.add_argument("--seeds", type=int, default=1000)
+    add("selftest", run_selftest)
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    args = arguments()
+    sys.exit(0 if args.does(args) else 1)

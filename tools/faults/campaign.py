@@ -1,0 +1,270 @@
+"""The campaign: schedules and jobs by seed on all cores, each run judged; what it prints."""
+import collections
+import pathlib
+import random
+import re
+import shutil
+import tempfile
+import time
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field
+
+from . import jobs, oracle, vocabulary
+from .shrink import shrunk
+from .tables import table, upper_bound
+
+PHASES = ("first look", "plan", "attack", "sustain", "decay", "rest", "learn", "no pulse")
+VERIFY_EVERY, NEXT_JOB_EVERY, TELL_EVERY_S = 100, 5, 5.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One draw: a job and its schedule."""
+
+    seed: int
+    made: jobs.Made
+    faults: list
+    is_liveness: bool
+
+
+@dataclass
+class Verdict:
+    """Outcome and violations of a case."""
+
+    case: Case
+    outcome: str
+    stop: str | None
+    guards: list
+    violations: list
+    # (name of the fault, phase of its onset) of each fault that began within the run
+    begun: list
+    wall_s: float
+    told: str = ""
+
+
+def case_of(seed, half="both"):
+    """The job and schedule of a seed."""
+    rng = random.Random(seed)
+    is_liveness = rng.random() < 0.5 if half == "both" else half == "liveness"
+    made = jobs.make(rng, seed=seed)
+    return Case(seed, made, vocabulary.drawn(rng, made.parts, is_liveness), is_liveness)
+
+
+def phase_of(run, at_s):
+    """The phase of the run at `at_s`."""
+    if not run.localised or at_s <= run.localised[0]["at_s"]:
+        return "first look"
+    ends_s = [cycle["ended_at_s"] for cycle in run.cycles if cycle["sent"]]
+    if any(end_s - run.frame_s < at_s <= end_s for end_s in ends_s):
+        return "learn"
+    for pulse in run.pulses:
+        marks = (pulse.attack_s, pulse.sustain_s, pulse.attack_s, pulse.rest_s)
+        for name, begin_s, length_s in zip(PHASES[2:6], sums(pulse.start_s, marks), marks):
+            if begin_s <= at_s < begin_s + length_s:
+                return name
+    return "plan" if any(seen_to_start(pulse, at_s) for pulse in run.pulses) else "no pulse"
+
+
+def seen_to_start(pulse, at_s):
+    return pulse.seen_at_s < at_s < pulse.start_s
+
+
+def sums(start_s, lengths_s):
+    """Where each length begins, one after the other."""
+    for length_s in lengths_s:
+        yield start_s
+        start_s += length_s
+
+
+def judged(runner, case, folder):
+    """Runs a case and judges it, its next job and its repetition included."""
+    run_folder, process = runner.run(case.made.job, case.faults, folder)
+    if process.status == 2 or run_folder is None:
+        said = process.stderr.strip()[:300]
+        found = oracle.process_faults(process)
+        if not case.faults or process.status != 2:
+            found.append(oracle.Violation("O8" if not case.faults else "O6", f"no run, exit status {process.status}: {said}"))
+        return Verdict(case, "refused", None, [], found, [], process.wall_s, said)
+    run, found = oracle.judge_folder(run_folder, process, case.is_liveness and bool(case.faults))
+    if run is None:
+        return Verdict(case, "unreadable", None, [], found, [], process.wall_s, process.stderr.strip()[:300])
+    # `upm verify` runs with all guards
+    if case.seed % VERIFY_EVERY == 0 and not runner.without_guard:
+        said = runner.verify(run_folder, case.made.job, folder)
+        found += [oracle.Violation("O10", f"does not repeat: {said[:200]}")] if said else []
+    if case.is_liveness and case.faults and case.seed % NEXT_JOB_EVERY == 0:
+        found += next_job(runner, case, folder)
+    begun = [(fault.name, phase_of(run, fault.from_s)) for fault in run.fired()]
+    guards = sorted({guard["code"] for guard in run.guards})
+    return Verdict(case, run.outcome, run.stop_code, guards, found, begun, process.wall_s, run.report["reason"])
+
+
+def next_job(runner, case, folder):
+    """O9: the same job without faults completes."""
+    run_folder, _ = runner.run(case.made.job, [], pathlib.Path(folder) / "next")
+    outcome = "refused" if run_folder is None else oracle.Run.read(run_folder).outcome
+    return [] if outcome == "completed" else [oracle.Violation("O9", f"the next job, without faults, is {outcome}")]
+
+
+@dataclass
+class Options:
+    """Options of a campaign."""
+
+    seeds: int
+    first: int = 0
+    at_once: int = 1
+    hours: float | None = None
+    half: str = "both"
+    keep: pathlib.Path | None = None
+    shrinks: bool = True
+    # a build with all guards: the campaign ends with the first rule broken that is not broken there too
+    sound: object = None
+
+
+@dataclass
+class Campaign:
+    """Runs cases and keeps their verdicts."""
+
+    runner: object
+    options: Options
+    verdicts: list = field(default_factory=list)
+
+    def run(self):
+        """All cases, told as they come; the folders of violations are kept when there is a place for them."""
+        begin = told = time.monotonic()
+        with tempfile.TemporaryDirectory(prefix="upm-faults-") as scratch, ThreadPoolExecutor(self.options.at_once) as pool:
+            pending, seeds = set(), iter(self.seeds(begin))
+            while True:
+                while len(pending) < 2 * self.options.at_once and not self.is_over():
+                    seed = next(seeds, None)
+                    if seed is None:
+                        break
+                    pending.add(pool.submit(self.one, seed, pathlib.Path(scratch) / str(seed)))
+                if not pending:
+                    break
+                try:
+                    done, pending = wait(pending, timeout=1.0, return_when=FIRST_COMPLETED)
+                except KeyboardInterrupt:
+                    print("interrupted: the runs that are under way are the last", flush=True)
+                    done, seeds = set(), iter(())
+                    pending = {future for future in pending if not future.cancel()}
+                self.verdicts += [future.result() for future in done]
+                if time.monotonic() - told > TELL_EVERY_S:
+                    told = time.monotonic()
+                    self.tell(told - begin)
+        self.verdicts.sort(key=lambda verdict: verdict.case.seed)
+        return time.monotonic() - begin
+
+    def is_over(self):
+        return self.options.sound is not None and any(seen(verdict) for verdict in self.verdicts)
+
+    def seeds(self, begin):
+        seed = self.options.first
+        while (time.monotonic() - begin < 3600 * self.options.hours) if self.options.hours else seed < self.options.first + self.options.seeds:
+            yield seed
+            seed += 1
+
+    def one(self, seed, folder):
+        case = case_of(seed, self.options.half)
+        verdict = judged(self.runner, case, folder)
+        if verdict.violations and self.options.sound:
+            broken = {violation.rule for violation in judged(self.options.sound, case, folder / "sound").violations}
+            verdict.violations = [violation for violation in verdict.violations if violation.rule not in broken]
+        if verdict.violations and self.options.keep:
+            shutil.copytree(folder, self.options.keep / str(seed), dirs_exist_ok=True)
+        shutil.rmtree(folder, ignore_errors=True)
+        return verdict
+
+    def tell(self, wall_s):
+        bad = sum(bool(seen(verdict)) for verdict in self.verdicts)
+        rate = len(self.verdicts) / wall_s
+        print(f"{wall_s:7.0f} s  {len(self.verdicts)} runs, {rate:.1f} a second, {bad} with violations", flush=True)
+
+
+def seen(verdict):
+    """The violations that a picture could have shown."""
+    return [violation for violation in verdict.violations if not violation.is_unobservable]
+
+
+def report(verdicts, wall_s, runner, options):
+    """Prints what a campaign found; true when nothing was violated."""
+    bad = [verdict for verdict in verdicts if seen(verdict)]
+    hidden = [verdict for verdict in verdicts if verdict.violations and not seen(verdict)]
+    print(f"\n{len(verdicts)} runs in {wall_s:.0f} s, {sum(v.wall_s for v in verdicts) / max(len(verdicts), 1):.2f} s a run and core")
+    print_violations(bad, runner, options)
+    if hidden:
+        print(f"\n{len(hidden)} false successes that no picture shows (equal parts exchanged between frames), counted apart: ", end="")
+        print(", ".join(f"seed {verdict.case.seed}" for verdict in hidden))
+    print_matrix(verdicts)
+    print_by_kind(verdicts)
+    print_needless(verdicts)
+    refused = print_refused(verdicts)
+    count = len(verdicts) - refused
+    bound = upper_bound(len(bad), count)
+    print(f"\n{len(bad)} of {count} runs violate a rule; rate at most {bound:.1e} (95 %). O7 needs a daemon: not judged here.")
+    return not bad and not refused
+
+
+def print_violations(bad, runner, options):
+    if not bad:
+        return
+    rules = collections.Counter(violation.rule for verdict in bad for violation in seen(verdict))
+    print(f"\nviolations: {', '.join(f'{rule} {count}' for rule, count in sorted(rules.items()))}")
+    for verdict in bad:
+        case = verdict.case
+        print(f"  seed {case.seed}  {case.made.template}, {case.made.rig}, {case.made.planner}; {verdict.outcome}, {verdict.stop or 'no stop'}")
+        print(f"    --faults '{vocabulary.as_text(case.faults)}'")
+        for violation in seen(verdict):
+            print(f"    {violation}")
+        if options.shrinks:
+            for line in shrunk(runner, case.made, case.faults, seen(verdict)[0].rule, case.is_liveness, options.keep):
+                print(f"    {line}", flush=True)
+
+
+def print_matrix(verdicts):
+    counts = collections.Counter(begun for verdict in verdicts for begun in verdict.begun)
+    names = sorted({name for name, _ in counts})
+    if not names:
+        return
+    print("\nonsets by phase of the run (plan: between look and pulse; learn: the last frame of a cycle)")
+    rows = [[name, *(counts[name, phase] or "." for phase in PHASES)] for name in names]
+    rows.append(["all", *(sum(counts[name, phase] for name in names) for phase in PHASES)])
+    print("\n".join(table(["fault", *PHASES], rows)))
+    empty = sum(not counts[name, phase] for name in names for phase in PHASES[:-1])
+    print(f"{empty} of {len(names) * (len(PHASES) - 1)} cells with a pulse, a plan or a first look are empty")
+
+
+def print_by_kind(verdicts):
+    outcomes, codes = collections.defaultdict(collections.Counter), collections.defaultdict(collections.Counter)
+    for verdict in verdicts:
+        for name in {name for name, _ in verdict.begun} or {"no fault began"}:
+            outcomes[name][verdict.outcome] += 1
+            codes[name].update(verdict.guards)
+    print("\noutcomes and guards by kind of fault (a run counts for each of its faults)")
+    heads = ("completed", "failed", "cancelled", "unreadable")
+    rows = [[name, *(outcomes[name][head] or "." for head in heads), in_words(codes[name])] for name in sorted(outcomes)]
+    for line in table(["fault", *heads, "guards"], rows):
+        print(line)
+
+
+def in_words(counter):
+    return ", ".join(f"{code} {count}" for code, count in counter.most_common()) or "-"
+
+
+def print_needless(verdicts):
+    """Stops of runs in which every fault was one that a run has to get over."""
+    mild = [v for v in verdicts if v.begun and v.outcome != "refused" and all(map(vocabulary.harmless, v.case.faults))]
+    needless = [verdict for verdict in mild if verdict.outcome != "completed"]
+    print(f"\nharmless faults only: {len(mild)} runs, {len(needless)} needless stops")
+    for verdict in needless:
+        print(f"  seed {verdict.case.seed}  {verdict.stop or verdict.told}: {vocabulary.as_text(verdict.case.faults)}")
+
+
+def print_refused(verdicts):
+    """How many runs were refused: the draw knows what a job may hold, so none should be."""
+    said = collections.Counter(re.sub(r"\S*/job\.json: ", "", v.told) for v in verdicts if v.outcome == "refused")
+    if said:
+        print(f"\n{sum(said.values())} runs refused:")
+        for text, count in said.most_common(5):
+            print(f"  {count} x {text}")
+    return sum(said.values())

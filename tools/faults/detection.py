@@ -1,0 +1,227 @@
+"""O2: after a fault that lies no pulse starts later than its bar; and the bars by which guards have to notice a fault."""
+import math
+from dataclasses import dataclass
+
+from .vocabulary import FOR_GOOD, is_blinding
+
+FROZEN_S, KNOCKED_S, LATE_PULSES, LATE_FRAMES, KNOCKED_PX = 0.1, 0.2, 3, 3, 1.0
+LYING_COILS = ("dead", "reversed", "swapped", "stuck")
+LYING_ACCELERATIONS = ("dead", "flip")
+# a pulse that is played wrongly tells so from this part of its force on, and only a strong one
+TELLING_SHARE, TELLING_DRIVE = 0.25, 0.05
+# an observation this close to the truth is not deceived by a knock, mm
+TRUE_MM = 0.25
+
+
+@dataclass(frozen=True)
+class Bar:
+    """By when a class of faults is noticed, and by which guards. A count of pulses is one of pulses that tell."""
+
+    codes: tuple
+    most_s: float = math.inf
+    # where the plate has to be at rest the time counts from the end of the pulse that is being played
+    at_rest: bool = False
+    pulses: float = math.inf
+    cycles: float = math.inf
+
+
+COIL_CODES = ("coil_fault", "motion_off")
+BARS = {
+    "camera freeze": Bar(("camera_frozen", "camera_stale"), FROZEN_S),
+    "camera shift": Bar(("camera_moved",), KNOCKED_S, at_rest=True),
+    "camera rotate": Bar(("camera_moved",), KNOCKED_S, at_rest=True),
+    "camera mirror": Bar(("camera_moved",), KNOCKED_S, at_rest=True),
+    "camera late": Bar(("camera_late", "camera_stale"), pulses=LATE_PULSES),
+    "coil dead": Bar(COIL_CODES, pulses=1),
+    "coil reversed": Bar(COIL_CODES, pulses=1),
+    "coil stuck": Bar(COIL_CODES, pulses=1),
+    "coil gain": Bar(COIL_CODES, pulses=2),
+    "accel dead": Bar(("accelerometer_fault",), pulses=1),
+    "accel flip": Bar(("accelerometer_fault",), pulses=1),
+    "part glued": Bar(("part_stuck", "part_astray"), cycles=5),
+    "view ghost": Bar(("foreign_part", "part_count"), 0.5, at_rest=True),
+}
+BARS |= {f"coils {kind}": BARS["coil dead"] for kind in LYING_COILS} | {"coils gain": BARS["coil gain"]}
+
+
+def violations(run):
+    for fault in run.fired():
+        if fault.name == "camera freeze":
+            yield from frozen(run, fault)
+        elif fault.name in ("camera shift", "camera rotate", "camera mirror"):
+            yield from knocked(run, fault)
+        elif fault.name == "camera late" and fault.value[0] >= LATE_FRAMES:
+            yield from late(run, fault)
+        elif fault.group == "accel" and fault.kind in LYING_ACCELERATIONS:
+            yield from misread(run, fault)
+    yield from misplayed(run)
+
+
+def frozen(run, fault):
+    bar_s = run.clear_by(fault.from_s, FROZEN_S)
+    for pulse in run.pulses:
+        if bar_s < pulse.start_s < fault.to_s:
+            yield "O2", f"{fault}: a pulse starts at {pulse.start_s:.3f} s, bar {bar_s:.3f} s"
+            return
+
+
+def knocked(run, fault):
+    """The table is known as it was seen at the first look: a knock is what differs from that."""
+    if not run.localised or moved_px(run, fault) <= KNOCKED_PX:
+        return
+    first_s = run.localised[0]["at_s"]
+    # knocked before the first look, the camera is knocked again at the fault's end
+    begin_s, end_s = (fault.to_s, FOR_GOOD) if fault.from_s <= first_s else (fault.from_s, fault.to_s)
+    bar_s = run.clear_by(begin_s, KNOCKED_S, hides_knock)
+    for pulse in run.pulses:
+        if bar_s < pulse.start_s < end_s and not (pulse.seen_at_s > begin_s and sees_truly(run, pulse)):
+            yield "O2", f"{fault}: a pulse starts at {pulse.start_s:.3f} s from a look that is not true, bar {bar_s:.3f} s"
+            return
+
+
+def hides_knock(fault):
+    return is_blinding(fault) or fault.name == "camera freeze"
+
+
+def moved_px(run, fault):
+    """How far the fault moves the corner of the plate that it moves farthest, px."""
+    width, height = run.job["rig"]["camera"]["size_px"]
+    middle = (width - 1) / 2, (height - 1) / 2
+
+    def moved(corner):
+        x, y = corner[0] - middle[0], corner[1] - middle[1]
+        if fault.kind == "shift":
+            return math.hypot(*fault.value)
+        if fault.kind == "rotate":
+            return 2 * math.hypot(x, y) * abs(math.sin(math.radians(fault.value[0]) / 2))
+        # mirrored corners change their places
+        return min(math.dist((-x, y), (c[0] - middle[0], c[1] - middle[1])) for c in corners)
+
+    corners = run.localised[0]["corners_px"]
+    return max(moved(corner) for corner in corners)
+
+
+def sees_truly(run, pulse):
+    """True when the look before a pulse shows every part where there is one, whichever of them."""
+    true = run.truth_at(pulse.seen_at_s)
+    return bool(true) and all(min(math.dist(seen, part[:2]) for part in true) <= TRUE_MM for seen in pulse.seen_mm)
+
+
+def late(run, fault):
+    blind = [pulse for pulse in run.pulses if fault.holds(pulse.start_s)]
+    if len(blind) > LATE_PULSES:
+        start_s = blind[LATE_PULSES].start_s
+        yield "O2", f"{fault}: pulse {LATE_PULSES + 1} since the fault starts at {start_s:.3f} s, bar {LATE_PULSES} pulses"
+
+
+def is_strong(run, pulse):
+    """True for a pulse of which the accelerometers can tell anything."""
+    drive = math.sqrt(sum(value * value for coil in pulse.counts for value in coil))
+    long_enough = pulse.sustain_s >= 1.0 / pulse.base_hz
+    return long_enough and drive >= TELLING_DRIVE * run.job["rig"]["motors"]["count_limit"]
+
+
+def coil_faults(run, pulse):
+    """Faults of coils that hold through a pulse."""
+    coils = (fault for fault in run.faults if fault.group in ("coil", "coils"))
+    return [fault for fault in coils if fault.from_s <= pulse.start_s and pulse.end_s <= fault.to_s]
+
+
+def played_wrongly(run, pulse):
+    """The force that is not as it was sent, as a part of that."""
+    gain, source = [1.0] * 4, [0, 1, 2, 3]
+    for fault in coil_faults(run, pulse):
+        if fault.kind == "swapped":
+            a, b = (int(v) for v in fault.value)
+            source[a], source[b] = source[b], source[a]
+            continue
+        by = {"dead": 0.0, "stuck": 0.0, "reversed": -1.0}.get(fault.kind, fault.value[0] if fault.value else 1.0)
+        for coil in range(4) if fault.group == fault.component else (int(fault.component[-1]),):
+            gain[coil] *= by
+    pairs = ((sent, gain[i] * played) for i in range(4) for sent, played in zip(pulse.counts[i], pulse.counts[source[i]]))
+    off, sent = map(sum, zip(*(((played - sent) ** 2, sent**2) for sent, played in pairs)))
+    return math.sqrt(off / sent) if sent else 0.0
+
+
+def misplayed(run):
+    """Coils that lie: one pulse may tell, the next one must not start."""
+    if any(fault.group == "accel" for fault in run.fired()):
+        # a run whose accelerometers are faulty goes on unwatched
+        return
+    told = None
+    for pulse in run.pulses:
+        lying = [fault for fault in coil_faults(run, pulse) if fault.kind in LYING_COILS]
+        if told and lying:
+            yield "O2", f"{lying[0]}: a pulse starts at {pulse.start_s:.3f} s, after the one at {told.start_s:.3f} s that tells"
+            return
+        telling = lying and is_strong(run, pulse) and played_wrongly(run, pulse) >= TELLING_SHARE
+        told = pulse if telling else told
+
+
+def misread(run, fault):
+    """Accelerometers that lie: the guard fires before the second pulse."""
+    pulse = next((pulse for pulse in run.pulses if tells(run, pulse, fault)), None)
+    if pulse is None or pulse.end_s > run.end_s:
+        return
+    later = [other.start_s for other in run.pulses if other.start_s > pulse.start_s]
+    bar_s = min(later, default=run.end_s)
+    codes = ("accelerometer_fault", *(COIL_CODES if any(f.group in ("coil", "coils") for f in run.fired()) else ()))
+    named = any(guard["code"] in codes and guard["at_s"] <= bar_s for guard in run.guards)
+    if not named and not (run.stop_code and not later):
+        yield "O2", f"{fault}: not named by {bar_s:.3f} s, after the pulse at {pulse.start_s:.3f} s"
+
+
+def tells(run, pulse, fault):
+    """True for a pulse, all of it under the fault, that shows a fault of a coil or an accelerometer if any does."""
+    if not (fault.from_s <= pulse.start_s and pulse.end_s <= fault.to_s and is_strong(run, pulse)):
+        return False
+    if fault.kind == "swapped":
+        return played_wrongly(run, pulse) >= TELLING_SHARE
+    if fault.group == "coils":
+        return True
+    number = int(fault.component[-1])
+    # channels are x1, y1, x2, y2, coils x1, x2, y1, y2
+    coils = ((0, 1), (2, 3))[number % 2] if fault.group == "accel" else (number,)
+    return share_of(pulse, coils) >= TELLING_SHARE
+
+
+def share_of(pulse, coils):
+    """Part of a pulse's drive on these coils."""
+    squares = [sum(value * value for value in coil) for coil in pulse.counts]
+    return math.sqrt(sum(squares[i] for i in coils) / sum(squares)) if sum(squares) else 0.0
+
+
+@dataclass(frozen=True)
+class Notice:
+    """When a fault was noticed, against its bar."""
+
+    code: str | None
+    text: str
+    is_missed: bool
+
+
+def notice(run, fault):
+    """How a run noticed a fault that has a bar; `None` where there is nothing to notice."""
+    bar = BARS.get(fault.name)
+    if bar is None or fault.from_s >= run.end_s:
+        return None
+    if fault.name == "camera late" and fault.value[0] < LATE_FRAMES:
+        return None
+    if fault.kind == "gain" and abs(fault.value[0] - 1.0) < 0.15:
+        return None
+    found = next((g for g in run.guards if g["code"] in bar.codes and g["at_s"] >= fault.from_s - 1e-6), None)
+    by_s = found["at_s"] if found else run.end_s
+    after = [pulse for pulse in run.pulses if fault.holds(pulse.start_s) and pulse.start_s <= by_s + 1e-6]
+    if fault.group in ("coil", "coils", "accel"):
+        after = [pulse for pulse in after if tells(run, pulse, fault)]
+    cycles = [c for c in run.cycles if c.get("sent") and fault.from_s <= c["observed_at_s"] and c["ended_at_s"] <= by_s + 1e-6]
+    begin_s = fault.from_s
+    if bar.at_rest:
+        begin_s = max([begin_s] + [pulse.end_s for pulse in run.pulses if pulse.start_s <= begin_s < pulse.end_s])
+    late_s = max(0.0, min(by_s, fault.to_s) - begin_s)
+    missed = late_s > bar.most_s + run.frame_s or len(after) > bar.pulses or len(cycles) > bar.cycles
+    if bar.most_s < math.inf:
+        measure = f"{late_s:.3f} s{' at rest' if bar.at_rest else ''}"
+    else:
+        measure = f"{len(after)} pulses" if bar.pulses < math.inf else f"{len(cycles)} cycles"
+    return Notice(found["code"] if found else None, measure, missed)
