@@ -79,6 +79,7 @@ const ROOMS: &[(&str, &[&str])] = &[
             "rig::FieldDriveModel",
             "rig::PartKind",
             "sim::*Params",
+            "sim::faults",
             "library",
             "planner::*Params",
             "goal::*Params",

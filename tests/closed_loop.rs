@@ -151,7 +151,7 @@ fn with_library(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
 }
 
 #[test]
-fn a_coin_that_leaves_the_plate_ends_the_run_as_failed() {
+fn library_with_reversed_signs_ends_the_run_before_a_coin_is_lost() {
     let folder = TempDir::new().unwrap();
     // a library that has every direction wrong drives the coin away from where it should go
     let file = with_library(folder.path(), |library| {
@@ -163,8 +163,20 @@ fn a_coin_that_leaves_the_plate_ends_the_run_as_failed() {
     });
     let run = run(&file, &folder.path().join("out"), "off");
     assert_eq!(run.status, 1, "{}", run.report);
-    assert_eq!(run.report["outcome"], "failed");
-    assert_eq!(run.report["lost_parts"], 1);
+    assert_eq!((&run.report["outcome"], &run.report["lost_parts"]), (&json!("failed"), &json!(0)));
+    let code = run.report["stop"]["code"].as_str().unwrap();
+    assert!(["motion_off", "coil_fault", "part_astray"].contains(&code), "{}", run.report);
+}
+
+#[test]
+fn coin_that_is_taken_off_the_plate_ends_the_run_as_failed() {
+    let folder = TempDir::new().unwrap();
+    let faults = json!([{"component": "part0", "kind": "removed", "from_s": 1.0}]);
+    let file = job(folder.path(), "upm-1", |job| job["faults"] = faults);
+    let run = run(&file, &folder.path().join("out"), "off");
+    assert_eq!(run.status, 1, "{}", run.report);
+    assert_eq!((&run.report["outcome"], &run.report["lost_parts"]), (&json!("failed"), &json!(1)));
+    assert_eq!(run.report["stop"]["code"], "part_lost");
     assert!(run.report["reason"].as_str().unwrap().contains("penny-1 is lost"), "{}", run.report);
     assert!(fs::metadata(run.folder.join("journal.jsonl")).unwrap().len() > 0);
 }

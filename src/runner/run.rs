@@ -271,7 +271,7 @@ impl Session<'_> {
 
     /// Real time where it is wanted.
     fn pace(&self, bench: &Bench) -> Option<Pace<'_>> {
-        self.options.real_time.then(|| Pace {
+        self.options.real_time.then_some(Pace {
             clock: self.clock,
             nap: &std::thread::park_timeout,
             stats: self.links.pacing,

@@ -48,13 +48,12 @@ impl DelayGuard {
             each.sum::<f64>() / total
         };
         let progress: Vec<(f64, f64)> = self.frames.iter().map(|(t_s, places)| (*t_s, done(places))).collect();
-        let crossing = progress.windows(2).find_map(|pair| match pair {
+        progress.windows(2).find_map(|pair| match pair {
             [(from_s, from), (to_s, to)] if *from < 0.5 && *to >= 0.5 => {
                 Some(from_s + (0.5 - from) / (to - from) * (to_s - from_s))
             }
             _ => None,
-        });
-        crossing
+        })
     }
 }
 
