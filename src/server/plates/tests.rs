@@ -47,12 +47,13 @@ struct House {
     folder: tempfile::TempDir,
     ledger: Arc<MemoryLedger>,
     standing: Option<StandingSetup>,
+    allow_faults: bool,
 }
 
 impl House {
     fn new() -> Self {
         let ledger = Arc::new(MemoryLedger::new(|| Timestamp::UNIX_EPOCH));
-        Self { folder: tempfile::tempdir().unwrap(), ledger, standing: None }
+        Self { folder: tempfile::tempdir().unwrap(), ledger, standing: None, allow_faults: false }
     }
 
     fn open(&self, paused: Option<&str>) -> Plates {
@@ -75,7 +76,7 @@ impl House {
             paused,
             live_port,
             standing,
-            allow_faults: false,
+            allow_faults: self.allow_faults,
         };
         let mut around = Surroundings {
             ledger: Arc::clone(&self.ledger) as _,

@@ -15,7 +15,8 @@ const REQUEST: &str = "job";
 pub(super) fn validated(shared: &Shared, text: &str, pace: JobPace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
     let job = JobSpec::from_json(text, &Origin::of_request(REQUEST), Some(&shared.rig))?;
     if !shared.allow_faults && !job.faults.is_empty() {
-        let found = format!("{} faults", job.faults.len());
+        let count = job.faults.len();
+        let found = format!("{count} fault{}", if count == 1 { "" } else { "s" });
         let allowed = "none, unless the daemon's file says \"allow_faults\": true";
         return Err(vec![Fault::new(REQUEST, &Path::root().key("faults"), found, allowed)]);
     }

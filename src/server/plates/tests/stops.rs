@@ -254,6 +254,31 @@ fn a_job_that_had_begun_is_not_run_over_what_it_left() {
 
 #[test]
 fn a_lost_part_stops_the_plate_for_a_person_to_look() {
+    let house = House { allow_faults: true, ..House::new() };
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let text = TWO_COINS
+        .replace("\"seed\"", r#""faults": [{"component": "part0", "kind": "removed", "from_s": 0.2}], "seed""#);
+    let lost = house.submit(plate, &text, JobPace::Max);
+    assert_eq!(next(&told, "finished")["state"], "failed");
+    let reason = house.row(&lost).reason;
+    assert!(reason.contains("is lost, last seen at"), "{reason}");
+    assert_eq!(plate.paused(), Some(format!("the last job was stopped: {reason}")));
+}
+
+#[test]
+fn job_with_faults_is_refused_unless_the_file_allows_them() {
+    let house = House::new();
+    let plates = house.open(None);
+    let text = TWO_COINS.replace("\"seed\"", r#""faults": [{"component": "camera", "kind": "freeze"}], "seed""#);
+    let refused = plates.get("one").unwrap().validate(&text, JobPace::Max, None).unwrap_err();
+    let line = "job: faults: found 1 fault, allowed: none, unless the daemon's file says \"allow_faults\": true";
+    assert_eq!(refused.iter().map(ToString::to_string).collect::<Vec<_>>(), [line]);
+}
+
+#[test]
+fn an_end_by_a_guard_stops_the_plate_for_a_person_to_look() {
     let house = House::new();
     let mut wrong = library();
     for entry in &mut wrong.entries {
@@ -268,7 +293,7 @@ fn a_lost_part_stops_the_plate_for_a_person_to_look() {
     let [away, next_one] = [away, TWO_COINS].map(|text| house.submit(plate, text, JobPace::Max));
     assert_eq!(next(&told, "finished")["state"], "failed");
     let reason = house.row(&away).reason;
-    assert!(reason.contains("penny-1 is lost, last seen at"), "{reason}");
+    assert!(reason.contains("the plate moved 200 % off the plan"), "{reason}");
     assert_eq!(plate.paused(), Some(format!("the last job was stopped: {reason}")));
     assert_eq!(house.row(&next_one).state, JobState::Queued);
     assert!(plate.resume(who("ann")));
