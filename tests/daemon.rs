@@ -9,6 +9,8 @@ mod auth;
 mod bad_input;
 #[path = "daemon/client.rs"]
 mod client;
+#[path = "daemon/fail_safe.rs"]
+mod fail_safe;
 #[path = "daemon/keys.rs"]
 mod keys;
 #[path = "daemon/recovery.rs"]

@@ -21,9 +21,11 @@ mod submit;
 mod systemd;
 #[cfg(test)]
 mod tests;
+mod umask;
 mod wires;
 
 pub use bundle::{Bundle, BundleSources, bundle};
 pub use prepare::{Prepared, prepare};
 pub use start::{Daemon, Ended, StartFault};
 pub use systemd::{Notice, ServiceManager, SignsOfLife};
+pub use umask::keep_files_private;

@@ -15,7 +15,7 @@ use crate::cli::{NOT_REACHED, print_json};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
 use upm_runner::run::PaceCheck;
-use upm_server::daemon::{Daemon, Ended, Notice, Prepared, ServiceManager, StartFault, prepare};
+use upm_server::daemon::{Daemon, Ended, Notice, Prepared, ServiceManager, StartFault, keep_files_private, prepare};
 
 /// Time that repairing what a crash left may take.
 const LONGEST_START: Duration = Duration::from_secs(600);
@@ -30,6 +30,7 @@ pub(in crate::cli) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Fail
     if args.check {
         return check(args, common);
     }
+    keep_files_private();
     let spec = spec_of(args)?;
     let mut prepared = prepare(&spec).map_err(Failure::faults)?;
     let manager = service_manager()?;

@@ -35,7 +35,7 @@ pub struct RawDaemon {
     #[serde(default)]
     #[schemars(length(max = 64))]
     pub hosts: Vec<String>,
-    /// File of the token that may do everything, relative to this file.
+    /// File of the token that may do everything, relative to this file. The log warns of one that others may read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1, max = 4096))]
     pub token_file: Option<String>,
