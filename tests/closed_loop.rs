@@ -232,6 +232,7 @@ fn a_run_in_real_time_counts_its_deadlines() {
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!((output.status.code(), &report["outcome"]), (Some(0), &json!("completed")), "{report}");
     assert!(report["deadline_misses"].is_u64() && report["worst_late_frames"].is_u64(), "{report}");
+    assert!(report["behind_s"].is_f64(), "{report}");
 }
 
 /// Waits until a run in `out` has written the first lines of its journal; the file is buffered, so its folder and then
