@@ -38,7 +38,7 @@ pub enum Condition {
     CameraDark,
     /// The plate is not where it was in the picture: the camera was knocked, or the plate.
     CameraMoved,
-    /// Parts move later in the pictures than they are driven.
+    /// The plate moves later in the pictures than by the accelerometers.
     CameraLate,
     /// Something large hides part of the plate.
     ViewHidden,

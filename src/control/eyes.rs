@@ -22,8 +22,9 @@ const TABLE_LOOKS: usize = 5;
 /// Frames without sight before the motors are silenced and it is said, at least, and at most this long, s.
 const BLIND_FRAMES: f64 = 3.0;
 const BLIND_S: f64 = 0.1;
-/// Time without sight after which a run ends, s; behind a hand, s.
+/// Time after which a run ends, s: of stale frames, without a plate in them, behind a hand.
 const WAIT_S: f64 = 2.0;
+const DARK_S: f64 = 5.0;
 const HAND_S: f64 = 10.0;
 /// Looks at rest in a row that show the plate elsewhere, or something foreign, before it is believed.
 const BELIEVED: u32 = 2;
@@ -73,6 +74,8 @@ pub struct Eyes {
     /// How far parts may have gone since they were last seen at rest, m.
     reach_m: f64,
     conditions: Conditions,
+    /// Where the parts were in the last frame at rest in plain view, m.
+    rest_m: Vec<Vec2>,
 }
 
 impl Eyes {
@@ -124,6 +127,7 @@ impl Eyes {
             missing: 0,
             reach_m: REACH_M,
             conditions: Conditions::default(),
+            rest_m: Vec::new(),
         })
     }
 
@@ -164,10 +168,11 @@ impl Eyes {
         });
         self.settle_blind(blind, rig, sink)?;
         if blind.is_none() && at_rest {
-            self.settle_foreign()?;
+            self.settle_foreign(sink)?;
             self.settle_place(&place, sink, clock)?;
         }
         if is_plain {
+            self.check_jumps(sink)?;
             self.missing = if self.missing_for() > 0 { self.missing + 1 } else { 0 };
             self.reach_m = REACH_M;
         }
@@ -201,23 +206,43 @@ impl Eyes {
             }
             self.conditions.note(now, why.condition(), || why.reason(), sink);
         }
-        if for_s > if why == Blind::Hidden { HAND_S } else { WAIT_S } {
+        let patience_s = match why {
+            Blind::Stale(_) => WAIT_S,
+            Blind::Dark => DARK_S,
+            Blind::Hidden => HAND_S,
+        };
+        if for_s > patience_s {
             let reason = format!("{} for {for_s:.1} s", why.reason());
             return Err(Ending::guarded(why.condition(), reason));
         }
         Ok(())
     }
 
-    fn settle_foreign(&mut self) -> Result<(), Ending> {
+    fn settle_foreign(&mut self, sink: &mut dyn Sink) -> Result<(), Ending> {
+        let at = self.frame.exposed_at;
         match self.scene.foreign_m().filter(|_| self.foreign >= BELIEVED) {
             Some(at_m) => {
                 let at_mm = at_m * 1e3;
                 let reason =
                     format!("something that is no part of the job lies at ({:.0}, {:.0}) mm", at_mm.x, at_mm.y);
+                self.conditions.note(at, Condition::ForeignPart, || reason.clone(), sink);
                 Err(Ending::guarded(Condition::ForeignPart, reason))
             }
             None => Ok(()),
         }
+    }
+
+    /// Most parts cannot have got farther than the last pulse carries them: the picture is another one.
+    fn check_jumps(&mut self, sink: &mut dyn Sink) -> Result<(), Ending> {
+        let places_m = self.positions_m();
+        let before_m = std::mem::replace(&mut self.rest_m, places_m);
+        let far = before_m.iter().zip(&self.rest_m).filter(|(a, b)| (*b - *a).norm() > self.reach_m).count();
+        if far < 2 || 2 * far <= before_m.len() || !self.guards.has(Condition::PartsJumped) {
+            return Ok(());
+        }
+        let reason = format!("{far} of {} parts lie where the last pulse cannot have carried them", before_m.len());
+        self.conditions.note(self.frame.exposed_at, Condition::PartsJumped, || reason.clone(), sink);
+        Err(Ending::guarded(Condition::PartsJumped, reason))
     }
 
     fn settle_place(&mut self, place: &Place, sink: &mut dyn Sink, clock: &dyn Clock) -> Result<(), Ending> {
@@ -246,6 +271,16 @@ impl Eyes {
     pub fn expect_motion(&mut self, way_m: f64) {
         self.reach_m = REACH_M + 1.5 * way_m;
         self.silenced = false;
+    }
+
+    /// How far the plate's corners are from their places in the newest frame, px, at most; `None` where it is not seen.
+    pub fn plate_swing_px(&self) -> Option<f64> {
+        if self.blind.is_some() { None } else { self.scene.swing_px(&self.frame) }
+    }
+
+    /// Pixels of a metre on the plate.
+    pub fn px_per_m(&self) -> f64 {
+        self.table.mean_px_per_m()
     }
 
     /// True when the last pulse was silenced because nothing could be seen.

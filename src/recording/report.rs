@@ -55,7 +55,7 @@ pub enum StopCode {
     CameraDark,
     /// The plate is not where it was in the picture.
     CameraMoved,
-    /// Parts move later in the pictures than they are driven.
+    /// The plate moves later in the pictures than by the accelerometers.
     CameraLate,
     /// Something large hides part of the plate.
     ViewHidden,

@@ -211,7 +211,7 @@ def notice(run, fault):
         return None
     found = next((g for g in run.guards if g["code"] in bar.codes and g["at_s"] >= fault.from_s - 1e-6), None)
     by_s = found["at_s"] if found else run.end_s
-    after = [pulse for pulse in run.pulses if fault.holds(pulse.start_s) and pulse.start_s <= by_s + 1e-6]
+    after = [pulse for pulse in run.pulses if fault.holds(pulse.start_s) and pulse.start_s < by_s - 1e-4]
     if fault.group in ("coil", "coils", "accel"):
         after = [pulse for pulse in after if tells(run, pulse, fault)]
     cycles = [c for c in run.cycles if c.get("sent") and fault.from_s <= c["observed_at_s"] and c["ended_at_s"] <= by_s + 1e-6]

@@ -22,12 +22,11 @@ impl Cycle<'_> {
         let ahead = self.forecasts(&before_m, planned);
         self.eyes.expect_motion(ahead.as_ref().map_or(0.0, |[_, learned_m, _]| farthest_m(&before_m, learned_m)));
         self.rig.play(&drive)?;
-        self.delay.begin(&before_m);
+        self.delay.begin();
         while !self.eyes.look(self.rig, moment, self.sink, self.clock)? {
             self.check_stop()?;
-            self.delay.frame(self.eyes.seen_at() - started_at, self.eyes.positions_m());
+            self.delay.frame(self.eyes.seen_at() - started_at, self.eyes.plate_swing_px());
         }
-        self.delay.frame(self.eyes.seen_at() - started_at, self.eyes.positions_m());
         let trace = self.rig.trace();
         let sensors = AccelerometerPair {
             position_m: self.model.accelerometer_in_plate_m,
@@ -82,15 +81,15 @@ impl Cycle<'_> {
         let guards = &self.params.guards;
         let as_forecast = steps.and_then(|(before, forecast, after)| went_as_forecast(before, forecast, after));
         let found = self.motion.check(planned, drive, fit, sensors, as_forecast);
+        let delay = if found.is_none() { self.delay_frames(drive, fit) } else { None };
         if let Some(Finding { condition, reason, ends }) = found.filter(|found| guards.has(found.condition)) {
             self.warn(condition, reason.clone());
             if ends {
                 return Err(Ending::guarded(condition, reason));
             }
         }
-        let (sounding_s, frame_s) = (drive.envelope.sounding_s(), self.model.frame_hz.recip());
-        if let Some(frames) = self.delay.end(sounding_s, frame_s).filter(|_| guards.has(Condition::CameraLate)) {
-            let reason = format!("parts move {frames:.1} frames later in the pictures than they are driven");
+        if let Some(frames) = delay.filter(|_| guards.has(Condition::CameraLate)) {
+            let reason = format!("the plate moves {frames} frames later in the pictures than by the accelerometers");
             self.warn(Condition::CameraLate, reason.clone());
             return Err(Ending::guarded(Condition::CameraLate, reason));
         }
@@ -106,6 +105,16 @@ impl Cycle<'_> {
         let reason = format!("{} {does} although four pulses in a row should carry it", self.id(part));
         self.warn(condition, reason.clone());
         Err(Ending::guarded(condition, reason))
+    }
+
+    /// By how many frames pictures were late in the last pulses; `None` while they are in time.
+    fn delay_frames(&mut self, drive: &Drive, fit: &Result<PlateFit, FitFault>) -> Option<usize> {
+        let wave = match fit.as_ref().ok()? {
+            PlateFit::Twist(fit) => &fit.wave,
+            PlateFit::Wave(fit) => &fit.wave,
+        };
+        let (half_side_m, frame_s) = (0.5 * self.model.plate_side_m, self.model.frame_hz.recip());
+        self.delay.end(wave, &drive.envelope, half_side_m, self.eyes.px_per_m(), frame_s)
     }
 
     /// Where parts at `before_m` should be after a pulse: by the library alone, with what was learned, and with

@@ -136,6 +136,11 @@ impl Scene {
         self.table.check(frame).corner_px().is_some_and(|corner_px| corner_px < STILL_PX)
     }
 
+    /// How far the plate's corners are from where they were when the table was located, px, at most; `None` where it is not seen.
+    pub(super) fn swing_px(&self, frame: &Frame) -> Option<f64> {
+        self.table.check(frame).corner_px()
+    }
+
     /// Where something foreign lies in the newest frame, m.
     pub(super) fn foreign_m(&self) -> Option<Vec2> {
         self.foreign_m
