@@ -38,7 +38,7 @@ pub enum Condition {
     CameraDark,
     /// The plate is not where it was in the picture: the camera was knocked, or the plate.
     CameraMoved,
-    /// The plate moves later in the pictures than by the accelerometers.
+    /// The plate moves later in the pictures than it is driven.
     CameraLate,
     /// Something large hides part of the plate.
     ViewHidden,

@@ -319,7 +319,11 @@ impl Cycle<'_> {
     fn finish(&mut self, reason: String) -> Result<Vec<Vec2>, Ending> {
         self.check_limits()?;
         if !self.params.guards.has_code("two_looks") || self.eyes.confirm(self.rig, self.sink, self.clock, self.stop)? {
-            return Err(Ending::completed(reason));
+            // what parts do while the plate swings out counts, too
+            let (at, places_m) = (self.eyes.seen_at(), self.eyes.positions_m());
+            if self.goal.next(at, &places_m).done {
+                return Err(Ending::completed(reason));
+            }
         }
         self.unconfirmed += 1;
         if self.unconfirmed > MOST_UNCONFIRMED {

@@ -28,6 +28,10 @@ const DARK_S: f64 = 5.0;
 const HAND_S: f64 = 10.0;
 /// Looks at rest in a row that show the plate elsewhere, or something foreign, before it is believed.
 const BELIEVED: u32 = 2;
+/// The same for a plate that is too far away to be followed.
+const BELIEVED_FAR: u32 = 5;
+/// Looks that show a corner displaced alike, px.
+const SAME_PLACE_PX: f64 = 0.3;
 /// How far a part may lie from where it was when the table is located anew, m, besides what a pulse should carry it.
 const REACH_M: f64 = 3e-3;
 
@@ -68,8 +72,9 @@ pub struct Eyes {
     /// The pulse that sounds was silenced.
     silenced: bool,
     displaced: u32,
+    displaced_px: f64,
     foreign: u32,
-    /// Looks at rest in plain view that lack a part.
+    /// Frames of the present in a row that lack a part, nothing hiding the plate.
     missing: u32,
     /// How far parts may have gone since they were last seen at rest, m.
     reach_m: f64,
@@ -123,6 +128,7 @@ impl Eyes {
             blind: None,
             silenced: false,
             displaced: 0,
+            displaced_px: 0.0,
             foreign: 0,
             missing: 0,
             reach_m: REACH_M,
@@ -171,9 +177,11 @@ impl Eyes {
             self.settle_foreign(sink)?;
             self.settle_place(&place, sink, clock)?;
         }
+        if blind.is_none() {
+            self.missing = if self.missing_for() > 0 { self.missing + 1 } else { 0 };
+        }
         if is_plain {
             self.check_jumps(sink)?;
-            self.missing = if self.missing_for() > 0 { self.missing + 1 } else { 0 };
             self.reach_m = REACH_M;
         }
         Ok(is_plain)
@@ -250,8 +258,11 @@ impl Eyes {
             self.displaced = 0;
             return Ok(());
         };
-        self.displaced += 1;
-        if self.displaced < BELIEVED {
+        // a plate that still swings in the picture is at another place in each look
+        let before_px = std::mem::replace(&mut self.displaced_px, corner_px);
+        let agrees = (corner_px - before_px).abs() < SAME_PLACE_PX || corner_px == before_px;
+        self.displaced = if agrees { self.displaced + 1 } else { 1 };
+        if self.displaced < if corner_px.is_finite() { BELIEVED } else { BELIEVED_FAR } {
             return Ok(());
         }
         let by = if corner_px.is_finite() { format!("by {corner_px:.1} px") } else { "by more than 6 px".to_owned() };
@@ -259,7 +270,7 @@ impl Eyes {
         self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
         match self.locate(clock) {
             Ok(found) => self.relocate(found, sink),
-            Err(fault) if self.displaced > BELIEVED + TABLE_LOOKS as u32 => Err(Ending::guarded(
+            Err(fault) if self.displaced > BELIEVED_FAR + TABLE_LOOKS as u32 => Err(Ending::guarded(
                 Condition::CameraMoved,
                 format!("the plate has moved in the picture {by}: {fault}"),
             )),
@@ -314,7 +325,7 @@ impl Eyes {
         self.tracker.tracks().iter().map(|track| track.frames_unseen).max().unwrap_or(0)
     }
 
-    /// Looks at rest in plain view, one after another, that lack a part.
+    /// Frames of the present in a row that lack a part, nothing hiding the plate.
     pub fn plainly_missing_for(&self) -> u32 {
         self.missing
     }

@@ -55,7 +55,7 @@ pub enum StopCode {
     CameraDark,
     /// The plate is not where it was in the picture.
     CameraMoved,
-    /// The plate moves later in the pictures than by the accelerometers.
+    /// The plate moves later in the pictures than it is driven.
     CameraLate,
     /// Something large hides part of the plate.
     ViewHidden,

@@ -4,7 +4,7 @@ use super::Cycle;
 use crate::conditions::Condition;
 use crate::ending::Ending;
 use crate::eyes::Moment;
-use crate::guards::{Finding, Unlike, went_as_forecast};
+use crate::guards::{Finding, Swing, Unlike, went_as_forecast};
 use crate::learning::{Lesson, MORE, Scatter};
 use crate::{Carried, PulseFacts};
 use upm_core::geometry::Vec2;
@@ -22,7 +22,7 @@ impl Cycle<'_> {
         let ahead = self.forecasts(&before_m, planned);
         self.eyes.expect_motion(ahead.as_ref().map_or(0.0, |[_, learned_m, _]| farthest_m(&before_m, learned_m)));
         self.rig.play(&drive)?;
-        self.delay.begin();
+        self.delay.begin(started_at.secs());
         while !self.eyes.look(self.rig, moment, self.sink, self.clock)? {
             self.check_stop()?;
             self.delay.frame(self.eyes.seen_at() - started_at, self.eyes.plate_swing_px());
@@ -81,7 +81,7 @@ impl Cycle<'_> {
         let guards = &self.params.guards;
         let as_forecast = steps.and_then(|(before, forecast, after)| went_as_forecast(before, forecast, after));
         let found = self.motion.check(planned, drive, fit, sensors, as_forecast);
-        let delay = if found.is_none() { self.delay_frames(drive, fit) } else { None };
+        let delay = if found.is_none() { self.delay_frames(planned, drive) } else { None };
         if let Some(Finding { condition, reason, ends }) = found.filter(|found| guards.has(found.condition)) {
             self.warn(condition, reason.clone());
             if ends {
@@ -89,7 +89,7 @@ impl Cycle<'_> {
             }
         }
         if let Some(frames) = delay.filter(|_| guards.has(Condition::CameraLate)) {
-            let reason = format!("the plate moves {frames} frames later in the pictures than by the accelerometers");
+            let reason = format!("the plate moves {frames} frames later in the pictures than it is driven");
             self.warn(Condition::CameraLate, reason.clone());
             return Err(Ending::guarded(Condition::CameraLate, reason));
         }
@@ -108,13 +108,14 @@ impl Cycle<'_> {
     }
 
     /// By how many frames pictures were late in the last pulses; `None` while they are in time.
-    fn delay_frames(&mut self, drive: &Drive, fit: &Result<PlateFit, FitFault>) -> Option<usize> {
-        let wave = match fit.as_ref().ok()? {
-            PlateFit::Twist(fit) => &fit.wave,
-            PlateFit::Wave(fit) => &fit.wave,
+    fn delay_frames(&mut self, planned: &PlannedPulse, drive: &Drive) -> Option<usize> {
+        let swing = Swing {
+            wave: self.motion.expected(planned, drive)?.wave(),
+            envelope: drive.envelope,
+            half_side_m: 0.5 * self.model.plate_side_m,
+            px_per_m: self.eyes.px_per_m(),
         };
-        let (half_side_m, frame_s) = (0.5 * self.model.plate_side_m, self.model.frame_hz.recip());
-        self.delay.end(wave, &drive.envelope, half_side_m, self.eyes.px_per_m(), frame_s)
+        self.delay.end(swing, self.model.frame_hz.recip())
     }
 
     /// Where parts at `before_m` should be after a pulse: by the library alone, with what was learned, and with

@@ -2,7 +2,7 @@ use upm_core::geometry::{Twist, Vec2, perp};
 use upm_core::signal::{Envelope, TwistWave};
 
 /// Longest delay that is looked for, frames.
-const LONGEST: usize = 16;
+const LONGEST: usize = 13;
 /// From this delay on pictures are late, frames.
 const LATE: usize = 2;
 /// Pulses in a row that must be late.
@@ -11,39 +11,63 @@ const IN_A_ROW: u32 = 2;
 const LEAST_SWING_PX: f64 = 1.5;
 /// A delay must explain the frames so much better than none: part of the squares that it leaves.
 const BETTER: f64 = 0.35;
+/// And leave no more than this part of what was seen.
+const LEFT: f64 = 0.15;
+/// Displacements above this are not told apart, px.
+const FARTHEST_PX: f64 = 6.0;
 
 /// Measures how late pictures come: how far the plate's corners swing in each frame of a pulse, held against how far they
-/// did by the accelerometers.
+/// should. Late pictures of a pulse begin with the end of the one before.
 #[derive(Clone, Debug, Default)]
 pub struct DelayGuard {
     /// Time since the start of the pulse, s, and the largest displacement of a corner, px; frame by frame.
     frames: Vec<(f64, f64)>,
+    /// The pulse before, s after whose start this one began.
+    before: Option<(Swing, f64)>,
+    started_s: f64,
+    /// Delay of the last pulse that told one, and pulses in a row that were late.
+    last: usize,
     late: u32,
 }
 
 impl DelayGuard {
-    /// A pulse begins.
-    pub fn begin(&mut self) {
+    /// A pulse begins, at `at_s` of plate time.
+    pub fn begin(&mut self, at_s: f64) {
         self.frames.clear();
+        if let Some((_, ago_s)) = &mut self.before {
+            *ago_s = at_s - self.started_s;
+        }
+        self.started_s = at_s;
     }
 
     /// A frame of the pulse, exposed `since_s` after its start, with the plate's corners up to `corner_px` from their
     /// places; `None` where that is not seen.
     pub fn frame(&mut self, since_s: f64, corner_px: Option<f64>) {
-        self.frames.extend(corner_px.filter(|px| px.is_finite()).map(|px| (since_s, px)));
+        self.frames.extend(corner_px.map(|px| (since_s, px.min(FARTHEST_PX))));
     }
 
-    /// The pulse is over; by the accelerometers the plate, with corners `half_side_m` from its axes, moved as `wave` under
-    /// `envelope`. The delay in frames of `frame_s` once pictures were late too often.
-    pub fn end(
-        &mut self,
-        wave: &TwistWave,
-        envelope: &Envelope,
-        half_side_m: f64,
-        px_per_m: f64,
-        frame_s: f64,
-    ) -> Option<usize> {
-        let swing_px = |t_s: f64| px_per_m * envelope.at(t_s) * corner_m(wave, half_side_m, t_s);
+    /// The pulse is over, in which the plate should have swung as `swing`. The delay in frames of `frame_s` once pictures
+    /// were late too often.
+    pub fn end(&mut self, swing: Swing, frame_s: f64) -> Option<usize> {
+        let before = self.before.take();
+        let delay = self.delay(&swing, before.as_ref(), frame_s);
+        self.before = Some((swing, 0.0));
+        // a delay of the camera is the same in every pulse
+        let last = std::mem::replace(&mut self.last, delay?);
+        self.late = match delay? {
+            delay if delay < LATE => 0,
+            delay if self.late > 0 && delay.abs_diff(last) > 1 => 1,
+            _ => self.late + 1,
+        };
+        delay.filter(|_| self.late >= IN_A_ROW)
+    }
+
+    /// The delay that explains the frames best, 0 where none does clearly better; `None` where the plate hardly swings.
+    fn delay(&self, swing: &Swing, before: Option<&(Swing, f64)>, frame_s: f64) -> Option<usize> {
+        let swing_px = |t_s: f64| match before {
+            Some((before, ago_s)) if t_s < 0.0 => before.corner_px(t_s + ago_s),
+            _ => swing.corner_px(t_s),
+        };
         let total: f64 = self.frames.iter().map(|(t_s, _)| swing_px(*t_s).powi(2)).sum();
         if total < LEAST_SWING_PX * LEAST_SWING_PX {
             return None;
@@ -55,9 +79,32 @@ impl DelayGuard {
         let each: Vec<f64> = (0..=LONGEST).map(left).collect();
         let (delay, least) =
             each.iter().copied().enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b)).unwrap_or_default();
-        let is_late = delay >= LATE && least < BETTER * each[0];
-        self.late = if is_late { self.late + 1 } else { 0 };
-        (self.late >= IN_A_ROW).then_some(delay)
+        let seen: f64 = self.frames.iter().map(|(_, px)| px * px).sum();
+        Some(if least < BETTER * each[0] && least < LEFT * seen { delay } else { 0 })
+    }
+}
+
+/// How the plate swings in a pulse.
+#[derive(Clone, Debug)]
+pub struct Swing {
+    /// Its velocity at full height, times from the start of the pulse.
+    pub wave: TwistWave,
+    /// Outline of the pulse, which the displacement follows.
+    pub envelope: Envelope,
+    /// Distance of the corners from the plate's axes, m.
+    pub half_side_m: f64,
+    /// Pixels of a metre on the plate.
+    pub px_per_m: f64,
+}
+
+impl Swing {
+    /// How far the corners are from their places, px, at most.
+    fn corner_px(&self, t_s: f64) -> f64 {
+        let height = self.envelope.at(t_s);
+        if height == 0.0 {
+            return 0.0;
+        }
+        (self.px_per_m * height * corner_m(&self.wave, self.half_side_m, t_s)).min(FARTHEST_PX)
     }
 }
 
@@ -85,39 +132,45 @@ mod tests {
 
     fn wave(speed_mps: f64) -> TwistWave {
         let harmonic = |share: f64| TwistHarmonic {
-            cos: Twist::new(speed_mps, 0.0, 0.5) * share,
+            cos: Twist::new(speed_mps, 0.0, speed_mps) * share,
             sin: Twist::new(0.0, speed_mps, 0.0) * share,
         };
         TwistWave { base_radps: std::f64::consts::TAU * 30.0, harmonics: vec![harmonic(1.0), harmonic(0.6)] }
     }
 
-    /// A pulse seen `late` frames late.
-    fn pulse(guard: &mut DelayGuard, late: f64, speed_mps: f64) -> Option<usize> {
-        let wave = wave(speed_mps);
-        guard.begin();
-        for i in 1..18 {
-            let t_s = f64::from(i) * FRAME_S - 0.001;
-            let seen_s = t_s - late * FRAME_S;
-            guard.frame(t_s, Some(PX_PER_M * ENVELOPE.at(seen_s) * corner_m(&wave, HALF_M, seen_s) + 0.02));
-        }
-        guard.end(&wave, &ENVELOPE, HALF_M, PX_PER_M, FRAME_S)
+    fn swing(speed_mps: f64) -> Swing {
+        Swing { wave: wave(speed_mps), envelope: ENVELOPE, half_side_m: HALF_M, px_per_m: PX_PER_M }
+    }
+
+    /// What is found in each of three pulses, one straight after the other, seen `late` frames late.
+    fn found(late: f64, speed_mps: f64) -> [Option<usize>; 3] {
+        const FRAMES: i32 = 17;
+        let (mut guard, length_s, swing) = (DelayGuard::default(), f64::from(FRAMES) * FRAME_S, swing(speed_mps));
+        let corner_px = |t_s: f64| if t_s < 0.0 { 0.0 } else { swing.corner_px(t_s % length_s) + 0.02 };
+        [0.0, 1.0, 2.0].map(|number| {
+            let begin_s = number * length_s;
+            guard.begin(begin_s);
+            for i in 1..=FRAMES {
+                let since_s = f64::from(i) * FRAME_S - 0.001;
+                guard.frame(since_s, Some(corner_px(begin_s + since_s - late * FRAME_S)));
+            }
+            guard.end(swing.clone(), FRAME_S)
+        })
     }
 
     #[test]
     fn delay_is_measured_to_the_frame_in_the_second_pulse() {
         for late in [2, 3, 6, 12] {
-            let mut guard = DelayGuard::default();
-            let found = [(); 2].map(|()| pulse(&mut guard, f64::from(late), 0.3));
-            assert_eq!(found, [None, Some(late as usize)]);
+            assert_eq!(found(f64::from(late), 0.3), [None, Some(late as usize), Some(late as usize)], "{late}");
         }
     }
 
     #[test]
     fn pictures_in_time_and_weak_pulses_tell_nothing() {
+        assert_eq!(found(0.0, 0.3), [None; 3]);
+        assert_eq!(found(6.0, 0.001), [None; 3]);
         let mut guard = DelayGuard::default();
-        assert!((0..5).all(|_| pulse(&mut guard, 0.0, 0.3).is_none()));
-        assert!((0..5).all(|_| pulse(&mut guard, 6.0, 0.001).is_none()));
-        guard.begin();
-        assert_eq!(guard.end(&wave(0.3), &ENVELOPE, HALF_M, PX_PER_M, FRAME_S), None, "no frames");
+        guard.begin(0.0);
+        assert_eq!(guard.end(swing(0.3), FRAME_S), None, "no frames");
     }
 }

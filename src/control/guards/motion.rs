@@ -49,13 +49,18 @@ impl MotionGuard {
         sensors: &AccelerometerPair,
         as_forecast: Option<bool>,
     ) -> Option<Finding> {
+        let judged = judge(&self.expected(planned, drive)?, fit.as_ref(), sensors);
+        let off = judged.mismatch.map_or(0.0, |mismatch| mismatch.relative);
+        self.finding(judged.verdict, off, as_forecast)
+    }
+
+    /// What the plate should do in a pulse; `None` where the library does not tell.
+    pub fn expected<'a>(&'a self, planned: &PlannedPulse, drive: &'a Drive) -> Option<ExpectedMotion<'a>> {
         let response = match planned {
             PlannedPulse::Field(_) => &self.of_field,
             PlannedPulse::Rotation(_) => &self.of_rotation,
         };
-        let judged = judge(&ExpectedMotion { drive, coils: response.as_ref()? }, fit.as_ref(), sensors);
-        let off = judged.mismatch.map_or(0.0, |mismatch| mismatch.relative);
-        self.finding(judged.verdict, off, as_forecast)
+        Some(ExpectedMotion { drive, coils: response.as_ref()? })
     }
 
     fn finding(&mut self, verdict: MotionVerdict, off: f64, as_forecast: Option<bool>) -> Option<Finding> {

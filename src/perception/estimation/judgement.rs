@@ -11,7 +11,7 @@ use nalgebra::{Complex, Vector3};
 use super::felt::{Felt, Velocity, felt};
 use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2};
 use upm_core::geometry::Twist;
-use upm_core::signal::{CHANNELS, Drive, MOTORS, TwistHarmonic};
+use upm_core::signal::{CHANNELS, Drive, MOTORS, TwistHarmonic, TwistWave};
 
 /// Standard deviations within which a coefficient is as predicted, when two periods or more were read.
 const DEVIATIONS: f64 = 8.0;
@@ -148,6 +148,19 @@ enum Played {
 }
 
 impl ExpectedMotion<'_> {
+    /// The plate's velocity at full height, times from the start of the pulse.
+    pub fn wave(&self) -> TwistWave {
+        let Drive { base_radps, motors, .. } = self.drive;
+        let harmonics = motors.iter().map(Vec::len).max().unwrap_or(0);
+        let twist = |part: Vector3<f64>| Twist::new(part.x, part.y, part.z);
+        let harmonic = |velocity: &Vector3<Complex<f64>>| TwistHarmonic {
+            cos: twist(velocity.map(|v| v.re)),
+            sin: twist(velocity.map(|v| -v.im)),
+        };
+        let harmonics = self.velocity(harmonics, &Played::Planned).iter().map(harmonic).collect();
+        TwistWave { base_radps: *base_radps, harmonics }
+    }
+
     /// Base periods that the pulse is held for.
     fn periods(&self) -> f64 {
         self.drive.envelope.sustain_s * self.drive.base_radps / std::f64::consts::TAU
