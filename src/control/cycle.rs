@@ -121,7 +121,7 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
                 index,
                 motion: MotionGuard::new(library),
                 steps: StepGuard::default(),
-                delay: DelayGuard::default(),
+                delay: DelayGuard::new(model.frame_hz),
                 unconfirmed: 0,
             };
             cycle.until_end()
@@ -346,6 +346,7 @@ impl Cycle<'_> {
         loop {
             self.check_stop()?;
             let at_rest = self.eyes.look(self.rig, Moment::Cycle, self.sink, self.clock)?;
+            self.delay.frame(self.eyes.seen_at().secs(), self.eyes.plate_swing_px());
             if at_rest && self.eyes.missing_for() == 0 {
                 return Ok(self.eyes.positions_m());
             }

@@ -191,7 +191,8 @@ impl Eyes {
     fn examine(&mut self) -> (Option<Blind>, Place) {
         let seen = self.scene.examine(&self.frame, self.tracker.tracks());
         let blind = seen.blind.filter(|blind| self.guards.has(blind.condition()));
-        let is_foreign = seen.foreign_m.is_some() && self.guards.has(Condition::ForeignPart);
+        // while a part is missing, what lies there may be that part
+        let is_foreign = seen.foreign_m.is_some() && self.missing_for() == 0 && self.guards.has(Condition::ForeignPart);
         self.foreign = if is_foreign && blind.is_none() { self.foreign + 1 } else { 0 };
         let place = if self.guards.has(Condition::CameraMoved) { seen.place } else { Place::Same };
         (blind, place)

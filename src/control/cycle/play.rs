@@ -22,11 +22,14 @@ impl Cycle<'_> {
         let ahead = self.forecasts(&before_m, planned);
         self.eyes.expect_motion(ahead.as_ref().map_or(0.0, |[_, learned_m, _]| farthest_m(&before_m, learned_m)));
         self.rig.play(&drive)?;
-        self.delay.begin(started_at.secs());
+        if let Some(swing) = self.swing(planned, &drive) {
+            self.delay.begin(started_at.secs(), swing);
+        }
         while !self.eyes.look(self.rig, moment, self.sink, self.clock)? {
             self.check_stop()?;
-            self.delay.frame(self.eyes.seen_at() - started_at, self.eyes.plate_swing_px());
+            self.delay.frame(self.eyes.seen_at().secs(), self.eyes.plate_swing_px());
         }
+        self.delay.frame(self.eyes.seen_at().secs(), self.eyes.plate_swing_px());
         let trace = self.rig.trace();
         let sensors = AccelerometerPair {
             position_m: self.model.accelerometer_in_plate_m,
@@ -81,7 +84,7 @@ impl Cycle<'_> {
         let guards = &self.params.guards;
         let as_forecast = steps.and_then(|(before, forecast, after)| went_as_forecast(before, forecast, after));
         let found = self.motion.check(planned, drive, fit, sensors, as_forecast);
-        let delay = if found.is_none() { self.delay_frames(planned, drive) } else { None };
+        let delay = if found.is_none() { self.delay.end() } else { None };
         if let Some(Finding { condition, reason, ends }) = found.filter(|found| guards.has(found.condition)) {
             self.warn(condition, reason.clone());
             if ends {
@@ -107,15 +110,14 @@ impl Cycle<'_> {
         Err(Ending::guarded(condition, reason))
     }
 
-    /// By how many frames pictures were late in the last pulses; `None` while they are in time.
-    fn delay_frames(&mut self, planned: &PlannedPulse, drive: &Drive) -> Option<usize> {
-        let swing = Swing {
+    /// How the plate should swing in a pulse; `None` where the library does not tell.
+    fn swing(&self, planned: &PlannedPulse, drive: &Drive) -> Option<Swing> {
+        Some(Swing {
             wave: self.motion.expected(planned, drive)?.wave(),
             envelope: drive.envelope,
             half_side_m: 0.5 * self.model.plate_side_m,
             px_per_m: self.eyes.px_per_m(),
-        };
-        self.delay.end(swing, self.model.frame_hz.recip())
+        })
     }
 
     /// Where parts at `before_m` should be after a pulse: by the library alone, with what was learned, and with

@@ -1,3 +1,5 @@
+use std::collections::VecDeque;
+
 use upm_core::geometry::{Twist, Vec2, perp};
 use upm_core::signal::{Envelope, TwistWave};
 
@@ -7,7 +9,9 @@ const LONGEST: usize = 13;
 const LATE: usize = 2;
 /// Pulses in a row that must be late.
 const IN_A_ROW: u32 = 2;
-/// The plate must swing so far in the frames of a pulse, root of the sum of squares, px.
+/// Frames that are looked at together, besides those that may be late.
+const WINDOW: usize = 48;
+/// The plate must swing so far in them, root of the sum of squares, px.
 const LEAST_SWING_PX: f64 = 1.5;
 /// A delay must explain the frames so much better than none: part of the squares that it leaves.
 const BETTER: f64 = 0.35;
@@ -16,72 +20,26 @@ const LEFT: f64 = 0.15;
 /// Displacements above this are not told apart, px.
 const FARTHEST_PX: f64 = 6.0;
 
-/// Measures how late pictures come: how far the plate's corners swing in each frame of a pulse, held against how far they
-/// should. Late pictures of a pulse begin with the end of the one before.
-#[derive(Clone, Debug, Default)]
+/// Measures how late pictures come: how far the plate's corners swing in each frame, held against how far they should.
+#[derive(Clone, Debug)]
 pub struct DelayGuard {
-    /// Time since the start of the pulse, s, and the largest displacement of a corner, px; frame by frame.
-    frames: Vec<(f64, f64)>,
-    /// The pulse before, s after whose start this one began.
-    before: Option<(Swing, f64)>,
-    started_s: f64,
+    frame_s: f64,
+    /// The last frames, oldest first; frames that never came have their place.
+    frames: VecDeque<Swung>,
+    /// Number of the newest frame.
+    newest: u64,
+    /// The last two pulses, by when they began, s of plate time.
+    pulses: VecDeque<(f64, Swing)>,
     /// Delay of the last pulse that told one, and pulses in a row that were late.
     last: usize,
     late: u32,
 }
 
-impl DelayGuard {
-    /// A pulse begins, at `at_s` of plate time.
-    pub fn begin(&mut self, at_s: f64) {
-        self.frames.clear();
-        if let Some((_, ago_s)) = &mut self.before {
-            *ago_s = at_s - self.started_s;
-        }
-        self.started_s = at_s;
-    }
-
-    /// A frame of the pulse, exposed `since_s` after its start, with the plate's corners up to `corner_px` from their
-    /// places; `None` where that is not seen.
-    pub fn frame(&mut self, since_s: f64, corner_px: Option<f64>) {
-        self.frames.extend(corner_px.map(|px| (since_s, px.min(FARTHEST_PX))));
-    }
-
-    /// The pulse is over, in which the plate should have swung as `swing`. The delay in frames of `frame_s` once pictures
-    /// were late too often.
-    pub fn end(&mut self, swing: Swing, frame_s: f64) -> Option<usize> {
-        let before = self.before.take();
-        let delay = self.delay(&swing, before.as_ref(), frame_s);
-        self.before = Some((swing, 0.0));
-        // a delay of the camera is the same in every pulse
-        let last = std::mem::replace(&mut self.last, delay?);
-        self.late = match delay? {
-            delay if delay < LATE => 0,
-            delay if self.late > 0 && delay.abs_diff(last) > 1 => 1,
-            _ => self.late + 1,
-        };
-        delay.filter(|_| self.late >= IN_A_ROW)
-    }
-
-    /// The delay that explains the frames best, 0 where none does clearly better; `None` where the plate hardly swings.
-    fn delay(&self, swing: &Swing, before: Option<&(Swing, f64)>, frame_s: f64) -> Option<usize> {
-        let swing_px = |t_s: f64| match before {
-            Some((before, ago_s)) if t_s < 0.0 => before.corner_px(t_s + ago_s),
-            _ => swing.corner_px(t_s),
-        };
-        let total: f64 = self.frames.iter().map(|(t_s, _)| swing_px(*t_s).powi(2)).sum();
-        if total < LEAST_SWING_PX * LEAST_SWING_PX {
-            return None;
-        }
-        let left = |delay: usize| -> f64 {
-            let each = self.frames.iter().map(|(t_s, px)| px - swing_px(t_s - delay as f64 * frame_s));
-            each.map(|off_px| off_px * off_px).sum()
-        };
-        let each: Vec<f64> = (0..=LONGEST).map(left).collect();
-        let (delay, least) =
-            each.iter().copied().enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b)).unwrap_or_default();
-        let seen: f64 = self.frames.iter().map(|(_, px)| px * px).sum();
-        Some(if least < BETTER * each[0] && least < LEFT * seen { delay } else { 0 })
-    }
+/// How far the corners were from their places in one frame, px.
+#[derive(Clone, Copy, Debug)]
+struct Swung {
+    seen: Option<f64>,
+    expected: f64,
 }
 
 /// How the plate swings in a pulse.
@@ -95,6 +53,79 @@ pub struct Swing {
     pub half_side_m: f64,
     /// Pixels of a metre on the plate.
     pub px_per_m: f64,
+}
+
+impl DelayGuard {
+    /// For a camera of this rate.
+    pub fn new(frame_hz: f64) -> Self {
+        Self {
+            frame_s: frame_hz.recip(),
+            frames: VecDeque::with_capacity(WINDOW + LONGEST),
+            newest: 0,
+            pulses: VecDeque::with_capacity(2),
+            last: 0,
+            late: 0,
+        }
+    }
+
+    /// A pulse begins at `at_s` of plate time, in which the plate should swing as `swing`.
+    pub fn begin(&mut self, at_s: f64, swing: Swing) {
+        if self.pulses.len() == 2 {
+            self.pulses.pop_front();
+        }
+        self.pulses.push_back((at_s, swing));
+    }
+
+    /// A frame exposed at `at_s` of plate time, with the plate's corners up to `corner_px` from their places; `None` where
+    /// that is not seen.
+    pub fn frame(&mut self, at_s: f64, corner_px: Option<f64>) {
+        let number = (at_s / self.frame_s).round() as u64;
+        let missed = number.saturating_sub(self.newest).saturating_sub(1).min((WINDOW + LONGEST) as u64);
+        for number in number - missed.min(number)..number {
+            self.push(number as f64 * self.frame_s, None);
+        }
+        self.push(at_s, corner_px.map(|px| px.min(FARTHEST_PX)));
+        self.newest = number;
+    }
+
+    fn push(&mut self, at_s: f64, seen: Option<f64>) {
+        let pulse = self.pulses.iter().rev().find(|(begin_s, _)| *begin_s <= at_s);
+        let expected = pulse.map_or(0.0, |(begin_s, swing)| swing.corner_px(at_s - begin_s));
+        if self.frames.len() == WINDOW + LONGEST {
+            self.frames.pop_front();
+        }
+        self.frames.push_back(Swung { seen, expected });
+    }
+
+    /// A pulse is over: the delay in frames once pictures were late too often.
+    pub fn end(&mut self) -> Option<usize> {
+        let delay = self.delay()?;
+        // a delay of the camera is the same in every pulse
+        let last = std::mem::replace(&mut self.last, delay);
+        self.late = match delay {
+            _ if delay < LATE => 0,
+            _ if self.late > 0 && delay.abs_diff(last) > 1 => 1,
+            _ => self.late + 1,
+        };
+        (self.late >= IN_A_ROW).then_some(delay)
+    }
+
+    /// The delay that explains the frames best, 0 where none does clearly better; `None` where the plate hardly swings.
+    fn delay(&self) -> Option<usize> {
+        let seen = || self.frames.iter().enumerate().filter_map(|(i, frame)| frame.seen.map(|px| (i, px)));
+        let total: f64 = self.frames.iter().map(|frame| frame.expected * frame.expected).sum();
+        if total < LEAST_SWING_PX * LEAST_SWING_PX {
+            return None;
+        }
+        let left = |delay: usize| -> f64 {
+            let expected = |i: usize| i.checked_sub(delay).and_then(|i| self.frames.get(i)).map_or(0.0, |f| f.expected);
+            seen().map(|(i, px)| (px - expected(i)).powi(2)).sum()
+        };
+        let undelayed = left(0);
+        let (delay, least) = (1..=LONGEST).map(|delay| (delay, left(delay))).min_by(|(_, a), (_, b)| a.total_cmp(b))?;
+        let all: f64 = seen().map(|(_, px)| px * px).sum();
+        Some(if least < BETTER * undelayed && least < LEFT * all { delay } else { 0 })
+    }
 }
 
 impl Swing {
@@ -125,52 +156,60 @@ mod tests {
     use super::*;
     use upm_core::signal::TwistHarmonic;
 
-    const FRAME_S: f64 = 1.0 / 60.0;
-    const PX_PER_M: f64 = 2900.0;
-    const HALF_M: f64 = 0.15;
-    const ENVELOPE: Envelope = Envelope { attack_s: 1.0 / 15.0, sustain_s: 0.1, rest_s: 0.04 };
+    const FRAME_HZ: f64 = 60.0;
+    const FRAME_S: f64 = 1.0 / FRAME_HZ;
 
-    fn wave(speed_mps: f64) -> TwistWave {
+    /// A pulse of a rotation or of a synthesised motion, s at full height.
+    fn swing(speed_mps: f64, base_hz: f64, attack_s: f64, sustain_s: f64) -> Swing {
         let harmonic = |share: f64| TwistHarmonic {
             cos: Twist::new(speed_mps, 0.0, speed_mps) * share,
             sin: Twist::new(0.0, speed_mps, 0.0) * share,
         };
-        TwistWave { base_radps: std::f64::consts::TAU * 30.0, harmonics: vec![harmonic(1.0), harmonic(0.6)] }
+        Swing {
+            wave: TwistWave {
+                base_radps: std::f64::consts::TAU * base_hz,
+                harmonics: vec![harmonic(1.0), harmonic(0.6)],
+            },
+            envelope: Envelope { attack_s, sustain_s, rest_s: 0.04 },
+            half_side_m: 0.15,
+            px_per_m: 2900.0,
+        }
     }
 
-    fn swing(speed_mps: f64) -> Swing {
-        Swing { wave: wave(speed_mps), envelope: ENVELOPE, half_side_m: HALF_M, px_per_m: PX_PER_M }
-    }
-
-    /// What is found in each of three pulses, one straight after the other, seen `late` frames late.
-    fn found(late: f64, speed_mps: f64) -> [Option<usize>; 3] {
-        const FRAMES: i32 = 17;
-        let (mut guard, length_s, swing) = (DelayGuard::default(), f64::from(FRAMES) * FRAME_S, swing(speed_mps));
-        let corner_px = |t_s: f64| if t_s < 0.0 { 0.0 } else { swing.corner_px(t_s % length_s) + 0.02 };
-        [0.0, 1.0, 2.0].map(|number| {
-            let begin_s = number * length_s;
-            guard.begin(begin_s);
-            for i in 1..=FRAMES {
-                let since_s = f64::from(i) * FRAME_S - 0.001;
-                guard.frame(since_s, Some(corner_px(begin_s + since_s - late * FRAME_S)));
+    /// What is found in each of four pulses of `swing`, one straight after the other, seen `late` frames late.
+    fn found(late: u32, swing: &Swing) -> [Option<usize>; 4] {
+        let frames = (swing.envelope.total_s() / FRAME_S).ceil() as u32 + 1;
+        let mut guard = DelayGuard::new(FRAME_HZ);
+        let begin_s = |number: u32| f64::from(3 + number * frames) * FRAME_S + 0.001;
+        let corner_px = |at_s: f64| {
+            let pulse = (0..4).rev().map(begin_s).find(|begin_s| *begin_s <= at_s);
+            0.02 + pulse.map_or(0.0, |begin_s| swing.corner_px(at_s - begin_s))
+        };
+        [0, 1, 2, 3].map(|number| {
+            guard.begin(begin_s(number), swing.clone());
+            for frame in 4 + number * frames..4 + (number + 1) * frames {
+                let at_s = f64::from(frame) * FRAME_S;
+                guard.frame(at_s, Some(corner_px(at_s - f64::from(late) * FRAME_S)));
             }
-            guard.end(swing.clone(), FRAME_S)
+            guard.end()
         })
     }
 
     #[test]
-    fn delay_is_measured_to_the_frame_in_the_second_pulse() {
-        for late in [2, 3, 6, 12] {
-            assert_eq!(found(f64::from(late), 0.3), [None, Some(late as usize), Some(late as usize)], "{late}");
+    fn delay_is_measured_to_the_frame_by_the_third_pulse() {
+        for pulse in [swing(0.3, 30.0, 1.0 / 15.0, 0.2), swing(0.3, 60.0, 1.0 / 60.0, 0.1)] {
+            for late in [2, 3, 6, 12] {
+                let found = found(late, &pulse);
+                let first = found[..3].iter().flatten().next();
+                assert_eq!(first, Some(&(late as usize)), "{late}: {found:?}");
+            }
         }
     }
 
     #[test]
     fn pictures_in_time_and_weak_pulses_tell_nothing() {
-        assert_eq!(found(0.0, 0.3), [None; 3]);
-        assert_eq!(found(6.0, 0.001), [None; 3]);
-        let mut guard = DelayGuard::default();
-        guard.begin(0.0);
-        assert_eq!(guard.end(swing(0.3), FRAME_S), None, "no frames");
+        assert_eq!(found(0, &swing(0.3, 30.0, 1.0 / 15.0, 0.1)), [None; 4]);
+        assert_eq!(found(6, &swing(0.001, 30.0, 1.0 / 15.0, 0.1)), [None; 4]);
+        assert_eq!(DelayGuard::new(FRAME_HZ).end(), None, "no frames");
     }
 }
