@@ -46,7 +46,8 @@ pub struct ChannelCheck {
 /// Judges the channels by `readings`, which are those of [`relative_gains`]. Motions along x, y and about the centre are
 /// needed for that, whatever makes them.
 pub fn check_channels(readings: &[[Coefficients; CHANNELS]], accelerometer_in_plate_m: Vec2) -> ChannelCheck {
-    let shown = |channel: usize| readings.iter().flat_map(|reading| reading[channel]).map(|c| c * c).sum::<f64>().sqrt();
+    let shown =
+        |channel: usize| readings.iter().flat_map(|reading| reading[channel]).map(|c| c * c).sum::<f64>().sqrt();
     let shown: [f64; CHANNELS] = std::array::from_fn(shown);
     let most = shown.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     let normal = normal_matrix(readings, accelerometer_in_plate_m);
