@@ -1,5 +1,5 @@
-//! Do two libraries say the same of one rig? The measure for a library that comes from elsewhere: a fingerprint is a text
-//! that can be copied, predictions can be compared.
+//! Do two libraries say the same of one rig? The measure for a library that comes from elsewhere: a fingerprint is a
+//! text that can be copied, predictions can be compared.
 
 use nalgebra::{Complex, Matrix3, Vector3};
 
@@ -10,8 +10,8 @@ use upm_core::units::mm_from_m;
 const SIGMAS: f64 = 3.0 * std::f64::consts::SQRT_2;
 /// Parts of friction, and of the plate's speed, whose steps are taken for the same. A node of the grid may have been
 /// measured by a single coin: at a spread of 10 % from coin to coin, which rig files have, the ends are three standard
-/// deviations of the difference of two. The standard deviations in a library know nothing of it: two calibrations of one
-/// rig with other coins differ by up to 70 % at slow nodes, and by 20 % at the fastest.
+/// deviations of the difference of two. The standard deviations in a library know nothing of it: two calibrations of
+/// one rig with other coins differ by up to 70 % at slow nodes, and by 20 % at the fastest.
 const PARTS: [f64; 5] = [0.58, 0.79, 1.0, 1.21, 1.42];
 /// Part of a figure by which two calibrations differ beyond their scatter: grids, temperature, wear.
 const SHARE: f64 = 0.05;
@@ -25,11 +25,11 @@ const GAIN: f64 = 0.02;
 const SINGULAR: f64 = 1e-6;
 
 impl Library {
-    /// The first prediction of this library that `own`, measured on the same rig, contradicts: the waveforms, the plate's
-    /// velocity for the counts of each entry, the steps of parts, the answer to synthesised motions. `None` when each is
-    /// within 3 standard deviations of both measurements, and 5 %, of what `own` predicts; for steps, of what it predicts
-    /// for coins of 42 % more or less friction, which is as far apart as two single coins are, or for as much of the speed. Standard deviations are those of `own` alone; another library may not widen
-    /// them.
+    /// The first prediction of this library that `own`, measured on the same rig, contradicts: the waveforms, the
+    /// plate's velocity for the counts of each entry, the steps of parts, the answer to synthesised motions. `None`
+    /// when each is within 3 standard deviations of both measurements, and 5 %, of what `own` predicts; for steps, of
+    /// what it predicts for coins of 42 % more or less friction, which is as far apart as two single coins are, or for
+    /// as much of the speed. Standard deviations are those of `own` alone; another library may not widen them.
     pub fn disagreement(&self, own: &Self) -> Option<LibraryFault> {
         self.other_gain(own)
             .or_else(|| self.other_shape(own))

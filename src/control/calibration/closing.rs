@@ -6,7 +6,8 @@ use upm_core::signal::CHANNELS;
 use upm_perception::estimation::Coefficients;
 
 /// Largest change of a reading between the opening and the closing pulse, as a part of it. Noise makes a thousandth and
-/// coins that lie elsewhere up to a hundredth; a coil that lost a tenth of its force, or a channel of its gain, is found.
+/// coins that lie elsewhere up to a hundredth; a coil that lost a tenth of its force, or a channel of its gain, is
+/// found.
 const ALLOWED: f64 = 0.03;
 
 /// Plays the opening pulses again and refuses whatever changed since.

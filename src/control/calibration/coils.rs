@@ -1,8 +1,9 @@
 //! Single coils, seen through pulses that drive two or four of them.
 //!
-//! A pulse of x drives X1 and X2 against each other (Eq. 7): their sum moves the plate along x and their difference turns
-//! it. A pulse of y does the same with Y1 and Y2, and one of spin shows both differences along x and y and the sum of all
-//! four. So three pulses make nine answers for four gains, and what no four gains explain is a fault of another kind.
+//! A pulse of x drives X1 and X2 against each other (Eq. 7): their sum moves the plate along x and their difference
+//! turns it. A pulse of y does the same with Y1 and Y2, and one of spin shows both differences along x and y and the
+//! sum of all four. So three pulses make nine answers for four gains, and what no four gains explain is a fault of
+//! another kind.
 
 use nalgebra::{Complex, Matrix3, Matrix3x4, Matrix4, Matrix4x3};
 
@@ -44,8 +45,8 @@ pub(super) struct Coils {
 }
 
 impl Coils {
-    /// From the first and from the second harmonic of `pulses`. The second says more: there the plate is nearer to a free
-    /// mass.
+    /// From the first and from the second harmonic of `pulses`. The second says more: there the plate is nearer to a
+    /// free mass.
     pub fn read(pulses: &[AxisPulse; 3], sensors: &AccelerometerPair, model: &RigModel) -> [Self; 2] {
         [0, 1].map(|harmonic| {
             let columns = [(0, X1), (1, Y1), (2, Y1)];
@@ -97,8 +98,8 @@ impl Coils {
         Ok(())
     }
 
-    /// The coil whose gain is no longer what it is in `before`, by which part of it; `None` where gains do not explain the
-    /// answers or more than one differs by more than `allowed`.
+    /// The coil whose gain is no longer what it is in `before`, by which part of it; `None` where gains do not explain
+    /// the answers or more than one differs by more than `allowed`.
     pub fn changed_since(&self, before: &Self, allowed: f64) -> Option<(Motor, f64)> {
         let change = |coil: usize| (self.gain[coil] / before.gain[coil] - 1.0).abs();
         let mut off = (0..MOTORS).map(|coil| (Motor::ALL[coil], change(coil))).filter(|(_, change)| *change > allowed);

@@ -74,8 +74,8 @@ pub(super) fn measure(
     Ok(model)
 }
 
-/// Refuses steps of the opening pulses, which chose the longest sustain, that are not those of the closing ones: the pulses
-/// of that sustain come last.
+/// Refuses steps of the opening pulses, which chose the longest sustain, that are not those of the closing ones: the
+/// pulses of that sustain come last.
 fn check_closing(opening: &[Sample], model: &DisplacementModel) -> Result<(), CalibrationFault> {
     let Some(&longest_s) = model.sustain_s.last().filter(|_| !opening.is_empty()) else { return Ok(()) };
     let count = opening.len() as f64;

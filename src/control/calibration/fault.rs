@@ -66,7 +66,8 @@ pub enum CoilFault {
     },
     /// Too weak or too strong for one of four alike.
     #[error(
-        "found {ratio:.2} times the mean force of the four coils, allowed: 0.85 to 1.15 (check this coil and its amplifier)"
+        "found {ratio:.2} times the mean force of the four coils, allowed: 0.85 to 1.15 (check this coil and its \
+         amplifier)"
     )]
     Unlike {
         /// Its gain as a multiple of the mean.
@@ -132,8 +133,8 @@ pub enum CalibrationFault {
     },
     /// The four channels do not show the motion of one rigid plate.
     #[error(
-        "accelerometers: found {misfit:.2} of their readings not those of a rigid plate, allowed: 0.05 or less (check their \
-         mounting, their channels' order and `position_mm` in the rig file)"
+        "accelerometers: found {misfit:.2} of their readings not those of a rigid plate, allowed: 0.05 or less (check \
+         their mounting, their channels' order and `position_mm` in the rig file)"
     )]
     NotRigid {
         /// Part of the readings, root mean square, that no gains explain.
@@ -141,8 +142,8 @@ pub enum CalibrationFault {
     },
     /// A drive of one axis does not move the plate.
     #[error(
-        "{axis}: found {found_mps2:.2} m/s² in its strongest pulse, allowed: {needed_mps2:.2} m/s² or more (check power, \
-         emergency stop and the cables of its coils)"
+        "{axis}: found {found_mps2:.2} m/s² in its strongest pulse, allowed: {needed_mps2:.2} m/s² or more (check \
+         power, emergency stop and the cables of its coils)"
     )]
     Still {
         /// Which.
@@ -154,8 +155,8 @@ pub enum CalibrationFault {
     },
     /// The plate answers as no four coils of any gains would make it.
     #[error(
-        "motors: found {misfit:.2} of the plate's answer not that of four coils, allowed: 0.25 or less (check the coils' \
-         order and mounting, and mass, inertia and `lever_arm_mm` in the rig file)"
+        "motors: found {misfit:.2} of the plate's answer not that of four coils, allowed: 0.25 or less (check the \
+         coils' order and mounting, and mass, inertia and `lever_arm_mm` in the rig file)"
     )]
     Coupled {
         /// Part of the answer, root mean square, that no gains of the coils explain.
@@ -163,8 +164,8 @@ pub enum CalibrationFault {
     },
     /// The closing pulse is not the opening one: a coil or a channel changed while the rig was calibrated.
     #[error(
-        "{component}: found the closing pulse {:.1} % off the opening one, allowed: {:.1} % (it changed while the rig was \
-         calibrated: check it, and calibrate again)",
+        "{component}: found the closing pulse {:.1} % off the opening one, allowed: {:.1} % (it changed while the rig \
+         was calibrated: check it, and calibrate again)",
         100.0 * change,
         100.0 * allowed
     )]

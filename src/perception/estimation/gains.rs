@@ -43,8 +43,8 @@ pub struct ChannelCheck {
     pub misfit: f64,
 }
 
-/// Judges the channels by `readings`, which are those of [`relative_gains`]. Motions along x, y and about the centre are
-/// needed for that, whatever makes them.
+/// Judges the channels by `readings`, which are those of [`relative_gains`]. Motions along x, y and about the centre
+/// are needed for that, whatever makes them.
 pub fn check_channels(readings: &[[Coefficients; CHANNELS]], accelerometer_in_plate_m: Vec2) -> ChannelCheck {
     let shown =
         |channel: usize| readings.iter().flat_map(|reading| reading[channel]).map(|c| c * c).sum::<f64>().sqrt();

@@ -196,7 +196,8 @@ fn accelerometer_channel_of_another_gain_is_refused_by_name() {
     assert!(matches!(fault, CalibrationFault::Channel { channel: 2, fault: ChannelFault::Gain { .. } }), "{fault}");
 }
 
-/// Plate times of the small calibration: steps of the coins are measured from 48 s to 120 s, centres from there to 126 s.
+/// Plate times of the small calibration: steps of the coins are measured from 48 s to 120 s, centres from there to 126
+/// s.
 const DURING_STEPS_S: f64 = 60.0;
 const DURING_CENTRES_S: f64 = 121.0;
 
