@@ -1,22 +1,21 @@
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
 use super::args::{CalibrateArgs, Common};
 use super::failure::Failure;
 use super::progress::StageProgress;
-use super::{INTERRUPTED, print_json, stop_on_interrupt};
+use super::{INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
 use upm_control::calibration::CalibrationFault;
 use upm_core::units::mm_from_m;
 use upm_library::Library;
 use upm_runner::config::RigSpec;
-use upm_runner::run::{calibrate as calibrate_rig, calibration_params};
+use upm_runner::run::{LibraryOutput, LibraryOutputFault, calibrate as calibrate_rig, calibration_params};
 
 pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Failure> {
     let rig = RigSpec::load(&args.rig).map_err(Failure::faults)?;
     // found out before a long measurement, not after it
-    let draft = draft_beside(&args.out).map_err(|error| Failure::write(&args.out, error))?;
+    let output = LibraryOutput::check(&args.out).map_err(not_written)?;
     let stop = stop_on_interrupt();
     let progress = StageProgress::new(common.quiet || !std::io::stderr().is_terminal());
     let params = calibration_params(&rig);
@@ -24,18 +23,10 @@ pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Fail
     progress.finish();
     let library = match library {
         Ok(library) => library,
-        Err(fault) => {
-            std::fs::remove_file(&draft).ok();
-            if fault == CalibrationFault::Stopped {
-                return Ok(INTERRUPTED);
-            }
-            return Err(Failure::failed(format!("calibration of {}: {fault}", rig.model.name)));
-        }
+        Err(CalibrationFault::Stopped) => return Ok(INTERRUPTED),
+        Err(fault) => return Err(Failure::failed(format!("calibration of {}: {fault}", rig.model.name))),
     };
-    library
-        .save(&draft)
-        .and_then(|()| std::fs::rename(&draft, &args.out))
-        .map_err(|error| Failure::write(&args.out, error))?;
+    output.replace(&library, &rig).map_err(not_written)?;
     if common.json {
         print_json(
             &json!({ "rig": library.rig, "fingerprint": library.fingerprint, "entries": library.entries.len() }),
@@ -47,13 +38,12 @@ pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Fail
     Ok(0)
 }
 
-/// An empty file beside `out` that the library is written to before it takes its place.
-fn draft_beside(out: &Path) -> std::io::Result<PathBuf> {
-    let mut name = out.file_name().unwrap_or_default().to_owned();
-    name.push(".part");
-    let draft = out.with_file_name(name);
-    std::fs::File::create(&draft)?;
-    Ok(draft)
+fn not_written(fault: LibraryOutputFault) -> Failure {
+    match fault {
+        LibraryOutputFault::NotAFile { .. } => Failure::bad_input(fault.to_string()),
+        LibraryOutputFault::Write { .. } => Failure::failed(fault.to_string()),
+        LibraryOutputFault::Unusable(faults) => Failure { status: NOT_REACHED, ..Failure::faults(faults) },
+    }
 }
 
 fn print_summary(library: &Library) -> Result<(), Failure> {

@@ -10,9 +10,17 @@
 //! 4. Fields: where the rig makes synthesised motions, each of their harmonics on each axis, read back likewise: the
 //!    plate's answer in amplitude and phase.
 //! 5. Resonances: a multisine on each axis; natural frequency and damping ratio from the accelerometers' spectra, by FFT.
+//! 6. Closing: the last pulses of the axes again, the same drives. A coil or a channel that changed in between shows.
+//!
+//! Nothing that is measured is believed: channels must agree with the plate's rigidity, coils with the rig's data sheet
+//! and with each other, the end with the beginning. What does not is refused by name ([`CalibrationFault`]).
 
 mod axes;
+mod channels;
+mod closing;
+mod coils;
 mod displacement;
+mod fault;
 mod fields;
 mod resonance;
 mod steering;
@@ -20,23 +28,18 @@ mod workbench;
 
 use std::sync::atomic::AtomicBool;
 
-use super::ending::{Ending, Outcome};
 use super::eyes::ExpectedPart;
 use steering::Motion;
-use upm_core::rig::{PartKind, Rig, RigFault, RigModel};
-use upm_core::units::GRAVITY_MPS2;
+use upm_core::rig::{PartKind, Rig, RigModel};
 use upm_library::{Entry, FieldResponse, Library};
-use upm_perception::estimation::FitFault;
 use workbench::Workbench;
 
 pub use axes::Axes;
+pub use fault::{CalibrationFault, ChannelFault, CoilFault, Component};
 pub use resonance::AxisResonance;
 
 /// A rig this many times faster than the gentle speed needs gentle motions of their own.
 const STRONG: f64 = 2.0;
-
-/// Velocity lags force by 90° on a free mass, by nothing at resonance; an axis nearer to that than this is refused.
-const LEAST_LAG_DEG: f64 = 45.0;
 
 /// What to measure.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,67 +107,6 @@ pub struct CalibrationProgress {
     pub total: usize,
     /// Plate time so far, s.
     pub plate_time_s: f64,
-}
-
-/// Why there is no library.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum CalibrationFault {
-    /// The rig refused or failed.
-    #[error("rig: {0}")]
-    Rig(#[from] RigFault),
-    /// Table or coins were not found.
-    #[error("{0}")]
-    Look(String),
-    /// A trace could not be read.
-    #[error("{what}: {fault}")]
-    Trace {
-        /// What was played.
-        what: String,
-        /// Why it could not be read.
-        fault: FitFault,
-    },
-    /// The three axes do not move the plate independently.
-    #[error("motors do not move x, y and spin independently (gain matrix is singular)")]
-    Singular,
-    /// The drive is too weak to slide a coin.
-    #[error(
-        "found a displacement of {moved_mm:.3} mm in the strongest pulse, at {peak_mps2:.2} m/s² of the plate, allowed: \
-         {needed_mm} mm or more (parts are carried from a peak of about 2.2 times their friction coefficient times \
-         {GRAVITY_MPS2} m/s² on; below it they stick or creep backwards)"
-    )]
-    TooWeak {
-        /// Largest displacement seen, mm.
-        moved_mm: f64,
-        /// What counts as a displacement, mm.
-        needed_mm: f64,
-        /// Largest acceleration of the plate in that pulse, m/s².
-        peak_mps2: f64,
-    },
-    /// An axis answers ahead of what a mass would: its resonance is not below the drive's frequency.
-    #[error(
-        "{axis}: found a velocity {lag_deg:.0}° behind the force at {base_hz:.1} Hz, allowed: {LEAST_LAG_DEG}° or more (the \
-         resonance must lie below the drive's frequency, where velocity is the force's integral, 90° behind it)"
-    )]
-    Resonance {
-        /// Which.
-        axis: &'static str,
-        /// By how much velocity lags force at the base frequency, degrees.
-        lag_deg: f64,
-        /// The drive's base frequency, Hz.
-        base_hz: f64,
-    },
-    /// Stopped from outside.
-    #[error("stopped from outside, motors at zero")]
-    Stopped,
-}
-
-impl From<Ending> for CalibrationFault {
-    fn from(ending: Ending) -> Self {
-        match ending.outcome {
-            Outcome::Cancelled => Self::Stopped,
-            Outcome::Completed | Outcome::Failed => Self::Look(ending.reason),
-        }
-    }
 }
 
 /// Measures how the axes of `rig` answer, by its accelerometers alone. Motors are at zero when this returns.
@@ -262,6 +204,7 @@ fn measure(
     library.displacement = displacement::measure(bench, &library, params)?;
     library.entries = steering::measure(bench, &axes, params, &wanted(&axes, bench.model, params))?;
     library.fields = fields::measure(bench)?;
+    closing::check(bench, &axes)?;
     Ok(library)
 }
 

@@ -202,8 +202,11 @@ impl Eyes {
     fn settle_blind(&mut self, blind: Option<Blind>, rig: &mut dyn Rig, sink: &mut dyn Sink) -> Result<(), Ending> {
         let now = rig.now();
         let Some(why) = blind else {
-            // a frame in the middle of a pulse is not examined: it ends no darkness that began at rest
-            self.blind = None;
+            if let Some((_, Blind::Dark | Blind::Hidden)) = self.blind.take() {
+                // what the plate was seen to be like behind a hand is not to be relied on
+                self.scene.relocate(&self.table, [self.frame.width, self.frame.height], &self.kinds, self.dark_parts);
+                self.foreign = 0;
+            }
             return Ok(());
         };
         let (since, _) = *self.blind.get_or_insert((self.frame.exposed_at.min(now), why));

@@ -1,5 +1,6 @@
 //! The COR library: what a rig was measured to be able to do, and how far parts go when it does.
 
+mod agreement;
 mod coil_response;
 mod displacement;
 mod drive;

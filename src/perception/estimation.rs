@@ -15,7 +15,7 @@ mod window;
 #[cfg(test)]
 mod plate_tests;
 
-pub use gains::relative_gains;
+pub use gains::{ChannelCheck, check_channels, relative_gains};
 pub use harmonics::{Coefficients, HarmonicFit, fit_channels, velocity_mps};
 pub use judgement::{ChannelFault, ExpectedMotion, Mismatch, MotionJudgement, MotionVerdict, judge};
 pub use pump::{force_sign, nearest_pump};

@@ -11,6 +11,7 @@ mod fault_tests;
 mod first_frame;
 mod folder;
 mod library;
+mod library_output;
 mod links;
 #[cfg(test)]
 mod lost_tests;
@@ -61,6 +62,7 @@ pub use coverage::{Coverage, Gap, Place};
 pub use first_frame::{FirstFrame, FirstFrameError, TruePart, first_frame};
 pub use folder::{FolderState, RunFolder};
 pub use library::{check_job, check_places, job_library, library_faults};
+pub use library_output::{LibraryOutput, LibraryOutputFault};
 pub use links::{Links, StopCause};
 pub use pace_check::{PaceCheck, check_pace};
 pub use pacing::PacingStats;

@@ -108,3 +108,15 @@ fn what_a_library_cannot_reach_is_marked() {
     let degrees = told["weakest"]["direction_deg"].as_f64().unwrap();
     assert!((degrees - 90.0).abs() < 5.0, "{degrees}");
 }
+
+#[test]
+fn calibration_output_that_is_a_folder_is_refused_before_anything_is_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let (stdout, stderr) = status(&["calibrate", "--rig", "configs/rigs/upm-1.json", "--out", out], 2);
+    assert_eq!(stdout, "");
+    assert_eq!(stderr.trim_end(), format!("upm: {out}: found no plain file, allowed: the path of a file"));
+    let nowhere = folder.path().join("none/library.json");
+    let (_, stderr) = status(&["calibrate", "--rig", "configs/rigs/upm-1.json", "--out", nowhere.to_str().unwrap()], 1);
+    assert!(stderr.contains("cannot be written"), "{stderr}");
+}

@@ -10,6 +10,7 @@ use super::workbench::Workbench;
 use super::{CalibrationFault, CalibrationParams};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::time::StoppedClock;
+use upm_core::units::mm_from_m;
 use upm_library::{DisplacementModel, Entry, Library};
 
 /// Speed nodes of the model.
@@ -25,6 +26,11 @@ const EDGE_M: f64 = 4e-3;
 const FARTHEST: f64 = 1.5;
 /// Displacement below which the strongest pulse counts as no motion, m.
 const STILL_M: f64 = 0.2e-3;
+
+/// Opening and closing steps may differ by so many standard deviations of their mean.
+const CLOSING_SIGMAS: f64 = 3.0;
+/// And by this part of the step: each coin has a friction of its own, and lies elsewhere at the end.
+const CLOSING_SHARE: f64 = 0.1;
 
 /// Sustains measured in one period of the drive. Where in the period a pulse ends decides over the parts' last push: their
 /// distance rises in steps, one a period, of up to a tenth.
@@ -53,7 +59,7 @@ pub(super) fn measure(
     let (kinds, coins) = (&params.kinds, &params.coins);
     let mut eyes =
         Eyes::open(bench.rig, bench.model, kinds, coins, Guards::default(), &mut Quiet, &StoppedClock, bench.stop)?;
-    let sustain_s = choose_sustains(bench, &mut eyes, library, params)?;
+    let (sustain_s, opening) = choose_sustains(bench, &mut eyes, library, params)?;
     let motions = library.entries.len();
     let mut samples = Vec::new();
     for (k, &sustain) in sustain_s.iter().enumerate() {
@@ -65,7 +71,26 @@ pub(super) fn measure(
             }
         }
     }
-    Ok(fit(&samples, sustain_s))
+    let model = fit(&samples, sustain_s);
+    check_closing(&opening, &model)?;
+    Ok(model)
+}
+
+/// Refuses steps of the opening pulses, which chose the longest sustain, that are not those of the closing ones: the
+/// pulses of that sustain come last.
+fn check_closing(opening: &[Sample], model: &DisplacementModel) -> Result<(), CalibrationFault> {
+    let Some(&longest_s) = model.sustain_s.last().filter(|_| !opening.is_empty()) else { return Ok(()) };
+    let count = opening.len() as f64;
+    let mean = |of: &dyn Fn(&Sample) -> f64| opening.iter().map(of).sum::<f64>() / count;
+    let opening_m = mean(&|sample| sample.distance_m);
+    let closing_m = mean(&|sample| model.distance(sample.speed_mps, longest_s));
+    let sd_m = (mean(&|sample| model.sd(sample.speed_mps, longest_s).powi(2)) / count).sqrt();
+    let allowed_m = CLOSING_SIGMAS * sd_m + CLOSING_SHARE * closing_m;
+    if (opening_m - closing_m).abs() <= allowed_m {
+        return Ok(());
+    }
+    let [opening_mm, closing_mm, allowed_mm] = [opening_m, closing_m, allowed_m].map(mm_from_m);
+    Err(CalibrationFault::StepChanged { opening_mm, closing_mm, allowed_mm })
 }
 
 /// Motions that show coins anywhere many speeds in many directions: centres across the plate and outside it,
@@ -86,26 +111,28 @@ pub(super) fn motions(half_side_m: f64, gentle_mps: f64) -> Vec<Motion> {
     strong.chain(gentle).collect()
 }
 
-/// Lengthens the pulse until a coin goes as far as shall be measured; sustains evenly up to there.
+/// Lengthens the pulse until a coin goes as far as shall be measured; sustains evenly up to there, and the steps in the
+/// longest of those pulses.
 fn choose_sustains(
     bench: &mut Workbench<'_>,
     eyes: &mut Eyes,
     library: &Library,
     params: &CalibrationParams,
-) -> Result<Vec<f64>, CalibrationFault> {
+) -> Result<(Vec<f64>, Vec<Sample>), CalibrationFault> {
     let longest_s = bench.model.max_sustain_s;
     let speed = |entry: &Entry| entry.pump.velocity_mps.norm();
     let by_speed = |a: &(usize, &Entry), b: &(usize, &Entry)| speed(a.1).total_cmp(&speed(b.1));
     let entry = library.entries.iter().enumerate().max_by(by_speed).map_or(0, |(entry, _)| entry);
     let mut farthest = 0.0f64;
     let mut top_s = longest_s;
+    let mut steps = Vec::new();
     for step in 1..=12 {
         let sustain_s = longest_s * f64::from(step) / 12.0;
+        steps.clear();
         for reversed in [false, true] {
-            for sample in pulse(bench, eyes, library, params, (entry, reversed), (0, sustain_s))? {
-                farthest = farthest.max(sample.distance_m);
-            }
+            steps.extend(pulse(bench, eyes, library, params, (entry, reversed), (0, sustain_s))?);
         }
+        farthest = steps.iter().map(|sample| sample.distance_m).fold(farthest, f64::max);
         if farthest >= params.longest_m {
             top_s = sustain_s;
             break;
@@ -115,9 +142,9 @@ fn choose_sustains(
         let peak_mps2 = bench.peak_mps2();
         return Err(CalibrationFault::TooWeak { moved_mm: farthest * 1e3, needed_mm: STILL_M * 1e3, peak_mps2 });
     }
-    let steps = (top_s * bench.model.base_radps / TAU * SUSTAINS_A_PERIOD).ceil();
-    let last = steps.min(params.sustains as f64 - 1.0).max(1.0);
-    Ok((0..=last as usize).map(|k| top_s * k as f64 / last).collect())
+    let periods = top_s * bench.model.base_radps / TAU;
+    let last = (periods * SUSTAINS_A_PERIOD).ceil().min(params.sustains as f64 - 1.0).max(1.0);
+    Ok(((0..=last as usize).map(|k| top_s * k as f64 / last).collect(), steps))
 }
 
 /// Plays one pulse and measures every coin; nothing is played that could carry one over the edge.

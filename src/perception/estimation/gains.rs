@@ -26,6 +26,42 @@ const READING_ERROR: f64 = 1e-3;
 /// pulse and its reverse, any unit. What the readings leave open stays as near to 1 as it can; the inverse gains' mean
 /// is 1.
 pub fn relative_gains(readings: &[[Coefficients; CHANNELS]], accelerometer_in_plate_m: Vec2) -> [f64; CHANNELS] {
+    let normal = normal_matrix(readings, accelerometer_in_plate_m);
+    let gain = inverse_gains(&normal, readings.len()).map(f64::recip);
+    if gain.iter().all(|g| g.is_finite() && *g > 0.0) { gain.into() } else { [1.0; CHANNELS] }
+}
+
+/// Four channels as the same readings judge them, without the assumption that they work.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChannelCheck {
+    /// What each channel shows, root mean square, as a part of the channel that shows most: near 0 for a dead one.
+    pub share: [f64; CHANNELS],
+    /// Gain of each channel as a multiple of their median: negative for a channel with its sign reversed. Means nothing
+    /// while a channel is dead.
+    pub gain: [f64; CHANNELS],
+    /// What no gains explain, as a part of the readings: 0 on a rigid plate, large when a channel shows something else.
+    pub misfit: f64,
+}
+
+/// Judges the channels by `readings`, which are those of [`relative_gains`]. Motions along x, y and about the centre
+/// are needed for that, whatever makes them.
+pub fn check_channels(readings: &[[Coefficients; CHANNELS]], accelerometer_in_plate_m: Vec2) -> ChannelCheck {
+    let shown =
+        |channel: usize| readings.iter().flat_map(|reading| reading[channel]).map(|c| c * c).sum::<f64>().sqrt();
+    let shown: [f64; CHANNELS] = std::array::from_fn(shown);
+    let most = shown.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    let normal = normal_matrix(readings, accelerometer_in_plate_m);
+    let inverse = inverse_gains(&normal, readings.len());
+    let mut sorted: [f64; CHANNELS] = inverse.into();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let median = 0.5 * (sorted[1] + sorted[2]);
+    let all = inverse.component_mul(&inverse).dot(&normal.diagonal());
+    let misfit = (inverse.dot(&(normal * inverse)) / all.max(f64::MIN_POSITIVE)).max(0.0).sqrt();
+    ChannelCheck { share: shown.map(|rms| rms / most), gain: inverse.map(|h| median / h).into(), misfit }
+}
+
+/// Sum of the squares that the condition of rigidity makes of inverse gains, as a matrix.
+fn normal_matrix(readings: &[[Coefficients; CHANNELS]], accelerometer_in_plate_m: Vec2) -> Matrix4<f64> {
     let r = accelerometer_in_plate_m;
     let arms = Vector4::new(r.x, r.y, -r.x, -r.y);
     let mut normal = Matrix4::zeros();
@@ -35,15 +71,18 @@ pub fn relative_gains(readings: &[[Coefficients; CHANNELS]], accelerometer_in_pl
     for row in rows {
         normal += row * row.transpose();
     }
-    let prior = normal.trace() * (READING_ERROR / EXPECTED_ERROR).powi(2) / (readings.len().max(1) as f64);
+    normal
+}
+
+/// Inverse gains of mean 1 that bring the sum of squares down; 1 where there is nothing to read.
+fn inverse_gains(normal: &Matrix4<f64>, readings: usize) -> Vector4<f64> {
+    let prior = normal.trace() * (READING_ERROR / EXPECTED_ERROR).powi(2) / (readings.max(1) as f64);
     let ones = Vector4::from_element(1.0);
     // Noise in the readings favours small inverse gains; their mean is therefore held.
     let held = ones * ones.transpose() * normal.trace();
-    let inverse_gain = (normal + held + Matrix4::identity() * prior)
+    (normal + held + Matrix4::identity() * prior)
         .cholesky()
-        .map_or(ones, |factor| ones - factor.solve(&(normal * ones)));
-    let gain = inverse_gain.map(f64::recip);
-    if gain.iter().all(|g| g.is_finite() && *g > 0.0) { gain.into() } else { [1.0; CHANNELS] }
+        .map_or(ones, |factor| ones - factor.solve(&(normal * ones)))
 }
 
 #[cfg(test)]
@@ -91,6 +130,30 @@ mod tests {
             prop_assert!((found[1] - 1.0).abs() < 4e-4 && (found[1] - found[3]).abs() < 1e-9);
             prop_assert!((found[0] / found[2] * gain[2] / gain[0] - 1.0).abs() < 2e-4);
         }
+    }
+
+    #[test]
+    fn check_channels_finds_the_one_that_is_dead_reversed_or_off() {
+        for channel in 0..CHANNELS {
+            let check = |its: f64| {
+                let gain: [f64; CHANNELS] = std::array::from_fn(|c| if c == channel { its } else { 1.0 });
+                check_channels(&shown(&axis_motions(), &gain, R1_M), R1_M)
+            };
+            assert!(check(0.0).share[channel] < 1e-9);
+            for its in [-1.0, 0.6, 1.5] {
+                let found = check(its);
+                assert!((found.gain[channel] / its - 1.0).abs() < 0.05, "{channel}, {its}: {found:?}");
+                assert!(found.gain.iter().filter(|gain| (*gain - 1.0).abs() < 0.05).count() == 3, "{found:?}");
+                assert!(found.misfit < 0.01 && found.share.iter().all(|share| *share > 0.2), "{found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn check_channels_finds_no_gains_for_a_channel_that_shows_another_motion() {
+        let mut readings = shown(&axis_motions(), &[1.0; CHANNELS], R1_M);
+        readings.iter_mut().for_each(|reading| reading[0].rotate_left(1));
+        assert!(check_channels(&readings, R1_M).misfit > 0.1, "{:?}", check_channels(&readings, R1_M));
     }
 
     #[test]

@@ -36,6 +36,8 @@ pub struct DaemonSpec {
     pub token_file: Option<PathBuf>,
     /// File of the token that may only look, and stop.
     pub read_token_file: Option<PathBuf>,
+    /// Whether a job may bring a library that does not agree with the plate's own.
+    pub allow_inline_libraries: bool,
     /// What is kept of jobs that have ended.
     pub keep: KeepSpec,
     /// With fewer bytes than this left on the disk recordings are stopped.
@@ -142,6 +144,7 @@ impl DaemonSpec {
             hosts,
             token_file,
             read_token_file,
+            allow_inline_libraries: raw.allow_inline_libraries,
             keep: keep_of(&raw.keep),
             min_free_bytes: megabytes(raw.disk.min_free_mb),
             reserve_bytes: megabytes(raw.disk.reserve_mb),

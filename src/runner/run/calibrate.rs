@@ -24,7 +24,12 @@ pub fn calibrate(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Library, CalibrationFault> {
-    let streams = Streams::new(seed);
+    let mut simulated = simulated(rig, seed)?;
+    calibration::calibrate(&mut simulated, &rig.model, &rig.fingerprint, params, stop, progress)
+}
+
+/// The simulated rig with pennies on it.
+fn simulated(rig: &RigSpec, seed: u64) -> Result<SimRig, CalibrationFault> {
     let Some(penny) = rig.kinds.first() else {
         return Err(CalibrationFault::Look("the rig knows no kind of part".into()));
     };
@@ -32,8 +37,7 @@ pub fn calibrate(
     let coins = COINS
         .iter()
         .map(|&[x, y]| (penny.part(), Pose { position_m: Vec2::new(x, y) * half_side_m, heading_rad: 0.0 }));
-    let mut simulated = SimRig::new(rig.model.clone(), rig.sim.clone(), coins.collect(), streams);
-    calibration::calibrate(&mut simulated, &rig.model, &rig.fingerprint, params, stop, progress)
+    Ok(SimRig::new(rig.model.clone(), rig.sim.clone(), coins.collect(), Streams::new(seed)))
 }
 
 /// The full calibration of `rig`, pennies on the plate.
@@ -43,6 +47,9 @@ pub fn calibration_params(rig: &RigSpec) -> CalibrationParams {
     let coins = (0..COINS.len()).map(coin).collect();
     CalibrationParams { longest_m: LONGEST * 0.5 * rig.model.plate_side_m, ..CalibrationParams::full(kinds, coins) }
 }
+
+#[cfg(test)]
+mod fault_tests;
 
 #[cfg(test)]
 mod tests {
@@ -57,7 +64,7 @@ mod tests {
 
     /// A small calibration of a shipped rig under a camera of a quarter of the pixels: nine centres on the plate, a
     /// ring of four, four translations.
-    fn small() -> (RigSpec, CalibrationParams) {
+    pub(super) fn small() -> (RigSpec, CalibrationParams) {
         let root = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
         let mut rig = RigSpec::load(&root.join("configs/rigs/upm-1.json")).unwrap();
         rig.sim.camera.lens.focal_px *= 0.5;

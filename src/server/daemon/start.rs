@@ -123,6 +123,7 @@ impl Daemon {
             watchdog: spec.watchdog,
             min_free_bytes: spec.min_free_bytes,
             live_history_bytes: live_history_of(&spec),
+            allow_inline_libraries: spec.allow_inline_libraries,
         };
         let plates = Arc::new(Plates::start(setups.collect(), &around).map_err(StartFault::Plates)?);
         recovered::tell(&recovery);

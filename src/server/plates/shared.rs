@@ -48,6 +48,8 @@ pub(super) struct Shared {
     pub live: Option<LiveServer>,
     /// Runs whenever nothing is queued.
     pub standing: Option<Standing>,
+    /// Whether a job may bring a library that does not agree with the plate's own.
+    pub allow_inline_libraries: bool,
     /// Why the plate must not move until a person resumes it.
     paused: Mutex<Option<String>>,
     /// Held by a reset from its begin to its end, and by nobody else.
@@ -122,6 +124,7 @@ impl Shared {
             estops: AtomicU64::new(0),
             live,
             standing: None,
+            allow_inline_libraries: false,
             paused: Mutex::new(paused),
             resetting: Mutex::default(),
             turn: Mutex::default(),

@@ -68,6 +68,8 @@ pub struct Surroundings {
     pub min_free_bytes: u64,
     /// Bytes a live stream keeps for viewers that come later; `None` for no live streams.
     pub live_history_bytes: Option<u64>,
+    /// Whether a job may bring a library that does not agree with the plate's own.
+    pub allow_inline_libraries: bool,
 }
 
 /// All plates of the daemon.
@@ -99,6 +101,7 @@ impl Plates {
             }
             let (live, standing) = (live(&setup, around), setup.standing.clone());
             let mut shared = Shared::new(setup, Arc::clone(&around.ledger), latch.clone(), interlock, live);
+            shared.allow_inline_libraries = around.allow_inline_libraries;
             shared.standing = standing.map(|setup| Standing::new(&setup, &shared)).transpose()?;
             plates.push(plate(Arc::new(shared), around, &disk, latches.keeper())?);
         }

@@ -1,3 +1,4 @@
+mod libraries;
 mod standing;
 mod stops;
 
@@ -87,6 +88,7 @@ impl House {
             watchdog: WATCHDOG,
             min_free_bytes: 0,
             live_history_bytes: None,
+            allow_inline_libraries: false,
         };
         change(&mut around);
         Plates::start(vec![setup], &around).unwrap()

@@ -21,6 +21,9 @@ pub(super) fn validated(shared: &Shared, text: &str, pace: JobPace, key: Option<
         return Err(vec![Fault::new(REQUEST, &Path::root().key("faults"), found, allowed)]);
     }
     let library = fitting_library(&job, &shared.library)?;
+    if !shared.allow_inline_libraries {
+        agreeing(&job, &library, &shared.library).map_err(|fault| vec![fault])?;
+    }
     Ok(NewJob {
         name: job.name.clone(),
         plate: shared.name.clone(),
@@ -44,6 +47,16 @@ pub fn fitting_library(job: &JobSpec, of_plate: &Arc<Library>) -> Result<Arc<Lib
         _ => check_places(job).map_err(|fault| vec![fault])?,
     }
     Ok(library)
+}
+
+/// A library that came with a request says the same of the plate as the plate's own.
+fn agreeing(job: &JobSpec, library: &Library, of_plate: &Library) -> Result<(), Fault> {
+    let disagreement = match &job.library {
+        Some(LibraryRef::Inline(_)) => library.disagreement(of_plate),
+        _ => None,
+    };
+    let file = format!("{REQUEST}: library");
+    disagreement.map_or(Ok(()), |fault| Err(of_library(LibraryFault { file, ..fault })))
 }
 
 /// The job's own library, or the plate's.

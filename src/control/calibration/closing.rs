@@ -1,0 +1,59 @@
+use super::axes::{Axes, AxisPulse, NAMES};
+use super::coils::Coils;
+use super::workbench::Workbench;
+use super::{CalibrationFault, Component};
+use upm_core::signal::CHANNELS;
+use upm_perception::estimation::Coefficients;
+
+/// Largest change of a reading between the opening and the closing pulse, as a part of it. Noise makes a thousandth and
+/// coins that lie elsewhere up to a hundredth; a coil that lost a tenth of its force, or a channel of its gain, is
+/// found.
+const ALLOWED: f64 = 0.03;
+
+/// Plays the opening pulses again and refuses whatever changed since.
+pub(super) fn check(bench: &mut Workbench<'_>, axes: &Axes) -> Result<(), CalibrationFault> {
+    let mut closing: [AxisPulse; 3] = Default::default();
+    for (axis, opening) in axes.opening.iter().enumerate() {
+        bench.report("closing", axis, closing.len());
+        closing[axis] = AxisPulse::play(bench, axis, opening.drive.clone())?.0;
+    }
+    let change = |axis: usize| {
+        let (before, now) = (axes.opening[axis].shown, closing[axis].shown);
+        distance(&before, &now) / size(&before).max(f64::MIN_POSITIVE)
+    };
+    let changes = [0, 1, 2].map(change);
+    let worst = changes.into_iter().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+    let Some((axis, change)) = worst.filter(|(_, change)| *change > ALLOWED) else { return Ok(()) };
+    let (component, change) = channel(&axes.opening, &closing)
+        .map(|(channel, change)| (Component::Channel(channel), change))
+        .or_else(|| coil(bench, &axes.opening, &closing))
+        .unwrap_or((Component::Axis(NAMES[axis]), change));
+    Err(CalibrationFault::Changed { component, change, allowed: ALLOWED })
+}
+
+/// The only channel that changed, and by how much.
+fn channel(opening: &[AxisPulse; 3], closing: &[AxisPulse; 3]) -> Option<(usize, f64)> {
+    let all = |pulses: &[AxisPulse; 3], channel: usize| pulses.each_ref().map(|pulse| pulse.shown[channel]);
+    let change = |channel: usize| {
+        let (before, now) = (all(opening, channel), all(closing, channel));
+        distance(&before, &now) / size(&before).max(f64::MIN_POSITIVE)
+    };
+    let mut changed = (0..CHANNELS).map(|channel| (channel, change(channel))).filter(|(_, change)| *change > ALLOWED);
+    let found = changed.next();
+    found.filter(|_| changed.next().is_none())
+}
+
+/// The only coil that changed, and by how much.
+fn coil(bench: &Workbench<'_>, opening: &[AxisPulse; 3], closing: &[AxisPulse; 3]) -> Option<(Component, f64)> {
+    let [before, now] = [opening, closing].map(|pulses| Coils::read(pulses, &bench.sensors, bench.model));
+    now[1].changed_since(&before[1], ALLOWED).map(|(coil, change)| (Component::Coil(coil), change))
+}
+
+fn distance(before: &[Coefficients], now: &[Coefficients]) -> f64 {
+    let pairs = before.as_flattened().iter().zip(now.as_flattened());
+    pairs.map(|(before, now)| (before - now).powi(2)).sum::<f64>().sqrt()
+}
+
+fn size(shown: &[Coefficients]) -> f64 {
+    shown.as_flattened().iter().map(|c| c * c).sum::<f64>().sqrt()
+}

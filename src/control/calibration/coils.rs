@@ -1,0 +1,170 @@
+//! Single coils, seen through pulses that drive two or four of them.
+//!
+//! A pulse of x drives X1 and X2 against each other (Eq. 7): their sum moves the plate along x and their difference
+//! turns it. A pulse of y does the same with Y1 and Y2, and one of spin shows both differences along x and y and the
+//! sum of all four. So three pulses make nine answers for four gains, and what no four gains explain is a fault of
+//! another kind.
+
+use nalgebra::{Complex, Matrix3, Matrix3x4, Matrix4, Matrix4x3};
+
+use super::axes::{AxisPulse, phasor};
+use super::{CalibrationFault, CoilFault};
+use upm_core::geometry::{Twist, Vec2};
+use upm_core::rig::RigModel;
+use upm_core::signal::{MOTORS, Motor};
+use upm_perception::estimation::{AccelerometerPair, twist_from_corners};
+
+/// A coil of less than this part of its nominal force is dead.
+const DEAD: f64 = 0.2;
+/// Least and most force of a coil as a part of its nominal one.
+const GAIN: (f64, f64) = (0.7, 1.3);
+/// How far a coil may be from the mean of the four, as a part of it.
+const UNLIKE: f64 = 0.15;
+/// Part of the answer that the coils' gains need not explain: resonances below the drive make up to half of it.
+const MISFIT: f64 = 0.25;
+/// Part that two exchanged coils need not explain.
+const SWAPPED_MISFIT: f64 = 0.15;
+
+/// Motors whose force has the sign of the pulse: X1 in one of x, Y1 in those of y and spin.
+const X1: usize = 0;
+const Y1: usize = 2;
+/// Motor forces, in counts, of the three pulses.
+const PLAYED: Matrix4x3<f64> = Matrix4x3::new(1.0, 0.0, -1.0, -1.0, 0.0, -1.0, 0.0, 1.0, 1.0, 0.0, -1.0, 1.0);
+/// Wrench of the motors along x, along y and about the centre (over the lever arm), in counts (Eq. 7).
+const WRENCH: Matrix3x4<f64> = Matrix3x4::new(1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0, -1.0, -1.0, 1.0, 1.0);
+
+/// The coils as one harmonic of three pulses shows them.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Coils {
+    /// Wrench on a free plate for one count of each pulse, in counts: rows x, y, spin; columns the pulses.
+    wrench: Matrix3<f64>,
+    /// Gain of each coil, as a multiple of the nominal one.
+    gain: [f64; MOTORS],
+    /// Part of `wrench`, root mean square, that these gains do not explain.
+    misfit: f64,
+}
+
+impl Coils {
+    /// From the first and from the second harmonic of `pulses`. The second says more: there the plate is nearer to a
+    /// free mass.
+    pub fn read(pulses: &[AxisPulse; 3], sensors: &AccelerometerPair, model: &RigModel) -> [Self; 2] {
+        [0, 1].map(|harmonic| {
+            let columns = [(0, X1), (1, Y1), (2, Y1)];
+            let columns = columns.map(|(axis, motor)| answer(&pulses[axis], harmonic, motor, sensors, model));
+            Self::of(real_part(&Matrix3::from_fn(|row, column| columns[column][row])))
+        })
+    }
+
+    fn of(wrench: Matrix3<f64>) -> Self {
+        let gain = gains_of(&wrench);
+        let explained = WRENCH * Matrix4::from_diagonal(&gain.into()) * PLAYED;
+        Self { wrench, gain, misfit: part_left(&wrench, &explained) }
+    }
+
+    /// Refuses two coils that are exchanged, and coils that are dead or reversed, where that explains what was read.
+    pub fn check_working(&self) -> Result<(), CalibrationFault> {
+        let (swap, misfit) = self.swapped();
+        if misfit < SWAPPED_MISFIT && misfit < 0.5 * self.misfit {
+            let [coil, other] = swap;
+            return Err(CalibrationFault::Coil { coil, fault: CoilFault::Swapped { other } });
+        }
+        let (coil, gain) = self.weakest();
+        if self.misfit > MISFIT || gain >= DEAD {
+            return Ok(());
+        }
+        let fault = if gain < -DEAD { CoilFault::Reversed { gain } } else { CoilFault::Dead { gain } };
+        Err(CalibrationFault::Coil { coil, fault })
+    }
+
+    /// Refuses gains that are not the rig file's, or not alike. `first` is the same of the first harmonic: resonances
+    /// raise that one, a low-pass lowers the second, and a coil that is off is off in both.
+    pub fn check_gains(&self, first: &Self) -> Result<(), CalibrationFault> {
+        if self.misfit > MISFIT {
+            return Err(CalibrationFault::Coupled { misfit: self.misfit });
+        }
+        let mean = self.gain.iter().sum::<f64>() / MOTORS as f64;
+        let of = |coil: usize| (Motor::ALL[coil], self.gain[coil] / mean);
+        let unlike = |&(_, ratio): &(Motor, f64)| (ratio - 1.0).abs();
+        let worst = (0..MOTORS).map(of).max_by(|a, b| unlike(a).total_cmp(&unlike(b)));
+        if let Some((coil, ratio)) = worst.filter(|worst| unlike(worst) > UNLIKE) {
+            return Err(CalibrationFault::Coil { coil, fault: CoilFault::Unlike { ratio } });
+        }
+        for (coil, (&a, &b)) in Motor::ALL.into_iter().zip(self.gain.iter().zip(&first.gain)) {
+            let gain = if (a - 1.0).abs() < (b - 1.0).abs() { a } else { b };
+            if !(GAIN.0..=GAIN.1).contains(&gain) {
+                return Err(CalibrationFault::Coil { coil, fault: CoilFault::Gain { gain } });
+            }
+        }
+        Ok(())
+    }
+
+    /// The coil whose gain is no longer what it is in `before`, by which part of it; `None` where gains do not explain
+    /// the answers or more than one differs by more than `allowed`.
+    pub fn changed_since(&self, before: &Self, allowed: f64) -> Option<(Motor, f64)> {
+        let change = |coil: usize| (self.gain[coil] / before.gain[coil] - 1.0).abs();
+        let mut off = (0..MOTORS).map(|coil| (Motor::ALL[coil], change(coil))).filter(|(_, change)| *change > allowed);
+        let found = off.next().filter(|_| self.misfit <= MISFIT);
+        found.filter(|_| off.next().is_none())
+    }
+
+    fn weakest(&self) -> (Motor, f64) {
+        let gains = Motor::ALL.into_iter().zip(self.gain);
+        gains.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((Motor::X1, f64::NAN))
+    }
+
+    /// The two coils whose exchange explains most of the answer, and the part that it does not explain.
+    fn swapped(&self) -> ([Motor; 2], f64) {
+        let pairs = (0..MOTORS).flat_map(|a| (a + 1..MOTORS).map(move |b| [a, b]));
+        let of_pair = |[a, b]: [usize; 2]| {
+            let mut played = PLAYED;
+            played.swap_rows(a, b);
+            let expected = WRENCH * played;
+            let scale = self.wrench.dot(&expected) / expected.norm_squared();
+            ([Motor::ALL[a], Motor::ALL[b]], part_left(&self.wrench, &(expected * scale.max(0.0))))
+        };
+        let nothing = ([Motor::X1, Motor::X2], f64::INFINITY);
+        pairs.map(of_pair).min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or(nothing)
+    }
+}
+
+fn part_left(found: &Matrix3<f64>, explained: &Matrix3<f64>) -> f64 {
+    (found - explained).norm() / found.norm().max(f64::MIN_POSITIVE)
+}
+
+/// Least squares of four gains on `WRENCH · gains · PLAYED`.
+fn gains_of(wrench: &Matrix3<f64>) -> [f64; MOTORS] {
+    let [x, y, spin] = [wrench[(0, 0)], wrench[(1, 1)], wrench[(2, 2)]];
+    let (of_x, of_y) = ((2.0 * x - y + spin) / 3.0, (2.0 * y - x + spin) / 3.0);
+    let differ_x = 0.5 * (wrench[(2, 0)] + wrench[(0, 2)]);
+    let differ_y = 0.5 * (wrench[(2, 1)] + wrench[(1, 2)]);
+    [of_x - differ_x, of_x + differ_x, of_y + differ_y, of_y - differ_y].map(|twice| 0.5 * twice)
+}
+
+/// Wrench on a free plate that makes it answer `pulse` as the channels showed, for one count of its `motor`, in
+/// counts.
+fn answer(
+    pulse: &AxisPulse,
+    harmonic: usize,
+    motor: usize,
+    sensors: &AccelerometerPair,
+    model: &RigModel,
+) -> [Complex<f64>; 3] {
+    let twist = |k: usize| {
+        let at: [f64; 4] = std::array::from_fn(|channel| pulse.shown[channel][k] / sensors.gain[channel]);
+        twist_from_corners(Vec2::new(at[0], at[1]), Vec2::new(at[2], at[3]), sensors.position_m)
+    };
+    let [cos, sin] = [twist(2 * harmonic), twist(2 * harmonic + 1)];
+    let force_n = model.newtons_per_count;
+    let along = force_n / model.plate_mass_kg;
+    let about = model.lever_arm_m * force_n / model.plate_inertia_kgm2;
+    let parts = |twist: Twist| [twist.velocity_mps.x / along, twist.velocity_mps.y / along, twist.spin_radps / about];
+    let (cos, sin) = (parts(cos), parts(sin));
+    let force = phasor(pulse.drive.motors[motor].get(harmonic).copied().unwrap_or_default());
+    std::array::from_fn(|row| Complex::new(cos[row], -sin[row]) / force)
+}
+
+/// The answers without the delay that all share: the motors' low-pass turns a harmonic by less than 90°.
+fn real_part(answers: &Matrix3<Complex<f64>>) -> Matrix3<f64> {
+    let turned_rad = 0.5 * answers.iter().map(|answer| answer * answer).sum::<Complex<f64>>().arg();
+    answers.map(|answer| (answer * Complex::from_polar(1.0, -turned_rad)).re)
+}

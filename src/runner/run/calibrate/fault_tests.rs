@@ -1,0 +1,226 @@
+//! Small calibrations of a rig with one fault each: refused with the right cause.
+
+use super::tests::small;
+use super::*;
+use upm_control::calibration::{ChannelFault, CoilFault, Component};
+use upm_core::rig::{Rig, RigFault};
+use upm_core::signal::{AccelTrace, Drive, Frame, Motor, Shaping};
+use upm_core::time::PlateTime;
+
+/// What is done to a drive before it is played, and to a trace before it is read.
+enum Alteration {
+    /// None.
+    Nothing,
+    /// Coil and what its force is multiplied by.
+    Coil(usize, f64),
+    /// Two coils that are exchanged.
+    Swap(usize, usize),
+    /// Channel and what its counts are multiplied by.
+    Channel(usize, f64),
+    /// What the camera sees stands still.
+    Camera,
+}
+
+/// A simulated rig that is altered from a plate time on.
+struct AlteredRig {
+    rig: SimRig,
+    from_s: f64,
+    alteration: Alteration,
+    last: Option<Frame>,
+}
+
+impl AlteredRig {
+    fn is_altered(&self) -> bool {
+        self.rig.now().secs() >= self.from_s
+    }
+}
+
+fn scale_coil(drive: &mut Drive, coil: usize, factor: f64) {
+    let Drive { motors, shaping, .. } = drive;
+    let flanks = match shaping {
+        Shaping::Displacement(flanks) => &mut flanks[coil][..],
+        Shaping::Velocity => &mut [],
+    };
+    for harmonic in motors[coil].iter_mut().chain(flanks.iter_mut().flatten()) {
+        (harmonic.cos, harmonic.sin) = (factor * harmonic.cos, factor * harmonic.sin);
+    }
+}
+
+fn swap_coils(drive: &mut Drive, a: usize, b: usize) {
+    drive.motors.swap(a, b);
+    if let Shaping::Displacement(flanks) = &mut drive.shaping {
+        flanks.swap(a, b);
+    }
+}
+
+impl Rig for AlteredRig {
+    fn now(&self) -> PlateTime {
+        self.rig.now()
+    }
+
+    fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
+        let mut drive = drive.clone();
+        match self.alteration {
+            Alteration::Coil(coil, factor) if self.is_altered() => scale_coil(&mut drive, coil, factor),
+            Alteration::Swap(a, b) if self.is_altered() => swap_coils(&mut drive, a, b),
+            _ => {}
+        }
+        self.rig.play(&drive)
+    }
+
+    fn quiet_at(&self) -> PlateTime {
+        self.rig.quiet_at()
+    }
+
+    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
+        self.rig.capture(frame)?;
+        if !matches!(self.alteration, Alteration::Camera) {
+            return Ok(());
+        }
+        match &self.last {
+            Some(last) if self.is_altered() => frame.pixels.clone_from(&last.pixels),
+            _ => self.last = Some(frame.clone()),
+        }
+        Ok(())
+    }
+
+    fn trace(&self) -> AccelTrace {
+        let mut trace = self.rig.trace();
+        if let Alteration::Channel(channel, factor) = self.alteration
+            && self.is_altered()
+        {
+            trace.counts[channel].iter_mut().for_each(|count| *count = (f64::from(*count) * factor).round() as i16);
+        }
+        trace
+    }
+
+    fn stop(&mut self) {
+        self.rig.stop();
+    }
+}
+
+fn made(alteration: Alteration, from_s: f64) -> Result<Library, CalibrationFault> {
+    let (rig, params) = small();
+    let mut altered = AlteredRig { rig: simulated(&rig, 1).unwrap(), from_s, alteration, last: None };
+    let stop = AtomicBool::new(false);
+    calibration::calibrate(&mut altered, &rig.model, &rig.fingerprint, &params, &stop, &mut |_| ())
+}
+
+fn refusal(alteration: Alteration, from_s: f64) -> CalibrationFault {
+    made(alteration, from_s).unwrap_err()
+}
+
+#[test]
+fn healthy_rig_is_calibrated() {
+    assert!(made(Alteration::Nothing, 0.0).is_ok());
+}
+
+#[test]
+fn dead_coil_is_refused_by_name() {
+    for (k, motor) in Motor::ALL.into_iter().enumerate() {
+        let fault = refusal(Alteration::Coil(k, 0.0), 0.0);
+        let dead =
+            |coil| matches!(fault, CalibrationFault::Coil { coil: c, fault: CoilFault::Dead { .. } } if c == coil);
+        assert!(dead(motor), "{fault}");
+    }
+}
+
+#[test]
+fn reversed_coil_is_refused_by_name() {
+    for (k, motor) in Motor::ALL.into_iter().enumerate() {
+        match refusal(Alteration::Coil(k, -1.0), 0.0) {
+            CalibrationFault::Coil { coil, fault: CoilFault::Reversed { gain } } => {
+                assert!(coil == motor && (gain + 1.0).abs() < 0.2, "{coil:?} {gain}");
+            }
+            fault => panic!("{fault}"),
+        }
+    }
+}
+
+#[test]
+fn swapped_coils_are_refused_by_their_names() {
+    for (a, b) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
+        match refusal(Alteration::Swap(a, b), 0.0) {
+            CalibrationFault::Coil { coil, fault: CoilFault::Swapped { other } } => {
+                assert_eq!([coil, other], [Motor::ALL[a], Motor::ALL[b]]);
+            }
+            fault => panic!("{fault}"),
+        }
+    }
+}
+
+#[test]
+fn coil_weak_by_two_fifths_is_refused_by_name() {
+    for (k, motor) in Motor::ALL.into_iter().enumerate() {
+        let fault = refusal(Alteration::Coil(k, 0.6), 0.0);
+        let unlike =
+            |coil| matches!(fault, CalibrationFault::Coil { coil: c, fault: CoilFault::Unlike { .. } } if c == coil);
+        assert!(unlike(motor), "{fault}");
+    }
+}
+
+#[test]
+fn coils_far_off_their_nominal_force_are_refused() {
+    let (mut rig, params) = small();
+    rig.model.newtons_per_count *= 1.6;
+    let mut simulated = simulated(&rig, 1).unwrap();
+    let stop = AtomicBool::new(false);
+    let fault = calibration::calibrate(&mut simulated, &rig.model, "", &params, &stop, &mut |_| ()).unwrap_err();
+    assert!(matches!(fault, CalibrationFault::Coil { fault: CoilFault::Gain { .. }, .. }), "{fault}");
+}
+
+#[test]
+fn dead_accelerometer_channel_is_refused_by_name() {
+    for channel in 0..4 {
+        let fault = refusal(Alteration::Channel(channel, 0.0), 0.0);
+        let dead =
+            matches!(fault, CalibrationFault::Channel { channel: c, fault: ChannelFault::Dead { .. } } if c == channel);
+        assert!(dead, "{fault}");
+    }
+}
+
+#[test]
+fn reversed_accelerometer_channel_is_refused_by_name() {
+    for channel in 0..4 {
+        let fault = refusal(Alteration::Channel(channel, -1.0), 0.0);
+        let reversed = matches!(
+            fault, CalibrationFault::Channel { channel: c, fault: ChannelFault::Reversed { .. } } if c == channel
+        );
+        assert!(reversed, "{fault}");
+    }
+}
+
+#[test]
+fn accelerometer_channel_of_another_gain_is_refused_by_name() {
+    let fault = refusal(Alteration::Channel(2, 0.7), 0.0);
+    assert!(matches!(fault, CalibrationFault::Channel { channel: 2, fault: ChannelFault::Gain { .. } }), "{fault}");
+}
+
+/// Plate times of the small calibration: steps of the coins are measured from 48 s to 120 s, centres from there to 126
+/// s.
+const DURING_STEPS_S: f64 = 60.0;
+const DURING_CENTRES_S: f64 = 121.0;
+
+#[test]
+fn channel_reversed_half_way_is_refused_by_the_closing_pulse() {
+    let fault = refusal(Alteration::Channel(1, -1.0), DURING_STEPS_S);
+    assert!(matches!(fault, CalibrationFault::Changed { component: Component::Channel(1), .. }), "{fault}");
+}
+
+#[test]
+fn coil_weak_half_way_is_refused_by_the_steps_of_the_coins() {
+    let fault = refusal(Alteration::Coil(2, 0.6), DURING_STEPS_S);
+    assert!(matches!(fault, CalibrationFault::StepChanged { .. }), "{fault}");
+}
+
+#[test]
+fn coil_weak_at_the_end_is_refused_by_the_closing_pulse() {
+    let fault = refusal(Alteration::Coil(2, 0.6), DURING_CENTRES_S);
+    assert!(matches!(fault, CalibrationFault::Changed { component: Component::Coil(Motor::Y1), .. }), "{fault}");
+}
+
+#[test]
+fn camera_frozen_half_way_is_refused_by_the_steps_of_the_coins() {
+    let fault = refusal(Alteration::Camera, DURING_STEPS_S);
+    assert!(matches!(fault, CalibrationFault::StepChanged { .. }), "{fault}");
+}

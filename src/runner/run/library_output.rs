@@ -1,0 +1,139 @@
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use super::library_faults;
+use crate::config::RigSpec;
+use upm_library::{Library, LibraryFault};
+
+/// The file that a library which is still to be measured will replace.
+///
+/// The file is replaced as a whole, by a library that its own loader has read back; until then it is left untouched.
+#[derive(Debug)]
+pub struct LibraryOutput {
+    out: PathBuf,
+    /// A file beside it, which is renamed.
+    draft: PathBuf,
+}
+
+/// Why a library was not written.
+#[derive(Debug, thiserror::Error)]
+pub enum LibraryOutputFault {
+    /// A folder or a device has that name.
+    #[error("{}: found no plain file, allowed: the path of a file", path.display())]
+    NotAFile {
+        /// The path.
+        path: PathBuf,
+    },
+    /// The folder or the disk does not take it.
+    #[error("{}: cannot be written: {error}", path.display())]
+    Write {
+        /// The path.
+        path: PathBuf,
+        /// Why.
+        error: io::Error,
+    },
+    /// What was measured is a library that no run would take; one line a fault.
+    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
+    Unusable(Vec<LibraryFault>),
+}
+
+impl LibraryOutput {
+    /// Makes sure, before anything is measured, that a library can be written to `out`.
+    pub fn check(out: &Path) -> Result<Self, LibraryOutputFault> {
+        let is_plain = fs::metadata(out).map_or(true, |found| found.is_file());
+        let Some(name) = out.file_name().filter(|_| is_plain) else {
+            return Err(LibraryOutputFault::NotAFile { path: out.to_owned() });
+        };
+        let mut name = name.to_owned();
+        name.push(".part");
+        let draft = out.with_file_name(name);
+        File::create(&draft).map_err(|error| LibraryOutputFault::Write { path: out.to_owned(), error })?;
+        Ok(Self { out: out.to_owned(), draft })
+    }
+
+    /// Reads the bytes of `library` back as a run on `rig` would, and only then replaces the file.
+    pub fn replace(self, library: &Library, rig: &RigSpec) -> Result<(), LibraryOutputFault> {
+        let (text, file) = (library.to_json(), self.out.display().to_string());
+        let read = Library::from_json(&text, &file).map_err(LibraryOutputFault::Unusable)?;
+        let faults = library_faults(&read, &file, rig);
+        if !faults.is_empty() {
+            return Err(LibraryOutputFault::Unusable(faults));
+        }
+        File::create(&self.draft)
+            .and_then(|mut draft| draft.write_all(text.as_bytes()).and_then(|()| draft.sync_all()))
+            .and_then(|()| fs::rename(&self.draft, &self.out))
+            .map_err(|error| LibraryOutputFault::Write { path: self.out.clone(), error })
+    }
+}
+
+impl Drop for LibraryOutput {
+    fn drop(&mut self) {
+        // gone already when it took the place of the file
+        fs::remove_file(&self.draft).ok();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rig() -> RigSpec {
+        RigSpec::load(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/rigs/upm-1.json"))
+            .unwrap()
+    }
+
+    fn shipped() -> Library {
+        Library::load(rig().library.as_ref().unwrap()).unwrap()
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn library_that_its_loader_reads_back_replaces_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("l.json");
+        fs::write(&out, "old").unwrap();
+        LibraryOutput::check(&out).unwrap().replace(&shipped(), &rig()).unwrap();
+        assert_eq!(fs::read_to_string(&out).unwrap(), shipped().to_json());
+        assert_eq!(names(folder.path()), ["l.json"]);
+    }
+
+    #[test]
+    fn library_that_its_loader_refuses_leaves_the_file_untouched() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("l.json");
+        fs::write(&out, "old").unwrap();
+        let dead_channel = Library { accelerometer_gain: [35.9, 1.0, 62.9, 1.0], ..shipped() };
+        let of_another_rig = Library { fingerprint: "0".into(), ..shipped() };
+        for (library, path) in [(dead_channel, "accelerometer_gain[0]"), (of_another_rig, "fingerprint")] {
+            match LibraryOutput::check(&out).unwrap().replace(&library, &rig()) {
+                Err(LibraryOutputFault::Unusable(faults)) => assert_eq!(faults[0].path, path),
+                other => panic!("{other:?}"),
+            }
+            assert_eq!(fs::read_to_string(&out).unwrap(), "old");
+            assert_eq!(names(folder.path()), ["l.json"]);
+        }
+    }
+
+    #[test]
+    fn calibration_that_gives_no_library_leaves_the_file_untouched() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("l.json");
+        fs::write(&out, "old").unwrap();
+        drop(LibraryOutput::check(&out).unwrap());
+        assert_eq!((fs::read_to_string(&out).unwrap().as_str(), names(folder.path()).len()), ("old", 1));
+    }
+
+    #[test]
+    fn output_that_is_no_file_or_has_no_folder_is_refused_beforehand() {
+        let folder = tempfile::tempdir().unwrap();
+        let not_a_file = |out: &Path| matches!(LibraryOutput::check(out), Err(LibraryOutputFault::NotAFile { .. }));
+        assert!(not_a_file(folder.path()) && not_a_file(&folder.path().join("..")));
+        let nowhere = folder.path().join("none/l.json");
+        assert!(matches!(LibraryOutput::check(&nowhere), Err(LibraryOutputFault::Write { .. })));
+        assert_eq!(names(folder.path()), [""; 0]);
+    }
+}
