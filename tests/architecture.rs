@@ -153,6 +153,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("axum", &["src/server/service"]),
     ("hyper", &["src/server/service"]),
     ("hyper_util", &["src/server/service"]),
+    ("socket2", &["src/server/service"]),
     ("tower", &["src/server/service"]),
     ("http_body_util", &["src/server/service"]),
     ("bytes", &["src/server/service", "src/server/daemon"]),

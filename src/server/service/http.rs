@@ -3,10 +3,12 @@ use std::sync::Arc;
 use axum::Router;
 use axum::middleware::{from_fn, from_fn_with_state};
 
+mod admission;
 mod descriptors;
 mod guard;
 #[cfg(test)]
 mod guard_tests;
+mod head;
 mod limits;
 mod listen;
 #[cfg(test)]

@@ -43,11 +43,16 @@ pub struct Limits {
     pub handler_time: Duration,
     /// Longest time a client may take nothing of what is written to it.
     pub stalled_time: Duration,
-    /// Most connections at once, the spare ones among them. An idle one holds some 20 KiB beside the socket's buffers in
-    /// the kernel; one that sends, a header of at most 32 KiB and then its body, which takes up to twice
-    /// [`Limits::body_bytes`] while it grows.
+    /// Most common connections at once. An idle one holds some 20 KiB beside the socket's buffers in the kernel; one
+    /// that sends, a header of at most 32 KiB and then its body, which takes up to twice [`Limits::body_bytes`] while it
+    /// grows.
     pub connections: usize,
-    /// Connections kept for e-stop, the list of plates it begins with, and health.
+    /// Most of them that one host has. Further ones are spare.
+    pub peer_connections: usize,
+    /// The same for each address of the loopback: a proxy there speaks for many.
+    pub loopback_connections: usize,
+    /// Most spare connections at once, beside the common ones: kept for e-stop, the list of plates it begins with, and
+    /// health. Under a flood each has as long to send its request as so many further ones take to come.
     pub spare_connections: usize,
     /// Longest time for a header to come in whole on a spare connection.
     pub spare_header_time: Duration,
@@ -72,8 +77,10 @@ impl Default for Limits {
             body_time: Duration::from_secs(10),
             handler_time: Duration::from_secs(10),
             stalled_time: Duration::from_secs(20),
-            connections: 1280,
-            spare_connections: 32,
+            connections: 1248,
+            peer_connections: 64,
+            loopback_connections: 256,
+            spare_connections: 1024,
             spare_header_time: Duration::from_secs(2),
             watchers: 256,
             heartbeat_time: Duration::from_secs(5),
