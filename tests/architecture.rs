@@ -162,6 +162,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("prometheus_client", &["src/server/daemon"]),
     ("tar", &["src/server/daemon"]),
     ("ureq", &["src/cli"]),
+    ("nix", &["src/cli/daemon"]),
     ("libc", &["src/main"]),
     ("clap_mangen", &["src/cli"]),
     ("clap", &["src/cli"]),

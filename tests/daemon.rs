@@ -11,6 +11,8 @@ mod bad_input;
 mod client;
 #[path = "daemon/keys.rs"]
 mod keys;
+#[path = "daemon/local_stop.rs"]
+mod local_stop;
 #[path = "daemon/recovery.rs"]
 mod recovery;
 #[path = "daemon/served.rs"]

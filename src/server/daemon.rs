@@ -5,6 +5,7 @@ mod answers;
 mod bundle;
 mod clerks;
 mod desk;
+mod estop_socket;
 mod files;
 mod health;
 mod metrics;
@@ -22,6 +23,7 @@ mod tests;
 mod wires;
 
 pub use bundle::{Bundle, BundleSources, bundle};
+pub use estop_socket::{ESTOP_SOCKET, EmergencyStop, LocalStop, LocalStopAnswer, LocalStopRequest, stop_locally};
 pub use prepare::{Prepared, prepare};
 pub use start::{Daemon, Ended, StartFault};
 pub use systemd::{Notice, ServiceManager, SignsOfLife};

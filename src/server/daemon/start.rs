@@ -10,6 +10,7 @@ use std::time::Duration;
 use jiff::Timestamp;
 
 use super::desk::{FrontDesk, Furniture, Office};
+use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStop};
 use super::prepare::Prepared;
 use super::submit::pace_of;
 use super::systemd::{ServiceManager, SignsOfLife};
@@ -65,6 +66,8 @@ pub struct Daemon {
     pub(super) desk: Arc<FrontDesk>,
     listener: TcpListener,
     tokens: Tokens,
+    /// `None` when it could not be made.
+    estop_socket: Option<EStopSocket>,
 }
 
 impl Daemon {
@@ -119,8 +122,14 @@ impl Daemon {
         recovered::tell_unserved(&store, spec.plate_names());
         let damage = recovery.damage.as_ref().map(|damage| format!("the job store was damaged: {damage}"));
         let furniture = Furniture { spec, store, plates, clock, damage, version };
-        let desk = FrontDesk::open(furniture).map_err(StartFault::Plates)?;
-        Ok(Self { desk: Arc::new(desk), listener, tokens: prepared.tokens })
+        let desk = Arc::new(FrontDesk::open(furniture).map_err(StartFault::Plates)?);
+        let estop_socket = estop_socket_of(&desk.office, &listener);
+        Ok(Self { desk, listener, tokens: prepared.tokens, estop_socket })
+    }
+
+    /// Stops its plates, past the network.
+    pub fn emergency_stop(&self) -> EmergencyStop {
+        EmergencyStop(Arc::clone(&self.desk.office))
     }
 
     /// Where it listens.
@@ -130,21 +139,21 @@ impl Daemon {
 
     /// Answers until `stop` has something to say, or nobody is left who could; then ends within two seconds, whatever
     /// clients do: motors to zero first. `manager` is told that it is ready, alive, ending.
-    pub fn serve(self, stop: &Receiver<()>, manager: &ServiceManager) -> Ended {
-        let office = Arc::clone(&self.desk.office);
+    pub fn serve(mut self, stop: &Receiver<()>, manager: &ServiceManager) -> Ended {
+        let (office, estop_socket) = (Arc::clone(&self.desk.office), self.estop_socket.take());
         let alive = show_life(&office, manager);
         let (stopper, flag) = StopFlag::new();
         let answering = self.answer(flag);
         manager.ready(&format!("plates: {}", office.spec.plate_names().join(", ")));
         count_until(stop, &office, &answering);
-        let ended = end(&office, &stopper, answering, manager);
+        let ended = end(&office, &stopper, answering, estop_socket, manager);
         drop(alive);
         ended
     }
 
     /// Answers on a thread of its own until `flag` is set.
     fn answer(self, flag: StopFlag) -> JoinHandle<io::Result<Served>> {
-        let Self { desk, listener, tokens } = self;
+        let Self { desk, listener, tokens, .. } = self;
         let (spec, traffic, version) = (&desk.office.spec, desk.office.traffic.clone(), desk.office.version);
         let hosts = Hosts::new(spec.listen, &spec.hosts);
         let limits = Arc::new(Limits { ending_time: REQUESTS_WITHIN, ..Limits::default() });
@@ -186,6 +195,7 @@ fn end(
     office: &Office,
     stopper: &StopSender,
     answering: JoinHandle<io::Result<Served>>,
+    estop_socket: Option<EStopSocket>,
     manager: &ServiceManager,
 ) -> Ended {
     office.ending.store(true, Ordering::SeqCst);
@@ -201,9 +211,20 @@ fn end(
         tracing::error!("the server ended: {error}");
     }
     tracing::debug!("requests have ended");
+    // while the folder is locked: after that it may be the next daemon's
+    drop(estop_socket);
     let in_order = office.store.close(STORE_WITHIN) && plates_left.is_empty();
     tracing::debug!(in_order, "the store is closed");
     Ended { plates_left, dropped: served.map_or(0, |served| served.dropped), in_order }
+}
+
+/// A daemon without this socket is told apart in the log alone: HTTP and SIGUSR1 stop its plates, too.
+fn estop_socket_of(office: &Arc<Office>, listener: &TcpListener) -> Option<EStopSocket> {
+    let stop = EmergencyStop(Arc::clone(office));
+    let port = listener.local_addr().map(|address| address.port());
+    let socket = port.and_then(|port| EStopSocket::open(&office.spec.data, port, &stop));
+    let fault = |error| tracing::error!("{}: {error}", office.spec.data.join(ESTOP_SOCKET).display());
+    socket.map_err(fault).ok()
 }
 
 fn listener_at(address: SocketAddr) -> Result<TcpListener, StartFault> {
