@@ -22,7 +22,7 @@ fn said(served: &Served, line: &str) -> Value {
 fn estop_through_the_socket_stops_a_running_job_and_holds_over_a_restart() {
     let served = Served::start();
     let job = served.submit(&moving("moving", 600.0), "max");
-    served.until_moving(&job, &job);
+    served.until_moving("moving", &job);
     let data = served.folder.path().join("data");
     let (stdout, stderr) = served.status(&["estop", LEFT, "--json", "--data", data.to_str().unwrap()], 0);
     let stops: Value = serde_json::from_str(&stdout).unwrap();
@@ -71,7 +71,7 @@ fn estop_without_a_socket_goes_over_http() {
 fn sigusr1_stops_every_plate() {
     let served = Served::start();
     let job = served.submit(&moving("moving", 600.0), "max");
-    served.until_moving(&job, &job);
+    served.until_moving("moving", &job);
     served.signal("-USR1");
     for name in [LEFT, RIGHT] {
         until("the plate is stopped", || (served.plate(name)["state"] == "stopped").then_some(()));
