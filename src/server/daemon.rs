@@ -25,5 +25,5 @@ mod wires;
 pub use bundle::{Bundle, BundleSources, bundle};
 pub use estop_socket::{ESTOP_SOCKET, EmergencyStop, LocalStop, LocalStopAnswer, LocalStopRequest, stop_locally};
 pub use prepare::{Prepared, prepare};
-pub use start::{Daemon, Ended, StartFault};
+pub use start::{Daemon, Ended, StartFault, TokenReload};
 pub use systemd::{Notice, ServiceManager, SignsOfLife};

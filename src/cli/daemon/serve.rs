@@ -35,7 +35,7 @@ pub(in crate::cli) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Fail
     let daemon = Daemon::start(spec, prepared, MonotonicClock::new(), Timestamp::now, VERSION);
     let daemon = daemon.map_err(start_failure)?;
     let address = daemon.address().map_err(|error| Failure::failed(error.to_string()))?;
-    signals::attend(daemon.emergency_stop());
+    signals::attend(daemon.emergency_stop(), daemon.token_reload());
     say!("http://{address}")?;
     tracing::info!(%address, plates = names.join(", "), "upm {VERSION} serves");
     Ok(status(&daemon.serve(&stop, &manager)))

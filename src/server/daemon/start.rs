@@ -11,12 +11,12 @@ use jiff::Timestamp;
 
 use super::desk::{FrontDesk, Furniture, Office};
 use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStop};
-use super::prepare::Prepared;
+use super::prepare::{Prepared, tokens_of};
 use super::submit::pace_of;
 use super::systemd::{ServiceManager, SignsOfLife};
 use super::{health, recovered};
 use crate::plates::{PlateSetup, Plates, StandingSetup, Surroundings};
-use crate::service::{AppParts, Hosts, Limits, Served, StopFlag, StopSender, Tokens, app, serve};
+use crate::service::{AppParts, Hosts, Limits, Served, SharedTokens, StopFlag, StopSender, app, serve};
 use crate::store::{self, Mended, Opened, Store, StoreFault};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
@@ -65,7 +65,7 @@ pub struct Ended {
 pub struct Daemon {
     pub(super) desk: Arc<FrontDesk>,
     listener: TcpListener,
-    tokens: Tokens,
+    tokens: SharedTokens,
     /// `None` when it could not be made.
     estop_socket: Option<EStopSocket>,
 }
@@ -124,7 +124,8 @@ impl Daemon {
         let furniture = Furniture { spec, store, plates, clock, damage, version };
         let desk = Arc::new(FrontDesk::open(furniture).map_err(StartFault::Plates)?);
         let estop_socket = estop_socket_of(&desk.office, &listener);
-        Ok(Self { desk, listener, tokens: prepared.tokens, estop_socket })
+        let tokens = SharedTokens::new(prepared.tokens);
+        Ok(Self { desk, listener, tokens, estop_socket })
     }
 
     /// Stops its plates, past the network.
@@ -137,15 +138,21 @@ impl Daemon {
         self.listener.local_addr()
     }
 
+    /// Has its tokens read again.
+    pub fn token_reload(&self) -> TokenReload {
+        TokenReload { office: Arc::clone(&self.desk.office), tokens: self.tokens.clone() }
+    }
+
     /// Answers until `stop` has something to say, or nobody is left who could; then ends within two seconds, whatever
     /// clients do: motors to zero first. `manager` is told that it is ready, alive, ending.
     pub fn serve(mut self, stop: &Receiver<()>, manager: &ServiceManager) -> Ended {
         let (office, estop_socket) = (Arc::clone(&self.desk.office), self.estop_socket.take());
         let alive = show_life(&office, manager);
         let (stopper, flag) = StopFlag::new();
+        let tokens = self.tokens.clone();
         let answering = self.answer(flag);
         manager.ready(&format!("plates: {}", office.spec.plate_names().join(", ")));
-        count_until(stop, &office, &answering);
+        count_until(stop, &office, &answering, &tokens);
         let ended = end(&office, &stopper, answering, estop_socket, manager);
         drop(alive);
         ended
@@ -163,6 +170,29 @@ impl Daemon {
     }
 }
 
+/// Reads the token files of a daemon again.
+#[derive(Clone, Debug)]
+pub struct TokenReload {
+    office: Arc<Office>,
+    tokens: SharedTokens,
+}
+
+impl TokenReload {
+    /// From now on the tokens in the files are accepted, and no others. When a file has a fault that is logged, and
+    /// nothing changes.
+    pub fn reload(&self) {
+        let mut faults = Vec::new();
+        let tokens = tokens_of(&self.office.spec, &mut faults);
+        if faults.is_empty() {
+            tracing::info!(?tokens, "tokens are read again");
+            self.tokens.replace(tokens);
+        }
+        for fault in faults {
+            tracing::error!("the tokens stay as they were: {fault}");
+        }
+    }
+}
+
 /// Shows the service manager that the daemon lives for as long as it is well, and what it returns is held.
 fn show_life(office: &Arc<Office>, manager: &ServiceManager) -> Option<SignsOfLife> {
     let office = Arc::clone(office);
@@ -176,13 +206,19 @@ fn show_life(office: &Arc<Office>, manager: &ServiceManager) -> Option<SignsOfLi
     })
 }
 
-/// Counts jobs now and then until it is time to end.
-fn count_until(stop: &Receiver<()>, office: &Arc<Office>, answering: &JoinHandle<io::Result<Served>>) {
+/// Counts jobs now and then, and tells of wrong tokens, until it is time to end.
+fn count_until(
+    stop: &Receiver<()>,
+    office: &Arc<Office>,
+    answering: &JoinHandle<io::Result<Served>>,
+    tokens: &SharedTokens,
+) {
     let mut ticks = 0u32;
     while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
         office.count_queued(|_| {});
         // whoever let the last plate go on has seen it, though nobody asked since
         office.unseen_damage();
+        tokens.tell_wrong();
         if ticks.is_multiple_of(COUNT_EVERY) {
             office.count_jobs();
         }

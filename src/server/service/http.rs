@@ -4,6 +4,7 @@ use axum::Router;
 use axum::middleware::{from_fn, from_fn_with_state};
 
 mod admission;
+mod bodies;
 mod descriptors;
 mod guard;
 #[cfg(test)]
@@ -15,16 +16,19 @@ mod listen;
 mod listen_tests;
 mod problem;
 mod request_id;
+mod shared_tokens;
 mod socket;
 mod stop;
 mod tokens;
 
+pub use bodies::BodyRoom;
 pub use guard::Hosts;
 pub use limits::Limits;
 pub(super) use listen::Peer;
 pub use listen::{Served, serve};
 pub(super) use problem::PROBLEM_JSON;
 pub use problem::{Problem, ProblemDocument, ProblemFault, ProblemKind};
+pub use shared_tokens::SharedTokens;
 pub use stop::{StopFlag, StopSender};
 pub use tokens::{Caller, Scope, Tokens};
 

@@ -8,6 +8,7 @@ use std::time::Duration;
 use axum::Router;
 use axum::body::Body;
 use axum::extract::{Path, Request};
+use axum::http::HeaderMap;
 use axum::routing::{get, post};
 use bytes::Bytes;
 use futures_util::stream;
@@ -81,7 +82,7 @@ fn routes(limits: Arc<Limits>) -> Router {
         let limits = limits.clone();
         async move |request: Request| {
             let (parts, body) = request.into_parts();
-            limits.read_body(&parts.headers, body).await.map(|bytes| bytes.len().to_string())
+            limits.read_body(&parts.headers, body).await.map(|(bytes, _)| bytes.len().to_string())
         }
     };
     let slow = async move || {
@@ -139,6 +140,16 @@ fn a_slow_header_is_cut_off() {
 fn a_slow_body_is_a_problem() {
     let server = Server::start(|_| ());
     assert_problem(&server.exchange(&post_of(10, b"abc")), 408);
+}
+
+#[tokio::test]
+async fn body_beyond_the_memory_for_all_is_refused_until_there_is_room() {
+    let limits = Limits { bodies: BodyRoom::of(100_000), ..Limits::default() };
+    let read = async |bytes: usize| limits.read_body(&HeaderMap::new(), Body::from(vec![b' '; bytes])).await;
+    let held = read(40_000).await.unwrap();
+    assert_eq!(read(30_000).await.unwrap_err().kind(), ProblemKind::Unavailable);
+    drop(held);
+    assert_eq!(read(30_000).await.unwrap().0.len(), 30_000);
 }
 
 #[test]
