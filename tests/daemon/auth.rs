@@ -55,7 +55,8 @@ fn guarded() -> Served {
     let mut config = config();
     config["token_file"] = file("operate", OPERATE).to_str().unwrap().into();
     config["read_token_file"] = file("read", READ).to_str().unwrap().into();
-    Served::with(&config)
+    fs::write(folder.path().join("daemon.json"), config.to_string()).unwrap();
+    Served::in_folder(folder)
 }
 
 #[test]
