@@ -66,6 +66,9 @@ const INTERRUPTED: u8 = 130;
 /// file, 130 ended by Ctrl-C.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
+    if let Command::Serve(_) = cli.command {
+        daemon::hold_back_signals();
+    }
     let last_words = logs::start(cli.common, cli.command.log());
     let done = dispatch(cli);
     drop(last_words);

@@ -51,6 +51,21 @@ fn status(args: &[&str], expected: i32) -> (String, String) {
 }
 
 #[test]
+#[cfg(unix)]
+fn replayed_run_is_shown_by_a_viewer_that_listens_on_the_loopback() {
+    use std::os::unix::fs::PermissionsExt;
+
+    let folder = TempDir::new().unwrap();
+    let (viewer, seen) = (folder.path().join("rerun"), folder.path().join("seen"));
+    fs::write(&viewer, format!("#!/bin/sh\necho \"$@\" > {}\n", seen.display())).unwrap();
+    fs::set_permissions(&viewer, fs::Permissions::from_mode(0o755)).unwrap();
+    let recording = folder.path().join("run.rrd");
+    fs::write(&recording, "RRF2").unwrap();
+    upm().arg("replay").arg(folder.path()).env("PATH", folder.path()).assert().success();
+    assert_eq!(fs::read_to_string(seen).unwrap(), format!("--bind 127.0.0.1 {}\n", recording.display()));
+}
+
+#[test]
 fn every_bad_job_is_refused_in_one_line_with_its_path() {
     type Change = fn(&mut Value);
     let cases: [(&str, Change); 10] = [

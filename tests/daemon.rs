@@ -13,6 +13,8 @@ mod client;
 mod fail_safe;
 #[path = "daemon/keys.rs"]
 mod keys;
+#[path = "daemon/local_stop.rs"]
+mod local_stop;
 #[path = "daemon/recovery.rs"]
 mod recovery;
 #[path = "daemon/served.rs"]

@@ -131,10 +131,23 @@ pub struct PlatesArgs {
 
 /// `upm estop`.
 #[derive(Args, Debug)]
+#[command(
+    after_help = "A daemon on this machine is asked through the socket DATA/estop.sock first, past its HTTP server and any \
+                  token; only the user that runs it, and root, may write there. Without --data and UPM_DATA it is looked \
+                  for in /var/lib/upm and in the data folder of configs/daemon.json when the URL is on this machine, and \
+                  only the daemon on the URL's port answers. Where no socket answers, the request goes over HTTP.\n\n\
+                  Without this command: echo | socat - UNIX-CONNECT:DATA/estop.sock, or SIGUSR1 to the daemon. Both stop \
+                  every plate.\n\n\
+                  Exit status: 0 when every plate's motors were seen silent and the stop is on the disk; 1 when one of \
+                  both is not so, or no daemon was reached; 2 for a plate that does not exist."
+)]
 pub struct EstopArgs {
     /// Plates to stop; left out, all
     #[arg(value_name = "PLATE")]
     pub plates: Vec<String>,
+    /// Data folder of the daemon on this machine [default: what UPM_DATA says]
+    #[arg(long, value_name = "DIR")]
+    pub data: Option<PathBuf>,
     #[command(flatten)]
     pub daemon: DaemonArgs,
 }

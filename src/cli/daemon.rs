@@ -3,7 +3,9 @@
 mod bundle;
 mod client;
 mod jobs;
+mod local_stop;
 mod serve;
+mod signals;
 mod stop;
 mod submit;
 mod watch;
@@ -11,3 +13,4 @@ mod watch;
 pub(super) use bundle::support_bundle;
 pub(super) use client::command as client;
 pub(super) use serve::serve;
+pub(super) use signals::hold_back as hold_back_signals;

@@ -19,13 +19,14 @@ pub(super) fn replay(args: &RunFolderArgs) -> Result<u8, Failure> {
             recording.display()
         )));
     }
-    let viewer = Command::new("rerun").arg(&recording).stdin(Stdio::null()).status();
+    // by itself the viewer listens on every interface
+    let viewer = Command::new("rerun").args(["--bind", "127.0.0.1"]).arg(&recording).stdin(Stdio::null()).status();
     match viewer {
         Ok(status) if status.success() => Ok(0),
         Ok(status) => Err(Failure::failed(format!("the viewer ended with {status}"))),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Err(Failure::failed(format!(
             "the Rerun viewer is not installed: `pip install rerun-sdk=={VIEWER}` or `cargo install rerun-cli --version \
-             {VIEWER}`, then `rerun {}`",
+             {VIEWER}`, then `rerun --bind 127.0.0.1 {}`",
             recording.display()
         ))),
         Err(error) => Err(Failure::failed(format!("the viewer does not start: {error}"))),

@@ -5,6 +5,9 @@ use super::client_args::ClientCommand;
 use super::failure::Failure;
 use super::features::{DAEMON, lacking};
 
+/// Only a daemon has signals to hold back.
+pub(super) fn hold_back_signals() {}
+
 pub(super) fn serve(_: &ServeArgs, _: Common) -> Result<u8, Failure> {
     Err(lacking(DAEMON, "upm serve"))
 }

@@ -6,6 +6,7 @@ mod bundle;
 mod clerks;
 mod data_watch;
 mod desk;
+mod estop_socket;
 mod files;
 mod health;
 mod metrics;
@@ -25,7 +26,8 @@ mod umask;
 mod wires;
 
 pub use bundle::{Bundle, BundleSources, bundle};
+pub use estop_socket::{ESTOP_SOCKET, EmergencyStop, LocalStop, LocalStopAnswer, LocalStopRequest, stop_locally};
 pub use prepare::{Prepared, prepare};
-pub use start::{Daemon, Ended, StartFault};
+pub use start::{Daemon, Ended, StartFault, TokenReload};
 pub use systemd::{Notice, ServiceManager, SignsOfLife};
 pub use umask::keep_files_private;

@@ -13,6 +13,6 @@ pub use api::{
     StandingJob, StandingState, Submitted, Traffic, Well, app, kept, openapi, promise,
 };
 pub use http::{
-    Caller, Hosts, Limits, Problem, ProblemDocument, ProblemFault, ProblemKind, Reason, ReasonCode, Scope, Served,
-    StopFlag, StopSender, Tokens, joined, serve,
+    BodyRoom, Caller, Hosts, Limits, Problem, ProblemDocument, ProblemFault, ProblemKind, Reason, ReasonCode, Scope,
+    Served, SharedTokens, StopFlag, StopSender, Tokens, joined, serve,
 };

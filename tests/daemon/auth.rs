@@ -7,7 +7,7 @@ use std::process::Command;
 
 use tempfile::TempDir;
 
-use super::served::{LEFT, Served, config, rest, serve};
+use super::served::{LEFT, Served, config, rest, serve, until};
 use super::wire::exchange;
 
 const OPERATE: &str = "operate-0123456789abcdef0123456789abcdef";
@@ -55,7 +55,8 @@ fn guarded() -> Served {
     let mut config = config();
     config["token_file"] = file("operate", OPERATE).to_str().unwrap().into();
     config["read_token_file"] = file("read", READ).to_str().unwrap().into();
-    Served::with(&config)
+    fs::write(folder.path().join("daemon.json"), config.to_string()).unwrap();
+    Served::in_folder(folder)
 }
 
 #[test]
@@ -88,6 +89,36 @@ fn every_route_asks_for_its_token() {
     }
     let log = fs::read_to_string(served.folder.path().join("log")).unwrap();
     assert!(![OPERATE, READ, &cut].iter().any(|token| log.contains(token)), "tokens are never logged: {log}");
+}
+
+#[test]
+fn tokens_are_read_again_on_sighup_and_a_bad_file_changes_nothing() {
+    let served = guarded();
+    let (file, new) = (served.folder.path().join("operate"), "anew-0123456789abcdef0123456789abcdef");
+    let resume = |token: &str| {
+        let bearer = format!("Bearer {token}");
+        served.ask("POST", &format!("/v1/plates/{LEFT}/resume"), &[("Authorization", &bearer)], "").status
+    };
+    let (estop, reset) = (format!("/v1/plates/{LEFT}/estop"), format!("/v1/plates/{LEFT}/reset"));
+    let operate = format!("Bearer {OPERATE}");
+    let headers = [("Authorization", operate.as_str()), ("Content-Type", "application/json")];
+    assert_eq!(served.ask("POST", &estop, &headers, "").status, 200);
+    assert_eq!(served.ask("POST", &reset, &headers, r#"{"operator": "A", "reason": "r"}"#).status, 200);
+
+    assert_eq!([resume(new), resume(new), resume(OPERATE)], [401, 401, 200]);
+    secret(&file, new);
+    served.signal("-HUP");
+    until("the new token is accepted", || (resume(new) == 200).then_some(()));
+    assert_eq!(resume(OPERATE), 401);
+    secret(&file, "short");
+    served.signal("-HUP");
+    until("the fault is logged", || served.log().contains("the tokens stay as they were: ").then_some(()));
+    assert_eq!(resume(new), 200);
+
+    let log = served.log();
+    assert_eq!(log.matches("the token is none of this daemon's").count(), 1, "at most once a minute: {log}");
+    let resumed = log.lines().find(|line| line.contains(" resume ")).unwrap();
+    assert!(resumed.contains("token_name=\"operate\""), "{resumed}");
 }
 
 #[test]

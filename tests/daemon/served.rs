@@ -113,8 +113,18 @@ impl Served {
 
     /// SIGTERM; how it ended.
     pub fn terminate(&mut self) -> ExitStatus {
-        assert!(Command::new("kill").args(["-TERM", &self.child.id().to_string()]).status().unwrap().success());
+        self.signal("-TERM");
         until("the daemon ends", || self.child.try_wait().unwrap())
+    }
+
+    /// Sends it a signal: `-USR1`.
+    pub fn signal(&self, name: &str) {
+        assert!(Command::new("kill").args([name, &self.child.id().to_string()]).status().unwrap().success());
+    }
+
+    /// All that it has logged.
+    pub fn log(&self) -> String {
+        fs::read_to_string(self.folder.path().join("log")).unwrap()
     }
 
     /// Host and port.

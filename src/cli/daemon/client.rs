@@ -21,7 +21,7 @@ use upm_runner::config::is_plain_name;
 
 pub(super) use refusal::{Refusal, on_one_line};
 
-const USUAL_URL: &str = "http://127.0.0.1:8750";
+pub(super) const USUAL_URL: &str = "http://127.0.0.1:8750";
 const JSON: &str = "application/json";
 
 /// Largest answer that is read, bytes: a page of the longest jobs with their reports fits many times.

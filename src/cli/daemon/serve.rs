@@ -9,6 +9,7 @@ use jiff::Timestamp;
 use serde_json::{Value, json};
 
 use super::client::on_one_line;
+use super::signals;
 use crate::cli::args::{Common, ServeArgs};
 use crate::cli::failure::Failure;
 use crate::cli::{NOT_REACHED, print_json};
@@ -41,6 +42,7 @@ pub(in crate::cli) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Fail
     let daemon = Daemon::start(spec, prepared, MonotonicClock::new(), Timestamp::now, VERSION);
     let daemon = daemon.map_err(start_failure)?;
     let address = daemon.address().map_err(|error| Failure::failed(error.to_string()))?;
+    signals::attend(daemon.emergency_stop(), daemon.token_reload());
     say!("http://{address}")?;
     tracing::info!(%address, plates = names.join(", "), "upm {VERSION} serves");
     Ok(status(&daemon.serve(&stop, &manager)))

@@ -4,12 +4,13 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::client::{Client, Refusal, on_one_line, plate_path};
-use super::jobs;
+use super::{jobs, local_stop};
 use crate::cli::args::Common;
 use crate::cli::client_args::{EstopArgs, PlateArgs, ResetArgs};
 use crate::cli::failure::Failure;
-use crate::cli::{NOT_REACHED, print_json};
+use crate::cli::{BAD_INPUT, NOT_REACHED, print_json};
 use upm_core::time::{Clock, MonotonicClock};
+use upm_server::daemon::LocalStop;
 use upm_server::service::{EStopped, Plate, Plates, ResetRequest};
 
 /// How often a stop is asked for before it is given up.
@@ -26,6 +27,8 @@ pub(super) struct Stop {
     pub answer: Option<EStopped>,
     /// Why it says nothing.
     pub error: Option<String>,
+    /// How it was asked for.
+    pub via: Via,
     /// Requests sent.
     pub attempts: u32,
     /// From the first of them to the answer, s.
@@ -34,10 +37,34 @@ pub(super) struct Stop {
     status: u8,
 }
 
+/// The way to the daemon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Via {
+    /// The socket in its data folder.
+    Socket,
+    Http,
+}
+
+impl Stop {
+    /// A stop asked for through the socket.
+    pub(super) fn local(stop: LocalStop, wall_s: f64) -> Self {
+        let LocalStop { plate, answer, error } = stop;
+        let status = answer.as_ref().map_or(BAD_INPUT, status_of);
+        Self { plate, answer, error, via: Via::Socket, attempts: 1, wall_s, status }
+    }
+}
+
+/// Only a stop that holds over a restart, of motors seen silent, is done.
+fn status_of(answer: &EStopped) -> u8 {
+    if answer.silent && answer.persisted { 0 } else { NOT_REACHED }
+}
+
 pub(super) fn estop(args: &EstopArgs, common: Common) -> Result<u8, Failure> {
-    let client = Client::for_stop(&args.daemon)?;
-    let names = if args.plates.is_empty() { all_plates(&client)? } else { args.plates.clone() };
-    let stops = stop_all(&client, &names);
+    let stops = match local_stop::stop(args) {
+        Some(stops) => stops,
+        None => stop_over_http(args)?,
+    };
     if common.json {
         print_json(&serde_json::json!({ "stops": stops }))?;
     }
@@ -45,6 +72,12 @@ pub(super) fn estop(args: &EstopArgs, common: Common) -> Result<u8, Failure> {
         tell(stop, common)?;
     }
     Ok(stops.iter().map(|stop| stop.status).max().unwrap_or(0))
+}
+
+fn stop_over_http(args: &EstopArgs) -> Result<Vec<Stop>, Failure> {
+    let client = Client::for_stop(&args.daemon)?;
+    let names = if args.plates.is_empty() { all_plates(&client)? } else { args.plates.clone() };
+    Ok(stop_all(&client, &names))
 }
 
 /// Names of all plates. Without them nothing can be stopped, so it is said how to do it all the same.
@@ -77,19 +110,27 @@ fn stop_one(client: &Client, name: &str) -> Stop {
         Ok(path) => format!("{path}/estop"),
         Err(Failure { status, lines }) => {
             let error = Some(lines.join("; "));
-            return Stop { plate: name.to_owned(), answer: None, error, attempts: 0, wall_s: 0.0, status };
+            return Stop {
+                plate: name.to_owned(),
+                answer: None,
+                error,
+                via: Via::Http,
+                attempts: 0,
+                wall_s: 0.0,
+                status,
+            };
         }
     };
     let (answer, attempts) = insistently(|| client.post_urgently::<EStopped>(&path));
     let wall_s = clock.elapsed().as_secs_f64();
     let (answer, error, status) = match answer {
         Ok(answer) => {
-            let status = if answer.silent && answer.persisted { 0 } else { NOT_REACHED };
+            let status = status_of(&answer);
             (Some(answer), None, status)
         }
         Err(refusal) => (None, Some(refusal.line()), Failure::from(refusal).status),
     };
-    Stop { plate: name.to_owned(), answer, error, attempts, wall_s, status }
+    Stop { plate: name.to_owned(), answer, error, via: Via::Http, attempts, wall_s, status }
 }
 
 /// Asks again, at once, what may go well then. Every request has a connection of its own.

@@ -31,7 +31,8 @@ pub struct RawDaemon {
     /// How fast jobs run that do not say.
     #[serde(default)]
     pub pace: RawPace,
-    /// Names under which the daemon is reached besides its address and localhost, without a port.
+    /// Names under which the daemon is reached besides its address and localhost, without a port. A proxy in front of it
+    /// must pass on the Host header that it got: the operator page works only under that host and port.
     #[serde(default)]
     #[schemars(length(max = 64))]
     pub hosts: Vec<String>,
@@ -229,9 +230,10 @@ impl Default for RawWatchdog {
     }
 }
 
-/// Live streams for the Rerun viewer, one for each plate. They ask nobody who they are, and so are on 127.0.0.1 alone and
-/// only while the daemon is, too. A token does not cover them: whoever has a program on this machine may look. Pages in a
-/// browser may not.
+/// Live streams for the Rerun viewer, one for each plate. They ask for no token, and so are on the loopback alone and only
+/// while the daemon is, too: any program on this machine may read them. Pages in a browser are refused. Rerun's own server
+/// behind each stream would answer a page; it listens on a random address of 127.0.0.0/8 and a random port (elsewhere than
+/// on Linux on a random port alone).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawLive {

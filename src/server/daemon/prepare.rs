@@ -61,7 +61,8 @@ fn taken<T>(made: Result<T, Vec<Fault>>, faults: &mut Vec<Fault>) -> Option<T> {
     made.map_err(|found| faults.extend(found)).ok()
 }
 
-fn tokens_of(spec: &DaemonSpec, faults: &mut Vec<Fault>) -> Tokens {
+/// The tokens in the files that `spec` names; what is wrong with them goes to `faults`.
+pub(super) fn tokens_of(spec: &DaemonSpec, faults: &mut Vec<Fault>) -> Tokens {
     let mut tokens = Tokens::default();
     let files = [
         ("token_file", "operate", &spec.token_file, Scope::Operate),

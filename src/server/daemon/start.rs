@@ -10,12 +10,13 @@ use std::time::Duration;
 use jiff::Timestamp;
 
 use super::desk::{FrontDesk, Furniture, Office};
-use super::prepare::Prepared;
+use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStop};
+use super::prepare::{Prepared, tokens_of};
 use super::submit::pace_of;
 use super::systemd::{ServiceManager, SignsOfLife};
 use super::{health, recovered};
 use crate::plates::{PlateSetup, Plates, StandingSetup, Surroundings};
-use crate::service::{AppParts, Hosts, Limits, Served, StopFlag, StopSender, Tokens, app, joined, serve};
+use crate::service::{AppParts, Hosts, Limits, Served, SharedTokens, StopFlag, StopSender, app, joined, serve};
 use crate::store::{self, Clocks, Mended, Opened, Store, StoreFault};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
@@ -67,7 +68,9 @@ pub struct Ended {
 pub struct Daemon {
     pub(super) desk: Arc<FrontDesk>,
     listener: TcpListener,
-    tokens: Tokens,
+    tokens: SharedTokens,
+    /// `None` when it could not be made.
+    estop_socket: Option<EStopSocket>,
 }
 
 impl Daemon {
@@ -130,8 +133,15 @@ impl Daemon {
         recovered::tell_unserved(&store, spec.plate_names());
         let damage = recovery.damage.as_ref().map(|damage| format!("the job store was damaged: {damage}"));
         let furniture = Furniture { spec, store, plates, clock, damage, version };
-        let desk = FrontDesk::open(furniture).map_err(StartFault::Plates)?;
-        Ok(Self { desk: Arc::new(desk), listener, tokens: prepared.tokens })
+        let desk = Arc::new(FrontDesk::open(furniture).map_err(StartFault::Plates)?);
+        let estop_socket = estop_socket_of(&desk.office, &listener);
+        let tokens = SharedTokens::new(prepared.tokens);
+        Ok(Self { desk, listener, tokens, estop_socket })
+    }
+
+    /// Stops its plates, past the network.
+    pub fn emergency_stop(&self) -> EmergencyStop {
+        EmergencyStop(Arc::clone(&self.desk.office))
     }
 
     /// Where it listens.
@@ -139,29 +149,58 @@ impl Daemon {
         self.listener.local_addr()
     }
 
+    /// Has its tokens read again.
+    pub fn token_reload(&self) -> TokenReload {
+        TokenReload { office: Arc::clone(&self.desk.office), tokens: self.tokens.clone() }
+    }
+
     /// Answers until `stop` has something to say, or nobody is left who could; then ends within two seconds, whatever
     /// clients do: motors to zero first. `manager` is told that it is ready, alive, ending.
-    pub fn serve(self, stop: &Receiver<()>, manager: &ServiceManager) -> Ended {
-        let office = Arc::clone(&self.desk.office);
+    pub fn serve(mut self, stop: &Receiver<()>, manager: &ServiceManager) -> Ended {
+        let (office, estop_socket) = (Arc::clone(&self.desk.office), self.estop_socket.take());
         let alive = show_life(&office, manager);
         let (stopper, flag) = StopFlag::new();
+        let tokens = self.tokens.clone();
         let answering = self.answer(flag);
         manager.ready(&format!("plates: {}", office.spec.plate_names().join(", ")));
-        count_until(stop, &office, &answering);
-        let ended = end(&office, &stopper, answering, manager);
+        count_until(stop, &office, &answering, &tokens);
+        let ended = end(&office, &stopper, answering, estop_socket, manager);
         drop(alive);
         ended
     }
 
     /// Answers on a thread of its own until `flag` is set.
     fn answer(self, flag: StopFlag) -> JoinHandle<io::Result<Served>> {
-        let Self { desk, listener, tokens } = self;
+        let Self { desk, listener, tokens, .. } = self;
         let (spec, traffic, version) = (&desk.office.spec, desk.office.traffic.clone(), desk.office.version);
         let hosts = Hosts::new(spec.listen, &spec.hosts);
         let limits = Arc::new(Limits { ending_time: REQUESTS_WITHIN, ..Limits::default() });
         let app =
             app(AppParts { desk, tokens, hosts, limits: Arc::clone(&limits), stop: flag.clone(), traffic, version });
         thread::spawn(move || serve(listener, app, &limits, &flag))
+    }
+}
+
+/// Reads the token files of a daemon again.
+#[derive(Clone, Debug)]
+pub struct TokenReload {
+    office: Arc<Office>,
+    tokens: SharedTokens,
+}
+
+impl TokenReload {
+    /// From now on the tokens in the files are accepted, and no others. When a file has a fault that is logged, and
+    /// nothing changes.
+    pub fn reload(&self) {
+        let mut faults = Vec::new();
+        let tokens = tokens_of(&self.office.spec, &mut faults);
+        if faults.is_empty() {
+            tracing::info!(?tokens, "tokens are read again");
+            self.tokens.replace(tokens);
+        }
+        for fault in faults {
+            tracing::error!("the tokens stay as they were: {fault}");
+        }
     }
 }
 
@@ -179,13 +218,19 @@ fn show_life(office: &Arc<Office>, manager: &ServiceManager) -> Option<SignsOfLi
     })
 }
 
-/// Counts jobs now and then until it is time to end.
-fn count_until(stop: &Receiver<()>, office: &Arc<Office>, answering: &JoinHandle<io::Result<Served>>) {
+/// Counts jobs now and then, and tells of wrong tokens, until it is time to end.
+fn count_until(
+    stop: &Receiver<()>,
+    office: &Arc<Office>,
+    answering: &JoinHandle<io::Result<Served>>,
+    tokens: &SharedTokens,
+) {
     let mut ticks = 0u32;
     while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
         office.count_queued(|_| {});
         // whoever let the last plate go on has seen it, though nobody asked since
         office.unseen_damage();
+        tokens.tell_wrong();
         if ticks.is_multiple_of(COUNT_EVERY) {
             office.count_jobs();
         }
@@ -198,6 +243,7 @@ fn end(
     office: &Office,
     stopper: &StopSender,
     answering: JoinHandle<io::Result<Served>>,
+    estop_socket: Option<EStopSocket>,
     manager: &ServiceManager,
 ) -> Ended {
     office.ending.store(true, Ordering::SeqCst);
@@ -213,9 +259,20 @@ fn end(
         tracing::error!("the server ended: {error}");
     }
     tracing::debug!("requests have ended");
+    // while the folder is locked: after that it may be the next daemon's
+    drop(estop_socket);
     let in_order = office.store.close(STORE_WITHIN) && plates_left.is_empty();
     tracing::debug!(in_order, "the store is closed");
     Ended { plates_left, dropped: served.map_or(0, |served| served.dropped), in_order }
+}
+
+/// A daemon without this socket is told apart in the log alone: HTTP and SIGUSR1 stop its plates, too.
+fn estop_socket_of(office: &Arc<Office>, listener: &TcpListener) -> Option<EStopSocket> {
+    let stop = EmergencyStop(Arc::clone(office));
+    let port = listener.local_addr().map(|address| address.port());
+    let socket = port.and_then(|port| EStopSocket::open(&office.spec.data, port, &stop));
+    let fault = |error| tracing::error!("{}: {error}", office.spec.data.join(ESTOP_SOCKET).display());
+    socket.map_err(fault).ok()
 }
 
 fn listener_at(address: SocketAddr) -> Result<TcpListener, StartFault> {

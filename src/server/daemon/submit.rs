@@ -1,5 +1,5 @@
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use super::clerks::Clerks;
 use super::desk::Office;
 use crate::plates::Plate;
 use crate::service::{Order, Pace, Refusal, Reply, Submitted};
-use crate::store::{Accepted, JobPace, NewJob, StoreFault};
+use crate::store::{Accepted, Cancelled, JobPace, JobRow, NewJob, StoreFault};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::{Fault, PlateSpec, RawPace};
 
@@ -63,19 +63,38 @@ impl Asked {
 }
 
 /// The answer to an order. Dropped with what it waited for, it says that too much waits, unless that panicked.
-struct Answer(Option<Reply<Submitted>>);
+struct Answer(Arc<Mutex<Option<Reply<Submitted>>>>);
 
 impl Answer {
-    fn send(mut self, outcome: Result<Submitted, Refusal>) {
-        if let Some(reply) = self.0.take() {
+    fn new(reply: Reply<Submitted>) -> Self {
+        Self(Arc::new(Mutex::new(Some(reply))))
+    }
+
+    fn send(self, outcome: Result<Submitted, Refusal>) {
+        if let Some(reply) = self.take() {
             reply.send(outcome);
+        }
+    }
+
+    fn take(&self) -> Option<Reply<Submitted>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    /// Tells whether the client still waits for it.
+    fn awaited(&self) -> impl Fn() -> bool + Send + 'static {
+        let reply = Arc::downgrade(&self.0);
+        move || {
+            let is_awaited = |reply: &Mutex<Option<Reply<_>>>| {
+                reply.lock().unwrap_or_else(PoisonError::into_inner).as_ref().is_some_and(Reply::is_awaited)
+            };
+            reply.upgrade().is_some_and(|reply| is_awaited(&reply))
         }
     }
 }
 
 impl Drop for Answer {
     fn drop(&mut self) {
-        if let Some(reply) = self.0.take().filter(|_| !thread::panicking()) {
+        if let Some(reply) = self.take().filter(|_| !thread::panicking()) {
             reply.send(Err(Refusal::Crowded { retry_after_s: CROWDED_RETRY_S }));
         }
     }
@@ -84,7 +103,7 @@ impl Drop for Answer {
 /// Queues a job; the answer comes once it is on the disk. One whose key came before is answered as it was then,
 /// whatever stands against it now; others are checked by `checkers`. Waits for nobody.
 pub(super) fn submit(office: &Arc<Office>, checkers: &Arc<Clerks>, asked: Asked, reply: Reply<Submitted>) {
-    let answer = Answer(Some(reply));
+    let answer = Answer::new(reply);
     let Some(by_key) = asked.by_key() else { return check(office, checkers, asked, answer) };
     let (then, checkers) = (Arc::clone(office), Arc::clone(checkers));
     office.store.repeated(by_key, move |known| match known {
@@ -102,6 +121,10 @@ fn check(office: &Arc<Office>, checkers: &Clerks, asked: Asked, answer: Answer) 
 /// Checks a job and queues it. Takes milliseconds: not for those who answer.
 fn queue(office: &Arc<Office>, asked: &Asked, answer: Answer) {
     let waited = asked.clock.elapsed().saturating_sub(asked.at);
+    // who was told that there is no answer may send it again
+    if !answer.awaited()() {
+        return;
+    }
     if office.ending.load(Ordering::SeqCst) {
         return answer.send(Err(Refusal::Busy { why: "the daemon ends".to_owned(), retry_after_s: 1 }));
     }
@@ -116,14 +139,40 @@ fn queue(office: &Arc<Office>, asked: &Asked, answer: Answer) {
         Ok(job) => job,
         Err(refusal) => return answer.send(Err(refusal)),
     };
-    let then = Arc::clone(office);
-    office.store.accept(job, move |accepted| {
-        if let Ok(Accepted::New(row)) = &accepted
-            && let Some(plate) = then.plates.get(&row.plate)
-        {
-            plate.job_queued();
+    let (then, awaited, has_key) = (Arc::clone(office), answer.awaited(), job.key.is_some());
+    office.store.accept_if(job, answer.awaited(), move |accepted| match accepted {
+        Ok(Some(Accepted::New(row))) if !has_key && !awaited() => withdraw(&then, row),
+        Ok(Some(accepted)) => {
+            if let Accepted::New(row) = &accepted
+                && let Some(plate) = then.plates.get(&row.plate)
+            {
+                plate.job_queued();
+            }
+            answer.send(submitted(accepted));
         }
-        answer.send(accepted.map_err(unstored).and_then(submitted));
+        // nobody waits for the answer
+        Ok(None) => {}
+        Err(fault) => answer.send(Err(unstored(fault))),
+    });
+}
+
+/// Takes a job out of the queue whose client was told, while the disk took it, that there is no answer: the client may
+/// send it again. One with an idempotency key stays: sent again, it is the same job. The plate is not woken for it.
+fn withdraw(office: &Arc<Office>, row: JobRow) {
+    tracing::warn!(job = %row.id, plate = row.plate, "its client had given up when it was stored: withdrawn");
+    let then = Arc::clone(office);
+    office.store.cancel_queued(&row.id, move |cancelled| match cancelled {
+        Ok(Cancelled::Now(row, finished)) => {
+            if let Some(plate) = then.plates.get(&row.plate) {
+                plate.announce_end(row.id, finished);
+            }
+        }
+        Ok(Cancelled::Not(row)) => {
+            let told = then.plates.get(&row.plate).is_some_and(|plate| plate.cancel(&row.id));
+            tracing::warn!(job = %row.id, told, "the withdrawn job was on its plate already");
+        }
+        Ok(Cancelled::Unknown) => {}
+        Err(fault) => tracing::error!(job = %row.id, "not withdrawn: {fault}"),
     });
 }
 
@@ -223,9 +272,9 @@ mod tests {
             promise.as_mut().poll(&mut Context::from_waker(Waker::noop()))
         };
         let crowded = Poll::Ready(Err(Refusal::Crowded { retry_after_s: CROWDED_RETRY_S }));
-        assert_eq!(told(|reply| drop(Answer(Some(reply)))), crowded);
-        assert_eq!(told(|reply| Answer(Some(reply)).send(Err(unstored(StoreFault::Busy)))), crowded);
-        let once = told(|reply| Answer(Some(reply)).send(Err(Refusal::KeyReused)));
+        assert_eq!(told(|reply| drop(Answer::new(reply))), crowded);
+        assert_eq!(told(|reply| Answer::new(reply).send(Err(unstored(StoreFault::Busy)))), crowded);
+        let once = told(|reply| Answer::new(reply).send(Err(Refusal::KeyReused)));
         assert_eq!(once, Poll::Ready(Err(Refusal::KeyReused)));
     }
 

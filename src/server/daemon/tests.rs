@@ -12,8 +12,8 @@ use super::desk::FrontDesk;
 use super::start::Daemon;
 use super::{StartFault, prepare};
 use crate::service::{
-    Caller, Desk, EStopped, Job, JobState, Order, Pace, Plate, PlateState, Promise, Reason, ReasonCode, Refusal,
-    ResetRequest, Submitted,
+    Caller, Desk, EStopped, Job, JobState, JobsQuery, Order, Pace, Plate, PlateState, Promise, Reason, ReasonCode,
+    Refusal, ResetRequest, Submitted,
 };
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::{DaemonSpec, WatchdogSpec};
@@ -237,6 +237,63 @@ fn a_reset_that_waits_takes_back_no_later_stop_and_none_once_nobody_waits_for_it
     }
     assert_eq!(kept(last).unwrap().state, PlateState::Paused, "it was for this one to do");
     assert!(matches!(kept(running.reset()), Err(Refusal::Conflict(_))), "the plate is not stopped");
+}
+
+/// Sends a job for plate upm-1 that is not waited for yet.
+fn sent(running: &Running) -> Promise<Submitted> {
+    let (text, pace, key) = (on("upm-1"), Some(Pace::Max), None);
+    running.desk.submit(Order { text, pace, key, caller: caller() })
+}
+
+/// Waits until at least so many tasks wait for the store.
+fn until_waiting(running: &Running, tasks: usize) {
+    let waiting = || running.desk.office.store.health().waiting;
+    soon("the store is not asked", || (waiting() >= tasks).then_some(()));
+}
+
+fn all_jobs(running: &Running) -> Vec<Job> {
+    kept(running.desk.jobs(JobsQuery { state: None, limit: 100, cursor: None })).unwrap().jobs
+}
+
+/// Keeps all plates from asking for jobs.
+fn quiet() -> Running {
+    let running = Running::new();
+    for plate in running.desk.office.plates.iter() {
+        kept(running.desk.estop(plate.name(), caller())).unwrap();
+    }
+    running.pause();
+    running
+}
+
+#[test]
+fn submission_whose_client_has_gone_is_not_stored() {
+    let running = quiet();
+    let held = running.desk.office.store.hold();
+    let (given_up, waited_for) = (sent(&running), sent(&running));
+    until_waiting(&running, 2);
+    drop(given_up);
+    drop(held);
+    let stored = kept(waited_for).unwrap().job.id;
+    assert_eq!(all_jobs(&running).iter().map(|job| job.id.as_str()).collect::<Vec<_>>(), [stored.as_str()]);
+}
+
+#[test]
+fn submission_whose_client_went_while_it_was_stored_is_withdrawn() {
+    let running = quiet();
+    let store = Arc::clone(&running.desk.office.store);
+    let first = store.hold();
+    let again = Arc::clone(&store);
+    // the next transaction: this one, which holds up all answers, and the job
+    let second = thread::spawn(move || again.hold());
+    until_waiting(&running, 1);
+    let given_up = sent(&running);
+    until_waiting(&running, 2);
+    drop(first);
+    let second = second.join().unwrap();
+    drop(given_up);
+    drop(second);
+    let job = soon("the job stays queued", || all_jobs(&running).pop().filter(|job| job.state != JobState::Queued));
+    assert_eq!(job.state, JobState::Cancelled);
 }
 
 #[test]

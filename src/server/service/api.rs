@@ -6,7 +6,7 @@ use bytes::Bytes;
 use serde_json::Value;
 use tokio::sync::Semaphore;
 
-use super::http::{Hosts, Limits, StopFlag, Tokens, enclose};
+use super::http::{Hosts, Limits, SharedTokens, StopFlag, enclose};
 
 mod cursor;
 mod desk;
@@ -37,7 +37,7 @@ pub struct AppParts {
     /// The daemon behind it.
     pub desk: Arc<dyn Desk>,
     /// Who may do what.
-    pub tokens: Tokens,
+    pub tokens: SharedTokens,
     /// The names under which it may be called.
     pub hosts: Hosts,
     /// What one client may ask.
@@ -53,7 +53,7 @@ pub struct AppParts {
 /// What every handler can look at.
 struct Api {
     desk: Arc<dyn Desk>,
-    tokens: Tokens,
+    tokens: SharedTokens,
     limits: Arc<Limits>,
     stop: StopFlag,
     document: Bytes,

@@ -3,10 +3,13 @@ use std::sync::Arc;
 use axum::Router;
 use axum::middleware::{from_fn, from_fn_with_state};
 
+mod admission;
+mod bodies;
 mod descriptors;
 mod guard;
 #[cfg(test)]
 mod guard_tests;
+mod head;
 mod limits;
 mod listen;
 #[cfg(test)]
@@ -14,10 +17,12 @@ mod listen_tests;
 mod problem;
 mod reason;
 mod request_id;
+mod shared_tokens;
 mod socket;
 mod stop;
 mod tokens;
 
+pub use bodies::BodyRoom;
 pub use guard::Hosts;
 pub use limits::Limits;
 pub(super) use listen::Peer;
@@ -25,6 +30,7 @@ pub use listen::{Served, serve};
 pub(super) use problem::PROBLEM_JSON;
 pub use problem::{Problem, ProblemDocument, ProblemFault, ProblemKind};
 pub use reason::{Reason, ReasonCode, joined};
+pub use shared_tokens::SharedTokens;
 pub use stop::{StopFlag, StopSender};
 pub use tokens::{Caller, Scope, Tokens};
 

@@ -42,7 +42,19 @@ impl fmt::Debug for Store {
 impl Store {
     /// Queues a job. Whatever the answer says is on the disk.
     pub fn accept(&self, job: NewJob, done: impl FnOnce(Result<Accepted, StoreFault>) + Send + 'static) {
-        self.orders.write(task(false, move |books: &Books<'_>| books.accept(&job), done));
+        let done = |accepted: Result<Option<_>, _>| done(accepted.and_then(|new| new.ok_or(StoreFault::Closed)));
+        self.accept_if(job, || true, done);
+    }
+
+    /// Queues a job that is still `wanted` when its turn comes; `None` when it is not: nothing is stored then.
+    pub fn accept_if(
+        &self,
+        job: NewJob,
+        wanted: impl Fn() -> bool + Send + 'static,
+        done: impl FnOnce(Result<Option<Accepted>, StoreFault>) + Send + 'static,
+    ) {
+        let accept = move |books: &Books<'_>| wanted().then(|| books.accept(&job)).transpose();
+        self.orders.write(task(false, accept, done));
     }
 
     /// The answer to a job whose key came before; `None` when it did not. Queues nothing.

@@ -1,5 +1,6 @@
 use std::collections::HashMap;
 use std::fmt;
+use std::hash::{BuildHasher, RandomState};
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::AtomicU64;
@@ -33,6 +34,10 @@ const TAKEN_PER_COUNTED: u64 = 2;
 /// Least history of a server, counted bytes: with none at all it blocks whoever sends.
 const LEAST_HISTORY_BYTES: u64 = 1 << 20;
 
+/// Lowest port of a server behind the gate, and how many addresses are tried for it.
+const FIRST_PORT: u16 = 1024;
+const ADDRESSES_TRIED: usize = 64;
+
 /// How often and how far apart it is tried whether a new server answers.
 const KNOCKS: usize = 200;
 const KNOCKS_APART: Duration = Duration::from_millis(10);
@@ -41,8 +46,8 @@ const KNOCKS_APART: Duration = Duration::from_millis(10);
 /// as the plate; clones are the same server. Who comes sees the last runs, the present one among them.
 ///
 /// A viewer that lags or is frozen costs the runs nothing: what it does not take is dropped, for all viewers, until it is
-/// let go after half a minute. Whoever has a program on this machine may connect, without a password; pages in a browser may
-/// not.
+/// let go after half a minute. Any program on this machine may connect, without a password. Pages in a browser are refused:
+/// they cannot speak HTTP/2 without TLS. Rerun's server behind would answer them; its address is random.
 #[derive(Clone)]
 pub struct LiveServer(Arc<Serving>);
 
@@ -148,9 +153,9 @@ impl Stage {
     }
 }
 
-/// A server of Rerun's on any free port, and where that is.
+/// A server of Rerun's where nobody expects it, and where that is.
 fn sink(history_bytes: u64) -> io::Result<(GrpcServerSink, SocketAddr)> {
-    let address = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?.local_addr()?;
+    let address = hidden_address()?;
     let options = ServerOptions {
         playback_behavior: PlaybackBehavior::NewestFirst,
         memory_limit: MemoryLimit::from_bytes((history_bytes / TAKEN_PER_COUNTED).max(LEAST_HISTORY_BYTES)),
@@ -158,6 +163,25 @@ fn sink(history_bytes: u64) -> io::Result<(GrpcServerSink, SocketAddr)> {
     };
     let sink = GrpcServerSink::new(&address.ip().to_string(), address.port(), options).map_err(io::Error::other)?;
     Ok((sink, address))
+}
+
+/// A free address that a page in a browser cannot guess: the server there answers pages, whichever name they use for it.
+/// On Linux every address of 127.0.0.0/8 is this machine's; that and the port are some 40 bits. Elsewhere it is the port
+/// alone.
+fn hidden_address() -> io::Result<SocketAddr> {
+    let mut free = Err(io::ErrorKind::AddrInUse.into());
+    for _ in 0..ADDRESSES_TRIED {
+        // the standard library's hash keys are random
+        let random = RandomState::new().hash_one(());
+        let [.., a, b, c] = random.to_be_bytes();
+        let ip = if cfg!(target_os = "linux") { Ipv4Addr::new(127, a, b, c) } else { Ipv4Addr::LOCALHOST };
+        let port = FIRST_PORT.saturating_add((random >> 24) as u16 % (u16::MAX - FIRST_PORT));
+        free = TcpListener::bind((ip, port)).and_then(|listener| listener.local_addr());
+        if free.is_ok() {
+            break;
+        }
+    }
+    free
 }
 
 struct RunFeed {
@@ -230,4 +254,23 @@ fn wait_for(address: SocketAddr) -> io::Result<()> {
         thread::sleep(KNOCKS_APART);
     }
     TcpStream::connect(address).map(drop)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn inner_servers_have_addresses_of_their_own_on_the_loopback() {
+        let addresses = [0; 8].map(|_| hidden_address().unwrap());
+        for address in addresses {
+            assert!(address.ip().is_loopback() && address.ip() != Ipv4Addr::LOCALHOST, "{address}");
+            assert!(address.port() >= FIRST_PORT);
+        }
+        let mut different = addresses.map(|address| address.ip()).to_vec();
+        different.sort();
+        different.dedup();
+        assert_eq!(different.len(), addresses.len());
+    }
 }

@@ -153,19 +153,21 @@ impl Operation {
 
     async fn answer(&self, api: Arc<Api>, request: Request) -> Result<Response, Problem> {
         let (mut parts, body) = request.into_parts();
+        let remote = parts.extensions.get::<Peer>().map(|peer| peer.0);
         let name = match self.scope {
-            Some(scope) => api.tokens.admit(&parts.headers, scope)?,
+            Some(scope) => api.tokens.admit(&parts.headers, scope, remote)?,
             None => "anonymous".to_owned(),
         };
-        let remote = parts.extensions.get::<Peer>().map(|peer| peer.0);
         let path = path_params(&mut parts).await?;
         let query = self.query(&parts)?;
-        let body = match self.body {
+        // the room is held until the request is answered
+        let (body, _room) = match self.body {
             Some(_) => {
                 demand_json(&parts.headers)?;
-                api.limits.read_body(&parts.headers, body).await?
+                let (bytes, room) = api.limits.read_body(&parts.headers, body).await?;
+                (bytes, Some(room))
             }
-            None => Bytes::new(),
+            None => (Bytes::new(), None),
         };
         let caller = Caller { name, remote };
         let (desk, headers) = (api.desk.clone(), parts.headers);

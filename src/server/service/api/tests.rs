@@ -18,7 +18,7 @@ use tower::ServiceExt;
 
 use super::table::{Content, Operation};
 use super::{AppParts, Traffic, app, routes};
-use crate::service::http::{Hosts, Limits, ProblemDocument, Scope, StopFlag, StopSender, Tokens};
+use crate::service::http::{Hosts, Limits, ProblemDocument, Scope, SharedTokens, StopFlag, StopSender, Tokens};
 use fake::FakeDesk;
 
 const LOOK: &str = "look-look-look-look-look-look-look";
@@ -56,7 +56,7 @@ impl Asked {
         let desk = Arc::new(FakeDesk::default());
         let hosts = Hosts::new("127.0.0.1:8750".parse().unwrap(), &[]);
         let (stop, flag) = StopFlag::new();
-        let (limits, traffic) = (Arc::new(limits), Traffic::default());
+        let (limits, traffic, tokens) = (Arc::new(limits), Traffic::default(), SharedTokens::new(tokens));
         let (counted, version) = (traffic.clone(), "0.0.0");
         let parts = AppParts { desk: desk.clone(), tokens, hosts, limits, stop: flag, traffic: counted, version };
         Self { app: app(parts), desk, stop, traffic }

@@ -50,7 +50,7 @@ impl Hosts {
     /// What is wrong with where the request says it goes and comes from, if anything is.
     fn check(&self, request: &Request) -> Result<(), Problem> {
         let host = self.check_host(request)?;
-        self.check_origin(request.headers(), &host)?;
+        check_origin(request.headers(), &host)?;
         check_site(request)
     }
 
@@ -74,23 +74,22 @@ impl Hosts {
         }
         Ok(asked.swap_remove(0))
     }
+}
 
-    /// A page sends its origin with whatever it may not do silently: it must be ours, port included, or one of the
-    /// configured names.
-    fn check_origin(&self, headers: &HeaderMap, host: &Authority) -> Result<(), Problem> {
-        for value in headers.get_all(ORIGIN) {
-            let origin = value.to_str().ok().and_then(Origin::parse);
-            let ours = origin.is_some_and(|Origin { authority, default_port }| {
-                let port = |of: &Authority| of.port.unwrap_or(default_port);
-                (authority.host == host.host && port(&authority) == port(host))
-                    || self.names_hold(&authority.host.to_string())
-            });
-            if !ours {
-                return Err(Problem::new(ProblemKind::Forbidden, "pages of other origins may not call the daemon"));
-            }
+/// A page sends its origin with whatever it may not do silently: it must be the host and port that it asks. Under
+/// the same name there may be pages of other services, on other ports.
+fn check_origin(headers: &HeaderMap, host: &Authority) -> Result<(), Problem> {
+    for value in headers.get_all(ORIGIN) {
+        let origin = value.to_str().ok().and_then(Origin::parse);
+        let ours = origin.is_some_and(|Origin { authority, default_port }| {
+            let port = |of: &Authority| of.port.unwrap_or(default_port);
+            authority.host == host.host && port(&authority) == port(host)
+        });
+        if !ours {
+            return Err(Problem::new(ProblemKind::Forbidden, "pages of other origins may not call the daemon"));
         }
-        Ok(())
     }
+    Ok(())
 }
 
 /// Browsers say which site a request comes from, for reads as well. Another site's link to the operator page is

@@ -101,8 +101,8 @@ async fn origins_of_the_daemon_alone() {
         ("http://localhost:8750", 200),
         ("http://LOCALHOST:8750", 200),
         ("https://localhost:8750", 200),
-        ("https://rig.example", 200),
-        ("http://rig.example:3000", 200),
+        ("https://rig.example", 403),
+        ("http://rig.example:3000", 403),
         ("http://localhost:3000", 403),
         ("http://localhost", 403),
         ("http://127.0.0.1:8750", 403),
@@ -123,6 +123,14 @@ async fn origins_of_the_daemon_alone() {
     }
     let both = [("host", "localhost:8750"), ("origin", "http://localhost:8750"), ("origin", "http://evil.example")];
     assert_eq!(status("127.0.0.1:8750", "/v1/jobs", &both).await, 403);
+    for (origin, wanted) in
+        [("https://rig.example", 200), ("http://rig.example", 200), ("http://rig.example:9999", 403)]
+    {
+        let behind_a_proxy = [("host", "rig.example"), ("origin", origin)];
+        assert_eq!(status("127.0.0.1:8750", "/v1/jobs", &behind_a_proxy).await, wanted, "{origin:?}");
+    }
+    let other_service = [("host", "rig.example:8750"), ("origin", "http://rig.example:9999")];
+    assert_eq!(status("127.0.0.1:8750", "/v1/jobs", &other_service).await, 403);
     let default_port = [("host", "localhost"), ("origin", "http://localhost:80")];
     assert_eq!(status("127.0.0.1:80", "/v1/jobs", &default_port).await, 200);
 }

@@ -15,6 +15,7 @@ use bytes::{Bytes, BytesMut};
 use http_body_util::BodyExt;
 use tokio::time::timeout;
 
+use super::bodies::{BodyRoom, HeldRoom};
 use super::{Problem, ProblemKind};
 use upm_runner::config::MOST_BYTES;
 
@@ -35,6 +36,8 @@ pub struct Limits {
     pub header_lines: usize,
     /// Largest body, bytes.
     pub body_bytes: usize,
+    /// Memory for all bodies together.
+    pub bodies: BodyRoom,
     /// Longest time for a header to come in whole, and longest rest of a connection between requests.
     pub header_time: Duration,
     /// Longest time for a body to come in whole.
@@ -43,11 +46,15 @@ pub struct Limits {
     pub handler_time: Duration,
     /// Longest time a client may take nothing of what is written to it.
     pub stalled_time: Duration,
-    /// Most connections at once, the spare ones among them. An idle one holds some 20 KiB beside the socket's buffers in
-    /// the kernel; one that sends, a header of at most 32 KiB and then its body, which takes up to twice
-    /// [`Limits::body_bytes`] while it grows.
+    /// Most common connections at once. An idle one holds some 20 KiB beside the socket's buffers in the kernel; one
+    /// that sends, a header of at most 32 KiB and then its body.
     pub connections: usize,
-    /// Connections kept for e-stop, the list of plates it begins with, and health.
+    /// Most of them that one host has. Further ones are spare.
+    pub peer_connections: usize,
+    /// The same for each address of the loopback: a proxy there speaks for many.
+    pub loopback_connections: usize,
+    /// Most spare connections at once, beside the common ones: kept for e-stop, the list of plates it begins with, and
+    /// health. Under a flood each has as long to send its request as so many further ones take to come.
     pub spare_connections: usize,
     /// Longest time for a header to come in whole on a spare connection.
     pub spare_header_time: Duration,
@@ -68,12 +75,15 @@ impl Default for Limits {
             header_bytes: 16 << 10,
             header_lines: 64,
             body_bytes: usize::try_from(MOST_BYTES).unwrap_or(usize::MAX),
+            bodies: BodyRoom::of(64 << 20),
             header_time: Duration::from_secs(5),
             body_time: Duration::from_secs(10),
             handler_time: Duration::from_secs(10),
             stalled_time: Duration::from_secs(20),
-            connections: 1280,
-            spare_connections: 32,
+            connections: 1248,
+            peer_connections: 64,
+            loopback_connections: 256,
+            spare_connections: 1024,
             spare_header_time: Duration::from_secs(2),
             watchers: 256,
             heartbeat_time: Duration::from_secs(5),
@@ -84,19 +94,29 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// The body, as long as it is within the limits of size and time.
-    pub(in crate::service) async fn read_body(&self, headers: &HeaderMap, body: Body) -> Result<Bytes, Problem> {
+    /// The body, as long as it is within the limits of size, time and memory, and the room it takes: to be held as long
+    /// as the body is.
+    pub(in crate::service) async fn read_body(
+        &self,
+        headers: &HeaderMap,
+        body: Body,
+    ) -> Result<(Bytes, HeldRoom), Problem> {
+        let mut room = self.bodies.for_one();
         let announced = headers.get(CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
         if announced.is_some_and(|bytes| bytes > self.body_bytes as u64) {
             // a client that waits for `100 Continue` sends nothing before it is asked to
             if !headers.contains_key(EXPECT) {
-                let _ = timeout(DRAIN_TIME, collect(body, DRAINED_BYTES)).await;
+                let _ = timeout(DRAIN_TIME, collect(body, DRAINED_BYTES, &mut room)).await;
             }
             return Err(self.too_large());
         }
-        match timeout(self.body_time, collect(body, self.body_bytes)).await {
-            Ok(Ok(bytes)) => Ok(bytes),
+        match timeout(self.body_time, collect(body, self.body_bytes, &mut room)).await {
+            Ok(Ok(bytes)) => Ok((bytes, room)),
             Ok(Err(Unread::TooLarge)) => Err(self.too_large()),
+            Ok(Err(Unread::NoRoom)) => {
+                let detail = "the bodies of other requests take all the memory there is for them";
+                Err(closing(Problem::new(ProblemKind::Unavailable, detail).retry_after(1)))
+            }
             Ok(Err(Unread::Broken)) => Err(Problem::new(ProblemKind::Malformed, "the body broke off")),
             Err(_) => {
                 let detail = format!("the body was not here after {} s", self.body_time.as_secs_f64());
@@ -161,15 +181,20 @@ fn closing(problem: Problem) -> Problem {
 
 enum Unread {
     TooLarge,
+    NoRoom,
     Broken,
 }
 
-async fn collect(body: Body, most: usize) -> Result<Bytes, Unread> {
+async fn collect(body: Body, most: usize, room: &mut HeldRoom) -> Result<Bytes, Unread> {
     let (mut body, mut bytes) = (pin!(body), BytesMut::new());
     while let Some(frame) = body.frame().await {
         let Ok(data) = frame.map_err(|_| Unread::Broken)?.into_data() else { continue };
         if bytes.len() + data.len() > most {
             return Err(Unread::TooLarge);
+        }
+        // while it grows it takes up to twice what is in it
+        if !room.grow_to(2 * (bytes.len() + data.len())) {
+            return Err(Unread::NoRoom);
         }
         bytes.extend_from_slice(&data);
     }

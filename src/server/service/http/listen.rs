@@ -1,24 +1,26 @@
-use std::collections::VecDeque;
 use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
-use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
 use axum::body::Body;
 use axum::http::Request;
+use bytes::Bytes;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
+use socket2::SockRef;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
-use tokio::task::{AbortHandle, JoinSet};
-use tokio::time::sleep;
+use tokio::runtime::Handle;
+use tokio::task::{JoinSet, yield_now};
+use tokio::time::{sleep, timeout};
 use tower::ServiceExt;
 
+use super::admission::{Busy, CommonConnections, CommonPlace, PeerHost, SpareConnections};
 use super::descriptors::make_room;
+use super::head::read_head;
 use super::limits::{Limits, Spare};
 use super::socket::Socket;
 use super::stop::StopFlag;
@@ -36,6 +38,16 @@ const READ_BYTES: usize = 32 << 10;
 /// Files that may be open beside connections and what they read: store, run folders, live streams.
 const OTHER_FILES: u64 = 256;
 
+/// Connections that the kernel may hold before they are accepted.
+const BACKLOG: i32 = 1024;
+
+/// Dropped connections whose tasks may not have ended yet. More would hold files without bound: then none is accepted.
+const ENDING: usize = 512;
+
+/// Turns of the loop that accepts before those spare connections have one that have something to say: none of them is
+/// dropped for further ones before it was looked at.
+const IN_A_ROW: u32 = 32;
+
 /// Rest after the machine had no room for one more connection.
 const NO_ROOM_PAUSE: Duration = Duration::from_millis(50);
 
@@ -50,37 +62,53 @@ pub struct Served {
     pub dropped: usize,
 }
 
-/// Answers on `listener` with `app` until `stop` is set, in a runtime of its own. Blocks. Returns at the latest
+/// Answers on `listener` with `app` until `stop` is set, in runtimes of its own. Blocks. Returns at the latest
 /// `limits.ending_time` after the flag was set, whatever clients do.
 pub fn serve(listener: std::net::TcpListener, app: Router, limits: &Limits, stop: &StopFlag) -> io::Result<Served> {
-    let wanted = (limits.connections + limits.downloads) as u64 + OTHER_FILES;
+    let connections = limits.connections + limits.spare_connections;
+    let wanted = (connections + ENDING + limits.downloads) as u64 + OTHER_FILES;
     let room = make_room(wanted);
     if room < wanted {
         tracing::warn!("only {room} files may be open at once, {wanted} may be needed: raise `ulimit -n`");
     }
-    let runtime = tokio::runtime::Builder::new_multi_thread()
+    lengthen_backlog(&listener);
+    let answering = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(WORKERS)
         .max_blocking_threads(FILE_READERS)
         .thread_name("http")
         .on_thread_start(step_back)
         .enable_all()
         .build()?;
-    let served = runtime.block_on(accept(listener, app, limits, stop));
-    runtime.shutdown_background();
+    // this thread accepts, and reads heads from spare connections: it does not step back
+    let accepting = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let connections = Connections::new(app, limits, stop, answering.handle().clone());
+    let served = accepting.block_on(accept(listener, connections));
+    answering.shutdown_background();
     served
 }
 
-async fn accept(listener: std::net::TcpListener, app: Router, limits: &Limits, stop: &StopFlag) -> io::Result<Served> {
+/// The standard library asks for 128; when those are taken, a client's next try is a second later.
+fn lengthen_backlog(listener: &std::net::TcpListener) {
+    if let Err(error) = SockRef::from(listener).listen(BACKLOG) {
+        tracing::warn!("the backlog of connections stays short: {error}");
+    }
+}
+
+async fn accept(listener: std::net::TcpListener, mut connections: Connections<'_>) -> io::Result<Served> {
     listener.set_nonblocking(true)?;
     let listener = TcpListener::from_std(listener)?;
-    let mut connections = Connections::new(app, limits, stop);
-    let mut stopped = pin!(stop.stopped());
+    let mut stopped = pin!(connections.stop.stopped());
+    let mut in_a_row = 0u32;
     loop {
+        in_a_row = in_a_row.wrapping_add(1);
+        if in_a_row.is_multiple_of(IN_A_ROW) {
+            yield_now().await;
+        }
         tokio::select! {
             biased;
             () = &mut stopped => break,
             Some(_) = connections.tasks.join_next() => {}
-            accepted = listener.accept() => match accepted {
+            accepted = listener.accept(), if connections.may_open() => match accepted {
                 Ok((stream, peer)) => connections.open(stream, peer),
                 Err(error) => {
                     tracing::warn!(%error, "no connection");
@@ -90,41 +118,44 @@ async fn accept(listener: std::net::TcpListener, app: Router, limits: &Limits, s
         }
     }
     drop(listener);
-    Ok(connections.end(limits.ending_time).await)
+    let within = connections.limits.ending_time;
+    Ok(connections.end(within).await)
 }
 
-/// The connections that are open. Past a number of them the next ones are spare: they serve e-stop, the list of plates
-/// and health, and the oldest of them gives way to one more.
+/// The connections that are open. One that finds no common place is spare: it serves e-stop, the list of plates and
+/// health.
 struct Connections<'a> {
     app: Router,
     limits: &'a Limits,
     stop: &'a StopFlag,
+    answering: Handle,
     tasks: JoinSet<()>,
-    common: Arc<Semaphore>,
-    spare: VecDeque<AbortHandle>,
+    common: CommonConnections,
+    spare: SpareConnections,
 }
 
 impl<'a> Connections<'a> {
-    fn new(app: Router, limits: &'a Limits, stop: &'a StopFlag) -> Self {
-        let common = limits.connections.saturating_sub(limits.spare_connections);
-        let common = Arc::new(Semaphore::new(common));
-        Self { app, limits, stop, tasks: JoinSet::new(), common, spare: VecDeque::new() }
+    fn new(app: Router, limits: &'a Limits, stop: &'a StopFlag, answering: Handle) -> Self {
+        let (common, spare) = (CommonConnections::default(), SpareConnections::default());
+        Self { app, limits, stop, answering, tasks: JoinSet::new(), common, spare }
+    }
+
+    /// False while too many that were dropped have not ended.
+    fn may_open(&self) -> bool {
+        self.tasks.len() < self.limits.connections + self.limits.spare_connections + ENDING
     }
 
     fn open(&mut self, stream: TcpStream, peer: SocketAddr) {
-        let _ = stream.set_nodelay(true);
-        let permit = self.common.clone().try_acquire_owned().ok();
-        let is_spare = permit.is_none();
-        if is_spare {
-            self.spare.retain(|task| !task.is_finished());
-            if self.spare.len() >= self.limits.spare_connections {
-                self.spare.pop_front().iter().for_each(AbortHandle::abort);
-            }
-        }
-        let attended = attend(stream, peer, self.app.clone(), self.limits.clone(), permit, self.stop.clone());
-        let task = self.tasks.spawn(attended);
-        if is_spare {
-            self.spare.push_back(task);
+        let host = PeerHost::from(peer.ip());
+        let place = self.common.admit(host, self.limits);
+        let attendant = Attendant { app: self.app.clone(), limits: self.limits.clone(), stop: self.stop.clone(), peer };
+        if let Some(place) = place {
+            let Ok(stream) = stream.into_std() else { return };
+            self.tasks.spawn_on(attendant.attend(stream, place), &self.answering);
+        } else if self.spare.make_room(self.limits.spare_connections) {
+            let busy = Busy::default();
+            let task = self.tasks.spawn(attendant.attend_spare(stream, busy.clone(), self.answering.clone()));
+            self.spare.add(host, task, busy);
         }
     }
 
@@ -141,40 +172,67 @@ impl<'a> Connections<'a> {
     }
 }
 
-async fn attend(
-    stream: TcpStream,
-    peer: SocketAddr,
+/// What a connection is answered with.
+struct Attendant {
     app: Router,
     limits: Limits,
-    permit: Option<OwnedSemaphorePermit>,
     stop: StopFlag,
-) {
-    let is_spare = permit.is_none();
-    let service = service_fn(move |request: Request<Incoming>| {
-        let mut request = request.map(Body::new);
-        request.extensions_mut().insert(Peer(peer));
-        if is_spare {
-            request.extensions_mut().insert(Spare);
-        }
-        app.clone().oneshot(request)
-    });
-    let mut builder = http1::Builder::new();
-    builder
-        .timer(TokioTimer::new())
-        .header_read_timeout(if is_spare { limits.spare_header_time } else { limits.header_time })
-        .max_buf_size(READ_BYTES)
-        .keep_alive(!is_spare);
-    let socket = TokioIo::new(Socket::new(stream, limits.stalled_time));
-    let mut connection = pin!(builder.serve_connection(socket, service));
-    let ended = tokio::select! {
-        ended = connection.as_mut() => ended,
-        () = stop.stopped() => {
-            connection.as_mut().graceful_shutdown();
-            connection.await
-        }
-    };
-    if let Err(error) = ended {
-        tracing::debug!(%peer, %error, "connection");
+    peer: SocketAddr,
+}
+
+impl Attendant {
+    /// Answers what comes over a common connection until it ends.
+    async fn attend(self, stream: std::net::TcpStream, place: CommonPlace) {
+        let mut builder = http1::Builder::new();
+        builder.header_read_timeout(self.limits.header_time);
+        self.answer(stream, Bytes::new(), Busy::default(), builder).await;
+        drop(place);
     }
-    drop(permit);
+
+    /// Reads the head of the one request of a spare connection, here, and has the request answered by `answering`.
+    async fn attend_spare(self, stream: TcpStream, busy: Busy, answering: Handle) {
+        let (within, most) = (self.limits.spare_header_time, self.limits.header_bytes);
+        let head = tokio::select! {
+            head = timeout(within, read_head(&stream, most)) => head,
+            () = self.stop.stopped() => return,
+        };
+        let Ok(Ok(head)) = head else { return };
+        busy.set(true);
+        let Ok(stream) = stream.into_std() else { return };
+        let mut builder = http1::Builder::new();
+        builder.keep_alive(false);
+        let mut answer = JoinSet::new();
+        answer.spawn_on(async move { self.answer(stream, head, busy, builder).await }, &answering);
+        // dropped with this task
+        answer.join_next().await;
+    }
+
+    /// Answers what comes over `stream`; what was read of it before is in `early`.
+    async fn answer(self, stream: std::net::TcpStream, early: Bytes, busy: Busy, mut builder: http1::Builder) {
+        let Self { app, limits, stop, peer } = self;
+        let Ok(stream) = TcpStream::from_std(stream) else { return };
+        let _ = stream.set_nodelay(true);
+        let is_spare = !early.is_empty();
+        let service = service_fn(move |request: Request<Incoming>| {
+            let mut request = request.map(Body::new);
+            request.extensions_mut().insert(Peer(peer));
+            if is_spare {
+                request.extensions_mut().insert(Spare);
+            }
+            app.clone().oneshot(request)
+        });
+        let socket = TokioIo::new(Socket::new(stream, limits.stalled_time, early, busy));
+        builder.timer(TokioTimer::new()).max_buf_size(READ_BYTES);
+        let mut connection = pin!(builder.serve_connection(socket, service));
+        let ended = tokio::select! {
+            ended = connection.as_mut() => ended,
+            () = stop.stopped() => {
+                connection.as_mut().graceful_shutdown();
+                connection.await
+            }
+        };
+        if let Err(error) = ended {
+            tracing::debug!(%peer, %error, "connection");
+        }
+    }
 }

@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use axum::Router;
 use axum::body::Body;
-use axum::extract::Request;
+use axum::extract::{Path, Request};
+use axum::http::HeaderMap;
 use axum::routing::{get, post};
 use bytes::Bytes;
 use futures_util::stream;
@@ -81,7 +82,7 @@ fn routes(limits: Arc<Limits>) -> Router {
         let limits = limits.clone();
         async move |request: Request| {
             let (parts, body) = request.into_parts();
-            limits.read_body(&parts.headers, body).await.map(|bytes| bytes.len().to_string())
+            limits.read_body(&parts.headers, body).await.map(|(bytes, _)| bytes.len().to_string())
         }
     };
     let slow = async move || {
@@ -92,11 +93,19 @@ fn routes(limits: Arc<Limits>) -> Router {
         .route("/ok", get(|| async { "ok" }))
         .route("/healthz", get(|| async { "ok" }))
         .route("/v1/plates", get(|| async { "plates" }))
-        .route("/v1/plates/{name}/estop", post(|| async { "stopped" }))
+        .route("/v1/plates/{name}/estop", post(stopped))
         .route("/panic", get(async || -> &'static str { panic!("as asked") }))
         .route("/endless", get(endless))
         .route("/slow", get(slow))
         .route("/read", post(read))
+}
+
+/// The plate `slow` takes a while to stop.
+async fn stopped(Path(plate): Path<String>) -> &'static str {
+    if plate == "slow" {
+        tokio::time::sleep(Duration::from_millis(300)).await;
+    }
+    "stopped"
 }
 
 fn post_of(length: usize, body: &[u8]) -> Vec<u8> {
@@ -131,6 +140,16 @@ fn a_slow_header_is_cut_off() {
 fn a_slow_body_is_a_problem() {
     let server = Server::start(|_| ());
     assert_problem(&server.exchange(&post_of(10, b"abc")), 408);
+}
+
+#[tokio::test]
+async fn body_beyond_the_memory_for_all_is_refused_until_there_is_room() {
+    let limits = Limits { bodies: BodyRoom::of(100_000), ..Limits::default() };
+    let read = async |bytes: usize| limits.read_body(&HeaderMap::new(), Body::from(vec![b' '; bytes])).await;
+    let held = read(40_000).await.unwrap();
+    assert_eq!(read(30_000).await.unwrap_err().kind(), ProblemKind::Unavailable);
+    drop(held);
+    assert_eq!(read(30_000).await.unwrap().0.len(), 30_000);
 }
 
 #[test]
@@ -179,7 +198,7 @@ fn what_is_no_request_is_refused() {
 fn six_hundred_connections_leave_room_for_estop_and_health() {
     let server = Server::start(|limits| {
         limits.header_time = Duration::from_secs(30);
-        limits.connections = 512;
+        limits.connections = 480;
     });
     let idle: Vec<TcpStream> = (0..600).map(|_| server.connect()).collect();
     assert!(server.get("/healthz").ends_with("ok"));
@@ -195,12 +214,43 @@ fn six_hundred_connections_leave_room_for_estop_and_health() {
 }
 
 #[test]
+fn stop_under_way_survives_a_flood_of_spare_connections() {
+    let server = Server::start(|limits| {
+        limits.connections = 0;
+        limits.spare_connections = 4;
+    });
+    let mut stop = server.connect();
+    stop.write_all(b"POST /v1/plates/slow/estop HTTP/1.1\r\nhost: localhost\r\n\r\n").unwrap();
+    // in order: an answer to a later request shows that the earlier one was read
+    assert!(server.get("/healthz").ends_with("ok"));
+    let flood: Vec<TcpStream> = (0..40).map(|_| server.connect()).collect();
+    assert!(server.get("/healthz").ends_with("ok"));
+    assert!(all_of(&mut stop).ends_with("stopped"));
+    drop(flood);
+}
+
+#[test]
+fn peer_with_many_connections_keeps_only_the_spare_ones() {
+    let server = Server::start(|limits| {
+        limits.header_time = Duration::from_secs(30);
+        limits.loopback_connections = 4;
+    });
+    let idle: Vec<TcpStream> = (0..4).map(|_| server.connect()).collect();
+    assert_problem(&server.get("/ok"), 503);
+    assert!(server.get("/healthz").ends_with("ok"));
+    drop(idle);
+}
+
+#[test]
 fn a_thousand_connections_are_answered_at_once() {
     // both ends of each are open files of this process
     if descriptors::make_room(2500) < 2500 {
         return;
     }
-    let server = Server::start(|limits| limits.header_time = Duration::from_secs(30));
+    let server = Server::start(|limits| {
+        limits.header_time = Duration::from_secs(30);
+        limits.loopback_connections = 1000;
+    });
     let mut clients: Vec<TcpStream> = (0..1000).map(|_| server.connect()).collect();
     let request = b"GET /ok HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n";
     clients.iter_mut().for_each(|client| client.write_all(request).unwrap());

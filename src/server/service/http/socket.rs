@@ -3,9 +3,12 @@ use std::pin::Pin;
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
+use bytes::Bytes;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::{Sleep, sleep};
+
+use super::admission::Busy;
 
 /// Longest time and most bytes read off at the end. Closing with bytes unread would reset the connection and take the
 /// answer from a client that is still sending.
@@ -19,6 +22,10 @@ pub(super) struct Socket {
     patience: Duration,
     stalled: Option<Pin<Box<Sleep>>>,
     linger: Option<Linger>,
+    /// What was read of it before.
+    early: Bytes,
+    /// No longer set once the answer is written.
+    busy: Busy,
 }
 
 struct Linger {
@@ -27,8 +34,8 @@ struct Linger {
 }
 
 impl Socket {
-    pub(super) fn new(stream: TcpStream, patience: Duration) -> Self {
-        Self { stream, patience, stalled: None, linger: None }
+    pub(super) fn new(stream: TcpStream, patience: Duration, early: Bytes, busy: Busy) -> Self {
+        Self { stream, patience, stalled: None, linger: None, early, busy }
     }
 
     /// Passes on how a write went; one that waits is given `patience`, counted from when it began to wait.
@@ -67,6 +74,11 @@ impl AsyncRead for Socket {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
+        if !self.early.is_empty() {
+            let count = self.early.len().min(buffer.remaining());
+            buffer.put_slice(&self.early.split_to(count));
+            return Poll::Ready(Ok(()));
+        }
         Pin::new(&mut self.stream).poll_read(context, buffer)
     }
 }
@@ -97,6 +109,7 @@ impl AsyncWrite for Socket {
     fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
         if self.linger.is_none() {
             ready!(Pin::new(&mut self.stream).poll_shutdown(context))?;
+            self.busy.set(false);
         }
         self.poll_linger(context).map(Ok)
     }

@@ -7,7 +7,7 @@ use super::fake::{HOLD, JOB, PLATE};
 use super::{Asked, LOOK, WORK, request};
 use crate::service::api::table::{Method, Operation};
 use crate::service::api::{Refusal, routes};
-use crate::service::http::{Reason, ReasonCode, Scope, Tokens};
+use crate::service::http::{BodyRoom, Reason, ReasonCode, Scope, Tokens};
 
 fn path_of(operation: &Operation) -> String {
     operation.path.replace("{id}", JOB).replace("{name}", PLATE).replace("{file}", "index.html")
@@ -180,4 +180,12 @@ async fn the_page_is_fenced_in_and_not_sent_twice() {
     for file in ["nothing.js", "..%2fCargo.toml", "%2e%2e", "a%00b", "%ff"] {
         assert_eq!(asked.get(&format!("/assets/{file}")).await.status, 404, "{file}");
     }
+}
+
+#[tokio::test]
+async fn stop_is_taken_when_there_is_no_memory_for_bodies() {
+    let asked = Asked::with(Tokens::default(), |limits| limits.bodies = BodyRoom::of(0));
+    let refused = asked.post("/v1/jobs", "{}").await;
+    assert_eq!((refused.status, refused.header("retry-after")), (503, "1"));
+    assert_eq!(asked.post("/v1/plates/left/estop", "").await.status, 200);
 }

@@ -1,0 +1,95 @@
+//! Emergency stops through the socket in a daemon's data folder, past the network.
+
+use std::io::ErrorKind;
+use std::net::IpAddr;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+use ureq::http::Uri;
+
+use super::client::USUAL_URL;
+use super::stop::Stop;
+use crate::cli::client_args::EstopArgs;
+use upm_core::time::{Clock, MonotonicClock};
+use upm_server::daemon::{ESTOP_SOCKET, LocalStopRequest, stop_locally};
+
+/// Data folder of the shipped unit.
+const UNIT_DATA: &str = "/var/lib/upm";
+/// Configuration of a daemon that is given none.
+const USUAL_CONFIG: &str = "configs/daemon.json";
+
+/// How the stops went; `None` when no daemon was reached this way. Then the network is left.
+pub(super) fn stop(args: &EstopArgs) -> Option<Vec<Stop>> {
+    let clock = MonotonicClock::new();
+    let named = args.data.clone().or_else(|| Some(std::env::var_os("UPM_DATA")?.into()));
+    let (folders, port) = match named {
+        Some(folder) => (vec![folder], None),
+        None => (usual_folders(), Some(local_port(args)?)),
+    };
+    let request = LocalStopRequest { plates: args.plates.clone(), port };
+    let stops = folders.iter().find_map(|data| match stop_locally(data, &request) {
+        Ok(answer) => {
+            answer.error.iter().for_each(|error| tracing::debug!("{}: {error}", data.display()));
+            answer.error.is_none().then_some(answer.stops)
+        }
+        Err(error) => {
+            not_reached(data, error.kind(), port.is_none(), &error.to_string());
+            None
+        }
+    })?;
+    let wall_s = clock.elapsed().as_secs_f64();
+    Some(stops.into_iter().map(|stop| Stop::local(stop, wall_s)).collect())
+}
+
+/// A socket that was asked for, or that did not answer, is told of; one that is not there is no news.
+fn not_reached(data: &Path, kind: ErrorKind, asked_for: bool, error: &str) {
+    let absent = matches!(kind, ErrorKind::NotFound | ErrorKind::PermissionDenied | ErrorKind::ConnectionRefused);
+    if asked_for || !absent {
+        complain!("upm: {}: {error}; asking over HTTP", data.join(ESTOP_SOCKET).display());
+    }
+}
+
+/// Port of the daemon, if its address is on this machine: a socket found here may be another daemon's.
+fn local_port(args: &EstopArgs) -> Option<u16> {
+    let url = args.daemon.url.clone().or_else(|| std::env::var("UPM_URL").ok());
+    port_on_loopback(&url.unwrap_or_else(|| USUAL_URL.to_owned()))
+}
+
+fn port_on_loopback(url: &str) -> Option<u16> {
+    let uri = url.trim_end_matches('/').parse::<Uri>().ok()?;
+    let host = uri.host()?.trim_matches(['[', ']']);
+    let is_here = host == "localhost" || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback());
+    is_here.then(|| uri.port_u16().unwrap_or(80))
+}
+
+fn usual_folders() -> Vec<PathBuf> {
+    vec![PathBuf::from(UNIT_DATA), data_of(Path::new(USUAL_CONFIG))]
+}
+
+/// The data folder that a daemon file names; nothing else of the file is looked at.
+fn data_of(config: &Path) -> PathBuf {
+    let value = std::fs::read(config).ok().and_then(|text| serde_json::from_slice::<Value>(&text).ok());
+    let data = value.as_ref().and_then(|value| value.get("data")?.as_str()).unwrap_or("data");
+    config.parent().unwrap_or(Path::new("")).join(data)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn socket_is_looked_for_only_when_the_address_is_on_this_machine() {
+        let found = [USUAL_URL, "http://localhost/", "http://[::1]:9000", "http://127.0.0.9:1"].map(port_on_loopback);
+        assert_eq!(found, [Some(8750), Some(80), Some(9000), Some(1)]);
+        assert_eq!(["http://192.0.2.1:8750", "http://lab.example", "nonsense"].map(port_on_loopback), [None; 3]);
+    }
+
+    #[test]
+    fn data_folder_is_the_one_of_the_daemon_file_or_the_usual_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let config = folder.path().join("daemon.json");
+        assert_eq!(data_of(&config), folder.path().join("data"));
+        std::fs::write(&config, r#"{"data": "/elsewhere"}"#).unwrap();
+        assert_eq!(data_of(&config), Path::new("/elsewhere"));
+    }
+}

@@ -1,0 +1,209 @@
+use std::collections::{BTreeMap, VecDeque};
+use std::net::{IpAddr, Ipv6Addr};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use tokio::task::AbortHandle;
+
+use super::limits::Limits;
+
+/// The host that connections are counted for: an IPv4 address, or the /64 network of an IPv6 address, all of which one
+/// host may use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct PeerHost(IpAddr);
+
+impl From<IpAddr> for PeerHost {
+    fn from(address: IpAddr) -> Self {
+        Self(match address.to_canonical() {
+            IpAddr::V6(six) if !six.is_loopback() => Ipv6Addr::from_bits(six.to_bits() >> 64 << 64).into(),
+            other => other,
+        })
+    }
+}
+
+impl PeerHost {
+    fn most_common(self, limits: &Limits) -> usize {
+        if self.0.is_loopback() { limits.loopback_connections } else { limits.peer_connections }
+    }
+}
+
+/// Counts the connections that may ask for everything.
+#[derive(Debug, Default)]
+pub(super) struct CommonConnections(Arc<Mutex<Counts>>);
+
+#[derive(Debug, Default)]
+struct Counts {
+    all: usize,
+    of_peer: BTreeMap<PeerHost, usize>,
+}
+
+impl CommonConnections {
+    /// A place among them; `None` when all are taken, or `peer` has its share.
+    pub(super) fn admit(&self, peer: PeerHost, limits: &Limits) -> Option<CommonPlace> {
+        let mut counts = lock(&self.0);
+        let held = counts.of_peer.get(&peer).copied().unwrap_or(0);
+        if counts.all >= limits.connections || held >= peer.most_common(limits) {
+            return None;
+        }
+        counts.all += 1;
+        counts.of_peer.insert(peer, held + 1);
+        drop(counts);
+        Some(CommonPlace { counts: Arc::clone(&self.0), peer })
+    }
+}
+
+/// A place among the common connections; free again when it is dropped.
+#[derive(Debug)]
+pub(super) struct CommonPlace {
+    counts: Arc<Mutex<Counts>>,
+    peer: PeerHost,
+}
+
+impl Drop for CommonPlace {
+    fn drop(&mut self) {
+        let mut counts = lock(&self.counts);
+        counts.all -= 1;
+        let held = counts.of_peer.remove(&self.peer).unwrap_or(1);
+        if held > 1 {
+            counts.of_peer.insert(self.peer, held - 1);
+        }
+    }
+}
+
+fn lock(counts: &Mutex<Counts>) -> MutexGuard<'_, Counts> {
+    counts.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// True from a request's complete head until its answer is written: a connection that is busy is never dropped for
+/// another one.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Busy(Arc<AtomicBool>);
+
+impl Busy {
+    pub(super) fn set(&self, busy: bool) {
+        self.0.store(busy, Ordering::Release);
+    }
+
+    fn is_set(&self) -> bool {
+        self.0.load(Ordering::Acquire)
+    }
+}
+
+/// The newest connections that found no common place, by the host they come from. They serve e-stop, the list of plates
+/// and health.
+#[derive(Debug, Default)]
+pub(super) struct SpareConnections {
+    count: usize,
+    of_peer: BTreeMap<PeerHost, VecDeque<Spare>>,
+}
+
+#[derive(Debug)]
+struct Spare {
+    task: AbortHandle,
+    busy: Busy,
+}
+
+impl Spare {
+    fn may_go(&self) -> bool {
+        self.task.is_finished() || !self.busy.is_set()
+    }
+}
+
+impl SpareConnections {
+    /// Makes room for one more among at most `most`: of the host that has most of them, the oldest goes that is not busy.
+    /// A host that opens many pushes out its own, and each of those had time to say what it wants. False when all are
+    /// busy.
+    pub(super) fn make_room(&mut self, most: usize) -> bool {
+        if self.count < most {
+            return true;
+        }
+        let idle = |(peer, held): (&PeerHost, &VecDeque<Spare>)| {
+            Some((held.len(), *peer, held.iter().position(Spare::may_go)?))
+        };
+        let Some((_, peer, index)) = self.of_peer.iter().filter_map(idle).max() else { return false };
+        if let Some(gone) = self.of_peer.get_mut(&peer).and_then(|held| held.remove(index)) {
+            gone.task.abort();
+            self.count -= 1;
+        }
+        if self.of_peer.get(&peer).is_some_and(VecDeque::is_empty) {
+            self.of_peer.remove(&peer);
+        }
+        true
+    }
+
+    /// Notes a connection that was opened.
+    pub(super) fn add(&mut self, peer: PeerHost, task: AbortHandle, busy: Busy) {
+        self.of_peer.entry(peer).or_default().push_back(Spare { task, busy });
+        self.count += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::future::pending;
+
+    use tokio::task::JoinHandle;
+
+    use super::*;
+
+    fn host(address: &str) -> PeerHost {
+        PeerHost::from(address.parse::<IpAddr>().unwrap())
+    }
+
+    #[test]
+    fn peer_with_its_share_gets_no_common_place_and_others_do() {
+        let limits = Limits { connections: 5, peer_connections: 2, loopback_connections: 3, ..Limits::default() };
+        let common = CommonConnections::default();
+        let admit = |address: &str| common.admit(host(address), &limits);
+        let mut held: Vec<_> = ["192.0.2.1", "192.0.2.1", "127.0.0.1"].map(|peer| admit(peer).unwrap()).into();
+        assert!(admit("192.0.2.1").is_none());
+        assert!(admit("::ffff:192.0.2.1").is_none(), "the same host");
+        held.push(admit("2001:db8::1").unwrap());
+        held.push(admit("2001:db8::2:0:0:1").unwrap());
+        assert!(admit("127.0.0.1").is_none(), "all are taken");
+        held.remove(0);
+        assert!(admit("2001:db8::3").is_none(), "the network of that host has its share");
+        assert!(admit("192.0.2.1").is_some());
+    }
+
+    fn open(spares: &mut SpareConnections, address: &str, most: usize) -> Option<(JoinHandle<()>, Busy)> {
+        if !spares.make_room(most) {
+            return None;
+        }
+        let (task, busy) = (tokio::spawn(pending()), Busy::default());
+        spares.add(host(address), task.abort_handle(), busy.clone());
+        Some((task, busy))
+    }
+
+    async fn is_dropped(task: JoinHandle<()>) -> bool {
+        tokio::task::yield_now().await;
+        task.is_finished()
+    }
+
+    #[tokio::test]
+    async fn busy_spare_connection_is_never_dropped_and_the_oldest_idle_one_is() {
+        let mut spares = SpareConnections::default();
+        let opened: Vec<_> = (0..3).map(|_| open(&mut spares, "127.0.0.1", 3).unwrap()).collect();
+        opened[0].1.set(true);
+        let newest = open(&mut spares, "127.0.0.1", 3).unwrap();
+        newest.1.set(true);
+        let mut dropped = Vec::new();
+        for (task, busy) in opened {
+            dropped.push(is_dropped(task).await);
+            busy.set(true);
+        }
+        assert_eq!(dropped, [false, true, false]);
+        assert!(open(&mut spares, "127.0.0.1", 3).is_none(), "all are busy");
+    }
+
+    #[tokio::test]
+    async fn host_with_many_spare_connections_pushes_out_its_own() {
+        let mut spares = SpareConnections::default();
+        let (operator, _) = open(&mut spares, "192.0.2.1", 4).unwrap();
+        for _ in 0..100 {
+            open(&mut spares, "192.0.2.66", 4).unwrap();
+        }
+        assert!(!is_dropped(operator).await);
+        assert_eq!((spares.count, spares.of_peer.len()), (4, 2));
+    }
+}

@@ -1,0 +1,127 @@
+use std::net::SocketAddr;
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
+use std::time::Duration;
+
+use axum::http::HeaderMap;
+use axum::http::header::AUTHORIZATION;
+
+use super::tokens::{Scope, Tokens};
+use super::{Problem, ProblemKind};
+use upm_core::time::{Clock, MonotonicClock};
+
+/// Least time between two lines of the log about wrong tokens.
+const TOLD_EVERY: Duration = Duration::from_secs(60);
+
+/// The tokens that are accepted now, and how often others were shown. Copies are the same.
+#[derive(Clone, Debug)]
+pub struct SharedTokens(Arc<Held>);
+
+#[derive(Debug)]
+struct Held {
+    tokens: RwLock<Tokens>,
+    clock: MonotonicClock,
+    wrong: Mutex<WrongTokens>,
+}
+
+impl SharedTokens {
+    /// Accepts these until they are replaced.
+    pub fn new(tokens: Tokens) -> Self {
+        let (tokens, clock) = (RwLock::new(tokens), MonotonicClock::new());
+        Self(Arc::new(Held { tokens, clock, wrong: Mutex::default() }))
+    }
+
+    /// From now on these are accepted, and no others.
+    pub fn replace(&self, tokens: Tokens) {
+        *self.0.tokens.write().unwrap_or_else(PoisonError::into_inner) = tokens;
+    }
+
+    /// The caller, if its token lets it do what needs `needed`. A wrong one is logged, at most once a minute.
+    pub(in crate::service) fn admit(
+        &self,
+        headers: &HeaderMap,
+        needed: Scope,
+        remote: Option<SocketAddr>,
+    ) -> Result<String, Problem> {
+        let admitted = self.0.tokens.read().unwrap_or_else(PoisonError::into_inner).admit(headers, needed);
+        let is_wrong = |problem: &Problem| problem.kind() == ProblemKind::Unauthorized;
+        if headers.contains_key(AUTHORIZATION) && admitted.as_ref().is_err_and(is_wrong) {
+            self.tell(|wrong, now| wrong.note(remote, now));
+        }
+        admitted
+    }
+
+    /// Logs the wrong tokens that were not told of yet, once their minute is over.
+    pub fn tell_wrong(&self) {
+        self.tell(WrongTokens::due);
+    }
+
+    fn tell(&self, due: impl FnOnce(&mut WrongTokens, Duration) -> Option<(u64, Option<SocketAddr>)>) {
+        let due = due(&mut self.0.wrong.lock().unwrap_or_else(PoisonError::into_inner), self.0.clock.elapsed());
+        if let Some((requests, remote)) = due {
+            let remote = remote.map(|remote| remote.to_string()).unwrap_or_default();
+            tracing::warn!(requests, remote, "refused: the token is none of this daemon's");
+        }
+    }
+}
+
+/// Requests with wrong tokens that were not told of yet.
+#[derive(Debug, Default)]
+struct WrongTokens {
+    count: u64,
+    /// Where the last one came from.
+    remote: Option<SocketAddr>,
+    told_at: Option<Duration>,
+}
+
+impl WrongTokens {
+    fn note(&mut self, remote: Option<SocketAddr>, now: Duration) -> Option<(u64, Option<SocketAddr>)> {
+        self.count += 1;
+        self.remote = remote;
+        self.due(now)
+    }
+
+    /// What is to be told now: how many, and where the last one came from.
+    fn due(&mut self, now: Duration) -> Option<(u64, Option<SocketAddr>)> {
+        let is_due = self.told_at.is_none_or(|told_at| now.saturating_sub(told_at) >= TOLD_EVERY);
+        if self.count == 0 || !is_due {
+            return None;
+        }
+        self.told_at = Some(now);
+        Some((std::mem::take(&mut self.count), self.remote.take()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wrong_tokens_are_told_at_once_and_then_counted_for_a_minute() {
+        let (mut wrong, s) = (WrongTokens::default(), Duration::from_secs);
+        assert_eq!(wrong.due(s(0)), None);
+        assert_eq!(wrong.note(None, s(1)), Some((1, None)));
+        for at in 2..50 {
+            assert_eq!(wrong.note(None, s(at)), None);
+        }
+        assert_eq!((wrong.due(s(60)), wrong.due(s(61))), (None, Some((48, None))));
+        assert_eq!((wrong.due(s(200)), wrong.note(None, s(200))), (None, Some((1, None))));
+    }
+
+    #[test]
+    fn replaced_tokens_are_refused_and_new_ones_accepted() {
+        let one = |secret: &str| {
+            let mut tokens = Tokens::default();
+            tokens.add("operate", secret, Scope::Operate).unwrap();
+            tokens
+        };
+        let (old, new) = ("o".repeat(32), "n".repeat(32));
+        let shared = SharedTokens::new(one(&old));
+        let admits = |secret: &str| {
+            let headers = [(AUTHORIZATION, format!("Bearer {secret}").parse().unwrap())].into_iter().collect();
+            shared.admit(&headers, Scope::Operate, None).is_ok()
+        };
+        assert_eq!((admits(&old), admits(&new)), (true, false));
+        shared.replace(one(&new));
+        assert_eq!((admits(&old), admits(&new)), (false, true));
+    }
+}

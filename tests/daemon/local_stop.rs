@@ -1,0 +1,80 @@
+//! Emergency stops past HTTP: the socket in the data folder, and SIGUSR1.
+
+use std::fs;
+use std::io::{Read, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::net::UnixStream;
+
+use serde_json::Value;
+
+use super::served::{LEFT, RIGHT, Served, moving, until};
+
+/// What the socket answers to this line.
+fn said(served: &Served, line: &str) -> Value {
+    let mut socket = UnixStream::connect(served.folder.path().join("data/estop.sock")).unwrap();
+    socket.write_all(line.as_bytes()).unwrap();
+    let mut text = String::new();
+    socket.read_to_string(&mut text).unwrap();
+    serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"))
+}
+
+#[test]
+fn estop_through_the_socket_stops_a_running_job_and_holds_over_a_restart() {
+    let served = Served::start();
+    let job = served.submit(&moving("moving", 600.0), "max");
+    served.until_moving("moving", &job);
+    let data = served.folder.path().join("data");
+    let (stdout, stderr) = served.status(&["estop", LEFT, "--json", "--data", data.to_str().unwrap()], 0);
+    let stops: Value = serde_json::from_str(&stdout).unwrap();
+    let stop = &stops["stops"][0];
+    assert_eq!((&stop["via"], &stop["plate"]), (&"socket".into(), &LEFT.into()), "{stdout}{stderr}");
+    assert_eq!((&stop["answer"]["silent"], &stop["answer"]["persisted"]), (&true.into(), &true.into()), "{stdout}");
+    assert_eq!(served.plate(RIGHT)["state"], "idle");
+    let served = served.again(Served::kill);
+    assert_eq!(served.plate(LEFT)["state"], "stopped");
+    assert_eq!(said(&served, "\n")["stops"].as_array().unwrap().len(), 2, "the socket was replaced, and stops all");
+    assert_eq!(served.plate(RIGHT)["state"], "stopped");
+}
+
+#[test]
+fn socket_belongs_to_the_daemons_user_and_goes_with_the_daemon() {
+    let mut served = Served::start();
+    let socket = served.folder.path().join("data/estop.sock");
+    assert_eq!(fs::metadata(&socket).unwrap().permissions().mode() & 0o777, 0o600);
+    assert!(served.terminate().success());
+    assert!(!socket.exists());
+}
+
+#[test]
+fn socket_stops_nothing_when_it_is_asked_for_nothing_that_there_is() {
+    let served = Served::start();
+    for line in ["stop\n", "{\"plates\": [\"left\"], \"port\": 1}\n", "{\"plate\": \"left\"}\n"] {
+        let answer = said(&served, line);
+        assert!(answer["error"].is_string() && answer["stops"] == Value::Array(Vec::new()), "{line}: {answer}");
+    }
+    let answer = said(&served, "{\"plates\": [\"nowhere\"]}\n");
+    assert!(answer["stops"][0]["error"].is_string() && answer["stops"][0]["answer"].is_null(), "{answer}");
+    assert_eq!([LEFT, RIGHT].map(|name| served.plate(name)["state"].clone()), ["idle", "idle"]);
+}
+
+#[test]
+fn estop_without_a_socket_goes_over_http() {
+    let served = Served::start();
+    let nowhere = served.folder.path().join("nowhere");
+    let args = ["estop", LEFT, "--json", "--data", nowhere.to_str().unwrap()];
+    let (stdout, stderr) = served.status(&args, 0);
+    assert!(stdout.contains("\"http\"") && stderr.contains("estop.sock"), "{stdout}{stderr}");
+    assert_eq!(served.plate(LEFT)["state"], "stopped");
+}
+
+#[test]
+fn sigusr1_stops_every_plate() {
+    let served = Served::start();
+    let job = served.submit(&moving("moving", 600.0), "max");
+    served.until_moving("moving", &job);
+    served.signal("-USR1");
+    for name in [LEFT, RIGHT] {
+        until("the plate is stopped", || (served.plate(name)["state"] == "stopped").then_some(()));
+    }
+    until("the stops are logged", || (served.log().matches("stopped by SIGUSR1").count() == 2).then_some(()));
+}
