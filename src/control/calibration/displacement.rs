@@ -57,8 +57,16 @@ pub(super) fn measure(
     params: &CalibrationParams,
 ) -> Result<DisplacementModel, CalibrationFault> {
     let (kinds, coins) = (&params.kinds, &params.coins);
-    let mut eyes =
-        Eyes::open(bench.rig, bench.model, kinds, coins, Guards::default(), &mut Quiet, &StoppedClock, bench.stop)?;
+    let mut eyes = Eyes::open(
+        bench.rig,
+        bench.model,
+        kinds,
+        coins,
+        Guards::without("parts_jumped"),
+        &mut Quiet,
+        &StoppedClock,
+        bench.stop,
+    )?;
     let (sustain_s, opening) = choose_sustains(bench, &mut eyes, library, params)?;
     let motions = library.entries.len();
     let mut samples = Vec::new();
