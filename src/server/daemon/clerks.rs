@@ -14,13 +14,25 @@ type Task = Box<dyn FnOnce() + Send>;
 pub(super) struct Clerks(SyncSender<Task>);
 
 impl Clerks {
-    /// `count` threads called `name`, with room for `waiting` tasks.
+    /// `count` threads called `name`, with room for `waiting` tasks. They step back.
     pub fn hire(name: &str, count: usize, waiting: usize) -> io::Result<Self> {
+        Self::start(name, count, waiting, step_back)
+    }
+
+    /// The same for what is urgent: they do not step back.
+    pub fn hire_urgent(name: &str, count: usize, waiting: usize) -> io::Result<Self> {
+        Self::start(name, count, waiting, || ())
+    }
+
+    fn start(name: &str, count: usize, waiting: usize, on_start: fn()) -> io::Result<Self> {
         let (sender, tasks) = sync_channel::<Task>(waiting);
         let tasks = Arc::new(Mutex::new(tasks));
         for _ in 0..count {
             let tasks = Arc::clone(&tasks);
-            thread::Builder::new().name(name.to_owned()).spawn(move || work(&tasks))?;
+            thread::Builder::new().name(name.to_owned()).spawn(move || {
+                on_start();
+                work(&tasks);
+            })?;
         }
         Ok(Self(sender))
     }
@@ -32,7 +44,6 @@ impl Clerks {
 }
 
 fn work(tasks: &Mutex<Receiver<Task>>) {
-    step_back();
     loop {
         let next = tasks.lock().unwrap_or_else(PoisonError::into_inner).recv();
         let Ok(task) = next else { return };

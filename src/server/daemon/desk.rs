@@ -98,7 +98,7 @@ impl FrontDesk {
         let office = Arc::new(office);
         data_watch::watch(&office)?;
         let checkers = Arc::new(Clerks::hire("check", CHECKERS, CHECKS_WAITING)?);
-        let stops = Clerks::hire("stops", STOP_CLERKS, STOPS_WAITING)?;
+        let stops = Clerks::hire_urgent("stops", STOP_CLERKS, STOPS_WAITING)?;
         let resets = Clerks::hire("resets", 1, RESETS_WAITING)?;
         let files = Arc::new(Clerks::hire("files", FILE_OPENERS, FILES_WAITING)?);
         Ok(Self { office, checkers, stops, resets, files })

@@ -13,7 +13,7 @@ use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use socket2::SockRef;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::runtime::Handle;
+use tokio::runtime::{Handle, Runtime};
 use tokio::task::{JoinSet, yield_now};
 use tokio::time::{sleep, timeout};
 use tower::ServiceExt;
@@ -72,19 +72,31 @@ pub fn serve(listener: std::net::TcpListener, app: Router, limits: &Limits, stop
         tracing::warn!("only {room} files may be open at once, {wanted} may be needed: raise `ulimit -n`");
     }
     lengthen_backlog(&listener);
-    let answering = tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(WORKERS)
+    let answering = runtime(WORKERS, step_back)?;
+    // those that accept, read heads from spare connections and answer stops do not step back
+    let urgent = runtime(1, || ())?;
+    let accepting = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let handles = Handles { common: answering.handle().clone(), spare: urgent.handle().clone() };
+    let served = accepting.block_on(accept(listener, Connections::new(app, limits, stop, handles)));
+    answering.shutdown_background();
+    urgent.shutdown_background();
+    served
+}
+
+fn runtime(workers: usize, on_start: fn()) -> io::Result<Runtime> {
+    tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(workers)
         .max_blocking_threads(FILE_READERS)
         .thread_name("http")
-        .on_thread_start(step_back)
+        .on_thread_start(on_start)
         .enable_all()
-        .build()?;
-    // this thread accepts, and reads heads from spare connections: it does not step back
-    let accepting = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let connections = Connections::new(app, limits, stop, answering.handle().clone());
-    let served = accepting.block_on(accept(listener, connections));
-    answering.shutdown_background();
-    served
+        .build()
+}
+
+/// Where requests are answered: those over spare connections apart from all others.
+struct Handles {
+    common: Handle,
+    spare: Handle,
 }
 
 /// The standard library asks for 128; when those are taken, a client's next try is a second later.
@@ -128,16 +140,16 @@ struct Connections<'a> {
     app: Router,
     limits: &'a Limits,
     stop: &'a StopFlag,
-    answering: Handle,
+    handles: Handles,
     tasks: JoinSet<()>,
     common: CommonConnections,
     spare: SpareConnections,
 }
 
 impl<'a> Connections<'a> {
-    fn new(app: Router, limits: &'a Limits, stop: &'a StopFlag, answering: Handle) -> Self {
+    fn new(app: Router, limits: &'a Limits, stop: &'a StopFlag, handles: Handles) -> Self {
         let (common, spare) = (CommonConnections::default(), SpareConnections::default());
-        Self { app, limits, stop, answering, tasks: JoinSet::new(), common, spare }
+        Self { app, limits, stop, handles, tasks: JoinSet::new(), common, spare }
     }
 
     /// False while too many that were dropped have not ended.
@@ -151,10 +163,10 @@ impl<'a> Connections<'a> {
         let attendant = Attendant { app: self.app.clone(), limits: self.limits.clone(), stop: self.stop.clone(), peer };
         if let Some(place) = place {
             let Ok(stream) = stream.into_std() else { return };
-            self.tasks.spawn_on(attendant.attend(stream, place), &self.answering);
+            self.tasks.spawn_on(attendant.attend(stream, place), &self.handles.common);
         } else if self.spare.make_room(self.limits.spare_connections) {
             let busy = Busy::default();
-            let task = self.tasks.spawn(attendant.attend_spare(stream, busy.clone(), self.answering.clone()));
+            let task = self.tasks.spawn(attendant.attend_spare(stream, busy.clone(), self.handles.spare.clone()));
             self.spare.add(host, task, busy);
         }
     }
