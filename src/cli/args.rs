@@ -106,6 +106,10 @@ pub struct RunArgs {
     /// comma or again
     #[arg(long, value_name = "COMPONENT:KIND[=VALUE][@FROM_S[-TO_S]]")]
     pub faults: Vec<String>,
+    /// Puts one guard to sleep, to see that its absence is noticed
+    #[cfg(feature = "mutants")]
+    #[arg(long, value_name = "CODE", value_parser = upm_control::Guards::CODES)]
+    pub without_guard: Option<String>,
 }
 
 /// `upm serve`.

@@ -17,6 +17,8 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
         job = job.with_seed(seed);
     }
     job = job.with_faults(&args.faults).map_err(Failure::faults)?;
+    #[cfg(feature = "mutants")]
+    job.without_guard.clone_from(&args.without_guard);
     let clock = MonotonicClock::new();
     let real_time = args.pace == Pace::RealTime;
     let options = RunOptions {

@@ -254,7 +254,8 @@ impl Cycle<'_> {
         let limit_s = self.params.time_limit_s;
         if self.rig.now().secs() >= limit_s {
             let reason = format!("plate time limit of {limit_s} s reached");
-            return Err(if self.params.endless && self.watch.is_getting_on() {
+            let gets_on = self.watch.is_getting_on() || !self.params.guards.has_code("endless_progress");
+            return Err(if self.params.endless && gets_on {
                 Ending::completed(reason)
             } else if self.params.endless {
                 Ending::failed_because(EndCause::NoProgress, format!("{reason} without progress"))
@@ -266,7 +267,7 @@ impl Cycle<'_> {
     }
 
     fn check_progress(&mut self, observed: &[Vec2], wanted: &Wanted) -> Result<(), Ending> {
-        if self.watch.look(wanted, observed, self.played) {
+        if self.watch.look(wanted, observed, self.played) && self.params.guards.has_code("no_progress") {
             return Err(self.watch.ending(wanted, observed, self.params.method, |part| self.id(part)));
         }
         Ok(())
@@ -350,7 +351,12 @@ impl Cycle<'_> {
             if at_rest && self.eyes.missing_for() == 0 {
                 return Ok(self.eyes.positions_m());
             }
-            if at_rest && self.eyes.plainly_missing_for() > self.params.lost_after_frames {
+            let is_lost = self.eyes.plainly_missing_for() > self.params.lost_after_frames;
+            if at_rest && is_lost && !self.params.guards.has_code("part_lost") {
+                // the guard sleeps: the run goes on from where the part was last seen
+                return Ok(self.eyes.positions_m());
+            }
+            if at_rest && is_lost {
                 return Err(self.lost());
             }
         }

@@ -102,7 +102,7 @@ impl Eyes {
         let mut finder = CoinFinder::new(&table, model.frame_size_px, kinds, model.dark_parts);
         let found = finder.find(&frame);
         stages.disk_response = finder.response();
-        let detections = name_parts(found, kinds, parts)?;
+        let detections = name_parts(found, kinds, parts, guards.has_code("part_count"))?;
         let localise_us = (clock.elapsed() - started).as_secs_f64() * 1e6;
         sink.localised(&LocalisedFacts {
             frame: &frame,

@@ -20,6 +20,30 @@ pub struct Guards {
 }
 
 impl Guards {
+    /// The codes of all guards that can sleep.
+    pub const CODES: [&str; 20] = [
+        "camera_frozen",
+        "camera_stale",
+        "camera_dark",
+        "camera_moved",
+        "camera_late",
+        "view_hidden",
+        "foreign_part",
+        "parts_jumped",
+        "two_looks",
+        "part_count",
+        "part_lost",
+        "coil_fault",
+        "accelerometer_fault",
+        "motion_off",
+        "part_stuck",
+        "part_astray",
+        "no_progress",
+        "endless_progress",
+        "edge_limit",
+        "separation",
+    ];
+
     /// All guards but the one with this code: to see that its absence is noticed.
     pub fn without(code: &str) -> Self {
         Self { asleep: Some(code.to_owned()) }

@@ -5,14 +5,17 @@ use crate::ending::{EndCause, Ending};
 use upm_core::rig::PartKind;
 use upm_perception::vision::Detection;
 
-/// Gives each part of the job its detection: those with a known place take the nearest of their kind, the others
+/// Gives each part of the job its detection, of as many as there are where that `counts`: those with a known place take the nearest of their kind, the others
 /// what is left from left to right.
 pub(super) fn name_parts(
     mut found: Vec<Detection>,
     kinds: &[PartKind],
     parts: &[ExpectedPart],
+    counts: bool,
 ) -> Result<Vec<Detection>, Ending> {
-    count_parts(&found, kinds, parts)?;
+    if counts {
+        count_parts(&found, kinds, parts)?;
+    }
     found.sort_by(|a, b| a.position_m.x.total_cmp(&b.position_m.x).then(a.position_m.y.total_cmp(&b.position_m.y)));
     let mut named: Vec<Option<Detection>> = vec![None; parts.len()];
     let by_certainty = (0..parts.len()).filter(|&i| parts[i].expected_m.is_some());
@@ -95,14 +98,15 @@ mod tests {
     fn known_places_are_served_before_the_rest() {
         let found = vec![detection(0, 0.02, 0.0), detection(1, 0.0, 0.0), detection(0, -0.02, 0.0)];
         let parts = [part(0, None), part(0, Some(Vec2::new(-0.019, 0.0))), part(1, None)];
-        let named = name_parts(found, &kinds(), &parts).unwrap();
+        let named = name_parts(found, &kinds(), &parts, true).unwrap();
         let x: Vec<f64> = named.iter().map(|d| d.position_m.x).collect();
         assert_eq!(x, [0.02, -0.02, 0.0]);
     }
 
     #[test]
     fn a_wrong_count_is_an_ending_in_words() {
-        let ending = name_parts(vec![detection(0, 0.0, 0.0)], &kinds(), &[part(0, None), part(0, None)]).unwrap_err();
+        let ending =
+            name_parts(vec![detection(0, 0.0, 0.0)], &kinds(), &[part(0, None), part(0, None)], true).unwrap_err();
         assert_eq!(ending.reason, "the camera sees 1 of kind \"penny\", the job has 2");
     }
 }

@@ -41,6 +41,8 @@ pub struct JobSpec {
     pub plate_time_limit_s: f64,
     /// Faults of the simulated rig.
     pub faults: Vec<FaultSpec>,
+    /// Code of a guard that sleeps: only builds with the feature `mutants` set it.
+    pub without_guard: Option<String>,
     /// What happens when this computer is too slow for the plate.
     pub deadlines: DeadlinePolicy,
     /// The file's content with every default written out, the rig left out.
@@ -115,6 +117,7 @@ impl JobSpec {
             tolerance_m: m_from_mm(raw.tolerance_mm),
             plate_time_limit_s: raw.limits.plate_time_s,
             faults: of_rig.unwrap_or_default(),
+            without_guard: None,
             deadlines: raw.deadlines,
             rig,
             raw,

@@ -68,8 +68,8 @@ impl Bench {
             tolerance_m: job.tolerance_m,
             lost_after_frames: lost_after_frames(model.frame_hz),
             method: PlannerSelection::of(job).method,
-            planner: planner_params(job),
-            guards: Guards::default(),
+            planner: planner_params(job, job.without_guard.as_deref()),
+            guards: job.without_guard.as_deref().map_or_else(Guards::default, Guards::without),
             kinds,
         };
         let goal = goal(job, library, &placed);
@@ -130,12 +130,14 @@ fn given_positions(job: &JobSpec) -> impl Iterator<Item = bool> {
     job.parts.iter().flat_map(|group| std::iter::repeat_n(group.position_m.is_some(), group.count))
 }
 
-fn planner_params(job: &JobSpec) -> PlannerParams {
+fn planner_params(job: &JobSpec, without: Option<&str>) -> PlannerParams {
     let model = &job.rig.model;
+    // a limit that sleeps lies where no part gets
+    let kept = |code: &str, limit_m: f64| if without == Some(code) { -model.plate_side_m } else { limit_m };
     PlannerParams {
         half_side_m: 0.5 * model.plate_side_m,
-        edge_margin_m: REST_MARGIN_M,
-        separation_m: REST_GAP_M,
+        edge_margin_m: kept("edge_limit", REST_MARGIN_M),
+        separation_m: kept("separation", REST_GAP_M),
         min_distance_m: MIN_DISTANCE_M,
         frame_s: 1.0 / model.frame_hz,
         exposure_s: model.exposure_s,
