@@ -133,6 +133,8 @@ def pulses_of(lines):
     """All pulses in order, each with the look that it was planned from."""
     pulses, seen = [], (0.0, [])
     for line in lines:
+        if line["type"] == "localised":
+            seen = line["at_s"], [part["position_mm"] for part in line["parts"]]
         if line["type"] == "cycle":
             seen = line["observed_at_s"], line["observed_mm"]
         for row in line.get("sent", ()):

@@ -31,7 +31,7 @@ pub(super) const MIN_DISTANCE_M: f64 = 0.3e-3;
 /// How far a part's reference may run ahead of it, m.
 const LEAD_M: f64 = 4e-3;
 /// Seconds at rest without a part after which it is lost.
-const LOST_AFTER_S: f64 = 0.45;
+const LOST_AFTER_S: f64 = 0.4;
 
 /// A job's simulated rig, its goal and all that control needs.
 pub struct Bench {
@@ -323,6 +323,6 @@ mod tests {
 
     #[test]
     fn one_bad_picture_loses_no_part() {
-        assert_eq!([0.5, 3.9, 4.0, 60.0].map(lost_after_frames), [2, 2, 2, 27]);
+        assert_eq!([0.5, 3.9, 4.0, 60.0].map(lost_after_frames), [2, 2, 2, 24]);
     }
 }

@@ -1,4 +1,4 @@
-use crate::config::{JobSpec, TaskSpec};
+use crate::config::{Assignment, JobSpec, TaskSpec};
 use upm_core::units::mm_from_m;
 use upm_recording::{Outcome, PartReport, Report, Verdict};
 
@@ -32,8 +32,25 @@ pub(super) fn verdict(job: &JobSpec, report: &Report) -> Option<Verdict> {
             };
             report.parts.iter().zip(job.kinds_of_parts()).all(in_bin)
         }
+        TaskSpec::Arrange { assignment: Assignment::Optimal, .. } => {
+            let kinds = job.kinds_of_parts();
+            each_target_has_its_part(report, &kinds, mm_from_m(job.tolerance_m) + SENSING_MM)
+        }
         _ => report.parts.iter().all(near),
     };
     let is_false = report.outcome == Outcome::Completed && !is_reached;
     Some(if is_false { Verdict::FalseSuccess } else { Verdict::True })
+}
+
+/// True when a part of the right kind truly lies at each target, whichever it is: parts of a kind may exchange their targets,
+/// and their names where the camera cannot tell them apart.
+fn each_target_has_its_part(report: &Report, kinds: &[usize], within_mm: f64) -> bool {
+    let mut left: Vec<(usize, [f64; 2])> =
+        report.parts.iter().zip(kinds).filter_map(|(part, &kind)| Some((kind, part.true_mm?))).collect();
+    report.parts.iter().zip(kinds).all(|(part, &kind)| {
+        let Some(target_mm) = part.target_mm else { return true };
+        let near = |at_mm: [f64; 2]| (at_mm[0] - target_mm[0]).hypot(at_mm[1] - target_mm[1]) <= within_mm;
+        let found = left.iter().position(|&(of, at_mm)| of == kind && near(at_mm));
+        found.map(|at| left.swap_remove(at)).is_some()
+    })
 }
