@@ -32,8 +32,10 @@ const BELIEVED: u32 = 2;
 const BELIEVED_FAR: u32 = 5;
 /// Looks that show a corner displaced alike, px.
 const SAME_PLACE_PX: f64 = 0.3;
-/// How far a part may lie from where it was when the table is located anew, m, besides what a pulse should carry it.
+/// How far a part may lie from where it should be, m, whatever its way.
 const REACH_M: f64 = 3e-3;
+/// Part of the way that a pulse should carry it by which it may be off.
+const REACH_OF_WAY: f64 = 0.7;
 
 /// What a frame is taken for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,11 +78,9 @@ pub struct Eyes {
     foreign: u32,
     /// Frames of the present in a row that lack a part, nothing hiding the plate.
     missing: u32,
-    /// How far parts may have gone since they were last seen at rest, m.
-    reach_m: f64,
+    /// Where each part should be when it is next seen at rest, and how far from there it may be, m.
+    expected_m: Vec<(Vec2, f64)>,
     conditions: Conditions,
-    /// Where the parts were in the last frame at rest in plain view, m.
-    rest_m: Vec<Vec2>,
 }
 
 impl Eyes {
@@ -131,9 +131,8 @@ impl Eyes {
             displaced_px: 0.0,
             foreign: 0,
             missing: 0,
-            reach_m: REACH_M,
+            expected_m: Vec::new(),
             conditions: Conditions::default(),
-            rest_m: Vec::new(),
         })
     }
 
@@ -182,7 +181,7 @@ impl Eyes {
         }
         if is_plain {
             self.check_jumps(sink)?;
-            self.reach_m = REACH_M;
+            self.expected_m = self.positions_m().into_iter().map(|place_m| (place_m, REACH_M)).collect();
         }
         Ok(is_plain)
     }
@@ -247,12 +246,12 @@ impl Eyes {
     /// Most parts cannot have got farther than the last pulse carries them: the picture is another one.
     fn check_jumps(&mut self, sink: &mut dyn Sink) -> Result<(), Ending> {
         let places_m = self.positions_m();
-        let before_m = std::mem::replace(&mut self.rest_m, places_m);
-        let far = before_m.iter().zip(&self.rest_m).filter(|(a, b)| (*b - *a).norm() > self.reach_m).count();
-        if far < 2 || 2 * far <= before_m.len() || !self.guards.has(Condition::PartsJumped) {
+        let is_far = |(place_m, (expected_m, reach_m)): (&Vec2, &(Vec2, f64))| (place_m - expected_m).norm() > *reach_m;
+        let far = places_m.iter().zip(&self.expected_m).filter(|&part| is_far(part)).count();
+        if far < 2 || 2 * far <= places_m.len() || !self.guards.has(Condition::PartsJumped) {
             return Ok(());
         }
-        let reason = format!("{far} of {} parts lie where the last pulse cannot have carried them", before_m.len());
+        let reason = format!("{far} of {} parts lie where the last pulse cannot have carried them", places_m.len());
         self.conditions.note(self.frame.exposed_at, Condition::PartsJumped, || reason.clone(), sink);
         Err(Ending::guarded(Condition::PartsJumped, reason))
     }
@@ -282,9 +281,16 @@ impl Eyes {
         }
     }
 
-    /// Parts may be `way_m` from where they are now when they are next seen at rest.
-    pub fn expect_motion(&mut self, way_m: f64) {
-        self.reach_m = REACH_M + 1.5 * way_m;
+    /// A pulse should carry the parts to `forecast_m`; `None` where nobody knows.
+    pub fn expect_motion(&mut self, forecast_m: Option<&[Vec2]>) {
+        let places_m = self.positions_m();
+        self.expected_m = match forecast_m {
+            Some(forecast_m) => {
+                let reach_m = |from: &Vec2, to: &Vec2| REACH_M + REACH_OF_WAY * (to - from).norm();
+                places_m.iter().zip(forecast_m).map(|(from, to)| (*to, reach_m(from, to))).collect()
+            }
+            None => Vec::new(),
+        };
         self.silenced = false;
     }
 

@@ -166,7 +166,7 @@ def misread(run, fault):
     later = [other.start_s for other in run.pulses if other.start_s > pulse.start_s]
     bar_s = min(later, default=run.end_s)
     codes = ("accelerometer_fault", *(COIL_CODES if any(f.group in ("coil", "coils") for f in run.fired()) else ()))
-    named = any(guard["code"] in codes and guard["at_s"] <= bar_s for guard in run.guards)
+    named = any(guard["code"] in codes and guard["at_s"] <= bar_s + 1e-4 for guard in run.guards)
     if not named and not (run.stop_code and not later):
         yield "O2", f"{fault}: not named by {bar_s:.3f} s, after the pulse at {pulse.start_s:.3f} s"
 

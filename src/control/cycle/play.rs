@@ -20,7 +20,7 @@ impl Cycle<'_> {
         let started_at = self.rig.now();
         let (all_seen, before_m) = (self.eyes.missing_for() == 0, self.eyes.positions_m());
         let ahead = self.forecasts(&before_m, planned);
-        self.eyes.expect_motion(ahead.as_ref().map_or(0.0, |[_, learned_m, _]| farthest_m(&before_m, learned_m)));
+        self.eyes.expect_motion(ahead.as_ref().map(|[_, learned_m, _]| learned_m.as_slice()));
         self.rig.play(&drive)?;
         if let Some(swing) = self.swing(planned, &drive) {
             self.delay.begin(started_at.secs(), swing);
@@ -137,11 +137,6 @@ impl Cycle<'_> {
         let learned = |i: usize, p_m: Vec2| self.gains.get(i, p_m);
         Some([with(&|_, _| 1.0)?, with(&learned)?, with(&|i, p_m| learned(i, p_m) + MORE)?])
     }
-}
-
-/// The longest way of a part, m.
-fn farthest_m(from_m: &[Vec2], to_m: &[Vec2]) -> f64 {
-    from_m.iter().zip(to_m).map(|(from, to)| (to - from).norm()).fold(0.0, f64::max)
 }
 
 /// What the motors are sent for a pulse; `Err` in words where the library cannot drive it.

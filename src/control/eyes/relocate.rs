@@ -7,6 +7,7 @@ use super::{Eyes, Moment, TABLE_LOOKS};
 use crate::conditions::Condition;
 use crate::ending::{Ending, check_stop};
 use crate::{LocalisedFacts, Sink};
+use upm_core::geometry::Vec2;
 use upm_core::rig::Rig;
 use upm_core::time::Clock;
 use upm_perception::vision::{CoinFinder, Detection, Stages, Table, TableFault, Tracker, locate_table_in_stages};
@@ -44,17 +45,25 @@ impl Eyes {
     pub(super) fn relocate(&mut self, located: Located, sink: &mut dyn Sink) -> Result<(), Ending> {
         let Located { table, found, stages, localise_us } = located;
         let count = found.len();
-        let before: Vec<Detection> = self.tracker.tracks().iter().map(|track| track.seen.clone()).collect();
-        let Some((detections, farthest_m)) = match_parts(found, &before) else {
+        let mut before: Vec<Detection> = self.tracker.tracks().iter().map(|track| track.seen.clone()).collect();
+        for (part, (expected_m, _)) in before.iter_mut().zip(&self.expected_m) {
+            part.position_m = *expected_m;
+        }
+        let Some((detections, _)) = match_parts(found, &before) else {
             let expected = before.len();
             let reason =
                 format!("the plate has moved in the picture, and {count} parts are seen instead of {expected}");
             return Err(Ending::guarded(Condition::CameraMoved, reason));
         };
-        if farthest_m > self.reach_m && self.guards.has(Condition::PartsJumped) {
-            let far_mm = farthest_m * 1e3;
-            let reason =
-                format!("the plate has moved in the picture, and a part is {far_mm:.1} mm from where it was on it");
+        let ways = detections.iter().zip(&self.expected_m);
+        let off_m =
+            |(part, (expected_m, reach_m)): (&Detection, &(Vec2, f64))| (part.position_m - expected_m).norm() - reach_m;
+        let too_far_m = ways.map(off_m).fold(0.0, f64::max);
+        if too_far_m > 0.0 && self.guards.has(Condition::PartsJumped) {
+            let reason = format!(
+                "the plate has moved in the picture, and a part is {:.1} mm farther than it can be from its place",
+                too_far_m * 1e3
+            );
             return Err(Ending::guarded(Condition::PartsJumped, reason));
         }
         let frame = &self.frame;

@@ -32,7 +32,7 @@ pub(super) fn verdict(job: &JobSpec, report: &Report) -> Option<Verdict> {
             };
             report.parts.iter().zip(job.kinds_of_parts()).all(in_bin)
         }
-        TaskSpec::Arrange { assignment: Assignment::Optimal, .. } => {
+        TaskSpec::Hold { .. } | TaskSpec::Arrange { assignment: Assignment::Optimal, .. } => {
             let kinds = job.kinds_of_parts();
             each_target_has_its_part(report, &kinds, mm_from_m(job.tolerance_m) + SENSING_MM)
         }
