@@ -211,10 +211,7 @@ impl Eyes {
         let (since, _) = *self.blind.get_or_insert((self.frame.exposed_at.min(now), why));
         let for_s = now.secs_since(since);
         if for_s + 1e-9 >= self.blind_after_s {
-            if rig.quiet_at() > now {
-                rig.stop();
-                self.silenced = true;
-            }
+            self.silence(rig);
             self.conditions.note(now, why.condition(), || why.reason(), sink);
         }
         let patience_s = match why {
@@ -304,7 +301,15 @@ impl Eyes {
         self.table.mean_px_per_m()
     }
 
-    /// True when the last pulse was silenced because nothing could be seen.
+    /// Ends the pulse that sounds, if one does.
+    pub fn silence(&mut self, rig: &mut dyn Rig) {
+        if rig.quiet_at() > rig.now() && !self.silenced {
+            rig.stop();
+            self.silenced = true;
+        }
+    }
+
+    /// True when the last pulse was silenced: nothing, or not every part, could be seen.
     pub fn silenced_pulse(&self) -> bool {
         self.silenced
     }

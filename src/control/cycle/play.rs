@@ -2,7 +2,7 @@
 
 use super::Cycle;
 use crate::conditions::Condition;
-use crate::ending::Ending;
+use crate::ending::{EndCause, Ending};
 use crate::eyes::Moment;
 use crate::guards::{Finding, Swing, Unlike, went_as_forecast};
 use crate::learning::{Lesson, MORE, Scatter};
@@ -25,17 +25,19 @@ impl Cycle<'_> {
         if let Some(swing) = self.swing(planned, &drive) {
             self.delay.begin(started_at.secs(), swing);
         }
-        while !self.eyes.look(self.rig, moment, self.sink, self.clock)? {
-            self.check_stop()?;
-            self.delay.frame(self.eyes.seen_at().secs(), self.eyes.plate_swing_px());
-        }
-        self.delay.frame(self.eyes.seen_at().secs(), self.eyes.plate_swing_px());
+        let followed = self.follow(moment);
         let trace = self.rig.trace();
         let sensors = AccelerometerPair {
             position_m: self.model.accelerometer_in_plate_m,
             gain: self.library.accelerometer_gain,
         };
         let fit = read(planned, &drive, &trace, &sensors);
+        if let Err(ending) = followed {
+            // a plate that did not move as planned explains parts that are not where they should be
+            let is_doubt = ending.cause == EndCause::Guard(Condition::PartsJumped);
+            let cause = if is_doubt { self.doubt_motion(planned, &drive, &fit, &sensors, None).err() } else { None };
+            return Err(cause.unwrap_or(ending));
+        }
         let after_m = self.eyes.positions_m();
         let all_seen = all_seen && self.eyes.missing_for() == 0;
         let forecasts = ahead.filter(|_| all_seen && !self.eyes.silenced_pulse());
@@ -71,6 +73,22 @@ impl Cycle<'_> {
         self.doubt(planned, &drive, &fit, &sensors, steps)
     }
 
+    /// Follows the parts until a frame shows everything at rest.
+    fn follow(&mut self, moment: Moment) -> Result<(), Ending> {
+        loop {
+            let at_rest = self.eyes.look(self.rig, moment, self.sink, self.clock)?;
+            self.delay.frame(self.eyes.seen_at().secs(), self.eyes.plate_swing_px());
+            if at_rest {
+                return Ok(());
+            }
+            self.check_stop()?;
+            if self.eyes.plainly_missing_for() > self.params.lost_after_frames {
+                // nothing more is done to a part that nobody sees
+                self.eyes.silence(self.rig);
+            }
+        }
+    }
+
     /// Holds a pulse against its plan: the plate's motion, the parts' steps, the pictures' time. `steps` are places before
     /// it, forecast and seen after it, where all were seen.
     fn doubt(
@@ -83,14 +101,8 @@ impl Cycle<'_> {
     ) -> Result<(), Ending> {
         let guards = &self.params.guards;
         let as_forecast = steps.and_then(|(before, forecast, after)| went_as_forecast(before, forecast, after));
-        let found = self.motion.check(planned, drive, fit, sensors, as_forecast);
-        let delay = if found.is_none() { self.delay.end() } else { None };
-        if let Some(Finding { condition, reason, ends }) = found.filter(|found| guards.has(found.condition)) {
-            self.warn(condition, reason.clone());
-            if ends {
-                return Err(Ending::guarded(condition, reason));
-            }
-        }
+        let is_as_planned = self.doubt_motion(planned, drive, fit, sensors, as_forecast)?;
+        let delay = if is_as_planned { self.delay.end() } else { None };
         if let Some(frames) = delay.filter(|_| guards.has(Condition::CameraLate)) {
             let reason = format!("the plate moves {frames} frames later in the pictures than it is driven");
             self.warn(Condition::CameraLate, reason.clone());
@@ -108,6 +120,28 @@ impl Cycle<'_> {
         let reason = format!("{} {does} although four pulses in a row should carry it", self.id(part));
         self.warn(condition, reason.clone());
         Err(Ending::guarded(condition, reason))
+    }
+
+    /// Holds the plate's motion in a pulse against its plan; true where nothing stands out.
+    fn doubt_motion(
+        &mut self,
+        planned: &PlannedPulse,
+        drive: &Drive,
+        fit: &Result<PlateFit, FitFault>,
+        sensors: &AccelerometerPair,
+        as_forecast: Option<bool>,
+    ) -> Result<bool, Ending> {
+        let Some(Finding { condition, reason, ends }) = self.motion.check(planned, drive, fit, sensors, as_forecast)
+        else {
+            return Ok(true);
+        };
+        if self.params.guards.has(condition) {
+            self.warn(condition, reason.clone());
+            if ends {
+                return Err(Ending::guarded(condition, reason));
+            }
+        }
+        Ok(false)
     }
 
     /// How the plate should swing in a pulse; `None` where the library does not tell.
