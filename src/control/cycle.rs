@@ -9,7 +9,7 @@ use super::conditions::{Condition, Conditions};
 use super::controllability::check_controllable;
 use super::ending::{EndCause, Ending, Outcome, check_stop, is_stop};
 use super::eyes::{ExpectedPart, Eyes, Moment};
-use super::guards::{DelayGuard, Guards, MotionGuard, StepGuard};
+use super::guards::{Guards, MotionGuard, StepGuard};
 use super::learning::Gains;
 use super::plans::{FreshPlanner, Plans};
 use super::progress::ProgressWatch;
@@ -121,7 +121,6 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
                 index,
                 motion: MotionGuard::new(library),
                 steps: StepGuard::default(),
-                delay: DelayGuard::new(model.frame_hz),
                 unconfirmed: 0,
             };
             cycle.until_end()
@@ -157,7 +156,6 @@ struct Cycle<'a> {
     index: u64,
     motion: MotionGuard,
     steps: StepGuard,
-    delay: DelayGuard,
     /// Times the goal seemed reached and a second look said no.
     unconfirmed: u32,
 }
@@ -179,11 +177,7 @@ impl Cycle<'_> {
             self.conditions.end_run(self.rig.now(), self.sink);
             self.eyes.end_run(self.rig.now(), self.sink);
         }
-        let lost = if self.eyes.plainly_missing_for() > self.params.lost_after_frames {
-            self.eyes.unseen()
-        } else {
-            Vec::new()
-        };
+        let lost = if self.is_part_lost() { self.eyes.unseen() } else { Vec::new() };
         Finish { ending, wanted: self.wanted.take(), measured_m: self.eyes.positions_m(), lost }
     }
 
@@ -214,7 +208,7 @@ impl Cycle<'_> {
             self.play(pulse, if number == plan.pulses.len() { Moment::Cycle } else { Moment::Pulse })?;
             *last_pulse_at = self.rig.now();
             self.look_for_missing()?;
-            if self.eyes.silenced_pulse() {
+            if self.eyes.upset_plan() {
                 break;
             }
         }
@@ -347,19 +341,23 @@ impl Cycle<'_> {
         loop {
             self.check_stop()?;
             let at_rest = self.eyes.look(self.rig, Moment::Cycle, self.sink, self.clock)?;
-            self.delay.frame(self.eyes.seen_at().secs(), self.eyes.plate_swing_px());
             if at_rest && self.eyes.missing_for() == 0 {
                 return Ok(self.eyes.positions_m());
             }
-            let is_lost = self.eyes.plainly_missing_for() > self.params.lost_after_frames;
-            if at_rest && is_lost && !self.params.guards.has_code("part_lost") {
+            self.check_lost()?;
+            if at_rest && self.is_part_lost() {
                 // the guard sleeps: the run goes on from where the part was last seen
                 return Ok(self.eyes.positions_m());
             }
-            if at_rest && is_lost {
-                return Err(self.lost());
-            }
         }
+    }
+
+    fn is_part_lost(&self) -> bool {
+        self.eyes.plainly_missing_for() > self.params.lost_after_frames
+    }
+
+    fn check_lost(&self) -> Result<(), Ending> {
+        if self.is_part_lost() && self.params.guards.has_code("part_lost") { Err(self.lost()) } else { Ok(()) }
     }
 
     fn lost(&self) -> Ending {

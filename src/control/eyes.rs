@@ -1,3 +1,4 @@
+mod motion;
 mod naming;
 mod relocate;
 mod scene;
@@ -5,17 +6,18 @@ mod scene;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use self::motion::REACH_M;
 use self::naming::name_parts;
 use self::scene::{Blind, Place, Scene};
 use super::conditions::{Condition, Conditions};
 use super::ending::{EndCause, Ending, check_stop};
-use super::guards::Guards;
+use super::guards::{DelayGuard, Guards};
 use super::{FrameFacts, LocalisedFacts, Sink};
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::rig::{PartKind, Rig, RigModel};
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, PlateTime};
-use upm_perception::vision::{CoinFinder, Stages, Table, TableFault, Tracker, locate_table_in_stages};
+use upm_perception::vision::{CoinFinder, Stages, Table, TableFault, Track, Tracker, locate_table_in_stages};
 
 /// Looks at an empty-handed rig before the table counts as missing.
 const TABLE_LOOKS: usize = 5;
@@ -32,10 +34,10 @@ const BELIEVED: u32 = 2;
 const BELIEVED_FAR: u32 = 5;
 /// Looks that show a corner displaced alike, px.
 const SAME_PLACE_PX: f64 = 0.3;
-/// How far a part may lie from where it should be, m, whatever its way.
-const REACH_M: f64 = 3e-3;
-/// Part of the way that a pulse should carry it by which it may be off.
-const REACH_OF_WAY: f64 = 0.7;
+/// How far beyond the edge a part's middle is off the plate for sure, m: more than a plate swings.
+const EDGE_M: f64 = 1e-3;
+/// Time in which a plate swings out, s.
+const SWING_S: f64 = 0.4;
 
 /// What a frame is taken for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,13 +75,20 @@ pub struct Eyes {
     blind: Option<(PlateTime, Blind)>,
     /// The pulse that sounds was silenced.
     silenced: bool,
+    /// When the plate has swung out after a pulse that was silenced.
+    still_from: PlateTime,
     displaced: u32,
     displaced_px: f64,
     foreign: u32,
     /// Frames of the present in a row that lack a part, nothing hiding the plate.
     missing: u32,
+    /// Frames in a row that show a part off the plate.
+    off_plate: u32,
+    /// The table was located anew since the last pulse began.
+    relocated: bool,
     /// Where each part should be when it is next seen at rest, and how far from there it may be, m.
     expected_m: Vec<(Vec2, f64)>,
+    delay: DelayGuard,
     conditions: Conditions,
 }
 
@@ -127,11 +136,15 @@ impl Eyes {
             blind_after_s: (BLIND_FRAMES / model.frame_hz).min(BLIND_S.max(1.5 / model.frame_hz)),
             blind: None,
             silenced: false,
+            still_from: PlateTime::default(),
             displaced: 0,
             displaced_px: 0.0,
             foreign: 0,
             missing: 0,
+            off_plate: 0,
+            relocated: false,
             expected_m: Vec::new(),
+            delay: DelayGuard::new(model.frame_hz),
             conditions: Conditions::default(),
         })
     }
@@ -149,7 +162,7 @@ impl Eyes {
         clock: &dyn Clock,
     ) -> Result<bool, Ending> {
         rig.capture(&mut self.frame)?;
-        let at_rest = self.frame.exposed_at - rig.quiet_at() >= self.half_exposure_s;
+        let at_rest = self.frame.exposed_at - rig.quiet_at().max(self.still_from) >= self.half_exposure_s;
         let start = clock.elapsed();
         let stale = self.scene.stale(&self.frame, rig.now()).filter(|blind| self.guards.has(blind.condition()));
         if stale.is_some() {
@@ -162,6 +175,8 @@ impl Eyes {
             None if at_rest => self.examine(),
             None => (None, Place::Unknown),
         };
+        let swing_px = if blind.is_none() { self.scene.swing_px(&self.frame) } else { None };
+        self.delay.frame(self.frame.exposed_at.secs(), swing_px);
         let track_us = (clock.elapsed() - start).as_secs_f64() * 1e6;
         let is_plain = at_rest && blind.is_none() && matches!(place, Place::Same) && self.foreign == 0;
         sink.frame(&FrameFacts {
@@ -176,6 +191,8 @@ impl Eyes {
             self.settle_foreign(sink)?;
             self.settle_place(&place, sink, clock)?;
         }
+        self.off_plate =
+            if self.tracker.tracks().iter().any(|track| self.is_off_plate(track)) { self.off_plate + 1 } else { 0 };
         if blind.is_none() {
             self.missing = if self.missing_for() > 0 { self.missing + 1 } else { 0 };
         }
@@ -240,24 +257,15 @@ impl Eyes {
         }
     }
 
-    /// Most parts cannot have got farther than the last pulse carries them: the picture is another one.
-    fn check_jumps(&mut self, sink: &mut dyn Sink) -> Result<(), Ending> {
-        let places_m = self.positions_m();
-        let is_far = |(place_m, (expected_m, reach_m)): (&Vec2, &(Vec2, f64))| (place_m - expected_m).norm() > *reach_m;
-        let far = places_m.iter().zip(&self.expected_m).filter(|&part| is_far(part)).count();
-        if far < 2 || 2 * far <= places_m.len() || !self.guards.has(Condition::PartsJumped) {
-            return Ok(());
-        }
-        let reason = format!("{far} of {} parts lie where the last pulse cannot have carried them", places_m.len());
-        self.conditions.note(self.frame.exposed_at, Condition::PartsJumped, || reason.clone(), sink);
-        Err(Ending::guarded(Condition::PartsJumped, reason))
-    }
-
     fn settle_place(&mut self, place: &Place, sink: &mut dyn Sink, clock: &dyn Clock) -> Result<(), Ending> {
         let Place::Elsewhere { corner_px } = *place else {
             self.displaced = 0;
             return Ok(());
         };
+        if self.delay.is_doubtful() && self.guards.has(Condition::CameraLate) {
+            // late pictures show a plate that has come to rest still swinging
+            return Ok(());
+        }
         // a plate that still swings in the picture is at another place in each look
         let before_px = std::mem::replace(&mut self.displaced_px, corner_px);
         let agrees = (corner_px - before_px).abs() < SAME_PLACE_PX || corner_px == before_px;
@@ -278,40 +286,28 @@ impl Eyes {
         }
     }
 
-    /// A pulse should carry the parts to `forecast_m`; `None` where nobody knows.
-    pub fn expect_motion(&mut self, forecast_m: Option<&[Vec2]>) {
-        let places_m = self.positions_m();
-        self.expected_m = match forecast_m {
-            Some(forecast_m) => {
-                let reach_m = |from: &Vec2, to: &Vec2| REACH_M + REACH_OF_WAY * (to - from).norm();
-                places_m.iter().zip(forecast_m).map(|(from, to)| (*to, reach_m(from, to))).collect()
-            }
-            None => Vec::new(),
-        };
-        self.silenced = false;
-    }
-
-    /// How far the plate's corners are from their places in the newest frame, px, at most; `None` where it is not seen.
-    pub fn plate_swing_px(&self) -> Option<f64> {
-        if self.blind.is_some() { None } else { self.scene.swing_px(&self.frame) }
-    }
-
     /// Pixels of a metre on the plate.
     pub fn px_per_m(&self) -> f64 {
         self.table.mean_px_per_m()
     }
 
-    /// Ends the pulse that sounds, if one does.
+    /// Ends the pulse that sounds, if one does; the plate swings for a while longer.
     pub fn silence(&mut self, rig: &mut dyn Rig) {
         if rig.quiet_at() > rig.now() && !self.silenced {
             rig.stop();
             self.silenced = true;
+            self.still_from = rig.now() + SWING_S;
         }
     }
 
     /// True when the last pulse was silenced: nothing, or not every part, could be seen.
     pub fn silenced_pulse(&self) -> bool {
         self.silenced
+    }
+
+    /// True when what was planned before the last pulse no longer holds: it was silenced, or the table located anew.
+    pub fn upset_plan(&self) -> bool {
+        self.silenced || self.relocated
     }
 
     /// Tells `sink` of every condition of the camera that held until now.
@@ -329,15 +325,21 @@ impl Eyes {
         self.tracker.tracks().iter().map(|track| track.seen.position_m).collect()
     }
 
-    /// The parts that the newest frame does not show.
+    /// The parts that the newest frame does not show on the plate.
     pub fn unseen(&self) -> Vec<usize> {
         let tracks = self.tracker.tracks().iter().enumerate();
-        tracks.filter(|(_, track)| track.frames_unseen > 0).map(|(part, _)| part).collect()
+        let is_unseen = |track: &Track| track.frames_unseen > 0 || self.is_off_plate(track);
+        tracks.filter(|(_, track)| is_unseen(track)).map(|(part, _)| part).collect()
     }
 
-    /// Frames for which the longest missing part has been missing; 0 when the newest frame shows all.
+    /// Frames for which the longest missing part has been missing; 0 when the newest frame shows all on the plate.
     pub fn missing_for(&self) -> u32 {
-        self.tracker.tracks().iter().map(|track| track.frames_unseen).max().unwrap_or(0)
+        self.tracker.tracks().iter().map(|track| track.frames_unseen).fold(self.off_plate, u32::max)
+    }
+
+    /// A part with its middle beyond the edge lies beside the plate, or is about to fall.
+    fn is_off_plate(&self, track: &Track) -> bool {
+        track.seen.position_m.amax() > 0.5 * self.table.side_m + EDGE_M
     }
 
     /// Frames of the present in a row that lack a part, nothing hiding the plate.

@@ -8,7 +8,7 @@ mod steps;
 
 use super::conditions::Condition;
 
-pub(super) use delay::{DelayGuard, Swing};
+pub(super) use delay::{DelayGuard, Late, Swing};
 pub(super) use freshness::{Freshness, Stale};
 pub(super) use motion::{Finding, MotionGuard};
 pub(super) use steps::{StepGuard, Unlike, went_as_forecast};

@@ -80,8 +80,8 @@ pub struct DiscShape {
 pub struct Snapshot {
     /// The plate against its place at rest.
     pub plate_in_table: Pose,
-    /// Every part, in the order of the camera's shapes.
-    pub parts_in_table: Vec<Pose>,
+    /// Every part, in the order of the camera's shapes; `None` for one that fell off the plate, wherever that swings.
+    pub parts_in_table: Vec<Option<Pose>>,
 }
 
 /// The synthetic camera. Frames follow from its parameters, its generator and the calls made, nothing else.
@@ -167,12 +167,13 @@ impl Camera {
         plate.show(poses, grain, |index| stale.mark(index));
         let middle = exposure.get(exposure.len() / 2);
         for (index, part) in parts.iter_mut().enumerate() {
-            let pose_in = |snapshot: &Snapshot| snapshot.parts_in_table.get(index).copied();
-            let on_plate = middle.is_some_and(|snapshot| {
-                pose_in(snapshot).is_some_and(|pose| plate.carries(&snapshot.plate_in_table, pose.position_m))
+            let pose_in = |snapshot: &Snapshot| snapshot.parts_in_table.get(index).copied().flatten();
+            let in_middle = middle.and_then(|snapshot| {
+                pose_in(snapshot).filter(|pose| plate.carries(&snapshot.plate_in_table, pose.position_m))
             });
-            let seen = if on_plate { exposure } else { &[] };
-            let positions_m = seen.iter().map(|snapshot| pose_in(snapshot).unwrap_or_default().position_m);
+            let seen = if in_middle.is_some() { exposure } else { &[] };
+            let positions_m =
+                seen.iter().map(|snapshot| pose_in(snapshot).or(in_middle).unwrap_or_default().position_m);
             part.show(positions_m, grain, (view, grid, blur), |index| stale.mark(index));
         }
     }

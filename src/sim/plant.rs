@@ -4,7 +4,7 @@ use super::accelerometers::Accelerometers;
 use super::faults::{PlantChange, PlantFaults};
 use super::guard::Guard;
 use super::motors::Motors;
-use super::parts::Parts;
+use super::parts::{PartMotion, Parts};
 use super::plate::{Plate, PlateMotion, Wrench};
 use super::{PartParams, SimParams, Snapshot};
 use upm_core::geometry::Pose;
@@ -157,7 +157,8 @@ impl Plant {
         let before_s = self.now().secs_since(time).min(self.step_s);
         snapshot.plate_in_table = self.motion.pose_before(before_s);
         snapshot.parts_in_table.clear();
-        snapshot.parts_in_table.extend(self.parts.motions().map(|part| part.pose_before(before_s)));
+        let pose = |part: &PartMotion| part.on_plate.then(|| part.pose_before(before_s));
+        snapshot.parts_in_table.extend(self.parts.motions().map(pose));
     }
 
     #[cfg(test)]
@@ -229,7 +230,7 @@ mod tests {
             let time = plant.now();
             plant.step();
             plant.snapshot_at(time, &mut snapshot);
-            assert!((snapshot.parts_in_table[0].position_m - part.position_m).norm() < 1e-12);
+            assert!((snapshot.parts_in_table[0].unwrap_or_default().position_m - part.position_m).norm() < 1e-12);
             assert!((snapshot.plate_in_table.position_m - plate.position_m).norm() < 2e-8);
             assert!((snapshot.plate_in_table.heading_rad - plate.heading_rad).abs() < 1e-6);
             reached = reached.max(plate.position_m.norm());

@@ -2,9 +2,9 @@
 
 use super::Cycle;
 use crate::conditions::Condition;
-use crate::ending::{EndCause, Ending};
+use crate::ending::{EndCause, Ending, is_stop};
 use crate::eyes::Moment;
-use crate::guards::{Finding, Swing, Unlike, went_as_forecast};
+use crate::guards::{Finding, Late, Swing, Unlike, went_as_forecast};
 use crate::learning::{Lesson, MORE, Scatter};
 use crate::{Carried, PulseFacts};
 use upm_core::geometry::Vec2;
@@ -20,11 +20,9 @@ impl Cycle<'_> {
         let started_at = self.rig.now();
         let (all_seen, before_m) = (self.eyes.missing_for() == 0, self.eyes.positions_m());
         let ahead = self.forecasts(&before_m, planned);
-        self.eyes.expect_motion(ahead.as_ref().map(|[_, learned_m, _]| learned_m.as_slice()));
+        let forecast_m = ahead.as_ref().map(|[_, learned_m, _]| learned_m.as_slice());
+        self.eyes.expect_pulse(started_at, forecast_m, self.swing(planned, &drive));
         self.rig.play(&drive)?;
-        if let Some(swing) = self.swing(planned, &drive) {
-            self.delay.begin(started_at.secs(), swing);
-        }
         let followed = self.follow(moment);
         let trace = self.rig.trace();
         let sensors = AccelerometerPair {
@@ -32,30 +30,33 @@ impl Cycle<'_> {
             gain: self.library.accelerometer_gain,
         };
         let fit = read(planned, &drive, &trace, &sensors);
-        if let Err(ending) = followed {
-            // a plate that did not move as planned explains parts that are not where they should be
-            let is_doubt = ending.cause == EndCause::Guard(Condition::PartsJumped);
-            let cause = if is_doubt { self.doubt_motion(planned, &drive, &fit, &sensors, None).err() } else { None };
-            return Err(cause.unwrap_or(ending));
-        }
         let after_m = self.eyes.positions_m();
         let all_seen = all_seen && self.eyes.missing_for() == 0;
-        let forecasts = ahead.filter(|_| all_seen && !self.eyes.silenced_pulse());
+        let forecasts = ahead.filter(|_| followed.is_ok() && all_seen && !self.eyes.silenced_pulse());
         let carried = forecasts.as_ref().map(|[by_library_m, by_learning_m, _]| Carried {
             before_m: &before_m,
             after_m: &after_m,
             by_library_m,
             by_learning_m,
         });
-        self.sink.pulse(&PulseFacts {
-            cycle: self.index,
-            started_at,
-            planned,
-            drive: &drive,
-            trace: &trace,
-            fit: &fit,
-            carried,
-        });
+        // the repetition of a stopped run does not stop
+        if !followed.as_ref().is_err_and(|ending| is_stop(&ending.reason)) {
+            self.sink.pulse(&PulseFacts {
+                cycle: self.index,
+                started_at,
+                planned,
+                drive: &drive,
+                trace: &trace,
+                fit: &fit,
+                carried,
+            });
+        }
+        if let Err(ending) = followed {
+            // a plate that did not move as planned explains parts that are not where they should be
+            let is_doubt = ending.cause == EndCause::Guard(Condition::PartsJumped);
+            let cause = if is_doubt { self.doubt_motion(planned, &drive, &fit, &sensors, None).err() } else { None };
+            return Err(cause.unwrap_or(ending));
+        }
         if let Some([_, forecast_m, with_more_m]) = &forecasts {
             self.gains.learn(&Lesson {
                 before_m: &before_m,
@@ -77,13 +78,13 @@ impl Cycle<'_> {
     fn follow(&mut self, moment: Moment) -> Result<(), Ending> {
         loop {
             let at_rest = self.eyes.look(self.rig, moment, self.sink, self.clock)?;
-            self.delay.frame(self.eyes.seen_at().secs(), self.eyes.plate_swing_px());
             if at_rest {
                 return Ok(());
             }
             self.check_stop()?;
-            if self.eyes.plainly_missing_for() > self.params.lost_after_frames {
-                // nothing more is done to a part that nobody sees
+            self.check_lost()?;
+            if 2 * self.eyes.plainly_missing_for() > self.params.lost_after_frames {
+                // a part that the motion blurs is seen once the plate is still
                 self.eyes.silence(self.rig);
             }
         }
@@ -102,9 +103,11 @@ impl Cycle<'_> {
         let guards = &self.params.guards;
         let as_forecast = steps.and_then(|(before, forecast, after)| went_as_forecast(before, forecast, after));
         let is_as_planned = self.doubt_motion(planned, drive, fit, sensors, as_forecast)?;
-        let delay = if is_as_planned { self.delay.end() } else { None };
-        if let Some(frames) = delay.filter(|_| guards.has(Condition::CameraLate)) {
-            let reason = format!("the plate moves {frames} frames later in the pictures than it is driven");
+        if let Some(late) = if is_as_planned { self.eyes.late() } else { None } {
+            let reason = match late {
+                Late::By(frames) => format!("the plate moves {frames} frames later in the pictures than it is driven"),
+                Late::Unseen => "the pictures do not show the plate move while it is driven".to_owned(),
+            };
             self.warn(Condition::CameraLate, reason.clone());
             return Err(Ending::guarded(Condition::CameraLate, reason));
         }

@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use super::naming::match_parts;
-use super::{Eyes, Moment, TABLE_LOOKS};
+use super::{Eyes, Moment, SWING_S, TABLE_LOOKS};
 use crate::conditions::Condition;
 use crate::ending::{Ending, check_stop};
 use crate::{LocalisedFacts, Sink};
@@ -17,8 +17,6 @@ const CONFIRMING_LOOKS: usize = 2;
 /// Between such looks corners and parts may differ by this much.
 const SAME_CORNER_PX: f64 = 0.7;
 const SAME_PART_M: f64 = 0.2e-3;
-/// Time in which a plate swings out, s.
-const SWING_S: f64 = 0.4;
 
 /// Table and parts of one frame, from nothing.
 pub(super) struct Located {
@@ -70,7 +68,7 @@ impl Eyes {
         sink.localised(&LocalisedFacts { frame, table: &table, detections: &detections, stages: &stages, localise_us });
         self.scene.relocate(&table, [frame.width, frame.height], &self.kinds, self.dark_parts);
         self.tracker = Tracker::new(&table, [frame.width, frame.height], &self.kinds, self.dark_parts, detections);
-        (self.table, self.displaced) = (table, 0);
+        (self.table, self.displaced, self.relocated) = (table, 0, true);
         Ok(())
     }
 

@@ -4,19 +4,26 @@ use upm_core::geometry::{Twist, Vec2, perp};
 use upm_core::signal::{Envelope, TwistWave};
 
 /// Longest delay that is looked for, frames.
-const LONGEST: usize = 13;
+const LONGEST: usize = 30;
 /// From this delay on pictures are late, frames.
 const LATE: usize = 2;
 /// Pulses in a row that must be late.
 const IN_A_ROW: u32 = 2;
-/// Frames that are looked at together, besides those that may be late.
+/// Frames that are looked at together at most, besides those that may be late.
 const WINDOW: usize = 48;
-/// The plate must swing so far in them, root of the sum of squares, px.
-const LEAST_SWING_PX: f64 = 1.5;
+/// The plate must swing so far in them, root of the sum of squares, px; frames before a weak pulse are looked at, too.
+const LEAST_SWING_PX: f64 = 0.6;
 /// A delay must explain the frames so much better than none: part of the squares that it leaves.
 const BETTER: f64 = 0.35;
 /// And leave no more than this part of what was seen.
 const LEFT: f64 = 0.15;
+/// Delays that leave this much more than the best explain the frames as well: part of what was seen.
+const ALIKE: f64 = 0.02;
+/// One pulse suffices where no delay leaves more than this, and the delay less than that.
+const SURE_UNDELAYED: f64 = 0.5;
+const SURE_LEFT: f64 = 0.05;
+/// A plate seen to swing less than this part of what it should stands still in the pictures: of the squares.
+const STILL: f64 = 0.03;
 /// Displacements above this are not told apart, px.
 const FARTHEST_PX: f64 = 6.0;
 
@@ -30,9 +37,18 @@ pub struct DelayGuard {
     newest: u64,
     /// The last two pulses, by when they began, s of plate time.
     pulses: VecDeque<(f64, Swing)>,
-    /// Delay of the last pulse that told one, and pulses in a row that were late.
-    last: usize,
+    /// Delay of the last pulse that was late, and pulses in a row that were.
+    last: Option<usize>,
     late: u32,
+}
+
+/// How pictures lag behind the drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Late {
+    /// By so many frames.
+    By(usize),
+    /// They do not show the plate swing in the pulses that swing it.
+    Unseen,
 }
 
 /// How far the corners were from their places in one frame, px.
@@ -40,6 +56,18 @@ pub struct DelayGuard {
 struct Swung {
     seen: Option<f64>,
     expected: f64,
+}
+
+/// What some frames tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Timing {
+    /// The plate hardly swings.
+    Untold,
+    InTime,
+    Late {
+        late: Late,
+        is_sure: bool,
+    },
 }
 
 /// How the plate swings in a pulse.
@@ -63,7 +91,7 @@ impl DelayGuard {
             frames: VecDeque::with_capacity(WINDOW + LONGEST),
             newest: 0,
             pulses: VecDeque::with_capacity(2),
-            last: 0,
+            last: None,
             late: 0,
         }
     }
@@ -97,34 +125,82 @@ impl DelayGuard {
         self.frames.push_back(Swung { seen, expected });
     }
 
-    /// A pulse is over: the delay in frames once pictures were late too often.
-    pub fn end(&mut self) -> Option<usize> {
-        let delay = self.delay()?;
-        // a delay of the camera is the same in every pulse
-        let last = std::mem::replace(&mut self.last, delay);
-        self.late = match delay {
-            _ if delay < LATE => 0,
-            _ if self.late > 0 && delay.abs_diff(last) > 1 => 1,
-            _ => self.late + 1,
-        };
-        (self.late >= IN_A_ROW).then_some(delay)
+    /// True while the frames of the newest pulse look late: the plate may swing in the pictures when it stands still.
+    pub fn is_doubtful(&self) -> bool {
+        matches!(self.newest_pulse(), Timing::Late { late: Late::By(_), .. })
     }
 
-    /// The delay that explains the frames best, 0 where none does clearly better; `None` where the plate hardly swings.
-    fn delay(&self) -> Option<usize> {
-        let seen = || self.frames.iter().enumerate().filter_map(|(i, frame)| frame.seen.map(|px| (i, px)));
-        let total: f64 = self.frames.iter().map(|frame| frame.expected * frame.expected).sum();
-        if total < LEAST_SWING_PX * LEAST_SWING_PX {
-            return None;
+    /// A pulse is over: how late pictures are once they were late too often.
+    pub fn end(&mut self) -> Option<Late> {
+        // pulses that follow each other like one clock tell only together
+        let timing = match self.newest_pulse() {
+            Timing::InTime => self.both_pulses(),
+            timing => timing,
+        };
+        match timing {
+            Timing::Untold => None,
+            Timing::InTime => {
+                self.late = 0;
+                None
+            }
+            Timing::Late { late, is_sure } => {
+                let delay = if let Late::By(frames) = late { Some(frames) } else { None };
+                let last = std::mem::replace(&mut self.last, delay);
+                // a delay of the camera is the same in every pulse
+                let agrees = delay.zip(last).is_none_or(|(frames, last)| frames.abs_diff(last) <= 1);
+                self.late = if agrees { self.late + 1 } else { 1 };
+                (is_sure || self.late >= IN_A_ROW).then_some(late)
+            }
+        }
+    }
+
+    fn newest_pulse(&self) -> Timing {
+        self.timing_since(self.pulses.back())
+    }
+
+    fn both_pulses(&self) -> Timing {
+        self.timing_since(self.pulses.front())
+    }
+
+    /// The delay that explains the frames since a pulse began best, where one does clearly better than none.
+    fn timing_since(&self, pulse: Option<&(f64, Swing)>) -> Timing {
+        let Some((begin_s, _)) = pulse else { return Timing::Untold };
+        let (first, expected) = self.window(*begin_s);
+        if expected < LEAST_SWING_PX * LEAST_SWING_PX {
+            return Timing::Untold;
+        }
+        let seen = || self.frames.iter().enumerate().skip(first).filter_map(|(i, frame)| Some((i, frame.seen?)));
+        let all: f64 = seen().map(|(_, px)| px * px).sum();
+        if all < STILL * expected {
+            return Timing::Late { late: Late::Unseen, is_sure: false };
         }
         let left = |delay: usize| -> f64 {
             let expected = |i: usize| i.checked_sub(delay).and_then(|i| self.frames.get(i)).map_or(0.0, |f| f.expected);
             seen().map(|(i, px)| (px - expected(i)).powi(2)).sum()
         };
         let undelayed = left(0);
-        let (delay, least) = (1..=LONGEST).map(|delay| (delay, left(delay))).min_by(|(_, a), (_, b)| a.total_cmp(b))?;
-        let all: f64 = seen().map(|(_, px)| px * px).sum();
-        Some(if least < BETTER * undelayed && least < LEFT * all { delay } else { 0 })
+        let least = (1..=LONGEST).map(left).fold(undelayed, f64::min);
+        // pulses that follow each other like one clock have more than one delay that explains them
+        let delay = (0..=LONGEST).find(|&delay| left(delay) <= least + ALIKE * all).unwrap_or(0);
+        if delay < LATE || least > BETTER * undelayed || least > LEFT * all {
+            return Timing::InTime;
+        }
+        let is_sure = undelayed > SURE_UNDELAYED * all && least < SURE_LEFT * all;
+        Timing::Late { late: Late::By(delay), is_sure }
+    }
+
+    /// The first frame that is looked at, and the sum of squares of what should be seen from there on, px².
+    fn window(&self, begin_s: f64) -> (usize, f64) {
+        let mut expected = 0.0;
+        for (i, frame) in self.frames.iter().enumerate().rev() {
+            let age = self.frames.len() - 1 - i;
+            let at_s = (self.newest as f64 - age as f64) * self.frame_s;
+            if age >= WINDOW || (at_s < begin_s && expected >= LEAST_SWING_PX * LEAST_SWING_PX) {
+                return (i + 1, expected);
+            }
+            expected += frame.seen.map_or(0.0, |_| frame.expected * frame.expected);
+        }
+        (0, expected)
     }
 }
 
@@ -176,9 +252,14 @@ mod tests {
         }
     }
 
+    /// From one pulse to the next.
+    fn frames(swing: &Swing) -> u32 {
+        (swing.envelope.total_s() / FRAME_S).ceil() as u32 + 1
+    }
+
     /// What is found in each of four pulses of `swing`, one straight after the other, seen `late` frames late.
-    fn found(late: u32, swing: &Swing) -> [Option<usize>; 4] {
-        let frames = (swing.envelope.total_s() / FRAME_S).ceil() as u32 + 1;
+    fn found(late: u32, swing: &Swing) -> [Option<Late>; 4] {
+        let frames = frames(swing);
         let mut guard = DelayGuard::new(FRAME_HZ);
         let begin_s = |number: u32| f64::from(3 + number * frames) * FRAME_S + 0.001;
         let corner_px = |at_s: f64| {
@@ -198,10 +279,15 @@ mod tests {
     #[test]
     fn delay_is_measured_to_the_frame_by_the_third_pulse() {
         for pulse in [swing(0.3, 30.0, 1.0 / 15.0, 0.2), swing(0.3, 60.0, 1.0 / 60.0, 0.1)] {
-            for late in [2, 3, 6, 12] {
-                let found = found(late, &pulse);
-                let first = found[..3].iter().flatten().next();
-                assert_eq!(first, Some(&(late as usize)), "{late}: {found:?}");
+            for late in [2, 3, 6, 12, 20, 30] {
+                let (found, period) = (found(late, &pulse), frames(&pulse) as usize);
+                let named = found[..3].iter().flatten().next();
+                // two pulses may be over before one is seen
+                let delay = found.iter().flatten().find(|&&late| late != Late::Unseen);
+                // pulses at equal distances look alike from one to the next
+                let is_right =
+                    |&late_by: &Late| matches!(late_by, Late::By(by) if by.abs_diff(late as usize) % period == 0);
+                assert!(named.is_some() && delay.is_some_and(is_right), "{late}: {found:?}");
             }
         }
     }

@@ -44,7 +44,8 @@ fn level_hit(camera: &Camera, discs: &[DiscShape], snapshot: &Snapshot, px: Vec2
     let [ground, plate, part] = camera.params.levels;
     let Some(low) = camera.view.table_from_image(px) else { return ground };
     let eye = camera.params.position_m;
-    let hit = discs.iter().zip(&snapshot.parts_in_table).any(|(disc, pose)| {
+    let mut parts = discs.iter().zip(&snapshot.parts_in_table).filter_map(|(disc, pose)| Some((disc, (*pose)?)));
+    let hit = parts.any(|(disc, pose)| {
         let high = low + (eye.xy() - low) * disc.thickness_m / eye.z;
         let (stretch, to_axis) = (high - low, pose.position_m - low);
         let along = (to_axis.dot(&stretch) / stretch.norm_squared()).clamp(0.0, 1.0);
@@ -134,7 +135,7 @@ impl Picture {
 fn scene(parts: &[[f64; 2]]) -> Snapshot {
     Snapshot {
         plate_in_table: pose(0.0, 0.0, 0.0),
-        parts_in_table: parts.iter().map(|&[x, y]| pose(x, y, 0.0)).collect(),
+        parts_in_table: parts.iter().map(|&[x, y]| Some(pose(x, y, 0.0))).collect(),
     }
 }
 

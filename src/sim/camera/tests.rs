@@ -10,7 +10,7 @@ use upm_core::random::Streams;
 const TALL: DiscShape = DiscShape { radius_m: 6e-3, thickness_m: 12e-3 };
 
 fn snapshot(plate: Pose, parts: &[Vec2]) -> Snapshot {
-    let parts_in_table = parts.iter().map(|p| pose(p.x, p.y, 0.0)).collect();
+    let parts_in_table = parts.iter().map(|p| Some(pose(p.x, p.y, 0.0))).collect();
     Snapshot { plate_in_table: plate, parts_in_table }
 }
 

@@ -1,0 +1,50 @@
+//! What a pulse should do to the picture: the way of the parts, the swing of the plate.
+
+use super::Eyes;
+use crate::Sink;
+use crate::conditions::Condition;
+use crate::ending::Ending;
+use crate::guards::{Late, Swing};
+use upm_core::geometry::Vec2;
+use upm_core::time::PlateTime;
+
+/// How far a part may lie from where it should be, m, whatever its way.
+pub(super) const REACH_M: f64 = 3e-3;
+/// Part of the way that a pulse should carry it by which it may be off.
+const REACH_OF_WAY: f64 = 0.7;
+
+impl Eyes {
+    /// A pulse begins at `at` that should carry the parts to `forecast_m` and swing the plate; `None` where nobody knows.
+    pub fn expect_pulse(&mut self, at: PlateTime, forecast_m: Option<&[Vec2]>, swing: Option<Swing>) {
+        let places_m = self.positions_m();
+        self.expected_m = match forecast_m {
+            Some(forecast_m) => {
+                let reach_m = |from: &Vec2, to: &Vec2| REACH_M + REACH_OF_WAY * (to - from).norm();
+                places_m.iter().zip(forecast_m).map(|(from, to)| (*to, reach_m(from, to))).collect()
+            }
+            None => Vec::new(),
+        };
+        if let Some(swing) = swing {
+            self.delay.begin(at.secs(), swing);
+        }
+        (self.silenced, self.relocated) = (false, false);
+    }
+
+    /// How late the pictures are, after a pulse that moved the plate as planned.
+    pub fn late(&mut self) -> Option<Late> {
+        self.delay.end().filter(|_| self.guards.has(Condition::CameraLate))
+    }
+
+    /// Most parts cannot have got farther than the last pulse carries them: the picture is another one.
+    pub(super) fn check_jumps(&mut self, sink: &mut dyn Sink) -> Result<(), Ending> {
+        let places_m = self.positions_m();
+        let is_far = |(place_m, (expected_m, reach_m)): (&Vec2, &(Vec2, f64))| (place_m - expected_m).norm() > *reach_m;
+        let far = places_m.iter().zip(&self.expected_m).filter(|&part| is_far(part)).count();
+        if far < 2 || 2 * far <= places_m.len() || !self.guards.has(Condition::PartsJumped) {
+            return Ok(());
+        }
+        let reason = format!("{far} of {} parts lie where the last pulse cannot have carried them", places_m.len());
+        self.conditions.note(self.frame.exposed_at, Condition::PartsJumped, || reason.clone(), sink);
+        Err(Ending::guarded(Condition::PartsJumped, reason))
+    }
+}
