@@ -1,4 +1,5 @@
 mod play;
+mod probe;
 mod warn;
 
 use std::sync::Arc;
@@ -192,6 +193,9 @@ impl Cycle<'_> {
         }
         if is_first {
             check_controllable(self.params.method, self.library, &observed, &wanted, |part| self.id(part))?;
+            self.check_limits()?;
+            self.probe()?;
+            return self.look_at_rest();
         }
         self.warn_of_blocked(&wanted.boxed_in);
         self.check_limits()?;

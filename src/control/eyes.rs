@@ -28,12 +28,14 @@ const BLIND_S: f64 = 0.1;
 const WAIT_S: f64 = 2.0;
 const DARK_S: f64 = 5.0;
 const HAND_S: f64 = 10.0;
-/// Looks at rest in a row that show the plate elsewhere, or something foreign, before it is believed.
-const BELIEVED: u32 = 2;
-/// The same for a plate that is too far away to be followed.
-const BELIEVED_FAR: u32 = 5;
+/// Looks at rest in a row that show something foreign before it is believed.
+const FOREIGN: u32 = 2;
+/// The same for a plate that is elsewhere in the picture: a swing of 5 Hz goes from end to end in this time.
+const MOVED: u32 = 6;
 /// Looks that show a corner displaced alike, px.
 const SAME_PLACE_PX: f64 = 0.3;
+/// Frames that must lack a part before those that never came count, too.
+const LEAST_LOOKS: u32 = 5;
 /// How far beyond the edge a part's middle is off the plate for sure, m: more than a plate swings.
 const EDGE_M: f64 = 1e-3;
 /// Time in which a plate swings out, s.
@@ -80,8 +82,9 @@ pub struct Eyes {
     displaced: u32,
     displaced_px: f64,
     foreign: u32,
-    /// Frames of the present in a row that lack a part, nothing hiding the plate.
-    missing: u32,
+    /// Since when every frame of the present lacks a part, nothing hiding the plate, and how many did.
+    missing: Option<(PlateTime, u32)>,
+    frame_hz: f64,
     /// Frames in a row that show a part off the plate.
     off_plate: u32,
     /// The table was located anew since the last pulse began.
@@ -120,6 +123,7 @@ impl Eyes {
             stages: &stages,
             localise_us,
         });
+        let places_m = detections.clone().into_iter().map(|detection| detection.position_m);
         let mut scene = Scene::new(&table, model, kinds);
         scene.see_first(&frame, rig.now());
         let tracker = Tracker::new(&table, model.frame_size_px, kinds, model.dark_parts, detections);
@@ -140,10 +144,11 @@ impl Eyes {
             displaced: 0,
             displaced_px: 0.0,
             foreign: 0,
-            missing: 0,
+            missing: None,
+            frame_hz: model.frame_hz,
             off_plate: 0,
             relocated: false,
-            expected_m: Vec::new(),
+            expected_m: places_m.map(|place_m| (place_m, REACH_M)).collect(),
             delay: DelayGuard::new(model.frame_hz),
             conditions: Conditions::default(),
         })
@@ -194,7 +199,8 @@ impl Eyes {
         self.off_plate =
             if self.tracker.tracks().iter().any(|track| self.is_off_plate(track)) { self.off_plate + 1 } else { 0 };
         if blind.is_none() {
-            self.missing = if self.missing_for() > 0 { self.missing + 1 } else { 0 };
+            let (since, frames) = self.missing.unwrap_or((self.frame.exposed_at, 0));
+            self.missing = (self.missing_for() > 0).then_some((since, frames + 1));
         }
         if is_plain {
             self.check_jumps(sink)?;
@@ -245,7 +251,7 @@ impl Eyes {
 
     fn settle_foreign(&mut self, sink: &mut dyn Sink) -> Result<(), Ending> {
         let at = self.frame.exposed_at;
-        match self.scene.foreign_m().filter(|_| self.foreign >= BELIEVED) {
+        match self.scene.foreign_m().filter(|_| self.foreign >= FOREIGN) {
             Some(at_m) => {
                 let at_mm = at_m * 1e3;
                 let reason =
@@ -266,11 +272,11 @@ impl Eyes {
             // late pictures show a plate that has come to rest still swinging
             return Ok(());
         }
-        // a plate that still swings in the picture is at another place in each look
-        let before_px = std::mem::replace(&mut self.displaced_px, corner_px);
-        let agrees = (corner_px - before_px).abs() < SAME_PLACE_PX || corner_px == before_px;
-        self.displaced = if agrees { self.displaced + 1 } else { 1 };
-        if self.displaced < if corner_px.is_finite() { BELIEVED } else { BELIEVED_FAR } {
+        // a plate that still swings in the picture is soon at another place
+        let agrees = (corner_px - self.displaced_px).abs() < SAME_PLACE_PX || corner_px == self.displaced_px;
+        (self.displaced, self.displaced_px) =
+            if agrees { (self.displaced + 1, self.displaced_px) } else { (1, corner_px) };
+        if self.displaced < MOVED {
             return Ok(());
         }
         let by = if corner_px.is_finite() { format!("by {corner_px:.1} px") } else { "by more than 6 px".to_owned() };
@@ -278,7 +284,7 @@ impl Eyes {
         self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
         match self.locate(clock) {
             Ok(found) => self.relocate(found, sink),
-            Err(fault) if self.displaced > BELIEVED_FAR + TABLE_LOOKS as u32 => Err(Ending::guarded(
+            Err(fault) if self.displaced > MOVED + TABLE_LOOKS as u32 => Err(Ending::guarded(
                 Condition::CameraMoved,
                 format!("the plate has moved in the picture {by}: {fault}"),
             )),
@@ -342,9 +348,15 @@ impl Eyes {
         track.seen.position_m.amax() > 0.5 * self.table.side_m + EDGE_M
     }
 
-    /// Frames of the present in a row that lack a part, nothing hiding the plate.
+    /// Frames, those that never came included, since all of the present lack a part, nothing hiding the plate.
     pub fn plainly_missing_for(&self) -> u32 {
-        self.missing
+        match self.missing {
+            Some((since, frames)) if frames >= LEAST_LOOKS => {
+                1 + (self.frame.exposed_at.secs_since(since) * self.frame_hz).round() as u32
+            }
+            Some((_, frames)) => frames,
+            None => 0,
+        }
     }
 
     /// When the newest frame was exposed.

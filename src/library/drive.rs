@@ -41,7 +41,7 @@ pub fn drive_for(
 impl PlateResponse {
     /// With Z(s) = s² + 2ζω₀s + ω₀² of `axis` at `s = j rate`: Z'(s)/Z(s) and 1/Z(s). Times the phasor of a steady force they
     /// are what slope and curvature of the envelope are multiplied by.
-    fn flank_factors(&self, axis: usize, rate_radps: f64) -> [Complex<f64>; 2] {
+    pub(crate) fn flank_factors(&self, axis: usize, rate_radps: f64) -> [Complex<f64>; 2] {
         let (natural_radps, ratio) = (self.natural_radps[axis], self.damping_ratio[axis]);
         let s = Complex::new(0.0, rate_radps);
         let damping = 2.0 * ratio * natural_radps;

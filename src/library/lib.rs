@@ -11,6 +11,7 @@ mod fields_tests;
 mod file;
 #[cfg(test)]
 mod plate_tests;
+mod probe;
 mod raw;
 mod raw_fields;
 mod raw_plate;

@@ -25,6 +25,7 @@ class Bar:
     cycles: float = math.inf
 
 
+BLIND_CODES = ("camera_frozen", "camera_stale", "camera_dark", "view_hidden")
 COIL_CODES = ("coil_fault", "motion_off")
 BARS = {
     "camera freeze": Bar(("camera_frozen", "camera_stale"), FROZEN_S),
@@ -114,8 +115,15 @@ def late(run, fault):
         yield "O2", f"{fault}: pulse {LATE_PULSES + 1} since the fault starts at {start_s:.3f} s, bar {LATE_PULSES} pulses"
 
 
+def was_cut_short(run, pulse):
+    """True for a pulse in which nothing, or not every part, could be seen, and which was ended for it."""
+    return any(guard["code"] in BLIND_CODES and pulse.start_s < guard["at_s"] < pulse.end_s for guard in run.guards)
+
+
 def is_strong(run, pulse):
     """True for a pulse of which the accelerometers can tell anything."""
+    if was_cut_short(run, pulse):
+        return False
     drive = math.sqrt(sum(value * value for coil in pulse.counts for value in coil))
     long_enough = pulse.sustain_s >= 1.0 / pulse.base_hz
     return long_enough and drive >= TELLING_DRIVE * run.job["rig"]["motors"]["count_limit"]

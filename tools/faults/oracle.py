@@ -165,6 +165,11 @@ def judge_folder(folder, process=None, is_liveness=None):
     return run, judge(run, process, is_liveness)
 
 
+def hides_parts(fault):
+    """True for a fault under which no picture shows where parts are now; a stamp off by more than a frame is one."""
+    return is_blinding(fault) or fault.name in ("camera freeze", "clock skew")
+
+
 def unnamed_losses(run):
     """O3: a part that leaves the plate ends the run or is named within half a second, unless nothing can be seen then."""
     count = len(run.truth[0][1]) if run.truth else 0
@@ -175,7 +180,7 @@ def unnamed_losses(run):
                 off_s = None
                 continue
             off_s = at_s if off_s is None else off_s
-            bar_s = run.clear_by(off_s, NAMED_WITHIN_S)
+            bar_s = run.clear_by(off_s, NAMED_WITHIN_S, hides_parts)
             named = any(guard["code"] == "part_lost" and off_s <= guard["at_s"] <= bar_s for guard in run.guards)
             if at_s > bar_s and not named:
                 yield "O3", f"part {part} is off the plate since {off_s:.3f} s and not named by {bar_s:.3f} s"

@@ -8,7 +8,7 @@ use crate::guards::{Finding, Late, Swing, Unlike, went_as_forecast};
 use crate::learning::{Lesson, MORE, Scatter};
 use crate::{Carried, PulseFacts};
 use upm_core::geometry::Vec2;
-use upm_core::signal::{AccelTrace, Drive};
+use upm_core::signal::{AccelTrace, Drive, TwistWave};
 use upm_library::Library;
 use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave};
 use upm_planner::{PartState, PlannedPulse};
@@ -25,10 +25,7 @@ impl Cycle<'_> {
         self.rig.play(&drive)?;
         let followed = self.follow(moment);
         let trace = self.rig.trace();
-        let sensors = AccelerometerPair {
-            position_m: self.model.accelerometer_in_plate_m,
-            gain: self.library.accelerometer_gain,
-        };
+        let sensors = self.sensors();
         let fit = read(planned, &drive, &trace, &sensors);
         let after_m = self.eyes.positions_m();
         let all_seen = all_seen && self.eyes.missing_for() == 0;
@@ -75,7 +72,7 @@ impl Cycle<'_> {
     }
 
     /// Follows the parts until a frame shows everything at rest.
-    fn follow(&mut self, moment: Moment) -> Result<(), Ending> {
+    pub(super) fn follow(&mut self, moment: Moment) -> Result<(), Ending> {
         loop {
             let at_rest = self.eyes.look(self.rig, moment, self.sink, self.clock)?;
             if at_rest {
@@ -103,14 +100,7 @@ impl Cycle<'_> {
         let guards = &self.params.guards;
         let as_forecast = steps.and_then(|(before, forecast, after)| went_as_forecast(before, forecast, after));
         let is_as_planned = self.doubt_motion(planned, drive, fit, sensors, as_forecast)?;
-        if let Some(late) = if is_as_planned { self.eyes.late() } else { None } {
-            let reason = match late {
-                Late::By(frames) => format!("the plate moves {frames} frames later in the pictures than it is driven"),
-                Late::Unseen => "the pictures do not show the plate move while it is driven".to_owned(),
-            };
-            self.warn(Condition::CameraLate, reason.clone());
-            return Err(Ending::guarded(Condition::CameraLate, reason));
-        }
+        self.doubt_delay(is_as_planned)?;
         let Some((before, forecast, after)) = steps else { return Ok(()) };
         let Some((part, unlike)) = self.steps.check(before, forecast, after) else { return Ok(()) };
         let (condition, does) = match unlike {
@@ -125,7 +115,7 @@ impl Cycle<'_> {
         Err(Ending::guarded(condition, reason))
     }
 
-    /// Holds the plate's motion in a pulse against its plan; true where nothing stands out.
+    /// Holds the plate's motion in a pulse against its plan; true where it moved as planned.
     fn doubt_motion(
         &mut self,
         planned: &PlannedPulse,
@@ -134,27 +124,50 @@ impl Cycle<'_> {
         sensors: &AccelerometerPair,
         as_forecast: Option<bool>,
     ) -> Result<bool, Ending> {
-        let Some(Finding { condition, reason, ends }) = self.motion.check(planned, drive, fit, sensors, as_forecast)
-        else {
-            return Ok(true);
-        };
+        let found = self.motion.check(planned, drive, fit, sensors, as_forecast);
+        self.settle(found)
+    }
+
+    /// Tells what was found of a pulse's motion, and ends the run where it must; true where the plate moved as planned.
+    pub(super) fn settle(&mut self, found: Option<Finding>) -> Result<bool, Ending> {
+        let Some(Finding { condition, reason, ends }) = found else { return Ok(true) };
         if self.params.guards.has(condition) {
             self.warn(condition, reason.clone());
             if ends {
                 return Err(Ending::guarded(condition, reason));
             }
         }
-        Ok(false)
+        Ok(matches!(condition, Condition::AccelerometerFault { .. }))
+    }
+
+    /// Ends a run whose pictures are late, after a pulse; one that moved the plate off its plan tells nothing of them.
+    pub(super) fn doubt_delay(&mut self, is_as_planned: bool) -> Result<(), Ending> {
+        let Some(late) = (if is_as_planned { self.eyes.late() } else { None }) else { return Ok(()) };
+        let reason = match late {
+            Late::By(frames) => format!("the plate moves {frames} frames later in the pictures than it is driven"),
+            Late::Unseen => "the pictures do not show the plate move as it is driven".to_owned(),
+        };
+        self.warn(Condition::CameraLate, reason.clone());
+        Err(Ending::guarded(Condition::CameraLate, reason))
+    }
+
+    pub(super) fn sensors(&self) -> AccelerometerPair {
+        AccelerometerPair { position_m: self.model.accelerometer_in_plate_m, gain: self.library.accelerometer_gain }
     }
 
     /// How the plate should swing in a pulse; `None` where the library does not tell.
     fn swing(&self, planned: &PlannedPulse, drive: &Drive) -> Option<Swing> {
-        Some(Swing {
-            wave: self.motion.expected(planned, drive)?.wave(),
+        Some(self.swing_of(self.motion.expected(planned, drive)?.wave(), drive))
+    }
+
+    /// How the plate should swing in a pulse of this velocity at full height.
+    pub(super) fn swing_of(&self, wave: TwistWave, drive: &Drive) -> Swing {
+        Swing {
+            wave,
             envelope: drive.envelope,
             half_side_m: 0.5 * self.model.plate_side_m,
             px_per_m: self.eyes.px_per_m(),
-        })
+        }
     }
 
     /// Where parts at `before_m` should be after a pulse: by the library alone, with what was learned, and with

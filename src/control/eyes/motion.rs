@@ -35,6 +35,11 @@ impl Eyes {
         self.delay.end().filter(|_| self.guards.has(Condition::CameraLate))
     }
 
+    /// True once some picture differed from the first.
+    pub fn has_changed(&self) -> bool {
+        self.scene.has_changed()
+    }
+
     /// Most parts cannot have got farther than the last pulse carries them: the picture is another one.
     pub(super) fn check_jumps(&mut self, sink: &mut dyn Sink) -> Result<(), Ending> {
         let places_m = self.positions_m();

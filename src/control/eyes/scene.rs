@@ -99,6 +99,11 @@ impl Scene {
         self.freshness.check(frame, now);
     }
 
+    /// True once some picture differed from the first.
+    pub(super) fn has_changed(&self) -> bool {
+        self.freshness.has_changed()
+    }
+
     /// Why `frame`, which arrived at `now`, is not of the present, if it is not.
     pub(super) fn stale(&mut self, frame: &Frame, now: PlateTime) -> Option<Blind> {
         self.freshness.check(frame, now).map(Blind::Stale)

@@ -24,6 +24,9 @@ const SURE_UNDELAYED: f64 = 0.5;
 const SURE_LEFT: f64 = 0.05;
 /// A plate seen to swing less than this part of what it should stands still in the pictures: of the squares.
 const STILL: f64 = 0.03;
+/// Frames that neither show the swing nor any delay of it: what is left of the squares, and the swing from which on it tells, px.
+const UNLIKE: f64 = 0.4;
+const UNLIKE_SWING_PX: f64 = 1.0;
 /// Displacements above this are not told apart, px.
 const FARTHEST_PX: f64 = 6.0;
 
@@ -47,7 +50,7 @@ pub struct DelayGuard {
 pub enum Late {
     /// By so many frames.
     By(usize),
-    /// They do not show the plate swing in the pulses that swing it.
+    /// They do not show the plate swing as it is driven.
     Unseen,
 }
 
@@ -183,7 +186,8 @@ impl DelayGuard {
         // pulses that follow each other like one clock have more than one delay that explains them
         let delay = (0..=LONGEST).find(|&delay| left(delay) <= least + ALIKE * all).unwrap_or(0);
         if delay < LATE || least > BETTER * undelayed || least > LEFT * all {
-            return Timing::InTime;
+            let is_unlike = expected > UNLIKE_SWING_PX * UNLIKE_SWING_PX && undelayed > UNLIKE * expected.max(all);
+            return if is_unlike { Timing::Late { late: Late::Unseen, is_sure: false } } else { Timing::InTime };
         }
         let is_sure = undelayed > SURE_UNDELAYED * all && least < SURE_LEFT * all;
         Timing::Late { late: Late::By(delay), is_sure }

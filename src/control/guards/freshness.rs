@@ -32,6 +32,8 @@ pub struct Freshness {
     seen: [Vec<Option<u64>>; BANDS],
     /// Bands that differed in the first two frames, which show the same scene: noise is seen in them.
     noisy: [bool; BANDS],
+    /// Some band has differed from its first picture.
+    changed: bool,
     frames: u64,
 }
 
@@ -39,7 +41,15 @@ impl Freshness {
     /// For a camera of this rate and exposure.
     pub fn new(frame_hz: f64, exposure_s: f64) -> Self {
         let seen = std::array::from_fn(|_| Vec::with_capacity(REMEMBERED));
-        Self { frame_s: frame_hz.recip(), exposure_s, last: None, seen, noisy: [false; BANDS], frames: 0 }
+        Self {
+            frame_s: frame_hz.recip(),
+            exposure_s,
+            last: None,
+            seen,
+            noisy: [false; BANDS],
+            changed: false,
+            frames: 0,
+        }
     }
 
     /// Takes `frame`, which arrived at `now`; `Some` where it does not show the present.
@@ -47,6 +57,11 @@ impl Freshness {
         let stamp = self.check_stamp(frame, now);
         let repeated = self.check_picture(frame);
         stamp.or(repeated.then_some(Stale::Repeated))
+    }
+
+    /// True once some picture differed from the first.
+    pub fn has_changed(&self) -> bool {
+        self.changed
     }
 
     fn check_stamp(&mut self, frame: &Frame, now: PlateTime) -> Option<Stale> {
@@ -66,6 +81,7 @@ impl Freshness {
             if self.frames == 1 {
                 self.noisy[band] = hash.is_some() && seen.last() != Some(&hash);
             }
+            self.changed |= seen.last().is_some_and(|last| *last != hash);
             repeated |= self.frames > 1 && self.noisy[band] && hash.is_some() && seen.contains(&hash);
             if seen.len() == REMEMBERED {
                 seen.remove(0);

@@ -49,18 +49,33 @@ impl MotionGuard {
         sensors: &AccelerometerPair,
         as_forecast: Option<bool>,
     ) -> Option<Finding> {
-        let judged = judge(&self.expected(planned, drive)?, fit.as_ref(), sensors);
+        let coils = self.coils(planned).cloned()?;
+        self.check_against(&ExpectedMotion { drive, coils: &coils }, fit, sensors, as_forecast)
+    }
+
+    /// [`MotionGuard::check`] for a motion that is known.
+    pub fn check_against(
+        &mut self,
+        expected: &ExpectedMotion<'_>,
+        fit: &Result<PlateFit, FitFault>,
+        sensors: &AccelerometerPair,
+        as_forecast: Option<bool>,
+    ) -> Option<Finding> {
+        let judged = judge(expected, fit.as_ref(), sensors);
         let off = judged.mismatch.map_or(0.0, |mismatch| mismatch.relative);
         self.finding(judged.verdict, off, as_forecast)
     }
 
     /// What the plate should do in a pulse; `None` where the library does not tell.
     pub fn expected<'a>(&'a self, planned: &PlannedPulse, drive: &'a Drive) -> Option<ExpectedMotion<'a>> {
-        let response = match planned {
-            PlannedPulse::Field(_) => &self.of_field,
-            PlannedPulse::Rotation(_) => &self.of_rotation,
-        };
-        Some(ExpectedMotion { drive, coils: response.as_ref()? })
+        Some(ExpectedMotion { drive, coils: self.coils(planned)? })
+    }
+
+    fn coils(&self, planned: &PlannedPulse) -> Option<&CoilResponse> {
+        match planned {
+            PlannedPulse::Field(_) => self.of_field.as_ref(),
+            PlannedPulse::Rotation(_) => self.of_rotation.as_ref(),
+        }
     }
 
     fn finding(&mut self, verdict: MotionVerdict, off: f64, as_forecast: Option<bool>) -> Option<Finding> {

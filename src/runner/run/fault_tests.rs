@@ -6,7 +6,7 @@ use tempfile::TempDir;
 use super::*;
 use crate::config::Origin;
 use upm_core::time::MonotonicClock;
-use upm_recording::{Outcome, Verdict as Truth};
+use upm_recording::{Outcome, StopCode, Verdict as Truth};
 
 /// Two pennies that go 40 mm each, with `faults`.
 fn job(faults: &Value) -> JobSpec {
@@ -79,4 +79,23 @@ fn drawn_faults_are_written_out() {
     let list = drawn.effective()["faults"].clone();
     assert!(list.is_array(), "{list}");
     assert_eq!(job(&list).faults, drawn.faults);
+}
+
+#[test]
+fn small_pulse_names_a_coil_before_a_part_has_moved() {
+    let faults =
+        [("coil1", "dead", Value::Null), ("coil2", "reversed", Value::Null), ("coils", "swapped", json!([0, 2]))];
+    for (component, kind, value) in faults {
+        let mut fault = json!({"component": component, "kind": kind});
+        if !value.is_null() {
+            fault["value"] = value;
+        }
+        let (_folder, done) = run_of(&json!([fault]));
+        assert_eq!(done.report.stop.map(|stop| stop.code), Some(StopCode::CoilFault), "{}", done.report.reason);
+        for part in &done.report.parts {
+            let [x, y] = part.true_mm.unwrap();
+            let moved_mm = (x.abs() - 60.0).hypot(y - 20.0);
+            assert!(moved_mm < 0.6, "{kind}: {moved_mm} mm");
+        }
+    }
 }

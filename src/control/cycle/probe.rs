@@ -1,0 +1,64 @@
+//! The first pulse of a run: a small one that moves no part and shows every coil and accelerometer.
+
+use super::Cycle;
+use crate::PulseFacts;
+use crate::conditions::Condition;
+use crate::ending::{Ending, is_stop};
+use crate::eyes::Moment;
+use upm_perception::estimation::{ExpectedMotion, FitFault, PlateFit, fit_wave};
+use upm_planner::{FieldPulse, PlannedPulse};
+
+/// Times that the probe is played until it is seen to its end.
+const MOST_PROBES: usize = 3;
+
+impl Cycle<'_> {
+    /// Plays the probe, where the library knows one, until one was seen to its end, and holds what was read against it.
+    pub(super) fn probe(&mut self) -> Result<(), Ending> {
+        let Some((mut drive, coils)) = self.library.probe() else { return Ok(()) };
+        drive.envelope.sustain_s = drive.envelope.sustain_s.min(self.model.max_sustain_s);
+        let expected = ExpectedMotion { drive: &drive, coils: &coils };
+        for _ in 0..MOST_PROBES {
+            let fit = self.play_probe(&expected)?;
+            if !self.eyes.upset_plan() {
+                return self.judge_probe(&expected, &fit);
+            }
+            self.look_at_rest()?;
+        }
+        Ok(())
+    }
+
+    fn play_probe(&mut self, expected: &ExpectedMotion<'_>) -> Result<Result<PlateFit, FitFault>, Ending> {
+        let drive = expected.drive;
+        let planned = PlannedPulse::Field(FieldPulse { wave: expected.wave(), sustain_s: drive.envelope.sustain_s });
+        let (started_at, before_m) = (self.rig.now(), self.eyes.positions_m());
+        self.eyes.expect_pulse(started_at, Some(&before_m), Some(self.swing_of(expected.wave(), drive)));
+        self.rig.play(drive)?;
+        let followed = self.follow(Moment::Pulse);
+        let trace = self.rig.trace();
+        let fit = fit_wave(&trace, &drive.envelope, drive.base_radps, 1, &self.sensors()).map(PlateFit::Wave);
+        // the repetition of a stopped run does not stop
+        if !followed.as_ref().is_err_and(|ending| is_stop(&ending.reason)) {
+            self.sink.pulse(&PulseFacts {
+                cycle: self.index,
+                started_at,
+                planned: &planned,
+                drive,
+                trace: &trace,
+                fit: &fit,
+                carried: None,
+            });
+        }
+        followed.map(|()| fit)
+    }
+
+    fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> Result<(), Ending> {
+        let found = self.motion.check_against(expected, fit, &self.sensors(), None);
+        let is_as_planned = self.settle(found)?;
+        if is_as_planned && !self.eyes.has_changed() && self.params.guards.has(Condition::CameraFrozen) {
+            let reason = "no picture differs from the first, and the plate was shaken".to_owned();
+            self.warn(Condition::CameraFrozen, reason.clone());
+            return Err(Ending::guarded(Condition::CameraFrozen, reason));
+        }
+        self.doubt_delay(is_as_planned)
+    }
+}

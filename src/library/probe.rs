@@ -1,0 +1,119 @@
+//! A small pulse that moves no part and shows every coil and accelerometer.
+
+use nalgebra::{Complex, Vector3};
+
+use super::{CoilResponse, Library, motor_harmonics};
+use upm_core::geometry::{Twist, Vec2};
+use upm_core::signal::{Drive, Envelope, MOTORS, Shaping};
+
+/// Force phasors of x, y and spin: turned by a quarter period against the others, the spin has all coils work alike.
+const AXES: [Complex<f64>; 3] = [Complex::new(1.0, 0.0), Complex::new(1.0, 0.0), Complex::new(0.0, 2.0)];
+/// Greatest acceleration of a corner, m/s².
+const CORNER_MPS2: f64 = 16.0;
+/// Part of the strongest drive that the library knows, at most.
+const MOST_DRIVE: f64 = 0.5;
+/// Sustain, base periods, and s at least.
+const PERIODS: f64 = 3.2;
+const LEAST_SUSTAIN_S: f64 = 0.1;
+/// Instants of a period at which the corners' acceleration is taken.
+const INSTANTS: usize = 24;
+
+impl Library {
+    /// A pulse of one harmonic that shakes the plate along x, y and spin at once with all coils alike, and the plate's
+    /// answer to each coil. Whatever any coil makes of it, the plate's velocity in the second half of a period is that of
+    /// the first half with the other sign, and so is friction: parts go nowhere on the whole. `None` where the library does
+    /// not tell the coils apart.
+    pub fn probe(&self) -> Option<(Drive, CoilResponse)> {
+        let (coils, base_radps, attack_s, rest_s, limit_counts) = match &self.fields {
+            Some(fields) => {
+                (self.field_coils()?, fields.base_radps, fields.attack_s, fields.rest_s, fields.limit_counts)
+            }
+            None => {
+                let strongest = self.entries.iter().flat_map(|entry| entry.amplitudes).map(i32::abs).max()?;
+                (self.rotation_coils()?, self.base_radps, self.attack_s, self.rest_s, f64::from(strongest))
+            }
+        };
+        let unit = motor_harmonics(&Vector3::from(AXES));
+        let largest = unit.iter().map(|harmonic| harmonic.cos.hypot(harmonic.sin)).fold(0.0, f64::max);
+        let corner_mps2 =
+            self.corner_mps2(&coils, base_radps, &unit.map(|harmonic| Complex::new(harmonic.cos, -harmonic.sin)))?;
+        let counts = (CORNER_MPS2 / corner_mps2).min(MOST_DRIVE * limit_counts / largest);
+        let force = Vector3::from(AXES) * Complex::from(counts);
+        let sustain_s = LEAST_SUSTAIN_S.max(PERIODS * std::f64::consts::TAU / base_radps);
+        let plate = self.plate.unwrap_or_default();
+        let [slope, curvature] = [0, 1].map(|flank| {
+            let factors = Vector3::from_fn(|axis, _| force[axis] * plate.flank_factors(axis, base_radps)[flank]);
+            motor_harmonics(&factors).map(|harmonic| vec![harmonic])
+        });
+        let drive = Drive {
+            base_radps,
+            motors: motor_harmonics(&force).map(|harmonic| vec![harmonic]),
+            shaping: Shaping::Displacement(std::array::from_fn(|motor| {
+                [slope[motor].clone(), curvature[motor].clone()]
+            })),
+            envelope: Envelope { attack_s, sustain_s, rest_s },
+        };
+        Some((drive, coils))
+    }
+
+    /// Greatest acceleration of a corner of the plate under phasors of one harmonic on each coil, m/s².
+    fn corner_mps2(&self, coils: &CoilResponse, base_radps: f64, counts: &[Complex<f64>; MOTORS]) -> Option<f64> {
+        let mut sum = Vector3::<Complex<f64>>::zeros();
+        for (coil, counts) in coils.iter().zip(counts) {
+            let answer = coil.first()?;
+            let phasor = |cos: f64, sin: f64| Complex::new(cos, -sin) * counts;
+            sum += Vector3::new(
+                phasor(answer.cos.velocity_mps.x, answer.sin.velocity_mps.x),
+                phasor(answer.cos.velocity_mps.y, answer.sin.velocity_mps.y),
+                phasor(answer.cos.spin_radps, answer.sin.spin_radps),
+            );
+        }
+        let half_m = 0.5 * self.plate_side_m;
+        let corners = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y) * half_m);
+        let instants =
+            (0..INSTANTS).map(|i| Complex::from_polar(1.0, std::f64::consts::TAU * i as f64 / INSTANTS as f64));
+        let fastest_mps = instants.fold(0.0, |fastest: f64, turn| {
+            let [x, y, spin] = [sum.x, sum.y, sum.z].map(|phasor| (phasor * turn).re);
+            let twist = Twist::new(x, y, spin);
+            corners.iter().map(|&corner| twist.velocity_at(corner).norm()).fold(fastest, f64::max)
+        });
+        (fastest_mps > 0.0).then_some(fastest_mps * base_radps)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    /// The libraries that ship, one with fields and one without.
+    fn shipped() -> [Library; 2] {
+        ["upm-1", "upm-2"].map(|rig| {
+            let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/libraries");
+            let text = std::fs::read_to_string(folder.join(format!("{rig}.json"))).unwrap();
+            Library::from_json(&text, rig).unwrap()
+        })
+    }
+
+    #[test]
+    fn probe_loads_all_coils_alike_and_stays_within_half_the_drive() {
+        for library in shipped() {
+            let (drive, _) = library.probe().unwrap();
+            let loads = drive.motors.each_ref().map(|motor| motor[0].cos.hypot(motor[0].sin));
+            assert!(loads.iter().all(|load| (load - loads[0]).abs() < 1e-9 && *load > 10.0), "{loads:?}");
+            assert!(loads[0] <= MOST_DRIVE * 2048.0 && drive.motors.iter().all(|motor| motor.len() == 1));
+            assert!(drive.envelope.sustain_s * drive.base_radps >= PERIODS * std::f64::consts::TAU - 1e-9);
+        }
+    }
+
+    #[test]
+    fn second_half_of_a_period_undoes_the_first() {
+        let (drive, _) = shipped()[1].probe().unwrap();
+        let middle_s = drive.envelope.attack_s + 0.3 * drive.envelope.sustain_s;
+        let half_period_s = std::f64::consts::PI / drive.base_radps;
+        for motor in 0..MOTORS {
+            let [first, second] = [0.0, half_period_s].map(|later_s| drive.counts_at(motor, middle_s + later_s));
+            assert!((first + second).abs() < 1e-9 && first.abs() > 1.0, "{first} {second}");
+        }
+    }
+}
