@@ -13,6 +13,8 @@ const IN_A_ROW: u32 = 2;
 const WINDOW: usize = 48;
 /// The plate must swing so far in them, root of the sum of squares, px; frames before a weak pulse are looked at, too.
 const LEAST_SWING_PX: f64 = 0.6;
+/// Frames that no delay leaves less of than this part of what was seen are in time.
+const IN_TIME: f64 = 0.06;
 /// A delay must explain the frames so much better than none: part of the squares that it leaves.
 const BETTER: f64 = 0.35;
 /// And leave no more than this part of what was seen.
@@ -185,7 +187,7 @@ impl DelayGuard {
         let least = (1..=LONGEST).map(left).fold(undelayed, f64::min);
         // pulses that follow each other like one clock have more than one delay that explains them
         let delay = (0..=LONGEST).find(|&delay| left(delay) <= least + ALIKE * all).unwrap_or(0);
-        if delay < LATE || least > BETTER * undelayed || least > LEFT * all {
+        if undelayed < IN_TIME * all || delay < LATE || least > BETTER * undelayed || least > LEFT * all {
             let is_unlike = expected > UNLIKE_SWING_PX * UNLIKE_SWING_PX && undelayed > UNLIKE * expected.max(all);
             return if is_unlike { Timing::Late { late: Late::Unseen, is_sure: false } } else { Timing::InTime };
         }
