@@ -82,7 +82,7 @@ pub struct Eyes {
     displaced: u32,
     displaced_px: f64,
     foreign: u32,
-    /// Since when every frame of the present lacks a part, nothing hiding the plate, and how many did.
+    /// Since when every frame shows the plate of the present without a part, and how many did.
     missing: Option<(PlateTime, u32)>,
     frame_hz: f64,
     /// Frames in a row that show a part off the plate.
@@ -198,10 +198,9 @@ impl Eyes {
         }
         self.off_plate =
             if self.tracker.tracks().iter().any(|track| self.is_off_plate(track)) { self.off_plate + 1 } else { 0 };
-        if blind.is_none() {
-            let (since, frames) = self.missing.unwrap_or((self.frame.exposed_at, 0));
-            self.missing = (self.missing_for() > 0).then_some((since, frames + 1));
-        }
+        let is_plainly_missing = self.missing_for() > 0 && swing_px.is_some();
+        let (since, frames) = self.missing.unwrap_or((self.frame.exposed_at, 0));
+        self.missing = is_plainly_missing.then_some((since, frames + 1));
         if is_plain {
             self.check_jumps(sink)?;
             self.expected_m = self.positions_m().into_iter().map(|place_m| (place_m, REACH_M)).collect();
