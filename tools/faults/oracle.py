@@ -14,6 +14,8 @@ from .vocabulary import LIVENESS_END_S, Fault, is_blinding
 
 NAMED_WITHIN_S = 0.5
 MOST_RSS_MB = 200.0
+# conditions that are told once when they begin, and may end the run much later
+TOLD_FIRST = ("coil_fault", "motion_off", "accelerometer_fault", "camera_moved", *detection.BLIND_CODES)
 STATUS_OF = {"completed": 0, "failed": 1, "cancelled": 130}
 
 
@@ -189,7 +191,7 @@ def unnamed_losses(run):
 
 def after_the_end(run):
     """O5: no pulse starts after the run's end or after the guard that stopped it."""
-    stops = [guard["at_s"] for guard in run.guards if guard["code"] == run.stop_code]
+    stops = [guard["at_s"] for guard in run.guards if guard["code"] == run.stop_code and guard["code"] not in TOLD_FIRST]
     # completed and stopped runs end where their last guard fired
     last_s = min([run.end_s] + ([max(stops)] if stops else []))
     for pulse in run.pulses:

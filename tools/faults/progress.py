@@ -1,6 +1,8 @@
 """O4: a run that plays pulses without true progress ends. Progress is judged from the true places."""
 import math
 
+from . import claims
+
 FUTILE, NEAR, DETOUR = 20, 100, 200
 # the program judges by what it sees: as many cycles more, since small steps look different to it
 SLACK = 5
@@ -16,7 +18,9 @@ def violations(run):
         true = [part[:2] for part in run.truth_at(cycle["observed_at_s"])]
         why = watch.look(cycle, true, played)
         if why:
-            yield "O4", f"{why} by {cycle['observed_at_s']:.3f} s"
+            # equal parts that changed places between two frames are followed under each other's name
+            exchanged = any(claims.unseen_exchanges(run, true))
+            yield "O4", f"{why} by {cycle['observed_at_s']:.3f} s", exchanged
             return
         played = bool(cycle["sent"])
 

@@ -98,7 +98,8 @@ impl Cycle<'_> {
         steps: Option<(&[Vec2], &[Vec2], &[Vec2])>,
     ) -> Result<(), Ending> {
         let guards = &self.params.guards;
-        let as_forecast = steps.and_then(|(before, forecast, after)| went_as_forecast(before, forecast, after));
+        let by_parts = steps.and_then(|(before, forecast, after)| went_as_forecast(before, forecast, after));
+        let as_forecast = if self.eyes.shows_drive() { Some(true) } else { by_parts };
         let is_as_planned = self.doubt_motion(planned, drive, fit, sensors, as_forecast)?;
         self.doubt_delay(is_as_planned)?;
         let Some((before, forecast, after)) = steps else { return Ok(()) };

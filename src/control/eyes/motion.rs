@@ -30,6 +30,11 @@ impl Eyes {
         (self.silenced, self.relocated) = (false, false);
     }
 
+    /// True when the pictures of the last pulse show the plate swing as far as it was driven to.
+    pub fn shows_drive(&self) -> bool {
+        self.delay.shows_drive()
+    }
+
     /// How late the pictures are, after a pulse that moved the plate as planned.
     pub fn late(&mut self) -> Option<Late> {
         self.delay.end().filter(|_| self.guards.has(Condition::CameraLate))

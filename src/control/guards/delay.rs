@@ -29,6 +29,8 @@ const STILL: f64 = 0.03;
 /// Frames that neither show the swing nor any delay of it: what is left of the squares, and the swing from which on it tells, px.
 const UNLIKE: f64 = 0.4;
 const UNLIKE_SWING_PX: f64 = 1.0;
+/// Frames show the drive up to this part of its squares: a fifth more or less of it is noticed.
+const AS_DRIVEN: f64 = 0.04;
 /// Displacements above this are not told apart, px.
 const FARTHEST_PX: f64 = 6.0;
 
@@ -135,6 +137,16 @@ impl DelayGuard {
         matches!(self.newest_pulse(), Timing::Late { late: Late::By(_), .. })
     }
 
+    /// True when the frames since the newest pulse began show the plate swing as far as it is driven to.
+    pub fn shows_drive(&self) -> bool {
+        let Some((begin_s, _)) = self.pulses.back() else { return false };
+        let (first, _) = self.window(*begin_s);
+        let told = || self.frames.iter().skip(first).filter(|frame| frame.expected < FARTHEST_PX);
+        let expected: f64 = told().filter(|frame| frame.seen.is_some()).map(|frame| frame.expected.powi(2)).sum();
+        let left: f64 = told().filter_map(|frame| Some((frame.seen? - frame.expected).powi(2))).sum();
+        expected > LEAST_SWING_PX * LEAST_SWING_PX && left < AS_DRIVEN * expected
+    }
+
     /// A pulse is over: how late pictures are once they were late too often.
     pub fn end(&mut self) -> Option<Late> {
         // pulses that follow each other like one clock tell only together
@@ -187,9 +199,13 @@ impl DelayGuard {
         let least = (1..=LONGEST).map(left).fold(undelayed, f64::min);
         // pulses that follow each other like one clock have more than one delay that explains them
         let delay = (0..=LONGEST).find(|&delay| left(delay) <= least + ALIKE * all).unwrap_or(0);
-        if undelayed < IN_TIME * all || delay < LATE || least > BETTER * undelayed || least > LEFT * all {
-            let is_unlike = expected > UNLIKE_SWING_PX * UNLIKE_SWING_PX && undelayed > UNLIKE * expected.max(all);
-            return if is_unlike { Timing::Late { late: Late::Unseen, is_sure: false } } else { Timing::InTime };
+        let is_explained = least < BETTER * undelayed && least < LEFT * all;
+        let tells = expected > UNLIKE_SWING_PX * UNLIKE_SWING_PX;
+        if !is_explained && tells && undelayed > UNLIKE * expected.max(all) {
+            return Timing::Late { late: Late::Unseen, is_sure: false };
+        }
+        if undelayed < IN_TIME * all || delay < LATE || !is_explained {
+            return Timing::InTime;
         }
         let is_sure = undelayed > SURE_UNDELAYED * all && least < SURE_LEFT * all;
         Timing::Late { late: Late::By(delay), is_sure }

@@ -40,7 +40,7 @@ impl MotionGuard {
         Self { of_field: library.field_coils(), of_rotation: library.rotation_coils(), off: 0 }
     }
 
-    /// Takes one pulse; `as_forecast` says whether the camera saw most parts go where they should.
+    /// Takes one pulse; `as_forecast` says whether the camera saw plate or parts go as they should.
     pub fn check(
         &mut self,
         planned: &PlannedPulse,
@@ -112,7 +112,7 @@ impl MotionGuard {
             }
             MotionVerdict::Other if saw_it_go && off > FAR_OFF => {
                 let reason =
-                    format!("the accelerometers read a motion {percent:.0} % off the plan, the parts went as forecast");
+                    format!("the accelerometers read a motion {percent:.0} % off the plan, the camera saw none of it");
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
             }
             MotionVerdict::Other => {
@@ -122,7 +122,7 @@ impl MotionGuard {
                 if is_far || self.off >= OFF_IN_A_ROW { found(Condition::MotionOff, reason, is_far) } else { None }
             }
             MotionVerdict::Unreadable { strong: true } if saw_it_go => {
-                let reason = "the accelerometers read no motion, the parts went as forecast".to_owned();
+                let reason = "the accelerometers read no motion, the camera saw it".to_owned();
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
             }
             MotionVerdict::Unreadable { strong: true } => {
