@@ -46,6 +46,8 @@ pub struct PulseFacts<'a> {
     pub started_at: PlateTime,
     /// What was planned.
     pub planned: &'a PlannedPulse,
+    /// True for the small pulse at the beginning, which is to move no part.
+    pub is_probe: bool,
     /// What was sent to the motors.
     pub drive: &'a Drive,
     /// What the accelerometers saw.

@@ -9,7 +9,7 @@ import time
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 
-from . import jobs, oracle, vocabulary
+from . import detection, jobs, oracle, vocabulary
 from .shrink import shrunk
 from .tables import table, upper_bound
 
@@ -40,6 +40,8 @@ class Verdict:
     begun: list
     wall_s: float
     told: str = ""
+    # bars that were missed: what switched-off guards are caught by, too
+    missed: list = field(default_factory=list)
 
 
 def case_of(seed, half="both"):
@@ -96,7 +98,17 @@ def judged(runner, case, folder):
         found += next_job(runner, case, folder)
     begun = [(fault.name, phase_of(run, fault.from_s)) for fault in run.fired()]
     guards = sorted({guard["code"] for guard in run.guards})
-    return Verdict(case, run.outcome, run.stop_code, guards, found, begun, process.wall_s, run.report["reason"])
+    verdict = Verdict(case, run.outcome, run.stop_code, guards, found, begun, process.wall_s, run.report["reason"])
+    verdict.missed = list(missed_bars(run))
+    return verdict
+
+
+def missed_bars(run):
+    """Faults that were noticed too late or never."""
+    for fault in run.fired():
+        notice = detection.notice(run, fault)
+        if notice and notice.is_missed:
+            yield oracle.Violation(f"bar of {fault.name}", f"{fault} noticed {notice.code or 'never'}, {notice.text}")
 
 
 def next_job(runner, case, folder):
@@ -148,12 +160,19 @@ class Campaign:
                     print("interrupted: the runs that are under way are the last", flush=True)
                     done, seeds = set(), iter(())
                     pending = {future for future in pending if not future.cancel()}
-                self.verdicts += [future.result() for future in done]
+                self.take([future.result() for future in done])
                 if time.monotonic() - told > TELL_EVERY_S:
                     told = time.monotonic()
                     self.tell(told - begin)
         self.verdicts.sort(key=lambda verdict: verdict.case.seed)
         return time.monotonic() - begin
+
+    def take(self, verdicts):
+        """Keeps verdicts; what they violate is told at once."""
+        self.verdicts += verdicts
+        for verdict in verdicts:
+            for violation in seen(verdict)[:1]:
+                print(f"  seed {verdict.case.seed}: {violation}", flush=True)
 
     def is_over(self):
         return self.options.sound is not None and any(seen(verdict) for verdict in self.verdicts)
@@ -167,8 +186,11 @@ class Campaign:
     def one(self, seed, folder):
         case = case_of(seed, self.options.half)
         verdict = judged(self.runner, case, folder)
+        if self.options.sound:
+            verdict.violations += verdict.missed
         if verdict.violations and self.options.sound:
-            broken = {violation.rule for violation in judged(self.options.sound, case, folder / "sound").violations}
+            sound = judged(self.options.sound, case, folder / "sound")
+            broken = {violation.rule for violation in sound.violations + sound.missed}
             verdict.violations = [violation for violation in verdict.violations if violation.rule not in broken]
         if verdict.violations and self.options.keep:
             shutil.copytree(folder, self.options.keep / str(seed), dirs_exist_ok=True)

@@ -86,7 +86,7 @@ def endless(_, __):
 
 # name: maker, rigs, plate time limit by planner (fields, rotations), s
 TEMPLATES = {
-    "arr1": (lambda rng, rig: arrange(rng, rig, 1), ("upm-1", "upm-2"), (10, 20)),
+    "arr1": (lambda rng, rig: arrange(rng, rig, 1), ("upm-1", "upm-2"), (10, 40)),
     "arr4": (lambda rng, rig: arrange(rng, rig, 4), ("upm-2",), (20, 60)),
     "swap": (swap, ("upm-2",), (10, 40)),
     "equal": (equal, ("upm-2",), (10, 40)),

@@ -46,6 +46,8 @@ class Pulse:
     # the look that it was planned from: time and places, mm
     seen_at_s: float = 0.0
     seen_mm: list = field(default_factory=list)
+    # the small pulse at the beginning, which no look leads to and which moves no part
+    is_probe: bool = False
 
     @property
     def end_s(self):
@@ -142,7 +144,7 @@ def pulses_of(lines):
         for row in line.get("sent", ()):
             counts = [[value for harmonic in coil for value in harmonic] for coil in row["counts"]]
             times = (row[key] for key in ("started_at_s", "attack_s", "sustain_s", "rest_s", "base_hz"))
-            pulses.append(Pulse(*times, counts, *seen))
+            pulses.append(Pulse(*times, counts, *seen, row.get("probe", False)))
         if line["type"] == "cycle":
             # a cycle that never ends is planned from the end of the one before
             seen = line["ended_at_s"], line["result_mm"]

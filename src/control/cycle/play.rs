@@ -42,6 +42,7 @@ impl Cycle<'_> {
                 cycle: self.index,
                 started_at,
                 planned,
+                is_probe: false,
                 drive: &drive,
                 trace: &trace,
                 fit: &fit,
@@ -98,8 +99,7 @@ impl Cycle<'_> {
         steps: Option<(&[Vec2], &[Vec2], &[Vec2])>,
     ) -> Result<(), Ending> {
         let guards = &self.params.guards;
-        let by_parts = steps.and_then(|(before, forecast, after)| went_as_forecast(before, forecast, after));
-        let as_forecast = if self.eyes.shows_drive() { Some(true) } else { by_parts };
+        let as_forecast = steps.and_then(|(before, forecast, after)| went_as_forecast(before, forecast, after));
         let is_as_planned = self.doubt_motion(planned, drive, fit, sensors, as_forecast)?;
         self.doubt_delay(is_as_planned)?;
         let Some((before, forecast, after)) = steps else { return Ok(()) };
@@ -125,7 +125,7 @@ impl Cycle<'_> {
         sensors: &AccelerometerPair,
         as_forecast: Option<bool>,
     ) -> Result<bool, Ending> {
-        let found = self.motion.check(planned, drive, fit, sensors, as_forecast);
+        let found = self.motion.check(planned, drive, fit, sensors, as_forecast, self.eyes.shows_drive());
         self.settle(found)
     }
 

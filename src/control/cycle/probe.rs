@@ -42,6 +42,7 @@ impl Cycle<'_> {
                 cycle: self.index,
                 started_at,
                 planned: &planned,
+                is_probe: true,
                 drive,
                 trace: &trace,
                 fit: &fit,
@@ -52,8 +53,7 @@ impl Cycle<'_> {
     }
 
     fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> Result<(), Ending> {
-        let as_driven = self.eyes.shows_drive().then_some(true);
-        let found = self.motion.check_against(expected, fit, &self.sensors(), as_driven);
+        let found = self.motion.check_against(expected, fit, &self.sensors(), None, self.eyes.shows_drive());
         let is_as_planned = self.settle(found)?;
         if is_as_planned && !self.eyes.has_changed() && self.params.guards.has(Condition::CameraFrozen) {
             let reason = "no picture differs from the first, and the plate was shaken".to_owned();

@@ -40,7 +40,8 @@ impl MotionGuard {
         Self { of_field: library.field_coils(), of_rotation: library.rotation_coils(), off: 0 }
     }
 
-    /// Takes one pulse; `as_forecast` says whether the camera saw plate or parts go as they should.
+    /// Takes one pulse; `as_forecast` says whether the camera saw most parts go where they should, `shows_drive` whether it saw
+    /// the plate swing as far as it was driven to.
     pub fn check(
         &mut self,
         planned: &PlannedPulse,
@@ -48,9 +49,10 @@ impl MotionGuard {
         fit: &Result<PlateFit, FitFault>,
         sensors: &AccelerometerPair,
         as_forecast: Option<bool>,
+        shows_drive: bool,
     ) -> Option<Finding> {
         let coils = self.coils(planned).cloned()?;
-        self.check_against(&ExpectedMotion { drive, coils: &coils }, fit, sensors, as_forecast)
+        self.check_against(&ExpectedMotion { drive, coils: &coils }, fit, sensors, as_forecast, shows_drive)
     }
 
     /// [`MotionGuard::check`] for a motion that is known.
@@ -60,10 +62,11 @@ impl MotionGuard {
         fit: &Result<PlateFit, FitFault>,
         sensors: &AccelerometerPair,
         as_forecast: Option<bool>,
+        shows_drive: bool,
     ) -> Option<Finding> {
         let judged = judge(expected, fit.as_ref(), sensors);
         let off = judged.mismatch.map_or(0.0, |mismatch| mismatch.relative);
-        self.finding(judged.verdict, off, as_forecast)
+        self.finding(judged.verdict, off, as_forecast, shows_drive)
     }
 
     /// What the plate should do in a pulse; `None` where the library does not tell.
@@ -78,7 +81,13 @@ impl MotionGuard {
         }
     }
 
-    fn finding(&mut self, verdict: MotionVerdict, off: f64, as_forecast: Option<bool>) -> Option<Finding> {
+    fn finding(
+        &mut self,
+        verdict: MotionVerdict,
+        off: f64,
+        as_forecast: Option<bool>,
+        shows_drive: bool,
+    ) -> Option<Finding> {
         let saw_it_go = as_forecast == Some(true);
         let found = |condition, reason: String, ends| Some(Finding { condition, reason, ends });
         let percent = 100.0 * off;
@@ -110,9 +119,13 @@ impl MotionGuard {
                 let reason = format!("coils {first} and {second} play each other's part");
                 found(Condition::CoilFault { coil: a }, reason, true)
             }
+            MotionVerdict::Channels => {
+                let reason = "the accelerometers show what no motion of a plate shows".to_owned();
+                found(Condition::AccelerometerFault { channel: None }, reason, false)
+            }
             MotionVerdict::Other if saw_it_go && off > FAR_OFF => {
                 let reason =
-                    format!("the accelerometers read a motion {percent:.0} % off the plan, the camera saw none of it");
+                    format!("the accelerometers read a motion {percent:.0} % off the plan, the parts went as forecast");
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
             }
             MotionVerdict::Other => {
@@ -121,12 +134,12 @@ impl MotionGuard {
                 let is_far = off > FAR_OFF;
                 if is_far || self.off >= OFF_IN_A_ROW { found(Condition::MotionOff, reason, is_far) } else { None }
             }
-            MotionVerdict::Unreadable { strong: true } if saw_it_go => {
-                let reason = "the accelerometers read no motion, the camera saw it".to_owned();
+            MotionVerdict::Unreadable { strong: true } if saw_it_go || shows_drive => {
+                let reason = "the accelerometers tell nothing of a motion that the camera saw".to_owned();
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
             }
             MotionVerdict::Unreadable { strong: true } => {
-                found(Condition::MotionOff, "the accelerometers read no motion of the plate".to_owned(), true)
+                found(Condition::MotionOff, "the accelerometers tell nothing of the plate's motion".to_owned(), true)
             }
         }
     }
@@ -141,7 +154,7 @@ mod tests {
     }
 
     fn ends(verdict: MotionVerdict, off: f64, as_forecast: Option<bool>) -> Option<bool> {
-        guard().finding(verdict, off, as_forecast).map(|finding| finding.ends)
+        guard().finding(verdict, off, as_forecast, false).map(|finding| finding.ends)
     }
 
     #[test]
@@ -156,12 +169,13 @@ mod tests {
         assert_eq!([None, Some(true)].map(|seen| ends(MotionVerdict::Other, 0.5, seen)), [Some(true), Some(false)]);
         assert_eq!([false, true].map(|strong| ends(unread(strong), 0.0, None)), [None, Some(true)]);
         assert_eq!(ends(unread(true), 0.0, Some(true)), Some(false));
+        assert_eq!(ends(MotionVerdict::Channels, 0.9, None), Some(false));
     }
 
     #[test]
     fn motion_a_little_off_is_told_the_second_time_in_a_row() {
         let mut guard = guard();
-        let mut told = |verdict| guard.finding(verdict, 0.1, None).is_some();
+        let mut told = |verdict| guard.finding(verdict, 0.1, None, false).is_some();
         assert!(!told(MotionVerdict::Other) && !told(MotionVerdict::AsPlanned) && !told(MotionVerdict::Other));
         assert!(told(MotionVerdict::Other));
     }

@@ -10,7 +10,7 @@ use nalgebra::{Complex, Vector3};
 
 use super::felt::{Felt, Velocity, felt};
 use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2};
-use upm_core::geometry::Twist;
+use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{CHANNELS, Drive, MOTORS, TwistHarmonic, TwistWave};
 
 /// Standard deviations within which a coefficient is as predicted, when two periods or more were read.
@@ -35,6 +35,12 @@ const REVERSED_GAIN_ERROR: f64 = 0.2;
 
 /// Planned acceleration from which on a pulse must be readable, in units of [`WEAKEST_MPS2`].
 const STRONG: f64 = 4.0;
+
+/// Part of the read acceleration's energy by which two accelerometers may differ along the line between them.
+const RIGID: f64 = 0.04;
+
+/// Noise that makes more than this part of the planned acceleration drowns it.
+const DROWNED: f64 = 1.0;
 
 /// Base periods of sustain from which on a pulse must be readable: one, and room for the samples that fall on no edge.
 const READABLE_PERIODS: f64 = 1.05;
@@ -95,9 +101,11 @@ pub enum MotionVerdict {
         /// Indices into [`upm_core::signal::Motor::ALL`].
         coils: [usize; 2],
     },
+    /// The channels do not agree with each other: no motion of a plate shows like that.
+    Channels,
     /// Not as planned, and no single coil, channel or pair of coils explains it.
     Other,
-    /// The trace could not be read.
+    /// The trace could not be read, or noise drowns the motion in it.
     Unreadable {
         /// True when the planned motion is strong and long enough to be read: then plate or sensors failed.
         strong: bool,
@@ -133,11 +141,15 @@ fn unreadable(expected: &ExpectedMotion<'_>, fault: &FitFault, sensors: &Acceler
     let Drive { base_radps, motors, .. } = expected.drive;
     let harmonics = motors.iter().map(Vec::len).max().unwrap_or(0);
     let planned = felt(&expected.velocity(harmonics, &Played::Planned), *base_radps, sensors.position_m);
-    let largest_mps2 = planned.iter().flatten().map(|a| a.norm()).fold(0.0, f64::max);
     // these two say that this rig's traces can never be read so, whatever the plate does
     let never = matches!(fault, FitFault::Unreadable(_) | FitFault::Undetermined { .. });
-    let strong = !never && expected.periods() >= READABLE_PERIODS && largest_mps2 >= STRONG * WEAKEST_MPS2;
-    MotionVerdict::Unreadable { strong }
+    MotionVerdict::Unreadable { strong: !never && is_strong(expected, &planned) }
+}
+
+/// True for a motion that accelerometers have to show.
+fn is_strong(expected: &ExpectedMotion<'_>, planned: &Felt) -> bool {
+    let largest_mps2 = planned.iter().flatten().map(|a| a.norm()).fold(0.0, f64::max);
+    expected.periods() >= READABLE_PERIODS && largest_mps2 >= STRONG * WEAKEST_MPS2
 }
 
 /// Which counts the coils play.
@@ -246,7 +258,13 @@ impl<'a> Judge<'a> {
             relative_sd: (noise / size).sqrt(),
             score: self.score(&self.planned),
         };
-        let verdict = if mismatch.score <= 1.0 { MotionVerdict::AsPlanned } else { self.explanation() };
+        let verdict = match mismatch.score {
+            score if score <= 1.0 && mismatch.relative_sd > DROWNED && is_strong(self.expected, &self.planned) => {
+                MotionVerdict::Unreadable { strong: true }
+            }
+            score if score <= 1.0 => MotionVerdict::AsPlanned,
+            _ => self.explanation(),
+        };
         MotionJudgement { mismatch: Some(mismatch), verdict }
     }
 
@@ -263,8 +281,19 @@ impl<'a> Judge<'a> {
         let erratic = (0..CHANNELS).map(|channel| (self.score_without(channel), channel));
         match erratic.min_by(|(a, _), (b, _)| a.total_cmp(b)) {
             Some((score, channel)) if score <= 1.0 => MotionVerdict::Channel { channel, kind: ChannelFault::Erratic },
+            _ if !self.is_rigid() => MotionVerdict::Channels,
             _ => MotionVerdict::Other,
         }
+    }
+
+    /// True when a plate can move as the channels show: along the line between the two accelerometers they show the same.
+    fn is_rigid(&self) -> bool {
+        let along: Vec2 = self.sensors.position_m / self.sensors.position_m.norm();
+        let (x, y) = (along.x, along.y);
+        let apart = |[x1, y1, x2, y2]: &[Complex<f64>; CHANNELS]| ((x1 - x2) * x + (y1 - y2) * y).norm_sqr();
+        let apart: f64 = self.read.accel_mps2.iter().map(apart).sum();
+        let noise = 4.0 * self.read.variance.iter().sum::<f64>();
+        apart < DEVIATIONS * DEVIATIONS * noise + RIGID * energy(&self.read.accel_mps2)
     }
 
     /// Score and verdict for the gain of `coil` that comes nearest to the reading.

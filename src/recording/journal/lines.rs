@@ -272,6 +272,9 @@ impl<'a> PlanPart<'a> {
 #[derive(Debug, Serialize)]
 pub(super) struct SentLine {
     started_at_s: Seconds,
+    /// The small pulse at the beginning of a run, which is to move no part.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    probe: bool,
     base_hz: Fixed<4>,
     attack_s: Seconds,
     sustain_s: Seconds,
@@ -326,6 +329,7 @@ impl SentLine {
         };
         Self {
             started_at_s: seconds(facts.started_at),
+            probe: facts.is_probe,
             base_hz: hz(drive.base_radps),
             attack_s: Fixed(drive.envelope.attack_s),
             sustain_s: Fixed(drive.envelope.sustain_s),

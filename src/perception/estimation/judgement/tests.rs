@@ -233,7 +233,7 @@ fn several_faults_are_no_single_one() {
         assert_eq!(judgement.verdict, MotionVerdict::Other, "{coil_gain:?}: {judgement:?}");
     }
     let two_channels = Plate { channel_gain: [0.0, -1.0, 1.0, 1.0], ..HEALTHY };
-    assert_eq!(two_channels.judged(&drive, 5).verdict, MotionVerdict::Other);
+    assert_eq!(two_channels.judged(&drive, 5).verdict, MotionVerdict::Channels);
 }
 
 #[test]
