@@ -9,10 +9,10 @@ use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
 use upm_perception::vision::{PlateWatch, Table, TableMotion, TableWatch, Track};
 
-/// A plate that swings out after a pulse has its corners up to 1.03 px away in the first frame at rest, 0.5 px of it shift
-/// (rig upm-2); what is more is no swing.
-const SWING_CORNER_PX: f64 = 1.3;
-const SWING_SHIFT_PX: f64 = 0.75;
+/// What is farther away is no plate that swings out after a pulse; the few first frames at rest that show one farther are
+/// not relied on.
+const SWING_CORNER_PX: f64 = 0.95;
+const SWING_SHIFT_PX: f64 = 0.7;
 /// The same once it has swung out.
 const STILL_PX: f64 = 0.25;
 /// A share of the plate below this counts as in view.

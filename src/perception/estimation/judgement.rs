@@ -27,6 +27,10 @@ const RESPONSE_ERROR: f64 = 0.02;
 /// Smallest error of a gain that is blamed on its coil or channel.
 const LEAST_GAIN_ERROR: f64 = 0.05;
 
+/// Gains that an amplifier and its coil may have; one outside is the error of something else, seen through a coil that
+/// hardly has a share.
+const COIL_GAINS: std::ops::RangeInclusive<f64> = -1.6..=2.0;
+
 /// Largest gain of a dead channel, either sign.
 const DEAD_GAIN: f64 = 0.1;
 
@@ -308,7 +312,8 @@ impl<'a> Judge<'a> {
         let missing = self.read.accel_mps2.iter().zip(&dead).map(|(a, b)| std::array::from_fn(|c| a[c] - b[c]));
         let information = self.dot(&share, &share, 0..CHANNELS);
         let gain = self.dot(&share, &missing.collect(), 0..CHANNELS) / information;
-        let score = if is_fault(gain) { self.score(&predicted(gain)) } else { f64::INFINITY };
+        let is_plausible = is_fault(gain) && COIL_GAINS.contains(&gain);
+        let score = if is_plausible { self.score(&predicted(gain)) } else { f64::INFINITY };
         (score, MotionVerdict::Coil { coil, gain, gain_sd: information.recip().sqrt() })
     }
 
