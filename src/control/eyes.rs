@@ -82,8 +82,10 @@ pub struct Eyes {
     displaced: u32,
     displaced_px: f64,
     foreign: u32,
-    /// Since when every frame shows the plate of the present without a part, and how many did.
-    missing: Option<(PlateTime, u32)>,
+    /// For how many frames the plate of the present was seen without a part, those that never came included, and how many
+    /// of them came.
+    missing: (f64, u32),
+    looked_at: PlateTime,
     frame_hz: f64,
     /// Frames in a row that show a part off the plate.
     off_plate: u32,
@@ -144,7 +146,8 @@ impl Eyes {
             displaced: 0,
             displaced_px: 0.0,
             foreign: 0,
-            missing: None,
+            missing: (0.0, 0),
+            looked_at: PlateTime::default(),
             frame_hz: model.frame_hz,
             off_plate: 0,
             relocated: false,
@@ -198,9 +201,13 @@ impl Eyes {
         }
         self.off_plate =
             if self.tracker.tracks().iter().any(|track| self.is_off_plate(track)) { self.off_plate + 1 } else { 0 };
-        let is_plainly_missing = self.missing_for() > 0 && swing_px.is_some();
-        let (since, frames) = self.missing.unwrap_or((self.frame.exposed_at, 0));
-        self.missing = is_plainly_missing.then_some((since, frames + 1));
+        let frames = self.frame.exposed_at.secs_since(self.looked_at) * self.frame_hz;
+        self.looked_at = self.looked_at.max(self.frame.exposed_at);
+        self.missing = match (self.missing_for(), swing_px) {
+            (0, _) => (0.0, 0),
+            (_, Some(_)) => (self.missing.0 + frames.max(0.0), self.missing.1 + 1),
+            (_, None) => self.missing,
+        };
         if is_plain {
             self.check_jumps(sink)?;
             self.expected_m = self.positions_m().into_iter().map(|place_m| (place_m, REACH_M)).collect();
@@ -349,13 +356,8 @@ impl Eyes {
 
     /// Frames, those that never came included, since all of the present lack a part, nothing hiding the plate.
     pub fn plainly_missing_for(&self) -> u32 {
-        match self.missing {
-            Some((since, frames)) if frames >= LEAST_LOOKS => {
-                1 + (self.frame.exposed_at.secs_since(since) * self.frame_hz).round() as u32
-            }
-            Some((_, frames)) => frames,
-            None => 0,
-        }
+        let (frames, came) = self.missing;
+        if came < LEAST_LOOKS { came } else { frames.round() as u32 }
     }
 
     /// When the newest frame was exposed.
