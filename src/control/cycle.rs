@@ -184,6 +184,12 @@ impl Cycle<'_> {
 
     /// One cycle from a look at rest to the next, whose positions it returns.
     fn once(&mut self, observed: Vec<Vec2>, last_pulse_at: &mut PlateTime) -> Result<Vec<Vec2>, Ending> {
+        if self.eyes.take_relocated() {
+            // a mirrored or late picture may look like a knock; one that shows the plate move as it is driven is relied on
+            self.check_limits()?;
+            self.probe()?;
+            return self.look_at_rest();
+        }
         let started = self.clock.elapsed();
         let observed_at = self.eyes.seen_at();
         let wanted = self.goal.next(observed_at, &observed);

@@ -35,6 +35,11 @@ impl Eyes {
         self.delay.shows_drive()
     }
 
+    /// True once for a table that was located anew since the last pulse began.
+    pub fn take_relocated(&mut self) -> bool {
+        std::mem::take(&mut self.relocated)
+    }
+
     /// How late the pictures are, after a pulse that moved the plate as planned.
     pub fn late(&mut self) -> Option<Late> {
         self.delay.end().filter(|_| self.guards.has(Condition::CameraLate))
