@@ -43,9 +43,6 @@ const STRONG: f64 = 4.0;
 /// Part of the read acceleration's energy by which two accelerometers may differ along the line between them.
 const RIGID: f64 = 0.04;
 
-/// Noise that makes more than this part of the planned acceleration drowns it.
-const DROWNED: f64 = 1.0;
-
 /// Base periods of sustain from which on a pulse must be readable: one, and room for the samples that fall on no edge.
 const READABLE_PERIODS: f64 = 1.05;
 
@@ -263,7 +260,7 @@ impl<'a> Judge<'a> {
             score: self.score(&self.planned),
         };
         let verdict = match mismatch.score {
-            score if score <= 1.0 && mismatch.relative_sd > DROWNED && is_strong(self.expected, &self.planned) => {
+            score if score <= 1.0 && self.is_drowned() && is_strong(self.expected, &self.planned) => {
                 MotionVerdict::Unreadable { strong: true }
             }
             score if score <= 1.0 => MotionVerdict::AsPlanned,
@@ -288,6 +285,12 @@ impl<'a> Judge<'a> {
             _ if !self.is_rigid() => MotionVerdict::Channels,
             _ => MotionVerdict::Other,
         }
+    }
+
+    /// True when noise makes more of every harmonic than the planned motion.
+    fn is_drowned(&self) -> bool {
+        let planned = self.planned.iter().map(|of| of.iter().map(Complex::norm_sqr).sum::<f64>());
+        planned.zip(&self.read.variance).all(|(planned, variance)| planned < 2.0 * CHANNELS as f64 * variance)
     }
 
     /// True when a plate can move as the channels show: along the line between the two accelerometers they show the same.
