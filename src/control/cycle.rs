@@ -10,7 +10,7 @@ use super::conditions::{Condition, Conditions};
 use super::controllability::check_controllable;
 use super::ending::{EndCause, Ending, Outcome, check_stop, is_stop};
 use super::eyes::{ExpectedPart, Eyes, Moment};
-use super::guards::{Guards, MotionGuard, StepGuard};
+use super::guards::{CoilResponses, Guards, MotionGuard, StepGuard};
 use super::learning::Gains;
 use super::plans::{FreshPlanner, Plans};
 use super::progress::ProgressWatch;
@@ -120,7 +120,8 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
                 wanted,
                 furthest: 0.0,
                 index,
-                motion: MotionGuard::new(library),
+                coil_responses: CoilResponses::new(library),
+                motion: MotionGuard::default(),
                 steps: StepGuard::default(),
                 unconfirmed: 0,
             };
@@ -155,6 +156,7 @@ struct Cycle<'a> {
     /// Progress when a cycle without a pulse last got further.
     furthest: f64,
     index: u64,
+    coil_responses: CoilResponses,
     motion: MotionGuard,
     steps: StepGuard,
     /// Times the goal seemed reached and a second look said no.
@@ -185,7 +187,7 @@ impl Cycle<'_> {
     /// One cycle from a look at rest to the next, whose positions it returns.
     fn once(&mut self, observed: Vec<Vec2>, last_pulse_at: &mut PlateTime) -> Result<Vec<Vec2>, Ending> {
         if self.eyes.take_relocated() {
-            // a mirrored or late picture may look like a knock; one that shows the plate move as it is driven is relied on
+            // a mirrored or late picture may look like a knock: the probe tells them apart
             self.check_limits()?;
             self.probe()?;
             return self.look_at_rest();
@@ -218,7 +220,7 @@ impl Cycle<'_> {
             self.play(pulse, if number == plan.pulses.len() { Moment::Cycle } else { Moment::Pulse })?;
             *last_pulse_at = self.rig.now();
             self.look_for_missing()?;
-            if self.eyes.upset_plan() {
+            if self.eyes.invalidates_plan() {
                 break;
             }
         }

@@ -36,7 +36,7 @@ const MOVED: u32 = 6;
 const SAME_PLACE_PX: f64 = 0.3;
 /// Frames that must lack a part before those that never came count, too.
 const LEAST_LOOKS: u32 = 5;
-/// How far beyond the edge a part's middle is off the plate for sure, m: more than a plate swings.
+/// Distance beyond the edge from which on a part's centre is off the plate, m: more than the plate swings.
 const EDGE_M: f64 = 1e-3;
 /// Time in which a plate swings out, s.
 const SWING_S: f64 = 0.4;
@@ -274,7 +274,7 @@ impl Eyes {
             self.displaced = 0;
             return Ok(());
         };
-        if self.delay.is_doubtful() && self.guards.has(Condition::CameraLate) {
+        if self.delay.looks_late() && self.guards.has(Condition::CameraLate) {
             // late pictures show a plate that has come to rest still swinging
             return Ok(());
         }
@@ -317,8 +317,8 @@ impl Eyes {
         self.silenced
     }
 
-    /// True when what was planned before the last pulse no longer holds: it was silenced, or the table located anew.
-    pub fn upset_plan(&self) -> bool {
+    /// True when the last pulse was silenced or the table located anew: pulses planned before no longer apply.
+    pub fn invalidates_plan(&self) -> bool {
         self.silenced || self.relocated
     }
 
@@ -349,7 +349,7 @@ impl Eyes {
         self.tracker.tracks().iter().map(|track| track.frames_unseen).fold(self.off_plate, u32::max)
     }
 
-    /// A part with its middle beyond the edge lies beside the plate, or is about to fall.
+    /// True for a part with its centre beyond the edge: it has fallen, or is about to.
     fn is_off_plate(&self, track: &Track) -> bool {
         track.seen.position_m.amax() > 0.5 * self.table.side_m + EDGE_M
     }

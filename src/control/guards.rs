@@ -10,7 +10,7 @@ use super::conditions::Condition;
 
 pub(super) use delay::{DelayGuard, Late, Swing};
 pub(super) use freshness::{Freshness, Stale};
-pub(super) use motion::{Finding, MotionGuard};
+pub(super) use motion::{CoilResponses, Finding, MotionGuard, PulseReading};
 pub(super) use steps::{StepGuard, Unlike, went_as_forecast};
 
 /// Which guards are awake: all, but for the one that a test of the tests puts to sleep.

@@ -1,4 +1,4 @@
-//! A small pulse that moves no part and shows every coil and accelerometer.
+//! The probe: a small pulse that moves no part and tests every coil and accelerometer.
 
 use nalgebra::{Complex, Vector3};
 
@@ -6,23 +6,23 @@ use super::{CoilResponse, Library, motor_harmonics};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{Drive, Envelope, MOTORS, Shaping};
 
-/// Force phasors of x, y and spin: turned by a quarter period against the others, the spin has all coils work alike.
+/// Force phasors of x, y and spin. The spin is a quarter period ahead, so that all coils play equal amplitudes.
 const AXES: [Complex<f64>; 3] = [Complex::new(1.0, 0.0), Complex::new(1.0, 0.0), Complex::new(0.0, 2.0)];
 /// Greatest acceleration of a corner, m/s².
 const CORNER_MPS2: f64 = 16.0;
-/// Part of the strongest drive that the library knows, at most.
+/// Largest share of the strongest drive in the library.
 const MOST_DRIVE: f64 = 0.5;
-/// Sustain, base periods, and s at least.
+/// Least sustain, in base periods and in s.
 const PERIODS: f64 = 3.2;
 const LEAST_SUSTAIN_S: f64 = 0.1;
 /// Instants of a period at which the corners' acceleration is taken.
 const INSTANTS: usize = 24;
 
 impl Library {
-    /// A pulse of one harmonic that shakes the plate along x, y and spin at once with all coils alike, and the plate's
-    /// answer to each coil. Whatever any coil makes of it, the plate's velocity in the second half of a period is that of
-    /// the first half with the other sign, and so is friction: parts go nowhere on the whole. `None` where the library does
-    /// not tell the coils apart.
+    /// A pulse of one harmonic along x, y and spin at once that loads all coils equally, and the plate's answer to each
+    /// coil. With a single harmonic the plate's velocity repeats with the opposite sign after half a period, and so does
+    /// friction (equation sheet, section 5): the mean displacement of a part is zero, also when a coil is dead, reversed or exchanged. `None`
+    /// where the library does not determine the answer of every coil.
     pub fn probe(&self) -> Option<(Drive, CoilResponse)> {
         let (coils, base_radps, attack_s, rest_s, limit_counts) = match &self.fields {
             Some(fields) => {

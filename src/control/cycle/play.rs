@@ -4,7 +4,7 @@ use super::Cycle;
 use crate::conditions::Condition;
 use crate::ending::{EndCause, Ending, is_stop};
 use crate::eyes::Moment;
-use crate::guards::{Finding, Late, Swing, Unlike, went_as_forecast};
+use crate::guards::{Finding, Late, PulseReading, Swing, Unlike, went_as_forecast};
 use crate::learning::{Lesson, MORE, Scatter};
 use crate::{Carried, PulseFacts};
 use upm_core::geometry::Vec2;
@@ -52,7 +52,8 @@ impl Cycle<'_> {
         if let Err(ending) = followed {
             // a plate that did not move as planned explains parts that are not where they should be
             let is_doubt = ending.cause == EndCause::Guard(Condition::PartsJumped);
-            let cause = if is_doubt { self.doubt_motion(planned, &drive, &fit, &sensors, None).err() } else { None };
+            let reading = self.reading(&fit, &sensors, None);
+            let cause = if is_doubt { self.doubt_motion(planned, &drive, &reading).err() } else { None };
             return Err(cause.unwrap_or(ending));
         }
         if let Some([_, forecast_m, with_more_m]) = &forecasts {
@@ -100,7 +101,7 @@ impl Cycle<'_> {
     ) -> Result<(), Ending> {
         let guards = &self.params.guards;
         let as_forecast = steps.and_then(|(before, forecast, after)| went_as_forecast(before, forecast, after));
-        let is_as_planned = self.doubt_motion(planned, drive, fit, sensors, as_forecast)?;
+        let is_as_planned = self.doubt_motion(planned, drive, &self.reading(fit, sensors, as_forecast))?;
         self.doubt_delay(is_as_planned)?;
         let Some((before, forecast, after)) = steps else { return Ok(()) };
         let Some((part, unlike)) = self.steps.check(before, forecast, after) else { return Ok(()) };
@@ -116,21 +117,30 @@ impl Cycle<'_> {
         Err(Ending::guarded(condition, reason))
     }
 
-    /// Holds the plate's motion in a pulse against its plan; true where it moved as planned.
+    /// Compares the plate's motion in a pulse with its plan; true where it moved as planned.
     fn doubt_motion(
         &mut self,
         planned: &PlannedPulse,
         drive: &Drive,
-        fit: &Result<PlateFit, FitFault>,
-        sensors: &AccelerometerPair,
-        as_forecast: Option<bool>,
+        reading: &PulseReading<'_>,
     ) -> Result<bool, Ending> {
-        let found = self.motion.check(planned, drive, fit, sensors, as_forecast, self.eyes.shows_drive());
-        self.settle(found)
+        let expected = self.coil_responses.expected(planned, drive);
+        let found = expected.and_then(|expected| self.motion.check(&expected, reading));
+        self.report(found)
     }
 
-    /// Tells what was found of a pulse's motion, and ends the run where it must; true where the plate moved as planned.
-    pub(super) fn settle(&mut self, found: Option<Finding>) -> Result<bool, Ending> {
+    /// Accelerometers and camera on one pulse.
+    pub(super) fn reading<'a>(
+        &self,
+        fit: &'a Result<PlateFit, FitFault>,
+        sensors: &'a AccelerometerPair,
+        as_forecast: Option<bool>,
+    ) -> PulseReading<'a> {
+        PulseReading { fit, sensors, as_forecast, shows_drive: self.eyes.shows_drive() }
+    }
+
+    /// Reports a finding on a pulse's motion and ends the run if it must; true where the plate moved as planned.
+    pub(super) fn report(&mut self, found: Option<Finding>) -> Result<bool, Ending> {
         let Some(Finding { condition, reason, ends }) = found else { return Ok(true) };
         if self.params.guards.has(condition) {
             self.warn(condition, reason.clone());
@@ -158,7 +168,7 @@ impl Cycle<'_> {
 
     /// How the plate should swing in a pulse; `None` where the library does not tell.
     fn swing(&self, planned: &PlannedPulse, drive: &Drive) -> Option<Swing> {
-        Some(self.swing_of(self.motion.expected(planned, drive)?.wave(), drive))
+        Some(self.swing_of(self.coil_responses.expected(planned, drive)?.wave(), drive))
     }
 
     /// How the plate should swing in a pulse of this velocity at full height.

@@ -1,4 +1,5 @@
-//! The first pulse of a run: a small one that moves no part and shows every coil and accelerometer.
+//! The probe: a small pulse that moves no part and tests every coil and accelerometer. It is played first in a run, and after
+//! the table was located anew.
 
 use super::Cycle;
 use crate::PulseFacts;
@@ -8,18 +9,18 @@ use crate::eyes::Moment;
 use upm_perception::estimation::{ExpectedMotion, FitFault, PlateFit, fit_wave};
 use upm_planner::{FieldPulse, PlannedPulse};
 
-/// Times that the probe is played until it is seen to its end.
+/// Probes in a row, at most, until one is seen to its end.
 const MOST_PROBES: usize = 3;
 
 impl Cycle<'_> {
-    /// Plays the probe, where the library knows one, until one was seen to its end, and holds what was read against it.
+    /// Plays the probe, if the library has one, until one is seen to its end, and judges it.
     pub(super) fn probe(&mut self) -> Result<(), Ending> {
         let Some((mut drive, coils)) = self.library.probe() else { return Ok(()) };
         drive.envelope.sustain_s = drive.envelope.sustain_s.min(self.model.max_sustain_s);
         let expected = ExpectedMotion { drive: &drive, coils: &coils };
         for _ in 0..MOST_PROBES {
             let fit = self.play_probe(&expected)?;
-            if !self.eyes.upset_plan() {
+            if !self.eyes.invalidates_plan() {
                 return self.judge_probe(&expected, &fit);
             }
             self.look_at_rest()?;
@@ -53,8 +54,9 @@ impl Cycle<'_> {
     }
 
     fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> Result<(), Ending> {
-        let found = self.motion.check_against(expected, fit, &self.sensors(), None, self.eyes.shows_drive());
-        let is_as_planned = self.settle(found)?;
+        let sensors = self.sensors();
+        let found = self.motion.check(expected, &self.reading(fit, &sensors, None));
+        let is_as_planned = self.report(found)?;
         if is_as_planned && !self.eyes.has_changed() && self.params.guards.has(Condition::CameraFrozen) {
             let reason = "no picture differs from the first, and the plate was shaken".to_owned();
             self.warn(Condition::CameraFrozen, reason.clone());

@@ -1,4 +1,4 @@
-//! What a pulse should do to the picture: the way of the parts, the swing of the plate.
+//! Expected effect of a pulse in the camera's frames: the parts' displacement and the plate's swing.
 
 use super::Eyes;
 use crate::Sink;
@@ -14,7 +14,8 @@ pub(super) const REACH_M: f64 = 3e-3;
 const REACH_OF_WAY: f64 = 0.7;
 
 impl Eyes {
-    /// A pulse begins at `at` that should carry the parts to `forecast_m` and swing the plate; `None` where nobody knows.
+    /// Announces a pulse at `at` that should carry the parts to `forecast_m` and swing the plate by `swing`; `None` where the
+    /// library does not give them.
     pub fn expect_pulse(&mut self, at: PlateTime, forecast_m: Option<&[Vec2]>, swing: Option<Swing>) {
         let places_m = self.positions_m();
         self.expected_m = match forecast_m {
@@ -30,22 +31,22 @@ impl Eyes {
         (self.silenced, self.relocated) = (false, false);
     }
 
-    /// True when the pictures of the last pulse show the plate swing as far as it was driven to.
+    /// True when the frames of the last pulse show the plate's planned swing.
     pub fn shows_drive(&self) -> bool {
         self.delay.shows_drive()
     }
 
-    /// True once for a table that was located anew since the last pulse began.
+    /// True once after the table was located anew, unless a pulse has begun since.
     pub fn take_relocated(&mut self) -> bool {
         std::mem::take(&mut self.relocated)
     }
 
-    /// How late the pictures are, after a pulse that moved the plate as planned.
+    /// Delay of the frames, once it is certain; to be called after a pulse that moved the plate as planned.
     pub fn late(&mut self) -> Option<Late> {
         self.delay.end().filter(|_| self.guards.has(Condition::CameraLate))
     }
 
-    /// True once some picture differed from the first.
+    /// True once a frame has differed from the first.
     pub fn has_changed(&self) -> bool {
         self.scene.has_changed()
     }

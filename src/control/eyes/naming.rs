@@ -5,8 +5,11 @@ use crate::ending::{EndCause, Ending};
 use upm_core::rig::PartKind;
 use upm_perception::vision::Detection;
 
-/// Gives each part of the job its detection, of as many as there are where that `counts`: those with a known place take the nearest of their kind, the others
-/// what is left from left to right.
+/// Gives each part of the job its detection: parts with a known place take the nearest of their kind, the others the
+/// remaining ones from left to right.
+///
+/// # Errors
+/// A part without a detection; with `counts`, also a detection too many.
 pub(super) fn name_parts(
     mut found: Vec<Detection>,
     kinds: &[PartKind],

@@ -9,8 +9,8 @@ use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
 use upm_perception::vision::{PlateWatch, Table, TableMotion, TableWatch, Track};
 
-/// What is farther away is no plate that swings out after a pulse; the few first frames at rest that show one farther are
-/// not relied on.
+/// Displacements of a plate, of a corner and as a whole, that are still taken for its swing after a pulse, px. Frames at rest
+/// that show more start no cycle.
 const SWING_CORNER_PX: f64 = 0.95;
 const SWING_SHIFT_PX: f64 = 0.7;
 /// The same once it has swung out.
@@ -99,7 +99,7 @@ impl Scene {
         self.freshness.check(frame, now);
     }
 
-    /// True once some picture differed from the first.
+    /// True once a frame has differed from the first.
     pub(super) fn has_changed(&self) -> bool {
         self.freshness.has_changed()
     }

@@ -13,23 +13,23 @@ const IN_A_ROW: u32 = 2;
 const WINDOW: usize = 48;
 /// The plate must swing so far in them, root of the sum of squares, px; frames before a weak pulse are looked at, too.
 const LEAST_SWING_PX: f64 = 0.6;
-/// Frames that no delay leaves less of than this part of what was seen are in time.
+/// Frames of which less than this share is left over without a delay are in time.
 const IN_TIME: f64 = 0.06;
 /// A delay must explain the frames so much better than none: part of the squares that it leaves.
 const BETTER: f64 = 0.35;
 /// And leave no more than this part of what was seen.
 const LEFT: f64 = 0.15;
-/// Delays that leave this much more than the best explain the frames as well: part of what was seen.
+/// Share of the squares by which a delay may be worse than the best and still explain the frames; the shortest is taken.
 const ALIKE: f64 = 0.02;
-/// One pulse suffices where no delay leaves more than this, and the delay less than that.
+/// One pulse suffices where the delay leaves less than the second share of the squares and none leaves more than the first.
 const SURE_UNDELAYED: f64 = 0.5;
 const SURE_LEFT: f64 = 0.05;
-/// A plate seen to swing less than this part of what it should stands still in the pictures: of the squares.
+/// A plate seen to swing less than this share of the planned squares stands still in the frames.
 const STILL: f64 = 0.03;
-/// Frames that neither show the swing nor any delay of it: what is left of the squares, and the swing from which on it tells, px.
+/// Share of the squares that no delay explains from which on frames contradict the drive, and the least swing for that, px.
 const UNLIKE: f64 = 0.4;
 const UNLIKE_SWING_PX: f64 = 1.0;
-/// Frames show the drive up to this part of its squares: a fifth more or less of it is noticed.
+/// Largest share of the squares left over by frames that show the planned swing: a swing a fifth larger leaves this much.
 const AS_DRIVEN: f64 = 0.04;
 /// Displacements above this are not told apart, px.
 const FARTHEST_PX: f64 = 6.0;
@@ -54,7 +54,7 @@ pub struct DelayGuard {
 pub enum Late {
     /// By so many frames.
     By(usize),
-    /// They do not show the plate swing as it is driven.
+    /// They contradict the drive, and no delay explains them.
     Unseen,
 }
 
@@ -65,11 +65,11 @@ struct Swung {
     expected: f64,
 }
 
-/// What some frames tell.
+/// Verdict on the timing of some frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Timing {
-    /// The plate hardly swings.
-    Untold,
+    /// The plate swings too little to be judged.
+    Weak,
     InTime,
     Late {
         late: Late,
@@ -132,12 +132,12 @@ impl DelayGuard {
         self.frames.push_back(Swung { seen, expected });
     }
 
-    /// True while the frames of the newest pulse look late: the plate may swing in the pictures when it stands still.
-    pub fn is_doubtful(&self) -> bool {
+    /// True while the frames of the newest pulse look late: they may show a plate at rest still swinging.
+    pub fn looks_late(&self) -> bool {
         matches!(self.newest_pulse(), Timing::Late { late: Late::By(_), .. })
     }
 
-    /// True when the frames since the newest pulse began show the plate swing as far as it is driven to.
+    /// True when the frames since the newest pulse began show its planned swing.
     pub fn shows_drive(&self) -> bool {
         let Some((begin_s, _)) = self.pulses.back() else { return false };
         let (first, _) = self.window(*begin_s);
@@ -147,15 +147,15 @@ impl DelayGuard {
         expected > LEAST_SWING_PX * LEAST_SWING_PX && left < AS_DRIVEN * expected
     }
 
-    /// A pulse is over: how late pictures are once they were late too often.
+    /// Ends a pulse. Returns the delay of the frames once it is certain.
     pub fn end(&mut self) -> Option<Late> {
-        // pulses that follow each other like one clock tell only together
+        // equal pulses at equal distances hide a delay of one period: two of them are judged together
         let timing = match self.newest_pulse() {
             Timing::InTime => self.both_pulses(),
             timing => timing,
         };
         match timing {
-            Timing::Untold => None,
+            Timing::Weak => None,
             Timing::InTime => {
                 self.late = 0;
                 None
@@ -181,10 +181,10 @@ impl DelayGuard {
 
     /// The delay that explains the frames since a pulse began best, where one does clearly better than none.
     fn timing_since(&self, pulse: Option<&(f64, Swing)>) -> Timing {
-        let Some((begin_s, _)) = pulse else { return Timing::Untold };
+        let Some((begin_s, _)) = pulse else { return Timing::Weak };
         let (first, expected) = self.window(*begin_s);
         if expected < LEAST_SWING_PX * LEAST_SWING_PX {
-            return Timing::Untold;
+            return Timing::Weak;
         }
         let seen = || self.frames.iter().enumerate().skip(first).filter_map(|(i, frame)| Some((i, frame.seen?)));
         let all: f64 = seen().map(|(_, px)| px * px).sum();
@@ -197,7 +197,7 @@ impl DelayGuard {
         };
         let undelayed = left(0);
         let least = (1..=LONGEST).map(left).fold(undelayed, f64::min);
-        // pulses that follow each other like one clock have more than one delay that explains them
+        // equal pulses at equal distances are explained by a delay and by that plus one period
         let delay = (0..=LONGEST).find(|&delay| left(delay) <= least + ALIKE * all).unwrap_or(0);
         let is_explained = least < BETTER * undelayed && least < LEFT * all;
         let tells = expected > UNLIKE_SWING_PX * UNLIKE_SWING_PX;
@@ -211,7 +211,7 @@ impl DelayGuard {
         Timing::Late { late: Late::By(delay), is_sure }
     }
 
-    /// The first frame that is looked at, and the sum of squares of what should be seen from there on, px².
+    /// Index of the first frame to be judged, and the sum of squares of the expected displacements from there on, px².
     fn window(&self, begin_s: f64) -> (usize, f64) {
         let mut expected = 0.0;
         for (i, frame) in self.frames.iter().enumerate().rev() {

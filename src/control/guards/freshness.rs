@@ -32,7 +32,7 @@ pub struct Freshness {
     seen: [Vec<Option<u64>>; BANDS],
     /// Bands that differed in the first two frames, which show the same scene: noise is seen in them.
     noisy: [bool; BANDS],
-    /// Some band has differed from its first picture.
+    /// A frame has differed from the first.
     changed: bool,
     frames: u64,
 }
@@ -59,7 +59,7 @@ impl Freshness {
         stamp.or(repeated.then_some(Stale::Repeated))
     }
 
-    /// True once some picture differed from the first.
+    /// True once a frame has differed from the first.
     pub fn has_changed(&self) -> bool {
         self.changed
     }

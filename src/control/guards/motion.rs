@@ -26,59 +26,54 @@ pub struct Finding {
     pub ends: bool,
 }
 
-/// Holds what the accelerometers read of each pulse against what was planned.
+/// The plate's answers to each coil, for both kinds of pulse.
 #[derive(Clone, Debug)]
+pub struct CoilResponses {
+    field: Option<CoilResponse>,
+    rotation: Option<CoilResponse>,
+}
+
+impl CoilResponses {
+    /// Those of `library`.
+    pub fn new(library: &Library) -> Self {
+        Self { field: library.field_coils(), rotation: library.rotation_coils() }
+    }
+
+    /// The motion that a pulse should make; `None` where the library does not give it.
+    pub fn expected<'a>(&'a self, planned: &PlannedPulse, drive: &'a Drive) -> Option<ExpectedMotion<'a>> {
+        let coils = match planned {
+            PlannedPulse::Field(_) => self.field.as_ref()?,
+            PlannedPulse::Rotation(_) => self.rotation.as_ref()?,
+        };
+        Some(ExpectedMotion { drive, coils })
+    }
+}
+
+/// Measurements of one pulse: by the accelerometers, and by the camera.
+#[derive(Clone, Copy, Debug)]
+pub struct PulseReading<'a> {
+    /// The plate's motion, fitted to the accelerometers' trace.
+    pub fit: &'a Result<PlateFit, FitFault>,
+    /// Places and gains of the accelerometers.
+    pub sensors: &'a AccelerometerPair,
+    /// True when the camera saw most parts go where they should; `None` where it could not tell.
+    pub as_forecast: Option<bool>,
+    /// True when the camera saw the plate swing as far as it was driven to.
+    pub shows_drive: bool,
+}
+
+/// Compares the measured motion of each pulse with the planned one.
+#[derive(Clone, Debug, Default)]
 pub struct MotionGuard {
-    of_field: Option<CoilResponse>,
-    of_rotation: Option<CoilResponse>,
     off: u32,
 }
 
 impl MotionGuard {
-    /// For pulses out of `library`.
-    pub fn new(library: &Library) -> Self {
-        Self { of_field: library.field_coils(), of_rotation: library.rotation_coils(), off: 0 }
-    }
-
-    /// Takes one pulse; `as_forecast` says whether the camera saw most parts go where they should, `shows_drive` whether it saw
-    /// the plate swing as far as it was driven to.
-    pub fn check(
-        &mut self,
-        planned: &PlannedPulse,
-        drive: &Drive,
-        fit: &Result<PlateFit, FitFault>,
-        sensors: &AccelerometerPair,
-        as_forecast: Option<bool>,
-        shows_drive: bool,
-    ) -> Option<Finding> {
-        let coils = self.coils(planned).cloned()?;
-        self.check_against(&ExpectedMotion { drive, coils: &coils }, fit, sensors, as_forecast, shows_drive)
-    }
-
-    /// [`MotionGuard::check`] for a motion that is known.
-    pub fn check_against(
-        &mut self,
-        expected: &ExpectedMotion<'_>,
-        fit: &Result<PlateFit, FitFault>,
-        sensors: &AccelerometerPair,
-        as_forecast: Option<bool>,
-        shows_drive: bool,
-    ) -> Option<Finding> {
-        let judged = judge(expected, fit.as_ref(), sensors);
+    /// Judges one pulse.
+    pub fn check(&mut self, expected: &ExpectedMotion<'_>, reading: &PulseReading<'_>) -> Option<Finding> {
+        let judged = judge(expected, reading.fit.as_ref(), reading.sensors);
         let off = judged.mismatch.map_or(0.0, |mismatch| mismatch.relative);
-        self.finding(judged.verdict, off, as_forecast, shows_drive)
-    }
-
-    /// What the plate should do in a pulse; `None` where the library does not tell.
-    pub fn expected<'a>(&'a self, planned: &PlannedPulse, drive: &'a Drive) -> Option<ExpectedMotion<'a>> {
-        Some(ExpectedMotion { drive, coils: self.coils(planned)? })
-    }
-
-    fn coils(&self, planned: &PlannedPulse) -> Option<&CoilResponse> {
-        match planned {
-            PlannedPulse::Field(_) => self.of_field.as_ref(),
-            PlannedPulse::Rotation(_) => self.of_rotation.as_ref(),
-        }
+        self.finding(judged.verdict, off, reading.as_forecast, reading.shows_drive)
     }
 
     fn finding(
@@ -149,12 +144,8 @@ impl MotionGuard {
 mod tests {
     use super::*;
 
-    fn guard() -> MotionGuard {
-        MotionGuard { of_field: None, of_rotation: None, off: 0 }
-    }
-
     fn ends(verdict: MotionVerdict, off: f64, as_forecast: Option<bool>) -> Option<bool> {
-        guard().finding(verdict, off, as_forecast, false).map(|finding| finding.ends)
+        MotionGuard::default().finding(verdict, off, as_forecast, false).map(|finding| finding.ends)
     }
 
     #[test]
@@ -174,7 +165,7 @@ mod tests {
 
     #[test]
     fn motion_a_little_off_is_told_the_second_time_in_a_row() {
-        let mut guard = guard();
+        let mut guard = MotionGuard::default();
         let mut told = |verdict| guard.finding(verdict, 0.1, None, false).is_some();
         assert!(!told(MotionVerdict::Other) && !told(MotionVerdict::AsPlanned) && !told(MotionVerdict::Other));
         assert!(told(MotionVerdict::Other));
