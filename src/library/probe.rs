@@ -21,8 +21,8 @@ const INSTANTS: usize = 24;
 impl Library {
     /// A pulse of one harmonic along x, y and spin at once that loads all coils equally, and the plate's answer to each
     /// coil. With a single harmonic the plate's velocity repeats with the opposite sign after half a period, and so does
-    /// friction (equation sheet, section 5): the mean displacement of a part is zero, also when a coil is dead, reversed or exchanged. `None`
-    /// where the library does not determine the answer of every coil.
+    /// friction (equation sheet, section 5): the mean displacement of a part is zero, also when a coil is dead, reversed
+    /// or exchanged. `None` where the library does not determine the answer of every coil.
     pub fn probe(&self) -> Option<(Drive, CoilResponse)> {
         let (coils, base_radps, attack_s, rest_s, limit_counts) = match &self.fields {
             Some(fields) => {
