@@ -232,7 +232,7 @@ impl Eyes {
         let Some(why) = blind else {
             if let Some((_, Blind::Dark | Blind::Hidden)) = self.blind.take() {
                 // what the plate was seen to be like behind a hand is not to be relied on
-                self.scene.relocate(&self.table, [self.frame.width, self.frame.height], &self.kinds, self.dark_parts);
+                self.scene.forget_plate(&self.table, &self.frame, &self.kinds, self.dark_parts);
                 self.foreign = 0;
             }
             return Ok(());

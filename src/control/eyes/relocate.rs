@@ -66,7 +66,7 @@ impl Eyes {
         }
         let frame = &self.frame;
         sink.localised(&LocalisedFacts { frame, table: &table, detections: &detections, stages: &stages, localise_us });
-        self.scene.relocate(&table, [frame.width, frame.height], &self.kinds, self.dark_parts);
+        self.scene.relocate(&table, frame, &self.kinds, self.dark_parts);
         self.tracker = Tracker::new(&table, [frame.width, frame.height], &self.kinds, self.dark_parts, detections);
         (self.table, self.displaced, self.relocated) = (table, 0, true);
         Ok(())

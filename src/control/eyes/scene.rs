@@ -1,6 +1,7 @@
 //! What a frame says besides where the parts are: whether it is of the present, whether the plate can be seen, whether it
 //! is where it was, and whether something lies on it.
 
+use super::SWING_S;
 use crate::conditions::Condition;
 use crate::guards::{Freshness, Stale};
 use upm_core::geometry::Vec2;
@@ -58,6 +59,8 @@ impl Blind {
 pub(super) enum Place {
     /// Where it was.
     Same,
+    /// There, too, but it may still swing from the knock after which the table was located.
+    Swinging,
     /// Elsewhere, by this much at a corner, px; infinite where it cannot be told.
     Elsewhere {
         /// px.
@@ -82,6 +85,8 @@ pub(super) struct Scene {
     table: TableWatch,
     plate: PlateWatch,
     foreign_m: Option<Vec2>,
+    /// Since a table was located anew: when the plate will have swung out, to be measured from there.
+    rest_from: Option<PlateTime>,
 }
 
 impl Scene {
@@ -91,12 +96,14 @@ impl Scene {
             table: TableWatch::new(table, model.frame_size_px),
             plate: PlateWatch::new(table, model.frame_size_px, kinds, model.dark_parts),
             foreign_m: None,
+            rest_from: None,
         }
     }
 
-    /// The first frame: what later ones are compared with.
+    /// The first frame, in which the table was located: what later ones are compared with.
     pub(super) fn see_first(&mut self, frame: &Frame, now: PlateTime) {
         self.freshness.check(frame, now);
+        self.table.set_rest(frame);
     }
 
     /// True once a frame has differed from the first.
@@ -116,7 +123,7 @@ impl Scene {
             TableMotion::Seen { corner_px, shift_px, .. }
                 if corner_px < SWING_CORNER_PX && shift_px.norm() < SWING_SHIFT_PX =>
             {
-                Place::Same
+                self.settle(frame)
             }
             TableMotion::Seen { corner_px, .. } => Place::Elsewhere { corner_px },
             TableMotion::Displaced => Place::Elsewhere { corner_px: f64::INFINITY },
@@ -136,6 +143,17 @@ impl Scene {
         Seen { blind, place, foreign_m: self.foreign_m }
     }
 
+    /// Where a plate is that is seen where it should be.
+    fn settle(&mut self, frame: &Frame) -> Place {
+        match self.rest_from {
+            Some(from) if frame.exposed_at < from => return Place::Swinging,
+            Some(_) => self.table.set_rest(frame),
+            None => {}
+        }
+        self.rest_from = None;
+        Place::Same
+    }
+
     /// True when the plate lies where it was to a fraction of a pixel: it no longer swings, and nobody knocked it.
     pub(super) fn is_still(&self, frame: &Frame) -> bool {
         self.table.check(frame).corner_px().is_some_and(|corner_px| corner_px < STILL_PX)
@@ -151,9 +169,15 @@ impl Scene {
         self.foreign_m
     }
 
-    /// The table was located anew.
-    pub(super) fn relocate(&mut self, table: &Table, size: [usize; 2], kinds: &[PartKind], dark_parts: bool) {
-        self.table = TableWatch::new(table, size);
-        self.plate = PlateWatch::new(table, size, kinds, dark_parts);
+    /// The table was located anew, in `frame`.
+    pub(super) fn relocate(&mut self, table: &Table, frame: &Frame, kinds: &[PartKind], dark_parts: bool) {
+        self.table = TableWatch::new(table, [frame.width, frame.height]);
+        self.rest_from = Some(frame.exposed_at + SWING_S);
+        self.forget_plate(table, frame, kinds, dark_parts);
+    }
+
+    /// Looks at the plate as for the first time.
+    pub(super) fn forget_plate(&mut self, table: &Table, frame: &Frame, kinds: &[PartKind], dark_parts: bool) {
+        self.plate = PlateWatch::new(table, [frame.width, frame.height], kinds, dark_parts);
     }
 }

@@ -31,6 +31,8 @@ const LEAST_SCATTER_PX: f64 = 0.05;
 const ROUNDS: usize = 5;
 /// From this level on a pixel may be saturated.
 const SATURATED: f32 = 250.0;
+/// The sides of a table may be seen so far from where it was located in the same frame, px.
+const MOST_LOCATION_ERROR_PX: f64 = 0.3;
 /// Levels of a profile that lies wholly on the plate or wholly on the ground differ by no more than this part of the
 /// step between the two.
 const FLAT: f32 = 0.35;
@@ -92,6 +94,8 @@ pub struct TableWatch {
     /// Corners from the plate's middle, in units of the farthest one's distance.
     corners: [Vec2; 4],
     frame_size: [usize; 2],
+    /// The motion seen in the frame in which the table was located: the error of its location.
+    rest: Vector4<f64>,
 }
 
 /// One profile across a side.
@@ -110,6 +114,14 @@ struct Reading {
     /// Offset of the side along its outward normal, px; NaN where none is seen.
     crossings: [f64; ALL],
     saturated: bool,
+}
+
+/// The motion of a plate that most profiles show.
+struct Fit {
+    /// Shift along x and y, turn and growth at the farthest corner, px.
+    motion: Vector4<f64>,
+    /// Mean offset of each side's profiles, px.
+    sides_px: [Option<f64>; 4],
 }
 
 impl TableWatch {
@@ -131,22 +143,37 @@ impl TableWatch {
             let row = Vector4::new(outward.x, outward.y, cross(arm, outward), arm.dot(&outward));
             Profile { center_px, outward, row }
         });
-        Self { profiles, corners: table.corners_px.map(from_middle), frame_size }
+        Self { profiles, corners: table.corners_px.map(from_middle), frame_size, rest: Vector4::zeros() }
+    }
+
+    /// Measures later motions from where the sides are in `frame`, in which the table was located. Without effect where
+    /// they are farther from it than a location errs.
+    pub fn set_rest(&mut self, frame: &Frame) {
+        self.rest = Vector4::zeros();
+        let fitted = self.read(frame).and_then(|reading| self.fit(&reading));
+        self.rest = fitted
+            .filter(|fit| self.corner_px(&fit.motion) < MOST_LOCATION_ERROR_PX)
+            .map_or(self.rest, |fit| fit.motion);
     }
 
     /// Looks at the sides in `frame`. A frame of another size shows nothing.
     pub fn check(&self, frame: &Frame) -> TableMotion {
-        let sampler = Sampler::new(frame).filter(|_| [frame.width, frame.height] == self.frame_size);
-        let Some(reading) = sampler.map(|sampler| self.read(&sampler)) else { return TableMotion::Hidden };
-        match self.motion(&reading) {
-            Some(motion) => motion,
+        let Some(reading) = self.read(frame) else { return TableMotion::Hidden };
+        match self.fit(&reading) {
+            Some(Fit { motion, sides_px }) => TableMotion::Seen {
+                sides_px,
+                shift_px: Vec2::new(motion.x, motion.y),
+                turn_px: motion.z,
+                corner_px: self.corner_px(&motion),
+            },
             None if is_displaced(&reading.levels) => TableMotion::Displaced,
             None => TableMotion::Hidden,
         }
     }
 
     /// Profiles run from outside to inside.
-    fn read(&self, sampler: &Sampler) -> Reading {
+    fn read(&self, frame: &Frame) -> Option<Reading> {
+        let sampler = Sampler::new(frame).filter(|_| [frame.width, frame.height] == self.frame_size)?;
         let levels = self.profiles.map(|Profile { center_px, outward, .. }| {
             let (from, to) = (center_px + outward * MIDDLE, center_px - outward * MIDDLE);
             sampler.along::<SAMPLES>(from, to).unwrap_or_else(|| {
@@ -171,14 +198,14 @@ impl TableWatch {
             }
             let profile = levels[i].map(|level| sign * level);
             let at = rising_crossing(&profile, sign * outside(&levels[i]), sign * inside(&levels[i]));
-            at.map_or(f64::NAN, |at| MIDDLE - at)
+            at.map_or(f64::NAN, |at| MIDDLE - at - self.profiles[i].row.dot(&self.rest))
         });
         let saturated = levels.iter().any(|levels| inside(levels).max(outside(levels)) >= SATURATED);
-        Reading { levels, crossings, saturated }
+        Some(Reading { levels, crossings, saturated })
     }
 
     /// The motion that fits most profiles on at least three sides.
-    fn motion(&self, reading: &Reading) -> Option<TableMotion> {
+    fn fit(&self, reading: &Reading) -> Option<Fit> {
         let crossings = &reading.crossings;
         let mut weights = crossings.map(|at| if at.is_finite() { 1.0 } else { 0.0 });
         let (mut motion, mut scatter_px) = self.start(crossings, &weights)?;
@@ -195,12 +222,17 @@ impl TableWatch {
         if seen < SIDES || scatter_px > MOST_SCATTER_PX {
             return None;
         }
-        let [x, y, turn, growth] = motion.into();
-        let growth = if reading.saturated { 0.0 } else { growth };
-        let shift_px = Vec2::new(x, y);
-        let moved = |corner: Vec2| (shift_px + perp(corner) * turn + corner * growth).norm();
-        let corner_px = self.corners.iter().fold(0.0, |most: f64, &corner| most.max(moved(corner)));
-        Some(TableMotion::Seen { sides_px, shift_px, turn_px: turn, corner_px })
+        if reading.saturated {
+            motion.w = 0.0;
+        }
+        Some(Fit { motion, sides_px })
+    }
+
+    /// How far a motion displaces the corners, px, at most.
+    fn corner_px(&self, motion: &Vector4<f64>) -> f64 {
+        let [x, y, turn, growth] = (*motion).into();
+        let moved = |corner: Vec2| (Vec2::new(x, y) + perp(corner) * turn + corner * growth).norm();
+        self.corners.iter().fold(0.0, |most: f64, &corner| most.max(moved(corner)))
     }
 
     /// The motion to start from, and the scatter about it: of all sides, or without the side that disagrees most.

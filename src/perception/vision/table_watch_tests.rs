@@ -73,6 +73,32 @@ fn unmoved_table_is_told_from_a_knock_of_half_a_pixel() {
 }
 
 #[test]
+fn error_of_the_location_is_not_taken_for_a_motion() {
+    for seed in 0..6 {
+        let scene = Scene { noise_sd: 1.0, ..Scene::general(seed) };
+        let table = Table::from_ideal_corners(
+            scene.corners_px().map(|corner| scene.lens.ideal_from_image(corner) + Vec2::new(0.12, -0.08)),
+            SIDE_M,
+            &scene.lens,
+        );
+        let mut watch = TableWatch::new(&table.unwrap(), scene.size_px);
+        let frame = scene.frame_with(&discs());
+        assert!(corner_px(watch.check(&frame)) > 0.1);
+        watch.set_rest(&frame);
+        assert!(
+            corner_px(watch.check(&Scene { seed: 77, ..scene.clone() }.frame_with(&discs()))) < 0.06,
+            "seed {seed}"
+        );
+        let after = knocked(&scene, Vec2::new(0.2, 0.1), 0.0);
+        let (seen, truth) = (corner_px(watch.check(&after.frame_with(&discs()))), truth_px(&scene, &after));
+        assert!((seen - truth).abs() < 0.06, "seed {seed}: {seen} px of {truth} px");
+        // a plate that lies elsewhere was not located there
+        watch.set_rest(&knocked(&scene, Vec2::new(1.0, 0.0), 0.0).frame_with(&discs()));
+        assert!(corner_px(watch.check(&frame)) > 0.1);
+    }
+}
+
+#[test]
 fn side_offsets_follow_a_shift_along_outward_normals() {
     let scene = Scene::plain(1);
     let after = knocked(&scene, Vec2::new(1.5, -0.7), 0.0);
