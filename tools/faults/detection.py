@@ -47,6 +47,8 @@ BARS = {
     "view ghost": Bar(("foreign_part", "part_count"), 0.5, at_rest=True),
 }
 BARS |= {f"coils {kind}": BARS["coil dead"] for kind in LYING_COILS} | {"coils gain": BARS["coil gain"]}
+# without accelerometers the ways of the parts tell that every coil is reversed
+UNWATCHED = Bar(("part_astray", "parts_jumped", *COIL_CODES), pulses=6)
 
 
 def violations(run):
@@ -212,9 +214,14 @@ class Notice:
     is_missed: bool
 
 
+def bar_of(run, fault):
+    is_watched = not any(other.group == "accel" and other.from_s <= fault.from_s for other in run.fired())
+    return UNWATCHED if fault.name == "coils reversed" and not is_watched else BARS.get(fault.name)
+
+
 def notice(run, fault):
     """How a run noticed a fault that has a bar; `None` where there is nothing to notice."""
-    bar = BARS.get(fault.name)
+    bar = bar_of(run, fault)
     if bar is None or fault.from_s >= run.end_s:
         return None
     if fault.name == "camera late" and fault.value[0] < LATE_FRAMES:

@@ -215,6 +215,9 @@ class Detection(unittest.TestCase):
         self.assertTrue(noticed(Folder("camera:freeze@0.7")).is_missed)
         self.assertTrue(noticed(Folder("coil0:dead@0").guard("coil_fault", 1.1, stops=True)).is_missed)
         self.assertFalse(noticed(Folder("coil0:gain=0.85@0").guard("coil_fault", 1.02)).is_missed)
+        unwatched = "coils:reversed@0.01,accel0:dead@0"
+        self.assertFalse(noticed(Folder(unwatched).guard("part_astray", 2.5, stops=True)).is_missed)
+        self.assertTrue(noticed(Folder(unwatched, cycles=9).guard("part_lost", 4.4, stops=True)).is_missed)
         moved = noticed(Folder("camera:shift=3;0@0.6").guard("camera_moved", 1.15, stops=True))
         self.assertEqual((moved.text, moved.is_missed), ("0.142 s at rest", False), "from the end of the pulse on")
         self.assertIsNone(noticed(Folder("light:gain=0.5@0")))
