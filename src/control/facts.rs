@@ -22,6 +22,19 @@ pub struct LocalisedFacts<'a> {
     pub localise_us: f64,
 }
 
+/// A look before a goal counts as reached: table and parts located from nothing, and found where they were tracked.
+#[derive(Clone, Copy, Debug)]
+pub struct ConfirmedFacts<'a> {
+    /// When the frame was exposed.
+    pub at: PlateTime,
+    /// Largest distance between the table's corners as located and as tracked, px.
+    pub corner_px: f64,
+    /// The same for the parts, m.
+    pub part_m: f64,
+    /// Where the parts were located, m, in the order of the job.
+    pub parts_m: &'a [Vec2],
+}
+
 /// One tracked frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameFacts<'a> {
@@ -122,6 +135,8 @@ pub enum EventLevel {
 pub trait Sink {
     /// Table and parts were found.
     fn localised(&mut self, _facts: &LocalisedFacts<'_>) {}
+    /// A look confirmed the table and the parts.
+    fn confirmed(&mut self, _facts: &ConfirmedFacts<'_>) {}
     /// A frame was tracked.
     fn frame(&mut self, _facts: &FrameFacts<'_>) {}
     /// A pulse was played.

@@ -20,7 +20,9 @@ pub use conditions::{Condition, ConditionChange};
 pub use cycle::{ControlParams, Devices, Finish, run};
 pub use ending::{EndCause, Ending, Outcome, STOPPED, is_stop};
 pub use eyes::{ExpectedPart, Eyes, Moment};
-pub use facts::{Carried, ConditionFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+pub use facts::{
+    Carried, ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink,
+};
 pub use guards::Guards;
 pub use plans::FreshPlanner;
 pub use rehearsal::{LimitMet, Nearest, Rehearsal, RehearsalParams, rehearse};

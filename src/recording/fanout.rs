@@ -1,4 +1,6 @@
-use upm_control::{ConditionFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_control::{
+    ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink,
+};
 use upm_core::time::PlateTime;
 
 /// Several sinks as one: each is told everything, in order.
@@ -21,6 +23,10 @@ impl<'a> Fanout<'a> {
 impl Sink for Fanout<'_> {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
         self.0.iter_mut().for_each(|sink| sink.localised(facts));
+    }
+
+    fn confirmed(&mut self, facts: &ConfirmedFacts<'_>) {
+        self.0.iter_mut().for_each(|sink| sink.confirmed(facts));
     }
 
     fn frame(&mut self, facts: &FrameFacts<'_>) {

@@ -1,5 +1,7 @@
 use super::switch::RecordingSwitch;
-use upm_control::{ConditionFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_control::{
+    ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink,
+};
 use upm_core::time::PlateTime;
 
 /// Passes everything on to `sinks`, and after each frame looks whether there is something to tell them that comes from
@@ -26,6 +28,10 @@ pub fn tell_recording(recording: &RecordingSwitch, sinks: &mut dyn Sink, at: Pla
 impl<F: FnMut(&mut dyn Sink, PlateTime)> Sink for Herald<'_, F> {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
         self.sinks.localised(facts);
+    }
+
+    fn confirmed(&mut self, facts: &ConfirmedFacts<'_>) {
+        self.sinks.confirmed(facts);
     }
 
     fn frame(&mut self, facts: &FrameFacts<'_>) {

@@ -1,16 +1,19 @@
 mod lines;
+mod located;
 
 use std::io::{self, Write};
 use std::sync::Arc;
 
-use self::lines::{CycleLine, EventLine, Line, LocalisedLine, SentLine, UnfinishedLine};
-use upm_control::{ConditionFacts, CycleFacts, EventLevel, LocalisedFacts, PulseFacts, Sink};
+use self::lines::{CycleLine, EventLine, Line, SentLine, UnfinishedLine};
+use self::located::{ConfirmedLine, LocalisedLine};
+use upm_control::{ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, LocalisedFacts, PulseFacts, Sink};
 use upm_core::time::PlateTime;
 use upm_library::Library;
 
 /// Writes `journal.jsonl`: one JSON object a line, each with a `type`.
 ///
-/// `localised`: table and parts as first found. `cycle`: what was observed, wanted, planned, sent to the motors, read
+/// `localised`: table and parts as found from nothing. `confirmed`: the same where they were tracked, and how far they
+/// differ, before a goal counts as reached. `cycle`: what was observed, wanted, planned, sent to the motors, read
 /// back from the accelerometers, predicted and measured. `event`: level and text, of a
 /// lasting condition its code, too, and whether it began or ended. `unfinished_cycle`: pulses sent in a
 /// cycle that never ended. Lengths are millimetres to 1e-4, times seconds to 1e-6, counts to 1e-3. Nothing
@@ -69,6 +72,10 @@ impl<W: Write> Sink for Journal<W> {
         self.put(&Line::Localised(LocalisedLine::new(facts)));
     }
 
+    fn confirmed(&mut self, facts: &ConfirmedFacts<'_>) {
+        self.put(&Line::Confirmed(ConfirmedLine::new(facts)));
+    }
+
     fn pulse(&mut self, facts: &PulseFacts<'_>) {
         if facts.cycle != self.sent_in_cycle {
             self.put_unfinished();
@@ -101,6 +108,7 @@ mod tests {
 
     use super::*;
     use upm_control::{Condition, ConditionChange};
+    use upm_core::geometry::Vec2;
     use upm_fixtures::{rig, synthetic_run};
 
     fn written(run: impl FnOnce(&mut Journal<&mut Vec<u8>>)) -> String {
@@ -190,13 +198,15 @@ mod tests {
             let mut run = synthetic_run::SyntheticRun::new(1);
             run.localise(journal);
             run.cycle(journal);
+            let at = PlateTime::from_secs(2.5);
+            journal.confirmed(&ConfirmedFacts { at, corner_px: 0.1, part_m: 2e-5, parts_m: &[Vec2::new(0.01, 0.02)] });
             run.pulses_without_an_end(journal);
         });
         let types: Vec<String> = text
             .lines()
             .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap()["type"].as_str().unwrap().to_owned())
             .collect();
-        assert_eq!(types, ["localised", "cycle", "unfinished_cycle"]);
+        assert_eq!(types, ["localised", "cycle", "confirmed", "unfinished_cycle"]);
     }
 
     #[test]

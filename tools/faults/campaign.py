@@ -49,7 +49,7 @@ def case_of(seed, half="both"):
     rng = random.Random(seed)
     is_liveness = rng.random() < 0.5 if half == "both" else half == "liveness"
     made = jobs.make(rng, seed=seed)
-    return Case(seed, made, vocabulary.drawn(rng, made.parts, is_liveness), is_liveness)
+    return Case(seed, made, vocabulary.drawn(rng, made.parts, is_liveness, made.end_s), is_liveness)
 
 
 def phase_of(run, at_s):

@@ -1,4 +1,4 @@
-"""O1: a run that claims to be completed has done what the job asked for, in truth."""
+"""O1: a run that claims to be completed has done what the job asked for, in truth, and has looked twice."""
 import itertools
 import math
 
@@ -8,6 +8,8 @@ SLACK_MM = 0.1
 ENDLESS_S = 5.0
 # a part that follows a path goes at 8 mm/s and more
 LEAST_WAY_MM = 2.0
+# looks with table and parts located from nothing that a claim rests on, and how true they are, mm
+LOOKS, LOOK_MM = 2, 0.3
 # the camera's first frames: what a hold took as its targets
 FIRST_FRAMES = 4
 
@@ -19,12 +21,28 @@ def violations(run):
         return
     bar_mm = run.tolerance_mm + SLACK_MM
     found = list(errors_of(run, at, bar_mm))
+    if run.job["task"].get("laps") != 0:
+        yield from unconfirmed(run)
     if found:
         seen = any(not list(errors_of(run, exchanged, bar_mm)) for exchanged in unseen_exchanges(run, at))
         for text in found:
             yield "O1", text, seen
     elif run.report.get("verdict") == "false_success":
         yield "O1", "the report's verdict is false_success, the true places say that the job is done"
+
+
+def unconfirmed(run):
+    """The last things in the journal are looks that show the parts where they truly are, whichever of them."""
+    since_s = max((pulse.end_s for pulse in run.pulses), default=0.0)
+    looks = [row for row in run.confirmed if row["at_s"] >= since_s]
+    if len(looks) < LOOKS:
+        yield "O1", f"completed after {len(looks)} looks from nothing since the last pulse, {LOOKS} asked for", False
+    for row in looks[-LOOKS:]:
+        true = run.truth_at(row["at_s"]) or []
+        off_mm = max((min(math.dist(seen, part[:2]) for part in true) for seen in row["parts_mm"] if true), default=0.0)
+        if off_mm > LOOK_MM:
+            yield "O1", f"a look at {row['at_s']:.3f} s, before `completed`, is {off_mm:.3f} mm from the truth", False
+            return
 
 
 def errors_of(run, at, bar_mm):

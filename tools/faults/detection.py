@@ -10,6 +10,8 @@ LYING_COILS = ("dead", "reversed", "swapped", "stuck")
 LYING_ACCELERATIONS = ("dead", "flip")
 # a pulse that is played wrongly tells so from this part of its force on, and only a strong one
 TELLING_SHARE, TELLING_DRIVE = 0.25, 0.05
+# frames in which a knock lies before a run may not complete without noticing it
+SEEN_FRAMES = 2
 # an observation this close to the truth is not deceived by a knock, mm
 TRUE_MM = 0.25
 
@@ -79,11 +81,19 @@ def knocked(run, fault):
     first_s = run.localised[0]["at_s"]
     # knocked before the first look, the camera is knocked again at the fault's end
     begin_s, end_s = (fault.to_s, FOR_GOOD) if fault.from_s <= first_s else (fault.from_s, fault.to_s)
+    last_s = run.end_s - SEEN_FRAMES * run.frame_s
+    is_noticed = any(row["at_s"] > begin_s for row in run.localised) or was_told(run, "camera_moved", begin_s)
+    if run.outcome == "completed" and begin_s < last_s < end_s and not is_noticed:
+        yield "O2", f"{fault}: completed at {run.end_s:.3f} s, and the knock was not noticed"
     bar_s = run.clear_by(begin_s, KNOCKED_S, hides_knock)
     for pulse in run.pulses:
         if not pulse.is_probe and bar_s < pulse.start_s < end_s and not (pulse.seen_at_s > begin_s and sees_truly(run, pulse)):
             yield "O2", f"{fault}: a pulse starts at {pulse.start_s:.3f} s from a look that is not true, bar {bar_s:.3f} s"
             return
+
+
+def was_told(run, code, since_s):
+    return any(guard["code"] == code and guard["at_s"] >= since_s for guard in run.guards)
 
 
 def hides_knock(fault):

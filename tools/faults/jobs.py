@@ -26,6 +26,11 @@ class Made:
         return sum(row.get("count", 1) for row in self.job["parts"])
 
     @property
+    def end_s(self):
+        """When the job ends if all goes well, where that is known."""
+        return self.job["task"].get("duration_s")
+
+    @property
     def kinds(self):
         """The kind of each part, in the order of the job."""
         return [row["kind"] for row in self.job["parts"] for _ in range(row.get("count", 1))]
@@ -77,7 +82,8 @@ def sort8(_, __):
 
 
 def hold(_, __):
-    return [{"kind": "penny", "count": 4}], {"type": "hold", "duration_s": 5}
+    # faults that a run has to get over end at five seconds: some of them lie at this end
+    return [{"kind": "penny", "count": 4}], {"type": "hold", "duration_s": 4.95}
 
 
 def endless(_, __):

@@ -63,6 +63,8 @@ class Run:
     cycles: list
     pulses: list
     localised: list
+    # looks from nothing before a goal counts as reached
+    confirmed: list
     faults: list
     # (time, [(x, y, on the plate)]), mm, one a camera frame; empty in a run without faults
     truth: list = field(default_factory=list)
@@ -80,8 +82,8 @@ class Run:
         rows = effective["job"].get("faults") or []
         # a job that names a seed has its schedule drawn by the program, which reports it
         rows = rows if isinstance(rows, list) else report.get("faults") or []
-        localised = [line for line in lines if line["type"] == "localised"]
-        return cls(effective["job"], report, cycles, pulses_of(lines), localised, [Fault.of(row) for row in rows], truth)
+        localised, confirmed = ([line for line in lines if line["type"] == kind] for kind in ("localised", "confirmed"))
+        return cls(effective["job"], report, cycles, pulses_of(lines), localised, confirmed, [Fault.of(row) for row in rows], truth)
 
     @property
     def end_s(self):

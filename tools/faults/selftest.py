@@ -27,6 +27,8 @@ class Folder:
         self.counts = lambda cycle: STRONG
         self.report = {"outcome": "completed", "reason": "every part is at its place", "guards": [], "wall_time_s": 1.0}
         self.extra = []
+        # looks from nothing before the end
+        self.looks = 2
 
     def target(self, part):
         return self.job["task"]["targets_mm"][part]
@@ -52,6 +54,9 @@ class Folder:
                 "type": "cycle", "cycle": cycle, "observed_at_s": at_s, "observed_mm": seen, "wanted": wanted,
                 "sent": [pulse_row(at_s + 0.001, self.counts(cycle))], "ended_at_s": at_s + CYCLE_S, "result_mm": after,
             }  # fmt: skip
+        for number in range(self.looks):
+            at_s = self.end_s - number * FRAME_S
+            yield {"type": "confirmed", "at_s": at_s, "parts_mm": [list(self.true(part, at_s)[:2]) for part in (0, 1)]}
         yield from self.extra
 
     def write(self, folder):
@@ -125,8 +130,16 @@ class Claims(unittest.TestCase):
         folder.job["faults"] = [Fault.parse("parts:swapped=0;1@9").row()]
         self.assertEqual(folder.rules(), ["O1"], "the exchange is not that of the fault")
 
+    def test_claim_rests_on_two_looks(self):
+        folder = Folder()
+        folder.looks = 1
+        self.assertEqual(folder.rules(), ["O1"])
+        folder = Folder("light:gain=0.9@0")
+        folder.extra = [{"type": "confirmed", "at_s": 3.02, "parts_mm": [[0.0, 0.0], [-50.0, 0.0]]}]
+        self.assertEqual(folder.rules(), ["O1"], "not where the parts are")
+
     def test_hold_is_judged_by_where_parts_were_at_first(self):
-        folder = Folder("camera:shift=9;0@0.5", cycles=0)
+        folder = Folder("camera:shift=9;0@0.5", cycles=0).guard("camera_moved", 0.6)
         folder.end_s, folder.job["task"] = 5.0, {"type": "hold", "duration_s": 5, "targets_mm": [[0, 0], [50, 0]]}
         folder.true = lambda part, at_s: (10.0 + part * 40.0, 0.0, 1)
         self.assertEqual(folder.rules(), [])
@@ -167,7 +180,9 @@ class Detection(unittest.TestCase):
         folder = Folder("camera:shift=3;0@0.7")
         folder.seen = lambda part, at_s: (folder.true(part, at_s)[0] + (1.0 if at_s > 0.7 else 0.0), folder.true(part, at_s)[1])
         self.assertEqual(folder.rules(), ["O2"])
-        self.assertEqual(Folder("camera:shift=3;0@0.7").rules(), [], "sees truly again")
+        self.assertEqual(Folder("camera:shift=3;0@0.7").guard("camera_moved", 0.9).rules(), [], "sees truly again")
+        self.assertEqual(Folder("camera:shift=3;0@2.95").rules(), ["O2"], "completed without noticing it")
+        self.assertEqual(Folder("camera:shift=3;0@3.01").rules(), [], "too late for two frames")
         self.assertEqual(Folder("camera:shift=0.5;0.5@0.7").rules(), [])
         folder.job["faults"] = [Fault.parse("camera:shift=3;0@0-0.7").row()]
         self.assertEqual(folder.rules(), ["O2"], "back where it was, from the end of the fault on")

@@ -7,6 +7,8 @@ ONSET_S, LENGTH_S = (0.01, 20.0), (0.02, 20.0)
 LIVENESS_END_S = 5.0
 # planning takes no plate time: a pulse starts 1 ms after the frame it was planned from, the first one at 34.35 ms
 PLAN_ONSET_S, PLAN_SHARE = 0.034, 0.03
+# where it is known when a job ends, faults that begin shortly before
+LAST_S, LAST_SHARE = (0.04, 0.3), 0.25
 
 
 @dataclass(frozen=True)
@@ -187,7 +189,7 @@ def vocabulary(parts):
     return [(component, kind, draw) for component, kinds in table.items() for kind, draw in kinds.items()]
 
 
-def drawn(rng, parts, is_liveness):
+def drawn(rng, parts, is_liveness, job_end_s=None):
     """A schedule: a fifth of all draws has none, the others one to five kinds out of a random half of the vocabulary."""
     if rng.random() < 0.2:
         return []
@@ -199,6 +201,8 @@ def drawn(rng, parts, is_liveness):
     for name in rng.sample(swarm, rng.randint(1, 5)):
         component, kind, draw = rng.choice(by_name[name])
         begin_s = PLAN_ONSET_S if rng.random() < PLAN_SHARE else log_uniform(rng, *ONSET_S)
+        if job_end_s and rng.random() < LAST_SHARE:
+            begin_s = job_end_s - rng.uniform(*LAST_S)
         end_s = begin_s + log_uniform(rng, *LENGTH_S) if rng.random() < 0.5 else FOR_GOOD
         if is_liveness:
             begin_s, end_s = min(begin_s, LIVENESS_END_S - 0.1), min(end_s, LIVENESS_END_S)

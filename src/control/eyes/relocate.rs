@@ -6,7 +6,7 @@ use super::naming::match_parts;
 use super::{Eyes, Moment, SWING_S, TABLE_LOOKS};
 use crate::conditions::Condition;
 use crate::ending::{Ending, check_stop};
-use crate::{LocalisedFacts, Sink};
+use crate::{ConfirmedFacts, LocalisedFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::rig::Rig;
 use upm_core::time::Clock;
@@ -90,9 +90,12 @@ impl Eyes {
             let corners = located.table.corners_px.iter().zip(&self.table.corners_px);
             let off_px = corners.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
             let tracked: Vec<Detection> = self.tracker.tracks().iter().map(|track| track.seen.clone()).collect();
-            let same = match_parts(located.found.clone(), &tracked);
-            let agrees = off_px < SAME_CORNER_PX && same.is_some_and(|(_, off_m)| off_m < SAME_PART_M);
-            if !agrees {
+            let same = match_parts(located.found.clone(), &tracked).filter(|(_, off_m)| *off_m < SAME_PART_M);
+            if let Some((parts, part_m)) = same.filter(|_| off_px < SAME_CORNER_PX) {
+                let parts_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
+                let at = self.frame.exposed_at;
+                sink.confirmed(&ConfirmedFacts { at, corner_px: off_px, part_m, parts_m: &parts_m });
+            } else {
                 let reason = || format!("table and parts located anew differ, the corners by {off_px:.1} px");
                 self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
                 self.relocate(located, sink)?;

@@ -3,9 +3,10 @@
 
 use serde::{Serialize, Serializer};
 
+use super::located::{ConfirmedLine, LocalisedLine};
 use crate::motion::Motion;
 use crate::wave::off_part;
-use upm_control::{ConditionChange, ConditionFacts, CycleFacts, EventLevel, LocalisedFacts, PulseFacts};
+use upm_control::{ConditionChange, ConditionFacts, CycleFacts, EventLevel, PulseFacts};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{Harmonic, MOTORS, TwistWave};
 use upm_core::time::PlateTime;
@@ -16,7 +17,7 @@ use upm_planner::{Limit, PlanStatus, PlannedPulse};
 
 /// A number with `DECIMALS` decimals; not a number is written as null.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Fixed<const DECIMALS: i32>(f64);
+pub(super) struct Fixed<const DECIMALS: i32>(pub(super) f64);
 
 impl<const DECIMALS: i32> Serialize for Fixed<DECIMALS> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
@@ -26,27 +27,27 @@ impl<const DECIMALS: i32> Serialize for Fixed<DECIMALS> {
     }
 }
 
-type Mm = Fixed<4>;
-type PointMm = [Mm; 2];
-type Seconds = Fixed<6>;
+pub(super) type Mm = Fixed<4>;
+pub(super) type PointMm = [Mm; 2];
+pub(super) type Seconds = Fixed<6>;
 
-fn mm(length_m: f64) -> Mm {
+pub(super) fn mm(length_m: f64) -> Mm {
     Fixed(mm_from_m(length_m))
 }
 
-fn point_mm(p_m: Vec2) -> PointMm {
+pub(super) fn point_mm(p_m: Vec2) -> PointMm {
     [mm(p_m.x), mm(p_m.y)]
 }
 
-fn points_mm(points_m: &[Vec2]) -> Vec<PointMm> {
+pub(super) fn points_mm(points_m: &[Vec2]) -> Vec<PointMm> {
     points_m.iter().copied().map(point_mm).collect()
 }
 
-fn fixed_pair<const DECIMALS: i32>(p: Vec2) -> [Fixed<DECIMALS>; 2] {
+pub(super) fn fixed_pair<const DECIMALS: i32>(p: Vec2) -> [Fixed<DECIMALS>; 2] {
     [Fixed(p.x), Fixed(p.y)]
 }
 
-fn seconds(at: PlateTime) -> Seconds {
+pub(super) fn seconds(at: PlateTime) -> Seconds {
     Fixed(at.secs())
 }
 
@@ -54,46 +55,10 @@ fn seconds(at: PlateTime) -> Seconds {
 #[serde(tag = "type", rename_all = "snake_case")]
 pub(super) enum Line<'a> {
     Localised(LocalisedLine),
+    Confirmed(ConfirmedLine),
     Cycle(CycleLine<'a>),
     UnfinishedCycle(UnfinishedLine<'a>),
     Event(EventLine<'a>),
-}
-
-#[derive(Serialize)]
-pub(super) struct LocalisedLine {
-    at_s: Seconds,
-    corners_px: [[Fixed<3>; 2]; 4],
-    side_px: Fixed<3>,
-    rotation_deg: Fixed<4>,
-    parts: Vec<FoundPart>,
-}
-
-#[derive(Serialize)]
-struct FoundPart {
-    kind: usize,
-    center_px: [Fixed<3>; 2],
-    radius_px: Fixed<3>,
-    position_mm: PointMm,
-    score: Fixed<4>,
-}
-
-impl LocalisedLine {
-    pub(super) fn new(facts: &LocalisedFacts<'_>) -> Self {
-        let parts = facts.detections.iter().map(|part| FoundPart {
-            kind: part.kind,
-            center_px: fixed_pair(part.center_px),
-            radius_px: Fixed(part.radius_px),
-            position_mm: point_mm(part.position_m),
-            score: Fixed(part.score),
-        });
-        Self {
-            at_s: seconds(facts.frame.exposed_at),
-            corners_px: facts.table.corners_px.map(fixed_pair),
-            side_px: Fixed(facts.table.side_px),
-            rotation_deg: Fixed(facts.table.rotation_rad.to_degrees()),
-            parts: parts.collect(),
-        }
-    }
 }
 
 #[derive(Serialize)]
