@@ -258,7 +258,7 @@ impl Cycle<'_> {
     fn check_limits(&self) -> Result<(), Ending> {
         self.check_stop()?;
         let limit_s = self.params.time_limit_s;
-        if self.rig.now().secs() >= limit_s {
+        if self.rig.now().secs() >= limit_s && self.params.guards.has_code("time_limit") {
             let reason = format!("plate time limit of {limit_s} s reached");
             let gets_on = self.watch.is_getting_on() || !self.params.guards.has_code("endless_progress");
             return Err(if self.params.endless && gets_on {

@@ -305,7 +305,7 @@ impl Eyes {
 
     /// Ends the pulse that sounds, if one does; the plate swings for a while longer.
     pub fn silence(&mut self, rig: &mut dyn Rig) {
-        if rig.quiet_at() > rig.now() && !self.silenced {
+        if rig.quiet_at() > rig.now() && !self.silenced && self.guards.has_code("silence") {
             rig.stop();
             self.silenced = true;
             self.still_from = rig.now() + SWING_S;
@@ -319,7 +319,7 @@ impl Eyes {
 
     /// True when the last pulse was silenced or the table located anew: pulses planned before no longer apply.
     pub fn invalidates_plan(&self) -> bool {
-        self.silenced || self.relocated
+        (self.silenced || self.relocated) && self.guards.has_code("stale_plan")
     }
 
     /// Tells `sink` of every condition of the camera that held until now.

@@ -21,7 +21,7 @@ pub struct Guards {
 
 impl Guards {
     /// The codes of all guards that can sleep.
-    pub const CODES: [&str; 20] = [
+    pub const CODES: [&str; 25] = [
         "camera_frozen",
         "camera_stale",
         "camera_dark",
@@ -30,6 +30,10 @@ impl Guards {
         "view_hidden",
         "foreign_part",
         "parts_jumped",
+        "probe",
+        "camera_still",
+        "silence",
+        "stale_plan",
         "two_looks",
         "part_count",
         "part_lost",
@@ -40,6 +44,7 @@ impl Guards {
         "part_astray",
         "no_progress",
         "endless_progress",
+        "time_limit",
         "edge_limit",
         "separation",
     ];
@@ -54,7 +59,7 @@ impl Guards {
         self.has_code(condition.code())
     }
 
-    /// The same for one that is no condition: `two_looks`, `progress`.
+    /// The same for one that is no condition: `two_looks`, `probe`.
     pub fn has_code(&self, code: &str) -> bool {
         self.asleep.as_deref() != Some(code)
     }

@@ -12,6 +12,12 @@ LYING_ACCELERATIONS = ("dead", "flip")
 TELLING_SHARE, TELLING_DRIVE = 0.25, 0.05
 # frames in which a knock lies before a run may not complete without noticing it
 SEEN_FRAMES = 2
+# by so much the probe moves parts at most when a coil lies, mm
+PROBE_MM = 1.0
+# once motors are silent a plate swings out and carries parts on: some time later by no more than this, mm
+COAST_S, UNSEEN_MM = 0.1, 3.0
+# faults that move parts or let them slip
+MOVES_PARTS = ("part", "parts", "plate")
 # an observation this close to the truth is not deceived by a knock, mm
 TRUE_MM = 0.25
 
@@ -57,6 +63,7 @@ def violations(run):
     for fault in run.fired():
         if fault.name == "camera freeze":
             yield from frozen(run, fault)
+            yield from moved_unseen(run, fault)
         elif fault.name in ("camera shift", "camera rotate", "camera mirror"):
             yield from knocked(run, fault)
         elif fault.name == "camera late" and fault.value[0] >= LATE_FRAMES:
@@ -64,6 +71,7 @@ def violations(run):
         elif fault.group == "accel" and fault.kind in LYING_ACCELERATIONS:
             yield from misread(run, fault)
     yield from misplayed(run)
+    yield from moved_by_a_lie(run)
 
 
 def frozen(run, fault):
@@ -72,6 +80,18 @@ def frozen(run, fault):
         if bar_s < pulse.start_s < fault.to_s:
             yield "O2", f"{fault}: a pulse starts at {pulse.start_s:.3f} s, bar {bar_s:.3f} s"
             return
+
+
+def moved_unseen(run, fault):
+    """The motors are silent once the picture is seen to stand still: parts come to rest."""
+    begin_s, end_s = run.clear_by(fault.from_s, FROZEN_S) + COAST_S, min(fault.to_s, run.end_s)
+    moves = any(other.group in MOVES_PARTS for other in run.fired())
+    if moves or not run.truth or begin_s >= end_s or any(begin_s < pulse.start_s < end_s for pulse in run.pulses):
+        return
+    before, after = run.truth_at(begin_s), run.truth_at(end_s)
+    moved_mm = max(math.dist(a[:2], b[:2]) for a, b in zip(before, after))
+    if moved_mm > UNSEEN_MM:
+        yield "O2", f"{fault}: a part goes on by {moved_mm:.2f} mm from {begin_s:.3f} s on, bar {UNSEEN_MM:g} mm"
 
 
 def knocked(run, fault):
@@ -180,6 +200,19 @@ def misplayed(run):
             return
         telling = lying and is_strong(run, pulse) and played_wrongly(run, pulse) >= TELLING_SHARE
         told = pulse if telling else told
+
+
+def moved_by_a_lie(run):
+    """A coil that lies from before the first pulse on moves no part in a run that ends by it: the small pulse tells."""
+    first_s = run.pulses[0].start_s if run.pulses else 0.0
+    lies = [f for f in run.fired() if f.group in ("coil", "coils") and f.kind in LYING_COILS and f.from_s < first_s]
+    others = any(f.group in ("accel", *MOVES_PARTS) for f in run.fired())
+    if not lies or others or run.stop_code not in COIL_CODES or not run.truth:
+        return
+    before, after = run.truth_at(first_s), run.truth[-1][1]
+    moved_mm = max(math.dist(a[:2], b[:2]) for a, b in zip(before, after))
+    if moved_mm > PROBE_MM:
+        yield "O2", f"{lies[0]}: a part is moved by {moved_mm:.2f} mm before it is noticed, bar {PROBE_MM:g} mm"
 
 
 def misread(run, fault):

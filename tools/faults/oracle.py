@@ -14,6 +14,8 @@ from .vocabulary import LIVENESS_END_S, Fault, is_blinding
 
 NAMED_WITHIN_S = 0.5
 MOST_RSS_MB = 200.0
+# a run may wait so long for a hand to go
+OVER_LIMIT_S = 12.0
 # conditions that are told once when they begin, and may end the run much later
 TOLD_FIRST = ("coil_fault", "motion_off", "accelerometer_fault", "camera_moved", *detection.BLIND_CODES)
 STATUS_OF = {"completed": 0, "failed": 1, "cancelled": 130}
@@ -206,6 +208,8 @@ def after_the_end(run):
 def resources(run, process):
     """O6: wall time, exit status, no panic, memory."""
     limit_s = 3.0 * run.job["limits"]["plate_time_s"] + 20.0
+    if run.end_s > run.job["limits"]["plate_time_s"] + OVER_LIMIT_S:
+        yield "O6", f"ended at {run.end_s:.1f} s of plate time, {run.job['limits']['plate_time_s']} s asked for"
     if run.report["wall_time_s"] > limit_s:
         yield "O6", f"{run.report['wall_time_s']:.1f} s of wall time, allowed {limit_s:.0f} s"
     expected = 1 if run.report.get("verdict") == "false_success" else STATUS_OF.get(run.outcome)

@@ -173,7 +173,9 @@ class Detection(unittest.TestCase):
     def test_pulses_after_a_freeze_break_the_bar_and_a_stop_holds_it(self):
         self.assertEqual(Folder("camera:freeze@0.7").rules(), ["O2"])
         self.assertEqual(Folder("camera:freeze@0.7").guard("camera_frozen", 0.79, stops=True).rules(), [])
-        self.assertEqual(Folder("camera:freeze@0.7-1").rules(), [], "over before the next pulse")
+        folder = Folder("camera:freeze@0.7-1")
+        folder.true = lambda part, _: (*folder.target(part), 1)
+        self.assertEqual(folder.rules(), [], "over before the next pulse")
         self.assertEqual(Folder("camera:freeze@0.7,camera:dark@0.7-5").rules(), [], "dark: nothing to see")
 
     def test_knock_breaks_the_bar_unless_the_table_is_located_anew(self):
@@ -201,6 +203,7 @@ class Detection(unittest.TestCase):
         for fault in ("coil0:dead@0", "coil2:reversed@0", "coils:swapped=0;2@0", "coils:dead@0", "coil1:stuck@0"):
             swaps = [[[500.0, 0.0]], [[200.0, 0.0]], [[-250.0, 0.0]], [[250.0, 0.0]]]
             folder = Folder(fault)
+            folder.true = lambda part, _, at=folder.target: (*at(part), 1)
             folder.counts = lambda cycle: swaps
             self.assertEqual(folder.rules(), ["O2"], fault)
             self.assertEqual(folder.guard("coil_fault", 0.5, stops=True).rules(), [], fault)
@@ -213,6 +216,22 @@ class Detection(unittest.TestCase):
         self.assertEqual(folder.rules(), [], "too weak")
         self.assertEqual(Folder("coils:swapped=2;3@0").rules(), [], "both play the same")
         self.assertEqual(Folder("coil0:dead@0,accel0:gain=0.9@0").rules(), [], "goes on unwatched")
+
+    def test_parts_rest_while_the_picture_stands_still(self):
+        folder = Folder("camera:freeze@0.1", cycles=1).guard("camera_frozen", 1.5, stops=True)
+        folder.true = lambda part, at_s: (10.0 + 50.0 * part, 5.0 * at_s, 1)
+        self.assertEqual(folder.rules(), ["O2"], "goes on")
+        folder.true = lambda part, at_s: (10.0 + 50.0 * part, min(at_s, 0.3), 1)
+        self.assertEqual(folder.rules(), [])
+
+    def test_coil_that_lies_from_the_beginning_moves_no_part(self):
+        folder = Folder("coil0:dead@0").guard("coil_fault", 0.5, stops=True)
+        folder.true = lambda part, at_s: (10.0 + 50.0 * part, 0.8 if at_s > 0.1 else 0.0, 1)
+        self.assertEqual(folder.rules(), [])
+        folder.true = lambda part, at_s: (10.0 + 50.0 * part, 1.2 if at_s > 0.1 else 0.0, 1)
+        self.assertEqual(folder.rules(), ["O2"])
+        folder.job["faults"] = [Fault.parse("coil0:dead@0.3").row()]
+        self.assertEqual(folder.rules(), [], "from the first pulse on")
 
     def test_lying_accelerometer_is_named_before_the_second_pulse(self):
         self.assertEqual(Folder("accel1:flip@0").rules(), ["O2"])

@@ -15,7 +15,8 @@ const MOST_PROBES: usize = 3;
 impl Cycle<'_> {
     /// Plays the probe, if the library has one, until one is seen to its end, and judges it.
     pub(super) fn probe(&mut self) -> Result<(), Ending> {
-        let Some((mut drive, coils)) = self.library.probe() else { return Ok(()) };
+        let probe = self.library.probe().filter(|_| self.params.guards.has_code("probe"));
+        let Some((mut drive, coils)) = probe else { return Ok(()) };
         drive.envelope.sustain_s = drive.envelope.sustain_s.min(self.model.max_sustain_s);
         let expected = ExpectedMotion { drive: &drive, coils: &coils };
         for _ in 0..MOST_PROBES {
@@ -57,7 +58,7 @@ impl Cycle<'_> {
         let sensors = self.sensors();
         let found = self.motion.check(expected, &self.reading(fit, &sensors, None));
         let is_as_planned = self.report(found)?;
-        if is_as_planned && !self.eyes.has_changed() && self.params.guards.has(Condition::CameraFrozen) {
+        if is_as_planned && !self.eyes.has_changed() && self.params.guards.has_code("camera_still") {
             let reason = "no picture differs from the first, and the plate was shaken".to_owned();
             self.warn(Condition::CameraFrozen, reason.clone());
             return Err(Ending::guarded(Condition::CameraFrozen, reason));
