@@ -11,7 +11,7 @@ use self::naming::name_parts;
 use self::scene::{Blind, Place, Scene};
 use super::conditions::{Condition, Conditions};
 use super::ending::{EndCause, Ending, check_stop};
-use super::guards::{DelayGuard, Guards};
+use super::guards::{DelayGuard, Guards, StillnessGuard};
 use super::{FrameFacts, LocalisedFacts, Sink};
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::rig::{PartKind, Rig, RigModel};
@@ -94,6 +94,7 @@ pub struct Eyes {
     /// Where each part should be when it is next seen at rest, and how far from there it may be, m.
     expected_m: Vec<(Vec2, f64)>,
     delay: DelayGuard,
+    stillness: StillnessGuard,
     conditions: Conditions,
 }
 
@@ -153,6 +154,7 @@ impl Eyes {
             relocated: false,
             expected_m: places_m.map(|place_m| (place_m, REACH_M)).collect(),
             delay: DelayGuard::new(model.frame_hz),
+            stillness: StillnessGuard::default(),
             conditions: Conditions::default(),
         })
     }
@@ -172,7 +174,7 @@ impl Eyes {
         rig.capture(&mut self.frame)?;
         let at_rest = self.frame.exposed_at - rig.quiet_at().max(self.still_from) >= self.half_exposure_s;
         let start = clock.elapsed();
-        let stale = self.scene.stale(&self.frame, rig.now()).filter(|blind| self.guards.has(blind.condition()));
+        let stale = self.stale(rig.now());
         if stale.is_some() {
             self.tracker.miss();
         } else {
@@ -296,11 +298,6 @@ impl Eyes {
             )),
             Err(_) => Ok(()),
         }
-    }
-
-    /// Pixels of a metre on the plate.
-    pub fn px_per_m(&self) -> f64 {
-        self.table.mean_px_per_m()
     }
 
     /// Ends the pulse that sounds, if one does; the plate swings for a while longer.

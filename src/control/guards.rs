@@ -5,6 +5,7 @@ mod delay;
 mod freshness;
 mod motion;
 mod steps;
+mod stillness;
 
 use super::conditions::Condition;
 
@@ -12,6 +13,7 @@ pub(super) use delay::{DelayGuard, Late, Swing};
 pub(super) use freshness::{Freshness, Stale};
 pub(super) use motion::{CoilResponses, Finding, MotionGuard, PulseReading};
 pub(super) use steps::{StepGuard, Unlike, went_as_forecast};
+pub(super) use stillness::StillnessGuard;
 
 /// Which guards are awake: all, but for the one that a test of the tests puts to sleep.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -12,6 +12,7 @@ LYING_ACCELERATIONS = ("dead", "flip")
 TELLING_SHARE, TELLING_DRIVE = 0.25, 0.05
 # frames in which a knock lies before a run may not complete without noticing it
 SEEN_FRAMES = 2
+ALIKE_FRAMES = 2
 # by so much the probe moves parts at most when a coil lies, mm
 PROBE_MM = 1.0
 # once motors are silent a plate swings out and carries parts on: some time later by no more than this, mm
@@ -107,9 +108,16 @@ def knocked(run, fault):
         yield "O2", f"{fault}: completed at {run.end_s:.3f} s, and the knock was not noticed"
     bar_s = run.clear_by(begin_s, KNOCKED_S, hides_knock)
     for pulse in run.pulses:
-        if not pulse.is_probe and bar_s < pulse.start_s < end_s and not (pulse.seen_at_s > begin_s and sees_truly(run, pulse)):
+        if pulse.is_probe or not bar_s < pulse.start_s < end_s or hides_places(run, pulse.seen_at_s):
+            continue
+        if pulse.seen_at_s <= begin_s or not sees_truly(run, pulse):
             yield "O2", f"{fault}: a pulse starts at {pulse.start_s:.3f} s from a look that is not true, bar {bar_s:.3f} s"
             return
+
+
+def hides_places(run, at_s):
+    """True while late pictures, or a coil that holds the plate off its place, make a look untrue; other rules judge these."""
+    return any(f.holds(at_s) and (f.name == "camera late" or f.kind == "stuck" and f.group in ("coil", "coils")) for f in run.faults)
 
 
 def was_told(run, code, since_s):
@@ -146,6 +154,10 @@ def sees_truly(run, pulse):
 
 def late(run, fault):
     blind = [pulse for pulse in run.pulses if fault.holds(pulse.start_s) and not was_cut_short(run, pulse)]
+    # equal pulses as far apart as the pictures are late look as if they were in time
+    starts_s = [pulse.start_s for pulse in run.pulses]
+    alike = {b for a, b in zip(starts_s, starts_s[1:]) if abs((b - a) / run.frame_s - fault.value[0]) <= ALIKE_FRAMES}
+    blind = [pulse for pulse in blind if pulse.start_s not in alike]
     if len(blind) > LATE_PULSES:
         start_s = blind[LATE_PULSES].start_s
         yield "O2", f"{fault}: pulse {LATE_PULSES + 1} since the fault starts at {start_s:.3f} s, bar {LATE_PULSES} pulses"
@@ -195,7 +207,7 @@ def misplayed(run):
     told = None
     for pulse in run.pulses:
         lying = [fault for fault in coil_faults(run, pulse) if fault.kind in LYING_COILS]
-        if told and lying:
+        if told and lying and not pulse.is_probe:
             yield "O2", f"{lying[0]}: a pulse starts at {pulse.start_s:.3f} s, after the one at {told.start_s:.3f} s that tells"
             return
         telling = lying and is_strong(run, pulse) and played_wrongly(run, pulse) >= TELLING_SHARE
@@ -205,7 +217,7 @@ def misplayed(run):
 def moved_by_a_lie(run):
     """A coil that lies from before the first pulse on moves no part in a run that ends by it: the small pulse tells."""
     first_s = run.pulses[0].start_s if run.pulses else 0.0
-    lies = [f for f in run.fired() if f.group in ("coil", "coils") and f.kind in LYING_COILS and f.from_s < first_s]
+    lies = [fault for fault in coil_faults(run, run.pulses[0]) if fault.kind in LYING_COILS] if run.pulses else []
     others = any(f.group in ("accel", *MOVES_PARTS) for f in run.fired())
     if not lies or others or run.stop_code not in COIL_CODES or not run.truth:
         return

@@ -1,10 +1,11 @@
 //! Expected effect of a pulse in the camera's frames: the parts' displacement and the plate's swing.
 
 use super::Eyes;
+use super::scene::Blind;
 use crate::Sink;
 use crate::conditions::Condition;
 use crate::ending::Ending;
-use crate::guards::{Late, Swing};
+use crate::guards::{Late, Stale, Swing};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
@@ -31,6 +32,11 @@ impl Eyes {
         (self.silenced, self.relocated) = (false, false);
     }
 
+    /// Pixels of a metre on the plate.
+    pub fn px_per_m(&self) -> f64 {
+        self.table.mean_px_per_m()
+    }
+
     /// True when the frames of the last pulse show the plate's planned swing.
     pub fn shows_drive(&self) -> bool {
         self.delay.shows_drive()
@@ -49,6 +55,15 @@ impl Eyes {
     /// True once a frame has differed from the first.
     pub fn has_changed(&self) -> bool {
         self.scene.has_changed()
+    }
+
+    /// Why the newest frame, which arrived at `now`, is not of the present, if it is not.
+    pub(super) fn stale(&mut self, now: PlateTime) -> Option<Blind> {
+        let stale = self.scene.stale(&self.frame, now);
+        let expected_px = self.delay.expected_px(self.frame.exposed_at.secs());
+        let stands_still = self.stillness.check(self.scene.swing_px(&self.frame), expected_px);
+        let stale = stale.or(stands_still.then_some(Blind::Stale(Stale::Repeated)));
+        stale.filter(|blind| self.guards.has(blind.condition()))
     }
 
     /// Most parts cannot have got farther than the last pulse carries them: the picture is another one.

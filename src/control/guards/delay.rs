@@ -124,12 +124,17 @@ impl DelayGuard {
     }
 
     fn push(&mut self, at_s: f64, seen: Option<f64>) {
-        let pulse = self.pulses.iter().rev().find(|(begin_s, _)| *begin_s <= at_s);
-        let expected = pulse.map_or(0.0, |(begin_s, swing)| swing.corner_px(at_s - begin_s));
+        let expected = self.expected_px(at_s);
         if self.frames.len() == WINDOW + LONGEST {
             self.frames.pop_front();
         }
         self.frames.push_back(Swung { seen, expected });
+    }
+
+    /// How far the plate's corners should be from their places at `at_s` of plate time, px.
+    pub fn expected_px(&self, at_s: f64) -> f64 {
+        let pulse = self.pulses.iter().rev().find(|(begin_s, _)| *begin_s <= at_s);
+        pulse.map_or(0.0, |(begin_s, swing)| swing.corner_px(at_s - begin_s))
     }
 
     /// True while the frames of the newest pulse look late: they may show a plate at rest still swinging.

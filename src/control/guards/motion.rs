@@ -118,7 +118,8 @@ impl MotionGuard {
                 let reason = "the accelerometers show what no motion of a plate shows".to_owned();
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
             }
-            MotionVerdict::Other if saw_it_go && off > FAR_OFF => {
+            // a pulse that fails half way, or one strong coil of two weak ones, still carries parts about where they should go
+            MotionVerdict::Other if saw_it_go && shows_drive && off > FAR_OFF => {
                 let reason =
                     format!("the accelerometers read a motion {percent:.0} % off the plan, the parts went as forecast");
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
@@ -157,7 +158,9 @@ mod tests {
         assert_eq!([0.85, 0.0, -1.0].map(|gain| ends(coil(gain), 0.1, None)), [Some(false), Some(true), Some(true)]);
         assert_eq!(ends(channel, 0.4, Some(false)), Some(false));
         assert_eq!(ends(MotionVerdict::Swapped { coils: [0, 1] }, 0.9, None), Some(true));
-        assert_eq!([None, Some(true)].map(|seen| ends(MotionVerdict::Other, 0.5, seen)), [Some(true), Some(false)]);
+        assert_eq!([None, Some(true)].map(|seen| ends(MotionVerdict::Other, 0.5, seen)), [Some(true); 2]);
+        let seen_to_swing = MotionGuard::default().finding(MotionVerdict::Other, 0.5, Some(true), true);
+        assert_eq!(seen_to_swing.map(|finding| finding.ends), Some(false));
         assert_eq!([false, true].map(|strong| ends(unread(strong), 0.0, None)), [None, Some(true)]);
         assert_eq!(ends(unread(true), 0.0, Some(true)), Some(false));
         assert_eq!(ends(MotionVerdict::Channels, 0.9, None), Some(false));

@@ -6,6 +6,11 @@ use upm_core::geometry::{Homography, Lens, Vec2};
 /// Corners of the square from -1 to 1 in the order of [`Table::corners_px`], y up.
 const UNIT_CORNERS: [(f64, f64); 4] = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)];
 
+/// Sides of a square that differ by more than twice this part, or meet at an angle whose cosine is larger than the second,
+/// are no picture of one: a hand at the edge of the plate was taken for a side that was 6 % too near.
+const UNEQUAL_SIDES: f64 = 0.012;
+const SKEW: f64 = 0.025;
+
 impl Table {
     /// From its corners in ideal image coordinates, px, clockwise from any of them. The frame is turned so that
     /// its x axis lies within 45° of the image's. `None` when the four are no picture of a plane in front of the camera.
@@ -96,7 +101,7 @@ fn camera_in_table(ideal_from_table: &Homography, lens: &Lens) -> Option<Vector3
     let (r1, r2, t) = (columns.column(0), columns.column(1), columns.column(2));
     let scale = (r1.norm() + r2.norm()) / 2.0 * t.z.signum();
     let (r1, r2, t) = (r1 / scale, r2 / scale, t / scale);
-    if !((r1.norm() - 1.0).abs() < 0.05 && r1.dot(&r2).abs() < 0.1) {
+    if !((r1.norm() - 1.0).abs() < UNEQUAL_SIDES && r1.dot(&r2).abs() < SKEW) {
         return None;
     }
     let rotation = Matrix3::from_columns(&[r1, r2, r1.cross(&r2)]);

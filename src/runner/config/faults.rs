@@ -148,10 +148,19 @@ pub(super) fn typed(texts: &[String], parts: usize, faults: &mut Faults) -> Vec<
     specs
 }
 
+/// What may stand in place of the component `found`.
+fn components(found: &str) -> String {
+    let has_number = |class: &&str| found.strip_prefix(*class).is_some_and(|rest| rest.parse::<u32>().is_ok());
+    match ["coil", "accel"].into_iter().find(has_number) {
+        Some(class) => format!("{class}0 to {class}3"),
+        None => one_of(found, &COMPONENTS),
+    }
+}
+
 fn spec(raw: &RawFault, parts: usize, at: &Path, faults: &mut Faults) -> Option<FaultSpec> {
     let Some(component) = Component::named(&raw.component) else {
         let found = shown(&Value::from(raw.component.as_str()));
-        faults.push(&at.key("component"), found, one_of(&raw.component, &COMPONENTS));
+        faults.push(&at.key("component"), found, components(&raw.component));
         return None;
     };
     if let Component::Part(part) = component {
@@ -247,7 +256,8 @@ mod tests {
         for (text, said) in [
             ("coil0", "COMPONENT:KIND"),
             ("camera:freeze@x", "COMPONENT:KIND"),
-            ("coil7:dead", "did you mean coil0"),
+            ("coil7:dead", "coil0 to coil3"),
+            ("coill:dead", "did you mean coil0"),
             ("part3:glued", "part0 to part2"),
             ("camera:freez", "did you mean freeze"),
             ("camera:flip", "freeze, late, drop"),
