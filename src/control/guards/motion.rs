@@ -66,6 +66,8 @@ pub struct PulseReading<'a> {
 #[derive(Clone, Debug, Default)]
 pub struct MotionGuard {
     off: u32,
+    /// An earlier pulse has shown that the accelerometers are at fault.
+    doubts_sensors: bool,
 }
 
 impl MotionGuard {
@@ -84,6 +86,9 @@ impl MotionGuard {
         shows_drive: bool,
     ) -> Option<Finding> {
         let saw_it_go = as_forecast == Some(true);
+        // a pulse that fails half way, or one weak coil of two, still carries parts about where they should go
+        let saw_it_all = saw_it_go && (shows_drive || self.doubts_sensors);
+        self.doubts_sensors |= matches!(verdict, MotionVerdict::Channel { .. } | MotionVerdict::Channels);
         let found = |condition, reason: String, ends| Some(Finding { condition, reason, ends });
         let percent = 100.0 * off;
         match verdict {
@@ -118,8 +123,7 @@ impl MotionGuard {
                 let reason = "the accelerometers show what no motion of a plate shows".to_owned();
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
             }
-            // a pulse that fails half way, or one strong coil of two weak ones, still carries parts about where they should go
-            MotionVerdict::Other if saw_it_go && shows_drive && off > FAR_OFF => {
+            MotionVerdict::Other if saw_it_all && off > FAR_OFF => {
                 let reason =
                     format!("the accelerometers read a motion {percent:.0} % off the plan, the parts went as forecast");
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
@@ -161,6 +165,10 @@ mod tests {
         assert_eq!([None, Some(true)].map(|seen| ends(MotionVerdict::Other, 0.5, seen)), [Some(true); 2]);
         let seen_to_swing = MotionGuard::default().finding(MotionVerdict::Other, 0.5, Some(true), true);
         assert_eq!(seen_to_swing.map(|finding| finding.ends), Some(false));
+        let mut doubting = MotionGuard::default();
+        doubting.finding(MotionVerdict::Channels, 0.9, None, false);
+        let known = doubting.finding(MotionVerdict::Other, 0.5, Some(true), false);
+        assert_eq!(known.map(|finding| finding.ends), Some(false), "the accelerometers are known to be at fault");
         assert_eq!([false, true].map(|strong| ends(unread(strong), 0.0, None)), [None, Some(true)]);
         assert_eq!(ends(unread(true), 0.0, Some(true)), Some(false));
         assert_eq!(ends(MotionVerdict::Channels, 0.9, None), Some(false));
