@@ -218,7 +218,10 @@ def moved_by_a_lie(run):
     """A coil that lies from before the first pulse on moves no part in a run that ends by it: the small pulse tells."""
     first_s = run.pulses[0].start_s if run.pulses else 0.0
     lies = [fault for fault in coil_faults(run, run.pulses[0]) if fault.kind in LYING_COILS] if run.pulses else []
-    others = any(f.group in ("accel", *MOVES_PARTS) for f in run.fired())
+    # coils that change within the pulse are a jolt
+    inside = [at_s for f in run.fired() if f.group in ("coil", "coils") for at_s in (f.from_s, f.to_s)]
+    jolts = any(run.pulses[0].start_s < at_s < run.pulses[0].end_s for at_s in inside) if run.pulses else False
+    others = jolts or any(f.group in ("accel", *MOVES_PARTS) for f in run.fired())
     if not lies or others or run.stop_code not in COIL_CODES or not run.truth:
         return
     before, after = run.truth_at(first_s), run.truth[-1][1]
