@@ -183,7 +183,7 @@ impl Eyes {
         let (blind, place) = match stale {
             Some(blind) => (Some(blind), Place::Unknown),
             None if at_rest => self.examine(),
-            None => (None, Place::Unknown),
+            None => (self.covered(), Place::Unknown),
         };
         let swing_px = if blind.is_none() { self.scene.swing_px(&self.frame) } else { None };
         self.delay.frame(self.frame.exposed_at.secs(), swing_px);

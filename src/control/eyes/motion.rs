@@ -66,6 +66,13 @@ impl Eyes {
         stale.filter(|blind| self.guards.has(blind.condition()))
     }
 
+    /// What hides a part while the plate moves, if something does.
+    pub(super) fn covered(&mut self) -> Option<Blind> {
+        let covered =
+            if self.missing_for() > 0 { self.scene.covered(&self.frame, self.tracker.tracks()) } else { None };
+        covered.filter(|blind| self.guards.has(blind.condition()))
+    }
+
     /// Most parts cannot have got farther than the last pulse carries them: the picture is another one.
     pub(super) fn check_jumps(&mut self, sink: &mut dyn Sink) -> Result<(), Ending> {
         let places_m = self.positions_m();

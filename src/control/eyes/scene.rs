@@ -18,6 +18,8 @@ const SWING_SHIFT_PX: f64 = 0.7;
 const STILL_PX: f64 = 0.25;
 /// A share of the plate below this counts as in view.
 const HIDDEN: f64 = 0.02;
+/// The same while the plate moves and shows its ground at the sides.
+const COVERED: f64 = 0.06;
 
 /// Why a frame shows nothing to go by.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -141,6 +143,16 @@ impl Scene {
         let blind = if is_dark { Some(Blind::Dark) } else { is_hidden.then_some(Blind::Hidden) };
         self.foreign_m = sight.foreign.first().map(|part| part.position_m);
         Seen { blind, place, foreign_m: self.foreign_m }
+    }
+
+    /// What keeps a frame in which the plate may move from showing it.
+    pub(super) fn covered(&mut self, frame: &Frame, tracks: &[Track]) -> Option<Blind> {
+        if self.table.check(frame) == TableMotion::Displaced {
+            // the camera was knocked: what lies there is found once the plate rests
+            return None;
+        }
+        let sight = self.plate.check(frame, tracks);
+        if sight.dark { Some(Blind::Dark) } else { (sight.hidden_share > COVERED).then_some(Blind::Hidden) }
     }
 
     /// Where a plate is that is seen where it should be.
