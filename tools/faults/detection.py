@@ -72,6 +72,7 @@ def violations(run):
         elif fault.group == "accel" and fault.kind in LYING_ACCELERATIONS:
             yield from misread(run, fault)
     yield from misplayed(run)
+    yield from played_on(run)
     yield from moved_by_a_lie(run)
 
 
@@ -212,6 +213,14 @@ def misplayed(run):
             return
         telling = lying and is_strong(run, pulse) and played_wrongly(run, pulse) >= TELLING_SHARE
         told = pulse if telling else told
+
+
+def played_on(run):
+    """A pulse in which nothing could be seen ends the sequence that it belongs to."""
+    for a, b in zip(run.pulses, run.pulses[1:]):
+        if a.cycle == b.cycle and not (a.is_probe or b.is_probe) and was_cut_short(run, a):
+            yield "O2", f"the pulse at {b.start_s:.3f} s was planned before the one at {a.start_s:.3f} s was cut short"
+            return
 
 
 def moved_by_a_lie(run):

@@ -50,6 +50,7 @@ class Pulse:
     seen_mm: list = field(default_factory=list)
     # the small pulse at the beginning, which no look leads to and which moves no part
     is_probe: bool = False
+    cycle: int = 0
 
     @property
     def end_s(self):
@@ -148,7 +149,7 @@ def pulses_of(lines):
         for row in line.get("sent", ()):
             counts = [[value for harmonic in coil for value in harmonic] for coil in row["counts"]]
             times = (row[key] for key in ("started_at_s", "attack_s", "sustain_s", "rest_s", "base_hz"))
-            pulses.append(Pulse(*times, counts, *seen, row.get("probe", False)))
+            pulses.append(Pulse(*times, counts, *seen, row.get("probe", False), line["cycle"]))
         if line["type"] == "cycle":
             # a cycle that never ends is planned from the end of the one before
             seen = line["ended_at_s"], line["result_mm"]

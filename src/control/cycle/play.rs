@@ -139,7 +139,7 @@ impl Cycle<'_> {
         PulseReading { fit, sensors, as_forecast, shows_drive: self.eyes.shows_drive() }
     }
 
-    /// Reports a finding on a pulse's motion and ends the run if it must; true where the plate moved as planned.
+    /// Reports a finding on a pulse's motion and ends the run if it must; true where the plate moved about as planned.
     pub(super) fn report(&mut self, found: Option<Finding>) -> Result<bool, Ending> {
         let Some(Finding { condition, reason, ends }) = found else { return Ok(true) };
         if self.params.guards.has(condition) {
@@ -148,7 +148,7 @@ impl Cycle<'_> {
                 return Err(Ending::guarded(condition, reason));
             }
         }
-        Ok(matches!(condition, Condition::AccelerometerFault { .. }))
+        Ok(!ends)
     }
 
     /// Ends a run whose pictures are late, after a pulse; one that moved the plate off its plan tells nothing of them.

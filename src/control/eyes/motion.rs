@@ -61,7 +61,8 @@ impl Eyes {
     pub(super) fn stale(&mut self, now: PlateTime) -> Option<Blind> {
         let stale = self.scene.stale(&self.frame, now);
         let expected_px = self.delay.expected_px(self.frame.exposed_at.secs());
-        let stands_still = self.stillness.check(self.scene.swing_px(&self.frame), expected_px);
+        let stands_still =
+            self.stillness.check(self.scene.swing_px(&self.frame), expected_px) && self.guards.has_code("camera_still");
         let stale = stale.or(stands_still.then_some(Blind::Stale(Stale::Repeated)));
         stale.filter(|blind| self.guards.has(blind.condition()))
     }
