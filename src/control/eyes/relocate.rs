@@ -14,6 +14,8 @@ use upm_perception::vision::{CoinFinder, Detection, Stages, Table, TableFault, T
 
 /// Looks with the table located anew before a goal counts as reached.
 const CONFIRMING_LOOKS: usize = 2;
+/// Looks in a row that show a plate lie still before these.
+const STILL_LOOKS: usize = 2;
 /// Between such looks corners and parts may differ by this much.
 const SAME_CORNER_PX: f64 = 0.7;
 const SAME_PART_M: f64 = 0.2e-3;
@@ -114,9 +116,12 @@ impl Eyes {
         stop: &AtomicBool,
     ) -> Result<(), Ending> {
         let until = rig.quiet_at().max(self.frame.exposed_at) + SWING_S;
-        while rig.now() < until && !self.scene.is_still(&self.frame) {
+        // a plate that swings is for a moment where it rests
+        let mut still = 0;
+        while rig.now() < until && still < STILL_LOOKS {
             check_stop(stop)?;
             self.look(rig, Moment::Pulse, sink, clock)?;
+            still = if self.scene.is_still(&self.frame) { still + 1 } else { 0 };
         }
         Ok(())
     }
