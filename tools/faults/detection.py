@@ -230,6 +230,7 @@ def moved_by_a_lie(run):
     # coils that change within the pulse are a jolt
     inside = [at_s for f in run.fired() if f.group in ("coil", "coils") for at_s in (f.from_s, f.to_s)]
     jolts = any(run.pulses[0].start_s < at_s < run.pulses[0].end_s for at_s in inside) if run.pulses else False
+    jolts = jolts or any(f.group in ("coil", "coils") and f.kind == "chatter" for f in run.fired())
     others = jolts or any(f.group in ("accel", *MOVES_PARTS) for f in run.fired())
     if not lies or others or run.stop_code not in COIL_CODES or not run.truth:
         return

@@ -134,7 +134,7 @@ class Run:
         for fault in sorted(filter(hides, self.faults), key=lambda fault: fault.from_s):
             if fault.from_s <= begin_s + within_s and fault.to_s > begin_s:
                 begin_s = fault.to_s
-        late = (fault.value[0] for fault in self.faults if fault.name == "camera late" and fault.holds(at_s))
+        late = (f.value[0] for f in self.faults if f.name == "camera late" and f.from_s <= at_s + within_s and f.to_s > at_s)
         return begin_s + within_s + self.frame_s * (1 + max(late, default=0))
 
 
