@@ -15,8 +15,8 @@ SEEN_FRAMES = 2
 ALIKE_FRAMES = 2
 # by so much the probe moves parts at most when a coil lies, mm
 PROBE_MM = 1.0
-# once motors are silent a plate swings out and carries parts on: some time later by no more than this, mm
-COAST_S, UNSEEN_MM = 0.1, 3.0
+# once motors are silent a plate swings out by 2 mm to either side, with the parts, and carries them on a little, mm
+COAST_S, UNSEEN_MM = 0.1, 5.0
 # faults that move parts or let them slip
 MOVES_PARTS = ("part", "parts", "plate")
 # an observation this close to the truth is not deceived by a knock, mm

@@ -219,7 +219,7 @@ class Detection(unittest.TestCase):
 
     def test_parts_rest_while_the_picture_stands_still(self):
         folder = Folder("camera:freeze@0.1", cycles=1).guard("camera_frozen", 1.5, stops=True)
-        folder.true = lambda part, at_s: (10.0 + 50.0 * part, 5.0 * at_s, 1)
+        folder.true = lambda part, at_s: (10.0 + 50.0 * part, 8.0 * at_s, 1)
         self.assertEqual(folder.rules(), ["O2"], "goes on")
         folder.true = lambda part, at_s: (10.0 + 50.0 * part, min(at_s, 0.3), 1)
         self.assertEqual(folder.rules(), [])
