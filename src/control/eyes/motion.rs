@@ -67,7 +67,7 @@ impl Eyes {
         stale.filter(|blind| self.guards.has(blind.condition()))
     }
 
-    /// What hides a part while the plate moves, if something does.
+    /// Obstruction of the view in a frame that lacks a part while the plate may move.
     pub(super) fn covered(&mut self) -> Option<Blind> {
         let covered =
             if self.missing_for() > 0 { self.scene.covered(&self.frame, self.tracker.tracks()) } else { None };

@@ -145,7 +145,7 @@ impl Scene {
         Seen { blind, place, foreign_m: self.foreign_m }
     }
 
-    /// What keeps a frame in which the plate may move from showing it.
+    /// Obstruction of the view in a frame in which the plate may move; `None` when the camera was knocked.
     pub(super) fn covered(&mut self, frame: &Frame, tracks: &[Track]) -> Option<Blind> {
         if self.table.check(frame) == TableMotion::Displaced {
             // the camera was knocked: what lies there is found once the plate rests

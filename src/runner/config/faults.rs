@@ -148,7 +148,7 @@ pub(super) fn typed(texts: &[String], parts: usize, faults: &mut Faults) -> Vec<
     specs
 }
 
-/// What may stand in place of the component `found`.
+/// Allowed component names, for an error about the name `found`.
 fn components(found: &str) -> String {
     let has_number = |class: &&str| found.strip_prefix(*class).is_some_and(|rest| rest.parse::<u32>().is_ok());
     match ["coil", "accel"].into_iter().find(has_number) {
