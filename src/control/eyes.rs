@@ -174,7 +174,8 @@ impl Eyes {
         rig.capture(&mut self.frame)?;
         let at_rest = self.frame.exposed_at - rig.quiet_at().max(self.still_from) >= self.half_exposure_s;
         let start = clock.elapsed();
-        let stale = self.stale(rig.now());
+        let swing_px = self.scene.swing_px(&self.frame);
+        let stale = self.stale(rig.now(), swing_px);
         if stale.is_some() {
             self.tracker.miss();
         } else {
@@ -185,7 +186,7 @@ impl Eyes {
             None if at_rest => self.examine(),
             None => (self.covered(), Place::Unknown),
         };
-        let swing_px = if blind.is_none() { self.scene.swing_px(&self.frame) } else { None };
+        let swing_px = swing_px.filter(|_| blind.is_none());
         self.delay.frame(self.frame.exposed_at.secs(), swing_px);
         let track_us = (clock.elapsed() - start).as_secs_f64() * 1e6;
         let is_plain = at_rest && blind.is_none() && matches!(place, Place::Same) && self.foreign == 0;

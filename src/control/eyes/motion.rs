@@ -57,12 +57,12 @@ impl Eyes {
         self.scene.has_changed()
     }
 
-    /// Why the newest frame, which arrived at `now`, is not of the present, if it is not.
-    pub(super) fn stale(&mut self, now: PlateTime) -> Option<Blind> {
+    /// Reason why the newest frame, which arrived at `now` and shows the plate `swing_px` from its place, is not of the present;
+    /// `None` for a frame of the present.
+    pub(super) fn stale(&mut self, now: PlateTime, swing_px: Option<f64>) -> Option<Blind> {
         let stale = self.scene.stale(&self.frame, now);
         let expected_px = self.delay.expected_px(self.frame.exposed_at.secs());
-        let stands_still =
-            self.stillness.check(self.scene.swing_px(&self.frame), expected_px) && self.guards.has_code("camera_still");
+        let stands_still = self.stillness.check(swing_px, expected_px) && self.guards.has_code("camera_still");
         let stale = stale.or(stands_still.then_some(Blind::Stale(Stale::Repeated)));
         stale.filter(|blind| self.guards.has(blind.condition()))
     }
