@@ -25,6 +25,7 @@ mod orders;
 mod peek;
 mod pending;
 mod places;
+mod private;
 mod reader;
 mod recover;
 mod retention;

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::io::{Seek, SeekFrom, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -83,6 +83,29 @@ fn files_of_the_daemon_are_its_users_alone() {
     let open: Vec<PathBuf> = all_below(&data).into_iter().filter(|path| mode(path) & 0o077 != 0).collect();
     assert!(open.is_empty(), "{open:?}");
     assert_eq!([mode(&data), mode(&data.join("upm.db")), mode(&served.run_folder("one"))], [0o700, 0o600, 0o700]);
+}
+
+#[test]
+fn data_folder_that_others_may_read_becomes_private_at_start() {
+    let served = Served::start();
+    let (data, elsewhere) = (served.folder.path().join("data"), served.folder.path().join("elsewhere"));
+    let served = served.again(|served| {
+        assert!(served.terminate().success());
+        fs::write(&elsewhere, "not the daemon's").unwrap();
+        for path in all_below(&data).into_iter().chain([elsewhere.clone()]) {
+            let mode = if path.is_dir() { 0o755 } else { 0o644 };
+            fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();
+        }
+        symlink("../elsewhere", data.join("upm.db.v1")).unwrap();
+    });
+    for name in ["", "latch", "runs", "lock", "upm.db", "upm.db-wal"] {
+        assert_eq!(mode(&data.join(name)) & 0o077, 0, "{name}");
+    }
+    assert_eq!(mode(&elsewhere), 0o644);
+    let log = served.log();
+    assert_eq!(log.matches("removed the access of other users to").count(), 1, "{log}");
+    let served = served.again(|served| assert!(served.terminate().success()));
+    assert_eq!(served.log().matches("removed the access of other users to").count(), 1, "nothing is left to change");
 }
 
 fn mode(path: &Path) -> u32 {

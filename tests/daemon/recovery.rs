@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use super::served::{LEFT, RIGHT, Served, in_real_time, moving, rest};
+use super::served::{LEFT, RIGHT, Served, in_real_time, moving, put_fifo, rest};
 
 #[test]
 fn after_a_kill_nothing_is_lost_and_nothing_moves_by_itself() {
@@ -70,5 +70,39 @@ fn an_emergency_stop_holds_over_a_kill() {
         served.ask("POST", &format!("/v1/plates/{LEFT}/resume"), &[], "").is_problem(409);
         let job = served.job(&running);
         assert!(matches!(job["state"].as_str().unwrap(), "cancelled" | "interrupted"), "{job}");
+    });
+}
+
+#[test]
+#[cfg(feature = "rerun")]
+fn fifo_in_place_of_a_recording_is_refused_at_once() {
+    let served = Served::start();
+    let id = served.submit(&rest("one"), "max");
+    assert_eq!(served.until_state(&id, "completed")["recording"], "whole");
+    put_fifo(&served.run_folder("one").join("run.rrd"));
+    let asked = std::time::Instant::now();
+    served.ask("GET", &format!("/v1/jobs/{id}/recording"), &[], "").is_problem(409);
+    assert_eq!(served.get("/v1/jobs")["jobs"].as_array().unwrap().len(), 1);
+    assert!(asked.elapsed() < Duration::from_secs(5), "{:?}", asked.elapsed());
+}
+
+#[test]
+fn fifos_in_the_folder_of_an_interrupted_run_do_not_block_the_start() {
+    in_real_time(|| {
+        let served = Served::start();
+        let running = served.submit(&moving("running", 600.0), "real-time");
+        served.until_moving("running", &running);
+        let served = served.again(|served| {
+            served.kill();
+            let run = served.run_folder("running");
+            ["journal.jsonl", "run.rrd.part"].iter().for_each(|name| put_fifo(&run.join(name)));
+        });
+        let job = served.job(&running);
+        assert_eq!((&job["state"], &job["recording"]), (&"interrupted".into(), &"partial".into()), "{job}");
+        served.ask("GET", &format!("/v1/jobs/{running}/recording"), &[], "").is_problem(404);
+        let log = served.log();
+        for name in ["journal.jsonl", "run.rrd.part"] {
+            assert_eq!(log.matches(&format!("{name}: expected a regular file")).count(), 1, "{log}");
+        }
     });
 }

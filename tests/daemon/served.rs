@@ -6,9 +6,11 @@ use std::io::{BufRead, BufReader};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
-use std::thread::sleep;
+use std::sync::mpsc::sync_channel;
+use std::thread::{self, sleep};
 use std::time::{Duration, Instant};
 
+use rustix::fs::{CWD, FileType, Mode, mknodat};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -227,10 +229,19 @@ impl Drop for Served {
 /// Starts a daemon in this folder and reads where it answers.
 fn spawn(folder: &Path, listen: &str) -> (Child, String) {
     let mut child = serve(folder, listen).spawn().unwrap();
-    let mut line = String::new();
-    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-    let log = || fs::read_to_string(folder.join("log")).unwrap_or_default();
-    assert!(line.starts_with("http://"), "first line {line:?}; log:\n{}", log());
+    let mut stdout = BufReader::new(child.stdout.take().unwrap());
+    let (sender, first) = sync_channel(1);
+    thread::spawn(move || {
+        let mut line = String::new();
+        sender.send(stdout.read_line(&mut line).map(|_| line))
+    });
+    // a start that hangs fails its test
+    let line = first.recv_timeout(PATIENCE).map(Result::unwrap).unwrap_or_default();
+    if !line.starts_with("http://") {
+        child.kill().ok();
+        child.wait().ok();
+        panic!("first line {line:?}; log:\n{}", fs::read_to_string(folder.join("log")).unwrap_or_default());
+    }
     (child, line.trim_end().to_owned())
 }
 
@@ -262,6 +273,12 @@ pub fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
         assert!(from.elapsed() < PATIENCE, "waited too long: {what}");
         sleep(Duration::from_millis(10));
     }
+}
+
+/// Puts a FIFO in place of what is at `path`.
+pub fn put_fifo(path: &Path) {
+    fs::remove_file(path).ok();
+    mknodat(CWD, path, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
 }
 
 /// A job that rests, done in a moment at any pace.

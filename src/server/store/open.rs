@@ -14,6 +14,7 @@ use super::ids::Ids;
 use super::migrate::{MIGRATIONS, migrate, refuse_newer};
 use super::orders::Orders;
 use super::places::{Lock, Places, beside};
+use super::private::make_private;
 use super::reader::Readers;
 use super::recover::{recover, uptime};
 use super::retention::{Begins, Retention, Sweeper, empty_trash};
@@ -60,6 +61,7 @@ impl Store {
         let folder = places.lock_folder()?;
         [&places.db, &places.next].into_iter().try_for_each(|db| refuse_newer(db))?;
         let lock = Lock { folder, file: places.lock_file()? };
+        make_private(&places.data);
         places.make_folders()?;
         [&places.trash, &places.runs_trash].into_iter().for_each(|trash| empty_trash(trash));
         let mut ballast = Ballast::at(&places.reserve, limits.reserve_bytes);

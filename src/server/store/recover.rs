@@ -12,8 +12,9 @@ use super::columns::{At, JOB, job_of};
 use super::ids::Ids;
 use super::open::Opening;
 use super::places::Places;
+use super::run_file::open_run_file_to_write;
 use super::salvage::{folders_of, from_folders, have_begun};
-use super::{JobRow, JobState, RecordingKept, Recovery, StoreFault};
+use super::{JobRow, JobState, RecordingKept, Recovery, RunFileFault, StoreFault};
 use left::{end_of, last_sign, settle};
 
 /// Puts in order what the last daemon left: how its running jobs ended, recordings that were not closed, who stays
@@ -66,10 +67,14 @@ pub(super) fn recover(
     Ok(())
 }
 
-/// A journal that was not closed may still have room set aside beyond its end. It is no matter when that stays.
+/// Frees the room that a journal which was not closed may still have beyond its end. Failure is ignored: the room is
+/// small.
 fn give_back_room(folder: &Path) {
-    let journal = fs::OpenOptions::new().append(true).open(folder.join("journal.jsonl"));
-    let _ = journal.and_then(|file| file.set_len(file.metadata()?.len()));
+    let journal = open_run_file_to_write(folder, "journal.jsonl");
+    let freed = journal.and_then(|file| Ok(file.set_len(file.metadata()?.len())?));
+    if let Err(fault @ RunFileFault::NotRegular) = freed {
+        tracing::error!("{}: {fault}", folder.join("journal.jsonl").display());
+    }
 }
 
 /// Jobs that were running, and those of whose recording something is left to repair.
@@ -84,7 +89,8 @@ fn left_open(connection: &Connection, places: &Places) -> Result<Vec<JobRow>, St
 
 /// True when a recording that was not closed is in a job's run folder.
 fn has_part(places: &Places, job: &JobRow) -> bool {
-    job.folder.as_ref().is_some_and(|name| places.runs.join(name).join("run.rrd.part").exists())
+    let part = |name: &String| places.runs.join(name).join("run.rrd.part");
+    job.folder.as_ref().is_some_and(|name| fs::symlink_metadata(part(name)).is_ok())
 }
 
 /// Notes which recordings are about to be repaired: a start that is killed after a repair must still know of it.

@@ -22,17 +22,26 @@ pub enum RunFileFault {
 /// Opens the regular file `name` in a run folder for reading. Follows no link, so it never leaves the folder, and never waits
 /// for the other end of a FIFO; a dead disk holds it up.
 pub fn open_run_file(folder: &Path, name: &str) -> Result<File, RunFileFault> {
-    let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
-    let folder = open(folder, flags | OFlags::DIRECTORY, Mode::empty()).map_err(fault)?;
-    let file = File::from(openat(folder, name, flags, Mode::empty()).map_err(fault)?);
+    open_with(OFlags::RDONLY, folder, name)
+}
+
+/// The same for writing into a file that is there.
+pub(super) fn open_run_file_to_write(folder: &Path, name: &str) -> Result<File, RunFileFault> {
+    open_with(OFlags::WRONLY, folder, name)
+}
+
+fn open_with(access: OFlags, folder: &Path, name: &str) -> Result<File, RunFileFault> {
+    let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let folder = open(folder, OFlags::RDONLY | flags | OFlags::DIRECTORY, Mode::empty()).map_err(fault)?;
+    let file = File::from(openat(folder, name, access | flags, Mode::empty()).map_err(fault)?);
     if file.metadata()?.is_file() { Ok(file) } else { Err(RunFileFault::NotRegular) }
 }
 
 fn fault(errno: Errno) -> RunFileFault {
     match errno {
         Errno::NOENT => RunFileFault::Missing,
-        // a link, a file where a folder should be, a socket
-        Errno::LOOP | Errno::NOTDIR | Errno::NXIO => RunFileFault::NotRegular,
+        // a link, a file where a folder should be or the other way round, a socket or a FIFO that no process reads
+        Errno::LOOP | Errno::NOTDIR | Errno::ISDIR | Errno::NXIO => RunFileFault::NotRegular,
         other => RunFileFault::Io(other.into()),
     }
 }
@@ -61,8 +70,9 @@ mod tests {
         for (folder, name) in
             [(run.clone(), "link"), (data.path().to_owned(), "run"), (data.path().join("other"), "run.rrd")]
         {
-            let opened = open_run_file(&folder, name);
-            assert!(matches!(opened, Err(RunFileFault::NotRegular)), "{name}: {opened:?}");
+            for opened in [open_run_file(&folder, name), open_run_file_to_write(&folder, name)] {
+                assert!(matches!(opened, Err(RunFileFault::NotRegular)), "{name}: {opened:?}");
+            }
         }
     }
 
@@ -74,5 +84,7 @@ mod tests {
         let run = tempfile::tempdir().unwrap();
         mknodat(CWD, run.path().join("run.rrd"), FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
         assert!(matches!(open_run_file(run.path(), "run.rrd"), Err(RunFileFault::NotRegular)));
+        let _reader = open(run.path().join("run.rrd"), OFlags::RDONLY | OFlags::NONBLOCK, Mode::empty()).unwrap();
+        assert!(matches!(open_run_file_to_write(run.path(), "run.rrd"), Err(RunFileFault::NotRegular)));
     }
 }

@@ -47,6 +47,14 @@ fn wish(done: impl FnOnce(Result<(), StoreFault>) + Send + 'static) -> Box<dyn T
     task(true, |_| Ok(()), done)
 }
 
+/// The result of `act`, which runs on another thread: a test of something that hangs fails in the end.
+#[cfg(target_os = "linux")]
+fn in_time<T: Send + 'static>(act: impl FnOnce() -> T + Send + 'static) -> T {
+    let (sender, done) = sync_channel(1);
+    std::thread::spawn(move || sender.send(act()).unwrap());
+    done.recv_timeout(PATIENCE).unwrap()
+}
+
 /// Notes whether a plate is paused, and waits until that is on the disk.
 fn set_paused(store: &Store, plate: &'static str, paused: bool) {
     store.orders.written(true, move |books| books.set_paused(plate, paused)).unwrap();

@@ -1,7 +1,9 @@
 use std::fs::File;
 use std::io::Write;
+use std::net::Ipv4Addr;
 use std::path::{Path, PathBuf};
 
+use rerun::SpawnOptions;
 use rerun::external::re_uri::ProxyUri;
 
 use super::draft::Draft;
@@ -11,6 +13,9 @@ use super::live_server::LiveServer;
 use crate::types::RecordingError;
 use upm_recording::RecordingSwitch;
 use upm_recording::RerunMode;
+
+/// Where a spawned viewer listens.
+const LOOPBACK: Ipv4Addr = Ipv4Addr::LOCALHOST;
 
 /// Where a recording goes: a file, and what feeds viewers.
 pub(super) struct Destination {
@@ -74,14 +79,18 @@ fn viewer_address(mode: &RerunMode) -> Result<Option<ProxyUri>, RecordingError> 
         RerunMode::Off | RerunMode::Save => return Ok(None),
         RerunMode::Connect { url } => url.clone().unwrap_or_else(|| rerun::DEFAULT_CONNECT_URL.to_owned()),
         RerunMode::Spawn => {
-            // the viewer's own default is to listen on every interface
-            let extra_args = vec!["--bind".to_owned(), "127.0.0.1".to_owned()];
-            let options = rerun::SpawnOptions { hide_welcome_screen: true, extra_args, ..Default::default() };
-            let viewer = rerun::spawn(&options).map_err(|e| RecordingError::Spawn(first_line(&e.to_string())))?;
-            format!("rerun+http://127.0.0.1:{}/proxy", viewer.port)
+            let viewer = rerun::spawn(&loopback_viewer());
+            let viewer = viewer.map_err(|e| RecordingError::Spawn(first_line(&e.to_string())))?;
+            format!("rerun+http://{LOOPBACK}:{}/proxy", viewer.port)
         }
     };
     parse_address(url).map(Some)
+}
+
+/// A viewer that this machine alone can reach: the viewer's own default is to listen on every interface.
+fn loopback_viewer() -> SpawnOptions {
+    let extra_args = vec!["--bind".to_owned(), LOOPBACK.to_string()];
+    SpawnOptions { hide_welcome_screen: true, extra_args, ..Default::default() }
 }
 
 pub(super) fn parse_address(url: String) -> Result<ProxyUri, RecordingError> {
@@ -92,4 +101,18 @@ pub(super) fn parse_address(url: String) -> Result<ProxyUri, RecordingError> {
 /// Rerun's words for a missing viewer go on over a dozen lines, with the whole search path among them.
 fn first_line(text: &str) -> String {
     text.lines().next().unwrap_or_default().trim_end().to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spawned_viewer_listens_on_the_loopback_alone() {
+        let options = loopback_viewer();
+        let bound: Vec<_> = options.extra_args.windows(2).filter(|pair| pair[0] == "--bind").collect();
+        assert_eq!(bound.len(), 1, "{:?}", options.extra_args);
+        assert!(bound[0][1].parse::<Ipv4Addr>().unwrap().is_loopback());
+        assert_eq!(options.connect_addr().ip(), LOOPBACK, "and is looked for where it listens");
+    }
 }

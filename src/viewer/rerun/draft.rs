@@ -1,6 +1,6 @@
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 /// A file that gets its name only once it is whole. Until then it is `NAME.part`, locked against others, and what a
@@ -19,10 +19,10 @@ impl Draft {
     /// An empty `NAME.suffix` beside `path`.
     pub(super) fn create_as(suffix: &str, path: &Path) -> io::Result<(Self, File)> {
         if path.is_dir() {
-            return Err(io::ErrorKind::IsADirectory.into());
+            return Err(ErrorKind::IsADirectory.into());
         }
         let part = with_suffix(path, suffix);
-        let file = OpenOptions::new().write(true).create(true).truncate(false).open(&part)?;
+        let file = open_regular(&part, OpenOptions::new().write(true).create(true).truncate(false))?;
         lock(&file)?;
         file.set_len(0)?;
         // what is synced while it is written shall have a name after a power cut; a disk that cannot do it says so at the end
@@ -37,7 +37,7 @@ impl Draft {
 
     /// The file once more, for who only brings it to the disk: this holds no lock longer than who writes.
     pub(super) fn to_sync(&self) -> io::Result<File> {
-        OpenOptions::new().write(true).open(&self.part)
+        open_regular(&self.part, OpenOptions::new().write(true))
     }
 
     /// Gives the file its name, once all of it is on the disk.
@@ -57,14 +57,32 @@ fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
 /// Refuses a file that somebody else is writing. A file system without locks is taken as it is.
 pub(super) fn lock(file: &File) -> io::Result<()> {
     match file.try_lock() {
-        Err(TryLockError::WouldBlock) => Err(io::Error::new(io::ErrorKind::WouldBlock, "somebody else is writing it")),
+        Err(TryLockError::WouldBlock) => Err(io::Error::new(ErrorKind::WouldBlock, "somebody else is writing it")),
         Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
+    }
+}
+
+/// Opens the regular file at `path` as `options` say. Follows no link in place of the file, and never waits for the
+/// other end of a FIFO.
+pub(super) fn open_regular(path: &Path, options: &mut OpenOptions) -> io::Result<File> {
+    #[cfg(unix)]
+    {
+        use rustix::fs::OFlags;
+        use std::os::unix::fs::OpenOptionsExt;
+
+        options.custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits().cast_signed());
+    }
+    match options.open(path) {
+        Ok(file) if file.metadata()?.is_file() => Ok(file),
+        // the system's own words for a link or a FIFO name neither
+        Err(error) if fs::symlink_metadata(path).map_or(true, |found| found.is_file()) => Err(error),
+        _ => Err(io::Error::new(ErrorKind::InvalidInput, "expected a regular file, found something else")),
     }
 }
 
 /// Renames `part` to `path`, both on the disk when this returns.
 pub(super) fn keep(part: &Path, path: &Path) -> io::Result<()> {
-    File::open(part)?.sync_all()?;
+    open_regular(part, OpenOptions::new().read(true))?.sync_all()?;
     fs::rename(part, path)?;
     sync_folder_of(path)
 }

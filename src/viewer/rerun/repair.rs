@@ -1,6 +1,6 @@
 //! Makes a whole recording of what a killed process left.
 
-use std::fs::{self, File};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufReader, ErrorKind, Read, Seek};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -12,7 +12,7 @@ use rerun::external::re_log_encoding::{
 };
 use rerun::log::LogMsg;
 
-use super::draft::{Draft, keep, lock};
+use super::draft::{Draft, keep, lock, open_regular};
 use crate::types::{RecordingError, Repaired};
 
 /// No message of a recording is longer, packed or unpacked. What says it is, is broken.
@@ -20,13 +20,13 @@ const LONGEST_BYTES: u64 = 64 << 20;
 
 /// Makes the whole recording `out` of `part`, which may end anywhere: every message up to the first broken one, and the
 /// footer. A `part` that is whole is only renamed; in any case it is gone afterwards. It may be done again after being
-/// broken off. Refuses a `part` that is still being written, and what is no recording.
+/// broken off. Refuses a `part` that is still being written, that is no regular file, and what is no recording.
 pub fn repair_recording(part: &Path, out: &Path) -> Result<Repaired, RecordingError> {
     repair(part, out).map_err(|reason| RecordingError::Repair { path: part.to_owned(), reason })
 }
 
 fn repair(part: &Path, out: &Path) -> Result<Repaired, String> {
-    let file = File::open(part).map_err(words)?;
+    let file = open_regular(part, OpenOptions::new().read(true)).map_err(words)?;
     lock(&file).map_err(words)?;
     let mut frames = Frames::new(file)?;
     if let Some(messages) = frames.whole().map_err(words)? {

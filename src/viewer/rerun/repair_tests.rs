@@ -118,6 +118,40 @@ fn what_is_no_recording_or_still_written_stays_as_it_is() {
     assert!(path.exists());
 }
 
+#[test]
+#[cfg(target_os = "linux")]
+fn part_that_is_no_regular_file_is_refused_at_once() {
+    use std::os::unix::fs::symlink;
+    use std::sync::mpsc::sync_channel;
+    use std::time::Duration;
+
+    use rustix::fs::{CWD, FileType, Mode, mknodat};
+
+    let (bytes, ends) = recording();
+    let cut = &bytes[..ends[3]];
+    let fifo = |path: &Path| mknodat(CWD, path, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
+    for name in ["run.rrd.part", "run.rrd.repair", "link"] {
+        let folder = tempfile::tempdir().unwrap();
+        let [part, path, elsewhere] = ["run.rrd.part", "run.rrd", "elsewhere"].map(|name| folder.path().join(name));
+        fs::write(&elsewhere, cut).unwrap();
+        match name {
+            "run.rrd.part" => fifo(&part),
+            "link" => symlink(&elsewhere, &part).unwrap(),
+            repair => {
+                fs::write(&part, cut).unwrap();
+                fifo(&folder.path().join(repair));
+            }
+        }
+        let (sender, done) = sync_channel(1);
+        let args = (part.clone(), path.clone());
+        std::thread::spawn(move || sender.send(repair_recording(&args.0, &args.1)).unwrap());
+        let refused = done.recv_timeout(Duration::from_secs(60)).unwrap().unwrap_err();
+        assert!(refused.to_string().ends_with("expected a regular file, found something else"), "{name}: {refused}");
+        assert!(fs::symlink_metadata(&part).is_ok() && !path.exists(), "{name}: it stays as it is");
+        assert_eq!(fs::read(&elsewhere).unwrap(), cut);
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 

@@ -7,7 +7,8 @@ use serde_json::Value;
 
 use crate::store::salvage::{modified, text_of};
 use crate::store::{
-    BY_THE_DAEMON, JobEnd, JobRow, JobState, Mended, RecordingKept, Recovery, RepairRecording, open_run_file,
+    BY_THE_DAEMON, JobEnd, JobRow, JobState, Mended, RecordingKept, Recovery, RepairRecording, RunFileFault,
+    open_run_file,
 };
 use upm_core::time::PlateTime;
 
@@ -17,22 +18,22 @@ const ENDS_EARLY: &str = "\"the recording ends early: ";
 /// Bytes of a journal that are looked through at a time.
 const BLOCK_BYTES: u64 = 1 << 20;
 
-/// Repairs the recording in a run folder where that is needed, and tells what there is of it now.
+/// Repairs the recording in a run folder where that is needed, and tells what there is of it now. One that is no regular
+/// file stays as it is.
 pub(super) fn settle(folder: &Path, job: &JobRow, repair: RepairRecording<'_>, found: &mut Recovery) -> RecordingKept {
     let (part, whole) = (folder.join("run.rrd.part"), folder.join("run.rrd"));
-    if !part.exists() {
-        return if whole.exists() { closed(folder, job.recording) } else { RecordingKept::None };
-    }
-    // what reads damaged files may stumble over them; a start must not
-    let repaired = catch_unwind(AssertUnwindSafe(|| repair(&part, &whole)));
-    let repaired = repaired.unwrap_or_else(|_| Err("the repair failed on it".to_owned()));
+    let repaired = match open_run_file(folder, "run.rrd.part").map(drop) {
+        Err(RunFileFault::Missing) if whole.exists() => return closed(folder, job.recording),
+        Err(RunFileFault::Missing) => return RecordingKept::None,
+        Err(fault) => Err(format!("run.rrd.part: {fault}")),
+        // what reads damaged files may stumble over them; a start must not
+        Ok(()) => catch_unwind(AssertUnwindSafe(|| repair(&part, &whole)))
+            .unwrap_or_else(|_| Err("the repair failed on it".to_owned())),
+    };
     let kept = match &repaired {
         Ok(Mended { was_whole: true, .. }) => closed(folder, job.recording),
         Ok(_) => RecordingKept::Recovered,
-        Err(reason) => {
-            tracing::warn!("{}: not repaired: {reason}", part.display());
-            RecordingKept::Partial
-        }
+        Err(_) => RecordingKept::Partial,
     };
     if repaired.is_ok() && part.exists() {
         // repaired into another file; one that stays is repaired once more

@@ -72,3 +72,33 @@ fn a_start_killed_before_a_repaired_file_has_its_name_still_marks_it() {
     assert_eq!((recovery.repaired.len(), recovery.interrupted), (1, vec![id]));
     assert_eq!(job(&store, id).recording, RecordingKept::Recovered);
 }
+
+#[test]
+#[cfg(target_os = "linux")]
+fn fifos_and_links_in_a_run_folder_neither_block_the_start_nor_are_repaired() {
+    use std::os::unix::fs::symlink;
+
+    use rustix::fs::{CWD, FileType, Mode, mknodat};
+
+    let (folder, store) = new_store(limits());
+    let ids = ["fifo", "link", "dangling"].map(|name| begin(&store, name, "a").row.id);
+    let copy = snapshot(folder.path());
+    let run = |name: &str| copy.path().join("runs").join(name);
+    fs::write(copy.path().join("elsewhere"), "not ours").unwrap();
+    for file in ["journal.jsonl", "run.rrd.part"] {
+        mknodat(CWD, run("fifo").join(file), FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
+        symlink("../../elsewhere", run("link").join(file)).unwrap();
+        symlink("nowhere", run("dangling").join(file)).unwrap();
+    }
+    let data = copy.path().to_owned();
+    let Opened { store, recovery } = in_time(move || open(&data, limits()));
+    assert_eq!(recovery.interrupted, ids);
+    assert_eq!(ids.map(|id| job(&store, id).recording), [RecordingKept::Partial; 3]);
+    let reason = "run.rrd.part: expected a regular file in a folder, found something else";
+    assert_eq!(recovery.repaired.len(), 3);
+    for (path, repaired) in recovery.repaired {
+        assert_eq!(repaired, Err(reason.to_owned()), "{}", path.display());
+        assert!(!path.exists());
+    }
+    assert_eq!(fs::read_to_string(copy.path().join("elsewhere")).unwrap(), "not ours");
+}

@@ -2,18 +2,26 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 
 use super::*;
-use crate::store::migrate::{MIGRATIONS, VERSION, migrate, version_of};
+use crate::store::migrate::{MIGRATIONS, OLDEST, VERSION, migrate, version_of};
 use crate::store::places::Places;
 use crate::store::schema::{reading, writing};
 
-/// Makes a closed store one of version 1.
-fn make_oldest(data: &Path) {
+/// For each migration the statements that undo it.
+const UNDO: [&str; MIGRATIONS.len()] = [
+    "DROP INDEX jobs_standing; ALTER TABLE jobs DROP COLUMN standing;",
+    "DROP TABLE clock; DROP INDEX keys_by_uptime; CREATE INDEX keys_by_age ON keys (at);
+     ALTER TABLE keys DROP COLUMN uptime; ALTER TABLE jobs DROP COLUMN ended_uptime;",
+];
+
+/// Makes a closed store one of an older version.
+fn make_older(data: &Path, version: i32) {
     let connection = writing(&data.join("upm.db")).unwrap();
-    let undo = "DROP TABLE clock; DROP INDEX keys_by_uptime; CREATE INDEX keys_by_age ON keys (at);
-                ALTER TABLE keys DROP COLUMN uptime; ALTER TABLE jobs DROP COLUMN ended_uptime; DROP INDEX jobs_standing; ALTER TABLE jobs DROP COLUMN standing; PRAGMA user_version = 1";
-    connection.execute_batch(undo).unwrap();
+    let undo = UNDO.iter().skip((version - OLDEST) as usize).rev();
+    undo.for_each(|undo| connection.execute_batch(undo).unwrap());
+    connection.pragma_update(None, "user_version", version).unwrap();
 }
 
 /// All files below a folder with their contents, but for SQLite's index of the log, which holds no data and which every
@@ -49,22 +57,45 @@ fn newer_store_is_refused_and_left_untouched() {
 }
 
 #[test]
-fn older_store_is_copied_and_migrated_with_all_its_jobs() {
+fn store_of_every_older_version_is_copied_and_migrated_with_all_its_jobs() {
+    for version in OLDEST..VERSION {
+        let (folder, store) = new_store(limits());
+        let standing = store.begin_standing(&new_job("standing", "b"), &super::folder(&store)).unwrap().unwrap().row.id;
+        let done = begin(&store, "done", "a").row.id;
+        for id in [standing, done] {
+            store.ended(&id, end(JobState::Completed)).unwrap();
+        }
+        let keyed = NewJob { key: Some("k".into()), ..new_job("waiting", "a") };
+        let Ok(Accepted::New(waiting)) = accept(&store, keyed.clone()) else { panic!("not accepted") };
+        assert!(store.close(PATIENCE));
+        make_older(folder.path(), version);
+        let Opened { store, recovery } = open(folder.path(), limits());
+        assert_eq!((recovery.damage, recovery.moved_aside, recovery.clean), (None, None, true), "version {version}");
+        let kept: Vec<_> = all_jobs(&store).into_iter().map(|row| (row.id, row.state, row.standing)).collect();
+        let was_known = version > OLDEST; // the first version had no standing jobs
+        let [completed, queued] = [JobState::Completed, JobState::Queued];
+        let expected = [(waiting.id, queued, false), (done, completed, false), (standing, completed, was_known)];
+        assert_eq!(kept, expected, "version {version}");
+        assert!(matches!(accept(&store, keyed), Ok(Accepted::Replayed(row)) if row.id == waiting.id));
+        assert_eq!(store.claim("a", &super::folder(&store)).unwrap().unwrap().row.id, waiting.id);
+        let copy = reading(&folder.path().join(format!("upm.db.v{version}"))).unwrap();
+        let queued = "SELECT count(*) FROM jobs WHERE state = 'queued'";
+        assert_eq!((version_of(&copy), copy.query_row(queued, [], |row| row.get::<_, i64>(0))), (Ok(version), Ok(1)));
+    }
+}
+
+#[test]
+fn readable_data_of_an_older_release_become_private_when_the_store_is_opened() {
     let (folder, store) = new_store(limits());
-    let [done, waiting] = ["done", "waiting"].map(|name| queue(&store, name, "a").id);
-    store.claim("a", &super::folder(&store)).unwrap().unwrap();
-    store.ended(&done, end(JobState::Completed)).unwrap();
     assert!(store.close(PATIENCE));
-    make_oldest(folder.path());
-    let Opened { store, recovery } = open(folder.path(), limits());
-    assert_eq!((recovery.damage, recovery.moved_aside, recovery.clean), (None, None, true));
-    let rows = all_jobs(&store);
-    let kept: Vec<_> = rows.iter().map(|row| (row.id, row.state, row.standing)).collect();
-    assert_eq!(kept, [(waiting, JobState::Queued, false), (done, JobState::Completed, false)]);
-    assert_eq!(store.claim("a", &super::folder(&store)).unwrap().unwrap().row.id, waiting);
-    let copy = reading(&folder.path().join("upm.db.v1")).unwrap();
-    let queued = "SELECT count(*) FROM jobs WHERE state = 'queued'";
-    assert_eq!((version_of(&copy), copy.query_row(queued, [], |row| row.get::<_, i64>(0))), (Ok(1), Ok(1)));
+    let paths = ["", "upm.db", "lock", "reserve", "runs"].map(|name| folder.path().join(name));
+    for path in &paths {
+        let mode = if path.is_dir() { 0o755 } else { 0o644 };
+        fs::set_permissions(path, fs::Permissions::from_mode(mode)).unwrap();
+    }
+    let _opened = open(folder.path(), limits());
+    let modes = paths.map(|path| fs::metadata(path).unwrap().permissions().mode() & 0o777);
+    assert_eq!(modes, [0o700, 0o600, 0o600, 0o600, 0o700]);
 }
 
 #[test]
