@@ -3,6 +3,7 @@
 
 usage: faults.py campaign  [--seeds 200] [--first 0] [--hours H] [--half safety|liveness|both] [--keep DIR] [--no-shrink]
        faults.py schedules [--jobs-per 3] [--seeds 2] [--only WORD ...]
+       faults.py daemon    [--jobs-per 3] [--seeds 1] [--only WORD ...] [--no-estops]
        faults.py shrink SEED [--half H] [--keep DIR]
        faults.py judge RUN_FOLDER ...
        faults.py mutants --guards a,b,c [--seeds 1000]
@@ -13,11 +14,14 @@ campaign   draws job and schedule by seed, runs each in a process of its own on 
            O1 to O10 (tools/faults/oracle.py). Prints violations with the smallest command that still fails, onsets by kind
            and phase, outcomes and guards by kind, needless stops and the rate of violations with its 95 % bound.
 schedules  the 55 schedules with a name, against the bars by which their faults have to be noticed.
+daemon     the same schedules as jobs of one daemon (a build with the feature `daemon`), each with a job queued behind it: a
+           plate pauses with a cause and a remedy exactly where a person has to look (O7), the next job completes after
+           `resume` (O9), and each run ends as it does alone (O10). Emergency stops in the middle of runs with faults.
 shrink     makes the case of a seed small: fewer faults, fewer parts, rounder onsets.
 judge      the oracle alone, over run folders.
 mutants    switches one guard off after the other (a build with the feature `mutants`), and counts the seeds until a rule is
            broken that is not broken with all guards on.
-selftest   the oracle and the shrinker over run folders made by hand.
+selftest   the oracle and the shrinker over run folders made by hand, the rules of the daemon over answers made by hand.
 
 Exit status 1 when a rule is broken, a bar is missed, a drawn run is refused or a mutant goes on uncaught.
 """
@@ -27,7 +31,7 @@ import pathlib
 import sys
 import unittest
 
-from faults import campaign, oracle, schedules
+from faults import campaign, daemon_tier, oracle, schedules
 from faults.runs import Runner
 from faults.shrink import shrunk
 from faults.tables import table
@@ -45,6 +49,10 @@ def run_campaign(args):
 
 def run_schedules(args):
     return schedules.run_all(Runner(args.upm), args.jobs_per, args.seeds, args.jobs, args.only)
+
+
+def run_daemon(args):
+    return daemon_tier.run_all(Runner(args.upm), args.jobs_per, args.seeds, args.jobs, args.only, not args.no_estops)
 
 
 def run_shrink(args):
@@ -87,9 +95,10 @@ def run_mutants(args):
 
 
 def run_selftest(_):
-    from faults import selftest
+    from faults import selftest, selftest_daemon
 
-    return unittest.TextTestRunner().run(unittest.defaultTestLoader.loadTestsFromModule(selftest)).wasSuccessful()
+    tests = map(unittest.defaultTestLoader.loadTestsFromModule, (selftest, selftest_daemon))
+    return unittest.TextTestRunner().run(unittest.TestSuite(tests)).wasSuccessful()
 
 
 def arguments():
@@ -112,10 +121,13 @@ def arguments():
     command.add_argument("--seeds", type=int, default=200)
     command.add_argument("--hours", type=float, help="as many seeds as go into so many hours")
     command.add_argument("--no-shrink", action="store_true")
-    command = add("schedules", run_schedules, running)
-    command.add_argument("--jobs-per", type=int, default=3, choices=range(1, len(schedules.JOBS) + 1))
-    command.add_argument("--seeds", type=int, default=2)
-    command.add_argument("--only", nargs="+", metavar="WORD", help="schedules with one of these in their names")
+    named = argparse.ArgumentParser(add_help=False)
+    named.add_argument("--jobs-per", type=int, default=3, choices=range(1, len(schedules.JOBS) + 1))
+    named.add_argument("--only", nargs="+", metavar="WORD", help="schedules with one of these in their names")
+    add("schedules", run_schedules, running, named).add_argument("--seeds", type=int, default=2)
+    command = add("daemon", run_daemon, running, named)
+    command.add_argument("--seeds", type=int, default=1)
+    command.add_argument("--no-estops", action="store_true", help="no emergency stops")
     add("shrink", run_shrink, running, drawing).add_argument("seed", type=int)
     add("judge", run_judge).add_argument("folders", nargs="+", metavar="RUN_FOLDER")
     command = add("mutants", run_mutants, running, drawing)

@@ -223,7 +223,7 @@ def report(verdicts, wall_s, runner, options):
     refused = print_refused(verdicts)
     count = len(verdicts) - refused
     bound = upper_bound(len(bad), count)
-    print(f"\n{len(bad)} of {count} runs violate a rule; rate at most {bound:.1e} (95 %). O7 needs a daemon: not judged here.")
+    print(f"\n{len(bad)} of {count} runs violate a rule; rate at most {bound:.1e} (95 %). O7 needs a daemon: `faults.py daemon`.")
     return not bad and not refused
 
 

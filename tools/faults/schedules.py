@@ -74,11 +74,16 @@ SCHEDULES = {
 GOES_ON = ("hand 1 s", "hand over a half, 2 s")
 
 
+def made_for(template, seed):
+    """The job of a template and seed."""
+    return jobs.make(random.Random(seed), template, "upm-1" if template == "endless" and seed % 2 else "upm-2", seed=seed)
+
+
 def rows_of(runner, name, template, seeds, scratch):
     """A row a run, and what was missed in it."""
     faults = [Fault.parse(text) for text in SCHEDULES[name].split(",")]
     for seed in seeds:
-        made = jobs.make(random.Random(seed), template, "upm-1" if template == "endless" and seed % 2 else "upm-2", seed=seed)
+        made = made_for(template, seed)
         folder = pathlib.Path(scratch) / f"{name} {template} {seed}".replace(" ", "-").replace("/", "-")
         run_folder, process = runner.run(made.job, faults, folder)
         if run_folder is None:
