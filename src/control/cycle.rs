@@ -1,3 +1,4 @@
+mod end;
 mod play;
 mod probe;
 mod warn;
@@ -6,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::attempts::ways_to_try;
-use super::conditions::{Condition, Conditions};
+use super::conditions::Conditions;
 use super::controllability::check_controllable;
 use super::ending::{EndCause, Ending, Outcome, check_stop, is_stop};
 use super::eyes::{ExpectedPart, Eyes, Moment};
@@ -24,8 +25,9 @@ use upm_planner::{Method, PartState, Plan, PlanStatus, PlannerParams};
 
 /// Plate time without a pulse after which a run counts as stalled, s.
 const STALLED_S: f64 = 10.0;
-/// Times that a goal may seem reached without a second look agreeing.
-const MOST_UNCONFIRMED: u32 = 5;
+/// Share of the wanted steps that is taken while coils or accelerometers are in doubt, and the length that steps keep, m.
+const CAUTIOUS_SHARE: f64 = 0.5;
+const CAUTIOUS_STEP_M: f64 = 2e-3;
 
 /// What a run needs to know beside the rig's model.
 #[derive(Clone, Debug)]
@@ -124,6 +126,7 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
                 motion: MotionGuard::default(),
                 steps: StepGuard::default(),
                 unconfirmed: 0,
+                is_cautious: false,
             };
             cycle.until_end()
         }
@@ -161,6 +164,8 @@ struct Cycle<'a> {
     steps: StepGuard,
     /// Times the goal seemed reached and a second look said no.
     unconfirmed: u32,
+    /// True once a fault of a coil or an accelerometer was found that the run bears: steps are shorter from then on.
+    is_cautious: bool,
 }
 
 impl Cycle<'_> {
@@ -170,7 +175,9 @@ impl Cycle<'_> {
         let ending = loop {
             look = match look {
                 // here the last cycle is over, its parts seen at rest
-                Ok(_) if self.give_way.load(Ordering::Relaxed) => break Ending::gave_way(self.params.endless),
+                Ok(_) if self.give_way.load(Ordering::Relaxed) => {
+                    break Ending::gave_way(self.params.endless && self.is_getting_on());
+                }
                 Ok(observed) => self.once(observed, &mut last_pulse_at),
                 Err(ending) => break ending,
             };
@@ -255,23 +262,6 @@ impl Cycle<'_> {
         Ok(result)
     }
 
-    fn check_limits(&self) -> Result<(), Ending> {
-        self.check_stop()?;
-        let limit_s = self.params.time_limit_s;
-        if self.rig.now().secs() >= limit_s && self.params.guards.has_code("time_limit") {
-            let reason = format!("plate time limit of {limit_s} s reached");
-            let gets_on = self.watch.is_getting_on() || !self.params.guards.has_code("endless_progress");
-            return Err(if self.params.endless && gets_on {
-                Ending::completed(reason)
-            } else if self.params.endless {
-                Ending::failed_because(EndCause::NoProgress, format!("{reason} without progress"))
-            } else {
-                Ending::failed_because(EndCause::TimeLimit, reason)
-            });
-        }
-        Ok(())
-    }
-
     fn check_progress(&mut self, observed: &[Vec2], wanted: &Wanted) -> Result<(), Ending> {
         if self.watch.look(wanted, observed, self.played) && self.params.guards.has_code("no_progress") {
             return Err(self.watch.ending(wanted, observed, self.params.method, |part| self.id(part)));
@@ -307,11 +297,20 @@ impl Cycle<'_> {
         states
             .map(|(i, (&position_m, subgoal))| PartState {
                 position_m,
-                step_m: subgoal - position_m,
+                step_m: self.cautious(subgoal - position_m),
                 radius_m: self.params.radius_m(i),
                 gain: self.gains.get(i, position_m),
             })
             .collect()
+    }
+
+    /// The step to take where `step_m` is wanted: a fault that grows worse carries parts less far before it is seen.
+    fn cautious(&self, step_m: Vec2) -> Vec2 {
+        let length_m = step_m.norm();
+        if !self.is_cautious || length_m <= CAUTIOUS_STEP_M {
+            return step_m;
+        }
+        step_m * CAUTIOUS_SHARE.max(CAUTIOUS_STEP_M / length_m)
     }
 
     fn id(&self, part: usize) -> &str {
@@ -320,24 +319,6 @@ impl Cycle<'_> {
 
     fn check_stop(&self) -> Result<(), Ending> {
         check_stop(self.stop)
-    }
-
-    /// The goal is reached if two more looks, with the table located anew, say so too; else the run goes on from what they show.
-    fn finish(&mut self, reason: String) -> Result<Vec<Vec2>, Ending> {
-        self.check_limits()?;
-        if !self.params.guards.has_code("two_looks") || self.eyes.confirm(self.rig, self.sink, self.clock, self.stop)? {
-            // what parts do while the plate swings out counts, too
-            let (at, places_m) = (self.eyes.seen_at(), self.eyes.positions_m());
-            if self.goal.next(at, &places_m).done {
-                return Err(Ending::completed(reason));
-            }
-        }
-        self.unconfirmed += 1;
-        if self.unconfirmed > MOST_UNCONFIRMED {
-            let reason = format!("the goal seemed reached {MOST_UNCONFIRMED} times, and a second look did not agree");
-            return Err(Ending::guarded(Condition::CameraMoved, reason));
-        }
-        self.look_at_rest()
     }
 
     /// Nothing more is played while a part that was not seen for long may be lost.
@@ -362,23 +343,5 @@ impl Cycle<'_> {
                 return Ok(self.eyes.positions_m());
             }
         }
-    }
-
-    fn is_part_lost(&self) -> bool {
-        self.eyes.plainly_missing_for() > self.params.lost_after_frames
-    }
-
-    fn check_lost(&self) -> Result<(), Ending> {
-        if self.is_part_lost() && self.params.guards.has_code("part_lost") { Err(self.lost()) } else { Ok(()) }
-    }
-
-    fn lost(&self) -> Ending {
-        let places = self.eyes.positions_m();
-        let each = self.eyes.unseen().into_iter().map(|part| {
-            let id = self.params.parts.get(part).map_or("?", |part| part.id.as_str());
-            let place = places.get(part).copied().unwrap_or_default() * 1e3;
-            format!("{id} is lost, last seen at ({:.1}, {:.1}) mm", place.x, place.y)
-        });
-        Ending::failed_because(EndCause::PartLost, each.collect::<Vec<_>>().join("; "))
     }
 }

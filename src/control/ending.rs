@@ -46,6 +46,30 @@ pub enum EndCause {
     DeadlineMissed,
     /// Stopped from outside: control took no frame for a long time.
     Hung,
+    /// Stopped from outside: no part was seen for a long time.
+    NoPartSeen,
+    /// Stopped from outside: events of the run could not be stored.
+    EventsBlocked,
+    /// Stopped from outside: the journal could not be written.
+    JournalBlocked,
+}
+
+impl EndCause {
+    /// For people: what the operator should check or change; `None` where there is nothing.
+    pub fn remedy(self) -> Option<&'static str> {
+        match self {
+            Self::Run | Self::GaveWay | Self::NoFeasibleStep | Self::Uncontrollable | Self::DeadlineMissed => None,
+            Self::NoProgress => Some("check that the parts lie flat and free, and that the targets can be reached"),
+            Self::TimeLimit => Some("check that the parts move freely, or give the job more time"),
+            Self::PartLost => Some("find the part and put it back, or take it out of the job"),
+            Self::PartCount => Some("put the parts of the job on the plate, and nothing else"),
+            Self::Device => Some("check the rig's power and cables"),
+            Self::Guard(condition) => Some(condition.remedy()),
+            Self::Hung => Some("restart the program, and report it"),
+            Self::NoPartSeen => Some("check the parts, the light and the camera"),
+            Self::EventsBlocked | Self::JournalBlocked => Some("check the disk"),
+        }
+    }
 }
 
 /// Outcome, cause and reason of the end of a run.
@@ -70,14 +94,15 @@ impl Ending {
         Self { outcome: Outcome::Failed, reason: reason.into(), ..Self::default() }
     }
 
-    /// The goal is out of reach for a cause that programs tell apart.
-    pub(super) fn failed_because(cause: EndCause, reason: impl Into<String>) -> Self {
+    /// The goal is out of reach for a cause that programs tell apart; `reason` is followed by the remedy.
+    pub fn failed_because(cause: EndCause, reason: impl std::fmt::Display) -> Self {
+        let reason = cause.remedy().map_or_else(|| reason.to_string(), |remedy| format!("{reason}; {remedy}"));
         Self { cause, ..Self::failed(reason) }
     }
 
-    /// A guard ends the run; `reason` is followed by what the operator should check.
+    /// A guard ends the run.
     pub(super) fn guarded(condition: Condition, reason: impl std::fmt::Display) -> Self {
-        Self::failed_because(EndCause::Guard(condition), format!("{reason}; {}", condition.remedy()))
+        Self::failed_because(EndCause::Guard(condition), reason)
     }
 
     /// Somebody stopped it.
@@ -85,10 +110,10 @@ impl Ending {
         Self { outcome: Outcome::Cancelled, reason: reason.into(), ..Self::default() }
     }
 
-    /// Ended between two cycles to make room for another run. A task without an end is completed by that; any other
-    /// has not reached its goal.
-    pub fn gave_way(endless: bool) -> Self {
-        let outcome = if endless { Outcome::Completed } else { Outcome::Cancelled };
+    /// Ended between two cycles to make room for another run. A task without an end that gets on is `completed` by that;
+    /// any other has not reached its goal.
+    pub fn gave_way(completed: bool) -> Self {
+        let outcome = if completed { Outcome::Completed } else { Outcome::Cancelled };
         Self { outcome, cause: EndCause::GaveWay, reason: "gave way to another job".to_owned() }
     }
 }

@@ -10,7 +10,7 @@ use self::motion::REACH_M;
 use self::naming::name_parts;
 use self::scene::{Blind, Place, Scene};
 use super::conditions::{Condition, Conditions};
-use super::ending::{EndCause, Ending, check_stop};
+use super::ending::{Ending, check_stop};
 use super::guards::{DelayGuard, Guards, StillnessGuard};
 use super::{FrameFacts, LocalisedFacts, Sink};
 use upm_core::geometry::{Lens, Vec2};
@@ -30,10 +30,6 @@ const DARK_S: f64 = 5.0;
 const HAND_S: f64 = 10.0;
 /// Looks at rest in a row that show something foreign before it is believed.
 const FOREIGN: u32 = 2;
-/// The same for a plate that is elsewhere in the picture: a swing of 5 Hz goes from end to end in this time.
-const MOVED: u32 = 6;
-/// Looks that show a corner displaced alike, px.
-const SAME_PLACE_PX: f64 = 0.3;
 /// Frames that must lack a part before those that never came count, too.
 const LEAST_LOOKS: u32 = 5;
 /// Distance beyond the edge from which on a part's centre is off the plate, m: more than the plate swings.
@@ -194,6 +190,7 @@ impl Eyes {
             frame: &self.frame,
             tracks: self.tracker.tracks(),
             sounding: !at_rest,
+            blind: blind.is_some(),
             starts_cycle: is_plain && moment == Moment::Cycle,
             track_us,
         });
@@ -269,35 +266,6 @@ impl Eyes {
                 Err(Ending::guarded(Condition::ForeignPart, reason))
             }
             None => Ok(()),
-        }
-    }
-
-    fn settle_place(&mut self, place: &Place, sink: &mut dyn Sink, clock: &dyn Clock) -> Result<(), Ending> {
-        let Place::Elsewhere { corner_px } = *place else {
-            self.displaced = 0;
-            return Ok(());
-        };
-        if self.delay.looks_late() && self.guards.has(Condition::CameraLate) {
-            // late pictures show a plate that has come to rest still swinging
-            return Ok(());
-        }
-        // a plate that still swings in the picture is soon at another place
-        let agrees = (corner_px - self.displaced_px).abs() < SAME_PLACE_PX || corner_px == self.displaced_px;
-        (self.displaced, self.displaced_px) =
-            if agrees { (self.displaced + 1, self.displaced_px) } else { (1, corner_px) };
-        if self.displaced < MOVED {
-            return Ok(());
-        }
-        let by = if corner_px.is_finite() { format!("by {corner_px:.1} px") } else { "by more than 6 px".to_owned() };
-        let reason = || format!("the plate has moved in the picture {by}; it is located anew");
-        self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
-        match self.locate(clock) {
-            Ok(found) => self.relocate(found, sink),
-            Err(fault) if self.displaced > MOVED + TABLE_LOOKS as u32 => Err(Ending::guarded(
-                Condition::CameraMoved,
-                format!("the plate has moved in the picture {by}: {fault}"),
-            )),
-            Err(_) => Ok(()),
         }
     }
 
@@ -393,6 +361,5 @@ fn find_table(
         conditions.end_cycle(frame.exposed_at, sink);
     }
     let why = last.map_or_else(String::new, |fault| format!(": {fault}"));
-    let reason = format!("no table found in {TABLE_LOOKS} frames{why}");
-    Err(Ending::failed_because(EndCause::Guard(Condition::TableMissing), reason))
+    Err(Ending::guarded(Condition::TableMissing, format!("no table found in {TABLE_LOOKS} frames{why}")))
 }

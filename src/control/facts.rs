@@ -44,6 +44,9 @@ pub struct FrameFacts<'a> {
     pub tracks: &'a [Track],
     /// True while the plate vibrates or parts may still coast.
     pub sounding: bool,
+    /// True while nothing can be relied on in the pictures, and control waits for that to end; it ends the run itself when
+    /// it has waited for too long.
+    pub blind: bool,
     /// True for the frame a cycle starts from, taken with everything at rest.
     pub starts_cycle: bool,
     /// Wall time tracking took, µs; 0 when no clock runs.

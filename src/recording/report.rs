@@ -77,6 +77,12 @@ pub enum StopCode {
     DeadlineMissed,
     /// Control took no frame for a long time.
     Hung,
+    /// No part was seen for a long time.
+    NoPartSeen,
+    /// Events of the run could not be stored.
+    EventsBlocked,
+    /// The journal could not be written.
+    JournalBlocked,
 }
 
 impl StopCode {
@@ -95,6 +101,9 @@ impl StopCode {
             control::EndCause::Guard(condition) => Self::of_guard(condition),
             control::EndCause::DeadlineMissed => Some(Self::DeadlineMissed),
             control::EndCause::Hung => Some(Self::Hung),
+            control::EndCause::NoPartSeen => Some(Self::NoPartSeen),
+            control::EndCause::EventsBlocked => Some(Self::EventsBlocked),
+            control::EndCause::JournalBlocked => Some(Self::JournalBlocked),
         }
     }
 
@@ -124,9 +133,42 @@ impl StopCode {
         }
     }
 
+    /// Its name in files, which never changes.
+    pub fn code(self) -> &'static str {
+        match self {
+            Self::GaveWay => "gave_way",
+            Self::NoProgress => "no_progress",
+            Self::NoFeasibleStep => "no_feasible_step",
+            Self::Uncontrollable => "uncontrollable",
+            Self::TimeLimit => "time_limit",
+            Self::PartLost => "part_lost",
+            Self::PartCount => "part_count",
+            Self::DeviceFault => "device_fault",
+            Self::TableMissing => "table_missing",
+            Self::CameraFrozen => "camera_frozen",
+            Self::CameraStale => "camera_stale",
+            Self::CameraDark => "camera_dark",
+            Self::CameraMoved => "camera_moved",
+            Self::CameraLate => "camera_late",
+            Self::ViewHidden => "view_hidden",
+            Self::ForeignPart => "foreign_part",
+            Self::PartsJumped => "parts_jumped",
+            Self::CoilFault => "coil_fault",
+            Self::AccelerometerFault => "accelerometer_fault",
+            Self::MotionOff => "motion_off",
+            Self::PartStuck => "part_stuck",
+            Self::PartAstray => "part_astray",
+            Self::DeadlineMissed => "deadline_missed",
+            Self::Hung => "hung",
+            Self::NoPartSeen => "no_part_seen",
+            Self::EventsBlocked => "events_blocked",
+            Self::JournalBlocked => "journal_blocked",
+        }
+    }
+
     /// True for an end by a guard or the time limit: a person looks what is wrong before the plate takes another job.
     pub fn pauses_plate(self) -> bool {
-        !matches!(self, Self::GaveWay | Self::NoFeasibleStep | Self::Uncontrollable | Self::PartCount)
+        !matches!(self, Self::GaveWay | Self::NoFeasibleStep | Self::Uncontrollable)
     }
 }
 
@@ -135,8 +177,19 @@ impl StopCode {
 pub struct StopReport {
     /// Stable code.
     pub code: StopCode,
-    /// The same in words.
+    /// The same in words, with the remedy.
     pub text: String,
+    /// What the operator should check or change; `None` where there is nothing, and in reports from before it was told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub remedy: Option<String>,
+}
+
+impl StopReport {
+    /// The report of an end by `cause`, for the reason `text`; `None` where the outcome says it all.
+    pub fn of(cause: control::EndCause, text: &str) -> Option<Self> {
+        let remedy = cause.remedy().map(str::to_owned);
+        Some(Self { code: StopCode::of(cause)?, text: text.to_owned(), remedy })
+    }
 }
 
 /// `report.json`. Lengths in mm, to 1e-4.
@@ -228,7 +281,8 @@ pub struct Report {
 pub enum Verdict {
     /// The outcome is true.
     True,
-    /// The run counts as completed, and a part is farther from its target than the tolerance and 0.1 mm.
+    /// The run counts as completed, and a part is farther from its target, or from where it is believed to be on a path
+    /// without a last place, than the tolerance and 0.1 mm.
     FalseSuccess,
 }
 

@@ -1,9 +1,10 @@
 use std::time::Duration;
 
 use super::report::{
-    FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report, StopCode, StopReport,
+    FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report, StopReport,
 };
 use super::timings::Timings;
+use upm_control::EndCause;
 use upm_control::{ConditionChange, ConditionFacts, CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
@@ -46,8 +47,8 @@ pub struct Ending {
     pub outcome: Outcome,
     /// Why, in words.
     pub reason: String,
-    /// The cause that ended it, where programs tell it apart.
-    pub stop: Option<StopCode>,
+    /// The cause that ended it.
+    pub cause: EndCause,
     /// The experiment's own time.
     pub plate_time: PlateTime,
     /// Least plate time by rotations, s; `None` where there is no such figure.
@@ -133,7 +134,7 @@ impl Tally {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             planner: ending.planner,
             outcome: ending.outcome,
-            stop: ending.stop.map(|code| StopReport { code, text: ending.reason.clone() }),
+            stop: StopReport::of(ending.cause, &ending.reason),
             reason: ending.reason,
             plate_time_s: rounded(ending.plate_time.secs()),
             bound_s: ending.bound_s.map(rounded),
@@ -272,7 +273,7 @@ mod tests {
             planner: None,
             outcome: Outcome::Completed,
             reason: "all parts in place".into(),
-            stop: None,
+            cause: EndCause::Run,
             plate_time: PlateTime::from_secs(3.25),
             bound_s: Some(1.234_56),
             wall_time_s: 0.5,

@@ -45,7 +45,7 @@ use upm_core::time::{Clock, PlateTime};
 use upm_library::{Library, LibraryFault};
 use upm_recording::{
     self as recording, Deadlines, Fanout, FaultReport, Herald, Journal, Keeping, PartEnding, Report, RerunMode, Scribe,
-    StopCode, Tally, tell_recording,
+    Tally, tell_recording,
 };
 use upm_sim::faults::{FaultSpec, Faulty};
 use upm_viewer::{LiveServer, RerunSink, RunContext};
@@ -328,7 +328,7 @@ fn ending(job: &JobSpec, bench: Option<&Bench>, finish: Finish, wall_time_s: f64
         planner: Some(PlannerSelection::of(job).report()),
         outcome: ending.outcome.into(),
         reason: ending.reason,
-        stop: StopCode::of(ending.cause),
+        cause: ending.cause,
         plate_time: bench.map_or(PlateTime::ZERO, Bench::now),
         bound_s: None,
         wall_time_s,

@@ -33,5 +33,5 @@ pub use plate::{Caller, Plate};
 pub use standing::{StandingSetup, StandingSnapshot, StandingState};
 pub use start::{PlateSetup, Plates, Surroundings};
 pub use told::{Tap, Told};
-pub use types::{PlateSnapshot, PlateState, ResetFault, Sight};
+pub use types::{Pause, PlateSnapshot, PlateState, ResetFault, Sight};
 pub use validate::fitting_library;

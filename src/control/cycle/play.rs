@@ -143,10 +143,12 @@ impl Cycle<'_> {
     pub(super) fn report(&mut self, found: Option<Finding>) -> Result<bool, Ending> {
         let Some(Finding { condition, reason, ends }) = found else { return Ok(true) };
         if self.params.guards.has(condition) {
-            self.warn(condition, reason.clone());
             if ends {
+                self.warn(condition, reason.clone());
                 return Err(Ending::guarded(condition, reason));
             }
+            self.warn(condition, format!("{reason}; steps are shorter from now on"));
+            self.is_cautious = true;
         }
         Ok(!ends)
     }

@@ -3,6 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use super::naming::match_parts;
+use super::scene::Place;
 use super::{Eyes, Moment, SWING_S, TABLE_LOOKS};
 use crate::conditions::Condition;
 use crate::ending::{Ending, check_stop};
@@ -12,6 +13,10 @@ use upm_core::rig::Rig;
 use upm_core::time::Clock;
 use upm_perception::vision::{CoinFinder, Detection, Stages, Table, TableFault, Tracker, locate_table_in_stages};
 
+/// Looks at rest in a row that must show the plate elsewhere: a swing of 5 Hz goes from end to end in this time.
+const MOVED: u32 = 6;
+/// Looks that show a corner displaced alike, px.
+const SAME_PLACE_PX: f64 = 0.3;
 /// Looks with the table located anew before a goal counts as reached.
 const CONFIRMING_LOOKS: usize = 2;
 /// Looks in a row that show a plate lie still before these.
@@ -28,6 +33,15 @@ pub(super) struct Located {
     localise_us: f64,
 }
 
+/// Why table and parts are located anew.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Relocation {
+    /// The plate was seen elsewhere; it may still swing.
+    Knocked,
+    /// The plate has swung out since.
+    SwungOut,
+}
+
 impl Eyes {
     /// Table and parts of the newest frame, from nothing.
     pub(super) fn locate(&self, clock: &dyn Clock) -> Result<Located, TableFault> {
@@ -41,8 +55,51 @@ impl Eyes {
         Ok(Located { table, found, stages, localise_us })
     }
 
+    /// Locates table and parts anew once the plate is seen elsewhere for long enough.
+    pub(super) fn settle_place(&mut self, place: &Place, sink: &mut dyn Sink, clock: &dyn Clock) -> Result<(), Ending> {
+        let corner_px = match *place {
+            Place::Elsewhere { corner_px } => corner_px,
+            Place::SwungOut => return self.locate_swung_out(sink, clock),
+            Place::Same | Place::Swinging | Place::Unknown => {
+                self.displaced = 0;
+                return Ok(());
+            }
+        };
+        if self.delay.looks_late() && self.guards.has(Condition::CameraLate) {
+            // late pictures show a plate that has come to rest still swinging
+            return Ok(());
+        }
+        // a plate that still swings in the picture is soon at another place
+        let agrees = (corner_px - self.displaced_px).abs() < SAME_PLACE_PX || corner_px == self.displaced_px;
+        (self.displaced, self.displaced_px) =
+            if agrees { (self.displaced + 1, self.displaced_px) } else { (1, corner_px) };
+        if self.displaced < MOVED {
+            return Ok(());
+        }
+        let by = if corner_px.is_finite() { format!("by {corner_px:.1} px") } else { "by more than 6 px".to_owned() };
+        let reason = || format!("the plate has moved in the picture {by}; it is located anew");
+        self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
+        match self.locate(clock) {
+            Ok(found) => self.relocate(found, Relocation::Knocked, sink),
+            Err(fault) if self.displaced > MOVED + TABLE_LOOKS as u32 => Err(Ending::guarded(
+                Condition::CameraMoved,
+                format!("the plate has moved in the picture {by}: {fault}"),
+            )),
+            Err(_) => Ok(()),
+        }
+    }
+
+    /// Locates table and parts once more when the plate has swung out from the knock that it was located after.
+    fn locate_swung_out(&mut self, sink: &mut dyn Sink, clock: &dyn Clock) -> Result<(), Ending> {
+        self.displaced = 0;
+        match self.locate(clock) {
+            Ok(found) => self.relocate(found, Relocation::SwungOut, sink),
+            Err(_) => Ok(()),
+        }
+    }
+
     /// Goes on from a table that was located anew.
-    pub(super) fn relocate(&mut self, located: Located, sink: &mut dyn Sink) -> Result<(), Ending> {
+    fn relocate(&mut self, located: Located, after: Relocation, sink: &mut dyn Sink) -> Result<(), Ending> {
         let Located { table, found, stages, localise_us } = located;
         let count = found.len();
         let mut before: Vec<Detection> = self.tracker.tracks().iter().map(|track| track.seen.clone()).collect();
@@ -68,9 +125,12 @@ impl Eyes {
         }
         let frame = &self.frame;
         sink.localised(&LocalisedFacts { frame, table: &table, detections: &detections, stages: &stages, localise_us });
-        self.scene.relocate(&table, frame, &self.kinds, self.dark_parts);
+        let swings = after == Relocation::Knocked;
+        self.scene.relocate(&table, frame, swings, &self.kinds, self.dark_parts);
         self.tracker = Tracker::new(&table, [frame.width, frame.height], &self.kinds, self.dark_parts, detections);
-        (self.table, self.displaced, self.relocated) = (table, 0, true);
+        (self.table, self.displaced) = (table, 0);
+        self.relocated |= swings;
+        self.delay.forget_seen();
         Ok(())
     }
 
@@ -100,7 +160,7 @@ impl Eyes {
             } else {
                 let reason = || format!("table and parts located anew differ, the corners by {off_px:.1} px");
                 self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
-                self.relocate(located, sink)?;
+                self.relocate(located, Relocation::Knocked, sink)?;
                 return Ok(false);
             }
         }

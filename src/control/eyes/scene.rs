@@ -63,6 +63,8 @@ pub(super) enum Place {
     Same,
     /// There, too, but it may still swing from the knock after which the table was located.
     Swinging,
+    /// There, and it no longer swings: the table can be located as exactly as at first.
+    SwungOut,
     /// Elsewhere, by this much at a corner, px; infinite where it cannot be told.
     Elsewhere {
         /// px.
@@ -158,12 +160,14 @@ impl Scene {
     /// Where a plate is that is seen where it should be.
     fn settle(&mut self, frame: &Frame) -> Place {
         match self.rest_from {
-            Some(from) if frame.exposed_at < from => return Place::Swinging,
-            Some(_) => self.table.set_rest(frame),
-            None => {}
+            Some(from) if frame.exposed_at < from => Place::Swinging,
+            Some(_) => {
+                self.table.set_rest(frame);
+                self.rest_from = None;
+                Place::SwungOut
+            }
+            None => Place::Same,
         }
-        self.rest_from = None;
-        Place::Same
     }
 
     /// True when the plate lies where it was to a fraction of a pixel: it no longer swings, and nobody knocked it.
@@ -181,10 +185,20 @@ impl Scene {
         self.foreign_m
     }
 
-    /// The table was located anew, in `frame`.
-    pub(super) fn relocate(&mut self, table: &Table, frame: &Frame, kinds: &[PartKind], dark_parts: bool) {
+    /// The table was located anew, in `frame`, on a plate that may swing.
+    pub(super) fn relocate(
+        &mut self,
+        table: &Table,
+        frame: &Frame,
+        swings: bool,
+        kinds: &[PartKind],
+        dark_parts: bool,
+    ) {
         self.table = TableWatch::new(table, [frame.width, frame.height]);
-        self.rest_from = Some(frame.exposed_at + SWING_S);
+        self.rest_from = swings.then_some(frame.exposed_at + SWING_S);
+        if !swings {
+            self.table.set_rest(frame);
+        }
         self.forget_plate(table, frame, kinds, dark_parts);
     }
 

@@ -131,6 +131,11 @@ impl DelayGuard {
         self.frames.push_back(Swung { seen, expected });
     }
 
+    /// The corners' places were wrong until now: nothing is known of how far they were from them.
+    pub fn forget_seen(&mut self) {
+        self.frames.iter_mut().for_each(|frame| frame.seen = None);
+    }
+
     /// How far the plate's corners should be from their places at `at_s` of plate time, px.
     pub fn expected_px(&self, at_s: f64) -> f64 {
         let pulse = self.pulses.iter().rev().find(|(begin_s, _)| *begin_s <= at_s);

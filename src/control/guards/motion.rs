@@ -68,6 +68,8 @@ pub struct MotionGuard {
     off: u32,
     /// An earlier pulse has shown that the accelerometers are at fault.
     doubts_sensors: bool,
+    /// An earlier pulse carried parts as forecast while the accelerometers read another motion of the plate.
+    contradicted: bool,
 }
 
 impl MotionGuard {
@@ -88,6 +90,8 @@ impl MotionGuard {
         let saw_it_go = as_forecast == Some(true);
         // a pulse that fails half way, or one weak coil of two, still carries parts about where they should go
         let saw_it_all = saw_it_go && (shows_drive || self.doubts_sensors);
+        // a pulse too small to tell is judged as the last one that told
+        let is_sensors = saw_it_all || (as_forecast.is_none() && self.contradicted);
         self.doubts_sensors |= matches!(verdict, MotionVerdict::Channel { .. } | MotionVerdict::Channels);
         let found = |condition, reason: String, ends| Some(Finding { condition, reason, ends });
         let percent = 100.0 * off;
@@ -123,7 +127,8 @@ impl MotionGuard {
                 let reason = "the accelerometers show what no motion of a plate shows".to_owned();
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
             }
-            MotionVerdict::Other if saw_it_all && off > FAR_OFF => {
+            MotionVerdict::Other if is_sensors && off > FAR_OFF => {
+                self.contradicted = true;
                 let reason =
                     format!("the accelerometers read a motion {percent:.0} % off the plan, the parts went as forecast");
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
@@ -169,6 +174,8 @@ mod tests {
         doubting.finding(MotionVerdict::Channels, 0.9, None, false);
         let known = doubting.finding(MotionVerdict::Other, 0.5, Some(true), false);
         assert_eq!(known.map(|finding| finding.ends), Some(false), "the accelerometers are known to be at fault");
+        let mut small = |seen| doubting.finding(MotionVerdict::Other, 0.5, seen, false).map(|finding| finding.ends);
+        assert_eq!([small(None), small(Some(false))], [Some(false), Some(true)], "a small pulse is judged as the last");
         assert_eq!([false, true].map(|strong| ends(unread(strong), 0.0, None)), [None, Some(true)]);
         assert_eq!(ends(unread(true), 0.0, Some(true)), Some(false));
         assert_eq!(ends(MotionVerdict::Channels, 0.9, None), Some(false));

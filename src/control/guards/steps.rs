@@ -6,7 +6,7 @@ const SHORTEST_M: f64 = 2e-3;
 const STUCK: f64 = 0.2;
 /// Pulses in a row.
 const IN_A_ROW: u32 = 4;
-/// Part of the forecast step, along it, from which on a part went as forecast.
+/// Part of the forecast step, along it, from which on a part went as forecast; across it, up to which.
 const AS_FORECAST: f64 = 0.5;
 
 /// How a part goes unlike its forecasts.
@@ -59,7 +59,8 @@ pub fn went_as_forecast(before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]
         .filter(|(wanted, _)| wanted.norm() >= SHORTEST_M)
         .map(|(wanted, went)| {
             let along = went.dot(&wanted) / wanted.norm_squared();
-            along > AS_FORECAST && along < 1.0 / AS_FORECAST
+            let across = (went - wanted * along).norm() / wanted.norm();
+            along > AS_FORECAST && along < 1.0 / AS_FORECAST && across < AS_FORECAST
         })
         .collect();
     (!far.is_empty()).then(|| 2 * far.iter().filter(|&&as_forecast| as_forecast).count() > far.len())
@@ -90,5 +91,7 @@ mod tests {
         let went = |shares: [f64; 3]| went_as_forecast(&start, &[step; 3], &shares.map(|share| step * share));
         assert_eq!((went([1.0, 0.9, 0.0]), went([0.0, 0.1, 1.0])), (Some(true), Some(false)));
         assert_eq!(went_as_forecast(&start, &start, &start), None);
+        let gliding = Vec2::new(6e-3, 3e-3);
+        assert_eq!(went_as_forecast(&start[..1], &[step], &[gliding]), Some(false), "parts that glide go elsewhere");
     }
 }

@@ -8,7 +8,7 @@ use super::*;
 use crate::config::Origin;
 use upm_control::FrameFacts;
 use upm_core::time::MonotonicClock;
-use upm_recording::Outcome;
+use upm_recording::{Outcome, StopCode};
 
 fn job(task: &Value, plate_time_s: f64) -> JobSpec {
     let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
@@ -103,7 +103,8 @@ fn task_without_end_completes_at_its_plate_time_limit() {
 #[test]
 fn task_with_an_end_fails_at_its_plate_time_limit() {
     let report = report_of(&squares(5, false), 2.0);
-    assert_eq!((report.outcome, report.reason.as_str()), (Outcome::Failed, "plate time limit of 2 s reached"));
+    assert_eq!((report.outcome, report.stop.unwrap().code), (Outcome::Failed, StopCode::TimeLimit));
+    assert!(report.reason.starts_with("plate time limit of 2 s reached; check "), "{}", report.reason);
     let done = report_of(&json!({"type": "hold", "duration_s": 0.5}), 2.0);
     assert_eq!((done.outcome, done.reason.as_str()), (Outcome::Completed, "every part held for 0.5 s"));
 }

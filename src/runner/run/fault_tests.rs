@@ -10,12 +10,17 @@ use upm_recording::{Outcome, StopCode, Verdict as Truth};
 
 /// Two pennies that go 40 mm each, with `faults`.
 fn job(faults: &Value) -> JobSpec {
+    let task = json!({"type": "arrange", "targets_mm": [[30, -10], [-30, -10]], "assignment": "fixed"});
+    job_of(&task, faults)
+}
+
+fn job_of(task: &Value, faults: &Value) -> JobSpec {
     let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
     let mut text = json!({
         "name": "faulty",
         "rig": "rigs/upm-2.json",
         "parts": [{"kind": "penny", "position_mm": [60, 20]}, {"kind": "penny", "position_mm": [-60, 20]}],
-        "task": {"type": "arrange", "targets_mm": [[30, -10], [-30, -10]], "assignment": "fixed"},
+        "task": task,
         "limits": {"plate_time_s": 20},
     });
     if !faults.is_null() {
@@ -25,6 +30,10 @@ fn job(faults: &Value) -> JobSpec {
 }
 
 fn run_of(faults: &Value) -> (TempDir, RunResult) {
+    played(&job(faults))
+}
+
+fn played(job: &JobSpec) -> (TempDir, RunResult) {
     let (out, stop) = (TempDir::new().unwrap(), AtomicBool::new(false));
     let options = RunOptions {
         live: None,
@@ -34,8 +43,7 @@ fn run_of(faults: &Value) -> (TempDir, RunResult) {
         real_time: false,
         keeping: Keeping::patient(MonotonicClock::new()),
     };
-    let done = run(&job(faults), &options, &MonotonicClock::new(), &stop, &PacingStats::default(), &mut Fanout::new())
-        .unwrap();
+    let done = run(job, &options, &MonotonicClock::new(), &stop, &PacingStats::default(), &mut Fanout::new()).unwrap();
     (out, done)
 }
 
@@ -97,5 +105,68 @@ fn small_pulse_names_a_coil_before_a_part_has_moved() {
             let moved_mm = (x.abs() - 60.0).hypot(y - 20.0);
             assert!(moved_mm < 0.6, "{kind}: {moved_mm} mm");
         }
+    }
+}
+
+/// Code of the end, or that of the last guard that fired in a run that completed; and whether it completed.
+fn noticed(fault: &str) -> (Option<String>, bool, Option<Truth>) {
+    let (_folder, done) = played(&job(&Value::Null).with_faults(&[fault.to_owned()]).unwrap());
+    let Report { outcome, stop, guards, verdict, reason, .. } = done.report;
+    if let Some(stop) = &stop {
+        assert!(stop.code.pauses_plate(), "{fault}: {reason}");
+        assert!(reason.contains("; "), "{fault}: without a remedy: {reason}");
+    }
+    let code = stop.map(|stop| serde_json::to_value(stop.code).unwrap().as_str().unwrap().to_owned());
+    (code.or_else(|| guards.last().map(|guard| guard.code.clone())), outcome == Outcome::Completed, verdict)
+}
+
+#[test]
+fn each_fault_of_camera_and_parts_ends_the_run_by_its_code() {
+    for (fault, code) in [
+        ("camera:freeze@0.5", "camera_frozen"),
+        ("camera:dark@0.5", "camera_dark"),
+        ("camera:late=6@0", "camera_late"),
+        ("view:ghost=30;-60@0.5", "foreign_part"),
+        ("view:hand=0.33@0.5", "view_hidden"),
+        ("part0:glued@0", "part_stuck"),
+        ("part0:removed@0.7", "part_lost"),
+    ] {
+        assert_eq!(noticed(fault), (Some(code.to_owned()), false, Some(Truth::True)), "{fault}");
+    }
+}
+
+#[test]
+fn faults_that_pass_are_waited_for_and_the_run_completes_truly() {
+    for (fault, code) in [
+        ("camera:freeze@0.5-1.2", "camera_frozen"),
+        ("camera:dark@0.5-1.5", "camera_dark"),
+        ("camera:shift=3;0@0.5", "camera_moved"),
+        ("camera:shift=20;10@0.5", "camera_moved"),
+        ("view:hand=0.33@0.5-1.5", "view_hidden"),
+        ("accel0:dead@0", "accelerometer_fault"),
+        ("coil0:gain=0.85@0", "coil_fault"),
+    ] {
+        assert_eq!(noticed(fault), (Some(code.to_owned()), true, Some(Truth::True)), "{fault}");
+    }
+}
+
+#[test]
+fn completed_run_whose_parts_truly_are_elsewhere_is_a_false_success() {
+    let (_folder, RunResult { report, .. }) = run_of(&Value::Null);
+    let displaced = |by_mm: f64| {
+        let mut report = report.clone();
+        let part = &mut report.parts[1];
+        part.true_mm = part.true_mm.map(|[x, y]| [x + by_mm, y]);
+        part.error_mm = part.error_mm.map(|error_mm| error_mm + by_mm);
+        report
+    };
+    let arrange = job(&Value::Null);
+    let path = |x: f64, y: f64| json!({"waypoints_mm": [[x, y], [x, y + 20.0]], "speed_mm_s": 20, "repeat": 0});
+    let endless = json!({"type": "trajectories", "paths": [path(30.0, -10.0), path(-30.0, -10.0)]});
+    for job in [arrange, job_of(&endless, &Value::Null)] {
+        assert_eq!(verdict(&job, &report), Some(Truth::True));
+        assert_eq!(verdict(&job, &displaced(5.0)), Some(Truth::FalseSuccess));
+        let failed = Report { outcome: Outcome::Failed, ..displaced(5.0) };
+        assert_eq!(verdict(&job, &failed), Some(Truth::True), "it does not say that it is done");
     }
 }

@@ -30,6 +30,11 @@ pub struct StopCause {
 }
 
 impl StopCause {
+    /// A cause whose `reason` is followed by the remedy, if there is one.
+    pub fn of(cause: EndCause, reason: String) -> Self {
+        Self { cause, reason: Ending::failed_because(cause, reason).reason }
+    }
+
     /// What a run that was too late for its plate adds to its reason, and what would help; `real_time` for one that kept
     /// to the clock.
     pub fn too_busy(real_time: bool) -> &'static str {

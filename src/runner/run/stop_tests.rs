@@ -10,7 +10,7 @@ use crate::config::Origin;
 use upm_control::{FrameFacts, PulseFacts};
 use upm_core::rig::Trip;
 use upm_core::time::MonotonicClock;
-use upm_recording::Outcome;
+use upm_recording::{Outcome, StopCode};
 
 const STEP_S: f64 = 5e-5;
 

@@ -5,8 +5,8 @@ use upm_recording::{Outcome, PartReport, Report, Verdict};
 /// What a true error may exceed the tolerance by, mm: what the eyes are off by.
 const SENSING_MM: f64 = 0.1;
 
-/// What the truth says of `report`, a run of `job`; `None` where it is not known, and for paths without end and paths at
-/// speeds of their own, which have no last place.
+/// What the truth says of `report`, a run of `job`; `None` where it is not known. Parts on paths without end, or at
+/// prescribed speeds, have no last place: they must lie where they are believed to be.
 pub(super) fn verdict(job: &JobSpec, report: &Report) -> Option<Verdict> {
     if report.parts.is_empty() || report.parts.iter().any(|part| part.true_mm.is_none()) {
         return None;
@@ -14,8 +14,8 @@ pub(super) fn verdict(job: &JobSpec, report: &Report) -> Option<Verdict> {
     let near =
         |part: &PartReport| part.error_mm.is_none_or(|error_mm| error_mm <= mm_from_m(job.tolerance_m) + SENSING_MM);
     let is_reached = match &job.task {
-        TaskSpec::Trajectories { .. } => return None,
-        _ if job.is_endless() => return None,
+        TaskSpec::Trajectories { .. } => each_has_its_part(report, job, |part| part.measured_mm),
+        _ if job.is_endless() => each_has_its_part(report, job, |part| part.measured_mm),
         TaskSpec::Sort { bins } => {
             let in_bin = |(part, kind): (&PartReport, usize)| {
                 let mut own = bins.iter().filter(|bin| bin.kinds.contains(&kind));
@@ -33,8 +33,7 @@ pub(super) fn verdict(job: &JobSpec, report: &Report) -> Option<Verdict> {
             report.parts.iter().zip(job.kinds_of_parts()).all(in_bin)
         }
         TaskSpec::Hold { .. } | TaskSpec::Arrange { assignment: Assignment::Optimal, .. } => {
-            let kinds = job.kinds_of_parts();
-            each_target_has_its_part(report, &kinds, mm_from_m(job.tolerance_m) + SENSING_MM)
+            each_has_its_part(report, job, |part| part.target_mm)
         }
         _ => report.parts.iter().all(near),
     };
@@ -42,14 +41,15 @@ pub(super) fn verdict(job: &JobSpec, report: &Report) -> Option<Verdict> {
     Some(if is_false { Verdict::FalseSuccess } else { Verdict::True })
 }
 
-/// True when a part of the right kind truly lies at each target, whichever it is: parts of a kind may exchange their targets,
-/// and their names where the camera cannot tell them apart.
-fn each_target_has_its_part(report: &Report, kinds: &[usize], within_mm: f64) -> bool {
+/// True when a part of the right kind truly lies at each `place_mm`, whichever it is: parts of a kind may exchange their
+/// targets, and their names where the camera cannot tell them apart.
+fn each_has_its_part(report: &Report, job: &JobSpec, place_mm: impl Fn(&PartReport) -> Option<[f64; 2]>) -> bool {
+    let (kinds, within_mm) = (job.kinds_of_parts(), mm_from_m(job.tolerance_m) + SENSING_MM);
     let mut left: Vec<(usize, [f64; 2])> =
-        report.parts.iter().zip(kinds).filter_map(|(part, &kind)| Some((kind, part.true_mm?))).collect();
-    report.parts.iter().zip(kinds).all(|(part, &kind)| {
-        let Some(target_mm) = part.target_mm else { return true };
-        let near = |at_mm: [f64; 2]| (at_mm[0] - target_mm[0]).hypot(at_mm[1] - target_mm[1]) <= within_mm;
+        report.parts.iter().zip(&kinds).filter_map(|(part, &kind)| Some((kind, part.true_mm?))).collect();
+    report.parts.iter().zip(&kinds).all(|(part, &kind)| {
+        let Some(place_mm) = place_mm(part) else { return true };
+        let near = |at_mm: [f64; 2]| (at_mm[0] - place_mm[0]).hypot(at_mm[1] - place_mm[1]) <= within_mm;
         let found = left.iter().position(|&(of, at_mm)| of == kind && near(at_mm));
         found.map(|at| left.swap_remove(at)).is_some()
     })

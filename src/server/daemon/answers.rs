@@ -1,8 +1,8 @@
 use serde_json::{Map, Value};
 
-use crate::plates::{self, PlateSnapshot};
+use crate::plates::{self, Pause, PlateSnapshot};
 use crate::service::{
-    Event, Job, JobState, Pace, Plate, PlateState, RecordingState, Refusal, StandingJob, StandingState,
+    Event, Job, JobState, Pace, PauseCause, Plate, PlateState, RecordingState, Refusal, StandingJob, StandingState,
 };
 use crate::store::{self, JobPace, JobRow, RecordingKept, StoreFault, StoredEvent};
 use upm_core::units::{mm_from_m, places_mm};
@@ -84,6 +84,10 @@ pub(super) fn plate(snapshot: &PlateSnapshot, queued: u64) -> Plate {
             plates::PlateState::Stopped => PlateState::Stopped,
         },
         why: snapshot.why.clone(),
+        pause: snapshot
+            .pause
+            .as_ref()
+            .map(|Pause { code, why: _, remedy }| PauseCause { code: (*code).to_owned(), remedy: remedy.clone() }),
         job: snapshot.job.map(|id| id.to_string()),
         standing_job: snapshot.standing.as_ref().map(standing_job),
         queued,

@@ -8,15 +8,13 @@ use std::thread;
 use std::time::Duration;
 
 use super::desk::Office;
+use crate::plates::Pause;
 use crate::service::{Reason, ReasonCode, Refusal};
 use crate::store::Displaced;
 use upm_core::priority::step_back;
 
 /// Time between two comparisons.
 const EVERY: Duration = Duration::from_secs(1);
-
-/// Why plates wait for an operator once the data were displaced.
-const WHY_PAUSED: &str = "the data folder or a file in it was deleted or replaced: see to it, then resume";
 
 /// What the last comparison found.
 #[derive(Debug, Default)]
@@ -55,7 +53,8 @@ impl Office {
         let _alone = self.data.comparing.lock().unwrap_or_else(PoisonError::into_inner);
         let found = self.store.check_paths().and_then(|()| self.plates.check_paths()).err();
         if found.is_some() {
-            self.plates.pause_all(WHY_PAUSED);
+            let why = "the data folder or a file in it was deleted or replaced: see to it, then resume";
+            self.plates.pause_all(&Pause::new("data_displaced", why, "restore the data folder, then resume"));
         }
         self.data.note(found);
     }

@@ -1,5 +1,6 @@
 //! What a start found of the daemon before it, for those who must know.
 
+use crate::plates::Pause;
 use crate::store::{Recovery, Store};
 
 /// Says in the log what the last daemon left.
@@ -27,12 +28,13 @@ pub(super) fn tell(recovery: &Recovery) {
 }
 
 /// Why plates wait for a person after a start.
-pub(super) fn why_paused(recovery: &Recovery) -> &'static str {
-    match (&recovery.damage, recovery.clean) {
-        (Some(_), _) => "the job store was damaged: look through the jobs, then resume",
-        (None, false) => "the daemon did not end in order: look at the plate, then resume",
-        (None, true) => "jobs waited, or it was paused, when the daemon ended: resume to go on",
-    }
+pub(super) fn why_paused(recovery: &Recovery) -> Pause {
+    let (code, why, remedy) = match (&recovery.damage, recovery.clean) {
+        (Some(_), _) => ("store_damaged", "the job store was damaged", "look through the jobs, then resume"),
+        (None, false) => ("crashed", "the daemon did not end in order", "look at the plate, then resume"),
+        (None, true) => ("restarted", "jobs waited, or it was paused, when the daemon ended", "resume to go on"),
+    };
+    Pause::new(code, &format!("{why}: {remedy}"), remedy)
 }
 
 /// Says in the log what waits for plates that there are no more: it can be cancelled, or the plate be served again.

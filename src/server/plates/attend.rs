@@ -90,7 +90,8 @@ impl Sink for Attend<'_> {
         self.sight.at = facts.frame.exposed_at;
         self.sight.positions_m.clear();
         self.sight.positions_m.extend(facts.tracks.iter().map(|track| track.seen.position_m));
-        let part_in_sight = facts.tracks.iter().any(|track| track.frames_unseen == 0);
+        // while control waits for sight, it minds by itself that this does not last
+        let part_in_sight = facts.blind || facts.tracks.iter().any(|track| track.frames_unseen == 0);
         self.shared.vitals.frame(now, facts.frame.exposed_at, part_in_sight, facts.starts_cycle);
         self.show(now);
         self.shared.window.offer(facts.frame, || self.marks(facts.tracks), now);

@@ -7,7 +7,7 @@ use super::latch::Held;
 use super::shared::{Shared, locked};
 use super::told::{Tap, Told};
 use super::validate::validated;
-use super::{Picture, PlateSnapshot, ResetFault};
+use super::{Pause, Picture, PlateSnapshot, ResetFault};
 use crate::store::{AuditEntry, JobId, JobPace, NewJob, StoredEvent};
 use upm_core::rig::{StopTimes, Trip};
 use upm_core::time::{Clock, MonotonicClock};
@@ -114,7 +114,8 @@ impl Plate {
         if tripped && !shared.interlock.release(Trip::EStop) {
             return Err(ResetFault::StillStopping);
         }
-        shared.pause(Some("reset after an emergency stop".to_owned()));
+        let remedy = "look at the plate, then resume";
+        shared.pause(Some(Pause::new("reset", "reset after an emergency stop", remedy)));
         if !shared.latch.release(held) {
             // who stopped it again may have found the interlock tripped still
             shared.interlock.trip(Trip::EStop);
@@ -142,9 +143,9 @@ impl Plate {
     }
 
     /// Pauses it, unless it is paused already; its standing job gives way.
-    pub(super) fn pause(&self, why: &str) {
+    pub(super) fn pause(&self, why: Pause) {
         if self.shared.paused().is_none() {
-            self.shared.pause(Some(why.to_owned()));
+            self.shared.pause(Some(why));
         }
         if let Some(standing) = &self.shared.standing {
             standing.give_way();
@@ -194,7 +195,7 @@ impl Plate {
     }
 
     /// Why it waits for a person to resume it; `None` when it does not.
-    pub fn paused(&self) -> Option<String> {
+    pub fn paused(&self) -> Option<Pause> {
         self.shared.paused()
     }
 

@@ -9,7 +9,7 @@ use super::frames::Window;
 use super::latch::Latch;
 use super::standing::Standing;
 use super::watchdog::{Deadlines, Vitals};
-use super::{PlateSetup, PlateSnapshot, PlateState, Sight};
+use super::{Pause, PlateSetup, PlateSnapshot, PlateState, Sight};
 use crate::store::{BY_THE_DAEMON, JobId, Ledger};
 use upm_core::rig::{Interlock, Trip};
 use upm_library::Library;
@@ -51,7 +51,7 @@ pub(super) struct Shared {
     /// Whether a job may bring a library that does not agree with the plate's own.
     pub allow_inline_libraries: bool,
     /// Why the plate must not move until a person resumes it.
-    paused: Mutex<Option<String>>,
+    paused: Mutex<Option<Pause>>,
     /// Held by a reset from its begin to its end, and by nobody else.
     pub resetting: Mutex<()>,
     turn: Mutex<Turn>,
@@ -155,12 +155,12 @@ impl Shared {
     }
 
     /// Why the plate must not move until a person resumes it.
-    pub fn paused(&self) -> Option<String> {
+    pub fn paused(&self) -> Option<Pause> {
         locked(&self.paused).clone()
     }
 
     /// Pauses the plate, or lets it go on.
-    pub fn pause(&self, why: Option<String>) {
+    pub fn pause(&self, why: Option<Pause>) {
         let paused = why.is_some();
         let before = std::mem::replace(&mut *locked(&self.paused), why);
         if before.is_some() != paused {
@@ -266,11 +266,11 @@ impl Shared {
         let (paused, running) = (self.paused(), locked(&self.turn).running.clone());
         let job = running.as_ref().map(|running| running.job);
         let Seen { sight, at } = locked(&self.seen).clone();
-        let (state, why) = match (self.is_stopped(), paused, job) {
-            (true, ..) => (PlateState::Stopped, "emergency stop".to_owned()),
-            (false, _, Some(_)) => (PlateState::Running, String::new()),
-            (false, Some(why), None) => (PlateState::Paused, why),
-            (false, None, None) => (PlateState::Idle, String::new()),
+        let (state, why, pause) = match (self.is_stopped(), paused, job) {
+            (true, ..) => (PlateState::Stopped, "emergency stop".to_owned(), None),
+            (false, _, Some(_)) => (PlateState::Running, String::new(), None),
+            (false, Some(pause), None) => (PlateState::Paused, pause.why.clone(), Some(pause)),
+            (false, None, None) => (PlateState::Idle, String::new(), None),
         };
         let age = at.map(|at| now.saturating_sub(at));
         let stands = running.as_ref().is_some_and(|running| running.standing);
@@ -279,6 +279,7 @@ impl Shared {
             side_m: self.rig.model.plate_side_m,
             state,
             why,
+            pause,
             job,
             standing: self.standing.as_ref().map(|standing| standing.snapshot(stands)),
             recording: running.map(|running| running.recording.state()),

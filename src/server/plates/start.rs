@@ -7,6 +7,7 @@ use std::sync::mpsc::sync_channel;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use super::Pause;
 use super::crier::{Item, cry};
 use super::disk::{Disk, DiskGuard, Rates};
 use super::latch::Latches;
@@ -40,7 +41,7 @@ pub struct PlateSetup {
     /// The library its jobs use unless they bring their own.
     pub library: Arc<Library>,
     /// Why it must not move at first; `None` when it may.
-    pub paused: Option<String>,
+    pub paused: Option<Pause>,
     /// Port of its live stream; `None` for any free one.
     pub live_port: Option<u16>,
     /// The job that runs whenever its queue is empty.
@@ -150,8 +151,8 @@ impl Plates {
     }
 
     /// Pauses every plate that is not paused. A run of a standing job ends between two cycles, any other at its own end.
-    pub fn pause_all(&self, why: &str) {
-        self.plates.iter().for_each(|plate| plate.pause(why));
+    pub fn pause_all(&self, why: &Pause) {
+        self.plates.iter().for_each(|plate| plate.pause(why.clone()));
     }
 
     /// What is free on the disk of the run folders, in bytes; `None` when it does not say.

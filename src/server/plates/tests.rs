@@ -1,3 +1,4 @@
+mod guards;
 mod libraries;
 mod standing;
 mod stops;
@@ -68,7 +69,8 @@ impl House {
     fn open_by(&self, library: Library, paused: Option<&str>, change: impl FnOnce(&mut Surroundings)) -> Plates {
         let rig = RigSpec::load(&root().join("configs/rigs/upm-2.json")).unwrap();
         let library = Arc::new(library);
-        let (paused, live_port, standing) = (paused.map(str::to_owned), None, self.standing.clone());
+        let (paused, live_port, standing) =
+            (paused.map(|why| Pause::new("test", why, "none")), None, self.standing.clone());
         let setup = PlateSetup {
             name: "one".into(),
             known: false,
@@ -237,7 +239,8 @@ fn a_stop_outlives_the_daemon() {
     std::thread::sleep(Duration::from_millis(50));
     assert_eq!(house.row(&id).state, JobState::Queued);
     assert_eq!(reset(plate, "ann"), Ok(()));
-    assert_eq!(plate.paused().as_deref(), Some("reset after an emergency stop"));
+    let pause = plate.paused().unwrap();
+    assert_eq!((pause.code, pause.why.as_str()), ("reset", "reset after an emergency stop"));
     assert_eq!(plate.snapshot().why, "reset after an emergency stop");
 }
 

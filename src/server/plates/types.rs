@@ -4,7 +4,7 @@ use super::StandingSnapshot;
 use crate::store::{JobId, StoreFault};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
-use upm_recording::RecordingState;
+use upm_recording::{RecordingState, StopReport};
 
 /// What a plate is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,6 +27,34 @@ impl PlateState {
             Self::Running => "running",
             Self::Paused => "paused",
             Self::Stopped => "stopped",
+        }
+    }
+}
+
+/// Why a plate, or its standing job, waits for a person to resume it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pause {
+    /// A name for programs that never changes; that of the report's `stop` where the end of a job is the cause.
+    pub code: &'static str,
+    /// The cause in words.
+    pub why: String,
+    /// What to check or do before the plate goes on.
+    pub remedy: String,
+}
+
+impl Pause {
+    /// A pause that no end of a job is the cause of.
+    pub fn new(code: &'static str, why: &str, remedy: &str) -> Self {
+        Self { code, why: why.to_owned(), remedy: remedy.to_owned() }
+    }
+
+    /// A pause after a job that ended for `reason`.
+    pub(super) fn after(stop: Option<&StopReport>, reason: &str) -> Self {
+        let remedy = stop.and_then(|stop| stop.remedy.as_deref()).unwrap_or("look at the plate and its parts");
+        Self {
+            code: stop.map_or("stopped", |stop| stop.code.code()),
+            why: format!("the last job was stopped: {reason}"),
+            remedy: remedy.to_owned(),
         }
     }
 }
@@ -59,6 +87,8 @@ pub struct PlateSnapshot {
     pub state: PlateState,
     /// Why it does nothing; empty when it does something or could.
     pub why: String,
+    /// The cause of its pause; `None` unless it is paused.
+    pub pause: Option<Pause>,
     /// The job it has.
     pub job: Option<JobId>,
     /// Its standing job, if it has one.

@@ -187,33 +187,33 @@ impl Watchdog {
 
     fn hung(&self, unframed: Duration) -> Option<StopCause> {
         let reason = || format!("no frame came for {:.1} s: the controller hangs", unframed.as_secs_f64());
-        (unframed > self.spec.hung).then(|| StopCause { cause: EndCause::Hung, reason: reason() })
+        (unframed > self.spec.hung).then(|| StopCause::of(EndCause::Hung, reason()))
     }
 
     fn unseen(&self, vitals: &Vitals) -> Option<StopCause> {
         let read = |value: &AtomicU64| value.load(Ordering::Relaxed);
         let unseen_s = read(&vitals.plate_ms).saturating_sub(read(&vitals.seen_ms)) as f64 * 1e-3;
         let reason = || format!("no part was seen for {unseen_s:.1} s of plate time");
-        (unseen_s > self.spec.no_part_s).then(|| reason().as_str().into())
+        (unseen_s > self.spec.no_part_s).then(|| StopCause::of(EndCause::NoPartSeen, reason()))
     }
 
     fn untold(&self, now: Duration, vitals: &Vitals, longest: Duration) -> Option<StopCause> {
         let since_ms = vitals.untold_ms.load(Ordering::Relaxed);
         let waited = self.since(now, since_ms);
         let reason = || format!("nothing could be told for {:.1} s", waited.as_secs_f64());
-        (since_ms != 0 && waited > longest).then(|| reason().as_str().into())
+        (since_ms != 0 && waited > longest).then(|| StopCause::of(EndCause::EventsBlocked, reason()))
     }
 
     fn unwritten(&self, now: Duration, since: Duration, longest: Duration) -> Option<StopCause> {
         let waited = now.saturating_sub(since.max(self.memory.went_on));
         let reason = || format!("the journal could not be written for {:.1} s", waited.as_secs_f64());
-        (waited > longest).then(|| reason().as_str().into())
+        (waited > longest).then(|| StopCause::of(EndCause::JournalBlocked, reason()))
     }
 }
 
 /// A run that was too slow for strict deadlines.
 fn too_busy(what: &str, real_time: bool) -> StopCause {
-    StopCause { cause: EndCause::DeadlineMissed, reason: format!("{what}; {}", StopCause::too_busy(real_time)) }
+    StopCause::of(EndCause::DeadlineMissed, format!("{what}; {}", StopCause::too_busy(real_time)))
 }
 
 pub(super) fn ms(time: Duration) -> u64 {

@@ -7,6 +7,7 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
+use super::Pause;
 use super::attend::Attend;
 use super::crier::Item;
 use super::disk::{Disk, Rates};
@@ -20,7 +21,7 @@ use upm_core::priority::go_first;
 use upm_core::rig::Trip;
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
 use upm_recording::{
-    Keeping, OnFull, Outcome, RecordingState, RecordingSwitch, RerunMode, ScribeMode, ScribeWatch, StopCode,
+    Keeping, OnFull, Outcome, RecordingState, RecordingSwitch, RerunMode, ScribeMode, ScribeWatch, StopCode, StopReport,
 };
 use upm_runner::config::{DeadlinePolicy, JobSpec, Origin};
 use upm_runner::run::{FolderState, Links, RunFolder, RunOptions, RunResult, run_linked};
@@ -119,8 +120,8 @@ impl Worker {
         self.place.disk.release(&id);
         let cause = self.shared.ends();
         let lost_parts = done.as_ref().map_or(0, |run| run.report.lost_parts);
-        let stop = done.as_ref().ok().and_then(|run| run.report.stop.as_ref());
-        let stopped_by_guard = stop.is_some_and(|stop| stop.code.pauses_plate());
+        let stop = done.as_ref().ok().and_then(|run| run.report.stop.clone());
+        let stopped_by_guard = stop.as_ref().is_some_and(|stop| stop.code.pauses_plate());
         let mut end = self.end_of(done, cause.as_ref());
         if recording.state() == RecordingState::Whole {
             self.rates.add(recording.bytes(), end.at.secs());
@@ -132,9 +133,9 @@ impl Worker {
         end.recording = kept;
         if lost_parts > 0 || stopped_by_guard {
             // a person puts it back, takes it away, or looks what is wrong
-            self.pause_after(&end.reason);
+            self.shared.pause(Some(Pause::after(stop.as_ref(), &end.reason)));
         }
-        self.settle_interlock(&end.reason);
+        self.settle_interlock(stop.as_ref(), &end.reason);
         if claimed.row.standing {
             self.settle_standing(&end, cause.as_ref());
         }
@@ -238,18 +239,14 @@ impl Worker {
         }
     }
 
-    fn pause_after(&self, reason: &str) {
-        self.shared.pause(Some(format!("the last job was stopped: {reason}")));
-    }
-
     /// A trip that no person made ends with the run it stopped, and pauses the plate.
-    fn settle_interlock(&self, reason: &str) {
+    fn settle_interlock(&self, stop: Option<&StopReport>, reason: &str) {
         let shared = &*self.shared;
         match shared.interlock.tripped() {
             None | Some(Trip::EStop) => {}
             Some(trip) => {
                 if trip != Trip::Shutdown {
-                    self.pause_after(reason);
+                    shared.pause(Some(Pause::after(stop, reason)));
                 }
                 shared.interlock.release(trip);
             }

@@ -28,8 +28,8 @@ pub use desk::{Asset, Desk, Order, Picture, Promise, Recording, Refusal, Reply, 
 pub use feed::{Event, Feed, Opening, Replayed};
 pub use traffic::{Requests, Traffic};
 pub use types::{
-    EStopped, Job, JobState, JobsPage, Pace, Plate, PlateState, Plates, RecordingState, ResetRequest, StandingJob,
-    StandingState, Well,
+    EStopped, Job, JobState, JobsPage, Pace, PauseCause, Plate, PlateState, Plates, RecordingState, ResetRequest,
+    StandingJob, StandingState, Well,
 };
 
 /// What the API is put together from.

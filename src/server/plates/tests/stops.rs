@@ -226,7 +226,7 @@ fn the_last_word_of_control_ends_the_watch() {
     let (told, [first, _]) = house.keep_busy(plate);
     next(&told, "look");
     assert!(plate.shared.driven().is_some_and(|(job, _)| job == first));
-    plate.shared.pause(Some("after this one".to_owned()));
+    plate.shared.pause(Some(Pause::new("test", "after this one", "none")));
     assert!(plate.cancel(&first));
     assert_eq!(next(&told, "finished")["state"], "cancelled");
     assert!(plate.shared.vitals.is_over());
@@ -250,54 +250,6 @@ fn a_job_that_had_begun_is_not_run_over_what_it_left() {
     assert_eq!(std::fs::read_to_string(&journal).unwrap(), "what there was\n");
     next(&told, "finished");
     assert_eq!(house.row(&empty).state, JobState::Completed, "an empty folder is no run");
-}
-
-#[test]
-fn a_lost_part_stops_the_plate_for_a_person_to_look() {
-    let house = House { allow_faults: true, ..House::new() };
-    let plates = house.open(None);
-    let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    let text = TWO_COINS
-        .replace("\"seed\"", r#""faults": [{"component": "part0", "kind": "removed", "from_s": 0.2}], "seed""#);
-    let lost = house.submit(plate, &text, JobPace::Max);
-    assert_eq!(next(&told, "finished")["state"], "failed");
-    let reason = house.row(&lost).reason;
-    assert!(reason.contains("is lost, last seen at"), "{reason}");
-    assert_eq!(plate.paused(), Some(format!("the last job was stopped: {reason}")));
-}
-
-#[test]
-fn job_with_faults_is_refused_unless_the_file_allows_them() {
-    let house = House::new();
-    let plates = house.open(None);
-    let text = TWO_COINS.replace("\"seed\"", r#""faults": [{"component": "camera", "kind": "freeze"}], "seed""#);
-    let refused = plates.get("one").unwrap().validate(&text, JobPace::Max, None).unwrap_err();
-    let line = "job: faults: found 1 fault, allowed: none, unless the daemon's file says \"allow_faults\": true";
-    assert_eq!(refused.iter().map(ToString::to_string).collect::<Vec<_>>(), [line]);
-}
-
-#[test]
-fn an_end_by_a_guard_stops_the_plate_for_a_person_to_look() {
-    let house = House::new();
-    let mut wrong = library();
-    for entry in &mut wrong.entries {
-        entry.amplitudes = entry.amplitudes.map(|amplitude| -amplitude);
-    }
-    let plates = house.open_by(wrong, None, |_| {});
-    let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    let away = r#"{ "name": "away", "seed": 3, "planner": "cor_sequence",
-        "parts": [{ "kind": "penny", "position_mm": [70, 0] }, { "kind": "penny", "position_mm": [-30, 0] }],
-        "task": { "type": "arrange", "targets_mm": [[0, 0], [-30, 0]] } }"#;
-    let [away, next_one] = [away, TWO_COINS].map(|text| house.submit(plate, text, JobPace::Max));
-    assert_eq!(next(&told, "finished")["state"], "failed");
-    let reason = house.row(&away).reason;
-    assert!(reason.contains("the plate moved 200 % off the plan"), "{reason}");
-    assert_eq!(plate.paused(), Some(format!("the last job was stopped: {reason}")));
-    assert_eq!(house.row(&next_one).state, JobState::Queued);
-    assert!(plate.resume(who("ann")));
-    next(&told, "finished");
 }
 
 #[test]

@@ -153,6 +153,16 @@ pub struct StandingJob {
     pub why: String,
 }
 
+/// Why a plate is paused.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct PauseCause {
+    /// A name for programs: that of `stop` in the job's report where the end of a job paused the plate, else `reset`,
+    /// `restarted`, `crashed`, `store_damaged`, `data_displaced` or `stopped`.
+    pub code: String,
+    /// What to check or do before the plate goes on.
+    pub remedy: String,
+}
+
 /// A plate at one moment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Plate {
@@ -162,6 +172,9 @@ pub struct Plate {
     pub state: PlateState,
     /// Why it does nothing; empty when it does something or could.
     pub why: String,
+    /// The cause of its pause; null unless it is paused.
+    #[serde(default)]
+    pub pause: Option<PauseCause>,
     /// Id of the job it has.
     pub job: Option<String>,
     /// The job that runs whenever its queue is empty; null when it has none.

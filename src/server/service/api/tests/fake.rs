@@ -70,6 +70,7 @@ fn plate() -> Plate {
     Plate {
         name: PLATE.to_owned(),
         state: PlateState::Idle,
+        pause: None,
         why: String::new(),
         job: None,
         standing_job: None,

@@ -1,0 +1,92 @@
+//! Ends by a guard: the plate waits for a person, and tells the cause and the remedy.
+
+use super::*;
+
+/// The end of a job with one fault on a plate that is watched: its report, and the pause of the plate.
+fn ended_with(component: &str, kind: &str, from_s: f64, to_s: Option<f64>) -> (serde_json::Value, Option<Pause>) {
+    let house = House { allow_faults: true, ..House::new() };
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let fault = serde_json::json!([{"component": component, "kind": kind, "from_s": from_s, "to_s": to_s}]);
+    let text = TWO_COINS.replace("\"seed\"", &format!("\"faults\": {fault}, \"seed\""));
+    let [job, behind] = [&text, TWO_COINS].map(|text| house.submit(plate, text, JobPace::Max));
+    next(&told, "finished");
+    let report = serde_json::from_str(&house.row(&job).report_json.unwrap()).unwrap();
+    let pause = plate.paused();
+    if pause.is_some() {
+        assert_eq!(house.row(&behind).state, JobState::Queued);
+        assert!(plate.resume(who("ann")));
+    }
+    assert_eq!(next(&told, "finished")["state"], "completed");
+    (report, pause)
+}
+
+#[test]
+fn control_waits_for_sight_as_long_as_its_guards_allow_whatever_the_watchdog_sees() {
+    assert!(WATCHDOG.no_part_s < 1.0, "the watchdog would be first");
+    let (report, pause) = ended_with("camera", "freeze", 0.3, Some(1.3));
+    assert_eq!((report["outcome"].as_str(), pause), (Some("completed"), None), "{}", report["reason"]);
+    for (kind, code) in [("freeze", "camera_frozen"), ("dark", "camera_dark")] {
+        let (report, pause) = ended_with("camera", kind, 0.3, None);
+        let pause = pause.unwrap();
+        assert_eq!((report["stop"]["code"].as_str(), pause.code), (Some(code), code), "{}", report["reason"]);
+        assert_eq!(report["stop"]["remedy"], pause.remedy);
+    }
+}
+
+#[test]
+fn a_lost_part_stops_the_plate_for_a_person_to_look() {
+    let house = House { allow_faults: true, ..House::new() };
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let text = TWO_COINS
+        .replace("\"seed\"", r#""faults": [{"component": "part0", "kind": "removed", "from_s": 0.2}], "seed""#);
+    let lost = house.submit(plate, &text, JobPace::Max);
+    assert_eq!(next(&told, "finished")["state"], "failed");
+    let reason = house.row(&lost).reason;
+    assert!(reason.contains("is lost, last seen at"), "{reason}");
+    let pause = plate.paused().unwrap();
+    assert_eq!(pause.why, format!("the last job was stopped: {reason}"));
+    let report: serde_json::Value = serde_json::from_str(&house.row(&lost).report_json.unwrap()).unwrap();
+    assert_eq!(report["stop"]["code"], pause.code);
+    assert!(reason.ends_with(&format!("; {}", pause.remedy)), "{reason}: {}", pause.remedy);
+}
+
+#[test]
+fn job_with_faults_is_refused_unless_the_file_allows_them() {
+    let house = House::new();
+    let plates = house.open(None);
+    let text = TWO_COINS.replace("\"seed\"", r#""faults": [{"component": "camera", "kind": "freeze"}], "seed""#);
+    let refused = plates.get("one").unwrap().validate(&text, JobPace::Max, None).unwrap_err();
+    let line = "job: faults: found 1 fault, allowed: none, unless the daemon's file says \"allow_faults\": true";
+    assert_eq!(refused.iter().map(ToString::to_string).collect::<Vec<_>>(), [line]);
+}
+
+#[test]
+fn an_end_by_a_guard_stops_the_plate_for_a_person_to_look() {
+    let house = House::new();
+    let mut wrong = library();
+    for entry in &mut wrong.entries {
+        entry.amplitudes = entry.amplitudes.map(|amplitude| -amplitude);
+    }
+    let plates = house.open_by(wrong, None, |_| {});
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let away = r#"{ "name": "away", "seed": 3, "planner": "cor_sequence",
+        "parts": [{ "kind": "penny", "position_mm": [70, 0] }, { "kind": "penny", "position_mm": [-30, 0] }],
+        "task": { "type": "arrange", "targets_mm": [[0, 0], [-30, 0]] } }"#;
+    let [away, next_one] = [away, TWO_COINS].map(|text| house.submit(plate, text, JobPace::Max));
+    assert_eq!(next(&told, "finished")["state"], "failed");
+    let reason = house.row(&away).reason;
+    assert!(reason.contains("the plate moved 200 % off the plan"), "{reason}");
+    let pause = plate.paused().unwrap();
+    assert_eq!(pause.why, format!("the last job was stopped: {reason}"));
+    let report: serde_json::Value = serde_json::from_str(&house.row(&away).report_json.unwrap()).unwrap();
+    assert_eq!(report["stop"]["code"], pause.code);
+    assert!(reason.ends_with(&format!("; {}", pause.remedy)), "{reason}: {}", pause.remedy);
+    assert_eq!(house.row(&next_one).state, JobState::Queued);
+    assert!(plate.resume(who("ann")));
+    next(&told, "finished");
+}
