@@ -25,6 +25,8 @@ pub struct SimRig {
     camera: Camera,
     probe: GroundTruthHandle,
     exposure: [Snapshot; EXPOSURE_SNAPSHOTS],
+    /// How many times as long the shutter is open as it should be.
+    exposure_factor: f64,
     last_frame: u64,
     quiet_at: PlateTime,
     rest_s: f64,
@@ -44,6 +46,7 @@ impl SimRig {
             camera: Camera::new(params.camera, params.plate.side_m, discs, streams.stream("camera")),
             probe: GroundTruthHandle::default(),
             exposure: Default::default(),
+            exposure_factor: 1.0,
             last_frame: 0,
             quiet_at: PlateTime::ZERO,
             rest_s: 0.0,
@@ -146,7 +149,7 @@ impl Rig for SimRig {
 
     fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
         self.obey()?;
-        let exposure = Exposure::next(self.camera.params(), self.now(), self.last_frame);
+        let exposure = Exposure::next(self.camera.params(), self.exposure_factor, self.now(), self.last_frame);
         self.advance_to(exposure.opens);
         let taken = if self.plant.is_still() {
             self.advance_to(exposure.middle);

@@ -75,7 +75,7 @@ def as_text(faults):
 def is_blinding(fault):
     """True for a fault that hides the plate from the camera, or may."""
     small = fault.name == "camera drop" and fault.value[0] <= 0.5
-    dim = fault.name == "light gain" and not 0.3 <= fault.value[0] <= 1.5
+    dim = fault.name in ("light gain", "camera exposure") and not 0.3 <= fault.value[0] <= 1.5
     return dim or not small and fault.name in ("camera dark", "camera garbage", "camera drop", "view hand")
 
 
@@ -90,6 +90,7 @@ def harmless(fault):
         "camera late": size <= 1,
         "camera shift": size <= 0.3,
         "light gain": 0.5 <= size <= 1.1,
+        "camera exposure": 0.5 <= size <= 1.1,
         "light flicker": True,
         "view hand": length_s <= 2.0,
         "coil gain": 0.95 <= size <= 1.05 and fault.value[0] > 0,
@@ -207,5 +208,8 @@ def drawn(rng, parts, is_liveness, job_end_s=None):
         if is_liveness:
             begin_s, end_s = min(begin_s, LIVENESS_END_S - 0.1), min(end_s, LIVENESS_END_S)
         value = tuple(round(v, 3) for v in draw(rng))
+        if (component, kind) == ("light", "gain") and round(value[0] * 1000) % 2:
+            # half of them without a draw of their own, so that the other faults of a seed stay what they were
+            component, kind = "camera", "exposure"
         faults.append(Fault(component, kind, value, round(begin_s, 3), FOR_GOOD if end_s == FOR_GOOD else round(end_s, 3)))
     return faults

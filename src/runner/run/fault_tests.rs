@@ -143,6 +143,7 @@ fn faults_that_pass_are_waited_for_and_the_run_completes_truly() {
         ("camera:shift=3;0@0.5", "camera_moved"),
         ("camera:shift=20;10@0.5", "camera_moved"),
         ("view:hand=0.33@0.5-1.5", "view_hidden"),
+        ("camera:exposure=0.03@0.5-1.2", "camera_dark"),
         ("accel0:dead@0", "accelerometer_fault"),
         ("coil0:gain=0.85@0", "coil_fault"),
     ] {

@@ -82,6 +82,7 @@ impl Draw {
             FaultKind::Shift => [self.signed([0.2, 120.0]), self.signed([0.2, 120.0]), 0.0],
             FaultKind::Rotate => [self.signed([0.05, 20.0]), 0.0, 0.0],
             FaultKind::Gain | FaultKind::Resonance => [self.log_uniform([0.5, 2.0]), 0.0, 0.0],
+            FaultKind::Exposure => [self.log_uniform([0.05, 2.0]), 0.0, 0.0],
             FaultKind::Friction => [self.log_uniform([0.2, 5.0]), 0.0, 0.0],
             FaultKind::Flicker => [self.log_uniform([0.5, 120.0]), 0.0, 0.0],
             FaultKind::LowPass => [self.log_uniform([20.0, 500.0]), 0.0, 0.0],

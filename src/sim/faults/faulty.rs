@@ -166,7 +166,7 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
             (_, FaultKind::Shift) => picture::knock(frame, Vec2::new(value, fault.values[1]), 0.0),
             (_, FaultKind::Rotate) => picture::knock(frame, Vec2::zeros(), value.to_radians()),
             (_, FaultKind::Mirror) => picture::mirror(frame),
-            (Component::Light, FaultKind::Gain) => picture::light(frame, value.max(0.0)),
+            (Component::Light, FaultKind::Gain) | (_, FaultKind::Exposure) => picture::light(frame, value.max(0.0)),
             (_, FaultKind::Flicker) => {
                 picture::light(frame, 1.0 + FLICKER * (TAU * value * (at - fault.from)).sin());
             }
@@ -301,6 +301,7 @@ fn plant_faults<'f>(held: impl Iterator<Item = &'f FaultSpec>, parts: usize) -> 
             Component::Parts if fault.kind == FaultKind::Friction => {
                 plant.friction.iter_mut().for_each(|friction| *friction *= value);
             }
+            Component::Camera if fault.kind == FaultKind::Exposure => plant.exposure = value,
             Component::Plate => match fault.kind {
                 FaultKind::Tilt => plant.pull_mps2.x += GRAVITY_MPS2 * value.to_radians().sin(),
                 FaultKind::Resonance => plant.resonance = value,

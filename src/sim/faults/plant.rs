@@ -12,6 +12,8 @@ pub struct PlantFaults {
     pub pull_mps2: Vec2,
     /// Factor on the plate's natural frequencies; 0 stands for 1.
     pub resonance: f64,
+    /// Factor on the camera's exposure time; 0 stands for 1.
+    pub exposure: f64,
     /// A slippery spot.
     pub oil: Option<Oil>,
     /// Parts that are taken off, by index.

@@ -126,6 +126,8 @@ pub enum FaultKind {
     Rotate,
     /// The picture is mirrored.
     Mirror,
+    /// The shutter is open this many times as long: the picture is as much brighter, and smeared.
+    Exposure,
     /// Too much or too little, by this factor.
     Gain,
     /// Light that goes up and down by 30 %, Hz.
@@ -182,7 +184,7 @@ pub enum FaultKind {
 
 impl FaultKind {
     /// All of them.
-    pub const ALL: [Self; 34] = [
+    pub const ALL: [Self; 35] = [
         Self::Freeze,
         Self::Late,
         Self::Drop,
@@ -191,6 +193,7 @@ impl FaultKind {
         Self::Shift,
         Self::Rotate,
         Self::Mirror,
+        Self::Exposure,
         Self::Gain,
         Self::Flicker,
         Self::Hand,
@@ -260,6 +263,7 @@ impl FaultKind {
             Self::Shift => ("shift", &["camera"], SHIFT),
             Self::Rotate => ("rotate", &["camera"], const { &[any("degrees", -180.0, 180.0)] }),
             Self::Mirror => ("mirror", &["camera"], &[]),
+            Self::Exposure => ("exposure", &["camera"], const { &[any("a factor", 0.01, 100.0)] }),
             Self::Gain => ("gain", &["light", "coil", "coils", "accel"], GAIN),
             Self::Flicker => ("flicker", &["light"], HZ),
             Self::Hand => ("hand", &["view"], SHARE),

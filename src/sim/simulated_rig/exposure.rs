@@ -5,6 +5,9 @@ use upm_core::time::PlateTime;
 pub(super) const EXPOSURE_SNAPSHOTS: usize = 5;
 pub(super) const MIDDLE: usize = EXPOSURE_SNAPSHOTS / 2;
 
+/// Share of a frame in which the shutter is open at most.
+const LONGEST: f64 = 0.9;
+
 /// When the shutter opens and closes around the middle of frame `index`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Exposure {
@@ -15,9 +18,11 @@ pub(super) struct Exposure {
 }
 
 impl Exposure {
-    /// The first exposure that opens at `now` or later, after frame `last`.
-    pub(super) fn next(params: &CameraParams, now: PlateTime, last: u64) -> Self {
-        let length_s = params.exposure_s.max(0.0);
+    /// The first exposure that opens at `now` or later, after frame `last`; it lasts `factor` times as long as it should,
+    /// at most nearly a frame.
+    pub(super) fn next(params: &CameraParams, factor: f64, now: PlateTime, last: u64) -> Self {
+        let longest_s = params.exposure_s.max(LONGEST / params.frame_hz);
+        let length_s = (params.exposure_s * factor).clamp(0.0, longest_s);
         let index_now = ((now.secs() + 0.5 * length_s) * params.frame_hz).floor().max(0.0) as u64;
         let mut index = index_now.max(last + 1);
         loop {

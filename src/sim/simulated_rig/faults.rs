@@ -5,6 +5,7 @@ use upm_core::geometry::Vec2;
 impl FaultyPlant for SimRig {
     fn set_faults(&mut self, faults: &PlantFaults) {
         self.plant.set_faults(faults);
+        self.exposure_factor = if faults.exposure > 0.0 { faults.exposure } else { 1.0 };
     }
 
     fn change(&mut self, change: PlantChange) {
