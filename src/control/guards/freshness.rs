@@ -5,6 +5,8 @@ use upm_core::time::PlateTime;
 const BANDS: usize = 4;
 /// One row of so many is looked at.
 const ROW_STEP: usize = 8;
+/// Hashes that are computed side by side.
+const LANES: usize = 4;
 /// Pictures that are remembered: a camera may play the same few again and again.
 const REMEMBERED: usize = 8;
 /// A stamp may be older than the present by so many frames.
@@ -95,20 +97,26 @@ impl Freshness {
 
 /// Of some rows between `rows`; `None` where all their pixels are equal: black or white shows no noise.
 fn hash(frame: &Frame, rows: std::ops::Range<usize>) -> Option<u64> {
-    let mut hash = 0xcbf2_9ce4_8422_2325u64;
-    let (mut least, mut most) = (u8::MAX, u8::MIN);
+    // lanes that do not wait for each other's products
+    let mut lanes = [0xcbf2_9ce4_8422_2325u64; LANES];
+    let first = frame.pixels.get(rows.start * frame.width)?;
+    let mut is_uniform = true;
     for y in rows.step_by(ROW_STEP) {
         let row = frame.pixels.get(y * frame.width..(y + 1) * frame.width)?;
-        let (words, rest) = row.as_chunks::<8>();
-        for word in words {
-            hash = (hash.rotate_left(5) ^ u64::from_le_bytes(*word)).wrapping_mul(0x0100_0000_01b3_9e3d);
+        is_uniform = is_uniform && row.iter().all(|pixel| pixel == first);
+        let (blocks, rest) = row.as_chunks::<{ 8 * LANES }>();
+        for block in blocks {
+            for (lane, word) in lanes.iter_mut().zip(block.as_chunks::<8>().0) {
+                *lane = mixed(*lane, u64::from_le_bytes(*word));
+            }
         }
-        for &pixel in rest {
-            hash = (hash.rotate_left(5) ^ u64::from(pixel)).wrapping_mul(0x0100_0000_01b3_9e3d);
-        }
-        (least, most) = row.iter().fold((least, most), |(a, b), &pixel| (a.min(pixel), b.max(pixel)));
+        lanes[0] = rest.iter().fold(lanes[0], |lane, &pixel| mixed(lane, u64::from(pixel)));
     }
-    (least < most).then_some(hash)
+    (!is_uniform).then(|| lanes.into_iter().fold(0, mixed))
+}
+
+fn mixed(hash: u64, word: u64) -> u64 {
+    (hash.rotate_left(5) ^ word).wrapping_mul(0x0100_0000_01b3_9e3d)
 }
 
 #[cfg(test)]
