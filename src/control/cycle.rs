@@ -171,6 +171,7 @@ struct Cycle<'a> {
 impl Cycle<'_> {
     fn until_end(&mut self) -> Finish {
         let mut last_pulse_at = self.rig.now();
+        self.goal.first_seen(&self.eyes.positions_m());
         let mut look = self.look_at_rest();
         let ending = loop {
             look = match look {

@@ -37,12 +37,19 @@ impl Hold {
 }
 
 impl Goal for Hold {
+    fn first_seen(&mut self, parts_in_table_m: &[Vec2]) {
+        let HoldParams { half_side_m, discs, .. } = &self.params;
+        let motions = Motions::Independent;
+        self.steering = Some(Steering::new(&motions, discs, *half_side_m, &[], Vec::new(), parts_in_table_m));
+    }
+
     fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
-        let HoldParams { half_side_m, discs, duration_s, arrive_m } = &self.params;
         let of = parts_in_table_m.len();
-        let steering = self.steering.take().filter(|steering| steering.seen_m().len() == of);
-        let begin = || Steering::new(&Motions::Independent, discs, *half_side_m, &[], Vec::new(), parts_in_table_m);
-        let steering = self.steering.insert(steering.unwrap_or_else(begin));
+        if self.steering.as_ref().is_none_or(|steering| steering.seen_m().len() != of) {
+            self.first_seen(parts_in_table_m);
+        }
+        let Some(steering) = &mut self.steering else { return Wanted::default() };
+        let HoldParams { duration_s, arrive_m, .. } = &self.params;
         steering.look(parts_in_table_m);
 
         let furthest_m = steering.distances_m().fold(0.0, f64::max);
@@ -71,6 +78,14 @@ mod tests {
     use super::*;
 
     const PARAMS: HoldParams = HoldParams { half_side_m: 0.1524, discs: Vec::new(), duration_s: 2.0, arrive_m: 0.0005 };
+
+    #[test]
+    fn parts_moved_between_the_first_look_and_the_first_cycle_are_brought_back() {
+        let (mut goal, home) = (Hold::new(PARAMS), [Vec2::new(0.02, 0.0)]);
+        goal.first_seen(&home);
+        let wanted = goal.next(PlateTime::from_secs(5.0), &[Vec2::new(0.021, 0.0)]);
+        assert_eq!((wanted.targets_m, wanted.phase.as_str()), (home.to_vec(), "bringing back what drifted"));
+    }
 
     #[test]
     fn parts_are_let_be_until_they_drift_and_then_brought_back() {

@@ -67,6 +67,9 @@ pub struct Wanted {
 
 /// A task as a source of subgoals.
 pub trait Goal {
+    /// Takes where the parts were found at the very first look, however long it takes until the first [`Goal::next`].
+    fn first_seen(&mut self, _parts_in_table_m: &[Vec2]) {}
+
     /// Looks at where the parts are and says what is wanted next. Called once a cycle, in order of time.
     fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted;
 }
