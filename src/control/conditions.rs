@@ -6,6 +6,8 @@ use upm_planner::{Limit, Method, PlanStatus};
 
 /// Cycles in a row without a condition after which it has ended: a plan that fails every other cycle is one condition.
 const QUIET_CYCLES: u64 = 20;
+/// Time without a condition of sight after which it has ended, s.
+const QUIET_S: f64 = 0.5;
 
 /// A state of a run that may last over many cycles and that an operator should know of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -205,6 +207,18 @@ struct Active {
     times: u64,
 }
 
+impl Active {
+    /// True for a condition that keeps the plate out of sight, and that has not been noted for a while: it is noted with every
+    /// frame while it holds.
+    fn is_out_of_sight_no_more(&self, at: PlateTime) -> bool {
+        let is_of_sight = matches!(
+            self.condition,
+            Condition::CameraFrozen | Condition::CameraStale | Condition::CameraDark | Condition::ViewHidden
+        );
+        is_of_sight && at - self.last_at > QUIET_S
+    }
+}
+
 impl Conditions {
     /// True while `condition` is reported as begun and not as ended.
     pub fn holds(&self, condition: Condition) -> bool {
@@ -215,7 +229,7 @@ impl Conditions {
     pub fn note(&mut self, at: PlateTime, condition: Condition, reason: impl FnOnce() -> String, sink: &mut dyn Sink) {
         let cycle = self.cycle;
         match self.active.iter_mut().find(|active| active.condition == condition) {
-            Some(active) if active.last_cycle == cycle => {}
+            Some(active) if active.last_cycle == cycle => active.last_at = at,
             Some(active) => (active.last_at, active.last_cycle, active.times) = (at, cycle, active.times + 1),
             None => {
                 let reason = reason();
@@ -229,12 +243,14 @@ impl Conditions {
     /// Ends the present cycle. Tells `sink` of conditions that have not held for a while.
     pub fn end_cycle(&mut self, at: PlateTime, sink: &mut dyn Sink) {
         let cycle = self.cycle;
-        self.end(at, "no longer", sink, |active| active.last_cycle + QUIET_CYCLES <= cycle);
+        let is_over = |active: &Active| active.last_cycle + QUIET_CYCLES <= cycle || active.is_out_of_sight_no_more(at);
+        self.end(at, "no longer", sink, is_over);
         self.cycle += 1;
     }
 
     /// Ends the run. Tells `sink` of every condition that held until now.
     pub fn end_run(&mut self, at: PlateTime, sink: &mut dyn Sink) {
+        self.end(at, "no longer", sink, |active| active.is_out_of_sight_no_more(at));
         self.end(at, "until the end", sink, |_| true);
     }
 
@@ -289,6 +305,19 @@ mod tests {
         assert_eq!((*at_s, *code), (39.0, "steps_meet_parts"), "twenty quiet cycles after cycle 19");
         assert_eq!(*change, ConditionChange::Ended { times: 17, lasted_s: 16.0 });
         assert_eq!(text, "no longer: reason of cycle 3 (in 17 cycles over 16.0 s)");
+    }
+
+    #[test]
+    fn condition_of_sight_ends_soon_after_it_was_last_noted() {
+        let (mut conditions, mut told) = (Conditions::default(), Told::default());
+        let at = |tenths: u32| PlateTime::from_secs(0.1 * f64::from(tenths));
+        for tenths in 0..=20 {
+            conditions.note(at(tenths), Condition::ViewHidden, || "hidden".into(), &mut told);
+        }
+        conditions.end_cycle(at(22), &mut told);
+        assert_eq!(told.0.len(), 1, "it may come back");
+        conditions.end_cycle(at(30), &mut told);
+        assert_eq!(told.0[1].3, "no longer: hidden (in 1 cycle over 2.0 s)");
     }
 
     #[test]

@@ -55,7 +55,8 @@ pub fn fit_twist(
     let residual_rms_mps2 = (residual_sum / (CHANNELS * window.samples.len()) as f64).sqrt();
     let variance = |k: usize| fits.iter().map(|fit| fit.sd[k] * fit.sd[k]).sum::<f64>() / CHANNELS as f64;
     let accel_sd_mps2 = std::array::from_fn(|k| variance(k).sqrt());
-    Ok(TwistFit { accel_mps2, accel_sd_mps2, residual_rms_mps2, wave, axes, pump, quality })
+    let channel_residual_mps2 = fits.map(|fit| (fit.residual_sum / window.samples.len() as f64).sqrt());
+    Ok(TwistFit { accel_mps2, accel_sd_mps2, channel_residual_mps2, residual_rms_mps2, wave, axes, pump, quality })
 }
 
 fn refuse_bad(sensors: &AccelerometerPair) -> Result<(), FitFault> {

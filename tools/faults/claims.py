@@ -102,6 +102,11 @@ def is_matched(count, fits):
 def of_hold(run, _, at, bar_mm):
     """Every part where it was in one of the first frames."""
     first = [parts for _, parts in run.truth[:FIRST_FRAMES]]
+    # the truth begins with the second frame: a part moved by hand before that was elsewhere in the first one
+    # (which one of equal parts it was, the reports do not tell)
+    moved = [f for f in run.fired() if f.name == "part moved" and first and f.from_s < run.truth[0][0]]
+    for fault in moved:
+        first.append([[place[axis] - fault.value[axis] for axis in (0, 1)] for place in first[0]])
     for part, place in enumerate(at):
         moved_mm = min((math.dist(parts[part][:2], place[:2]) for parts in first), default=0.0)
         if moved_mm > bar_mm:

@@ -154,7 +154,11 @@ def sees_truly(run, pulse):
 
 
 def late(run, fault):
-    blind = [pulse for pulse in run.pulses if fault.holds(pulse.start_s) and not was_cut_short(run, pulse)]
+    # a knock hides how late the pictures before it were: pulses are counted from where the table is located anew
+    knocks_s = [other.from_s for other in run.fired() if other.name in ("camera shift", "camera rotate")]
+    anew_s = [row["at_s"] for row in run.localised[1:] if any(at_s < row["at_s"] for at_s in knocks_s)]
+    since_s = max(anew_s, default=0.0)
+    blind = [p for p in run.pulses if p.start_s >= since_s and fault.holds(p.start_s) and not was_cut_short(run, p)]
     # equal pulses as far apart as the pictures are late look as if they were in time
     starts_s = [pulse.start_s for pulse in run.pulses]
     alike = {b for a, b in zip(starts_s, starts_s[1:]) if abs((b - a) / run.frame_s - fault.value[0]) <= ALIKE_FRAMES}

@@ -4,9 +4,10 @@ import math
 from . import claims
 
 FUTILE, NEAR, DETOUR = 20, 100, 200
-# the program judges by what it sees: as many cycles more, since small steps look different to it
+# the program judges by what it sees: as many cycles more, since small steps look different to it, and progress that looks
+# like 1 % or 5 % to it may truly be a fifth less
 SLACK = 5
-NEAR_TOLERANCES, SHARE, PART_SHARE, NEW_MM = 6.0, 0.01, 0.05, 1.0
+NEAR_TOLERANCES, SHARE, PART_SHARE, NEW_MM = 6.0, 0.008, 0.04, 1.0
 
 
 def violations(run):
@@ -22,7 +23,8 @@ def violations(run):
             exchanged = any(claims.unseen_exchanges(run, true))
             yield "O4", f"{why} by {cycle['observed_at_s']:.3f} s", exchanged
             return
-        played = bool(cycle["sent"])
+        # the rest of a sequence of rotations may lead away before it leads near: it counts as one plan with its beginning
+        played = bool(cycle["sent"]) and not cycle.get("plan", {}).get("continues")
 
 
 class Watch:

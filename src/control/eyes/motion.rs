@@ -13,6 +13,8 @@ use upm_core::time::PlateTime;
 pub(super) const REACH_M: f64 = 3e-3;
 /// Part of the way that a pulse should carry it by which it may be off.
 const REACH_OF_WAY: f64 = 0.7;
+/// Beyond that, not even a hand that pushes a part takes it so far from one look to the next, m: it is another disc.
+const LEAP_M: f64 = 0.04;
 
 impl Eyes {
     /// Announces a pulse at `at` that should carry the parts to `forecast_m` and swing the plate by `swing`; `None` where the
@@ -79,7 +81,11 @@ impl Eyes {
         let places_m = self.positions_m();
         let is_far = |(place_m, (expected_m, reach_m)): (&Vec2, &(Vec2, f64))| (place_m - expected_m).norm() > *reach_m;
         let far = places_m.iter().zip(&self.expected_m).filter(|&part| is_far(part)).count();
-        if far < 2 || 2 * far <= places_m.len() || !self.guards.has(Condition::PartsJumped) {
+        let leaps =
+            |(place_m, (expected_m, reach_m)): (&Vec2, &(Vec2, f64))| (place_m - expected_m).norm() > reach_m + LEAP_M;
+        let is_leap = places_m.iter().zip(&self.expected_m).any(leaps);
+        let are_many = far >= 2 && 2 * far > places_m.len();
+        if !(are_many || is_leap) || !self.guards.has(Condition::PartsJumped) {
             return Ok(());
         }
         let reason = format!("{far} of {} parts lie where the last pulse cannot have carried them", places_m.len());

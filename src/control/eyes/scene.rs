@@ -16,6 +16,10 @@ const SWING_CORNER_PX: f64 = 0.95;
 const SWING_SHIFT_PX: f64 = 0.7;
 /// The same once it has swung out.
 const STILL_PX: f64 = 0.25;
+/// A shift from one look to the next from which on the plate still swings, px, and how long it must be still before it has
+/// swung out, s: half of the slowest swing.
+const SWINGS_PX: f64 = 0.1;
+const STILL_S: f64 = 0.12;
 /// A share of the plate below this counts as in view.
 const HIDDEN: f64 = 0.02;
 /// The same while the plate moves and shows its ground at the sides.
@@ -91,6 +95,8 @@ pub(super) struct Scene {
     foreign_m: Option<Vec2>,
     /// Since a table was located anew: when the plate will have swung out, to be measured from there.
     rest_from: Option<PlateTime>,
+    /// How far the plate had shifted in the last look at it since then, px.
+    shift_px: Vec2,
 }
 
 impl Scene {
@@ -101,6 +107,7 @@ impl Scene {
             plate: PlateWatch::new(table, model.frame_size_px, kinds, model.dark_parts),
             foreign_m: None,
             rest_from: None,
+            shift_px: Vec2::zeros(),
         }
     }
 
@@ -127,7 +134,7 @@ impl Scene {
             TableMotion::Seen { corner_px, shift_px, .. }
                 if corner_px < SWING_CORNER_PX && shift_px.norm() < SWING_SHIFT_PX =>
             {
-                self.settle(frame)
+                self.settle(frame, shift_px)
             }
             TableMotion::Seen { corner_px, .. } => Place::Elsewhere { corner_px },
             TableMotion::Displaced => Place::Elsewhere { corner_px: f64::INFINITY },
@@ -157,8 +164,13 @@ impl Scene {
         if sight.dark { Some(Blind::Dark) } else { (sight.hidden_share > COVERED).then_some(Blind::Hidden) }
     }
 
-    /// Where a plate is that is seen where it should be.
-    fn settle(&mut self, frame: &Frame) -> Place {
+    /// Where a plate is that is seen where it should be, shifted by `shift_px`.
+    fn settle(&mut self, frame: &Frame, shift_px: Vec2) -> Place {
+        let since_last_px = (shift_px - std::mem::replace(&mut self.shift_px, shift_px)).norm();
+        if since_last_px > SWINGS_PX {
+            // pushed again, or the swing was a long one
+            self.rest_from = self.rest_from.map(|from| from.max(frame.exposed_at + STILL_S));
+        }
         match self.rest_from {
             Some(from) if frame.exposed_at < from => Place::Swinging,
             Some(_) => {

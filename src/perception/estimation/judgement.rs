@@ -43,6 +43,9 @@ const STRONG: f64 = 4.0;
 /// Part of the read acceleration's energy by which two accelerometers may differ along the line between them.
 const RIGID: f64 = 0.04;
 
+/// A channel that leaves over so many times as much as any other is full of noise; at least [`WEAKEST_MPS2`].
+const NOISY: f64 = 10.0;
+
 /// Base periods of sustain from which on a pulse must be readable: one, and room for the samples that fall on no edge.
 const READABLE_PERIODS: f64 = 1.05;
 
@@ -206,24 +209,31 @@ fn phasor(harmonic: &TwistHarmonic) -> Vector3<Complex<f64>> {
 struct Reading {
     accel_mps2: Felt,
     variance: Vec<f64>,
+    /// The channel that is full of noise, if one is, with its share of the variance.
+    noisy: Option<(usize, f64)>,
 }
 
 impl Reading {
     fn of(fit: &PlateFit) -> Self {
         match fit {
-            PlateFit::Twist(fit) => Self::new(fit.accel_mps2.each_ref().map(|c| c.as_chunks().0), &fit.accel_sd_mps2),
+            PlateFit::Twist(fit) => {
+                let channels = fit.accel_mps2.each_ref().map(|c| c.as_chunks().0);
+                Self::new(channels, &fit.accel_sd_mps2, &fit.channel_residual_mps2)
+            }
             PlateFit::Wave(fit) => {
-                Self::new(fit.accel_mps2.each_ref().map(Vec::as_slice), fit.accel_sd_mps2.as_flattened())
+                let channels = fit.accel_mps2.each_ref().map(Vec::as_slice);
+                Self::new(channels, fit.accel_sd_mps2.as_flattened(), &fit.channel_residual_mps2)
             }
         }
     }
 
-    fn new(channels: [&[[f64; 2]]; CHANNELS], sd: &[f64]) -> Self {
+    fn new(channels: [&[[f64; 2]]; CHANNELS], sd: &[f64], residual_mps2: &[f64; CHANNELS]) -> Self {
         let (pairs, _) = sd.as_chunks::<2>();
         let at = |k: usize| channels.map(|of| of.get(k).map_or_else(Complex::default, |[c, s]| Complex::new(*c, -s)));
         Self {
             accel_mps2: (0..pairs.len()).map(at).collect(),
             variance: pairs.iter().map(|[c, s]| 0.5 * (c * c + s * s)).collect(),
+            noisy: noisy(residual_mps2),
         }
     }
 }
@@ -245,12 +255,18 @@ impl<'a> Judge<'a> {
         let coefficients = 2.0 * (CHANNELS * planned.len()) as f64;
         let response_variance = RESPONSE_ERROR * RESPONSE_ERROR * energy(&planned) / coefficients;
         let deviations = if expected.periods() < 2.0 { DEVIATIONS_ONE_PERIOD } else { DEVIATIONS };
-        let weight = |variance: &f64| (deviations * deviations * variance + response_variance).recip();
+        // what a channel full of noise leaves over says nothing of the others
+        let others = CHANNELS as f64 / (CHANNELS - 1) as f64;
+        let share = read.noisy.map_or(1.0, |(_, share)| (1.0 - share) * others);
+        let weight = |variance: &f64| (deviations * deviations * share * variance + response_variance).recip();
         let weights = read.variance.iter().map(weight).collect();
         Self { expected, sensors, read, planned, weights }
     }
 
     fn judgement(&self) -> MotionJudgement {
+        if let Some((channel, _)) = self.read.noisy {
+            return self.judgement_without(channel);
+        }
         let difference: f64 = self.planned.iter().zip(&self.read.accel_mps2).map(|(a, b)| distance(a, b)).sum();
         let noise = 2.0 * CHANNELS as f64 * self.read.variance.iter().sum::<f64>();
         let size = energy(&self.planned);
@@ -267,6 +283,20 @@ impl<'a> Judge<'a> {
             _ => self.explanation(),
         };
         MotionJudgement { mismatch: Some(mismatch), verdict }
+    }
+
+    /// The judgement by the channels other than `channel`, which is full of noise.
+    fn judgement_without(&self, channel: usize) -> MotionJudgement {
+        let size = energy(&self.planned) - self.planned.iter().map(|of| of[channel].norm_sqr()).sum::<f64>();
+        let apart = |(a, b): (&[Complex<f64>; CHANNELS], &[Complex<f64>; CHANNELS])| {
+            distance(a, b) - (a[channel] - b[channel]).norm_sqr()
+        };
+        let difference: f64 = self.planned.iter().zip(&self.read.accel_mps2).map(apart).sum();
+        let noise = 2.0 * CHANNELS as f64 * self.read.variance.iter().sum::<f64>();
+        let score = self.score_without(channel);
+        let mismatch = Mismatch { relative: (difference / size).sqrt(), relative_sd: (noise / size).sqrt(), score };
+        let erratic = MotionVerdict::Channel { channel, kind: ChannelFault::Erratic };
+        MotionJudgement { mismatch: Some(mismatch), verdict: if score <= 1.0 { erratic } else { MotionVerdict::Other } }
     }
 
     /// The best of the explanations that hold.
@@ -365,6 +395,15 @@ impl<'a> Judge<'a> {
         let rows = a.iter().zip(b).zip(&self.weights);
         rows.map(|((a, b), weight)| weight * channels.clone().map(|c| (a[c].conj() * b[c]).re).sum::<f64>()).sum()
     }
+}
+
+/// The channel that leaves over much more than any other, and its share of the squares.
+fn noisy(residual_mps2: &[f64; CHANNELS]) -> Option<(usize, f64)> {
+    let squares = residual_mps2.map(|rms| rms * rms);
+    let (channel, &most) = squares.iter().enumerate().max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+    let others = squares.iter().enumerate().filter(|(other, _)| *other != channel);
+    let next = others.map(|(_, square)| *square).fold(WEAKEST_MPS2 * WEAKEST_MPS2, f64::max);
+    (most > NOISY * NOISY * next).then(|| (channel, most / squares.iter().sum::<f64>()))
 }
 
 /// True for a gain that differs enough from 1 to be blamed.

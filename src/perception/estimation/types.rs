@@ -35,6 +35,8 @@ pub struct TwistFit {
     pub accel_mps2: [[f64; 4]; CHANNELS],
     /// Standard deviation of each of them, m/s²: by the residuals of all channels together and the normal matrix.
     pub accel_sd_mps2: [f64; 4],
+    /// Root mean square of what the fit leaves over in each channel, m/s².
+    pub channel_residual_mps2: [f64; CHANNELS],
     /// Root mean square of what the fit leaves over, m/s².
     pub residual_rms_mps2: f64,
     /// The plate's velocity as a two-harmonic twist (Eq. 13, App. B), times from the start of the pulse.
@@ -56,6 +58,8 @@ pub struct WaveFit {
     pub accel_mps2: [Vec<[f64; 2]>; CHANNELS],
     /// Standard deviation of each of them, m/s²: by the residuals of all channels together and the normal matrix.
     pub accel_sd_mps2: Vec<[f64; 2]>,
+    /// Root mean square of what the fit leaves over in each channel, m/s².
+    pub channel_residual_mps2: [f64; CHANNELS],
     /// Root mean square of what the fit leaves over, m/s².
     pub residual_rms_mps2: f64,
     /// The plate's velocity, times from the start of the pulse.

@@ -50,7 +50,9 @@ pub fn fit_wave(
     let (residual_variance, covariance) = (left_over.norm_squared() / freedom as f64, factor.inverse());
     let sd = |k: usize| (residual_variance * covariance[(k, k)]).sqrt();
     let accel_sd_mps2 = (0..harmonics).map(|k| [sd(2 * k), sd(2 * k + 1)]).collect();
-    Ok(WaveFit { accel_mps2, accel_sd_mps2, residual_rms_mps2, wave })
+    let channel_residual_mps2 =
+        std::array::from_fn(|channel| (left_over.column(channel).norm_squared() / left_over.nrows() as f64).sqrt());
+    Ok(WaveFit { accel_mps2, accel_sd_mps2, channel_residual_mps2, residual_rms_mps2, wave })
 }
 
 /// A row for each sample of `window`: cos and sin of every harmonic, then Legendre polynomials from the constant up.

@@ -119,6 +119,9 @@ struct PlanPart<'a> {
     #[serde(flatten)]
     status: StatusPart<'a>,
     candidates: usize,
+    /// True for the rest of a sequence that an earlier cycle began.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    continues: bool,
     pulses: Vec<PlannedPart>,
 }
 
@@ -229,7 +232,7 @@ impl<'a> PlanPart<'a> {
             }
         };
         let pulses = plan.pulses.iter().map(|pulse| PlannedPart::new(pulse, library));
-        Self { status, candidates: plan.candidates.len(), pulses: pulses.collect() }
+        Self { status, candidates: plan.candidates.len(), continues: plan.continues, pulses: pulses.collect() }
     }
 }
 

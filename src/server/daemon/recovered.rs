@@ -1,7 +1,8 @@
 //! What a start found of the daemon before it, for those who must know.
 
 use crate::plates::Pause;
-use crate::store::{Recovery, Store};
+use crate::store::{JobRow, Recovery, Store};
+use upm_recording::Report;
 
 /// Says in the log what the last daemon left.
 pub(super) fn tell(recovery: &Recovery) {
@@ -27,14 +28,26 @@ pub(super) fn tell(recovery: &Recovery) {
     }
 }
 
-/// Why plates wait for a person after a start.
-pub(super) fn why_paused(recovery: &Recovery) -> Pause {
+/// Why `plate` waits for a person after a start: as before it, where the end of a job had paused it.
+pub(super) fn why_paused(recovery: &Recovery, plate: &str) -> Pause {
+    if recovery.damage.is_none()
+        && recovery.clean
+        && let Some(pause) = recovery.paused_after.iter().find(|job| job.plate == plate).and_then(after)
+    {
+        return pause;
+    }
     let (code, why, remedy) = match (&recovery.damage, recovery.clean) {
         (Some(_), _) => ("store_damaged", "the job store was damaged", "look through the jobs, then resume"),
         (None, false) => ("crashed", "the daemon did not end in order", "look at the plate, then resume"),
         (None, true) => ("restarted", "jobs waited, or it was paused, when the daemon ended", "resume to go on"),
     };
     Pause::new(code, &format!("{why}: {remedy}"), remedy)
+}
+
+/// The pause after `job`, which is over; `None` for an end that pauses no plate.
+fn after(job: &JobRow) -> Option<Pause> {
+    let report: Report = serde_json::from_str(job.report_json.as_deref()?).ok()?;
+    report.stop.filter(|stop| stop.code.pauses_plate()).map(|stop| Pause::after(Some(&stop), &job.reason))
 }
 
 /// Says in the log what waits for plates that there are no more: it can be cancelled, or the plate be served again.

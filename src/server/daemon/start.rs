@@ -115,7 +115,7 @@ impl Daemon {
                 pace: pace_of(spec.pace),
                 paused: standing.starts_paused.then(|| STARTS_PAUSED.to_owned()),
             }),
-            paused: recovery.paused.contains(&plate.name).then(|| recovered::why_paused(&recovery)),
+            paused: recovery.paused.contains(&plate.name).then(|| recovered::why_paused(&recovery, &plate.name)),
         });
         let around = Surroundings {
             ledger: store.clone(),

@@ -49,7 +49,7 @@ impl Pause {
     }
 
     /// A pause after a job that ended for `reason`.
-    pub(super) fn after(stop: Option<&StopReport>, reason: &str) -> Self {
+    pub fn after(stop: Option<&StopReport>, reason: &str) -> Self {
         let remedy = stop.and_then(|stop| stop.remedy.as_deref()).unwrap_or("look at the plate and its parts");
         Self {
             code: stop.map_or("stopped", |stop| stop.code.code()),

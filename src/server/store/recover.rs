@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::fs;
 use std::path::Path;
 
-use rusqlite::{Connection, params};
+use rusqlite::{Connection, OptionalExtension, params};
 
 use super::ages::{Ages, Uptime};
 use super::books::Books;
@@ -55,6 +55,7 @@ pub(super) fn recover(
         list.push(job.id);
     }
     found.known = if found.damage.is_some() { opening.plates.to_vec() } else { known(&tx)? };
+    found.paused_after = paused_after(&tx, opening.plates)?;
     found.paused = pause(&tx, opening.plates, found.clean)?;
     let owned = folders_of(&tx)?;
     let orphans = places.run_names()?.into_iter().filter(|name| !owned.contains(name));
@@ -110,6 +111,17 @@ pub(super) fn uptime(connection: &Connection) -> rusqlite::Result<Uptime> {
 /// Plates that earlier starts were told of.
 fn known(tx: &Connection) -> rusqlite::Result<Vec<String>> {
     tx.prepare("SELECT name FROM plates ORDER BY name")?.query_map([], |row| row.get(0))?.collect()
+}
+
+/// The newest job that ended on each of `plates` that are paused.
+fn paused_after(tx: &Connection, plates: &[String]) -> rusqlite::Result<Vec<JobRow>> {
+    let sql = format!(
+        "SELECT {JOB} FROM jobs WHERE plate = ?1 AND finished_at IS NOT NULL
+             AND EXISTS (SELECT 1 FROM plates WHERE name = ?1 AND paused) ORDER BY finished_at DESC LIMIT 1"
+    );
+    let mut statement = tx.prepare(&sql)?;
+    let last = plates.iter().map(|plate| statement.query_row([plate], job_of).optional());
+    last.filter_map(Result::transpose).collect()
 }
 
 /// Pauses every plate that has work waiting, that was paused, or, after anything but an orderly end, any. Told are

@@ -333,6 +333,8 @@ pub struct Recovery {
     pub known: Vec<String>,
     /// Plates that must not move until a person resumes them.
     pub paused: Vec<String>,
+    /// The newest job that had ended on each of those that were paused already.
+    pub paused_after: Vec<JobRow>,
     /// Where a damaged store was moved to.
     pub moved_aside: Option<PathBuf>,
     /// Why it was.
