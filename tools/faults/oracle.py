@@ -175,8 +175,11 @@ def judge_folder(folder, process=None, is_liveness=None):
 
 
 def hides_parts(fault):
-    """True for a fault under which no picture shows where parts are now; a stamp off by more than a frame is one."""
-    return is_blinding(fault) or fault.name in ("camera freeze", "clock skew")
+    """True for a fault under which no picture shows where parts are now.
+
+    A stamp off by more than a frame is one, and coils that are stuck: they hold the plate off its place, by up to 15 mm.
+    """
+    return is_blinding(fault) or fault.name in ("camera freeze", "clock skew", "coils stuck")
 
 
 def unnamed_losses(run):
