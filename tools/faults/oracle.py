@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from . import claims, detection, progress
 from .vocabulary import LIVENESS_END_S, Fault, is_blinding
 
+# a plate that stuck coils held off its place swings for so long once they let it go
+SWINGS_OUT_S = 4.0
 NAMED_WITHIN_S = 0.5
 MOST_RSS_MB = 200.0
 # a run may wait so long for a hand to go
@@ -132,8 +134,9 @@ class Run:
         """The time by which the plate could be seen for `within_s` on end, from `at_s` on; late pictures come later."""
         begin_s = at_s
         for fault in sorted(filter(hides, self.faults), key=lambda fault: fault.from_s):
-            if fault.from_s <= begin_s + within_s and fault.to_s > begin_s:
-                begin_s = fault.to_s
+            end_s = fault.to_s + (SWINGS_OUT_S if fault.name == "coils stuck" else 0.0)
+            if fault.from_s <= begin_s + within_s and end_s > begin_s:
+                begin_s = end_s
         late = (f.value[0] for f in self.faults if f.name == "camera late" and f.from_s <= at_s + within_s and f.to_s > at_s)
         return begin_s + within_s + self.frame_s * (1 + max(late, default=0))
 
@@ -177,7 +180,7 @@ def judge_folder(folder, process=None, is_liveness=None):
 def hides_parts(fault):
     """True for a fault under which no picture shows where parts are now.
 
-    A stamp off by more than a frame is one, and coils that are stuck: they hold the plate off its place, by up to 15 mm.
+    A stamp off by more than a frame is one, and coils that are stuck: they hold the plate off its place, by centimetres.
     """
     return is_blinding(fault) or fault.name in ("camera freeze", "clock skew", "coils stuck")
 
