@@ -196,7 +196,11 @@ def unnamed_losses(run):
                 continue
             off_s = at_s if off_s is None else off_s
             bar_s = run.clear_by(off_s, NAMED_WITHIN_S, hides_parts)
-            named = any(guard["code"] == "part_lost" and off_s <= guard["at_s"] <= bar_s for guard in run.guards)
+            # a disc that looks like the part is followed in its place until a look at rest shows that it cannot be it
+            ghosts_s = [f.from_s for f in run.faults if f.name == "view ghost" and off_s <= f.from_s <= bar_s]
+            bar_s = max(bar_s, *(run.clear_by(ghost_s, NAMED_WITHIN_S, hides_parts) for ghost_s in [off_s, *ghosts_s]))
+            codes = ("part_lost", "parts_jumped")
+            named = any(guard["code"] in codes and off_s <= guard["at_s"] <= bar_s for guard in run.guards)
             if at_s > bar_s and not named:
                 yield "O3", f"part {part} is off the plate since {off_s:.3f} s and not named by {bar_s:.3f} s"
                 break

@@ -11,8 +11,11 @@ use crate::{ConfirmedFacts, LocalisedFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::rig::Rig;
 use upm_core::time::Clock;
-use upm_perception::vision::{CoinFinder, Detection, Stages, Table, TableFault, Tracker, locate_table_in_stages};
+use upm_perception::vision::{CoinFinder, Detection, Stages, Table, Tracker, locate_table_in_stages};
 
+/// Distances between corners may change by so much where the table is located anew, px, and by this part of its way.
+const SHAPE_PX: f64 = 0.5;
+const SHAPE_OF_WAY: f64 = 0.02;
 /// Looks at rest in a row that must show the plate elsewhere: a swing of 5 Hz goes from end to end in this time.
 const MOVED: u32 = 6;
 /// Looks that show a corner displaced alike, px.
@@ -42,11 +45,25 @@ enum Relocation {
     SwungOut,
 }
 
+/// True when the corners of `table` are as far from each other as those of `before`: knocks of camera or plate keep that, but
+/// for perspective, and a hand at a corner does not.
+fn has_shape_of(table: &Table, before: &Table) -> bool {
+    let moved = table.corners_px.iter().zip(&before.corners_px).map(|(now, before)| (now - before).norm());
+    let allowed_px = SHAPE_PX + SHAPE_OF_WAY * moved.fold(0.0, f64::max);
+    let pairs = (0..4).flat_map(|a| (0..a).map(move |b| [a, b]));
+    let apart_px = |of: &Table, [a, b]: [usize; 2]| (of.corners_px[a] - of.corners_px[b]).norm();
+    pairs.into_iter().all(|pair| (apart_px(table, pair) - apart_px(before, pair)).abs() < allowed_px)
+}
+
 impl Eyes {
-    /// Table and parts of the newest frame, from nothing.
-    pub(super) fn locate(&self, clock: &dyn Clock) -> Result<Located, TableFault> {
+    /// Table and parts of the newest frame, from nothing; otherwise why not.
+    fn locate(&self, clock: &dyn Clock) -> Result<Located, String> {
         let (mut stages, started) = (Stages::default(), clock.elapsed());
-        let table = locate_table_in_stages(&self.frame, &self.lens, self.table.side_m, &mut stages)?;
+        let table = locate_table_in_stages(&self.frame, &self.lens, self.table.side_m, &mut stages);
+        let table = table.map_err(|fault| fault.to_string())?;
+        if !has_shape_of(&table, &self.table) {
+            return Err("it has another shape than before, something hides part of it".to_owned());
+        }
         let size = [self.frame.width, self.frame.height];
         let mut finder = CoinFinder::new(&table, size, &self.kinds, self.dark_parts);
         let found = finder.find(&self.frame);

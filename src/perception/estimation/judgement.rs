@@ -6,8 +6,11 @@
 //!
 //! A coil or channel without a share in the planned motion cannot be judged by it: such a pulse is as planned.
 
+mod reading;
+
 use nalgebra::{Complex, Vector3};
 
+use self::reading::Reading;
 use super::felt::{Felt, Velocity, felt};
 use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2};
 use upm_core::geometry::{Twist, Vec2};
@@ -42,9 +45,6 @@ const STRONG: f64 = 4.0;
 
 /// Part of the read acceleration's energy by which two accelerometers may differ along the line between them.
 const RIGID: f64 = 0.04;
-
-/// A channel that leaves over so many times as much as any other is full of noise; at least [`WEAKEST_MPS2`].
-const NOISY: f64 = 10.0;
 
 /// Base periods of sustain from which on a pulse must be readable: one, and room for the samples that fall on no edge.
 const READABLE_PERIODS: f64 = 1.05;
@@ -205,39 +205,6 @@ fn phasor(harmonic: &TwistHarmonic) -> Vector3<Complex<f64>> {
     parts(&harmonic.cos).zip_map(&parts(&harmonic.sin), |cos, sin| Complex::new(cos, -sin))
 }
 
-/// Acceleration phasors of all channels and the mean variance of cos and sin coefficient, harmonic by harmonic.
-struct Reading {
-    accel_mps2: Felt,
-    variance: Vec<f64>,
-    /// The channel that is full of noise, if one is, with its share of the variance.
-    noisy: Option<(usize, f64)>,
-}
-
-impl Reading {
-    fn of(fit: &PlateFit) -> Self {
-        match fit {
-            PlateFit::Twist(fit) => {
-                let channels = fit.accel_mps2.each_ref().map(|c| c.as_chunks().0);
-                Self::new(channels, &fit.accel_sd_mps2, &fit.channel_residual_mps2)
-            }
-            PlateFit::Wave(fit) => {
-                let channels = fit.accel_mps2.each_ref().map(Vec::as_slice);
-                Self::new(channels, fit.accel_sd_mps2.as_flattened(), &fit.channel_residual_mps2)
-            }
-        }
-    }
-
-    fn new(channels: [&[[f64; 2]]; CHANNELS], sd: &[f64], residual_mps2: &[f64; CHANNELS]) -> Self {
-        let (pairs, _) = sd.as_chunks::<2>();
-        let at = |k: usize| channels.map(|of| of.get(k).map_or_else(Complex::default, |[c, s]| Complex::new(*c, -s)));
-        Self {
-            accel_mps2: (0..pairs.len()).map(at).collect(),
-            variance: pairs.iter().map(|[c, s]| 0.5 * (c * c + s * s)).collect(),
-            noisy: noisy(residual_mps2),
-        }
-    }
-}
-
 /// A reading beside the planned one.
 struct Judge<'a> {
     expected: &'a ExpectedMotion<'a>,
@@ -395,15 +362,6 @@ impl<'a> Judge<'a> {
         let rows = a.iter().zip(b).zip(&self.weights);
         rows.map(|((a, b), weight)| weight * channels.clone().map(|c| (a[c].conj() * b[c]).re).sum::<f64>()).sum()
     }
-}
-
-/// The channel that leaves over much more than any other, and its share of the squares.
-fn noisy(residual_mps2: &[f64; CHANNELS]) -> Option<(usize, f64)> {
-    let squares = residual_mps2.map(|rms| rms * rms);
-    let (channel, &most) = squares.iter().enumerate().max_by(|(_, a), (_, b)| a.total_cmp(b))?;
-    let others = squares.iter().enumerate().filter(|(other, _)| *other != channel);
-    let next = others.map(|(_, square)| *square).fold(WEAKEST_MPS2 * WEAKEST_MPS2, f64::max);
-    (most > NOISY * NOISY * next).then(|| (channel, most / squares.iter().sum::<f64>()))
 }
 
 /// True for a gain that differs enough from 1 to be blamed.

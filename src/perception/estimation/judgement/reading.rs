@@ -1,0 +1,65 @@
+//! What the accelerometers read in one pulse, and whether one of them is full of noise.
+
+use nalgebra::Complex;
+
+use super::super::felt::Felt;
+use super::super::{PlateFit, WEAKEST_MPS2};
+use upm_core::signal::CHANNELS;
+
+/// A channel that leaves over so many times as much as any other is full of noise; at least [`WEAKEST_MPS2`].
+const NOISY: f64 = 10.0;
+
+/// Acceleration phasors of all channels and the mean variance of cos and sin coefficient, harmonic by harmonic.
+pub(super) struct Reading {
+    pub accel_mps2: Felt,
+    pub variance: Vec<f64>,
+    /// The channel that is full of noise, if one is, with its share of the variance.
+    pub noisy: Option<(usize, f64)>,
+}
+
+impl Reading {
+    pub fn of(fit: &PlateFit) -> Self {
+        match fit {
+            PlateFit::Twist(fit) => {
+                let channels = fit.accel_mps2.each_ref().map(|c| c.as_chunks().0);
+                Self::new(channels, &fit.accel_sd_mps2, &fit.channel_residual_mps2)
+            }
+            PlateFit::Wave(fit) => {
+                let channels = fit.accel_mps2.each_ref().map(Vec::as_slice);
+                Self::new(channels, fit.accel_sd_mps2.as_flattened(), &fit.channel_residual_mps2)
+            }
+        }
+    }
+
+    fn new(channels: [&[[f64; 2]]; CHANNELS], sd: &[f64], residual_mps2: &[f64; CHANNELS]) -> Self {
+        let (pairs, _) = sd.as_chunks::<2>();
+        let at = |k: usize| channels.map(|of| of.get(k).map_or_else(Complex::default, |[c, s]| Complex::new(*c, -s)));
+        Self {
+            accel_mps2: (0..pairs.len()).map(at).collect(),
+            variance: pairs.iter().map(|[c, s]| 0.5 * (c * c + s * s)).collect(),
+            noisy: noisy(residual_mps2),
+        }
+    }
+}
+
+/// The channel that leaves over much more than any other, and its share of the squares.
+fn noisy(residual_mps2: &[f64; CHANNELS]) -> Option<(usize, f64)> {
+    let squares = residual_mps2.map(|rms| rms * rms);
+    let (channel, &most) = squares.iter().enumerate().max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+    let others = squares.iter().enumerate().filter(|(other, _)| *other != channel);
+    let next = others.map(|(_, square)| *square).fold(WEAKEST_MPS2 * WEAKEST_MPS2, f64::max);
+    (most > NOISY * NOISY * next).then(|| (channel, most / squares.iter().sum::<f64>()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn channel_that_leaves_over_ten_times_as_much_as_any_other_is_noisy() {
+        assert_eq!(noisy(&[0.1, 0.1, 2.0, 0.1]), None, "too faint to matter");
+        assert_eq!(noisy(&[1.0, 1.1, 9.0, 0.9]), None);
+        let (channel, share) = noisy(&[1.0, 0.0, 40.0, 0.0]).unwrap();
+        assert!(channel == 2 && (share - 1600.0 / 1601.0).abs() < 1e-12);
+    }
+}
