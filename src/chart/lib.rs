@@ -4,7 +4,7 @@
 mod svg;
 
 #[cfg(feature = "svg")]
-pub use svg::svg;
+pub use svg::{svg, svg_page};
 
 /// One picture: layers over a pair of axes.
 #[derive(Clone, Debug, PartialEq)]

@@ -57,6 +57,17 @@ pub fn svg(chart: &Chart) -> String {
     document.replacen(&format!("width=\"{width}\" height=\"{height}\""), &shown, 1)
 }
 
+/// All charts below each other in one SVG document.
+pub fn svg_page(charts: &[Chart]) -> String {
+    let (mut page, mut height_px) = (String::new(), 0.0);
+    for chart in charts {
+        page += &svg(chart).replacen("<svg ", &format!("<svg y=\"{height_px}\" "), 1);
+        height_px += Layout::of(chart).height_px();
+    }
+    let open = format!("<svg width=\"{WIDTH_PX}\" height=\"{height_px}\" xmlns=\"http://www.w3.org/2000/svg\">\n");
+    open + &page + "</svg>\n"
+}
+
 /// The backend's pixels for `px` of the picture.
 fn fine(px: f64) -> i32 {
     (FINE * px).round() as i32

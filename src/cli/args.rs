@@ -280,9 +280,21 @@ pub struct LabArgs {
     /// Scenes of each family, of as many seeds from --seed on (vision alone; 50 unless told)
     #[arg(long, value_name = "N", requires = "experiment", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub scenes: Option<u32>,
+    /// Set a parameter and measure that one machine; any number of times. --settings lists the parameters
+    #[arg(long, value_name = "KEY=VALUE", requires = "experiment", conflicts_with = "trace")]
+    pub set: Vec<String>,
+    /// Measure at so many evenly spaced values of one parameter, all cores at once
+    #[arg(long, value_name = "KEY=FROM:TO:POINTS", requires = "experiment", conflicts_with = "trace")]
+    pub sweep: Option<String>,
+    /// List what --set and --sweep take
+    #[arg(long, requires = "experiment", conflicts_with_all = ["set", "sweep", "trace"])]
+    pub settings: bool,
     /// Folder that plots go into
     #[arg(long, value_name = "DIR", default_value = "runs/lab")]
     pub out: PathBuf,
+    /// One file for all plots, besides the folder
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
     /// What becomes of a Rerun recording: off, save, connect[=URL] or spawn. Off unless asked for: table and plots tell
     /// most of it
     #[arg(long, value_name = "MODE", default_value = "off")]

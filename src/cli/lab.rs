@@ -4,31 +4,33 @@ mod scene;
 mod table;
 mod track_speed;
 
+use serde_json::{Value, json};
 use std::fs;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
-
-use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::{Value, json};
 
 use super::args::{Common, LabArgs};
 use super::failure::Failure;
 use super::print_json;
-use super::progress::target;
+use super::progress::{FULL, bar};
 use super::recording;
 use upm_chart::Chart;
-use upm_lab::{EXPERIMENTS, LabRig, Outcome, Track, VISION, WAVEFORM_FIT, experiment, vision_of, waveform_fit_of};
+use upm_lab::{
+    EXPERIMENTS, Experiment, LabFault, LabRig, Outcome, Request, Track, VISION, WAVEFORM_FIT, experiment, vision_of,
+    waveform_fit_of,
+};
 use upm_recording::RerunMode;
 use upm_runner::config::{RigSpec, load_trace, trace_to_json};
-use upm_viewer::Experiment;
 
 pub(super) use scene::of_scene;
-use table::{markdown, table};
+use table::{columns, markdown, table};
 use track_speed::{TrackTimes, tracking};
 
 pub(super) fn lab(args: &LabArgs, common: Common) -> Result<u8, Failure> {
     let Some(name) = &args.experiment else { return list(common) };
+    if args.settings {
+        return list_settings(named(name)?, args, common);
+    }
     let rerun: RerunMode = args.rerun.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;
     recording::check(&rerun)?;
     let (on, outcome) = match &args.trace {
@@ -46,7 +48,12 @@ pub(super) fn lab(args: &LabArgs, common: Common) -> Result<u8, Failure> {
         return print_json(&as_json(name, &outcome)).map(|()| 0);
     }
     say!("{title}")?;
-    table(&outcome.figures).into_iter().try_for_each(|line| say!("  {line}"))?;
+    if !outcome.figures.is_empty() {
+        table(&outcome.figures).into_iter().try_for_each(|line| say!("  {line}"))?;
+    }
+    if let Some(sheet) = &outcome.sheet {
+        columns(sheet).into_iter().try_for_each(|line| say!("  {line}"))?;
+    }
     outcome.notes.iter().try_for_each(|note| say!("  {note}"))?;
     if let Some(TrackTimes { cached, fresh }) = (name == VISION).then(tracking).flatten() {
         let [cached, fresh] = [cached, fresh].map(|time| time.as_secs_f64() * 1e6);
@@ -69,29 +76,75 @@ fn list(common: Common) -> Result<u8, Failure> {
     Ok(0)
 }
 
-/// What the experiment called `name` comes to on the rig, and which rig that is.
-fn make(name: &str, args: &LabArgs, common: Common) -> Result<(String, Outcome), Failure> {
-    let Some(experiment) = experiment(name) else {
+fn named(name: &str) -> Result<&'static Experiment, Failure> {
+    experiment(name).ok_or_else(|| {
         let names: Vec<&str> = EXPERIMENTS.iter().map(|one| one.name).collect();
-        return Err(Failure::bad_input(format!("lab: found {name:?}, allowed: {}", names.join(", "))));
-    };
-    if args.scenes.is_some() && name != VISION {
-        return Err(Failure::bad_input(format!("--scenes: found experiment {name:?}, allowed: {VISION}")));
+        Failure::bad_input(format!("lab: found {name:?}, allowed: {}", names.join(", ")))
+    })
+}
+
+fn list_settings(experiment: &Experiment, args: &LabArgs, common: Common) -> Result<u8, Failure> {
+    let settings = experiment.method.settings(&rig_for(experiment, args)?);
+    if common.json {
+        let row = |one: &upm_lab::SettingInfo| json!({ "key": one.key, "about": one.about, "usual": one.usual, "range": one.range });
+        print_json(&settings.iter().map(row).collect::<Vec<_>>())?;
+    } else if settings.is_empty() {
+        say!("{} has no settings", experiment.name)?;
+    } else {
+        let width = settings.iter().map(|one| one.key.len()).max().unwrap_or(0);
+        settings.iter().try_for_each(|one| {
+            let [least, most] = one.range;
+            say!("{:width$}  {} ({least} to {most}); usually {}", one.key, one.about, rounded(one.usual))
+        })?;
     }
+    Ok(0)
+}
+
+/// `value` without the rounding of its change of units.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.9e}").parse().unwrap_or(value)
+}
+
+/// The rig that the experiment is made on.
+fn rig_for(experiment: &Experiment, args: &LabArgs) -> Result<LabRig, Failure> {
     let rig = match &args.rig {
         Some(path) => RigSpec::load(path),
         None if experiment.strong_rig => RigSpec::upm_2(),
         None => RigSpec::upm_1(),
     };
-    let rig = lab_rig(&rig.map_err(Failure::faults)?, args.seed)?;
-    let spinner = Spinner::start(common.quiet || !std::io::stderr().is_terminal(), experiment.about);
+    lab_rig(&rig.map_err(Failure::faults)?, args.seed)
+}
+
+/// What is asked of the experiment on the command line.
+fn request(args: &LabArgs) -> Result<Request, Failure> {
+    let wrong = |option: &str, error: String| Failure::bad_input(format!("{option}: {error}"));
+    let assignments = args.set.iter().map(|text| text.parse().map_err(|error| wrong("--set", error)));
+    let sweep = args.sweep.as_ref().map(|text| text.parse().map_err(|error| wrong("--sweep", error)));
+    Ok(Request { assignments: assignments.collect::<Result<_, _>>()?, sweep: sweep.transpose()? })
+}
+
+/// Result of the experiment called `name`, and the machine it was made on.
+fn make(name: &str, args: &LabArgs, common: Common) -> Result<(String, Outcome), Failure> {
+    let (experiment, request) = (named(name)?, request(args)?);
+    if args.scenes.is_some() && name != VISION {
+        return Err(Failure::bad_input(format!("--scenes: found experiment {name:?}, allowed: {VISION}")));
+    }
+    let rig = rig_for(experiment, args)?;
+    let progress = bar(common.quiet || !std::io::stderr().is_terminal());
+    progress.set_message(experiment.about);
     let outcome = match args.scenes {
         Some(scenes) => Ok(vision_of(rig.seed, scenes as usize)),
-        None => (experiment.run)(&rig),
+        None => experiment.method.run(&rig, &request, &|share| progress.set_position((share * FULL as f64) as u64)),
     };
-    spinner.finish();
-    let outcome = outcome.map_err(|fault| Failure::failed(format!("{name} on {}: {fault}", rig.model.name)))?;
-    Ok((format!("rig {}, seed {}", rig.model.name, rig.seed), outcome))
+    progress.finish_and_clear();
+    let outcome = outcome.map_err(|fault| match fault {
+        LabFault::Setting(fault) => Failure::bad_input(format!("lab {name}: {fault}")),
+        fault => Failure::failed(format!("{name} on {}: {fault}", rig.model.name)),
+    })?;
+    let on = if experiment.on_rig { format!("rig {}, ", rig.model.name) } else { String::new() };
+    let set = [&args.set[..], args.sweep.as_slice()].concat().join(", ");
+    let how = if set.is_empty() { String::new() } else { format!(", {set}") };
+    Ok((format!("{on}seed {}{how}", rig.seed), outcome))
 }
 
 fn lab_rig(spec: &RigSpec, seed: u64) -> Result<LabRig, Failure> {
@@ -121,6 +174,9 @@ fn write_files(name: &str, outcome: &Outcome, args: &LabArgs) -> Result<Vec<Path
     if let Some(pulse) = outcome.recorded.as_ref().filter(|_| args.trace.is_none()) {
         files.push((args.out.join(format!("{name}-trace.json")), trace_to_json(pulse)));
     }
+    if let Some(path) = &args.plot {
+        files.push((path.clone(), upm_chart::svg_page(&outcome.charts)));
+    }
     for (path, text) in &files {
         fs::write(path, text).map_err(|error| Failure::write(path, error))?;
     }
@@ -128,14 +184,14 @@ fn write_files(name: &str, outcome: &Outcome, args: &LabArgs) -> Result<Vec<Path
 }
 
 /// The outcome as a page of the viewer.
-fn page(title: &str, outcome: &Outcome) -> Experiment {
+fn page(title: &str, outcome: &Outcome) -> upm_viewer::Experiment {
     let motion = outcome.motion.as_ref().map(|motion| upm_viewer::Motion {
         half_side_m: motion.half_side_m,
         t_s: motion.t_s.clone(),
         tracks: motion.tracks.iter().map(track).collect(),
     });
-    let figures = markdown(title, &outcome.figures);
-    Experiment { title: title.to_owned(), figures, charts: outcome.charts.clone(), motion }
+    let figures = markdown(title, outcome);
+    upm_viewer::Experiment { title: title.to_owned(), figures, charts: outcome.charts.clone(), motion }
 }
 
 fn track(track: &Track) -> upm_viewer::Track {
@@ -167,23 +223,4 @@ fn as_json(name: &str, outcome: &Outcome) -> Value {
     let series: serde_json::Map<String, Value> =
         outcome.series.iter().map(|series| (series.name.clone(), json!(series.values))).collect();
     json!({ "experiment": name, "figures": figures.collect::<Vec<_>>(), "series": series })
-}
-
-/// Shows on stderr that work goes on whose length nobody knows.
-struct Spinner {
-    bar: ProgressBar,
-}
-
-impl Spinner {
-    fn start(quiet: bool, message: &'static str) -> Self {
-        let bar = ProgressBar::with_draw_target(None, target(quiet));
-        bar.set_style(ProgressStyle::default_spinner());
-        bar.set_message(message);
-        bar.enable_steady_tick(Duration::from_millis(200));
-        Self { bar }
-    }
-
-    fn finish(&self) {
-        self.bar.finish_and_clear();
-    }
 }

@@ -1,61 +1,166 @@
-use super::{LabFault, LabRig, Outcome};
+use super::rig_settings;
+use super::settings::{Assignment, Setting, SettingInfo, assigned, find, infos};
+use super::sweep::{Progress, Sweep};
+use super::{LabFault, LabRig, Outcome, feeder, topple};
 
 /// One of the papers' experiments.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Experiment {
-    /// What it is called on the command line.
+    /// Its name on the command line.
     pub name: &'static str,
     /// One line about it.
     pub about: &'static str,
     /// True where the weak prototype cannot show it: its motors saturate.
     pub strong_rig: bool,
-    /// Makes it.
-    pub run: fn(&LabRig) -> Result<Outcome, LabFault>,
+    /// True where the simulated plate is the machine.
+    pub on_rig: bool,
+    /// The procedure.
+    pub method: &'static dyn Method,
 }
 
-/// All of them, in the order of the paper.
+/// Wishes for one experiment. Without any the published experiments are repeated.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Request {
+    /// Parameters that are set: one machine is measured as it is set.
+    pub assignments: Vec<Assignment>,
+    /// A parameter that is swept.
+    pub sweep: Option<Sweep>,
+}
+
+/// A procedure whose machine can be set.
+pub trait Method: Sync {
+    /// What can be set.
+    fn settings(&self, rig: &LabRig) -> Vec<SettingInfo>;
+
+    /// Makes the experiment.
+    ///
+    /// # Errors
+    /// A parameter that is not allowed, or a rig that cannot do it.
+    fn run(&self, rig: &LabRig, request: &Request, progress: Progress<'_>) -> Result<Outcome, LabFault>;
+}
+
+/// The procedure of an experiment on machines of type `M`.
+#[derive(Clone, Copy, Debug)]
+pub struct Procedure<M: 'static> {
+    /// What can be set.
+    pub settings: &'static [Setting<M>],
+    /// The machine as it is unless set.
+    pub usual: fn(&LabRig) -> M,
+    /// Measures one machine.
+    pub measure: fn(&M, Progress<'_>) -> Result<Outcome, LabFault>,
+    /// Repeats what was published.
+    pub reproduce: fn(&LabRig, Progress<'_>) -> Result<Outcome, LabFault>,
+}
+
+impl<M: Clone + Send + Sync> Method for Procedure<M> {
+    fn settings(&self, rig: &LabRig) -> Vec<SettingInfo> {
+        infos(self.settings, &(self.usual)(rig))
+    }
+
+    fn run(&self, rig: &LabRig, request: &Request, progress: Progress<'_>) -> Result<Outcome, LabFault> {
+        let machine = assigned(self.settings, &(self.usual)(rig), &request.assignments)?;
+        match &request.sweep {
+            Some(sweep) => {
+                let setting = find(self.settings, &sweep.key)?;
+                let measure = |value: f64| {
+                    let mut machine = machine.clone();
+                    setting.set(&mut machine, value)?;
+                    (self.measure)(&machine, &|_| ())
+                };
+                sweep.run(measure, progress)
+            }
+            None if request.assignments.is_empty() => (self.reproduce)(rig, progress),
+            None => (self.measure)(&machine, progress),
+        }
+    }
+}
+
+/// An experiment on the simulated plate of a rig.
+macro_rules! on_rig {
+    ($settings:expr, $make:path) => {
+        &Procedure {
+            settings: $settings,
+            usual: LabRig::clone,
+            measure: |rig, _| $make(rig),
+            reproduce: |rig, _| $make(rig),
+        }
+    };
+}
+
+/// All of them, in the order of the papers.
 pub const EXPERIMENTS: &[Experiment] = &[
     Experiment {
         name: "cor-steering",
         about: "Table 1: amplitudes step the centre of rotation, the accelerometers read where it went",
         strong_rig: false,
-        run: super::cor_steering,
+        on_rig: true,
+        method: on_rig!(rig_settings::SETTINGS, super::cor_steering),
     },
     Experiment {
         name: WAVEFORM_FIT,
         about: "one pulse, the accelerometers' trace of it and the motion read from that",
         strong_rig: false,
-        run: super::waveform_fit,
+        on_rig: true,
+        method: on_rig!(rig_settings::SETTINGS, super::waveform_fit),
     },
     Experiment {
         name: "force-curve",
         about: "mean friction force of the pump against speed, the way to the belt's speed, friction of a disc",
         strong_rig: false,
-        run: super::force_curve,
+        on_rig: true,
+        method: on_rig!(rig_settings::SETTINGS, super::force_curve),
     },
     Experiment {
         name: "race-track",
         about: "snapshots of three coins on one rotation field",
         strong_rig: true,
-        run: super::race_track,
+        on_rig: true,
+        method: on_rig!(rig_settings::SETTINGS, super::race_track),
     },
     Experiment {
         name: "two-parts",
         about: "two coins, four centres of rotation: the error of one large step and of several",
         strong_rig: true,
-        run: super::two_parts,
+        on_rig: true,
+        method: on_rig!(rig_settings::SETTINGS, super::two_parts),
     },
     Experiment {
         name: "cor-map",
         about: "every centre of a calibrated library, as read and as it truly is",
         strong_rig: false,
-        run: super::cor_map,
+        on_rig: true,
+        method: on_rig!(rig_settings::SETTINGS, super::cor_map),
     },
     Experiment {
         name: VISION,
         about: "the eyes in rendered pictures whose truth is known, easy ones and hard ones",
         strong_rig: false,
-        run: super::vision,
+        on_rig: true,
+        method: on_rig!(&[], super::vision),
+    },
+    Experiment {
+        name: "feeder",
+        about: "a plate shaken along one line: feed rate against duty and against an external force",
+        strong_rig: false,
+        on_rig: false,
+        method: &Procedure {
+            settings: feeder::SETTINGS,
+            usual: |_| feeder::Feeder::published(),
+            measure: feeder::measure,
+            reproduce: feeder::reproduce,
+        },
+    },
+    Experiment {
+        name: "topple",
+        about: "a part slides against a low ledge: the speed that topples it, trials, ledges that orient a batch",
+        strong_rig: false,
+        on_rig: false,
+        method: &Procedure {
+            settings: topple::SETTINGS,
+            usual: |_| topple::Topple::published(),
+            measure: topple::measure,
+            reproduce: topple::reproduce,
+        },
     },
 ];
 

@@ -1,11 +1,12 @@
-//! The papers' experiments on the simulated plate: each plays its pulses, measures, and sets the figures beside those of
-//! a closed form or of the paper. Nothing here is used by a run.
+//! The papers' experiments, on the simulated plate and on the other machines of the same papers: each measures, and sets
+//! the figures beside those of a closed form or of the paper. Nothing here is used by a run.
 
 mod cor_map;
 mod cor_steering;
 mod coulomb_pump;
 mod disc_friction;
 mod experiment;
+mod feeder;
 mod force_curve;
 mod force_sign;
 mod outcome;
@@ -14,23 +15,29 @@ mod pumped;
 mod race_track;
 mod recorded;
 mod resonance;
+mod rig_settings;
+mod settings;
 mod shaken;
 mod spectrum;
+mod sweep;
 mod table;
 #[cfg(test)]
 mod testing;
+mod topple;
 mod two_parts;
 mod vision;
 mod waveform_fit;
 
 pub use cor_map::cor_map;
 pub use cor_steering::cor_steering;
-pub use experiment::{EXPERIMENTS, Experiment, VISION, WAVEFORM_FIT, experiment};
+pub use experiment::{EXPERIMENTS, Experiment, Method, Procedure, Request, VISION, WAVEFORM_FIT, experiment};
 pub use force_curve::force_curve;
 pub use outcome::{Figure, Motion, Outcome, Series, Track};
 pub use race_track::race_track;
 pub use recorded::waveform_fit_of;
-pub use table::{COLUMNS, HEADS, NUMBERS};
+pub use settings::{Assignment, Field, Setting, SettingInfo};
+pub use sweep::{Progress, Sheet, Sweep};
+pub use table::{COLUMNS, HEADS, NUMBERS, number};
 pub use two_parts::two_parts;
 pub use vision::{vision, vision_of};
 pub use waveform_fit::waveform_fit;
@@ -68,6 +75,9 @@ pub enum LabFault {
     /// This rig cannot do it.
     #[error("{0}")]
     Rig(String),
+    /// A parameter that is not allowed, or for which the model does not hold.
+    #[error("{0}")]
+    Setting(String),
     /// A trace could not be read.
     #[error("{what}: {fault}")]
     Trace {

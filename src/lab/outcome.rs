@@ -1,3 +1,4 @@
+use super::Sheet;
 use upm_chart::Chart;
 use upm_core::signal::RecordedPulse;
 
@@ -80,6 +81,8 @@ pub struct Outcome {
     pub series: Vec<Series>,
     /// Pictures.
     pub charts: Vec<Chart>,
+    /// A table of its own: the points of a sweep, or machines side by side.
+    pub sheet: Option<Sheet>,
     /// What moved.
     pub motion: Option<Motion>,
     /// What a person should look at again, one thing a line.

@@ -70,6 +70,27 @@ impl PumpedLine {
         gained_mps / (part.friction * GRAVITY_MPS2 * self.cycle_s())
     }
 
+    /// Mean speed of `part` over `cycles` cycles after `settling` others, from rest, m/s.
+    pub fn carried_mps(&self, part: PartParams, settling: u32, cycles: u32) -> f64 {
+        let (mut parts, wave) = (self.part(part, 0.0), self.wave());
+        let plate: Vec<PlateMotion> = (0..self.steps).map(|step| self.plate_at(&wave, step)).collect();
+        let mut place_after = |cycles: u32| {
+            for motion in (0..cycles).flat_map(|_| &plate) {
+                parts.step(motion);
+            }
+            parts.motions().next().map_or(f64::NAN, |part| part.part_in_table.position_m.x)
+        };
+        let (settled_m, later_m) = (place_after(settling), place_after(cycles));
+        (later_m - settled_m) / (f64::from(cycles) * self.cycle_s())
+    }
+
+    /// Distance between the plate's ends: `2.2018 A/w`, twice the maximum of `sin a - ¼ sin 2a`, m.
+    pub fn stroke_m(&self) -> f64 {
+        let cos = 0.5 * (1.0 - 3f64.sqrt());
+        let sin = (1.0 - cos * cos).sqrt();
+        2.0 * sin * (1.0 - 0.5 * cos) * self.amplitude_mps / self.base_radps
+    }
+
     /// True when `part`, riding along at first, is left behind within two cycles.
     fn slides(&self, part: PartParams) -> bool {
         let wave = self.wave();
@@ -116,17 +137,14 @@ mod tests {
         let (base_radps, part) = (TAU * 60.0, PartParams { radius_m: 0.0, ..lab_rig("upm-1").penny });
         let amplitude_mps = share * part.friction * GRAVITY_MPS2 / base_radps;
         let line = PumpedLine { amplitude_mps, base_radps, steps: 2000 };
-        let (mut parts, wave) = (line.part(part, 0.0), line.wave());
-        let mut place_m = || {
-            for _ in 0..20 {
-                for step in 0..line.steps {
-                    parts.step(&line.plate_at(&wave, step));
-                }
-            }
-            parts.motions().next().unwrap().part_in_table.position_m.x
-        };
-        let (settled_m, later_m) = (place_m(), place_m());
-        (later_m - settled_m) / (20.0 * line.cycle_s() * amplitude_mps)
+        line.carried_mps(part, 20, 20) / amplitude_mps
+    }
+
+    #[test]
+    fn stroke_is_that_of_the_wave() {
+        let line = PumpedLine { amplitude_mps: 1.0, base_radps: 1.0, steps: 1 };
+        let places = (0..100_000).map(|i| 1e-5 * TAU * f64::from(i)).map(|a| a.sin() - 0.25 * (2.0 * a).sin());
+        assert!((2.0 * places.fold(0.0, f64::max) - line.stroke_m()).abs() < 1e-8);
     }
 
     #[test]

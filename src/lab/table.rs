@@ -31,14 +31,23 @@ impl Figure {
     }
 }
 
+/// `value` with four digits, for people; a dash where it is no number.
+pub fn number(value: f64) -> String {
+    if value.is_nan() { "-".to_owned() } else { shown(value, places_of(value)) }
+}
+
+/// Places after the point that give `value` four digits.
+fn places_of(value: f64) -> i32 {
+    if value != 0.0 && value.is_finite() { DIGITS - 1 - value.abs().log10().floor() as i32 } else { 0 }
+}
+
 /// Places after the point for numbers that are compared: none where all are counts, else as many as give the largest
 /// four digits.
 fn places(numbers: impl Iterator<Item = f64> + Clone) -> i32 {
     if numbers.clone().all(|number| number.fract() == 0.0 && number.abs() < COUNTED) {
         return 0;
     }
-    let largest = numbers.map(f64::abs).fold(0.0, f64::max);
-    if largest > 0.0 { DIGITS - 1 - largest.log10().floor() as i32 } else { 0 }
+    places_of(numbers.map(f64::abs).fold(0.0, f64::max))
 }
 
 /// `value` with so many places; with a power of ten where they are too many or too few.

@@ -237,3 +237,63 @@ fn an_experiment_is_recorded_when_asked() {
     assert!(fs::read(recording).unwrap().starts_with(b"RRF2"));
     status(&["lab", "waveform-fit", "--out", out, "--rerun", "connect=nowhere"], 2);
 }
+
+/// A run of `upm lab` in a folder of its own, in JSON.
+fn lab(args: &[&str]) -> Value {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let (stdout, _) = status(&[&["lab"], args, &["--json", "--out", out]].concat(), 0);
+    serde_json::from_str(&stdout).unwrap()
+}
+
+fn measured(result: &Value, figure: &str) -> f64 {
+    let figures = result["figures"].as_array().unwrap();
+    figures.iter().find(|one| one["name"] == figure).unwrap()["measured"].as_f64().unwrap()
+}
+
+#[test]
+fn machine_is_measured_as_it_is_set() {
+    let result = lab(&["feeder", "--set", "duty=0.55", "--set", "accel_mps2=200"]);
+    let closed_form_mm_s = 0.25 * 200e3 * 0.02 * (2.0 * 0.55 - 1.0);
+    assert!((measured(&result, "feed rate") / closed_form_mm_s - 1.0).abs() < 1e-4, "{result}");
+    let (listed, _) = status(&["lab", "feeder", "--settings"], 0);
+    assert!(listed.contains("period_ms") && listed.contains("(0.5 to 1); usually 0.586"), "{listed}");
+    let json: Value = serde_json::from_str(&status(&["lab", "feeder", "--settings", "--json"], 0).0).unwrap();
+    assert_eq!(json[1]["key"], "period_ms");
+    assert_eq!((json[1]["usual"].as_f64(), json[1]["range"][0].as_f64()), (Some(20.0), Some(0.001)));
+}
+
+#[test]
+fn sweep_has_a_row_a_point_and_one_file_has_all_plots() {
+    let folder = TempDir::new().unwrap();
+    let (out, plot) = (folder.path().join("out"), folder.path().join("all.svg"));
+    let args = ["lab", "feeder", "--sweep", "duty=0.5:1:6", "--out", out.to_str().unwrap()];
+    let (text, _) = status(&[&args[..], &["--plot", plot.to_str().unwrap()]].concat(), 0);
+    assert!(text.starts_with("feeder, seed 1, duty=0.5:1:6\n"), "{text}");
+    let numbers = text.lines().filter(|line| line.trim_start().starts_with(|c: char| c.is_ascii_digit()));
+    assert_eq!(numbers.count(), 6, "{text}");
+    let page = fs::read_to_string(&plot).unwrap();
+    let plots = fs::read_dir(&out).unwrap().count();
+    assert!(plots > 2 && page.matches("<svg ").count() == plots + 1, "{plots} plots");
+    let result = lab(&["feeder", "--sweep", "duty=0.5:1:6"]);
+    assert_eq!(result["series"]["duty"].as_array().unwrap().len(), 6);
+    let again = lab(&["feeder", "--sweep", "duty=0.5:1:6"]);
+    assert_eq!(result, again, "whatever the number of cores");
+}
+
+#[test]
+fn settings_that_are_not_allowed_are_refused_in_one_line() {
+    for (args, fault) in [
+        (&["feeder", "--set", "duty=0.4"][..], "lab feeder: duty: expected 0.5 to 1, found 0.4"),
+        (&["feeder", "--set", "duty"], "--set: expected KEY=NUMBER, found \"duty\""),
+        (&["feeder", "--set", "speed=1"], "lab feeder: expected one of accel_mps2, "),
+        (&["feeder", "--set", "accel_mps2=5"], "lab feeder: accel_mps2: expected more than 9.807 "),
+        (&["feeder", "--sweep", "duty=0:1"], "--sweep: expected KEY=FROM:TO:POINTS with 2 to 10000 points, found "),
+        (&["feeder", "--sweep", "speed=0:1:3"], "lab feeder: expected one of accel_mps2, "),
+        (&["vision", "--set", "friction=1"], "lab vision: this experiment has no settings, found \"friction\""),
+    ] {
+        let (stdout, stderr) = status(&[&["lab"], args].concat(), 2);
+        assert!(stdout.is_empty() && stderr.starts_with(&format!("upm: {fault}")), "{stderr}");
+        assert_eq!(stderr.lines().count(), 1, "{stderr}");
+    }
+}

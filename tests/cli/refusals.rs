@@ -132,7 +132,9 @@ proptest! {
         let output = upm().args(["check", file.to_str().unwrap()]).output().unwrap();
         let stderr = String::from_utf8(output.stderr).unwrap();
         prop_assert!(matches!(output.status.code(), Some(0 | 2)), "{stderr}");
-        prop_assert_eq!(output.status.code() == Some(2), !stderr.is_empty(), "{}", stderr);
+        // a tolerance finer than the rig can hold is warned of
+        let is_refused = stderr.lines().any(|line| !line.starts_with("upm: warning: "));
+        prop_assert_eq!(output.status.code() == Some(2), is_refused, "{}", stderr);
         prop_assert!(stderr.lines().all(|line| line.contains(": found ") && line.contains(", allowed: ")), "{stderr}");
     }
 }

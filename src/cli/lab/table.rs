@@ -1,4 +1,4 @@
-use upm_lab::{COLUMNS, Figure, HEADS, NUMBERS};
+use upm_lab::{COLUMNS, Figure, HEADS, NUMBERS, Outcome, Sheet, number};
 
 /// The figures as lines of aligned columns under a head; numbers are flush right.
 pub(super) fn table(figures: &[Figure]) -> Vec<String> {
@@ -9,11 +9,40 @@ pub(super) fn table(figures: &[Figure]) -> Vec<String> {
     rows.iter().map(|row| line(row, &widths)).collect()
 }
 
-/// The figures as a Markdown table under a title.
-pub(super) fn markdown(title: &str, figures: &[Figure]) -> String {
+/// A table of numbers as lines of aligned columns under a head.
+pub(super) fn columns(sheet: &Sheet) -> Vec<String> {
+    let rows: Vec<Vec<String>> = std::iter::once(sheet.columns.clone()).chain(cells(sheet)).collect();
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..sheet.columns.len()).map(width).collect();
+    let line = |row: &Vec<String>| {
+        let cells = row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}"));
+        cells.collect::<Vec<_>>().join("  ")
+    };
+    rows.iter().map(line).collect()
+}
+
+fn cells(sheet: &Sheet) -> impl Iterator<Item = Vec<String>> + '_ {
+    sheet.rows.iter().map(|row| row.iter().map(|&value| number(value)).collect())
+}
+
+/// Figures and table of numbers in Markdown under a title.
+pub(super) fn markdown(title: &str, outcome: &Outcome) -> String {
+    let figures = (!outcome.figures.is_empty()).then(|| of_figures(&outcome.figures));
+    let sheet = outcome.sheet.as_ref().map(of_sheet);
+    let tables = figures.into_iter().chain(sheet).collect::<Vec<_>>().join("\n\n");
+    format!("**{title}**\n\n{tables}")
+}
+
+fn of_sheet(sheet: &Sheet) -> String {
+    let line = |cells: Vec<String>| format!("| {} |", cells.join(" | "));
+    let head = [line(sheet.columns.clone()), line(vec!["---:".to_owned(); sheet.columns.len()])];
+    head.into_iter().chain(cells(sheet).map(line)).collect::<Vec<_>>().join("\n")
+}
+
+fn of_figures(figures: &[Figure]) -> String {
     let line = |cells: [String; COLUMNS]| format!("| {} |", cells.map(|cell| cell.replace('|', "\\|")).join(" | "));
     let rule = NUMBERS.map(|number| if number { "---:" } else { "---" }.to_owned());
-    let head = [format!("**{title}**"), String::new(), line(HEADS.map(str::to_owned)), line(rule)];
+    let head = [line(HEADS.map(str::to_owned)), line(rule)];
     let rows = figures.iter().map(|figure| line(figure.cells()));
     head.into_iter().chain(rows).collect::<Vec<_>>().join("\n")
 }
@@ -33,11 +62,21 @@ mod tests {
 
     #[test]
     fn bars_in_cells_do_not_end_them() {
-        let text = markdown("a title", &[Figure::alone("pulses | steps", "1", 12.0, "counted")]);
+        let figures = vec![Figure::alone("pulses | steps", "1", 12.0, "counted")];
+        let text = markdown("a title", &Outcome { figures, ..Outcome::default() });
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines[0], "**a title**");
         assert_eq!(lines[3], "| --- | ---: | ---: | --- | ---: | --- |");
         assert_eq!(lines[4], "| pulses \\| steps | 12 | - | 1 | - | counted |");
+    }
+
+    #[test]
+    fn sheets_are_aligned_and_empty_where_there_is_no_number() {
+        let columns = ["duty", "rate (mm/s)"].map(str::to_owned).to_vec();
+        let sheet = Sheet { columns, rows: vec![vec![0.5, 12.0], vec![0.75, f64::NAN]] };
+        assert_eq!(super::columns(&sheet), ["  duty  rate (mm/s)", "0.5000        12.00", "0.7500            -"]);
+        let text = markdown("t", &Outcome { sheet: Some(sheet), ..Outcome::default() });
+        assert_eq!(text.lines().last(), Some("| 0.7500 | - |"));
     }
 
     #[test]

@@ -1,0 +1,148 @@
+//! A point part on the feeder's plate, from event to event: exact but for rounding.
+
+use super::plate::{PlateCycle, Stretch};
+use crate::LabFault;
+
+/// Cycles after which a part that has not settled never will.
+const MOST_CYCLES: usize = 200_000;
+/// Change of speed over a cycle, in units of a T, below which a part has settled.
+const SETTLED: f64 = 1e-13;
+/// Slips this small, in units of a T, are rounding.
+const NO_SLIP: f64 = 1e-15;
+
+/// Accelerations of a part while it slides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sliding {
+    /// By friction `μ g`, m/s².
+    pub drag_mps2: f64,
+    /// By an external force, m/s².
+    pub push_mps2: f64,
+}
+
+/// A part after one cycle.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cycle {
+    /// Its speed, m/s.
+    pub speed_mps: f64,
+    /// The distance it went, m.
+    pub way_m: f64,
+    /// Time and speed at every event, s and m/s.
+    pub events: Vec<[f64; 2]>,
+}
+
+impl Sliding {
+    /// One cycle of `plate` from `speed_mps` on.
+    pub fn cycle(&self, plate: &PlateCycle, speed_mps: f64) -> Cycle {
+        let no_slip_mps = NO_SLIP * plate.accel_mps2 * plate.period_s;
+        let mut now = Cycle { speed_mps, way_m: 0.0, events: vec![[0.0, speed_mps]] };
+        let (mut plate_mps, mut t_s) = (0.0, 0.0);
+        for Stretch { accel_mps2, length_s } in plate.stretches() {
+            let mut left_s = length_s;
+            // at most: slide, catch up, slide on or ride along
+            while left_s > 0.0 {
+                let slip_mps = plate_mps - now.speed_mps;
+                let accel = self.accel_mps2(slip_mps, no_slip_mps, accel_mps2);
+                let closing_mps2 = accel_mps2 - accel;
+                let rides = slip_mps.abs() <= no_slip_mps;
+                let until_s = if rides || slip_mps * closing_mps2 >= 0.0 { left_s } else { -slip_mps / closing_mps2 };
+                let step_s = until_s.min(left_s);
+                now.way_m += (now.speed_mps + 0.5 * accel * step_s) * step_s;
+                now.speed_mps += accel * step_s;
+                plate_mps += accel_mps2 * step_s;
+                if until_s < left_s {
+                    now.speed_mps = plate_mps;
+                }
+                (left_s, t_s) = (left_s - step_s, t_s + step_s);
+                now.events.push([t_s, now.speed_mps]);
+            }
+        }
+        now
+    }
+
+    /// The part's acceleration at a slip of the plate against it; one that rides keeps to the plate if friction can.
+    fn accel_mps2(&self, slip_mps: f64, no_slip_mps: f64, plate_mps2: f64) -> f64 {
+        let needed = plate_mps2 - self.push_mps2;
+        if slip_mps.abs() > no_slip_mps {
+            self.push_mps2 + self.drag_mps2.copysign(slip_mps)
+        } else if needed.abs() <= self.drag_mps2 {
+            plate_mps2
+        } else {
+            self.push_mps2 + self.drag_mps2.copysign(needed)
+        }
+    }
+
+    /// The cycle that repeats itself.
+    ///
+    /// # Errors
+    /// A part that the external force carries away.
+    pub fn settled(&self, plate: &PlateCycle) -> Result<Cycle, LabFault> {
+        let scale_mps = plate.accel_mps2 * plate.period_s;
+        let mut speed_mps = 0.0;
+        for _ in 0..MOST_CYCLES {
+            let cycle = self.cycle(plate, speed_mps);
+            if (cycle.speed_mps - speed_mps).abs() <= SETTLED * scale_mps {
+                return Ok(cycle);
+            }
+            if cycle.speed_mps.abs() > scale_mps {
+                break;
+            }
+            speed_mps = cycle.speed_mps;
+        }
+        Err(LabFault::Setting("the force carries the part away: its mean friction cannot balance it".into()))
+    }
+
+    /// Mean speed over `cycles` cycles that follow `settling` others, from rest, m/s.
+    pub fn mean_mps(&self, plate: &PlateCycle, settling: usize, cycles: usize) -> f64 {
+        let (mut speed_mps, mut way_m) = (0.0, 0.0);
+        for i in 0..settling + cycles {
+            let cycle = self.cycle(plate, speed_mps);
+            speed_mps = cycle.speed_mps;
+            way_m += if i < settling { 0.0 } else { cycle.way_m };
+        }
+        way_m / (cycles as f64 * plate.period_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::closed_form::{feed_rate_mps, viscosity_nspm};
+    use super::*;
+    use proptest::prelude::*;
+    use upm_core::units::GRAVITY_MPS2;
+
+    fn rate_mps(plate: &PlateCycle, friction: f64, push_mps2: f64) -> f64 {
+        let part = Sliding { drag_mps2: friction * GRAVITY_MPS2, push_mps2 };
+        part.settled(plate).unwrap().way_m / plate.period_s
+    }
+
+    proptest! {
+        /// The bar is 0.01 %; before and beyond saturation, whatever friction is against the plate's acceleration.
+        #[test]
+        fn rate_is_that_of_the_closed_form(duty in 0.5..0.999f64, share in 0.01..0.9f64, period_s in 1e-3..0.1f64) {
+            let plate = PlateCycle { accel_mps2: 150.0, period_s, duty };
+            let friction = share * plate.accel_mps2 / GRAVITY_MPS2;
+            let exact = feed_rate_mps(&plate, friction);
+            let off = (rate_mps(&plate, friction, 0.0) - exact).abs() / (plate.accel_mps2 * period_s / 16.0);
+            prop_assert!(off < 1e-9, "duty {duty}, share {share}: {off}");
+        }
+    }
+
+    #[test]
+    fn plate_acts_as_a_viscous_belt() {
+        let plate = PlateCycle { accel_mps2: 100.0, period_s: 0.01, duty: 0.548 };
+        let (friction, mass_kg) = (0.5, 1e-4);
+        let viscosity = viscosity_nspm(&plate, friction, mass_kg);
+        let free = rate_mps(&plate, friction, 0.0);
+        for force_n in [-1e-4, -2e-5, 5e-5] {
+            let slower = rate_mps(&plate, friction, force_n / mass_kg);
+            assert!((force_n / (slower - free) / viscosity - 1.0).abs() < 1e-6, "{force_n}");
+        }
+    }
+
+    #[test]
+    fn force_beyond_friction_carries_the_part_away() {
+        let plate = PlateCycle { accel_mps2: 100.0, period_s: 0.01, duty: 0.548 };
+        let part = Sliding { drag_mps2: 5.0, push_mps2: 6.0 };
+        assert!(part.settled(&plate).unwrap_err().to_string().contains("carries the part away"));
+    }
+}

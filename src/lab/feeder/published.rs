@@ -1,0 +1,240 @@
+//! The paper's experiments: feed rate against duty (Figs. 15 and 18), against an external force (Fig. 19), and our own
+//! wave of two harmonics beside the paper's.
+
+use std::f64::consts::TAU;
+
+use super::closed_form::{feed_rate_mps, quasi_static_mps, saturation, viscosity_nspm};
+use super::part::Sliding;
+use super::plate::PlateCycle;
+use super::{DYN_N, Feeder};
+use crate::coulomb_pump;
+use crate::pumped::PumpedLine;
+use crate::sweep::{Progress, Sheet, parallel};
+use crate::{Figure, LabFault, LabRig, Outcome, Series};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_core::units::GRAVITY_MPS2;
+use upm_sim::PartParams;
+
+/// Accelerations of Fig. 18, m/s², and the duties at which they saturate by Eq. 5.
+const ACCELS_MPS2: [f64; 3] = [100.0, 150.0, 200.0];
+const SATURATIONS: [f64; 3] = [0.602, 0.609, 0.613];
+/// Duties of Fig. 18.
+const DUTIES: u32 = 50;
+/// `2 - √2`, half way between no feed and saturation.
+const DUTY_OPTIMAL: f64 = 0.585_786_437_626_905;
+/// The experiment with a force (section III-C.3): plate, friction, duty, and forces, dyn. The paper prints no duty: its
+/// intercept `-K ν` gives it.
+const FORCED: PlateCycle = PlateCycle { accel_mps2: 100.0, period_s: 0.01, duty: 0.548 };
+const FORCED_FRICTION: f64 = 0.5;
+const FORCES_DYN: i32 = 15;
+/// Time before a force and after it, s.
+const SETTLING_S: f64 = 1.0;
+const MEASURED_S: f64 = 2.0;
+/// Fit of Fig. 19: `F = -4.72 + 1.95 ν'`, dyn and cm/s.
+const PAPER_INTERCEPT_DYN: f64 = -4.72;
+const PAPER_SLOPE: f64 = 1.95;
+/// Steps of a cycle of the two harmonics, which the simulated plate's own friction engine takes.
+const STEPS: u32 = 20_000;
+const PUMP_CYCLES: u32 = 60;
+
+const CM: f64 = 0.01;
+const VISCOSITY: f64 = DYN_N / CM;
+
+/// All of them.
+///
+/// # Errors
+/// None in the published settings.
+pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFault> {
+    let mut outcome = Outcome::default();
+    for (i, (&accel_mps2, &saturates)) in ACCELS_MPS2.iter().zip(&SATURATIONS).enumerate() {
+        rate_against_duty(accel_mps2, saturates, &mut outcome)?;
+        progress(0.2 * (i + 1) as f64 / ACCELS_MPS2.len() as f64);
+    }
+    landmarks(&mut outcome);
+    for duty in [FORCED.duty, 0.586] {
+        rate_against_force(duty, &|share| progress(0.2 + 0.3 * share), &mut outcome);
+    }
+    drives(rig, &mut outcome);
+    outcome.charts.push(duty_chart(&outcome.series));
+    Ok(outcome)
+}
+
+/// Feed rates over all duties at one acceleration, simulated and by the closed form.
+fn rate_against_duty(accel_mps2: f64, saturates: f64, outcome: &mut Outcome) -> Result<(), LabFault> {
+    let Feeder { plate, friction, .. } = Feeder::published();
+    let duties: Vec<f64> = (0..=DUTIES).map(|i| 0.5 + 0.5 * f64::from(i) / f64::from(DUTIES)).collect();
+    let sliding = Sliding { drag_mps2: friction * GRAVITY_MPS2, push_mps2: 0.0 };
+    let largest_mps = accel_mps2 * plate.period_s / 16.0;
+    let (mut rates_mps, mut before, mut beyond) = (Vec::new(), 0.0f64, 0.0f64);
+    for &duty in &duties {
+        let plate = PlateCycle { accel_mps2, duty, ..plate };
+        let rate_mps = sliding.settled(&plate)?.way_m / plate.period_s;
+        let off = (rate_mps - feed_rate_mps(&plate, friction)).abs() / largest_mps;
+        let worst = if duty <= saturation(accel_mps2, friction) { &mut before } else { &mut beyond };
+        *worst = worst.max(off);
+        rates_mps.push(rate_mps);
+    }
+    let at = format!("at {:.0} cm/s²", accel_mps2 / CM);
+    for (worst, when) in [(before, "before"), (beyond, "beyond")] {
+        let name = format!("rate off the closed form {when} saturation, largest, {at}");
+        outcome.figures.push(Figure::against(name, "a T/16", worst, 0.0, "Impulse paper, Eqs. 3 and 7"));
+    }
+    let name = format!("duty at which the part saturates, {at}");
+    let found = saturation(accel_mps2, friction);
+    outcome.figures.push(Figure::against(name, "1", found, saturates, "Impulse paper, Eq. 5, to three digits"));
+    let label = format!("{:.0}", accel_mps2 / CM);
+    if outcome.series.is_empty() {
+        outcome.series.push(Series::new("duty", duties.iter().copied()));
+    }
+    outcome.series.push(Series::new(&format!("rate_cm_s_{label}"), rates_mps.iter().map(|rate| rate / CM)));
+    Ok(())
+}
+
+/// Single figures of section III-B and III-C.1.
+fn landmarks(outcome: &mut Outcome) {
+    let plate = PlateCycle { duty: DUTY_OPTIMAL, ..Feeder::published().plate };
+    let half = quasi_static_mps(&plate) / plate.peak_mps();
+    let figure =
+        Figure::against("rate over the plate's largest speed at d = 2 - √2", "1", half, 0.5, "Impulse paper, III-B");
+    outcome.figures.push(figure);
+    let peak = plate.peak_mps() / CM;
+    let source = "(a T/2)(d - sqrt(2 d - 1)) at 15,000 cm/s²";
+    outcome.figures.push(Figure::against("largest speed of the plate", "cm/s", peak, 25.7, source));
+    let name = "half stroke of the plate, the paper's x_max";
+    let source = "1/4 cm, Impulse paper, III-C.1, as peak to peak";
+    outcome.figures.push(Figure::against(name, "cm", plate.stroke_m() / CM, 0.25, source));
+}
+
+/// The rate that each force leads to, and the line through all of them (Fig. 19).
+fn rate_against_force(duty: f64, progress: Progress<'_>, outcome: &mut Outcome) {
+    let plate = PlateCycle { duty, ..FORCED };
+    let mass_kg = Feeder::published().mass_kg;
+    let cycles = |time_s: f64| (time_s / plate.period_s).round() as usize;
+    let forces_dyn: Vec<i32> = (-FORCES_DYN..=FORCES_DYN).collect();
+    let rates_mps = parallel(&forces_dyn, progress, |&force_dyn| {
+        let push_mps2 = f64::from(force_dyn) * DYN_N / mass_kg;
+        let sliding = Sliding { drag_mps2: FORCED_FRICTION * GRAVITY_MPS2, push_mps2 };
+        sliding.mean_mps(&plate, cycles(SETTLING_S), cycles(MEASURED_S))
+    });
+    let points: Vec<[f64; 2]> =
+        forces_dyn.iter().zip(&rates_mps).map(|(&force, &rate)| [rate / CM, f64::from(force)]).collect();
+    let [intercept, slope] = line_through(&points);
+    let viscosity = viscosity_nspm(&plate, FORCED_FRICTION, mass_kg) / VISCOSITY;
+    let free = feed_rate_mps(&plate, FORCED_FRICTION) / CM;
+    let at = format!("at d = {duty}, ±{FORCES_DYN} dyn");
+    let is_papers = duty == FORCED.duty;
+    let paper = |value: f64| if is_papers { format!("; the paper's fit has {value}") } else { String::new() };
+    let source = |what: &str, value: f64| format!("{what}{}", paper(value));
+    let figures = &mut outcome.figures;
+    let name = format!("slope of force over rate, K, {at}");
+    figures.push(Figure::against(name, "dyn s/cm", slope, viscosity, &source("Impulse paper, Eq. 4", PAPER_SLOPE)));
+    let name = format!("force at rate zero, -K ν, {at}");
+    let exact = -viscosity * free;
+    figures.push(Figure::against(name, "dyn", intercept, exact, &source("Eqs. 3 and 4", PAPER_INTERCEPT_DYN)));
+    if !is_papers {
+        outcome.notes.push(format!(
+            "at d = {duty} the slope leaves the closed form: +{FORCES_DYN} dyn drives the part into saturation; K is the closed \
+             form's up to d of about {}",
+            super::VISCOUS_BELOW
+        ));
+    }
+    let label = format!("{duty}");
+    outcome.series.push(Series::new(&format!("force_dyn_{label}"), points.iter().map(|at| at[1])));
+    outcome.series.push(Series::new(&format!("forced_rate_cm_s_{label}"), points.iter().map(|at| at[0])));
+    outcome.charts.push(force_chart(duty, &points, [intercept, slope]));
+}
+
+/// Intercept and slope of the least-squares line through `points`.
+fn line_through(points: &[[f64; 2]]) -> [f64; 2] {
+    let count = points.len() as f64;
+    let mean = |axis: usize| points.iter().map(|at| at[axis]).sum::<f64>() / count;
+    let (x, y) = (mean(0), mean(1));
+    let slope = points.iter().map(|at| (at[0] - x) * (at[1] - y)).sum::<f64>()
+        / points.iter().map(|at| (at[0] - x).powi(2)).sum::<f64>();
+    [y - slope * x, slope]
+}
+
+/// The paper's wave at two duties and the pump's two harmonics, all of one acceleration and period.
+fn drives(rig: &LabRig, outcome: &mut Outcome) {
+    let Feeder { plate, friction, .. } = Feeder::published();
+    let sliding = Sliding { drag_mps2: friction * GRAVITY_MPS2, push_mps2: 0.0 };
+    let (accel_mps2, period_s) = (plate.accel_mps2, plate.period_s);
+    let saturated = PlateCycle { duty: saturation(accel_mps2, friction), ..plate };
+    let mut rows = Vec::new();
+    for plate in [PlateCycle { duty: DUTY_OPTIMAL, ..plate }, saturated] {
+        let rate_mps = sliding.settled(&plate).map_or(f64::NAN, |cycle| cycle.way_m / period_s);
+        rows.push(vec![plate.duty, plate.peak_mps() / CM, plate.stroke_m() / CM, rate_mps / CM]);
+    }
+    let amplitude_mps = accel_mps2 * period_s / (TAU * coulomb_pump::peak_acceleration());
+    let line = PumpedLine { amplitude_mps, base_radps: TAU / period_s, steps: STEPS };
+    let part = PartParams { friction, ..rig.penny };
+    let rate_mps = line.carried_mps(part, PUMP_CYCLES, PUMP_CYCLES);
+    rows.push(vec![f64::NAN, 0.75 * amplitude_mps / CM, line.stroke_m() / CM, rate_mps / CM]);
+    let source = "our pump's belt A/2, which friction as strong as this falls short of";
+    let name = "rate of the two harmonics cos wt - ½ cos 2wt";
+    outcome.figures.push(Figure::against(name, "cm/s", rate_mps / CM, 0.5 * amplitude_mps / CM, source));
+    let names = ["duty (none: two harmonics)", "largest forward speed (cm/s)", "stroke (cm)", "feed rate (cm/s)"];
+    outcome.sheet = Some(Sheet { columns: names.map(str::to_owned).to_vec(), rows });
+}
+
+fn duty_chart(series: &[Series]) -> Chart {
+    let Feeder { plate, friction, .. } = Feeder::published();
+    let duties = series.first().map_or(&[][..], |duty| &duty.values);
+    let mut layers = Vec::new();
+    for (i, &accel_mps2) in ACCELS_MPS2.iter().enumerate() {
+        let curve = (0..=250).map(|i| 0.5 + 0.002 * f64::from(i));
+        let exact = curve.map(|duty| [duty, feed_rate_mps(&PlateCycle { accel_mps2, duty, ..plate }, friction) / CM]);
+        layers.push(Layer::new(
+            &format!("{:.0} cm/s²: closed form", accel_mps2 / CM),
+            Mark::Line,
+            Color::nth(i),
+            exact,
+        ));
+        let simulated = series.get(i + 1).map_or(&[][..], |rates| &rates.values);
+        layers.push(Layer::new("", Mark::Dots, Color::nth(i), duties.iter().zip(simulated).map(|(&x, &y)| [x, y])));
+    }
+    Chart {
+        name: "feeder-duty".to_owned(),
+        title: "Feed rate against duty (Fig. 18); dots are simulated".to_owned(),
+        x: Axis::new("duty"),
+        y: Axis::new("feed rate (cm/s)"),
+        map: false,
+        layers,
+    }
+}
+
+fn force_chart(duty: f64, points: &[[f64; 2]], [intercept, slope]: [f64; 2]) -> Chart {
+    let ends = [points.first(), points.last()].into_iter().flatten().map(|at| [at[0], intercept + slope * at[0]]);
+    Chart {
+        name: format!("feeder-force-{}", (1000.0 * duty).round()),
+        title: format!("External force against the rate it leads to (Fig. 19), d = {duty}"),
+        x: Axis::new("feed rate (cm/s)"),
+        y: Axis::new("force (dyn)"),
+        map: false,
+        layers: vec![
+            Layer::new(&format!("{intercept:.2} + {slope:.2} x"), Mark::Line, Color::Gray, ends),
+            Layer::new("simulated", Mark::Dots, Color::Orange, points.iter().copied()),
+        ],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{assert_sources_are_short, lab_rig};
+
+    #[test]
+    fn published_figures_come_out() {
+        let outcome = reproduce(&lab_rig("upm-1"), &|_| ()).unwrap();
+        assert_sources_are_short(&outcome);
+        let figure = |start: &str| outcome.figures.iter().find(|figure| figure.name.starts_with(start)).unwrap();
+        for figure in outcome.figures.iter().filter(|figure| figure.name.starts_with("rate off the closed form")) {
+            assert!(figure.measured < 1e-4, "{figure:?}");
+        }
+        let slope = figure("slope of force over rate, K, at d = 0.548").measured;
+        let intercept = figure("force at rate zero, -K ν, at d = 0.548").measured;
+        assert!((slope / 1.96 - 1.0).abs() < 0.01 && (intercept / -4.72 - 1.0).abs() < 0.01, "{slope} {intercept}");
+        let saturated = figure("slope of force over rate, K, at d = 0.586").measured;
+        assert!((saturated / 2.35 - 1.0).abs() < 0.02, "the departure: {saturated}");
+    }
+}

@@ -1,0 +1,177 @@
+//! Parameters of a machine that a person may set: `--set duty=0.55`.
+
+use std::str::FromStr;
+
+use super::LabFault;
+
+/// A parameter of machine `M`, in the unit that its key names.
+#[derive(Clone, Copy, Debug)]
+pub struct Setting<M> {
+    /// Its name on the command line, with the unit: `period_ms`.
+    pub key: &'static str,
+    /// One line about it.
+    pub about: &'static str,
+    /// Least and largest value for which the machine's model holds, both included.
+    pub range: [f64; 2],
+    /// Where it is kept.
+    pub field: Field<M>,
+}
+
+/// Where a parameter is kept in machine `M`.
+#[derive(Clone, Copy, Debug)]
+pub enum Field<M> {
+    /// In SI; the second is what one unit of the key is in SI.
+    Number(fn(&mut M) -> &mut f64, f64),
+    /// A whole number.
+    Count(fn(&mut M) -> &mut u32),
+}
+
+/// A parameter for people: what it is, what it is unless set, and what it may be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SettingInfo {
+    /// Its name on the command line.
+    pub key: &'static str,
+    /// One line about it.
+    pub about: &'static str,
+    /// Its value unless it is set.
+    pub usual: f64,
+    /// Least and largest value.
+    pub range: [f64; 2],
+}
+
+/// A value for a parameter, as typed: `duty=0.55`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Assignment {
+    /// The parameter.
+    pub key: String,
+    /// Its value.
+    pub value: f64,
+}
+
+impl FromStr for Assignment {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once('=').and_then(|(key, value)| Some((key.trim(), value.trim().parse().ok()?)));
+        let (key, value) = parts.ok_or_else(|| format!("expected KEY=NUMBER, found {text:?}"))?;
+        Ok(Self { key: key.to_owned(), value })
+    }
+}
+
+impl<M> Setting<M> {
+    /// Its value in `machine`.
+    pub fn value(&self, machine: &mut M) -> f64 {
+        match self.field {
+            Field::Number(of, unit) => *of(machine) / unit,
+            Field::Count(of) => f64::from(*of(machine)),
+        }
+    }
+
+    /// Sets it.
+    ///
+    /// # Errors
+    /// A value outside its range, or a fraction of a whole number.
+    pub fn set(&self, machine: &mut M, value: f64) -> Result<(), LabFault> {
+        let ([least, most], is_count) = (self.range, matches!(self.field, Field::Count(_)));
+        let is_allowed = (least..=most).contains(&value) && !(is_count && value.fract() != 0.0);
+        if !is_allowed {
+            let kind = if is_count { "a whole number from " } else { "" };
+            return Err(LabFault::Setting(format!("{}: expected {kind}{least} to {most}, found {value}", self.key)));
+        }
+        match self.field {
+            Field::Number(of, unit) => *of(machine) = value * unit,
+            Field::Count(of) => *of(machine) = value as u32,
+        }
+        Ok(())
+    }
+}
+
+/// The parameters of `settings` as they are in `machine`, for people.
+pub(super) fn infos<M: Clone>(settings: &[Setting<M>], machine: &M) -> Vec<SettingInfo> {
+    let info = |setting: &Setting<M>| SettingInfo {
+        key: setting.key,
+        about: setting.about,
+        usual: setting.value(&mut machine.clone()),
+        range: setting.range,
+    };
+    settings.iter().map(info).collect()
+}
+
+/// The parameter called `key`.
+///
+/// # Errors
+/// There is none of that name.
+pub(super) fn find<'a, M>(settings: &'a [Setting<M>], key: &str) -> Result<&'a Setting<M>, LabFault> {
+    settings.iter().find(|setting| setting.key == key).ok_or_else(|| {
+        let keys: Vec<&str> = settings.iter().map(|setting| setting.key).collect();
+        if keys.is_empty() {
+            return LabFault::Setting(format!("this experiment has no settings, found {key:?}"));
+        }
+        LabFault::Setting(format!("expected one of {}, found {key:?}", keys.join(", ")))
+    })
+}
+
+/// `machine` with `assignments` made, the later ones over the earlier.
+///
+/// # Errors
+/// As [`find`] and [`Setting::set`].
+pub(super) fn assigned<M: Clone>(
+    settings: &[Setting<M>],
+    machine: &M,
+    assignments: &[Assignment],
+) -> Result<M, LabFault> {
+    let mut machine = machine.clone();
+    for Assignment { key, value } in assignments {
+        find(settings, key)?.set(&mut machine, *value)?;
+    }
+    Ok(machine)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Clone, Debug, PartialEq)]
+    struct Press {
+        stroke_m: f64,
+        blows: u32,
+    }
+
+    const SETTINGS: &[Setting<Press>] = &[
+        Setting {
+            key: "stroke_mm",
+            about: "",
+            range: [0.5, 20.0],
+            field: Field::Number(|press| &mut press.stroke_m, 1e-3),
+        },
+        Setting { key: "blows", about: "", range: [1.0, 9.0], field: Field::Count(|press| &mut press.blows) },
+    ];
+    const PRESS: Press = Press { stroke_m: 0.01, blows: 2 };
+
+    fn set(texts: &[&str]) -> Result<Press, String> {
+        let assignments: Result<Vec<Assignment>, String> = texts.iter().map(|text| text.parse()).collect();
+        assigned(SETTINGS, &PRESS, &assignments?).map_err(|fault| fault.to_string())
+    }
+
+    #[test]
+    fn values_are_set_in_the_units_of_their_keys() {
+        assert_eq!(set(&["stroke_mm=4", "blows=3"]), Ok(Press { stroke_m: 0.004, blows: 3 }));
+        assert_eq!(set(&["blows = 3", "blows=4"]).map(|press| press.blows), Ok(4), "the later one");
+        let usual: Vec<f64> = infos(SETTINGS, &PRESS).iter().map(|info| info.usual).collect();
+        assert_eq!(usual, [10.0, 2.0]);
+    }
+
+    #[test]
+    fn faults_name_key_value_and_what_is_allowed() {
+        for (text, fault) in [
+            ("stroke_mm=0.4", "stroke_mm: expected 0.5 to 20, found 0.4"),
+            ("stroke_mm=NaN", "stroke_mm: expected 0.5 to 20, found NaN"),
+            ("blows=2.5", "blows: expected a whole number from 1 to 9, found 2.5"),
+            ("strokes=3", "expected one of stroke_mm, blows, found \"strokes\""),
+            ("blows", "expected KEY=NUMBER, found \"blows\""),
+            ("blows=two", "expected KEY=NUMBER, found \"blows=two\""),
+        ] {
+            assert_eq!(set(&[text]).unwrap_err(), fault);
+        }
+    }
+}

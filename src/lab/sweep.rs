@@ -1,0 +1,198 @@
+//! One parameter over a range, its points in parallel: `--sweep duty=0.5:1:26`.
+
+use std::str::FromStr;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
+use super::{Figure, LabFault, Outcome, Series};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+
+/// Most points of a sweep.
+const MOST_POINTS: usize = 10_000;
+
+/// Receives the share of the work that is done, 0 to 1.
+pub type Progress<'a> = &'a (dyn Fn(f64) + Sync);
+
+/// Values of one parameter, evenly spaced.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sweep {
+    /// The parameter.
+    pub key: String,
+    /// First and last value.
+    pub ends: [f64; 2],
+    /// Number of values, at least two.
+    pub points: usize,
+}
+
+/// A table of numbers: a row a point.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sheet {
+    /// What the columns hold, the unit included.
+    pub columns: Vec<String>,
+    /// Values; NaN where there is none.
+    pub rows: Vec<Vec<f64>>,
+}
+
+impl FromStr for Sweep {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parse = || {
+            let (key, range) = text.split_once('=')?;
+            let mut parts = range.split(':').map(str::trim);
+            let (from, to, points) = (parts.next()?, parts.next()?, parts.next()?);
+            let ends = [from.parse().ok()?, to.parse().ok()?];
+            let points = points.parse().ok().filter(|points| (2..=MOST_POINTS).contains(points))?;
+            parts.next().is_none().then(|| Self { key: key.trim().to_owned(), ends, points })
+        };
+        parse().ok_or_else(|| format!("expected KEY=FROM:TO:POINTS with 2 to {MOST_POINTS} points, found {text:?}"))
+    }
+}
+
+impl Sweep {
+    /// Its values.
+    pub fn values(&self) -> Vec<f64> {
+        let ([from, to], last) = (self.ends, (self.points - 1) as f64);
+        (0..self.points).map(|i| from + (to - from) * i as f64 / last).collect()
+    }
+
+    /// Measures at every value, on all cores, and puts the figures of each into one table. Values at which the machine
+    /// cannot be measured are empty in it, with the reason in the notes.
+    ///
+    /// # Errors
+    /// The first fault, where no value can be measured.
+    pub(super) fn run(
+        &self,
+        measure: impl Fn(f64) -> Result<Outcome, LabFault> + Sync,
+        progress: Progress<'_>,
+    ) -> Result<Outcome, LabFault> {
+        let values = self.values();
+        let found = parallel(&values, progress, |&value| measure(value));
+        let Some(names) = found.iter().flatten().map(|outcome| &outcome.figures).next() else {
+            return Err(found.into_iter().find_map(Result::err).unwrap_or(LabFault::Setting("no points".into())));
+        };
+        let names: Vec<Figure> = names.clone();
+        let notes = values.iter().zip(&found).filter_map(|(value, found)| {
+            let fault = found.as_ref().err()?;
+            Some(format!("{}={value}: {fault}", self.key))
+        });
+        let mut sheet =
+            Sheet { columns: vec![self.key.clone()], rows: values.iter().map(|&value| vec![value]).collect() };
+        let mut charts = Vec::new();
+        for (i, figure) in names.iter().enumerate() {
+            let at =
+                |found: &Result<Outcome, LabFault>| found.as_ref().ok().and_then(|found| found.figures.get(i).cloned());
+            let column: Vec<Option<Figure>> = found.iter().map(at).collect();
+            sheet.add(&heading(figure), column.iter().map(|figure| figure.as_ref().map(|figure| figure.measured)));
+            if figure.reference.is_some() {
+                let name = format!("{}: reference", heading(figure));
+                sheet.add(&name, column.iter().map(|figure| figure.as_ref().and_then(|figure| figure.reference)));
+            }
+            charts.push(self.chart(i, figure, &values, &column));
+        }
+        let series = sheet.series();
+        Ok(Outcome { notes: notes.collect(), charts, series, sheet: Some(sheet), ..Outcome::default() })
+    }
+
+    fn chart(&self, index: usize, figure: &Figure, values: &[f64], column: &[Option<Figure>]) -> Chart {
+        let points = |of: fn(&Figure) -> Option<f64>| {
+            let pairs = values.iter().zip(column);
+            pairs.filter_map(move |(&x, figure)| Some([x, of(figure.as_ref()?)?])).collect::<Vec<_>>()
+        };
+        let mut layers =
+            vec![Layer::new("measured", Mark::Dots, Color::Orange, points(|figure| Some(figure.measured)))];
+        let reference = points(|figure| figure.reference);
+        if !reference.is_empty() {
+            layers.insert(0, Layer::new(&figure.source, Mark::Line, Color::Blue, reference));
+        }
+        Chart {
+            name: format!("sweep-{}-{}", self.key, index + 1),
+            title: figure.name.clone(),
+            x: Axis::new(&self.key),
+            y: Axis::new(&heading(figure)),
+            map: false,
+            layers,
+        }
+    }
+}
+
+impl Sheet {
+    fn add(&mut self, name: &str, column: impl Iterator<Item = Option<f64>>) {
+        self.columns.push(name.to_owned());
+        for (row, value) in self.rows.iter_mut().zip(column) {
+            row.push(value.unwrap_or(f64::NAN));
+        }
+    }
+
+    /// Its columns.
+    pub(super) fn series(&self) -> Vec<Series> {
+        let column = |i: usize| self.rows.iter().map(move |row| row[i]);
+        self.columns.iter().enumerate().map(|(i, name)| Series::new(name, column(i))).collect()
+    }
+}
+
+fn heading(figure: &Figure) -> String {
+    if figure.unit == "1" { figure.name.clone() } else { format!("{} ({})", figure.name, figure.unit) }
+}
+
+/// `work` on every item, on all cores; the results in the order of the items, whatever the number of cores.
+pub(super) fn parallel<T: Sync, R: Send>(items: &[T], progress: Progress<'_>, work: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    let threads = thread::available_parallelism().map_or(1, |cores| cores.get()).min(items.len().max(1));
+    let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::with_capacity(items.len())));
+    let take_turns = || {
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(item) = items.get(index) else { break };
+            let result = work(item);
+            let mut done = done.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            done.push((index, result));
+            progress(done.len() as f64 / items.len() as f64);
+        }
+    };
+    thread::scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(take_turns);
+        }
+        take_turns();
+    });
+    let mut done = done.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    done.sort_by_key(|(index, _)| *index);
+    done.into_iter().map(|(_, result)| result).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sweeps_are_read_and_their_ends_belong_to_them() {
+        let sweep: Sweep = "duty=0.5:1:6".parse().unwrap();
+        let values = sweep.values();
+        assert_eq!((sweep.key.as_str(), values.len(), values[0], values[5]), ("duty", 6, 0.5, 1.0));
+        for text in ["duty", "duty=0.5", "duty=0.5:1", "duty=0.5:1:1", "duty=0.5:1:x", "duty=0.5:1:3:4", "d=1:2:10001"]
+        {
+            assert!(text.parse::<Sweep>().unwrap_err().contains(text), "{text}");
+        }
+    }
+
+    #[test]
+    fn points_are_in_order_and_those_that_fail_are_empty() {
+        let sweep = Sweep { key: "x".into(), ends: [0.0, 9.0], points: 10 };
+        let measure = |x: f64| match x {
+            4.0 => Err(LabFault::Setting("four".into())),
+            x => Ok(Outcome { figures: vec![Figure::against("square", "mm", x * x, x, "line")], ..Outcome::default() }),
+        };
+        let seen = Mutex::new(Vec::new());
+        let outcome = sweep.run(measure, &|share| seen.lock().unwrap().push(share)).unwrap();
+        let sheet = outcome.sheet.unwrap();
+        assert_eq!(sheet.columns, ["x", "square (mm)", "square (mm): reference"]);
+        let squares: Vec<f64> = sheet.rows.iter().map(|row| row[1]).filter(|square| !square.is_nan()).collect();
+        assert_eq!(squares, [0.0, 1.0, 4.0, 9.0, 25.0, 36.0, 49.0, 64.0, 81.0]);
+        assert_eq!(outcome.notes, ["x=4: four"]);
+        let seen = seen.into_inner().unwrap();
+        assert!(seen.len() == 10 && seen.is_sorted() && seen[9] == 1.0, "{seen:?}");
+        let all_fail = |_| Err(LabFault::Setting("never".into()));
+        assert_eq!(sweep.run(all_fail, &|_| ()).unwrap_err(), LabFault::Setting("never".into()));
+    }
+}

@@ -1,0 +1,183 @@
+//! Orienting parts by a low ledge (Singer and Seering, "Utilizing dynamic stability to orient parts", section 2): a part that
+//! slides against it topples from a speed on that depends on its orientation.
+
+mod cascade;
+mod impact;
+mod peg;
+mod published;
+mod trials;
+
+use self::peg::{Peg, Shape, ratio_of_orientations};
+pub use self::published::reproduce;
+use self::trials::{Scatter, band};
+use super::settings::{Field, Setting};
+use super::sweep::Progress;
+use super::{Figure, LabFault, Outcome, Series};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_core::random::Streams;
+use upm_core::units::mm_from_m;
+
+/// A part, a ledge, and the scatter of the experiment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Topple {
+    cylinder: u32,
+    length_m: f64,
+    height_m: f64,
+    ledge_m: f64,
+    scatter: Scatter,
+    seed: u32,
+}
+
+/// What can be set of it.
+pub const SETTINGS: &[Setting<Topple>] = &[
+    Setting {
+        key: "cylinder",
+        about: "1 for a standing cylinder, 0 for a block",
+        range: [0.0, 1.0],
+        field: Field::Count(|topple| &mut topple.cylinder),
+    },
+    Setting {
+        key: "length_mm",
+        about: "length along the way, or diameter",
+        range: [1e-3, 1e4],
+        field: Field::Number(|topple| &mut topple.length_m, 1e-3),
+    },
+    Setting {
+        key: "height_mm",
+        about: "height of the part",
+        range: [1e-3, 1e4],
+        field: Field::Number(|topple| &mut topple.height_m, 1e-3),
+    },
+    Setting {
+        key: "ledge_mm",
+        about: "height of the ledge",
+        range: [0.0, 1e4],
+        field: Field::Number(|topple| &mut topple.ledge_m, 1e-3),
+    },
+    Setting {
+        key: "belt_percent",
+        about: "standard deviation of the belt's speed",
+        range: [0.0, 20.0],
+        field: Field::Number(|topple| &mut topple.scatter.belt, 1e-2),
+    },
+    Setting {
+        key: "friction",
+        about: "friction between belt and part",
+        range: [0.0, 5.0],
+        field: Field::Number(|topple| &mut topple.scatter.friction, 1.0),
+    },
+    Setting {
+        key: "friction_sd",
+        about: "standard deviation of that friction",
+        range: [0.0, 1.0],
+        field: Field::Number(|topple| &mut topple.scatter.friction_sd, 1.0),
+    },
+    Setting {
+        key: "way_mm",
+        about: "way on the belt before the ledge",
+        range: [0.0, 1e5],
+        field: Field::Number(|topple| &mut topple.scatter.way_m, 1e-3),
+    },
+    Setting {
+        key: "seed",
+        about: "seed of the trials",
+        range: [0.0, 1e9],
+        field: Field::Count(|topple| &mut topple.seed),
+    },
+];
+
+impl Topple {
+    /// A peg of half an inch and the paper's ledge; the scatter is ours, the paper prints none.
+    pub fn published() -> Self {
+        let scatter = Scatter { belt: 0.01, friction: 0.3, friction_sd: 0.05, way_m: 0.3, way_sd: 0.1 };
+        Self { cylinder: 1, length_m: 6.35e-3, height_m: 12.7e-3, ledge_m: 0.889e-3, scatter, seed: 1 }
+    }
+
+    fn peg(&self) -> Peg {
+        let shape = if self.cylinder == 1 { Shape::Cylinder } else { Shape::Block };
+        Peg { shape, length_m: self.length_m, height_m: self.height_m }
+    }
+}
+
+/// Critical speed of one part, in closed form, simulated, and by fifteen trials a speed; for a block its other orientation, too.
+///
+/// # Errors
+/// A ledge as high as the part's centre.
+pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<Outcome, LabFault> {
+    let peg = topple.peg();
+    let pivot = peg.pivot(topple.ledge_m).ok_or_else(|| too_high(topple, &peg))?;
+    let (exact_mps, simulated_mps) = (pivot.critical_mps(), pivot.simulated_critical_mps());
+    let band = band(topple, simulated_mps, &Streams::new(topple.seed.into()));
+    let against = |name: &str, value: f64| {
+        Figure::against(name, "mm/s", mm_from_m(value), mm_from_m(exact_mps), "Singer and Seering, Eq. 2.3")
+    };
+    let alone = |name: &str, unit: &str, value: f64| Figure::alone(name, unit, value, "15 trials a speed");
+    let mut figures = vec![
+        against("least speed that topples the part, simulated", simulated_mps),
+        alone("highest speed at which none fell", "mm/s", mm_from_m(band.none_mps)),
+        alone("lowest speed at which all fell", "mm/s", mm_from_m(band.all_mps)),
+        against("middle of these two", band.median_mps()),
+        alone("their distance over their middle", "%", 100.0 * band.width()),
+    ];
+    if peg.shape == Shape::Block
+        && let Some(other) = peg.toppled().pivot(topple.ledge_m)
+    {
+        let speed = mm_from_m(other.critical_mps());
+        figures.push(Figure::alone("the same for the other orientation", "mm/s", speed, "Singer and Seering, Eq. 2.3"));
+    }
+    let chart = trials_chart(&band.shares, exact_mps);
+    let series = vec![
+        Series::new("belt_mm_s", band.shares.iter().map(|share| mm_from_m(share[0]))),
+        Series::new("share_fallen", band.shares.iter().map(|share| share[1])),
+    ];
+    Ok(Outcome { figures, series, charts: vec![chart], ..Outcome::default() })
+}
+
+fn too_high(topple: &Topple, peg: &Peg) -> LabFault {
+    LabFault::Setting(format!(
+        "ledge_mm: expected less than {} (half of the part's height), found {}",
+        mm_from_m(0.5 * peg.height_m),
+        mm_from_m(topple.ledge_m)
+    ))
+}
+
+fn trials_chart(shares: &[[f64; 2]], exact_mps: f64) -> Chart {
+    let exact = mm_from_m(exact_mps);
+    Chart {
+        name: "topple-trials".to_owned(),
+        title: "Share of fifteen parts that fall at the ledge".to_owned(),
+        x: Axis::new("speed of the belt (mm/s)"),
+        y: Axis::new("share that falls"),
+        map: false,
+        layers: vec![
+            Layer::new("closed form (Eq. 2.3)", Mark::Dashes, Color::Gray, [[exact, 0.0], [exact, 1.0]]),
+            Layer::new("trials", Mark::Dots, Color::Orange, shares.iter().map(|&[mps, share]| [mm_from_m(mps), share])),
+        ],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::{Assignment, assigned};
+
+    fn set(text: &str) -> Result<Outcome, LabFault> {
+        let assignments: Vec<Assignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
+        measure(&assigned(SETTINGS, &Topple::published(), &assignments)?, &|_| ())
+    }
+
+    #[test]
+    fn trials_without_scatter_have_no_band() {
+        let outcome = set("belt_percent=0 friction_sd=0").unwrap();
+        let figure = |name: &str| outcome.figures.iter().find(|figure| figure.name == name).unwrap().measured;
+        assert!(figure("their distance over their middle") < 1.0, "one step of the speed");
+        let slow = set("friction=0.05 friction_sd=0 way_mm=10").unwrap();
+        assert!(slow.figures[2].measured.is_nan(), "the belt never gets the part up to the speed");
+    }
+
+    #[test]
+    fn ledge_above_the_centre_is_refused() {
+        let said = set("ledge_mm=7").unwrap_err().to_string();
+        assert_eq!(said, "ledge_mm: expected less than 6.35 (half of the part's height), found 7");
+    }
+}

@@ -1,0 +1,105 @@
+//! Ledges one behind the other that bring a batch of blocks, which lie on any of their faces, onto the largest one.
+//!
+//! A ledge exchanges a block's length along its way and its height; it cannot turn the third edge. So a quarter turn about
+//! the vertical follows the first ledge, and a second ledge lays down what stands then.
+
+use rand::RngExt;
+
+use super::Topple;
+use super::peg::{Peg, Shape};
+use crate::LabFault;
+use upm_core::random::Streams;
+
+/// Blocks of a batch.
+const BATCH: u32 = 2_000;
+
+/// A block on the belt: edges along its way, upright and across, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Lying {
+    along_m: f64,
+    up_m: f64,
+    across_m: f64,
+}
+
+impl Lying {
+    fn critical_mps(&self, ledge_m: f64) -> f64 {
+        let peg = Peg { shape: Shape::Block, length_m: self.along_m, height_m: self.up_m };
+        peg.pivot(ledge_m).map_or(f64::INFINITY, |pivot| pivot.critical_mps())
+    }
+
+    fn stands(&self) -> bool {
+        self.up_m > self.along_m
+    }
+
+    fn toppled(self) -> Self {
+        Self { along_m: self.up_m, up_m: self.along_m, ..self }
+    }
+
+    fn turned(self) -> Self {
+        Self { along_m: self.across_m, across_m: self.along_m, ..self }
+    }
+}
+
+/// A batch after each ledge.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cascade {
+    /// Speed at each ledge, m/s.
+    pub speeds_mps: Vec<f64>,
+    /// Lowest and highest speed that would do there without scatter, m/s.
+    pub windows_mps: Vec<[f64; 2]>,
+    /// Share of the batch on its largest face: at first, and after each ledge.
+    pub flat: Vec<f64>,
+}
+
+/// A batch of blocks with edges `edges_m` through two ledges with a quarter turn between, and a third of the second's speed
+/// for those that the scatter left standing.
+///
+/// # Errors
+/// Blocks so like a cube that no speed topples those that stand and leaves those that lie.
+pub fn cascade(topple: &Topple, edges_m: [f64; 3], streams: &Streams) -> Result<Cascade, LabFault> {
+    let ledge_m = topple.ledge_m;
+    let mut edges_m = edges_m;
+    edges_m.sort_by(f64::total_cmp);
+    let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+    let lying = orders.map(|[a, b, c]| Lying { along_m: edges_m[a], up_m: edges_m[b], across_m: edges_m[c] });
+    let first = window(&lying, ledge_m)?;
+    let after = lying.map(|block| if block.stands() { block.toppled() } else { block }.turned());
+    let second = window(&after, ledge_m)?;
+    let windows_mps = vec![first, second, second];
+    let speeds_mps: Vec<f64> = windows_mps.iter().map(|[low, high]| (low * high).sqrt()).collect();
+
+    let mut rng = streams.stream("cascade of ledges");
+    let mut batch: Vec<Lying> = (0..BATCH).map(|_| lying[rng.random_range(0..lying.len())]).collect();
+    let share =
+        |batch: &[Lying]| batch.iter().filter(|block| block.up_m == edges_m[0]).count() as f64 / f64::from(BATCH);
+    let mut flat = vec![share(&batch)];
+    for (i, &speed_mps) in speeds_mps.iter().enumerate() {
+        for block in &mut batch {
+            if topple.scatter.approach_mps(speed_mps, &mut rng) > block.critical_mps(ledge_m) {
+                *block = block.toppled();
+            }
+        }
+        flat.push(share(&batch));
+        if i == 0 {
+            batch.iter_mut().for_each(|block| *block = block.turned());
+        }
+    }
+    Ok(Cascade { speeds_mps, windows_mps, flat })
+}
+
+/// Speeds that topple every one of `blocks` that stands, and none that lies.
+fn window(blocks: &[Lying], ledge_m: f64) -> Result<[f64; 2], LabFault> {
+    let of = |stands: bool| {
+        let alike = blocks.iter().filter(move |block| block.stands() == stands);
+        alike.map(|block| block.critical_mps(ledge_m))
+    };
+    let (low, high) = (of(true).fold(0.0, f64::max), of(false).fold(f64::INFINITY, f64::min));
+    if low < high {
+        return Ok([low, high]);
+    }
+    Err(LabFault::Setting(format!(
+        "no speed topples all blocks that stand ({:.0} mm/s) and leaves all that lie ({:.0} mm/s): edges must differ more",
+        1e3 * low,
+        1e3 * high
+    )))
+}

@@ -1,0 +1,100 @@
+//! A part that slides against a low ledge, and the speed at which it topples (Singer and Seering, section 2).
+
+use upm_core::units::GRAVITY_MPS2;
+
+/// Outline of a part, as seen from the side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// A rectangular block.
+    Block,
+    /// A standing cylinder.
+    Cylinder,
+}
+
+/// A part on a flat surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Peg {
+    /// Its outline.
+    pub shape: Shape,
+    /// Length along its way, or diameter, m.
+    pub length_m: f64,
+    /// Height, m.
+    pub height_m: f64,
+}
+
+/// A part against a ledge: where its centre of mass lies from the ledge's top edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pivot {
+    /// Distance of the centre behind the edge, m.
+    pub behind_m: f64,
+    /// Height of the centre above the edge, m.
+    pub above_m: f64,
+    /// Squared radius of gyration about the centre, m².
+    pub gyration_m2: f64,
+}
+
+impl Peg {
+    /// The part about the top edge of a ledge of height `ledge_m`; `None` for a ledge at or above its centre.
+    pub fn pivot(&self, ledge_m: f64) -> Option<Pivot> {
+        let (half_length_m, half_height_m) = (0.5 * self.length_m, 0.5 * self.height_m);
+        // of the horizontal axis across its way: a circle's is a quarter of the radius squared, a line's a third
+        let across = match self.shape {
+            Shape::Block => half_length_m.powi(2) / 3.0,
+            Shape::Cylinder => half_length_m.powi(2) / 4.0,
+        };
+        let above_m = half_height_m - ledge_m;
+        let gyration_m2 = across + half_height_m.powi(2) / 3.0;
+        (above_m > 0.0).then_some(Pivot { behind_m: half_length_m, above_m, gyration_m2 })
+    }
+
+    /// The same part lying on the face that met the ledge.
+    pub fn toppled(&self) -> Self {
+        Self { length_m: self.height_m, height_m: self.length_m, ..*self }
+    }
+}
+
+impl Pivot {
+    /// Squared radius of gyration about the edge, `I_o / m` (below Eq. 2.1), m².
+    fn about_edge_m2(&self) -> f64 {
+        self.gyration_m2 + self.behind_m.powi(2) + self.above_m.powi(2)
+    }
+
+    /// Least speed at which the part topples (Eq. 2.3): angular momentum about the edge is kept in the impact, and the
+    /// energy after it must lift the centre over the edge. m/s.
+    pub fn critical_mps(&self) -> f64 {
+        let lift_m = self.behind_m.hypot(self.above_m) - self.above_m;
+        (2.0 * GRAVITY_MPS2 * self.about_edge_m2() * lift_m).sqrt() / self.above_m
+    }
+}
+
+/// Ratio of the critical speeds of the two orientations of a block `b` by `b (1 + δ)` on a ledge of no height (Eq. 2.4): the
+/// lying one's over the standing one's.
+pub fn ratio_of_orientations(delta: f64) -> f64 {
+    let standing = Peg { shape: Shape::Block, length_m: 1.0, height_m: 1.0 + delta };
+    let critical = |peg: Peg| peg.pivot(0.0).map_or(f64::NAN, |pivot| pivot.critical_mps());
+    critical(standing.toppled()) / critical(standing)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// `I_o` of a block is `(4/3) m (l² + h²)`, of a standing cylinder `m (5/4 l² + 4/3 h²)`.
+        #[test]
+        fn moments_about_a_corner_are_those_of_the_tables(length_m in 1e-3..0.1f64, height_m in 1e-3..0.1f64) {
+            let (l2, h2) = (0.25 * length_m * length_m, 0.25 * height_m * height_m);
+            for (shape, exact) in [(Shape::Block, 4.0 / 3.0 * (l2 + h2)), (Shape::Cylinder, 1.25 * l2 + 4.0 / 3.0 * h2)] {
+                let pivot = Peg { shape, length_m, height_m }.pivot(0.0).unwrap();
+                prop_assert!((pivot.about_edge_m2() / exact - 1.0).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn ledge_above_the_centre_topples_nothing() {
+        let peg = Peg { shape: Shape::Block, length_m: 0.01, height_m: 0.02 };
+        assert!(peg.pivot(0.009).is_some() && peg.pivot(0.01).is_none());
+    }
+}

@@ -1,0 +1,155 @@
+//! What the paper shows of ledges: how a small difference between two edges of a block tells its orientations apart (Eq. 2.4,
+//! Fig. 2), the trials with pegs (Table 1, whose numbers cannot be read any more), and ledges one behind the other.
+
+use super::cascade::cascade;
+use super::peg::{Peg, Shape};
+use super::trials::band;
+use super::{Topple, measure, ratio_of_orientations};
+use crate::sweep::{Progress, Sheet, parallel};
+use crate::{Figure, LabFault, LabRig, Outcome, Series};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_core::random::Streams;
+use upm_core::units::mm_from_m;
+
+/// Coefficients of Eq. 2.4, worked out anew; the paper prints 2.2 and 1.33.
+const COEFFICIENTS: [f64; 2] = [2.207, 1.332];
+/// Step of the differences that give them.
+const DELTA: f64 = 1e-3;
+/// A second peg twice as thick as the published one falls at the same speed with this height, found by halving.
+const TWICE: f64 = 2.0;
+const HALVINGS: usize = 60;
+/// Edges of the blocks in the batch, m.
+const BLOCK_M: [f64; 3] = [8e-3, 12e-3, 18e-3];
+
+/// All of it.
+///
+/// # Errors
+/// None in the published settings.
+pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFault> {
+    let streams = Streams::new(rig.seed);
+    let mut outcome = orientations();
+    let peg = Topple { seed: rig.seed as u32, ..Topple::published() };
+    let pegs = [peg, alike(&peg)];
+    let rows = parallel(&pegs, &|share| progress(0.8 * share), |peg| -> Result<Vec<f64>, LabFault> {
+        let exact_mps = peg.peg().pivot(peg.ledge_m).map_or(f64::NAN, |pivot| pivot.critical_mps());
+        let band = band(peg, exact_mps, &streams);
+        let error = 100.0 * (band.median_mps() / exact_mps - 1.0);
+        let speeds = [exact_mps, band.none_mps, band.all_mps, band.median_mps()].map(mm_from_m);
+        let sizes = [mm_from_m(peg.length_m), mm_from_m(peg.height_m)];
+        Ok(sizes.into_iter().chain(speeds).chain([error, 100.0 * band.width()]).collect())
+    });
+    let columns = [
+        "diameter (mm)",
+        "height (mm)",
+        "Eq. 2.3 (mm/s)",
+        "none fall (mm/s)",
+        "all fall (mm/s)",
+        "middle (mm/s)",
+        "error %",
+        "band %",
+    ];
+    let rows = rows.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let same = (rows[1][2] / rows[0][2] - 1.0).abs();
+    outcome.sheet = Some(Sheet { columns: columns.map(str::to_owned).to_vec(), rows });
+    let name = "critical speeds of two pegs, one twice as thick, apart by";
+    let source = "two pegs of other size and shape share a speed (Table 1)";
+    outcome.figures.push(Figure::against(name, "1", same, 0.0, source));
+    let trials = measure(&peg, &|_| ())?;
+    outcome.figures.extend(trials.figures);
+    outcome.charts.extend(trials.charts);
+    outcome.series.extend(trials.series);
+    progress(0.9);
+    batch(&peg, &streams, &mut outcome)?;
+    Ok(outcome)
+}
+
+/// The ratio of the critical speeds of a block's two orientations, as a power series.
+fn orientations() -> Outcome {
+    let [less, more] = [-DELTA, DELTA].map(ratio_of_orientations);
+    let found = [(more - less) / (2.0 * DELTA), (more - 2.0 + less) / (2.0 * DELTA * DELTA)];
+    let names = ["ratio of the speeds of b x b(1 + δ): coefficient of δ", "the same: coefficient of δ²"];
+    let sources = ["Eq. 2.4; the paper prints 2.2", "Eq. 2.4; the paper prints 1.33"];
+    let figures = (0..2).map(|i| Figure::against(names[i], "1", found[i], COEFFICIENTS[i], sources[i])).collect();
+    let curve: Vec<[f64; 2]> = (0..=100).map(|i| 0.005 * f64::from(i)).map(|d| [d, ratio_of_orientations(d)]).collect();
+    let [first, second] = COEFFICIENTS;
+    let power = curve.iter().map(|&[d, _]| [d, 1.0 + first * d + second * d * d]);
+    let chart = Chart {
+        name: "topple-ratio".to_owned(),
+        title: "Critical speed of a block lying over that of the same block standing (Fig. 2)".to_owned(),
+        x: Axis::new("δ, by which one edge is longer"),
+        y: Axis::new("ratio of the critical speeds"),
+        map: false,
+        layers: vec![
+            Layer::new("1 + 2.207 δ + 1.332 δ²", Mark::Dashes, Color::Gray, power),
+            Layer::new("closed form (Eq. 2.3)", Mark::Line, Color::Blue, curve.iter().copied()),
+        ],
+    };
+    let series = vec![
+        Series::new("delta", curve.iter().map(|at| at[0])),
+        Series::new("ratio_of_orientations", curve.iter().map(|at| at[1])),
+    ];
+    Outcome { figures, charts: vec![chart], series, ..Outcome::default() }
+}
+
+/// A cylinder twice as thick as that of `peg` that falls at the same speed.
+fn alike(peg: &Topple) -> Topple {
+    let critical = |height_m: f64| {
+        let peg = Peg { shape: Shape::Cylinder, length_m: TWICE * peg.length_m, height_m };
+        peg.pivot(Topple::published().ledge_m).map_or(f64::INFINITY, |pivot| pivot.critical_mps())
+    };
+    let wanted = peg.peg().pivot(peg.ledge_m).map_or(f64::NAN, |pivot| pivot.critical_mps());
+    // the taller the easier to topple
+    let (mut low_m, mut high_m) = (2.0 * peg.ledge_m, 100.0 * peg.height_m);
+    for _ in 0..HALVINGS {
+        let middle_m = 0.5 * (low_m + high_m);
+        *(if critical(middle_m) > wanted { &mut low_m } else { &mut high_m }) = middle_m;
+    }
+    Topple { length_m: TWICE * peg.length_m, height_m: high_m, ..*peg }
+}
+
+/// Ledges one behind the other.
+fn batch(peg: &Topple, streams: &Streams, outcome: &mut Outcome) -> Result<(), LabFault> {
+    let found = cascade(peg, BLOCK_M, streams)?;
+    let [a, b, c] = BLOCK_M.map(mm_from_m);
+    for (i, share) in found.flat.iter().enumerate() {
+        let name = match i {
+            0 => format!("blocks {a} x {b} x {c} mm on their largest face at first"),
+            _ => format!("the same after ledge {i} at {:.0} mm/s", mm_from_m(found.speeds_mps[i - 1])),
+        };
+        let source = match i {
+            0 => "any of six ways to lie, as likely as each other".to_owned(),
+            _ => {
+                let [low, high] = found.windows_mps[i - 1].map(mm_from_m);
+                format!("window {low:.0} to {high:.0} mm/s; 2,000 blocks")
+            }
+        };
+        outcome.figures.push(Figure::alone(name, "1", *share, &source));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{assert_sources_are_short, lab_rig};
+
+    #[test]
+    fn published_figures_come_out() {
+        let outcome = reproduce(&lab_rig("upm-1"), &|_| ()).unwrap();
+        assert_sources_are_short(&outcome);
+        for (figure, coefficient) in outcome.figures.iter().zip(COEFFICIENTS) {
+            assert!((figure.measured - coefficient).abs() < 1e-3, "{figure:?}");
+        }
+        let rows = outcome.sheet.unwrap().rows;
+        let shapes = rows.iter().map(|row| row[1] / row[0]).collect::<Vec<_>>();
+        assert!((rows[0][2] - rows[1][2]).abs() < 0.01 && (shapes[0] / shapes[1] - 1.0).abs() > 0.1, "{rows:?}");
+        for row in &rows {
+            assert!(
+                row[6].abs() < 3.0 && (1.0..10.0).contains(&row[7]),
+                "a narrow band about the closed form: {row:?}"
+            );
+        }
+        let flat: Vec<f64> = outcome.figures.iter().rev().take(4).map(|figure| figure.measured).collect();
+        assert!(flat[0] > 0.99 && flat[3] < 0.4, "{flat:?}");
+    }
+}
