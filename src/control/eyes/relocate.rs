@@ -62,7 +62,9 @@ impl Eyes {
         let table = locate_table_in_stages(&self.frame, &self.lens, self.table.side_m, &mut stages);
         let table = table.map_err(|fault| fault.to_string())?;
         if !has_shape_of(&table, &self.table) {
-            return Err("it has another shape than before, something hides part of it".to_owned());
+            return Err(
+                "it has another shape than before: something hides part of it, or the picture is mirrored".to_owned()
+            );
         }
         let size = [self.frame.width, self.frame.height];
         let mut finder = CoinFinder::new(&table, size, &self.kinds, self.dark_parts);
