@@ -115,7 +115,7 @@ fn rig_for(experiment: &Experiment, args: &LabArgs) -> Result<LabRig, Failure> {
     lab_rig(&rig.map_err(Failure::faults)?, args.seed)
 }
 
-/// What is asked of the experiment on the command line.
+/// The request that the command line makes of the experiment.
 fn request(args: &LabArgs) -> Result<Request, Failure> {
     let wrong = |option: &str, error: String| Failure::bad_input(format!("{option}: {error}"));
     let assignments = args.set.iter().map(|text| text.parse().map_err(|error| wrong("--set", error)));

@@ -208,9 +208,8 @@ struct Active {
 }
 
 impl Active {
-    /// True for a condition that keeps the plate out of sight, and that has not been noted for a while: it is noted with every
-    /// frame while it holds.
-    fn is_out_of_sight_no_more(&self, at: PlateTime) -> bool {
+    /// True for a condition of sight that has ended: while it holds it is noted with every frame.
+    fn is_back_in_sight(&self, at: PlateTime) -> bool {
         let is_of_sight = matches!(
             self.condition,
             Condition::CameraFrozen | Condition::CameraStale | Condition::CameraDark | Condition::ViewHidden
@@ -243,14 +242,14 @@ impl Conditions {
     /// Ends the present cycle. Tells `sink` of conditions that have not held for a while.
     pub fn end_cycle(&mut self, at: PlateTime, sink: &mut dyn Sink) {
         let cycle = self.cycle;
-        let is_over = |active: &Active| active.last_cycle + QUIET_CYCLES <= cycle || active.is_out_of_sight_no_more(at);
+        let is_over = |active: &Active| active.last_cycle + QUIET_CYCLES <= cycle || active.is_back_in_sight(at);
         self.end(at, "no longer", sink, is_over);
         self.cycle += 1;
     }
 
     /// Ends the run. Tells `sink` of every condition that held until now.
     pub fn end_run(&mut self, at: PlateTime, sink: &mut dyn Sink) {
-        self.end(at, "no longer", sink, |active| active.is_out_of_sight_no_more(at));
+        self.end(at, "no longer", sink, |active| active.is_back_in_sight(at));
         self.end(at, "until the end", sink, |_| true);
     }
 

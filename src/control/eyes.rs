@@ -202,7 +202,8 @@ impl Eyes {
         self.off_plate =
             if self.tracker.tracks().iter().any(|track| self.is_off_plate(track)) { self.off_plate + 1 } else { 0 };
         let frames = self.frame.exposed_at.secs_since(self.looked_at) * self.frame_hz;
-        self.looked_at = self.looked_at.max(self.frame.exposed_at);
+        // a stamp in the future must not stop the count
+        self.looked_at = self.looked_at.max(self.frame.exposed_at.min(rig.now()));
         self.missing = match (self.missing_for(), swing_px) {
             (0, _) => (0.0, 0),
             (_, Some(_)) => (self.missing.0 + frames.max(0.0), self.missing.1 + 1),

@@ -29,7 +29,7 @@ pub struct Request {
 
 /// A procedure whose machine can be set.
 pub trait Method: Sync {
-    /// What can be set.
+    /// Parameters of the machine, for people.
     fn settings(&self, rig: &LabRig) -> Vec<SettingInfo>;
 
     /// Makes the experiment.
@@ -42,7 +42,7 @@ pub trait Method: Sync {
 /// The procedure of an experiment on machines of type `M`.
 #[derive(Clone, Copy, Debug)]
 pub struct Procedure<M: 'static> {
-    /// What can be set.
+    /// Parameters of the machine.
     pub settings: &'static [Setting<M>],
     /// The machine as it is unless set.
     pub usual: fn(&LabRig) -> M,

@@ -32,7 +32,7 @@ pub struct Feeder {
     force_n: f64,
 }
 
-/// What can be set of it.
+/// Parameters of a feeder.
 pub const SETTINGS: &[Setting<Feeder>] = &[
     Setting {
         key: "accel_mps2",

@@ -81,7 +81,7 @@ pub struct Outcome {
     pub series: Vec<Series>,
     /// Pictures.
     pub charts: Vec<Chart>,
-    /// A table of its own: the points of a sweep, or machines side by side.
+    /// Table of the points of a sweep, or of machines side by side.
     pub sheet: Option<Sheet>,
     /// What moved.
     pub motion: Option<Motion>,

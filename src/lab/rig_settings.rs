@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use super::LabRig;
 use super::settings::{Field, Setting};
 
-/// What can be set of a rig.
+/// Parameters of a rig.
 pub const SETTINGS: &[Setting<LabRig>] = &[
     Setting {
         key: "friction",

@@ -100,7 +100,7 @@ pub(super) fn infos<M: Clone>(settings: &[Setting<M>], machine: &M) -> Vec<Setti
 /// The parameter called `key`.
 ///
 /// # Errors
-/// There is none of that name.
+/// An unknown name.
 pub(super) fn find<'a, M>(settings: &'a [Setting<M>], key: &str) -> Result<&'a Setting<M>, LabFault> {
     settings.iter().find(|setting| setting.key == key).ok_or_else(|| {
         let keys: Vec<&str> = settings.iter().map(|setting| setting.key).collect();

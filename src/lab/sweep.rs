@@ -28,9 +28,9 @@ pub struct Sweep {
 /// A table of numbers: a row a point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sheet {
-    /// What the columns hold, the unit included.
+    /// Headings of the columns, with units.
     pub columns: Vec<String>,
-    /// Values; NaN where there is none.
+    /// Values; NaN for a missing one.
     pub rows: Vec<Vec<f64>>,
 }
 

@@ -28,7 +28,7 @@ pub struct Topple {
     seed: u32,
 }
 
-/// What can be set of it.
+/// Parameters of a part and its ledge.
 pub const SETTINGS: &[Setting<Topple>] = &[
     Setting {
         key: "cylinder",

@@ -18,6 +18,7 @@ mod rerun_mode;
 mod roomy_file;
 mod scribe;
 mod scribe_watch;
+mod stop;
 mod switch;
 mod tally;
 mod timings;
@@ -32,13 +33,13 @@ pub use memory::MemorySink;
 pub use motion::Motion;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 pub use report::{
-    FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report, SelectedBy, StopCode,
-    StopReport, Verdict,
+    FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report, SelectedBy, Verdict,
 };
 pub use rerun_mode::{BadRerunMode, RerunMode};
 pub use roomy_file::RoomyFile;
 pub use scribe::{Durable, Scribe, ScribeMode};
 pub use scribe_watch::ScribeWatch;
+pub use stop::{StopCode, StopReport};
 pub use switch::{ENDED_EARLY, OnFull, RecordingState, RecordingSwitch};
 pub use tally::{Deadlines, Ending, PartEnding, Tally};
 pub use timings::{Durations, Quantiles, Timings, TimingsReport};

@@ -1,8 +1,7 @@
 use std::time::Duration;
 
-use super::report::{
-    FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report, StopReport,
-};
+use super::report::{FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report};
+use super::stop::StopReport;
 use super::timings::Timings;
 use upm_control::EndCause;
 use upm_control::{ConditionChange, ConditionFacts, CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};

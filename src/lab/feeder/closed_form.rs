@@ -1,5 +1,5 @@
 //! Closed forms of the feed rate (Impulse paper, Eqs. 3 to 7): a point part under Coulomb friction on a plate that moves as
-//! [`PlateCycle`] and over which it always slides but for the plateau.
+//! [`PlateCycle`]. It slides all the time, or rides along for the end of the plateau.
 
 use super::plate::PlateCycle;
 use upm_core::units::GRAVITY_MPS2;

@@ -1,4 +1,4 @@
-//! A point part on the feeder's plate, from event to event: exact but for rounding.
+//! A point part on the feeder's plate, from event to event: exact to rounding.
 
 use super::plate::{PlateCycle, Stretch};
 use crate::LabFault;
