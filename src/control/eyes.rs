@@ -36,6 +36,11 @@ const LEAST_LOOKS: u32 = 5;
 const EDGE_M: f64 = 1e-3;
 /// Time in which a plate swings out, s.
 const SWING_S: f64 = 0.4;
+/// After a pulse that was cut short it may take longer, s: the plate is seen to swing by more than this, px.
+const LONGEST_SWING_S: f64 = 2.0;
+const SWINGS_PX: f64 = 0.4;
+/// Time for which it must not be seen to, s: half of the slowest swing.
+const QUIET_SWING_S: f64 = 0.12;
 
 /// What a frame is taken for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,8 +78,9 @@ pub struct Eyes {
     blind: Option<(PlateTime, Blind)>,
     /// The pulse that sounds was silenced.
     silenced: bool,
-    /// When the plate has swung out after a pulse that was silenced.
+    /// When the plate has swung out after a pulse that was silenced, and at the latest.
     still_from: PlateTime,
+    still_by: PlateTime,
     displaced: u32,
     displaced_px: f64,
     foreign: u32,
@@ -140,6 +146,7 @@ impl Eyes {
             blind: None,
             silenced: false,
             still_from: PlateTime::default(),
+            still_by: PlateTime::default(),
             displaced: 0,
             displaced_px: 0.0,
             foreign: 0,
@@ -168,9 +175,12 @@ impl Eyes {
         clock: &dyn Clock,
     ) -> Result<bool, Ending> {
         rig.capture(&mut self.frame)?;
+        let swing_px = self.scene.swing_px(&self.frame);
+        if swing_px.is_some_and(|px| px > SWINGS_PX) {
+            self.still_from = self.still_from.max((self.frame.exposed_at + QUIET_SWING_S).min(self.still_by));
+        }
         let at_rest = self.frame.exposed_at - rig.quiet_at().max(self.still_from) >= self.half_exposure_s;
         let start = clock.elapsed();
-        let swing_px = self.scene.swing_px(&self.frame);
         let stale = self.stale(rig.now(), swing_px);
         if stale.is_some() {
             self.tracker.miss();
@@ -275,7 +285,7 @@ impl Eyes {
         if rig.quiet_at() > rig.now() && !self.silenced && self.guards.has_code("silence") {
             rig.stop();
             self.silenced = true;
-            self.still_from = rig.now() + SWING_S;
+            (self.still_from, self.still_by) = (rig.now() + SWING_S, rig.now() + LONGEST_SWING_S);
         }
     }
 

@@ -6,7 +6,7 @@ use crate::ending::{EndCause, Ending, is_stop};
 use crate::eyes::Moment;
 use crate::guards::{Finding, Late, PulseReading, Swing, Unlike, went_as_forecast};
 use crate::learning::{Lesson, MORE, Scatter};
-use crate::{Carried, PulseFacts};
+use crate::{Carried, EventLevel, PulseFacts};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{AccelTrace, Drive, TwistWave};
 use upm_library::Library;
@@ -147,7 +147,11 @@ impl Cycle<'_> {
                 self.warn(condition, reason.clone());
                 return Err(Ending::guarded(condition, reason));
             }
-            self.warn(condition, format!("{reason}; steps are shorter from now on"));
+            self.warn(condition, reason);
+            if !self.is_cautious {
+                let text = "steps are shorter from now on: coils or accelerometers are in doubt";
+                self.sink.event(self.rig.now(), EventLevel::Warning, text);
+            }
             self.is_cautious = true;
         }
         Ok(!ends)
