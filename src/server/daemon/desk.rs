@@ -234,11 +234,12 @@ impl Desk for FrontDesk {
         let (office, plate) = (Arc::clone(&self.office), plate.to_owned());
         promise(|reply| {
             self.resets.give(move || {
-                // who was told that there is no answer shall find the plate stopped
+                // a client that gave up finds the plate stopped, and nothing of this in the audit log
                 if !reply.is_awaited() {
                     return;
                 }
-                match office.plate(&plate).and_then(|at| stops::reset(at, held, request, &caller)) {
+                let is_awaited = || reply.is_awaited();
+                match office.plate(&plate).and_then(|at| stops::reset(at, held, request, &caller, is_awaited)) {
                     Ok(()) => office.answer_with(&plate, reply),
                     Err(refusal) => reply.send(Err(refusal)),
                 }

@@ -36,10 +36,16 @@ pub(super) fn held(plate: &Plate) -> Result<Held, Refusal> {
     plate.held().map_err(refusal)
 }
 
-/// Ends that emergency stop. Waits for the disk.
-pub(super) fn reset(plate: &Plate, held: Held, request: ResetRequest, caller: &Caller) -> Result<(), Refusal> {
+/// Ends that emergency stop, unless nobody waits for it any more. Waits for the disk.
+pub(super) fn reset(
+    plate: &Plate,
+    held: Held,
+    request: ResetRequest,
+    caller: &Caller,
+    is_awaited: impl Fn() -> bool,
+) -> Result<(), Refusal> {
     let ResetRequest { operator, reason } = request;
-    plate.reset(held, plates::Caller { operator, reason, ..who(caller) }).map_err(refusal)
+    plate.reset(held, plates::Caller { operator, reason, ..who(caller) }, is_awaited).map_err(refusal)
 }
 
 fn refusal(fault: ResetFault) -> Refusal {

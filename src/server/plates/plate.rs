@@ -89,8 +89,9 @@ impl Plate {
     }
 
     /// Takes back that emergency stop, once this is in the audit log: waits for the disk. The plate is paused then: it
-    /// starts nothing by this. A stop that came since that one was found holds.
-    pub fn reset(&self, held: Held, who: Caller) -> Result<(), ResetFault> {
+    /// starts nothing by this. A stop that came since that one was found holds, and so does every stop once `is_awaited`
+    /// says that nobody waits for the reset any more.
+    pub fn reset(&self, held: Held, who: Caller, is_awaited: impl Fn() -> bool) -> Result<(), ResetFault> {
         let shared = &*self.shared;
         // one reset at a time; a stop does not ask for this
         let _alone = locked(&shared.resetting);
@@ -101,7 +102,8 @@ impl Plate {
             return Err(ResetFault::StillStopping);
         }
         shared.ledger.write_act(self.told("reset", who.clone())).map_err(ResetFault::Unwritten)?;
-        let released = self.release(held);
+        // asked after the wait for the disk: whoever got no answer takes the plate for stopped
+        let released = if is_awaited() { self.release(held) } else { Err(ResetFault::NotAwaited) };
         if released.is_err() {
             self.audit("reset refused", who);
         }

@@ -145,7 +145,7 @@ fn who(operator: &str) -> Caller {
 
 /// Takes back the stop that holds now.
 fn reset(plate: &Plate, operator: &str) -> Result<(), ResetFault> {
-    plate.reset(plate.held()?, who(operator))
+    plate.reset(plate.held()?, who(operator), || true)
 }
 
 #[test]

@@ -121,6 +121,9 @@ pub enum ResetFault {
     /// A stop came that is not the one to be taken back.
     #[error("the plate was stopped again")]
     StoppedAgain,
+    /// Whoever asked for it has stopped waiting for the answer.
+    #[error("nobody waits for this reset any more")]
+    NotAwaited,
     /// The audit log does not take it.
     #[error("a reset that is not written down does not take place: {0}")]
     Unwritten(StoreFault),

@@ -112,10 +112,22 @@ fn a_reset_does_not_take_back_a_stop_that_came_after_it_was_asked_for() {
     plate.estop();
     let seen = plate.held().unwrap();
     plate.estop();
-    assert_eq!(plate.reset(seen, who("ann")), Err(ResetFault::StoppedAgain));
+    assert_eq!(plate.reset(seen, who("ann"), || true), Err(ResetFault::StoppedAgain));
     assert!(stopped(plate) && house.ledger.audit().is_empty());
     assert_eq!(reset(plate, "ann"), Ok(()));
     assert!(!stopped(plate));
+}
+
+#[test]
+fn a_reset_whose_caller_has_gone_by_the_time_it_is_written_leaves_the_plate_stopped() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    plate.estop();
+    assert_eq!(plate.reset(plate.held().unwrap(), who("ann"), || false), Err(ResetFault::NotAwaited));
+    assert!(stopped(plate));
+    let acts: Vec<String> = house.ledger.audit().into_iter().map(|line| line.act).collect();
+    assert_eq!(acts, ["reset", "reset refused"]);
 }
 
 #[test]
