@@ -31,6 +31,9 @@ const UNLIKE: f64 = 0.4;
 const UNLIKE_SWING_PX: f64 = 1.0;
 /// Largest share of the squares left over by frames that show the planned swing: a swing a fifth larger leaves this much.
 const AS_DRIVEN: f64 = 0.04;
+/// A plate seen to swing farther than it was driven to by this factor and so many pixels was pushed by something else.
+const PUSHED: f64 = 1.3;
+const PUSHED_PX: f64 = 0.3;
 /// Displacements above this are not told apart, px.
 const FARTHEST_PX: f64 = 6.0;
 
@@ -212,6 +215,10 @@ impl DelayGuard {
         let is_explained = least < BETTER * undelayed && least < LEFT * all;
         let tells = expected > UNLIKE_SWING_PX * UNLIKE_SWING_PX;
         if !is_explained && tells && undelayed > UNLIKE * expected.max(all) {
+            // neither late pictures nor wrong ones show more of a swing than the drive made
+            if self.shows_push(first) {
+                return Timing::Weak;
+            }
             return Timing::Late { late: Late::Unseen, is_sure: false };
         }
         if undelayed < IN_TIME * all || delay < LATE || !is_explained {
@@ -219,6 +226,14 @@ impl DelayGuard {
         }
         let is_sure = undelayed > SURE_UNDELAYED * all && least < SURE_LEFT * all;
         Timing::Late { late: Late::By(delay), is_sure }
+    }
+
+    /// True when frames from `first` on show the plate farther from its place than the drive has taken it in all frames
+    /// that are remembered.
+    fn shows_push(&self, first: usize) -> bool {
+        let seen = self.frames.iter().skip(first).filter_map(|frame| frame.seen).fold(0.0, f64::max);
+        let driven = self.frames.iter().map(|frame| frame.expected).fold(0.0, f64::max);
+        seen > PUSHED * driven + PUSHED_PX
     }
 
     /// Index of the first frame to be judged, and the sum of squares of the expected displacements from there on, px².
@@ -322,6 +337,32 @@ mod tests {
                 assert!(named.is_some() && delay.is_some_and(is_right), "{late}: {found:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_push_that_swings_the_plate_farther_than_its_drive_is_no_sign_of_late_pictures() {
+        let pulse = swing(0.05, 30.0, 1.0 / 15.0, 0.2);
+        let found = |pushed_px: f64| {
+            let mut guard = DelayGuard::new(FRAME_HZ);
+            (0..2)
+                .map(|number| {
+                    let begin_s = f64::from(3 + number * frames(&pulse)) * FRAME_S + 0.001;
+                    guard.begin(begin_s, pulse.clone());
+                    for frame in 1..=frames(&pulse) {
+                        let age_s = f64::from(frame) * FRAME_S;
+                        // what a push leaves behind swings at the suspension's frequency, not at the drive's
+                        let push_px = pushed_px * (std::f64::consts::TAU * 11.0 * age_s).sin().abs();
+                        guard.frame(begin_s + age_s, Some(push_px));
+                    }
+                    guard.end()
+                })
+                .last()
+                .flatten()
+        };
+        let driven_px = (0..40).map(|i| pulse.corner_px(f64::from(i) * FRAME_S)).fold(0.0, f64::max);
+        assert!((0.8..3.0).contains(&driven_px), "{driven_px}");
+        assert_eq!(found(driven_px), Some(Late::Unseen));
+        assert_eq!(found(2.0 * driven_px + 0.4), None);
     }
 
     #[test]

@@ -90,6 +90,10 @@ impl MotionGuard {
         let saw_it_go = as_forecast == Some(true);
         // a pulse that fails half way, or one weak coil of two, still carries parts about where they should go
         let saw_it_all = saw_it_go && (shows_drive || self.doubts_sensors);
+        let is_unread = matches!(verdict, MotionVerdict::Unreadable { strong: true });
+        if is_unread && (saw_it_go || shows_drive) {
+            (self.doubts_sensors, self.contradicted) = (true, true);
+        }
         // a pulse too small to tell is judged as the last one that told
         let is_sensors = saw_it_all || (as_forecast.is_none() && self.contradicted);
         self.doubts_sensors |= matches!(verdict, MotionVerdict::Channel { .. } | MotionVerdict::Channels);
