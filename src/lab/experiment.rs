@@ -1,7 +1,7 @@
 use super::rig_settings;
 use super::settings::{Assignment, Setting, SettingInfo, assigned, find, infos};
 use super::sweep::{Progress, Sweep};
-use super::{LabFault, LabRig, Outcome, feeder, topple};
+use super::{LabFault, LabRig, Outcome, feeder, rock, topple};
 
 /// One of the papers' experiments.
 #[derive(Clone, Copy)]
@@ -160,6 +160,18 @@ pub const EXPERIMENTS: &[Experiment] = &[
             usual: |_| topple::Topple::published(),
             measure: topple::measure,
             reproduce: topple::reproduce,
+        },
+    },
+    Experiment {
+        name: "rock",
+        about: "a block rocks on a table driven up and down: drives that keep it rocking, and how much else they keep",
+        strong_rig: false,
+        on_rig: false,
+        method: &Procedure {
+            settings: rock::SETTINGS,
+            usual: |_| rock::Rock::published(),
+            measure: rock::measure,
+            reproduce: rock::reproduce,
         },
     },
 ];

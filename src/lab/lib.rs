@@ -16,6 +16,7 @@ mod race_track;
 mod recorded;
 mod resonance;
 mod rig_settings;
+mod rock;
 mod settings;
 mod shaken;
 mod spectrum;

@@ -1,0 +1,266 @@
+//! Rocking on a table that is driven up and down (Singer and Seering, "Utilizing dynamic stability to orient parts",
+//! section 3): a drive that keeps a block rocking, and how much else it keeps rocking.
+
+mod block;
+mod elliptic;
+mod motion;
+mod orbit;
+mod published;
+mod raising;
+mod selection;
+mod stability;
+mod wave;
+
+use self::block::Block;
+use self::motion::{End, Motion, Release};
+use self::orbit::Cycle;
+pub use self::published::reproduce;
+use self::wave::{Square, Wave};
+use super::settings::{Field, Setting};
+use super::sweep::Progress;
+use super::{Figure, LabFault, Outcome, Series};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_core::units::{GRAVITY_MPS2, mm_from_m};
+
+/// A block, the orbit that it is to keep, and how it is let go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rock {
+    block: Block,
+    restitution: f64,
+    peak_rad: f64,
+    from: f64,
+    to: f64,
+    ramp: f64,
+    start: f64,
+    time_s: f64,
+}
+
+/// Parameters of the block and its drive.
+pub const SETTINGS: &[Setting<Rock>] = &[
+    Setting {
+        key: "length_mm",
+        about: "length of the face that it stands on",
+        range: [1e-2, 1e4],
+        field: Field::Number(|rock| &mut rock.block.length_m, 1e-3),
+    },
+    Setting {
+        key: "height_mm",
+        about: "height of the block",
+        range: [1e-2, 1e4],
+        field: Field::Number(|rock| &mut rock.block.height_m, 1e-3),
+    },
+    Setting {
+        key: "restitution",
+        about: "part of the centre's normal speed that an impact gives back",
+        range: [0.05, 1.0],
+        field: Field::Number(|rock| &mut rock.restitution, 1.0),
+    },
+    Setting {
+        key: "peak_rad",
+        about: "peak of the tilt on the steady orbit",
+        range: [1e-3, 1.5],
+        field: Field::Number(|rock| &mut rock.peak_rad, 1.0),
+    },
+    Setting {
+        key: "from",
+        about: "tilt at which the table's acceleration turns upward, of the peak",
+        range: [0.0, 1.0],
+        field: Field::Number(|rock| &mut rock.from, 1.0),
+    },
+    Setting {
+        key: "to",
+        about: "tilt at which it turns downward again, of the peak; negative: after the impact",
+        range: [-1.0, 1.0],
+        field: Field::Number(|rock| &mut rock.to, 1.0),
+    },
+    Setting {
+        key: "ramp",
+        about: "length of the wave's edges, of the period",
+        range: [0.0, 0.5],
+        field: Field::Number(|rock| &mut rock.ramp, 1.0),
+    },
+    Setting {
+        key: "start",
+        about: "tilt at which it is let go, of the peak",
+        range: [0.01, 100.0],
+        field: Field::Number(|rock| &mut rock.start, 1.0),
+    },
+    Setting {
+        key: "time_s",
+        about: "time for which it is followed",
+        range: [0.01, 100.0],
+        field: Field::Number(|rock| &mut rock.time_s, 1.0),
+    },
+];
+
+impl Rock {
+    /// The block of Figs. 5 and 6, started 6 % high. The paper prints neither its size nor the drive: these are ours.
+    pub fn published() -> Self {
+        let block = Block { length_m: 0.02, height_m: 0.04 };
+        Self { block, restitution: 0.5, peak_rad: 0.16, from: 0.8, to: 0.1, ramp: 0.0, start: 1.06, time_s: 2.0 }
+    }
+
+    /// A block like that of Fig. 8 on a wave with ramped edges, started at twice the steady tilt.
+    pub fn ramped() -> Self {
+        let block = Block { length_m: 0.024, height_m: 0.04 };
+        let published = Self::published();
+        Self { block, peak_rad: 0.15, from: 1.0, to: 0.6, ramp: 0.1, start: 2.0, time_s: 1.0, ..published }
+    }
+
+    fn cycle(&self) -> Cycle {
+        let (from_rad, to_rad) = (self.from * self.peak_rad, self.to * self.peak_rad);
+        let (block, restitution) = (self.block, self.restitution);
+        Cycle { block, restitution, peaks_rad: [self.peak_rad; 2], from_rad, to_rad }
+    }
+
+    /// The wave of the steady orbit.
+    fn drive(&self) -> Result<Square, LabFault> {
+        let balance_rad = self.block.balance_rad();
+        let limit = |key: &str, most_rad: f64, name: &str, found: f64| {
+            Err(LabFault::Setting(format!("{key}: expected less than {most_rad:.4} ({name}), found {found}")))
+        };
+        if self.peak_rad >= balance_rad {
+            return limit("peak_rad", balance_rad, "the tilt at which the block balances", self.peak_rad);
+        }
+        if self.start * self.peak_rad >= balance_rad {
+            return limit("start", balance_rad / self.peak_rad, "the block's balance over peak_rad", self.start);
+        }
+        let none = || {
+            LabFault::Setting(format!(
+                "from, to: expected tilts between which the table's acceleration makes up for the impact, from above to, found {} and {}",
+                self.from, self.to
+            ))
+        };
+        self.cycle().drive().ok_or_else(none)
+    }
+
+    /// The block let go on its orbit, or at `share` of its peak.
+    fn release(&self, share: f64) -> Release {
+        Release { block: self.block, restitution: self.restitution, tilt_rad: share * self.peak_rad }
+    }
+}
+
+/// Drive, stability and fate of one block.
+///
+/// # Errors
+/// A peak beyond the balance, or a window in which no drive makes up for the impact.
+pub fn measure(rock: &Rock, _: Progress<'_>) -> Result<Outcome, LabFault> {
+    let drive = rock.drive()?;
+    let wave = drive.ramped(rock.ramp);
+    let motion = rock.release(rock.start).motion(&wave, rock.time_s);
+    let mut figures = orbit_figures(rock, &drive, &wave);
+    figures.extend(fate_figures(rock, &motion));
+    let notes = match motion.end {
+        End::Lifts => vec![format!(
+            "after {:.3} s the table would have to pull at the block: the model ends there",
+            motion.track.last().map_or(0.0, |at| at[0])
+        )],
+        End::Rocks | End::Flat | End::Topples => Vec::new(),
+    };
+    let charts = vec![
+        track_chart("rock-tilt", "Tilt of the block", &[("let go here", &motion)], Some(rock.peak_rad)),
+        wave_chart("rock-table", &wave),
+    ];
+    let series = vec![
+        Series::new("t_s", motion.track.iter().map(|at| at[0])),
+        Series::new("tilt_rad", motion.track.iter().map(|at| at[1])),
+    ];
+    Ok(Outcome { figures, notes, charts, series, ..Outcome::default() })
+}
+
+/// The wave, and what it does near its orbit.
+fn orbit_figures(rock: &Rock, drive: &Square, wave: &Wave) -> Vec<Figure> {
+    let alone = |name: &str, unit: &str, value: f64, source: &str| Figure::alone(name, unit, value, source);
+    let once = rock.release(1.0).motion(&drive.wave(), 1.5 * drive.period_s);
+    let [at_s, peak_rad] = once.peaks.first().copied().unwrap_or([f64::NAN; 2]);
+    let captured = rock.release(1.0).captured(wave).unwrap_or([f64::NAN; 2]);
+    vec![
+        alone("acceleration of the table upward", "m/s²", drive.up_mps2, "Singer and Seering, Fig. 4: A_X1"),
+        alone("acceleration of the table downward", "m/s²", drive.down_mps2, "Fig. 4: A_X2"),
+        Figure::against("period, integrated", "ms", 1e3 * at_s, 1e3 * drive.period_s, "Eqs. 3.7 to 3.15"),
+        Figure::against("peak after a period of the square wave", "rad", peak_rad, rock.peak_rad, "steady orbit"),
+        alone("stroke of the table", "mm", mm_from_m(wave.stroke_m()), "twice integrated"),
+        alone("growth of small deviations in a period", "1", rock.release(1.0).multiplier(wave), "stable below 1"),
+        alone("lowest start that is kept", "1", captured[0], "of the peak; 40 periods"),
+        alone("highest start that is kept", "1", captured[1], "of the peak; 40 periods"),
+    ]
+}
+
+/// What becomes of the block as it is let go.
+fn fate_figures(rock: &Rock, motion: &Motion) -> Vec<Figure> {
+    let alone = |name: &str, unit: &str, value: f64, source: &str| Figure::alone(name, unit, value, source);
+    let peak = |i: usize| motion.peaks.get(i).map_or(f64::NAN, |peak| peak[1] / rock.peak_rad);
+    let last = if motion.end == End::Rocks { motion.peaks.last().map_or(f64::NAN, |peak| peak[1]) } else { 0.0 };
+    let until = if motion.end == End::Rocks { f64::NAN } else { motion.track.last().map_or(f64::NAN, |at| at[0]) };
+    vec![
+        alone("first peak", "1", peak(0), "of the steady one"),
+        alone("second peak", "1", peak(1), "of the steady one"),
+        alone("last peak", "rad", last, "0: it rocks no more"),
+        alone("time until it lies flat or topples", "s", until, "-: it rocks on"),
+        alone("least force on the corner", "1", motion.least_contact, "Eq. 3.3b, of the weight"),
+        alone("friction that keeps the corner in place", "1", motion.friction, "Eq. 3.3b and along the table"),
+    ]
+}
+
+fn track_chart(name: &str, title: &str, motions: &[(&str, &Motion)], level_rad: Option<f64>) -> Chart {
+    let colors = [Color::Blue, Color::Orange];
+    let mut layers: Vec<Layer> = motions
+        .iter()
+        .zip(colors)
+        .map(|((label, motion), color)| Layer::new(label, Mark::Line, color, motion.track.iter().copied()))
+        .collect();
+    let end_s = motions.iter().filter_map(|(_, motion)| motion.track.last()).map(|at| at[0]).fold(0.0, f64::max);
+    if let Some(level_rad) = level_rad {
+        layers.push(Layer::new("steady peak", Mark::Dashes, Color::Gray, [[0.0, level_rad], [end_s, level_rad]]));
+    }
+    let (x, y) = (Axis::new("time (s)"), Axis::new("tilt (rad)"));
+    Chart { name: name.to_owned(), title: title.to_owned(), x, y, map: false, layers }
+}
+
+fn wave_chart(name: &str, wave: &Wave) -> Chart {
+    let corners = wave.corners().into_iter().map(|[t_s, accel_mps2]| [1e3 * t_s, accel_mps2]);
+    let free_fall = [[0.0, -GRAVITY_MPS2], [1e3 * wave.length_s(), -GRAVITY_MPS2]];
+    Chart {
+        name: name.to_owned(),
+        title: "Acceleration of the table".to_owned(),
+        x: Axis::new("time (ms)"),
+        y: Axis::new("acceleration upward (m/s²)"),
+        map: false,
+        layers: vec![
+            Layer::new("free fall", Mark::Dashes, Color::Gray, free_fall),
+            Layer::new("table", Mark::Line, Color::Blue, corners),
+        ],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::{Assignment, assigned};
+
+    fn set(text: &str) -> Result<Outcome, LabFault> {
+        let assignments: Vec<Assignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
+        measure(&assigned(SETTINGS, &Rock::published(), &assignments)?, &|_| ())
+    }
+
+    #[test]
+    fn settings_outside_the_model_are_refused_with_the_limit() {
+        for (text, fault) in [
+            ("peak_rad=0.5", "peak_rad: expected less than 0.4636 (the tilt at which the block balances), found 0.5"),
+            ("start=3", "start: expected less than 2.8978 (the block's balance over peak_rad), found 3"),
+            ("from=0.1 to=0.2", "from, to: expected tilts between which"),
+            ("from=0.5 to=-0.4", "from, to: expected tilts between which"),
+        ] {
+            let said = set(text).unwrap_err().to_string();
+            assert!(said.starts_with(fault), "{said}");
+        }
+    }
+
+    #[test]
+    fn orbit_closes_and_its_period_is_the_integrated_one() {
+        let outcome = set("length_mm=30 from=0.9 to=0.3").unwrap();
+        for figure in &outcome.figures {
+            assert!(figure.relative_error().is_none_or(|error| error.abs() < 1e-6), "{figure:?}");
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! A block on a moving table, stepped through its equation of motion (Singer and Seering, Eq. 3.3a), from impact to impact.
+
+use super::block::{Block, Turn};
+use super::wave::Wave;
+use upm_core::units::GRAVITY_MPS2;
+
+/// Longest step, s.
+const STEP_S: f64 = 1e-4;
+/// Halvings of a step in which something happens.
+const HALVINGS: usize = 50;
+/// A block that would rise less than this after an impact lies flat, rad.
+const FLAT_RAD: f64 = 1e-5;
+
+/// A rocking block as it is released.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Release {
+    /// The block.
+    pub block: Block,
+    /// Part of its centre's normal speed that is given back at an impact, `e`.
+    pub restitution: f64,
+    /// Tilt at which it is let go, rad.
+    pub tilt_rad: f64,
+}
+
+/// End of a motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// It still rocks when the time is up.
+    Rocks,
+    /// It lies flat.
+    Flat,
+    /// It has gone beyond its balance.
+    Topples,
+    /// The table no longer presses on its corner: the model does not hold any more.
+    Lifts,
+}
+
+/// A block's motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// Time and tilt, s and rad.
+    pub track: Vec<[f64; 2]>,
+    /// Time and tilt of every peak, s and rad.
+    pub peaks: Vec<[f64; 2]>,
+    /// Times of the impacts, s.
+    pub impacts_s: Vec<f64>,
+    /// Least force on the corner while the motion lasts, over the weight.
+    pub least_contact: f64,
+    /// Largest ratio of the force along the table to the force on the corner: the friction that it takes.
+    pub friction: f64,
+    /// State at the end of the time.
+    pub last: Turn,
+    /// How it ended.
+    pub end: End,
+}
+
+/// State of the block `step_s` later, by Runge-Kutta's fourth order; `weight_mps2` is `g + ẍ` so long after the beginning of
+/// the step.
+pub fn stepped(block: &Block, turn: Turn, step_s: f64, weight_mps2: impl Fn(f64) -> f64) -> Turn {
+    let slope = |at: Turn, t_s: f64| [at.speed_radps, block.accel_radps2(at.tilt_rad, weight_mps2(t_s))];
+    let along = |[speed, accel]: [f64; 2], t_s: f64| Turn {
+        tilt_rad: turn.tilt_rad + speed * t_s,
+        speed_radps: turn.speed_radps + accel * t_s,
+    };
+    let half_s = 0.5 * step_s;
+    let k1 = slope(turn, 0.0);
+    let k2 = slope(along(k1, half_s), half_s);
+    let k3 = slope(along(k2, half_s), half_s);
+    let k4 = slope(along(k3, step_s), step_s);
+    let mean = |i: usize| (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]) / 6.0;
+    along([mean(0), mean(1)], step_s)
+}
+
+impl Release {
+    /// Motion for `length_s` on a table that moves as `wave`, which is repeated.
+    pub fn motion(&self, wave: &Wave, length_s: f64) -> Motion {
+        self.motion_from(Turn { tilt_rad: self.tilt_rad, speed_radps: 0.0 }, wave, length_s)
+    }
+
+    /// The same from another state than rest.
+    pub fn motion_from(&self, turn: Turn, wave: &Wave, length_s: f64) -> Motion {
+        let motion = Motion {
+            track: vec![[0.0, turn.tilt_rad]],
+            peaks: Vec::new(),
+            impacts_s: Vec::new(),
+            least_contact: f64::INFINITY,
+            friction: 0.0,
+            last: turn,
+            end: End::Rocks,
+        };
+        let mut rocking = Rocking { release: self, turn, t_s: 0.0, motion };
+        'all: loop {
+            for stretch in &wave.stretches {
+                let begin_s = rocking.t_s;
+                let until_s = (begin_s + stretch.length_s).min(length_s);
+                let weight_mps2 = |t_s: f64| GRAVITY_MPS2 + stretch.accel_mps2(t_s - begin_s);
+                if !rocking.follow(until_s, weight_mps2) || until_s >= length_s {
+                    break 'all;
+                }
+            }
+        }
+        rocking.motion.last = rocking.turn;
+        rocking.motion
+    }
+}
+
+struct Rocking<'a> {
+    release: &'a Release,
+    turn: Turn,
+    t_s: f64,
+    motion: Motion,
+}
+
+impl Rocking<'_> {
+    /// Steps until `until_s`; false when the motion has ended.
+    fn follow(&mut self, until_s: f64, weight_mps2: impl Fn(f64) -> f64) -> bool {
+        let block = &self.release.block;
+        while self.t_s < until_s {
+            let at_s = self.t_s;
+            let step_s = STEP_S.min(until_s - at_s);
+            let after = |step_s: f64| stepped(block, self.turn, step_s, |t_s| weight_mps2(at_s + t_s));
+            let next = after(step_s);
+            let hits = |turn: Turn| turn.tilt_rad <= 0.0;
+            let peaks = |turn: Turn| self.turn.speed_radps > 0.0 && turn.speed_radps <= 0.0;
+            let happens = |turn: Turn| hits(turn) || peaks(turn);
+            let step_s = if happens(next) { first_s(step_s, |t_s| happens(after(t_s))) } else { step_s };
+            let (next, is_peak) = (after(step_s), peaks(after(step_s)));
+            let until_here_s = at_s + step_s;
+            // a step too short for the clock must not stop it
+            self.t_s = if until_here_s > at_s { until_here_s } else { until_s };
+            let weight_here_mps2 = weight_mps2(self.t_s);
+            self.turn = next;
+            if !self.presses(weight_here_mps2) {
+                self.motion.end = End::Lifts;
+                return false;
+            }
+            if hits(next) {
+                self.strike();
+            } else if is_peak {
+                self.motion.peaks.push([self.t_s, next.tilt_rad]);
+            }
+            self.motion.track.push([self.t_s, self.turn.tilt_rad]);
+            if let Some(end) = self.ended() {
+                self.motion.end = end;
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Notes the forces on the corner; false where the table would have to pull.
+    fn presses(&mut self, weight_mps2: f64) -> bool {
+        let [along, normal] = self.release.block.contact_mps2(self.turn, weight_mps2);
+        if normal < 0.0 {
+            return false;
+        }
+        let motion = &mut self.motion;
+        motion.least_contact = motion.least_contact.min(normal / GRAVITY_MPS2);
+        motion.friction = motion.friction.max(along.abs() / normal);
+        true
+    }
+
+    /// The face meets the table: the centre's normal speed is given back in part, and the other corner carries the block.
+    fn strike(&mut self) {
+        self.motion.impacts_s.push(self.t_s);
+        self.turn = Turn { tilt_rad: 0.0, speed_radps: -self.release.restitution * self.turn.speed_radps };
+    }
+
+    fn ended(&self) -> Option<End> {
+        let (block, turn) = (&self.release.block, self.turn);
+        // enough for a table that presses no less than gravity does
+        let least = 2.0 * block.stiffness_pm() * GRAVITY_MPS2 * block.lift(0.0, FLAT_RAD);
+        if turn.tilt_rad <= 0.0 && turn.speed_radps.powi(2) < least {
+            return Some(End::Flat);
+        }
+        (turn.tilt_rad >= block.balance_rad()).then_some(End::Topples)
+    }
+}
+
+/// Earliest time in a step at whose end `happens` holds, s: by halving.
+fn first_s(step_s: f64, happens: impl Fn(f64) -> bool) -> f64 {
+    let (mut low_s, mut high_s) = (0.0, step_s);
+    for _ in 0..HALVINGS {
+        let middle_s = 0.5 * (low_s + high_s);
+        *(if happens(middle_s) { &mut high_s } else { &mut low_s }) = middle_s;
+    }
+    high_s
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::wave::Stretch;
+    use super::*;
+
+    const BLOCK: Block = Block { length_m: 0.03, height_m: 0.04 };
+
+    fn still() -> Wave {
+        Wave { stretches: vec![Stretch { length_s: 0.05, accel_mps2: [0.0; 2] }] }
+    }
+
+    #[test]
+    fn block_on_a_still_table_keeps_its_energy_but_for_the_impacts() {
+        let release = |restitution| Release { block: BLOCK, restitution, tilt_rad: 0.2 };
+        let elastic = release(1.0).motion(&still(), 3.0);
+        assert_eq!(elastic.end, End::Rocks);
+        assert!(
+            elastic.peaks.len() > 5 && elastic.peaks.iter().all(|peak| (peak[1] - 0.2).abs() < 1e-9),
+            "{elastic:?}"
+        );
+        let half = release(0.5).motion(&still(), 3.0);
+        assert_eq!(half.end, End::Flat);
+        for pair in half.peaks.windows(2).take(3) {
+            let [high, low] = [pair[0][1], pair[1][1]].map(|peak| BLOCK.lift(0.0, peak));
+            assert!((low / high - 0.25).abs() < 1e-9, "a quarter of the height is left");
+        }
+        assert!(half.least_contact > 0.0 && half.least_contact < 1.0);
+    }
+
+    #[test]
+    fn block_beyond_balance_topples_and_one_in_a_falling_table_lifts() {
+        let push = Wave { stretches: vec![Stretch { length_s: 1.0, accel_mps2: [0.0; 2] }] };
+        let over = Release { block: BLOCK, restitution: 0.9, tilt_rad: BLOCK.balance_rad() + 0.01 };
+        assert_eq!(over.motion(&push, 1.0).end, End::Topples);
+        let drop = Wave { stretches: vec![Stretch { length_s: 1.0, accel_mps2: [-GRAVITY_MPS2 - 1.0; 2] }] };
+        assert_eq!(Release { tilt_rad: 0.1, ..over }.motion(&drop, 1.0).end, End::Lifts);
+    }
+}

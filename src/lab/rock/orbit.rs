@@ -1,0 +1,187 @@
+//! Square waves that carry a block from one peak to the next in one period (Singer and Seering, section 3.2, Fig. 4).
+
+use super::block::{Block, Turn};
+use super::wave::Square;
+use upm_core::units::GRAVITY_MPS2;
+
+/// Halvings of the interval of accelerations.
+const HALVINGS: usize = 80;
+/// Energy with which a block is kicked over, as a part of that which just suffices.
+const OVER: f64 = 1.05;
+/// The drive goes on a little longer than the block takes to its balance.
+const BEYOND: f64 = 1.01;
+
+/// One cycle of a rocking block, from a peak over an impact to the next peak.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cycle {
+    /// The block.
+    pub block: Block,
+    /// Part of its centre's normal speed that is given back at the impact.
+    pub restitution: f64,
+    /// Peaks at the beginning and at the end, rad.
+    pub peaks_rad: [f64; 2],
+    /// Tilt at which the table's acceleration turns upward, on the block's way down, rad.
+    pub from_rad: f64,
+    /// Tilt at which it turns downward again, rad: before the impact, or after it where negative.
+    pub to_rad: f64,
+}
+
+/// Times of a cycle, s.
+#[derive(Clone, Copy, Debug)]
+struct Times {
+    from_s: f64,
+    to_s: f64,
+    period_s: f64,
+}
+
+/// The block's way to the impact: when the wave switches, when it strikes, s, and how it turns then.
+#[derive(Clone, Copy, Debug)]
+struct Fall {
+    from_s: f64,
+    to_s: f64,
+    impact_s: f64,
+    after: Turn,
+}
+
+impl Cycle {
+    /// The wave that makes it: equal areas of acceleration upward and downward, and at no time free fall. `None` where no
+    /// such wave exists.
+    pub fn drive(&self) -> Option<Square> {
+        let ratio = self.ratio(self.block.lift(0.0, self.peaks_rad[1]))?;
+        let excess = |low_mps2: f64| {
+            let Times { from_s, to_s, period_s } = self.times(low_mps2, ratio)?;
+            let (up, down) = (ratio * low_mps2 - GRAVITY_MPS2, GRAVITY_MPS2 - low_mps2);
+            Some(up * (to_s - from_s) - down * (period_s - to_s + from_s))
+        };
+        // the table's downward acceleration leaves some weight; the upward one adds to it
+        let (mut few_mps2, mut much_mps2) = (GRAVITY_MPS2 / ratio, GRAVITY_MPS2);
+        for _ in 0..HALVINGS {
+            let middle_mps2 = 0.5 * (few_mps2 + much_mps2);
+            *(if excess(middle_mps2)? < 0.0 { &mut few_mps2 } else { &mut much_mps2 }) = middle_mps2;
+        }
+        let Times { from_s, to_s, period_s } = self.times(much_mps2, ratio)?;
+        let (up_mps2, down_mps2) = (ratio * much_mps2 - GRAVITY_MPS2, GRAVITY_MPS2 - much_mps2);
+        Some(Square { up_mps2, down_mps2, from_s, to_s, period_s })
+    }
+
+    /// The wave that topples the block: downward at `down_mps2` but for the interval that ends before the impact. It lasts
+    /// until the block is beyond its balance. `None` where no acceleration suffices.
+    pub fn kick(&self, down_mps2: f64) -> Option<Square> {
+        let (block, low_mps2) = (self.block, GRAVITY_MPS2 - down_mps2);
+        let ratio = self.ratio(OVER * block.lift(0.0, block.balance_rad()))?;
+        let fall = self.fall(low_mps2, ratio).filter(|_| self.to_rad >= 0.0)?;
+        let rise_s = block.time_s(fall.after, block.balance_rad(), low_mps2)?;
+        let (up_mps2, period_s) = (ratio * low_mps2 - GRAVITY_MPS2, fall.impact_s + BEYOND * rise_s);
+        Some(Square { up_mps2, down_mps2, from_s: fall.from_s, to_s: fall.to_s, period_s })
+    }
+
+    /// Ratio of `g + ẍ` upward to that downward with which the block rises by `rise` of its arm after the impact.
+    fn ratio(&self, rise: f64) -> Option<f64> {
+        let &Self { block, restitution, peaks_rad: [before_rad, after_rad], from_rad, to_rad } = self;
+        let is_ordered = (0.0..=before_rad).contains(&from_rad) && to_rad < from_rad && -to_rad <= after_rad;
+        let kept = restitution * restitution;
+        let fall = |from_rad, to_rad| block.lift(to_rad, from_rad);
+        let (needed, given) = if to_rad >= 0.0 {
+            (rise / kept - fall(before_rad, from_rad) - fall(to_rad, 0.0), fall(from_rad, to_rad))
+        } else {
+            let helped_rise = fall(-to_rad, 0.0);
+            (rise - helped_rise - kept * fall(before_rad, from_rad), kept * fall(from_rad, 0.0) - helped_rise)
+        };
+        let ratio = needed / given;
+        (is_ordered && given > 0.0 && ratio.is_finite() && ratio > 1.0).then_some(ratio)
+    }
+
+    /// When the block passes the tilts at which the wave switches, with `low_mps2` for `g + ẍ` downward.
+    fn times(&self, low_mps2: f64, ratio: f64) -> Option<Times> {
+        let peak = Turn { tilt_rad: self.peaks_rad[1], speed_radps: 0.0 };
+        let Fall { from_s, to_s, impact_s, after } = self.fall(low_mps2, ratio)?;
+        if self.to_rad >= 0.0 {
+            return Some(Times { from_s, to_s, period_s: impact_s + self.block.time_s(peak, 0.0, low_mps2)? });
+        }
+        let to_s = impact_s + self.block.time_s(after, -self.to_rad, ratio * low_mps2)?;
+        Some(Times { from_s, to_s, period_s: to_s + self.block.time_s(peak, -self.to_rad, low_mps2)? })
+    }
+
+    /// The way down.
+    fn fall(&self, low_mps2: f64, ratio: f64) -> Option<Fall> {
+        let block = &self.block;
+        let falls = |from: Turn, to_rad, weight_mps2| {
+            let speed_radps = -block.speed_radps(from, to_rad, weight_mps2)?;
+            Some((block.time_s(from, to_rad, weight_mps2)?, Turn { tilt_rad: to_rad, speed_radps }))
+        };
+        let peak = Turn { tilt_rad: self.peaks_rad[0], speed_radps: 0.0 };
+        let (from_s, turn) = falls(peak, self.from_rad, low_mps2)?;
+        let (up_s, turn) = falls(turn, self.to_rad.max(0.0), ratio * low_mps2)?;
+        let (rest_s, turn) = if turn.tilt_rad > 0.0 { falls(turn, 0.0, low_mps2)? } else { (0.0, turn) };
+        let after = Turn { tilt_rad: 0.0, speed_radps: -self.restitution * turn.speed_radps };
+        Some(Fall { from_s, to_s: from_s + up_s, impact_s: from_s + up_s + rest_s, after })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::motion::{End, Release};
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Found for every block, whichever side of the impact the upward acceleration ends on.
+        #[test]
+        fn drive_brings_the_block_to_its_peak_in_one_period(
+            length_m in 0.01..0.1f64,
+            slender in 0.4..2.5f64,
+            restitution in 0.3..0.95f64,
+            share in 0.05..0.5f64,
+            from in 0.2..1.0f64,
+            to in -0.9..0.9f64,
+        ) {
+            let block = Block { length_m, height_m: slender * length_m };
+            let peak_rad = share * block.balance_rad();
+            let from_rad = from * peak_rad;
+            // after the impact little may be taken back of what the restitution leaves
+            let to_rad = if to >= 0.0 { to * from_rad } else { 0.5 * to * restitution.powi(2) * from_rad };
+            let cycle = Cycle { block, restitution, peaks_rad: [peak_rad; 2], from_rad, to_rad };
+            let drive = cycle.drive().unwrap();
+            prop_assert!(drive.down_mps2 < GRAVITY_MPS2 && drive.up_mps2 > 0.0);
+            let areas = [drive.up_mps2 * (drive.to_s - drive.from_s), drive.down_mps2 * (drive.period_s - drive.to_s + drive.from_s)];
+            prop_assert!((areas[0] / areas[1] - 1.0).abs() < 1e-9);
+            let motion = Release { block, restitution, tilt_rad: peak_rad }.motion(&drive.wave(), 1.5 * drive.period_s);
+            // a block that would leave the table is outside the model
+            prop_assume!(motion.end != End::Lifts);
+            let [at_s, tilt_rad] = motion.peaks[0];
+            prop_assert!((tilt_rad / peak_rad - 1.0).abs() < 1e-6 && (at_s / drive.period_s - 1.0).abs() < 1e-4, "{at_s} {tilt_rad} {drive:?}");
+        }
+    }
+
+    #[test]
+    fn switching_at_peak_and_impact_needs_accelerations_that_the_restitution_alone_sets() {
+        for (height_m, peak_rad) in [(0.02, 0.1), (0.04, 0.2)] {
+            let block = Block { length_m: 0.03, height_m };
+            let cycle = Cycle { block, restitution: 0.4, peaks_rad: [peak_rad; 2], from_rad: peak_rad, to_rad: 0.0 };
+            let drive = cycle.drive().unwrap();
+            assert!((drive.up_mps2 / GRAVITY_MPS2 - 0.6 / 0.4).abs() < 1e-9, "{drive:?}");
+            assert!((drive.down_mps2 / GRAVITY_MPS2 - 0.6).abs() < 1e-9, "{drive:?}");
+        }
+    }
+
+    #[test]
+    fn kick_topples_a_block_that_its_drive_only_rocks() {
+        let block = Block { length_m: 0.02, height_m: 0.04 };
+        let cycle = Cycle { block, restitution: 0.5, peaks_rad: [0.2; 2], from_rad: 0.16, to_rad: 0.02 };
+        let drive = cycle.drive().unwrap();
+        let kick = cycle.kick(drive.down_mps2).unwrap();
+        assert!(kick.up_mps2 > drive.up_mps2);
+        let release = Release { block, restitution: 0.5, tilt_rad: 0.2 };
+        assert_eq!(release.motion(&kick.wave(), 1.01 * kick.period_s).end, End::Topples);
+        assert_eq!(release.motion(&drive.wave(), 1.01 * kick.period_s).end, End::Rocks);
+    }
+
+    #[test]
+    fn window_out_of_order_has_no_drive() {
+        let block = Block { length_m: 0.04, height_m: 0.04 };
+        let cycle = |from_rad, to_rad| Cycle { block, restitution: 0.5, peaks_rad: [0.1; 2], from_rad, to_rad };
+        for (from_rad, to_rad) in [(0.2, 0.0), (0.05, 0.06), (0.05, -0.2), (0.05, -0.04)] {
+            assert_eq!(cycle(from_rad, to_rad).drive(), None, "{from_rad} {to_rad}");
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! Two orientations of a block on one table: the drive keeps one rocking and lets the other die (Singer and Seering, Fig. 9).
+
+use super::block::Block;
+use super::motion::{Motion, Release};
+use super::orbit::Cycle;
+
+/// End of the upward acceleration after the impact, as a part of the tilt at which it begins, and of the square of the
+/// restitution: more takes back what it gave.
+const AFTER: f64 = -0.4;
+
+/// A block `b` by `b (1 + δ)`, standing or lying, let go at the same tilt.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orientations {
+    /// The block as it stands on its short face.
+    pub standing: Block,
+    /// Part of the centre's normal speed that is given back at an impact.
+    pub restitution: f64,
+    /// Tilt at which both are let go, rad.
+    pub tilt_rad: f64,
+}
+
+/// Both on the drive of one of them.
+#[derive(Clone, Debug)]
+pub struct Selected {
+    /// Motions of the one that it is made for and of the other.
+    pub motions: [Motion; 2],
+    /// Peak of each after its first impact, rad.
+    pub peaks_rad: [f64; 2],
+    /// Length of the upward acceleration over the time between the first impacts of the two.
+    pub window: f64,
+}
+
+impl Orientations {
+    /// Both for `length_s` on the table that keeps the standing one rocking. The table's acceleration is upward around its
+    /// impact, from `from` of its peak on. `None` where there is no such drive.
+    pub fn on_drive(&self, from: f64, length_s: f64) -> Option<Selected> {
+        let &Self { standing, restitution, tilt_rad } = self;
+        let lying = Block { length_m: standing.height_m, height_m: standing.length_m };
+        let from_rad = from * tilt_rad;
+        let to_rad = AFTER * restitution.powi(2) * from_rad;
+        let drive = Cycle { block: standing, restitution, peaks_rad: [tilt_rad; 2], from_rad, to_rad }.drive()?;
+        let wave = drive.wave();
+        let motions = [standing, lying].map(|block| Release { block, restitution, tilt_rad }.motion(&wave, length_s));
+        let first_s = |motion: &Motion| motion.impacts_s.first().copied();
+        let apart_s = (first_s(&motions[0])? - first_s(&motions[1])?).abs();
+        let peaks_rad = [&motions[0], &motions[1]].map(first_peak_rad);
+        Some(Selected { motions, peaks_rad, window: (drive.to_s - drive.from_s) / apart_s })
+    }
+}
+
+fn first_peak_rad(motion: &Motion) -> f64 {
+    motion.peaks.first().map_or(0.0, |peak| peak[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn orientations_are_told_apart_the_less_the_longer_the_window() {
+        let standing = Block { length_m: 0.02, height_m: 0.022 };
+        let orientations = Orientations { standing, restitution: 0.5, tilt_rad: 0.1 };
+        let on_drive = |from| orientations.on_drive(from, 0.2).unwrap();
+        let found = [0.1, 0.3, 0.5, 0.7, 0.9].map(on_drive);
+        assert!(found.iter().all(|found| (found.peaks_rad[0] / 0.1 - 1.0).abs() < 1e-5), "the standing one rocks on");
+        assert!(found.windows(2).all(|pair| pair[0].window < pair[1].window));
+        assert!(found.windows(2).all(|pair| pair[0].peaks_rad[1] < pair[1].peaks_rad[1]));
+        assert!((0.5..1.5).contains(&found[0].window) && found[0].peaks_rad[1] < 0.005);
+    }
+}

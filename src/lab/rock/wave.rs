@@ -1,0 +1,158 @@
+//! The table's acceleration: stretches in which it changes evenly, over and over (Singer and Seering, Figs. 4 and 7).
+
+/// Points of the displacement in each stretch.
+const POINTS: usize = 64;
+
+/// Time over which the acceleration goes evenly from one value to another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stretch {
+    /// s.
+    pub length_s: f64,
+    /// Accelerations at its ends, upward, m/s².
+    pub accel_mps2: [f64; 2],
+}
+
+/// Acceleration of a table that goes up and down, by stretches.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Wave {
+    /// One period, or a whole motion.
+    pub stretches: Vec<Stretch>,
+}
+
+/// Rectangular wave: downward but for one interval.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Square {
+    /// Acceleration upward, `A_X1`, m/s².
+    pub up_mps2: f64,
+    /// Magnitude of the acceleration downward, `A_X2`, m/s².
+    pub down_mps2: f64,
+    /// When it begins to be upward, `T_1`, s.
+    pub from_s: f64,
+    /// When it ends to be, `T_2`, s.
+    pub to_s: f64,
+    /// s.
+    pub period_s: f64,
+}
+
+impl Square {
+    /// The wave with edges as they are.
+    pub fn wave(&self) -> Wave {
+        self.ramped(0.0)
+    }
+
+    /// The same with edges that last `ramp` of the period, about the instants where they were (Fig. 7); as much as there is
+    /// room for.
+    pub fn ramped(&self, ramp: f64) -> Wave {
+        let &Self { up_mps2, down_mps2, from_s, to_s, period_s } = self;
+        let (up_s, down_s) = (to_s - from_s, period_s - to_s + from_s);
+        let edge_s = (ramp * period_s).min(up_s).min(down_s).max(0.0);
+        let stretch = |length_s, accel_mps2| Stretch { length_s, accel_mps2 };
+        let from_edge = [
+            stretch(edge_s, [-down_mps2, up_mps2]),
+            stretch(up_s - edge_s, [up_mps2; 2]),
+            stretch(edge_s, [up_mps2, -down_mps2]),
+            stretch(down_s - edge_s, [-down_mps2; 2]),
+        ];
+        // the period begins somewhere in there
+        let begin_s = (0.5 * edge_s - from_s).rem_euclid(period_s);
+        let mut t_s = 0.0;
+        let (mut before, mut after) = (Vec::new(), Vec::new());
+        for whole in from_edge {
+            let [early, late] = whole.cut(begin_s - t_s);
+            before.push(early);
+            after.push(late);
+            t_s += whole.length_s;
+        }
+        let stretches = after.into_iter().chain(before).filter(|stretch| stretch.length_s > 1e-12 * period_s);
+        Wave { stretches: stretches.collect() }
+    }
+}
+
+impl Wave {
+    /// Its length, s.
+    pub fn length_s(&self) -> f64 {
+        self.stretches.iter().map(|stretch| stretch.length_s).sum()
+    }
+
+    /// Way of the table from its lowest to its highest place, m, where it is periodic or ends as it began: its mean velocity
+    /// is taken off, so that it comes back.
+    pub fn stroke_m(&self) -> f64 {
+        let way_m = self.motion();
+        let (Some(end), length_s) = (way_m.last(), self.length_s()) else { return 0.0 };
+        let drift_mps = end[1] / length_s;
+        let places = way_m.iter().map(|[t_s, way_m]| way_m - drift_mps * t_s);
+        let (low_m, high_m) = places.fold((0.0, 0.0), |(low, high): (f64, f64), at| (low.min(at), high.max(at)));
+        high_m - low_m
+    }
+
+    /// Time and place of a table that starts at rest, s and m.
+    fn motion(&self) -> Vec<[f64; 2]> {
+        let (mut t_s, mut speed_mps, mut place_m) = (0.0, 0.0, 0.0);
+        let mut found = vec![[0.0, 0.0]];
+        for Stretch { length_s, accel_mps2: [first, last] } in &self.stretches {
+            let slope = (last - first) / length_s;
+            let place = |t: f64| place_m + t * (speed_mps + t * (first / 2.0 + slope * t / 6.0));
+            found.extend((1..=POINTS).map(|i| {
+                let after_s = length_s * i as f64 / POINTS as f64;
+                [t_s + after_s, place(after_s)]
+            }));
+            place_m = place(*length_s);
+            speed_mps += 0.5 * (first + last) * length_s;
+            t_s += length_s;
+        }
+        found
+    }
+
+    /// Corners of the acceleration over time, s and m/s².
+    pub fn corners(&self) -> Vec<[f64; 2]> {
+        let mut t_s = 0.0;
+        let ends = self.stretches.iter().flat_map(|stretch| {
+            let from_s = t_s;
+            t_s += stretch.length_s;
+            [[from_s, stretch.accel_mps2[0]], [t_s, stretch.accel_mps2[1]]]
+        });
+        ends.collect()
+    }
+}
+
+impl Stretch {
+    /// Its parts before and after `at_s` from its beginning; one of them is empty where that is not within it.
+    fn cut(&self, at_s: f64) -> [Self; 2] {
+        let at_s = at_s.clamp(0.0, self.length_s);
+        let [first, last] = self.accel_mps2;
+        let middle = if self.length_s > 0.0 { self.accel_mps2(at_s) } else { first };
+        [
+            Self { length_s: at_s, accel_mps2: [first, middle] },
+            Self { length_s: self.length_s - at_s, accel_mps2: [middle, last] },
+        ]
+    }
+
+    /// Acceleration `t_s` after its beginning, m/s².
+    pub fn accel_mps2(&self, t_s: f64) -> f64 {
+        let [first, last] = self.accel_mps2;
+        first + (last - first) * (t_s / self.length_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ramps_keep_areas_and_the_stroke_is_that_of_the_parabolas() {
+        let square = Square { up_mps2: 10.0, down_mps2: 10.0, from_s: 0.025, to_s: 0.075, period_s: 0.1 };
+        let area = |wave: &Wave| -> f64 {
+            wave.stretches.iter().map(|at| 0.5 * (at.accel_mps2[0] + at.accel_mps2[1]) * at.length_s).sum()
+        };
+        let early = Square { from_s: 0.0, to_s: 0.05, ..square };
+        for (square, ramp) in [(square, 0.0), (square, 0.1), (square, 0.9), (early, 0.0), (early, 0.2)] {
+            let wave = square.ramped(ramp);
+            assert!(area(&wave).abs() < 1e-15 && (wave.length_s() - 0.1).abs() < 1e-15, "{ramp}");
+            let ends = [wave.stretches.first(), wave.stretches.last()].map(|end| end.unwrap().accel_mps2);
+            assert!(ramp == 0.0 || (ends[0][0] - ends[1][1]).abs() < 1e-12, "{ends:?}");
+        }
+        // a T² / 16 between the ends of two parabolas
+        assert!((square.wave().stroke_m() - 10.0 * 0.01 / 16.0).abs() < 1e-5, "{}", square.wave().stroke_m());
+        assert!(square.ramped(0.3).stroke_m() < square.wave().stroke_m());
+    }
+}
