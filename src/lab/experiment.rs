@@ -111,6 +111,13 @@ pub const EXPERIMENTS: &[Experiment] = &[
         method: on_rig!(rig_settings::SETTINGS, super::force_curve),
     },
     Experiment {
+        name: "pulse-law",
+        about: "one pulse: wave and envelope, displacement against the square of its length, and where that law stops",
+        strong_rig: true,
+        on_rig: true,
+        method: on_rig!(rig_settings::SETTINGS, super::pulse_law),
+    },
+    Experiment {
         name: "race-track",
         about: "snapshots of three coins on one rotation field",
         strong_rig: true,

@@ -1,10 +1,10 @@
-//! The Coulomb pump: mean friction against speed, a part's approach to the belt's speed, and a disc's friction, each
+//! The Coulomb pump: mean friction against speed, equilibrium speed of the general wave, a part's approach to the belt's speed, and a disc's friction, each
 //! against its closed form; and where parts of this rig begin to slide.
 
 use std::f64::consts::TAU;
 
-use super::pumped::{PumpedLine, sliding_threshold};
-use super::{Figure, LabFault, LabRig, Outcome, Series, coulomb_pump, disc_friction};
+use super::pumped::{PUMP, PumpedLine, sliding_threshold};
+use super::{Figure, LabFault, LabRig, Outcome, Series, coulomb_pump, disc_friction, general_wave};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::PartParams;
@@ -12,7 +12,7 @@ use upm_sim::PartParams;
 /// Speeds at which the mean force is taken, from rest to the belt's.
 const SPEEDS: u32 = 20;
 /// Friction so faint that a part's speed stays as set for a cycle: the limit of fast vibration.
-const FAINT: f64 = 1e-5;
+pub(super) const FAINT: f64 = 1e-5;
 /// Steps of a cycle for a force: one step too many on one side of the plate's speed is 2e-5 of μ m g.
 const FORCE_STEPS: u32 = 100_000;
 
@@ -36,6 +36,7 @@ pub fn force_curve(rig: &LabRig) -> Result<Outcome, LabFault> {
     }
     let mut outcome = Outcome::default();
     report_forces(rig, &mut outcome);
+    general_wave::report(rig, &mut outcome);
     report_approach(rig, &mut outcome);
     disc_friction::report(&mut outcome);
     report_rig(rig, &mut outcome);
@@ -43,7 +44,7 @@ pub fn force_curve(rig: &LabRig) -> Result<Outcome, LabFault> {
 }
 
 fn report_forces(rig: &LabRig, outcome: &mut Outcome) {
-    let line = PumpedLine { amplitude_mps: 1.0, base_radps: TAU * PAPER_HZ, steps: FORCE_STEPS };
+    let line = PumpedLine { amplitude_mps: 1.0, base_radps: TAU * PAPER_HZ, second: PUMP, steps: FORCE_STEPS };
     let part = PartParams { friction: FAINT, ..rig.penny };
     let at = |i: u32| coulomb_pump::BELT * f64::from(i) / f64::from(SPEEDS - 1);
     let rows: Vec<[f64; 3]> =
@@ -146,7 +147,7 @@ fn rise() -> f64 {
 /// in 1/k2: the time is compared with the closed-form force integrated, not with the exponential.
 fn report_approach(rig: &LabRig, outcome: &mut Outcome) {
     let amplitude_mps = PAPER_PEAK_G * GRAVITY_MPS2 / (TAU * PAPER_HZ);
-    let line = PumpedLine { amplitude_mps, base_radps: TAU * PAPER_HZ * FASTER, steps: BELT_STEPS };
+    let line = PumpedLine { amplitude_mps, base_radps: TAU * PAPER_HZ * FASTER, second: PUMP, steps: BELT_STEPS };
     let part = PartParams { friction: PAPER_FRICTION, ..rig.penny };
     let rate_hz = PAPER_FRICTION * GRAVITY_MPS2 / amplitude_mps;
 
@@ -212,7 +213,7 @@ fn report_rig(rig: &LabRig, outcome: &mut Outcome) {
     let amplitude_mps = PAPER_PEAK_G * GRAVITY_MPS2 / base_radps;
     let steps = (TAU / base_radps / step_s).round().max(1.0) as u32;
     let rate_hz = friction * GRAVITY_MPS2 / amplitude_mps;
-    let approach = Approach::of(&PumpedLine { amplitude_mps, base_radps, steps }, rig.penny, rate_hz);
+    let approach = Approach::of(&PumpedLine { amplitude_mps, base_radps, second: PUMP, steps }, rig.penny, rate_hz);
     let exact_rise_s = coulomb_pump::time_to(rise() * coulomb_pump::BELT) / rate_hz;
     outcome.figures.push(Figure::against(
         "time to 1 - 1/e of A/2 at this rig's frequency and step, A = 2 g/w",

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::coulomb_pump;
 use upm_core::geometry::{Pose, Twist, Vec2};
-use upm_core::signal::TwistWave;
+use upm_core::signal::{TwistHarmonic, TwistWave};
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::{ContactParams, PartParams, Parts, PlateMotion};
 
@@ -13,13 +13,18 @@ const SIDE_M: f64 = 10.0;
 /// Slip below which a part counts as stuck, m/s.
 const STUCK_MPS: f64 = 1e-9;
 
-/// A plate of velocity `A (cos wt - ½ cos 2wt)` along x, and the grain of its simulation.
+/// Second harmonic of the pump over its first: cosine and sine.
+pub(super) const PUMP: [f64; 2] = [-0.5, 0.0];
+
+/// A plate of velocity `A (cos wt + c cos 2wt + s sin 2wt)` along x, and the grain of its simulation.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PumpedLine {
     /// A, m/s.
     pub amplitude_mps: f64,
     /// w, rad/s.
     pub base_radps: f64,
+    /// c and s.
+    pub second: [f64; 2],
     /// Steps of a cycle.
     pub steps: u32,
 }
@@ -47,7 +52,9 @@ impl PumpedLine {
     }
 
     fn wave(&self) -> TwistWave {
-        TwistWave::pump(Twist::new(self.amplitude_mps, 0.0, 0.0), self.base_radps)
+        let along = |share: f64| Twist::new(share * self.amplitude_mps, 0.0, 0.0);
+        let harmonic = |[cos, sin]: [f64; 2]| TwistHarmonic { cos: along(cos), sin: along(sin) };
+        TwistWave { base_radps: self.base_radps, harmonics: vec![harmonic([1.0, 0.0]), harmonic(self.second)] }
     }
 
     /// Speed of `part`, which starts at `from_mps`, after each of `cycles` cycles, m/s; the start comes first.
@@ -84,7 +91,7 @@ impl PumpedLine {
         (later_m - settled_m) / (f64::from(cycles) * self.cycle_s())
     }
 
-    /// Distance between the plate's ends: `2.2018 A/w`, twice the maximum of `sin a - ¼ sin 2a`, m.
+    /// Distance between the ends of a plate that moves as the pump: `2.2018 A/w`, twice the maximum of `sin a - ¼ sin 2a`, m.
     pub fn stroke_m(&self) -> f64 {
         let cos = 0.5 * (1.0 - 3f64.sqrt());
         let sin = (1.0 - cos * cos).sqrt();
@@ -109,7 +116,7 @@ pub(super) fn sliding_threshold(part: PartParams, base_radps: f64, step_s: f64) 
     let steps = (TAU / base_radps / step_s).round().max(1.0) as u32;
     let slides = |share: f64| {
         let amplitude_mps = share * part.friction * GRAVITY_MPS2 / base_radps;
-        PumpedLine { amplitude_mps, base_radps, steps }.slides(part)
+        PumpedLine { amplitude_mps, base_radps, second: PUMP, steps }.slides(part)
     };
     let (mut sticks, mut slid) = (0.0, 2.0 / coulomb_pump::peak_acceleration());
     for _ in 0..HALVINGS {
@@ -136,13 +143,13 @@ mod tests {
     fn carried(share: f64) -> f64 {
         let (base_radps, part) = (TAU * 60.0, PartParams { radius_m: 0.0, ..lab_rig("upm-1").penny });
         let amplitude_mps = share * part.friction * GRAVITY_MPS2 / base_radps;
-        let line = PumpedLine { amplitude_mps, base_radps, steps: 2000 };
+        let line = PumpedLine { amplitude_mps, base_radps, second: PUMP, steps: 2000 };
         line.carried_mps(part, 20, 20) / amplitude_mps
     }
 
     #[test]
     fn stroke_is_that_of_the_wave() {
-        let line = PumpedLine { amplitude_mps: 1.0, base_radps: 1.0, steps: 1 };
+        let line = PumpedLine { amplitude_mps: 1.0, base_radps: 1.0, second: PUMP, steps: 1 };
         let places = (0..100_000).map(|i| 1e-5 * TAU * f64::from(i)).map(|a| a.sin() - 0.25 * (2.0 * a).sin());
         assert!((2.0 * places.fold(0.0, f64::max) - line.stroke_m()).abs() < 1e-8);
     }

@@ -15,16 +15,19 @@ pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<Outcome, LabFault> {
     let shown = accelerations_mps2(&pulse.trace, &window).map_err(fault)?;
     let times_s: Vec<f64> = window.times_s().collect();
     let mut series = vec![Series::new("time_s", times_s.iter().copied())];
-    let mut layers = Vec::new();
+    let (mut layers, mut velocity_layers) = (Vec::new(), Vec::new());
+    let mut off_mps = 0.0f64;
     for (channel, (name, shown)) in CHANNEL_NAMES.iter().zip(shown).enumerate() {
-        let gain = pulse.channel_gain[channel];
-        let mean = shown.iter().sum::<f64>() / shown.len().max(1) as f64;
-        let measured: Vec<f64> = shown.iter().map(|shown| (shown - mean) / gain).collect();
-        let fitted: Vec<f64> = times_s.iter().map(|t| at(&fit.accel_mps2[channel], pulse.base_radps * t)).collect();
-        layers.push(Layer::new(name, Mark::Dots, Color::nth(channel), points(&times_s, &measured)));
-        layers.push(Layer::new("", Mark::Line, Color::nth(channel), points(&times_s, &fitted)));
-        series.push(Series::new(&format!("{name}_measured_mps2"), measured));
-        series.push(Series::new(&format!("{name}_fitted_mps2"), fitted));
+        let (gain, color) = (pulse.channel_gain[channel], Color::nth(channel));
+        let curves = Curves::new(&times_s, &shown, gain, &fit.accel_mps2[channel], pulse.base_radps);
+        off_mps = off_mps.max(curves.integral_off_mps());
+        layers.push(Layer::new(name, Mark::Dots, color, points(&times_s, &curves.measured_mps2)));
+        layers.push(Layer::new("", Mark::Line, color, points(&times_s, &curves.fitted_mps2)));
+        velocity_layers.push(Layer::new(name, Mark::Dots, color, points(&times_s, &curves.integral_mps)));
+        velocity_layers.push(Layer::new("", Mark::Line, color, points(&times_s, &curves.fitted_mps)));
+        series.push(Series::new(&format!("{name}_measured_mps2"), curves.measured_mps2));
+        series.push(Series::new(&format!("{name}_fitted_mps2"), curves.fitted_mps2));
+        series.push(Series::new(&format!("{name}_integral_mps"), curves.integral_mps));
     }
     let chart = Chart {
         name: "waveform-fit".to_owned(),
@@ -34,14 +37,71 @@ pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<Outcome, LabFault> {
         map: false,
         layers,
     };
+    let velocities = Chart {
+        name: "waveform-fit-velocity".to_owned(),
+        title: "Velocities: accelerations integrated, and Eq. 13 (Fig. 7c)".to_owned(),
+        y: Axis::new("velocity (m/s)"),
+        layers: velocity_layers,
+        ..chart.clone()
+    };
     let recorded = Some(pulse.clone());
-    let mut outcome = Outcome { figures: figures(&fit), series, charts: vec![chart], recorded, ..Outcome::default() };
+    let charts = vec![chart, velocities];
+    let mut outcome = Outcome { figures: figures(&fit), series, charts, recorded, ..Outcome::default() };
+    let source = "rms, trapezoids against the fit's coefficients";
+    outcome.figures.push(Figure::alone("velocity integral off Eq. 13, largest", "m/s", off_mps, source));
     match TraceSpectrum::of(pulse) {
         Ok(spectrum) => spectrum.add_to(&mut outcome, &fit),
         // it reads more of the trace than the fit does, and needs periods of whole samples
         Err(fault) => outcome.notes.push(format!("spectrum: {fault}")),
     }
     Ok(outcome)
+}
+
+/// Acceleration and velocity of one channel, as measured and as fitted.
+struct Curves {
+    measured_mps2: Vec<f64>,
+    fitted_mps2: Vec<f64>,
+    integral_mps: Vec<f64>,
+    fitted_mps: Vec<f64>,
+}
+
+impl Curves {
+    fn new(times_s: &[f64], shown_mps2: &[f64], gain: f64, fit_mps2: &[f64; 4], base_radps: f64) -> Self {
+        let mean = shown_mps2.iter().sum::<f64>() / shown_mps2.len().max(1) as f64;
+        let measured_mps2: Vec<f64> = shown_mps2.iter().map(|shown| (shown - mean) / gain).collect();
+        let fitted = |of: &[f64; 4]| times_s.iter().map(|t_s| at(of, base_radps * t_s)).collect();
+        Self {
+            integral_mps: integral(times_s, &measured_mps2),
+            measured_mps2,
+            fitted_mps2: fitted(fit_mps2),
+            fitted_mps: fitted(&velocity_mps(fit_mps2, base_radps)),
+        }
+    }
+
+    /// Root mean square of the difference between the two velocities, m/s.
+    fn integral_off_mps(&self) -> f64 {
+        let squares = self.integral_mps.iter().zip(&self.fitted_mps).map(|(a, b)| (a - b).powi(2));
+        (squares.sum::<f64>() / self.fitted_mps.len().max(1) as f64).sqrt()
+    }
+}
+
+/// Integral of `values` over their times by trapezoids, less its mean.
+fn integral(times_s: &[f64], values: &[f64]) -> Vec<f64> {
+    let areas =
+        times_s.windows(2).zip(values.windows(2)).map(|(t_s, value)| 0.5 * (value[0] + value[1]) * (t_s[1] - t_s[0]));
+    let mut sum = 0.0;
+    let sums = std::iter::once(0.0).chain(areas).map(|area| {
+        sum += area;
+        sum
+    });
+    let sums: Vec<f64> = sums.take(times_s.len()).collect();
+    let mean = sums.iter().sum::<f64>() / sums.len().max(1) as f64;
+    sums.into_iter().map(|sum| sum - mean).collect()
+}
+
+/// Coefficients of the velocity of a channel from those of its acceleration (Eq. 13), m/s.
+fn velocity_mps([c1, s1, c2, s2]: &[f64; 4], base_radps: f64) -> [f64; 4] {
+    [-s1, *c1, -0.5 * s2, 0.5 * c2].map(|accel_mps2| accel_mps2 / base_radps)
 }
 
 /// Values over milliseconds.
@@ -124,6 +184,8 @@ mod tests {
             }
             assert!((figure(&outcome, "second over first harmonic") - 0.5).abs() < 1e-3);
             assert!(figure(&outcome, "residual rms") < 0.002);
+            let largest_mps = 0.15 * 0.2;
+            assert!(figure(&outcome, "velocity integral off Eq. 13, largest") < 0.01 * largest_mps);
         }
     }
 

@@ -131,7 +131,7 @@ mod tests {
                 seen += 1;
             }
             assert_eq!(seen, 3);
-            assert!(outcome.recorded.is_some() && outcome.series.len() == 9 + 5);
+            assert!(outcome.recorded.is_some() && outcome.series.len() == 13 + 5);
         }
     }
 

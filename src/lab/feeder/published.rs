@@ -8,7 +8,7 @@ use super::part::Sliding;
 use super::plate::PlateCycle;
 use super::{DYN_N, Feeder};
 use crate::coulomb_pump;
-use crate::pumped::PumpedLine;
+use crate::pumped::{PUMP, PumpedLine};
 use crate::sweep::{Progress, Sheet, parallel};
 use crate::{Figure, LabFault, LabRig, Outcome, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
@@ -166,7 +166,7 @@ fn drives(rig: &LabRig, outcome: &mut Outcome) {
         rows.push(vec![plate.duty, plate.peak_mps() / CM, plate.stroke_m() / CM, rate_mps / CM]);
     }
     let amplitude_mps = accel_mps2 * period_s / (TAU * coulomb_pump::peak_acceleration());
-    let line = PumpedLine { amplitude_mps, base_radps: TAU / period_s, steps: STEPS };
+    let line = PumpedLine { amplitude_mps, base_radps: TAU / period_s, second: PUMP, steps: STEPS };
     let part = PartParams { friction, ..rig.penny };
     let rate_mps = line.carried_mps(part, PUMP_CYCLES, PUMP_CYCLES);
     rows.push(vec![f64::NAN, 0.75 * amplitude_mps / CM, line.stroke_m() / CM, rate_mps / CM]);

@@ -1,0 +1,302 @@
+//! The pulse of the UPM paper's Figs. 8 and 9: wave, envelope and their product; a part's displacement against the square of
+//! the pulse's length, and where that law stops.
+
+use std::f64::consts::TAU;
+
+use super::pulses::{EDGE_M, check_carries, envelope, place, saturation, strongest_spin};
+use super::{Figure, LabFault, LabRig, Outcome, Series, coulomb_pump};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_core::geometry::{Pose, Vec2};
+use upm_core::signal::Envelope;
+use upm_core::units::{GRAVITY_MPS2, mm_from_m};
+use upm_sim::{OpenPulse, PlateMode, simulate};
+
+/// Lengths of pulses that are played, at most; each is sustained for whole periods, as others end in mid-swing.
+const LENGTHS: usize = 24;
+/// Samples of a period.
+const SAMPLES: f64 = 64.0;
+/// Belt of the fast plate over the speed that the longest pulse gives; the slow plate's is just that.
+const FASTER: f64 = 8.0;
+/// Periods for which the two pulses of Fig. 9 are sustained.
+const PERIODS: [f64; 2] = [2.0, 6.0];
+/// Rest after the pulse: the part stops in it, s.
+const REST_S: f64 = 0.25;
+/// Displacements over S² that are off the largest by more are beyond the law.
+const OFF: f64 = 0.1;
+/// Steps of a period of the averaged motion.
+const FINE: f64 = 200.0;
+
+/// A part in the middle of a plate that turns about one of its corners.
+struct Bench<'a> {
+    rig: &'a LabRig,
+    mode: PlateMode,
+    cor_m: Vec2,
+    spin_radps: f64,
+}
+
+/// A pulse and what it did.
+struct Played {
+    envelope: Envelope,
+    t_s: Vec<f64>,
+    /// Distance gone at each instant, m.
+    way_m: Vec<f64>,
+}
+
+/// A pulse's waves, the speed of a part in a short one and in a longer one, and displacement against the square of the length: on
+/// two plates that move exactly as they should, with belts much faster and as fast as the longest pulse makes a part by
+/// that law, and on the rig's own, driven as its motors can.
+///
+/// # Errors
+/// A rig whose motors do not carry the part.
+pub fn pulse_law(rig: &LabRig) -> Result<Outcome, LabFault> {
+    let inset_m = 0.5 * rig.sim.plate.side_m - rig.penny.radius_m - EDGE_M;
+    let cor_m = Vec2::new(-inset_m, -inset_m);
+    let sustains_s = sustains_s(rig);
+    let longest_s = envelope(rig, sustains_s.last().copied().unwrap_or(0.0)).sounding_s();
+    let gained_mps = coulomb_pump::mean_force(0.0) * rig.penny.friction * GRAVITY_MPS2 * longest_s;
+    let exact = |faster: f64| Bench {
+        rig,
+        mode: PlateMode::Kinematic,
+        cor_m,
+        spin_radps: faster * gained_mps / coulomb_pump::BELT / cor_m.norm(),
+    };
+    let own = Bench { rig, mode: PlateMode::Dynamic, cor_m, spin_radps: strongest_spin(rig, cor_m)? };
+    check_carries(rig, own.spin_radps, cor_m.norm())?;
+    let benches = [(exact(FASTER), "fast plate"), (exact(1.0), "slow plate"), (own, "this rig")];
+    let mut outcome = Outcome::default();
+    let [short, long] = PERIODS.map(|periods| benches[0].0.play(periods * TAU / rig.model.base_radps));
+    let (short, long) = (short?, long?);
+    outcome.charts = vec![wave_chart(rig, &short.envelope), speed_chart(&benches[0].0, &short, &long)];
+    for (bench, name) in &benches {
+        let rows = bench.rows(&sustains_s)?;
+        outcome.figures.extend(figures(bench, &rows, name));
+        outcome.series.extend(series(&rows, &name.replace(' ', "_")));
+        outcome.charts.push(law_chart(&rows, name));
+    }
+    Ok(outcome)
+}
+
+/// Sustains of whole periods up to the rig's longest, s, denser among the short ones.
+fn sustains_s(rig: &LabRig) -> Vec<f64> {
+    let period_s = TAU / rig.model.base_radps;
+    let most = (rig.model.max_sustain_s / period_s + 1e-9).floor();
+    let share = |i: usize| (i as f64 / (LENGTHS - 1) as f64).powi(2);
+    let mut periods: Vec<f64> = (0..LENGTHS).map(|i| (share(i) * most).round()).collect();
+    periods.dedup();
+    periods.into_iter().map(|periods| periods * period_s).collect()
+}
+
+/// Displacement by one pulse.
+struct Row {
+    envelope: Envelope,
+    /// Attack and decay included: friction feels the direction of slip alone, so that they count nearly in full.
+    length_s: f64,
+    found_m: f64,
+    law_m: f64,
+    averaged_m: f64,
+}
+
+impl Bench<'_> {
+    fn play(&self, sustain_s: f64) -> Result<Played, LabFault> {
+        let rig = self.rig;
+        let envelope = Envelope { rest_s: REST_S, ..envelope(rig, sustain_s) };
+        let pulse = OpenPulse::about(self.cor_m, self.spin_radps, envelope);
+        let base_radps = rig.model.base_radps;
+        let sample_hz = SAMPLES * base_radps / TAU;
+        let part = [(rig.penny, Pose::IDENTITY)];
+        let found = simulate(&rig.sim, self.mode, &part, &[pulse], base_radps, sample_hz)?;
+        let way_m = |i: usize| found.parts.first().and_then(|part| place(part, i)).map_or(f64::NAN, |at| at.norm());
+        let way_m = (0..found.t_s.len()).map(way_m).collect();
+        Ok(Played { envelope, t_s: found.t_s, way_m })
+    }
+
+    /// Displacements by pulses sustained so long.
+    fn rows(&self, sustains_s: &[f64]) -> Result<Vec<Row>, LabFault> {
+        let row = |sustain_s: &f64| {
+            let played = self.play(*sustain_s)?;
+            let length_s = played.envelope.sounding_s();
+            let law_m = self.law_mps2() * length_s * length_s;
+            let averaged_m = self.averaged_m(&played.envelope);
+            Ok(Row { envelope: played.envelope, length_s, found_m: played.displacement_m(), law_m, averaged_m })
+        };
+        sustains_s.iter().map(row).collect()
+    }
+
+    /// Speed A of the plate under the part, m/s.
+    fn amplitude_mps(&self) -> f64 {
+        self.spin_radps.abs() * self.cor_m.norm()
+    }
+
+    /// Displacement over S², `½ f0 (1 + f0) μ g`: gained at the constant force on a part at rest, and coasted afterwards.
+    fn law_mps2(&self) -> f64 {
+        let at_rest = coulomb_pump::mean_force(0.0);
+        0.5 * at_rest * (1.0 + at_rest) * self.rig.penny.friction * GRAVITY_MPS2
+    }
+
+    /// The same with the mean force at the speed that the part has got (Eq. 18), on a plate that follows its envelope.
+    fn averaged_m(&self, envelope: &Envelope) -> f64 {
+        let drag_mps2 = self.rig.penny.friction * GRAVITY_MPS2;
+        let step_s = TAU / self.rig.model.base_radps / FINE;
+        let (mut t_s, mut speed_mps, mut way_m) = (0.5 * step_s, 0.0f64, 0.0);
+        while t_s < envelope.sounding_s() || speed_mps > 0.0 {
+            let plate_mps = self.amplitude_mps() * envelope.at(t_s);
+            let force = if plate_mps > 0.0 { coulomb_pump::mean_force(speed_mps / plate_mps) } else { -1.0 };
+            let next_mps = (speed_mps + force * drag_mps2 * step_s).max(0.0);
+            way_m += 0.5 * (speed_mps + next_mps) * step_s;
+            (speed_mps, t_s) = (next_mps, t_s + step_s);
+        }
+        way_m
+    }
+}
+
+impl Row {
+    fn over_square_mps2(&self) -> f64 {
+        self.found_m / self.length_s.powi(2)
+    }
+}
+
+impl Played {
+    fn displacement_m(&self) -> f64 {
+        self.way_m.last().copied().unwrap_or(f64::NAN)
+    }
+}
+
+fn figures(bench: &Bench<'_>, rows: &[Row], plate: &str) -> Vec<Figure> {
+    let gained = |row: &Row| saturation(bench.rig, bench.spin_radps.abs(), bench.cor_m.norm(), &row.envelope);
+    let largest = rows.iter().map(Row::over_square_mps2).fold(0.0, f64::max);
+    let within = || rows.iter().filter(|row| row.over_square_mps2() > (1.0 - OFF) * largest);
+    let (from, to, last) = (within().next(), within().next_back(), rows.last());
+    let of = |row: Option<&Row>, value: &dyn Fn(&Row) -> f64| row.map_or(f64::NAN, value);
+    let length_ms = |row: &Row| 1e3 * row.length_s;
+    let named = |name: &str| format!("{plate}: {name}");
+    let alone = |name: &str, unit: &str, value: f64, source: &str| Figure::alone(named(name), unit, value, source);
+    let against = |name: &str, unit: &str, measured: f64, exact: f64, source: &str| {
+        Figure::against(named(name), unit, measured, exact, source)
+    };
+    let [found_mm, averaged_mm] = [of(last, &|row| mm_from_m(row.found_m)), of(last, &|row| mm_from_m(row.averaged_m))];
+    let law = "½ f0 (1 + f0) μ g; S with attack and decay";
+    vec![
+        alone("speed A under the part", "m/s", bench.amplitude_mps(), "turning about a corner"),
+        against("displacement over S², largest", "m/s²", largest, bench.law_mps2(), law),
+        alone("within 10 % of that from S", "ms", of(from, &length_ms), "attack and decay are weaker than the sustain"),
+        alone("within 10 % of that up to S", "ms", of(to, &length_ms), "beyond it the belt limits"),
+        alone("speed gained there, over A/2", "1", of(to, &gained), "by the law; the paper: negligible"),
+        alone("displacement there", "mm", of(to, &|row| mm_from_m(row.found_m)), "simulated"),
+        against(
+            "displacement by the longest pulse",
+            "mm",
+            found_mm,
+            averaged_mm,
+            "Eq. 18 integrated over the envelope",
+        ),
+    ]
+}
+
+fn series(rows: &[Row], plate: &str) -> [Series; 3] {
+    let column = |name: &str, of: fn(&Row) -> f64| Series::new(&format!("{plate}_{name}"), rows.iter().map(of));
+    [
+        column("length_ms", |row| 1e3 * row.length_s),
+        column("displacement_mm", |row| mm_from_m(row.found_m)),
+        column("displacement_averaged_mm", |row| mm_from_m(row.averaged_m)),
+    ]
+}
+
+/// Fig. 8.
+fn wave_chart(rig: &LabRig, envelope: &Envelope) -> Chart {
+    let period_s = TAU / rig.model.base_radps;
+    let count = (envelope.sounding_s() / period_s * SAMPLES) as usize;
+    let times = || (0..=count).map(|i| i as f64 * period_s / SAMPLES);
+    let wave = |t_s: f64| {
+        let phase_rad = TAU * t_s / period_s;
+        phase_rad.cos() - 0.5 * (2.0 * phase_rad).cos()
+    };
+    let layer = |label: &str, color: Color, of: &dyn Fn(f64) -> f64| {
+        Layer::new(label, Mark::Line, color, times().map(|t_s| [1e3 * t_s, of(t_s)]))
+    };
+    Chart {
+        name: "pulse-law-wave".to_owned(),
+        title: "A pulse: wave, envelope and their product (Fig. 8)".to_owned(),
+        x: Axis::new("time (ms)"),
+        y: Axis::new("velocity of the plate over A"),
+        map: false,
+        layers: vec![
+            layer("cos wt - ½ cos 2wt", Color::Gray, &wave),
+            layer("envelope", Color::Orange, &|t_s| envelope.at(t_s)),
+            layer("product", Color::Blue, &|t_s| envelope.at(t_s) * wave(t_s)),
+        ],
+    }
+}
+
+/// Fig. 9.
+fn speed_chart(bench: &Bench<'_>, short: &Played, long: &Played) -> Chart {
+    let samples = SAMPLES as usize;
+    let mean = |played: &Played| {
+        let pairs = played.t_s.iter().zip(&played.way_m).zip(played.t_s.iter().zip(&played.way_m).skip(samples));
+        pairs
+            .map(|((t0, way0), (t1, way1))| [1e3 * 0.5 * (t0 + t1), (way1 - way0) / (t1 - t0)])
+            .map(|[t_ms, mps]| [t_ms, mm_from_m(mps)])
+            .collect::<Vec<_>>()
+    };
+    let belt = mm_from_m(coulomb_pump::BELT * bench.amplitude_mps());
+    let end_ms = 1e3 * long.t_s.last().copied().unwrap_or(0.0);
+    let label = |played: &Played| format!("sustained for {:.0} ms", 1e3 * played.envelope.sustain_s);
+    Chart {
+        name: "pulse-law-speed".to_owned(),
+        title: "Speed of a part, mean over a period (Fig. 9)".to_owned(),
+        x: Axis::new("time (ms)"),
+        y: Axis::new("speed (mm/s)"),
+        map: false,
+        layers: vec![
+            Layer::new("belt, A/2", Mark::Dashes, Color::Gray, [[0.0, belt], [end_ms, belt]]),
+            Layer::new(&label(short), Mark::Line, Color::Blue, mean(short)),
+            Layer::new(&label(long), Mark::Line, Color::Orange, mean(long)),
+        ],
+    }
+}
+
+fn law_chart(rows: &[Row], plate: &str) -> Chart {
+    let points = |of: fn(&Row) -> f64| rows.iter().map(move |row| [row.length_s.powi(2), mm_from_m(of(row))]);
+    Chart {
+        name: format!("pulse-law-{}", plate.replace(' ', "-")),
+        title: format!("Displacement by one pulse, {plate}"),
+        x: Axis::new("S² (s²), attack and decay included"),
+        y: Axis::new("displacement (mm)"),
+        map: false,
+        layers: vec![
+            Layer::new("law of squares", Mark::Dashes, Color::Gray, points(|row| row.law_m)),
+            Layer::new("mean force (Eq. 18), integrated", Mark::Line, Color::Blue, points(|row| row.averaged_m)),
+            Layer::new("simulated", Mark::Dots, Color::Orange, points(|row| row.found_m)),
+        ],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{assert_sources_are_short, lab_rig};
+    use super::*;
+
+    #[test]
+    fn displacement_follows_the_square_where_the_belt_is_fast_and_the_mean_force_elsewhere() {
+        for name in ["upm-1", "upm-2"] {
+            let outcome = pulse_law(&lab_rig(name)).unwrap();
+            assert_sources_are_short(&outcome);
+            let figure = |start: &str| outcome.figures.iter().find(|figure| figure.name.starts_with(start)).unwrap();
+            let fast = figure("fast plate: displacement over S²");
+            assert!(fast.relative_error().unwrap().abs() < 0.1, "{name}: {fast:?}");
+            let whole =
+                [figure("fast plate: within 10 % of that from"), figure("fast plate: within 10 % of that up to")];
+            let lengths_ms = &outcome.series[0].values;
+            assert_eq!(
+                whole.map(|figure| figure.measured),
+                [lengths_ms[0], lengths_ms[lengths_ms.len() - 1]],
+                "{name}"
+            );
+            let slow = figure("slow plate: displacement over S²").measured;
+            assert!(slow < 0.85 * fast.measured, "{name}: the belt limits: {slow}");
+            for plate in ["fast", "slow"] {
+                let longest = figure(&format!("{plate} plate: displacement by the longest"));
+                assert!(longest.relative_error().unwrap().abs() < 0.05, "{name}: {longest:?}");
+            }
+        }
+    }
+}
