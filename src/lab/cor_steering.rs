@@ -1,3 +1,7 @@
+mod axes;
+mod vectors;
+
+use self::vectors::Vectors;
 use super::shaken::ShakenPlate;
 use super::{Figure, LabFault, LabRig, Outcome, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
@@ -13,14 +17,15 @@ struct Row {
     name: &'static str,
     /// Amplitudes X1, X2, Y1, Y2 in units of 128 as sent.
     amplitudes: [i32; 4],
-    /// Centre of rotation that the paper read, in, magnitudes; its columns stand for y and x of Eq. 15.
+    /// Centre of rotation that the paper read, in; its columns stand for y and x of Eq. 15. It prints magnitudes: these
+    /// signs are the ones with which its table's steps come out, but for row e's along y, 0.04 where it prints 0.02.
     read_in: [f64; 2],
 }
 
 const ROWS: [Row; 6] = [
     Row { name: "a", amplitudes: [-1, -1, 1, 1], read_in: [0.22, 0.02] },
-    Row { name: "b", amplitudes: [-2, 0, 1, 1], read_in: [2.92, 0.04] },
-    Row { name: "c", amplitudes: [-2, 0, 0, 2], read_in: [2.72, 2.52] },
+    Row { name: "b", amplitudes: [-2, 0, 1, 1], read_in: [-2.92, 0.04] },
+    Row { name: "c", amplitudes: [-2, 0, 0, 2], read_in: [-2.72, 2.52] },
     Row { name: "d", amplitudes: [-1, -1, 0, 2], read_in: [0.18, 2.66] },
     Row { name: "e", amplitudes: [-1, -1, -1, 3], read_in: [0.14, 5.34] },
     Row { name: "f", amplitudes: [0, -2, -1, 3], read_in: [3.25, 5.54] },
@@ -35,10 +40,46 @@ const SAME_KAPPA: f64 = 0.02;
 /// Sustain of each pulse, s.
 const SUSTAIN_S: f64 = 0.25;
 
+/// One row as the accelerometers show it.
+#[derive(Clone, Copy, Debug)]
+struct Read {
+    center_m: Vec2,
+    vectors: Vectors,
+}
+
+/// All rows.
+struct Reads {
+    /// Amplitude of one unit, counts.
+    unit: i32,
+    /// With the waveforms that calibration found.
+    compensated: Vec<Read>,
+    /// With those of Eq. 8.
+    plain: Vec<Read>,
+}
+
 /// Table 1 of the UPM paper (section 4.1): amplitudes step the centre of rotation over the plate, the accelerometers
 /// read where it went. The paper's amplitudes go to the motors through the whole chain, all scaled alike where they would
 /// exceed the motors' limit: Eq. 15 knows only their ratios.
+///
+/// # Errors
+/// A rig whose motors leave no amplitude for the table, or whose traces cannot be read.
 pub fn cor_steering(lab: &LabRig) -> Result<Outcome, LabFault> {
+    let Reads { unit, compensated, plain } = read_rows(lab)?;
+    let centers = |reads: &[Read]| reads.iter().map(|read| read.center_m).collect::<Vec<Vec2>>();
+    let (found_m, plain_m) = (centers(&compensated), centers(&plain));
+    let expected_m = ROWS.each_ref().map(|row| eq_15(lab, row));
+    let mut figures = figures(lab, &found_m, &plain_m, &expected_m, unit);
+    figures.extend(axes::figures(lab, &found_m)?);
+    let off_m = compensated.iter().map(|read| read.vectors.off_m(read.center_m)).fold(0.0, f64::max);
+    let source = "Fig. 11; accelerations by each accelerometer alone";
+    figures.push(Figure::alone("COR off the perpendiculars, largest", "in", off_m / INCH_M, source));
+    let mut charts = vec![chart(lab, &found_m, &plain_m, &expected_m)];
+    charts.extend(ROWS.iter().zip(&compensated).map(|(row, read)| read.vectors.chart(lab, row.name, read.center_m)));
+    Ok(Outcome { figures, series: series(&found_m, &plain_m, &expected_m), charts, ..Outcome::default() })
+}
+
+/// Plays every row with both waveforms.
+fn read_rows(lab: &LabRig) -> Result<Reads, LabFault> {
     let mut plate = ShakenPlate::new(lab);
     let axes = plate.axes()?;
     let sensors = AccelerometerPair { position_m: lab.model.accelerometer_in_plate_m, gain: axes.accelerometer_gain };
@@ -46,33 +87,23 @@ pub fn cor_steering(lab: &LabRig) -> Result<Outcome, LabFault> {
     if unit < 1 {
         return Err(LabFault::Rig(format!("{}: its motors' limit leaves no amplitude for Table 1", lab.model.name)));
     }
-    let mut read = |shapes: &[AxisShape; 3]| -> Result<Vec<Vec2>, LabFault> {
+    let mut read = |shapes: &[AxisShape; 3]| -> Result<Vec<Read>, LabFault> {
         ROWS.iter()
             .map(|row| {
-                let drive = drive_for(
-                    row.amplitudes.map(|a| a * unit),
-                    shapes,
-                    &lab.plate_response(),
-                    lab.model.base_radps,
-                    envelope(lab),
-                );
+                let amplitudes = row.amplitudes.map(|a| a * unit);
+                let drive = drive_for(amplitudes, shapes, &lab.plate_response(), lab.model.base_radps, envelope(lab));
                 let trace = plate.play(&drive)?;
                 let what = || format!("row {}", row.name);
                 let fit = fit_twist(&trace, &drive.envelope, drive.base_radps, &sensors)
                     .map_err(|fault| LabFault::Trace { what: what(), fault })?;
-                fit.pump.center_of_rotation().ok_or_else(|| LabFault::Rig(format!("{}: no spin", what())))
+                let center_m =
+                    fit.pump.center_of_rotation().ok_or_else(|| LabFault::Rig(format!("{}: no spin", what())))?;
+                Ok(Read { center_m, vectors: Vectors::of(&fit, sensors.position_m) })
             })
             .collect()
     };
-    let found_m = read(&axes.shapes)?;
-    let plain_m = read(&[AxisShape::FREE_MASS; 3])?;
-    let expected_m = ROWS.each_ref().map(|row| eq_15(lab, row));
-    Ok(Outcome {
-        figures: figures(lab, &found_m, &plain_m, &expected_m, unit),
-        series: series(&found_m, &plain_m, &expected_m),
-        charts: vec![chart(lab, &found_m, &plain_m, &expected_m)],
-        ..Outcome::default()
-    })
+    let (compensated, plain) = (read(&axes.shapes)?, read(&[AxisShape::FREE_MASS; 3])?);
+    Ok(Reads { unit, compensated, plain })
 }
 
 fn envelope(lab: &LabRig) -> Envelope {
@@ -153,12 +184,7 @@ fn series(found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]) -> Vec<Series
 
 fn chart(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]) -> Chart {
     let mm = |points: &[Vec2]| -> Vec<[f64; 2]> { points.iter().map(|p| [mm_from_m(p.x), mm_from_m(p.y)]).collect() };
-    // The paper gives magnitudes: the signs are those of Eq. 15.
-    let paper: Vec<Vec2> = ROWS
-        .iter()
-        .zip(expected_m)
-        .map(|(row, e)| Vec2::new(row.read_in[1].copysign(e.x), row.read_in[0].copysign(e.y)) * INCH_M)
-        .collect();
+    let paper: Vec<Vec2> = ROWS.iter().map(|row| Vec2::new(row.read_in[1], row.read_in[0]) * INCH_M).collect();
     let labels = Mark::Labels { texts: ROWS.iter().map(|row| row.name.to_owned()).collect() };
     let mut layers = vec![
         Layer::plate(mm_from_m(0.5 * lab.model.plate_side_m)),
@@ -169,7 +195,7 @@ fn chart(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]) 
         Layer::new("", labels, Color::Gray, mm(expected_m)),
     ];
     if compares_with_paper(lab) {
-        layers.push(Layer::new("read in the paper (signs of Eq. 15)", Mark::Crosses, Color::Orange, mm(&paper)));
+        layers.push(Layer::new("read in the paper", Mark::Crosses, Color::Orange, mm(&paper)));
     }
     Chart {
         name: "cor-steering".into(),
@@ -222,7 +248,7 @@ mod tests {
         let outcome = cor_steering(&lab).unwrap();
         assert_eq!(paper(&outcome), (1, 12));
         let row_b = outcome.figures.iter().find(|figure| figure.name == "row b (-2, 0, 1, 1): COR along y").unwrap();
-        assert_eq!(row_b.source, "Eq. 15; the paper read 2.92");
+        assert_eq!(row_b.source, "Eq. 15; the paper read -2.92");
         for inertia in [&mut lab.model.plate_inertia_kgm2, &mut lab.sim.plate.inertia_kgm2] {
             *inertia *= 1.03;
         }

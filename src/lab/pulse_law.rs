@@ -66,7 +66,7 @@ pub fn pulse_law(rig: &LabRig) -> Result<Outcome, LabFault> {
     let mut outcome = Outcome::default();
     let [short, long] = PERIODS.map(|periods| benches[0].0.play(periods * TAU / rig.model.base_radps));
     let (short, long) = (short?, long?);
-    outcome.charts = vec![wave_chart(rig, &short.envelope), speed_chart(&benches[0].0, &short, &long)];
+    outcome.charts = vec![wave_chart(rig, &short.envelope), speed_chart(&short, &long)];
     for (bench, name) in &benches {
         let rows = bench.rows(&sustains_s)?;
         outcome.figures.extend(figures(bench, &rows, name));
@@ -228,7 +228,7 @@ fn wave_chart(rig: &LabRig, envelope: &Envelope) -> Chart {
 }
 
 /// Fig. 9.
-fn speed_chart(bench: &Bench<'_>, short: &Played, long: &Played) -> Chart {
+fn speed_chart(short: &Played, long: &Played) -> Chart {
     let samples = SAMPLES as usize;
     let mean = |played: &Played| {
         let pairs = played.t_s.iter().zip(&played.way_m).zip(played.t_s.iter().zip(&played.way_m).skip(samples));
@@ -237,8 +237,6 @@ fn speed_chart(bench: &Bench<'_>, short: &Played, long: &Played) -> Chart {
             .map(|[t_ms, mps]| [t_ms, mm_from_m(mps)])
             .collect::<Vec<_>>()
     };
-    let belt = mm_from_m(coulomb_pump::BELT * bench.amplitude_mps());
-    let end_ms = 1e3 * long.t_s.last().copied().unwrap_or(0.0);
     let label = |played: &Played| format!("sustained for {:.0} ms", 1e3 * played.envelope.sustain_s);
     Chart {
         name: "pulse-law-speed".to_owned(),
@@ -247,7 +245,6 @@ fn speed_chart(bench: &Bench<'_>, short: &Played, long: &Played) -> Chart {
         y: Axis::new("speed (mm/s)"),
         map: false,
         layers: vec![
-            Layer::new("belt, A/2", Mark::Dashes, Color::Gray, [[0.0, belt], [end_ms, belt]]),
             Layer::new(&label(short), Mark::Line, Color::Blue, mean(short)),
             Layer::new(&label(long), Mark::Line, Color::Orange, mean(long)),
         ],
