@@ -1,6 +1,6 @@
 use super::failure::Failure;
 use super::progress::behind;
-use upm_recording::{Outcome, PlannerReport, PredictionError, Report, Verdict};
+use upm_recording::{CycleError, Outcome, PlannerReport, PredictionError, Report, Verdict};
 use upm_runner::config::JobSpec;
 use upm_runner::run::RunResult;
 
@@ -61,6 +61,12 @@ pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
         rows.push((
             "prediction",
             format!("{library:.3} mm rms off by the library, {learned:.3} mm with what was learned"),
+        ));
+    }
+    if let Some(CycleError { mean, max }) = report.cycle_error_mm {
+        rows.push((
+            "cycle error",
+            format!("{mean:.2} mm off the subgoals, {max:.2} mm at most (E, mean of the parts)"),
         ));
     }
     if let Some(rms) = report.sensing_rms_error_mm {

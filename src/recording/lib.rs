@@ -9,6 +9,7 @@ mod fanout;
 mod herald;
 mod journal;
 mod keeping;
+mod lengths;
 mod maps;
 mod memory;
 mod motion;
@@ -33,7 +34,8 @@ pub use memory::MemorySink;
 pub use motion::Motion;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 pub use report::{
-    FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report, SelectedBy, Verdict,
+    CycleError, FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report, SelectedBy,
+    Verdict,
 };
 pub use rerun_mode::{BadRerunMode, RerunMode};
 pub use roomy_file::RoomyFile;

@@ -82,6 +82,12 @@ pub struct Report {
     pub max_error_mm: Option<f64>,
     /// Root mean square of those distances.
     pub rms_error_mm: Option<f64>,
+    /// Their mean: the error E of the UPM paper (Eq. 3) for the whole run.
+    #[serde(default)]
+    pub mean_error_mm: Option<f64>,
+    /// The same error of each cycle; `None` without a cycle.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cycle_error_mm: Option<CycleError>,
     /// Measured against true positions over every frame that shows the part, root mean square; `None` without truth.
     pub sensing_rms_error_mm: Option<f64>,
     /// The same over frames taken at rest alone.
@@ -179,6 +185,16 @@ pub struct PredictionError {
     pub library: f64,
     /// Forecast with what the run had learned of friction and regions until then.
     pub learned: f64,
+}
+
+/// Error E of the UPM paper (Eq. 3) over the cycles: the mean distance of all parts, as measured after a cycle, from the
+/// subgoals of that cycle, mm.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CycleError {
+    /// Mean of the cycles.
+    pub mean: f64,
+    /// The largest.
+    pub max: f64,
 }
 
 /// One part at the end of a run.

@@ -1,6 +1,9 @@
 use std::time::Duration;
 
-use super::report::{FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report};
+use super::lengths::{Lengths, mm, point_mm, rounded};
+use super::report::{
+    CycleError, FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report,
+};
 use super::stop::StopReport;
 use super::timings::Timings;
 use upm_control::EndCause;
@@ -8,7 +11,6 @@ use upm_control::{ConditionChange, ConditionFacts, CycleFacts, FrameFacts, Local
 use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::time::PlateTime;
-use upm_core::units::mm_from_m;
 
 /// A look and the truth belong together when they are no farther apart than this, s: a part at 0.1 m/s moves 0.1 µm.
 const SAME_MOMENT_S: f64 = 1e-6;
@@ -23,12 +25,13 @@ pub struct Tally {
     frames: u64,
     cycles: u64,
     pulses: u64,
-    sensing: MeanSquare,
-    sensing_at_rest: MeanSquare,
-    cross_track: MeanSquare,
+    sensing: Lengths,
+    sensing_at_rest: Lengths,
+    cross_track: Lengths,
+    cycle_errors: Lengths,
     phase_error_max: Option<f64>,
-    off_library: MeanSquare,
-    off_learning: MeanSquare,
+    off_library: Lengths,
+    off_learning: Lengths,
     guards: Vec<GuardReport>,
     timings: Timings,
 }
@@ -109,7 +112,7 @@ impl Tally {
     /// The whole report. GroundTruth is read now, so call it before the rig goes on.
     pub fn report(&self, ending: Ending) -> Report {
         let truth = self.truth.as_ref().map(GroundTruthHandle::read);
-        let mut errors = MeanSquare::default();
+        let mut errors = Lengths::default();
         let mut parts = Vec::with_capacity(ending.parts.len());
         for (i, part) in ending.parts.into_iter().enumerate() {
             let true_m = truth.as_ref().and_then(|truth| truth.parts.get(i)).map(|p| p.part_in_table.position_m);
@@ -149,6 +152,12 @@ impl Tally {
             behind_s: ending.deadlines.map(|deadlines| rounded(deadlines.behind.as_secs_f64())),
             max_error_mm: errors.max_mm(),
             rms_error_mm: errors.rms_mm(),
+            mean_error_mm: errors.mean_mm(),
+            cycle_error_mm: self
+                .cycle_errors
+                .mean_mm()
+                .zip(self.cycle_errors.max_mm())
+                .map(|(mean, max)| CycleError { mean, max }),
             sensing_rms_error_mm: self.sensing.rms_mm(),
             sensing_rms_error_at_rest_mm: self.sensing_at_rest.rms_mm(),
             cross_track_rms_mm: self.cross_track.rms_mm(),
@@ -214,6 +223,10 @@ impl Sink for Tally {
         let Timings { plan_new, plan_correction, .. } = &mut self.timings;
         if facts.plan.continues { plan_correction } else { plan_new }.push(facts.plan_us);
         self.timings.cycle.push(facts.cycle_us);
+        let mut off = Lengths::default();
+        let steps = facts.result_m.iter().zip(&facts.wanted.subgoals_m);
+        steps.for_each(|(at_m, subgoal_m)| off.push((at_m - subgoal_m).norm()));
+        off.mean_m().into_iter().for_each(|error_m| self.cycle_errors.push(error_m));
         // 0 stands for a part that has no path just now
         let off_path = facts.wanted.cross_track_m.iter().filter(|&&off_m| off_m != 0.0);
         off_path.for_each(|off_m| self.cross_track.push(off_m.abs()));
@@ -221,42 +234,6 @@ impl Sink for Tally {
             self.phase_error_max = Some(self.phase_error_max.unwrap_or(0.0).max(error.abs()));
         }
     }
-}
-
-/// Root mean square and maximum of lengths, m.
-#[derive(Clone, Copy, Debug, Default)]
-struct MeanSquare {
-    count: u64,
-    sum_m2: f64,
-    max_m: f64,
-}
-
-impl MeanSquare {
-    fn push(&mut self, length_m: f64) {
-        self.count += 1;
-        self.sum_m2 += length_m * length_m;
-        self.max_m = self.max_m.max(length_m);
-    }
-
-    fn rms_mm(&self) -> Option<f64> {
-        (self.count > 0).then(|| mm((self.sum_m2 / self.count as f64).sqrt()))
-    }
-
-    fn max_mm(&self) -> Option<f64> {
-        (self.count > 0).then(|| mm(self.max_m))
-    }
-}
-
-fn rounded(value: f64) -> f64 {
-    (value * 1e4).round() / 1e4 + 0.0
-}
-
-fn mm(length_m: f64) -> f64 {
-    rounded(mm_from_m(length_m))
-}
-
-fn point_mm(p_m: Vec2) -> [f64; 2] {
-    [mm(p_m.x), mm(p_m.y)]
 }
 
 #[cfg(test)]
@@ -300,7 +277,12 @@ mod tests {
             vec![part(target, Vec2::new(0.0003, 0.0004)), part(target, Vec2::zeros()), part(None, Vec2::zeros())];
         let report = tally.report(ending(parts));
         assert_eq!((report.cycles, report.pulses, report.frames), (4, run.pulses_played, run.frames_taken));
-        assert_eq!((report.max_error_mm, report.rms_error_mm), (Some(0.5), Some(0.3536)));
+        assert_eq!(
+            (report.max_error_mm, report.rms_error_mm, report.mean_error_mm),
+            (Some(0.5), Some(0.3536), Some(0.25))
+        );
+        let CycleError { mean, max } = report.cycle_error_mm.unwrap();
+        assert!(0.0 < mean && mean <= max, "{mean} {max}");
         assert_eq!((report.collisions, report.sensing_rms_error_mm), (None, None));
         assert_eq!(report.parts[2].error_mm, None);
         assert_eq!(report.timing_us.track.max, 50.0);
@@ -344,6 +326,7 @@ mod tests {
             "lost_parts",
             "max_error_mm",
             "rms_error_mm",
+            "mean_error_mm",
             "sensing_rms_error_mm",
             "cross_track_rms_mm",
             "cross_track_max_mm",

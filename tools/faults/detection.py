@@ -266,15 +266,31 @@ def tells(run, pulse, fault):
     if fault.group == "coils":
         return True
     number = int(fault.component[-1])
-    # channels are x1, y1, x2, y2, coils x1, x2, y1, y2
-    coils = ((0, 1), (2, 3))[number % 2] if fault.group == "accel" else (number,)
-    return share_of(pulse, coils) >= TELLING_SHARE
+    share = channel_share(run, pulse, number) if fault.group == "accel" else drive_share(pulse, number)
+    return share >= TELLING_SHARE
 
 
-def share_of(pulse, coils):
-    """Part of a pulse's drive on these coils."""
-    squares = [sum(value * value for value in coil) for coil in pulse.counts]
-    return math.sqrt(sum(squares[i] for i in coils) / sum(squares)) if sum(squares) else 0.0
+def drive_share(pulse, coil):
+    """Part of a pulse's drive on this coil."""
+    squares = [sum(value * value for value in values) for values in pulse.counts]
+    return math.sqrt(squares[coil] / sum(squares)) if sum(squares) else 0.0
+
+
+def channel_share(run, pulse, channel):
+    """Part of a pulse's acceleration that the accelerometer channel x1, y1, x2 or y2 should show, of all four.
+
+    A free plate under the coils' forces: centre and spin may cancel where an accelerometer is, whatever the coils play.
+    """
+    rig = run.job["rig"]
+    arm_m, side_m = rig["motors"]["lever_arm_mm"] * 1e-3, rig["plate"]["side_mm"] * 1e-3
+    x_m, y_m = (mm * 1e-3 for mm in rig["accelerometers"]["position_mm"])
+    gyration_m2 = side_m**2 / 6
+    squares = [0.0] * 4
+    for x1, x2, y1, y2 in zip(*pulse.counts):
+        force_x, force_y, spin = x1 - x2, y1 - y2, arm_m * (y1 + y2 - x1 - x2) / gyration_m2
+        shown = force_x - spin * y_m, force_y + spin * x_m, force_x + spin * y_m, force_y - spin * x_m
+        squares = [square + value * value for square, value in zip(squares, shown)]
+    return math.sqrt(squares[channel] / sum(squares)) if sum(squares) else 0.0
 
 
 @dataclass(frozen=True)
