@@ -280,7 +280,10 @@ impl Recorder {
                 logged?;
                 self.table.trails(&self.tape)
             }
-            Message::Pulse(pulse) => self.signals.pulse(&self.tape, &pulse),
+            Message::Pulse(pulse) => {
+                self.table.pulse(&self.tape, &pulse)?;
+                self.signals.pulse(&self.tape, &pulse)
+            }
             Message::Cycle(cycle) => {
                 self.tape.at(cycle.observed_at, cycle.index);
                 self.camera.wanted(&self.tape, &cycle)?;

@@ -8,9 +8,9 @@ use crate::types::RunContext;
 use upm_core::geometry::{Twist, Vec2, perp};
 use upm_core::units::mm_from_m;
 use upm_library::Library;
+use upm_perception::estimation::PlateFit;
 use upm_planner::{PlannedPulse, Rotation};
-use upm_recording::CycleRecord;
-use upm_recording::Motion;
+use upm_recording::{CycleRecord, Motion, PulseRecord};
 
 /// Centres of rotation farther out are drawn at the rim of a window this much larger than the plate.
 pub(super) const WINDOW: f64 = 1.25;
@@ -24,6 +24,8 @@ pub(super) struct TableView {
     ids: Vec<String>,
     measured: Trails,
     truth: Trails,
+    /// Centres of rotation that the accelerometers read in the pulses of this cycle, m.
+    read_m: (u64, Vec<Vec2>),
 }
 
 impl TableView {
@@ -49,7 +51,7 @@ impl TableView {
         }
         let trails = Trails::new(context.parts.len(), 1.5e-3);
         let ids = context.parts.iter().map(|part| part.id.clone()).collect();
-        Ok(Self { half_side_m, ids, measured: trails.clone(), truth: trails })
+        Ok(Self { half_side_m, ids, measured: trails.clone(), truth: trails, read_m: (0, Vec::new()) })
     }
 
     pub(super) fn looks(&mut self, tape: &Tape, looks: &Looks) -> Logged {
@@ -94,6 +96,21 @@ impl TableView {
         self.log_centers(tape, &cycle.plan.pulses, &context.library)?;
         self.log_forecast(tape, cycle)?;
         self.log_field(tape, &cycle.plan.pulses, &context.library)
+    }
+
+    /// Adds the centre of rotation that the accelerometers read in a rotation's pulse to those of its cycle.
+    pub(super) fn pulse(&mut self, tape: &Tape, pulse: &PulseRecord) -> Logged {
+        let Ok(PlateFit::Twist(fit)) = &pulse.fit else { return Ok(()) };
+        if self.read_m.0 != pulse.cycle {
+            self.read_m = (pulse.cycle, Vec::new());
+        }
+        self.read_m.1.extend(place_of(&fit.pump, WINDOW * self.half_side_m));
+        let points = Points2D::new(self.read_m.1.iter().copied().map(above))
+            .with_colors([paint::color(paint::MEASURED)])
+            .with_radii([thin(2.5)])
+            .with_draw_order(40.0);
+        tape.at(pulse.started_at, pulse.cycle);
+        tape.log("table/read_centers", &points)
     }
 
     /// What each field of this cycle is forecast to do: an arrow from where it finds a part to where it leaves it. For

@@ -87,6 +87,7 @@ fn a_recording_holds_what_a_person_looks_for() {
         "table/outline",
         "table/library",
         "table/centers",
+        "table/read_centers",
         "table/field",
         "table/measured",
         "table/true",
