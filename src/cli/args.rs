@@ -265,7 +265,7 @@ pub struct SimulateArgs {
 /// `upm lab`.
 #[derive(Args, Debug)]
 pub struct LabArgs {
-    /// Which one; left out, all are listed
+    /// Which one, or `all` of them; left out, they are listed
     #[arg(value_name = "EXPERIMENT")]
     pub experiment: Option<String>,
     /// Rig file; without it the shipped upm-1, or upm-2 where the weak upm-1 cannot show it

@@ -1,5 +1,6 @@
 //! `upm lab`, rendered scenes, and charts as SVG.
 
+mod all;
 mod scene;
 mod table;
 mod track_speed;
@@ -22,47 +23,95 @@ use upm_lab::{
 use upm_recording::RerunMode;
 use upm_runner::config::{RigSpec, load_trace, trace_to_json};
 
+use all::{ALL, all};
 pub(super) use scene::of_scene;
 use table::{columns, markdown, table};
 use track_speed::{TrackTimes, tracking};
 
+/// An experiment that was made, and the files with its plots.
+struct Made {
+    name: String,
+    /// Machine, seed and settings.
+    on: String,
+    outcome: Outcome,
+    written: Vec<PathBuf>,
+}
+
 pub(super) fn lab(args: &LabArgs, common: Common) -> Result<u8, Failure> {
     let Some(name) = &args.experiment else { return list(common) };
+    if name == ALL {
+        return all(args, common);
+    }
     if args.settings {
         return list_settings(named(name)?, args, common);
     }
+    let made = make(name, args, common)?;
+    if common.json { print_json(&made.as_json()) } else { made.print() }?;
+    Ok(0)
+}
+
+/// Makes an experiment, or reads it from a trace, and writes its plots and its recording.
+fn make(name: &str, args: &LabArgs, common: Common) -> Result<Made, Failure> {
     let rerun: RerunMode = args.rerun.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;
     recording::check(&rerun)?;
     let (on, outcome) = match &args.trace {
         Some(trace) => (trace.display().to_string(), read_trace(name, trace)?),
-        None => make(name, args, common)?,
+        None => measure(name, args, common)?,
     };
-    let title = format!("{name}, {on}");
     let mut written = write_files(name, &outcome, args)?;
     if rerun != RerunMode::Off {
         let path = args.out.join(format!("{name}.rrd"));
-        recording::experiment(&rerun, &path, &page(&title, &outcome))?;
+        recording::experiment(&rerun, &path, &page(&format!("{name}, {on}"), &outcome))?;
         written.push(path);
     }
-    if common.json {
-        return print_json(&as_json(name, &outcome)).map(|()| 0);
+    Ok(Made { name: name.to_owned(), on, outcome, written })
+}
+
+impl Made {
+    /// Title, tables, notes and files.
+    fn print(&self) -> Result<(), Failure> {
+        let Self { name, on, outcome, written } = self;
+        say!("{name}, {on}")?;
+        if !outcome.figures.is_empty() {
+            table(&outcome.figures).into_iter().try_for_each(|line| say!("  {line}"))?;
+        }
+        if let Some(sheet) = &outcome.sheet {
+            columns(sheet).into_iter().try_for_each(|line| say!("  {line}"))?;
+        }
+        outcome.notes.iter().try_for_each(|note| say!("  {note}"))?;
+        if let Some(TrackTimes { cached, fresh }) = (name == VISION).then(tracking).flatten() {
+            let [cached, fresh] = [cached, fresh].map(|time| time.as_secs_f64() * 1e6);
+            say!(
+                "  tracking one part of 40 px radius: {cached:.1} us a frame, {fresh:.1} us in pictures not yet in the cache"
+            )?;
+        }
+        written.iter().try_for_each(|path| say!("  {:10} {}", "written", path.display()))
     }
-    say!("{title}")?;
-    if !outcome.figures.is_empty() {
-        table(&outcome.figures).into_iter().try_for_each(|line| say!("  {line}"))?;
+
+    fn as_json(&self) -> Value {
+        let Self { name, on, outcome, .. } = self;
+        let figures = outcome.figures.iter().map(|figure| {
+            json!({
+                "name": figure.name,
+                "unit": figure.unit,
+                "measured": figure.measured,
+                "reference": figure.reference,
+                "source": figure.source,
+                "relative_error": figure.relative_error(),
+            })
+        });
+        let series: serde_json::Map<String, Value> =
+            outcome.series.iter().map(|series| (series.name.clone(), json!(series.values))).collect();
+        let table = outcome.sheet.as_ref().map(|sheet| json!({ "columns": sheet.columns, "rows": sheet.rows }));
+        json!({
+            "experiment": name,
+            "on": on,
+            "figures": figures.collect::<Vec<_>>(),
+            "series": series,
+            "table": table,
+            "notes": outcome.notes,
+        })
     }
-    if let Some(sheet) = &outcome.sheet {
-        columns(sheet).into_iter().try_for_each(|line| say!("  {line}"))?;
-    }
-    outcome.notes.iter().try_for_each(|note| say!("  {note}"))?;
-    if let Some(TrackTimes { cached, fresh }) = (name == VISION).then(tracking).flatten() {
-        let [cached, fresh] = [cached, fresh].map(|time| time.as_secs_f64() * 1e6);
-        say!(
-            "  tracking one part of 40 px radius: {cached:.1} us a frame, {fresh:.1} us in pictures not yet in the cache"
-        )?;
-    }
-    written.iter().try_for_each(|path| say!("  {:10} {}", "written", path.display()))?;
-    Ok(0)
 }
 
 fn list(common: Common) -> Result<u8, Failure> {
@@ -72,13 +121,14 @@ fn list(common: Common) -> Result<u8, Failure> {
     } else {
         let width = EXPERIMENTS.iter().map(|one| one.name.len()).max().unwrap_or(0);
         EXPERIMENTS.iter().try_for_each(|one| say!("{:width$}  {}", one.name, one.about))?;
+        say!("{ALL:width$}  all of these")?;
     }
     Ok(0)
 }
 
 fn named(name: &str) -> Result<&'static Experiment, Failure> {
     experiment(name).ok_or_else(|| {
-        let names: Vec<&str> = EXPERIMENTS.iter().map(|one| one.name).collect();
+        let names = EXPERIMENTS.iter().map(|one| one.name).chain([ALL]).collect::<Vec<_>>();
         Failure::bad_input(format!("lab: found {name:?}, allowed: {}", names.join(", ")))
     })
 }
@@ -123,8 +173,8 @@ fn request(args: &LabArgs) -> Result<Request, Failure> {
     Ok(Request { assignments: assignments.collect::<Result<_, _>>()?, sweep: sweep.transpose()? })
 }
 
-/// Result of the experiment called `name`, and the machine it was made on.
-fn make(name: &str, args: &LabArgs, common: Common) -> Result<(String, Outcome), Failure> {
+/// The machine that the experiment called `name` was made on, and its result.
+fn measure(name: &str, args: &LabArgs, common: Common) -> Result<(String, Outcome), Failure> {
     let (experiment, request) = (named(name)?, request(args)?);
     if args.scenes.is_some() && name != VISION {
         return Err(Failure::bad_input(format!("--scenes: found experiment {name:?}, allowed: {VISION}")));
@@ -207,20 +257,4 @@ pub(super) fn check_svg() -> Result<(), Failure> {
 /// A chart as an SVG document.
 pub(super) fn svg(chart: &Chart) -> Result<String, Failure> {
     Ok(upm_chart::svg(chart))
-}
-
-fn as_json(name: &str, outcome: &Outcome) -> Value {
-    let figures = outcome.figures.iter().map(|figure| {
-        json!({
-            "name": figure.name,
-            "unit": figure.unit,
-            "measured": figure.measured,
-            "reference": figure.reference,
-            "source": figure.source,
-            "relative_error": figure.relative_error(),
-        })
-    });
-    let series: serde_json::Map<String, Value> =
-        outcome.series.iter().map(|series| (series.name.clone(), json!(series.values))).collect();
-    json!({ "experiment": name, "figures": figures.collect::<Vec<_>>(), "series": series })
 }
