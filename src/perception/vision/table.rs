@@ -7,9 +7,9 @@ use upm_core::geometry::{Homography, Lens, Vec2};
 const UNIT_CORNERS: [(f64, f64); 4] = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)];
 
 /// Sides of a square that differ by more than twice this part, or meet at an angle whose cosine is larger than the second,
-/// are no picture of one: a hand at the edge of the plate was taken for a side that was 6 % too near.
-const UNEQUAL_SIDES: f64 = 0.012;
-const SKEW: f64 = 0.025;
+/// are no picture of one: the edge of a hand over a side of the plate was taken for that side, 6 % too near or 1.4° aslant.
+const UNEQUAL_SIDES: f64 = 0.004;
+const SKEW: f64 = 0.008;
 
 impl Table {
     /// From its corners in ideal image coordinates, px, clockwise from any of them. The frame is turned so that
