@@ -223,6 +223,8 @@ impl Eyes {
             }
         }
         let why = last.map_or_else(String::new, |fault| format!(": {fault}"));
-        Err(Ending::guarded(Condition::TableMissing, format!("no table found in {TABLE_LOOKS} frames{why}")))
+        let reason = format!("no table found in {TABLE_LOOKS} frames{why}");
+        self.conditions.note(self.frame.exposed_at, Condition::TableMissing, || reason.clone(), sink);
+        Err(Ending::guarded(Condition::TableMissing, reason))
     }
 }
