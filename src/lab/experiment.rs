@@ -1,7 +1,7 @@
 use super::rig_settings;
 use super::settings::{Assignment, Setting, SettingInfo, assigned, find, infos};
 use super::sweep::{Progress, Sweep};
-use super::{LabFault, LabRig, Outcome, feeder, rock, topple};
+use super::{LabFault, LabRig, Outcome, feeder, mchip, rock, topple};
 
 /// One of the papers' experiments.
 #[derive(Clone, Copy)]
@@ -155,6 +155,18 @@ pub const EXPERIMENTS: &[Experiment] = &[
             usual: |_| feeder::Feeder::published(),
             measure: feeder::measure,
             reproduce: feeder::reproduce,
+        },
+    },
+    Experiment {
+        name: "mchip",
+        about: "a part on an array of resonators, impact by impact: jams, strobing, duty, sweeps (a minute)",
+        strong_rig: false,
+        on_rig: false,
+        method: &Procedure {
+            settings: mchip::SETTINGS,
+            usual: |_| mchip::MChip::published(),
+            measure: mchip::measure,
+            reproduce: mchip::reproduce,
         },
     },
     Experiment {

@@ -1,0 +1,383 @@
+//! The M-Chip (Reznik, Brown, Canny, "Dynamic simulation as a design tool for a microactuator array", and section II of the
+//! Impulse paper): an array of torsional resonators that moves a small flat part, simulated impact by impact.
+
+mod batch;
+mod belt;
+mod bounce;
+mod contact;
+mod device;
+mod drive;
+mod impact;
+mod measures;
+mod part;
+mod published;
+mod resonator;
+mod run;
+mod sweeps;
+
+use self::batch::{Batch, Job, Summary, jams, mean, of_cluster};
+use self::device::Device;
+use self::drive::{Drive, Strobe};
+use self::measures::{arrivals, samples_from, spectrum};
+use self::part::PartShape;
+pub use self::published::reproduce;
+use self::run::{Run, Setup};
+use super::settings::{Field, Setting};
+use super::sweep::Progress;
+use super::{Figure, LabFault, Outcome, Series};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_core::random::Streams;
+use upm_core::units::mm_from_m;
+
+/// Stalls longer than this are jams, s.
+const JAM_S: f64 = 0.1;
+/// Newtons of a dyne.
+const DYN_N: f64 = 1e-5;
+/// Highest frequency of the spectrum that is drawn, Hz.
+const DRAWN_HZ: f64 = 6_000.0;
+/// Points of a track that are drawn, at most.
+const DRAWN: usize = 4_000;
+
+/// An array, its drive, its part, and how often and for how long it is tried.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MChip {
+    device: Device,
+    duty: f64,
+    row_delay: f64,
+    strobe: u32,
+    spacing: u32,
+    cycles: u32,
+    mass_kg: f64,
+    force_n: f64,
+    step_s: f64,
+    time_s: f64,
+    starts: u32,
+    seed: u32,
+}
+
+/// Parameters of the array and its part.
+pub const SETTINGS: &[Setting<MChip>] = &[
+    Setting {
+        key: "duty",
+        about: "share of a cycle in which the torque is on",
+        range: [0.1, 0.9],
+        field: Field::Number(|chip| &mut chip.duty, 1.0),
+    },
+    Setting {
+        key: "strobe",
+        about: "1: rows are off in turn, the wave of them running against the feed; 0: every row alike",
+        range: [0.0, 1.0],
+        field: Field::Count(|chip| &mut chip.strobe),
+    },
+    Setting {
+        key: "lambda",
+        about: "rows from one that is off to the next",
+        range: [2.0, 8.0],
+        field: Field::Count(|chip| &mut chip.spacing),
+    },
+    Setting {
+        key: "gamma",
+        about: "cycles for which a row is off",
+        range: [1.0, 10_000.0],
+        field: Field::Count(|chip| &mut chip.cycles),
+    },
+    Setting {
+        key: "row_delay",
+        about: "delay of a row against the one before it, in cycles",
+        range: [0.0, 1.0],
+        field: Field::Number(|chip| &mut chip.row_delay, 1.0),
+    },
+    Setting {
+        key: "mass_ug",
+        about: "mass of the part; a lighter one is thrown higher than the array is long",
+        range: [10.0, 1_000.0],
+        field: Field::Number(|chip| &mut chip.mass_kg, 1e-9),
+    },
+    Setting {
+        key: "ridge_um",
+        about: "place of the ridge from the axis, negative on the trailing side",
+        range: [-140.0, -20.0],
+        field: Field::Number(|chip| &mut chip.device.ridge_place_m, 1e-6),
+    },
+    Setting {
+        key: "ridge_height_um",
+        about: "height of the ridge above its slab",
+        range: [2.0, 50.0],
+        field: Field::Number(|chip| &mut chip.device.ridge_height_m, 1e-6),
+    },
+    Setting {
+        key: "rim_um",
+        about: "radius of the ridge's rim",
+        range: [0.1, 2.0],
+        field: Field::Number(|chip| &mut chip.device.rim_radius_m, 1e-6),
+    },
+    Setting {
+        key: "drive_hz",
+        about: "frequency of the torque",
+        range: [200.0, 20_000.0],
+        field: Field::Number(|chip| &mut chip.device.drive_hz, 1.0),
+    },
+    Setting {
+        key: "peak_rad",
+        about: "largest angle of a free resonator at 50 % duty",
+        range: [0.005, 0.2],
+        field: Field::Number(|chip| &mut chip.device.peak_rad, 1.0),
+    },
+    Setting {
+        key: "natural_hz",
+        about: "undamped natural frequency of a resonator",
+        range: [500.0, 50_000.0],
+        field: Field::Number(|chip| &mut chip.device.natural_hz, 1.0),
+    },
+    Setting {
+        key: "damping",
+        about: "damping of a resonator over critical damping",
+        range: [0.05, 3.0],
+        field: Field::Number(|chip| &mut chip.device.damping_ratio, 1.0),
+    },
+    Setting {
+        key: "solidity",
+        about: "mass of a slab over that of solid silicon",
+        range: [0.1, 1.0],
+        field: Field::Number(|chip| &mut chip.device.solidity, 1.0),
+    },
+    Setting {
+        key: "friction",
+        about: "Coulomb friction of an impact",
+        range: [0.0, 2.0],
+        field: Field::Number(|chip| &mut chip.device.friction, 1.0),
+    },
+    Setting {
+        key: "restitution",
+        about: "restitution of an impact",
+        range: [0.0, 0.95],
+        field: Field::Number(|chip| &mut chip.device.restitution, 1.0),
+    },
+    Setting {
+        key: "force_dyn",
+        about: "force on the part along the feed",
+        range: [-1.0, 1.0],
+        field: Field::Number(|chip| &mut chip.force_n, DYN_N),
+    },
+    Setting {
+        key: "step_us",
+        about: "step of the simulation",
+        range: [0.1, 2.0],
+        field: Field::Number(|chip| &mut chip.step_s, 1e-6),
+    },
+    Setting {
+        key: "time_s",
+        about: "length of a run",
+        range: [0.1, 20.0],
+        field: Field::Number(|chip| &mut chip.time_s, 1.0),
+    },
+    Setting {
+        key: "starts",
+        about: "runs from different starts",
+        range: [1.0, 1_000.0],
+        field: Field::Count(|chip| &mut chip.starts),
+    },
+    Setting { key: "seed", about: "seed of the starts", range: [0.0, 1e9], field: Field::Count(|chip| &mut chip.seed) },
+];
+
+impl MChip {
+    /// The paper's array and part, every row driven alike.
+    pub fn published() -> Self {
+        Self {
+            device: Device::published(),
+            duty: 0.5,
+            row_delay: 0.0,
+            strobe: 0,
+            spacing: 4,
+            cycles: 50,
+            mass_kg: PartShape::published().mass_kg,
+            force_n: 0.0,
+            step_s: 1e-6,
+            time_s: 0.2,
+            starts: 4,
+            seed: 1,
+        }
+    }
+
+    fn setup(&self) -> Setup {
+        let strobe = Strobe { spacing: self.spacing as usize, cycles: self.cycles as usize };
+        let drive = Drive {
+            duty: self.duty,
+            row_delay: self.row_delay,
+            strobe: (self.strobe == 1).then_some(strobe),
+            on: true,
+        };
+        let published = Setup::published(drive);
+        let part = PartShape { mass_kg: self.mass_kg, ..published.part };
+        Setup { device: self.device.clone(), part, step_s: self.step_s, ..published }
+    }
+
+    /// Refuses an array whose ridge has no room for its rim, or whose rim is higher than the ridge.
+    fn check(&self) -> Result<(), LabFault> {
+        let most_um = 1e6 * 0.5 * self.device.ridge_height_m;
+        if self.device.rim_radius_m > 0.5 * self.device.ridge_height_m {
+            return Err(LabFault::Setting(format!(
+                "rim_um: expected at most {most_um:.3} (half of the ridge's height), found {}",
+                1e6 * self.device.rim_radius_m
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// Rate, jams, impacts, energies and height of one array.
+///
+/// # Errors
+/// A rim that does not fit its ridge.
+pub fn measure(chip: &MChip, progress: Progress<'_>) -> Result<Outcome, LabFault> {
+    chip.check()?;
+    let (setup, streams) = (chip.setup(), Streams::new(chip.seed.into()));
+    let mut batch = Batch::default();
+    batch.add_pushed(&setup, chip.starts.into(), chip.time_s, chip.force_n);
+    let summaries = batch.summaries(&streams, &|share| progress(0.9 * share));
+    let job = Job { setup, start: 0, until_s: chip.time_s, force_n: chip.force_n };
+    let run = job.run(&streams);
+    let mut notes = Vec::new();
+    let left = summaries.iter().filter(|summary| !summary.stays).count();
+    if left > 0 {
+        notes.push(format!("the part left the array in {left} of {} runs, which end there", summaries.len()));
+    }
+    progress(1.0);
+    Ok(Outcome {
+        figures: figures(&summaries),
+        notes,
+        series: log_series(&run),
+        charts: charts(&run),
+        ..Outcome::default()
+    })
+}
+
+fn figures(summaries: &[Summary]) -> Vec<Figure> {
+    let source = format!("mean of {} starts, from 0.05 s on", summaries.len());
+    let alone = |name: &str, unit: &str, value: f64| Figure::alone(name, unit, value, &source);
+    vec![
+        alone("feed rate", "mm/s", mm_from_m(mean(summaries, |summary| summary.rate_mps))),
+        alone("feed rate while it moves", "mm/s", mm_from_m(mean(summaries, |summary| summary.feed.moving_mps))),
+        alone("starts that jam", "1", jams(summaries, JAM_S)),
+        alone("longest stall", "ms", 1e3 * mean(summaries, |summary| summary.feed.longest_stall_s())),
+        alone("double bounces, of all contacts", "1", mean(summaries, |summary| summary.clusters[0].share)),
+        alone("time since the contact before, double bounces", "ms", 1e3 * of_cluster(summaries, 0, |of| of.gap_s)),
+        alone("contacts once a cycle, of all", "1", mean(summaries, |summary| summary.clusters[2].share)),
+        alone("angle of a resonator at a contact", "rad", mean(summaries, |summary| summary.angle_rad)),
+        alone("its angular speed", "rad/s", mean(summaries, |summary| summary.speed_radps)),
+        alone("height of the part above rest", "µm", 1e6 * mean(summaries, |summary| summary.height_m.mean)),
+        alone("strongest line of the height", "Hz", mean(summaries, |summary| summary.bounce_line[0])),
+    ]
+}
+
+/// The collision log of a run, contact by contact, and the part's track.
+fn log_series(run: &Run) -> Vec<Series> {
+    let impacts = &run.impacts;
+    let gaps = arrivals(impacts, 0.0, f64::INFINITY);
+    let column = |name: &str, of: &dyn Fn(&run::Impact) -> f64| Series::new(name, impacts.iter().map(of));
+    vec![
+        column("impact_at_s", &|impact| impact.at_s),
+        column("impact_row", &|impact| (impact.row + 1) as f64),
+        column("impact_column", &|impact| (impact.column + 1) as f64),
+        column("impact_angle_rad", &|impact| impact.swing.angle_rad),
+        column("impact_speed_radps", &|impact| impact.swing.speed_radps),
+        column("impact_impulse_ns", &|impact| impact.impulse_ns.norm()),
+        column("impact_forward_ns", &|impact| impact.impulse_ns.x),
+        Series::new("contact_gap_s", gaps.iter().map(|gap| gap.gap_s)),
+        Series::new("contact_angle_rad", gaps.iter().map(|gap| gap.angle_rad)),
+        Series::new("track_t_s", run.samples.iter().map(|sample| sample.at_s)),
+        Series::new("track_x_m", run.samples.iter().map(|sample| sample.state.center_m.x)),
+        Series::new("track_height_m", run.samples.iter().map(|sample| run.height_m(&sample.state))),
+    ]
+}
+
+/// Track, collisions and spectrum of one run.
+fn charts(run: &Run) -> Vec<Chart> {
+    vec![track_chart("mchip-track", &[("feed", run)]), gap_chart("mchip-collisions", run), spectrum_chart(run)]
+}
+
+/// Way of the part over time.
+fn track_chart(name: &str, runs: &[(&str, &Run)]) -> Chart {
+    let layer = |(i, (label, run)): (usize, &(&str, &Run))| {
+        let start_m = run.samples.first().map_or(0.0, |sample| sample.state.center_m.x);
+        let stride = run.samples.len().div_ceil(DRAWN).max(1);
+        let samples = run.samples.iter().step_by(stride);
+        let track = samples.map(|sample| [sample.at_s, mm_from_m(sample.state.center_m.x - start_m)]);
+        Layer::new(label, Mark::Line, Color::nth(i), track)
+    };
+    Chart {
+        name: name.to_owned(),
+        title: "Way of the part along the feed".to_owned(),
+        x: Axis::new("time (s)"),
+        y: Axis::new("way (mm)"),
+        map: false,
+        layers: runs.iter().enumerate().map(layer).collect(),
+    }
+}
+
+/// Angle of the resonator over the time since the contact before, contacts that push forwards and backwards apart.
+fn gap_chart(name: &str, run: &Run) -> Chart {
+    let found = arrivals(&run.impacts, batch::SETTLED_S, f64::INFINITY);
+    let points = |backward: bool| {
+        let those = found.iter().filter(move |one| (one.forward_ns < 0.0) == backward && one.gap_s < 0.3e-3);
+        those.map(|one| [1e3 * one.gap_s, one.angle_rad]).take(DRAWN).collect::<Vec<_>>()
+    };
+    Chart {
+        name: name.to_owned(),
+        title: "Contacts of a resonator with the part".to_owned(),
+        x: Axis::new("time since its contact before (ms)"),
+        y: Axis::new("angle (rad)"),
+        map: false,
+        layers: vec![
+            Layer::new("pushes forward", Mark::Dots, Color::Blue, points(false)),
+            Layer::new("pushes backward", Mark::Dots, Color::Orange, points(true)),
+        ],
+    }
+}
+
+fn spectrum_chart(run: &Run) -> Chart {
+    let samples = samples_from(run, batch::SETTLED_S);
+    let heights_um: Vec<f64> = samples.iter().map(|sample| 1e6 * run.height_m(&sample.state)).collect();
+    let lines = spectrum(&heights_um, run.setup().sample_s);
+    Chart {
+        name: "mchip-spectrum".to_owned(),
+        title: "Spectrum of the part's height".to_owned(),
+        x: Axis::new("frequency (Hz)"),
+        y: Axis::new("amplitude (µm)"),
+        map: false,
+        layers: vec![Layer::new(
+            "height",
+            Mark::Line,
+            Color::Blue,
+            lines.into_iter().skip(1).take_while(|line| line[0] < DRAWN_HZ),
+        )],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::{Assignment, assigned};
+
+    fn set(text: &str) -> Result<Outcome, LabFault> {
+        let assignments: Vec<Assignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
+        measure(&assigned(SETTINGS, &MChip::published(), &assignments)?, &|_| ())
+    }
+
+    #[test]
+    fn settings_outside_the_model_are_refused_with_the_limit() {
+        for (text, fault) in [
+            ("mass_ug=1", "mass_ug: expected 10 to 1000, found 1"),
+            ("ridge_height_um=2 rim_um=1.5", "rim_um: expected at most 1.000 (half of the ridge's height), found 1.5"),
+        ] {
+            let said = set(text).unwrap_err().to_string();
+            assert!(said.starts_with(fault), "{said}");
+        }
+    }
+
+    #[test]
+    fn part_that_is_pulled_off_the_array_ends_its_run_with_a_note() {
+        let outcome = set("force_dyn=0.9 starts=1 time_s=0.5").unwrap();
+        assert_eq!(outcome.notes, ["the part left the array in 1 of 1 runs, which end there"]);
+    }
+}

@@ -1,0 +1,138 @@
+//! Many runs on all cores, each summed up as soon as it ends.
+
+use std::ops::Range;
+
+use rand::RngExt;
+
+use super::measures::{
+    Arrival, Cluster, Energies, Feed, Spread, arrivals, clusters, height_m, mean_rate_mps, samples_from, spectrum,
+    strongest_line,
+};
+use super::run::{Run, Setup, Start};
+use crate::sweep::{Progress, parallel};
+use upm_core::random::Streams;
+
+/// When the part has settled after its drop, s.
+pub const SETTLED_S: f64 = 0.05;
+/// Band of the part's own bouncing, Hz.
+const BOUNCE_HZ: [f64; 2] = [100.0, 4_000.0];
+/// Width of the band about the drive's frequency, as a part of it.
+const DRIVE_BAND: f64 = 0.02;
+
+/// A run to be made.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// Its setup.
+    pub setup: Setup,
+    /// Number of its start.
+    pub start: u64,
+    /// Its length, s.
+    pub until_s: f64,
+    /// Force along the feed from [`SETTLED_S`] on, N.
+    pub force_n: f64,
+}
+
+/// Summary of a run from the time on at which the part has settled.
+#[derive(Clone, Debug)]
+pub struct Summary {
+    /// Double bounces, those that follow them, bounces once a cycle.
+    pub clusters: [Cluster; 3],
+    /// Mean angle of the resonators at a contact, rad.
+    pub angle_rad: f64,
+    /// Mean angular speed, rad/s.
+    pub speed_radps: f64,
+    /// Mean feed rate, m/s.
+    pub rate_mps: f64,
+    /// Moving rate and stalls.
+    pub feed: Feed,
+    /// Height above rest, m.
+    pub height_m: Spread,
+    /// Energies.
+    pub energies: Energies,
+    /// Frequency, Hz, and amplitude, m, of the strongest line of the part's bouncing.
+    pub bounce_line: [f64; 2],
+    /// The same at the drive's frequency.
+    pub drive_line: [f64; 2],
+    /// True when the part was on the array to the end.
+    pub stays: bool,
+}
+
+/// Runs to be made together.
+#[derive(Clone, Debug, Default)]
+pub struct Batch(Vec<Job>);
+
+impl Batch {
+    /// Adds a run of `setup` from each of `starts` starts; their places among the summaries.
+    pub fn add(&mut self, setup: &Setup, starts: u64, until_s: f64) -> Range<usize> {
+        self.add_pushed(setup, starts, until_s, 0.0)
+    }
+
+    /// The same under a force along the feed.
+    pub fn add_pushed(&mut self, setup: &Setup, starts: u64, until_s: f64, force_n: f64) -> Range<usize> {
+        let from = self.0.len();
+        self.0.extend((0..starts).map(|start| Job { setup: setup.clone(), start, until_s, force_n }));
+        from..self.0.len()
+    }
+
+    /// Makes all runs; equal seeds give equal starts, whatever the setup.
+    pub fn summaries(&self, streams: &Streams, progress: Progress<'_>) -> Vec<Summary> {
+        parallel(&self.0, progress, |job| Summary::of(&job.run(streams)))
+    }
+}
+
+impl Job {
+    /// The run, from its drop to its end.
+    pub fn run(&self, streams: &Streams) -> Run {
+        let mut rng = streams.numbered("mchip", self.start);
+        let mut run = Run::new(self.setup.clone(), &Start::scattered(|| rng.random_range(0.0..1.0)));
+        if run.advance(SETTLED_S.min(self.until_s)) {
+            run.force_n.x = self.force_n;
+            run.advance(self.until_s);
+        }
+        run
+    }
+}
+
+impl Summary {
+    /// Of a run.
+    pub fn of(run: &Run) -> Self {
+        let samples = samples_from(run, SETTLED_S);
+        let Setup { device, sample_s, .. } = run.setup();
+        let arrivals = arrivals(&run.impacts, SETTLED_S, f64::INFINITY);
+        let mean = |of: fn(&Arrival) -> f64| Spread::of(arrivals.iter().map(of)).mean;
+        let heights_m: Vec<f64> = samples.iter().map(|sample| run.height_m(&sample.state)).collect();
+        let lines = spectrum(&heights_m, *sample_s);
+        let [from, to] = [1.0 - DRIVE_BAND, 1.0 + DRIVE_BAND].map(|share| share * device.drive_hz);
+        Self {
+            clusters: clusters(&arrivals, device.drive_hz),
+            angle_rad: mean(|arrival| arrival.angle_rad),
+            speed_radps: mean(|arrival| arrival.speed_radps),
+            rate_mps: mean_rate_mps(samples),
+            feed: Feed::of(samples),
+            height_m: height_m(run, samples),
+            energies: Energies::of(run, samples),
+            bounce_line: strongest_line(&lines, BOUNCE_HZ[0], BOUNCE_HZ[1].min(0.9 * device.drive_hz)),
+            drive_line: strongest_line(&lines, from, to),
+            stays: run.is_on_array(),
+        }
+    }
+}
+
+/// Mean of a figure of several runs; runs without it are left out.
+pub fn mean(summaries: &[Summary], of: impl Fn(&Summary) -> f64) -> f64 {
+    let values: Vec<f64> = summaries.iter().map(of).filter(|value| value.is_finite()).collect();
+    if values.is_empty() { f64::NAN } else { values.iter().sum::<f64>() / values.len() as f64 }
+}
+
+/// Mean over several runs of a figure of one cluster.
+pub fn of_cluster(summaries: &[Summary], cluster: usize, of: fn(&Cluster) -> f64) -> f64 {
+    let present = |summary: &Summary| {
+        if summary.clusters[cluster].share > 0.0 { of(&summary.clusters[cluster]) } else { f64::NAN }
+    };
+    mean(summaries, present)
+}
+
+/// Number of runs in which the part stalls for so long.
+pub fn jams(summaries: &[Summary], least_s: f64) -> f64 {
+    summaries.iter().filter(|summary| summary.feed.longest_stall_s() > least_s).count() as f64
+}

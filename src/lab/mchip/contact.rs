@@ -1,0 +1,226 @@
+//! Where part and array touch: rims of ridges against the part's faces and edges, and the part's bottom corners against slabs.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+
+use super::device::Device;
+use super::part::PartShape;
+
+/// Which features touch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Feature {
+    /// A rim under the part's bottom face.
+    Bottom,
+    /// A rim at the part's edge or its side: the contact that jams it.
+    Side,
+    /// A corner of the part on a slab.
+    Slab,
+}
+
+/// A point at which part and resonator touch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// The point, m.
+    pub point_m: Vector3<f64>,
+    /// Unit normal towards the part.
+    pub normal: Vector3<f64>,
+    /// Depth by which the features overlap, m.
+    pub depth_m: f64,
+    /// Features that touch.
+    pub feature: Feature,
+}
+
+/// Height of a normal, as a cosine, below which a contact is one with the part's side.
+const BOTTOM_COSINE: f64 = 0.95;
+
+/// Outline of a resonator in the plane across its axis, and where it lies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tile {
+    /// Row, from 0.
+    pub row: usize,
+    /// Column, from 0.
+    pub column: usize,
+    /// Middle of the axis, m.
+    pub axis_m: Vector3<f64>,
+}
+
+/// Everything of a device that contacts need, in the slab's own axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outline {
+    tip_m: [f64; 2],
+    foot_m: [f64; 2],
+    half_m: [f64; 3],
+    rim_m: f64,
+}
+
+impl Outline {
+    /// Of a device.
+    pub fn of(device: &Device) -> Self {
+        let half_m = device.slab_m.map(|length_m| 0.5 * length_m);
+        Self {
+            // middles of the roundings: the outermost points are those of the sharp outline
+            tip_m: [
+                device.ridge_place_m + device.rim_radius_m,
+                half_m[2] + device.ridge_height_m - device.rim_radius_m,
+            ],
+            foot_m: [-half_m[0] + device.rim_radius_m, half_m[2] - device.rim_radius_m],
+            half_m,
+            rim_m: device.rim_radius_m,
+        }
+    }
+
+    /// Contacts of a part with a tile at `angle_rad`, added to `found`.
+    pub fn contacts(
+        &self,
+        tile: &Tile,
+        angle_rad: f64,
+        part: &PartShape,
+        pose: &Isometry3<f64>,
+        found: &mut Vec<Contact>,
+    ) {
+        let away = pose.translation.vector - tile.axis_m;
+        let reach = part.half_m + Vector3::from(self.half_m);
+        // the part turns little: a margin covers it
+        if away.x.abs() > 1.05 * reach.x || away.y.abs() > 1.3 * reach.y {
+            return;
+        }
+        let (sine, cosine) = angle_rad.sin_cos();
+        let raised = |[x, z]: [f64; 2]| [x * cosine + z * sine, z * cosine - x * sine];
+        self.rim_contacts(tile, raised(self.tip_m), part, pose, found);
+        // a foot right under the tip matters where a part meets the slab's end below the rim
+        self.rim_contacts(tile, raised(self.foot_m), part, pose, found);
+        self.slab_contacts(tile, [sine, cosine], part, pose, found);
+    }
+
+    /// Contacts of the rim that runs along y through `at` (x and z from the axis).
+    fn rim_contacts(
+        &self,
+        tile: &Tile,
+        at: [f64; 2],
+        part: &PartShape,
+        pose: &Isometry3<f64>,
+        found: &mut Vec<Contact>,
+    ) {
+        let end = |y: f64| pose.inverse_transform_point(&Point3::from(tile.axis_m + Vector3::new(at[0], y, at[1])));
+        let (from, to) = (end(-self.half_m[1]).coords, end(self.half_m[1]).coords);
+        let half = part.half_m;
+        if from.z.min(to.z) > half.z || from.z.max(to.z) < -half.z - self.rim_m {
+            return;
+        }
+        let along = to - from;
+        // what of the rim lies beneath the part
+        let at_y = |y: f64| ((y - from.y) / along.y).clamp(0.0, 1.0);
+        let (first, last) = (at_y(-half.y), at_y(half.y));
+        if first == last {
+            return;
+        }
+        for share in [first, last] {
+            let point = from + along * share;
+            if let Some((outward, distance_m)) = touched(&point, &half, self.rim_m) {
+                let feature = if outward.z < -BOTTOM_COSINE { Feature::Bottom } else { Feature::Side };
+                let normal = -(pose.rotation * outward);
+                let middle_m = pose.transform_point(&Point3::from(point)).coords;
+                let depth_m = self.rim_m - distance_m;
+                found.push(Contact { point_m: middle_m + normal * self.rim_m, normal, depth_m, feature });
+            }
+        }
+    }
+
+    /// Contacts of the part's bottom corners with the top of the slab.
+    fn slab_contacts(
+        &self,
+        tile: &Tile,
+        [sine, cosine]: [f64; 2],
+        part: &PartShape,
+        pose: &Isometry3<f64>,
+        found: &mut Vec<Contact>,
+    ) {
+        let half = part.half_m;
+        for (x, y) in [(-half.x, -half.y), (-half.x, half.y), (half.x, -half.y), (half.x, half.y)] {
+            let point_m = pose.transform_point(&Point3::new(x, y, -half.z)).coords;
+            let from_axis = point_m - tile.axis_m;
+            if from_axis.y.abs() > self.half_m[1] {
+                continue;
+            }
+            let along = from_axis.x * cosine - from_axis.z * sine;
+            let above = from_axis.x * sine + from_axis.z * cosine - self.half_m[2];
+            if along.abs() <= self.half_m[0] && above <= 0.0 && above > -self.half_m[2] {
+                let normal = Vector3::new(sine, 0.0, cosine);
+                found.push(Contact { point_m, normal, depth_m: -above, feature: Feature::Slab });
+            }
+        }
+    }
+}
+
+/// Outward normal of the box at the place nearest to `point` and the distance to it, when that is within `rim_m`.
+fn touched(point: &Vector3<f64>, half: &Vector3<f64>, rim_m: f64) -> Option<(Vector3<f64>, f64)> {
+    let beyond = point.abs() - half;
+    if beyond.max() > rim_m {
+        return None;
+    }
+    // the y sides are left out: rims are cut there
+    let out = Vector3::new(beyond.x.max(0.0), 0.0, beyond.z.max(0.0));
+    let distance_m = out.norm();
+    if distance_m > rim_m {
+        return None;
+    }
+    if distance_m > 0.0 {
+        return Some((out.component_mul(&point.map(f64::signum)) / distance_m, distance_m));
+    }
+    let axis = if beyond.x > beyond.z { 0 } else { 2 };
+    let mut normal = Vector3::zeros();
+    normal[axis] = point[axis].signum();
+    Some((normal, beyond[axis]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Translation3, UnitQuaternion};
+
+    /// Contacts of one tile at `angle_rad` with a part whose bottom is at `bottom_m` and whose front is at `front_m` from the rim.
+    fn contacts(angle_rad: f64, front_m: f64, bottom_m: f64) -> Vec<Contact> {
+        let device = Device { rim_radius_m: 1e-6, ..Device::published() };
+        let part = PartShape::published();
+        let tile = Tile { row: 0, column: 0, axis_m: Vector3::zeros() };
+        let center = Vector3::new(device.ridge_place_m + front_m - part.half_m.x, 0.0, bottom_m + part.half_m.z);
+        let pose = Isometry3::from_parts(Translation3::from(center), UnitQuaternion::identity());
+        let mut found = Vec::new();
+        Outline::of(&device).contacts(&tile, angle_rad, &part, &pose, &mut found);
+        found
+    }
+
+    #[test]
+    fn rim_under_the_part_pushes_it_up_at_both_ends() {
+        let found = contacts(0.0, 100e-6, 7.4e-6);
+        assert_eq!(found.len(), 2, "{found:?}");
+        for contact in found {
+            assert_eq!(contact.feature, Feature::Bottom);
+            assert!((contact.normal - Vector3::z()).norm() < 1e-12);
+            assert!((contact.point_m.y.abs() - 90e-6).abs() < 1e-9 && (contact.point_m.z - 7.5e-6).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn rim_beside_the_front_pushes_the_part_back() {
+        let found = contacts(0.0, 0.1e-6, 3.0e-6);
+        assert!(!found.is_empty());
+        for contact in found {
+            assert_eq!(contact.feature, Feature::Side);
+            assert!((contact.normal + Vector3::x()).norm() < 1e-9, "{contact:?}");
+        }
+    }
+
+    #[test]
+    fn rim_at_the_edge_pushes_up_and_back() {
+        let found = contacts(0.0, 0.3e-6, 7.2e-6);
+        let edge = found.iter().find(|contact| contact.normal.z > 0.1).unwrap();
+        assert!(edge.normal.x < -0.3 && edge.feature == Feature::Side, "{edge:?}");
+    }
+
+    #[test]
+    fn part_above_the_reach_touches_nothing() {
+        assert!(contacts(0.0, 100e-6, 7.6e-6).is_empty());
+        assert!(contacts(0.08, 100e-6, 18.8e-6).is_empty());
+        assert!(!contacts(0.08, 100e-6, 18.5e-6).is_empty());
+    }
+}

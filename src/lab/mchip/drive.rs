@@ -1,0 +1,78 @@
+//! The torque wave of every row: duty, phase offsets and the strobing of rows (M-Chip paper, section III-A).
+
+/// A wave of rows that are off, running against the feed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Strobe {
+    /// Rows from one row that is off to the next: the paper's λ.
+    pub spacing: usize,
+    /// Drive cycles for which a row is off: the paper's γ.
+    pub cycles: usize,
+}
+
+/// The drive of an array.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drive {
+    /// Share of a cycle in which the torque is on.
+    pub duty: f64,
+    /// Delay of a row against the one before it, in cycles.
+    pub row_delay: f64,
+    /// Rows that are off in turn.
+    pub strobe: Option<Strobe>,
+    /// False for an array at rest.
+    pub on: bool,
+}
+
+impl Drive {
+    /// Every row alike, 50 % duty.
+    pub fn plain() -> Self {
+        Self { duty: 0.5, row_delay: 0.0, strobe: None, on: true }
+    }
+
+    /// The strobing that the paper found best: λ = 4 rows, γ = 50 cycles.
+    pub fn strobed() -> Self {
+        Self { strobe: Some(Strobe { spacing: 4, cycles: 50 }), ..Self::plain() }
+    }
+
+    /// True while `row` of `rows` is driven up, `cycles` drive cycles after the start.
+    pub fn pushes(&self, row: usize, rows: usize, cycles: f64) -> bool {
+        if !self.on || self.strobe.is_some_and(|strobe| strobe.is_off(row, rows, cycles)) {
+            return false;
+        }
+        (cycles - self.row_delay * row as f64).rem_euclid(1.0) < self.duty
+    }
+}
+
+impl Strobe {
+    /// True while `row` is off: the last row first, then the one before it.
+    pub fn is_off(&self, row: usize, rows: usize, cycles: f64) -> bool {
+        let turn = (cycles / self.cycles as f64) as usize;
+        (row + turn) % self.spacing == (rows - 1) % self.spacing
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn off_rows_run_against_the_feed() {
+        let drive = Drive::strobed();
+        let off = |cycles: f64| -> Vec<usize> {
+            (0..8).filter(|&row| drive.strobe.unwrap().is_off(row, 8, cycles)).collect()
+        };
+        assert_eq!(off(0.0), [3, 7]);
+        assert_eq!(off(49.9), [3, 7]);
+        assert_eq!(off(50.0), [2, 6]);
+        assert_eq!(off(200.0), [3, 7]);
+        assert!(!drive.pushes(7, 8, 0.1) && drive.pushes(6, 8, 0.1) && !drive.pushes(6, 8, 0.6));
+    }
+
+    #[test]
+    fn delayed_row_follows_the_one_before_it() {
+        let drive = Drive { row_delay: 0.25, ..Drive::plain() };
+        let pushed =
+            |row: usize| (0..4).map(|quarter| drive.pushes(row, 8, 4.0 + 0.25 * quarter as f64)).collect::<Vec<_>>();
+        assert_eq!(pushed(0), [true, true, false, false]);
+        assert_eq!(pushed(1), [false, true, true, false]);
+    }
+}

@@ -1,0 +1,255 @@
+//! Figures of a run: rates and stalls, height, energies, inter-arrival times, spectrum.
+
+use rustfft::FftPlanner;
+use rustfft::num_complex::Complex64;
+
+use super::part::PartShape;
+use super::run::{Impact, Run, Sample};
+use upm_core::units::GRAVITY_MPS2;
+
+/// Length of the windows in which a part moves or stalls, s: half of a row's turn to be off.
+const RATE_WINDOW_S: f64 = 0.02;
+/// Rate below which a part stalls, m/s.
+const STALL_MPS: f64 = 0.15e-3;
+/// Impacts of one resonator that follow within this time are one contact, s.
+const ONE_CONTACT_S: f64 = 8e-6;
+
+/// Samples of `run` from `from_s` on.
+pub fn samples_from(run: &Run, from_s: f64) -> &[Sample] {
+    &run.samples[run.samples.partition_point(|sample| sample.at_s < from_s)..]
+}
+
+/// Rate over all of `samples`, m/s.
+pub fn mean_rate_mps(samples: &[Sample]) -> f64 {
+    match samples {
+        [first, .., last] => (last.state.center_m.x - first.state.center_m.x) / (last.at_s - first.at_s),
+        _ => f64::NAN,
+    }
+}
+
+/// How a part goes: its rate while it moves, and its stalls.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Feed {
+    /// Median rate of the windows in which the part moves, m/s.
+    pub moving_mps: f64,
+    /// Start and length of every stall, s.
+    pub stalls_s: Vec<[f64; 2]>,
+}
+
+impl Feed {
+    /// Of `samples`.
+    pub fn of(samples: &[Sample]) -> Self {
+        let Some(stride) = samples.windows(2).next().map(|pair| pair[1].at_s - pair[0].at_s) else {
+            return Self { moving_mps: f64::NAN, stalls_s: Vec::new() };
+        };
+        let window = (RATE_WINDOW_S / stride).round() as usize;
+        let (mut moving, mut stalls_s): (Vec<f64>, Vec<[f64; 2]>) = (Vec::new(), Vec::new());
+        let mut stalled = false;
+        for samples in samples.windows(window + 1).step_by(window) {
+            let rate_mps = mean_rate_mps(samples);
+            match (rate_mps < STALL_MPS, stalled, stalls_s.last_mut()) {
+                (true, true, Some(stall)) => stall[1] += RATE_WINDOW_S,
+                (true, ..) => stalls_s.push([samples[0].at_s, RATE_WINDOW_S]),
+                (false, ..) => moving.push(rate_mps),
+            }
+            stalled = rate_mps < STALL_MPS;
+        }
+        moving.sort_by(f64::total_cmp);
+        Self { moving_mps: moving.get(moving.len() / 2).copied().unwrap_or(f64::NAN), stalls_s }
+    }
+
+    /// Length of the longest stall, s.
+    pub fn longest_stall_s(&self) -> f64 {
+        self.stalls_s.iter().fold(0.0, |longest, stall| stall[1].max(longest))
+    }
+}
+
+/// Mean and standard deviation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation.
+    pub sd: f64,
+}
+
+impl Spread {
+    /// Of `values`.
+    pub fn of(values: impl Iterator<Item = f64> + Clone) -> Self {
+        let count = values.clone().count().max(1) as f64;
+        let mean = values.clone().sum::<f64>() / count;
+        Self { mean, sd: (values.map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt() }
+    }
+}
+
+/// Height of the part above rest, m.
+pub fn height_m(run: &Run, samples: &[Sample]) -> Spread {
+    Spread::of(samples.iter().map(|sample| run.height_m(&sample.state)))
+}
+
+/// Energies of a part (Table I, right), J. LinX is that of the motion about the drift.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Energies {
+    /// LinX without the drift, LinY, LinZ, AngX, AngY, AngZ.
+    pub jitter: [Spread; 6],
+    /// Kinetic energy of the drift along x.
+    pub drift_j: f64,
+    /// Potential energy against rest.
+    pub potential: Spread,
+}
+
+impl Energies {
+    /// Of the part of `run` over `samples`.
+    pub fn of(run: &Run, samples: &[Sample]) -> Self {
+        let part: &PartShape = &run.setup().part;
+        let drift_mps = mean_rate_mps(samples);
+        let about_drift = |sample: &Sample| {
+            let mut state = sample.state;
+            state.velocity_mps.x -= drift_mps;
+            part.kinetic_j(&state)
+        };
+        let weight_n = part.mass_kg * GRAVITY_MPS2;
+        let height = height_m(run, samples);
+        Self {
+            jitter: std::array::from_fn(|i| Spread::of(samples.iter().map(|sample| about_drift(sample)[i]))),
+            drift_j: 0.5 * part.mass_kg * drift_mps.powi(2),
+            potential: Spread { mean: weight_n * height.mean, sd: weight_n * height.sd },
+        }
+    }
+}
+
+/// One contact of a resonator and the time since its last one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arrival {
+    /// Time since the contact before, s.
+    pub gap_s: f64,
+    /// Angle of the resonator, rad.
+    pub angle_rad: f64,
+    /// Its angular speed, rad/s.
+    pub speed_radps: f64,
+    /// Impulse on the part along the feed, N s.
+    pub forward_ns: f64,
+}
+
+/// Contacts of driven resonators from `from_s` to `until_s`, each against the one before it of the same resonator. Impacts
+/// within 8 µs are one contact with the state of the first and the sum of their impulses.
+pub fn arrivals(impacts: &[Impact], from_s: f64, until_s: f64) -> Vec<Arrival> {
+    let mut of_resonator = std::collections::BTreeMap::<(usize, usize), Vec<&Impact>>::new();
+    for impact in impacts.iter().filter(|impact| (from_s..until_s).contains(&impact.at_s)) {
+        of_resonator.entry((impact.row, impact.column)).or_default().push(impact);
+    }
+    let mut arrivals = Vec::new();
+    for impacts in of_resonator.values() {
+        let mut last: Option<(f64, f64)> = None;
+        for impact in impacts {
+            if let Some((_, latest_s)) = &mut last
+                && impact.at_s - *latest_s < ONE_CONTACT_S
+            {
+                *latest_s = impact.at_s;
+                if let Some(Arrival { forward_ns, .. }) = arrivals.last_mut() {
+                    *forward_ns += impact.impulse_ns.x;
+                }
+                continue;
+            }
+            let gap_s = last.map_or(f64::INFINITY, |(start_s, _)| impact.at_s - start_s);
+            last = Some((impact.at_s, impact.at_s));
+            arrivals.push(Arrival {
+                gap_s: if impact.driven { gap_s } else { f64::INFINITY },
+                angle_rad: impact.swing.angle_rad,
+                speed_radps: impact.swing.speed_radps,
+                forward_ns: impact.impulse_ns.x,
+            });
+        }
+    }
+    arrivals.retain(|arrival| arrival.gap_s.is_finite());
+    arrivals
+}
+
+/// Contacts whose gaps are alike.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cluster {
+    /// Share of all contacts.
+    pub share: f64,
+    /// Median gap, s.
+    pub gap_s: f64,
+    /// Mean angle of the resonators, rad.
+    pub angle_rad: f64,
+    /// Mean angular speed, rad/s.
+    pub speed_radps: f64,
+    /// Share of the cluster's contacts that push backwards.
+    pub backward: f64,
+}
+
+/// Double bounces, the bounces that follow them, and bounces once a cycle: gaps of up to 0.3, 0.7 to 0.94 and 0.94 to 1.06
+/// drive cycles.
+pub fn clusters(arrivals: &[Arrival], drive_hz: f64) -> [Cluster; 3] {
+    [[0.0, 0.3], [0.7, 0.94], [0.94, 1.06]].map(|[from, to]| {
+        let mut inside: Vec<&Arrival> =
+            arrivals.iter().filter(|arrival| (from..to).contains(&(arrival.gap_s * drive_hz))).collect();
+        inside.sort_by(|a, b| a.gap_s.total_cmp(&b.gap_s));
+        let count = inside.len().max(1) as f64;
+        let mean = |of: &dyn Fn(&Arrival) -> f64| inside.iter().map(|arrival| of(arrival)).sum::<f64>() / count;
+        Cluster {
+            share: inside.len() as f64 / arrivals.len().max(1) as f64,
+            gap_s: inside.get(inside.len() / 2).map_or(f64::NAN, |arrival| arrival.gap_s),
+            angle_rad: mean(&|arrival| arrival.angle_rad),
+            speed_radps: mean(&|arrival| arrival.speed_radps),
+            backward: mean(&|arrival| f64::from(u8::from(arrival.forward_ns < 0.0))),
+        }
+    })
+}
+
+/// Amplitudes of a uniformly sampled signal without its mean, with a Hann window: frequency in Hz and amplitude.
+pub fn spectrum(values: &[f64], stride_s: f64) -> Vec<[f64; 2]> {
+    let count = values.len();
+    let mean = values.iter().sum::<f64>() / count.max(1) as f64;
+    let window = |i: usize| 1.0 - (std::f64::consts::TAU * i as f64 / count as f64).cos();
+    let mut bins: Vec<Complex64> =
+        values.iter().enumerate().map(|(i, value)| Complex64::new((value - mean) * window(i), 0.0)).collect();
+    if count > 1 {
+        FftPlanner::new().plan_fft_forward(count).process(&mut bins);
+    }
+    let scale = 2.0 / count.max(1) as f64;
+    bins.iter()
+        .take(count / 2)
+        .enumerate()
+        .map(|(k, bin)| [k as f64 / (count as f64 * stride_s), bin.norm() * scale])
+        .collect()
+}
+
+/// The largest line of `spectrum` from `from_hz` to `to_hz`.
+pub fn strongest_line(spectrum: &[[f64; 2]], from_hz: f64, to_hz: f64) -> [f64; 2] {
+    let inside = spectrum.iter().filter(|line| (from_hz..to_hz).contains(&line[0]));
+    inside.fold([f64::NAN, 0.0], |best, line| if line[1] > best[1] { *line } else { best })
+}
+
+/// Slope and intercept of the least-squares line through `points`.
+pub fn line(points: &[[f64; 2]]) -> [f64; 2] {
+    let count = points.len() as f64;
+    let middle = points.iter().fold([0.0; 2], |sum, point| [sum[0] + point[0] / count, sum[1] + point[1] / count]);
+    let (mut across, mut square) = (0.0, 0.0);
+    for point in points {
+        across += (point[0] - middle[0]) * (point[1] - middle[1]);
+        square += (point[0] - middle[0]).powi(2);
+    }
+    [across / square, middle[1] - across / square * middle[0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spectrum_finds_a_line_and_its_amplitude() {
+        let values: Vec<f64> =
+            (0..5_000).map(|i| 3.0 + 0.7 * (std::f64::consts::TAU * 360.0 * 2e-5 * f64::from(i)).sin()).collect();
+        let [hz, amplitude] = strongest_line(&spectrum(&values, 2e-5), 100.0, 2_000.0);
+        assert!((hz - 360.0).abs() < 1e-6 && (amplitude - 0.7).abs() < 1e-3, "{hz} {amplitude}");
+    }
+
+    #[test]
+    fn line_through_points_on_a_line_is_that_line() {
+        let [slope, intercept] = line(&[[0.0, 1.0], [1.0, 3.0], [4.0, 9.0]]);
+        assert!((slope - 2.0).abs() < 1e-12 && (intercept - 1.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,347 @@
+//! The papers' figures of the M-Chip: impacts in clusters, jams and what frees a part, duty, spectrum, energies; the sweeps are
+//! in [`super::sweeps`].
+
+use std::ops::Range;
+
+use super::batch::{Batch, Job, Summary, jams, mean, of_cluster};
+use super::belt::Belt;
+use super::device::Device;
+use super::drive::{Drive, Strobe};
+use super::impact::ImpactLaw;
+use super::run::Setup;
+use super::sweeps::Sweeps;
+use super::{DYN_N, JAM_S, gap_chart, spectrum_chart, track_chart};
+use crate::sweep::{Progress, Sheet};
+use crate::{Figure, LabFault, LabRig, Outcome};
+use upm_chart::{Chart, Color, Layer, Mark};
+use upm_core::random::Streams;
+use upm_core::units::mm_from_m;
+
+/// Starts of the main figures, and of those beside them.
+const STARTS: u64 = 10;
+const FEW: u64 = 3;
+/// Length of a run in which a part meets new rows, and of one for everything else, s.
+const LONG_S: f64 = 1.05;
+const SHORT_S: f64 = 0.2;
+/// Duties that are compared.
+const SHORT_DUTY: f64 = 0.36;
+/// Phase offsets from row to row, in cycles.
+const OFFSETS: [f64; 4] = [0.125, 0.25, 0.5, 0.75];
+/// Turns of the strobing that are compared, in cycles.
+const TURNS: [usize; 5] = [20, 37, 50, 75, 100];
+/// Points of the belt's way.
+const BELT_POINTS: usize = 100;
+/// Table I of the Impulse paper, 1e-5 dyn cm: mean and standard deviation of LinX, LinY, LinZ, AngX, AngY, AngZ, PotZ.
+const TABLE: [[f64; 2]; 7] =
+    [[1.78, 0.71], [0.1, 0.15], [1.38, 1.86], [0.65, 0.86], [0.63, 1.28], [0.0081, 0.045], [50.1, 14.3]];
+/// Its unit, J.
+const TABLE_J: f64 = 1e-12;
+
+/// Where the runs of each kind are among the summaries.
+struct Places {
+    plain: Range<usize>,
+    short_duty: Range<usize>,
+    strobed: Range<usize>,
+    strobed_short_duty: Range<usize>,
+    plain_long: Range<usize>,
+    short_duty_long: Range<usize>,
+    strobed_long: Range<usize>,
+    offsets: Vec<Range<usize>>,
+    turns: Vec<Range<usize>>,
+    nominal: [Range<usize>; 2],
+    algebraic: Range<usize>,
+    solid: [Range<usize>; 3],
+}
+
+/// All of it.
+///
+/// # Errors
+/// None in the published settings.
+pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFault> {
+    let streams = Streams::new(rig.seed);
+    let mut batch = Batch::default();
+    let places = Places::new(&mut batch);
+    let sweeps = Sweeps::new(&mut batch);
+    let summaries = batch.summaries(&streams, &|share| progress(0.95 * share));
+    let of = |range: &Range<usize>| summaries.get(range.clone()).unwrap_or(&[]);
+    let mut outcome = Outcome::default();
+    outcome.figures.extend(impacts(of(&places.plain), "50 % duty"));
+    outcome.figures.extend(impacts(of(&places.strobed), "50 % duty, strobed"));
+    outcome.figures.extend(short_duty(of(&places.short_duty), of(&places.strobed_short_duty)));
+    outcome.figures.extend(feed(&places, &of));
+    outcome.figures.extend(bouncing(of(&places.strobed)));
+    outcome.sheet = Some(energies(of(&places.strobed)));
+    sweeps.report(&of, &mut outcome);
+    outcome.figures.extend(beside(&places, &of));
+    outcome.charts.extend(charts(&streams));
+    progress(1.0);
+    Ok(outcome)
+}
+
+/// The paper's drive with this duty.
+fn at_duty(duty: f64, drive: Drive) -> Setup {
+    Setup::published(Drive { duty, ..drive })
+}
+
+impl Places {
+    fn new(batch: &mut Batch) -> Self {
+        let (plain, strobed) = (Setup::published(Drive::plain()), Setup::published(Drive::strobed()));
+        let short_duty = at_duty(SHORT_DUTY, Drive::plain());
+        let offset = |row_delay| Setup::published(Drive { row_delay, ..Drive::plain() });
+        let turn = |cycles| Drive { strobe: Some(Strobe { spacing: 4, cycles }), ..Drive::plain() };
+        let nominal = |duty| Setup { device: Device::nominal(), sample_s: 1e-4, ..at_duty(duty, Drive::plain()) };
+        let solid = |duty| Setup { device: Device::solid(), ..at_duty(duty, Drive::plain()) };
+        Self {
+            plain: batch.add(&plain, STARTS, SHORT_S),
+            short_duty: batch.add(&short_duty, STARTS, SHORT_S),
+            strobed: batch.add(&strobed, STARTS, SHORT_S),
+            strobed_short_duty: batch.add(&at_duty(SHORT_DUTY, Drive::strobed()), STARTS, SHORT_S),
+            plain_long: batch.add(&plain, STARTS, LONG_S),
+            short_duty_long: batch.add(&short_duty, STARTS, LONG_S),
+            strobed_long: batch.add(&strobed, STARTS, LONG_S),
+            offsets: OFFSETS.map(|row_delay| batch.add(&offset(row_delay), FEW, LONG_S)).to_vec(),
+            turns: TURNS.map(|cycles| batch.add(&Setup::published(turn(cycles)), FEW, 2.0 * SHORT_S)).to_vec(),
+            nominal: [0.5, SHORT_DUTY].map(|duty| batch.add(&nominal(duty), FEW, 2.0 * SHORT_S)),
+            solid: [
+                batch.add(&solid(0.5), FEW, SHORT_S),
+                batch.add(&solid(SHORT_DUTY), FEW, SHORT_S),
+                batch.add(&solid(0.5), FEW, LONG_S),
+            ],
+            algebraic: batch.add(&Setup { law: ImpactLaw::Algebraic, ..plain }, FEW, SHORT_S),
+        }
+    }
+}
+
+/// Times between contacts, and how double bounces differ from the others.
+fn impacts(summaries: &[Summary], how: &str) -> Vec<Figure> {
+    const SOURCE: &str = "M-Chip paper, Fig. 7";
+    let gap = |cluster: usize, name: &str, paper_ms: f64| {
+        let gap_ms = 1e3 * of_cluster(summaries, cluster, |of| of.gap_s);
+        Figure::against(format!("{how}: {name}"), "ms", gap_ms, paper_ms, SOURCE)
+    };
+    let ratio = |name: &str, of: fn(&super::measures::Cluster) -> f64, paper: &str| {
+        let value = of_cluster(summaries, 0, of) / of_cluster(summaries, 2, of);
+        Figure::alone(format!("{how}: {name}"), "1", value, paper)
+    };
+    let share = |cluster: usize, name: &str| {
+        let value = mean(summaries, |summary| summary.clusters[cluster].share);
+        Figure::alone(format!("{how}: {name}, of all contacts"), "1", value, "ten starts")
+    };
+    let backward = of_cluster(summaries, 0, |of| of.backward);
+    vec![
+        gap(0, "gap before a double bounce", 0.02),
+        gap(1, "gap after one", 0.18),
+        gap(2, "gap of bounces once a cycle", 0.2),
+        share(0, "double bounces"),
+        share(2, "bounces once a cycle"),
+        ratio("angle at a double bounce over that of others", |of| of.angle_rad, "M-Chip paper: lower"),
+        ratio("angular speed at one over that of others", |of| of.speed_radps, "M-Chip paper: much lower"),
+        Figure::alone(format!("{how}: double bounces that push backward"), "1", backward, "M-Chip paper: most"),
+    ]
+}
+
+/// What a shorter duty does to the contacts.
+fn short_duty(plain: &[Summary], strobed: &[Summary]) -> Vec<Figure> {
+    let doubles = |summaries: &[Summary]| mean(summaries, |summary| summary.clusters[0].share);
+    let backward = of_cluster(plain, 2, |of| of.backward);
+    vec![
+        Figure::against("36 % duty: double bounces, of all contacts", "1", doubles(plain), 0.0, "M-Chip paper: none"),
+        Figure::alone("36 % duty: contacts once a cycle that push backward", "1", backward, "M-Chip paper: about half"),
+        Figure::alone(
+            "36 % duty, strobed: double bounces, of all contacts",
+            "1",
+            doubles(strobed),
+            "parked rows brake",
+        ),
+    ]
+}
+
+/// Rates, jams, and what frees a part.
+fn feed<'a>(places: &Places, of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
+    let moving = |summaries: &[Summary]| mm_from_m(mean(summaries, |summary| summary.feed.moving_mps));
+    let rate = |summaries: &[Summary]| mm_from_m(mean(summaries, |summary| summary.rate_mps));
+    let longest_ms = |summaries: &[Summary]| 1e3 * mean(summaries, |summary| summary.feed.longest_stall_s());
+    let (plain, strobed, short) = (of(&places.plain_long), of(&places.strobed_long), of(&places.short_duty_long));
+    let offsets: f64 = places.offsets.iter().map(|range| jams(of(range), JAM_S)).sum();
+    let gain = |with: &Range<usize>, without: &Range<usize>| 100.0 * (rate(of(with)) / rate(of(without)) - 1.0);
+    let percent = |name: &str, value: f64| Figure::alone(name, "%", value, "M-Chip paper: 20 to 40 %");
+    let turns: Vec<f64> = places.turns.iter().map(|range| rate(of(range))).collect();
+    let best = TURNS.iter().zip(&turns).max_by(|a, b| a.1.total_cmp(b.1)).map_or(f64::NAN, |(turn, _)| *turn as f64);
+    vec![
+        Figure::against("50 % duty: rate while it moves", "mm/s", moving(plain), 0.8, "M-Chip paper, section III"),
+        Figure::against("starts that jam within 1 s, of ten", "1", jams(plain, JAM_S), STARTS as f64, "M-Chip paper"),
+        Figure::alone("longest jam", "ms", longest_ms(plain), "runs of 1.05 s"),
+        Figure::against(
+            "starts that jam with offsets between rows, of 12",
+            "1",
+            offsets,
+            (OFFSETS.len() as u64 * FEW) as f64,
+            "M-Chip paper: they do not help",
+        ),
+        Figure::against("strobed, λ = 4, γ = 50: rate", "mm/s", rate(strobed), 0.8, "M-Chip paper, section III"),
+        Figure::against("strobed: starts that jam, of ten", "1", jams(strobed, JAM_S), 0.0, "M-Chip paper"),
+        Figure::alone("strobed: longest stop", "ms", longest_ms(strobed), "M-Chip paper: short stops"),
+        Figure::alone("strobed: γ with the highest rate, of 20 to 100", "1", best, "M-Chip paper: 50"),
+        Figure::against("36 % duty: rate while it moves", "mm/s", moving(short), 1.05, "M-Chip paper: 1.0 to 1.1"),
+        percent("gain of rate by 36 % duty, first 0.2 s", gain(&places.short_duty, &places.plain)),
+        percent("the same, strobed", gain(&places.strobed_short_duty, &places.strobed)),
+    ]
+}
+
+/// The part's height and its spectrum.
+fn bouncing(strobed: &[Summary]) -> Vec<Figure> {
+    let line = |of: fn(&Summary) -> f64| mean(strobed, of);
+    let ratio = mean(strobed, |summary| summary.bounce_line[1] / summary.drive_line[1]);
+    vec![
+        Figure::against(
+            "strobed: line of the bouncing",
+            "Hz",
+            line(|of| of.bounce_line[0]),
+            360.0,
+            "M-Chip paper, Fig. 9",
+        ),
+        Figure::against(
+            "strobed: line of the drive",
+            "Hz",
+            line(|of| of.drive_line[0]),
+            5_000.0,
+            "M-Chip paper, Fig. 9",
+        ),
+        Figure::against("strobed: the first over the second", "1", ratio, 5.0, "M-Chip paper, Fig. 9"),
+        Figure::alone("strobed: height above rest", "µm", 1e6 * line(|of| of.height_m.mean), "9.3 by PotZ at 550 µg"),
+    ]
+}
+
+/// Energies per degree of freedom beside Table I.
+fn energies(summaries: &[Summary]) -> Sheet {
+    let columns = [
+        "energy (1e-5 dyn cm): 1-3 Lin X Y Z, 4-6 Ang X Y Z, 7 Pot Z, 8 drift along X",
+        "here, mean",
+        "here, sd",
+        "paper, mean",
+        "paper, sd",
+    ];
+    let scaled = |of: &dyn Fn(&Summary) -> f64| mean(summaries, of) / TABLE_J;
+    let mut rows: Vec<Vec<f64>> = (0..6)
+        .map(|i| {
+            let (mean, sd) = (scaled(&|of| of.energies.jitter[i].mean), scaled(&|of| of.energies.jitter[i].sd));
+            vec![(i + 1) as f64, mean, sd, TABLE[i][0], TABLE[i][1]]
+        })
+        .collect();
+    let potential = [scaled(&|of| of.energies.potential.mean), scaled(&|of| of.energies.potential.sd)];
+    rows.push(vec![7.0, potential[0], potential[1], TABLE[6][0], TABLE[6][1]]);
+    rows.push(vec![8.0, scaled(&|of| of.energies.drift_j), f64::NAN, f64::NAN, f64::NAN]);
+    Sheet { columns: columns.map(str::to_owned).to_vec(), rows }
+}
+
+/// Other models and devices beside it.
+fn beside<'a>(places: &Places, of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
+    let rate = |range: &Range<usize>| mm_from_m(mean(of(range), |summary| summary.rate_mps));
+    let belt = Belt::published();
+    let strobed = of(&places.strobed);
+    let share = mean(strobed, |summary| {
+        let energies = &summary.energies;
+        let others = energies.drift_j + energies.jitter.iter().map(|one| one.mean).sum::<f64>();
+        energies.potential.mean / (energies.potential.mean + others)
+    });
+    let angular = |i: usize| mean(strobed, |summary| summary.energies.jitter[i].mean);
+    let paper_share = TABLE[6][0] / TABLE.iter().map(|row| row[0]).sum::<f64>();
+    let [sinks, bounces] = [1e6 * belt.depth_m(), belt.bounce_hz()];
+    let nominal = "the designers' device, 1 kHz and 2°: no figure";
+    vec![
+        Figure::against("PotZ, of all energy, strobed", "1", share, paper_share, "Impulse paper, Table I"),
+        Figure::alone("AngX over AngY, strobed", "1", angular(3) / angular(4), "Impulse paper: 1.03"),
+        Figure::alone("AngZ over AngY, strobed", "1", angular(5) / angular(4), "Impulse paper: 0.013"),
+        Figure::alone("nominal device, 50 % duty: rate", "mm/s", rate(&places.nominal[0]), nominal),
+        Figure::alone("nominal device, 36 % duty: rate", "mm/s", rate(&places.nominal[1]), nominal),
+        Figure::against(
+            "solid slabs, 50 % duty: rate",
+            "mm/s",
+            rate(&places.solid[0]),
+            0.8,
+            "M-Chip paper, section III",
+        ),
+        Figure::against(
+            "solid slabs, 36 % duty: rate",
+            "mm/s",
+            rate(&places.solid[1]),
+            1.05,
+            "M-Chip paper: 1.0 to 1.1",
+        ),
+        Figure::against(
+            "solid slabs: starts that jam, of three",
+            "1",
+            jams(of(&places.solid[2]), JAM_S),
+            FEW as f64,
+            "M-Chip paper: jams at new rows",
+        ),
+        Figure::alone(
+            "rate with algebraic impacts",
+            "mm/s",
+            rate(&places.algebraic),
+            "friction by the first slip alone",
+        ),
+        Figure::against("belt of Fig. 11: bouncing", "Hz", bounces, 370.0, "294 dyn/cm and 55 µg"),
+        Figure::alone("belt of Fig. 11: depth of the part", "µm", sinks, "294 dyn/cm and 55 µg"),
+        Figure::against(
+            "belt of Fig. 11: slope of the rate over force",
+            "mm/s/dyn",
+            mm_from_m(belt.slope_mpspn()) * DYN_N,
+            19.6,
+            "Impulse paper, rates under force",
+        ),
+    ]
+}
+
+/// A chart of tracks with that of a part on the belt of Fig. 11 beside them.
+fn with_belt(mut chart: Chart) -> Chart {
+    let belt = Belt::published();
+    let way = (0..=BELT_POINTS).map(|i| LONG_S * i as f64 / BELT_POINTS as f64);
+    let points = way.map(|t_s| [t_s, mm_from_m(belt.way_m(0.0, t_s))]);
+    chart.layers.push(Layer::new("belt of Fig. 11, 1.1 mm/s", Mark::Dashes, Color::Gray, points));
+    chart
+}
+
+/// Tracks with and without strobing, contacts at both duties, the spectrum.
+fn charts(streams: &Streams) -> Vec<Chart> {
+    let run = |setup: Setup, until_s| Job { setup, start: 0, until_s, force_n: 0.0 }.run(streams);
+    let plain = run(Setup::published(Drive::plain()), LONG_S);
+    let strobed = run(Setup::published(Drive::strobed()), LONG_S);
+    let short = run(at_duty(SHORT_DUTY, Drive::plain()), SHORT_S);
+    vec![
+        with_belt(track_chart("mchip-jam", &[("every row alike", &plain), ("rows strobed", &strobed)])),
+        gap_chart("mchip-collisions-50", &strobed),
+        gap_chart("mchip-collisions-36", &short),
+        spectrum_chart(&strobed),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::assert_sources_are_short;
+
+    /// The whole reproduction takes minutes of one core: a few short runs stand for it.
+    #[test]
+    fn figures_of_a_few_runs_are_like_the_papers() {
+        let mut batch = Batch::default();
+        let ranges = [
+            batch.add(&Setup::published(Drive::plain()), 2, SHORT_S),
+            batch.add(&Setup::published(Drive::strobed()), 2, SHORT_S),
+            batch.add(&at_duty(SHORT_DUTY, Drive::plain()), 2, SHORT_S),
+        ];
+        let found = batch.summaries(&Streams::new(3), &|_| ());
+        let [plain, strobed, short] = ranges.map(|range| &found[range]);
+        let figures =
+            [impacts(plain, "50 %"), impacts(strobed, "strobed"), short_duty(short, strobed), bouncing(strobed)];
+        let figures = figures.concat();
+        assert_sources_are_short(&Outcome { figures: figures.clone(), ..Outcome::default() });
+        let figure = |name: &str| figures.iter().find(|figure| figure.name == name).unwrap().measured;
+        assert!(figure("50 %: double bounces that push backward") > 0.9);
+        assert!(figure("50 %: angular speed at one over that of others") < 0.4);
+        assert!(figure("36 % duty: double bounces, of all contacts") < 0.01);
+        assert!((300.0..450.0).contains(&figure("strobed: line of the bouncing")));
+        let table = energies(strobed);
+        assert!(table.rows.len() == 8 && table.rows[6][1] > 10.0 * table.rows[2][1], "most energy is potential");
+    }
+}

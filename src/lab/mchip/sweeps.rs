@@ -1,0 +1,177 @@
+//! Sweeps of the Impulse paper: mass of the part, place and height of the ridge, external force.
+
+use std::ops::Range;
+
+use super::DYN_N;
+use super::batch::{Batch, Summary, mean};
+use super::belt::Belt;
+use super::bounce::ride;
+use super::device::Device;
+use super::drive::Drive;
+use super::measures::line;
+use super::run::Setup;
+use crate::{Figure, Outcome, Series};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_core::units::{GRAVITY_MPS2, mm_from_m};
+
+/// Starts at each value, and length of a run, s.
+const STARTS: u64 = 4;
+const TIME_S: f64 = 0.2;
+/// Masses, µg; places of the ridge and its heights, µm; forces along the feed, dyn.
+const MASSES_UG: [f64; 8] = [15.0, 25.0, 40.0, 55.0, 70.0, 95.0, 120.0, 160.0];
+const PLACES_UM: [f64; 8] = [-140.0, -135.0, -130.0, -125.0, -120.0, -115.0, -110.0, -100.0];
+const HEIGHTS_UM: [f64; 7] = [2.0, 5.0, 8.0, 12.0, 16.0, 20.0, 30.0];
+const FORCES_DYN: [f64; 4] = [0.0, -0.005, -0.01, -0.015];
+/// Duties of the sweeps: the mass's and the place's, the height's and the force's.
+const DUTY: f64 = 0.5;
+const SHORT_DUTY: f64 = 0.36;
+
+/// Runs of the sweeps among the summaries.
+pub struct Sweeps {
+    masses: Vec<Range<usize>>,
+    light: Vec<Range<usize>>,
+    places: Vec<Range<usize>>,
+    heights: Vec<Range<usize>>,
+    forces: Vec<Range<usize>>,
+}
+
+impl Sweeps {
+    /// Adds their runs.
+    pub fn new(batch: &mut Batch) -> Self {
+        let setup = |duty| Setup::published(Drive { duty, ..Drive::plain() });
+        let mut sweep = |values: &[f64], setup: &Setup, set: fn(&mut Setup, f64)| {
+            let at = |value: &f64| {
+                let mut setup = setup.clone();
+                set(&mut setup, *value);
+                batch.add(&setup, STARTS, TIME_S)
+            };
+            values.iter().map(at).collect::<Vec<_>>()
+        };
+        let mass = |setup: &mut Setup, value: f64| setup.part.mass_kg = 1e-9 * value;
+        let light = Setup { device: Device::light(), ..setup(DUTY) };
+        let (masses, light) = (sweep(&MASSES_UG, &setup(DUTY), mass), sweep(&MASSES_UG, &light, mass));
+        let place = |setup: &mut Setup, value: f64| setup.device.ridge_place_m = 1e-6 * value;
+        let height = |setup: &mut Setup, value: f64| setup.device.ridge_height_m = 1e-6 * value;
+        let places = sweep(&PLACES_UM, &setup(DUTY), place);
+        let heights = sweep(&HEIGHTS_UM, &setup(SHORT_DUTY), height);
+        let pushed = |force: f64| batch.add_pushed(&setup(SHORT_DUTY), STARTS, TIME_S, force * DYN_N);
+        Self { masses, light, places, heights, forces: FORCES_DYN.map(pushed).to_vec() }
+    }
+
+    /// Adds figures, curves and charts.
+    pub fn report<'a>(&self, of: &impl Fn(&Range<usize>) -> &'a [Summary], outcome: &mut Outcome) {
+        let curve = |ranges: &[Range<usize>], value: fn(&Summary) -> f64| -> Vec<f64> {
+            ranges.iter().map(|range| mean(of(range), value)).collect()
+        };
+        let rate = |ranges: &[Range<usize>]| curve(ranges, |summary| mm_from_m(summary.rate_mps));
+        let height = |ranges: &[Range<usize>]| curve(ranges, |summary| 1e6 * summary.height_m.mean);
+        let speed = |ranges: &[Range<usize>]| curve(ranges, |summary| summary.speed_radps);
+        let (rates, heights) = (rate(&self.masses), height(&self.masses));
+        outcome.figures.extend([
+            Figure::against("mass with the highest rate", "µg", at_peak(&MASSES_UG, &rates), 55.0, "Impulse paper"),
+            spring("spring by the height against the mass", &heights),
+            spring("the same with light slabs", &height(&self.light)),
+            Figure::against(
+                "ridge distance with the highest angular speed",
+                "µm",
+                at_peak(&PLACES_UM, &speed(&self.places)),
+                -125.0,
+                "Impulse paper",
+            ),
+            Figure::alone(
+                "ridge distance with the highest rate",
+                "µm",
+                at_peak(&PLACES_UM, &rate(&self.places)),
+                "Impulse paper: nearer the axis than that",
+            ),
+            collapse(&rate(&self.heights)),
+        ]);
+        outcome.figures.extend(self.force(&rate(&self.forces), of));
+        for (name, x, values, ranges) in [
+            ("mass", "mass (µg)", &MASSES_UG[..], &self.masses),
+            ("ridge-distance", "place of the ridge (µm)", &PLACES_UM[..], &self.places),
+            ("ridge-height", "height of the ridge (µm)", &HEIGHTS_UM[..], &self.heights),
+            ("force", "force along the feed (dyn)", &FORCES_DYN[..], &self.forces),
+        ] {
+            let (rates, heights, speeds) = (rate(ranges), height(ranges), speed(ranges));
+            let key = name.replace('-', "_");
+            let mut chart = chart(name, x, values, &rates, &heights);
+            if name == "force" {
+                chart.layers.push(belt());
+            }
+            outcome.charts.push(chart);
+            outcome.series.extend([
+                Series::new(&key, values.iter().copied()),
+                Series::new(&format!("{key}_rate_mm_s"), rates),
+                Series::new(&format!("{key}_height_um"), heights),
+                Series::new(&format!("{key}_speed_radps"), speeds),
+                Series::new(&format!("{key}_angle_rad"), curve(ranges, |summary| summary.angle_rad)),
+            ]);
+        }
+    }
+
+    /// Slope of the rate over the force, and the force that stops the part, beside the closed form of single bounces.
+    fn force<'a>(&self, rates: &[f64], of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
+        let points: Vec<[f64; 2]> = FORCES_DYN.iter().zip(rates).map(|(&force, &rate)| [force, rate]).collect();
+        let [slope, intercept] = line(&points);
+        let setup = Setup::published(Drive { duty: SHORT_DUTY, ..Drive::plain() });
+        let height_m = self.forces.first().map_or(f64::NAN, |range| mean(of(range), |summary| summary.height_m.mean));
+        // the number of ridges under the part does not enter the force
+        let stall_dyn = ride(&setup.device, &setup.part, 1.0, height_m).stall_n / DYN_N;
+        let slope_source = "Impulse paper, rates under force";
+        vec![
+            Figure::against("slope of the rate over force, 36 % duty", "mm/s/dyn", slope, 19.6, slope_source),
+            Figure::against("opposing force that stops it", "dyn", intercept / slope, 0.056, "Impulse paper"),
+            Figure::against(
+                "the same beside single bounces",
+                "dyn",
+                intercept / slope,
+                stall_dyn,
+                "μ M g (1 - q)/(1 + q), closed form",
+            ),
+        ]
+    }
+}
+
+/// Value at which `curve` is highest.
+fn at_peak(values: &[f64], curve: &[f64]) -> f64 {
+    values.iter().zip(curve).max_by(|a, b| a.1.total_cmp(b.1)).map_or(f64::NAN, |(value, _)| *value)
+}
+
+/// Spring on which the part would sink by its weight as it does.
+fn spring(name: &str, heights_um: &[f64]) -> Figure {
+    let points: Vec<[f64; 2]> = MASSES_UG.iter().zip(heights_um).map(|(&mass, &height)| [mass, height]).collect();
+    let [slope, _] = line(&points);
+    // N/m of µg over µm
+    let stiffness = -1e-9 * GRAVITY_MPS2 / (1e-6 * slope);
+    Figure::against(name, "dyn/cm", 1e3 * stiffness, 294.0, "Impulse paper; its text's kdyn is a slip")
+}
+
+/// Rate at the ridge height at which the paper's falls, over that one step lower.
+fn collapse(rates: &[f64]) -> Figure {
+    let at =
+        |um: f64| HEIGHTS_UM.iter().zip(rates).find(|(height, _)| **height == um).map_or(f64::NAN, |(_, rate)| *rate);
+    let source = "Impulse paper: drops sharply, unexplained";
+    Figure::alone("rate at a ridge of 16 µm over that at 12 µm", "1", at(16.0) / at(12.0), source)
+}
+
+/// Rate of a part on the belt of Fig. 11.
+fn belt() -> Layer {
+    let points = FORCES_DYN.iter().map(|&force| [force, mm_from_m(Belt::published().rate_mps(force * DYN_N))]);
+    Layer::new("rate on the belt of Fig. 11", Mark::Dashes, Color::Gray, points)
+}
+
+fn chart(name: &str, x: &str, values: &[f64], rates: &[f64], heights: &[f64]) -> Chart {
+    let points = |curve: &[f64]| values.iter().zip(curve).map(|(&x, &y)| [x, y]).collect::<Vec<_>>();
+    Chart {
+        name: format!("mchip-{name}"),
+        title: format!("Sweep: {x}"),
+        x: Axis::new(x),
+        y: Axis::new("rate (mm/s); height above rest (10 µm)"),
+        map: false,
+        layers: vec![
+            Layer::new("rate", Mark::Line, Color::Blue, points(rates)),
+            Layer::new("height", Mark::Dashes, Color::Orange, points(heights).into_iter().map(|[x, y]| [x, 0.1 * y])),
+        ],
+    }
+}
