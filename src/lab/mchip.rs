@@ -378,6 +378,11 @@ mod tests {
     #[test]
     fn part_that_is_pulled_off_the_array_ends_its_run_with_a_note() {
         let outcome = set("force_dyn=0.9 starts=1 time_s=0.5").unwrap();
-        assert_eq!(outcome.notes, ["the part left the array in 1 of 1 runs, which end there"]);
+        let note = "the part left the array in 1 of 1 runs, which end there";
+        assert_eq!(outcome.notes, [note]);
+        // thrown off before it has settled
+        let thrown =
+            set("peak_rad=0.2 drive_hz=20000 natural_hz=50000 solidity=1 mass_ug=10 force_dyn=1 starts=1 time_s=0.1");
+        assert!(thrown.unwrap().notes.len() <= 1);
     }
 }

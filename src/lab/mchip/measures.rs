@@ -1,11 +1,9 @@
 //! Figures of a run: rates and stalls, height, energies, inter-arrival times, spectrum.
 
-use rustfft::FftPlanner;
-use rustfft::num_complex::Complex64;
-
 use super::part::PartShape;
 use super::run::{Impact, Run, Sample};
 use upm_core::units::GRAVITY_MPS2;
+use upm_perception::estimation::amplitude_spectrum;
 
 /// Length of the windows in which a part moves or stalls, s: half of a row's turn to be off.
 const RATE_WINDOW_S: f64 = 0.02;
@@ -202,19 +200,14 @@ pub fn clusters(arrivals: &[Arrival], drive_hz: f64) -> [Cluster; 3] {
 /// Amplitudes of a uniformly sampled signal without its mean, with a Hann window: frequency in Hz and amplitude.
 pub fn spectrum(values: &[f64], stride_s: f64) -> Vec<[f64; 2]> {
     let count = values.len();
-    let mean = values.iter().sum::<f64>() / count.max(1) as f64;
-    let window = |i: usize| 1.0 - (std::f64::consts::TAU * i as f64 / count as f64).cos();
-    let mut bins: Vec<Complex64> =
-        values.iter().enumerate().map(|(i, value)| Complex64::new((value - mean) * window(i), 0.0)).collect();
-    if count > 1 {
-        FftPlanner::new().plan_fft_forward(count).process(&mut bins);
+    if count == 0 {
+        return Vec::new();
     }
-    let scale = 2.0 / count.max(1) as f64;
-    bins.iter()
-        .take(count / 2)
-        .enumerate()
-        .map(|(k, bin)| [k as f64 / (count as f64 * stride_s), bin.norm() * scale])
-        .collect()
+    let mean = values.iter().sum::<f64>() / count as f64;
+    let window = |i: usize| 1.0 - (std::f64::consts::TAU * i as f64 / count as f64).cos();
+    let windowed: Vec<f64> = values.iter().enumerate().map(|(i, value)| (value - mean) * window(i)).collect();
+    let lines = amplitude_spectrum(&windowed).into_iter().take(count / 2).enumerate();
+    lines.map(|(k, line)| [k as f64 / (count as f64 * stride_s), line.norm()]).collect()
 }
 
 /// The largest line of `spectrum` from `from_hz` to `to_hz`.
