@@ -265,9 +265,17 @@ def tells(run, pulse, fault):
         return played_wrongly(run, pulse) >= TELLING_SHARE
     if fault.group == "coils":
         return True
+    if fault.group == "accel" and moves_nothing(run, pulse):
+        return False
     number = int(fault.component[-1])
     share = channel_share(run, pulse, number) if fault.group == "accel" else drive_share(pulse, number)
     return share >= TELLING_SHARE
+
+
+def moves_nothing(run, pulse):
+    """True for a pulse within which no coil moves the plate: no accelerometer shows anything then."""
+    still = (fault for fault in run.fired() if fault.name in ("coils stuck", "coils dead"))
+    return any(fault.from_s < pulse.end_s and pulse.start_s < fault.to_s for fault in still)
 
 
 def drive_share(pulse, coil):

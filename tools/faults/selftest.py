@@ -242,6 +242,8 @@ class Detection(unittest.TestCase):
         # centre and spin cancel where the first accelerometer is, along y
         still.counts = lambda cycle: [[[-16.0, 0.0]], [[-16.0, 0.0]], [[300.0, 0.0]], [[0.0, 0.0]]]
         self.assertEqual(still.rules(), [])
+        held = Folder("accel0:flip@0,coils:stuck@0.05").judged()[1]
+        self.assertFalse(any("accel0" in violation.text for violation in held), "a plate that is held shows nothing")
 
     def test_notice_measures_against_the_bar(self):
         def noticed(folder):
