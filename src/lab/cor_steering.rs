@@ -18,7 +18,7 @@ struct Row {
     /// Amplitudes X1, X2, Y1, Y2 in units of 128 as sent.
     amplitudes: [i32; 4],
     /// Centre of rotation that the paper read, in; its columns stand for y and x of Eq. 15. It prints magnitudes: these
-    /// signs are the ones with which its table's steps come out, but for row e's along y, 0.04 where it prints 0.02.
+    /// signs are the ones that give its table's steps, except row e's along y: 0.04 where it prints 0.02.
     read_in: [f64; 2],
 }
 

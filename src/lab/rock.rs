@@ -186,7 +186,7 @@ fn orbit_figures(rock: &Rock, drive: &Square, wave: &Wave) -> Vec<Figure> {
     ]
 }
 
-/// What becomes of the block as it is let go.
+/// Peaks, end and contact forces of the block's motion.
 fn fate_figures(rock: &Rock, motion: &Motion) -> Vec<Figure> {
     let alone = |name: &str, unit: &str, value: f64, source: &str| Figure::alone(name, unit, value, source);
     let peak = |i: usize| motion.peaks.get(i).map_or(f64::NAN, |peak| peak[1] / rock.peak_rad);

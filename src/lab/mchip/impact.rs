@@ -266,7 +266,7 @@ mod tests {
         };
         let integrated = meeting.impulse(&surface(1.0));
         let algebraic = meeting.impulse(&Surface { law: ImpactLaw::Algebraic, ..surface(1.0) });
-        // forward in compression, backward in restitution: (1 - q)/(1 + q), q being e but for the turn that friction gives
+        // forward in compression, backward in restitution: (1 - q)/(1 + q), with q near e, corrected for the turn by friction
         let turn: f64 = 1.7e-5 / 1.4e-4;
         let q = 0.5 * ((1.0 + turn) / (1.0 - turn)).sqrt();
         assert!((integrated.x / integrated.z - (1.0 - q) / (1.0 + q)).abs() < 0.03, "{integrated}");

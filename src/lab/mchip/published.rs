@@ -140,7 +140,7 @@ fn impacts(summaries: &[Summary], how: &str) -> Vec<Figure> {
     ]
 }
 
-/// What a shorter duty does to the contacts.
+/// Contacts at a shorter duty, beside the paper's.
 fn short_duty(plain: &[Summary], strobed: &[Summary]) -> Vec<Figure> {
     let doubles = |summaries: &[Summary]| mean(summaries, |summary| summary.clusters[0].share);
     let backward = of_cluster(plain, 2, |of| of.backward);

@@ -15,7 +15,7 @@ const LEAST_RISE_M: f64 = 3e-5;
 /// Drive cycles before the part is dropped: the free oscillation has settled by then.
 const WARM_UP_CYCLES: f64 = 20.0;
 
-/// What a run is made of.
+/// Device, drive, part, impact law and steps of a run.
 #[derive(Clone, Debug)]
 pub struct Setup {
     /// The array.

@@ -64,7 +64,7 @@ impl Cycle {
         Some(Square { up_mps2, down_mps2, from_s, to_s, period_s })
     }
 
-    /// The wave that topples the block: downward at `down_mps2` but for the interval that ends before the impact. It lasts
+    /// The wave that topples the block: downward at `down_mps2`, except in an interval that ends before the impact. It lasts
     /// until the block is beyond its balance. `None` where no acceleration suffices.
     pub fn kick(&self, down_mps2: f64) -> Option<Square> {
         let (block, low_mps2) = (self.block, GRAVITY_MPS2 - down_mps2);

@@ -19,7 +19,7 @@ pub struct Wave {
     pub stretches: Vec<Stretch>,
 }
 
-/// Rectangular wave: downward but for one interval.
+/// Rectangular wave of acceleration: upward in one interval of the period, downward in the rest (Fig. 4).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Square {
     /// Acceleration upward, `A_X1`, m/s².

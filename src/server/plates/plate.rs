@@ -102,7 +102,7 @@ impl Plate {
             return Err(ResetFault::StillStopping);
         }
         shared.ledger.write_act(self.told("reset", who.clone())).map_err(ResetFault::Unwritten)?;
-        // asked after the wait for the disk: whoever got no answer takes the plate for stopped
+        // asked after the wait for the disk: a client without an answer assumes that the plate is still stopped
         let released = if is_awaited() { self.release(held) } else { Err(ResetFault::NotAwaited) };
         if released.is_err() {
             self.audit("reset refused", who);

@@ -121,8 +121,8 @@ pub enum ResetFault {
     /// A stop came that is not the one to be taken back.
     #[error("the plate was stopped again")]
     StoppedAgain,
-    /// Whoever asked for it has stopped waiting for the answer.
-    #[error("nobody waits for this reset any more")]
+    /// The client no longer waits for the answer.
+    #[error("the client no longer waits for this reset")]
     NotAwaited,
     /// The audit log does not take it.
     #[error("a reset that is not written down does not take place: {0}")]
