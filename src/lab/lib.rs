@@ -10,6 +10,7 @@ mod feeder;
 mod force_curve;
 mod force_sign;
 mod general_wave;
+mod line;
 mod mchip;
 mod outcome;
 mod pulse_law;

@@ -3,6 +3,7 @@
 
 use super::{LabFault, LabRig, ROWS, Row, compares_with_paper, kappa_m, read_rows};
 use crate::Figure;
+use crate::line::line_through;
 use upm_core::geometry::Vec2;
 use upm_core::units::INCH_M;
 
@@ -14,11 +15,8 @@ const SUM: f64 = 4.0;
 /// Steps of centres at one row each along y and x over a step of `X1 - X2` and of `Y2 - Y1`, by least squares.
 fn steps(centers: &[Vec2]) -> [f64; 2] {
     let slope = |of: &dyn Fn(&Row) -> f64, at: &dyn Fn(&Vec2) -> f64| {
-        let pairs = || ROWS.iter().zip(centers).map(|(row, center)| (of(row), at(center)));
-        let count = ROWS.len() as f64;
-        let (x, y) = (pairs().map(|pair| pair.0).sum::<f64>() / count, pairs().map(|pair| pair.1).sum::<f64>() / count);
-        let squares = pairs().map(|pair| (pair.0 - x).powi(2)).sum::<f64>();
-        STEP * pairs().map(|pair| (pair.0 - x) * (pair.1 - y)).sum::<f64>() / squares
+        let points: Vec<[f64; 2]> = ROWS.iter().zip(centers).map(|(row, center)| [of(row), at(center)]).collect();
+        STEP * line_through(&points)[1]
     };
     let [along_y, along_x]: [&dyn Fn(&Row) -> f64; 2] =
         [&|row| f64::from(row.amplitudes[0] - row.amplitudes[1]), &|row| {

@@ -8,6 +8,7 @@ use super::part::Sliding;
 use super::plate::PlateCycle;
 use super::{DYN_N, Feeder};
 use crate::coulomb_pump;
+use crate::line::line_through;
 use crate::pumped::{PUMP, PumpedLine};
 use crate::sweep::{Progress, Sheet, parallel};
 use crate::{Figure, LabFault, LabRig, Outcome, Series};
@@ -142,16 +143,6 @@ fn rate_against_force(duty: f64, progress: Progress<'_>, outcome: &mut Outcome) 
     outcome.series.push(Series::new(&format!("force_dyn_{label}"), points.iter().map(|at| at[1])));
     outcome.series.push(Series::new(&format!("forced_rate_cm_s_{label}"), points.iter().map(|at| at[0])));
     outcome.charts.push(force_chart(duty, &points, [intercept, slope]));
-}
-
-/// Intercept and slope of the least-squares line through `points`.
-fn line_through(points: &[[f64; 2]]) -> [f64; 2] {
-    let count = points.len() as f64;
-    let mean = |axis: usize| points.iter().map(|at| at[axis]).sum::<f64>() / count;
-    let (x, y) = (mean(0), mean(1));
-    let slope = points.iter().map(|at| (at[0] - x) * (at[1] - y)).sum::<f64>()
-        / points.iter().map(|at| (at[0] - x).powi(2)).sum::<f64>();
-    [y - slope * x, slope]
 }
 
 /// The paper's wave at two duties and the pump's two harmonics, all of one acceleration and period.

@@ -216,18 +216,6 @@ pub fn strongest_line(spectrum: &[[f64; 2]], from_hz: f64, to_hz: f64) -> [f64; 
     inside.fold([f64::NAN, 0.0], |best, line| if line[1] > best[1] { *line } else { best })
 }
 
-/// Slope and intercept of the least-squares line through `points`.
-pub fn line(points: &[[f64; 2]]) -> [f64; 2] {
-    let count = points.len() as f64;
-    let middle = points.iter().fold([0.0; 2], |sum, point| [sum[0] + point[0] / count, sum[1] + point[1] / count]);
-    let (mut across, mut square) = (0.0, 0.0);
-    for point in points {
-        across += (point[0] - middle[0]) * (point[1] - middle[1]);
-        square += (point[0] - middle[0]).powi(2);
-    }
-    [across / square, middle[1] - across / square * middle[0]]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -238,11 +226,5 @@ mod tests {
             (0..5_000).map(|i| 3.0 + 0.7 * (std::f64::consts::TAU * 360.0 * 2e-5 * f64::from(i)).sin()).collect();
         let [hz, amplitude] = strongest_line(&spectrum(&values, 2e-5), 100.0, 2_000.0);
         assert!((hz - 360.0).abs() < 1e-6 && (amplitude - 0.7).abs() < 1e-3, "{hz} {amplitude}");
-    }
-
-    #[test]
-    fn line_through_points_on_a_line_is_that_line() {
-        let [slope, intercept] = line(&[[0.0, 1.0], [1.0, 3.0], [4.0, 9.0]]);
-        assert!((slope - 2.0).abs() < 1e-12 && (intercept - 1.0).abs() < 1e-12);
     }
 }

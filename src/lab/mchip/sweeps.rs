@@ -8,8 +8,8 @@ use super::belt::Belt;
 use super::bounce::ride;
 use super::device::Device;
 use super::drive::Drive;
-use super::measures::line;
 use super::run::Setup;
+use crate::line::line_through;
 use crate::{Figure, Outcome, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
@@ -113,7 +113,7 @@ impl Sweeps {
     /// Slope of the rate over the force, and the force that stops the part, beside the closed form of single bounces.
     fn force<'a>(&self, rates: &[f64], of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
         let points: Vec<[f64; 2]> = FORCES_DYN.iter().zip(rates).map(|(&force, &rate)| [force, rate]).collect();
-        let [slope, intercept] = line(&points);
+        let [intercept, slope] = line_through(&points);
         let setup = Setup::published(Drive { duty: SHORT_DUTY, ..Drive::plain() });
         let height_m = self.forces.first().map_or(f64::NAN, |range| mean(of(range), |summary| summary.height_m.mean));
         // the number of ridges under the part does not enter the force
@@ -141,7 +141,7 @@ fn at_peak(values: &[f64], curve: &[f64]) -> f64 {
 /// Spring on which the part would sink by its weight as it does.
 fn spring(name: &str, heights_um: &[f64]) -> Figure {
     let points: Vec<[f64; 2]> = MASSES_UG.iter().zip(heights_um).map(|(&mass, &height)| [mass, height]).collect();
-    let [slope, _] = line(&points);
+    let [_, slope] = line_through(&points);
     // N/m of µg over µm
     let stiffness = -1e-9 * GRAVITY_MPS2 / (1e-6 * slope);
     Figure::against(name, "dyn/cm", 1e3 * stiffness, 294.0, "Impulse paper; its text's kdyn is a slip")

@@ -1,0 +1,22 @@
+//! Straight lines through the points of a sweep.
+
+/// Intercept and slope of the least-squares line through `points`; NaN where all have one x.
+pub(super) fn line_through(points: &[[f64; 2]]) -> [f64; 2] {
+    let count = points.len() as f64;
+    let mean = |axis: usize| points.iter().map(|at| at[axis]).sum::<f64>() / count;
+    let (x, y) = (mean(0), mean(1));
+    let slope = points.iter().map(|at| (at[0] - x) * (at[1] - y)).sum::<f64>()
+        / points.iter().map(|at| (at[0] - x).powi(2)).sum::<f64>();
+    [y - slope * x, slope]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn line_through_points_on_a_line_is_that_line() {
+        let [intercept, slope] = line_through(&[[0.0, 1.0], [1.0, 3.0], [4.0, 9.0]]);
+        assert!((slope - 2.0).abs() < 1e-12 && (intercept - 1.0).abs() < 1e-12);
+    }
+}
