@@ -28,9 +28,10 @@ impl Figure {
         Self { name: name.into(), unit: unit.to_owned(), measured, reference: None, source: source.to_owned() }
     }
 
-    /// How far `measured` is from the reference, as a part of it; `None` where there is none or it is zero.
+    /// How far `measured` is from the reference, as a part of it; `None` where either is missing or the reference is zero.
     pub fn relative_error(&self) -> Option<f64> {
-        self.reference.filter(|&reference| reference != 0.0).map(|reference| (self.measured - reference) / reference)
+        let compared = self.reference.filter(|&reference| reference != 0.0 && !self.measured.is_nan());
+        compared.map(|reference| (self.measured - reference) / reference)
     }
 }
 

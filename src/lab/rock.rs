@@ -190,13 +190,17 @@ fn orbit_figures(rock: &Rock, drive: &Square, wave: &Wave) -> Vec<Figure> {
 fn fate_figures(rock: &Rock, motion: &Motion) -> Vec<Figure> {
     let alone = |name: &str, unit: &str, value: f64, source: &str| Figure::alone(name, unit, value, source);
     let peak = |i: usize| motion.peaks.get(i).map_or(f64::NAN, |peak| peak[1] / rock.peak_rad);
-    let last = if motion.end == End::Rocks { motion.peaks.last().map_or(f64::NAN, |peak| peak[1]) } else { 0.0 };
+    let last = match motion.end {
+        End::Rocks => motion.peaks.last().map_or(f64::NAN, |peak| peak[1]),
+        End::Flat => 0.0,
+        End::Topples | End::Lifts => f64::NAN,
+    };
     let until = if motion.end == End::Rocks { f64::NAN } else { motion.track.last().map_or(f64::NAN, |at| at[0]) };
     vec![
         alone("first peak", "1", peak(0), "of the steady one"),
         alone("second peak", "1", peak(1), "of the steady one"),
-        alone("last peak", "rad", last, "0: it rocks no more"),
-        alone("time until it lies flat or topples", "s", until, "-: it rocks on"),
+        alone("last peak", "rad", last, "0: it lies flat"),
+        alone("time until it lies flat, topples or lifts", "s", until, "-: it rocks on"),
         alone("least force on the corner", "1", motion.least_contact, "Eq. 3.3b, of the weight"),
         alone("friction that keeps the corner in place", "1", motion.friction, "Eq. 3.3b and along the table"),
     ]

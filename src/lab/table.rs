@@ -25,7 +25,7 @@ impl Figure {
         let places = places(numbers.into_iter().flatten());
         let reference = self.reference.map_or("-".to_owned(), |reference| shown(reference, places));
         let error = self.relative_error().map(|error| unsigned_zero(format!("{:+.2}", 100.0 * error)));
-        let measured = shown(self.measured, places);
+        let measured = if self.measured.is_nan() { "-".to_owned() } else { shown(self.measured, places) };
         let error = error.unwrap_or("-".to_owned());
         [self.name.clone(), measured, reference, self.unit.clone(), error, self.source.clone()]
     }
@@ -89,7 +89,7 @@ mod tests {
             (0.000_123_4, "1.234e-4"),
             (0.012_344, "0.01234"),
             (3.2e12, "3.200e12"),
-            (f64::NAN, "NaN"),
+            (f64::NAN, "-"),
             (f64::INFINITY, "inf"),
         ] {
             assert_eq!(cells(value, None)[0], text);
