@@ -19,7 +19,7 @@ use upm_core::signal::Frame;
 use upm_core::time::{Clock, PlateTime};
 use upm_perception::vision::{CoinFinder, Stages, Table, TableFault, Track, Tracker, locate_table_in_stages};
 
-/// Looks at an empty-handed rig before the table counts as missing.
+/// Looks for the table at rest, once it was found, before it counts as missing.
 const TABLE_LOOKS: usize = 5;
 /// Frames without sight before the motors are silenced and it is said, at least, and at most this long, s.
 const BLIND_FRAMES: f64 = 3.0;
@@ -101,7 +101,7 @@ pub struct Eyes {
 }
 
 impl Eyes {
-    /// Captures frames until the table is found, finds the parts and names them.
+    /// Captures frames until the table is found, for as long as a hand or the dark may hide it, finds the parts and names them.
     #[allow(clippy::too_many_arguments)] // what a rig is, and what a run tells and obeys
     pub fn open(
         rig: &mut dyn Rig,
@@ -354,7 +354,8 @@ fn find_table(
     let mut last: Option<TableFault> = None;
     let mut stages = Stages::default();
     let mut conditions = Conditions::default();
-    for _ in 0..TABLE_LOOKS {
+    let since = rig.now();
+    while last.is_none() || rig.now().secs_since(since) < HAND_S {
         check_stop(stop)?;
         rig.capture(frame)?;
         let started = clock.elapsed();
@@ -372,5 +373,5 @@ fn find_table(
         conditions.end_cycle(frame.exposed_at, sink);
     }
     let why = last.map_or_else(String::new, |fault| format!(": {fault}"));
-    Err(Ending::guarded(Condition::TableMissing, format!("no table found in {TABLE_LOOKS} frames{why}")))
+    Err(Ending::guarded(Condition::TableMissing, format!("no table found in {HAND_S:.0} s{why}")))
 }

@@ -220,6 +220,7 @@ def report(verdicts, wall_s, runner, options):
     print_matrix(verdicts)
     print_by_kind(verdicts)
     print_needless(verdicts)
+    print_unexplained(verdicts)
     refused = print_refused(verdicts)
     count = len(verdicts) - refused
     bound = upper_bound(len(bad), count)
@@ -280,6 +281,13 @@ def print_needless(verdicts):
     print(f"\nharmless faults only: {len(mild)} runs, {len(needless)} needless stops")
     for verdict in needless:
         print(f"  seed {verdict.case.seed}  {verdict.stop or verdict.told}: {vocabulary.as_text(verdict.case.faults)}")
+
+
+def print_unexplained(verdicts):
+    """Runs that did not complete though no fault began in them."""
+    for verdict in verdicts:
+        if not verdict.begun and verdict.outcome not in ("completed", "refused"):
+            print(f"no fault began, and not completed: seed {verdict.case.seed}  {verdict.stop or verdict.told}")
 
 
 def print_refused(verdicts):

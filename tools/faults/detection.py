@@ -13,6 +13,8 @@ TELLING_SHARE, TELLING_DRIVE = 0.25, 0.05
 # frames in which a knock lies before a run may not complete without noticing it
 SEEN_FRAMES = 2
 ALIKE_FRAMES = 2
+# in which the lightest damped plate swings out to a tenth: 0.08 at 11 Hz
+BUMP_SWING_S = 0.4
 # by so much the probe moves parts at most when a coil lies, mm
 PROBE_MM = 1.0
 # once motors are silent a plate swings out by 2 mm to either side, with the parts, and carries them on a little, mm
@@ -50,8 +52,9 @@ BARS = {
     "accel dead": Bar(("accelerometer_fault",), pulses=1),
     "accel flip": Bar(("accelerometer_fault",), pulses=1),
     "part glued": Bar(("part_stuck", "part_astray"), cycles=5),
-    "camera dark": Bar(("camera_dark",), DARK_S, at_rest=True),
-    "view hand": Bar(("view_hidden", "camera_dark"), DARK_S, at_rest=True),
+    # before the plate was ever seen nothing tells what hides it
+    "camera dark": Bar(("camera_dark", "table_missing"), DARK_S, at_rest=True),
+    "view hand": Bar(("view_hidden", "camera_dark", "table_missing"), DARK_S, at_rest=True),
     "clock skew": Bar(("camera_stale",), DARK_S),
     "view ghost": Bar(("foreign_part", "part_count"), 0.5, at_rest=True),
 }
@@ -162,10 +165,16 @@ def late(run, fault):
     # equal pulses as far apart as the pictures are late look as if they were in time
     starts_s = [pulse.start_s for pulse in run.pulses]
     alike = {b for a, b in zip(starts_s, starts_s[1:]) if abs((b - a) / run.frame_s - fault.value[0]) <= ALIKE_FRAMES}
-    blind = [pulse for pulse in blind if pulse.start_s not in alike]
+    blind = [pulse for pulse in blind if pulse.start_s not in alike and not was_bumped(run, pulse)]
     if len(blind) > LATE_PULSES:
         start_s = blind[LATE_PULSES].start_s
         yield "O2", f"{fault}: pulse {LATE_PULSES + 1} since the fault starts at {start_s:.3f} s, bar {LATE_PULSES} pulses"
+
+
+def was_bumped(run, pulse):
+    """True for a pulse in which the plate swings from a bump, farther than most pulses drive it."""
+    bumps_s = [fault.from_s for fault in run.fired() if fault.name == "plate bumped"]
+    return any(pulse.start_s - BUMP_SWING_S < at_s < pulse.end_s for at_s in bumps_s)
 
 
 def was_cut_short(run, pulse):

@@ -197,6 +197,8 @@ class Detection(unittest.TestCase):
     def test_late_pictures_are_noticed_within_three_pulses(self):
         self.assertEqual(Folder("camera:late=4@0").rules(), ["O2"])
         self.assertEqual(Folder("camera:late=2@0").rules(), [])
+        self.assertEqual(Folder("camera:late=4@0.9").rules(), ["O2"])
+        self.assertEqual(Folder("camera:late=4@0.9,plate:bumped=2;1@1.4").rules(), [], "a plate that was pushed")
         self.assertEqual(Folder("camera:late=4@0").guard("camera_late", 1.1, stops=True).rules(), [])
 
     def test_second_pulse_with_a_lying_coil_breaks_the_bar(self):

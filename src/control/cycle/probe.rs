@@ -6,6 +6,7 @@ use crate::PulseFacts;
 use crate::conditions::Condition;
 use crate::ending::{Ending, is_stop};
 use crate::eyes::Moment;
+use crate::guards::Finding;
 use upm_perception::estimation::{ExpectedMotion, FitFault, PlateFit, fit_wave};
 use upm_planner::{FieldPulse, PlannedPulse};
 
@@ -23,6 +24,11 @@ impl Cycle<'_> {
             let fit = self.play_probe(&expected)?;
             if !self.eyes.invalidates_plan() {
                 return self.judge_probe(&expected, &fit);
+            }
+            if !self.eyes.silenced_pulse() {
+                // what the camera saw of the swing is gone, what coils and channels did is not
+                let found = self.read_probe(&expected, &fit).filter(|found| found.condition != Condition::MotionOff);
+                self.report(found)?;
             }
             self.look_at_rest()?;
         }
@@ -54,9 +60,13 @@ impl Cycle<'_> {
         followed.map(|()| fit)
     }
 
-    fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> Result<(), Ending> {
+    fn read_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> Option<Finding> {
         let sensors = self.sensors();
-        let found = self.motion.check(expected, &self.reading(fit, &sensors, None));
+        self.motion.check(expected, &self.reading(fit, &sensors, None))
+    }
+
+    fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> Result<(), Ending> {
+        let found = self.read_probe(expected, fit);
         let is_as_planned = self.report(found)?;
         if is_as_planned && !self.eyes.has_changed() && self.params.guards.has_code("camera_still") {
             let reason = "no picture differs from the first, and the plate was shaken".to_owned();

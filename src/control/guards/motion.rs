@@ -94,8 +94,9 @@ impl MotionGuard {
         if is_unread && (saw_it_go || shows_drive) {
             (self.doubts_sensors, self.contradicted) = (true, true);
         }
-        // a pulse too small to tell is judged as the last one that told
-        let is_sensors = saw_it_all || (as_forecast.is_none() && self.contradicted);
+        // a pulse too small to tell by its parts is judged by the plate's swing, or as the last one that told
+        let is_as_known = as_forecast.is_none() && (self.contradicted || self.doubts_sensors && shows_drive);
+        let is_sensors = saw_it_all || is_as_known;
         self.doubts_sensors |= matches!(verdict, MotionVerdict::Channel { .. } | MotionVerdict::Channels);
         let found = |condition, reason: String, ends| Some(Finding { condition, reason, ends });
         let percent = 100.0 * off;
@@ -132,7 +133,7 @@ impl MotionGuard {
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
             }
             MotionVerdict::Other if is_sensors && off > FAR_OFF => {
-                self.contradicted = true;
+                (self.doubts_sensors, self.contradicted) = (true, true);
                 let reason =
                     format!("the accelerometers read a motion {percent:.0} % off the plan, the parts went as forecast");
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
@@ -178,6 +179,11 @@ mod tests {
         doubting.finding(MotionVerdict::Channels, 0.9, None, false);
         let known = doubting.finding(MotionVerdict::Other, 0.5, Some(true), false);
         assert_eq!(known.map(|finding| finding.ends), Some(false), "the accelerometers are known to be at fault");
+        let mut swinging = MotionGuard::default();
+        let by_swing = |guard: &mut MotionGuard| guard.finding(MotionVerdict::Other, 0.5, None, true);
+        assert_eq!(by_swing(&mut swinging.clone()).map(|finding| finding.ends), Some(true), "nothing was known before");
+        swinging.finding(MotionVerdict::Channel { channel: 3, kind: ChannelFault::Dead }, 0.5, None, true);
+        assert_eq!(by_swing(&mut swinging).map(|finding| finding.ends), Some(false), "a second accelerometer");
         let mut small = |seen| doubting.finding(MotionVerdict::Other, 0.5, seen, false).map(|finding| finding.ends);
         assert_eq!([small(None), small(Some(false))], [Some(false), Some(true)], "a small pulse is judged as the last");
         assert_eq!([false, true].map(|strong| ends(unread(strong), 0.0, None)), [None, Some(true)]);

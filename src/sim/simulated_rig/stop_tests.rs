@@ -100,12 +100,13 @@ fn an_emergency_stop_goes_before_the_lease() {
 #[test]
 fn another_thread_stops_a_pulse_that_is_being_captured() {
     let (mut rig, interlock) = sounding();
-    let fault = std::thread::scope(|scope| {
+    let (fault, tripped_by) = std::thread::scope(|scope| {
         let presser = scope.spawn(|| {
             while interlock.now() < PlateTime::from_secs(0.03) {
                 std::thread::yield_now();
             }
-            interlock.trip(Trip::EStop)
+            assert!(interlock.trip(Trip::EStop));
+            interlock.now()
         });
         let mut frame = Frame::new(1, 1);
         let fault = loop {
@@ -114,13 +115,15 @@ fn another_thread_stops_a_pulse_that_is_being_captured() {
                 Err(fault) => break fault,
             }
         };
-        assert!(presser.join().unwrap());
-        fault
+        (fault, presser.join().unwrap())
     });
     assert_eq!(fault, RigFault::Stopped(Trip::EStop));
     let answer = interlock.answer().unwrap();
     assert!(answer.requested_at.secs() >= 0.03 - STEP_S, "{answer:?}");
-    assert!(answer.silent_at - answer.requested_at <= STEP_S + 1e-12, "{answer:?}");
+    assert!(answer.requested_at <= answer.silent_at, "{answer:?}");
+    // the step under way when the trip was set, and one whose start the other thread had not seen yet; the scheduler
+    // may let any number of steps pass between the request and the trip
+    assert!(answer.silent_at - tripped_by <= 2.0 * STEP_S + 1e-12, "{answer:?} {tripped_by:?}");
     assert_eq!(rig.plant.motors().wrench(), Wrench::default());
 }
 
