@@ -104,6 +104,8 @@ def knocked(run, fault):
     if not run.localised or moved_px(run, fault) <= KNOCKED_PX:
         return
     first_s = run.localised[0]["at_s"]
+    if fault.to_s <= first_s:
+        return
     # knocked before the first look, the camera is knocked again at the fault's end
     begin_s, end_s = (fault.to_s, FOR_GOOD) if fault.from_s <= first_s else (fault.from_s, fault.to_s)
     last_s = run.end_s - SEEN_FRAMES * run.frame_s

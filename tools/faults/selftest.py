@@ -185,6 +185,8 @@ class Detection(unittest.TestCase):
         self.assertEqual(Folder("camera:shift=3;0@0.7").guard("camera_moved", 0.9).rules(), [], "sees truly again")
         self.assertEqual(Folder("camera:shift=3;0@2.95").rules(), ["O2"], "completed without noticing it")
         self.assertEqual(Folder("camera:shift=3;0@3.01").rules(), [], "too late for two frames")
+        self.assertEqual(Folder("camera:shift=3;0@0-0.016667").rules(), [], "over before the first look")
+        self.assertEqual(Folder("camera:shift=3;0@0-0.02").rules(), ["O2"], "over after the first look")
         self.assertEqual(Folder("camera:shift=0.5;0.5@0.7").rules(), [])
         folder.job["faults"] = [Fault.parse("camera:shift=3;0@0-0.7").row()]
         self.assertEqual(folder.rules(), ["O2"], "back where it was, from the end of the fault on")
