@@ -9,7 +9,7 @@ mod stillness;
 
 use super::conditions::Condition;
 
-pub(super) use delay::{DelayGuard, Late, Swing};
+pub(super) use delay::{DelayGuard, Late, Swing, SwingSeen};
 pub(super) use freshness::{Freshness, Stale};
 pub(super) use motion::{CoilResponses, Finding, MotionGuard, PulseReading};
 pub(super) use steps::{StepGuard, Unlike, went_as_forecast};

@@ -136,7 +136,7 @@ impl Cycle<'_> {
         sensors: &'a AccelerometerPair,
         as_forecast: Option<bool>,
     ) -> PulseReading<'a> {
-        PulseReading { fit, sensors, as_forecast, shows_drive: self.eyes.shows_drive() }
+        PulseReading { fit, sensors, as_forecast, swing: self.eyes.swing_seen() }
     }
 
     /// Reports a finding on a pulse's motion and ends the run if it must; true where the plate moved about as planned.

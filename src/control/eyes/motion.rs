@@ -5,7 +5,7 @@ use super::scene::Blind;
 use crate::Sink;
 use crate::conditions::Condition;
 use crate::ending::Ending;
-use crate::guards::{Late, Stale, Swing};
+use crate::guards::{Late, Stale, Swing, SwingSeen};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
@@ -39,9 +39,9 @@ impl Eyes {
         self.table.mean_px_per_m()
     }
 
-    /// True when the frames of the last pulse show the plate's planned swing.
-    pub fn shows_drive(&self) -> bool {
-        self.delay.shows_drive()
+    /// How the frames of the last pulse show the plate's planned swing.
+    pub fn swing_seen(&self) -> SwingSeen {
+        self.delay.swing_seen()
     }
 
     /// True once after the table was located anew, unless a pulse has begun since.

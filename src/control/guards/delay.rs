@@ -31,6 +31,8 @@ const UNLIKE: f64 = 0.4;
 const UNLIKE_SWING_PX: f64 = 1.0;
 /// Largest share of the squares left over by frames that show the planned swing: a swing a fifth larger leaves this much.
 const AS_DRIVEN: f64 = 0.04;
+/// Share from which on they show another one: a swing by half larger or smaller leaves this much.
+const OTHERWISE: f64 = 0.25;
 /// A plate seen to swing farther than it was driven to by this factor and so many pixels was pushed by something else.
 const PUSHED: f64 = 1.3;
 const PUSHED_PX: f64 = 0.3;
@@ -59,6 +61,17 @@ pub enum Late {
     By(usize),
     /// They contradict the drive, and no delay explains them.
     Unseen,
+}
+
+/// What the frames of a pulse show of the swing that it should make.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SwingSeen {
+    /// That swing.
+    AsDriven,
+    /// Another one.
+    Otherwise,
+    /// Too little to tell.
+    Unclear,
 }
 
 /// How far the corners were from their places in one frame, px.
@@ -150,14 +163,19 @@ impl DelayGuard {
         matches!(self.newest_pulse(), Timing::Late { late: Late::By(_), .. })
     }
 
-    /// True when the frames since the newest pulse began show its planned swing.
-    pub fn shows_drive(&self) -> bool {
-        let Some((begin_s, _)) = self.pulses.back() else { return false };
+    /// How the frames since the newest pulse began show its planned swing.
+    pub fn swing_seen(&self) -> SwingSeen {
+        let Some((begin_s, _)) = self.pulses.back() else { return SwingSeen::Unclear };
         let (first, _) = self.window(*begin_s);
         let told = || self.frames.iter().skip(first).filter(|frame| frame.expected < FARTHEST_PX);
         let expected: f64 = told().filter(|frame| frame.seen.is_some()).map(|frame| frame.expected.powi(2)).sum();
         let left: f64 = told().filter_map(|frame| Some((frame.seen? - frame.expected).powi(2))).sum();
-        expected > LEAST_SWING_PX * LEAST_SWING_PX && left < AS_DRIVEN * expected
+        match left / expected {
+            _ if expected <= LEAST_SWING_PX * LEAST_SWING_PX => SwingSeen::Unclear,
+            share if share < AS_DRIVEN => SwingSeen::AsDriven,
+            share if share > OTHERWISE => SwingSeen::Otherwise,
+            _ => SwingSeen::Unclear,
+        }
     }
 
     /// Ends a pulse. Returns the delay of the frames once it is certain.

@@ -1,3 +1,4 @@
+use super::delay::SwingSeen;
 use crate::conditions::Condition;
 use upm_core::signal::{CHANNEL_NAMES, Drive};
 use upm_library::{CoilResponse, Library};
@@ -58,8 +59,8 @@ pub struct PulseReading<'a> {
     pub sensors: &'a AccelerometerPair,
     /// True when the camera saw most parts go where they should; `None` where it could not tell.
     pub as_forecast: Option<bool>,
-    /// True when the camera saw the plate swing as far as it was driven to.
-    pub shows_drive: bool,
+    /// How the camera saw the plate swing.
+    pub swing: SwingSeen,
 }
 
 /// Compares the measured motion of each pulse with the planned one.
@@ -77,7 +78,7 @@ impl MotionGuard {
     pub fn check(&mut self, expected: &ExpectedMotion<'_>, reading: &PulseReading<'_>) -> Option<Finding> {
         let judged = judge(expected, reading.fit.as_ref(), reading.sensors);
         let off = judged.mismatch.map_or(0.0, |mismatch| mismatch.relative);
-        self.finding(judged.verdict, off, reading.as_forecast, reading.shows_drive)
+        self.finding(judged.verdict, off, reading.as_forecast, reading.swing)
     }
 
     fn finding(
@@ -85,9 +86,9 @@ impl MotionGuard {
         verdict: MotionVerdict,
         off: f64,
         as_forecast: Option<bool>,
-        shows_drive: bool,
+        swing: SwingSeen,
     ) -> Option<Finding> {
-        let saw_it_go = as_forecast == Some(true);
+        let (saw_it_go, shows_drive) = (as_forecast == Some(true), swing == SwingSeen::AsDriven);
         // a pulse that fails half way, or one weak coil of two, still carries parts about where they should go
         let saw_it_all = saw_it_go && (shows_drive || self.doubts_sensors);
         let is_unread = matches!(verdict, MotionVerdict::Unreadable { strong: true });
@@ -96,7 +97,7 @@ impl MotionGuard {
         }
         // a pulse too small to tell by its parts is judged by the plate's swing, or as the last one that told
         let is_as_known = as_forecast.is_none() && (self.contradicted || self.doubts_sensors && shows_drive);
-        let is_sensors = saw_it_all || is_as_known;
+        let is_sensors = (saw_it_all || is_as_known) && swing != SwingSeen::Otherwise;
         self.doubts_sensors |= matches!(verdict, MotionVerdict::Channel { .. } | MotionVerdict::Channels);
         let found = |condition, reason: String, ends| Some(Finding { condition, reason, ends });
         let percent = 100.0 * off;
@@ -160,7 +161,7 @@ mod tests {
     use super::*;
 
     fn ends(verdict: MotionVerdict, off: f64, as_forecast: Option<bool>) -> Option<bool> {
-        MotionGuard::default().finding(verdict, off, as_forecast, false).map(|finding| finding.ends)
+        MotionGuard::default().finding(verdict, off, as_forecast, SwingSeen::Unclear).map(|finding| finding.ends)
     }
 
     #[test]
@@ -173,18 +174,26 @@ mod tests {
         assert_eq!(ends(channel, 0.4, Some(false)), Some(false));
         assert_eq!(ends(MotionVerdict::Swapped { coils: [0, 1] }, 0.9, None), Some(true));
         assert_eq!([None, Some(true)].map(|seen| ends(MotionVerdict::Other, 0.5, seen)), [Some(true); 2]);
-        let seen_to_swing = MotionGuard::default().finding(MotionVerdict::Other, 0.5, Some(true), true);
+        let seen_to_swing = MotionGuard::default().finding(MotionVerdict::Other, 0.5, Some(true), SwingSeen::AsDriven);
         assert_eq!(seen_to_swing.map(|finding| finding.ends), Some(false));
         let mut doubting = MotionGuard::default();
-        doubting.finding(MotionVerdict::Channels, 0.9, None, false);
-        let known = doubting.finding(MotionVerdict::Other, 0.5, Some(true), false);
+        doubting.finding(MotionVerdict::Channels, 0.9, None, SwingSeen::Unclear);
+        let known = doubting.finding(MotionVerdict::Other, 0.5, Some(true), SwingSeen::Unclear);
         assert_eq!(known.map(|finding| finding.ends), Some(false), "the accelerometers are known to be at fault");
         let mut swinging = MotionGuard::default();
-        let by_swing = |guard: &mut MotionGuard| guard.finding(MotionVerdict::Other, 0.5, None, true);
+        let by_swing = |guard: &mut MotionGuard| guard.finding(MotionVerdict::Other, 0.5, None, SwingSeen::AsDriven);
         assert_eq!(by_swing(&mut swinging.clone()).map(|finding| finding.ends), Some(true), "nothing was known before");
-        swinging.finding(MotionVerdict::Channel { channel: 3, kind: ChannelFault::Dead }, 0.5, None, true);
+        swinging.finding(
+            MotionVerdict::Channel { channel: 3, kind: ChannelFault::Dead },
+            0.5,
+            None,
+            SwingSeen::AsDriven,
+        );
         assert_eq!(by_swing(&mut swinging).map(|finding| finding.ends), Some(false), "a second accelerometer");
-        let mut small = |seen| doubting.finding(MotionVerdict::Other, 0.5, seen, false).map(|finding| finding.ends);
+        let swings_otherwise = doubting.clone().finding(MotionVerdict::Other, 0.5, Some(true), SwingSeen::Otherwise);
+        assert_eq!(swings_otherwise.map(|finding| finding.ends), Some(true), "the camera saw another motion, too");
+        let mut small =
+            |seen| doubting.finding(MotionVerdict::Other, 0.5, seen, SwingSeen::Unclear).map(|finding| finding.ends);
         assert_eq!([small(None), small(Some(false))], [Some(false), Some(true)], "a small pulse is judged as the last");
         assert_eq!([false, true].map(|strong| ends(unread(strong), 0.0, None)), [None, Some(true)]);
         assert_eq!(ends(unread(true), 0.0, Some(true)), Some(false));
@@ -194,7 +203,7 @@ mod tests {
     #[test]
     fn motion_a_little_off_is_told_the_second_time_in_a_row() {
         let mut guard = MotionGuard::default();
-        let mut told = |verdict| guard.finding(verdict, 0.1, None, false).is_some();
+        let mut told = |verdict| guard.finding(verdict, 0.1, None, SwingSeen::Unclear).is_some();
         assert!(!told(MotionVerdict::Other) && !told(MotionVerdict::AsPlanned) && !told(MotionVerdict::Other));
         assert!(told(MotionVerdict::Other));
     }
