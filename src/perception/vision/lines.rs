@@ -9,6 +9,10 @@ use upm_core::geometry::{Lens, Vec2};
 const ENDS: f64 = 0.03;
 /// Least share of profiles that must agree.
 const LEAST_AGREEING: f64 = 0.2;
+/// Least step across a side, as a part of that of three quarters of its profiles: at first, and once the side is known.
+/// Beside a hand over part of a side the step is another than beside the ground.
+const FAINT_GROUND: f64 = 0.35;
+const SAME_GROUND: f64 = 0.6;
 /// Least step across a side, levels.
 const FAINTEST: f64 = 4.0;
 
@@ -59,7 +63,8 @@ impl SideLook<'_> {
         let stations = ((to - from).norm() as usize).clamp(40, self.stations.max(40));
         let mut crossings = self.crossings::<N>(from, to, stations);
         let mut contrasts: Vec<f64> = crossings.iter().map(|c| c.contrast).collect();
-        let least = (0.35 * quantile(&mut contrasts, 0.75)).max(FAINTEST);
+        let share = if self.known { SAME_GROUND } else { FAINT_GROUND };
+        let least = (share * quantile(&mut contrasts, 0.75)).max(FAINTEST);
         crossings.retain(|c| c.contrast > least);
         let (offset, slope) = fit(&crossings, stations, self.known)?;
         let (along, inward) = axes(from, to);
