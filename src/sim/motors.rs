@@ -65,7 +65,12 @@ impl Motors {
         for (slow, corner_hz) in self.slow.iter_mut().zip(faults.low_pass_hz) {
             *slow = corner_hz.is_finite().then(|| SlowCoil::new(corner_hz, self.step_s));
         }
-        self.faults = *faults;
+        let was_stuck = std::mem::replace(&mut self.faults, *faults).stuck;
+        if self.drive.is_none() {
+            // the amplifiers are sent zero all the time; while a drive sounds its next sample comes
+            let freed = was_stuck.iter().zip(faults.stuck).map(|(was, is)| *was && !is);
+            self.held_counts.iter_mut().zip(freed).filter(|(_, freed)| *freed).for_each(|(held, _)| *held = 0.0);
+        }
     }
 
     /// Starts `drive` now, in place of any other.
