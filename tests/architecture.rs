@@ -10,7 +10,10 @@ use scan::{Scan, scan};
 
 /// Crates and the rooms in them. A crate whose only room has its name is that room.
 const CRATES: &[(&str, &[&str])] = &[
-    ("core", &["units", "time", "priority", "random", "geometry", "signal", "disc_friction", "ground_truth", "rig"]),
+    (
+        "core",
+        &["units", "time", "priority", "random", "geometry", "signal", "disc_friction", "ground_truth", "job", "rig"],
+    ),
     ("sim", &["sim"]),
     ("scene", &["scene"]),
     ("perception", &["vision", "estimation"]),
@@ -40,6 +43,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("signal", &[]),
     ("disc_friction", &[]),
     ("ground_truth", &[]),
+    ("job", &[]),
     ("rig", &["signal"]),
     ("sim", &["signal", "rig", "disc_friction", "ground_truth"]),
     ("vision", &["signal", "rig::PartKind"]),
@@ -134,7 +138,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("main", &["cli"]),
 ];
 
-const BASE: &[&str] = &["units", "time", "priority", "random", "geometry"];
+const BASE: &[&str] = &["units", "time", "priority", "random", "geometry", "job"];
 
 /// What neither control nor anything it imports may name, tests included.
 const TRUTH: &[&str] = &["sim", "ground_truth"];
@@ -175,9 +179,17 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("std::env", &["src/cli", "src/main"]),
 ];
 
-/// The rooms where data meets the outside; of the library only its file form.
-const SERDE: &[&str] =
-    &["src/recording", "src/library/file", "src/library/raw", "src/runner", "src/cli", "src/server", "src/lab"];
+/// The rooms where data meets the outside; of the library only its file form. The words for jobs are the same there.
+const SERDE: &[&str] = &[
+    "src/core/job",
+    "src/recording",
+    "src/library/file",
+    "src/library/raw",
+    "src/runner",
+    "src/cli",
+    "src/server",
+    "src/lab",
+];
 
 const LONGEST_FILE: usize = 400;
 

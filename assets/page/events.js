@@ -59,7 +59,7 @@ export async function watch(job, signal, on, broken) {
   let pause = SHORTEST_PAUSE_MS;
   const hear = (kind, body) => {
     pause = SHORTEST_PAUSE_MS;
-    over ||= kind === 'finished' || (kind === 'bye' && body.why === 'the job is over');
+    over ||= kind === 'finished' || (kind === 'bye' && body.code === 'job_over');
     on(kind, body);
   };
   const take = (response) => {

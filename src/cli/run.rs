@@ -5,8 +5,9 @@ use super::failure::Failure;
 use super::progress::RunProgress;
 use super::summary::print_summary;
 use super::{INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
+use upm_core::job::Outcome;
 use upm_core::time::MonotonicClock;
-use upm_recording::{Keeping, Outcome, RerunMode, Verdict};
+use upm_recording::{Keeping, RerunMode, Verdict};
 use upm_runner::config::JobSpec;
 use upm_runner::run::{PacingStats, RunError, RunOptions, run as run_job};
 

@@ -1,6 +1,7 @@
 use super::failure::Failure;
 use super::progress::behind;
-use upm_recording::{CycleError, Outcome, PlannerReport, PredictionError, Report, Verdict};
+use upm_core::job::Outcome;
+use upm_recording::{CycleError, PlannerReport, PredictionError, Report, Verdict};
 use upm_runner::config::JobSpec;
 use upm_runner::run::RunResult;
 

@@ -1,6 +1,7 @@
 //! Conditions that last: each is reported once when it begins and once when it ends, with how often it held in between.
 
 use super::{ConditionFacts, Sink};
+use upm_core::job::StopCause;
 use upm_core::time::PlateTime;
 use upm_planner::{Limit, Method, PlanStatus};
 
@@ -82,34 +83,39 @@ impl Condition {
             Self::SolverFails => "solver_fails",
             Self::PartBlocked { .. } => "part_blocked",
             Self::PartSlow { .. } => "part_slow",
-            Self::TableMissing => "table_missing",
-            Self::CameraFrozen => "camera_frozen",
-            Self::CameraStale => "camera_stale",
-            Self::CameraDark => "camera_dark",
-            Self::CameraMoved => "camera_moved",
-            Self::CameraLate => "camera_late",
-            Self::ViewHidden => "view_hidden",
-            Self::ForeignPart => "foreign_part",
-            Self::PartsJumped => "parts_jumped",
-            Self::CoilFault { .. } => "coil_fault",
-            Self::AccelerometerFault { .. } => "accelerometer_fault",
-            Self::MotionOff => "motion_off",
-            Self::PartStuck { .. } => "part_stuck",
-            Self::PartAstray { .. } => "part_astray",
+            guard => guard.stop_cause().map_or("", StopCause::code),
         }
     }
 
     /// True for what a guard finds: rig or scene are not what they should be.
     pub fn is_guard(self) -> bool {
-        !matches!(
-            self,
+        self.stop_cause().is_some()
+    }
+
+    /// The cause of a run's end by this condition; `None` for one that ends no run.
+    pub fn stop_cause(self) -> Option<StopCause> {
+        Some(match self {
+            Self::TableMissing => StopCause::TableMissing,
+            Self::CameraFrozen => StopCause::CameraFrozen,
+            Self::CameraStale => StopCause::CameraStale,
+            Self::CameraDark => StopCause::CameraDark,
+            Self::CameraMoved => StopCause::CameraMoved,
+            Self::CameraLate => StopCause::CameraLate,
+            Self::ViewHidden => StopCause::ViewHidden,
+            Self::ForeignPart => StopCause::ForeignPart,
+            Self::PartsJumped => StopCause::PartsJumped,
+            Self::CoilFault { .. } => StopCause::CoilFault,
+            Self::AccelerometerFault { .. } => StopCause::AccelerometerFault,
+            Self::MotionOff => StopCause::MotionOff,
+            Self::PartStuck { .. } => StopCause::PartStuck,
+            Self::PartAstray { .. } => StopCause::PartAstray,
             Self::StepsMeetEdge
-                | Self::StepsMeetParts
-                | Self::StepsUnreachable
-                | Self::SolverFails
-                | Self::PartBlocked { .. }
-                | Self::PartSlow { .. }
-        )
+            | Self::StepsMeetParts
+            | Self::StepsUnreachable
+            | Self::SolverFails
+            | Self::PartBlocked { .. }
+            | Self::PartSlow { .. } => return None,
+        })
     }
 
     /// The condition that a plan without pulses stands for; `None` for a plan that can be played.
@@ -134,24 +140,7 @@ impl Condition {
             Self::SolverFails => "check the library with `upm check LIBRARY.json`, or take another planner",
             Self::PartBlocked { .. } => "it waits until the others have moved; if they never do, change the targets",
             Self::PartSlow { .. } => "clean the part and the plate under it, or calibrate again if every part is slow",
-            Self::TableMissing => "check light, focus and that the whole plate is in view",
-            Self::CameraFrozen => "check the camera, its cable and its driver; start it again",
-            Self::CameraStale => "check the clock that stamps the frames, and that no frames pile up on their way",
-            Self::CameraDark => "check the light, the lens cap and the cable",
-            Self::CameraMoved => "check that the camera and the plate's frame are tight",
-            Self::CameraLate => "check how many frames the camera's driver buffers",
-            Self::ViewHidden => "keep hands and tools out of the camera's view",
-            Self::ForeignPart => "take it off the plate, or add it to the job",
-            Self::PartsJumped => "check that the picture is not mirrored or turned, and that nobody moves the parts",
-            Self::CoilFault { .. } => {
-                "check the coil, its amplifier and its wires; calibrate again if it was exchanged"
-            }
-            Self::AccelerometerFault { .. } => "check the accelerometer, its cable and its mounting",
-            Self::MotionOff => {
-                "check power and wires of the amplifiers and that nothing touches the plate; calibrate again"
-            }
-            Self::PartStuck { .. } => "check that the part lies flat and free, and clean it",
-            Self::PartAstray { .. } => "check the order of the coils and of the picture's axes; calibrate again",
+            guard => guard.stop_cause().and_then(StopCause::remedy).unwrap_or_default(),
         }
     }
 }

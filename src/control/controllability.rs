@@ -1,7 +1,10 @@
 //! Whether rotations can move the parts of a job independently where they are first seen.
 
-use super::ending::{EndCause, Ending};
+use std::ops::ControlFlow::{Break, Continue};
+
+use super::ending::{Ending, Flow};
 use upm_core::geometry::Vec2;
+use upm_core::job::StopCause;
 use upm_goal::Wanted;
 use upm_library::Library;
 use upm_planner::{Independence, Method};
@@ -18,18 +21,18 @@ pub(super) fn check_controllable<'a>(
     seen_m: &[Vec2],
     wanted: &Wanted,
     id: impl Fn(usize) -> &'a str,
-) -> Result<(), Ending> {
+) -> Flow {
     let by_rotations = match method {
         Method::CorSequence | Method::PseudoInverse => true,
         Method::SynthesizedField => false,
     };
     if !by_rotations || wanted.subgoals_m == seen_m {
-        return Ok(());
+        return Continue(());
     }
     let independence = Independence::of_rotations(library, seen_m);
-    let (share, Some((part, direction))) = (independence.share(), independence.weakest) else { return Ok(()) };
+    let (share, Some((part, direction))) = (independence.share(), independence.weakest) else { return Continue(()) };
     if share >= LEAST_SHARE {
-        return Ok(());
+        return Continue(());
     }
     let direction_deg = direction.y.atan2(direction.x).to_degrees().rem_euclid(180.0);
     let part = id(part);
@@ -37,5 +40,5 @@ pub(super) fn check_controllable<'a>(
         "rotations cannot move the parts independently: {part} towards {direction_deg:.0} deg with {share:.1e} of the best \
          joint motion, at least {LEAST_SHARE:.0e} is needed; calibrate again, take another planner or move fewer parts"
     );
-    Err(Ending::failed_because(EndCause::Uncontrollable, reason))
+    Break(Ending::failed_because(StopCause::Uncontrollable, reason))
 }

@@ -3,20 +3,22 @@ mod play;
 mod probe;
 mod warn;
 
+use std::ops::ControlFlow::{Break, Continue};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::attempts::ways_to_try;
 use super::conditions::Conditions;
 use super::controllability::check_controllable;
-use super::ending::{EndCause, Ending, Outcome, check_stop, is_stop};
+use super::ending::{Ending, Flow, check_stop};
 use super::eyes::{ExpectedPart, Eyes, Moment};
 use super::guards::{CoilResponses, Guards, MotionGuard, StepGuard};
 use super::learning::Gains;
 use super::plans::{FreshPlanner, Plans};
 use super::progress::ProgressWatch;
-use super::{CycleFacts, EventLevel, Sink};
+use super::{CycleFacts, EventLevel, Milestone, MilestoneFacts, Sink};
 use upm_core::geometry::Vec2;
+use upm_core::job::{Outcome, StopCause};
 use upm_core::rig::{PartKind, Rig, RigModel};
 use upm_core::time::{Clock, PlateTime};
 use upm_goal::{Goal, Wanted};
@@ -94,11 +96,16 @@ pub struct Finish {
 /// Runs `goal` to its end. Motors are at zero when this returns, whatever happened.
 pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, params: &ControlParams) -> Finish {
     let Devices { rig, model, sink, clock, stop, give_way } = devices;
-    let opened = FreshPlanner::new(params.method, library, params.planner).plans().and_then(|plans| {
-        Ok((plans, Eyes::open(rig, model, &params.kinds, &params.parts, params.guards.clone(), sink, clock, stop)?))
-    });
-    let finish = match opened {
-        Ok((plans, eyes)) => {
+    let mut open = || {
+        let plans = match FreshPlanner::new(params.method, library, params.planner).plans() {
+            Ok(plans) => plans,
+            Err(ending) => return Break(ending),
+        };
+        let guards = params.guards.clone();
+        Continue((plans, Eyes::open(rig, model, &params.kinds, &params.parts, guards, sink, clock, stop)?))
+    };
+    let finish = match open() {
+        Continue((plans, eyes)) => {
             let gains = Gains::new(params.parts.len(), 0.5 * model.plate_side_m);
             let (rig, sink) = (&mut *rig, &mut *sink);
             let (conditions, wanted, index) = (Conditions::default(), None, 0);
@@ -130,11 +137,13 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
             };
             cycle.until_end()
         }
-        Err(ending) => Finish { ending, ..Finish::default() },
+        Break(ending) => Finish { ending, ..Finish::default() },
     };
     rig.stop();
     let level = if finish.ending.outcome == Outcome::Failed { EventLevel::Error } else { EventLevel::Info };
-    sink.event(rig.now(), level, &finish.ending.reason);
+    let Ending { outcome, cause, reason } = &finish.ending;
+    let milestone = Milestone::RunEnded { outcome: *outcome, cause: *cause };
+    sink.milestone(&MilestoneFacts { at: rig.now(), level, milestone, text: reason });
     finish
 }
 
@@ -176,15 +185,15 @@ impl Cycle<'_> {
         let ending = loop {
             look = match look {
                 // here the last cycle is over, its parts seen at rest
-                Ok(_) if self.give_way.load(Ordering::Relaxed) => {
+                Continue(_) if self.give_way.load(Ordering::Relaxed) => {
                     break Ending::gave_way(self.params.endless && self.is_getting_on());
                 }
-                Ok(observed) => self.once(observed, &mut last_pulse_at),
-                Err(ending) => break ending,
+                Continue(observed) => self.once(observed, &mut last_pulse_at),
+                Break(ending) => break ending,
             };
         };
         // a stopped run ends in the middle: its repetition goes on, and tells of no end there
-        if !is_stop(&ending.reason) {
+        if !ending.is_external() {
             self.conditions.end_run(self.rig.now(), self.sink);
             self.eyes.end_run(self.rig.now(), self.sink);
         }
@@ -193,7 +202,7 @@ impl Cycle<'_> {
     }
 
     /// One cycle from a look at rest to the next, whose positions it returns.
-    fn once(&mut self, observed: Vec<Vec2>, last_pulse_at: &mut PlateTime) -> Result<Vec<Vec2>, Ending> {
+    fn once(&mut self, observed: Vec<Vec2>, last_pulse_at: &mut PlateTime) -> Flow<Vec<Vec2>> {
         if self.eyes.take_relocated() {
             // a mirrored or late picture may look like a knock: the probe tells them apart
             self.check_limits()?;
@@ -243,9 +252,9 @@ impl Cycle<'_> {
             if self.rig.now() - *last_pulse_at > STALLED_S {
                 let held_up = self.watch.held_up_in_words(&wanted, &result, |part| self.id(part));
                 let reason = format!("stalled: no pulse for {STALLED_S} s of plate time; {held_up}");
-                return Err(Ending::failed_because(EndCause::NoProgress, reason));
+                return Break(Ending::failed_because(StopCause::NoProgress, reason));
             }
-            return Ok(result);
+            return Continue(result);
         }
         let cycle_us = (self.clock.elapsed() - started).as_secs_f64() * 1e6;
         self.sink.cycle(&CycleFacts {
@@ -260,19 +269,19 @@ impl Cycle<'_> {
             cycle_us,
         });
         self.index += 1;
-        Ok(result)
+        Continue(result)
     }
 
-    fn check_progress(&mut self, observed: &[Vec2], wanted: &Wanted) -> Result<(), Ending> {
+    fn check_progress(&mut self, observed: &[Vec2], wanted: &Wanted) -> Flow {
         if self.watch.look(wanted, observed, self.played) && self.params.guards.has_code("no_progress") {
-            return Err(self.watch.ending(wanted, observed, self.params.method, |part| self.id(part)));
+            return Break(self.watch.ending(wanted, observed, self.params.method, |part| self.id(part)));
         }
-        Ok(())
+        Continue(())
     }
 
     /// Plans the wanted steps; where they are infeasible, half of them, and half again; then one part at a time, the
     /// one with the longest way first, while the others stay.
-    fn plan(&mut self, observed: &[Vec2], wanted: &Wanted) -> Result<Plan, Ending> {
+    fn plan(&mut self, observed: &[Vec2], wanted: &Wanted) -> Flow<Plan> {
         let whole = self.part_states(observed, wanted);
         let mut stopped_by = String::new();
         for tried in ways_to_try(&whole, self.plans.tries_smaller()) {
@@ -280,7 +289,7 @@ impl Cycle<'_> {
             let plan = self.plans.plan(&tried.parts);
             match &plan.status {
                 PlanStatus::NothingToDo if tried.is_part => continue,
-                PlanStatus::Solved | PlanStatus::NothingToDo => return Ok(plan),
+                PlanStatus::Solved | PlanStatus::NothingToDo => return Continue(plan),
                 PlanStatus::Infeasible(_) | PlanStatus::SolverFailed(_) => stopped_by = self.why_not(&plan.status),
             }
             self.watch.note(&plan.status);
@@ -290,7 +299,7 @@ impl Cycle<'_> {
         }
         let held_up = self.watch.held_up_in_words(wanted, observed, |part| self.id(part));
         let reason = format!("no feasible step in cycle {}, {}: {stopped_by}; {held_up}", self.index, wanted.phase);
-        Err(Ending::failed_because(EndCause::NoFeasibleStep, reason))
+        Break(Ending::failed_because(StopCause::NoFeasibleStep, reason))
     }
 
     fn part_states(&self, observed: &[Vec2], wanted: &Wanted) -> Vec<PartState> {
@@ -318,30 +327,30 @@ impl Cycle<'_> {
         self.params.parts.get(part).map_or("?", |part| part.id.as_str())
     }
 
-    fn check_stop(&self) -> Result<(), Ending> {
+    fn check_stop(&self) -> Flow {
         check_stop(self.stop)
     }
 
     /// Nothing more is played while a part that was not seen for long may be lost.
-    fn look_for_missing(&mut self) -> Result<(), Ending> {
+    fn look_for_missing(&mut self) -> Flow {
         if self.eyes.missing_for() > self.params.lost_after_frames && !self.eyes.silenced_pulse() {
             self.look_at_rest()?;
         }
-        Ok(())
+        Continue(())
     }
 
     /// Looks until a frame taken at rest shows every part; a part that stays away is lost.
-    fn look_at_rest(&mut self) -> Result<Vec<Vec2>, Ending> {
+    fn look_at_rest(&mut self) -> Flow<Vec<Vec2>> {
         loop {
             self.check_stop()?;
             let at_rest = self.eyes.look(self.rig, Moment::Cycle, self.sink, self.clock)?;
             if at_rest && self.eyes.missing_for() == 0 {
-                return Ok(self.eyes.positions_m());
+                return Continue(self.eyes.positions_m());
             }
             self.check_lost()?;
             if at_rest && self.is_part_lost() {
                 // the guard sleeps: the run goes on from where the part was last seen
-                return Ok(self.eyes.positions_m());
+                return Continue(self.eyes.positions_m());
             }
         }
     }

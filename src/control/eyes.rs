@@ -1,23 +1,25 @@
+mod first_look;
 mod motion;
 mod naming;
 mod relocate;
 mod scene;
 
+use std::ops::ControlFlow::{Break, Continue};
 use std::sync::atomic::AtomicBool;
-use std::time::Duration;
 
+use self::first_look::find_table;
 use self::motion::REACH_M;
 use self::naming::name_parts;
 use self::scene::{Blind, Place, Scene};
 use super::conditions::{Condition, Conditions};
-use super::ending::{Ending, check_stop};
+use super::ending::{Ending, Flow, flow};
 use super::guards::{DelayGuard, Guards, StillnessGuard};
 use super::{FrameFacts, LocalisedFacts, Sink};
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::rig::{PartKind, Rig, RigModel};
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, PlateTime};
-use upm_perception::vision::{CoinFinder, Stages, Table, TableFault, Track, Tracker, locate_table_in_stages};
+use upm_perception::vision::{CoinFinder, Table, Track, Tracker};
 
 /// Looks for the table at rest, once it was found, before it counts as missing.
 const TABLE_LOOKS: usize = 5;
@@ -112,7 +114,7 @@ impl Eyes {
         sink: &mut dyn Sink,
         clock: &dyn Clock,
         stop: &AtomicBool,
-    ) -> Result<Self, Ending> {
+    ) -> Flow<Self> {
         let [width, height] = model.frame_size_px;
         let mut frame = Frame::new(width, height);
         let (table, mut stages, started) = find_table(rig, model, &mut frame, sink, clock, stop)?;
@@ -132,7 +134,7 @@ impl Eyes {
         let mut scene = Scene::new(&table, model, kinds);
         scene.see_first(&frame, rig.now());
         let tracker = Tracker::new(&table, model.frame_size_px, kinds, model.dark_parts, detections);
-        Ok(Self {
+        Continue(Self {
             frame,
             table,
             tracker,
@@ -167,14 +169,8 @@ impl Eyes {
     ///
     /// # Errors
     /// The ending of a run that cannot see any more.
-    pub fn look(
-        &mut self,
-        rig: &mut dyn Rig,
-        moment: Moment,
-        sink: &mut dyn Sink,
-        clock: &dyn Clock,
-    ) -> Result<bool, Ending> {
-        rig.capture(&mut self.frame)?;
+    pub fn look(&mut self, rig: &mut dyn Rig, moment: Moment, sink: &mut dyn Sink, clock: &dyn Clock) -> Flow<bool> {
+        flow(rig.capture(&mut self.frame))?;
         let swing_px = self.scene.swing_px(&self.frame);
         if swing_px.is_some_and(|px| px > SWINGS_PX) {
             self.still_from = self.still_from.max((self.frame.exposed_at + QUIET_SWING_S).min(self.still_by));
@@ -223,7 +219,7 @@ impl Eyes {
             self.check_jumps(sink)?;
             self.expected_m = self.positions_m().into_iter().map(|place_m| (place_m, REACH_M)).collect();
         }
-        Ok(is_plain)
+        Continue(is_plain)
     }
 
     /// What a frame at rest shows besides the parts.
@@ -238,7 +234,7 @@ impl Eyes {
     }
 
     /// Waits while nothing can be seen, with motors at zero; for so long and no longer.
-    fn settle_blind(&mut self, blind: Option<Blind>, rig: &mut dyn Rig, sink: &mut dyn Sink) -> Result<(), Ending> {
+    fn settle_blind(&mut self, blind: Option<Blind>, rig: &mut dyn Rig, sink: &mut dyn Sink) -> Flow {
         let now = rig.now();
         let Some(why) = blind else {
             if let Some((_, Blind::Dark | Blind::Hidden)) = self.blind.take() {
@@ -246,7 +242,7 @@ impl Eyes {
                 self.scene.forget_plate(&self.table, &self.frame, &self.kinds, self.dark_parts);
                 self.foreign = 0;
             }
-            return Ok(());
+            return Continue(());
         };
         let (since, _) = *self.blind.get_or_insert((self.frame.exposed_at.min(now), why));
         let for_s = now.secs_since(since);
@@ -261,12 +257,12 @@ impl Eyes {
         };
         if for_s > patience_s {
             let reason = format!("{} for {for_s:.1} s", why.reason());
-            return Err(Ending::guarded(why.condition(), reason));
+            return Break(Ending::guarded(why.condition(), reason));
         }
-        Ok(())
+        Continue(())
     }
 
-    fn settle_foreign(&mut self, sink: &mut dyn Sink) -> Result<(), Ending> {
+    fn settle_foreign(&mut self, sink: &mut dyn Sink) -> Flow {
         let at = self.frame.exposed_at;
         match self.scene.foreign_m().filter(|_| self.foreign >= FOREIGN) {
             Some(at_m) => {
@@ -274,9 +270,9 @@ impl Eyes {
                 let reason =
                     format!("something that is no part of the job lies at ({:.0}, {:.0}) mm", at_mm.x, at_mm.y);
                 self.conditions.note(at, Condition::ForeignPart, || reason.clone(), sink);
-                Err(Ending::guarded(Condition::ForeignPart, reason))
+                Break(Ending::guarded(Condition::ForeignPart, reason))
             }
-            None => Ok(()),
+            None => Continue(()),
         }
     }
 
@@ -341,37 +337,4 @@ impl Eyes {
     pub fn seen_at(&self) -> PlateTime {
         self.frame.exposed_at
     }
-}
-
-fn find_table(
-    rig: &mut dyn Rig,
-    model: &RigModel,
-    frame: &mut Frame,
-    sink: &mut dyn Sink,
-    clock: &dyn Clock,
-    stop: &AtomicBool,
-) -> Result<(Table, Stages, Duration), Ending> {
-    let mut last: Option<TableFault> = None;
-    let mut stages = Stages::default();
-    let mut conditions = Conditions::default();
-    let since = rig.now();
-    while last.is_none() || rig.now().secs_since(since) < HAND_S {
-        check_stop(stop)?;
-        rig.capture(frame)?;
-        let started = clock.elapsed();
-        match locate_table_in_stages(frame, &model.lens, model.plate_side_m, &mut stages) {
-            Ok(table) => {
-                conditions.end_run(frame.exposed_at, sink);
-                return Ok((table, stages, started));
-            }
-            Err(fault) => {
-                let reason = || format!("no table in the camera's frames: {fault}");
-                conditions.note(frame.exposed_at, Condition::TableMissing, reason, sink);
-                last = Some(fault);
-            }
-        }
-        conditions.end_cycle(frame.exposed_at, sink);
-    }
-    let why = last.map_or_else(String::new, |fault| format!(": {fault}"));
-    Err(Ending::guarded(Condition::TableMissing, format!("no table found in {HAND_S:.0} s{why}")))
 }

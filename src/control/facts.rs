@@ -1,5 +1,6 @@
 use super::conditions::{Condition, ConditionChange};
 use upm_core::geometry::Vec2;
+use upm_core::job::{Outcome, RecordingEnd, StopCause};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
 use upm_goal::Wanted;
@@ -123,6 +124,33 @@ pub struct ConditionFacts<'a> {
     pub text: &'a str,
 }
 
+/// The run, or its recording, came to its end.
+#[derive(Clone, Copy, Debug)]
+pub struct MilestoneFacts<'a> {
+    /// Plate time.
+    pub at: PlateTime,
+    /// How loud.
+    pub level: EventLevel,
+    /// Which, for programs.
+    pub milestone: Milestone,
+    /// The same for people.
+    pub text: &'a str,
+}
+
+/// An event that programs tell from others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Milestone {
+    /// The run ended. Of a run that was stopped there may be a second one, with what stopped it.
+    RunEnded {
+        /// How.
+        outcome: Outcome,
+        /// By what; `None` where the outcome says it all.
+        cause: Option<StopCause>,
+    },
+    /// The recording ended before the run did.
+    RecordingEnded(RecordingEnd),
+}
+
 /// How loud an event is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EventLevel {
@@ -148,6 +176,10 @@ pub trait Sink {
     fn cycle(&mut self, _facts: &CycleFacts<'_>) {}
     /// Something worth a line happened.
     fn event(&mut self, _at: PlateTime, _level: EventLevel, _text: &str) {}
+    /// The run, or its recording, came to its end. A sink that does not tell it from others gets it as an event.
+    fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
+        self.event(facts.at, facts.level, facts.text);
+    }
     /// A lasting condition began or ended. A sink that does not tell them apart gets them as warnings.
     fn condition(&mut self, facts: &ConditionFacts<'_>) {
         self.event(facts.at, EventLevel::Warning, facts.text);

@@ -18,10 +18,11 @@ mod rehearsal;
 
 pub use conditions::{Condition, ConditionChange};
 pub use cycle::{ControlParams, Devices, Finish, run};
-pub use ending::{EndCause, Ending, Outcome, STOPPED, is_stop};
+pub use ending::Ending;
 pub use eyes::{ExpectedPart, Eyes, Moment};
 pub use facts::{
-    Carried, ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink,
+    Carried, ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone,
+    MilestoneFacts, PulseFacts, Sink,
 };
 pub use guards::Guards;
 pub use plans::FreshPlanner;

@@ -1,8 +1,9 @@
 //! Net progress of a run: a run that plays pulses and brings no part nearer ends instead of going on to its time limit.
 
 use super::conditions::why_not;
-use super::ending::{EndCause, Ending};
+use super::ending::Ending;
 use upm_core::geometry::Vec2;
+use upm_core::job::StopCause;
 use upm_goal::Wanted;
 use upm_planner::{Limit, Method, PlanStatus};
 
@@ -130,7 +131,7 @@ impl ProgressWatch {
         let limit = self.limit.map(|limit| why_not(&PlanStatus::Infeasible(limit), method, id));
         let limit = limit.map(|limit| format!("; plans were cut short because {limit}")).unwrap_or_default();
         let reason = format!("no progress: less than {percent:.0} % nearer in {cycles} plans; {held_up}{limit}");
-        Ending::failed_because(EndCause::NoProgress, reason)
+        Ending::failed_because(StopCause::NoProgress, reason)
     }
 
     /// For people: the part that is held up, how far from its place and in which direction.
@@ -273,7 +274,7 @@ mod tests {
         let ended = (0..FUTILE_CYCLES).filter(|_| watch.look(&wanted, &seen_m, true)).count();
         assert_eq!(ended, 1, "in the last cycle");
         let ending = watch.ending(&wanted, &seen_m, Method::CorSequence, |part| ["a", "b"][part]);
-        assert_eq!(ending.cause, EndCause::NoProgress);
+        assert_eq!(ending.cause, Some(StopCause::NoProgress));
         let parts =
             ["less than 1 % nearer in 20 plans", "b is 3.00 mm", "towards 90 deg", "b would cross the edge margin"];
         assert!(parts.iter().all(|part| ending.reason.contains(part)), "{}", ending.reason);

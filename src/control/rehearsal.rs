@@ -9,19 +9,21 @@ mod stage;
 mod trail;
 mod work;
 
+use std::ops::ControlFlow::{Break, Continue};
 use std::sync::Arc;
 
 use super::ControlParams;
 use super::attempts::ways_to_try;
 use super::conditions::why_not;
 use super::controllability::check_controllable;
-use super::ending::{EndCause, Ending};
+use super::ending::{Ending, Flow};
 use super::learning::{Gains, Lesson, MORE, Scatter};
 use super::plans::{FreshPlanner, Plans};
 use super::progress::ProgressWatch;
 use stage::Stage;
 use trail::Trail;
 use upm_core::geometry::Vec2;
+use upm_core::job::StopCause;
 use upm_core::random::Streams;
 use upm_core::time::PlateTime;
 use upm_goal::{Goal, Wanted};
@@ -215,7 +217,7 @@ impl Player<'_> {
                 return (Some(Ending::completed(wanted.phase.clone())), wanted);
             }
             if !std::mem::replace(&mut looked, true)
-                && let Err(ending) = self.check_controllable(&wanted)
+                && let Break(ending) = self.check_controllable(&wanted)
             {
                 return (Some(ending), wanted);
             }
@@ -230,17 +232,17 @@ impl Player<'_> {
                 return (Some(self.watch.ending(&wanted, seen_m, method, |part| self.id(part))), wanted);
             }
             let once = self.once(&wanted);
-            played = matches!(once, Ok(true)) && !self.continues;
+            played = matches!(once, Continue(true)) && !self.continues;
             match once {
-                Ok(true) => went_on_at = self.stage.now(),
-                Ok(false) if self.stage.now() - went_on_at > STALLED_S => {
+                Continue(true) => went_on_at = self.stage.now(),
+                Continue(false) if self.stage.now() - went_on_at > STALLED_S => {
                     let held_up = self.held_up(&wanted);
                     let reason =
                         format!("stalled: no pulse for {STALLED_S} s of plate time, {}; {held_up}", wanted.phase);
-                    return (Some(Ending::failed_because(EndCause::NoProgress, reason)), wanted);
+                    return (Some(Ending::failed_because(StopCause::NoProgress, reason)), wanted);
                 }
-                Ok(false) => {}
-                Err(ending) => return (Some(ending), wanted),
+                Continue(false) => {}
+                Break(ending) => return (Some(ending), wanted),
             }
         }
     }
@@ -259,7 +261,7 @@ impl Player<'_> {
     }
 
     /// One cycle from a look to the next; true when it had a pulse.
-    fn once(&mut self, wanted: &Wanted) -> Result<bool, Ending> {
+    fn once(&mut self, wanted: &Wanted) -> Flow<bool> {
         self.check_time()?;
         let plan = self.plan(wanted)?;
         self.continues = plan.continues;
@@ -291,33 +293,33 @@ impl Player<'_> {
         self.stage.look();
         let moved = !plan.pulses.is_empty();
         self.cycles += u64::from(moved);
-        Ok(moved)
+        Continue(moved)
     }
 
-    fn check_controllable(&self, wanted: &Wanted) -> Result<(), Ending> {
+    fn check_controllable(&self, wanted: &Wanted) -> Flow {
         let seen_m = &self.stage.positions_m;
         check_controllable(self.params.method, self.library, seen_m, wanted, |part| self.id(part))
     }
 
-    fn check_time(&self) -> Result<(), Ending> {
+    fn check_time(&self) -> Flow {
         let limit_s = self.params.time_limit_s;
         if self.stage.now().secs() < limit_s {
-            return Ok(());
+            return Continue(());
         }
         let reason = format!("plate time limit of {limit_s} s reached");
-        Err(if self.params.endless { Ending::completed(reason) } else { Ending::failed(reason) })
+        Break(if self.params.endless { Ending::completed(reason) } else { Ending::failed(reason) })
     }
 
-    fn check_on_plate(&self) -> Result<(), Ending> {
+    fn check_on_plate(&self) -> Flow {
         let half_side_m = self.params.planner.half_side_m;
         match self.stage.positions_m.iter().position(|p| p.amax() > half_side_m) {
-            Some(part) => Err(Ending::failed(format!("{} would fall off the plate", self.id(part)))),
-            None => Ok(()),
+            Some(part) => Break(Ending::failed(format!("{} would fall off the plate", self.id(part)))),
+            None => Continue(()),
         }
     }
 
     /// Plans the wanted steps, or what of them can be made, as a run does.
-    fn plan(&mut self, wanted: &Wanted) -> Result<Plan, Ending> {
+    fn plan(&mut self, wanted: &Wanted) -> Flow<Plan> {
         let mut last = String::new();
         let whole = self.part_states(wanted);
         for tried in ways_to_try(&whole, self.plans.tries_smaller()) {
@@ -325,7 +327,7 @@ impl Player<'_> {
             self.work_ms += self.attempt_ms(&plan);
             last = match &plan.status {
                 PlanStatus::NothingToDo if tried.is_part => continue,
-                PlanStatus::Solved | PlanStatus::NothingToDo => return Ok(plan),
+                PlanStatus::Solved | PlanStatus::NothingToDo => return Continue(plan),
                 status => why_not(status, self.params.method, |part| self.id(part)),
             };
             self.note(&last);
@@ -333,7 +335,7 @@ impl Player<'_> {
         }
         let (cycle, phase, held_up) = (self.cycles, &wanted.phase, self.held_up(wanted));
         let reason = format!("no feasible step in cycle {cycle}, {phase}: {last}; {held_up}");
-        Err(Ending::failed_because(EndCause::NoFeasibleStep, reason))
+        Break(Ending::failed_because(StopCause::NoFeasibleStep, reason))
     }
 
     /// For people: the part that is farthest from its place.

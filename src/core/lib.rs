@@ -4,6 +4,7 @@
 pub mod disc_friction;
 pub mod geometry;
 pub mod ground_truth;
+pub mod job;
 pub mod priority;
 pub mod random;
 pub mod rig;

@@ -1,5 +1,6 @@
 use upm_control::{
-    ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink,
+    ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, MilestoneFacts, PulseFacts,
+    Sink,
 };
 use upm_core::time::PlateTime;
 
@@ -43,6 +44,10 @@ impl Sink for Fanout<'_> {
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
         self.0.iter_mut().for_each(|sink| sink.event(at, level, text));
+    }
+
+    fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
+        self.0.iter_mut().for_each(|sink| sink.milestone(facts));
     }
 
     fn condition(&mut self, facts: &ConditionFacts<'_>) {

@@ -1,6 +1,8 @@
+use super::report::RecordingReport;
 use super::switch::RecordingSwitch;
 use upm_control::{
-    ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink,
+    ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts,
+    PulseFacts, Sink,
 };
 use upm_core::time::PlateTime;
 
@@ -20,8 +22,9 @@ impl<'a, F: FnMut(&mut dyn Sink, PlateTime)> Herald<'a, F> {
 
 /// Tells `sinks`, once, when a recording has ended before its run did.
 pub fn tell_recording(recording: &RecordingSwitch, sinks: &mut dyn Sink, at: PlateTime) {
-    if let Some(text) = recording.news() {
-        sinks.event(at, EventLevel::Warning, &text);
+    if let Some(RecordingReport { code, text }) = recording.news() {
+        let milestone = Milestone::RecordingEnded(code);
+        sinks.milestone(&MilestoneFacts { at, level: EventLevel::Warning, milestone, text: &text });
     }
 }
 
@@ -49,6 +52,10 @@ impl<F: FnMut(&mut dyn Sink, PlateTime)> Sink for Herald<'_, F> {
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
         self.sinks.event(at, level, text);
+    }
+
+    fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
+        self.sinks.milestone(facts);
     }
 
     fn condition(&mut self, facts: &ConditionFacts<'_>) {

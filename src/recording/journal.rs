@@ -6,7 +6,9 @@ use std::sync::Arc;
 
 use self::lines::{CycleLine, EventLine, Line, SentLine, UnfinishedLine};
 use self::located::{ConfirmedLine, LocalisedLine};
-use upm_control::{ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, LocalisedFacts, PulseFacts, Sink};
+use upm_control::{
+    ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, LocalisedFacts, MilestoneFacts, PulseFacts, Sink,
+};
 use upm_core::time::PlateTime;
 use upm_library::Library;
 
@@ -15,7 +17,8 @@ use upm_library::Library;
 /// `localised`: table and parts as found from nothing. `confirmed`: the same where they were tracked, and how far they
 /// differ, before a goal counts as reached. `cycle`: what was observed, wanted, planned, sent to the motors, read
 /// back from the accelerometers, predicted and measured. `event`: level and text, of a
-/// lasting condition its code, too, and whether it began or ended. `unfinished_cycle`: pulses sent in a
+/// lasting condition its code, too, and whether it began or ended; of the end of the run its outcome and the code of its
+/// cause, of a recording that ended early a code. `unfinished_cycle`: pulses sent in a
 /// cycle that never ended. Lengths are millimetres to 1e-4, times seconds to 1e-6, counts to 1e-3. Nothing
 /// depends on wall time, so equal seeds give equal bytes.
 ///
@@ -95,6 +98,10 @@ impl<W: Write> Sink for Journal<W> {
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
         self.put(&Line::Event(EventLine::new(at, level, text)));
+    }
+
+    fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
+        self.put(&Line::Event(EventLine::of_milestone(facts)));
     }
 
     fn condition(&mut self, facts: &ConditionFacts<'_>) {

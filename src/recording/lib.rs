@@ -34,14 +34,14 @@ pub use memory::MemorySink;
 pub use motion::Motion;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 pub use report::{
-    CycleError, FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report, SelectedBy,
-    Verdict,
+    CycleError, FaultReport, GuardReport, PartReport, PlannerReport, PredictionError, RecordingReport, Report,
+    SelectedBy, Verdict,
 };
 pub use rerun_mode::{BadRerunMode, RerunMode};
 pub use roomy_file::RoomyFile;
 pub use scribe::{Durable, Scribe, ScribeMode};
 pub use scribe_watch::ScribeWatch;
-pub use stop::{StopCode, StopReport};
-pub use switch::{ENDED_EARLY, OnFull, RecordingState, RecordingSwitch};
+pub use stop::StopReport;
+pub use switch::{OnFull, RecordingState, RecordingSwitch};
 pub use tally::{Deadlines, Ending, PartEnding, Tally};
 pub use timings::{Durations, Quantiles, Timings, TimingsReport};

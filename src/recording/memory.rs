@@ -1,5 +1,5 @@
 use super::records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
-use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, MilestoneFacts, PulseFacts, Sink};
 use upm_core::time::PlateTime;
 
 /// Keeps everything but the pictures, for tests.
@@ -35,6 +35,10 @@ impl Sink for MemorySink {
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
-        self.events.push(EventRecord { at, level, text: text.to_owned() });
+        self.events.push(EventRecord::new(at, level, text));
+    }
+
+    fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
+        self.events.push(facts.into());
     }
 }

@@ -1,4 +1,4 @@
-use upm_control::{CycleFacts, EventLevel, LocalisedFacts, PulseFacts};
+use upm_control::{CycleFacts, EventLevel, LocalisedFacts, Milestone, MilestoneFacts, PulseFacts};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
@@ -112,4 +112,19 @@ pub struct EventRecord {
     pub level: EventLevel,
     /// In words.
     pub text: String,
+    /// What it says of the end of the run or its recording, if anything.
+    pub milestone: Option<Milestone>,
+}
+
+impl EventRecord {
+    /// An event that programs need not tell from others.
+    pub fn new(at: PlateTime, level: EventLevel, text: &str) -> Self {
+        Self { at, level, text: text.to_owned(), milestone: None }
+    }
+}
+
+impl From<&MilestoneFacts<'_>> for EventRecord {
+    fn from(facts: &MilestoneFacts<'_>) -> Self {
+        Self { milestone: Some(facts.milestone), ..Self::new(facts.at, facts.level, facts.text) }
+    }
 }

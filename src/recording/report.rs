@@ -2,29 +2,7 @@ use serde::{Deserialize, Serialize};
 
 use super::stop::StopReport;
 use super::timings::TimingsReport;
-use upm_control as control;
-
-/// How a run ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Outcome {
-    /// The goal was reached.
-    Completed,
-    /// It was not.
-    Failed,
-    /// Somebody stopped it.
-    Cancelled,
-}
-
-impl From<control::Outcome> for Outcome {
-    fn from(outcome: control::Outcome) -> Self {
-        match outcome {
-            control::Outcome::Completed => Self::Completed,
-            control::Outcome::Failed => Self::Failed,
-            control::Outcome::Cancelled => Self::Cancelled,
-        }
-    }
-}
+use upm_core::job::{Outcome, RecordingEnd};
 
 /// `report.json`. Lengths in mm, to 1e-4.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -110,9 +88,33 @@ pub struct Report {
     /// Faults of the simulated rig that began within the run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultReport>,
+    /// How its recording ended, where that does not hold the whole run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recording: Option<RecordingReport>,
     /// What went wrong beside the run itself: a recording that does not hold all of it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
+}
+
+/// The end of a recording that does not hold the whole run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RecordingReport {
+    /// Stable code.
+    pub code: RecordingEnd,
+    /// The same in words.
+    pub text: String,
+}
+
+impl RecordingReport {
+    /// Something could not be recorded.
+    pub fn failed(reason: &str) -> Self {
+        Self { code: RecordingEnd::RecordingFailed, text: format!("the recording ends early: {reason}") }
+    }
+
+    /// Somebody stopped it.
+    pub fn stopped(reason: &str) -> Self {
+        Self { code: RecordingEnd::RecordingStopped, text: format!("the recording ends early: stopped, {reason}") }
+    }
 }
 
 /// What the truth says of an outcome.

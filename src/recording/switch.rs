@@ -2,8 +2,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-/// How an event begins that tells of a recording which ended before its run did, for whatever reason.
-pub const ENDED_EARLY: &str = "the recording ends early: ";
+use super::report::RecordingReport;
 
 /// What happens when a recording cannot be written as fast as the run tells of itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -72,16 +71,16 @@ impl RecordingSwitch {
     }
 
     /// Tells, once, that the recording has ended before the run did.
-    pub fn news(&self) -> Option<String> {
-        let text = self.ended_early()?;
-        (!self.0.told.swap(true, Ordering::AcqRel)).then_some(text)
+    pub fn news(&self) -> Option<RecordingReport> {
+        let end = self.ended_early()?;
+        (!self.0.told.swap(true, Ordering::AcqRel)).then_some(end)
     }
 
-    /// Why the recording does not hold the whole run, where that is so.
-    pub fn ended_early(&self) -> Option<String> {
+    /// How the recording ended, where it does not hold the whole run.
+    pub fn ended_early(&self) -> Option<RecordingReport> {
         match self.0.end.get() {
-            Some(RecordingState::Failed(reason)) => Some(format!("{ENDED_EARLY}{reason}")),
-            Some(RecordingState::Stopped(reason)) => Some(format!("{ENDED_EARLY}stopped, {reason}")),
+            Some(RecordingState::Failed(reason)) => Some(RecordingReport::failed(reason)),
+            Some(RecordingState::Stopped(reason)) => Some(RecordingReport::stopped(reason)),
             _ => None,
         }
     }
@@ -130,7 +129,7 @@ mod tests {
         switch.stop("too late");
         switch.close();
         assert_eq!(switch.state(), RecordingState::Failed("no space".into()));
-        assert_eq!(switch.clone().news().unwrap(), "the recording ends early: no space");
+        assert_eq!(switch.clone().news().unwrap(), RecordingReport::failed("no space"));
         assert_eq!(switch.news(), None);
     }
 
@@ -145,6 +144,6 @@ mod tests {
         stopped.stop("another reason");
         stopped.close();
         assert_eq!(stopped.state(), RecordingState::Stopped("the disk is nearly full".into()));
-        assert_eq!(stopped.news().unwrap(), "the recording ends early: stopped, the disk is nearly full");
+        assert_eq!(stopped.news().unwrap(), RecordingReport::stopped("the disk is nearly full"));
     }
 }

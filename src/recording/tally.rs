@@ -1,15 +1,13 @@
 use std::time::Duration;
 
 use super::lengths::{Lengths, mm, point_mm, rounded};
-use super::report::{
-    CycleError, FaultReport, GuardReport, Outcome, PartReport, PlannerReport, PredictionError, Report,
-};
+use super::report::{CycleError, FaultReport, GuardReport, PartReport, PlannerReport, PredictionError, Report};
 use super::stop::StopReport;
 use super::timings::Timings;
-use upm_control::EndCause;
 use upm_control::{ConditionChange, ConditionFacts, CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
+use upm_core::job::{Outcome, StopCause};
 use upm_core::time::PlateTime;
 
 /// A look and the truth belong together when they are no farther apart than this, s: a part at 0.1 m/s moves 0.1 µm.
@@ -37,7 +35,7 @@ pub struct Tally {
 }
 
 /// How a run ended, as far as a sink cannot know it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Ending {
     /// Name of the job.
     pub name: String,
@@ -49,8 +47,8 @@ pub struct Ending {
     pub outcome: Outcome,
     /// Why, in words.
     pub reason: String,
-    /// The cause that ended it.
-    pub cause: EndCause,
+    /// The cause that ended it; `None` where the outcome says it all.
+    pub cause: Option<StopCause>,
     /// The experiment's own time.
     pub plate_time: PlateTime,
     /// Least plate time by rotations, s; `None` where there is no such figure.
@@ -136,7 +134,7 @@ impl Tally {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             planner: ending.planner,
             outcome: ending.outcome,
-            stop: StopReport::of(ending.cause, &ending.reason),
+            stop: ending.cause.map(|cause| StopReport::of(cause, &ending.reason)),
             reason: ending.reason,
             plate_time_s: rounded(ending.plate_time.secs()),
             bound_s: ending.bound_s.map(rounded),
@@ -170,6 +168,7 @@ impl Tally {
                 .map(|(library, learned)| PredictionError { library, learned }),
             parts,
             timing_us: self.timings.report(),
+            recording: None,
             warnings: Vec::new(),
         }
     }
@@ -249,7 +248,7 @@ mod tests {
             planner: None,
             outcome: Outcome::Completed,
             reason: "all parts in place".into(),
-            cause: EndCause::Run,
+            cause: None,
             plate_time: PlateTime::from_secs(3.25),
             bound_s: Some(1.234_56),
             wall_time_s: 0.5,

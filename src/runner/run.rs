@@ -4,6 +4,7 @@
 mod bench;
 mod calibrate;
 mod coverage;
+mod ending;
 #[cfg(test)]
 mod endless_tests;
 #[cfg(test)]
@@ -41,15 +42,13 @@ use std::sync::atomic::AtomicBool;
 use crate::config::{Fault, JobSpec};
 use upm_control::{self as control, Devices, Ending, Finish, Sink};
 use upm_core::rig::{Interlock, Rig, RigFault};
-use upm_core::time::{Clock, PlateTime};
+use upm_core::time::Clock;
 use upm_library::{Library, LibraryFault};
-use upm_recording::{
-    self as recording, Deadlines, Fanout, FaultReport, Herald, Journal, Keeping, PartEnding, Report, RerunMode, Scribe,
-    Tally, tell_recording,
-};
-use upm_sim::faults::{FaultSpec, Faulty};
+use upm_recording::{Deadlines, Fanout, Herald, Journal, Keeping, Report, RerunMode, Scribe, Tally, tell_recording};
+use upm_sim::faults::Faulty;
 use upm_viewer::{LiveServer, RerunSink, RunContext};
 
+use ending::{ending, unwritten_ending};
 use paced::{Pace, Paced};
 use time_figure::FirstLook;
 use truth_log::TruthLog;
@@ -63,7 +62,7 @@ pub use first_frame::{FirstFrame, FirstFrameError, TruePart, first_frame};
 pub use folder::{FolderState, RunFolder};
 pub use library::{check_job, check_places, job_library, library_faults};
 pub use library_output::{LibraryOutput, LibraryOutputFault};
-pub use links::{Links, StopCause};
+pub use links::{ExternalStop, Links};
 pub use pace_check::{PaceCheck, check_pace};
 pub use pacing::PacingStats;
 pub use planner_selection::{PlannerSelection, SelectionReason};
@@ -161,14 +160,17 @@ pub fn run(
     let bench = Bench::new(job, &library).map_err(RunError::Job)?;
     let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
     let (interlock, give_way) = (Interlock::default(), AtomicBool::new(false));
-    let links = Links { stop, give_way: &give_way, interlock: &interlock, pacing, cause: &|| None };
+    let is_broken = || interlock.tripped().is_some() || options.keeping.journal.fault().is_some();
+    let cause = || (!is_broken()).then(ExternalStop::by_operator);
+    let links = Links { stop, give_way: &give_way, interlock: &interlock, pacing, cause: &cause };
     let Done { result, written } = Session { job, library, folder, options, clock, links }.run(bench, watcher)?;
     written.map(|()| result)
 }
 
 /// Runs `job` with `library`, which fits its rig, to its end and writes `folder`; whoever holds `links` looks on and
 /// stops it. `options` say nothing of the folder here. When this returns the rig is gone and the interlock free. A run whose
-/// `report.json` alone could not be written is none the worse: the report is in the result, with a warning that says so.
+/// journal could not be written ends as failed, unless somebody else stopped it; its report is in the result, and so is that
+/// of a run whose `report.json` alone could not be written, with a warning that says so.
 pub fn run_linked(
     job: &JobSpec,
     library: Arc<Library>,
@@ -260,15 +262,16 @@ impl Session<'_> {
             behind: links.pacing.behind(),
         });
         if let Err(error) = &written {
-            (ending.outcome, ending.reason) = (recording::Outcome::Failed, error.to_string());
+            unwritten_ending(&mut ending, error);
         }
-        let mut report = Report { warnings, ..tally.report(ending) };
+        let recording = options.keeping.recording.ended_early();
+        let mut report = Report { recording, warnings, ..tally.report(ending) };
         report.verdict = verdict(job, &report);
         let reported = folder.write_report(&report);
-        written?;
         report.warnings.extend(reported.as_ref().err().map(ToString::to_string));
         let warnings = report.warnings.clone();
-        Ok(Done { result: RunResult { folder: folder.path().to_owned(), report, warnings }, written: reported })
+        let result = RunResult { folder: folder.path().to_owned(), report, warnings };
+        Ok(Done { result, written: written.and(reported) })
     }
 
     /// Real time where it is wanted.
@@ -312,48 +315,6 @@ fn play(
     }
 }
 
-/// The ending of a run; without a bench of one that never had a plate.
-fn ending(job: &JobSpec, bench: Option<&Bench>, finish: Finish, wall_time_s: f64) -> recording::Ending {
-    let Finish { ending, wanted, measured_m, lost } = finish;
-    let part_ending = |(i, part): (usize, &control::ExpectedPart), bench: &Bench| PartEnding {
-        id: part.id.clone(),
-        kind: bench.params.kinds.get(part.kind).map(|kind| kind.name.clone()).unwrap_or_default(),
-        target_m: wanted.as_ref().and_then(|wanted| wanted.targets_m.get(i).copied()),
-        measured_m: measured_m.get(i).copied(),
-    };
-    let parts = bench.map(|bench| bench.params.parts.iter().enumerate().map(|part| part_ending(part, bench)).collect());
-    recording::Ending {
-        name: job.name.clone(),
-        seed: job.seed(),
-        planner: Some(PlannerSelection::of(job).report()),
-        outcome: ending.outcome.into(),
-        reason: ending.reason,
-        cause: ending.cause,
-        plate_time: bench.map_or(PlateTime::ZERO, Bench::now),
-        bound_s: None,
-        wall_time_s,
-        deadlines: None,
-        laps: wanted.as_ref().map_or(0, |wanted| wanted.laps),
-        lost_parts: lost.len(),
-        parts: parts.unwrap_or_default(),
-        faults: bench.map(faults_within).unwrap_or_default(),
-    }
-}
-
-/// The faults that have begun by now.
-fn faults_within(bench: &Bench) -> Vec<FaultReport> {
-    let now = bench.now();
-    let begun = bench.faults.iter().filter(|fault| fault.from <= now);
-    let report = |fault: &FaultSpec| FaultReport {
-        component: fault.component.name(),
-        kind: fault.kind.name().to_owned(),
-        value: fault.values.iter().copied().take(fault.kind.values().len()).collect(),
-        from_s: fault.from.secs(),
-        to_s: fault.to.map(PlateTime::secs),
-    };
-    begun.map(report).collect()
-}
-
 /// Starts the Rerun recording of a run.
 fn start_recording(
     options: &RunOptions,
@@ -381,7 +342,7 @@ fn finish_recording(sink: RerunSink, options: &RunOptions) -> Option<String> {
     let has_viewer = matches!(options.rerun, RerunMode::Connect { .. } | RerunMode::Spawn);
     let finished = sink.finish();
     match (finished, options.keeping.recording.ended_early()) {
-        (_, Some(reason)) => Some(reason),
+        (_, Some(end)) => Some(end.text),
         (Err(error), None) => Some(error.to_string()),
         (Ok(stats), None) if has_viewer && !stats.viewer_caught_up => {
             Some("the viewer did not take the whole run; the recording in the run folder is whole".into())

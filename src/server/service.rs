@@ -8,9 +8,9 @@ mod api;
 mod http;
 
 pub use api::{
-    AppParts, Asset, Desk, EStopped, Event, Feed, Job, JobState, JobsPage, JobsQuery, Opening, Order, Pace, PauseCause,
-    Picture, Plate, PlateState, Plates, Promise, Recording, RecordingState, Refusal, Replayed, Reply, Requests,
-    ResetRequest, StandingJob, StandingState, Submitted, Traffic, Well, app, kept, openapi, promise,
+    AppParts, Asset, Desk, EStopped, Event, Feed, JOB_OVER, Job, JobState, JobsPage, JobsQuery, Opening, Order, Pace,
+    PauseCause, Picture, Plate, PlateState, Plates, Promise, Recording, RecordingState, Refusal, Replayed, Reply,
+    Requests, ResetRequest, StandingJob, StandingState, Submitted, Traffic, Well, app, kept, openapi, promise,
 };
 pub use http::{
     BodyRoom, Caller, Hosts, Limits, Problem, ProblemDocument, ProblemFault, ProblemKind, Reason, ReasonCode, Scope,

@@ -42,7 +42,7 @@ pub use ages::Clocks;
 pub use handle::Store;
 pub use held::{Displaced, Found, HeldPath};
 pub use ids::JobId;
-pub use ledger::{BY_THE_DAEMON, Claimed, FINISHED, JobEnd, Ledger, NewEvent, Publish, StoredEvent};
+pub use ledger::{Claimed, FINISHED, JobEnd, Ledger, NewEvent, Publish, StoredEvent};
 pub use limits::Limits;
 pub use memory::MemoryLedger;
 pub use open::{Opened, RepairRecording};

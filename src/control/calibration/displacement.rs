@@ -1,10 +1,11 @@
-use crate::Guards;
 use std::f64::consts::{FRAC_PI_4, TAU};
 
 use nalgebra::{DMatrix, DVector};
 
+use super::super::ending::into_result;
 use super::super::eyes::{Eyes, Moment};
 use super::super::facts::Sink;
+use super::super::guards::Guards;
 use super::steering::Motion;
 use super::workbench::Workbench;
 use super::{CalibrationFault, CalibrationParams};
@@ -57,16 +58,9 @@ pub(super) fn measure(
     params: &CalibrationParams,
 ) -> Result<DisplacementModel, CalibrationFault> {
     let (kinds, coins) = (&params.kinds, &params.coins);
-    let mut eyes = Eyes::open(
-        bench.rig,
-        bench.model,
-        kinds,
-        coins,
-        Guards::without("parts_jumped"),
-        &mut Quiet,
-        &StoppedClock,
-        bench.stop,
-    )?;
+    let guards = Guards::without("parts_jumped");
+    let opened = Eyes::open(bench.rig, bench.model, kinds, coins, guards, &mut Quiet, &StoppedClock, bench.stop);
+    let mut eyes = into_result(opened)?;
     let (sustain_s, opening) = choose_sustains(bench, &mut eyes, library, params)?;
     let motions = library.entries.len();
     let mut samples = Vec::new();
@@ -178,7 +172,7 @@ fn pulse(
     bench.rig.play(&if reversed { drive.reversed() } else { drive })?;
     while bench.rig.now() < bench.rig.quiet_at() {
         bench.stop_check()?;
-        eyes.look(bench.rig, Moment::Pulse, &mut Quiet, &StoppedClock)?;
+        into_result(eyes.look(bench.rig, Moment::Pulse, &mut Quiet, &StoppedClock))?;
     }
     let after = look_at_rest(bench, eyes)?;
     let sample = |(a, b): (&Vec2, &Vec2)| {
@@ -193,7 +187,8 @@ fn look_at_rest(bench: &mut Workbench<'_>, eyes: &mut Eyes) -> Result<Vec<Vec2>,
     const LOOKS: usize = 120;
     for _ in 0..LOOKS {
         bench.stop_check()?;
-        if eyes.look(bench.rig, Moment::Cycle, &mut Quiet, &StoppedClock)? && eyes.missing_for() == 0 {
+        let is_at_rest = into_result(eyes.look(bench.rig, Moment::Cycle, &mut Quiet, &StoppedClock))?;
+        if is_at_rest && eyes.missing_for() == 0 {
             return Ok(eyes.positions_m());
         }
     }

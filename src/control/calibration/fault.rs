@@ -1,6 +1,7 @@
 use std::fmt;
 
-use super::super::ending::{Ending, Outcome};
+use super::super::ending::Ending;
+use upm_core::job::Outcome;
 use upm_core::rig::RigFault;
 use upm_core::signal::{CHANNEL_NAMES, Motor};
 use upm_core::units::GRAVITY_MPS2;

@@ -1,28 +1,31 @@
 //! How a run ends: its limits, the second look before its goal counts as reached, lost parts.
 
+use std::ops::ControlFlow::{Break, Continue};
+
 use super::Cycle;
 use crate::conditions::Condition;
-use crate::ending::{EndCause, Ending};
+use crate::ending::{Ending, Flow};
 use upm_core::geometry::Vec2;
+use upm_core::job::StopCause;
 
 /// Times that a goal may seem reached without a second look agreeing.
 const MOST_UNCONFIRMED: u32 = 5;
 
 impl Cycle<'_> {
-    pub(super) fn check_limits(&mut self) -> Result<(), Ending> {
+    pub(super) fn check_limits(&mut self) -> Flow {
         self.check_stop()?;
         let limit_s = self.params.time_limit_s;
         if self.rig.now().secs() >= limit_s && self.params.guards.has_code("time_limit") {
             let reason = format!("plate time limit of {limit_s} s reached");
-            return Err(if !self.params.endless {
-                Ending::failed_because(EndCause::TimeLimit, reason)
+            return Break(if !self.params.endless {
+                Ending::failed_because(StopCause::TimeLimit, reason)
             } else if self.is_getting_on() {
                 self.confirmed(Ending::completed(reason))
             } else {
-                Ending::failed_because(EndCause::NoProgress, format!("{reason} without progress"))
+                Ending::failed_because(StopCause::NoProgress, format!("{reason} without progress"))
             });
         }
-        Ok(())
+        Continue(())
     }
 
     pub(super) fn is_getting_on(&self) -> bool {
@@ -32,34 +35,34 @@ impl Cycle<'_> {
     /// `ending` of a task without an end, if two more looks with the table located anew agree with what was tracked.
     fn confirmed(&mut self, ending: Ending) -> Ending {
         match self.looks_agree() {
-            Ok(true) => ending,
-            Ok(false) => Ending::guarded(
+            Continue(true) => ending,
+            Continue(false) => Ending::guarded(
                 Condition::CameraMoved,
                 format!("{}, and a second look did not agree with what was tracked", ending.reason),
             ),
-            Err(other) => other,
+            Break(other) => other,
         }
     }
 
-    fn looks_agree(&mut self) -> Result<bool, Ending> {
+    fn looks_agree(&mut self) -> Flow<bool> {
         let looks_twice = self.params.guards.has_code("two_looks");
-        Ok(!looks_twice || self.eyes.confirm(self.rig, self.sink, self.clock, self.stop)?)
+        Continue(!looks_twice || self.eyes.confirm(self.rig, self.sink, self.clock, self.stop)?)
     }
 
     /// The goal is reached if two more looks, with the table located anew, say so too; else the run goes on from what they show.
-    pub(super) fn finish(&mut self, reason: String) -> Result<Vec<Vec2>, Ending> {
+    pub(super) fn finish(&mut self, reason: String) -> Flow<Vec<Vec2>> {
         self.check_limits()?;
         if self.looks_agree()? {
             // what parts do while the plate swings out counts, too
             let (at, places_m) = (self.eyes.seen_at(), self.eyes.positions_m());
             if self.goal.next(at, &places_m).done {
-                return Err(Ending::completed(reason));
+                return Break(Ending::completed(reason));
             }
         }
         self.unconfirmed += 1;
         if self.unconfirmed > MOST_UNCONFIRMED {
             let reason = format!("the goal seemed reached {MOST_UNCONFIRMED} times, and a second look did not agree");
-            return Err(Ending::guarded(Condition::CameraMoved, reason));
+            return Break(Ending::guarded(Condition::CameraMoved, reason));
         }
         self.look_at_rest()
     }
@@ -68,8 +71,8 @@ impl Cycle<'_> {
         self.eyes.plainly_missing_for() > self.params.lost_after_frames
     }
 
-    pub(super) fn check_lost(&self) -> Result<(), Ending> {
-        if self.is_part_lost() && self.params.guards.has_code("part_lost") { Err(self.lost()) } else { Ok(()) }
+    pub(super) fn check_lost(&self) -> Flow {
+        if self.is_part_lost() && self.params.guards.has_code("part_lost") { Break(self.lost()) } else { Continue(()) }
     }
 
     fn lost(&self) -> Ending {
@@ -79,6 +82,6 @@ impl Cycle<'_> {
             let place = places.get(part).copied().unwrap_or_default() * 1e3;
             format!("{id} is lost, last seen at ({:.1}, {:.1}) mm", place.x, place.y)
         });
-        Ending::failed_because(EndCause::PartLost, each.collect::<Vec<_>>().join("; "))
+        Ending::failed_because(StopCause::PartLost, each.collect::<Vec<_>>().join("; "))
     }
 }

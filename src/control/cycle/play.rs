@@ -1,13 +1,16 @@
 //! One pulse: sent to the motors, followed by the eyes, read from the accelerometers, learned from.
 
+use std::ops::ControlFlow::{Break, Continue};
+
 use super::Cycle;
 use crate::conditions::Condition;
-use crate::ending::{EndCause, Ending, is_stop};
+use crate::ending::{Ending, Flow, flow, is_stopped};
 use crate::eyes::Moment;
 use crate::guards::{Finding, Late, PulseReading, Swing, Unlike, went_as_forecast};
 use crate::learning::{Lesson, MORE, Scatter};
 use crate::{Carried, EventLevel, PulseFacts};
 use upm_core::geometry::Vec2;
+use upm_core::job::StopCause;
 use upm_core::signal::{AccelTrace, Drive, TwistWave};
 use upm_library::Library;
 use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave};
@@ -15,21 +18,24 @@ use upm_planner::{PartState, PlannedPulse};
 
 impl Cycle<'_> {
     /// Plays one pulse and follows the parts until a frame shows everything at rest; `moment` says what that frame is for.
-    pub(super) fn play(&mut self, planned: &PlannedPulse, moment: Moment) -> Result<(), Ending> {
-        let drive = drive_of(self.library, planned).map_err(Ending::failed)?;
+    pub(super) fn play(&mut self, planned: &PlannedPulse, moment: Moment) -> Flow {
+        let drive = match drive_of(self.library, planned) {
+            Ok(drive) => drive,
+            Err(reason) => return Break(Ending::failed(reason)),
+        };
         let started_at = self.rig.now();
         let (all_seen, before_m) = (self.eyes.missing_for() == 0, self.eyes.positions_m());
         let ahead = self.forecasts(&before_m, planned);
         let forecast_m = ahead.as_ref().map(|[_, learned_m, _]| learned_m.as_slice());
         self.eyes.expect_pulse(started_at, forecast_m, self.swing(planned, &drive));
-        self.rig.play(&drive)?;
+        flow(self.rig.play(&drive))?;
         let followed = self.follow(moment);
         let trace = self.rig.trace();
         let sensors = self.sensors();
         let fit = read(planned, &drive, &trace, &sensors);
         let after_m = self.eyes.positions_m();
         let all_seen = all_seen && self.eyes.missing_for() == 0;
-        let forecasts = ahead.filter(|_| followed.is_ok() && all_seen && !self.eyes.silenced_pulse());
+        let forecasts = ahead.filter(|_| followed.is_continue() && all_seen && !self.eyes.silenced_pulse());
         let carried = forecasts.as_ref().map(|[by_library_m, by_learning_m, _]| Carried {
             before_m: &before_m,
             after_m: &after_m,
@@ -37,7 +43,7 @@ impl Cycle<'_> {
             by_learning_m,
         });
         // the repetition of a stopped run does not stop
-        if !followed.as_ref().is_err_and(|ending| is_stop(&ending.reason)) {
+        if !is_stopped(&followed) {
             self.sink.pulse(&PulseFacts {
                 cycle: self.index,
                 started_at,
@@ -49,12 +55,12 @@ impl Cycle<'_> {
                 carried,
             });
         }
-        if let Err(ending) = followed {
+        if let Break(ending) = followed {
             // a plate that did not move as planned explains parts that are not where they should be
-            let is_doubt = ending.cause == EndCause::Guard(Condition::PartsJumped);
+            let is_doubt = ending.cause == Some(StopCause::PartsJumped);
             let reading = self.reading(&fit, &sensors, None);
-            let cause = if is_doubt { self.doubt_motion(planned, &drive, &reading).err() } else { None };
-            return Err(cause.unwrap_or(ending));
+            let cause = if is_doubt { self.doubt_motion(planned, &drive, &reading).break_value() } else { None };
+            return Break(cause.unwrap_or(ending));
         }
         if let Some([_, forecast_m, with_more_m]) = &forecasts {
             self.gains.learn(&Lesson {
@@ -67,18 +73,18 @@ impl Cycle<'_> {
             self.tell_slow_parts();
         }
         if self.eyes.silenced_pulse() {
-            return Ok(());
+            return Continue(());
         }
         let steps = forecasts.as_ref().map(|[_, forecast_m, _]| (&before_m[..], &forecast_m[..], &after_m[..]));
         self.doubt(planned, &drive, &fit, &sensors, steps)
     }
 
     /// Follows the parts until a frame shows everything at rest.
-    pub(super) fn follow(&mut self, moment: Moment) -> Result<(), Ending> {
+    pub(super) fn follow(&mut self, moment: Moment) -> Flow {
         loop {
             let at_rest = self.eyes.look(self.rig, moment, self.sink, self.clock)?;
             if at_rest {
-                return Ok(());
+                return Continue(());
             }
             self.check_stop()?;
             self.check_lost()?;
@@ -98,32 +104,27 @@ impl Cycle<'_> {
         fit: &Result<PlateFit, FitFault>,
         sensors: &AccelerometerPair,
         steps: Option<(&[Vec2], &[Vec2], &[Vec2])>,
-    ) -> Result<(), Ending> {
+    ) -> Flow {
         let guards = &self.params.guards;
         let as_forecast = steps.and_then(|(before, forecast, after)| went_as_forecast(before, forecast, after));
         let is_as_planned = self.doubt_motion(planned, drive, &self.reading(fit, sensors, as_forecast))?;
         self.doubt_delay(is_as_planned)?;
-        let Some((before, forecast, after)) = steps else { return Ok(()) };
-        let Some((part, unlike)) = self.steps.check(before, forecast, after) else { return Ok(()) };
+        let Some((before, forecast, after)) = steps else { return Continue(()) };
+        let Some((part, unlike)) = self.steps.check(before, forecast, after) else { return Continue(()) };
         let (condition, does) = match unlike {
             Unlike::Stuck => (Condition::PartStuck { part }, "hardly moves"),
             Unlike::Astray => (Condition::PartAstray { part }, "goes the other way"),
         };
         if !guards.has(condition) {
-            return Ok(());
+            return Continue(());
         }
         let reason = format!("{} {does} although four pulses in a row should carry it", self.id(part));
         self.warn(condition, reason.clone());
-        Err(Ending::guarded(condition, reason))
+        Break(Ending::guarded(condition, reason))
     }
 
     /// Compares the plate's motion in a pulse with its plan; true where it moved as planned.
-    fn doubt_motion(
-        &mut self,
-        planned: &PlannedPulse,
-        drive: &Drive,
-        reading: &PulseReading<'_>,
-    ) -> Result<bool, Ending> {
+    fn doubt_motion(&mut self, planned: &PlannedPulse, drive: &Drive, reading: &PulseReading<'_>) -> Flow<bool> {
         let expected = self.coil_responses.expected(planned, drive);
         let found = expected.and_then(|expected| self.motion.check(&expected, reading));
         self.report(found)
@@ -140,12 +141,12 @@ impl Cycle<'_> {
     }
 
     /// Reports a finding on a pulse's motion and ends the run if it must; true where the plate moved about as planned.
-    pub(super) fn report(&mut self, found: Option<Finding>) -> Result<bool, Ending> {
-        let Some(Finding { condition, reason, ends }) = found else { return Ok(true) };
+    pub(super) fn report(&mut self, found: Option<Finding>) -> Flow<bool> {
+        let Some(Finding { condition, reason, ends }) = found else { return Continue(true) };
         if self.params.guards.has(condition) {
             if ends {
                 self.warn(condition, reason.clone());
-                return Err(Ending::guarded(condition, reason));
+                return Break(Ending::guarded(condition, reason));
             }
             self.warn(condition, reason);
             if !self.is_cautious {
@@ -154,18 +155,18 @@ impl Cycle<'_> {
             }
             self.is_cautious = true;
         }
-        Ok(!ends)
+        Continue(!ends)
     }
 
     /// Ends a run whose pictures are late, after a pulse; one that moved the plate off its plan tells nothing of them.
-    pub(super) fn doubt_delay(&mut self, is_as_planned: bool) -> Result<(), Ending> {
-        let Some(late) = (if is_as_planned { self.eyes.late() } else { None }) else { return Ok(()) };
+    pub(super) fn doubt_delay(&mut self, is_as_planned: bool) -> Flow {
+        let Some(late) = (if is_as_planned { self.eyes.late() } else { None }) else { return Continue(()) };
         let reason = match late {
             Late::By(frames) => format!("the plate moves {frames} frames later in the pictures than it is driven"),
             Late::Unseen => "the pictures do not show the plate move as it is driven".to_owned(),
         };
         self.warn(Condition::CameraLate, reason.clone());
-        Err(Ending::guarded(Condition::CameraLate, reason))
+        Break(Ending::guarded(Condition::CameraLate, reason))
     }
 
     pub(super) fn sensors(&self) -> AccelerometerPair {

@@ -1,10 +1,12 @@
 //! The probe: a small pulse that moves no part and tests every coil and accelerometer. It is played first in a run, and after
 //! the table was located anew.
 
+use std::ops::ControlFlow::{Break, Continue};
+
 use super::Cycle;
 use crate::PulseFacts;
 use crate::conditions::Condition;
-use crate::ending::{Ending, is_stop};
+use crate::ending::{Ending, Flow, flow, is_stopped};
 use crate::eyes::Moment;
 use crate::guards::Finding;
 use upm_perception::estimation::{ExpectedMotion, FitFault, PlateFit, fit_wave};
@@ -15,9 +17,9 @@ const MOST_PROBES: usize = 3;
 
 impl Cycle<'_> {
     /// Plays the probe, if the library has one, until one is seen to its end, and judges it.
-    pub(super) fn probe(&mut self) -> Result<(), Ending> {
+    pub(super) fn probe(&mut self) -> Flow {
         let probe = self.library.probe().filter(|_| self.params.guards.has_code("probe"));
-        let Some((mut drive, coils)) = probe else { return Ok(()) };
+        let Some((mut drive, coils)) = probe else { return Continue(()) };
         drive.envelope.sustain_s = drive.envelope.sustain_s.min(self.model.max_sustain_s);
         let expected = ExpectedMotion { drive: &drive, coils: &coils };
         for _ in 0..MOST_PROBES {
@@ -32,20 +34,20 @@ impl Cycle<'_> {
             }
             self.look_at_rest()?;
         }
-        Ok(())
+        Continue(())
     }
 
-    fn play_probe(&mut self, expected: &ExpectedMotion<'_>) -> Result<Result<PlateFit, FitFault>, Ending> {
+    fn play_probe(&mut self, expected: &ExpectedMotion<'_>) -> Flow<Result<PlateFit, FitFault>> {
         let drive = expected.drive;
         let planned = PlannedPulse::Field(FieldPulse { wave: expected.wave(), sustain_s: drive.envelope.sustain_s });
         let (started_at, before_m) = (self.rig.now(), self.eyes.positions_m());
         self.eyes.expect_pulse(started_at, Some(&before_m), Some(self.swing_of(expected.wave(), drive)));
-        self.rig.play(drive)?;
+        flow(self.rig.play(drive))?;
         let followed = self.follow(Moment::Pulse);
         let trace = self.rig.trace();
         let fit = fit_wave(&trace, &drive.envelope, drive.base_radps, 1, &self.sensors()).map(PlateFit::Wave);
         // the repetition of a stopped run does not stop
-        if !followed.as_ref().is_err_and(|ending| is_stop(&ending.reason)) {
+        if !is_stopped(&followed) {
             self.sink.pulse(&PulseFacts {
                 cycle: self.index,
                 started_at,
@@ -57,7 +59,7 @@ impl Cycle<'_> {
                 carried: None,
             });
         }
-        followed.map(|()| fit)
+        followed.map_continue(|()| fit)
     }
 
     fn read_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> Option<Finding> {
@@ -65,13 +67,13 @@ impl Cycle<'_> {
         self.motion.check(expected, &self.reading(fit, &sensors, None))
     }
 
-    fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> Result<(), Ending> {
+    fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> Flow {
         let found = self.read_probe(expected, fit);
         let is_as_planned = self.report(found)?;
         if is_as_planned && !self.eyes.has_changed() && self.params.guards.has_code("camera_still") {
             let reason = "no picture differs from the first, and the plate was shaken".to_owned();
             self.warn(Condition::CameraFrozen, reason.clone());
-            return Err(Ending::guarded(Condition::CameraFrozen, reason));
+            return Break(Ending::guarded(Condition::CameraFrozen, reason));
         }
         self.doubt_delay(is_as_planned)
     }

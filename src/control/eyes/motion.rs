@@ -1,10 +1,12 @@
 //! Expected effect of a pulse in the camera's frames: the parts' displacement and the plate's swing.
 
+use std::ops::ControlFlow::{Break, Continue};
+
 use super::Eyes;
 use super::scene::Blind;
 use crate::Sink;
 use crate::conditions::Condition;
-use crate::ending::Ending;
+use crate::ending::{Ending, Flow};
 use crate::guards::{Late, Stale, Swing, SwingSeen};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
@@ -77,7 +79,7 @@ impl Eyes {
     }
 
     /// Most parts cannot have got farther than the last pulse carries them: the picture is another one.
-    pub(super) fn check_jumps(&mut self, sink: &mut dyn Sink) -> Result<(), Ending> {
+    pub(super) fn check_jumps(&mut self, sink: &mut dyn Sink) -> Flow {
         let places_m = self.positions_m();
         let is_far = |(place_m, (expected_m, reach_m)): (&Vec2, &(Vec2, f64))| (place_m - expected_m).norm() > *reach_m;
         let far = places_m.iter().zip(&self.expected_m).filter(|&part| is_far(part)).count();
@@ -86,10 +88,10 @@ impl Eyes {
         let is_leap = places_m.iter().zip(&self.expected_m).any(leaps);
         let are_many = far >= 2 && 2 * far > places_m.len();
         if !(are_many || is_leap) || !self.guards.has(Condition::PartsJumped) {
-            return Ok(());
+            return Continue(());
         }
         let reason = format!("{far} of {} parts lie where the last pulse cannot have carried them", places_m.len());
         self.conditions.note(self.frame.exposed_at, Condition::PartsJumped, || reason.clone(), sink);
-        Err(Ending::guarded(Condition::PartsJumped, reason))
+        Break(Ending::guarded(Condition::PartsJumped, reason))
     }
 }

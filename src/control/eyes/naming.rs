@@ -1,7 +1,10 @@
 //! Which detection is which part of the job.
 
 use super::ExpectedPart;
-use crate::ending::{EndCause, Ending};
+use std::ops::ControlFlow::{Break, Continue};
+
+use crate::ending::{Ending, Flow};
+use upm_core::job::StopCause;
 use upm_core::rig::PartKind;
 use upm_perception::vision::Detection;
 
@@ -15,7 +18,7 @@ pub(super) fn name_parts(
     kinds: &[PartKind],
     parts: &[ExpectedPart],
     counts: bool,
-) -> Result<Vec<Detection>, Ending> {
+) -> Flow<Vec<Detection>> {
     if counts {
         count_parts(&found, kinds, parts)?;
     }
@@ -36,22 +39,22 @@ pub(super) fn name_parts(
         };
         named[i] = choice.map(|at| found.remove(at));
     }
-    named
-        .into_iter()
-        .collect::<Option<Vec<_>>>()
-        .ok_or_else(|| Ending::failed_because(EndCause::PartCount, "a part of the job was not found"))
+    match named.into_iter().collect() {
+        Some(all) => Continue(all),
+        None => Break(Ending::failed_because(StopCause::PartCount, "a part of the job was not found")),
+    }
 }
 
-fn count_parts(found: &[Detection], kinds: &[PartKind], parts: &[ExpectedPart]) -> Result<(), Ending> {
+fn count_parts(found: &[Detection], kinds: &[PartKind], parts: &[ExpectedPart]) -> Flow {
     for (kind, spec) in kinds.iter().enumerate() {
         let seen = found.iter().filter(|detection| detection.kind == kind).count();
         let expected = parts.iter().filter(|part| part.kind == kind).count();
         if seen != expected {
             let reason = format!("the camera sees {seen} of kind {:?}, the job has {expected}", spec.name);
-            return Err(Ending::failed_because(EndCause::PartCount, reason));
+            return Break(Ending::failed_because(StopCause::PartCount, reason));
         }
     }
-    Ok(())
+    Continue(())
 }
 
 /// Gives each part the detection of its kind that is nearest to where it was, each detection to one part; `None` when
@@ -101,15 +104,16 @@ mod tests {
     fn known_places_are_served_before_the_rest() {
         let found = vec![detection(0, 0.02, 0.0), detection(1, 0.0, 0.0), detection(0, -0.02, 0.0)];
         let parts = [part(0, None), part(0, Some(Vec2::new(-0.019, 0.0))), part(1, None)];
-        let named = name_parts(found, &kinds(), &parts, true).unwrap();
+        let named = name_parts(found, &kinds(), &parts, true).continue_value().unwrap();
         let x: Vec<f64> = named.iter().map(|d| d.position_m.x).collect();
         assert_eq!(x, [0.02, -0.02, 0.0]);
     }
 
     #[test]
     fn a_wrong_count_is_an_ending_in_words() {
-        let ending =
-            name_parts(vec![detection(0, 0.0, 0.0)], &kinds(), &[part(0, None), part(0, None)], true).unwrap_err();
+        let ending = name_parts(vec![detection(0, 0.0, 0.0)], &kinds(), &[part(0, None), part(0, None)], true)
+            .break_value()
+            .unwrap();
         let says = "the camera sees 1 of kind \"penny\", the job has 2; put the parts of the job on the plate";
         assert!(ending.reason.starts_with(says), "{}", ending.reason);
     }

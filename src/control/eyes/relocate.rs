@@ -1,12 +1,13 @@
 //! Table and parts located anew: after a knock, and before a goal counts as reached.
 
+use std::ops::ControlFlow::{Break, Continue};
 use std::sync::atomic::AtomicBool;
 
 use super::naming::match_parts;
 use super::scene::Place;
 use super::{Eyes, Moment, SWING_S, TABLE_LOOKS};
 use crate::conditions::Condition;
-use crate::ending::{Ending, check_stop};
+use crate::ending::{Ending, Flow, check_stop};
 use crate::{ConfirmedFacts, LocalisedFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::rig::Rig;
@@ -75,50 +76,50 @@ impl Eyes {
     }
 
     /// Locates table and parts anew once the plate is seen elsewhere for long enough.
-    pub(super) fn settle_place(&mut self, place: &Place, sink: &mut dyn Sink, clock: &dyn Clock) -> Result<(), Ending> {
+    pub(super) fn settle_place(&mut self, place: &Place, sink: &mut dyn Sink, clock: &dyn Clock) -> Flow {
         let corner_px = match *place {
             Place::Elsewhere { corner_px } => corner_px,
             Place::SwungOut => return self.locate_swung_out(sink, clock),
             Place::Same | Place::Swinging | Place::Unknown => {
                 self.displaced = 0;
-                return Ok(());
+                return Continue(());
             }
         };
         if self.delay.looks_late() && self.guards.has(Condition::CameraLate) {
             // late pictures show a plate that has come to rest still swinging
-            return Ok(());
+            return Continue(());
         }
         // a plate that still swings in the picture is soon at another place
         let agrees = (corner_px - self.displaced_px).abs() < SAME_PLACE_PX || corner_px == self.displaced_px;
         (self.displaced, self.displaced_px) =
             if agrees { (self.displaced + 1, self.displaced_px) } else { (1, corner_px) };
         if self.displaced < MOVED {
-            return Ok(());
+            return Continue(());
         }
         let by = if corner_px.is_finite() { format!("by {corner_px:.1} px") } else { "by more than 6 px".to_owned() };
         let reason = || format!("the plate has moved in the picture {by}; it is located anew");
         self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
         match self.locate(clock) {
             Ok(found) => self.relocate(found, Relocation::Knocked, sink),
-            Err(fault) if self.displaced > MOVED + TABLE_LOOKS as u32 => Err(Ending::guarded(
+            Err(fault) if self.displaced > MOVED + TABLE_LOOKS as u32 => Break(Ending::guarded(
                 Condition::CameraMoved,
                 format!("the plate has moved in the picture {by}: {fault}"),
             )),
-            Err(_) => Ok(()),
+            Err(_) => Continue(()),
         }
     }
 
     /// Locates table and parts once more when the plate has swung out from the knock that it was located after.
-    fn locate_swung_out(&mut self, sink: &mut dyn Sink, clock: &dyn Clock) -> Result<(), Ending> {
+    fn locate_swung_out(&mut self, sink: &mut dyn Sink, clock: &dyn Clock) -> Flow {
         self.displaced = 0;
         match self.locate(clock) {
             Ok(found) => self.relocate(found, Relocation::SwungOut, sink),
-            Err(_) => Ok(()),
+            Err(_) => Continue(()),
         }
     }
 
     /// Goes on from a table that was located anew.
-    fn relocate(&mut self, located: Located, after: Relocation, sink: &mut dyn Sink) -> Result<(), Ending> {
+    fn relocate(&mut self, located: Located, after: Relocation, sink: &mut dyn Sink) -> Flow {
         let Located { table, found, stages, localise_us } = located;
         let count = found.len();
         let mut before: Vec<Detection> = self.tracker.tracks().iter().map(|track| track.seen.clone()).collect();
@@ -129,7 +130,7 @@ impl Eyes {
             let expected = before.len();
             let reason =
                 format!("the plate has moved in the picture, and {count} parts are seen instead of {expected}");
-            return Err(Ending::guarded(Condition::CameraMoved, reason));
+            return Break(Ending::guarded(Condition::CameraMoved, reason));
         };
         let ways = detections.iter().zip(&self.expected_m);
         let off_m =
@@ -140,7 +141,7 @@ impl Eyes {
                 "the plate has moved in the picture, and a part is {:.1} mm farther than it can be from its place",
                 too_far_m * 1e3
             );
-            return Err(Ending::guarded(Condition::PartsJumped, reason));
+            return Break(Ending::guarded(Condition::PartsJumped, reason));
         }
         let frame = &self.frame;
         sink.localised(&LocalisedFacts { frame, table: &table, detections: &detections, stages: &stages, localise_us });
@@ -150,7 +151,7 @@ impl Eyes {
         (self.table, self.displaced) = (table, 0);
         self.relocated |= swings;
         self.delay.forget_seen();
-        Ok(())
+        Continue(())
     }
 
     /// Looks twice more with table and parts located from nothing; true when both looks agree with what was tracked. Where
@@ -164,7 +165,7 @@ impl Eyes {
         sink: &mut dyn Sink,
         clock: &dyn Clock,
         stop: &AtomicBool,
-    ) -> Result<bool, Ending> {
+    ) -> Flow<bool> {
         self.let_swing_out(rig, sink, clock, stop)?;
         for _ in 0..CONFIRMING_LOOKS {
             let located = self.locate_at_rest(rig, sink, clock, stop)?;
@@ -180,20 +181,14 @@ impl Eyes {
                 let reason = || format!("table and parts located anew differ, the corners by {off_px:.1} px");
                 self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
                 self.relocate(located, Relocation::Knocked, sink)?;
-                return Ok(false);
+                return Continue(false);
             }
         }
-        Ok(true)
+        Continue(true)
     }
 
     /// Looks until the plate lies still in the picture, for as long as it takes a plate that was not knocked.
-    fn let_swing_out(
-        &mut self,
-        rig: &mut dyn Rig,
-        sink: &mut dyn Sink,
-        clock: &dyn Clock,
-        stop: &AtomicBool,
-    ) -> Result<(), Ending> {
+    fn let_swing_out(&mut self, rig: &mut dyn Rig, sink: &mut dyn Sink, clock: &dyn Clock, stop: &AtomicBool) -> Flow {
         let until = rig.quiet_at().max(self.frame.exposed_at) + SWING_S;
         // a plate that swings is for a moment where it rests
         let mut still = 0;
@@ -202,7 +197,7 @@ impl Eyes {
             self.look(rig, Moment::Pulse, sink, clock)?;
             still = if self.scene.is_still(&self.frame) { still + 1 } else { 0 };
         }
-        Ok(())
+        Continue(())
     }
 
     fn locate_at_rest(
@@ -211,20 +206,20 @@ impl Eyes {
         sink: &mut dyn Sink,
         clock: &dyn Clock,
         stop: &AtomicBool,
-    ) -> Result<Located, Ending> {
+    ) -> Flow<Located> {
         let mut last = None;
         for _ in 0..TABLE_LOOKS {
             while !self.look(rig, Moment::Pulse, sink, clock)? {
                 check_stop(stop)?;
             }
             match self.locate(clock) {
-                Ok(located) => return Ok(located),
+                Ok(located) => return Continue(located),
                 Err(fault) => last = Some(fault),
             }
         }
         let why = last.map_or_else(String::new, |fault| format!(": {fault}"));
         let reason = format!("no table found in {TABLE_LOOKS} frames{why}");
         self.conditions.note(self.frame.exposed_at, Condition::TableMissing, || reason.clone(), sink);
-        Err(Ending::guarded(Condition::TableMissing, reason))
+        Break(Ending::guarded(Condition::TableMissing, reason))
     }
 }

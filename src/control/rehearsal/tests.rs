@@ -3,10 +3,10 @@ use std::f64::consts::{PI, TAU};
 use proptest::prelude::*;
 
 use super::*;
-use crate::{ExpectedPart, Outcome};
-use upm_core::geometry::Twist;
+use crate::ExpectedPart;
 use upm_core::rig::PartKind;
 use upm_core::signal::{TwistHarmonic, TwistWave};
+use upm_core::{geometry::Twist, job::Outcome};
 use upm_goal::{PathParams, Trajectories};
 use upm_library::{AxisShape, DisplacementModel, Entry, FieldResponse};
 use upm_planner::{FieldPulse, Method, PlannedPulse, PlannerParams, Rotation};
@@ -167,14 +167,14 @@ fn equal_seeds_rehearse_alike_and_numbers_differ() {
 fn direction_that_the_library_lacks_is_refused_at_the_first_look() {
     let along_x = library([Twist::new(0.5, 0.0, 0.0), Twist::new(-0.3, 0.0, 0.0)], 0.03);
     let done = play(&along_x, &mut There(Vec2::new(0.0, 0.05)), &params(1), &rehearsal(&[Vec2::zeros()], 0));
-    assert_eq!((done.ending.outcome, done.ending.cause), (Outcome::Failed, EndCause::Uncontrollable));
+    assert_eq!((done.ending.outcome, done.ending.cause), (Outcome::Failed, Some(StopCause::Uncontrollable)));
     assert!(done.ending.reason.contains("slug-1 towards 90 deg with"), "{done:?}");
     assert_eq!((done.cycles, done.pulses), (0, 0));
     let done = play(&along_x, &mut Stay { until_s: Some(1.0) }, &params(1), &rehearsal(&[Vec2::zeros()], 0));
     assert_eq!(done.ending.outcome, Outcome::Completed, "nothing is to be moved: {done:?}");
     let two_m = [Vec2::new(-0.05, 0.0), Vec2::new(0.05, 0.0)];
     let done = play(&library(translations(), 0.0), &mut There(Vec2::zeros()), &params(2), &rehearsal(&two_m, 0));
-    assert_eq!(done.ending.cause, EndCause::Uncontrollable, "translations carry both alike: {done:?}");
+    assert_eq!(done.ending.cause, Some(StopCause::Uncontrollable), "translations carry both alike: {done:?}");
 }
 
 #[test]

@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 use std::thread::{self, Thread};
 use std::time::Duration;
 
+use crate::job::StopCause;
 use crate::time::{Clock, PlateTime};
 
 /// Why an interlock tripped.
@@ -33,6 +34,17 @@ impl fmt::Display for Trip {
             Self::Watchdog => "the watchdog stopped it",
             Self::Shutdown => "the program ends",
         })
+    }
+}
+
+impl From<Trip> for StopCause {
+    fn from(trip: Trip) -> Self {
+        match trip {
+            Trip::EStop => Self::Estop,
+            Trip::Lease => Self::LeaseExpired,
+            Trip::Watchdog => Self::Watchdog,
+            Trip::Shutdown => Self::Shutdown,
+        }
     }
 }
 

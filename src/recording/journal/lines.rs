@@ -6,8 +6,9 @@ use serde::{Serialize, Serializer};
 use super::located::{ConfirmedLine, LocalisedLine};
 use crate::motion::Motion;
 use crate::wave::off_part;
-use upm_control::{ConditionChange, ConditionFacts, CycleFacts, EventLevel, PulseFacts};
+use upm_control::{ConditionChange, ConditionFacts, CycleFacts, EventLevel, Milestone, MilestoneFacts, PulseFacts};
 use upm_core::geometry::Vec2;
+use upm_core::job::{Outcome, RecordingEnd, StopCause};
 use upm_core::signal::{Harmonic, MOTORS, TwistWave};
 use upm_core::time::PlateTime;
 use upm_core::units::mm_from_m;
@@ -320,7 +321,21 @@ pub(super) struct EventLine<'a> {
     level: &'static str,
     text: &'a str,
     #[serde(flatten)]
-    condition: Option<ConditionPart>,
+    detail: Option<DetailPart>,
+}
+
+#[derive(Serialize)]
+#[serde(untagged)]
+enum DetailPart {
+    Condition(ConditionPart),
+    RunEnded {
+        outcome: Outcome,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        code: Option<StopCause>,
+    },
+    RecordingEnded {
+        code: RecordingEnd,
+    },
 }
 
 /// A lasting condition that began or ended.
@@ -339,7 +354,7 @@ impl<'a> EventLine<'a> {
             EventLevel::Warning => "warning",
             EventLevel::Error => "error",
         };
-        Self { at_s: seconds(at), level, text, condition: None }
+        Self { at_s: seconds(at), level, text, detail: None }
     }
 
     pub(super) fn of_condition(facts: &ConditionFacts<'a>) -> Self {
@@ -347,7 +362,15 @@ impl<'a> EventLine<'a> {
             ConditionChange::Began => ("began", None),
             ConditionChange::Ended { times, .. } => ("ended", Some(times)),
         };
-        let condition = Some(ConditionPart { code: facts.condition.code(), change, times });
-        Self { condition, ..Self::new(facts.at, EventLevel::Warning, facts.text) }
+        let detail = DetailPart::Condition(ConditionPart { code: facts.condition.code(), change, times });
+        Self { detail: Some(detail), ..Self::new(facts.at, EventLevel::Warning, facts.text) }
+    }
+
+    pub(super) fn of_milestone(facts: &MilestoneFacts<'a>) -> Self {
+        let detail = match facts.milestone {
+            Milestone::RunEnded { outcome, cause } => DetailPart::RunEnded { outcome, code: cause },
+            Milestone::RecordingEnded(code) => DetailPart::RecordingEnded { code },
+        };
+        Self { detail: Some(detail), ..Self::new(facts.at, facts.level, facts.text) }
     }
 }

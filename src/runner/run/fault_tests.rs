@@ -5,8 +5,9 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::config::Origin;
+use upm_core::job::{Outcome, StopCause};
 use upm_core::time::MonotonicClock;
-use upm_recording::{Outcome, StopCode, Verdict as Truth};
+use upm_recording::Verdict as Truth;
 
 /// Two pennies that go 40 mm each, with `faults`.
 fn job(faults: &Value) -> JobSpec {
@@ -99,7 +100,7 @@ fn small_pulse_names_a_coil_before_a_part_has_moved() {
             fault["value"] = value;
         }
         let (_folder, done) = run_of(&json!([fault]));
-        assert_eq!(done.report.stop.map(|stop| stop.code), Some(StopCode::CoilFault), "{}", done.report.reason);
+        assert_eq!(done.report.stop.map(|stop| stop.code), Some(StopCause::CoilFault), "{}", done.report.reason);
         for part in &done.report.parts {
             let [x, y] = part.true_mm.unwrap();
             let moved_mm = (x.abs() - 60.0).hypot(y - 20.0);

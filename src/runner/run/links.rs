@@ -1,7 +1,9 @@
+use std::fmt;
 use std::sync::atomic::AtomicBool;
 
 use super::pacing::PacingStats;
-use upm_control::{EndCause, Ending, EventLevel, Finish, Sink, is_stop};
+use upm_control::{Ending, EventLevel, Finish, Milestone, MilestoneFacts, Sink};
+use upm_core::job::StopCause;
 use upm_core::rig::{Interlock, RigFault, Trip};
 use upm_core::time::PlateTime;
 
@@ -17,22 +19,27 @@ pub struct Links<'a> {
     /// Told of deadlines that are missed.
     pub pacing: &'a PacingStats,
     /// Who stopped the run and why, asked once it was stopped.
-    pub cause: &'a dyn Fn() -> Option<StopCause>,
+    pub cause: &'a dyn Fn() -> Option<ExternalStop>,
 }
 
 /// Why a run was stopped from outside.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StopCause {
+pub struct ExternalStop {
     /// For programs.
-    pub cause: EndCause,
+    pub cause: StopCause,
     /// The same for people, one line.
     pub reason: String,
 }
 
-impl StopCause {
-    /// A cause whose `reason` is followed by the remedy, if there is one.
-    pub fn of(cause: EndCause, reason: String) -> Self {
+impl ExternalStop {
+    /// A stop by `cause`, whose `reason` is followed by the remedy, if there is one.
+    pub fn of(cause: StopCause, reason: impl fmt::Display) -> Self {
         Self { cause, reason: Ending::failed_because(cause, reason).reason }
+    }
+
+    /// The person at the program interrupted it.
+    pub(super) fn by_operator() -> Self {
+        Self { cause: StopCause::Interrupted, reason: Ending::stopped().reason }
     }
 
     /// What a run that was too late for its plate adds to its reason, and what would help; `real_time` for one that kept
@@ -46,17 +53,10 @@ impl StopCause {
     }
 }
 
-impl From<&str> for StopCause {
-    /// A cause that programs need not tell apart.
-    fn from(reason: &str) -> Self {
-        Self { cause: EndCause::Run, reason: reason.to_owned() }
-    }
-}
-
 impl Links<'_> {
     /// Says of a run that was stopped what stopped it: in an event, and in its ending. Others are left as they are.
     pub(super) fn explain(&self, finish: &mut Finish, sink: &mut dyn Sink, at: PlateTime) {
-        if !is_stop(&finish.ending.reason) {
+        if !finish.ending.is_external() || finish.ending.cause == Some(StopCause::GaveWay) {
             return;
         }
         let by_control = finish.ending.reason.clone();
@@ -66,15 +66,17 @@ impl Links<'_> {
         }
         // only a plate in real time passes the time in which nobody drives it
         if trip == Some(Trip::Lease) {
-            finish.ending.cause = EndCause::DeadlineMissed;
-            finish.ending.reason = format!("{}; {}", finish.ending.reason, StopCause::too_busy(true));
+            finish.ending.cause = Some(StopCause::DeadlineMissed);
+            finish.ending.reason = format!("{}; {}", finish.ending.reason, ExternalStop::too_busy(true));
         }
-        if let Some(StopCause { cause, reason }) = (self.cause)() {
-            (finish.ending.cause, finish.ending.reason) = (cause, reason);
+        if let Some(ExternalStop { cause, reason }) = (self.cause)() {
+            (finish.ending.cause, finish.ending.reason) = (Some(cause), reason);
         }
         if finish.ending.reason != by_control {
             let level = if trip.is_some() { EventLevel::Error } else { EventLevel::Info };
-            sink.event(at, level, &finish.ending.reason);
+            let Ending { outcome, cause, reason } = &finish.ending;
+            let milestone = Milestone::RunEnded { outcome: *outcome, cause: *cause };
+            sink.milestone(&MilestoneFacts { at, level, milestone, text: reason });
         }
     }
 }

@@ -6,7 +6,7 @@ use super::*;
 use crate::config::Origin;
 use upm_control::FrameFacts;
 use upm_core::time::MonotonicClock;
-use upm_recording::{ENDED_EARLY, RecordingState, RecordingSwitch};
+use upm_recording::{RecordingState, RecordingSwitch};
 
 /// Stops the recording at a frame.
 struct StopsAt(u64, RecordingSwitch);
@@ -50,7 +50,7 @@ fn run_until(out: &Path, frame: u64) -> (RunResult, RecordingState) {
 fn told(folder: &Path) -> Vec<Value> {
     let journal = std::fs::read_to_string(folder.join("journal.jsonl")).unwrap();
     let events = journal.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
-    events.filter(|line| line["text"].as_str().is_some_and(|text| text.starts_with(ENDED_EARLY))).collect()
+    events.filter(|line| line["code"].as_str().is_some_and(|code| code.starts_with("recording_"))).collect()
 }
 
 #[test]

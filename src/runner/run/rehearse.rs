@@ -8,10 +8,9 @@ use super::coverage::Place;
 use super::planner_selection::PlannerSelection;
 use super::time_figure::time_figure_s;
 use crate::config::{Fault, JobSpec, PlacedPart};
-use upm_control::{
-    self as control, ControlParams, FreshPlanner, LimitMet, Nearest, Outcome, Rehearsal, RehearsalParams,
-};
+use upm_control::{self as control, ControlParams, FreshPlanner, LimitMet, Nearest, Rehearsal, RehearsalParams};
 use upm_core::geometry::Vec2;
+use upm_core::job::Outcome;
 use upm_core::random::Streams;
 use upm_core::time::PlateTime;
 use upm_library::Library;

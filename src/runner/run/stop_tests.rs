@@ -8,9 +8,10 @@ use tempfile::TempDir;
 use super::*;
 use crate::config::Origin;
 use upm_control::{FrameFacts, PulseFacts};
+use upm_core::job::{Outcome, StopCause};
 use upm_core::rig::Trip;
 use upm_core::time::MonotonicClock;
-use upm_recording::{Outcome, StopCode};
+use upm_core::time::PlateTime;
 
 const STEP_S: f64 = 5e-5;
 
@@ -104,7 +105,7 @@ impl Stopped {
         };
         let folder = RunFolder::create(&options.out, job, &options.started_utc).unwrap();
         let mut watcher = InPulse { number, act, pulses: 0, frames: 0, clock: Arc::clone(&plate.clock) };
-        let cause = || cause.map(StopCause::from);
+        let cause = || cause.map(|reason| ExternalStop::of(StopCause::Cancelled, reason));
         let links = Links {
             stop: &plate.stop,
             give_way: &plate.give_way,
@@ -164,7 +165,7 @@ fn an_emergency_stop_in_a_pulse_ends_the_run_and_nothing_is_played_after_it() {
     assert_eq!(stopped.report.reason, "emergency stop by the page");
     assert_eq!(stopped.pulses, 1, "the pulse that was cut is not written down as one that was played");
     let tail = stopped.events.iter().rev().take(2).map(String::as_str);
-    assert_eq!(tail.collect::<Vec<_>>(), ["emergency stop by the page", control::STOPPED]);
+    assert_eq!(tail.collect::<Vec<_>>(), ["emergency stop by the page", control::Ending::stopped().reason.as_str()]);
     let answer = plate.interlock.answer().unwrap();
     assert!(answer.silent_at - answer.requested_at <= STEP_S + 1e-12, "{answer:?}");
     assert!(matches!(stopped.holds(), Verdict::Equal { stopped: true, .. }));
@@ -192,9 +193,9 @@ fn process_stopped_in_a_pulse_loses_the_lease_under_strict_deadlines() {
     let stopped = Stopped::run_job(&short_job("strict"), &plate, true, 1, stand_still, None);
     assert_eq!((stopped.report.outcome, stopped.pulses), (Outcome::Failed, 0));
     let by_rig = Ending::from(RigFault::Stopped(Trip::Lease)).reason;
-    let reason = format!("{by_rig}; {}", StopCause::too_busy(true));
+    let reason = format!("{by_rig}; {}", ExternalStop::too_busy(true));
     assert_eq!(stopped.report.reason, reason);
-    assert_eq!(stopped.report.stop.as_ref().map(|stop| stop.code), Some(StopCode::DeadlineMissed));
+    assert_eq!(stopped.report.stop.as_ref().map(|stop| stop.code), Some(StopCause::DeadlineMissed));
     assert_eq!(stopped.events.iter().rev().take(2).collect::<Vec<_>>(), [&reason, &by_rig]);
     let answer = plate.interlock.answer().unwrap();
     assert!(stopped.report.plate_time_s > answer.silent_at.secs() + 2.0, "time went on without force");
@@ -246,14 +247,14 @@ fn a_cause_that_comes_too_late_changes_nothing() {
         give_way: &plate.give_way,
         interlock: &plate.interlock,
         pacing: &plate.pacing,
-        cause: &|| Some("late".into()),
+        cause: &|| Some(ExternalStop::of(StopCause::Cancelled, "late")),
     };
     let mut heard = upm_recording::MemorySink::default();
     links.explain(&mut finish, &mut heard, PlateTime::ZERO);
     assert_eq!(finish.ending, Ending::completed("all in place"));
-    finish.ending = Ending::cancelled(control::STOPPED);
+    finish.ending = Ending::stopped();
     links.explain(&mut finish, &mut heard, PlateTime::ZERO);
-    assert_eq!(finish.ending, Ending::cancelled("late"));
+    assert_eq!(finish.ending, Ending::cancelled(StopCause::Cancelled, "late"));
 }
 
 #[test]

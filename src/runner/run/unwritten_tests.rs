@@ -6,8 +6,8 @@ use tempfile::TempDir;
 use super::*;
 use crate::config::Origin;
 use upm_control::FrameFacts;
+use upm_core::job::Outcome;
 use upm_core::time::MonotonicClock;
-use upm_recording::Outcome;
 
 /// Takes the name under which the report is begun, in every folder of `out`.
 struct InTheWay<'a>(&'a Path);

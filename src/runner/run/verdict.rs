@@ -1,6 +1,7 @@
 use crate::config::{Assignment, JobSpec, TaskSpec};
+use upm_core::job::Outcome;
 use upm_core::units::mm_from_m;
-use upm_recording::{Outcome, PartReport, Report, Verdict};
+use upm_recording::{PartReport, Report, Verdict};
 
 /// What a true error may exceed the tolerance by, mm: what the eyes are off by.
 const SENSING_MM: f64 = 0.1;

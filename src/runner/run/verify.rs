@@ -1,16 +1,19 @@
+use std::borrow::Cow;
 use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use serde::Deserialize;
 use serde_json::Value;
 
 use super::{Bench, NamedTruth, RunError, job_library, play};
 use crate::config::{Fault, JobSpec, Origin};
-use upm_control::{FrameFacts, Sink, is_stop};
+use upm_control::{FrameFacts, Sink};
+use upm_core::job::{RecordingEnd, StopCause, legacy};
 use upm_core::time::StoppedClock;
-use upm_recording::{ENDED_EARLY, Fanout, Journal, Report, StopCode};
+use upm_recording::{Fanout, Journal};
 
 /// The event of a stop stands among the last lines of a journal; after it come its cause, what became of the recording,
 /// and a cycle that never ended.
@@ -62,11 +65,10 @@ pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<V
     let effective = run.join("effective.json");
     let job = effective_job(&read(&effective)?, &effective)?;
     let recorded = read(&run.join("journal.jsonl"))?;
-    let gave_way = gave_way(run);
     let library = job_library(&job).map_err(RunError::Library)?;
     let mut bench = Bench::new(&job, &library).map_err(RunError::Job)?;
     let enough = AtomicBool::new(false);
-    let mut repetition = Repetition::of(&recorded, gave_way, &enough);
+    let mut repetition = Repetition::of(&recorded, &enough);
     let mut journal = Journal::new(&mut repetition, Arc::clone(&library));
     let mut named = NamedTruth::new(bench.truth());
     let mut until = Until { stop, enough: &enough };
@@ -75,13 +77,6 @@ pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<V
     let broken = |error: io::Error| VerifyError::Read { path: "journal".into(), reason: error.to_string() };
     journal.finish().map_err(broken)?;
     Ok(repetition.verdict())
-}
-
-/// True when the report of a run says that it gave way to another job.
-fn gave_way(run: &Path) -> bool {
-    let report = fs::read_to_string(run.join("report.json")).ok();
-    let report: Option<Report> = report.and_then(|text| serde_json::from_str(&text).ok());
-    report.and_then(|report| report.stop).is_some_and(|stop| stop.code == StopCode::GaveWay)
 }
 
 /// Ends the repetition when somebody stops it.
@@ -127,9 +122,12 @@ struct Repetition<'a> {
 }
 
 impl<'a> Repetition<'a> {
-    fn of(recorded: &'a str, gave_way: bool, enough: &'a AtomicBool) -> Self {
-        let recorded: Vec<&str> = recorded.split_inclusive('\n').filter(|line| !is_of_recording(line)).collect();
-        let stop = lines_before_stop(&recorded, gave_way);
+    fn of(recorded: &'a str, enough: &'a AtomicBool) -> Self {
+        let recorded: Vec<&str> = recorded
+            .split_inclusive('\n')
+            .filter(|line| !EventLine::of(line).is_some_and(|event| event.is_of_recording()))
+            .collect();
+        let stop = lines_before_stop(&recorded);
         let stopped = stop.is_some();
         let recorded = recorded[..stop.unwrap_or(recorded.len())].to_vec();
         let this = Self { recorded, stopped, equal: 0, differs: None, enough };
@@ -182,34 +180,58 @@ impl Write for Repetition<'_> {
     }
 }
 
-/// Whether a line says what became of the recording, which the disk decides and not the run.
-fn is_of_recording(line: &str) -> bool {
-    line.contains(ENDED_EARLY) && event_in(line).is_some_and(|text| text.starts_with(ENDED_EARLY))
+/// An event of a journal; those of 0.1.0 have no code.
+#[derive(Deserialize)]
+struct EventLine<'a> {
+    #[serde(rename = "type", borrow)]
+    kind: Cow<'a, str>,
+    #[serde(borrow)]
+    text: Cow<'a, str>,
+    #[serde(borrow)]
+    code: Option<Cow<'a, str>>,
+    #[serde(borrow)]
+    outcome: Option<Cow<'a, str>>,
 }
 
-/// The text of an event.
-fn event_in(line: &str) -> Option<String> {
-    let event: Value = serde_json::from_str(line).ok()?;
-    let text = event["text"].as_str().filter(|_| event["type"] == "event")?;
-    Some(text.to_owned())
+impl<'a> EventLine<'a> {
+    /// `None` for a line that is no event.
+    fn of(line: &'a str) -> Option<Self> {
+        serde_json::from_str(line).ok().filter(|line: &Self| line.kind == "event")
+    }
+
+    /// True where it says what became of the recording, which the disk decides and not the run.
+    fn is_of_recording(&self) -> bool {
+        match self.code.as_deref() {
+            Some(code) => {
+                [RecordingEnd::RecordingStopped, RecordingEnd::RecordingFailed].iter().any(|end| end.code() == code)
+            }
+            None => self.text.starts_with(legacy::RECORDING_ENDS_EARLY),
+        }
+    }
+
+    /// True where something outside the run ended it.
+    fn is_external_stop(&self) -> bool {
+        match (&self.outcome, self.code.as_deref()) {
+            (Some(_), Some(code)) => StopCause::of_code(code).is_some_and(StopCause::is_external),
+            (Some(_), None) => false,
+            (None, _) => legacy::is_external_stop(&self.text),
+        }
+    }
 }
 
 /// Lines up to the moment somebody stopped the run; `None` when nobody did. What follows, the event and a cycle that
-/// never ended, the repetition cannot know of. The last event of a run that gave way says so.
-fn lines_before_stop(journal: &[&str], gave_way: bool) -> Option<usize> {
-    let is_stop_at = |&at: &usize| event_in(journal[at]).is_some_and(|text| gave_way || is_stop(&text));
-    (0..journal.len()).rev().take(TAIL_LINES).find(is_stop_at)
+/// never ended, the repetition cannot know of.
+fn lines_before_stop(journal: &[&str]) -> Option<usize> {
+    let is_stop = |&at: &usize| EventLine::of(journal[at]).is_some_and(|event| event.is_external_stop());
+    (journal.len().saturating_sub(TAIL_LINES)..journal.len()).find(is_stop)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use upm_control::{Ending, STOPPED};
-    use upm_core::rig::{RigFault, Trip};
-
     fn compare(recorded: &str, repeated: &str) -> Verdict {
         let enough = AtomicBool::new(false);
-        let mut repetition = Repetition::of(recorded, false, &enough);
+        let mut repetition = Repetition::of(recorded, &enough);
         for line in repeated.split_inclusive('\n') {
             repetition.write_all(line.as_bytes()).unwrap();
         }
@@ -231,36 +253,51 @@ mod tests {
         assert_eq!(differs_at("a\nb", "a\nb\n"), 2);
     }
 
+    /// An event as later versions write it, and as 0.1.0 did.
+    fn event(text: &str, details: &str) -> String {
+        format!("{{\"type\":\"event\",\"at_s\":1.5,\"level\":\"info\",\"text\":\"{text}\"{details}}}\n")
+    }
+
     #[test]
     fn what_became_of_the_recording_is_not_compared() {
-        let told = format!("{{\"type\":\"event\",\"text\":\"{ENDED_EARLY}no space\"}}\n");
-        assert_eq!(compare(&format!("a\n{told}b\n"), "a\nb\n"), Verdict::Equal { lines: 2, stopped: false });
-        assert_eq!(differs_at(&format!("a\n{told}b\n"), "a\nc\n"), 2);
-        let other = told.replace("event", "cycle");
-        assert_eq!(differs_at(&format!("a\n{other}b\n"), "a\nb\n"), 2);
+        for ended in [
+            event("whatever it says", r#","code":"recording_failed""#),
+            event("whatever it says", r#","code":"recording_stopped""#),
+            event("the recording ends early: no space", ""),
+        ] {
+            assert_eq!(compare(&format!("a\n{ended}b\n"), "a\nb\n"), Verdict::Equal { lines: 2, stopped: false });
+            assert_eq!(differs_at(&format!("a\n{ended}b\n"), "a\nc\n"), 2);
+            let other = ended.replace("event", "cycle");
+            assert_eq!(differs_at(&format!("a\n{other}b\n"), "a\nb\n"), 2);
+        }
     }
 
     #[test]
     fn a_stopped_run_is_compared_as_far_as_it_went() {
-        let event = |text: &str| format!("{{\"type\":\"event\",\"text\":\"{text}\"}}\n");
-        let after = event("emergency stop by the page") + "{\"type\":\"unfinished_cycle\"}\n";
-        let by_rig = Trip::ALL.map(|trip| Ending::from(RigFault::Stopped(trip)).reason);
-        for text in by_rig.iter().map(String::as_str).chain([STOPPED]) {
-            let recorded = format!("a\nb\n{}{after}", event(text));
-            assert_eq!(compare(&recorded, "a\nb\nc\n"), Verdict::Equal { lines: 2, stopped: true });
+        let explained = event("emergency stop by the page", r#","outcome":"cancelled","code":"estop""#);
+        let after = explained + "{\"type\":\"unfinished_cycle\"}\n";
+        let coded = StopCause::ALL.into_iter().filter(|cause| cause.is_external());
+        let coded =
+            coded.map(|cause| event("in words", &format!(r#","outcome":"cancelled","code":"{}""#, cause.code())));
+        let by_words =
+            ["stopped from outside, motors at zero", "gave way to another job", "the rig stopped: emergency stop"];
+        for stop in coded.chain(by_words.map(|text| event(text, ""))) {
+            let recorded = format!("a\nb\n{stop}{after}");
+            assert_eq!(compare(&recorded, "a\nb\nc\n"), Verdict::Equal { lines: 2, stopped: true }, "{stop}");
             assert_eq!(differs_at(&recorded, "a\nx\nc\n"), 2);
             assert_eq!(differs_at(&recorded, "a\n"), 2);
         }
-        let ended_by_itself = format!("a\nb\n{}{after}", event("no step is feasible"));
-        assert_eq!(differs_at(&ended_by_itself, "a\nb\nc\n"), 3);
+        for ended in [event("no step is feasible", ""), event("no way", r#","outcome":"failed","code":"time_limit""#)] {
+            assert_eq!(differs_at(&format!("a\nb\n{ended}"), "a\nb\nc\n"), 3);
+        }
     }
 
     #[test]
     fn it_is_enough_when_the_verdict_is_known() {
-        let stopped = format!("a\nb\n{{\"type\":\"event\",\"text\":\"{STOPPED}\"}}\n");
+        let stopped = format!("a\nb\n{}", event("in words", r#","outcome":"cancelled","code":"interrupted""#));
         for (recorded, repeated, lines) in [(stopped.as_str(), ["a\n", "b\n"], 2), ("a\nb\n", ["x\n", "b\n"], 1)] {
             let enough = AtomicBool::new(false);
-            let mut repetition = Repetition::of(recorded, false, &enough);
+            let mut repetition = Repetition::of(recorded, &enough);
             let taken = repeated.iter().take_while(|line| {
                 repetition.write_all(line.as_bytes()).unwrap();
                 !enough.load(Ordering::Relaxed)

@@ -7,7 +7,7 @@ use super::shared::Shared;
 use super::told::News;
 use crate::plates::Sight;
 use crate::store::JobId;
-use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Sink};
+use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts, Sink};
 use upm_core::time::{Clock, PlateTime};
 use upm_perception::vision::{Table, Track};
 
@@ -106,12 +106,19 @@ impl Sink for Attend<'_> {
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
-        // before its last word control only warns; a journal that fails is told as an error, and ends it as well
-        if level != EventLevel::Warning {
+        // a journal that fails is told as an error, and ends the run
+        if level == EventLevel::Error {
             self.shared.vitals.end();
         }
         if level != EventLevel::Info {
             self.tell(News::warning(at, level, text));
         }
+    }
+
+    fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
+        if matches!(facts.milestone, Milestone::RunEnded { .. }) {
+            self.shared.vitals.end();
+        }
+        self.event(facts.at, facts.level, facts.text);
     }
 }

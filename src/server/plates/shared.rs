@@ -10,12 +10,13 @@ use super::latch::Latch;
 use super::standing::Standing;
 use super::watchdog::{Deadlines, Vitals};
 use super::{Pause, PlateSetup, PlateSnapshot, PlateState, Sight};
-use crate::store::{BY_THE_DAEMON, JobId, Ledger};
+use crate::store::{JobId, Ledger};
+use upm_core::job::StopCause;
 use upm_core::rig::{Interlock, Trip};
 use upm_library::Library;
 use upm_recording::{RecordingSwitch, ScribeWatch};
 use upm_runner::config::{DeadlinePolicy, RigSpec};
-use upm_runner::run::{PacingStats, StopCause};
+use upm_runner::run::{ExternalStop, PacingStats};
 use upm_viewer::LiveServer;
 
 /// What a plate's thread and everybody outside share.
@@ -77,14 +78,7 @@ struct Running {
     recording: RecordingSwitch,
     journal: ScribeWatch,
     /// Why it was told to end.
-    cause: Option<Cause>,
-}
-
-/// Why a job was told to end before its goal.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Cause {
-    Cancelled,
-    Watchdog(StopCause),
+    cause: Option<ExternalStop>,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -190,7 +184,7 @@ impl Shared {
         self.vitals.clear();
         self.window.clear();
         let mut turn = locked(&self.turn);
-        let cause = (turn.unwanted.take() == Some(job)).then_some(Cause::Cancelled);
+        let cause = (turn.unwanted.take() == Some(job)).then(cancelled);
         if cause.is_some() {
             self.stop.store(true, Ordering::SeqCst);
         }
@@ -211,21 +205,18 @@ impl Shared {
     }
 
     /// Why the run on the plate was told to end, for its journal and its report.
-    pub fn cause(&self) -> Option<StopCause> {
+    pub fn cause(&self) -> Option<ExternalStop> {
         if self.is_stopped() {
-            return Some("emergency stop".into());
+            return Some(ExternalStop::of(StopCause::Estop, "emergency stop"));
         }
         if self.ending.load(Ordering::SeqCst) {
-            return Some(BY_THE_DAEMON.into());
+            return Some(ExternalStop::of(StopCause::Shutdown, "the daemon ended"));
         }
-        match locked(&self.turn).running.as_ref()?.cause.as_ref()? {
-            Cause::Cancelled => Some("cancelled by request".into()),
-            Cause::Watchdog(why) => Some(why.clone()),
-        }
+        locked(&self.turn).running.as_ref()?.cause.clone()
     }
 
     /// The job on the plate is over; why it was told to end, if it was.
-    pub fn ends(&self) -> Option<Cause> {
+    pub fn ends(&self) -> Option<ExternalStop> {
         let mut turn = locked(&self.turn);
         let running = turn.running.take()?;
         turn.last = Some(running.job);
@@ -238,7 +229,7 @@ impl Shared {
         let Turn { running, last, unwanted } = &mut *locked(&self.turn);
         match running {
             Some(running) if running.job == *job => {
-                running.cause.get_or_insert(Cause::Cancelled);
+                running.cause.get_or_insert_with(cancelled);
                 self.stop.store(true, Ordering::SeqCst);
                 true
             }
@@ -252,11 +243,11 @@ impl Shared {
 
     /// Stops `job` because something is wrong with it, as long as it is driven on the plate: what is seen of it later
     /// is no fault of the next one, nor of a plate at rest.
-    pub fn bark(&self, job: &JobId, why: StopCause) {
+    pub fn bark(&self, job: &JobId, why: ExternalStop) {
         let mut turn = locked(&self.turn);
         let driven = turn.running.as_mut().filter(|running| running.job == *job && !self.vitals.is_over());
         if let Some(running) = driven {
-            running.cause.get_or_insert(Cause::Watchdog(why));
+            running.cause.get_or_insert(why);
             self.stop.store(true, Ordering::SeqCst);
             self.interlock.trip(Trip::Watchdog);
         }
@@ -291,6 +282,10 @@ impl Shared {
             estops: self.estops.load(Ordering::Relaxed),
         }
     }
+}
+
+fn cancelled() -> ExternalStop {
+    ExternalStop::of(StopCause::Cancelled, "cancelled by request")
 }
 
 fn sha256_hex(library: &Library) -> String {

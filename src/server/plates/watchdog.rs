@@ -3,10 +3,10 @@
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
-use upm_control::EndCause;
+use upm_core::job::StopCause;
 use upm_core::time::PlateTime;
 use upm_runner::config::{DeadlinePolicy, WatchdogSpec};
-use upm_runner::run::StopCause;
+use upm_runner::run::ExternalStop;
 
 /// How often the watchdog looks.
 pub(super) const TICK: Duration = Duration::from_millis(10);
@@ -126,7 +126,7 @@ impl Watchdog {
         vitals: &Vitals,
         deadlines: Deadlines,
         unwritten_since: Option<Duration>,
-    ) -> Option<StopCause> {
+    ) -> Option<ExternalStop> {
         let memory = &mut self.memory;
         let gap = now.saturating_sub(memory.looked_at.replace(now)?);
         let frame_ms = vitals.frame_ms.load(Ordering::Relaxed);
@@ -185,35 +185,35 @@ impl Watchdog {
         (unframed > longest).then(|| format!("{what} for {:.1} s", unframed.as_secs_f64()))
     }
 
-    fn hung(&self, unframed: Duration) -> Option<StopCause> {
+    fn hung(&self, unframed: Duration) -> Option<ExternalStop> {
         let reason = || format!("no frame came for {:.1} s: the controller hangs", unframed.as_secs_f64());
-        (unframed > self.spec.hung).then(|| StopCause::of(EndCause::Hung, reason()))
+        (unframed > self.spec.hung).then(|| ExternalStop::of(StopCause::Hung, reason()))
     }
 
-    fn unseen(&self, vitals: &Vitals) -> Option<StopCause> {
+    fn unseen(&self, vitals: &Vitals) -> Option<ExternalStop> {
         let read = |value: &AtomicU64| value.load(Ordering::Relaxed);
         let unseen_s = read(&vitals.plate_ms).saturating_sub(read(&vitals.seen_ms)) as f64 * 1e-3;
         let reason = || format!("no part was seen for {unseen_s:.1} s of plate time");
-        (unseen_s > self.spec.no_part_s).then(|| StopCause::of(EndCause::NoPartSeen, reason()))
+        (unseen_s > self.spec.no_part_s).then(|| ExternalStop::of(StopCause::NoPartSeen, reason()))
     }
 
-    fn untold(&self, now: Duration, vitals: &Vitals, longest: Duration) -> Option<StopCause> {
+    fn untold(&self, now: Duration, vitals: &Vitals, longest: Duration) -> Option<ExternalStop> {
         let since_ms = vitals.untold_ms.load(Ordering::Relaxed);
         let waited = self.since(now, since_ms);
         let reason = || format!("nothing could be told for {:.1} s", waited.as_secs_f64());
-        (since_ms != 0 && waited > longest).then(|| StopCause::of(EndCause::EventsBlocked, reason()))
+        (since_ms != 0 && waited > longest).then(|| ExternalStop::of(StopCause::EventsBlocked, reason()))
     }
 
-    fn unwritten(&self, now: Duration, since: Duration, longest: Duration) -> Option<StopCause> {
+    fn unwritten(&self, now: Duration, since: Duration, longest: Duration) -> Option<ExternalStop> {
         let waited = now.saturating_sub(since.max(self.memory.went_on));
         let reason = || format!("the journal could not be written for {:.1} s", waited.as_secs_f64());
-        (waited > longest).then(|| StopCause::of(EndCause::JournalBlocked, reason()))
+        (waited > longest).then(|| ExternalStop::of(StopCause::JournalBlocked, reason()))
     }
 }
 
 /// A run that was too slow for strict deadlines.
-fn too_busy(what: &str, real_time: bool) -> StopCause {
-    StopCause::of(EndCause::DeadlineMissed, format!("{what}; {}", StopCause::too_busy(real_time)))
+fn too_busy(what: &str, real_time: bool) -> ExternalStop {
+    ExternalStop::of(StopCause::DeadlineMissed, format!("{what}; {}", ExternalStop::too_busy(real_time)))
 }
 
 pub(super) fn ms(time: Duration) -> u64 {

@@ -11,18 +11,17 @@ use super::Pause;
 use super::attend::Attend;
 use super::crier::Item;
 use super::disk::{Disk, Rates};
-use super::shared::{Cause, Shared};
+use super::shared::Shared;
 use super::standing::Standing;
 use super::told::{News, Told};
 use super::validate::library_for;
 use crate::store::{Claimed, JobEnd, JobId, JobPace, JobRow, JobState, RecordingKept, StoreFault, StoredEvent};
 use upm_control::EventLevel;
+use upm_core::job::StopCause;
 use upm_core::priority::go_first;
 use upm_core::rig::Trip;
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
-use upm_recording::{
-    Keeping, OnFull, Outcome, RecordingState, RecordingSwitch, RerunMode, ScribeMode, ScribeWatch, StopCode, StopReport,
-};
+use upm_recording::{Keeping, OnFull, RecordingState, RecordingSwitch, RerunMode, ScribeMode, ScribeWatch, StopReport};
 use upm_runner::config::{DeadlinePolicy, JobSpec, Origin};
 use upm_runner::run::{FolderState, Links, RunFolder, RunOptions, RunResult, run_linked};
 
@@ -122,7 +121,8 @@ impl Worker {
         let lost_parts = done.as_ref().map_or(0, |run| run.report.lost_parts);
         let stop = done.as_ref().ok().and_then(|run| run.report.stop.clone());
         let stopped_by_guard = stop.as_ref().is_some_and(|stop| stop.code.pauses_plate());
-        let mut end = self.end_of(done, cause.as_ref());
+        let is_cancelled = cause.is_some_and(|stop| stop.cause == StopCause::Cancelled);
+        let mut end = self.end_of(done, is_cancelled);
         if recording.state() == RecordingState::Whole {
             self.rates.add(recording.bytes(), end.at.secs());
         }
@@ -137,7 +137,7 @@ impl Worker {
         }
         self.settle_interlock(stop.as_ref(), &end.reason);
         if claimed.row.standing {
-            self.settle_standing(&end, cause.as_ref());
+            self.settle_standing(&end, is_cancelled);
         }
         self.log(&id, &end);
         self.tell(id, News::recording(end.at, kept, &why));
@@ -209,26 +209,22 @@ impl Worker {
     }
 
     /// How a run ended, and when on the plate.
-    fn end_of(&self, done: Result<RunResult, Vec<String>>, cause: Option<&Cause>) -> JobEnd {
+    fn end_of(&self, done: Result<RunResult, Vec<String>>, is_cancelled: bool) -> JobEnd {
         let report = match done {
             Ok(result) => result.report,
             // whoever stopped it stopped it, even when that could not be written down
-            Err(lines) if self.shared.is_stopped() || cause == Some(&Cause::Cancelled) => {
+            Err(lines) if self.shared.is_stopped() || is_cancelled => {
+                let stop = if is_cancelled { StopCause::Cancelled } else { StopCause::Estop };
                 let reason = format!("stopped; {}", lines.join("; "));
-                return ended(PlateTime::ZERO, JobState::Cancelled, reason, None);
+                return JobEnd { stop: Some(stop), ..ended(PlateTime::ZERO, JobState::Cancelled, reason, None) };
             }
             Err(lines) => return ended(PlateTime::ZERO, JobState::Failed, lines.join("; "), None),
         };
         let at = PlateTime::from_secs(report.plate_time_s);
-        let gave_way = report.stop.as_ref().is_some_and(|stop| stop.code == StopCode::GaveWay);
-        let state = match (report.outcome, cause) {
-            (Outcome::Completed, _) => JobState::Completed,
-            (Outcome::Failed, _) | (_, Some(Cause::Watchdog(_))) => JobState::Failed,
-            (Outcome::Cancelled, _) if gave_way || self.shared.is_stopped() => JobState::Cancelled,
-            (Outcome::Cancelled, Some(Cause::Cancelled)) => JobState::Cancelled,
-            (Outcome::Cancelled, None) => JobState::Interrupted,
-        };
-        ended(at, state, report.reason.clone(), serde_json::to_string(&report).ok())
+        let stop = report.stop.as_ref().map(|stop| stop.code);
+        let state = JobState::of_end(report.outcome, stop);
+        let report_json = serde_json::to_string(&report).ok();
+        JobEnd { stop, ..ended(at, state, report.reason, report_json) }
     }
 
     fn log(&self, id: &JobId, JobEnd { state, reason, .. }: &JobEnd) {
@@ -254,9 +250,9 @@ impl Worker {
     }
 
     /// A standing job that failed, or that was cancelled by request, waits for a person: it would only do so again.
-    fn settle_standing(&self, end: &JobEnd, cause: Option<&Cause>) {
+    fn settle_standing(&self, end: &JobEnd, is_cancelled: bool) {
         let Some(standing) = &self.shared.standing else { return };
-        if cause == Some(&Cause::Cancelled) {
+        if is_cancelled {
             standing.pause(Some("its last run was cancelled by request".to_owned()));
         } else if end.state == JobState::Failed {
             standing.pause(Some(format!("its last run failed: {}", end.reason)));
@@ -306,7 +302,7 @@ fn radii_of(job: &JobSpec) -> Vec<f64> {
 }
 
 fn ended(at: PlateTime, state: JobState, reason: String, report_json: Option<String>) -> JobEnd {
-    JobEnd { at, state, reason, report_json, recording: RecordingKept::None }
+    JobEnd { at, state, stop: None, reason, report_json, recording: RecordingKept::None }
 }
 
 /// The job's own folder, named after it. Made before the job is taken, so that no job is ever without one. Where it is

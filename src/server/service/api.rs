@@ -25,6 +25,7 @@ mod types;
 
 pub use cursor::JobsQuery;
 pub use desk::{Asset, Desk, Order, Picture, Promise, Recording, Refusal, Reply, Submitted, kept, promise};
+pub use events::JOB_OVER;
 pub use feed::{Event, Feed, Opening, Replayed};
 pub use traffic::{Requests, Traffic};
 pub use types::{

@@ -6,13 +6,11 @@ use jiff::Timestamp;
 use serde::Serialize;
 
 use super::{AuditEntry, JobId, JobRow, JobState, NewJob, RecordingKept, StoreFault};
+use upm_core::job::StopCause;
 use upm_core::time::PlateTime;
 
 /// Kind of the event that a job ends with: it is kept in one with the end, so that a job which has ended has it.
 pub const FINISHED: &str = "finished";
-
-/// The reason of a run that was stopped because the daemon ends: to the run it is all one who stops it.
-pub const BY_THE_DAEMON: &str = "the daemon ended";
 
 /// A job whose plate has taken it.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,6 +28,8 @@ pub struct JobEnd {
     pub at: PlateTime,
     /// A final state.
     pub state: JobState,
+    /// What ended it, for programs; `None` where its state says it all.
+    pub stop: Option<StopCause>,
     /// Why, in words.
     pub reason: String,
     /// Its `report.json`, if it came to one.
@@ -45,9 +45,12 @@ impl JobEnd {
         struct Finished<'a> {
             at_s: f64,
             state: &'a str,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            stop: Option<StopCause>,
             reason: &'a str,
         }
-        let finished = Finished { at_s: self.at.secs(), state: self.state.name(), reason: &self.reason };
+        let finished =
+            Finished { at_s: self.at.secs(), state: self.state.name(), stop: self.stop, reason: &self.reason };
         let body = serde_json::to_string(&finished).unwrap_or_else(|_| "{}".into());
         NewEvent { plate_time: self.at, kind: FINISHED, body: body.into() }
     }
@@ -57,6 +60,7 @@ impl JobEnd {
         Self {
             at: PlateTime::ZERO,
             state: JobState::Cancelled,
+            stop: Some(StopCause::Cancelled),
             reason: "cancelled before it began".to_owned(),
             report_json: None,
             recording: RecordingKept::None,
@@ -67,6 +71,7 @@ impl JobEnd {
     pub(super) fn without_a_folder() -> Self {
         Self {
             state: JobState::Interrupted,
+            stop: None,
             reason: "it could not begin: its run folder belongs to another job".to_owned(),
             ..Self::before_it_began()
         }

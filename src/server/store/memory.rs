@@ -289,6 +289,7 @@ mod tests {
         let end = |state| JobEnd {
             at: PlateTime::ZERO,
             state,
+            stop: None,
             reason: "done".into(),
             report_json: None,
             recording: RecordingKept::Whole,

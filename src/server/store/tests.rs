@@ -183,7 +183,8 @@ fn begin(store: &Store, name: &str, plate: &str) -> Claimed {
 
 fn end(state: JobState) -> JobEnd {
     let at = PlateTime::from_secs(2.5);
-    JobEnd { at, state, reason: "so it went".into(), report_json: Some("{}".into()), recording: RecordingKept::Whole }
+    let (reason, report_json) = ("so it went".into(), Some("{}".into()));
+    JobEnd { at, state, stop: None, reason, report_json, recording: RecordingKept::Whole }
 }
 
 fn event(kind: &'static str, body: &str) -> NewEvent {

@@ -4,6 +4,7 @@ use std::time::Duration;
 use jiff::Timestamp;
 
 use super::{JobId, StoredEvent};
+use upm_core::job::{Outcome, StopCause};
 
 /// How far a job has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -42,6 +43,18 @@ impl JobState {
     /// The state of that name.
     pub fn of_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|state| state.name() == name)
+    }
+
+    /// The state of a job whose run ended so.
+    pub fn of_end(outcome: Outcome, stop: Option<StopCause>) -> Self {
+        match (outcome, stop) {
+            (Outcome::Completed, _) => Self::Completed,
+            (Outcome::Failed, _) => Self::Failed,
+            // the daemon's own stops: nobody asked for the end of this run
+            (Outcome::Cancelled, None | Some(StopCause::Stopped | StopCause::Shutdown)) => Self::Interrupted,
+            (Outcome::Cancelled, Some(stop)) if stop.is_by_watchdog() => Self::Failed,
+            (Outcome::Cancelled, Some(_)) => Self::Cancelled,
+        }
     }
 
     /// True for states that no job leaves again.

@@ -15,12 +15,13 @@ use super::table::TableView;
 use super::vision;
 use super::words::Words;
 use crate::types::RunContext;
+use upm_control::Milestone;
 use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruth;
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
 use upm_perception::vision::Track;
-use upm_recording::ENDED_EARLY;
+use upm_recording::RecordingReport;
 use upm_recording::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 
 /// Timeline of the experiment's own time.
@@ -236,15 +237,15 @@ impl Recorder {
             }
             if let (Some(reason), false) = (file.switch().wanted_stop(), stopped) {
                 stopped = true;
-                recorded = recorded.and_then(|()| self.last_words(format!("{ENDED_EARLY}stopped, {reason}")));
+                recorded = recorded.and_then(|()| self.last_words(RecordingReport::stopped(reason).text));
                 file.close().ok(); // what fails is told by the switch
             }
             if stopped && !file.has_viewer() {
                 break;
             }
         }
-        if let Some(text) = file.switch().ended_early() {
-            recorded = recorded.and_then(|()| self.last_words(text));
+        if let Some(end) = file.switch().ended_early() {
+            recorded = recorded.and_then(|()| self.last_words(end.text));
         }
         let flushed = self.tape.flush();
         recorded.and(flushed)
@@ -295,10 +296,12 @@ impl Recorder {
                 self.cycle = cycle.index + 1;
                 Ok(())
             }
-            Message::Event(event) if event.text.starts_with(ENDED_EARLY) => match self.end_told {
-                true => Ok(()),
-                false => self.last_words(event.text),
-            },
+            Message::Event(event) if matches!(event.milestone, Some(Milestone::RecordingEnded(_))) => {
+                match self.end_told {
+                    true => Ok(()),
+                    false => self.last_words(event.text),
+                }
+            }
             Message::Event(event) => {
                 self.tape.at(event.at, self.cycle);
                 self.words.event(&self.tape, &event)

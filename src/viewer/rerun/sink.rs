@@ -12,7 +12,7 @@ use super::live::Live;
 use super::live_server::LiveServer;
 use super::recorder::{Desk, Logged, Looks, Message, Recorder};
 use crate::types::{RecordingError, RecordingStats, RunContext};
-use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, MilestoneFacts, PulseFacts, Sink};
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::priority::step_back;
 use upm_core::signal::Frame;
@@ -257,7 +257,13 @@ impl Sink for RerunSink {
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
         if let Some(running) = &mut self.0 {
-            running.send(Message::Event(EventRecord { at, level, text: text.to_owned() }));
+            running.send(Message::Event(EventRecord::new(at, level, text)));
+        }
+    }
+
+    fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
+        if let Some(running) = &mut self.0 {
+            running.send(Message::Event(facts.into()));
         }
     }
 }

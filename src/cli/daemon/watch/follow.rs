@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use super::events::{Event, Events};
 use crate::cli::daemon::client::{Client, Refusal};
+use upm_server::service::JOB_OVER;
 
 /// Rest before the first try to come back, and the longest between two.
 const FIRST_REST: Duration = Duration::from_millis(250);
@@ -11,9 +12,6 @@ const LONGEST_REST: Duration = Duration::from_secs(5);
 
 /// Rests after which a daemon that does not come back is given up, about two minutes.
 const MOST_RESTS: u32 = 28;
-
-/// Why a stream ends behind the last event of a job, or where that is not kept any more.
-const OVER: &str = "the job is over";
 
 /// What is heard of a job.
 #[derive(Debug)]
@@ -105,7 +103,7 @@ impl Follower {
         if event.kind != "snapshot" && event.kind != "bye" {
             self.rests = Some(0);
         }
-        self.has_ended |= event.kind == "finished" || (event.kind == "bye" && event.data["why"] == OVER);
+        self.has_ended |= event.kind == "finished" || (event.kind == "bye" && event.data["code"] == JOB_OVER);
         event
     }
 }

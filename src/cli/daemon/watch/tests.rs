@@ -70,13 +70,14 @@ fn a_job_is_followed_over_a_cut_in_the_middle_of_an_event() {
 
 #[test]
 fn a_job_that_is_over_is_told_and_left() {
-    let (over, bye) = (snapshot(JobState::Interrupted), "event: bye\ndata: {\"why\":\"the job is over\"}\n\n");
+    let (over, bye) =
+        (snapshot(JobState::Interrupted), "event: bye\ndata: {\"code\":\"job_over\",\"why\":\"the job is over\"}\n\n");
     let server = Server::saying(vec![events(&[&over, bye], true)]);
     assert_eq!(kinds(&heard(&server, Some(0))), ["snapshot", "bye"]);
     assert_eq!(server.asked().len(), 1);
     assert_eq!(server.asked()[0].header("last-event-id"), Some("0"));
 
-    let later = "event: bye\ndata: {\"why\":\"the job store does not answer now\"}\n\n";
+    let later = "event: bye\ndata: {\"code\":\"store_silent\",\"why\":\"the job store does not answer now\"}\n\n";
     let finished = "id: 3\nevent: finished\ndata: {}\n\n";
     let server = Server::saying(vec![events(&[&over, later], true), events(&[&over, finished, bye], true)]);
     assert_eq!(kinds(&heard(&server, Some(0))), ["snapshot", "bye", "lost", "snapshot", "finished 3", "bye"]);

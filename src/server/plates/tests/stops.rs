@@ -7,9 +7,10 @@ use std::thread;
 
 use super::*;
 use crate::store::{AuditEntry, Claimed, JobEnd, Ledger, NewEvent, NewJob, Publish, StoreFault, StoredEvent};
-use upm_control::EndCause;
+use upm_core::job::StopCause;
 use upm_core::time::{Clock, PlateTime};
 use upm_recording::{RecordingSwitch, ScribeWatch};
+use upm_runner::run::ExternalStop;
 
 type Act = Box<dyn FnOnce() + Send>;
 
@@ -212,7 +213,7 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
     let begin = |job| shared.begins(job, false, RecordingSwitch::default(), ScribeWatch::default());
     let frame = || shared.vitals.frame(plate.clock.elapsed(), PlateTime::ZERO, true, false);
     let bark = |job: &JobId| {
-        shared.bark(job, "no frame came".into());
+        shared.bark(job, ExternalStop::of(StopCause::Hung, "no frame came"));
         shared.interlock.tripped()
     };
     begin(first);
@@ -227,7 +228,7 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
     assert_eq!(shared.driven().map(|(job, _)| job), Some(second));
     assert_eq!(bark(&first), None, "it is the next one's turn");
     assert_eq!(bark(&second), Some(Trip::Watchdog));
-    assert_eq!(shared.ends(), Some(shared::Cause::Watchdog("no frame came".into())));
+    assert_eq!(shared.ends(), Some(ExternalStop::of(StopCause::Hung, "no frame came")));
 }
 
 #[test]
@@ -290,7 +291,7 @@ fn hung_controller_trips_the_watchdog_under_relaxed_deadlines() {
         thread::yield_now();
     }
     let cause = shared.cause().unwrap();
-    assert_eq!((shared.interlock.tripped(), cause.cause), (Some(Trip::Watchdog), EndCause::Hung), "{cause:?}");
+    assert_eq!((shared.interlock.tripped(), cause.cause), (Some(Trip::Watchdog), StopCause::Hung), "{cause:?}");
 }
 
 #[test]

@@ -25,7 +25,7 @@ fn first_found(
     until_ms: u64,
     vitals: impl Fn(u64, &Vitals),
     deadlines: impl Fn(u64) -> Deadlines,
-) -> Option<(u64, StopCause)> {
+) -> Option<(u64, ExternalStop)> {
     let state = Vitals::default();
     (from_ms..until_ms).step_by(10).find_map(|now_ms| {
         vitals(now_ms, &state);
@@ -34,17 +34,17 @@ fn first_found(
 }
 
 /// What is found of a run that is too slow for strict deadlines.
-fn slow(at_ms: u64, what: &str) -> Option<(u64, StopCause)> {
+fn slow(at_ms: u64, what: &str) -> Option<(u64, ExternalStop)> {
     let reason = format!(
         "{what}; this computer was too busy: `--pace max` would do, or `\"deadlines\": \"relaxed\"` in the job"
     );
-    Some((at_ms, StopCause { cause: EndCause::DeadlineMissed, reason }))
+    Some((at_ms, ExternalStop { cause: StopCause::DeadlineMissed, reason }))
 }
 
 /// What is found of a run that has another fault.
-fn fault(at_ms: u64, cause: EndCause, what: &str) -> Option<(u64, StopCause)> {
+fn fault(at_ms: u64, cause: StopCause, what: &str) -> Option<(u64, ExternalStop)> {
     let reason = format!("{what}; {}", cause.remedy().unwrap());
-    Some((at_ms, StopCause { cause, reason }))
+    Some((at_ms, ExternalStop { cause, reason }))
 }
 
 fn frames_until(last_ms: u64) -> impl Fn(u64, &Vitals) {
@@ -70,8 +70,8 @@ fn frames_that_stay_away_are_told() {
     assert_eq!(found, slow(2510, "no frame came for 0.5 s"));
     let mut dog = Watchdog::new(SPEC);
     let found = first_found(&mut dog, 1000, 9000, frames_until(2000), |_| AT_MAX_PACE);
-    let (found_ms, StopCause { cause, reason }) = found.unwrap();
-    assert_eq!((found_ms, cause), (7010, EndCause::DeadlineMissed), "as fast as the machine works");
+    let (found_ms, ExternalStop { cause, reason }) = found.unwrap();
+    assert_eq!((found_ms, cause), (7010, StopCause::DeadlineMissed), "as fast as the machine works");
     let would_do = "this computer was too busy: `\"deadlines\": \"relaxed\"` in the job would do";
     assert_eq!(reason, format!("no frame came for 5.0 s; {would_do}"));
 }
@@ -115,7 +115,7 @@ fn parts_that_nobody_sees_are_told() {
         vitals.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), now_ms < 3000, false);
     };
     let found = first_found(&mut dog, 1000, 9000, blind, |_| STRICT);
-    assert_eq!(found, fault(3500, EndCause::NoPartSeen, "no part was seen for 0.5 s of plate time"));
+    assert_eq!(found, fault(3500, StopCause::NoPartSeen, "no part was seen for 0.5 s of plate time"));
 }
 
 #[test]
@@ -144,7 +144,7 @@ fn a_crier_that_hangs_is_told() {
         vitals.could_tell(at(now_ms), !(2000..2400).contains(&now_ms) && now_ms < 4000);
     };
     let found = first_found(&mut dog, 1000, 9000, hangs, |_| STRICT);
-    assert_eq!(found, fault(4510, EndCause::EventsBlocked, "nothing could be told for 0.5 s"));
+    assert_eq!(found, fault(4510, StopCause::EventsBlocked, "nothing could be told for 0.5 s"));
 }
 
 #[test]
@@ -158,7 +158,7 @@ fn a_journal_that_waits_for_the_disk_is_told() {
         })
     };
     assert_eq!(first(u64::MAX), None);
-    assert_eq!(first(3000), fault(3510, EndCause::JournalBlocked, "the journal could not be written for 0.5 s"));
+    assert_eq!(first(3000), fault(3510, StopCause::JournalBlocked, "the journal could not be written for 0.5 s"));
 }
 
 #[test]
@@ -198,7 +198,7 @@ fn planner_that_never_returns_is_reported_under_relaxed_deadlines() {
     for deadlines in [RELAXED, Deadlines { real_time: false, ..RELAXED }] {
         let mut dog = Watchdog::new(SPEC);
         let found = first_found(&mut dog, 1000, 90_000, frames_until(2000), |_| deadlines);
-        assert_eq!(found, fault(32_010, EndCause::Hung, "no frame came for 30.0 s: the controller hangs"));
+        assert_eq!(found, fault(32_010, StopCause::Hung, "no frame came for 30.0 s: the controller hangs"));
     }
 }
 
@@ -222,5 +222,5 @@ fn journal_that_waits_for_the_disk_ends_a_relaxed_run_as_a_hang_does() {
         vitals.frame(at(now_ms), PlateTime::ZERO, true, false);
         Some((now_ms, dog.look(at(now_ms), &vitals, RELAXED, Some(at(now_ms.min(3000))))?))
     });
-    assert_eq!(found, fault(33_010, EndCause::JournalBlocked, "the journal could not be written for 30.0 s"));
+    assert_eq!(found, fault(33_010, StopCause::JournalBlocked, "the journal could not be written for 30.0 s"));
 }

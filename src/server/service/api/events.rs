@@ -17,6 +17,8 @@ use super::traffic::OpenStream;
 use crate::service::http::{Problem, ProblemKind, StopFlag};
 
 pub(super) const EVENT_STREAM: &str = "text/event-stream";
+/// Code of the `bye` of a job that has ended: its stream is not asked for again.
+pub const JOB_OVER: &str = "job_over";
 pub(super) const LAST_EVENT_ID: &str = "Last-Event-ID";
 
 /// Events read from the store at once.
@@ -129,7 +131,7 @@ impl Watcher {
                 self.stage = if is_done { Stage::Live } else { Stage::Replay { newest } };
             }
             // what is kept can be had later: the client comes back and goes on from what it has
-            Err(_) => return bye("the job store does not answer now"),
+            Err(_) => return bye(Bye::StoreSilent),
         }
         text.freeze()
     }
@@ -146,16 +148,16 @@ impl Watcher {
 
     async fn live(&mut self) -> Bytes {
         if self.is_over {
-            return bye("the job is over");
+            return bye(Bye::JobOver);
         }
         if self.intake.is_overrun() {
             return self.reopen().await;
         }
         tokio::select! {
             biased;
-            () = self.stop.stopped() => bye("the daemon ends"),
+            () = self.stop.stopped() => bye(Bye::DaemonEnds),
             event = self.intake.next() => {
-                let Some(event) = event else { return bye("the daemon tells no more of this job") };
+                let Some(event) = event else { return bye(Bye::FeedClosed) };
                 let mut text = BytesMut::new();
                 self.take(&event, &mut text);
                 self.stage = Stage::Live;
@@ -173,7 +175,7 @@ impl Watcher {
         let (feed, intake) = feed();
         self.intake = intake;
         let Ok(opening) = self.desk.watch(&self.id, feed).await else {
-            return bye("the daemon tells no more of this job");
+            return bye(Bye::FeedClosed);
         };
         let mut text = BytesMut::new();
         let missed_to = before_end(&opening);
@@ -196,6 +198,21 @@ fn gap(from: u64, to: u64) -> Bytes {
     Event::new(None, "gap", &format!("{{\"from\":{from},\"to\":{to}}}")).text
 }
 
-fn bye(why: &str) -> Bytes {
-    Event::new(None, "bye", &format!("{{\"why\":\"{why}\"}}")).text
+/// Why a stream ends.
+#[derive(Clone, Copy, Debug)]
+enum Bye {
+    JobOver,
+    DaemonEnds,
+    StoreSilent,
+    FeedClosed,
+}
+
+fn bye(why: Bye) -> Bytes {
+    let (code, text) = match why {
+        Bye::JobOver => (JOB_OVER, "the job is over"),
+        Bye::DaemonEnds => ("daemon_ends", "the daemon ends"),
+        Bye::StoreSilent => ("store_silent", "the job store does not answer now"),
+        Bye::FeedClosed => ("feed_closed", "the daemon tells no more of this job"),
+    };
+    Event::new(None, "bye", &format!("{{\"code\":\"{code}\",\"why\":\"{text}\"}}")).text
 }

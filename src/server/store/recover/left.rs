@@ -3,17 +3,15 @@ use std::io::Read;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
+use serde::Deserialize;
 use serde_json::Value;
 
 use crate::store::salvage::{modified, text_of};
 use crate::store::{
-    BY_THE_DAEMON, JobEnd, JobRow, JobState, Mended, RecordingKept, Recovery, RepairRecording, RunFileFault,
-    open_run_file,
+    JobEnd, JobRow, JobState, Mended, RecordingKept, Recovery, RepairRecording, RunFileFault, open_run_file,
 };
+use upm_core::job::{Outcome, RecordingEnd, StopCause, legacy};
 use upm_core::time::PlateTime;
-
-/// How a text begins, in a journal and in a report, that tells of a recording which ended before its run did.
-const ENDS_EARLY: &str = "\"the recording ends early: ";
 
 /// Bytes of a journal that are looked through at a time.
 const BLOCK_BYTES: u64 = 1 << 20;
@@ -56,21 +54,57 @@ fn closed(folder: &Path, known: RecordingKept) -> RecordingKept {
 
 /// True when the report, or the journal of a run that came to none, tells that the recording ended before the run did.
 fn ends_early(folder: &Path) -> bool {
-    let report = text_of(&folder.join("report.json"));
-    report.map_or_else(|| journal_tells(folder), |report| report.contains(ENDS_EARLY))
+    let Some(report) = text_of(&folder.join("report.json")) else { return journal_tells(folder) };
+    let report: Value = serde_json::from_str(&report).unwrap_or_default();
+    let of_0_1_0 = |text: &Value| text.as_str().is_some_and(|text| text.starts_with(legacy::RECORDING_ENDS_EARLY));
+    report["recording"].is_object() || report["warnings"].as_array().is_some_and(|texts| texts.iter().any(of_0_1_0))
 }
 
 /// A journal may be long. One that cannot be read tells nothing.
 fn journal_tells(folder: &Path) -> bool {
     let Ok(mut file) = open_run_file(folder, "journal.jsonl") else { return false };
+    let coded = |end: RecordingEnd| format!("\"code\":\"{}\"", end.code());
+    let of_0_1_0 = format!("\"text\":\"{}", legacy::RECORDING_ENDS_EARLY);
+    let signs = [coded(RecordingEnd::RecordingStopped), coded(RecordingEnd::RecordingFailed), of_0_1_0];
+    let longest = signs.iter().map(String::len).max().unwrap_or(0);
     let mut seen = Vec::new();
     loop {
-        // it may lie across two blocks
-        seen.drain(..seen.len().saturating_sub(ENDS_EARLY.len() - 1));
+        // a sign may lie across two blocks
+        seen.drain(..seen.len().saturating_sub(longest));
         match (&mut file).take(BLOCK_BYTES).read_to_end(&mut seen) {
             Ok(0) | Err(_) => return false,
-            Ok(_) if seen.windows(ENDS_EARLY.len()).any(|bytes| bytes == ENDS_EARLY.as_bytes()) => return true,
+            Ok(_) if signs.iter().any(|sign| seen.windows(sign.len()).any(|bytes| bytes == sign.as_bytes())) => {
+                return true;
+            }
             Ok(_) => {}
+        }
+    }
+}
+
+/// What a report says of the end of its run; those of 0.1.0 have no code of a stop from outside.
+#[derive(Deserialize)]
+struct ReportedEnd {
+    outcome: Outcome,
+    #[serde(default)]
+    reason: String,
+    #[serde(default)]
+    stop: Option<ReportedStop>,
+    #[serde(default)]
+    plate_time_s: f64,
+}
+
+#[derive(Deserialize)]
+struct ReportedStop {
+    code: String,
+}
+
+impl ReportedEnd {
+    fn stop(&self) -> Option<StopCause> {
+        match (&self.stop, self.outcome) {
+            (Some(stop), _) => StopCause::of_code(&stop.code),
+            (None, Outcome::Cancelled) if self.reason == legacy::DAEMON_ENDED => Some(StopCause::Shutdown),
+            (None, Outcome::Cancelled) => Some(StopCause::Cancelled),
+            (None, Outcome::Completed | Outcome::Failed) => None,
         }
     }
 }
@@ -78,20 +112,17 @@ fn journal_tells(folder: &Path) -> bool {
 /// How a job ended that was running: as its report says, if it had come so far.
 pub(super) fn end_of(folder: Option<&Path>, recording: RecordingKept) -> JobEnd {
     let report_json = folder.and_then(|folder| text_of(&folder.join("report.json")));
-    let report: Option<Value> = report_json.as_deref().and_then(|text| serde_json::from_str(text).ok());
-    let text = |key: &str| report.as_ref().and_then(|report| report.get(key)).and_then(Value::as_str);
-    let at_s = report.as_ref().and_then(|report| report.get("plate_time_s")).and_then(Value::as_f64);
-    let at = PlateTime::from_secs(at_s.unwrap_or_default());
-    let reason = text("reason").unwrap_or_default();
-    match text("outcome").and_then(JobState::of_name).filter(|state| state.is_final()) {
-        Some(outcome) => {
-            let by_daemon = outcome == JobState::Cancelled && reason == BY_THE_DAEMON;
-            let state = if by_daemon { JobState::Interrupted } else { outcome };
-            JobEnd { at, state, reason: reason.to_owned(), report_json, recording }
+    let report: Option<ReportedEnd> = report_json.as_deref().and_then(|text| serde_json::from_str(text).ok());
+    match report {
+        Some(report) => {
+            let stop = report.stop();
+            let (at, state) = (PlateTime::from_secs(report.plate_time_s), JobState::of_end(report.outcome, stop));
+            JobEnd { at, state, stop, reason: report.reason, report_json, recording }
         }
         None => JobEnd {
-            at,
+            at: PlateTime::ZERO,
             state: JobState::Interrupted,
+            stop: Some(StopCause::Shutdown),
             reason: "the daemon ended while it ran".to_owned(),
             report_json: None,
             recording,
@@ -107,23 +138,64 @@ pub(super) fn last_sign(folder: &Path) -> Option<jiff::Timestamp> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use upm_recording::ENDED_EARLY;
 
     #[test]
     fn journal_and_report_tell_of_a_recording_that_ends_early() {
         let folder = tempfile::tempdir().unwrap();
         let journal = folder.path().join("journal.jsonl");
         assert!(!ends_early(folder.path()));
-        let told = format!("\"text\":\"{ENDED_EARLY}stopped, the disk is nearly full\"");
         let block = BLOCK_BYTES as usize;
-        for before in [0, block - told.len() / 2, block - 8, block, 2 * block + 5] {
-            fs::write(&journal, ["x".repeat(before), told.clone(), "x".repeat(99)].concat()).unwrap();
-            assert!(ends_early(folder.path()), "{before} bytes before it");
+        for told in [
+            r#""text":"whatever it says","code":"recording_stopped""#,
+            r#""text":"whatever it says","code":"recording_failed""#,
+            r#""text":"the recording ends early: stopped, the disk is nearly full""#,
+        ] {
+            for before in [0, block - told.len() / 2, block - 8, block, 2 * block + 5] {
+                fs::write(&journal, ["x".repeat(before).as_str(), told, &"x".repeat(99)].concat()).unwrap();
+                assert!(ends_early(folder.path()), "{before} bytes before it");
+            }
         }
         fs::write(folder.path().join("report.json"), "{}").unwrap();
         assert!(!ends_early(folder.path()), "the report knows better");
-        let report = format!("{{\n  \"warnings\": [\n    \"{ENDED_EARLY}no space\"\n  ]\n}}");
-        fs::write(folder.path().join("report.json"), report).unwrap();
-        assert!(ends_early(folder.path()));
+        for report in [
+            r#"{"recording": {"code": "recording_failed", "text": "no space"}}"#,
+            r#"{"warnings": ["the recording ends early: no space"]}"#,
+        ] {
+            fs::write(folder.path().join("report.json"), report).unwrap();
+            assert!(ends_early(folder.path()), "{report}");
+        }
+    }
+
+    #[test]
+    fn an_end_is_what_the_report_says() {
+        let folder = tempfile::tempdir().unwrap();
+        for (report, state, stop) in [
+            (r#"{"outcome": "completed"}"#, JobState::Completed, None),
+            (
+                r#"{"outcome": "failed", "stop": {"code": "part_lost", "text": "gone"}}"#,
+                JobState::Failed,
+                Some(StopCause::PartLost),
+            ),
+            (
+                r#"{"outcome": "cancelled", "stop": {"code": "shutdown", "text": "whatever it says"}}"#,
+                JobState::Interrupted,
+                Some(StopCause::Shutdown),
+            ),
+            (
+                r#"{"outcome": "cancelled", "reason": "the daemon ended"}"#,
+                JobState::Interrupted,
+                Some(StopCause::Shutdown),
+            ),
+            (
+                r#"{"outcome": "cancelled", "reason": "emergency stop"}"#,
+                JobState::Cancelled,
+                Some(StopCause::Cancelled),
+            ),
+            ("no report", JobState::Interrupted, Some(StopCause::Shutdown)),
+        ] {
+            fs::write(folder.path().join("report.json"), report).unwrap();
+            let end = end_of(Some(folder.path()), RecordingKept::None);
+            assert_eq!((end.state, end.stop), (state, stop), "{report}");
+        }
     }
 }

@@ -99,7 +99,10 @@ fn only_queued_jobs_are_cancelled() {
     assert!(matches!(cancel(running), Cancelled::Not(row) if row.state == JobState::Running));
     let Cancelled::Now(row, told) = cancel(waiting) else { panic!("it waited") };
     assert_eq!((row.state, row.last_event, told.seq), (JobState::Cancelled, 1, 1));
-    assert_eq!(&*told.body, r#"{"at_s":0.0,"state":"cancelled","reason":"cancelled before it began"}"#);
+    assert_eq!(
+        &*told.body,
+        r#"{"at_s":0.0,"state":"cancelled","stop":"cancelled","reason":"cancelled before it began"}"#
+    );
     assert!(matches!(cancel(waiting), Cancelled::Not(row) if row.state == JobState::Cancelled));
     assert_eq!(cancel(JobId::from_bytes([1; 16])), Cancelled::Unknown);
     assert_eq!(store.claim("a", &super::folder(&store)), Ok(None));

@@ -4,7 +4,6 @@ use std::fs;
 
 use super::crashes::killed;
 use super::*;
-use upm_recording::ENDED_EARLY;
 
 fn finished(store: &Store, name: &str, recording: RecordingKept) -> JobId {
     let id = begin(store, name, "a").row.id;
@@ -33,15 +32,15 @@ fn a_recording_that_failed_is_repaired_where_something_is_left_of_it() {
 fn a_recording_closed_before_its_run_was_over_is_no_whole_one() {
     let (folder, store) = new_store(limits());
     let runs = [
-        ("stopped", "stopped, the disk is nearly full", "run.rrd", RecordingKept::Stopped),
-        ("lagged", "the recorder lags", "run.rrd", RecordingKept::Stopped),
-        ("unnamed", "no space", "run.rrd.part", RecordingKept::Stopped),
+        ("stopped", r#","code":"recording_stopped""#, "run.rrd", RecordingKept::Stopped),
+        ("lagged", r#","code":"recording_failed""#, "run.rrd", RecordingKept::Stopped),
+        ("unnamed", r#","code":"recording_failed""#, "run.rrd.part", RecordingKept::Stopped),
         ("whole", "", "run.rrd", RecordingKept::Whole),
     ];
-    let ids = runs.map(|(name, why, file, _)| {
+    let ids = runs.map(|(name, detail, file, _)| {
         let id = begin(&store, name, "a").row.id;
-        let text = if why.is_empty() { "a part was lost".into() } else { format!("{ENDED_EARLY}{why}") };
-        let event = format!("{{\"type\":\"event\",\"at_s\":1.5,\"level\":\"warning\",\"text\":{text:?}}}\n");
+        let event =
+            format!("{{\"type\":\"event\",\"at_s\":1.5,\"level\":\"warning\",\"text\":\"so it went\"{detail}}}\n");
         fs::write(store.runs().join(name).join("journal.jsonl"), event.repeat(3)).unwrap();
         fs::write(store.runs().join(name).join(file), "rerun").unwrap();
         id

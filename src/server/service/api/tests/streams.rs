@@ -63,7 +63,7 @@ async fn next(body: &mut Body) -> String {
     }
 }
 
-const OVER: &str = "event: bye\ndata: {\"why\":\"the job is over\"}\n\n";
+const OVER: &str = "event: bye\ndata: {\"code\":\"job_over\",\"why\":\"the job is over\"}\n\n";
 
 #[tokio::test]
 async fn a_stream_resumes_after_any_event() {
@@ -142,7 +142,7 @@ async fn a_store_that_does_not_answer_is_no_gap() {
     let asked = asked(1, 3, true);
     let body = watch(&asked, "1").await;
     asked.desk.refuse(Refusal::Busy { why: "the job store is busy".to_owned(), retry_after_s: 1 });
-    let bye = "event: bye\ndata: {\"why\":\"the job store does not answer now\"}\n\n";
+    let bye = "event: bye\ndata: {\"code\":\"store_silent\",\"why\":\"the job store does not answer now\"}\n\n";
     assert_eq!(all(body).await, format!("{HEAD}{bye}"));
     assert_eq!(all(watch(&asked, "1").await).await, format!("{HEAD}{}{OVER}", text_of(2..=3)), "it can be had later");
 }
@@ -155,7 +155,7 @@ async fn a_quiet_stream_shows_that_it_is_alive_and_ends_with_the_daemon() {
     let heartbeat = body.frame().await.unwrap().unwrap().into_data().unwrap();
     assert_eq!(heartbeat, ": hb\n\n");
     asked.stop.stop();
-    assert_eq!(next(&mut body).await, "event: bye\ndata: {\"why\":\"the daemon ends\"}\n\n");
+    assert_eq!(next(&mut body).await, "event: bye\ndata: {\"code\":\"daemon_ends\",\"why\":\"the daemon ends\"}\n\n");
     assert_eq!(next(&mut body).await, "");
 }
 
@@ -192,7 +192,7 @@ fn fifty_clients_are_told_and_let_go() {
     for client in &mut clients {
         let mut rest = String::new();
         client.read_to_string(&mut rest).unwrap();
-        assert!(rest.contains("event: bye\ndata: {\"why\":\"the daemon ends\"}"), "{rest}");
+        assert!(rest.contains("event: bye\ndata: {\"code\":\"daemon_ends\",\"why\":\"the daemon ends\"}"), "{rest}");
     }
     drop(clients);
     assert_eq!(server.join().unwrap(), Served { dropped: 0 });

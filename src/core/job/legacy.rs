@@ -1,0 +1,22 @@
+//! What files of 0.1.0 say in words where later ones have codes. For readers of such files alone: nothing writes these.
+
+/// How the event, and the warning in the report, begin of a recording that ended before its run did.
+pub const RECORDING_ENDS_EARLY: &str = "the recording ends early: ";
+
+/// Reason in the report of a run that was stopped because the daemon ended.
+pub const DAEMON_ENDED: &str = "the daemon ended";
+
+/// Events of runs that something outside them ended.
+const EXTERNAL_STOPS: [&str; 6] = [
+    "stopped from outside, motors at zero",
+    "gave way to another job",
+    "the rig stopped: emergency stop",
+    "the rig stopped: the drive lease ran out, nobody drove the motors for 0.1 s",
+    "the rig stopped: the watchdog stopped it",
+    "the rig stopped: the program ends",
+];
+
+/// True for the text of an event by which something outside the run ended it.
+pub fn is_external_stop(text: &str) -> bool {
+    EXTERNAL_STOPS.contains(&text)
+}
