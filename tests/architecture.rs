@@ -14,6 +14,7 @@ const CRATES: &[(&str, &[&str])] = &[
         "core",
         &["units", "time", "priority", "random", "geometry", "signal", "disc_friction", "ground_truth", "job", "rig"],
     ),
+    ("document", &["document"]),
     ("sim", &["sim"]),
     ("scene", &["scene"]),
     ("perception", &["vision", "estimation"]),
@@ -50,6 +51,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("reference", &["signal", "rig::PartKind", "vision"]),
     ("scene", &["signal", "rig::PartKind"]),
     ("estimation", &["signal"]),
+    ("document", &[]),
     ("library", &["signal"]),
     ("goal", &[]),
     ("qp", &[]),
@@ -138,7 +140,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("main", &["cli"]),
 ];
 
-const BASE: &[&str] = &["units", "time", "priority", "random", "geometry", "job"];
+const BASE: &[&str] = &["units", "time", "priority", "random", "geometry", "job", "document"];
 
 /// What neither control nor anything it imports may name, tests included.
 const TRUTH: &[&str] = &["sim", "ground_truth"];
@@ -182,6 +184,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
 /// The rooms where data meets the outside; of the library only its file form. The words for jobs are the same there.
 const SERDE: &[&str] = &[
     "src/core/job",
+    "src/document",
     "src/recording",
     "src/library/file",
     "src/library/raw",

@@ -3,8 +3,9 @@
 
 use nalgebra::{Complex, Matrix3, Vector3};
 
-use super::{AxisShape, Entry, FieldResponse, Library, LibraryFault, PlateResponse};
+use super::{AxisShape, Entry, FieldResponse, Library, PlateResponse};
 use upm_core::units::mm_from_m;
+use upm_document::Fault;
 
 /// Standard deviations by which two measurements of the same may differ, the scatter of both counted.
 const SIGMAS: f64 = 3.0 * std::f64::consts::SQRT_2;
@@ -30,7 +31,7 @@ impl Library {
     /// when each is within 3 standard deviations of both measurements, and 5 %, of what `own` predicts; for steps, of
     /// what it predicts for coins of 42 % more or less friction, which is as far apart as two single coins are, or for
     /// as much of the speed. Standard deviations are those of `own` alone; another library may not widen them.
-    pub fn disagreement(&self, own: &Self) -> Option<LibraryFault> {
+    pub fn disagreement(&self, own: &Self) -> Option<Fault> {
         self.other_gain(own)
             .or_else(|| self.other_shape(own))
             .or_else(|| other_plate(self.plate.as_ref(), own.plate.as_ref()))
@@ -39,13 +40,13 @@ impl Library {
             .or_else(|| other_field(self.fields.as_ref(), own.fields.as_ref()))
     }
 
-    fn other_gain(&self, own: &Self) -> Option<LibraryFault> {
+    fn other_gain(&self, own: &Self) -> Option<Fault> {
         let pairs = self.accelerometer_gain.iter().zip(&own.accelerometer_gain).enumerate();
         let mut others = pairs.filter(|(_, (found, its))| differ(**found, **its, GAIN));
         others.next().map(|(k, (found, its))| beside_own(format!("accelerometer_gain[{k}]"), found, its))
     }
 
-    fn other_shape(&self, own: &Self) -> Option<LibraryFault> {
+    fn other_shape(&self, own: &Self) -> Option<Fault> {
         let flat = |AxisShape([first, second]): AxisShape| [first.cos, first.sin, second.cos, second.sin];
         let pairs = self.shapes.map(flat).into_iter().zip(own.shapes.map(flat));
         let mut named = ["x", "y", "spin"].into_iter().zip(pairs);
@@ -54,7 +55,7 @@ impl Library {
         })
     }
 
-    fn other_entry(&self, own: &Self) -> Option<LibraryFault> {
+    fn other_entry(&self, own: &Self) -> Option<Fault> {
         let answer = MotorAnswer::of(own);
         let mut entries = self.entries.iter().enumerate();
         let (i, entry, expected) = entries.find_map(|(i, entry)| {
@@ -73,7 +74,7 @@ impl Library {
 
     /// At every node of this library's grid, and at those of `own` that lie within it: a coarse grid says something
     /// between its nodes, too.
-    fn other_step(&self, own: &Self) -> Option<LibraryFault> {
+    fn other_step(&self, own: &Self) -> Option<Fault> {
         let (mine, its) = (&self.displacement, &own.displacement);
         let other = |speed_mps: f64, sustain_s: f64| {
             let [found_m, own_m] = [mine, its].map(|model| model.distance(speed_mps, sustain_s));
@@ -153,7 +154,7 @@ fn velocity(entry: &Entry, reach_m: f64) -> Vector3<f64> {
     Vector3::new(pump.velocity_mps.x, pump.velocity_mps.y, pump.spin_radps * reach_m)
 }
 
-fn other_plate(found: Option<&PlateResponse>, own: Option<&PlateResponse>) -> Option<LibraryFault> {
+fn other_plate(found: Option<&PlateResponse>, own: Option<&PlateResponse>) -> Option<Fault> {
     let (found, own) = match (found, own) {
         (None, None) => return None,
         (Some(found), Some(own)) => (found, own),
@@ -178,7 +179,7 @@ fn other_plate(found: Option<&PlateResponse>, own: Option<&PlateResponse>) -> Op
 }
 
 /// Answers of each axis, harmonic by harmonic.
-fn other_field(found: Option<&FieldResponse>, own: Option<&FieldResponse>) -> Option<LibraryFault> {
+fn other_field(found: Option<&FieldResponse>, own: Option<&FieldResponse>) -> Option<Fault> {
     let (Some(found), Some(own)) = (found, own) else { return None };
     let rows = |matrix: &Matrix3<Complex<f64>>, row: usize| -> Vec<f64> {
         matrix.row(row).iter().flat_map(|part| [part.re, part.im]).collect()
@@ -189,7 +190,7 @@ fn other_field(found: Option<&FieldResponse>, own: Option<&FieldResponse>) -> Op
     let size = |row: &[f64]| row.iter().map(|part| part * part).sum::<f64>().sqrt();
     let off = found.iter().zip(&own).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt() / size(&own);
     let path = format!("fields.twist_from_counts[{k}][{row}]");
-    Some(LibraryFault::new(path, format!("{:.0} % off the plate's own", 100.0 * off), format!("{} %", 100.0 * SHARE)))
+    Some(Fault::new("", path, format!("{:.0} % off the plate's own", 100.0 * off), format!("{} %", 100.0 * SHARE)))
 }
 
 /// Written so that not-a-number differs from everything.
@@ -205,9 +206,9 @@ fn differ_much(found: &[f64], own: &[f64]) -> bool {
     differ(off, 0.0, SHARE * size)
 }
 
-fn beside_own(path: impl Into<String>, found: impl std::fmt::Display, own: impl std::fmt::Display) -> LibraryFault {
+fn beside_own(path: impl std::fmt::Display, found: impl std::fmt::Display, own: impl std::fmt::Display) -> Fault {
     let allowed = format!("{own} within the scatter of calibration, as the plate's own library has it");
-    LibraryFault::new(path, found, allowed)
+    Fault::new("", path, found, allowed)
 }
 
 #[cfg(test)]

@@ -141,15 +141,15 @@ fn values_no_rig_has_are_told() {
     type Change = fn(&mut FieldResponse);
     let cases: [(Change, &str); 5] = [
         (|f| f.base_radps = TAU * 0.5, "l: fields.base_hz: found 0.5, allowed: a number from 1 to 10000"),
-        (|f| f.rest_s = -1.0, "l: fields.rest_s: found -1, allowed: a number from 0 to 100"),
-        (|f| f.limit_counts = 0.0, "l: fields.limit_counts: found 0, allowed: a number from 1 to 1000000"),
+        (|f| f.rest_s = -1.0, "l: fields.rest_s: found -1.0, allowed: a number from 0 to 100"),
+        (|f| f.limit_counts = 0.0, "l: fields.limit_counts: found 0.0, allowed: a number from 1 to 1000000"),
         (
             |f| f.twist_from_counts.clear(),
-            "l: fields.twist_from_counts: found no harmonic, allowed: one matrix for each harmonic",
+            "l: fields.twist_from_counts: found a list of 0, allowed: a list of 1 or more items (a list of 3 items (a list of 3 items (a list of 2 items (a number from -100000 to 100000 each) each) each) each)",
         ),
         (
             |f| f.twist_from_counts[1][(2, 2)] = Complex::new(0.0, -2e5),
-            "l: fields.twist_from_counts[1]: found 200000, allowed: numbers from -100000 to 100000",
+            "l: fields.twist_from_counts[1][2][2][1]: found -200000.0, allowed: a number from -100000 to 100000",
         ),
     ];
     for (change, line) in cases {
@@ -160,7 +160,7 @@ fn values_no_rig_has_are_told() {
     assert_eq!(singular, [format!("l: fields.twist_from_counts[2]: found a singular matrix, allowed: {allowed}")]);
     let text = good().to_json().replacen("  \"limit_counts\": 2047.0,\n", "", 1);
     let faults = Library::from_json(&text, "l").unwrap_err();
-    assert_eq!(faults[0].to_string(), "l: fields.limit_counts: found nothing, allowed: a number");
+    assert_eq!(faults[0].to_string(), "l: fields.limit_counts: found nothing, allowed: a number from 1 to 1000000");
 }
 
 #[test]

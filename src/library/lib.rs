@@ -4,7 +4,6 @@ mod agreement;
 mod coil_response;
 mod displacement;
 mod drive;
-mod fault;
 mod field_drive;
 #[cfg(test)]
 mod fields_tests;
@@ -17,11 +16,9 @@ mod raw_fields;
 mod raw_plate;
 mod types;
 mod validate;
-mod wording;
 
 pub use coil_response::CoilResponse;
 pub use drive::drive_for;
-pub use fault::LibraryFault;
 pub use field_drive::motor_harmonics;
 pub use raw::{RawDisplacement, RawEntry, RawLibrary, RawShapes};
 pub use raw_fields::RawFieldResponse;

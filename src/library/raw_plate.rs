@@ -26,13 +26,10 @@ pub struct RawPlateResponse {
 #[serde(deny_unknown_fields)]
 pub struct RawAxes {
     /// Along x.
-    #[schemars(range(min = DAMPING_RATIO.0, max = NATURAL_HZ.1))]
     pub x: f64,
     /// Along y.
-    #[schemars(range(min = DAMPING_RATIO.0, max = NATURAL_HZ.1))]
     pub y: f64,
     /// About the centre.
-    #[schemars(range(min = DAMPING_RATIO.0, max = NATURAL_HZ.1))]
     pub spin: f64,
 }
 

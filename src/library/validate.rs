@@ -1,14 +1,12 @@
 use std::f64::consts::TAU;
 
-use super::raw::{
-    BASE_HZ, GAIN, MOST_AMPLITUDE, MOST_DISTANCE_MM, MOST_SHAPE, MOST_SPEED_MM_S, MOST_SPIN_RAD_S, MOST_TIME_S,
-    PLATE_SIDE_MM, RawDisplacement, RawEntry, RawLibrary,
-};
-use super::raw_fields::{LIMIT_COUNTS, MOST_RESPONSE, matrix};
+use super::raw::{RawDisplacement, RawEntry, RawLibrary};
+use super::raw_fields::matrix;
 use super::raw_plate::{DAMPING_RATIO, NATURAL_HZ};
-use super::{FieldResponse, Library, LibraryFault, RawFieldResponse, RawPlateResponse};
+use super::{FieldResponse, Library, RawFieldResponse, RawPlateResponse};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
+use upm_document::{Fault, Faults};
 
 /// Fewest entries that can steer a part.
 const MIN_ENTRIES: usize = 3;
@@ -23,25 +21,21 @@ const SAME: f64 = 1e-6;
 const FILE_ROUNDING: f64 = 0.501e-6;
 
 impl TryFrom<RawLibrary> for Library {
-    type Error = Vec<LibraryFault>;
+    type Error = Vec<Fault>;
 
-    /// Validates; every fault is listed, with its file still blank.
+    /// Validates what a schema cannot say; every fault is listed, with its file still blank.
     fn try_from(raw: RawLibrary) -> Result<Self, Self::Error> {
-        let mut faults = Faults(Vec::new());
-        faults.check_head(&raw);
-        faults.check_entries(&raw.entries);
-        faults.check_displacement(&raw.displacement);
-        if let Some(fields) = &raw.fields {
-            faults.check_fields(fields);
-        }
-        if let Some(plate) = &raw.plate {
-            faults.check_plate(plate);
-        }
+        let mut faults = Faults::of("");
+        check_head(&raw, &mut faults);
+        check_entries(&raw.entries, &mut faults);
+        check_displacement(&raw.displacement, &mut faults);
+        raw.fields.iter().for_each(|fields| check_fields(fields, &mut faults));
+        raw.plate.iter().for_each(|plate| check_plate(plate, &mut faults));
         let library = raw.into_library();
-        if faults.0.is_empty() && spread_at_center(&library) < MIN_SPREAD {
-            faults.add("entries", "parts at the centre flow in one direction only", "flows in two directions");
+        if faults.is_empty() && spread_at_center(&library) < MIN_SPREAD {
+            faults.push("entries", "parts at the centre flow in one direction only", "flows in two directions");
         }
-        if faults.0.is_empty() { Ok(library) } else { Err(faults.0) }
+        faults.into_result(Some(library))
     }
 }
 
@@ -82,15 +76,15 @@ pub struct FieldFacts {
 impl Library {
     /// Everything that keeps the library from being used on `rig`: distances and centres hold for one rig and its
     /// drive only. A library of a rig of another name is one fault, for all others follow from it.
-    pub fn check_fits(&self, rig: &RigFacts<'_>) -> Vec<LibraryFault> {
+    pub fn check_fits(&self, rig: &RigFacts<'_>) -> Vec<Fault> {
         if self.rig != rig.name {
             let allowed = format!("{:?}, the rig given", rig.name);
-            return vec![LibraryFault::new("rig", format!("{:?}", self.rig), allowed)];
+            return vec![Fault::new("", "rig", format!("{:?}", self.rig), allowed)];
         }
         let mut faults = Vec::new();
         if self.fingerprint != rig.fingerprint {
             let allowed = format!("{:?}: the rig's file has changed, calibrate again", rig.fingerprint);
-            faults.push(LibraryFault::new("fingerprint", format!("{:?}", self.fingerprint), allowed));
+            faults.push(Fault::new("", "fingerprint", format!("{:?}", self.fingerprint), allowed));
         }
         faults.extend(differences([
             ("plate_side_mm", mm_from_m(self.plate_side_m), mm_from_m(rig.plate_side_m)),
@@ -104,11 +98,11 @@ impl Library {
     }
 
     /// Entries that the rig's motors cannot reach: their waveforms peak above `count_limit`.
-    pub fn unreachable_entries(&self, count_limit: f64) -> Vec<LibraryFault> {
+    pub fn unreachable_entries(&self, count_limit: f64) -> Vec<Fault> {
         let peak = |entry: usize| self.drive(entry, 0.0).map_or(0.0, |drive| drive.peak_counts());
         let fault = |(entry, peak): (usize, f64)| {
             let allowed = format!("amplitudes whose waveform peaks at {count_limit:.0} counts or less");
-            LibraryFault::new(format!("entries[{entry}].amplitudes"), format!("a peak of {peak:.0} counts"), allowed)
+            Fault::new("", format!("entries[{entry}].amplitudes"), format!("a peak of {peak:.0} counts"), allowed)
         };
         let peaks = (0..self.entries.len()).map(|entry| (entry, peak(entry)));
         peaks.filter(|&(_, peak)| peak > count_limit).map(fault).collect()
@@ -116,28 +110,28 @@ impl Library {
 }
 
 /// A fault for every number of the library, with its path, that is not the rig's.
-fn differences<'a>(numbers: impl IntoIterator<Item = (&'a str, f64, f64)>) -> impl Iterator<Item = LibraryFault> {
+fn differences<'a>(numbers: impl IntoIterator<Item = (&'a str, f64, f64)>) -> impl Iterator<Item = Fault> {
     let others = numbers.into_iter().filter(|(_, found, its)| (found - its).abs() > SAME * its.abs() + FILE_ROUNDING);
     let faults: Vec<_> = others
         .map(|(path, found, its)| {
             let [found, its] = [found, its].map(|value| (value * 1e9).round() / 1e9);
-            LibraryFault::new(path, found, format!("{its}, as the rig has it"))
+            Fault::new("", path, found, format!("{its}, as the rig has it"))
         })
         .collect();
     faults.into_iter()
 }
 
-fn field_faults(response: Option<&FieldResponse>, rig: &RigFacts<'_>) -> Vec<LibraryFault> {
+fn field_faults(response: Option<&FieldResponse>, rig: &RigFacts<'_>) -> Vec<Fault> {
     let (response, fields) = match (response, &rig.fields) {
         (None, None) => return Vec::new(),
         (Some(response), Some(fields)) => (response, fields),
         (None, Some(_)) => {
             let allowed = "the response to the rig's fields: run `upm calibrate`";
-            return vec![LibraryFault::new("fields", "nothing", allowed)];
+            return vec![Fault::missing("", "fields", allowed)];
         }
         (Some(_), None) => {
             let allowed = "nothing: the rig has no fields, calibrate again";
-            return vec![LibraryFault::new("fields", "a response", allowed)];
+            return vec![Fault::new("", "fields", "a response", allowed)];
         }
     };
     let measured = response.twist_from_counts.len() as f64;
@@ -163,144 +157,74 @@ fn counted(number: usize, one: &str, many: &str) -> String {
     format!("{number} {}", if number == 1 { one } else { many })
 }
 
-struct Faults(Vec<LibraryFault>);
-
-impl Faults {
-    fn add(&mut self, path: impl Into<String>, found: impl std::fmt::Display, allowed: &str) {
-        self.0.push(LibraryFault::new(path, found, allowed));
+fn check_head(raw: &RawLibrary, faults: &mut Faults) {
+    faults.demand(!raw.rig.is_empty(), "rig", "\"\"", "the name of a rig");
+    for (name, shape) in [("x", raw.shapes.x), ("y", raw.shapes.y), ("spin", raw.shapes.spin)] {
+        let moves = shape.as_flattened().iter().any(|&v| v != 0.0);
+        faults.demand(moves, format!("shapes.{name}"), "zeros", "a waveform that moves the plate");
     }
+}
 
-    fn check_head(&mut self, raw: &RawLibrary) {
-        if raw.rig.is_empty() {
-            self.add("rig", "\"\"", "the name of a rig");
-        }
-        self.check_within("plate_side_mm", raw.plate_side_mm, PLATE_SIDE_MM);
-        self.check_within("base_hz", raw.base_hz, BASE_HZ);
-        self.check_within("attack_s", raw.attack_s, (0.0, MOST_TIME_S));
-        self.check_within("rest_s", raw.rest_s, (0.0, MOST_TIME_S));
-        for (k, &gain) in raw.accelerometer_gain.iter().enumerate() {
-            self.check_within(format!("accelerometer_gain[{k}]"), gain, GAIN);
-        }
-        for (name, shape) in [("x", raw.shapes.x), ("y", raw.shapes.y), ("spin", raw.shapes.spin)] {
-            let flat = shape.as_flattened();
-            let bounded = flat.iter().all(|v| v.abs() <= MOST_SHAPE);
-            if !bounded || flat.iter().all(|&v| v == 0.0) {
-                let allowed = format!("numbers from -{MOST_SHAPE} to {MOST_SHAPE}, not all zero");
-                self.add(format!("shapes.{name}"), format!("{shape:?}"), &allowed);
-            }
-        }
+fn check_entries(entries: &[RawEntry], faults: &mut Faults) {
+    faults.demand(
+        entries.len() >= MIN_ENTRIES,
+        "entries",
+        counted(entries.len(), "entry", "entries"),
+        format!("at least {MIN_ENTRIES}"),
+    );
+    for (i, RawEntry { amplitudes, velocity_mm_s: [vx, vy], spin_rad_s }) in entries.iter().enumerate() {
+        // by Eq. 7 four equal amplitudes only squeeze the plate: no net force, no torque
+        let moves = amplitudes.iter().any(|&amplitude| amplitude != amplitudes[0]);
+        let allowed = "four that make a force or a torque, not all the same";
+        faults.demand(moves, format!("entries[{i}].amplitudes"), format!("{amplitudes:?}"), allowed);
+        let is_moved = [vx, vy, spin_rad_s].iter().any(|&&v| v != 0.0);
+        faults.demand(is_moved, format!("entries[{i}]"), "a plate that does not move", "a velocity or a spin");
     }
+}
 
-    /// A fault unless `value` is a number from the first to the second of `range`.
-    fn check_within(&mut self, path: impl Into<String>, value: f64, range: (f64, f64)) {
-        let (low, high) = range;
-        if !(low..=high).contains(&value) {
-            self.add(path, value, &format!("a number from {low} to {high}"));
-        }
+fn check_displacement(raw: &RawDisplacement, faults: &mut Faults) {
+    let (speeds, sustains) = (&raw.speed_mm_s, &raw.sustain_s);
+    check_rising("displacement.speed_mm_s", speeds, "rising numbers above 0", faults);
+    faults.demand(speeds.first() != Some(&0.0), "displacement.speed_mm_s[0]", 0, "a number above 0");
+    check_rising("displacement.sustain_s", sustains, "rising numbers not below 0", faults);
+    for (name, table) in [("distance_mm", &raw.distance_mm), ("sd_mm", &raw.sd_mm)] {
+        check_table(name, table, speeds.len(), sustains.len(), faults);
     }
+}
 
-    fn check_entries(&mut self, entries: &[RawEntry]) {
-        if entries.len() < MIN_ENTRIES {
-            self.add("entries", counted(entries.len(), "entry", "entries"), "at least 3");
-        }
-        for (i, entry) in entries.iter().enumerate() {
-            self.check_amplitudes(entry.amplitudes, &format!("entries[{i}].amplitudes"));
-            let [vx, vy] = entry.velocity_mm_s;
-            for (k, v) in [vx, vy].into_iter().enumerate() {
-                self.check_within(format!("entries[{i}].velocity_mm_s[{k}]"), v, (-MOST_SPEED_MM_S, MOST_SPEED_MM_S));
-            }
-            let most = MOST_SPIN_RAD_S;
-            self.check_within(format!("entries[{i}].spin_rad_s"), entry.spin_rad_s, (-most, most));
-            if vx == 0.0 && vy == 0.0 && entry.spin_rad_s == 0.0 {
-                self.add(format!("entries[{i}]"), "a plate that does not move", "a velocity or a spin");
-            }
-        }
+fn check_fields(raw: &RawFieldResponse, faults: &mut Faults) {
+    for (k, rows) in raw.twist_from_counts.iter().enumerate() {
+        let allowed = "forces on x, y and spin that move the plate independently";
+        let path = format!("fields.twist_from_counts[{k}]");
+        faults.demand(matrix(rows).try_inverse().is_some(), path, "a singular matrix", allowed);
     }
+}
 
-    /// By Eq. 7 four equal amplitudes only squeeze the plate: no net force, no torque.
-    fn check_amplitudes(&mut self, amplitudes: [i32; 4], path: &str) {
-        let range = -MOST_AMPLITUDE..=MOST_AMPLITUDE;
-        for (k, amplitude) in amplitudes.into_iter().enumerate().filter(|(_, amplitude)| !range.contains(amplitude)) {
-            let allowed = format!("a whole number from -{MOST_AMPLITUDE} to {MOST_AMPLITUDE}");
-            self.add(format!("{path}[{k}]"), amplitude, &allowed);
-        }
-        if amplitudes.iter().all(|&amplitude| amplitude == amplitudes[0]) {
-            self.add(path, format!("{amplitudes:?}"), "four that make a force or a torque, not all the same");
+fn check_plate(raw: &RawPlateResponse, faults: &mut Faults) {
+    for (key, axes, (low, high)) in
+        [("natural_hz", raw.natural_hz, NATURAL_HZ), ("damping_ratio", raw.damping_ratio, DAMPING_RATIO)]
+    {
+        for (axis, value) in [("x", axes.x), ("y", axes.y), ("spin", axes.spin)] {
+            let allowed = format!("a number from {low} to {high}");
+            faults.demand((low..=high).contains(&value), format!("plate.{key}.{axis}"), value, allowed);
         }
     }
+}
 
-    fn check_displacement(&mut self, raw: &RawDisplacement) {
-        let (speeds, sustains) = (&raw.speed_mm_s, &raw.sustain_s);
-        self.check_rising("displacement.speed_mm_s", speeds, MOST_SPEED_MM_S, "at least 2 rising numbers above 0");
-        if speeds.first().is_some_and(|&slowest| slowest == 0.0) {
-            self.add("displacement.speed_mm_s[0]", 0, "a number above 0");
-        }
-        self.check_rising("displacement.sustain_s", sustains, MOST_TIME_S, "at least 2 rising numbers not below 0");
-        for (name, table) in [("distance_mm", &raw.distance_mm), ("sd_mm", &raw.sd_mm)] {
-            self.check_table(name, table, speeds.len(), sustains.len());
-        }
+fn check_rising(path: &str, grid: &[f64], allowed: &str, faults: &mut Faults) {
+    for (i, pair) in grid.windows(2).enumerate() {
+        let found = format!("{} after {}", pair[1], pair[0]);
+        faults.demand(pair[1] > pair[0], format!("{path}[{}]", i + 1), found, allowed);
     }
+}
 
-    fn check_fields(&mut self, raw: &RawFieldResponse) {
-        self.check_within("fields.base_hz", raw.base_hz, BASE_HZ);
-        self.check_within("fields.attack_s", raw.attack_s, (0.0, MOST_TIME_S));
-        self.check_within("fields.rest_s", raw.rest_s, (0.0, MOST_TIME_S));
-        self.check_within("fields.limit_counts", raw.limit_counts, LIMIT_COUNTS);
-        if raw.twist_from_counts.is_empty() {
-            self.add("fields.twist_from_counts", "no harmonic", "one matrix for each harmonic");
-        }
-        for (k, rows) in raw.twist_from_counts.iter().enumerate() {
-            let path = format!("fields.twist_from_counts[{k}]");
-            let largest = rows.as_flattened().as_flattened().iter().fold(0.0, |most: f64, part| most.max(part.abs()));
-            if largest > MOST_RESPONSE {
-                self.add(path, largest, &format!("numbers from -{MOST_RESPONSE} to {MOST_RESPONSE}"));
-            } else if matrix(rows).try_inverse().is_none() {
-                self.add(path, "a singular matrix", "forces on x, y and spin that move the plate independently");
-            }
-        }
-    }
-
-    fn check_plate(&mut self, raw: &RawPlateResponse) {
-        for (key, axes, range) in
-            [("natural_hz", raw.natural_hz, NATURAL_HZ), ("damping_ratio", raw.damping_ratio, DAMPING_RATIO)]
-        {
-            for (axis, value) in [("x", axes.x), ("y", axes.y), ("spin", axes.spin)] {
-                self.check_within(format!("plate.{key}.{axis}"), value, range);
-            }
-        }
-    }
-
-    fn check_rising(&mut self, path: &str, grid: &[f64], most: f64, allowed: &str) {
-        if grid.len() < 2 {
-            self.add(path, counted(grid.len(), "number", "numbers"), allowed);
-        }
-        for (i, &value) in grid.iter().enumerate() {
-            self.check_within(format!("{path}[{i}]"), value, (0.0, most));
-        }
-        for (i, pair) in grid.windows(2).enumerate() {
-            let rises = pair[1].is_finite() && pair[1] > pair[0];
-            if !rises {
-                self.add(format!("{path}[{}]", i + 1), format!("{} after {}", pair[1], pair[0]), allowed);
-            }
-        }
-    }
-
-    fn check_table(&mut self, name: &str, table: &[Vec<f64>], rows: usize, columns: usize) {
-        if table.len() != rows {
-            self.add(
-                format!("displacement.{name}"),
-                counted(table.len(), "row", "rows"),
-                &format!("{rows}, one for each speed"),
-            );
-        }
-        for (i, row) in table.iter().enumerate() {
-            if row.len() != columns {
-                let allowed = format!("{columns}, one for each sustain");
-                self.add(format!("displacement.{name}[{i}]"), counted(row.len(), "number", "numbers"), &allowed);
-            }
-            for (k, &value) in row.iter().enumerate() {
-                self.check_within(format!("displacement.{name}[{i}][{k}]"), value, (0.0, MOST_DISTANCE_MM));
-            }
-        }
+fn check_table(name: &str, table: &[Vec<f64>], rows: usize, columns: usize, faults: &mut Faults) {
+    let path = format!("displacement.{name}");
+    let allowed = format!("{rows}, one for each speed");
+    faults.demand(table.len() == rows, &path, counted(table.len(), "row", "rows"), allowed);
+    for (i, row) in table.iter().enumerate() {
+        let allowed = format!("{columns}, one for each sustain");
+        let found = counted(row.len(), "number", "numbers");
+        faults.demand(row.len() == columns, format!("{path}[{i}]"), found, allowed);
     }
 }

@@ -14,8 +14,6 @@
 
 mod bins;
 mod daemon;
-mod document;
-mod fault;
 mod faults;
 mod job;
 mod kinds;
@@ -32,7 +30,6 @@ mod rig;
 mod rig_checks;
 mod room;
 mod schema;
-mod shape;
 mod simulate;
 mod standing;
 mod task;
@@ -42,8 +39,6 @@ mod trace;
 mod view;
 
 pub use daemon::{DaemonSpec, KeepSpec, PlateSpec, WatchdogSpec};
-pub use document::Document;
-pub use fault::{Fault, Path};
 pub use job::{JobSpec, LibraryRef, PartGroup, is_plain_name};
 pub use kinds::KindSpec;
 pub use place::{PlacedPart, place_parts};
@@ -60,7 +55,7 @@ pub use raw_rig::{
 };
 pub use raw_simulate::{PlateMode, RawHarmonic, RawPlaced, RawPulse, RawSimulate};
 pub use raw_trace::{RawCounts, RawTrace};
-pub use read::{MOST_BYTES, Origin};
+pub use read::Origin;
 pub use rig::{FrictionSpec, RigSpec, fingerprint};
 pub use room::{REST_GAP_M, REST_MARGIN_M, START_GAP_M, START_MARGIN_M};
 pub use schema::{schema, schema_names};
@@ -68,3 +63,4 @@ pub use simulate::{PulseSpec, SimulateSpec};
 pub use standing::StandingSpec;
 pub use task::{BinSpec, PathSpec, TaskSpec};
 pub use trace::{load_trace, trace_from_json, trace_to_json};
+pub use upm_document::{Document, Fault, MOST_BYTES, Path};

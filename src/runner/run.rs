@@ -43,7 +43,7 @@ use crate::config::{Fault, JobSpec};
 use upm_control::{self as control, Devices, Ending, Finish, Sink};
 use upm_core::rig::{Interlock, Rig, RigFault};
 use upm_core::time::Clock;
-use upm_library::{Library, LibraryFault};
+use upm_library::Library;
 use upm_recording::{Deadlines, Fanout, Herald, Journal, Keeping, Report, RerunMode, Scribe, Tally, tell_recording};
 use upm_sim::faults::Faulty;
 use upm_viewer::{LiveServer, RerunSink, RunContext};
@@ -108,7 +108,7 @@ pub enum RunError {
     Job(Fault),
     /// The library is none or of another rig.
     #[error("{}", one_a_line(.0))]
-    Library(Vec<LibraryFault>),
+    Library(Vec<Fault>),
     /// A file of the run folder could not be written.
     #[error("{path}: cannot be written: {reason}")]
     Write {
@@ -140,7 +140,7 @@ impl RunError {
     }
 }
 
-fn one_a_line(faults: &[LibraryFault]) -> String {
+fn one_a_line(faults: &[Fault]) -> String {
     faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 

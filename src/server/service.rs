@@ -13,6 +13,6 @@ pub use api::{
     Requests, ResetRequest, StandingJob, StandingState, Submitted, Traffic, Well, app, kept, openapi, promise,
 };
 pub use http::{
-    BodyRoom, Caller, Hosts, Limits, Problem, ProblemDocument, ProblemFault, ProblemKind, Reason, ReasonCode, Scope,
-    Served, SharedTokens, StopFlag, StopSender, Tokens, joined, serve,
+    BodyRoom, Caller, Hosts, Limits, Problem, ProblemDocument, ProblemKind, Reason, ReasonCode, Scope, Served,
+    SharedTokens, StopFlag, StopSender, Tokens, joined, serve,
 };

@@ -70,7 +70,7 @@ fn checked_job(file: &Path) -> Result<RawJob, Failure> {
     match JobSpec::load(file) {
         Ok(job) => serde_json::from_value(job.effective()).map_err(|error| unread(&error)),
         // a job for whatever rig the plate has: the daemon, which knows it, checks the rest
-        Err(faults) if faults.iter().all(|fault| fault.path == "rig" && fault.found == "nothing") => {
+        Err(faults) if faults.iter().all(|fault| fault.path == "rig" && fault.is_missing) => {
             let text = std::fs::read_to_string(file).map_err(|error| unread(&error))?;
             serde_json::from_str(&text).map_err(|error| unread(&error))
         }

@@ -1,4 +1,3 @@
-use super::fault::{Faults, Path};
 use super::job::known_kind;
 use super::packing::in_rows;
 use super::raw_job::RawBin;
@@ -6,6 +5,7 @@ use super::room::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, check_inside};
 use super::task::{BinSpec, Scene, TaskSpec, point_m};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
+use upm_document::{Faults, Path};
 
 impl Scene<'_> {
     /// The bins in SI; faults where a kind has none or more than one, where parts do not fit in, where two overlap.
@@ -20,7 +20,7 @@ impl Scene<'_> {
                     bin.kinds.iter().take(k).chain(bins.iter().flat_map(|b| &b.kinds)).any(|other| other == kind);
                 let name = raw.kinds.get(k).map_or("", String::as_str);
                 let found = format!("{name:?} a second time");
-                faults.demand(!taken, &at.key("kinds").index(k), found, "each kind in one bin");
+                faults.demand(!taken, at.key("kinds").index(k), found, "each kind in one bin");
             }
             bins.push(bin);
         }
@@ -86,7 +86,7 @@ fn check_disjoint(bins: &[BinSpec], at: &Path, faults: &mut Faults) {
         let overlapped = bins.iter().enumerate().take(i).find(|(_, other)| common_m(other).min() > ROUNDING_M);
         if let Some((k, other)) = overlapped {
             let found = format!("{} over {}, {}", in_words(bin), at.index(k), in_words(other));
-            faults.push(&at.index(i).key("region_mm"), found, "bins that do not overlap");
+            faults.push(at.index(i).key("region_mm"), found, "bins that do not overlap");
         }
     }
 }

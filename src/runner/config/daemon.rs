@@ -4,13 +4,13 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use super::fault::{Fault, Faults, Path, one_of, shown};
 use super::job::is_plain_name;
 use super::kinds::NAMES;
 use super::raw_daemon::{RawDaemon, RawDisk, RawKeep, RawPace, RawServedPlate, RawWatchdog};
-use super::read::{Origin, parse, text_of};
+use super::read::Origin;
 use super::rig::RigSpec;
 use super::standing::{StandingSpec, standing_of};
+use upm_document::{Fault, Faults, Path, one_of, parse, shown, text_of};
 
 /// What a daemon runs, validated.
 #[derive(Clone, Debug, PartialEq)]
@@ -175,7 +175,7 @@ fn listen_of(text: &str, faults: &mut Faults) -> Option<SocketAddr> {
     let address = text.parse().ok();
     let found = shown(&Value::from(text));
     let allowed = "an IP address and a port, as 127.0.0.1:8750 or [::1]:8750";
-    faults.demand(address.is_some(), &Path::root().key("listen"), found, allowed);
+    faults.demand(address.is_some(), Path::root().key("listen"), found, allowed);
     address
 }
 
@@ -190,10 +190,10 @@ fn plates_of(raw: &[RawServedPlate], origin: &Origin, faults: &mut Faults) -> Op
     let plate_of = |(i, plate): (usize, &RawServedPlate)| {
         let at = Path::root().key("plates").index(i);
         let name = shown(&Value::from(plate.name.as_str()));
-        faults.demand(is_plain_name(&plate.name), &at.key("name"), &name, NAMES);
+        faults.demand(is_plain_name(&plate.name), at.key("name"), &name, NAMES);
         // file systems that do not tell cases apart would hold two latches as one
         let twice = raw.iter().take(i).any(|before| before.name.eq_ignore_ascii_case(&plate.name));
-        faults.demand(!twice, &at.key("name"), &name, "a name that no plate before has");
+        faults.demand(!twice, at.key("name"), &name, "a name that no plate before has");
         let library = plate.library.as_ref().map(|named| named_file(named, origin, &at.key("library"), faults));
         let rig = RigSpec::from_source(plate.rig.clone(), origin, &at.key("rig"), faults)?;
         let library = match library {
@@ -217,7 +217,7 @@ fn plates_of(raw: &[RawServedPlate], origin: &Origin, faults: &mut Faults) -> Op
 fn library_of_rig(rig: &RigSpec, at: &Path, faults: &mut Faults) -> Option<PathBuf> {
     if rig.library.is_none() {
         let allowed = format!("a path: rig {} names no library", rig.model.name);
-        faults.push(&at.key("library"), "nothing", allowed);
+        faults.push_missing(at.key("library"), allowed);
     }
     rig.library.clone()
 }
@@ -229,7 +229,7 @@ fn default_plate_of(raw: &RawDaemon, faults: &mut Faults) -> Option<String> {
             let found = shown(&Value::from(named.as_str()));
             faults.demand(
                 names.contains(&named.as_str()),
-                &Path::root().key("default_plate"),
+                Path::root().key("default_plate"),
                 found,
                 one_of(named, &names),
             );
@@ -289,7 +289,7 @@ fn check_room(disk: &RawDisk, faults: &mut Faults) {
 
 fn check_events(keep: &RawKeep, faults: &mut Faults) {
     let allowed = format!("at least keep.events_per_job ({})", keep.events_per_job);
-    faults.demand(keep.events >= keep.events_per_job, &Path::root().key("keep").key("events"), keep.events, allowed);
+    faults.demand(keep.events >= keep.events_per_job, Path::root().key("keep").key("events"), keep.events, allowed);
 }
 
 fn keep_of(raw: &RawKeep) -> KeepSpec {

@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::fault::{Faults, Path, one_of, shown};
 use upm_core::time::PlateTime;
+use upm_document::{Faults, Path, one_of, shown};
 use upm_sim::faults::{Component, FaultKind, FaultSpec, ValueRange, drawn_faults};
 
 /// Names of components as a person is told them.
@@ -141,7 +141,7 @@ pub(super) fn typed(texts: &[String], parts: usize, faults: &mut Faults) -> Vec<
             Some(raw) => specs.extend(spec(&raw, parts, &at, faults)),
             None => {
                 let allowed = "COMPONENT:KIND[=VALUE[;VALUE]][@FROM_S[-TO_S]], for example coil0:reversed@1.2";
-                faults.push(&Path::root(), shown(&Value::from(text)), allowed);
+                faults.push(Path::root(), shown(&Value::from(text)), allowed);
             }
         }
     }
@@ -160,24 +160,24 @@ fn components(found: &str) -> String {
 fn spec(raw: &RawFault, parts: usize, at: &Path, faults: &mut Faults) -> Option<FaultSpec> {
     let Some(component) = Component::named(&raw.component) else {
         let found = shown(&Value::from(raw.component.as_str()));
-        faults.push(&at.key("component"), found, components(&raw.component));
+        faults.push(at.key("component"), found, components(&raw.component));
         return None;
     };
     if let Component::Part(part) = component {
         let allowed = format!("part0 to part{}", parts.saturating_sub(1));
-        faults.demand(part < parts, &at.key("component"), &raw.component, allowed);
+        faults.demand(part < parts, at.key("component"), &raw.component, allowed);
     }
     let Some(kind) = component.kinds().find(|kind| kind.name() == raw.kind) else {
         let kinds: Vec<&str> = component.kinds().map(FaultKind::name).collect();
-        faults.push(&at.key("kind"), shown(&Value::from(raw.kind.as_str())), one_of(&raw.kind, &kinds));
+        faults.push(at.key("kind"), shown(&Value::from(raw.kind.as_str())), one_of(&raw.kind, &kinds));
         return None;
     };
     let values = values(raw, component, kind, parts, &at.key("value"), faults)?;
     let in_time = |s: f64| (0.0..=LATEST_S).contains(&s);
-    faults.demand(in_time(raw.from_s), &at.key("from_s"), raw.from_s, format!("0 to {LATEST_S}"));
+    faults.demand(in_time(raw.from_s), at.key("from_s"), raw.from_s, format!("0 to {LATEST_S}"));
     if let Some(to_s) = raw.to_s {
         let allowed = format!("a time after from_s, {}, up to {LATEST_S}", raw.from_s);
-        faults.demand(in_time(to_s) && to_s > raw.from_s, &at.key("to_s"), to_s, allowed);
+        faults.demand(in_time(to_s) && to_s > raw.from_s, at.key("to_s"), to_s, allowed);
     }
     let (from, to) = (PlateTime::from_secs(raw.from_s), raw.to_s.map(PlateTime::from_secs));
     Some(FaultSpec { component, kind, values, from, to })
@@ -199,7 +199,7 @@ fn values(
         return Some(values);
     }
     if given.len() != wanted.len() {
-        let found = format!("{} for {}", super::fault::counted(given.len(), "value"), kind.name());
+        let found = format!("{} for {}", upm_document::counted(given.len(), "value"), kind.name());
         faults.push(at, found, in_words(wanted));
         return None;
     }
@@ -213,7 +213,7 @@ fn values(
         };
         let fits = (range.min..=top).contains(value) && (!range.whole || value.fract() == 0.0);
         let allowed = format!("{}{} to {top} ({})", if range.whole { "whole, " } else { "" }, range.min, range.name);
-        faults.demand(fits, &at.index(i), value, allowed);
+        faults.demand(fits, at.index(i), value, allowed);
         values[i] = *value;
     }
     if kind == FaultKind::Swapped {

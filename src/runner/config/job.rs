@@ -2,18 +2,18 @@ use std::path::PathBuf;
 
 use serde_json::{Map, Value};
 
-use super::fault::{Fault, Faults, Path, one_of, shown};
 use super::faults::{self, RawFault, RawFaults};
 use super::kinds::{KindSpec, NAMES};
 use super::raw_job::{DeadlinePolicy, LibrarySource, PlannerChoice, RawJob, RawParts};
 use super::raw_rig::{RawRig, RigSource};
-use super::read::{Origin, parse, text_of};
+use super::read::Origin;
 use super::rig::RigSpec;
 use super::room;
 use super::task::{self, TaskSpec};
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::units::{m_from_mm, mm_from_m};
+use upm_document::{Fault, Faults, Path, one_of, parse, shown, text_of};
 use upm_sim::faults::FaultSpec;
 
 /// A validated job.
@@ -87,7 +87,7 @@ impl JobSpec {
 
     fn build(mut raw: RawJob, origin: &Origin, plate_rig: Option<&RigSpec>, faults: &mut Faults) -> Option<Self> {
         let root = Path::root();
-        faults.demand(is_plain_name(&raw.name), &root.key("name"), format!("{:?}", raw.name), NAMES);
+        faults.demand(is_plain_name(&raw.name), root.key("name"), format!("{:?}", raw.name), NAMES);
         for (i, group) in raw.parts.iter().enumerate() {
             let alone = group.position_mm.is_none() || group.count == 1;
             let at = root.key("parts").index(i).key("position_mm");
@@ -223,7 +223,7 @@ fn rig_of(
         (Some(source), _) => RigSpec::from_source(source, origin, &at, faults),
         (None, Some(rig)) => Some(rig.clone()),
         (None, None) => {
-            faults.push(&at, "nothing", "a path or a rig object");
+            faults.push_missing(&at, "a path or a rig object");
             None
         }
     }
@@ -241,7 +241,7 @@ fn the_same(raw: &RawRig, rig: &RigSpec, plate: Option<&str>, at: &Path, faults:
 fn refuse_fields(faults: &mut Faults) {
     let found = "\"synthesized_field\" on a rig without `fields`";
     let allowed = "auto, cor_sequence, pseudo_inverse, or a rig that has `fields`";
-    faults.push(&Path::root().key("planner"), found, allowed);
+    faults.push(Path::root().key("planner"), found, allowed);
 }
 
 /// The groups with their kinds looked up. A kind that is unknown or larger than the plate is a fault and stands as an
@@ -284,7 +284,7 @@ fn check_told_apart(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
             let [diameter_mm, other_mm] = [radius_m, &other.radius_m].map(|radius_m| mm_from_m(2.0 * radius_m));
             let found = format!("{name} of {diameter_mm:.3} mm beside {} of {other_mm:.3} mm", other.name);
             let allowed = "kinds whose diameters differ by 3 % or more (the camera tells kinds by size)";
-            faults.push(&Path::root().key("parts").index(i).key("kind"), found, allowed);
+            faults.push(Path::root().key("parts").index(i).key("kind"), found, allowed);
         }
         before.push(group.kind);
     }

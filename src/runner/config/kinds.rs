@@ -1,8 +1,8 @@
-use super::fault::{Faults, Path};
 use super::job::is_plain_name;
 use super::raw_rig::RawRig;
 use upm_core::rig::PartKind;
 use upm_core::units::m_from_mm;
+use upm_document::{Faults, Path};
 use upm_sim::PartParams;
 
 /// US coins: name, diameter mm, mass g, height mm.

@@ -1,10 +1,10 @@
 //! Whether parts can go round their paths in phase.
 
-use super::fault::{Faults, Path};
 use super::room::{REST_GAP_M, ROUNDING_M, apart_allowed};
 use super::task::PathSpec;
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
+use upm_document::{Faults, Path};
 
 /// Laps whose lengths differ by no more than this part count as equal.
 const SAME_LENGTH: f64 = 0.01;
@@ -19,13 +19,13 @@ pub(super) fn check_in_phase(paths: &[PathSpec], radii_m: &[f64], at: &Path, fau
         let same = (lap.length_m - first_lap.length_m).abs() <= SAME_LENGTH * first_lap.length_m + ROUNDING_M;
         let found = format!("a lap of {:.3} mm", mm_from_m(lap.length_m));
         let allowed = format!("{:.3} mm, that {named}, within 1 %", mm_from_m(first_lap.length_m));
-        faults.demand(same, &at.key("waypoints_mm"), found, allowed);
+        faults.demand(same, at.key("waypoints_mm"), found, allowed);
         let [found, allowed] = [path, first].map(|path| mm_from_m(path.speed_mps));
         let same = (path.speed_mps - first.speed_mps).abs() <= 1e-9 * first.speed_mps;
-        faults.demand(same, &at.key("speed_mm_s"), found, format!("{allowed}, that {named}"));
+        faults.demand(same, at.key("speed_mm_s"), found, format!("{allowed}, that {named}"));
         faults.demand(
             path.repeat == first.repeat,
-            &at.key("repeat"),
+            at.key("repeat"),
             path.repeat,
             format!("{}, that {named}", first.repeat),
         );
@@ -47,7 +47,7 @@ fn check_on_the_way(laps: &[Lap], radii_m: &[f64], at: &Path, faults: &mut Fault
         if let Some((k, least_m, distance_m, share)) = meeting {
             let (apart_mm, part) = (mm_from_m(distance_m), 100.0 * share);
             let found = format!("{apart_mm:.3} mm from the part of {} at {part:.1} % of the lap", at.index(k));
-            faults.push(&at.index(i).key("waypoints_mm"), found, apart_allowed(least_m, REST_GAP_M));
+            faults.push(at.index(i).key("waypoints_mm"), found, apart_allowed(least_m, REST_GAP_M));
         }
     }
 }

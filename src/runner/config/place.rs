@@ -1,10 +1,10 @@
 use rand_distr::{Distribution, StandardNormal, Uniform};
 
-use super::fault::{Fault, Path, counted};
 use super::job::JobSpec;
 use super::room::{START_GAP_M, START_MARGIN_M};
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
+use upm_document::{Fault, Path, counted};
 use upm_sim::PartParams;
 
 /// Tries to find a place for one part before starting over.
@@ -45,7 +45,7 @@ pub fn place_parts(job: &JobSpec, streams: Streams) -> Result<Vec<PlacedPart>, F
         }
     }
     let found = format!("{}, not all placed in {ROUNDS} rounds of {TRIES} tries each", counted(parts.len(), "part"));
-    Err(Fault::new(&job.file, &Path::root().key("parts"), found, "fewer or smaller parts, or given positions"))
+    Err(Fault::new(&job.file, Path::root().key("parts"), found, "fewer or smaller parts, or given positions"))
 }
 
 /// Every part with its given position, if it has one.

@@ -4,14 +4,14 @@ use nalgebra::Vector3;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::fault::{Fault, Faults, Path};
 use super::kinds::{KindSpec, kinds_of};
 use super::raw_rig::{RawFields, RawRig, RigSource};
-use super::read::{Origin, parse, text_of};
+use super::read::Origin;
 use super::rig_checks;
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::rig::{FieldDriveModel, RigModel};
 use upm_core::units::m_from_mm;
+use upm_document::{Fault, Faults, Path, parse, text_of};
 use upm_sim::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PlateParams, SimParams};
 
 /// A validated rig. What control may know of it stands in `model`; the rest is for the simulation alone.
@@ -114,7 +114,7 @@ impl RigSpec {
         rig_checks::check(&raw, &sim, at, faults);
         let library = raw.library.as_ref().map(|named| (named, origin.resolve(named)));
         if let Some((named, None)) = &library {
-            faults.push(&at.key("library"), shown(named), "nothing: files cannot be named here");
+            faults.push(at.key("library"), shown(named), "nothing: files cannot be named here");
         }
         let library = library.and_then(|(_, path)| path);
         let friction = FrictionSpec {
@@ -279,5 +279,5 @@ fn write_canonical(value: &Value, out: &mut String) {
 }
 
 fn shown(text: &str) -> String {
-    super::fault::shown(&Value::from(text))
+    upm_document::shown(&Value::from(text))
 }

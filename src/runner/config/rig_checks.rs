@@ -1,14 +1,14 @@
-use super::fault::{Faults, Path};
 use super::job::is_plain_name;
 use super::kinds::NAMES;
 use super::raw_rig::{RawLevels, RawRig};
 use super::view;
 use upm_core::units::mm_from_m;
+use upm_document::{Faults, Path};
 use upm_sim::SimParams;
 
 /// What the numbers of a rig must be to one another, beyond the range of each.
 pub(super) fn check(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Faults) {
-    faults.demand(is_plain_name(&raw.name), &at.key("name"), format!("{:?}", raw.name), NAMES);
+    faults.demand(is_plain_name(&raw.name), at.key("name"), format!("{:?}", raw.name), NAMES);
     check_plate(raw, at, faults);
     check_motors(raw, at, faults);
     check_drive(raw, at, faults);
@@ -19,7 +19,7 @@ pub(super) fn check(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Fault
     let longest_s = (0.01 / raw.drive.base_hz).min(1.0 / raw.motors.sample_hz).min(1.0 / raw.accelerometers.sample_hz);
     faults.demand(
         step_s <= longest_s * (1.0 + 1e-9),
-        &at.key("simulation").key("step_s"),
+        at.key("simulation").key("step_s"),
         step_s,
         format!("up to {longest_s} (a hundredth of the drive's period, one sample of motors and accelerometers)"),
     );
@@ -32,14 +32,14 @@ fn check_plate(raw: &RawRig, at: &Path, faults: &mut Faults) {
     let (inertia, most) = (plate.inertia_kg_m2.unwrap_or_default(), 0.5 * plate.mass_kg * side_m * side_m);
     faults.demand(
         inertia <= most,
-        &at.key("inertia_kg_m2"),
+        at.key("inertia_kg_m2"),
         inertia,
         format!("up to {most} (all mass in the corners, M L²/2)"),
     );
     let axes = [("x", plate.resonance_hz.x), ("y", plate.resonance_hz.y), ("spin", plate.resonance_hz.spin)];
     for (axis, found) in axes {
         let allowed = format!("below drive.base_hz, {base_hz} (above resonance velocity is the force's integral)");
-        faults.demand(found < base_hz, &at.key("resonance_hz").key(axis), found, allowed);
+        faults.demand(found < base_hz, at.key("resonance_hz").key(axis), found, allowed);
     }
 }
 
@@ -48,18 +48,18 @@ fn check_motors(raw: &RawRig, at: &Path, faults: &mut Faults) {
     let at = at.key("motors");
     let reach_mm = 0.5 * raw.plate.side_mm;
     let allowed = format!("up to {reach_mm} (half the plate's side)");
-    faults.demand(motors.lever_arm_mm <= reach_mm, &at.key("lever_arm_mm"), motors.lever_arm_mm, allowed);
+    faults.demand(motors.lever_arm_mm <= reach_mm, at.key("lever_arm_mm"), motors.lever_arm_mm, allowed);
     check_sampling(motors.sample_hz, base_hz, &at.key("sample_hz"), faults);
     let (low_pass, top) = (motors.low_pass_hz, 0.5 * motors.sample_hz);
     faults.demand(
         low_pass > 2.0 * base_hz && low_pass < top,
-        &at.key("low_pass_hz"),
+        at.key("low_pass_hz"),
         low_pass,
         format!("above {} (the second harmonic must pass) and below {top} (half the sample rate)", 2.0 * base_hz),
     );
     faults.demand(
         motors.newtons_per_count <= motors.force_limit_n,
-        &at.key("newtons_per_count"),
+        at.key("newtons_per_count"),
         motors.newtons_per_count,
         format!("up to force_limit_n, {}", motors.force_limit_n),
     );
@@ -68,7 +68,7 @@ fn check_motors(raw: &RawRig, at: &Path, faults: &mut Faults) {
 fn check_drive(raw: &RawRig, at: &Path, faults: &mut Faults) {
     let (found, least) = (raw.drive.max_sustain_s, 3.0 / raw.drive.base_hz);
     let allowed = format!("{least:.4} or more (three periods of the drive, for the accelerometers to be read)");
-    faults.demand(found >= least, &at.key("drive").key("max_sustain_s"), found, allowed);
+    faults.demand(found >= least, at.key("drive").key("max_sustain_s"), found, allowed);
 }
 
 /// Synthesised motions drive the plate as a mass, pass the low-pass, and are read back harmonic by harmonic.
@@ -77,10 +77,10 @@ fn check_fields(raw: &RawRig, at: &Path, faults: &mut Faults) {
     let (base_hz, resonance) = (fields.base_hz, &raw.plate.resonance_hz);
     let stiffest_hz = resonance.x.max(resonance.y).max(resonance.spin);
     let allowed = format!("above {stiffest_hz}, the highest of plate.resonance_hz");
-    faults.demand(base_hz > stiffest_hz, &at.key("base_hz"), base_hz, allowed);
+    faults.demand(base_hz > stiffest_hz, at.key("base_hz"), base_hz, allowed);
     let (least_hz, longest_s) = (3.0 / raw.drive.max_sustain_s, raw.drive.max_sustain_s);
     let allowed = format!("{least_hz:.4} or more (three periods within drive.max_sustain_s, {longest_s})");
-    faults.demand(base_hz >= least_hz * (1.0 - 1e-9), &at.key("base_hz"), base_hz, allowed);
+    faults.demand(base_hz >= least_hz * (1.0 - 1e-9), at.key("base_hz"), base_hz, allowed);
     let (highest_hz, low_pass_hz) = (base_hz * fields.harmonics as f64, raw.motors.low_pass_hz);
     let (motors_hz, read_hz) = (raw.motors.sample_hz / 4.0, raw.accelerometers.sample_hz / 8.0);
     let allowed = format!(
@@ -90,10 +90,10 @@ fn check_fields(raw: &RawRig, at: &Path, faults: &mut Faults) {
     );
     let found = format!("{} up to {highest_hz} Hz", fields.harmonics);
     let passes = highest_hz < low_pass_hz && highest_hz < motors_hz && highest_hz < read_hz;
-    faults.demand(passes, &at.key("harmonics"), found, allowed);
+    faults.demand(passes, at.key("harmonics"), found, allowed);
     let least_s = 0.5 / base_hz;
     let allowed = format!("{least_s:.6} or more (half a period of fields.base_hz)");
-    faults.demand(fields.attack_s >= least_s * (1.0 - 1e-4), &at.key("attack_s"), fields.attack_s, allowed);
+    faults.demand(fields.attack_s >= least_s * (1.0 - 1e-4), at.key("attack_s"), fields.attack_s, allowed);
 }
 
 fn check_accelerometers(raw: &RawRig, at: &Path, faults: &mut Faults) {
@@ -102,7 +102,7 @@ fn check_accelerometers(raw: &RawRig, at: &Path, faults: &mut Faults) {
     let ([x, y], half) = (raw.accelerometers.position_mm, 0.5 * raw.plate.side_mm);
     let place = at.key("position_mm");
     for (i, found) in [x, y].into_iter().enumerate() {
-        faults.demand(found.abs() <= half, &place.index(i), found, format!("from -{half} to {half} (on the plate)"));
+        faults.demand(found.abs() <= half, place.index(i), found, format!("from -{half} to {half} (on the plate)"));
     }
     let (arm, least) = (x.hypot(y), 0.2 * half);
     let allowed = format!("{least} mm or more from the centre (spin is read from the arm between the two)");
@@ -121,7 +121,7 @@ fn check_camera(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Faults) {
     let (camera, at) = (&raw.camera, at.key("camera"));
     let period_s = 1.0 / camera.frame_hz;
     let allowed = format!("below {period_s:.6} (one frame's period)");
-    faults.demand(camera.exposure_s < period_s, &at.key("exposure_s"), camera.exposure_s, allowed);
+    faults.demand(camera.exposure_s < period_s, at.key("exposure_s"), camera.exposure_s, allowed);
     check_levels(&camera.levels, &at.key("levels"), faults);
     let lowest_mm = 0.5 * raw.plate.side_mm;
     let height = &at.key("position_mm").index(2);
@@ -139,7 +139,7 @@ fn check_camera(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Faults) {
     }
     if !view::is_one_to_one(&sim.camera, sim.plate.side_m) {
         let allowed = format!("a distortion that is one-to-one over the plate of {} mm", mm_from_m(sim.plate.side_m));
-        faults.push(&at.key("radial"), "a lens that folds the picture", allowed);
+        faults.push(at.key("radial"), "a lens that folds the picture", allowed);
     }
 }
 
@@ -153,11 +153,11 @@ fn check_levels(levels: &RawLevels, at: &Path, faults: &mut Faults) {
     let RawLevels { ground, plate, part } = *levels;
     let contrast = (plate - part).abs();
     let allowed = format!("{LEAST_PART} or more away from levels.plate, {plate} (parts must stand out on the plate)");
-    faults.demand(contrast >= LEAST_PART, &at.key("part"), part, allowed);
+    faults.demand(contrast >= LEAST_PART, at.key("part"), part, allowed);
     let least = LEAST_GROUND.max(GROUND_SHARE * contrast);
     let allowed = format!(
         "{least} or more away from levels.plate, {plate} (the table must stand out from the ground: by {LEAST_GROUND} at \
          least, and by {GROUND_SHARE} of the step from plate to part)"
     );
-    faults.demand((plate - ground).abs() >= least, &at.key("ground"), ground, allowed);
+    faults.demand((plate - ground).abs() >= least, at.key("ground"), ground, allowed);
 }

@@ -2,12 +2,12 @@
 
 use std::f64::consts::PI;
 
-use super::fault::{Faults, Path, counted};
 use super::job::PartGroup;
 use super::kinds::{KindSpec, LEAST_SEEN_RADIUS_M};
 use super::rig::RigSpec;
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
+use upm_document::{Faults, Path, counted};
 
 /// Least gap between the rims of parts placed at random, m.
 pub const START_GAP_M: f64 = 3e-3;
@@ -64,7 +64,7 @@ pub(super) fn check_inside(center_m: Vec2, radius_m: f64, half_m: f64, margin_m:
     let allowed = format!("from {:.3} to {most_mm:.3} ({why})", -most_mm);
     for (i, found) in center_m.iter().enumerate() {
         let inside = found.abs() <= most_m + ROUNDING_M;
-        faults.demand(inside, &at.index(i), format!("{:.3}", mm_from_m(*found)), allowed.clone());
+        faults.demand(inside, at.index(i), format!("{:.3}", mm_from_m(*found)), allowed.clone());
     }
 }
 

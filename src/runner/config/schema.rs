@@ -1,7 +1,7 @@
-use schemars::{JsonSchema, schema_for};
 use serde_json::Value;
 
 use super::{RawDaemon, RawJob, RawRig, RawSimulate, RawTrace};
+use upm_document::schema_of;
 use upm_library::RawLibrary;
 
 /// Names that [`schema`] knows.
@@ -12,16 +12,30 @@ pub fn schema_names() -> &'static [&'static str] {
 /// The JSON Schema (draft 2020-12) of the file called `name`, `None` when there is none.
 pub fn schema(name: &str) -> Option<Value> {
     match name {
-        "job" => Some(of::<RawJob>()),
-        "rig" => Some(of::<RawRig>()),
-        "simulate" => Some(of::<RawSimulate>()),
-        "library" => Some(of::<RawLibrary>()),
-        "trace" => Some(of::<RawTrace>()),
-        "daemon" => Some(of::<RawDaemon>()),
+        "job" => Some(schema_of::<RawJob>()),
+        "rig" => Some(schema_of::<RawRig>()),
+        "simulate" => Some(schema_of::<RawSimulate>()),
+        "library" => Some(schema_of::<RawLibrary>()),
+        "trace" => Some(schema_of::<RawTrace>()),
+        "daemon" => Some(schema_of::<RawDaemon>()),
         _ => None,
     }
 }
 
-pub(super) fn of<T: JsonSchema>() -> Value {
-    schema_for!(T).to_value()
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use upm_document::Document;
+
+    #[test]
+    fn each_has_a_key_of_its_own_that_it_must_have() {
+        let schemas: Vec<Value> = schema_names().iter().map(|name| schema(name).unwrap()).collect();
+        assert_eq!(schemas.len(), Document::ALL.len());
+        for document in Document::ALL {
+            let has = |schema: &&Value| schema["properties"].get(document.key()).is_some();
+            let having: Vec<&Value> = schemas.iter().filter(has).collect();
+            assert_eq!(having.len(), 1, "{document:?}");
+            assert!(having[0]["required"].as_array().unwrap().iter().any(|key| key == document.key()), "{document:?}");
+        }
+    }
 }

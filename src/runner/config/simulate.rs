@@ -1,13 +1,13 @@
-use super::fault::{Fault, Faults, Path};
 use super::job::known_kind;
 use super::place::PlacedPart;
 use super::raw_simulate::{PlateMode, RawHarmonic, RawPulse, RawSimulate};
-use super::read::{Origin, parse, text_of};
+use super::read::Origin;
 use super::rig::RigSpec;
 use super::room::check_apart;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{Envelope, TwistHarmonic};
 use upm_core::units::{m_from_mm, mm_from_m};
+use upm_document::{Fault, Faults, Path, parse, text_of};
 
 /// Most samples put out, over all parts.
 const MOST_SAMPLES: f64 = 1e7;
@@ -71,7 +71,7 @@ impl SimulateSpec {
         let total_s: f64 = pulses.iter().map(|pulse| pulse.envelope.total_s()).sum();
         let samples = total_s * raw.sample_hz * raw.parts.len() as f64;
         let found = format!("{samples:.0} samples of all parts over {total_s:.3} s");
-        faults.demand(samples <= MOST_SAMPLES, &root.key("sample_hz"), found, format!("up to {MOST_SAMPLES:.0}"));
+        faults.demand(samples <= MOST_SAMPLES, root.key("sample_hz"), found, format!("up to {MOST_SAMPLES:.0}"));
         let base_radps = std::f64::consts::TAU * base_hz;
         Some(Self { rig, plate: raw.plate, base_radps, parts, pulses, sample_hz: raw.sample_hz })
     }
@@ -135,7 +135,7 @@ fn check_pulse(raw: &RawPulse, at: &Path, faults: &mut Faults) {
     }
     if let Some(harmonics) = &raw.harmonics {
         let moves = harmonics.iter().any(|harmonic| !harmonic.is_zero());
-        faults.demand(moves, &at.key("harmonics"), "no motion", "an amplitude other than 0");
+        faults.demand(moves, at.key("harmonics"), "no motion", "an amplitude other than 0");
     }
 }
 
@@ -162,7 +162,7 @@ fn check_frequencies(raw: &RawSimulate, rig: &RigSpec, base_hz: f64, faults: &mu
     let resonance_hz = rig.sim.plate.resonance_hz.into_iter().fold(0.0, f64::max);
     let allowed = format!("above {resonance_hz}, the rig's highest resonance (velocity is the force's integral there)");
     let above = raw.plate == PlateMode::Kinematic || base_hz > resonance_hz;
-    faults.demand(above, &root.key("base_hz"), base_hz, allowed);
+    faults.demand(above, root.key("base_hz"), base_hz, allowed);
 }
 
 /// The highest frequency that can be simulated, Hz, and what it is bounded by.
@@ -193,7 +193,7 @@ fn placed(raw: &RawSimulate, rig: &RigSpec, faults: &mut Faults) -> Vec<PlacedPa
         for (k, found) in part.position_mm.into_iter().enumerate() {
             let most_mm = mm_from_m(half_m);
             let allowed = format!("from -{most_mm} to {most_mm} (its centre on the plate)");
-            faults.demand(found.abs() <= most_mm, &at.index(k), found, allowed);
+            faults.demand(found.abs() <= most_mm, at.index(k), found, allowed);
         }
         discs.push((position_m, radius_m, at));
         let id = format!("{}-{number}", part.kind);

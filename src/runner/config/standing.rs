@@ -1,11 +1,11 @@
 use serde_json::Value;
 
 use super::daemon::named_file;
-use super::fault::{Faults, Path, shown};
 use super::job::JobSpec;
 use super::raw_daemon::{RawServedPlate, RawStandingJob, RawStart};
-use super::read::{Origin, text_of};
+use super::read::Origin;
 use super::rig::RigSpec;
+use upm_document::{Faults, Path, shown, text_of};
 
 /// The standing job of a plate: it runs whenever the plate's queue is empty.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +27,7 @@ pub(super) fn standing_of(
 ) -> Option<StandingSpec> {
     let path = named_file(&raw.job, origin, &at.key("job"), faults)?;
     let found = || shown(&Value::from(raw.job.as_str()));
-    let unread = |fault: super::Fault| faults.push(&at.key("job"), found(), format!("a job file ({})", fault.found));
+    let unread = |fault: super::Fault| faults.push(at.key("job"), found(), format!("a job file ({})", fault.found));
     let text = text_of(&path).map_err(unread).ok()?;
     let job = JobSpec::from_json(&text, &Origin::of_file(&path), Some(rig));
     let job = job.map_err(|others| faults.append(others)).ok()?;
@@ -41,10 +41,10 @@ pub(super) fn standing_of(
 fn check(job: &JobSpec, plate: &RawServedPlate, rig: &RigSpec, faults: &mut Faults) {
     let (root, name) = (Path::root(), &plate.name);
     let allowed = format!("the rig of plate {name}, or nothing");
-    faults.demand(rig.is_as_in(&job.rig.raw), &root.key("rig"), "another rig", allowed);
+    faults.demand(rig.is_as_in(&job.rig.raw), root.key("rig"), "another rig", allowed);
     let asked = job.plate.as_deref().unwrap_or(name);
     let allowed = format!("{name}, whose standing job this is, or nothing");
-    faults.demand(asked == name, &root.key("plate"), shown(&Value::from(asked)), allowed);
+    faults.demand(asked == name, root.key("plate"), shown(&Value::from(asked)), allowed);
     let allowed = format!("the library itself, or nothing: that of plate {name} applies");
-    faults.demand(!job.names_library_file(), &root.key("library"), "a path", allowed);
+    faults.demand(!job.names_library_file(), root.key("library"), "a path", allowed);
 }

@@ -1,4 +1,3 @@
-use super::fault::{Faults, Path, counted};
 use super::job::{PartGroup, each_kind};
 use super::phase::check_in_phase;
 use super::raw_job::{Assignment, RawPath, RawTask};
@@ -6,6 +5,7 @@ use super::rig::RigSpec;
 use super::room::{REST_GAP_M, REST_MARGIN_M, check_apart, check_inside};
 use upm_core::geometry::Vec2;
 use upm_core::units::{m_from_mm, mm_from_m};
+use upm_document::{Faults, Path, counted};
 
 /// What to do, in SI.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,11 +112,11 @@ impl<'a> Scene<'a> {
 
     fn plus_sign(&self, laps: u32, edge_margin_mm: f64, faults: &mut Faults) -> Option<TaskSpec> {
         let found = counted(self.kinds.len(), "part");
-        faults.demand(self.kinds.len() == 1, &Path::root().key("parts"), found, "exactly one part for plus_sign");
+        faults.demand(self.kinds.len() == 1, Path::root().key("parts"), found, "exactly one part for plus_sign");
         let edge_margin_m = m_from_mm(edge_margin_mm);
         let most_m = self.half_m - self.radii_m.iter().copied().fold(0.0, f64::max);
         let allowed = format!("below {:.3} (else no branch is left)", mm_from_m(most_m));
-        faults.demand(edge_margin_m < most_m, &self.at.key("edge_margin_mm"), edge_margin_mm, allowed);
+        faults.demand(edge_margin_m < most_m, self.at.key("edge_margin_mm"), edge_margin_mm, allowed);
         Some(TaskSpec::PlusSign { laps, edge_margin_m })
     }
 

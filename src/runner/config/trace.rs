@@ -2,12 +2,11 @@ use std::f64::consts::TAU;
 
 use serde_json::Value;
 
-use super::fault::{Fault, Faults, Path, counted};
 use super::raw_trace::{RawCounts, RawTrace};
-use super::read::{parse, text_of};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{AccelTrace, Envelope, MISSING_SAMPLE, RecordedPulse};
 use upm_core::units::{m_from_mm, mm_from_m};
+use upm_document::{Fault, Faults, Path, counted, parse, text_of};
 
 /// Fewest samples to a base period that a fit can read.
 const LEAST_SAMPLES: f64 = 16.0;
@@ -46,14 +45,14 @@ fn check(raw: &RawTrace, faults: &mut Faults) {
     let root = Path::root();
     let least_hz = LEAST_SAMPLES * raw.base_hz;
     let allowed = format!("{least_hz} or more ({LEAST_SAMPLES} samples to a period of base_hz)");
-    faults.demand(raw.sample_hz >= least_hz, &root.key("sample_hz"), raw.sample_hz, allowed);
+    faults.demand(raw.sample_hz >= least_hz, root.key("sample_hz"), raw.sample_hz, allowed);
     let apart = raw.position_mm != [0.0, 0.0];
-    faults.demand(apart, &root.key("position_mm"), "[0, 0]", "away from the plate's centre (number 2 is opposite)");
+    faults.demand(apart, root.key("position_mm"), "[0, 0]", "away from the plate's centre (number 2 is opposite)");
     let at = root.key("counts");
     let samples = raw.counts.x1.len();
     for (name, channel) in raw.counts.named() {
         let found = counted(channel.len(), "sample");
-        faults.demand(channel.len() == samples, &at.key(name), found, format!("{samples}, as in counts.x1"));
+        faults.demand(channel.len() == samples, at.key(name), found, format!("{samples}, as in counts.x1"));
         check_range(channel, raw.count_limit, &at.key(name), faults);
     }
 }
@@ -64,7 +63,7 @@ fn check_range(channel: &[Option<i16>], limit: i16, at: &Path, faults: &mut Faul
     for (i, count) in channel.iter().enumerate() {
         if let Some(count) = count.filter(|&count| !(low..=high).contains(&i32::from(count))) {
             let allowed = format!("from {low} to {high} (count_limit), null for a missing sample");
-            faults.push(&at.index(i), count.to_string(), allowed);
+            faults.push(at.index(i), count.to_string(), allowed);
         }
     }
 }

@@ -4,22 +4,18 @@ use serde_json::Value;
 
 use crate::config::{Fault, JobSpec, LibraryRef, RigSpec, place_parts};
 use upm_core::random::Streams;
-use upm_library::{FieldFacts, Library, LibraryFault, RigFacts};
+use upm_library::{FieldFacts, Library, RigFacts};
 
 /// The COR library a job runs with, checked against its rig.
-pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
+pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Fault>> {
     let library = match &job.library {
         Some(LibraryRef::File(path)) => Library::load(path)?,
         Some(LibraryRef::Inline(members)) => {
             Library::from_json(&Value::Object(members.clone()).to_string(), &format!("{}: library", job.file))?
         }
         None => {
-            return Err(vec![LibraryFault {
-                file: job.file.clone(),
-                path: "library".into(),
-                found: "nothing, in the job and in its rig".into(),
-                allowed: "a COR library, made by `upm calibrate`".into(),
-            }]);
+            let found = "nothing, in the job and in its rig";
+            return Err(vec![Fault::new(&job.file, "library", found, "a COR library, made by `upm calibrate`")]);
         }
     };
     let faults = library_faults(&library, &file_of(job), &job.rig);
@@ -29,8 +25,7 @@ pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<LibraryFault>> {
 /// What keeps `job` from being run with `library`: a library of another rig, parts that find no places. It looks at no
 /// picture and plans nothing, so it can be asked of every job that comes in.
 pub fn check_job(job: &JobSpec, library: &Library) -> Result<(), Vec<Fault>> {
-    let of_library = |LibraryFault { file, path, found, allowed }| Fault { file, path, found, allowed };
-    let mut faults: Vec<Fault> = library_faults(library, &file_of(job), &job.rig).into_iter().map(of_library).collect();
+    let mut faults = library_faults(library, &file_of(job), &job.rig);
     faults.extend(check_places(job).err());
     if faults.is_empty() { Ok(()) } else { Err(faults) }
 }
@@ -49,7 +44,7 @@ fn file_of(job: &JobSpec) -> String {
 }
 
 /// Everything that keeps `library`, read from `file`, from being used on `rig`.
-pub fn library_faults(library: &Library, file: &str, rig: &RigSpec) -> Vec<LibraryFault> {
+pub fn library_faults(library: &Library, file: &str, rig: &RigSpec) -> Vec<Fault> {
     let model = &rig.model;
     let facts = RigFacts {
         name: &model.name,
@@ -67,5 +62,5 @@ pub fn library_faults(library: &Library, file: &str, rig: &RigSpec) -> Vec<Libra
         }),
     };
     let faults = library.check_fits(&facts).into_iter();
-    faults.map(|fault| LibraryFault { file: file.to_owned(), ..fault }).collect()
+    faults.map(|fault| fault.in_file(file)).collect()
 }

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::library_faults;
 use crate::config::RigSpec;
-use upm_library::{Library, LibraryFault};
+use upm_document::Fault;
+use upm_library::Library;
 
 /// The file that a library which is still to be measured will replace.
 ///
@@ -35,7 +36,7 @@ pub enum LibraryOutputFault {
     },
     /// What was measured is a library that no run would take; one line a fault.
     #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
-    Unusable(Vec<LibraryFault>),
+    Unusable(Vec<Fault>),
 }
 
 impl LibraryOutput {

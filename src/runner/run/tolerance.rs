@@ -73,11 +73,10 @@ fn scatter_m(model: &DisplacementModel) -> f64 {
 pub fn tolerance_warning(job: &JobSpec, library: &Library) -> Option<Fault> {
     let finest_mm = (100.0 * mm_from_m(finest_tolerance_m(job, library)?)).ceil() / 100.0;
     let found_mm = mm_from_m(job.tolerance_m);
-    (found_mm < finest_mm - 1e-9).then(|| Fault {
-        file: job.file.clone(),
-        path: "tolerance_mm".into(),
-        found: format!("{found_mm} mm, finer than scatter and sensing let parts be brought"),
-        allowed: format!("{finest_mm:.2} mm or more with {}", PlannerSelection::of(job).name()),
+    (found_mm < finest_mm - 1e-9).then(|| {
+        let found = format!("{found_mm} mm, finer than scatter and sensing let parts be brought");
+        let allowed = format!("{finest_mm:.2} mm or more with {}", PlannerSelection::of(job).name());
+        Fault::new(&job.file, "tolerance_mm", found, allowed)
     })
 }
 

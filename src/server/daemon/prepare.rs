@@ -7,7 +7,7 @@ use rustix::fs::{Access, access};
 
 use crate::plates::fitting_library;
 use crate::service::{Scope, Tokens};
-use upm_library::{Library, LibraryFault};
+use upm_library::Library;
 use upm_runner::config::{DaemonSpec, Fault, PlateSpec};
 use upm_runner::run::library_faults;
 
@@ -54,7 +54,7 @@ fn nobody_operates(spec: &DaemonSpec) -> bool {
 }
 
 fn fault(spec: &DaemonSpec, path: &str, found: String, allowed: &str) -> Fault {
-    Fault { file: spec.file.clone(), path: path.to_owned(), found, allowed: allowed.to_owned() }
+    Fault::new(&spec.file, path, found, allowed)
 }
 
 fn taken<T>(made: Result<T, Vec<Fault>>, faults: &mut Vec<Fault>) -> Option<T> {
@@ -106,11 +106,9 @@ fn fitted_library(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Fault>> {
 }
 
 fn library_of(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Fault>> {
-    let of_library = |LibraryFault { file, path, found, allowed }| Fault { file, path, found, allowed };
-    let told = |faults: Vec<LibraryFault>| faults.into_iter().map(of_library).collect::<Vec<_>>();
-    let library = Library::load(&plate.library).map_err(told)?;
+    let library = Library::load(&plate.library)?;
     let faults = library_faults(&library, &plate.library.display().to_string(), &plate.rig);
-    if faults.is_empty() { Ok(Arc::new(library)) } else { Err(told(faults)) }
+    if faults.is_empty() { Ok(Arc::new(library)) } else { Err(faults) }
 }
 
 /// The data folder is one that this process may write in, or can be made.

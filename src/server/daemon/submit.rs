@@ -223,7 +223,7 @@ impl Office {
     fn unaddressed(&self, found: &str) -> Refusal {
         let allowed = format!("one of {}", self.spec.plate_names().join(", "));
         let (file, path) = ("job".to_owned(), "plate".to_owned());
-        Refusal::Invalid(vec![Fault { file, path, found: found.to_owned(), allowed }])
+        Refusal::Invalid(vec![Fault::new(&file, path, found, allowed)])
     }
 
     fn checked(&self, plate: &Plate, asked: &Asked) -> Result<NewJob, Refusal> {

@@ -4,7 +4,7 @@ use sha2::{Digest, Sha256};
 
 use super::shared::Shared;
 use crate::store::{JobPace, NewJob};
-use upm_library::{Library, LibraryFault};
+use upm_library::Library;
 use upm_runner::config::{Fault, JobSpec, LibraryRef, Origin, Path};
 use upm_runner::run::{check_job, check_places, job_library};
 
@@ -18,7 +18,7 @@ pub(super) fn validated(shared: &Shared, text: &str, pace: JobPace, key: Option<
         let count = job.faults.len();
         let found = format!("{count} fault{}", if count == 1 { "" } else { "s" });
         let allowed = "none, unless the daemon's file says \"allow_faults\": true";
-        return Err(vec![Fault::new(REQUEST, &Path::root().key("faults"), found, allowed)]);
+        return Err(vec![Fault::new(REQUEST, Path::root().key("faults"), found, allowed)]);
     }
     let library = fitting_library(&job, &shared.library)?;
     if !shared.allow_inline_libraries {
@@ -39,8 +39,7 @@ pub(super) fn validated(shared: &Shared, text: &str, pace: JobPace, key: Option<
 
 /// The library of `job` on a plate whose own is `of_plate`, checked together with the places of the parts.
 pub fn fitting_library(job: &JobSpec, of_plate: &Arc<Library>) -> Result<Arc<Library>, Vec<Fault>> {
-    let library =
-        library_for(job, of_plate).map_err(|faults| faults.into_iter().map(of_library).collect::<Vec<_>>())?;
+    let library = library_for(job, of_plate)?;
     match &job.library {
         Some(LibraryRef::Inline(_)) => check_job(job, &library)?,
         // the plate's own was held against the rig when the plate was set up, and that takes a while
@@ -55,19 +54,13 @@ fn agreeing(job: &JobSpec, library: &Library, of_plate: &Library) -> Result<(), 
         Some(LibraryRef::Inline(_)) => library.disagreement(of_plate),
         _ => None,
     };
-    let file = format!("{REQUEST}: library");
-    disagreement.map_or(Ok(()), |fault| Err(of_library(LibraryFault { file, ..fault })))
+    disagreement.map_or(Ok(()), |fault| Err(fault.in_file(&format!("{REQUEST}: library"))))
 }
 
 /// The job's own library, or the plate's.
-pub(super) fn library_for(job: &JobSpec, of_plate: &Arc<Library>) -> Result<Arc<Library>, Vec<LibraryFault>> {
+pub(super) fn library_for(job: &JobSpec, of_plate: &Arc<Library>) -> Result<Arc<Library>, Vec<Fault>> {
     match job.library {
         Some(LibraryRef::Inline(_)) => job_library(job),
         _ => Ok(Arc::clone(of_plate)),
     }
-}
-
-fn of_library(fault: LibraryFault) -> Fault {
-    let LibraryFault { file, path, found, allowed } = fault;
-    Fault { file, path, found, allowed }
 }

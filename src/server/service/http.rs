@@ -28,7 +28,7 @@ pub use limits::Limits;
 pub(super) use listen::Peer;
 pub use listen::{Served, serve};
 pub(super) use problem::PROBLEM_JSON;
-pub use problem::{Problem, ProblemDocument, ProblemFault, ProblemKind};
+pub use problem::{Problem, ProblemDocument, ProblemKind};
 pub use reason::{Reason, ReasonCode, joined};
 pub use shared_tokens::SharedTokens;
 pub use stop::{StopFlag, StopSender};

@@ -22,8 +22,8 @@ pub(in crate::cli) enum Refusal {
         status: u16,
         /// Its detail in a sentence.
         detail: String,
-        /// What is wrong in what was sent: path, found, allowed.
-        faults: Vec<[String; 3]>,
+        /// What is wrong in what was sent.
+        faults: Vec<Fault>,
         /// When to try again, s.
         retry_after_s: Option<u64>,
     },
@@ -63,7 +63,6 @@ impl Refusal {
         match serde_json::from_slice::<ProblemDocument>(body) {
             Ok(ProblemDocument { title, detail, faults, .. }) => {
                 let detail = if detail.is_empty() { title } else { detail };
-                let faults = faults.into_iter().map(|fault| [fault.path, fault.found, fault.allowed]).collect();
                 Self::Problem { status, detail: on_one_line(&detail), faults, retry_after_s }
             }
             Err(_) => {
@@ -101,11 +100,7 @@ impl Refusal {
         let line = self.line();
         match self {
             Self::Problem { status, faults, .. } => {
-                let said = faults.into_iter().map(|[path, found, allowed]| {
-                    let file = sent.to_owned();
-                    Fault { file, path, found, allowed }.to_string()
-                });
-                let lines: Vec<String> = said.collect();
+                let lines: Vec<String> = faults.into_iter().map(|fault| fault.in_file(sent).to_string()).collect();
                 let lines = if lines.is_empty() { vec![line] } else { lines };
                 let of_the_asker = matches!(status, 400..=404 | 411..=417 | 422 | 431);
                 let status = if of_the_asker { BAD_INPUT } else { Failure::failed("").status };

@@ -53,7 +53,7 @@ fn syntax_tells_line_and_column() {
 #[test]
 fn a_key_that_stands_twice_is_a_fault() {
     let text = value_of("plus-sign.json").to_string().replacen('{', "{\"seed\": 3, ", 1);
-    assert!(listing(&text).contains("duplicate field `seed` at line 1"), "{}", listing(&text));
+    assert!(listing(&text).contains("seed: found the key \"seed\" a second time"), "{}", listing(&text));
 }
 
 #[test]

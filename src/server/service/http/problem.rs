@@ -118,23 +118,6 @@ impl ProblemKind {
     }
 }
 
-/// One thing wrong in what was sent.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct ProblemFault {
-    /// Where: `parts[1].kind`, `$` for the whole.
-    pub path: String,
-    /// What stands there.
-    pub found: String,
-    /// What may stand there.
-    pub allowed: String,
-}
-
-impl From<Fault> for ProblemFault {
-    fn from(fault: Fault) -> Self {
-        Self { path: fault.path, found: fault.found, allowed: fault.allowed }
-    }
-}
-
 /// A problem document (RFC 9457), as it is sent.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ProblemDocument {
@@ -153,7 +136,7 @@ pub struct ProblemDocument {
     pub instance: Option<String>,
     /// Every fault of what was sent, when that is what was wrong.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub faults: Vec<ProblemFault>,
+    pub faults: Vec<Fault>,
     /// What is wrong with the daemon, when that is why it answers 503.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub reasons: Vec<Reason>,
@@ -164,7 +147,7 @@ pub struct ProblemDocument {
 pub struct Problem {
     kind: ProblemKind,
     detail: String,
-    faults: Vec<ProblemFault>,
+    faults: Vec<Fault>,
     reasons: Vec<Reason>,
     headers: Vec<(HeaderName, HeaderValue)>,
 }
@@ -176,8 +159,8 @@ impl Problem {
     }
 
     /// With every fault found.
-    pub fn with_faults(mut self, faults: impl IntoIterator<Item = impl Into<ProblemFault>>) -> Self {
-        self.faults.extend(faults.into_iter().map(Into::into));
+    pub fn with_faults(mut self, faults: impl IntoIterator<Item = Fault>) -> Self {
+        self.faults.extend(faults);
         self
     }
 
@@ -189,7 +172,7 @@ impl Problem {
 
     /// With one fault at `path`.
     pub fn with_fault(self, path: &str, found: impl Into<String>, allowed: impl Into<String>) -> Self {
-        self.with_faults([ProblemFault { path: path.to_owned(), found: found.into(), allowed: allowed.into() }])
+        self.with_faults([Fault::new("", path, found.into(), allowed)])
     }
 
     /// With the time after which trying again makes sense, s.
@@ -255,7 +238,7 @@ mod tests {
 
     #[test]
     fn a_problem_is_sent_as_its_document() {
-        let fault = Fault::new("job", &Path::root().key("seed"), "\"x\"", "a whole number");
+        let fault = Fault::new("job", Path::root().key("seed"), "\"x\"", "a whole number");
         let problem = Problem::new(ProblemKind::Invalid, "1 fault").with_faults([fault]).retry_after(7);
         let json = serde_json::to_value(problem.document(Some("a1"))).unwrap();
         assert_eq!(

@@ -77,7 +77,10 @@ impl<'a> Walker<'a> {
         if value.is_object() && tags.len() == variants.len() {
             let found = value.get("type");
             let word = found.and_then(Value::as_str).unwrap_or_default();
-            self.faults.push(&at.key("type"), found.map_or("nothing".to_owned(), shown), one_of(word, &tags));
+            match found {
+                Some(found) => self.faults.push(at.key("type"), shown(found), one_of(word, &tags)),
+                None => self.faults.push_missing(at.key("type"), one_of(word, &tags)),
+            }
         } else {
             self.faults.push(at, shown(value), self.allowed(schema));
         }
@@ -91,7 +94,7 @@ impl<'a> Walker<'a> {
                 (None, Some(Value::Bool(false))) => {
                     let keys: Vec<&str> = known.into_iter().flat_map(Map::keys).map(String::as_str).collect();
                     let found = format!("unknown key {}", shown(&Value::from(key.as_str())));
-                    self.faults.push(&at.key(key), found, one_of(key, &keys));
+                    self.faults.push(at.key(key), found, one_of(key, &keys));
                 }
                 (Some(member), _) | (None, Some(member)) => self.visit(value, member, &at.key(key)),
                 (None, None) => {}
@@ -100,7 +103,7 @@ impl<'a> Walker<'a> {
         let required = schema.get("required").and_then(Value::as_array).into_iter().flatten();
         for key in required.filter_map(Value::as_str).filter(|key| !members.contains_key(*key)) {
             let allowed = member_of(key).map(|member| self.allowed(member));
-            self.faults.push(&at.key(key), "nothing", allowed.unwrap_or_default());
+            self.faults.push_missing(at.key(key), allowed.unwrap_or_default());
         }
     }
 

@@ -1,5 +1,7 @@
 use std::fmt;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// Most faults listed for one file; a file with more has one thing wrong with it many times.
@@ -10,9 +12,11 @@ const LONGEST_SHOWN: usize = 60;
 
 /// One thing wrong with one file. Displays as one line:
 /// `configs/x.json: parts[1].kind: found "pennyy", allowed: penny, nickel, dime, quarter (did you mean penny?)`.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "ProblemFault")]
 pub struct Fault {
-    /// The file as the person named it.
+    /// The file as the person named it; on the network it is the request.
+    #[serde(skip)]
     pub file: String,
     /// Where in it: `parts[1].position_mm[0]`, `$` for the whole.
     pub path: String,
@@ -20,12 +24,26 @@ pub struct Fault {
     pub found: String,
     /// What may stand there.
     pub allowed: String,
+    /// True where nothing stands there.
+    #[serde(skip)]
+    pub is_missing: bool,
 }
 
 impl Fault {
     /// Puts the four together.
-    pub fn new(file: &str, path: &Path, found: impl Into<String>, allowed: impl Into<String>) -> Self {
-        Self { file: file.to_owned(), path: path.to_string(), found: found.into(), allowed: allowed.into() }
+    pub fn new(file: &str, path: impl fmt::Display, found: impl fmt::Display, allowed: impl Into<String>) -> Self {
+        let (file, path, found) = (file.to_owned(), path.to_string(), found.to_string());
+        Self { file, path, found, allowed: allowed.into(), is_missing: false }
+    }
+
+    /// The same in the file `file`.
+    pub fn in_file(self, file: &str) -> Self {
+        Self { file: file.to_owned(), ..self }
+    }
+
+    /// The member at `path` is missing.
+    pub fn missing(file: &str, path: impl fmt::Display, allowed: impl Into<String>) -> Self {
+        Self { is_missing: true, ..Self::new(file, path, "nothing", allowed) }
     }
 }
 
@@ -75,53 +93,74 @@ impl fmt::Display for Path {
 
 /// The faults of one file, in the order in which they were found.
 #[derive(Debug)]
-pub(super) struct Faults {
+pub struct Faults {
     file: String,
     list: Vec<Fault>,
 }
 
 impl Faults {
-    pub(super) fn of(file: &str) -> Self {
+    /// None yet of the file `file`.
+    pub fn of(file: &str) -> Self {
         Self { file: file.to_owned(), list: Vec::new() }
     }
 
-    pub(super) fn push(&mut self, path: &Path, found: impl Into<String>, allowed: impl Into<String>) {
+    /// Adds a fault at `path`.
+    pub fn push(&mut self, path: impl fmt::Display, found: impl fmt::Display, allowed: impl Into<String>) {
         let fault = Fault::new(&self.file, path, found, allowed);
         self.append(vec![fault]);
     }
 
+    /// Adds that the member at `path` is missing.
+    pub fn push_missing(&mut self, path: impl fmt::Display, allowed: impl Into<String>) {
+        let fault = Fault::missing(&self.file, path, allowed);
+        self.append(vec![fault]);
+    }
+
     /// Takes over what was found in another file.
-    pub(super) fn append(&mut self, others: Vec<Fault>) {
+    pub fn append(&mut self, others: Vec<Fault>) {
         self.list.extend(others);
         self.list.truncate(MOST_FAULTS);
     }
 
     /// A fault at `path` unless `holds`.
-    pub(super) fn demand(&mut self, holds: bool, path: &Path, found: impl fmt::Display, allowed: impl Into<String>) {
+    pub fn demand(
+        &mut self,
+        holds: bool,
+        path: impl fmt::Display,
+        found: impl fmt::Display,
+        allowed: impl Into<String>,
+    ) {
         if !holds {
-            self.push(path, found.to_string(), allowed);
+            self.push(path, found, allowed);
         }
     }
 
-    pub(super) fn len(&self) -> usize {
+    /// How many there are.
+    pub fn len(&self) -> usize {
         self.list.len()
     }
 
+    /// True while nothing was found wrong.
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
     /// `made` when nothing was wrong, else every fault.
-    pub(super) fn into_result<T>(self, made: Option<T>) -> Result<T, Vec<Fault>> {
+    pub fn into_result<T>(self, made: Option<T>) -> Result<T, Vec<Fault>> {
         match made {
             Some(made) if self.list.is_empty() => Ok(made),
             _ => Err(self.list),
         }
     }
 
-    pub(super) fn into_list(self) -> Vec<Fault> {
+    /// All of them.
+    pub fn into_list(self) -> Vec<Fault> {
         self.list
     }
 }
 
 /// A value in a few characters.
-pub(super) fn shown(value: &Value) -> String {
+pub fn shown(value: &Value) -> String {
     let text = value.to_string();
     match value {
         Value::Object(_) => "an object".to_owned(),
@@ -132,12 +171,12 @@ pub(super) fn shown(value: &Value) -> String {
 }
 
 /// `1 part`, `2 parts`.
-pub(super) fn counted(number: usize, what: &str) -> String {
+pub fn counted(number: usize, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
 /// `a, b, c`, with the one that `found` was probably meant to be.
-pub(super) fn one_of(found: &str, choices: &[&str]) -> String {
+pub fn one_of(found: &str, choices: &[&str]) -> String {
     let list = choices.join(", ");
     let near = |choice: &&&str| strsim::damerau_levenshtein(found, choice) <= 1 + choice.len() / 4;
     let meant = (found.len() <= LONGEST_SHOWN)
@@ -160,7 +199,7 @@ mod tests {
         let line =
             r#"configs/x.json: parts[1].kind: found "pennyy", allowed: penny, nickel, dime (did you mean penny?)"#;
         assert_eq!(fault.to_string(), line);
-        let odd = Fault::new("a\nb.json", &Path::root().key("we\nird key"), "x\r\n", "y");
+        let odd = Fault::new("a\nb.json", Path::root().key("we\nird key"), "x\r\n", "y");
         assert_eq!(odd.to_string(), r#"a\nb.json: ["we\nird key"]: found x\r\n, allowed: y"#);
         assert_eq!(Path::root().to_string(), "$");
     }

@@ -1,0 +1,68 @@
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path as FilePath;
+
+use schemars::{JsonSchema, schema_for};
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use super::fault::{Fault, Faults, Path};
+use super::{Document, duplicates, shape};
+
+/// Largest file read, bytes: 1 MiB.
+pub const MOST_BYTES: u64 = 1 << 20;
+
+/// The JSON Schema (draft 2020-12) of `T`.
+pub fn schema_of<T: JsonSchema>() -> Value {
+    schema_for!(T).to_value()
+}
+
+/// The text of the file at `path`, or the one fault that keeps it from being read.
+pub fn text_of(path: &FilePath) -> Result<String, Fault> {
+    let fault = |found: String, allowed: &str| Fault::new(&path.display().to_string(), Path::root(), found, allowed);
+    let bytes = bytes_of(path).map_err(|error| fault(error.to_string(), "a file that can be read"))?;
+    if bytes.len() as u64 > MOST_BYTES {
+        return Err(fault("a larger file".to_owned(), "up to 1 MiB (1048576 bytes)"));
+    }
+    String::from_utf8(bytes).map_err(|error| {
+        let valid = error.utf8_error().valid_up_to();
+        fault(format!("a byte that is not UTF-8 at offset {valid}"), "UTF-8 text")
+    })
+}
+
+/// At most one byte more than is allowed, so that endless files end here too.
+fn bytes_of(path: &FilePath) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(MOST_BYTES + 1).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// The document in `text`: held against its schema for all faults of keys, types and ranges at once, then read
+/// by serde for what a schema cannot say. A file of another kind has that one fault.
+pub fn parse<T: DeserializeOwned + JsonSchema>(text: &str, file: &str) -> Result<T, Vec<Fault>> {
+    let mut faults = Faults::of(file);
+    let value: Value = match serde_json::from_str(text) {
+        Ok(value) => value,
+        Err(error) => {
+            faults.push(Path::root(), error.to_string(), "JSON, nested at most 127 deep, numbers within 64 bits");
+            return Err(faults.into_list());
+        }
+    };
+    let schema = schema_of::<T>();
+    match Document::mistaken(&value, &schema) {
+        Some((wanted, found)) => faults.push(Path::root(), found.name(), wanted.name()),
+        None => {
+            duplicates::check(text, &mut faults);
+            shape::check(&value, &schema, &Path::root(), &mut faults);
+        }
+    }
+    if !faults.is_empty() {
+        return Err(faults.into_list());
+    }
+    let made = serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_str(text));
+    made.map_err(|error| {
+        let path = Some(error.path().to_string()).filter(|path| path != ".").unwrap_or("$".to_owned());
+        let found = error.inner().to_string();
+        vec![Fault::new(file, path, found, "what `upm schema` prints")]
+    })
+}
