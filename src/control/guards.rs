@@ -23,7 +23,7 @@ pub struct Guards {
 
 impl Guards {
     /// The codes of all guards that can sleep.
-    pub const CODES: [&str; 25] = [
+    pub const CODES: [&str; 26] = [
         "camera_frozen",
         "camera_stale",
         "camera_dark",
@@ -32,6 +32,7 @@ impl Guards {
         "view_hidden",
         "foreign_part",
         "parts_jumped",
+        "table_shape",
         "probe",
         "camera_still",
         "silence",

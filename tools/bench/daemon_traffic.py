@@ -299,7 +299,7 @@ class Watching(Half):
                 self.counts.events[kind] += 1
                 told.add(kind)
                 if kind == "bye":
-                    if b"the job is over" in data and "finished" not in told:
+                    if b'"code":"job_over"' in data and "finished" not in told:
                         self.counts.faults["a stream ended with its job, but `finished` was never told"] += 1
                     self.over.add(job)
                     self.running = [other for other in self.running if other != job]

@@ -11,8 +11,11 @@ from dataclasses import dataclass, field
 from .oracle import Violation
 
 PAUSE = "pause"
-# ends of a run that is not completed, and in which no guard found anything: another job came, or the planner has no way
-GOES_ON = ("gave_way", "no_feasible_step", "uncontrollable")
+# ends of a run that is not completed, and in which no guard found anything: another job came, the planner has no way, or
+# somebody stopped it
+GOES_ON = (
+    "gave_way", "no_feasible_step", "uncontrollable", "stopped", "interrupted", "cancelled", "estop", "shutdown", "journal_lost",
+)  # fmt: skip
 # plate times of one simulated run on its own and in a daemon agree to this, s: the same pace, the same bytes
 SAME_S = 1e-6
 
