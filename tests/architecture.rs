@@ -29,7 +29,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("viewer", &["viewer"]),
     ("runner", &["config", "run"]),
     ("lab", &["lab"]),
-    ("server", &["store", "plates", "service", "daemon"]),
+    ("server", &["states", "store", "plates", "service", "daemon"]),
     ("fixtures", &["fixtures"]),
 ];
 
@@ -110,13 +110,30 @@ const ROOMS: &[(&str, &[&str])] = &[
             "config",
         ],
     ),
-    ("store", &[]),
+    ("states", &[]),
+    ("store", &["states"]),
     (
         "plates",
-        &["signal", "rig", "vision", "library", "planner", "control", "recording", "viewer", "config", "run", "store"],
+        &[
+            "signal",
+            "rig",
+            "vision",
+            "library",
+            "planner",
+            "control",
+            "recording",
+            "viewer",
+            "config",
+            "run",
+            "states",
+            "store",
+        ],
     ),
-    ("service", &["config"]),
-    ("daemon", &["signal", "rig", "library", "recording", "viewer", "config", "run", "store", "plates", "service"]),
+    ("service", &["config", "states"]),
+    (
+        "daemon",
+        &["signal", "rig", "library", "recording", "viewer", "config", "run", "states", "store", "plates", "service"],
+    ),
     (
         "cli",
         &[

@@ -1,11 +1,13 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::client_args::ClientCommand;
 use super::features::{HELP, VERSION};
 use super::logs::LogFormat;
+use upm_core::job::Pace;
 
 /// One flat plate, shaken sideways, moves many coins on it independently, closed over a camera.
 #[derive(Parser, Debug)]
@@ -97,7 +99,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR", default_value = "runs")]
     pub out: PathBuf,
     /// As fast as possible, or no faster than the clock
-    #[arg(long, value_enum, default_value_t = Pace::Max)]
+    #[arg(long, value_parser = pace(), default_value = "max")]
     pub pace: Pace,
     /// What becomes of the Rerun recording: off, save, connect[=URL] or spawn
     #[arg(long, value_name = "MODE", default_value = default_rerun())]
@@ -155,13 +157,11 @@ pub struct ManArgs {
     pub out: Option<PathBuf>,
 }
 
-/// How fast plate time passes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Pace {
-    /// As fast as the machine can.
-    Max,
-    /// One second of plate time a second.
-    RealTime,
+/// Reads a pace by its name.
+pub fn pace() -> impl TypedValueParser<Value = Pace> {
+    let max = PossibleValue::new(Pace::Max.name()).help("As fast as the machine can");
+    let real_time = PossibleValue::new(Pace::RealTime.name()).help("One second of plate time a second");
+    PossibleValuesParser::new([max, real_time]).map(|name| Pace::of_name(&name).unwrap_or_default())
 }
 
 fn default_rerun() -> &'static str {

@@ -3,7 +3,8 @@ use std::path::PathBuf;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Subcommand};
 
-use super::args::Pace;
+use super::args::pace;
+use upm_core::job::Pace;
 
 /// The states of a job, as they are written.
 const JOB_STATES: [&str; 6] = ["queued", "running", "completed", "failed", "cancelled", "interrupted"];
@@ -81,7 +82,7 @@ pub struct SubmitArgs {
     #[arg(long, value_name = "NAME")]
     pub plate: Option<String>,
     /// As fast as possible, or no faster than the clock [default: as the daemon is set up]
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = pace())]
     pub pace: Option<Pace>,
     /// Idempotency key: the same key and job again give the same job [default: one of its own each time]
     #[arg(long, value_name = "KEY")]
@@ -184,6 +185,6 @@ mod tests {
 
     #[test]
     fn the_states_are_those_of_the_api() {
-        assert_eq!(JOB_STATES, upm_server::service::JobState::NAMES.map(|(name, _)| name));
+        assert_eq!(JOB_STATES, upm_server::service::JobState::ALL.map(|state| state.name()));
     }
 }

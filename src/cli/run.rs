@@ -1,11 +1,11 @@
 use std::io::IsTerminal;
 
-use super::args::{Common, Pace, RunArgs};
+use super::args::{Common, RunArgs};
 use super::failure::Failure;
 use super::progress::RunProgress;
 use super::summary::print_summary;
 use super::{INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
-use upm_core::job::Outcome;
+use upm_core::job::{Outcome, Pace};
 use upm_core::time::MonotonicClock;
 use upm_recording::{Keeping, RerunMode, Verdict};
 use upm_runner::config::JobSpec;

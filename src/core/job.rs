@@ -1,10 +1,12 @@
 //! The words for a run and its end that every room shares: how it ended, and what ended it.
 
 pub mod legacy;
+mod pace;
 mod stop_cause;
 
 use serde::{Deserialize, Serialize};
 
+pub use pace::Pace;
 pub use stop_cause::StopCause;
 
 /// How a run ended. A lost coin or a missing table is an outcome, not an error.
@@ -62,6 +64,9 @@ mod tests {
         }
         for end in [RecordingEnd::RecordingStopped, RecordingEnd::RecordingFailed] {
             assert_eq!(serde_json::to_value(end).unwrap(), end.code());
+        }
+        for pace in Pace::ALL {
+            assert_eq!(serde_json::to_value(pace).unwrap(), pace.name());
         }
         for cause in StopCause::ALL {
             assert_eq!(serde_json::to_value(cause).unwrap(), cause.code());

@@ -42,9 +42,7 @@ pub use daemon::{DaemonSpec, KeepSpec, PlateSpec, WatchdogSpec};
 pub use job::{JobSpec, LibraryRef, PartGroup, is_plain_name};
 pub use kinds::KindSpec;
 pub use place::{PlacedPart, place_parts};
-pub use raw_daemon::{
-    RawDaemon, RawDisk, RawKeep, RawLive, RawPace, RawServedPlate, RawStandingJob, RawStart, RawWatchdog,
-};
+pub use raw_daemon::{RawDaemon, RawDisk, RawKeep, RawLive, RawServedPlate, RawStandingJob, RawStart, RawWatchdog};
 pub use raw_job::{
     Assignment, DeadlinePolicy, LibrarySource, PlannerChoice, RawBin, RawJob, RawLimits, RawParts, RawPath, RawRegion,
     RawTask,

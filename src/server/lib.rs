@@ -3,4 +3,5 @@
 pub mod daemon;
 pub mod plates;
 pub mod service;
+pub mod states;
 pub mod store;

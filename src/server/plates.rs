@@ -30,8 +30,10 @@ mod worker;
 pub use frames::Picture;
 pub use latch::{Held, Latch, Latches};
 pub use plate::{Caller, Plate};
-pub use standing::{StandingSetup, StandingSnapshot, StandingState};
+pub use standing::{StandingSetup, StandingSnapshot};
 pub use start::{PlateSetup, Plates, Surroundings};
 pub use told::{Tap, Told};
-pub use types::{Pause, PlateSnapshot, PlateState, ResetFault, Sight};
+pub use types::{Pause, PlateSnapshot, ResetFault, Sight};
 pub use validate::fitting_library;
+
+pub use crate::states::{PlateState, StandingState};

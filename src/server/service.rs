@@ -8,11 +8,14 @@ mod api;
 mod http;
 
 pub use api::{
-    AppParts, Asset, Desk, EStopped, Event, Feed, JOB_OVER, Job, JobState, JobsPage, JobsQuery, Opening, Order, Pace,
-    PauseCause, Picture, Plate, PlateState, Plates, Promise, Recording, RecordingState, Refusal, Replayed, Reply,
-    Requests, ResetRequest, StandingJob, StandingState, Submitted, Traffic, Well, app, kept, openapi, promise,
+    AppParts, Asset, Desk, EStopped, Event, Feed, JOB_OVER, Job, JobsPage, JobsQuery, Opening, Order, PauseCause,
+    Picture, Plate, Plates, Promise, Recording, Refusal, Replayed, Reply, Requests, ResetRequest, StandingJob,
+    Submitted, Traffic, Well, app, kept, openapi, promise,
 };
+
+pub use crate::states::{JobState, PlateState, RecordingStatus, StandingState};
 pub use http::{
     BodyRoom, Caller, Hosts, Limits, Problem, ProblemDocument, ProblemKind, Reason, ReasonCode, Scope, Served,
     SharedTokens, StopFlag, StopSender, Tokens, joined, serve,
 };
+pub use upm_core::job::Pace;

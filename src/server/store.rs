@@ -50,6 +50,9 @@ pub use peek::{PeekMost, Peeked, peek};
 pub use retention::Swept;
 pub use run_file::{RunFileFault, open_run_file};
 pub use types::{
-    Accepted, AuditEntry, AuditRow, Cancelled, JobPace, JobPage, JobRow, JobState, Mended, NewJob, Page, RecordingKept,
-    Recovery, Replay, StoreFault, StoreHealth,
+    Accepted, AuditEntry, AuditRow, Cancelled, JobPage, JobRow, Mended, NewJob, Page, Recovery, Replay, StoreFault,
+    StoreHealth,
 };
+
+pub use crate::states::{JobState, RecordingStatus};
+pub use upm_core::job::Pace;

@@ -7,7 +7,7 @@ use crate::cli::progress::behind;
 use crate::cli::summary;
 use upm_recording::Report;
 use upm_server::service::{
-    Job, JobState, JobsPage, Pace, Plate, PlateState, Plates, RecordingState, StandingJob, StandingState,
+    Job, JobState, JobsPage, Pace, Plate, PlateState, Plates, RecordingStatus, StandingJob, StandingState,
 };
 
 /// Most jobs that the daemon lists at once.
@@ -103,7 +103,7 @@ fn rows(job: &Job) -> Vec<(&'static str, String)> {
     if job.pace == Pace::Max {
         rows.push(("pace", "as fast as possible".to_owned()));
     }
-    if job.recording != RecordingState::None {
+    if job.recording != RecordingStatus::None {
         rows.push(("recording", recording(job.recording).to_owned()));
     }
     let report = job.report.clone().map(serde_json::Value::Object);
@@ -115,15 +115,15 @@ fn rows(job: &Job) -> Vec<(&'static str, String)> {
     rows
 }
 
-fn recording(state: RecordingState) -> &'static str {
+fn recording(state: RecordingStatus) -> &'static str {
     match state {
-        RecordingState::None => "none",
-        RecordingState::Partial => "not closed",
-        RecordingState::Whole => "whole",
-        RecordingState::Recovered => "recovered: it was not closed, and has been repaired",
-        RecordingState::Stopped => "ends before the run: the disk ran low",
-        RecordingState::Failed => "failed",
-        RecordingState::Pruned => "deleted to make room",
+        RecordingStatus::None => "none",
+        RecordingStatus::Partial => "not closed",
+        RecordingStatus::Whole => "whole",
+        RecordingStatus::Recovered => "recovered: it was not closed, and has been repaired",
+        RecordingStatus::Stopped => "ends before the run: the disk ran low",
+        RecordingStatus::Failed => "failed",
+        RecordingStatus::Pruned => "deleted to make room",
     }
 }
 
@@ -181,7 +181,7 @@ fn standing_line(standing: &StandingJob, plate: &str) -> String {
 
 /// A state as it is written.
 pub(super) fn state_name(state: JobState) -> &'static str {
-    JobState::NAMES.iter().find(|(_, other)| *other == state).map_or("", |(name, _)| name)
+    state.name()
 }
 
 /// A time without parts of a second.

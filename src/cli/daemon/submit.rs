@@ -4,10 +4,11 @@ use serde_json::Map;
 
 use super::client::{Client, Refusal};
 use super::watch;
-use crate::cli::args::{Common, Pace};
+use crate::cli::args::Common;
 use crate::cli::client_args::SubmitArgs;
 use crate::cli::failure::Failure;
 use crate::cli::print_json;
+use upm_core::job::Pace;
 use upm_library::Library;
 use upm_runner::config::{JobSpec, LibrarySource, MOST_BYTES, Origin, RawJob, RawRig, RigSource};
 use upm_server::service::Job;
@@ -34,12 +35,8 @@ pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
 
 /// Queues the job once: an answer that got lost is asked for again under the same key.
 pub(super) fn queue(client: &Client, body: &str, pace: Option<Pace>, key: &str) -> Result<Job, Refusal> {
-    let path = match pace {
-        None => "/v1/jobs",
-        Some(Pace::Max) => "/v1/jobs?pace=max",
-        Some(Pace::RealTime) => "/v1/jobs?pace=real-time",
-    };
-    let send = || client.post(path, body, &[("Idempotency-Key", key)]);
+    let path = pace.map_or("/v1/jobs".to_owned(), |pace| format!("/v1/jobs?pace={}", pace.name()));
+    let send = || client.post(&path, body, &[("Idempotency-Key", key)]);
     send().or_else(|refusal| match refusal {
         Refusal::Lost(line) => {
             tracing::info!("{line}; asking again");

@@ -6,10 +6,11 @@ use serde_json::Value;
 
 use super::job::is_plain_name;
 use super::kinds::NAMES;
-use super::raw_daemon::{RawDaemon, RawDisk, RawKeep, RawPace, RawServedPlate, RawWatchdog};
+use super::raw_daemon::{RawDaemon, RawDisk, RawKeep, RawServedPlate, RawWatchdog};
 use super::read::Origin;
 use super::rig::RigSpec;
 use super::standing::{StandingSpec, standing_of};
+use upm_core::job::Pace;
 use upm_document::{Fault, Faults, Path, one_of, parse, shown, text_of};
 
 /// What a daemon runs, validated.
@@ -28,7 +29,7 @@ pub struct DaemonSpec {
     /// Jobs that may wait for one plate.
     pub queue: usize,
     /// How fast jobs run that do not say.
-    pub pace: RawPace,
+    pub pace: Pace,
     /// Names under which it is reached besides its address and localhost, in lower case, without a port; addresses in the one
     /// form in which they are compared, without brackets.
     pub hosts: Vec<String>,

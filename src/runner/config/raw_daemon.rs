@@ -1,5 +1,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use upm_core::job::Pace;
 
 use super::raw_rig::RigSource;
 
@@ -30,7 +31,7 @@ pub struct RawDaemon {
     pub queue: u32,
     /// How fast jobs run that do not say.
     #[serde(default)]
-    pub pace: RawPace,
+    pub pace: Pace,
     /// Names under which the daemon is reached besides its address and localhost, without a port. A proxy in front of it
     /// must pass on the Host header that it got: the operator page works only under that host and port.
     #[serde(default)]
@@ -120,17 +121,6 @@ pub enum RawStart {
     Running,
     /// It waits until a person resumes the plate.
     Paused,
-}
-
-/// How fast a job runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum RawPace {
-    /// Plate time is wall time.
-    #[default]
-    RealTime,
-    /// As fast as the machine can.
-    Max,
 }
 
 /// What is kept of jobs that have ended. Run folders go when they are too old or too many, the oldest first.

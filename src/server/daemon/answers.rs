@@ -1,10 +1,8 @@
 use serde_json::{Map, Value};
 
 use crate::plates::{self, Pause, PlateSnapshot};
-use crate::service::{
-    Event, Job, JobState, Pace, PauseCause, Plate, PlateState, RecordingState, Refusal, StandingJob, StandingState,
-};
-use crate::store::{self, JobPace, JobRow, RecordingKept, StoreFault, StoredEvent};
+use crate::service::{Event, Job, PauseCause, Plate, Refusal, StandingJob};
+use crate::store::{JobRow, StoreFault, StoredEvent};
 use upm_core::units::{mm_from_m, places_mm};
 
 /// A job as it is answered.
@@ -12,7 +10,7 @@ pub(super) fn job(row: &JobRow) -> Job {
     Job {
         id: row.id.to_string(),
         name: row.name.clone(),
-        state: state(row.state),
+        state: row.state,
         plate: row.plate.clone(),
         submitted_at: row.submitted_at.to_string(),
         started_at: row.started_at.map(|at| at.to_string()),
@@ -21,11 +19,8 @@ pub(super) fn job(row: &JobRow) -> Job {
         report: row.report_json.as_deref().and_then(report),
         reason: row.reason.clone(),
         seed: row.seed,
-        pace: match row.pace {
-            JobPace::RealTime => Pace::RealTime,
-            JobPace::Max => Pace::Max,
-        },
-        recording: recording(row.recording),
+        pace: row.pace,
+        recording: row.recording,
         standing: row.standing,
     }
 }
@@ -37,52 +32,12 @@ fn report(text: &str) -> Option<Map<String, Value>> {
     }
 }
 
-fn state(state: store::JobState) -> JobState {
-    match state {
-        store::JobState::Queued => JobState::Queued,
-        store::JobState::Running => JobState::Running,
-        store::JobState::Completed => JobState::Completed,
-        store::JobState::Failed => JobState::Failed,
-        store::JobState::Cancelled => JobState::Cancelled,
-        store::JobState::Interrupted => JobState::Interrupted,
-    }
-}
-
-/// The state that a request asks for.
-pub(super) fn asked_state(state: JobState) -> store::JobState {
-    match state {
-        JobState::Queued => store::JobState::Queued,
-        JobState::Running => store::JobState::Running,
-        JobState::Completed => store::JobState::Completed,
-        JobState::Failed => store::JobState::Failed,
-        JobState::Cancelled => store::JobState::Cancelled,
-        JobState::Interrupted => store::JobState::Interrupted,
-    }
-}
-
-fn recording(kept: RecordingKept) -> RecordingState {
-    match kept {
-        RecordingKept::None => RecordingState::None,
-        RecordingKept::Partial => RecordingState::Partial,
-        RecordingKept::Whole => RecordingState::Whole,
-        RecordingKept::Recovered => RecordingState::Recovered,
-        RecordingKept::Stopped => RecordingState::Stopped,
-        RecordingKept::Failed => RecordingState::Failed,
-        RecordingKept::Pruned => RecordingState::Pruned,
-    }
-}
-
 /// A plate as it is answered, with the number of jobs that wait for it.
 pub(super) fn plate(snapshot: &PlateSnapshot, queued: u64) -> Plate {
     let sight = &snapshot.sight;
     Plate {
         name: snapshot.name.clone(),
-        state: match snapshot.state {
-            plates::PlateState::Idle => PlateState::Idle,
-            plates::PlateState::Running => PlateState::Running,
-            plates::PlateState::Paused => PlateState::Paused,
-            plates::PlateState::Stopped => PlateState::Stopped,
-        },
+        state: snapshot.state,
         why: snapshot.why.clone(),
         pause: snapshot
             .pause
@@ -106,15 +61,7 @@ pub(super) fn plate(snapshot: &PlateSnapshot, queued: u64) -> Plate {
 }
 
 fn standing_job(snapshot: &plates::StandingSnapshot) -> StandingJob {
-    StandingJob {
-        name: snapshot.name.clone(),
-        state: match snapshot.state {
-            plates::StandingState::Running => StandingState::Running,
-            plates::StandingState::Waiting => StandingState::Waiting,
-            plates::StandingState::Paused => StandingState::Paused,
-        },
-        why: snapshot.why.clone(),
-    }
+    StandingJob { name: snapshot.name.clone(), state: snapshot.state, why: snapshot.why.clone() }
 }
 
 /// A kept event as it is sent.

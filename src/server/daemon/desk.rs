@@ -189,7 +189,7 @@ impl Desk for FrontDesk {
 
     fn jobs(&self, query: JobsQuery) -> Promise<JobsPage> {
         let cursor = query.cursor.as_deref().and_then(JobId::parse);
-        let page = Page { state: query.state.map(answers::asked_state), limit: query.limit, cursor };
+        let page = Page { state: query.state, limit: query.limit, cursor };
         promise(|reply| {
             self.office.store.list(page, move |listed| {
                 let page = listed.map_err(answers::unread).map(|page| JobsPage {

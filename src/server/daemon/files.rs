@@ -4,7 +4,7 @@ use bytes::Bytes;
 
 use crate::plates::Plates;
 use crate::service::{Picture, Recording, Refusal};
-use crate::store::{JobRow, JobState, RecordingKept, RunFileFault, open_run_file};
+use crate::store::{JobRow, JobState, RecordingStatus, RunFileFault, open_run_file};
 
 /// The newest picture of a job that is on a plate.
 pub(super) fn picture(plates: &Plates, row: &JobRow) -> Result<Picture, Refusal> {
@@ -21,12 +21,12 @@ pub(super) fn recording(runs: &Path, row: &JobRow) -> Result<Recording, Refusal>
     match (row.state, row.recording) {
         (JobState::Queued, _) => none("the job has not begun"),
         (JobState::Running, _) => Err(Refusal::Conflict("the recording is still being written".to_owned())),
-        (_, RecordingKept::None) => none("the job was not recorded"),
-        (_, RecordingKept::Partial) => none("the recording was not closed and could not be repaired"),
-        (_, RecordingKept::Pruned) => none("the recording was deleted to make room"),
+        (_, RecordingStatus::None) => none("the job was not recorded"),
+        (_, RecordingStatus::Partial) => none("the recording was not closed and could not be repaired"),
+        (_, RecordingStatus::Pruned) => none("the recording was deleted to make room"),
         // what was written before it failed may be there, closed
-        (_, RecordingKept::Failed) => open(runs, row, "the recording could not be written"),
-        (_, RecordingKept::Whole | RecordingKept::Recovered | RecordingKept::Stopped) => {
+        (_, RecordingStatus::Failed) => open(runs, row, "the recording could not be written"),
+        (_, RecordingStatus::Whole | RecordingStatus::Recovered | RecordingStatus::Stopped) => {
             open(runs, row, "the recording is gone")
         }
     }
@@ -53,16 +53,16 @@ fn open(runs: &Path, row: &JobRow, none: &str) -> Result<Recording, Refusal> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{JobId, JobPace};
+    use crate::store::{JobId, Pace};
 
-    fn row(recording: RecordingKept) -> JobRow {
+    fn row(recording: RecordingStatus) -> JobRow {
         JobRow {
             id: JobId::parse("019a0000000070008000000000000001").unwrap(),
             name: "rest".to_owned(),
             plate: "left".to_owned(),
             state: JobState::Completed,
             seed: 1,
-            pace: JobPace::Max,
+            pace: Pace::Max,
             rig_fingerprint: String::new(),
             library_sha256: String::new(),
             submitted_at: jiff::Timestamp::UNIX_EPOCH,
@@ -83,14 +83,14 @@ mod tests {
         let runs = tempfile::tempdir().unwrap();
         let told = |kept| recording(runs.path(), &row(kept)).map(|found| found.bytes);
         let gone = |why: &str| Err(Refusal::Unknown(why.to_owned()));
-        assert_eq!(told(RecordingKept::Failed), gone("the recording could not be written"));
-        assert_eq!(told(RecordingKept::Whole), gone("the recording is gone"));
+        assert_eq!(told(RecordingStatus::Failed), gone("the recording could not be written"));
+        assert_eq!(told(RecordingStatus::Whole), gone("the recording is gone"));
         std::fs::create_dir(runs.path().join("rest-1")).unwrap();
         std::fs::write(runs.path().join("rest-1/run.rrd"), "RRF2").unwrap();
-        assert_eq!([told(RecordingKept::Failed), told(RecordingKept::Whole)], [Ok(4), Ok(4)]);
+        assert_eq!([told(RecordingStatus::Failed), told(RecordingStatus::Whole)], [Ok(4), Ok(4)]);
         std::fs::rename(runs.path().join("rest-1/run.rrd"), runs.path().join("elsewhere")).unwrap();
         std::os::unix::fs::symlink("../elsewhere", runs.path().join("rest-1/run.rrd")).unwrap();
-        assert!(matches!(told(RecordingKept::Whole), Err(Refusal::Conflict(_))), "a link leaves the folder");
-        assert_eq!(told(RecordingKept::Pruned), gone("the recording was deleted to make room"));
+        assert!(matches!(told(RecordingStatus::Whole), Err(Refusal::Conflict(_))), "a link leaves the folder");
+        assert_eq!(told(RecordingStatus::Pruned), gone("the recording was deleted to make room"));
     }
 }

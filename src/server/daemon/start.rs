@@ -12,7 +12,6 @@ use jiff::Timestamp;
 use super::desk::{FrontDesk, Furniture, Office};
 use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStop};
 use super::prepare::{Prepared, tokens_of};
-use super::submit::pace_of;
 use super::systemd::{ServiceManager, SignsOfLife};
 use super::{health, recovered};
 use crate::plates::{PlateSetup, Plates, StandingSetup, Surroundings};
@@ -112,7 +111,7 @@ impl Daemon {
             allow_faults: spec.allow_faults,
             standing: plate.standing.as_ref().map(|standing| StandingSetup {
                 job: standing.job.clone(),
-                pace: pace_of(spec.pace),
+                pace: spec.pace,
                 paused: standing.starts_paused.then(|| STARTS_PAUSED.to_owned()),
             }),
             paused: recovery.paused.contains(&plate.name).then(|| recovered::why_paused(&recovery, &plate.name)),

@@ -11,10 +11,10 @@ use super::answers;
 use super::clerks::Clerks;
 use super::desk::Office;
 use crate::plates::Plate;
-use crate::service::{Order, Pace, Refusal, Reply, Submitted};
-use crate::store::{Accepted, Cancelled, JobPace, JobRow, NewJob, StoreFault};
+use crate::service::{Order, Refusal, Reply, Submitted};
+use crate::store::{Accepted, Cancelled, JobRow, NewJob, Pace, StoreFault};
 use upm_core::time::{Clock, MonotonicClock};
-use upm_runner::config::{Fault, PlateSpec, RawPace};
+use upm_runner::config::{Fault, PlateSpec};
 
 /// Longest time a job waits to be checked. Who asked is told to come again then, while it still listens.
 const CHECKED_WITHIN: Duration = Duration::from_secs(2);
@@ -40,8 +40,7 @@ impl Asked {
     /// What a repeated key must come with again: the body, and the pace as it was asked for. What the daemon makes of
     /// either is no part of it, and may be another after a restart.
     fn sha256(&self) -> [u8; 32] {
-        let name = |asked| Pace::NAMES.iter().find(|(_, pace)| *pace == asked).map_or("", |(name, _)| name);
-        let pace = self.order.pace.map_or("none", name);
+        let pace = self.order.pace.map_or("none", Pace::name);
         Sha256::new().chain_update(pace).chain_update("\n").chain_update(&self.order.text).finalize().into()
     }
 
@@ -52,7 +51,7 @@ impl Asked {
             name: String::new(),
             plate: String::new(),
             seed: 0,
-            pace: JobPace::default(),
+            pace: Pace::default(),
             spec_json: String::new(),
             rig_fingerprint: String::new(),
             library_sha256: String::new(),
@@ -176,14 +175,6 @@ fn withdraw(office: &Arc<Office>, row: JobRow) {
     });
 }
 
-/// A pace of the configuration.
-pub(super) fn pace_of(pace: RawPace) -> JobPace {
-    match pace {
-        RawPace::RealTime => JobPace::RealTime,
-        RawPace::Max => JobPace::Max,
-    }
-}
-
 /// What a fault of the store means to who submits.
 fn unstored(fault: StoreFault) -> Refusal {
     match fault {
@@ -228,11 +219,7 @@ impl Office {
 
     fn checked(&self, plate: &Plate, asked: &Asked) -> Result<NewJob, Refusal> {
         let order = &asked.order;
-        let pace = match order.pace {
-            Some(Pace::RealTime) => JobPace::RealTime,
-            Some(Pace::Max) => JobPace::Max,
-            None => pace_of(self.spec.pace),
-        };
+        let pace = order.pace.unwrap_or(self.spec.pace);
         let job = plate.validate(&order.text, pace, order.key.clone()).map_err(|faults| {
             let is_json = serde_json::from_str::<IgnoredAny>(&order.text).is_ok();
             if is_json { Refusal::Invalid(faults) } else { Refusal::Malformed(faults) }

@@ -8,7 +8,7 @@ use super::shared::{Shared, locked};
 use super::told::{Tap, Told};
 use super::validate::validated;
 use super::{Pause, Picture, PlateSnapshot, ResetFault};
-use crate::store::{AuditEntry, JobId, JobPace, NewJob, StoredEvent};
+use crate::store::{AuditEntry, JobId, NewJob, Pace, StoredEvent};
 use upm_core::rig::{StopTimes, Trip};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::Fault;
@@ -225,7 +225,7 @@ impl Plate {
     }
 
     /// A job as it may be queued, or everything that is wrong with it.
-    pub fn validate(&self, text: &str, pace: JobPace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
+    pub fn validate(&self, text: &str, pace: Pace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
         validated(&self.shared, text, pace, key)
     }
 

@@ -4,7 +4,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::shared::{Shared, locked};
 use super::validate::validated;
-use crate::store::{JobPace, NewJob};
+use crate::states::StandingState;
+use crate::store::{NewJob, Pace};
 use upm_runner::config::JobSpec;
 
 /// Settings of a standing job.
@@ -13,20 +14,9 @@ pub struct StandingSetup {
     /// The job, on the plate's rig.
     pub job: JobSpec,
     /// How fast it runs.
-    pub pace: JobPace,
+    pub pace: Pace,
     /// Why it must not run at first; `None` when it may.
     pub paused: Option<String>,
-}
-
-/// State of a standing job.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StandingState {
-    /// It is on its plate.
-    Running,
-    /// It runs as soon as its plate may move and nothing is queued.
-    Waiting,
-    /// It waits for a person to resume the plate.
-    Paused,
 }
 
 /// A standing job at one moment.

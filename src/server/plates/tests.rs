@@ -11,7 +11,7 @@ use std::time::Duration;
 use jiff::Timestamp;
 
 use super::*;
-use crate::store::{JobId, JobPace, JobRow, JobState, MemoryLedger, RecordingKept};
+use crate::store::{JobId, JobRow, JobState, MemoryLedger, Pace, RecordingStatus};
 use upm_core::rig::Trip;
 use upm_core::time::MonotonicClock;
 use upm_library::Library;
@@ -96,7 +96,7 @@ impl House {
         Plates::start(vec![setup], &around).unwrap()
     }
 
-    fn submit(&self, plate: &Plate, text: &str, pace: JobPace) -> JobId {
+    fn submit(&self, plate: &Plate, text: &str, pace: Pace) -> JobId {
         let row = self.ledger.accept(plate.validate(text, pace, None).unwrap());
         plate.job_queued();
         row.id
@@ -105,7 +105,7 @@ impl House {
     /// Has the plate hold its parts in real time, and another job wait behind that: what the plate tells, and both jobs.
     fn keep_busy(&self, plate: &Plate) -> (Receiver<Told>, [JobId; 2]) {
         let told = listen(plate);
-        let jobs = [self.submit(plate, HOLD, JobPace::RealTime), self.submit(plate, TWO_COINS, JobPace::Max)];
+        let jobs = [self.submit(plate, HOLD, Pace::RealTime), self.submit(plate, TWO_COINS, Pace::Max)];
         next(&told, "look");
         (told, jobs)
     }
@@ -154,14 +154,14 @@ fn a_job_runs_to_its_end_and_all_of_it_is_told() {
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
-    let id = house.submit(plate, TWO_COINS, JobPace::Max);
+    let id = house.submit(plate, TWO_COINS, Pace::Max);
     assert_eq!(next(&told, "state")["state"], "running");
     assert_eq!(next(&told, "look")["positions_mm"].as_array().unwrap().len(), 2);
     assert_eq!(next(&told, "cycle")["cycle"], 0);
     assert_eq!(next(&told, "finished")["state"], "completed");
     let row = house.row(&id);
     assert_eq!((row.state, row.reason.as_str()), (JobState::Completed, "every part is at its place"));
-    assert_eq!(row.recording, RecordingKept::None);
+    assert_eq!(row.recording, RecordingStatus::None);
     assert!(row.report_json.unwrap().contains("max_error_mm"));
     let folder = house.folder.path().join("runs").join(row.folder.unwrap());
     for file in ["effective.json", "journal.jsonl", "report.json"] {
@@ -235,7 +235,7 @@ fn a_stop_outlives_the_daemon() {
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     assert_eq!(plate.snapshot().state, PlateState::Stopped);
-    let id = house.submit(plate, TWO_COINS, JobPace::Max);
+    let id = house.submit(plate, TWO_COINS, Pace::Max);
     std::thread::sleep(Duration::from_millis(50));
     assert_eq!(house.row(&id).state, JobState::Queued);
     assert_eq!(reset(plate, "ann"), Ok(()));
@@ -250,12 +250,12 @@ fn jobs_are_cancelled_one_by_one_and_a_paused_plate_takes_none() {
     let plates = house.open(Some("just started"));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
-    let id = house.submit(plate, HOLD, JobPace::RealTime);
+    let id = house.submit(plate, HOLD, Pace::RealTime);
     std::thread::sleep(Duration::from_millis(50));
     assert_eq!((house.row(&id).state, plate.snapshot().why.as_str()), (JobState::Queued, "just started"));
     assert!(plate.resume(who("ann")));
     next(&told, "look");
-    let other = house.submit(plate, TWO_COINS, JobPace::Max);
+    let other = house.submit(plate, TWO_COINS, Pace::Max);
     assert!(!plate.cancel(&other), "it is not on the plate");
     assert!(plate.cancel(&id));
     assert_eq!(next(&told, "finished")["state"], "cancelled");
@@ -269,7 +269,7 @@ fn the_end_of_the_daemon_interrupts_the_job() {
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
-    let id = house.submit(plate, HOLD, JobPace::RealTime);
+    let id = house.submit(plate, HOLD, Pace::RealTime);
     next(&told, "look");
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
     assert_eq!(house.row(&id).state, JobState::Interrupted);
@@ -280,12 +280,12 @@ fn what_is_wrong_with_a_job_is_said_before_it_is_queued() {
     let house = House::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
-    let told = |text: &str| plate.validate(text, JobPace::Max, None).unwrap_err()[0].to_string();
+    let told = |text: &str| plate.validate(text, Pace::Max, None).unwrap_err()[0].to_string();
     assert!(told(&TWO_COINS.replace("penny", "pennyy")).contains("did you mean penny?"));
     assert!(told(&TWO_COINS.replace("[40, 0]", "[400, 0]")).contains("targets_mm[1]"));
     assert!(told("{").starts_with("job: "));
     let key = Some("k".to_owned());
-    let job = plate.validate(TWO_COINS, JobPace::RealTime, key.clone()).unwrap();
+    let job = plate.validate(TWO_COINS, Pace::RealTime, key.clone()).unwrap();
     assert_eq!((job.name.as_str(), job.plate.as_str(), job.seed, &job.key), ("two", "one", 3, &key));
     assert!(!job.spec_json.contains("\"rig\""), "the plate's own rig applies");
 }
@@ -297,7 +297,7 @@ fn pictures_are_made_for_those_who_look() {
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
     assert_eq!(plate.picture(), None);
-    house.submit(plate, HOLD, JobPace::RealTime);
+    house.submit(plate, HOLD, Pace::RealTime);
     next(&told, "look");
     let picture = loop {
         if let Some((picture, age)) = plate.picture() {
@@ -318,11 +318,11 @@ fn a_job_that_might_fill_the_disk_runs_without_a_recording() {
     let plates = house.open_with(None, |around| (around.record, around.min_free_bytes) = (true, u64::MAX / 2));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
-    let id = house.submit(plate, TWO_COINS, JobPace::Max);
+    let id = house.submit(plate, TWO_COINS, Pace::Max);
     let text = next(&told, "warning")["text"].as_str().unwrap().to_owned();
     assert!(text.starts_with("there is no recording of this job: it may take "), "{text}");
     assert_eq!(next(&told, "finished")["state"], "completed");
-    assert_eq!(house.row(&id).recording, RecordingKept::None);
+    assert_eq!(house.row(&id).recording, RecordingStatus::None);
     assert!(plates.free_bytes().is_some_and(|free| free > 0));
 }
 
@@ -332,7 +332,7 @@ fn a_disk_that_runs_low_ends_the_recording_and_not_the_job() {
     let plates = house.open_with(None, |around| around.record = true);
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
-    let id = house.submit(plate, HOLD, JobPace::RealTime);
+    let id = house.submit(plate, HOLD, Pace::RealTime);
     next(&told, "look");
     let (shared, clock) = (Arc::clone(&plate.shared), plate.clock);
     let disk = Arc::new(disk::Disk::new(house.folder.path(), 500_000_000, &clock));
@@ -349,7 +349,7 @@ fn a_disk_that_runs_low_ends_the_recording_and_not_the_job() {
     assert!(plate.cancel(&id));
     assert_eq!(next(&told, "recording")["recording"], "stopped");
     assert_eq!(next(&told, "finished")["state"], "cancelled");
-    assert_eq!(house.row(&id).recording, RecordingKept::Stopped);
+    assert_eq!(house.row(&id).recording, RecordingStatus::Stopped);
 }
 
 #[cfg(target_os = "linux")]
@@ -359,7 +359,7 @@ fn a_job_whose_journal_cannot_be_written_is_stopped_and_says_so() {
     let plates = house.open(Some("not yet"));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
-    let id = house.submit(plate, HOLD, JobPace::RealTime);
+    let id = house.submit(plate, HOLD, Pace::RealTime);
     let folder = house.folder.path().join("runs").join(format!("hold-{id}"));
     std::fs::create_dir_all(&folder).unwrap();
     std::os::unix::fs::symlink("/dev/full", folder.join("journal.jsonl")).unwrap();
@@ -380,9 +380,9 @@ fn a_plate_has_a_live_stream_of_its_own_if_wanted() {
     let address = live.strip_prefix("rerun+http://").and_then(|rest| rest.strip_suffix("/proxy")).unwrap();
     assert!(address.starts_with("127.0.0.1:") && std::net::TcpStream::connect(address).is_ok(), "{live}");
     let told = listen(plate);
-    let id = house.submit(plate, TWO_COINS, JobPace::Max);
+    let id = house.submit(plate, TWO_COINS, Pace::Max);
     assert_eq!(next(&told, "finished")["state"], "completed");
-    assert_eq!(house.row(&id).recording, RecordingKept::None, "no file comes of it");
+    assert_eq!(house.row(&id).recording, RecordingStatus::None, "no file comes of it");
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
 }
 

@@ -4,7 +4,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 use crate::plates::Sight;
-use crate::store::{FINISHED, JobId, JobState, RecordingKept, StoredEvent};
+use crate::store::{FINISHED, JobId, JobState, RecordingStatus, StoredEvent};
 use upm_control::{CycleFacts, EventLevel};
 use upm_core::time::PlateTime;
 use upm_core::units::places_mm;
@@ -123,7 +123,7 @@ impl News {
         Self::new(at, "warning", true, &Body::Warning { at_s: at.secs(), level, text })
     }
 
-    pub fn recording(at: PlateTime, kept: RecordingKept, reason: &str) -> Self {
+    pub fn recording(at: PlateTime, kept: RecordingStatus, reason: &str) -> Self {
         Self::new(at, "recording", true, &Body::Recording { at_s: at.secs(), recording: kept.name(), reason })
     }
 

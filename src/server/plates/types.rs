@@ -1,35 +1,11 @@
 use std::time::Duration;
 
 use super::StandingSnapshot;
+use crate::states::PlateState;
 use crate::store::{JobId, StoreFault};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 use upm_recording::{RecordingState, StopReport};
-
-/// What a plate is doing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PlateState {
-    /// Nothing, and would take a job.
-    Idle,
-    /// A job.
-    Running,
-    /// Nothing until a person resumes it.
-    Paused,
-    /// Nothing: an emergency stop holds until a person resets it.
-    Stopped,
-}
-
-impl PlateState {
-    /// As it is written: `idle`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Idle => "idle",
-            Self::Running => "running",
-            Self::Paused => "paused",
-            Self::Stopped => "stopped",
-        }
-    }
-}
 
 /// Why a plate, or its standing job, waits for a person to resume it.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use sha2::{Digest, Sha256};
 
 use super::shared::Shared;
-use crate::store::{JobPace, NewJob};
+use crate::store::{NewJob, Pace};
 use upm_library::Library;
 use upm_runner::config::{Fault, JobSpec, LibraryRef, Origin, Path};
 use upm_runner::run::{check_job, check_places, job_library};
@@ -12,7 +12,7 @@ use upm_runner::run::{check_job, check_places, job_library};
 const REQUEST: &str = "job";
 
 /// The job of a request, checked as a whole: its text, the library it is to run with and whether its parts find room.
-pub(super) fn validated(shared: &Shared, text: &str, pace: JobPace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
+pub(super) fn validated(shared: &Shared, text: &str, pace: Pace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
     let job = JobSpec::from_json(text, &Origin::of_request(REQUEST), Some(&shared.rig))?;
     if !shared.allow_faults && !job.faults.is_empty() {
         let count = job.faults.len();

@@ -15,7 +15,7 @@ use super::shared::Shared;
 use super::standing::Standing;
 use super::told::{News, Told};
 use super::validate::library_for;
-use crate::store::{Claimed, JobEnd, JobId, JobPace, JobRow, JobState, RecordingKept, StoreFault, StoredEvent};
+use crate::store::{Claimed, JobEnd, JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault, StoredEvent};
 use upm_control::EventLevel;
 use upm_core::job::StopCause;
 use upm_core::priority::go_first;
@@ -127,7 +127,7 @@ impl Worker {
             self.rates.add(recording.bytes(), end.at.secs());
         }
         let (kept, why) = what_is_kept(recording.state());
-        if !matches!(kept, RecordingKept::None | RecordingKept::Whole) {
+        if !matches!(kept, RecordingStatus::None | RecordingStatus::Whole) {
             tracing::warn!(plate = self.shared.name, job = %id, "the recording is {}: {why}", kept.name());
         }
         end.recording = kept;
@@ -164,7 +164,7 @@ impl Worker {
             return Err(vec!["its run folder holds a run: it had begun before, and is not run again".to_owned()]);
         }
         let record = self.place.record && self.has_room_for(&job, row.id, recording);
-        let real_time = row.pace == JobPace::RealTime;
+        let real_time = row.pace == Pace::RealTime;
         let is_strict = job.deadlines == DeadlinePolicy::Strict;
         shared.real_time.store(real_time, Ordering::Relaxed);
         shared.strict.store(is_strict, Ordering::Relaxed);
@@ -302,7 +302,7 @@ fn radii_of(job: &JobSpec) -> Vec<f64> {
 }
 
 fn ended(at: PlateTime, state: JobState, reason: String, report_json: Option<String>) -> JobEnd {
-    JobEnd { at, state, stop: None, reason, report_json, recording: RecordingKept::None }
+    JobEnd { at, state, stop: None, reason, report_json, recording: RecordingStatus::None }
 }
 
 /// The job's own folder, named after it. Made before the job is taken, so that no job is ever without one. Where it is
@@ -317,13 +317,13 @@ fn make_folder(runs: &Path, row: &JobRow) -> io::Result<String> {
 }
 
 /// What there is of a recording after the run, and why no more.
-fn what_is_kept(state: RecordingState) -> (RecordingKept, String) {
+fn what_is_kept(state: RecordingState) -> (RecordingStatus, String) {
     match state {
-        RecordingState::Off => (RecordingKept::None, String::new()),
-        RecordingState::Writing { .. } => (RecordingKept::Partial, "it was not closed".to_owned()),
-        RecordingState::Stopped(why) => (RecordingKept::Stopped, why),
-        RecordingState::Failed(why) => (RecordingKept::Failed, why),
-        RecordingState::Whole => (RecordingKept::Whole, String::new()),
+        RecordingState::Off => (RecordingStatus::None, String::new()),
+        RecordingState::Writing { .. } => (RecordingStatus::Partial, "it was not closed".to_owned()),
+        RecordingState::Stopped(why) => (RecordingStatus::Stopped, why),
+        RecordingState::Failed(why) => (RecordingStatus::Failed, why),
+        RecordingState::Whole => (RecordingStatus::Whole, String::new()),
     }
 }
 

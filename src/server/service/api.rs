@@ -28,10 +28,7 @@ pub use desk::{Asset, Desk, Order, Picture, Promise, Recording, Refusal, Reply, 
 pub use events::JOB_OVER;
 pub use feed::{Event, Feed, Opening, Replayed};
 pub use traffic::{Requests, Traffic};
-pub use types::{
-    EStopped, Job, JobState, JobsPage, Pace, PauseCause, Plate, PlateState, Plates, RecordingState, ResetRequest,
-    StandingJob, StandingState, Well,
-};
+pub use types::{EStopped, Job, JobsPage, PauseCause, Plate, Plates, ResetRequest, StandingJob, Well};
 
 /// What the API is put together from.
 pub struct AppParts {

@@ -8,7 +8,7 @@ use rusqlite::{Connection, OptionalExtension, params};
 use super::ages::{Ages, Uptime};
 use super::columns::At;
 use super::ids::Ids;
-use super::{JobId, Limits, RecordingKept};
+use super::{JobId, Limits, RecordingStatus};
 
 /// When a job ended, or a folder without a job was found: what ended earlier has the lesser one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -55,7 +55,7 @@ impl Books<'_> {
 
     /// Notes that a job's run folder goes; what there was of its recording. `None` when the folder is not that job's,
     /// or the job has not ended.
-    pub fn prune(&self, id: &JobId, folder: &str) -> rusqlite::Result<Option<RecordingKept>> {
+    pub fn prune(&self, id: &JobId, folder: &str) -> rusqlite::Result<Option<RecordingStatus>> {
         let sql = "SELECT recording FROM jobs WHERE id = ?1 AND folder = ?2 AND state NOT IN ('queued', 'running')";
         let kept = self.tx.query_row(sql, params![id, folder], |row| row.get(0)).optional()?;
         if kept.is_some() {
@@ -65,7 +65,7 @@ impl Books<'_> {
     }
 
     /// Notes that a run folder which was to go has stayed, with what there is of the recording.
-    pub fn give_back(&self, id: &JobId, folder: &str, recording: RecordingKept) -> rusqlite::Result<()> {
+    pub fn give_back(&self, id: &JobId, folder: &str, recording: RecordingStatus) -> rusqlite::Result<()> {
         let sql = "UPDATE jobs SET folder = ?2, recording = ?3 WHERE id = ?1 AND folder IS NULL";
         self.tx.execute(sql, params![id, folder, recording]).map(|_| ())
     }

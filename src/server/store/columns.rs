@@ -2,7 +2,7 @@ use jiff::Timestamp;
 use rusqlite::types::{FromSql, FromSqlError, FromSqlResult, ToSql, ToSqlOutput, ValueRef};
 use rusqlite::{ErrorCode, Row};
 
-use super::{JobId, JobPace, JobRow, JobState, RecordingKept, StoreFault};
+use super::{JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault};
 
 /// Columns of [`job_of`], in its order.
 pub(super) const JOB: &str = "id, name, plate, state, seed, pace, rig, library, submitted_at, started_at, finished_at, \
@@ -16,7 +16,7 @@ pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
         plate: row.get(2)?,
         state: row.get(3)?,
         seed: row.get::<_, i64>(4)?.cast_unsigned(),
-        pace: row.get(5)?,
+        pace: pace(row.get_ref(5)?)?,
         rig_fingerprint: row.get(6)?,
         library_sha256: row.get(7)?,
         submitted_at: row.get::<_, At>(8)?.0,
@@ -68,6 +68,11 @@ impl FromSql for JobId {
     }
 }
 
+/// A pace, which is kept under its name.
+fn pace(value: ValueRef<'_>) -> FromSqlResult<Pace> {
+    Pace::of_name(value.as_str()?).ok_or(FromSqlError::InvalidType)
+}
+
 /// Kinds that are kept under their names.
 macro_rules! named {
     ($($kind:ty),*) => {$(
@@ -85,7 +90,7 @@ macro_rules! named {
     )*};
 }
 
-named!(JobState, JobPace, RecordingKept);
+named!(JobState, RecordingStatus);
 
 impl From<rusqlite::Error> for StoreFault {
     fn from(error: rusqlite::Error) -> Self {

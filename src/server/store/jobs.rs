@@ -176,7 +176,7 @@ pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> 
         row.plate,
         row.state,
         row.seed.cast_signed(),
-        row.pace,
+        row.pace.name(),
         row.rig_fingerprint,
         row.library_sha256,
         At(row.submitted_at),

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use jiff::Timestamp;
 use serde::Serialize;
 
-use super::{AuditEntry, JobId, JobRow, JobState, NewJob, RecordingKept, StoreFault};
+use super::{AuditEntry, JobId, JobRow, JobState, NewJob, RecordingStatus, StoreFault};
 use upm_core::job::StopCause;
 use upm_core::time::PlateTime;
 
@@ -35,7 +35,7 @@ pub struct JobEnd {
     /// Its `report.json`, if it came to one.
     pub report_json: Option<String>,
     /// What there is of its recording.
-    pub recording: RecordingKept,
+    pub recording: RecordingStatus,
 }
 
 impl JobEnd {
@@ -63,7 +63,7 @@ impl JobEnd {
             stop: Some(StopCause::Cancelled),
             reason: "cancelled before it began".to_owned(),
             report_json: None,
-            recording: RecordingKept::None,
+            recording: RecordingStatus::None,
         }
     }
 

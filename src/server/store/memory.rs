@@ -6,8 +6,8 @@ use jiff::Timestamp;
 
 use super::ids::Ids;
 use super::{
-    AuditEntry, Cancelled, Claimed, JobEnd, JobId, JobRow, JobState, Ledger, NewEvent, NewJob, Publish, RecordingKept,
-    StoreFault, StoredEvent,
+    AuditEntry, Cancelled, Claimed, JobEnd, JobId, JobRow, JobState, Ledger, NewEvent, NewJob, Publish,
+    RecordingStatus, StoreFault, StoredEvent,
 };
 
 /// A ledger that forgets everything when it is dropped, for tests of those who need one.
@@ -221,7 +221,7 @@ impl NewJob {
             reason: String::new(),
             report_json: None,
             folder: None,
-            recording: RecordingKept::None,
+            recording: RecordingStatus::None,
             last_event: 0,
             standing: false,
         }
@@ -245,7 +245,7 @@ mod tests {
     use std::sync::mpsc::sync_channel;
 
     use super::*;
-    use crate::store::JobPace;
+    use crate::store::Pace;
     use upm_core::time::PlateTime;
 
     fn new_job(plate: &str) -> NewJob {
@@ -253,7 +253,7 @@ mod tests {
             name: "hold".into(),
             plate: plate.into(),
             seed: 3,
-            pace: JobPace::Max,
+            pace: Pace::Max,
             spec_json: "{}".into(),
             rig_fingerprint: String::new(),
             library_sha256: String::new(),
@@ -292,7 +292,7 @@ mod tests {
             stop: None,
             reason: "done".into(),
             report_json: None,
-            recording: RecordingKept::Whole,
+            recording: RecordingStatus::Whole,
         };
         ledger.fail_with(Some(StoreFault::Full));
         assert_eq!(ledger.ended(&id, end(JobState::Completed)), Err(StoreFault::Full));
@@ -300,7 +300,7 @@ mod tests {
         assert_eq!(ledger.ended(&id, end(JobState::Completed)).map(|told| told.unwrap().seq), Ok(1));
         assert_eq!(ledger.ended(&id, end(JobState::Failed)), Ok(None));
         let row = ledger.job(&id).unwrap();
-        assert_eq!((row.state, row.progress, row.recording), (JobState::Completed, 1.0, RecordingKept::Whole));
+        assert_eq!((row.state, row.progress, row.recording), (JobState::Completed, 1.0, RecordingStatus::Whole));
     }
 
     #[test]

@@ -14,7 +14,7 @@ use super::open::Opening;
 use super::places::Places;
 use super::run_file::open_run_file_to_write;
 use super::salvage::{folders_of, from_folders, have_begun};
-use super::{JobRow, JobState, RecordingKept, Recovery, RunFileFault, StoreFault};
+use super::{JobRow, JobState, RecordingStatus, Recovery, RunFileFault, StoreFault};
 use left::{end_of, last_sign, settle};
 
 /// Puts in order what the last daemon left: how its running jobs ended, recordings that were not closed, who stays
@@ -84,7 +84,7 @@ fn left_open(connection: &Connection, places: &Places) -> Result<Vec<JobRow>, St
         format!("SELECT {JOB} FROM jobs WHERE state = 'running' OR recording IN ('partial', 'failed') ORDER BY id");
     let mut statement = connection.prepare(&sql)?;
     let mut left = statement.query_map([], job_of)?.collect::<Result<Vec<_>, _>>()?;
-    left.retain(|job| job.recording != RecordingKept::Failed || has_part(places, job));
+    left.retain(|job| job.recording != RecordingStatus::Failed || has_part(places, job));
     Ok(left)
 }
 

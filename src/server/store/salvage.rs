@@ -12,7 +12,7 @@ use super::columns::{At, JOB, job_of};
 use super::ids::Ids;
 use super::places::Places;
 use super::schema::reading;
-use super::{JobId, JobPace, JobRow, JobState, RecordingKept, StoreFault, jobs, open_run_file};
+use super::{JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault, jobs, open_run_file};
 
 /// Largest `effective.json` or `report.json` that is read.
 const MOST_BYTES: u64 = 16 << 20;
@@ -154,7 +154,7 @@ fn job_in(folder: &Path, name: String) -> Option<JobRow> {
         plate: text("plate"),
         state: JobState::Running,
         seed: job.get("seed").and_then(Value::as_u64).unwrap_or_default(),
-        pace: JobPace::RealTime,
+        pace: Pace::RealTime,
         rig_fingerprint: String::new(),
         library_sha256: String::new(),
         submitted_at: started_at,
@@ -164,7 +164,7 @@ fn job_in(folder: &Path, name: String) -> Option<JobRow> {
         reason: String::new(),
         report_json: None,
         folder: Some(name),
-        recording: RecordingKept::None,
+        recording: RecordingStatus::None,
         last_event: 0,
         standing: false,
     })

@@ -21,8 +21,8 @@ use jiff::Timestamp;
 
 use super::task::{Task, task};
 use super::{
-    Accepted, AuditEntry, Claimed, Clocks, FINISHED, JobEnd, JobId, JobPace, JobRow, JobState, Ledger, Limits, Mended,
-    NewEvent, NewJob, Opened, Page, RecordingKept, Store, StoreFault,
+    Accepted, AuditEntry, Claimed, Clocks, FINISHED, JobEnd, JobId, JobRow, JobState, Ledger, Limits, Mended, NewEvent,
+    NewJob, Opened, Pace, Page, RecordingStatus, Store, StoreFault,
 };
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
 
@@ -122,7 +122,7 @@ fn new_job(name: &str, plate: &str) -> NewJob {
         name: name.into(),
         plate: plate.into(),
         seed: u64::MAX,
-        pace: JobPace::Max,
+        pace: Pace::Max,
         spec_json: format!("{{\"name\": {name:?}}}"),
         rig_fingerprint: "0123456789abcdef".into(),
         library_sha256: "fedcba".into(),
@@ -184,7 +184,7 @@ fn begin(store: &Store, name: &str, plate: &str) -> Claimed {
 fn end(state: JobState) -> JobEnd {
     let at = PlateTime::from_secs(2.5);
     let (reason, report_json) = ("so it went".into(), Some("{}".into()));
-    JobEnd { at, state, stop: None, reason, report_json, recording: RecordingKept::Whole }
+    JobEnd { at, state, stop: None, reason, report_json, recording: RecordingStatus::Whole }
 }
 
 fn event(kind: &'static str, body: &str) -> NewEvent {

@@ -4,132 +4,8 @@ use std::time::Duration;
 use jiff::Timestamp;
 
 use super::{JobId, StoredEvent};
-use upm_core::job::{Outcome, StopCause};
-
-/// How far a job has come.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum JobState {
-    /// Waits for its plate.
-    Queued,
-    /// Is on its plate.
-    Running,
-    /// Reached its goal.
-    Completed,
-    /// Did not.
-    Failed,
-    /// Somebody stopped it, or took it out of the queue.
-    Cancelled,
-    /// The daemon ended while it ran.
-    Interrupted,
-}
-
-impl JobState {
-    /// Every state.
-    pub const ALL: [Self; 6] =
-        [Self::Queued, Self::Running, Self::Completed, Self::Failed, Self::Cancelled, Self::Interrupted];
-
-    /// As it is written: `queued`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Queued => "queued",
-            Self::Running => "running",
-            Self::Completed => "completed",
-            Self::Failed => "failed",
-            Self::Cancelled => "cancelled",
-            Self::Interrupted => "interrupted",
-        }
-    }
-
-    /// The state of that name.
-    pub fn of_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|state| state.name() == name)
-    }
-
-    /// The state of a job whose run ended so.
-    pub fn of_end(outcome: Outcome, stop: Option<StopCause>) -> Self {
-        match (outcome, stop) {
-            (Outcome::Completed, _) => Self::Completed,
-            (Outcome::Failed, _) => Self::Failed,
-            // the daemon's own stops: nobody asked for the end of this run
-            (Outcome::Cancelled, None | Some(StopCause::Stopped | StopCause::Shutdown)) => Self::Interrupted,
-            (Outcome::Cancelled, Some(stop)) if stop.is_by_watchdog() => Self::Failed,
-            (Outcome::Cancelled, Some(_)) => Self::Cancelled,
-        }
-    }
-
-    /// True for states that no job leaves again.
-    pub fn is_final(self) -> bool {
-        !matches!(self, Self::Queued | Self::Running)
-    }
-}
-
-/// What there is of a job's recording.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum RecordingKept {
-    /// Nothing: there was none, or the job has not begun.
-    None,
-    /// A file that was not closed.
-    Partial,
-    /// A whole file.
-    Whole,
-    /// A file that was not closed and has been repaired.
-    Recovered,
-    /// A whole file that ends before the run does, mostly since the disk ran low.
-    Stopped,
-    /// Writing it failed.
-    Failed,
-    /// Deleted with its run folder to make room.
-    Pruned,
-}
-
-impl RecordingKept {
-    /// Every one.
-    pub const ALL: [Self; 7] =
-        [Self::None, Self::Partial, Self::Whole, Self::Recovered, Self::Stopped, Self::Failed, Self::Pruned];
-
-    /// As it is written: `whole`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Partial => "partial",
-            Self::Whole => "whole",
-            Self::Recovered => "recovered",
-            Self::Stopped => "stopped",
-            Self::Failed => "failed",
-            Self::Pruned => "pruned",
-        }
-    }
-
-    /// The one of that name.
-    pub fn of_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kept| kept.name() == name)
-    }
-}
-
-/// How fast a job runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum JobPace {
-    /// Plate time is wall time.
-    #[default]
-    RealTime,
-    /// As fast as the machine can.
-    Max,
-}
-
-impl JobPace {
-    /// As it is written: `real-time`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::RealTime => "real-time",
-            Self::Max => "max",
-        }
-    }
-
-    /// The pace of that name.
-    pub fn of_name(name: &str) -> Option<Self> {
-        [Self::RealTime, Self::Max].into_iter().find(|pace| pace.name() == name)
-    }
-}
+use crate::states::{JobState, RecordingStatus};
+use upm_core::job::Pace;
 
 /// A validated job that asks to be queued.
 #[derive(Clone, Debug, PartialEq)]
@@ -141,7 +17,7 @@ pub struct NewJob {
     /// Its seed.
     pub seed: u64,
     /// How fast it runs.
-    pub pace: JobPace,
+    pub pace: Pace,
     /// The job as JSON, every default written out, the rig left out.
     pub spec_json: String,
     /// Fingerprint of the rig it was checked against.
@@ -168,7 +44,7 @@ pub struct JobRow {
     /// Its seed.
     pub seed: u64,
     /// How fast it runs.
-    pub pace: JobPace,
+    pub pace: Pace,
     /// Fingerprint of the rig it was checked against.
     pub rig_fingerprint: String,
     /// SHA-256 of the library it was checked against, in hex.
@@ -189,7 +65,7 @@ pub struct JobRow {
     /// Name of its run folder within the folder of runs; never a path.
     pub folder: Option<String>,
     /// What there is of its recording.
-    pub recording: RecordingKept,
+    pub recording: RecordingStatus,
     /// Sequence number of its last event; 0 before the first.
     pub last_event: u64,
     /// True for a run of its plate's standing job, which was never queued.

@@ -5,7 +5,7 @@ use std::net::{TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
 use std::thread;
 
-use upm_server::service::{EStopped, Job, JobState, Pace, RecordingState};
+use upm_server::service::{EStopped, Job, JobState, Pace, RecordingStatus};
 
 /// What one connection gets.
 #[derive(Clone, Debug)]
@@ -146,7 +146,7 @@ pub fn job(state: JobState) -> Job {
         reason: String::new(),
         seed: 1,
         pace: Pace::RealTime,
-        recording: RecordingState::None,
+        recording: RecordingStatus::None,
         standing: false,
     }
 }

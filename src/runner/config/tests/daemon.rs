@@ -1,7 +1,8 @@
 use serde_json::{Value, json};
 
 use super::{lines, set, shipped, text_of, value_of};
-use crate::config::{DaemonSpec, JobSpec, Origin, RawPace};
+use crate::config::{DaemonSpec, JobSpec, Origin};
+use upm_core::job::Pace;
 
 fn daemon(document: &Value) -> Result<DaemonSpec, Vec<String>> {
     DaemonSpec::from_json(&document.to_string(), &Origin::of_file(&shipped("test.json"))).map_err(lines)
@@ -18,7 +19,7 @@ fn changed(pointer: &str, value: Value) -> Vec<String> {
 fn the_shipped_daemon_has_three_plates_each_with_its_library() {
     let spec = DaemonSpec::load(&shipped("daemon.json")).unwrap();
     assert_eq!(spec.plate_names(), ["upm-1", "upm-2", "upm-2-evening"]);
-    assert_eq!((spec.listen.to_string().as_str(), spec.pace), ("127.0.0.1:8750", RawPace::RealTime));
+    assert_eq!((spec.listen.to_string().as_str(), spec.pace), ("127.0.0.1:8750", Pace::RealTime));
     assert!(spec.plates.iter().all(|plate| plate.library.exists()));
     assert_eq!(spec.default_plate.as_deref(), Some("upm-2"));
     let [strong, evening] = ["upm-2", "upm-2-evening"].map(|name| spec.plate(name).unwrap());

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
 
 use super::*;
-use crate::store::{AuditEntry, Clocks, JobPace, JobRow, Ledger, Limits, NewEvent, NewJob, Opened, Store};
+use crate::store::{AuditEntry, Clocks, JobRow, Ledger, Limits, NewEvent, NewJob, Opened, Pace, Store};
 use upm_core::time::{MonotonicClock, PlateTime};
 use upm_runner::config::Origin;
 
@@ -20,7 +20,7 @@ fn new_job(name: &str) -> NewJob {
         name: name.to_owned(),
         plate: "left".into(),
         seed: 1,
-        pace: JobPace::Max,
+        pace: Pace::Max,
         spec_json: "{}".into(),
         rig_fingerprint: "0123456789abcdef".into(),
         library_sha256: "00".repeat(32),

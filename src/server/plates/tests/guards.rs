@@ -10,7 +10,7 @@ fn ended_with(component: &str, kind: &str, from_s: f64, to_s: Option<f64>) -> (s
     let told = listen(plate);
     let fault = serde_json::json!([{"component": component, "kind": kind, "from_s": from_s, "to_s": to_s}]);
     let text = TWO_COINS.replace("\"seed\"", &format!("\"faults\": {fault}, \"seed\""));
-    let [job, behind] = [&text, TWO_COINS].map(|text| house.submit(plate, text, JobPace::Max));
+    let [job, behind] = [&text, TWO_COINS].map(|text| house.submit(plate, text, Pace::Max));
     next(&told, "finished");
     let report = serde_json::from_str(&house.row(&job).report_json.unwrap()).unwrap();
     let pause = plate.paused();
@@ -43,7 +43,7 @@ fn a_lost_part_stops_the_plate_for_a_person_to_look() {
     let told = listen(plate);
     let text = TWO_COINS
         .replace("\"seed\"", r#""faults": [{"component": "part0", "kind": "removed", "from_s": 0.2}], "seed""#);
-    let lost = house.submit(plate, &text, JobPace::Max);
+    let lost = house.submit(plate, &text, Pace::Max);
     assert_eq!(next(&told, "finished")["state"], "failed");
     let reason = house.row(&lost).reason;
     assert!(reason.contains("is lost, last seen at"), "{reason}");
@@ -59,7 +59,7 @@ fn job_with_faults_is_refused_unless_the_file_allows_them() {
     let house = House::new();
     let plates = house.open(None);
     let text = TWO_COINS.replace("\"seed\"", r#""faults": [{"component": "camera", "kind": "freeze"}], "seed""#);
-    let refused = plates.get("one").unwrap().validate(&text, JobPace::Max, None).unwrap_err();
+    let refused = plates.get("one").unwrap().validate(&text, Pace::Max, None).unwrap_err();
     let line = "job: faults: found 1 fault, allowed: none, unless the daemon's file says \"allow_faults\": true";
     assert_eq!(refused.iter().map(ToString::to_string).collect::<Vec<_>>(), [line]);
 }
@@ -77,7 +77,7 @@ fn an_end_by_a_guard_stops_the_plate_for_a_person_to_look() {
     let away = r#"{ "name": "away", "seed": 3, "planner": "cor_sequence",
         "parts": [{ "kind": "penny", "position_mm": [70, 0] }, { "kind": "penny", "position_mm": [-30, 0] }],
         "task": { "type": "arrange", "targets_mm": [[0, 0], [-30, 0]] } }"#;
-    let [away, next_one] = [away, TWO_COINS].map(|text| house.submit(plate, text, JobPace::Max));
+    let [away, next_one] = [away, TWO_COINS].map(|text| house.submit(plate, text, Pace::Max));
     assert_eq!(next(&told, "finished")["state"], "failed");
     let reason = house.row(&away).reason;
     assert!(reason.contains("the plate moved 200 % off the plan"), "{reason}");

@@ -10,7 +10,7 @@ fn asked(house: &House, allow: bool, change: impl FnOnce(&mut Value)) -> Result<
     let mut job: Value = serde_json::from_str(TWO_COINS).unwrap();
     job["library"] = serde_json::from_str(&library().to_json()).unwrap();
     change(&mut job["library"]);
-    let made = plates.get("one").unwrap().validate(&job.to_string(), JobPace::Max, None);
+    let made = plates.get("one").unwrap().validate(&job.to_string(), Pace::Max, None);
     made.map(|_| ()).map_err(|faults| faults.into_iter().next().unwrap())
 }
 

@@ -10,7 +10,7 @@ fn setup(task: &str, plate_time_s: f64) -> StandingSetup {
             "task": {task}, "limits": {{ "plate_time_s": {plate_time_s} }} }}"#
     );
     let origin = Origin::of_file(&root().join("configs/standing.json"));
-    StandingSetup { job: JobSpec::from_json(&text, &origin, None).unwrap(), pace: JobPace::Max, paused: None }
+    StandingSetup { job: JobSpec::from_json(&text, &origin, None).unwrap(), pace: Pace::Max, paused: None }
 }
 
 fn endless() -> StandingSetup {
@@ -73,7 +73,7 @@ fn standing_job_runs_when_idle_gives_way_to_a_queued_job_and_runs_again() {
     assert_eq!((snapshot.state, standing(plate)), (PlateState::Running, (StandingState::Running, String::new())));
     let first = snapshot.job.unwrap();
 
-    let queued = house.submit(plate, TWO_COINS, JobPace::Max);
+    let queued = house.submit(plate, TWO_COINS, Pace::Max);
     let ends = [next(&told, "finished"), next(&told, "finished")];
     assert_eq!([&ends[0]["state"], &ends[1]["state"]], ["completed", "completed"]);
     next(&told, "cycle");
@@ -110,7 +110,7 @@ fn paused_standing_job_leaves_the_plate_to_queued_jobs_until_it_is_resumed() {
     let plates = Ending(house.open(None));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
-    house.submit(plate, TWO_COINS, JobPace::Max);
+    house.submit(plate, TWO_COINS, Pace::Max);
     assert_eq!(next(&told, "finished")["state"], "completed");
     assert_eq!(standing(plate), (StandingState::Paused, "by the configuration".to_owned()));
     assert_eq!(jobs(&house).len(), 1);
@@ -131,7 +131,7 @@ fn cancelled_standing_job_waits_for_a_person() {
     assert_eq!(next(&told, "finished")["state"], "cancelled");
     assert_eq!(until(plate, StandingState::Paused), "its last run was cancelled by request");
     assert_eq!((plate.snapshot().state, plate.paused()), (PlateState::Idle, None), "the plate itself takes jobs");
-    house.submit(plate, TWO_COINS, JobPace::Max);
+    house.submit(plate, TWO_COINS, Pace::Max);
     assert_eq!(next(&told, "finished")["state"], "completed");
     assert_eq!(jobs(&house).len(), 2);
     plate.resume(who("ann"));
@@ -173,7 +173,7 @@ fn standing_job_with_an_end_that_gives_way_is_cancelled() {
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
     next(&told, "cycle");
-    house.submit(plate, TWO_COINS, JobPace::Max);
+    house.submit(plate, TWO_COINS, Pace::Max);
     let end = next(&told, "finished");
     assert_eq!((&end["state"], &end["reason"]), (&"cancelled".into(), &"gave way to another job".into()));
     assert_eq!(next(&told, "finished")["state"], "completed");
@@ -187,7 +187,7 @@ fn standing_job_waits_while_the_disk_is_nearly_full() {
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
     // other jobs run all the same
-    house.submit(plate, TWO_COINS, JobPace::Max);
+    house.submit(plate, TWO_COINS, Pace::Max);
     assert_eq!(next(&told, "finished")["state"], "completed");
     for _ in 0..6000 {
         let (state, why) = standing(plate);

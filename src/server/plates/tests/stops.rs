@@ -191,14 +191,14 @@ fn a_cancel_is_kept_for_a_job_that_has_yet_to_come_onto_the_plate() {
     let plates = house.open(Some("not yet"));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
-    let id = house.submit(plate, HOLD, JobPace::RealTime);
+    let id = house.submit(plate, HOLD, Pace::RealTime);
     // as after its plate took it, and before it says so
     assert!(plate.cancel(&id));
     assert!(plate.resume(who("ann")));
     assert_eq!(next(&told, "finished")["state"], "cancelled");
     assert_eq!(house.row(&id).reason, "cancelled by request");
     assert!(!plate.cancel(&id), "its run is over");
-    let other = house.submit(plate, TWO_COINS, JobPace::Max);
+    let other = house.submit(plate, TWO_COINS, Pace::Max);
     next(&told, "finished");
     assert_eq!(house.row(&other).state, JobState::Completed);
 }
@@ -209,7 +209,7 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
     let plates = house.open(Some("a test"));
     let plate = plates.get("one").unwrap();
     let shared = &plate.shared;
-    let [first, second] = [(); 2].map(|()| house.submit(plate, TWO_COINS, JobPace::Max));
+    let [first, second] = [(); 2].map(|()| house.submit(plate, TWO_COINS, Pace::Max));
     let begin = |job| shared.begins(job, false, RecordingSwitch::default(), ScribeWatch::default());
     let frame = || shared.vitals.frame(plate.clock.elapsed(), PlateTime::ZERO, true, false);
     let bark = |job: &JobId| {
@@ -251,7 +251,7 @@ fn a_job_that_had_begun_is_not_run_over_what_it_left() {
     let plates = house.open(Some("not yet"));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
-    let [id, empty] = [(); 2].map(|()| house.submit(plate, TWO_COINS, JobPace::Max));
+    let [id, empty] = [(); 2].map(|()| house.submit(plate, TWO_COINS, Pace::Max));
     let folder = |id: &JobId| house.folder.path().join("runs").join(house.row(id).run_folder());
     let journal = folder(&id).join("journal.jsonl");
     [id, empty].iter().for_each(|id| std::fs::create_dir_all(folder(id)).unwrap());
@@ -284,7 +284,7 @@ fn hung_controller_trips_the_watchdog_under_relaxed_deadlines() {
     let plates = house.open_with(Some("a test"), |around| around.watchdog.hung = Duration::from_millis(300));
     let plate = plates.get("one").unwrap();
     let shared = &plate.shared;
-    let job = house.submit(plate, TWO_COINS, JobPace::RealTime);
+    let job = house.submit(plate, TWO_COINS, Pace::RealTime);
     shared.begins(job, false, RecordingSwitch::default(), ScribeWatch::default());
     shared.vitals.frame(plate.clock.elapsed(), PlateTime::ZERO, true, true);
     while shared.interlock.tripped().is_none() {
@@ -304,10 +304,10 @@ fn watchdog_limits_of_wall_time_end_a_job_under_strict_deadlines_only() {
     });
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
-    let relaxed = house.submit(plate, TWO_COINS, JobPace::Max);
+    let relaxed = house.submit(plate, TWO_COINS, Pace::Max);
     assert_eq!(next(&told, "finished")["state"], "completed");
     let strict = TWO_COINS.replace("\"seed\"", "\"deadlines\": \"strict\", \"seed\"");
-    let strict = house.submit(plate, &strict, JobPace::Max);
+    let strict = house.submit(plate, &strict, Pace::Max);
     assert_eq!(next(&told, "finished")["state"], "failed");
     let report = |job| -> serde_json::Value { serde_json::from_str(&house.row(job).report_json.unwrap()).unwrap() };
     assert_eq!(report(&relaxed)["stop"], serde_json::Value::Null);

@@ -8,8 +8,9 @@ use tokio::sync::oneshot;
 
 use super::cursor::JobsQuery;
 use super::feed::{Feed, Opening, Replayed};
-use super::types::{EStopped, Job, JobsPage, Pace, Plate, Plates, ResetRequest};
+use super::types::{EStopped, Job, JobsPage, Plate, Plates, ResetRequest};
 use crate::service::http::{Caller, Problem, ProblemKind, Reason};
+use upm_core::job::Pace;
 use upm_runner::config::Fault;
 
 /// An answer on its way.

@@ -1,9 +1,11 @@
 use serde_json::json;
 
 use super::table::{Answer, Content, Method, Operation, Param, Place, schema_of};
-use super::types::{EStopped, Job, JobState, JobsPage, Pace, Plate, Plates, ResetRequest, Well};
+use super::types::{EStopped, Job, JobsPage, Plate, Plates, ResetRequest, Well};
 use super::{events, files, jobs, plates};
 use crate::service::http::{ProblemKind, Scope};
+use crate::states::JobState;
+use upm_core::job::Pace;
 use upm_runner::config::RawJob;
 
 const JOB_ID: Param = Param {
@@ -81,7 +83,7 @@ const SUBMIT_PARAMS: &[Param] = &[
         name: "pace",
         place: Place::Query,
         what: "How fast the job runs; left out: as the daemon's configuration says, `real-time` unless changed.",
-        schema: || json!({"type": "string", "enum": Pace::NAMES.map(|(name, _)| name)}),
+        schema: || json!({"type": "string", "enum": Pace::ALL.map(Pace::name)}),
     },
 ];
 
@@ -100,7 +102,7 @@ const LIST_PARAMS: &[Param] = &[
         name: "state",
         place: Place::Query,
         what: "Only jobs in this state.",
-        schema: || json!({"type": "string", "enum": JobState::NAMES.map(|(name, _)| name)}),
+        schema: || json!({"type": "string", "enum": JobState::ALL.map(JobState::name)}),
     },
     Param {
         name: "limit",

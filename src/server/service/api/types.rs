@@ -2,71 +2,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-/// How far a job has come.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum JobState {
-    /// Waits for its plate.
-    Queued,
-    /// Is on its plate.
-    Running,
-    /// Reached its goal.
-    Completed,
-    /// Did not.
-    Failed,
-    /// Somebody stopped it, or took it out of the queue.
-    Cancelled,
-    /// The daemon ended while it ran.
-    Interrupted,
-}
-
-impl JobState {
-    /// Every state, as it is written.
-    pub const NAMES: [(&'static str, Self); 6] = [
-        ("queued", Self::Queued),
-        ("running", Self::Running),
-        ("completed", Self::Completed),
-        ("failed", Self::Failed),
-        ("cancelled", Self::Cancelled),
-        ("interrupted", Self::Interrupted),
-    ];
-}
-
-/// What there is of a job's recording.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum RecordingState {
-    /// Nothing: there was none, or the job has not begun.
-    None,
-    /// A file that is being written, or was not closed.
-    Partial,
-    /// A whole file.
-    Whole,
-    /// A file that was not closed and has been repaired.
-    Recovered,
-    /// A whole file that ends before the run does: the disk ran low.
-    Stopped,
-    /// Writing it failed.
-    Failed,
-    /// Deleted to make room.
-    Pruned,
-}
-
-/// How fast a job runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Pace {
-    /// Plate time is wall time.
-    #[default]
-    RealTime,
-    /// As fast as the machine can.
-    Max,
-}
-
-impl Pace {
-    /// Every pace, as it is written.
-    pub const NAMES: [(&'static str, Self); 2] = [("real-time", Self::RealTime), ("max", Self::Max)];
-}
+use crate::states::{JobState, PlateState, RecordingStatus, StandingState};
+use upm_core::job::Pace;
 
 /// A job and what became of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -101,7 +38,7 @@ pub struct Job {
     /// How fast it runs.
     pub pace: Pace,
     /// What there is of its recording.
-    pub recording: RecordingState,
+    pub recording: RecordingStatus,
     /// True for a run of its plate's standing job, which no client submitted.
     #[serde(default)]
     pub standing: bool,
@@ -114,32 +51,6 @@ pub struct JobsPage {
     pub jobs: Vec<Job>,
     /// Cursor of the next page; null on the last.
     pub next: Option<String>,
-}
-
-/// What a plate is doing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum PlateState {
-    /// Nothing, and would take a job.
-    Idle,
-    /// A job.
-    Running,
-    /// Nothing until a person resumes it.
-    Paused,
-    /// Nothing: an emergency stop holds until a person resets it.
-    Stopped,
-}
-
-/// State of a standing job.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum StandingState {
-    /// It is on its plate, and gives way to any job that is queued.
-    Running,
-    /// It runs as soon as its plate may move and nothing is queued.
-    Waiting,
-    /// It waits for a person to resume the plate.
-    Paused,
 }
 
 /// The standing job of a plate.

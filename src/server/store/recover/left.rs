@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::store::salvage::{modified, text_of};
 use crate::store::{
-    JobEnd, JobRow, JobState, Mended, RecordingKept, Recovery, RepairRecording, RunFileFault, open_run_file,
+    JobEnd, JobRow, JobState, Mended, RecordingStatus, Recovery, RepairRecording, RunFileFault, open_run_file,
 };
 use upm_core::job::{Outcome, RecordingEnd, StopCause, legacy};
 use upm_core::time::PlateTime;
@@ -18,11 +18,16 @@ const BLOCK_BYTES: u64 = 1 << 20;
 
 /// Repairs the recording in a run folder where that is needed, and tells what there is of it now. One that is no regular
 /// file stays as it is.
-pub(super) fn settle(folder: &Path, job: &JobRow, repair: RepairRecording<'_>, found: &mut Recovery) -> RecordingKept {
+pub(super) fn settle(
+    folder: &Path,
+    job: &JobRow,
+    repair: RepairRecording<'_>,
+    found: &mut Recovery,
+) -> RecordingStatus {
     let (part, whole) = (folder.join("run.rrd.part"), folder.join("run.rrd"));
     let repaired = match open_run_file(folder, "run.rrd.part").map(drop) {
         Err(RunFileFault::Missing) if whole.exists() => return closed(folder, job.recording),
-        Err(RunFileFault::Missing) => return RecordingKept::None,
+        Err(RunFileFault::Missing) => return RecordingStatus::None,
         Err(fault) => Err(format!("run.rrd.part: {fault}")),
         // what reads damaged files may stumble over them; a start must not
         Ok(()) => catch_unwind(AssertUnwindSafe(|| repair(&part, &whole)))
@@ -30,8 +35,8 @@ pub(super) fn settle(folder: &Path, job: &JobRow, repair: RepairRecording<'_>, f
     };
     let kept = match &repaired {
         Ok(Mended { was_whole: true, .. }) => closed(folder, job.recording),
-        Ok(_) => RecordingKept::Recovered,
-        Err(_) => RecordingKept::Partial,
+        Ok(_) => RecordingStatus::Recovered,
+        Err(_) => RecordingStatus::Partial,
     };
     if repaired.is_ok() && part.exists() {
         // repaired into another file; one that stays is repaired once more
@@ -42,12 +47,12 @@ pub(super) fn settle(folder: &Path, job: &JobRow, repair: RepairRecording<'_>, f
 }
 
 /// What a file is that has its end, by what was known of it before this start.
-fn closed(folder: &Path, known: RecordingKept) -> RecordingKept {
+fn closed(folder: &Path, known: RecordingStatus) -> RecordingStatus {
     match known {
-        RecordingKept::None if ends_early(folder) => RecordingKept::Stopped,
-        RecordingKept::None => RecordingKept::Whole,
+        RecordingStatus::None if ends_early(folder) => RecordingStatus::Stopped,
+        RecordingStatus::None => RecordingStatus::Whole,
         // a start that was killed may have given it that end
-        RecordingKept::Partial | RecordingKept::Failed => RecordingKept::Recovered,
+        RecordingStatus::Partial | RecordingStatus::Failed => RecordingStatus::Recovered,
         kept => kept,
     }
 }
@@ -110,7 +115,7 @@ impl ReportedEnd {
 }
 
 /// How a job ended that was running: as its report says, if it had come so far.
-pub(super) fn end_of(folder: Option<&Path>, recording: RecordingKept) -> JobEnd {
+pub(super) fn end_of(folder: Option<&Path>, recording: RecordingStatus) -> JobEnd {
     let report_json = folder.and_then(|folder| text_of(&folder.join("report.json")));
     let report: Option<ReportedEnd> = report_json.as_deref().and_then(|text| serde_json::from_str(text).ok());
     match report {
@@ -194,7 +199,7 @@ mod tests {
             ("no report", JobState::Interrupted, Some(StopCause::Shutdown)),
         ] {
             fs::write(folder.path().join("report.json"), report).unwrap();
-            let end = end_of(Some(folder.path()), RecordingKept::None);
+            let end = end_of(Some(folder.path()), RecordingStatus::None);
             assert_eq!((end.state, end.stop), (state, stop), "{report}");
         }
     }

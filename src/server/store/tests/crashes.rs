@@ -22,7 +22,7 @@ fn nothing_that_was_answered_is_lost() {
     assert_eq!(recovery.paused, plates());
     let row = job(&again, running);
     assert_eq!((row.state, row.reason.as_str()), (JobState::Interrupted, "the daemon ended while it ran"));
-    assert_eq!((row.finished_at.is_some(), row.recording), (true, RecordingKept::None));
+    assert_eq!((row.finished_at.is_some(), row.recording), (true, RecordingStatus::None));
     assert_eq!(fs::read_to_string(again.runs().join("one/journal.jsonl")).unwrap(), "{}\n");
     assert_eq!(job(&again, waiting).state, JobState::Queued);
     let told = ask(|done| again.replay(&running, 1, 9, done)).unwrap().unwrap().events;
@@ -152,11 +152,11 @@ fn recordings_that_were_not_closed_are_repaired_once() {
         [("cut", Ok(3)), ("broken", Err("not a recording")), ("panics", Err("the repair failed on it"))]
     );
     let kept = [
-        RecordingKept::Recovered,
-        RecordingKept::Whole,
-        RecordingKept::None,
-        RecordingKept::Partial,
-        RecordingKept::Partial,
+        RecordingStatus::Recovered,
+        RecordingStatus::Whole,
+        RecordingStatus::None,
+        RecordingStatus::Partial,
+        RecordingStatus::Partial,
     ];
     assert_eq!(ids.map(|id| job(&again, id).recording), kept);
     assert!(again.close(PATIENCE));
@@ -180,7 +180,7 @@ fn a_start_killed_after_a_repair_still_marks_it() {
     Store::open(first.path(), &plates(), limits(), still(noon), &repair).unwrap();
     let Opened { store, recovery } = open(second.path(), limits());
     assert_eq!((recovery.repaired, recovery.interrupted), (vec![], vec![id]));
-    assert_eq!(job(&store, id).recording, RecordingKept::Recovered);
+    assert_eq!(job(&store, id).recording, RecordingStatus::Recovered);
 }
 
 #[test]

@@ -67,7 +67,7 @@ fn garbage_is_moved_aside_with_all_that_belongs_to_it_and_history_is_told_by_the
     assert!(damage.contains("not a database"), "{damage}");
     assert_eq!(without_the_new_one(states(&store)), told_by_folders());
     let kept = all_jobs(&store).into_iter().find(|row| row.name == "running").unwrap();
-    assert_eq!((kept.plate.as_str(), kept.seed, kept.recording), ("b", 5, RecordingKept::Recovered));
+    assert_eq!((kept.plate.as_str(), kept.seed, kept.recording), ("b", 5, RecordingStatus::Recovered));
     assert_eq!(fs::read(&aside).unwrap(), "garbage".repeat(1000).into_bytes());
     let log_aside = PathBuf::from(format!("{}-wal", aside.display()));
     assert_eq!(fs::read(log_aside).unwrap(), log);

@@ -47,7 +47,7 @@ fn what_is_answered_is_what_is_kept() {
     let (folder, store) = new_store(limits());
     let row = queue(&store, "one", "a");
     assert_eq!(job(&store, row.id), row);
-    assert_eq!((row.seed, row.pace, row.submitted_at), (u64::MAX, JobPace::Max, noon()));
+    assert_eq!((row.seed, row.pace, row.submitted_at), (u64::MAX, Pace::Max, noon()));
     let claimed = store.claim("a", &super::folder(&store)).unwrap().unwrap();
     assert_eq!(claimed.spec_json, r#"{"name": "one"}"#);
     assert_eq!((claimed.row.state, claimed.row.started_at), (JobState::Running, Some(noon())));
@@ -62,7 +62,7 @@ fn what_is_answered_is_what_is_kept() {
         finished_at: Some(noon()),
         reason: "so it went".into(),
         report_json: Some("{}".into()),
-        recording: RecordingKept::Whole,
+        recording: RecordingStatus::Whole,
         progress: job(&store, row.id).progress,
         ..claimed.row
     };

@@ -5,7 +5,7 @@ use std::fs;
 use super::crashes::killed;
 use super::*;
 
-fn finished(store: &Store, name: &str, recording: RecordingKept) -> JobId {
+fn finished(store: &Store, name: &str, recording: RecordingStatus) -> JobId {
     let id = begin(store, name, "a").row.id;
     store.ended(&id, JobEnd { recording, ..end(JobState::Completed) }).unwrap();
     id
@@ -14,15 +14,15 @@ fn finished(store: &Store, name: &str, recording: RecordingKept) -> JobId {
 #[test]
 fn a_recording_that_failed_is_repaired_where_something_is_left_of_it() {
     let (folder, store) = new_store(limits());
-    let failed = ["cut", "closed", "none"].map(|name| finished(&store, name, RecordingKept::Failed));
-    let whole = finished(&store, "whole", RecordingKept::Whole);
+    let failed = ["cut", "closed", "none"].map(|name| finished(&store, name, RecordingStatus::Failed));
+    let whole = finished(&store, "whole", RecordingStatus::Whole);
     fs::write(store.runs().join("cut/run.rrd.part"), "rerun").unwrap();
     fs::write(store.runs().join("closed/run.rrd"), "rerun").unwrap();
     let (_copy, Opened { store, recovery }) = killed(folder.path());
     assert_eq!((recovery.repaired.len(), recovery.interrupted.len(), recovery.ended.len()), (1, 0, 0));
-    let kept = [RecordingKept::Recovered, RecordingKept::Failed, RecordingKept::Failed];
+    let kept = [RecordingStatus::Recovered, RecordingStatus::Failed, RecordingStatus::Failed];
     assert_eq!(failed.map(|id| job(&store, id).recording), kept);
-    assert_eq!(job(&store, whole).recording, RecordingKept::Whole);
+    assert_eq!(job(&store, whole).recording, RecordingStatus::Whole);
     assert!(store.runs().join("cut/run.rrd").exists());
     let row = job(&store, failed[0]);
     assert_eq!((row.state, row.reason.as_str(), row.finished_at), (JobState::Completed, "so it went", Some(noon())));
@@ -32,10 +32,10 @@ fn a_recording_that_failed_is_repaired_where_something_is_left_of_it() {
 fn a_recording_closed_before_its_run_was_over_is_no_whole_one() {
     let (folder, store) = new_store(limits());
     let runs = [
-        ("stopped", r#","code":"recording_stopped""#, "run.rrd", RecordingKept::Stopped),
-        ("lagged", r#","code":"recording_failed""#, "run.rrd", RecordingKept::Stopped),
-        ("unnamed", r#","code":"recording_failed""#, "run.rrd.part", RecordingKept::Stopped),
-        ("whole", "", "run.rrd", RecordingKept::Whole),
+        ("stopped", r#","code":"recording_stopped""#, "run.rrd", RecordingStatus::Stopped),
+        ("lagged", r#","code":"recording_failed""#, "run.rrd", RecordingStatus::Stopped),
+        ("unnamed", r#","code":"recording_failed""#, "run.rrd.part", RecordingStatus::Stopped),
+        ("whole", "", "run.rrd", RecordingStatus::Whole),
     ];
     let ids = runs.map(|(name, detail, file, _)| {
         let id = begin(&store, name, "a").row.id;
@@ -69,7 +69,7 @@ fn a_start_killed_before_a_repaired_file_has_its_name_still_marks_it() {
         |part: &Path, whole: &Path| super::repair(part, whole).map(|mended| Mended { was_whole: true, ..mended });
     let Opened { store, recovery } = Store::open(second.path(), &plates(), limits(), still(noon), &was_whole).unwrap();
     assert_eq!((recovery.repaired.len(), recovery.interrupted), (1, vec![id]));
-    assert_eq!(job(&store, id).recording, RecordingKept::Recovered);
+    assert_eq!(job(&store, id).recording, RecordingStatus::Recovered);
 }
 
 #[test]
@@ -92,7 +92,7 @@ fn fifos_and_links_in_a_run_folder_neither_block_the_start_nor_are_repaired() {
     let data = copy.path().to_owned();
     let Opened { store, recovery } = in_time(move || open(&data, limits()));
     assert_eq!(recovery.interrupted, ids);
-    assert_eq!(ids.map(|id| job(&store, id).recording), [RecordingKept::Partial; 3]);
+    assert_eq!(ids.map(|id| job(&store, id).recording), [RecordingStatus::Partial; 3]);
     let reason = "run.rrd.part: expected a regular file in a folder, found something else";
     assert_eq!(recovery.repaired.len(), 3);
     for (path, repaired) in recovery.repaired {

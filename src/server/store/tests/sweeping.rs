@@ -49,7 +49,7 @@ fn the_oldest_ended_go_first_when_there_is_too_much() {
     assert_eq!(names(&store), ["four", "one", "running", "three"]);
     assert_eq!(swept.bytes, 25_000);
     let row = job(&store, ids[1]);
-    assert_eq!((row.folder, row.recording, row.report_json), (None, RecordingKept::Pruned, Some("{}".into())));
+    assert_eq!((row.folder, row.recording, row.report_json), (None, RecordingStatus::Pruned, Some("{}".into())));
     assert_eq!(fs::read_dir(data.path().join(".trash")).unwrap().count(), 0);
     // what runs stays, however large
     fs::write(store.runs().join("running/run.rrd"), vec![0; 100_000]).unwrap();
@@ -140,10 +140,10 @@ fn a_folder_that_cannot_be_deleted_stays_its_jobs_and_is_in_nobodys_way() {
     assert_eq!(names(&store), ["two"]);
     let left = all_jobs(&store);
     assert_eq!(left.iter().map(|row| row.id).collect::<Vec<_>>(), [ids[1]], "the others are forgotten all the same");
-    assert_eq!((left[0].folder.as_deref(), left[0].recording), (Some("two"), RecordingKept::Whole));
+    assert_eq!((left[0].folder.as_deref(), left[0].recording), (Some("two"), RecordingStatus::Whole));
     fs::remove_file(in_the_way).unwrap();
     assert_eq!(store.sweep().unwrap().deleted, ["two"]);
-    assert_eq!(job(&store, ids[1]).recording, RecordingKept::Pruned);
+    assert_eq!(job(&store, ids[1]).recording, RecordingStatus::Pruned);
 }
 
 #[test]
@@ -163,7 +163,7 @@ fn run_folders_on_another_disk_go_too() {
     store.ended(&id, end(JobState::Completed)).unwrap();
     store.sweep().unwrap();
     assert!(!store.runs().join("one").exists());
-    assert_eq!(job(&store, id).recording, RecordingKept::Pruned);
+    assert_eq!(job(&store, id).recording, RecordingStatus::Pruned);
     // and nothing of it is a run folder, nor outlives a start
     let half = store.runs().join(".trash/half");
     fs::create_dir_all(&half).unwrap();

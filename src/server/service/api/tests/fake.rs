@@ -1,6 +1,8 @@
+use crate::states::{JobState, PlateState, RecordingStatus};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+use upm_core::job::Pace;
 
 use bytes::Bytes;
 use serde_json::Value;
@@ -61,7 +63,7 @@ pub(super) fn job() -> Job {
         reason: String::new(),
         seed: 1,
         pace: Pace::RealTime,
-        recording: RecordingState::None,
+        recording: RecordingStatus::None,
         standing: false,
     }
 }

@@ -1,0 +1,119 @@
+use super::*;
+use upm_core::signal::TwistHarmonic;
+
+const FRAME_HZ: f64 = 60.0;
+const FRAME_S: f64 = 1.0 / FRAME_HZ;
+
+/// A pulse of a rotation or of a synthesised motion, s at full height.
+fn swing(speed_mps: f64, base_hz: f64, attack_s: f64, sustain_s: f64) -> Swing {
+    let harmonic = |share: f64| TwistHarmonic {
+        cos: Twist::new(speed_mps, 0.0, speed_mps) * share,
+        sin: Twist::new(0.0, speed_mps, 0.0) * share,
+    };
+    Swing {
+        wave: TwistWave { base_radps: std::f64::consts::TAU * base_hz, harmonics: vec![harmonic(1.0), harmonic(0.6)] },
+        envelope: Envelope { attack_s, sustain_s, rest_s: 0.04 },
+        half_side_m: 0.15,
+        px_per_m: 2900.0,
+    }
+}
+
+/// From one pulse to the next.
+fn frames(swing: &Swing) -> u32 {
+    (swing.envelope.total_s() / FRAME_S).ceil() as u32 + 1
+}
+
+/// What is found in each of four pulses of `swing`, one straight after the other, seen `late` frames late.
+fn found(late: u32, swing: &Swing) -> [Option<Late>; 4] {
+    let frames = frames(swing);
+    let mut guard = DelayGuard::new(FRAME_HZ);
+    let begin_s = |number: u32| f64::from(3 + number * frames) * FRAME_S + 0.001;
+    let corner_px = |at_s: f64| {
+        let pulse = (0..4).rev().map(begin_s).find(|begin_s| *begin_s <= at_s);
+        0.02 + pulse.map_or(0.0, |begin_s| swing.corner_px(at_s - begin_s))
+    };
+    [0, 1, 2, 3].map(|number| {
+        guard.begin(begin_s(number), swing.clone());
+        for frame in 4 + number * frames..4 + (number + 1) * frames {
+            let at_s = f64::from(frame) * FRAME_S;
+            guard.frame(at_s, Some(corner_px(at_s - f64::from(late) * FRAME_S)));
+        }
+        guard.end()
+    })
+}
+
+#[test]
+fn delay_is_measured_to_the_frame_by_the_third_pulse() {
+    for pulse in [swing(0.3, 30.0, 1.0 / 15.0, 0.2), swing(0.3, 60.0, 1.0 / 60.0, 0.1)] {
+        for late in [2, 3, 6, 12, 20, 30] {
+            let (found, period) = (found(late, &pulse), frames(&pulse) as usize);
+            let named = found[..3].iter().flatten().next();
+            // two pulses may be over before one is seen
+            let delay = found.iter().flatten().find(|&&late| late != Late::Unseen);
+            // pulses at equal distances look alike from one to the next
+            let is_right =
+                |&late_by: &Late| matches!(late_by, Late::By(by) if by.abs_diff(late as usize) % period == 0);
+            assert!(named.is_some() && delay.is_some_and(is_right), "{late}: {found:?}");
+        }
+    }
+}
+
+#[test]
+fn a_push_that_swings_the_plate_farther_than_its_drive_is_no_sign_of_late_pictures() {
+    let pulse = swing(0.05, 30.0, 1.0 / 15.0, 0.2);
+    let found = |pushed_px: f64| {
+        let mut guard = DelayGuard::new(FRAME_HZ);
+        (0..2)
+            .map(|number| {
+                let begin_s = f64::from(3 + number * frames(&pulse)) * FRAME_S + 0.001;
+                guard.begin(begin_s, pulse.clone());
+                for frame in 1..=frames(&pulse) {
+                    let age_s = f64::from(frame) * FRAME_S;
+                    // what a push leaves behind swings at the suspension's frequency, not at the drive's
+                    let push_px = pushed_px * (std::f64::consts::TAU * 11.0 * age_s).sin().abs();
+                    guard.frame(begin_s + age_s, Some(push_px));
+                }
+                guard.end()
+            })
+            .last()
+            .flatten()
+    };
+    let driven_px = (0..40).map(|i| pulse.corner_px(f64::from(i) * FRAME_S)).fold(0.0, f64::max);
+    assert!((0.8..3.0).contains(&driven_px), "{driven_px}");
+    assert_eq!(found(driven_px), Some(Late::Unseen));
+    assert_eq!(found(2.0 * driven_px + 0.4), None);
+}
+
+#[test]
+fn pictures_in_time_and_weak_pulses_tell_nothing() {
+    assert_eq!(found(0, &swing(0.3, 30.0, 1.0 / 15.0, 0.1)), [None; 4]);
+    assert_eq!(found(6, &swing(0.001, 30.0, 1.0 / 15.0, 0.1)), [None; 4]);
+    assert_eq!(DelayGuard::new(FRAME_HZ).end(), None, "no frames");
+}
+
+#[test]
+fn stamps_that_are_off_by_a_part_of_a_frame_hide_no_late_pictures() {
+    let pulse = swing(0.3, 60.0, 1.0 / 60.0, 0.3);
+    let found = |late: usize, higher: f64| {
+        let mut guard = DelayGuard::new(FRAME_HZ);
+        let begin_s = |number: u32| f64::from(3 + number * (frames(&pulse) + 20)) * FRAME_S + 0.001;
+        let shown_px = |at_s: f64| {
+            let begun = (0..2).rev().map(begin_s).find(|begin_s| *begin_s <= at_s);
+            begun.map_or(0.0, |begin_s| higher * pulse.corner_px(at_s - begin_s))
+        };
+        let named = [0, 1].map(|number| {
+            guard.begin(begin_s(number), pulse.clone());
+            for frame in 0..frames(&pulse) + 20 {
+                let at_s = begin_s(number) + f64::from(frame) * FRAME_S;
+                guard.frame(at_s, Some(shown_px(at_s - late as f64 * FRAME_S)));
+            }
+            guard.end()
+        });
+        named[1]
+    };
+    let driven_px = (0..30).map(|i| pulse.corner_px(f64::from(i) * FRAME_S)).fold(0.0, f64::max);
+    let higher = 0.9 * FARTHEST_PX / driven_px;
+    assert!(higher > PUSHED + PUSHED_PX / driven_px, "{driven_px}");
+    assert_eq!(found(6, higher), Some(Late::By(6)));
+    assert_eq!(found(0, higher), None);
+}
