@@ -12,7 +12,19 @@ use scan::{Scan, scan};
 const CRATES: &[(&str, &[&str])] = &[
     (
         "core",
-        &["units", "time", "priority", "random", "geometry", "signal", "disc_friction", "ground_truth", "job", "rig"],
+        &[
+            "units",
+            "time",
+            "priority",
+            "random",
+            "geometry",
+            "signal",
+            "disc_friction",
+            "ground_truth",
+            "files",
+            "job",
+            "rig",
+        ],
     ),
     ("document", &["document"]),
     ("sim", &["sim"]),
@@ -44,6 +56,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("signal", &[]),
     ("disc_friction", &[]),
     ("ground_truth", &[]),
+    ("files", &[]),
     ("job", &[]),
     ("rig", &["signal"]),
     ("sim", &["signal", "rig", "disc_friction", "ground_truth"]),
@@ -157,7 +170,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("main", &["cli"]),
 ];
 
-const BASE: &[&str] = &["units", "time", "priority", "random", "geometry", "job", "document"];
+const BASE: &[&str] = &["units", "time", "priority", "random", "geometry", "files", "job", "document"];
 
 /// What neither control nor anything it imports may name, tests included.
 const TRUTH: &[&str] = &["sim", "ground_truth"];
@@ -172,7 +185,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("rerun", &["src/viewer"]),
     ("rusqlite", &["src/server/store"]),
     ("uuid", &["src/server/store", "src/server/service"]),
-    ("rustix", &["src/core/priority", "src/recording", "src/viewer", "src/server"]),
+    ("rustix", &["src/core/files", "src/core/priority", "src/viewer", "src/server"]),
     ("tokio", &["src/server/service"]),
     ("axum", &["src/server/service"]),
     ("hyper", &["src/server/service"]),

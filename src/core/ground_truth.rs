@@ -1,7 +1,9 @@
 //! Where everything truly is, as plain data. Only the simulator writes it; recordings and reports read it. Control and all that
 //! it imports never name this module.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
+
+use parking_lot::{Mutex, MutexGuard};
 
 use crate::geometry::{Pose, Vec2};
 use crate::time::PlateTime;
@@ -74,7 +76,7 @@ impl GroundTruthHandle {
     }
 
     fn lock(&self) -> MutexGuard<'_, Shared> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock()
     }
 }
 

@@ -1,9 +1,10 @@
 //! One parameter over a range, its points in parallel: `--sweep duty=0.5:1:26`.
 
 use std::str::FromStr;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
+
+use parking_lot::Mutex;
 
 use super::{Figure, LabFault, Outcome, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
@@ -145,7 +146,7 @@ pub(super) fn parallel<T: Sync, R: Send>(items: &[T], progress: Progress<'_>, wo
             let index = next.fetch_add(1, Ordering::Relaxed);
             let Some(item) = items.get(index) else { break };
             let result = work(item);
-            let mut done = done.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            let mut done = done.lock();
             done.push((index, result));
             progress(done.len() as f64 / items.len() as f64);
         }
@@ -156,7 +157,7 @@ pub(super) fn parallel<T: Sync, R: Send>(items: &[T], progress: Progress<'_>, wo
         }
         take_turns();
     });
-    let mut done = done.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let mut done = done.into_inner();
     done.sort_by_key(|(index, _)| *index);
     done.into_iter().map(|(_, result)| result).collect()
 }
@@ -184,13 +185,13 @@ mod tests {
             x => Ok(Outcome { figures: vec![Figure::against("square", "mm", x * x, x, "line")], ..Outcome::default() }),
         };
         let seen = Mutex::new(Vec::new());
-        let outcome = sweep.run(measure, &|share| seen.lock().unwrap().push(share)).unwrap();
+        let outcome = sweep.run(measure, &|share| seen.lock().push(share)).unwrap();
         let sheet = outcome.sheet.unwrap();
         assert_eq!(sheet.columns, ["x", "square (mm)", "square (mm): reference"]);
         let squares: Vec<f64> = sheet.rows.iter().map(|row| row[1]).filter(|square| !square.is_nan()).collect();
         assert_eq!(squares, [0.0, 1.0, 4.0, 9.0, 25.0, 36.0, 49.0, 64.0, 81.0]);
         assert_eq!(outcome.notes, ["x=4: four"]);
-        let seen = seen.into_inner().unwrap();
+        let seen = seen.into_inner();
         assert!(seen.len() == 10 && seen.is_sorted() && seen[9] == 1.0, "{seen:?}");
         let all_fail = |_| Err(LabFault::Setting("never".into()));
         assert_eq!(sweep.run(all_fail, &|_| ()).unwrap_err(), LabFault::Setting("never".into()));

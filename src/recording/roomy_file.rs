@@ -3,6 +3,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use super::scribe::Durable;
+use upm_core::files::{Length, reserve};
 
 /// Room kept beyond the end, bytes: a journal of one part fills that in some minutes.
 const AHEAD_BYTES: u64 = 1 << 20;
@@ -27,7 +28,7 @@ impl RoomyFile {
 
     fn make_room(&mut self) {
         let wanted_bytes = self.bytes + AHEAD_BYTES;
-        if self.room_bytes < self.bytes + AHEAD_BYTES / 2 && set_aside(&self.file, wanted_bytes).is_ok() {
+        if self.room_bytes < self.bytes + AHEAD_BYTES / 2 && reserve(&self.file, wanted_bytes, Length::Kept).is_ok() {
             self.room_bytes = wanted_bytes;
         }
     }
@@ -59,17 +60,6 @@ impl Drop for RoomyFile {
     }
 }
 
-/// Takes room from the file's beginning to `bytes`, and leaves its length as it is.
-#[cfg(target_os = "linux")]
-fn set_aside(file: &File, bytes: u64) -> io::Result<()> {
-    Ok(rustix::fs::fallocate(file, rustix::fs::FallocateFlags::KEEP_SIZE, 0, bytes)?)
-}
-
-#[cfg(not(target_os = "linux"))]
-fn set_aside(_: &File, _: u64) -> io::Result<()> {
-    Err(io::ErrorKind::Unsupported.into())
-}
-
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
     use std::fs;
@@ -83,7 +73,7 @@ mod tests {
         let path = folder.path().join("journal.jsonl");
         let room_bytes = || fs::metadata(&path).unwrap().blocks() * 512;
         let mut file = RoomyFile::create(&path).unwrap();
-        if set_aside(&file.file, AHEAD_BYTES).is_err() {
+        if reserve(&file.file, AHEAD_BYTES, Length::Kept).is_err() {
             return; // a file system that cannot
         }
         assert!(room_bytes() >= AHEAD_BYTES);

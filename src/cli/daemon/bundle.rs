@@ -1,5 +1,5 @@
 use std::fs::{self, OpenOptions};
-use std::io::{self, Write};
+use std::io;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
@@ -9,6 +9,7 @@ use serde_json::json;
 use crate::cli::args::{BundleArgs, Common};
 use crate::cli::failure::Failure;
 use crate::cli::print_json;
+use upm_core::files::write_whole;
 use upm_runner::config::DaemonSpec;
 use upm_server::daemon::{BundleSources, bundle};
 
@@ -58,8 +59,7 @@ fn write(out: &Path, tar: &[u8]) -> io::Result<()> {
         .create_new(true)
         .mode(0o600)
         .open(&draft)
-        .and_then(|mut file| file.write_all(tar).and_then(|()| file.sync_all()))
-        .and_then(|()| fs::rename(&draft, out));
+        .and_then(|file| write_whole(file, Path::new(&draft), out, tar));
     if written.as_ref().is_err_and(|error| error.kind() != io::ErrorKind::AlreadyExists) {
         fs::remove_file(&draft).ok();
     }

@@ -1,11 +1,11 @@
 use std::fs::{self, File};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
 use super::RunError;
 use crate::config::JobSpec;
+use upm_core::files::{sync_folder, write_whole};
 use upm_library::Library;
 use upm_recording::{Keeping, Report, RoomyFile, Scribe};
 
@@ -101,8 +101,7 @@ impl RunFolder {
 
     /// Makes the names in it outlive a power cut, on a disk that can.
     fn sync_names(&self) {
-        #[cfg(unix)]
-        File::open(&self.0).and_then(|folder| folder.sync_all()).ok();
+        sync_folder(&self.0).ok();
     }
 
     fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<(), RunError> {
@@ -110,8 +109,7 @@ impl RunFolder {
         // whole or not at all: what stands under its name was written to its end, and is on the disk
         let draft = self.0.join(format!("{name}.part"));
         File::create(&draft)
-            .and_then(|mut file| file.write_all((text + "\n").as_bytes()).and_then(|()| file.sync_all()))
-            .and_then(|()| fs::rename(&draft, self.0.join(name)))
+            .and_then(|file| write_whole(file, &draft, &self.0.join(name), (text + "\n").as_bytes()))
             .map_err(|error| self.write_error(name, &error))?;
         self.sync_names();
         Ok(())

@@ -1,9 +1,10 @@
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use super::library_faults;
 use crate::config::RigSpec;
+use upm_core::files::write_whole;
 use upm_document::Fault;
 use upm_library::Library;
 
@@ -62,8 +63,7 @@ impl LibraryOutput {
             return Err(LibraryOutputFault::Unusable(faults));
         }
         File::create(&self.draft)
-            .and_then(|mut draft| draft.write_all(text.as_bytes()).and_then(|()| draft.sync_all()))
-            .and_then(|()| fs::rename(&self.draft, &self.out))
+            .and_then(|draft| write_whole(draft, &self.draft, &self.out, text.as_bytes()))
             .map_err(|error| LibraryOutputFault::Write { path: self.out.clone(), error })
     }
 }

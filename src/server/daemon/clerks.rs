@@ -1,8 +1,10 @@
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
+
+use parking_lot::Mutex;
 
 use upm_core::priority::step_back;
 
@@ -45,7 +47,7 @@ impl Clerks {
 
 fn work(tasks: &Mutex<Receiver<Task>>) {
     loop {
-        let next = tasks.lock().unwrap_or_else(PoisonError::into_inner).recv();
+        let next = tasks.lock().recv();
         let Ok(task) = next else { return };
         // the reply it held went with it, so nobody waits; the tasks after it want this thread
         if catch_unwind(AssertUnwindSafe(task)).is_err() {

@@ -2,10 +2,12 @@
 //! is lost at the next start, and none of the writes fails.
 
 use std::io;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
+
+use parking_lot::Mutex;
 
 use super::desk::Office;
 use crate::plates::Pause;
@@ -27,12 +29,12 @@ pub(super) struct DataWatch {
 impl DataWatch {
     /// The path that is displaced, if one is.
     pub fn displaced(&self) -> Option<Displaced> {
-        self.found.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.found.lock().clone()
     }
 
     /// Notes what was found; says it when that changes.
     fn note(&self, found: Option<Displaced>) {
-        let mut last = self.found.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut last = self.found.lock();
         match (&*last, &found) {
             (None, Some(displaced)) => tracing::error!("{displaced}: no job is taken, all plates are paused"),
             (Some(_), None) => tracing::warn!("the data folder holds the daemon's files again"),
@@ -50,7 +52,7 @@ pub(super) fn reason(displaced: &Displaced) -> Reason {
 impl Office {
     /// Compares once, and pauses all plates while a path is displaced. Waits for the disk.
     pub fn check_paths(&self) {
-        let _alone = self.data.comparing.lock().unwrap_or_else(PoisonError::into_inner);
+        let _alone = self.data.comparing.lock();
         let found = self.store.check_paths().and_then(|()| self.plates.check_paths()).err();
         if found.is_some() {
             let why = "the data folder or a file in it was deleted or replaced: see to it, then resume";

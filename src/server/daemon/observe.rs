@@ -1,5 +1,6 @@
 use std::sync::atomic::Ordering;
-use std::sync::{Mutex, PoisonError};
+
+use parking_lot::Mutex;
 
 use super::desk::Office;
 use super::observed::{DiskObserved, Observed, PlateObserved};
@@ -55,7 +56,7 @@ impl Damage {
     /// What is not seen yet. After damage every plate is paused, or stopped: whoever lets the last paused one go on has seen
     /// what is wrong. Plates that are paused later are so for other reasons.
     fn unseen(&self, states: &[PlateState]) -> Option<String> {
-        let mut damage = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut damage = self.0.lock();
         let may_any_move = states.iter().any(|state| *state != PlateState::Stopped);
         if may_any_move && !states.contains(&PlateState::Paused) {
             *damage = None;

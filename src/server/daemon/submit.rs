@@ -1,7 +1,9 @@
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
+
+use parking_lot::Mutex;
 
 use serde::de::IgnoredAny;
 use serde_json::Value;
@@ -76,16 +78,14 @@ impl Answer {
     }
 
     fn take(&self) -> Option<Reply<Submitted>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+        self.0.lock().take()
     }
 
     /// Tells whether the client still waits for it.
     fn awaited(&self) -> impl Fn() -> bool + Send + 'static {
         let reply = Arc::downgrade(&self.0);
         move || {
-            let is_awaited = |reply: &Mutex<Option<Reply<_>>>| {
-                reply.lock().unwrap_or_else(PoisonError::into_inner).as_ref().is_some_and(Reply::is_awaited)
-            };
+            let is_awaited = |reply: &Mutex<Option<Reply<_>>>| reply.lock().as_ref().is_some_and(Reply::is_awaited);
             reply.upgrade().is_some_and(|reply| is_awaited(&reply))
         }
     }

@@ -1,5 +1,6 @@
 use std::fmt;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use parking_lot::{Mutex, MutexGuard};
 
 use crate::plates::{Tap, Told};
 use crate::service::{Event, Feed};
@@ -24,7 +25,7 @@ impl Wire {
     }
 
     fn feeds(&self) -> MutexGuard<'_, Vec<(JobId, Feed)>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock()
     }
 }
 

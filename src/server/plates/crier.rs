@@ -1,8 +1,10 @@
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
-use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use super::shared::{Shared, locked};
+use parking_lot::Mutex;
+
+use super::shared::Shared;
 use super::told::{News, Tap, Told};
 use crate::store::{JobId, NewEvent};
 
@@ -26,11 +28,11 @@ pub(super) struct Taps(Mutex<Vec<Arc<dyn Tap>>>);
 
 impl Taps {
     pub fn add(&self, tap: Arc<dyn Tap>) {
-        locked(&self.0).push(tap);
+        self.0.lock().push(tap);
     }
 
     pub fn offer(&self, told: &Told) {
-        locked(&self.0).iter().for_each(|tap| tap.offer(told));
+        self.0.lock().iter().for_each(|tap| tap.offer(told));
     }
 }
 

@@ -3,14 +3,17 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
+
+use parking_lot::{Mutex, MutexGuard};
 
 use super::shared::Shared;
 use super::watchdog::ms;
 use crate::store::JobId;
+use upm_core::files::free_bytes;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_recording::{RecordingState, RecordingSwitch};
 
@@ -46,7 +49,7 @@ impl Disk {
     pub fn new(folder: &Path, min_free_bytes: u64, clock: &MonotonicClock) -> Self {
         Self {
             min_free_bytes,
-            free_bytes: AtomicU64::new(free_bytes(folder).unwrap_or(UNKNOWN)),
+            free_bytes: AtomicU64::new(free_bytes(folder).ok().unwrap_or(UNKNOWN)),
             looked_ms: AtomicU64::new(ms(clock.elapsed())),
             told: AtomicBool::new(false),
             ending: AtomicBool::new(false),
@@ -94,7 +97,7 @@ impl Disk {
     }
 
     fn promised(&self) -> MutexGuard<'_, BTreeMap<JobId, (RecordingSwitch, u64)>> {
-        self.promised.lock().unwrap_or_else(PoisonError::into_inner)
+        self.promised.lock()
     }
 
     /// Says it once when the disk does not answer.
@@ -134,7 +137,7 @@ impl DiskGuard {
     /// Looks until it is told to end.
     pub fn run(self) {
         while !self.disk.ending.load(Ordering::Relaxed) {
-            self.saw(free_bytes(&self.folder));
+            self.saw(free_bytes(&self.folder).ok());
             thread::park_timeout(APART);
         }
     }
@@ -179,12 +182,6 @@ fn still_to_come(state: &RecordingState, promised_bytes: u64) -> u64 {
         RecordingState::Writing { bytes } => promised_bytes.saturating_sub(*bytes),
         RecordingState::Stopped(_) | RecordingState::Failed(_) | RecordingState::Whole => 0,
     }
-}
-
-/// What others than the superuser may still write on the disk of `folder`.
-fn free_bytes(folder: &Path) -> Option<u64> {
-    let disk = rustix::fs::statvfs(folder).ok()?;
-    Some(disk.f_bavail.saturating_mul(disk.f_frsize))
 }
 
 fn megabytes(bytes: u64) -> String {
@@ -280,6 +277,6 @@ mod tests {
     #[test]
     fn a_real_disk_says_what_is_free() {
         let folder = tempfile::tempdir().unwrap();
-        assert!(free_bytes(folder.path()).is_some_and(|free| free > 0));
+        assert!(free_bytes(folder.path()).is_ok_and(|free| free > 0));
     }
 }

@@ -1,9 +1,10 @@
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use parking_lot::Mutex;
+
 use super::draw::draw;
-use super::shared::{locked, locked_now};
 use super::watchdog::ms;
 use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
@@ -64,7 +65,7 @@ impl Window {
     /// The newest picture, unless it is too old; wishes for more.
     pub fn look(&self, now: Duration) -> Option<Arc<Picture>> {
         self.wanted_until_ms.store(ms(now + WISH), Ordering::Relaxed);
-        let newest = locked(&self.newest).clone();
+        let newest = self.newest.lock().clone();
         newest.filter(|picture| now.saturating_sub(picture.taken) <= OLDEST)
     }
 
@@ -75,7 +76,7 @@ impl Window {
         if early || ms(now) >= self.wanted_until_ms.load(Ordering::Relaxed) {
             return;
         }
-        let Some(mut raw) = locked_now(&self.raw) else { return };
+        let Some(mut raw) = self.raw.try_lock() else { return };
         raw.frame.clone_from(frame);
         (raw.marks, raw.taken, raw.fresh) = (marks(), now, true);
         self.given_at_ms.store(ms(now).max(1), Ordering::Relaxed);
@@ -83,18 +84,18 @@ impl Window {
 
     /// Encodes the frame that was given, if one was. Takes some 10 ms: not for the plate's own thread.
     pub fn develop(&self) {
-        let mut raw = locked(&self.raw);
+        let mut raw = self.raw.lock();
         if !std::mem::take(&mut raw.fresh) {
             return;
         }
         if let Some(png) = draw(&raw.frame, &raw.marks) {
-            *locked(&self.newest) = Some(Arc::new(Picture { png, taken: raw.taken }));
+            *self.newest.lock() = Some(Arc::new(Picture { png, taken: raw.taken }));
         }
     }
 
     /// Forgets the last job's picture.
     pub fn clear(&self) {
-        *locked(&self.newest) = None;
+        *self.newest.lock() = None;
     }
 }
 
@@ -156,7 +157,7 @@ mod tests {
     fn a_busy_encoder_costs_the_plate_nothing() {
         let window = Window::default();
         window.look(at(0));
-        let encoding = locked(&window.raw);
+        let encoding = window.raw.lock();
         window.offer(&frame(1), || unreachable!("the frame is not taken"), at(0));
         drop(encoding);
         window.develop();

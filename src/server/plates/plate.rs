@@ -4,7 +4,7 @@ use std::thread::{JoinHandle, Thread};
 use std::time::Duration;
 
 use super::latch::Held;
-use super::shared::{Shared, locked};
+use super::shared::Shared;
 use super::told::{Tap, Told};
 use super::validate::validated;
 use super::{Pause, Picture, PlateSnapshot, ResetFault};
@@ -94,7 +94,7 @@ impl Plate {
     pub fn reset(&self, held: Held, who: Caller, is_awaited: impl Fn() -> bool) -> Result<(), ResetFault> {
         let shared = &*self.shared;
         // one reset at a time; a stop does not ask for this
-        let _alone = locked(&shared.resetting);
+        let _alone = shared.resetting.lock();
         if self.held()? != held {
             return Err(ResetFault::StoppedAgain);
         }

@@ -1,6 +1,8 @@
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
+
+use parking_lot::Mutex;
 
 use sha2::{Digest, Sha256};
 
@@ -128,7 +130,7 @@ impl Shared {
 
     /// Notes what is seen; leaves it out while somebody looks.
     pub fn saw(&self, sight: &Sight, now: Duration) {
-        let Some(mut seen) = locked_now(&self.seen) else { return };
+        let Some(mut seen) = self.seen.try_lock() else { return };
         seen.sight.clone_from(sight);
         seen.at = Some(now);
     }
@@ -145,18 +147,18 @@ impl Shared {
 
     /// True when the plate may take a job.
     pub fn may_move(&self) -> bool {
-        !self.is_stopped() && !self.ending.load(Ordering::SeqCst) && locked(&self.paused).is_none()
+        !self.is_stopped() && !self.ending.load(Ordering::SeqCst) && self.paused.lock().is_none()
     }
 
     /// Why the plate must not move until a person resumes it.
     pub fn paused(&self) -> Option<Pause> {
-        locked(&self.paused).clone()
+        self.paused.lock().clone()
     }
 
     /// Pauses the plate, or lets it go on.
     pub fn pause(&self, why: Option<Pause>) {
         let paused = why.is_some();
-        let before = std::mem::replace(&mut *locked(&self.paused), why);
+        let before = std::mem::replace(&mut *self.paused.lock(), why);
         if before.is_some() != paused {
             self.ledger.note_paused(&self.name, paused);
         }
@@ -175,15 +177,15 @@ impl Shared {
 
     /// The job on the plate.
     pub fn job(&self) -> Option<JobId> {
-        locked(&self.turn).running.as_ref().map(|running| running.job)
+        self.turn.lock().running.as_ref().map(|running| running.job)
     }
 
     /// A job comes onto the plate; to end at once when it was told to before.
     pub fn begins(&self, job: JobId, standing: bool, recording: RecordingSwitch, journal: ScribeWatch) {
-        *locked(&self.seen) = Seen::default();
+        *self.seen.lock() = Seen::default();
         self.vitals.clear();
         self.window.clear();
-        let mut turn = locked(&self.turn);
+        let mut turn = self.turn.lock();
         let cause = (turn.unwanted.take() == Some(job)).then(cancelled);
         if cause.is_some() {
             self.stop.store(true, Ordering::SeqCst);
@@ -193,13 +195,13 @@ impl Shared {
 
     /// The recording of the job on the plate.
     pub fn recording(&self) -> Option<RecordingSwitch> {
-        locked(&self.turn).running.as_ref().map(|running| running.recording.clone())
+        self.turn.lock().running.as_ref().map(|running| running.recording.clone())
     }
 
     /// The job that is driven on the plate, and its journal: not one of which only recording, journal and report are
     /// still to be written.
     pub fn driven(&self) -> Option<(JobId, ScribeWatch)> {
-        let turn = locked(&self.turn);
+        let turn = self.turn.lock();
         let running = turn.running.as_ref().filter(|_| !self.vitals.is_over())?;
         Some((running.job, running.journal.clone()))
     }
@@ -212,12 +214,12 @@ impl Shared {
         if self.ending.load(Ordering::SeqCst) {
             return Some(ExternalStop::of(StopCause::Shutdown, "the daemon ended"));
         }
-        locked(&self.turn).running.as_ref()?.cause.clone()
+        self.turn.lock().running.as_ref()?.cause.clone()
     }
 
     /// The job on the plate is over; why it was told to end, if it was.
     pub fn ends(&self) -> Option<ExternalStop> {
-        let mut turn = locked(&self.turn);
+        let mut turn = self.turn.lock();
         let running = turn.running.take()?;
         turn.last = Some(running.job);
         running.cause
@@ -226,7 +228,7 @@ impl Shared {
     /// Tells `job`, which the store has as running, to end: now, or as soon as it comes onto the plate. False when its
     /// run is over.
     pub fn cancel(&self, job: &JobId) -> bool {
-        let Turn { running, last, unwanted } = &mut *locked(&self.turn);
+        let Turn { running, last, unwanted } = &mut *self.turn.lock();
         match running {
             Some(running) if running.job == *job => {
                 running.cause.get_or_insert_with(cancelled);
@@ -244,7 +246,7 @@ impl Shared {
     /// Stops `job` because something is wrong with it, as long as it is driven on the plate: what is seen of it later
     /// is no fault of the next one, nor of a plate at rest.
     pub fn bark(&self, job: &JobId, why: ExternalStop) {
-        let mut turn = locked(&self.turn);
+        let mut turn = self.turn.lock();
         let driven = turn.running.as_mut().filter(|running| running.job == *job && !self.vitals.is_over());
         if let Some(running) = driven {
             running.cause.get_or_insert(why);
@@ -254,9 +256,9 @@ impl Shared {
     }
 
     pub fn snapshot(&self, now: Duration) -> PlateSnapshot {
-        let (paused, running) = (self.paused(), locked(&self.turn).running.clone());
+        let (paused, running) = (self.paused(), self.turn.lock().running.clone());
         let job = running.as_ref().map(|running| running.job);
-        let Seen { sight, at } = locked(&self.seen).clone();
+        let Seen { sight, at } = self.seen.lock().clone();
         let (state, why, pause) = match (self.is_stopped(), paused, job) {
             (true, ..) => (PlateState::Stopped, "emergency stop".to_owned(), None),
             (false, _, Some(_)) => (PlateState::Running, String::new(), None),
@@ -290,18 +292,4 @@ fn cancelled() -> ExternalStop {
 
 fn sha256_hex(library: &Library) -> String {
     Sha256::digest(library.to_json().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-/// What lies behind a lock, whoever panicked while holding it.
-pub(super) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// The same without waiting: `None` while somebody else holds it.
-pub(super) fn locked_now<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
-    match mutex.try_lock() {
-        Ok(guard) => Some(guard),
-        Err(TryLockError::Poisoned(guard)) => Some(guard.into_inner()),
-        Err(TryLockError::WouldBlock) => None,
-    }
 }

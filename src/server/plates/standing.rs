@@ -1,8 +1,9 @@
 use std::io;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::shared::{Shared, locked};
+use parking_lot::Mutex;
+
+use super::shared::Shared;
 use super::validate::validated;
 use crate::states::StandingState;
 use crate::store::{NewJob, Pace};
@@ -57,17 +58,17 @@ impl Standing {
 
     /// Why it waits for a person.
     pub fn paused(&self) -> Option<String> {
-        locked(&self.paused).clone()
+        self.paused.lock().clone()
     }
 
     /// Has it wait for a person, or lets it run again.
     pub fn pause(&self, why: Option<String>) {
-        *locked(&self.paused) = why;
+        *self.paused.lock() = why;
     }
 
     /// Notes why it may not begin, apart from its turn. True when that is news.
     pub fn hold(&self, why: Option<String>) -> bool {
-        let mut held = locked(&self.held);
+        let mut held = self.held.lock();
         let is_news = *held != why;
         *held = why;
         is_news
@@ -83,7 +84,7 @@ impl Standing {
         let (state, why) = match (is_running, self.paused()) {
             (true, _) => (StandingState::Running, None),
             (false, Some(why)) => (StandingState::Paused, Some(why)),
-            (false, None) => (StandingState::Waiting, locked(&self.held).clone()),
+            (false, None) => (StandingState::Waiting, self.held.lock().clone()),
         };
         StandingSnapshot { name: self.job.name.clone(), state, why: why.unwrap_or_default() }
     }

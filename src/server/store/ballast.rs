@@ -3,6 +3,8 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use upm_core::files::{Length, free_bytes, reserve};
+
 /// Time between two tries to take the ballast aboard again.
 const TRY_EVERY: Duration = Duration::from_secs(2);
 
@@ -62,29 +64,12 @@ impl Ballast {
     /// waits for this writes nothing else meanwhile.
     fn fill(&self) -> io::Result<()> {
         let mut file = File::create(&self.path)?;
-        match set_aside(&file, self.bytes) {
+        match reserve(&file, self.bytes, Length::Extended) {
             Err(error) if error.kind() == io::ErrorKind::Unsupported => write_out(&mut file, self.bytes)?,
             done => done?,
         }
         file.sync_all()
     }
-}
-
-/// Makes a file so long with blocks of its own; [`io::ErrorKind::Unsupported`] on a disk that cannot.
-#[cfg(target_os = "linux")]
-fn set_aside(file: &File, bytes: u64) -> io::Result<()> {
-    use rustix::fs::{FallocateFlags, fallocate};
-    use rustix::io::Errno;
-
-    fallocate(file, FallocateFlags::empty(), 0, bytes).map_err(|errno| match errno {
-        Errno::OPNOTSUPP | Errno::NOSYS => io::ErrorKind::Unsupported.into(),
-        other => other.into(),
-    })
-}
-
-#[cfg(not(target_os = "linux"))]
-fn set_aside(_: &File, _: u64) -> io::Result<()> {
-    Err(io::ErrorKind::Unsupported.into())
 }
 
 /// Writes so many zeros.
@@ -97,12 +82,6 @@ fn write_out(file: &mut File, bytes: u64) -> io::Result<()> {
         left -= part;
     }
     Ok(())
-}
-
-/// Bytes that may still be written on the disk of `folder`.
-pub(super) fn free_bytes(folder: &Path) -> io::Result<u64> {
-    let disk = rustix::fs::statvfs(folder)?;
-    Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
 }
 
 #[cfg(all(test, target_os = "linux"))]
@@ -123,7 +102,7 @@ mod tests {
         let taken = file.metadata().unwrap();
         assert!(ballast.aboard() && taken.len() == 3 << 20 && taken.blocks() * 512 >= 3 << 20);
         let probe = File::create(folder.path().join("probe")).unwrap();
-        if set_aside(&probe, 1 << 20).is_ok() {
+        if reserve(&probe, 1 << 20, Length::Extended).is_ok() {
             assert_eq!(seek(&file, SeekFrom::Data(0)), Err(Errno::NXIO), "nothing was written");
         }
     }

@@ -1,8 +1,8 @@
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
 use jiff::Timestamp;
@@ -18,6 +18,7 @@ use super::{
     Accepted, AuditEntry, AuditRow, Cancelled, Claimed, Displaced, HeldPath, JobEnd, JobId, JobPage, JobRow, JobState,
     Ledger, NewEvent, NewJob, Page, Publish, Replay, StoreFault, StoreHealth, StoredEvent, audit, events, jobs,
 };
+use upm_core::files::sync_folder;
 
 /// The job store of one data folder. Callbacks run on its threads, after the commit: they hand on and return, and never
 /// call [`Ledger::claim`] or [`Ledger::ended`].
@@ -187,10 +188,10 @@ impl Ledger for Store {
                 return Ok(None);
             };
             // a sweep would take a folder that no row names as yet for one that was left behind
-            let _begins = self.begins.read().unwrap_or_else(PoisonError::into_inner);
+            let _begins = self.begins.read();
             let name = folder(&row)?;
             // a row must never name a folder that a power cut takes away
-            std::fs::File::open(&self.runs)?.sync_all()?;
+            sync_folder(&self.runs)?;
             let made = name.clone();
             let claimed = self.orders.written(false, move |books| books.start(&row.id, &made));
             match claimed {
@@ -215,9 +216,9 @@ impl Ledger for Store {
         let Some(row) = self.orders.written(false, move |books| books.next_standing(&new))? else {
             return Ok(None);
         };
-        let _begins = self.begins.read().unwrap_or_else(PoisonError::into_inner);
+        let _begins = self.begins.read();
         let name = folder(&row)?;
-        std::fs::File::open(&self.runs)?.sync_all()?;
+        sync_folder(&self.runs)?;
         let (state, started_at) = (JobState::Running, Some(row.submitted_at));
         let row = JobRow { state, started_at, folder: Some(name.clone()), ..row };
         let (begun, spec_json) = (row.clone(), job.spec_json.clone());

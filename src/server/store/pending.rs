@@ -1,6 +1,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
+
+use parking_lot::{Mutex, MutexGuard};
 
 use jiff::Timestamp;
 
@@ -47,11 +48,7 @@ impl Pending {
     /// A job has come this far; the last word counts. Whoever drives a plate tells this, so it is left out while
     /// somebody else is busy with the notes.
     pub fn progress(&self, id: &JobId, progress: f64) {
-        let mut notes = match self.notes.try_lock() {
-            Ok(notes) => notes,
-            Err(TryLockError::Poisoned(notes)) => notes.into_inner(),
-            Err(TryLockError::WouldBlock) => return,
-        };
+        let Some(mut notes) = self.notes.try_lock() else { return };
         let waiting = &mut notes.progress;
         if waiting.len() < MOST_JOBS || waiting.contains_key(id) {
             waiting.insert(*id, progress);
@@ -92,7 +89,7 @@ impl Pending {
     }
 
     fn notes(&self) -> MutexGuard<'_, Notes> {
-        self.notes.lock().unwrap_or_else(PoisonError::into_inner)
+        self.notes.lock()
     }
 }
 

@@ -4,6 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::{HeldPath, StoreFault};
+use upm_core::files::sync_folder;
 
 /// Name of a folder whose contents are being deleted.
 const TRASH: &str = ".trash";
@@ -120,7 +121,7 @@ impl Places {
 
     /// Makes renames in the data folder outlive a power cut.
     pub fn sync(&self) -> io::Result<()> {
-        File::open(&self.data)?.sync_all()
+        sync_folder(&self.data)
     }
 }
 

@@ -1,8 +1,10 @@
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
+
+use parking_lot::Mutex;
 
 use rusqlite::Connection;
 
@@ -67,7 +69,7 @@ impl Readers {
 
 fn answer(connection: &Connection, questions: &Mutex<Receiver<Question>>, clock: &dyn Clock, busy: &Busy) {
     loop {
-        let next = questions.lock().unwrap_or_else(PoisonError::into_inner).recv();
+        let next = questions.lock().recv();
         match next {
             Ok(question) => {
                 let now = u64::try_from(clock.elapsed().as_micros()).unwrap_or(u64::MAX);

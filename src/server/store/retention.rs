@@ -2,11 +2,13 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::sync::{Arc, PoisonError, RwLock};
 use std::thread;
 use std::time::Duration;
+
+use parking_lot::RwLock;
 
 use jiff::Timestamp;
 
@@ -206,7 +208,7 @@ impl Sweeper {
 
     /// Names of the run folders, and the rows that name them, with no claim between its folder and its row.
     fn names_and_rows(&self) -> Result<(Vec<String>, RunFolders), StoreFault> {
-        let _none_begins = self.begins.write().unwrap_or_else(PoisonError::into_inner);
+        let _none_begins = self.begins.write();
         Ok((self.places.run_names()?, self.orders.written(true, |books| books.folders())?))
     }
 

@@ -1,9 +1,11 @@
 use std::cell::Cell;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
+
+use parking_lot::Mutex;
 
 use jiff::Timestamp;
 use rusqlite::{Connection, TransactionBehavior};
@@ -85,7 +87,7 @@ impl Shown {
 
     /// Why the last commit failed.
     pub fn fault(&self) -> Option<StoreFault> {
-        self.fault.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.fault.lock().clone()
     }
 
     fn beat(&self) {
@@ -93,7 +95,7 @@ impl Shown {
     }
 
     fn note(&self, fault: Option<&StoreFault>) {
-        *self.fault.lock().unwrap_or_else(PoisonError::into_inner) = fault.cloned();
+        *self.fault.lock() = fault.cloned();
     }
 }
 

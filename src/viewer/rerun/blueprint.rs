@@ -4,7 +4,8 @@
 //! view like any other, so they are logged into the blueprint's own store next to what the builder writes.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use parking_lot::{Mutex, MutexGuard};
 
 use rerun::blueprint::{
     BarChartView, Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Grid, Horizontal, SelectionPanel,
@@ -57,7 +58,7 @@ static MADE: Mutex<BTreeMap<String, Written>> = Mutex::new(BTreeMap::new());
 const MOST_MADE: usize = 64;
 
 fn made() -> MutexGuard<'static, BTreeMap<String, Written>> {
-    MADE.lock().unwrap_or_else(PoisonError::into_inner)
+    MADE.lock()
 }
 
 /// A layout as messages.

@@ -3,6 +3,8 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
+use upm_core::files::sync_folder;
+
 /// A file that gets its name only once it is whole. Until then it is `NAME.part`, locked against others, and what a
 /// killed process leaves is told from what is whole by its name alone.
 pub(super) struct Draft {
@@ -26,7 +28,7 @@ impl Draft {
         lock(&file)?;
         file.set_len(0)?;
         // what is synced while it is written shall have a name after a power cut; a disk that cannot do it says so at the end
-        sync_folder_of(&part).ok();
+        sync_parent(&part).ok();
         Ok((Self { part, path: path.to_owned() }, file))
     }
 
@@ -84,19 +86,11 @@ pub(super) fn open_regular(path: &Path, options: &mut OpenOptions) -> io::Result
 pub(super) fn keep(part: &Path, path: &Path) -> io::Result<()> {
     open_regular(part, OpenOptions::new().read(true))?.sync_all()?;
     fs::rename(part, path)?;
-    sync_folder_of(path)
+    sync_parent(path)
 }
 
-#[cfg(unix)]
-fn sync_folder_of(path: &Path) -> io::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    File::open(folder)?.sync_all()
-}
-
-/// Elsewhere a folder is no file.
-#[cfg(not(unix))]
-fn sync_folder_of(_: &Path) -> io::Result<()> {
-    Ok(())
+fn sync_parent(path: &Path) -> io::Result<()> {
+    sync_folder(path.parent().unwrap_or(Path::new(".")))
 }
 
 #[cfg(test)]

@@ -1,8 +1,10 @@
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
+
+use parking_lot::{Mutex, MutexGuard};
 
 use upm_core::priority::step_back;
 use upm_core::time::{Clock, MonotonicClock};
@@ -93,7 +95,7 @@ impl Drop for Gate {
 }
 
 fn lock(hall: &Mutex<Hall>) -> MutexGuard<'_, Hall> {
-    hall.lock().unwrap_or_else(PoisonError::into_inner)
+    hall.lock()
 }
 
 fn keep_door(listener: &TcpListener, hall: &Arc<Mutex<Hall>>) {

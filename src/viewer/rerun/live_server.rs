@@ -3,11 +3,13 @@ use std::fmt;
 use std::hash::{BuildHasher, RandomState};
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{Receiver, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
+
+use parking_lot::{Mutex, MutexGuard};
 
 use rerun::external::re_log_types::BlueprintActivationCommand;
 use rerun::external::re_uri::{Origin, ProxyUri, Scheme};
@@ -225,7 +227,7 @@ impl RunFeed {
 }
 
 fn lock<T>(held: &Mutex<T>) -> MutexGuard<'_, T> {
-    held.lock().unwrap_or_else(PoisonError::into_inner)
+    held.lock()
 }
 
 /// Hands on what comes until nobody sends any more. When the sink is dropped here it waits for the slowest viewer, so

@@ -3,6 +3,7 @@ use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use crate::store::{Displaced, HeldPath};
+use upm_core::files::sync_folder;
 
 const STOPPED: &[u8; 16] = b"upm: stopped    ";
 pub(super) const RELEASED: &[u8; 16] = b"upm: released   ";
@@ -44,7 +45,7 @@ impl LatchFile {
             latch.write(false)?;
         }
         // a file whose entry a power cut takes away would be a missing one
-        sync(folder)?;
+        sync_folder(folder)?;
         Ok((latch, known))
     }
 
@@ -87,12 +88,7 @@ pub(super) fn make_folder(folder: &Path) -> io::Result<()> {
         return Ok(());
     }
     fs::create_dir_all(folder)?;
-    folder.parent().map_or(Ok(()), sync)
-}
-
-fn sync(folder: &Path) -> io::Result<()> {
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    File::open(folder)?.sync_all()
+    folder.parent().map_or(Ok(()), sync_folder)
 }
 
 #[cfg(test)]

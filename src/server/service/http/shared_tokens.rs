@@ -1,6 +1,8 @@
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, PoisonError, RwLock};
+use std::sync::Arc;
 use std::time::Duration;
+
+use parking_lot::{Mutex, RwLock};
 
 use axum::http::HeaderMap;
 use axum::http::header::AUTHORIZATION;
@@ -32,7 +34,7 @@ impl SharedTokens {
 
     /// From now on these are accepted, and no others.
     pub fn replace(&self, tokens: Tokens) {
-        *self.0.tokens.write().unwrap_or_else(PoisonError::into_inner) = tokens;
+        *self.0.tokens.write() = tokens;
     }
 
     /// The caller, if its token lets it do what needs `needed`. A wrong one is logged, at most once a minute.
@@ -42,7 +44,7 @@ impl SharedTokens {
         needed: Scope,
         remote: Option<SocketAddr>,
     ) -> Result<String, Problem> {
-        let admitted = self.0.tokens.read().unwrap_or_else(PoisonError::into_inner).admit(headers, needed);
+        let admitted = self.0.tokens.read().admit(headers, needed);
         let is_wrong = |problem: &Problem| problem.kind() == ProblemKind::Unauthorized;
         if headers.contains_key(AUTHORIZATION) && admitted.as_ref().is_err_and(is_wrong) {
             self.tell(|wrong, now| wrong.note(remote, now));
@@ -56,7 +58,7 @@ impl SharedTokens {
     }
 
     fn tell(&self, due: impl FnOnce(&mut WrongTokens, Duration) -> Option<(u64, Option<SocketAddr>)>) {
-        let due = due(&mut self.0.wrong.lock().unwrap_or_else(PoisonError::into_inner), self.0.clock.elapsed());
+        let due = due(&mut self.0.wrong.lock(), self.0.clock.elapsed());
         if let Some((requests, remote)) = due {
             let remote = remote.map(|remote| remote.to_string()).unwrap_or_default();
             tracing::warn!(requests, remote, "refused: the token is none of this daemon's");
