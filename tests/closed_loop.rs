@@ -211,6 +211,7 @@ fn an_interrupt_closes_the_run_in_good_order() {
     assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(report["outcome"], "cancelled");
+    assert_eq!(report["stop"]["code"], "interrupted");
     let folder = fs::read_dir(&out).unwrap().next().unwrap().unwrap().path();
     let journal = fs::read_to_string(folder.join("journal.jsonl")).unwrap();
     assert!(journal.lines().all(|line| serde_json::from_str::<Value>(line).is_ok()), "no half line");

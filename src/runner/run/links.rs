@@ -59,7 +59,7 @@ impl Links<'_> {
         if !finish.ending.is_external() || finish.ending.cause == Some(StopCause::GaveWay) {
             return;
         }
-        let by_control = finish.ending.reason.clone();
+        let by_control = finish.ending.clone();
         let trip = self.interlock.tripped();
         if let Some(trip) = trip {
             finish.ending = Ending::from(RigFault::Stopped(trip));
@@ -72,7 +72,7 @@ impl Links<'_> {
         if let Some(ExternalStop { cause, reason }) = (self.cause)() {
             (finish.ending.cause, finish.ending.reason) = (Some(cause), reason);
         }
-        if finish.ending.reason != by_control {
+        if finish.ending != by_control {
             let level = if trip.is_some() { EventLevel::Error } else { EventLevel::Info };
             let Ending { outcome, cause, reason } = &finish.ending;
             let milestone = Milestone::RunEnded { outcome: *outcome, cause: *cause };
