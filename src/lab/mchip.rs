@@ -255,6 +255,7 @@ pub fn measure(chip: &MChip, progress: Progress<'_>) -> Result<Outcome, LabFault
 fn figures(summaries: &[Summary]) -> Vec<Figure> {
     let source = format!("mean of {} starts, from 0.05 s on", summaries.len());
     let alone = |name: &str, unit: &str, value: f64| Figure::alone(name, unit, value, &source);
+    let angular = |i: usize| mean(summaries, |summary| summary.energies.jitter[i].mean);
     vec![
         alone("feed rate", "mm/s", mm_from_m(mean(summaries, |summary| summary.rate_mps))),
         alone("feed rate while it moves", "mm/s", mm_from_m(mean(summaries, |summary| summary.feed.moving_mps))),
@@ -265,6 +266,7 @@ fn figures(summaries: &[Summary]) -> Vec<Figure> {
         alone("contacts once a cycle, of all", "1", mean(summaries, |summary| summary.clusters[2].share)),
         alone("angle of a resonator at a contact", "rad", mean(summaries, |summary| summary.angle_rad)),
         alone("its angular speed", "rad/s", mean(summaries, |summary| summary.speed_radps)),
+        alone("energy of roll over that of pitch (AngX over AngY)", "1", angular(3) / angular(4)),
         alone("height of the part above rest", "µm", 1e6 * mean(summaries, |summary| summary.height_m.mean)),
         alone("strongest line of the height", "Hz", mean(summaries, |summary| summary.bounce_line[0])),
     ]
