@@ -145,7 +145,7 @@ impl MotionGuard {
                 let is_far = off > FAR_OFF;
                 if is_far || self.off >= OFF_IN_A_ROW { found(Condition::MotionOff, reason, is_far) } else { None }
             }
-            MotionVerdict::Unreadable { strong: true } if saw_it_go || shows_drive => {
+            MotionVerdict::Unreadable { strong: true } if saw_it_go || shows_drive || is_sensors => {
                 let reason = "the accelerometers tell nothing of a motion that the camera saw".to_owned();
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
             }
@@ -197,6 +197,10 @@ mod tests {
         assert_eq!([small(None), small(Some(false))], [Some(false), Some(true)], "a small pulse is judged as the last");
         assert_eq!([false, true].map(|strong| ends(unread(strong), 0.0, None)), [None, Some(true)]);
         assert_eq!(ends(unread(true), 0.0, Some(true)), Some(false));
+        let mut unread_before = MotionGuard::default();
+        unread_before.finding(unread(true), 0.0, None, SwingSeen::AsDriven);
+        let unread_again = |seen| unread_before.clone().finding(unread(true), 0.0, None, seen).map(|found| found.ends);
+        assert_eq!([SwingSeen::Unclear, SwingSeen::Otherwise].map(unread_again), [Some(false), Some(true)]);
         assert_eq!(ends(MotionVerdict::Channels, 0.9, None), Some(false));
     }
 
