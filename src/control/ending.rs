@@ -13,7 +13,7 @@ pub(super) type Flow<T = ()> = ControlFlow<Ending, T>;
 pub struct Ending {
     /// How.
     pub outcome: Outcome,
-    /// What ended it, for programs; `None` where the outcome says it all.
+    /// Its cause; `None` where the outcome says it all.
     pub cause: Option<StopCause>,
     /// Why, one line for people.
     pub reason: String,
@@ -44,12 +44,12 @@ impl Ending {
         }
     }
 
-    /// Somebody stopped it.
+    /// Stopped from outside.
     pub fn cancelled(cause: StopCause, reason: impl Into<String>) -> Self {
         Self { outcome: Outcome::Cancelled, cause: Some(cause), reason: reason.into() }
     }
 
-    /// Somebody set the flag that ends a run.
+    /// The flag that ends a run was set.
     pub fn stopped() -> Self {
         Self::cancelled(StopCause::Stopped, "stopped from outside, motors at zero")
     }
@@ -99,7 +99,7 @@ pub(super) fn is_stopped<T>(flow: &Flow<T>) -> bool {
     matches!(flow, ControlFlow::Break(ending) if ending.is_external())
 }
 
-/// Ends the run once somebody set `stop`.
+/// Ends the run once `stop` is set.
 pub(super) fn check_stop(stop: &AtomicBool) -> Flow {
     if stop.load(Ordering::Relaxed) { ControlFlow::Break(Ending::stopped()) } else { ControlFlow::Continue(()) }
 }

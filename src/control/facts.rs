@@ -140,7 +140,7 @@ pub struct MilestoneFacts<'a> {
 /// An event that programs tell from others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Milestone {
-    /// The run ended. Of a run that was stopped there may be a second one, with what stopped it.
+    /// The run ended. A run that was stopped may have a second one, with the cause of the stop.
     RunEnded {
         /// How.
         outcome: Outcome,

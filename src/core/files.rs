@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 /// Writes `bytes` into `file`, which is the new file `draft`, and gives it the name `path` in the same folder once they are on
-/// the disk. What was there before stays until then.
+/// the disk. Until then the old file remains.
 pub fn write_whole(mut file: File, draft: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
     file.write_all(bytes)?;
     file.sync_all()?;
@@ -25,16 +25,19 @@ pub fn sync_folder(_: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// What becomes of a file's length when room is reserved for it.
+/// Length of a file after room was reserved for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
-    /// It stays.
+    /// The length it had.
     Kept,
-    /// It becomes that of the room.
+    /// That of the room.
     Extended,
 }
 
-/// Reserves blocks of its own for the first `bytes` of `file`; [`io::ErrorKind::Unsupported`] on a disk that cannot.
+/// Allocates disk blocks for the first `bytes` of `file`.
+///
+/// # Errors
+/// [`io::ErrorKind::Unsupported`] on a file system without preallocation; others as the system reports them.
 #[cfg(target_os = "linux")]
 pub fn reserve(file: &File, bytes: u64, length: Length) -> io::Result<()> {
     use rustix::fs::{FallocateFlags, fallocate};

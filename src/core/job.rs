@@ -18,7 +18,7 @@ pub enum Outcome {
     /// It cannot be reached any more, or not in time; or the run never began.
     #[default]
     Failed,
-    /// Somebody stopped it.
+    /// An operator, a client or the end of the program stopped it.
     Cancelled,
 }
 
@@ -37,7 +37,7 @@ impl Outcome {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RecordingEnd {
-    /// Somebody stopped it: the file is closed, and whole as far as it goes.
+    /// Stopped on request, for example for disk space: the file is closed, and whole as far as it goes.
     RecordingStopped,
     /// Something could not be recorded.
     RecordingFailed,

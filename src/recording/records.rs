@@ -112,7 +112,7 @@ pub struct EventRecord {
     pub level: EventLevel,
     /// In words.
     pub text: String,
-    /// What it says of the end of the run or its recording, if anything.
+    /// End of the run or of its recording that it reports, if any.
     pub milestone: Option<Milestone>,
 }
 

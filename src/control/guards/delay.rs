@@ -65,7 +65,7 @@ pub enum Late {
     Unseen,
 }
 
-/// What the frames of a pulse show of the swing that it should make.
+/// Planned swing of a pulse as its frames show it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SwingSeen {
     /// That swing.
@@ -262,12 +262,16 @@ impl DelayGuard {
     /// they do not, or show it in time.
     fn delay_at_any_scale(&self, first: usize) -> Option<usize> {
         let left = |delay: usize| {
-            let of =
-                |i: usize, seen: f64| (seen, self.frames.get(i.checked_sub(delay)?).map_or(0.0, |f| f.expected)).into();
-            let pairs = self.frames.iter().enumerate().skip(first).filter_map(|(i, frame)| of(i, frame.seen?));
-            let (mut ss, mut se, mut ee) = (0.0, 0.0, 0.0);
-            pairs.for_each(|(s, e): (f64, f64)| (ss, se, ee) = (ss + s * s, se + s * e, ee + e * e));
-            1.0 - se * se / (ss * ee).max(f64::MIN_POSITIVE)
+            let shifted = self.frames.iter().skip(first.saturating_sub(delay)).map(|frame| frame.expected);
+            let seen = self.frames.iter().skip(first.max(delay)).map(|frame| frame.seen);
+            let (mut seen_sq, mut product, mut expected_sq) = (0.0, 0.0, 0.0);
+            for (seen, expected) in seen.zip(shifted).filter_map(|(seen, expected)| Some((seen?, expected))) {
+                seen_sq += seen * seen;
+                product += seen * expected;
+                expected_sq += expected * expected;
+            }
+            // one minus the squared correlation: the part of the squares that the best factor leaves over
+            1.0 - product * product / (seen_sq * expected_sq).max(f64::MIN_POSITIVE)
         };
         let best = (LATE..=LONGEST).min_by(|&a, &b| left(a).total_cmp(&left(b)))?;
         (left(best) < ALIKE_IN_SHAPE && left(0) > UNLIKE).then_some(best)

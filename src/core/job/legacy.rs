@@ -1,6 +1,7 @@
-//! What files of 0.1.0 say in words where later ones have codes. For readers of such files alone: nothing writes these.
+//! Sentences of files from 0.1.0 that have a code in later files. Only readers of old files use them; no file is written with
+//! them.
 
-/// How the event, and the warning in the report, begin of a recording that ended before its run did.
+/// Beginning of the event, and of the warning in the report, about a recording that ended before its run.
 pub const RECORDING_ENDS_EARLY: &str = "the recording ends early: ";
 
 /// Reason in the report of a run that was stopped because the daemon ended.

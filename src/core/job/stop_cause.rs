@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-/// What ended a run that did not end by its goal.
+/// Cause of the end of a run that did not reach its goal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StopCause {
@@ -48,19 +48,19 @@ pub enum StopCause {
     PartStuck,
     /// A part goes the other way than pulses should carry it.
     PartAstray,
-    /// The program was told to end the run, it is not known by whom.
+    /// The flag that ends a run was set by an unknown caller.
     Stopped,
     /// The operator interrupted the program.
     Interrupted,
     /// A client asked for it.
     Cancelled,
-    /// Somebody pressed the emergency stop.
+    /// An operator pressed the emergency stop.
     Estop,
     /// The program ended.
     Shutdown,
-    /// Nobody drove the motors for longer than the drive lease.
+    /// The drive lease expired: the control loop did not drive the motors in time.
     LeaseExpired,
-    /// A watchdog stopped it, it is not known for what.
+    /// A watchdog stopped it for a cause that is not known.
     Watchdog,
     /// A watchdog stopped it: this computer was too slow for the plate, under strict deadlines.
     DeadlineMissed,
@@ -203,45 +203,17 @@ impl StopCause {
         })
     }
 
-    /// True where nothing in the run itself ended it: a repetition of the run does not end there.
+    /// True for a stop from outside the run: a repetition of the run does not end there.
     pub fn is_external(self) -> bool {
-        match self {
-            Self::GaveWay
-            | Self::Stopped
-            | Self::Interrupted
-            | Self::Cancelled
-            | Self::Estop
-            | Self::Shutdown
-            | Self::LeaseExpired
-            | Self::Watchdog
-            | Self::DeadlineMissed
-            | Self::Hung
-            | Self::NoPartSeen
-            | Self::EventsBlocked
-            | Self::JournalBlocked
-            | Self::JournalLost => true,
-            Self::NoProgress
-            | Self::NoFeasibleStep
-            | Self::Uncontrollable
-            | Self::TimeLimit
-            | Self::PartLost
-            | Self::PartCount
-            | Self::DeviceFault
-            | Self::TableMissing
-            | Self::CameraFrozen
-            | Self::CameraStale
-            | Self::CameraDark
-            | Self::CameraMoved
-            | Self::CameraLate
-            | Self::ViewHidden
-            | Self::ForeignPart
-            | Self::PartsJumped
-            | Self::CoilFault
-            | Self::AccelerometerFault
-            | Self::MotionOff
-            | Self::PartStuck
-            | Self::PartAstray => false,
-        }
+        self.is_by_watchdog() || self.is_by_request() || self == Self::JournalLost
+    }
+
+    /// True for a stop that a person or another job asked for, or that came with the end of the program.
+    fn is_by_request(self) -> bool {
+        matches!(
+            self,
+            Self::GaveWay | Self::Stopped | Self::Interrupted | Self::Cancelled | Self::Estop | Self::Shutdown
+        )
     }
 
     /// True for a stop by a watchdog: something was wrong that the run did not see itself.
@@ -261,17 +233,7 @@ impl StopCause {
     /// True for an end by a guard, a watchdog or the time limit: a person looks what is wrong before the plate takes
     /// another job.
     pub fn pauses_plate(self) -> bool {
-        !matches!(
-            self,
-            Self::GaveWay
-                | Self::NoFeasibleStep
-                | Self::Uncontrollable
-                | Self::Stopped
-                | Self::Interrupted
-                | Self::Cancelled
-                | Self::Estop
-                | Self::Shutdown
-                | Self::JournalLost
-        )
+        let is_of_the_job = matches!(self, Self::NoFeasibleStep | Self::Uncontrollable | Self::JournalLost);
+        !is_of_the_job && !self.is_by_request()
     }
 }

@@ -28,7 +28,7 @@ pub struct JobEnd {
     pub at: PlateTime,
     /// A final state.
     pub state: JobState,
-    /// What ended it, for programs; `None` where its state says it all.
+    /// Its cause; `None` where the state says it all.
     pub stop: Option<StopCause>,
     /// Why, in words.
     pub reason: String,

@@ -22,7 +22,7 @@ pub(in crate::cli) enum Refusal {
         status: u16,
         /// Its detail in a sentence.
         detail: String,
-        /// What is wrong in what was sent.
+        /// Faults of the document that was sent.
         faults: Vec<Fault>,
         /// When to try again, s.
         retry_after_s: Option<u64>,

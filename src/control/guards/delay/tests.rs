@@ -23,7 +23,7 @@ fn frames(swing: &Swing) -> u32 {
     (swing.envelope.total_s() / FRAME_S).ceil() as u32 + 1
 }
 
-/// What is found in each of four pulses of `swing`, one straight after the other, seen `late` frames late.
+/// Findings in four pulses of `swing`, each straight after the one before, in frames that are `late` frames late.
 fn found(late: u32, swing: &Swing) -> [Option<Late>; 4] {
     let frames = frames(swing);
     let mut guard = DelayGuard::new(FRAME_HZ);

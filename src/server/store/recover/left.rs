@@ -86,7 +86,7 @@ fn journal_tells(folder: &Path) -> bool {
     }
 }
 
-/// What a report says of the end of its run; those of 0.1.0 have no code of a stop from outside.
+/// End of a run in its report; reports of 0.1.0 have no code for a stop from outside.
 #[derive(Deserialize)]
 struct ReportedEnd {
     outcome: Outcome,
