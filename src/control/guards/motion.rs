@@ -98,6 +98,8 @@ impl MotionGuard {
         // a pulse too small to tell by its parts is judged by the plate's swing, or as the last one that told
         let is_as_known = as_forecast.is_none() && (self.contradicted || self.doubts_sensors && shows_drive);
         let is_sensors = (saw_it_all || is_as_known) && swing != SwingSeen::Otherwise;
+        // a channel that is known to be at fault hides a small motion: nothing speaks of another one
+        let is_hidden = self.doubts_sensors && as_forecast.is_none() && swing != SwingSeen::Otherwise;
         self.doubts_sensors |= matches!(verdict, MotionVerdict::Channel { .. } | MotionVerdict::Channels);
         let found = |condition, reason: String, ends| Some(Finding { condition, reason, ends });
         let percent = 100.0 * off;
@@ -147,6 +149,10 @@ impl MotionGuard {
             }
             MotionVerdict::Unreadable { strong: true } if saw_it_go || shows_drive || is_sensors => {
                 let reason = "the accelerometers tell nothing of a motion that the camera saw".to_owned();
+                found(Condition::AccelerometerFault { channel: None }, reason, false)
+            }
+            MotionVerdict::Unreadable { strong: true } if is_hidden => {
+                let reason = "the accelerometers tell nothing of a small pulse".to_owned();
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
             }
             MotionVerdict::Unreadable { strong: true } => {
@@ -201,6 +207,13 @@ mod tests {
         unread_before.finding(unread(true), 0.0, None, SwingSeen::AsDriven);
         let unread_again = |seen| unread_before.clone().finding(unread(true), 0.0, None, seen).map(|found| found.ends);
         assert_eq!([SwingSeen::Unclear, SwingSeen::Otherwise].map(unread_again), [Some(false), Some(true)]);
+        let mut one_at_fault = MotionGuard::default();
+        one_at_fault.finding(channel, 0.4, None, SwingSeen::Unclear);
+        let unread_small =
+            |seen, swing| one_at_fault.clone().finding(unread(true), 0.0, seen, swing).map(|found| found.ends);
+        assert_eq!(unread_small(None, SwingSeen::Unclear), Some(false), "the channel hides the motion");
+        assert_eq!(unread_small(None, SwingSeen::Otherwise), Some(true));
+        assert_eq!(unread_small(Some(false), SwingSeen::Unclear), Some(true));
         assert_eq!(ends(MotionVerdict::Channels, 0.9, None), Some(false));
     }
 
