@@ -11,11 +11,14 @@
 
 mod attend;
 mod crier;
+mod current_job;
 mod disk;
 mod draw;
+mod emergency_stop;
 mod frames;
 mod latch;
 mod plate;
+mod setup;
 mod shared;
 mod standing;
 mod start;
@@ -28,12 +31,12 @@ mod watchdog;
 mod worker;
 
 pub use frames::Picture;
-pub use latch::{Held, Latch, Latches};
+pub use latch::Held;
 pub use plate::{Caller, Plate};
-pub use standing::{StandingSetup, StandingSnapshot};
-pub use start::{PlateSetup, Plates, Surroundings};
+pub use setup::{PlateSetup, StandingSetup, Surroundings};
+pub use start::Plates;
 pub use told::{Tap, Told};
-pub use types::{Pause, PlateSnapshot, ResetFault, Sight};
+pub use types::{Pause, PlateSnapshot, ResetFault, Sight, StandingSnapshot};
 pub use validate::fitting_library;
 
 pub use crate::states::{PlateState, StandingState};

@@ -5,6 +5,8 @@ use std::sync::{Arc, OnceLock};
 use std::thread::{self, Thread};
 use std::time::Duration;
 
+use parking_lot::{Condvar, Mutex};
+
 use crate::job::StopCause;
 use crate::time::{Clock, PlateTime};
 
@@ -62,7 +64,8 @@ pub struct StopTimes {
 /// Keeps motors silent. Any thread trips it, at any time, past everything else; the rig it is fitted to asks it
 /// before every step and cuts its motors within that step.
 ///
-/// There are no locks in it, and nothing that trips it ever waits for the rig, nor the rig for who trips it.
+/// Tripping takes no lock and never waits for the rig, nor the rig for who trips it. The one lock is for those who wait for
+/// silence: they hold it while they look, the rig for a moment once its motors have fallen silent after a trip.
 ///
 /// An interlock belongs to a plate, not to a run. Whoever owns the plate makes one, keeps it for life and fits it to
 /// the rig of each run in turn; a run on its own makes one for itself. A rig holds it ([`Fitted`]) from
@@ -80,6 +83,7 @@ struct Shared {
     requested_wall_ns: AtomicU64,
     silent_wall_ns: AtomicU64,
     driver: OnceLock<Thread>,
+    silence: (Mutex<()>, Condvar),
     clock: Option<Arc<dyn Clock + Send + Sync>>,
 }
 
@@ -219,7 +223,23 @@ impl Interlock {
         if word.trip().is_some() {
             shared.silent_wall_ns.store(shared.wall_ns(), Ordering::Relaxed);
         }
-        shared.word.fetch_and(!Word::SOUNDING, Ordering::AcqRel);
+        let before = Word(shared.word.fetch_and(!Word::SOUNDING, Ordering::AcqRel));
+        if before.trip().is_some() {
+            let (lock, condition) = &shared.silence;
+            drop(lock.lock());
+            condition.notify_all();
+        }
+    }
+
+    /// Waits until the motors have answered the trip, at most `within`: how, as [`Self::answer`] has it.
+    pub fn wait_for_answer(&self, within: Duration) -> Option<StopTimes> {
+        let (lock, condition) = &self.0.silence;
+        let is_sounding = |_: &mut ()| {
+            let word = self.0.word(Ordering::Acquire);
+            word.trip().is_some() && word.has(Word::SOUNDING)
+        };
+        condition.wait_while_for(&mut lock.lock(), is_sounding, within);
+        self.answer()
     }
 
     /// How the trip was answered; `None` without a trip, and while motors still sound.

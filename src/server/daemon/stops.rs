@@ -1,24 +1,15 @@
 use std::sync::Arc;
-use std::thread;
-use std::time::Duration;
 
 use super::answers;
 use super::desk::{Office, no_job};
 use crate::plates::{self, Held, Plate, ResetFault};
 use crate::service::{Caller, EStopped, Job, Refusal, Reply, ResetRequest};
 use crate::store::{Cancelled, JobId, JobState};
-use upm_core::time::Clock;
-
-/// Longest time the answer to an emergency stop waits for the motors to be seen at zero.
-const SILENT_WITHIN: Duration = Duration::from_millis(400);
 
 /// Writes down an emergency stop that has been made, and sees how it went.
 pub(super) fn see_through(office: &Office, name: &str, caller: &Caller) -> Result<EStopped, Refusal> {
     let plate = office.plate(name)?;
-    let until = office.clock.elapsed() + SILENT_WITHIN;
-    while plate.stop_times().is_none() && office.clock.elapsed() < until {
-        thread::sleep(Duration::from_millis(1));
-    }
+    plate.wait_until_silent();
     let persisted = plate.account_for_estop(who(caller));
     let times = plate.stop_times();
     Ok(EStopped {

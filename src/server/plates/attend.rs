@@ -2,7 +2,7 @@ use std::sync::mpsc::{SyncSender, TrySendError};
 use std::time::Duration;
 
 use super::crier::Item;
-use super::frames::Mark;
+use super::draw::Mark;
 use super::shared::Shared;
 use super::told::News;
 use crate::plates::Sight;
@@ -48,17 +48,17 @@ impl<'a> Attend<'a> {
             }
         }
         let sent = self.crier.try_send(Item::Tell(self.job, news));
-        self.shared.vitals.could_tell(self.clock.elapsed(), sent.is_ok());
+        self.shared.job.vitals.could_tell(self.clock.elapsed(), sent.is_ok());
         if let Err(TrySendError::Full(Item::Tell(_, news))) = sent {
             self.left_out += u64::from(news.durable);
         }
     }
 
     fn show(&mut self, now: Duration) {
-        self.shared.saw(&self.sight, now);
+        self.shared.job.saw(&self.sight, now);
         if self.looked_at.is_none_or(|before| now >= before + LOOKS_APART) {
             self.looked_at = Some(now);
-            self.tell(News::look(&self.sight, self.shared.pacing.behind()));
+            self.tell(News::look(&self.sight, self.shared.job.pacing.behind()));
         }
     }
 
@@ -92,7 +92,7 @@ impl Sink for Attend<'_> {
         self.sight.positions_m.extend(facts.tracks.iter().map(|track| track.seen.position_m));
         // while control waits for sight, it minds by itself that this does not last
         let part_in_sight = facts.blind || facts.tracks.iter().any(|track| track.frames_unseen == 0);
-        self.shared.vitals.frame(now, facts.frame.exposed_at, part_in_sight, facts.starts_cycle);
+        self.shared.job.vitals.frame(now, facts.frame.exposed_at, part_in_sight, facts.starts_cycle);
         self.show(now);
         self.shared.window.offer(facts.frame, || self.marks(facts.tracks), now);
     }
@@ -102,13 +102,13 @@ impl Sink for Attend<'_> {
         self.sight.progress = facts.wanted.progress;
         self.sight.phase.clone_from(&facts.wanted.phase);
         self.shared.ledger.progress(&self.job, facts.wanted.progress);
-        self.tell(News::cycle(facts, self.shared.pacing.behind()));
+        self.tell(News::cycle(facts, self.shared.job.pacing.behind()));
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
         // a journal that fails is told as an error, and ends the run
         if level == EventLevel::Error {
-            self.shared.vitals.end();
+            self.shared.job.vitals.end();
         }
         if level != EventLevel::Info {
             self.tell(News::warning(at, level, text));
@@ -117,7 +117,7 @@ impl Sink for Attend<'_> {
 
     fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
         if matches!(facts.milestone, Milestone::RunEnded { .. }) {
-            self.shared.vitals.end();
+            self.shared.job.vitals.end();
         }
         self.event(facts.at, facts.level, facts.text);
     }

@@ -2,10 +2,8 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
 use std::time::Duration;
 
-use parking_lot::Mutex;
-
 use super::shared::Shared;
-use super::told::{News, Tap, Told};
+use super::told::{News, Told};
 use crate::store::{JobId, NewEvent};
 
 /// How often the crier looks whether there is a picture to be encoded, when nothing is told.
@@ -20,26 +18,6 @@ pub(super) enum Item {
     Pass(SyncSender<()>),
     /// The last of all.
     End,
-}
-
-/// Everybody who watches a plate.
-#[derive(Default)]
-pub(super) struct Taps(Mutex<Vec<Arc<dyn Tap>>>);
-
-impl Taps {
-    pub fn add(&self, tap: Arc<dyn Tap>) {
-        self.0.lock().push(tap);
-    }
-
-    pub fn offer(&self, told: &Told) {
-        self.0.lock().iter().for_each(|tap| tap.offer(told));
-    }
-}
-
-impl std::fmt::Debug for Taps {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Taps")
-    }
 }
 
 /// Tells what its plate does to the store and to those who watch, and encodes pictures. On a thread of its own, so that

@@ -148,7 +148,7 @@ impl DiskGuard {
         let low = free.filter(|&free| free < self.disk.min_free_bytes);
         let Some(free) = low else { return };
         let reason = format!("the disk has only {} left", megabytes(free));
-        for recording in self.plates.iter().filter_map(|plate| plate.recording()) {
+        for recording in self.plates.iter().filter_map(|plate| plate.job.recording()) {
             recording.stop(&reason);
         }
     }

@@ -2,12 +2,22 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, Rgb, RgbImage};
 use imageproc::drawing::{draw_cross_mut, draw_hollow_circle_mut};
 
-use super::frames::Mark;
+use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
 
 const SEEN: Rgb<u8> = Rgb([0, 220, 90]);
 const UNSEEN: Rgb<u8> = Rgb([255, 60, 40]);
 const TARGET: Rgb<u8> = Rgb([60, 160, 255]);
+
+/// What is drawn over a frame, px.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Mark {
+    pub center_px: Vec2,
+    /// 0 for a target.
+    pub radius_px: f64,
+    /// False for a part that the frame does not show where it is thought to be.
+    pub seen: bool,
+}
 
 /// `frame` at half its size with `marks` over it, as PNG; `None` for a frame without pixels.
 pub(super) fn draw(frame: &Frame, marks: &[Mark]) -> Option<Vec<u8>> {

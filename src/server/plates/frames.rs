@@ -4,9 +4,8 @@ use std::time::Duration;
 
 use parking_lot::Mutex;
 
-use super::draw::draw;
+use super::draw::{Mark, draw};
 use super::watchdog::ms;
-use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
 
 /// How long a wish for pictures lasts, and the least time from one to the next.
@@ -23,16 +22,6 @@ pub struct Picture {
     pub png: Vec<u8>,
     /// When it was taken, by the daemon's clock.
     pub taken: Duration,
-}
-
-/// What is drawn over a frame, px.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Mark {
-    pub center_px: Vec2,
-    /// 0 for a target.
-    pub radius_px: f64,
-    /// False for a part that the frame does not show where it is thought to be.
-    pub seen: bool,
 }
 
 /// A frame on its way from the plate to its encoder.

@@ -13,6 +13,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{self, JoinHandle, Thread};
 use std::time::Duration;
 
+use parking_lot::{Condvar, Mutex};
+
 use self::file::{LatchFile, check_all, make_folder};
 use crate::store::{Displaced, HeldPath};
 
@@ -35,6 +37,8 @@ struct Cell {
     word: AtomicU64,
     /// The word that is on the disk: that much was written, and found to be in the file that the path names.
     kept: AtomicU64,
+    /// For those who wait until a stop is on the disk.
+    settled: (Mutex<()>, Condvar),
 }
 
 /// The upper half says how often it was stopped, the lower one how often that, or a release, changed it.
@@ -60,8 +64,9 @@ impl Word {
 
 impl Latch {
     /// A latch as it was found, which is not seen to be on the disk yet.
-    fn found(stopped: bool) -> Self {
-        Self(Arc::new(Cell { word: AtomicU64::new(u64::from(stopped)), kept: AtomicU64::new(UNKNOWN) }))
+    pub(super) fn found(stopped: bool) -> Self {
+        let (word, kept) = (AtomicU64::new(u64::from(stopped)), AtomicU64::new(UNKNOWN));
+        Self(Arc::new(Cell { word, kept, settled: Default::default() }))
     }
 
     /// Stops. True when it was not stopped before. Never waits.
@@ -77,15 +82,32 @@ impl Latch {
         word.is_stopped().then_some(Held(word))
     }
 
-    /// Releases that stop. False when it has been released, or somebody has stopped again, since it was found. Never
-    /// waits.
+    /// Releases that stop. False when it has been released, or another stop came, since it was found.
     pub fn release(&self, Held(word): Held) -> bool {
-        self.0.word.compare_exchange(word.0, word.0 + 1, Ordering::SeqCst, Ordering::SeqCst).is_ok()
+        let released = self.0.word.compare_exchange(word.0, word.0 + 1, Ordering::SeqCst, Ordering::SeqCst).is_ok();
+        if released {
+            self.0.settle();
+        }
+        released
+    }
+
+    /// Waits until the stop that holds is on the disk, at most `within`. False when it is not by then, and without a stop.
+    pub fn wait_until_kept(&self, within: Duration) -> bool {
+        let (lock, condition) = &self.0.settled;
+        condition.wait_while_for(&mut lock.lock(), |()| self.is_stopped() && !self.is_kept(), within);
+        self.is_stopped() && self.is_kept()
     }
 
     /// True while it is stopped.
     pub fn is_stopped(&self) -> bool {
         self.0.word().is_stopped()
+    }
+
+    /// As the thread that brings it to the disk leaves it.
+    #[cfg(test)]
+    pub(super) fn keep(&self) {
+        self.0.kept.store(self.0.word().0, Ordering::SeqCst);
+        self.0.settle();
     }
 
     /// True when the disk says the same, as seen since the last stop or release.
@@ -97,6 +119,13 @@ impl Latch {
 impl Cell {
     fn word(&self) -> Word {
         Word(self.word.load(Ordering::SeqCst))
+    }
+
+    /// Has those look again who wait.
+    fn settle(&self) {
+        let (lock, condition) = &self.settled;
+        drop(lock.lock());
+        condition.notify_all();
     }
 }
 
@@ -169,6 +198,7 @@ fn keep(mut files: Vec<LatchFile>, latches: &[Latch], ending: &AtomicBool) {
             let word = cell.word();
             if word.0 != cell.kept.load(Ordering::SeqCst) && file.persist(word.is_stopped()) {
                 cell.kept.store(word.0, Ordering::SeqCst);
+                cell.settle();
             }
         }
         if last {

@@ -1,6 +1,5 @@
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
-use std::thread::{JoinHandle, Thread};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use super::latch::Held;
@@ -9,11 +8,12 @@ use super::told::{Tap, Told};
 use super::validate::validated;
 use super::{Pause, Picture, PlateSnapshot, ResetFault};
 use crate::store::{AuditEntry, JobId, NewJob, Pace, StoredEvent};
-use upm_core::rig::{StopTimes, Trip};
+use upm_core::rig::StopTimes;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::Fault;
 
-/// How long an emergency stop that is waited for is given to reach the disk.
+/// How long an emergency stop that is waited for is given to silence the motors, and to reach the disk.
+const SILENT_WITHIN: Duration = Duration::from_millis(400);
 const KEPT_WITHIN: Duration = Duration::from_millis(400);
 
 /// The act of stopping, as the audit log calls it.
@@ -37,7 +37,6 @@ pub struct Caller {
 pub struct Plate {
     pub(super) shared: Arc<Shared>,
     pub(super) clock: MonotonicClock,
-    pub(super) keeper: Thread,
     pub(super) worker: JoinHandle<()>,
     pub(super) crier: JoinHandle<()>,
 }
@@ -51,18 +50,7 @@ impl Plate {
     /// Stops it: motors to zero, the job ends, and nothing moves until somebody resets it. Waits for nobody: not for
     /// the run, not for the store, not for the disk. True when it was not stopped before.
     pub fn estop(&self) -> bool {
-        let mut changed = false;
-        // a reset under way may have taken back the trip before it could see the stop: then both once more
-        loop {
-            self.shared.interlock.trip(Trip::EStop);
-            changed |= self.shared.latch.stop();
-            if self.shared.interlock.tripped() == Some(Trip::EStop) {
-                break;
-            }
-        }
-        self.shared.estops.fetch_add(changed.into(), Ordering::Relaxed);
-        self.shared.stop.store(true, Ordering::SeqCst);
-        self.keeper.unpark();
+        let changed = self.shared.emergency_stop.stop();
         self.wake();
         changed
     }
@@ -71,21 +59,12 @@ impl Plate {
     /// it holds all the same, and goes to the disk as soon as that takes it.
     pub fn account_for_estop(&self, who: Caller) -> bool {
         self.audit(ESTOP, who);
-        let until = self.clock.elapsed() + KEPT_WITHIN;
-        let is_kept = || self.shared.latch.is_stopped() && self.shared.latch.is_kept();
-        while !is_kept() && self.clock.elapsed() < until {
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        is_kept()
+        self.shared.emergency_stop.wait_until_kept(KEPT_WITHIN)
     }
 
     /// The emergency stop that holds: what a person who asks for a reset now has seen.
     pub fn held(&self) -> Result<Held, ResetFault> {
-        match self.shared.latch.held() {
-            Some(held) => Ok(held),
-            None if self.shared.is_stopped() => Err(ResetFault::StillStopping),
-            None => Err(ResetFault::NotStopped),
-        }
+        self.shared.emergency_stop.held()
     }
 
     /// Takes back that emergency stop, once this is in the audit log: waits for the disk. The plate is paused then: it
@@ -93,43 +72,30 @@ impl Plate {
     /// says that nobody waits for the reset any more.
     pub fn reset(&self, held: Held, who: Caller, is_awaited: impl Fn() -> bool) -> Result<(), ResetFault> {
         let shared = &*self.shared;
-        // one reset at a time; a stop does not ask for this
-        let _alone = shared.resetting.lock();
-        if self.held()? != held {
-            return Err(ResetFault::StoppedAgain);
-        }
-        if shared.job().is_some() {
-            return Err(ResetFault::StillStopping);
-        }
-        shared.ledger.write_act(self.told("reset", who.clone())).map_err(ResetFault::Unwritten)?;
-        // asked after the wait for the disk: a client without an answer assumes that the plate is still stopped
-        let released = if is_awaited() { self.release(held) } else { Err(ResetFault::NotAwaited) };
-        if released.is_err() {
+        let mut is_written = false;
+        let allow = || {
+            if shared.job.running().is_some() {
+                return Err(ResetFault::StillStopping);
+            }
+            shared.ledger.write_act(self.told("reset", who.clone())).map_err(ResetFault::Unwritten)?;
+            is_written = true;
+            // asked after the wait for the disk: a client without an answer assumes that the plate is still stopped
+            is_awaited().then_some(()).ok_or(ResetFault::NotAwaited)
+        };
+        let pause = || {
+            let remedy = "look at the plate, then resume";
+            shared.pause(Some(Pause::new("reset", "reset after an emergency stop", remedy)));
+        };
+        let reset = shared.emergency_stop.reset(held, allow, pause);
+        if is_written && reset.is_err() {
             self.audit("reset refused", who);
         }
-        released
-    }
-
-    fn release(&self, held: Held) -> Result<(), ResetFault> {
-        let shared = &*self.shared;
-        let tripped = shared.interlock.tripped() == Some(Trip::EStop);
-        if tripped && !shared.interlock.release(Trip::EStop) {
-            return Err(ResetFault::StillStopping);
-        }
-        let remedy = "look at the plate, then resume";
-        shared.pause(Some(Pause::new("reset", "reset after an emergency stop", remedy)));
-        if !shared.latch.release(held) {
-            // who stopped it again may have found the interlock tripped still
-            shared.interlock.trip(Trip::EStop);
-            return Err(ResetFault::StoppedAgain);
-        }
-        self.keeper.unpark();
-        Ok(())
+        reset
     }
 
     /// Lets it take jobs again, and run its standing job. False while an emergency stop holds. Going on twice is going on.
     pub fn resume(&self, who: Caller) -> bool {
-        if self.shared.is_stopped() {
+        if self.is_stopped() {
             return false;
         }
         let standing = self.shared.standing.as_ref();
@@ -183,7 +149,7 @@ impl Plate {
     /// Tells a job to end that the store has as running: it is on the plate, or about to come onto it. False when its
     /// run is over.
     pub fn cancel(&self, id: &JobId) -> bool {
-        self.shared.cancel(id)
+        self.shared.job.cancel(id)
     }
 
     /// Tells those who watch a job of this plate that it has ended, though not on the plate.
@@ -193,7 +159,7 @@ impl Plate {
 
     /// True while an emergency stop holds.
     pub fn is_stopped(&self) -> bool {
-        self.shared.is_stopped()
+        self.shared.emergency_stop.holds()
     }
 
     /// Why it waits for a person to resume it; `None` when it does not.
@@ -203,7 +169,12 @@ impl Plate {
 
     /// How the stop that holds was answered; `None` without one, and while motors still sound.
     pub fn stop_times(&self) -> Option<StopTimes> {
-        self.shared.interlock.answer()
+        self.shared.emergency_stop.times()
+    }
+
+    /// The same, once the motors are silent; waits a moment for that.
+    pub fn wait_until_silent(&self) -> Option<StopTimes> {
+        self.shared.emergency_stop.wait_until_silent(SILENT_WITHIN)
     }
 
     /// How it is now.
@@ -226,7 +197,7 @@ impl Plate {
 
     /// A job as it may be queued, or everything that is wrong with it.
     pub fn validate(&self, text: &str, pace: Pace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
-        validated(&self.shared, text, pace, key)
+        validated(&self.shared.rules, text, pace, key)
     }
 
     /// Notes what was done to it: in the log at once, in the audit log as soon as the store takes it.

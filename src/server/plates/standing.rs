@@ -3,33 +3,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use parking_lot::Mutex;
 
-use super::shared::Shared;
-use super::validate::validated;
+use super::validate::{JobRules, validated};
+use super::{StandingSetup, StandingSnapshot};
 use crate::states::StandingState;
-use crate::store::{NewJob, Pace};
-use upm_runner::config::JobSpec;
-
-/// Settings of a standing job.
-#[derive(Clone, Debug)]
-pub struct StandingSetup {
-    /// The job, on the plate's rig.
-    pub job: JobSpec,
-    /// How fast it runs.
-    pub pace: Pace,
-    /// Why it must not run at first; `None` when it may.
-    pub paused: Option<String>,
-}
-
-/// A standing job at one moment.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StandingSnapshot {
-    /// Name of the job.
-    pub name: String,
-    /// Its state.
-    pub state: StandingState,
-    /// Why it does not run; empty when it does, or only waits for its turn.
-    pub why: String,
-}
+use crate::store::NewJob;
 
 /// The standing job of a plate: runs whenever the plate's queue is empty, and gives way to every queued job.
 #[derive(Debug)]
@@ -44,11 +21,11 @@ pub(super) struct Standing {
 }
 
 impl Standing {
-    /// The standing job of the plate `shared`, checked as a job that is sent to it.
-    pub fn new(setup: &StandingSetup, shared: &Shared) -> io::Result<Self> {
+    /// The standing job of a plate, held against `rules` as a job that is sent to it.
+    pub fn new(setup: &StandingSetup, rules: &JobRules) -> io::Result<Self> {
         let StandingSetup { job, pace, paused } = setup;
         let text = job.effective_without_rig().to_string();
-        let job = validated(shared, &text, *pace, None).map_err(|faults| {
+        let job = validated(rules, &text, *pace, None).map_err(|faults| {
             let lines: Vec<String> = faults.iter().map(ToString::to_string).collect();
             io::Error::new(io::ErrorKind::InvalidInput, lines.join("; "))
         })?;

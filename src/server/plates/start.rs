@@ -1,77 +1,37 @@
 use std::fs;
 use std::io;
-use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::sync_channel;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use super::Pause;
+use parking_lot::Mutex;
+
 use super::crier::{Item, cry};
+use super::current_job::CurrentJob;
 use super::disk::{Disk, DiskGuard, Rates};
-use super::latch::Latches;
+use super::emergency_stop::EmergencyStop;
+use super::frames::Window;
+use super::latch::{Latch, Latches};
 use super::plate::Plate;
 use super::shared::Shared;
-use super::standing::{Standing, StandingSetup};
+use super::standing::Standing;
+use super::validate::JobRules;
 use super::watchdog::{TICK, Watchdog, ms};
 use super::worker::{Place, Worker};
-use crate::store::{Displaced, Ledger};
+use super::{Pause, PlateSetup, Surroundings};
+use crate::store::Displaced;
 use upm_core::priority::step_back;
-use upm_core::rig::{Interlock, Trip};
+use upm_core::rig::Interlock;
 use upm_core::time::{Clock, MonotonicClock};
-use upm_library::Library;
-use upm_runner::config::{RigSpec, WatchdogSpec};
+use upm_runner::config::WatchdogSpec;
 use upm_viewer::LiveServer;
 
 /// The watchdog is alive that looked no longer ago than this.
 const LOOKS_WITHIN: Duration = Duration::from_secs(1);
 /// News that may wait for a plate's crier.
 const WAITING: usize = 1024;
-
-/// One plate to be made.
-#[derive(Clone, Debug)]
-pub struct PlateSetup {
-    /// Its name, fit for a file.
-    pub name: String,
-    /// True when the store knew it before this start: a latch file that is missing then counts as stopped.
-    pub known: bool,
-    /// The simulated rig.
-    pub rig: RigSpec,
-    /// The library its jobs use unless they bring their own.
-    pub library: Arc<Library>,
-    /// Why it must not move at first; `None` when it may.
-    pub paused: Option<Pause>,
-    /// Port of its live stream; `None` for any free one.
-    pub live_port: Option<u16>,
-    /// The job that runs whenever its queue is empty.
-    pub standing: Option<StandingSetup>,
-    /// True to take jobs that make the simulated rig fail on purpose.
-    pub allow_faults: bool,
-}
-
-/// What all plates need.
-#[derive(Clone, Debug)]
-pub struct Surroundings {
-    /// Where jobs come from and go to.
-    pub ledger: Arc<dyn Ledger>,
-    /// Folder of run folders.
-    pub runs: PathBuf,
-    /// Folder of the latches.
-    pub latches: PathBuf,
-    /// The daemon's clock.
-    pub clock: MonotonicClock,
-    /// False to make no recordings.
-    pub record: bool,
-    /// When a plate is stopped because something is wrong.
-    pub watchdog: WatchdogSpec,
-    /// With fewer bytes than this left on the disk recordings are stopped.
-    pub min_free_bytes: u64,
-    /// Bytes a live stream keeps for viewers that come later; `None` for no live streams.
-    pub live_history_bytes: Option<u64>,
-    /// Whether a job may bring a library that does not agree with the plate's own.
-    pub allow_inline_libraries: bool,
-}
 
 /// All plates of the daemon.
 #[derive(Debug)]
@@ -96,15 +56,8 @@ impl Plates {
         let disk = Arc::new(Disk::new(&around.runs, around.min_free_bytes, &clock));
         let mut plates = Vec::new();
         for (setup, latch) in setups.into_iter().zip(latches.latches()) {
-            let interlock = Interlock::timed(Arc::new(around.clock));
-            if latch.is_stopped() {
-                interlock.trip(Trip::EStop);
-            }
-            let (live, standing) = (live(&setup, around), setup.standing.clone());
-            let mut shared = Shared::new(setup, Arc::clone(&around.ledger), latch.clone(), interlock, live);
-            shared.allow_inline_libraries = around.allow_inline_libraries;
-            shared.standing = standing.map(|setup| Standing::new(&setup, &shared)).transpose()?;
-            plates.push(plate(Arc::new(shared), around, &disk, latches.keeper())?);
+            let shared = shared(setup, latch.clone(), latches.keeper(), around)?;
+            plates.push(plate(Arc::new(shared), around, &disk)?);
         }
         let watched = || plates.iter().map(|plate| Arc::clone(&plate.shared)).collect();
         let (folder, guarded) = (around.runs.clone(), Arc::clone(&disk));
@@ -165,9 +118,7 @@ impl Plates {
     pub fn shutdown(&self, within: Duration) -> Vec<String> {
         self.disk.end();
         for plate in &self.plates {
-            plate.shared.ending.store(true, Ordering::SeqCst);
-            plate.shared.interlock.trip(Trip::Shutdown);
-            plate.shared.stop.store(true, Ordering::SeqCst);
+            plate.shared.shut_down();
             plate.wake();
         }
         let until = self.clock.elapsed() + within;
@@ -197,13 +148,13 @@ impl Watch {
             plates.into_iter().map(|shared| (shared, Watchdog::new(spec))).collect();
         while !watched.iter().all(|(shared, _)| shared.ending.load(Ordering::SeqCst)) {
             for (shared, dog) in &mut watched {
-                let Some((job, journal)) = shared.driven() else {
+                let Some((job, journal)) = shared.job.driven() else {
                     dog.rest();
                     continue;
                 };
-                if let Some(why) = dog.look(clock.elapsed(), &shared.vitals, shared.deadlines(), journal.waits_since())
-                {
-                    shared.bark(&job, why);
+                let (run, unwritten_since) = (&shared.job, journal.waits_since());
+                if let Some(why) = dog.look(clock.elapsed(), &run.vitals, run.deadlines(), unwritten_since) {
+                    shared.fail_job(&job, why);
                 }
             }
             disk.heed(clock.elapsed());
@@ -228,7 +179,28 @@ fn live(setup: &PlateSetup, around: &Surroundings) -> Option<LiveServer> {
     None
 }
 
-fn plate(shared: Arc<Shared>, around: &Surroundings, disk: &Arc<Disk>, keeper: thread::Thread) -> io::Result<Plate> {
+/// A plate as it is set up, without a job of any kind.
+fn shared(setup: PlateSetup, latch: Latch, keeper: thread::Thread, around: &Surroundings) -> io::Result<Shared> {
+    let rules = JobRules::new(&setup, around.allow_inline_libraries);
+    let standing = setup.standing.as_ref().map(|standing| Standing::new(standing, &rules)).transpose()?;
+    let job = CurrentJob::default();
+    let interlock = Interlock::timed(Arc::new(around.clock));
+    Ok(Shared {
+        live: live(&setup, around),
+        name: setup.name,
+        rules,
+        ledger: Arc::clone(&around.ledger),
+        emergency_stop: EmergencyStop::new(latch, interlock, keeper, Arc::clone(&job.end_run)),
+        job,
+        ending: AtomicBool::new(false),
+        window: Window::default(),
+        taps: Arc::default(),
+        standing,
+        paused: Mutex::new(setup.paused),
+    })
+}
+
+fn plate(shared: Arc<Shared>, around: &Surroundings, disk: &Arc<Disk>) -> io::Result<Plate> {
     let (sender, items) = sync_channel(WAITING);
     let Surroundings { runs, clock, record, .. } = around.clone();
     let place = Place { runs, clock, record, disk: Arc::clone(disk) };
@@ -243,5 +215,5 @@ fn plate(shared: Arc<Shared>, around: &Surroundings, disk: &Arc<Disk>, keeper: t
         worker.crier.send(Item::End).ok();
     };
     let worker = thread::Builder::new().name(format!("plate-{}", shared.name)).spawn(work)?;
-    Ok(Plate { shared, clock, keeper, worker, crier })
+    Ok(Plate { shared, clock, worker, crier })
 }

@@ -217,7 +217,7 @@ fn a_run_that_ends_before_the_latch_knows_was_stopped_all_the_same() {
     let plate = plates.get("one").unwrap();
     let (told, [first, second]) = house.keep_busy(plate);
     // what an emergency stop does first
-    plate.shared.interlock.trip(Trip::EStop);
+    plate.shared.emergency_stop.interlock().trip(Trip::EStop);
     plate.wake();
     assert_eq!(next(&told, "finished")["state"], "cancelled");
     assert_eq!(house.row(&first).reason, "emergency stop");

@@ -1,6 +1,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use serde::Serialize;
 
 use crate::plates::Sight;
@@ -34,6 +35,26 @@ impl Told {
 pub trait Tap: Send + Sync {
     /// Takes one thing.
     fn offer(&self, told: &Told);
+}
+
+/// Everybody who watches a plate.
+#[derive(Default)]
+pub(super) struct Taps(Mutex<Vec<Arc<dyn Tap>>>);
+
+impl Taps {
+    pub fn add(&self, tap: Arc<dyn Tap>) {
+        self.0.lock().push(tap);
+    }
+
+    pub fn offer(&self, told: &Told) {
+        self.0.lock().iter().for_each(|tap| tap.offer(told));
+    }
+}
+
+impl std::fmt::Debug for Taps {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Taps")
+    }
 }
 
 /// Something that happened, in words of its own, on its way from the plate to those who watch.

@@ -1,7 +1,6 @@
 use std::time::Duration;
 
-use super::StandingSnapshot;
-use crate::states::PlateState;
+use crate::states::{PlateState, StandingState};
 use crate::store::{JobId, StoreFault};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
@@ -50,6 +49,17 @@ pub struct Sight {
     pub progress: f64,
     /// What is being done, in words.
     pub phase: String,
+}
+
+/// A standing job at one moment.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StandingSnapshot {
+    /// Name of the job.
+    pub name: String,
+    /// Its state.
+    pub state: StandingState,
+    /// Why it does not run; empty when it does, or only waits for its turn.
+    pub why: String,
 }
 
 /// A plate at one moment.

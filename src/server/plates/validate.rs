@@ -2,36 +2,75 @@ use std::sync::Arc;
 
 use sha2::{Digest, Sha256};
 
-use super::shared::Shared;
+use super::PlateSetup;
 use crate::store::{NewJob, Pace};
 use upm_library::Library;
-use upm_runner::config::{Fault, JobSpec, LibraryRef, Origin, Path};
+use upm_runner::config::{Fault, JobSpec, LibraryRef, Origin, Path, RigSpec};
 use upm_runner::run::{check_job, check_places, job_library};
 
 /// What faults of a job that came in a request call it.
 const REQUEST: &str = "job";
 
+/// What the jobs of a plate are held against before they are queued.
+#[derive(Debug)]
+pub(super) struct JobRules {
+    /// The plate's name.
+    plate: String,
+    pub rig: RigSpec,
+    /// The library of jobs that bring none.
+    pub library: Arc<Library>,
+    library_sha256: String,
+    /// Whether jobs may make the simulated rig fail on purpose.
+    allow_faults: bool,
+    /// Whether a job may bring a library that does not agree with the plate's.
+    allow_inline_libraries: bool,
+}
+
+impl JobRules {
+    /// Those of the plate that is set up by `setup`.
+    pub fn new(setup: &PlateSetup, allow_inline_libraries: bool) -> Self {
+        let PlateSetup { name, rig, library, allow_faults, .. } = setup;
+        Self {
+            plate: name.clone(),
+            rig: rig.clone(),
+            library: Arc::clone(library),
+            library_sha256: sha256_hex(library),
+            allow_faults: *allow_faults,
+            allow_inline_libraries,
+        }
+    }
+
+    /// SHA-256 of a library's file form, in hex.
+    fn sha256_of(&self, library: &Arc<Library>) -> String {
+        if Arc::ptr_eq(library, &self.library) { self.library_sha256.clone() } else { sha256_hex(library) }
+    }
+}
+
+fn sha256_hex(library: &Library) -> String {
+    Sha256::digest(library.to_json().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
 /// The job of a request, checked as a whole: its text, the library it is to run with and whether its parts find room.
-pub(super) fn validated(shared: &Shared, text: &str, pace: Pace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
-    let job = JobSpec::from_json(text, &Origin::of_request(REQUEST), Some(&shared.rig))?;
-    if !shared.allow_faults && !job.faults.is_empty() {
+pub(super) fn validated(rules: &JobRules, text: &str, pace: Pace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
+    let job = JobSpec::from_json(text, &Origin::of_request(REQUEST), Some(&rules.rig))?;
+    if !rules.allow_faults && !job.faults.is_empty() {
         let count = job.faults.len();
         let found = format!("{count} fault{}", if count == 1 { "" } else { "s" });
         let allowed = "none, unless the daemon's file says \"allow_faults\": true";
         return Err(vec![Fault::new(REQUEST, Path::root().key("faults"), found, allowed)]);
     }
-    let library = fitting_library(&job, &shared.library)?;
-    if !shared.allow_inline_libraries {
-        agreeing(&job, &library, &shared.library).map_err(|fault| vec![fault])?;
+    let library = fitting_library(&job, &rules.library)?;
+    if !rules.allow_inline_libraries {
+        agreeing(&job, &library, &rules.library).map_err(|fault| vec![fault])?;
     }
     Ok(NewJob {
         name: job.name.clone(),
-        plate: shared.name.clone(),
+        plate: rules.plate.clone(),
         seed: job.seed(),
         pace,
         spec_json: job.effective_without_rig().to_string(),
-        rig_fingerprint: shared.rig.fingerprint.clone(),
-        library_sha256: shared.sha256_of(&library),
+        rig_fingerprint: rules.rig.fingerprint.clone(),
+        library_sha256: rules.sha256_of(&library),
         body_sha256: Sha256::digest(text.as_bytes()).into(),
         key,
     })

@@ -57,7 +57,7 @@ impl Worker {
     pub fn work(&mut self) {
         let shared = Arc::clone(&self.shared);
         while !shared.ending.load(Ordering::SeqCst) {
-            shared.stop.store(false, Ordering::SeqCst);
+            shared.job.end_run.store(false, Ordering::SeqCst);
             // before the store is asked: a job that it does not tell of yet sets this again
             if let Some(standing) = &shared.standing {
                 standing.give_way.store(false, Ordering::SeqCst);
@@ -110,14 +110,15 @@ impl Worker {
     fn run(&mut self, claimed: &Claimed) {
         let id = claimed.row.id;
         let (recording, journal) = (RecordingSwitch::default(), ScribeWatch::default());
-        self.shared.begins(id, claimed.row.standing, recording.clone(), journal.clone());
+        self.shared.window.clear();
+        self.shared.job.begin(id, claimed.row.standing, recording.clone(), journal.clone());
         let JobRow { name, seed, pace, .. } = &claimed.row;
         tracing::info!(plate = self.shared.name, job = %id, seed, pace = pace.name(), "begins: {name}");
         self.tell(id, News::state(PlateTime::ZERO, JobState::Running));
         let folder = self.place.runs.join(claimed.row.folder.as_deref().unwrap_or_default());
         let done = self.play(claimed, &folder, &recording, journal);
         self.place.disk.release(&id);
-        let cause = self.shared.ends();
+        let cause = self.shared.job.end();
         let lost_parts = done.as_ref().map_or(0, |run| run.report.lost_parts);
         let stop = done.as_ref().ok().and_then(|run| run.report.stop.clone());
         let stopped_by_guard = stop.as_ref().is_some_and(|stop| stop.code.pauses_plate());
@@ -154,11 +155,11 @@ impl Worker {
         journal: ScribeWatch,
     ) -> Result<RunResult, Vec<String>> {
         let shared = &*self.shared;
-        let job = JobSpec::from_json(spec_json, &Origin::of_request("job"), Some(&shared.rig)).map_err(lines)?;
-        if row.rig_fingerprint != shared.rig.fingerprint {
+        let job = JobSpec::from_json(spec_json, &Origin::of_request("job"), Some(&shared.rules.rig)).map_err(lines)?;
+        if row.rig_fingerprint != shared.rules.rig.fingerprint {
             return Err(vec!["the plate has another rig than when the job was accepted".to_owned()]);
         }
-        let library = library_for(&job, &shared.library).map_err(lines)?;
+        let library = library_for(&job, &shared.rules.library).map_err(lines)?;
         let folder = RunFolder::reopen(folder).ok_or_else(|| vec!["its run folder is gone".to_owned()])?;
         if folder.state() != FolderState::default() {
             return Err(vec!["its run folder holds a run: it had begun before, and is not run again".to_owned()]);
@@ -166,8 +167,7 @@ impl Worker {
         let record = self.place.record && self.has_room_for(&job, row.id, recording);
         let real_time = row.pace == Pace::RealTime;
         let is_strict = job.deadlines == DeadlinePolicy::Strict;
-        shared.real_time.store(real_time, Ordering::Relaxed);
-        shared.strict.store(is_strict, Ordering::Relaxed);
+        shared.job.paced(real_time, is_strict);
         go_first(real_time);
         let options = RunOptions {
             out: self.place.runs.clone(),
@@ -182,13 +182,13 @@ impl Worker {
                 on_full: if real_time && is_strict { OnFull::GiveUp } else { OnFull::WaitAtMost(RECORDED_WITHIN) },
                 recording: recording.clone(),
                 has_clock: real_time,
-                stop: Arc::clone(&shared.stop),
+                stop: Arc::clone(&shared.job.end_run),
                 clock: self.place.clock,
             },
             live: shared.live.clone(),
         };
-        let (stop, interlock, pacing, never) =
-            (&shared.stop, &shared.interlock, &shared.pacing, AtomicBool::new(false));
+        let (stop, interlock, pacing) = (&shared.job.end_run, shared.emergency_stop.interlock(), &shared.job.pacing);
+        let never = AtomicBool::new(false);
         let standing = shared.standing.as_ref().filter(|_| row.standing);
         let give_way = standing.map_or(&never, |standing| &standing.give_way);
         let links = Links { stop, give_way, interlock, pacing, cause: &|| shared.cause() };
@@ -213,7 +213,7 @@ impl Worker {
         let report = match done {
             Ok(result) => result.report,
             // whoever stopped it stopped it, even when that could not be written down
-            Err(lines) if self.shared.is_stopped() || is_cancelled => {
+            Err(lines) if self.shared.emergency_stop.holds() || is_cancelled => {
                 let stop = if is_cancelled { StopCause::Cancelled } else { StopCause::Estop };
                 let reason = format!("stopped; {}", lines.join("; "));
                 return JobEnd { stop: Some(stop), ..ended(PlateTime::ZERO, JobState::Cancelled, reason, None) };
@@ -238,13 +238,13 @@ impl Worker {
     /// A trip that no person made ends with the run it stopped, and pauses the plate.
     fn settle_interlock(&self, stop: Option<&StopReport>, reason: &str) {
         let shared = &*self.shared;
-        match shared.interlock.tripped() {
+        match shared.emergency_stop.interlock().tripped() {
             None | Some(Trip::EStop) => {}
             Some(trip) => {
                 if trip != Trip::Shutdown {
                     shared.pause(Some(Pause::after(stop, reason)));
                 }
-                shared.interlock.release(trip);
+                shared.emergency_stop.interlock().release(trip);
             }
         }
     }

@@ -6,6 +6,7 @@ use std::sync::{Barrier, Mutex};
 use std::thread;
 
 use super::*;
+use crate::plates::emergency_stop::StopState;
 use crate::store::{AuditEntry, Claimed, JobEnd, Ledger, NewEvent, NewJob, Publish, StoreFault, StoredEvent};
 use upm_core::job::StopCause;
 use upm_core::time::{Clock, PlateTime};
@@ -70,11 +71,11 @@ impl Ledger for Meddler {
     }
 }
 
-/// Interlock and latch say the same; what.
+/// True when a stop holds as a whole, false when none does.
 fn stopped(plate: &Plate) -> bool {
-    let tripped = plate.shared.interlock.tripped() == Some(Trip::EStop);
-    assert_eq!(tripped, plate.shared.latch.is_stopped(), "a trip is held, and what holds is tripped");
-    tripped
+    let state = plate.shared.emergency_stop.state();
+    assert!(matches!(state, StopState::Released | StopState::Held), "half a stop: {state:?}");
+    state == StopState::Held
 }
 
 #[test]
@@ -178,7 +179,7 @@ fn a_stop_that_has_yet_to_be_latched_is_not_reset() {
     let house = House::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
-    plate.shared.interlock.trip(Trip::EStop);
+    plate.shared.emergency_stop.interlock().trip(Trip::EStop);
     assert_eq!(reset(plate, "ann"), Err(ResetFault::StillStopping));
     assert!(plate.is_stopped());
     assert!(plate.estop());
@@ -210,25 +211,25 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
     let plate = plates.get("one").unwrap();
     let shared = &plate.shared;
     let [first, second] = [(); 2].map(|()| house.submit(plate, TWO_COINS, Pace::Max));
-    let begin = |job| shared.begins(job, false, RecordingSwitch::default(), ScribeWatch::default());
-    let frame = || shared.vitals.frame(plate.clock.elapsed(), PlateTime::ZERO, true, false);
+    let begin = |job| shared.job.begin(job, false, RecordingSwitch::default(), ScribeWatch::default());
+    let frame = || shared.job.vitals.frame(plate.clock.elapsed(), PlateTime::ZERO, true, false);
     let bark = |job: &JobId| {
-        shared.bark(job, ExternalStop::of(StopCause::Hung, "no frame came"));
-        shared.interlock.tripped()
+        shared.fail_job(job, ExternalStop::of(StopCause::Hung, "no frame came"));
+        shared.emergency_stop.interlock().tripped()
     };
     begin(first);
     frame();
-    shared.vitals.end();
-    assert!(shared.driven().is_none());
+    shared.job.vitals.end();
+    assert!(shared.job.driven().is_none());
     assert_eq!(bark(&first), None, "control has returned");
-    assert_eq!(shared.ends(), None);
+    assert_eq!(shared.job.end(), None);
     assert_eq!(bark(&first), None);
     begin(second);
     frame();
-    assert_eq!(shared.driven().map(|(job, _)| job), Some(second));
+    assert_eq!(shared.job.driven().map(|(job, _)| job), Some(second));
     assert_eq!(bark(&first), None, "it is the next one's turn");
     assert_eq!(bark(&second), Some(Trip::Watchdog));
-    assert_eq!(shared.ends(), Some(ExternalStop::of(StopCause::Hung, "no frame came")));
+    assert_eq!(shared.job.end(), Some(ExternalStop::of(StopCause::Hung, "no frame came")));
 }
 
 #[test]
@@ -238,11 +239,11 @@ fn the_last_word_of_control_ends_the_watch() {
     let plate = plates.get("one").unwrap();
     let (told, [first, _]) = house.keep_busy(plate);
     next(&told, "look");
-    assert!(plate.shared.driven().is_some_and(|(job, _)| job == first));
+    assert!(plate.shared.job.driven().is_some_and(|(job, _)| job == first));
     plate.shared.pause(Some(Pause::new("test", "after this one", "none")));
     assert!(plate.cancel(&first));
     assert_eq!(next(&told, "finished")["state"], "cancelled");
-    assert!(plate.shared.vitals.is_over());
+    assert!(plate.shared.job.vitals.is_over());
 }
 
 #[test]
@@ -285,13 +286,17 @@ fn hung_controller_trips_the_watchdog_under_relaxed_deadlines() {
     let plate = plates.get("one").unwrap();
     let shared = &plate.shared;
     let job = house.submit(plate, TWO_COINS, Pace::RealTime);
-    shared.begins(job, false, RecordingSwitch::default(), ScribeWatch::default());
-    shared.vitals.frame(plate.clock.elapsed(), PlateTime::ZERO, true, true);
-    while shared.interlock.tripped().is_none() {
+    shared.job.begin(job, false, RecordingSwitch::default(), ScribeWatch::default());
+    shared.job.vitals.frame(plate.clock.elapsed(), PlateTime::ZERO, true, true);
+    while shared.emergency_stop.interlock().tripped().is_none() {
         thread::yield_now();
     }
     let cause = shared.cause().unwrap();
-    assert_eq!((shared.interlock.tripped(), cause.cause), (Some(Trip::Watchdog), StopCause::Hung), "{cause:?}");
+    assert_eq!(
+        (shared.emergency_stop.interlock().tripped(), cause.cause),
+        (Some(Trip::Watchdog), StopCause::Hung),
+        "{cause:?}"
+    );
 }
 
 #[test]

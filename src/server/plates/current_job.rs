@@ -1,0 +1,163 @@
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use parking_lot::Mutex;
+
+use super::Sight;
+use super::watchdog::{Deadlines, Vitals};
+use crate::store::JobId;
+use upm_core::job::StopCause;
+use upm_recording::{RecordingSwitch, ScribeWatch};
+use upm_runner::config::DeadlinePolicy;
+use upm_runner::run::{ExternalStop, PacingStats};
+
+/// The job on a plate, and the ways to end it.
+#[derive(Debug, Default)]
+pub(super) struct CurrentJob {
+    turn: Mutex<Turn>,
+    /// Ends the run.
+    pub end_run: Arc<AtomicBool>,
+    pub vitals: Vitals,
+    /// True when the run goes by the clock.
+    real_time: AtomicBool,
+    /// True when its deadlines are strict.
+    strict: AtomicBool,
+    pub pacing: Arc<PacingStats>,
+    seen: Mutex<Seen>,
+}
+
+/// Whose turn it is on the plate.
+#[derive(Debug, Default)]
+struct Turn {
+    running: Option<Running>,
+    /// The job before it.
+    last: Option<JobId>,
+    /// A job that was cancelled before it came onto the plate.
+    unwanted: Option<JobId>,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Running {
+    pub job: JobId,
+    /// True for a run of the standing job.
+    pub standing: bool,
+    pub recording: RecordingSwitch,
+    journal: ScribeWatch,
+    /// Why it was told to end.
+    cause: Option<ExternalStop>,
+}
+
+/// The newest view of the parts, and when it came.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Seen {
+    pub sight: Sight,
+    pub at: Option<Duration>,
+}
+
+impl CurrentJob {
+    /// A job comes onto the plate; to end at once when it was cancelled before.
+    pub fn begin(&self, job: JobId, standing: bool, recording: RecordingSwitch, journal: ScribeWatch) {
+        *self.seen.lock() = Seen::default();
+        self.vitals.clear();
+        let mut turn = self.turn.lock();
+        let cause = (turn.unwanted.take() == Some(job)).then(cancelled);
+        if cause.is_some() {
+            self.end_run.store(true, Ordering::SeqCst);
+        }
+        turn.running = Some(Running { job, standing, recording, journal, cause });
+    }
+
+    /// The pace and the deadlines of its run.
+    pub fn paced(&self, real_time: bool, is_strict: bool) {
+        self.real_time.store(real_time, Ordering::Relaxed);
+        self.strict.store(is_strict, Ordering::Relaxed);
+    }
+
+    /// The job on the plate.
+    pub fn running(&self) -> Option<Running> {
+        self.turn.lock().running.clone()
+    }
+
+    /// Its recording.
+    pub fn recording(&self) -> Option<RecordingSwitch> {
+        self.turn.lock().running.as_ref().map(|running| running.recording.clone())
+    }
+
+    /// The job that is driven, and its journal: not one of which only recording, journal and report are still to be written.
+    pub fn driven(&self) -> Option<(JobId, ScribeWatch)> {
+        let turn = self.turn.lock();
+        let running = turn.running.as_ref().filter(|_| !self.vitals.is_over())?;
+        Some((running.job, running.journal.clone()))
+    }
+
+    /// Why its run was told to end.
+    pub fn cause(&self) -> Option<ExternalStop> {
+        self.turn.lock().running.as_ref()?.cause.clone()
+    }
+
+    /// The job is over; why it was told to end, if it was.
+    pub fn end(&self) -> Option<ExternalStop> {
+        let mut turn = self.turn.lock();
+        let running = turn.running.take()?;
+        turn.last = Some(running.job);
+        running.cause
+    }
+
+    /// Ends the run of `job`, which the store has as running: now, or as soon as it comes onto the plate. False when its
+    /// run is over.
+    pub fn cancel(&self, job: &JobId) -> bool {
+        let Turn { running, last, unwanted } = &mut *self.turn.lock();
+        match running {
+            Some(running) if running.job == *job => {
+                running.cause.get_or_insert_with(cancelled);
+                self.end_run.store(true, Ordering::SeqCst);
+                true
+            }
+            None if *last != Some(*job) => {
+                *unwanted = Some(*job);
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// Ends the run of `job` because something is wrong with it, and does `cut`, as long as it is driven: a fault that is
+    /// found later is not the next job's, nor of a plate at rest.
+    pub fn fail(&self, job: &JobId, why: ExternalStop, cut: impl FnOnce()) {
+        let mut turn = self.turn.lock();
+        let driven = turn.running.as_mut().filter(|running| running.job == *job && !self.vitals.is_over());
+        if let Some(running) = driven {
+            running.cause.get_or_insert(why);
+            self.end_run.store(true, Ordering::SeqCst);
+            cut();
+        }
+    }
+
+    /// How the pacing of its run goes.
+    pub fn deadlines(&self) -> Deadlines {
+        let is_strict = self.strict.load(Ordering::Relaxed);
+        Deadlines {
+            policy: if is_strict { DeadlinePolicy::Strict } else { DeadlinePolicy::Relaxed },
+            real_time: self.real_time.load(Ordering::Relaxed),
+            misses: self.pacing.misses(),
+            worst_frames: self.pacing.worst_frames(),
+        }
+    }
+
+    /// Notes what is seen of the parts; left out while another thread reads it.
+    pub fn saw(&self, sight: &Sight, now: Duration) {
+        let Some(mut seen) = self.seen.try_lock() else { return };
+        seen.sight.clone_from(sight);
+        seen.at = Some(now);
+    }
+
+    /// The newest view of the parts.
+    pub fn seen(&self) -> Seen {
+        self.seen.lock().clone()
+    }
+}
+
+fn cancelled() -> ExternalStop {
+    ExternalStop::of(StopCause::Cancelled, "cancelled by request")
+}

@@ -1,0 +1,166 @@
+//! The emergency stop of one plate: an interlock, which keeps the motors silent, and a latch, which holds the stop over
+//! restarts until a person resets it. Each changes in one atomic step, the pair in two; the states between are states, too.
+//!
+//! | interlock | latch | state | a stop leads to | a reset with the token of the stop leads to |
+//! |---|---|---|---|---|
+//! | free | released | [`StopState::Released`] | `Held` | refused: `NotStopped` |
+//! | tripped | released | [`StopState::Tripping`] | `Held` | refused: `StillStopping` |
+//! | tripped | stopped | [`StopState::Held`] | `Held`, tokens before it void | `Released`; refused while a rig is fitted |
+//! | free | stopped | [`StopState::Resetting`] | `Held`, the reset fails | waits for the one under way |
+//!
+//! An interlock that tripped for another reason counts as free: an emergency stop goes before it.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::Thread;
+use std::time::Duration;
+
+use parking_lot::Mutex;
+
+use super::ResetFault;
+use super::latch::{Held, Latch};
+use upm_core::job::StopCause;
+use upm_core::rig::{Interlock, StopTimes, Trip};
+use upm_runner::run::ExternalStop;
+
+/// The state of a plate's emergency stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopState {
+    /// None holds.
+    Released,
+    /// The motors are cut, and the latch is about to follow.
+    Tripping,
+    /// It holds until a person resets it.
+    Held,
+    /// A reset has freed the motors, and the latch is about to follow.
+    Resetting,
+}
+
+/// The emergency stop of one plate. To stop takes no lock and waits for nothing: not for the run, the store or the disk.
+#[derive(Debug)]
+pub struct EmergencyStop {
+    interlock: Interlock,
+    latch: Latch,
+    /// Brings the latch to the disk.
+    keeper: Thread,
+    /// Ends the run on the plate.
+    end_run: Arc<AtomicBool>,
+    /// Stops that changed the state since the daemon started.
+    count: AtomicU64,
+    /// Held by a reset from its begin to its end, and by nothing else.
+    resetting: Mutex<()>,
+}
+
+impl EmergencyStop {
+    /// The one of a plate whose latch was found as `latch`; a stop that holds trips the interlock.
+    pub fn new(latch: Latch, interlock: Interlock, keeper: Thread, end_run: Arc<AtomicBool>) -> Self {
+        if latch.is_stopped() {
+            interlock.trip(Trip::EStop);
+        }
+        Self { interlock, latch, keeper, end_run, count: AtomicU64::new(0), resetting: Mutex::default() }
+    }
+
+    /// Guards the motors of the plate's rig.
+    pub fn interlock(&self) -> &Interlock {
+        &self.interlock
+    }
+
+    /// Motors to zero, and nothing moves until a reset. True when no stop held before.
+    pub fn stop(&self) -> bool {
+        let mut changed = false;
+        // a reset under way may have taken back the trip before it could see the stop: then both once more
+        loop {
+            self.interlock.trip(Trip::EStop);
+            changed |= self.latch.stop();
+            if self.interlock.tripped() == Some(Trip::EStop) {
+                break;
+            }
+        }
+        self.count.fetch_add(changed.into(), Ordering::Relaxed);
+        self.end_run.store(true, Ordering::SeqCst);
+        self.keeper.unpark();
+        changed
+    }
+
+    /// Its state.
+    pub fn state(&self) -> StopState {
+        // the latch first: a reset frees it last
+        let is_latched = self.latch.is_stopped();
+        match (self.interlock.tripped() == Some(Trip::EStop), is_latched) {
+            (false, false) => StopState::Released,
+            (true, false) => StopState::Tripping,
+            (true, true) => StopState::Held,
+            (false, true) => StopState::Resetting,
+        }
+    }
+
+    /// True from a stop to the end of its reset.
+    pub fn holds(&self) -> bool {
+        self.state() != StopState::Released
+    }
+
+    /// Why a run on the plate was told to end, if it was by this.
+    pub fn cause(&self) -> Option<ExternalStop> {
+        self.holds().then(|| ExternalStop::of(StopCause::Estop, "emergency stop"))
+    }
+
+    /// Stops that changed the state since the daemon started.
+    pub fn count(&self) -> u64 {
+        self.count.load(Ordering::Relaxed)
+    }
+
+    /// How the motors answered; `None` without a trip, and while they sound.
+    pub fn times(&self) -> Option<StopTimes> {
+        self.interlock.answer()
+    }
+
+    /// The same, once the motors are silent; waits at most `within`.
+    pub fn wait_until_silent(&self, within: Duration) -> Option<StopTimes> {
+        self.interlock.wait_for_answer(within)
+    }
+
+    /// Waits at most `within` until the stop that holds is on the disk. False when it is not by then: it holds all the
+    /// same, and goes to the disk as soon as that takes it.
+    pub fn wait_until_kept(&self, within: Duration) -> bool {
+        self.latch.wait_until_kept(within)
+    }
+
+    /// The stop that holds: the token for its reset.
+    pub fn held(&self) -> Result<Held, ResetFault> {
+        match self.latch.held() {
+            Some(held) => Ok(held),
+            None if self.holds() => Err(ResetFault::StillStopping),
+            None => Err(ResetFault::NotStopped),
+        }
+    }
+
+    /// Takes back the stop `held`, one reset at a time. `allow` may wait and refuse; `pause` keeps the plate still once the
+    /// motors are free. A stop that came since `held` was found holds.
+    pub fn reset(
+        &self,
+        held: Held,
+        allow: impl FnOnce() -> Result<(), ResetFault>,
+        pause: impl FnOnce(),
+    ) -> Result<(), ResetFault> {
+        let _alone = self.resetting.lock();
+        if self.held()? != held {
+            return Err(ResetFault::StoppedAgain);
+        }
+        allow()?;
+        let is_tripped = self.interlock.tripped() == Some(Trip::EStop);
+        if is_tripped && !self.interlock.release(Trip::EStop) {
+            return Err(ResetFault::StillStopping);
+        }
+        pause();
+        if !self.latch.release(held) {
+            // the stop that came since may have found the interlock tripped still
+            self.interlock.trip(Trip::EStop);
+            return Err(ResetFault::StoppedAgain);
+        }
+        self.keeper.unpark();
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,205 @@
+//! The state table of the module, against a model that knows one stop by its number.
+
+use std::cell::Cell;
+use std::sync::Barrier;
+use std::thread;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::store::StoreFault;
+use upm_core::rig::Fitted;
+use upm_core::time::PlateTime;
+
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Stop,
+    /// The first half of a stop alone.
+    Trip,
+    TakeToken,
+    /// With the token that was taken so many before the last; whether it is allowed, and when another stop comes in.
+    Reset {
+        token: usize,
+        allowed: bool,
+        stop: Option<Moment>,
+    },
+    Fit,
+    Unfit,
+    Keep,
+    Restart,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Moment {
+    Allowing,
+    Pausing,
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    let moment = prop_oneof![Just(Moment::Allowing), Just(Moment::Pausing)];
+    let reset = (0..3_usize, prop::bool::weighted(0.9), prop::option::weighted(0.2, moment));
+    prop_oneof![
+        3 => Just(Step::Stop),
+        1 => Just(Step::Trip),
+        3 => Just(Step::TakeToken),
+        5 => reset.prop_map(|(token, allowed, stop)| Step::Reset { token, allowed, stop }),
+        1 => Just(Step::Fit),
+        2 => Just(Step::Unfit),
+        2 => Just(Step::Keep),
+        1 => Just(Step::Restart),
+    ]
+}
+
+/// What the table says.
+#[derive(Debug)]
+struct Model {
+    state: StopState,
+    /// The number of the newest stop or reset.
+    change: u32,
+    kept: bool,
+    /// What the next start reads.
+    on_disk: bool,
+    fitted: bool,
+    pauses: u32,
+}
+
+impl Model {
+    fn is_latched(&self) -> bool {
+        self.state == StopState::Held
+    }
+
+    fn stop(&mut self) -> bool {
+        let changed = !self.is_latched();
+        (self.state, self.kept) = (StopState::Held, false);
+        self.change += 1;
+        changed
+    }
+
+    /// A reset of the stop that was change `token`.
+    fn reset(&mut self, token: u32, allowed: bool, stop: Option<Moment>) -> Result<(), ResetFault> {
+        match self.state {
+            StopState::Held if token == self.change => {}
+            StopState::Held => return Err(ResetFault::StoppedAgain),
+            StopState::Tripping => return Err(ResetFault::StillStopping),
+            _ => return Err(ResetFault::NotStopped),
+        }
+        if stop == Some(Moment::Allowing) {
+            self.stop();
+        }
+        if !allowed {
+            return Err(REFUSED);
+        }
+        if self.fitted {
+            return Err(ResetFault::StillStopping);
+        }
+        self.pauses += 1;
+        if stop == Some(Moment::Pausing) {
+            self.stop();
+        }
+        if stop.is_some() {
+            return Err(ResetFault::StoppedAgain);
+        }
+        (self.state, self.kept) = (StopState::Released, false);
+        self.change += 1;
+        Ok(())
+    }
+}
+
+const REFUSED: ResetFault = ResetFault::Unwritten(StoreFault::Full);
+
+fn stop_of(is_stopped: bool) -> EmergencyStop {
+    EmergencyStop::new(Latch::found(is_stopped), Interlock::default(), thread::current(), Arc::default())
+}
+
+proptest! {
+    #[test]
+    fn every_step_does_what_the_table_says(steps in prop::collection::vec(step(), 1..60)) {
+        let mut stop = stop_of(false);
+        let mut fitted: Option<Fitted> = None;
+        let mut tokens: Vec<(Held, u32)> = Vec::new();
+        let mut model =
+            Model { state: StopState::Released, change: 0, kept: false, on_disk: false, fitted: false, pauses: 0 };
+        for step in steps {
+            let pauses = model.pauses;
+            match step {
+                Step::Stop => prop_assert_eq!(stop.stop(), model.stop()),
+                Step::Trip => {
+                    stop.interlock().trip(Trip::EStop);
+                    if !model.is_latched() {
+                        model.state = StopState::Tripping;
+                    }
+                }
+                Step::TakeToken => match (stop.held(), model.state) {
+                    (Ok(held), StopState::Held) => tokens.push((held, model.change)),
+                    (Err(ResetFault::StillStopping), StopState::Tripping) => {}
+                    (Err(ResetFault::NotStopped), StopState::Released) => {}
+                    (found, _) => prop_assert!(false, "{found:?} in {model:?}"),
+                },
+                Step::Reset { token, allowed, stop: moment } => {
+                    let Some(&(held, change)) = tokens.iter().rev().nth(token) else { continue };
+                    let paused = Cell::new(0);
+                    let stop_at = |at| (moment == Some(at)).then(|| stop.stop());
+                    let allow = || {
+                        stop_at(Moment::Allowing);
+                        if allowed { Ok(()) } else { Err(REFUSED) }
+                    };
+                    let pause = || {
+                        paused.set(paused.get() + 1);
+                        stop_at(Moment::Pausing);
+                    };
+                    let reset = stop.reset(held, allow, pause);
+                    prop_assert_eq!(reset, model.reset(change, allowed, moment));
+                    prop_assert_eq!(paused.get(), model.pauses - pauses, "it is paused before it may move");
+                }
+                Step::Fit => {
+                    fitted = fitted.or_else(|| stop.interlock().fit(PlateTime::ZERO));
+                    model.fitted = true;
+                }
+                Step::Unfit => (fitted, model.fitted) = (None, false),
+                Step::Keep => {
+                    stop.latch.keep();
+                    (model.kept, model.on_disk) = (true, model.is_latched());
+                }
+                Step::Restart => {
+                    (fitted, model.fitted) = (None, false);
+                    stop = stop_of(model.on_disk);
+                    tokens.clear();
+                    model.state = if model.on_disk { StopState::Held } else { StopState::Released };
+                    (model.change, model.kept) = (0, false);
+                }
+            }
+            prop_assert_eq!(stop.state(), model.state);
+            prop_assert_eq!(stop.holds(), model.state != StopState::Released);
+            prop_assert_eq!(stop.wait_until_kept(Duration::ZERO), model.is_latched() && model.kept);
+            prop_assert_eq!(stop.cause().is_some(), stop.holds());
+            prop_assert_eq!(stop.interlock().tripped(), stop.holds().then_some(Trip::EStop), "motors move when none holds");
+        }
+        drop(fitted);
+    }
+}
+
+#[test]
+fn waits_end_when_the_motors_are_silent_and_when_the_disk_has_the_stop() {
+    let long = Duration::from_secs(60);
+    let stop = stop_of(false);
+    let _fitted = stop.interlock().fit(PlateTime::ZERO);
+    stop.interlock().sound().unwrap();
+    let start = Barrier::new(3);
+    thread::scope(|scope| {
+        let silent = scope.spawn(|| {
+            start.wait();
+            stop.wait_until_silent(long)
+        });
+        let kept = scope.spawn(|| {
+            start.wait();
+            stop.wait_until_kept(long)
+        });
+        stop.stop();
+        start.wait();
+        assert_eq!(stop.wait_until_silent(Duration::from_millis(1)), None, "it sounds");
+        assert!(!stop.wait_until_kept(Duration::from_millis(1)));
+        stop.interlock().silent(PlateTime::from_secs(0.001));
+        stop.latch.keep();
+        assert!(silent.join().unwrap().is_some() && kept.join().unwrap());
+    });
+}
