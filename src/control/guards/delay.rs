@@ -36,10 +36,20 @@ const OTHERWISE: f64 = 0.25;
 /// A plate seen to swing farther than it was driven to by this factor and so many pixels was pushed by something else.
 const PUSHED: f64 = 1.3;
 const PUSHED_PX: f64 = 0.3;
-/// Share of the squares up to which frames show the expected swing in all but its height.
-const ALIKE_IN_SHAPE: f64 = 0.1;
+/// Share of the squares up to which frames show the expected swing in all but its height, and the share that they leave
+/// without a delay.
+const ALIKE_IN_SHAPE: Shape = Shape { left: 0.1, undelayed: 0.4 };
+/// The same for a swing of another shape, of a coil that stutters: one whose pictures are in time leaves up to 0.35.
+const ROUGHLY_ALIKE: Shape = Shape { left: 0.3, undelayed: 0.6 };
 /// Displacements above this are not told apart, px.
 const FARTHEST_PX: f64 = 6.0;
+
+/// How alike swings must be in shape to be told late: the most that a delay may leave, the least that none leaves.
+#[derive(Clone, Copy, Debug)]
+struct Shape {
+    left: f64,
+    undelayed: f64,
+}
 
 /// Measures how late pictures come: how far the plate's corners swing in each frame, held against how far they should.
 #[derive(Clone, Debug)]
@@ -238,10 +248,14 @@ impl DelayGuard {
             // pictures show more of a swing than the drive made where something pushed the plate, or where their stamps are
             // off by a part of a frame, which shows another phase of it
             if self.shows_push(first) {
-                let late = self.delay_at_any_scale(first).map(Late::By);
+                let late = self.delay_at_any_scale(first, ALIKE_IN_SHAPE).map(Late::By);
                 return late.map_or(Timing::Weak, |late| Timing::Late { late, is_sure: false });
             }
             return Timing::Late { late: Late::Unseen, is_sure: false };
+        }
+        if !is_explained && !self.shows_push(first) {
+            let late = self.delay_at_any_scale(first, ROUGHLY_ALIKE).map(Late::By);
+            return late.map_or(Timing::InTime, |late| Timing::Late { late, is_sure: false });
         }
         if undelayed < IN_TIME * all || delay < LATE || !is_explained {
             return Timing::InTime;
@@ -259,8 +273,8 @@ impl DelayGuard {
     }
 
     /// The delay by which the frames from `first` on show the expected swing, larger or smaller by one factor; `None` where
-    /// they do not, or show it in time.
-    fn delay_at_any_scale(&self, first: usize) -> Option<usize> {
+    /// they are not so much `alike`, or show it in time.
+    fn delay_at_any_scale(&self, first: usize, alike: Shape) -> Option<usize> {
         let left = |delay: usize| {
             let shifted = self.frames.iter().skip(first.saturating_sub(delay)).map(|frame| frame.expected);
             let seen = self.frames.iter().skip(first.max(delay)).map(|frame| frame.seen);
@@ -274,7 +288,7 @@ impl DelayGuard {
             1.0 - product * product / (seen_sq * expected_sq).max(f64::MIN_POSITIVE)
         };
         let best = (LATE..=LONGEST).min_by(|&a, &b| left(a).total_cmp(&left(b)))?;
-        (left(best) < ALIKE_IN_SHAPE && left(0) > UNLIKE).then_some(best)
+        (left(best) < alike.left && left(0) > alike.undelayed).then_some(best)
     }
 
     /// Index of the first frame to be judged, and the sum of squares of the expected displacements from there on, px².

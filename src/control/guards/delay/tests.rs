@@ -117,3 +117,24 @@ fn stamps_that_are_off_by_a_part_of_a_frame_hide_no_late_pictures() {
     assert_eq!(found(6, higher), Some(Late::By(6)));
     assert_eq!(found(0, higher), None);
 }
+
+#[test]
+fn late_pictures_of_a_coil_that_stutters_are_told_by_the_shape_of_the_swing() {
+    let pulse = swing(0.03, 60.0, 1.0 / 60.0, 0.1);
+    let found = |late: u32| {
+        let mut guard = DelayGuard::new(FRAME_HZ);
+        [0, 1].map(|number| {
+            let begin_s = f64::from(3 + number * (frames(&pulse) + 20)) * FRAME_S + 0.001;
+            guard.begin(begin_s, pulse.clone());
+            for frame in 0..frames(&pulse) + 20 {
+                // the plate swings farther while one coil of two is off
+                let stutter = [1.0, 1.9, 1.3, 0.7, 1.8][frame as usize % 5];
+                let age_s = f64::from(frame) * FRAME_S - f64::from(late) * FRAME_S;
+                guard.frame(begin_s + f64::from(frame) * FRAME_S, Some(stutter * pulse.corner_px(age_s.max(0.0))));
+            }
+            guard.end()
+        })
+    };
+    assert_eq!(found(0), [None; 2]);
+    assert_eq!(found(4), [None, Some(Late::By(4))]);
+}
