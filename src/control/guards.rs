@@ -12,7 +12,7 @@ use super::conditions::Condition;
 pub(super) use delay::{DelayGuard, Late, Swing, SwingSeen};
 pub(super) use freshness::{Freshness, Stale};
 pub(super) use motion::{CoilResponses, Finding, MotionGuard, PulseReading};
-pub(super) use steps::{StepGuard, Unlike, went_as_forecast};
+pub(super) use steps::{StepGuard, Unlike, Went, went};
 pub(super) use stillness::StillnessGuard;
 
 /// Which guards are awake: all, but for the one that a test of the tests puts to sleep.

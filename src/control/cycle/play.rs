@@ -6,7 +6,7 @@ use super::Cycle;
 use crate::conditions::Condition;
 use crate::ending::{Ending, Flow, flow, is_stopped};
 use crate::eyes::Moment;
-use crate::guards::{Finding, Late, PulseReading, Swing, Unlike, went_as_forecast};
+use crate::guards::{Finding, Late, PulseReading, Swing, Unlike, Went, went};
 use crate::learning::{Lesson, MORE, Scatter};
 use crate::{Carried, EventLevel, PulseFacts};
 use upm_core::geometry::Vec2;
@@ -106,8 +106,8 @@ impl Cycle<'_> {
         steps: Option<(&[Vec2], &[Vec2], &[Vec2])>,
     ) -> Flow {
         let guards = &self.params.guards;
-        let as_forecast = steps.and_then(|(before, forecast, after)| went_as_forecast(before, forecast, after));
-        let is_as_planned = self.doubt_motion(planned, drive, &self.reading(fit, sensors, as_forecast))?;
+        let went = steps.and_then(|(before, forecast, after)| went(before, forecast, after));
+        let is_as_planned = self.doubt_motion(planned, drive, &self.reading(fit, sensors, went))?;
         self.doubt_delay(is_as_planned)?;
         let Some((before, forecast, after)) = steps else { return Continue(()) };
         let Some((part, unlike)) = self.steps.check(before, forecast, after) else { return Continue(()) };
@@ -135,9 +135,9 @@ impl Cycle<'_> {
         &self,
         fit: &'a Result<PlateFit, FitFault>,
         sensors: &'a AccelerometerPair,
-        as_forecast: Option<bool>,
+        went: Option<Went>,
     ) -> PulseReading<'a> {
-        PulseReading { fit, sensors, as_forecast, swing: self.eyes.swing_seen() }
+        PulseReading { fit, sensors, went, swing: self.eyes.swing_seen() }
     }
 
     /// Reports a finding on a pulse's motion and ends the run if it must; true where the plate moved about as planned.

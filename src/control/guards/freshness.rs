@@ -9,6 +9,9 @@ const ROW_STEP: usize = 8;
 const LANES: usize = 4;
 /// Pictures that are remembered: a camera may play the same few again and again.
 const REMEMBERED: usize = 8;
+/// Noise is seen where a larger part than this of a row's pixels differs from one frame to the next: a plate that moves changes
+/// the pixels along its sides.
+const NOISY_SHARE: f64 = 0.2;
 /// A stamp may be older than the present by so many frames.
 const OLDEST_FRAMES: f64 = 3.0;
 
@@ -32,8 +35,10 @@ pub struct Freshness {
     last: Option<(u64, PlateTime)>,
     /// For each band the hashes of its last pictures; `None` where all pixels were equal.
     seen: [Vec<Option<u64>>; BANDS],
-    /// Bands that differed in the first two frames, which show the same scene: noise is seen in them.
+    /// Bands in which noise was seen: they differed in the first two frames, which show the same scene, or all over later.
     noisy: [bool; BANDS],
+    /// The row in the middle of each band in the last frame.
+    middle: [Vec<u8>; BANDS],
     /// A frame has differed from the first.
     changed: bool,
     frames: u64,
@@ -49,6 +54,7 @@ impl Freshness {
             last: None,
             seen,
             noisy: [false; BANDS],
+            middle: Default::default(),
             changed: false,
             frames: 0,
         }
@@ -83,6 +89,12 @@ impl Freshness {
             if self.frames == 1 {
                 self.noisy[band] = hash.is_some() && seen.last() != Some(&hash);
             }
+            if !self.noisy[band] {
+                let middle = row(frame, band * rows + rows / 2);
+                self.noisy[band] = differ(middle, &self.middle[band]);
+                self.middle[band].clear();
+                self.middle[band].extend_from_slice(middle);
+            }
             self.changed |= seen.last().is_some_and(|last| *last != hash);
             repeated |= self.frames > 1 && self.noisy[band] && hash.is_some() && seen.contains(&hash);
             if seen.len() == REMEMBERED {
@@ -93,6 +105,17 @@ impl Freshness {
         self.frames += 1;
         repeated
     }
+}
+
+/// Row `y`; nothing below the frame.
+fn row(frame: &Frame, y: usize) -> &[u8] {
+    frame.pixels.get(y * frame.width..(y + 1) * frame.width).unwrap_or_default()
+}
+
+/// True when noise shows between two pictures of a row.
+fn differ(row: &[u8], before: &[u8]) -> bool {
+    let count = row.iter().zip(before).filter(|(pixel, before)| pixel != before).count();
+    count as f64 > NOISY_SHARE * row.len() as f64
 }
 
 /// Of some rows between `rows`; `None` where all their pixels are equal: black or white shows no noise.
@@ -149,6 +172,14 @@ mod tests {
         let mut torn = frame(53, 53);
         torn.pixels[..16 * 40].copy_from_slice(&frame(52, 52).pixels[..16 * 40]);
         assert_eq!(check(&mut fresh, &torn), Some(Stale::Repeated), "a quarter of it stands still");
+    }
+
+    #[test]
+    fn noise_is_seen_after_a_first_picture_that_came_twice() {
+        let mut fresh = Freshness::new(60.0, 0.004);
+        let pictures = [1, 1, 2, 3, 4, 4];
+        let stale = (1..).zip(pictures).map(|(i, seed)| check(&mut fresh, &frame(i, seed))).collect::<Vec<_>>();
+        assert_eq!(stale, [None, None, None, None, None, Some(Stale::Repeated)]);
     }
 
     #[test]

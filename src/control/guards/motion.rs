@@ -1,4 +1,5 @@
 use super::delay::SwingSeen;
+use super::steps::Went;
 use crate::conditions::Condition;
 use upm_core::signal::{CHANNEL_NAMES, Drive};
 use upm_library::{CoilResponse, Library};
@@ -57,8 +58,8 @@ pub struct PulseReading<'a> {
     pub fit: &'a Result<PlateFit, FitFault>,
     /// Places and gains of the accelerometers.
     pub sensors: &'a AccelerometerPair,
-    /// True when the camera saw most parts go where they should; `None` where it could not tell.
-    pub as_forecast: Option<bool>,
+    /// How the camera saw most parts go; `None` where it could not tell.
+    pub went: Option<Went>,
     /// How the camera saw the plate swing.
     pub swing: SwingSeen,
 }
@@ -78,28 +79,23 @@ impl MotionGuard {
     pub fn check(&mut self, expected: &ExpectedMotion<'_>, reading: &PulseReading<'_>) -> Option<Finding> {
         let judged = judge(expected, reading.fit.as_ref(), reading.sensors);
         let off = judged.mismatch.map_or(0.0, |mismatch| mismatch.relative);
-        self.finding(judged.verdict, off, reading.as_forecast, reading.swing)
+        self.finding(judged.verdict, off, reading.went, reading.swing)
     }
 
-    fn finding(
-        &mut self,
-        verdict: MotionVerdict,
-        off: f64,
-        as_forecast: Option<bool>,
-        swing: SwingSeen,
-    ) -> Option<Finding> {
-        let (saw_it_go, shows_drive) = (as_forecast == Some(true), swing == SwingSeen::AsDriven);
+    fn finding(&mut self, verdict: MotionVerdict, off: f64, went: Option<Went>, swing: SwingSeen) -> Option<Finding> {
+        let saw_it_go = matches!(went, Some(Went::There | Went::About));
+        let shows_drive = swing == SwingSeen::AsDriven;
         // a pulse that fails half way, or one weak coil of two, still carries parts about where they should go
-        let saw_it_all = saw_it_go && (shows_drive || self.doubts_sensors);
+        let saw_it_all = saw_it_go && shows_drive || went == Some(Went::There) && self.doubts_sensors;
         let is_unread = matches!(verdict, MotionVerdict::Unreadable { strong: true });
         if is_unread && (saw_it_go || shows_drive) {
             (self.doubts_sensors, self.contradicted) = (true, true);
         }
         // a pulse too small to tell by its parts is judged by the plate's swing, or as the last one that told
-        let is_as_known = as_forecast.is_none() && (self.contradicted || self.doubts_sensors && shows_drive);
+        let is_as_known = went.is_none() && (self.contradicted || self.doubts_sensors && shows_drive);
         let is_sensors = (saw_it_all || is_as_known) && swing != SwingSeen::Otherwise;
         // a channel that is known to be at fault hides a small motion: nothing speaks of another one
-        let is_hidden = self.doubts_sensors && as_forecast.is_none() && swing != SwingSeen::Otherwise;
+        let is_hidden = self.doubts_sensors && went.is_none() && swing != SwingSeen::Otherwise;
         self.doubts_sensors |= matches!(verdict, MotionVerdict::Channel { .. } | MotionVerdict::Channels);
         let found = |condition, reason: String, ends| Some(Finding { condition, reason, ends });
         let percent = 100.0 * off;
@@ -166,8 +162,8 @@ impl MotionGuard {
 mod tests {
     use super::*;
 
-    fn ends(verdict: MotionVerdict, off: f64, as_forecast: Option<bool>) -> Option<bool> {
-        MotionGuard::default().finding(verdict, off, as_forecast, SwingSeen::Unclear).map(|finding| finding.ends)
+    fn ends(verdict: MotionVerdict, off: f64, went: Option<Went>) -> Option<bool> {
+        MotionGuard::default().finding(verdict, off, went, SwingSeen::Unclear).map(|finding| finding.ends)
     }
 
     #[test]
@@ -177,15 +173,18 @@ mod tests {
         let unread = |strong| MotionVerdict::Unreadable { strong };
         assert_eq!(ends(MotionVerdict::AsPlanned, 0.01, None), None);
         assert_eq!([0.85, 0.0, -1.0].map(|gain| ends(coil(gain), 0.1, None)), [Some(false), Some(true), Some(true)]);
-        assert_eq!(ends(channel, 0.4, Some(false)), Some(false));
+        assert_eq!(ends(channel, 0.4, Some(Went::Elsewhere)), Some(false));
         assert_eq!(ends(MotionVerdict::Swapped { coils: [0, 1] }, 0.9, None), Some(true));
-        assert_eq!([None, Some(true)].map(|seen| ends(MotionVerdict::Other, 0.5, seen)), [Some(true); 2]);
-        let seen_to_swing = MotionGuard::default().finding(MotionVerdict::Other, 0.5, Some(true), SwingSeen::AsDriven);
+        assert_eq!([None, Some(Went::There)].map(|seen| ends(MotionVerdict::Other, 0.5, seen)), [Some(true); 2]);
+        let seen_to_swing =
+            MotionGuard::default().finding(MotionVerdict::Other, 0.5, Some(Went::There), SwingSeen::AsDriven);
         assert_eq!(seen_to_swing.map(|finding| finding.ends), Some(false));
         let mut doubting = MotionGuard::default();
         doubting.finding(MotionVerdict::Channels, 0.9, None, SwingSeen::Unclear);
-        let known = doubting.finding(MotionVerdict::Other, 0.5, Some(true), SwingSeen::Unclear);
+        let known = doubting.finding(MotionVerdict::Other, 0.5, Some(Went::There), SwingSeen::Unclear);
         assert_eq!(known.map(|finding| finding.ends), Some(false), "the accelerometers are known to be at fault");
+        let about = doubting.clone().finding(MotionVerdict::Other, 0.5, Some(Went::About), SwingSeen::Unclear);
+        assert_eq!(about.map(|finding| finding.ends), Some(true), "a dead coil of two carries parts about there");
         let mut swinging = MotionGuard::default();
         let by_swing = |guard: &mut MotionGuard| guard.finding(MotionVerdict::Other, 0.5, None, SwingSeen::AsDriven);
         assert_eq!(by_swing(&mut swinging.clone()).map(|finding| finding.ends), Some(true), "nothing was known before");
@@ -196,13 +195,18 @@ mod tests {
             SwingSeen::AsDriven,
         );
         assert_eq!(by_swing(&mut swinging).map(|finding| finding.ends), Some(false), "a second accelerometer");
-        let swings_otherwise = doubting.clone().finding(MotionVerdict::Other, 0.5, Some(true), SwingSeen::Otherwise);
+        let swings_otherwise =
+            doubting.clone().finding(MotionVerdict::Other, 0.5, Some(Went::There), SwingSeen::Otherwise);
         assert_eq!(swings_otherwise.map(|finding| finding.ends), Some(true), "the camera saw another motion, too");
         let mut small =
             |seen| doubting.finding(MotionVerdict::Other, 0.5, seen, SwingSeen::Unclear).map(|finding| finding.ends);
-        assert_eq!([small(None), small(Some(false))], [Some(false), Some(true)], "a small pulse is judged as the last");
+        assert_eq!(
+            [small(None), small(Some(Went::Elsewhere))],
+            [Some(false), Some(true)],
+            "a small pulse is judged as the last"
+        );
         assert_eq!([false, true].map(|strong| ends(unread(strong), 0.0, None)), [None, Some(true)]);
-        assert_eq!(ends(unread(true), 0.0, Some(true)), Some(false));
+        assert_eq!(ends(unread(true), 0.0, Some(Went::About)), Some(false));
         let mut unread_before = MotionGuard::default();
         unread_before.finding(unread(true), 0.0, None, SwingSeen::AsDriven);
         let unread_again = |seen| unread_before.clone().finding(unread(true), 0.0, None, seen).map(|found| found.ends);
@@ -213,7 +217,7 @@ mod tests {
             |seen, swing| one_at_fault.clone().finding(unread(true), 0.0, seen, swing).map(|found| found.ends);
         assert_eq!(unread_small(None, SwingSeen::Unclear), Some(false), "the channel hides the motion");
         assert_eq!(unread_small(None, SwingSeen::Otherwise), Some(true));
-        assert_eq!(unread_small(Some(false), SwingSeen::Unclear), Some(true));
+        assert_eq!(unread_small(Some(Went::Elsewhere), SwingSeen::Unclear), Some(true));
         assert_eq!(ends(MotionVerdict::Channels, 0.9, None), Some(false));
     }
 

@@ -8,6 +8,9 @@ const STUCK: f64 = 0.2;
 const IN_A_ROW: u32 = 4;
 /// Part of the forecast step, along it, from which on a part went as forecast; across it, up to which.
 const AS_FORECAST: f64 = 0.5;
+/// A part is where the forecast has it up to this distance, m, and this part of its step.
+const NEAR_M: f64 = 5e-4;
+const NEAR_OF_STEP: f64 = 0.15;
 
 /// How a part goes unlike its forecasts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,18 +55,36 @@ impl StepGuard {
     }
 }
 
-/// True when most parts that should go somewhere went about there; `None` when none should.
-pub fn went_as_forecast(before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<bool> {
+/// How most parts that should go somewhere went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Went {
+    /// There, as near as forecasts are of the plate moving as planned.
+    There,
+    /// About there, as under a plate that moves a little off its plan, too.
+    About,
+    /// Elsewhere.
+    Elsewhere,
+}
+
+/// How most parts went in a pulse; `None` when none should go far enough to tell.
+pub fn went(before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<Went> {
     let steps = before_m.iter().zip(forecast_m).zip(after_m).map(|((a, b), c)| (b - a, c - a));
-    let far: Vec<bool> = steps
-        .filter(|(wanted, _)| wanted.norm() >= SHORTEST_M)
-        .map(|(wanted, went)| {
-            let along = went.dot(&wanted) / wanted.norm_squared();
-            let across = (went - wanted * along).norm() / wanted.norm();
-            along > AS_FORECAST && along < 1.0 / AS_FORECAST && across < AS_FORECAST
-        })
-        .collect();
-    (!far.is_empty()).then(|| 2 * far.iter().filter(|&&as_forecast| as_forecast).count() > far.len())
+    let far: Vec<(Vec2, Vec2)> = steps.filter(|(wanted, _)| wanted.norm() >= SHORTEST_M).collect();
+    let most = |count: usize| 2 * count > far.len();
+    let is_about = |(wanted, went): &(Vec2, Vec2)| {
+        let along = went.dot(wanted) / wanted.norm_squared();
+        let across = (went - wanted * along).norm() / wanted.norm();
+        along > AS_FORECAST && along < 1.0 / AS_FORECAST && across < AS_FORECAST
+    };
+    let is_there = |(wanted, went): &(Vec2, Vec2)| (went - wanted).norm() < NEAR_M + NEAR_OF_STEP * wanted.norm();
+    let about = far.iter().filter(|step| is_about(step)).count();
+    let there = far.iter().filter(|step| is_about(step) && is_there(step)).count();
+    match far.len() {
+        0 => None,
+        _ if most(there) => Some(Went::There),
+        _ if most(about) => Some(Went::About),
+        _ => Some(Went::Elsewhere),
+    }
 }
 
 #[cfg(test)]
@@ -88,10 +109,11 @@ mod tests {
     #[test]
     fn most_parts_tell_whether_a_pulse_went_as_forecast() {
         let (start, step) = ([Vec2::zeros(); 3], Vec2::new(4e-3, 0.0));
-        let went = |shares: [f64; 3]| went_as_forecast(&start, &[step; 3], &shares.map(|share| step * share));
-        assert_eq!((went([1.0, 0.9, 0.0]), went([0.0, 0.1, 1.0])), (Some(true), Some(false)));
-        assert_eq!(went_as_forecast(&start, &start, &start), None);
+        let of = |shares: [f64; 3]| went(&start, &[step; 3], &shares.map(|share| step * share));
+        assert_eq!((of([1.0, 0.9, 0.0]), of([0.0, 0.1, 1.0])), (Some(Went::There), Some(Went::Elsewhere)));
+        assert_eq!(of([1.0, 0.7, 1.3]), Some(Went::About), "one is near");
+        assert_eq!(went(&start, &start, &start), None);
         let gliding = Vec2::new(6e-3, 3e-3);
-        assert_eq!(went_as_forecast(&start[..1], &[step], &[gliding]), Some(false), "parts that glide go elsewhere");
+        assert_eq!(went(&start[..1], &[step], &[gliding]), Some(Went::Elsewhere), "parts that glide go elsewhere");
     }
 }
