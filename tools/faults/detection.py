@@ -87,10 +87,16 @@ def frozen(run, fault):
             return
 
 
+def is_stuck(fault):
+    """True for coils that do not obey."""
+    return fault.group in ("coil", "coils") and fault.kind == "stuck"
+
+
 def moved_unseen(run, fault):
     """The motors are silent once the picture is seen to stand still: parts come to rest."""
     begin_s, end_s = run.clear_by(fault.from_s, FROZEN_S) + COAST_S, min(fault.to_s, run.end_s)
-    moves = any(other.group in MOVES_PARTS for other in run.fired())
+    # nothing silences a coil that is stuck at its force
+    moves = any(other.group in MOVES_PARTS or is_stuck(other) for other in run.fired())
     if moves or not run.truth or begin_s >= end_s or any(begin_s < pulse.start_s < end_s for pulse in run.pulses):
         return
     before, after = run.truth_at(begin_s), run.truth_at(end_s)
