@@ -10,24 +10,20 @@ mod estop_socket;
 mod files;
 mod health;
 mod metrics;
-mod observe;
 mod observed;
-mod pace_check;
 mod page;
 mod prepare;
 mod recovered;
 mod start;
+mod state;
 mod stops;
 mod submit;
 mod systemd;
 #[cfg(test)]
 mod tests;
-mod umask;
-mod wires;
 
 pub use bundle::{Bundle, BundleSources, bundle};
-pub use estop_socket::{ESTOP_SOCKET, EmergencyStop, LocalStop, LocalStopAnswer, LocalStopRequest, stop_locally};
-pub use prepare::{Prepared, prepare};
+pub use estop_socket::{ESTOP_SOCKET, EmergencyStops, LocalStop, LocalStopAnswer, LocalStopRequest, stop_locally};
+pub use prepare::{Prepared, keep_files_private, prepare};
 pub use start::{Daemon, Ended, StartFault, TokenReload};
 pub use systemd::{Notice, ServiceManager, SignsOfLife};
-pub use umask::keep_files_private;

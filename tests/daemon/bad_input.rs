@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::served::{LEFT, Served, in_real_time, moving, rest, root, until};
+use super::served::{LEFT, Served, moving, rest, root, until};
 use super::wire::{Answer, ask, connect, exchange, head, read};
 
 const JSON: [(&str, &str); 1] = [("Content-Type", "application/json")];
@@ -33,30 +33,28 @@ fn journal_of_run(served: &Served, job: &Value) -> Vec<u8> {
 
 #[test]
 fn bad_requests_are_answered_and_the_plate_goes_on_undisturbed() {
-    in_real_time(|| {
-        let served = Served::start();
-        let mut job = moving("undisturbed", 20.0);
-        job["seed"] = json!(11);
-        let id = served.submit(&job, "real-time");
-        served.until_moving("undisturbed", &id);
-        let from = Instant::now();
+    let served = Served::start();
+    let mut job = moving("undisturbed", 20.0);
+    job["seed"] = json!(11);
+    let id = served.submit(&job, "real-time");
+    served.until_moving("undisturbed", &id);
+    let from = Instant::now();
 
-        let slow = slow_writers(&served);
-        bodies(&served);
-        addresses(&served, &id);
-        methods_and_types(&served, &id);
-        heads(&served);
-        assert_closed(slow);
-        assert_eq!(served.job(&id)["state"], "running", "all of it took {:?}, while the job ran", from.elapsed());
+    let slow = slow_writers(&served);
+    bodies(&served);
+    addresses(&served, &id);
+    methods_and_types(&served, &id);
+    heads(&served);
+    assert_closed(slow);
+    assert_eq!(served.job(&id)["state"], "running", "all of it took {:?}, while the job ran", from.elapsed());
 
-        let ended = until("the job ends", || Some(served.job(&id)).filter(|job| job["state"] != "running"));
-        assert_eq!(ended["state"], "completed", "{ended}");
-        let journal = fs::read(served.run_folder("undisturbed").join("journal.jsonl")).unwrap();
-        assert!(journal == journal_of_run(&served, &job), "the journal is that of an undisturbed run");
-        let jobs = served.get("/v1/jobs");
-        assert_eq!(jobs["jobs"].as_array().unwrap().len(), 1, "nothing wrong was kept: {jobs}");
-        assert_eq!(served.get("/healthz"), json!({"ok": true}));
-    });
+    let ended = until("the job ends", || Some(served.job(&id)).filter(|job| job["state"] != "running"));
+    assert_eq!(ended["state"], "completed", "{ended}");
+    let journal = fs::read(served.run_folder("undisturbed").join("journal.jsonl")).unwrap();
+    assert!(journal == journal_of_run(&served, &job), "the journal is that of an undisturbed run");
+    let jobs = served.get("/v1/jobs");
+    assert_eq!(jobs["jobs"].as_array().unwrap().len(), 1, "nothing wrong was kept: {jobs}");
+    assert_eq!(served.get("/healthz"), json!({"ok": true}));
 }
 
 fn post(served: &Served, body: &[u8]) -> Answer {

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use super::served::{LEFT, RIGHT, Served, in_real_time, moving, rest, root, status_of};
+use super::served::{LEFT, RIGHT, Served, moving, rest, root, status_of};
 
 /// The job in a file, with a rig where one is given.
 fn file(served: &Served, job: &Value, rig: Option<&str>) -> String {
@@ -87,108 +87,100 @@ fn what_is_wrong_is_told_in_a_line_each_under_the_name_of_the_file() {
 
 #[test]
 fn a_plate_is_stopped_reset_and_resumed_by_hand() {
-    in_real_time(|| {
-        let served = Served::start();
-        let job = file(&served, &moving("endless", 600.0), Some("upm-2.json"));
-        let (stdout, _) = served.status(&["submit", &job], 0);
-        let id = stdout.trim_end();
-        served.until_moving("endless", id);
-        let watch = served.upm(&["watch", id, "--json"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let (plates, _) = served.status(&["plates"], 0);
-        assert!(plates.lines().next().unwrap().contains("running"), "{plates}");
-        sleep(Duration::from_millis(500));
+    let served = Served::start();
+    let job = file(&served, &moving("endless", 600.0), Some("upm-2.json"));
+    let (stdout, _) = served.status(&["submit", &job], 0);
+    let id = stdout.trim_end();
+    served.until_moving("endless", id);
+    let watch = served.upm(&["watch", id, "--json"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let (plates, _) = served.status(&["plates"], 0);
+    assert!(plates.lines().next().unwrap().contains("running"), "{plates}");
+    sleep(Duration::from_millis(500));
 
-        let (stopped, _) = served.status(&["estop"], 0);
-        for (line, plate) in stopped.lines().zip([LEFT, RIGHT]) {
-            assert!(line.starts_with(&format!("{plate}: motors silent, ")), "{stopped}");
-        }
-        assert_eq!(stopped.lines().count(), 2);
-        let (watched, _) = status_of(&watch.wait_with_output().unwrap(), &["watch"], 1);
-        let events: Vec<Value> = watched.lines().map(json_of).collect();
-        assert_eq!(events[0]["event"], "snapshot", "{watched}");
-        let finished = events.iter().find(|event| event["event"] == "finished").unwrap();
-        assert_eq!(finished["data"]["state"], "cancelled", "{watched}");
-        assert!(served.job(id)["reason"].as_str().unwrap().contains("emergency stop"), "{}", served.job(id));
+    let (stopped, _) = served.status(&["estop"], 0);
+    for (line, plate) in stopped.lines().zip([LEFT, RIGHT]) {
+        assert!(line.starts_with(&format!("{plate}: motors silent, ")), "{stopped}");
+    }
+    assert_eq!(stopped.lines().count(), 2);
+    let (watched, _) = status_of(&watch.wait_with_output().unwrap(), &["watch"], 1);
+    let events: Vec<Value> = watched.lines().map(json_of).collect();
+    assert_eq!(events[0]["event"], "snapshot", "{watched}");
+    let finished = events.iter().find(|event| event["event"] == "finished").unwrap();
+    assert_eq!(finished["data"]["state"], "cancelled", "{watched}");
+    assert!(served.job(id)["reason"].as_str().unwrap().contains("emergency stop"), "{}", served.job(id));
 
-        let (_, stderr) = served.status(&["submit", &job], 1);
-        assert!(stderr.contains("emergency stop"), "{stderr}");
-        let (_, stderr) = served.status(&["resume", LEFT], 1);
-        assert!(stderr.contains("reset"), "{stderr}");
-        served.status(&["reset", LEFT, "--operator", "Ada"], 2);
-        served.status(&["reset", LEFT, "--operator", "Ada", "--reason", " "], 2);
-        let (reset, _) = served.status(&["reset", LEFT, "--operator", "Ada", "--reason", "nothing is loose"], 0);
-        assert!(reset.contains("paused"), "{reset}");
-        let (_, stderr) = served.status(&["reset", LEFT, "--operator", "Ada", "--reason", "again"], 1);
-        assert_eq!(stderr.lines().count(), 1, "{stderr}");
+    let (_, stderr) = served.status(&["submit", &job], 1);
+    assert!(stderr.contains("emergency stop"), "{stderr}");
+    let (_, stderr) = served.status(&["resume", LEFT], 1);
+    assert!(stderr.contains("reset"), "{stderr}");
+    served.status(&["reset", LEFT, "--operator", "Ada"], 2);
+    served.status(&["reset", LEFT, "--operator", "Ada", "--reason", " "], 2);
+    let (reset, _) = served.status(&["reset", LEFT, "--operator", "Ada", "--reason", "nothing is loose"], 0);
+    assert!(reset.contains("paused"), "{reset}");
+    let (_, stderr) = served.status(&["reset", LEFT, "--operator", "Ada", "--reason", "again"], 1);
+    assert_eq!(stderr.lines().count(), 1, "{stderr}");
 
-        let waiting = served.submit(&rest("waiting"), "max");
-        sleep(Duration::from_millis(500));
-        assert_eq!(served.job(&waiting)["state"], "queued", "a reset starts nothing");
-        assert_eq!(served.plate(RIGHT)["state"], "stopped");
-        served.status(&["resume", LEFT], 0);
-        served.until_state(&waiting, "completed");
-    });
+    let waiting = served.submit(&rest("waiting"), "max");
+    sleep(Duration::from_millis(500));
+    assert_eq!(served.job(&waiting)["state"], "queued", "a reset starts nothing");
+    assert_eq!(served.plate(RIGHT)["state"], "stopped");
+    served.status(&["resume", LEFT], 0);
+    served.until_state(&waiting, "completed");
 }
 
 #[test]
 fn ctrl_c_ends_the_watching_and_not_the_job() {
-    in_real_time(|| {
-        let served = Served::start();
-        let id = served.submit(&moving("endless", 600.0), "real-time");
-        served.until_moving("endless", &id);
-        let mut watch = served.upm(&["watch", &id]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let mut line = String::new();
-        let mut stdout = BufReader::new(watch.stdout.take().unwrap());
-        stdout.read_line(&mut line).unwrap();
-        assert!(line.starts_with("endless on plate left, seed 1: running"), "{line}");
-        assert!(Command::new("kill").args(["-INT", &watch.id().to_string()]).status().unwrap().success());
-        let (_, stderr) = status_of(&watch.wait_with_output().unwrap(), &["watch"], 130);
-        assert!(stderr.contains("the job goes on"), "{stderr}");
-        assert_eq!(served.job(&id)["state"], "running");
-    });
+    let served = Served::start();
+    let id = served.submit(&moving("endless", 600.0), "real-time");
+    served.until_moving("endless", &id);
+    let mut watch = served.upm(&["watch", &id]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut line = String::new();
+    let mut stdout = BufReader::new(watch.stdout.take().unwrap());
+    stdout.read_line(&mut line).unwrap();
+    assert!(line.starts_with("endless on plate left, seed 1: running"), "{line}");
+    assert!(Command::new("kill").args(["-INT", &watch.id().to_string()]).status().unwrap().success());
+    let (_, stderr) = status_of(&watch.wait_with_output().unwrap(), &["watch"], 130);
+    assert!(stderr.contains("the job goes on"), "{stderr}");
+    assert_eq!(served.job(&id)["state"], "running");
 }
 
 #[test]
 fn watching_goes_on_over_a_kill_of_the_daemon() {
-    in_real_time(|| {
-        let served = Served::start();
-        let id = served.submit(&moving("endless", 600.0), "real-time");
-        served.until_moving("endless", &id);
-        let args = ["watch", &id, "--json"];
-        let mut watch = served.upm(&args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let mut stdout = BufReader::new(watch.stdout.take().unwrap());
-        let mut before = String::new();
-        while !before.contains("\"event\":\"look\"") {
-            assert_ne!(stdout.read_line(&mut before).unwrap(), 0, "{before}");
-        }
-        let served = served.again_there(Served::kill);
-        let mut after = String::new();
-        stdout.read_to_string(&mut after).unwrap();
-        let (_, stderr) = status_of(&watch.wait_with_output().unwrap(), &args, 1);
-        assert!(stderr.contains("the connection"), "it says that it was away: {stderr}");
-        let events: Vec<Value> = before.lines().chain(after.lines()).map(json_of).collect();
-        let told = events.iter().filter(|event| event["event"] != "snapshot");
-        let kept: Vec<u64> = told.filter_map(|event| event["id"].as_u64()).collect();
-        assert!(kept.is_sorted_by(|a, b| a < b), "nothing is told twice: {kept:?}");
-        let finished = events.iter().find(|event| event["event"] == "finished").unwrap();
-        assert_eq!(finished["data"]["state"], "interrupted", "{finished}");
-        assert_eq!(served.job(&id)["state"], "interrupted");
-    });
+    let served = Served::start();
+    let id = served.submit(&moving("endless", 600.0), "real-time");
+    served.until_moving("endless", &id);
+    let args = ["watch", &id, "--json"];
+    let mut watch = served.upm(&args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut stdout = BufReader::new(watch.stdout.take().unwrap());
+    let mut before = String::new();
+    while !before.contains("\"event\":\"look\"") {
+        assert_ne!(stdout.read_line(&mut before).unwrap(), 0, "{before}");
+    }
+    let served = served.again_there(Served::kill);
+    let mut after = String::new();
+    stdout.read_to_string(&mut after).unwrap();
+    let (_, stderr) = status_of(&watch.wait_with_output().unwrap(), &args, 1);
+    assert!(stderr.contains("the connection"), "it says that it was away: {stderr}");
+    let events: Vec<Value> = before.lines().chain(after.lines()).map(json_of).collect();
+    let told = events.iter().filter(|event| event["event"] != "snapshot");
+    let kept: Vec<u64> = told.filter_map(|event| event["id"].as_u64()).collect();
+    assert!(kept.is_sorted_by(|a, b| a < b), "nothing is told twice: {kept:?}");
+    let finished = events.iter().find(|event| event["event"] == "finished").unwrap();
+    assert_eq!(finished["data"]["state"], "interrupted", "{finished}");
+    assert_eq!(served.job(&id)["state"], "interrupted");
 }
 
 #[test]
 fn a_job_is_cancelled_in_the_queue_and_on_the_plate() {
-    in_real_time(|| {
-        let served = Served::start();
-        let running = served.submit(&moving("running", 600.0), "real-time");
-        served.until_moving("running", &running);
-        let waiting = served.submit(&rest("waiting"), "max");
-        let (stdout, _) = served.status(&["cancel", &waiting], 0);
-        assert_eq!(stdout, format!("{waiting}: cancelled\n"));
-        served.status(&["cancel", &running], 0);
-        served.until_state(&running, "cancelled");
-        let (_, stderr) = served.status(&["cancel", &running], 1);
-        assert!(stderr.contains("has ended"), "{stderr}");
-        assert_eq!(served.plate(LEFT)["state"], "idle", "a cancelled job stops nothing else");
-    });
+    let served = Served::start();
+    let running = served.submit(&moving("running", 600.0), "real-time");
+    served.until_moving("running", &running);
+    let waiting = served.submit(&rest("waiting"), "max");
+    let (stdout, _) = served.status(&["cancel", &waiting], 0);
+    assert_eq!(stdout, format!("{waiting}: cancelled\n"));
+    served.status(&["cancel", &running], 0);
+    served.until_state(&running, "cancelled");
+    let (_, stderr) = served.status(&["cancel", &running], 1);
+    assert!(stderr.contains("has ended"), "{stderr}");
+    assert_eq!(served.plate(LEFT)["state"], "idle", "a cancelled job stops nothing else");
 }

@@ -1,9 +1,7 @@
 //! A daemon of its own for a test.
 
-use std::cell::Cell;
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::mpsc::sync_channel;
@@ -16,8 +14,6 @@ use tempfile::TempDir;
 
 use super::wire::{Answer, ask};
 
-/// Why a job ended that nobody drove for a while.
-const LEASE: &str = "the drive lease ran out";
 /// Longest time anything is waited for.
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -35,27 +31,6 @@ pub struct Served {
 
 pub fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-}
-
-/// Times that a machine may stand still in one test.
-const MOST_VOID: usize = 20;
-
-thread_local! {
-    /// Whether the daemon of a test that just failed had lost a job to a machine that stood still.
-    static STOOD_STILL: Cell<bool> = const { Cell::new(false) };
-}
-
-/// Runs a test with jobs in real time. Such a job ends by the drive lease when the machine stands still for a tenth of a
-/// second, as shared ones do at times; what such a test says is void, and it is made again.
-pub fn in_real_time(test: impl Fn()) {
-    for _ in 0..MOST_VOID {
-        STOOD_STILL.set(false);
-        let Err(failure) = catch_unwind(AssertUnwindSafe(&test)) else { return };
-        if !STOOD_STILL.get() {
-            resume_unwind(failure);
-        }
-    }
-    panic!("the machine stood still in each of {MOST_VOID} tries");
 }
 
 /// Two plates of one rig. The watchdog is patient: a test machine does other things beside.
@@ -177,14 +152,6 @@ impl Served {
         found[0].clone()
     }
 
-    /// Whether a job was lost to the drive lease.
-    fn stood_still(&self) -> bool {
-        let reports = fs::read_dir(self.folder.path().join("data/runs")).into_iter().flatten().flatten();
-        reports
-            .filter_map(|run| fs::read_to_string(run.path().join("report.json")).ok())
-            .any(|text| text.contains(LEASE))
-    }
-
     /// Lines of the job's journal that are whole.
     pub fn journal_lines(&self, job: &str) -> usize {
         let text = fs::read(self.run_folder(job).join("journal.jsonl")).unwrap_or_default();
@@ -219,7 +186,6 @@ impl Drop for Served {
         self.child.kill().ok();
         self.child.wait().ok();
         if std::thread::panicking() {
-            STOOD_STILL.set(self.stood_still());
             let log = fs::read_to_string(self.folder.path().join("log")).unwrap_or_default();
             eprintln!("the daemon's log:\n{log}");
         }

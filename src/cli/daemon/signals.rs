@@ -5,7 +5,7 @@ use std::thread;
 
 use nix::sys::signal::{SigSet, Signal};
 
-use upm_server::daemon::{EmergencyStop, TokenReload};
+use upm_server::daemon::{EmergencyStops, TokenReload};
 
 /// Keeps these signals from this thread and from those that it starts. Called before there is a second thread, so that
 /// none of them ends the process; one that comes early waits for [`attend`].
@@ -20,7 +20,7 @@ fn signals() -> SigSet {
 }
 
 /// Does what the signals ask for from now on, on a thread of its own.
-pub(super) fn attend(stop: EmergencyStop, tokens: TokenReload) {
+pub(super) fn attend(stop: EmergencyStops, tokens: TokenReload) {
     let started = thread::Builder::new().name("signals".into()).spawn(move || {
         while let Ok(signal) = signals().wait() {
             match signal {
@@ -35,7 +35,7 @@ pub(super) fn attend(stop: EmergencyStop, tokens: TokenReload) {
     }
 }
 
-fn stop_all(stop: &EmergencyStop) {
+fn stop_all(stop: &EmergencyStops) {
     for stopped in stop.stop_all("SIGUSR1") {
         let (silent, persisted) = stopped.answer.map_or((false, false), |answer| (answer.silent, answer.persisted));
         if silent && persisted {

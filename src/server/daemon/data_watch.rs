@@ -2,16 +2,12 @@
 //! is lost at the next start, and none of the writes fails.
 
 use std::io;
-use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::Duration;
 
 use parking_lot::Mutex;
 
-use super::desk::Office;
-use crate::plates::Pause;
-use crate::service::{Reason, ReasonCode, Refusal};
+use crate::service::{Reason, ReasonCode};
 use crate::store::Displaced;
 use upm_core::priority::step_back;
 
@@ -32,8 +28,10 @@ impl DataWatch {
         self.found.lock().clone()
     }
 
-    /// Notes what was found; says it when that changes.
-    fn note(&self, found: Option<Displaced>) {
+    /// Compares, and notes what was found; logs it when that changes. True when a path is displaced.
+    pub fn compare(&self, compare: impl FnOnce() -> Result<(), Displaced>) -> bool {
+        let _alone = self.comparing.lock();
+        let found = compare().err();
         let mut last = self.found.lock();
         match (&*last, &found) {
             (None, Some(displaced)) => tracing::error!("{displaced}: no job is taken, all plates are paused"),
@@ -41,6 +39,7 @@ impl DataWatch {
             _ => {}
         }
         *last = found;
+        last.is_some()
     }
 }
 
@@ -49,32 +48,11 @@ pub(super) fn reason(displaced: &Displaced) -> Reason {
     Reason::new(ReasonCode::DataDisplaced, displaced.to_string())
 }
 
-impl Office {
-    /// Compares once, and pauses all plates while a path is displaced. Waits for the disk.
-    pub fn check_paths(&self) {
-        let _alone = self.data.comparing.lock();
-        let found = self.store.check_paths().and_then(|()| self.plates.check_paths()).err();
-        if found.is_some() {
-            let why = "the data folder or a file in it was deleted or replaced: see to it, then resume";
-            self.plates.pause_all(&Pause::new("data_displaced", why, "restore the data folder, then resume"));
-        }
-        self.data.note(found);
-    }
-
-    /// Refuses what would be lost with displaced data.
-    pub fn intact(&self) -> Result<(), Refusal> {
-        self.data.displaced().map_or(Ok(()), |displaced| Err(Refusal::Unwell(reason(&displaced))))
-    }
-}
-
-/// Compares once a second until the daemon ends: on a thread of its own, since a dead disk holds up whoever asks it.
-pub(super) fn watch(office: &Arc<Office>) -> io::Result<()> {
-    let office = Arc::downgrade(office);
+/// Calls `compare` once a second until it answers false: on its own thread, since a dead disk holds up its caller.
+pub(super) fn watch(mut compare: impl FnMut() -> bool + Send + 'static) -> io::Result<()> {
     thread::Builder::new().name("data-watch".into()).spawn(move || {
         step_back();
-        while let Some(office) = office.upgrade().filter(|office| !office.ending.load(Ordering::SeqCst)) {
-            office.check_paths();
-            drop(office);
+        while compare() {
             thread::sleep(EVERY);
         }
     })?;

@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::desk::Office;
+use super::state::DaemonState;
 use super::stops;
 use crate::service::{Caller, EStopped};
 use upm_core::time::{Clock, MonotonicClock};
@@ -76,9 +76,9 @@ pub struct LocalStop {
 
 /// Stops plates from wherever in the process that is asked for. Copies stop the same.
 #[derive(Clone, Debug)]
-pub struct EmergencyStop(pub(super) Arc<Office>);
+pub struct EmergencyStops(pub(super) Arc<DaemonState>);
 
-impl EmergencyStop {
+impl EmergencyStops {
     /// Stops every plate. `by` is who asks, for the audit log. All have been told before the first is waited for.
     pub fn stop_all(&self, by: &str) -> Vec<LocalStop> {
         self.stop(&self.0.spec.plate_names(), by)
@@ -121,7 +121,7 @@ pub(super) struct EStopSocket {
 impl EStopSocket {
     /// Listens in `data`, in place of a socket that an earlier daemon left; `port` is the one of HTTP. The folder's lock
     /// must be held.
-    pub fn open(data: &Path, port: u16, stop: &EmergencyStop) -> io::Result<Self> {
+    pub fn open(data: &Path, port: u16, stop: &EmergencyStops) -> io::Result<Self> {
         let path = data.join(ESTOP_SOCKET);
         match fs::remove_file(&path) {
             Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
@@ -149,7 +149,7 @@ impl Drop for EStopSocket {
     }
 }
 
-fn take_stops(listener: &UnixListener, port: u16, stop: &EmergencyStop, ending: &AtomicBool) {
+fn take_stops(listener: &UnixListener, port: u16, stop: &EmergencyStops, ending: &AtomicBool) {
     for client in listener.incoming() {
         if ending.load(Ordering::SeqCst) {
             return;
@@ -164,7 +164,7 @@ fn take_stops(listener: &UnixListener, port: u16, stop: &EmergencyStop, ending: 
     }
 }
 
-fn take_stop(client: &UnixStream, port: u16, stop: &EmergencyStop) -> io::Result<()> {
+fn take_stop(client: &UnixStream, port: u16, stop: &EmergencyStops) -> io::Result<()> {
     let Some(line) = line_of(client, MOST_REQUEST, ASKED_WITHIN)? else { return Ok(()) };
     let answer = match request_in(&line, port) {
         Ok(request) if request.plates.is_empty() => LocalStopAnswer { stops: stop.stop_all(BY_SOCKET), error: None },

@@ -2,17 +2,25 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::thread;
+use std::time::Duration;
 
-use rustix::fs::{Access, access};
+use rustix::fs::{Access, Mode, access};
+use rustix::process::umask;
 
 use crate::plates::fitting_library;
 use crate::service::{Scope, Tokens};
+use upm_core::priority::go_first;
+use upm_core::time::Clock;
 use upm_library::Library;
 use upm_runner::config::{DaemonSpec, Fault, PlateSpec};
-use upm_runner::run::library_faults;
+use upm_runner::run::{PaceCheck, check_pace, library_faults};
 
 /// Largest token file that is read, bytes.
 const LONGEST_TOKEN_FILE: u64 = 4096;
+
+/// How long the check of the pace lasts.
+const PACE_CHECKED_FOR: Duration = Duration::from_secs(2);
 
 /// What a daemon needs for its start, most of it out of the files that its configuration names.
 #[derive(Debug)]
@@ -23,6 +31,36 @@ pub struct Prepared {
     pub(super) tokens: Tokens,
     /// The library of each plate, in their order.
     pub(super) libraries: Vec<Arc<Library>>,
+}
+
+impl Prepared {
+    /// Measures how this computer keeps up with each plate of `spec` while all of them run in real time, about two
+    /// seconds; names and results in the order of the configuration. Writes nothing.
+    pub fn check_pace(
+        &self,
+        spec: &DaemonSpec,
+        clock: &(dyn Clock + Sync),
+    ) -> Vec<(String, Result<PaceCheck, String>)> {
+        let run = |plate: &PlateSpec, library: &Arc<Library>| {
+            go_first(true);
+            check_pace(&plate.rig, library, clock, &thread::sleep, PACE_CHECKED_FOR)
+        };
+        thread::scope(|scope| {
+            let plates = spec.plates.iter().zip(&self.libraries);
+            let checks: Vec<_> =
+                plates.map(|(plate, library)| (plate, scope.spawn(move || run(plate, library)))).collect();
+            let result = |check: thread::ScopedJoinHandle<'_, _>| {
+                check.join().unwrap_or_else(|_| Err("the check panicked".to_owned()))
+            };
+            checks.into_iter().map(|(plate, check)| (plate.name.clone(), result(check))).collect()
+        })
+    }
+}
+
+/// From now on the files that this process makes are its user's alone: folders 0700, files 0600. Those that are there
+/// already in a data folder become so when its store is opened.
+pub fn keep_files_private() {
+    umask(Mode::RWXG | Mode::RWXO);
 }
 
 /// Reads the files that `spec` names, and checks all that can be checked before anything starts: every fault is told.

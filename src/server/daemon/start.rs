@@ -9,9 +9,10 @@ use std::time::Duration;
 
 use jiff::Timestamp;
 
-use super::desk::{FrontDesk, Furniture, Office};
-use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStop};
+use super::desk::FrontDesk;
+use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops};
 use super::prepare::{Prepared, tokens_of};
+use super::state::DaemonState;
 use super::systemd::{ServiceManager, SignsOfLife};
 use super::{health, recovered};
 use crate::plates::{PlateSetup, Plates, StandingSetup, Surroundings};
@@ -131,16 +132,16 @@ impl Daemon {
         recovered::tell(&recovery);
         recovered::tell_unserved(&store, spec.plate_names());
         let damage = recovery.damage.as_ref().map(|damage| format!("the job store was damaged: {damage}"));
-        let furniture = Furniture { spec, store, plates, clock, damage, version };
-        let desk = Arc::new(FrontDesk::open(furniture).map_err(StartFault::Plates)?);
-        let estop_socket = estop_socket_of(&desk.office, &listener);
+        let desk = FrontDesk::open(DaemonState::new(spec, store, plates, clock, damage, version));
+        let desk = Arc::new(desk.map_err(StartFault::Plates)?);
+        let estop_socket = estop_socket_of(&desk.state, &listener);
         let tokens = SharedTokens::new(prepared.tokens);
         Ok(Self { desk, listener, tokens, estop_socket })
     }
 
     /// Stops its plates, past the network.
-    pub fn emergency_stop(&self) -> EmergencyStop {
-        EmergencyStop(Arc::clone(&self.desk.office))
+    pub fn emergency_stop(&self) -> EmergencyStops {
+        EmergencyStops(Arc::clone(&self.desk.state))
     }
 
     /// Where it listens.
@@ -150,20 +151,20 @@ impl Daemon {
 
     /// Has its tokens read again.
     pub fn token_reload(&self) -> TokenReload {
-        TokenReload { office: Arc::clone(&self.desk.office), tokens: self.tokens.clone() }
+        TokenReload { state: Arc::clone(&self.desk.state), tokens: self.tokens.clone() }
     }
 
     /// Answers until `stop` has something to say, or nobody is left who could; then ends within two seconds, whatever
     /// clients do: motors to zero first. `manager` is told that it is ready, alive, ending.
     pub fn serve(mut self, stop: &Receiver<()>, manager: &ServiceManager) -> Ended {
-        let (office, estop_socket) = (Arc::clone(&self.desk.office), self.estop_socket.take());
-        let alive = show_life(&office, manager);
+        let (state, estop_socket) = (Arc::clone(&self.desk.state), self.estop_socket.take());
+        let alive = show_life(&state, manager);
         let (stopper, flag) = StopFlag::new();
         let tokens = self.tokens.clone();
         let answering = self.answer(flag);
-        manager.ready(&format!("plates: {}", office.spec.plate_names().join(", ")));
-        count_until(stop, &office, &answering, &tokens);
-        let ended = end(&office, &stopper, answering, estop_socket, manager);
+        manager.ready(&format!("plates: {}", state.spec.plate_names().join(", ")));
+        count_until(stop, &state, &answering, &tokens);
+        let ended = end(&state, &stopper, answering, estop_socket, manager);
         drop(alive);
         ended
     }
@@ -171,7 +172,7 @@ impl Daemon {
     /// Answers on a thread of its own until `flag` is set.
     fn answer(self, flag: StopFlag) -> JoinHandle<io::Result<Served>> {
         let Self { desk, listener, tokens, .. } = self;
-        let (spec, traffic, version) = (&desk.office.spec, desk.office.traffic.clone(), desk.office.version);
+        let (spec, traffic, version) = (&desk.state.spec, desk.state.traffic.clone(), desk.state.version);
         let hosts = Hosts::new(spec.listen, &spec.hosts);
         let limits = Arc::new(Limits { ending_time: REQUESTS_WITHIN, ..Limits::default() });
         let app =
@@ -183,7 +184,7 @@ impl Daemon {
 /// Reads the token files of a daemon again.
 #[derive(Clone, Debug)]
 pub struct TokenReload {
-    office: Arc<Office>,
+    state: Arc<DaemonState>,
     tokens: SharedTokens,
 }
 
@@ -192,7 +193,7 @@ impl TokenReload {
     /// nothing changes.
     pub fn reload(&self) {
         let mut faults = Vec::new();
-        let tokens = tokens_of(&self.office.spec, &mut faults);
+        let tokens = tokens_of(&self.state.spec, &mut faults);
         if faults.is_empty() {
             tracing::info!(?tokens, "tokens are read again");
             self.tokens.replace(tokens);
@@ -204,10 +205,10 @@ impl TokenReload {
 }
 
 /// Shows the service manager that the daemon lives for as long as it is well, and what it returns is held.
-fn show_life(office: &Arc<Office>, manager: &ServiceManager) -> Option<SignsOfLife> {
-    let office = Arc::clone(office);
+fn show_life(state: &Arc<DaemonState>, manager: &ServiceManager) -> Option<SignsOfLife> {
+    let state = Arc::clone(state);
     let well = move || {
-        let mut ailments = health::ailments(&office.observed());
+        let mut ailments = health::ailments(&state.observed());
         ailments.retain(|reason| reason.code.may_end_by_restart());
         if ailments.is_empty() { Ok(()) } else { Err(joined(&ailments)) }
     };
@@ -220,18 +221,18 @@ fn show_life(office: &Arc<Office>, manager: &ServiceManager) -> Option<SignsOfLi
 /// Counts jobs now and then, and tells of wrong tokens, until it is time to end.
 fn count_until(
     stop: &Receiver<()>,
-    office: &Arc<Office>,
+    state: &Arc<DaemonState>,
     answering: &JoinHandle<io::Result<Served>>,
     tokens: &SharedTokens,
 ) {
     let mut ticks = 0u32;
     while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
-        office.count_queued(|_| {});
+        state.count_queued(|_| {});
         // whoever let the last plate go on has seen it, though nobody asked since
-        office.unseen_damage();
+        state.unseen_damage();
         tokens.tell_wrong();
         if ticks.is_multiple_of(COUNT_EVERY) {
-            office.count_jobs();
+            state.count_jobs();
         }
         ticks = ticks.wrapping_add(1);
     }
@@ -239,19 +240,19 @@ fn count_until(
 
 /// Ends everything, each within its time: plates and requests beside each other, then the store.
 fn end(
-    office: &Office,
+    state: &DaemonState,
     stopper: &StopSender,
     answering: JoinHandle<io::Result<Served>>,
     estop_socket: Option<EStopSocket>,
     manager: &ServiceManager,
 ) -> Ended {
-    office.ending.store(true, Ordering::SeqCst);
+    state.ending.store(true, Ordering::SeqCst);
     stopper.stop();
     // motors to zero before anybody is told: who listens may take a while
-    office.plates.shutdown(Duration::ZERO);
+    state.plates.shutdown(Duration::ZERO);
     tracing::info!("ending");
     manager.stopping();
-    let plates_left = office.plates.shutdown(PLATES_WITHIN);
+    let plates_left = state.plates.shutdown(PLATES_WITHIN);
     tracing::debug!("plates have ended");
     let served = answering.join().unwrap_or_else(|_| Err(io::Error::other("the server panicked")));
     if let Err(error) = &served {
@@ -260,17 +261,17 @@ fn end(
     tracing::debug!("requests have ended");
     // while the folder is locked: after that it may be the next daemon's
     drop(estop_socket);
-    let in_order = office.store.close(STORE_WITHIN) && plates_left.is_empty();
+    let in_order = state.store.close(STORE_WITHIN) && plates_left.is_empty();
     tracing::debug!(in_order, "the store is closed");
     Ended { plates_left, dropped: served.map_or(0, |served| served.dropped), in_order }
 }
 
 /// A daemon without this socket is told apart in the log alone: HTTP and SIGUSR1 stop its plates, too.
-fn estop_socket_of(office: &Arc<Office>, listener: &TcpListener) -> Option<EStopSocket> {
-    let stop = EmergencyStop(Arc::clone(office));
+fn estop_socket_of(state: &Arc<DaemonState>, listener: &TcpListener) -> Option<EStopSocket> {
+    let stop = EmergencyStops(Arc::clone(state));
     let port = listener.local_addr().map(|address| address.port());
-    let socket = port.and_then(|port| EStopSocket::open(&office.spec.data, port, &stop));
-    let fault = |error| tracing::error!("{}: {error}", office.spec.data.join(ESTOP_SOCKET).display());
+    let socket = port.and_then(|port| EStopSocket::open(&state.spec.data, port, &stop));
+    let fault = |error| tracing::error!("{}: {error}", state.spec.data.join(ESTOP_SOCKET).display());
     socket.map_err(fault).ok()
 }
 

@@ -1,14 +1,14 @@
 use std::sync::Arc;
 
 use super::answers;
-use super::desk::{Office, no_job};
+use super::state::{DaemonState, no_job};
 use crate::plates::{self, Held, Plate, ResetFault};
 use crate::service::{Caller, EStopped, Job, Refusal, Reply, ResetRequest};
 use crate::store::{Cancelled, JobId, JobState};
 
 /// Writes down an emergency stop that has been made, and sees how it went.
-pub(super) fn see_through(office: &Office, name: &str, caller: &Caller) -> Result<EStopped, Refusal> {
-    let plate = office.plate(name)?;
+pub(super) fn see_through(state: &DaemonState, name: &str, caller: &Caller) -> Result<EStopped, Refusal> {
+    let plate = state.plate(name)?;
     plate.wait_until_silent();
     let persisted = plate.account_for_estop(who(caller));
     let times = plate.stop_times();
@@ -53,11 +53,11 @@ pub(super) fn resume(plate: &Plate, caller: &Caller) -> Result<(), Refusal> {
 }
 
 /// Takes a job out of the queue, or tells its plate to end it.
-pub(super) fn cancel(office: &Arc<Office>, id: &str, caller: &Caller, reply: Reply<Job>) {
+pub(super) fn cancel(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply: Reply<Job>) {
     let Some(id) = JobId::parse(id) else { return reply.send(Err(no_job())) };
     tracing::info!(job = %id, caller = caller.name, "cancel");
-    let then = Arc::clone(office);
-    office.store.cancel_queued(&id, move |cancelled| {
+    let then = Arc::clone(state);
+    state.store.cancel_queued(&id, move |cancelled| {
         reply.send(match cancelled {
             Err(fault) => Err(answers::refusal(fault)),
             Ok(Cancelled::Unknown) => Err(no_job()),

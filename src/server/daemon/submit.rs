@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 
 use super::answers;
 use super::clerks::Clerks;
-use super::desk::Office;
+use super::state::DaemonState;
 use crate::plates::Plate;
 use crate::service::{Order, Refusal, Reply, Submitted};
 use crate::store::{Accepted, Cancelled, JobRow, NewJob, Pace, StoreFault};
@@ -101,45 +101,45 @@ impl Drop for Answer {
 
 /// Queues a job; the answer comes once it is on the disk. One whose key came before is answered as it was then,
 /// whatever stands against it now; others are checked by `checkers`. Waits for nobody.
-pub(super) fn submit(office: &Arc<Office>, checkers: &Arc<Clerks>, asked: Asked, reply: Reply<Submitted>) {
+pub(super) fn submit(state: &Arc<DaemonState>, checkers: &Arc<Clerks>, asked: Asked, reply: Reply<Submitted>) {
     let answer = Answer::new(reply);
-    let Some(by_key) = asked.by_key() else { return check(office, checkers, asked, answer) };
-    let (then, checkers) = (Arc::clone(office), Arc::clone(checkers));
-    office.store.repeated(by_key, move |known| match known {
+    let Some(by_key) = asked.by_key() else { return check(state, checkers, asked, answer) };
+    let (then, checkers) = (Arc::clone(state), Arc::clone(checkers));
+    state.store.repeated(by_key, move |known| match known {
         Ok(Some(known)) => answer.send(submitted(known)),
         Ok(None) => check(&then, &checkers, asked, answer),
         Err(fault) => answer.send(Err(unstored(fault))),
     });
 }
 
-fn check(office: &Arc<Office>, checkers: &Clerks, asked: Asked, answer: Answer) {
-    let office = Arc::clone(office);
-    checkers.give(move || queue(&office, &asked, answer));
+fn check(state: &Arc<DaemonState>, checkers: &Clerks, asked: Asked, answer: Answer) {
+    let state = Arc::clone(state);
+    checkers.give(move || queue(&state, &asked, answer));
 }
 
 /// Checks a job and queues it. Takes milliseconds: not for those who answer.
-fn queue(office: &Arc<Office>, asked: &Asked, answer: Answer) {
+fn queue(state: &Arc<DaemonState>, asked: &Asked, answer: Answer) {
     let waited = asked.clock.elapsed().saturating_sub(asked.at);
     // who was told that there is no answer may send it again
     if !answer.awaited()() {
         return;
     }
-    if office.ending.load(Ordering::SeqCst) {
+    if state.ending.load(Ordering::SeqCst) {
         return answer.send(Err(Refusal::Busy { why: "the daemon ends".to_owned(), retry_after_s: 1 }));
     }
     if waited > CHECKED_WITHIN {
         return answer.send(Err(Refusal::Crowded { retry_after_s: CROWDED_RETRY_S }));
     }
-    let checked = office.plate_of(&asked.order.text).and_then(|plate| {
-        let job = office.checked(plate, asked)?;
-        office.hindrance(plate).map_or(Ok(job), Err)
+    let checked = state.plate_of(&asked.order.text).and_then(|plate| {
+        let job = state.checked(plate, asked)?;
+        state.hindrance(plate).map_or(Ok(job), Err)
     });
     let job = match checked {
         Ok(job) => job,
         Err(refusal) => return answer.send(Err(refusal)),
     };
-    let (then, awaited, has_key) = (Arc::clone(office), answer.awaited(), job.key.is_some());
-    office.store.accept_if(job, answer.awaited(), move |accepted| match accepted {
+    let (then, awaited, has_key) = (Arc::clone(state), answer.awaited(), job.key.is_some());
+    state.store.accept_if(job, answer.awaited(), move |accepted| match accepted {
         Ok(Some(Accepted::New(row))) if !has_key && !awaited() => withdraw(&then, row),
         Ok(Some(accepted)) => {
             if let Accepted::New(row) = &accepted
@@ -157,10 +157,10 @@ fn queue(office: &Arc<Office>, asked: &Asked, answer: Answer) {
 
 /// Takes a job out of the queue whose client was told, while the disk took it, that there is no answer: the client may
 /// send it again. One with an idempotency key stays: sent again, it is the same job. The plate is not woken for it.
-fn withdraw(office: &Arc<Office>, row: JobRow) {
+fn withdraw(state: &Arc<DaemonState>, row: JobRow) {
     tracing::warn!(job = %row.id, plate = row.plate, "its client had given up when it was stored: withdrawn");
-    let then = Arc::clone(office);
-    office.store.cancel_queued(&row.id, move |cancelled| match cancelled {
+    let then = Arc::clone(state);
+    state.store.cancel_queued(&row.id, move |cancelled| match cancelled {
         Ok(Cancelled::Now(row, finished)) => {
             if let Some(plate) = then.plates.get(&row.plate) {
                 plate.announce_end(row.id, finished);
@@ -192,7 +192,7 @@ fn submitted(accepted: Accepted) -> Result<Submitted, Refusal> {
     }
 }
 
-impl Office {
+impl DaemonState {
     /// The plate that a job asks for. One that asks for none goes to the default plate, or, when it brings a rig, to one
     /// with a rig of that name. What is no job goes to any plate: that will tell what is wrong with it.
     fn plate_of(&self, text: &str) -> Result<&Plate, Refusal> {

@@ -123,8 +123,8 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        assert_eq!(self.desk.office.plates.shutdown(PATIENCE), [""; 0]);
-        self.desk.office.store.close(Duration::from_secs(5));
+        assert_eq!(self.desk.state.plates.shutdown(PATIENCE), [""; 0]);
+        self.desk.state.store.close(Duration::from_secs(5));
     }
 }
 
@@ -226,7 +226,7 @@ fn an_emergency_stop_ends_what_runs_and_is_reset_by_a_person() {
 fn a_reset_that_waits_takes_back_no_later_stop_and_none_once_nobody_waits_for_it() {
     let running = Running::new();
     running.stopped();
-    let held = running.desk.office.store.hold();
+    let held = running.desk.state.store.hold();
     let earlier = [running.reset(), running.reset()];
     drop(running.desk.estop("upm-1", caller()));
     let (given_up, last) = (running.reset(), running.reset());
@@ -247,7 +247,7 @@ fn sent(running: &Running) -> Promise<Submitted> {
 
 /// Waits until at least so many tasks wait for the store.
 fn until_waiting(running: &Running, tasks: usize) {
-    let waiting = || running.desk.office.store.health().waiting;
+    let waiting = || running.desk.state.store.health().waiting;
     soon("the store is not asked", || (waiting() >= tasks).then_some(()));
 }
 
@@ -258,7 +258,7 @@ fn all_jobs(running: &Running) -> Vec<Job> {
 /// Keeps all plates from asking for jobs.
 fn quiet() -> Running {
     let running = Running::new();
-    for plate in running.desk.office.plates.iter() {
+    for plate in running.desk.state.plates.iter() {
         kept(running.desk.estop(plate.name(), caller())).unwrap();
     }
     running.pause();
@@ -268,7 +268,7 @@ fn quiet() -> Running {
 #[test]
 fn submission_whose_client_has_gone_is_not_stored() {
     let running = quiet();
-    let held = running.desk.office.store.hold();
+    let held = running.desk.state.store.hold();
     let (given_up, waited_for) = (sent(&running), sent(&running));
     until_waiting(&running, 2);
     drop(given_up);
@@ -280,7 +280,7 @@ fn submission_whose_client_has_gone_is_not_stored() {
 #[test]
 fn submission_whose_client_went_while_it_was_stored_is_withdrawn() {
     let running = quiet();
-    let store = Arc::clone(&running.desk.office.store);
+    let store = Arc::clone(&running.desk.state.store);
     let first = store.hold();
     let again = Arc::clone(&store);
     // the next transaction: this one, which holds up all answers, and the job
@@ -324,7 +324,7 @@ fn one_daemon_has_the_data() {
     let data = tempfile::tempdir().unwrap();
     let first = start(spec(data.path())).unwrap();
     assert!(matches!(start(spec(data.path())), Err(StartFault::Store(..))));
-    assert!(first.desk.office.plates.shutdown(PATIENCE).is_empty());
+    assert!(first.desk.state.plates.shutdown(PATIENCE).is_empty());
 }
 
 #[test]
@@ -336,11 +336,11 @@ fn displaced_data_pause_all_plates_and_no_job_is_taken_until_they_are_put_back()
     let codes = |reasons: Vec<Reason>| reasons.into_iter().map(|reason| reason.code).collect::<Vec<_>>();
     let unwell = |refusal| matches!(refusal, Refusal::Unwell(reason) if reason.code == ReasonCode::DataDisplaced);
     for path in ["latch/upm-1", "lock", "upm.db", "upm.db-wal", ""] {
-        desk.office.check_paths();
+        desk.state.check_paths();
         assert_eq!((codes(desk.ailments()), codes(desk.obstacles())), (vec![], vec![]), "{path}");
         let path = if path.is_empty() { data.clone() } else { data.join(path) };
         std::fs::rename(&path, &aside).unwrap();
-        desk.office.check_paths();
+        desk.state.check_paths();
         assert_eq!(codes(desk.ailments()), [ReasonCode::DataDisplaced], "{}", path.display());
         assert_eq!(codes(desk.obstacles()), [ReasonCode::DataDisplaced]);
         let states: Vec<PlateState> = desk.plates_as_counted().plates.iter().map(|plate| plate.state).collect();
@@ -348,7 +348,7 @@ fn displaced_data_pause_all_plates_and_no_job_is_taken_until_they_are_put_back()
         assert!(unwell(running.submit(&on("upm-1")).unwrap_err()));
         assert!(unwell(kept(desk.resume("upm-1", caller())).unwrap_err()));
         std::fs::rename(&aside, &path).unwrap();
-        desk.office.check_paths();
+        desk.state.check_paths();
         kept(desk.resume("upm-1", caller())).unwrap();
         running.ended(&running.submit(&on("upm-1")).unwrap().id);
         assert!(soon("the plate does not rest", || {

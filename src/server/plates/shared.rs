@@ -36,6 +36,9 @@ pub(super) struct Shared {
     pub standing: Option<Standing>,
     /// Why the plate must not move until a person resumes it.
     pub paused: Mutex<Option<Pause>>,
+    /// Times that its worker has found nothing to do.
+    #[cfg(test)]
+    pub idled: std::sync::atomic::AtomicU64,
 }
 
 impl Shared {

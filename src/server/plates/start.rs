@@ -197,6 +197,8 @@ fn shared(setup: PlateSetup, latch: Latch, keeper: thread::Thread, around: &Surr
         taps: Arc::default(),
         standing,
         paused: Mutex::new(setup.paused),
+        #[cfg(test)]
+        idled: AtomicU64::new(0),
     })
 }
 

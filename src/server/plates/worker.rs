@@ -64,6 +64,8 @@ impl Worker {
             }
             // a stop before this is seen here, one after it by the run
             if !shared.may_move() || !self.take_job() {
+                #[cfg(test)]
+                shared.idled.fetch_add(1, Ordering::SeqCst);
                 thread::park_timeout(IDLE);
             }
         }

@@ -1,0 +1,268 @@
+use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use parking_lot::{Mutex, MutexGuard};
+use serde_json::json;
+
+use super::answers;
+use super::data_watch::{DataWatch, reason};
+use super::observed::{DiskObserved, Observed, PlateObserved};
+use crate::plates::{self, Pause, PlateSnapshot, PlateState, Plates, Tap, Told};
+use crate::service::{Event, Feed, Opening, Plate, Refusal, Reply, Traffic};
+use crate::store::{JobId, JobRow, JobState, Store};
+use upm_core::time::{Clock, MonotonicClock};
+use upm_recording::RecordingState;
+use upm_runner::config::DaemonSpec;
+
+/// What answers are made of.
+#[derive(Debug)]
+pub(super) struct DaemonState {
+    pub spec: DaemonSpec,
+    pub store: Arc<Store>,
+    pub plates: Arc<Plates>,
+    pub clock: MonotonicClock,
+    /// The daemon ends.
+    pub ending: AtomicBool,
+    /// What each plate tells.
+    pub wires: BTreeMap<String, Arc<Wire>>,
+    /// Jobs, when they were counted last.
+    counted: Mutex<Counted>,
+    /// What the API is asked.
+    pub traffic: Traffic,
+    /// What the store had come to when it was opened.
+    pub damage: Damage,
+    /// Whether the data folder is still the one that is held open.
+    pub data: DataWatch,
+    pub version: &'static str,
+}
+
+/// How many jobs there are.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Counted {
+    /// Those that wait for each plate.
+    pub queued: BTreeMap<String, u64>,
+    /// Those of each plate in each state.
+    pub jobs: Vec<(String, JobState, u64)>,
+}
+
+impl DaemonState {
+    /// That of a daemon whose store was found with `damage`.
+    pub fn new(
+        spec: DaemonSpec,
+        store: Arc<Store>,
+        plates: Arc<Plates>,
+        clock: MonotonicClock,
+        damage: Option<String>,
+        version: &'static str,
+    ) -> Self {
+        let wires = plates.iter().map(|plate| {
+            let wire = Arc::<Wire>::default();
+            plate.subscribe(wire.clone());
+            (plate.name().to_owned(), wire)
+        });
+        Self {
+            wires: wires.collect(),
+            spec,
+            store,
+            plates,
+            clock,
+            ending: AtomicBool::new(false),
+            counted: Mutex::default(),
+            traffic: Traffic::default(),
+            damage: Damage::found(damage),
+            data: DataWatch::default(),
+            version,
+        }
+    }
+
+    pub fn plate(&self, name: &str) -> Result<&plates::Plate, Refusal> {
+        self.plates.get(name).ok_or_else(|| Refusal::Unknown("there is no such plate".to_owned()))
+    }
+
+    /// All plates as they are now, with their queues as they were last seen.
+    pub fn all_shown(&self) -> crate::service::Plates {
+        crate::service::Plates { plates: self.plates.iter().map(|plate| self.shown(plate)).collect() }
+    }
+
+    /// A plate as it is now, with its queue as it was last seen.
+    fn shown(&self, plate: &plates::Plate) -> Plate {
+        answers::plate(&plate.snapshot(), self.counted().queued.get(plate.name()).copied().unwrap_or(0))
+    }
+
+    /// Looks how many jobs wait, then does `then`; where the store does not say, with the numbers of before.
+    pub fn count_queued(self: &Arc<Self>, then: impl FnOnce(&Self) + Send + 'static) {
+        let state = Arc::clone(self);
+        self.store.queued(move |counted| {
+            if let Ok(counted) = counted {
+                state.counted().queued = counted.into_iter().collect();
+            }
+            then(&state);
+        });
+    }
+
+    /// Counts all jobs there are.
+    pub fn count_jobs(self: &Arc<Self>) {
+        let state = Arc::clone(self);
+        self.store.counts(move |counted| {
+            if let Ok(counted) = counted {
+                state.counted().jobs = counted;
+            }
+        });
+    }
+
+    pub fn counted(&self) -> MutexGuard<'_, Counted> {
+        self.counted.lock()
+    }
+
+    /// Answers with the plate as it is after what was done to it.
+    pub fn answer_with(self: &Arc<Self>, name: &str, reply: Reply<Plate>) {
+        let name = name.to_owned();
+        self.count_queued(move |state| reply.send(state.plate(&name).map(|plate| state.shown(plate))));
+    }
+
+    /// How a job stands, for one who comes to watch it.
+    pub fn opening(&self, row: &JobRow) -> Opening {
+        let plate = self.plate(&row.plate).ok().map(|plate| self.shown(plate));
+        let snapshot = json!({"job": answers::job(row), "plate": plate}).to_string();
+        Opening { snapshot, newest: row.last_event, is_over: row.state.is_final() }
+    }
+
+    /// The daemon as it is now. Waits for nobody: what the store must be asked for is as it was last told.
+    pub fn observed(&self) -> Observed {
+        let counted = self.counted().clone();
+        let snapshots: Vec<PlateSnapshot> = self.plates.iter().map(|plate| plate.snapshot()).collect();
+        let plates = snapshots.into_iter().map(|plate| {
+            let queued = counted.queued.get(&plate.name).copied().unwrap_or(0);
+            plate_observed(plate, queued)
+        });
+        Observed {
+            version: self.version,
+            uptime: self.clock.elapsed(),
+            is_stopping: self.ending.load(Ordering::SeqCst),
+            damage: self.unseen_damage(),
+            displaced: self.data.displaced(),
+            plates_alive: self.plates.alive(),
+            plates: plates.collect(),
+            jobs: counted.jobs,
+            store: self.store.health(),
+            disk: DiskObserved {
+                free_bytes: self.plates.free_bytes(),
+                reserve_bytes: self.spec.reserve_bytes,
+                runs_bytes: self.store.runs_bytes(),
+            },
+            requests: self.traffic.requests(),
+            event_streams: self.traffic.event_streams(),
+        }
+    }
+
+    /// Damage found at start that nobody has taken note of yet, as a sentence.
+    pub fn unseen_damage(&self) -> Option<String> {
+        let states: Vec<PlateState> = self.plates.iter().map(|plate| plate.snapshot().state).collect();
+        self.damage.unseen(&states)
+    }
+
+    /// Compares once, and pauses all plates while a path is displaced. Waits for the disk.
+    pub fn check_paths(&self) {
+        let is_displaced = self.data.compare(|| self.store.check_paths().and_then(|()| self.plates.check_paths()));
+        if is_displaced {
+            let why = "the data folder or a file in it was deleted or replaced: see to it, then resume";
+            self.plates.pause_all(&Pause::new("data_displaced", why, "restore the data folder, then resume"));
+        }
+    }
+
+    /// Refuses what would be lost with displaced data.
+    pub fn intact(&self) -> Result<(), Refusal> {
+        self.data.displaced().map_or(Ok(()), |displaced| Err(Refusal::Unwell(reason(&displaced))))
+    }
+}
+
+pub(super) fn no_job() -> Refusal {
+    Refusal::Unknown("there is no such job".to_owned())
+}
+
+/// What the store had come to when it was opened, as a sentence, until somebody has taken note of it.
+#[derive(Debug)]
+pub(super) struct Damage(Mutex<Option<String>>);
+
+impl Damage {
+    pub fn found(sentence: Option<String>) -> Self {
+        Self(Mutex::new(sentence))
+    }
+
+    /// What is not seen yet. After damage every plate is paused, or stopped: whoever lets the last paused one go on has seen
+    /// what is wrong. Plates that are paused later are so for other reasons.
+    fn unseen(&self, states: &[PlateState]) -> Option<String> {
+        let mut damage = self.0.lock();
+        let may_any_move = states.iter().any(|state| *state != PlateState::Stopped);
+        if may_any_move && !states.contains(&PlateState::Paused) {
+            *damage = None;
+        }
+        damage.clone()
+    }
+}
+
+/// Leads what one plate tells to the clients that watch its jobs: written out once, however many they are.
+#[derive(Default)]
+pub(super) struct Wire(Mutex<Vec<(JobId, Feed)>>);
+
+impl fmt::Debug for Wire {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Wire").field(&self.feeds().len()).finish()
+    }
+}
+
+impl Wire {
+    /// From now on `feed` is offered what is told of `job`, until its client is gone.
+    pub fn lead(&self, job: JobId, feed: Feed) {
+        let mut feeds = self.feeds();
+        feeds.retain(|(_, feed)| !feed.is_closed());
+        feeds.push((job, feed));
+    }
+
+    fn feeds(&self) -> MutexGuard<'_, Vec<(JobId, Feed)>> {
+        self.0.lock()
+    }
+}
+
+impl Tap for Wire {
+    fn offer(&self, told: &Told) {
+        let mut feeds = self.feeds();
+        if !feeds.iter().any(|(job, _)| *job == told.job) {
+            return;
+        }
+        let event = Event::new(told.seq, told.kind, &told.body);
+        feeds.retain(|(job, feed)| *job != told.job || feed.offer(&event));
+    }
+}
+
+fn plate_observed(plate: PlateSnapshot, queued: u64) -> PlateObserved {
+    let PlateSnapshot { name, state, job, sight, age, recording, deadline_misses, behind, estops, .. } = plate;
+    PlateObserved {
+        name,
+        state,
+        queued,
+        deadline_misses,
+        behind,
+        estops,
+        frame_age: age,
+        progress: job.map(|_| sight.progress),
+        recording: recording.unwrap_or(RecordingState::Off),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn damage_that_was_seen_is_not_told_again() {
+        use PlateState::{Idle, Paused, Stopped};
+        let damage = Damage::found(Some("the job store was damaged".to_owned()));
+        let states = [[Stopped, Stopped], [Paused, Stopped], [Idle, Paused], [Idle, Stopped], [Paused, Paused]];
+        let told = states.map(|states| damage.unseen(&states).is_some());
+        assert_eq!(told, [true, true, true, false, false]);
+        assert_eq!(Damage::found(None).unseen(&[Paused]), None);
+    }
+}

@@ -1,0 +1,49 @@
+//! Pictures, live streams and those who watch a plate.
+
+use super::*;
+
+#[test]
+fn a_plate_has_a_live_stream_of_its_own_if_wanted() {
+    let house = House::new();
+    let plates = house.open_with(None, |around| around.live_history_bytes = Some(16 << 20));
+    let plate = plates.get("one").unwrap();
+    let live = plate.snapshot().live.unwrap();
+    let address = live.strip_prefix("rerun+http://").and_then(|rest| rest.strip_suffix("/proxy")).unwrap();
+    assert!(address.starts_with("127.0.0.1:") && std::net::TcpStream::connect(address).is_ok(), "{live}");
+    let told = listen(plate);
+    let id = house.submit(plate, TWO_COINS, Pace::Max);
+    assert_eq!(next(&told, "finished")["state"], "completed");
+    assert_eq!(house.row(&id).recording, RecordingStatus::None, "no file comes of it");
+    assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
+}
+
+#[test]
+fn pictures_are_made_for_those_who_look() {
+    let house = House::new();
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    assert_eq!(plate.picture(), None);
+    house.submit(plate, HOLD, Pace::RealTime);
+    next(&told, "look");
+    let picture = loop {
+        if let Some((picture, age)) = plate.picture() {
+            assert!(age <= Duration::from_secs(3), "{age:?}");
+            break picture;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    let image = image::load_from_memory(&picture.png).unwrap().into_rgb8();
+    assert_eq!(image.dimensions(), (640, 512));
+    assert!(image.pixels().any(|p| p.0 == [0, 220, 90]), "a ring around a part");
+    plates.shutdown(LONG);
+}
+
+#[test]
+fn control_never_waits_for_those_who_watch() {
+    let source = include_str!("../attend.rs");
+    for waits in ["lock(", ".send(", "recv", ".join(", "park", "sleep", "std::fs", "File", "rustix"] {
+        assert!(!source.contains(waits), "attend.rs is called by the control loop and has `{waits}`");
+    }
+    assert!(source.contains(".try_send("));
+}
