@@ -1,6 +1,7 @@
 //! Foundations of every other crate of `upm`: units, plate time, seeded random streams, planar geometry, the friction of a
 //! disc, the plain data that crosses the hardware boundary, and that boundary itself, the trait [`rig::Rig`].
 
+pub mod background;
 pub mod disc_friction;
 pub mod files;
 pub mod geometry;

@@ -3,7 +3,6 @@
 
 mod answers;
 mod bundle;
-mod clerks;
 mod data_watch;
 mod desk;
 mod estop_socket;

@@ -3,40 +3,40 @@
 //!
 //! ```text
 //!            wake            try_send            tell (after commit)
-//!  submit ────────► worker ───────────► crier ──────────────────► store
+//!  submit ────────► worker ───────────► publisher ──────────────────► store
 //!                     │ run                │ offer
 //!  estop ─► latch     ▼                    ▼
-//!        └► interlock rig                 taps: event streams, pages
+//!        └► interlock rig                 subscribers: event streams, pages
 //! ```
 
-mod attend;
-mod crier;
 mod current_job;
 mod disk;
 mod draw;
 mod emergency_stop;
+mod event_publisher;
+mod events;
 mod frames;
 mod latch;
 mod plate;
+mod run_observer;
 mod setup;
 mod shared;
 mod standing;
 mod start;
 #[cfg(test)]
 mod tests;
-mod told;
 mod types;
 mod validate;
 mod watchdog;
 mod worker;
 
+pub use events::{EventSubscriber, JobEvent};
 pub use frames::Picture;
 pub use latch::Held;
 pub use plate::{Caller, Plate};
 pub use setup::{PlateSetup, StandingSetup, Surroundings};
 pub use start::Plates;
-pub use told::{Tap, Told};
-pub use types::{Pause, PlateSnapshot, ResetFault, Sight, StandingSnapshot};
+pub use types::{LastObservation, Pause, PlateSnapshot, ResetFault, StandingSnapshot};
 pub use validate::fitting_library;
 
 pub use crate::states::{PlateState, StandingState};

@@ -2,7 +2,6 @@ use std::io;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use super::clerks::Clerks;
 use super::state::{DaemonState, no_job};
 use super::{answers, data_watch, files, health, metrics, page, stops, submit};
 use crate::service::{
@@ -10,12 +9,13 @@ use crate::service::{
     Recording, Replayed, Reply, ResetRequest, Submitted, kept, promise,
 };
 use crate::store::{JobId, JobRow, Page};
+use upm_core::background::WorkerPool;
 
 /// Threads that check jobs, and the jobs that may wait for them: one of every connection there can be.
 const CHECKERS: usize = 2;
 const CHECKS_WAITING: usize = 1280;
-/// Threads that see emergency stops through, which are done by then, and how many may wait for them.
-const STOP_CLERKS: usize = 2;
+/// Threads that confirm emergency stops, which are made by then, and how many may wait for them.
+const STOP_THREADS: usize = 2;
 const STOPS_WAITING: usize = 256;
 /// Resets that may wait: each is written down before it takes place.
 const RESETS_WAITING: usize = 16;
@@ -28,10 +28,10 @@ const FILES_WAITING: usize = 64;
 #[derive(Debug)]
 pub(super) struct FrontDesk {
     pub state: Arc<DaemonState>,
-    checkers: Arc<Clerks>,
-    stops: Clerks,
-    resets: Clerks,
-    files: Arc<Clerks>,
+    checkers: Arc<WorkerPool>,
+    stops: WorkerPool,
+    resets: WorkerPool,
+    files: Arc<WorkerPool>,
 }
 
 impl FrontDesk {
@@ -43,10 +43,10 @@ impl FrontDesk {
             let state = watched.upgrade().filter(|state| !state.ending.load(Ordering::SeqCst));
             state.inspect(|state| state.check_paths()).is_some()
         })?;
-        let checkers = Arc::new(Clerks::hire("check", CHECKERS, CHECKS_WAITING)?);
-        let stops = Clerks::hire_urgent("stops", STOP_CLERKS, STOPS_WAITING)?;
-        let resets = Clerks::hire("resets", 1, RESETS_WAITING)?;
-        let files = Arc::new(Clerks::hire("files", FILE_OPENERS, FILES_WAITING)?);
+        let checkers = Arc::new(WorkerPool::start("check", CHECKERS, CHECKS_WAITING, true)?);
+        let stops = WorkerPool::start("stops", STOP_THREADS, STOPS_WAITING, false)?;
+        let resets = WorkerPool::start("resets", 1, RESETS_WAITING, true)?;
+        let files = Arc::new(WorkerPool::start("files", FILE_OPENERS, FILES_WAITING, true)?);
         Ok(Self { state, checkers, stops, resets, files })
     }
 
@@ -113,7 +113,7 @@ impl Desk for FrontDesk {
             Err(refusal) => return kept(Err(refusal)),
         };
         let (state, name) = (Arc::clone(&self.state), plate.to_owned());
-        promise(|reply| self.stops.give(move || reply.send(stops::see_through(&state, &name, &caller))))
+        promise(|reply| self.stops.submit(move || reply.send(stops::see_through(&state, &name, &caller))))
     }
 
     fn reset(&self, plate: &str, request: ResetRequest, caller: Caller) -> Promise<Plate> {
@@ -125,7 +125,7 @@ impl Desk for FrontDesk {
         };
         let (state, plate) = (Arc::clone(&self.state), plate.to_owned());
         promise(|reply| {
-            self.resets.give(move || {
+            self.resets.submit(move || {
                 // a client that gave up finds the plate stopped, and nothing of this in the audit log
                 if !reply.is_awaited() {
                     return;
@@ -200,7 +200,7 @@ impl Desk for FrontDesk {
             let files = Arc::clone(&self.files);
             self.with_job(id, reply, move |state, row, reply| {
                 let state = Arc::clone(state);
-                files.give(move || reply.send(files::recording(state.store.runs(), &row)));
+                files.submit(move || reply.send(files::recording(state.store.runs(), &row)));
             });
         })
     }

@@ -9,7 +9,7 @@ use serde_json::json;
 use super::answers;
 use super::data_watch::{DataWatch, reason};
 use super::observed::{DiskObserved, Observed, PlateObserved};
-use crate::plates::{self, Pause, PlateSnapshot, PlateState, Plates, Tap, Told};
+use crate::plates::{self, EventSubscriber, JobEvent, Pause, PlateSnapshot, PlateState, Plates};
 use crate::service::{Event, Feed, Opening, Plate, Refusal, Reply, Traffic};
 use crate::store::{JobId, JobRow, JobState, Store};
 use upm_core::time::{Clock, MonotonicClock};
@@ -226,8 +226,8 @@ impl Wire {
     }
 }
 
-impl Tap for Wire {
-    fn offer(&self, told: &Told) {
+impl EventSubscriber for Wire {
+    fn offer(&self, told: &JobEvent) {
         let mut feeds = self.feeds();
         if !feeds.iter().any(|(job, _)| *job == told.job) {
             return;

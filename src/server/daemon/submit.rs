@@ -10,11 +10,11 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::answers;
-use super::clerks::Clerks;
 use super::state::DaemonState;
 use crate::plates::Plate;
 use crate::service::{Order, Refusal, Reply, Submitted};
 use crate::store::{Accepted, Cancelled, JobRow, NewJob, Pace, StoreFault};
+use upm_core::background::WorkerPool;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::{Fault, PlateSpec};
 
@@ -101,7 +101,7 @@ impl Drop for Answer {
 
 /// Queues a job; the answer comes once it is on the disk. One whose key came before is answered as it was then,
 /// whatever stands against it now; others are checked by `checkers`. Waits for nobody.
-pub(super) fn submit(state: &Arc<DaemonState>, checkers: &Arc<Clerks>, asked: Asked, reply: Reply<Submitted>) {
+pub(super) fn submit(state: &Arc<DaemonState>, checkers: &Arc<WorkerPool>, asked: Asked, reply: Reply<Submitted>) {
     let answer = Answer::new(reply);
     let Some(by_key) = asked.by_key() else { return check(state, checkers, asked, answer) };
     let (then, checkers) = (Arc::clone(state), Arc::clone(checkers));
@@ -112,9 +112,9 @@ pub(super) fn submit(state: &Arc<DaemonState>, checkers: &Arc<Clerks>, asked: As
     });
 }
 
-fn check(state: &Arc<DaemonState>, checkers: &Clerks, asked: Asked, answer: Answer) {
+fn check(state: &Arc<DaemonState>, checkers: &WorkerPool, asked: Asked, answer: Answer) {
     let state = Arc::clone(state);
-    checkers.give(move || queue(&state, &asked, answer));
+    checkers.submit(move || queue(&state, &asked, answer));
 }
 
 /// Checks a job and queues it. Takes milliseconds: not for those who answer.

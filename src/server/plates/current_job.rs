@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use parking_lot::Mutex;
 
-use super::Sight;
+use super::LastObservation;
 use super::watchdog::{Deadlines, Vitals};
 use crate::store::JobId;
 use upm_core::job::StopCause;
@@ -51,7 +51,7 @@ pub(super) struct Running {
 /// The newest view of the parts, and when it came.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Seen {
-    pub sight: Sight,
+    pub sight: LastObservation,
     pub at: Option<Duration>,
 }
 
@@ -146,7 +146,7 @@ impl CurrentJob {
     }
 
     /// Notes what is seen of the parts; left out while another thread reads it.
-    pub fn saw(&self, sight: &Sight, now: Duration) {
+    pub fn saw(&self, sight: &LastObservation, now: Duration) {
         let Some(mut seen) = self.seen.try_lock() else { return };
         seen.sight.clone_from(sight);
         seen.at = Some(now);

@@ -2,9 +2,9 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use super::events::{EventSubscriber, JobEvent};
 use super::latch::Held;
 use super::shared::Shared;
-use super::told::{Tap, Told};
 use super::validate::validated;
 use super::{Pause, Picture, PlateSnapshot, ResetFault};
 use crate::store::{AuditEntry, JobId, NewJob, Pace, StoredEvent};
@@ -38,7 +38,7 @@ pub struct Plate {
     pub(super) shared: Arc<Shared>,
     pub(super) clock: MonotonicClock,
     pub(super) worker: JoinHandle<()>,
-    pub(super) crier: JoinHandle<()>,
+    pub(super) publisher: JoinHandle<()>,
 }
 
 impl Plate {
@@ -138,12 +138,12 @@ impl Plate {
         let ended = |what: &str, thread: &JoinHandle<()>| {
             thread.is_finished().then(|| format!("the {what} of plate {} has died", self.name()))
         };
-        ended("worker", &self.worker).or_else(|| ended("crier", &self.crier))
+        ended("worker", &self.worker).or_else(|| ended("event publisher", &self.publisher))
     }
 
     /// True once nothing of it works any more.
     pub(super) fn threads_ended(&self) -> bool {
-        self.worker.is_finished() && self.crier.is_finished()
+        self.worker.is_finished() && self.publisher.is_finished()
     }
 
     /// Tells a job to end that the store has as running: it is on the plate, or about to come onto it. False when its
@@ -154,7 +154,7 @@ impl Plate {
 
     /// Tells those who watch a job of this plate that it has ended, though not on the plate.
     pub fn announce_end(&self, id: JobId, finished: StoredEvent) {
-        self.shared.taps.offer(&Told::finished(id, finished));
+        self.shared.subscribers.offer(&JobEvent::finished(id, finished));
     }
 
     /// True while an emergency stop holds.
@@ -183,8 +183,8 @@ impl Plate {
     }
 
     /// From now on `tap` is told what happens on it.
-    pub fn subscribe(&self, tap: Arc<dyn Tap>) {
-        self.shared.taps.add(tap);
+    pub fn subscribe(&self, tap: Arc<dyn EventSubscriber>) {
+        self.shared.subscribers.add(tap);
     }
 
     /// The newest picture of the job on it and its age, unless it is too old to be shown; wishes for newer ones.

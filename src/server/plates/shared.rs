@@ -6,9 +6,9 @@ use parking_lot::Mutex;
 
 use super::current_job::{CurrentJob, Seen};
 use super::emergency_stop::EmergencyStop;
+use super::events::Subscribers;
 use super::frames::Window;
 use super::standing::Standing;
-use super::told::Taps;
 use super::validate::JobRules;
 use super::{Pause, PlateSnapshot, PlateState};
 use crate::store::{JobId, Ledger};
@@ -29,7 +29,7 @@ pub(super) struct Shared {
     /// The daemon ends.
     pub ending: AtomicBool,
     pub window: Window,
-    pub taps: Arc<Taps>,
+    pub subscribers: Arc<Subscribers>,
     /// Where viewers see its runs.
     pub live: Option<LiveServer>,
     /// Runs whenever nothing is queued.

@@ -2,16 +2,15 @@ use std::fs;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::sync_channel;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use parking_lot::Mutex;
 
-use super::crier::{Item, cry};
 use super::current_job::CurrentJob;
 use super::disk::{Disk, DiskGuard, Rates};
 use super::emergency_stop::EmergencyStop;
+use super::event_publisher::{Outgoing, publish};
 use super::frames::Window;
 use super::latch::{Latch, Latches};
 use super::plate::Plate;
@@ -22,6 +21,7 @@ use super::watchdog::{TICK, Watchdog, ms};
 use super::worker::{Place, Worker};
 use super::{Pause, PlateSetup, Surroundings};
 use crate::store::Displaced;
+use upm_core::background::{OverflowPolicy, Queue};
 use upm_core::priority::step_back;
 use upm_core::rig::Interlock;
 use upm_core::time::{Clock, MonotonicClock};
@@ -30,7 +30,7 @@ use upm_viewer::LiveServer;
 
 /// The watchdog is alive that looked no longer ago than this.
 const LOOKS_WITHIN: Duration = Duration::from_secs(1);
-/// News that may wait for a plate's crier.
+/// Messages that may wait for a plate's event publisher.
 const WAITING: usize = 1024;
 
 /// All plates of the daemon.
@@ -194,7 +194,7 @@ fn shared(setup: PlateSetup, latch: Latch, keeper: thread::Thread, around: &Surr
         job,
         ending: AtomicBool::new(false),
         window: Window::default(),
-        taps: Arc::default(),
+        subscribers: Arc::default(),
         standing,
         paused: Mutex::new(setup.paused),
         #[cfg(test)]
@@ -203,19 +203,19 @@ fn shared(setup: PlateSetup, latch: Latch, keeper: thread::Thread, around: &Surr
 }
 
 fn plate(shared: Arc<Shared>, around: &Surroundings, disk: &Arc<Disk>) -> io::Result<Plate> {
-    let (sender, items) = sync_channel(WAITING);
+    let (sender, items) = Queue::bounded(WAITING, OverflowPolicy::Wait);
     let Surroundings { runs, clock, record, .. } = around.clone();
     let place = Place { runs, clock, record, disk: Arc::clone(disk) };
     let (of_crier, of_worker) = (Arc::clone(&shared), Arc::clone(&shared));
-    let crier = thread::Builder::new().name(format!("crier-{}", shared.name)).spawn(move || {
+    let publisher = thread::Builder::new().name(format!("events-{}", shared.name)).spawn(move || {
         step_back();
-        cry(&of_crier, &items);
+        publish(&of_crier, &items);
     })?;
     let work = move || {
-        let mut worker = Worker { shared: of_worker, crier: sender, place, rates: Rates::default() };
+        let mut worker = Worker { shared: of_worker, publisher: sender, place, rates: Rates::default() };
         worker.work();
-        worker.crier.send(Item::End).ok();
+        worker.publisher.send(Outgoing::End).ok();
     };
     let worker = thread::Builder::new().name(format!("plate-{}", shared.name)).spawn(work)?;
-    Ok(Plate { shared, clock, worker, crier })
+    Ok(Plate { shared, clock, worker, publisher })
 }

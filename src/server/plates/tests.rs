@@ -38,10 +38,10 @@ const WATCHDOG: WatchdogSpec = WatchdogSpec {
 };
 
 /// Hands on what it is told.
-struct Ear(SyncSender<Told>);
+struct Ear(SyncSender<JobEvent>);
 
-impl Tap for Ear {
-    fn offer(&self, told: &Told) {
+impl EventSubscriber for Ear {
+    fn offer(&self, told: &JobEvent) {
         self.0.try_send(told.clone()).ok();
     }
 }
@@ -104,7 +104,7 @@ impl House {
     }
 
     /// Has the plate hold its parts in real time, and another job wait behind that: what the plate tells, and both jobs.
-    fn keep_busy(&self, plate: &Plate) -> (Receiver<Told>, [JobId; 2]) {
+    fn keep_busy(&self, plate: &Plate) -> (Receiver<JobEvent>, [JobId; 2]) {
         let told = listen(plate);
         let jobs = [self.submit(plate, HOLD, Pace::RealTime), self.submit(plate, TWO_COINS, Pace::Max)];
         next(&told, "look");
@@ -124,14 +124,14 @@ fn library() -> Library {
     Library::load(&root().join("assets/libraries/upm-2.json")).unwrap()
 }
 
-fn listen(plate: &Plate) -> Receiver<Told> {
+fn listen(plate: &Plate) -> Receiver<JobEvent> {
     let (sender, told) = sync_channel(100_000);
     plate.subscribe(Arc::new(Ear(sender)));
     told
 }
 
 /// Waits for something of that kind; the body.
-fn next(told: &Receiver<Told>, kind: &str) -> serde_json::Value {
+fn next(told: &Receiver<JobEvent>, kind: &str) -> serde_json::Value {
     loop {
         let each = told.recv_timeout(LONG).unwrap_or_else(|_| panic!("no {kind} was told"));
         if each.kind == kind {

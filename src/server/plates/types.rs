@@ -36,7 +36,7 @@ impl Pause {
 
 /// The newest that is known of the parts on a plate.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Sight {
+pub struct LastObservation {
     /// Plate time of the frame, from the start of its job.
     pub at: PlateTime,
     /// Where each part is, m.
@@ -82,7 +82,7 @@ pub struct PlateSnapshot {
     /// How the recording of that job is getting on.
     pub recording: Option<RecordingState>,
     /// The parts as last seen.
-    pub sight: Sight,
+    pub sight: LastObservation,
     /// Wall time since they were; `None` before anything was.
     pub age: Option<Duration>,
     /// Where a Rerun viewer finds what happens on it, `rerun+http://127.0.0.1:PORT/proxy`.

@@ -3,20 +3,21 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{SyncSender, sync_channel};
+use std::sync::mpsc::sync_channel;
 use std::thread;
 use std::time::Duration;
 
 use super::Pause;
-use super::attend::Attend;
-use super::crier::Item;
 use super::disk::{Disk, Rates};
+use super::event_publisher::Outgoing;
+use super::events::{EventDraft, JobEvent};
+use super::run_observer::RunObserver;
 use super::shared::Shared;
 use super::standing::Standing;
-use super::told::{News, Told};
 use super::validate::library_for;
 use crate::store::{Claimed, JobEnd, JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault, StoredEvent};
 use upm_control::EventLevel;
+use upm_core::background::Queue;
 use upm_core::job::StopCause;
 use upm_core::priority::go_first;
 use upm_core::rig::Trip;
@@ -47,7 +48,7 @@ pub(super) struct Place {
 /// The thread of one plate: takes its jobs one after another and runs them.
 pub(super) struct Worker {
     pub shared: Arc<Shared>,
-    pub crier: SyncSender<Item>,
+    pub publisher: Queue<Outgoing>,
     pub place: Place,
     pub rates: Rates,
 }
@@ -116,7 +117,7 @@ impl Worker {
         self.shared.job.begin(id, claimed.row.standing, recording.clone(), journal.clone());
         let JobRow { name, seed, pace, .. } = &claimed.row;
         tracing::info!(plate = self.shared.name, job = %id, seed, pace = pace.name(), "begins: {name}");
-        self.tell(id, News::state(PlateTime::ZERO, JobState::Running));
+        self.tell(id, EventDraft::state(PlateTime::ZERO, JobState::Running));
         let folder = self.place.runs.join(claimed.row.folder.as_deref().unwrap_or_default());
         let done = self.play(claimed, &folder, &recording, journal);
         self.place.disk.release(&id);
@@ -143,9 +144,9 @@ impl Worker {
             self.settle_standing(&end, is_cancelled);
         }
         self.log(&id, &end);
-        self.tell(id, News::recording(end.at, kept, &why));
+        self.tell(id, EventDraft::recording(end.at, kept, &why));
         if let Some(finished) = self.store(&id, end) {
-            self.shared.taps.offer(&Told::finished(id, finished));
+            self.shared.subscribers.offer(&JobEvent::finished(id, finished));
         }
     }
 
@@ -195,8 +196,8 @@ impl Worker {
         let give_way = standing.map_or(&never, |standing| &standing.give_way);
         let links = Links { stop, give_way, interlock, pacing, cause: &|| shared.cause() };
         let clock = self.place.clock;
-        let mut attend = Attend::new(shared, &clock, &self.crier, row.id, radii_of(&job));
-        run_linked(&job, library, folder, &options, &clock, links, &mut attend).map_err(|error| error.lines())
+        let mut observer = RunObserver::new(shared, &clock, &self.publisher, row.id, radii_of(&job));
+        run_linked(&job, library, folder, &options, &clock, links, &mut observer).map_err(|error| error.lines())
     }
 
     /// Whether the disk takes a recording of that job; says it when not.
@@ -206,7 +207,7 @@ impl Worker {
         let Err(why) = disk.promise(id, recording, wanted_bytes, clock.elapsed()) else { return true };
         let text = format!("there is no recording of this job: {why}");
         tracing::warn!(plate = self.shared.name, job = %id, "{text}");
-        self.tell(id, News::warning(PlateTime::ZERO, EventLevel::Warning, &text));
+        self.tell(id, EventDraft::warning(PlateTime::ZERO, EventLevel::Warning, &text));
         false
     }
 
@@ -274,7 +275,7 @@ impl Worker {
             if !std::mem::replace(&mut told, true) {
                 tracing::error!(plate = self.shared.name, job = %id, "the end of the job cannot be stored: {fault}");
                 let text = format!("the end of the job cannot be stored: {fault}");
-                self.tell(*id, News::warning(PlateTime::ZERO, EventLevel::Error, &text));
+                self.tell(*id, EventDraft::warning(PlateTime::ZERO, EventLevel::Error, &text));
             }
             if self.shared.ending.load(Ordering::SeqCst) {
                 return None;
@@ -283,17 +284,17 @@ impl Worker {
         }
     }
 
-    /// Waits until the crier has handed on all it was given.
+    /// Waits until the publisher has handed on all it was given.
     fn pass(&self) {
         let (sender, passed) = sync_channel(1);
-        if self.crier.send(Item::Pass(sender)).is_ok() {
+        if self.publisher.send(Outgoing::Pass(sender)).is_ok() {
             passed.recv().ok();
         }
     }
 
-    /// Between runs the plate rests, and may wait for its crier.
-    fn tell(&self, id: JobId, news: News) {
-        self.crier.send(Item::Tell(id, news)).ok();
+    /// Between runs the plate rests, and may wait for its publisher.
+    fn tell(&self, id: JobId, news: EventDraft) {
+        self.publisher.send(Outgoing::Tell(id, news)).ok();
     }
 }
 

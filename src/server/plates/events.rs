@@ -4,7 +4,7 @@ use std::time::Duration;
 use parking_lot::Mutex;
 use serde::Serialize;
 
-use crate::plates::Sight;
+use crate::plates::LastObservation;
 use crate::store::{FINISHED, JobId, JobState, RecordingStatus, StoredEvent};
 use upm_control::{CycleFacts, EventLevel};
 use upm_core::time::PlateTime;
@@ -13,7 +13,7 @@ use upm_planner::PlannedPulse;
 
 /// One thing told of a job, to whoever watches it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Told {
+pub struct JobEvent {
     /// The job.
     pub job: JobId,
     /// Its number in the job; `None` for what is not kept: looks, and what the store could not take.
@@ -24,7 +24,7 @@ pub struct Told {
     pub body: Arc<str>,
 }
 
-impl Told {
+impl JobEvent {
     /// The end of a job, as it is kept.
     pub(super) fn finished(job: JobId, event: StoredEvent) -> Self {
         Self { job, seq: Some(event.seq), kind: FINISHED, body: event.body }
@@ -32,34 +32,34 @@ impl Told {
 }
 
 /// Takes what is told. It hands on and returns: nobody waits here.
-pub trait Tap: Send + Sync {
+pub trait EventSubscriber: Send + Sync {
     /// Takes one thing.
-    fn offer(&self, told: &Told);
+    fn offer(&self, told: &JobEvent);
 }
 
 /// Everybody who watches a plate.
 #[derive(Default)]
-pub(super) struct Taps(Mutex<Vec<Arc<dyn Tap>>>);
+pub(super) struct Subscribers(Mutex<Vec<Arc<dyn EventSubscriber>>>);
 
-impl Taps {
-    pub fn add(&self, tap: Arc<dyn Tap>) {
+impl Subscribers {
+    pub fn add(&self, tap: Arc<dyn EventSubscriber>) {
         self.0.lock().push(tap);
     }
 
-    pub fn offer(&self, told: &Told) {
+    pub fn offer(&self, told: &JobEvent) {
         self.0.lock().iter().for_each(|tap| tap.offer(told));
     }
 }
 
-impl std::fmt::Debug for Taps {
+impl std::fmt::Debug for Subscribers {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Taps")
+        f.write_str("Subscribers")
     }
 }
 
 /// Something that happened, in words of its own, on its way from the plate to those who watch.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct News {
+pub(super) struct EventDraft {
     pub plate_time: PlateTime,
     pub kind: &'static str,
     pub body: Arc<str>,
@@ -106,7 +106,7 @@ enum Body<'a> {
     },
 }
 
-impl News {
+impl EventDraft {
     fn new(plate_time: PlateTime, kind: &'static str, durable: bool, body: &Body<'_>) -> Self {
         let body = serde_json::to_string(body).unwrap_or_else(|_| "{}".into());
         Self { plate_time, kind, body: body.into(), durable }
@@ -148,8 +148,8 @@ impl News {
         Self::new(at, "recording", true, &Body::Recording { at_s: at.secs(), recording: kept.name(), reason })
     }
 
-    /// `behind` as in [`News::cycle`].
-    pub fn look(sight: &Sight, behind: Duration) -> Self {
+    /// `behind` as in [`EventDraft::cycle`].
+    pub fn look(sight: &LastObservation, behind: Duration) -> Self {
         let body = Body::Look {
             at_s: sight.at.secs(),
             phase: &sight.phase,
@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn bodies_are_plain_json_in_millimetres() {
-        let sight = Sight {
+        let sight = LastObservation {
             at: PlateTime::from_secs(1.25),
             positions_m: vec![Vec2::new(0.012_345_678, -1e-9)],
             radii_m: vec![0.01],
@@ -177,7 +177,7 @@ mod tests {
             progress: 0.5,
             phase: "a \"phase\"".into(),
         };
-        let look = News::look(&sight, Duration::from_millis(8200));
+        let look = EventDraft::look(&sight, Duration::from_millis(8200));
         assert!(!look.durable && look.kind == "look");
         let read: serde_json::Value = serde_json::from_str(&look.body).unwrap();
         let wanted = serde_json::json!({
@@ -185,7 +185,7 @@ mod tests {
             "positions_mm": [[12.346, -0.0]], "targets_mm": [[0.0, 0.0]], "behind_s": 8.2,
         });
         assert_eq!(read, wanted);
-        let running = News::state(PlateTime::ZERO, JobState::Running);
+        let running = EventDraft::state(PlateTime::ZERO, JobState::Running);
         assert_eq!(&*running.body, r#"{"state":"running","at_s":0.0}"#);
         assert!(running.durable);
     }

@@ -1,13 +1,13 @@
-use std::sync::mpsc::{SyncSender, TrySendError};
 use std::time::Duration;
 
-use super::crier::Item;
 use super::draw::Mark;
+use super::event_publisher::Outgoing;
+use super::events::EventDraft;
 use super::shared::Shared;
-use super::told::News;
-use crate::plates::Sight;
+use crate::plates::LastObservation;
 use crate::store::JobId;
 use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts, Sink};
+use upm_core::background::{OverflowPolicy, Queue, Unsent};
 use upm_core::time::{Clock, PlateTime};
 use upm_perception::vision::{Table, Track};
 
@@ -16,40 +16,41 @@ const LOOKS_APART: Duration = Duration::from_millis(100);
 
 /// Watches a run for those outside. It is called on the plate's own thread, so it never waits: what does not fit into
 /// the queue, or comes while somebody else holds the lock, is left out and counted.
-pub(super) struct Attend<'a> {
+pub(super) struct RunObserver<'a> {
     shared: &'a Shared,
     clock: &'a dyn Clock,
-    crier: &'a SyncSender<Item>,
+    publisher: Queue<Outgoing>,
     job: JobId,
-    sight: Sight,
+    sight: LastObservation,
     table: Option<Table>,
     looked_at: Option<Duration>,
     left_out: u64,
 }
 
-impl<'a> Attend<'a> {
+impl<'a> RunObserver<'a> {
     pub fn new(
         shared: &'a Shared,
         clock: &'a dyn Clock,
-        crier: &'a SyncSender<Item>,
+        publisher: &Queue<Outgoing>,
         job: JobId,
         radii_m: Vec<f64>,
     ) -> Self {
-        let sight = Sight { radii_m, ..Sight::default() };
-        Self { shared, clock, crier, job, sight, table: None, looked_at: None, left_out: 0 }
+        let sight = LastObservation { radii_m, ..LastObservation::default() };
+        let publisher = publisher.with(OverflowPolicy::GiveUp);
+        Self { shared, clock, publisher, job, sight, table: None, looked_at: None, left_out: 0 }
     }
 
-    fn tell(&mut self, news: News) {
+    fn tell(&mut self, news: EventDraft) {
         if self.left_out > 0 {
             let text = format!("{} events were left out: too many at once", self.left_out);
-            let missed = News::warning(news.plate_time, EventLevel::Warning, &text);
-            if self.crier.try_send(Item::Tell(self.job, missed)).is_ok() {
+            let missed = EventDraft::warning(news.plate_time, EventLevel::Warning, &text);
+            if self.publisher.send(Outgoing::Tell(self.job, missed)).is_ok() {
                 self.left_out = 0;
             }
         }
-        let sent = self.crier.try_send(Item::Tell(self.job, news));
+        let sent = self.publisher.send(Outgoing::Tell(self.job, news));
         self.shared.job.vitals.could_tell(self.clock.elapsed(), sent.is_ok());
-        if let Err(TrySendError::Full(Item::Tell(_, news))) = sent {
+        if let Err(Unsent::Full(Outgoing::Tell(_, news))) = sent {
             self.left_out += u64::from(news.durable);
         }
     }
@@ -58,7 +59,7 @@ impl<'a> Attend<'a> {
         self.shared.job.saw(&self.sight, now);
         if self.looked_at.is_none_or(|before| now >= before + LOOKS_APART) {
             self.looked_at = Some(now);
-            self.tell(News::look(&self.sight, self.shared.job.pacing.behind()));
+            self.tell(EventDraft::look(&self.sight, self.shared.job.pacing.behind()));
         }
     }
 
@@ -76,7 +77,7 @@ impl<'a> Attend<'a> {
     }
 }
 
-impl Sink for Attend<'_> {
+impl Sink for RunObserver<'_> {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
         self.table = Some(facts.table.clone());
         self.sight.at = facts.frame.exposed_at;
@@ -102,7 +103,7 @@ impl Sink for Attend<'_> {
         self.sight.progress = facts.wanted.progress;
         self.sight.phase.clone_from(&facts.wanted.phase);
         self.shared.ledger.progress(&self.job, facts.wanted.progress);
-        self.tell(News::cycle(facts, self.shared.job.pacing.behind()));
+        self.tell(EventDraft::cycle(facts, self.shared.job.pacing.behind()));
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
@@ -111,7 +112,7 @@ impl Sink for Attend<'_> {
             self.shared.job.vitals.end();
         }
         if level != EventLevel::Info {
-            self.tell(News::warning(at, level, text));
+            self.tell(EventDraft::warning(at, level, text));
         }
     }
 

@@ -1,0 +1,245 @@
+//! Work in the background: queues with a bound and a stated choice for when they are full, threads whose result is waited for
+//! but not for good, and pools of threads for tasks.
+
+use std::fmt;
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread;
+use std::time::Duration;
+
+pub use crossbeam_channel::{Receiver, RecvTimeoutError};
+use crossbeam_channel::{SendTimeoutError, Sender, TrySendError, bounded};
+
+use crate::priority::step_back;
+
+/// A sender's choice when its queue is full.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OverflowPolicy {
+    /// It waits.
+    #[default]
+    Wait,
+    /// It waits this long, then gives up as below.
+    WaitAtMost(Duration),
+    /// It never waits: the item is lost, and counted.
+    GiveUp,
+}
+
+/// The sending end of a bounded queue. Clones send into the same queue.
+pub struct Queue<T> {
+    items: Sender<T>,
+    overflow: OverflowPolicy,
+    lost: Arc<AtomicU64>,
+}
+
+/// An item that did not get into its queue.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unsent<T> {
+    /// There was no room.
+    Full(T),
+    /// The receiving end is gone.
+    Closed(T),
+}
+
+impl<T> fmt::Debug for Queue<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Queue").field("overflow", &self.overflow).field("lost", &self.lost).finish_non_exhaustive()
+    }
+}
+
+impl<T> Clone for Queue<T> {
+    fn clone(&self) -> Self {
+        Self { items: self.items.clone(), overflow: self.overflow, lost: Arc::clone(&self.lost) }
+    }
+}
+
+impl<T> Queue<T> {
+    /// A queue with room for so many items, and its receiving end.
+    pub fn bounded(room: usize, overflow: OverflowPolicy) -> (Self, Receiver<T>) {
+        let (items, receiver) = bounded(room);
+        (Self { items, overflow, lost: Arc::default() }, receiver)
+    }
+
+    /// The same queue with another choice for its sender.
+    pub fn with(&self, overflow: OverflowPolicy) -> Self {
+        Self { overflow, ..self.clone() }
+    }
+
+    /// Sends `item`, by the queue's choice where it is full.
+    pub fn send(&self, item: T) -> Result<(), Unsent<T>> {
+        match self.overflow {
+            OverflowPolicy::Wait => {
+                self.counted(self.items.send(item).map_err(|unsent| Unsent::Closed(unsent.into_inner())))
+            }
+            OverflowPolicy::WaitAtMost(longest) => self.counted(self.send_within(item, longest)),
+            OverflowPolicy::GiveUp => self.counted(self.items.try_send(item).map_err(|unsent| match unsent {
+                TrySendError::Full(item) => Unsent::Full(item),
+                TrySendError::Disconnected(item) => Unsent::Closed(item),
+            })),
+        }
+    }
+
+    /// Sends `item` once there is room, within `longest`; an item given back is not counted as lost.
+    pub fn send_within(&self, item: T, longest: Duration) -> Result<(), Unsent<T>> {
+        self.items.send_timeout(item, longest).map_err(|unsent| match unsent {
+            SendTimeoutError::Timeout(item) => Unsent::Full(item),
+            SendTimeoutError::Disconnected(item) => Unsent::Closed(item),
+        })
+    }
+
+    /// Items lost since the queue was made.
+    pub fn lost(&self) -> u64 {
+        self.lost.load(Ordering::Relaxed)
+    }
+
+    fn counted(&self, sent: Result<(), Unsent<T>>) -> Result<(), Unsent<T>> {
+        sent.inspect_err(|_| {
+            self.lost.fetch_add(1, Ordering::Relaxed);
+        })
+    }
+}
+
+/// A thread that makes one result.
+#[derive(Debug)]
+pub struct Worker<T>(Receiver<T>);
+
+/// Why there is no result of a thread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unfinished {
+    /// It did not end in time; it is left behind.
+    Hangs,
+    /// It panicked.
+    Died,
+}
+
+impl<T: Send + 'static> Worker<T> {
+    /// Starts the thread `name`; lets other threads go before it where it `steps_back`.
+    pub fn start(name: &str, steps_back: bool, work: impl FnOnce() -> T + Send + 'static) -> io::Result<Self> {
+        let (report, done) = bounded(1);
+        thread::Builder::new().name(name.to_owned()).spawn(move || {
+            if steps_back {
+                step_back();
+            }
+            report.send(work()).ok();
+        })?;
+        Ok(Self(done))
+    }
+
+    /// Waits for its result.
+    pub fn wait(&self) -> Result<T, Unfinished> {
+        self.0.recv().map_err(|_| Unfinished::Died)
+    }
+
+    /// Waits for its result, at most so long.
+    pub fn wait_within(&self, longest: Duration) -> Result<T, Unfinished> {
+        self.0.recv_timeout(longest).map_err(|fault| match fault {
+            RecvTimeoutError::Timeout => Unfinished::Hangs,
+            RecvTimeoutError::Disconnected => Unfinished::Died,
+        })
+    }
+}
+
+type Task = Box<dyn FnOnce() + Send>;
+
+/// A few threads for tasks that take time and must hold up no caller. They end when the pool is dropped and the tasks that
+/// wait are done.
+#[derive(Debug)]
+pub struct WorkerPool(Queue<Task>);
+
+impl WorkerPool {
+    /// `count` threads called `name`, with room for `waiting` tasks; other threads go before them where they `step_back`.
+    pub fn start(name: &str, count: usize, waiting: usize, steps_back: bool) -> io::Result<Self> {
+        let (queue, tasks) = Queue::<Task>::bounded(waiting, OverflowPolicy::GiveUp);
+        for _ in 0..count {
+            let tasks = tasks.clone();
+            thread::Builder::new().name(name.to_owned()).spawn(move || {
+                if steps_back {
+                    step_back();
+                }
+                for task in tasks {
+                    // the reply that it held is gone, so no caller waits; the tasks after it need this thread
+                    catch_unwind(AssertUnwindSafe(task)).ok();
+                }
+            })?;
+        }
+        Ok(Self(queue))
+    }
+
+    /// Has `task` done, unless too many wait: then it is dropped, and with it the reply that it holds.
+    pub fn submit(&self, task: impl FnOnce() + Send + 'static) {
+        self.0.send(Box::new(task)).ok();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+
+    use super::*;
+
+    const LONG: Duration = Duration::from_secs(5);
+
+    #[test]
+    fn full_queue_waits_or_loses_as_stated() {
+        let (queue, items) = Queue::bounded(1, OverflowPolicy::GiveUp);
+        assert_eq!((queue.send(1), queue.send(2), queue.lost()), (Ok(()), Err(Unsent::Full(2)), 1));
+        assert_eq!(queue.send_within(3, Duration::from_millis(1)), Err(Unsent::Full(3)));
+        assert_eq!((queue.clone().lost(), items.recv()), (1, Ok(1)));
+        drop(items);
+        assert_eq!((queue.send(4), queue.lost()), (Err(Unsent::Closed(4)), 2));
+        let (patient, items) = Queue::bounded(1, OverflowPolicy::WaitAtMost(LONG));
+        thread::scope(|scope| {
+            scope.spawn(|| (1..=3).for_each(|item| patient.send(item).unwrap()));
+            assert_eq!(items.iter().take(3).collect::<Vec<_>>(), [1, 2, 3]);
+        });
+        let (impatient, _items) = Queue::bounded(0, OverflowPolicy::WaitAtMost(Duration::from_millis(1)));
+        assert_eq!((impatient.send(1), impatient.lost()), (Err(Unsent::Full(1)), 1));
+    }
+
+    #[test]
+    fn result_of_a_thread_is_waited_for_but_not_for_good() {
+        let (go, held) = sync_channel::<()>(0);
+        let worker = Worker::start("slow", false, move || held.recv().is_ok()).unwrap();
+        assert_eq!(worker.wait_within(Duration::from_millis(1)), Err(Unfinished::Hangs));
+        go.send(()).unwrap();
+        assert_eq!(worker.wait(), Ok(true));
+        let dies = Worker::<()>::start("dies", true, || panic!("as asked")).unwrap();
+        assert_eq!(dies.wait_within(LONG), Err(Unfinished::Died));
+    }
+
+    #[test]
+    fn task_that_panics_leaves_its_thread_to_the_next() {
+        let pool = WorkerPool::start("pool", 1, 2, true).unwrap();
+        let (reply, answered) = sync_channel::<u32>(1);
+        pool.submit(move || {
+            let _reply = reply;
+            panic!("as asked");
+        });
+        assert_eq!(answered.recv_timeout(LONG), Err(RecvTimeoutError::Disconnected));
+        let (reply, answered) = sync_channel::<u32>(1);
+        pool.submit(move || reply.send(1).unwrap());
+        assert_eq!(answered.recv_timeout(LONG), Ok(1));
+    }
+
+    #[test]
+    fn tasks_that_do_not_fit_are_dropped_and_the_rest_done() {
+        let pool = WorkerPool::start("pool", 1, 1, false).unwrap();
+        let (hold, held) = sync_channel::<()>(0);
+        let (done, seen) = sync_channel::<u32>(8);
+        let began = done.clone();
+        pool.submit(move || {
+            began.send(0).unwrap();
+            held.recv().unwrap();
+        });
+        assert_eq!(seen.recv().unwrap(), 0);
+        for number in 1..4 {
+            let done = done.clone();
+            pool.submit(move || done.send(number).unwrap());
+        }
+        hold.send(()).unwrap();
+        assert_eq!(seen.recv().unwrap(), 1);
+        drop((done, pool));
+        assert_eq!(seen.recv_timeout(LONG), Err(RecvTimeoutError::Disconnected));
+    }
+}
