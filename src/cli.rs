@@ -2,10 +2,10 @@
 
 /// A line on stdout, as a `Result`. A reader that has gone away (`| head`) has seen enough and is no error.
 macro_rules! say {
-    ($($text:tt)*) => { $crate::cli::put(format_args!($($text)*)) };
+    ($($text:tt)*) => { $crate::cli::output::put(format_args!($($text)*)) };
 }
 
-/// A line on stderr; where that cannot be written, nobody can be told.
+/// A line on stderr; ignored where stderr cannot be written.
 macro_rules! complain {
     ($($text:tt)*) => {{
         use std::io::Write as _;
@@ -22,7 +22,6 @@ mod daemon;
 #[cfg(not(feature = "daemon"))]
 #[path = "cli/without_daemon.rs"]
 mod daemon;
-mod failure;
 mod features;
 #[cfg(feature = "lab")]
 mod lab;
@@ -35,6 +34,7 @@ mod log_page;
 mod log_writer;
 mod logs;
 mod man;
+mod output;
 mod panics;
 mod progress;
 mod recording;
@@ -45,22 +45,12 @@ mod simulate;
 mod summary;
 mod verify;
 
-use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{CommandFactory, Parser};
 
 use args::{Cli, Command};
-use failure::Failure;
-
-/// The job ran and did not reach its goal.
-const NOT_REACHED: u8 = 1;
-/// Bad usage or a bad file.
-const BAD_INPUT: u8 = 2;
-/// Ended by Ctrl-C.
-const INTERRUPTED: u8 = 130;
+use output::Failure;
 
 /// Parses the command line and does what it says. Exit status: 0 done, 1 goal not reached, 2 bad usage or a bad
 /// file, 130 ended by Ctrl-C.
@@ -92,7 +82,7 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Serve(args) => daemon::serve(&args, common),
         Command::Check(args) => check::check(&args, common),
         Command::Schema(args) => check::schema(&args),
-        Command::Client(command) => daemon::client(&command, common),
+        Command::Client(command) => daemon::client_command(&command, common),
         Command::SupportBundle(args) => daemon::support_bundle(&args, common),
         Command::Man(args) => man::man(&args),
         Command::Completions(args) => {
@@ -101,35 +91,5 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
             say!("{}", String::from_utf8_lossy(&script).trim_end())?;
             Ok(0)
         }
-    }
-}
-
-/// A flag that Ctrl-C sets; a second Ctrl-C ends the process at once.
-fn stop_on_interrupt() -> Arc<AtomicBool> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    let handler = move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(i32::from(INTERRUPTED));
-        }
-    };
-    if let Err(error) = ctrlc::set_handler(handler) {
-        tracing::warn!("Ctrl-C will not stop cleanly: {error}");
-    }
-    stop
-}
-
-/// Prints a result as one JSON document.
-fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
-    let text = serde_json::to_string_pretty(value).map_err(|error| Failure::failed(error.to_string()))?;
-    say!("{text}")
-}
-
-/// Writes a line to stdout.
-fn put(text: std::fmt::Arguments<'_>) -> Result<(), Failure> {
-    let mut out = std::io::stdout().lock();
-    match writeln!(out, "{text}").and_then(|()| out.flush()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::failed(format!("stdout: {error}"))),
-        _ => Ok(()),
     }
 }

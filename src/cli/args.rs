@@ -1,12 +1,10 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use super::client_args::ClientCommand;
+use super::client_args::{ClientCommand, pace};
 use super::features::{HELP, VERSION};
-use super::logs::LogFormat;
 use upm_core::job::Pace;
 
 /// One flat plate, shaken sideways, moves many coins on it independently, closed over a camera.
@@ -135,6 +133,15 @@ pub struct ServeArgs {
     pub log: LogFormat,
 }
 
+/// How a daemon writes its log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LogFormat {
+    /// For people; under systemd as the journal wants it.
+    Text,
+    /// One JSON object a line.
+    Json,
+}
+
 /// `upm support-bundle`.
 #[derive(Args, Debug)]
 pub struct BundleArgs {
@@ -155,13 +162,6 @@ pub struct ManArgs {
     /// Folder for a page of every command; left out, the program's own page goes to stdout
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-}
-
-/// Reads a pace by its name.
-pub fn pace() -> impl TypedValueParser<Value = Pace> {
-    let max = PossibleValue::new(Pace::Max.name()).help("As fast as the machine can");
-    let real_time = PossibleValue::new(Pace::RealTime.name()).help("One second of plate time a second");
-    PossibleValuesParser::new([max, real_time]).map(|name| Pace::of_name(&name).unwrap_or_default())
 }
 
 fn default_rerun() -> &'static str {

@@ -1,12 +1,10 @@
-use std::io::IsTerminal;
-
+use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::args::{CalibrateArgs, Common};
-use super::failure::Failure;
-use super::progress::StageProgress;
-use super::{INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
-use upm_control::calibration::CalibrationFault;
+use super::output::{Failure, INTERRUPTED, NOT_REACHED, print, stop_on_interrupt};
+use super::progress::{FULL, bar, is_hidden};
+use upm_control::calibration::{CalibrationFault, CalibrationProgress};
 use upm_core::units::mm_from_m;
 use upm_library::Library;
 use upm_runner::config::RigSpec;
@@ -17,31 +15,33 @@ pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Fail
     // found out before a long measurement, not after it
     let output = LibraryOutput::check(&args.out).map_err(not_written)?;
     let stop = stop_on_interrupt();
-    let progress = StageProgress::new(common.quiet || !std::io::stderr().is_terminal());
+    let bar = bar(is_hidden(common));
     let params = calibration_params(&rig);
-    let library = calibrate_rig(&rig, args.seed, &params, &stop, &mut |step| progress.show(step));
-    progress.finish();
+    let library = calibrate_rig(&rig, args.seed, &params, &stop, &mut |step| show(&bar, step));
+    bar.finish_and_clear();
     let library = match library {
         Ok(library) => library,
         Err(CalibrationFault::Stopped) => return Ok(INTERRUPTED),
         Err(fault) => return Err(Failure::failed(format!("calibration of {}: {fault}", rig.model.name))),
     };
     output.replace(&library, &rig).map_err(not_written)?;
-    if common.json {
-        print_json(
-            &json!({ "rig": library.rig, "fingerprint": library.fingerprint, "entries": library.entries.len() }),
-        )?;
-    } else {
+    let told = json!({ "rig": library.rig, "fingerprint": library.fingerprint, "entries": library.entries.len() });
+    print(common.json, &told, || {
         print_summary(&library)?;
-        say!("  {:18} {}", "written to", args.out.display())?;
-    }
-    Ok(0)
+        say!("  {:18} {}", "written to", args.out.display())
+    })
+}
+
+fn show(bar: &ProgressBar, progress: CalibrationProgress) {
+    let CalibrationProgress { stage, done, total, plate_time_s } = progress;
+    bar.set_position(FULL * done as u64 / total.max(1) as u64);
+    bar.set_message(format!("plate {plate_time_s:6.1} s  {stage} {done} of {total}"));
 }
 
 fn not_written(fault: LibraryOutputFault) -> Failure {
     match fault {
-        LibraryOutputFault::NotAFile { .. } => Failure::bad_input(fault.to_string()),
-        LibraryOutputFault::Write { .. } => Failure::failed(fault.to_string()),
+        LibraryOutputFault::NotAFile { .. } => Failure::bad_input(fault),
+        LibraryOutputFault::Write { .. } => Failure::failed(fault),
         LibraryOutputFault::Unusable(faults) => Failure { status: NOT_REACHED, ..Failure::faults(faults) },
     }
 }

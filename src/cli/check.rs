@@ -9,9 +9,9 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::args::{CheckArgs, Common, SchemaArgs};
-use super::failure::Failure;
+use super::lab;
+use super::output::{BAD_INPUT, Failure, NOT_REACHED, print_json};
 use super::progress::ProgressMode;
-use super::{BAD_INPUT, NOT_REACHED, lab, print_json};
 use covered::Covered;
 use plan::Planned;
 use upm_chart::Chart;

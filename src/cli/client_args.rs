@@ -1,9 +1,8 @@
 use std::path::PathBuf;
 
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 
-use super::args::pace;
 use upm_core::job::Pace;
 
 /// The states of a job, as they are written.
@@ -57,6 +56,13 @@ impl ClientCommand {
             Self::Resume(_) => "resume",
         }
     }
+}
+
+/// Reads a pace by its name.
+pub fn pace() -> impl TypedValueParser<Value = Pace> {
+    let max = PossibleValue::new(Pace::Max.name()).help("As fast as the machine can");
+    let real_time = PossibleValue::new(Pace::RealTime.name()).help("One second of plate time a second");
+    PossibleValuesParser::new([max, real_time]).map(|name| Pace::of_name(&name).unwrap_or_default())
 }
 
 /// How to reach the daemon.

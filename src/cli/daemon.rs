@@ -5,12 +5,28 @@ mod client;
 mod jobs;
 mod local_stop;
 mod serve;
-mod signals;
 mod stop;
 mod submit;
 mod watch;
 
+use super::args::Common;
+use super::client_args::ClientCommand;
+use super::output::Failure;
+
 pub(super) use bundle::support_bundle;
-pub(super) use client::command as client;
-pub(super) use serve::serve;
-pub(super) use signals::hold_back as hold_back_signals;
+pub(super) use serve::{hold_back_signals, serve};
+
+/// Runs a command that asks a daemon.
+pub(super) fn client_command(command: &ClientCommand, common: Common) -> Result<u8, Failure> {
+    match command {
+        ClientCommand::Submit(args) => submit::submit(args, common),
+        ClientCommand::Jobs(args) => jobs::jobs(args, common),
+        ClientCommand::Show(args) => jobs::show(args, common),
+        ClientCommand::Watch(args) => watch::watch(args, common),
+        ClientCommand::Cancel(args) => jobs::cancel(args, common),
+        ClientCommand::Plates(args) => jobs::plates(args, common),
+        ClientCommand::Estop(args) => stop::estop(args, common),
+        ClientCommand::Reset(args) => stop::reset(args, common),
+        ClientCommand::Resume(args) => stop::resume(args, common),
+    }
+}

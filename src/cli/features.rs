@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 #[cfg(not(all(feature = "daemon", feature = "lab")))]
-use super::failure::Failure;
+use super::output::Failure;
 
 /// The daemon and the commands that talk to one.
 pub(super) const DAEMON: &str = "daemon";

@@ -1,6 +1,5 @@
 //! `upm lab`, rendered scenes, and charts as SVG.
 
-mod all;
 mod scene;
 mod table;
 mod track_speed;
@@ -11,8 +10,7 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 use super::args::{Common, LabArgs};
-use super::failure::Failure;
-use super::print_json;
+use super::output::{Failure, print, print_json};
 use super::progress::{FULL, bar};
 use super::recording;
 use upm_chart::Chart;
@@ -23,10 +21,12 @@ use upm_lab::{
 use upm_recording::RerunMode;
 use upm_runner::config::{RigSpec, load_trace, trace_to_json};
 
-use all::{ALL, all};
 pub(super) use scene::of_scene;
 use table::{columns, markdown, table};
 use track_speed::{TrackTimes, tracking};
+
+/// Name that stands for all experiments.
+const ALL: &str = "all";
 
 /// An experiment that was made, and the files with its plots.
 struct Made {
@@ -46,14 +46,41 @@ pub(super) fn lab(args: &LabArgs, common: Common) -> Result<u8, Failure> {
         return list_settings(named(name)?, args, common);
     }
     let made = make(name, args, common)?;
-    if common.json { print_json(&made.as_json()) } else { made.print() }?;
+    print(common.json, &made.as_json(), || made.print())
+}
+
+/// Makes every experiment; figures and series of all in one JSON document, or a table each.
+fn all(args: &LabArgs, common: Common) -> Result<u8, Failure> {
+    let given = [
+        ("--set", !args.set.is_empty()),
+        ("--sweep", args.sweep.is_some()),
+        ("--settings", args.settings),
+        ("--scenes", args.scenes.is_some()),
+        ("--trace", args.trace.is_some()),
+        ("--plot", args.plot.is_some()),
+    ];
+    if let Some((option, _)) = given.iter().find(|(_, is_given)| *is_given) {
+        let allowed = "the name of one experiment";
+        return Err(Failure::bad_input(format!("{option}: found experiment {ALL:?}, allowed: {allowed}")));
+    }
+    let mut rows = Vec::new();
+    for experiment in EXPERIMENTS {
+        let made = make(experiment.name, args, common)?;
+        if common.json {
+            rows.push(made.as_json());
+        } else {
+            made.print()?;
+        }
+    }
+    if common.json {
+        print_json(&json!({ "seed": args.seed, "experiments": rows }))?;
+    }
     Ok(0)
 }
 
 /// Makes an experiment, or reads it from a trace, and writes its plots and its recording.
 fn make(name: &str, args: &LabArgs, common: Common) -> Result<Made, Failure> {
-    let rerun: RerunMode = args.rerun.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;
-    recording::check(&rerun)?;
+    let rerun = recording::checked_mode(&args.rerun)?;
     let (on, outcome) = match &args.trace {
         Some(trace) => (trace.display().to_string(), read_trace(name, trace)?),
         None => measure(name, args, common)?,

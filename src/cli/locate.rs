@@ -1,8 +1,6 @@
 //! `upm locate`: table and parts in picture files.
 
 mod canvas;
-mod jpeg;
-mod names;
 mod panels;
 mod picture;
 #[cfg(feature = "lab")]
@@ -10,48 +8,31 @@ mod reference;
 mod report;
 mod setting;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde_json::json;
 
 use super::args::{Common, LocateArgs, ResponseArg};
-use super::failure::Failure;
-use super::{print_json, recording};
-use report::TimeUs;
+use super::output::{Failure, print_json};
+use super::recording;
+use report::{Located, Method, TimeUs};
 use setting::Setting;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::{CoinFinder, ResponseMethod, Stages, locate_table, locate_table_in_stages};
 use upm_recording::{LocalisedRecord, RerunMode};
 
-/// What is in a picture.
-struct Located {
-    found: LocalisedRecord,
-    method: Method,
-    time_us: TimeUs,
-}
-
-/// How a picture was searched.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Method {
-    /// The program's own vision, with the method of the disks' response.
-    Fast(ResponseMethod),
-    /// Standard algorithms of `imageproc`.
-    #[cfg(feature = "lab")]
-    Reference,
-}
-
 /// Exit status: 0 when all pictures show what was looked for, else the worst of any.
 pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let setting = Setting::of(args)?;
-    let rerun = args.rerun.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;
-    recording::check(&rerun)?;
+    let rerun = recording::checked_mode(&args.rerun)?;
     if args.reference && rerun != RerunMode::Off {
         return Err(Failure::bad_input("--reference: found with --rerun, allowed: without a recording"));
     }
     let several = args.images.len() > 1;
     let mut worst = 0;
-    for (image, name) in args.images.iter().zip(names::of(&args.images)) {
+    for (image, name) in args.images.iter().zip(names_of(&args.images)) {
         let shown = args.stages.is_some() || rerun != RerunMode::Off;
         let search = if args.reference { look_by_reference } else { look };
         let made = search(image, &name, args, &setting, shown).and_then(|located| {
@@ -144,6 +125,19 @@ fn draw(found: &LocalisedRecord, name: &str, args: &LocateArgs) -> Result<Vec<Pa
     }
 }
 
+/// A name for what is written of each picture: its file's without the ending, numbered where several have the same.
+fn names_of(images: &[PathBuf]) -> Vec<String> {
+    let mut taken = BTreeSet::new();
+    let mut free = |image: &PathBuf| {
+        let stem = image.file_stem().map_or("picture".into(), |stem| stem.to_string_lossy().into_owned());
+        let numbered = (2..).map(|number: u64| format!("{stem}-{number}"));
+        let name = std::iter::once(stem.clone()).chain(numbered).find(|name| !taken.contains(name)).unwrap_or(stem);
+        taken.insert(name.clone());
+        name
+    };
+    images.iter().map(&mut free).collect()
+}
+
 /// Pictures have a folder each where there are several.
 fn folder_of(folder: &Path, name: &str, args: &LocateArgs) -> PathBuf {
     if args.images.len() > 1 { folder.join(name) } else { folder.to_owned() }
@@ -166,4 +160,15 @@ fn record(
     let kinds: Vec<&str> = found.detections.iter().map(|part| setting.kind_name(part.kind)).collect();
     recording::located(rerun, &path, &image.display().to_string(), found, &kinds)?;
     Ok(Some(path))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_names_are_numbered() {
+        let images = ["a/x.png", "b/x.jpg", "x-2.png", "x.png", ".."].map(PathBuf::from);
+        assert_eq!(names_of(&images), ["x", "x-2", "x-2-2", "x-3", "picture"]);
+    }
 }

@@ -4,7 +4,6 @@ use std::io::IsTerminal;
 use std::os::fd::AsFd;
 use std::os::unix::fs::MetadataExt;
 
-use clap::ValueEnum;
 use tracing::dispatcher::{self, Dispatch};
 use tracing::level_filters::LevelFilter;
 use tracing::{Event, Level, Subscriber};
@@ -14,18 +13,9 @@ use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields, MakeWriter}
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::registry::LookupSpan;
 
-use super::args::Common;
+use super::args::{Common, LogFormat};
 use super::log_writer::{LastWords, LogWriter};
 use super::panics;
-
-/// How a daemon writes its log.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum LogFormat {
-    /// For people; under systemd as the journal wants it.
-    Text,
-    /// One JSON object a line.
-    Json,
-}
 
 /// Where and how much is logged.
 #[derive(Clone, Copy, Debug)]

@@ -7,7 +7,7 @@ use clap_mangen::Man;
 use clap_mangen::roff::{Roff, roman};
 
 use super::args::{Cli, ManArgs};
-use super::failure::Failure;
+use super::output::Failure;
 
 const MANUAL: &str = "Universal planar manipulator";
 
@@ -31,7 +31,7 @@ fn interrupted(command: &str) -> Option<&'static str> {
 
 /// Writes `upm.1` to stdout, or into a folder together with a page for every command, as packagers want them.
 pub(super) fn man(args: &ManArgs) -> Result<u8, Failure> {
-    let pages = pages().map_err(|error| Failure::failed(error.to_string()))?;
+    let pages = pages().map_err(Failure::failed)?;
     let Some(folder) = &args.out else {
         // the program's own page is the first
         for (_, page) in pages.iter().take(1) {

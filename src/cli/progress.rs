@@ -1,8 +1,9 @@
+use std::io::IsTerminal;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use upm_control::calibration::CalibrationProgress;
+use super::args::Common;
 use upm_control::{CycleFacts, EventLevel, LocalisedFacts, Sink};
 use upm_core::time::{Clock, PlateTime};
 use upm_runner::run::PacingStats;
@@ -24,8 +25,8 @@ pub(super) struct RunProgress<'a> {
 
 impl<'a> RunProgress<'a> {
     /// `pacing` is that of the run.
-    pub fn new(quiet: bool, pacing: &'a PacingStats) -> Self {
-        Self { bar: bar(quiet), pacing }
+    pub fn new(common: Common, pacing: &'a PacingStats) -> Self {
+        Self { bar: bar(is_hidden(common)), pacing }
     }
 
     pub fn finish(&self) {
@@ -59,27 +60,6 @@ impl Sink for RunProgress<'_> {
 /// How far a plate is behind real time, to follow its time; empty where it hardly is.
 pub(super) fn behind(behind_s: f64) -> String {
     if behind_s < LEAST_BEHIND_S { String::new() } else { format!(", {behind_s:.1} s behind real time") }
-}
-
-/// Shows a calibration as a bar on stderr.
-pub(super) struct StageProgress {
-    bar: ProgressBar,
-}
-
-impl StageProgress {
-    pub fn new(quiet: bool) -> Self {
-        Self { bar: bar(quiet) }
-    }
-
-    pub fn show(&self, progress: CalibrationProgress) {
-        let CalibrationProgress { stage, done, total, plate_time_s } = progress;
-        self.bar.set_position(FULL * done as u64 / total.max(1) as u64);
-        self.bar.set_message(format!("plate {plate_time_s:6.1} s  {stage} {done} of {total}"));
-    }
-
-    pub fn finish(&self) {
-        self.bar.finish_and_clear();
-    }
 }
 
 /// Where the progress of work that may take long goes.
@@ -155,14 +135,15 @@ impl<C: Clock> LateProgress<C> {
     }
 }
 
-/// Where a bar is drawn.
-pub(super) fn target(quiet: bool) -> ProgressDrawTarget {
-    if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) }
+/// True where a bar shall not be drawn.
+pub(super) fn is_hidden(common: Common) -> bool {
+    common.quiet || !std::io::stderr().is_terminal()
 }
 
 /// A bar from 0 to [`FULL`] on stderr.
 pub(super) fn bar(quiet: bool) -> ProgressBar {
-    let bar = ProgressBar::with_draw_target(Some(FULL), target(quiet));
+    let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) };
+    let bar = ProgressBar::with_draw_target(Some(FULL), target);
     if let Ok(style) = ProgressStyle::with_template("[{bar:30.cyan}] {percent:>3} %  {msg}") {
         bar.set_style(style.progress_chars("=> "));
     }

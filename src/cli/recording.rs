@@ -5,11 +5,18 @@ use std::path::Path;
 use upm_recording::{LocalisedRecord, RerunMode};
 use upm_viewer::{Experiment, RecordingError, RecordingStats, RerunSink, record_experiment, record_located};
 
-use super::failure::Failure;
+use super::output::Failure;
 
-/// Refuses a recording that cannot go where it was said to go, before anything is done.
-pub(super) fn check(mode: &RerunMode) -> Result<(), Failure> {
-    RerunSink::check(mode).map_err(|error| Failure::bad_input(format!("--rerun: {error}")))
+/// The mode that `--rerun` names.
+pub(super) fn mode(text: &str) -> Result<RerunMode, Failure> {
+    text.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))
+}
+
+/// The mode that `--rerun` names, refused before anything is done when the recording cannot go there.
+pub(super) fn checked_mode(text: &str) -> Result<RerunMode, Failure> {
+    let mode = mode(text)?;
+    RerunSink::check(&mode).map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;
+    Ok(mode)
 }
 
 /// Records an experiment into `path` and to the viewer of `mode`.

@@ -5,8 +5,8 @@ use image::GrayImage;
 use serde_json::{Value, json};
 
 use super::args::{Common, RenderArgs};
-use super::failure::Failure;
-use super::{lab, print_json};
+use super::lab;
+use super::output::{Failure, print_json};
 use upm_core::signal::Frame;
 use upm_core::units::mm_from_m;
 use upm_runner::config::JobSpec;
@@ -51,7 +51,7 @@ fn of_job(path: &Path, seed: Option<u64>) -> Result<(Frame, Value), Failure> {
     }
     let first = first_frame(&job).map_err(|error| match error {
         FirstFrameError::Job(fault) => Failure::faults([fault]),
-        FirstFrameError::Rig(fault) => Failure::failed(fault.to_string()),
+        FirstFrameError::Rig(fault) => Failure::failed(fault),
     })?;
     let truth = truth(&first);
     Ok((first.frame, truth))

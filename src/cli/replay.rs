@@ -2,7 +2,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use super::args::RunFolderArgs;
-use super::failure::Failure;
+use super::output::Failure;
 use upm_viewer::repair_recording;
 
 /// The viewer that reads this version's recordings.
@@ -38,7 +38,7 @@ fn recover(draft: &Path, recording: &Path) -> Result<(), Failure> {
     if !draft.exists() {
         return Ok(());
     }
-    let repaired = repair_recording(draft, recording).map_err(|error| Failure::failed(error.to_string()))?;
+    let repaired = repair_recording(draft, recording).map_err(Failure::failed)?;
     tracing::warn!("the run was killed; its recording was recovered, without the last {} bytes", repaired.cut_bytes);
     Ok(())
 }

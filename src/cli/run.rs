@@ -1,18 +1,16 @@
-use std::io::IsTerminal;
-
 use super::args::{Common, RunArgs};
-use super::failure::Failure;
+use super::output::{Failure, INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
 use super::progress::RunProgress;
+use super::recording;
 use super::summary::print_summary;
-use super::{INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
 use upm_core::job::{Outcome, Pace};
 use upm_core::time::MonotonicClock;
-use upm_recording::{Keeping, RerunMode, Verdict};
+use upm_recording::{Keeping, Verdict};
 use upm_runner::config::JobSpec;
 use upm_runner::run::{PacingStats, RunError, RunOptions, run as run_job};
 
 pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
-    let rerun: RerunMode = args.rerun.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;
+    let rerun = recording::mode(&args.rerun)?;
     let mut job = JobSpec::load(&args.job).map_err(Failure::faults)?;
     if let Some(seed) = args.seed {
         job = job.with_seed(seed);
@@ -32,7 +30,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     };
     let stop = stop_on_interrupt();
     let pacing = PacingStats::default();
-    let mut progress = RunProgress::new(common.quiet || !std::io::stderr().is_terminal(), &pacing);
+    let mut progress = RunProgress::new(common, &pacing);
     let result = run_job(&job, &options, &clock, &stop, &pacing, &mut progress);
     progress.finish();
     let result = result.map_err(|error| run_failure(&error))?;

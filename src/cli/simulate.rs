@@ -1,8 +1,7 @@
 use serde_json::json;
 
 use super::args::{Common, SimulateArgs};
-use super::failure::Failure;
-use super::print_json;
+use super::output::{Failure, print};
 use upm_core::units::mm_from_m;
 use upm_runner::config::SimulateSpec;
 use upm_runner::run::{Trajectories, simulate as simulate_open_loop};
@@ -11,12 +10,7 @@ pub(super) fn simulate(args: &SimulateArgs, common: Common) -> Result<u8, Failur
     let spec = SimulateSpec::load(&args.experiment).map_err(Failure::faults)?;
     let result = simulate_open_loop(&spec)
         .map_err(|error| Failure::bad_input(format!("{}: {error}", args.experiment.display())))?;
-    if common.json {
-        print_json(&as_json(&result))?;
-    } else {
-        print_table(&spec, &result)?;
-    }
-    Ok(0)
+    print(common.json, &as_json(&result), || print_table(&spec, &result))
 }
 
 fn as_json(result: &Trajectories) -> serde_json::Value {

@@ -1,4 +1,4 @@
-use super::failure::Failure;
+use super::output::Failure;
 use super::progress::behind;
 use upm_core::job::Outcome;
 use upm_recording::{CycleError, PlannerReport, PredictionError, Report, Verdict};

@@ -1,12 +1,9 @@
-use std::io::IsTerminal;
-
 use serde_json::{Value, json};
 
 use super::args::{Common, RunFolderArgs};
-use super::failure::Failure;
+use super::output::{Failure, INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
 use super::progress::RunProgress;
 use super::run::run_failure;
-use super::{INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
 use upm_runner::run::{PacingStats, Verdict, VerifyError, verify as verify_run};
 
 /// Characters of a differing line that are shown.
@@ -16,7 +13,7 @@ pub(super) fn verify(args: &RunFolderArgs, common: Common) -> Result<u8, Failure
     let stop = stop_on_interrupt();
     // as fast as it can: there is no clock to keep to
     let pacing = PacingStats::default();
-    let mut progress = RunProgress::new(common.quiet || !std::io::stderr().is_terminal(), &pacing);
+    let mut progress = RunProgress::new(common, &pacing);
     let verdict = verify_run(&args.run, &stop, &mut progress);
     progress.finish();
     if stop.load(std::sync::atomic::Ordering::Relaxed) {
@@ -59,7 +56,7 @@ fn print_verdict(args: &RunFolderArgs, verdict: &Verdict) -> Result<(), Failure>
 
 fn failure(error: VerifyError) -> Failure {
     match error {
-        VerifyError::Read { .. } => Failure::bad_input(error.to_string()),
+        VerifyError::Read { .. } => Failure::bad_input(error),
         VerifyError::Job(faults) => Failure::faults(faults),
         VerifyError::Run(error) => run_failure(&error),
     }

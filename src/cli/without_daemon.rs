@@ -2,8 +2,8 @@
 
 use super::args::{BundleArgs, Common, ServeArgs};
 use super::client_args::ClientCommand;
-use super::failure::Failure;
 use super::features::{DAEMON, lacking};
+use super::output::Failure;
 
 /// Only a daemon has signals to hold back.
 pub(super) fn hold_back_signals() {}
@@ -12,7 +12,7 @@ pub(super) fn serve(_: &ServeArgs, _: Common) -> Result<u8, Failure> {
     Err(lacking(DAEMON, "upm serve"))
 }
 
-pub(super) fn client(command: &ClientCommand, _: Common) -> Result<u8, Failure> {
+pub(super) fn client_command(command: &ClientCommand, _: Common) -> Result<u8, Failure> {
     Err(lacking(DAEMON, &format!("upm {}", command.name())))
 }
 

@@ -5,8 +5,8 @@ use upm_chart::Chart;
 use upm_core::signal::Frame;
 
 use super::args::{Common, LabArgs, RenderArgs};
-use super::failure::Failure;
 use super::features::{LAB, lacking};
+use super::output::Failure;
 
 pub(super) fn lab(_: &LabArgs, _: Common) -> Result<u8, Failure> {
     Err(lacking(LAB, "upm lab"))

@@ -7,8 +7,7 @@ use jiff::Timestamp;
 use serde_json::json;
 
 use crate::cli::args::{BundleArgs, Common};
-use crate::cli::failure::Failure;
-use crate::cli::print_json;
+use crate::cli::output::{Failure, print};
 use upm_core::files::write_whole;
 use upm_runner::config::DaemonSpec;
 use upm_server::daemon::{BundleSources, bundle};
@@ -16,38 +15,28 @@ use upm_server::daemon::{BundleSources, bundle};
 /// What the program was built for.
 const TARGET: (&str, &str) = (std::env::consts::ARCH, std::env::consts::OS);
 
-pub(in crate::cli) fn support_bundle(args: &BundleArgs, common: Common) -> Result<u8, Failure> {
+pub(crate) fn support_bundle(args: &BundleArgs, common: Common) -> Result<u8, Failure> {
     let now = Timestamp::now();
     let config = DaemonSpec::load(&args.config);
     let data = args.data.as_deref().or_else(|| config.as_ref().ok().map(|spec| spec.data.as_path()));
     let target = format!("{}-{}", TARGET.0, TARGET.1);
     let config = config.as_ref().map_err(Vec::as_slice);
     let sources = BundleSources { version: env!("CARGO_PKG_VERSION"), target: &target, now, config, data };
-    let made = bundle(&sources).map_err(|error| Failure::failed(error.to_string()))?;
+    let made = bundle(&sources).map_err(Failure::failed)?;
     let out = args.out.clone().unwrap_or_else(|| named(now));
     write(&out, &made.tar).map_err(|error| Failure::write(&out, error))?;
-    if common.json {
-        print_json(&json!({"bundle": out, "bytes": made.tar.len(), "files": made.files, "missing": made.missing}))?;
-        return Ok(0);
-    }
-    if !common.quiet {
-        made.missing.iter().for_each(|missing| complain!("upm: not in the bundle: {missing}"));
-    }
-    say!(
-        "{}: {} files, {:.1} kB; look through it before you send it",
-        out.display(),
-        made.files.len(),
-        kilobytes(&made.tar)
-    )?;
-    Ok(0)
+    let told = json!({"bundle": out, "bytes": made.tar.len(), "files": made.files, "missing": made.missing});
+    print(common.json, &told, || {
+        if !common.quiet {
+            made.missing.iter().for_each(|missing| complain!("upm: not in the bundle: {missing}"));
+        }
+        let (out, files, kilobytes) = (out.display(), made.files.len(), made.tar.len() as f64 * 1e-3);
+        say!("{out}: {files} files, {kilobytes:.1} kB; look through it before you send it")
+    })
 }
 
 fn named(now: Timestamp) -> PathBuf {
     PathBuf::from(format!("upm-support-{}.tar", now.strftime("%Y%m%dT%H%M%SZ")))
-}
-
-fn kilobytes(bytes: &[u8]) -> f64 {
-    bytes.len() as f64 * 1e-3
 }
 
 /// Whole or not at all, and for its owner alone.

@@ -13,10 +13,8 @@ use serde::de::DeserializeOwned;
 use ureq::http::{Method, Request, Response, Uri, header};
 use ureq::{Agent, Body};
 
-use super::{jobs, stop, submit, watch};
-use crate::cli::args::Common;
-use crate::cli::client_args::{ClientCommand, DaemonArgs};
-use crate::cli::failure::Failure;
+use crate::cli::client_args::DaemonArgs;
+use crate::cli::output::Failure;
 use upm_runner::config::is_plain_name;
 
 pub(super) use refusal::{Refusal, on_one_line};
@@ -29,21 +27,6 @@ const MOST_ANSWER_BYTES: u64 = 64 << 20;
 
 /// Largest token file that is read, bytes.
 const MOST_TOKEN_BYTES: u64 = 4096;
-
-/// Does what the command line asks of a daemon.
-pub(in crate::cli) fn command(command: &ClientCommand, common: Common) -> Result<u8, Failure> {
-    match command {
-        ClientCommand::Submit(args) => submit::submit(args, common),
-        ClientCommand::Jobs(args) => jobs::jobs(args, common),
-        ClientCommand::Show(args) => jobs::show(args, common),
-        ClientCommand::Watch(args) => watch::watch(args, common),
-        ClientCommand::Cancel(args) => jobs::cancel(args, common),
-        ClientCommand::Plates(args) => jobs::plates(args, common),
-        ClientCommand::Estop(args) => stop::estop(args, common),
-        ClientCommand::Reset(args) => stop::reset(args, common),
-        ClientCommand::Resume(args) => stop::resume(args, common),
-    }
-}
 
 /// How long an answer is waited for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

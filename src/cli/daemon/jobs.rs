@@ -1,8 +1,7 @@
 use super::client::{Client, job_path, on_one_line};
 use crate::cli::args::Common;
 use crate::cli::client_args::{JobArgs, JobsArgs, PlatesArgs};
-use crate::cli::failure::Failure;
-use crate::cli::print_json;
+use crate::cli::output::{Failure, print};
 use crate::cli::progress::behind;
 use crate::cli::summary;
 use upm_recording::Report;
@@ -17,15 +16,13 @@ pub(super) fn jobs(args: &JobsArgs, common: Common) -> Result<u8, Failure> {
     let client = Client::new(&args.daemon)?;
     let most = if args.all { u32::MAX } else { args.limit };
     let page = list(&client, args.state.as_deref(), most)?;
-    if common.json {
-        print_json(&page)?;
-        return Ok(0);
-    }
-    page.jobs.iter().try_for_each(print_line)?;
-    if page.next.is_some() && !common.quiet {
-        complain!("upm: there are more: --limit N, or --all");
-    }
-    Ok(0)
+    print(common.json, &page, || {
+        page.jobs.iter().try_for_each(print_line)?;
+        if page.next.is_some() && !common.quiet {
+            complain!("upm: there are more: --limit N, or --all");
+        }
+        Ok(())
+    })
 }
 
 /// The newest jobs, `most` of them, page by page.
@@ -47,7 +44,7 @@ pub(super) fn list(client: &Client, state: Option<&str>, most: u32) -> Result<Jo
 
 fn print_line(job: &Job) -> Result<(), Failure> {
     let Job { id, name, plate, submitted_at, .. } = job;
-    let (state, percent) = (state_name(job.state), 100.0 * job.progress);
+    let (state, percent) = (job.state.name(), 100.0 * job.progress);
     let standing = if job.standing { " (standing job)" } else { "" };
     let line = format!("{id}  {state:11} {percent:3.0} %  {}  {plate:16} {name}{standing}", seconds(submitted_at));
     say!("{}", on_one_line(&line))
@@ -56,25 +53,14 @@ fn print_line(job: &Job) -> Result<(), Failure> {
 pub(super) fn show(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     let path = job_path(&args.id)?;
     let job: Job = Client::new(&args.daemon)?.get(&path)?;
-    if common.json {
-        print_json(&job)?
-    } else {
-        print_job(&job)?
-    }
-    Ok(0)
+    print(common.json, &job, || print_job(&job))
 }
 
 pub(super) fn cancel(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     let path = job_path(&args.id)?;
     let job: Job = Client::new(&args.daemon)?.post(&format!("{path}/cancel"), "", &[])?;
-    if common.json {
-        print_json(&job)?;
-    } else if job.state == JobState::Running {
-        say!("{}: is being stopped", job.id)?;
-    } else {
-        say!("{}: {}", job.id, state_name(job.state))?;
-    }
-    Ok(0)
+    let state = if job.state == JobState::Running { "is being stopped" } else { job.state.name() };
+    print(common.json, &job, || say!("{}: {state}", job.id))
 }
 
 /// What a person wants to know of a job.
@@ -88,7 +74,7 @@ pub(super) fn print_job(job: &Job) -> Result<(), Failure> {
 
 /// Job, plate, state and why, on one line.
 pub(super) fn headline(job: &Job) -> String {
-    let state = state_name(job.state);
+    let state = job.state.name();
     let why = if job.reason.is_empty() { String::new() } else { format!(": {}", job.reason) };
     on_one_line(&format!("{} on plate {}, seed {}: {state}{why}", job.name, job.plate, job.seed))
 }
@@ -129,12 +115,7 @@ fn recording(state: RecordingStatus) -> &'static str {
 
 pub(super) fn plates(args: &PlatesArgs, common: Common) -> Result<u8, Failure> {
     let plates: Plates = Client::new(&args.daemon)?.get("/v1/plates")?;
-    if common.json {
-        print_json(&plates)?;
-    } else {
-        plates.plates.iter().try_for_each(|plate| say!("{}", plate_line(plate)))?;
-    }
-    Ok(0)
+    print(common.json, &plates, || plates.plates.iter().try_for_each(|plate| say!("{}", plate_line(plate))))
 }
 
 /// A plate on one line, and what to do where it waits for a person.
@@ -177,11 +158,6 @@ fn standing_line(standing: &StandingJob, plate: &str) -> String {
         StandingState::Waiting | StandingState::Running if why.is_empty() => String::new(),
         StandingState::Waiting | StandingState::Running => format!("standing job {name} waits: {why}"),
     }
-}
-
-/// A state as it is written.
-pub(super) fn state_name(state: JobState) -> &'static str {
-    state.name()
 }
 
 /// A time without parts of a second.

@@ -8,10 +8,8 @@ use serde_json::Value;
 use ureq::http::Uri;
 
 use super::client::USUAL_URL;
-use super::stop::Stop;
 use crate::cli::client_args::EstopArgs;
-use upm_core::time::{Clock, MonotonicClock};
-use upm_server::daemon::{ESTOP_SOCKET, LocalStopRequest, stop_locally};
+use upm_server::daemon::{ESTOP_SOCKET, LocalStop, LocalStopRequest, stop_locally};
 
 /// Data folder of the shipped unit.
 const UNIT_DATA: &str = "/var/lib/upm";
@@ -19,15 +17,14 @@ const UNIT_DATA: &str = "/var/lib/upm";
 const USUAL_CONFIG: &str = "configs/daemon.json";
 
 /// How the stops went; `None` when no daemon was reached this way. Then the network is left.
-pub(super) fn stop(args: &EstopArgs) -> Option<Vec<Stop>> {
-    let clock = MonotonicClock::new();
+pub(super) fn stop(args: &EstopArgs) -> Option<Vec<LocalStop>> {
     let named = args.data.clone().or_else(|| Some(std::env::var_os("UPM_DATA")?.into()));
     let (folders, port) = match named {
         Some(folder) => (vec![folder], None),
         None => (usual_folders(), Some(local_port(args)?)),
     };
     let request = LocalStopRequest { plates: args.plates.clone(), port };
-    let stops = folders.iter().find_map(|data| match stop_locally(data, &request) {
+    folders.iter().find_map(|data| match stop_locally(data, &request) {
         Ok(answer) => {
             answer.error.iter().for_each(|error| tracing::debug!("{}: {error}", data.display()));
             answer.error.is_none().then_some(answer.stops)
@@ -36,9 +33,7 @@ pub(super) fn stop(args: &EstopArgs) -> Option<Vec<Stop>> {
             not_reached(data, error.kind(), port.is_none(), &error.to_string());
             None
         }
-    })?;
-    let wall_s = clock.elapsed().as_secs_f64();
-    Some(stops.into_iter().map(|stop| Stop::local(stop, wall_s)).collect())
+    })
 }
 
 /// A socket that was asked for, or that did not answer, is told of; one that is not there is no news.

@@ -3,20 +3,23 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, sync_channel};
+use std::thread;
 use std::time::Duration;
 
 use jiff::Timestamp;
+use nix::sys::signal::{SigSet, Signal};
 use serde_json::{Value, json};
 
 use super::client::on_one_line;
-use super::signals;
 use crate::cli::args::{Common, ServeArgs};
-use crate::cli::failure::Failure;
-use crate::cli::{NOT_REACHED, print_json};
+use crate::cli::output::{Failure, NOT_REACHED, print_json};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
 use upm_runner::run::PaceCheck;
-use upm_server::daemon::{Daemon, Ended, Notice, Prepared, ServiceManager, StartFault, keep_files_private, prepare};
+use upm_server::daemon::{
+    Daemon, EmergencyStops, Ended, Notice, Prepared, ServiceManager, StartFault, TokenReload, keep_files_private,
+    prepare,
+};
 
 /// Time that repairing what a crash left may take.
 const LONGEST_START: Duration = Duration::from_secs(600);
@@ -27,7 +30,7 @@ const WHAT_TO_DO: &str =
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-pub(in crate::cli) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
+pub(crate) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     if args.check {
         return check(args, common);
     }
@@ -41,8 +44,8 @@ pub(in crate::cli) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Fail
     let names = spec.plate_names();
     let daemon = Daemon::start(spec, prepared, MonotonicClock::new(), Timestamp::now, VERSION);
     let daemon = daemon.map_err(start_failure)?;
-    let address = daemon.address().map_err(|error| Failure::failed(error.to_string()))?;
-    signals::attend(daemon.emergency_stop(), daemon.token_reload());
+    let address = daemon.address().map_err(Failure::failed)?;
+    attend_signals(daemon.emergency_stop(), daemon.token_reload());
     say!("http://{address}")?;
     tracing::info!(%address, plates = names.join(", "), "upm {VERSION} serves");
     Ok(status(&daemon.serve(&stop, &manager)))
@@ -156,13 +159,53 @@ fn stop_signals() -> (Receiver<()>, Arc<AtomicBool>) {
     (stop, told)
 }
 
+/// Blocks the signals that do not end the daemon, SIGUSR1 (stops every plate) and SIGHUP (reads the tokens again), in this
+/// thread and those that it starts. Called before there is a second thread, so that none of them ends the process; one
+/// that comes early waits for [`attend_signals`].
+pub(crate) fn hold_back_signals() {
+    if let Err(error) = held_signals().thread_block() {
+        complain!("upm: SIGUSR1 will not stop the plates, SIGHUP ends the daemon: {error}");
+    }
+}
+
+fn held_signals() -> SigSet {
+    [Signal::SIGHUP, Signal::SIGUSR1].into_iter().collect()
+}
+
+/// Starts the thread that handles the held signals.
+fn attend_signals(stop: EmergencyStops, tokens: TokenReload) {
+    let started = thread::Builder::new().name("signals".into()).spawn(move || {
+        while let Ok(signal) = held_signals().wait() {
+            match signal {
+                Signal::SIGUSR1 => stop_all_plates(&stop),
+                Signal::SIGHUP => tokens.reload(),
+                _ => {}
+            }
+        }
+    });
+    if let Err(error) = started {
+        tracing::error!("SIGUSR1 will not stop the plates: {error}");
+    }
+}
+
+fn stop_all_plates(stop: &EmergencyStops) {
+    for stopped in stop.stop_all("SIGUSR1") {
+        let (silent, persisted) = stopped.answer.map_or((false, false), |answer| (answer.silent, answer.persisted));
+        if silent && persisted {
+            tracing::warn!(plate = stopped.plate, "stopped by SIGUSR1: motors silent, on the disk");
+        } else {
+            tracing::error!(plate = stopped.plate, silent, persisted, "stopped by SIGUSR1, not whole yet");
+        }
+    }
+}
+
 fn start_failure(fault: StartFault) -> Failure {
     match &fault {
         StartFault::Listen(address, error) if error.kind() == ErrorKind::AddrInUse => {
             Failure::failed(format!("{address} is in use: is another daemon running? --listen takes another one"))
         }
-        StartFault::NewerStore(_) => Failure::bad_input(fault.to_string()),
-        _ => Failure::failed(fault.to_string()),
+        StartFault::NewerStore(_) => Failure::bad_input(fault),
+        _ => Failure::failed(fault),
     }
 }
 
@@ -182,8 +225,8 @@ mod tests {
     use std::net::{SocketAddr, TcpListener};
 
     use super::*;
-    use crate::cli::BAD_INPUT;
-    use crate::cli::logs::LogFormat;
+    use crate::cli::args::LogFormat;
+    use crate::cli::output::BAD_INPUT;
 
     fn pace(behind_s_per_minute: f64) -> PaceCheck {
         PaceCheck { period_s: 1.0 / 60.0, loop_p50_s: 0.0041, loop_p99_s: 0.0212, behind_s_per_minute }

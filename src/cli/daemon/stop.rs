@@ -7,8 +7,7 @@ use super::client::{Client, Refusal, on_one_line, plate_path};
 use super::{jobs, local_stop};
 use crate::cli::args::Common;
 use crate::cli::client_args::{EstopArgs, PlateArgs, ResetArgs};
-use crate::cli::failure::Failure;
-use crate::cli::{BAD_INPUT, NOT_REACHED, print_json};
+use crate::cli::output::{BAD_INPUT, Failure, NOT_REACHED, print, print_json};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_server::daemon::LocalStop;
 use upm_server::service::{EStopped, Plate, Plates, ResetRequest};
@@ -48,7 +47,7 @@ pub(super) enum Via {
 
 impl Stop {
     /// A stop asked for through the socket.
-    pub(super) fn local(stop: LocalStop, wall_s: f64) -> Self {
+    fn local(stop: LocalStop, wall_s: f64) -> Self {
         let LocalStop { plate, answer, error } = stop;
         let status = answer.as_ref().map_or(BAD_INPUT, status_of);
         Self { plate, answer, error, via: Via::Socket, attempts: 1, wall_s, status }
@@ -61,8 +60,12 @@ fn status_of(answer: &EStopped) -> u8 {
 }
 
 pub(super) fn estop(args: &EstopArgs, common: Common) -> Result<u8, Failure> {
+    let clock = MonotonicClock::new();
     let stops = match local_stop::stop(args) {
-        Some(stops) => stops,
+        Some(stops) => {
+            let wall_s = clock.elapsed().as_secs_f64();
+            stops.into_iter().map(|stop| Stop::local(stop, wall_s)).collect()
+        }
         None => stop_over_http(args)?,
     };
     if common.json {
@@ -168,7 +171,7 @@ pub(super) fn reset(args: &ResetArgs, common: Common) -> Result<u8, Failure> {
     if let Some((member, found, allowed)) = request.fault() {
         return Err(Failure::bad_input(format!("--{member}: found {found}, allowed: {allowed}")));
     }
-    let body = serde_json::to_string(&request).map_err(|error| Failure::failed(error.to_string()))?;
+    let body = serde_json::to_string(&request).map_err(Failure::failed)?;
     tell_plate(&Client::new(&args.daemon)?.post(&format!("{path}/reset"), &body, &[])?, common)
 }
 
@@ -178,10 +181,5 @@ pub(super) fn resume(args: &PlateArgs, common: Common) -> Result<u8, Failure> {
 }
 
 fn tell_plate(plate: &Plate, common: Common) -> Result<u8, Failure> {
-    if common.json {
-        print_json(plate)?
-    } else {
-        say!("{}", jobs::plate_line(plate))?
-    }
-    Ok(0)
+    print(common.json, plate, || say!("{}", jobs::plate_line(plate)))
 }

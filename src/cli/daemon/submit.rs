@@ -6,8 +6,7 @@ use super::client::{Client, Refusal};
 use super::watch;
 use crate::cli::args::Common;
 use crate::cli::client_args::SubmitArgs;
-use crate::cli::failure::Failure;
-use crate::cli::print_json;
+use crate::cli::output::{Failure, print_json};
 use upm_core::job::Pace;
 use upm_library::Library;
 use upm_runner::config::{JobSpec, LibrarySource, MOST_BYTES, Origin, RawJob, RawRig, RigSource};
@@ -76,7 +75,7 @@ fn checked_job(file: &Path) -> Result<RawJob, Failure> {
 }
 
 fn body_of(job: &RawJob, file: &Path) -> Result<String, Failure> {
-    let body = serde_json::to_string(job).map_err(|error| Failure::failed(error.to_string()))?;
+    let body = serde_json::to_string(job).map_err(Failure::failed)?;
     if body.len() as u64 > MOST_BYTES {
         let (file, bytes) = (file.display(), body.len());
         let fault =

@@ -3,7 +3,7 @@ use std::fs;
 use serde_json::{Value, json};
 
 use crate::cli::args::RenderArgs;
-use crate::cli::failure::Failure;
+use crate::cli::output::Failure;
 use upm_core::signal::Frame;
 use upm_core::units::mm_from_m;
 use upm_runner::config::{RawLevels, RawRig, RigSpec};
@@ -13,11 +13,11 @@ use upm_scene::{Scene, kinds};
 const SEED: u64 = 1;
 
 /// Picture and truth of a drawn scene; writes its rig file where one is asked for.
-pub(in crate::cli) fn of_scene(family: &str, args: &RenderArgs) -> Result<(Frame, Value), Failure> {
+pub(crate) fn of_scene(family: &str, args: &RenderArgs) -> Result<(Frame, Value), Failure> {
     let family = family.parse().map_err(|error| Failure::bad_input(format!("--scene: {error}")))?;
     let scene = Scene::drawn(family, args.seed.unwrap_or(SEED));
     if let Some(path) = &args.rig_out {
-        let rig = serde_json::to_string_pretty(&rig(&scene)?).map_err(|error| Failure::failed(error.to_string()))?;
+        let rig = serde_json::to_string_pretty(&rig(&scene)?).map_err(Failure::failed)?;
         fs::write(path, format!("{rig}\n")).map_err(|error| Failure::write(path, error))?;
     }
     Ok((scene.frame(), truth(&scene)))

@@ -6,7 +6,7 @@ use image::imageops::{FilterType, resize};
 use image::{DynamicImage, GrayImage, RgbImage};
 
 use super::canvas::Canvas;
-use crate::cli::failure::Failure;
+use crate::cli::output::Failure;
 use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
 use upm_perception::vision::{HoughArray, Stages};

@@ -8,14 +8,17 @@ use std::path::Path;
 use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, GrayImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use super::jpeg;
-use crate::cli::failure::Failure;
+use crate::cli::output::Failure;
 use upm_core::signal::Frame;
 
 /// Most pixels of a picture: as many as the table is looked for in.
 const MOST_PIXELS: u64 = 64_000_000;
 /// Most bytes of a file, and most that its pixels may take when decoded.
 const MOST_BYTES: u64 = 512 << 20;
+
+/// Markers of JPEG files (ITU-T T.81, Annex B).
+const END_OF_IMAGE: u8 = 0xD9;
+const START_OF_SCAN: u8 = 0xDA;
 
 /// A picture as it is looked at.
 #[derive(Debug)]
@@ -44,7 +47,7 @@ pub(super) fn read(path: &Path) -> Result<Picture, Failure> {
 pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(no_picture)?;
     let format = reader.format().ok_or(if bytes.is_empty() { "an empty file" } else { "no picture" })?;
-    if format == ImageFormat::Jpeg && !jpeg::is_whole(bytes) {
+    if format == ImageFormat::Jpeg && !is_whole_jpeg(bytes) {
         return Err("a JPEG picture that ends too early".into());
     }
     let mut limits = Limits::no_limits();
@@ -67,6 +70,41 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
     (frame.width, frame.height) = (gray.width() as usize, gray.height() as usize);
     frame.pixels = gray.into_raw();
     Ok(Picture { frame, bits })
+}
+
+/// True when the JPEG picture that `bytes` begin with is not truncated: the decoder fills what is missing with gray and
+/// reports no error. Bytes after the picture are ignored.
+fn is_whole_jpeg(bytes: &[u8]) -> bool {
+    let mut rest = bytes.get(2..).unwrap_or_default();
+    loop {
+        let Some((marker, after)) = next_marker(rest) else { return false };
+        match marker {
+            END_OF_IMAGE => return true,
+            // these stand alone
+            0x01 | 0xD0..=0xD8 => {
+                rest = after;
+                continue;
+            }
+            _ => {}
+        }
+        let Some(&[high, low]) = after.first_chunk() else { return false };
+        let Some(beyond) = after.get(usize::from(u16::from_be_bytes([high, low]))..) else { return false };
+        rest = if marker == START_OF_SCAN { beyond_scan(beyond) } else { beyond };
+    }
+}
+
+/// The next marker and what follows; any number of 0xFF may stand before it.
+fn next_marker(bytes: &[u8]) -> Option<(u8, &[u8])> {
+    let start = bytes.iter().position(|&byte| byte == 0xFF)?;
+    let bytes = bytes.get(start..)?;
+    let at = bytes.iter().position(|&byte| byte != 0xFF)?;
+    Some((*bytes.get(at)?, bytes.get(at + 1..)?))
+}
+
+/// What follows a scan's data: in the data 0xFF is followed by zero, by a restart marker or by another 0xFF.
+fn beyond_scan(data: &[u8]) -> &[u8] {
+    let ends = |pair: &[u8]| matches!(*pair, [0xFF, after] if !matches!(after, 0x00 | 0xD0..=0xD7 | 0xFF));
+    data.windows(2).position(ends).and_then(|end| data.get(end..)).unwrap_or_default()
 }
 
 fn no_picture(error: impl Display) -> String {

@@ -134,14 +134,14 @@ fn a_file_cut_short_is_refused() {
 #[test]
 fn a_whole_jpeg_is_known_by_its_markers() {
     let file = written(&ramp(), ImageFormat::Jpeg);
-    assert!(jpeg::is_whole(&file));
-    assert!(jpeg::is_whole(&[file.as_slice(), b"a film that \xFF\xDA comes after it"].concat()));
-    assert!(jpeg::is_whole(&turned(3)));
+    assert!(is_whole_jpeg(&file));
+    assert!(is_whole_jpeg(&[file.as_slice(), b"a film that \xFF\xDA comes after it"].concat()));
+    assert!(is_whole_jpeg(&turned(3)));
     // a preview of its own inside a segment does not end the picture
     let comment = [0xFF, 0xFE, 0, 6, 0xFF, 0xD9, 0xFF, 0xD9].as_slice();
     let with_comment = [&file[..2], comment, &file[2..]].concat();
-    assert!(jpeg::is_whole(&with_comment));
-    assert!(!jpeg::is_whole(&with_comment[..with_comment.len() - 2]));
+    assert!(is_whole_jpeg(&with_comment));
+    assert!(!is_whole_jpeg(&with_comment[..with_comment.len() - 2]));
 }
 
 #[test]

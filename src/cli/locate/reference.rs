@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::time::Duration;
 
-use super::report::TimeUs;
+use super::picture;
+use super::report::{Located, Method, TimeUs};
 use super::setting::Setting;
-use super::{Located, Method, picture};
 use crate::cli::args::LocateArgs;
-use crate::cli::failure::Failure;
+use crate::cli::output::Failure;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::Stages;
 use upm_recording::LocalisedRecord;

@@ -5,11 +5,27 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::setting::Setting;
-use super::{Located, Method};
-use crate::cli::failure::Failure;
+use crate::cli::output::Failure;
 use upm_core::units::mm_from_m;
 use upm_perception::vision::ResponseMethod;
 use upm_recording::LocalisedRecord;
+
+/// What is in a picture.
+pub(super) struct Located {
+    pub found: LocalisedRecord,
+    pub method: Method,
+    pub time_us: TimeUs,
+}
+
+/// How a picture was searched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Method {
+    /// The program's own vision, with the method of the disks' response.
+    Fast(ResponseMethod),
+    /// Standard algorithms of `imageproc`.
+    #[cfg(feature = "lab")]
+    Reference,
+}
 
 /// Wall time that one picture took, µs.
 #[derive(Clone, Copy, Debug)]

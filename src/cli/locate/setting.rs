@@ -1,7 +1,7 @@
 //! What pictures are looked at with.
 
 use crate::cli::args::LocateArgs;
-use crate::cli::failure::Failure;
+use crate::cli::output::Failure;
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;

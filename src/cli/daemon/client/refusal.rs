@@ -4,14 +4,13 @@ use ureq::http::HeaderMap;
 use ureq::http::header::RETRY_AFTER;
 use ureq::{Error, Timeout};
 
-use crate::cli::BAD_INPUT;
-use crate::cli::failure::Failure;
+use crate::cli::output::{BAD_INPUT, Failure};
 use upm_runner::config::Fault;
 use upm_server::service::ProblemDocument;
 
 /// Why a daemon did not do what it was asked.
 #[derive(Debug)]
-pub(in crate::cli) enum Refusal {
+pub(crate) enum Refusal {
     /// Nobody was reached: nothing has been asked.
     Unreached(String),
     /// The answer did not come, or not whole: it may have been done all the same.
@@ -118,7 +117,7 @@ impl From<Refusal> for Failure {
 }
 
 /// What somebody else wrote, so that it can neither end a line nor steer a terminal.
-pub(in crate::cli) fn on_one_line(text: &str) -> String {
+pub(crate) fn on_one_line(text: &str) -> String {
     let shown = |c: char| if c.is_control() { c.escape_default().collect() } else { c.to_string() };
     text.chars().map(shown).collect()
 }

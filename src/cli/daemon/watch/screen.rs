@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 use super::events::Event;
 use crate::cli::args::Common;
 use crate::cli::daemon::client::on_one_line;
-use crate::cli::daemon::jobs::{headline, plate_line, print_job, state_name};
-use crate::cli::failure::Failure;
+use crate::cli::daemon::jobs::{headline, plate_line, print_job};
+use crate::cli::output::Failure;
 use crate::cli::progress::{FULL, bar, behind};
 use upm_server::service::{Job, JobState, Plate, PlateState};
 
@@ -16,37 +16,11 @@ enum How {
     /// Each event as a JSON object on a line of stdout.
     Json,
     /// A bar on stderr, for a person who looks on.
-    Bar(JobBar),
+    Bar(ProgressBar),
     /// A line on stdout for what happens.
     Lines,
     /// How it ended alone.
     EndAlone,
-}
-
-/// Shows a job that a daemon runs as a bar on stderr.
-struct JobBar {
-    bar: ProgressBar,
-}
-
-impl JobBar {
-    fn new() -> Self {
-        Self { bar: bar(false) }
-    }
-
-    /// Shows that this part of the job is done, 0 to 1.
-    fn show(&self, done: f64, message: String) {
-        self.bar.set_position((done * FULL as f64) as u64);
-        self.bar.set_message(message);
-    }
-
-    /// A line above the bar.
-    fn note(&self, line: &str) {
-        self.bar.suspend(|| complain!("{line}"));
-    }
-
-    fn finish(&self) {
-        self.bar.finish_and_clear();
-    }
 }
 
 /// Where a job is shown that is watched.
@@ -61,7 +35,7 @@ impl Screen {
         let how = match (json, quiet) {
             (true, _) => How::Json,
             (false, true) => How::EndAlone,
-            (false, false) if stderr().is_terminal() && stdout().is_terminal() => How::Bar(JobBar::new()),
+            (false, false) if stderr().is_terminal() && stdout().is_terminal() => How::Bar(bar(false)),
             (false, false) => How::Lines,
         };
         Self { how, quiet, id: id.to_owned() }
@@ -76,10 +50,11 @@ impl Screen {
             }
             How::Bar(bar) => {
                 if let Some((done, message)) = bar_of(event) {
-                    bar.show(done, message);
+                    bar.set_position((done * FULL as f64) as u64);
+                    bar.set_message(message);
                 }
                 if let Some(note) = note_of(event) {
-                    bar.note(&note);
+                    bar.suspend(|| complain!("{note}"));
                 }
             }
             How::Lines => {
@@ -97,7 +72,7 @@ impl Screen {
         let line = format!("upm: {}", on_one_line(line));
         match &self.how {
             _ if self.quiet => {}
-            How::Bar(bar) => bar.note(&line),
+            How::Bar(bar) => bar.suspend(|| complain!("{line}")),
             _ => complain!("{line}"),
         }
     }
@@ -117,7 +92,7 @@ impl Screen {
     /// Takes the bar off the screen.
     pub fn finish(&self) {
         if let How::Bar(bar) = &self.how {
-            bar.finish();
+            bar.finish_and_clear();
         }
     }
 }
@@ -139,7 +114,7 @@ fn bar_of(event: &Event) -> Option<(f64, String)> {
                 PlateState::Idle => "waits".to_owned(),
             };
             let queued = plate.as_ref().filter(|_| job.state == JobState::Queued);
-            let message = queued.map_or_else(|| state_name(job.state).to_owned(), waits);
+            let message = queued.map_or_else(|| job.state.name().to_owned(), waits);
             Some((job.progress, message))
         }
         "state" => Some((0.0, text(data, "state"))),

@@ -1,0 +1,89 @@
+//! Ends of commands: lines on stdout and stderr, failures, exit statuses, Ctrl-C.
+
+use std::fmt::Display;
+use std::io::{ErrorKind, Write};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The job ran and did not reach its goal.
+pub(super) const NOT_REACHED: u8 = 1;
+/// Bad usage or a bad file.
+pub(super) const BAD_INPUT: u8 = 2;
+/// Ended by Ctrl-C.
+pub(super) const INTERRUPTED: u8 = 130;
+
+/// Why a command ends with a status other than 0, one line a fault.
+#[derive(Debug)]
+pub(super) struct Failure {
+    pub status: u8,
+    pub lines: Vec<String>,
+}
+
+impl Failure {
+    /// The command was understood and could not do its work.
+    pub fn failed(line: impl Display) -> Self {
+        Self { status: NOT_REACHED, lines: vec![line.to_string()] }
+    }
+
+    /// Bad usage or a bad file.
+    pub fn bad_input(line: impl Display) -> Self {
+        Self::faults([line])
+    }
+
+    /// Faults in files, one a line.
+    pub fn faults<F: Display>(faults: impl IntoIterator<Item = F>) -> Self {
+        Self { status: BAD_INPUT, lines: faults.into_iter().map(|fault| fault.to_string()).collect() }
+    }
+
+    /// A file could not be written.
+    pub fn write(path: &Path, error: impl Display) -> Self {
+        Self::failed(format!("{}: cannot be written: {error}", path.display()))
+    }
+
+    /// Prints the faults on stderr; the exit status.
+    pub fn complain(&self) -> u8 {
+        self.lines.iter().for_each(|line| complain!("upm: {line}"));
+        self.status
+    }
+}
+
+/// Writes a line to stdout.
+pub(super) fn put(text: std::fmt::Arguments<'_>) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::failed(format!("stdout: {error}"))),
+        _ => Ok(()),
+    }
+}
+
+/// Prints a result as one JSON document.
+pub(super) fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(value).map_err(Failure::failed)?;
+    say!("{text}")
+}
+
+/// Prints a result as a JSON document or else by `text`; exit status 0.
+pub(super) fn print(
+    json: bool,
+    value: &impl serde::Serialize,
+    text: impl FnOnce() -> Result<(), Failure>,
+) -> Result<u8, Failure> {
+    if json { print_json(value) } else { text() }?;
+    Ok(0)
+}
+
+/// A flag that Ctrl-C sets; a second Ctrl-C ends the process at once.
+pub(super) fn stop_on_interrupt() -> Arc<AtomicBool> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    let handler = move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(i32::from(INTERRUPTED));
+        }
+    };
+    if let Err(error) = ctrlc::set_handler(handler) {
+        tracing::warn!("Ctrl-C will not stop cleanly: {error}");
+    }
+    stop
+}
