@@ -52,28 +52,20 @@ mod tests;
 mod tiles;
 mod view;
 
-use nalgebra::Matrix2;
-
 use super::CameraParams;
 use disc::DiscOutline;
+use edge::Blur;
 use exposure::Grain;
 use noise::Noise;
 use plate::PlateOutline;
 use shares::Shares;
-use tiles::{AREA, BLOCK_SIDE, Grid, LANE_X, LANE_Y, LANES, Lanes, SIDE, Tile};
+use tiles::{AREA, BLOCK_SIDE, Grid, LANE_X, LANE_Y, LANES, Lanes, SIDE};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::random::Rng;
 use upm_core::signal::Frame;
 use view::View;
 
-/// A part as the camera sees it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DiscShape {
-    /// Outline, m.
-    pub radius_m: f64,
-    /// Height, m.
-    pub thickness_m: f64,
-}
+pub use disc::DiscShape;
 
 /// One instant of an exposure.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -255,37 +247,6 @@ fn compose_block(
         *clean = (units.clamp(i16::MIN.into(), i16::MAX.into()) as i16).wrapping_add(noise::HALF);
     }
     clean
-}
-
-/// The footprint of a pixel: the lens's blur and the pixel's square.
-#[derive(Clone, Copy, Debug)]
-struct Blur {
-    variance_px2: f64,
-    /// Standard deviations from an edge at which a block's centre has no pixel left that the edge reaches.
-    block_reach: f32,
-}
-
-impl Blur {
-    fn new(params: &CameraParams) -> Self {
-        let variance_px2 = params.blur_px * params.blur_px + edge::PIXEL_VARIANCE_PX2;
-        // From the centre to the farthest pixel's are 1.5·√2 px, and a little for the uneven scale.
-        let block_radius_px = 1.5 * 1.1 * std::f64::consts::SQRT_2;
-        Self { variance_px2, block_reach: (edge::REACH + block_radius_px / variance_px2.sqrt()) as f32 }
-    }
-
-    fn sd_px(&self) -> f64 {
-        self.variance_px2.sqrt()
-    }
-
-    /// At least the footprint's standard deviation in any direction on the table.
-    fn bound_m(&self, tile: &Tile) -> f64 {
-        let c = &tile.px_covariance_m2;
-        ((c.m11.max(c.m22) + c.m12.abs()) * self.variance_px2).sqrt()
-    }
-
-    fn covariance_m2(&self, tile: &Tile) -> Matrix2<f64> {
-        tile.px_covariance_m2 * self.variance_px2
-    }
 }
 
 /// Light that falls off evenly across the image: `at_origin + slope · (x, y)`.

@@ -1,6 +1,8 @@
 //! From the drive's counts to the forces on the plate: waveform generator (whole counts, held between samples), low-pass,
 //! voice coils, and how their pulls add up on the plate (UPM paper, sections 3.1 and 3.2, Eq. 7).
 
+use std::f64::consts::{FRAC_1_SQRT_2, TAU};
+
 use super::MotorParams;
 use super::faults::CoilFaults;
 use super::oscillator::{Motion, Oscillator};
@@ -13,8 +15,7 @@ use upm_core::signal::{Drive, MOTORS};
 pub struct Motors {
     params: MotorParams,
     step_s: f64,
-    low_pass: Oscillator,
-    low_pass_gain: f64,
+    low_pass: LowPass,
     filtered: [Motion; MOTORS],
     drive: Option<Drive>,
     steps: u64,
@@ -28,28 +29,36 @@ pub struct Motors {
 /// A further low-pass of one coil, and what it lets through at present.
 #[derive(Clone, Copy, Debug)]
 struct SlowCoil {
-    low_pass: Oscillator,
-    gain: f64,
+    low_pass: LowPass,
     filtered: Motion,
 }
 
-impl SlowCoil {
+/// A Butterworth filter of two poles.
+#[derive(Clone, Copy, Debug)]
+struct LowPass {
+    oscillator: Oscillator,
+    gain: f64,
+}
+
+impl LowPass {
     fn new(corner_hz: f64, step_s: f64) -> Self {
-        let corner_radps = std::f64::consts::TAU * corner_hz;
-        let low_pass = Oscillator::new(corner_radps, std::f64::consts::FRAC_1_SQRT_2, step_s);
-        Self { low_pass, gain: corner_radps * corner_radps, filtered: Motion::default() }
+        let corner_radps = TAU * corner_hz;
+        let oscillator = Oscillator::new(corner_radps, FRAC_1_SQRT_2, step_s);
+        Self { oscillator, gain: corner_radps * corner_radps }
+    }
+
+    fn step(&self, from: Motion, input: f64) -> Motion {
+        self.oscillator.step(from, self.gain * input)
     }
 }
 
 impl Motors {
     /// Silent motors that will be stepped by `step_s`.
     pub fn new(params: &MotorParams, step_s: f64) -> Self {
-        let corner_radps = std::f64::consts::TAU * params.low_pass_hz;
         Self {
             params: *params,
             step_s,
-            low_pass: Oscillator::new(corner_radps, std::f64::consts::FRAC_1_SQRT_2, step_s),
-            low_pass_gain: corner_radps * corner_radps,
+            low_pass: LowPass::new(params.low_pass_hz, step_s),
             filtered: [Motion::default(); MOTORS],
             drive: None,
             steps: 0,
@@ -63,7 +72,8 @@ impl Motors {
     /// From now on this is wrong with the coils, and nothing else.
     pub fn set_faults(&mut self, faults: &CoilFaults) {
         for (slow, corner_hz) in self.slow.iter_mut().zip(faults.low_pass_hz) {
-            *slow = corner_hz.is_finite().then(|| SlowCoil::new(corner_hz, self.step_s));
+            let slow_coil = || SlowCoil { low_pass: LowPass::new(corner_hz, self.step_s), filtered: Motion::default() };
+            *slow = corner_hz.is_finite().then(slow_coil);
         }
         let was_stuck = std::mem::replace(&mut self.faults, *faults).stuck;
         if self.drive.is_none() {
@@ -90,7 +100,7 @@ impl Motors {
 
     /// True when no drive sounds and the coils' last force has died away (below a thousandth of a count).
     pub fn is_silent(&self) -> bool {
-        let rate = self.low_pass_gain.sqrt();
+        let rate = self.low_pass.gain.sqrt();
         let faint = |m: &Motion| m.position.abs() < 1e-3 && m.velocity.abs() < 1e-3 * rate;
         self.drive.is_none() && self.filtered.iter().all(faint)
     }
@@ -100,11 +110,11 @@ impl Motors {
     pub fn step(&mut self) -> Wrench {
         self.hold_sample();
         for (filtered, counts) in self.filtered.iter_mut().zip(self.held_counts) {
-            *filtered = self.low_pass.step(*filtered, self.low_pass_gain * counts);
+            *filtered = self.low_pass.step(*filtered, counts);
         }
         for (slow, filtered) in self.slow.iter_mut().zip(&self.filtered) {
             if let Some(slow) = slow {
-                slow.filtered = slow.low_pass.step(slow.filtered, slow.gain * filtered.position);
+                slow.filtered = slow.low_pass.step(slow.filtered, filtered.position);
             }
         }
         self.steps += 1;
@@ -168,7 +178,6 @@ pub fn forces_of_wrench(wrench: Wrench, lever_arm_m: f64) -> [f64; MOTORS] {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use std::f64::consts::TAU;
     use upm_core::signal::{Envelope, Harmonic};
 
     const PARAMS: MotorParams = MotorParams {

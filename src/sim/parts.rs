@@ -4,7 +4,7 @@
 //! frame. Output: the wrench that the parts exert on the plate. Semi-implicit steps: friction changes the velocity,
 //! sticking where it can (see [`DiscFriction::kept`]), and the new velocity carries the part.
 
-mod faults;
+mod body;
 
 use super::collision::Contacts;
 use super::faults::{Oil, PlantFaults};
@@ -12,99 +12,12 @@ use super::plate::{PlateMotion, Wrench};
 use super::{ContactParams, PartParams};
 use upm_core::disc_friction::DiscFriction;
 use upm_core::geometry::{Pose, Vec2, cross};
-use upm_core::units::GRAVITY_MPS2;
 
-/// How far from the plate's edge a fallen part's rim comes to lie, m: clear of the plate however it shakes.
-const FALLEN_CLEARANCE_M: f64 = 5e-3;
+pub(super) use body::Body;
+pub use body::PartMotion;
 
-/// State of one part in the table frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PartMotion {
-    /// Where it is.
-    pub part_in_table: Pose,
-    /// Its velocity, m/s.
-    pub velocity_mps: Vec2,
-    /// Its spin, rad/s, counter-clockwise.
-    pub spin_radps: f64,
-    /// False once its centre has left the plate; it then lies still beside the plate for good.
-    pub on_plate: bool,
-}
-
-impl PartMotion {
-    /// At rest on the plate.
-    pub fn at_rest(part_in_table: Pose) -> Self {
-        Self { part_in_table, velocity_mps: Vec2::zeros(), spin_radps: 0.0, on_plate: true }
-    }
-
-    /// The pose `before_s` earlier, no more than one step.
-    pub fn pose_before(&self, before_s: f64) -> Pose {
-        Pose {
-            position_m: self.part_in_table.position_m - self.velocity_mps * before_s,
-            heading_rad: self.part_in_table.heading_rad - self.spin_radps * before_s,
-        }
-    }
-}
-
-/// One part: constants and state.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Body {
-    pub motion: PartMotion,
-    pub radius_m: f64,
-    pub inverse_mass: f64,
-    mass_kg: f64,
-    /// Speed that friction can take away in one step, μ g h, m/s.
-    reach_mps: f64,
-    /// Where it lay before it was taken off.
-    taken_from: Option<Pose>,
-}
-
-impl Body {
-    fn new(params: &PartParams, part_in_table: Pose, step_s: f64) -> Self {
-        Self {
-            motion: PartMotion::at_rest(part_in_table),
-            radius_m: params.radius_m,
-            inverse_mass: params.mass_kg.recip(),
-            mass_kg: params.mass_kg,
-            reach_mps: params.friction * GRAVITY_MPS2 * step_s,
-            taken_from: None,
-        }
-    }
-
-    /// Moment of inertia of a uniform disc, kg m².
-    fn inertia_kgm2(&self) -> f64 {
-        0.5 * self.mass_kg * self.radius_m * self.radius_m
-    }
-
-    /// Friction of one step against a plate that moves at `surface_mps` here and spins at `surface_radps`.
-    /// Returns the changes of velocity and spin.
-    #[inline]
-    fn drag(&mut self, friction: &DiscFriction, reach_mps: f64, surface_mps: Vec2, surface_radps: f64) -> (Vec2, f64) {
-        let slip = self.motion.velocity_mps - surface_mps;
-        let spin_slip = self.motion.spin_radps - surface_radps;
-        let rim_mps = self.radius_m * spin_slip.abs();
-        let [keep_slide, keep_spin] = friction.kept(slip.norm(), rim_mps, reach_mps);
-        let change = (slip * (keep_slide - 1.0), spin_slip * (keep_spin - 1.0));
-        self.motion.velocity_mps += change.0;
-        self.motion.spin_radps += change.1;
-        change
-    }
-
-    /// Speed of the fastest point of the rim or less, squared.
-    fn liveliness(&self) -> f64 {
-        self.motion.velocity_mps.norm_squared() + (self.radius_m * self.motion.spin_radps).powi(2)
-    }
-
-    /// The part tips over the edge that it passed at `arm_m` from the plate's centre and comes to rest beside the plate.
-    #[cold]
-    fn fall(&mut self, arm_m: Vec2, half_side_m: f64) {
-        let clear = half_side_m + self.radius_m + FALLEN_CLEARANCE_M;
-        let outwards = clear / arm_m.amax() - 1.0;
-        self.motion.part_in_table.position_m += arm_m * outwards.max(0.0);
-        self.motion.velocity_mps = Vec2::zeros();
-        self.motion.spin_radps = 0.0;
-        self.motion.on_plate = false;
-    }
-}
+/// Where parts go that are taken off the plate, m: far out of every view.
+const AWAY_M: f64 = 100.0;
 
 /// Factor on the friction of part `part` at `arm_m` from the plate's centre.
 fn friction_factor(faults: &PlantFaults, part: usize, arm_m: Vec2) -> f64 {
@@ -210,12 +123,47 @@ impl Parts {
         }
         self.fastest_mps = 0.0;
     }
+
+    /// From now on this is wrong, and nothing else: parts that are taken off go, those that were come back.
+    pub fn set_faults(&mut self, faults: &PlantFaults) {
+        for (part, body) in self.bodies.iter_mut().enumerate() {
+            match (faults.removed.contains(&part), body.taken_from) {
+                (true, None) if body.motion.on_plate => {
+                    body.taken_from = Some(body.motion.part_in_table);
+                    let away = Pose { position_m: Vec2::new(AWAY_M, AWAY_M * part as f64), heading_rad: 0.0 };
+                    body.motion = PartMotion { on_plate: false, ..PartMotion::at_rest(away) };
+                }
+                (false, Some(place)) => {
+                    body.taken_from = None;
+                    body.motion = PartMotion::at_rest(place);
+                }
+                _ => {}
+            }
+        }
+        self.faults = faults.clone();
+    }
+
+    /// Moves part `part` by `by_m` by hand; off the plate is where it then falls.
+    pub fn shift(&mut self, part: usize, by_m: Vec2) {
+        if let Some(body) = self.bodies.get_mut(part).filter(|body| body.motion.on_plate) {
+            body.motion.part_in_table.position_m += by_m;
+        }
+    }
+
+    /// Two parts exchange their places.
+    pub fn exchange(&mut self, [a, b]: [usize; 2]) {
+        if let (Some(first), Some(second)) = (self.bodies.get(a), self.bodies.get(b)) {
+            let (first, second) = (first.motion, second.motion);
+            (self.bodies[a].motion, self.bodies[b].motion) = (second, first);
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use upm_core::geometry::Twist;
+    use upm_core::units::GRAVITY_MPS2;
 
     const PENNY: PartParams = PartParams { radius_m: 9.525e-3, thickness_m: 1.52e-3, mass_kg: 2.5e-3, friction: 0.3 };
     const CONTACT: ContactParams = ContactParams { restitution: 0.5, rim_friction: 0.2 };

@@ -1,13 +1,21 @@
 use multiversion::multiversion;
 use nalgebra::Matrix2;
 
-use super::edge::{REACH, edge_spread, inverse_sqrt};
+use super::edge::{Blur, REACH, edge_spread, inverse_sqrt};
 use super::exposure::{Glimpse, Grain};
 use super::shares::Shares;
 use super::tiles::{Grid, LANES, Lanes, Pixels, Tile, TileBox};
 use super::view::View;
-use super::{Blur, DiscShape};
 use upm_core::geometry::{Pose, Vec2, cross};
+
+/// A part as the camera sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DiscShape {
+    /// Outline, m.
+    pub radius_m: f64,
+    /// Height, m.
+    pub thickness_m: f64,
+}
 
 /// One part's outline as the exposure saw it.
 #[derive(Clone, Debug)]

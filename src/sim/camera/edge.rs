@@ -1,10 +1,47 @@
 use std::f32::consts::FRAC_1_SQRT_2;
+use std::f64::consts::SQRT_2;
+
+use nalgebra::Matrix2;
+
+use super::super::CameraParams;
+use super::tiles::Tile;
 
 /// Standard deviations from an edge behind which nothing of its blur is left (1e-5 of the step).
 pub(super) const REACH: f64 = 4.2;
 
 /// Variance of a point spread over one pixel, px².
 pub(super) const PIXEL_VARIANCE_PX2: f64 = 1.0 / 12.0;
+
+/// The footprint of a pixel: the lens's blur and the pixel's square.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Blur {
+    variance_px2: f64,
+    /// Standard deviations from an edge at which a block's centre has no pixel left that the edge reaches.
+    pub(super) block_reach: f32,
+}
+
+impl Blur {
+    pub(super) fn new(params: &CameraParams) -> Self {
+        let variance_px2 = params.blur_px * params.blur_px + PIXEL_VARIANCE_PX2;
+        // From the centre to the farthest pixel's are 1.5·√2 px, and a little for the uneven scale.
+        let block_radius_px = 1.5 * 1.1 * SQRT_2;
+        Self { variance_px2, block_reach: (REACH + block_radius_px / variance_px2.sqrt()) as f32 }
+    }
+
+    pub(super) fn sd_px(&self) -> f64 {
+        self.variance_px2.sqrt()
+    }
+
+    /// At least the footprint's standard deviation in any direction on the table.
+    pub(super) fn bound_m(&self, tile: &Tile) -> f64 {
+        let c = &tile.px_covariance_m2;
+        ((c.m11.max(c.m22) + c.m12.abs()) * self.variance_px2).sqrt()
+    }
+
+    pub(super) fn covariance_m2(&self, tile: &Tile) -> Matrix2<f64> {
+        tile.px_covariance_m2 * self.variance_px2
+    }
+}
 
 /// Share of a half-plane blurred by a Gaussian that is seen `z` standard deviations inside its edge: the normal
 /// distribution function, by Hastings' formula for the error function (Abramowitz, Stegun, 7.1.28), within 3e-7.

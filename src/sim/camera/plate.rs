@@ -1,8 +1,7 @@
 use multiversion::multiversion;
 use nalgebra::{Matrix2, Matrix3, Rotation2, Vector3};
 
-use super::Blur;
-use super::edge::{REACH, edge_spread};
+use super::edge::{Blur, REACH, edge_spread};
 use super::exposure::{Glimpse, Grain};
 use super::shares::Shares;
 use super::side::{Side, SideOutline};

@@ -44,10 +44,9 @@ pub fn drawn_faults(seed: u64, parts: usize) -> Vec<FaultSpec> {
 }
 
 fn components(parts: usize) -> impl Iterator<Item = Component> {
-    use Component::{Accelerometer, Camera, Clock, Coil, Coils, Device, Light, Part, Parts, Plate, View};
-    let single = [Camera, Light, View, Coils, Parts, Plate, Device, Clock];
+    use Component::{Accelerometer, Coil, Part, Parts};
     let numbered = (0..MOTORS).map(Coil).chain((0..CHANNELS).map(Accelerometer)).chain((0..parts).map(Part));
-    single.into_iter().chain(numbered).filter(move |component| parts > 1 || *component != Parts)
+    Component::SINGLE.into_iter().chain(numbered).filter(move |component| parts > 1 || *component != Parts)
 }
 
 struct Draw(Rng);

@@ -30,22 +30,19 @@ pub enum Component {
 }
 
 impl Component {
+    /// Those without a number.
+    pub(super) const SINGLE: [Self; 8] =
+        [Self::Camera, Self::Light, Self::View, Self::Coils, Self::Parts, Self::Plate, Self::Device, Self::Clock];
+
     /// The component called `name`: `camera`, `coil0`, `part12`.
     pub fn named(name: &str) -> Option<Self> {
         let digits = name.trim_start_matches(|c: char| c.is_ascii_lowercase());
         let number = || digits.parse::<usize>().ok().filter(|_| digits.len() < 4);
-        match (&name[..name.len() - digits.len()], digits.is_empty()) {
-            ("camera", true) => Some(Self::Camera),
-            ("light", true) => Some(Self::Light),
-            ("view", true) => Some(Self::View),
-            ("coils", true) => Some(Self::Coils),
-            ("parts", true) => Some(Self::Parts),
-            ("plate", true) => Some(Self::Plate),
-            ("device", true) => Some(Self::Device),
-            ("clock", true) => Some(Self::Clock),
-            ("coil", false) => number().filter(|&i| i < 4).map(Self::Coil),
-            ("accel", false) => number().filter(|&i| i < 4).map(Self::Accelerometer),
-            ("part", false) => number().map(Self::Part),
+        match &name[..name.len() - digits.len()] {
+            class if digits.is_empty() => Self::SINGLE.into_iter().find(|component| component.class() == class),
+            "coil" => number().filter(|&i| i < 4).map(Self::Coil),
+            "accel" => number().filter(|&i| i < 4).map(Self::Accelerometer),
+            "part" => number().map(Self::Part),
             _ => None,
         }
     }
@@ -184,115 +181,86 @@ pub enum FaultKind {
 
 impl FaultKind {
     /// All of them.
-    pub const ALL: [Self; 35] = [
-        Self::Freeze,
-        Self::Late,
-        Self::Drop,
-        Self::Dark,
-        Self::Garbage,
-        Self::Shift,
-        Self::Rotate,
-        Self::Mirror,
-        Self::Exposure,
-        Self::Gain,
-        Self::Flicker,
-        Self::Hand,
-        Self::Ghost,
-        Self::Dead,
-        Self::Reversed,
-        Self::Stuck,
-        Self::Swapped,
-        Self::LowPass,
-        Self::Chatter,
-        Self::Flip,
-        Self::Clipped,
-        Self::Moved,
-        Self::Removed,
-        Self::Glued,
-        Self::Ice,
-        Self::Friction,
-        Self::Bumped,
-        Self::Tilt,
-        Self::Resonance,
-        Self::Oil,
-        Self::Busy,
-        Self::Error,
-        Self::Hang,
-        Self::Deaf,
-        Self::Skew,
-    ];
+    pub const ALL: [Self; KINDS.len()] = {
+        let mut all = [Self::Freeze; KINDS.len()];
+        let mut i = 0;
+        while i < all.len() {
+            all[i] = KINDS[i].0;
+            i += 1;
+        }
+        all
+    };
 
     /// Its name in files.
     pub fn name(self) -> &'static str {
-        self.row().0
+        KINDS[self as usize].1
     }
 
     /// The classes of components that can have it, by [`Component::class`].
     pub fn classes(self) -> &'static [&'static str] {
-        self.row().1
+        KINDS[self as usize].2
     }
 
     /// Its values.
     pub fn values(self) -> &'static [ValueRange] {
-        self.row().2
+        KINDS[self as usize].3
     }
 
     /// The kind called `name`.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
-
-    /// Name, classes and values.
-    fn row(self) -> (&'static str, &'static [&'static str], &'static [ValueRange]) {
-        const COILS: &[&str] = &["coil", "coils"];
-        const SHIFT: &[ValueRange] = &[any("px", -2000.0, 2000.0), any("px", -2000.0, 2000.0)];
-        const PLACE: &[ValueRange] = &[any("mm", -1000.0, 1000.0), any("mm", -1000.0, 1000.0)];
-        const OIL: &[ValueRange] = &[PLACE[0], PLACE[1], any("mm", 0.0, 1000.0)];
-        const FACTOR: &[ValueRange] = &[any("a factor", 0.001, 1000.0)];
-        const GAIN: &[ValueRange] = &[any("a factor", -10.0, 10.0)];
-        const SHARE: &[ValueRange] = &[any("a share", 0.0, 1.0)];
-        const HZ: &[ValueRange] = &[any("Hz", 0.01, 10_000.0)];
-        const PAIR: &[ValueRange] = &[whole("a number", 63.0), whole("a number", 63.0)];
-        const HANG: &[ValueRange] = &[ValueRange { default: Some(1.0), ..any("s", 0.0, 600.0) }];
-        match self {
-            Self::Freeze => ("freeze", &["camera"], &[]),
-            Self::Late => ("late", &["camera", "accel"], const { &[whole("frames or samples", 60.0)] }),
-            Self::Drop => ("drop", &["camera"], SHARE),
-            Self::Dark => ("dark", &["camera"], &[]),
-            Self::Garbage => ("garbage", &["camera", "accel"], &[]),
-            Self::Shift => ("shift", &["camera"], SHIFT),
-            Self::Rotate => ("rotate", &["camera"], const { &[any("degrees", -180.0, 180.0)] }),
-            Self::Mirror => ("mirror", &["camera"], &[]),
-            Self::Exposure => ("exposure", &["camera"], const { &[any("a factor", 0.01, 100.0)] }),
-            Self::Gain => ("gain", &["light", "coil", "coils", "accel"], GAIN),
-            Self::Flicker => ("flicker", &["light"], HZ),
-            Self::Hand => ("hand", &["view"], SHARE),
-            Self::Ghost => ("ghost", &["view"], PLACE),
-            Self::Dead => ("dead", &["coil", "coils", "accel"], &[]),
-            Self::Reversed => ("reversed", COILS, &[]),
-            Self::Stuck => ("stuck", &["coil", "coils", "accel"], &[]),
-            Self::Swapped => ("swapped", &["coils", "parts"], PAIR),
-            Self::LowPass => ("low_pass", COILS, HZ),
-            Self::Chatter => ("chatter", COILS, SHARE),
-            Self::Flip => ("flip", &["accel"], &[]),
-            Self::Clipped => ("clipped", &["accel"], const { &[any("m/s²", 0.0, 1000.0)] }),
-            Self::Moved => ("moved", &["part"], PLACE),
-            Self::Removed => ("removed", &["part"], &[]),
-            Self::Glued => ("glued", &["part"], &[]),
-            Self::Ice => ("ice", &["part"], &[]),
-            Self::Friction => ("friction", &["part", "parts"], FACTOR),
-            Self::Bumped => ("bumped", &["plate"], const { &[any("mm", -20.0, 20.0), any("mm", -20.0, 20.0)] }),
-            Self::Tilt => ("tilt", &["plate"], const { &[any("degrees", -10.0, 10.0)] }),
-            Self::Resonance => ("resonance", &["plate"], const { &[any("a factor", 0.1, 10.0)] }),
-            Self::Oil => ("oil", &["plate"], OIL),
-            Self::Busy => ("busy", &["device"], &[]),
-            Self::Error => ("error", &["device"], &[]),
-            Self::Hang => ("hang", &["device"], HANG),
-            Self::Deaf => ("deaf", &["device"], &[]),
-            Self::Skew => ("skew", &["clock"], const { &[any("s", -10.0, 10.0)] }),
-        }
-    }
 }
+
+const COILS: &[&str] = &["coil", "coils"];
+const SHIFT: &[ValueRange] = &[any("px", -2000.0, 2000.0), any("px", -2000.0, 2000.0)];
+const PLACE: &[ValueRange] = &[any("mm", -1000.0, 1000.0), any("mm", -1000.0, 1000.0)];
+const OIL: &[ValueRange] = &[PLACE[0], PLACE[1], any("mm", 0.0, 1000.0)];
+const FACTOR: &[ValueRange] = &[any("a factor", 0.001, 1000.0)];
+const GAIN: &[ValueRange] = &[any("a factor", -10.0, 10.0)];
+const SHARE: &[ValueRange] = &[any("a share", 0.0, 1.0)];
+const HZ: &[ValueRange] = &[any("Hz", 0.01, 10_000.0)];
+const PAIR: &[ValueRange] = &[whole("a number", 63.0), whole("a number", 63.0)];
+const HANG: &[ValueRange] = &[ValueRange { default: Some(1.0), ..any("s", 0.0, 600.0) }];
+
+/// Every kind with its name, classes and values, in the order of the variants.
+const KINDS: [(FaultKind, &str, &[&str], &[ValueRange]); 35] = [
+    (FaultKind::Freeze, "freeze", &["camera"], &[]),
+    (FaultKind::Late, "late", &["camera", "accel"], &[whole("frames or samples", 60.0)]),
+    (FaultKind::Drop, "drop", &["camera"], SHARE),
+    (FaultKind::Dark, "dark", &["camera"], &[]),
+    (FaultKind::Garbage, "garbage", &["camera", "accel"], &[]),
+    (FaultKind::Shift, "shift", &["camera"], SHIFT),
+    (FaultKind::Rotate, "rotate", &["camera"], &[any("degrees", -180.0, 180.0)]),
+    (FaultKind::Mirror, "mirror", &["camera"], &[]),
+    (FaultKind::Exposure, "exposure", &["camera"], &[any("a factor", 0.01, 100.0)]),
+    (FaultKind::Gain, "gain", &["light", "coil", "coils", "accel"], GAIN),
+    (FaultKind::Flicker, "flicker", &["light"], HZ),
+    (FaultKind::Hand, "hand", &["view"], SHARE),
+    (FaultKind::Ghost, "ghost", &["view"], PLACE),
+    (FaultKind::Dead, "dead", &["coil", "coils", "accel"], &[]),
+    (FaultKind::Reversed, "reversed", COILS, &[]),
+    (FaultKind::Stuck, "stuck", &["coil", "coils", "accel"], &[]),
+    (FaultKind::Swapped, "swapped", &["coils", "parts"], PAIR),
+    (FaultKind::LowPass, "low_pass", COILS, HZ),
+    (FaultKind::Chatter, "chatter", COILS, SHARE),
+    (FaultKind::Flip, "flip", &["accel"], &[]),
+    (FaultKind::Clipped, "clipped", &["accel"], &[any("m/s²", 0.0, 1000.0)]),
+    (FaultKind::Moved, "moved", &["part"], PLACE),
+    (FaultKind::Removed, "removed", &["part"], &[]),
+    (FaultKind::Glued, "glued", &["part"], &[]),
+    (FaultKind::Ice, "ice", &["part"], &[]),
+    (FaultKind::Friction, "friction", &["part", "parts"], FACTOR),
+    (FaultKind::Bumped, "bumped", &["plate"], &[any("mm", -20.0, 20.0), any("mm", -20.0, 20.0)]),
+    (FaultKind::Tilt, "tilt", &["plate"], &[any("degrees", -10.0, 10.0)]),
+    (FaultKind::Resonance, "resonance", &["plate"], &[any("a factor", 0.1, 10.0)]),
+    (FaultKind::Oil, "oil", &["plate"], OIL),
+    (FaultKind::Busy, "busy", &["device"], &[]),
+    (FaultKind::Error, "error", &["device"], &[]),
+    (FaultKind::Hang, "hang", &["device"], HANG),
+    (FaultKind::Deaf, "deaf", &["device"], &[]),
+    (FaultKind::Skew, "skew", &["clock"], &[any("s", -10.0, 10.0)]),
+];
 
 /// One fault: what, how much, from when to when.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -332,6 +300,10 @@ mod tests {
         let components: Vec<Component> = classes.iter().filter_map(|name| Component::named(name)).collect();
         assert_eq!(components.len(), classes.len());
         assert_eq!(components.iter().map(|c| c.name()).collect::<Vec<_>>(), classes);
+        assert!(
+            (0..).zip(FaultKind::ALL).all(|(i, kind)| kind as usize == i),
+            "rows stand in the order of the variants"
+        );
         for kind in FaultKind::ALL {
             assert_eq!(FaultKind::named(kind.name()), Some(kind));
             assert!(components.iter().any(|component| component.kinds().any(|k| k == kind)), "{kind:?}");

@@ -1,0 +1,105 @@
+//! One part: what it is and how it moves.
+
+use crate::PartParams;
+use upm_core::disc_friction::DiscFriction;
+use upm_core::geometry::{Pose, Vec2};
+use upm_core::units::GRAVITY_MPS2;
+
+/// How far from the plate's edge a fallen part's rim comes to lie, m: clear of the plate however it shakes.
+const FALLEN_CLEARANCE_M: f64 = 5e-3;
+
+/// State of one part in the table frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartMotion {
+    /// Where it is.
+    pub part_in_table: Pose,
+    /// Its velocity, m/s.
+    pub velocity_mps: Vec2,
+    /// Its spin, rad/s, counter-clockwise.
+    pub spin_radps: f64,
+    /// False once its centre has left the plate; it then lies still beside the plate for good.
+    pub on_plate: bool,
+}
+
+impl PartMotion {
+    /// At rest on the plate.
+    pub fn at_rest(part_in_table: Pose) -> Self {
+        Self { part_in_table, velocity_mps: Vec2::zeros(), spin_radps: 0.0, on_plate: true }
+    }
+
+    /// The pose `before_s` earlier, no more than one step.
+    pub fn pose_before(&self, before_s: f64) -> Pose {
+        Pose {
+            position_m: self.part_in_table.position_m - self.velocity_mps * before_s,
+            heading_rad: self.part_in_table.heading_rad - self.spin_radps * before_s,
+        }
+    }
+}
+
+/// One part: constants and state.
+#[derive(Clone, Copy, Debug)]
+pub struct Body {
+    pub motion: PartMotion,
+    pub radius_m: f64,
+    pub inverse_mass: f64,
+    pub mass_kg: f64,
+    /// Speed that friction can take away in one step, μ g h, m/s.
+    pub reach_mps: f64,
+    /// Where it lay before it was taken off.
+    pub taken_from: Option<Pose>,
+}
+
+impl Body {
+    /// At rest on the plate.
+    pub fn new(params: &PartParams, part_in_table: Pose, step_s: f64) -> Self {
+        Self {
+            motion: PartMotion::at_rest(part_in_table),
+            radius_m: params.radius_m,
+            inverse_mass: params.mass_kg.recip(),
+            mass_kg: params.mass_kg,
+            reach_mps: params.friction * GRAVITY_MPS2 * step_s,
+            taken_from: None,
+        }
+    }
+
+    /// Moment of inertia of a uniform disc, kg m².
+    pub fn inertia_kgm2(&self) -> f64 {
+        0.5 * self.mass_kg * self.radius_m * self.radius_m
+    }
+
+    /// Friction of one step against a plate that moves at `surface_mps` here and spins at `surface_radps`.
+    /// Returns the changes of velocity and spin.
+    #[inline]
+    pub fn drag(
+        &mut self,
+        friction: &DiscFriction,
+        reach_mps: f64,
+        surface_mps: Vec2,
+        surface_radps: f64,
+    ) -> (Vec2, f64) {
+        let slip = self.motion.velocity_mps - surface_mps;
+        let spin_slip = self.motion.spin_radps - surface_radps;
+        let rim_mps = self.radius_m * spin_slip.abs();
+        let [keep_slide, keep_spin] = friction.kept(slip.norm(), rim_mps, reach_mps);
+        let change = (slip * (keep_slide - 1.0), spin_slip * (keep_spin - 1.0));
+        self.motion.velocity_mps += change.0;
+        self.motion.spin_radps += change.1;
+        change
+    }
+
+    /// Speed of the fastest point of the rim or less, squared.
+    pub fn liveliness(&self) -> f64 {
+        self.motion.velocity_mps.norm_squared() + (self.radius_m * self.motion.spin_radps).powi(2)
+    }
+
+    /// The part tips over the edge that it passed at `arm_m` from the plate's centre and comes to rest beside the plate.
+    #[cold]
+    pub fn fall(&mut self, arm_m: Vec2, half_side_m: f64) {
+        let clear = half_side_m + self.radius_m + FALLEN_CLEARANCE_M;
+        let outwards = clear / arm_m.amax() - 1.0;
+        self.motion.part_in_table.position_m += arm_m * outwards.max(0.0);
+        self.motion.velocity_mps = Vec2::zeros();
+        self.motion.spin_radps = 0.0;
+        self.motion.on_plate = false;
+    }
+}
