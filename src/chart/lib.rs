@@ -23,6 +23,24 @@ pub struct Chart {
     pub layers: Vec<Layer>,
 }
 
+impl Chart {
+    /// A plot of one quantity over another, each with its unit; the axes show what the layers need.
+    pub fn plot(name: impl Into<String>, title: impl Into<String>, [x, y]: [&str; 2], layers: Vec<Layer>) -> Self {
+        Self { name: name.into(), title: title.into(), x: Axis::new(x), y: Axis::new(y), map: false, layers }
+    }
+
+    /// A map of a plate from above, in millimetres: up to `reach` from its middle, or what the layers need.
+    pub fn plate_map(
+        name: impl Into<String>,
+        title: impl Into<String>,
+        reach: Option<f64>,
+        layers: Vec<Layer>,
+    ) -> Self {
+        let axis = |label: &str| Axis { label: label.to_owned(), range: reach.map(|reach| [-reach, reach]) };
+        Self { name: name.into(), title: title.into(), x: axis("x (mm)"), y: axis("y (mm)"), map: true, layers }
+    }
+}
+
 /// An axis and the range it shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {

@@ -3,31 +3,25 @@ mod legend;
 mod marks;
 mod range;
 mod scale;
-mod text;
+mod sheet;
 
 #[cfg(test)]
 mod tests;
 
-use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::Color as _;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::text_anchor::HPos;
 
-use super::{Chart, Color};
+use super::Chart;
 use legend::Legend;
 use marks::Frame;
 use scale::Scale;
+use sheet::{Drawn, LABEL_PX, Sheet, TICK_PX, TITLE_PX, fine, font, plain_text, text_lines};
 
 /// Width of every picture, px.
 const WIDTH_PX: f64 = 900.0;
-/// The backend knows whole pixels only: it draws this many times larger, and the document is shown smaller.
-const FINE: f64 = 10.0;
 /// Space around everything, px.
 const MARGIN_PX: f64 = 16.0;
-/// Size of the title, of labels and of the numbers on the axes, px.
-const TITLE_PX: f64 = 18.0;
-const LABEL_PX: f64 = 14.0;
-const TICK_PX: f64 = 12.5;
 /// From one line of text to the next, in sizes.
 const LINE: f64 = 1.4;
 /// What the numbers and the label below the x axis take, px.
@@ -38,9 +32,6 @@ const GAP_PX: f64 = 8.0;
 const USUAL: f64 = 0.55;
 /// Most numbers along an axis.
 const MOST_TICKS: usize = 9;
-
-type Sheet<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 /// The chart as an SVG document, 900 px wide and as tall as it needs.
 ///
@@ -66,22 +57,6 @@ pub fn svg_page(charts: &[Chart]) -> String {
     }
     let open = format!("<svg width=\"{WIDTH_PX}\" height=\"{height_px}\" xmlns=\"http://www.w3.org/2000/svg\">\n");
     open + &page + "</svg>\n"
-}
-
-/// The backend's pixels for `px` of the picture.
-fn fine(px: f64) -> i32 {
-    (FINE * px).round() as i32
-}
-
-fn paint(color: Color) -> RGBColor {
-    let [r, g, b] = color.rgb();
-    RGBColor(r, g, b)
-}
-
-/// Letters of size `px`, to the right of a place or about it.
-fn font(px: f64, pos: HPos) -> TextStyle<'static> {
-    // the backend writes sizes of letters 1.24 times smaller
-    TextStyle::from(("sans-serif", 1.24 * FINE * px)).color(&BLACK).pos(Pos::new(pos, VPos::Center))
 }
 
 /// The scale over `range` with as many numbers as stand side by side in `width_px`.
@@ -115,7 +90,7 @@ impl Layout {
         let plot_width_px = WIDTH_PX - 2.0 * MARGIN_PX - left_px;
         let x = scale_across(x, plot_width_px);
         Self {
-            title: text::lines(&chart.title, TITLE_PX, WIDTH_PX - 2.0 * MARGIN_PX),
+            title: text_lines(&chart.title, TITLE_PX, WIDTH_PX - 2.0 * MARGIN_PX),
             x,
             y,
             left_px,
@@ -162,8 +137,8 @@ impl Layout {
         plot.configure_mesh()
             .label_style(font(TICK_PX, HPos::Center))
             .axis_desc_style(font(LABEL_PX, HPos::Center))
-            .x_desc(text::plain(&chart.x.label))
-            .y_desc(text::plain(&chart.y.label))
+            .x_desc(plain_text(&chart.x.label))
+            .y_desc(plain_text(&chart.y.label))
             .bold_line_style(RGBColor(225, 225, 225).stroke_width(fine(1.0) as u32))
             .axis_style(RGBColor(90, 90, 90).stroke_width(fine(1.0) as u32))
             .set_all_tick_mark_size(fine(5.0))

@@ -2,7 +2,7 @@ use nalgebra::Vector2;
 
 use super::shaken::{ShakenPlate, steady_motion};
 use super::{Figure, LabFault, LabRig, Outcome, Series};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::Envelope;
 use upm_core::units::mm_from_m;
@@ -114,19 +114,13 @@ fn chart(read: &[Read], half_side_m: f64) -> Chart {
         centers(read, half_side_m).filter(|(_, truth)| truth.amax() < AROUND * half_side_m).collect();
     let mm = |p: Vector2<f64>| [mm_from_m(p.x), mm_from_m(p.y)];
     let vectors = near.iter().map(|(read, truth)| mm((read - truth) * ENLARGED)).collect();
-    let edge = Some([-mm_from_m(AROUND * half_side_m), mm_from_m(AROUND * half_side_m)]);
-    Chart {
-        name: "cor-map".into(),
-        title: format!("Centres of rotation of the library; misses of the read-out {ENLARGED:.0} times enlarged"),
-        x: Axis { range: edge, ..Axis::new("x (mm)") },
-        y: Axis { range: edge, ..Axis::new("y (mm)") },
-        map: true,
-        layers: vec![
-            Layer::plate(mm_from_m(half_side_m)),
-            Layer::new("true centre", Mark::Dots, Color::Blue, near.iter().map(|(_, truth)| mm(*truth))),
-            Layer::new("miss", Mark::Arrows { vectors }, Color::Red, near.iter().map(|(_, truth)| mm(*truth))),
-        ],
-    }
+    let title = format!("Centres of rotation of the library; misses of the read-out {ENLARGED:.0} times enlarged");
+    let layers = vec![
+        Layer::plate(mm_from_m(half_side_m)),
+        Layer::new("true centre", Mark::Dots, Color::Blue, near.iter().map(|(_, truth)| mm(*truth))),
+        Layer::new("miss", Mark::Arrows { vectors }, Color::Red, near.iter().map(|(_, truth)| mm(*truth))),
+    ];
+    Chart::plate_map("cor-map", title, Some(mm_from_m(AROUND * half_side_m)), layers)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use ellip::{ellipe, ellipk};
 
 use super::{Figure, Outcome, Series};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::disc_friction::DiscFriction;
 
 /// Slip ratios compared, from 1e-4 to 1e4.
@@ -92,19 +92,17 @@ fn chart(rows: &[Row]) -> Chart {
         let points = rows.iter().step_by(DOTS).map(|row| [row.ratio.log10(), row.table[i]]);
         Layer::new(label, Mark::Dots, color, points)
     };
-    Chart {
-        name: "force-curve-disc".to_owned(),
-        title: "Friction of a disc that slides at v and spins at w".to_owned(),
-        x: Axis::new("log10 of slip ratio v/(R w)"),
-        y: Axis::new("force over μ N, torque over μ N R"),
-        map: false,
-        layers: vec![
+    Chart::plot(
+        "force-curve-disc",
+        "Friction of a disc that slides at v and spins at w",
+        ["log10 of slip ratio v/(R w)", "force over μ N, torque over μ N R"],
+        vec![
             line("closed form", 0),
             line("", 1),
             dots("force, simulated", 0, Color::Blue),
             dots("torque, simulated", 1, Color::Orange),
         ],
-    }
+    )
 }
 
 #[cfg(test)]

@@ -1,4 +1,5 @@
-use super::rig_settings;
+use std::f64::consts::TAU;
+
 use super::settings::{Assignment, Setting, SettingInfo, assigned, find, infos};
 use super::sweep::{Progress, Sweep};
 use super::{LabFault, LabRig, Outcome, feeder, mchip, rock, topple};
@@ -75,14 +76,41 @@ impl<M: Clone + Send + Sync> Method for Procedure<M> {
     }
 }
 
-/// An experiment on the simulated plate of a rig.
+/// Parameters of the simulated plate that experiments on it can be made with.
+const RIG_SETTINGS: &[Setting<LabRig>] = &[
+    Setting::<LabRig>::number("friction", [0.01, 2.0], 1.0, |rig| &mut rig.penny.friction)
+        .about("Coulomb friction between penny and plate"),
+    Setting::<LabRig>::number("base_hz", [20.0, 200.0], TAU, |rig| &mut rig.model.base_radps)
+        .about("base frequency of the drive"),
+    Setting::<LabRig>::number("accelerometer_noise_mps2", [0.0, 10.0], 1.0, |rig| {
+        &mut rig.sim.accelerometers.noise_mps2
+    })
+    .about("noise of a sample of the accelerometers"),
+];
+
+/// The procedure of an experiment on the simulated plate of a rig.
 macro_rules! on_rig {
-    ($settings:expr, $make:path) => {
+    ($make:path) => {
+        on_rig!($make, RIG_SETTINGS)
+    };
+    ($make:path, $settings:expr) => {
         &Procedure {
             settings: $settings,
             usual: LabRig::clone,
             measure: |rig, _| $make(rig),
             reproduce: |rig, _| $make(rig),
+        }
+    };
+}
+
+/// The procedure of an experiment on a machine that has its settings in a module.
+macro_rules! machine {
+    ($module:ident, $machine:ident) => {
+        &Procedure {
+            settings: $module::SETTINGS,
+            usual: |_| $module::$machine::published(),
+            measure: $module::measure,
+            reproduce: $module::reproduce,
         }
     };
 }
@@ -94,104 +122,84 @@ pub const EXPERIMENTS: &[Experiment] = &[
         about: "Table 1: amplitudes step the centre of rotation, the accelerometers read where it went",
         strong_rig: false,
         on_rig: true,
-        method: on_rig!(rig_settings::SETTINGS, super::cor_steering),
+        method: on_rig!(super::cor_steering),
     },
     Experiment {
         name: WAVEFORM_FIT,
         about: "one pulse, the accelerometers' trace of it and the motion read from that",
         strong_rig: false,
         on_rig: true,
-        method: on_rig!(rig_settings::SETTINGS, super::waveform_fit),
+        method: on_rig!(super::waveform_fit),
     },
     Experiment {
         name: "force-curve",
         about: "mean friction force of the pump against speed, the way to the belt's speed, friction of a disc",
         strong_rig: false,
         on_rig: true,
-        method: on_rig!(rig_settings::SETTINGS, super::force_curve),
+        method: on_rig!(super::force_curve),
     },
     Experiment {
         name: "pulse-law",
         about: "one pulse: wave and envelope, displacement against the square of its length, and where that law stops",
         strong_rig: true,
         on_rig: true,
-        method: on_rig!(rig_settings::SETTINGS, super::pulse_law),
+        method: on_rig!(super::pulse_law),
     },
     Experiment {
         name: "race-track",
         about: "snapshots of three coins on one rotation field",
         strong_rig: true,
         on_rig: true,
-        method: on_rig!(rig_settings::SETTINGS, super::race_track),
+        method: on_rig!(super::race_track),
     },
     Experiment {
         name: "two-parts",
         about: "two coins, four centres of rotation: the error of one large step and of several",
         strong_rig: true,
         on_rig: true,
-        method: on_rig!(rig_settings::SETTINGS, super::two_parts),
+        method: on_rig!(super::two_parts),
     },
     Experiment {
         name: "cor-map",
         about: "every centre of a calibrated library, as read and as it truly is",
         strong_rig: false,
         on_rig: true,
-        method: on_rig!(rig_settings::SETTINGS, super::cor_map),
+        method: on_rig!(super::cor_map),
     },
     Experiment {
         name: VISION,
         about: "the eyes in rendered pictures whose truth is known, easy ones and hard ones",
         strong_rig: false,
         on_rig: true,
-        method: on_rig!(&[], super::vision),
+        method: on_rig!(super::vision, &[]),
     },
     Experiment {
         name: "feeder",
         about: "a plate shaken along one line: feed rate against duty and against an external force",
         strong_rig: false,
         on_rig: false,
-        method: &Procedure {
-            settings: feeder::SETTINGS,
-            usual: |_| feeder::Feeder::published(),
-            measure: feeder::measure,
-            reproduce: feeder::reproduce,
-        },
+        method: machine!(feeder, Feeder),
     },
     Experiment {
         name: "mchip",
         about: "a part on an array of resonators, impact by impact: jams, strobing, duty, sweeps (a minute)",
         strong_rig: false,
         on_rig: false,
-        method: &Procedure {
-            settings: mchip::SETTINGS,
-            usual: |_| mchip::MChip::published(),
-            measure: mchip::measure,
-            reproduce: mchip::reproduce,
-        },
+        method: machine!(mchip, MChip),
     },
     Experiment {
         name: "topple",
         about: "a part slides against a low ledge: the speed that topples it, trials, ledges that orient a batch",
         strong_rig: false,
         on_rig: false,
-        method: &Procedure {
-            settings: topple::SETTINGS,
-            usual: |_| topple::Topple::published(),
-            measure: topple::measure,
-            reproduce: topple::reproduce,
-        },
+        method: machine!(topple, Topple),
     },
     Experiment {
         name: "rock",
         about: "a block rocks on a table driven up and down: drives that keep it rocking, and how much else they keep",
         strong_rig: false,
         on_rig: false,
-        method: &Procedure {
-            settings: rock::SETTINGS,
-            usual: |_| rock::Rock::published(),
-            measure: rock::measure,
-            reproduce: rock::reproduce,
-        },
+        method: machine!(rock, Rock),
     },
 ];
 

@@ -12,10 +12,10 @@ use self::closed_form::{feed_rate_mps, quasi_static_mps, saturation, viscosity_n
 use self::part::Sliding;
 use self::plate::PlateCycle;
 pub use self::published::reproduce;
-use super::settings::{Field, Setting};
+use super::settings::Setting;
 use super::sweep::Progress;
 use super::{Figure, LabFault, Outcome, Series};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 
 /// A dyne, N.
@@ -34,42 +34,17 @@ pub struct Feeder {
 
 /// Parameters of a feeder.
 pub const SETTINGS: &[Setting<Feeder>] = &[
-    Setting {
-        key: "accel_mps2",
-        about: "acceleration of the plate",
-        range: [1e-3, 1e6],
-        field: Field::Number(|feeder| &mut feeder.plate.accel_mps2, 1.0),
-    },
-    Setting {
-        key: "period_ms",
-        about: "length of a cycle",
-        range: [1e-3, 1e5],
-        field: Field::Number(|feeder| &mut feeder.plate.period_s, 1e-3),
-    },
-    Setting {
-        key: "duty",
-        about: "share of the cycle in which the plate moves forwards",
-        range: [0.5, 1.0],
-        field: Field::Number(|feeder| &mut feeder.plate.duty, 1.0),
-    },
-    Setting {
-        key: "friction",
-        about: "Coulomb friction between part and plate",
-        range: [1e-4, 10.0],
-        field: Field::Number(|feeder| &mut feeder.friction, 1.0),
-    },
-    Setting {
-        key: "mass_g",
-        about: "mass of the part",
-        range: [1e-6, 1e6],
-        field: Field::Number(|feeder| &mut feeder.mass_kg, 1e-3),
-    },
-    Setting {
-        key: "force_dyn",
-        about: "external force along the feed",
-        range: [-1e6, 1e6],
-        field: Field::Number(|feeder| &mut feeder.force_n, DYN_N),
-    },
+    Setting::<Feeder>::number("accel_mps2", [1e-3, 1e6], 1.0, |feeder| &mut feeder.plate.accel_mps2)
+        .about("acceleration of the plate"),
+    Setting::<Feeder>::number("period_ms", [1e-3, 1e5], 1e-3, |feeder| &mut feeder.plate.period_s)
+        .about("length of a cycle"),
+    Setting::<Feeder>::number("duty", [0.5, 1.0], 1.0, |feeder| &mut feeder.plate.duty)
+        .about("share of the cycle in which the plate moves forwards"),
+    Setting::<Feeder>::number("friction", [1e-4, 10.0], 1.0, |feeder| &mut feeder.friction)
+        .about("Coulomb friction between part and plate"),
+    Setting::<Feeder>::number("mass_g", [1e-6, 1e6], 1e-3, |feeder| &mut feeder.mass_kg).about("mass of the part"),
+    Setting::<Feeder>::number("force_dyn", [-1e6, 1e6], DYN_N, |feeder| &mut feeder.force_n)
+        .about("external force along the feed"),
 ];
 
 impl Feeder {
@@ -171,17 +146,12 @@ fn cycle_chart(plate: &PlateCycle, events: &[[f64; 2]]) -> (Chart, Vec<Series>) 
         Series::new("part_t_ms", part.iter().map(|at| at[0])),
         Series::new("part_mm_s", part.iter().map(|at| at[1])),
     ];
-    let chart = Chart {
-        name: "feeder-cycle".to_owned(),
-        title: "One cycle of the plate, and the part on it".to_owned(),
-        x: Axis::new("time (ms)"),
-        y: Axis::new("velocity (mm/s)"),
-        map: false,
-        layers: vec![
-            Layer::new("plate", Mark::Line, Color::Gray, plate),
-            Layer::new("part", Mark::Line, Color::Blue, part),
-        ],
-    };
+    let chart = Chart::plot(
+        "feeder-cycle",
+        "One cycle of the plate, and the part on it",
+        ["time (ms)", "velocity (mm/s)"],
+        vec![Layer::new("plate", Mark::Line, Color::Gray, plate), Layer::new("part", Mark::Line, Color::Blue, part)],
+    );
     (chart, series)
 }
 

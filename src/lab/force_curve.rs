@@ -1,18 +1,16 @@
-//! The Coulomb pump: mean friction against speed, equilibrium speed of the general wave, a part's approach to the belt's speed, and a disc's friction, each
-//! against its closed form; and where parts of this rig begin to slide.
+//! The Coulomb pump: mean friction against speed, equilibrium speed of the general wave, a part's approach to the belt's
+//! speed, and a disc's friction, each against its closed form; and where parts of this rig begin to slide.
 
 use std::f64::consts::TAU;
 
-use super::pumped::{PUMP, PumpedLine, sliding_threshold};
+use super::pumped::{FAINT, PUMP, PumpedLine, sliding_threshold};
 use super::{Figure, LabFault, LabRig, Outcome, Series, coulomb_pump, disc_friction, general_wave};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::PartParams;
 
 /// Speeds at which the mean force is taken, from rest to the belt's.
 const SPEEDS: u32 = 20;
-/// Friction so faint that a part's speed stays as set for a cycle: the limit of fast vibration.
-pub(super) const FAINT: f64 = 1e-5;
 /// Steps of a cycle for a force: one step too many on one side of the plate's speed is 2e-5 of μ m g.
 const FORCE_STEPS: u32 = 100_000;
 
@@ -77,13 +75,11 @@ fn force_chart(rows: &[[f64; 3]]) -> Chart {
     const CURVE: u32 = 200;
     let curve = (0..=CURVE).map(|i| coulomb_pump::BELT * f64::from(i) / f64::from(CURVE));
     let belt = [[0.0, coulomb_pump::mean_force(0.0)], [coulomb_pump::BELT, 0.0]];
-    Chart {
-        name: "force-curve".to_owned(),
-        title: "Mean friction force of the Coulomb pump".to_owned(),
-        x: Axis::new("speed of the part over A"),
-        y: Axis::new("mean force over μ m g"),
-        map: false,
-        layers: vec![
+    Chart::plot(
+        "force-curve",
+        "Mean friction force of the Coulomb pump",
+        ["speed of the part over A", "mean force over μ m g"],
+        vec![
             Layer::new("viscous belt (Eq. 19)", Mark::Dashes, Color::Gray, belt),
             Layer::new(
                 "closed form (Eq. 18)",
@@ -93,7 +89,7 @@ fn force_chart(rows: &[[f64; 3]]) -> Chart {
             ),
             Layer::new("simulated", Mark::Dots, Color::Orange, rows.iter().map(|row| [row[0], row[1]])),
         ],
-    }
+    )
 }
 
 /// A part's speed from rest, simulated on the paper's belt and in closed form, at the same instants.
@@ -185,18 +181,16 @@ fn approach_chart(approach: &Approach, k2: f64) -> Chart {
     let exponential: Vec<f64> = approach.t_s.iter().map(|t| approach.belt_mps * (1.0 - (-k2 * t).exp())).collect();
     let every = (approach.t_s.len() / DOTS).max(1);
     let dots = mm(&approach.speed_mps).into_iter().step_by(every);
-    Chart {
-        name: "force-curve-approach".to_owned(),
-        title: "A part pumped from rest".to_owned(),
-        x: Axis::new("time (ms)"),
-        y: Axis::new("speed (mm/s)"),
-        map: false,
-        layers: vec![
+    Chart::plot(
+        "force-curve-approach",
+        "A part pumped from rest",
+        ["time (ms)", "speed (mm/s)"],
+        vec![
             Layer::new("viscous belt (Eq. 20)", Mark::Dashes, Color::Gray, mm(&exponential)),
             Layer::new("closed-form force, integrated", Mark::Line, Color::Blue, mm(&approach.exact_mps)),
             Layer::new("simulated", Mark::Dots, Color::Orange, dots),
         ],
-    }
+    )
 }
 
 /// At the rig's own frequency a part's speed changes much within a cycle: its approach differs from the limit's.

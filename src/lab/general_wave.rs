@@ -3,10 +3,10 @@
 
 use std::f64::consts::TAU;
 
-use super::force_curve::FAINT;
-use super::pumped::PumpedLine;
+use super::numerics::bisect;
+use super::pumped::{FAINT, PumpedLine};
 use super::{Figure, LabRig, Outcome, Series};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_sim::PartParams;
 
 /// Shares b of the second harmonic.
@@ -43,14 +43,12 @@ pub(super) fn report(rig: &LabRig, outcome: &mut Outcome) {
     }
     let name = "deviation of the general wave's equilibrium speed, largest";
     outcome.figures.push(Figure::against(name, "A", worst, 0.0, "UPM paper, Eq. 28; three b, 13 phases"));
-    outcome.charts.push(Chart {
-        name: "general-wave".to_owned(),
-        title: "Speed of a part in equilibrium (Eq. 28); dots are simulated".to_owned(),
-        x: Axis::new("phase φ of the second harmonic (deg)"),
-        y: Axis::new("speed over that of the first harmonic"),
-        map: false,
+    outcome.charts.push(Chart::plot(
+        "general-wave",
+        "Speed of a part in equilibrium (Eq. 28); dots are simulated",
+        ["phase φ of the second harmonic (deg)", "speed over that of the first harmonic"],
         layers,
-    });
+    ));
 }
 
 /// Speed at which the mean force on `part` changes its sign, in units of the first harmonic's.
@@ -59,11 +57,8 @@ fn equilibrium(part: PartParams, share: f64, phase_rad: f64) -> f64 {
     let (sin, cos) = phase_rad.sin_cos();
     let second = [-share * sin, -share * cos];
     let line = PumpedLine { amplitude_mps: 1.0, base_radps: TAU, second, steps: STEPS };
-    let (mut slow, mut fast) = (-0.75, 0.75);
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (slow + fast);
-        *(if line.mean_force(part, middle) > 0.0 { &mut slow } else { &mut fast }) = middle;
-    }
+    let pulls = |speed: f64| line.mean_force(part, speed) > 0.0;
+    let [slow, fast] = bisect([-0.75, 0.75], HALVINGS, |speed| !pulls(speed));
     0.5 * (slow + fast)
 }
 

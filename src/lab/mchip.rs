@@ -22,10 +22,10 @@ use self::measures::{arrivals, samples_from, spectrum};
 use self::part::PartShape;
 pub use self::published::reproduce;
 use self::run::{Run, Setup};
-use super::settings::{Field, Setting};
+use super::settings::Setting;
 use super::sweep::Progress;
 use super::{Figure, LabFault, Outcome, Series};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
@@ -57,127 +57,43 @@ pub struct MChip {
 
 /// Parameters of the array and its part.
 pub const SETTINGS: &[Setting<MChip>] = &[
-    Setting {
-        key: "duty",
-        about: "share of a cycle in which the torque is on",
-        range: [0.1, 0.9],
-        field: Field::Number(|chip| &mut chip.duty, 1.0),
-    },
-    Setting {
-        key: "strobe",
-        about: "1: rows are off in turn, the wave of them running against the feed; 0: every row alike",
-        range: [0.0, 1.0],
-        field: Field::Count(|chip| &mut chip.strobe),
-    },
-    Setting {
-        key: "lambda",
-        about: "rows from one that is off to the next",
-        range: [2.0, 8.0],
-        field: Field::Count(|chip| &mut chip.spacing),
-    },
-    Setting {
-        key: "gamma",
-        about: "cycles for which a row is off",
-        range: [1.0, 10_000.0],
-        field: Field::Count(|chip| &mut chip.cycles),
-    },
-    Setting {
-        key: "row_delay",
-        about: "delay of a row against the one before it, in cycles",
-        range: [0.0, 1.0],
-        field: Field::Number(|chip| &mut chip.row_delay, 1.0),
-    },
-    Setting {
-        key: "mass_ug",
-        about: "mass of the part; a lighter one is thrown higher than the array is long",
-        range: [10.0, 1_000.0],
-        field: Field::Number(|chip| &mut chip.mass_kg, 1e-9),
-    },
-    Setting {
-        key: "ridge_um",
-        about: "place of the ridge from the axis, negative on the trailing side",
-        range: [-140.0, -20.0],
-        field: Field::Number(|chip| &mut chip.device.ridge_place_m, 1e-6),
-    },
-    Setting {
-        key: "ridge_height_um",
-        about: "height of the ridge above its slab",
-        range: [2.0, 50.0],
-        field: Field::Number(|chip| &mut chip.device.ridge_height_m, 1e-6),
-    },
-    Setting {
-        key: "rim_um",
-        about: "radius of the ridge's rim",
-        range: [0.1, 2.0],
-        field: Field::Number(|chip| &mut chip.device.rim_radius_m, 1e-6),
-    },
-    Setting {
-        key: "drive_hz",
-        about: "frequency of the torque",
-        range: [200.0, 20_000.0],
-        field: Field::Number(|chip| &mut chip.device.drive_hz, 1.0),
-    },
-    Setting {
-        key: "peak_rad",
-        about: "largest angle of a free resonator at 50 % duty",
-        range: [0.005, 0.2],
-        field: Field::Number(|chip| &mut chip.device.peak_rad, 1.0),
-    },
-    Setting {
-        key: "natural_hz",
-        about: "undamped natural frequency of a resonator",
-        range: [500.0, 50_000.0],
-        field: Field::Number(|chip| &mut chip.device.natural_hz, 1.0),
-    },
-    Setting {
-        key: "damping",
-        about: "damping of a resonator over critical damping",
-        range: [0.05, 3.0],
-        field: Field::Number(|chip| &mut chip.device.damping_ratio, 1.0),
-    },
-    Setting {
-        key: "solidity",
-        about: "mass of a slab over that of solid silicon",
-        range: [0.1, 1.0],
-        field: Field::Number(|chip| &mut chip.device.solidity, 1.0),
-    },
-    Setting {
-        key: "friction",
-        about: "Coulomb friction of an impact",
-        range: [0.0, 2.0],
-        field: Field::Number(|chip| &mut chip.device.friction, 1.0),
-    },
-    Setting {
-        key: "restitution",
-        about: "restitution of an impact",
-        range: [0.0, 0.95],
-        field: Field::Number(|chip| &mut chip.device.restitution, 1.0),
-    },
-    Setting {
-        key: "force_dyn",
-        about: "force on the part along the feed",
-        range: [-1.0, 1.0],
-        field: Field::Number(|chip| &mut chip.force_n, DYN_N),
-    },
-    Setting {
-        key: "step_us",
-        about: "step of the simulation",
-        range: [0.1, 2.0],
-        field: Field::Number(|chip| &mut chip.step_s, 1e-6),
-    },
-    Setting {
-        key: "time_s",
-        about: "length of a run",
-        range: [0.1, 20.0],
-        field: Field::Number(|chip| &mut chip.time_s, 1.0),
-    },
-    Setting {
-        key: "starts",
-        about: "runs from different starts",
-        range: [1.0, 1_000.0],
-        field: Field::Count(|chip| &mut chip.starts),
-    },
-    Setting { key: "seed", about: "seed of the starts", range: [0.0, 1e9], field: Field::Count(|chip| &mut chip.seed) },
+    Setting::<MChip>::number("duty", [0.1, 0.9], 1.0, |chip| &mut chip.duty)
+        .about("share of a cycle in which the torque is on"),
+    Setting::<MChip>::count("strobe", [0.0, 1.0], |chip| &mut chip.strobe)
+        .about("1: rows are off in turn, the wave of them running against the feed; 0: every row alike"),
+    Setting::<MChip>::count("lambda", [2.0, 8.0], |chip| &mut chip.spacing)
+        .about("rows from one that is off to the next"),
+    Setting::<MChip>::count("gamma", [1.0, 10_000.0], |chip| &mut chip.cycles).about("cycles for which a row is off"),
+    Setting::<MChip>::number("row_delay", [0.0, 1.0], 1.0, |chip| &mut chip.row_delay)
+        .about("delay of a row against the one before it, in cycles"),
+    Setting::<MChip>::number("mass_ug", [10.0, 1_000.0], 1e-9, |chip| &mut chip.mass_kg)
+        .about("mass of the part; a lighter one is thrown higher than the array is long"),
+    Setting::<MChip>::number("ridge_um", [-140.0, -20.0], 1e-6, |chip| &mut chip.device.ridge_place_m)
+        .about("place of the ridge from the axis, negative on the trailing side"),
+    Setting::<MChip>::number("ridge_height_um", [2.0, 50.0], 1e-6, |chip| &mut chip.device.ridge_height_m)
+        .about("height of the ridge above its slab"),
+    Setting::<MChip>::number("rim_um", [0.1, 2.0], 1e-6, |chip| &mut chip.device.rim_radius_m)
+        .about("radius of the ridge's rim"),
+    Setting::<MChip>::number("drive_hz", [200.0, 20_000.0], 1.0, |chip| &mut chip.device.drive_hz)
+        .about("frequency of the torque"),
+    Setting::<MChip>::number("peak_rad", [0.005, 0.2], 1.0, |chip| &mut chip.device.peak_rad)
+        .about("largest angle of a free resonator at 50 % duty"),
+    Setting::<MChip>::number("natural_hz", [500.0, 50_000.0], 1.0, |chip| &mut chip.device.natural_hz)
+        .about("undamped natural frequency of a resonator"),
+    Setting::<MChip>::number("damping", [0.05, 3.0], 1.0, |chip| &mut chip.device.damping_ratio)
+        .about("damping of a resonator over critical damping"),
+    Setting::<MChip>::number("solidity", [0.1, 1.0], 1.0, |chip| &mut chip.device.solidity)
+        .about("mass of a slab over that of solid silicon"),
+    Setting::<MChip>::number("friction", [0.0, 2.0], 1.0, |chip| &mut chip.device.friction)
+        .about("Coulomb friction of an impact"),
+    Setting::<MChip>::number("restitution", [0.0, 0.95], 1.0, |chip| &mut chip.device.restitution)
+        .about("restitution of an impact"),
+    Setting::<MChip>::number("force_dyn", [-1.0, 1.0], DYN_N, |chip| &mut chip.force_n)
+        .about("force on the part along the feed"),
+    Setting::<MChip>::number("step_us", [0.1, 2.0], 1e-6, |chip| &mut chip.step_s).about("step of the simulation"),
+    Setting::<MChip>::number("time_s", [0.1, 20.0], 1.0, |chip| &mut chip.time_s).about("length of a run"),
+    Setting::<MChip>::count("starts", [1.0, 1_000.0], |chip| &mut chip.starts).about("runs from different starts"),
+    Setting::<MChip>::count("seed", [0.0, 1e9], |chip| &mut chip.seed).about("seed of the starts"),
 ];
 
 impl MChip {
@@ -307,14 +223,12 @@ fn track_chart(name: &str, runs: &[(&str, &Run)]) -> Chart {
         let track = samples.map(|sample| [sample.at_s, mm_from_m(sample.state.center_m.x - start_m)]);
         Layer::new(label, Mark::Line, Color::nth(i), track)
     };
-    Chart {
-        name: name.to_owned(),
-        title: "Way of the part along the feed".to_owned(),
-        x: Axis::new("time (s)"),
-        y: Axis::new("way (mm)"),
-        map: false,
-        layers: runs.iter().enumerate().map(layer).collect(),
-    }
+    Chart::plot(
+        name,
+        "Way of the part along the feed",
+        ["time (s)", "way (mm)"],
+        runs.iter().enumerate().map(layer).collect(),
+    )
 }
 
 /// Angle of the resonator over the time since the contact before, contacts that push forwards and backwards apart.
@@ -324,36 +238,32 @@ fn gap_chart(name: &str, run: &Run) -> Chart {
         let those = found.iter().filter(move |one| (one.forward_ns < 0.0) == backward && one.gap_s < 0.3e-3);
         those.map(|one| [1e3 * one.gap_s, one.angle_rad]).take(DRAWN).collect::<Vec<_>>()
     };
-    Chart {
-        name: name.to_owned(),
-        title: "Contacts of a resonator with the part".to_owned(),
-        x: Axis::new("time since its contact before (ms)"),
-        y: Axis::new("angle (rad)"),
-        map: false,
-        layers: vec![
+    Chart::plot(
+        name,
+        "Contacts of a resonator with the part",
+        ["time since its contact before (ms)", "angle (rad)"],
+        vec![
             Layer::new("pushes forward", Mark::Dots, Color::Blue, points(false)),
             Layer::new("pushes backward", Mark::Dots, Color::Orange, points(true)),
         ],
-    }
+    )
 }
 
 fn spectrum_chart(run: &Run) -> Chart {
     let samples = samples_from(run, batch::SETTLED_S);
     let heights_um: Vec<f64> = samples.iter().map(|sample| 1e6 * run.height_m(&sample.state)).collect();
     let lines = spectrum(&heights_um, run.setup().sample_s);
-    Chart {
-        name: "mchip-spectrum".to_owned(),
-        title: "Spectrum of the part's height".to_owned(),
-        x: Axis::new("frequency (Hz)"),
-        y: Axis::new("amplitude (µm)"),
-        map: false,
-        layers: vec![Layer::new(
+    Chart::plot(
+        "mchip-spectrum",
+        "Spectrum of the part's height",
+        ["frequency (Hz)", "amplitude (µm)"],
+        vec![Layer::new(
             "height",
             Mark::Line,
             Color::Blue,
             lines.into_iter().skip(1).take_while(|line| line[0] < DRAWN_HZ),
         )],
-    }
+    )
 }
 
 #[cfg(test)]

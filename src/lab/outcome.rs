@@ -1,4 +1,3 @@
-use super::Sheet;
 use upm_chart::Chart;
 use upm_core::signal::RecordedPulse;
 
@@ -48,6 +47,36 @@ impl Series {
     /// Values under a name.
     pub fn new(name: &str, values: impl IntoIterator<Item = f64>) -> Self {
         Self { name: name.to_owned(), values: values.into_iter().collect() }
+    }
+}
+
+/// A table of numbers: a row a point.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sheet {
+    /// Headings of the columns, with units.
+    pub columns: Vec<String>,
+    /// Values; NaN for a missing one.
+    pub rows: Vec<Vec<f64>>,
+}
+
+impl Sheet {
+    /// Rows under these headings.
+    pub(super) fn new<const N: usize>(columns: [&str; N], rows: Vec<Vec<f64>>) -> Self {
+        Self { columns: columns.map(str::to_owned).to_vec(), rows }
+    }
+
+    /// Adds a column; NaN where `column` has no value.
+    pub(super) fn add(&mut self, name: &str, column: impl Iterator<Item = Option<f64>>) {
+        self.columns.push(name.to_owned());
+        for (row, value) in self.rows.iter_mut().zip(column) {
+            row.push(value.unwrap_or(f64::NAN));
+        }
+    }
+
+    /// Its columns.
+    pub(super) fn series(&self) -> Vec<Series> {
+        let column = |i: usize| self.rows.iter().map(move |row| row[i]);
+        self.columns.iter().enumerate().map(|(i, name)| Series::new(name, column(i))).collect()
     }
 }
 

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 use super::pulses::{EDGE_M, check_carries, envelope, place, saturation, strongest_spin};
 use super::{Figure, LabFault, LabRig, Outcome, Series, coulomb_pump};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::signal::Envelope;
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
@@ -213,18 +213,16 @@ fn wave_chart(rig: &LabRig, envelope: &Envelope) -> Chart {
     let layer = |label: &str, color: Color, of: &dyn Fn(f64) -> f64| {
         Layer::new(label, Mark::Line, color, times().map(|t_s| [1e3 * t_s, of(t_s)]))
     };
-    Chart {
-        name: "pulse-law-wave".to_owned(),
-        title: "A pulse: wave, envelope and their product (Fig. 8)".to_owned(),
-        x: Axis::new("time (ms)"),
-        y: Axis::new("velocity of the plate over A"),
-        map: false,
-        layers: vec![
+    Chart::plot(
+        "pulse-law-wave",
+        "A pulse: wave, envelope and their product (Fig. 8)",
+        ["time (ms)", "velocity of the plate over A"],
+        vec![
             layer("cos wt - ½ cos 2wt", Color::Gray, &wave),
             layer("envelope", Color::Orange, &|t_s| envelope.at(t_s)),
             layer("product", Color::Blue, &|t_s| envelope.at(t_s) * wave(t_s)),
         ],
-    }
+    )
 }
 
 /// Fig. 9.
@@ -238,33 +236,29 @@ fn speed_chart(short: &Played, long: &Played) -> Chart {
             .collect::<Vec<_>>()
     };
     let label = |played: &Played| format!("sustained for {:.0} ms", 1e3 * played.envelope.sustain_s);
-    Chart {
-        name: "pulse-law-speed".to_owned(),
-        title: "Speed of a part, mean over a period (Fig. 9)".to_owned(),
-        x: Axis::new("time (ms)"),
-        y: Axis::new("speed (mm/s)"),
-        map: false,
-        layers: vec![
+    Chart::plot(
+        "pulse-law-speed",
+        "Speed of a part, mean over a period (Fig. 9)",
+        ["time (ms)", "speed (mm/s)"],
+        vec![
             Layer::new(&label(short), Mark::Line, Color::Blue, mean(short)),
             Layer::new(&label(long), Mark::Line, Color::Orange, mean(long)),
         ],
-    }
+    )
 }
 
 fn law_chart(rows: &[Row], plate: &str) -> Chart {
     let points = |of: fn(&Row) -> f64| rows.iter().map(move |row| [row.length_s.powi(2), mm_from_m(of(row))]);
-    Chart {
-        name: format!("pulse-law-{}", plate.replace(' ', "-")),
-        title: format!("Displacement by one pulse, {plate}"),
-        x: Axis::new("S² (s²), attack and decay included"),
-        y: Axis::new("displacement (mm)"),
-        map: false,
-        layers: vec![
+    Chart::plot(
+        format!("pulse-law-{}", plate.replace(' ', "-")),
+        format!("Displacement by one pulse, {plate}"),
+        ["S² (s²), attack and decay included", "displacement (mm)"],
+        vec![
             Layer::new("law of squares", Mark::Dashes, Color::Gray, points(|row| row.law_m)),
             Layer::new("mean force (Eq. 18), integrated", Mark::Line, Color::Blue, points(|row| row.averaged_m)),
             Layer::new("simulated", Mark::Dots, Color::Orange, points(|row| row.found_m)),
         ],
-    }
+    )
 }
 
 #[cfg(test)]

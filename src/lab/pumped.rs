@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::coulomb_pump;
+use super::numerics::bisect;
 use upm_core::geometry::{Pose, Twist, Vec2};
 use upm_core::signal::{TwistHarmonic, TwistWave};
 use upm_core::units::GRAVITY_MPS2;
@@ -15,6 +16,9 @@ const STUCK_MPS: f64 = 1e-9;
 
 /// Second harmonic of the pump over its first: cosine and sine.
 pub(super) const PUMP: [f64; 2] = [-0.5, 0.0];
+
+/// Friction so faint that a part's speed stays as set for a cycle: the limit of fast vibration.
+pub(super) const FAINT: f64 = 1e-5;
 
 /// A plate of velocity `A (cos wt + c cos 2wt + s sin 2wt)` along x, and the grain of its simulation.
 #[derive(Clone, Copy, Debug)]
@@ -118,16 +122,7 @@ pub(super) fn sliding_threshold(part: PartParams, base_radps: f64, step_s: f64) 
         let amplitude_mps = share * part.friction * GRAVITY_MPS2 / base_radps;
         PumpedLine { amplitude_mps, base_radps, second: PUMP, steps }.slides(part)
     };
-    let (mut sticks, mut slid) = (0.0, 2.0 / coulomb_pump::peak_acceleration());
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (sticks + slid);
-        if slides(middle) {
-            slid = middle;
-        } else {
-            sticks = middle;
-        }
-    }
-    slid
+    bisect([0.0, 2.0 / coulomb_pump::peak_acceleration()], HALVINGS, slides)[1]
 }
 
 fn speed_of(parts: &Parts) -> f64 {

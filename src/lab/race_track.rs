@@ -9,7 +9,7 @@ use super::pulses::{
     turn,
 };
 use super::{Figure, LabFault, LabRig, Motion, Outcome, Series, Track};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::{Pose, Vec2};
 use upm_sim::{OpenPulse, PlateMode, Trajectories, simulate};
 
@@ -268,14 +268,7 @@ fn map(race: &Race) -> Chart {
         let circles = Mark::Circles { radius: 1e3 * course.coin_radius_m };
         layers.push(Layer::new(NAMES[i], circles, Color::nth(i), seen));
     }
-    Chart {
-        name: "race-track".to_owned(),
-        title: "Three coins on one rotation field, four snapshots".to_owned(),
-        x: Axis::new("x (mm)"),
-        y: Axis::new("y (mm)"),
-        map: true,
-        layers,
-    }
+    Chart::plate_map("race-track", "Three coins on one rotation field, four snapshots", None, layers)
 }
 
 fn angles(race: &Race) -> Chart {
@@ -283,14 +276,12 @@ fn angles(race: &Race) -> Chart {
         let points = race.t_s.iter().zip(&lap.angle_rad).step_by(FINER).map(|(t, angle)| [*t, angle.to_degrees()]);
         Layer::new(NAMES[i], Mark::Line, Color::nth(i), points)
     };
-    Chart {
-        name: "race-track-angles".to_owned(),
-        title: "Angle turned about the centre of rotation".to_owned(),
-        x: Axis::new("plate time (s)"),
-        y: Axis::new("angle (deg)"),
-        map: false,
-        layers: race.laps.iter().enumerate().map(line).collect(),
-    }
+    Chart::plot(
+        "race-track-angles",
+        "Angle turned about the centre of rotation",
+        ["plate time (s)", "angle (deg)"],
+        race.laps.iter().enumerate().map(line).collect(),
+    )
 }
 
 #[cfg(test)]

@@ -29,14 +29,12 @@ pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<Outcome, LabFault> {
         series.push(Series::new(&format!("{name}_fitted_mps2"), curves.fitted_mps2));
         series.push(Series::new(&format!("{name}_integral_mps"), curves.integral_mps));
     }
-    let chart = Chart {
-        name: "waveform-fit".to_owned(),
-        title: "Accelerations without their mean, and the two harmonics fitted to them".to_owned(),
-        x: Axis::new("time from the start of the pulse (ms)"),
-        y: Axis::new("acceleration (m/s²)"),
-        map: false,
+    let chart = Chart::plot(
+        "waveform-fit",
+        "Accelerations without their mean, and the two harmonics fitted to them",
+        ["time from the start of the pulse (ms)", "acceleration (m/s²)"],
         layers,
-    };
+    );
     let velocities = Chart {
         name: "waveform-fit-velocity".to_owned(),
         title: "Velocities: accelerations integrated, and Eq. 13 (Fig. 7c)".to_owned(),

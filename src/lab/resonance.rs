@@ -6,7 +6,7 @@ use nalgebra::Complex;
 
 use super::shaken::ShakenPlate;
 use super::{Figure, LabFault, LabRig, Outcome, Series};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_control::calibration::AxisResonance;
 
 const AXES: [&str; 3] = ["x", "y", "spin"];
@@ -51,12 +51,10 @@ fn chart(found: &[AxisResonance; 3]) -> Chart {
         let fitted = curve.map(|radps| relative(radps, fit.accel_response(radps)));
         layers.push(Layer::new("", Mark::Line, Color::nth(axis), fitted));
     }
-    Chart {
-        name: "waveform-fit-resonance".to_owned(),
-        title: "Answer of the axes to a multisine: lines as read, and the oscillators fitted to them".to_owned(),
-        x: Axis::new("frequency (Hz)"),
-        y: Axis::new("acceleration over a free mass's (1)"),
-        map: false,
+    Chart::plot(
+        "waveform-fit-resonance",
+        "Answer of the axes to a multisine: lines as read, and the oscillators fitted to them",
+        ["frequency (Hz)", "acceleration over a free mass's (1)"],
         layers,
-    }
+    )
 }

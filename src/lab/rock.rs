@@ -16,7 +16,7 @@ use self::motion::{End, Motion, Release};
 use self::orbit::Cycle;
 pub use self::published::reproduce;
 use self::wave::{Square, Wave};
-use super::settings::{Field, Setting};
+use super::settings::Setting;
 use super::sweep::Progress;
 use super::{Figure, LabFault, Outcome, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
@@ -37,60 +37,24 @@ pub struct Rock {
 
 /// Parameters of the block and its drive.
 pub const SETTINGS: &[Setting<Rock>] = &[
-    Setting {
-        key: "length_mm",
-        about: "length of the face that it stands on",
-        range: [1e-2, 1e4],
-        field: Field::Number(|rock| &mut rock.block.length_m, 1e-3),
-    },
-    Setting {
-        key: "height_mm",
-        about: "height of the block",
-        range: [1e-2, 1e4],
-        field: Field::Number(|rock| &mut rock.block.height_m, 1e-3),
-    },
-    Setting {
-        key: "restitution",
-        about: "part of the centre's normal speed that an impact gives back",
-        range: [0.05, 1.0],
-        field: Field::Number(|rock| &mut rock.restitution, 1.0),
-    },
-    Setting {
-        key: "peak_rad",
-        about: "peak of the tilt on the steady orbit",
-        range: [1e-3, 1.5],
-        field: Field::Number(|rock| &mut rock.peak_rad, 1.0),
-    },
-    Setting {
-        key: "from",
-        about: "tilt at which the table's acceleration turns upward, of the peak",
-        range: [0.0, 1.0],
-        field: Field::Number(|rock| &mut rock.from, 1.0),
-    },
-    Setting {
-        key: "to",
-        about: "tilt at which it turns downward again, of the peak; negative: after the impact",
-        range: [-1.0, 1.0],
-        field: Field::Number(|rock| &mut rock.to, 1.0),
-    },
-    Setting {
-        key: "ramp",
-        about: "length of the wave's edges, of the period",
-        range: [0.0, 0.5],
-        field: Field::Number(|rock| &mut rock.ramp, 1.0),
-    },
-    Setting {
-        key: "start",
-        about: "tilt at which it is let go, of the peak",
-        range: [0.01, 100.0],
-        field: Field::Number(|rock| &mut rock.start, 1.0),
-    },
-    Setting {
-        key: "time_s",
-        about: "time for which it is followed",
-        range: [0.01, 100.0],
-        field: Field::Number(|rock| &mut rock.time_s, 1.0),
-    },
+    Setting::<Rock>::number("length_mm", [1e-2, 1e4], 1e-3, |rock| &mut rock.block.length_m)
+        .about("length of the face that it stands on"),
+    Setting::<Rock>::number("height_mm", [1e-2, 1e4], 1e-3, |rock| &mut rock.block.height_m)
+        .about("height of the block"),
+    Setting::<Rock>::number("restitution", [0.05, 1.0], 1.0, |rock| &mut rock.restitution)
+        .about("part of the centre's normal speed that an impact gives back"),
+    Setting::<Rock>::number("peak_rad", [1e-3, 1.5], 1.0, |rock| &mut rock.peak_rad)
+        .about("peak of the tilt on the steady orbit"),
+    Setting::<Rock>::number("from", [0.0, 1.0], 1.0, |rock| &mut rock.from)
+        .about("tilt at which the table's acceleration turns upward, of the peak"),
+    Setting::<Rock>::number("to", [-1.0, 1.0], 1.0, |rock| &mut rock.to)
+        .about("tilt at which it turns downward again, of the peak; negative: after the impact"),
+    Setting::<Rock>::number("ramp", [0.0, 0.5], 1.0, |rock| &mut rock.ramp)
+        .about("length of the wave's edges, of the period"),
+    Setting::<Rock>::number("start", [0.01, 100.0], 1.0, |rock| &mut rock.start)
+        .about("tilt at which it is let go, of the peak"),
+    Setting::<Rock>::number("time_s", [0.01, 100.0], 1.0, |rock| &mut rock.time_s)
+        .about("time for which it is followed"),
 ];
 
 impl Rock {
@@ -224,17 +188,15 @@ fn track_chart(name: &str, title: &str, motions: &[(&str, &Motion)], level_rad: 
 fn wave_chart(name: &str, wave: &Wave) -> Chart {
     let corners = wave.corners().into_iter().map(|[t_s, accel_mps2]| [1e3 * t_s, accel_mps2]);
     let free_fall = [[0.0, -GRAVITY_MPS2], [1e3 * wave.length_s(), -GRAVITY_MPS2]];
-    Chart {
-        name: name.to_owned(),
-        title: "Acceleration of the table".to_owned(),
-        x: Axis::new("time (ms)"),
-        y: Axis::new("acceleration upward (m/s²)"),
-        map: false,
-        layers: vec![
+    Chart::plot(
+        name,
+        "Acceleration of the table",
+        ["time (ms)", "acceleration upward (m/s²)"],
+        vec![
             Layer::new("free fall", Mark::Dashes, Color::Gray, free_fall),
             Layer::new("table", Mark::Line, Color::Blue, corners),
         ],
-    }
+    )
 }
 
 #[cfg(test)]

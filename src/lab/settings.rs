@@ -59,6 +59,21 @@ impl FromStr for Assignment {
 }
 
 impl<M> Setting<M> {
+    /// A number of which one unit of the key is `unit` in SI.
+    pub const fn number(key: &'static str, range: [f64; 2], unit: f64, of: fn(&mut M) -> &mut f64) -> Self {
+        Self { key, about: "", range, field: Field::Number(of, unit) }
+    }
+
+    /// A whole number.
+    pub const fn count(key: &'static str, range: [f64; 2], of: fn(&mut M) -> &mut u32) -> Self {
+        Self { key, about: "", range, field: Field::Count(of) }
+    }
+
+    /// The same with a line about it.
+    pub const fn about(self, about: &'static str) -> Self {
+        Self { about, ..self }
+    }
+
     /// Its value in `machine`.
     pub fn value(&self, machine: &mut M) -> f64 {
         match self.field {
@@ -138,13 +153,8 @@ mod tests {
     }
 
     const SETTINGS: &[Setting<Press>] = &[
-        Setting {
-            key: "stroke_mm",
-            about: "",
-            range: [0.5, 20.0],
-            field: Field::Number(|press| &mut press.stroke_m, 1e-3),
-        },
-        Setting { key: "blows", about: "", range: [1.0, 9.0], field: Field::Count(|press| &mut press.blows) },
+        Setting::number("stroke_mm", [0.5, 20.0], 1e-3, |press| &mut press.stroke_m),
+        Setting::count("blows", [1.0, 9.0], |press| &mut press.blows),
     ];
     const PRESS: Press = Press { stroke_m: 0.01, blows: 2 };
 

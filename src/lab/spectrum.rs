@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::{Figure, Outcome, Series};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::signal::{CHANNEL_NAMES, CHANNELS, RecordedPulse};
 use upm_perception::estimation::{FitFault, TwistFit, Window, accelerations_mps2, amplitude_spectrum};
 
@@ -91,14 +91,12 @@ impl TraceSpectrum {
         let floor_db = db(self.noise_mps2() * 2.0 / (self.samples as f64).sqrt());
         let ends = [1, self.hz.len() - 1].map(|k| [self.hz[k], floor_db]);
         layers.push(Layer::new("noise floor", Mark::Dashes, Color::Gray, ends));
-        Chart {
-            name: "waveform-fit-spectrum".to_owned(),
-            title: "Amplitude spectrum of the accelerations; dots mark the harmonics w and 2w".to_owned(),
-            x: Axis::new("frequency (Hz)"),
-            y: Axis::new("amplitude (dB re 1 m/s²)"),
-            map: false,
+        Chart::plot(
+            "waveform-fit-spectrum",
+            "Amplitude spectrum of the accelerations; dots mark the harmonics w and 2w",
+            ["frequency (Hz)", "amplitude (dB re 1 m/s²)"],
             layers,
-        }
+        )
     }
 }
 

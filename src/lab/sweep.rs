@@ -6,8 +6,8 @@ use std::thread;
 
 use parking_lot::Mutex;
 
-use super::{Figure, LabFault, Outcome, Series};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use super::{Figure, LabFault, Outcome, Sheet};
+use upm_chart::{Chart, Color, Layer, Mark};
 
 /// Most points of a sweep.
 const MOST_POINTS: usize = 10_000;
@@ -24,15 +24,6 @@ pub struct Sweep {
     pub ends: [f64; 2],
     /// Number of values, at least two.
     pub points: usize,
-}
-
-/// A table of numbers: a row a point.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Sheet {
-    /// Headings of the columns, with units.
-    pub columns: Vec<String>,
-    /// Values; NaN for a missing one.
-    pub rows: Vec<Vec<f64>>,
 }
 
 impl FromStr for Sweep {
@@ -78,8 +69,7 @@ impl Sweep {
             let fault = found.as_ref().err()?;
             Some(format!("{}={value}: {fault}", self.key))
         });
-        let mut sheet =
-            Sheet { columns: vec![self.key.clone()], rows: values.iter().map(|&value| vec![value]).collect() };
+        let mut sheet = Sheet::new([self.key.as_str()], values.iter().map(|&value| vec![value]).collect());
         let mut charts = Vec::new();
         for (i, figure) in names.iter().enumerate() {
             let at =
@@ -107,29 +97,12 @@ impl Sweep {
         if !reference.is_empty() {
             layers.insert(0, Layer::new(&figure.source, Mark::Line, Color::Blue, reference));
         }
-        Chart {
-            name: format!("sweep-{}-{}", self.key, index + 1),
-            title: figure.name.clone(),
-            x: Axis::new(&self.key),
-            y: Axis::new(&heading(figure)),
-            map: false,
+        Chart::plot(
+            format!("sweep-{}-{}", self.key, index + 1),
+            figure.name.clone(),
+            [&self.key, &heading(figure)],
             layers,
-        }
-    }
-}
-
-impl Sheet {
-    fn add(&mut self, name: &str, column: impl Iterator<Item = Option<f64>>) {
-        self.columns.push(name.to_owned());
-        for (row, value) in self.rows.iter_mut().zip(column) {
-            row.push(value.unwrap_or(f64::NAN));
-        }
-    }
-
-    /// Its columns.
-    pub(super) fn series(&self) -> Vec<Series> {
-        let column = |i: usize| self.rows.iter().map(move |row| row[i]);
-        self.columns.iter().enumerate().map(|(i, name)| Series::new(name, column(i))).collect()
+        )
     }
 }
 

@@ -10,10 +10,10 @@ mod trials;
 use self::peg::{Peg, Shape, ratio_of_orientations};
 pub use self::published::reproduce;
 use self::trials::{Scatter, band};
-use super::settings::{Field, Setting};
+use super::settings::Setting;
 use super::sweep::Progress;
 use super::{Figure, LabFault, Outcome, Series};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
@@ -30,60 +30,22 @@ pub struct Topple {
 
 /// Parameters of a part and its ledge.
 pub const SETTINGS: &[Setting<Topple>] = &[
-    Setting {
-        key: "cylinder",
-        about: "1 for a standing cylinder, 0 for a block",
-        range: [0.0, 1.0],
-        field: Field::Count(|topple| &mut topple.cylinder),
-    },
-    Setting {
-        key: "length_mm",
-        about: "length along the way, or diameter",
-        range: [1e-3, 1e4],
-        field: Field::Number(|topple| &mut topple.length_m, 1e-3),
-    },
-    Setting {
-        key: "height_mm",
-        about: "height of the part",
-        range: [1e-3, 1e4],
-        field: Field::Number(|topple| &mut topple.height_m, 1e-3),
-    },
-    Setting {
-        key: "ledge_mm",
-        about: "height of the ledge",
-        range: [0.0, 1e4],
-        field: Field::Number(|topple| &mut topple.ledge_m, 1e-3),
-    },
-    Setting {
-        key: "belt_percent",
-        about: "standard deviation of the belt's speed",
-        range: [0.0, 20.0],
-        field: Field::Number(|topple| &mut topple.scatter.belt, 1e-2),
-    },
-    Setting {
-        key: "friction",
-        about: "friction between belt and part",
-        range: [0.0, 5.0],
-        field: Field::Number(|topple| &mut topple.scatter.friction, 1.0),
-    },
-    Setting {
-        key: "friction_sd",
-        about: "standard deviation of that friction",
-        range: [0.0, 1.0],
-        field: Field::Number(|topple| &mut topple.scatter.friction_sd, 1.0),
-    },
-    Setting {
-        key: "way_mm",
-        about: "way on the belt before the ledge",
-        range: [0.0, 1e5],
-        field: Field::Number(|topple| &mut topple.scatter.way_m, 1e-3),
-    },
-    Setting {
-        key: "seed",
-        about: "seed of the trials",
-        range: [0.0, 1e9],
-        field: Field::Count(|topple| &mut topple.seed),
-    },
+    Setting::<Topple>::count("cylinder", [0.0, 1.0], |topple| &mut topple.cylinder)
+        .about("1 for a standing cylinder, 0 for a block"),
+    Setting::<Topple>::number("length_mm", [1e-3, 1e4], 1e-3, |topple| &mut topple.length_m)
+        .about("length along the way, or diameter"),
+    Setting::<Topple>::number("height_mm", [1e-3, 1e4], 1e-3, |topple| &mut topple.height_m)
+        .about("height of the part"),
+    Setting::<Topple>::number("ledge_mm", [0.0, 1e4], 1e-3, |topple| &mut topple.ledge_m).about("height of the ledge"),
+    Setting::<Topple>::number("belt_percent", [0.0, 20.0], 1e-2, |topple| &mut topple.scatter.belt)
+        .about("standard deviation of the belt's speed"),
+    Setting::<Topple>::number("friction", [0.0, 5.0], 1.0, |topple| &mut topple.scatter.friction)
+        .about("friction between belt and part"),
+    Setting::<Topple>::number("friction_sd", [0.0, 1.0], 1.0, |topple| &mut topple.scatter.friction_sd)
+        .about("standard deviation of that friction"),
+    Setting::<Topple>::number("way_mm", [0.0, 1e5], 1e-3, |topple| &mut topple.scatter.way_m)
+        .about("way on the belt before the ledge"),
+    Setting::<Topple>::count("seed", [0.0, 1e9], |topple| &mut topple.seed).about("seed of the trials"),
 ];
 
 impl Topple {
@@ -107,7 +69,7 @@ pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<Outcome, LabFault> {
     let peg = topple.peg();
     let pivot = peg.pivot(topple.ledge_m).ok_or_else(|| too_high(topple, &peg))?;
     let (exact_mps, simulated_mps) = (pivot.critical_mps(), pivot.simulated_critical_mps());
-    let band = band(topple, simulated_mps, &Streams::new(topple.seed.into()));
+    let band = band(&topple.scatter, simulated_mps, &Streams::new(topple.seed.into()));
     let against = |name: &str, value: f64| {
         Figure::against(name, "mm/s", mm_from_m(value), mm_from_m(exact_mps), "Singer and Seering, Eq. 2.3")
     };
@@ -143,17 +105,15 @@ fn too_high(topple: &Topple, peg: &Peg) -> LabFault {
 
 fn trials_chart(shares: &[[f64; 2]], exact_mps: f64) -> Chart {
     let exact = mm_from_m(exact_mps);
-    Chart {
-        name: "topple-trials".to_owned(),
-        title: "Share of fifteen parts that fall at the ledge".to_owned(),
-        x: Axis::new("speed of the belt (mm/s)"),
-        y: Axis::new("share that falls"),
-        map: false,
-        layers: vec![
+    Chart::plot(
+        "topple-trials",
+        "Share of fifteen parts that fall at the ledge",
+        ["speed of the belt (mm/s)", "share that falls"],
+        vec![
             Layer::new("closed form (Eq. 2.3)", Mark::Dashes, Color::Gray, [[exact, 0.0], [exact, 1.0]]),
             Layer::new("trials", Mark::Dots, Color::Orange, shares.iter().map(|&[mps, share]| [mm_from_m(mps), share])),
         ],
-    }
+    )
 }
 
 #[cfg(test)]

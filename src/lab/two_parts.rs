@@ -7,123 +7,15 @@
 mod machine;
 mod plan;
 mod report;
+mod task;
 
-use self::machine::Machine;
-use self::plan::{CENTERS, Places, condition, distances, field_matrix, flow, mean_miss};
+use self::machine::{Machine, STRONG_SPIN_RADPS};
+use self::plan::{CENTERS, Places, distances, flow};
+use self::task::{Runs, Task};
 use super::pulses::strongest_spin;
 use super::{LabFault, LabRig, Outcome};
 use upm_core::geometry::Vec2;
 use upm_sim::PlateMode;
-
-/// Corners of the workspace, in half sides of the plate: counter-clockwise from the upper left, in the order of rotation.
-const CORNERS: [[f64; 2]; CENTERS] = [[-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [1.0, 1.0]];
-/// Starts and goals, in half sides of the plate; the steps are large on purpose, as in the paper.
-const STARTS: [[f64; 2]; 2] = [[-0.26, -0.19], [0.49, 0.0]];
-const GOALS: [[f64; 2]; 2] = [[-0.6, -0.11], [0.3, -0.29]];
-/// Looks into which the step is split.
-const LOOKS: [usize; 4] = [1, 2, 4, 8];
-/// Spin of a plate with strong motors, rad/s: parts then stay slow against the belt, all over the workspace.
-const STRONG_SPIN_RADPS: f64 = 8.0;
-
-/// The problem on a plate of this size.
-struct Task {
-    half_side_m: f64,
-    centers_m: [Vec2; CENTERS],
-    starts_m: Places,
-    goals_m: Places,
-}
-
-impl Task {
-    fn on(rig: &LabRig) -> Self {
-        let half_side_m = 0.5 * rig.sim.plate.side_m;
-        let scaled = |[x, y]: [f64; 2]| Vec2::new(x, y) * half_side_m;
-        Self { half_side_m, centers_m: CORNERS.map(scaled), starts_m: STARTS.map(scaled), goals_m: GOALS.map(scaled) }
-    }
-
-    /// Where the parts shall be after `done` of `looks` looks: on straight lines to their goals.
-    fn waypoints_m(&self, done: usize, looks: usize) -> Places {
-        let share = done as f64 / looks as f64;
-        std::array::from_fn(|i| self.starts_m[i] + (self.goals_m[i] - self.starts_m[i]) * share)
-    }
-
-    /// Splits the step into `looks` looks; at each, solves for d where the parts are and rotates them by it with `rotate`,
-    /// centre after centre.
-    fn go(
-        &self,
-        looks: usize,
-        mut rotate: impl FnMut(&Places, usize, f64) -> Result<Vec<Places>, LabFault>,
-    ) -> Result<Way, LabFault> {
-        let mut at = self.starts_m;
-        let mut way = Way { corners: vec![at], samples: Vec::new(), miss_m: f64::NAN };
-        for look in 1..=looks {
-            let wanted = self.waypoints_m(look, looks);
-            let d_m = distances(&self.centers_m, &at, &wanted).ok_or_else(|| self.singular(&at))?;
-            for (center, &d) in d_m.iter().enumerate() {
-                let samples = rotate(&at, center, d)?;
-                at = samples.last().copied().unwrap_or(at);
-                way.corners.push(at);
-                way.samples.extend(samples);
-            }
-        }
-        way.miss_m = mean_miss(&at, &self.goals_m);
-        Ok(way)
-    }
-
-    fn singular(&self, at: &Places) -> LabFault {
-        let [a, b] = at.map(|part| part * 1e3);
-        let number = condition(&field_matrix(&self.centers_m, at));
-        LabFault::Rig(format!(
-            "fields dependent at ({:.0}, {:.0}), ({:.0}, {:.0}) mm: condition number {number:.0e}",
-            a.x, a.y, b.x, b.y
-        ))
-    }
-}
-
-/// The way the parts went.
-struct Way {
-    /// Where the parts were at first and after each rotation.
-    corners: Vec<Places>,
-    /// Where they were at each sample of the simulation.
-    samples: Vec<Places>,
-    /// E at the end, m.
-    miss_m: f64,
-}
-
-/// One mover, the step in 1, 2, 4 and 8 looks.
-struct Runs {
-    name: &'static str,
-    /// Looks and the way they led.
-    ways: Vec<(usize, Way)>,
-    /// Looks that led nowhere, and why: a part fell, or the four fields became dependent.
-    failed: Vec<(usize, LabFault)>,
-}
-
-impl Runs {
-    fn of(
-        name: &'static str,
-        task: &Task,
-        rotate: impl Fn(&Places, usize, f64) -> Result<Vec<Places>, LabFault>,
-    ) -> Self {
-        let mut runs = Self { name, ways: Vec::new(), failed: Vec::new() };
-        for looks in LOOKS {
-            match task.go(looks, &rotate) {
-                Ok(way) => runs.ways.push((looks, way)),
-                Err(fault) => runs.failed.push((looks, fault)),
-            }
-        }
-        runs
-    }
-
-    /// E after `looks` looks, m.
-    fn miss_m(&self, looks: usize) -> Option<f64> {
-        self.ways.iter().find(|(of, _)| *of == looks).map(|(_, way)| way.miss_m)
-    }
-
-    /// The way of the fewest looks.
-    fn first(&self) -> Option<&Way> {
-        self.ways.first().map(|(_, way)| way)
-    }
-}
 
 /// Takes one large step with two parts about four centres, then the same in more looks: in the ideal field, on a plate
 /// with strong motors and on the rig's own.
@@ -160,6 +52,7 @@ pub fn two_parts(rig: &LabRig) -> Result<Outcome, LabFault> {
 mod tests {
     use super::super::testing::{assert_sources_are_short, lab_rig};
     use super::plan::flow_in_steps;
+    use super::task::LOOKS;
     use super::*;
 
     fn series(outcome: &Outcome, name: &str) -> Vec<f64> {

@@ -3,10 +3,11 @@
 mod judge;
 mod tally;
 
+use super::sweep::parallel;
 use super::{LabFault, LabRig, Outcome, Series};
-use judge::{Verdict, judge};
+use judge::judge;
 use tally::Tally;
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_scene::{Family, Scene};
 
 /// Scenes of each family where nothing else is asked for.
@@ -24,7 +25,10 @@ pub fn vision(lab: &LabRig) -> Result<Outcome, LabFault> {
 /// many threads there are.
 pub fn vision_of(seed: u64, scenes: usize) -> Outcome {
     let seeds: Vec<u64> = (0..scenes as u64).map(|i| seed.wrapping_add(i)).collect();
-    let tallies = Family::ALL.map(|family| Tally::new(family, &verdicts(family, &seeds)));
+    let tallies = Family::ALL.map(|family| {
+        let verdicts = parallel(&seeds, &|_| (), |&seed| judge(family, &Scene::drawn(family, seed)));
+        Tally::new(family, &verdicts)
+    });
     Outcome {
         figures: tallies.iter().flat_map(Tally::figures).collect(),
         series: tallies.iter().flat_map(series).collect(),
@@ -32,26 +36,6 @@ pub fn vision_of(seed: u64, scenes: usize) -> Outcome {
         notes: tallies.iter().flat_map(Tally::notes).collect(),
         ..Outcome::default()
     }
-}
-
-/// What became of every scene, in the seeds' order. Threads take turns; each scene is judged by itself.
-fn verdicts(family: Family, seeds: &[u64]) -> Vec<Verdict> {
-    let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let mut verdicts: Vec<Option<Verdict>> = seeds.iter().map(|_| None).collect();
-    let mut turns: Vec<Vec<(u64, &mut Option<Verdict>)>> = (0..threads).map(|_| Vec::new()).collect();
-    for (i, turn) in seeds.iter().copied().zip(&mut verdicts).enumerate() {
-        turns[i % threads].push(turn);
-    }
-    std::thread::scope(|scope| {
-        for turn in turns {
-            scope.spawn(move || {
-                for (seed, verdict) in turn {
-                    *verdict = Some(judge(family, &Scene::drawn(family, seed)));
-                }
-            });
-        }
-    });
-    verdicts.into_iter().flatten().collect()
 }
 
 /// Every centre's error, and the seeds to look at again.
@@ -79,14 +63,12 @@ fn histogram(tallies: &[Tally]) -> Chart {
         });
         Layer::new(tally.family().name(), Mark::Line, Color::nth(i), steps)
     });
-    Chart {
-        name: "vision".to_owned(),
-        title: format!("Errors of the parts' centres; beyond {:.2} px in the last bin", BIN_PX * (BINS - 1) as f64),
-        x: Axis::new("error (px)"),
-        y: Axis::new("parts (%)"),
-        map: false,
-        layers: layers.collect(),
-    }
+    Chart::plot(
+        "vision",
+        format!("Errors of the parts' centres; beyond {:.2} px in the last bin", BIN_PX * (BINS - 1) as f64),
+        ["error (px)", "parts (%)"],
+        layers.collect(),
+    )
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::marks::{self, Px};
-use super::{Drawn, LABEL_PX, Sheet, fine, font, text};
+use super::sheet::{Drawn, LABEL_PX, Sheet, fine, font, text_lines, text_width_px};
 use crate::{Color, Layer, Mark};
 
 const ROW_PX: f64 = 22.0;
@@ -36,11 +36,11 @@ impl Legend {
         let (mut row, mut left_px) = (0, 0.0);
         let mut items: Vec<Item> = Vec::new();
         for Layer { label, mark, color, .. } in layers {
-            let lines = text::lines(label, LABEL_PX, width_px - SAMPLE_PX - GAP_PX);
+            let lines = text_lines(label, LABEL_PX, width_px - SAMPLE_PX - GAP_PX);
             if lines.is_empty() {
                 continue;
             }
-            let longest_px = lines.iter().map(|line| text::width_px(line, LABEL_PX)).fold(0.0, f64::max);
+            let longest_px = lines.iter().map(|line| text_width_px(line, LABEL_PX)).fold(0.0, f64::max);
             let wide_px = SAMPLE_PX + GAP_PX + longest_px;
             if left_px > 0.0 && left_px + wide_px > width_px {
                 (row, left_px) = (next_row(&items), 0.0);

@@ -4,8 +4,9 @@ use plotters::prelude::*;
 use plotters::style::Color as _;
 use plotters::style::text_anchor::HPos;
 
+use super::clip;
 use super::range::drawable;
-use super::{Drawn, Sheet, clip, fine, font, paint, text};
+use super::sheet::{Drawn, FINE, Sheet, fine, font, paint, plain_text, text_width_px};
 use crate::{Color, Layer, Mark};
 
 /// Width of lines, px.
@@ -15,8 +16,8 @@ const THIN_PX: f64 = 1.3;
 const DOT_PX: f64 = 2.6;
 /// Half the size of a cross, px.
 const CROSS_PX: f64 = 4.0;
-/// Dash and the gap after it, px.
-const DASH_PX: [f64; 2] = [8.0, 5.0];
+/// Dash and the gap after it, in the backend's pixels.
+const FINE_DASH: [f64; 2] = [8.0 * FINE, 5.0 * FINE];
 /// Longest head of an arrow, px, and as a part of the arrow.
 const HEAD_PX: f64 = 9.0;
 const HEAD: f64 = 0.45;
@@ -64,6 +65,33 @@ impl Frame {
         let px = |run: Vec<[f64; 2]>| run.into_iter().map(|point| self.px(point)).collect();
         clip::runs(points, self.x, self.y, drawable).into_iter().map(px).collect()
     }
+
+    /// Upper left and lower right corner of what of a square lies within the frame.
+    fn square(&self, center: [f64; 2], half: f64) -> Option<[Px; 2]> {
+        if !center.iter().chain([&half]).all(|&value| drawable(value)) {
+            return None;
+        }
+        let within = |axis: usize, [low, high]: [f64; 2]| {
+            let (from, to) = ((center[axis] - half).max(low), (center[axis] + half).min(high));
+            (from < to).then_some([from, to])
+        };
+        let ([left, right], [bottom, top]) = (within(0, self.x)?, within(1, self.y)?);
+        Some([self.px([left, top]), self.px([right, bottom])])
+    }
+
+    /// Whether right of point `i` and above it is free of the lines to the points before and after it.
+    fn free_side(&self, points: &[[f64; 2]], i: usize) -> [bool; 2] {
+        const EVEN: f64 = 1e-6;
+        let length = |[from, to]: [i32; 2], [low, high]: [f64; 2]| f64::from((to - from).abs()) / (high - low);
+        let scale = [length(self.across, self.x), length(self.down, self.y)];
+        let neighbours = [i.checked_sub(1), Some(i + 1)].into_iter().flatten().filter_map(|k| points.get(k));
+        let away = neighbours
+            .map(|other| [0, 1].map(|axis| scale[axis] * (points[i][axis] - other[axis])))
+            .map(|[x, y]| [x / x.hypot(y), y / x.hypot(y)])
+            .filter(|[x, y]| x.is_finite() && y.is_finite())
+            .fold([0.0; 2], |[x, y], [along_x, along_y]| [x + along_x, y + along_y]);
+        away.map(|along| along > -EVEN)
+    }
 }
 
 /// Draws what of `layer` lies within the frame.
@@ -101,37 +129,6 @@ pub(super) fn draw(layer: &Layer, frame: &Frame, sheet: &Sheet<'_>) -> Drawn {
     }
 }
 
-impl Frame {
-    /// Upper left and lower right corner of what of a square lies within the frame.
-    fn square(&self, center: [f64; 2], half: f64) -> Option<[Px; 2]> {
-        if !center.iter().chain([&half]).all(|&value| drawable(value)) {
-            return None;
-        }
-        let within = |axis: usize, [low, high]: [f64; 2]| {
-            let (from, to) = ((center[axis] - half).max(low), (center[axis] + half).min(high));
-            (from < to).then_some([from, to])
-        };
-        let ([left, right], [bottom, top]) = (within(0, self.x)?, within(1, self.y)?);
-        Some([self.px([left, top]), self.px([right, bottom])])
-    }
-}
-
-impl Frame {
-    /// Whether right of point `i` and above it is free of the lines to the points before and after it.
-    fn free_side(&self, points: &[[f64; 2]], i: usize) -> [bool; 2] {
-        const EVEN: f64 = 1e-6;
-        let length = |[from, to]: [i32; 2], [low, high]: [f64; 2]| f64::from((to - from).abs()) / (high - low);
-        let scale = [length(self.across, self.x), length(self.down, self.y)];
-        let neighbours = [i.checked_sub(1), Some(i + 1)].into_iter().flatten().filter_map(|k| points.get(k));
-        let away = neighbours
-            .map(|other| [0, 1].map(|axis| scale[axis] * (points[i][axis] - other[axis])))
-            .map(|[x, y]| [x / x.hypot(y), y / x.hypot(y)])
-            .filter(|[x, y]| x.is_finite() && y.is_finite())
-            .fold([0.0; 2], |[x, y], [along_x, along_y]| [x + along_x, y + along_y]);
-        away.map(|along| along > -EVEN)
-    }
-}
-
 fn outline(center: [f64; 2], radius: f64) -> impl Iterator<Item = [f64; 2]> {
     (0..=CORNERS).map(move |k| {
         let (sin, cos) = (TAU * f64::from(k % CORNERS) / f64::from(CORNERS)).sin_cos();
@@ -158,11 +155,9 @@ pub(super) fn dashes(sheet: &Sheet<'_>, run: &[Px], color: Color) -> Drawn {
             done += left;
             let at = (x + (to_x - x) * done / length, y + (to_y - y) * done / length);
             let at = (at.0.round() as i32, at.1.round() as i32);
+            dash.push(at);
             if on {
-                dash.push(at);
                 line(sheet, std::mem::take(&mut dash), color)?;
-            } else {
-                dash.push(at);
             }
             on = !on;
             left = FINE_DASH[usize::from(!on)];
@@ -174,8 +169,6 @@ pub(super) fn dashes(sheet: &Sheet<'_>, run: &[Px], color: Color) -> Drawn {
     }
     if dash.len() > 1 { line(sheet, dash, color) } else { Ok(()) }
 }
-
-const FINE_DASH: [f64; 2] = [super::FINE * DASH_PX[0], super::FINE * DASH_PX[1]];
 
 pub(super) fn dot(sheet: &Sheet<'_>, at: Px, color: Color) -> Drawn {
     sheet.draw(&Circle::new(at, fine(DOT_PX), paint(color).filled()))
@@ -198,7 +191,7 @@ pub(super) fn arrow(sheet: &Sheet<'_>, from: Px, to: Px, ends_here: bool, color:
         return thin_line(sheet, vec![from, to], color);
     }
     let (along_x, along_y) = (x / length, y / length);
-    let head = (super::FINE * HEAD_PX).min(HEAD * length);
+    let head = (FINE * HEAD_PX).min(HEAD * length);
     let corner = |side: f64| {
         let across = side * HEAD_WIDTH * head;
         let place = (-along_x * head - along_y * across, -along_y * head + along_x * across);
@@ -211,7 +204,7 @@ pub(super) fn arrow(sheet: &Sheet<'_>, from: Px, to: Px, ends_here: bool, color:
 /// Words beside a point, on its right and above where `free` says so; not where they would leave the plot.
 fn beside(sheet: &Sheet<'_>, frame: &Frame, ((x, y), free): (Px, [bool; 2]), words: &str, color: Color) -> Drawn {
     let [across, up] = BESIDE_PX.map(fine);
-    let wide = across + fine(text::width_px(words, WORD_PX));
+    let wide = across + fine(text_width_px(words, WORD_PX));
     let [left, right] = frame.across;
     let at_right = if free[0] { x + wide <= right } else { x - wide < left };
     let (x, pos) = if at_right { (x + across, HPos::Left) } else { (x - across, HPos::Right) };
@@ -220,7 +213,7 @@ fn beside(sheet: &Sheet<'_>, frame: &Frame, ((x, y), free): (Px, [bool; 2]), wor
 
 pub(super) fn word(sheet: &Sheet<'_>, at: Px, pos: HPos, words: &str, color: Color) -> Drawn {
     let [r, g, b] = color.rgb().map(|part| (DARKER * f64::from(part)) as u8);
-    sheet.draw(&Text::new(text::plain(words), at, font(WORD_PX, pos).color(&RGBColor(r, g, b))))
+    sheet.draw(&Text::new(plain_text(words), at, font(WORD_PX, pos).color(&RGBColor(r, g, b))))
 }
 
 pub(super) fn circle(sheet: &Sheet<'_>, at: Px, radius: i32, color: Color) -> Drawn {

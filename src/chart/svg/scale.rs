@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 
-use super::text;
+use super::sheet::text_width_px;
 
 /// An axis: what it shows, the round numbers along it and how they are written.
 #[derive(Clone, Debug)]
@@ -51,7 +51,7 @@ impl Scale {
 
     /// Width of the longest, px, in letters of size `size_px`.
     pub fn width_px(&self, size_px: f64) -> f64 {
-        self.ticks.iter().map(|&value| text::width_px(&self.text(value), size_px)).fold(0.0, f64::max)
+        self.ticks.iter().map(|&value| text_width_px(&self.text(value), size_px)).fold(0.0, f64::max)
     }
 }
 

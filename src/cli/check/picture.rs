@@ -1,4 +1,4 @@
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::units::mm_from_m;
 use upm_runner::run::{Coverage, Place};
 
@@ -11,15 +11,8 @@ const ARROWS_EVERY: usize = 4;
 /// The plate from above: reach in the weakest direction, centres, what is out of reach.
 pub(super) fn chart(coverage: &Coverage, rig_name: &str) -> Chart {
     let shown_mm = SHOWN * mm_from_m(coverage.half_side_m);
-    let axis = |label: &str| Axis { label: label.into(), range: Some([-shown_mm, shown_mm]) };
-    Chart {
-        name: format!("coverage-{rig_name}"),
-        title: title(coverage, rig_name, shown_mm),
-        x: axis("x (mm)"),
-        y: axis("y (mm)"),
-        map: true,
-        layers: layers(coverage),
-    }
+    let title = title(coverage, rig_name, shown_mm);
+    Chart::plate_map(format!("coverage-{rig_name}"), title, Some(shown_mm), layers(coverage))
 }
 
 fn title(coverage: &Coverage, rig_name: &str, shown_mm: f64) -> String {

@@ -1,5 +1,5 @@
 use super::plan::Planned;
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_control::Rehearsal;
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
@@ -17,19 +17,11 @@ const BESIDE: f64 = 0.6;
 /// The plate from above: where the parts start, where they are to go, their ways in the first rehearsal.
 pub(super) fn chart(planned: &Planned) -> Chart {
     let half_side_mm = mm_from_m(planned.forecast.half_side_m);
-    let axis = |label: &str| Axis { label: label.into(), range: Some([-SHOWN * half_side_mm, SHOWN * half_side_mm]) };
     let mut layers = vec![Layer::plate(half_side_mm)];
     layers.extend(trails(planned));
     layers.extend(planned.forecast.parts.iter().enumerate().flat_map(|(i, part)| marks(i, part)));
     layers.push(weakest(&planned.forecast.parts));
-    Chart {
-        name: format!("plan-{}", planned.job),
-        title: title(planned),
-        x: axis("x (mm)"),
-        y: axis("y (mm)"),
-        map: true,
-        layers,
-    }
+    Chart::plate_map(format!("plan-{}", planned.job), title(planned), Some(SHOWN * half_side_mm), layers)
 }
 
 fn title(planned: &Planned) -> String {

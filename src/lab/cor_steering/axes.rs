@@ -1,9 +1,9 @@
 //! Steps of the centre of rotation along the two axes: the paper's differ by an eighth, Eq. 15 knows one for both. A pair of
 //! coils stronger than the other explains it.
 
-use super::{LabFault, LabRig, ROWS, Row, compares_with_paper, kappa_m, read_rows};
-use crate::Figure;
-use crate::line::line_through;
+use super::rows::{ROWS, Row, compares_with_paper, kappa_m, read_rows};
+use crate::numerics::line_through;
+use crate::{Figure, LabFault, LabRig};
 use upm_core::geometry::Vec2;
 use upm_core::units::INCH_M;
 

@@ -4,7 +4,7 @@
 use nalgebra::Complex;
 
 use crate::LabRig;
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 use upm_perception::estimation::TwistFit;
@@ -62,27 +62,25 @@ impl Vectors {
             Layer::new("their accelerations", Mark::Arrows { vectors }, Color::Orange, self.places_m.map(mm)),
             Layer::new("centre of rotation, read", Mark::Crosses, Color::Blue, [mm(center_m)]),
         ]);
-        Chart {
-            name: format!("cor-steering-{row}"),
-            title: format!("Row {row}: accelerations and centre of rotation (Fig. 11)"),
-            x: Axis::new("x (mm)"),
-            y: Axis::new("y (mm)"),
-            map: true,
+        Chart::plate_map(
+            format!("cor-steering-{row}"),
+            format!("Row {row}: accelerations and centre of rotation (Fig. 11)"),
+            None,
             layers,
-        }
+        )
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{ROWS, Row};
+    use super::super::rows::{ROWS, Row, read_rows};
     use crate::testing::lab_rig;
     use upm_core::geometry::cross;
 
     #[test]
     fn vectors_are_perpendicular_to_the_way_from_the_centre_and_turn_the_same_way() {
         let lab = lab_rig("upm-1");
-        let reads = super::super::read_rows(&lab).unwrap();
+        let reads = read_rows(&lab).unwrap();
         for (Row { name, .. }, read) in ROWS.iter().zip(&reads.compensated) {
             let off_m = read.vectors.off_m(read.center_m);
             assert!(off_m < 2e-3, "row {name}: {off_m}");

@@ -8,11 +8,11 @@ use super::part::Sliding;
 use super::plate::PlateCycle;
 use super::{DYN_N, Feeder};
 use crate::coulomb_pump;
-use crate::line::line_through;
+use crate::numerics::line_through;
 use crate::pumped::{PUMP, PumpedLine};
-use crate::sweep::{Progress, Sheet, parallel};
-use crate::{Figure, LabFault, LabRig, Outcome, Series};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use crate::sweep::{Progress, parallel};
+use crate::{Figure, LabFault, LabRig, Outcome, Series, Sheet};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::PartParams;
 
@@ -165,7 +165,7 @@ fn drives(rig: &LabRig, outcome: &mut Outcome) {
     let name = "rate of the two harmonics cos wt - ½ cos 2wt";
     outcome.figures.push(Figure::against(name, "cm/s", rate_mps / CM, 0.5 * amplitude_mps / CM, source));
     let names = ["duty (none: two harmonics)", "largest forward speed (cm/s)", "stroke (cm)", "feed rate (cm/s)"];
-    outcome.sheet = Some(Sheet { columns: names.map(str::to_owned).to_vec(), rows });
+    outcome.sheet = Some(Sheet::new(names, rows));
 }
 
 fn duty_chart(series: &[Series]) -> Chart {
@@ -184,29 +184,25 @@ fn duty_chart(series: &[Series]) -> Chart {
         let simulated = series.get(i + 1).map_or(&[][..], |rates| &rates.values);
         layers.push(Layer::new("", Mark::Dots, Color::nth(i), duties.iter().zip(simulated).map(|(&x, &y)| [x, y])));
     }
-    Chart {
-        name: "feeder-duty".to_owned(),
-        title: "Feed rate against duty (Fig. 18); dots are simulated".to_owned(),
-        x: Axis::new("duty"),
-        y: Axis::new("feed rate (cm/s)"),
-        map: false,
+    Chart::plot(
+        "feeder-duty",
+        "Feed rate against duty (Fig. 18); dots are simulated",
+        ["duty", "feed rate (cm/s)"],
         layers,
-    }
+    )
 }
 
 fn force_chart(duty: f64, points: &[[f64; 2]], [intercept, slope]: [f64; 2]) -> Chart {
     let ends = [points.first(), points.last()].into_iter().flatten().map(|at| [at[0], intercept + slope * at[0]]);
-    Chart {
-        name: format!("feeder-force-{}", (1000.0 * duty).round()),
-        title: format!("External force against the rate it leads to (Fig. 19), d = {duty}"),
-        x: Axis::new("feed rate (cm/s)"),
-        y: Axis::new("force (dyn)"),
-        map: false,
-        layers: vec![
+    Chart::plot(
+        format!("feeder-force-{}", (1000.0 * duty).round()),
+        format!("External force against the rate it leads to (Fig. 19), d = {duty}"),
+        ["feed rate (cm/s)", "force (dyn)"],
+        vec![
             Layer::new(&format!("{intercept:.2} + {slope:.2} x"), Mark::Line, Color::Gray, ends),
             Layer::new("simulated", Mark::Dots, Color::Orange, points.iter().copied()),
         ],
-    }
+    )
 }
 
 #[cfg(test)]

@@ -11,8 +11,8 @@ use super::impact::ImpactLaw;
 use super::run::Setup;
 use super::sweeps::Sweeps;
 use super::{DYN_N, JAM_S, gap_chart, spectrum_chart, track_chart};
-use crate::sweep::{Progress, Sheet};
-use crate::{Figure, LabFault, LabRig, Outcome};
+use crate::sweep::Progress;
+use crate::{Figure, LabFault, LabRig, Outcome, Sheet};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -231,7 +231,7 @@ fn energies(summaries: &[Summary]) -> Sheet {
     let potential = [scaled(&|of| of.energies.potential.mean), scaled(&|of| of.energies.potential.sd)];
     rows.push(vec![7.0, potential[0], potential[1], TABLE[6][0], TABLE[6][1]]);
     rows.push(vec![8.0, scaled(&|of| of.energies.drift_j), f64::NAN, f64::NAN, f64::NAN]);
-    Sheet { columns: columns.map(str::to_owned).to_vec(), rows }
+    Sheet::new(columns, rows)
 }
 
 /// Other models and devices beside it.

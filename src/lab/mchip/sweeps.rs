@@ -9,9 +9,9 @@ use super::bounce::ride;
 use super::device::Device;
 use super::drive::Drive;
 use super::run::Setup;
-use crate::line::line_through;
+use crate::numerics::line_through;
 use crate::{Figure, Outcome, Series};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 
 /// Starts at each value, and length of a run, s.
@@ -163,15 +163,13 @@ fn belt() -> Layer {
 
 fn chart(name: &str, x: &str, values: &[f64], rates: &[f64], heights: &[f64]) -> Chart {
     let points = |curve: &[f64]| values.iter().zip(curve).map(|(&x, &y)| [x, y]).collect::<Vec<_>>();
-    Chart {
-        name: format!("mchip-{name}"),
-        title: format!("Sweep: {x}"),
-        x: Axis::new(x),
-        y: Axis::new("rate (mm/s); height above rest (10 µm)"),
-        map: false,
-        layers: vec![
+    Chart::plot(
+        format!("mchip-{name}"),
+        format!("Sweep: {x}"),
+        [x, "rate (mm/s); height above rest (10 µm)"],
+        vec![
             Layer::new("rate", Mark::Line, Color::Blue, points(rates)),
             Layer::new("height", Mark::Dashes, Color::Orange, points(heights).into_iter().map(|[x, y]| [x, 0.1 * y])),
         ],
-    }
+    )
 }

@@ -49,6 +49,7 @@ fn part(angle_rad: f64, level: f64, turns: bool) -> Option<f64> {
 mod tests {
     use super::super::motion::stepped;
     use super::*;
+    use crate::numerics::bisect;
     use proptest::prelude::*;
     use upm_core::units::GRAVITY_MPS2;
 
@@ -64,13 +65,8 @@ mod tests {
             }
             (turn, t_s) = (next, t_s + step_s);
         }
-        let (mut low_s, mut high_s) = (0.0, step_s);
-        for _ in 0..60 {
-            let middle_s = 0.5 * (low_s + high_s);
-            *(if passes(stepped(block, turn, middle_s, |_| weight_mps2)) { &mut high_s } else { &mut low_s }) =
-                middle_s;
-        }
-        t_s + high_s
+        let passed = |after_s: f64| passes(stepped(block, turn, after_s, |_| weight_mps2));
+        t_s + bisect([0.0, step_s], 60, passed)[1]
     }
 
     proptest! {

@@ -2,6 +2,7 @@
 
 use super::block::{Block, Turn};
 use super::wave::Wave;
+use crate::numerics::bisect;
 use upm_core::units::GRAVITY_MPS2;
 
 /// Longest step, s.
@@ -123,7 +124,8 @@ impl Rocking<'_> {
             let hits = |turn: Turn| turn.tilt_rad <= 0.0;
             let peaks = |turn: Turn| self.turn.speed_radps > 0.0 && turn.speed_radps <= 0.0;
             let happens = |turn: Turn| hits(turn) || peaks(turn);
-            let step_s = if happens(next) { first_s(step_s, |t_s| happens(after(t_s))) } else { step_s };
+            let step_s =
+                if happens(next) { bisect([0.0, step_s], HALVINGS, |t_s| happens(after(t_s)))[1] } else { step_s };
             let (next, is_peak) = (after(step_s), peaks(after(step_s)));
             let until_here_s = at_s + step_s;
             // a step too short for the clock must not stop it
@@ -175,16 +177,6 @@ impl Rocking<'_> {
         }
         (turn.tilt_rad >= block.balance_rad()).then_some(End::Topples)
     }
-}
-
-/// Earliest time in a step at whose end `happens` holds, s: by halving.
-fn first_s(step_s: f64, happens: impl Fn(f64) -> bool) -> f64 {
-    let (mut low_s, mut high_s) = (0.0, step_s);
-    for _ in 0..HALVINGS {
-        let middle_s = 0.5 * (low_s + high_s);
-        *(if happens(middle_s) { &mut high_s } else { &mut low_s }) = middle_s;
-    }
-    high_s
 }
 
 #[cfg(test)]

@@ -8,9 +8,9 @@ use super::motion::{End, Motion};
 use super::raising::raise;
 use super::selection::{Orientations, Selected};
 use super::{Rock, track_chart, wave_chart};
-use crate::sweep::{Progress, Sheet, parallel};
-use crate::{Figure, LabFault, LabRig, Outcome, Series};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use crate::sweep::{Progress, parallel};
+use crate::{Figure, LabFault, LabRig, Outcome, Series, Sheet};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
@@ -137,7 +137,7 @@ fn ramped_wave(outcome: &mut Outcome) -> Result<(), LabFault> {
         vec![mm_from_m(rock.block.length_m), rock.from, rock.to, ramp, release.multiplier(&wave), low, high]
     });
     let columns = ["length (mm)", "from", "to", "ramp (% of period)", "growth", "lowest kept", "highest kept"];
-    outcome.sheet = Some(Sheet { columns: columns.map(str::to_owned).to_vec(), rows: rows.collect() });
+    outcome.sheet = Some(Sheet::new(columns, rows.collect()));
     Ok(())
 }
 
@@ -158,14 +158,12 @@ fn selection(outcome: &mut Outcome) -> Result<(), LabFault> {
         Series::new("window_over_difference_of_impacts", curve.iter().map(|at| at[0])),
         Series::new("lying_over_standing", curve.iter().map(|at| at[1])),
     ]);
-    outcome.charts.push(Chart {
-        name: "rock-window".to_owned(),
-        title: "Peak of the lying block over that of the standing one".to_owned(),
-        x: Axis::new("length of the upward acceleration over the time between the impacts"),
-        y: Axis::new("ratio of the peaks"),
-        map: false,
-        layers: vec![Layer::new("first peaks", Mark::Dots, Color::Orange, curve)],
-    });
+    outcome.charts.push(Chart::plot(
+        "rock-window",
+        "Peak of the lying block over that of the standing one",
+        ["length of the upward acceleration over the time between the impacts", "ratio of the peaks"],
+        vec![Layer::new("first peaks", Mark::Dots, Color::Orange, curve)],
+    ));
     Ok(())
 }
 

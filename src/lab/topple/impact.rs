@@ -4,6 +4,7 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::peg::Pivot;
+use crate::numerics::bisect;
 use upm_core::units::GRAVITY_MPS2;
 
 /// Steps in the time that the centre takes to fall by its height above the edge.
@@ -93,11 +94,7 @@ impl Pivot {
         while !self.topples(topples) && topples < f64::MAX.sqrt() {
             (stays, topples) = (topples, 2.0 * topples);
         }
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (stays + topples);
-            *(if self.topples(middle) { &mut topples } else { &mut stays }) = middle;
-        }
-        topples
+        bisect([stays, topples], HALVINGS, |speed_mps| self.topples(speed_mps))[1]
     }
 }
 

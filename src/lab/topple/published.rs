@@ -5,9 +5,10 @@ use super::cascade::cascade;
 use super::peg::{Peg, Shape};
 use super::trials::band;
 use super::{Topple, measure, ratio_of_orientations};
-use crate::sweep::{Progress, Sheet, parallel};
-use crate::{Figure, LabFault, LabRig, Outcome, Series};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use crate::numerics::bisect;
+use crate::sweep::{Progress, parallel};
+use crate::{Figure, LabFault, LabRig, Outcome, Series, Sheet};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
@@ -32,7 +33,7 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFau
     let pegs = [peg, alike(&peg)];
     let rows = parallel(&pegs, &|share| progress(0.8 * share), |peg| -> Result<Vec<f64>, LabFault> {
         let exact_mps = peg.peg().pivot(peg.ledge_m).map_or(f64::NAN, |pivot| pivot.critical_mps());
-        let band = band(peg, exact_mps, &streams);
+        let band = band(&peg.scatter, exact_mps, &streams);
         let error = 100.0 * (band.median_mps() / exact_mps - 1.0);
         let speeds = [exact_mps, band.none_mps, band.all_mps, band.median_mps()].map(mm_from_m);
         let sizes = [mm_from_m(peg.length_m), mm_from_m(peg.height_m)];
@@ -50,7 +51,7 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFau
     ];
     let rows = rows.into_iter().collect::<Result<Vec<_>, _>>()?;
     let same = (rows[1][2] / rows[0][2] - 1.0).abs();
-    outcome.sheet = Some(Sheet { columns: columns.map(str::to_owned).to_vec(), rows });
+    outcome.sheet = Some(Sheet::new(columns, rows));
     let name = "critical speeds of two pegs, one twice as thick, apart by";
     let source = "two pegs of other size and shape share a speed (Table 1)";
     outcome.figures.push(Figure::against(name, "1", same, 0.0, source));
@@ -73,17 +74,15 @@ fn orientations() -> Outcome {
     let curve: Vec<[f64; 2]> = (0..=100).map(|i| 0.005 * f64::from(i)).map(|d| [d, ratio_of_orientations(d)]).collect();
     let [first, second] = COEFFICIENTS;
     let power = curve.iter().map(|&[d, _]| [d, 1.0 + first * d + second * d * d]);
-    let chart = Chart {
-        name: "topple-ratio".to_owned(),
-        title: "Critical speed of a block lying over that of the same block standing (Fig. 2)".to_owned(),
-        x: Axis::new("δ, by which one edge is longer"),
-        y: Axis::new("ratio of the critical speeds"),
-        map: false,
-        layers: vec![
+    let chart = Chart::plot(
+        "topple-ratio",
+        "Critical speed of a block lying over that of the same block standing (Fig. 2)",
+        ["δ, by which one edge is longer", "ratio of the critical speeds"],
+        vec![
             Layer::new("1 + 2.207 δ + 1.332 δ²", Mark::Dashes, Color::Gray, power),
             Layer::new("closed form (Eq. 2.3)", Mark::Line, Color::Blue, curve.iter().copied()),
         ],
-    };
+    );
     let series = vec![
         Series::new("delta", curve.iter().map(|at| at[0])),
         Series::new("ratio_of_orientations", curve.iter().map(|at| at[1])),
@@ -99,12 +98,9 @@ fn alike(peg: &Topple) -> Topple {
     };
     let wanted = peg.peg().pivot(peg.ledge_m).map_or(f64::NAN, |pivot| pivot.critical_mps());
     // the taller the easier to topple
-    let (mut low_m, mut high_m) = (2.0 * peg.ledge_m, 100.0 * peg.height_m);
-    for _ in 0..HALVINGS {
-        let middle_m = 0.5 * (low_m + high_m);
-        *(if critical(middle_m) > wanted { &mut low_m } else { &mut high_m }) = middle_m;
-    }
-    Topple { length_m: TWICE * peg.length_m, height_m: high_m, ..*peg }
+    let ends_m = [2.0 * peg.ledge_m, 100.0 * peg.height_m];
+    let [_, height_m] = bisect(ends_m, HALVINGS, |height_m| critical(height_m) <= wanted);
+    Topple { length_m: TWICE * peg.length_m, height_m, ..*peg }
 }
 
 /// Ledges one behind the other.

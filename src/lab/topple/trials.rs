@@ -2,7 +2,6 @@
 
 use rand_distr::{Distribution, StandardNormal};
 
-use super::Topple;
 use upm_core::random::{Rng, Streams};
 use upm_core::units::GRAVITY_MPS2;
 
@@ -63,13 +62,13 @@ impl Band {
     }
 }
 
-/// The experiment with the part of `topple`, which falls from `critical_mps` on.
-pub fn band(topple: &Topple, critical_mps: f64, streams: &Streams) -> Band {
+/// The experiment with a part that falls from `critical_mps` on.
+pub fn band(scatter: &Scatter, critical_mps: f64, streams: &Streams) -> Band {
     let mut rng = streams.stream("ledge trials");
     let mut shares = Vec::new();
     for i in 0..SPEEDS {
         let belt_mps = critical_mps * (FIRST + STEP * f64::from(i));
-        let falls = |_: &u32| topple.scatter.approach_mps(belt_mps, &mut rng) > critical_mps;
+        let falls = |_: &u32| scatter.approach_mps(belt_mps, &mut rng) > critical_mps;
         let fallen = (0..TRIALS).filter(falls).count();
         shares.push([belt_mps, fallen as f64 / f64::from(TRIALS)]);
     }

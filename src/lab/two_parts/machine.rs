@@ -17,6 +17,9 @@ const SHORTEST_PERIODS: f64 = 1.0;
 /// How much longer the longest one is, in attacks: it carries parts at least twice as far.
 const LONGER_BY_ATTACKS: f64 = 2.0;
 
+/// Spin of a plate with strong motors, rad/s: parts then stay slow against the belt, all over the workspace.
+pub const STRONG_SPIN_RADPS: f64 = 8.0;
+
 /// A plate and what its pulses do.
 pub struct Machine<'a> {
     rig: &'a LabRig,

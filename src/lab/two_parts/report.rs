@@ -2,9 +2,10 @@
 
 use super::super::pulses::{FINER, PLAYBACK_HZ, SATURATION, mm};
 use super::super::{Figure, LabRig, Motion, Outcome, Series, Track};
+use super::machine::STRONG_SPIN_RADPS;
 use super::plan::{CENTERS, condition, field_matrix, mean_miss};
-use super::{LOOKS, Runs, STRONG_SPIN_RADPS, Task, Way};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use super::task::{LOOKS, Runs, Task, Way};
+use upm_chart::{Chart, Color, Layer, Mark};
 
 /// Radius of the circle about a start, in half sides of the plate.
 const START: f64 = 0.02;
@@ -134,14 +135,12 @@ fn map(name: &str, task: &Task, run: &Runs) -> Option<Chart> {
             Layer::new("", Mark::Labels { texts: vec![format!("F{part}")] }, color, [goal]),
         ]);
     }
-    Some(Chart {
-        name: name.to_owned(),
-        title: format!("Two parts, four centres of rotation, a large step in {}: {}", counted(*looks), run.name),
-        x: Axis::new("x (mm)"),
-        y: Axis::new("y (mm)"),
-        map: true,
+    Some(Chart::plate_map(
+        name,
+        format!("Two parts, four centres of rotation, a large step in {}: {}", counted(*looks), run.name),
+        None,
         layers,
-    })
+    ))
 }
 
 fn misses(runs: &[Runs; 3]) -> Chart {
@@ -157,12 +156,5 @@ fn misses(runs: &[Runs; 3]) -> Chart {
         layers.push(Layer::new(&label, Mark::Line, Color::nth(i), points.iter().copied()));
         layers.push(Layer::new("", Mark::Dots, Color::nth(i), points));
     }
-    Chart {
-        name: "two-parts-looks".to_owned(),
-        title: "The same step in more looks".to_owned(),
-        x: Axis::new("looks"),
-        y: Axis::new("log10 of E / mm"),
-        map: false,
-        layers,
-    }
+    Chart::plot("two-parts-looks", "The same step in more looks", ["looks", "log10 of E / mm"], layers)
 }

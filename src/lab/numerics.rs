@@ -1,4 +1,4 @@
-//! Straight lines through the points of a sweep.
+//! Numerical methods that several experiments share.
 
 /// Intercept and slope of the least-squares line through `points`; NaN where all have one x.
 pub(super) fn line_through(points: &[[f64; 2]]) -> [f64; 2] {
@@ -8,6 +8,15 @@ pub(super) fn line_through(points: &[[f64; 2]]) -> [f64; 2] {
     let slope = points.iter().map(|at| (at[0] - x) * (at[1] - y)).sum::<f64>()
         / points.iter().map(|at| (at[0] - x).powi(2)).sum::<f64>();
     [y - slope * x, slope]
+}
+
+/// Halves the interval from `low` to `high` so many times; of the halves the one in which `is_high` becomes true is kept.
+pub(super) fn bisect([mut low, mut high]: [f64; 2], halvings: usize, mut is_high: impl FnMut(f64) -> bool) -> [f64; 2] {
+    for _ in 0..halvings {
+        let middle = 0.5 * (low + high);
+        *(if is_high(middle) { &mut high } else { &mut low }) = middle;
+    }
+    [low, high]
 }
 
 #[cfg(test)]
