@@ -9,7 +9,6 @@ mod sheet;
 mod tests;
 
 use plotters::prelude::*;
-use plotters::style::Color as _;
 use plotters::style::text_anchor::HPos;
 
 use super::Chart;

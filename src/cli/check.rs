@@ -23,7 +23,6 @@ use upm_runner::run::{PlannerSelection, check_simulate, job_library, library_fau
 struct Found {
     /// A line for people.
     says: String,
-    /// What a library covers.
     covered: Option<Covered>,
     /// What a job is predicted to come to, where that was asked.
     planned: Option<Planned>,
@@ -99,7 +98,6 @@ struct Asked<'a> {
     rig: Option<&'a RigSpec>,
     /// Whether jobs are rehearsed.
     plan: bool,
-    /// How progress is shown.
     progress: ProgressMode,
 }
 

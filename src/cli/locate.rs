@@ -10,7 +10,6 @@ mod setting;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use serde_json::json;
 
@@ -34,8 +33,9 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let mut worst = 0;
     for (image, name) in args.images.iter().zip(names_of(&args.images)) {
         let shown = args.stages.is_some() || rerun != RerunMode::Off;
-        let search = if args.reference { look_by_reference } else { look };
-        let made = search(image, &name, args, &setting, shown).and_then(|located| {
+        let located =
+            if args.reference { look_by_reference(image, &setting) } else { look(image, &name, args, &setting, shown) };
+        let made = located.and_then(|located| {
             let mut written = draw(&located.found, &name, args)?;
             written.extend(record(&located.found, image, &name, args, &rerun, &setting)?);
             Ok((written, located))
@@ -103,9 +103,8 @@ fn look(image: &Path, name: &str, args: &LocateArgs, setting: &Setting, shown: b
     if shown {
         stages.disk_response = finder.response();
     }
-    let us = |time: Duration| 1e6 * time.as_secs_f64();
-    let time_us = TimeUs { decode: us(decode), table: us(found - begun), parts: us(done - found) };
-    let found = LocalisedRecord { frame, table, detections, stages, localise_us: us(done - begun) };
+    let time_us = TimeUs::of(decode, [begun, found, done]);
+    let found = LocalisedRecord { frame, table, detections, stages, localise_us: time_us.localise };
     Ok(Located { found, method: Method::Fast(used), time_us })
 }
 
@@ -113,7 +112,7 @@ fn look(image: &Path, name: &str, args: &LocateArgs, setting: &Setting, shown: b
 use reference::look_by_reference;
 
 #[cfg(not(feature = "lab"))]
-fn look_by_reference(_: &Path, _: &str, _: &LocateArgs, _: &Setting, _: bool) -> Result<Located, Failure> {
+fn look_by_reference(_: &Path, _: &Setting) -> Result<Located, Failure> {
     Err(super::features::lacking(super::features::LAB, "upm locate --reference"))
 }
 

@@ -27,7 +27,6 @@ pub(super) struct LogWriter {
     tally: Arc<Tally>,
 }
 
-/// A line on its way.
 #[derive(Debug)]
 struct Entry {
     text: Vec<u8>,

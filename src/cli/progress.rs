@@ -98,7 +98,6 @@ impl<C: Clock> LateProgress<C> {
         Self { clock, mode, bar: None, line_at }
     }
 
-    /// Shows that this part of the work is done, 0 to 1.
     pub fn show(&mut self, done: f64, message: impl FnOnce() -> String) {
         match self.mode {
             ProgressMode::Hidden => {}

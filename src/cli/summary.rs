@@ -1,6 +1,5 @@
 use super::output::Failure;
 use super::progress::behind;
-use upm_core::job::Outcome;
 use upm_recording::{CycleError, PlannerReport, PredictionError, Report, Verdict};
 use upm_runner::config::JobSpec;
 use upm_runner::run::RunResult;
@@ -8,12 +7,7 @@ use upm_runner::run::RunResult;
 /// What a person wants to know when a run is over.
 pub(super) fn print_summary(job: &JobSpec, result: &RunResult) -> Result<(), Failure> {
     let Report { name, seed, outcome, reason, .. } = &result.report;
-    let outcome = match outcome {
-        Outcome::Completed => "completed",
-        Outcome::Failed => "failed",
-        Outcome::Cancelled => "cancelled",
-    };
-    say!("{name} on {}, seed {seed}: {outcome}: {reason}", job.rig.model.name)?;
+    say!("{name} on {}, seed {seed}: {}: {reason}", job.rig.model.name, outcome.code())?;
     for (label, text) in rows(&result.report) {
         say!("  {label:15} {text}")?;
     }

@@ -19,6 +19,20 @@ pub struct Experiment {
     pub method: &'static dyn Method,
 }
 
+impl Experiment {
+    const fn on_rig(name: &'static str, about: &'static str, method: &'static dyn Method) -> Self {
+        Self { name, about, strong_rig: false, on_rig: true, method }
+    }
+
+    const fn on_machine(name: &'static str, about: &'static str, method: &'static dyn Method) -> Self {
+        Self { on_rig: false, ..Self::on_rig(name, about, method) }
+    }
+
+    const fn strong(self) -> Self {
+        Self { strong_rig: true, ..self }
+    }
+}
+
 /// Wishes for one experiment. Without any the published experiments are repeated.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Request {
@@ -117,90 +131,65 @@ macro_rules! machine {
 
 /// All of them, in the order of the papers.
 pub const EXPERIMENTS: &[Experiment] = &[
-    Experiment {
-        name: "cor-steering",
-        about: "Table 1: amplitudes step the centre of rotation, the accelerometers read where it went",
-        strong_rig: false,
-        on_rig: true,
-        method: on_rig!(super::cor_steering),
-    },
-    Experiment {
-        name: WAVEFORM_FIT,
-        about: "one pulse, the accelerometers' trace of it and the motion read from that",
-        strong_rig: false,
-        on_rig: true,
-        method: on_rig!(super::waveform_fit),
-    },
-    Experiment {
-        name: "force-curve",
-        about: "mean friction force of the pump against speed, the way to the belt's speed, friction of a disc",
-        strong_rig: false,
-        on_rig: true,
-        method: on_rig!(super::force_curve),
-    },
-    Experiment {
-        name: "pulse-law",
-        about: "one pulse: wave and envelope, displacement against the square of its length, and where that law stops",
-        strong_rig: true,
-        on_rig: true,
-        method: on_rig!(super::pulse_law),
-    },
-    Experiment {
-        name: "race-track",
-        about: "snapshots of three coins on one rotation field",
-        strong_rig: true,
-        on_rig: true,
-        method: on_rig!(super::race_track),
-    },
-    Experiment {
-        name: "two-parts",
-        about: "two coins, four centres of rotation: the error of one large step and of several",
-        strong_rig: true,
-        on_rig: true,
-        method: on_rig!(super::two_parts),
-    },
-    Experiment {
-        name: "cor-map",
-        about: "every centre of a calibrated library, as read and as it truly is",
-        strong_rig: false,
-        on_rig: true,
-        method: on_rig!(super::cor_map),
-    },
-    Experiment {
-        name: VISION,
-        about: "the eyes in rendered pictures whose truth is known, easy ones and hard ones",
-        strong_rig: false,
-        on_rig: true,
-        method: on_rig!(super::vision, &[]),
-    },
-    Experiment {
-        name: "feeder",
-        about: "a plate shaken along one line: feed rate against duty and against an external force",
-        strong_rig: false,
-        on_rig: false,
-        method: machine!(feeder, Feeder),
-    },
-    Experiment {
-        name: "mchip",
-        about: "a part on an array of resonators, impact by impact: jams, strobing, duty, sweeps (a minute)",
-        strong_rig: false,
-        on_rig: false,
-        method: machine!(mchip, MChip),
-    },
-    Experiment {
-        name: "topple",
-        about: "a part slides against a low ledge: the speed that topples it, trials, ledges that orient a batch",
-        strong_rig: false,
-        on_rig: false,
-        method: machine!(topple, Topple),
-    },
-    Experiment {
-        name: "rock",
-        about: "a block rocks on a table driven up and down: drives that keep it rocking, and how much else they keep",
-        strong_rig: false,
-        on_rig: false,
-        method: machine!(rock, Rock),
-    },
+    Experiment::on_rig(
+        "cor-steering",
+        "Table 1: amplitudes step the centre of rotation, the accelerometers read where it went",
+        on_rig!(super::cor_steering),
+    ),
+    Experiment::on_rig(
+        WAVEFORM_FIT,
+        "one pulse, the accelerometers' trace of it and the motion read from that",
+        on_rig!(super::waveform_fit),
+    ),
+    Experiment::on_rig(
+        "force-curve",
+        "mean friction force of the pump against speed, the way to the belt's speed, friction of a disc",
+        on_rig!(super::force_curve),
+    ),
+    Experiment::on_rig(
+        "pulse-law",
+        "one pulse: wave and envelope, displacement against the square of its length, and where that law stops",
+        on_rig!(super::pulse_law),
+    )
+    .strong(),
+    Experiment::on_rig("race-track", "snapshots of three coins on one rotation field", on_rig!(super::race_track))
+        .strong(),
+    Experiment::on_rig(
+        "two-parts",
+        "two coins, four centres of rotation: the error of one large step and of several",
+        on_rig!(super::two_parts),
+    )
+    .strong(),
+    Experiment::on_rig(
+        "cor-map",
+        "every centre of a calibrated library, as read and as it truly is",
+        on_rig!(super::cor_map),
+    ),
+    Experiment::on_rig(
+        VISION,
+        "the eyes in rendered pictures whose truth is known, easy ones and hard ones",
+        on_rig!(super::vision, &[]),
+    ),
+    Experiment::on_machine(
+        "feeder",
+        "a plate shaken along one line: feed rate against duty and against an external force",
+        machine!(feeder, Feeder),
+    ),
+    Experiment::on_machine(
+        "mchip",
+        "a part on an array of resonators, impact by impact: jams, strobing, duty, sweeps (a minute)",
+        machine!(mchip, MChip),
+    ),
+    Experiment::on_machine(
+        "topple",
+        "a part slides against a low ledge: the speed that topples it, trials, ledges that orient a batch",
+        machine!(topple, Topple),
+    ),
+    Experiment::on_machine(
+        "rock",
+        "a block rocks on a table driven up and down: drives that keep it rocking, and how much else they keep",
+        machine!(rock, Rock),
+    ),
 ];
 
 /// The experiment that reads a recorded trace as well.

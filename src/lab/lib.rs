@@ -18,7 +18,6 @@ mod pulses;
 mod pumped;
 mod race_track;
 mod recorded;
-mod resonance;
 mod rock;
 mod settings;
 mod shaken;

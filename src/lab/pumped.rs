@@ -38,7 +38,6 @@ impl PumpedLine {
         TAU / self.base_radps / f64::from(self.steps)
     }
 
-    /// Length of a cycle, s.
     pub fn cycle_s(&self) -> f64 {
         TAU / self.base_radps
     }

@@ -84,6 +84,13 @@ impl Course {
     fn radius_m(&self, coin: usize) -> f64 {
         (self.starts_m[coin] - self.cor_m).norm()
     }
+
+    /// True when no coin has turned by more than a quarter after `pulses` pulses.
+    fn all_in_quarter(&self, played: &Trajectories, pulses: usize) -> bool {
+        played.parts.iter().zip(self.starts_m).all(|(part, start)| {
+            place(part, self.sample_after(pulses)).is_some_and(|at| turn(self.cor_m, start, at).0.abs() < FRAC_PI_2)
+        })
+    }
 }
 
 /// One coin's way about the centre: at every sample the angle and arc gone so far.
@@ -168,15 +175,6 @@ impl Race {
             together.map(|(a, b)| (a - b).norm() - 2.0 * self.course.coin_radius_m)
         });
         gaps.fold(f64::INFINITY, f64::min)
-    }
-}
-
-impl Course {
-    /// True when no coin has turned by more than a quarter after `pulses` pulses.
-    fn all_in_quarter(&self, played: &Trajectories, pulses: usize) -> bool {
-        played.parts.iter().zip(self.starts_m).all(|(part, start)| {
-            place(part, self.sample_after(pulses)).is_some_and(|at| turn(self.cor_m, start, at).0.abs() < FRAC_PI_2)
-        })
     }
 }
 

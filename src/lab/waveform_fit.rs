@@ -1,9 +1,13 @@
+use std::f64::consts::TAU;
+
+use nalgebra::Complex;
+
 use super::force_sign::force_signs;
 use super::recorded::{fit, waveform_fit_of};
-use super::resonance::add_resonances;
 use super::shaken::{ShakenPlate, steady_motion};
-use super::{Figure, LabFault, LabRig, Outcome};
-use upm_control::calibration::Axes;
+use super::{Figure, LabFault, LabRig, Outcome, Series};
+use upm_chart::{Chart, Color, Layer, Mark};
+use upm_control::calibration::{Axes, AxisResonance};
 use upm_core::signal::{Drive, Envelope, RecordedPulse};
 use upm_core::units::mm_from_m;
 use upm_library::{AxisShape, drive_for};
@@ -96,13 +100,61 @@ fn precompensation(lab: &LabRig, axes: &Axes) -> Vec<Figure> {
 }
 
 /// True `second · conj(first)² / |first|³` of one axis driven by itself; -½ is right.
-fn axis_ratio(lab: &LabRig, axis: usize, shapes: &[AxisShape; 3]) -> nalgebra::Complex<f64> {
+fn axis_ratio(lab: &LabRig, axis: usize, shapes: &[AxisShape; 3]) -> Complex<f64> {
     let amplitudes =
         [[1, -1, 0, 0], [0, 0, 1, -1], [-1, -1, 1, 1]][axis].map(|a| a * (lab.model.count_limit * 0.4) as i32);
     let envelope = Envelope { attack_s: lab.model.attack_s, sustain_s: SUSTAIN_S, rest_s: 0.0 };
     let motion: [AxisPhasors; 3] =
         steady_motion(lab, &drive_for(amplitudes, shapes, &lab.plate_response(), lab.model.base_radps, envelope));
     motion[axis].harmonic_ratio().unwrap_or_default()
+}
+
+/// Adds natural frequency and damping ratio of every axis, and its frequency response, to `outcome`.
+fn add_resonances(lab: &LabRig, plate: &mut ShakenPlate, outcome: &mut Outcome) -> Result<(), LabFault> {
+    const SOURCE: &str = "the rig's file; multisine, FFT, Eq. 33";
+    let Some(found) = plate.resonances()? else {
+        outcome.notes.push("resonances: the rig's longest sustain is too short to tell them".to_owned());
+        return Ok(());
+    };
+    let truth = &lab.sim.plate;
+    for (axis, (name, AxisResonance { fit, .. })) in AXES.iter().zip(&found).enumerate() {
+        let (natural_hz, sd_hz) = (fit.natural_radps / TAU, fit.natural_sd_radps / TAU);
+        let name = format!("axis {name}, resonance");
+        let figures = [
+            Figure::against(format!("{name}: natural"), "Hz", natural_hz, truth.resonance_hz[axis], SOURCE),
+            Figure::against(format!("{name}: damping"), "1", fit.damping_ratio, truth.damping_ratio[axis], SOURCE),
+            Figure::alone(format!("{name}: natural, sd"), "Hz", sd_hz, "residual of the fit"),
+        ];
+        outcome.figures.extend(figures);
+    }
+    outcome.series.push(Series::new("line_hz", found[0].lines.iter().map(|(radps, _)| radps / TAU)));
+    for (name, AxisResonance { fit, lines }) in AXES.iter().zip(&found) {
+        let relative = lines.iter().map(|(_, response)| response.norm() / fit.accel_per_force);
+        outcome.series.push(Series::new(&format!("{name}_response"), relative));
+    }
+    outcome.charts.push(resonance_chart(&found));
+    Ok(())
+}
+
+/// Acceleration per force over that of a free mass: what the lines show, and the oscillators fitted.
+fn resonance_chart(found: &[AxisResonance; 3]) -> Chart {
+    const STEPS: u32 = 300;
+    let mut layers = Vec::new();
+    for (axis, (name, AxisResonance { fit, lines })) in AXES.iter().zip(found).enumerate() {
+        let relative = |radps: f64, response: Complex<f64>| [radps / TAU, response.norm() / fit.accel_per_force];
+        let shown = lines.iter().map(|&(radps, response)| relative(radps, response));
+        layers.push(Layer::new(name, Mark::Dots, Color::nth(axis), shown));
+        let last = lines.last().map_or(0.0, |(radps, _)| *radps);
+        let curve = (1..=STEPS).map(|i| last * f64::from(i) / f64::from(STEPS));
+        let fitted = curve.map(|radps| relative(radps, fit.accel_response(radps)));
+        layers.push(Layer::new("", Mark::Line, Color::nth(axis), fitted));
+    }
+    Chart::plot(
+        "waveform-fit-resonance",
+        "Answer of the axes to a multisine: lines as read, and the oscillators fitted to them",
+        ["frequency (Hz)", "acceleration over a free mass's (1)"],
+        layers,
+    )
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
-use super::paint::Paint;
-use super::{Disc, Scene, Shape};
+//! The surfaces of a scene, and the look of each.
+
+use super::{Disc, Glint, Relief, Scene, Shape, Thing};
 use upm_core::geometry::Vec2;
 
 /// A surface and how far it goes.
@@ -11,7 +12,7 @@ pub(super) struct Layer<'a> {
 impl Scene {
     /// All that lies on the ground, later ones in front.
     pub(super) fn layers<'a>(&'a self, parts: &'a [Disc]) -> Vec<Layer<'a>> {
-        let things = |things: &'a [super::Thing]| {
+        let things = |things: &'a [Thing]| {
             things.iter().map(|thing| Layer { shape: thing.shape.clone(), paint: Paint::flat(thing.level) })
         };
         let [_, level, _] = self.levels;
@@ -26,5 +27,61 @@ impl Scene {
         let [_, top] = self.seen_circles(part);
         let relief = part.relief.map(|relief| (relief, plate - level));
         Paint { level, frame: top, relief, glints: &part.glints }
+    }
+}
+
+/// A surface's look.
+pub(super) struct Paint<'a> {
+    /// Gray level where nothing else is.
+    pub(super) level: f64,
+    /// Where relief and glints have their origin, m, and the length of their unit, m.
+    pub(super) frame: (Vec2, f64),
+    /// Relief and the step in level that its amplitude is a part of.
+    pub(super) relief: Option<(Relief, f64)>,
+    pub(super) glints: &'a [Glint],
+}
+
+impl Paint<'_> {
+    /// One gray level all over.
+    pub(super) fn flat(level: f64) -> Self {
+        Self { level, frame: (Vec2::zeros(), 1.0), relief: None, glints: &[] }
+    }
+
+    /// True when it is one gray level within `reach_m` of `p_m`.
+    pub(super) fn is_flat_near(&self, p_m: Vec2, reach_m: f64) -> bool {
+        let (origin, unit) = self.frame;
+        let q = (p_m - origin) / unit;
+        let reach = reach_m / unit;
+        let far = |glint: &Glint| (q - glint.at).norm() > reach + glint.half_axes[0].max(glint.half_axes[1]);
+        self.relief.is_none() && self.glints.iter().all(far)
+    }
+
+    pub(super) fn level_at(&self, p_m: Vec2) -> f64 {
+        let (origin, unit) = self.frame;
+        let q = (p_m - origin) / unit;
+        let relief = self.relief.as_ref().map_or(0.0, |(relief, step)| step * relief.height_at(q));
+        self.glints.iter().fold(self.level + relief, |level, glint| level + (glint.level - level) * glint.share_at(q))
+    }
+}
+
+impl Relief {
+    /// From minus to plus the amplitude, or less.
+    fn height_at(&self, q: Vec2) -> f64 {
+        let waves: f64 = self.waves.iter().map(|(k, phase)| (k.dot(&q) + phase).cos()).sum();
+        let [radius, width] = self.ring;
+        let ring = (-0.5 * ((q.norm() - radius) / width).powi(2)).exp();
+        self.amplitude * (waves / 3.0 + ring) / 2.0
+    }
+}
+
+impl Glint {
+    /// From 1 in its middle half to 0 at its outline, smoothly.
+    fn share_at(&self, q: Vec2) -> f64 {
+        let (sin, cos) = self.direction_rad.sin_cos();
+        let d = q - self.at;
+        let [a, b] = self.half_axes;
+        let r = ((d.x * cos + d.y * sin) / a).hypot((d.y * cos - d.x * sin) / b);
+        let t = (2.0 - 2.0 * r).clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t)
     }
 }

@@ -24,7 +24,6 @@ mod clutter;
 mod drawn;
 mod expose;
 mod layers;
-mod paint;
 mod parts;
 mod raster;
 #[cfg(test)]

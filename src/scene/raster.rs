@@ -1,8 +1,7 @@
 //! Gray level of every pixel by the area of it that each surface covers. Squares of pixels are halved until no outline
 //! crosses them; of single pixels that one does cross, the area is found.
 
-use super::layers::Layer;
-use super::paint::Paint;
+use super::layers::{Layer, Paint};
 use super::{Disc, Scene};
 use upm_core::geometry::{Homography, Lens, Vec2};
 

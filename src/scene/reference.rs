@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::paint::Paint;
+use super::layers::Paint;
 use super::testing::penny;
 use super::{Disc, Glint, PartTruth, Relief, Scene, Shape, Thing};
 use upm_core::geometry::{Lens, Vec2};

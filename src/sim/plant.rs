@@ -123,12 +123,6 @@ impl Plant {
         &self.parts
     }
 
-    /// The parts, to set them moving by hand.
-    pub fn parts_mut(&mut self) -> &mut Parts {
-        self.still = false;
-        &mut self.parts
-    }
-
     /// From now on this is wrong, and nothing else.
     pub fn set_faults(&mut self, faults: &PlantFaults) {
         self.motors.set_faults(&faults.coils);

@@ -11,7 +11,6 @@ use upm_runner::run::{Coverage, Place};
 pub(super) struct Covered {
     /// Name of the rig the library was measured on.
     pub rig_name: String,
-    /// What it does where.
     pub coverage: Coverage,
 }
 

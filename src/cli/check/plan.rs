@@ -14,13 +14,9 @@ use upm_library::Library;
 use upm_runner::config::{Fault, JobSpec};
 use upm_runner::run::{Forecast, PartForecast, PlanVerdict, Spot, rehearse};
 
-/// The forecast of a job.
 pub(super) struct Planned {
-    /// Name of the job.
     pub job: String,
-    /// Name of its rig.
     pub rig: String,
-    /// What is predicted.
     pub forecast: Forecast,
 }
 

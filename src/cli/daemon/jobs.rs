@@ -136,12 +136,7 @@ pub(super) fn plate_line(plate: &Plate) -> String {
         PlateState::Paused => format!("{why} (upm resume {name})"),
         PlateState::Stopped => format!("{why} (upm reset {name} --operator NAME --reason TEXT)"),
     };
-    let state = match plate.state {
-        PlateState::Idle => "idle",
-        PlateState::Running => "running",
-        PlateState::Paused => "paused",
-        PlateState::Stopped => "stopped",
-    };
+    let state = plate.state.name();
     on_one_line(format!("{name:16} {state:8} {queued:4} queued  {doing}").trim_end())
 }
 

@@ -26,9 +26,7 @@ pub(super) struct Stop {
     pub answer: Option<EStopped>,
     /// Why it says nothing.
     pub error: Option<String>,
-    /// How it was asked for.
     pub via: Via,
-    /// Requests sent.
     pub attempts: u32,
     /// From the first of them to the answer, s.
     pub wall_s: f64,

@@ -9,7 +9,7 @@ use upm_core::geometry::Vec2;
 pub(super) struct Canvas {
     pub image: RgbImage,
     /// Width of a line, px.
-    line_px: f64,
+    pub line_px: f64,
 }
 
 impl Canvas {
@@ -19,17 +19,10 @@ impl Canvas {
         Self { image, line_px: (longest / 600.0).max(1.2) }
     }
 
-    /// Width of a line, px.
-    pub fn line_px(&self) -> f64 {
-        self.line_px
-    }
-
-    /// A circle's outline.
     pub fn circle(&mut self, center: Vec2, radius: f64, color: [u8; 3]) {
         self.stroke([center, center], radius, color, |p| ((p - center).norm() - radius).abs());
     }
 
-    /// A line from `a` to `b`.
     pub fn line(&mut self, a: Vec2, b: Vec2, color: [u8; 3]) {
         let along = b - a;
         let length_squared = along.norm_squared().max(f64::MIN_POSITIVE);
@@ -81,12 +74,12 @@ mod tests {
             let blank = || Canvas::new(RgbImage::new(64, 64));
             let mut canvas = blank();
             canvas.circle(at, 17.25, [255, 0, 0]);
-            let round = std::f64::consts::TAU * 17.25 * canvas.line_px();
+            let round = std::f64::consts::TAU * 17.25 * canvas.line_px;
             assert!((ink(&canvas) / round - 1.0).abs() < 0.02, "{}", ink(&canvas));
             let mut canvas = blank();
             canvas.line(at, at + Vec2::new(21.5, -13.0), [255, 0, 0]);
             // round ends add the area of a disk
-            let area = 21.5_f64.hypot(13.0) * canvas.line_px() + 0.25 * std::f64::consts::PI * canvas.line_px().powi(2);
+            let area = 21.5_f64.hypot(13.0) * canvas.line_px + 0.25 * std::f64::consts::PI * canvas.line_px.powi(2);
             assert!((ink(&canvas) / area - 1.0).abs() < 0.03, "{} {area}", ink(&canvas));
         }
     }

@@ -79,7 +79,7 @@ fn hough(votes: &HoughArray) -> RgbImage {
 fn response(found: &LocalisedRecord, map: RgbImage) -> RgbImage {
     let mut canvas = Canvas::new(map);
     for part in &found.detections {
-        canvas.circle(part.center_px, 5.0 * canvas.line_px(), PEAK);
+        canvas.circle(part.center_px, 5.0 * canvas.line_px, PEAK);
     }
     canvas.image
 }
@@ -91,7 +91,7 @@ fn overlay(found: &LocalisedRecord, picture: RgbImage) -> RgbImage {
         canvas.line(a, b, FOUND);
     }
     for corner in found.table.corners_px {
-        canvas.circle(corner, 4.0 * canvas.line_px(), FOUND);
+        canvas.circle(corner, 4.0 * canvas.line_px, FOUND);
     }
     for part in &found.detections {
         let color = KINDS[part.kind % KINDS.len()];

@@ -28,7 +28,6 @@ pub(super) struct Picture {
     pub bits: Option<u32>,
 }
 
-/// Reads the picture file at `path`.
 pub(super) fn read(path: &Path) -> Result<Picture, Failure> {
     let refuse = |found: String| {
         Failure::bad_input(format!("{}: found {found}, allowed: a picture, PNG, JPEG, PNM or TIFF", path.display()))

@@ -1,12 +1,10 @@
 //! `upm locate --reference`: the same search by standard algorithms.
 
 use std::path::Path;
-use std::time::Duration;
 
 use super::picture;
 use super::report::{Located, Method, TimeUs};
 use super::setting::Setting;
-use crate::cli::args::LocateArgs;
 use crate::cli::output::Failure;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::Stages;
@@ -14,13 +12,7 @@ use upm_recording::LocalisedRecord;
 use upm_reference::{find_parts, locate_table};
 
 /// Reads the picture at `image` and finds table and parts by [`upm_reference`]. It keeps no stages.
-pub(super) fn look_by_reference(
-    image: &Path,
-    _name: &str,
-    _args: &LocateArgs,
-    setting: &Setting,
-    _shown: bool,
-) -> Result<Located, Failure> {
+pub(super) fn look_by_reference(image: &Path, setting: &Setting) -> Result<Located, Failure> {
     let clock = MonotonicClock::new();
     let frame = picture::read(image)?.frame;
     let decode = clock.elapsed();
@@ -31,9 +23,8 @@ pub(super) fn look_by_reference(
     let found = clock.elapsed();
     let detections = find_parts(&view, &setting.kinds, setting.dark_parts);
     let done = clock.elapsed();
-    let us = |time: Duration| 1e6 * time.as_secs_f64();
-    let time_us = TimeUs { decode: us(decode), table: us(found - begun), parts: us(done - found) };
-    let localise_us = us(done - begun);
-    let found = LocalisedRecord { frame, table: view.table, detections, stages: Stages::default(), localise_us };
+    let time_us = TimeUs::of(decode, [begun, found, done]);
+    let (table, stages, localise_us) = (view.table, Stages::default(), time_us.localise);
+    let found = LocalisedRecord { frame, table, detections, stages, localise_us };
     Ok(Located { found, method: Method::Reference, time_us })
 }

@@ -1,6 +1,7 @@
 //! What was found in a picture, for programs and for people.
 
 use std::path::Path;
+use std::time::Duration;
 
 use serde_json::{Value, json};
 
@@ -32,10 +33,19 @@ pub(super) enum Method {
 pub(super) struct TimeUs {
     /// Reading and decoding the file.
     pub decode: f64,
-    /// Finding the table.
     pub table: f64,
     /// Finding the parts, everything that is made for it included.
     pub parts: f64,
+    /// Finding both.
+    pub localise: f64,
+}
+
+impl TimeUs {
+    /// Of decoding, and of the instants before the table, between the two and after the parts.
+    pub fn of(decode: Duration, [begun, found, done]: [Duration; 3]) -> Self {
+        let us = |time: Duration| 1e6 * time.as_secs_f64();
+        Self { decode: us(decode), table: us(found - begun), parts: us(done - found), localise: us(done - begun) }
+    }
 }
 
 pub(super) fn as_json(located: &Located, setting: &Setting) -> Value {
@@ -99,7 +109,7 @@ pub(super) fn say_located(located: &Located, setting: &Setting) -> Result<(), Fa
         let (radius, score) = (part.radius_px, part.score);
         say!("  {name:12} ({:8.2}, {:8.2}) mm   radius {radius:.2} px   score {score:.3}", at.x, at.y)?;
     }
-    let TimeUs { decode, table, parts } = *time_us;
+    let TimeUs { decode, table, parts, .. } = *time_us;
     let [decode, table, parts] = [decode, table, parts].map(|us| us / 1e3);
     say!(
         "found: {} in {:.1} ms (table {table:.1}, parts {parts:.1}); decoded in {decode:.1} ms",

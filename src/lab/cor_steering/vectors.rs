@@ -19,7 +19,6 @@ const BEYOND: f64 = 0.25;
 pub struct Vectors {
     /// Places of the accelerometers, m.
     pub places_m: [Vec2; 2],
-    /// Accelerations there.
     pub accel_mps2: [Vec2; 2],
 }
 

@@ -22,9 +22,7 @@ pub struct Sliding {
 /// A part after one cycle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cycle {
-    /// Its speed, m/s.
     pub speed_mps: f64,
-    /// The distance it went, m.
     pub way_m: f64,
     /// Time and speed at every event, s and m/s.
     pub events: Vec<[f64; 2]>,

@@ -15,9 +15,7 @@ pub struct PlateCycle {
 /// A stretch of constant acceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stretch {
-    /// Its acceleration, m/s².
     pub accel_mps2: f64,
-    /// Its length, s.
     pub length_s: f64,
 }
 

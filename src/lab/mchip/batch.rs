@@ -22,11 +22,9 @@ const DRIVE_BAND: f64 = 0.02;
 /// A run to be made.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// Its setup.
     pub setup: Setup,
     /// Number of its start.
     pub start: u64,
-    /// Its length, s.
     pub until_s: f64,
     /// Force along the feed from [`SETTLED_S`] on, N.
     pub force_n: f64,
@@ -39,15 +37,11 @@ pub struct Summary {
     pub clusters: [Cluster; 3],
     /// Mean angle of the resonators at a contact, rad.
     pub angle_rad: f64,
-    /// Mean angular speed, rad/s.
     pub speed_radps: f64,
-    /// Mean feed rate, m/s.
     pub rate_mps: f64,
-    /// Moving rate and stalls.
     pub feed: Feed,
     /// Height above rest, m.
     pub height_m: Spread,
-    /// Energies.
     pub energies: Energies,
     /// Frequency, Hz, and amplitude, m, of the strongest line of the part's bouncing.
     pub bounce_line: [f64; 2],
@@ -94,7 +88,6 @@ impl Job {
 }
 
 impl Summary {
-    /// Of a run.
     pub fn of(run: &Run) -> Self {
         let samples = samples_from(run, SETTLED_S);
         let Setup { device, sample_s, .. } = run.setup();

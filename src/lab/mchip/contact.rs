@@ -19,13 +19,11 @@ pub enum Feature {
 /// A point at which part and resonator touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// The point, m.
     pub point_m: Vector3<f64>,
     /// Unit normal towards the part.
     pub normal: Vector3<f64>,
     /// Depth by which the features overlap, m.
     pub depth_m: f64,
-    /// Features that touch.
     pub feature: Feature,
 }
 
@@ -53,7 +51,6 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// Of a device.
     pub fn of(device: &Device) -> Self {
         let half_m = device.slab_m.map(|length_m| 0.5 * length_m);
         Self {

@@ -41,9 +41,7 @@ pub struct Device {
     pub drive_hz: f64,
     /// Largest angle of the free oscillation at a duty of a half, rad.
     pub peak_rad: f64,
-    /// Coulomb friction of an impact.
     pub friction: f64,
-    /// Restitution of an impact.
     pub restitution: f64,
 }
 
@@ -90,7 +88,6 @@ impl Device {
         Self { drive_hz: 1_000.0, peak_rad: 2_f64.to_radians(), ..Self::published() }
     }
 
-    /// Mass of a slab, kg.
     pub fn slab_mass_kg(&self) -> f64 {
         self.solidity * SILICON_KGPM3 * self.slab_m.iter().product::<f64>()
     }
@@ -131,7 +128,6 @@ impl Device {
         -self.ridge_place_m * self.peak_rad.sin()
     }
 
-    /// Mechanics of a resonator.
     pub fn rotor(&self) -> Rotor {
         let natural_radps = 2.0 * PI * self.natural_hz;
         let inertia_kgm2 = self.inertia_kgm2();

@@ -31,11 +31,8 @@ pub enum ImpactLaw {
 /// Surface constants of an impact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
-    /// Coulomb friction.
     pub friction: f64,
-    /// Restitution.
     pub restitution: f64,
-    /// The law.
     pub law: ImpactLaw,
 }
 

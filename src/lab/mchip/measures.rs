@@ -35,7 +35,6 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// Of `samples`.
     pub fn of(samples: &[Sample]) -> Self {
         let Some(stride) = samples.windows(2).next().map(|pair| pair[1].at_s - pair[0].at_s) else {
             return Self { moving_mps: f64::NAN, stalls_s: Vec::new() };
@@ -56,7 +55,6 @@ impl Feed {
         Self { moving_mps: moving.get(moving.len() / 2).copied().unwrap_or(f64::NAN), stalls_s }
     }
 
-    /// Length of the longest stall, s.
     pub fn longest_stall_s(&self) -> f64 {
         self.stalls_s.iter().fold(0.0, |longest, stall| stall[1].max(longest))
     }
@@ -65,14 +63,11 @@ impl Feed {
 /// Mean and standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
-    /// Mean.
     pub mean: f64,
-    /// Standard deviation.
     pub sd: f64,
 }
 
 impl Spread {
-    /// Of `values`.
     pub fn of(values: impl Iterator<Item = f64> + Clone) -> Self {
         let count = values.clone().count().max(1) as f64;
         let mean = values.clone().sum::<f64>() / count;
@@ -97,7 +92,6 @@ pub struct Energies {
 }
 
 impl Energies {
-    /// Of the part of `run` over `samples`.
     pub fn of(run: &Run, samples: &[Sample]) -> Self {
         let part: &PartShape = &run.setup().part;
         let drift_mps = mean_rate_mps(samples);
@@ -121,9 +115,7 @@ impl Energies {
 pub struct Arrival {
     /// Time since the contact before, s.
     pub gap_s: f64,
-    /// Angle of the resonator, rad.
     pub angle_rad: f64,
-    /// Its angular speed, rad/s.
     pub speed_radps: f64,
     /// Impulse on the part along the feed, N s.
     pub forward_ns: f64,
@@ -170,9 +162,7 @@ pub struct Cluster {
     pub share: f64,
     /// Median gap, s.
     pub gap_s: f64,
-    /// Mean angle of the resonators, rad.
     pub angle_rad: f64,
-    /// Mean angular speed, rad/s.
     pub speed_radps: f64,
     /// Share of the cluster's contacts that push backwards.
     pub backward: f64,

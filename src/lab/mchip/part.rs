@@ -7,7 +7,6 @@ use nalgebra::{Matrix3, Translation3, UnitQuaternion, Vector3};
 pub struct PartShape {
     /// Half lengths along its own axes, m.
     pub half_m: Vector3<f64>,
-    /// Mass, kg.
     pub mass_kg: f64,
 }
 
@@ -16,7 +15,6 @@ pub struct PartShape {
 pub struct PartState {
     /// Centre of mass, m.
     pub center_m: Vector3<f64>,
-    /// Orientation.
     pub turn: UnitQuaternion<f64>,
     /// Velocity of the centre, m/s.
     pub velocity_mps: Vector3<f64>,
@@ -76,7 +74,6 @@ impl PartState {
         self.velocity_mps + self.spin_radps.cross(arm_m)
     }
 
-    /// The part's pose as an isometry.
     pub fn pose(&self) -> nalgebra::Isometry3<f64> {
         nalgebra::Isometry3::from_parts(Translation3::from(self.center_m), self.turn)
     }

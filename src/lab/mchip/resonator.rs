@@ -3,20 +3,15 @@
 /// Mechanics of a resonator about its rods.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rotor {
-    /// Moment of inertia, kg m².
     pub inertia_kgm2: f64,
-    /// Torsional stiffness, N m/rad.
     pub stiffness_nm: f64,
-    /// Torsional damping, N m s/rad.
     pub damping_nms: f64,
 }
 
 /// Angle and angular speed of a resonator; positive angles raise the ridge.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Swing {
-    /// Angle, rad.
     pub angle_rad: f64,
-    /// Angular speed, rad/s.
     pub speed_radps: f64,
 }
 
@@ -28,7 +23,6 @@ pub struct ExactStep {
 }
 
 impl Rotor {
-    /// The step of `step_s`.
     pub fn exact_step(&self, step_s: f64) -> ExactStep {
         let square = self.stiffness_nm / self.inertia_kgm2;
         let decay = 0.5 * self.damping_nms / self.inertia_kgm2;

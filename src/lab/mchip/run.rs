@@ -18,15 +18,10 @@ const WARM_UP_CYCLES: f64 = 20.0;
 /// Device, drive, part, impact law and steps of a run.
 #[derive(Clone, Debug)]
 pub struct Setup {
-    /// The array.
     pub device: Device,
-    /// Its drive.
     pub drive: Drive,
-    /// The part.
     pub part: PartShape,
-    /// Law of impacts.
     pub law: ImpactLaw,
-    /// Length of a step, s.
     pub step_s: f64,
     /// Time between samples, s.
     pub sample_s: f64,
@@ -78,10 +73,8 @@ impl Start {
     }
 }
 
-/// One impact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Impact {
-    /// Time, s.
     pub at_s: f64,
     /// Row of the resonator, from 0.
     pub row: usize,
@@ -91,22 +84,17 @@ pub struct Impact {
     pub driven: bool,
     /// Angle and angular speed of the resonator just before.
     pub swing: Swing,
-    /// Impulse on the part, N s.
     pub impulse_ns: Vector3<f64>,
-    /// Features that met.
     pub feature: Feature,
 }
 
 /// The part at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Time, s.
     pub at_s: f64,
-    /// State of the part.
     pub state: PartState,
 }
 
-/// A run in progress.
 #[derive(Clone, Debug)]
 pub struct Run {
     setup: Setup,
@@ -117,15 +105,11 @@ pub struct Run {
     tiles: Vec<Tile>,
     /// Resonators, row by row.
     pub swings: Vec<Swing>,
-    /// The part.
     pub state: PartState,
-    /// Steps done.
     steps: u64,
     /// External force on the part's centre, N.
     pub force_n: Vector3<f64>,
-    /// Impacts so far.
     pub impacts: Vec<Impact>,
-    /// Samples so far.
     pub samples: Vec<Sample>,
 }
 
@@ -180,12 +164,10 @@ impl Run {
         }
     }
 
-    /// Time since the start, s.
     pub fn time_s(&self) -> f64 {
         self.steps as f64 * self.setup.step_s
     }
 
-    /// Setup of the run.
     pub fn setup(&self) -> &Setup {
         &self.setup
     }

@@ -36,7 +36,6 @@ pub struct Sweeps {
 }
 
 impl Sweeps {
-    /// Adds their runs.
     pub fn new(batch: &mut Batch) -> Self {
         let setup = |duty| Setup::published(Drive { duty, ..Drive::plain() });
         let mut sweep = |values: &[f64], setup: &Setup, set: fn(&mut Setup, f64)| {

@@ -5,7 +5,6 @@
 pub struct Block {
     /// Length of the face that it stands on, m.
     pub length_m: f64,
-    /// Height, m.
     pub height_m: f64,
 }
 

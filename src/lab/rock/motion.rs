@@ -15,7 +15,6 @@ const FLAT_RAD: f64 = 1e-5;
 /// A rocking block as it is released.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Release {
-    /// The block.
     pub block: Block,
     /// Part of its centre's normal speed that is given back at an impact, `e`.
     pub restitution: f64,
@@ -43,7 +42,6 @@ pub struct Motion {
     pub track: Vec<[f64; 2]>,
     /// Time and tilt of every peak, s and rad.
     pub peaks: Vec<[f64; 2]>,
-    /// Times of the impacts, s.
     pub impacts_s: Vec<f64>,
     /// Least force on the corner while the motion lasts, over the weight.
     pub least_contact: f64,
@@ -51,7 +49,6 @@ pub struct Motion {
     pub friction: f64,
     /// State at the end of the time.
     pub last: Turn,
-    /// How it ended.
     pub end: End,
 }
 

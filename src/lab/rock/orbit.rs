@@ -14,7 +14,6 @@ const BEYOND: f64 = 1.01;
 /// One cycle of a rocking block, from a peak over an impact to the next peak.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cycle {
-    /// The block.
     pub block: Block,
     /// Part of its centre's normal speed that is given back at the impact.
     pub restitution: f64,

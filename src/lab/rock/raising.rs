@@ -18,7 +18,6 @@ pub struct Raised {
     pub wave: Wave,
     /// Peaks that it is made for, rad.
     pub peaks_rad: Vec<f64>,
-    /// The block on it.
     pub motion: Motion,
 }
 

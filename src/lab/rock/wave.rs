@@ -6,7 +6,6 @@ const POINTS: usize = 64;
 /// Time over which the acceleration goes evenly from one value to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stretch {
-    /// s.
     pub length_s: f64,
     /// Accelerations at its ends, upward, m/s².
     pub accel_mps2: [f64; 2],
@@ -30,7 +29,6 @@ pub struct Square {
     pub from_s: f64,
     /// When it ends to be, `T_2`, s.
     pub to_s: f64,
-    /// s.
     pub period_s: f64,
 }
 
@@ -69,7 +67,6 @@ impl Square {
 }
 
 impl Wave {
-    /// Its length, s.
     pub fn length_s(&self) -> f64 {
         self.stretches.iter().map(|stretch| stretch.length_s).sum()
     }

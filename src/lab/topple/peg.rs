@@ -5,20 +5,16 @@ use upm_core::units::GRAVITY_MPS2;
 /// Outline of a part, as seen from the side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
-    /// A rectangular block.
     Block,
-    /// A standing cylinder.
     Cylinder,
 }
 
 /// A part on a flat surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Peg {
-    /// Its outline.
     pub shape: Shape,
     /// Length along its way, or diameter, m.
     pub length_m: f64,
-    /// Height, m.
     pub height_m: f64,
 }
 

@@ -19,11 +19,9 @@ pub struct Scatter {
     pub belt: f64,
     /// Mean friction between belt and part, and its standard deviation.
     pub friction: f64,
-    /// Standard deviation of that.
     pub friction_sd: f64,
     /// Mean way on the belt before the ledge, m, and its standard deviation as a part of it.
     pub way_m: f64,
-    /// Standard deviation of that, as a part of it.
     pub way_sd: f64,
 }
 
@@ -51,7 +49,6 @@ pub struct Band {
 }
 
 impl Band {
-    /// The middle of the band.
     pub fn median_mps(&self) -> f64 {
         0.5 * (self.none_mps + self.all_mps)
     }

@@ -21,7 +21,6 @@ pub struct Task {
 }
 
 impl Task {
-    /// The problem on the plate of `rig`.
     pub fn on(rig: &LabRig) -> Self {
         let half_side_m = 0.5 * rig.sim.plate.side_m;
         let scaled = |[x, y]: [f64; 2]| Vec2::new(x, y) * half_side_m;
@@ -57,7 +56,6 @@ impl Task {
         Ok(way)
     }
 
-    /// The fault of parts in whose places the fields are dependent.
     pub fn singular(&self, at: &Places) -> LabFault {
         let [a, b] = at.map(|part| part * 1e3);
         let number = condition(&field_matrix(&self.centers_m, at));

@@ -10,19 +10,20 @@ const MISPLACED_PX: f64 = 5.0;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
     pub seed: u64,
-    /// Parts there are.
     pub parts: usize,
     pub table: TableVerdict,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum TableVerdict {
-    /// No table was found.
     NotFound(TableFault),
     /// One was, but not where it is.
     Misplaced,
     /// Distances of the corners from the true ones, px, and what became of the parts.
-    Found { corner_errors_px: [f64; 4], parts: PartsVerdict },
+    Found {
+        corner_errors_px: [f64; 4],
+        parts: PartsVerdict,
+    },
 }
 
 #[derive(Clone, Debug, Default, PartialEq)]

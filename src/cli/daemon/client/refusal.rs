@@ -17,7 +17,6 @@ pub(crate) enum Refusal {
     Lost(String),
     /// It said no.
     Problem {
-        /// The status of the answer.
         status: u16,
         /// Its detail in a sentence.
         detail: String,
@@ -79,7 +78,6 @@ impl Refusal {
         }
     }
 
-    /// In one line.
     pub fn line(&self) -> String {
         match self {
             Self::Unreached(line) | Self::Lost(line) => line.clone(),

@@ -16,7 +16,6 @@ const MOST_RESTS: u32 = 28;
 /// What is heard of a job.
 #[derive(Debug)]
 pub(super) enum Heard {
-    /// Something happened.
     Event(Event),
     /// The connection is gone, and why; it is tried again.
     Lost(String),

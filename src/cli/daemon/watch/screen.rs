@@ -41,7 +41,6 @@ impl Screen {
         Self { how, quiet, id: id.to_owned() }
     }
 
-    /// Shows one event.
     pub fn show(&mut self, event: &Event) -> Result<(), Failure> {
         match &self.how {
             How::Json => {
@@ -77,7 +76,6 @@ impl Screen {
         }
     }
 
-    /// Shows how the job ended.
     pub fn ended(&self, job: &Job) -> Result<(), Failure> {
         match self.how {
             How::Json => Ok(()),
