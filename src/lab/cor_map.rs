@@ -59,6 +59,8 @@ fn figures(read: &[Read], half_side_m: f64) -> Vec<Figure> {
     let share = |(read, truth): &(Vec2, Vec2)| 100.0 * (read - truth).norm() / truth.norm();
     let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
     let translations = read.len() - inside.len() - outside.len();
+    let outside_rms = rms(&mut outside.iter().map(|c| share(c).powi(2)));
+    let wrong = read.iter().filter(|m| is_wrong_way(m)).count();
     let turned_deg = |motion: &Read| motion.read.velocity_mps.angle(&motion.truth.velocity_mps).to_degrees();
     let straight =
         read.iter().filter(|m| m.truth.center_of_rotation().is_none_or(|c| c.norm() >= FARTHEST * half_side_m));
@@ -68,20 +70,10 @@ fn figures(read: &[Read], half_side_m: f64) -> Vec<Figure> {
         Figure::alone("translations", "1", translations as f64, "counted"),
         Figure::alone("read-out inside, rms", "mm", rms(&mut inside.iter().map(|c| miss_mm(c).powi(2))), TRUTH),
         Figure::alone("read-out inside, worst", "mm", largest(&mut inside.iter().map(miss_mm)), TRUTH),
-        Figure::alone(
-            "read-out outside, rms",
-            "% of distance",
-            rms(&mut outside.iter().map(|c| share(c).powi(2))),
-            TRUTH,
-        ),
+        Figure::alone("read-out outside, rms", "% of distance", outside_rms, TRUTH),
         Figure::alone("read-out outside, worst", "% of distance", largest(&mut outside.iter().map(share)), TRUTH),
         Figure::alone("direction of translations, worst", "deg", largest(&mut straight.map(turned_deg)), TRUTH),
-        Figure::alone(
-            "wrong way round",
-            "1",
-            read.iter().filter(|m| is_wrong_way(m)).count() as f64,
-            "counted, Eq. 14",
-        ),
+        Figure::alone("wrong way round", "1", wrong as f64, "counted, Eq. 14"),
     ]
 }
 

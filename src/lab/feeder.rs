@@ -93,24 +93,16 @@ pub fn measure(feeder: &Feeder, _: Progress<'_>) -> Result<Outcome, LabFault> {
     let rate_mps = cycle.way_m / plate.period_s;
     let viscosity = viscosity_nspm(&plate, friction, mass_kg);
     let exact_mps = feed_rate_mps(&plate, friction);
+    let rate_against = |closed_form_mps: f64, source: &str| {
+        Figure::against("feed rate", "mm/s", mm_from_m(rate_mps), mm_from_m(closed_form_mps), source)
+    };
     let rate = match (force_n == 0.0, feeder.saturates()) {
-        (true, saturates) => {
-            let source = if saturates { "Impulse paper, Eq. 7" } else { "Impulse paper, Eq. 3" };
-            Figure::against("feed rate", "mm/s", mm_from_m(rate_mps), mm_from_m(exact_mps), source)
-        }
-        (false, false) => {
-            let forced_mps = exact_mps + force_n / viscosity;
-            Figure::against(
-                "feed rate",
-                "mm/s",
-                mm_from_m(rate_mps),
-                mm_from_m(forced_mps),
-                "Impulse paper, Eqs. 3 and 4",
-            )
-        }
+        (true, true) => rate_against(exact_mps, "Impulse paper, Eq. 7"),
+        (true, false) => rate_against(exact_mps, "Impulse paper, Eq. 3"),
+        (false, false) => rate_against(exact_mps + force_n / viscosity, "Impulse paper, Eqs. 3 and 4"),
         (false, true) => Figure::alone("feed rate", "mm/s", mm_from_m(rate_mps), "simulated; no closed form for it"),
     };
-    let alone = |name: &str, unit: &str, value: f64, source: &str| Figure::alone(name, unit, value, source);
+    let alone = Figure::alone::<&str>;
     let figures = vec![
         rate,
         alone("quasi-static feed rate", "mm/s", mm_from_m(quasi_static_mps(&plate)), "Impulse paper, Eq. 3 and below"),
@@ -140,12 +132,8 @@ fn cycle_chart(plate: &PlateCycle, events: &[[f64; 2]]) -> (Chart, Vec<Series>) 
     });
     let plate: Vec<[f64; 2]> = std::iter::once([0.0, 0.0]).chain(corners).map(|at| ms_mm(&at)).collect();
     let part: Vec<[f64; 2]> = events.iter().map(ms_mm).collect();
-    let series = vec![
-        Series::new("plate_t_ms", plate.iter().map(|at| at[0])),
-        Series::new("plate_mm_s", plate.iter().map(|at| at[1])),
-        Series::new("part_t_ms", part.iter().map(|at| at[0])),
-        Series::new("part_mm_s", part.iter().map(|at| at[1])),
-    ];
+    let mut series = Series::columns(["plate_t_ms", "plate_mm_s"], &plate);
+    series.extend(Series::columns(["part_t_ms", "part_mm_s"], &part));
     let chart = Chart::plot(
         "feeder-cycle",
         "One cycle of the plate, and the part on it",

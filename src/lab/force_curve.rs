@@ -63,11 +63,8 @@ fn report_forces(rig: &LabRig, outcome: &mut Outcome) {
     let at_belt = belt.iter().map(|[_, force, exact]| (force - exact).abs() / at_rest).fold(0.0, f64::max);
     let source = "closed form: no force at the belt's speed";
     outcome.figures.push(Figure::against("deviation of the mean force at A/2", "f0", at_belt, 0.0, source));
-    outcome.series.extend([
-        Series::new("force_speed_over_amplitude", rows.iter().map(|row| row[0])),
-        Series::new("force_over_mu_m_g", rows.iter().map(|row| row[1])),
-        Series::new("force_over_mu_m_g_closed_form", rows.iter().map(|row| row[2])),
-    ]);
+    let names = ["force_speed_over_amplitude", "force_over_mu_m_g", "force_over_mu_m_g_closed_form"];
+    outcome.series.extend(Series::columns(names, &rows));
     outcome.charts.push(force_chart(&rows));
 }
 

@@ -18,12 +18,12 @@ pub struct Figure {
 
 impl Figure {
     /// A figure with something to compare it with.
-    pub fn against(name: impl Into<String>, unit: &str, measured: f64, reference: f64, source: &str) -> Self {
+    pub fn against<N: Into<String>>(name: N, unit: &str, measured: f64, reference: f64, source: &str) -> Self {
         Self { reference: Some(reference), ..Self::alone(name, unit, measured, source) }
     }
 
     /// A figure by itself; `source` says how it was found.
-    pub fn alone(name: impl Into<String>, unit: &str, measured: f64, source: &str) -> Self {
+    pub fn alone<N: Into<String>>(name: N, unit: &str, measured: f64, source: &str) -> Self {
         Self { name: name.into(), unit: unit.to_owned(), measured, reference: None, source: source.to_owned() }
     }
 
@@ -47,6 +47,11 @@ impl Series {
     /// Values under a name.
     pub fn new(name: &str, values: impl IntoIterator<Item = f64>) -> Self {
         Self { name: name.to_owned(), values: values.into_iter().collect() }
+    }
+
+    /// The columns of `rows` under these names.
+    pub(super) fn columns<const N: usize>(names: [&str; N], rows: &[[f64; N]]) -> Vec<Self> {
+        names.iter().enumerate().map(|(i, name)| Self::new(name, rows.iter().map(|row| row[i]))).collect()
     }
 }
 

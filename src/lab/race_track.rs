@@ -214,13 +214,8 @@ fn figures(rig: &LabRig, race: &Race) -> Vec<Figure> {
         let (arcs, angles) = (lap.arc() / outer.arc(), lap.angle() / outer.angle());
         figures.push(Figure::against(format!("{}: arc over the outer coin's", NAMES[i]), "1", arcs, 1.0, IDEAL));
         let inverse = course.radius_m(OUTER) / course.radius_m(i);
-        figures.push(Figure::against(
-            format!("{}: angle over the outer coin's", NAMES[i]),
-            "1",
-            angles,
-            inverse,
-            IDEAL,
-        ));
+        let name = format!("{}: angle over the outer coin's", NAMES[i]);
+        figures.push(Figure::against(name, "1", angles, inverse, IDEAL));
     }
     figures
 }

@@ -125,16 +125,13 @@ pub fn measure(rock: &Rock, _: Progress<'_>) -> Result<Outcome, LabFault> {
         track_chart("rock-tilt", "Tilt of the block", &[("let go here", &motion)], Some(rock.peak_rad)),
         wave_chart("rock-table", &wave),
     ];
-    let series = vec![
-        Series::new("t_s", motion.track.iter().map(|at| at[0])),
-        Series::new("tilt_rad", motion.track.iter().map(|at| at[1])),
-    ];
+    let series = Series::columns(["t_s", "tilt_rad"], &motion.track);
     Ok(Outcome { figures, notes, charts, series, ..Outcome::default() })
 }
 
 /// The wave, and what it does near its orbit.
 fn orbit_figures(rock: &Rock, drive: &Square, wave: &Wave) -> Vec<Figure> {
-    let alone = |name: &str, unit: &str, value: f64, source: &str| Figure::alone(name, unit, value, source);
+    let alone = Figure::alone::<&str>;
     let once = rock.release(1.0).motion(&drive.wave(), 1.5 * drive.period_s);
     let [at_s, peak_rad] = once.peaks.first().copied().unwrap_or([f64::NAN; 2]);
     let captured = rock.release(1.0).captured(wave).unwrap_or([f64::NAN; 2]);
@@ -152,7 +149,7 @@ fn orbit_figures(rock: &Rock, drive: &Square, wave: &Wave) -> Vec<Figure> {
 
 /// Peaks, end and contact forces of the block's motion.
 fn fate_figures(rock: &Rock, motion: &Motion) -> Vec<Figure> {
-    let alone = |name: &str, unit: &str, value: f64, source: &str| Figure::alone(name, unit, value, source);
+    let alone = Figure::alone::<&str>;
     let peak = |i: usize| motion.peaks.get(i).map_or(f64::NAN, |peak| peak[1] / rock.peak_rad);
     let last = match motion.end {
         End::Rocks => motion.peaks.last().map_or(f64::NAN, |peak| peak[1]),

@@ -142,17 +142,12 @@ fn impacts(summaries: &[Summary], how: &str) -> Vec<Figure> {
 
 /// Contacts at a shorter duty, beside the paper's.
 fn short_duty(plain: &[Summary], strobed: &[Summary]) -> Vec<Figure> {
-    let doubles = |summaries: &[Summary]| mean(summaries, |summary| summary.clusters[0].share);
+    let [doubles, strobed] = [plain, strobed].map(|of| mean(of, |summary| summary.clusters[0].share));
     let backward = of_cluster(plain, 2, |of| of.backward);
     vec![
-        Figure::against("36 % duty: double bounces, of all contacts", "1", doubles(plain), 0.0, "M-Chip paper: none"),
+        Figure::against("36 % duty: double bounces, of all contacts", "1", doubles, 0.0, "M-Chip paper: none"),
         Figure::alone("36 % duty: contacts once a cycle that push backward", "1", backward, "M-Chip paper: about half"),
-        Figure::alone(
-            "36 % duty, strobed: double bounces, of all contacts",
-            "1",
-            doubles(strobed),
-            "parked rows brake",
-        ),
+        Figure::alone("36 % duty, strobed: double bounces, of all contacts", "1", strobed, "parked rows brake"),
     ]
 }
 
@@ -190,24 +185,14 @@ fn feed<'a>(places: &Places, of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Ve
 
 /// The part's height and its spectrum.
 fn bouncing(strobed: &[Summary]) -> Vec<Figure> {
+    const FIG_9: &str = "M-Chip paper, Fig. 9";
     let line = |of: fn(&Summary) -> f64| mean(strobed, of);
+    let hz = |name: &str, of: fn(&Summary) -> f64, paper_hz| Figure::against(name, "Hz", line(of), paper_hz, FIG_9);
     let ratio = mean(strobed, |summary| summary.bounce_line[1] / summary.drive_line[1]);
     vec![
-        Figure::against(
-            "strobed: line of the bouncing",
-            "Hz",
-            line(|of| of.bounce_line[0]),
-            360.0,
-            "M-Chip paper, Fig. 9",
-        ),
-        Figure::against(
-            "strobed: line of the drive",
-            "Hz",
-            line(|of| of.drive_line[0]),
-            5_000.0,
-            "M-Chip paper, Fig. 9",
-        ),
-        Figure::against("strobed: the first over the second", "1", ratio, 5.0, "M-Chip paper, Fig. 9"),
+        hz("strobed: line of the bouncing", |of| of.bounce_line[0], 360.0),
+        hz("strobed: line of the drive", |of| of.drive_line[0], 5_000.0),
+        Figure::against("strobed: the first over the second", "1", ratio, 5.0, FIG_9),
         Figure::alone("strobed: height above rest", "µm", 1e6 * line(|of| of.height_m.mean), "9.3 by PotZ at 550 µg"),
     ]
 }
@@ -237,6 +222,11 @@ fn energies(summaries: &[Summary]) -> Sheet {
 /// Other models and devices beside it.
 fn beside<'a>(places: &Places, of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
     let rate = |range: &Range<usize>| mm_from_m(mean(of(range), |summary| summary.rate_mps));
+    let rate_against = |name: &str, range: &Range<usize>, paper_mm_s: f64, source: &str| {
+        Figure::against(name, "mm/s", rate(range), paper_mm_s, source)
+    };
+    let rate_alone = |name: &str, range: &Range<usize>, source: &str| Figure::alone(name, "mm/s", rate(range), source);
+    let solid_jams = jams(of(&places.solid[2]), JAM_S);
     let belt = Belt::published();
     let strobed = of(&places.strobed);
     let share = mean(strobed, |summary| {
@@ -247,49 +237,23 @@ fn beside<'a>(places: &Places, of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> 
     let angular = |i: usize| mean(strobed, |summary| summary.energies.jitter[i].mean);
     let paper_share = TABLE[6][0] / TABLE.iter().map(|row| row[0]).sum::<f64>();
     let [sinks, bounces] = [1e6 * belt.depth_m(), belt.bounce_hz()];
+    let slope = mm_from_m(belt.slope_mpspn()) * DYN_N;
     let nominal = "the designers' device, 1 kHz and 2°: no figure";
+    let jams_at_new_rows = "M-Chip paper: jams at new rows";
+    let under_force = "Impulse paper, rates under force";
     vec![
         Figure::against("PotZ, of all energy, strobed", "1", share, paper_share, "Impulse paper, Table I"),
         Figure::alone("AngX over AngY, strobed", "1", angular(3) / angular(4), "Impulse paper: 1.03"),
         Figure::alone("AngZ over AngY, strobed", "1", angular(5) / angular(4), "Impulse paper: 0.013"),
-        Figure::alone("nominal device, 50 % duty: rate", "mm/s", rate(&places.nominal[0]), nominal),
-        Figure::alone("nominal device, 36 % duty: rate", "mm/s", rate(&places.nominal[1]), nominal),
-        Figure::against(
-            "solid slabs, 50 % duty: rate",
-            "mm/s",
-            rate(&places.solid[0]),
-            0.8,
-            "M-Chip paper, section III",
-        ),
-        Figure::against(
-            "solid slabs, 36 % duty: rate",
-            "mm/s",
-            rate(&places.solid[1]),
-            1.05,
-            "M-Chip paper: 1.0 to 1.1",
-        ),
-        Figure::against(
-            "solid slabs: starts that jam, of three",
-            "1",
-            jams(of(&places.solid[2]), JAM_S),
-            FEW as f64,
-            "M-Chip paper: jams at new rows",
-        ),
-        Figure::alone(
-            "rate with algebraic impacts",
-            "mm/s",
-            rate(&places.algebraic),
-            "friction by the first slip alone",
-        ),
+        rate_alone("nominal device, 50 % duty: rate", &places.nominal[0], nominal),
+        rate_alone("nominal device, 36 % duty: rate", &places.nominal[1], nominal),
+        rate_against("solid slabs, 50 % duty: rate", &places.solid[0], 0.8, "M-Chip paper, section III"),
+        rate_against("solid slabs, 36 % duty: rate", &places.solid[1], 1.05, "M-Chip paper: 1.0 to 1.1"),
+        Figure::against("solid slabs: starts that jam, of three", "1", solid_jams, FEW as f64, jams_at_new_rows),
+        rate_alone("rate with algebraic impacts", &places.algebraic, "friction by the first slip alone"),
         Figure::against("belt of Fig. 11: bouncing", "Hz", bounces, 370.0, "294 dyn/cm and 55 µg"),
         Figure::alone("belt of Fig. 11: depth of the part", "µm", sinks, "294 dyn/cm and 55 µg"),
-        Figure::against(
-            "belt of Fig. 11: slope of the rate over force",
-            "mm/s/dyn",
-            mm_from_m(belt.slope_mpspn()) * DYN_N,
-            19.6,
-            "Impulse paper, rates under force",
-        ),
+        Figure::against("belt of Fig. 11: slope of the rate over force", "mm/s/dyn", slope, 19.6, under_force),
     ]
 }
 

@@ -66,23 +66,15 @@ impl Sweeps {
         let height = |ranges: &[Range<usize>]| curve(ranges, |summary| 1e6 * summary.height_m.mean);
         let speed = |ranges: &[Range<usize>]| curve(ranges, |summary| summary.speed_radps);
         let (rates, heights) = (rate(&self.masses), height(&self.masses));
+        let fastest_um = at_peak(&PLACES_UM, &speed(&self.places));
+        let feeding_um = at_peak(&PLACES_UM, &rate(&self.places));
+        let nearer = "Impulse paper: nearer the axis than that";
         outcome.figures.extend([
             Figure::against("mass with the highest rate", "µg", at_peak(&MASSES_UG, &rates), 55.0, "Impulse paper"),
             spring("spring by the height against the mass", &heights),
             spring("the same with light slabs", &height(&self.light)),
-            Figure::against(
-                "ridge distance with the highest angular speed",
-                "µm",
-                at_peak(&PLACES_UM, &speed(&self.places)),
-                -125.0,
-                "Impulse paper",
-            ),
-            Figure::alone(
-                "ridge distance with the highest rate",
-                "µm",
-                at_peak(&PLACES_UM, &rate(&self.places)),
-                "Impulse paper: nearer the axis than that",
-            ),
+            Figure::against("ridge distance with the highest angular speed", "µm", fastest_um, -125.0, "Impulse paper"),
+            Figure::alone("ridge distance with the highest rate", "µm", feeding_um, nearer),
             collapse(&rate(&self.heights)),
         ]);
         outcome.figures.extend(self.force(&rate(&self.forces), of));
@@ -118,16 +110,11 @@ impl Sweeps {
         // the number of ridges under the part does not enter the force
         let stall_dyn = ride(&setup.device, &setup.part, 1.0, height_m).stall_n / DYN_N;
         let slope_source = "Impulse paper, rates under force";
+        let stall_source = "μ M g (1 - q)/(1 + q), closed form";
         vec![
             Figure::against("slope of the rate over force, 36 % duty", "mm/s/dyn", slope, 19.6, slope_source),
             Figure::against("opposing force that stops it", "dyn", intercept / slope, 0.056, "Impulse paper"),
-            Figure::against(
-                "the same beside single bounces",
-                "dyn",
-                intercept / slope,
-                stall_dyn,
-                "μ M g (1 - q)/(1 + q), closed form",
-            ),
+            Figure::against("the same beside single bounces", "dyn", intercept / slope, stall_dyn, stall_source),
         ]
     }
 }

@@ -105,7 +105,9 @@ fn square_wave(outcome: &mut Outcome) -> Result<(), LabFault> {
     let both = [("exact start", &exact), ("6 % high", &high)];
     outcome.charts.push(track_chart("rock-square", "Square wave (Figs. 5 and 6)", &both, Some(rock.peak_rad)));
     outcome.charts.push(wave_chart("rock-square-table", &wave));
-    outcome.series.extend(track_series("square_6_percent_high", &high));
+    outcome
+        .series
+        .extend(Series::columns(["square_6_percent_high_t_s", "square_6_percent_high_tilt_rad"], &high.track));
     Ok(())
 }
 
@@ -125,7 +127,7 @@ fn ramped_wave(outcome: &mut Outcome) -> Result<(), LabFault> {
     ]);
     outcome.charts.push(track_chart("rock-ramped", "Ramped wave (Fig. 8)", &[("0.30 rad", &motion)], Some(last_rad)));
     outcome.charts.push(wave_chart("rock-ramped-table", &ramped));
-    outcome.series.extend(track_series("ramped", &motion));
+    outcome.series.extend(Series::columns(["ramped_t_s", "ramped_tilt_rad"], &motion.track));
     let steep = Rock::published();
     let steep_drive = steep.drive()?;
     let rows =
@@ -154,10 +156,8 @@ fn selection(outcome: &mut Outcome) -> Result<(), LabFault> {
     let found = WINDOWS_FROM.iter().map(|&from| on_drive(from)).collect::<Result<Vec<_>, _>>()?;
     let curve: Vec<[f64; 2]> =
         found.iter().map(|found| [found.window, found.peaks_rad[1] / found.peaks_rad[0]]).collect();
-    outcome.series.extend([
-        Series::new("window_over_difference_of_impacts", curve.iter().map(|at| at[0])),
-        Series::new("lying_over_standing", curve.iter().map(|at| at[1])),
-    ]);
+    let names = ["window_over_difference_of_impacts", "lying_over_standing"];
+    outcome.series.extend(Series::columns(names, &curve));
     outcome.charts.push(Chart::plot(
         "rock-window",
         "Peak of the lying block over that of the standing one",
@@ -197,13 +197,6 @@ fn raising(outcome: &mut Outcome) -> Result<(), LabFault> {
 
 fn least_contact<const N: usize>(motions: [&Motion; N]) -> f64 {
     motions.iter().map(|motion| motion.least_contact).fold(f64::INFINITY, f64::min)
-}
-
-fn track_series(name: &str, motion: &Motion) -> [Series; 2] {
-    [
-        Series::new(&format!("{name}_t_s"), motion.track.iter().map(|at| at[0])),
-        Series::new(&format!("{name}_tilt_rad"), motion.track.iter().map(|at| at[1])),
-    ]
 }
 
 #[cfg(test)]

@@ -83,10 +83,7 @@ fn orientations() -> Outcome {
             Layer::new("closed form (Eq. 2.3)", Mark::Line, Color::Blue, curve.iter().copied()),
         ],
     );
-    let series = vec![
-        Series::new("delta", curve.iter().map(|at| at[0])),
-        Series::new("ratio_of_orientations", curve.iter().map(|at| at[1])),
-    ];
+    let series = Series::columns(["delta", "ratio_of_orientations"], &curve);
     Outcome { figures, charts: vec![chart], series, ..Outcome::default() }
 }
 
