@@ -13,9 +13,9 @@ pub struct Chart {
     pub name: String,
     /// One line above it.
     pub title: String,
-    /// What is along x.
+    /// Horizontal axis.
     pub x: Axis,
-    /// What is along y.
+    /// Vertical axis.
     pub y: Axis,
     /// True for a map: one unit is as long along x as along y.
     pub map: bool,

@@ -23,7 +23,7 @@ const WIDTH_PX: f64 = 900.0;
 const MARGIN_PX: f64 = 16.0;
 /// From one line of text to the next, in sizes.
 const LINE: f64 = 1.4;
-/// What the numbers and the label below the x axis take, px.
+/// Height of the numbers and the label below the x axis, px.
 const BELOW_PX: f64 = 48.0;
 /// From there to the legend, px.
 const GAP_PX: f64 = 8.0;
@@ -65,12 +65,12 @@ fn scale_across(range: [f64; 2], width_px: f64) -> Scale {
     fitting.next().map_or_else(|| Scale::over(range, 2), |(_, scale)| scale)
 }
 
-/// What goes where on the picture.
+/// Layout of the picture.
 struct Layout {
     title: Vec<String>,
     x: Scale,
     y: Scale,
-    /// What the numbers and the label left of the y axis take, px.
+    /// Width of the numbers and the label left of the y axis, px.
     left_px: f64,
     plot_height_px: f64,
     legend: Legend,

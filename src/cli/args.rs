@@ -354,7 +354,7 @@ mod tests {
 
     use super::*;
 
-    /// What the shipped unit starts is a command line that this program takes.
+    /// The command line of the shipped unit is one that this program takes.
     #[test]
     fn the_shipped_unit_starts_the_daemon() {
         let unit = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/systemd/upm.service");

@@ -19,14 +19,14 @@ use upm_library::Library;
 use upm_runner::config::{self, DaemonSpec, Document, Fault, JobSpec, PlateSpec, RigSpec, SimulateSpec};
 use upm_runner::run::{PlannerSelection, check_simulate, job_library, library_faults, tolerance_warning};
 
-/// What a valid file turned out to be.
+/// Contents of a valid file.
 struct Found {
     /// A line for people.
     says: String,
     covered: Option<Covered>,
-    /// What a job is predicted to come to, where that was asked.
+    /// Forecast of a job, where one was asked for.
     planned: Option<Planned>,
-    /// What the job asks for beyond what its rig can hold. A job with warnings is valid.
+    /// Tolerances tighter than the rig can hold. A job with warnings is valid.
     warnings: Vec<String>,
 }
 
@@ -46,7 +46,7 @@ impl Found {
     }
 }
 
-/// What a file turned out to be, or its faults.
+/// Contents of a file, or its faults.
 type Finding = Result<Found, Vec<String>>;
 
 pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
@@ -91,7 +91,7 @@ fn status(findings: &[(&Path, Finding)]) -> u8 {
     }
 }
 
-/// What is asked of files beside being valid.
+/// Checks beside validity.
 #[derive(Clone, Copy)]
 struct Asked<'a> {
     /// The rig that libraries must have been measured on.

@@ -230,7 +230,7 @@ fn lab_rig(spec: &RigSpec, seed: u64) -> Result<LabRig, Failure> {
     Ok(LabRig { model: spec.model.clone(), sim: spec.sim.clone(), penny, seed })
 }
 
-/// What the trace file at `path` says.
+/// The outcome of the trace file at `path`.
 fn read_trace(name: &str, path: &Path) -> Result<Outcome, Failure> {
     if name != WAVEFORM_FIT {
         return Err(Failure::bad_input(format!("--trace: found experiment {name:?}, allowed: {WAVEFORM_FIT}")));

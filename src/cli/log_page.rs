@@ -1,7 +1,7 @@
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex};
 
-/// What a log is written on in tests. Copies are the same page.
+/// Buffer that logs are written to in tests. Copies share it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Page(Arc<Mutex<Vec<u8>>>);
 

@@ -19,8 +19,8 @@ const FAREWELL: Duration = Duration::from_millis(100);
 /// How often it looks meanwhile.
 const LOOK: Duration = Duration::from_millis(1);
 
-/// Takes the lines of a log and never waits for who reads them: a thread of its own writes them. Those that find no room
-/// are lost, and how many is told before the next one.
+/// Queue of log lines that never blocks: a dedicated thread writes them. When it is full lines are dropped, and their number
+/// is reported before the next one.
 #[derive(Debug)]
 pub(super) struct LogWriter {
     lines: SyncSender<Entry>,
@@ -74,7 +74,7 @@ fn write_down(entries: &Receiver<Entry>, mut out: impl Write, tally: &Tally, tel
         if lost > 0 {
             tell_lost(lost);
         }
-        // where it cannot be written nobody can be told
+        // a log that cannot be written has no place to report it
         out.write_all(&text).ok();
         tally.waiting.fetch_sub(1, Ordering::SeqCst);
     }
@@ -111,7 +111,7 @@ impl Drop for Line<'_> {
     }
 }
 
-/// When it is dropped what waits is written, but for what does not go in a tenth of a second.
+/// On drop, waits up to 100 ms for the queue to be written.
 #[derive(Debug)]
 pub(super) struct LastWords(Arc<Tally>);
 
@@ -172,7 +172,7 @@ mod tests {
         let say = |text: String| writeln!(log.make_writer(), "{text}").unwrap();
         say("first".to_owned());
         asked.recv().unwrap();
-        // nobody lets the writer go before all of this is said
+        // the writer is stuck until all of this is said
         (0..WAITING).for_each(|i| say(i.to_string()));
         (0..7).for_each(|_| say("no room".to_owned()));
         drop(let_go);

@@ -21,7 +21,7 @@ use super::panics;
 #[derive(Clone, Copy, Debug)]
 struct Setting {
     level: LevelFilter,
-    /// Stderr goes to the journal, which has a time of its own and wants levels as numbers.
+    /// Stderr goes to the journal, which adds the time and wants levels as numbers.
     is_journal: bool,
     is_terminal: bool,
 }
@@ -49,7 +49,7 @@ pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<LastWor
     last_words
 }
 
-/// What takes a daemon's lines. How many were lost is written past it, in the same form.
+/// Writer of a daemon's lines. The number of lost lines is written past it, in the same form.
 fn patient(format: LogFormat, setting: Setting) -> Option<(LogWriter, LastWords)> {
     let direct = Dispatch::new(subscriber(Some(format), setting, std::io::stderr));
     let tell_lost =
@@ -101,7 +101,7 @@ where
     }
 }
 
-/// All up to `level`, but for what Rerun's server says of itself: its address is not the one that viewers go to.
+/// All up to `level`, except the messages of Rerun's server about itself: its address is not the one that viewers go to.
 fn wanted(level: LevelFilter) -> Targets {
     let of_server = if level == LevelFilter::INFO { LevelFilter::WARN } else { level };
     Targets::new().with_default(level).with_target("re_grpc_server", of_server)
@@ -132,7 +132,7 @@ mod tests {
     use super::super::log_page::Page;
     use super::*;
 
-    /// What is written when something is logged at two levels.
+    /// Text of a log at two levels.
     fn logged(daemon: Option<LogFormat>, level: LevelFilter, is_journal: bool) -> String {
         let page = Page::default();
         let writer = page.clone();

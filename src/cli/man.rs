@@ -17,7 +17,7 @@ const EXIT_STATUS: [(&str, &str); 3] = [
     ("2", "Bad usage or a bad file; one line a fault on stderr."),
 ];
 
-/// What status 130 says of a command; `None` for those that do not look at Ctrl-C, and for the daemon, which ends in order.
+/// Meaning of status 130 for a command; `None` for those that do not handle Ctrl-C, and for the daemon, which ends in order.
 fn interrupted(command: &str) -> Option<&'static str> {
     match command {
         "upm" => Some("Ended by Ctrl-C."),

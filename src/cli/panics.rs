@@ -18,7 +18,7 @@ fn note(panic: &PanicHookInfo<'_>) {
     }
 }
 
-/// What it was given to say, on one line.
+/// Message of the panic, on one line.
 fn message(panic: &PanicHookInfo<'_>) -> String {
     let payload = panic.payload();
     let text = payload.downcast_ref::<&str>().copied();

@@ -4,7 +4,7 @@ use upm_recording::{CycleError, PlannerReport, PredictionError, Report, Verdict}
 use upm_runner::config::JobSpec;
 use upm_runner::run::RunResult;
 
-/// What a person wants to know when a run is over.
+/// Prints the result of a run for people.
 pub(super) fn print_summary(job: &JobSpec, result: &RunResult) -> Result<(), Failure> {
     let Report { name, seed, outcome, reason, .. } = &result.report;
     say!("{name} on {}, seed {seed}: {}: {reason}", job.rig.model.name, outcome.code())?;

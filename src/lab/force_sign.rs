@@ -57,7 +57,7 @@ fn along_x(lab: &LabRig, wave: &[Harmonic; 2]) -> Drive {
     Drive { base_radps: lab.model.base_radps, motors, envelope, ..Drive::default() }
 }
 
-/// Velocity phasors along x for one count of each harmonic. The chain is linear but for whole counts and limits.
+/// Velocity phasors along x for one count of each harmonic. The chain is linear except for whole counts and limits.
 fn response(lab: &LabRig) -> [Complex<f64>; 2] {
     const COUNTS: f64 = 100.0;
     let wave = [Harmonic { cos: COUNTS, sin: 0.0 }; 2];

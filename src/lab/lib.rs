@@ -53,7 +53,7 @@ use upm_sim::{PartParams, SimParams};
 /// The rig an experiment is made on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LabRig {
-    /// What is known of it beforehand.
+    /// The rig as control is told of it.
     pub model: RigModel,
     /// How it is.
     pub sim: SimParams,
@@ -85,7 +85,7 @@ pub enum LabFault {
     /// A trace could not be read.
     #[error("{what}: {fault}")]
     Trace {
-        /// What was played.
+        /// The pulse.
         what: String,
         /// Why it could not be read.
         fault: upm_perception::estimation::FitFault,

@@ -4,13 +4,13 @@ use upm_core::signal::RecordedPulse;
 /// One number an experiment comes to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figure {
-    /// What it is: `COR of row b along x`.
+    /// Name: `COR of row b along x`.
     pub name: String,
     /// Its unit; `1` for a ratio.
     pub unit: String,
-    /// What came out here.
+    /// The value measured here.
     pub measured: f64,
-    /// What it is compared with.
+    /// Value to compare it with.
     pub reference: Option<f64>,
     /// Where the reference is from: `UPM paper, Eq. 15`.
     pub source: String,
@@ -118,9 +118,9 @@ pub struct Outcome {
     pub charts: Vec<Chart>,
     /// Table of the points of a sweep, or of machines side by side.
     pub sheet: Option<Sheet>,
-    /// What moved.
+    /// Motion of the parts.
     pub motion: Option<Motion>,
-    /// What a person should look at again, one thing a line.
+    /// Findings to look at again, one a line.
     pub notes: Vec<String>,
     /// The trace it read.
     pub recorded: Option<RecordedPulse>,

@@ -19,7 +19,7 @@ impl From<OpenLoopError> for LabFault {
     }
 }
 
-/// What [`saturation`] is, for a figure.
+/// Explanation of [`saturation`] for a figure.
 pub(super) const SATURATION: &str = "speed a pulse gives over the belt's; far below 1 in the ideal";
 
 /// The rig's pulse held for `sustain_s`.

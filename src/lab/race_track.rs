@@ -128,7 +128,7 @@ impl Lap {
     }
 }
 
-/// What was played, up to the last pulse before a coin would have left its quarter.
+/// The pulses played, up to the last pulse before a coin would have left its quarter.
 struct Race {
     course: Course,
     pulses: usize,

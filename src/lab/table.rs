@@ -3,7 +3,7 @@ use super::Figure;
 /// Columns of the table of figures.
 pub const COLUMNS: usize = 6;
 
-/// What stands above them.
+/// Their headings.
 pub const HEADS: [&str; COLUMNS] = ["figure", "measured", "reference", "unit", "error %", "source"];
 
 /// Which of them are numbers.

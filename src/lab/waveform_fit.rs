@@ -68,7 +68,7 @@ fn drive(lab: &LabRig, shapes: &[AxisShape; 3]) -> Drive {
     of(unit as i32)
 }
 
-/// What was read beside how the plate truly moves once it has settled.
+/// The motion read beside how the plate truly moves once it has settled.
 fn against_truth(lab: &LabRig, drive: &Drive, fit: &TwistFit) -> Vec<Figure> {
     const TRUTH: &str = "the simulated plate's true motion, settled";
     let truth = nearest_pump(&steady_motion(lab, drive), lab.model.accelerometer_in_plate_m.norm()).0;

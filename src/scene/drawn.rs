@@ -33,7 +33,7 @@ impl Family {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Clean, Self::Rough, Self::Hard, Self::Papers];
 
-    /// What it is called.
+    /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Clean => "clean",

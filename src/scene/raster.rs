@@ -149,7 +149,7 @@ impl Raster<'_> {
         let sum: f64 = (0..POINTS * POINTS)
             .map(|i| {
                 let (column, row) = (f64::from(i % POINTS), f64::from(i / POINTS));
-                // Sheared both ways: every point has a column and a row of its own, so that edges along the pixels
+                // Sheared both ways: no two points share a column or a row, so that edges along the pixels
                 // are seen as finely as others.
                 let (u, v) = (column / n + (row + 0.5) / m, row / n + (column + 0.5) / m);
                 let p = within(corners, u, v);

@@ -67,7 +67,7 @@ fn traced_pixel(scene: &Scene, corner: Vec2) -> f64 {
         return level;
     }
     let n = POINTS as f64;
-    // Every point has a column and a row of its own.
+    // No two points share a column or a row.
     let sum: f64 = (0..POINTS * POINTS)
         .map(|k| ((k % POINTS) as f64, (k / POINTS) as f64))
         .map(|(x, y)| at((x + (y + 0.5) / n) / n, (y + (x + 0.5) / n) / n))

@@ -51,7 +51,7 @@ pub struct Disc {
     pub radius_m: f64,
     /// Height, m.
     pub thickness_m: f64,
-    /// What is stamped on it.
+    /// Relief stamped on it.
     pub relief: Option<Relief>,
     /// Reflections of lamps in it, in radii from its middle.
     pub glints: Vec<Glint>,

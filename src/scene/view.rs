@@ -62,7 +62,7 @@ impl Scene {
         PartTruth { kind: part.kind, at_m: part.at_m, center_px, radius_px }
     }
 
-    /// What a part hides of the plate's plane: the hull of its foot and of its top as the camera projects it.
+    /// Outline of a part on the plate's plane: the hull of its foot and of its top as the camera projects it.
     pub(super) fn silhouette(&self, part: &Disc) -> Shape {
         Shape::Hull(self.seen_circles(part))
     }

@@ -7,7 +7,7 @@ use super::plate::PlateMotion;
 use upm_core::random::{Rng, Streams};
 use upm_core::signal::{AccelTrace, CHANNELS};
 
-/// The sensors, each channel with an offset and a gain error of its own, and the trace of the last pulse.
+/// The sensors, with an offset and a gain error for each channel, and the trace of the last pulse.
 #[derive(Clone, Debug)]
 pub struct Accelerometers {
     params: AccelerometerParams,
@@ -70,7 +70,7 @@ impl Accelerometers {
         }
     }
 
-    /// What was recorded of the last pulse.
+    /// Trace of the last pulse.
     pub fn trace(&self) -> &AccelTrace {
         &self.trace
     }

@@ -24,7 +24,7 @@
 //! standard deviation there along the edge's normal, which carries tilt and distortion. Where a rim crosses the plate's
 //! edge the two shares multiply as if independent, which is wrong in the few pixels within the blur of both.
 //! An exposure is cut into glimpses (`exposure.rs`) that differ from the mean of the snapshots by less than 0.2 % of
-//! an edge's step, by 0.6 % in the plate's corners. Each side of the plate has glimpses of its own (`side.rs`), by how
+//! an edge's step, by 0.6 % in the plate's corners. Each side of the plate has separate glimpses (`side.rs`), by how
 //! far it moves across; where two sides are near, as in corners, those of the whole plate are taken.
 //!
 //! Parts whose centre is off the plate at the middle of the exposure have fallen: dark on dark ground, they are not drawn.
@@ -33,7 +33,7 @@
 //! the tiles that something moved in, now or since the frame before, and of their 4 × 4 blocks those that an edge
 //! reaches, now or then, or that one thing has left to another. Noise then goes over the whole frame in one pass.
 //!
-//! What runs over pixels is compiled for AVX2 as well and chosen at run time: wider vectors of the same operations in the
+//! Code that runs over pixels is compiled for AVX2 as well and chosen at run time: wider vectors of the same operations in the
 //! same order, no fused ones, so that pictures are the same to the bit with and without.
 
 mod disc;

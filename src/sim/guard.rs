@@ -45,7 +45,7 @@ impl Guard {
         tripped && !std::mem::replace(&mut self.cut, true)
     }
 
-    /// The lease ran out at `now`: trips as if somebody had pressed.
+    /// The lease ran out at `now`: trips as if an operator had pressed.
     pub(super) fn lease_ran_out(&mut self, now: PlateTime) -> Trip {
         self.cut = true;
         let Some(fitted) = &self.fitted else { return Trip::Lease };

@@ -150,7 +150,7 @@ impl Motors {
         }
     }
 
-    /// What the coils do to the plate now.
+    /// The wrench of the coils on the plate now.
     pub fn wrench(&self) -> Wrench {
         let params = &self.params;
         let mut forces_n = [0.0; MOTORS];
@@ -163,7 +163,7 @@ impl Motors {
     }
 }
 
-/// What the motors' forces (N, order of [`upm_core::signal::Motor::ALL`]) do to the plate together (Eq. 7).
+/// The wrench of the motors' forces (N, order of [`upm_core::signal::Motor::ALL`]) on the plate (Eq. 7).
 pub fn wrench_of_forces([x1, x2, y1, y2]: [f64; MOTORS], lever_arm_m: f64) -> Wrench {
     Wrench { force_n: Vec2::new(x1 - x2, y1 - y2), torque_nm: lever_arm_m * ((y1 + y2) - (x1 + x2)) }
 }

@@ -6,7 +6,7 @@ use upm_core::geometry::{Pose, Twist, Vec2};
 use upm_core::random::Streams;
 use upm_core::signal::{Drive, Envelope, Harmonic, MOTORS, TwistHarmonic, TwistWave};
 
-/// What moves the plate.
+/// Actuation of the plate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlateMode {
     /// The plate's velocity is exactly the one wanted; parts feel that field where they are on the table.
@@ -71,7 +71,7 @@ pub enum OpenLoopError {
         pulse: usize,
         /// Largest sample, counts.
         peak_counts: f64,
-        /// What is allowed, counts.
+        /// Limit, counts.
         limit_counts: f64,
     },
     /// A coil cannot give the force.
@@ -81,7 +81,7 @@ pub enum OpenLoopError {
         pulse: usize,
         /// Largest force, N.
         peak_n: f64,
-        /// What is allowed, N.
+        /// Limit, N.
         limit_n: f64,
     },
     /// Not a number, negative or without end.
@@ -89,7 +89,7 @@ pub enum OpenLoopError {
     BadPulse {
         /// Index of the pulse.
         pulse: usize,
-        /// What is wrong with it.
+        /// Reason.
         what: &'static str,
     },
     /// Frequencies must be positive numbers.
@@ -231,7 +231,7 @@ pub(super) fn ideal_drive(
     Ok(drive)
 }
 
-/// What each motor plays to give the free plate `acceleration` (m/s², rad/s²).
+/// Counts of each motor that give the free plate `acceleration` (m/s², rad/s²).
 fn counts_of_acceleration(params: &SimParams, acceleration: Twist) -> [f64; MOTORS] {
     let (plate, motors) = (&params.plate, &params.motors);
     let wrench = Wrench {

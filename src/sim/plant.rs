@@ -141,7 +141,7 @@ impl Plant {
         self.still = false;
     }
 
-    /// What the accelerometers saw of the last pulse, up to now.
+    /// Trace of the accelerometers over the last pulse, up to now.
     pub fn trace(&self) -> &AccelTrace {
         self.accelerometers.trace()
     }

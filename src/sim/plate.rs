@@ -72,7 +72,7 @@ impl PlateMotion {
         }
     }
 
-    /// What a sensor fixed to the plate at `p_plate_m` feels along the plate's axes, m/s²:
+    /// Proper acceleration of a sensor fixed to the plate at `p_plate_m` along the plate's axes, m/s²:
     /// the centre's acceleration, the spin's, and the pull towards the centre.
     pub fn acceleration_felt_at(&self, p_plate_m: Vec2) -> Vec2 {
         let (sin, cos) = self.plate_in_table.heading_rad.sin_cos();

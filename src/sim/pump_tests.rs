@@ -318,7 +318,7 @@ fn motors_give_a_free_plate_the_slope_of_the_wave() {
     }
 }
 
-/// What is left swings on at the rods' frequency and carries parts with it into the next pulse.
+/// The remaining motion swings on at the rods' frequency and carries parts with it into the next pulse.
 #[test]
 fn flanks_of_two_periods_leave_the_rods_at_rest() {
     let plate = PlateParams { resonance_hz: [5.0, 6.0, 7.0], damping_ratio: [0.2; 3], ..rig_params().plate };

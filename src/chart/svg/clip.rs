@@ -1,4 +1,4 @@
-//! What of a shape lies within the plot: lines are cut off at its rim, never bent.
+//! Clipping of shapes at the plot: lines are cut off at its rim, never bent.
 
 /// The part of the segment from `a` to `b` within ranges `x` and `y`; `None` when it is outside (Liang and Barsky, 1984).
 pub(super) fn segment(a: [f64; 2], b: [f64; 2], x: [f64; 2], y: [f64; 2]) -> Option<[[f64; 2]; 2]> {

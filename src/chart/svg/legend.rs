@@ -13,7 +13,7 @@ const GAP_PX: f64 = 7.0;
 /// From one label to the next sample, px.
 const APART_PX: f64 = 20.0;
 
-/// What the marks mean: samples and labels in rows below the plot.
+/// Legend: samples and labels of the marks in rows below the plot.
 #[derive(Clone, Debug)]
 pub(super) struct Legend {
     items: Vec<Item>,
@@ -52,7 +52,7 @@ impl Legend {
         Self { items, rows }
     }
 
-    /// What it takes below the plot, px.
+    /// Its height, px.
     pub fn height_px(&self) -> f64 {
         ROW_PX * self.rows as f64
     }

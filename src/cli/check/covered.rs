@@ -1,4 +1,4 @@
-//! What a library covers, told to people and to programs.
+//! Coverage of a library, for people and for programs.
 
 use serde_json::{Value, json};
 
@@ -15,7 +15,7 @@ pub(super) struct Covered {
 }
 
 impl Covered {
-    /// What `library` covers of its plate.
+    /// Coverage of the plate of `library`.
     pub fn by(library: &Library) -> Self {
         Self { rig_name: library.rig.clone(), coverage: Coverage::of(library) }
     }
@@ -84,7 +84,7 @@ fn figures(coverage: &Coverage) -> Vec<(&'static str, String)> {
     figures
 }
 
-/// What one pulse does at a place, for programs.
+/// Effect of one pulse at a place, for programs.
 pub(super) fn place_json(place: &Place) -> Value {
     json!({
         "position_mm": position(place.position_m),
@@ -96,7 +96,7 @@ pub(super) fn place_json(place: &Place) -> Value {
     })
 }
 
-/// What one pulse does at a place in the weakest direction, for people.
+/// Effect of one pulse at a place in the weakest direction, for people.
 pub(super) fn steps(place: &Place) -> String {
     let (longest, sd) = (mm(place.longest_step_m), mm(place.longest_sd_m));
     match place.shortest_step_m {

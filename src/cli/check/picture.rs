@@ -2,7 +2,7 @@ use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::units::mm_from_m;
 use upm_runner::run::{Coverage, Place};
 
-/// What the picture shows, in half sides of the plate from its middle.
+/// Extent of the picture, in half sides of the plate from its middle.
 const SHOWN: f64 = 1.3;
 
 /// Every so many places have arrows.

@@ -1,4 +1,4 @@
-//! What a job is predicted to come to, told to people and to programs.
+//! The forecast of a job, for people and for programs.
 
 use std::sync::Arc;
 

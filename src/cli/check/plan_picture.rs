@@ -5,7 +5,7 @@ use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 use upm_runner::run::{PartForecast, PlanVerdict};
 
-/// What the picture shows, in half sides of the plate from its middle.
+/// Extent of the picture, in half sides of the plate from its middle.
 const SHOWN: f64 = 1.08;
 
 /// Half the line in a part's weakest direction, in radii of the part.

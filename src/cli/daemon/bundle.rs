@@ -12,7 +12,7 @@ use upm_core::files::write_whole;
 use upm_runner::config::DaemonSpec;
 use upm_server::daemon::{BundleSources, bundle};
 
-/// What the program was built for.
+/// Architecture and system that the program was built for.
 const TARGET: (&str, &str) = (std::env::consts::ARCH, std::env::consts::OS);
 
 pub(crate) fn support_bundle(args: &BundleArgs, common: Common) -> Result<u8, Failure> {

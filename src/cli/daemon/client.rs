@@ -40,7 +40,7 @@ pub(super) enum Patience {
 }
 
 impl Patience {
-    /// An agent that opens a connection of its own for every request, straight to the daemon: an emergency stop waits
+    /// An agent that opens a new connection for every request, straight to the daemon: an emergency stop waits
     /// for no other request and for no proxy.
     fn agent(self) -> Agent {
         let config = Agent::config_builder()
@@ -108,7 +108,7 @@ impl Client {
         Ok(Self { base: base.to_owned(), bearer: None })
     }
 
-    /// What is at `path`.
+    /// The value at `path`.
     pub fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, Refusal> {
         self.read(self.send(Method::GET, path, &[], "", Patience::Usual)?)
     }
@@ -118,7 +118,7 @@ impl Client {
         self.read(self.send(Method::POST, path, headers, json, Patience::Usual)?)
     }
 
-    /// What is at `path`, with little patience.
+    /// The value at `path`, with the short timeouts of a stop.
     pub fn get_urgently<T: DeserializeOwned>(&self, path: &str) -> Result<T, Refusal> {
         self.read(self.send(Method::GET, path, &[], "", Patience::Stop)?)
     }

@@ -63,7 +63,7 @@ pub(super) fn cancel(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     print(common.json, &job, || say!("{}: {state}", job.id))
 }
 
-/// What a person wants to know of a job.
+/// Prints a job for people.
 pub(super) fn print_job(job: &Job) -> Result<(), Failure> {
     say!("{}", headline(job))?;
     for (label, text) in rows(job) {

@@ -24,7 +24,7 @@ use upm_server::daemon::{
 /// Time that repairing what a crash left may take.
 const LONGEST_START: Duration = Duration::from_secs(600);
 
-/// What helps a computer that does not keep up.
+/// Advice for a computer that does not keep up.
 const WHAT_TO_DO: &str =
     "jobs complete all the same; \"pace\": \"max\", fewer plates or a smaller camera frame would do";
 

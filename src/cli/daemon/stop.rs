@@ -22,9 +22,9 @@ const PAUSE: Duration = Duration::from_millis(50);
 #[derive(Debug, Serialize)]
 pub(super) struct Stop {
     pub plate: String,
-    /// What the daemon says.
+    /// The answer of the daemon.
     pub answer: Option<EStopped>,
-    /// Why it says nothing.
+    /// Why there is none.
     pub error: Option<String>,
     pub via: Via,
     pub attempts: u32,
@@ -134,7 +134,7 @@ fn stop_one(client: &Client, name: &str) -> Stop {
     Stop { plate: name.to_owned(), answer, error, via: Via::Http, attempts, wall_s, status }
 }
 
-/// Asks again, at once, what may go well then. Every request has a connection of its own.
+/// Asks again, at once, after a refusal that may pass. Every request opens a new connection.
 fn insistently<T>(ask: impl Fn() -> Result<T, Refusal>) -> (Result<T, Refusal>, u32) {
     let mut attempts = 1;
     loop {

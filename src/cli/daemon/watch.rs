@@ -44,7 +44,7 @@ pub(super) fn follow(client: &Client, id: &str, after: Option<u64>, common: Comm
     Ok(if job.state == JobState::Completed { 0 } else { NOT_REACHED })
 }
 
-/// What the follower hears, from a thread of its own: this one has Ctrl-C to look after.
+/// Messages of the follower, which runs on another thread: this one polls Ctrl-C.
 fn listen(mut follower: Follower) -> Result<Receiver<Heard>, Failure> {
     let (sender, receiver) = sync_channel(WAITING);
     let listen = move || while follower.next().is_some_and(|heard| sender.send(heard).is_ok()) {};

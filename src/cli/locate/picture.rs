@@ -100,7 +100,7 @@ fn next_marker(bytes: &[u8]) -> Option<(u8, &[u8])> {
     Some((*bytes.get(at)?, bytes.get(at + 1..)?))
 }
 
-/// What follows a scan's data: in the data 0xFF is followed by zero, by a restart marker or by another 0xFF.
+/// The bytes after a scan's data: in the data 0xFF is followed by zero, by a restart marker or by another 0xFF.
 fn beyond_scan(data: &[u8]) -> &[u8] {
     let ends = |pair: &[u8]| matches!(*pair, [0xFF, after] if !matches!(after, 0x00 | 0xD0..=0xD7 | 0xFF));
     data.windows(2).position(ends).and_then(|end| data.get(end..)).unwrap_or_default()

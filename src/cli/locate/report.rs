@@ -1,4 +1,4 @@
-//! What was found in a picture, for programs and for people.
+//! Reports of table and parts found in a picture, for programs and for people.
 
 use std::path::Path;
 use std::time::Duration;
@@ -11,7 +11,7 @@ use upm_core::units::mm_from_m;
 use upm_perception::vision::ResponseMethod;
 use upm_recording::LocalisedRecord;
 
-/// What is in a picture.
+/// Table and parts found in a picture.
 pub(super) struct Located {
     pub found: LocalisedRecord,
     pub method: Method,

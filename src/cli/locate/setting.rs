@@ -1,4 +1,4 @@
-//! What pictures are looked at with.
+//! Plate, parts and camera that pictures are searched for.
 
 use crate::cli::args::LocateArgs;
 use crate::cli::output::Failure;
@@ -19,7 +19,7 @@ pub(super) struct Setting {
     camera: Option<RigCamera>,
 }
 
-/// What pictures a rig takes.
+/// Camera of a rig.
 struct RigCamera {
     rig: String,
     frame_size_px: [usize; 2],
@@ -54,7 +54,7 @@ impl Setting {
         Ok(Self { plate_side_m, kinds, dark_parts: !args.light_parts, camera: None })
     }
 
-    /// What parts of that kind are called.
+    /// Name of that kind.
     pub(super) fn kind_name(&self, kind: usize) -> &str {
         self.kinds.get(kind).map_or("?", |kind| kind.name.as_str())
     }

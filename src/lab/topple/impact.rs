@@ -78,7 +78,7 @@ impl Pivot {
     fn slope(&self, body: &Body) -> Slope {
         let arm_m = -body.center_m;
         let gravity = Vector2::new(0.0, -GRAVITY_MPS2);
-        // of the point, but for the force: the centre's and the centripetal one
+        // acceleration of the point without the force: the centre's and the centripetal one
         let free = gravity - arm_m * body.spin_radps.powi(2);
         let force = self.inverse_mass(arm_m).try_inverse().map_or_else(Vector2::zeros, |mass| -(mass * free));
         Slope {

@@ -1,4 +1,4 @@
-//! What the paper shows of ledges: how a small difference between two edges of a block tells its orientations apart (Eq. 2.4,
+//! The paper's figures of ledges: how a small difference between two edges of a block tells its orientations apart (Eq. 2.4,
 //! Fig. 2), the trials with pegs (Table 1, whose numbers cannot be read any more), and ledges one behind the other.
 
 use super::cascade::cascade;

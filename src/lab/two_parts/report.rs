@@ -10,9 +10,9 @@ use upm_chart::{Chart, Color, Layer, Mark};
 /// Radius of the circle about a start, in half sides of the plate.
 const START: f64 = 0.02;
 
-/// What is reported besides the runs.
+/// Results beside the runs.
 pub struct Asides {
-    /// What is solved for in one look, m.
+    /// Solution of one look, m.
     pub d_m: [f64; CENTERS],
     /// Spin of the rig's plate about each centre, rad/s.
     pub spin_radps: [f64; CENTERS],

@@ -6,7 +6,7 @@ use upm_scene::{Family, PartTruth, Scene, kinds};
 /// A table with a corner farther off than this, px, is none.
 const MISPLACED_PX: f64 = 5.0;
 
-/// What became of one scene.
+/// Verdict on one scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
     pub seed: u64,

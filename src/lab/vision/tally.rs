@@ -3,7 +3,7 @@ use super::judge::{PartError, PartsVerdict, TableVerdict, Verdict};
 use upm_core::units::mm_from_m;
 use upm_scene::Family;
 
-/// What can go wrong.
+/// Kinds of failure.
 const CAUSES: [&str; 5] = ["tables not found", "tables misplaced", "parts missed", "parts invented", "parts misnamed"];
 /// Most seeds told for one cause.
 const MOST_SEEDS: usize = 10;
@@ -82,7 +82,7 @@ impl Tally {
         self.errors.iter().map(|error| error.center_px).collect()
     }
 
-    /// What went wrong and the seeds of the scenes in which it did.
+    /// Each kind of failure with the seeds of its scenes.
     pub fn failing(&self) -> impl Iterator<Item = (&str, &[u64])> {
         CAUSES.into_iter().zip(self.seeds.iter().map(Vec::as_slice)).filter(|(_, seeds)| !seeds.is_empty())
     }

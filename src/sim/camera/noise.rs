@@ -21,7 +21,7 @@ const SD_STEPS: usize = 4;
 
 /// Read and shot noise: a level L has the variance `read_noise² + L · 255/full_well`.
 ///
-/// A bank of normal samples is drawn once. Every row of every frame starts at a place of its own in it, so that noise
+/// A bank of normal samples is drawn once. Every row of every frame starts at another place in it, so that noise
 /// costs one product a pixel, `noise = (sd · 2^shift · sample) >> 16` in units of 1/128 level. Rounding down there
 /// leaves the last rounding, to the nearest level, as it would be without it.
 #[derive(Clone, Debug)]

@@ -38,7 +38,7 @@ impl Camera {
     }
 }
 
-/// What the ray through an image point hits. It passes over the plate's plane from `low` to where it is `thickness`
+/// Surface that the ray through an image point hits. It passes over the plate's plane from `low` to where it is `thickness`
 /// high; it hits a cylinder when that stretch comes within a radius of the axis.
 fn level_hit(camera: &Camera, discs: &[DiscShape], snapshot: &Snapshot, px: Vec2) -> f64 {
     let [ground, plate, part] = camera.params.levels;

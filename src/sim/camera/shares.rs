@@ -42,7 +42,7 @@ impl Shares {
         &mut self.each[block]
     }
 
-    /// What a block is covered by throughout; NaN if its pixels differ.
+    /// Share of a block that is covered evenly; NaN if its pixels differ.
     pub(super) fn even(&self, block: usize) -> f32 {
         self.even[block]
     }

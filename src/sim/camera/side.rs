@@ -10,8 +10,8 @@ use upm_core::geometry::{Pose, Vec2, perp};
 
 /// One side of the plate as the exposure saw it.
 ///
-/// A side that moves along itself looks as it did, so it is cut into glimpses of its own, by how far it moves across.
-/// What is averaged over a glimpse is the line's equation: a point's depth inside the side is linear in it, so that the
+/// A side that moves along itself looks as it did, so it is cut into separate glimpses, by how far it moves across.
+/// The line's equation is averaged over a glimpse: a point's depth inside the side is linear in it, so that the
 /// depth's mean and variance follow exactly, wherever the point is.
 #[derive(Clone, Debug)]
 pub(super) struct SideOutline {

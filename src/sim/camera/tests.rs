@@ -1,4 +1,4 @@
-//! What the camera keeps from frame to frame, and what it does not.
+//! State that the camera keeps from frame to frame.
 
 use proptest::prelude::*;
 

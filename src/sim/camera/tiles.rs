@@ -27,7 +27,7 @@ pub(super) const LANE_Y: Lanes = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2
 /// Where a pixel looks that sees no table: far beyond every edge.
 const NOWHERE_M: f64 = 1e3;
 
-/// What a square of pixels sees of the plate's plane.
+/// A square of pixels and the part of the plate's plane that it sees.
 #[derive(Clone, Debug)]
 pub(super) struct Tile {
     first_px: Vec2,
@@ -58,7 +58,7 @@ impl Tile {
         }
     }
 
-    /// What its pixels see; the same view every time.
+    /// Table coordinates of its pixels; `view` must be the same every time.
     pub(super) fn pixels(&self, view: &View) -> &Pixels {
         self.pixels.get_or_init(|| Box::new(Pixels::new(view, self.first_px, self.center_m)))
     }
@@ -107,7 +107,7 @@ fn radius_bound_m(center_m: Vec2, around_m: &[[Vec2; 2]; 2]) -> f64 {
     MARGIN * to_corner_px * (slopes[0] + slopes[1]).norm().max((slopes[0] - slopes[1]).norm())
 }
 
-/// What every pixel of a tile sees of the plate's plane.
+/// Points of the plate's plane that the pixels of a tile see.
 #[derive(Clone, Debug)]
 pub(super) struct Pixels {
     /// Table coordinates of the pixels' centres, m.

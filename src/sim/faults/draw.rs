@@ -1,4 +1,4 @@
-//! Faults by seed: for campaigns, in which nobody chooses what goes wrong.
+//! Faults drawn by seed, for campaigns.
 
 use rand_pcg::rand_core::Rng as _;
 

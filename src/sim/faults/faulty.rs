@@ -263,7 +263,7 @@ fn place_m(fault: &FaultSpec) -> Vec2 {
     Vec2::new(m_from_mm(fault.values[0]), m_from_mm(fault.values[1]))
 }
 
-/// What `fault` does to the plant once, if it is of that kind.
+/// The sudden change that `fault` makes, if it is of that kind.
 fn change_of(fault: &FaultSpec) -> Option<PlantChange> {
     match (fault.component, fault.kind) {
         (Component::Part(part), FaultKind::Moved) => Some(PlantChange::Moved { part, by_m: place_m(fault) }),

@@ -1,4 +1,4 @@
-//! What goes wrong between the scene and the picture.
+//! Faults between the scene and the picture.
 
 use rand_pcg::rand_core::Rng as _;
 

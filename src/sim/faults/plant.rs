@@ -1,14 +1,14 @@
 use upm_core::geometry::Vec2;
 use upm_core::signal::MOTORS;
 
-/// What is wrong with the plant at present. The default is nothing.
+/// All present faults of the plant. The default has none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlantFaults {
     /// The coils.
     pub coils: CoilFaults,
     /// Factor on the friction of each part; parts behind its end have 1.
     pub friction: Vec<f64>,
-    /// What the plate's tilt pulls parts with, m/s².
+    /// Acceleration of parts by the plate's tilt, m/s².
     pub pull_mps2: Vec2,
     /// Factor on the plate's natural frequencies; 0 stands for 1.
     pub resonance: f64,
@@ -20,7 +20,7 @@ pub struct PlantFaults {
     pub removed: Vec<usize>,
 }
 
-/// What is wrong with the coils.
+/// Present faults of the coils.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoilFaults {
     /// Factor on the force of each.
@@ -55,7 +55,7 @@ pub struct Oil {
     pub friction: f64,
 }
 
-/// What happens to a plant at one moment.
+/// A sudden change of the plant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PlantChange {
     /// A part is moved by hand, by so much, m.

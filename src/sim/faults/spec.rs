@@ -9,7 +9,7 @@ pub enum Component {
     Camera,
     /// The light over the plate.
     Light,
-    /// What comes between the camera and the plate.
+    /// The space between the camera and the plate.
     View,
     /// One voice coil with its amplifier, 0 to 3: x1, x2, y1, y2.
     Coil(usize),
@@ -84,7 +84,7 @@ impl Component {
 /// Range of one value of a fault, and what stands in where it is left out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ValueRange {
-    /// What it is: `px`, `a coil`.
+    /// Its unit: `px`, `a coil`.
     pub name: &'static str,
     /// Least.
     pub min: f64,
@@ -104,7 +104,7 @@ const fn whole(name: &'static str, max: f64) -> ValueRange {
     ValueRange { name, min: 0.0, max, default: None, whole: true }
 }
 
-/// What can go wrong. The names in files are those of [`FaultKind::name`].
+/// Kinds of faults. The names in files are those of [`FaultKind::name`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultKind {
     /// The same picture again and again, with fresh stamps.
@@ -265,9 +265,9 @@ const KINDS: [(FaultKind, &str, &[&str], &[ValueRange]); 35] = [
 /// One fault: what, how much, from when to when.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaultSpec {
-    /// Where.
+    /// Component at fault.
     pub component: Component,
-    /// What.
+    /// Kind.
     pub kind: FaultKind,
     /// How much, as [`FaultKind::values`] says; zeros behind.
     pub values: [f64; 3],

@@ -1,4 +1,4 @@
-//! What goes wrong between the accelerometers and the computer.
+//! Faults between the accelerometers and the computer.
 
 use rand_pcg::rand_core::Rng as _;
 

@@ -70,7 +70,7 @@ impl Refusal {
         }
     }
 
-    /// True when the same may go well a moment later: nobody there, an answer lost, a daemon in trouble.
+    /// True when the same request may succeed a moment later: no daemon reached, an answer lost, a daemon in trouble.
     pub fn may_pass(&self) -> bool {
         match self {
             Self::Unreached(_) | Self::Lost(_) => true,
@@ -114,7 +114,7 @@ impl From<Refusal> for Failure {
     }
 }
 
-/// What somebody else wrote, so that it can neither end a line nor steer a terminal.
+/// Text of another program with its control characters escaped: it can neither end a line nor steer a terminal.
 pub(crate) fn on_one_line(text: &str) -> String {
     let shown = |c: char| if c.is_control() { c.escape_default().collect() } else { c.to_string() };
     text.chars().map(shown).collect()

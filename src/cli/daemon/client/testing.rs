@@ -7,7 +7,7 @@ use std::thread;
 
 use upm_server::service::{EStopped, Job, JobState, Pace, RecordingStatus};
 
-/// What one connection gets.
+/// Answer to one connection.
 #[derive(Clone, Debug)]
 pub enum Canned {
     /// These bytes, then the end of the connection.

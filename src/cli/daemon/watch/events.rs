@@ -12,7 +12,7 @@ pub(super) struct Event {
     pub id: Option<u64>,
     /// One word.
     pub kind: String,
-    /// What, as JSON; null where it is none.
+    /// Payload; null where it is no JSON.
     pub data: Value,
 }
 

@@ -13,7 +13,7 @@ const LONGEST_REST: Duration = Duration::from_secs(5);
 /// Rests after which a daemon that does not come back is given up, about two minutes.
 const MOST_RESTS: u32 = 28;
 
-/// What is heard of a job.
+/// Message about a job that is followed.
 #[derive(Debug)]
 pub(super) enum Heard {
     Event(Event),
@@ -54,7 +54,7 @@ impl Follower {
         Self { first_rest: rest, longest_rest: rest, ..self }
     }
 
-    /// What is heard next; `None` once the job has ended and all is told, or there is no more to be had.
+    /// The next message; `None` once the job has ended and all is told, or there is no more to be had.
     pub fn next(&mut self) -> Option<Heard> {
         if self.is_given_up {
             return None;

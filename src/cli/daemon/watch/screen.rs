@@ -120,7 +120,7 @@ fn bar_of(event: &Event) -> Option<(f64, String)> {
     }
 }
 
-/// What a person should see even after the bar has gone on.
+/// A line that stays on the screen when the bar goes on.
 pub(super) fn note_of(event: &Event) -> Option<String> {
     let data = &event.data;
     let at = format!("plate {:6.1} s", number(data, "at_s"));
@@ -138,7 +138,7 @@ pub(super) fn note_of(event: &Event) -> Option<String> {
     }
 }
 
-/// What happened, on a line.
+/// The event as one line.
 pub(super) fn line_of(event: &Event) -> Option<String> {
     let data = &event.data;
     let at = format!("plate {:6.1} s", number(data, "at_s"));
