@@ -4,14 +4,14 @@
 //! First in the ideal field, which parts follow exactly; then on a plate with motors strong enough for it, whose motion is
 //! prescribed; then on the rig's own plate, as strongly as its motors can. The paper prints no figures.
 
-mod machine;
 mod plan;
+mod plate_model;
 mod report;
 mod task;
 
-use self::machine::{Machine, STRONG_SPIN_RADPS};
 use self::plan::{CENTERS, Places, distances, flow};
-use self::task::{Runs, Task};
+use self::plate_model::{PlateModel, STRONG_SPIN_RADPS};
+use self::task::{StepSeries, Task};
 use super::pulses::strongest_spin;
 use super::{LabFault, LabRig, Outcome};
 use upm_core::geometry::Vec2;
@@ -25,33 +25,33 @@ pub fn two_parts(rig: &LabRig) -> Result<Outcome, LabFault> {
         |parts: &Places, center: usize, d: f64| Ok(vec![parts.map(|part| flow(task.centers_m[center], part, d))]);
     let d_m = distances(&task.centers_m, &task.starts_m, &task.goals_m);
     let d_m = d_m.ok_or_else(|| task.singular(&task.starts_m))?;
-    let ideal = Runs::of("ideal field", &task, exactly);
+    let ideal = StepSeries::of("ideal field", &task, exactly);
     if let Some((_, fault)) = ideal.failed.first() {
         return Err(fault.clone());
     }
 
     let middle_m = Vec2::zeros();
     let strong = [STRONG_SPIN_RADPS; CENTERS];
-    let kinematic = Machine::calibrated(rig, PlateMode::Kinematic, task.centers_m, strong, middle_m)?;
-    let strong = Runs::of("strong plate", &task, |parts, center, d| kinematic.rotate(parts, center, d));
+    let kinematic = PlateModel::calibrated(rig, PlateMode::Kinematic, task.centers_m, strong, middle_m)?;
+    let strong = StepSeries::of("strong plate", &task, |parts, center, d| kinematic.rotate(parts, center, d));
 
     let mut spin_radps = [0.0; CENTERS];
     for (spin, center) in spin_radps.iter_mut().zip(task.centers_m) {
         *spin = strongest_spin(rig, center)?;
     }
-    let dynamic = Machine::calibrated(rig, PlateMode::Dynamic, task.centers_m, spin_radps, middle_m)?;
-    let own = Runs::of("rig's plate", &task, |parts, center, d| dynamic.rotate(parts, center, d));
+    let dynamic = PlateModel::calibrated(rig, PlateMode::Dynamic, task.centers_m, spin_radps, middle_m)?;
+    let own = StepSeries::of("rig's plate", &task, |parts, center, d| dynamic.rotate(parts, center, d));
 
-    let shortest_m = [&kinematic, &dynamic].map(Machine::shortest_m);
-    let saturation = [&kinematic, &dynamic].map(|machine| machine.saturation(middle_m));
-    let asides = report::Asides { d_m, spin_radps, shortest_m, saturation };
-    Ok(report::outcome(rig, &task, &[ideal, strong, own], &asides))
+    let shortest_m = [&kinematic, &dynamic].map(PlateModel::shortest_m);
+    let saturation = [&kinematic, &dynamic].map(|model| model.saturation(middle_m));
+    let side_results = report::SideResults { d_m, spin_radps, shortest_m, saturation };
+    Ok(report::outcome(rig, &task, &[ideal, strong, own], &side_results))
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::testing::{assert_sources_are_short, lab_rig};
-    use super::plan::flow_in_steps;
+    use super::plan::tests::flow_in_steps;
     use super::task::LOOKS;
     use super::*;
 

@@ -177,14 +177,6 @@ impl Run {
         state.center_m.z - self.setup.part.half_m.z - self.setup.device.rest_height_m()
     }
 
-    /// Kinetic and potential energy of part and resonators, J.
-    #[cfg(test)]
-    fn energy_j(&self) -> f64 {
-        let part = self.setup.part.kinetic_j(&self.state).iter().sum::<f64>();
-        let weight = self.setup.part.mass_kg * GRAVITY_MPS2 * self.height_m(&self.state);
-        part + weight + self.swings.iter().map(|swing| self.rotor.energy_j(swing)).sum::<f64>()
-    }
-
     /// Goes on until `until_s`, or until the part leaves the array; false in that case.
     pub fn advance(&mut self, until_s: f64) -> bool {
         let sampling = (self.setup.sample_s / self.setup.step_s).round().max(1.0) as u64;
@@ -270,6 +262,15 @@ impl Run {
 mod tests {
     use super::super::measures::{Feed, arrivals, clusters, samples_from};
     use super::*;
+
+    impl Run {
+        /// Kinetic and potential energy of part and resonators, J.
+        fn energy_j(&self) -> f64 {
+            let part = self.setup.part.kinetic_j(&self.state).iter().sum::<f64>();
+            let weight = self.setup.part.mass_kg * GRAVITY_MPS2 * self.height_m(&self.state);
+            part + weight + self.swings.iter().map(|swing| self.rotor.energy_j(swing)).sum::<f64>()
+        }
+    }
 
     fn resting(device: Device) -> Run {
         let setup = Setup { device, ..Setup::published(Drive { on: false, ..Drive::plain() }) };

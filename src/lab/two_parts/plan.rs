@@ -54,20 +54,6 @@ pub fn flow(center_m: Vec2, part_m: Vec2, distance_m: f64) -> Vec2 {
     center_m + arm * cos + perp(arm) * sin
 }
 
-/// The same by integrating `dp/ds = τ(p)` in fine steps (Runge-Kutta, fourth order).
-#[cfg(test)]
-pub fn flow_in_steps(center_m: Vec2, part_m: Vec2, distance_m: f64) -> Vec2 {
-    const STEPS: u32 = 200;
-    let h = distance_m / f64::from(STEPS);
-    (0..STEPS).fold(part_m, |p, _| {
-        let k1 = direction(center_m, p);
-        let k2 = direction(center_m, p + k1 * (0.5 * h));
-        let k3 = direction(center_m, p + k2 * (0.5 * h));
-        let k4 = direction(center_m, p + k3 * h);
-        p + (k1 + (k2 + k3) * 2.0 + k4) * (h / 6.0)
-    })
-}
-
 fn direction(center_m: Vec2, part_m: Vec2) -> Vec2 {
     let arm = perp(part_m - center_m);
     let radius = arm.norm();
@@ -80,9 +66,22 @@ pub fn mean_miss(parts_m: &Places, goals_m: &Places) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    /// The end of [`flow`] by integrating `dp/ds = τ(p)` in fine steps (Runge-Kutta, fourth order).
+    pub fn flow_in_steps(center_m: Vec2, part_m: Vec2, distance_m: f64) -> Vec2 {
+        const STEPS: u32 = 200;
+        let h = distance_m / f64::from(STEPS);
+        (0..STEPS).fold(part_m, |p, _| {
+            let k1 = direction(center_m, p);
+            let k2 = direction(center_m, p + k1 * (0.5 * h));
+            let k3 = direction(center_m, p + k2 * (0.5 * h));
+            let k4 = direction(center_m, p + k3 * h);
+            p + (k1 + (k2 + k3) * 2.0 + k4) * (h / 6.0)
+        })
+    }
 
     const SQUARE: [Vec2; CENTERS] =
         [Vec2::new(-1.0, 1.0), Vec2::new(-1.0, -1.0), Vec2::new(1.0, -1.0), Vec2::new(1.0, 1.0)];

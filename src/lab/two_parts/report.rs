@@ -2,16 +2,16 @@
 
 use super::super::pulses::{FINER, PLAYBACK_HZ, SATURATION, mm};
 use super::super::{Figure, LabRig, Motion, Outcome, Series, Track};
-use super::machine::STRONG_SPIN_RADPS;
 use super::plan::{CENTERS, condition, field_matrix, mean_miss};
-use super::task::{LOOKS, Runs, Task, Way};
+use super::plate_model::STRONG_SPIN_RADPS;
+use super::task::{LOOKS, PartPath, StepSeries, Task};
 use upm_chart::{Chart, Color, Layer, Mark};
 
 /// Radius of the circle about a start, in half sides of the plate.
 const START: f64 = 0.02;
 
 /// Results beside the runs.
-pub struct Asides {
+pub struct SideResults {
     /// Solution of one look, m.
     pub d_m: [f64; CENTERS],
     /// Spin of the rig's plate about each centre, rad/s.
@@ -23,13 +23,13 @@ pub struct Asides {
 }
 
 /// `runs`: ideal field, strong plate, rig's plate.
-pub fn outcome(rig: &LabRig, task: &Task, runs: &[Runs; 3], asides: &Asides) -> Outcome {
+pub fn outcome(rig: &LabRig, task: &Task, runs: &[StepSeries; 3], side_results: &SideResults) -> Outcome {
     let [ideal, strong, own] = runs;
-    let mut figures = of_one_look(task, ideal, asides);
+    let mut figures = of_one_look(task, ideal, side_results);
     for (run, i) in [(strong, 0), (own, 1)] {
-        figures.extend(of_plate(run, ideal, asides.shortest_m[i], asides.saturation[i]));
+        figures.extend(of_plate(run, ideal, side_results.shortest_m[i], side_results.saturation[i]));
     }
-    let spin = asides.spin_radps.into_iter().fold(f64::INFINITY, f64::min);
+    let spin = side_results.spin_radps.into_iter().fold(f64::INFINITY, f64::min);
     figures.extend([
         Figure::alone("spin, strong plate", "rad/s", STRONG_SPIN_RADPS, "prescribed: no motors, no rods"),
         Figure::alone("spin, rig's plate", "rad/s", spin, "the largest its motors play about the corners"),
@@ -44,14 +44,14 @@ pub fn outcome(rig: &LabRig, task: &Task, runs: &[Runs; 3], asides: &Asides) -> 
     }
 }
 
-fn of_one_look(task: &Task, ideal: &Runs, asides: &Asides) -> Vec<Figure> {
+fn of_one_look(task: &Task, ideal: &StepSeries, side_results: &SideResults) -> Vec<Figure> {
     let step_mm = 1e3 * mean_miss(&task.starts_m, &task.goals_m);
     let condition = condition(&field_matrix(&task.centers_m, &task.starts_m));
     let mut figures = vec![
         Figure::alone("mean step of the parts", "mm", step_mm, "chosen large, as in UPM paper, Fig. 3"),
         Figure::alone("condition number of Φ", "1", condition, "UPM paper, Eq. 2; singular when infinite"),
     ];
-    for (j, d) in asides.d_m.into_iter().enumerate() {
+    for (j, d) in side_results.d_m.into_iter().enumerate() {
         figures.push(Figure::alone(format!("d{} of one look", j + 1), "mm", 1e3 * d, "UPM paper, Eq. 2, solved by LU"));
     }
     // Every look sees the miss of those before: only the second order of its own step is left.
@@ -66,7 +66,7 @@ fn of_one_look(task: &Task, ideal: &Runs, asides: &Asides) -> Vec<Figure> {
     figures
 }
 
-fn of_plate(run: &Runs, ideal: &Runs, shortest_m: f64, saturation: f64) -> Vec<Figure> {
+fn of_plate(run: &StepSeries, ideal: &StepSeries, shortest_m: f64, saturation: f64) -> Vec<Figure> {
     let name = run.name;
     let source = "one period at full height; ways below half of it are left out";
     let mut figures = vec![
@@ -88,14 +88,14 @@ fn counted(looks: usize) -> String {
     format!("{looks} {}", if looks == 1 { "look" } else { "looks" })
 }
 
-fn series((run, name): (&Runs, &str)) -> [Series; 2] {
+fn series((run, name): (&StepSeries, &str)) -> [Series; 2] {
     [
         Series::new(&format!("{name}_looks"), run.ways.iter().map(|(looks, _)| *looks as f64)),
         Series::new(&format!("{name}_miss_m"), run.ways.iter().map(|(_, way)| way.miss_m)),
     ]
 }
 
-fn motion(rig: &LabRig, task: &Task, way: &Way) -> Motion {
+fn motion(rig: &LabRig, task: &Task, way: &PartPath) -> Motion {
     let samples: Vec<_> = way.samples.iter().step_by(FINER).collect();
     let track = |i: usize| Track {
         label: format!("part {}", i + 1),
@@ -110,7 +110,7 @@ fn motion(rig: &LabRig, task: &Task, way: &Way) -> Motion {
 }
 
 /// The paper's Fig. 3 (d): starts, goals and the polygonal line through the places after each rotation.
-fn map(name: &str, task: &Task, run: &Runs) -> Option<Chart> {
+fn map(name: &str, task: &Task, run: &StepSeries) -> Option<Chart> {
     let (looks, way) = run.ways.first()?;
     let corners = &way.corners;
     let centers = task.centers_m.map(mm);
@@ -143,7 +143,7 @@ fn map(name: &str, task: &Task, run: &Runs) -> Option<Chart> {
     ))
 }
 
-fn misses(runs: &[Runs; 3]) -> Chart {
+fn misses(runs: &[StepSeries; 3]) -> Chart {
     let mut layers = Vec::new();
     for (i, run) in runs.iter().enumerate() {
         let points: Vec<[f64; 2]> =

@@ -39,9 +39,9 @@ impl Task {
         &self,
         looks: usize,
         mut rotate: impl FnMut(&Places, usize, f64) -> Result<Vec<Places>, LabFault>,
-    ) -> Result<Way, LabFault> {
+    ) -> Result<PartPath, LabFault> {
         let mut at = self.starts_m;
-        let mut way = Way { corners: vec![at], samples: Vec::new(), miss_m: f64::NAN };
+        let mut way = PartPath { corners: vec![at], samples: Vec::new(), miss_m: f64::NAN };
         for look in 1..=looks {
             let wanted = self.waypoints_m(look, looks);
             let d_m = distances(&self.centers_m, &at, &wanted).ok_or_else(|| self.singular(&at))?;
@@ -67,7 +67,7 @@ impl Task {
 }
 
 /// The way the parts went.
-pub struct Way {
+pub struct PartPath {
     /// Where the parts were at first and after each rotation.
     pub corners: Vec<Places>,
     /// Where they were at each sample of the simulation.
@@ -77,15 +77,15 @@ pub struct Way {
 }
 
 /// One mover, the step in 1, 2, 4 and 8 looks.
-pub struct Runs {
+pub struct StepSeries {
     pub name: &'static str,
     /// Looks and the way they led.
-    pub ways: Vec<(usize, Way)>,
+    pub ways: Vec<(usize, PartPath)>,
     /// Looks that led nowhere, and why: a part fell, or the four fields became dependent.
     pub failed: Vec<(usize, LabFault)>,
 }
 
-impl Runs {
+impl StepSeries {
     pub fn of(
         name: &'static str,
         task: &Task,
@@ -107,7 +107,7 @@ impl Runs {
     }
 
     /// The way of the fewest looks.
-    pub fn first(&self) -> Option<&Way> {
+    pub fn first(&self) -> Option<&PartPath> {
         self.ways.first().map(|(_, way)| way)
     }
 }

@@ -21,7 +21,7 @@ const LONGER_BY_ATTACKS: f64 = 2.0;
 pub const STRONG_SPIN_RADPS: f64 = 8.0;
 
 /// A plate and what its pulses do.
-pub struct Machine<'a> {
+pub struct PlateModel<'a> {
     rig: &'a LabRig,
     mode: PlateMode,
     centers_m: [Vec2; CENTERS],
@@ -71,7 +71,7 @@ impl Curve {
     }
 }
 
-impl<'a> Machine<'a> {
+impl<'a> PlateModel<'a> {
     /// Measures what pulses about the four centres do to a part at `reference_m`.
     pub fn calibrated(
         rig: &'a LabRig,
@@ -80,12 +80,12 @@ impl<'a> Machine<'a> {
         spin_radps: [f64; CENTERS],
         reference_m: Vec2,
     ) -> Result<Self, LabFault> {
-        let mut machine = Self { rig, mode, centers_m, spin_radps, curves: Default::default() };
+        let mut model = Self { rig, mode, centers_m, spin_radps, curves: Default::default() };
         for j in 0..CENTERS {
             check_carries(rig, spin_radps[j], (reference_m - centers_m[j]).norm())?;
-            machine.curves[j] = [machine.curve(j, 1.0, reference_m)?, machine.curve(j, -1.0, reference_m)?];
+            model.curves[j] = [model.curve(j, 1.0, reference_m)?, model.curve(j, -1.0, reference_m)?];
         }
-        Ok(machine)
+        Ok(model)
     }
 
     /// The shortest way that can be told to a part, of all centres and senses, m.
