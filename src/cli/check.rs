@@ -1,7 +1,6 @@
 mod covered;
 mod picture;
 mod plan;
-mod plan_picture;
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -41,8 +40,9 @@ impl Found {
     }
 
     fn chart(&self) -> Option<Chart> {
-        let covered = self.covered.as_ref().map(|covered| picture::chart(&covered.coverage, &covered.rig_name));
-        covered.or_else(|| self.planned.as_ref().map(plan_picture::chart))
+        let covered =
+            self.covered.as_ref().map(|covered| picture::coverage_chart(&covered.coverage, &covered.rig_name));
+        covered.or_else(|| self.planned.as_ref().map(picture::plan_chart))
     }
 }
 
