@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::conditions::Condition;
+use super::condition::Condition;
 use upm_core::job::{Outcome, StopCause};
 use upm_core::rig::{RigFault, Trip};
 

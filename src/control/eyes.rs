@@ -8,10 +8,10 @@ use std::ops::ControlFlow::{Break, Continue};
 use std::sync::atomic::AtomicBool;
 
 use self::first_look::find_table;
-use self::motion::REACH_M;
 use self::naming::name_parts;
-use self::scene::{Blind, Place, Scene};
-use super::conditions::{Condition, Conditions};
+use self::scene::{Blind, Place, SWING_S, Scene};
+use super::condition::Condition;
+use super::conditions::Conditions;
 use super::ending::{Ending, Flow, flow};
 use super::guards::{DelayGuard, Guards, StillnessGuard};
 use super::{FrameFacts, LocalisedFacts, Sink};
@@ -21,28 +21,27 @@ use upm_core::signal::Frame;
 use upm_core::time::{Clock, PlateTime};
 use upm_perception::vision::{CoinFinder, Table, Track, Tracker};
 
+pub use self::naming::ExpectedPart;
+
 /// Looks for the table at rest, once it was found, before it counts as missing.
 const TABLE_LOOKS: usize = 5;
 /// Frames without sight before the motors are silenced and it is said, at least, and at most this long, s.
 const BLIND_FRAMES: f64 = 3.0;
 const BLIND_S: f64 = 0.1;
-/// Time after which a run ends, s: of stale frames, without a plate in them, behind a hand.
-const WAIT_S: f64 = 2.0;
-const DARK_S: f64 = 5.0;
-const HAND_S: f64 = 10.0;
 /// Looks at rest in a row that show something foreign before it is believed.
 const FOREIGN: u32 = 2;
 /// Frames that must lack a part before those that never came count, too.
 const LEAST_LOOKS: u32 = 5;
 /// Distance beyond the edge from which on a part's centre is off the plate, m: more than the plate swings.
 const EDGE_M: f64 = 1e-3;
-/// Time in which a plate swings out, s.
-const SWING_S: f64 = 0.4;
 /// After a pulse that was cut short it may take longer, s: the plate is seen to swing by more than this, px.
 const LONGEST_SWING_S: f64 = 2.0;
 const SWINGS_PX: f64 = 0.4;
 /// Time for which it must not be seen to, s: half of the slowest swing.
 const QUIET_SWING_S: f64 = 0.12;
+
+/// How far a part may lie from where it should be, m, whatever its way.
+const REACH_M: f64 = 3e-3;
 
 /// What a frame is taken for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,17 +50,6 @@ pub enum Moment {
     Pulse,
     /// To start the next cycle from, as soon as everything rests.
     Cycle,
-}
-
-/// A part the job says is on the plate.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ExpectedPart {
-    /// Name for people: `penny-1`.
-    pub id: String,
-    /// Index into the kinds.
-    pub kind: usize,
-    /// Where the job says it lies, m; `None` when it may lie anywhere.
-    pub expected_m: Option<Vec2>,
 }
 
 /// The camera's frames turned into part positions: the table once, then every part in every frame, and doubts about both.
@@ -250,12 +238,7 @@ impl Eyes {
             self.silence(rig);
             self.conditions.note(now, why.condition(), || why.reason(), sink);
         }
-        let patience_s = match why {
-            Blind::Stale(_) => WAIT_S,
-            Blind::Dark => DARK_S,
-            Blind::Hidden => HAND_S,
-        };
-        if for_s > patience_s {
+        if for_s > why.longest_s() {
             let reason = format!("{} for {for_s:.1} s", why.reason());
             return Break(Ending::guarded(why.condition(), reason));
         }

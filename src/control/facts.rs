@@ -1,4 +1,4 @@
-use super::conditions::{Condition, ConditionChange};
+use super::condition::{Condition, ConditionChange};
 use upm_core::geometry::Vec2;
 use upm_core::job::{Outcome, RecordingEnd, StopCause};
 use upm_core::signal::{AccelTrace, Drive, Frame};

@@ -7,7 +7,7 @@ mod motion;
 mod steps;
 mod stillness;
 
-use super::conditions::Condition;
+use super::condition::Condition;
 
 pub(super) use delay::{DelayGuard, Late, Swing, SwingSeen};
 pub(super) use freshness::{Freshness, Stale};

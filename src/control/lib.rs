@@ -4,6 +4,7 @@
 
 mod attempts;
 pub mod calibration;
+mod condition;
 mod conditions;
 mod controllability;
 mod cycle;
@@ -16,7 +17,7 @@ mod plans;
 mod progress;
 mod rehearsal;
 
-pub use conditions::{Condition, ConditionChange};
+pub use condition::{Condition, ConditionChange};
 pub use cycle::{ControlParams, Devices, Finish, run};
 pub use ending::Ending;
 pub use eyes::{ExpectedPart, Eyes, Moment};

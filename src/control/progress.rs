@@ -1,6 +1,6 @@
 //! Net progress of a run: a run that plays pulses and brings no part nearer ends instead of going on to its time limit.
 
-use super::conditions::why_not;
+use super::condition::why_not;
 use super::ending::Ending;
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;

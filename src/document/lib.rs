@@ -9,4 +9,4 @@ mod shape;
 
 pub use fault::{Fault, Faults, Path, counted, one_of, shown};
 pub use kind::Document;
-pub use read::{MOST_BYTES, parse, schema_of, text_of};
+pub use read::{MOST_BYTES, parse, parse_and_build, schema_of, text_of};

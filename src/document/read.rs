@@ -37,6 +37,18 @@ fn bytes_of(path: &FilePath) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Built by `build` from the document in `text`; every fault is told, those of [`parse`] first.
+pub fn parse_and_build<Raw: DeserializeOwned + JsonSchema, Made>(
+    text: &str,
+    file: &str,
+    build: impl FnOnce(Raw, &mut Faults) -> Option<Made>,
+) -> Result<Made, Vec<Fault>> {
+    let raw = parse(text, file)?;
+    let mut faults = Faults::of(file);
+    let made = build(raw, &mut faults);
+    faults.into_result(made)
+}
+
 /// The document in `text`: held against its schema for all faults of keys, types and ranges at once, then read
 /// by serde for what a schema cannot say. A file of another kind has that one fault.
 pub fn parse<T: DeserializeOwned + JsonSchema>(text: &str, file: &str) -> Result<T, Vec<Fault>> {

@@ -12,16 +12,12 @@ mod file;
 mod plate_tests;
 mod probe;
 mod raw;
-mod raw_fields;
-mod raw_plate;
 mod types;
 mod validate;
 
 pub use coil_response::CoilResponse;
 pub use drive::drive_for;
 pub use field_drive::motor_harmonics;
-pub use raw::{RawDisplacement, RawEntry, RawLibrary, RawShapes};
-pub use raw_fields::RawFieldResponse;
-pub use raw_plate::{RawAxes, RawPlateResponse};
+pub use raw::{RawAxes, RawDisplacement, RawEntry, RawFieldResponse, RawLibrary, RawPlateResponse, RawShapes};
 pub use types::{AxisShape, DisplacementModel, Entry, FieldResponse, Library, PlateResponse};
 pub use validate::{FieldFacts, RigFacts};

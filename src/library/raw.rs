@@ -1,23 +1,35 @@
 use std::f64::consts::TAU;
 
+use nalgebra::{Complex, Matrix3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{AxisShape, DisplacementModel, Entry, Library, RawFieldResponse, RawPlateResponse};
+use super::{AxisShape, DisplacementModel, Entry, FieldResponse, Library, PlateResponse};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{CHANNELS, Harmonic};
 use upm_core::units::{m_from_mm, mm_from_m};
 
 /// Bounds that no plate a person could build exceeds; numbers beyond are slips of the unit.
-pub(super) const PLATE_SIDE_MM: (f64, f64) = (1.0, 1e4);
-pub(super) const GAIN: (f64, f64) = (0.5, 2.0);
-pub(super) const BASE_HZ: (f64, f64) = (1.0, 10_000.0);
-pub(super) const MOST_TIME_S: f64 = 100.0;
-pub(super) const MOST_AMPLITUDE: i32 = 1_000_000;
-pub(super) const MOST_SHAPE: f64 = 1e3;
-pub(super) const MOST_SPEED_MM_S: f64 = 1e5;
-pub(super) const MOST_SPIN_RAD_S: f64 = 1e4;
-pub(super) const MOST_DISTANCE_MM: f64 = 1e3;
+const PLATE_SIDE_MM: (f64, f64) = (1.0, 1e4);
+const GAIN: (f64, f64) = (0.5, 2.0);
+const BASE_HZ: (f64, f64) = (1.0, 10_000.0);
+const MOST_TIME_S: f64 = 100.0;
+const MOST_AMPLITUDE: i32 = 1_000_000;
+const MOST_SHAPE: f64 = 1e3;
+const MOST_SPEED_MM_S: f64 = 1e5;
+const MOST_SPIN_RAD_S: f64 = 1e4;
+const MOST_DISTANCE_MM: f64 = 1e3;
+/// Counts that a waveform generator may have.
+const LIMIT_COUNTS: (f64, f64) = (1.0, 1e6);
+/// Largest speed (mm/s) or spin (rad/s) of one count.
+const MOST_RESPONSE: f64 = 1e5;
+/// Natural frequencies of a plate on springs; the drive's base frequency has to be higher and ends at 10 kHz.
+pub(super) const NATURAL_HZ: (f64, f64) = (0.1, 10_000.0);
+/// Damping ratios from undamped to far beyond critical.
+pub(super) const DAMPING_RATIO: (f64, f64) = (0.0, 10.0);
+
+/// Complex numbers `[re, im]`, row by row.
+type RawMatrix = [[[f64; 2]; 3]; 3];
 
 /// A library as its file has it, not yet validated: [`Library::try_from`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -105,8 +117,52 @@ pub struct RawDisplacement {
     pub sd_mm: Vec<Vec<f64>>,
 }
 
+/// How the plate answers to each harmonic of synthesised motions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawFieldResponse {
+    /// Base frequency.
+    #[schemars(range(min = BASE_HZ.0, max = BASE_HZ.1))]
+    pub base_hz: f64,
+    /// Attack of every pulse.
+    #[schemars(range(min = 0.0, max = MOST_TIME_S))]
+    pub attack_s: f64,
+    /// Rest after every pulse.
+    #[schemars(range(min = 0.0, max = MOST_TIME_S))]
+    pub rest_s: f64,
+    /// Largest sample a motor may be told to play.
+    #[schemars(range(min = LIMIT_COUNTS.0, max = LIMIT_COUNTS.1))]
+    pub limit_counts: f64,
+    /// One matrix a harmonic, from the first up: rows x (mm/s), y (mm/s) and spin (rad/s), columns one count of X1-X2,
+    /// Y1-Y2 and (Y1+Y2)-(X1+X2), each a velocity phasor `[re, im]` for a force `cos kwt`.
+    #[schemars(length(min = 1), inner(inner(inner(inner(range(min = -MOST_RESPONSE, max = MOST_RESPONSE))))))]
+    pub twist_from_counts: Vec<RawMatrix>,
+}
+
+/// Resonances of the plate's axes, each a mass-spring-damper.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawPlateResponse {
+    /// Undamped natural frequencies, from 0.1 to 10000.
+    pub natural_hz: RawAxes,
+    /// Damping ratios, from 0 to 10.
+    pub damping_ratio: RawAxes,
+}
+
+/// One number for each axis of the plate.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawAxes {
+    /// Along x.
+    pub x: f64,
+    /// Along y.
+    pub y: f64,
+    /// About the centre.
+    pub spin: f64,
+}
+
 /// Rounded to `decimals`, so that files stay small and a saved library loads to the same bytes again.
-pub(super) fn rounded(value: f64, decimals: i32) -> f64 {
+fn rounded(value: f64, decimals: i32) -> f64 {
     let scale = 10f64.powi(decimals);
     let rounded = (value * scale).round() / scale;
     if rounded == 0.0 { 0.0 } else { rounded }
@@ -126,6 +182,21 @@ fn raw_shape(shape: &AxisShape) -> [[f64; 2]; 2] {
 
 fn shape(raw: [[f64; 2]; 2]) -> AxisShape {
     AxisShape(raw.map(|[cos, sin]| Harmonic { cos, sin }))
+}
+
+fn raw_matrix(matrix: &Matrix3<Complex<f64>>) -> RawMatrix {
+    let millimetres = |part: f64| rounded(mm_from_m(part), 7);
+    let row = |i: usize, in_file: &dyn Fn(f64) -> f64| {
+        [0, 1, 2].map(|k| [in_file(matrix[(i, k)].re), in_file(matrix[(i, k)].im)])
+    };
+    [row(0, &millimetres), row(1, &millimetres), row(2, &|part| rounded(part, 9))]
+}
+
+pub(super) fn matrix(raw: &RawMatrix) -> Matrix3<Complex<f64>> {
+    let [x, y, spin] = *raw;
+    let velocity = |row: [[f64; 2]; 3]| row.map(|[re, im]| Complex::new(m_from_mm(re), m_from_mm(im)));
+    let spin = spin.map(|[re, im]| Complex::new(re, im));
+    Matrix3::from_row_iterator([velocity(x), velocity(y), spin].into_iter().flatten())
 }
 
 impl From<&Library> for RawLibrary {
@@ -197,6 +268,60 @@ impl RawLibrary {
             plate: self.plate.as_ref().map(RawPlateResponse::response),
             rig: self.rig,
             fingerprint: self.fingerprint,
+        }
+    }
+}
+
+impl From<&FieldResponse> for RawFieldResponse {
+    fn from(response: &FieldResponse) -> Self {
+        Self {
+            base_hz: rounded(response.base_radps / TAU, 6),
+            attack_s: rounded(response.attack_s, 6),
+            rest_s: rounded(response.rest_s, 6),
+            limit_counts: rounded(response.limit_counts, 6),
+            twist_from_counts: response.twist_from_counts.iter().map(raw_matrix).collect(),
+        }
+    }
+}
+
+impl RawFieldResponse {
+    /// The same in SI, nothing checked.
+    fn response(&self) -> FieldResponse {
+        FieldResponse {
+            base_radps: TAU * self.base_hz,
+            attack_s: self.attack_s,
+            rest_s: self.rest_s,
+            limit_counts: self.limit_counts,
+            twist_from_counts: self.twist_from_counts.iter().map(matrix).collect(),
+        }
+    }
+}
+
+impl RawAxes {
+    fn rounded([x, y, spin]: [f64; 3]) -> Self {
+        Self { x: rounded(x, 4), y: rounded(y, 4), spin: rounded(spin, 4) }
+    }
+
+    fn values(self) -> [f64; 3] {
+        [self.x, self.y, self.spin]
+    }
+}
+
+impl From<&PlateResponse> for RawPlateResponse {
+    fn from(plate: &PlateResponse) -> Self {
+        Self {
+            natural_hz: RawAxes::rounded(plate.natural_radps.map(|radps| radps / TAU)),
+            damping_ratio: RawAxes::rounded(plate.damping_ratio),
+        }
+    }
+}
+
+impl RawPlateResponse {
+    /// The same in SI, nothing checked.
+    fn response(&self) -> PlateResponse {
+        PlateResponse {
+            natural_radps: self.natural_hz.values().map(|hz| TAU * hz),
+            damping_ratio: self.damping_ratio.values(),
         }
     }
 }

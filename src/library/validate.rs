@@ -1,8 +1,6 @@
 use std::f64::consts::TAU;
 
-use super::raw::{RawDisplacement, RawEntry, RawLibrary};
-use super::raw_fields::matrix;
-use super::raw_plate::{DAMPING_RATIO, NATURAL_HZ};
+use super::raw::{DAMPING_RATIO, NATURAL_HZ, RawDisplacement, RawEntry, RawLibrary, matrix};
 use super::{FieldResponse, Library, RawFieldResponse, RawPlateResponse};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;

@@ -1,3 +1,4 @@
+mod fixed;
 mod lines;
 mod located;
 

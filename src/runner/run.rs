@@ -7,9 +7,9 @@ mod coverage;
 mod ending;
 #[cfg(test)]
 mod endless_tests;
+mod error;
 #[cfg(test)]
 mod fault_tests;
-mod first_frame;
 mod folder;
 mod library;
 mod library_output;
@@ -18,7 +18,6 @@ mod links;
 mod lost_tests;
 mod pace_check;
 mod paced;
-mod pacing;
 mod planner_selection;
 #[cfg(test)]
 mod recording_tests;
@@ -28,46 +27,43 @@ mod simulate;
 mod stop_tests;
 mod time_figure;
 mod tolerance;
-mod truth_log;
-mod unwritten;
 #[cfg(test)]
 mod unwritten_tests;
-mod verdict;
 mod verify;
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::config::{Fault, JobSpec};
-use upm_control::{self as control, Devices, Ending, Finish, Sink};
-use upm_core::rig::{Interlock, Rig, RigFault};
-use upm_core::time::Clock;
+use crate::config::JobSpec;
+use upm_control::{self as control, Devices, Ending, EventLevel, Finish, Sink};
+use upm_core::rig::{Interlock, Rig};
+use upm_core::time::{Clock, PlateTime};
 use upm_library::Library;
-use upm_recording::{Deadlines, Fanout, Herald, Journal, Keeping, Report, RerunMode, Scribe, Tally, tell_recording};
+use upm_recording::{
+    Deadlines, Fanout, Herald, Journal, Keeping, Report, RerunMode, Scribe, ScribeWatch, Tally, tell_recording,
+};
 use upm_sim::faults::Faulty;
 use upm_viewer::{LiveServer, RerunSink, RunContext};
 
-use ending::{ending, unwritten_ending};
+use ending::{ending, unwritten_ending, verdict};
+use folder::TruthLog;
 use paced::{Pace, Paced};
 use time_figure::FirstLook;
-use truth_log::TruthLog;
-use unwritten::Unwritten;
-use verdict::verdict;
 
 pub use bench::{Bench, NamedTruth};
 pub use calibrate::{calibrate, calibration_params};
 pub use coverage::{Coverage, Gap, Place};
-pub use first_frame::{FirstFrame, FirstFrameError, TruePart, first_frame};
+pub use error::RunError;
 pub use folder::{FolderState, RunFolder};
 pub use library::{check_job, check_places, job_library, library_faults};
 pub use library_output::{LibraryOutput, LibraryOutputFault};
 pub use links::{ExternalStop, Links};
 pub use pace_check::{PaceCheck, check_pace};
-pub use pacing::PacingStats;
+pub use paced::PacingStats;
 pub use planner_selection::{PlannerSelection, SelectionReason};
 pub use rehearse::{Forecast, PartForecast, PlanVerdict, RehearsalProgress, Spot, rehearse};
-pub use simulate::{check_simulate, simulate};
+pub use simulate::{FirstFrame, FirstFrameError, TruePart, check_simulate, first_frame, simulate};
 pub use tolerance::tolerance_warning;
 pub use upm_sim::Trajectories;
 pub use verify::{Verdict, VerifyError, verify};
@@ -98,50 +94,6 @@ pub struct RunResult {
     pub report: Report,
     /// What went wrong beside the run itself: a recording that is not whole, a report that was not written.
     pub warnings: Vec<String>,
-}
-
-/// Why a job was not run, or its run not written down.
-#[derive(Debug, thiserror::Error)]
-pub enum RunError {
-    /// The job cannot be run.
-    #[error("{0}")]
-    Job(Fault),
-    /// The library is none or of another rig.
-    #[error("{}", one_a_line(.0))]
-    Library(Vec<Fault>),
-    /// A file of the run folder could not be written.
-    #[error("{path}: cannot be written: {reason}")]
-    Write {
-        /// Which.
-        path: String,
-        /// Why.
-        reason: String,
-    },
-    /// The recording cannot go where it was said to go.
-    #[error("--rerun: {0}")]
-    RerunMode(String),
-    /// The recording could not be started.
-    #[error("recording: {0}")]
-    Recording(String),
-    /// The rig is not there for this run.
-    #[error("rig: {0}")]
-    Rig(RigFault),
-}
-
-impl RunError {
-    /// One line for every fault.
-    pub fn lines(&self) -> Vec<String> {
-        self.to_string().lines().map(str::to_owned).collect()
-    }
-
-    /// True when the fault lies in what was given, not in the machine.
-    pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Job(_) | Self::Library(_) | Self::RerunMode(_))
-    }
-}
-
-fn one_a_line(faults: &[Fault]) -> String {
-    faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
 /// Runs `job` to its end and writes a folder of its own. `pacing` shows how a run in real time keeps up; `watcher` is told
@@ -253,7 +205,7 @@ impl Session<'_> {
         tell_recording(&options.keeping.recording, &mut sinks, bench.now());
         let written = journal.finish().and_then(Scribe::finish);
         let written = written.map_err(|error| folder.write_error("journal.jsonl", &error));
-        let written = written.and(truth_log.finish().map_err(|error| folder.write_error(truth_log::FILE, &error)));
+        let written = written.and(truth_log.finish().map_err(|error| folder.write_error(folder::TRUTH_FILE, &error)));
         let mut ending = ending(job, Some(bench), finish, wall_time_s);
         ending.bound_s = first_look.time_figure_s(job, library, &bench.params);
         ending.deadlines = options.real_time.then(|| Deadlines {
@@ -284,6 +236,25 @@ impl Session<'_> {
             frame_hz: bench.model.frame_hz,
             deadlines: self.job.deadlines,
         })
+    }
+}
+
+/// Stops the run as soon as its journal fails, so that no motion goes unrecorded.
+struct Unwritten<'a> {
+    journal: &'a ScribeWatch,
+    stop: &'a AtomicBool,
+    /// True once it has been told.
+    told: bool,
+}
+
+impl Unwritten<'_> {
+    /// Looks at the journal; says it to `sinks`, once, when it has failed.
+    fn check(&mut self, sinks: &mut dyn Sink, at: PlateTime) {
+        if let (Some(fault), false) = (self.journal.fault(), self.told) {
+            self.told = true;
+            self.stop.store(true, Ordering::SeqCst);
+            sinks.event(at, EventLevel::Error, &format!("the journal cannot be written: {fault}"));
+        }
     }
 }
 

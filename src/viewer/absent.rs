@@ -6,7 +6,7 @@ use std::path::Path;
 use upm_control::Sink;
 use upm_recording::{Keeping, LocalisedRecord, RerunMode};
 
-use crate::experiment::Experiment;
+use crate::types::Experiment;
 use crate::types::{RecordingError, RecordingStats, Repaired, RunContext};
 
 /// In place of a recording: takes everything, keeps nothing.

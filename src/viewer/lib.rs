@@ -5,13 +5,11 @@
 
 #[cfg(not(feature = "rerun"))]
 mod absent;
-mod experiment;
 #[cfg(feature = "rerun")]
 mod rerun;
 mod types;
 
-pub use experiment::{Experiment, Motion, Track};
-pub use types::{PartLook, RecordingError, RecordingStats, Repaired, RunContext};
+pub use types::{Experiment, Motion, PartLook, RecordingError, RecordingStats, Repaired, RunContext, Track};
 
 #[cfg(not(feature = "rerun"))]
 pub use absent::{LiveServer, RerunSink, record_experiment, record_located, repair_recording};

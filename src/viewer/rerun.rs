@@ -27,6 +27,7 @@ mod live_server;
 #[cfg(test)]
 mod live_tests;
 mod located;
+mod looks;
 mod paint;
 mod picture;
 mod plots;
@@ -39,6 +40,7 @@ mod sink;
 #[cfg(test)]
 mod survival_tests;
 mod table;
+mod tape;
 #[cfg(test)]
 mod tests;
 mod trails;

@@ -2,15 +2,16 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Complex, Matrix3, Vector3};
 
+use super::axis_pulse::{AxisPulse, NAMES, phasor};
 use super::coils::Coils;
 use super::fault::LEAST_LAG_DEG;
 use super::workbench::Workbench;
-use super::{CalibrationFault, CalibrationParams, channels};
-use upm_core::geometry::Twist;
+use super::{CalibrationFault, CalibrationParams, ChannelFault};
+use upm_core::geometry::{Twist, Vec2};
 use upm_core::rig::RigModel;
-use upm_core::signal::{CHANNELS, Drive, Harmonic};
+use upm_core::signal::{CHANNELS, Harmonic};
 use upm_library::AxisShape;
-use upm_perception::estimation::{AxisPhasors, Coefficients, FitFault, TwistFit, relative_gains};
+use upm_perception::estimation::{AxisPhasors, Coefficients, check_channels, relative_gains};
 
 /// Times the pre-compensation is measured and mended; the last pass only confirms.
 const PASSES: usize = 3;
@@ -20,8 +21,12 @@ const WAVE_PEAK: f64 = 1.7602;
 const TRIAL_COUNTS: i32 = 10_000;
 /// Part of the count limit the axis pulses use; leaves room for the mended waveform's higher peak.
 const EFFORT: f64 = 0.75;
-/// What faults call the axes.
-pub(super) const NAMES: [&str; 3] = ["axis x", "axis y", "axis spin"];
+/// A channel that shows less of the strongest one than this is dead: every channel sees one whole axis at least.
+const DEAD_CHANNEL: f64 = 0.1;
+/// Least and most that a channel may show for the others' 1.
+const CHANNEL_GAIN: (f64, f64) = (0.8, 1.25);
+/// Part of the readings that may not be those of a rigid plate.
+const CHANNEL_MISFIT: f64 = 0.05;
 
 /// How the three axes answer.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,36 +39,6 @@ pub struct Axes {
     pub accelerometer_gain: [f64; CHANNELS],
     /// The last pulse of each axis, what the closing pulses are held against.
     pub(super) opening: [AxisPulse; 3],
-}
-
-/// A pulse of one axis, played both ways.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct AxisPulse {
-    pub drive: Drive,
-    /// What the channels showed, half the difference of both ways, m/s², with their gains in it.
-    pub shown: [Coefficients; CHANNELS],
-}
-
-impl AxisPulse {
-    /// Plays `drive` both ways; the pulse and both readings.
-    pub fn play(
-        bench: &mut Workbench<'_>,
-        axis: usize,
-        drive: Drive,
-    ) -> Result<(Self, [TwistFit; 2]), CalibrationFault> {
-        let read = |bench: &mut Workbench<'_>, drive: &Drive| {
-            bench.read_twist(NAMES[axis], drive).map_err(|fault| match fault {
-                CalibrationFault::Trace { fault: FitFault::TooWeak { found_mps2, needed_mps2 }, .. } => {
-                    CalibrationFault::Still { axis: NAMES[axis], found_mps2, needed_mps2 }
-                }
-                other => other,
-            })
-        };
-        let there = read(bench, &drive)?;
-        let back = read(bench, &drive.clone().reversed())?;
-        let shown = half_difference(&there, &back, &bench.sensors.gain);
-        Ok((Self { drive, shown }, [there, back]))
-    }
 }
 
 impl Axes {
@@ -121,7 +96,7 @@ fn check(
     shapes: &[AxisShape; 3],
     responses: &[AxisPhasors; 3],
 ) -> Result<(), CalibrationFault> {
-    channels::check(&pulses.each_ref().map(|pulse| pulse.shown), bench.sensors.position_m)?;
+    check_channels_alike(&pulses.each_ref().map(|pulse| pulse.shown), bench.sensors.position_m)?;
     let [first, second] = Coils::read(pulses, &bench.sensors, bench.model);
     second.check_working()?;
     for axis in 0..3 {
@@ -130,10 +105,29 @@ fn check(
     second.check_gains(&first)
 }
 
-/// What the channels showed, their gains put back in, with all that does not turn round with the drive left out.
-fn half_difference(there: &TwistFit, back: &TwistFit, gain: &[f64; CHANNELS]) -> [Coefficients; CHANNELS] {
-    let (there, back) = (&there.accel_mps2, &back.accel_mps2);
-    std::array::from_fn(|c| std::array::from_fn(|k| 0.5 * (there[c][k] - back[c][k]) * gain[c]))
+/// Refuses the first channel that one pulse of x, y and spin each shows dead, reversed or off.
+fn check_channels_alike(
+    shown: &[[Coefficients; CHANNELS]],
+    accelerometer_in_plate_m: Vec2,
+) -> Result<(), CalibrationFault> {
+    let found = check_channels(shown, accelerometer_in_plate_m);
+    let fault = |channel, fault| Err(CalibrationFault::Channel { channel, fault });
+    if let Some((channel, share)) = worst(found.share, |share| share < DEAD_CHANNEL, |share| -share) {
+        return fault(channel, ChannelFault::Dead { share });
+    }
+    if found.misfit > CHANNEL_MISFIT {
+        return Err(CalibrationFault::NotRigid { misfit: found.misfit });
+    }
+    let plausible = |gain: f64| (CHANNEL_GAIN.0..=CHANNEL_GAIN.1).contains(&gain);
+    let Some((channel, gain)) = worst(found.gain, |gain| !plausible(gain), |gain| (gain - 1.0).abs()) else {
+        return Ok(());
+    };
+    fault(channel, if gain < 0.0 { ChannelFault::Reversed { gain } } else { ChannelFault::Gain { gain } })
+}
+
+/// Index and value of the worst of those that are `bad`.
+fn worst(values: [f64; CHANNELS], bad: impl Fn(f64) -> bool, how: impl Fn(f64) -> f64) -> Option<(usize, f64)> {
+    values.into_iter().enumerate().filter(|(_, value)| bad(*value)).max_by(|a, b| how(a.1).total_cmp(&how(b.1)))
 }
 
 fn per_count(there: &AxisPhasors, back: &AxisPhasors, amplitude: f64) -> AxisPhasors {
@@ -147,10 +141,6 @@ fn free_mass_speed(axis: usize, model: &RigModel) -> f64 {
     let accel =
         if axis < 2 { force_n / model.plate_mass_kg } else { model.lever_arm_m * force_n / model.plate_inertia_kgm2 };
     accel / model.base_radps
-}
-
-pub(super) fn phasor(harmonic: Harmonic) -> Complex<f64> {
-    Complex::new(harmonic.cos, -harmonic.sin)
 }
 
 fn refuse_resonance(

@@ -1,4 +1,5 @@
-use super::axes::{Axes, AxisPulse, NAMES};
+use super::axes::Axes;
+use super::axis_pulse::{AxisPulse, NAMES};
 use super::coils::Coils;
 use super::workbench::Workbench;
 use super::{CalibrationFault, Component};

@@ -7,7 +7,7 @@
 
 use nalgebra::{Complex, Matrix3, Matrix3x4, Matrix4, Matrix4x3};
 
-use super::axes::{AxisPulse, phasor};
+use super::axis_pulse::{AxisPulse, phasor};
 use super::{CalibrationFault, CoilFault};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::rig::RigModel;

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow::{Break, Continue};
 
 use super::Cycle;
-use crate::conditions::Condition;
+use crate::condition::Condition;
 use crate::ending::{Ending, Flow};
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow::{Break, Continue};
 
 use super::Cycle;
-use crate::conditions::Condition;
+use crate::condition::Condition;
 use crate::ending::{Ending, Flow, flow, is_stopped};
 use crate::eyes::Moment;
 use crate::guards::{Finding, Late, PulseReading, Swing, Unlike, Went, went};

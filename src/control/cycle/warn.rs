@@ -1,7 +1,7 @@
 //! The conditions of a cycle: which hold, and why, in words.
 
 use super::Cycle;
-use crate::conditions::{Condition, why_not};
+use crate::condition::{Condition, why_not};
 use upm_planner::PlanStatus;
 
 /// A part that goes less than this part of the way the library has it is slow, and no longer slow from the second on.

@@ -4,9 +4,10 @@ use std::ops::ControlFlow::{Break, Continue};
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use super::HAND_S;
+use super::scene::HAND_S;
 use crate::Sink;
-use crate::conditions::{Condition, Conditions};
+use crate::condition::Condition;
+use crate::conditions::Conditions;
 use crate::ending::{Ending, Flow, check_stop, flow};
 use upm_core::geometry::Vec2;
 use upm_core::rig::{Rig, RigModel};

@@ -2,17 +2,15 @@
 
 use std::ops::ControlFlow::{Break, Continue};
 
-use super::Eyes;
 use super::scene::Blind;
+use super::{Eyes, REACH_M};
 use crate::Sink;
-use crate::conditions::Condition;
+use crate::condition::Condition;
 use crate::ending::{Ending, Flow};
 use crate::guards::{Late, Stale, Swing, SwingSeen};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
-/// How far a part may lie from where it should be, m, whatever its way.
-pub(super) const REACH_M: f64 = 3e-3;
 /// Part of the way that a pulse should carry it by which it may be off.
 const REACH_OF_WAY: f64 = 0.7;
 /// Beyond that, not even a hand that pushes a part takes it so far from one look to the next, m: it is another disc.

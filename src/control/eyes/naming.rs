@@ -1,12 +1,23 @@
 //! Which detection is which part of the job.
 
-use super::ExpectedPart;
 use std::ops::ControlFlow::{Break, Continue};
 
 use crate::ending::{Ending, Flow};
+use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
 use upm_core::rig::PartKind;
 use upm_perception::vision::Detection;
+
+/// A part the job says is on the plate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExpectedPart {
+    /// Name for people: `penny-1`.
+    pub id: String,
+    /// Index into the kinds.
+    pub kind: usize,
+    /// Where the job says it lies, m; `None` when it may lie anywhere.
+    pub expected_m: Option<Vec2>,
+}
 
 /// Gives each part of the job its detection: parts with a known place take the nearest of their kind, the others the
 /// remaining ones from left to right.
@@ -79,7 +90,6 @@ pub(super) fn match_parts(mut found: Vec<Detection>, before: &[Detection]) -> Op
 #[cfg(test)]
 mod tests {
     use super::*;
-    use upm_core::geometry::Vec2;
 
     fn detection(kind: usize, x: f64, y: f64) -> Detection {
         Detection {

@@ -4,9 +4,9 @@ use std::ops::ControlFlow::{Break, Continue};
 use std::sync::atomic::AtomicBool;
 
 use super::naming::match_parts;
-use super::scene::Place;
-use super::{Eyes, Moment, SWING_S, TABLE_LOOKS};
-use crate::conditions::Condition;
+use super::scene::{Place, SWING_S};
+use super::{Eyes, Moment, TABLE_LOOKS};
+use crate::condition::Condition;
 use crate::ending::{Ending, Flow, check_stop};
 use crate::{ConfirmedFacts, LocalisedFacts, Sink};
 use upm_core::geometry::Vec2;

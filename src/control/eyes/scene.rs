@@ -1,8 +1,7 @@
 //! What a frame says besides where the parts are: whether it is of the present, whether the plate can be seen, whether it
 //! is where it was, and whether something lies on it.
 
-use super::SWING_S;
-use crate::conditions::Condition;
+use crate::condition::Condition;
 use crate::guards::{Freshness, Stale};
 use upm_core::geometry::Vec2;
 use upm_core::rig::{PartKind, RigModel};
@@ -20,6 +19,12 @@ const STILL_PX: f64 = 0.25;
 /// swung out, s: half of the slowest swing.
 const SWINGS_PX: f64 = 0.1;
 const STILL_S: f64 = 0.12;
+/// Time in which a plate swings out, s.
+pub(super) const SWING_S: f64 = 0.4;
+/// Time after which a run ends, s: of stale frames, without a plate in them, behind a hand.
+const STALE_S: f64 = 2.0;
+const DARK_S: f64 = 5.0;
+pub(super) const HAND_S: f64 = 10.0;
 /// A share of the plate below this counts as in view.
 const HIDDEN: f64 = 0.02;
 /// The same while the plate moves and shows its ground at the sides.
@@ -44,6 +49,15 @@ impl Blind {
             Self::Stale(Stale::Stamp { .. }) => Condition::CameraStale,
             Self::Dark => Condition::CameraDark,
             Self::Hidden => Condition::ViewHidden,
+        }
+    }
+
+    /// Time for which a run waits for its end, s.
+    pub(super) fn longest_s(self) -> f64 {
+        match self {
+            Self::Stale(_) => STALE_S,
+            Self::Dark => DARK_S,
+            Self::Hidden => HAND_S,
         }
     }
 

@@ -1,6 +1,6 @@
 use super::delay::SwingSeen;
 use super::steps::Went;
-use crate::conditions::Condition;
+use crate::condition::Condition;
 use upm_core::signal::{CHANNEL_NAMES, Drive};
 use upm_library::{CoilResponse, Library};
 use upm_perception::estimation::{

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::disturbance::{Disturbance, normal};
-use super::{Nearest, OPENING_FRAMES, RehearsalParams};
+use super::{Nearest, RehearsalParams};
 use crate::ControlParams;
 use crate::plans::Plans;
 use upm_core::geometry::Vec2;
@@ -12,6 +12,9 @@ use upm_planner::{FieldPulse, PartState, PlannedPulse, Rotation};
 /// Friction is cut at so many standard deviations, and at this part of the usual at least.
 const FRICTION_CUT: f64 = 3.0;
 const LEAST_FRICTION: f64 = 0.1;
+
+/// Frames that open the eyes before the first cycle: one for the table, one to start from.
+pub(super) const OPENING_FRAMES: u64 = 2;
 
 /// Rounds in which parts push each other; one that is pushed may touch the next.
 const PUSHES: usize = 8;

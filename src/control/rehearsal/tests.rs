@@ -4,9 +4,9 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::ExpectedPart;
-use upm_core::rig::PartKind;
+use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{TwistHarmonic, TwistWave};
-use upm_core::{geometry::Twist, job::Outcome};
+use upm_core::{job::Outcome, random::Streams, rig::PartKind};
 use upm_goal::{PathParams, Trajectories};
 use upm_library::{AxisShape, DisplacementModel, Entry, FieldResponse};
 use upm_planner::{FieldPulse, Method, PlannedPulse, PlannerParams, Rotation};
@@ -234,7 +234,7 @@ fn the_least_gap_is_told_with_its_parts() {
     let nearest = done.nearest.unwrap();
     assert!((0.003..0.0052).contains(&nearest.gap_m), "{nearest:?}");
     assert_eq!(nearest.parts, [1, 2]);
-    assert!((OPENING_FRAMES as f64 / FRAME_HZ..=done.plate_time_s).contains(&nearest.at_s), "{nearest:?}");
+    assert!((stage::OPENING_FRAMES as f64 / FRAME_HZ..=done.plate_time_s).contains(&nearest.at_s), "{nearest:?}");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::lines::{Fixed, Mm, PointMm, Seconds, fixed_pair, mm, point_mm, points_mm, seconds};
+use super::fixed::{Fixed, Mm, PointMm, Seconds, fixed_pair, mm, point_mm, points_mm, seconds};
 use upm_control::{ConfirmedFacts, LocalisedFacts};
 
 #[derive(Serialize)]

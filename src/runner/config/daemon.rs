@@ -4,14 +4,12 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use super::job::is_plain_name;
-use super::kinds::NAMES;
 use super::raw_daemon::{RawDaemon, RawDisk, RawKeep, RawServedPlate, RawWatchdog};
-use super::read::Origin;
+use super::read::{NAMES, Origin, is_plain_name};
 use super::rig::RigSpec;
 use super::standing::{StandingSpec, standing_of};
 use upm_core::job::Pace;
-use upm_document::{Fault, Faults, Path, one_of, parse, shown, text_of};
+use upm_document::{Fault, Faults, Path, one_of, parse_and_build, shown, text_of};
 
 /// What a daemon runs, validated.
 #[derive(Clone, Debug, PartialEq)]
@@ -115,10 +113,7 @@ impl DaemonSpec {
 
     /// Validates the daemon file in `text`; every fault is told.
     pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Fault>> {
-        let raw = parse(text, &origin.file)?;
-        let mut faults = Faults::of(&origin.file);
-        let made = Self::build(raw, origin, &mut faults);
-        faults.into_result(made)
+        parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, faults))
     }
 
     fn build(raw: RawDaemon, origin: &Origin, faults: &mut Faults) -> Option<Self> {
@@ -127,7 +122,7 @@ impl DaemonSpec {
         let plates = plates_of(&raw.plates, origin, faults);
         let default_plate = default_plate_of(&raw, faults);
         let hosts = hosts_of(&raw.hosts, faults);
-        let mut file_of = |key: &str, named: &str| named_file(named, origin, &root.key(key), faults);
+        let mut file_of = |key: &str, named: &str| origin.named_file(named, &root.key(key), faults);
         let data = file_of("data", &raw.data);
         let token_file = raw.token_file.as_ref().and_then(|named| file_of("token_file", named));
         let read_token_file = raw.read_token_file.as_ref().and_then(|named| file_of("read_token_file", named));
@@ -180,12 +175,6 @@ fn listen_of(text: &str, faults: &mut Faults) -> Option<SocketAddr> {
     address
 }
 
-pub(super) fn named_file(named: &str, origin: &Origin, at: &Path, faults: &mut Faults) -> Option<PathBuf> {
-    let path = origin.resolve(named);
-    faults.demand(path.is_some(), at, shown(&Value::from(named)), "nothing: files cannot be named here");
-    path
-}
-
 /// The plates, all of them or none; the faults of every one are told.
 fn plates_of(raw: &[RawServedPlate], origin: &Origin, faults: &mut Faults) -> Option<Vec<PlateSpec>> {
     let plate_of = |(i, plate): (usize, &RawServedPlate)| {
@@ -195,17 +184,14 @@ fn plates_of(raw: &[RawServedPlate], origin: &Origin, faults: &mut Faults) -> Op
         // file systems that do not tell cases apart would hold two latches as one
         let twice = raw.iter().take(i).any(|before| before.name.eq_ignore_ascii_case(&plate.name));
         faults.demand(!twice, at.key("name"), &name, "a name that no plate before has");
-        let library = plate.library.as_ref().map(|named| named_file(named, origin, &at.key("library"), faults));
+        let library = plate.library.as_ref().map(|named| origin.named_file(named, &at.key("library"), faults));
         let rig = RigSpec::from_source(plate.rig.clone(), origin, &at.key("rig"), faults)?;
         let library = match library {
             Some(library) => library?,
             None => library_of_rig(&rig, &at, faults)?,
         };
-        let at_standing = at.key("standing_job");
-        let standing =
-            plate.standing_job.as_ref().map(|job| standing_of(job, plate, &rig, origin, &at_standing, faults));
-        let standing = match standing {
-            Some(standing) => Some(standing?),
+        let standing = match &plate.standing_job {
+            Some(job) => Some(standing_of(job, plate, &rig, origin, &at.key("standing_job"), faults)?),
             None => None,
         };
         Some(PlateSpec { name: plate.name.clone(), rig, library, live_port: plate.live_port, standing })

@@ -3,17 +3,16 @@ use std::path::PathBuf;
 use serde_json::{Map, Value};
 
 use super::faults::{self, RawFault, RawFaults};
-use super::kinds::{KindSpec, NAMES};
+use super::kinds::{KindSpec, PartGroup, each_kind};
 use super::raw_job::{DeadlinePolicy, LibrarySource, PlannerChoice, RawJob, RawParts};
 use super::raw_rig::{RawRig, RigSource};
-use super::read::Origin;
+use super::read::{NAMES, Origin, is_plain_name, point_m};
 use super::rig::RigSpec;
 use super::room;
 use super::task::{self, TaskSpec};
-use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::units::{m_from_mm, mm_from_m};
-use upm_document::{Fault, Faults, Path, one_of, parse, shown, text_of};
+use upm_document::{Fault, Faults, Path, parse_and_build, shown, text_of};
 use upm_sim::faults::FaultSpec;
 
 /// A validated job.
@@ -58,17 +57,6 @@ pub enum LibraryRef {
     Inline(Map<String, Value>),
 }
 
-/// Parts of one kind.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PartGroup {
-    /// Index into the rig's kinds.
-    pub kind: usize,
-    /// How many; 1 when there is a position.
-    pub count: usize,
-    /// Where it starts, m; `None` for at random.
-    pub position_m: Option<Vec2>,
-}
-
 impl JobSpec {
     /// Reads and validates the job file at `path` and the rig it names; every fault is told.
     pub fn load(path: &std::path::Path) -> Result<Self, Vec<Fault>> {
@@ -79,10 +67,7 @@ impl JobSpec {
     /// Validates the job in `text`; `plate_rig` stands in where it names no rig, and a rig that it writes out must be
     /// equal to it. Every fault is told.
     pub fn from_json(text: &str, origin: &Origin, plate_rig: Option<&RigSpec>) -> Result<Self, Vec<Fault>> {
-        let raw = parse(text, &origin.file)?;
-        let mut faults = Faults::of(&origin.file);
-        let made = Self::build(raw, origin, plate_rig, &mut faults);
-        faults.into_result(made)
+        parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, plate_rig, faults))
     }
 
     fn build(mut raw: RawJob, origin: &Origin, plate_rig: Option<&RigSpec>, faults: &mut Faults) -> Option<Self> {
@@ -191,12 +176,6 @@ impl JobSpec {
     }
 }
 
-/// True for names that are safe as a folder: 1 to 64 of `A-Z a-z 0-9 . _ -`, not `.` or `..`.
-pub fn is_plain_name(name: &str) -> bool {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
-    (1..=64).contains(&name.len()) && name.chars().all(plain) && name != "." && name != ".."
-}
-
 fn library_of(raw: &RawJob, origin: &Origin, faults: &mut Faults) -> Option<LibraryRef> {
     match raw.library.as_ref()? {
         LibrarySource::Inline(content) => Some(LibraryRef::Inline(content.clone())),
@@ -250,13 +229,13 @@ fn refuse_fields(faults: &mut Faults) {
 fn groups_of(raw: &RawJob, rig: &RigSpec, faults: &mut Faults) -> Vec<PartGroup> {
     let group_of = |(i, group): (usize, &RawParts)| {
         let at = Path::root().key("parts").index(i).key("kind");
-        let kind = known_kind(&group.kind, rig, &at, faults);
+        let kind = rig.known_kind(&group.kind, &at, faults);
         let at_random = group.position_mm.is_none();
         let kind = kind.filter(|&kind| room::check_size(kind, rig, at_random, &at, faults));
         PartGroup {
             kind: kind.unwrap_or(usize::MAX),
             count: group.count as usize,
-            position_m: group.position_mm.map(|mm| Vec2::from(mm.map(m_from_mm))),
+            position_m: group.position_mm.map(point_m),
         }
     };
     raw.parts.iter().enumerate().map(group_of).collect()
@@ -288,19 +267,4 @@ fn check_told_apart(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
         }
         before.push(group.kind);
     }
-}
-
-/// Index of the kind called `name`, else a fault that lists those there are.
-pub(super) fn known_kind(name: &str, rig: &RigSpec, at: &Path, faults: &mut Faults) -> Option<usize> {
-    let found = rig.kind(name);
-    if found.is_none() {
-        let names: Vec<&str> = rig.kinds.iter().map(|spec| spec.kind.name.as_str()).collect();
-        faults.push(at, shown(&Value::from(name)), one_of(name, &names));
-    }
-    found
-}
-
-/// Kind of every part in the order of the job.
-pub(super) fn each_kind(groups: &[PartGroup]) -> Vec<usize> {
-    groups.iter().flat_map(|group| std::iter::repeat_n(group.kind, group.count)).collect()
 }

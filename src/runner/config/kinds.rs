@@ -1,5 +1,6 @@
-use super::job::is_plain_name;
 use super::raw_rig::RawRig;
+use super::read::{NAMES, is_plain_name};
+use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::units::m_from_mm;
 use upm_document::{Faults, Path};
@@ -22,6 +23,17 @@ pub struct KindSpec {
     pub mass_kg: f64,
     /// Coulomb friction against the plate.
     pub friction: f64,
+}
+
+/// Parts of one kind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartGroup {
+    /// Index into the rig's kinds.
+    pub kind: usize,
+    /// How many; 1 when there is a position.
+    pub count: usize,
+    /// Where it starts, m; `None` for at random.
+    pub position_m: Option<Vec2>,
 }
 
 /// Least radius of a part that the camera is asked to find, m.
@@ -54,10 +66,12 @@ pub(super) fn kinds_of(raw: &RawRig, at: &Path, faults: &mut Faults) -> Vec<Kind
     kinds
 }
 
-/// What names may be made of, in words.
-pub(super) const NAMES: &str = "1 to 64 letters, digits, `.`, `_`, `-`, other than `.` and `..`";
-
 fn disc(name: &str, diameter_mm: f64, mass_g: f64, thickness_mm: f64, friction: f64) -> KindSpec {
     let (radius_m, thickness_m) = (m_from_mm(0.5 * diameter_mm), m_from_mm(thickness_mm));
     KindSpec { kind: PartKind { name: name.to_owned(), radius_m, thickness_m }, mass_kg: mass_g * 1e-3, friction }
+}
+
+/// Kind of every part in the order of the job.
+pub(super) fn each_kind(groups: &[PartGroup]) -> Vec<usize> {
+    groups.iter().flat_map(|group| std::iter::repeat_n(group.kind, group.count)).collect()
 }

@@ -1,5 +1,11 @@
 use std::path::{Path as FilePath, PathBuf};
 
+use serde_json::Value;
+
+use upm_core::geometry::Vec2;
+use upm_core::units::m_from_mm;
+use upm_document::{Faults, Path, shown};
+
 /// Where a document comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Origin {
@@ -25,4 +31,24 @@ impl Origin {
     pub(super) fn resolve(&self, named: &str) -> Option<PathBuf> {
         self.folder.as_ref().map(|folder| folder.join(named))
     }
+    /// The file that the document calls `named`, else a fault at `at`.
+    pub(super) fn named_file(&self, named: &str, at: &Path, faults: &mut Faults) -> Option<PathBuf> {
+        let path = self.resolve(named);
+        faults.demand(path.is_some(), at, shown(&Value::from(named)), "nothing: files cannot be named here");
+        path
+    }
+}
+
+/// What names may be made of, in words.
+pub(super) const NAMES: &str = "1 to 64 letters, digits, `.`, `_`, `-`, other than `.` and `..`";
+
+/// True for names that are safe as a folder: 1 to 64 of `A-Z a-z 0-9 . _ -`, not `.` or `..`.
+pub fn is_plain_name(name: &str) -> bool {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
+    (1..=64).contains(&name.len()) && name.chars().all(plain) && name != "." && name != ".."
+}
+
+/// A point in SI.
+pub(super) fn point_m(mm: [f64; 2]) -> Vec2 {
+    Vec2::from(mm.map(m_from_mm))
 }

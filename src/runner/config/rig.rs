@@ -6,12 +6,12 @@ use sha2::{Digest, Sha256};
 
 use super::kinds::{KindSpec, kinds_of};
 use super::raw_rig::{RawFields, RawRig, RigSource};
-use super::read::Origin;
+use super::read::{Origin, point_m};
 use super::rig_checks;
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::rig::{FieldDriveModel, RigModel};
 use upm_core::units::m_from_mm;
-use upm_document::{Fault, Faults, Path, parse, text_of};
+use upm_document::{Fault, Faults, Path, one_of, parse_and_build, text_of};
 use upm_sim::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PlateParams, SimParams};
 
 /// A validated rig. What control may know of it stands in `model`; the rest is for the simulation alone.
@@ -55,10 +55,7 @@ impl RigSpec {
 
     /// Validates the rig in `text`; every fault is told.
     pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Fault>> {
-        let raw = parse(text, &origin.file)?;
-        let mut faults = Faults::of(&origin.file);
-        let made = Self::build(raw, origin, &Path::root(), &mut faults);
-        faults.into_result(made)
+        parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, &Path::root(), faults))
     }
 
     /// The shipped weak prototype. Shipped rigs are part of the program; their libraries are files of their own.
@@ -72,10 +69,10 @@ impl RigSpec {
     }
 
     fn shipped(file: &str, text: &str) -> Result<Self, Vec<Fault>> {
-        let raw: RawRig = parse(text, file)?;
-        let mut faults = Faults::of(file);
-        let made = Self::build(RawRig { library: None, ..raw }, &Origin::of_request(file), &Path::root(), &mut faults);
-        faults.into_result(made)
+        let origin = Origin::of_request(file);
+        parse_and_build(text, file, |raw: RawRig, faults| {
+            Self::build(RawRig { library: None, ..raw }, &origin, &Path::root(), faults)
+        })
     }
 
     /// The rig that `source`, found at `at`, names or is. Pushes faults of the rig's own file under its name.
@@ -138,6 +135,16 @@ impl RigSpec {
     pub fn kind(&self, name: &str) -> Option<usize> {
         self.kinds.iter().position(|spec| spec.kind.name == name)
     }
+
+    /// The kind called `name`, as [`RigSpec::kind`] has it, else a fault that lists those there are.
+    pub(super) fn known_kind(&self, name: &str, at: &Path, faults: &mut Faults) -> Option<usize> {
+        let found = self.kind(name);
+        if found.is_none() {
+            let names: Vec<&str> = self.kinds.iter().map(|spec| spec.kind.name.as_str()).collect();
+            faults.push(at, shown(name), one_of(name, &names));
+        }
+        found
+    }
 }
 
 /// Writes out the defaults that depend on other values.
@@ -168,7 +175,7 @@ fn sim_params(raw: &RawRig) -> SimParams {
             force_limit_n: motors.force_limit_n,
         },
         accelerometers: AccelerometerParams {
-            position_m: Vec2::from(accelerometers.position_mm.map(m_from_mm)),
+            position_m: point_m(accelerometers.position_mm),
             sample_hz: accelerometers.sample_hz,
             bits: accelerometers.bits,
             range_mps2: accelerometers.range_mps2,

@@ -1,6 +1,5 @@
-use super::job::is_plain_name;
-use super::kinds::NAMES;
 use super::raw_rig::{RawLevels, RawRig};
+use super::read::{NAMES, is_plain_name};
 use super::view;
 use upm_core::units::mm_from_m;
 use upm_document::{Faults, Path};

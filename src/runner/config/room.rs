@@ -2,8 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::job::PartGroup;
-use super::kinds::{KindSpec, LEAST_SEEN_RADIUS_M};
+use super::kinds::{KindSpec, LEAST_SEEN_RADIUS_M, PartGroup};
 use super::rig::RigSpec;
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;

@@ -1,13 +1,12 @@
-use super::job::known_kind;
 use super::place::PlacedPart;
 use super::raw_simulate::{PlateMode, RawHarmonic, RawPulse, RawSimulate};
-use super::read::Origin;
+use super::read::{Origin, point_m};
 use super::rig::RigSpec;
 use super::room::check_apart;
-use upm_core::geometry::{Twist, Vec2};
+use upm_core::geometry::Twist;
 use upm_core::signal::{Envelope, TwistHarmonic};
-use upm_core::units::{m_from_mm, mm_from_m};
-use upm_document::{Fault, Faults, Path, parse, text_of};
+use upm_core::units::mm_from_m;
+use upm_document::{Fault, Faults, Path, parse_and_build, text_of};
 
 /// Most samples put out, over all parts.
 const MOST_SAMPLES: f64 = 1e7;
@@ -52,10 +51,7 @@ impl SimulateSpec {
 
     /// Validates the experiment in `text`; every fault is told.
     pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Fault>> {
-        let raw = parse(text, &origin.file)?;
-        let mut faults = Faults::of(&origin.file);
-        let made = Self::build(raw, origin, &mut faults);
-        faults.into_result(made)
+        parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, faults))
     }
 
     fn build(raw: RawSimulate, origin: &Origin, faults: &mut Faults) -> Option<Self> {
@@ -108,7 +104,7 @@ impl RawHarmonic {
 /// The field of a rotation or a translation.
 fn pump_of(raw: &RawPulse) -> Option<Twist> {
     match (raw.cor_mm, raw.omega_rad_s, raw.direction_deg, raw.speed_mps) {
-        (Some(cor_mm), Some(omega_radps), ..) => Some(Twist::about(Vec2::from(cor_mm.map(m_from_mm)), omega_radps)),
+        (Some(cor_mm), Some(omega_radps), ..) => Some(Twist::about(point_m(cor_mm), omega_radps)),
         (.., Some(direction_deg), Some(speed_mps)) => {
             let (sin, cos) = direction_deg.to_radians().sin_cos();
             Some(Twist::new(speed_mps * cos, speed_mps * sin, 0.0))
@@ -185,10 +181,10 @@ fn placed(raw: &RawSimulate, rig: &RigSpec, faults: &mut Faults) -> Vec<PlacedPa
     let (mut parts, mut discs) = (Vec::new(), Vec::new());
     for (i, part) in raw.parts.iter().enumerate() {
         let at = Path::root().key("parts").index(i);
-        let Some(kind) = known_kind(&part.kind, rig, &at.key("kind"), faults) else { continue };
+        let Some(kind) = rig.known_kind(&part.kind, &at.key("kind"), faults) else { continue };
         let (Some(spec), Some(number)) = (rig.kinds.get(kind), numbers.get_mut(kind)) else { continue };
         *number += 1;
-        let (position_m, radius_m) = (Vec2::from(part.position_mm.map(m_from_mm)), spec.kind.radius_m);
+        let (position_m, radius_m) = (point_m(part.position_mm), spec.kind.radius_m);
         let at = at.key("position_mm");
         for (k, found) in part.position_mm.into_iter().enumerate() {
             let most_mm = mm_from_m(half_m);

@@ -1,6 +1,5 @@
 use serde_json::Value;
 
-use super::daemon::named_file;
 use super::job::JobSpec;
 use super::raw_daemon::{RawServedPlate, RawStandingJob, RawStart};
 use super::read::Origin;
@@ -25,7 +24,7 @@ pub(super) fn standing_of(
     at: &Path,
     faults: &mut Faults,
 ) -> Option<StandingSpec> {
-    let path = named_file(&raw.job, origin, &at.key("job"), faults)?;
+    let path = origin.named_file(&raw.job, &at.key("job"), faults)?;
     let found = || shown(&Value::from(raw.job.as_str()));
     let unread = |fault: super::Fault| faults.push(at.key("job"), found(), format!("a job file ({})", fault.found));
     let text = text_of(&path).map_err(unread).ok()?;

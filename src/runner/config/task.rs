@@ -1,6 +1,7 @@
-use super::job::{PartGroup, each_kind};
-use super::phase::check_in_phase;
+use super::kinds::{PartGroup, each_kind};
+use super::paths::{PathSpec, check_in_phase};
 use super::raw_job::{Assignment, RawPath, RawTask};
+use super::read::point_m;
 use super::rig::RigSpec;
 use super::room::{REST_GAP_M, REST_MARGIN_M, check_apart, check_inside};
 use upm_core::geometry::Vec2;
@@ -53,17 +54,6 @@ impl TaskSpec {
             Self::Arrange { .. } | Self::Sort { .. } => false,
         }
     }
-}
-
-/// A path of one part.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PathSpec {
-    /// Its corners, m.
-    pub waypoints_m: Vec<Vec2>,
-    /// Speed along it, m/s.
-    pub speed_mps: f64,
-    /// How often the corners are gone through; 0 is without end.
-    pub repeat: u32,
 }
 
 /// A bin: a rectangle in which the rims of some kinds must lie.
@@ -160,19 +150,4 @@ impl<'a> Scene<'a> {
         let parts = self.kinds.len();
         faults.demand(found == parts, at, counted(found, what), format!("{parts}, one for each part"));
     }
-}
-
-impl From<&RawPath> for PathSpec {
-    fn from(raw: &RawPath) -> Self {
-        Self {
-            waypoints_m: raw.waypoints_mm.iter().copied().map(point_m).collect(),
-            speed_mps: m_from_mm(raw.speed_mm_s),
-            repeat: raw.repeat,
-        }
-    }
-}
-
-/// A point in SI.
-pub(super) fn point_m(mm: [f64; 2]) -> Vec2 {
-    Vec2::from(mm.map(m_from_mm))
 }

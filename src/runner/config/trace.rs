@@ -3,10 +3,10 @@ use std::f64::consts::TAU;
 use serde_json::Value;
 
 use super::raw_trace::{RawCounts, RawTrace};
-use upm_core::geometry::Vec2;
+use super::read::point_m;
 use upm_core::signal::{AccelTrace, Envelope, MISSING_SAMPLE, RecordedPulse};
-use upm_core::units::{m_from_mm, mm_from_m};
-use upm_document::{Fault, Faults, Path, counted, parse, text_of};
+use upm_core::units::mm_from_m;
+use upm_document::{Fault, Faults, Path, counted, parse_and_build, text_of};
 
 /// Fewest samples to a base period that a fit can read.
 const LEAST_SAMPLES: f64 = 16.0;
@@ -20,10 +20,10 @@ pub fn load_trace(path: &std::path::Path) -> Result<RecordedPulse, Vec<Fault>> {
 /// Validates the trace in `text`, which faults call `file`; every fault is told. Gaps and clipped samples are none:
 /// whether they matter is for the fit to say.
 pub fn trace_from_json(text: &str, file: &str) -> Result<RecordedPulse, Vec<Fault>> {
-    let raw: RawTrace = parse(text, file)?;
-    let mut faults = Faults::of(file);
-    check(&raw, &mut faults);
-    faults.into_result(Some(pulse_of(&raw)))
+    parse_and_build(text, file, |raw, faults| {
+        check(&raw, faults);
+        Some(pulse_of(&raw))
+    })
 }
 
 /// The trace file of `pulse`: a line for each key, each channel on one.
@@ -80,7 +80,7 @@ fn pulse_of(raw: &RawTrace) -> RecordedPulse {
         },
         envelope: Envelope { attack_s: raw.attack_s, sustain_s: raw.sustain_s, rest_s: 0.0 },
         base_radps: TAU * raw.base_hz,
-        accelerometer_in_plate_m: Vec2::from(raw.position_mm.map(m_from_mm)),
+        accelerometer_in_plate_m: point_m(raw.position_mm),
         channel_gain: raw.channel_gain,
     }
 }

@@ -57,12 +57,12 @@ fn run_without_faults_keeps_its_bytes_and_writes_no_truth() {
     let ((_a, plain), (_b, none)) = (run_of(&Value::Null), run_of(&json!([])));
     assert_eq!(plain.report.outcome, Outcome::Completed, "{}", plain.report.reason);
     assert_eq!(bytes(&plain, "journal.jsonl"), bytes(&none, "journal.jsonl"));
-    assert!(!plain.folder.join(truth_log::FILE).exists());
+    assert!(!plain.folder.join(folder::TRUTH_FILE).exists());
     assert_eq!((plain.report.verdict, plain.report.faults.len()), (Some(Truth::True), 0));
     // a fault that never begins changes nothing but what is written of it
     let (_c, later) = run_of(&json!([{"component": "coil0", "kind": "dead", "from_s": 1000.0}]));
     assert_eq!(bytes(&plain, "journal.jsonl"), bytes(&later, "journal.jsonl"));
-    assert_eq!(bytes(&later, truth_log::FILE).lines().count() as u64, later.report.frames);
+    assert_eq!(bytes(&later, folder::TRUTH_FILE).lines().count() as u64, later.report.frames);
 }
 
 #[test]

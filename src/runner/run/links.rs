@@ -1,7 +1,7 @@
 use std::fmt;
 use std::sync::atomic::AtomicBool;
 
-use super::pacing::PacingStats;
+use super::paced::PacingStats;
 use upm_control::{Ending, EventLevel, Finish, Milestone, MilestoneFacts, Sink};
 use upm_core::job::StopCause;
 use upm_core::rig::{Interlock, RigFault, Trip};

@@ -6,7 +6,7 @@ use super::*;
 use crate::config::Origin;
 use upm_control::PulseFacts;
 use upm_core::job::{Outcome, StopCause};
-use upm_core::rig::Rig;
+use upm_core::rig::{Rig, RigFault};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::MonotonicClock;
 use upm_core::time::PlateTime;

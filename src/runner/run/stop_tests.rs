@@ -9,7 +9,7 @@ use super::*;
 use crate::config::Origin;
 use upm_control::{FrameFacts, PulseFacts};
 use upm_core::job::{Outcome, StopCause};
-use upm_core::rig::Trip;
+use upm_core::rig::{RigFault, Trip};
 use upm_core::time::MonotonicClock;
 use upm_core::time::PlateTime;
 

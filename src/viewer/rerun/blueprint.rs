@@ -21,8 +21,8 @@ use rerun::external::re_sdk_types::datatypes;
 use rerun::log::LogMsg;
 use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, SerializedComponentBatch};
 
-use super::recorder::{APPLICATION, PLATE_TIME};
 use super::table::WINDOW;
+use super::tape::{APPLICATION, PLATE_TIME};
 use crate::types::RunContext;
 use upm_core::units::mm_from_m;
 use upm_planner::Method;

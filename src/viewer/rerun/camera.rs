@@ -1,8 +1,9 @@
 use rerun::{Ellipses2D, LineStrips2D, Points2D};
 
+use super::looks::Looks;
 use super::paint::{self, in_half_frame};
 use super::picture;
-use super::recorder::{Logged, Looks, Tape};
+use super::tape::{Logged, Tape};
 use super::trails::Trails;
 use crate::types::RunContext;
 use upm_core::geometry::Vec2;

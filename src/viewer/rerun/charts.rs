@@ -5,7 +5,7 @@ use rerun::{Arrows2D, Color, Ellipses2D, Image, LineStrips2D, Points2D, Transfor
 
 use super::cells::Raster;
 use super::paint::{self, thin};
-use super::recorder::{Logged, Tape};
+use super::tape::{Logged, Tape};
 use upm_chart::{self as chart, Chart, Layer, Mark};
 
 /// Width and height of the box that a curve is drawn in.

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::blueprint::{self, Layout};
 use super::file::RrdFile;
-use super::recorder::{Logged, Tape};
 use super::sink::record;
+use super::tape::{Logged, Tape};
 use super::vision;
 use crate::types::{RecordingError, RecordingStats};
 use upm_recording::LocalisedRecord;

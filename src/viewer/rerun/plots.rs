@@ -1,7 +1,8 @@
 use rerun::{BarChart, Scalars, SeriesLines};
 
+use super::looks::Looks;
 use super::paint;
-use super::recorder::{Logged, Looks, Tape, nanos};
+use super::tape::{Logged, Tape, nanos};
 use crate::types::RunContext;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::TwistHarmonic;

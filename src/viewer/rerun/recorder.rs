@@ -1,45 +1,26 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
 use std::time::Duration;
 
-use rerun::log::ChunkBatcherConfig;
-use rerun::{
-    AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, SerializedComponentColumn, TimeCell, TimeColumn,
-};
-
 use super::blueprint;
 use super::camera::CameraView;
 use super::file::RrdFile;
+use super::looks::Looks;
 use super::plots::Plots;
 use super::signals::Signals;
 use super::table::TableView;
+use super::tape::{Logged, Tape};
 use super::vision;
 use super::words::Words;
 use crate::types::RunContext;
 use upm_control::Milestone;
-use upm_core::geometry::Vec2;
-use upm_core::ground_truth::GroundTruth;
 use upm_core::signal::Frame;
-use upm_core::time::{Clock, MonotonicClock, PlateTime};
+use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::Track;
 use upm_recording::RecordingReport;
 use upm_recording::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 
-/// Timeline of the experiment's own time.
-pub(super) const PLATE_TIME: &str = "plate_time";
-/// Timeline of cycles.
-const CYCLE: &str = "cycle";
-
-/// Name of the application in the viewer.
-pub(super) const APPLICATION: &str = "upm";
-
-/// How long chunks are gathered before they are written.
-const GATHER: Duration = Duration::from_millis(500);
-
-/// What may wait inside Rerun for the disk, bytes. Each of its two queues gets half.
-const MOST_WAITING_BYTES: u64 = 16 << 20;
-
 /// What was logged is sent on into the file this often. Rerun's own rhythm fails beside large images: whenever one
-/// series is sent because it is large, all others have to wait for another [`GATHER`], and so on without end. With a
+/// series is sent because it is large, all others have to wait for another [`GATHER`](super::tape::GATHER), and so on without end. With a
 /// run that waits for its recorder the recorder waits until it is there, so that nothing piles up on the way; with one that
 /// does not, Rerun holds what a disk that hangs does not take.
 const FLUSH: Duration = Duration::from_millis(200);
@@ -55,125 +36,6 @@ pub(super) enum Message {
     Pulse(Box<PulseRecord>),
     Cycle(Box<CycleRecord>),
     Event(EventRecord),
-}
-
-/// Some looks in a row, thinned out. Every list but `at` has `parts` values a look.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Looks {
-    parts: usize,
-    pub(super) at: Vec<PlateTime>,
-    pub(super) measured_m: Vec<Vec2>,
-    pub(super) image_px: Vec<Vec2>,
-    /// Empty when the rig tells no truth.
-    pub(super) true_m: Vec<Vec2>,
-    frames: u32,
-    track_us: f64,
-}
-
-impl Looks {
-    pub(super) fn new(parts: usize) -> Self {
-        Self { parts, ..Self::default() }
-    }
-
-    pub(super) fn parts(&self) -> usize {
-        self.parts
-    }
-
-    pub(super) fn is_empty(&self) -> bool {
-        self.at.is_empty()
-    }
-
-    pub(super) fn tracked_in(&mut self, us: f64) {
-        self.frames += 1;
-        self.track_us += us;
-    }
-
-    /// Frames tracked, and how long that took altogether, µs.
-    pub(super) fn tracked(&self) -> (u32, f64) {
-        (self.frames, self.track_us)
-    }
-
-    /// Takes one look; one that shows other parts than the run has is left out.
-    pub(super) fn push(&mut self, at: PlateTime, tracks: &[Track], truth: Option<&GroundTruth>) {
-        if tracks.len() != self.parts || truth.is_some_and(|truth| truth.parts.len() != self.parts) {
-            return;
-        }
-        self.at.push(at);
-        self.measured_m.extend(tracks.iter().map(|track| track.seen.position_m));
-        self.image_px.extend(tracks.iter().map(|track| track.seen.center_px));
-        self.true_m.extend(truth.into_iter().flat_map(|t| &t.parts).map(|part| part.part_in_table.position_m));
-    }
-}
-
-/// A recording stream whose faults are words, in the two timelines of a run.
-pub(super) struct Tape(RecordingStream);
-
-/// Done, or what could not be logged.
-pub(super) type Logged = Result<(), String>;
-
-impl Tape {
-    /// Opens a recording called `name` into `file`, the layout first.
-    pub(super) fn start(
-        file: RrdFile,
-        name: String,
-        send_layout: impl FnOnce(&RecordingStream) -> Logged,
-    ) -> Result<Self, String> {
-        let builder = RecordingStreamBuilder::new(APPLICATION).enabled(true);
-        let (_, info, _, _, hooks, _) = builder.into_args();
-        let batching = ChunkBatcherConfig {
-            flush_tick: GATHER,
-            max_bytes_in_flight: MOST_WAITING_BYTES,
-            ..ChunkBatcherConfig::DEFAULT
-        };
-        let stream =
-            RecordingStream::new(info, None, Some(batching), hooks, Box::new(file)).map_err(|e| e.to_string())?;
-        stream.set_log_time_enabled(false);
-        stream.set_log_tick_enabled(false);
-        send_layout(&stream)?;
-        stream.send_recording_name(name).map_err(|e| e.to_string())?;
-        Ok(Self(stream))
-    }
-
-    /// Waits until all that was logged is in the file.
-    pub(super) fn flush(&self) -> Logged {
-        self.0.flush_blocking().map_err(|e| e.to_string())
-    }
-
-    /// Sends all that was logged on its way into the file, without waiting.
-    fn send_on(&self) -> Logged {
-        self.0.flush_async().map_err(|e| e.to_string())
-    }
-
-    /// All that is logged next belongs to this moment.
-    pub(super) fn at(&self, at: PlateTime, cycle: u64) {
-        self.0.set_time(PLATE_TIME, TimeCell::from_duration_nanos(nanos(at)));
-        self.0.set_time_sequence(CYCLE, i64::try_from(cycle).unwrap_or(i64::MAX));
-    }
-
-    pub(super) fn log(&self, path: &str, what: &impl AsComponents) -> Logged {
-        self.0.log(path, what).map_err(|e| format!("{path}: {e}"))
-    }
-
-    /// Logs something that holds for the whole run.
-    pub(super) fn log_static(&self, path: &str, what: &impl AsComponents) -> Logged {
-        self.0.log_static(path, what).map_err(|e| format!("{path}: {e}"))
-    }
-
-    /// Logs many moments at once, in plate time alone.
-    pub(super) fn log_columns(
-        &self,
-        path: &str,
-        times_ns: impl IntoIterator<Item = i64>,
-        columns: impl IntoIterator<Item = SerializedComponentColumn>,
-    ) -> Logged {
-        let times = TimeColumn::new_duration_nanos(PLATE_TIME, times_ns);
-        self.0.send_columns(EntityPath::from(path), [times], columns).map_err(|e| format!("{path}: {e}"))
-    }
-}
-
-/// Plate time as Rerun counts it, ns.
-pub(super) fn nanos(at: PlateTime) -> i64 {
-    i64::try_from(at.nanos()).unwrap_or(i64::MAX)
 }
 
 /// What lies before the recorder.

@@ -1,7 +1,7 @@
 use rerun::{Scalars, SeriesLines, SeriesPoints};
 
 use super::paint;
-use super::recorder::{Logged, Tape, nanos};
+use super::tape::{Logged, Tape, nanos};
 use upm_core::signal::{AccelTrace, Drive, MISSING_SAMPLE, MOTORS};
 use upm_perception::estimation::PlateFit;
 use upm_recording::PulseRecord;

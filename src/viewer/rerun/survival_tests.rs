@@ -14,7 +14,7 @@ use rerun::log::{Chunk, LogMsg};
 
 use super::RerunSink;
 use super::destination::Destination;
-use super::recorder::PLATE_TIME;
+use super::tape::PLATE_TIME;
 use super::tests::{context, keeping, stores};
 use crate::RecordingError;
 use upm_control::{EventLevel, Sink};

@@ -1,8 +1,9 @@
 use rerun::{Arrows2D, Ellipses2D, LineStrips2D, Points2D};
 
 use super::field::{mean_direction, over_a_period};
+use super::looks::Looks;
 use super::paint::{self, above, thin};
-use super::recorder::{Logged, Looks, Tape, nanos};
+use super::tape::{Logged, Tape, nanos};
 use super::trails::Trails;
 use crate::types::RunContext;
 use upm_core::geometry::{Twist, Vec2, perp};

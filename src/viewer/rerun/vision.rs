@@ -2,7 +2,7 @@ use rerun::{Ellipses2D, LineStrips2D, Points2D};
 
 use super::paint::{self, in_frame, in_half_frame};
 use super::picture;
-use super::recorder::{Logged, Tape};
+use super::tape::{Logged, Tape};
 use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
 use upm_perception::vision::{HoughArray, Plane, Stages};

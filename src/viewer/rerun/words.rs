@@ -1,7 +1,7 @@
 use rerun::{TextLog, TextLogLevel};
 
 use super::field::strongest_speed_mps;
-use super::recorder::{Logged, Tape};
+use super::tape::{Logged, Tape};
 use crate::types::RunContext;
 use upm_control::EventLevel;
 use upm_core::units::mm_from_m;

@@ -1,13 +1,35 @@
-//! Whether parts can go round their paths in phase.
+//! Paths, and whether parts can go round them in phase.
 
+use super::raw_job::RawPath;
+use super::read::point_m;
 use super::room::{REST_GAP_M, ROUNDING_M, apart_allowed};
-use super::task::PathSpec;
 use upm_core::geometry::Vec2;
-use upm_core::units::mm_from_m;
+use upm_core::units::{m_from_mm, mm_from_m};
 use upm_document::{Faults, Path};
 
 /// Laps whose lengths differ by no more than this part count as equal.
 const SAME_LENGTH: f64 = 0.01;
+
+/// A path of one part.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathSpec {
+    /// Its corners, m.
+    pub waypoints_m: Vec<Vec2>,
+    /// Speed along it, m/s.
+    pub speed_mps: f64,
+    /// How often the corners are gone through; 0 is without end.
+    pub repeat: u32,
+}
+
+impl From<&RawPath> for PathSpec {
+    fn from(raw: &RawPath) -> Self {
+        Self {
+            waypoints_m: raw.waypoints_mm.iter().copied().map(point_m).collect(),
+            speed_mps: m_from_mm(raw.speed_mm_s),
+            repeat: raw.repeat,
+        }
+    }
+}
 
 /// Faults where the paths differ in length, speed or repeat, or where parts in phase would touch.
 pub(super) fn check_in_phase(paths: &[PathSpec], radii_m: &[f64], at: &Path, faults: &mut Faults) {

@@ -1,0 +1,49 @@
+use nalgebra::Complex;
+
+use super::CalibrationFault;
+use super::workbench::Workbench;
+use upm_core::signal::{CHANNELS, Drive, Harmonic};
+use upm_perception::estimation::{Coefficients, FitFault, TwistFit};
+
+/// What faults call the axes.
+pub(super) const NAMES: [&str; 3] = ["axis x", "axis y", "axis spin"];
+
+/// A pulse of one axis, played both ways.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct AxisPulse {
+    pub drive: Drive,
+    /// What the channels showed, half the difference of both ways, m/s², with their gains in it.
+    pub shown: [Coefficients; CHANNELS],
+}
+
+impl AxisPulse {
+    /// Plays `drive` both ways; the pulse and both readings.
+    pub fn play(
+        bench: &mut Workbench<'_>,
+        axis: usize,
+        drive: Drive,
+    ) -> Result<(Self, [TwistFit; 2]), CalibrationFault> {
+        let read = |bench: &mut Workbench<'_>, drive: &Drive| {
+            bench.read_twist(NAMES[axis], drive).map_err(|fault| match fault {
+                CalibrationFault::Trace { fault: FitFault::TooWeak { found_mps2, needed_mps2 }, .. } => {
+                    CalibrationFault::Still { axis: NAMES[axis], found_mps2, needed_mps2 }
+                }
+                other => other,
+            })
+        };
+        let there = read(bench, &drive)?;
+        let back = read(bench, &drive.clone().reversed())?;
+        let shown = half_difference(&there, &back, &bench.sensors.gain);
+        Ok((Self { drive, shown }, [there, back]))
+    }
+}
+
+/// What the channels showed, their gains put back in, with all that does not turn round with the drive left out.
+fn half_difference(there: &TwistFit, back: &TwistFit, gain: &[f64; CHANNELS]) -> [Coefficients; CHANNELS] {
+    let (there, back) = (&there.accel_mps2, &back.accel_mps2);
+    std::array::from_fn(|c| std::array::from_fn(|k| 0.5 * (there[c][k] - back[c][k]) * gain[c]))
+}
+
+pub(super) fn phasor(harmonic: Harmonic) -> Complex<f64> {
+    Complex::new(harmonic.cos, -harmonic.sin)
+}

@@ -1,0 +1,170 @@
+use upm_core::job::StopCause;
+use upm_planner::{Limit, Method, PlanStatus};
+
+/// A state of a run that may last over many cycles and that an operator should know of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Condition {
+    /// The whole steps of a cycle would take a part over the edge margin.
+    StepsMeetEdge,
+    /// The whole steps of a cycle would bring two parts closer than the gap they must keep.
+    StepsMeetParts,
+    /// No motion is found that moves every part that should move.
+    StepsUnreachable,
+    /// The solver of the planner gives up.
+    SolverFails,
+    /// No way leads the part to its target, as the others are placed.
+    PartBlocked {
+        /// Index of the part.
+        part: usize,
+    },
+    /// The part goes much less far than calibration has it.
+    PartSlow {
+        /// Index of the part.
+        part: usize,
+    },
+    /// The camera's frames show no table.
+    TableMissing,
+    /// The camera sends the same pictures again and again.
+    CameraFrozen,
+    /// Numbers or stamps of the camera's frames do not fit the present.
+    CameraStale,
+    /// The camera's frames show no plate: dark, or garbage.
+    CameraDark,
+    /// The plate is not where it was in the picture: the camera was knocked, or the plate.
+    CameraMoved,
+    /// The plate moves later in the pictures than it is driven.
+    CameraLate,
+    /// Something large hides part of the plate.
+    ViewHidden,
+    /// Something of a part's size lies on the plate that is no part of the job.
+    ForeignPart,
+    /// Parts are not where they can have got to.
+    PartsJumped,
+    /// A voice coil does not do what it is sent.
+    CoilFault {
+        /// Index of the coil.
+        coil: usize,
+    },
+    /// An accelerometer channel does not show how the plate moves.
+    AccelerometerFault {
+        /// Index of the channel; `None` where it is not known which.
+        channel: Option<usize>,
+    },
+    /// The plate does not move as planned.
+    MotionOff,
+    /// The part hardly moves although pulses should carry it.
+    PartStuck {
+        /// Index of the part.
+        part: usize,
+    },
+    /// The part goes the other way than pulses should carry it.
+    PartAstray {
+        /// Index of the part.
+        part: usize,
+    },
+}
+
+impl Condition {
+    /// A name for programs that never changes.
+    pub fn code(self) -> &'static str {
+        match self {
+            Self::StepsMeetEdge => "steps_meet_edge",
+            Self::StepsMeetParts => "steps_meet_parts",
+            Self::StepsUnreachable => "steps_unreachable",
+            Self::SolverFails => "solver_fails",
+            Self::PartBlocked { .. } => "part_blocked",
+            Self::PartSlow { .. } => "part_slow",
+            guard => guard.stop_cause().map_or("", StopCause::code),
+        }
+    }
+
+    /// True for what a guard finds: rig or scene are not what they should be.
+    pub fn is_guard(self) -> bool {
+        self.stop_cause().is_some()
+    }
+
+    /// The cause of a run's end by this condition; `None` for one that ends no run.
+    pub fn stop_cause(self) -> Option<StopCause> {
+        Some(match self {
+            Self::TableMissing => StopCause::TableMissing,
+            Self::CameraFrozen => StopCause::CameraFrozen,
+            Self::CameraStale => StopCause::CameraStale,
+            Self::CameraDark => StopCause::CameraDark,
+            Self::CameraMoved => StopCause::CameraMoved,
+            Self::CameraLate => StopCause::CameraLate,
+            Self::ViewHidden => StopCause::ViewHidden,
+            Self::ForeignPart => StopCause::ForeignPart,
+            Self::PartsJumped => StopCause::PartsJumped,
+            Self::CoilFault { .. } => StopCause::CoilFault,
+            Self::AccelerometerFault { .. } => StopCause::AccelerometerFault,
+            Self::MotionOff => StopCause::MotionOff,
+            Self::PartStuck { .. } => StopCause::PartStuck,
+            Self::PartAstray { .. } => StopCause::PartAstray,
+            Self::StepsMeetEdge
+            | Self::StepsMeetParts
+            | Self::StepsUnreachable
+            | Self::SolverFails
+            | Self::PartBlocked { .. }
+            | Self::PartSlow { .. } => return None,
+        })
+    }
+
+    /// The condition that a plan without pulses stands for; `None` for a plan that can be played.
+    pub(super) fn of_plan(status: &PlanStatus) -> Option<Self> {
+        match status {
+            PlanStatus::Solved | PlanStatus::NothingToDo => None,
+            PlanStatus::Infeasible(Limit::Edge { .. }) => Some(Self::StepsMeetEdge),
+            PlanStatus::Infeasible(Limit::Separation { .. }) => Some(Self::StepsMeetParts),
+            PlanStatus::Infeasible(Limit::Unreachable) => Some(Self::StepsUnreachable),
+            PlanStatus::SolverFailed(_) => Some(Self::SolverFails),
+        }
+    }
+
+    /// For people: the remedy, which is what they can change about the job or the rig.
+    pub(super) fn remedy(self) -> &'static str {
+        match self {
+            Self::StepsMeetEdge => "targets farther from the edge help",
+            Self::StepsMeetParts => "more room between the targets helps, or another order of arrival",
+            Self::StepsUnreachable => {
+                "check the library's coverage with `upm check LIBRARY.json`, or take another planner"
+            }
+            Self::SolverFails => "check the library with `upm check LIBRARY.json`, or take another planner",
+            Self::PartBlocked { .. } => "it waits until the others have moved; if they never do, change the targets",
+            Self::PartSlow { .. } => "clean the part and the plate under it, or calibrate again if every part is slow",
+            guard => guard.stop_cause().and_then(StopCause::remedy).unwrap_or_default(),
+        }
+    }
+}
+
+/// For people: why a plan has no pulses. `id` names a part.
+pub(super) fn why_not<'a>(status: &PlanStatus, method: Method, id: impl Fn(usize) -> &'a str) -> String {
+    match (status, method) {
+        (PlanStatus::Solved, _) => "it has pulses".into(),
+        (PlanStatus::NothingToDo, _) => "every step is shorter than the shortest pulse".into(),
+        (PlanStatus::Infeasible(Limit::Edge { part }), _) => format!("{} would cross the edge margin", id(*part)),
+        (PlanStatus::Infeasible(Limit::Separation { parts: [a, b] }), _) => {
+            format!("{} and {} would come too close to each other", id(*a), id(*b))
+        }
+        (PlanStatus::Infeasible(Limit::Unreachable), Method::SynthesizedField) => {
+            "no motion was found that brings the parts closer to their places".into()
+        }
+        (PlanStatus::Infeasible(Limit::Unreachable), Method::CorSequence | Method::PseudoInverse) => {
+            "no motion of the library moves every part that should move".into()
+        }
+        (PlanStatus::SolverFailed(why), _) => format!("the solver gave up ({why})"),
+    }
+}
+
+/// The change of a condition.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ConditionChange {
+    /// It holds from now on.
+    Began,
+    /// It no longer holds, or the run has ended.
+    Ended {
+        /// Cycles in which it held.
+        times: u64,
+        /// Plate time from its beginning to the last cycle in which it held, s.
+        lasted_s: f64,
+    },
+}

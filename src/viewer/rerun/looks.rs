@@ -1,0 +1,52 @@
+use upm_core::geometry::Vec2;
+use upm_core::ground_truth::GroundTruth;
+use upm_core::time::PlateTime;
+use upm_perception::vision::Track;
+
+/// Some looks in a row, thinned out. Every list but `at` has `parts` values a look.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Looks {
+    parts: usize,
+    pub(super) at: Vec<PlateTime>,
+    pub(super) measured_m: Vec<Vec2>,
+    pub(super) image_px: Vec<Vec2>,
+    /// Empty when the rig tells no truth.
+    pub(super) true_m: Vec<Vec2>,
+    frames: u32,
+    track_us: f64,
+}
+
+impl Looks {
+    pub(super) fn new(parts: usize) -> Self {
+        Self { parts, ..Self::default() }
+    }
+
+    pub(super) fn parts(&self) -> usize {
+        self.parts
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.at.is_empty()
+    }
+
+    pub(super) fn tracked_in(&mut self, us: f64) {
+        self.frames += 1;
+        self.track_us += us;
+    }
+
+    /// Frames tracked, and how long that took altogether, µs.
+    pub(super) fn tracked(&self) -> (u32, f64) {
+        (self.frames, self.track_us)
+    }
+
+    /// Takes one look; one that shows other parts than the run has is left out.
+    pub(super) fn push(&mut self, at: PlateTime, tracks: &[Track], truth: Option<&GroundTruth>) {
+        if tracks.len() != self.parts || truth.is_some_and(|truth| truth.parts.len() != self.parts) {
+            return;
+        }
+        self.at.push(at);
+        self.measured_m.extend(tracks.iter().map(|track| track.seen.position_m));
+        self.image_px.extend(tracks.iter().map(|track| track.seen.center_px));
+        self.true_m.extend(truth.into_iter().flat_map(|t| &t.parts).map(|part| part.part_in_table.position_m));
+    }
+}

@@ -1,0 +1,96 @@
+//! The recording stream of a run, in its two timelines.
+
+use std::time::Duration;
+
+use rerun::log::ChunkBatcherConfig;
+use rerun::{
+    AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, SerializedComponentColumn, TimeCell, TimeColumn,
+};
+
+use super::file::RrdFile;
+use upm_core::time::PlateTime;
+
+/// Timeline of the experiment's own time.
+pub(super) const PLATE_TIME: &str = "plate_time";
+/// Timeline of cycles.
+const CYCLE: &str = "cycle";
+
+/// Name of the application in the viewer.
+pub(super) const APPLICATION: &str = "upm";
+
+/// How long chunks are gathered before they are written.
+pub(super) const GATHER: Duration = Duration::from_millis(500);
+
+/// What may wait inside Rerun for the disk, bytes. Each of its two queues gets half.
+const MOST_WAITING_BYTES: u64 = 16 << 20;
+
+/// A recording stream whose faults are words, in the two timelines of a run.
+pub(super) struct Tape(RecordingStream);
+
+/// Done, or what could not be logged.
+pub(super) type Logged = Result<(), String>;
+
+impl Tape {
+    /// Opens a recording called `name` into `file`, the layout first.
+    pub(super) fn start(
+        file: RrdFile,
+        name: String,
+        send_layout: impl FnOnce(&RecordingStream) -> Logged,
+    ) -> Result<Self, String> {
+        let builder = RecordingStreamBuilder::new(APPLICATION).enabled(true);
+        let (_, info, _, _, hooks, _) = builder.into_args();
+        let batching = ChunkBatcherConfig {
+            flush_tick: GATHER,
+            max_bytes_in_flight: MOST_WAITING_BYTES,
+            ..ChunkBatcherConfig::DEFAULT
+        };
+        let stream =
+            RecordingStream::new(info, None, Some(batching), hooks, Box::new(file)).map_err(|e| e.to_string())?;
+        stream.set_log_time_enabled(false);
+        stream.set_log_tick_enabled(false);
+        send_layout(&stream)?;
+        stream.send_recording_name(name).map_err(|e| e.to_string())?;
+        Ok(Self(stream))
+    }
+
+    /// Waits until all that was logged is in the file.
+    pub(super) fn flush(&self) -> Logged {
+        self.0.flush_blocking().map_err(|e| e.to_string())
+    }
+
+    /// Sends all that was logged on its way into the file, without waiting.
+    pub(super) fn send_on(&self) -> Logged {
+        self.0.flush_async().map_err(|e| e.to_string())
+    }
+
+    /// All that is logged next belongs to this moment.
+    pub(super) fn at(&self, at: PlateTime, cycle: u64) {
+        self.0.set_time(PLATE_TIME, TimeCell::from_duration_nanos(nanos(at)));
+        self.0.set_time_sequence(CYCLE, i64::try_from(cycle).unwrap_or(i64::MAX));
+    }
+
+    pub(super) fn log(&self, path: &str, what: &impl AsComponents) -> Logged {
+        self.0.log(path, what).map_err(|e| format!("{path}: {e}"))
+    }
+
+    /// Logs something that holds for the whole run.
+    pub(super) fn log_static(&self, path: &str, what: &impl AsComponents) -> Logged {
+        self.0.log_static(path, what).map_err(|e| format!("{path}: {e}"))
+    }
+
+    /// Logs many moments at once, in plate time alone.
+    pub(super) fn log_columns(
+        &self,
+        path: &str,
+        times_ns: impl IntoIterator<Item = i64>,
+        columns: impl IntoIterator<Item = SerializedComponentColumn>,
+    ) -> Logged {
+        let times = TimeColumn::new_duration_nanos(PLATE_TIME, times_ns);
+        self.0.send_columns(EntityPath::from(path), [times], columns).map_err(|e| format!("{path}: {e}"))
+    }
+}
+
+/// Plate time as Rerun counts it, ns.
+pub(super) fn nanos(at: PlateTime) -> i64 {
+    i64::try_from(at.nanos()).unwrap_or(i64::MAX)
+}
