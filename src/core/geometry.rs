@@ -8,11 +8,13 @@
 mod homography;
 mod lens;
 mod pose;
+mod segment;
 mod twist;
 
 pub use homography::Homography;
 pub use lens::Lens;
 pub use pose::Pose;
+pub use segment::Segment;
 pub use twist::Twist;
 
 /// A planar vector or point: metres unless the name says pixels.

@@ -2,12 +2,10 @@
 
 mod drive;
 mod envelope;
-mod frame;
-mod trace;
+mod sensors;
 mod twist_wave;
 
 pub use drive::{Drive, Harmonic, MOTORS, Motor, Shaping};
 pub use envelope::Envelope;
-pub use frame::Frame;
-pub use trace::{AccelTrace, CHANNEL_NAMES, CHANNELS, MISSING_SAMPLE, RecordedPulse};
+pub use sensors::{AccelTrace, CHANNEL_NAMES, CHANNELS, Frame, MISSING_SAMPLE, RecordedPulse};
 pub use twist_wave::{TwistHarmonic, TwistWave};

@@ -1,5 +1,5 @@
 use super::Disc;
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Segment, Vec2};
 
 /// Rounding that is no approach, m.
 pub(super) const ROUNDING_M: f64 = 1e-9;
@@ -22,10 +22,7 @@ impl Step {
 
     /// Least distance of the centres on the way, m.
     pub(super) fn nearest_m(&self, other: &Step) -> f64 {
-        let from = self.from_m - other.from_m;
-        let by = self.to_m - other.to_m - from;
-        let closing = -from.dot(&by);
-        if closing > 0.0 { (from + (closing / by.norm_squared()).min(1.0) * by).norm() } else { from.norm() }
+        Segment { from: self.from_m - other.from_m, to: self.to_m - other.to_m }.distance(Vec2::zeros())
     }
 
     /// True when the centres never come nearer than `least_m`, or than they are at the beginning.

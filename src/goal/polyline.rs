@@ -1,12 +1,4 @@
-use upm_core::geometry::Vec2;
-
-/// The point of the segment from `a_m` to `b_m` nearest to `p_m`.
-pub(super) fn nearest_on_segment(a_m: Vec2, b_m: Vec2, p_m: Vec2) -> Vec2 {
-    let along = b_m - a_m;
-    let length_squared = along.norm_squared();
-    let part = if length_squared > 0.0 { ((p_m - a_m).dot(&along) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
-    a_m + part * along
-}
+use upm_core::geometry::{Segment, Vec2};
 
 /// A chain of straight segments, measured along its length.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,7 +51,7 @@ impl Polyline {
         let corners = self.points_m.iter().zip(&self.reached_m).filter(|(_, s)| (from_m..to_m).contains(*s));
         let end = (self.at(to_m), to_m.clamp(0.0, self.length_m()));
         for (b, b_at_m) in corners.map(|(corner, s)| (*corner, *s)).chain([end]) {
-            let foot = nearest_on_segment(a, b, p_m);
+            let foot = Segment { from: a, to: b }.nearest(p_m);
             let off_m = (p_m - foot).norm();
             if off_m < nearest.1 {
                 nearest = (a_at_m + (foot - a).norm(), off_m);

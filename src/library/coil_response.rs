@@ -3,8 +3,7 @@
 use nalgebra::{Complex, Matrix3, Vector3};
 
 use super::Library;
-use upm_core::geometry::Twist;
-use upm_core::signal::{Harmonic, MOTORS, TwistHarmonic};
+use upm_core::signal::{MOTORS, TwistHarmonic};
 
 /// Velocity phasors of the pump wave `cos wt' - ½ cos 2wt'`, `wt' = wt - π/2`, that the waveforms of x, y and spin
 /// make: that of a free mass under `cos wt - sin 2wt` (Eq. 5 and 8).
@@ -30,15 +29,13 @@ impl Library {
         for entry in &self.entries {
             let coils = entry.amplitudes.iter().zip(AXES_FROM_MOTOR);
             let axes: Vector3<f64> = coils.map(|(&counts, axes)| Vector3::from(axes) * f64::from(counts)).sum();
-            let Twist { velocity_mps, spin_radps } = entry.pump;
             normal += axes * axes.transpose();
-            projected += Vector3::new(velocity_mps.x, velocity_mps.y, spin_radps) * axes.transpose();
+            projected += entry.pump.vector() * axes.transpose();
         }
         let pump_from_counts = projected * normal.cholesky()?.inverse();
         let response = |k: usize| {
             Matrix3::from_fn(|row, axis| {
-                let Harmonic { cos, sin } = self.shapes[axis].0[k];
-                PUMP_PHASORS[k] * pump_from_counts[(row, axis)] / Complex::new(cos, -sin)
+                PUMP_PHASORS[k] * pump_from_counts[(row, axis)] / self.shapes[axis].0[k].phasor()
             })
         };
         Some(coil_response(&[response(0), response(1)]))
@@ -47,12 +44,8 @@ impl Library {
 
 fn coil_response(twist_from_counts: &[Matrix3<Complex<f64>>]) -> CoilResponse {
     AXES_FROM_MOTOR.map(|axes| {
-        let twist = |part: Vector3<f64>| Twist::new(part.x, part.y, part.z);
-        let harmonic = |response: &Matrix3<Complex<f64>>| {
-            let velocity = response * Vector3::from(axes).map(Complex::from);
-            TwistHarmonic { cos: twist(velocity.map(|v| v.re)), sin: twist(velocity.map(|v| -v.im)) }
-        };
-        twist_from_counts.iter().map(harmonic).collect()
+        let counts = Vector3::from(axes).map(Complex::from);
+        twist_from_counts.iter().map(|response| TwistHarmonic::from_phasor(&(response * counts))).collect()
     })
 }
 
@@ -61,7 +54,8 @@ mod tests {
     use super::*;
     use crate::{AxisShape, DisplacementModel, Entry, FieldResponse, PlateResponse, drive_for};
     use proptest::prelude::*;
-    use upm_core::signal::{Drive, Envelope, TwistWave};
+    use upm_core::geometry::Twist;
+    use upm_core::signal::{Drive, Envelope, Harmonic, TwistWave};
 
     const BASE_RADPS: f64 = 377.0;
     const ENVELOPE: Envelope = Envelope { attack_s: 0.03, sustain_s: 0.1, rest_s: 0.04 };

@@ -23,7 +23,7 @@ pub fn drive_for(
     let mut flanks: [[Vec<Harmonic>; 2]; MOTORS] = Default::default();
     for k in 0..2 {
         let rate_radps = (k + 1) as f64 * base_radps;
-        let counts = |axis: usize| Complex::new(shapes[axis].0[k].cos, -shapes[axis].0[k].sin) * axes[axis];
+        let counts = |axis: usize| shapes[axis].0[k].phasor() * axes[axis];
         let force = Vector3::from_fn(|axis, _| counts(axis));
         let slope = Vector3::from_fn(|axis, _| counts(axis) * plate.flank_factors(axis, rate_radps)[0]);
         let curvature = Vector3::from_fn(|axis, _| counts(axis) * plate.flank_factors(axis, rate_radps)[1]);
@@ -71,9 +71,8 @@ impl Library {
     pub fn envelope_delay_s(&self) -> f64 {
         let rate_radps = 2.0 * self.base_radps;
         let lead_rad = |axis: usize| {
-            let Harmonic { cos, sin } = self.shapes[axis].0[1];
             // force over that of a free mass, -sin 2wt, and the plate's own part of that
-            let force = Complex::new(cos, -sin) / Complex::i();
+            let force = self.shapes[axis].0[1].phasor() / Complex::i();
             let plate = self.plate.unwrap_or_default().flank_factors(axis, rate_radps)[1].inv();
             (force / (plate * -(rate_radps * rate_radps).recip())).arg()
         };

@@ -1,7 +1,6 @@
 use nalgebra::{Complex, Matrix3, Vector3};
 
 use super::{FieldResponse, Library};
-use upm_core::geometry::Twist;
 use upm_core::signal::{Drive, Envelope, Harmonic, MOTORS, Shaping, TwistHarmonic, TwistWave};
 
 /// Relative difference between two base frequencies that are the same.
@@ -32,14 +31,11 @@ impl Library {
 
 /// Phasors of the axis amplitudes fx, fy and s, counts, whose answer is `velocity`; `None` for a singular response.
 fn axis_counts(twist_from_counts: &Matrix3<Complex<f64>>, velocity: &TwistHarmonic) -> Option<Vector3<Complex<f64>>> {
-    let TwistHarmonic { cos, sin } = velocity;
-    let parts = |twist: &Twist| Vector3::new(twist.velocity_mps.x, twist.velocity_mps.y, twist.spin_radps);
-    let phasor = parts(cos).zip_map(&parts(sin), |cos, sin| Complex::new(cos, -sin));
-    twist_from_counts.lu().solve(&phasor)
+    twist_from_counts.lu().solve(&velocity.phasor())
 }
 
 /// What the motors X1, X2, Y1, Y2 play of these axis amplitudes, opposite ones sharing the work (Eq. 7).
 pub fn motor_harmonics(axis_counts: &Vector3<Complex<f64>>) -> [Harmonic; MOTORS] {
     let (x, y, turn) = (axis_counts.x * 0.5, axis_counts.y * 0.5, axis_counts.z * 0.25);
-    [x - turn, -x - turn, y + turn, -y + turn].map(|force| Harmonic { cos: force.re, sin: -force.im })
+    [x - turn, -x - turn, y + turn, -y + turn].map(Harmonic::from_phasor)
 }

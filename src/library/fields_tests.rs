@@ -60,7 +60,7 @@ fn harmonic() -> impl Strategy<Value = TwistHarmonic> {
 fn answer(drive: &Drive, responses: &[Matrix3<Complex<f64>>], t_s: f64) -> Vector3<f64> {
     let velocity = |(i, matrix): (usize, &Matrix3<Complex<f64>>)| {
         let part = |motor: usize| drive.motors[motor].get(i).copied().unwrap_or_default();
-        let [x1, x2, y1, y2] = [0, 1, 2, 3].map(|motor| Complex::new(part(motor).cos, -part(motor).sin));
+        let [x1, x2, y1, y2] = [0, 1, 2, 3].map(|motor| part(motor).phasor());
         let turning = Complex::from_polar(1.0, (i + 1) as f64 * drive.base_radps * t_s);
         (matrix * Vector3::new(x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2)) * turning).map(|v| v.re)
     };
@@ -78,7 +78,7 @@ proptest! {
         let wave = TwistWave { base_radps: BASE_RADPS, harmonics };
         let drive = library.field_drive(&wave, 0.2).unwrap();
         let (found, wanted) = (answer(&drive, &responses, t_s), wave.at(t_s));
-        let wanted = Vector3::new(wanted.velocity_mps.x, wanted.velocity_mps.y, wanted.spin_radps);
+        let wanted = wanted.vector();
         prop_assert!((found - wanted).norm() < 1e-9, "{found} {wanted}");
         let squeeze: f64 = (0..4).map(|motor| drive.counts_at(motor, t_s)).sum();
         prop_assert!(squeeze.abs() < 1e-6, "no motor works against the others");

@@ -35,8 +35,7 @@ impl Library {
         };
         let unit = motor_harmonics(&Vector3::from(AXES));
         let largest = unit.iter().map(|harmonic| harmonic.cos.hypot(harmonic.sin)).fold(0.0, f64::max);
-        let corner_mps2 =
-            self.corner_mps2(&coils, base_radps, &unit.map(|harmonic| Complex::new(harmonic.cos, -harmonic.sin)))?;
+        let corner_mps2 = self.corner_mps2(&coils, base_radps, &unit.map(|harmonic| harmonic.phasor()))?;
         let counts = (CORNER_MPS2 / corner_mps2).min(MOST_DRIVE * limit_counts / largest);
         let force = Vector3::from(AXES) * Complex::from(counts);
         let sustain_s = LEAST_SUSTAIN_S.max(PERIODS * std::f64::consts::TAU / base_radps);
@@ -60,21 +59,14 @@ impl Library {
     fn corner_mps2(&self, coils: &CoilResponse, base_radps: f64, counts: &[Complex<f64>; MOTORS]) -> Option<f64> {
         let mut sum = Vector3::<Complex<f64>>::zeros();
         for (coil, counts) in coils.iter().zip(counts) {
-            let answer = coil.first()?;
-            let phasor = |cos: f64, sin: f64| Complex::new(cos, -sin) * counts;
-            sum += Vector3::new(
-                phasor(answer.cos.velocity_mps.x, answer.sin.velocity_mps.x),
-                phasor(answer.cos.velocity_mps.y, answer.sin.velocity_mps.y),
-                phasor(answer.cos.spin_radps, answer.sin.spin_radps),
-            );
+            sum += coil.first()?.phasor() * *counts;
         }
         let half_m = 0.5 * self.plate_side_m;
         let corners = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y) * half_m);
         let instants =
             (0..INSTANTS).map(|i| Complex::from_polar(1.0, std::f64::consts::TAU * i as f64 / INSTANTS as f64));
         let fastest_mps = instants.fold(0.0, |fastest: f64, turn| {
-            let [x, y, spin] = [sum.x, sum.y, sum.z].map(|phasor| (phasor * turn).re);
-            let twist = Twist::new(x, y, spin);
+            let twist = Twist::from_vector(sum.map(|phasor| (phasor * turn).re));
             corners.iter().map(|&corner| twist.velocity_at(corner).norm()).fold(fastest, f64::max)
         });
         (fastest_mps > 0.0).then_some(fastest_mps * base_radps)

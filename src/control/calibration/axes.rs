@@ -1,13 +1,13 @@
 use std::f64::consts::TAU;
 
-use nalgebra::{Complex, Matrix3, Vector3};
+use nalgebra::{Complex, Matrix3};
 
-use super::axis_pulse::{AxisPulse, NAMES, phasor};
+use super::axis_pulse::{AxisPulse, NAMES};
 use super::coils::Coils;
 use super::fault::LEAST_LAG_DEG;
 use super::workbench::Workbench;
 use super::{CalibrationFault, CalibrationParams, ChannelFault};
-use upm_core::geometry::{Twist, Vec2};
+use upm_core::geometry::Vec2;
 use upm_core::rig::RigModel;
 use upm_core::signal::{CHANNELS, Harmonic};
 use upm_library::AxisShape;
@@ -76,7 +76,7 @@ pub(super) fn measure(bench: &mut Workbench<'_>, params: &CalibrationParams) -> 
             shown.push(pulse.shown);
             pulses[axis] = pulse;
             responses[axis] = per_count(&there.axes[axis], &back.axes[axis], amplitude);
-            twist_from_counts.set_column(axis, &(as_vector((there.pump - back.pump) * (0.5 / amplitude))));
+            twist_from_counts.set_column(axis, &((there.pump - back.pump) * (0.5 / amplitude)).vector());
         }
         bench.sensors.gain = relative_gains(&shown, bench.sensors.position_m);
         check(bench, &pulses, &shapes, &responses)?;
@@ -149,7 +149,7 @@ fn refuse_resonance(
     response: &AxisPhasors,
     model: &RigModel,
 ) -> Result<(), CalibrationFault> {
-    let lag_deg = -(response.first / phasor(shape.0[0])).arg().to_degrees();
+    let lag_deg = -(response.first / shape.0[0].phasor()).arg().to_degrees();
     if lag_deg >= LEAST_LAG_DEG {
         return Ok(());
     }
@@ -160,14 +160,10 @@ fn refuse_resonance(
 /// (velocity phasors per count) to `shape`. With A that of a free mass Eq. 15 holds for the amplitudes sent.
 fn mended(shape: AxisShape, response: &AxisPhasors, speed: f64) -> AxisShape {
     let AxisShape([old_first, old_second]) = shape;
-    let force_first = -Complex::i() * speed * phasor(old_first) / response.first;
-    let force_second = Complex::from(0.5 * speed) * phasor(old_second) / response.second;
-    let new = [force_first, force_second].map(|force| Harmonic { cos: force.re, sin: -force.im });
+    let force_first = -Complex::i() * speed * old_first.phasor() / response.first;
+    let force_second = Complex::from(0.5 * speed) * old_second.phasor() / response.second;
+    let new = [force_first, force_second].map(Harmonic::from_phasor);
     if new.iter().all(|harmonic| harmonic.cos.is_finite() && harmonic.sin.is_finite()) { AxisShape(new) } else { shape }
-}
-
-pub(super) fn as_vector(twist: Twist) -> Vector3<f64> {
-    Vector3::new(twist.velocity_mps.x, twist.velocity_mps.y, twist.spin_radps)
 }
 
 #[cfg(test)]
@@ -179,7 +175,7 @@ mod tests {
         let gain = [Complex::from_polar(0.9, -1.7), Complex::from_polar(0.4, -1.2)];
         let response = AxisPhasors { first: gain[0], second: gain[1] * Complex::i() };
         let AxisShape(mended) = mended(AxisShape::FREE_MASS, &response, 0.7);
-        let velocity: Vec<Complex<f64>> = mended.iter().zip(gain).map(|(&h, gain)| phasor(h) * gain).collect();
+        let velocity: Vec<Complex<f64>> = mended.iter().zip(gain).map(|(&h, gain)| h.phasor() * gain).collect();
         assert!((velocity[0] - Complex::new(0.0, -0.7)).norm() < 1e-12);
         assert!((velocity[1] - Complex::new(0.35, 0.0)).norm() < 1e-12);
     }

@@ -1,8 +1,6 @@
-use nalgebra::Complex;
-
 use super::CalibrationFault;
 use super::workbench::Workbench;
-use upm_core::signal::{CHANNELS, Drive, Harmonic};
+use upm_core::signal::{CHANNELS, Drive};
 use upm_perception::estimation::{Coefficients, FitFault, TwistFit};
 
 /// What faults call the axes.
@@ -42,8 +40,4 @@ impl AxisPulse {
 fn half_difference(there: &TwistFit, back: &TwistFit, gain: &[f64; CHANNELS]) -> [Coefficients; CHANNELS] {
     let (there, back) = (&there.accel_mps2, &back.accel_mps2);
     std::array::from_fn(|c| std::array::from_fn(|k| 0.5 * (there[c][k] - back[c][k]) * gain[c]))
-}
-
-pub(super) fn phasor(harmonic: Harmonic) -> Complex<f64> {
-    Complex::new(harmonic.cos, -harmonic.sin)
 }

@@ -7,7 +7,7 @@
 
 use nalgebra::{Complex, Matrix3, Matrix3x4, Matrix4, Matrix4x3};
 
-use super::axis_pulse::{AxisPulse, phasor};
+use super::axis_pulse::AxisPulse;
 use super::{CalibrationFault, CoilFault};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::rig::RigModel;
@@ -159,7 +159,7 @@ fn answer(
     let about = model.lever_arm_m * force_n / model.plate_inertia_kgm2;
     let parts = |twist: Twist| [twist.velocity_mps.x / along, twist.velocity_mps.y / along, twist.spin_radps / about];
     let (cos, sin) = (parts(cos), parts(sin));
-    let force = phasor(pulse.drive.motors[motor].get(harmonic).copied().unwrap_or_default());
+    let force = pulse.drive.motors[motor].get(harmonic).copied().unwrap_or_default().phasor();
     std::array::from_fn(|row| Complex::new(cos[row], -sin[row]) / force)
 }
 

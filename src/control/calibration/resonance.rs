@@ -147,7 +147,7 @@ fn axis_force(drive: &Drive, axis: usize) -> Vec<Complex<f64>> {
         1 => [(0.0, x1), (0.0, x2), (1.0, y1), (-1.0, y2)],
         _ => [(-1.0, x1), (-1.0, x2), (1.0, y1), (1.0, y2)],
     };
-    let phasor = |k: usize| signs.iter().map(|(sign, motor)| Complex::new(motor[k].cos, -motor[k].sin) * *sign).sum();
+    let phasor = |k: usize| signs.iter().map(|(sign, motor)| motor[k].phasor() * *sign).sum();
     (0..x1.len()).map(phasor).collect()
 }
 

@@ -2,7 +2,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 use nalgebra::Vector3;
 
-use super::axes::{Axes, as_vector};
+use super::axes::Axes;
 use super::workbench::Workbench;
 use super::{CalibrationFault, CalibrationParams};
 use upm_core::geometry::{Twist, Vec2};
@@ -34,7 +34,7 @@ pub(super) fn measure(
     let mut entries = Vec::with_capacity(wanted.len());
     for (i, Motion { direction, top_mps }) in wanted.iter().enumerate() {
         bench.report("centres", i, wanted.len());
-        let mut aim = as_vector(*direction);
+        let mut aim = direction.vector();
         let mut entry = play(bench, axes, params, counts_from_twist * aim, *top_mps)?;
         let miss = miss(&entry.pump, direction, 0.5 * bench.model.plate_side_m);
         if miss.norm() > MISS * aim.norm() {
@@ -78,8 +78,8 @@ fn amplitudes(axis_counts: Vector3<f64>) -> [i32; 4] {
 /// moves at `reach_m`.
 fn miss(found: &Twist, wanted: &Twist, reach_m: f64) -> Vector3<f64> {
     let weight = Vector3::new(1.0, 1.0, reach_m);
-    let found = as_vector(*found).component_mul(&weight);
-    let wanted = as_vector(*wanted).component_mul(&weight);
+    let found = found.vector().component_mul(&weight);
+    let wanted = wanted.vector().component_mul(&weight);
     let scale = found.dot(&wanted) / found.norm_squared().max(f64::MIN_POSITIVE);
     (found * scale - wanted).component_div(&weight)
 }

@@ -1,10 +1,10 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 
-use nalgebra::Complex;
+use nalgebra::{Complex, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 
 use super::RehearsalParams;
-use upm_core::geometry::{Twist, Vec2};
+use upm_core::geometry::Vec2;
 use upm_core::random::Rng;
 use upm_core::signal::{TwistHarmonic, TwistWave};
 use upm_library::Library;
@@ -51,7 +51,12 @@ impl Disturbance {
             PlannedPulse::Field(field) => {
                 let factors = self.plate.iter().copied().chain(std::iter::repeat([Complex::new(1.0, 0.0); 3]));
                 let harmonics = field.wave.harmonics.iter().zip(factors);
-                let harmonics = harmonics.map(|(harmonic, factors)| distorted(harmonic, factors)).collect();
+                let harmonics = harmonics
+                    .map(|(harmonic, factors)| {
+                        // each axis is off by itself
+                        TwistHarmonic::from_phasor(&harmonic.phasor().component_mul(&Vector3::from(factors)))
+                    })
+                    .collect();
                 let wave = TwistWave { harmonics, ..field.wave };
                 PlannedPulse::Field(FieldPulse { wave, ..*field })
             }
@@ -78,17 +83,6 @@ impl Disturbance {
 fn factor(off: f64, rng: &mut Rng) -> Complex<f64> {
     let part = FRAC_1_SQRT_2 * off;
     Complex::new(1.0 + part * normal(rng), part * normal(rng))
-}
-
-/// `harmonic` with the phasor `cos - j sin` of each axis times its factor.
-fn distorted(harmonic: &TwistHarmonic, [x, y, spin]: [Complex<f64>; 3]) -> TwistHarmonic {
-    let (cos, sin) = (harmonic.cos, harmonic.sin);
-    let [x, y, spin] = [
-        Complex::new(cos.velocity_mps.x, -sin.velocity_mps.x) * x,
-        Complex::new(cos.velocity_mps.y, -sin.velocity_mps.y) * y,
-        Complex::new(cos.spin_radps, -sin.spin_radps) * spin,
-    ];
-    TwistHarmonic { cos: Twist::new(x.re, y.re, spin.re), sin: Twist::new(-x.im, -y.im, -spin.im) }
 }
 
 /// A draw of the standard normal distribution.

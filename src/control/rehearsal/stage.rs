@@ -4,7 +4,7 @@ use super::disturbance::{Disturbance, normal};
 use super::{Nearest, RehearsalParams};
 use crate::ControlParams;
 use crate::plans::Plans;
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Segment, Vec2};
 use upm_core::time::PlateTime;
 use upm_library::Library;
 use upm_planner::{FieldPulse, PartState, PlannedPulse, Rotation};
@@ -132,8 +132,8 @@ impl Stage {
         let at_s = self.now().secs();
         for i in 0..self.positions_m.len() {
             for j in i + 1..self.positions_m.len() {
-                let apart_m = least_on_way(before_m[i] - before_m[j], self.positions_m[i] - self.positions_m[j]);
-                let gap_m = apart_m - self.radii_m[i] - self.radii_m[j];
+                let apart = Segment { from: before_m[i] - before_m[j], to: self.positions_m[i] - self.positions_m[j] };
+                let gap_m = apart.distance(Vec2::zeros()) - self.radii_m[i] - self.radii_m[j];
                 if self.nearest.is_none_or(|nearest| gap_m < nearest.gap_m) {
                     self.nearest = Some(Nearest { gap_m, parts: [i, j], at_s });
                 }
@@ -154,12 +154,4 @@ pub(super) fn friction(rehearsal: &RehearsalParams) -> Vec<f64> {
     };
     let draw = |_: &Vec2| sign * friction_spread * normal(&mut draws).clamp(-FRICTION_CUT, FRICTION_CUT);
     starts_m.iter().map(draw).map(|off| (1.0 + off).max(LEAST_FRICTION)).collect()
-}
-
-/// Distance of the segment from `a` to `b` from the origin.
-pub(super) fn least_on_way(a: Vec2, b: Vec2) -> f64 {
-    let along = b - a;
-    let length_sq = along.norm_squared();
-    let way = if length_sq > 0.0 { (-a.dot(&along) / length_sq).clamp(0.0, 1.0) } else { 0.0 };
-    (a + along * way).norm()
 }

@@ -379,14 +379,6 @@ fn rotation_is_off_its_forecast_by_the_same_share_in_every_pulse_of_an_entry() {
 
 proptest! {
     #[test]
-    fn the_least_on_the_way_is_the_least_of_many(ax in -1.0..1.0f64, ay in -1.0..1.0f64, bx in -1.0..1.0f64, by in -1.0..1.0f64) {
-        let (a, b) = (Vec2::new(ax, ay), Vec2::new(bx, by));
-        let sampled = (0..=1000).map(|k| a.lerp(&b, f64::from(k) * 1e-3).norm()).fold(f64::INFINITY, f64::min);
-        let exact = stage::least_on_way(a, b);
-        prop_assert!(exact <= sampled + 1e-12 && exact > sampled - 3e-3);
-    }
-
-    #[test]
     fn opposite_frictions_come_in_pairs(seed in 0u64..1000, pair in 1u64..50, spread in 0.0..0.3f64) {
         let of = |number: u64| {
             let how = RehearsalParams { streams: Streams::new(seed), friction_spread: spread, ..rehearsal(&[Vec2::zeros(); 4], number) };

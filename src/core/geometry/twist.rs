@@ -1,5 +1,7 @@
 use std::ops::{Add, Mul, Neg, Sub};
 
+use nalgebra::Vector3;
+
 use super::{Vec2, perp};
 
 /// A planar velocity: the velocity of the frame's origin and the spin.
@@ -30,6 +32,18 @@ impl Twist {
     #[inline]
     pub fn new(vx_mps: f64, vy_mps: f64, spin_radps: f64) -> Self {
         Self { velocity_mps: Vec2::new(vx_mps, vy_mps), spin_radps }
+    }
+
+    /// `(v_x, v_y, ω)`, m/s and rad/s.
+    #[inline]
+    pub fn vector(&self) -> Vector3<f64> {
+        Vector3::new(self.velocity_mps.x, self.velocity_mps.y, self.spin_radps)
+    }
+
+    /// The inverse of [`Twist::vector`].
+    #[inline]
+    pub fn from_vector(vector: Vector3<f64>) -> Self {
+        Self::new(vector.x, vector.y, vector.z)
     }
 
     /// Rotation at `spin_radps` about `center_m`.

@@ -1,3 +1,5 @@
+use nalgebra::Complex;
+
 use super::Envelope;
 
 /// Number of voice coils.
@@ -28,6 +30,20 @@ pub struct Harmonic {
     pub cos: f64,
     /// Amplitude of `sin kwt`, counts.
     pub sin: f64,
+}
+
+impl Harmonic {
+    /// The phasor `cos - j sin`.
+    #[inline]
+    pub fn phasor(&self) -> Complex<f64> {
+        Complex::new(self.cos, -self.sin)
+    }
+
+    /// The harmonic with that phasor.
+    #[inline]
+    pub fn from_phasor(phasor: Complex<f64>) -> Self {
+        Self { cos: phasor.re, sin: -phasor.im }
+    }
 }
 
 /// The quantity that follows a pulse's envelope, which decides the forces on the flanks.

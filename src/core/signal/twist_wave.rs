@@ -1,3 +1,5 @@
+use nalgebra::{Complex, Vector3};
+
 use crate::geometry::Twist;
 
 /// One harmonic of a periodic twist.
@@ -14,6 +16,18 @@ impl TwistHarmonic {
     #[inline]
     pub fn pump(amplitude: Twist) -> [Self; 2] {
         [1.0, -0.5].map(|share| Self { cos: amplitude * share, sin: Twist::ZERO })
+    }
+
+    /// The phasors `cos - j sin` of x, y (m/s) and spin (rad/s).
+    #[inline]
+    pub fn phasor(&self) -> Vector3<Complex<f64>> {
+        self.cos.vector().zip_map(&self.sin.vector(), |cos, sin| Complex::new(cos, -sin))
+    }
+
+    /// The harmonic with these phasors.
+    #[inline]
+    pub fn from_phasor(phasor: &Vector3<Complex<f64>>) -> Self {
+        Self { cos: Twist::from_vector(phasor.map(|v| v.re)), sin: Twist::from_vector(phasor.map(|v| -v.im)) }
     }
 }
 

@@ -13,7 +13,7 @@ use nalgebra::{Complex, Vector3};
 use self::reading::Reading;
 use super::felt::{Felt, Velocity, felt};
 use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2};
-use upm_core::geometry::{Twist, Vec2};
+use upm_core::geometry::Vec2;
 use upm_core::signal::{CHANNELS, Drive, MOTORS, TwistHarmonic, TwistWave};
 
 /// Standard deviations within which a coefficient is as predicted, when two periods or more were read.
@@ -168,12 +168,7 @@ impl ExpectedMotion<'_> {
     pub fn wave(&self) -> TwistWave {
         let Drive { base_radps, motors, .. } = self.drive;
         let harmonics = motors.iter().map(Vec::len).max().unwrap_or(0);
-        let twist = |part: Vector3<f64>| Twist::new(part.x, part.y, part.z);
-        let harmonic = |velocity: &Vector3<Complex<f64>>| TwistHarmonic {
-            cos: twist(velocity.map(|v| v.re)),
-            sin: twist(velocity.map(|v| -v.im)),
-        };
-        let harmonics = self.velocity(harmonics, &Played::Planned).iter().map(harmonic).collect();
+        let harmonics = self.velocity(harmonics, &Played::Planned).iter().map(TwistHarmonic::from_phasor).collect();
         TwistWave { base_radps: *base_radps, harmonics }
     }
 
@@ -193,16 +188,11 @@ impl ExpectedMotion<'_> {
                 _ => (coil, 1.0),
             };
             for ((sum, answer), counts) in velocity.iter_mut().zip(answers).zip(&self.drive.motors[part]) {
-                *sum += phasor(answer) * (Complex::new(counts.cos, -counts.sin) * factor);
+                *sum += answer.phasor() * (counts.phasor() * factor);
             }
         }
         velocity
     }
-}
-
-fn phasor(harmonic: &TwistHarmonic) -> Vector3<Complex<f64>> {
-    let parts = |twist: &Twist| Vector3::new(twist.velocity_mps.x, twist.velocity_mps.y, twist.spin_radps);
-    parts(&harmonic.cos).zip_map(&parts(&harmonic.sin), |cos, sin| Complex::new(cos, -sin))
 }
 
 /// A reading beside the planned one.

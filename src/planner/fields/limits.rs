@@ -1,7 +1,7 @@
 //! The plate's edge and the parts' rims on the way of a synthesised field: linear for the steps, exact for a forecast.
 
 use crate::{Limit, PartState, PlannerParams};
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Segment, Vec2};
 
 /// Slack below which a limit counts as kept, m.
 const ROUNDING_M: f64 = 1e-7;
@@ -122,8 +122,8 @@ impl Clearances {
                 let at_first_m = (start_m[i] - start_m[j]).norm();
                 let sway_m = if at_first_m < asked_m { sway_m } else { 0.0 };
                 let careful_m = (asked_m + unsure_m[i] + unsure_m[j]).min(at_first_m - ROUNDING_M - sway_m);
-                let nearest = nearest_sq(before_m[i] - before_m[j], after_m[i] - after_m[j]);
-                if nearest < careful_m.max(least_m - sway_m).max(0.0).powi(2) {
+                let apart = Segment { from: before_m[i] - before_m[j], to: after_m[i] - after_m[j] };
+                if apart.nearest(Vec2::zeros()).norm_squared() < careful_m.max(least_m - sway_m).max(0.0).powi(2) {
                     return Some(Limit::Separation { parts: [i, j] });
                 }
             }
@@ -132,30 +132,10 @@ impl Clearances {
     }
 }
 
-/// Square of the distance of the segment from `a` to `b` from the origin.
-fn nearest_sq(a: Vec2, b: Vec2) -> f64 {
-    let along = b - a;
-    let length_sq = along.norm_squared();
-    let way = if length_sq > 0.0 { (-a.dot(&along) / length_sq).clamp(0.0, 1.0) } else { 0.0 };
-    (a + along * way).norm_squared()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::fixture::{HALF_SIDE_M, PENNY_M, params, penny};
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn nearest_is_the_least_of_many(ax in -1.0..1.0f64, ay in -1.0..1.0f64, bx in -1.0..1.0f64, by in -1.0..1.0f64) {
-            let (a, b) = (Vec2::new(ax, ay), Vec2::new(bx, by));
-            let sampled =
-                (0..=1000).map(|k| (a + (b - a) * (f64::from(k) * 1e-3)).norm_squared()).fold(f64::INFINITY, f64::min);
-            let exact = nearest_sq(a, b);
-            prop_assert!(exact <= sampled + 1e-12 && exact.sqrt() > sampled.sqrt() - 2e-3);
-        }
-    }
 
     #[test]
     fn a_limit_that_is_broken_may_stay_but_not_get_worse() {

@@ -1,7 +1,7 @@
 //! The places that the next sequence is for, and the room that parts keep on their way there.
 
 use crate::{Limit, PartState, PlannerParams};
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Segment, Vec2};
 
 /// Room kept to the edge on the way, m: a pulse's arc bulges past the straight line between its ends.
 const EDGE_M: f64 = 2.5e-3;
@@ -81,11 +81,8 @@ impl Room {
                 if from.norm_squared().min(to.norm_squared()) > 4.0 * asked_m * asked_m {
                     continue;
                 }
-                let along = to - from;
-                let length_sq = along.norm_squared();
-                let way = if length_sq > 0.0 { (-from.dot(&along) / length_sq).clamp(0.0, 1.0) } else { 0.0 };
                 let least_m = asked_m.min(from.norm());
-                note(least_m - (from + along * way).norm(), Limit::Separation { parts: [j, i] });
+                note(least_m - Segment { from, to }.distance(Vec2::zeros()), Limit::Separation { parts: [j, i] });
             }
         }
         worst

@@ -3,7 +3,7 @@
 use super::raw_job::RawPath;
 use super::read::point_m;
 use super::room::{REST_GAP_M, ROUNDING_M, apart_allowed};
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Segment, Vec2};
 use upm_core::units::{m_from_mm, mm_from_m};
 use upm_document::{Faults, Path};
 
@@ -122,10 +122,8 @@ impl Lap {
         let apart = |share: f64| self.at(share) - other.at(share);
         let nearest = |pair: &[f64]| {
             let (from, to) = (pair.first().copied().unwrap_or_default(), pair.last().copied().unwrap_or_default());
-            let (start, way) = (apart(from), apart(to) - apart(from));
-            let part =
-                if way.norm_squared() > 0.0 { (-start.dot(&way) / way.norm_squared()).clamp(0.0, 1.0) } else { 0.0 };
-            ((start + way * part).norm(), from + part * (to - from))
+            let apart = Segment { from: apart(from), to: apart(to) };
+            (apart.distance(Vec2::zeros()), from + apart.nearest_share(Vec2::zeros()) * (to - from))
         };
         shares
             .windows(2)

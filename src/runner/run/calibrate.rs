@@ -145,8 +145,7 @@ mod tests {
                 continue;
             }
             let weight = 2.0 * rig.sim.step_s / window_s * (1.0 - (TAU * part).cos());
-            let Twist { velocity_mps, spin_radps } = plant.plate().twist;
-            let v = Vector3::new(velocity_mps.x, velocity_mps.y, spin_radps);
+            let v = plant.plate().twist.vector();
             for (k, sum) in (1..).zip(&mut sums) {
                 let turned = Complex::from_polar(weight, -f64::from(k) * drive.base_radps * t_s);
                 *sum += v.map(|part| turned * part);
@@ -182,9 +181,8 @@ mod tests {
             let drive = library.field_drive(&wave, 0.25).unwrap();
             assert!(drive.peak_counts() < fields.limit_counts, "{}", drive.peak_counts());
             let found = true_velocity(&rig, &drive);
-            let parts = |t: Twist| Vector3::new(t.velocity_mps.x, t.velocity_mps.y, t.spin_radps);
             for (k, (found, wanted)) in found.iter().zip(&wave.harmonics).enumerate() {
-                let wanted = parts(wanted.cos).zip_map(&parts(wanted.sin), |c, s| Complex::new(c, -s));
+                let wanted = wanted.phasor();
                 let arm = Vector3::new(1.0, 1.0, 0.14);
                 let [off, size] = [found - wanted, wanted].map(|v| v.zip_map(&arm, |part, arm| part * arm).norm());
                 assert!(off < 0.002 * size, "harmonic {}: off by {off} of {size}", k + 1);

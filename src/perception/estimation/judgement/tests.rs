@@ -8,6 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
 use crate::estimation::{fit_twist, fit_wave};
+use upm_core::geometry::Twist;
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
 use upm_core::signal::{AccelTrace, Envelope, Harmonic, MISSING_SAMPLE};

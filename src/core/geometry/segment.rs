@@ -1,0 +1,66 @@
+use super::Vec2;
+
+/// A straight line segment between two points.
+///
+/// Two points that go straight and in step are as near to each other at any time as the segment between their first and
+/// their last difference is to the origin.
+///
+/// ```
+/// use upm_core::geometry::{Segment, Vec2};
+/// let segment = Segment { from: Vec2::new(-1.0, 2.0), to: Vec2::new(3.0, 2.0) };
+/// assert_eq!(segment.nearest_share(Vec2::zeros()), 0.25);
+/// assert_eq!(segment.distance(Vec2::zeros()), 2.0);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Segment {
+    /// Start point.
+    pub from: Vec2,
+    /// End point.
+    pub to: Vec2,
+}
+
+impl Segment {
+    /// Position of the point nearest to `p` as a share of the length, from 0 at the start to 1 at the end; 0 where both ends
+    /// are one point.
+    #[inline]
+    pub fn nearest_share(&self, p: Vec2) -> f64 {
+        let along = self.to - self.from;
+        let length_sq = along.norm_squared();
+        if length_sq > 0.0 { ((p - self.from).dot(&along) / length_sq).clamp(0.0, 1.0) } else { 0.0 }
+    }
+
+    /// The point of the segment nearest to `p`.
+    #[inline]
+    pub fn nearest(&self, p: Vec2) -> Vec2 {
+        self.from + (self.to - self.from) * self.nearest_share(p)
+    }
+
+    /// Distance of `p` from the segment.
+    #[inline]
+    pub fn distance(&self, p: Vec2) -> f64 {
+        (self.nearest(p) - p).norm()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn distance_is_the_least_of_many(v in proptest::array::uniform6(-1.0..1.0f64)) {
+            let [from, to, p] = [0, 2, 4].map(|i| Vec2::new(v[i], v[i + 1]));
+            let sampled = (0..=1000).map(|k| (from.lerp(&to, f64::from(k) * 1e-3) - p).norm()).fold(f64::INFINITY, f64::min);
+            let exact = Segment { from, to }.distance(p);
+            prop_assert!(exact <= sampled + 1e-12 && exact > sampled - 3e-3);
+        }
+    }
+
+    #[test]
+    fn a_point_is_its_own_nearest() {
+        let at = Vec2::new(3.0, 4.0);
+        let segment = Segment { from: at, to: at };
+        assert_eq!((segment.nearest_share(Vec2::zeros()), segment.distance(Vec2::zeros())), (0.0, 5.0));
+    }
+}
