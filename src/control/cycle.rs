@@ -7,62 +7,26 @@ use std::ops::ControlFlow::{Break, Continue};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::attempts::ways_to_try;
+use super::condition::{Condition, why_not};
 use super::conditions::Conditions;
-use super::controllability::check_controllable;
 use super::ending::{Ending, Flow, check_stop};
-use super::eyes::{ExpectedPart, Eyes, Moment};
-use super::guards::{CoilResponses, Guards, MotionGuard, StepGuard};
-use super::learning::Gains;
-use super::plans::{FreshPlanner, Plans};
-use super::progress::ProgressWatch;
+use super::eyes::{Eyes, Moment};
+use super::guards::{CoilResponses, MotionGuard, StepGuard};
+use super::params::ControlParams;
+use super::planning::{Planning, STALLED_S};
+use super::plans::FreshPlanner;
 use super::{CycleFacts, EventLevel, Milestone, MilestoneFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::job::{Outcome, StopCause};
-use upm_core::rig::{PartKind, Rig, RigModel};
+use upm_core::rig::{Rig, RigModel};
 use upm_core::time::{Clock, PlateTime};
 use upm_goal::{Goal, Wanted};
 use upm_library::Library;
-use upm_planner::{Method, PartState, Plan, PlanStatus, PlannerParams};
+use upm_planner::Plan;
 
-/// Plate time without a pulse after which a run counts as stalled, s.
-const STALLED_S: f64 = 10.0;
 /// Share of the wanted steps that is taken while coils or accelerometers are in doubt, and the length that steps keep, m.
 const CAUTIOUS_SHARE: f64 = 0.5;
 const CAUTIOUS_STEP_M: f64 = 2e-3;
-
-/// What a run needs to know beside the rig's model.
-#[derive(Clone, Debug)]
-pub struct ControlParams {
-    /// Kinds of parts on the plate.
-    pub kinds: Vec<PartKind>,
-    /// The parts, in the order of the job.
-    pub parts: Vec<ExpectedPart>,
-    /// Plate time after which the run ends, s.
-    pub time_limit_s: f64,
-    /// True when the task has no end before the time limit, which then completes it.
-    pub endless: bool,
-    /// True when parts follow paths: their subgoals move on as they do.
-    pub follows_paths: bool,
-    /// How near to its target a part has arrived, m.
-    pub tolerance_m: f64,
-    /// Frames at rest without a part after which it is lost.
-    pub lost_after_frames: u32,
-    /// How motions are found.
-    pub method: Method,
-    /// Limits and weights of the planner.
-    pub planner: PlannerParams,
-    /// Guards that are awake.
-    pub guards: Guards,
-}
-
-impl ControlParams {
-    /// Outline of part `part`, m; 0 for one there is not.
-    pub fn radius_m(&self, part: usize) -> f64 {
-        let kind = self.parts.get(part).and_then(|part| self.kinds.get(part.kind));
-        kind.map_or(0.0, |kind| kind.radius_m)
-    }
-}
 
 /// What a run plays on and tells to.
 pub struct Devices<'a> {
@@ -97,23 +61,19 @@ pub struct Finish {
 pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, params: &ControlParams) -> Finish {
     let Devices { rig, model, sink, clock, stop, give_way } = devices;
     let mut open = || {
-        let plans = match FreshPlanner::new(params.method, library, params.planner).plans() {
-            Ok(plans) => plans,
+        let planner = match FreshPlanner::new(params.method, library, params.planner).plans() {
+            Ok(planner) => planner,
             Err(ending) => return Break(ending),
         };
         let guards = params.guards.clone();
-        Continue((plans, Eyes::open(rig, model, &params.kinds, &params.parts, guards, sink, clock, stop)?))
+        Continue((planner, Eyes::open(rig, model, &params.kinds, &params.parts, guards, sink, clock, stop)?))
     };
     let finish = match open() {
-        Continue((plans, eyes)) => {
-            let gains = Gains::new(params.parts.len(), 0.5 * model.plate_side_m);
-            let (rig, sink) = (&mut *rig, &mut *sink);
-            let (conditions, wanted, index) = (Conditions::default(), None, 0);
-            let (watch, played) = (ProgressWatch::new(params.follows_paths, params.tolerance_m), false);
+        Continue((planner, eyes)) => {
             let mut cycle = Cycle {
-                rig,
+                rig: &mut *rig,
                 model,
-                sink,
+                sink: &mut *sink,
                 clock,
                 stop,
                 give_way,
@@ -121,14 +81,12 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
                 goal,
                 params,
                 eyes,
-                plans,
-                gains,
-                conditions,
-                watch,
-                played,
-                wanted,
+                planning: Planning::new(params, library, planner, 0.5 * model.plate_side_m),
+                conditions: Conditions::default(),
+                played: false,
+                wanted: None,
                 furthest: 0.0,
-                index,
+                index: 0,
                 coil_responses: CoilResponses::new(library),
                 motion: MotionGuard::default(),
                 steps: StepGuard::default(),
@@ -158,10 +116,8 @@ struct Cycle<'a> {
     goal: &'a mut dyn Goal,
     params: &'a ControlParams,
     eyes: Eyes,
-    plans: Box<dyn Plans>,
-    gains: Gains,
+    planning: Planning<'a>,
     conditions: Conditions,
-    watch: ProgressWatch,
     /// True when the last cycle had pulses and began something: the rest of a sequence may lead away before it leads near.
     played: bool,
     wanted: Option<Wanted>,
@@ -217,14 +173,16 @@ impl Cycle<'_> {
             return self.finish(wanted.phase);
         }
         if is_first {
-            check_controllable(self.params.method, self.library, &observed, &wanted, |part| self.id(part))?;
+            self.planning.check_controllable(&observed, &wanted)?;
             self.check_limits()?;
             self.probe()?;
             return self.look_at_rest();
         }
         self.warn_of_blocked(&wanted.boxed_in);
         self.check_limits()?;
-        self.check_progress(&observed, &wanted)?;
+        if self.planning.watch.look(&wanted, &observed, self.played) && self.params.guards.has_code("no_progress") {
+            return Break(self.planning.no_progress(&wanted, &observed));
+        }
         let planning = self.clock.elapsed();
         let plan = self.plan(&observed, &wanted)?;
         let plan_us = (self.clock.elapsed() - planning).as_secs_f64() * 1e6;
@@ -250,7 +208,7 @@ impl Cycle<'_> {
                 (self.furthest, *last_pulse_at) = (wanted.progress, self.rig.now());
             }
             if self.rig.now() - *last_pulse_at > STALLED_S {
-                let held_up = self.watch.held_up_in_words(&wanted, &result, |part| self.id(part));
+                let held_up = self.planning.held_up(&wanted, &result);
                 let reason = format!("stalled: no pulse for {STALLED_S} s of plate time; {held_up}");
                 return Break(Ending::failed_because(StopCause::NoProgress, reason));
             }
@@ -272,46 +230,21 @@ impl Cycle<'_> {
         Continue(result)
     }
 
-    fn check_progress(&mut self, observed: &[Vec2], wanted: &Wanted) -> Flow {
-        if self.watch.look(wanted, observed, self.played) && self.params.guards.has_code("no_progress") {
-            return Break(self.watch.ending(wanted, observed, self.params.method, |part| self.id(part)));
-        }
-        Continue(())
-    }
-
-    /// Plans the wanted steps; where they are infeasible, half of them, and half again; then one part at a time, the
-    /// one with the longest way first, while the others stay.
+    /// Plans the wanted steps, or what of them can be made.
     fn plan(&mut self, observed: &[Vec2], wanted: &Wanted) -> Flow<Plan> {
-        let whole = self.part_states(observed, wanted);
-        let mut stopped_by = String::new();
-        for tried in ways_to_try(&whole, self.plans.tries_smaller()) {
-            self.check_stop()?;
-            let plan = self.plans.plan(&tried.parts);
-            match &plan.status {
-                PlanStatus::NothingToDo if tried.is_part => continue,
-                PlanStatus::Solved | PlanStatus::NothingToDo => return Continue(plan),
-                PlanStatus::Infeasible(_) | PlanStatus::SolverFailed(_) => stopped_by = self.why_not(&plan.status),
+        self.check_stop()?;
+        let whole = self.planning.states(observed, wanted, |step_m| self.cautious(step_m));
+        let Self { planning, conditions, rig, sink, stop, params, .. } = self;
+        planning.plan(self.index, wanted, &whole, |plan, is_part| {
+            if let Some(condition) = Condition::of_plan(&plan.status).filter(|_| !is_part) {
+                let reason = || {
+                    let why = why_not(&plan.status, params.method, |part| params.id(part));
+                    format!("steps are cut short or made one part at a time, because {why}")
+                };
+                conditions.note(rig.now(), condition, reason, *sink);
             }
-            self.watch.note(&plan.status);
-            if !tried.is_part {
-                self.warn_of_steps(&plan.status);
-            }
-        }
-        let held_up = self.watch.held_up_in_words(wanted, observed, |part| self.id(part));
-        let reason = format!("no feasible step in cycle {}, {}: {stopped_by}; {held_up}", self.index, wanted.phase);
-        Break(Ending::failed_because(StopCause::NoFeasibleStep, reason))
-    }
-
-    fn part_states(&self, observed: &[Vec2], wanted: &Wanted) -> Vec<PartState> {
-        let states = observed.iter().zip(&wanted.subgoals_m).enumerate();
-        states
-            .map(|(i, (&position_m, subgoal))| PartState {
-                position_m,
-                step_m: self.cautious(subgoal - position_m),
-                radius_m: self.params.radius_m(i),
-                gain: self.gains.get(i, position_m),
-            })
-            .collect()
+            check_stop(stop)
+        })
     }
 
     /// The step to take where `step_m` is wanted: a fault that grows worse carries parts less far before it is seen.
@@ -321,10 +254,6 @@ impl Cycle<'_> {
             return step_m;
         }
         step_m * CAUTIOUS_SHARE.max(CAUTIOUS_STEP_M / length_m)
-    }
-
-    fn id(&self, part: usize) -> &str {
-        self.params.parts.get(part).map_or("?", |part| part.id.as_str())
     }
 
     fn check_stop(&self) -> Flow {

@@ -2,23 +2,23 @@
 //!
 //! Nothing here, nor in anything imported from here, can reach ground truth: frames and traces are all there is.
 
-mod attempts;
 pub mod calibration;
 mod condition;
 mod conditions;
-mod controllability;
 mod cycle;
 mod ending;
 mod eyes;
 mod facts;
 mod guards;
 mod learning;
+mod params;
+mod planning;
 mod plans;
 mod progress;
 mod rehearsal;
 
 pub use condition::{Condition, ConditionChange};
-pub use cycle::{ControlParams, Devices, Finish, run};
+pub use cycle::{Devices, Finish, run};
 pub use ending::Ending;
 pub use eyes::{ExpectedPart, Eyes, Moment};
 pub use facts::{
@@ -26,5 +26,6 @@ pub use facts::{
     MilestoneFacts, PulseFacts, Sink,
 };
 pub use guards::Guards;
+pub use params::ControlParams;
 pub use plans::FreshPlanner;
 pub use rehearsal::{LimitMet, Nearest, Rehearsal, RehearsalParams, rehearse};

@@ -21,11 +21,16 @@ pub(super) trait Plans {
 
 /// An unused planner, or the reason that the library has none. Several rehearsals share one: its tables take a few tenths
 /// of a second.
-pub struct FreshPlanner(Result<Kind, Ending>);
+pub struct FreshPlanner(Result<Planner, Ending>);
 
-enum Kind {
+#[derive(Clone)]
+enum Planner {
     Rotations(RotationPlanner),
-    Plain(Plain),
+    /// The papers' method, which knows the ideal field alone; the measured `flows` tell where its rotations lead.
+    PseudoInverse {
+        planner: PseudoInverse,
+        flows: RotationPlanner,
+    },
     Fields(FieldPlanner),
 }
 
@@ -34,12 +39,12 @@ impl FreshPlanner {
     pub fn new(method: Method, library: &Arc<Library>, params: PlannerParams) -> Self {
         let rotations = || RotationPlanner::new(Arc::clone(library), params);
         Self(match method {
-            Method::CorSequence => Ok(Kind::Rotations(rotations())),
+            Method::CorSequence => Ok(Planner::Rotations(rotations())),
             Method::PseudoInverse => {
-                let plain = PseudoInverse::new(Arc::clone(library), params);
-                Ok(Kind::Plain(Plain { plain, flows: rotations() }))
+                let planner = PseudoInverse::new(Arc::clone(library), params);
+                Ok(Planner::PseudoInverse { planner, flows: rotations() })
             }
-            Method::SynthesizedField => FieldPlanner::new(library, params).map(Kind::Fields).ok_or_else(|| {
+            Method::SynthesizedField => FieldPlanner::new(library, params).map(Planner::Fields).ok_or_else(|| {
                 let remedy = "take \"planner\": \"auto\" or \"cor_sequence\", or calibrate the rig with `fields`";
                 Ending::failed(format!("the library has no response to synthesised fields: {remedy}"))
             }),
@@ -48,62 +53,30 @@ impl FreshPlanner {
 
     /// One to plan with; else the ending of a run that has none.
     pub(super) fn plans(&self) -> Result<Box<dyn Plans>, Ending> {
-        match &self.0 {
-            Ok(Kind::Rotations(planner)) => Ok(Box::new(planner.clone())),
-            Ok(Kind::Plain(planner)) => Ok(Box::new(planner.clone())),
-            Ok(Kind::Fields(planner)) => Ok(Box::new(planner.clone())),
-            Err(ending) => Err(ending.clone()),
-        }
+        self.0.clone().map(|planner| Box::new(planner) as Box<dyn Plans>)
     }
 }
 
-impl Plans for RotationPlanner {
+impl Plans for Planner {
     fn plan(&mut self, parts: &[PartState]) -> Plan {
-        RotationPlanner::plan(self, parts)
+        match self {
+            Self::Rotations(planner) => planner.plan(parts),
+            Self::PseudoInverse { planner, .. } => planner.plan(parts),
+            Self::Fields(planner) => planner.plan(parts),
+        }
     }
 
     fn tries_smaller(&self) -> bool {
-        true
+        !matches!(self, Self::PseudoInverse { .. })
     }
 
     fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {
-        match pulse {
-            PlannedPulse::Rotation(rotation) => Some(RotationPlanner::forecast(self, parts, rotation)),
-            PlannedPulse::Field(_) => None,
+        match (self, pulse) {
+            (Self::Rotations(flows) | Self::PseudoInverse { flows, .. }, PlannedPulse::Rotation(rotation)) => {
+                Some(flows.forecast(parts, rotation))
+            }
+            (Self::Fields(planner), PlannedPulse::Field(field)) => Some(planner.forecast(parts, field)),
+            _ => None,
         }
-    }
-}
-
-impl Plans for FieldPlanner {
-    fn plan(&mut self, parts: &[PartState]) -> Plan {
-        FieldPlanner::plan(self, parts)
-    }
-
-    fn tries_smaller(&self) -> bool {
-        true
-    }
-
-    fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {
-        match pulse {
-            PlannedPulse::Rotation(_) => None,
-            PlannedPulse::Field(field) => Some(FieldPlanner::forecast(self, parts, field)),
-        }
-    }
-}
-
-/// The papers' method, which knows the ideal field alone; what its rotations will do is told by the measured flows.
-#[derive(Clone)]
-struct Plain {
-    plain: PseudoInverse,
-    flows: RotationPlanner,
-}
-
-impl Plans for Plain {
-    fn plan(&mut self, parts: &[PartState]) -> Plan {
-        self.plain.plan(parts)
-    }
-
-    fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {
-        Plans::forecast(&self.flows, parts, pulse)
     }
 }

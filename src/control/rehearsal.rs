@@ -13,26 +13,22 @@ mod work;
 use std::ops::ControlFlow::{Break, Continue};
 use std::sync::Arc;
 
-use super::ControlParams;
-use super::attempts::ways_to_try;
 use super::condition::why_not;
-use super::controllability::check_controllable;
 use super::ending::{Ending, Flow};
-use super::learning::{Gains, Lesson, MORE, Scatter};
-use super::plans::{FreshPlanner, Plans};
-use super::progress::ProgressWatch;
+use super::learning::{Lesson, MORE, Scatter};
+use super::params::ControlParams;
+use super::planning::{Planning, STALLED_S};
+use super::plans::FreshPlanner;
 use stage::Stage;
 use trail::Trail;
+use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
 use upm_core::time::PlateTime;
 use upm_goal::{Goal, Wanted};
 use upm_library::Library;
-use upm_planner::{PartState, Plan, PlanStatus};
+use upm_planner::{Plan, PlanStatus};
 
 pub use types::{LimitMet, Nearest, Rehearsal, RehearsalParams};
-
-/// Plate time without a pulse and without progress after which a rehearsal counts as stalled, s.
-const STALLED_S: f64 = 10.0;
 
 /// Plays `goal` to its end by `planner` on the displacement model of `library`. `watch` is told the plate time and the goal's
 /// progress, 0 to 1, once a look.
@@ -44,31 +40,22 @@ pub fn rehearse(
     rehearsal: &RehearsalParams,
     watch: &mut dyn FnMut(PlateTime, f64),
 ) -> Rehearsal {
-    let plans = match planner.plans() {
-        Ok(plans) => plans,
+    let planner = match planner.plans() {
+        Ok(planner) => planner,
         Err(ending) => return Rehearsal { ending, ..Rehearsal::default() },
     };
-    let stage = Stage::new(Arc::clone(library), params, rehearsal);
-    let trails = rehearsal.starts_m.iter().map(|&start_m| Trail::from(start_m)).collect();
-    let gains = Gains::new(rehearsal.starts_m.len(), params.planner.half_side_m);
-    let off = MeanSquare::default();
-    let (most_work_ms, limits_met) = (rehearsal.most_work_ms, Vec::new());
-    let (cycles, pulses, work_ms) = (0, 0, 0.0);
     let mut player = Player {
         params,
-        library,
-        plans,
-        stage,
-        gains,
-        watch: ProgressWatch::new(params.follows_paths, params.tolerance_m),
+        planning: Planning::new(params, library, planner, params.planner.half_side_m),
+        stage: Stage::new(Arc::clone(library), params, rehearsal),
         continues: false,
-        trails,
-        off,
-        cycles,
-        pulses,
-        work_ms,
-        most_work_ms,
-        limits_met,
+        trails: rehearsal.starts_m.iter().map(|&start_m| Trail::from(start_m)).collect(),
+        off: MeanSquare::default(),
+        cycles: 0,
+        pulses: 0,
+        work_ms: 0.0,
+        most_work_ms: rehearsal.most_work_ms,
+        limits_met: Vec::new(),
     };
     let (end, wanted) = player.until_end(goal, watch);
     let left_off = end.is_none();
@@ -113,11 +100,8 @@ impl MeanSquare {
 
 struct Player<'a> {
     params: &'a ControlParams,
-    library: &'a Library,
-    plans: Box<dyn Plans>,
+    planning: Planning<'a>,
     stage: Stage,
-    gains: Gains,
-    watch: ProgressWatch,
     trails: Vec<Trail>,
     off: MeanSquare,
     cycles: u64,
@@ -142,7 +126,7 @@ impl Player<'_> {
                 return (Some(Ending::completed(wanted.phase.clone())), wanted);
             }
             if !std::mem::replace(&mut looked, true)
-                && let Break(ending) = self.check_controllable(&wanted)
+                && let Break(ending) = self.planning.check_controllable(&self.stage.positions_m, &wanted)
             {
                 return (Some(ending), wanted);
             }
@@ -152,16 +136,15 @@ impl Player<'_> {
             if wanted.progress > furthest {
                 (furthest, went_on_at) = (wanted.progress, now);
             }
-            if self.watch.look(&wanted, &self.stage.positions_m, played) {
-                let (seen_m, method) = (&self.stage.positions_m, self.params.method);
-                return (Some(self.watch.ending(&wanted, seen_m, method, |part| self.id(part))), wanted);
+            if self.planning.watch.look(&wanted, &self.stage.positions_m, played) {
+                return (Some(self.planning.no_progress(&wanted, &self.stage.positions_m)), wanted);
             }
             let once = self.once(&wanted);
             played = matches!(once, Continue(true)) && !self.continues;
             match once {
                 Continue(true) => went_on_at = self.stage.now(),
                 Continue(false) if self.stage.now() - went_on_at > STALLED_S => {
-                    let held_up = self.held_up(&wanted);
+                    let held_up = self.planning.held_up(&wanted, &self.stage.positions_m);
                     let reason =
                         format!("stalled: no pulse for {STALLED_S} s of plate time, {}; {held_up}", wanted.phase);
                     return (Some(Ending::failed_because(StopCause::NoProgress, reason)), wanted);
@@ -194,15 +177,15 @@ impl Player<'_> {
         for pulse in &plan.pulses {
             self.check_time()?;
             let before_m = self.stage.positions_m.clone();
-            let gain = |part: usize| before_m.get(part).map_or(1.0, |&p_m| self.gains.get(part, p_m));
-            let forecast_m = self.plans.forecast(&self.stage.states(gain), pulse);
-            let with_more_m = self.plans.forecast(&self.stage.states(|part| gain(part) + MORE), pulse);
-            self.stage.play(pulse, self.plans.as_ref());
+            let gain = |part: usize, at_m: Vec2| self.planning.gains.get(part, at_m);
+            let forecast_m = self.planning.forecast(&before_m, pulse, gain);
+            let with_more_m = self.planning.forecast(&before_m, pulse, |part, at_m| gain(part, at_m) + MORE);
+            self.stage.play(pulse, self.planning.planner.as_ref());
             self.pulses += 1;
             if let (Some(forecast_m), Some(with_more_m)) = (forecast_m, with_more_m) {
                 let ends = forecast_m.iter().zip(&self.stage.positions_m);
                 ends.for_each(|(forecast_m, after_m)| self.off.push((after_m - forecast_m).norm()));
-                self.gains.learn(&Lesson {
+                self.planning.gains.learn(&Lesson {
                     before_m: &before_m,
                     forecast_m: &forecast_m,
                     with_more_m: &with_more_m,
@@ -221,11 +204,6 @@ impl Player<'_> {
         Continue(moved)
     }
 
-    fn check_controllable(&self, wanted: &Wanted) -> Flow {
-        let seen_m = &self.stage.positions_m;
-        check_controllable(self.params.method, self.library, seen_m, wanted, |part| self.id(part))
-    }
-
     fn check_time(&self) -> Flow {
         let limit_s = self.params.time_limit_s;
         if self.stage.now().secs() < limit_s {
@@ -238,66 +216,34 @@ impl Player<'_> {
     fn check_on_plate(&self) -> Flow {
         let half_side_m = self.params.planner.half_side_m;
         match self.stage.positions_m.iter().position(|p| p.amax() > half_side_m) {
-            Some(part) => Break(Ending::failed(format!("{} would fall off the plate", self.id(part)))),
+            Some(part) => Break(Ending::failed(format!("{} would fall off the plate", self.params.id(part)))),
             None => Continue(()),
         }
     }
 
     /// Plans the wanted steps, or what of them can be made, as a run does.
     fn plan(&mut self, wanted: &Wanted) -> Flow<Plan> {
-        let mut last = String::new();
-        let whole = self.part_states(wanted);
-        for tried in ways_to_try(&whole, self.plans.tries_smaller()) {
-            let plan = self.plans.plan(&tried.parts);
-            self.work_ms += self.attempt_ms(&plan);
-            last = match &plan.status {
-                PlanStatus::NothingToDo if tried.is_part => continue,
-                PlanStatus::Solved | PlanStatus::NothingToDo => return Continue(plan),
-                status => why_not(status, self.params.method, |part| self.id(part)),
-            };
-            self.note(&last);
-            self.watch.note(&plan.status);
-        }
-        let (cycle, phase, held_up) = (self.cycles, &wanted.phase, self.held_up(wanted));
-        let reason = format!("no feasible step in cycle {cycle}, {phase}: {last}; {held_up}");
-        Break(Ending::failed_because(StopCause::NoFeasibleStep, reason))
+        let whole = self.planning.states(&self.stage.positions_m, wanted, |step_m| step_m);
+        let (params, library, limits_met) = (self.params, self.planning.library, &mut self.limits_met);
+        self.planning.plan(self.cycles, wanted, &whole, |plan, _| {
+            let ControlParams { method, planner, parts, .. } = params;
+            // the check for nothing to do comes first in every planner
+            if plan.status != PlanStatus::NothingToDo {
+                self.work_ms += work::attempt_ms(library, *method, planner.max_sustain_s, plan, parts.len());
+            }
+            if let PlanStatus::Infeasible(_) | PlanStatus::SolverFailed(_) = plan.status {
+                note(limits_met, why_not(&plan.status, *method, |part| params.id(part)));
+            }
+            Continue(())
+        })
     }
+}
 
-    /// For people: the part that is farthest from its place.
-    fn held_up(&self, wanted: &Wanted) -> String {
-        self.watch.held_up_in_words(wanted, &self.stage.positions_m, |part| self.id(part))
-    }
-
-    /// Modelled time of a plan. The check for nothing to do comes first in every planner.
-    fn attempt_ms(&self, plan: &Plan) -> f64 {
-        if plan.status == PlanStatus::NothingToDo {
-            return 0.0;
-        }
-        let ControlParams { method, planner, parts, .. } = self.params;
-        work::attempt_ms(self.library, *method, planner.max_sustain_s, plan, parts.len())
-    }
-
-    fn part_states(&self, wanted: &Wanted) -> Vec<PartState> {
-        let places = self.stage.positions_m.iter().zip(&self.stage.radii_m).zip(&wanted.subgoals_m).enumerate();
-        places
-            .map(|(part, ((&position_m, &radius_m), subgoal_m))| PartState {
-                position_m,
-                step_m: subgoal_m - position_m,
-                radius_m,
-                gain: self.gains.get(part, position_m),
-            })
-            .collect()
-    }
-
-    fn note(&mut self, limit: &str) {
-        match self.limits_met.iter_mut().find(|met| met.limit == limit) {
-            Some(met) => met.times += 1,
-            None => self.limits_met.push(LimitMet { limit: limit.to_owned(), times: 1 }),
-        }
-    }
-
-    fn id(&self, part: usize) -> &str {
-        self.params.parts.get(part).map_or("?", |part| part.id.as_str())
+/// Counts one more plan that `limit` kept from being made.
+fn note(limits_met: &mut Vec<LimitMet>, limit: String) {
+    match limits_met.iter_mut().find(|met| met.limit == limit) {
+        Some(met) => met.times += 1,
+        None => limits_met.push(LimitMet { limit, times: 1 }),
     }
 }
 

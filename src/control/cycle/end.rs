@@ -29,7 +29,7 @@ impl Cycle<'_> {
     }
 
     pub(super) fn is_getting_on(&self) -> bool {
-        self.watch.is_getting_on() || !self.params.guards.has_code("endless_progress")
+        self.planning.watch.is_getting_on() || !self.params.guards.has_code("endless_progress")
     }
 
     /// `ending` of a task without an end, if two more looks with the table located anew agree with what was tracked.
@@ -78,7 +78,7 @@ impl Cycle<'_> {
     fn lost(&self) -> Ending {
         let places = self.eyes.positions_m();
         let each = self.eyes.unseen().into_iter().map(|part| {
-            let id = self.params.parts.get(part).map_or("?", |part| part.id.as_str());
+            let id = self.params.id(part);
             let place = places.get(part).copied().unwrap_or_default() * 1e3;
             format!("{id} is lost, last seen at ({:.1}, {:.1}) mm", place.x, place.y)
         });

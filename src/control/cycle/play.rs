@@ -14,7 +14,7 @@ use upm_core::job::StopCause;
 use upm_core::signal::{AccelTrace, Drive, TwistWave};
 use upm_library::Library;
 use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave};
-use upm_planner::{PartState, PlannedPulse};
+use upm_planner::PlannedPulse;
 
 impl Cycle<'_> {
     /// Plays one pulse and follows the parts until a frame shows everything at rest; `moment` says what that frame is for.
@@ -63,7 +63,7 @@ impl Cycle<'_> {
             return Break(cause.unwrap_or(ending));
         }
         if let Some([_, forecast_m, with_more_m]) = &forecasts {
-            self.gains.learn(&Lesson {
+            self.planning.gains.learn(&Lesson {
                 before_m: &before_m,
                 forecast_m,
                 with_more_m,
@@ -118,7 +118,7 @@ impl Cycle<'_> {
         if !guards.has(condition) {
             return Continue(());
         }
-        let reason = format!("{} {does} although four pulses in a row should carry it", self.id(part));
+        let reason = format!("{} {does} although four pulses in a row should carry it", self.params.id(part));
         self.warn(condition, reason.clone());
         Break(Ending::guarded(condition, reason))
     }
@@ -191,19 +191,9 @@ impl Cycle<'_> {
     /// Where parts at `before_m` should be after a pulse: by the library alone, with what was learned, and with
     /// [`MORE`] gain than that.
     fn forecasts(&self, before_m: &[Vec2], pulse: &PlannedPulse) -> Option<[Vec<Vec2>; 3]> {
-        let state = |part: usize, position_m: Vec2, gain: f64| PartState {
-            position_m,
-            step_m: Vec2::zeros(),
-            radius_m: self.params.radius_m(part),
-            gain,
-        };
-        let parts = || before_m.iter().copied().enumerate();
-        let with = |gain: &dyn Fn(usize, Vec2) -> f64| {
-            let states: Vec<PartState> = parts().map(|(i, p_m)| state(i, p_m, gain(i, p_m))).collect();
-            self.plans.forecast(&states, pulse)
-        };
-        let learned = |i: usize, p_m: Vec2| self.gains.get(i, p_m);
-        Some([with(&|_, _| 1.0)?, with(&learned)?, with(&|i, p_m| learned(i, p_m) + MORE)?])
+        let with = |gain: &dyn Fn(usize, Vec2) -> f64| self.planning.forecast(before_m, pulse, gain);
+        let learned = |part: usize, at_m: Vec2| self.planning.gains.get(part, at_m);
+        Some([with(&|_, _| 1.0)?, with(&learned)?, with(&|part, at_m| learned(part, at_m) + MORE)?])
     }
 }
 

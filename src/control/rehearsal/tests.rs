@@ -3,13 +3,13 @@ use std::f64::consts::{PI, TAU};
 use proptest::prelude::*;
 
 use super::*;
-use crate::ExpectedPart;
+use crate::{ExpectedPart, plans::Plans};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{TwistHarmonic, TwistWave};
 use upm_core::{job::Outcome, random::Streams, rig::PartKind};
 use upm_goal::{PathParams, Trajectories};
 use upm_library::{AxisShape, DisplacementModel, Entry, FieldResponse};
-use upm_planner::{FieldPulse, Method, PlannedPulse, PlannerParams, Rotation};
+use upm_planner::{FieldPulse, Method, PartState, PlannedPulse, PlannerParams, Rotation};
 
 const HALF_M: f64 = 0.1;
 const RADIUS_M: f64 = 0.01;

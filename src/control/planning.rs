@@ -1,0 +1,187 @@
+//! Planning of one cycle, alike in a run and in its rehearsal.
+
+use std::ops::ControlFlow::{Break, Continue};
+
+use super::condition::why_not;
+use super::ending::{Ending, Flow};
+use super::learning::Gains;
+use super::params::ControlParams;
+use super::plans::Plans;
+use super::progress::ProgressWatch;
+use upm_core::geometry::Vec2;
+use upm_core::job::StopCause;
+use upm_goal::Wanted;
+use upm_library::Library;
+use upm_planner::{Independence, Method, PartState, Plan, PlanStatus, PlannedPulse};
+
+/// Plate time without a pulse after which a run counts as stalled, s.
+pub(super) const STALLED_S: f64 = 10.0;
+/// Parts of the steps that are tried together.
+const FRACTIONS: [f64; 4] = [1.0, 0.5, 0.25, 0.125];
+/// Least share of the best joint motion of all parts with which the hardest one must be made. The shipped jobs by rotations
+/// have 5e-4 (24 coins) or more; a library that lacks a direction, or has too few centres for the parts, has less than 1e-6.
+const LEAST_SHARE: f64 = 1e-4;
+
+/// The planner of a run with what the run has learned and achieved so far.
+pub(super) struct Planning<'a> {
+    pub params: &'a ControlParams,
+    pub library: &'a Library,
+    pub planner: Box<dyn Plans>,
+    pub gains: Gains,
+    pub watch: ProgressWatch,
+}
+
+impl<'a> Planning<'a> {
+    /// At the start of a run on a plate of half side `half_side_m`.
+    pub fn new(params: &'a ControlParams, library: &'a Library, planner: Box<dyn Plans>, half_side_m: f64) -> Self {
+        let gains = Gains::new(params.parts.len(), half_side_m);
+        Self { params, library, planner, gains, watch: ProgressWatch::new(params.follows_paths, params.tolerance_m) }
+    }
+
+    /// The parts at `seen_m`, each with its step to the subgoal, shortened by `shorten`.
+    pub fn states(&self, seen_m: &[Vec2], wanted: &Wanted, shorten: impl Fn(Vec2) -> Vec2) -> Vec<PartState> {
+        let places = seen_m.iter().zip(&wanted.subgoals_m).enumerate();
+        let state = |(part, (&position_m, subgoal_m)): (usize, (&Vec2, &Vec2))| PartState {
+            position_m,
+            step_m: shorten(subgoal_m - position_m),
+            radius_m: self.params.radius_m(part),
+            gain: self.gains.get(part, position_m),
+        };
+        places.map(state).collect()
+    }
+
+    /// Plans the steps of cycle `cycle`; where they are infeasible, half of them, and half again; then one part at a time,
+    /// the one with the longest way first, while the others stay. `tried` is told every plan and whether it is for a part of
+    /// the steps, and may end the run.
+    ///
+    /// # Errors
+    /// The ending of a run without a feasible step.
+    pub fn plan(
+        &mut self,
+        cycle: u64,
+        wanted: &Wanted,
+        whole: &[PartState],
+        mut tried: impl FnMut(&Plan, bool) -> Flow,
+    ) -> Flow<Plan> {
+        let mut stopped_by = String::new();
+        for attempt in attempts(whole, self.planner.tries_smaller()) {
+            let plan = self.planner.plan(&attempt.parts);
+            tried(&plan, attempt.is_part)?;
+            match &plan.status {
+                PlanStatus::NothingToDo if attempt.is_part => continue,
+                PlanStatus::Solved | PlanStatus::NothingToDo => return Continue(plan),
+                PlanStatus::Infeasible(_) | PlanStatus::SolverFailed(_) => stopped_by = self.why_not(&plan.status),
+            }
+            self.watch.note(&plan.status);
+        }
+        let seen_m: Vec<Vec2> = whole.iter().map(|part| part.position_m).collect();
+        let held_up = self.held_up(wanted, &seen_m);
+        let reason = format!("no feasible step in cycle {cycle}, {}: {stopped_by}; {held_up}", wanted.phase);
+        Break(Ending::failed_because(StopCause::NoFeasibleStep, reason))
+    }
+
+    /// Where parts at `before_m` are forecast to be after `pulse`, m, each with the gain that `gain` gives it there.
+    pub fn forecast(
+        &self,
+        before_m: &[Vec2],
+        pulse: &PlannedPulse,
+        gain: impl Fn(usize, Vec2) -> f64,
+    ) -> Option<Vec<Vec2>> {
+        let state = |(part, &position_m): (usize, &Vec2)| PartState {
+            position_m,
+            step_m: Vec2::zeros(),
+            radius_m: self.params.radius_m(part),
+            gain: gain(part, position_m),
+        };
+        self.planner.forecast(&before_m.iter().enumerate().map(state).collect::<Vec<_>>(), pulse)
+    }
+
+    /// An ending where rotations are played, a part is to be moved, and the library cannot move the parts at `seen_m`
+    /// independently. It names the part that goes farthest in the hardest joint motion, its direction there and the bound.
+    pub fn check_controllable(&self, seen_m: &[Vec2], wanted: &Wanted) -> Flow {
+        let by_rotations = match self.params.method {
+            Method::CorSequence | Method::PseudoInverse => true,
+            Method::SynthesizedField => false,
+        };
+        if !by_rotations || wanted.subgoals_m == seen_m {
+            return Continue(());
+        }
+        let independence = Independence::of_rotations(self.library, seen_m);
+        let (share, Some((part, direction))) = (independence.share(), independence.weakest) else {
+            return Continue(());
+        };
+        if share >= LEAST_SHARE {
+            return Continue(());
+        }
+        let direction_deg = direction.y.atan2(direction.x).to_degrees().rem_euclid(180.0);
+        let part = self.params.id(part);
+        let reason = format!(
+            "rotations cannot move the parts independently: {part} towards {direction_deg:.0} deg with {share:.1e} of the \
+             best joint motion, at least {LEAST_SHARE:.0e} is needed; calibrate again, take another planner or move fewer \
+             parts"
+        );
+        Break(Ending::failed_because(StopCause::Uncontrollable, reason))
+    }
+
+    /// The ending of a run that makes no progress.
+    pub fn no_progress(&self, wanted: &Wanted, seen_m: &[Vec2]) -> Ending {
+        self.watch.ending(wanted, seen_m, self.params.method, |part| self.params.id(part))
+    }
+
+    /// For people: the part that is farthest from its place.
+    pub fn held_up(&self, wanted: &Wanted, seen_m: &[Vec2]) -> String {
+        self.watch.held_up_in_words(wanted, seen_m, |part| self.params.id(part))
+    }
+
+    /// For people: why a plan has no pulses.
+    pub fn why_not(&self, status: &PlanStatus) -> String {
+        why_not(status, self.params.method, |part| self.params.id(part))
+    }
+}
+
+/// Steps to try.
+#[derive(Clone, Debug, PartialEq)]
+struct Attempt {
+    /// The parts with these steps.
+    parts: Vec<PartState>,
+    /// True when only some of what was wanted is tried.
+    is_part: bool,
+}
+
+/// Everything worth trying, best first; no smaller steps of all parts for a planner that tries them itself.
+fn attempts(whole: &[PartState], tries_smaller: bool) -> impl Iterator<Item = Attempt> + '_ {
+    let fractions = if tries_smaller { &FRACTIONS[..1] } else { &FRACTIONS };
+    let together = fractions.iter().map(|&part| Attempt {
+        parts: whole.iter().map(|state| PartState { step_m: part * state.step_m, ..*state }).collect(),
+        is_part: part < 1.0,
+    });
+    let mut longest_first: Vec<usize> = (0..whole.len()).collect();
+    longest_first.sort_by(|&a, &b| whole[b].step_m.norm().total_cmp(&whole[a].step_m.norm()).then(a.cmp(&b)));
+    let alone = longest_first.into_iter().map(|moving| {
+        let step_m = |part: usize| if part == moving { whole[part].step_m } else { Vec2::zeros() };
+        let parts = whole.iter().enumerate().map(|(part, state)| PartState { step_m: step_m(part), ..*state });
+        Attempt { parts: parts.collect(), is_part: true }
+    });
+    let several = whole.len() > 1;
+    together.chain(alone.filter(move |_| several))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_together_in_ever_smaller_steps_then_the_farthest_alone() {
+        let state =
+            |x: f64| PartState { position_m: Vec2::zeros(), step_m: Vec2::new(x, 0.0), radius_m: 0.01, gain: 1.0 };
+        let whole = [state(0.002), state(0.008)];
+        let tried: Vec<Attempt> = attempts(&whole, false).collect();
+        let steps: Vec<[f64; 2]> = tried.iter().map(|a| [a.parts[0].step_m.x, a.parts[1].step_m.x]).collect();
+        let expected = [[0.002, 0.008], [0.001, 0.004], [0.0005, 0.002], [0.00025, 0.001], [0.0, 0.008], [0.002, 0.0]];
+        assert_eq!(steps, expected);
+        assert_eq!(tried.iter().map(|a| a.is_part).collect::<Vec<_>>(), [false, true, true, true, true, true]);
+        assert_eq!(attempts(&whole[..1], false).count(), 4, "one part is always alone");
+        let steps: Vec<f64> = attempts(&whole, true).map(|a| a.parts[1].step_m.x).collect();
+        assert_eq!(steps, [0.008, 0.008, 0.0], "the planner has tried the smaller ones");
+    }
+}
