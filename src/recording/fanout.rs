@@ -6,52 +6,67 @@ use upm_core::time::PlateTime;
 
 /// Several sinks as one: each is told everything, in order.
 #[derive(Default)]
-pub struct Fanout<'a>(Vec<&'a mut dyn Sink>);
+pub struct Fanout<'a> {
+    sinks: Vec<&'a mut dyn Sink>,
+    after_frame: Option<&'a mut AfterFrame<'a>>,
+}
+
+/// A look at what comes from outside the run, with the sinks to be told of it and the frame's time.
+type AfterFrame<'a> = dyn FnMut(&mut dyn Sink, PlateTime) + 'a;
 
 impl<'a> Fanout<'a> {
-    /// Tells nobody as yet.
+    /// No sinks.
     pub fn new() -> Self {
         Self::default()
     }
 
     /// Tells `sink` as well.
     pub fn with(mut self, sink: &'a mut dyn Sink) -> Self {
-        self.0.push(sink);
+        self.sinks.push(sink);
         self
+    }
+
+    /// Calls `look` after each frame.
+    pub fn after_frame(self, look: &'a mut AfterFrame<'a>) -> Self {
+        Self { after_frame: Some(look), ..self }
     }
 }
 
 impl Sink for Fanout<'_> {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
-        self.0.iter_mut().for_each(|sink| sink.localised(facts));
+        self.sinks.iter_mut().for_each(|sink| sink.localised(facts));
     }
 
     fn confirmed(&mut self, facts: &ConfirmedFacts<'_>) {
-        self.0.iter_mut().for_each(|sink| sink.confirmed(facts));
+        self.sinks.iter_mut().for_each(|sink| sink.confirmed(facts));
     }
 
     fn frame(&mut self, facts: &FrameFacts<'_>) {
-        self.0.iter_mut().for_each(|sink| sink.frame(facts));
+        self.sinks.iter_mut().for_each(|sink| sink.frame(facts));
+        if let Some(look) = self.after_frame.take() {
+            look(self, facts.frame.exposed_at);
+            self.after_frame = Some(look);
+        }
     }
 
     fn pulse(&mut self, facts: &PulseFacts<'_>) {
-        self.0.iter_mut().for_each(|sink| sink.pulse(facts));
+        self.sinks.iter_mut().for_each(|sink| sink.pulse(facts));
     }
 
     fn cycle(&mut self, facts: &CycleFacts<'_>) {
-        self.0.iter_mut().for_each(|sink| sink.cycle(facts));
+        self.sinks.iter_mut().for_each(|sink| sink.cycle(facts));
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
-        self.0.iter_mut().for_each(|sink| sink.event(at, level, text));
+        self.sinks.iter_mut().for_each(|sink| sink.event(at, level, text));
     }
 
     fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
-        self.0.iter_mut().for_each(|sink| sink.milestone(facts));
+        self.sinks.iter_mut().for_each(|sink| sink.milestone(facts));
     }
 
     fn condition(&mut self, facts: &ConditionFacts<'_>) {
-        self.0.iter_mut().for_each(|sink| sink.condition(facts));
+        self.sinks.iter_mut().for_each(|sink| sink.condition(facts));
     }
 }
 

@@ -4,7 +4,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync
 use std::thread;
 use std::time::Duration;
 
-use super::scribe_watch::ScribeWatch;
+use super::keeping::{ScribeMode, ScribeWatch};
 use upm_core::priority::step_back;
 use upm_core::time::Clock;
 
@@ -34,16 +34,6 @@ impl Durable for File {
     fn commit(&mut self) -> io::Result<()> {
         self.sync_data()
     }
-}
-
-/// What a [`Scribe`] does when the disk lags and its queue is full.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ScribeMode {
-    /// Whoever writes waits.
-    #[default]
-    Wait,
-    /// The write fails with [`ErrorKind::WouldBlock`], and so does every later one: whoever writes never waits.
-    GiveUp,
 }
 
 /// Writes lines on a thread of its own, so that a slow disk holds up nobody else.

@@ -3,6 +3,8 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use super::report::RecordingReport;
+use upm_control::{EventLevel, Milestone, MilestoneFacts, Sink};
+use upm_core::time::PlateTime;
 
 /// What happens when a recording cannot be written as fast as the run tells of itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -111,6 +113,14 @@ impl RecordingSwitch {
     pub fn close(&self) {
         let end = self.wanted_stop().map_or(RecordingState::Whole, |reason| RecordingState::Stopped(reason.to_owned()));
         self.0.end.set(end).ok();
+    }
+}
+
+/// Tells `sinks`, once, when a recording has ended before its run did.
+pub fn tell_recording(recording: &RecordingSwitch, sinks: &mut dyn Sink, at: PlateTime) {
+    if let Some(RecordingReport { code, text }) = recording.news() {
+        let milestone = Milestone::RecordingEnded(code);
+        sinks.milestone(&MilestoneFacts { at, level: EventLevel::Warning, milestone, text: &text });
     }
 }
 

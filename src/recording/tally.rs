@@ -1,8 +1,9 @@
 use std::time::Duration;
 
 use super::lengths::{Lengths, mm, point_mm, rounded};
-use super::report::{CycleError, FaultReport, GuardReport, PartReport, PlannerReport, PredictionError, Report};
-use super::stop::StopReport;
+use super::report::{
+    CycleError, FaultReport, GuardReport, PartReport, PlannerReport, PredictionError, Report, StopReport,
+};
 use super::timings::Timings;
 use upm_control::{ConditionChange, ConditionFacts, CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::geometry::Vec2;

@@ -41,7 +41,7 @@ use upm_core::rig::{Interlock, Rig};
 use upm_core::time::{Clock, PlateTime};
 use upm_library::Library;
 use upm_recording::{
-    Deadlines, Fanout, Herald, Journal, Keeping, Report, RerunMode, Scribe, ScribeWatch, Tally, tell_recording,
+    Deadlines, Fanout, Journal, Keeping, Report, RerunMode, Scribe, ScribeWatch, Tally, tell_recording,
 };
 use upm_sim::faults::Faulty;
 use upm_viewer::{LiveServer, RerunSink, RunContext};
@@ -187,17 +187,17 @@ impl Session<'_> {
         let mut recorder = start_recording(options, folder, bench, job, library)?;
         let mut truth_log = TruthLog::of(bench, folder)?;
         let (mut named, mut first_look) = (NamedTruth::new(bench.truth()), FirstLook::default());
-        let mut sinks = Fanout::new().with(&mut named).with(&mut first_look).with(&mut journal);
-        sinks = sinks.with(&mut tally).with(&mut truth_log).with(&mut recorder).with(watcher);
         let mut unwritten = Unwritten { journal: &options.keeping.journal, stop: links.stop, told: false };
-        let mut herald = Herald::new(&mut sinks, |sinks: &mut dyn Sink, at| {
+        let mut look = |sinks: &mut dyn Sink, at| {
             unwritten.check(sinks, at);
             tell_recording(&options.keeping.recording, sinks, at);
-        });
+        };
+        let mut sinks = Fanout::new().with(&mut named).with(&mut first_look).with(&mut journal);
+        sinks = sinks.with(&mut tally).with(&mut truth_log).with(&mut recorder).with(watcher).after_frame(&mut look);
         let missed_before = links.pacing.start_run();
         let (stop, give_way) = (links.stop, links.give_way);
-        let mut finish = play(bench, library, self.pace(bench), &mut herald, *clock, stop, give_way);
-        links.explain(&mut finish, &mut herald, bench.now());
+        let mut finish = play(bench, library, self.pace(bench), &mut sinks, *clock, stop, give_way);
+        links.explain(&mut finish, &mut sinks, bench.now());
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
         let warnings: Vec<String> = finish_recording(recorder, options).into_iter().collect();

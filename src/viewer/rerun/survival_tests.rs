@@ -20,7 +20,7 @@ use crate::RecordingError;
 use upm_control::{EventLevel, Sink};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_fixtures::synthetic_run::SyntheticRun;
-use upm_recording::{Fanout, Herald, Keeping, MemorySink, OnFull, RecordingState, RerunMode, tell_recording};
+use upm_recording::{Fanout, Keeping, MemorySink, OnFull, RecordingState, RerunMode, tell_recording};
 
 /// A folder, the recording in it, and the same before it is closed.
 fn places() -> (tempfile::TempDir, PathBuf, PathBuf) {
@@ -109,12 +109,12 @@ fn a_recording_has_its_name_only_once_it_is_closed() {
 /// Plays cycles until `done`, and tells of the recording as a run does.
 fn cycles_until(run: &mut SyntheticRun, sink: &mut RerunSink, keeping: &Keeping, done: RecordingState) -> MemorySink {
     let mut seen = MemorySink::default();
-    let mut sinks = Fanout::new().with(&mut seen).with(sink);
-    let mut herald = Herald::new(&mut sinks, |sinks: &mut dyn Sink, at| tell_recording(&keeping.recording, sinks, at));
+    let mut tell = |sinks: &mut dyn Sink, at| tell_recording(&keeping.recording, sinks, at);
+    let mut sinks = Fanout::new().with(&mut seen).with(sink).after_frame(&mut tell);
     for _ in 0..400 {
-        run.cycle(&mut herald);
+        run.cycle(&mut sinks);
         if keeping.recording.state() == done {
-            run.cycle(&mut herald);
+            run.cycle(&mut sinks);
             break;
         }
     }
