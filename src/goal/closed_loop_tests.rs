@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use rand::RngExt;
 use std::f64::consts::TAU;
 
-use super::{Arrange, ArrangeParams, Bin, Disc, Goal, Motions, Sort, SortParams};
+use super::{Arrange, ArrangeParams, BinParams, Disc, Goal, Motions, Sort, SortParams};
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
 use upm_core::time::PlateTime;
@@ -166,17 +166,17 @@ fn who_cannot_pass_is_named_and_the_others_arrive() {
 }
 
 /// Bins side by side across the plate, the i-th for kind i.
-fn bins(kinds: usize, width_m: f64, height_m: f64, apart_m: f64) -> Vec<Bin> {
+fn bins(kinds: usize, width_m: f64, height_m: f64, apart_m: f64) -> Vec<BinParams> {
     let middle = |i: usize| apart_m * (i as f64 - 0.5 * (kinds as f64 - 1.0));
     let half = 0.5 * Vec2::new(width_m, height_m);
     let bin = |i: usize| {
         let middle = Vec2::new(middle(i), 0.0);
-        Bin { kinds: vec![i], min_m: middle - half, max_m: middle + half }
+        BinParams { kinds: vec![i], min_m: middle - half, max_m: middle + half }
     };
     (0..kinds).map(bin).collect()
 }
 
-fn sorted(discs: &[Disc], starts_m: &[Vec2], bins: Vec<Bin>) -> Course {
+fn sorted(discs: &[Disc], starts_m: &[Vec2], bins: Vec<BinParams>) -> Course {
     let params = SortParams {
         half_side_m: HALF_SIDE_M,
         motions: Motions::Independent,

@@ -24,7 +24,7 @@ pub use hold::{Hold, HoldParams};
 pub use in_phase::{InPhase, InPhaseParams};
 pub use least_effort::Effort;
 pub use plus_sign::{PlusSign, PlusSignParams};
-pub use sort::{Bin, Sort, SortParams};
+pub use sort::{BinParams, Sort, SortParams};
 pub use steering::Motions;
 pub use trajectories::{PathParams, Trajectories};
 

@@ -13,7 +13,7 @@ const SPARE_SLOTS: usize = 4;
 
 /// A rectangle in which the rims of some kinds must lie.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Bin {
+pub struct BinParams {
     /// Kinds that belong here.
     pub kinds: Vec<usize>,
     /// Lower left corner, m.
@@ -22,7 +22,7 @@ pub struct Bin {
     pub max_m: Vec2,
 }
 
-impl Bin {
+impl BinParams {
     /// Gap between a part's rim and the nearest side, m; negative where it is not inside.
     fn inside_m(&self, center_m: Vec2, radius_m: f64) -> f64 {
         (center_m - self.min_m).min().min((self.max_m - center_m).min()) - radius_m
@@ -46,7 +46,7 @@ pub struct SortParams {
     /// The parts.
     pub discs: Vec<Disc>,
     /// The bins. A part whose kind has none stays where it was first seen.
-    pub bins: Vec<Bin>,
+    pub bins: Vec<BinParams>,
     /// How far inside its bin a part's rim must be seen, m.
     pub margin_m: f64,
 }
@@ -55,7 +55,7 @@ impl SortParams {
     /// For each bin the least gap between rims, or twice that between a rim and a side, that its slots leave, m;
     /// negative where no slots were found for its parts.
     pub fn gaps_m(&self) -> Vec<f64> {
-        let gap_m = |(number, bin): (usize, &Bin)| {
+        let gap_m = |(number, bin): (usize, &BinParams)| {
             let radii_m: Vec<f64> = self.parts_of(number).map(|part| self.discs[part].radius_m).collect();
             let largest_m = radii_m.iter().copied().fold(0.0, f64::max);
             bin.slots(&radii_m).gap_m.max(bin.slots(&vec![largest_m; radii_m.len()]).gap_m)
@@ -119,7 +119,7 @@ impl Places {
     }
 
     /// Gives `parts` places in `bin`; those that lie well inside stay if that leaves room for the others.
-    fn fill(&mut self, bin: &Bin, parts: Vec<usize>, discs: &[Disc], seen_m: &[Vec2]) {
+    fn fill(&mut self, bin: &BinParams, parts: Vec<usize>, discs: &[Disc], seen_m: &[Vec2]) {
         let radius_m = |part: &usize| discs[*part].radius_m;
         let largest_m = parts.iter().map(radius_m).fold(0.0, f64::max);
         let mut settled: Vec<usize> = parts
@@ -201,7 +201,7 @@ mod tests {
     const PENNY_M: f64 = 0.009525;
 
     fn penny_bin(min: (f64, f64), max: (f64, f64), pennies: usize) -> SortParams {
-        let bin = Bin { kinds: vec![0, 1], min_m: Vec2::new(min.0, min.1), max_m: Vec2::new(max.0, max.1) };
+        let bin = BinParams { kinds: vec![0, 1], min_m: Vec2::new(min.0, min.1), max_m: Vec2::new(max.0, max.1) };
         let discs = vec![Disc { kind: 0, radius_m: PENNY_M }; pennies];
         SortParams { half_side_m: 0.1524, motions: Motions::Independent, discs, bins: vec![bin], margin_m: 5e-5 }
     }

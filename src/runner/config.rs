@@ -40,7 +40,6 @@ mod view;
 pub use daemon::{DaemonSpec, KeepSpec, PlateSpec, WatchdogSpec};
 pub use job::{JobSpec, LibraryRef};
 pub use kinds::{KindSpec, PartGroup};
-pub use paths::PathSpec;
 pub use place::{PlacedPart, place_parts};
 pub use raw_daemon::{RawDaemon, RawDisk, RawKeep, RawLive, RawServedPlate, RawStandingJob, RawStart, RawWatchdog};
 pub use raw_job::{
@@ -54,11 +53,11 @@ pub use raw_rig::{
 pub use raw_simulate::{PlateMode, RawHarmonic, RawPlaced, RawPulse, RawSimulate};
 pub use raw_trace::{RawCounts, RawTrace};
 pub use read::{Origin, is_plain_name};
-pub use rig::{FrictionSpec, RigSpec, fingerprint};
+pub use rig::{RigSpec, fingerprint};
 pub use room::{REST_GAP_M, REST_MARGIN_M, START_GAP_M, START_MARGIN_M};
 pub use schema::{schema, schema_names};
 pub use simulate::{PulseSpec, SimulateSpec};
 pub use standing::StandingSpec;
-pub use task::{BinSpec, TaskSpec};
+pub use task::TaskSpec;
 pub use trace::{load_trace, trace_from_json, trace_to_json};
 pub use upm_document::{Document, Fault, MOST_BYTES, Path};

@@ -115,6 +115,7 @@ impl Disk {
 
     /// Mean of a picture's values under the disk at cell `(x, y)`, cells outside counting 0. The plain sum,
     /// the reference of every faster path.
+    #[cfg(test)]
     pub(super) fn mean_under(&self, values: &[f32], width: usize, height: usize, x: usize, y: usize) -> f32 {
         let reach = self.reach();
         let mut sum = 0.0f64;

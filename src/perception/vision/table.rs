@@ -49,11 +49,6 @@ impl Table {
         self.lens.image_from_ideal(self.ideal_from_table.apply(p_m))
     }
 
-    /// Image point, px, of a point `height_m` above the plate.
-    pub fn image_from_table_at(&self, p_m: Vec2, height_m: f64) -> Vec2 {
-        self.image_from_table(p_m + self.parallax(p_m, height_m).0)
-    }
-
     /// Pixels of one metre on the plate at `p_m`: the square root of the magnification of areas.
     pub fn px_per_m_at(&self, p_m: Vec2) -> f64 {
         let ideal = self.ideal_from_table.apply(p_m);

@@ -63,9 +63,10 @@ fn points_above_the_plate_appear_farther_out() {
     let p = Vec2::new(0.06, -0.03);
     // Seen from 0.6 m straight above the middle, a point 6 mm up hides what lies 0.6/0.594 farther out.
     let expected = scene.image_from_table(p * (0.6 / 0.594));
-    assert!((table.image_from_table_at(p, 0.006) - expected).norm() < 0.02);
-    assert_eq!(table.image_from_table_at(p, 0.0), table.image_from_table(p));
-    assert!(table.image_from_table_at(p, 0.6).iter().all(|x| x.is_finite()));
+    let raised = |height_m: f64| table.image_from_table(p + table.parallax(p, height_m).0);
+    assert!((raised(0.006) - expected).norm() < 0.02);
+    assert_eq!(raised(0.0), table.image_from_table(p));
+    assert!(raised(0.6).iter().all(|x| x.is_finite()));
 }
 
 #[test]

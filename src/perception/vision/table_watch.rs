@@ -65,14 +65,6 @@ pub enum TableMotion {
 }
 
 impl TableMotion {
-    /// Sides seen near their places.
-    pub fn sides_seen(&self) -> usize {
-        match self {
-            Self::Seen { sides_px, .. } => sides_px.iter().flatten().count(),
-            Self::Displaced | Self::Hidden => 0,
-        }
-    }
-
     /// Largest displacement of a corner, px: infinite for a displaced plate, `None` when the frame does not tell.
     pub fn corner_px(&self) -> Option<f64> {
         match self {

@@ -1,16 +1,17 @@
 use super::raw_job::RawBin;
 use super::read::point_m;
 use super::room::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, check_inside};
-use super::task::{BinSpec, Scene, TaskSpec};
+use super::task::{Scene, TaskSpec};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 use upm_document::{Faults, Path};
+use upm_goal::BinParams;
 
 impl Scene<'_> {
     /// The bins in SI; faults where a kind has none or more than one, where parts do not fit in, where two overlap.
     pub(super) fn sort(&self, raw: &[RawBin], faults: &mut Faults) -> Option<TaskSpec> {
         let at = self.at.key("bins");
-        let mut bins: Vec<BinSpec> = Vec::with_capacity(raw.len());
+        let mut bins: Vec<BinParams> = Vec::with_capacity(raw.len());
         for (i, raw) in raw.iter().enumerate() {
             let at = at.index(i);
             let bin = self.bin(raw, &at, faults);
@@ -33,10 +34,10 @@ impl Scene<'_> {
         Some(TaskSpec::Sort { bins })
     }
 
-    fn bin(&self, raw: &RawBin, at: &Path, faults: &mut Faults) -> BinSpec {
+    fn bin(&self, raw: &RawBin, at: &Path, faults: &mut Faults) -> BinParams {
         let kind = |(i, name): (usize, &String)| self.rig.known_kind(name, &at.key("kinds").index(i), faults);
         let kinds: Vec<usize> = raw.kinds.iter().enumerate().filter_map(kind).collect();
-        let bin = BinSpec { kinds, min_m: point_m(raw.region_mm.min), max_m: point_m(raw.region_mm.max) };
+        let bin = BinParams { kinds, min_m: point_m(raw.region_mm.min), max_m: point_m(raw.region_mm.max) };
         let at = at.key("region_mm");
         for (name, corner_m) in [("min", bin.min_m), ("max", bin.max_m)] {
             check_inside(corner_m, 0.0, self.half_m, 0.0, &at.key(name), faults);
@@ -52,7 +53,7 @@ impl Scene<'_> {
     /// A fault where the parts of a bin do not find room in straight rows with [`REST_GAP_M`] between rims, half of it to the
     /// bin's border, for the next bin may begin there. All are taken as large as the largest: what passes is what the
     /// goal finds slots for.
-    fn check_room(&self, bin: &BinSpec, at: &Path, faults: &mut Faults) {
+    fn check_room(&self, bin: &BinParams, at: &Path, faults: &mut Faults) {
         let parts = self.kinds.iter().zip(&self.radii_m).filter(|(kind, _)| bin.kinds.contains(kind));
         let (count, radius_m) =
             parts.fold((0, 0.0), |(n, largest), (_, &radius_m)| (n + 1, f64::max(largest, radius_m)));
@@ -79,9 +80,9 @@ impl Scene<'_> {
 }
 
 /// A fault for every bin that overlaps an earlier one; a common border is none.
-fn check_disjoint(bins: &[BinSpec], at: &Path, faults: &mut Faults) {
+fn check_disjoint(bins: &[BinParams], at: &Path, faults: &mut Faults) {
     for (i, bin) in bins.iter().enumerate() {
-        let common_m = |other: &BinSpec| bin.max_m.inf(&other.max_m) - bin.min_m.sup(&other.min_m);
+        let common_m = |other: &BinParams| bin.max_m.inf(&other.max_m) - bin.min_m.sup(&other.min_m);
         let overlapped = bins.iter().enumerate().take(i).find(|(_, other)| common_m(other).min() > ROUNDING_M);
         if let Some((k, other)) = overlapped {
             let found = format!("{} over {}, {}", in_words(bin), at.index(k), in_words(other));
@@ -91,7 +92,7 @@ fn check_disjoint(bins: &[BinSpec], at: &Path, faults: &mut Faults) {
 }
 
 /// `[-60, 0] to [-20, 40.5]`, mm.
-fn in_words(bin: &BinSpec) -> String {
+fn in_words(bin: &BinParams) -> String {
     let corner = |p: Vec2| format!("[{:.3}, {:.3}]", mm_from_m(p.x), mm_from_m(p.y));
     format!("{} to {}", corner(bin.min_m), corner(bin.max_m))
 }

@@ -6,33 +6,22 @@ use super::room::{REST_GAP_M, ROUNDING_M, apart_allowed};
 use upm_core::geometry::{Segment, Vec2};
 use upm_core::units::{m_from_mm, mm_from_m};
 use upm_document::{Faults, Path};
+use upm_goal::PathParams;
 
 /// Laps whose lengths differ by no more than this part count as equal.
 const SAME_LENGTH: f64 = 0.01;
 
-/// A path of one part.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PathSpec {
-    /// Its corners, m.
-    pub waypoints_m: Vec<Vec2>,
-    /// Speed along it, m/s.
-    pub speed_mps: f64,
-    /// How often the corners are gone through; 0 is without end.
-    pub repeat: u32,
-}
-
-impl From<&RawPath> for PathSpec {
-    fn from(raw: &RawPath) -> Self {
-        Self {
-            waypoints_m: raw.waypoints_mm.iter().copied().map(point_m).collect(),
-            speed_mps: m_from_mm(raw.speed_mm_s),
-            repeat: raw.repeat,
-        }
+/// The path in SI.
+pub(super) fn path_of(raw: &RawPath) -> PathParams {
+    PathParams {
+        waypoints_m: raw.waypoints_mm.iter().copied().map(point_m).collect(),
+        speed_mps: m_from_mm(raw.speed_mm_s),
+        repeat: raw.repeat,
     }
 }
 
 /// Faults where the paths differ in length, speed or repeat, or where parts in phase would touch.
-pub(super) fn check_in_phase(paths: &[PathSpec], radii_m: &[f64], at: &Path, faults: &mut Faults) {
+pub(super) fn check_in_phase(paths: &[PathParams], radii_m: &[f64], at: &Path, faults: &mut Faults) {
     let laps: Vec<Lap> = paths.iter().map(Lap::of).collect();
     let (Some(first), Some(first_lap)) = (paths.first(), laps.first()) else { return };
     let before = faults.len();
@@ -86,7 +75,7 @@ struct Lap {
 
 impl Lap {
     /// The way back to the first corner counts in the length; it is gone only where the path is repeated.
-    fn of(path: &PathSpec) -> Self {
+    fn of(path: &PathParams) -> Self {
         let mut corners_m = path.waypoints_m.clone();
         corners_m.extend(path.waypoints_m.first());
         let mut gone_m = vec![0.0];
@@ -136,8 +125,8 @@ impl Lap {
 mod tests {
     use super::*;
 
-    fn path(corners: &[[f64; 2]], repeat: u32) -> PathSpec {
-        PathSpec { waypoints_m: corners.iter().copied().map(Vec2::from).collect(), speed_mps: 0.01, repeat }
+    fn path(corners: &[[f64; 2]], repeat: u32) -> PathParams {
+        PathParams { waypoints_m: corners.iter().copied().map(Vec2::from).collect(), speed_mps: 0.01, repeat }
     }
 
     #[test]

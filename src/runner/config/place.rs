@@ -59,7 +59,7 @@ fn unplaced(job: &JobSpec, streams: Streams) -> Vec<(PlacedPart, Option<Vec2>)> 
             };
             *number += 1;
             let rng = &mut streams.numbered("part friction", parts.len() as u64);
-            let friction = drawn_friction(spec.friction, job.rig.friction.spread, rng);
+            let friction = drawn_friction(spec.friction, job.rig.raw.friction.spread, rng);
             let params = PartParams { friction, ..spec.part() };
             let id = format!("{}-{number}", spec.kind.name);
             let position_m = group.position_m.unwrap_or_default();

@@ -23,27 +23,12 @@ pub struct RigSpec {
     pub model: RigModel,
     /// How the simulated rig behaves.
     pub sim: SimParams,
-    /// Friction between parts and plate.
-    pub friction: FrictionSpec,
     /// Kinds of part: the four coins, then the rig's own by name.
     pub kinds: Vec<KindSpec>,
     /// Its COR library, if it names one.
     pub library: Option<PathBuf>,
     /// First 16 hex digits of SHA-256 over the parts of the rig that a COR library depends on; see [`fingerprint`].
     pub fingerprint: String,
-}
-
-/// Friction between parts and plate.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FrictionSpec {
-    /// Coulomb coefficient.
-    pub coefficient: f64,
-    /// Relative standard deviation of it from part to part.
-    pub spread: f64,
-    /// Restitution between parts.
-    pub restitution: f64,
-    /// Friction between rims.
-    pub rim: f64,
 }
 
 impl RigSpec {
@@ -114,14 +99,8 @@ impl RigSpec {
             faults.push(at.key("library"), shown(named), "nothing: files cannot be named here");
         }
         let library = library.and_then(|(_, path)| path);
-        let friction = FrictionSpec {
-            coefficient: raw.friction.coefficient,
-            spread: raw.friction.spread,
-            restitution: raw.friction.restitution,
-            rim: raw.friction.rim,
-        };
         let (model, fingerprint) = (model_of(&raw, &sim), fingerprint(&raw));
-        (faults.len() == before).then_some(Self { raw, model, sim, friction, kinds, library, fingerprint })
+        (faults.len() == before).then_some(Self { raw, model, sim, kinds, library, fingerprint })
     }
 
     /// True when `raw`, defaults written out, is this rig but for the library it names.

@@ -1,5 +1,5 @@
 use super::kinds::{PartGroup, each_kind};
-use super::paths::{PathSpec, check_in_phase};
+use super::paths::{check_in_phase, path_of};
 use super::raw_job::{Assignment, RawPath, RawTask};
 use super::read::point_m;
 use super::rig::RigSpec;
@@ -7,6 +7,7 @@ use super::room::{REST_GAP_M, REST_MARGIN_M, check_apart, check_inside};
 use upm_core::geometry::Vec2;
 use upm_core::units::{m_from_mm, mm_from_m};
 use upm_document::{Faults, Path, counted};
+use upm_goal::{BinParams, PathParams};
 
 /// What to do, in SI.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,7 +22,7 @@ pub enum TaskSpec {
     /// Every part follows its own path.
     Trajectories {
         /// One for each part.
-        paths: Vec<PathSpec>,
+        paths: Vec<PathParams>,
         /// All parts are at the same share of their laps at any time.
         in_phase: bool,
     },
@@ -35,7 +36,7 @@ pub enum TaskSpec {
     /// Every part goes into its kind's bin.
     Sort {
         /// The bins; every part's kind is in exactly one.
-        bins: Vec<BinSpec>,
+        bins: Vec<BinParams>,
     },
     /// Every part stays where it is.
     Hold {
@@ -54,17 +55,6 @@ impl TaskSpec {
             Self::Arrange { .. } | Self::Sort { .. } => false,
         }
     }
-}
-
-/// A bin: a rectangle in which the rims of some kinds must lie.
-#[derive(Clone, Debug, PartialEq)]
-pub struct BinSpec {
-    /// Indices into the rig's kinds.
-    pub kinds: Vec<usize>,
-    /// Lower left corner, m.
-    pub min_m: Vec2,
-    /// Upper right corner, m.
-    pub max_m: Vec2,
 }
 
 /// The task in SI; faults where it asks for what cannot be.
@@ -113,7 +103,7 @@ impl<'a> Scene<'a> {
     fn trajectories(&self, raw: &[RawPath], in_phase: bool, faults: &mut Faults) -> Option<TaskSpec> {
         let at = self.at.key("paths");
         self.demand_one_each(raw.len(), "path", &at, faults);
-        let paths: Vec<PathSpec> = raw.iter().map(PathSpec::from).collect();
+        let paths: Vec<PathParams> = raw.iter().map(path_of).collect();
         let (mut starts, mut ends) = (Vec::with_capacity(paths.len()), Vec::with_capacity(paths.len()));
         for (i, (path, &radius_m)) in paths.iter().zip(&self.radii_m).enumerate() {
             let at = at.index(i).key("waypoints_mm");

@@ -1,9 +1,7 @@
 use std::sync::Arc;
 
 use super::planner_selection::PlannerSelection;
-use crate::config::{
-    Assignment, BinSpec, Fault, JobSpec, PathSpec, PlacedPart, REST_GAP_M, REST_MARGIN_M, TaskSpec, place_parts,
-};
+use crate::config::{Assignment, Fault, JobSpec, PlacedPart, REST_GAP_M, REST_MARGIN_M, TaskSpec, place_parts};
 use upm_control::{ControlParams, ExpectedPart, Guards, LocalisedFacts, Sink};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::ground_truth::GroundTruthHandle;
@@ -11,8 +9,8 @@ use upm_core::random::Streams;
 use upm_core::rig::{PartKind, Rig, RigModel};
 use upm_core::time::PlateTime;
 use upm_goal::{
-    Arrange, ArrangeParams, Bin, Disc, Effort, Goal, Hold, HoldParams, InPhase, InPhaseParams, Motions, PathParams,
-    PlusSign, PlusSignParams, Sort, SortParams, Trajectories,
+    Arrange, ArrangeParams, BinParams, Disc, Effort, Goal, Hold, HoldParams, InPhase, InPhaseParams, Motions,
+    PathParams, PlusSign, PlusSignParams, Sort, SortParams, Trajectories,
 };
 use upm_library::{Entry, Library};
 use upm_planner::{FlowEffort, Method, PlannerParams, RotationPlanner};
@@ -210,13 +208,12 @@ fn discs(placed: &[PlacedPart]) -> Vec<Disc> {
     placed.iter().map(|part| Disc { kind: part.kind, radius_m: part.params.radius_m }).collect()
 }
 
-fn sort_params(job: &JobSpec, bins: &[BinSpec], discs: Vec<Disc>, motions: Motions) -> SortParams {
-    let bin = |bin: &BinSpec| Bin { kinds: bin.kinds.clone(), min_m: bin.min_m, max_m: bin.max_m };
+fn sort_params(job: &JobSpec, bins: &[BinParams], discs: Vec<Disc>, motions: Motions) -> SortParams {
     SortParams {
         half_side_m: 0.5 * job.rig.model.plate_side_m,
         motions,
         discs,
-        bins: bins.iter().map(bin).collect(),
+        bins: bins.to_vec(),
         margin_m: (1.0 - MEASURED_SHARE) * job.tolerance_m,
     }
 }
@@ -224,7 +221,7 @@ fn sort_params(job: &JobSpec, bins: &[BinSpec], discs: Vec<Disc>, motions: Motio
 fn trajectories(
     job: &JobSpec,
     library: &Library,
-    paths: &[PathSpec],
+    paths: &[PathParams],
     in_phase: bool,
     discs: Vec<Disc>,
 ) -> Box<dyn Goal> {
@@ -242,12 +239,7 @@ fn trajectories(
             arrive_m: MEASURED_SHARE * job.tolerance_m,
         }));
     }
-    let paths = paths.iter().map(|path| PathParams {
-        waypoints_m: path.waypoints_m.clone(),
-        speed_mps: path.speed_mps,
-        repeat: path.repeat,
-    });
-    Box::new(Trajectories::new(paths.collect(), LEAD_M, job.tolerance_m))
+    Box::new(Trajectories::new(paths.to_vec(), LEAD_M, job.tolerance_m))
 }
 
 /// Length of a closed path, the way from its last corner back to its first included, m.

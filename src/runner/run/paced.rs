@@ -74,7 +74,7 @@ impl<'a> Paced<'a> {
             return Ok(());
         }
         let frames = late.as_nanos().checked_div(self.period.as_nanos());
-        self.pace.stats.miss(late, frames.and_then(|frames| frames.try_into().ok()).unwrap_or(u64::MAX));
+        self.pace.stats.miss(frames.and_then(|frames| frames.try_into().ok()).unwrap_or(u64::MAX));
         let is_strict = self.pace.deadlines == DeadlinePolicy::Strict;
         let lease_ran_out = is_strict && late.as_secs_f64() > Interlock::LEASE_S;
         if lease_ran_out && self.rig.now() < self.sounding_until {
@@ -163,7 +163,6 @@ impl Rig for Paced<'_> {
 pub struct PacingStats {
     misses: AtomicU64,
     worst_frames: AtomicU64,
-    worst_late_ns: AtomicU64,
     behind_ns: AtomicU64,
 }
 
@@ -178,11 +177,6 @@ impl PacingStats {
         self.worst_frames.load(Ordering::Relaxed)
     }
 
-    /// How late that was.
-    pub fn worst_late(&self) -> Duration {
-        Duration::from_nanos(self.worst_late_ns.load(Ordering::Relaxed))
-    }
-
     /// How far plate time has fallen behind the clock in this run, in all: it is never made up for.
     pub fn behind(&self) -> Duration {
         Duration::from_nanos(self.behind_ns.load(Ordering::Relaxed))
@@ -191,15 +185,13 @@ impl PacingStats {
     /// A run starts; the deadlines missed before it.
     pub(super) fn start_run(&self) -> u64 {
         self.worst_frames.store(0, Ordering::Relaxed);
-        self.worst_late_ns.store(0, Ordering::Relaxed);
         self.behind_ns.store(0, Ordering::Relaxed);
         self.misses()
     }
 
-    pub(super) fn miss(&self, late: Duration, frames: u64) {
+    pub(super) fn miss(&self, frames: u64) {
         self.misses.fetch_add(1, Ordering::Relaxed);
         self.worst_frames.fetch_max(frames, Ordering::Relaxed);
-        self.worst_late_ns.fetch_max(nanos(late), Ordering::Relaxed);
     }
 
     /// The plate waited for control, and is that much further behind the clock.

@@ -135,7 +135,7 @@ pub fn rehearse(
         let rehearsal = RehearsalParams {
             starts_m: starts_m.clone(),
             frame_hz: model.frame_hz,
-            friction_spread: job.rig.friction.spread,
+            friction_spread: job.rig.raw.friction.spread,
             streams: Streams::new(job.seed()),
             number,
             most_work_ms: WORK_MS - work_ms,
@@ -173,7 +173,7 @@ pub fn rehearse(
         fields: fields.is_some(),
         bound_s: time_figure_s(job, library, &params, &starts_m, &first_targets_m),
         rehearsals,
-        friction_spread: job.rig.friction.spread,
+        friction_spread: job.rig.raw.friction.spread,
     })
 }
 

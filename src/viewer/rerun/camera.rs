@@ -1,5 +1,3 @@
-use rerun::{Ellipses2D, LineStrips2D, Points2D};
-
 use super::looks::Looks;
 use super::paint::{self, in_half_frame};
 use super::picture;
@@ -29,8 +27,7 @@ impl CameraView {
     pub(super) fn localised(&mut self, tape: &Tape, table: Table) -> Logged {
         let outline: Vec<_> = outline_px(&table).map(in_half_frame).collect();
         self.table = Some(table);
-        let strip = LineStrips2D::new([outline]).with_colors([paint::color(paint::TRUE)]);
-        tape.log("camera/table", &strip.with_radii([paint::thin(1.0)]))
+        tape.log("camera/table", &paint::lines([outline], paint::TRUE, 1.0))
     }
 
     pub(super) fn looks(&mut self, looks: &Looks) {
@@ -40,30 +37,20 @@ impl CameraView {
     pub(super) fn picture(&mut self, tape: &Tape, frame: &Frame, tracks: &[Track]) -> Logged {
         let image = picture::jpeg_at_half_size(frame, &mut self.halved)?;
         tape.log("camera/image", &image.with_draw_order(-10.0))?;
-        let centers = tracks.iter().map(|track| in_half_frame(track.seen.center_px));
-        let radii = tracks.iter().map(|track| [track.seen.radius_px as f32 / 2.0; 2]);
-        let circles = Ellipses2D::from_centers_and_half_sizes(centers, radii)
-            .with_colors([paint::color(paint::MEASURED)])
-            .with_line_radii([paint::thin(1.0)]);
-        tape.log("camera/parts", &circles)?;
+        let discs = tracks.iter().map(|track| (in_half_frame(track.seen.center_px), track.seen.radius_px as f32 / 2.0));
+        tape.log("camera/parts", &paint::circles(discs, paint::MEASURED, 1.0))?;
         let below = tracks.iter().map(|track| {
             let [x, y] = in_half_frame(track.seen.center_px);
             [x, y + track.seen.radius_px as f32 / 2.0]
         });
         tape.log("camera/names", &paint::names(below, &self.ids))?;
-        let trails = LineStrips2D::new(self.trails.strips(in_half_frame))
-            .with_colors([paint::color(paint::MEASURED)])
-            .with_radii([paint::thin(0.75)]);
-        tape.log("camera/trails", &trails)
+        tape.log("camera/trails", &paint::lines(self.trails.strips(in_half_frame), paint::MEASURED, 0.75))
     }
 
     /// Where the parts should go, in the picture.
     pub(super) fn wanted(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
         let Some(table) = &self.table else { return Ok(()) };
         let place = |&p_m: &Vec2| in_half_frame(table.lens.image_from_ideal(table.ideal_from_table.apply(p_m)));
-        let targets = Points2D::new(cycle.wanted.targets_m.iter().map(place))
-            .with_colors([paint::color(paint::TARGET)])
-            .with_radii([paint::thin(4.0)]);
-        tape.log("camera/targets", &targets)
+        tape.log("camera/targets", &paint::dots(cycle.wanted.targets_m.iter().map(place), paint::TARGET, 4.0))
     }
 }

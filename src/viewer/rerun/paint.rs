@@ -1,27 +1,30 @@
 //! Colours and coordinates that every view shares.
 
-use rerun::{Color, Points2D, Radius};
+use rerun::{Arrows2D, Color, Ellipses2D, LineStrip2D, LineStrips2D, Points2D, Radius};
 
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 
+/// Red, green and blue.
+pub(super) type Rgb = (u8, u8, u8);
+
 /// What was measured.
-pub(super) const MEASURED: (u8, u8, u8) = (80, 165, 255);
+pub(super) const MEASURED: Rgb = (80, 165, 255);
 /// What is true.
-pub(super) const TRUE: (u8, u8, u8) = (90, 225, 120);
+pub(super) const TRUE: Rgb = (90, 225, 120);
 /// Where parts shall end.
-pub(super) const TARGET: (u8, u8, u8) = (255, 165, 40);
+pub(super) const TARGET: Rgb = (255, 165, 40);
 /// Where parts should go next.
-pub(super) const SUBGOAL: (u8, u8, u8) = (255, 225, 120);
+pub(super) const SUBGOAL: Rgb = (255, 225, 120);
 /// What was predicted.
-pub(super) const PREDICTED: (u8, u8, u8) = (200, 130, 255);
+pub(super) const PREDICTED: Rgb = (200, 130, 255);
 /// Chosen centres of rotation.
-pub(super) const CENTER: (u8, u8, u8) = (255, 80, 110);
+pub(super) const CENTER: Rgb = (255, 80, 110);
 /// Things in the background.
-pub(super) const FAINT: (u8, u8, u8) = (135, 140, 155);
+pub(super) const FAINT: Rgb = (135, 140, 155);
 
 /// Colours of things that come in numbers.
-const SERIES: [(u8, u8, u8); 8] = [
+const SERIES: [Rgb; 8] = [
     (80, 165, 255),
     (255, 165, 40),
     (90, 225, 120),
@@ -32,7 +35,7 @@ const SERIES: [(u8, u8, u8); 8] = [
     (200, 200, 200),
 ];
 
-pub(super) fn color((r, g, b): (u8, u8, u8)) -> Color {
+pub(super) fn color((r, g, b): Rgb) -> Color {
     Color::from_rgb(r, g, b)
 }
 
@@ -61,11 +64,30 @@ pub(super) fn in_half_frame(p_px: Vec2) -> [f32; 2] {
     in_frame(p_px).map(|x| x / 2.0)
 }
 
+/// Dots of one colour; like all widths here the radius is in points of the screen.
+pub(super) fn dots(places: impl IntoIterator<Item = [f32; 2]>, paint: Rgb, points: f32) -> Points2D {
+    Points2D::new(places).with_colors([color(paint)]).with_radii([thin(points)])
+}
+
+/// Lines of one colour.
+pub(super) fn lines(strips: impl IntoIterator<Item = impl Into<LineStrip2D>>, paint: Rgb, points: f32) -> LineStrips2D {
+    LineStrips2D::new(strips).with_colors([color(paint)]).with_radii([thin(points)])
+}
+
+/// Arrows of one colour, each from its first point to its second.
+pub(super) fn arrows(ends: impl IntoIterator<Item = [[f32; 2]; 2]>, paint: Rgb, points: f32) -> Arrows2D {
+    let (origins, vectors): (Vec<_>, Vec<_>) =
+        ends.into_iter().map(|[[x0, y0], [x1, y1]]| ([x0, y0], [x1 - x0, y1 - y0])).unzip();
+    Arrows2D::from_vectors(vectors).with_origins(origins).with_colors([color(paint)]).with_radii([thin(points)])
+}
+
+/// Circles of one colour, each with its centre and radius.
+pub(super) fn circles(circles: impl IntoIterator<Item = ([f32; 2], f32)>, paint: Rgb, points: f32) -> Ellipses2D {
+    let (centers, radii): (Vec<_>, Vec<_>) = circles.into_iter().map(|(center, radius)| (center, [radius; 2])).unzip();
+    Ellipses2D::from_centers_and_half_sizes(centers, radii).with_colors([color(paint)]).with_line_radii([thin(points)])
+}
+
 /// Names of parts, each just below a point.
 pub(super) fn names(points: impl IntoIterator<Item = [f32; 2]>, names: &[String]) -> Points2D {
-    Points2D::new(points)
-        .with_labels(names.iter().map(String::as_str))
-        .with_show_labels(true)
-        .with_colors([color(MEASURED)])
-        .with_radii([thin(0.1)])
+    dots(points, MEASURED, 0.1).with_labels(names.iter().map(String::as_str)).with_show_labels(true)
 }

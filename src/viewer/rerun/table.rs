@@ -1,4 +1,4 @@
-use rerun::{Arrows2D, Ellipses2D, LineStrips2D, Points2D};
+use rerun::{Arrows2D, Ellipses2D};
 
 use super::field::{mean_direction, over_a_period};
 use super::looks::Looks;
@@ -35,12 +35,10 @@ impl TableView {
         let half_side_m = context.model.plate_side_m / 2.0;
         let h = half_side_m;
         let rim = [(-h, -h), (h, -h), (h, h), (-h, h), (-h, -h)].map(|(x, y)| above(Vec2::new(x, y)));
-        let outline = LineStrips2D::new([rim]).with_colors([paint::color((210, 210, 220))]).with_radii([thin(1.0)]);
-        tape.log_static("table/outline", &outline)?;
+        tape.log_static("table/outline", &paint::lines([rim], (210, 210, 220), 1.0))?;
         let window_m = WINDOW * half_side_m;
         let centers = context.library.entries.iter().filter_map(|entry| place_of(&entry.pump, window_m)).map(above);
-        let centers = Points2D::new(centers).with_colors([paint::color(paint::FAINT)]).with_radii([thin(1.5)]);
-        tape.log_static("table/library", &centers)?;
+        tape.log_static("table/library", &paint::dots(centers, paint::FAINT, 1.5))?;
         let sizes = || context.parts.iter().map(|part| [mm_from_m(part.radius_m) as f32; 2]);
         let measured = Ellipses2D::update_fields().with_half_sizes(sizes()).with_line_radii([thin(1.75)]);
         tape.log_static("table/measured", &measured.with_colors([paint::color(paint::MEASURED)]))?;
@@ -82,8 +80,7 @@ impl TableView {
         ] {
             let strips = trails.strips(above);
             if strips.iter().any(|strip| !strip.is_empty()) {
-                let strips = LineStrips2D::new(strips).with_colors([paint::color(paint)]);
-                tape.log(path, &strips.with_radii([thin(0.6)]))?;
+                tape.log(path, &paint::lines(strips, paint, 0.6))?;
             }
         }
         Ok(())
@@ -106,12 +103,9 @@ impl TableView {
             self.read_m = (pulse.cycle, Vec::new());
         }
         self.read_m.1.extend(place_of(&fit.pump, WINDOW * self.half_side_m));
-        let points = Points2D::new(self.read_m.1.iter().copied().map(above))
-            .with_colors([paint::color(paint::MEASURED)])
-            .with_radii([thin(2.5)])
-            .with_draw_order(40.0);
+        let points = paint::dots(self.read_m.1.iter().copied().map(above), paint::MEASURED, 2.5);
         tape.at(pulse.started_at, pulse.cycle);
-        tape.log("table/read_centers", &points)
+        tape.log("table/read_centers", &points.with_draw_order(40.0))
     }
 
     /// What each field of this cycle is forecast to do: an arrow from where it finds a part to where it leaves it. For
@@ -130,24 +124,13 @@ impl TableView {
 
     fn log_wanted(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
         let wanted = &cycle.wanted;
-        let dots = |points_m: &[Vec2], paint, points| {
-            Points2D::new(points_m.iter().copied().map(above))
-                .with_colors([paint::color(paint)])
-                .with_radii([thin(points)])
-        };
+        let dots = |points_m: &[Vec2], paint, points| paint::dots(points_m.iter().copied().map(above), paint, points);
         tape.log("table/wanted/targets", &dots(&wanted.targets_m, paint::TARGET, 4.5))?;
         tape.log("table/wanted/subgoals", &dots(&wanted.subgoals_m, paint::SUBGOAL, 3.0))?;
         let predicted_m = cycle.plan.predicted_m.last().map_or(&[][..], Vec::as_slice);
         tape.log("table/wanted/predicted", &dots(predicted_m, paint::PREDICTED, 2.0))?;
-        let steps = cycle.observed_m.iter().zip(&wanted.subgoals_m).map(|(from, to)| {
-            let ([x0, y0], [x1, y1]) = (above(*from), above(*to));
-            [x1 - x0, y1 - y0]
-        });
-        let steps = Arrows2D::from_vectors(steps)
-            .with_origins(cycle.observed_m.iter().copied().map(above))
-            .with_colors([paint::color(paint::SUBGOAL)])
-            .with_radii([thin(1.25)]);
-        tape.log("table/wanted/steps", &steps)
+        let steps = cycle.observed_m.iter().zip(&wanted.subgoals_m).map(|(from_m, to_m)| [*from_m, *to_m].map(above));
+        tape.log("table/wanted/steps", &paint::arrows(steps, paint::SUBGOAL, 1.25))
     }
 
     /// This cycle's centres of rotation, numbered in the order they are played.
@@ -165,11 +148,7 @@ impl TableView {
             Some((above(place_of(&pump, window_m)?), label))
         });
         let (places, labels): (Vec<_>, Vec<_>) = chosen.unzip();
-        let points = Points2D::new(places)
-            .with_labels(labels)
-            .with_show_labels(true)
-            .with_colors([paint::color(paint::CENTER)])
-            .with_radii([thin(5.0)]);
+        let points = paint::dots(places, paint::CENTER, 5.0).with_labels(labels).with_show_labels(true);
         tape.log("table/centers", &points)
     }
 

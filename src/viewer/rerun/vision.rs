@@ -1,5 +1,3 @@
-use rerun::{Ellipses2D, LineStrips2D, Points2D};
-
 use super::paint::{self, in_frame, in_half_frame};
 use super::picture;
 use super::tape::{Logged, Tape};
@@ -33,24 +31,16 @@ pub(super) fn log(tape: &Tape, found: &LocalisedRecord, names: &[&str]) -> Logge
 fn log_frame(tape: &Tape, found: &LocalisedRecord, names: &[&str]) -> Logged {
     tape.log("vision/frame/image", &picture::jpeg(&found.frame)?.with_draw_order(-10.0))?;
     let outline: Vec<_> = outline_px(&found.table).map(in_frame).collect();
-    let strip = LineStrips2D::new([outline]).with_colors([paint::color(paint::TRUE)]);
-    tape.log("vision/frame/table", &strip.with_radii([paint::thin(1.0)]))?;
-    let corners = Points2D::new(found.table.corners_px.map(in_frame))
-        .with_labels(["1", "2", "3", "4"])
-        .with_colors([paint::color(paint::TRUE)])
-        .with_radii([paint::thin(4.0)]);
-    tape.log("vision/frame/corners", &corners)?;
+    tape.log("vision/frame/table", &paint::lines([outline], paint::TRUE, 1.0))?;
+    let corners = paint::dots(found.table.corners_px.map(in_frame), paint::TRUE, 4.0);
+    tape.log("vision/frame/corners", &corners.with_labels(["1", "2", "3", "4"]))?;
     // scores stand in the view of the disk response: one word a part leaves many parts legible
     let labels: Vec<String> =
         (0..found.detections.len()).map(|i| (*names.get(i).unwrap_or(&"part")).to_owned()).collect();
     let below = found.detections.iter().map(|part| in_frame(part.center_px + Vec2::y() * part.radius_px));
     tape.log("vision/frame/names", &paint::names(below, &labels))?;
-    let circles = Ellipses2D::from_centers_and_half_sizes(
-        found.detections.iter().map(|part| in_frame(part.center_px)),
-        found.detections.iter().map(|part| [part.radius_px as f32; 2]),
-    );
-    let circles = circles.with_colors([paint::color(paint::MEASURED)]).with_line_radii([paint::thin(1.0)]);
-    tape.log("vision/frame/parts", &circles)
+    let discs = found.detections.iter().map(|part| (in_frame(part.center_px), part.radius_px as f32));
+    tape.log("vision/frame/parts", &paint::circles(discs, paint::MEASURED, 1.0))
 }
 
 fn log_edges(tape: &Tape, edges: &Plane, frame: &Frame) -> Logged {
@@ -66,22 +56,15 @@ fn log_hough(tape: &Tape, hough: &HoughArray) -> Logged {
         .peaks
         .iter()
         .map(|&(column, row)| format!("{:.0}°, {:.0} px", degrees(column), row as f64 * hough.px_per_row));
-    let sizes = map.peaks.iter().map(|_| [7.0; 2]);
-    let rings = Ellipses2D::from_centers_and_half_sizes(map.peaks.iter().copied(), sizes)
-        .with_labels(labels)
-        .with_show_labels(true)
-        .with_colors([paint::color(paint::TRUE)])
-        .with_line_radii([paint::thin(1.0)]);
-    tape.log("vision/hough/peaks", &rings)
+    let rings = paint::circles(map.peaks.iter().map(|&peak| (peak, 7.0)), paint::TRUE, 1.0);
+    tape.log("vision/hough/peaks", &rings.with_labels(labels).with_show_labels(true))
 }
 
 fn log_disk_response(tape: &Tape, response: &Plane, found: &LocalisedRecord) -> Logged {
     let map = response_map(response, [found.frame.width, found.frame.height], 2);
     tape.log("vision/disk_response/map", &picture::color_png(&map)?.with_draw_order(-10.0))?;
-    let peaks = Points2D::new(found.detections.iter().map(|part| in_half_frame(part.center_px)))
-        .with_labels(found.detections.iter().map(|part| format!("{:.2}", part.score)))
-        .with_show_labels(true)
-        .with_colors([paint::color(paint::TRUE)])
-        .with_radii([paint::thin(3.0)]);
+    let peaks = found.detections.iter().map(|part| in_half_frame(part.center_px));
+    let scores = found.detections.iter().map(|part| format!("{:.2}", part.score));
+    let peaks = paint::dots(peaks, paint::TRUE, 3.0).with_labels(scores).with_show_labels(true);
     tape.log("vision/disk_response/peaks", &peaks)
 }

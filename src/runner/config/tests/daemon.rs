@@ -26,7 +26,7 @@ fn the_shipped_daemon_has_three_plates_each_with_its_library() {
     // one library serves both: they differ in light and friction alone
     assert_eq!(strong.rig.fingerprint, evening.rig.fingerprint);
     assert_eq!(strong.rig.model.name, evening.rig.model.name);
-    assert_ne!(strong.rig.friction, evening.rig.friction);
+    assert_ne!(strong.rig.raw.friction, evening.rig.raw.friction);
     assert_ne!(strong.rig.raw.camera.levels, evening.rig.raw.camera.levels);
 }
 
