@@ -1,58 +1,30 @@
-/// Gives each of `rows` its own of `columns` at the least total cost (Kuhn, 1955; shortest augmenting paths with
-/// potentials, Jonker and Volgenant, 1987). A row stays alone for `alone`; costs above it are no choice.
-/// The total comes second.
+use pathfinding::prelude::{Matrix, kuhn_munkres_min};
+
+/// Weight of a row that stays alone: the most of 64 rows can be added, and costs are told apart to 1e-15 of it.
+const ALONE: f64 = (1_i64 << 52) as f64;
+
+/// Gives each of `rows` its own of `columns` at the least total cost. A row stays alone for `alone`; costs above it are no
+/// choice. The total comes second.
 pub(super) fn assign(
     rows: usize,
     columns: usize,
     alone: f64,
     cost: impl Fn(usize, usize) -> f64,
 ) -> (Vec<Option<usize>>, f64) {
-    // One column more for each row to stay alone. Row and column 0 are the path's root.
-    let width = columns + rows;
-    let price = |row: usize, column: usize| if column < columns { cost(row, column).min(2.0 * alone) } else { alone };
-    let (mut row_potential, mut column_potential) = (vec![0.0; rows + 1], vec![0.0; width + 1]);
-    let mut owner = vec![0usize; width + 1];
-    for row in 1..=rows {
-        owner[0] = row;
-        let (mut least, mut before, mut reached) =
-            (vec![f64::INFINITY; width + 1], vec![0; width + 1], vec![false; width + 1]);
-        let mut at = 0;
-        while owner[at] != 0 {
-            reached[at] = true;
-            let (mut step, mut next) = (f64::INFINITY, 0);
-            for column in (1..=width).filter(|&column| !reached[column]) {
-                let reduced = price(owner[at] - 1, column - 1) - row_potential[owner[at]] - column_potential[column];
-                if reduced < least[column] {
-                    (least[column], before[column]) = (reduced, at);
-                }
-                if least[column] < step {
-                    (step, next) = (least[column], column);
-                }
-            }
-            for column in 0..=width {
-                if reached[column] {
-                    row_potential[owner[column]] += step;
-                    column_potential[column] -= step;
-                } else {
-                    least[column] -= step;
-                }
-            }
-            at = next;
-        }
-        while at != 0 {
-            owner[at] = owner[before[at]];
-            at = before[at];
-        }
+    if rows == 0 {
+        return (Vec::new(), 0.0);
     }
-    let mut choice = vec![None; rows];
+    // one column more for each row to stay alone
+    let price = |row, column| if column < columns { cost(row, column).min(2.0 * alone) } else { alone };
+    let weight = |(row, column)| (price(row, column) / alone * ALONE).round() as i64;
+    let (_, chosen) = kuhn_munkres_min(&Matrix::from_fn(rows, columns + rows, weight));
     let mut total = 0.0;
-    for (column, &row) in owner.iter().enumerate().skip(1).filter(|(_, row)| **row > 0) {
-        let own = price(row - 1, column - 1);
-        let taken = column <= columns && own <= alone;
-        total += if taken { own } else { alone };
-        choice[row - 1] = taken.then_some(column - 1);
-    }
-    (choice, total)
+    let taken = chosen.into_iter().enumerate().map(|(row, column)| {
+        let own = price(row, column);
+        total += own.min(alone);
+        (column < columns && own <= alone).then_some(column)
+    });
+    (taken.collect(), total)
 }
 
 #[cfg(test)]
