@@ -1,55 +1,36 @@
 //! The words for a run and its end that every room shares: how it ended, and what ended it.
 
+mod coded_enum;
 pub mod legacy;
 mod pace;
 mod stop_cause;
 
-use serde::{Deserialize, Serialize};
+use coded_enum::coded_enum;
 
 pub use pace::Pace;
 pub use stop_cause::StopCause;
 
-/// How a run ended. A lost coin or a missing table is an outcome, not an error.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Outcome {
-    /// The goal was reached.
-    Completed,
-    /// It cannot be reached any more, or not in time; or the run never began.
-    #[default]
-    Failed,
-    /// An operator, a client or the end of the program stopped it.
-    Cancelled,
-}
-
-impl Outcome {
-    /// Its name in files and on the network, which never changes.
-    pub fn code(self) -> &'static str {
-        match self {
-            Self::Completed => "completed",
-            Self::Failed => "failed",
-            Self::Cancelled => "cancelled",
-        }
+coded_enum! {
+    /// How a run ended. A lost coin or a missing table is an outcome, not an error.
+    #[derive(Default)]
+    pub enum Outcome {
+        /// The goal was reached.
+        Completed = "completed",
+        /// It cannot be reached any more, or not in time; or the run never began.
+        #[default]
+        Failed = "failed",
+        /// An operator, a client or the end of the program stopped it.
+        Cancelled = "cancelled",
     }
 }
 
-/// How a recording ended that does not hold its whole run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RecordingEnd {
-    /// Stopped on request, for example for disk space: the file is closed, and whole as far as it goes.
-    RecordingStopped,
-    /// Something could not be recorded.
-    RecordingFailed,
-}
-
-impl RecordingEnd {
-    /// Its name in files, which never changes.
-    pub fn code(self) -> &'static str {
-        match self {
-            Self::RecordingStopped => "recording_stopped",
-            Self::RecordingFailed => "recording_failed",
-        }
+coded_enum! {
+    /// How a recording ended that does not hold its whole run.
+    pub enum RecordingEnd {
+        /// Stopped on request, for example for disk space: the file is closed, and whole as far as it goes.
+        RecordingStopped = "recording_stopped",
+        /// Something could not be recorded.
+        RecordingFailed = "recording_failed",
     }
 }
 
@@ -59,10 +40,10 @@ mod tests {
 
     #[test]
     fn codes_are_the_names_in_files() {
-        for outcome in [Outcome::Completed, Outcome::Failed, Outcome::Cancelled] {
+        for outcome in Outcome::ALL {
             assert_eq!(serde_json::to_value(outcome).unwrap(), outcome.code());
         }
-        for end in [RecordingEnd::RecordingStopped, RecordingEnd::RecordingFailed] {
+        for end in RecordingEnd::ALL {
             assert_eq!(serde_json::to_value(end).unwrap(), end.code());
         }
         for pace in Pace::ALL {

@@ -50,16 +50,11 @@ impl Goal for Arrange {
         steering.look(parts_in_table_m);
         let there = steering.distances_m().filter(|distance_m| distance_m <= arrive_m).count();
         let done = of > 0 && there == of;
-        Wanted {
-            subgoals_m: steering.subgoals_m(),
-            targets_m: steering.targets_m(),
-            phase: if done { "every part is at its place".into() } else { steering.phase("to the places", there) },
-            progress: if done { 1.0 } else { steering.progress() },
-            cross_track_m: vec![0.0; of],
-            boxed_in: steering.boxed_in().to_vec(),
-            done,
-            ..Wanted::default()
+        let wanted = steering.wanted("to the places", there);
+        if !done {
+            return wanted;
         }
+        Wanted { phase: "every part is at its place".into(), progress: 1.0, done, ..wanted }
     }
 }
 

@@ -107,14 +107,7 @@ impl InPhase {
     /// To the first corners.
     fn approach(&self, steering: &Steering) -> Wanted {
         let there = steering.distances_m().filter(|distance_m| *distance_m <= self.params.arrive_m).count();
-        Wanted {
-            subgoals_m: steering.subgoals_m(),
-            targets_m: steering.targets_m(),
-            phase: steering.phase("to the first corners", there),
-            cross_track_m: vec![0.0; steering.seen_m().len()],
-            boxed_in: steering.boxed_in().to_vec(),
-            ..Wanted::default()
-        }
+        Wanted { progress: 0.0, ..steering.wanted("to the first corners", there) }
     }
 
     /// On the loops, `elapsed_s` after the look before.

@@ -179,16 +179,11 @@ impl Goal for Sort {
         };
         let there = steering.seen_m().iter().enumerate().filter(|part| inside(*part)).count();
         let done = of > 0 && there == of;
-        let wanted = Wanted {
-            subgoals_m: steering.subgoals_m(),
-            targets_m: if done { steering.seen_m().to_vec() } else { steering.targets_m() },
-            phase: if done { "every part is in its bin".into() } else { steering.phase("into the bins", there) },
-            progress: if done { 1.0 } else { steering.progress() },
-            cross_track_m: vec![0.0; of],
-            boxed_in: steering.boxed_in().to_vec(),
-            done,
-            ..Wanted::default()
-        };
+        let mut wanted = steering.wanted("into the bins", there);
+        if done {
+            let phase = "every part is in its bin".into();
+            wanted = Wanted { targets_m: steering.seen_m().to_vec(), phase, progress: 1.0, done, ..wanted };
+        }
         self.steering = Some(steering);
         wanted
     }

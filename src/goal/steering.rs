@@ -1,10 +1,10 @@
-use super::Disc;
 use super::assignment::assign;
 use super::fleet::Fleet;
 use super::least_effort::Effort;
 use super::routes::PLANNED_GAP_M;
 use super::stages::{Stages, find_stages};
 use super::turns::Task;
+use super::{Disc, Wanted};
 use std::sync::Arc;
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
@@ -151,9 +151,22 @@ impl Steering {
         self.stages_m.first().unwrap_or(&self.seen_m).clone()
     }
 
+    /// What is wanted of parts of which `there` are where they shall be; `to` says in words where that is.
+    pub(super) fn wanted(&self, to: &str, there: usize) -> Wanted {
+        Wanted {
+            subgoals_m: self.subgoals_m(),
+            targets_m: self.targets_m(),
+            phase: self.phase(to, there),
+            progress: self.progress,
+            cross_track_m: vec![0.0; self.seen_m.len()],
+            boxed_in: self.boxed_in.clone(),
+            ..Wanted::default()
+        }
+    }
+
     /// What is being done, in words: where to, by what way and how many are there. Parts are told by their number
     /// in the order of the job, from 1.
-    pub(super) fn phase(&self, to: &str, there: usize) -> String {
+    fn phase(&self, to: &str, there: usize) -> String {
         let of = self.seen_m.len();
         let numbers: Vec<String> = self.boxed_in.iter().map(|part| (part + 1).to_string()).collect();
         let round = if matches!(self.motions, Motions::Independent) { self.stages_m.len() > 1 } else { self.round };
@@ -166,11 +179,6 @@ impl Steering {
         }
     }
 
-    /// Parts that have no way to their places as things stand.
-    pub(super) fn boxed_in(&self) -> &[usize] {
-        &self.boxed_in
-    }
-
     /// Where each part was last seen, m.
     pub(super) fn seen_m(&self) -> &[Vec2] {
         &self.seen_m
@@ -179,11 +187,6 @@ impl Steering {
     /// Distance of each part from its place, m.
     pub(super) fn distances_m(&self) -> impl Iterator<Item = f64> {
         self.seen_m.iter().zip(&self.place_of).map(|(seen_m, &place)| (seen_m - self.places_m[place]).norm())
-    }
-
-    /// Part of the way that is behind the parts, 0 to 1.
-    pub(super) fn progress(&self) -> f64 {
-        self.progress
     }
 
     /// The least sum of squared ways from `starts_m`.

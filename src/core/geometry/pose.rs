@@ -3,7 +3,7 @@ use nalgebra::Rotation2;
 use super::Vec2;
 
 /// Where a planar body is: `coin_in_table`, `plate_in_table`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pose {
     /// Position of the body's origin, m.
     pub position_m: Vec2,
@@ -25,11 +25,5 @@ impl Pose {
     #[inline]
     pub fn apply_inverse(&self, p_parent_m: Vec2) -> Vec2 {
         Rotation2::new(-self.heading_rad) * (p_parent_m - self.position_m)
-    }
-}
-
-impl Default for Pose {
-    fn default() -> Self {
-        Self::IDENTITY
     }
 }

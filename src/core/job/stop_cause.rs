@@ -1,167 +1,82 @@
-use serde::{Deserialize, Serialize};
+use super::coded_enum::coded_enum;
 
-/// Cause of the end of a run that did not reach its goal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StopCause {
-    /// A request to give way to another job: the run ended between two cycles, motors at zero, parts at rest.
-    GaveWay,
-    /// Pulses, or time without one, brought no part nearer to its target.
-    NoProgress,
-    /// A cycle had no plan that keeps the limits.
-    NoFeasibleStep,
-    /// Rotations of the library cannot move the parts independently where they were first seen.
-    Uncontrollable,
-    /// The plate time limit was reached.
-    TimeLimit,
-    /// A part cannot be seen any more.
-    PartLost,
-    /// The camera does not see the parts of the job when the run begins.
-    PartCount,
-    /// The rig failed.
-    DeviceFault,
-    /// The camera sees no table.
-    TableMissing,
-    /// The camera sends the same pictures again and again.
-    CameraFrozen,
-    /// Numbers or stamps of the camera's frames do not fit the present.
-    CameraStale,
-    /// The camera's frames show no plate: dark, or garbage.
-    CameraDark,
-    /// The plate is not where it was in the picture: the camera was knocked, or the plate.
-    CameraMoved,
-    /// The plate moves later in the pictures than it is driven.
-    CameraLate,
-    /// Something large hides part of the plate.
-    ViewHidden,
-    /// Something of a part's size lies on the plate that is no part of the job.
-    ForeignPart,
-    /// Parts are not where they can have got to.
-    PartsJumped,
-    /// A voice coil does not do what it is sent.
-    CoilFault,
-    /// An accelerometer channel does not show how the plate moves.
-    AccelerometerFault,
-    /// The plate does not move as planned.
-    MotionOff,
-    /// A part hardly moves although pulses should carry it.
-    PartStuck,
-    /// A part goes the other way than pulses should carry it.
-    PartAstray,
-    /// The flag that ends a run was set by an unknown caller.
-    Stopped,
-    /// The operator interrupted the program.
-    Interrupted,
-    /// A client asked for it.
-    Cancelled,
-    /// An operator pressed the emergency stop.
-    Estop,
-    /// The program ended.
-    Shutdown,
-    /// The drive lease expired: the control loop did not drive the motors in time.
-    LeaseExpired,
-    /// A watchdog stopped it for a cause that is not known.
-    Watchdog,
-    /// A watchdog stopped it: this computer was too slow for the plate, under strict deadlines.
-    DeadlineMissed,
-    /// A watchdog stopped it: control took no frame for a long time.
-    Hung,
-    /// A watchdog stopped it: no part was seen for a long time.
-    NoPartSeen,
-    /// A watchdog stopped it: events of the run could not be stored.
-    EventsBlocked,
-    /// A watchdog stopped it: the journal could not be written for a long time.
-    JournalBlocked,
-    /// The journal could not be written.
-    JournalLost,
+coded_enum! {
+    /// Cause of the end of a run that did not reach its goal.
+    pub enum StopCause {
+        /// A request to give way to another job: the run ended between two cycles, motors at zero, parts at rest.
+        GaveWay = "gave_way",
+        /// Pulses, or time without one, brought no part nearer to its target.
+        NoProgress = "no_progress",
+        /// A cycle had no plan that keeps the limits.
+        NoFeasibleStep = "no_feasible_step",
+        /// Rotations of the library cannot move the parts independently where they were first seen.
+        Uncontrollable = "uncontrollable",
+        /// The plate time limit was reached.
+        TimeLimit = "time_limit",
+        /// A part cannot be seen any more.
+        PartLost = "part_lost",
+        /// The camera does not see the parts of the job when the run begins.
+        PartCount = "part_count",
+        /// The rig failed.
+        DeviceFault = "device_fault",
+        /// The camera sees no table.
+        TableMissing = "table_missing",
+        /// The camera sends the same pictures again and again.
+        CameraFrozen = "camera_frozen",
+        /// Numbers or stamps of the camera's frames do not fit the present.
+        CameraStale = "camera_stale",
+        /// The camera's frames show no plate: dark, or garbage.
+        CameraDark = "camera_dark",
+        /// The plate is not where it was in the picture: the camera was knocked, or the plate.
+        CameraMoved = "camera_moved",
+        /// The plate moves later in the pictures than it is driven.
+        CameraLate = "camera_late",
+        /// Something large hides part of the plate.
+        ViewHidden = "view_hidden",
+        /// Something of a part's size lies on the plate that is no part of the job.
+        ForeignPart = "foreign_part",
+        /// Parts are not where they can have got to.
+        PartsJumped = "parts_jumped",
+        /// A voice coil does not do what it is sent.
+        CoilFault = "coil_fault",
+        /// An accelerometer channel does not show how the plate moves.
+        AccelerometerFault = "accelerometer_fault",
+        /// The plate does not move as planned.
+        MotionOff = "motion_off",
+        /// A part hardly moves although pulses should carry it.
+        PartStuck = "part_stuck",
+        /// A part goes the other way than pulses should carry it.
+        PartAstray = "part_astray",
+        /// The flag that ends a run was set by an unknown caller.
+        Stopped = "stopped",
+        /// The operator interrupted the program.
+        Interrupted = "interrupted",
+        /// A client asked for it.
+        Cancelled = "cancelled",
+        /// An operator pressed the emergency stop.
+        Estop = "estop",
+        /// The program ended.
+        Shutdown = "shutdown",
+        /// The drive lease expired: the control loop did not drive the motors in time.
+        LeaseExpired = "lease_expired",
+        /// A watchdog stopped it for a cause that is not known.
+        Watchdog = "watchdog",
+        /// A watchdog stopped it: this computer was too slow for the plate, under strict deadlines.
+        DeadlineMissed = "deadline_missed",
+        /// A watchdog stopped it: control took no frame for a long time.
+        Hung = "hung",
+        /// A watchdog stopped it: no part was seen for a long time.
+        NoPartSeen = "no_part_seen",
+        /// A watchdog stopped it: events of the run could not be stored.
+        EventsBlocked = "events_blocked",
+        /// A watchdog stopped it: the journal could not be written for a long time.
+        JournalBlocked = "journal_blocked",
+        /// The journal could not be written.
+        JournalLost = "journal_lost",
+    }
 }
 
 impl StopCause {
-    /// All of them.
-    pub const ALL: [Self; 35] = [
-        Self::GaveWay,
-        Self::NoProgress,
-        Self::NoFeasibleStep,
-        Self::Uncontrollable,
-        Self::TimeLimit,
-        Self::PartLost,
-        Self::PartCount,
-        Self::DeviceFault,
-        Self::TableMissing,
-        Self::CameraFrozen,
-        Self::CameraStale,
-        Self::CameraDark,
-        Self::CameraMoved,
-        Self::CameraLate,
-        Self::ViewHidden,
-        Self::ForeignPart,
-        Self::PartsJumped,
-        Self::CoilFault,
-        Self::AccelerometerFault,
-        Self::MotionOff,
-        Self::PartStuck,
-        Self::PartAstray,
-        Self::Stopped,
-        Self::Interrupted,
-        Self::Cancelled,
-        Self::Estop,
-        Self::Shutdown,
-        Self::LeaseExpired,
-        Self::Watchdog,
-        Self::DeadlineMissed,
-        Self::Hung,
-        Self::NoPartSeen,
-        Self::EventsBlocked,
-        Self::JournalBlocked,
-        Self::JournalLost,
-    ];
-
-    /// Its name in files and on the network, which never changes.
-    pub fn code(self) -> &'static str {
-        match self {
-            Self::GaveWay => "gave_way",
-            Self::NoProgress => "no_progress",
-            Self::NoFeasibleStep => "no_feasible_step",
-            Self::Uncontrollable => "uncontrollable",
-            Self::TimeLimit => "time_limit",
-            Self::PartLost => "part_lost",
-            Self::PartCount => "part_count",
-            Self::DeviceFault => "device_fault",
-            Self::TableMissing => "table_missing",
-            Self::CameraFrozen => "camera_frozen",
-            Self::CameraStale => "camera_stale",
-            Self::CameraDark => "camera_dark",
-            Self::CameraMoved => "camera_moved",
-            Self::CameraLate => "camera_late",
-            Self::ViewHidden => "view_hidden",
-            Self::ForeignPart => "foreign_part",
-            Self::PartsJumped => "parts_jumped",
-            Self::CoilFault => "coil_fault",
-            Self::AccelerometerFault => "accelerometer_fault",
-            Self::MotionOff => "motion_off",
-            Self::PartStuck => "part_stuck",
-            Self::PartAstray => "part_astray",
-            Self::Stopped => "stopped",
-            Self::Interrupted => "interrupted",
-            Self::Cancelled => "cancelled",
-            Self::Estop => "estop",
-            Self::Shutdown => "shutdown",
-            Self::LeaseExpired => "lease_expired",
-            Self::Watchdog => "watchdog",
-            Self::DeadlineMissed => "deadline_missed",
-            Self::Hung => "hung",
-            Self::NoPartSeen => "no_part_seen",
-            Self::EventsBlocked => "events_blocked",
-            Self::JournalBlocked => "journal_blocked",
-            Self::JournalLost => "journal_lost",
-        }
-    }
-
-    /// The cause of that name.
-    pub fn of_code(code: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|cause| cause.code() == code)
-    }
-
     /// For people: what the operator should check or change; `None` where there is nothing.
     pub fn remedy(self) -> Option<&'static str> {
         Some(match self {

@@ -202,9 +202,7 @@ impl<'a> EventLine<'a> {
     /// True where it says what became of the recording, which the disk decides and not the run.
     fn is_of_recording(&self) -> bool {
         match self.code.as_deref() {
-            Some(code) => {
-                [RecordingEnd::RecordingStopped, RecordingEnd::RecordingFailed].iter().any(|end| end.code() == code)
-            }
+            Some(code) => RecordingEnd::of_code(code).is_some(),
             None => self.text.starts_with(legacy::RECORDING_ENDS_EARLY),
         }
     }
