@@ -1,7 +1,6 @@
 mod end;
 mod play;
 mod probe;
-mod warn;
 
 use std::ops::ControlFlow::{Break, Continue};
 use std::sync::Arc;
@@ -27,6 +26,10 @@ use upm_planner::Plan;
 /// Share of the wanted steps that is taken while coils or accelerometers are in doubt, and the length that steps keep, m.
 const CAUTIOUS_SHARE: f64 = 0.5;
 const CAUTIOUS_STEP_M: f64 = 2e-3;
+
+/// A part that goes less than this part of the way the library has it is slow, and no longer slow from the second on.
+const SLOW: f64 = 0.7;
+const NOT_SLOW: f64 = 0.75;
 
 /// What a run plays on and tells to.
 pub struct Devices<'a> {
@@ -254,6 +257,31 @@ impl Cycle<'_> {
             return step_m;
         }
         step_m * CAUTIOUS_SHARE.max(CAUTIOUS_STEP_M / length_m)
+    }
+
+    /// Notes the parts that no way leads to their targets.
+    fn warn_of_blocked(&mut self, blocked: &[usize]) {
+        for &part in blocked {
+            let reason = format!("{} is boxed in: no way to its target is free", self.params.id(part));
+            self.warn(Condition::PartBlocked { part }, reason);
+        }
+    }
+
+    /// Notes each part that goes much less far than calibration has it.
+    fn tell_slow_parts(&mut self) {
+        for part in 0..self.params.parts.len() {
+            let (condition, gain) = (Condition::PartSlow { part }, self.planning.gains.of_part(part));
+            let below = if self.conditions.holds(condition) { NOT_SLOW } else { SLOW };
+            if gain < below {
+                let reason =
+                    format!("{} is slow: it goes {gain:.2} of the way measured in calibration", self.params.id(part));
+                self.warn(condition, reason);
+            }
+        }
+    }
+
+    fn warn(&mut self, condition: Condition, reason: String) {
+        self.conditions.note(self.rig.now(), condition, || reason, self.sink);
     }
 
     fn check_stop(&self) -> Flow {

@@ -5,15 +5,13 @@ mod delay;
 mod freshness;
 mod motion;
 mod steps;
-mod stillness;
 
 use super::condition::Condition;
 
 pub(super) use delay::{DelayGuard, Late, Swing, SwingSeen};
-pub(super) use freshness::{Freshness, Stale};
+pub(super) use freshness::{Freshness, Stale, StillnessGuard};
 pub(super) use motion::{CoilResponses, Finding, MotionGuard, PulseReading};
 pub(super) use steps::{StepGuard, Unlike, Went, went};
-pub(super) use stillness::StillnessGuard;
 
 /// Which guards are awake: all, but for the one that a test of the tests puts to sleep.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

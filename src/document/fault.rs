@@ -73,7 +73,7 @@ impl Path {
     pub fn key(&self, key: &str) -> Self {
         let plain = !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c));
         match (plain, self.0.is_empty()) {
-            (false, _) => Self(format!("{}[{}]", self.0, shown(&Value::from(key)))),
+            (false, _) => Self(format!("{}[{}]", self.0, quoted(key))),
             (true, true) => Self(key.to_owned()),
             (true, false) => Self(format!("{}.{key}", self.0)),
         }
@@ -168,6 +168,11 @@ pub fn shown(value: &Value) -> String {
         _ if text.len() > LONGEST_SHOWN => text.chars().take(LONGEST_SHOWN).chain(['…']).collect(),
         _ => text,
     }
+}
+
+/// A text as a fault shows it, see [`shown`].
+pub fn quoted(text: &str) -> String {
+    shown(&Value::from(text))
 }
 
 /// `1 part`, `2 parts`.

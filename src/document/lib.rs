@@ -7,6 +7,6 @@ mod kind;
 mod read;
 mod shape;
 
-pub use fault::{Fault, Faults, Path, counted, one_of, shown};
+pub use fault::{Fault, Faults, Path, counted, one_of, quoted, shown};
 pub use kind::Document;
 pub use read::{MOST_BYTES, parse, parse_and_build, schema_of, text_of};

@@ -1,6 +1,6 @@
 use serde_json::{Map, Value};
 
-use super::fault::{Faults, Path, one_of, shown};
+use super::fault::{Faults, Path, one_of, quoted, shown};
 
 /// Holds `value` against the JSON Schema that serde's types were turned into, and lists everything that does not
 /// fit: unknown and missing keys, wrong types, unknown words, numbers out of range. Knows the keywords
@@ -93,7 +93,7 @@ impl<'a> Walker<'a> {
             match (member_of(key), schema.get("additionalProperties")) {
                 (None, Some(Value::Bool(false))) => {
                     let keys: Vec<&str> = known.into_iter().flat_map(Map::keys).map(String::as_str).collect();
-                    let found = format!("unknown key {}", shown(&Value::from(key.as_str())));
+                    let found = format!("unknown key {}", quoted(key));
                     self.faults.push(at.key(key), found, one_of(key, &keys));
                 }
                 (Some(member), _) | (None, Some(member)) => self.visit(value, member, &at.key(key)),

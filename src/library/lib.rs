@@ -4,7 +4,6 @@ mod agreement;
 mod coil_response;
 mod displacement;
 mod drive;
-mod field_drive;
 #[cfg(test)]
 mod fields_tests;
 mod file;
@@ -16,8 +15,7 @@ mod types;
 mod validate;
 
 pub use coil_response::CoilResponse;
-pub use drive::drive_for;
-pub use field_drive::motor_harmonics;
+pub use drive::{drive_for, motor_harmonics};
 pub use raw::{RawAxes, RawDisplacement, RawEntry, RawFieldResponse, RawLibrary, RawPlateResponse, RawShapes};
 pub use types::{AxisShape, DisplacementModel, Entry, FieldResponse, Library, PlateResponse};
 pub use validate::{FieldFacts, RigFacts};

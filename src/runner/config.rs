@@ -30,14 +30,13 @@ mod rig_checks;
 mod room;
 mod schema;
 mod simulate;
-mod standing;
 mod task;
 #[cfg(test)]
 mod tests;
 mod trace;
 mod view;
 
-pub use daemon::{DaemonSpec, KeepSpec, PlateSpec, WatchdogSpec};
+pub use daemon::{DaemonSpec, KeepSpec, PlateSpec, StandingSpec, WatchdogSpec};
 pub use job::{JobSpec, LibraryRef};
 pub use kinds::{KindSpec, PartGroup};
 pub use place::{PlacedPart, place_parts};
@@ -57,7 +56,6 @@ pub use rig::{RigSpec, fingerprint};
 pub use room::{REST_GAP_M, REST_MARGIN_M, START_GAP_M, START_MARGIN_M};
 pub use schema::{schema, schema_names};
 pub use simulate::{PulseSpec, SimulateSpec};
-pub use standing::StandingSpec;
 pub use task::TaskSpec;
 pub use trace::{load_trace, trace_from_json, trace_to_json};
 pub use upm_document::{Document, Fault, MOST_BYTES, Path};

@@ -4,12 +4,12 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use super::raw_daemon::{RawDaemon, RawDisk, RawKeep, RawServedPlate, RawWatchdog};
+use super::job::JobSpec;
+use super::raw_daemon::{RawDaemon, RawDisk, RawKeep, RawServedPlate, RawStandingJob, RawStart, RawWatchdog};
 use super::read::{NAMES, Origin, is_plain_name};
 use super::rig::RigSpec;
-use super::standing::{StandingSpec, standing_of};
 use upm_core::job::Pace;
-use upm_document::{Fault, Faults, Path, one_of, parse_and_build, shown, text_of};
+use upm_document::{Fault, Faults, Path, one_of, parse_and_build, quoted, text_of};
 
 /// What a daemon runs, validated.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,6 +66,15 @@ pub struct PlateSpec {
     pub live_port: Option<u16>,
     /// The job that runs whenever its queue is empty.
     pub standing: Option<StandingSpec>,
+}
+
+/// The standing job of a plate: it runs whenever the plate's queue is empty.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StandingSpec {
+    /// The job, on the plate's rig.
+    pub job: JobSpec,
+    /// True when it waits for a person after the daemon's start.
+    pub starts_paused: bool,
 }
 
 /// What is kept of jobs that have ended.
@@ -169,7 +178,7 @@ impl DaemonSpec {
 
 fn listen_of(text: &str, faults: &mut Faults) -> Option<SocketAddr> {
     let address = text.parse().ok();
-    let found = shown(&Value::from(text));
+    let found = quoted(text);
     let allowed = "an IP address and a port, as 127.0.0.1:8750 or [::1]:8750";
     faults.demand(address.is_some(), Path::root().key("listen"), found, allowed);
     address
@@ -179,7 +188,7 @@ fn listen_of(text: &str, faults: &mut Faults) -> Option<SocketAddr> {
 fn plates_of(raw: &[RawServedPlate], origin: &Origin, faults: &mut Faults) -> Option<Vec<PlateSpec>> {
     let plate_of = |(i, plate): (usize, &RawServedPlate)| {
         let at = Path::root().key("plates").index(i);
-        let name = shown(&Value::from(plate.name.as_str()));
+        let name = quoted(&plate.name);
         faults.demand(is_plain_name(&plate.name), at.key("name"), &name, NAMES);
         // file systems that do not tell cases apart would hold two latches as one
         let twice = raw.iter().take(i).any(|before| before.name.eq_ignore_ascii_case(&plate.name));
@@ -200,6 +209,39 @@ fn plates_of(raw: &[RawServedPlate], origin: &Origin, faults: &mut Faults) -> Op
     plates.into_iter().collect()
 }
 
+/// The standing job of `plate`, read from the file that the daemon file names; its faults are told under its own name.
+fn standing_of(
+    raw: &RawStandingJob,
+    plate: &RawServedPlate,
+    rig: &RigSpec,
+    origin: &Origin,
+    at: &Path,
+    faults: &mut Faults,
+) -> Option<StandingSpec> {
+    let path = origin.named_file(&raw.job, &at.key("job"), faults)?;
+    let found = || quoted(&raw.job);
+    let unread = |fault: Fault| faults.push(at.key("job"), found(), format!("a job file ({})", fault.found));
+    let text = text_of(&path).map_err(unread).ok()?;
+    let job = JobSpec::from_json(&text, &Origin::of_file(&path), Some(rig));
+    let job = job.map_err(|others| faults.append(others)).ok()?;
+    let mut of_job = Faults::of(&job.file);
+    check_standing(&job, plate, rig, &mut of_job);
+    faults.append(of_job.into_list());
+    Some(StandingSpec { job, starts_paused: raw.start == RawStart::Paused })
+}
+
+/// A plate has one rig and one library, and its standing job is of no other plate.
+fn check_standing(job: &JobSpec, plate: &RawServedPlate, rig: &RigSpec, faults: &mut Faults) {
+    let (root, name) = (Path::root(), &plate.name);
+    let allowed = format!("the rig of plate {name}, or nothing");
+    faults.demand(rig.is_as_in(&job.rig.raw), root.key("rig"), "another rig", allowed);
+    let asked = job.plate.as_deref().unwrap_or(name);
+    let allowed = format!("{name}, whose standing job this is, or nothing");
+    faults.demand(asked == name, root.key("plate"), quoted(asked), allowed);
+    let allowed = format!("the library itself, or nothing: that of plate {name} applies");
+    faults.demand(!job.names_library_file(), root.key("library"), "a path", allowed);
+}
+
 /// A plate serves many jobs, which seldom bring a library of their own.
 fn library_of_rig(rig: &RigSpec, at: &Path, faults: &mut Faults) -> Option<PathBuf> {
     if rig.library.is_none() {
@@ -213,7 +255,7 @@ fn default_plate_of(raw: &RawDaemon, faults: &mut Faults) -> Option<String> {
     let names: Vec<&str> = raw.plates.iter().map(|plate| plate.name.as_str()).collect();
     match (&raw.default_plate, names.as_slice()) {
         (Some(named), _) => {
-            let found = shown(&Value::from(named.as_str()));
+            let found = quoted(named);
             faults.demand(
                 names.contains(&named.as_str()),
                 Path::root().key("default_plate"),
@@ -232,7 +274,7 @@ fn hosts_of(raw: &[String], faults: &mut Faults) -> Vec<String> {
     for (i, host) in raw.iter().enumerate() {
         let at = Path::root().key("hosts").index(i);
         let allowed = "a host name or IP address without a port, as lab.example.org";
-        faults.demand(is_host(host), &at, shown(&Value::from(host.as_str())), allowed);
+        faults.demand(is_host(host), &at, quoted(host), allowed);
     }
     raw.iter().map(|host| canonical(host)).collect()
 }

@@ -2,10 +2,9 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 use upm_core::time::PlateTime;
-use upm_document::{Faults, Path, one_of, shown};
+use upm_document::{Faults, Path, one_of, quoted};
 use upm_sim::faults::{Component, FaultKind, FaultSpec, ValueRange, drawn_faults};
 
 /// Names of components as a person is told them.
@@ -141,7 +140,7 @@ pub(super) fn typed(texts: &[String], parts: usize, faults: &mut Faults) -> Vec<
             Some(raw) => specs.extend(spec(&raw, parts, &at, faults)),
             None => {
                 let allowed = "COMPONENT:KIND[=VALUE[;VALUE]][@FROM_S[-TO_S]], for example coil0:reversed@1.2";
-                faults.push(Path::root(), shown(&Value::from(text)), allowed);
+                faults.push(Path::root(), quoted(text), allowed);
             }
         }
     }
@@ -159,7 +158,7 @@ fn components(found: &str) -> String {
 
 fn spec(raw: &RawFault, parts: usize, at: &Path, faults: &mut Faults) -> Option<FaultSpec> {
     let Some(component) = Component::named(&raw.component) else {
-        let found = shown(&Value::from(raw.component.as_str()));
+        let found = quoted(&raw.component);
         faults.push(at.key("component"), found, components(&raw.component));
         return None;
     };
@@ -169,7 +168,7 @@ fn spec(raw: &RawFault, parts: usize, at: &Path, faults: &mut Faults) -> Option<
     }
     let Some(kind) = component.kinds().find(|kind| kind.name() == raw.kind) else {
         let kinds: Vec<&str> = component.kinds().map(FaultKind::name).collect();
-        faults.push(at.key("kind"), shown(&Value::from(raw.kind.as_str())), one_of(&raw.kind, &kinds));
+        faults.push(at.key("kind"), quoted(&raw.kind), one_of(&raw.kind, &kinds));
         return None;
     };
     let values = values(raw, component, kind, parts, &at.key("value"), faults)?;

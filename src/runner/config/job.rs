@@ -12,7 +12,7 @@ use super::room;
 use super::task::{self, TaskSpec};
 use upm_core::rig::PartKind;
 use upm_core::units::{m_from_mm, mm_from_m};
-use upm_document::{Fault, Faults, Path, parse_and_build, shown, text_of};
+use upm_document::{Fault, Faults, Path, parse_and_build, quoted, text_of};
 use upm_sim::faults::FaultSpec;
 
 /// A validated job.
@@ -182,7 +182,7 @@ fn library_of(raw: &RawJob, origin: &Origin, faults: &mut Faults) -> Option<Libr
         LibrarySource::File(named) => {
             let path = origin.resolve(named);
             let at = Path::root().key("library");
-            let found = shown(&Value::from(named.as_str()));
+            let found = quoted(named);
             faults.demand(path.is_some(), &at, found, "the library itself: files cannot be named here");
             path.map(LibraryRef::File)
         }

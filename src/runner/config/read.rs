@@ -1,10 +1,8 @@
 use std::path::{Path as FilePath, PathBuf};
 
-use serde_json::Value;
-
 use upm_core::geometry::Vec2;
 use upm_core::units::m_from_mm;
-use upm_document::{Faults, Path, shown};
+use upm_document::{Faults, Path, quoted};
 
 /// Where a document comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,7 +32,7 @@ impl Origin {
     /// The file that the document calls `named`, else a fault at `at`.
     pub(super) fn named_file(&self, named: &str, at: &Path, faults: &mut Faults) -> Option<PathBuf> {
         let path = self.resolve(named);
-        faults.demand(path.is_some(), at, shown(&Value::from(named)), "nothing: files cannot be named here");
+        faults.demand(path.is_some(), at, quoted(named), "nothing: files cannot be named here");
         path
     }
 }

@@ -11,7 +11,7 @@ use super::rig_checks;
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::rig::{FieldDriveModel, RigModel};
 use upm_core::units::m_from_mm;
-use upm_document::{Fault, Faults, Path, one_of, parse_and_build, text_of};
+use upm_document::{Fault, Faults, Path, one_of, parse_and_build, quoted, text_of};
 use upm_sim::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PlateParams, SimParams};
 
 /// A validated rig. What control may know of it stands in `model`; the rest is for the simulation alone.
@@ -67,10 +67,10 @@ impl RigSpec {
             RigSource::File(named) => named,
         };
         let Some(path) = origin.resolve(&named) else {
-            faults.push(at, shown(&named), "the rig itself: files cannot be named here");
+            faults.push(at, quoted(&named), "the rig itself: files cannot be named here");
             return None;
         };
-        match text_of(&path).map_err(|fault| faults.push(at, shown(&named), format!("a rig file ({})", fault.found))) {
+        match text_of(&path).map_err(|fault| faults.push(at, quoted(&named), format!("a rig file ({})", fault.found))) {
             Ok(text) => Self::from_json(&text, &Origin::of_file(&path))
                 .map(|rig| rig.rebased_from(&named))
                 .map_err(|others| faults.append(others))
@@ -96,7 +96,7 @@ impl RigSpec {
         rig_checks::check(&raw, &sim, at, faults);
         let library = raw.library.as_ref().map(|named| (named, origin.resolve(named)));
         if let Some((named, None)) = &library {
-            faults.push(at.key("library"), shown(named), "nothing: files cannot be named here");
+            faults.push(at.key("library"), quoted(named), "nothing: files cannot be named here");
         }
         let library = library.and_then(|(_, path)| path);
         let (model, fingerprint) = (model_of(&raw, &sim), fingerprint(&raw));
@@ -120,7 +120,7 @@ impl RigSpec {
         let found = self.kind(name);
         if found.is_none() {
             let names: Vec<&str> = self.kinds.iter().map(|spec| spec.kind.name.as_str()).collect();
-            faults.push(at, shown(name), one_of(name, &names));
+            faults.push(at, quoted(name), one_of(name, &names));
         }
         found
     }
@@ -262,8 +262,4 @@ fn write_canonical(value: &Value, out: &mut String) {
         }
         plain => out.push_str(&plain.to_string()),
     }
-}
-
-fn shown(text: &str) -> String {
-    upm_document::shown(&Value::from(text))
 }
