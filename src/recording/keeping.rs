@@ -9,10 +9,10 @@ use upm_core::time::MonotonicClock;
 /// What a [`Scribe`](super::scribe::Scribe) does when the disk lags and its queue is full.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ScribeMode {
-    /// Whoever writes waits.
+    /// The write waits.
     #[default]
     Wait,
-    /// The write fails with [`io::ErrorKind::WouldBlock`], and so does every later one: whoever writes never waits.
+    /// The write fails with [`io::ErrorKind::WouldBlock`], and so does every later one; no write ever waits.
     GiveUp,
 }
 
@@ -37,7 +37,7 @@ pub struct Keeping {
 }
 
 impl Keeping {
-    /// Whoever tells waits for the disk, so nothing is ever lost.
+    /// The run waits for the disk, so nothing is ever lost.
     pub fn patient(clock: MonotonicClock) -> Self {
         Self {
             scribe: ScribeMode::Wait,
@@ -51,13 +51,13 @@ impl Keeping {
     }
 }
 
-/// Tells from any thread how a [`Scribe`](super::scribe::Scribe) is getting on. Clones tell of the same scribe, and nobody waits here.
+/// Status of a [`Scribe`](super::scribe::Scribe), to be read from any thread without waiting. Clones are of the same scribe.
 #[derive(Clone, Debug, Default)]
 pub struct ScribeWatch(Arc<Watched>);
 
 #[derive(Debug, Default)]
 struct Watched {
-    /// Since when the disk has not answered, ms of the scribe's clock, at least 1; 0 while nobody waits for it.
+    /// Since when the disk has not answered, ms of the scribe's clock, at least 1; 0 while it is not waited for.
     waits_since_ms: AtomicU64,
     fault: OnceLock<String>,
 }

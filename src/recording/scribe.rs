@@ -36,7 +36,7 @@ impl Durable for File {
     }
 }
 
-/// Writes lines on a thread of its own, so that a slow disk holds up nobody else.
+/// Writes lines on a background thread, so that a slow disk does not hold up the run.
 ///
 /// Every `write` is one line. Lines are written within 0.25 s and committed within 1 s, always whole ones. What the
 /// thread meets comes out of the next `write`, or of [`Scribe::finish`]; nothing is written after the first fault.

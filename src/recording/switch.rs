@@ -38,7 +38,7 @@ pub enum RecordingState {
 }
 
 /// Tells how the recording of one run is getting on, and stops it while the run goes on. Clones are the same switch.
-/// Nobody ever waits here.
+/// No call ever waits.
 #[derive(Clone, Debug, Default)]
 pub struct RecordingSwitch(Arc<Shared>);
 
@@ -99,7 +99,7 @@ impl RecordingSwitch {
         self.0.bytes.fetch_add(bytes, Ordering::Relaxed);
     }
 
-    /// Why somebody wants it stopped.
+    /// Why it is to be stopped.
     pub fn wanted_stop(&self) -> Option<&str> {
         self.0.wanted_stop.get().map(String::as_str)
     }

@@ -1,5 +1,5 @@
 //! Composition: a validated job becomes a rig, a goal, a control loop and sinks; out come a run folder and a report.
-//! The command line, the tests and whoever else runs jobs all run this.
+//! The command line, the daemon and the tests all run jobs by this.
 
 mod bench;
 mod calibrate;
@@ -119,10 +119,10 @@ pub fn run(
     written.map(|()| result)
 }
 
-/// Runs `job` with `library`, which fits its rig, to its end and writes `folder`; whoever holds `links` looks on and
-/// stops it. `options` say nothing of the folder here. When this returns the rig is gone and the interlock free. A run whose
-/// journal could not be written ends as failed, unless somebody else stopped it; its report is in the result, and so is that
-/// of a run whose `report.json` alone could not be written, with a warning that says so.
+/// Runs `job` with `library`, which fits its rig, to its end and writes `folder`; `links` let the caller observe and stop
+/// the run. The folder in `options` is not used. When this returns the rig is gone and the interlock free. A run whose
+/// journal could not be written ends as failed, unless it was stopped from outside; its report is in the result. If only
+/// `report.json` cannot be written, the run still succeeds, with a warning.
 pub fn run_linked(
     job: &JobSpec,
     library: Arc<Library>,

@@ -104,7 +104,7 @@ impl Lap {
     }
 
     /// Least distance from the part of another lap in phase with this one, m, and the share of the lap where that is.
-    /// Between two corners, whoever's, both go straight, and so does one as the other sees it.
+    /// Between consecutive corners of either path both move linearly, hence so does their relative position.
     fn nearest_to(&self, other: &Self) -> (f64, f64) {
         let mut shares: Vec<f64> = self.shares.iter().chain(&other.shares).copied().collect();
         shares.sort_by(f64::total_cmp);

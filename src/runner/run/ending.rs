@@ -40,8 +40,8 @@ pub(super) fn ending(job: &JobSpec, bench: Option<&Bench>, finish: Finish, wall_
     }
 }
 
-/// The ending of a run of which something could not be written. A lost part is named all the same, and whoever stopped the run
-/// stopped it.
+/// Adds `error`, about a file that could not be written, to the ending of a run. A lost part and a stop from outside stay its
+/// cause.
 pub(super) fn unwritten_ending(ending: &mut Ending, error: &RunError) {
     let lost = ending.cause.filter(|&cause| cause == StopCause::PartLost);
     match (lost, ending.outcome, ending.cause) {

@@ -12,7 +12,7 @@ const LONGEST_NAP: Duration = Duration::from_millis(20);
 /// What real time is kept by.
 pub(super) struct Pace<'a> {
     pub(super) clock: &'a dyn Clock,
-    /// Parks the thread for that long, or until somebody wakes it.
+    /// Parks the thread for that long, or until it is woken.
     pub(super) nap: &'a dyn Fn(Duration),
     pub(super) stats: &'a PacingStats,
     pub(super) interlock: &'a Interlock,
@@ -118,7 +118,7 @@ impl Rig for Paced<'_> {
     }
 
     fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
-        // what was late before a pulse is not to count as time in which nobody drove it
+        // what was late before a pulse does not count as time without a driver
         self.keep_up()?;
         let started_at = self.rig.now();
         self.rig.play(drive)?;
@@ -154,7 +154,7 @@ impl Rig for Paced<'_> {
     }
 }
 
-/// Deadlines missed in real time, for whoever watches a plate while it runs.
+/// Deadlines missed in real time, to be read from any thread while a plate runs.
 ///
 /// A deadline is missed when control comes for its next frame more than a frame's period late: a camera would have
 /// taken that frame without anybody looking. The count goes on over all runs of a plate, the worst is that of its

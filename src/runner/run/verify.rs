@@ -79,7 +79,7 @@ pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<V
     Ok(repetition.verdict())
 }
 
-/// Ends the repetition when somebody stops it.
+/// Ends the repetition when it is stopped.
 struct Until<'a> {
     stop: &'a AtomicBool,
     enough: &'a AtomicBool,
@@ -217,7 +217,7 @@ impl<'a> EventLine<'a> {
     }
 }
 
-/// Lines up to the moment somebody stopped the run; `None` when nobody did. What follows, the event and a cycle that
+/// Lines up to the stop from outside; `None` for a run that was not stopped. What follows, the event and a cycle that
 /// never ended, the repetition cannot know of.
 fn lines_before_stop(journal: &[&str]) -> Option<usize> {
     let is_stop = |&at: &usize| EventLine::of(journal[at]).is_some_and(|event| event.is_external_stop());
