@@ -5,53 +5,52 @@
 //! and after it has stopped ([`Ledger::ended`]) blocks. Every queue is bounded.
 
 mod ages;
-mod aside;
-mod audit;
-mod ballast;
-mod books;
 mod columns;
-mod events;
+mod connection;
 mod handle;
 mod held;
-mod idempotency;
+mod history;
 mod ids;
+mod inspect;
 mod jobs;
+mod layout;
 mod ledger;
-mod limits;
+#[cfg(test)]
 mod memory;
 mod migrate;
 mod open;
-mod orders;
-mod peek;
+mod options;
 mod pending;
-mod places;
 mod private;
+mod quarantine;
 mod reader;
 mod recover;
 mod retention;
 mod run_file;
 mod salvage;
 mod schema;
-mod task;
+mod space_reserve;
 #[cfg(test)]
 mod tests;
 mod types;
+mod write_queue;
+mod write_tx;
 mod writer;
 
 pub use ages::Clocks;
 pub use handle::Store;
 pub use held::{Displaced, Found, HeldPath};
 pub use ids::JobId;
-pub use ledger::{Claimed, FINISHED, JobEnd, Ledger, NewEvent, Publish, StoredEvent};
-pub use limits::Limits;
+pub use inspect::{PeekMost, Peeked, peek};
+pub use ledger::{Ledger, Publish};
+#[cfg(test)]
 pub use memory::MemoryLedger;
-pub use open::{Opened, RepairRecording};
-pub use peek::{PeekMost, Peeked, peek};
-pub use retention::Swept;
+pub use open::Opened;
+pub use options::{Limits, RepairRecording};
 pub use run_file::{RunFileFault, open_run_file};
 pub use types::{
-    Accepted, AuditEntry, AuditRow, Cancelled, JobPage, JobRow, Mended, NewJob, Page, Recovery, Replay, StoreFault,
-    StoreHealth,
+    Accepted, AuditEntry, AuditRow, Cancelled, Claimed, FINISHED, JobEnd, JobPage, JobRow, Mended, NewEvent, NewJob,
+    Page, Recovery, Replay, StoreFault, StoreHealth, StoredEvent,
 };
 
 pub use crate::states::{JobState, RecordingStatus};

@@ -1,6 +1,6 @@
 use jiff::Timestamp;
 use rusqlite::types::{FromSql, FromSqlError, FromSqlResult, ToSql, ToSqlOutput, ValueRef};
-use rusqlite::{ErrorCode, Row};
+use rusqlite::{Connection, ErrorCode, Params, Row};
 
 use super::{JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault};
 
@@ -30,6 +30,21 @@ pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
         last_event: row.get::<_, i64>(16)?.cast_unsigned(),
         standing: row.get(17)?,
     })
+}
+
+/// All rows of a query, each read by `read`.
+pub(super) fn rows<T>(
+    connection: &Connection,
+    sql: &str,
+    params: impl Params,
+    read: impl FnMut(&Row<'_>) -> rusqlite::Result<T>,
+) -> rusqlite::Result<Vec<T>> {
+    connection.prepare(sql)?.query_map(params, read)?.collect()
+}
+
+/// A limit or number as SQLite takes it.
+pub(super) fn sql_limit(most: impl TryInto<i64>) -> i64 {
+    most.try_into().unwrap_or(i64::MAX)
 }
 
 /// A time in a column: whole microseconds.

@@ -8,22 +8,22 @@ use std::time::Duration;
 use jiff::Timestamp;
 
 use super::ages::AgeClock;
-use super::books::Books;
-use super::jobs::Begun;
-use super::orders::Orders;
+use super::jobs::StartOutcome;
 use super::reader::Readers;
-use super::retention::{Begins, Retention, Swept};
-use super::task::task;
+use super::retention::{Begins, Retention};
+use super::write_queue::{WriteQueue, task};
+use super::write_tx::WriteTx;
+
 use super::{
-    Accepted, AuditEntry, AuditRow, Cancelled, Claimed, Displaced, HeldPath, JobEnd, JobId, JobPage, JobRow, JobState,
-    Ledger, NewEvent, NewJob, Page, Publish, Replay, StoreFault, StoreHealth, StoredEvent, audit, events, jobs,
+    Accepted, AuditEntry, Cancelled, Claimed, Displaced, HeldPath, JobEnd, JobId, JobPage, JobRow, JobState, Ledger,
+    NewEvent, NewJob, Page, Publish, Replay, StoreFault, StoreHealth, StoredEvent, history, jobs,
 };
 use upm_core::files::sync_folder;
 
 /// The job store of one data folder. Callbacks run on its threads, after the commit: they hand on and return, and never
 /// call [`Ledger::claim`] or [`Ledger::ended`].
 pub struct Store {
-    pub(super) orders: Orders,
+    pub(super) queue: WriteQueue,
     pub(super) readers: Readers,
     pub(super) runs: PathBuf,
     pub(super) now: fn() -> Timestamp,
@@ -54,25 +54,25 @@ impl Store {
         wanted: impl Fn() -> bool + Send + 'static,
         done: impl FnOnce(Result<Option<Accepted>, StoreFault>) + Send + 'static,
     ) {
-        let accept = move |books: &Books<'_>| wanted().then(|| books.accept(&job)).transpose();
-        self.orders.write(task(false, accept, done));
+        let accept = move |tx: &WriteTx<'_>| wanted().then(|| tx.accept(&job)).transpose();
+        self.queue.write(task(false, accept, done));
     }
 
     /// The answer to a job whose key came before; `None` when it did not. Queues nothing.
     pub fn repeated(&self, job: NewJob, done: impl FnOnce(Result<Option<Accepted>, StoreFault>) + Send + 'static) {
-        self.orders.write(task(false, move |books: &Books<'_>| books.repeated(&job), done));
+        self.queue.write(task(false, move |tx: &WriteTx<'_>| tx.repeated(&job), done));
     }
 
     /// Takes a job out of the queue.
     pub fn cancel_queued(&self, id: &JobId, done: impl FnOnce(Result<Cancelled, StoreFault>) + Send + 'static) {
         let id = *id;
-        self.orders.write(task(true, move |books: &Books<'_>| books.cancel_queued(&id), done));
+        self.queue.write(task(true, move |tx: &WriteTx<'_>| tx.cancel_queued(&id), done));
     }
 
     /// A job.
     pub fn job(&self, id: &JobId, done: impl FnOnce(Result<Option<JobRow>, StoreFault>) + Send + 'static) {
         let id = *id;
-        self.readers.ask(move |connection| Ok(jobs::find(connection, &id)?), done);
+        self.readers.ask(move |connection| jobs::find(connection, &id), done);
     }
 
     /// A page of jobs, newest first.
@@ -99,34 +99,14 @@ impl Store {
         done: impl FnOnce(Result<Option<Replay>, StoreFault>) + Send + 'static,
     ) {
         let id = *id;
-        self.readers.ask(move |connection| events::replay(connection, &id, after, most), done);
-    }
-
-    /// The last events of the newest jobs, newest first.
-    pub fn newest_events(
-        &self,
-        most: usize,
-        done: impl FnOnce(Result<Vec<(JobId, StoredEvent)>, StoreFault>) + Send + 'static,
-    ) {
-        self.readers.ask(move |connection| events::newest(connection, most), done);
+        self.readers.ask(move |connection| history::replay(connection, &id, after, most), done);
     }
 
     /// Writes a line into the audit log as soon as there is room; never waits. False when too many wait already.
     pub fn audit(&self, entry: AuditEntry) -> bool {
-        let taken = self.orders.shown.pending.act((self.now)(), entry);
-        self.orders.wake();
+        let taken = self.queue.status.pending.act((self.now)(), entry);
+        self.queue.wake();
         taken
-    }
-
-    /// The last lines of the audit log, newest first.
-    pub fn audit_tail(&self, most: usize, done: impl FnOnce(Result<Vec<AuditRow>, StoreFault>) + Send + 'static) {
-        self.readers.ask(move |connection| audit::tail(connection, most), done);
-    }
-
-    /// Deletes run folders that are too old or too many now, as is done every minute and after every job anyway. Waits
-    /// for the disk.
-    pub fn sweep(&self) -> Result<Swept, StoreFault> {
-        self.retention.sweep()
     }
 
     /// Bytes of run folders when they were counted last: every minute, and after every job.
@@ -139,11 +119,6 @@ impl Store {
         &self.runs
     }
 
-    /// Time since the writing thread last went round its loop, four times a second when all is well.
-    pub fn heartbeat(&self) -> Duration {
-        self.orders.shown.heartbeat()
-    }
-
     /// Compares the paths of the data folder, its lock file, the database and its log with what is held open; the first
     /// that is displaced. Waits for the disk.
     pub fn check_paths(&self) -> Result<(), Displaced> {
@@ -152,17 +127,17 @@ impl Store {
 
     /// How it is.
     pub fn health(&self) -> StoreHealth {
-        let reserve = self.orders.shown.reserve.load(Ordering::Relaxed);
-        let fault = if self.orders.shown.closed.load(Ordering::SeqCst) {
+        let reserve = self.queue.status.reserve.load(Ordering::Relaxed);
+        let fault = if self.queue.status.closed.load(Ordering::SeqCst) {
             Some(StoreFault::Closed)
         } else {
-            self.orders.shown.fault()
+            self.queue.status.fault()
         };
         StoreHealth {
-            heartbeat: self.heartbeat(),
+            heartbeat: self.queue.status.heartbeat(),
             fault: fault.or((!reserve).then_some(StoreFault::Full)),
-            waiting: self.orders.shown.waiting.load(Ordering::Relaxed),
-            audit_waiting: self.orders.shown.pending.acts_waiting(),
+            waiting: self.queue.status.waiting.load(Ordering::Relaxed),
+            audit_waiting: self.queue.status.pending.acts_waiting(),
             reserve,
             reader_busy: self.readers.busy(),
             deletion_suspended: self.ages.ages().suspended,
@@ -172,7 +147,7 @@ impl Store {
     /// Writes what waits and notes that all ended in order. False when that took longer than `within`: then the next
     /// start is one after a crash. What is asked from now on is refused.
     pub fn close(&self, within: Duration) -> bool {
-        self.orders.close(within)
+        self.queue.close(within)
     }
 }
 
@@ -184,7 +159,7 @@ impl Ledger for Store {
     ) -> Result<Option<Claimed>, StoreFault> {
         loop {
             let asked = plate.to_owned();
-            let Some(row) = self.orders.written(false, move |books| books.next_queued(&asked))? else {
+            let Some(row) = self.queue.written(false, move |tx| tx.next_queued(&asked))? else {
                 return Ok(None);
             };
             // a sweep would take a folder that no row names as yet for one that was left behind
@@ -193,12 +168,12 @@ impl Ledger for Store {
             // a row must never name a folder that a power cut takes away
             sync_folder(&self.runs)?;
             let made = name.clone();
-            let claimed = self.orders.written(false, move |books| books.start(&row.id, &made));
+            let claimed = self.queue.written(false, move |tx| tx.start(&row.id, &made));
             match claimed {
-                Ok(Begun::Now(claimed)) => return Ok(Some(*claimed)),
-                Ok(Begun::Never) => {}
+                Ok(StartOutcome::Now(claimed)) => return Ok(Some(*claimed)),
+                Ok(StartOutcome::Never) => {}
                 // cancelled meanwhile, or not written: the folder is empty as yet, and goes
-                Ok(Begun::Not) => drop(std::fs::remove_dir(self.runs.join(&name))),
+                Ok(StartOutcome::Not) => drop(std::fs::remove_dir(self.runs.join(&name))),
                 Err(fault) => {
                     drop(std::fs::remove_dir(self.runs.join(&name)));
                     return Err(fault);
@@ -213,7 +188,7 @@ impl Ledger for Store {
         folder: &dyn Fn(&JobRow) -> io::Result<String>,
     ) -> Result<Option<Claimed>, StoreFault> {
         let new = job.clone();
-        let Some(row) = self.orders.written(false, move |books| books.next_standing(&new))? else {
+        let Some(row) = self.queue.written(false, move |tx| tx.next_standing(&new))? else {
             return Ok(None);
         };
         let _begins = self.begins.read();
@@ -222,7 +197,7 @@ impl Ledger for Store {
         let (state, started_at) = (JobState::Running, Some(row.submitted_at));
         let row = JobRow { state, started_at, folder: Some(name.clone()), ..row };
         let (begun, spec_json) = (row.clone(), job.spec_json.clone());
-        let started = self.orders.written(false, move |books| books.start_standing(&begun, &spec_json));
+        let started = self.queue.written(false, move |tx| tx.start_standing(&begun, &spec_json));
         if !matches!(started, Ok(true)) {
             drop(std::fs::remove_dir(self.runs.join(&name)));
         }
@@ -231,9 +206,9 @@ impl Ledger for Store {
 
     fn ended(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
         let known = *id;
-        let written = self.orders.written(true, move |books| {
-            let told = books.end(&known, JobState::Running, &end)?;
-            Ok((told, books.find(&known)?))
+        let written = self.queue.written(true, move |tx| {
+            let told = tx.end(&known, JobState::Running, &end)?;
+            Ok((told, tx.find(&known)?))
         });
         let (told, found) = written?;
         self.retention.poke();
@@ -246,16 +221,16 @@ impl Ledger for Store {
         let done = move |stored: Result<Option<StoredEvent>, StoreFault>| {
             published(stored.and_then(|event| event.ok_or_else(|| StoreFault::Io(format!("there is no job {id}")))));
         };
-        self.orders.offer(task(false, move |books: &Books<'_>| books.tell(&id, &event), done)).is_ok()
+        self.queue.offer(task(false, move |tx: &WriteTx<'_>| tx.tell(&id, &event), done)).is_ok()
     }
 
     fn progress(&self, id: &JobId, progress: f64) {
-        self.orders.shown.pending.progress(id, progress);
+        self.queue.status.pending.progress(id, progress);
     }
 
     fn note_paused(&self, plate: &str, paused: bool) {
-        self.orders.shown.pending.paused(plate, paused);
-        self.orders.wake();
+        self.queue.status.pending.paused(plate, paused);
+        self.queue.wake();
     }
 
     fn note_act(&self, entry: AuditEntry) -> bool {
@@ -264,6 +239,6 @@ impl Ledger for Store {
 
     fn write_act(&self, entry: AuditEntry) -> Result<(), StoreFault> {
         let at = (self.now)();
-        self.orders.written(true, move |books| books.note_act(at, &entry))
+        self.queue.written(true, move |tx| tx.note_act(at, &entry))
     }
 }

@@ -1,11 +1,8 @@
 use rusqlite::{Connection, OptionalExtension, params};
 
-use super::books::Books;
-use super::columns::{At, JOB, job_of};
-use super::idempotency::Seen;
-use super::{
-    Accepted, Cancelled, Claimed, JobEnd, JobId, JobPage, JobRow, JobState, NewJob, Page, StoreFault, StoredEvent,
-};
+use super::columns::{At, JOB, job_of, rows, sql_limit};
+use super::write_tx::WriteTx;
+use super::{Accepted, Cancelled, Claimed, JobEnd, JobId, JobPage, JobRow, JobState, NewJob, Page, StoredEvent};
 
 /// Ended runs of standing jobs but for the newest of each plate.
 const SURPLUS_STANDING: &str = "
@@ -15,7 +12,7 @@ const SURPLUS_STANDING: &str = "
     WHERE age > ?1 ORDER BY id";
 
 /// What became of the wish to begin a job.
-pub(super) enum Begun {
+pub(super) enum StartOutcome {
     /// It runs.
     Now(Box<Claimed>),
     /// It is no longer queued, and the folder made for it of no use.
@@ -24,7 +21,15 @@ pub(super) enum Begun {
     Never,
 }
 
-impl Books<'_> {
+/// An earlier use of an idempotency key.
+enum Seen {
+    /// It came with the same body, for this job.
+    Same(JobId),
+    /// It came with another body.
+    Other,
+}
+
+impl WriteTx<'_> {
     /// Queues a job, unless its key was used or its plate's queue is full.
     pub fn accept(&self, job: &NewJob) -> rusqlite::Result<Accepted> {
         if let Some(answered) = self.repeated(job)? {
@@ -35,7 +40,7 @@ impl Books<'_> {
             return Ok(Accepted::QueueFull { queued });
         }
         let row = job.row(self.ids.next(self.now), At::rounded(self.now));
-        insert(self.tx, &row, Some(&job.spec_json))?;
+        insert(self.connection, &row, Some(&job.spec_json))?;
         if let Some(key) = &job.key {
             self.remember(key, &job.body_sha256, &row.id)?;
         }
@@ -51,31 +56,56 @@ impl Books<'_> {
         })
     }
 
+    /// Earlier use of a job's key; `None` when it has none, or it came too long ago.
+    fn seen(&self, job: &NewJob) -> rusqlite::Result<Option<Seen>> {
+        let Some(key) = &job.key else { return Ok(None) };
+        let sql = "SELECT body_sha256, job FROM keys WHERE key = ?1 AND uptime >= ?2";
+        let oldest = self.ages.cutoff(self.limits.keys_kept);
+        let known =
+            self.connection.query_row(sql, params![key, oldest], |row| Ok((row.get::<_, [u8; 32]>(0)?, row.get(1)?)));
+        let seen = |(body, id)| if body == job.body_sha256 { Seen::Same(id) } else { Seen::Other };
+        Ok(known.optional()?.map(seen))
+    }
+
+    /// Remembers a key, in place of one that came too long ago.
+    pub fn remember(&self, key: &str, body_sha256: &[u8; 32], id: &JobId) -> rusqlite::Result<()> {
+        let sql = "INSERT OR REPLACE INTO keys (key, body_sha256, job, at, uptime) VALUES (?1, ?2, ?3, ?4, ?5)";
+        self.connection.execute(sql, params![key, body_sha256, id, At(self.now), self.ages.now]).map(|_| ())
+    }
+
+    /// Forgets keys that came too long ago.
+    pub fn forget_keys(&self) -> rusqlite::Result<()> {
+        let oldest = self.ages.cutoff(self.limits.keys_kept);
+        self.connection.execute("DELETE FROM keys WHERE uptime < ?1", [oldest]).map(|_| ())
+    }
+
     fn queued(&self, plate: &str) -> rusqlite::Result<usize> {
         let sql = "SELECT count(*) FROM jobs WHERE plate = ?1 AND state = 'queued'";
-        self.tx.query_row(sql, [plate], |row| row.get::<_, i64>(0)).map(|count| usize::try_from(count).unwrap_or(0))
+        self.connection
+            .query_row(sql, [plate], |row| row.get::<_, i64>(0))
+            .map(|count| usize::try_from(count).unwrap_or(0))
     }
 
     /// The job that `plate` runs next.
     pub fn next_queued(&self, plate: &str) -> rusqlite::Result<Option<JobRow>> {
         let sql = format!("SELECT {JOB} FROM jobs WHERE plate = ?1 AND state = 'queued' ORDER BY id LIMIT 1");
-        self.tx.query_row(&sql, [plate], job_of).optional()
+        self.connection.query_row(&sql, [plate], job_of).optional()
     }
 
     /// Makes a queued job a running one.
-    pub fn start(&self, id: &JobId, folder: &str) -> rusqlite::Result<Begun> {
+    pub fn start(&self, id: &JobId, folder: &str) -> rusqlite::Result<StartOutcome> {
         let taken = "SELECT EXISTS (SELECT 1 FROM jobs WHERE folder = ?1)";
-        if self.tx.query_row(taken, [folder], |row| row.get(0))? {
+        if self.connection.query_row(taken, [folder], |row| row.get(0))? {
             self.end(id, JobState::Queued, &JobEnd::without_a_folder())?;
-            return Ok(Begun::Never);
+            return Ok(StartOutcome::Never);
         }
         let sql = "UPDATE jobs SET state = 'running', started_at = max(?2, submitted_at), folder = ?3
                    WHERE id = ?1 AND state = 'queued'";
-        if self.tx.execute(sql, params![id, At(self.now), folder])? == 0 {
-            return Ok(Begun::Not);
+        if self.connection.execute(sql, params![id, At(self.now), folder])? == 0 {
+            return Ok(StartOutcome::Not);
         }
-        let spec_json = self.tx.query_row("SELECT spec FROM specs WHERE job = ?1", [id], |row| row.get(0))?;
-        Ok(self.find(id)?.map_or(Begun::Not, |row| Begun::Now(Box::new(Claimed { row, spec_json }))))
+        let spec_json = self.connection.query_row("SELECT spec FROM specs WHERE job = ?1", [id], |row| row.get(0))?;
+        Ok(self.find(id)?.map_or(StartOutcome::Not, |row| StartOutcome::Now(Box::new(Claimed { row, spec_json }))))
     }
 
     /// A run of the standing job `job` that is about to begin; `None` while a job waits for its plate.
@@ -89,23 +119,22 @@ impl Books<'_> {
     pub fn start_standing(&self, row: &JobRow, spec_json: &str) -> rusqlite::Result<bool> {
         let is_free = self.queued(&row.plate)? == 0;
         if is_free {
-            insert(self.tx, row, Some(spec_json))?;
+            insert(self.connection, row, Some(spec_json))?;
         }
         Ok(is_free)
     }
 
     /// Ended runs of standing jobs beyond those that are remembered, with their run folders.
     pub fn surplus_standing(&self) -> rusqlite::Result<Vec<(JobId, Option<String>)>> {
-        let mut statement = self.tx.prepare(SURPLUS_STANDING)?;
-        let most = i64::try_from(self.limits.standing_runs).unwrap_or(i64::MAX);
-        statement.query_map([most], |row| Ok((row.get(0)?, row.get(1)?)))?.collect()
+        let most = sql_limit(self.limits.standing_runs);
+        rows(self.connection, SURPLUS_STANDING, [most], |row| Ok((row.get(0)?, row.get(1)?)))
     }
 
     /// Forgets a run of a standing job that has ended, once its run folder is gone.
     pub fn forget_standing(&self, id: &JobId) -> rusqlite::Result<()> {
         let sql = "DELETE FROM jobs WHERE id = ?1 AND standing = 1 AND folder IS NULL
                        AND state NOT IN ('queued', 'running')";
-        self.tx.execute(sql, [id]).map(|_| ())
+        self.connection.execute(sql, [id]).map(|_| ())
     }
 
     /// Ends a job that is in state `from`; its last event, or `None` when it is in another one, and stays so.
@@ -116,7 +145,7 @@ impl Books<'_> {
                        progress = CASE ?3 WHEN 'completed' THEN 1 ELSE progress END
                    WHERE id = ?1 AND state = ?2";
         let (now, uptime) = (At(self.now), self.ages.now);
-        if self.tx.execute(sql, params![id, from, state, reason, report_json, recording, now, uptime])? == 0 {
+        if self.connection.execute(sql, params![id, from, state, reason, report_json, recording, now, uptime])? == 0 {
             return Ok(None);
         }
         self.drop_spec(id)?;
@@ -137,9 +166,9 @@ impl Books<'_> {
     /// that. Else it stays as long as the job is remembered.
     fn drop_spec(&self, id: &JobId) -> rusqlite::Result<()> {
         let sql = "SELECT folder FROM jobs WHERE id = ?1";
-        let folder: Option<String> = self.tx.query_row(sql, [id], |row| row.get(0))?;
+        let folder: Option<String> = self.connection.query_row(sql, [id], |row| row.get(0))?;
         if folder.is_none_or(|name| self.runs.join(name).join("effective.json").is_file()) {
-            self.tx.execute("DELETE FROM specs WHERE job = ?1", [id])?;
+            self.connection.execute("DELETE FROM specs WHERE job = ?1", [id])?;
         }
         Ok(())
     }
@@ -147,20 +176,21 @@ impl Books<'_> {
     /// Notes the share of a running job that is done.
     pub fn progress(&self, id: &JobId, progress: f64) -> rusqlite::Result<()> {
         let share = if progress.is_nan() { 0.0 } else { progress.clamp(0.0, 1.0) };
-        self.tx.execute("UPDATE jobs SET progress = ?2 WHERE id = ?1 AND state = 'running'", params![id, share])?;
+        self.connection
+            .execute("UPDATE jobs SET progress = ?2 WHERE id = ?1 AND state = 'running'", params![id, share])?;
         Ok(())
     }
 
     /// Notes whether a plate is paused.
     pub fn set_paused(&self, plate: &str, paused: bool) -> rusqlite::Result<()> {
         let sql = "INSERT INTO plates VALUES (?1, ?2) ON CONFLICT (name) DO UPDATE SET paused = excluded.paused";
-        self.tx.execute(sql, params![plate, paused])?;
+        self.connection.execute(sql, params![plate, paused])?;
         Ok(())
     }
 
     /// A job.
     pub fn find(&self, id: &JobId) -> rusqlite::Result<Option<JobRow>> {
-        find(self.tx, id)
+        find(self.connection, id)
     }
 }
 
@@ -203,36 +233,31 @@ pub(super) fn find(connection: &Connection, id: &JobId) -> rusqlite::Result<Opti
 }
 
 /// A page of jobs, newest first.
-pub(super) fn list(connection: &Connection, page: &Page) -> Result<JobPage, StoreFault> {
+pub(super) fn list(connection: &Connection, page: &Page) -> rusqlite::Result<JobPage> {
     let limit = page.limit.clamp(1, Page::MOST);
     let by_state = page.state.map_or("", |_| "state = ?3 AND");
     // ids are no longer than 16 bytes, so this one is above all
     let below = page.cursor.map_or(vec![0xff; 17], |id| id.as_bytes().to_vec());
     let sql = format!("SELECT {JOB} FROM jobs WHERE {by_state} id < ?1 ORDER BY id DESC LIMIT ?2");
-    let mut statement = connection.prepare(&sql)?;
     let most = limit as i64 + 1;
-    let rows = match page.state {
-        Some(state) => statement.query_map(params![below, most, state], job_of)?.collect::<Result<Vec<_>, _>>()?,
-        None => statement.query_map(params![below, most], job_of)?.collect::<Result<Vec<_>, _>>()?,
+    let mut rows = match page.state {
+        Some(state) => rows(connection, &sql, params![below, most, state], job_of)?,
+        None => rows(connection, &sql, params![below, most], job_of)?,
     };
     let more = rows.len() > limit;
-    let rows: Vec<JobRow> = rows.into_iter().take(limit).collect();
+    rows.truncate(limit);
     let next = rows.last().filter(|_| more).map(|row| row.id);
     Ok(JobPage { rows, next })
 }
 
 /// How many jobs wait for each plate that any wait for.
-pub(super) fn queued(connection: &Connection) -> Result<Vec<(String, u64)>, StoreFault> {
+pub(super) fn queued(connection: &Connection) -> rusqlite::Result<Vec<(String, u64)>> {
     let sql = "SELECT plate, count(*) FROM jobs WHERE state = 'queued' GROUP BY plate";
-    let mut statement = connection.prepare(sql)?;
-    let counted = statement.query_map([], |row| Ok((row.get(0)?, row.get::<_, i64>(1)?.cast_unsigned())))?;
-    Ok(counted.collect::<Result<_, _>>()?)
+    rows(connection, sql, [], |row| Ok((row.get(0)?, row.get::<_, i64>(1)?.cast_unsigned())))
 }
 
 /// How many jobs there are of each plate in each state.
-pub(super) fn counts(connection: &Connection) -> Result<Vec<(String, JobState, u64)>, StoreFault> {
-    let mut statement = connection.prepare("SELECT plate, state, count(*) FROM jobs GROUP BY plate, state")?;
-    let counted =
-        statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?, row.get::<_, i64>(2)?.cast_unsigned())))?;
-    Ok(counted.collect::<Result<_, _>>()?)
+pub(super) fn counts(connection: &Connection) -> rusqlite::Result<Vec<(String, JobState, u64)>> {
+    let sql = "SELECT plate, state, count(*) FROM jobs GROUP BY plate, state";
+    rows(connection, sql, [], |row| Ok((row.get(0)?, row.get(1)?, row.get::<_, i64>(2)?.cast_unsigned())))
 }

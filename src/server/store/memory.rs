@@ -203,32 +203,6 @@ fn unknown(id: &JobId) -> StoreFault {
     StoreFault::Io(format!("there is no job {id}"))
 }
 
-impl NewJob {
-    /// The row of this job when it has just been accepted.
-    pub(super) fn row(&self, id: JobId, submitted_at: Timestamp) -> JobRow {
-        JobRow {
-            id,
-            name: self.name.clone(),
-            plate: self.plate.clone(),
-            state: JobState::Queued,
-            seed: self.seed,
-            pace: self.pace,
-            rig_fingerprint: self.rig_fingerprint.clone(),
-            library_sha256: self.library_sha256.clone(),
-            submitted_at,
-            started_at: None,
-            finished_at: None,
-            progress: 0.0,
-            reason: String::new(),
-            report_json: None,
-            folder: None,
-            recording: RecordingStatus::None,
-            last_event: 0,
-            standing: false,
-        }
-    }
-}
-
 impl JobRow {
     fn end(&mut self, end: JobEnd, finished_at: Timestamp) {
         let JobEnd { state, reason, report_json, recording, .. } = end;

@@ -7,25 +7,24 @@ use std::thread;
 use rusqlite::{Connection, OptionalExtension};
 
 use super::ages::AgeClock;
-use super::aside::{damage_of, set_aside};
-use super::ballast::Ballast;
+use super::connection::{reading, restart_log, writing};
 use super::handle::Store;
 use super::ids::Ids;
-use super::migrate::{MIGRATIONS, migrate, refuse_newer};
-use super::orders::Orders;
-use super::places::{Lock, Places, beside};
+use super::layout::{DataDir, Lock, beside};
+use super::migrate::{migrate, refuse_newer};
+use super::options::OpenOptions;
 use super::private::make_private;
+use super::quarantine::{damage_of, set_aside};
 use super::reader::Readers;
 use super::recover::{recover, uptime};
 use super::retention::{Begins, Retention, Sweeper, empty_trash};
-use super::schema;
-use super::writer::{MOST_WAITING, Shown, Writer};
-use super::{Clocks, JobId, Limits, Mended, Recovery, StoreFault};
+use super::schema::{MIGRATIONS, create_as, is_clean};
+use super::space_reserve::SpaceReserve;
+use super::write_queue::{MOST_WAITING, WriteQueue, WriterStatus};
+use super::writer::Writer;
+use super::{Clocks, JobId, Limits, Recovery, RepairRecording, StoreFault};
 use upm_core::priority::step_back;
 use upm_core::time::MonotonicClock;
-
-/// Repairs a recording that was not closed, first path, into a whole one, second path.
-pub type RepairRecording<'a> = &'a dyn Fn(&Path, &Path) -> Result<Mended, String>;
 
 /// A store and what was found when it was opened.
 #[derive(Debug)]
@@ -34,15 +33,6 @@ pub struct Opened {
     pub store: Store,
     /// What was found.
     pub recovery: Recovery,
-}
-
-/// What opening needs to know.
-#[derive(Clone, Copy)]
-pub(super) struct Opening<'a> {
-    pub plates: &'a [String],
-    pub limits: &'a Limits,
-    pub clocks: &'a Clocks,
-    pub repair: RepairRecording<'a>,
 }
 
 impl Store {
@@ -57,42 +47,41 @@ impl Store {
         clocks: Clocks,
         repair: RepairRecording<'_>,
     ) -> Result<Opened, StoreFault> {
-        let places = Places::in_folder(data)?;
-        let folder = places.lock_folder()?;
-        [&places.db, &places.next].into_iter().try_for_each(|db| refuse_newer(db))?;
-        let lock = Lock { folder, file: places.lock_file()? };
-        make_private(&places.data);
-        places.make_folders()?;
-        [&places.trash, &places.runs_trash].into_iter().for_each(|trash| empty_trash(trash));
-        let mut ballast = Ballast::at(&places.reserve, limits.reserve_bytes);
-        let opening = Opening { plates, limits: &limits, clocks: &clocks, repair };
-        let mut made = opening.start(&places);
-        if matches!(made, Err(StoreFault::Full)) && ballast.throw_off() {
-            made = opening.start(&places);
+        let dir = DataDir::in_folder(data)?;
+        let folder = dir.lock_folder()?;
+        [&dir.db, &dir.next].into_iter().try_for_each(|db| refuse_newer(db))?;
+        let lock = Lock { folder, file: dir.lock_file()? };
+        make_private(&dir.data);
+        dir.make_folders()?;
+        [&dir.trash, &dir.runs_trash].into_iter().for_each(|trash| empty_trash(trash));
+        let mut reserve = SpaceReserve::at(&dir.reserve, limits.reserve_bytes);
+        let options = OpenOptions { plates, limits: &limits, clocks: &clocks, repair };
+        let mut made = options.start(&dir);
+        if matches!(made, Err(StoreFault::Full)) && reserve.release() {
+            made = options.start(&dir);
         }
         let (connection, recovery) = made?;
-        let held = places.held(&lock)?;
+        let held = dir.held(&lock)?;
         let ids = Ids::above(last_id(&connection)?);
-        let reading = vec![schema::reading(&places.db)?, schema::reading(&places.db)?];
+        let reading = vec![reading(&dir.db)?, reading(&dir.db)?];
         let readers = Readers::start(reading, Arc::clone(&clocks.monotonic))?;
         let (sender, waiting) = sync_channel(MOST_WAITING);
-        let shown = Arc::new(Shown::new(MonotonicClock::new()));
-        let orders = Orders { sender, shown: Arc::clone(&shown) };
+        let status = Arc::new(WriterStatus::new(MonotonicClock::new()));
+        let queue = WriteQueue { sender, status: Arc::clone(&status) };
         let begins = Begins::default();
         let ages = Arc::new(AgeClock::after(uptime(&connection)?, clocks.clone()));
-        let sweeper =
-            Sweeper::new(places.clone(), limits.clone(), Arc::clone(&ages), orders.clone(), Arc::clone(&begins));
-        let (runs, told, now) = (places.runs.clone(), Cell::new(0), clocks.wall);
+        let sweeper = Sweeper::new(dir.clone(), limits.clone(), Arc::clone(&ages), queue.clone(), Arc::clone(&begins));
+        let (runs, told, now) = (dir.runs.clone(), Cell::new(0), clocks.wall);
         let writer = Writer {
             connection,
-            orders: waiting,
-            shown,
+            queue: waiting,
+            status,
             ids,
             limits,
             runs,
             now,
             ages: Arc::clone(&ages),
-            ballast,
+            reserve,
             told,
             lock,
         };
@@ -101,22 +90,22 @@ impl Store {
             writer.run();
         })?;
         let retention = Retention::start(sweeper)?;
-        Ok(Opened { store: Store { orders, readers, runs: places.runs, now, ages, retention, begins, held }, recovery })
+        Ok(Opened { store: Store { queue, readers, runs: dir.runs, now, ages, retention, begins, held }, recovery })
     }
 }
 
-impl Opening<'_> {
+impl OpenOptions<'_> {
     /// The connection that writes, to a store that is in order.
-    fn start(&self, places: &Places) -> Result<(Connection, Recovery), StoreFault> {
-        let mut found = self.make_whole(places)?;
-        let made = schema::writing(&places.db).map_err(StoreFault::from);
-        let made = made.and_then(|connection| self.recovered(connection, places, &mut found));
+    fn start(&self, dir: &DataDir) -> Result<(Connection, Recovery), StoreFault> {
+        let mut found = self.make_whole(dir)?;
+        let made = writing(&dir.db).map_err(StoreFault::from);
+        let made = made.and_then(|connection| self.recovered(connection, dir, &mut found));
         match made {
             Ok(connection) => Ok((connection, found)),
             // hidden from the first look: what a start writes came upon it
             Err(StoreFault::Corrupt(damage)) if found.moved_aside.is_none() => {
-                let mut found = set_aside(places, self, &damage)?;
-                let connection = self.recovered(schema::writing(&places.db)?, places, &mut found)?;
+                let mut found = set_aside(dir, (self.clocks.wall)(), &damage)?;
+                let connection = self.recovered(writing(&dir.db)?, dir, &mut found)?;
                 Ok((connection, found))
             }
             Err(fault) => Err(fault),
@@ -124,23 +113,23 @@ impl Opening<'_> {
     }
 
     /// Sees to it that there is a database, and a sound one.
-    fn make_whole(&self, places: &Places) -> Result<Recovery, StoreFault> {
-        if places.next.exists() {
-            return set_aside(places, self, "putting a damaged store aside was cut short");
+    fn make_whole(&self, dir: &DataDir) -> Result<Recovery, StoreFault> {
+        if dir.next.exists() {
+            return set_aside(dir, (self.clocks.wall)(), "putting a damaged store aside was cut short");
         }
-        let (there, runs) = (places.db.exists(), !places.run_names()?.is_empty());
-        let log = beside(&places.db, "-wal").exists();
+        let (there, runs) = (dir.db.exists(), !dir.run_names()?.is_empty());
+        let log = beside(&dir.db, "-wal").exists();
         if !there && !runs && !log {
-            schema::create_as(&places.draft, &places.db)?;
-            places.sync()?;
+            create_as(&dir.draft, &dir.db)?;
+            dir.sync()?;
             return Ok(Recovery { clean: true, ..Recovery::default() });
         }
-        let damage = if there { damage_of(&places.db)? } else { Some("upm.db is missing".to_owned()) };
+        let damage = if there { damage_of(&dir.db)? } else { Some("upm.db is missing".to_owned()) };
         if let Some(damage) = damage {
-            return set_aside(places, self, &damage);
+            return set_aside(dir, (self.clocks.wall)(), &damage);
         }
         // after a crash the log is there; without it the store is as sound as it is old
-        let lost = !log && !is_clean(&schema::reading(&places.db)?)?;
+        let lost = !log && !is_clean(&reading(&dir.db)?)?;
         let damage = lost.then(|| "upm.db-wal is missing: what was accepted last may be lost".to_owned());
         damage.iter().for_each(|damage| tracing::error!("{damage}"));
         Ok(Recovery { clean: true, damage, ..Recovery::default() })
@@ -149,22 +138,17 @@ impl Opening<'_> {
     fn recovered(
         &self,
         mut connection: Connection,
-        places: &Places,
+        dir: &DataDir,
         found: &mut Recovery,
     ) -> Result<Connection, StoreFault> {
-        schema::restart_log(&connection)?;
-        migrate(&mut connection, places, MIGRATIONS)?;
+        restart_log(&connection)?;
+        migrate(&mut connection, dir, MIGRATIONS)?;
         found.clean &= found.damage.is_none() && is_clean(&connection)?;
-        recover(&mut connection, places, self, found)?;
+        recover(&mut connection, dir, self, found)?;
         // that it is open now must be known without the log, too
-        schema::restart_log(&connection)?;
+        restart_log(&connection)?;
         Ok(connection)
     }
-}
-
-/// True when the store was closed in order.
-pub(super) fn is_clean(connection: &Connection) -> Result<bool, StoreFault> {
-    Ok(connection.query_row("SELECT clean_shutdown FROM meta", [], |row| row.get(0))?)
 }
 
 fn last_id(connection: &Connection) -> Result<Option<JobId>, StoreFault> {

@@ -5,7 +5,7 @@ use parking_lot::{Mutex, MutexGuard};
 
 use jiff::Timestamp;
 
-use super::books::Books;
+use super::write_tx::WriteTx;
 use super::{AuditEntry, JobId};
 
 /// Most lines of the audit log that wait in memory.
@@ -95,10 +95,10 @@ impl Pending {
 
 impl Notes {
     /// Writes them.
-    pub fn write(&self, books: &Books<'_>) -> rusqlite::Result<()> {
-        self.acts.iter().try_for_each(|(at, entry)| books.note_act(*at, entry))?;
-        self.paused.iter().try_for_each(|(plate, paused)| books.set_paused(plate, *paused))?;
-        self.progress.iter().try_for_each(|(id, progress)| books.progress(id, *progress))
+    pub fn write(&self, tx: &WriteTx<'_>) -> rusqlite::Result<()> {
+        self.acts.iter().try_for_each(|(at, entry)| tx.note_act(*at, entry))?;
+        self.paused.iter().try_for_each(|(plate, paused)| tx.set_paused(plate, *paused))?;
+        self.progress.iter().try_for_each(|(id, progress)| tx.progress(id, *progress))
     }
 }
 

@@ -55,10 +55,11 @@ impl Readers {
     /// Asks `read`, and hands `done` the answer on a reader's thread; at once on this one when too many wait.
     pub fn ask<T: 'static>(
         &self,
-        read: impl FnOnce(&Connection) -> Result<T, StoreFault> + Send + 'static,
+        read: impl FnOnce(&Connection) -> rusqlite::Result<T> + Send + 'static,
         done: impl FnOnce(Result<T, StoreFault>) + Send + 'static,
     ) {
-        let question: Question = Box::new(move |connection| done(connection.and_then(read)));
+        let question: Question =
+            Box::new(move |connection| done(connection.and_then(|connection| Ok(read(connection)?))));
         match self.questions.try_send(question) {
             Ok(()) => {}
             Err(TrySendError::Full(question)) => question(Err(StoreFault::Busy)),

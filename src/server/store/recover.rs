@@ -7,13 +7,13 @@ use std::path::Path;
 use rusqlite::{Connection, OptionalExtension, params};
 
 use super::ages::{Ages, Uptime};
-use super::books::Books;
-use super::columns::{At, JOB, job_of};
+use super::columns::{At, JOB, job_of, rows};
 use super::ids::Ids;
-use super::open::Opening;
-use super::places::Places;
+use super::layout::DataDir;
+use super::options::OpenOptions;
 use super::run_file::open_run_file_to_write;
 use super::salvage::{folders_of, from_folders, have_begun};
+use super::write_tx::WriteTx;
 use super::{JobRow, JobState, RecordingStatus, Recovery, RunFileFault, StoreFault};
 use left::{end_of, last_sign, settle};
 
@@ -21,46 +21,46 @@ use left::{end_of, last_sign, settle};
 /// paused. Nothing else has the store as yet. Killed anywhere, doing it again comes to the same.
 pub(super) fn recover(
     connection: &mut Connection,
-    places: &Places,
-    opening: &Opening<'_>,
+    dir: &DataDir,
+    options: &OpenOptions<'_>,
     found: &mut Recovery,
 ) -> Result<(), StoreFault> {
-    have_begun(places, connection)?;
+    have_begun(dir, connection)?;
     if found.damage.is_some() {
-        from_folders(places, connection)?;
+        from_folders(dir, connection)?;
     }
-    let left = left_open(connection, places)?;
+    let left = left_open(connection, dir)?;
     // whatever the last daemon noted: it did not see to the end of these
     found.clean &= left.iter().all(|job| job.state != JobState::Running);
-    mark_partial(connection, places, &left)?;
+    mark_partial(connection, dir, &left)?;
     let mut ends = Vec::new();
     for job in left {
-        let folder = job.folder.as_ref().map(|name| places.runs.join(name));
-        let recording = folder.as_ref().map_or(job.recording, |folder| settle(folder, &job, opening.repair, found));
+        let folder = job.folder.as_ref().map(|name| dir.runs.join(name));
+        let recording = folder.as_ref().map_or(job.recording, |folder| settle(folder, &job, options.repair, found));
         let end = (job.state == JobState::Running).then(|| end_of(folder.as_deref(), recording));
         ends.push((job, folder, recording, end));
     }
     let tx = connection.transaction()?;
-    let (ids, told, now) = (Ids::above(None), Cell::new(0), (opening.clocks.wall)());
+    let (ids, told, now) = (Ids::above(None), Cell::new(0), (options.clocks.wall)());
     let ages = Ages { now: uptime(&tx)?, suspended: false };
-    let books = Books { tx: &tx, ids: &ids, limits: opening.limits, runs: &places.runs, now, ages, told: &told };
+    let write = WriteTx { connection: &tx, ids: &ids, limits: options.limits, runs: &dir.runs, now, ages, told: &told };
     for (job, folder, recording, end) in &ends {
         tx.execute("UPDATE jobs SET recording = ?2 WHERE id = ?1", params![job.id, recording])?;
         let Some(end) = end else { continue };
-        books.end(&job.id, JobState::Running, end)?;
-        let at = folder.as_ref().and_then(|folder| last_sign(folder)).unwrap_or(books.now);
+        write.end(&job.id, JobState::Running, end)?;
+        let at = folder.as_ref().and_then(|folder| last_sign(folder)).unwrap_or(write.now);
         let sql = "UPDATE jobs SET finished_at = ?2 WHERE id = ?1";
         tx.execute(sql, params![job.id, At(at.max(job.started_at.unwrap_or(job.submitted_at)))])?;
         let list = if end.state == JobState::Interrupted { &mut found.interrupted } else { &mut found.ended };
         list.push(job.id);
     }
-    found.known = if found.damage.is_some() { opening.plates.to_vec() } else { known(&tx)? };
-    found.paused_after = paused_after(&tx, opening.plates)?;
-    found.paused = pause(&tx, opening.plates, found.clean)?;
+    found.known = if found.damage.is_some() { options.plates.to_vec() } else { known(&tx)? };
+    found.paused_after = paused_after(&tx, options.plates)?;
+    found.paused = pause(&tx, options.plates, found.clean)?;
     let owned = folders_of(&tx)?;
-    let orphans = places.run_names()?.into_iter().filter(|name| !owned.contains(name));
+    let orphans = dir.run_names()?.into_iter().filter(|name| !owned.contains(name));
     // one that is empty was made for a job that did not come to begin
-    let left = orphans.map(|name| places.runs.join(name)).filter(|folder| fs::remove_dir(folder).is_err());
+    let left = orphans.map(|name| dir.runs.join(name)).filter(|folder| fs::remove_dir(folder).is_err());
     found.orphans = left.collect();
     tx.execute("UPDATE meta SET clean_shutdown = 0", [])?;
     tx.commit()?;
@@ -79,25 +79,24 @@ fn give_back_room(folder: &Path) {
 }
 
 /// Jobs that were running, and those of whose recording something is left to repair.
-fn left_open(connection: &Connection, places: &Places) -> Result<Vec<JobRow>, StoreFault> {
+fn left_open(connection: &Connection, dir: &DataDir) -> Result<Vec<JobRow>, StoreFault> {
     let sql =
         format!("SELECT {JOB} FROM jobs WHERE state = 'running' OR recording IN ('partial', 'failed') ORDER BY id");
-    let mut statement = connection.prepare(&sql)?;
-    let mut left = statement.query_map([], job_of)?.collect::<Result<Vec<_>, _>>()?;
-    left.retain(|job| job.recording != RecordingStatus::Failed || has_part(places, job));
+    let mut left = rows(connection, &sql, [], job_of)?;
+    left.retain(|job| job.recording != RecordingStatus::Failed || has_part(dir, job));
     Ok(left)
 }
 
 /// True when a recording that was not closed is in a job's run folder.
-fn has_part(places: &Places, job: &JobRow) -> bool {
-    let part = |name: &String| places.runs.join(name).join("run.rrd.part");
+fn has_part(dir: &DataDir, job: &JobRow) -> bool {
+    let part = |name: &String| dir.runs.join(name).join("run.rrd.part");
     job.folder.as_ref().is_some_and(|name| fs::symlink_metadata(part(name)).is_ok())
 }
 
 /// Notes which recordings are about to be repaired: a start that is killed after a repair must still know of it.
-fn mark_partial(connection: &mut Connection, places: &Places, left: &[JobRow]) -> Result<(), StoreFault> {
+fn mark_partial(connection: &mut Connection, dir: &DataDir, left: &[JobRow]) -> Result<(), StoreFault> {
     let tx = connection.transaction()?;
-    for job in left.iter().filter(|job| has_part(places, job)) {
+    for job in left.iter().filter(|job| has_part(dir, job)) {
         tx.execute("UPDATE jobs SET recording = 'partial' WHERE id = ?1", [job.id])?;
     }
     Ok(tx.commit()?)
@@ -110,7 +109,7 @@ pub(super) fn uptime(connection: &Connection) -> rusqlite::Result<Uptime> {
 
 /// Plates that earlier starts were told of.
 fn known(tx: &Connection) -> rusqlite::Result<Vec<String>> {
-    tx.prepare("SELECT name FROM plates ORDER BY name")?.query_map([], |row| row.get(0))?.collect()
+    rows(tx, "SELECT name FROM plates ORDER BY name", [], |row| row.get(0))
 }
 
 /// The newest job that ended on each of `plates` that are paused.
@@ -133,7 +132,6 @@ fn pause(tx: &Connection, plates: &[String], clean: bool) -> rusqlite::Result<Ve
                    ON CONFLICT (name) DO UPDATE SET paused = paused OR excluded.paused";
         tx.execute(sql, params![plate, !clean])?;
     }
-    let mut statement = tx.prepare("SELECT name FROM plates WHERE paused")?;
-    let paused = statement.query_map([], |row| row.get(0))?.collect::<Result<Vec<String>, _>>()?;
+    let paused: Vec<String> = rows(tx, "SELECT name FROM plates WHERE paused", [], |row| row.get(0))?;
     Ok(plates.iter().filter(|plate| paused.contains(plate)).cloned().collect())
 }

@@ -13,9 +13,9 @@ use parking_lot::RwLock;
 use jiff::Timestamp;
 
 use super::ages::{AgeClock, Ages, Uptime};
-use super::books::Ended;
-use super::orders::Orders;
-use super::places::Places;
+use super::layout::DataDir;
+use super::write_queue::WriteQueue;
+use super::write_tx::Ended;
 use super::{JobId, Limits, StoreFault};
 use upm_core::priority::step_back;
 
@@ -27,7 +27,7 @@ const ORPHAN_AGE: Duration = Duration::from_secs(3600);
 
 /// What a sweep did.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Swept {
+pub(super) struct Swept {
     /// Names of the run folders that were deleted.
     pub deleted: Vec<String>,
     /// Bytes of those that are left.
@@ -67,6 +67,7 @@ impl Retention {
     }
 
     /// Asks for a sweep and waits for it.
+    #[cfg(test)]
     pub fn sweep(&self) -> Result<Swept, StoreFault> {
         let (done, swept) = sync_channel(1);
         self.asked.send(Some(done)).map_err(|_| StoreFault::Closed)?;
@@ -93,10 +94,10 @@ struct Kept {
 /// Deletes run folders that are too old or too many.
 #[derive(Debug)]
 pub(super) struct Sweeper {
-    places: Places,
+    dir: DataDir,
     limits: Limits,
     ages: Arc<AgeClock>,
-    orders: Orders,
+    queue: WriteQueue,
     begins: Begins,
     /// Uptime at which each folder without a job was first seen since the start.
     orphans: BTreeMap<String, Uptime>,
@@ -107,10 +108,10 @@ pub(super) struct Sweeper {
 }
 
 impl Sweeper {
-    pub fn new(places: Places, limits: Limits, ages: Arc<AgeClock>, orders: Orders, begins: Begins) -> Self {
+    pub fn new(dir: DataDir, limits: Limits, ages: Arc<AgeClock>, queue: WriteQueue, begins: Begins) -> Self {
         let bytes = Arc::new(AtomicU64::new(u64::MAX));
         let (orphans, sizes) = (BTreeMap::new(), BTreeMap::new());
-        Self { places, limits, ages, orders, begins, orphans, sizes, bytes }
+        Self { dir, limits, ages, queue, begins, orphans, sizes, bytes }
     }
 
     fn run(mut self, asked: &Receiver<Asked>) {
@@ -132,9 +133,9 @@ impl Sweeper {
     /// Deletes and forgets; whatever becomes of the one, the other is done.
     fn sweep(&mut self) -> Result<Swept, StoreFault> {
         let swept = self.delete_folders();
-        let forgotten = self.orders.written(true, |books| books.forget_keys().and_then(|()| books.forget_jobs()));
+        let forgotten = self.queue.written(true, |tx| tx.forget_keys().and_then(|()| tx.forget_jobs()));
         // what fails here is told by the store's health, and makes nothing older
-        let _ = self.orders.written(false, |books| books.note_uptime());
+        let _ = self.queue.written(false, |tx| tx.note_uptime());
         forgotten.and(swept)
     }
 
@@ -163,7 +164,7 @@ impl Sweeper {
     /// Deletes and forgets runs of standing jobs beyond those that are remembered: a plate that is never idle would fill
     /// the disk, and push the runs of other jobs out.
     fn delete_standing(&mut self, deleted: &mut Vec<String>, faults: &mut Vec<String>) -> Result<(), StoreFault> {
-        for (id, folder) in self.orders.written(true, |books| books.surplus_standing())? {
+        for (id, folder) in self.queue.written(true, |tx| tx.surplus_standing())? {
             if let Some(name) = folder {
                 let kept =
                     Kept { name, job: Some(id), ended: Ended { uptime: Uptime::MIN, at: Timestamp::MIN }, bytes: 0 };
@@ -172,7 +173,7 @@ impl Sweeper {
                 }
                 deleted.push(kept.name);
             }
-            self.orders.written(true, move |books| books.forget_standing(&id))?;
+            self.queue.written(true, move |tx| tx.forget_standing(&id))?;
         }
         Ok(())
     }
@@ -184,7 +185,7 @@ impl Sweeper {
         let (mut sizes, mut orphans) = (BTreeMap::new(), BTreeMap::new());
         let ages = self.ages.ages();
         for name in names {
-            let path = self.places.runs.join(&name);
+            let path = self.dir.runs.join(&name);
             let (job, ended) = match rows.get(&name) {
                 Some((id, ended)) => (Some(*id), *ended),
                 None => {
@@ -209,7 +210,7 @@ impl Sweeper {
     /// Names of the run folders, and the rows that name them, with no claim between its folder and its row.
     fn names_and_rows(&self) -> Result<(Vec<String>, RunFolders), StoreFault> {
         let _none_begins = self.begins.write();
-        Ok((self.places.run_names()?, self.orders.written(true, |books| books.folders())?))
+        Ok((self.dir.run_names()?, self.queue.written(true, |tx| tx.folders())?))
     }
 
     /// First the row, then the folder: no row ever names a folder that is gone. False when the folder stays, its job's as
@@ -220,20 +221,20 @@ impl Sweeper {
             None => None,
             Some(id) => {
                 let folder = name.clone();
-                let Some(recording) = self.orders.written(true, move |books| books.prune(&id, &folder))? else {
+                let Some(recording) = self.queue.written(true, move |tx| tx.prune(&id, &folder))? else {
                     return Ok(false);
                 };
                 Some((id, recording))
             }
         };
-        let folder = self.places.runs.join(name);
+        let folder = self.dir.runs.join(name);
         // what is out of the way and cannot be removed is tried again at the next start
         let removed = self.move_away(&folder, name).and_then(|trash| remove(&trash));
         faults.extend(removed.err().map(|error| format!("{}: {error}", folder.display())));
         if folder.exists() {
             if let Some((id, recording)) = row {
                 let name = name.clone();
-                self.orders.written(true, move |books| books.give_back(&id, &name, recording))?;
+                self.queue.written(true, move |tx| tx.give_back(&id, &name, recording))?;
             }
             return Ok(false);
         }
@@ -243,7 +244,7 @@ impl Sweeper {
 
     /// Takes a run folder out of the folder of runs, to where it is removed at leisure; where that is.
     fn move_away(&self, folder: &Path, name: &str) -> io::Result<PathBuf> {
-        let Places { trash, runs_trash, .. } = &self.places;
+        let DataDir { trash, runs_trash, .. } = &self.dir;
         match move_into(trash, folder, name) {
             // the run folders lie on another disk
             Err(error) if error.kind() == io::ErrorKind::CrossesDevices => move_into(runs_trash, folder, name),

@@ -1,9 +1,15 @@
-use std::fs::File;
-use std::io;
+use std::fs::{self, File};
+use std::io::{self, Read};
 use std::path::Path;
 
+use jiff::Timestamp;
 use rustix::fs::{Mode, OFlags, open, openat};
 use rustix::io::Errno;
+
+use super::columns::At;
+
+/// Largest `effective.json` or `report.json` that is read.
+const MOST_BYTES: u64 = 16 << 20;
 
 /// Why a file of a run folder is not opened.
 #[derive(Debug, thiserror::Error)]
@@ -46,10 +52,22 @@ fn fault(errno: Errno) -> RunFileFault {
     }
 }
 
+/// Text of a file in a run folder; `None` when it is missing, is not UTF-8, or exceeds [`MOST_BYTES`].
+pub(super) fn text_of(path: &Path) -> Option<String> {
+    let mut text = String::new();
+    let file = open_run_file(path.parent()?, path.file_name()?.to_str()?).ok()?;
+    let read = file.take(MOST_BYTES + 1).read_to_string(&mut text).ok()?;
+    (read as u64 <= MOST_BYTES).then_some(text)
+}
+
+/// Time of the last write to a file, as the store keeps times.
+pub(super) fn modified(path: &Path) -> Option<Timestamp> {
+    let time = fs::metadata(path).and_then(|file| file.modified()).ok()?;
+    Timestamp::try_from(time).ok().map(At::rounded)
+}
+
 #[cfg(test)]
 mod tests {
-    use std::fs;
-    use std::io::Read;
     use std::os::unix::fs::symlink;
 
     use super::*;

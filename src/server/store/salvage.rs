@@ -1,21 +1,17 @@
 use std::collections::BTreeSet;
 use std::fs;
-use std::io::Read;
 use std::path::Path;
 
-use jiff::Timestamp;
 use rusqlite::{Connection, Row, params};
 use serde_json::Value;
 
-use super::audit::line_of;
-use super::columns::{At, JOB, job_of};
+use super::columns::{At, JOB, job_of, rows};
+use super::connection::reading;
+use super::history::audit_row_of;
 use super::ids::Ids;
-use super::places::Places;
-use super::schema::reading;
-use super::{JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault, jobs, open_run_file};
-
-/// Largest `effective.json` or `report.json` that is read.
-const MOST_BYTES: u64 = 16 << 20;
+use super::layout::DataDir;
+use super::run_file::{modified, text_of};
+use super::{JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault, jobs};
 
 /// Copies what can still be read of the damaged store `old`: jobs, idempotency keys, the audit log. Events stay behind;
 /// their numbers are not given again.
@@ -27,14 +23,14 @@ pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault>
     // from both ends, since nothing comes after a page that is broken
     for order in ["", "DESC"] {
         let sql = format!("SELECT {columns} FROM jobs NOT INDEXED ORDER BY rowid {order}");
-        for job in rows(&old, &sql, job_of) {
+        for job in readable_rows(&old, &sql, job_of) {
             if seen.insert(job.id) {
                 copy_job(&old, &tx, job)?;
             }
         }
         let sql =
             format!("SELECT id, at, plate, act, operator, reason, remote, token_name FROM audit ORDER BY id {order}");
-        lines.extend(rows(&old, &sql, line_of));
+        lines.extend(readable_rows(&old, &sql, audit_row_of));
     }
     lines.sort_by_key(|line| line.id);
     lines.dedup_by_key(|line| line.id);
@@ -46,7 +42,7 @@ pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault>
         tx.execute(sql, values)?;
     }
     let key = |row: &Row<'_>| Ok((row.get::<_, String>(0)?, row.get::<_, [u8; 32]>(1)?, row.get(2)?, row.get(3)?));
-    let keys: Vec<(_, _, JobId, At)> = rows(&old, "SELECT key, body_sha256, job, at FROM keys", key);
+    let keys: Vec<(_, _, JobId, At)> = readable_rows(&old, "SELECT key, body_sha256, job, at FROM keys", key);
     for (key, body_sha256, job, at) in keys.into_iter().filter(|(_, _, job, _)| seen.contains(job)) {
         tx.execute(
             "INSERT OR IGNORE INTO keys (key, body_sha256, job, at) VALUES (?1, ?2, ?3, ?4)",
@@ -63,7 +59,7 @@ fn columns_of(old: &Connection) -> String {
 }
 
 /// The rows up to the first that cannot be read.
-fn rows<T>(old: &Connection, sql: &str, made: impl Fn(&Row<'_>) -> rusqlite::Result<T>) -> Vec<T> {
+fn readable_rows<T>(old: &Connection, sql: &str, made: impl Fn(&Row<'_>) -> rusqlite::Result<T>) -> Vec<T> {
     let Ok(mut statement) = old.prepare(sql) else { return Vec::new() };
     let Ok(rows) = statement.query_map([], made) else { return Vec::new() };
     rows.map_while(Result::ok).collect()
@@ -88,12 +84,12 @@ fn copy_job(old: &Connection, tx: &Connection, mut job: JobRow) -> rusqlite::Res
 
 /// Makes running jobs of those that wait although something is in their run folder: they had begun, and the store has
 /// forgotten it. How they ended is found out as after any crash; nobody runs them again.
-pub(super) fn have_begun(places: &Places, connection: &Connection) -> Result<(), StoreFault> {
+pub(super) fn have_begun(dir: &DataDir, connection: &Connection) -> Result<(), StoreFault> {
     let tx = connection.unchecked_transaction()?;
-    let (names, known) = (places.run_names()?, folders_of(&tx)?);
-    for job in queued(&tx)? {
+    let (names, known) = (dir.run_names()?, folders_of(&tx)?);
+    for job in rows(&tx, &format!("SELECT {JOB} FROM jobs WHERE state = 'queued'"), [], job_of)? {
         let name = job.run_folder();
-        let folder = places.runs.join(&name);
+        let folder = dir.runs.join(&name);
         if names.binary_search(&name).is_err() || is_empty(&folder) {
             continue;
         }
@@ -106,25 +102,20 @@ pub(super) fn have_begun(places: &Places, connection: &Connection) -> Result<(),
     Ok(tx.commit()?)
 }
 
-fn queued(connection: &Connection) -> rusqlite::Result<Vec<JobRow>> {
-    let mut statement = connection.prepare(&format!("SELECT {JOB} FROM jobs WHERE state = 'queued'"))?;
-    statement.query_map([], job_of)?.collect()
-}
-
 /// True for a folder that was made for a job which did not come to begin.
 fn is_empty(folder: &Path) -> bool {
     fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none())
 }
 
 /// Makes jobs of the run folders that belong to none, as running ones: how they ended is found out as after any crash.
-pub(super) fn from_folders(places: &Places, new: &Connection) -> Result<(), StoreFault> {
+pub(super) fn from_folders(dir: &DataDir, new: &Connection) -> Result<(), StoreFault> {
     let tx = new.unchecked_transaction()?;
     let known = folders_of(&tx)?;
-    let mut found: Vec<JobRow> = places
+    let mut found: Vec<JobRow> = dir
         .run_names()?
         .into_iter()
         .filter(|name| !known.contains(name))
-        .filter_map(|name| job_in(&places.runs.join(&name), name))
+        .filter_map(|name| job_in(&dir.runs.join(&name), name))
         .collect();
     found.sort_by_key(|job| job.submitted_at);
     let ids = Ids::above(None);
@@ -137,8 +128,8 @@ pub(super) fn from_folders(places: &Places, new: &Connection) -> Result<(), Stor
 
 /// Names of the run folders that belong to a job.
 pub(super) fn folders_of(connection: &Connection) -> rusqlite::Result<BTreeSet<String>> {
-    let mut statement = connection.prepare("SELECT folder FROM jobs WHERE folder IS NOT NULL")?;
-    statement.query_map([], |row| row.get(0))?.collect()
+    let sql = "SELECT folder FROM jobs WHERE folder IS NOT NULL";
+    Ok(rows(connection, sql, [], |row| row.get(0))?.into_iter().collect())
 }
 
 /// The job whose `effective.json` is in a run folder.
@@ -168,18 +159,4 @@ fn job_in(folder: &Path, name: String) -> Option<JobRow> {
         last_event: 0,
         standing: false,
     })
-}
-
-/// What stands in a file of a run folder; `None` for one that is not there, not text, or far too long.
-pub(super) fn text_of(path: &Path) -> Option<String> {
-    let mut text = String::new();
-    let file = open_run_file(path.parent()?, path.file_name()?.to_str()?).ok()?;
-    let read = file.take(MOST_BYTES + 1).read_to_string(&mut text).ok()?;
-    (read as u64 <= MOST_BYTES).then_some(text)
-}
-
-/// When a file was last written.
-pub(super) fn modified(path: &Path) -> Option<Timestamp> {
-    let time = fs::metadata(path).and_then(|file| file.modified()).ok()?;
-    Timestamp::try_from(time).ok().map(At::rounded)
 }

@@ -1,22 +1,39 @@
 use std::fs;
 use std::path::Path;
-use std::time::Duration;
 
-use rusqlite::config::DbConfig;
-use rusqlite::{Connection, OpenFlags};
+use rusqlite::Connection;
 
 use super::StoreFault;
-use super::aside::remove_all;
-use super::migrate::{MIGRATIONS, VERSION};
+use super::connection::{empty_log, writing};
+use super::layout::remove_all;
 
 /// `upm1`: says in the file's header whose it is.
 pub(super) const APPLICATION_ID: i32 = 0x7570_6d31;
 
-/// Pages that a connection keeps in memory, in the pragma's own unit of -1024 bytes. The system keeps the file, too.
-const CACHE: &str = "PRAGMA cache_size = -512;";
+/// Oldest version that can be migrated.
+pub(super) const OLDEST: i32 = 1;
 
-/// How long a connection waits for another one's lock.
-const BUSY: Duration = Duration::from_secs(2);
+/// The change from each version to the next, beginning at [`OLDEST`].
+pub(super) const MIGRATIONS: &[&str] = &[STANDING, UPTIME];
+
+/// Version of the tables that this release makes and uses.
+pub(super) const VERSION: i32 = OLDEST + MIGRATIONS.len() as i32;
+
+/// From version 1 to 2: standing jobs.
+const STANDING: &str = "
+ALTER TABLE jobs ADD COLUMN standing INTEGER NOT NULL DEFAULT 0 CHECK (standing IN (0, 1));
+CREATE INDEX jobs_standing ON jobs (plate, id) WHERE standing = 1;
+";
+
+/// From version 2 to 3: ages are counted on the time that the store is open. What is there already begins to age now.
+const UPTIME: &str = "
+ALTER TABLE jobs ADD COLUMN ended_uptime INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE keys ADD COLUMN uptime INTEGER NOT NULL DEFAULT 0;
+DROP INDEX keys_by_age;
+CREATE INDEX keys_by_uptime ON keys (uptime);
+CREATE TABLE clock (only INTEGER PRIMARY KEY CHECK (only = 1), uptime INTEGER NOT NULL) STRICT;
+INSERT INTO clock VALUES (1, 0);
+";
 
 /// Tables of version 1, but for those of [`STATE`]; the migrations come on top of them.
 ///
@@ -114,60 +131,21 @@ pub(super) fn create_as(draft: &Path, path: &Path) -> Result<(), StoreFault> {
     Ok(remove_all(draft)?)
 }
 
-/// The connection that writes. WAL for readers beside it; FULL because what was answered must outlive a power cut.
-pub(super) fn writing(path: &Path) -> rusqlite::Result<Connection> {
-    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    let connection = Connection::open_with_flags(path, flags)?;
-    connection.busy_timeout(BUSY)?;
-    keep_log(&connection)?;
-    connection.execute_batch(CACHE)?;
-    connection.execute_batch(
-        "PRAGMA journal_mode = WAL;
-         PRAGMA synchronous = FULL;
-         PRAGMA wal_autocheckpoint = 1000;
-         PRAGMA journal_size_limit = 8388608;
-         PRAGMA foreign_keys = ON;
-         PRAGMA recursive_triggers = ON;
-         PRAGMA trusted_schema = OFF;",
-    )?;
-    Ok(connection)
+/// Kind (see [`APPLICATION_ID`]) and version of a database.
+pub(super) fn identity(connection: &Connection) -> rusqlite::Result<(i32, i32)> {
+    let number = |name: &str| connection.pragma_query_value(None, name, |row| row.get(0));
+    Ok((number("application_id")?, number("user_version")?))
 }
 
-/// A connection that only reads.
-pub(super) fn reading(path: &Path) -> rusqlite::Result<Connection> {
-    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    let connection = Connection::open_with_flags(path, flags)?;
-    connection.busy_timeout(BUSY)?;
-    keep_log(&connection)?;
-    connection.execute_batch(CACHE)?;
-    connection.execute_batch("PRAGMA trusted_schema = OFF; PRAGMA query_only = ON;")?;
-    Ok(connection)
-}
-
-/// The log stays beside the file, so that its absence after a crash means something.
-fn keep_log(connection: &Connection) -> rusqlite::Result<()> {
-    connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true).map(|_| ())
-}
-
-/// Moves all of the log into the file, and leaves none.
-pub(super) fn empty_log(connection: &Connection) -> rusqlite::Result<()> {
-    connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()))
-}
-
-/// Moves all of the log into the file; what is written next goes over the old log. So something can be written even
-/// where nothing can grow.
-pub(super) fn restart_log(connection: &Connection) -> rusqlite::Result<()> {
-    connection.query_row("PRAGMA wal_checkpoint(RESTART)", [], |_| Ok(()))
+/// True when the store was closed in order.
+pub(super) fn is_clean(connection: &Connection) -> rusqlite::Result<bool> {
+    connection.query_row("SELECT clean_shutdown FROM meta", [], |row| row.get(0))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_bundled_sqlite_has_the_fix_for_wal_resets() {
-        assert!(rusqlite::version_number() >= 3_051_003, "{}", rusqlite::version());
-    }
+    use crate::store::connection::reading;
 
     #[test]
     fn a_new_store_is_whole_in_one_file() {
@@ -177,36 +155,7 @@ mod tests {
         let alone = folder.path().join("alone.db");
         std::fs::copy(&path, &alone).unwrap();
         let connection = reading(&alone).unwrap();
-        let pragma = |name: &str| connection.pragma_query_value(None, name, |row| row.get::<_, i32>(0)).unwrap();
-        assert_eq!([pragma("application_id"), pragma("user_version")], [APPLICATION_ID, VERSION]);
+        assert_eq!(identity(&connection), Ok((APPLICATION_ID, VERSION)));
         assert!(connection.execute("DELETE FROM jobs", []).is_err());
-    }
-
-    #[test]
-    fn the_writing_connection_loses_nothing_to_a_power_cut() {
-        let folder = tempfile::tempdir().unwrap();
-        let connection = writing(&folder.path().join("upm.db")).unwrap();
-        let pragma = |name: &str| -> String {
-            let value =
-                connection.pragma_query_value(None, name, |row| row.get::<_, rusqlite::types::Value>(0)).unwrap();
-            match value {
-                rusqlite::types::Value::Text(text) => text,
-                rusqlite::types::Value::Integer(number) => number.to_string(),
-                other => format!("{other:?}"),
-            }
-        };
-        let set = [
-            ("journal_mode", "wal"),
-            ("synchronous", "2"),
-            ("wal_autocheckpoint", "1000"),
-            ("journal_size_limit", "8388608"),
-            ("busy_timeout", "2000"),
-            ("foreign_keys", "1"),
-            ("recursive_triggers", "1"),
-            ("trusted_schema", "0"),
-        ];
-        for (name, value) in set {
-            assert_eq!(pragma(name), value, "{name}");
-        }
     }
 }

@@ -19,10 +19,11 @@ use std::time::Duration;
 
 use jiff::Timestamp;
 
-use super::task::{Task, task};
+use super::retention::Swept;
+use super::write_queue::{Task, task};
 use super::{
-    Accepted, AuditEntry, Claimed, Clocks, FINISHED, JobEnd, JobId, JobRow, JobState, Ledger, Limits, Mended, NewEvent,
-    NewJob, Opened, Pace, Page, RecordingStatus, Store, StoreFault,
+    Accepted, AuditEntry, AuditRow, Claimed, Clocks, FINISHED, JobEnd, JobId, JobRow, JobState, Ledger, Limits, Mended,
+    NewEvent, NewJob, Opened, Pace, Page, RecordingStatus, Store, StoreFault, StoredEvent, history,
 };
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
 
@@ -33,12 +34,35 @@ impl Store {
     /// Keeps it from writing until what this returns is dropped.
     pub(crate) fn hold(&self) -> SyncSender<()> {
         let ((let_go, gate), (stop, stopped)) = (sync_channel(0), sync_channel(0));
-        self.orders.write(wish(move |_| {
+        self.queue.write(wish(move |_| {
             stop.send(()).unwrap();
             assert!(gate.recv().is_err());
         }));
         stopped.recv_timeout(PATIENCE).unwrap();
         let_go
+    }
+
+    /// The last events of the newest jobs, newest first.
+    fn newest_events(
+        &self,
+        most: usize,
+        done: impl FnOnce(Result<Vec<(JobId, StoredEvent)>, StoreFault>) + Send + 'static,
+    ) {
+        self.readers.ask(move |connection| history::newest_events(connection, most), done);
+    }
+
+    /// The last lines of the audit log, newest first.
+    pub(crate) fn audit_tail(
+        &self,
+        most: usize,
+        done: impl FnOnce(Result<Vec<AuditRow>, StoreFault>) + Send + 'static,
+    ) {
+        self.readers.ask(move |connection| history::audit_tail(connection, most), done);
+    }
+
+    /// Deletes run folders that are too old or too many, and waits for it.
+    fn sweep(&self) -> Result<Swept, StoreFault> {
+        self.retention.sweep()
     }
 }
 
@@ -57,7 +81,7 @@ fn in_time<T: Send + 'static>(act: impl FnOnce() -> T + Send + 'static) -> T {
 
 /// Notes whether a plate is paused, and waits until that is on the disk.
 fn set_paused(store: &Store, plate: &'static str, paused: bool) {
-    store.orders.written(true, move |books| books.set_paused(plate, paused)).unwrap();
+    store.queue.written(true, move |tx| tx.set_paused(plate, paused)).unwrap();
 }
 
 fn noon() -> Timestamp {

@@ -1,11 +1,17 @@
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use jiff::Timestamp;
+use serde::Serialize;
 
-use super::{JobId, StoredEvent};
+use super::JobId;
 use crate::states::{JobState, RecordingStatus};
-use upm_core::job::Pace;
+use upm_core::job::{Pace, StopCause};
+use upm_core::time::PlateTime;
+
+/// Kind of the event that a job ends with: it is kept in one with the end, so that a job which has ended has it.
+pub const FINISHED: &str = "finished";
 
 /// A validated job that asks to be queued.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +34,32 @@ pub struct NewJob {
     pub body_sha256: [u8; 32],
     /// The request's idempotency key.
     pub key: Option<String>,
+}
+
+impl NewJob {
+    /// The row of this job when it has just been accepted.
+    pub(super) fn row(&self, id: JobId, submitted_at: Timestamp) -> JobRow {
+        JobRow {
+            id,
+            name: self.name.clone(),
+            plate: self.plate.clone(),
+            state: JobState::Queued,
+            seed: self.seed,
+            pace: self.pace,
+            rig_fingerprint: self.rig_fingerprint.clone(),
+            library_sha256: self.library_sha256.clone(),
+            submitted_at,
+            started_at: None,
+            finished_at: None,
+            progress: 0.0,
+            reason: String::new(),
+            report_json: None,
+            folder: None,
+            recording: RecordingStatus::None,
+            last_event: 0,
+            standing: false,
+        }
+    }
 }
 
 /// A job as the store knows it, but for its text ([`Claimed`](super::Claimed)).
@@ -77,6 +109,98 @@ impl JobRow {
     pub fn run_folder(&self) -> String {
         format!("{}-{}", self.name, self.id)
     }
+}
+
+/// A job whose plate has taken it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Claimed {
+    /// The job, `running`, with its run folder.
+    pub row: JobRow,
+    /// The job as JSON, as it was accepted.
+    pub spec_json: String,
+}
+
+/// How a job ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JobEnd {
+    /// When, of the plate's own time; zero when it was not on the plate.
+    pub at: PlateTime,
+    /// A final state.
+    pub state: JobState,
+    /// Its cause; `None` where the state says it all.
+    pub stop: Option<StopCause>,
+    /// Why, in words.
+    pub reason: String,
+    /// Its `report.json`, if it came to one.
+    pub report_json: Option<String>,
+    /// What there is of its recording.
+    pub recording: RecordingStatus,
+}
+
+impl JobEnd {
+    /// The last event of the job that ended so.
+    pub(super) fn event(&self) -> NewEvent {
+        #[derive(Serialize)]
+        struct Finished<'a> {
+            at_s: f64,
+            state: &'a str,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            stop: Option<StopCause>,
+            reason: &'a str,
+        }
+        let finished =
+            Finished { at_s: self.at.secs(), state: self.state.name(), stop: self.stop, reason: &self.reason };
+        let body = serde_json::to_string(&finished).unwrap_or_else(|_| "{}".into());
+        NewEvent { plate_time: self.at, kind: FINISHED, body: body.into() }
+    }
+
+    /// That of a job which was taken out of the queue.
+    pub(super) fn before_it_began() -> Self {
+        Self {
+            at: PlateTime::ZERO,
+            state: JobState::Cancelled,
+            stop: Some(StopCause::Cancelled),
+            reason: "cancelled before it began".to_owned(),
+            report_json: None,
+            recording: RecordingStatus::None,
+        }
+    }
+
+    /// That of a job whose run folder is another one's.
+    pub(super) fn without_a_folder() -> Self {
+        Self {
+            state: JobState::Interrupted,
+            stop: None,
+            reason: "it could not begin: its run folder belongs to another job".to_owned(),
+            ..Self::before_it_began()
+        }
+    }
+}
+
+/// Something that happened to a job, to be kept for those who come later.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewEvent {
+    /// When, of the plate's own time.
+    pub plate_time: PlateTime,
+    /// What kind: `state`, `cycle`, `warning`, `recording`.
+    pub kind: &'static str,
+    /// What, as JSON.
+    pub body: Arc<str>,
+}
+
+/// An event that is on the disk.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StoredEvent {
+    /// Its number in its job, from 1 on without a gap.
+    pub seq: u64,
+    /// When it was told.
+    pub at: Timestamp,
+    /// When, of the plate's own time.
+    pub plate_time: PlateTime,
+    /// What kind.
+    pub kind: String,
+    /// What, as JSON.
+    pub body: Arc<str>,
 }
 
 /// What became of a submission.
@@ -247,7 +371,7 @@ pub struct StoreHealth {
     pub waiting: usize,
     /// Lines of the audit log that wait to be written.
     pub audit_waiting: usize,
-    /// False while the ballast has been thrown off.
+    /// False while the reserve is released because the disk is full.
     pub reserve: bool,
     /// Longest time that a reading thread has been at one question.
     pub reader_busy: Duration,

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::Deserialize;
 use serde_json::Value;
 
-use crate::store::salvage::{modified, text_of};
+use crate::store::run_file::{modified, text_of};
 use crate::store::{
     JobEnd, JobRow, JobState, Mended, RecordingStatus, Recovery, RepairRecording, RunFileFault, open_run_file,
 };

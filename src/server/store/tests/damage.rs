@@ -39,8 +39,8 @@ fn told_by_folders() -> [(String, JobState); 2] {
 
 /// Moved into one file, so that a test can break it.
 fn into_one_file(data: &Path) {
-    let connection = crate::store::schema::writing(&data.join("upm.db")).unwrap();
-    crate::store::schema::empty_log(&connection).unwrap();
+    let connection = crate::store::connection::writing(&data.join("upm.db")).unwrap();
+    crate::store::connection::empty_log(&connection).unwrap();
 }
 
 fn damaged(data: &Path) -> (Store, PathBuf, String) {
@@ -76,7 +76,7 @@ fn garbage_is_moved_aside_with_all_that_belongs_to_it_and_history_is_told_by_the
 #[test]
 fn a_store_of_another_version_keeps_all_its_jobs() {
     let (data, ids) = left_behind();
-    crate::store::schema::writing(&data.path().join("upm.db"))
+    crate::store::connection::writing(&data.path().join("upm.db"))
         .unwrap()
         .execute_batch("PRAGMA user_version = 0")
         .unwrap();
@@ -167,7 +167,10 @@ fn a_database_that_is_missing_is_told_by_its_folders() {
 fn moving_aside_cut_short_is_taken_up_again() {
     let (left, ids) = left_behind();
     let version = |data: &Path| {
-        crate::store::schema::writing(&data.join("upm.db")).unwrap().execute_batch("PRAGMA user_version = 0").unwrap();
+        crate::store::connection::writing(&data.join("upm.db"))
+            .unwrap()
+            .execute_batch("PRAGMA user_version = 0")
+            .unwrap();
     };
     version(left.path());
     let done = snapshot(left.path());

@@ -2,7 +2,7 @@ use rusqlite::Connection;
 
 use super::*;
 use crate::store::Replay;
-use crate::store::books::Books;
+use crate::store::write_tx::WriteTx;
 
 fn replay(store: &Store, id: JobId, after: u64, most: usize) -> Option<Replay> {
     ask(|done| store.replay(&id, after, most, done)).unwrap()
@@ -94,7 +94,7 @@ fn the_audit_log_only_grows() {
         "REPLACE INTO audit SELECT * FROM audit",
         "UPDATE audit SET id = id + 10",
     ] {
-        let stored = store.orders.written(true, |books| books.tx.execute(sql, []));
+        let stored = store.queue.written(true, |tx| tx.connection.execute(sql, []));
         assert!(matches!(&stored, Err(StoreFault::Io(reason)) if reason.contains("append-only")), "{stored:?}");
     }
     assert_eq!(tail(10).len(), 3);
@@ -108,8 +108,8 @@ fn what_was_noted_before_a_task_was_given_is_written_before_it_and_together_with
     let held = store.hold();
     assert!(store.note_act(act("ann")));
     let (sender, answer) = sync_channel(1);
-    let both = move |books: &Books<'_>| Ok((count(books.tx)?, count(&others)?));
-    store.orders.write(task(false, both, move |seen| sender.send(seen).unwrap()));
+    let both = move |tx: &WriteTx<'_>| Ok((count(tx.connection)?, count(&others)?));
+    store.queue.write(task(false, both, move |seen| sender.send(seen).unwrap()));
     drop(held);
     assert_eq!(answer.recv_timeout(PATIENCE).unwrap(), Ok((1, 0)), "seen by the task, and by who is not in on it");
     assert_eq!(ask(|done| store.audit_tail(10, done)).unwrap().len(), 1);
@@ -124,7 +124,7 @@ fn one_fault_is_no_others() {
     let hand_in = |sql: &'static str| {
         let sender = sender.clone();
         let done = move |stored| sender.send(stored).unwrap();
-        store.orders.write(task(false, |books| books.tx.execute(sql, []), done));
+        store.queue.write(task(false, |tx| tx.connection.execute(sql, []), done));
     };
     hand_in("UPDATE meta SET clean_shutdown = 0");
     hand_in("DELETE FROM nothing_that_is_there");

@@ -16,11 +16,11 @@ fn run_of(store: &Store, row: &JobRow) -> std::path::PathBuf {
 
 /// The texts that are kept.
 fn texts(store: &Store) -> Vec<String> {
-    let read = |books: &crate::store::books::Books<'_>| {
-        let mut statement = books.tx.prepare("SELECT spec FROM specs ORDER BY job")?;
+    let read = |tx: &crate::store::write_tx::WriteTx<'_>| {
+        let mut statement = tx.connection.prepare("SELECT spec FROM specs ORDER BY job")?;
         statement.query_map([], |row| row.get(0))?.collect::<Result<Vec<String>, _>>()
     };
-    store.orders.written(true, read).unwrap()
+    store.queue.written(true, read).unwrap()
 }
 
 #[test]
@@ -51,8 +51,8 @@ fn a_lost_log_makes_no_second_job_of_a_run() {
     let row = queue(&store, "one", "a");
     run_of(&store, &row);
     let data = snapshot(folder.path());
-    let connection = crate::store::schema::writing(&data.path().join("upm.db")).unwrap();
-    crate::store::schema::empty_log(&connection).unwrap();
+    let connection = crate::store::connection::writing(&data.path().join("upm.db")).unwrap();
+    crate::store::connection::empty_log(&connection).unwrap();
     drop(connection);
     for ending in ["-wal", "-shm"] {
         fs::remove_file(data.path().join(format!("upm.db{ending}"))).unwrap();
@@ -69,7 +69,7 @@ fn a_store_moved_aside_makes_no_second_job_of_a_run() {
     let row = queue(&store, "one", "a");
     run_of(&store, &row);
     let data = snapshot(folder.path());
-    crate::store::schema::writing(&data.path().join("upm.db"))
+    crate::store::connection::writing(&data.path().join("upm.db"))
         .unwrap()
         .execute_batch("PRAGMA user_version = 0")
         .unwrap();
@@ -107,7 +107,7 @@ fn the_text_of_a_job_stays_until_its_folder_has_it() {
     let (copy, Opened { store, .. }) = killed(folder.path());
     assert_eq!(texts(&store), kept, "a start keeps it, too");
     assert!(store.close(PATIENCE));
-    let version = crate::store::schema::writing(&copy.path().join("upm.db")).unwrap();
+    let version = crate::store::connection::writing(&copy.path().join("upm.db")).unwrap();
     version.execute_batch("PRAGMA user_version = 0").unwrap();
     drop(version);
     let limits = Limits { jobs: 0, runs_bytes: 0, ..limits() };

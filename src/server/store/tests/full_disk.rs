@@ -99,7 +99,7 @@ fn a_store_that_may_not_grow_says_full_and_goes_on_when_it_may() {
     let (folder, store) = new_store(Limits { queued: 10_000, ..limits() });
     let pages = |number: u32| {
         let sql = format!("PRAGMA max_page_count = {number}");
-        store.orders.written(true, move |books| books.tx.query_row(&sql, [], |row| row.get::<_, i64>(0))).unwrap()
+        store.queue.written(true, move |tx| tx.connection.query_row(&sql, [], |row| row.get::<_, i64>(0))).unwrap()
     };
     assert!(pages(60) <= 60);
     let accepted = accept_until_refused(&store);

@@ -227,7 +227,7 @@ fn pages_joined_are_the_whole_list() {
 fn a_closed_store_says_so() {
     let (_folder, store) = new_store(limits());
     let id = queue(&store, "one", "a").id;
-    assert!(store.heartbeat() < PATIENCE);
+    assert!(store.health().heartbeat < PATIENCE);
     assert_eq!(store.health().fault, None);
     assert!(store.close(PATIENCE));
     assert!(!store.close(PATIENCE));
@@ -246,7 +246,7 @@ fn a_queue_too_long_is_refused_at_once() {
     let refused = (0..5000)
         .filter(|_| {
             let sender = sender.clone();
-            store.orders.write(wish(move |answer| sender.send(answer).unwrap()));
+            store.queue.write(wish(move |answer| sender.send(answer).unwrap()));
             matches!(answers.try_recv(), Ok(Err(StoreFault::Busy)))
         })
         .count();

@@ -1,7 +1,7 @@
 use std::fs;
 
 use super::*;
-use crate::store::Swept;
+use crate::store::retention::Swept;
 
 /// Clocks that a test turns together: hours since noon.
 macro_rules! turned_clocks {

@@ -5,9 +5,10 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 
 use super::*;
-use crate::store::migrate::{MIGRATIONS, OLDEST, VERSION, migrate, version_of};
-use crate::store::places::Places;
-use crate::store::schema::{reading, writing};
+use crate::store::connection::{reading, writing};
+use crate::store::layout::DataDir;
+use crate::store::migrate::migrate;
+use crate::store::schema::{APPLICATION_ID, MIGRATIONS, OLDEST, VERSION, identity};
 
 /// For each migration the statements that undo it.
 const UNDO: [&str; MIGRATIONS.len()] = [
@@ -80,7 +81,10 @@ fn store_of_every_older_version_is_copied_and_migrated_with_all_its_jobs() {
         assert_eq!(store.claim("a", &super::folder(&store)).unwrap().unwrap().row.id, waiting.id);
         let copy = reading(&folder.path().join(format!("upm.db.v{version}"))).unwrap();
         let queued = "SELECT count(*) FROM jobs WHERE state = 'queued'";
-        assert_eq!((version_of(&copy), copy.query_row(queued, [], |row| row.get::<_, i64>(0))), (Ok(version), Ok(1)));
+        assert_eq!(
+            (identity(&copy), copy.query_row(queued, [], |row| row.get::<_, i64>(0))),
+            (Ok((APPLICATION_ID, version)), Ok(1))
+        );
     }
 }
 
@@ -103,15 +107,15 @@ fn migration_that_fails_changes_nothing() {
     let (folder, store) = new_store(limits());
     assert!(store.close(PATIENCE));
     drop(store);
-    let places = Places::in_folder(folder.path()).unwrap();
-    let mut connection = writing(&places.db).unwrap();
+    let dir = DataDir::in_folder(folder.path()).unwrap();
+    let mut connection = writing(&dir.db).unwrap();
     let is_there = |connection: &rusqlite::Connection| connection.prepare("SELECT a FROM extra").is_ok();
     let list = |last: &'static str| [MIGRATIONS, &["CREATE TABLE extra (a INTEGER)", last]].concat();
-    assert!(migrate(&mut connection, &places, &list("CREATE TABLE extra (b INTEGER)")).is_err());
-    assert_eq!((version_of(&connection), is_there(&connection)), (Ok(VERSION), false));
-    let copy = migrate(&mut connection, &places, &list("ALTER TABLE extra ADD COLUMN b INTEGER")).unwrap().unwrap();
-    assert_eq!((version_of(&connection), is_there(&connection)), (Ok(VERSION + 2), true));
+    assert!(migrate(&mut connection, &dir, &list("CREATE TABLE extra (b INTEGER)")).is_err());
+    assert_eq!((identity(&connection), is_there(&connection)), (Ok((APPLICATION_ID, VERSION)), false));
+    let copy = migrate(&mut connection, &dir, &list("ALTER TABLE extra ADD COLUMN b INTEGER")).unwrap().unwrap();
+    assert_eq!((identity(&connection), is_there(&connection)), (Ok((APPLICATION_ID, VERSION + 2)), true));
     assert_eq!(copy, folder.path().join(format!("upm.db.v{VERSION}")));
     assert!(!is_there(&reading(&copy).unwrap()), "the copy is as it was");
-    assert_eq!(migrate(&mut connection, &places, &list("never reached")).unwrap(), None);
+    assert_eq!(migrate(&mut connection, &dir, &list("never reached")).unwrap(), None);
 }

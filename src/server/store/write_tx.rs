@@ -3,10 +3,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use jiff::Timestamp;
-use rusqlite::{Connection, OptionalExtension, params};
+use rusqlite::{Connection, OptionalExtension, Row, params};
 
 use super::ages::{Ages, Uptime};
-use super::columns::At;
+use super::columns::{At, rows, sql_limit};
 use super::ids::Ids;
 use super::{JobId, Limits, RecordingStatus};
 
@@ -18,10 +18,10 @@ pub(super) struct Ended {
     pub at: Timestamp,
 }
 
-/// What a writing transaction works with. The rooms' acts are methods on it, in files of their own.
-pub(super) struct Books<'a> {
-    /// The transaction.
-    pub tx: &'a Connection,
+/// A writing transaction with its context. Statements on jobs, events and the audit log are methods in the files of those.
+pub(super) struct WriteTx<'a> {
+    /// The connection within the transaction.
+    pub connection: &'a Connection,
     /// Ids of jobs to come.
     pub ids: &'a Ids,
     /// How much is kept.
@@ -36,30 +36,29 @@ pub(super) struct Books<'a> {
     pub told: &'a Cell<u64>,
 }
 
-impl Books<'_> {
+impl WriteTx<'_> {
     /// Run folders of all jobs, with when the job ended; `None` for one that runs.
     pub fn folders(&self) -> rusqlite::Result<BTreeMap<String, (JobId, Option<Ended>)>> {
         let sql = "SELECT folder, id, ended_uptime, finished_at FROM jobs WHERE folder IS NOT NULL";
-        let mut statement = self.tx.prepare(sql)?;
-        let rows = statement.query_map([], |row| {
+        let folder = |row: &Row<'_>| {
             let (uptime, at) = (row.get(2)?, row.get::<_, Option<At>>(3)?);
             Ok((row.get(0)?, (row.get(1)?, at.map(|At(at)| Ended { uptime, at }))))
-        })?;
-        rows.collect()
+        };
+        Ok(rows(self.connection, sql, [], folder)?.into_iter().collect())
     }
 
     /// Notes how long the store has been open, for the next start.
     pub fn note_uptime(&self) -> rusqlite::Result<()> {
-        self.tx.execute("UPDATE clock SET uptime = max(uptime, ?1)", [self.ages.now]).map(|_| ())
+        self.connection.execute("UPDATE clock SET uptime = max(uptime, ?1)", [self.ages.now]).map(|_| ())
     }
 
     /// Notes that a job's run folder goes; what there was of its recording. `None` when the folder is not that job's,
     /// or the job has not ended.
     pub fn prune(&self, id: &JobId, folder: &str) -> rusqlite::Result<Option<RecordingStatus>> {
         let sql = "SELECT recording FROM jobs WHERE id = ?1 AND folder = ?2 AND state NOT IN ('queued', 'running')";
-        let kept = self.tx.query_row(sql, params![id, folder], |row| row.get(0)).optional()?;
+        let kept = self.connection.query_row(sql, params![id, folder], |row| row.get(0)).optional()?;
         if kept.is_some() {
-            self.tx.execute("UPDATE jobs SET folder = NULL, recording = 'pruned' WHERE id = ?1", [id])?;
+            self.connection.execute("UPDATE jobs SET folder = NULL, recording = 'pruned' WHERE id = ?1", [id])?;
         }
         Ok(kept)
     }
@@ -67,17 +66,16 @@ impl Books<'_> {
     /// Notes that a run folder which was to go has stayed, with what there is of the recording.
     pub fn give_back(&self, id: &JobId, folder: &str, recording: RecordingStatus) -> rusqlite::Result<()> {
         let sql = "UPDATE jobs SET folder = ?2, recording = ?3 WHERE id = ?1 AND folder IS NULL";
-        self.tx.execute(sql, params![id, folder, recording]).map(|_| ())
+        self.connection.execute(sql, params![id, folder, recording]).map(|_| ())
     }
 
     /// Forgets the oldest jobs that have ended and have no run folder any more, until no more than the limit are left.
     /// A job stays while its key is remembered: a repeated key must be answered with it, never run again.
     pub fn forget_jobs(&self) -> rusqlite::Result<()> {
-        let most = i64::try_from(self.limits.jobs).unwrap_or(i64::MAX);
         let sql = "DELETE FROM jobs WHERE id IN (
                        SELECT id FROM jobs WHERE folder IS NULL AND state NOT IN ('queued', 'running')
                            AND NOT EXISTS (SELECT 1 FROM keys WHERE keys.job = jobs.id)
                        ORDER BY id LIMIT max(0, (SELECT count(*) FROM jobs) - ?1))";
-        self.tx.execute(sql, [most]).map(|_| ())
+        self.connection.execute(sql, [sql_limit(self.limits.jobs)]).map(|_| ())
     }
 }

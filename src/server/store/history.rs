@@ -1,10 +1,11 @@
 use std::sync::Arc;
 
+use jiff::Timestamp;
 use rusqlite::{Connection, OptionalExtension, Row, params};
 
-use super::books::Books;
-use super::columns::At;
-use super::{JobId, NewEvent, Replay, StoreFault, StoredEvent};
+use super::columns::{At, rows, sql_limit};
+use super::write_tx::WriteTx;
+use super::{AuditEntry, AuditRow, JobId, NewEvent, Replay, StoredEvent};
 use upm_core::time::PlateTime;
 
 /// Events told between two counts of them all.
@@ -12,16 +13,16 @@ const COUNT_EVERY: u64 = 256;
 
 const EVENT: &str = "seq, at, plate_ns, kind, body";
 
-impl Books<'_> {
+impl WriteTx<'_> {
     /// Keeps an event under the job's next number; `None` when there is no such job.
     pub fn tell(&self, id: &JobId, event: &NewEvent) -> rusqlite::Result<Option<StoredEvent>> {
         let sql = "UPDATE jobs SET last_event = last_event + 1 WHERE id = ?1 RETURNING last_event, first_event";
-        let numbers = self.tx.query_row(sql, [id], |row| Ok((row.get::<_, i64>(0)?, row.get::<_, i64>(1)?)));
+        let numbers = self.connection.query_row(sql, [id], |row| Ok((row.get::<_, i64>(0)?, row.get::<_, i64>(1)?)));
         let Some((seq, first)) = numbers.optional()? else { return Ok(None) };
         let NewEvent { plate_time, kind, body } = event;
         let sql = "INSERT INTO events (job, seq, at, plate_ns, kind, body) VALUES (?1, ?2, ?3, ?4, ?5, ?6)";
-        self.tx.execute(sql, params![id, seq, At(self.now), plate_time.nanos().cast_signed(), kind, body])?;
-        let oldest = seq - self.limits.events_per_job.min(i64::MAX as u64).cast_signed() + 1;
+        self.connection.execute(sql, params![id, seq, At(self.now), plate_time.nanos().cast_signed(), kind, body])?;
+        let oldest = seq - sql_limit(self.limits.events_per_job) + 1;
         if first < oldest {
             self.forget_events(id, oldest)?;
         }
@@ -34,21 +35,29 @@ impl Books<'_> {
         Ok(Some(StoredEvent { seq: seq.cast_unsigned(), at, plate_time, kind, body: Arc::clone(body) }))
     }
 
+    /// Adds a line; there is no act that changes or removes one.
+    pub fn note_act(&self, at: Timestamp, entry: &AuditEntry) -> rusqlite::Result<()> {
+        let AuditEntry { plate, act, operator, reason, remote, token_name } = entry;
+        let sql = "INSERT INTO audit (at, plate, act, operator, reason, remote, token_name)
+                   VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)";
+        self.connection.execute(sql, params![At(at), plate, act, operator, reason, remote, token_name]).map(|_| ())
+    }
+
     /// Forgets a job's events below `oldest`.
     fn forget_events(&self, id: &JobId, oldest: i64) -> rusqlite::Result<()> {
-        self.tx.execute("DELETE FROM events WHERE job = ?1 AND seq < ?2", params![id, oldest])?;
-        self.tx.execute("UPDATE jobs SET first_event = ?2 WHERE id = ?1", params![id, oldest]).map(|_| ())
+        self.connection.execute("DELETE FROM events WHERE job = ?1 AND seq < ?2", params![id, oldest])?;
+        self.connection.execute("UPDATE jobs SET first_event = ?2 WHERE id = ?1", params![id, oldest]).map(|_| ())
     }
 
     /// Forgets all events of the oldest jobs that have ended, until no more than the limit are left.
     pub fn prune_events(&self) -> rusqlite::Result<()> {
         let kept = "SELECT coalesce(sum(last_event - first_event + 1), 0) FROM jobs WHERE last_event >= first_event";
-        let mut kept: i64 = self.tx.query_row(kept, [], |row| row.get(0))?;
-        let most = self.limits.events.min(i64::MAX as u64).cast_signed();
+        let mut kept: i64 = self.connection.query_row(kept, [], |row| row.get(0))?;
+        let most = sql_limit(self.limits.events);
         let oldest = "SELECT id, first_event, last_event FROM jobs
                       WHERE last_event >= first_event AND state NOT IN ('queued', 'running') ORDER BY id LIMIT 1";
         while kept > most {
-            let found = self.tx.query_row(oldest, [], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)));
+            let found = self.connection.query_row(oldest, [], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)));
             let found: Option<(JobId, i64, i64)> = found.optional()?;
             let Some((id, first, last)) = found else { return Ok(()) };
             self.forget_events(&id, last + 1)?;
@@ -59,33 +68,21 @@ impl Books<'_> {
 }
 
 /// A job's events above number `after`, at most `most`; `None` when there is no such job.
-pub(super) fn replay(
-    connection: &Connection,
-    id: &JobId,
-    after: u64,
-    most: usize,
-) -> Result<Option<Replay>, StoreFault> {
+pub(super) fn replay(connection: &Connection, id: &JobId, after: u64, most: usize) -> rusqlite::Result<Option<Replay>> {
     // both statements see the same state
     let tx = connection.unchecked_transaction()?;
     let sql = "SELECT first_event, last_event FROM jobs WHERE id = ?1";
     let numbers = tx.query_row(sql, [id], |row| Ok((row.get::<_, i64>(0)?, row.get::<_, i64>(1)?))).optional()?;
     let Some((oldest, last)) = numbers else { return Ok(None) };
     let sql = format!("SELECT {EVENT} FROM events WHERE job = ?1 AND seq > ?2 ORDER BY seq LIMIT ?3");
-    let mut statement = tx.prepare(&sql)?;
-    let after = i64::try_from(after).unwrap_or(i64::MAX);
-    let most = i64::try_from(most).unwrap_or(i64::MAX);
-    let events = statement.query_map(params![id, after, most], |row| event_of(row, 0))?;
-    let events = events.collect::<Result<Vec<_>, _>>()?;
+    let events = rows(&tx, &sql, params![id, sql_limit(after), sql_limit(most)], |row| event_of(row, 0))?;
     Ok(Some(Replay { oldest: oldest.cast_unsigned(), last: last.cast_unsigned(), events }))
 }
 
 /// The last `most` events of the newest jobs, newest first.
-pub(super) fn newest(connection: &Connection, most: usize) -> Result<Vec<(JobId, StoredEvent)>, StoreFault> {
+pub(super) fn newest_events(connection: &Connection, most: usize) -> rusqlite::Result<Vec<(JobId, StoredEvent)>> {
     let sql = format!("SELECT job, {EVENT} FROM events ORDER BY job DESC, seq DESC LIMIT ?1");
-    let mut statement = connection.prepare(&sql)?;
-    let most = i64::try_from(most).unwrap_or(i64::MAX);
-    let events = statement.query_map([most], |row| Ok((row.get(0)?, event_of(row, 1)?)))?;
-    Ok(events.collect::<Result<_, _>>()?)
+    rows(connection, &sql, [sql_limit(most)], |row| Ok((row.get(0)?, event_of(row, 1)?)))
 }
 
 /// The event whose columns begin at `first`.
@@ -97,4 +94,23 @@ fn event_of(row: &Row<'_>, first: usize) -> rusqlite::Result<StoredEvent> {
         kind: row.get(first + 3)?,
         body: row.get(first + 4)?,
     })
+}
+
+/// The last `most` lines of the audit log, newest first.
+pub(super) fn audit_tail(connection: &Connection, most: usize) -> rusqlite::Result<Vec<AuditRow>> {
+    let sql = "SELECT id, at, plate, act, operator, reason, remote, token_name FROM audit ORDER BY id DESC LIMIT ?1";
+    rows(connection, sql, [sql_limit(most)], audit_row_of)
+}
+
+/// The line in a row of `id, at` and what an entry holds.
+pub(super) fn audit_row_of(row: &Row<'_>) -> rusqlite::Result<AuditRow> {
+    let entry = AuditEntry {
+        plate: row.get(2)?,
+        act: row.get(3)?,
+        operator: row.get(4)?,
+        reason: row.get(5)?,
+        remote: row.get(6)?,
+        token_name: row.get(7)?,
+    };
+    Ok(AuditRow { id: row.get(0)?, at: row.get::<_, At>(1)?.0, entry })
 }

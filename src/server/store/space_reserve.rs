@@ -3,68 +3,68 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use upm_core::files::{Length, free_bytes, reserve};
+use upm_core::files::{self, Length, free_bytes};
 
-/// Time between two tries to take the ballast aboard again.
+/// Time between two tries to acquire a released reserve again.
 const TRY_EVERY: Duration = Duration::from_secs(2);
 
-/// A file that is of no use but for its room: thrown off when the disk is full, so that what must be written can be.
+/// A preallocated file, deleted when the disk is full so that vital writes still succeed.
 #[derive(Debug)]
-pub(super) struct Ballast {
+pub(super) struct SpaceReserve {
     path: PathBuf,
     bytes: u64,
-    aboard: bool,
+    held: bool,
     tried_at: Duration,
 }
 
-impl Ballast {
-    /// The ballast at `path`, made if there is room for it.
+impl SpaceReserve {
+    /// The reserve at `path`, made if there is room for it.
     pub fn at(path: &Path, bytes: u64) -> Self {
-        let mut ballast = Self { path: path.to_owned(), bytes, aboard: false, tried_at: Duration::ZERO };
-        ballast.take_aboard();
-        ballast
+        let mut reserve = Self { path: path.to_owned(), bytes, held: false, tried_at: Duration::ZERO };
+        reserve.acquire();
+        reserve
     }
 
-    /// True while there is room to be made; always for a ballast of nothing.
-    pub fn aboard(&self) -> bool {
-        self.aboard
+    /// True while the file is there to be released; always for a reserve of 0 bytes.
+    pub fn is_held(&self) -> bool {
+        self.held
     }
 
-    /// Makes room; false when there is none to be made.
-    pub fn throw_off(&mut self) -> bool {
-        let thrown = self.aboard && self.bytes > 0 && fs::remove_file(&self.path).is_ok();
-        self.aboard &= !thrown;
-        thrown
+    /// Deletes the file; false when that frees nothing.
+    pub fn release(&mut self) -> bool {
+        let released = self.held && self.bytes > 0 && fs::remove_file(&self.path).is_ok();
+        self.held &= !released;
+        released
     }
 
-    /// Takes it aboard again where there is room.
-    pub fn tend(&mut self, now: Duration) {
-        if !self.aboard && now.saturating_sub(self.tried_at) >= TRY_EVERY {
+    /// Acquires a released reserve again, where there is room and [`TRY_EVERY`] has passed.
+    pub fn retry(&mut self, now: Duration) {
+        if !self.held && now.saturating_sub(self.tried_at) >= TRY_EVERY {
             self.tried_at = now;
-            self.take_aboard();
+            self.acquire();
         }
     }
 
-    fn take_aboard(&mut self) {
+    fn acquire(&mut self) {
         let there = fs::metadata(&self.path).is_ok_and(|file| file.len() == self.bytes);
-        self.aboard = self.bytes == 0 || there || self.has_room() && self.fill().is_ok();
-        if !self.aboard {
-            // half of it is of no use
+        self.held = self.bytes == 0 || there || self.has_room() && self.fill().is_ok();
+        if !self.held {
+            // a part of it frees too little
             let _ = fs::remove_file(&self.path);
         }
     }
 
-    /// True when as much again is left beside it.
+    /// True when the disk has twice the size free.
     fn has_room(&self) -> bool {
         let folder = self.path.parent().unwrap_or(&self.path);
         free_bytes(folder).is_ok_and(|free| free >= 2 * self.bytes)
     }
 
-    /// Not merely made long: its blocks must be its own. Written out only where they cannot be had at once, since who
-    /// waits for this writes nothing else meanwhile.
+    /// Allocates the blocks. Zeros are written only on file systems that cannot allocate at once, because the writer waits
+    /// for this.
     fn fill(&self) -> io::Result<()> {
         let mut file = File::create(&self.path)?;
-        match reserve(&file, self.bytes, Length::Extended) {
+        match files::reserve(&file, self.bytes, Length::Extended) {
             Err(error) if error.kind() == io::ErrorKind::Unsupported => write_out(&mut file, self.bytes)?,
             done => done?,
         }
@@ -97,12 +97,12 @@ mod tests {
     fn it_has_blocks_of_its_own_without_being_written_out() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("reserve");
-        let ballast = Ballast::at(&path, 3 << 20);
+        let reserve = SpaceReserve::at(&path, 3 << 20);
         let file = File::open(&path).unwrap();
         let taken = file.metadata().unwrap();
-        assert!(ballast.aboard() && taken.len() == 3 << 20 && taken.blocks() * 512 >= 3 << 20);
+        assert!(reserve.is_held() && taken.len() == 3 << 20 && taken.blocks() * 512 >= 3 << 20);
         let probe = File::create(folder.path().join("probe")).unwrap();
-        if reserve(&probe, 1 << 20, Length::Extended).is_ok() {
+        if files::reserve(&probe, 1 << 20, Length::Extended).is_ok() {
             assert_eq!(seek(&file, SeekFrom::Data(0)), Err(Errno::NXIO), "nothing was written");
         }
     }

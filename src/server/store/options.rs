@@ -1,6 +1,21 @@
+use std::path::Path;
 use std::time::Duration;
 
-/// How much is kept.
+use super::{Clocks, Mended};
+
+/// Repairs a recording that was not closed, first path, into a whole one, second path.
+pub type RepairRecording<'a> = &'a dyn Fn(&Path, &Path) -> Result<Mended, String>;
+
+/// Options of [`Store::open`](super::Store::open), the data folder left out.
+#[derive(Clone, Copy)]
+pub(super) struct OpenOptions<'a> {
+    pub plates: &'a [String],
+    pub limits: &'a Limits,
+    pub clocks: &'a Clocks,
+    pub repair: RepairRecording<'a>,
+}
+
+/// Limits of what the store keeps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limits {
     /// Jobs that may wait for one plate.
@@ -19,7 +34,7 @@ pub struct Limits {
     pub runs_age: Duration,
     /// Ended runs of standing jobs that are remembered for each plate, with their folders and events.
     pub standing_runs: u64,
-    /// Size of the ballast that is thrown off when the disk is full, bytes; 0 for none.
+    /// Size of the file that is deleted when the disk is full, bytes; 0 for none.
     pub reserve_bytes: u64,
 }
 

@@ -9,6 +9,9 @@ use upm_core::files::sync_folder;
 /// Name of a folder whose contents are being deleted.
 const TRASH: &str = ".trash";
 
+/// Endings of the files of a database: itself, its write-ahead log, the log's index.
+pub(super) const SQLITE_SUFFIXES: [&str; 3] = ["", "-wal", "-shm"];
+
 /// A data folder held for this process alone, until this is dropped.
 #[derive(Debug)]
 pub(super) struct Lock {
@@ -16,9 +19,9 @@ pub(super) struct Lock {
     pub file: File,
 }
 
-/// Where things are in a data folder.
+/// Paths in a data folder.
 #[derive(Clone, Debug)]
-pub(super) struct Places {
+pub(super) struct DataDir {
     /// The folder itself.
     pub data: PathBuf,
     /// The database.
@@ -33,15 +36,15 @@ pub(super) struct Places {
     pub trash: PathBuf,
     /// The same on the disk of the run folders, where that is another one; made when it is needed.
     pub runs_trash: PathBuf,
-    /// The ballast.
+    /// The [`SpaceReserve`](super::space_reserve::SpaceReserve).
     pub reserve: PathBuf,
 }
 
-impl Places {
-    /// Those in `data`, which is made if need be.
+impl DataDir {
+    /// The paths in `data`, which is created where it is missing.
     pub fn in_folder(data: &Path) -> Result<Self, StoreFault> {
         let at = |name: &str| data.join(name);
-        let places = Self {
+        let dir = Self {
             data: data.to_owned(),
             db: at("upm.db"),
             draft: at("upm.db.draft"),
@@ -52,7 +55,7 @@ impl Places {
             reserve: at("reserve"),
         };
         fs::create_dir_all(data).map_err(|error| named(data, error))?;
-        Ok(places)
+        Ok(dir)
     }
 
     /// Makes the folders in it.
@@ -130,6 +133,17 @@ pub(super) fn beside(db: &Path, ending: &str) -> PathBuf {
     let mut name = OsString::from(db);
     name.push(ending);
     PathBuf::from(name)
+}
+
+/// Removes a database with its log.
+pub(super) fn remove_all(db: &Path) -> io::Result<()> {
+    for path in SQLITE_SUFFIXES.map(|ending| beside(db, ending)) {
+        match fs::remove_file(path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 /// The fault of an act on `path`.

@@ -1,21 +1,17 @@
 use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 
+use jiff::Timestamp;
 use rusqlite::{Connection, ErrorCode};
 
-use super::migrate::{OLDEST, VERSION};
-use super::open::Opening;
-use super::places::{Places, beside};
+use super::connection::{empty_log, reading, writing};
+use super::layout::{DataDir, SQLITE_SUFFIXES, beside, remove_all};
 use super::salvage::{from_folders, from_store, have_begun};
-use super::schema::{APPLICATION_ID, create, empty_log, reading, writing};
+use super::schema::{APPLICATION_ID, OLDEST, VERSION, create, identity};
 use super::{Recovery, StoreFault};
 
 /// Shorter files hold no database. SQLite would take them for a new one, and throw away the log beside them.
 const LEAST_BYTES: u64 = 512;
-
-/// What SQLite keeps beside a database.
-const BESIDE: [&str; 3] = ["", "-wal", "-shm"];
 
 /// What is wrong with the database at `path`, if anything. Changes nothing. `Err` when that cannot be told.
 pub(super) fn damage_of(path: &Path) -> Result<Option<String>, StoreFault> {
@@ -40,8 +36,7 @@ pub(super) fn damage_of(path: &Path) -> Result<Option<String>, StoreFault> {
 }
 
 fn look_at(connection: &Connection) -> rusqlite::Result<Option<String>> {
-    let number = |name: &str| connection.pragma_query_value(None, name, |row| row.get::<_, i32>(0));
-    let (id, version) = (number("application_id")?, number("user_version")?);
+    let (id, version) = identity(connection)?;
     if id != APPLICATION_ID || !(OLDEST..=VERSION).contains(&version) {
         return Ok(Some(format!("upm.db is of kind {id:08x} and version {version}, not of version {VERSION}")));
     }
@@ -56,55 +51,44 @@ fn look_at(connection: &Connection) -> rusqlite::Result<Option<String>> {
 /// Makes a new store of what can be saved from the old one and from the run folders, and moves the old one aside. Cut
 /// short anywhere, the next start takes it up again and nothing is lost: the old one makes way only when the new one is
 /// whole.
-pub(super) fn set_aside(places: &Places, opening: &Opening<'_>, damage: &str) -> Result<Recovery, StoreFault> {
+pub(super) fn set_aside(dir: &DataDir, now: Timestamp, damage: &str) -> Result<Recovery, StoreFault> {
     tracing::error!("the job store is damaged and moved aside: {damage}");
-    if !places.next.exists() {
-        remove_all(&places.draft)?;
-        create(&places.draft)?;
-        let connection = writing(&places.draft)?;
-        from_store(&places.db, &connection)?;
-        have_begun(places, &connection)?;
-        from_folders(places, &connection)?;
+    if !dir.next.exists() {
+        remove_all(&dir.draft)?;
+        create(&dir.draft)?;
+        let connection = writing(&dir.draft)?;
+        from_store(&dir.db, &connection)?;
+        have_begun(dir, &connection)?;
+        from_folders(dir, &connection)?;
         connection.execute("UPDATE meta SET clean_shutdown = 0", [])?;
         empty_log(&connection)?;
         connection.close().map_err(|(_, error)| error)?;
-        fs::rename(&places.draft, &places.next)?;
-        places.sync()?;
+        fs::rename(&dir.draft, &dir.next)?;
+        dir.sync()?;
     }
-    let moved = move_away(&places.db, opening)?;
-    fs::rename(&places.next, &places.db)?;
+    let moved = move_away(&dir.db, now)?;
+    fs::rename(&dir.next, &dir.db)?;
     // the new log begins with the new database
-    remove_all(&places.draft)?;
-    places.sync()?;
+    remove_all(&dir.draft)?;
+    dir.sync()?;
     Ok(Recovery { moved_aside: moved, damage: Some(damage.to_owned()), ..Recovery::default() })
 }
 
 /// Renames the database and what is beside it, together; `None` when there was nothing.
-fn move_away(db: &Path, opening: &Opening<'_>) -> Result<Option<PathBuf>, StoreFault> {
-    let there: Vec<&str> = BESIDE.into_iter().filter(|ending| beside(db, ending).exists()).collect();
+fn move_away(db: &Path, now: Timestamp) -> Result<Option<PathBuf>, StoreFault> {
+    let there: Vec<&str> = SQLITE_SUFFIXES.into_iter().filter(|ending| beside(db, ending).exists()).collect();
     if there.is_empty() {
         return Ok(None);
     }
-    let utc = (opening.clocks.wall)().strftime("%Y%m%dT%H%M%SZ").to_string();
+    let utc = now.strftime("%Y%m%dT%H%M%SZ").to_string();
     let name_of = |number: u32| {
         beside(db, &format!(".corrupt-{utc}{}", if number == 0 { String::new() } else { format!("-{number}") }))
     };
-    let free = |name: &PathBuf| BESIDE.iter().all(|ending| !beside(name, ending).exists());
+    let free = |name: &PathBuf| SQLITE_SUFFIXES.iter().all(|ending| !beside(name, ending).exists());
     let aside = (0..1000).map(name_of).find(free);
     let aside = aside.ok_or_else(|| StoreFault::Io("too many damaged stores of this second".into()))?;
     for ending in there {
         fs::rename(beside(db, ending), beside(&aside, ending))?;
     }
     Ok(Some(aside))
-}
-
-/// Removes a database and what is beside it.
-pub(super) fn remove_all(db: &Path) -> io::Result<()> {
-    for path in BESIDE.map(|ending| beside(db, ending)) {
-        match fs::remove_file(path) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-            _ => {}
-        }
-    }
-    Ok(())
 }

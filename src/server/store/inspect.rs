@@ -1,0 +1,58 @@
+use std::path::Path;
+
+use super::columns::rows;
+use super::connection::inspecting;
+use super::migrate::refuse_newer;
+use super::schema::{APPLICATION_ID, VERSION, identity, is_clean};
+use super::{AuditRow, JobId, JobRow, JobState, Page, StoreFault, StoredEvent, history, jobs};
+
+/// How much of a store to look at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PeekMost {
+    /// Newest jobs, at most [`Page::MOST`].
+    pub jobs: usize,
+    /// Newest events.
+    pub events: usize,
+    /// Last lines of the audit log.
+    pub audit: usize,
+}
+
+/// What a look into a store from outside shows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Peeked {
+    /// How many jobs there are of each plate in each state.
+    pub counts: Vec<(String, JobState, u64)>,
+    /// Jobs, newest first.
+    pub jobs: Vec<JobRow>,
+    /// Events of the newest jobs, newest first.
+    pub events: Vec<(JobId, StoredEvent)>,
+    /// The audit log, newest first.
+    pub audit: Vec<AuditRow>,
+    /// Plates that are noted as paused, or as not.
+    pub paused: Vec<(String, bool)>,
+    /// True when the store was closed in order; false while a daemon has it, and after a crash.
+    pub is_closed: bool,
+}
+
+/// Reads the store of the data folder `data`, whether a daemon has it open or not. Writes nothing that the next start would
+/// notice, and blocks no writer: each part is read in one short transaction.
+pub fn peek(data: &Path, most: PeekMost) -> Result<Peeked, StoreFault> {
+    let db = data.join("upm.db");
+    refuse_newer(&db)?;
+    let connection = inspecting(&db)?;
+    let (id, version) = identity(&connection)?;
+    if (id, version) != (APPLICATION_ID, VERSION) {
+        return Err(StoreFault::Corrupt(format!("upm.db is of kind {id:08x} and version {version}, not of {VERSION}")));
+    }
+    let newest = Page { limit: most.jobs, ..Page::default() };
+    Ok(Peeked {
+        counts: jobs::counts(&connection)?,
+        jobs: jobs::list(&connection, &newest)?.rows,
+        events: history::newest_events(&connection, most.events)?,
+        audit: history::audit_tail(&connection, most.audit)?,
+        paused: rows(&connection, "SELECT name, paused FROM plates ORDER BY name", [], |row| {
+            Ok((row.get(0)?, row.get(1)?))
+        })?,
+        is_closed: is_clean(&connection)?,
+    })
+}

@@ -1,0 +1,200 @@
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+use parking_lot::Mutex;
+
+use super::StoreFault;
+use super::pending::Pending;
+use super::write_tx::WriteTx;
+use upm_core::time::{Clock, MonotonicClock};
+
+/// Tasks that may wait for the writer.
+pub(super) const MOST_WAITING: usize = 1024;
+
+/// Time between two tries to have a busy writer close.
+const CLOSE_AGAIN: Duration = Duration::from_millis(2);
+
+/// A write and the callback that gets its result.
+pub(super) trait Task: Send {
+    /// Does its part of a transaction; again from the start when that was rolled back.
+    fn run(&mut self, tx: &WriteTx<'_>) -> rusqlite::Result<()>;
+
+    /// Tells how the transaction ended, once.
+    fn answer(self: Box<Self>, stored: Result<(), StoreFault>);
+
+    /// True for what must get through on a full disk: how jobs end, who stopped what.
+    fn is_vital(&self) -> bool;
+}
+
+impl fmt::Debug for dyn Task {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Task")
+    }
+}
+
+/// A [`Task`] made of two closures.
+struct Wish<T, R, D> {
+    run: R,
+    done: D,
+    made: Option<T>,
+    vital: bool,
+}
+
+impl<T, R, D> Task for Wish<T, R, D>
+where
+    T: Send,
+    R: FnMut(&WriteTx<'_>) -> rusqlite::Result<T> + Send,
+    D: FnOnce(Result<T, StoreFault>) + Send,
+{
+    fn run(&mut self, tx: &WriteTx<'_>) -> rusqlite::Result<()> {
+        self.made = Some((self.run)(tx)?);
+        Ok(())
+    }
+
+    fn answer(self: Box<Self>, stored: Result<(), StoreFault>) {
+        let Self { done, made, .. } = *self;
+        done(stored.and_then(|()| made.ok_or(StoreFault::Closed)));
+    }
+
+    fn is_vital(&self) -> bool {
+        self.vital
+    }
+}
+
+/// Runs `run` in a transaction, then `done` with what it made.
+pub(super) fn task<T: Send + 'static>(
+    vital: bool,
+    run: impl FnMut(&WriteTx<'_>) -> rusqlite::Result<T> + Send + 'static,
+    done: impl FnOnce(Result<T, StoreFault>) + Send + 'static,
+) -> Box<dyn Task> {
+    Box::new(Wish { run, done, made: None, vital })
+}
+
+/// A command to the writer.
+#[derive(Debug)]
+pub(super) enum Order {
+    /// Write this.
+    Do(Box<dyn Task>),
+    /// Something is pending.
+    Wake,
+    /// Write what waits, note that all ended in order, end, and tell whether that was so.
+    Close(SyncSender<bool>),
+}
+
+/// State of the writer that other threads read, and writes that wait without a callback.
+#[derive(Debug)]
+pub(super) struct WriterStatus {
+    pub clock: MonotonicClock,
+    pub pending: Pending,
+    pub waiting: AtomicUsize,
+    pub closed: AtomicBool,
+    pub reserve: AtomicBool,
+    beat_ns: AtomicU64,
+    fault: Mutex<Option<StoreFault>>,
+}
+
+impl WriterStatus {
+    pub fn new(clock: MonotonicClock) -> Self {
+        Self {
+            clock,
+            pending: Pending::default(),
+            waiting: AtomicUsize::new(0),
+            closed: AtomicBool::new(false),
+            reserve: AtomicBool::new(true),
+            beat_ns: AtomicU64::new(clock.elapsed().as_nanos() as u64),
+            fault: Mutex::new(None),
+        }
+    }
+
+    /// Time since the loop last went round.
+    pub fn heartbeat(&self) -> Duration {
+        let beat = Duration::from_nanos(self.beat_ns.load(Ordering::Relaxed));
+        self.clock.elapsed().saturating_sub(beat)
+    }
+
+    /// Why the last commit failed.
+    pub fn fault(&self) -> Option<StoreFault> {
+        self.fault.lock().clone()
+    }
+
+    pub fn beat(&self) {
+        self.beat_ns.store(self.clock.elapsed().as_nanos() as u64, Ordering::Relaxed);
+    }
+
+    pub fn note(&self, fault: Option<&StoreFault>) {
+        *self.fault.lock() = fault.cloned();
+    }
+}
+
+/// The sending end of the writer's queue.
+#[derive(Clone, Debug)]
+pub(super) struct WriteQueue {
+    pub sender: SyncSender<Order>,
+    pub status: Arc<WriterStatus>,
+}
+
+impl WriteQueue {
+    /// Hands a task to the writer, or answers it at once.
+    pub fn write(&self, task: Box<dyn Task>) {
+        if let Err((task, fault)) = self.offer(task) {
+            task.answer(Err(fault));
+        }
+    }
+
+    /// Hands a task to the writer, or gives it back.
+    pub fn offer(&self, task: Box<dyn Task>) -> Result<(), (Box<dyn Task>, StoreFault)> {
+        self.status.waiting.fetch_add(1, Ordering::Relaxed);
+        let refused = match self.sender.try_send(Order::Do(task)) {
+            Ok(()) => return Ok(()),
+            Err(TrySendError::Full(order)) => (order, StoreFault::Busy),
+            Err(TrySendError::Disconnected(order)) => (order, StoreFault::Closed),
+        };
+        self.status.waiting.fetch_sub(1, Ordering::Relaxed);
+        match refused {
+            (Order::Do(task), fault) => Err((task, fault)),
+            (Order::Wake | Order::Close(_), _) => Ok(()),
+        }
+    }
+
+    /// Has the writer do something, and waits for it.
+    pub fn written<T: Send + 'static>(
+        &self,
+        vital: bool,
+        run: impl FnMut(&WriteTx<'_>) -> rusqlite::Result<T> + Send + 'static,
+    ) -> Result<T, StoreFault> {
+        let (sender, answer) = sync_channel(1);
+        // an answer that nobody waits for any more is no fault
+        let task = task(vital, run, move |stored| drop(sender.try_send(stored)));
+        self.status.waiting.fetch_add(1, Ordering::Relaxed);
+        if self.sender.send(Order::Do(task)).is_err() {
+            self.status.waiting.fetch_sub(1, Ordering::Relaxed);
+            return Err(StoreFault::Closed);
+        }
+        answer.recv().unwrap_or(Err(StoreFault::Closed))
+    }
+
+    /// Says that something is pending. A full queue is no harm: then the writer is awake.
+    pub fn wake(&self) {
+        let _ = self.sender.try_send(Order::Wake);
+    }
+
+    /// Has the writer end; true when it has, in order, `within` that time.
+    pub fn close(&self, within: Duration) -> bool {
+        let (done, closed) = sync_channel(1);
+        let until = self.status.clock.elapsed() + within;
+        let left = || until.saturating_sub(self.status.clock.elapsed());
+        let mut order = Order::Close(done);
+        loop {
+            match self.sender.try_send(order) {
+                Ok(()) => return closed.recv_timeout(left()).unwrap_or(false),
+                Err(TrySendError::Full(full)) if !left().is_zero() => order = full,
+                Err(_) => return false,
+            }
+            thread::sleep(CLOSE_AGAIN);
+        }
+    }
+}
