@@ -2,31 +2,34 @@ use std::sync::Arc;
 
 use axum::Router;
 use axum::middleware::from_fn_with_state;
-use bytes::Bytes;
 use serde_json::Value;
 use tokio::sync::Semaphore;
 
 use super::http::{Hosts, Limits, SharedTokens, StopFlag, enclose};
 
-mod cursor;
 mod desk;
 mod events;
 mod feed;
 mod files;
 mod jobs;
 mod openapi;
+mod operation;
 mod plates;
+mod query;
+mod request;
+mod router;
 mod routes;
-mod table;
 #[cfg(test)]
 mod tests;
 mod traffic;
 mod types;
 
-pub use cursor::JobsQuery;
+use request::Api;
+
 pub use desk::{Asset, Desk, Order, Picture, Promise, Recording, Refusal, Reply, Submitted, kept, promise};
 pub use events::JOB_OVER;
 pub use feed::{Event, Feed, Opening, Replayed};
+pub use query::JobsQuery;
 pub use traffic::{Requests, Traffic};
 pub use types::{EStopped, Job, JobsPage, PauseCause, Plate, Plates, ResetRequest, StandingJob, Well};
 
@@ -48,16 +51,10 @@ pub struct AppParts {
     pub version: &'static str,
 }
 
-/// What every handler can look at.
-struct Api {
-    desk: Arc<dyn Desk>,
-    tokens: SharedTokens,
-    limits: Arc<Limits>,
-    stop: StopFlag,
-    document: Bytes,
-    traffic: Traffic,
-    watchers: Arc<Semaphore>,
-    downloads: Arc<Semaphore>,
+impl Default for Traffic {
+    fn default() -> Self {
+        Self::of(routes::operations().iter().map(|operation| (operation.id, operation.statuses())))
+    }
 }
 
 /// The whole API, layers included. Needs no socket.
@@ -73,7 +70,7 @@ pub fn app(parts: AppParts) -> Router {
         watchers: Arc::new(Semaphore::new(parts.limits.watchers)),
         downloads: Arc::new(Semaphore::new(parts.limits.downloads)),
     });
-    let app = enclose(table::router(operations, &api), parts.hosts, parts.limits);
+    let app = enclose(router::router(operations, &api), parts.hosts, parts.limits);
     app.layer(from_fn_with_state(parts.traffic, traffic::count))
 }
 

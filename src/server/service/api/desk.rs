@@ -6,8 +6,8 @@ use std::time::Duration;
 use bytes::Bytes;
 use tokio::sync::oneshot;
 
-use super::cursor::JobsQuery;
 use super::feed::{Feed, Opening, Replayed};
+use super::query::JobsQuery;
 use super::types::{EStopped, Job, JobsPage, Plate, Plates, ResetRequest};
 use crate::service::http::{Caller, Problem, ProblemKind, Reason};
 use upm_core::job::Pace;

@@ -2,17 +2,17 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::body::Body;
+use axum::http::HeaderMap;
 use axum::http::header::CONTENT_TYPE;
-use axum::http::{HeaderMap, HeaderValue};
-use axum::response::Response;
+use axum::response::{IntoResponse, Response};
 use bytes::{Bytes, BytesMut};
 use futures_util::stream;
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::sleep;
 
-use super::Desk;
+use super::desk::Desk;
 use super::feed::{Event, Intake, Opening, feed};
-use super::table::{Call, Outcome};
+use super::request::Call;
 use super::traffic::OpenStream;
 use crate::service::http::{Problem, ProblemKind, StopFlag};
 
@@ -26,26 +26,22 @@ const PAGE: usize = 500;
 
 /// Streams the job's events: how it stands, what was missed since the last event seen, what happens. Ends with the
 /// job, with the daemon, or with the client.
-pub(super) fn watch(call: Call) -> Outcome {
-    Box::pin(async move {
-        let id = call.job_id()?.to_owned();
-        let after = last_event_id(&call.headers)?;
-        let seat = call.api.watchers.clone().try_acquire_owned();
-        let full = |_| Problem::new(ProblemKind::Unavailable, "too many event streams").retry_after(10);
-        let seat = (seat.map_err(full)?, call.api.traffic.stream());
-        let (feed, intake) = feed();
-        let opening = call.desk.watch(&id, feed).await?;
-        let (stop, heartbeat) = (call.api.stop.clone(), call.api.limits.heartbeat_time);
-        let stage = Stage::Opening { opening, after };
-        let watcher = Watcher { desk: call.desk, id, stop, heartbeat, intake, sent: 0, is_over: false, stage, seat };
-        let stream = stream::unfold(watcher, |mut watcher| async {
-            let text = watcher.next().await?;
-            Some((Ok::<_, std::convert::Infallible>(text), watcher))
-        });
-        let mut response = Response::new(Body::from_stream(stream));
-        response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static(EVENT_STREAM));
-        Ok(response)
-    })
+pub(super) async fn watch(call: Call) -> Result<Response, Problem> {
+    let id = call.job_id()?.to_owned();
+    let after = last_event_id(&call.headers)?;
+    let permit = call.api.watchers.clone().try_acquire_owned();
+    let full = |_| Problem::new(ProblemKind::Unavailable, "too many event streams").retry_after(10);
+    let counted = (permit.map_err(full)?, call.api.traffic.stream());
+    let (feed, intake) = feed();
+    let opening = call.desk.watch(&id, feed).await?;
+    let (stop, heartbeat) = (call.api.stop.clone(), call.api.limits.heartbeat_time);
+    let stage = Stage::Opening { opening, after };
+    let watcher = Watcher { desk: call.desk, id, stop, heartbeat, intake, sent: 0, is_over: false, stage, counted };
+    let stream = stream::unfold(watcher, |mut watcher| async {
+        let text = watcher.next().await?;
+        Some((Ok::<_, std::convert::Infallible>(text), watcher))
+    });
+    Ok(([(CONTENT_TYPE, EVENT_STREAM)], Body::from_stream(stream)).into_response())
 }
 
 fn last_event_id(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
@@ -69,7 +65,7 @@ struct Watcher {
     is_over: bool,
     stage: Stage,
     #[allow(dead_code)] // held for as long as the stream is
-    seat: (OwnedSemaphorePermit, OpenStream),
+    counted: (OwnedSemaphorePermit, OpenStream),
 }
 
 enum Stage {

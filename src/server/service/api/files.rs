@@ -7,7 +7,7 @@ use axum::http::header::{
     CONTENT_TYPE, ETAG, HeaderName, IF_NONE_MATCH, IF_RANGE, RANGE,
 };
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
-use axum::response::Response;
+use axum::response::{IntoResponse, Response};
 use bytes::{Bytes, BytesMut};
 use futures_util::stream;
 use tokio::fs::File;
@@ -15,15 +15,15 @@ use tokio::io::{AsyncReadExt, AsyncSeekExt};
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::sleep;
 
-use super::desk::{Picture, Refusal};
-use super::table::{Call, Outcome, media};
+use super::desk::Refusal;
+use super::request::Call;
 use crate::service::http::{Problem, ProblemKind};
 use upm_runner::config::is_plain_name;
 
 pub(super) const RRD: &str = "application/octet-stream";
 
 /// Wall time since a picture was taken, ms.
-static UPM_AGE_MS: HeaderName = HeaderName::from_static("upm-age-ms");
+const UPM_AGE_MS: HeaderName = HeaderName::from_static("upm-age-ms");
 
 /// How often a picture that is being made is asked for again, and after what time.
 const PICTURE_TRIES: usize = 10;
@@ -36,88 +36,74 @@ const CHUNK_BYTES: usize = 64 << 10;
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; \
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-pub(super) fn frame(call: Call) -> Outcome {
-    Box::pin(async move {
-        let id = call.job_id()?;
-        // pictures are made for those who ask: the first takes a moment
-        for _ in 0..PICTURE_TRIES {
-            match call.desk.frame(id).await {
-                Err(Refusal::Busy { .. }) => sleep(PICTURE_AGAIN).await,
-                picture => return shown(picture?),
-            }
-        }
-        shown(call.desk.frame(id).await?)
-    })
+pub(super) async fn frame(call: Call) -> Result<Response, Problem> {
+    let id = call.job_id()?;
+    let mut picture = call.desk.frame(id).await;
+    // pictures are made for those who ask: the first takes a moment
+    for _ in 0..PICTURE_TRIES {
+        let Err(Refusal::Busy { .. }) = picture else { break };
+        sleep(PICTURE_AGAIN).await;
+        picture = call.desk.frame(id).await;
+    }
+    let picture = picture?;
+    let headers = [(CONTENT_TYPE, "image/png".to_owned()), (UPM_AGE_MS, picture.age.as_millis().to_string())];
+    Ok((headers, picture.png).into_response())
 }
 
-fn shown(picture: Picture) -> Result<Response, Problem> {
-    let mut response = media(200, "image/png", picture.png)?;
-    put(&mut response, UPM_AGE_MS.clone(), &picture.age.as_millis().to_string());
-    Ok(response)
+pub(super) async fn openapi(call: Call) -> Result<Response, Problem> {
+    Ok(([(CONTENT_TYPE, "application/json")], call.api.document.clone()).into_response())
 }
 
-pub(super) fn openapi(call: Call) -> Outcome {
-    Box::pin(async move { media(200, "application/json", call.api.document.clone()) })
+pub(super) async fn page(call: Call) -> Result<Response, Problem> {
+    asset_called(&call, "index.html")
 }
 
-pub(super) fn page(call: Call) -> Outcome {
-    Box::pin(async move { asset_called(&call, "index.html") })
-}
-
-pub(super) fn asset(call: Call) -> Outcome {
-    Box::pin(async move { asset_called(&call, call.file()) })
+pub(super) async fn asset(call: Call) -> Result<Response, Problem> {
+    asset_called(&call, call.file())
 }
 
 fn asset_called(call: &Call, name: &str) -> Result<Response, Problem> {
     let found = Some(name).filter(|name| is_plain_name(name)).and_then(|name| call.desk.asset(name));
     let asset = found.ok_or_else(|| Problem::new(ProblemKind::NotFound, "the operator page has no such file"))?;
     let known = call.headers.get(IF_NONE_MATCH).is_some_and(|tag| tag.as_bytes() == asset.etag.as_bytes());
-    let mut response = media(200, asset.media, asset.bytes)?;
-    if known {
-        *response.body_mut() = Body::empty();
-        *response.status_mut() = StatusCode::NOT_MODIFIED;
-        response.headers_mut().remove(CONTENT_TYPE);
-    }
-    put(&mut response, ETAG, &asset.etag);
-    put(&mut response, CACHE_CONTROL, "no-cache");
-    put(&mut response, CONTENT_SECURITY_POLICY, POLICY);
-    Ok(response)
+    let content = match known {
+        true => StatusCode::NOT_MODIFIED.into_response(),
+        false => ([(CONTENT_TYPE, asset.media)], asset.bytes).into_response(),
+    };
+    let headers = [(ETAG, asset.etag.as_str()), (CACHE_CONTROL, "no-cache"), (CONTENT_SECURITY_POLICY, POLICY)];
+    Ok((headers, content).into_response())
 }
 
 /// The recording, or the one range of it that was asked for.
-pub(super) fn recording(call: Call) -> Outcome {
-    Box::pin(async move {
-        let id = call.job_id()?;
-        let seat = call.api.downloads.clone().try_acquire_owned();
-        let full = |_| Problem::new(ProblemKind::Unavailable, "too many recordings are being sent").retry_after(10);
-        let seat = seat.map_err(full)?;
-        let recording = call.desk.recording(id).await?;
-        let etag = format!("\"{id}-{}\"", recording.bytes);
-        let range = asked(&call.headers, &etag, recording.bytes)?;
-        let (first, length) = range.unwrap_or((0, recording.bytes));
-        let mut file = File::from_std(recording.file);
-        let unread = |_| Problem::new(ProblemKind::Internal, "the recording cannot be read");
-        file.seek(SeekFrom::Start(first)).await.map_err(unread)?;
-        let mut response = Response::new(body_of(file, length, seat));
-        if range.is_some() {
-            *response.status_mut() = StatusCode::PARTIAL_CONTENT;
-            let last = first + length.saturating_sub(1);
-            put(&mut response, CONTENT_RANGE, &format!("bytes {first}-{last}/{}", recording.bytes));
-        }
-        let name = Some(recording.name.as_str()).filter(|name| is_plain_name(name)).unwrap_or("run.rrd");
-        put(&mut response, CONTENT_TYPE, RRD);
-        put(&mut response, CONTENT_LENGTH, &length.to_string());
-        put(&mut response, CONTENT_DISPOSITION, &format!("attachment; filename=\"{name}\""));
-        put(&mut response, ACCEPT_RANGES, "bytes");
-        put(&mut response, ETAG, &etag);
-        Ok(response)
+pub(super) async fn recording(call: Call) -> Result<Response, Problem> {
+    let id = call.job_id()?;
+    let permit = call.api.downloads.clone().try_acquire_owned();
+    let full = |_| Problem::new(ProblemKind::Unavailable, "too many recordings are being sent").retry_after(10);
+    let permit = permit.map_err(full)?;
+    let recording = call.desk.recording(id).await?;
+    let etag = format!("\"{id}-{}\"", recording.bytes);
+    let range = asked(&call.headers, &etag, recording.bytes)?;
+    let (first, length) = range.unwrap_or((0, recording.bytes));
+    let mut file = File::from_std(recording.file);
+    let unread = |_| Problem::new(ProblemKind::Internal, "the recording cannot be read");
+    file.seek(SeekFrom::Start(first)).await.map_err(unread)?;
+    let part = range.map(|_| {
+        let last = first + length.saturating_sub(1);
+        (StatusCode::PARTIAL_CONTENT, [(CONTENT_RANGE, format!("bytes {first}-{last}/{}", recording.bytes))])
+    });
+    let name = Some(recording.name.as_str()).filter(|name| is_plain_name(name)).unwrap_or("run.rrd");
+    let headers = [
+        (CONTENT_TYPE, RRD.to_owned()),
+        (CONTENT_LENGTH, length.to_string()),
+        (CONTENT_DISPOSITION, format!("attachment; filename=\"{name}\"")),
+        (ACCEPT_RANGES, "bytes".to_owned()),
+        (ETAG, etag),
+    ];
+    let whole = (headers, body_of(file, length, permit));
+    Ok(match part {
+        Some((status, range)) => (status, range, whole).into_response(),
+        None => whole.into_response(),
     })
-}
-
-fn put(response: &mut Response, name: HeaderName, value: &str) {
-    if let Ok(value) = HeaderValue::from_str(value) {
-        response.headers_mut().insert(name, value);
-    }
 }
 
 /// First byte and length of the range asked for. What is not one plain range of bytes asks for the whole file.
@@ -146,8 +132,8 @@ fn asked(headers: &HeaderMap, etag: &str, bytes: u64) -> Result<Option<(u64, u64
 }
 
 /// `length` bytes of the file from where it stands, a chunk at a time, never more than the client takes.
-fn body_of(file: File, length: u64, seat: OwnedSemaphorePermit) -> Body {
-    let chunks = stream::try_unfold((file, length, seat), |(mut file, left, seat)| async move {
+fn body_of(file: File, length: u64, permit: OwnedSemaphorePermit) -> Body {
+    let chunks = stream::try_unfold((file, length, permit), |(mut file, left, permit)| async move {
         if left == 0 {
             return Ok(None);
         }
@@ -157,7 +143,7 @@ fn body_of(file: File, length: u64, seat: OwnedSemaphorePermit) -> Body {
         if read == 0 {
             return Err(std::io::Error::from(std::io::ErrorKind::UnexpectedEof));
         }
-        Ok(Some((Bytes::from(chunk), (file, left - read, seat))))
+        Ok(Some((Bytes::from(chunk), (file, left - read, permit))))
     });
     Body::from_stream(chunks)
 }

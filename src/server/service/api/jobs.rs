@@ -1,54 +1,35 @@
+use axum::Json;
 use axum::http::header::LOCATION;
-use axum::http::{HeaderMap, HeaderName, HeaderValue};
-use bytes::Bytes;
+use axum::http::{HeaderMap, HeaderName, StatusCode};
+use axum::response::{IntoResponse, Response};
 
-use super::cursor::JobsQuery;
 use super::desk::Order;
-use super::table::{Call, Outcome, json};
+use super::query::JobsQuery;
+use super::request::Call;
 use crate::service::http::{Problem, ProblemKind};
 
 pub(super) const IDEMPOTENCY_KEY: &str = "Idempotency-Key";
 const LONGEST_KEY: usize = 255;
-static REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
+const IDEMPOTENCY_REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
 
-pub(super) fn submit(call: Call) -> Outcome {
-    Box::pin(async move {
-        let order = Order {
-            text: text_of(call.body)?,
-            pace: call.query.pace()?,
-            key: key_of(&call.headers)?,
-            caller: call.caller,
-        };
-        let submitted = call.desk.submit(order).await?;
-        let mut response = json(201, &submitted.job)?;
-        if let Ok(location) = HeaderValue::from_str(&format!("/v1/jobs/{}", submitted.job.id)) {
-            response.headers_mut().insert(LOCATION, location);
-        }
-        if submitted.replayed {
-            response.headers_mut().insert(REPLAYED.clone(), HeaderValue::from_static("true"));
-        }
-        Ok(response)
-    })
+pub(super) async fn submit(call: Call) -> Result<Response, Problem> {
+    let (text, pace, key) = (call.text()?.to_owned(), call.query.pace()?, key_of(&call.headers)?);
+    let submitted = call.desk.submit(Order { text, pace, key, caller: call.caller }).await?;
+    let location = [(LOCATION, format!("/v1/jobs/{}", submitted.job.id))];
+    let replayed = submitted.replayed.then_some([(IDEMPOTENCY_REPLAYED, "true")]);
+    Ok((StatusCode::CREATED, location, replayed, Json(submitted.job)).into_response())
 }
 
-pub(super) fn list(call: Call) -> Outcome {
-    Box::pin(async move { json(200, &call.desk.jobs(JobsQuery::of(&call.query)?).await?) })
+pub(super) async fn list(call: Call) -> Result<Response, Problem> {
+    Ok(Json(call.desk.jobs(JobsQuery::of(&call.query)?).await?).into_response())
 }
 
-pub(super) fn show(call: Call) -> Outcome {
-    Box::pin(async move { json(200, &call.desk.job(call.job_id()?).await?) })
+pub(super) async fn show(call: Call) -> Result<Response, Problem> {
+    Ok(Json(call.desk.job(call.job_id()?).await?).into_response())
 }
 
-pub(super) fn cancel(call: Call) -> Outcome {
-    Box::pin(async move { json(200, &call.desk.cancel(call.job_id()?, call.caller.clone()).await?) })
-}
-
-/// A body as text.
-pub(super) fn text_of(body: Bytes) -> Result<String, Problem> {
-    String::from_utf8(body.into()).map_err(|error| {
-        let found = format!("a byte that is not UTF-8 at offset {}", error.utf8_error().valid_up_to());
-        Problem::new(ProblemKind::Malformed, "1 fault").with_fault("$", found, "UTF-8 text")
-    })
+pub(super) async fn cancel(call: Call) -> Result<Response, Problem> {
+    Ok(Json(call.desk.cancel(call.job_id()?, call.caller.clone()).await?).into_response())
 }
 
 fn key_of(headers: &HeaderMap) -> Result<Option<String>, Problem> {

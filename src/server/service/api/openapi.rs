@@ -4,7 +4,7 @@ use schemars::SchemaGenerator;
 use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value, json};
 
-use super::table::{Answer, Content, Operation, Param, Place};
+use super::operation::{Answer, Content, Operation, Param, ParamIn};
 use crate::service::http::{PROBLEM_JSON, ProblemDocument, ProblemKind};
 
 /// The OpenAPI 3.1 document of `operations`. Its schemas are JSON Schema 2020-12, as the types give them.
@@ -80,15 +80,15 @@ fn describe(operation: &Operation, bodies: &mut SchemaGenerator, answers: &mut S
 
 fn parameter(param: &Param) -> Value {
     let place = match param.place {
-        Place::Path => "path",
-        Place::Query => "query",
-        Place::Header => "header",
+        ParamIn::Path => "path",
+        ParamIn::Query => "query",
+        ParamIn::Header => "header",
     };
     json!({
         "name": param.name,
         "in": place,
         "description": param.what,
-        "required": param.place == Place::Path,
+        "required": param.place == ParamIn::Path,
         "schema": (param.schema)(),
     })
 }

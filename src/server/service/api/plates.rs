@@ -1,9 +1,11 @@
 use std::time::Duration;
 
+use axum::Json;
+use axum::http::header::CONTENT_TYPE;
+use axum::response::{IntoResponse, Response};
 use tokio::time::timeout;
 
-use super::jobs::text_of;
-use super::table::{Call, Outcome, json, media};
+use super::request::Call;
 use super::types::{ResetRequest, Well};
 use crate::service::http::{Problem, ProblemKind, Reason, joined};
 
@@ -13,48 +15,42 @@ pub(super) const OPENMETRICS: &str = "application/openmetrics-text; version=1.0.
 const COUNTED_WITHIN: Duration = Duration::from_millis(100);
 
 /// The list is what an emergency stop of all plates begins with: it comes whatever the store does.
-pub(super) fn list(call: Call) -> Outcome {
-    Box::pin(async move {
-        match timeout(COUNTED_WITHIN, call.desk.plates()).await {
-            Ok(Ok(plates)) => json(200, &plates),
-            _ => json(200, &call.desk.plates_as_counted()),
-        }
-    })
+pub(super) async fn list(call: Call) -> Result<Response, Problem> {
+    let counted = timeout(COUNTED_WITHIN, call.desk.plates()).await;
+    let plates = counted.ok().and_then(Result::ok).unwrap_or_else(|| call.desk.plates_as_counted());
+    Ok(Json(plates).into_response())
 }
 
 /// The plate is told before anything is waited for.
-pub(super) fn estop(call: Call) -> Outcome {
+pub(super) fn estop(call: Call) -> impl Future<Output = Result<Response, Problem>> {
     let stopped = call.plate().map(|plate| call.desk.estop(plate, call.caller.clone()));
-    Box::pin(async move { json(200, &stopped?.await?) })
+    async move { Ok(Json(stopped?.await?).into_response()) }
 }
 
-pub(super) fn reset(call: Call) -> Outcome {
-    Box::pin(async move {
-        let plate = call.plate()?;
-        let request = reset_request(&text_of(call.body.clone())?)?;
-        json(200, &call.desk.reset(plate, request, call.caller.clone()).await?)
-    })
+pub(super) async fn reset(call: Call) -> Result<Response, Problem> {
+    let (plate, request) = (call.plate()?, reset_request(call.text()?)?);
+    Ok(Json(call.desk.reset(plate, request, call.caller.clone()).await?).into_response())
 }
 
-pub(super) fn resume(call: Call) -> Outcome {
-    Box::pin(async move { json(200, &call.desk.resume(call.plate()?, call.caller.clone()).await?) })
+pub(super) async fn resume(call: Call) -> Result<Response, Problem> {
+    Ok(Json(call.desk.resume(call.plate()?, call.caller.clone()).await?).into_response())
 }
 
-pub(super) fn healthz(call: Call) -> Outcome {
-    Box::pin(async move { well(call.desk.ailments()) })
+pub(super) async fn healthz(call: Call) -> Result<Response, Problem> {
+    well(call.desk.ailments())
 }
 
-pub(super) fn readyz(call: Call) -> Outcome {
-    Box::pin(async move { well(call.desk.obstacles()) })
+pub(super) async fn readyz(call: Call) -> Result<Response, Problem> {
+    well(call.desk.obstacles())
 }
 
-pub(super) fn metrics(call: Call) -> Outcome {
-    Box::pin(async move { media(200, OPENMETRICS, call.desk.metrics().into()) })
+pub(super) async fn metrics(call: Call) -> Result<Response, Problem> {
+    Ok(([(CONTENT_TYPE, OPENMETRICS)], call.desk.metrics()).into_response())
 }
 
-fn well(reasons: Vec<Reason>) -> Result<axum::response::Response, Problem> {
+fn well(reasons: Vec<Reason>) -> Result<Response, Problem> {
     if reasons.is_empty() {
-        return json(200, &Well { ok: true });
+        return Ok(Json(Well { ok: true }).into_response());
     }
     Err(Problem::new(ProblemKind::Unavailable, joined(&reasons)).with_reasons(reasons))
 }

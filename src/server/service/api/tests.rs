@@ -16,7 +16,7 @@ use http_body_util::BodyExt;
 use serde_json::Value;
 use tower::ServiceExt;
 
-use super::table::{Content, Operation};
+use super::operation::{Content, Operation};
 use super::{AppParts, Traffic, app, routes};
 use crate::service::http::{Hosts, Limits, ProblemDocument, Scope, SharedTokens, StopFlag, StopSender, Tokens};
 use fake::FakeDesk;

@@ -5,8 +5,6 @@ use axum::extract::{Request, State};
 use axum::middleware::Next;
 use axum::response::Response;
 
-use super::routes;
-use super::table::Operation;
 use crate::service::http::ProblemKind;
 
 /// What requests that asked for no operation are counted under.
@@ -55,20 +53,14 @@ impl Row {
     }
 }
 
-impl Default for Traffic {
-    fn default() -> Self {
-        let statuses = |kinds: &[ProblemKind]| kinds.iter().map(|kind| kind.status().as_u16()).collect::<Vec<_>>();
-        let of_operation = |operation: Operation| {
-            let good = operation.answers.iter().map(|answer| answer.status);
-            Row::new(operation.id, good.chain(statuses(&operation.all_problems())))
-        };
-        let mut rows: Vec<Row> = routes::operations().into_iter().map(of_operation).collect();
-        rows.push(Row::new(NONE, statuses(&ProblemKind::ALL)));
+impl Traffic {
+    /// Counts for `operations`, each with the statuses that it can be answered with.
+    pub(super) fn of(operations: impl IntoIterator<Item = (&'static str, Vec<u16>)>) -> Self {
+        let mut rows: Vec<Row> = operations.into_iter().map(|(id, statuses)| Row::new(id, statuses)).collect();
+        rows.push(Row::new(NONE, ProblemKind::ALL.map(|kind| kind.status().as_u16())));
         Self(Arc::new(Counts { rows, streams: AtomicU64::new(0) }))
     }
-}
 
-impl Traffic {
     /// Requests answered so far, for every operation and every status it can be answered with.
     pub fn requests(&self) -> Vec<Requests> {
         let of_row = |row: &Row| {

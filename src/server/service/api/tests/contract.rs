@@ -5,7 +5,7 @@ use serde_json::json;
 
 use super::fake::{HOLD, JOB, PLATE};
 use super::{Asked, LOOK, WORK, request};
-use crate::service::api::table::{Method, Operation};
+use crate::service::api::operation::{Method, Operation};
 use crate::service::api::{Refusal, routes};
 use crate::service::http::{BodyRoom, Reason, ReasonCode, Scope, Tokens};
 

@@ -1,0 +1,62 @@
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use axum::http::HeaderMap;
+use bytes::Bytes;
+use tokio::sync::Semaphore;
+
+use super::desk::Desk;
+use super::query::{Query, is_job_id};
+use super::traffic::Traffic;
+use crate::service::http::{Caller, Limits, Problem, ProblemKind, SharedTokens, StopFlag};
+use upm_runner::config::is_plain_name;
+
+/// State that all requests share.
+pub(super) struct Api {
+    pub desk: Arc<dyn Desk>,
+    pub tokens: SharedTokens,
+    pub limits: Arc<Limits>,
+    pub stop: StopFlag,
+    pub document: Bytes,
+    pub traffic: Traffic,
+    pub watchers: Arc<Semaphore>,
+    pub downloads: Arc<Semaphore>,
+}
+
+/// A request that was let in, as its handler gets it.
+pub(super) struct Call {
+    pub desk: Arc<dyn Desk>,
+    pub api: Arc<Api>,
+    pub caller: Caller,
+    pub headers: HeaderMap,
+    pub query: Query,
+    pub body: Bytes,
+    pub path: BTreeMap<String, String>,
+}
+
+impl Call {
+    /// The job in the path. What cannot be an id is no job's.
+    pub fn job_id(&self) -> Result<&str, Problem> {
+        let id = self.path.get("id").map_or("", String::as_str);
+        is_job_id(id).then_some(id).ok_or_else(|| Problem::new(ProblemKind::NotFound, "there is no such job"))
+    }
+
+    /// The plate in the path. What cannot be a name is no plate's.
+    pub fn plate(&self) -> Result<&str, Problem> {
+        let name = self.path.get("name").map_or("", String::as_str);
+        is_plain_name(name).then_some(name).ok_or_else(|| Problem::new(ProblemKind::NotFound, "there is no such plate"))
+    }
+
+    /// The file of the operator page in the path.
+    pub fn file(&self) -> &str {
+        self.path.get("file").map_or("", String::as_str)
+    }
+
+    /// The body as text.
+    pub fn text(&self) -> Result<&str, Problem> {
+        std::str::from_utf8(&self.body).map_err(|error| {
+            let found = format!("a byte that is not UTF-8 at offset {}", error.valid_up_to());
+            Problem::new(ProblemKind::Malformed, "1 fault").with_fault("$", found, "UTF-8 text")
+        })
+    }
+}
