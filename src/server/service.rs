@@ -10,7 +10,7 @@ mod http;
 pub use api::{
     AppParts, Asset, Desk, EStopped, Event, Feed, JOB_OVER, Job, JobsPage, JobsQuery, Opening, Order, PauseCause,
     Picture, Plate, Plates, Promise, Recording, Refusal, Replayed, Reply, Requests, ResetRequest, StandingJob,
-    Submitted, Traffic, Well, app, kept, openapi, promise,
+    Submitted, Traffic, app, kept, promise,
 };
 
 pub use crate::states::{JobState, PlateState, RecordingStatus, StandingState};

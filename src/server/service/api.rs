@@ -2,7 +2,6 @@ use std::sync::Arc;
 
 use axum::Router;
 use axum::middleware::from_fn_with_state;
-use serde_json::Value;
 use tokio::sync::Semaphore;
 
 use super::http::{Hosts, Limits, SharedTokens, StopFlag, enclose};
@@ -31,7 +30,7 @@ pub use events::JOB_OVER;
 pub use feed::{Event, Feed, Opening, Replayed};
 pub use query::JobsQuery;
 pub use traffic::{Requests, Traffic};
-pub use types::{EStopped, Job, JobsPage, PauseCause, Plate, Plates, ResetRequest, StandingJob, Well};
+pub use types::{EStopped, Job, JobsPage, PauseCause, Plate, Plates, ResetRequest, StandingJob};
 
 /// What the API is put together from.
 pub struct AppParts {
@@ -72,9 +71,4 @@ pub fn app(parts: AppParts) -> Router {
     });
     let app = enclose(router::router(operations, &api), parts.hosts, parts.limits);
     app.layer(from_fn_with_state(parts.traffic, traffic::count))
-}
-
-/// The OpenAPI document that the API serves.
-pub fn openapi(version: &str) -> Value {
-    openapi::document(&routes::operations(), version)
 }

@@ -1,11 +1,12 @@
+use std::any::Any;
 use std::sync::Arc;
 
 use axum::Router;
 use axum::middleware::{from_fn, from_fn_with_state};
+use axum::response::{IntoResponse, Response};
+use tower_http::catch_panic::CatchPanicLayer;
 
 mod admission;
-mod bodies;
-mod descriptors;
 mod guard;
 #[cfg(test)]
 mod guard_tests;
@@ -15,29 +16,29 @@ mod listen;
 #[cfg(test)]
 mod listen_tests;
 mod problem;
-mod reason;
 mod request_id;
 mod shared_tokens;
 mod socket;
-mod stop;
 mod tokens;
 
-pub use bodies::BodyRoom;
 pub use guard::Hosts;
-pub use limits::Limits;
+pub use limits::{BodyRoom, Limits};
 pub(super) use listen::Peer;
-pub use listen::{Served, serve};
+pub use listen::{Served, StopFlag, StopSender, serve};
 pub(super) use problem::PROBLEM_JSON;
-pub use problem::{Problem, ProblemDocument, ProblemKind};
-pub use reason::{Reason, ReasonCode, joined};
+pub use problem::{Problem, ProblemDocument, ProblemKind, Reason, ReasonCode, joined};
 pub use shared_tokens::SharedTokens;
-pub use stop::{StopFlag, StopSender};
 pub use tokens::{Caller, Scope, Tokens};
 
 /// Puts the layers round `app` that every request passes, the outermost last.
 pub(super) fn enclose(app: Router, hosts: Hosts, limits: Arc<Limits>) -> Router {
     app.layer(from_fn_with_state(Arc::new(hosts), guard::guard))
         .layer(from_fn_with_state(limits, limits::limit))
-        .layer(from_fn(limits::catch))
+        .layer(CatchPanicLayer::custom(panicked))
         .layer(from_fn(request_id::identify))
+}
+
+/// The answer of a handler that panics: a problem of its own request and of no other.
+fn panicked(_: Box<dyn Any + Send>) -> Response {
+    Problem::new(ProblemKind::Internal, "the handler broke down").into_response()
 }

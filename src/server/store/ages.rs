@@ -2,9 +2,8 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use parking_lot::{Mutex, MutexGuard};
-
 use jiff::{SignedDuration, Timestamp};
+use parking_lot::Mutex;
 
 use upm_core::time::Clock;
 
@@ -86,16 +85,12 @@ impl AgeClock {
 
     /// What is old now. Compares the clocks; a jump of the wall clock suspends deletion by age for a day.
     pub fn ages(&self) -> Ages {
-        let mut watch = self.watch();
+        let mut watch = self.watch.lock();
         let (wall, monotonic) = ((self.clocks.wall)(), self.clocks.monotonic.elapsed());
         watch.compare(wall, monotonic);
         let open = monotonic.saturating_sub(self.started);
         let open = i64::try_from(open.as_micros()).unwrap_or(i64::MAX);
         Ages { now: self.earlier.saturating_add(open), suspended: watch.suspended_until.is_some() }
-    }
-
-    fn watch(&self) -> MutexGuard<'_, Watch> {
-        self.watch.lock()
     }
 }
 

@@ -41,13 +41,8 @@ impl fmt::Debug for Store {
 }
 
 impl Store {
-    /// Queues a job. Whatever the answer says is on the disk.
-    pub fn accept(&self, job: NewJob, done: impl FnOnce(Result<Accepted, StoreFault>) + Send + 'static) {
-        let done = |accepted: Result<Option<_>, _>| done(accepted.and_then(|new| new.ok_or(StoreFault::Closed)));
-        self.accept_if(job, || true, done);
-    }
-
-    /// Queues a job that is still `wanted` when its turn comes; `None` when it is not: nothing is stored then.
+    /// Queues a job that is still `wanted` when its turn comes; `None` when it is not: nothing is stored
+    /// then. Whatever the answer says is on the disk.
     pub fn accept_if(
         &self,
         job: NewJob,

@@ -1,9 +1,8 @@
 use std::collections::BTreeMap;
 use std::io;
 
-use parking_lot::{Mutex, MutexGuard};
-
 use jiff::Timestamp;
+use parking_lot::Mutex;
 
 use super::ids::Ids;
 use super::{
@@ -43,7 +42,7 @@ impl MemoryLedger {
 
     /// Queues a job.
     pub fn accept(&self, job: NewJob) -> JobRow {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         let submitted_at = (self.now)();
         let row = job.row(kept.ids.next(submitted_at), submitted_at);
         let entry = Entry { row: row.clone(), spec_json: job.spec_json, events: Vec::new() };
@@ -53,7 +52,7 @@ impl MemoryLedger {
 
     /// Takes a job out of the queue.
     pub fn cancel_queued(&self, id: &JobId) -> Cancelled {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         let told = kept.end(id, JobState::Queued, JobEnd::before_it_began(), (self.now)());
         match (kept.jobs.get(id).map(|entry| entry.row.clone()), told) {
             (None, _) => Cancelled::Unknown,
@@ -64,36 +63,32 @@ impl MemoryLedger {
 
     /// A job.
     pub fn job(&self, id: &JobId) -> Option<JobRow> {
-        self.kept().jobs.get(id).map(|entry| entry.row.clone())
+        self.kept.lock().jobs.get(id).map(|entry| entry.row.clone())
     }
 
     /// Every job, oldest first.
     pub fn jobs(&self) -> Vec<JobRow> {
-        self.kept().jobs.values().map(|entry| entry.row.clone()).collect()
+        self.kept.lock().jobs.values().map(|entry| entry.row.clone()).collect()
     }
 
     /// Every event of a job.
     pub fn events(&self, id: &JobId) -> Vec<StoredEvent> {
-        self.kept().jobs.get(id).map(|entry| entry.events.clone()).unwrap_or_default()
+        self.kept.lock().jobs.get(id).map(|entry| entry.events.clone()).unwrap_or_default()
     }
 
     /// Whether a plate has been noted as paused, if it has been noted at all.
     pub fn paused(&self, plate: &str) -> Option<bool> {
-        self.kept().paused.get(plate).copied()
+        self.kept.lock().paused.get(plate).copied()
     }
 
     /// The audit log.
     pub fn audit(&self) -> Vec<AuditEntry> {
-        self.kept().audit.clone()
+        self.kept.lock().audit.clone()
     }
 
     /// From now on every write fails with `fault`; `None` mends it.
     pub fn fail_with(&self, fault: Option<StoreFault>) {
-        self.kept().fault = fault;
-    }
-
-    fn kept(&self) -> MutexGuard<'_, Kept> {
-        self.kept.lock()
+        self.kept.lock().fault = fault;
     }
 }
 
@@ -126,7 +121,7 @@ impl Ledger for MemoryLedger {
         plate: &str,
         folder: &dyn Fn(&JobRow) -> io::Result<String>,
     ) -> Result<Option<Claimed>, StoreFault> {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         kept.check()?;
         let next = |entry: &&mut Entry| entry.row.plate == plate && entry.row.state == JobState::Queued;
         let Some(Entry { row, spec_json, .. }) = kept.jobs.values_mut().find(next) else { return Ok(None) };
@@ -140,7 +135,7 @@ impl Ledger for MemoryLedger {
         job: &NewJob,
         folder: &dyn Fn(&JobRow) -> io::Result<String>,
     ) -> Result<Option<Claimed>, StoreFault> {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         kept.check()?;
         let waits = |entry: &Entry| entry.row.plate == job.plate && entry.row.state == JobState::Queued;
         if kept.jobs.values().any(waits) {
@@ -157,7 +152,7 @@ impl Ledger for MemoryLedger {
     }
 
     fn ended(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         kept.check()?;
         let told = kept.end(id, JobState::Running, end, (self.now)());
         let has_ended = kept.jobs.get(id).is_some_and(|entry| entry.row.state.is_final());
@@ -166,7 +161,7 @@ impl Ledger for MemoryLedger {
 
     fn tell(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {
         let stored = {
-            let mut kept = self.kept();
+            let mut kept = self.kept.lock();
             let known = kept.check();
             known
                 .and_then(|()| kept.jobs.get_mut(id).ok_or_else(|| unknown(id)))
@@ -177,22 +172,22 @@ impl Ledger for MemoryLedger {
     }
 
     fn progress(&self, id: &JobId, progress: f64) {
-        if let Some(entry) = self.kept().jobs.get_mut(id) {
+        if let Some(entry) = self.kept.lock().jobs.get_mut(id) {
             entry.row.progress = progress;
         }
     }
 
     fn note_paused(&self, plate: &str, paused: bool) {
-        self.kept().paused.insert(plate.to_owned(), paused);
+        self.kept.lock().paused.insert(plate.to_owned(), paused);
     }
 
     fn note_act(&self, entry: AuditEntry) -> bool {
-        self.kept().audit.push(entry);
+        self.kept.lock().audit.push(entry);
         true
     }
 
     fn write_act(&self, entry: AuditEntry) -> Result<(), StoreFault> {
-        let mut kept = self.kept();
+        let mut kept = self.kept.lock();
         kept.check()?;
         kept.audit.push(entry);
         Ok(())

@@ -1,9 +1,8 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use parking_lot::{Mutex, MutexGuard};
-
 use jiff::Timestamp;
+use parking_lot::Mutex;
 
 use super::write_tx::WriteTx;
 use super::{AuditEntry, JobId};
@@ -32,7 +31,7 @@ pub(super) struct Notes {
 impl Pending {
     /// A line for the audit log; false when too many wait already.
     pub fn act(&self, at: Timestamp, entry: AuditEntry) -> bool {
-        let acts = &mut self.notes().acts;
+        let acts = &mut self.notes.lock().acts;
         let room = acts.len() + self.taken.load(Ordering::SeqCst) < MOST_ACTS;
         if room {
             acts.push_back((at, entry));
@@ -42,7 +41,7 @@ impl Pending {
 
     /// A plate is paused or resumed.
     pub fn paused(&self, plate: &str, paused: bool) {
-        self.notes().paused.insert(plate.to_owned(), paused);
+        self.notes.lock().paused.insert(plate.to_owned(), paused);
     }
 
     /// A job has come this far; the last word counts. Whoever drives a plate tells this, so it is left out while
@@ -57,14 +56,14 @@ impl Pending {
 
     /// Lines of the audit log that wait.
     pub fn acts_waiting(&self) -> usize {
-        let notes = self.notes();
+        let notes = self.notes.lock();
         notes.acts.len() + self.taken.load(Ordering::SeqCst)
     }
 
     /// All that waits; progress alone only when `progress_too`. What is taken is then [`Self::written`] or
     /// [`Self::put_back`].
     pub fn take(&self, progress_too: bool) -> Option<Notes> {
-        let mut notes = self.notes();
+        let mut notes = self.notes.lock();
         let urgent = !notes.acts.is_empty() || !notes.paused.is_empty();
         let due = urgent || (progress_too && !notes.progress.is_empty());
         due.then(|| {
@@ -80,16 +79,12 @@ impl Pending {
 
     /// Notes that could not be written wait on, before those that came since.
     pub fn put_back(&self, notes: Notes) {
-        let mut now = self.notes();
+        let mut now = self.notes.lock();
         self.taken.store(0, Ordering::SeqCst);
         let Notes { acts, paused, progress } = std::mem::replace(&mut *now, notes);
         now.acts.extend(acts);
         now.paused.extend(paused);
         now.progress.extend(progress);
-    }
-
-    fn notes(&self) -> MutexGuard<'_, Notes> {
-        self.notes.lock()
     }
 }
 
@@ -110,7 +105,7 @@ mod tests {
     fn progress_waits_for_nobody() {
         let pending = Pending::default();
         let id = JobId::parse("019a0000000070008000000000000001").unwrap();
-        let busy = pending.notes();
+        let busy = pending.notes.lock();
         pending.progress(&id, 0.5);
         drop(busy);
         assert!(pending.take(true).is_none(), "it was left out");

@@ -31,6 +31,12 @@ use upm_core::time::{Clock, MonotonicClock, PlateTime};
 const PATIENCE: Duration = Duration::from_secs(60);
 
 impl Store {
+    /// Queues a job. Whatever the answer says is on the disk.
+    pub(crate) fn accept(&self, job: NewJob, done: impl FnOnce(Result<Accepted, StoreFault>) + Send + 'static) {
+        let done = |accepted: Result<Option<_>, _>| done(accepted.and_then(|new| new.ok_or(StoreFault::Closed)));
+        self.accept_if(job, || true, done);
+    }
+
     /// Keeps it from writing until what this returns is dropped.
     pub(crate) fn hold(&self) -> SyncSender<()> {
         let ((let_go, gate), (stop, stopped)) = (sync_channel(0), sync_channel(0));

@@ -3,8 +3,7 @@ use std::net::{IpAddr, Ipv6Addr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use parking_lot::{Mutex, MutexGuard};
-
+use parking_lot::Mutex;
 use tokio::task::AbortHandle;
 
 use super::limits::Limits;
@@ -42,7 +41,7 @@ struct Counts {
 impl CommonConnections {
     /// A place among them; `None` when all are taken, or `peer` has its share.
     pub(super) fn admit(&self, peer: PeerHost, limits: &Limits) -> Option<CommonPlace> {
-        let mut counts = lock(&self.0);
+        let mut counts = self.0.lock();
         let held = counts.of_peer.get(&peer).copied().unwrap_or(0);
         if counts.all >= limits.connections || held >= peer.most_common(limits) {
             return None;
@@ -63,17 +62,13 @@ pub(super) struct CommonPlace {
 
 impl Drop for CommonPlace {
     fn drop(&mut self) {
-        let mut counts = lock(&self.counts);
+        let mut counts = self.counts.lock();
         counts.all -= 1;
         let held = counts.of_peer.remove(&self.peer).unwrap_or(1);
         if held > 1 {
             counts.of_peer.insert(self.peer, held - 1);
         }
     }
-}
-
-fn lock(counts: &Mutex<Counts>) -> MutexGuard<'_, Counts> {
-    counts.lock()
 }
 
 /// True from a request's complete head until its answer is written: a connection that is busy is never dropped for

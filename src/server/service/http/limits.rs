@@ -1,8 +1,6 @@
-use std::future::{Future, poll_fn};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::pin::pin;
 use std::sync::Arc;
-use std::task::Poll;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use axum::body::Body;
@@ -15,7 +13,6 @@ use bytes::{Bytes, BytesMut};
 use http_body_util::BodyExt;
 use tokio::time::timeout;
 
-use super::bodies::{BodyRoom, HeldRoom};
 use super::{Problem, ProblemKind};
 use upm_runner::config::MOST_BYTES;
 
@@ -209,12 +206,59 @@ pub async fn limit(State(limits): State<Arc<Limits>>, request: Request, next: Ne
     }
 }
 
-/// The layer: a handler that panics is a problem of its own request and of no other.
-pub async fn catch(request: Request, next: Next) -> Response {
-    let mut answer = Box::pin(next.run(request));
-    poll_fn(|context| match catch_unwind(AssertUnwindSafe(|| answer.as_mut().poll(context))) {
-        Ok(poll) => poll,
-        Err(_) => Poll::Ready(Problem::new(ProblemKind::Internal, "the handler broke down").into_response()),
-    })
-    .await
+/// The memory that all request bodies together may take. Copies are the same room.
+#[derive(Clone, Debug)]
+pub struct BodyRoom(Arc<AtomicUsize>);
+
+impl BodyRoom {
+    /// Room for this many bytes.
+    pub fn of(bytes: usize) -> Self {
+        Self(Arc::new(AtomicUsize::new(bytes)))
+    }
+
+    /// Room for one body, none of it taken yet.
+    fn for_one(&self) -> HeldRoom {
+        HeldRoom { room: self.clone(), bytes: 0 }
+    }
+}
+
+/// What one body takes of a [`BodyRoom`]; free again when it is dropped.
+#[derive(Debug)]
+pub(in crate::service) struct HeldRoom {
+    room: BodyRoom,
+    bytes: usize,
+}
+
+impl HeldRoom {
+    /// Takes `bytes` in all. False when there is not so much: then it keeps what it has.
+    fn grow_to(&mut self, bytes: usize) -> bool {
+        let more = bytes.saturating_sub(self.bytes);
+        let take = |left: usize| left.checked_sub(more);
+        let taken = self.room.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, take).is_ok();
+        if taken {
+            self.bytes += more;
+        }
+        taken
+    }
+}
+
+impl Drop for HeldRoom {
+    fn drop(&mut self) {
+        self.room.0.fetch_add(self.bytes, Ordering::AcqRel);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bodies_together_take_no_more_than_the_room() {
+        let room = BodyRoom::of(10);
+        let (mut first, mut second) = (room.for_one(), room.for_one());
+        assert!(first.grow_to(6) && first.grow_to(3), "a body does not shrink");
+        assert!(second.grow_to(4) && !second.grow_to(5));
+        drop(first);
+        assert!(second.grow_to(10));
+    }
 }

@@ -1,6 +1,7 @@
 use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
@@ -14,16 +15,15 @@ use hyper_util::rt::{TokioIo, TokioTimer};
 use socket2::SockRef;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::runtime::{Handle, Runtime};
+use tokio::sync::watch;
 use tokio::task::{JoinSet, yield_now};
 use tokio::time::{sleep, timeout};
 use tower::ServiceExt;
 
 use super::admission::{Busy, CommonConnections, CommonPlace, PeerHost, SpareConnections};
-use super::descriptors::make_room;
 use super::head::read_head;
 use super::limits::{Limits, Spare};
 use super::socket::Socket;
-use super::stop::StopFlag;
 use upm_core::priority::step_back;
 
 /// Threads that answer.
@@ -62,12 +62,40 @@ pub struct Served {
     pub dropped: usize,
 }
 
+/// Ends the server, from any thread, without waiting.
+#[derive(Clone, Debug)]
+pub struct StopSender(Arc<watch::Sender<bool>>);
+
+impl StopSender {
+    /// No new connections; requests under way are answered and streams say good-bye, within a bound.
+    pub fn stop(&self) {
+        self.0.send_replace(true);
+    }
+}
+
+/// Says whether the server is to end. Without any [`StopSender`] left it is.
+#[derive(Clone, Debug)]
+pub struct StopFlag(watch::Receiver<bool>);
+
+impl StopFlag {
+    /// A flag and what sets it.
+    pub fn new() -> (StopSender, Self) {
+        let (sender, receiver) = watch::channel(false);
+        (StopSender(Arc::new(sender)), Self(receiver))
+    }
+
+    /// Waits until the server is to end.
+    pub(in crate::service) async fn stopped(&self) {
+        let _ = self.0.clone().wait_for(|stop| *stop).await;
+    }
+}
+
 /// Answers on `listener` with `app` until `stop` is set, in runtimes of its own. Blocks. Returns at the latest
 /// `limits.ending_time` after the flag was set, whatever clients do.
 pub fn serve(listener: std::net::TcpListener, app: Router, limits: &Limits, stop: &StopFlag) -> io::Result<Served> {
     let connections = limits.connections + limits.spare_connections;
     let wanted = (connections + ENDING + limits.downloads) as u64 + OTHER_FILES;
-    let room = make_room(wanted);
+    let room = raise_fd_limit(wanted);
     if room < wanted {
         tracing::warn!("only {room} files may be open at once, {wanted} may be needed: raise `ulimit -n`");
     }
@@ -91,6 +119,27 @@ fn runtime(workers: usize, on_start: fn()) -> io::Result<Runtime> {
         .on_thread_start(on_start)
         .enable_all()
         .build()
+}
+
+/// Raises the soft limit of open files and sockets to `wanted`, as far as the hard limit lets it; the limit now.
+#[cfg(unix)]
+pub(super) fn raise_fd_limit(wanted: u64) -> u64 {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+
+    let limit = getrlimit(Resource::Nofile);
+    let present = limit.current.unwrap_or(u64::MAX);
+    let most = limit.maximum.unwrap_or(u64::MAX).min(wanted);
+    if most <= present {
+        return present;
+    }
+    let raised = Rlimit { current: Some(most), maximum: limit.maximum };
+    setrlimit(Resource::Nofile, raised).map_or(present, |()| most)
+}
+
+/// Systems without such a limit.
+#[cfg(not(unix))]
+pub(super) fn raise_fd_limit(wanted: u64) -> u64 {
+    wanted
 }
 
 /// Where requests are answered: those over spare connections apart from all others.

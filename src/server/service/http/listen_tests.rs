@@ -13,6 +13,7 @@ use axum::routing::{get, post};
 use bytes::Bytes;
 use futures_util::stream;
 
+use super::listen::raise_fd_limit;
 use super::*;
 use upm_core::time::{Clock, MonotonicClock};
 
@@ -244,7 +245,7 @@ fn peer_with_many_connections_keeps_only_the_spare_ones() {
 #[test]
 fn a_thousand_connections_are_answered_at_once() {
     // both ends of each are open files of this process
-    if descriptors::make_room(2500) < 2500 {
+    if raise_fd_limit(2500) < 2500 {
         return;
     }
     let server = Server::start(|limits| {
@@ -295,4 +296,29 @@ fn the_end_waits_for_nobody() {
     assert!((10..=30).contains(&served.dropped), "{served:?}");
     assert!(TcpStream::connect(server.address).is_err());
     drop(opened);
+}
+
+#[tokio::test]
+async fn whoever_stops_first_stops() {
+    let (sender, flag) = StopFlag::new();
+    sender.clone().stop();
+    sender.stop();
+    flag.stopped().await;
+}
+
+#[tokio::test]
+async fn a_lost_sender_stops() {
+    let (sender, flag) = StopFlag::new();
+    drop(sender);
+    flag.stopped().await;
+}
+
+#[cfg(unix)]
+#[test]
+fn there_is_never_less_room_than_before() {
+    let before = raise_fd_limit(0);
+    assert_eq!(raise_fd_limit(1), before);
+    let more = raise_fd_limit(before.saturating_add(1));
+    assert!(more == before || more == before + 1);
+    assert_eq!(raise_fd_limit(0), more);
 }
