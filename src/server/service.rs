@@ -1,8 +1,7 @@
-//! The daemon as the network sees it: the HTTP server with its guard and limits, the API as one table of operations, and
-//! its OpenAPI document out of the same table. The only room that knows tokio; to the outside it is a function that
-//! blocks.
+//! The HTTP API: the server with its guard and limits, the operations as one table, and the OpenAPI document made from the
+//! same table. The only room that knows tokio; to the outside it is a function that blocks.
 //!
-//! What the API needs of store and plates is the trait [`Desk`]; this room never touches either.
+//! The trait [`Desk`] is all that the API knows of store and plates.
 
 mod api;
 mod http;

@@ -1,8 +1,8 @@
-//! What the daemon must not forget: jobs, their events, idempotency keys, the audit log, and the run folders on disk.
+//! The job store: jobs, their events, idempotency keys and the audit log in SQLite, and the run folders beside it.
 //!
-//! One thread writes, into SQLite, and answers only after the commit is on the disk; two read. Nobody who asks waits
-//! for the disk: answers come by a callback. Only what a plate's worker needs before it may move ([`Ledger::claim`])
-//! and after it has stopped ([`Ledger::ended`]) blocks. Every queue is bounded.
+//! One thread writes and answers only after the commit is on the disk; two read. Callers do not wait for the disk: answers
+//! come by callback. Only the calls of a plate's worker before it may move ([`Ledger::claim`]) and after it has stopped
+//! ([`Ledger::ended`]) block. Every queue is bounded.
 
 mod ages;
 mod columns;
@@ -42,7 +42,7 @@ pub use handle::Store;
 pub use held::{Displaced, Found, HeldPath};
 pub use ids::JobId;
 pub use inspect::{PeekMost, Peeked, peek};
-pub use ledger::{Ledger, Publish};
+pub use ledger::{Ledger, MakeFolder, Publish};
 #[cfg(test)]
 pub use memory::MemoryLedger;
 pub use open::Opened;

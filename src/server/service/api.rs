@@ -32,15 +32,15 @@ pub use query::JobsQuery;
 pub use traffic::{Requests, Traffic};
 pub use types::{EStopped, Job, JobsPage, PauseCause, Plate, Plates, ResetRequest, StandingJob};
 
-/// What the API is put together from.
+/// Parts of the API.
 pub struct AppParts {
     /// The daemon behind it.
     pub desk: Arc<dyn Desk>,
-    /// Who may do what.
+    /// Accepted tokens.
     pub tokens: SharedTokens,
     /// The names under which it may be called.
     pub hosts: Hosts,
-    /// What one client may ask.
+    /// Limits of requests.
     pub limits: Arc<Limits>,
     /// Ends event streams; the same that ends the server.
     pub stop: StopFlag,

@@ -58,7 +58,7 @@ struct Watch {
     suspended_until: Option<Duration>,
 }
 
-/// What is old at one moment.
+/// The age limit at one moment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ages {
     /// The uptime now.
@@ -83,7 +83,7 @@ impl AgeClock {
         Self { clocks, earlier, started, watch }
     }
 
-    /// What is old now. Compares the clocks; a jump of the wall clock suspends deletion by age for a day.
+    /// The ages now. Compares the clocks; a jump of the wall clock suspends deletion by age for a day.
     pub fn ages(&self) -> Ages {
         let mut watch = self.watch.lock();
         let (wall, monotonic) = ((self.clocks.wall)(), self.clocks.monotonic.elapsed());

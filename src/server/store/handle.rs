@@ -1,5 +1,4 @@
 use std::fmt;
-use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -13,10 +12,9 @@ use super::reader::Readers;
 use super::retention::{Begins, Retention};
 use super::write_queue::{WriteQueue, task};
 use super::write_tx::WriteTx;
-
 use super::{
     Accepted, AuditEntry, Cancelled, Claimed, Displaced, HeldPath, JobEnd, JobId, JobPage, JobRow, JobState, Ledger,
-    NewEvent, NewJob, Page, Publish, Replay, StoreFault, StoreHealth, StoredEvent, history, jobs,
+    MakeFolder, NewEvent, NewJob, Page, Publish, Replay, StoreFault, StoreHealth, StoredEvent, history, jobs,
 };
 use upm_core::files::sync_folder;
 
@@ -97,13 +95,6 @@ impl Store {
         self.readers.ask(move |connection| history::replay(connection, &id, after, most), done);
     }
 
-    /// Writes a line into the audit log as soon as there is room; never waits. False when too many wait already.
-    pub fn audit(&self, entry: AuditEntry) -> bool {
-        let taken = self.queue.status.pending.act((self.now)(), entry);
-        self.queue.wake();
-        taken
-    }
-
     /// Bytes of run folders when they were counted last: every minute, and after every job.
     pub fn runs_bytes(&self) -> Option<u64> {
         self.retention.bytes()
@@ -147,17 +138,13 @@ impl Store {
 }
 
 impl Ledger for Store {
-    fn claim(
-        &self,
-        plate: &str,
-        folder: &dyn Fn(&JobRow) -> io::Result<String>,
-    ) -> Result<Option<Claimed>, StoreFault> {
+    fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault> {
         loop {
             let asked = plate.to_owned();
             let Some(row) = self.queue.written(false, move |tx| tx.next_queued(&asked))? else {
                 return Ok(None);
             };
-            // a sweep would take a folder that no row names as yet for one that was left behind
+            // a sweep would take a folder without a row for one that was left behind
             let _begins = self.begins.read();
             let name = folder(&row)?;
             // a row must never name a folder that a power cut takes away
@@ -167,7 +154,7 @@ impl Ledger for Store {
             match claimed {
                 Ok(StartOutcome::Now(claimed)) => return Ok(Some(*claimed)),
                 Ok(StartOutcome::Never) => {}
-                // cancelled meanwhile, or not written: the folder is empty as yet, and goes
+                // cancelled meanwhile: the folder is still empty
                 Ok(StartOutcome::Not) => drop(std::fs::remove_dir(self.runs.join(&name))),
                 Err(fault) => {
                     drop(std::fs::remove_dir(self.runs.join(&name)));
@@ -177,11 +164,7 @@ impl Ledger for Store {
         }
     }
 
-    fn begin_standing(
-        &self,
-        job: &NewJob,
-        folder: &dyn Fn(&JobRow) -> io::Result<String>,
-    ) -> Result<Option<Claimed>, StoreFault> {
+    fn begin_standing(&self, job: &NewJob, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault> {
         let new = job.clone();
         let Some(row) = self.queue.written(false, move |tx| tx.next_standing(&new))? else {
             return Ok(None);
@@ -229,7 +212,9 @@ impl Ledger for Store {
     }
 
     fn note_act(&self, entry: AuditEntry) -> bool {
-        self.audit(entry)
+        let taken = self.queue.status.pending.act((self.now)(), entry);
+        self.queue.wake();
+        taken
     }
 
     fn write_act(&self, entry: AuditEntry) -> Result<(), StoreFault> {

@@ -16,11 +16,11 @@ pub struct HeldPath {
 pub struct Displaced {
     /// The path.
     pub path: PathBuf,
-    /// What it names now.
+    /// The thing it names now.
     pub found: Found,
 }
 
-/// What a displaced path names.
+/// The thing that a displaced path names.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Found {
     /// Nothing: the file was deleted or moved.

@@ -6,7 +6,7 @@ use super::migrate::refuse_newer;
 use super::schema::{APPLICATION_ID, VERSION, identity, is_clean};
 use super::{AuditRow, JobId, JobRow, JobState, Page, StoreFault, StoredEvent, history, jobs};
 
-/// How much of a store to look at.
+/// Limits of [`peek`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PeekMost {
     /// Newest jobs, at most [`Page::MOST`].
@@ -17,7 +17,7 @@ pub struct PeekMost {
     pub audit: usize,
 }
 
-/// What a look into a store from outside shows.
+/// Contents of a store, read without opening it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Peeked {
     /// How many jobs there are of each plate in each state.

@@ -4,14 +4,14 @@ use super::columns::{At, JOB, job_of, rows, sql_limit};
 use super::write_tx::WriteTx;
 use super::{Accepted, Cancelled, Claimed, JobEnd, JobId, JobPage, JobRow, JobState, NewJob, Page, StoredEvent};
 
-/// Ended runs of standing jobs but for the newest of each plate.
+/// Ended runs of standing jobs except the newest of each plate.
 const SURPLUS_STANDING: &str = "
     SELECT id, folder FROM (
         SELECT id, folder, row_number() OVER (PARTITION BY plate ORDER BY id DESC) AS age FROM jobs
             WHERE standing = 1 AND state NOT IN ('queued', 'running'))
     WHERE age > ?1 ORDER BY id";
 
-/// What became of the wish to begin a job.
+/// Outcome of [`WriteTx::start`].
 pub(super) enum StartOutcome {
     /// It runs.
     Now(Box<Claimed>),
@@ -162,8 +162,8 @@ impl WriteTx<'_> {
         })
     }
 
-    /// The text of a job that has ended goes where its run folder has it, and where it never began: nobody asks for
-    /// that. Else it stays as long as the job is remembered.
+    /// Deletes the text of an ended job when its run folder has a copy, and when the job never began. Otherwise the text
+    /// stays as long as the job is remembered.
     fn drop_spec(&self, id: &JobId) -> rusqlite::Result<()> {
         let sql = "SELECT folder FROM jobs WHERE id = ?1";
         let folder: Option<String> = self.connection.query_row(sql, [id], |row| row.get(0))?;

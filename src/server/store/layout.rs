@@ -64,8 +64,8 @@ impl DataDir {
         [&self.runs, &self.trash].into_iter().try_for_each(make)
     }
 
-    /// Holds the data folder itself for this process alone, so that a lock file that is deleted lets nobody in. Some file
-    /// systems lock no folders: there the lock file alone holds it.
+    /// Locks the data folder itself, so that deleting the lock file does not admit a second daemon. Some file systems cannot
+    /// lock folders: there the lock file alone protects it.
     pub fn lock_folder(&self) -> Result<File, StoreFault> {
         let folder = File::open(&self.data).map_err(|error| named(&self.data, error))?;
         match folder.try_lock() {

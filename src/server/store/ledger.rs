@@ -7,20 +7,18 @@ use super::{AuditEntry, Claimed, JobEnd, JobId, JobRow, NewEvent, NewJob, StoreF
 /// thread: it hands on and returns.
 pub type Publish = Box<dyn FnOnce(Result<StoredEvent, StoreFault>) + Send>;
 
-/// What a plate's worker needs of the store.
+/// Makes the run folder of a job and returns its name.
+pub type MakeFolder<'a> = &'a dyn Fn(&JobRow) -> io::Result<String>;
+
+/// The store as a plate's worker uses it.
 pub trait Ledger: Send + Sync + fmt::Debug {
-    /// Takes the oldest job queued for `plate`. `folder` makes its run folder and tells its name. Waits for the disk:
-    /// when this returns a job, it is `running` for good, and nobody gets it again.
-    fn claim(&self, plate: &str, folder: &dyn Fn(&JobRow) -> io::Result<String>)
-    -> Result<Option<Claimed>, StoreFault>;
+    /// Takes the oldest job queued for `plate`. Waits for the disk:
+    /// a job that this returns is durably `running`, and is returned once.
+    fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault>;
 
     /// Begins a run of the standing job `job`, as [`Self::claim`] begins a queued one; `None` while a job waits for its
     /// plate. A job that is queued after this returns finds the run begun.
-    fn begin_standing(
-        &self,
-        job: &NewJob,
-        folder: &dyn Fn(&JobRow) -> io::Result<String>,
-    ) -> Result<Option<Claimed>, StoreFault>;
+    fn begin_standing(&self, job: &NewJob, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault>;
 
     /// Says how a running job ended, and tells its [`FINISHED`] event; `None` when it had ended before, which is no
     /// fault. Waits for the disk. On a fault the caller asks again later, and leaves its plate alone until then.

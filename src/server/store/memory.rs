@@ -6,7 +6,7 @@ use parking_lot::Mutex;
 
 use super::ids::Ids;
 use super::{
-    AuditEntry, Cancelled, Claimed, JobEnd, JobId, JobRow, JobState, Ledger, NewEvent, NewJob, Publish,
+    AuditEntry, Cancelled, Claimed, JobEnd, JobId, JobRow, JobState, Ledger, MakeFolder, NewEvent, NewJob, Publish,
     RecordingStatus, StoreFault, StoredEvent,
 };
 
@@ -116,11 +116,7 @@ impl Entry {
 }
 
 impl Ledger for MemoryLedger {
-    fn claim(
-        &self,
-        plate: &str,
-        folder: &dyn Fn(&JobRow) -> io::Result<String>,
-    ) -> Result<Option<Claimed>, StoreFault> {
+    fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault> {
         let mut kept = self.kept.lock();
         kept.check()?;
         let next = |entry: &&mut Entry| entry.row.plate == plate && entry.row.state == JobState::Queued;
@@ -130,11 +126,7 @@ impl Ledger for MemoryLedger {
         Ok(Some(Claimed { row: row.clone(), spec_json: spec_json.clone() }))
     }
 
-    fn begin_standing(
-        &self,
-        job: &NewJob,
-        folder: &dyn Fn(&JobRow) -> io::Result<String>,
-    ) -> Result<Option<Claimed>, StoreFault> {
+    fn begin_standing(&self, job: &NewJob, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault> {
         let mut kept = self.kept.lock();
         kept.check()?;
         let waits = |entry: &Entry| entry.row.plate == job.plate && entry.row.state == JobState::Queued;

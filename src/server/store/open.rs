@@ -26,12 +26,12 @@ use super::{Clocks, JobId, Limits, Recovery, RepairRecording, StoreFault};
 use upm_core::priority::step_back;
 use upm_core::time::MonotonicClock;
 
-/// A store and what was found when it was opened.
+/// An open store with the report of its opening.
 #[derive(Debug)]
 pub struct Opened {
     /// The store.
     pub store: Store,
-    /// What was found.
+    /// The report.
     pub recovery: Recovery,
 }
 

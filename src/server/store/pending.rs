@@ -13,7 +13,7 @@ const MOST_ACTS: usize = 1024;
 /// Most jobs whose progress waits.
 const MOST_JOBS: usize = 256;
 
-/// What is written when there is time and room, and waits in memory until then: told by those who never wait.
+/// Writes that wait in memory until there is time and room. Their callers never block and get no answer.
 #[derive(Debug, Default)]
 pub(super) struct Pending {
     notes: Mutex<Notes>,
@@ -44,8 +44,8 @@ impl Pending {
         self.notes.lock().paused.insert(plate.to_owned(), paused);
     }
 
-    /// A job has come this far; the last word counts. Whoever drives a plate tells this, so it is left out while
-    /// somebody else is busy with the notes.
+    /// Progress of a job; a later call overwrites it. Called by threads that drive a plate in real time, so it is skipped
+    /// while another thread holds the lock.
     pub fn progress(&self, id: &JobId, progress: f64) {
         let Some(mut notes) = self.notes.try_lock() else { return };
         let waiting = &mut notes.progress;
@@ -72,7 +72,7 @@ impl Pending {
         })
     }
 
-    /// What was taken is on the disk.
+    /// The taken writes are on the disk.
     pub fn written(&self) {
         self.taken.store(0, Ordering::SeqCst);
     }

@@ -13,7 +13,8 @@ use super::{Recovery, StoreFault};
 /// Shorter files hold no database. SQLite would take them for a new one, and throw away the log beside them.
 const LEAST_BYTES: u64 = 512;
 
-/// What is wrong with the database at `path`, if anything. Changes nothing. `Err` when that cannot be told.
+/// The damage of the database at `path`; `None` for a sound one. Changes nothing. `Err` when the disk does not let it be
+/// examined.
 pub(super) fn damage_of(path: &Path) -> Result<Option<String>, StoreFault> {
     if fs::metadata(path)?.len() < LEAST_BYTES {
         return Ok(Some("upm.db has been cut off".to_owned()));

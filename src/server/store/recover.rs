@@ -17,8 +17,8 @@ use super::write_tx::WriteTx;
 use super::{JobRow, JobState, RecordingStatus, Recovery, RunFileFault, StoreFault};
 use left::{end_of, last_sign, settle};
 
-/// Puts in order what the last daemon left: how its running jobs ended, recordings that were not closed, who stays
-/// paused. Nothing else has the store as yet. Killed anywhere, doing it again comes to the same.
+/// Recovers the state that the last daemon left: ends of its running jobs, recordings that were not closed, paused plates.
+/// Runs before the store is shared. Idempotent: safe to repeat after a crash at any point.
 pub(super) fn recover(
     connection: &mut Connection,
     dir: &DataDir,

@@ -25,7 +25,7 @@ const SWEEP_EVERY: Duration = Duration::from_secs(60);
 /// A folder without a job may be one that a person is just putting there, until it is this old.
 const ORPHAN_AGE: Duration = Duration::from_secs(3600);
 
-/// What a sweep did.
+/// Report of a sweep.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Swept {
     /// Names of the run folders that were deleted.
@@ -34,7 +34,7 @@ pub(super) struct Swept {
     pub bytes: u64,
 }
 
-/// Who asks for a sweep and waits for it; `None` when nobody waits.
+/// Gets the report of a sweep; `None` when no caller waits for one.
 type Asked = Option<SyncSender<Result<Swept, StoreFault>>>;
 
 /// The thread that deletes run folders. It ends with the store.
@@ -103,7 +103,7 @@ pub(super) struct Sweeper {
     orphans: BTreeMap<String, Uptime>,
     /// Sizes of the folders of jobs that have ended.
     sizes: BTreeMap<String, u64>,
-    /// What there is of them all.
+    /// Bytes of all run folders.
     bytes: Arc<AtomicU64>,
 }
 
@@ -246,7 +246,7 @@ impl Sweeper {
     fn move_away(&self, folder: &Path, name: &str) -> io::Result<PathBuf> {
         let DataDir { trash, runs_trash, .. } = &self.dir;
         match move_into(trash, folder, name) {
-            // the run folders lie on another disk
+            // the run folders are on another disk
             Err(error) if error.kind() == io::ErrorKind::CrossesDevices => move_into(runs_trash, folder, name),
             moved => moved,
         }

@@ -14,7 +14,7 @@ const MOST_BYTES: u64 = 16 << 20;
 /// Why a file of a run folder is not opened.
 #[derive(Debug, thiserror::Error)]
 pub enum RunFileFault {
-    /// There is none.
+    /// The file does not exist.
     #[error("there is no such file")]
     Missing,
     /// The file is a link, a folder, a FIFO or the like, or the folder is a link.

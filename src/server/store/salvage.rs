@@ -11,7 +11,7 @@ use super::history::audit_row_of;
 use super::ids::Ids;
 use super::layout::DataDir;
 use super::run_file::{modified, text_of};
-use super::{JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault, jobs};
+use super::{JobId, JobRow, JobState, NewJob, Pace, StoreFault, jobs};
 
 /// Copies what can still be read of the damaged store `old`: jobs, idempotency keys, the audit log. Events stay behind;
 /// their numbers are not given again.
@@ -83,7 +83,7 @@ fn copy_job(old: &Connection, tx: &Connection, mut job: JobRow) -> rusqlite::Res
 }
 
 /// Makes running jobs of those that wait although something is in their run folder: they had begun, and the store has
-/// forgotten it. How they ended is found out as after any crash; nobody runs them again.
+/// forgotten it. How they ended is found out as after any crash; they are not run again.
 pub(super) fn have_begun(dir: &DataDir, connection: &Connection) -> Result<(), StoreFault> {
     let tx = connection.unchecked_transaction()?;
     let (names, known) = (dir.run_names()?, folders_of(&tx)?);
@@ -139,24 +139,17 @@ fn job_in(folder: &Path, name: String) -> Option<JobRow> {
     let value: Value = serde_json::from_str(&text_of(&effective)?).ok()?;
     let job = value.get("job")?;
     let text = |key: &str| job.get(key).and_then(Value::as_str).unwrap_or_default().to_owned();
-    Some(JobRow {
-        id: JobId::from_bytes([0; 16]),
+    let job = NewJob {
         name: text("name"),
         plate: text("plate"),
-        state: JobState::Running,
         seed: job.get("seed").and_then(Value::as_u64).unwrap_or_default(),
         pace: Pace::RealTime,
+        spec_json: String::new(),
         rig_fingerprint: String::new(),
         library_sha256: String::new(),
-        submitted_at: started_at,
-        started_at: Some(started_at),
-        finished_at: None,
-        progress: 0.0,
-        reason: String::new(),
-        report_json: None,
-        folder: Some(name),
-        recording: RecordingStatus::None,
-        last_event: 0,
-        standing: false,
-    })
+        body_sha256: [0; 32],
+        key: None,
+    };
+    let row = job.row(JobId::from_bytes([0; 16]), started_at);
+    Some(JobRow { state: JobState::Running, started_at: Some(started_at), folder: Some(name), ..row })
 }

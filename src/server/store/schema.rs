@@ -35,10 +35,10 @@ CREATE TABLE clock (only INTEGER PRIMARY KEY CHECK (only = 1), uptime INTEGER NO
 INSERT INTO clock VALUES (1, 0);
 ";
 
-/// Tables of version 1, but for those of [`STATE`]; the migrations come on top of them.
+/// Tables of version 1 without those of [`STATE`]; the migrations are applied to them.
 ///
 /// Times are whole microseconds of Unix time. An event's number never comes twice in a job: what is pruned moves
-/// `first_event` up. A job's text stands apart, since it is long and the rest changes often; it goes when the job ends and
+/// `first_event` up. A job's text has its own table, since it is long and the rest changes often; it goes when the job ends and
 /// its run folder has it.
 const TABLES: &str = "
 CREATE TABLE jobs (

@@ -62,7 +62,7 @@ impl NewJob {
     }
 }
 
-/// A job as the store knows it, but for its text ([`Claimed`](super::Claimed)).
+/// A job in the store, without its text (see [`Claimed`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobRow {
     /// Its id.
@@ -96,7 +96,7 @@ pub struct JobRow {
     pub report_json: Option<String>,
     /// Name of its run folder within the folder of runs; never a path.
     pub folder: Option<String>,
-    /// What there is of its recording.
+    /// State of its recording.
     pub recording: RecordingStatus,
     /// Sequence number of its last event; 0 before the first.
     pub last_event: u64,
@@ -133,7 +133,7 @@ pub struct JobEnd {
     pub reason: String,
     /// Its `report.json`, if it came to one.
     pub report_json: Option<String>,
-    /// What there is of its recording.
+    /// State of its recording.
     pub recording: RecordingStatus,
 }
 
@@ -182,9 +182,9 @@ impl JobEnd {
 pub struct NewEvent {
     /// When, of the plate's own time.
     pub plate_time: PlateTime,
-    /// What kind: `state`, `cycle`, `warning`, `recording`.
+    /// Kind: `state`, `cycle`, `warning`, `recording`.
     pub kind: &'static str,
-    /// What, as JSON.
+    /// Content, as JSON.
     pub body: Arc<str>,
 }
 
@@ -197,13 +197,13 @@ pub struct StoredEvent {
     pub at: Timestamp,
     /// When, of the plate's own time.
     pub plate_time: PlateTime,
-    /// What kind.
+    /// Kind.
     pub kind: String,
-    /// What, as JSON.
+    /// Content, as JSON.
     pub body: Arc<str>,
 }
 
-/// What became of a submission.
+/// Outcome of a submission.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Accepted {
     /// It is queued, and on the disk.
@@ -219,7 +219,7 @@ pub enum Accepted {
     },
 }
 
-/// What became of the wish to take a job out of the queue.
+/// Outcome of taking a job out of the queue.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cancelled {
     /// It was queued and is cancelled; its last event says so.
@@ -271,11 +271,11 @@ pub struct Replay {
 pub struct AuditEntry {
     /// The plate it was done to.
     pub plate: Option<String>,
-    /// What was done: `estop`, `reset`, `resume`.
+    /// The act: `estop`, `reset`, `resume`.
     pub act: String,
-    /// Who did it, as they said.
+    /// The operator, as given.
     pub operator: String,
-    /// Why, as they said.
+    /// The reason, as given.
     pub reason: String,
     /// Address it came from.
     pub remote: String,
@@ -324,7 +324,7 @@ pub enum StoreFault {
     Closed,
 }
 
-/// What was done to a recording that had not been closed.
+/// Repair of a recording that had not been closed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mended {
     /// Messages in it.
@@ -335,7 +335,7 @@ pub struct Mended {
     pub was_whole: bool,
 }
 
-/// What was found at start.
+/// Report of a start.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recovery {
     /// Jobs that were running and are interrupted now.

@@ -167,7 +167,7 @@ impl WriteQueue {
         run: impl FnMut(&WriteTx<'_>) -> rusqlite::Result<T> + Send + 'static,
     ) -> Result<T, StoreFault> {
         let (sender, answer) = sync_channel(1);
-        // an answer that nobody waits for any more is no fault
+        // the caller may have gone
         let task = task(vital, run, move |stored| drop(sender.try_send(stored)));
         self.status.waiting.fetch_add(1, Ordering::Relaxed);
         if self.sender.send(Order::Do(task)).is_err() {

@@ -30,7 +30,7 @@ pub(super) struct WriteTx<'a> {
     pub runs: &'a Path,
     /// When this transaction began.
     pub now: Timestamp,
-    /// What was old then.
+    /// Ages at that time.
     pub ages: Ages,
     /// Events told since they were last counted.
     pub told: &'a Cell<u64>,

@@ -31,7 +31,7 @@ const PROGRESS_EVERY: Duration = Duration::from_secs(1);
 /// Time between two tries to write after a fault.
 const TRY_EVERY: Duration = Duration::from_secs(2);
 
-/// What the writer does after a round.
+/// The writer's next step after a round.
 enum Then {
     GoOn,
     /// Ends; who waits for that is told.
@@ -56,7 +56,7 @@ pub(super) struct Writer {
 }
 
 impl Writer {
-    /// Writes until it is told to end, or nobody is left who could ask.
+    /// Writes until it is closed or every sender is gone.
     pub fn run(mut self) {
         let mut progress_at = self.status.clock.elapsed();
         let mut tried_at = progress_at;
@@ -88,7 +88,7 @@ impl Writer {
         }
     }
 
-    /// What is to be written together, and what comes then.
+    /// The tasks to be written together, and the step after them.
     fn collect(&self) -> (Vec<Box<dyn Task>>, Then) {
         let mut batch = Vec::new();
         let mut order = self.queue.recv_timeout(ROUND);
@@ -105,7 +105,7 @@ impl Writer {
             }
             match self.queue.try_recv() {
                 Ok(next) => order = Ok(next),
-                // that nobody is left is found out in the next round
+                // the next round finds out that every sender is gone
                 Err(_) => return (batch, Then::GoOn),
             }
         }
@@ -179,14 +179,14 @@ impl Writer {
         Ok(())
     }
 
-    /// Ends; in order only when somebody waits for it. Whoever comes later is told that all is over.
+    /// Ends; in order only when a caller waits for that. Later commands are answered with [`StoreFault::Closed`].
     fn finish(mut self, closing: Option<SyncSender<bool>>) {
         self.status.closed.store(true, Ordering::SeqCst);
         let stored = closing.as_ref().map(|_| self.note_clean());
         let Self { connection, lock, queue, .. } = self;
         drop((connection, lock));
         if let (Some(done), Some(stored)) = (closing, stored) {
-            // whoever waited may have given up
+            // the caller may have given up
             let _ = done.try_send(stored);
         }
         while let Ok(order) = queue.recv() {

@@ -16,11 +16,10 @@ use upm_runner::config::Fault;
 /// An answer on its way.
 pub type Promise<T> = Pin<Box<dyn Future<Output = Result<T, Refusal>> + Send>>;
 
-/// What the API asks of the daemon behind it. The methods return at once; what takes time goes into the promise and
-/// is done on the threads of store and plates, see [`promise`]. A promise may be dropped before it is kept: a client
-/// that went away, or an answer that took too long.
+/// The daemon behind the API. The methods return at once; slow work is done on the threads of store and plates and fulfils
+/// the promise, see [`promise`]. A promise may be dropped before that: the client went away, or the answer took too long.
 ///
-/// Ids are 32 hex digits and names of plates plain names: what is neither never gets here.
+/// Ids are 32 hex digits and names of plates plain names; the API rejects everything else.
 pub trait Desk: Send + Sync {
     /// Checks a job and queues it. The promise is kept once the job is on the disk.
     fn submit(&self, order: Order) -> Promise<Submitted>;
@@ -37,7 +36,7 @@ pub trait Desk: Send + Sync {
     /// All plates, with their queues counted now. The promise may wait for the store.
     fn plates(&self) -> Promise<Plates>;
 
-    /// All plates, with their queues as they were counted last. Waits for nobody.
+    /// All plates, with their queues as they were counted last. Never waits.
     fn plates_as_counted(&self) -> Plates;
 
     /// Emergency stop. The plate has been told before this returns; the promise only waits for how it went.
@@ -49,22 +48,22 @@ pub trait Desk: Send + Sync {
     /// Lets a paused plate go on with its queue.
     fn resume(&self, plate: &str, caller: Caller) -> Promise<Plate>;
 
-    /// What keeps the daemon from working at all; nothing when it is well.
+    /// Reasons why the daemon does not work at all; empty when it is well.
     fn ailments(&self) -> Vec<Reason>;
 
-    /// What keeps it from taking jobs; nothing when it is ready.
+    /// Reasons why it takes no jobs; empty when it is ready.
     fn obstacles(&self) -> Vec<Reason>;
 
     /// Its figures, as OpenMetrics text.
     fn metrics(&self) -> String;
 
-    /// Has `feed` offered all that is told of the job from now on, and says how the job stands.
+    /// Offers all further events of the job to `feed`; the state of the job now.
     fn watch(&self, id: &str, feed: Feed) -> Promise<Opening>;
 
     /// At most `most` kept events of the job with numbers above `after`, in order.
     fn replay(&self, id: &str, after: u64, most: usize) -> Promise<Replayed>;
 
-    /// The latest picture of the job. Busy while there is none that is new enough: it is asked again shortly.
+    /// The latest picture of the job; [`Refusal::Busy`] while no recent one is ready.
     fn frame(&self, id: &str) -> Promise<Picture>;
 
     /// The job's recording, opened for reading.
@@ -83,7 +82,7 @@ pub struct Order {
     pub pace: Option<Pace>,
     /// The idempotency key.
     pub key: Option<String>,
-    /// Who sent it.
+    /// The sender.
     pub caller: Caller,
 }
 
@@ -132,13 +131,13 @@ pub struct Asset {
 pub enum Refusal {
     /// There is no such job, plate, picture or recording: 404.
     Unknown(String),
-    /// What was sent is not JSON: 400.
+    /// The body is not JSON: 400.
     Malformed(Vec<Fault>),
-    /// What was sent is not a valid job: 422.
+    /// The body is not a valid job: 422.
     Invalid(Vec<Fault>),
     /// The idempotency key came before with another body: 422.
     KeyReused,
-    /// The state of plate or job stands against it: 409.
+    /// The state of plate or job does not allow it: 409.
     Conflict(String),
     /// The plate's queue is full: 429.
     QueueFull {
@@ -196,23 +195,23 @@ impl From<Refusal> for Problem {
     }
 }
 
-/// Keeps a promise, from any thread, without waiting.
+/// Fulfils a promise, from any thread, without waiting.
 #[derive(Debug)]
 pub struct Reply<T>(oneshot::Sender<Result<T, Refusal>>);
 
 impl<T> Reply<T> {
-    /// Says how it went. Whether somebody still waits for it makes no difference.
+    /// Sends the outcome. A caller that no longer waits is no fault.
     pub fn send(self, outcome: Result<T, Refusal>) {
         let _ = self.0.send(outcome);
     }
 
-    /// Whether somebody still waits for it.
+    /// True while the caller waits.
     pub fn is_awaited(&self) -> bool {
         !self.0.is_closed()
     }
 }
 
-/// A promise that `start` sees to: it hands the reply to whoever will know. A reply that is lost is told as busy.
+/// A promise with its reply, which `start` hands to the thread that will fulfil it. A lost reply is [`Refusal::Busy`].
 pub fn promise<T: Send + 'static>(start: impl FnOnce(Reply<T>)) -> Promise<T> {
     let (sender, receiver) = oneshot::channel();
     start(Reply(sender));
@@ -222,7 +221,7 @@ pub fn promise<T: Send + 'static>(start: impl FnOnce(Reply<T>)) -> Promise<T> {
     })
 }
 
-/// A promise kept already.
+/// A promise that is already fulfilled.
 pub fn kept<T: Send + 'static>(outcome: Result<T, Refusal>) -> Promise<T> {
     Box::pin(async move { outcome })
 }

@@ -69,7 +69,7 @@ struct Watcher {
 }
 
 enum Stage {
-    /// Tell how the job stands.
+    /// Send the state of the job.
     Opening { opening: Opening, after: Option<u64> },
     /// Send what is kept, up to this number.
     Replay { newest: u64 },
@@ -127,7 +127,7 @@ impl Watcher {
                 self.stage = if is_done { Stage::Live } else { Stage::Replay { newest } };
             }
             // what is kept can be had later: the client comes back and goes on from what it has
-            Err(_) => return bye(Bye::StoreSilent),
+            Err(_) => return bye("store_silent", "the job store does not answer now"),
         }
         text.freeze()
     }
@@ -144,16 +144,16 @@ impl Watcher {
 
     async fn live(&mut self) -> Bytes {
         if self.is_over {
-            return bye(Bye::JobOver);
+            return bye(JOB_OVER, "the job is over");
         }
         if self.intake.is_overrun() {
             return self.reopen().await;
         }
         tokio::select! {
             biased;
-            () = self.stop.stopped() => bye(Bye::DaemonEnds),
+            () = self.stop.stopped() => bye("daemon_ends", "the daemon ends"),
             event = self.intake.next() => {
-                let Some(event) = event else { return bye(Bye::FeedClosed) };
+                let Some(event) = event else { return feed_closed() };
                 let mut text = BytesMut::new();
                 self.take(&event, &mut text);
                 self.stage = Stage::Live;
@@ -166,12 +166,12 @@ impl Watcher {
         }
     }
 
-    /// The client was too slow: it is told what it missed and how the job stands now.
+    /// Restarts a client that was too slow, with the gap and the state of the job now.
     async fn reopen(&mut self) -> Bytes {
         let (feed, intake) = feed();
         self.intake = intake;
         let Ok(opening) = self.desk.watch(&self.id, feed).await else {
-            return bye(Bye::FeedClosed);
+            return feed_closed();
         };
         let mut text = BytesMut::new();
         let missed_to = before_end(&opening);
@@ -194,21 +194,11 @@ fn gap(from: u64, to: u64) -> Bytes {
     Event::new(None, "gap", &format!("{{\"from\":{from},\"to\":{to}}}")).text
 }
 
-/// Why a stream ends.
-#[derive(Clone, Copy, Debug)]
-enum Bye {
-    JobOver,
-    DaemonEnds,
-    StoreSilent,
-    FeedClosed,
+/// The last event of a stream: why it ends, for programs and for a person.
+fn bye(code: &str, why: &str) -> Bytes {
+    Event::new(None, "bye", &format!("{{\"code\":\"{code}\",\"why\":\"{why}\"}}")).text
 }
 
-fn bye(why: Bye) -> Bytes {
-    let (code, text) = match why {
-        Bye::JobOver => (JOB_OVER, "the job is over"),
-        Bye::DaemonEnds => ("daemon_ends", "the daemon ends"),
-        Bye::StoreSilent => ("store_silent", "the job store does not answer now"),
-        Bye::FeedClosed => ("feed_closed", "the daemon tells no more of this job"),
-    };
-    Event::new(None, "bye", &format!("{{\"code\":\"{code}\",\"why\":\"{text}\"}}")).text
+fn feed_closed() -> Bytes {
+    bye("feed_closed", "the daemon tells no more of this job")
 }

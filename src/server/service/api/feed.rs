@@ -28,7 +28,7 @@ impl Event {
     }
 }
 
-/// How a job stands when a client comes to watch it.
+/// State of a job when a client begins to watch it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Opening {
     /// Job and plate, as one JSON object on one line.

@@ -32,7 +32,7 @@ const PICTURE_AGAIN: Duration = Duration::from_millis(100);
 /// Bytes read from a file at once.
 const CHUNK_BYTES: usize = 64 << 10;
 
-/// What the operator page may do: run its own script, show pictures it made, call its own daemon.
+/// Content security policy of the operator page: its own script, images it made, calls to its own daemon.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; \
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
@@ -131,7 +131,7 @@ fn asked(headers: &HeaderMap, etag: &str, bytes: u64) -> Result<Option<(u64, u64
     Ok(Some((range.0, range.1 - range.0 + 1)))
 }
 
-/// `length` bytes of the file from where it stands, a chunk at a time, never more than the client takes.
+/// `length` bytes of the file from its position, a chunk at a time, never more than the client takes.
 fn body_of(file: File, length: u64, permit: OwnedSemaphorePermit) -> Body {
     let chunks = stream::try_unfold((file, length, permit), |(mut file, left, permit)| async move {
         if left == 0 {

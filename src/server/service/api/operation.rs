@@ -96,14 +96,14 @@ pub(super) struct Operation {
     pub id: &'static str,
     pub method: Method,
     pub path: &'static str,
-    /// What a token must allow; `None` for what is open to all who get through the guard.
+    /// Scope that a token needs; `None` for operations without a token.
     pub scope: Option<Scope>,
     pub what: &'static str,
     pub params: &'static [Param],
     /// Schema of the JSON body, where there is one.
     pub body: Option<SchemaOf>,
     pub answers: &'static [Answer],
-    /// Problems of its own, beside those of the layers.
+    /// Problems besides those of the layers.
     pub problems: &'static [ProblemKind],
     pub handler: Box<dyn Handler>,
 }

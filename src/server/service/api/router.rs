@@ -71,7 +71,7 @@ impl Operation {
     }
 }
 
-/// What cannot be decoded names nothing.
+/// Parameters in the path; a path that cannot be decoded is not found.
 async fn path_params(parts: &mut Parts) -> Result<BTreeMap<String, String>, Problem> {
     let params = RawPathParams::from_request_parts(parts, &()).await;
     let params = params.map_err(|_| Problem::new(ProblemKind::NotFound, "the path is not UTF-8 text"))?;

@@ -7,11 +7,11 @@ use axum::response::Response;
 
 use crate::service::http::ProblemKind;
 
-/// What requests that asked for no operation are counted under.
+/// Name under which requests without an operation are counted.
 const NONE: &str = "none";
 
-/// How much the API is asked. Copies count together; nobody waits for the counting, and what is counted does not grow
-/// with what clients send.
+/// Counters of requests and event streams, without locks. Copies share them; their number does not depend on what clients
+/// send.
 #[derive(Clone, Debug)]
 pub struct Traffic(Arc<Counts>);
 

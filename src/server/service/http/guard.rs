@@ -47,7 +47,7 @@ impl Hosts {
         self.names.iter().any(|known| known == name)
     }
 
-    /// What is wrong with where the request says it goes and comes from, if anything is.
+    /// Checks the host that a request names, its origin and its site.
     fn check(&self, request: &Request) -> Result<(), Problem> {
         let host = self.check_host(request)?;
         check_origin(request.headers(), &host)?;
@@ -112,15 +112,6 @@ fn check_site(request: &Request) -> Result<(), Problem> {
 enum Host {
     Address(IpAddr),
     Name(String),
-}
-
-impl std::fmt::Display for Host {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Address(address) => address.fmt(f),
-            Self::Name(name) => name.fmt(f),
-        }
-    }
 }
 
 /// `host[:port]`, the host without case and without the dot at its end.

@@ -22,7 +22,7 @@ const DRAINED_BYTES: usize = 64 << 10;
 /// Longest time for that.
 const DRAIN_TIME: Duration = Duration::from_millis(500);
 
-/// What one client may ask of the server.
+/// Limits of requests and connections.
 #[derive(Clone, Debug)]
 pub struct Limits {
     /// Longest address, bytes.
@@ -127,7 +127,7 @@ impl Limits {
         closing(Problem::new(ProblemKind::ContentTooLarge, detail))
     }
 
-    /// What `handler` answers, if it does so in time.
+    /// The answer of `handler`; a problem when it takes too long.
     pub(in crate::service) async fn in_time<T>(
         &self,
         handler: impl Future<Output = Result<T, Problem>>,
@@ -222,7 +222,7 @@ impl BodyRoom {
     }
 }
 
-/// What one body takes of a [`BodyRoom`]; free again when it is dropped.
+/// The share of one body in a [`BodyRoom`]; freed on drop.
 #[derive(Debug)]
 pub(in crate::service) struct HeldRoom {
     room: BodyRoom,

@@ -90,7 +90,7 @@ impl StopFlag {
     }
 }
 
-/// Answers on `listener` with `app` until `stop` is set, in runtimes of its own. Blocks. Returns at the latest
+/// Answers on `listener` with `app` until `stop` is set, in its own runtimes. Blocks. Returns at the latest
 /// `limits.ending_time` after the flag was set, whatever clients do.
 pub fn serve(listener: std::net::TcpListener, app: Router, limits: &Limits, stop: &StopFlag) -> io::Result<Served> {
     let connections = limits.connections + limits.spare_connections;
@@ -233,7 +233,7 @@ impl<'a> Connections<'a> {
     }
 }
 
-/// What a connection is answered with.
+/// Everything a connection needs to be answered.
 struct Attendant {
     app: Router,
     limits: Limits,

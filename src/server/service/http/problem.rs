@@ -10,97 +10,49 @@ use upm_runner::config::Fault;
 /// Media type of problem documents.
 pub(in crate::service) const PROBLEM_JSON: &str = "application/problem+json";
 
-/// Every kind of problem that the API answers with, each with one status of its own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ProblemKind {
-    /// 400: the request cannot be read.
-    Malformed,
-    /// 401: no valid token.
-    Unauthorized,
-    /// 403: a valid request that is not allowed from here or with this token.
-    Forbidden,
-    /// 404: no such thing.
-    NotFound,
-    /// 405: the path knows other methods.
-    MethodNotAllowed,
-    /// 408: the body came too slowly.
-    RequestTimeout,
-    /// 409: the state of plate or job stands against it.
-    Conflict,
-    /// 413: the body is too large.
-    ContentTooLarge,
-    /// 414: the address is too long.
-    UriTooLong,
-    /// 415: the body is not JSON by its content type.
-    UnsupportedMediaType,
-    /// 416: the range lies outside the file.
-    RangeNotSatisfiable,
-    /// 422: readable, but not valid.
-    Invalid,
-    /// 429: the queue is full.
-    QueueFull,
-    /// 431: the header is too large.
-    HeaderTooLarge,
-    /// 500: the daemon's own fault.
-    Internal,
-    /// 503: not now.
-    Unavailable,
-    /// 507: the disk is full.
-    InsufficientStorage,
+/// Declares [`ProblemKind`] by one row a kind: name, status, word of its address, title.
+macro_rules! problem_kinds {
+    ($($kind:ident $status:ident $word:literal $title:literal;)*) => {
+        /// Every kind of problem that the API answers with, each with its own status.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum ProblemKind {
+            $(#[doc = concat!($title, ".")] $kind,)*
+        }
+
+        impl ProblemKind {
+            /// All kinds, by status.
+            pub const ALL: [Self; [$($word),*].len()] = [$(Self::$kind),*];
+
+            fn row(self) -> (StatusCode, &'static str, &'static str) {
+                match self {
+                    $(Self::$kind => (StatusCode::$status, $word, $title),)*
+                }
+            }
+        }
+    };
+}
+
+problem_kinds! {
+    Malformed BAD_REQUEST "malformed" "The request cannot be read";
+    Unauthorized UNAUTHORIZED "unauthorized" "A valid bearer token is needed";
+    Forbidden FORBIDDEN "forbidden" "The request is not allowed";
+    NotFound NOT_FOUND "not-found" "There is no such thing";
+    MethodNotAllowed METHOD_NOT_ALLOWED "method-not-allowed" "The path does not know this method";
+    RequestTimeout REQUEST_TIMEOUT "request-timeout" "The request was sent too slowly";
+    Conflict CONFLICT "conflict" "The present state does not allow this";
+    ContentTooLarge PAYLOAD_TOO_LARGE "content-too-large" "The body is too large";
+    UriTooLong URI_TOO_LONG "uri-too-long" "The address is too long";
+    UnsupportedMediaType UNSUPPORTED_MEDIA_TYPE "unsupported-media-type" "The body is of another type";
+    RangeNotSatisfiable RANGE_NOT_SATISFIABLE "range-not-satisfiable" "The range lies outside the file";
+    Invalid UNPROCESSABLE_ENTITY "invalid" "The request is not valid";
+    QueueFull TOO_MANY_REQUESTS "queue-full" "The queue is full";
+    HeaderTooLarge REQUEST_HEADER_FIELDS_TOO_LARGE "header-too-large" "The header is too large";
+    Internal INTERNAL_SERVER_ERROR "internal" "Something broke in the daemon";
+    Unavailable SERVICE_UNAVAILABLE "unavailable" "The daemon cannot do this now";
+    InsufficientStorage INSUFFICIENT_STORAGE "insufficient-storage" "The disk is full";
 }
 
 impl ProblemKind {
-    /// All kinds, by status.
-    pub const ALL: [Self; 17] = [
-        Self::Malformed,
-        Self::Unauthorized,
-        Self::Forbidden,
-        Self::NotFound,
-        Self::MethodNotAllowed,
-        Self::RequestTimeout,
-        Self::Conflict,
-        Self::ContentTooLarge,
-        Self::UriTooLong,
-        Self::UnsupportedMediaType,
-        Self::RangeNotSatisfiable,
-        Self::Invalid,
-        Self::QueueFull,
-        Self::HeaderTooLarge,
-        Self::Internal,
-        Self::Unavailable,
-        Self::InsufficientStorage,
-    ];
-
-    fn row(self) -> (StatusCode, &'static str, &'static str) {
-        match self {
-            Self::Malformed => (StatusCode::BAD_REQUEST, "malformed", "The request cannot be read"),
-            Self::Unauthorized => (StatusCode::UNAUTHORIZED, "unauthorized", "A valid bearer token is needed"),
-            Self::Forbidden => (StatusCode::FORBIDDEN, "forbidden", "The request is not allowed"),
-            Self::NotFound => (StatusCode::NOT_FOUND, "not-found", "There is no such thing"),
-            Self::MethodNotAllowed => {
-                (StatusCode::METHOD_NOT_ALLOWED, "method-not-allowed", "The path does not know this method")
-            }
-            Self::RequestTimeout => (StatusCode::REQUEST_TIMEOUT, "request-timeout", "The request was sent too slowly"),
-            Self::Conflict => (StatusCode::CONFLICT, "conflict", "The present state does not allow this"),
-            Self::ContentTooLarge => (StatusCode::PAYLOAD_TOO_LARGE, "content-too-large", "The body is too large"),
-            Self::UriTooLong => (StatusCode::URI_TOO_LONG, "uri-too-long", "The address is too long"),
-            Self::UnsupportedMediaType => {
-                (StatusCode::UNSUPPORTED_MEDIA_TYPE, "unsupported-media-type", "The body is of another type")
-            }
-            Self::RangeNotSatisfiable => {
-                (StatusCode::RANGE_NOT_SATISFIABLE, "range-not-satisfiable", "The range lies outside the file")
-            }
-            Self::Invalid => (StatusCode::UNPROCESSABLE_ENTITY, "invalid", "The request is not valid"),
-            Self::QueueFull => (StatusCode::TOO_MANY_REQUESTS, "queue-full", "The queue is full"),
-            Self::HeaderTooLarge => {
-                (StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE, "header-too-large", "The header is too large")
-            }
-            Self::Internal => (StatusCode::INTERNAL_SERVER_ERROR, "internal", "Something broke in the daemon"),
-            Self::Unavailable => (StatusCode::SERVICE_UNAVAILABLE, "unavailable", "The daemon cannot do this now"),
-            Self::InsufficientStorage => (StatusCode::INSUFFICIENT_STORAGE, "insufficient-storage", "The disk is full"),
-        }
-    }
-
     /// The status it is answered with.
     pub fn status(self) -> StatusCode {
         self.row().0
@@ -191,7 +143,7 @@ pub struct ProblemDocument {
     pub reasons: Vec<Reason>,
 }
 
-/// What went wrong with one request. Becomes a problem document; the outermost layer puts the request's name in.
+/// A request that failed. Becomes a problem document; the outermost layer adds the request's id.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
     kind: ProblemKind,

@@ -9,43 +9,29 @@ use super::Problem;
 
 static X_REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
-/// The name of one request: 32 hex digits that sort by time. What a client calls it is not asked: log lines would be
-/// theirs to write.
-#[derive(Debug)]
-struct RequestId(String);
-
-impl RequestId {
-    fn new() -> Self {
-        Self(Uuid::now_v7().simple().to_string())
-    }
-
-    fn as_str(&self) -> &str {
-        &self.0
-    }
-}
-
-/// The outermost layer: names the request, writes the name into the answer, its problem document and the log.
+/// The outermost layer: gives the request an id (32 hex digits that sort by time) and writes it into the answer, its problem
+/// document and the log. An id that the client sends is ignored: clients must not write log lines.
 pub async fn identify(request: Request, next: Next) -> Response {
-    let id = RequestId::new();
+    let id = Uuid::now_v7().simple().to_string();
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
     let mut response = next.run(request).await;
     if let Some(problem) = response.extensions_mut().remove::<Problem>() {
-        *response.body_mut() = problem.body(Some(id.as_str()));
+        *response.body_mut() = problem.body(Some(&id));
         response.headers_mut().remove(CONTENT_LENGTH);
     }
-    if let Ok(value) = HeaderValue::from_str(id.as_str()) {
+    if let Ok(value) = HeaderValue::from_str(&id) {
         response.headers_mut().insert(X_REQUEST_ID.clone(), value);
     }
     let status = response.status().as_u16();
     if is_alarming(&path, status) {
-        tracing::warn!(request = id.as_str(), %method, path, status, "request");
+        tracing::warn!(request = id, %method, path, status, "request");
     } else {
-        tracing::debug!(request = id.as_str(), %method, path, status, "request");
+        tracing::debug!(request = id, %method, path, status, "request");
     }
     response
 }
 
-/// A daemon that is not well says so itself; whoever asks it every few seconds how it is need not fill the log with it.
+/// True for responses that the log shows as warnings. Probes of an unhealthy daemon do not: they come every few seconds.
 fn is_alarming(path: &str, status: u16) -> bool {
     let is_probe = path == "/healthz" || path == "/readyz";
     status >= 500 && !(is_probe && status == 503)

@@ -82,7 +82,7 @@ impl WrongTokens {
         self.due(now)
     }
 
-    /// What is to be told now: how many, and where the last one came from.
+    /// The number to be logged now, and where the last one came from.
     fn due(&mut self, now: Duration) -> Option<(u64, Option<SocketAddr>)> {
         let is_due = self.told_at.is_none_or(|told_at| now.saturating_sub(told_at) >= TOLD_EVERY);
         if self.count == 0 || !is_due {

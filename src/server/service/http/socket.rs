@@ -22,7 +22,7 @@ pub(super) struct Socket {
     patience: Duration,
     stalled: Option<Pin<Box<Sleep>>>,
     linger: Option<Linger>,
-    /// What was read of it before.
+    /// Bytes that were read before.
     early: Bytes,
     /// No longer set once the answer is written.
     busy: Busy,

@@ -10,7 +10,7 @@ use super::{Problem, ProblemKind};
 /// Fewest characters of a token.
 const SHORTEST_TOKEN: usize = 32;
 
-/// What a token lets its holder do, the larger one everything of the smaller.
+/// Scope of a token; the larger one includes the smaller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Scope {
     /// Look, and stop a plate in an emergency.
@@ -29,7 +29,7 @@ impl Scope {
     }
 }
 
-/// Who sent a request.
+/// Sender of a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Caller {
     /// Name of the token, `local` where none is asked for, `anonymous` where none was given. Never the token itself.
@@ -44,7 +44,7 @@ struct Token {
     name: String,
 }
 
-/// The bearer tokens that are accepted. Without any, whoever can connect may do everything: for loopback alone.
+/// The bearer tokens that are accepted. Without any, every client that can connect may do everything: for loopback alone.
 #[derive(Default)]
 pub struct Tokens(Vec<Token>);
 
@@ -102,7 +102,7 @@ impl Tokens {
     }
 }
 
-/// What follows `Bearer` in the one Authorization header.
+/// The text after `Bearer` in the one Authorization header.
 fn presented(headers: &HeaderMap) -> Result<&[u8], Problem> {
     let mut values = headers.get_all(AUTHORIZATION).iter();
     let value = match (values.next(), values.next()) {

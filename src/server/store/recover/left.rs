@@ -46,7 +46,7 @@ pub(super) fn settle(
     kept
 }
 
-/// What a file is that has its end, by what was known of it before this start.
+/// State of a recording that was closed, from the state known before this start.
 fn closed(folder: &Path, known: RecordingStatus) -> RecordingStatus {
     match known {
         RecordingStatus::None if ends_early(folder) => RecordingStatus::Stopped,
@@ -74,7 +74,7 @@ fn journal_tells(folder: &Path) -> bool {
     let longest = signs.iter().map(String::len).max().unwrap_or(0);
     let mut seen = Vec::new();
     loop {
-        // a sign may lie across two blocks
+        // a sign may cross two blocks
         seen.drain(..seen.len().saturating_sub(longest));
         match (&mut file).take(BLOCK_BYTES).read_to_end(&mut seen) {
             Ok(0) | Err(_) => return false,

@@ -19,7 +19,7 @@ fn left_behind() -> (tempfile::TempDir, [JobId; 3]) {
     fs::write(store.runs().join("running/run.rrd.part"), "rerun").unwrap();
     let keyed = NewJob { key: Some("k".into()), ..new_job("queued", "a") };
     let Ok(Accepted::New(queued)) = accept(&store, keyed) else { panic!("not accepted") };
-    store.audit(act("ann"));
+    store.note_act(act("ann"));
     set_paused(&store, "a", false);
     set_paused(&store, "a", false);
     (snapshot(folder.path()), [done, running, queued.id])

@@ -79,7 +79,7 @@ fn the_oldest_jobs_that_have_ended_lose_their_events_first() {
 fn the_audit_log_only_grows() {
     let (folder, store) = new_store(limits());
     for operator in ["ann", "bob"] {
-        assert!(store.audit(act(operator)));
+        assert!(store.note_act(act(operator)));
     }
     store.note_act(act("cy"));
     assert!(store.close(PATIENCE));

@@ -66,7 +66,7 @@ fn on_a_full_disk_jobs_are_refused_and_what_matters_is_written() {
     // an event is lost, and that is told
     assert_eq!(tell(&store, running, &"x".repeat(10_000)), Err(StoreFault::Full));
     // how it went on is kept
-    store.audit(act("ann"));
+    store.note_act(act("ann"));
     store.ended(&running, end(JobState::Completed)).unwrap();
     ask(|done| store.cancel_queued(&waiting, done)).unwrap();
     set_paused(&store, "a", true);

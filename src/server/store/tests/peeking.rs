@@ -15,7 +15,7 @@ fn filled(store: &Store) -> JobId {
     queue(store, "one", "a");
     let id = begin(store, "two", "b").row.id;
     (1..=4).for_each(|seq| assert_eq!(tell(store, id, "{}"), Ok(seq)));
-    store.audit(act("me"));
+    store.note_act(act("me"));
     while ask(|done| store.audit_tail(1, done)).unwrap().is_empty() {
         std::thread::yield_now();
     }
