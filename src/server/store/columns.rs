@@ -19,9 +19,9 @@ pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
         pace: pace(row.get_ref(5)?)?,
         rig_fingerprint: row.get(6)?,
         library_sha256: row.get(7)?,
-        submitted_at: row.get::<_, At>(8)?.0,
-        started_at: row.get::<_, Option<At>>(9)?.map(|at| at.0),
-        finished_at: row.get::<_, Option<At>>(10)?.map(|at| at.0),
+        submitted_at: row.get::<_, Micros>(8)?.0,
+        started_at: row.get::<_, Option<Micros>>(9)?.map(|at| at.0),
+        finished_at: row.get::<_, Option<Micros>>(10)?.map(|at| at.0),
         progress: row.get(11)?,
         reason: row.get(12)?,
         report_json: row.get(13)?,
@@ -49,22 +49,22 @@ pub(super) fn sql_limit(most: impl TryInto<i64>) -> i64 {
 
 /// A time in a column: whole microseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct At(pub Timestamp);
+pub(super) struct Micros(pub Timestamp);
 
-impl At {
+impl Micros {
     /// The same time as the store gives it back.
     pub fn rounded(time: Timestamp) -> Timestamp {
         Timestamp::from_microsecond(time.as_microsecond()).unwrap_or(time)
     }
 }
 
-impl ToSql for At {
+impl ToSql for Micros {
     fn to_sql(&self) -> rusqlite::Result<ToSqlOutput<'_>> {
         Ok(self.0.as_microsecond().into())
     }
 }
 
-impl FromSql for At {
+impl FromSql for Micros {
     fn column_result(value: ValueRef<'_>) -> FromSqlResult<Self> {
         let us = value.as_i64()?;
         Timestamp::from_microsecond(us).map(Self).map_err(|_| FromSqlError::OutOfRange(us))

@@ -9,7 +9,7 @@ use jiff::Timestamp;
 use super::ages::AgeClock;
 use super::jobs::StartOutcome;
 use super::reader::Readers;
-use super::retention::{Begins, Retention};
+use super::retention::{Retention, StartLock};
 use super::write_queue::{WriteQueue, task};
 use super::write_tx::WriteTx;
 use super::{
@@ -27,7 +27,7 @@ pub struct Store {
     pub(super) now: fn() -> Timestamp,
     pub(super) ages: Arc<AgeClock>,
     pub(super) retention: Retention,
-    pub(super) begins: Begins,
+    pub(super) start_lock: StartLock,
     /// Data folder, lock file, database and log.
     pub(super) held: Vec<HeldPath>,
 }
@@ -145,7 +145,7 @@ impl Ledger for Store {
                 return Ok(None);
             };
             // a sweep would take a folder without a row for one that was left behind
-            let _begins = self.begins.read();
+            let _starting = self.start_lock.read();
             let name = folder(&row)?;
             // a row must never name a folder that a power cut takes away
             sync_folder(&self.runs)?;
@@ -169,7 +169,7 @@ impl Ledger for Store {
         let Some(row) = self.queue.written(false, move |tx| tx.next_standing(&new))? else {
             return Ok(None);
         };
-        let _begins = self.begins.read();
+        let _starting = self.start_lock.read();
         let name = folder(&row)?;
         sync_folder(&self.runs)?;
         let (state, started_at) = (JobState::Running, Some(row.submitted_at));
@@ -189,7 +189,7 @@ impl Ledger for Store {
             Ok((told, tx.find(&known)?))
         });
         let (told, found) = written?;
-        self.retention.poke();
+        self.retention.notify();
         let never_began = || StoreFault::Io(format!("job {id} never began"));
         found.filter(|row| row.state.is_final()).map(|_| told).ok_or_else(never_began)
     }

@@ -3,12 +3,12 @@ use std::sync::Arc;
 use jiff::Timestamp;
 use rusqlite::{Connection, OptionalExtension, Row, params};
 
-use super::columns::{At, rows, sql_limit};
+use super::columns::{Micros, rows, sql_limit};
 use super::write_tx::WriteTx;
 use super::{AuditEntry, AuditRow, JobId, NewEvent, Replay, StoredEvent};
 use upm_core::time::PlateTime;
 
-/// Events told between two counts of them all.
+/// Events written between two counts of them all.
 const COUNT_EVERY: u64 = 256;
 
 const EVENT: &str = "seq, at, plate_ns, kind, body";
@@ -21,17 +21,18 @@ impl WriteTx<'_> {
         let Some((seq, first)) = numbers.optional()? else { return Ok(None) };
         let NewEvent { plate_time, kind, body } = event;
         let sql = "INSERT INTO events (job, seq, at, plate_ns, kind, body) VALUES (?1, ?2, ?3, ?4, ?5, ?6)";
-        self.connection.execute(sql, params![id, seq, At(self.now), plate_time.nanos().cast_signed(), kind, body])?;
+        self.connection
+            .execute(sql, params![id, seq, Micros(self.now), plate_time.nanos().cast_signed(), kind, body])?;
         let oldest = seq - sql_limit(self.limits.events_per_job) + 1;
         if first < oldest {
             self.forget_events(id, oldest)?;
         }
-        self.told.set(self.told.get() + 1);
-        if self.told.get() >= COUNT_EVERY.min(self.limits.events / 8) {
-            self.told.set(0);
+        self.uncounted.set(self.uncounted.get() + 1);
+        if self.uncounted.get() >= COUNT_EVERY.min(self.limits.events / 8) {
+            self.uncounted.set(0);
             self.prune_events()?;
         }
-        let (at, plate_time, kind) = (At::rounded(self.now), *plate_time, (*kind).to_owned());
+        let (at, plate_time, kind) = (Micros::rounded(self.now), *plate_time, (*kind).to_owned());
         Ok(Some(StoredEvent { seq: seq.cast_unsigned(), at, plate_time, kind, body: Arc::clone(body) }))
     }
 
@@ -40,7 +41,7 @@ impl WriteTx<'_> {
         let AuditEntry { plate, act, operator, reason, remote, token_name } = entry;
         let sql = "INSERT INTO audit (at, plate, act, operator, reason, remote, token_name)
                    VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)";
-        self.connection.execute(sql, params![At(at), plate, act, operator, reason, remote, token_name]).map(|_| ())
+        self.connection.execute(sql, params![Micros(at), plate, act, operator, reason, remote, token_name]).map(|_| ())
     }
 
     /// Forgets a job's events below `oldest`.
@@ -89,7 +90,7 @@ pub(super) fn newest_events(connection: &Connection, most: usize) -> rusqlite::R
 fn event_of(row: &Row<'_>, first: usize) -> rusqlite::Result<StoredEvent> {
     Ok(StoredEvent {
         seq: row.get::<_, i64>(first)?.cast_unsigned(),
-        at: row.get::<_, At>(first + 1)?.0,
+        at: row.get::<_, Micros>(first + 1)?.0,
         plate_time: PlateTime::from_nanos(row.get::<_, i64>(first + 2)?.cast_unsigned()),
         kind: row.get(first + 3)?,
         body: row.get(first + 4)?,
@@ -112,5 +113,5 @@ pub(super) fn audit_row_of(row: &Row<'_>) -> rusqlite::Result<AuditRow> {
         remote: row.get(6)?,
         token_name: row.get(7)?,
     };
-    Ok(AuditRow { id: row.get(0)?, at: row.get::<_, At>(1)?.0, entry })
+    Ok(AuditRow { id: row.get(0)?, at: row.get::<_, Micros>(1)?.0, entry })
 }

@@ -1,6 +1,6 @@
 use rusqlite::{Connection, OptionalExtension, params};
 
-use super::columns::{At, JOB, job_of, rows, sql_limit};
+use super::columns::{JOB, Micros, job_of, rows, sql_limit};
 use super::write_tx::WriteTx;
 use super::{Accepted, Cancelled, Claimed, JobEnd, JobId, JobPage, JobRow, JobState, NewJob, Page, StoredEvent};
 
@@ -39,7 +39,7 @@ impl WriteTx<'_> {
         if queued >= self.limits.queued {
             return Ok(Accepted::QueueFull { queued });
         }
-        let row = job.row(self.ids.next(self.now), At::rounded(self.now));
+        let row = job.row(self.ids.next(self.now), Micros::rounded(self.now));
         insert(self.connection, &row, Some(&job.spec_json))?;
         if let Some(key) = &job.key {
             self.remember(key, &job.body_sha256, &row.id)?;
@@ -70,7 +70,7 @@ impl WriteTx<'_> {
     /// Remembers a key, in place of one that came too long ago.
     pub fn remember(&self, key: &str, body_sha256: &[u8; 32], id: &JobId) -> rusqlite::Result<()> {
         let sql = "INSERT OR REPLACE INTO keys (key, body_sha256, job, at, uptime) VALUES (?1, ?2, ?3, ?4, ?5)";
-        self.connection.execute(sql, params![key, body_sha256, id, At(self.now), self.ages.now]).map(|_| ())
+        self.connection.execute(sql, params![key, body_sha256, id, Micros(self.now), self.ages.now]).map(|_| ())
     }
 
     /// Forgets keys that came too long ago.
@@ -101,7 +101,7 @@ impl WriteTx<'_> {
         }
         let sql = "UPDATE jobs SET state = 'running', started_at = max(?2, submitted_at), folder = ?3
                    WHERE id = ?1 AND state = 'queued'";
-        if self.connection.execute(sql, params![id, At(self.now), folder])? == 0 {
+        if self.connection.execute(sql, params![id, Micros(self.now), folder])? == 0 {
             return Ok(StartOutcome::Not);
         }
         let spec_json = self.connection.query_row("SELECT spec FROM specs WHERE job = ?1", [id], |row| row.get(0))?;
@@ -111,7 +111,7 @@ impl WriteTx<'_> {
     /// A run of the standing job `job` that is about to begin; `None` while a job waits for its plate.
     pub fn next_standing(&self, job: &NewJob) -> rusqlite::Result<Option<JobRow>> {
         let is_free = self.queued(&job.plate)? == 0;
-        let row = || JobRow { standing: true, ..job.row(self.ids.next(self.now), At::rounded(self.now)) };
+        let row = || JobRow { standing: true, ..job.row(self.ids.next(self.now), Micros::rounded(self.now)) };
         Ok(is_free.then(row))
     }
 
@@ -144,7 +144,7 @@ impl WriteTx<'_> {
                        finished_at = max(?7, coalesce(started_at, submitted_at)), ended_uptime = ?8,
                        progress = CASE ?3 WHEN 'completed' THEN 1 ELSE progress END
                    WHERE id = ?1 AND state = ?2";
-        let (now, uptime) = (At(self.now), self.ages.now);
+        let (now, uptime) = (Micros(self.now), self.ages.now);
         if self.connection.execute(sql, params![id, from, state, reason, report_json, recording, now, uptime])? == 0 {
             return Ok(None);
         }
@@ -209,9 +209,9 @@ pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> 
         row.pace.name(),
         row.rig_fingerprint,
         row.library_sha256,
-        At(row.submitted_at),
-        row.started_at.map(At),
-        row.finished_at.map(At),
+        Micros(row.submitted_at),
+        row.started_at.map(Micros),
+        row.finished_at.map(Micros),
         row.progress,
         row.reason,
         row.report_json,

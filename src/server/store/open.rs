@@ -17,7 +17,7 @@ use super::private::make_private;
 use super::quarantine::{damage_of, set_aside};
 use super::reader::Readers;
 use super::recover::{recover, uptime};
-use super::retention::{Begins, Retention, Sweeper, empty_trash};
+use super::retention::{Retention, StartLock, Sweeper, empty_trash};
 use super::schema::{MIGRATIONS, create_as, is_clean};
 use super::space_reserve::SpaceReserve;
 use super::write_queue::{MOST_WAITING, WriteQueue, WriterStatus};
@@ -68,10 +68,11 @@ impl Store {
         let (sender, waiting) = sync_channel(MOST_WAITING);
         let status = Arc::new(WriterStatus::new(MonotonicClock::new()));
         let queue = WriteQueue { sender, status: Arc::clone(&status) };
-        let begins = Begins::default();
+        let start_lock = StartLock::default();
         let ages = Arc::new(AgeClock::after(uptime(&connection)?, clocks.clone()));
-        let sweeper = Sweeper::new(dir.clone(), limits.clone(), Arc::clone(&ages), queue.clone(), Arc::clone(&begins));
-        let (runs, told, now) = (dir.runs.clone(), Cell::new(0), clocks.wall);
+        let sweeper =
+            Sweeper::new(dir.clone(), limits.clone(), Arc::clone(&ages), queue.clone(), Arc::clone(&start_lock));
+        let (runs, uncounted, now) = (dir.runs.clone(), Cell::new(0), clocks.wall);
         let writer = Writer {
             connection,
             queue: waiting,
@@ -82,7 +83,7 @@ impl Store {
             now,
             ages: Arc::clone(&ages),
             reserve,
-            told,
+            uncounted,
             lock,
         };
         thread::Builder::new().name("store-write".into()).spawn(move || {
@@ -90,7 +91,7 @@ impl Store {
             writer.run();
         })?;
         let retention = Retention::start(sweeper)?;
-        Ok(Opened { store: Store { queue, readers, runs: dir.runs, now, ages, retention, begins, held }, recovery })
+        Ok(Opened { store: Store { queue, readers, runs: dir.runs, now, ages, retention, start_lock, held }, recovery })
     }
 }
 

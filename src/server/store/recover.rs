@@ -1,4 +1,4 @@
-mod left;
+mod unfinished;
 
 use std::cell::Cell;
 use std::fs;
@@ -7,7 +7,7 @@ use std::path::Path;
 use rusqlite::{Connection, OptionalExtension, params};
 
 use super::ages::{Ages, Uptime};
-use super::columns::{At, JOB, job_of, rows};
+use super::columns::{JOB, Micros, job_of, rows};
 use super::ids::Ids;
 use super::layout::DataDir;
 use super::options::OpenOptions;
@@ -15,7 +15,7 @@ use super::run_file::open_run_file_to_write;
 use super::salvage::{folders_of, from_folders, have_begun};
 use super::write_tx::WriteTx;
 use super::{JobRow, JobState, RecordingStatus, Recovery, RunFileFault, StoreFault};
-use left::{end_of, last_sign, settle};
+use unfinished::{end_of, last_write, repair_recording};
 
 /// Recovers the state that the last daemon left: ends of its running jobs, recordings that were not closed, paused plates.
 /// Runs before the store is shared. Idempotent: safe to repeat after a crash at any point.
@@ -36,21 +36,30 @@ pub(super) fn recover(
     let mut ends = Vec::new();
     for job in left {
         let folder = job.folder.as_ref().map(|name| dir.runs.join(name));
-        let recording = folder.as_ref().map_or(job.recording, |folder| settle(folder, &job, options.repair, found));
+        let recording =
+            folder.as_ref().map_or(job.recording, |folder| repair_recording(folder, &job, options.repair, found));
         let end = (job.state == JobState::Running).then(|| end_of(folder.as_deref(), recording));
         ends.push((job, folder, recording, end));
     }
     let tx = connection.transaction()?;
-    let (ids, told, now) = (Ids::above(None), Cell::new(0), (options.clocks.wall)());
+    let (ids, uncounted, now) = (Ids::above(None), Cell::new(0), (options.clocks.wall)());
     let ages = Ages { now: uptime(&tx)?, suspended: false };
-    let write = WriteTx { connection: &tx, ids: &ids, limits: options.limits, runs: &dir.runs, now, ages, told: &told };
+    let write = WriteTx {
+        connection: &tx,
+        ids: &ids,
+        limits: options.limits,
+        runs: &dir.runs,
+        now,
+        ages,
+        uncounted: &uncounted,
+    };
     for (job, folder, recording, end) in &ends {
         tx.execute("UPDATE jobs SET recording = ?2 WHERE id = ?1", params![job.id, recording])?;
         let Some(end) = end else { continue };
         write.end(&job.id, JobState::Running, end)?;
-        let at = folder.as_ref().and_then(|folder| last_sign(folder)).unwrap_or(write.now);
+        let at = folder.as_ref().and_then(|folder| last_write(folder)).unwrap_or(write.now);
         let sql = "UPDATE jobs SET finished_at = ?2 WHERE id = ?1";
-        tx.execute(sql, params![job.id, At(at.max(job.started_at.unwrap_or(job.submitted_at)))])?;
+        tx.execute(sql, params![job.id, Micros(at.max(job.started_at.unwrap_or(job.submitted_at)))])?;
         let list = if end.state == JobState::Interrupted { &mut found.interrupted } else { &mut found.ended };
         list.push(job.id);
     }

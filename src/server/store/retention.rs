@@ -57,7 +57,7 @@ impl Retention {
     }
 
     /// Asks for a sweep; one that is asked for already will do.
-    pub fn poke(&self) {
+    pub fn notify(&self) {
         let _ = self.asked.try_send(None);
     }
 
@@ -75,15 +75,16 @@ impl Retention {
     }
 }
 
-/// Held shared from the making of a run folder until its row names it, and alone by who looks for folders without one.
-pub(super) type Begins = Arc<RwLock<()>>;
+/// Held shared from the creation of a run folder until its row names it; held exclusively while folders without a row are
+/// looked for.
+pub(super) type StartLock = Arc<RwLock<()>>;
 
 /// Run folders of jobs by name, with when each job ended.
 type RunFolders = BTreeMap<String, (JobId, Option<Ended>)>;
 
 /// A run folder that may be deleted.
 #[derive(Clone, Debug, PartialEq)]
-struct Kept {
+struct RunFolder {
     name: String,
     /// Its job; `None` for one that belongs to none.
     job: Option<JobId>,
@@ -98,7 +99,7 @@ pub(super) struct Sweeper {
     limits: Limits,
     ages: Arc<AgeClock>,
     queue: WriteQueue,
-    begins: Begins,
+    start_lock: StartLock,
     /// Uptime at which each folder without a job was first seen since the start.
     orphans: BTreeMap<String, Uptime>,
     /// Sizes of the folders of jobs that have ended.
@@ -108,10 +109,10 @@ pub(super) struct Sweeper {
 }
 
 impl Sweeper {
-    pub fn new(dir: DataDir, limits: Limits, ages: Arc<AgeClock>, queue: WriteQueue, begins: Begins) -> Self {
+    pub fn new(dir: DataDir, limits: Limits, ages: Arc<AgeClock>, queue: WriteQueue, start_lock: StartLock) -> Self {
         let bytes = Arc::new(AtomicU64::new(u64::MAX));
         let (orphans, sizes) = (BTreeMap::new(), BTreeMap::new());
-        Self { dir, limits, ages, queue, begins, orphans, sizes, bytes }
+        Self { dir, limits, ages, queue, start_lock, orphans, sizes, bytes }
     }
 
     fn run(mut self, asked: &Receiver<Asked>) {
@@ -166,8 +167,12 @@ impl Sweeper {
     fn delete_standing(&mut self, deleted: &mut Vec<String>, faults: &mut Vec<String>) -> Result<(), StoreFault> {
         for (id, folder) in self.queue.written(true, |tx| tx.surplus_standing())? {
             if let Some(name) = folder {
-                let kept =
-                    Kept { name, job: Some(id), ended: Ended { uptime: Uptime::MIN, at: Timestamp::MIN }, bytes: 0 };
+                let kept = RunFolder {
+                    name,
+                    job: Some(id),
+                    ended: Ended { uptime: Uptime::MIN, at: Timestamp::MIN },
+                    bytes: 0,
+                };
                 if !self.delete(&kept, faults)? {
                     continue;
                 }
@@ -179,7 +184,7 @@ impl Sweeper {
     }
 
     /// The folders that may go, oldest first, and the bytes of all there are.
-    fn folders(&mut self) -> Result<(Vec<Kept>, u64), StoreFault> {
+    fn folders(&mut self) -> Result<(Vec<RunFolder>, u64), StoreFault> {
         let (names, rows) = self.names_and_rows()?;
         let (mut folders, mut bytes) = (Vec::new(), 0);
         let (mut sizes, mut orphans) = (BTreeMap::new(), BTreeMap::new());
@@ -199,7 +204,7 @@ impl Sweeper {
             bytes += size;
             if let Some(ended) = ended {
                 sizes.insert(name.clone(), size);
-                folders.push(Kept { name, job, ended, bytes: size });
+                folders.push(RunFolder { name, job, ended, bytes: size });
             }
         }
         (self.sizes, self.orphans) = (sizes, orphans);
@@ -209,14 +214,14 @@ impl Sweeper {
 
     /// Names of the run folders, and the rows that name them, with no claim between its folder and its row.
     fn names_and_rows(&self) -> Result<(Vec<String>, RunFolders), StoreFault> {
-        let _none_begins = self.begins.write();
+        let _no_start = self.start_lock.write();
         Ok((self.dir.run_names()?, self.queue.written(true, |tx| tx.folders())?))
     }
 
     /// First the row, then the folder: no row ever names a folder that is gone. False when the folder stays, its job's as
     /// before; what stood in the way is added to `faults`.
-    fn delete(&mut self, kept: &Kept, faults: &mut Vec<String>) -> Result<bool, StoreFault> {
-        let Kept { name, job, .. } = kept;
+    fn delete(&mut self, kept: &RunFolder, faults: &mut Vec<String>) -> Result<bool, StoreFault> {
+        let RunFolder { name, job, .. } = kept;
         let row = match *job {
             None => None,
             Some(id) => {

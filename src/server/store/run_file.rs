@@ -6,7 +6,7 @@ use jiff::Timestamp;
 use rustix::fs::{Mode, OFlags, open, openat};
 use rustix::io::Errno;
 
-use super::columns::At;
+use super::columns::Micros;
 
 /// Largest `effective.json` or `report.json` that is read.
 const MOST_BYTES: u64 = 16 << 20;
@@ -63,7 +63,7 @@ pub(super) fn text_of(path: &Path) -> Option<String> {
 /// Time of the last write to a file, as the store keeps times.
 pub(super) fn modified(path: &Path) -> Option<Timestamp> {
     let time = fs::metadata(path).and_then(|file| file.modified()).ok()?;
-    Timestamp::try_from(time).ok().map(At::rounded)
+    Timestamp::try_from(time).ok().map(Micros::rounded)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::path::Path;
 use rusqlite::{Connection, Row, params};
 use serde_json::Value;
 
-use super::columns::{At, JOB, job_of, rows};
+use super::columns::{JOB, Micros, job_of, rows};
 use super::connection::reading;
 use super::history::audit_row_of;
 use super::ids::Ids;
@@ -38,11 +38,11 @@ pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault>
         let entry = line.entry;
         let sql = "INSERT INTO audit VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)";
         let (plate, act, operator, reason) = (entry.plate, entry.act, entry.operator, entry.reason);
-        let values = params![line.id, At(line.at), plate, act, operator, reason, entry.remote, entry.token_name];
+        let values = params![line.id, Micros(line.at), plate, act, operator, reason, entry.remote, entry.token_name];
         tx.execute(sql, values)?;
     }
     let key = |row: &Row<'_>| Ok((row.get::<_, String>(0)?, row.get::<_, [u8; 32]>(1)?, row.get(2)?, row.get(3)?));
-    let keys: Vec<(_, _, JobId, At)> = readable_rows(&old, "SELECT key, body_sha256, job, at FROM keys", key);
+    let keys: Vec<(_, _, JobId, Micros)> = readable_rows(&old, "SELECT key, body_sha256, job, at FROM keys", key);
     for (key, body_sha256, job, at) in keys.into_iter().filter(|(_, _, job, _)| seen.contains(job)) {
         tx.execute(
             "INSERT OR IGNORE INTO keys (key, body_sha256, job, at) VALUES (?1, ?2, ?3, ?4)",
@@ -97,7 +97,7 @@ pub(super) fn have_begun(dir: &DataDir, connection: &Connection) -> Result<(), S
         // another row may have it, which an earlier start made of it
         let folder = (!known.contains(&name)).then_some(name);
         let sql = "UPDATE jobs SET state = 'running', started_at = ?2, folder = ?3 WHERE id = ?1";
-        tx.execute(sql, params![job.id, At(started_at), folder])?;
+        tx.execute(sql, params![job.id, Micros(started_at), folder])?;
     }
     Ok(tx.commit()?)
 }

@@ -6,7 +6,7 @@ use jiff::Timestamp;
 use rusqlite::{Connection, OptionalExtension, Row, params};
 
 use super::ages::{Ages, Uptime};
-use super::columns::{At, rows, sql_limit};
+use super::columns::{Micros, rows, sql_limit};
 use super::ids::Ids;
 use super::{JobId, Limits, RecordingStatus};
 
@@ -32,8 +32,8 @@ pub(super) struct WriteTx<'a> {
     pub now: Timestamp,
     /// Ages at that time.
     pub ages: Ages,
-    /// Events told since they were last counted.
-    pub told: &'a Cell<u64>,
+    /// Events written since they were last counted.
+    pub uncounted: &'a Cell<u64>,
 }
 
 impl WriteTx<'_> {
@@ -41,8 +41,8 @@ impl WriteTx<'_> {
     pub fn folders(&self) -> rusqlite::Result<BTreeMap<String, (JobId, Option<Ended>)>> {
         let sql = "SELECT folder, id, ended_uptime, finished_at FROM jobs WHERE folder IS NOT NULL";
         let folder = |row: &Row<'_>| {
-            let (uptime, at) = (row.get(2)?, row.get::<_, Option<At>>(3)?);
-            Ok((row.get(0)?, (row.get(1)?, at.map(|At(at)| Ended { uptime, at }))))
+            let (uptime, at) = (row.get(2)?, row.get::<_, Option<Micros>>(3)?);
+            Ok((row.get(0)?, (row.get(1)?, at.map(|Micros(at)| Ended { uptime, at }))))
         };
         Ok(rows(self.connection, sql, [], folder)?.into_iter().collect())
     }

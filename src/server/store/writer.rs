@@ -50,7 +50,7 @@ pub(super) struct Writer {
     pub now: fn() -> Timestamp,
     pub ages: Arc<AgeClock>,
     pub reserve: SpaceReserve,
-    pub told: Cell<u64>,
+    pub uncounted: Cell<u64>,
     /// Held as long as anything is written.
     pub lock: Lock,
 }
@@ -168,8 +168,15 @@ impl Writer {
         let before = self.connection.total_changes();
         let tx = self.connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
         let (now, ages, runs) = ((self.now)(), self.ages.ages(), self.runs.as_path());
-        let write =
-            WriteTx { connection: &tx, ids: &self.ids, limits: &self.limits, runs, now, ages, told: &self.told };
+        let write = WriteTx {
+            connection: &tx,
+            ids: &self.ids,
+            limits: &self.limits,
+            runs,
+            now,
+            ages,
+            uncounted: &self.uncounted,
+        };
         act(&write)?;
         tx.commit()?;
         // reading alone says nothing about the disk

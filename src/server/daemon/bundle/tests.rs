@@ -73,7 +73,12 @@ impl Planted {
         self.store.tell(&id, event, Box::new(move |stored| sender.send(stored).unwrap()));
         told.recv().unwrap().unwrap();
         let reason = format!("my password is {TOKEN}");
-        self.store.note_act(AuditEntry { act: "reset".into(), operator: "Ana".into(), reason, ..AuditEntry::default() });
+        self.store.note_act(AuditEntry {
+            act: "reset".into(),
+            operator: "Ana".into(),
+            reason,
+            ..AuditEntry::default()
+        });
         let (sender, seen) = sync_channel(1);
         while {
             let sender = sender.clone();

@@ -11,9 +11,9 @@ use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::sleep;
 
 use super::desk::Desk;
-use super::feed::{Event, Intake, Opening, feed};
+use super::feed::{Event, EventReceiver, Opening, feed};
 use super::request::Call;
-use super::traffic::OpenStream;
+use super::traffic::StreamGauge;
 use crate::service::http::{Problem, ProblemKind, StopFlag};
 
 pub(super) const EVENT_STREAM: &str = "text/event-stream";
@@ -32,11 +32,11 @@ pub(super) async fn watch(call: Call) -> Result<Response, Problem> {
     let permit = call.api.watchers.clone().try_acquire_owned();
     let full = |_| Problem::new(ProblemKind::Unavailable, "too many event streams").retry_after(10);
     let counted = (permit.map_err(full)?, call.api.traffic.stream());
-    let (feed, intake) = feed();
+    let (feed, receiver) = feed();
     let opening = call.desk.watch(&id, feed).await?;
     let (stop, heartbeat) = (call.api.stop.clone(), call.api.limits.heartbeat_time);
     let stage = Stage::Opening { opening, after };
-    let watcher = Watcher { desk: call.desk, id, stop, heartbeat, intake, sent: 0, is_over: false, stage, counted };
+    let watcher = Watcher { desk: call.desk, id, stop, heartbeat, receiver, sent: 0, is_over: false, stage, counted };
     let stream = stream::unfold(watcher, |mut watcher| async {
         let text = watcher.next().await?;
         Some((Ok::<_, std::convert::Infallible>(text), watcher))
@@ -59,13 +59,13 @@ struct Watcher {
     id: String,
     stop: StopFlag,
     heartbeat: Duration,
-    intake: Intake,
+    receiver: EventReceiver,
     /// Number of the last kept event that was sent, or that the client has no need of.
     sent: u64,
     is_over: bool,
     stage: Stage,
     #[allow(dead_code)] // held for as long as the stream is
-    counted: (OwnedSemaphorePermit, OpenStream),
+    counted: (OwnedSemaphorePermit, StreamGauge),
 }
 
 enum Stage {
@@ -146,13 +146,13 @@ impl Watcher {
         if self.is_over {
             return bye(JOB_OVER, "the job is over");
         }
-        if self.intake.is_overrun() {
+        if self.receiver.is_overrun() {
             return self.reopen().await;
         }
         tokio::select! {
             biased;
             () = self.stop.stopped() => bye("daemon_ends", "the daemon ends"),
-            event = self.intake.next() => {
+            event = self.receiver.next() => {
                 let Some(event) = event else { return feed_closed() };
                 let mut text = BytesMut::new();
                 self.take(&event, &mut text);
@@ -168,8 +168,8 @@ impl Watcher {
 
     /// Restarts a client that was too slow, with the gap and the state of the job now.
     async fn reopen(&mut self) -> Bytes {
-        let (feed, intake) = feed();
-        self.intake = intake;
+        let (feed, receiver) = feed();
+        self.receiver = receiver;
         let Ok(opening) = self.desk.watch(&self.id, feed).await else {
             return feed_closed();
         };

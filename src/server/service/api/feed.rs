@@ -58,15 +58,15 @@ pub struct Feed {
 
 /// The client's end of a [`Feed`].
 #[derive(Debug)]
-pub(super) struct Intake {
+pub(super) struct EventReceiver {
     queue: mpsc::Receiver<Event>,
     overrun: Arc<AtomicBool>,
 }
 
-pub(super) fn feed() -> (Feed, Intake) {
+pub(super) fn feed() -> (Feed, EventReceiver) {
     let (sender, receiver) = mpsc::channel(WAITING);
     let overrun = Arc::new(AtomicBool::new(false));
-    (Feed { queue: sender, overrun: overrun.clone() }, Intake { queue: receiver, overrun })
+    (Feed { queue: sender, overrun: overrun.clone() }, EventReceiver { queue: receiver, overrun })
 }
 
 impl Feed {
@@ -88,7 +88,7 @@ impl Feed {
     }
 }
 
-impl Intake {
+impl EventReceiver {
     /// The next event; `None` when the daemon offers no more.
     pub async fn next(&mut self) -> Option<Event> {
         self.queue.recv().await
@@ -112,11 +112,11 @@ mod tests {
 
     #[tokio::test]
     async fn a_full_queue_holds_nobody_up_and_is_told() {
-        let (feed, mut intake) = feed();
+        let (feed, mut receiver) = feed();
         (0..1000).for_each(|seq| assert!(feed.offer(&Event::new(Some(seq), "cycle", "{}"))));
-        assert!(intake.is_overrun());
-        assert_eq!(intake.next().await.unwrap().seq, Some(0));
-        drop(intake);
+        assert!(receiver.is_overrun());
+        assert_eq!(receiver.next().await.unwrap().seq, Some(0));
+        drop(receiver);
         assert!(feed.is_closed() && !feed.offer(&Event::new(None, "look", "{}")));
     }
 }

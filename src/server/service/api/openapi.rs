@@ -66,7 +66,7 @@ fn describe(operation: &Operation, bodies: &mut SchemaGenerator, answers: &mut S
     };
     let mut described = json!({
         "operationId": operation.id,
-        "summary": operation.what,
+        "summary": operation.summary,
         "security": security,
         "parameters": operation.params.iter().map(parameter).collect::<Vec<_>>(),
         "responses": responses,
@@ -79,23 +79,18 @@ fn describe(operation: &Operation, bodies: &mut SchemaGenerator, answers: &mut S
 }
 
 fn parameter(param: &Param) -> Value {
-    let place = match param.place {
-        ParamIn::Path => "path",
-        ParamIn::Query => "query",
-        ParamIn::Header => "header",
-    };
     json!({
         "name": param.name,
-        "in": place,
-        "description": param.what,
-        "required": param.place == ParamIn::Path,
+        "in": param.location,
+        "description": param.description,
+        "required": param.location == ParamIn::Path,
         "schema": (param.schema)(),
     })
 }
 
 fn response(answer: &Answer, generator: &mut SchemaGenerator) -> Value {
     let header = |what: &str| json!({"description": what, "schema": {"type": "string"}});
-    let mut described = json!({"description": answer.what});
+    let mut described = json!({"description": answer.description});
     let content = match answer.content {
         Content::Nothing => None,
         Content::Json(schema) => Some(json!({"application/json": {"schema": schema(generator).to_value()}})),

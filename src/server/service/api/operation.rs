@@ -3,6 +3,7 @@ use std::pin::Pin;
 use axum::response::Response;
 use axum::routing::MethodFilter;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::Serialize;
 
 use super::request::Call;
 use crate::service::http::{Problem, ProblemKind, Scope};
@@ -31,7 +32,8 @@ impl Method {
 }
 
 /// The part of a request that holds a parameter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub(super) enum ParamIn {
     Path,
     Query,
@@ -41,8 +43,8 @@ pub(super) enum ParamIn {
 /// A parameter of an operation.
 pub(super) struct Param {
     pub name: &'static str,
-    pub place: ParamIn,
-    pub what: &'static str,
+    pub location: ParamIn,
+    pub description: &'static str,
     /// Its JSON Schema.
     pub schema: fn() -> serde_json::Value,
 }
@@ -66,7 +68,7 @@ pub(super) enum Content {
 /// A good answer of an operation. Bad ones are all problem documents.
 pub(super) struct Answer {
     pub status: u16,
-    pub what: &'static str,
+    pub description: &'static str,
     pub content: Content,
     /// Names and meanings of its headers.
     pub headers: &'static [(&'static str, &'static str)],
@@ -98,7 +100,7 @@ pub(super) struct Operation {
     pub path: &'static str,
     /// Scope that a token needs; `None` for operations without a token.
     pub scope: Option<Scope>,
-    pub what: &'static str,
+    pub summary: &'static str,
     pub params: &'static [Param],
     /// Schema of the JSON body, where there is one.
     pub body: Option<SchemaOf>,

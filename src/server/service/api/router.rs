@@ -13,7 +13,7 @@ use bytes::Bytes;
 use super::operation::{Operation, ParamIn};
 use super::query::Query;
 use super::request::{Api, Call};
-use super::traffic::Reached;
+use super::traffic::MatchedOperation;
 use crate::service::http::{Caller, Peer, Problem, ProblemKind};
 
 /// The router of all `operations`.
@@ -24,7 +24,7 @@ pub(super) fn router(operations: Vec<Operation>, api: &Arc<Api>) -> Router {
         let (operation, api) = (Arc::new(operation), api.clone());
         let handler = move |request: Request| {
             let (operation, api) = (operation.clone(), api.clone());
-            Reached::note(&request, operation.id);
+            MatchedOperation::note(&request, operation.id);
             async move { operation.answer(api, request).await.into_response() }
         };
         router = router.route(path, on(filter, handler));
@@ -66,7 +66,7 @@ impl Operation {
     fn query(&self, parts: &Parts) -> Result<Query, Problem> {
         let pairs = UrlQuery::<Vec<(String, String)>>::try_from_uri(&parts.uri)
             .map_err(|_| Problem::new(ProblemKind::Malformed, "the query cannot be read"))?;
-        let known: Vec<&str> = self.params.iter().filter(|p| p.place == ParamIn::Query).map(|p| p.name).collect();
+        let known: Vec<&str> = self.params.iter().filter(|p| p.location == ParamIn::Query).map(|p| p.name).collect();
         Query::new(pairs.0, &known)
     }
 }

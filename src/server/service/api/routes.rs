@@ -40,14 +40,14 @@ fn job_operations() -> Vec<Operation> {
 const SUBMIT_PARAMS: &[Param] = &[
     Param {
         name: jobs::IDEMPOTENCY_KEY,
-        place: ParamIn::Header,
-        what: "The same key and body again within a day give the same job again.",
+        location: ParamIn::Header,
+        description: "The same key and body again within a day give the same job again.",
         schema: || json!({"type": "string", "pattern": "^[!-~]{1,255}$"}),
     },
     Param {
         name: "pace",
-        place: ParamIn::Query,
-        what: "How fast the job runs; left out: as the daemon's configuration says, `real-time` unless changed.",
+        location: ParamIn::Query,
+        description: "How fast the job runs; left out: as the daemon's configuration says, `real-time` unless changed.",
         schema: || json!({"type": "string", "enum": Pace::ALL.map(Pace::name)}),
     },
 ];
@@ -63,17 +63,17 @@ const SUBMIT_ANSWERS: &[Answer] = &[Answer {
 const LIST_PARAMS: &[Param] = &[
     Param {
         name: "state",
-        place: ParamIn::Query,
-        what: "Only jobs in this state.",
+        location: ParamIn::Query,
+        description: "Only jobs in this state.",
         schema: || json!({"type": "string", "enum": JobState::ALL.map(JobState::name)}),
     },
     Param {
         name: "limit",
-        place: ParamIn::Query,
-        what: "Most jobs on the page.",
+        location: ParamIn::Query,
+        description: "Most jobs on the page.",
         schema: || json!({"type": "integer", "minimum": 1, "maximum": 200, "default": 50}),
     },
-    Param { name: "cursor", place: ParamIn::Query, what: "`next` of the page before.", ..JOB_ID },
+    Param { name: "cursor", location: ParamIn::Query, description: "`next` of the page before.", ..JOB_ID },
 ];
 
 fn file_operations() -> Vec<Operation> {
@@ -115,15 +115,15 @@ fn file_operations() -> Vec<Operation> {
 
 const LAST_EVENT_ID: Param = Param {
     name: events::LAST_EVENT_ID,
-    place: ParamIn::Header,
-    what: "Number of the last event seen; later ones are sent first. 0 for all that are kept.",
+    location: ParamIn::Header,
+    description: "Number of the last event seen; later ones are sent first. 0 for all that are kept.",
     schema: || json!({"type": "string", "pattern": "^[0-9]{1,18}$"}),
 };
 
 const RANGE: Param = Param {
     name: "Range",
-    place: ParamIn::Header,
-    what: "One range of bytes; anything else is not looked at.",
+    location: ParamIn::Header,
+    description: "One range of bytes; anything else is not looked at.",
     schema: || json!({"type": "string"}),
 };
 
@@ -174,28 +174,28 @@ fn own_operations() -> Vec<Operation> {
     ]
 }
 
-const fn answer(status: u16, what: &'static str, content: Content) -> Answer {
-    Answer { status, what, content, headers: &[] }
+const fn answer(status: u16, description: &'static str, content: Content) -> Answer {
+    Answer { status, description, content, headers: &[] }
 }
 
 const JOB_ID: Param = Param {
     name: "id",
-    place: ParamIn::Path,
-    what: "Id of a job.",
+    location: ParamIn::Path,
+    description: "Id of a job.",
     schema: || json!({"type": "string", "pattern": "^[0-9a-f]{32}$"}),
 };
-const PLATE_NAME: Param = Param { name: "name", what: "Name of a plate.", ..ASSET_NAME };
+const PLATE_NAME: Param = Param { name: "name", description: "Name of a plate.", ..ASSET_NAME };
 const ASSET_NAME: Param = Param {
     name: "file",
-    place: ParamIn::Path,
-    what: "Name of the file.",
+    location: ParamIn::Path,
+    description: "Name of the file.",
     schema: || json!({"type": "string", "pattern": "^[A-Za-z0-9._-]{1,64}$"}),
 };
 
 fn get(
     id: &'static str,
     path: &'static str,
-    what: &'static str,
+    summary: &'static str,
     answers: &'static [Answer],
     handler: impl Handler,
 ) -> Operation {
@@ -206,15 +206,15 @@ fn get(
         _ => &[],
     };
     let (method, scope, handler) = (Method::Get, Some(Scope::Read), Box::new(handler));
-    Operation { id, method, path, scope, what, params, body: None, answers, problems: &[], handler }
+    Operation { id, method, path, scope, summary, params, body: None, answers, problems: &[], handler }
 }
 
 fn post(
     id: &'static str,
     path: &'static str,
-    what: &'static str,
+    summary: &'static str,
     answers: &'static [Answer],
     handler: impl Handler,
 ) -> Operation {
-    Operation { method: Method::Post, scope: Some(Scope::Operate), ..get(id, path, what, answers, handler) }
+    Operation { method: Method::Post, scope: Some(Scope::Operate), ..get(id, path, summary, answers, handler) }
 }

@@ -81,9 +81,9 @@ impl Traffic {
     }
 
     /// Counts an event stream for as long as the answer is kept.
-    pub(super) fn stream(&self) -> OpenStream {
+    pub(super) fn stream(&self) -> StreamGauge {
         self.0.streams.fetch_add(1, Ordering::Relaxed);
-        OpenStream(self.0.clone())
+        StreamGauge(self.0.clone())
     }
 
     fn count(&self, operation: &str, status: u16) {
@@ -94,9 +94,9 @@ impl Traffic {
 
 /// An event stream that is counted.
 #[derive(Debug)]
-pub(super) struct OpenStream(Arc<Counts>);
+pub(super) struct StreamGauge(Arc<Counts>);
 
-impl Drop for OpenStream {
+impl Drop for StreamGauge {
     fn drop(&mut self) {
         self.0.streams.fetch_sub(1, Ordering::Relaxed);
     }
@@ -105,9 +105,9 @@ impl Drop for OpenStream {
 /// Left in a request by the layer, filled in by the operation it reaches: so the layer knows it whatever becomes of the
 /// handler.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Reached(Arc<OnceLock<&'static str>>);
+pub(super) struct MatchedOperation(Arc<OnceLock<&'static str>>);
 
-impl Reached {
+impl MatchedOperation {
     /// The request has come to `operation`.
     pub fn note(request: &Request, operation: &'static str) {
         if let Some(Self(reached)) = request.extensions().get() {
@@ -118,7 +118,7 @@ impl Reached {
 
 /// The layer outside all others: counts every answer.
 pub(super) async fn count(State(traffic): State<Traffic>, mut request: Request, next: Next) -> Response {
-    let reached = Reached::default();
+    let reached = MatchedOperation::default();
     request.extensions_mut().insert(reached.clone());
     let response = next.run(request).await;
     traffic.count(reached.0.get().unwrap_or(&NONE), response.status().as_u16());

@@ -122,7 +122,6 @@ fn runtime(workers: usize, on_start: fn()) -> io::Result<Runtime> {
 }
 
 /// Raises the soft limit of open files and sockets to `wanted`, as far as the hard limit lets it; the limit now.
-#[cfg(unix)]
 pub(super) fn raise_fd_limit(wanted: u64) -> u64 {
     use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
@@ -134,12 +133,6 @@ pub(super) fn raise_fd_limit(wanted: u64) -> u64 {
     }
     let raised = Rlimit { current: Some(most), maximum: limit.maximum };
     setrlimit(Resource::Nofile, raised).map_or(present, |()| most)
-}
-
-/// Systems without such a limit.
-#[cfg(not(unix))]
-pub(super) fn raise_fd_limit(wanted: u64) -> u64 {
-    wanted
 }
 
 /// Where requests are answered: those over spare connections apart from all others.
@@ -209,13 +202,13 @@ impl<'a> Connections<'a> {
     fn open(&mut self, stream: TcpStream, peer: SocketAddr) {
         let host = PeerHost::from(peer.ip());
         let place = self.common.admit(host, self.limits);
-        let attendant = Attendant { app: self.app.clone(), limits: self.limits.clone(), stop: self.stop.clone(), peer };
+        let task = ConnectionTask { app: self.app.clone(), limits: self.limits.clone(), stop: self.stop.clone(), peer };
         if let Some(place) = place {
             let Ok(stream) = stream.into_std() else { return };
-            self.tasks.spawn_on(attendant.attend(stream, place), &self.handles.common);
+            self.tasks.spawn_on(task.serve_common(stream, place), &self.handles.common);
         } else if self.spare.make_room(self.limits.spare_connections) {
             let busy = Busy::default();
-            let task = self.tasks.spawn(attendant.attend_spare(stream, busy.clone(), self.handles.spare.clone()));
+            let task = self.tasks.spawn(task.serve_spare(stream, busy.clone(), self.handles.spare.clone()));
             self.spare.add(host, task, busy);
         }
     }
@@ -234,16 +227,16 @@ impl<'a> Connections<'a> {
 }
 
 /// Everything a connection needs to be answered.
-struct Attendant {
+struct ConnectionTask {
     app: Router,
     limits: Limits,
     stop: StopFlag,
     peer: SocketAddr,
 }
 
-impl Attendant {
+impl ConnectionTask {
     /// Answers what comes over a common connection until it ends.
-    async fn attend(self, stream: std::net::TcpStream, place: CommonPlace) {
+    async fn serve_common(self, stream: std::net::TcpStream, place: CommonPlace) {
         let mut builder = http1::Builder::new();
         builder.header_read_timeout(self.limits.header_time);
         self.answer(stream, Bytes::new(), Busy::default(), builder).await;
@@ -251,7 +244,7 @@ impl Attendant {
     }
 
     /// Reads the head of the one request of a spare connection, here, and has the request answered by `answering`.
-    async fn attend_spare(self, stream: TcpStream, busy: Busy, answering: Handle) {
+    async fn serve_spare(self, stream: TcpStream, busy: Busy, answering: Handle) {
         let (within, most) = (self.limits.spare_header_time, self.limits.header_bytes);
         let head = tokio::select! {
             head = timeout(within, read_head(&stream, most)) => head,

@@ -313,7 +313,6 @@ async fn a_lost_sender_stops() {
     flag.stopped().await;
 }
 
-#[cfg(unix)]
 #[test]
 fn there_is_never_less_room_than_before() {
     let before = raise_fd_limit(0);

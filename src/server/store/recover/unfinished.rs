@@ -18,7 +18,7 @@ const BLOCK_BYTES: u64 = 1 << 20;
 
 /// Repairs the recording in a run folder where that is needed, and tells what there is of it now. One that is no regular
 /// file stays as it is.
-pub(super) fn settle(
+pub(super) fn repair_recording(
     folder: &Path,
     job: &JobRow,
     repair: RepairRecording<'_>,
@@ -136,7 +136,7 @@ pub(super) fn end_of(folder: Option<&Path>, recording: RecordingStatus) -> JobEn
 }
 
 /// When a run last wrote anything that is known to come late.
-pub(super) fn last_sign(folder: &Path) -> Option<jiff::Timestamp> {
+pub(super) fn last_write(folder: &Path) -> Option<jiff::Timestamp> {
     ["report.json", "journal.jsonl", "effective.json"].iter().find_map(|name| modified(&folder.join(name)))
 }
 
