@@ -17,7 +17,6 @@ mod layout;
 mod ledger;
 #[cfg(test)]
 mod memory;
-mod migrate;
 mod open;
 mod options;
 mod pending;

@@ -2,8 +2,7 @@ use std::path::Path;
 
 use super::columns::rows;
 use super::connection::inspecting;
-use super::migrate::refuse_newer;
-use super::schema::{APPLICATION_ID, VERSION, identity, is_clean};
+use super::schema::{APPLICATION_ID, VERSION, identity, is_clean, refuse_newer};
 use super::{AuditRow, JobId, JobRow, JobState, Page, StoreFault, StoredEvent, history, jobs};
 
 /// Limits of [`peek`].

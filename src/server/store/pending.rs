@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn progress_waits_for_nobody() {
+    fn progress_is_skipped_while_the_lock_is_held() {
         let pending = Pending::default();
         let id = JobId::parse("019a0000000070008000000000000001").unwrap();
         let busy = pending.notes.lock();

@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_has_blocks_of_its_own_without_being_written_out() {
+    fn reserve_has_its_blocks_without_being_written_out() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("reserve");
         let reserve = SpaceReserve::at(&path, 3 << 20);
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn where_no_blocks_can_be_set_aside_it_is_written_out() {
+    fn reserve_is_written_out_where_blocks_cannot_be_allocated() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("reserve");
         write_out(&mut File::create(&path).unwrap(), (64 << 10) + 5).unwrap();

@@ -76,9 +76,9 @@ pub(super) fn task<T: Send + 'static>(
 
 /// A command to the writer.
 #[derive(Debug)]
-pub(super) enum Order {
-    /// Write this.
-    Do(Box<dyn Task>),
+pub(super) enum Command {
+    /// Run this task in a transaction.
+    Write(Box<dyn Task>),
     /// Something is pending.
     Wake,
     /// Write what waits, note that all ended in order, end, and tell whether that was so.
@@ -133,7 +133,7 @@ impl WriterStatus {
 /// The sending end of the writer's queue.
 #[derive(Clone, Debug)]
 pub(super) struct WriteQueue {
-    pub sender: SyncSender<Order>,
+    pub sender: SyncSender<Command>,
     pub status: Arc<WriterStatus>,
 }
 
@@ -148,15 +148,15 @@ impl WriteQueue {
     /// Hands a task to the writer, or gives it back.
     pub fn offer(&self, task: Box<dyn Task>) -> Result<(), (Box<dyn Task>, StoreFault)> {
         self.status.waiting.fetch_add(1, Ordering::Relaxed);
-        let refused = match self.sender.try_send(Order::Do(task)) {
+        let refused = match self.sender.try_send(Command::Write(task)) {
             Ok(()) => return Ok(()),
-            Err(TrySendError::Full(order)) => (order, StoreFault::Busy),
-            Err(TrySendError::Disconnected(order)) => (order, StoreFault::Closed),
+            Err(TrySendError::Full(command)) => (command, StoreFault::Busy),
+            Err(TrySendError::Disconnected(command)) => (command, StoreFault::Closed),
         };
         self.status.waiting.fetch_sub(1, Ordering::Relaxed);
         match refused {
-            (Order::Do(task), fault) => Err((task, fault)),
-            (Order::Wake | Order::Close(_), _) => Ok(()),
+            (Command::Write(task), fault) => Err((task, fault)),
+            (Command::Wake | Command::Close(_), _) => Ok(()),
         }
     }
 
@@ -170,7 +170,7 @@ impl WriteQueue {
         // the caller may have gone
         let task = task(vital, run, move |stored| drop(sender.try_send(stored)));
         self.status.waiting.fetch_add(1, Ordering::Relaxed);
-        if self.sender.send(Order::Do(task)).is_err() {
+        if self.sender.send(Command::Write(task)).is_err() {
             self.status.waiting.fetch_sub(1, Ordering::Relaxed);
             return Err(StoreFault::Closed);
         }
@@ -179,7 +179,7 @@ impl WriteQueue {
 
     /// Says that something is pending. A full queue is no harm: then the writer is awake.
     pub fn wake(&self) {
-        let _ = self.sender.try_send(Order::Wake);
+        let _ = self.sender.try_send(Command::Wake);
     }
 
     /// Has the writer end; true when it has, in order, `within` that time.
@@ -187,11 +187,11 @@ impl WriteQueue {
         let (done, closed) = sync_channel(1);
         let until = self.status.clock.elapsed() + within;
         let left = || until.saturating_sub(self.status.clock.elapsed());
-        let mut order = Order::Close(done);
+        let mut command = Command::Close(done);
         loop {
-            match self.sender.try_send(order) {
+            match self.sender.try_send(command) {
                 Ok(()) => return closed.recv_timeout(left()).unwrap_or(false),
-                Err(TrySendError::Full(full)) if !left().is_zero() => order = full,
+                Err(TrySendError::Full(full)) if !left().is_zero() => command = full,
                 Err(_) => return false,
             }
             thread::sleep(CLOSE_AGAIN);

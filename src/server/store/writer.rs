@@ -14,7 +14,7 @@ use super::ids::Ids;
 use super::layout::Lock;
 use super::pending::Notes;
 use super::space_reserve::SpaceReserve;
-use super::write_queue::{Order, Task, WriterStatus};
+use super::write_queue::{Command, Task, WriterStatus};
 use super::write_tx::WriteTx;
 use super::{Limits, StoreFault};
 use upm_core::time::Clock;
@@ -41,7 +41,7 @@ enum Then {
 /// The thread that writes: one transaction, and so one wait for the disk, for all that came while the last one ran.
 pub(super) struct Writer {
     pub connection: Connection,
-    pub queue: Receiver<Order>,
+    pub queue: Receiver<Command>,
     pub status: Arc<WriterStatus>,
     pub ids: Ids,
     pub limits: Limits,
@@ -91,12 +91,12 @@ impl Writer {
     /// The tasks to be written together, and the step after them.
     fn collect(&self) -> (Vec<Box<dyn Task>>, Then) {
         let mut batch = Vec::new();
-        let mut order = self.queue.recv_timeout(ROUND);
+        let mut command = self.queue.recv_timeout(ROUND);
         loop {
-            match order {
-                Ok(Order::Do(task)) => batch.push(task),
-                Ok(Order::Wake) => {}
-                Ok(Order::Close(done)) => return (batch, Then::End(Some(done))),
+            match command {
+                Ok(Command::Write(task)) => batch.push(task),
+                Ok(Command::Wake) => {}
+                Ok(Command::Close(done)) => return (batch, Then::End(Some(done))),
                 Err(RecvTimeoutError::Timeout) => return (batch, Then::GoOn),
                 Err(RecvTimeoutError::Disconnected) => return (batch, Then::End(None)),
             }
@@ -104,7 +104,7 @@ impl Writer {
                 return (batch, Then::GoOn);
             }
             match self.queue.try_recv() {
-                Ok(next) => order = Ok(next),
+                Ok(next) => command = Ok(next),
                 // the next round finds out that every sender is gone
                 Err(_) => return (batch, Then::GoOn),
             }
@@ -196,11 +196,11 @@ impl Writer {
             // the caller may have given up
             let _ = done.try_send(stored);
         }
-        while let Ok(order) = queue.recv() {
-            match order {
-                Order::Do(task) => task.answer(Err(StoreFault::Closed)),
-                Order::Wake => {}
-                Order::Close(done) => drop(done.try_send(false)),
+        while let Ok(command) = queue.recv() {
+            match command {
+                Command::Write(task) => task.answer(Err(StoreFault::Closed)),
+                Command::Wake => {}
+                Command::Close(done) => drop(done.try_send(false)),
             }
         }
     }

@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_full_queue_holds_nobody_up_and_is_told() {
+    async fn full_queue_never_blocks_and_is_marked_overrun() {
         let (feed, mut receiver) = feed();
         (0..1000).for_each(|seq| assert!(feed.offer(&Event::new(Some(seq), "cycle", "{}"))));
         assert!(receiver.is_overrun());

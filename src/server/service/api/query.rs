@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_asked_is_read() {
+    fn valid_query_is_parsed() {
         let id = "0".repeat(32);
         assert_eq!(query(&[]), Ok(JobsQuery { state: None, limit: 50, cursor: None }));
         let asked = query(&[("limit", "200"), ("state", "interrupted"), ("cursor", &id)]);
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn what_means_nothing_is_refused() {
+    fn invalid_query_is_rejected() {
         let long = "0".repeat(33);
         let upper = "A".repeat(32);
         for (name, value) in [

@@ -164,7 +164,7 @@ fn a_handler_that_hangs_or_panics_is_a_problem_of_one_request() {
 }
 
 #[test]
-fn what_is_too_large_is_a_problem_and_the_client_gets_to_see_it() {
+fn too_large_request_gets_a_problem_that_the_client_can_read() {
     let server = Server::start(|_| ());
     let most = Limits::default().body_bytes;
     assert!(server.exchange(&post_of(most, &vec![b' '; most])).ends_with(&format!("\r\n\r\n{most}")));
@@ -182,7 +182,7 @@ fn what_is_too_large_is_a_problem_and_the_client_gets_to_see_it() {
 }
 
 #[test]
-fn what_is_no_request_is_refused() {
+fn garbage_is_no_request_and_refused() {
     let server = Server::start(|_| ());
     for garbage in [b"\x16\x03\x01\x02\x00\x01".as_slice(), b"nonsense\r\n\r\n", b"GET /\xff HTTP/9.9\r\n\r\n"] {
         assert!(server.exchange(garbage).starts_with("HTTP/1.1 400 "), "{garbage:?}");
@@ -272,7 +272,7 @@ fn a_client_that_reads_nothing_is_let_go() {
 }
 
 #[test]
-fn the_end_waits_for_nobody() {
+fn shutdown_is_bounded_whatever_clients_do() {
     let mut server = Server::start(|limits| {
         limits.header_time = Duration::from_secs(60);
         limits.handler_time = Duration::from_secs(60);
@@ -299,7 +299,7 @@ fn the_end_waits_for_nobody() {
 }
 
 #[tokio::test]
-async fn whoever_stops_first_stops() {
+async fn first_stop_stops_and_later_ones_are_harmless() {
     let (sender, flag) = StopFlag::new();
     sender.clone().stop();
     sender.stop();
@@ -314,7 +314,7 @@ async fn a_lost_sender_stops() {
 }
 
 #[test]
-fn there_is_never_less_room_than_before() {
+fn fd_limit_is_never_lowered() {
     let before = raise_fd_limit(0);
     assert_eq!(raise_fd_limit(1), before);
     let more = raise_fd_limit(before.saturating_add(1));

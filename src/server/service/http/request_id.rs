@@ -50,7 +50,7 @@ mod tests {
     use crate::service::http::{ProblemDocument, ProblemKind};
 
     #[test]
-    fn a_probe_that_is_told_no_is_no_alarm() {
+    fn failed_probe_is_not_logged_as_a_warning() {
         for (path, status, alarming) in [
             ("/readyz", 503, false),
             ("/healthz", 503, false),

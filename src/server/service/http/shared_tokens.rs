@@ -98,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn wrong_tokens_are_told_at_once_and_then_counted_for_a_minute() {
+    fn wrong_tokens_are_logged_at_once_and_then_once_a_minute() {
         let (mut wrong, s) = (WrongTokens::default(), Duration::from_secs);
         assert_eq!(wrong.due(s(0)), None);
         assert_eq!(wrong.note(None, s(1)), Some((1, None)));

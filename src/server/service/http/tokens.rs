@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_is_not_a_token_is_refused() {
+    fn malformed_or_unknown_token_is_rejected() {
         let longer = format!("Bearer {WORK}x");
         let shorter = format!("Bearer {}", &WORK[1..]);
         let (basic, bare, glued) = (format!("Basic {WORK}"), WORK.to_owned(), format!("Bearer{WORK}"));
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn without_tokens_nobody_is_asked() {
+    fn without_tokens_every_caller_is_local() {
         assert_eq!(Tokens::default().admit(&HeaderMap::new(), Scope::Operate), Ok("local".to_owned()));
     }
 

@@ -59,7 +59,7 @@ fn without_the_new_one(states: Vec<(String, JobState)>) -> Vec<(String, JobState
 }
 
 #[test]
-fn garbage_is_moved_aside_with_all_that_belongs_to_it_and_history_is_told_by_the_folders() {
+fn garbage_is_moved_aside_and_history_recovered_from_run_folders() {
     let (data, _) = left_behind();
     fs::write(data.path().join("upm.db"), "garbage".repeat(1000)).unwrap();
     let log = fs::read(data.path().join("upm.db-wal")).unwrap();
@@ -92,7 +92,7 @@ fn a_store_of_another_version_keeps_all_its_jobs() {
 }
 
 #[test]
-fn whatever_page_is_zeroed_what_ran_is_known_and_nothing_begins() {
+fn zeroed_page_never_hides_a_run_or_starts_a_job() {
     let (left, _) = left_behind();
     into_one_file(left.path());
     let whole = fs::read(left.path().join("upm.db")).unwrap();
@@ -128,7 +128,7 @@ fn wherever_it_is_cut_off_what_ran_is_known_and_nothing_begins() {
 }
 
 #[test]
-fn a_log_that_is_missing_is_told() {
+fn missing_log_is_reported() {
     let (data, ids) = left_behind();
     into_one_file(data.path());
     for ending in ["-wal", "-shm"] {
@@ -141,7 +141,7 @@ fn a_log_that_is_missing_is_told() {
 }
 
 #[test]
-fn jobs_lost_with_the_log_are_told_by_their_folders() {
+fn jobs_lost_with_the_log_are_recovered_from_their_folders() {
     let (data, _) = left_behind();
     for ending in ["-wal", "-shm"] {
         fs::remove_file(data.path().join(format!("upm.db{ending}"))).unwrap();
@@ -153,7 +153,7 @@ fn jobs_lost_with_the_log_are_told_by_their_folders() {
 }
 
 #[test]
-fn a_database_that_is_missing_is_told_by_its_folders() {
+fn missing_database_is_recovered_from_run_folders() {
     let (data, _) = left_behind();
     fs::remove_file(data.path().join("upm.db")).unwrap();
     let Opened { store, recovery } = open(data.path(), limits());

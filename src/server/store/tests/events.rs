@@ -13,7 +13,7 @@ fn numbers(replay: &Replay) -> Vec<u64> {
 }
 
 #[test]
-fn events_are_told_after_they_are_kept_and_replayed_from_anywhere() {
+fn events_are_published_after_commit_and_replayed_from_any_number() {
     let (_folder, store) = new_store(limits());
     let [one, two] = ["one", "two"].map(|name| queue(&store, name, "a").id);
     for number in 1..=9 {
@@ -101,7 +101,7 @@ fn the_audit_log_only_grows() {
 }
 
 #[test]
-fn what_was_noted_before_a_task_was_given_is_written_before_it_and_together_with_it() {
+fn deferred_writes_are_committed_with_the_next_task_and_before_it() {
     let (folder, store) = new_store(limits());
     let others = Connection::open(folder.path().join("upm.db")).unwrap();
     let count = |tx: &Connection| tx.query_row("SELECT count(*) FROM audit", [], |row| row.get::<_, i64>(0));

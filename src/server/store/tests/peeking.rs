@@ -41,7 +41,7 @@ fn a_store_that_is_in_use_is_seen_and_not_held_up() {
 }
 
 #[test]
-fn what_a_crash_left_is_seen_and_stays() {
+fn peek_after_a_crash_sees_the_log_and_leaves_it() {
     let (folder, store) = new_store(limits());
     let id = filled(&store);
     let left = tempfile::tempdir().unwrap();
@@ -71,7 +71,7 @@ fn no_log_is_made() {
 }
 
 #[test]
-fn what_is_no_store_is_told_and_left_alone() {
+fn non_store_file_is_reported_and_left_untouched() {
     let folder = tempfile::tempdir().unwrap();
     assert!(matches!(peek(folder.path(), MOST), Err(StoreFault::Io(_))));
     assert_eq!(names(folder.path()).len(), 0);

@@ -43,7 +43,7 @@ fn a_thousand_at_once_are_accepted_or_refused_and_none_is_lost() {
 }
 
 #[test]
-fn what_is_answered_is_what_is_kept() {
+fn answered_job_is_the_stored_one() {
     let (folder, store) = new_store(limits());
     let row = queue(&store, "one", "a");
     assert_eq!(job(&store, row.id), row);
@@ -258,7 +258,7 @@ fn a_queue_too_long_is_refused_at_once() {
 }
 
 #[test]
-fn reader_that_does_not_come_back_from_a_question_is_told_by_health() {
+fn stuck_reader_shows_in_health() {
     static HOURS: AtomicI64 = AtomicI64::new(0);
     let folder = tempfile::tempdir().unwrap();
     let clocks = Clocks::new(noon, Hours(&HOURS));

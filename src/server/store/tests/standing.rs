@@ -73,7 +73,7 @@ fn all_but_the_newest_ended_standing_runs_go_with_folder_events_and_row() {
 }
 
 #[test]
-fn killed_standing_run_is_interrupted_as_any_other_and_waits_for_nobody() {
+fn killed_standing_run_is_interrupted_like_any_other() {
     let (folder, store) = new_store(limits());
     let id = begin_standing(&store, "run").unwrap().row.id;
     fs::write(store.runs().join("run/journal.jsonl"), "{}\n").unwrap();

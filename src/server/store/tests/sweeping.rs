@@ -59,7 +59,7 @@ fn the_oldest_ended_go_first_when_there_is_too_much() {
 }
 
 #[test]
-fn what_is_too_old_goes() {
+fn expired_run_folders_are_deleted() {
     turned_clocks!(HOURS, clocks);
     let data = tempfile::tempdir().unwrap();
     let store = opened(data.path(), Limits { runs_age: Duration::from_secs(10 * 3600), ..limits() }, clocks);
@@ -125,7 +125,7 @@ fn a_sweep_that_was_cut_short_is_ended_at_the_next_start() {
 }
 
 #[test]
-fn a_folder_that_cannot_be_deleted_stays_its_jobs_and_is_in_nobodys_way() {
+fn undeletable_folder_stays_with_its_job_and_does_not_stop_the_sweep() {
     let data = tempfile::tempdir().unwrap();
     let store = opened(data.path(), Limits { jobs: 1, runs_bytes: 0, ..limits() }, still(noon));
     // no folder can be moved to where that lies

@@ -7,8 +7,7 @@ use std::os::unix::fs::PermissionsExt;
 use super::*;
 use crate::store::connection::{reading, writing};
 use crate::store::layout::DataDir;
-use crate::store::migrate::migrate;
-use crate::store::schema::{APPLICATION_ID, MIGRATIONS, OLDEST, VERSION, identity};
+use crate::store::schema::{APPLICATION_ID, MIGRATIONS, OLDEST, VERSION, identity, migrate};
 
 /// For each migration the statements that undo it.
 const UNDO: [&str; MIGRATIONS.len()] = [

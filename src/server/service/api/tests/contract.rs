@@ -149,7 +149,7 @@ async fn a_submission_says_where_the_job_is_and_whether_it_was_there() {
 }
 
 #[tokio::test]
-async fn an_emergency_stop_is_told_before_anything_is_waited_for() {
+async fn emergency_stop_reaches_the_plate_before_any_wait() {
     let asked = Asked::with(Tokens::default(), |limits| limits.handler_time = Duration::from_millis(20));
     let seen = asked.ask(request("POST", "/v1/plates/endless/estop", &[], "")).await;
     assert_eq!(seen.status, 503);

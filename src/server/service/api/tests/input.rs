@@ -4,7 +4,7 @@ use super::fake::{HOLD, JOB, NO_JOB};
 use super::{Asked, request};
 
 #[tokio::test]
-async fn what_is_no_job_is_a_problem() {
+async fn invalid_job_is_a_problem() {
     let asked = Asked::new();
     let deep = "[".repeat(100_000);
     let deep_member = format!("{}1{}", "{\"name\":".repeat(5000), "}".repeat(5000));

@@ -77,7 +77,7 @@ async fn a_stream_resumes_after_any_event() {
 }
 
 #[tokio::test]
-async fn what_is_no_longer_kept_is_a_gap() {
+async fn pruned_events_are_reported_as_a_gap() {
     let old = asked(100, 102, true);
     let gap = "event: gap\ndata: {\"from\":6,\"to\":99}\n\n";
     assert_eq!(all(watch(&old, "5").await).await, format!("{HEAD}{gap}{}{OVER}", text_of(100..=102)));
@@ -89,7 +89,7 @@ async fn what_is_no_longer_kept_is_a_gap() {
 }
 
 #[tokio::test]
-async fn what_happens_comes_once_and_ends_with_the_job() {
+async fn live_events_come_once_and_end_with_the_job() {
     let asked = asked(1, 3, false);
     let mut body = watch(&asked, "1").await;
     let feed = asked.desk.feeds.lock().unwrap().pop().unwrap();
@@ -108,7 +108,7 @@ async fn what_happens_comes_once_and_ends_with_the_job() {
 }
 
 #[tokio::test]
-async fn a_slow_client_is_told_of_the_gap_and_how_things_stand() {
+async fn slow_client_gets_the_gap_and_a_new_snapshot() {
     let asked = asked(1, 0, false);
     let mut body = watch(&asked, "").await;
     assert_eq!(next(&mut body).await, head_at(0));
@@ -124,7 +124,7 @@ async fn a_slow_client_is_told_of_the_gap_and_how_things_stand() {
 }
 
 #[tokio::test]
-async fn a_slow_client_is_told_of_the_end_that_it_did_not_see() {
+async fn slow_client_gets_the_end_that_it_missed() {
     let asked = asked(1, 0, false);
     let mut body = watch(&asked, "").await;
     assert_eq!(next(&mut body).await, head_at(0));
@@ -170,7 +170,7 @@ async fn streams_are_counted() {
 }
 
 #[test]
-fn fifty_clients_are_told_and_let_go() {
+fn fifty_clients_get_a_bye_at_shutdown() {
     let asked = Asked::new();
     stand(&asked, 1, 0, false);
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();

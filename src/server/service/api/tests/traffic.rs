@@ -26,7 +26,7 @@ async fn answers_are_counted_by_operation_and_status() {
 }
 
 #[tokio::test]
-async fn what_is_counted_does_not_grow_with_what_is_sent() {
+async fn number_of_counters_does_not_depend_on_requests() {
     let asked = Asked::new();
     let before = asked.traffic.requests().len();
     for i in 0..50 {
