@@ -17,6 +17,6 @@ pub use upm_runner::{config, run};
 #[cfg(feature = "lab")]
 pub use upm_scene as scene;
 #[cfg(feature = "daemon")]
-pub use upm_server::{daemon, plates, service, store};
+pub use upm_server::{daemon, plates, service};
 pub use upm_sim as sim;
 pub use upm_viewer as viewer;

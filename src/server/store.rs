@@ -38,7 +38,9 @@ mod writer;
 
 pub use ages::Clocks;
 pub use handle::Store;
-pub use held::{Displaced, Found, HeldPath};
+#[cfg(test)]
+pub use held::Found;
+pub use held::{Displaced, HeldPath};
 pub use ids::JobId;
 pub use inspect::{PeekMost, Peeked, peek};
 pub use ledger::{Ledger, MakeFolder, Publish};

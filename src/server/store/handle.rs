@@ -62,7 +62,6 @@ impl Store {
         self.queue.write(task(true, move |tx: &WriteTx<'_>| tx.cancel_queued(&id), done));
     }
 
-    /// A job.
     pub fn job(&self, id: &JobId, done: impl FnOnce(Result<Option<JobRow>, StoreFault>) + Send + 'static) {
         let id = *id;
         self.readers.ask(move |connection| jobs::find(connection, &id), done);
@@ -100,7 +99,6 @@ impl Store {
         self.retention.bytes()
     }
 
-    /// The folder of run folders.
     pub fn runs(&self) -> &Path {
         &self.runs
     }
@@ -111,7 +109,6 @@ impl Store {
         self.held.iter().try_for_each(HeldPath::check)
     }
 
-    /// How it is.
     pub fn health(&self) -> StoreHealth {
         let reserve = self.queue.status.reserve.load(Ordering::Relaxed);
         let fault = if self.queue.status.closed.load(Ordering::SeqCst) {

@@ -52,7 +52,6 @@ impl Ids {
         ids
     }
 
-    /// The next one.
     pub fn next(&self, now: Timestamp) -> JobId {
         self.at_ms(now.as_millisecond().max(0).unsigned_abs())
     }

@@ -188,7 +188,6 @@ impl WriteTx<'_> {
         Ok(())
     }
 
-    /// A job.
     pub fn find(&self, id: &JobId) -> rusqlite::Result<Option<JobRow>> {
         find(self.connection, id)
     }
@@ -227,7 +226,6 @@ pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> 
     }
 }
 
-/// A job.
 pub(super) fn find(connection: &Connection, id: &JobId) -> rusqlite::Result<Option<JobRow>> {
     connection.query_row(&format!("SELECT {JOB} FROM jobs WHERE id = ?1"), [id], job_of).optional()
 }

@@ -24,13 +24,11 @@ pub(super) struct Lock {
 pub(super) struct DataDir {
     /// The folder itself.
     pub data: PathBuf,
-    /// The database.
     pub db: PathBuf,
     /// The next database while it is being made.
     pub draft: PathBuf,
     /// The next database when it is whole, and the damaged one has yet to make way.
     pub next: PathBuf,
-    /// Run folders.
     pub runs: PathBuf,
     /// Run folders that are being deleted.
     pub trash: PathBuf,

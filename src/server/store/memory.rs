@@ -21,7 +21,6 @@ pub struct MemoryLedger {
 struct Kept {
     ids: Ids,
     jobs: BTreeMap<JobId, Entry>,
-    paused: BTreeMap<String, bool>,
     audit: Vec<AuditEntry>,
     fault: Option<StoreFault>,
 }
@@ -34,10 +33,9 @@ struct Entry {
 }
 
 impl MemoryLedger {
-    /// Without a job.
     pub fn new(now: fn() -> Timestamp) -> Self {
-        let (jobs, paused, audit) = Default::default();
-        Self { now, kept: Mutex::new(Kept { ids: Ids::above(None), jobs, paused, audit, fault: None }) }
+        let (jobs, audit) = Default::default();
+        Self { now, kept: Mutex::new(Kept { ids: Ids::above(None), jobs, audit, fault: None }) }
     }
 
     /// Queues a job.
@@ -61,7 +59,6 @@ impl MemoryLedger {
         }
     }
 
-    /// A job.
     pub fn job(&self, id: &JobId) -> Option<JobRow> {
         self.kept.lock().jobs.get(id).map(|entry| entry.row.clone())
     }
@@ -74,11 +71,6 @@ impl MemoryLedger {
     /// Every event of a job.
     pub fn events(&self, id: &JobId) -> Vec<StoredEvent> {
         self.kept.lock().jobs.get(id).map(|entry| entry.events.clone()).unwrap_or_default()
-    }
-
-    /// Whether a plate has been noted as paused, if it has been noted at all.
-    pub fn paused(&self, plate: &str) -> Option<bool> {
-        self.kept.lock().paused.get(plate).copied()
     }
 
     /// The audit log.
@@ -169,9 +161,7 @@ impl Ledger for MemoryLedger {
         }
     }
 
-    fn note_paused(&self, plate: &str, paused: bool) {
-        self.kept.lock().paused.insert(plate.to_owned(), paused);
-    }
+    fn note_paused(&self, _plate: &str, _paused: bool) {}
 
     fn note_act(&self, entry: AuditEntry) -> bool {
         self.kept.lock().audit.push(entry);

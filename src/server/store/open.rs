@@ -28,9 +28,7 @@ use upm_core::time::MonotonicClock;
 /// An open store with the report of its opening.
 #[derive(Debug)]
 pub struct Opened {
-    /// The store.
     pub store: Store,
-    /// The report.
     pub recovery: Recovery,
 }
 

@@ -89,7 +89,6 @@ impl Pending {
 }
 
 impl Notes {
-    /// Writes them.
     pub fn write(&self, tx: &WriteTx<'_>) -> rusqlite::Result<()> {
         self.acts.iter().try_for_each(|(at, entry)| tx.note_act(*at, entry))?;
         self.paused.iter().try_for_each(|(plate, paused)| tx.set_paused(plate, *paused))?;

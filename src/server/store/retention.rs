@@ -104,7 +104,6 @@ pub(super) struct Sweeper {
     orphans: BTreeMap<String, Uptime>,
     /// Sizes of the folders of jobs that have ended.
     sizes: BTreeMap<String, u64>,
-    /// Bytes of all run folders.
     bytes: Arc<AtomicU64>,
 }
 

@@ -16,13 +16,9 @@ pub const FINISHED: &str = "finished";
 /// A validated job that asks to be queued.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewJob {
-    /// Name of the job.
     pub name: String,
-    /// The plate it goes to.
     pub plate: String,
-    /// Its seed.
     pub seed: u64,
-    /// How fast it runs.
     pub pace: Pace,
     /// The job as JSON, every default written out, the rig left out.
     pub spec_json: String,
@@ -65,23 +61,16 @@ impl NewJob {
 /// A job in the store, without its text (see [`Claimed`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobRow {
-    /// Its id.
     pub id: JobId,
-    /// Name of the job.
     pub name: String,
-    /// Its plate.
     pub plate: String,
-    /// How far it has come.
     pub state: JobState,
-    /// Its seed.
     pub seed: u64,
-    /// How fast it runs.
     pub pace: Pace,
     /// Fingerprint of the rig it was checked against.
     pub rig_fingerprint: String,
     /// SHA-256 of the library it was checked against, in hex.
     pub library_sha256: String,
-    /// When it was accepted.
     pub submitted_at: Timestamp,
     /// When its plate took it; not before `submitted_at`.
     pub started_at: Option<Timestamp>,
@@ -92,11 +81,9 @@ pub struct JobRow {
     pub progress: f64,
     /// Why it ended as it did; empty until then.
     pub reason: String,
-    /// Its `report.json`.
     pub report_json: Option<String>,
     /// Name of its run folder within the folder of runs; never a path.
     pub folder: Option<String>,
-    /// State of its recording.
     pub recording: RecordingStatus,
     /// Sequence number of its last event; 0 before the first.
     pub last_event: u64,
@@ -131,9 +118,7 @@ pub struct JobEnd {
     pub stop: Option<StopCause>,
     /// Why, in words.
     pub reason: String,
-    /// Its `report.json`, if it came to one.
     pub report_json: Option<String>,
-    /// State of its recording.
     pub recording: RecordingStatus,
 }
 
@@ -184,7 +169,7 @@ pub struct NewEvent {
     pub plate_time: PlateTime,
     /// Kind: `state`, `cycle`, `warning`, `recording`.
     pub kind: &'static str,
-    /// Content, as JSON.
+    /// JSON.
     pub body: Arc<str>,
 }
 
@@ -197,9 +182,8 @@ pub struct StoredEvent {
     pub at: Timestamp,
     /// When, of the plate's own time.
     pub plate_time: PlateTime,
-    /// Kind.
     pub kind: String,
-    /// Content, as JSON.
+    /// JSON.
     pub body: Arc<str>,
 }
 
@@ -212,9 +196,7 @@ pub enum Accepted {
     Replayed(JobRow),
     /// The same key came before with another body.
     KeyReused,
-    /// The plate's queue is full.
     QueueFull {
-        /// Jobs in it.
         queued: usize,
     },
 }
@@ -226,14 +208,12 @@ pub enum Cancelled {
     Now(JobRow, StoredEvent),
     /// It is in another state, and stays so.
     Not(JobRow),
-    /// There is no such job.
     Unknown,
 }
 
 /// Which jobs to list: newest first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Page {
-    /// Only jobs in this state.
     pub state: Option<JobState>,
     /// Most jobs in the answer; at least 1 and at most [`Page::MOST`] are given.
     pub limit: usize,
@@ -249,7 +229,6 @@ impl Page {
 /// Jobs, newest first.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct JobPage {
-    /// The jobs.
     pub rows: Vec<JobRow>,
     /// Cursor of the next page; `None` on the last.
     pub next: Option<JobId>,
@@ -262,22 +241,17 @@ pub struct Replay {
     pub oldest: u64,
     /// Number of the newest event ever told; 0 before the first.
     pub last: u64,
-    /// The events, in order.
     pub events: Vec<StoredEvent>,
 }
 
 /// One act for the audit log.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct AuditEntry {
-    /// The plate it was done to.
     pub plate: Option<String>,
     /// The act: `estop`, `reset`, `resume`.
     pub act: String,
-    /// The operator, as given.
     pub operator: String,
-    /// The reason, as given.
     pub reason: String,
-    /// Address it came from.
     pub remote: String,
     /// Name of the token it came with, never the token.
     pub token_name: String,
@@ -286,40 +260,31 @@ pub struct AuditEntry {
 /// One line of the audit log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AuditRow {
-    /// Its number.
     pub id: i64,
-    /// When.
     pub at: Timestamp,
-    /// What.
     pub entry: AuditEntry,
 }
 
 /// Why the store did not do what it was asked.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StoreFault {
-    /// The disk is full.
     #[error("the disk of the job store is full")]
     Full,
     /// More is waiting for the disk than is allowed to: ask again later.
     #[error("the job store is busy")]
     Busy,
-    /// Reading or writing failed.
     #[error("the job store cannot be read or written: {0}")]
     Io(String),
-    /// The database is damaged.
     #[error("the job store is damaged: {0}")]
     Corrupt(String),
     /// A newer release wrote the store.
     #[error("{file}: found a job store of version {found}, expected version {known} or older: start a newer release")]
     Newer {
-        /// The database.
         file: String,
-        /// Its version.
         found: i32,
         /// The newest version that this release knows.
         known: i32,
     },
-    /// The store has been closed.
     #[error("the job store is closed")]
     Closed,
 }
@@ -327,7 +292,6 @@ pub enum StoreFault {
 /// Repair of a recording that had not been closed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mended {
-    /// Messages in it.
     pub messages: u64,
     /// Bytes at its end that could not be kept.
     pub cut_bytes: u64,

@@ -22,11 +22,8 @@ pub(super) struct Ended {
 pub(super) struct WriteTx<'a> {
     /// The connection within the transaction.
     pub connection: &'a Connection,
-    /// Ids of jobs to come.
     pub ids: &'a Ids,
-    /// How much is kept.
     pub limits: &'a Limits,
-    /// The folder of run folders.
     pub runs: &'a Path,
     /// When this transaction began.
     pub now: Timestamp,

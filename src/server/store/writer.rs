@@ -45,7 +45,6 @@ pub(super) struct Writer {
     pub status: Arc<WriterStatus>,
     pub ids: Ids,
     pub limits: Limits,
-    /// The folder of run folders.
     pub runs: PathBuf,
     pub now: fn() -> Timestamp,
     pub ages: Arc<AgeClock>,

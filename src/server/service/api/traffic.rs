@@ -13,7 +13,7 @@ const NONE: &str = "none";
 /// Counters of requests and event streams, without locks. Copies share them; their number does not depend on what clients
 /// send.
 #[derive(Clone, Debug)]
-pub struct Traffic(Arc<Counts>);
+pub struct Traffic(Arc<Counters>);
 
 /// Requests that were answered alike.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,51 +28,37 @@ pub struct Requests {
 }
 
 #[derive(Debug)]
-struct Counts {
-    rows: Vec<Row>,
+struct Counters {
+    requests: Vec<Counter>,
     streams: AtomicU64,
 }
 
 #[derive(Debug)]
-struct Row {
+struct Counter {
     operation: &'static str,
-    counts: Vec<(u16, AtomicU64)>,
-}
-
-impl Row {
-    fn new(operation: &'static str, statuses: impl IntoIterator<Item = u16>) -> Self {
-        let counts = statuses.into_iter().chain([0]).map(|status| (status, AtomicU64::new(0))).collect();
-        Self { operation, counts }
-    }
-
-    fn count(&self, status: u16) {
-        let known = self.counts.iter().find(|(known, _)| *known == status);
-        if let Some((_, count)) = known.or(self.counts.last()) {
-            count.fetch_add(1, Ordering::Relaxed);
-        }
-    }
+    status: u16,
+    count: AtomicU64,
 }
 
 impl Traffic {
-    /// Counts for `operations`, each with the statuses that it can be answered with.
+    /// Counters for `operations`, each with the statuses that it can be answered with.
     pub(super) fn of(operations: impl IntoIterator<Item = (&'static str, Vec<u16>)>) -> Self {
-        let mut rows: Vec<Row> = operations.into_iter().map(|(id, statuses)| Row::new(id, statuses)).collect();
-        rows.push(Row::new(NONE, ProblemKind::ALL.map(|kind| kind.status().as_u16())));
-        Self(Arc::new(Counts { rows, streams: AtomicU64::new(0) }))
+        let none = (NONE, ProblemKind::ALL.map(|kind| kind.status().as_u16()).to_vec());
+        let of_operation = |(operation, statuses): (_, Vec<u16>)| {
+            let statuses = statuses.into_iter().chain([0]);
+            statuses.map(move |status| Counter { operation, status, count: AtomicU64::new(0) })
+        };
+        let requests = operations.into_iter().chain([none]).flat_map(of_operation).collect();
+        Self(Arc::new(Counters { requests, streams: AtomicU64::new(0) }))
     }
 
     /// Requests answered so far, for every operation and every status it can be answered with.
     pub fn requests(&self) -> Vec<Requests> {
-        let of_row = |row: &Row| {
-            let operation = row.operation;
-            let count = |(status, count): &(u16, AtomicU64)| Requests {
-                operation,
-                status: *status,
-                count: count.load(Ordering::Relaxed),
-            };
-            row.counts.iter().map(count).collect::<Vec<_>>()
+        let requests = |Counter { operation, status, count }: &Counter| {
+            let count = count.load(Ordering::Relaxed);
+            Requests { operation, status: *status, count }
         };
-        self.0.rows.iter().flat_map(of_row).collect()
+        self.0.requests.iter().map(requests).collect()
     }
 
     /// Event streams that are open.
@@ -87,14 +73,16 @@ impl Traffic {
     }
 
     fn count(&self, operation: &str, status: u16) {
-        let row = self.0.rows.iter().find(|row| row.operation == operation);
-        row.iter().for_each(|row| row.count(status));
+        let counter = |status| self.0.requests.iter().find(|at| at.operation == operation && at.status == status);
+        if let Some(counter) = counter(status).or_else(|| counter(0)) {
+            counter.count.fetch_add(1, Ordering::Relaxed);
+        }
     }
 }
 
 /// An event stream that is counted.
 #[derive(Debug)]
-pub(super) struct StreamGauge(Arc<Counts>);
+pub(super) struct StreamGauge(Arc<Counters>);
 
 impl Drop for StreamGauge {
     fn drop(&mut self) {
