@@ -3,6 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
+#[path = "architecture/circles.rs"]
+mod circles;
 #[path = "architecture/scan.rs"]
 mod scan;
 
@@ -21,6 +23,7 @@ const CRATES: &[(&str, &[&str])] = &[
             "signal",
             "disc_friction",
             "ground_truth",
+            "background",
             "files",
             "job",
             "rig",
@@ -56,6 +59,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("signal", &[]),
     ("disc_friction", &[]),
     ("ground_truth", &[]),
+    ("background", &[]),
     ("files", &[]),
     ("job", &[]),
     ("rig", &["signal"]),
@@ -170,7 +174,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("main", &["cli"]),
 ];
 
-const BASE: &[&str] = &["units", "time", "priority", "random", "geometry", "files", "job", "document"];
+const BASE: &[&str] = &["units", "time", "priority", "random", "geometry", "background", "files", "job", "document"];
 
 /// What neither control nor anything it imports may name, tests included.
 const TRUTH: &[&str] = &["sim", "ground_truth"];
@@ -178,7 +182,8 @@ const TRUTH: &[&str] = &["sim", "ground_truth"];
 /// Paths outside the workspace and the only places that may name them.
 const OUTSIDE: &[(&str, &[&str])] = &[
     ("clarabel", &["src/qp"]),
-    ("pathfinding", &["src/goal"]),
+    ("crossbeam_channel", &["src/core/background"]),
+    ("pathfinding", &["src/goal", "src/perception/vision/tracking"]),
     ("imageproc", &["src/reference", "src/cli/locate/canvas", "src/server/plates/draw"]),
     ("rustfft", &["src/perception"]),
     ("realfft", &["src/perception/vision"]),
@@ -192,6 +197,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("hyper_util", &["src/server/service"]),
     ("socket2", &["src/server/service"]),
     ("tower", &["src/server/service"]),
+    ("tower_http", &["src/server/service"]),
     ("http_body_util", &["src/server/service"]),
     ("bytes", &["src/server/service", "src/server/daemon"]),
     ("futures_util", &["src/server/service"]),
@@ -286,17 +292,29 @@ fn may_import(allowed: &[&str], room: &str, item: Option<&str>) -> bool {
         })
 }
 
+/// True when a module for tests alone holds `file`.
+fn is_test_file(files: &[(String, String)], scans: &[Scan], file: &str) -> bool {
+    files.iter().zip(scans).any(|((parent, _), scan)| {
+        let folder = parent.trim_end_matches("/mod.rs").trim_end_matches("/lib.rs").trim_end_matches(".rs");
+        scan.test_modules
+            .iter()
+            .any(|m| file.strip_prefix(&format!("{folder}/{m}")).is_some_and(|r| r.starts_with(['.', '/'])))
+    })
+}
+
+/// Circles among `files` (path and text), tests left out.
+fn circles_in(files: &[(String, String)]) -> Vec<String> {
+    let scans: Vec<Scan> = files.iter().map(|(file, text)| scan(text, depth_of(file))).collect();
+    let all = files.iter().zip(&scans).map(|((file, _), scan)| (file.as_str(), scan));
+    let shipped: Vec<(&str, &Scan)> = all.filter(|(file, _)| !is_test_file(files, &scans, file)).collect();
+    let members: Vec<&str> = CRATES.iter().map(|(name, _)| *name).collect();
+    circles::circles(&shipped, &members)
+}
+
 /// Every breach of the rules in `files` (path and text), as `file:line: rule`.
 fn faults(files: &[(String, String)]) -> Vec<String> {
     let scans: Vec<Scan> = files.iter().map(|(file, text)| scan(text, depth_of(file))).collect();
-    let is_test_file = |file: &str| {
-        files.iter().zip(&scans).any(|((parent, _), scan)| {
-            let folder = parent.trim_end_matches("/mod.rs").trim_end_matches("/lib.rs").trim_end_matches(".rs");
-            scan.test_modules
-                .iter()
-                .any(|m| file.strip_prefix(&format!("{folder}/{m}")).is_some_and(|r| r.starts_with(['.', '/'])))
-        })
-    };
+    let is_test_file = |file: &str| is_test_file(files, &scans, file);
     let mut faults = Vec::new();
     // For every room where its imports outside tests are written.
     let mut imports: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
@@ -380,6 +398,12 @@ fn rooms_import_only_what_they_may() {
     assert!(files.len() > 20, "sources are where they are looked for");
     let faults = faults(&files);
     assert!(faults.is_empty(), "\n{}", faults.join("\n"));
+}
+
+#[test]
+fn files_import_each_other_in_no_circle() {
+    let circles = circles_in(&project().unwrap());
+    assert!(circles.is_empty(), "\n{}", circles.join("\n"));
 }
 
 #[test]
@@ -526,4 +550,29 @@ fn outside_crates_have_their_places_and_files_their_length() {
         faults_of(&[("src/goal/plus_sign.rs", &long)]),
         ["src/goal/plus_sign.rs:401: files have at most 400 lines"]
     );
+}
+
+#[test]
+fn circles_are_found_through_names_that_are_handed_on_and_only_outside_tests() {
+    let found = |files: &[(&str, &str)]| {
+        circles_in(&files.iter().map(|(file, text)| (file.to_string(), text.to_string())).collect::<Vec<_>>())
+    };
+    let room = ("src/goal/lib.rs", "mod a; mod b; pub use a::A; pub use b::B;");
+    let both =
+        [room, ("src/goal/a.rs", "use super::B; pub struct A;"), ("src/goal/b.rs", "use crate::A; pub struct B;")];
+    let circle = "circle of 2 files:\n  src/goal/a.rs -> src/goal/b.rs: B\n  src/goal/b.rs -> src/goal/a.rs: A";
+    assert_eq!(found(&both), [circle]);
+    let one_way = [room, both[1], ("src/goal/b.rs", "#[cfg(test)] mod tests { use super::super::A; } pub struct B;")];
+    assert_eq!(found(&one_way), [""; 0], "tests may");
+    let parent = [
+        ("src/goal/lib.rs", "mod a; pub struct P; fn f() { a::g() }"),
+        ("src/goal/a.rs", "use super::P; pub fn g() {}"),
+    ];
+    assert_eq!(found(&parent).len(), 1, "a parent that uses its child");
+    let renamed = [
+        ("src/goal/lib.rs", "mod a; mod b;"),
+        ("src/goal/a.rs", "use super::b as other; pub const A: u8 = other::B;"),
+        ("src/goal/b.rs", "use super::a::*; pub const B: u8 = 1; const C: u8 = A;"),
+    ];
+    assert_eq!(found(&renamed).len(), 1);
 }

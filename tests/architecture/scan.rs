@@ -6,6 +6,21 @@ pub struct Mention {
     pub line: usize,
     pub segments: Vec<String>,
     pub in_test: bool,
+    /// As it stands there.
+    pub written: Written,
+}
+
+/// A path as it stands in a source.
+#[derive(Debug)]
+pub struct Written {
+    pub line: usize,
+    pub path: Vec<String>,
+    /// The name that a `use` gives it.
+    pub bound: Option<String>,
+    /// Modules in the same file around it.
+    pub inline: usize,
+    /// True for a `pub use`: the file hands the name on.
+    pub is_handed_on: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -83,6 +98,8 @@ fn character_length(rest: &str) -> usize {
 pub struct Scan {
     pub mentions: Vec<Mention>,
     pub test_modules: Vec<String>,
+    /// Names of the items that the source defines.
+    pub defined: Vec<String>,
 }
 
 /// `depth` is how deep the file's module lies: 0 for a crate's root, 1 for `src/sim/plate.rs`.
@@ -104,7 +121,16 @@ pub fn scan(source: &str, depth: usize) -> Scan {
                 pending_test |= names.contains(&"test") && !names.contains(&"not");
                 end
             }
-            "use" if text(i + 1) != "<" => use_tree(&tokens, i + 1, &[], &mut paths),
+            "use" if text(i + 1) != "<" => {
+                let end = use_tree(&tokens, i + 1, &[], &mut paths);
+                let is_handed_on = i > 0 && ["pub", ")"].contains(&text(i - 1));
+                paths.iter_mut().for_each(|written| written.is_handed_on = is_handed_on);
+                end
+            }
+            "struct" | "enum" | "fn" | "trait" | "type" | "const" | "static" | "union" => {
+                scan.defined.push(text(i + 1).to_owned());
+                i + 1
+            }
             "mod" if text(i + 2) == ";" => {
                 scan.test_modules.extend(in_test.then(|| text(i + 1).to_owned()));
                 i + 2
@@ -131,21 +157,27 @@ pub fn scan(source: &str, depth: usize) -> Scan {
                 while text(end + 1) == "::" && tokens.get(end + 2).is_some_and(Token::is_name) {
                     end += 2;
                 }
-                paths.push((tokens[i].line, (i..=end).step_by(2).map(|k| text(k).to_owned()).collect()));
+                let path = (i..=end).step_by(2).map(|k| text(k).to_owned()).collect();
+                paths.push(Written { line: tokens[i].line, path, bound: None, inline: 0, is_handed_on: false });
                 end + 1
             }
             _ => i + 1,
         };
-        let deep = depth + scopes.iter().filter(|s| s.0).count();
-        scan.mentions.extend(paths.into_iter().map(|(line, p)| Mention { line, segments: absolute(p, deep), in_test }));
+        let inline = scopes.iter().filter(|s| s.0).count();
+        scan.mentions.extend(paths.into_iter().map(|written| Mention {
+            line: written.line,
+            segments: absolute(written.path.clone(), depth + inline),
+            in_test,
+            written: Written { inline, ..written },
+        }));
         i = next;
     }
     scan
 }
 
 /// Unfolds the tree of a `use` that starts at token `i`; gives the token after it.
-fn use_tree(tokens: &[Token], mut i: usize, before: &[String], paths: &mut Vec<(usize, Vec<String>)>) -> usize {
-    let mut path = before.to_vec();
+fn use_tree(tokens: &[Token], mut i: usize, before: &[String], paths: &mut Vec<Written>) -> usize {
+    let (mut path, mut alias) = (before.to_vec(), None);
     while let Some(token) = tokens.get(i) {
         match token.text.as_str() {
             "{" => {
@@ -154,7 +186,10 @@ fn use_tree(tokens: &[Token], mut i: usize, before: &[String], paths: &mut Vec<(
                 }
                 return i + 1;
             }
-            "as" => i += 1,
+            "as" => {
+                i += 1;
+                alias = tokens.get(i).map(|token| token.text.clone());
+            }
             "::" => {}
             "}" | "," | ";" => break,
             name => path.push(name.to_owned()),
@@ -162,7 +197,11 @@ fn use_tree(tokens: &[Token], mut i: usize, before: &[String], paths: &mut Vec<(
         i += 1;
     }
     if path.len() > before.len() {
-        paths.push((tokens.get(i).map_or(0, |t| t.line), path));
+        if path.last().is_some_and(|last| last == "self") && path.len() > 1 {
+            path.pop();
+        }
+        let bound = alias.or_else(|| path.last().cloned());
+        paths.push(Written { line: tokens.get(i).map_or(0, |t| t.line), path, bound, inline: 0, is_handed_on: false });
     }
     i
 }
