@@ -213,7 +213,11 @@ def played_wrongly(run, pulse):
             a, b = (int(v) for v in fault.value)
             source[a], source[b] = source[b], source[a]
             continue
-        by = fault.value[0] if fault.kind == "gain" else {"dead": 0.0, "stuck": 0.0, "reversed": -1.0}.get(fault.kind, 1.0)
+        by = {"dead": 0.0, "stuck": 0.0, "reversed": -1.0}.get(fault.kind, 1.0)
+        if fault.kind == "gain":
+            by = fault.value[0]
+        elif fault.kind == "low_pass":
+            by = 1.0 / math.hypot(1.0, pulse.base_hz / fault.value[0])
         for coil in range(4) if fault.group == fault.component else (int(fault.component[-1]),):
             gain[coil] *= by
     pairs = ((sent, gain[i] * played) for i in range(4) for sent, played in zip(pulse.counts[i], pulse.counts[source[i]]))

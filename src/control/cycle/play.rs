@@ -6,7 +6,7 @@ use super::Cycle;
 use crate::condition::Condition;
 use crate::ending::{Ending, Flow, flow, is_stopped};
 use crate::eyes::Moment;
-use crate::guards::{Finding, Late, PulseReading, Swing, Unlike, Went, went};
+use crate::guards::{Finding, Late, PulseReading, Swing, SwingSeen, Unlike, Went, went};
 use crate::learning::{Lesson, MORE, Scatter};
 use crate::{Carried, EventLevel, PulseFacts};
 use upm_core::geometry::Vec2;
@@ -137,7 +137,9 @@ impl Cycle<'_> {
         sensors: &'a AccelerometerPair,
         went: Option<Went>,
     ) -> PulseReading<'a> {
-        PulseReading { fit, sensors, went, swing: self.eyes.swing_seen() }
+        let (went, swing) =
+            if self.eyes.is_relocated() { (None, SwingSeen::Unclear) } else { (went, self.eyes.swing_seen()) };
+        PulseReading { fit, sensors, went, swing }
     }
 
     /// Reports a finding on a pulse's motion and ends the run if it must; true where the plate moved about as planned.

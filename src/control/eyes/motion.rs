@@ -44,6 +44,11 @@ impl Eyes {
         self.delay.swing_seen()
     }
 
+    /// True when the table was located anew since the last pulse began: its frames tell nothing sure of that pulse.
+    pub fn is_relocated(&self) -> bool {
+        self.relocated
+    }
+
     /// True once after the table was located anew, unless a pulse has begun since.
     pub fn take_relocated(&mut self) -> bool {
         std::mem::take(&mut self.relocated)
