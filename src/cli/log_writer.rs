@@ -1,14 +1,12 @@
 use std::io::{self, Write};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::thread;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::Duration;
 
 use tracing_subscriber::fmt::MakeWriter;
 
-use upm_core::priority::step_back;
-use upm_core::time::{Clock, MonotonicClock};
+use upm_core::background::{OverflowPolicy, Queue, Receiver, Unsent, Worker};
 
 /// Lines that may wait to be written.
 const WAITING: usize = 1024;
@@ -16,67 +14,55 @@ const WAITING: usize = 1024;
 /// Longest time that the end of the process waits for them.
 const FAREWELL: Duration = Duration::from_millis(100);
 
-/// How often it looks meanwhile.
-const LOOK: Duration = Duration::from_millis(1);
-
-/// Queue of log lines that never blocks: a dedicated thread writes them. When it is full lines are dropped, and their number
-/// is reported before the next one.
+/// Takes the lines of a log and never waits for their reader: a thread writes them. Lines that find no room are lost, and
+/// their number is written before the next one.
 #[derive(Debug)]
 pub(super) struct LogWriter {
-    lines: SyncSender<Entry>,
-    tally: Arc<Tally>,
+    entries: Queue<Entry>,
+    /// Lines lost that no entry carries yet.
+    lost: Arc<AtomicU64>,
 }
 
 #[derive(Debug)]
-struct Entry {
-    text: Vec<u8>,
-    /// Lines lost just before it.
-    lost: u64,
-}
-
-#[derive(Debug, Default)]
-struct Tally {
-    /// Lines that are not written yet.
-    waiting: AtomicUsize,
-    /// Lines lost that nothing was told of yet.
-    lost: AtomicU64,
+enum Entry {
+    /// A line, and the number of lines lost just before it.
+    Line { text: Vec<u8>, lost: u64 },
+    /// All entries before this are written: say so.
+    Written(SyncSender<()>),
 }
 
 impl LogWriter {
-    /// Starts the thread that writes to `out`. `tell_lost` is called on it with how many lines were lost.
+    /// Starts the thread that writes to `out`. `tell_lost` is called on it with the number of lines lost.
     pub(super) fn start(
         out: impl Write + Send + 'static,
         tell_lost: impl Fn(u64) + Send + 'static,
     ) -> io::Result<(Self, LastWords)> {
-        let (lines, entries) = sync_channel(WAITING);
-        let tally = Arc::<Tally>::default();
-        let written = Arc::clone(&tally);
-        thread::Builder::new().name("log".into()).spawn(move || {
-            step_back();
-            write_down(&entries, out, &written, tell_lost);
-        })?;
-        Ok((Self { lines, tally: Arc::clone(&tally) }, LastWords(tally)))
+        let (entries, waiting) = Queue::bounded(WAITING, OverflowPolicy::GiveUp);
+        Worker::start("log", true, move || write_down(&waiting, out, tell_lost))?;
+        Ok((Self { entries: entries.clone(), lost: Arc::default() }, LastWords(entries)))
     }
 
     fn offer(&self, text: Vec<u8>) {
-        let Tally { waiting, lost } = &*self.tally;
-        let entry = Entry { text, lost: lost.swap(0, Ordering::SeqCst) };
-        waiting.fetch_add(1, Ordering::SeqCst);
-        if let Err(TrySendError::Full(entry) | TrySendError::Disconnected(entry)) = self.lines.try_send(entry) {
-            waiting.fetch_sub(1, Ordering::SeqCst);
-            lost.fetch_add(entry.lost + 1, Ordering::SeqCst);
+        let lost = self.lost.swap(0, Ordering::SeqCst);
+        let sent = self.entries.send(Entry::Line { text, lost });
+        if let Err(Unsent::Full(_) | Unsent::Closed(_)) = sent {
+            self.lost.fetch_add(lost + 1, Ordering::SeqCst);
         }
     }
 }
 
-fn write_down(entries: &Receiver<Entry>, mut out: impl Write, tally: &Tally, tell_lost: impl Fn(u64)) {
-    while let Ok(Entry { text, lost }) = entries.recv() {
-        if lost > 0 {
-            tell_lost(lost);
+fn write_down(entries: &Receiver<Entry>, mut out: impl Write, tell_lost: impl Fn(u64)) {
+    for entry in entries {
+        match entry {
+            Entry::Line { text, lost } => {
+                if lost > 0 {
+                    tell_lost(lost);
+                }
+                // an error has no other place to be told
+                out.write_all(&text).ok();
+            }
+            Entry::Written(reply) => drop(reply.try_send(())),
         }
-        // a log that cannot be written has no place to report it
-        out.write_all(&text).ok();
-        tally.waiting.fetch_sub(1, Ordering::SeqCst);
     }
 }
 
@@ -111,21 +97,29 @@ impl Drop for Line<'_> {
     }
 }
 
-/// On drop, waits up to 100 ms for the queue to be written.
+/// When it is dropped the lines that wait are written, as far as they go in a tenth of a second.
 #[derive(Debug)]
-pub(super) struct LastWords(Arc<Tally>);
+pub(super) struct LastWords(Queue<Entry>);
+
+impl LastWords {
+    fn wait_within(&self, longest: Duration) {
+        let (reply, written) = sync_channel(1);
+        if self.0.send_within(Entry::Written(reply), longest).is_ok() {
+            written.recv_timeout(longest).ok();
+        }
+    }
+}
 
 impl Drop for LastWords {
     fn drop(&mut self) {
-        let clock = MonotonicClock::new();
-        while self.0.waiting.load(Ordering::SeqCst) > 0 && clock.elapsed() < FAREWELL {
-            thread::sleep(LOOK);
-        }
+        self.wait_within(FAREWELL);
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::mpsc;
+
     use super::super::log_page::Page;
     use super::*;
 
@@ -133,7 +127,7 @@ mod tests {
     struct Stuck {
         page: Page,
         asked: SyncSender<()>,
-        go: Receiver<()>,
+        go: mpsc::Receiver<()>,
     }
 
     impl Write for Stuck {
@@ -153,7 +147,7 @@ mod tests {
         log: LogWriter,
         last_words: LastWords,
         page: Page,
-        asked: Receiver<()>,
+        asked: mpsc::Receiver<()>,
         let_go: SyncSender<()>,
     }
 
@@ -176,11 +170,7 @@ mod tests {
         (0..WAITING).for_each(|i| say(i.to_string()));
         (0..7).for_each(|_| say("no room".to_owned()));
         drop(let_go);
-        let until_written = || {
-            while last_words.0.waiting.load(Ordering::SeqCst) > 0 {
-                thread::sleep(LOOK);
-            }
-        };
+        let until_written = || last_words.wait_within(Duration::from_secs(60));
         until_written();
         say("after".to_owned());
         until_written();

@@ -3,34 +3,26 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-use super::switch::{OnFull, RecordingSwitch};
+use super::switch::RecordingSwitch;
+use upm_core::background::OverflowPolicy;
 use upm_core::time::MonotonicClock;
-
-/// What a [`Scribe`](super::scribe::Scribe) does when the disk lags and its queue is full.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ScribeMode {
-    /// The write waits.
-    #[default]
-    Wait,
-    /// The write fails with [`io::ErrorKind::WouldBlock`], and so does every later one; no write ever waits.
-    GiveUp,
-}
 
 /// How what is told of a run gets to the disk. It changes nothing in the run itself.
 #[derive(Clone, Debug)]
 pub struct Keeping {
-    /// What the journal does when the disk lags.
-    pub scribe: ScribeMode,
+    /// The journal's choice when the disk lags. One that gives up fails with [`io::ErrorKind::WouldBlock`] from then on.
+    pub journal_overflow: OverflowPolicy,
     /// Tells how the journal is getting on. One for each run.
     pub journal: ScribeWatch,
-    /// What the recording does when it lags.
-    pub on_full: OnFull,
+    /// The recording's choice when it lags. One that gives up ends as failed, and the run goes on.
+    pub recording_overflow: OverflowPolicy,
     /// Tells how the recording is getting on, and stops it. One for each run.
     pub recording: RecordingSwitch,
     /// True for a run that has a clock to keep up with: the threads that write let it go before them. Without a clock they
     /// would only fall behind it.
     pub has_clock: bool,
-    /// Set once the run is to end: from then on it hardly waits for its recording, see [`OnFull::WaitAtMost`].
+    /// Set once the run is to end: from then on it waits a tenth of a second for its recording at most,
+    /// unless that may wait without end.
     pub stop: Arc<AtomicBool>,
     /// When the threads that write have gathered long enough.
     pub clock: MonotonicClock,
@@ -40,9 +32,9 @@ impl Keeping {
     /// The run waits for the disk, so nothing is ever lost.
     pub fn patient(clock: MonotonicClock) -> Self {
         Self {
-            scribe: ScribeMode::Wait,
+            journal_overflow: OverflowPolicy::Wait,
             journal: ScribeWatch::default(),
-            on_full: OnFull::Wait,
+            recording_overflow: OverflowPolicy::Wait,
             recording: RecordingSwitch::default(),
             has_clock: false,
             stop: Arc::default(),

@@ -24,7 +24,7 @@ mod wave;
 
 pub use fanout::Fanout;
 pub use journal::Journal;
-pub use keeping::{Keeping, ScribeMode, ScribeWatch};
+pub use keeping::{Keeping, ScribeWatch};
 pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
 pub use memory::MemorySink;
 pub use motion::Motion;
@@ -36,6 +36,6 @@ pub use report::{
 pub use rerun_mode::{BadRerunMode, RerunMode};
 pub use roomy_file::RoomyFile;
 pub use scribe::{Durable, Scribe};
-pub use switch::{OnFull, RecordingState, RecordingSwitch, tell_recording};
+pub use switch::{RecordingState, RecordingSwitch, tell_recording};
 pub use tally::{Deadlines, Ending, PartEnding, Tally};
 pub use timings::{Durations, Quantiles, Timings, TimingsReport};

@@ -1,11 +1,9 @@
 use std::fs::File;
 use std::io::{self, ErrorKind, Write};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
-use std::thread;
 use std::time::Duration;
 
-use super::keeping::{ScribeMode, ScribeWatch};
-use upm_core::priority::step_back;
+use super::keeping::ScribeWatch;
+use upm_core::background::{OverflowPolicy, Queue, Receiver, RecvTimeoutError, Unfinished, Unsent, Worker};
 use upm_core::time::Clock;
 
 /// Lines that may wait to be written.
@@ -21,7 +19,7 @@ const MOST_GATHERED_BYTES: usize = 1 << 16;
 /// commit is never later than a second.
 const COMMIT: Duration = Duration::from_millis(750);
 
-/// How long [`ScribeMode::GiveUp`] waits at the end for a disk that lags.
+/// How long [`OverflowPolicy::GiveUp`] waits at the end for a disk that lags.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// A writer whose bytes can be brought to the disk, so that they outlive a loss of power.
@@ -42,9 +40,10 @@ impl Durable for File {
 /// thread meets comes out of the next `write`, or of [`Scribe::finish`]; nothing is written after the first fault.
 #[derive(Debug)]
 pub struct Scribe {
-    lines: Option<SyncSender<Vec<u8>>>,
-    done: Receiver<io::Result<()>>,
-    mode: ScribeMode,
+    /// `None` once it ends.
+    lines: Option<Queue<Vec<u8>>>,
+    thread: Worker<io::Result<()>>,
+    overflow: OverflowPolicy,
     watch: ScribeWatch,
     fault: Option<(ErrorKind, String)>,
 }
@@ -53,24 +52,19 @@ impl Scribe {
     /// Starts the thread that writes to `out`, and lets others go before it where it `steps_back`; `watch` tells of it.
     pub fn start(
         mut out: impl Durable + Send + 'static,
-        mode: ScribeMode,
+        overflow: OverflowPolicy,
         steps_back: bool,
         clock: impl Clock + Send + 'static,
         watch: ScribeWatch,
     ) -> io::Result<Self> {
-        let (lines, waiting) = sync_channel::<Vec<u8>>(QUEUE);
-        let (report, done) = sync_channel(1);
+        let (lines, waiting) = Queue::bounded(QUEUE, overflow);
         let told = watch.clone();
-        thread::Builder::new().name("scribe".into()).spawn(move || {
-            if steps_back {
-                step_back();
-            }
+        let thread = Worker::start("scribe", steps_back, move || {
             let written = transcribe(&mut out, &waiting, &clock, &told).inspect_err(|fault| told.fail(fault));
             told.go_on();
-            drop(out);
-            report.send(written).ok();
+            written
         })?;
-        Ok(Self { lines: Some(lines), done, mode, watch, fault: None })
+        Ok(Self { lines: Some(lines), thread, overflow, watch, fault: None })
     }
 
     /// Returns when every line is on the disk. `Err` with the first fault since the start.
@@ -87,15 +81,14 @@ impl Scribe {
         if self.lines.take().is_none() {
             return Ok(());
         }
-        let ended = match self.mode {
-            ScribeMode::Wait => self.done.recv().map_err(|_| RecvTimeoutError::Disconnected),
-            ScribeMode::GiveUp => self.done.recv_timeout(PATIENCE),
+        let ended = match self.overflow {
+            OverflowPolicy::Wait => self.thread.wait(),
+            _ => self.thread.wait_within(PATIENCE),
         };
-        match ended {
-            Ok(written) => written,
-            Err(RecvTimeoutError::Timeout) => Err(io::Error::new(ErrorKind::TimedOut, "the disk hangs")),
-            Err(RecvTimeoutError::Disconnected) => Err(io::Error::other("the scribe's thread died")),
-        }
+        ended.unwrap_or_else(|unfinished| match unfinished {
+            Unfinished::Hangs => Err(io::Error::new(ErrorKind::TimedOut, "the disk hangs")),
+            Unfinished::Died => Err(io::Error::other("the scribe's thread died")),
+        })
     }
 
     fn fail(&mut self, fault: &io::Error) -> io::Error {
@@ -110,18 +103,13 @@ impl Write for Scribe {
         if let Some((kind, text)) = &self.fault {
             return Err(io::Error::new(*kind, text.as_str()));
         }
-        let sent = match (&self.lines, self.mode) {
-            (None, _) => Err(TrySendError::Disconnected(Vec::new())),
-            (Some(lines), ScribeMode::Wait) => lines.send(line.to_vec()).map_err(|e| TrySendError::Disconnected(e.0)),
-            (Some(lines), ScribeMode::GiveUp) => lines.try_send(line.to_vec()),
-        };
-        match sent {
-            Ok(()) => Ok(line.len()),
-            Err(TrySendError::Full(_)) => {
+        match self.lines.as_ref().map(|lines| lines.send(line.to_vec())) {
+            Some(Ok(())) => Ok(line.len()),
+            Some(Err(Unsent::Full(_))) => {
                 let lag = format!("the disk lags: {QUEUE} lines wait to be written");
                 Err(self.fail(&io::Error::new(ErrorKind::WouldBlock, lag)))
             }
-            Err(TrySendError::Disconnected(_)) => {
+            Some(Err(Unsent::Closed(_))) | None => {
                 let fault = self.end().err().unwrap_or_else(|| ErrorKind::BrokenPipe.into());
                 Err(self.fail(&fault))
             }
@@ -136,7 +124,7 @@ impl Write for Scribe {
 
 impl Drop for Scribe {
     fn drop(&mut self) {
-        if self.mode == ScribeMode::Wait {
+        if self.overflow == OverflowPolicy::Wait {
             self.end().ok();
         }
     }
@@ -184,6 +172,7 @@ fn transcribe(
 mod tests {
     use std::sync::atomic::{AtomicU64, Ordering};
     use std::sync::{Arc, Mutex};
+    use std::thread;
 
     use super::*;
     use upm_core::time::{MonotonicClock, StoppedClock};
@@ -259,7 +248,7 @@ mod tests {
     fn all_lines_are_written_in_order_and_committed_at_the_end() {
         let disk = Disk::default();
         let mut scribe =
-            Scribe::start(disk.clone(), ScribeMode::Wait, false, StoppedClock, ScribeWatch::default()).unwrap();
+            Scribe::start(disk.clone(), OverflowPolicy::Wait, false, StoppedClock, ScribeWatch::default()).unwrap();
         let lines: String = (0..5000).map(|i| format!("line {i}\n")).collect();
         lines.split_inclusive('\n').for_each(|line| scribe.write_all(line.as_bytes()).unwrap());
         scribe.finish().unwrap();
@@ -272,7 +261,7 @@ mod tests {
     fn a_line_is_on_the_disk_soon_though_the_scribe_stays_open() {
         let disk = Disk::default();
         let mut scribe =
-            Scribe::start(disk.clone(), ScribeMode::Wait, false, MonotonicClock::new(), ScribeWatch::default())
+            Scribe::start(disk.clone(), OverflowPolicy::Wait, false, MonotonicClock::new(), ScribeWatch::default())
                 .unwrap();
         scribe.write_all(b"first\n").unwrap();
         wait_until(|| disk.told().contains(&Told::Committed));
@@ -283,7 +272,7 @@ mod tests {
     #[test]
     fn a_stream_of_lines_is_written_every_quarter_of_a_second_and_committed_within_one() {
         let disk = Disk::default();
-        let (lines, waiting) = sync_channel(QUEUE);
+        let (lines, waiting) = Queue::bounded(QUEUE, OverflowPolicy::Wait);
         (0..100).for_each(|i| lines.send(format!("{i}\n").into_bytes()).unwrap());
         drop(lines);
         // two readings a line: 20 ms a line
@@ -308,7 +297,7 @@ mod tests {
         let disk = Disk::default();
         let (gate, watch) = (disk.gate.lock().unwrap(), ScribeWatch::default());
         let mut scribe =
-            Scribe::start(disk.clone(), ScribeMode::GiveUp, true, MonotonicClock::new(), watch.clone()).unwrap();
+            Scribe::start(disk.clone(), OverflowPolicy::GiveUp, true, MonotonicClock::new(), watch.clone()).unwrap();
         let fault = (0..9 * QUEUE).find_map(|_| {
             thread::sleep(Duration::from_millis(u64::from(disk.told().is_empty()))); // lets the thread run into the gate
             scribe.write_all(b"x\n").err()
@@ -326,7 +315,7 @@ mod tests {
 
     #[test]
     fn a_full_disk_comes_out_of_the_next_write_and_of_the_end() {
-        for mode in [ScribeMode::Wait, ScribeMode::GiveUp] {
+        for mode in [OverflowPolicy::Wait, OverflowPolicy::GiveUp] {
             let watch = ScribeWatch::default();
             let disk = Disk { room_bytes: Some(12), ..Disk::default() };
             let mut scribe = Scribe::start(disk.clone(), mode, true, MonotonicClock::new(), watch.clone()).unwrap();
@@ -345,7 +334,8 @@ mod tests {
     #[test]
     fn a_full_disk_is_told_at_the_end_when_nothing_is_written_after_it() {
         let disk = Disk { room_bytes: Some(3), ..Disk::default() };
-        let mut scribe = Scribe::start(disk, ScribeMode::Wait, false, StoppedClock, ScribeWatch::default()).unwrap();
+        let mut scribe =
+            Scribe::start(disk, OverflowPolicy::Wait, false, StoppedClock, ScribeWatch::default()).unwrap();
         scribe.write_all(b"line\n").unwrap();
         assert_eq!(scribe.finish().unwrap_err().kind(), ErrorKind::StorageFull);
     }

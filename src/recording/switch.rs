@@ -1,23 +1,9 @@
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
-use std::time::Duration;
 
 use super::report::RecordingReport;
 use upm_control::{EventLevel, Milestone, MilestoneFacts, Sink};
 use upm_core::time::PlateTime;
-
-/// What happens when a recording cannot be written as fast as the run tells of itself.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum OnFull {
-    /// The run waits, and nothing is lost.
-    #[default]
-    Wait,
-    /// The recording ends as a failed one, and the run goes on.
-    GiveUp,
-    /// The run waits, but not longer than this, and a tenth of a second once it is told to stop: then the recording ends
-    /// as a failed one, and the run goes on.
-    WaitAtMost(Duration),
-}
 
 /// What has become of a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -22,7 +22,7 @@ mod experiment_tests;
 mod field;
 mod file;
 mod live;
-mod live_gate;
+
 mod live_server;
 #[cfg(test)]
 mod live_tests;
@@ -44,6 +44,7 @@ mod tape;
 #[cfg(test)]
 mod tests;
 mod trails;
+mod viewer_proxy;
 mod vision;
 mod words;
 

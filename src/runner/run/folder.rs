@@ -102,7 +102,7 @@ impl RunFolder {
         RoomyFile::create(&self.0.join("journal.jsonl"))
             .and_then(|file| {
                 self.sync_names();
-                Scribe::start(file, keeping.scribe, keeping.has_clock, keeping.clock, keeping.journal.clone())
+                Scribe::start(file, keeping.journal_overflow, keeping.has_clock, keeping.clock, keeping.journal.clone())
             })
             .map_err(|error| self.write_error("journal.jsonl", &error))
     }

@@ -17,12 +17,12 @@ use super::standing::Standing;
 use super::validate::library_for;
 use crate::store::{Claimed, JobEnd, JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault, StoredEvent};
 use upm_control::EventLevel;
-use upm_core::background::Queue;
+use upm_core::background::{OverflowPolicy, Queue};
 use upm_core::job::StopCause;
 use upm_core::priority::go_first;
 use upm_core::rig::Trip;
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
-use upm_recording::{Keeping, OnFull, RecordingState, RecordingSwitch, RerunMode, ScribeMode, ScribeWatch, StopReport};
+use upm_recording::{Keeping, RecordingState, RecordingSwitch, RerunMode, ScribeWatch, StopReport};
 use upm_runner::config::{DeadlinePolicy, JobSpec, Origin};
 use upm_runner::run::{FolderState, Links, RunFolder, RunOptions, RunResult, run_linked};
 
@@ -180,9 +180,13 @@ impl Worker {
             // a plate with deadlines to meet waits for no disk: the recording ends and the run goes on; without a
             // journal it ends
             keeping: Keeping {
-                scribe: ScribeMode::GiveUp,
+                journal_overflow: OverflowPolicy::GiveUp,
                 journal,
-                on_full: if real_time && is_strict { OnFull::GiveUp } else { OnFull::WaitAtMost(RECORDED_WITHIN) },
+                recording_overflow: if real_time && is_strict {
+                    OverflowPolicy::GiveUp
+                } else {
+                    OverflowPolicy::WaitAtMost(RECORDED_WITHIN)
+                },
                 recording: recording.clone(),
                 has_clock: real_time,
                 stop: Arc::clone(&shared.job.end_run),

@@ -4,8 +4,7 @@ use std::hash::{BuildHasher, RandomState};
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
-use std::sync::atomic::AtomicU64;
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::sync_channel;
 use std::thread;
 use std::time::Duration;
 
@@ -18,8 +17,9 @@ use rerun::log::LogMsg;
 use rerun::sink::LogSink;
 use rerun::{MemoryLimit, PlaybackBehavior, ServerOptions};
 
-use super::live::{Feed, LiveQueue};
-use super::live_gate::Gate;
+use super::live::{Feed, VIEWER_QUEUE};
+use super::viewer_proxy::ViewerProxy;
+use upm_core::background::{OverflowPolicy, Queue, Receiver};
 use upm_core::priority::step_back;
 
 /// Messages that the server may have before it has taken them in. Its own bound is 128 MiB.
@@ -55,9 +55,8 @@ pub struct LiveServer(Arc<Serving>);
 
 struct Serving {
     uri: String,
-    gate: Gate,
+    proxy: ViewerProxy,
     history_bytes: u64,
-    dropped: Arc<AtomicU64>,
     on_show: Mutex<OnShow>,
 }
 
@@ -71,12 +70,11 @@ impl LiveServer {
     /// viewers that come later, as many as take about `history_bytes` of memory.
     pub fn start(port: Option<u16>, history_bytes: u64) -> io::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port.unwrap_or(0)))?;
-        let dropped = Arc::default();
-        let (stage, address) = Stage::start(history_bytes, Arc::clone(&dropped))?;
-        let gate = Gate::open(listener, address)?;
-        let uri = ProxyUri::new(Origin::from_scheme_and_socket_addr(Scheme::RerunHttp, gate.address())).to_string();
+        let (stage, address) = Stage::start(history_bytes)?;
+        let proxy = ViewerProxy::start(listener, address)?;
+        let uri = ProxyUri::new(Origin::from_scheme_and_socket_addr(Scheme::RerunHttp, proxy.address())).to_string();
         let on_show = Mutex::new(OnShow { stage, runs: 0 });
-        Ok(Self(Arc::new(Serving { uri, gate, history_bytes, dropped, on_show })))
+        Ok(Self(Arc::new(Serving { uri, proxy, history_bytes, on_show })))
     }
 
     /// What a viewer connects to, `rerun+http://127.0.0.1:PORT/proxy`.
@@ -84,10 +82,10 @@ impl LiveServer {
         &self.0.uri
     }
 
-    /// Messages that were dropped because a viewer lagged.
+    /// Messages that the present server lost because a viewer lagged.
     #[cfg(test)]
-    pub(super) fn dropped(&self) -> u64 {
-        self.0.dropped.load(std::sync::atomic::Ordering::Relaxed)
+    pub(super) fn lost(&self) -> u64 {
+        lock(&self.0.on_show).stage.queue.lost()
     }
 
     /// What feeds it during one run, whose layout depends on nothing but `layout`.
@@ -107,8 +105,7 @@ impl Serving {
     fn stage_of_a_run(&self) -> Arc<Stage> {
         let mut on_show = lock(&self.on_show);
         if on_show.runs >= RUNS_EACH {
-            let start = || Stage::start(self.history_bytes, Arc::clone(&self.dropped));
-            match self.gate.replace_when_alone(start) {
+            match self.proxy.replace_when_alone(|| Stage::start(self.history_bytes)) {
                 Ok(Some(stage)) => *on_show = OnShow { stage, runs: 0 },
                 Ok(None) => {}
                 Err(fault) => tracing::warn!("the live stream at {} goes on as it was: {fault}", self.uri),
@@ -121,7 +118,7 @@ impl Serving {
 
 /// One server of Rerun's, and the way to it. It ends with its last run.
 struct Stage {
-    queue: LiveQueue,
+    queue: Queue<LogMsg>,
     layouts: Mutex<Layouts>,
 }
 
@@ -135,8 +132,8 @@ struct Layouts {
 
 impl Stage {
     /// Starts a server and waits until it answers; where it does comes with it.
-    fn start(history_bytes: u64, dropped: Arc<AtomicU64>) -> io::Result<(Arc<Self>, SocketAddr)> {
-        let (queue, messages) = LiveQueue::counting(dropped);
+    fn start(history_bytes: u64) -> io::Result<(Arc<Self>, SocketAddr)> {
+        let (queue, messages) = Queue::bounded(VIEWER_QUEUE, OverflowPolicy::GiveUp);
         let (told, started) = sync_channel(1);
         thread::Builder::new().name("live".into()).spawn(move || {
             // the server's own threads are what this one is
@@ -198,7 +195,7 @@ impl RunFeed {
         if message.store_id().is_blueprint() {
             self.offer_layout(message);
         } else {
-            self.stage.queue.offer(message);
+            self.stage.queue.send(message).ok();
         }
     }
 
@@ -210,18 +207,18 @@ impl RunFeed {
         match (message, told) {
             (LogMsg::BlueprintActivationCommand(_), Some(_)) if layouts.shown.as_ref() == Some(&self.layout) => {}
             (LogMsg::BlueprintActivationCommand(_), Some(told)) => {
-                if queue.offer(LogMsg::BlueprintActivationCommand(told)) {
+                if queue.send(LogMsg::BlueprintActivationCommand(told)).is_ok() {
                     layouts.shown = Some(self.layout.clone());
                 }
             }
             (LogMsg::BlueprintActivationCommand(last), None) => {
-                if queue.offer(LogMsg::BlueprintActivationCommand(last.clone())) && self.layout_whole {
+                if queue.send(LogMsg::BlueprintActivationCommand(last.clone())).is_ok() && self.layout_whole {
                     layouts.told.insert(self.layout.clone(), last);
                     layouts.shown = Some(self.layout.clone());
                 }
             }
             (_, Some(_)) => {}
-            (message, None) => self.layout_whole &= queue.offer(message),
+            (message, None) => self.layout_whole &= queue.send(message).is_ok(),
         }
     }
 }

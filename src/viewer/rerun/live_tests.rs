@@ -9,9 +9,10 @@ use std::time::Duration;
 use super::tests::{context, keeping, stores};
 use super::{LiveServer, RerunSink};
 use crate::{RecordingError, RecordingStats};
+use upm_core::background::OverflowPolicy;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_fixtures::synthetic_run::SyntheticRun;
-use upm_recording::{Keeping, OnFull, RecordingState, RerunMode};
+use upm_recording::{Keeping, RecordingState, RerunMode};
 
 const HISTORY_BYTES: u64 = 16 << 20;
 /// The widest window of HTTP/2, bytes.
@@ -122,7 +123,7 @@ fn viewers_see_every_run_apart_whether_they_come_early_or_late() {
     assert_ne!(ids[0], ids[1]);
     assert!(brings(&mut early, &ids[0]) && brings(&mut early, &ids[1]));
     assert!(brings(&mut viewer(&server), &ids[0]) && brings(&mut viewer(&server), &ids[1]));
-    assert_eq!(server.dropped(), 0);
+    assert_eq!(server.lost(), 0);
 }
 
 #[test]
@@ -143,7 +144,7 @@ fn who_comes_after_many_runs_sees_the_last_ones_and_who_stays_sees_all() {
     assert!(brings(&mut late, &more[19]));
     let seen = brought_with(&mut viewer(&server), &more[19]).unwrap();
     assert!(ids[16..].iter().chain(&more).all(|id| has(&seen, id)));
-    assert_eq!(server.dropped(), 0);
+    assert_eq!(server.lost(), 0);
 }
 
 #[test]
@@ -151,7 +152,7 @@ fn a_run_without_a_file_is_seen_all_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let server = LiveServer::start(None, HISTORY_BYTES).unwrap();
     let mut run = SyntheticRun::new(2);
-    let keeping = Keeping { on_full: OnFull::GiveUp, ..keeping() };
+    let keeping = Keeping { recording_overflow: OverflowPolicy::GiveUp, ..keeping() };
     let path = folder.path().join("run.rrd");
     let mut sink = RerunSink::start(&RerunMode::Off, &path, Some(&server), context(&run), &keeping).unwrap();
     run.cycle(&mut sink);
@@ -193,12 +194,12 @@ fn a_viewer_that_never_reads_costs_a_run_nothing() {
     let mut run = SyntheticRun::new(8);
     let mut sink = RerunSink::start(&RerunMode::Save, &path, Some(&server), context(&run), &keeping()).unwrap();
     let mut worst = Duration::ZERO;
-    while server.dropped() == 0 && clock.elapsed() < Duration::from_secs(60) {
+    while server.lost() == 0 && clock.elapsed() < Duration::from_secs(60) {
         let before = clock.elapsed();
         run.cycle(&mut sink);
         worst = worst.max(clock.elapsed() - before);
     }
-    assert!(server.dropped() > 0, "it took everything");
+    assert!(server.lost() > 0, "it took everything");
     assert!(worst < Duration::from_secs(2), "{worst:?}");
     let before = clock.elapsed();
     sink.finish().unwrap();

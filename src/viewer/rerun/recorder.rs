@@ -1,4 +1,3 @@
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
 use std::time::Duration;
 
 use super::blueprint;
@@ -13,6 +12,7 @@ use super::vision;
 use super::words::Words;
 use crate::types::RunContext;
 use upm_control::Milestone;
+use upm_core::background::{Queue, Receiver, RecvTimeoutError};
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::Track;
@@ -42,7 +42,7 @@ pub(super) enum Message {
 pub(super) struct Desk {
     pub(super) messages: Receiver<Message>,
     /// Where pixels go when they are used up.
-    pub(super) pixels_back: SyncSender<Vec<u8>>,
+    pub(super) pixels_back: Queue<Vec<u8>>,
     pub(super) clock: MonotonicClock,
     pub(super) file: RrdFile,
     /// True when the run waits for what cannot be recorded as fast as it is told.
@@ -122,7 +122,7 @@ impl Recorder {
         self.tape.flush()
     }
 
-    fn record(&mut self, message: Message, pixels_back: &SyncSender<Vec<u8>>) -> Logged {
+    fn record(&mut self, message: Message, pixels_back: &Queue<Vec<u8>>) -> Logged {
         match message {
             Message::Localised(found) => {
                 self.tape.at(found.frame.exposed_at, self.cycle);
@@ -139,7 +139,7 @@ impl Recorder {
             Message::Picture { frame, tracks } => {
                 self.tape.at(frame.exposed_at, self.cycle);
                 let logged = self.camera.picture(&self.tape, &frame, &tracks);
-                pixels_back.try_send(frame.pixels).ok();
+                pixels_back.send(frame.pixels).ok();
                 logged?;
                 self.table.trails(&self.tape)
             }

@@ -1,8 +1,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
-use std::thread;
 use std::time::Duration;
 
 use super::blueprint;
@@ -15,14 +13,11 @@ use super::recorder::{Desk, Message, Recorder};
 use super::tape::Logged;
 use crate::types::{RecordingError, RecordingStats, RunContext};
 use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, MilestoneFacts, PulseFacts, Sink};
+use upm_core::background::{OverflowPolicy, Queue, Receiver, Unfinished, Unsent, Worker};
 use upm_core::ground_truth::GroundTruthHandle;
-use upm_core::priority::step_back;
 use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
-use upm_recording::EventRecord;
-use upm_recording::Keeping;
-use upm_recording::RerunMode;
-use upm_recording::{OnFull, RecordingState, RecordingSwitch};
+use upm_recording::{EventRecord, Keeping, RecordingState, RecordingSwitch, RerunMode};
 
 /// Messages that may wait for the recorder; at most so many frames are held.
 const QUEUE: usize = 32;
@@ -30,13 +25,13 @@ const QUEUE: usize = 32;
 /// The same where the run waits when there are more: a part of a second of plate time, so that a kill costs little.
 const QUEUE_OF_WAITING: usize = 8;
 
-/// Time from one try to hand a message to a recorder that lags to the next.
-const SEND_AGAIN: Duration = Duration::from_millis(1);
+/// How often a run that waits for a recorder that lags looks whether it is told to stop.
+const STOP_LOOKED_AT: Duration = Duration::from_millis(10);
 
 /// The longest wait of a run that is told to stop: time enough for a recorder that works.
 const STOPPED_WITHIN: Duration = Duration::from_millis(100);
 
-/// How long [`OnFull::GiveUp`] waits at the end for a disk that lags.
+/// How long [`OverflowPolicy::GiveUp`] waits at the end for a disk that lags.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Looks kept for trails, a second of plate time.
@@ -53,12 +48,12 @@ struct Running {
     /// True when there is a file.
     is_kept: bool,
     /// `None` once the recorder was given up.
-    queue: Option<SyncSender<Message>>,
-    on_full: OnFull,
+    queue: Option<Queue<Message>>,
+    overflow: OverflowPolicy,
     /// The run is told to end.
     stop: Arc<AtomicBool>,
     spare_pixels: Receiver<Vec<u8>>,
-    done: Receiver<Closed>,
+    recorder: Worker<Closed>,
     switch: RecordingSwitch,
     live: Option<Live>,
     truth: Option<GroundTruthHandle>,
@@ -97,36 +92,30 @@ impl RerunSink {
         context: RunContext,
         keeping: &Keeping,
     ) -> Result<Self, RecordingError> {
-        let Keeping { on_full, clock, has_clock, .. } = *keeping;
-        let run_waits = on_full != OnFull::GiveUp;
+        let Keeping { recording_overflow: overflow, clock, has_clock, .. } = *keeping;
+        let run_waits = overflow != OverflowPolicy::GiveUp;
         // without a file there is no recording that could fail or be stopped
         let is_kept = to.has_file();
         let switch = if is_kept { keeping.recording.clone() } else { RecordingSwitch::default() };
         let (file, path, live) = to.start(switch.clone())?;
-        let (queue, messages) = sync_channel(if run_waits { QUEUE_OF_WAITING } else { QUEUE });
-        let (pixels_back, spare_pixels) = sync_channel(QUEUE);
-        let (report, done) = sync_channel(1);
+        let (queue, messages) = Queue::bounded(if run_waits { QUEUE_OF_WAITING } else { QUEUE }, overflow);
+        let (pixels_back, spare_pixels) = Queue::bounded(QUEUE, OverflowPolicy::GiveUp);
         let truth = context.truth.clone();
         let looks = Looks::new(context.parts.len());
         let desk = Desk { messages, pixels_back, clock, file, run_waits };
-        thread::Builder::new()
-            .name("recorder".into())
-            .spawn(move || {
-                if has_clock {
-                    step_back();
-                }
-                let recorded = Recorder::start(desk.file.clone(), context).and_then(|recorder| recorder.run(&desk));
-                report.send(close(&desk.file, recorded)).ok();
-            })
-            .map_err(thread_fault)?;
+        let record = move || {
+            let recorded = Recorder::start(desk.file.clone(), context).and_then(|recorder| recorder.run(&desk));
+            close(&desk.file, recorded)
+        };
+        let recorder = Worker::start("recorder", has_clock, record).map_err(thread_fault)?;
         let running = Running {
             path,
             is_kept,
             queue: Some(queue),
-            on_full,
+            overflow,
             stop: Arc::clone(&keeping.stop),
             spare_pixels,
-            done,
+            recorder,
             switch,
             live,
             truth,
@@ -155,17 +144,17 @@ impl Running {
     fn close(mut self) -> Result<RecordingStats, RecordingError> {
         self.send_looks();
         self.queue = None;
-        let closed = match self.on_full {
-            OnFull::Wait => self.done.recv().map_err(RecvTimeoutError::from),
-            OnFull::GiveUp | OnFull::WaitAtMost(_) => self.done.recv_timeout(PATIENCE),
+        let closed = match self.overflow {
+            OverflowPolicy::Wait => self.recorder.wait(),
+            OverflowPolicy::GiveUp | OverflowPolicy::WaitAtMost(_) => self.recorder.wait_within(PATIENCE),
         };
         if !self.is_kept {
             return Ok(RecordingStats::default());
         }
-        let closed = closed.unwrap_or_else(|fault| {
-            let reason = match fault {
-                RecvTimeoutError::Timeout => "the disk hangs",
-                RecvTimeoutError::Disconnected => "the recorder's thread died",
+        let closed = closed.unwrap_or_else(|unfinished| {
+            let reason = match unfinished {
+                Unfinished::Hangs => "the disk hangs",
+                Unfinished::Died => "the recorder's thread died",
             };
             self.switch.fail(reason);
             Err(reason.to_owned())
@@ -180,23 +169,25 @@ impl Running {
     /// Waits when the recorder lags, or gives it up. A dead recorder is told of by `close`.
     fn send(&mut self, message: Message) {
         let Some(queue) = &self.queue else { return };
-        let most = match self.on_full {
-            OnFull::Wait => return drop(queue.send(message)),
-            OnFull::WaitAtMost(most) => most,
-            OnFull::GiveUp => Duration::ZERO,
-        };
         let mut waited = Duration::ZERO;
-        let mut sent = queue.try_send(message);
-        while let Err(TrySendError::Full(message)) = sent {
-            let most = if self.stop.load(Ordering::Relaxed) { most.min(STOPPED_WITHIN) } else { most };
+        let mut sent = match self.overflow {
+            OverflowPolicy::Wait => return drop(queue.send(message)),
+            _ => queue.send_within(message, Duration::ZERO),
+        };
+        while let Err(Unsent::Full(message)) = sent {
+            let most = match self.overflow {
+                OverflowPolicy::WaitAtMost(most) if self.stop.load(Ordering::Relaxed) => most.min(STOPPED_WITHIN),
+                OverflowPolicy::WaitAtMost(most) => most,
+                _ => Duration::ZERO,
+            };
             if waited >= most {
                 self.switch.fail("the recorder lags");
                 self.queue = None;
                 return;
             }
-            waited += SEND_AGAIN;
-            thread::sleep(SEND_AGAIN);
-            sent = queue.try_send(message);
+            let longest = (most - waited).min(STOP_LOOKED_AT);
+            waited += longest;
+            sent = queue.send_within(message, longest);
         }
     }
 

@@ -18,9 +18,10 @@ use super::tape::PLATE_TIME;
 use super::tests::{context, keeping, stores};
 use crate::RecordingError;
 use upm_control::{EventLevel, Sink};
+use upm_core::background::OverflowPolicy;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_fixtures::synthetic_run::SyntheticRun;
-use upm_recording::{Fanout, Keeping, MemorySink, OnFull, RecordingState, RerunMode, tell_recording};
+use upm_recording::{Fanout, Keeping, MemorySink, RecordingState, RerunMode, tell_recording};
 
 /// A folder, the recording in it, and the same before it is closed.
 fn places() -> (tempfile::TempDir, PathBuf, PathBuf) {
@@ -190,7 +191,7 @@ fn a_run_that_is_told_to_stop_does_not_wait_for_a_disk_that_hangs() {
     let (_folder, path, _) = places();
     let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
     let most = Duration::from_secs(3600);
-    let keeping = Keeping { on_full: OnFull::WaitAtMost(most), ..keeping() };
+    let keeping = Keeping { recording_overflow: OverflowPolicy::WaitAtMost(most), ..keeping() };
     let to = Destination::wrapped(&path, |file| Gate(file, Arc::clone(&gate)));
     let mut sink = RerunSink::into_destination(to, context(&run), &keeping).unwrap();
     run.draw();
@@ -217,7 +218,7 @@ fn a_run_that_is_told_to_stop_does_not_wait_for_a_disk_that_hangs() {
 fn a_disk_that_hangs_ends_the_recording_and_not_the_run() {
     let (_folder, path, _) = places();
     let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
-    let keeping = Keeping { on_full: OnFull::GiveUp, ..keeping() };
+    let keeping = Keeping { recording_overflow: OverflowPolicy::GiveUp, ..keeping() };
     let to = Destination::wrapped(&path, |file| Gate(file, Arc::clone(&gate)));
     let mut sink = RerunSink::into_destination(to, context(&run), &keeping).unwrap();
     run.draw();

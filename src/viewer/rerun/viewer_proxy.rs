@@ -1,0 +1,322 @@
+use std::io::{self, Read, Write};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::thread;
+use std::time::Duration;
+
+use parking_lot::Mutex;
+
+use upm_core::priority::step_back;
+use upm_core::time::{Clock, MonotonicClock};
+
+/// Viewers at a time.
+const MOST_VIEWERS: usize = 16;
+
+/// Connections at a time that have not shown yet that they are viewers.
+const MOST_PENDING: usize = 64;
+
+/// The first bytes of every client that speaks HTTP/2. A viewer does; a page in a browser cannot, without TLS it is given
+/// HTTP/1. The server behind would answer pages, whichever name of this machine they use.
+const PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
+
+/// Time to send it.
+const PREFACE_WITHIN: Duration = Duration::from_secs(5);
+
+/// A viewer that takes nothing for so long is disconnected.
+const WRITE_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// Time that the server behind has to accept a connection.
+const CONNECT_WITHIN: Duration = Duration::from_secs(1);
+
+/// Pause before the next viewer when one could not be taken.
+const RETRY_AFTER: Duration = Duration::from_millis(20);
+
+/// Bytes passed on at once.
+const COPY_BUFFER: usize = 16 << 10;
+
+/// One address for viewers, whichever server stands behind it: keeps browsers out and viewers to a number. A server may
+/// take another's place while there are no viewers.
+#[derive(Debug)]
+pub(super) struct ViewerProxy {
+    address: SocketAddr,
+    state: Arc<Mutex<ProxyState>>,
+}
+
+#[derive(Debug)]
+struct ProxyState {
+    server: SocketAddr,
+    viewers: Permits,
+    pending: Permits,
+    closed: bool,
+}
+
+/// A number of permits; each is free again when it is dropped.
+#[derive(Debug)]
+struct Permits {
+    taken: Arc<()>,
+    most: usize,
+}
+
+impl Permits {
+    fn new(most: usize) -> Self {
+        Self { taken: Arc::default(), most }
+    }
+
+    fn count(&self) -> usize {
+        Arc::strong_count(&self.taken) - 1
+    }
+
+    fn take(&self, whose: &str) -> io::Result<Arc<()>> {
+        let is_free = self.count() < self.most;
+        is_free.then(|| Arc::clone(&self.taken)).ok_or_else(|| io::Error::other(format!("{} {whose}", self.most)))
+    }
+}
+
+impl ViewerProxy {
+    /// Passes viewers that come to `listener` on to `server`.
+    pub(super) fn start(listener: TcpListener, server: SocketAddr) -> io::Result<Self> {
+        let address = listener.local_addr()?;
+        let (viewers, pending) = (Permits::new(MOST_VIEWERS), Permits::new(MOST_PENDING));
+        let state = Arc::new(Mutex::new(ProxyState { server, viewers, pending, closed: false }));
+        let accepted = Arc::clone(&state);
+        thread::Builder::new().name("live-proxy".into()).spawn(move || {
+            // the threads that pass bytes on inherit this
+            step_back();
+            accept_loop(&listener, &accepted);
+        })?;
+        Ok(Self { address, state })
+    }
+
+    /// The address that viewers connect to.
+    pub(super) fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Passes viewers on to the server that `start` makes, from now on; `None` while there are viewers, and `start` is not
+    /// called. Viewers that come meanwhile wait.
+    pub(super) fn replace_when_alone<T>(
+        &self,
+        start: impl FnOnce() -> io::Result<(T, SocketAddr)>,
+    ) -> io::Result<Option<T>> {
+        let mut state = self.state.lock();
+        if state.viewers.count() > 0 {
+            return Ok(None);
+        }
+        let (started, server) = start()?;
+        state.server = server;
+        Ok(Some(started))
+    }
+}
+
+impl Drop for ViewerProxy {
+    fn drop(&mut self) {
+        self.state.lock().closed = true;
+        // wakes the accepting thread, which then sees it
+        TcpStream::connect(self.address).ok();
+    }
+}
+
+fn accept_loop(listener: &TcpListener, state: &Arc<Mutex<ProxyState>>) {
+    for client in listener.incoming() {
+        if state.lock().closed {
+            return;
+        }
+        if let Err(fault) = client.and_then(|client| accept(client, state)) {
+            refused(&fault);
+            thread::sleep(RETRY_AFTER);
+        }
+    }
+}
+
+fn refused(fault: &io::Error) {
+    tracing::warn!("a viewer of the live stream was not let in: {fault}");
+}
+
+/// Serves the client on its own thread, once it has shown that it is a viewer.
+fn accept(client: TcpStream, state: &Arc<Mutex<ProxyState>>) -> io::Result<()> {
+    let pending = state.lock().pending.take("wait that have said nothing")?;
+    let state = Arc::clone(state);
+    let serve = move || {
+        let shown = read_preface(&client, PREFACE_WITHIN);
+        drop(pending);
+        match shown {
+            Ok(()) => relay(&client, &state).unwrap_or_else(|fault| refused(&fault)),
+            Err(fault) => tracing::debug!("no viewer of the live stream: {fault}"),
+        }
+    };
+    thread::Builder::new().name("live-in".into()).spawn(serve).map(drop)
+}
+
+/// Reads [`PREFACE`] from the client, `within` this time, and nothing after it.
+fn read_preface(mut client: &TcpStream, within: Duration) -> io::Result<()> {
+    let clock = MonotonicClock::new();
+    let (mut read, mut count) = ([0; PREFACE.len()], 0);
+    while count < PREFACE.len() {
+        let left = within.checked_sub(clock.elapsed()).filter(|left| !left.is_zero());
+        client.set_read_timeout(Some(left.ok_or(io::ErrorKind::TimedOut)?))?;
+        let more = client.read(&mut read[count..])?;
+        count += more;
+        if more == 0 || !PREFACE.starts_with(&read[..count]) {
+            return Err(io::Error::other("it does not speak HTTP/2"));
+        }
+    }
+    client.set_read_timeout(None)
+}
+
+/// Passes bytes on both ways until one of the two is gone.
+fn relay(viewer: &TcpStream, state: &Mutex<ProxyState>) -> io::Result<()> {
+    let (permit, address) = {
+        let state = state.lock();
+        // one permit for both ways
+        (Arc::new(state.viewers.take("are there already")?), state.server)
+    };
+    let mut server = TcpStream::connect_timeout(&address, CONNECT_WITHIN)?;
+    viewer.set_write_timeout(Some(WRITE_TIMEOUT))?;
+    viewer.set_nodelay(true)?;
+    server.set_nodelay(true)?;
+    server.write_all(PREFACE)?;
+    let (from, to, of_both) = (server.try_clone()?, viewer.try_clone()?, Arc::clone(&permit));
+    thread::Builder::new().name("live-out".into()).spawn(move || {
+        copy(&from, &to);
+        drop(of_both);
+    })?;
+    copy(viewer, &server);
+    drop(permit);
+    Ok(())
+}
+
+/// Copies bytes until one end is gone, then closes both.
+fn copy(mut from: &TcpStream, mut to: &TcpStream) {
+    let mut bytes = [0; COPY_BUFFER];
+    while let Ok(count @ 1..) = from.read(&mut bytes) {
+        if to.write_all(&bytes[..count]).is_err() {
+            break;
+        }
+    }
+    for stream in [from, to] {
+        stream.shutdown(Shutdown::Both).ok();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A server that says `word` to everyone and then listens.
+    fn speaker(word: &'static [u8]) -> SocketAddr {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        thread::spawn(move || {
+            for mut stream in listener.incoming().flatten() {
+                stream.write_all(word).unwrap();
+                thread::spawn(move || stream.read_to_end(&mut Vec::new()));
+            }
+        });
+        address
+    }
+
+    fn proxy(word: &'static [u8]) -> ViewerProxy {
+        ViewerProxy::start(TcpListener::bind("127.0.0.1:0").unwrap(), speaker(word)).unwrap()
+    }
+
+    /// A viewer, and the word it was told; empty when it was sent away.
+    fn viewer(proxy: &ViewerProxy) -> (TcpStream, Vec<u8>) {
+        let mut stream = TcpStream::connect(proxy.address()).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+        stream.write_all(PREFACE).unwrap();
+        let mut word = vec![0; 3];
+        let told = stream.read_exact(&mut word).is_ok();
+        (stream, if told { word } else { Vec::new() })
+    }
+
+    fn replaced(proxy: &ViewerProxy) -> bool {
+        proxy.replace_when_alone(|| Ok(((), speaker(b"new")))).unwrap().is_some()
+    }
+
+    #[test]
+    fn a_server_is_replaced_only_while_nobody_looks() {
+        let proxy = proxy(b"old");
+        let (first, word) = viewer(&proxy);
+        assert_eq!(word, b"old");
+        assert!(!replaced(&proxy));
+        assert_eq!(viewer(&proxy).1, b"old");
+        drop(first);
+        let tries = (0..1000).take_while(|_| {
+            thread::sleep(Duration::from_millis(10));
+            !replaced(&proxy)
+        });
+        assert!(tries.count() < 1000, "a viewer that left is still counted");
+        assert_eq!(viewer(&proxy).1, b"new");
+    }
+
+    #[test]
+    fn no_more_viewers_than_there_are_seats() {
+        let proxy = proxy(b"old");
+        let mut seated: Vec<_> = (0..MOST_VIEWERS).map(|_| viewer(&proxy)).collect();
+        assert!(seated.iter().all(|(_, word)| word == b"old"));
+        assert_eq!(viewer(&proxy).1, b"");
+        seated.pop();
+        let tries = (0..1000).take_while(|_| {
+            thread::sleep(Duration::from_millis(10));
+            viewer(&proxy).1 != b"old"
+        });
+        assert!(tries.count() < 1000, "a seat that was left stays taken");
+    }
+
+    #[test]
+    fn who_does_not_speak_as_viewers_do_hears_nothing() {
+        let proxy = proxy(b"old");
+        for words in [&b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"[..], b"P", b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\t"] {
+            let mut page = TcpStream::connect(proxy.address()).unwrap();
+            page.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+            page.write_all(words).unwrap();
+            page.shutdown(Shutdown::Write).unwrap();
+            let mut heard = Vec::new();
+            // it is sent away, politely or not
+            page.read_to_end(&mut heard).ok();
+            assert_eq!(heard, b"", "{words:?}");
+        }
+        assert_eq!(viewer(&proxy).1, b"old");
+    }
+
+    #[test]
+    fn the_server_hears_what_the_viewer_said() {
+        let server = TcpListener::bind("127.0.0.1:0").unwrap();
+        let proxy =
+            ViewerProxy::start(TcpListener::bind("127.0.0.1:0").unwrap(), server.local_addr().unwrap()).unwrap();
+        let mut viewer = TcpStream::connect(proxy.address()).unwrap();
+        let said = [PREFACE, b"and more"].concat();
+        // byte by byte, as a network may bring it
+        said.iter().for_each(|byte| viewer.write_all(&[*byte]).unwrap());
+        let mut heard = vec![0; said.len()];
+        server.accept().unwrap().0.read_exact(&mut heard).unwrap();
+        assert_eq!(heard, said);
+    }
+
+    #[test]
+    fn who_says_nothing_has_no_seat_and_is_sent_away() {
+        let proxy = proxy(b"old");
+        let silent: Vec<_> = (0..MOST_VIEWERS).map(|_| TcpStream::connect(proxy.address()).unwrap()).collect();
+        assert_eq!(viewer(&proxy).1, b"old");
+        drop(silent);
+
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let mut silent = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        silent.write_all(&PREFACE[..PREFACE.len() - 1]).unwrap();
+        let client = listener.accept().unwrap().0;
+        assert!(read_preface(&client, Duration::from_millis(50)).is_err());
+        silent.write_all(&PREFACE[PREFACE.len() - 1..]).unwrap();
+    }
+
+    #[test]
+    fn a_proxy_that_is_gone_lets_nobody_in() {
+        let proxy = proxy(b"old");
+        let address = proxy.address();
+        drop(proxy);
+        let tries = (0..1000).take_while(|_| {
+            thread::sleep(Duration::from_millis(10));
+            TcpStream::connect(address).is_ok()
+        });
+        assert!(tries.count() < 1000, "it still listens");
+    }
+}
