@@ -60,9 +60,9 @@ impl ClientCommand {
 
 /// Reads a pace by its name.
 pub fn pace() -> impl TypedValueParser<Value = Pace> {
-    let max = PossibleValue::new(Pace::Max.name()).help("As fast as the machine can");
-    let real_time = PossibleValue::new(Pace::RealTime.name()).help("One second of plate time a second");
-    PossibleValuesParser::new([max, real_time]).map(|name| Pace::of_name(&name).unwrap_or_default())
+    let max = PossibleValue::new(Pace::Max.code()).help("As fast as the machine can");
+    let real_time = PossibleValue::new(Pace::RealTime.code()).help("One second of plate time a second");
+    PossibleValuesParser::new([max, real_time]).map(|name| Pace::of_code(&name).unwrap_or_default())
 }
 
 /// How to reach the daemon.
@@ -191,6 +191,6 @@ mod tests {
 
     #[test]
     fn the_states_are_those_of_the_api() {
-        assert_eq!(JOB_STATES, upm_server::service::JobState::ALL.map(|state| state.name()));
+        assert_eq!(JOB_STATES, upm_server::service::JobState::ALL.map(|state| state.code()));
     }
 }

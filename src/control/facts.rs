@@ -162,6 +162,17 @@ pub enum EventLevel {
     Error,
 }
 
+impl EventLevel {
+    /// Its name in files and on the network.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Info => "info",
+            Self::Warning => "warning",
+            Self::Error => "error",
+        }
+    }
+}
+
 /// Takes what the control loop tells. A sink changes nothing: runs with and without it are the same.
 pub trait Sink {
     /// Table and parts were found.

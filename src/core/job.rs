@@ -2,12 +2,10 @@
 
 mod coded_enum;
 pub mod legacy;
-mod pace;
 mod stop_cause;
 
-use coded_enum::coded_enum;
+use crate::coded_enum;
 
-pub use pace::Pace;
 pub use stop_cause::StopCause;
 
 coded_enum! {
@@ -34,6 +32,18 @@ coded_enum! {
     }
 }
 
+coded_enum! {
+    /// How fast plate time passes.
+    #[derive(Default, schemars::JsonSchema)]
+    pub enum Pace {
+        /// Plate time is wall time.
+        #[default]
+        RealTime = "real-time",
+        /// As fast as the machine can.
+        Max = "max",
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -47,7 +57,7 @@ mod tests {
             assert_eq!(serde_json::to_value(end).unwrap(), end.code());
         }
         for pace in Pace::ALL {
-            assert_eq!(serde_json::to_value(pace).unwrap(), pace.name());
+            assert_eq!(serde_json::to_value(pace).unwrap(), pace.code());
         }
         for cause in StopCause::ALL {
             assert_eq!(serde_json::to_value(cause).unwrap(), cause.code());

@@ -33,7 +33,7 @@ mod worker;
 pub use events::{EventSubscriber, JobEvent};
 pub use frames::Picture;
 pub use latch::Held;
-pub use plate::{Caller, Plate};
+pub use plate::{Plate, Requester};
 pub use setup::{PlateSetup, StandingSetup, Surroundings};
 pub use start::Plates;
 pub use types::{LastObservation, Pause, PlateSnapshot, ResetFault, StandingSnapshot};

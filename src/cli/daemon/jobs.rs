@@ -44,7 +44,7 @@ pub(super) fn list(client: &Client, state: Option<&str>, most: u32) -> Result<Jo
 
 fn print_line(job: &Job) -> Result<(), Failure> {
     let Job { id, name, plate, submitted_at, .. } = job;
-    let (state, percent) = (job.state.name(), 100.0 * job.progress);
+    let (state, percent) = (job.state.code(), 100.0 * job.progress);
     let standing = if job.standing { " (standing job)" } else { "" };
     let line = format!("{id}  {state:11} {percent:3.0} %  {}  {plate:16} {name}{standing}", seconds(submitted_at));
     say!("{}", on_one_line(&line))
@@ -59,7 +59,7 @@ pub(super) fn show(args: &JobArgs, common: Common) -> Result<u8, Failure> {
 pub(super) fn cancel(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     let path = job_path(&args.id)?;
     let job: Job = Client::new(&args.daemon)?.post(&format!("{path}/cancel"), "", &[])?;
-    let state = if job.state == JobState::Running { "is being stopped" } else { job.state.name() };
+    let state = if job.state == JobState::Running { "is being stopped" } else { job.state.code() };
     print(common.json, &job, || say!("{}: {state}", job.id))
 }
 
@@ -74,7 +74,7 @@ pub(super) fn print_job(job: &Job) -> Result<(), Failure> {
 
 /// Job, plate, state and why, on one line.
 pub(super) fn headline(job: &Job) -> String {
-    let state = job.state.name();
+    let state = job.state.code();
     let why = if job.reason.is_empty() { String::new() } else { format!(": {}", job.reason) };
     on_one_line(&format!("{} on plate {}, seed {}: {state}{why}", job.name, job.plate, job.seed))
 }
@@ -136,7 +136,7 @@ pub(super) fn plate_line(plate: &Plate) -> String {
         PlateState::Paused => format!("{why} (upm resume {name})"),
         PlateState::Stopped => format!("{why} (upm reset {name} --operator NAME --reason TEXT)"),
     };
-    let state = plate.state.name();
+    let state = plate.state.code();
     on_one_line(format!("{name:16} {state:8} {queued:4} queued  {doing}").trim_end())
 }
 

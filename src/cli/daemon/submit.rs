@@ -34,7 +34,7 @@ pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
 
 /// Queues the job once: an answer that got lost is asked for again under the same key.
 pub(super) fn queue(client: &Client, body: &str, pace: Option<Pace>, key: &str) -> Result<Job, Refusal> {
-    let path = pace.map_or("/v1/jobs".to_owned(), |pace| format!("/v1/jobs?pace={}", pace.name()));
+    let path = pace.map_or("/v1/jobs".to_owned(), |pace| format!("/v1/jobs?pace={}", pace.code()));
     let send = || client.post(&path, body, &[("Idempotency-Key", key)]);
     send().or_else(|refusal| match refusal {
         Refusal::Lost(line) => {

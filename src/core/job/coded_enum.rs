@@ -1,5 +1,6 @@
 /// Defines an enum whose values have a stable code each, written `GaveWay = "gave_way"`: their names in files and on the
 /// network, which never change. Gives it `ALL`, the values in order, `code` and its inverse `of_code`; serde uses the codes.
+#[macro_export]
 macro_rules! coded_enum {
     ($(#[$about:meta])* pub enum $name:ident { $($(#[$of_value:meta])* $value:ident = $code:literal,)+ }) => {
         $(#[$about])*
@@ -26,5 +27,3 @@ macro_rules! coded_enum {
         }
     };
 }
-
-pub(crate) use coded_enum;

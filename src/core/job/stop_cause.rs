@@ -1,4 +1,4 @@
-use super::coded_enum::coded_enum;
+use crate::coded_enum;
 
 coded_enum! {
     /// Cause of the end of a run that did not reach its goal.

@@ -311,12 +311,7 @@ struct ConditionPart {
 
 impl<'a> EventLine<'a> {
     pub(super) fn new(at: PlateTime, level: EventLevel, text: &'a str) -> Self {
-        let level = match level {
-            EventLevel::Info => "info",
-            EventLevel::Warning => "warning",
-            EventLevel::Error => "error",
-        };
-        Self { at_s: seconds(at), level, text, detail: None }
+        Self { at_s: seconds(at), level: level.name(), text, detail: None }
     }
 
     pub(super) fn of_condition(facts: &ConditionFacts<'a>) -> Self {

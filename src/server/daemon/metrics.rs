@@ -43,7 +43,7 @@ fn of_plates(plates: &[PlateObserved]) -> Vec<Family> {
         family.with_all(plates.iter().filter_map(|plate| Some(Sample::of_plate(&plate.name, value(plate)?))))
     };
     let state = plates.iter().flat_map(|plate| {
-        let is = |state: PlateState| (state.name(), state == plate.state);
+        let is = |state: PlateState| (state.code(), state == plate.state);
         one_of(&plate.name, PLATE_STATES.map(is))
     });
     let recording = plates.iter().flat_map(|plate| {
@@ -82,7 +82,7 @@ fn of_plates(plates: &[PlateObserved]) -> Vec<Family> {
 
 fn of_jobs(observed: &Observed) -> Vec<Family> {
     let sample = |(plate, state, count): &(String, crate::store::JobState, u64)| {
-        Sample::new(vec![("plate", plate.clone()), ("state", state.name().into())], *count as f64)
+        Sample::new(vec![("plate", plate.clone()), ("state", state.code().into())], *count as f64)
     };
     vec![Family::gauge("jobs", "Jobs the store knows").with_all(observed.jobs.iter().map(sample))]
 }

@@ -10,7 +10,7 @@ use crate::store::{Cancelled, JobId, JobState};
 pub(super) fn see_through(state: &DaemonState, name: &str, caller: &Caller) -> Result<EStopped, Refusal> {
     let plate = state.plate(name)?;
     plate.wait_until_silent();
-    let persisted = plate.account_for_estop(who(caller));
+    let persisted = plate.record_estop(requester(caller));
     let times = plate.stop_times();
     Ok(EStopped {
         plate: name.to_owned(),
@@ -36,7 +36,7 @@ pub(super) fn reset(
     is_awaited: impl Fn() -> bool,
 ) -> Result<(), Refusal> {
     let ResetRequest { operator, reason } = request;
-    plate.reset(held, plates::Caller { operator, reason, ..who(caller) }, is_awaited).map_err(refusal)
+    plate.reset(held, plates::Requester { operator, reason, ..requester(caller) }, is_awaited).map_err(refusal)
 }
 
 fn refusal(fault: ResetFault) -> Refusal {
@@ -49,7 +49,7 @@ fn refusal(fault: ResetFault) -> Refusal {
 /// Lets a plate go on.
 pub(super) fn resume(plate: &Plate, caller: &Caller) -> Result<(), Refusal> {
     let stopped = || Refusal::Conflict("an emergency stop holds: it must be reset first".to_owned());
-    plate.resume(who(caller)).then_some(()).ok_or_else(stopped)
+    plate.resume(requester(caller)).then_some(()).ok_or_else(stopped)
 }
 
 /// Takes a job out of the queue, or tells its plate to end it.
@@ -71,7 +71,7 @@ pub(super) fn cancel(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply:
                 let running = row.state == JobState::Running;
                 let told = running && then.plates.get(&row.plate).is_some_and(|plate| plate.cancel(&id));
                 let too_late = || {
-                    let ended = format!("the job has ended: {}", row.state.name());
+                    let ended = format!("the job has ended: {}", row.state.code());
                     Refusal::Conflict(if running { "the run of the job is over".to_owned() } else { ended })
                 };
                 told.then(|| answers::job(&row)).ok_or_else(too_late)
@@ -81,7 +81,7 @@ pub(super) fn cancel(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply:
 }
 
 /// Who asks, as far as the network knows.
-fn who(caller: &Caller) -> plates::Caller {
+fn requester(caller: &Caller) -> plates::Requester {
     let remote = caller.remote.map(|address| address.to_string()).unwrap_or_default();
-    plates::Caller { remote, token_name: caller.name.clone(), ..plates::Caller::default() }
+    plates::Requester { remote, token_name: caller.name.clone(), ..plates::Requester::default() }
 }

@@ -42,7 +42,7 @@ impl Asked {
     /// What a repeated key must come with again: the body, and the pace as it was asked for. What the daemon makes of
     /// either is no part of it, and may be another after a restart.
     fn sha256(&self) -> [u8; 32] {
-        let pace = self.order.pace.map_or("none", Pace::name);
+        let pace = self.order.pace.map_or("none", Pace::code);
         Sha256::new().chain_update(pace).chain_update("\n").chain_update(&self.order.text).finalize().into()
     }
 

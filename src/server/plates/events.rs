@@ -113,7 +113,7 @@ impl EventDraft {
     }
 
     pub fn state(at: PlateTime, state: JobState) -> Self {
-        Self::new(at, "state", true, &Body::State { state: state.name(), at_s: at.secs() })
+        Self::new(at, "state", true, &Body::State { state: state.code(), at_s: at.secs() })
     }
 
     /// `behind` is how far plate time has fallen behind the clock.
@@ -136,16 +136,11 @@ impl EventDraft {
     }
 
     pub fn warning(at: PlateTime, level: EventLevel, text: &str) -> Self {
-        let level = match level {
-            EventLevel::Info => "info",
-            EventLevel::Warning => "warning",
-            EventLevel::Error => "error",
-        };
-        Self::new(at, "warning", true, &Body::Warning { at_s: at.secs(), level, text })
+        Self::new(at, "warning", true, &Body::Warning { at_s: at.secs(), level: level.name(), text })
     }
 
     pub fn recording(at: PlateTime, kept: RecordingStatus, reason: &str) -> Self {
-        Self::new(at, "recording", true, &Body::Recording { at_s: at.secs(), recording: kept.name(), reason })
+        Self::new(at, "recording", true, &Body::Recording { at_s: at.secs(), recording: kept.code(), reason })
     }
 
     /// `behind` as in [`EventDraft::cycle`].

@@ -21,7 +21,7 @@ const ESTOP: &str = "estop";
 
 /// Who asks for something, as far as is known.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Caller {
+pub struct Requester {
     /// Who they say they are.
     pub operator: String,
     /// Why they say they do it.
@@ -57,7 +57,7 @@ impl Plate {
 
     /// Writes down who stopped it, and waits a little for the stop to be on the disk. False when it is not by then:
     /// it holds all the same, and goes to the disk as soon as that takes it.
-    pub fn account_for_estop(&self, who: Caller) -> bool {
+    pub fn record_estop(&self, who: Requester) -> bool {
         self.audit(ESTOP, who);
         self.shared.emergency_stop.wait_until_kept(KEPT_WITHIN)
     }
@@ -70,7 +70,7 @@ impl Plate {
     /// Takes back that emergency stop, once this is in the audit log: waits for the disk. The plate is paused then: it
     /// starts nothing by this. A stop that came since that one was found holds, and so does every stop once `is_awaited`
     /// says that nobody waits for the reset any more.
-    pub fn reset(&self, held: Held, who: Caller, is_awaited: impl Fn() -> bool) -> Result<(), ResetFault> {
+    pub fn reset(&self, held: Held, who: Requester, is_awaited: impl Fn() -> bool) -> Result<(), ResetFault> {
         let shared = &*self.shared;
         let mut is_written = false;
         let allow = || {
@@ -94,7 +94,7 @@ impl Plate {
     }
 
     /// Lets it take jobs again, and run its standing job. False while an emergency stop holds. Going on twice is going on.
-    pub fn resume(&self, who: Caller) -> bool {
+    pub fn resume(&self, who: Requester) -> bool {
         if self.is_stopped() {
             return false;
         }
@@ -201,7 +201,7 @@ impl Plate {
     }
 
     /// Notes what was done to it: in the log at once, in the audit log as soon as the store takes it.
-    fn audit(&self, act: &str, who: Caller) {
+    fn audit(&self, act: &str, who: Requester) {
         let entry = self.told(act, who);
         if !self.shared.ledger.note_act(entry.clone()) {
             tracing::error!("lost to the audit log, where too much waits: {entry:?}");
@@ -209,8 +209,8 @@ impl Plate {
     }
 
     /// Tells the log what is done to it; the same for the audit log.
-    fn told(&self, act: &str, who: Caller) -> AuditEntry {
-        let Caller { operator, reason, remote, token_name } = who;
+    fn told(&self, act: &str, who: Requester) -> AuditEntry {
+        let Requester { operator, reason, remote, token_name } = who;
         let plate = &self.shared.name;
         if act == ESTOP {
             tracing::warn!(plate, operator, reason, remote, token_name, "{act}");

@@ -151,8 +151,8 @@ fn idles(plate: &Plate) {
     }
 }
 
-fn who(operator: &str) -> Caller {
-    Caller { operator: operator.into(), reason: "a test".into(), ..Caller::default() }
+fn who(operator: &str) -> Requester {
+    Requester { operator: operator.into(), reason: "a test".into(), ..Requester::default() }
 }
 
 /// Takes back the stop that holds now.
@@ -198,7 +198,7 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     assert_eq!((state, recording), (PlateState::Running, Some(RecordingState::Off)));
     assert_eq!(plate.stop_times(), None);
     assert!(plate.estop() && !plate.estop());
-    assert!(plate.account_for_estop(who("ann")));
+    assert!(plate.record_estop(who("ann")));
     assert_eq!(next(&told, "finished")["state"], "cancelled");
     assert!(house.row(&first).reason.starts_with("emergency stop"), "{}", house.row(&first).reason);
     let PlateSnapshot { state, recording, estops, .. } = plate.snapshot();

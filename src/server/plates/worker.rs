@@ -116,7 +116,7 @@ impl Worker {
         self.shared.window.clear();
         self.shared.job.begin(id, claimed.row.standing, recording.clone(), journal.clone());
         let JobRow { name, seed, pace, .. } = &claimed.row;
-        tracing::info!(plate = self.shared.name, job = %id, seed, pace = pace.name(), "begins: {name}");
+        tracing::info!(plate = self.shared.name, job = %id, seed, pace = pace.code(), "begins: {name}");
         self.tell(id, EventDraft::state(PlateTime::ZERO, JobState::Running));
         let folder = self.place.runs.join(claimed.row.folder.as_deref().unwrap_or_default());
         let done = self.play(claimed, &folder, &recording, journal);
@@ -132,7 +132,7 @@ impl Worker {
         }
         let (kept, why) = what_is_kept(recording.state());
         if !matches!(kept, RecordingStatus::None | RecordingStatus::Whole) {
-            tracing::warn!(plate = self.shared.name, job = %id, "the recording is {}: {why}", kept.name());
+            tracing::warn!(plate = self.shared.name, job = %id, "the recording is {}: {why}", kept.code());
         }
         end.recording = kept;
         if lost_parts > 0 || stopped_by_guard {
@@ -235,7 +235,7 @@ impl Worker {
     }
 
     fn log(&self, id: &JobId, JobEnd { state, reason, .. }: &JobEnd) {
-        let (plate, state_name) = (&self.shared.name, state.name());
+        let (plate, state_name) = (&self.shared.name, state.code());
         match state {
             JobState::Failed | JobState::Interrupted => tracing::warn!(plate, job = %id, "{state_name}: {reason}"),
             _ => tracing::info!(plate, job = %id, "{state_name}: {reason}"),

@@ -85,7 +85,7 @@ impl FromSql for JobId {
 
 /// A pace, which is kept under its name.
 fn pace(value: ValueRef<'_>) -> FromSqlResult<Pace> {
-    Pace::of_name(value.as_str()?).ok_or(FromSqlError::InvalidType)
+    Pace::of_code(value.as_str()?).ok_or(FromSqlError::InvalidType)
 }
 
 /// Kinds that are kept under their names.
@@ -93,13 +93,13 @@ macro_rules! named {
     ($($kind:ty),*) => {$(
         impl ToSql for $kind {
             fn to_sql(&self) -> rusqlite::Result<ToSqlOutput<'_>> {
-                Ok(self.name().into())
+                Ok(self.code().into())
             }
         }
 
         impl FromSql for $kind {
             fn column_result(value: ValueRef<'_>) -> FromSqlResult<Self> {
-                Self::of_name(value.as_str()?).ok_or(FromSqlError::InvalidType)
+                Self::of_code(value.as_str()?).ok_or(FromSqlError::InvalidType)
             }
         }
     )*};

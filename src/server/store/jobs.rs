@@ -205,7 +205,7 @@ pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> 
         row.plate,
         row.state,
         row.seed.cast_signed(),
-        row.pace.name(),
+        row.pace.code(),
         row.rig_fingerprint,
         row.library_sha256,
         Micros(row.submitted_at),

@@ -134,7 +134,7 @@ impl JobEnd {
             reason: &'a str,
         }
         let finished =
-            Finished { at_s: self.at.secs(), state: self.state.name(), stop: self.stop, reason: &self.reason };
+            Finished { at_s: self.at.secs(), state: self.state.code(), stop: self.stop, reason: &self.reason };
         let body = serde_json::to_string(&finished).unwrap_or_else(|_| "{}".into());
         NewEvent { plate_time: self.at, kind: FINISHED, body: body.into() }
     }

@@ -112,7 +112,7 @@ fn bar_of(event: &Event) -> Option<(f64, String)> {
                 PlateState::Idle => "waits".to_owned(),
             };
             let queued = plate.as_ref().filter(|_| job.state == JobState::Queued);
-            let message = queued.map_or_else(|| job.state.name().to_owned(), waits);
+            let message = queued.map_or_else(|| job.state.code().to_owned(), waits);
             Some((job.progress, message))
         }
         "state" => Some((0.0, text(data, "state"))),

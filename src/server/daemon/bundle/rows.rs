@@ -8,7 +8,7 @@ pub(super) fn jobs(peeked: &Peeked) -> Value {
     let counts = peeked
         .counts
         .iter()
-        .map(|(plate, state, count)| json!({"plate": scrub(plate), "state": state.name(), "jobs": count}));
+        .map(|(plate, state, count)| json!({"plate": scrub(plate), "state": state.code(), "jobs": count}));
     let paused = peeked.paused.iter().filter(|(_, paused)| *paused).map(|(plate, _)| scrub(plate));
     json!({
         "closed_in_order": peeked.is_closed,
@@ -23,9 +23,9 @@ fn job(row: &JobRow) -> Value {
         "id": row.id.to_string(),
         "name": scrub(&row.name),
         "plate": scrub(&row.plate),
-        "state": row.state.name(),
+        "state": row.state.code(),
         "seed": row.seed,
-        "pace": row.pace.name(),
+        "pace": row.pace.code(),
         "rig": row.rig_fingerprint,
         "library_sha256": row.library_sha256,
         "submitted_at": row.submitted_at.to_string(),
@@ -34,7 +34,7 @@ fn job(row: &JobRow) -> Value {
         "progress": row.progress,
         "reason": scrub(&row.reason),
         "folder": row.folder.as_deref().map(|folder| folder_name(folder, &[row.id])),
-        "recording": row.recording.name(),
+        "recording": row.recording.code(),
         "last_event": row.last_event,
     })
 }

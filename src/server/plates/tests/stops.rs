@@ -94,7 +94,7 @@ fn a_stop_in_the_middle_of_a_reset_holds() {
     assert!(stopped(plate));
     let acts: Vec<String> = house.ledger.audit().into_iter().map(|line| line.act).collect();
     assert_eq!(acts, ["reset", "reset refused"]);
-    assert!(plate.account_for_estop(who("bob")));
+    assert!(plate.record_estop(who("bob")));
     assert!(plate.stop_times().is_some());
     plates.shutdown(LONG);
     drop((meddler, plates));
@@ -103,7 +103,7 @@ fn a_stop_in_the_middle_of_a_reset_holds() {
     assert_eq!(plate.snapshot().state, PlateState::Stopped, "over a restart, too");
     assert_eq!(reset(plate, "ann"), Ok(()));
     assert!(!stopped(plate));
-    assert!(!plate.account_for_estop(who("bob")), "what was released is not kept");
+    assert!(!plate.record_estop(who("bob")), "what was released is not kept");
 }
 
 #[test]
@@ -272,10 +272,10 @@ fn stop_whose_latch_file_vanished_holds_and_is_not_persisted() {
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     plate.estop();
-    assert!(plate.account_for_estop(Caller::default()));
+    assert!(plate.record_estop(Requester::default()));
     std::fs::remove_dir_all(house.folder.path().join("latch")).unwrap();
     plate.estop();
-    assert!(!plate.account_for_estop(Caller::default()), "it was persisted, and is no longer");
+    assert!(!plate.record_estop(Requester::default()), "it was persisted, and is no longer");
     assert!(stopped(plate));
 }
 

@@ -20,7 +20,7 @@ pub struct JobsQuery {
 
 impl JobsQuery {
     pub(super) fn of(query: &Query) -> Result<Self, Problem> {
-        let state = query.one_of("state", &JobState::ALL.map(|state| (state.name(), state)))?;
+        let state = query.one_of("state", &JobState::ALL.map(|state| (state.code(), state)))?;
         let limit = match query.get("limit") {
             None => USUAL_LIMIT,
             Some(text) => text
@@ -75,7 +75,7 @@ impl Query {
     }
 
     pub fn pace(&self) -> Result<Option<Pace>, Problem> {
-        self.one_of("pace", &Pace::ALL.map(|pace| (pace.name(), pace)))
+        self.one_of("pace", &Pace::ALL.map(|pace| (pace.code(), pace)))
     }
 }
 

@@ -48,7 +48,7 @@ const SUBMIT_PARAMS: &[Param] = &[
         name: "pace",
         location: ParamIn::Query,
         description: "How fast the job runs; left out: as the daemon's configuration says, `real-time` unless changed.",
-        schema: || json!({"type": "string", "enum": Pace::ALL.map(Pace::name)}),
+        schema: || json!({"type": "string", "enum": Pace::ALL.map(Pace::code)}),
     },
 ];
 
@@ -65,7 +65,7 @@ const LIST_PARAMS: &[Param] = &[
         name: "state",
         location: ParamIn::Query,
         description: "Only jobs in this state.",
-        schema: || json!({"type": "string", "enum": JobState::ALL.map(JobState::name)}),
+        schema: || json!({"type": "string", "enum": JobState::ALL.map(JobState::code)}),
     },
     Param {
         name: "limit",
