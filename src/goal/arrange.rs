@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     fn arrange(kinds: &[usize], targets_m: &[(f64, f64)], exchange: bool) -> Arrange {
-        let discs = kinds.iter().map(|&kind| Disc { kind, radius_m: 0.009525 }).collect();
+        let discs = kinds.iter().map(|&kind| Disc { kind, radius_m: crate::PENNY_M }).collect();
         let targets_m = targets_m.iter().map(|&(x, y)| Vec2::new(x, y)).collect();
         Arrange::new(ArrangeParams {
             half_side_m: 0.1524,

@@ -6,13 +6,12 @@ use proptest::prelude::*;
 use rand::RngExt;
 use std::f64::consts::TAU;
 
-use super::{Arrange, ArrangeParams, BinParams, Disc, Goal, Motions, Sort, SortParams};
+use super::{Arrange, ArrangeParams, BinParams, Disc, Goal, Motions, PENNY_M, Sort, SortParams};
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
 use upm_core::time::PlateTime;
 
 const HALF_SIDE_M: f64 = 0.1524;
-const PENNY_M: f64 = 0.009525;
 const ARRIVE_M: f64 = 0.00045;
 /// Longest way of a part in one cycle, m.
 const STRIDE_M: f64 = 0.012;

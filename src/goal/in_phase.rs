@@ -180,11 +180,11 @@ impl Goal for InPhase {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::PENNY_M;
     use rand::RngExt;
     use std::f64::consts::TAU;
     use upm_core::random::Streams;
 
-    const PENNY_M: f64 = 0.009525;
     const CORNERS: usize = 60;
 
     /// A figure eight that begins the given part of its corners on.

@@ -73,3 +73,7 @@ pub trait Goal {
     /// Looks at where the parts are and says what is wanted next. Called once a cycle, in order of time.
     fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted;
 }
+
+/// Radius of a US penny, m.
+#[cfg(test)]
+const PENNY_M: f64 = 0.009525;

@@ -234,7 +234,7 @@ mod tests {
 
     const PARAMS: PlusSignParams = PlusSignParams {
         half_side_m: 0.1016,
-        part_radius_m: 0.009525,
+        part_radius_m: crate::PENNY_M,
         edge_margin_m: 0.003,
         laps: 2,
         arrive_m: 0.0005,

@@ -192,8 +192,7 @@ impl Goal for Sort {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const PENNY_M: f64 = 0.009525;
+    use crate::PENNY_M;
 
     fn penny_bin(min: (f64, f64), max: (f64, f64), pennies: usize) -> SortParams {
         let bin = BinParams { kinds: vec![0, 1], min_m: Vec2::new(min.0, min.1), max_m: Vec2::new(max.0, max.1) };

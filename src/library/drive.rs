@@ -128,7 +128,7 @@ pub fn motor_harmonics(axis_counts: &Vector3<Complex<f64>>) -> [Harmonic; MOTORS
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{DisplacementModel, Entry};
+    use crate::testing;
     use proptest::prelude::*;
     use upm_core::geometry::Twist;
 
@@ -156,20 +156,8 @@ mod tests {
 
     #[test]
     fn longer_pulses_rest_longer() {
-        let mut library = Library {
-            rig: String::new(),
-            fingerprint: String::new(),
-            plate_side_m: 0.2,
-            base_radps: 377.0,
-            attack_s: 0.03,
-            rest_s: 0.04,
-            accelerometer_gain: [1.0; 4],
-            shapes: [AxisShape::FREE_MASS; 3],
-            entries: vec![Entry { amplitudes: [100, -100, 0, 0], pump: Twist::new(0.5, 0.0, 0.0) }],
-            displacement: DisplacementModel::default(),
-            fields: None,
-            plate: None,
-        };
+        let belt = testing::library([Twist::new(0.5, 0.0, 0.0)]);
+        let mut library = Library { base_radps: 377.0, attack_s: 0.03, rest_s: 0.04, ..belt };
         assert_eq!(library.rest_after(0.01), 0.04, "nothing measured yet");
         library.displacement.sustain_s = vec![0.0, 0.1, 0.2];
         for (sustain_s, rest_s) in [(0.0, 0.02), (0.05, 0.025), (0.2, 0.04), (0.3, 0.04)] {

@@ -93,31 +93,19 @@ fn lines(values: &[impl Serialize]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{AxisShape, DisplacementModel, Entry, RigFacts};
+    use crate::{DisplacementModel, Entry, RigFacts, testing};
     use proptest::prelude::*;
     use std::f64::consts::TAU;
     use upm_core::geometry::Twist;
 
     fn library(entries: Vec<Entry>) -> Library {
-        Library {
-            rig: "bench".into(),
-            fingerprint: "12ab".into(),
-            plate_side_m: 0.2,
-            base_radps: TAU * 60.0,
-            attack_s: 0.01,
-            rest_s: 0.03,
-            accelerometer_gain: [1.0, 0.99, 1.01, 1.0],
-            shapes: [AxisShape::FREE_MASS; 3],
-            entries,
-            displacement: DisplacementModel {
-                speed_mps: vec![0.1, 0.5],
-                sustain_s: vec![0.0, 0.1, 0.2],
-                distance_m: vec![vec![0.0001, 0.004, 0.009], vec![0.0001, 0.006, 0.018]],
-                sd_m: vec![vec![0.0; 3]; 2],
-            },
-            fields: None,
-            plate: None,
-        }
+        let displacement = DisplacementModel {
+            speed_mps: vec![0.1, 0.5],
+            sustain_s: vec![0.0, 0.1, 0.2],
+            distance_m: vec![vec![0.0001, 0.004, 0.009], vec![0.0001, 0.006, 0.018]],
+            sd_m: vec![vec![0.0; 3]; 2],
+        };
+        Library { accelerometer_gain: [1.0, 0.99, 1.01, 1.0], entries, displacement, ..testing::library([]) }
     }
 
     fn three() -> Vec<Entry> {

@@ -2,30 +2,18 @@ use std::f64::consts::TAU;
 
 use proptest::prelude::*;
 
-use super::{AxisShape, DisplacementModel, Entry, Library, PlateResponse};
+use super::{DisplacementModel, Library, PlateResponse, testing};
 use upm_core::geometry::Twist;
 
 fn library(plate: Option<PlateResponse>) -> Library {
     let pumps = [Twist::new(0.5, 0.0, 0.0), Twist::new(0.0, 0.5, 0.0), Twist::new(0.1, 0.0, 8.0)];
-    Library {
-        rig: "bench".into(),
-        fingerprint: "12ab".into(),
-        plate_side_m: 0.3,
-        base_radps: TAU * 60.0,
-        attack_s: 0.01,
-        rest_s: 0.03,
-        accelerometer_gain: [1.0; 4],
-        shapes: [AxisShape::FREE_MASS; 3],
-        entries: pumps.map(|pump| Entry { amplitudes: [100, -100, 0, 0], pump }).to_vec(),
-        displacement: DisplacementModel {
-            speed_mps: vec![0.1, 0.5],
-            sustain_s: vec![0.0, 0.1],
-            distance_m: vec![vec![0.001, 0.004], vec![0.001, 0.006]],
-            sd_m: vec![vec![0.0; 2]; 2],
-        },
-        fields: None,
-        plate,
-    }
+    let displacement = DisplacementModel {
+        speed_mps: vec![0.1, 0.5],
+        sustain_s: vec![0.0, 0.1],
+        distance_m: vec![vec![0.001, 0.004], vec![0.001, 0.006]],
+        sd_m: vec![vec![0.0; 2]; 2],
+    };
+    Library { plate_side_m: 0.3, displacement, plate, ..testing::library(pumps) }
 }
 
 const PLATE: PlateResponse =

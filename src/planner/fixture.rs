@@ -8,7 +8,7 @@ use rand::RngExt as _;
 use crate::{PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::random::Streams;
-use upm_library::{AxisShape, DisplacementModel, Entry, Library};
+use upm_library::{DisplacementModel, Library, testing};
 
 pub(super) const PENNY_M: f64 = 0.009525;
 pub(super) const HALF_SIDE_M: f64 = 0.1016;
@@ -62,18 +62,12 @@ fn build() -> Arc<Library> {
     };
     let pumps = (0..289).map(rotation).chain((0..16).map(translation));
     Arc::new(Library {
-        rig: "fixture".into(),
-        fingerprint: String::new(),
         plate_side_m: 2.0 * HALF_SIDE_M,
         base_radps: BASE_RADPS,
         attack_s: ATTACK_S,
         rest_s: REST_S,
-        accelerometer_gain: [1.0; 4],
-        shapes: [AxisShape::FREE_MASS; 3],
-        entries: pumps.map(|pump| Entry { amplitudes: [0; 4], pump }).collect(),
         displacement: displacement(),
-        fields: None,
-        plate: None,
+        ..testing::library(pumps)
     })
 }
 

@@ -122,3 +122,9 @@ pub struct PartParams {
     /// Coulomb friction against the plate.
     pub friction: f64,
 }
+
+#[cfg(test)]
+impl PartParams {
+    /// A US penny on a plate of friction 0.3.
+    pub const PENNY: Self = Self { radius_m: 9.525e-3, thickness_m: 1.52e-3, mass_kg: 2.5e-3, friction: 0.3 };
+}

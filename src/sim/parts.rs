@@ -165,7 +165,7 @@ mod tests {
     use upm_core::geometry::Twist;
     use upm_core::units::GRAVITY_MPS2;
 
-    const PENNY: PartParams = PartParams { radius_m: 9.525e-3, thickness_m: 1.52e-3, mass_kg: 2.5e-3, friction: 0.3 };
+    const PENNY: PartParams = PartParams::PENNY;
     const CONTACT: ContactParams = ContactParams { restitution: 0.5, rim_friction: 0.2 };
     const STEP_S: f64 = 5e-5;
     const DECELERATION: f64 = 0.3 * GRAVITY_MPS2;

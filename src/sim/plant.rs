@@ -187,7 +187,7 @@ mod tests {
     use upm_core::signal::{Envelope, Harmonic};
 
     fn plant(params: &SimParams) -> Plant {
-        let penny = PartParams { radius_m: 9.525e-3, thickness_m: 1.52e-3, mass_kg: 2.5e-3, friction: 0.3 };
+        let penny = PartParams::PENNY;
         Plant::new(params, &[(penny, Pose { position_m: Vec2::new(0.05, 0.02), heading_rad: 0.0 })], &Streams::new(1))
     }
 

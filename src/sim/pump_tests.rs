@@ -8,7 +8,7 @@ use upm_core::signal::{Envelope, TwistHarmonic, TwistWave};
 use upm_core::units::GRAVITY_MPS2;
 
 const MU: f64 = 0.3;
-const PENNY: PartParams = PartParams { radius_m: 9.525e-3, thickness_m: 1.52e-3, mass_kg: 2.5e-3, friction: MU };
+const PENNY: PartParams = PartParams { friction: MU, ..PartParams::PENNY };
 const POINT: PartParams = PartParams { radius_m: 0.0, ..PENNY };
 const W: f64 = TAU * 60.0;
 

@@ -236,7 +236,7 @@ mod tests {
     }
 
     pub(super) fn rig(seed: u64) -> SimRig {
-        let penny = PartParams { radius_m: 9.525e-3, thickness_m: 1.52e-3, mass_kg: 2.5e-3, friction: 0.3 };
+        let penny = PartParams::PENNY;
         let at = |x, y| Pose { position_m: Vec2::new(x, y), heading_rad: 0.0 };
         let params = rig_params();
         SimRig::new(model(&params), params, vec![(penny, at(0.05, 0.02)), (penny, at(-0.04, 0.0))], Streams::new(seed))

@@ -1,0 +1,24 @@
+//! A library without a rig for tests: few belts, and the fields that a test is not about.
+
+use std::f64::consts::TAU;
+
+use super::{AxisShape, DisplacementModel, Entry, Library};
+use upm_core::geometry::Twist;
+
+/// Belts `pumps` of one pair of coils at 60 Hz, on a plate of 0.2 m; nothing is known of distances and of the plate.
+pub fn library(pumps: impl IntoIterator<Item = Twist>) -> Library {
+    Library {
+        rig: "bench".into(),
+        fingerprint: "12ab".into(),
+        plate_side_m: 0.2,
+        base_radps: TAU * 60.0,
+        attack_s: 0.01,
+        rest_s: 0.03,
+        accelerometer_gain: [1.0; 4],
+        shapes: [AxisShape::FREE_MASS; 3],
+        entries: pumps.into_iter().map(|pump| Entry { amplitudes: [100, -100, 0, 0], pump }).collect(),
+        displacement: DisplacementModel::default(),
+        fields: None,
+        plate: None,
+    }
+}
