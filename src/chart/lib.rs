@@ -153,3 +153,25 @@ impl Layer {
         Self::new("plate", Mark::Line, Color::Gray, [[-h, -h], [h, -h], [h, h], [-h, h], [-h, -h]])
     }
 }
+
+/// Parts moving on a plate over plate time, to be played back.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Playback {
+    /// Half the plate's side, m.
+    pub half_side_m: f64,
+    /// Instants, s.
+    pub t_s: Vec<f64>,
+    /// Parts.
+    pub tracks: Vec<PlaybackTrack>,
+}
+
+/// The path of one part.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlaybackTrack {
+    /// Name.
+    pub label: String,
+    /// Radius, m.
+    pub radius_m: f64,
+    /// Position at each instant, m, table frame.
+    pub positions_m: Vec<[f64; 2]>,
+}

@@ -15,7 +15,7 @@ use super::progress::{FULL, bar};
 use super::recording;
 use upm_chart::Chart;
 use upm_lab::{
-    EXPERIMENTS, Experiment, LabFault, LabRig, Outcome, Request, Track, VISION, WAVEFORM_FIT, experiment, vision_of,
+    EXPERIMENTS, Experiment, LabFault, LabRig, Outcome, Request, VISION, WAVEFORM_FIT, experiment, vision_of,
     waveform_fit_of,
 };
 use upm_recording::RerunMode;
@@ -262,18 +262,9 @@ fn write_files(name: &str, outcome: &Outcome, args: &LabArgs) -> Result<Vec<Path
 
 /// The outcome as a page of the viewer.
 fn page(title: &str, outcome: &Outcome) -> upm_viewer::Experiment {
-    let motion = outcome.motion.as_ref().map(|motion| upm_viewer::Motion {
-        half_side_m: motion.half_side_m,
-        t_s: motion.t_s.clone(),
-        tracks: motion.tracks.iter().map(track).collect(),
-    });
     let figures = markdown(title, outcome);
-    upm_viewer::Experiment { title: title.to_owned(), figures, charts: outcome.charts.clone(), motion }
-}
-
-fn track(track: &Track) -> upm_viewer::Track {
-    let Track { label, radius_m, places_m } = track.clone();
-    upm_viewer::Track { label, radius_m, positions_m: places_m }
+    let (charts, motion) = (outcome.charts.clone(), outcome.motion.clone());
+    upm_viewer::Experiment { title: title.to_owned(), figures, charts, motion }
 }
 
 /// Refuses pictures where this build cannot draw them.

@@ -35,7 +35,7 @@ pub use cor_map::cor_map;
 pub use cor_steering::cor_steering;
 pub use experiment::{EXPERIMENTS, Experiment, Method, Procedure, Request, VISION, WAVEFORM_FIT, experiment};
 pub use force_curve::force_curve;
-pub use outcome::{Figure, Motion, Outcome, Series, Sheet, Track};
+pub use outcome::{Figure, Outcome, Series, Sheet};
 pub use pulse_law::pulse_law;
 pub use race_track::race_track;
 pub use recorded::waveform_fit_of;

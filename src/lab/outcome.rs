@@ -1,4 +1,4 @@
-use upm_chart::Chart;
+use upm_chart::{Chart, Playback};
 use upm_core::signal::RecordedPulse;
 
 /// One number an experiment comes to.
@@ -85,28 +85,6 @@ impl Sheet {
     }
 }
 
-/// Parts moving over plate time, to be played back.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Motion {
-    /// Half the plate's side, m.
-    pub half_side_m: f64,
-    /// Instants, s.
-    pub t_s: Vec<f64>,
-    /// Parts.
-    pub tracks: Vec<Track>,
-}
-
-/// One part's way.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Track {
-    /// Name.
-    pub label: String,
-    /// Radius, m.
-    pub radius_m: f64,
-    /// Its place at each instant, m, table frame.
-    pub places_m: Vec<[f64; 2]>,
-}
-
 /// All that an experiment leaves.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
@@ -119,7 +97,7 @@ pub struct Outcome {
     /// Table of the points of a sweep, or of machines side by side.
     pub sheet: Option<Sheet>,
     /// Motion of the parts.
-    pub motion: Option<Motion>,
+    pub motion: Option<Playback>,
     /// Findings to look at again, one a line.
     pub notes: Vec<String>,
     /// The trace it read.

@@ -8,8 +8,8 @@ use super::pulses::{
     EDGE_M, FINER, PLAYBACK_HZ, SATURATION, check_carries, envelope, mm, place, places, saturation, strongest_spin,
     turn,
 };
-use super::{Figure, LabFault, LabRig, Motion, Outcome, Series, Track};
-use upm_chart::{Chart, Color, Layer, Mark};
+use super::{Figure, LabFault, LabRig, Outcome, Series};
+use upm_chart::{Chart, Color, Layer, Mark, Playback, PlaybackTrack};
 use upm_core::geometry::{Pose, Vec2};
 use upm_sim::{OpenPulse, PlateMode, Trajectories, simulate};
 
@@ -95,22 +95,22 @@ impl Course {
 
 /// One coin's way about the centre: at every sample the angle and arc gone so far.
 struct Lap {
-    places_m: Vec<Vec2>,
+    positions_m: Vec<Vec2>,
     angle_rad: Vec<f64>,
     arc_m: Vec<f64>,
 }
 
 impl Lap {
-    fn of(places_m: Vec<Vec2>, cor_m: Vec2) -> Self {
+    fn of(positions_m: Vec<Vec2>, cor_m: Vec2) -> Self {
         let (mut angle_rad, mut arc_m) = (vec![0.0], vec![0.0]);
         let (mut angle, mut arc) = (0.0, 0.0);
-        for pair in places_m.windows(2) {
+        for pair in positions_m.windows(2) {
             let (turned, gone) = turn(cor_m, pair[0], pair[1]);
             (angle, arc) = (angle + turned, arc + gone);
             angle_rad.push(angle);
             arc_m.push(arc);
         }
-        Self { places_m, angle_rad, arc_m }
+        Self { positions_m, angle_rad, arc_m }
     }
 
     fn angle(&self) -> f64 {
@@ -124,7 +124,7 @@ impl Lap {
     /// How much further from the centre the coin is at the end.
     fn drift_m(&self, cor_m: Vec2) -> f64 {
         let radius = |place: Option<&Vec2>| place.map_or(f64::NAN, |place| (place - cor_m).norm());
-        radius(self.places_m.last()) - radius(self.places_m.first())
+        radius(self.positions_m.last()) - radius(self.positions_m.first())
     }
 }
 
@@ -171,7 +171,7 @@ impl Race {
     fn least_gap_m(&self) -> f64 {
         let pairs = [(0, 1), (0, 2), (1, 2)];
         let gaps = pairs.into_iter().flat_map(|(a, b)| {
-            let together = self.laps[a].places_m.iter().zip(&self.laps[b].places_m);
+            let together = self.laps[a].positions_m.iter().zip(&self.laps[b].positions_m);
             together.map(|(a, b)| (a - b).norm() - 2.0 * self.course.coin_radius_m)
         });
         gaps.fold(f64::INFINITY, f64::min)
@@ -224,7 +224,7 @@ fn series(race: &Race) -> Vec<Series> {
     let every = |values: &[f64]| values.iter().step_by(FINER).copied().collect::<Vec<_>>();
     let mut series = vec![Series::new("t_s", every(&race.t_s))];
     for (name, lap) in ["inner", "middle", "outer"].into_iter().zip(&race.laps) {
-        let places = lap.places_m.iter().step_by(FINER);
+        let places = lap.positions_m.iter().step_by(FINER);
         series.extend([
             Series::new(&format!("{name}_x_m"), places.clone().map(|place| place.x)),
             Series::new(&format!("{name}_y_m"), places.map(|place| place.y)),
@@ -235,13 +235,13 @@ fn series(race: &Race) -> Vec<Series> {
     series
 }
 
-fn motion(race: &Race) -> Motion {
-    let track = |(name, lap): (&str, &Lap)| Track {
+fn motion(race: &Race) -> Playback {
+    let track = |(name, lap): (&str, &Lap)| PlaybackTrack {
         label: name.to_owned(),
         radius_m: race.course.coin_radius_m,
-        places_m: lap.places_m.iter().step_by(FINER).map(|place| [place.x, place.y]).collect(),
+        positions_m: lap.positions_m.iter().step_by(FINER).map(|place| [place.x, place.y]).collect(),
     };
-    Motion {
+    Playback {
         half_side_m: race.course.half_side_m,
         t_s: race.t_s.iter().step_by(FINER).copied().collect(),
         tracks: NAMES.into_iter().zip(&race.laps).map(track).collect(),
@@ -255,9 +255,10 @@ fn map(race: &Race) -> Chart {
         Layer::new("centre of rotation", Mark::Crosses, Color::Red, [mm(course.cor_m)]),
     ];
     for (i, lap) in race.laps.iter().enumerate() {
-        let path = lap.places_m.iter().step_by(FINER).map(|place| mm(*place));
+        let path = lap.positions_m.iter().step_by(FINER).map(|place| mm(*place));
         layers.push(Layer::new("", Mark::Line, Color::Gray, path));
-        let seen = race.snapshots().into_iter().filter_map(|sample| lap.places_m.get(sample)).map(|place| mm(*place));
+        let seen =
+            race.snapshots().into_iter().filter_map(|sample| lap.positions_m.get(sample)).map(|place| mm(*place));
         let circles = Mark::Circles { radius: 1e3 * course.coin_radius_m };
         layers.push(Layer::new(NAMES[i], circles, Color::nth(i), seen));
     }
@@ -322,8 +323,8 @@ mod tests {
             let reach = motion.half_side_m - rig.penny.radius_m;
             assert_eq!(motion.tracks.len(), 3);
             for track in &motion.tracks {
-                assert_eq!(track.places_m.len(), motion.t_s.len());
-                assert!(track.places_m.iter().flatten().all(|v| v.abs() < reach), "{name}: {}", track.label);
+                assert_eq!(track.positions_m.len(), motion.t_s.len());
+                assert!(track.positions_m.iter().flatten().all(|v| v.abs() < reach), "{name}: {}", track.label);
             }
         }
     }

@@ -75,7 +75,7 @@ mod tests {
             assert!(misses[3] < 0.1 * misses[0], "{mover}: {misses:?}");
         }
         let motion = outcome.motion.unwrap();
-        assert!(motion.tracks.iter().all(|track| track.places_m.len() == motion.t_s.len()));
+        assert!(motion.tracks.iter().all(|track| track.positions_m.len() == motion.t_s.len()));
     }
 
     #[test]

@@ -10,6 +10,7 @@ mod journal;
 mod keeping;
 mod lengths;
 mod maps;
+#[cfg(any(test, feature = "testing"))]
 mod memory;
 mod motion;
 mod records;
@@ -26,6 +27,7 @@ pub use fanout::Fanout;
 pub use journal::Journal;
 pub use keeping::{Keeping, ScribeWatch};
 pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
+#[cfg(any(test, feature = "testing"))]
 pub use memory::MemorySink;
 pub use motion::Motion;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};

@@ -1,11 +1,11 @@
 //! Figures, series, pictures and the playback of the two parts.
 
 use super::super::pulses::{FINER, PLAYBACK_HZ, SATURATION, mm};
-use super::super::{Figure, LabRig, Motion, Outcome, Series, Track};
+use super::super::{Figure, LabRig, Outcome, Series};
 use super::plan::{CENTERS, condition, field_matrix, mean_miss};
 use super::plate_model::STRONG_SPIN_RADPS;
 use super::task::{LOOKS, PartPath, StepSeries, Task};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark, Playback, PlaybackTrack};
 
 /// Radius of the circle about a start, in half sides of the plate.
 const START: f64 = 0.02;
@@ -95,14 +95,14 @@ fn series((run, name): (&StepSeries, &str)) -> [Series; 2] {
     ]
 }
 
-fn motion(rig: &LabRig, task: &Task, way: &PartPath) -> Motion {
+fn motion(rig: &LabRig, task: &Task, way: &PartPath) -> Playback {
     let samples: Vec<_> = way.samples.iter().step_by(FINER).collect();
-    let track = |i: usize| Track {
+    let track = |i: usize| PlaybackTrack {
         label: format!("part {}", i + 1),
         radius_m: rig.penny.radius_m,
-        places_m: samples.iter().map(|places| [places[i].x, places[i].y]).collect(),
+        positions_m: samples.iter().map(|places| [places[i].x, places[i].y]).collect(),
     };
-    Motion {
+    Playback {
         half_side_m: task.half_side_m,
         t_s: (0..samples.len()).map(|i| i as f64 / PLAYBACK_HZ).collect(),
         tracks: vec![track(0), track(1)],

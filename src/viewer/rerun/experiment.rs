@@ -11,9 +11,9 @@ use super::file::RrdFile;
 use super::paint::{self, above, thin};
 use super::sink::record;
 use super::tape::{Logged, Tape};
-use crate::types::{Experiment, Motion, Track};
+use crate::types::Experiment;
 use crate::types::{RecordingError, RecordingStats};
-use upm_chart::Chart;
+use upm_chart::{Chart, Playback, PlaybackTrack};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 use upm_recording::RerunMode;
@@ -55,7 +55,7 @@ fn page(layout: &mut Layout, experiment: &Experiment, charts: &[(String, ChartVi
     let mut views: Vec<ContainerLike> = Vec::new();
     if let Some(motion) = &experiment.motion {
         let reach_mm = mm_from_m(motion.half_side_m) * REACH;
-        let view = Spatial2DView::new("Motion, mm").with_origin("motion");
+        let view = Spatial2DView::new("Playback, mm").with_origin("motion");
         views.push(layout.bounded(view, [-reach_mm, reach_mm], [-reach_mm, reach_mm]));
     }
     for ((path, view), Chart { title, .. }) in charts.iter().zip(&experiment.charts) {
@@ -72,7 +72,7 @@ fn page(layout: &mut Layout, experiment: &Experiment, charts: &[(String, ChartVi
 }
 
 /// Parts as circles over plate time, the ways they go, the plate.
-fn log_motion(tape: &Tape, motion: &Motion) -> Logged {
+fn log_motion(tape: &Tape, motion: &Playback) -> Logged {
     let (h, tracks) = (motion.half_side_m, &motion.tracks);
     let rim = [[-h, -h], [h, -h], [h, h], [-h, h], [-h, -h]].map(place);
     let plate = LineStrips2D::new([rim]).with_colors([paint::color(paint::FAINT)]).with_radii([thin(1.0)]);
@@ -101,7 +101,7 @@ fn log_motion(tape: &Tape, motion: &Motion) -> Logged {
 }
 
 /// Instant by instant a point for each track, so far below its centre.
-fn places(tracks: &[Track], instants: usize, below_m: impl Fn(&Track) -> f64) -> Vec<[f32; 2]> {
+fn places(tracks: &[PlaybackTrack], instants: usize, below_m: impl Fn(&PlaybackTrack) -> f64) -> Vec<[f32; 2]> {
     let at = |i: usize| tracks.iter().filter_map(move |track| Some((track, *track.positions_m.get(i)?)));
     (0..instants).flat_map(at).map(|(track, [x, y])| place([x, y - below_m(track)])).collect()
 }

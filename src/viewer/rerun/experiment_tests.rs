@@ -3,9 +3,9 @@ use std::path::Path;
 
 use super::record_experiment;
 use super::tests::stores;
-use crate::{Experiment, Motion, Track};
+use crate::Experiment;
 use crate::{RecordingError, RecordingStats};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Axis, Chart, Color, Layer, Mark, Playback, PlaybackTrack};
 use upm_recording::RerunMode;
 
 /// A map and a curve with every mark there is, and two parts on their way.
@@ -42,9 +42,10 @@ fn experiment() -> Experiment {
     };
     let t_s: Vec<f64> = (0..200).map(|i| 0.01 * f64::from(i)).collect();
     let way = |start: f64| t_s.iter().map(|t| [0.05 * (start + t).cos(), 0.05 * (start + t).sin()]).collect();
-    let track = |label: &str, start| Track { label: label.to_owned(), radius_m: 9.5e-3, positions_m: way(start) };
+    let track =
+        |label: &str, start| PlaybackTrack { label: label.to_owned(), radius_m: 9.5e-3, positions_m: way(start) };
     let motion =
-        Motion { half_side_m: 0.1, tracks: vec![track("penny-1", 0.0), track("penny-2", 3.0)], t_s: t_s.clone() };
+        Playback { half_side_m: 0.1, tracks: vec![track("penny-1", 0.0), track("penny-2", 3.0)], t_s: t_s.clone() };
     let figures = "| figure | measured |\n| --- | ---: |\n| COR of row a along x | 40.2 |".to_owned();
     let title = "made up, seed 1".to_owned();
     Experiment { title, figures, charts: vec![map, curve], motion: Some(motion) }
@@ -102,9 +103,9 @@ fn an_experiment_without_motion_or_with_nothing_is_recorded_too() {
     record(&Experiment { motion: None, ..experiment() }, &path).unwrap();
     assert!(stores(&path).0.all_entities().iter().all(|entity| !entity.to_string().starts_with("/motion")));
     record(&Experiment::default(), &path).unwrap();
-    let broken = Motion {
+    let broken = Playback {
         t_s: vec![0.0],
-        tracks: vec![Track { positions_m: vec![], label: "a".into(), radius_m: 0.01 }],
+        tracks: vec![PlaybackTrack { positions_m: vec![], label: "a".into(), radius_m: 0.01 }],
         half_side_m: 0.1,
     };
     record(&Experiment { motion: Some(broken), ..Experiment::default() }, &path).unwrap();
