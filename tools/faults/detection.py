@@ -23,6 +23,8 @@ COAST_S, UNSEEN_MM = 0.1, 5.0
 MOVES_PARTS = ("part", "parts", "plate")
 # an observation this close to the truth is not deceived by a knock, mm
 TRUE_MM = 0.25
+# pictures lost of which too few are left to time the others
+MOST_LOST = 0.5
 
 
 @dataclass(frozen=True)
@@ -173,10 +175,17 @@ def late(run, fault):
     # equal pulses as far apart as the pictures are late look as if they were in time
     starts_s = [pulse.start_s for pulse in run.pulses]
     alike = {b for a, b in zip(starts_s, starts_s[1:]) if abs((b - a) / run.frame_s - fault.value[0]) <= ALIKE_FRAMES}
-    blind = [pulse for pulse in blind if pulse.start_s not in alike and not was_bumped(run, pulse)]
+    tells = lambda pulse: pulse.start_s not in alike and not was_bumped(run, pulse) and not is_hardly_seen(run, pulse)
+    blind = list(filter(tells, blind))
     if len(blind) > LATE_PULSES:
         start_s = blind[LATE_PULSES].start_s
         yield "O2", f"{fault}: pulse {LATE_PULSES + 1} since the fault starts at {start_s:.3f} s, bar {LATE_PULSES} pulses"
+
+
+def is_hardly_seen(run, pulse):
+    """True for a pulse in which most pictures are lost: few are left to tell how late they are."""
+    drops = (fault for fault in run.fired() if fault.name == "camera drop" and fault.value[0] > MOST_LOST)
+    return any(fault.from_s < pulse.end_s and pulse.start_s < fault.to_s for fault in drops)
 
 
 def was_bumped(run, pulse):
