@@ -236,17 +236,18 @@ fn a_run_in_real_time_counts_its_deadlines() {
     assert!(report["behind_s"].is_f64(), "{report}");
 }
 
-/// Waits until a run in `out` has written the first lines of its journal; the file is buffered, so its folder and then
-/// some cycles are what can be waited for.
+/// Waits until a run in `out` has a cycle in its journal.
 fn wait_for_journal(out: &Path) {
-    let begun = || fs::read_dir(out).is_ok_and(|mut runs| runs.next().is_some());
-    for _ in 0..200 {
-        if begun() {
-            break;
+    let has_cycle = |run: fs::DirEntry| {
+        fs::read_to_string(run.path().join("journal.jsonl")).is_ok_and(|text| text.contains(r#""type":"cycle""#))
+    };
+    for _ in 0..2000 {
+        if fs::read_dir(out).is_ok_and(|mut runs| runs.any(|run| run.is_ok_and(has_cycle))) {
+            return;
         }
-        std::thread::sleep(std::time::Duration::from_millis(50));
+        std::thread::sleep(std::time::Duration::from_millis(10));
     }
-    std::thread::sleep(std::time::Duration::from_secs(3));
+    panic!("no cycle is written");
 }
 
 #[test]

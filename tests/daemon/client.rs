@@ -92,17 +92,19 @@ fn a_plate_is_stopped_reset_and_resumed_by_hand() {
     let (stdout, _) = served.status(&["submit", &job], 0);
     let id = stdout.trim_end();
     served.until_moving("endless", id);
-    let watch = served.upm(&["watch", id, "--json"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut watch = served.upm(&["watch", id, "--json"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let (mut watched, mut stdout) = (String::new(), BufReader::new(watch.stdout.take().unwrap()));
+    stdout.read_line(&mut watched).unwrap();
     let (plates, _) = served.status(&["plates"], 0);
     assert!(plates.lines().next().unwrap().contains("running"), "{plates}");
-    sleep(Duration::from_millis(500));
 
     let (stopped, _) = served.status(&["estop"], 0);
     for (line, plate) in stopped.lines().zip([LEFT, RIGHT]) {
         assert!(line.starts_with(&format!("{plate}: motors silent, ")), "{stopped}");
     }
     assert_eq!(stopped.lines().count(), 2);
-    let (watched, _) = status_of(&watch.wait_with_output().unwrap(), &["watch"], 1);
+    stdout.read_to_string(&mut watched).unwrap();
+    status_of(&watch.wait_with_output().unwrap(), &["watch"], 1);
     let events: Vec<Value> = watched.lines().map(json_of).collect();
     assert_eq!(events[0]["event"], "snapshot", "{watched}");
     let finished = events.iter().find(|event| event["event"] == "finished").unwrap();

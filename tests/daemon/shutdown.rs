@@ -44,7 +44,10 @@ fn sigterm_closes_everything_in_time_whatever_clients_do() {
             stream
         })
         .collect();
-    thread::sleep(Duration::from_millis(500));
+    until("all watchers are there", || {
+        let metrics = served.ask("GET", "/metrics", &[], "");
+        String::from_utf8(metrics.body).unwrap().contains("upm_event_streams 55").then_some(())
+    });
 
     assert_eq!(served.terminate().code(), Some(0), "all was closed within the time there is for it");
     for reader in readers {

@@ -175,8 +175,8 @@ def late(run, fault):
     # equal pulses as far apart as the pictures are late look as if they were in time
     starts_s = [pulse.start_s for pulse in run.pulses]
     alike = {b for a, b in zip(starts_s, starts_s[1:]) if abs((b - a) / run.frame_s - fault.value[0]) <= ALIKE_FRAMES}
-    tells = lambda pulse: pulse.start_s not in alike and not was_bumped(run, pulse) and not is_hardly_seen(run, pulse)
-    blind = list(filter(tells, blind))
+    blind = [pulse for pulse in blind if pulse.start_s not in alike]
+    blind = [pulse for pulse in blind if not (was_bumped(run, pulse) or is_hardly_seen(run, pulse))]
     if len(blind) > LATE_PULSES:
         start_s = blind[LATE_PULSES].start_s
         yield "O2", f"{fault}: pulse {LATE_PULSES + 1} since the fault starts at {start_s:.3f} s, bar {LATE_PULSES} pulses"
