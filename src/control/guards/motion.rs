@@ -70,6 +70,8 @@ pub struct MotionGuard {
     off: u32,
     /// An earlier pulse has shown that the accelerometers are at fault.
     doubts_sensors: bool,
+    /// It has named a channel, or shown that the channels do not agree.
+    knows_fault: bool,
     /// An earlier pulse carried parts as forecast while the accelerometers read another motion of the plate.
     contradicted: bool,
 }
@@ -89,14 +91,17 @@ impl MotionGuard {
         let saw_it_all = saw_it_go && shows_drive || went == Some(Went::There) && self.doubts_sensors;
         let is_unread = matches!(verdict, MotionVerdict::Unreadable { strong: true });
         if is_unread && (saw_it_go || shows_drive) {
-            (self.doubts_sensors, self.contradicted) = (true, true);
+            // by its parts alone a single pulse tells little: one that fails half way carries them about there
+            self.contradicted |= shows_drive || self.doubts_sensors;
+            self.doubts_sensors = true;
         }
         // a pulse too small to tell by its parts is judged by the plate's swing, or as the last one that told
         let is_as_known = went.is_none() && (self.contradicted || self.doubts_sensors && shows_drive);
         let is_sensors = (saw_it_all || is_as_known) && swing != SwingSeen::Otherwise;
         // a channel that is known to be at fault hides a small motion: nothing speaks of another one
-        let is_hidden = self.doubts_sensors && went.is_none() && swing != SwingSeen::Otherwise;
-        self.doubts_sensors |= matches!(verdict, MotionVerdict::Channel { .. } | MotionVerdict::Channels);
+        let is_hidden = self.knows_fault && went.is_none() && swing != SwingSeen::Otherwise;
+        self.knows_fault |= matches!(verdict, MotionVerdict::Channel { .. } | MotionVerdict::Channels);
+        self.doubts_sensors |= self.knows_fault;
         let found = |condition, reason: String, ends| Some(Finding { condition, reason, ends });
         let percent = 100.0 * off;
         match verdict {
@@ -216,6 +221,14 @@ mod tests {
         let unread_small =
             |seen, swing| one_at_fault.clone().finding(unread(true), 0.0, seen, swing).map(|found| found.ends);
         assert_eq!(unread_small(None, SwingSeen::Unclear), Some(false), "the channel hides the motion");
+        let mut half_way = MotionGuard::default();
+        let mut unread_at =
+            |went| half_way.finding(unread(true), 0.0, went, SwingSeen::Unclear).map(|found| found.ends);
+        assert_eq!(
+            [unread_at(Some(Went::There)), unread_at(None)],
+            [Some(false), Some(true)],
+            "coils died in the first"
+        );
         assert_eq!(unread_small(None, SwingSeen::Otherwise), Some(true));
         assert_eq!(unread_small(Some(Went::Elsewhere), SwingSeen::Unclear), Some(true));
         assert_eq!(ends(MotionVerdict::Channels, 0.9, None), Some(false));
