@@ -2,8 +2,8 @@
 //! gets nothing back, so a run is the same with and without it.
 //!
 //! [`Journal`] writes the run down line by line and holds no wall time, so equal seeds give equal bytes. [`Tally`]
-//! counts, compares what was measured with the simulated truth and ends as a [`Report`]. [`MemorySink`] keeps
-//! everything, for tests. [`Fanout`] makes one sink of several. [`Scribe`] writes lines on a background thread.
+//! counts, compares what was measured with the simulated truth and ends as a [`Report`].
+//! [`Fanout`] makes one sink of several. [`Scribe`] writes lines on a background thread.
 
 mod fanout;
 mod journal;

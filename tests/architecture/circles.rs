@@ -28,20 +28,20 @@ fn module_of<'a>(file: &'a str, members: &[&str]) -> Option<(&'a str, Vec<String
 }
 
 impl<'a> Crate<'a> {
-    fn children<'b>(&'b self, module: &[String], name: &str) -> Option<Vec<String>> {
+    fn child(&self, module: &[String], name: &str) -> Option<Vec<String>> {
         let child: Vec<String> = module.iter().cloned().chain([name.to_owned()]).collect();
         self.modules.contains_key(&child).then_some(child)
     }
 
     /// The path from the crate's root that `path`, written in `module`, stands for; `None` where it leaves the crate.
-    fn from_root(&self, module: &[String], inline: usize, path: &[String]) -> Option<Vec<String>> {
+    fn path_from_root(&self, module: &[String], inline: usize, path: &[String]) -> Option<Vec<String>> {
         let climbs = path.iter().take_while(|segment| *segment == "super").count();
         let rest = |start: &[String], skipped: usize| Some([start, &path[skipped..]].concat());
         match path.first()?.as_str() {
             "crate" => rest(&[], 1),
             "super" => rest(&module[..module.len().checked_sub(climbs.saturating_sub(inline))?], climbs),
             "self" => rest(module, 1),
-            first if self.children(module, first).is_some() => rest(module, 0),
+            first if self.child(module, first).is_some() => rest(module, 0),
             _ => None,
         }
     }
@@ -58,7 +58,7 @@ impl<'a> Crate<'a> {
         let (_, scan) = self.modules.get(module)?;
         let globs = scan.mentions.iter().filter(|mention| !mention.in_test).map(|mention| &mention.written);
         globs.filter(|written| written.bound.as_deref() == Some("*")).find_map(|written| {
-            let of = self.from_root(module, written.inline, &written.path[..written.path.len() - 1])?;
+            let of = self.path_from_root(module, written.inline, &written.path[..written.path.len() - 1])?;
             self.modules.get(&of)?.1.defined.iter().any(|defined| defined == name).then_some(of)
         })
     }
@@ -67,14 +67,14 @@ impl<'a> Crate<'a> {
     fn file_of(&self, path: &[String], depth: usize) -> Option<&'a str> {
         let mut module: Vec<String> = Vec::new();
         for (k, segment) in path.iter().enumerate() {
-            if let Some(child) = self.children(&module, segment) {
+            if let Some(child) = self.child(&module, segment) {
                 module = child;
                 continue;
             }
             let defines = self.modules.get(&module).is_some_and(|(_, scan)| scan.defined.contains(segment));
             let target = match self.bound(&module, segment).filter(|_| !defines && depth < DEEPEST) {
                 Some(written) => Some(self.absolute(&module, written)?),
-                None => self.by_glob(&module, segment).map(|of| [&of[..], &[segment.clone()]].concat()),
+                None => self.by_glob(&module, segment).map(|of| [&of[..], std::slice::from_ref(segment)].concat()),
             };
             return match target {
                 Some(target) => self.file_of(&[&target[..], &path[k + 1..]].concat(), depth + 1),
@@ -86,12 +86,12 @@ impl<'a> Crate<'a> {
 
     /// The path from the root of what is written in `module`, names that a `use` gives there included.
     fn absolute(&self, module: &[String], written: &Written) -> Option<Vec<String>> {
-        if let Some(path) = self.from_root(module, written.inline, &written.path) {
+        if let Some(path) = self.path_from_root(module, written.inline, &written.path) {
             return Some(path);
         }
         let first = written.path.first().filter(|_| written.bound.is_none())?;
         let by_use = self.bound(module, first)?;
-        let start = self.from_root(module, by_use.inline, &by_use.path)?;
+        let start = self.path_from_root(module, by_use.inline, &by_use.path)?;
         Some([&start[..], &written.path[1..]].concat())
     }
 
