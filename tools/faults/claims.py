@@ -112,7 +112,9 @@ def of_hold(run, _, at, bar_mm):
     for fault in moved:
         first.append([[place[axis] - fault.value[axis] for axis in (0, 1)] for place in first[0]])
     for part, place in enumerate(at):
-        moved_mm = min((math.dist(parts[part][:2], place[:2]) for parts in first), default=0.0)
+        # a part that was away then is held where it was put back
+        back = [parts for _, parts in run.truth if parts[part][2]][:1]
+        moved_mm = min((math.dist(parts[part][:2], place[:2]) for parts in first + back), default=0.0)
         if moved_mm > bar_mm:
             yield f"completed with part {part} {moved_mm:.3f} mm from where it was to be held, bar {bar_mm:.2f} mm"
 
