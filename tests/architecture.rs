@@ -24,6 +24,7 @@ const CRATES: &[(&str, &[&str])] = &[
             "disc_friction",
             "ground_truth",
             "background",
+            "coded_enum",
             "files",
             "job",
             "rig",
@@ -60,6 +61,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("disc_friction", &[]),
     ("ground_truth", &[]),
     ("background", &[]),
+    ("coded_enum", &[]),
     ("files", &[]),
     ("job", &[]),
     ("rig", &["signal"]),
@@ -174,7 +176,8 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("main", &["cli"]),
 ];
 
-const BASE: &[&str] = &["units", "time", "priority", "random", "geometry", "background", "files", "job", "document"];
+const BASE: &[&str] =
+    &["units", "time", "priority", "random", "geometry", "background", "coded_enum", "files", "job", "document"];
 
 /// What neither control nor anything it imports may name, tests included.
 const TRUTH: &[&str] = &["sim", "ground_truth"];
@@ -219,6 +222,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
 
 /// The rooms where data meets the outside; of the library only its file form. The words for jobs are the same there.
 const SERDE: &[&str] = &[
+    "src/core/coded_enum",
     "src/core/job",
     "src/document",
     "src/recording",

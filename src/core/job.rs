@@ -1,6 +1,5 @@
 //! The words for a run and its end that every room shares: how it ended, and what ended it.
 
-mod coded_enum;
 pub mod legacy;
 mod stop_cause;
 

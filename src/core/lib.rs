@@ -2,6 +2,7 @@
 //! disc, the plain data that crosses the hardware boundary, and that boundary itself, the trait [`rig::Rig`].
 
 pub mod background;
+mod coded_enum;
 pub mod disc_friction;
 pub mod files;
 pub mod geometry;
