@@ -27,7 +27,8 @@ const SURE_LEFT: f64 = 0.05;
 /// A plate seen to swing less than this share of the planned squares stands still in the frames.
 const STILL: f64 = 0.03;
 /// Share of the squares that no delay explains from which on frames contradict the drive, and the least swing for that, px.
-const UNLIKE: f64 = 0.4;
+/// Quick pulses that beat with the suspension leave up to 0.45.
+const UNLIKE: f64 = 0.47;
 const UNLIKE_SWING_PX: f64 = 1.0;
 /// Largest share of the squares left over by frames that show the planned swing: a swing a fifth larger leaves this much.
 const AS_DRIVEN: f64 = 0.04;
@@ -260,6 +261,13 @@ impl DelayGuard {
         if undelayed < IN_TIME * all || delay < LATE || !is_explained {
             return Timing::InTime;
         }
+        // equal pulses at equal distances are explained by a delay of all but a frame of that, too, where the plate swings a
+        // little before its plan; no picture comes early
+        let next = |i: usize| self.frames.get(i + 1).map_or(0.0, |frame| frame.expected);
+        let early: f64 = seen().map(|(i, px)| (px - next(i)).powi(2)).sum();
+        if early <= least + ALIKE * all {
+            return Timing::InTime;
+        }
         let is_sure = undelayed > SURE_UNDELAYED * all && least < SURE_LEFT * all;
         Timing::Late { late: Late::By(delay), is_sure }
     }
@@ -275,20 +283,23 @@ impl DelayGuard {
     /// The delay by which the frames from `first` on show the expected swing, larger or smaller by one factor; `None` where
     /// they are not so much `alike`, or show it in time.
     fn delay_at_any_scale(&self, first: usize, alike: Shape) -> Option<usize> {
-        let left = |delay: usize| {
-            let shifted = self.frames.iter().skip(first.saturating_sub(delay)).map(|frame| frame.expected);
-            let seen = self.frames.iter().skip(first.max(delay)).map(|frame| frame.seen);
-            let (mut seen_sq, mut product, mut expected_sq) = (0.0, 0.0, 0.0);
-            for (seen, expected) in seen.zip(shifted).filter_map(|(seen, expected)| Some((seen?, expected))) {
-                seen_sq += seen * seen;
-                product += seen * expected;
-                expected_sq += expected * expected;
-            }
-            // one minus the squared correlation: the part of the squares that the best factor leaves over
-            1.0 - product * product / (seen_sq * expected_sq).max(f64::MIN_POSITIVE)
-        };
+        let left = |delay| self.left_at_any_scale(first, delay);
         let best = (LATE..=LONGEST).min_by(|&a, &b| left(a).total_cmp(&left(b)))?;
         (left(best) < alike.left && left(0) > alike.undelayed).then_some(best)
+    }
+
+    /// Share of the squares that the expected swing, `delay` frames later and at its best height, leaves over in the frames
+    /// from `first` on: one minus the squared correlation.
+    fn left_at_any_scale(&self, first: usize, delay: usize) -> f64 {
+        let shifted = self.frames.iter().skip(first.saturating_sub(delay)).map(|frame| frame.expected);
+        let seen = self.frames.iter().skip(first.max(delay)).map(|frame| frame.seen);
+        let (mut seen_sq, mut product, mut expected_sq) = (0.0, 0.0, 0.0);
+        for (seen, expected) in seen.zip(shifted).filter_map(|(seen, expected)| Some((seen?, expected))) {
+            seen_sq += seen * seen;
+            product += seen * expected;
+            expected_sq += expected * expected;
+        }
+        1.0 - product * product / (seen_sq * expected_sq).max(f64::MIN_POSITIVE)
     }
 
     /// Index of the first frame to be judged, and the sum of squares of the expected displacements from there on, px².

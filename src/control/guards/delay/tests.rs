@@ -138,3 +138,23 @@ fn late_pictures_of_a_coil_that_stutters_are_told_by_the_shape_of_the_swing() {
     assert_eq!(found(0), [None; 2]);
     assert_eq!(found(4), [None, Some(Late::By(4))]);
 }
+
+#[test]
+fn equal_pulses_in_which_the_plate_swings_before_its_plan_are_in_time() {
+    let pulse = swing(0.1, 60.0, 1.0 / 60.0, 0.03);
+    let mut guard = DelayGuard::new(FRAME_HZ);
+    let frames = frames(&pulse) + 4;
+    let begin_s = |number: u32| f64::from(3 + number * frames) * FRAME_S + 0.001;
+    let seen_px = |at_s: f64| {
+        let begun = (0..6).rev().map(begin_s).find(|begin_s| *begin_s <= at_s);
+        begun.map_or(0.0, |begin_s| 1.2 * pulse.corner_px(at_s - begin_s))
+    };
+    for number in 0..6 {
+        guard.begin(begin_s(number), pulse.clone());
+        for frame in 0..frames {
+            let at_s = begin_s(number) + f64::from(frame) * FRAME_S;
+            guard.frame(at_s, Some(seen_px(at_s + FRAME_S)));
+        }
+        assert_eq!(guard.end(), None, "pulse {number}");
+    }
+}
