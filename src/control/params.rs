@@ -3,7 +3,7 @@ use super::guards::Guards;
 use upm_core::rig::PartKind;
 use upm_planner::{Method, PlannerParams};
 
-/// What a run needs to know beside the rig's model.
+/// Parameters of a run beside the rig's model.
 #[derive(Clone, Debug)]
 pub struct ControlParams {
     /// Kinds of parts on the plate.

@@ -151,7 +151,7 @@ impl Steering {
         self.stages_m.first().unwrap_or(&self.seen_m).clone()
     }
 
-    /// What is wanted of parts of which `there` are where they shall be; `to` says in words where that is.
+    /// Wanted places of parts of which `there` have arrived; `to` names their destination in words.
     pub(super) fn wanted(&self, to: &str, there: usize) -> Wanted {
         Wanted {
             subgoals_m: self.subgoals_m(),

@@ -119,7 +119,7 @@ fn axis_counts(twist_from_counts: &Matrix3<Complex<f64>>, velocity: &TwistHarmon
     twist_from_counts.lu().solve(&velocity.phasor())
 }
 
-/// What the motors X1, X2, Y1, Y2 play of these axis amplitudes, opposite ones sharing the work (Eq. 7).
+/// Amplitudes of the motors X1, X2, Y1, Y2 for these axis amplitudes; opposite ones share the work (Eq. 7).
 pub fn motor_harmonics(axis_counts: &Vector3<Complex<f64>>) -> [Harmonic; MOTORS] {
     let (x, y, turn) = (axis_counts.x * 0.5, axis_counts.y * 0.5, axis_counts.z * 0.25);
     [x - turn, -x - turn, y + turn, -y + turn].map(Harmonic::from_phasor)

@@ -222,7 +222,7 @@ pub struct StopReport {
     pub code: StopCause,
     /// The same in words, with the remedy.
     pub text: String,
-    /// What the operator should check or change; `None` where there is nothing, and in reports from before it was told.
+    /// Advice on what to check or change; `None` where there is nothing, and in reports without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub remedy: Option<String>,
 }

@@ -13,7 +13,7 @@ struct Crate<'a> {
     modules: BTreeMap<Vec<String>, (&'a str, &'a Scan)>,
 }
 
-/// What each file imports: the other file and one name taken from it.
+/// Imports of each file: the other file and one name taken from it.
 type Imports<'a> = BTreeMap<&'a str, BTreeMap<&'a str, String>>;
 
 /// `src/core/job/pace.rs` is the module `job::pace` of the crate in `src/core`; `src/cli/args.rs` is `cli::args` of the root.

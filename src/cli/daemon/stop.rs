@@ -24,7 +24,7 @@ pub(super) struct Stop {
     pub plate: String,
     /// The answer of the daemon.
     pub answer: Option<EStopped>,
-    /// Why there is none.
+    /// The fault where there is no answer.
     pub error: Option<String>,
     pub via: Via,
     pub attempts: u32,

@@ -3,14 +3,14 @@ use super::workbench::Workbench;
 use upm_core::signal::{CHANNELS, Drive};
 use upm_perception::estimation::{Coefficients, FitFault, TwistFit};
 
-/// What faults call the axes.
+/// Names of the axes in faults.
 pub(super) const NAMES: [&str; 3] = ["axis x", "axis y", "axis spin"];
 
 /// A pulse of one axis, played both ways.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct AxisPulse {
     pub drive: Drive,
-    /// What the channels showed, half the difference of both ways, m/s², with their gains in it.
+    /// Readings of the channels, half the difference of both ways, m/s², with their gains in it.
     pub shown: [Coefficients; CHANNELS],
 }
 
@@ -36,7 +36,7 @@ impl AxisPulse {
     }
 }
 
-/// What the channels showed, their gains put back in, with all that does not turn round with the drive left out.
+/// Readings of the channels with their gains put back in, without all that does not turn round with the drive.
 fn half_difference(there: &TwistFit, back: &TwistFit, gain: &[f64; CHANNELS]) -> [Coefficients; CHANNELS] {
     let (there, back) = (&there.accel_mps2, &back.accel_mps2);
     std::array::from_fn(|c| std::array::from_fn(|k| 0.5 * (there[c][k] - back[c][k]) * gain[c]))

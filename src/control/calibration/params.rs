@@ -1,7 +1,7 @@
 use crate::eyes::ExpectedPart;
 use upm_core::rig::PartKind;
 
-/// What to measure.
+/// Settings of a calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CalibrationParams {
     /// Rows and columns of the grid of centres over the plate.
@@ -59,7 +59,7 @@ impl CalibrationParams {
 /// How far calibration has come.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CalibrationProgress {
-    /// What is being measured.
+    /// The measurement under way.
     pub stage: &'static str,
     /// Measurements done in this stage.
     pub done: usize,

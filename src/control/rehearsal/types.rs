@@ -3,7 +3,7 @@ use crate::ending::Ending;
 use upm_core::geometry::Vec2;
 use upm_core::random::Streams;
 
-/// What a rehearsal needs beside what a run needs.
+/// Parameters of a rehearsal beside those of a run.
 #[derive(Clone, Debug)]
 pub struct RehearsalParams {
     /// Where each part starts, m.
@@ -45,7 +45,7 @@ pub struct Rehearsal {
     pub targets_m: Vec<Vec2>,
     /// The least gap between two parts at any time; `None` with fewer than two.
     pub nearest: Option<Nearest>,
-    /// What kept plans from being made, in order of first appearance.
+    /// Reasons for plans that were not made, in order of first appearance.
     pub limits_met: Vec<LimitMet>,
     /// How far parts ended from where pulses were forecast to bring them with what was learned, root mean square, m;
     /// `None` without a pulse.

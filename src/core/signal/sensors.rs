@@ -1,4 +1,4 @@
-//! What the rig's sensors deliver: camera frames and accelerometer traces.
+//! Data of the rig's sensors: camera frames and accelerometer traces.
 
 use super::Envelope;
 use crate::geometry::Vec2;

@@ -37,7 +37,7 @@ impl Origin {
     }
 }
 
-/// What names may be made of, in words.
+/// The characters allowed in names, in words.
 pub(super) const NAMES: &str = "1 to 64 letters, digits, `.`, `_`, `-`, other than `.` and `..`";
 
 /// True for names that are safe as a folder: 1 to 64 of `A-Z a-z 0-9 . _ -`, not `.` or `..`.

@@ -16,7 +16,7 @@ use upm_core::time::{Clock, MonotonicClock};
 use upm_recording::RecordingState;
 use upm_runner::config::DaemonSpec;
 
-/// What answers are made of.
+/// State from which the API is answered.
 #[derive(Debug)]
 pub(super) struct DaemonState {
     pub spec: DaemonSpec,
@@ -25,13 +25,13 @@ pub(super) struct DaemonState {
     pub clock: MonotonicClock,
     /// The daemon ends.
     pub ending: AtomicBool,
-    /// What each plate tells.
+    /// Events of each plate, on their way to clients.
     pub wires: BTreeMap<String, Arc<Wire>>,
     /// Jobs, when they were counted last.
     counted: Mutex<Counted>,
-    /// What the API is asked.
+    /// Counts of requests and streams.
     pub traffic: Traffic,
-    /// What the store had come to when it was opened.
+    /// Damage found in the store when it was opened.
     pub damage: Damage,
     /// Whether the data folder is still the one that is held open.
     pub data: DataWatch,
@@ -182,7 +182,7 @@ pub(super) fn no_job() -> Refusal {
     Refusal::Unknown("there is no such job".to_owned())
 }
 
-/// What the store had come to when it was opened, as a sentence, until somebody has taken note of it.
+/// Damage found in the store when it was opened, as a sentence, until an operator has taken note of it.
 #[derive(Debug)]
 pub(super) struct Damage(Mutex<Option<String>>);
 
@@ -191,7 +191,7 @@ impl Damage {
         Self(Mutex::new(sentence))
     }
 
-    /// What is not seen yet. After damage every plate is paused, or stopped: whoever lets the last paused one go on has seen
+    /// The damage not noted yet. After damage every plate is paused, or stopped: an operator who resumes the last one has seen
     /// what is wrong. Plates that are paused later are so for other reasons.
     fn unseen(&self, states: &[PlateState]) -> Option<String> {
         let mut damage = self.0.lock();

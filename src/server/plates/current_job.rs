@@ -27,7 +27,7 @@ pub(super) struct CurrentJob {
     seen: Mutex<Seen>,
 }
 
-/// Whose turn it is on the plate.
+/// The present job of the plate, and the ones before and after it that matter.
 #[derive(Debug, Default)]
 struct Turn {
     running: Option<Running>,

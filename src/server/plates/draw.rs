@@ -9,7 +9,7 @@ const SEEN: Rgb<u8> = Rgb([0, 220, 90]);
 const UNSEEN: Rgb<u8> = Rgb([255, 60, 40]);
 const TARGET: Rgb<u8> = Rgb([60, 160, 255]);
 
-/// What is drawn over a frame, px.
+/// A mark drawn over a frame, px.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Mark {
     pub center_px: Vec2,

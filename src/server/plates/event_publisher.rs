@@ -36,8 +36,8 @@ pub(super) fn publish(shared: &Shared, items: &Receiver<Outgoing>) {
     }
 }
 
-/// What is kept is told once it is on the disk, so that a number somebody has seen is never taken back. What the store
-/// cannot take is told without a number.
+/// Durable events are published once they are on the disk, so that a number a client has seen is never taken back. An event
+/// that the store cannot take is published without a number.
 fn tell(shared: &Shared, job: JobId, news: EventDraft) {
     let EventDraft { plate_time, kind, body, durable } = news;
     let unnumbered = JobEvent { job, seq: None, kind, body: Arc::clone(&body) };

@@ -28,7 +28,7 @@ pub struct PlateSetup {
     pub allow_faults: bool,
 }
 
-/// What all plates need.
+/// Resources and settings that all plates share.
 #[derive(Clone, Debug)]
 pub struct Surroundings {
     /// Where jobs come from and go to.

@@ -17,11 +17,11 @@ use upm_core::rig::Trip;
 use upm_runner::run::ExternalStop;
 use upm_viewer::LiveServer;
 
-/// What the threads of a plate share with those outside.
+/// State that the threads of a plate share with those outside.
 #[derive(Debug)]
 pub(super) struct Shared {
     pub name: String,
-    /// What its jobs are held against.
+    /// The rules for its jobs.
     pub rules: JobRules,
     pub ledger: Arc<dyn Ledger>,
     pub emergency_stop: EmergencyStop,

@@ -11,7 +11,7 @@ use upm_runner::run::{check_job, check_places, job_library};
 /// What faults of a job that came in a request call it.
 const REQUEST: &str = "job";
 
-/// What the jobs of a plate are held against before they are queued.
+/// Rules that jobs of a plate are checked against before they are queued.
 #[derive(Debug)]
 pub(super) struct JobRules {
     /// The plate's name.

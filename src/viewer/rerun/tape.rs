@@ -21,7 +21,7 @@ pub(super) const APPLICATION: &str = "upm";
 /// How long chunks are gathered before they are written.
 pub(super) const GATHER: Duration = Duration::from_millis(500);
 
-/// What may wait inside Rerun for the disk, bytes. Each of its two queues gets half.
+/// Bytes that may wait inside Rerun for the disk. Each of its two queues gets half.
 const MOST_WAITING_BYTES: u64 = 16 << 20;
 
 /// A recording stream whose faults are words, in the two timelines of a run.

@@ -50,14 +50,14 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// What the table says.
+/// The state table as a model.
 #[derive(Debug)]
 struct Model {
     state: StopState,
     /// The number of the newest stop or reset.
     change: u32,
     kept: bool,
-    /// What the next start reads.
+    /// The state that the next start reads.
     on_disk: bool,
     fitted: bool,
     pauses: u32,
