@@ -6,6 +6,7 @@
 //!
 //! A coil or channel without a share in the planned motion cannot be judged by it: such a pulse is as planned.
 
+mod coils;
 mod reading;
 
 use nalgebra::{Complex, Vector3};
@@ -29,10 +30,6 @@ const RESPONSE_ERROR: f64 = 0.02;
 
 /// Smallest error of a gain that is blamed on its coil or channel.
 const LEAST_GAIN_ERROR: f64 = 0.05;
-
-/// Gains that an amplifier and its coil may have; one outside is the error of something else, seen through a coil that
-/// hardly has a share.
-const COIL_GAINS: std::ops::RangeInclusive<f64> = -1.6..=2.0;
 
 /// Largest gain of a dead channel, either sign.
 const DEAD_GAIN: f64 = 0.1;
@@ -270,7 +267,7 @@ impl<'a> Judge<'a> {
         match erratic.min_by(|(a, _), (b, _)| a.total_cmp(b)) {
             Some((score, channel)) if score <= 1.0 => MotionVerdict::Channel { channel, kind: ChannelFault::Erratic },
             _ if !self.is_rigid() => MotionVerdict::Channels,
-            _ => MotionVerdict::Other,
+            _ => self.one_coil_of_weak_ones().unwrap_or(MotionVerdict::Other),
         }
     }
 
@@ -288,23 +285,6 @@ impl<'a> Judge<'a> {
         let apart: f64 = self.read.accel_mps2.iter().map(apart).sum();
         let noise = 4.0 * self.read.variance.iter().sum::<f64>();
         apart < DEVIATIONS * DEVIATIONS * noise + RIGID * energy(&self.read.accel_mps2)
-    }
-
-    /// Score and verdict for the gain of `coil` that comes nearest to the reading.
-    fn coil(&self, coil: usize) -> (f64, MotionVerdict) {
-        let (base_radps, harmonics) = (self.expected.drive.base_radps, self.planned.len());
-        let predicted = |gain: f64| {
-            let velocity = self.expected.velocity(harmonics, &Played::Gain { coil, gain });
-            felt(&velocity, base_radps, self.sensors.position_m)
-        };
-        let dead = predicted(0.0);
-        let share: Felt = self.planned.iter().zip(&dead).map(|(a, b)| std::array::from_fn(|c| a[c] - b[c])).collect();
-        let missing = self.read.accel_mps2.iter().zip(&dead).map(|(a, b)| std::array::from_fn(|c| a[c] - b[c]));
-        let information = self.dot(&share, &share, 0..CHANNELS);
-        let gain = self.dot(&share, &missing.collect(), 0..CHANNELS) / information;
-        let is_plausible = is_fault(gain) && COIL_GAINS.contains(&gain);
-        let score = if is_plausible { self.score(&predicted(gain)) } else { f64::INFINITY };
-        (score, MotionVerdict::Coil { coil, gain, gain_sd: information.recip().sqrt() })
     }
 
     /// Score and verdict for the gain of `channel` that comes nearest to the reading.
@@ -326,12 +306,6 @@ impl<'a> Judge<'a> {
         };
         let score = if is_fault(gain) { self.score(&shown.collect()) } else { f64::INFINITY };
         (score, MotionVerdict::Channel { channel, kind })
-    }
-
-    fn swap(&self, coils: [usize; 2]) -> (f64, MotionVerdict) {
-        let velocity = self.expected.velocity(self.planned.len(), &Played::Swapped(coils));
-        let predicted = felt(&velocity, self.expected.drive.base_radps, self.sensors.position_m);
-        (self.score(&predicted), MotionVerdict::Swapped { coils })
     }
 
     fn score(&self, predicted: &Felt) -> f64 {

@@ -181,6 +181,19 @@ proptest! {
     }
 
     #[test]
+    fn single_coil_is_blamed_while_all_are_weak(
+        seed: u64, coil in 0..MOTORS, gain in -1.0..0.5f64, shared in prop_oneof![0.75..0.93f64, 1.07..1.3f64],
+    ) {
+        let mut plate = weak(coil, gain);
+        (0..MOTORS).filter(|&of| of != coil).for_each(|of| plate.coil_gain[of] = shared);
+        let judgement = plate.judged(&strong_field(seed, 3.0), seed);
+        let MotionVerdict::Coil { coil: found, gain: read, .. } = judgement.verdict else {
+            return Err(TestCaseError::fail(format!("{judgement:?}")));
+        };
+        prop_assert!(found == coil && (read - gain).abs() < 0.03, "{:?} of {}, {}", judgement.verdict, coil, gain);
+    }
+
+    #[test]
     fn single_coil_of_a_rotation_is_blamed_with_its_gain(seed: u64, coil in 0..MOTORS, gain in -1.5..0.8f64) {
         let judgement = weak(coil, gain).judged(&strong_rotation(), seed);
         let MotionVerdict::Coil { coil: found, gain: read, .. } = judgement.verdict else {
