@@ -79,7 +79,7 @@ impl Blind {
 pub(super) enum Place {
     /// Where it was.
     Same,
-    /// There, too, but it may still swing from the knock after which the table was located.
+    /// There, too, but it may still swing: it was elsewhere a moment ago, or was knocked before the table was located.
     Swinging,
     /// There, and it no longer swings: the table can be located as exactly as at first.
     SwungOut,
@@ -109,7 +109,9 @@ pub(super) struct Scene {
     foreign_m: Option<Vec2>,
     /// Since a table was located anew: when the plate will have swung out, to be measured from there.
     rest_from: Option<PlateTime>,
-    /// How far the plate had shifted in the last look at it since then, px.
+    /// When a plate that was seen elsewhere at rest has swung through where it lies, and back.
+    settled_from: PlateTime,
+    /// How far the plate had shifted in the last look at it since the table was located, px.
     shift_px: Vec2,
 }
 
@@ -121,6 +123,7 @@ impl Scene {
             plate: PlateWatch::new(table, model.frame_size_px, kinds, model.dark_parts),
             foreign_m: None,
             rest_from: None,
+            settled_from: PlateTime::default(),
             shift_px: Vec2::zeros(),
         }
     }
@@ -157,6 +160,7 @@ impl Scene {
         if let Place::Elsewhere { .. } = place {
             // what lies on a plate that has moved is seen once it is located anew
             self.foreign_m = None;
+            self.settled_from = frame.exposed_at + STILL_S;
             return Seen { blind: None, place, foreign_m: None };
         }
         let sight = self.plate.check(frame, tracks);
@@ -192,6 +196,7 @@ impl Scene {
                 self.rest_from = None;
                 Place::SwungOut
             }
+            None if frame.exposed_at < self.settled_from => Place::Swinging,
             None => Place::Same,
         }
     }
@@ -222,6 +227,7 @@ impl Scene {
     ) {
         self.table = TableWatch::new(table, [frame.width, frame.height]);
         self.rest_from = swings.then_some(frame.exposed_at + SWING_S);
+        self.settled_from = PlateTime::default();
         if !swings {
             self.table.set_rest(frame);
         }
