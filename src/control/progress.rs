@@ -21,12 +21,15 @@ const SHARE: f64 = 0.01;
 const PART_SHARE: f64 = 0.05;
 /// Subgoals that moved farther than this are new ones, m.
 const NEW_M: f64 = 1e-3;
+/// A part that was carried on by less than this, m, and by less than this part of the steps asked for meanwhile, creeps.
+const CREEP_M: f64 = 1e-3;
+const CREEP_SHARE: f64 = 0.1;
 
 /// Watches the progress of a run over its cycles with pulses.
 ///
 /// The measures are the distances of all parts from the goal's targets and from its subgoals, each the root of a sum of
-/// squares, and the least distance of each part from its target. Parts on paths have progressed when their subgoals have
-/// moved on: a reference waits for its part, and its target may be a whole lap ahead.
+/// squares, and the least distance of each part from its target. Parts on paths have progressed when one of them was carried
+/// on: a reference waits for its part, and its target may be a whole lap ahead.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ProgressWatch {
     follows_paths: bool,
@@ -41,8 +44,33 @@ pub(super) struct ProgressWatch {
     /// Cycles with pulses since any measure improved, and since the distance from the targets did.
     futile: u32,
     detour: u32,
+    creep: Creep,
     /// Limit of the last infeasible plan since any measure improved.
     limit: Option<Limit>,
+}
+
+/// Counts the cycles in which no part is carried on.
+#[derive(Clone, Debug, Default)]
+struct Creep {
+    /// Where the parts lay when one was last carried on, m.
+    from_m: Vec<Vec2>,
+    /// The sum of the longest steps asked for in each cycle since, m.
+    asked_m: f64,
+    /// Cycles with pulses since.
+    cycles: u32,
+}
+
+impl Creep {
+    /// Takes a look at rest, after pulses if `played`, from which a step of `step_m` is asked for.
+    fn look(&mut self, seen_m: &[Vec2], step_m: f64, played: bool) {
+        let begins = self.from_m.len() != seen_m.len();
+        if begins || farthest_m(&self.from_m, seen_m) > CREEP_M.max(CREEP_SHARE * self.asked_m) {
+            *self = Self { from_m: seen_m.to_vec(), ..Self::default() };
+        } else {
+            self.cycles += u32::from(played);
+        }
+        self.asked_m += step_m;
+    }
 }
 
 /// A part that is held up: the farthest from where it should be.
@@ -90,10 +118,14 @@ impl ProgressWatch {
             self.from_subgoals_m = from_subgoals_m;
         }
         let nearer = improves(&mut self.from_targets_m, from_targets_m);
-        let gets_on = improves(&mut self.from_subgoals_m, from_subgoals_m) || (moved && self.follows_paths);
+        self.creep.look(seen_m, farthest_m(seen_m, &wanted.subgoals_m), played);
+        let is_carried_on = self.follows_paths && self.creep.cycles == 0;
+        let gets_on = improves(&mut self.from_subgoals_m, from_subgoals_m) || is_carried_on;
         let one_gets_on = self.one_is_nearer(seen_m);
         self.detour = if nearer || self.follows_paths { 0 } else { detour };
-        self.futile = if nearer || gets_on || one_gets_on { 0 } else { futile };
+        // on a path a part that creeps comes nearer to the end of its lap, too
+        let by_targets = (nearer || one_gets_on) && !self.follows_paths;
+        self.futile = if gets_on || by_targets { 0 } else { futile };
         if self.futile == 0 {
             self.limit = None;
         }
@@ -101,9 +133,9 @@ impl ProgressWatch {
         self.futile >= if is_near { NEAR_CYCLES } else { FUTILE_CYCLES } || self.detour >= DETOUR_CYCLES
     }
 
-    /// True unless the last cycles brought nothing.
+    /// True unless the last cycles brought nothing, or nothing to speak of.
     pub fn is_getting_on(&self) -> bool {
-        self.futile < FUTILE_CYCLES / 4
+        self.futile.max(self.creep.cycles) < FUTILE_CYCLES / 4
     }
 
     /// True when a part that is not there yet is clearly nearer to its target than ever.
@@ -261,6 +293,27 @@ mod tests {
         };
         assert_eq!(ended_at(true, 1000, round), None);
         assert!(ended_at(false, 1000, round).is_some());
+    }
+
+    #[test]
+    fn part_that_creeps_is_not_getting_on() {
+        // the reference stays 4 mm ahead of a part that gets on by 0.2 mm, and of one by 1 mm, in each cycle
+        let creeps = |step_m: f64| {
+            move |cycle: u32| {
+                let at_m = step_m * f64::from(cycle);
+                (wanted(x(at_m + 0.004), x(0.01)), x(at_m))
+            }
+        };
+        assert_eq!(ended_at(true, 100, creeps(2e-4)), Some(FUTILE_CYCLES));
+        assert_eq!(ended_at(true, 100, creeps(1e-3)), None);
+        let is_getting_on = |step_m: f64| {
+            let mut watch = ProgressWatch::new(false, TOLERANCE_M);
+            for (wanted, seen_m) in (0..10).map(creeps(step_m)) {
+                assert!(!watch.look(&wanted, &[seen_m], true));
+            }
+            watch.is_getting_on()
+        };
+        assert_eq!([2e-4, 1e-3].map(is_getting_on), [false, true]);
     }
 
     #[test]
