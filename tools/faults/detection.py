@@ -130,8 +130,15 @@ def knocked(run, fault):
 
 
 def hides_places(run, at_s):
-    """True while late pictures, or a coil that holds the plate off its place, make a look untrue; other rules judge these."""
-    return any(f.holds(at_s) and (f.name == "camera late" or f.kind == "stuck" and f.group in ("coil", "coils")) for f in run.faults)
+    """True while late pictures, a coil that holds the plate off its place, or pictures that were mirrored from the first on
+    make a look untrue; other rules judge these."""
+    first_s = run.localised[0]["at_s"]
+
+    def hides(fault):
+        was_mirrored = fault.name == "camera mirror" and fault.from_s <= first_s
+        return fault.name == "camera late" or was_mirrored or is_stuck(fault)
+
+    return any(fault.holds(at_s) and hides(fault) for fault in run.faults)
 
 
 def was_told(run, code, since_s):
