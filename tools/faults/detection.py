@@ -183,10 +183,19 @@ def late(run, fault):
     starts_s = [pulse.start_s for pulse in run.pulses]
     alike = {b for a, b in zip(starts_s, starts_s[1:]) if abs((b - a) / run.frame_s - fault.value[0]) <= ALIKE_FRAMES}
     blind = [pulse for pulse in blind if pulse.start_s not in alike]
-    blind = [pulse for pulse in blind if not (was_bumped(run, pulse) or is_hardly_seen(run, pulse))]
+    blind = [
+        pulse for pulse in blind
+        if not (was_bumped(run, pulse) or is_hardly_seen(run, pulse) or changes_half_way(run, pulse))
+    ]
     if len(blind) > LATE_PULSES:
         start_s = blind[LATE_PULSES].start_s
         yield "O2", f"{fault}: pulse {LATE_PULSES + 1} since the fault starts at {start_s:.3f} s, bar {LATE_PULSES} pulses"
+
+
+def changes_half_way(run, pulse):
+    """True for a pulse in which a coil begins or ceases to stutter: pictures in time would not show the planned swing either."""
+    onsets_s = [at_s for f in run.fired() if f.kind == "chatter" for at_s in (f.from_s, f.to_s)]
+    return any(pulse.start_s < at_s < pulse.end_s for at_s in onsets_s)
 
 
 def is_hardly_seen(run, pulse):

@@ -21,6 +21,10 @@ const BETTER: f64 = 0.35;
 const LEFT: f64 = 0.15;
 /// Share of the squares by which a delay may be worse than the best and still explain the frames; the shortest is taken.
 const ALIKE: f64 = 0.02;
+/// The same where two pulses are held against each other: a delay that explains both is that of the camera.
+const AGREES: f64 = 0.06;
+/// Share of the squares that frames in time may leave over without a delay; with more they say neither.
+const UNCLEAR: f64 = 0.2;
 /// One pulse suffices where the delay leaves less than the second share of the squares and none leaves more than the first.
 const SURE_UNDELAYED: f64 = 0.5;
 const SURE_LEFT: f64 = 0.05;
@@ -62,8 +66,8 @@ pub struct DelayGuard {
     newest: u64,
     /// The last two pulses, by when they began, s of plate time.
     pulses: VecDeque<(f64, Swing)>,
-    /// Delay of the last pulse that was late, and pulses in a row that were.
-    last: Option<usize>,
+    /// Delays that explain the last pulse that was late, and pulses in a row that were.
+    last: Delays,
     late: u32,
 }
 
@@ -100,10 +104,41 @@ enum Timing {
     /// The plate swings too little to be judged.
     Weak,
     InTime,
+    /// It swings neither as planned nor as planned with a delay.
+    Unclear,
     Late {
         late: Late,
+        /// All delays that explain the frames about as well.
+        delays: Delays,
         is_sure: bool,
     },
+}
+
+impl Timing {
+    /// Frames that no delay explains.
+    fn contradiction() -> Self {
+        Self::Late { late: Late::Unseen, delays: Delays::default(), is_sure: false }
+    }
+
+    /// Frames that one delay explains, not beyond doubt.
+    fn late_by(frames: usize) -> Self {
+        Self::Late { late: Late::By(frames), delays: Delays::of([frames].into_iter()), is_sure: false }
+    }
+}
+
+/// Set of delays, a bit for each number of frames up to [`LONGEST`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Delays(u32);
+
+impl Delays {
+    fn of(delays: impl Iterator<Item = usize>) -> Self {
+        Self(delays.fold(0, |set, delay| set | 1 << delay))
+    }
+
+    /// True when one delay, give or take a frame, belongs to both, or one of them is empty: pictures that no delay explains.
+    fn agrees_with(self, other: Self) -> bool {
+        self.0 == 0 || other.0 == 0 || (self.0 | self.0 << 1 | self.0 >> 1) & other.0 != 0
+    }
 }
 
 /// How the plate swings in a pulse.
@@ -127,7 +162,7 @@ impl DelayGuard {
             frames: VecDeque::with_capacity(WINDOW + LONGEST),
             newest: 0,
             pulses: VecDeque::with_capacity(2),
-            last: None,
+            last: Delays::default(),
             late: 0,
         }
     }
@@ -195,21 +230,19 @@ impl DelayGuard {
     pub fn end(&mut self) -> Option<Late> {
         // equal pulses at equal distances hide a delay of one period: two of them are judged together
         let timing = match self.newest_pulse() {
-            Timing::InTime => self.both_pulses(),
+            Timing::InTime | Timing::Unclear => self.both_pulses(),
             timing => timing,
         };
         match timing {
-            Timing::Weak => None,
+            Timing::Weak | Timing::Unclear => None,
             Timing::InTime => {
                 self.late = 0;
                 None
             }
-            Timing::Late { late, is_sure } => {
-                let delay = if let Late::By(frames) = late { Some(frames) } else { None };
-                let last = std::mem::replace(&mut self.last, delay);
+            Timing::Late { late, delays, is_sure } => {
                 // a delay of the camera is the same in every pulse
-                let agrees = delay.zip(last).is_none_or(|(frames, last)| frames.abs_diff(last) <= 1);
-                self.late = if agrees { self.late + 1 } else { 1 };
+                let last = std::mem::replace(&mut self.last, delays);
+                self.late = if delays.agrees_with(last) { self.late + 1 } else { 1 };
                 (is_sure || self.late >= IN_A_ROW).then_some(late)
             }
         }
@@ -233,7 +266,7 @@ impl DelayGuard {
         let seen = || self.frames.iter().enumerate().skip(first).filter_map(|(i, frame)| Some((i, frame.seen?)));
         let all: f64 = seen().map(|(_, px)| px * px).sum();
         if all < STILL * expected {
-            return Timing::Late { late: Late::Unseen, is_sure: false };
+            return Timing::contradiction();
         }
         let left = |delay: usize| -> f64 {
             let expected = |i: usize| i.checked_sub(delay).and_then(|i| self.frames.get(i)).map_or(0.0, |f| f.expected);
@@ -249,14 +282,13 @@ impl DelayGuard {
             // pictures show more of a swing than the drive made where something pushed the plate, or where their stamps are
             // off by a part of a frame, which shows another phase of it
             if self.shows_push(first) {
-                let late = self.delay_at_any_scale(first, ALIKE_IN_SHAPE).map(Late::By);
-                return late.map_or(Timing::Weak, |late| Timing::Late { late, is_sure: false });
+                return self.delay_at_any_scale(first, ALIKE_IN_SHAPE).map_or(Timing::Weak, Timing::late_by);
             }
-            return Timing::Late { late: Late::Unseen, is_sure: false };
+            return Timing::contradiction();
         }
         if !is_explained && !self.shows_push(first) {
-            let late = self.delay_at_any_scale(first, ROUGHLY_ALIKE).map(Late::By);
-            return late.map_or(Timing::InTime, |late| Timing::Late { late, is_sure: false });
+            let in_time = if undelayed > UNCLEAR * all { Timing::Unclear } else { Timing::InTime };
+            return self.delay_at_any_scale(first, ROUGHLY_ALIKE).map_or(in_time, Timing::late_by);
         }
         if undelayed < IN_TIME * all || delay < LATE || !is_explained {
             return Timing::InTime;
@@ -269,7 +301,8 @@ impl DelayGuard {
             return Timing::InTime;
         }
         let is_sure = undelayed > SURE_UNDELAYED * all && least < SURE_LEFT * all;
-        Timing::Late { late: Late::By(delay), is_sure }
+        let delays = Delays::of((LATE..=LONGEST).filter(|&delay| left(delay) <= least + AGREES * all));
+        Timing::Late { late: Late::By(delay), delays, is_sure }
     }
 
     /// True when frames from `first` on show the plate farther from its place than the drive has taken it in all frames

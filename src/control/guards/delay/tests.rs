@@ -158,3 +158,43 @@ fn equal_pulses_in_which_the_plate_swings_before_its_plan_are_in_time() {
         assert_eq!(guard.end(), None, "pulse {number}");
     }
 }
+
+/// Findings in pulses that begin at these frames, in pictures `late` frames late; `height` is how far the plate swings in a
+/// frame, as a multiple of its plan.
+fn found_in(begins: &[u32], pulse: &Swing, late: u32, height: impl Fn(u32) -> f64) -> Vec<Option<Late>> {
+    let mut guard = DelayGuard::new(FRAME_HZ);
+    let begin_s = |frame: u32| f64::from(frame) * FRAME_S + 0.001;
+    let seen_px = |at: u32| {
+        let begun = begins.iter().rev().find(|begin| at >= **begin);
+        let driven_px = |begin: &u32| pulse.corner_px(f64::from(at) * FRAME_S - begin_s(*begin));
+        0.02 + height(at) * begun.map_or(0.0, driven_px)
+    };
+    let ends = begins.iter().skip(1).copied().chain(begins.last().map(|last| last + 14));
+    let mut findings = Vec::new();
+    for (begin, end) in begins.iter().zip(ends) {
+        guard.begin(begin_s(*begin), pulse.clone());
+        for frame in *begin..end {
+            guard.frame(f64::from(frame) * FRAME_S, Some(seen_px(frame.saturating_sub(late))));
+        }
+        findings.push(guard.end());
+    }
+    findings
+}
+
+#[test]
+fn short_pulses_whose_frames_fit_several_delays_agree_on_the_one_that_explains_all() {
+    let pulse = swing(0.025, 60.0, 1.0 / 60.0, 0.03);
+    let begins = [20, 40, 50, 73, 80, 94];
+    let late = found_in(&begins, &pulse, 14, |_| 1.0);
+    assert!(late[..4].iter().flatten().count() > 0, "{late:?}");
+    assert_eq!(found_in(&begins, &pulse, 0, |_| 1.0), [None; 6]);
+}
+
+#[test]
+fn pulse_that_says_neither_does_not_begin_the_count_of_late_ones_again() {
+    let pulse = swing(0.05, 60.0, 1.0 / 60.0, 0.1);
+    // the plate hangs on for a while in the second pulse
+    let height = |frame: u32| if (49..62).contains(&frame) { 0.5 + f64::from(frame % 3) } else { 1.0 };
+    let late = found_in(&[20, 49, 78], &pulse, 6, height);
+    assert!(late[1].is_none() && late[2] == Some(Late::By(6)), "{late:?}");
+}
