@@ -7,12 +7,14 @@
 
 mod homography;
 mod lens;
+mod polyline;
 mod pose;
 mod segment;
 mod twist;
 
 pub use homography::Homography;
 pub use lens::Lens;
+pub use polyline::Polyline;
 pub use pose::Pose;
 pub use segment::Segment;
 pub use twist::Twist;

@@ -1,7 +1,6 @@
-use super::polyline::Polyline;
 use super::steering::{Motions, Steering};
 use super::{Disc, Goal, Wanted};
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Polyline, Vec2};
 use upm_core::time::PlateTime;
 
 /// Length of a cycle before any was seen, s.

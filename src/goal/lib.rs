@@ -9,7 +9,6 @@ mod hold;
 mod in_phase;
 mod least_effort;
 mod plus_sign;
-mod polyline;
 mod routes;
 mod search;
 mod slots;

@@ -1,6 +1,5 @@
-use super::polyline::Polyline;
 use super::{Goal, Wanted};
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Polyline, Vec2};
 use upm_core::time::PlateTime;
 
 /// The path of one part.

@@ -1,0 +1,134 @@
+//! Closed curves as chains of points that begin and end at the same one.
+
+use std::f64::consts::{PI, TAU};
+
+use super::TOLERANCE_M;
+use upm_core::geometry::Vec2;
+
+/// Fewest pieces of a closed curve.
+const FEWEST_PIECES: f64 = 8.0;
+
+/// Most pieces of a closed curve.
+const MOST_PIECES: f64 = 10_000.0;
+
+/// Once round a circle, from `start_rad`, counter-clockwise or clockwise. All points are on the circle.
+pub fn circle_path(center_m: Vec2, radius_m: f64, start_rad: f64, clockwise: bool) -> Vec<Vec2> {
+    let half_piece_rad = (1.0 - TOLERANCE_M / radius_m).clamp(-1.0, 1.0).acos();
+    let way_rad = if clockwise { -TAU } else { TAU };
+    closed(PI / half_piece_rad, |share| {
+        let (sin, cos) = (start_rad + way_rad * share).sin_cos();
+        center_m + radius_m * Vec2::new(cos, sin)
+    })
+}
+
+/// The figure `x = w/2 sin(a t + phase)`, `y = h/2 sin(b t)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lissajous {
+    /// Middle, m.
+    pub center_m: Vec2,
+    /// Width and height, m.
+    pub size_m: Vec2,
+    /// `a` and `b`, without a common factor.
+    pub frequencies: [u32; 2],
+    /// Phase of x at the start.
+    pub phase_rad: f64,
+}
+
+impl Lissajous {
+    /// Once round. A piece over a time of h is at most `h²/8` times the greatest acceleration off the curve.
+    pub fn path(&self) -> Vec<Vec2> {
+        let [a, b] = self.frequencies.map(f64::from);
+        let reach_m = 0.5 * self.size_m;
+        let most = Vec2::new(reach_m.x * a * a, reach_m.y * b * b).norm();
+        closed(TAU / (8.0 * TOLERANCE_M / most).sqrt(), |share| {
+            let time = TAU * share;
+            let along = Vec2::new((a * time + self.phase_rad).sin(), (b * time).sin());
+            self.center_m + reach_m.component_mul(&along)
+        })
+    }
+}
+
+/// The curve in at least `pieces` pieces.
+fn closed(pieces: f64, at_share: impl Fn(f64) -> Vec2) -> Vec<Vec2> {
+    let pieces = pieces.ceil().clamp(FEWEST_PIECES, MOST_PIECES) as usize;
+    // the last point is the first to the last bit
+    (0..=pieces).map(|i| at_share((i % pieces) as f64 / pieces as f64)).collect()
+}
+
+/// The closed line through `points_m` and back to the first, begun and ended at `share` of its length.
+pub fn closed_from(points_m: &[Vec2], share: f64) -> Vec<Vec2> {
+    let mut around: Vec<Vec2> = points_m.to_vec();
+    around.extend(points_m.first());
+    let lengths_m: Vec<f64> = around.windows(2).map(|pair| (pair[1] - pair[0]).norm()).collect();
+    let begin_m = share * lengths_m.iter().sum::<f64>();
+    let mut passed_m = 0.0;
+    for (i, &length_m) in lengths_m.iter().enumerate() {
+        if length_m > 0.0 && begin_m < passed_m + length_m {
+            let begin = around[i].lerp(&around[i + 1], (begin_m - passed_m) / length_m);
+            let rest = points_m[i + 1..].iter().chain(&points_m[..=i]).copied();
+            return [begin].into_iter().chain(rest).chain([begin]).collect();
+        }
+        passed_m += length_m;
+    }
+    around
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use upm_core::geometry::{Polyline, Segment};
+
+    proptest! {
+        #[test]
+        fn circle_is_kept_to_within_the_tolerance(radius_m in 1e-3..0.2f64, start_rad in -4.0..4.0f64, clockwise: bool) {
+            let center_m = Vec2::new(0.02, -0.03);
+            let points = circle_path(center_m, radius_m, start_rad, clockwise);
+            prop_assert_eq!(points.first(), points.last());
+            prop_assert!(points.iter().all(|point| ((point - center_m).norm() - radius_m).abs() < 1e-12));
+            for pair in points.windows(2) {
+                let middle_m = (0.5 * (pair[0] + pair[1]) - center_m).norm();
+                prop_assert!(radius_m - middle_m <= TOLERANCE_M * (1.0 + 1e-9));
+                let turn = (pair[0] - center_m).perp(&(pair[1] - center_m));
+                prop_assert_eq!(turn < 0.0, clockwise);
+            }
+        }
+
+        #[test]
+        fn lissajous_figure_is_kept_to_within_the_tolerance(
+            width_m in 0.01..0.25f64, height_m in 0.01..0.25f64, a in 1..6_u32, b in 1..6_u32, phase_rad in -4.0..4.0f64,
+            time in 0.0..TAU,
+        ) {
+            let figure = Lissajous {
+                center_m: Vec2::new(0.01, 0.02), size_m: Vec2::new(width_m, height_m), frequencies: [a, b], phase_rad,
+            };
+            let points = figure.path();
+            prop_assert_eq!(points.first(), points.last());
+            let offset = Vec2::new(
+                0.5 * width_m * (f64::from(a) * time + phase_rad).sin(), 0.5 * height_m * (f64::from(b) * time).sin(),
+            );
+            let truth = figure.center_m + offset;
+            let off_m = points.windows(2).map(|pair| Segment { from: pair[0], to: pair[1] }.distance(truth));
+            prop_assert!(off_m.fold(f64::INFINITY, f64::min) <= TOLERANCE_M * (1.0 + 1e-9));
+        }
+
+        #[test]
+        fn line_begun_elsewhere_has_the_same_length_and_begins_there(
+            corners in proptest::collection::vec((-0.1..0.1f64, -0.1..0.1f64), 2..8), share in 0.0..1.0f64,
+        ) {
+            let points: Vec<Vec2> = corners.into_iter().map(|(x, y)| Vec2::new(x, y)).collect();
+            let around = Polyline::new([&points[..], &points[..1]].concat());
+            let begun = closed_from(&points, share);
+            prop_assert_eq!(begun.first(), begun.last());
+            prop_assert!((begun[0] - around.at(share * around.length_m())).norm() < 1e-9);
+            prop_assert!((Polyline::new(begun).length_m() - around.length_m()).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn line_of_one_point_stays_there() {
+        let point = Vec2::new(0.1, 0.2);
+        assert_eq!(closed_from(&[point], 0.5), [point, point]);
+    }
+}

@@ -1,0 +1,206 @@
+use kurbo::{BezPath, ParamCurve, PathEl, PathSeg};
+
+use upm_core::geometry::{Polyline, Vec2};
+
+/// Greatest distance between a curve and the straight pieces that stand in for it, in sizes of the drawing. No plate has
+/// room for a drawing of 1 m, so it is less than [`super::TOLERANCE_M`].
+const TOLERANCE: f64 = 5e-5;
+
+/// Points nearer to each other than this are one, in sizes of the drawing.
+const SAME: f64 = 1e-6;
+
+/// Gaps that differ by less than this part are equally wide.
+const SAME_GAP: f64 = 1e-6;
+
+/// Cosine of the least turn that counts as a corner, 30 degrees.
+const COS_CORNER: f64 = 0.866;
+
+/// Lines with knots: points that always get a place. Between knots places are spread evenly by arc length.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawing {
+    stretches: Vec<Stretch>,
+    /// Number of knots.
+    knots: usize,
+    size_m: f64,
+    center_m: Vec2,
+}
+
+/// A line from knot to knot, in sizes of the drawing from its middle.
+#[derive(Clone, Debug, PartialEq)]
+struct Stretch {
+    line: Polyline,
+    /// The knots at its ends; the same one on a closed line.
+    ends: [usize; 2],
+}
+
+/// Which points of a path are knots.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Knots {
+    /// The ends of its lines; on a closed line the point where it begins.
+    Ends,
+    /// Corners, and points that its lines have in common, too.
+    EndsCornersJunctions,
+}
+
+impl Drawing {
+    /// The lines of `path`, whose size is 1 and whose middle the origin, `size_m` large and with the middle at `center_m`.
+    pub(super) fn of_path(path: &BezPath, knots: Knots, size_m: f64, center_m: Vec2) -> Self {
+        let lines = lines_of(path);
+        let shared = if knots == Knots::Ends { Vec::new() } else { junctions(&lines) };
+        let goes_on = |a: &Vec<Vec2>, b: &Vec<Vec2>| {
+            knots == Knots::Ends || !(turns(a, b) || b.first().is_some_and(|point| contains(&shared, point)))
+        };
+        let mut knot_points: Vec<Vec2> = Vec::new();
+        let mut stretches = Vec::new();
+        for piece in lines.iter().flat_map(|line| line.chunk_by(goes_on)) {
+            let points = joined(piece);
+            let (Some(first), Some(last)) = (points.first().copied(), points.last().copied()) else { continue };
+            let ends = [first, last].map(|end| knot(&mut knot_points, end));
+            stretches.push(Stretch { line: Polyline::new(points), ends });
+        }
+        Self { stretches, knots: knot_points.len(), size_m, center_m }
+    }
+
+    fn in_table(&self, point: Vec2) -> Vec2 {
+        self.center_m + self.size_m * point
+    }
+
+    /// Middle of the drawing, m.
+    pub fn center_m(&self) -> Vec2 {
+        self.center_m
+    }
+
+    /// Number of knots: the fewest places that the drawing can have.
+    pub fn fewest(&self) -> usize {
+        self.knots
+    }
+
+    /// The one line of the drawing, m; `None` where it has several.
+    pub fn single_line(&self) -> Option<Vec<Vec2>> {
+        match self.stretches.as_slice() {
+            [only] => Some(only.line.points_m().iter().map(|point| self.in_table(*point)).collect()),
+            _ => None,
+        }
+    }
+
+    /// `count` places, m: one at every knot, and the others such that the widest gap along the lines is as narrow as
+    /// it can be. `None` for fewer than [`Drawing::fewest`].
+    pub fn places(&self, count: usize) -> Option<Vec<Vec2>> {
+        let more = count.checked_sub(self.knots)?;
+        let gaps = self.gaps(more).filter(|gaps| !gaps.is_empty())?;
+        let mut taken = vec![false; self.knots];
+        let mut places_m = Vec::with_capacity(count);
+        for (Stretch { line, ends: [first, last] }, gaps) in self.stretches.iter().zip(gaps) {
+            for i in 0..=gaps {
+                let end = if i == 0 { Some(first) } else { Some(last).filter(|_| i == gaps) };
+                let is_free = end.is_none_or(|&end| !std::mem::replace(&mut taken[end], true));
+                if is_free {
+                    places_m.push(self.in_table(line.at(line.length_m() * i as f64 / gaps as f64)));
+                }
+            }
+        }
+        Some(places_m)
+    }
+
+    /// How many gaps each stretch has when `more` places are added to its ends, one after another in the widest gap.
+    fn gaps(&self, more: usize) -> Option<Vec<usize>> {
+        let mut gaps = vec![1; self.stretches.len()];
+        for _ in 0..more {
+            let width = |(i, gaps): &(usize, &mut usize)| self.stretches[*i].line.length_m() / **gaps as f64;
+            let wider = |a, b| if width(&b) > width(&a) * (1.0 + SAME_GAP) { b } else { a };
+            let widest = gaps.iter_mut().enumerate().reduce(wider);
+            *widest?.1 += 1;
+        }
+        Some(gaps)
+    }
+}
+
+/// The segments of every line of `path` as chains of points. Segments without length are left out.
+fn lines_of(path: &BezPath) -> Vec<Vec<Vec<Vec2>>> {
+    let has_length = |chain: &Vec<Vec2>| chain.windows(2).any(|pair| (pair[1] - pair[0]).norm() > SAME);
+    path.subpaths()
+        .map(|line| kurbo::segments(line.iter().copied()).map(flattened).filter(has_length).collect::<Vec<_>>())
+        .filter(|line| !line.is_empty())
+        .collect()
+}
+
+fn flattened(segment: PathSeg) -> Vec<Vec2> {
+    let mut points = vec![Vec2::new(segment.start().x, segment.start().y)];
+    kurbo::flatten([PathEl::MoveTo(segment.start()), segment.as_path_el()], TOLERANCE, |element| {
+        points
+            .extend(element.end_point().filter(|_| matches!(element, PathEl::LineTo(_))).map(|p| Vec2::new(p.x, p.y)));
+    });
+    points
+}
+
+/// Points at which ends of segments meet other than one after another.
+fn junctions(lines: &[Vec<Vec<Vec2>>]) -> Vec<Vec2> {
+    let starts = lines.iter().filter_map(|line| line.first()?.first());
+    let ends = lines.iter().flatten().filter_map(|segment| segment.last());
+    let mut seen: Vec<Vec2> = Vec::new();
+    let mut shared: Vec<Vec2> = Vec::new();
+    for point in starts.chain(ends) {
+        let list = if contains(&seen, point) { &mut shared } else { &mut seen };
+        list.push(*point);
+    }
+    shared
+}
+
+/// True where the line has a corner between two segments.
+fn turns(before: &[Vec2], after: &[Vec2]) -> bool {
+    let (Some([.., a, b]), Some([c, d, ..])) = (before.last_chunk::<2>(), after.first_chunk::<2>()) else {
+        return false;
+    };
+    let (ahead, next) = (b - a, d - c);
+    ahead.dot(&next) < COS_CORNER * ahead.norm() * next.norm()
+}
+
+fn contains(points: &[Vec2], point: &Vec2) -> bool {
+    points.iter().any(|other| (other - point).norm() <= SAME)
+}
+
+/// Index of the knot at `point`, which is added where it is new.
+fn knot(knots: &mut Vec<Vec2>, point: Vec2) -> usize {
+    knots.iter().position(|knot| (knot - point).norm() <= SAME).unwrap_or_else(|| {
+        knots.push(point);
+        knots.len() - 1
+    })
+}
+
+/// The chains as one.
+fn joined(chains: &[Vec<Vec2>]) -> Vec<Vec2> {
+    let first = chains.first().and_then(|chain| chain.first()).copied();
+    first.into_iter().chain(chains.iter().flat_map(|chain| chain.iter().skip(1).copied())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drawn(d: &str, knots: Knots) -> Drawing {
+        Drawing::of_path(&BezPath::from_svg(d).unwrap(), knots, 1.0, Vec2::zeros())
+    }
+
+    #[test]
+    fn closed_line_gets_equal_gaps_all_round() {
+        let square = drawn("M0 0 H1 V1 H0 Z", Knots::Ends);
+        let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| Vec2::new(x, y));
+        assert_eq!((square.fewest(), square.places(4)), (1, Some(corners.to_vec())));
+    }
+
+    #[test]
+    fn lines_that_meet_share_the_place_where_they_do() {
+        let tee = drawn("M0 0 H1 H2 M1 0 V-2", Knots::EndsCornersJunctions);
+        assert_eq!((tee.fewest(), tee.places(3)), (4, None));
+        let places = tee.places(5).unwrap();
+        assert_eq!(places.len(), 5);
+        assert!(contains(&places, &Vec2::new(1.0, 0.0)) && contains(&places, &Vec2::new(1.0, -1.0)), "{places:?}");
+    }
+
+    #[test]
+    fn corners_are_knots_and_smooth_joints_are_not() {
+        let hook = "M0 2 V1 A1 1 0 0 1 1 0 H2 V2";
+        assert_eq!(drawn(hook, Knots::EndsCornersJunctions).fewest(), 3);
+        assert_eq!(drawn(hook, Knots::Ends).fewest(), 2);
+    }
+}

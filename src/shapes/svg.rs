@@ -1,0 +1,157 @@
+//! SVG path data as a drawing. SVG has y downwards and the table upwards: a drawing looks as it does on a screen.
+
+use kurbo::{Affine, BezPath, Shape};
+use svgtypes::{SimplePathSegment, SimplifyingPathParser};
+use thiserror::Error;
+
+use super::Drawing;
+use super::drawing::Knots;
+use upm_core::geometry::Vec2;
+
+/// Most lines of a drawing; no plate has parts for more.
+const MOST_LINES: usize = 256;
+
+/// Greatest ratio of a drawing's other side to the one whose length is given.
+const MOST_SHAPE: f64 = 1e3;
+
+/// Extent of a drawing along one axis, m. The other follows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Size {
+    /// Along x.
+    Width(f64),
+    /// Along y.
+    Height(f64),
+}
+
+/// Path data that is no drawing.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum SvgError {
+    /// It breaks the grammar of path data.
+    #[error("{0}")]
+    Grammar(String),
+    /// A number in it is too large.
+    #[error("a number out of range")]
+    Number,
+    /// It draws nothing.
+    #[error("no line")]
+    Empty,
+    /// It has more than [`MOST_LINES`].
+    #[error("{0} lines")]
+    Lines(usize),
+    /// It has no extent to speak of along the axis whose size is given.
+    #[error("a drawing with next to no extent along that axis")]
+    Flat,
+}
+
+impl Drawing {
+    /// The lines that the path data `d` draws, `size` large with the middle of their extent at `center_m`.
+    ///
+    /// # Errors
+    /// Where `d` is no path data or draws nothing of any size.
+    pub fn of_svg(d: &str, size: Size, center_m: Vec2) -> Result<Self, SvgError> {
+        let mut path = parsed(d)?;
+        let lines = path.subpaths().count();
+        if lines > MOST_LINES {
+            return Err(SvgError::Lines(lines));
+        }
+        if path.segments().next().is_none() {
+            return Err(SvgError::Empty);
+        }
+        let extent = path.bounding_box();
+        let (size_m, unit) = match size {
+            Size::Width(width_m) => (width_m, extent.width()),
+            Size::Height(height_m) => (height_m, extent.height()),
+        };
+        let shape = extent.width().max(extent.height()) / unit;
+        if shape.is_nan() || shape > MOST_SHAPE {
+            return Err(SvgError::Flat);
+        }
+        path.apply_affine(
+            Affine::scale_non_uniform(1.0 / unit, -1.0 / unit) * Affine::translate(-extent.center().to_vec2()),
+        );
+        Ok(Self::of_path(&path, Knots::Ends, size_m, center_m))
+    }
+}
+
+/// The path that `d` draws.
+pub(super) fn parsed(d: &str) -> Result<BezPath, SvgError> {
+    let mut path = BezPath::new();
+    for segment in SimplifyingPathParser::from(d) {
+        match segment.map_err(|error| SvgError::Grammar(error.to_string()))? {
+            SimplePathSegment::MoveTo { x, y } => path.move_to((x, y)),
+            SimplePathSegment::LineTo { x, y } => path.line_to((x, y)),
+            SimplePathSegment::CurveTo { x1, y1, x2, y2, x, y } => path.curve_to((x1, y1), (x2, y2), (x, y)),
+            SimplePathSegment::Quadratic { x1, y1, x, y } => path.quad_to((x1, y1), (x, y)),
+            SimplePathSegment::ClosePath => path.close_path(),
+        }
+    }
+    let is_small = |x: f64| x.abs() <= 1e9;
+    let extent = path.control_box();
+    let fits = path.is_empty() || [extent.x0, extent.y0, extent.x1, extent.y1].into_iter().all(is_small);
+    if path.is_finite() && fits { Ok(path) } else { Err(SvgError::Number) }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn extent(places: &[Vec2]) -> [Vec2; 2] {
+        let far = Vec2::repeat(f64::INFINITY);
+        let wider = |[low, high]: [Vec2; 2], place: &Vec2| [low.inf(place), high.sup(place)];
+        places.iter().fold([far, -far], wider)
+    }
+
+    #[test]
+    fn drawing_stands_upright_where_it_should() {
+        let center_m = Vec2::new(0.01, 0.02);
+        let tee = Drawing::of_svg("m 10 10 h 20 m -10 0 v 40", Size::Height(0.08), center_m).unwrap();
+        let places = tee.places(tee.fewest()).unwrap();
+        let [low, high] = extent(&places);
+        assert!((low - Vec2::new(-0.01, -0.02)).norm() < 1e-12 && (high - Vec2::new(0.03, 0.06)).norm() < 1e-12);
+        let at_top = places.iter().filter(|place| (place.y - 0.06).abs() < 1e-12).count();
+        assert_eq!(at_top, 3, "the bar is at the top: {places:?}");
+    }
+
+    #[test]
+    fn path_data_that_draws_nothing_is_refused() {
+        let drawn = |d: &str| Drawing::of_svg(d, Size::Width(0.1), Vec2::zeros()).unwrap_err();
+        assert_eq!((drawn(""), drawn("M3 4")), (SvgError::Empty, SvgError::Empty));
+        assert_eq!(drawn("M3 4 V9"), SvgError::Flat);
+        assert_eq!(drawn("M0 0 H1e300"), SvgError::Number);
+        assert!(matches!(drawn("M0 0 Q"), SvgError::Grammar(_)));
+        assert!(matches!(drawn("heart"), SvgError::Grammar(_)));
+        assert_eq!(drawn(&"M0 0 H1".repeat(300)), SvgError::Lines(300));
+    }
+
+    proptest! {
+        #[test]
+        fn drawing_is_as_wide_as_asked_for_and_its_places_are_evenly_spaced(
+            corners in proptest::collection::vec((-50..50_i32, -50..50_i32), 3..9), count in 2..40_usize,
+            width_m in 0.01..0.2f64,
+        ) {
+            let d: String = corners.iter().enumerate()
+                .map(|(i, (x, y))| format!("{}{x} {y}", if i == 0 { "M" } else { "L" })).collect();
+            prop_assume!(corners.iter().any(|(x, _)| *x != corners[0].0));
+            prop_assume!(corners.first() != corners.last());
+            let drawing = Drawing::of_svg(&d, Size::Width(width_m), Vec2::zeros()).unwrap();
+            let points = drawing.single_line().unwrap();
+            let [low, high] = extent(&points);
+            prop_assert!((high.x - low.x - width_m).abs() < 1e-9);
+            let length_m: f64 = points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
+            let places = drawing.places(count).unwrap();
+            prop_assert_eq!(places.len(), count);
+            let gap_m = length_m / (count - 1) as f64;
+            prop_assert!(places.windows(2).all(|pair| (pair[1] - pair[0]).norm() <= gap_m + 1e-9));
+        }
+
+        #[test]
+        fn no_text_makes_it_panic(d in "[MmLlHhVvCcSsQqTtAaZz0-9 .,eE+-]{0,40}") {
+            if let Ok(drawing) = Drawing::of_svg(&d, Size::Height(0.1), Vec2::zeros()) {
+                let places = drawing.places(drawing.fewest() + 5).unwrap_or_default();
+                prop_assert!(places.iter().all(|place| place.iter().all(|x| x.is_finite())));
+            }
+        }
+    }
+}
