@@ -18,6 +18,8 @@ mod locate;
 mod plan;
 #[path = "cli/refusals.rs"]
 mod refusals;
+#[path = "cli/shapes.rs"]
+mod shapes;
 
 fn upm() -> Command {
     let mut command = Command::cargo_bin("upm").unwrap();

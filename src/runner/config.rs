@@ -14,14 +14,19 @@
 
 mod bins;
 mod daemon;
+mod drawings;
 mod faults;
+mod fit;
+mod in_phase;
 mod job;
 mod kinds;
+mod part_path;
 mod paths;
 mod place;
 mod raw_daemon;
 mod raw_job;
 mod raw_rig;
+mod raw_shapes;
 mod raw_simulate;
 mod raw_trace;
 mod read;
@@ -30,6 +35,7 @@ mod rig_checks;
 mod room;
 mod schema;
 mod simulate;
+mod targets;
 mod task;
 #[cfg(test)]
 mod tests;
@@ -49,6 +55,7 @@ pub use raw_rig::{
     RawAccelerometers, RawCamera, RawDamping, RawDrive, RawFriction, RawKind, RawLevels, RawMotors, RawPlate,
     RawResonance, RawRig, RawSimulation, RigSource,
 };
+pub use raw_shapes::{RawCircle, RawGrid, RawLine, RawLissajous, RawSvg, RawTargets, RawText};
 pub use raw_simulate::{PlateMode, RawHarmonic, RawPlaced, RawPulse, RawSimulate};
 pub use raw_trace::{RawCounts, RawTrace};
 pub use read::{Origin, is_plain_name};

@@ -1,21 +1,21 @@
-//! Closed curves as chains of points that begin and end at the same one.
+//! Closed curves as chains of points that begin and end at the same one. How many there are does not depend on the size, so
+//! that a curve twice as large has the same points twice as far out.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 use super::TOLERANCE_M;
 use upm_core::geometry::Vec2;
 
-/// Fewest pieces of a closed curve.
-const FEWEST_PIECES: f64 = 8.0;
+/// Pieces of a circle: one a degree, which is within the tolerance up to a radius of 1.3 m.
+const CIRCLE_PIECES: usize = 360;
 
-/// Most pieces of a closed curve.
-const MOST_PIECES: f64 = 10_000.0;
+/// The largest figure that is kept to within the tolerance, m.
+const LARGEST_M: f64 = 1.0;
 
 /// Once round a circle, from `start_rad`, counter-clockwise or clockwise. All points are on the circle.
 pub fn circle_path(center_m: Vec2, radius_m: f64, start_rad: f64, clockwise: bool) -> Vec<Vec2> {
-    let half_piece_rad = (1.0 - TOLERANCE_M / radius_m).clamp(-1.0, 1.0).acos();
     let way_rad = if clockwise { -TAU } else { TAU };
-    closed(PI / half_piece_rad, |share| {
+    closed(CIRCLE_PIECES, |share| {
         let (sin, cos) = (start_rad + way_rad * share).sin_cos();
         center_m + radius_m * Vec2::new(cos, sin)
     })
@@ -35,22 +35,29 @@ pub struct Lissajous {
 }
 
 impl Lissajous {
-    /// Once round. A piece over a time of h is at most `h²/8` times the greatest acceleration off the curve.
+    /// Once round.
     pub fn path(&self) -> Vec<Vec2> {
         let [a, b] = self.frequencies.map(f64::from);
         let reach_m = 0.5 * self.size_m;
-        let most = Vec2::new(reach_m.x * a * a, reach_m.y * b * b).norm();
-        closed(TAU / (8.0 * TOLERANCE_M / most).sqrt(), |share| {
+        closed(self.pieces(), |share| {
             let time = TAU * share;
             let along = Vec2::new((a * time + self.phase_rad).sin(), (b * time).sin());
             self.center_m + reach_m.component_mul(&along)
         })
     }
+
+    /// A piece over a time of h is at most `h²/8` times the greatest acceleration off the curve. Without a phase there is
+    /// a point wherever x or y is greatest.
+    fn pieces(&self) -> usize {
+        let [a, b] = self.frequencies.map(f64::from);
+        let most = 0.5 * LARGEST_M * Vec2::new(a * a, b * b).norm();
+        let least = TAU / (8.0 * TOLERANCE_M / most).sqrt();
+        (4.0 * a * b * (least / (4.0 * a * b)).ceil()) as usize
+    }
 }
 
-/// The curve in at least `pieces` pieces.
-fn closed(pieces: f64, at_share: impl Fn(f64) -> Vec2) -> Vec<Vec2> {
-    let pieces = pieces.ceil().clamp(FEWEST_PIECES, MOST_PIECES) as usize;
+/// The curve in `pieces` pieces.
+fn closed(pieces: usize, at_share: impl Fn(f64) -> Vec2) -> Vec<Vec2> {
     // the last point is the first to the last bit
     (0..=pieces).map(|i| at_share((i % pieces) as f64 / pieces as f64)).collect()
 }

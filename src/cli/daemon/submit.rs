@@ -68,7 +68,8 @@ fn checked_job(file: &Path) -> Result<RawJob, Failure> {
         // a job for whatever rig the plate has: the daemon, which knows it, checks the rest
         Err(faults) if faults.iter().all(|fault| fault.path == "rig" && fault.is_missing) => {
             let text = std::fs::read_to_string(file).map_err(|error| unread(&error))?;
-            serde_json::from_str(&text).map_err(|error| unread(&error))
+            let job: RawJob = serde_json::from_str(&text).map_err(|error| unread(&error))?;
+            job.with_drawings_written_out(&Origin::of_file(file)).map_err(Failure::faults)
         }
         Err(faults) => Err(Failure::faults(faults)),
     }

@@ -2,6 +2,7 @@ use std::path::PathBuf;
 
 use serde_json::{Map, Value};
 
+use super::drawings;
 use super::faults::{self, RawFault, RawFaults};
 use super::kinds::{KindSpec, PartGroup, each_kind};
 use super::raw_job::{DeadlinePolicy, LibrarySource, PlannerChoice, RawJob, RawParts};
@@ -78,6 +79,8 @@ impl JobSpec {
             let at = root.key("parts").index(i).key("position_mm");
             faults.demand(alone, &at, format!("a position for {} parts", group.count), "a position only with count 1");
         }
+        // a drawing's file is written out, too: a run folder needs no other file
+        drawings::write_out(&mut raw.task, origin, faults);
         let library = library_of(&raw, origin, faults);
         let rig = rig_of(raw.rig.take(), origin, plate_rig, raw.plate.as_deref(), faults)?;
         let parts = groups_of(&raw, &rig, faults);

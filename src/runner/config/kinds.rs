@@ -75,3 +75,11 @@ fn disc(name: &str, diameter_mm: f64, mass_g: f64, thickness_mm: f64, friction: 
 pub(super) fn each_kind(groups: &[PartGroup]) -> Vec<usize> {
     groups.iter().flat_map(|group| std::iter::repeat_n(group.kind, group.count)).collect()
 }
+
+/// Name of every part, kind and number within it (`penny-1`), in the order of the job. A kind that does not exist is a `part`.
+pub(super) fn part_ids(groups: &[PartGroup], kinds: &[KindSpec]) -> Vec<String> {
+    let each = each_kind(groups);
+    let number = |i: usize, kind: &usize| each.iter().take(i + 1).filter(|other| *other == kind).count();
+    let name = |kind: &usize| kinds.get(*kind).map_or("part", |spec| spec.kind.name.as_str());
+    each.iter().enumerate().map(|(i, kind)| format!("{}-{}", name(kind), number(i, kind))).collect()
+}

@@ -1,154 +1,64 @@
-//! Paths, and whether parts can go round them in phase.
+//! Paths that parts follow, typed corner by corner or made by a rule.
 
+use super::in_phase::check_in_phase;
+use super::part_path::PartPath;
 use super::raw_job::RawPath;
-use super::read::point_m;
-use super::room::{REST_GAP_M, ROUNDING_M, apart_allowed};
-use upm_core::geometry::{Segment, Vec2};
-use upm_core::units::{m_from_mm, mm_from_m};
-use upm_document::{Faults, Path};
-use upm_goal::PathParams;
+use super::room::{REST_GAP_M, REST_MARGIN_M, check_apart, check_inside};
+use super::task::{Scene, TaskSpec};
+use upm_document::Faults;
 
-/// Laps whose lengths differ by no more than this part count as equal.
-const SAME_LENGTH: f64 = 0.01;
-
-/// The path in SI.
-pub(super) fn path_of(raw: &RawPath) -> PathParams {
-    PathParams {
-        waypoints_m: raw.waypoints_mm.iter().copied().map(point_m).collect(),
-        speed_mps: m_from_mm(raw.speed_mm_s),
-        repeat: raw.repeat,
+impl Scene<'_> {
+    /// The paths in SI; faults where a part would leave the plate, or begin or end in another.
+    pub(super) fn trajectories(&self, raw: &[RawPath], in_phase: bool, faults: &mut Faults) -> Option<TaskSpec> {
+        let at = self.at.key("paths");
+        let before = faults.len();
+        let mut paths: Vec<PartPath> = Vec::with_capacity(raw.len());
+        for (i, raw) in raw.iter().enumerate() {
+            let at = at.index(i);
+            let alone = in_phase || raw.count == 1;
+            faults.demand(alone, at.key("count"), raw.count, "1 (more parts on one path only with in_phase)");
+            paths.extend(PartPath::each(raw, &at, faults));
+        }
+        if faults.len() > before {
+            return None;
+        }
+        self.demand_one_each(paths.len(), "path", &at, faults);
+        self.check_on_plate(&paths, faults);
+        check_ends(&paths, &self.radii_m, in_phase, faults);
+        if in_phase && faults.len() == before {
+            check_in_phase(&paths, &self.radii_m, &self.ids, faults);
+        }
+        Some(TaskSpec::Trajectories { paths: paths.into_iter().map(|path| path.params).collect(), in_phase })
     }
-}
 
-/// Faults where the paths differ in length, speed or repeat, or where parts in phase would touch.
-pub(super) fn check_in_phase(paths: &[PathParams], radii_m: &[f64], at: &Path, faults: &mut Faults) {
-    let laps: Vec<Lap> = paths.iter().map(Lap::of).collect();
-    let (Some(first), Some(first_lap)) = (paths.first(), laps.first()) else { return };
-    let before = faults.len();
-    for (i, (path, lap)) in paths.iter().zip(&laps).enumerate().skip(1) {
-        let (at, named) = (at.index(i), format!("of {} (in_phase)", at.index(0)));
-        let same = (lap.length_m - first_lap.length_m).abs() <= SAME_LENGTH * first_lap.length_m + ROUNDING_M;
-        let found = format!("a lap of {:.3} mm", mm_from_m(lap.length_m));
-        let allowed = format!("{:.3} mm, that {named}, within 1 %", mm_from_m(first_lap.length_m));
-        faults.demand(same, at.key("waypoints_mm"), found, allowed);
-        let [found, allowed] = [path, first].map(|path| mm_from_m(path.speed_mps));
-        let same = (path.speed_mps - first.speed_mps).abs() <= 1e-9 * first.speed_mps;
-        faults.demand(same, at.key("speed_mm_s"), found, format!("{allowed}, that {named}"));
-        faults.demand(
-            path.repeat == first.repeat,
-            at.key("repeat"),
-            path.repeat,
-            format!("{}, that {named}", first.repeat),
-        );
-    }
-    if faults.len() == before {
-        check_on_the_way(&laps, radii_m, at, faults);
-    }
-}
-
-/// A fault for every path whose part would come too near to that of an earlier one, somewhere on the lap.
-fn check_on_the_way(laps: &[Lap], radii_m: &[f64], at: &Path, faults: &mut Faults) {
-    let discs: Vec<(&Lap, &f64)> = laps.iter().zip(radii_m).collect();
-    for (i, (lap, radius_m)) in discs.iter().enumerate() {
-        let meeting = discs.iter().enumerate().take(i).find_map(|(k, (other, other_radius_m))| {
-            let least_m = *radius_m + *other_radius_m + REST_GAP_M;
-            let (distance_m, share) = lap.nearest_to(other);
-            (distance_m < least_m - ROUNDING_M).then_some((k, least_m, distance_m, share))
-        });
-        if let Some((k, least_m, distance_m, share)) = meeting {
-            let (apart_mm, part) = (mm_from_m(distance_m), 100.0 * share);
-            let found = format!("{apart_mm:.3} mm from the part of {} at {part:.1} % of the lap", at.index(k));
-            faults.push(at.index(i).key("waypoints_mm"), found, apart_allowed(least_m, REST_GAP_M));
+    fn check_on_plate(&self, paths: &[PartPath], faults: &mut Faults) {
+        for (PartPath { shape_at, growth, params, .. }, &radius_m) in paths.iter().zip(&self.radii_m) {
+            match growth {
+                Some(growth) => self.check_way(&params.waypoints_m, radius_m, growth, shape_at, faults),
+                None => {
+                    for (k, &waypoint_m) in params.waypoints_m.iter().enumerate() {
+                        check_inside(waypoint_m, radius_m, self.half_m, REST_MARGIN_M, &shape_at.index(k), faults);
+                    }
+                }
+            }
         }
     }
 }
 
-/// Once round a path.
-struct Lap {
-    /// The corners, from the first to where it ends, m.
-    corners_m: Vec<Vec2>,
-    /// Share of the lap at which each is passed.
-    shares: Vec<f64>,
-    /// From the first corner back to it, m.
-    length_m: f64,
-}
-
-impl Lap {
-    /// The way back to the first corner counts in the length; it is gone only where the path is repeated.
-    fn of(path: &PathParams) -> Self {
-        let mut corners_m = path.waypoints_m.clone();
-        corners_m.extend(path.waypoints_m.first());
-        let mut gone_m = vec![0.0];
-        let mut length_m = 0.0;
-        for pair in corners_m.windows(2) {
-            length_m += pair.first().zip(pair.last()).map_or(0.0, |(a, b)| (b - a).norm());
-            gone_m.push(length_m);
+/// Faults where two parts would begin, or end, too near to each other. The starts and ends of made paths in phase are
+/// checked with the rest of their laps.
+fn check_ends(paths: &[PartPath], radii_m: &[f64], in_phase: bool, faults: &mut Faults) {
+    let (mut starts, mut ends) = (Vec::with_capacity(paths.len()), Vec::with_capacity(paths.len()));
+    for (PartPath { shape_at, growth, params, .. }, &radius_m) in paths.iter().zip(radii_m) {
+        let is_made = growth.is_some();
+        if is_made && in_phase {
+            continue;
         }
-        if path.repeat == 1 {
-            corners_m.pop();
-            gone_m.pop();
-        }
-        let shares = gone_m.iter().map(|gone_m| if length_m > 0.0 { gone_m / length_m } else { 0.0 }).collect();
-        Self { corners_m, shares, length_m }
+        let at = |k: usize| if is_made { shape_at.clone() } else { shape_at.index(k) };
+        starts.extend(params.waypoints_m.first().map(|&start_m| (start_m, radius_m, at(0))));
+        let last = params.waypoints_m.iter().enumerate().skip(1).next_back().filter(|_| params.repeat > 0);
+        ends.extend(last.map(|(k, &end_m)| (end_m, radius_m, at(k))));
     }
-
-    /// Where the part is at `share` of its lap, m.
-    fn at(&self, share: f64) -> Vec2 {
-        let next = self.shares.partition_point(|&passed| passed <= share);
-        let (before, after) = (next.saturating_sub(1), next.min(self.shares.len().saturating_sub(1)));
-        let corner = |i: usize| self.corners_m.get(i).copied().unwrap_or_default();
-        let passed = |i: usize| self.shares.get(i).copied().unwrap_or_default();
-        let way = passed(after) - passed(before);
-        let part = if way > 0.0 { (share - passed(before)) / way } else { 0.0 };
-        corner(before).lerp(&corner(after), part)
-    }
-
-    /// Least distance from the part of another lap in phase with this one, m, and the share of the lap where that is.
-    /// Between consecutive corners of either path both move linearly, hence so does their relative position.
-    fn nearest_to(&self, other: &Self) -> (f64, f64) {
-        let mut shares: Vec<f64> = self.shares.iter().chain(&other.shares).copied().collect();
-        shares.sort_by(f64::total_cmp);
-        let apart = |share: f64| self.at(share) - other.at(share);
-        let nearest = |pair: &[f64]| {
-            let (from, to) = (pair.first().copied().unwrap_or_default(), pair.last().copied().unwrap_or_default());
-            let apart = Segment { from: apart(from), to: apart(to) };
-            (apart.distance(Vec2::zeros()), from + apart.nearest_share(Vec2::zeros()) * (to - from))
-        };
-        shares
-            .windows(2)
-            .map(nearest)
-            .fold((f64::INFINITY, 0.0), |best, next| if next.0 < best.0 { next } else { best })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn path(corners: &[[f64; 2]], repeat: u32) -> PathParams {
-        PathParams { waypoints_m: corners.iter().copied().map(Vec2::from).collect(), speed_mps: 0.01, repeat }
-    }
-
-    #[test]
-    fn a_lap_goes_back_to_its_start() {
-        let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-        let lap = Lap::of(&path(&square, 2));
-        assert_eq!(lap.length_m, 4.0);
-        for (share, x, y) in [(0.0, 0.0, 0.0), (0.125, 0.5, 0.0), (0.5, 1.0, 1.0), (0.875, 0.0, 0.5), (1.0, 0.0, 0.0)] {
-            assert!((lap.at(share) - Vec2::new(x, y)).norm() < 1e-12, "{share}");
-        }
-        let once = Lap::of(&path(&square, 1));
-        assert_eq!((once.length_m, once.at(0.9)), (4.0, Vec2::new(0.0, 1.0)), "it waits at the last corner");
-    }
-
-    #[test]
-    fn the_nearest_is_found_between_corners() {
-        // one goes right while the other goes left 1 below: face to face in the middle of the first side
-        let there = Lap::of(&path(&[[0.0, 0.0], [4.0, 0.0]], 2));
-        let back = Lap::of(&path(&[[4.0, -1.0], [0.0, -1.0]], 2));
-        let (distance, share) = there.nearest_to(&back);
-        assert!((distance - 1.0).abs() < 1e-12 && (share - 0.25).abs() < 1e-12, "{distance} {share}");
-        let still = Lap::of(&path(&[[1.0, 3.0]], 2));
-        assert_eq!(there.nearest_to(&still).0, 3.0);
-    }
+    check_apart(&starts, REST_GAP_M, faults);
+    check_apart(&ends, REST_GAP_M, faults);
 }

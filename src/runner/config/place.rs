@@ -1,6 +1,7 @@
 use rand_distr::{Distribution, StandardNormal, Uniform};
 
 use super::job::JobSpec;
+use super::kinds::part_ids;
 use super::room::{START_GAP_M, START_MARGIN_M};
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
@@ -50,18 +51,14 @@ pub fn place_parts(job: &JobSpec, streams: Streams) -> Result<Vec<PlacedPart>, F
 
 /// Every part with its given position, if it has one.
 fn unplaced(job: &JobSpec, streams: Streams) -> Vec<(PlacedPart, Option<Vec2>)> {
-    let mut numbers = vec![0_usize; job.rig.kinds.len()];
+    let mut ids = part_ids(&job.parts, &job.rig.kinds).into_iter();
     let mut parts = Vec::new();
     for group in &job.parts {
         for _ in 0..group.count {
-            let (Some(spec), Some(number)) = (job.rig.kinds.get(group.kind), numbers.get_mut(group.kind)) else {
-                continue;
-            };
-            *number += 1;
+            let (Some(spec), Some(id)) = (job.rig.kinds.get(group.kind), ids.next()) else { continue };
             let rng = &mut streams.numbered("part friction", parts.len() as u64);
             let friction = drawn_friction(spec.friction, job.rig.raw.friction.spread, rng);
             let params = PartParams { friction, ..spec.part() };
-            let id = format!("{}-{number}", spec.kind.name);
             let position_m = group.position_m.unwrap_or_default();
             parts.push((PlacedPart { kind: group.kind, id, position_m, params }, group.position_m));
         }

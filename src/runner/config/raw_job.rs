@@ -4,6 +4,7 @@ use serde_json::{Map, Value};
 
 use super::faults::RawFaults;
 use super::raw_rig::RigSource;
+use super::raw_shapes::{RawCircle, RawLissajous, RawSvg, RawTargets};
 
 /// A job: which rig, which parts, and what to do with them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -106,7 +107,7 @@ pub enum RawTask {
     },
     /// Every part follows its own path.
     Trajectories {
-        /// One path for each part, in the order of `parts`.
+        /// One path for each part, in the order of `parts`; a path with a `count` is for that many.
         #[schemars(length(min = 1, max = 64))]
         paths: Vec<RawPath>,
         /// The parts hold their phase to each other: all are at the same share of their laps at any time. Asks for
@@ -116,9 +117,13 @@ pub enum RawTask {
     },
     /// Every part goes to a place.
     Arrange {
-        /// One place for each part, in the order of `parts`, mm.
+        /// One place for each part, in the order of `parts`, mm. Either this or `targets`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(length(min = 1, max = 64), inner(inner(range(min = -1000.0, max = 1000.0))))]
-        targets_mm: Vec<[f64; 2]>,
+        targets_mm: Option<Vec<[f64; 2]>>,
+        /// A rule that makes the places.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        targets: Option<RawTargets>,
         /// Who goes where.
         #[serde(default)]
         assignment: Assignment,
@@ -143,17 +148,36 @@ fn edge_margin_mm() -> f64 {
     5.0
 }
 
-/// A path of one part.
+fn is_one(count: &u32) -> bool {
+    *count == 1
+}
+
+/// A path, with exactly one of `waypoints_mm`, `circle`, `lissajous` and `svg`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawPath {
     /// Corners of the path, mm, in order.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1, max = 1000), inner(inner(range(min = -1000.0, max = 1000.0))))]
-    pub waypoints_mm: Vec<[f64; 2]>,
+    pub waypoints_mm: Option<Vec<[f64; 2]>>,
+    /// All round a circle.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub circle: Option<RawCircle>,
+    /// All round a closed figure of two sine waves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lissajous: Option<RawLissajous>,
+    /// Along the one line of an SVG drawing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub svg: Option<RawSvg>,
+    /// Parts that follow this path, evenly spaced round it; more than one only with `in_phase`. The line back from its last
+    /// point to the first is then a part of it.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    #[schemars(range(min = 1, max = 64))]
+    pub count: u32,
     /// Speed along it, mm/s.
     #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
     pub speed_mm_s: f64,
-    /// How often the corners are gone through, from the last straight back to the first; 0 is without end.
+    /// How often it is gone through, from its last point straight back to the first; 0 is without end.
     #[serde(default = "one")]
     #[schemars(range(max = 1_000_000))]
     pub repeat: u32,

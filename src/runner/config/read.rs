@@ -50,3 +50,12 @@ pub fn is_plain_name(name: &str) -> bool {
 pub(super) fn point_m(mm: [f64; 2]) -> Vec2 {
     Vec2::from(mm.map(m_from_mm))
 }
+
+/// True when exactly one of these keys of the object at `at` is there, else a fault.
+pub(super) fn exactly_one(keys: &[(&str, bool)], at: &Path, faults: &mut Faults) -> bool {
+    let given: Vec<&str> = keys.iter().filter(|(_, given)| *given).map(|(key, _)| *key).collect();
+    let found = if given.is_empty() { "none".to_owned() } else { given.join(" and ") };
+    let all: Vec<&str> = keys.iter().map(|(key, _)| *key).collect();
+    faults.demand(given.len() == 1, at, found, format!("exactly one of {}", all.join(", ")));
+    given.len() == 1
+}

@@ -1,9 +1,6 @@
-use super::kinds::{PartGroup, each_kind};
-use super::paths::{check_in_phase, path_of};
-use super::raw_job::{Assignment, RawPath, RawTask};
-use super::read::point_m;
+use super::kinds::{PartGroup, each_kind, part_ids};
+use super::raw_job::{Assignment, RawTask};
 use super::rig::RigSpec;
-use super::room::{REST_GAP_M, REST_MARGIN_M, check_apart, check_inside};
 use upm_core::geometry::Vec2;
 use upm_core::units::{m_from_mm, mm_from_m};
 use upm_document::{Faults, Path, counted};
@@ -63,7 +60,10 @@ pub(super) fn build(raw: &RawTask, groups: &[PartGroup], rig: &RigSpec, faults: 
     match raw {
         RawTask::PlusSign { laps, edge_margin_mm } => scene.plus_sign(*laps, *edge_margin_mm, faults),
         RawTask::Trajectories { paths, in_phase } => scene.trajectories(paths, *in_phase, faults),
-        RawTask::Arrange { targets_mm, assignment } => scene.arrange(targets_mm, *assignment, faults),
+        RawTask::Arrange { targets_mm, targets, assignment } => {
+            let targets_m = scene.targets(targets_mm.as_deref(), targets.as_ref(), faults)?;
+            Some(TaskSpec::Arrange { targets_m, assignment: *assignment })
+        }
         RawTask::Sort { bins } => scene.sort(bins, faults),
         RawTask::Hold { duration_s } => Some(TaskSpec::Hold { duration_s: *duration_s }),
     }
@@ -81,13 +81,16 @@ pub(super) struct Scene<'a> {
     pub kinds: Vec<usize>,
     /// Its radius, m.
     pub radii_m: Vec<f64>,
+    /// Its name.
+    pub ids: Vec<String>,
 }
 
 impl<'a> Scene<'a> {
     fn new(groups: &[PartGroup], rig: &'a RigSpec) -> Self {
         let kinds = each_kind(groups);
         let radii_m = kinds.iter().map(|&kind| rig.kinds.get(kind).map_or(0.0, |spec| spec.kind.radius_m)).collect();
-        Self { at: Path::root().key("task"), rig, half_m: 0.5 * rig.model.plate_side_m, kinds, radii_m }
+        let ids = part_ids(groups, &rig.kinds);
+        Self { at: Path::root().key("task"), rig, half_m: 0.5 * rig.model.plate_side_m, kinds, radii_m, ids }
     }
 
     fn plus_sign(&self, laps: u32, edge_margin_mm: f64, faults: &mut Faults) -> Option<TaskSpec> {
@@ -100,43 +103,7 @@ impl<'a> Scene<'a> {
         Some(TaskSpec::PlusSign { laps, edge_margin_m })
     }
 
-    fn trajectories(&self, raw: &[RawPath], in_phase: bool, faults: &mut Faults) -> Option<TaskSpec> {
-        let at = self.at.key("paths");
-        self.demand_one_each(raw.len(), "path", &at, faults);
-        let paths: Vec<PathParams> = raw.iter().map(path_of).collect();
-        let (mut starts, mut ends) = (Vec::with_capacity(paths.len()), Vec::with_capacity(paths.len()));
-        for (i, (path, &radius_m)) in paths.iter().zip(&self.radii_m).enumerate() {
-            let at = at.index(i).key("waypoints_mm");
-            for (k, &waypoint_m) in path.waypoints_m.iter().enumerate() {
-                check_inside(waypoint_m, radius_m, self.half_m, REST_MARGIN_M, &at.index(k), faults);
-            }
-            starts.extend(path.waypoints_m.first().map(|&start_m| (start_m, radius_m, at.index(0))));
-            let last = path.waypoints_m.iter().enumerate().skip(1).next_back().filter(|_| path.repeat > 0);
-            ends.extend(last.map(|(k, &end_m)| (end_m, radius_m, at.index(k))));
-        }
-        let before = faults.len();
-        check_apart(&starts, REST_GAP_M, faults);
-        check_apart(&ends, REST_GAP_M, faults);
-        if in_phase && faults.len() == before {
-            check_in_phase(&paths, &self.radii_m, &at, faults);
-        }
-        Some(TaskSpec::Trajectories { paths, in_phase })
-    }
-
-    fn arrange(&self, targets_mm: &[[f64; 2]], assignment: Assignment, faults: &mut Faults) -> Option<TaskSpec> {
-        let at = self.at.key("targets_mm");
-        self.demand_one_each(targets_mm.len(), "target", &at, faults);
-        let targets_m: Vec<Vec2> = targets_mm.iter().copied().map(point_m).collect();
-        let discs: Vec<(Vec2, f64, Path)> =
-            targets_m.iter().zip(&self.radii_m).zip(0..).map(|((&to, &radius), i)| (to, radius, at.index(i))).collect();
-        for (target_m, radius_m, at) in &discs {
-            check_inside(*target_m, *radius_m, self.half_m, REST_MARGIN_M, at, faults);
-        }
-        check_apart(&discs, REST_GAP_M, faults);
-        Some(TaskSpec::Arrange { targets_m, assignment })
-    }
-
-    fn demand_one_each(&self, found: usize, what: &str, at: &Path, faults: &mut Faults) {
+    pub(super) fn demand_one_each(&self, found: usize, what: &str, at: &Path, faults: &mut Faults) {
         let parts = self.kinds.len();
         faults.demand(found == parts, at, counted(found, what), format!("{parts}, one for each part"));
     }

@@ -5,6 +5,7 @@ mod many;
 mod mutation;
 mod placing;
 mod rigs;
+mod shapes;
 mod simulate;
 mod traces;
 

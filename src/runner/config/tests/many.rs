@@ -51,7 +51,7 @@ fn every_shipped_job_is_valid_and_its_parts_find_room() {
         }
     }
     for name in
-        "arrange-2 arrange-4 arrange-8 arrange-16 arrange-24 sort-8 sort-12 swap-2 ring-6 bowtie-3 hold-4".split(' ')
+        "arrange-2 arrange-4 arrange-8 arrange-16 arrange-24 sort-8 sort-12 swap-2 ring-6 bowtie-3 hold-4 line-10 letters-16 ballet-8 circle-turns".split(' ')
     {
         assert!(names.iter().any(|other| other == name), "{name}");
     }

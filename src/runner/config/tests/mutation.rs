@@ -99,7 +99,7 @@ proptest! {
 
     #[test]
     fn mutated_files_never_panic(
-        which in 0..9_usize,
+        which in 0..11_usize,
         changes in proptest::collection::vec((any::<prop::sample::Index>(), prop_oneof![scalar(), anything()]), 1..4),
     ) {
         let mut document = match which {
@@ -111,6 +111,8 @@ proptest! {
             5 => whole("sort-12.json", "rigs/upm-2.json"),
             6 => whole("bowtie-3.json", "rigs/upm-2.json"),
             7 => value_of("daemon.json"),
+            8 => whole("letters-16.json", "rigs/upm-2.json"),
+            9 => whole("ballet-8.json", "rigs/upm-2.json"),
             _ => experiment(),
         };
         for (index, value) in changes {

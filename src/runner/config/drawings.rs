@@ -1,0 +1,61 @@
+//! Drawings in files of their own, written into the job that names them.
+
+use super::raw_job::{RawJob, RawTask};
+use super::raw_shapes::RawSvg;
+use super::read::{Origin, exactly_one};
+use upm_document::{Fault, Faults, Path, text_of};
+use upm_shapes::path_data_of;
+
+/// Longest path data that a job may have, bytes.
+const LONGEST_DATA: usize = 65_536;
+
+impl RawJob {
+    /// The same job with the path data of its drawings in place of their files.
+    ///
+    /// # Errors
+    /// Every file that cannot be read or has no path.
+    pub fn with_drawings_written_out(mut self, origin: &Origin) -> Result<Self, Vec<Fault>> {
+        let mut faults = Faults::of(&origin.file);
+        write_out(&mut self.task, origin, &mut faults);
+        faults.into_result(Some(self))
+    }
+}
+
+/// Writes path data in place of every file that the task names.
+pub(super) fn write_out(task: &mut RawTask, origin: &Origin, faults: &mut Faults) {
+    let at = Path::root().key("task");
+    match task {
+        RawTask::Arrange { targets: Some(targets), .. } => {
+            let at = at.key("targets").key("svg");
+            targets.svg.iter_mut().for_each(|svg| write_out_one(svg, &at, origin, faults));
+        }
+        RawTask::Trajectories { paths, .. } => {
+            for (i, path) in paths.iter_mut().enumerate() {
+                let at = at.key("paths").index(i).key("svg");
+                path.svg.iter_mut().for_each(|svg| write_out_one(svg, &at, origin, faults));
+            }
+        }
+        RawTask::PlusSign { .. } | RawTask::Arrange { .. } | RawTask::Sort { .. } | RawTask::Hold { .. } => {}
+    }
+}
+
+fn write_out_one(svg: &mut RawSvg, at: &Path, origin: &Origin, faults: &mut Faults) {
+    if !exactly_one(&[("file", svg.file.is_some()), ("d", svg.d.is_some())], at, faults) {
+        svg.d = None;
+        return;
+    }
+    let Some(named) = svg.file.take() else { return };
+    let at = at.key("file");
+    let Some(path) = origin.named_file(&named, &at, faults) else { return };
+    match text_of(&path) {
+        Err(fault) => faults.append(vec![fault]),
+        Ok(text) => match path_data_of(&text) {
+            Err(found) => faults.push(&at, format!("{} with {found}", path.display()), "an SVG drawing with paths"),
+            Ok(d) if d.len() > LONGEST_DATA => {
+                let found = format!("{} with path data of {} bytes", path.display(), d.len());
+                faults.push(&at, found, format!("up to {LONGEST_DATA} bytes: a simpler drawing"));
+            }
+            Ok(d) => svg.d = Some(d),
+        },
+    }
+}

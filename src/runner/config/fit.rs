@@ -1,0 +1,177 @@
+//! Whether the places of a shape, or a part on its path, fit on the plate; and the size that would fit.
+
+use super::room::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, apart_allowed};
+use super::task::Scene;
+use upm_core::geometry::Vec2;
+use upm_core::units::mm_from_m;
+use upm_document::{Faults, Path, counted};
+use upm_shapes::Pattern;
+
+/// Least ratio at which one pair asks for a larger shape than another. Among equals the first pair is told.
+pub(super) const TIGHTER: f64 = 1.0 + 1e-9;
+
+/// The figures of a job file that a shape grows with, about its middle.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Growth {
+    /// What a person calls them: a key, or words.
+    pub name: &'static str,
+    /// The figures as they are, mm.
+    pub size_mm: Vec<f64>,
+    /// The middle, m.
+    pub center_m: Vec2,
+}
+
+impl Growth {
+    /// `height_mm of at least 131 mm`.
+    pub fn at_least(&self, scale: f64) -> String {
+        format!("{} of at least {} mm", self.name, self.scaled(scale, rounded_up))
+    }
+
+    fn at_most(&self, scale: f64) -> String {
+        format!("{} of at most {} mm", self.name, self.scaled(scale, rounded_down))
+    }
+
+    fn scaled(&self, scale: f64, rounded: fn(f64) -> f64) -> String {
+        let figures: Vec<String> = self.size_mm.iter().map(|size_mm| rounded(scale * size_mm).to_string()).collect();
+        if let [only] = &figures[..] { only.clone() } else { format!("[{}]", figures.join(", ")) }
+    }
+
+    /// True when there is a size between the two scales that a person can type.
+    fn is_between(&self, least: f64, most: f64) -> bool {
+        most > 0.0
+            && self.size_mm.iter().all(|size_mm| rounded_up(least * size_mm) <= rounded_down(most * size_mm))
+            && self.size_mm.iter().all(|size_mm| rounded_down(most * size_mm) > 0.0)
+    }
+}
+
+/// To the next tenth; what is one but for rounding stays.
+fn rounded_up(mm: f64) -> f64 {
+    (10.0 * mm - 1e-6).ceil() / 10.0
+}
+
+fn rounded_down(mm: f64) -> f64 {
+    (10.0 * mm + 1e-6).floor() / 10.0
+}
+
+/// Two parts and how near they are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Pair {
+    parts: [usize; 2],
+    distance_m: f64,
+    least_m: f64,
+}
+
+impl Pair {
+    /// How many times as large the shape must at least be.
+    fn scale(&self) -> f64 {
+        (self.least_m - ROUNDING_M) / self.distance_m
+    }
+}
+
+/// A shape with a place for each part, and where in the file it is.
+pub(super) struct Shape {
+    pub at: Path,
+    pub pattern: Pattern,
+    pub growth: Growth,
+}
+
+impl Scene<'_> {
+    /// The places that `shape` has for the parts, m. Faults where they are too near to each other or to the edge; each
+    /// names the size, or else the number of parts, that would fit.
+    pub(super) fn places_of(&self, shape: &Shape, faults: &mut Faults) -> Option<Vec<Vec2>> {
+        let places_m = shape.pattern.places(self.kinds.len())?;
+        let most = self.largest_scale(&places_m, &self.radii_m, shape.growth.center_m);
+        let tightest = self.tightest(&places_m);
+        let mut discs = places_m.iter().zip(&self.radii_m).zip(&self.ids);
+        if let Some(pair) = tightest.filter(|pair| pair.scale() > 1.0) {
+            let [a, b] = pair.parts.map(|part| self.ids.get(part).map_or("part", String::as_str));
+            let found = format!("{a} and {b} {:.3} mm apart", mm_from_m(pair.distance_m));
+            let remedy = self.remedy(shape, pair.scale(), most);
+            faults.push(&shape.at, found, format!("{}; {remedy}", apart_allowed(pair.least_m, REST_GAP_M)));
+        } else if let Some(((place_m, &radius_m), id)) = discs.find(|((at, r), _)| at.amax() > self.reach_m(**r)) {
+            let [x, y] = [place_m.x, place_m.y].map(mm_from_m);
+            let remedy = self.remedy(shape, tightest.map_or(0.0, |pair| pair.scale()), most);
+            let allowed = format!("{}; {remedy}", self.inside_allowed(radius_m));
+            faults.push(&shape.at, format!("{id} at [{x:.3}, {y:.3}]"), allowed);
+        }
+        Some(places_m)
+    }
+
+    /// A fault at `at` where a part of radius `radius_m` leaves the plate on its way through `points_m`.
+    pub(super) fn check_way(&self, points_m: &[Vec2], radius_m: f64, growth: &Growth, at: &Path, faults: &mut Faults) {
+        let Some(outside_m) = points_m.iter().find(|point_m| point_m.amax() > self.reach_m(radius_m)) else { return };
+        let radii_m = vec![radius_m; points_m.len()];
+        let most = self.largest_scale(points_m, &radii_m, growth.center_m);
+        let [x, y] = [outside_m.x, outside_m.y].map(mm_from_m);
+        let remedy = if growth.is_between(0.0, most) { growth.at_most(most) } else { NEARER.to_owned() };
+        faults.push(
+            at,
+            format!("a way through [{x:.3}, {y:.3}]"),
+            format!("{}; {remedy}", self.inside_allowed(radius_m)),
+        );
+    }
+
+    /// What would fit, when the shape must be at least `least` and at most `most` times as large.
+    fn remedy(&self, shape: &Shape, least: f64, most: f64) -> String {
+        let Shape { growth, pattern, .. } = shape;
+        if growth.is_between(least, most) {
+            return if least > 1.0 { growth.at_least(least) } else { growth.at_most(most) };
+        }
+        if most <= 0.0 {
+            return NEARER.to_owned();
+        }
+        let has_room = |count: &usize| {
+            let Some(places_m) = pattern.places(*count) else { return false };
+            let least = self.tightest(&places_m).map_or(0.0, |pair| pair.scale());
+            growth.is_between(least, self.largest_scale(&places_m, &self.radii_m, growth.center_m))
+        };
+        let none = format!("no {} gives {} room there", growth.name, counted(self.kinds.len(), "part"));
+        match (1..self.kinds.len()).rev().find(has_room) {
+            Some(fewer) => format!("{none}, at most {fewer}"),
+            None => none,
+        }
+    }
+
+    /// The pair of parts that asks for the largest shape.
+    fn tightest(&self, places_m: &[Vec2]) -> Option<Pair> {
+        let pairs = places_m.iter().enumerate().flat_map(|(b, place_m)| {
+            places_m.iter().enumerate().take(b).map(move |(a, other_m)| ([a, b], (place_m - other_m).norm()))
+        });
+        let radius_m = |part: usize| self.radii_m.get(part).copied().unwrap_or_default();
+        pairs
+            .map(|([a, b], distance_m)| Pair {
+                parts: [a, b],
+                distance_m,
+                least_m: radius_m(a) + radius_m(b) + REST_GAP_M,
+            })
+            .reduce(|tightest, pair| if pair.scale() > tightest.scale() * TIGHTER { pair } else { tightest })
+    }
+
+    /// How many times as large points may be about `center_m` with discs about them still on the plate; not above 0 where
+    /// the middle itself is off.
+    fn largest_scale(&self, points_m: &[Vec2], radii_m: &[f64], center_m: Vec2) -> f64 {
+        let along = |center_m: f64, point_m: f64, reach_m: f64| match point_m - center_m {
+            0.0 if center_m.abs() <= reach_m => f64::INFINITY,
+            0.0 => 0.0,
+            way_m => (reach_m - center_m * way_m.signum()) / way_m.abs(),
+        };
+        let of_point = |(point_m, radius_m): (&Vec2, &f64)| {
+            let reach_m = self.reach_m(*radius_m);
+            along(center_m.x, point_m.x, reach_m).min(along(center_m.y, point_m.y, reach_m))
+        };
+        points_m.iter().zip(radii_m).map(of_point).fold(f64::INFINITY, f64::min)
+    }
+
+    /// How far from the middle a part's centre may be along an axis, m.
+    fn reach_m(&self, radius_m: f64) -> f64 {
+        self.half_m - radius_m - REST_MARGIN_M + ROUNDING_M
+    }
+
+    fn inside_allowed(&self, radius_m: f64) -> String {
+        let most_mm = mm_from_m(self.reach_m(radius_m)).max(0.0);
+        let margin_mm = mm_from_m(REST_MARGIN_M);
+        format!("from {:.3} to {most_mm:.3} (the whole part on the plate, {margin_mm:.3} mm inside its edge)", -most_mm)
+    }
+}
+
+const NEARER: &str = "a middle nearer to that of the plate";

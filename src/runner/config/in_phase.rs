@@ -1,0 +1,194 @@
+//! Whether parts can go round their paths in phase.
+
+use super::fit::TIGHTER;
+use super::part_path::PartPath;
+use super::room::{REST_GAP_M, ROUNDING_M, apart_allowed};
+use upm_core::geometry::{Segment, Vec2};
+use upm_core::units::mm_from_m;
+use upm_document::Faults;
+use upm_goal::PathParams;
+
+/// Laps whose lengths differ by no more than this part count as equal.
+const SAME_LENGTH: f64 = 0.01;
+
+/// Faults where the paths differ in length, speed or repeat, or where parts in phase would touch.
+pub(super) fn check_in_phase(paths: &[PartPath], radii_m: &[f64], ids: &[String], faults: &mut Faults) {
+    let laps: Vec<Lap> = paths.iter().map(|path| Lap::of(&path.params)).collect();
+    let (Some(first), Some(first_lap)) = (paths.first(), laps.first()) else { return };
+    let before = faults.len();
+    for (PartPath { at, shape_at, params, .. }, lap) in
+        paths.iter().zip(&laps).skip(1).filter(|(path, _)| path.at != first.at)
+    {
+        let named = format!("of {} (in_phase)", first.at);
+        let same = (lap.length_m - first_lap.length_m).abs() <= SAME_LENGTH * first_lap.length_m + ROUNDING_M;
+        let found = format!("a lap of {:.3} mm", mm_from_m(lap.length_m));
+        let allowed = format!("{:.3} mm, that {named}, within 1 %", mm_from_m(first_lap.length_m));
+        faults.demand(same, shape_at, found, allowed);
+        let [found, allowed] = [params, &first.params].map(|path| mm_from_m(path.speed_mps));
+        let same = (params.speed_mps - first.params.speed_mps).abs() <= 1e-9 * first.params.speed_mps;
+        faults.demand(same, at.key("speed_mm_s"), found, format!("{allowed}, that {named}"));
+        let (found, allowed) = (params.repeat, first.params.repeat);
+        faults.demand(found == allowed, at.key("repeat"), found, format!("{allowed}, that {named}"));
+    }
+    if faults.len() == before {
+        check_on_the_way(paths, &laps, radii_m, ids, faults);
+    }
+}
+
+/// A fault for every path on which two of its own parts would come too near to each other somewhere on the lap, and for
+/// every one whose part would come too near to that of an earlier one.
+fn check_on_the_way(paths: &[PartPath], laps: &[Lap], radii_m: &[f64], ids: &[String], faults: &mut Faults) {
+    let meetings = meetings(laps, radii_m);
+    let of = |part: usize| paths.get(part).map(|path| &path.at);
+    let (own, others): (Vec<&Meeting>, Vec<&Meeting>) =
+        meetings.iter().partition(|meeting| of(meeting.parts[0]) == of(meeting.parts[1]));
+    for on_one in own.chunk_by(|a, b| of(a.parts[1]) == of(b.parts[1])) {
+        let tightest = on_one.iter().reduce(|a, b| if b.scale() > a.scale() * TIGHTER { b } else { a });
+        if let Some(meeting) = tightest {
+            meeting.tell(paths, ids, faults);
+        }
+    }
+    for of_part in others.chunk_by(|a, b| a.parts[1] == b.parts[1]) {
+        if let Some(meeting) = of_part.first() {
+            meeting.tell(paths, ids, faults);
+        }
+    }
+}
+
+/// Every pair of parts that come too near, by the later one.
+fn meetings(laps: &[Lap], radii_m: &[f64]) -> Vec<Meeting> {
+    let discs: Vec<(&Lap, &f64)> = laps.iter().zip(radii_m).collect();
+    let mut meetings = Vec::new();
+    for (i, (lap, radius_m)) in discs.iter().enumerate() {
+        for (k, (other, other_radius_m)) in discs.iter().enumerate().take(i) {
+            let least_m = *radius_m + *other_radius_m + REST_GAP_M;
+            let (distance_m, share) = lap.nearest_to(other);
+            if distance_m < least_m - ROUNDING_M {
+                meetings.push(Meeting { parts: [k, i], least_m, distance_m, share });
+            }
+        }
+    }
+    meetings
+}
+
+/// Where two parts in phase are nearest to each other.
+struct Meeting {
+    parts: [usize; 2],
+    least_m: f64,
+    distance_m: f64,
+    /// Share of the lap.
+    share: f64,
+}
+
+impl Meeting {
+    /// How many times as large the path of both must at least be.
+    fn scale(&self) -> f64 {
+        (self.least_m - ROUNDING_M) / self.distance_m
+    }
+
+    fn tell(&self, paths: &[PartPath], ids: &[String], faults: &mut Faults) {
+        let [Some(other), Some(path)] = self.parts.map(|part| paths.get(part)) else { return };
+        let (apart_mm, part) = (mm_from_m(self.distance_m), 100.0 * self.share);
+        let allowed = apart_allowed(self.least_m, REST_GAP_M);
+        if path.at != other.at {
+            let found = format!("{apart_mm:.3} mm from the part of {} at {part:.1} % of the lap", other.at);
+            return faults.push(&path.shape_at, found, allowed);
+        }
+        let [a, b] = self.parts.map(|part| ids.get(part).map_or("part", String::as_str));
+        let found = format!("{a} and {b} {apart_mm:.3} mm apart at {part:.1} % of the lap");
+        let larger =
+            path.growth.as_ref().filter(|_| self.scale().is_finite()).map(|growth| growth.at_least(self.scale()));
+        let remedy = larger.map_or("fewer parts".to_owned(), |larger| format!("{larger}, or fewer parts"));
+        faults.push(&path.shape_at, found, format!("{allowed}; {remedy}"));
+    }
+}
+
+/// Once round a path.
+struct Lap {
+    /// The corners, from the first to where it ends, m.
+    corners_m: Vec<Vec2>,
+    /// Share of the lap at which each is passed.
+    shares: Vec<f64>,
+    /// From the first corner back to it, m.
+    length_m: f64,
+}
+
+impl Lap {
+    /// The way back to the first corner counts in the length; it is gone only where the path is repeated.
+    fn of(path: &PathParams) -> Self {
+        let mut corners_m = path.waypoints_m.clone();
+        corners_m.extend(path.waypoints_m.first());
+        let mut gone_m = vec![0.0];
+        let mut length_m = 0.0;
+        for pair in corners_m.windows(2) {
+            length_m += pair.first().zip(pair.last()).map_or(0.0, |(a, b)| (b - a).norm());
+            gone_m.push(length_m);
+        }
+        if path.repeat == 1 {
+            corners_m.pop();
+            gone_m.pop();
+        }
+        let shares = gone_m.iter().map(|gone_m| if length_m > 0.0 { gone_m / length_m } else { 0.0 }).collect();
+        Self { corners_m, shares, length_m }
+    }
+
+    /// Where the part is at `share` of its lap, m.
+    fn at(&self, share: f64) -> Vec2 {
+        let next = self.shares.partition_point(|&passed| passed <= share);
+        let (before, after) = (next.saturating_sub(1), next.min(self.shares.len().saturating_sub(1)));
+        let corner = |i: usize| self.corners_m.get(i).copied().unwrap_or_default();
+        let passed = |i: usize| self.shares.get(i).copied().unwrap_or_default();
+        let way = passed(after) - passed(before);
+        let part = if way > 0.0 { (share - passed(before)) / way } else { 0.0 };
+        corner(before).lerp(&corner(after), part)
+    }
+
+    /// Least distance from the part of another lap in phase with this one, m, and the share of the lap where that is.
+    /// Between consecutive corners of either path both move linearly, hence so does their relative position.
+    fn nearest_to(&self, other: &Self) -> (f64, f64) {
+        let mut shares: Vec<f64> = self.shares.iter().chain(&other.shares).copied().collect();
+        shares.sort_by(f64::total_cmp);
+        let apart = |share: f64| self.at(share) - other.at(share);
+        let nearest = |pair: &[f64]| {
+            let (from, to) = (pair.first().copied().unwrap_or_default(), pair.last().copied().unwrap_or_default());
+            let apart = Segment { from: apart(from), to: apart(to) };
+            (apart.distance(Vec2::zeros()), from + apart.nearest_share(Vec2::zeros()) * (to - from))
+        };
+        shares
+            .windows(2)
+            .map(nearest)
+            .fold((f64::INFINITY, 0.0), |best, next| if next.0 < best.0 { next } else { best })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn path(corners: &[[f64; 2]], repeat: u32) -> PathParams {
+        PathParams { waypoints_m: corners.iter().copied().map(Vec2::from).collect(), speed_mps: 0.01, repeat }
+    }
+
+    #[test]
+    fn a_lap_goes_back_to_its_start() {
+        let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let lap = Lap::of(&path(&square, 2));
+        assert_eq!(lap.length_m, 4.0);
+        for (share, x, y) in [(0.0, 0.0, 0.0), (0.125, 0.5, 0.0), (0.5, 1.0, 1.0), (0.875, 0.0, 0.5), (1.0, 0.0, 0.0)] {
+            assert!((lap.at(share) - Vec2::new(x, y)).norm() < 1e-12, "{share}");
+        }
+        let once = Lap::of(&path(&square, 1));
+        assert_eq!((once.length_m, once.at(0.9)), (4.0, Vec2::new(0.0, 1.0)), "it waits at the last corner");
+    }
+
+    #[test]
+    fn the_nearest_is_found_between_corners() {
+        // one goes right while the other goes left 1 below: face to face in the middle of the first side
+        let there = Lap::of(&path(&[[0.0, 0.0], [4.0, 0.0]], 2));
+        let back = Lap::of(&path(&[[4.0, -1.0], [0.0, -1.0]], 2));
+        let (distance, share) = there.nearest_to(&back);
+        assert!((distance - 1.0).abs() < 1e-12 && (share - 0.25).abs() < 1e-12, "{distance} {share}");
+        let still = Lap::of(&path(&[[1.0, 3.0]], 2));
+        assert_eq!(there.nearest_to(&still).0, 3.0);
+    }
+}

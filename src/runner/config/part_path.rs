@@ -1,0 +1,121 @@
+//! The line that one path of a job file follows.
+
+use super::fit::Growth;
+use super::raw_job::RawPath;
+use super::raw_shapes::{RawCircle, RawLissajous, RawSvg};
+use super::read::{exactly_one, point_m};
+use super::targets::drawing_of;
+use upm_core::geometry::Vec2;
+use upm_core::units::m_from_mm;
+use upm_document::{Faults, Path};
+use upm_goal::PathParams;
+use upm_shapes::{Lissajous, circle_path, closed_from};
+
+/// Most corners of a drawn path.
+const MOST_CORNERS: usize = 2000;
+
+/// The path of one part and where it comes from.
+pub(super) struct PartPath {
+    /// Where the path is: `task.paths[1]`.
+    pub at: Path,
+    /// Where its corners or its shape are: `task.paths[1].circle`.
+    pub shape_at: Path,
+    /// What a made path grows with; `None` where its corners were typed.
+    pub growth: Option<Growth>,
+    /// In SI.
+    pub params: PathParams,
+}
+
+/// A path before it is given to its parts.
+struct Line {
+    key: &'static str,
+    points_m: Vec<Vec2>,
+    growth: Option<Growth>,
+}
+
+impl PartPath {
+    /// The path at `at` once for each part that follows it. Several begin evenly spaced round it and go all the way round.
+    /// None where the file is at fault.
+    pub fn each(raw: &RawPath, at: &Path, faults: &mut Faults) -> Vec<Self> {
+        line_of(raw, at, faults).map(|line| part_paths(&line, raw, at)).unwrap_or_default()
+    }
+}
+
+fn part_paths(line: &Line, raw: &RawPath, at: &Path) -> Vec<PartPath> {
+    let waypoints_m = |k: u32| match raw.count {
+        1 => line.points_m.clone(),
+        count => closed_from(&line.points_m, f64::from(k) / f64::from(count)),
+    };
+    let part_path = |k: u32| PartPath {
+        at: at.clone(),
+        shape_at: at.key(line.key),
+        growth: line.growth.clone(),
+        params: PathParams { waypoints_m: waypoints_m(k), speed_mps: m_from_mm(raw.speed_mm_s), repeat: raw.repeat },
+    };
+    (0..raw.count).map(part_path).collect()
+}
+
+fn line_of(raw: &RawPath, at: &Path, faults: &mut Faults) -> Option<Line> {
+    let RawPath { waypoints_mm, circle, lissajous, svg, .. } = raw;
+    let keys = [
+        ("waypoints_mm", waypoints_mm.is_some()),
+        ("circle", circle.is_some()),
+        ("lissajous", lissajous.is_some()),
+        ("svg", svg.is_some()),
+    ];
+    if !exactly_one(&keys, at, faults) {
+        return None;
+    }
+    if let Some(raw) = circle {
+        return Some(circle_of(raw));
+    }
+    if let Some(raw) = lissajous {
+        return lissajous_of(raw, &at.key("lissajous"), faults);
+    }
+    if let Some(raw) = svg {
+        return drawn_line(raw, &at.key("svg"), faults);
+    }
+    let points_m = waypoints_mm.iter().flatten().copied().map(point_m).collect();
+    Some(Line { key: "waypoints_mm", points_m, growth: None })
+}
+
+fn circle_of(raw: &RawCircle) -> Line {
+    let RawCircle { center_mm, radius_mm, start_deg, clockwise } = *raw;
+    let center_m = point_m(center_mm);
+    let points_m = circle_path(center_m, m_from_mm(radius_mm), start_deg.to_radians(), clockwise);
+    Line { key: "circle", points_m, growth: Some(Growth { name: "radius_mm", size_mm: vec![radius_mm], center_m }) }
+}
+
+fn lissajous_of(raw: &RawLissajous, at: &Path, faults: &mut Faults) -> Option<Line> {
+    let RawLissajous { center_mm, size_mm, frequencies: [a, b], phase_deg } = *raw;
+    let common = common_factor(a, b);
+    if common > 1 {
+        let allowed = format!("[{}, {}], the same figure without a common factor", a / common, b / common);
+        faults.push(at.key("frequencies"), format!("[{a}, {b}]"), allowed);
+        return None;
+    }
+    let (center_m, size_m) = (point_m(center_mm), point_m(size_mm));
+    let figure = Lissajous { center_m, size_m, frequencies: [a, b], phase_rad: phase_deg.to_radians() };
+    let growth = Growth { name: "size_mm", size_mm: size_mm.to_vec(), center_m };
+    Some(Line { key: "lissajous", points_m: figure.path(), growth: Some(growth) })
+}
+
+fn common_factor(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { common_factor(b, a % b) }
+}
+
+fn drawn_line(raw: &RawSvg, at: &Path, faults: &mut Faults) -> Option<Line> {
+    let (drawing, growth) = drawing_of(raw, at, faults)?;
+    let Some(points_m) = drawing.single_line() else {
+        faults.push(at, "a drawing of several lines", "one unbroken line");
+        return None;
+    };
+    let corners = points_m.len();
+    faults.demand(
+        corners <= MOST_CORNERS,
+        at,
+        format!("{corners} corners"),
+        format!("up to {MOST_CORNERS} once its curves are straight pieces"),
+    );
+    Some(Line { key: "svg", points_m, growth: Some(growth) })
+}
