@@ -11,8 +11,13 @@ impl Scene<'_> {
     /// The paths in SI; faults where a part would leave the plate, or begin or end in another.
     pub(super) fn trajectories(&self, raw: &[RawPath], in_phase: bool, faults: &mut Faults) -> Option<TaskSpec> {
         let at = self.at.key("paths");
+        let total = raw.iter().map(|path| path.count as usize).sum();
+        self.demand_one_each(total, "path", &at, faults);
+        if total > self.kinds.len().max(raw.len()) {
+            return None;
+        }
         let before = faults.len();
-        let mut paths: Vec<PartPath> = Vec::with_capacity(raw.len());
+        let mut paths: Vec<PartPath> = Vec::with_capacity(total);
         for (i, raw) in raw.iter().enumerate() {
             let at = at.index(i);
             let alone = in_phase || raw.count == 1;
@@ -22,8 +27,8 @@ impl Scene<'_> {
         if faults.len() > before {
             return None;
         }
-        self.demand_one_each(paths.len(), "path", &at, faults);
         self.check_on_plate(&paths, faults);
+        let before = faults.len();
         check_ends(&paths, &self.radii_m, in_phase, faults);
         if in_phase && faults.len() == before {
             check_in_phase(&paths, &self.radii_m, &self.ids, faults);
