@@ -23,6 +23,8 @@ mod daemon;
 #[path = "cli/without_daemon.rs"]
 mod daemon;
 mod features;
+mod init;
+mod job_list;
 #[cfg(feature = "lab")]
 mod lab;
 #[cfg(not(feature = "lab"))]
@@ -41,8 +43,10 @@ mod recording;
 mod render;
 mod replay;
 mod run;
+mod shipped;
 mod simulate;
 mod summary;
+mod usage;
 mod verify;
 
 use std::process::ExitCode;
@@ -55,7 +59,10 @@ use output::Failure;
 /// Parses the command line and does what it says. Exit status: 0 done, 1 goal not reached, 2 bad usage or a bad
 /// file, 130 ended by Ctrl-C.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return usage::answer(&error),
+    };
     if let Command::Serve(_) = cli.command {
         daemon::hold_back_signals();
     }
@@ -71,6 +78,7 @@ pub fn main() -> ExitCode {
 fn dispatch(cli: Cli) -> Result<u8, Failure> {
     let common = cli.common;
     match cli.command {
+        Command::Init(args) => init::init(&args, common),
         Command::Run(args) => run::run(&args, common),
         Command::Calibrate(args) => calibrate::calibrate(&args, common),
         Command::Render(args) => render::render(&args, common),

@@ -10,14 +10,24 @@ use tempfile::TempDir;
 
 #[path = "cli/coverage.rs"]
 mod coverage;
+#[cfg(feature = "lab")]
+#[path = "cli/documents.rs"]
+mod documents;
+#[path = "cli/init.rs"]
+mod init;
 #[path = "cli/lab.rs"]
 mod lab;
 #[path = "cli/locate.rs"]
 mod locate;
+#[cfg(all(feature = "daemon", feature = "lab"))]
+#[path = "cli/mistakes.rs"]
+mod mistakes;
 #[path = "cli/plan.rs"]
 mod plan;
 #[path = "cli/refusals.rs"]
 mod refusals;
+#[path = "cli/rigs.rs"]
+mod rigs;
 #[path = "cli/shapes.rs"]
 mod shapes;
 
@@ -92,7 +102,8 @@ fn every_bad_job_is_refused_in_one_line_with_its_path() {
             let lines: Vec<&str> = stderr.lines().collect();
             assert!(lines.iter().any(|line| line.contains(&fault)), "{command} {path}: {stderr}");
             for line in lines {
-                assert!(line.contains(": found ") && line.contains(", allowed: "), "{command} {path}: {line}");
+                let is_told = line.contains(": expected ") && line.contains(", found ");
+                assert!(is_told || line.contains(": cannot read "), "{command} {path}: {line}");
             }
         }
         assert!(!folder.path().join("runs").exists(), "{path}: a refused job leaves no run folder");
@@ -216,7 +227,7 @@ fn a_reader_that_goes_away_is_no_panic_and_a_full_disk_is_told() {
 #[test]
 fn the_shipped_files_are_valid() {
     let mut files: Vec<String> = Vec::new();
-    for folder in ["configs", "configs/rigs", "assets/libraries"] {
+    for folder in ["configs", "configs/rigs", "configs/simulate", "configs/traces", "assets/libraries"] {
         for entry in fs::read_dir(root().join(folder)).unwrap() {
             let path = entry.unwrap().path();
             if path.extension().is_some_and(|extension| extension == "json") {

@@ -37,7 +37,9 @@ pub struct Common {
 /// The commands.
 #[derive(Subcommand, Debug)]
 pub enum Command {
-    /// Run one job and leave a run folder: journal, report, recording
+    /// Write the shipped configurations into a folder: jobs, rigs, libraries, examples
+    Init(InitArgs),
+    /// Run one job and leave a run folder: journal, report, recording; without a file, list the jobs there are
     Run(RunArgs),
     /// Measure what a rig can do and write its COR library
     Calibrate(CalibrateArgs),
@@ -70,7 +72,6 @@ pub enum Command {
     /// Print completions for a shell
     Completions(CompletionsArgs),
     /// Print the manual page, or write all of them into a folder
-    #[command(hide = true)]
     Man(ManArgs),
 }
 
@@ -84,12 +85,23 @@ impl Command {
     }
 }
 
+/// `upm init`.
+#[derive(Args, Debug)]
+pub struct InitArgs {
+    /// Folder that they go into; the examples of the documentation run from there
+    #[arg(value_name = "DIR", default_value = "upm-jobs")]
+    pub folder: PathBuf,
+    /// Overwrite files that were changed
+    #[arg(long)]
+    pub force: bool,
+}
+
 /// `upm run`.
 #[derive(Args, Debug)]
 pub struct RunArgs {
-    /// Job file
+    /// Job file; left out, the jobs in `configs` and here are listed
     #[arg(value_name = "JOB.json")]
-    pub job: PathBuf,
+    pub job: Option<PathBuf>,
     /// Seed in place of the job's
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
@@ -321,7 +333,7 @@ pub struct CheckArgs {
     /// Files to validate: jobs, rigs, daemons, experiments, COR libraries, traces
     #[arg(value_name = "FILE", required = true)]
     pub files: Vec<PathBuf>,
-    /// Rig that libraries must have been measured on: those of another are refused
+    /// Rig to check jobs on in place of their own, and that libraries must have been measured on
     #[arg(long, value_name = "RIG.json")]
     pub rig: Option<PathBuf>,
     /// Say of jobs whether they can be done with their library, how long that takes and where it is hard

@@ -11,7 +11,7 @@ use upm_runner::config::RigSpec;
 use upm_runner::run::{LibraryOutput, LibraryOutputFault, calibrate as calibrate_rig, calibration_params};
 
 pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Failure> {
-    let rig = RigSpec::load(&args.rig).map_err(Failure::faults)?;
+    let rig = RigSpec::load(&args.rig).map_err(Failure::of_files)?;
     // found out before a long measurement, not after it
     let output = LibraryOutput::check(&args.out).map_err(not_written)?;
     let stop = stop_on_interrupt();

@@ -16,7 +16,9 @@ use plan::Planned;
 use upm_chart::Chart;
 use upm_library::Library;
 use upm_runner::config::{self, DaemonSpec, Document, Fault, JobSpec, PlateSpec, RigSpec, SimulateSpec};
-use upm_runner::run::{PlannerSelection, check_simulate, job_library, library_faults, tolerance_warning};
+use upm_runner::run::{
+    PlannerSelection, check_simulate, fitting_library, job_library, library_faults, tolerance_warning,
+};
 
 /// Contents of a valid file.
 struct Found {
@@ -54,7 +56,7 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
         lab::check_svg()?;
         check_picture_name(path, args.files.len())?;
     }
-    let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::faults)?;
+    let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::of_files)?;
     let progress = ProgressMode::of(common.quiet, std::io::stderr().is_terminal());
     let asked = Asked { rig: rig.as_ref(), plan: args.plan, progress };
     let findings: Vec<(&Path, Finding)> =
@@ -94,7 +96,7 @@ fn status(findings: &[(&Path, Finding)]) -> u8 {
 /// Checks beside validity.
 #[derive(Clone, Copy)]
 struct Asked<'a> {
-    /// The rig that libraries must have been measured on.
+    /// The rig in place of that of jobs, and the one that libraries must have been measured on.
     rig: Option<&'a RigSpec>,
     /// Whether jobs are rehearsed.
     plan: bool,
@@ -105,7 +107,7 @@ struct Asked<'a> {
 fn check_planned(findings: &[(&Path, Finding)]) -> Result<(), Failure> {
     for (file, finding) in findings {
         if let Ok(Found { planned: None, says, .. }) = finding {
-            return Err(Failure::bad_input(format!("--plan: found {}, a {says}, allowed: jobs", file.display())));
+            return Err(Failure::bad_input(format!("--plan: expected jobs alone, found {}, a {says}", file.display())));
         }
     }
     Ok(())
@@ -114,14 +116,14 @@ fn check_planned(findings: &[(&Path, Finding)]) -> Result<(), Failure> {
 fn check_picture_name(path: &Path, files: usize) -> Result<(), Failure> {
     if files != 1 {
         return Err(Failure::bad_input(format!(
-            "--picture: found {files} files to check, allowed: one library or, with --plan, one job"
+            "--picture: expected one library or, with --plan, one job, found {files} files to check"
         )));
     }
     let is_svg = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("svg"));
     if is_svg {
         Ok(())
     } else {
-        Err(Failure::bad_input(format!("--picture: found {}, allowed: a name ending in svg", path.display())))
+        Err(Failure::bad_input(format!("--picture: expected a name ending in svg, found {}", path.display())))
     }
 }
 
@@ -131,7 +133,7 @@ fn draw(path: &Path, findings: &[(&Path, Finding)]) -> Result<(), Failure> {
         let Ok(found) = finding else { continue };
         let Some(chart) = found.chart() else {
             let (file, says) = (file.display(), &found.says);
-            let line = format!("--picture: found {file}, a {says}, allowed: one library or, with --plan, one job");
+            let line = format!("--picture: expected one library or, with --plan, one job, found {file}, a {says}");
             return Err(Failure::bad_input(line));
         };
         let drawn = lab::svg(&chart)?;
@@ -188,10 +190,7 @@ fn check_file(path: &Path, asked: Asked<'_>) -> Finding {
             format!("trace, 4 channels of {} samples at {:.0} Hz", trace.len(), trace.sample_hz)
         }
         Some(Document::Daemon) => check_daemon(path)?,
-        Some(Document::Rig) => {
-            let rig = RigSpec::load(path).map_err(lines)?;
-            format!("rig {}, {:.0} mm plate", rig.model.name, rig.model.plate_side_m * 1e3)
-        }
+        Some(Document::Rig) => check_rig(path)?,
         Some(Document::Job) | None => return check_job(path, asked),
     };
     Ok(Found::new(says))
@@ -200,17 +199,31 @@ fn check_file(path: &Path, asked: Asked<'_>) -> Finding {
 /// Valid with the rigs it names and their libraries.
 fn check_daemon(path: &Path) -> Result<String, Vec<String>> {
     let daemon = DaemonSpec::load(path).map_err(lines)?;
-    let faults_of = |plate: &PlateSpec| match Library::load(&plate.library) {
-        Ok(library) => lines(library_faults(&library, &plate.library.display().to_string(), &plate.rig)),
-        Err(faults) => lines(faults),
-    };
-    let faults: Vec<String> = daemon.plates.iter().flat_map(faults_of).collect();
+    let fitting = |plate: &PlateSpec| fitting_library(&plate.library, &plate.library_key, &plate.rig);
+    let faults: Vec<String> = daemon.plates.iter().filter_map(|plate| fitting(plate).err()).flat_map(lines).collect();
     let says = format!("daemon on {}, plates: {}", daemon.listen, daemon.plate_names().join(", "));
     if faults.is_empty() { Ok(says) } else { Err(faults) }
 }
 
+/// Valid with the library that it names.
+fn check_rig(path: &Path) -> Result<String, Vec<String>> {
+    let rig = RigSpec::load(path).map_err(lines)?;
+    let library = match &rig.library {
+        Some(library) => {
+            let library = fitting_library(library, &rig.library_key, &rig).map_err(lines)?;
+            format!("library of {} motions", library.entries.len())
+        }
+        None => "no library (`upm calibrate` makes one)".to_owned(),
+    };
+    Ok(format!("rig {}, {:.0} mm plate, {library}", rig.model.name, rig.model.plate_side_m * 1e3))
+}
+
 fn check_job(path: &Path, asked: Asked<'_>) -> Finding {
-    let job = JobSpec::load(path).map_err(lines)?;
+    let job = match asked.rig {
+        Some(rig) => JobSpec::load_on(path, rig),
+        None => JobSpec::load(path),
+    };
+    let job = job.map_err(lines)?;
     let in_words = |fault: Fault| vec![fault.to_string()];
     let library = job_library(&job).map_err(lines)?;
     let (rig, parts, planner) = (&job.rig.model.name, job.kinds_of_parts().len(), PlannerSelection::of(&job));
@@ -236,8 +249,8 @@ fn lines<F: std::fmt::Display>(faults: Vec<F>) -> Vec<String> {
 
 pub(super) fn schema(args: &SchemaArgs) -> Result<u8, Failure> {
     let Some(schema) = config::schema(&args.name) else {
-        let names = config::schema_names().join(", ");
-        return Err(Failure::bad_input(format!("schema: found {:?}, allowed: {names}", args.name)));
+        let names = config::one_of(&args.name, config::schema_names());
+        return Err(Failure::bad_input(format!("schema: expected {names}, found {:?}", args.name)));
     };
     print_json(&schema)?;
     Ok(0)

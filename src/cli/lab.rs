@@ -19,7 +19,7 @@ use upm_lab::{
     waveform_fit_of,
 };
 use upm_recording::RerunMode;
-use upm_runner::config::{RigSpec, load_trace, trace_to_json};
+use upm_runner::config::{RigSpec, load_trace, one_of, trace_to_json};
 
 pub(super) use scene::of_scene;
 use table::{columns, markdown, table};
@@ -61,7 +61,7 @@ fn all(args: &LabArgs, common: Common) -> Result<u8, Failure> {
     ];
     if let Some((option, _)) = given.iter().find(|(_, is_given)| *is_given) {
         let allowed = "the name of one experiment";
-        return Err(Failure::bad_input(format!("{option}: found experiment {ALL:?}, allowed: {allowed}")));
+        return Err(Failure::bad_input(format!("{option}: expected {allowed}, found {ALL:?}")));
     }
     let mut rows = Vec::new();
     for experiment in EXPERIMENTS {
@@ -156,7 +156,7 @@ fn list(common: Common) -> Result<u8, Failure> {
 fn named(name: &str) -> Result<&'static Experiment, Failure> {
     experiment(name).ok_or_else(|| {
         let names = EXPERIMENTS.iter().map(|one| one.name).chain([ALL]).collect::<Vec<_>>();
-        Failure::bad_input(format!("lab: found {name:?}, allowed: {}", names.join(", ")))
+        Failure::bad_input(format!("lab: expected {}, found {name:?}", one_of(name, &names)))
     })
 }
 
@@ -204,7 +204,7 @@ fn request(args: &LabArgs) -> Result<Request, Failure> {
 fn measure(name: &str, args: &LabArgs, common: Common) -> Result<(String, Outcome), Failure> {
     let (experiment, request) = (named(name)?, request(args)?);
     if args.scenes.is_some() && name != VISION {
-        return Err(Failure::bad_input(format!("--scenes: found experiment {name:?}, allowed: {VISION}")));
+        return Err(Failure::bad_input(format!("--scenes: expected the experiment {VISION}, found {name:?}")));
     }
     let rig = rig_for(experiment, args)?;
     let progress = bar(common.quiet || !std::io::stderr().is_terminal());
@@ -233,9 +233,9 @@ fn lab_rig(spec: &RigSpec, seed: u64) -> Result<LabRig, Failure> {
 /// The outcome of the trace file at `path`.
 fn read_trace(name: &str, path: &Path) -> Result<Outcome, Failure> {
     if name != WAVEFORM_FIT {
-        return Err(Failure::bad_input(format!("--trace: found experiment {name:?}, allowed: {WAVEFORM_FIT}")));
+        return Err(Failure::bad_input(format!("--trace: expected the experiment {WAVEFORM_FIT}, found {name:?}")));
     }
-    let pulse = load_trace(path).map_err(Failure::faults)?;
+    let pulse = load_trace(path).map_err(Failure::of_files)?;
     waveform_fit_of(&pulse).map_err(|fault| Failure::failed(format!("{}: {fault}", path.display())))
 }
 

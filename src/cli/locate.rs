@@ -27,7 +27,7 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let setting = Setting::of(args)?;
     let rerun = recording::checked_mode(&args.rerun)?;
     if args.reference && rerun != RerunMode::Off {
-        return Err(Failure::bad_input("--reference: found with --rerun, allowed: without a recording"));
+        return Err(Failure::bad_input("--reference: expected no recording, found --rerun"));
     }
     let several = args.images.len() > 1;
     let mut worst = 0;
@@ -95,8 +95,8 @@ fn look(image: &Path, name: &str, args: &LocateArgs, setting: &Setting, shown: b
     let mut finder = CoinFinder::with_response(&table, size, &setting.kinds, setting.dark_parts, wanted);
     let used = finder.response_method();
     if wanted != ResponseMethod::Auto && used != wanted {
-        let allowed = "fft or auto: a disk of these kinds is too large for the chords' sums";
-        return Err(Failure::bad_input(format!("--response: found chords, allowed: {allowed}")));
+        let allowed = "fft or auto (a disk of these kinds is too large for the chords' sums)";
+        return Err(Failure::bad_input(format!("--response: expected {allowed}, found chords")));
     }
     let detections = finder.find(&frame);
     let done = clock.elapsed();

@@ -1,10 +1,15 @@
 //! Ends of commands: lines on stdout and stderr, failures, exit statuses, Ctrl-C.
 
 use std::fmt::Display;
-use std::io::{ErrorKind, Write};
+use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+use image::ImageError;
+
+use super::shipped::is_shipped;
+use upm_runner::config::{Fault, FaultClass, reason};
 
 /// The job ran and did not reach its goal.
 pub(super) const NOT_REACHED: u8 = 1;
@@ -36,9 +41,33 @@ impl Failure {
         Self { status: BAD_INPUT, lines: faults.into_iter().map(|fault| fault.to_string()).collect() }
     }
 
-    /// A file could not be written.
-    pub fn write(path: &Path, error: impl Display) -> Self {
-        Self::failed(format!("{}: cannot be written: {error}", path.display()))
+    /// Faults in files. A shipped one that is missing is one that `upm init` writes.
+    pub fn of_files(faults: Vec<Fault>) -> Self {
+        let hint = |fault: &Fault| match fault.class {
+            FaultClass::Unreadable if is_shipped(&fault.file) => format!("{fault}; `upm init` writes it"),
+            _ => fault.to_string(),
+        };
+        Self::faults(faults.iter().map(hint))
+    }
+
+    /// A file that cannot be read.
+    pub fn unread(path: &Path, error: &io::Error) -> Self {
+        Self::bad_input(format!("cannot read {}: {}", path.display(), reason(error)))
+    }
+
+    /// A file that cannot be written.
+    pub fn write(path: &Path, error: impl Into<Box<dyn std::error::Error>>) -> Self {
+        let error = error.into();
+        let why = error.downcast_ref::<io::Error>().map_or_else(|| error.to_string(), reason);
+        Self::failed(format!("cannot write {}: {why}", path.display()))
+    }
+
+    /// A picture that cannot be written.
+    pub fn write_picture(path: &Path, error: ImageError) -> Self {
+        match error {
+            ImageError::IoError(error) => Self::write(path, error),
+            error => Self::write(path, error),
+        }
     }
 
     /// Prints the faults on stderr; the exit status.
@@ -52,7 +81,9 @@ impl Failure {
 pub(super) fn put(text: std::fmt::Arguments<'_>) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::failed(format!("stdout: {error}"))),
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::failed(format!("stdout: {}", reason(&error))))
+        }
         _ => Ok(()),
     }
 }

@@ -9,7 +9,7 @@ use super::lab;
 use super::output::{Failure, print_json};
 use upm_core::signal::Frame;
 use upm_core::units::mm_from_m;
-use upm_runner::config::JobSpec;
+use upm_runner::config::{JobSpec, listed};
 use upm_runner::run::{FirstFrame, FirstFrameError, first_frame};
 
 /// Endings of picture files that can be written.
@@ -18,9 +18,9 @@ const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "pgm", "tif", "tiff"];
 pub(super) fn render(args: &RenderArgs, common: Common) -> Result<u8, Failure> {
     let ending = args.out.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
     if !PICTURES.contains(&ending.as_str()) {
-        let allowed = PICTURES.join(", ");
+        let allowed = listed(&PICTURES);
         return Err(Failure::bad_input(format!(
-            "--out: found {}, allowed: a name ending in {allowed}",
+            "--out: expected a name ending in {allowed}, found {}",
             args.out.display()
         )));
     }
@@ -28,13 +28,13 @@ pub(super) fn render(args: &RenderArgs, common: Common) -> Result<u8, Failure> {
         (Some(job), _) => of_job(job, args.seed)?,
         (None, Some(family)) => lab::of_scene(family, args)?,
         (None, None) => {
-            return Err(Failure::bad_input("render: found neither a job nor --scene, allowed: one of them"));
+            return Err(Failure::bad_input("render: expected a job or --scene, found neither"));
         }
     };
     GrayImage::from_raw(frame.width as u32, frame.height as u32, frame.pixels)
         .ok_or_else(|| Failure::failed("the camera's frame has no picture"))?
         .save(&args.out)
-        .map_err(|error| Failure::write(&args.out, error))?;
+        .map_err(|error| Failure::write_picture(&args.out, error))?;
     if let Some(path) = &args.truth {
         fs::write(path, format!("{truth:#}\n")).map_err(|error| Failure::write(path, error))?;
     }
@@ -45,7 +45,7 @@ pub(super) fn render(args: &RenderArgs, common: Common) -> Result<u8, Failure> {
 }
 
 fn of_job(path: &Path, seed: Option<u64>) -> Result<(Frame, Value), Failure> {
-    let mut job = JobSpec::load(path).map_err(Failure::faults)?;
+    let mut job = JobSpec::load(path).map_err(Failure::of_files)?;
     if let Some(seed) = seed {
         job = job.with_seed(seed);
     }

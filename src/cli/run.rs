@@ -1,17 +1,22 @@
+use std::path::Path;
+
 use super::args::{Common, RunArgs};
+use super::job_list;
 use super::output::{Failure, INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
 use super::progress::RunProgress;
 use super::recording;
+use super::shipped::is_shipped;
 use super::summary::print_summary;
 use upm_core::job::{Outcome, Pace};
 use upm_core::time::MonotonicClock;
 use upm_recording::{Keeping, Verdict};
-use upm_runner::config::JobSpec;
+use upm_runner::config::{Fault, FaultClass, JobSpec};
 use upm_runner::run::{PacingStats, RunError, RunOptions, run as run_job};
 
 pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
+    let Some(file) = &args.job else { return job_list::list(common) };
     let rerun = recording::mode(&args.rerun)?;
-    let mut job = JobSpec::load(&args.job).map_err(Failure::faults)?;
+    let mut job = JobSpec::load(file).map_err(|faults| unread(file, faults))?;
     if let Some(seed) = args.seed {
         job = job.with_seed(seed);
     }
@@ -49,6 +54,16 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
         Outcome::Failed => NOT_REACHED,
         Outcome::Cancelled => INTERRUPTED,
     })
+}
+
+/// The faults of the job in `file`; one that cannot be read is followed by where to look for others.
+fn unread(file: &Path, faults: Vec<Fault>) -> Failure {
+    let is_read = !faults.iter().any(|fault| fault.class == FaultClass::Unreadable && fault.named_by.is_none());
+    let mut failure = Failure::of_files(faults);
+    if !is_read && !is_shipped(&file.display().to_string()) {
+        failure.lines.iter_mut().for_each(|line| line.push_str("; `upm run` lists the jobs there are"));
+    }
+    failure
 }
 
 pub(super) fn run_failure(error: &RunError) -> Failure {

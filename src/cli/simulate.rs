@@ -7,7 +7,7 @@ use upm_runner::config::SimulateSpec;
 use upm_runner::run::{Trajectories, simulate as simulate_open_loop};
 
 pub(super) fn simulate(args: &SimulateArgs, common: Common) -> Result<u8, Failure> {
-    let spec = SimulateSpec::load(&args.experiment).map_err(Failure::faults)?;
+    let spec = SimulateSpec::load(&args.experiment).map_err(Failure::of_files)?;
     let result = simulate_open_loop(&spec)
         .map_err(|error| Failure::bad_input(format!("{}: {error}", args.experiment.display())))?;
     print(common.json, &as_json(&result), || print_table(&spec, &result))

@@ -92,8 +92,8 @@ mod tests {
         assert_eq!(
             told,
             [
-                "f: b[0].c: found the key \"c\" a second time, allowed: each key once",
-                "f: a: found the key \"a\" a second time, allowed: each key once",
+                "f: b[0].c: expected each key once, found the key \"c\" a second time",
+                "f: a: expected each key once, found the key \"a\" a second time",
             ]
         );
     }

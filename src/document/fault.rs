@@ -7,11 +7,14 @@ use serde_json::Value;
 /// Most faults listed for one file; a file with more has one thing wrong with it many times.
 const MOST_FAULTS: usize = 200;
 
+/// The path of a whole document.
+const WHOLE: &str = "$";
+
 /// Longest value shown in a fault, characters.
 const LONGEST_SHOWN: usize = 60;
 
 /// One thing wrong with one file. Displays as one line:
-/// `configs/x.json: parts[1].kind: found "pennyy", allowed: penny, nickel, dime, quarter (did you mean penny?)`.
+/// `configs/x.json: parts[1].kind: expected one of penny, nickel, dime, quarter (did you mean penny?), found "pennyy"`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "ProblemFault")]
 pub struct Fault {
@@ -24,16 +27,33 @@ pub struct Fault {
     pub found: String,
     /// What may stand there.
     pub allowed: String,
-    /// True where nothing stands there.
+    /// What is wrong there.
     #[serde(skip)]
-    pub is_missing: bool,
+    pub class: FaultClass,
+    /// The key of another file that names this one: `rig upm-1.json: library`.
+    #[serde(skip)]
+    pub named_by: Option<String>,
+}
+
+/// What is wrong at the place of a fault.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FaultClass {
+    /// Another value than those allowed.
+    #[default]
+    Value,
+    /// Nothing where a value must be.
+    Missing,
+    /// The file cannot be read.
+    Unreadable,
+    /// The text is no JSON.
+    Syntax,
 }
 
 impl Fault {
     /// Puts the four together.
     pub fn new(file: &str, path: impl fmt::Display, found: impl fmt::Display, allowed: impl Into<String>) -> Self {
         let (file, path, found) = (file.to_owned(), path.to_string(), found.to_string());
-        Self { file, path, found, allowed: allowed.into(), is_missing: false }
+        Self { file, path, found, allowed: allowed.into(), class: FaultClass::Value, named_by: None }
     }
 
     /// The same in the file `file`.
@@ -43,13 +63,38 @@ impl Fault {
 
     /// The member at `path` is missing.
     pub fn missing(file: &str, path: impl fmt::Display, allowed: impl Into<String>) -> Self {
-        Self { is_missing: true, ..Self::new(file, path, "nothing", allowed) }
+        Self { class: FaultClass::Missing, ..Self::new(file, path, "nothing", allowed) }
+    }
+
+    /// The file cannot be read, for this reason.
+    pub fn unreadable(file: &str, reason: impl fmt::Display) -> Self {
+        Self { class: FaultClass::Unreadable, ..Self::new(file, Path::root(), reason, "a file that can be read") }
+    }
+
+    /// The text is no JSON, for this reason.
+    pub fn syntax(file: &str, reason: impl fmt::Display) -> Self {
+        let allowed = "JSON, nested at most 127 deep, with numbers within 64 bits";
+        Self { class: FaultClass::Syntax, ..Self::new(file, Path::root(), reason, allowed) }
+    }
+
+    /// The same with the key that names its file, as `rig upm-1.json: library`.
+    pub fn named_by(self, key: &str) -> Self {
+        Self { named_by: Some(key.to_owned()), ..self }
     }
 }
 
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let line = format!("{}: {}: found {}, allowed: {}", self.file, self.path, self.found, self.allowed);
+        let Self { file, path, found, allowed, class, named_by } = self;
+        let naming = named_by.as_ref().map(|key| format!("{key}: ")).unwrap_or_default();
+        let line = match class {
+            FaultClass::Unreadable => format!("{naming}cannot read {file}: {found}"),
+            FaultClass::Syntax => format!("{naming}{file}: not valid JSON: {found}"),
+            FaultClass::Value | FaultClass::Missing => {
+                let at = Some(path).filter(|path| *path != WHOLE).map(|path| format!("{path}: ")).unwrap_or_default();
+                format!("{naming}{file}: {at}expected {allowed}, found {found}")
+            }
+        };
         for c in line.chars() {
             if c.is_control() { write!(f, "{}", c.escape_default())? } else { write!(f, "{c}")? }
         }
@@ -87,7 +132,7 @@ impl Path {
 
 impl fmt::Display for Path {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(if self.0.is_empty() { "$" } else { &self.0 })
+        f.write_str(if self.0.is_empty() { WHOLE } else { &self.0 })
     }
 }
 
@@ -120,6 +165,11 @@ impl Faults {
     pub fn append(&mut self, others: Vec<Fault>) {
         self.list.extend(others);
         self.list.truncate(MOST_FAULTS);
+    }
+
+    /// The same of a file that the key `named_by` names.
+    pub fn append_named(&mut self, others: Vec<Fault>, named_by: &str) {
+        self.append(others.into_iter().map(|fault| fault.named_by(named_by)).collect());
     }
 
     /// A fault at `path` unless `holds`.
@@ -180,17 +230,28 @@ pub fn counted(number: usize, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
-/// `a, b, c`, with the one that `found` was probably meant to be.
+/// `one of a, b, c`, with the one that `found` was probably meant to be.
 pub fn one_of(found: &str, choices: &[&str]) -> String {
-    let list = choices.join(", ");
-    let near = |choice: &&&str| strsim::damerau_levenshtein(found, choice) <= 1 + choice.len() / 4;
-    let meant = (found.len() <= LONGEST_SHOWN)
-        .then(|| choices.iter().filter(near).min_by_key(|choice| strsim::damerau_levenshtein(found, choice)))
-        .flatten();
-    match meant {
-        Some(meant) => format!("{list} (did you mean {meant}?)"),
-        None => list,
+    match nearest(found, choices.iter().copied()) {
+        Some(meant) => format!("{} (did you mean {meant}?)", listed(choices)),
+        None => listed(choices),
     }
+}
+
+/// `one of a, b, c`; a single choice alone.
+pub fn listed(choices: &[&str]) -> String {
+    match choices {
+        [only] => (*only).to_owned(),
+        _ => format!("one of {}", choices.join(", ")),
+    }
+}
+
+/// The choice that `found` was probably meant to be, the first of equally near ones.
+pub fn nearest<'a>(found: &str, choices: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let distance = |choice: &str| strsim::damerau_levenshtein(found, choice);
+    let rated = choices.filter(|_| found.len() <= LONGEST_SHOWN).map(|choice| (distance(choice), choice));
+    let near = rated.filter(|(distance, choice)| *distance <= 1 + choice.len() / 4);
+    near.min_by_key(|(distance, _)| *distance).map(|(_, choice)| choice)
 }
 
 #[cfg(test)]
@@ -201,18 +262,22 @@ mod tests {
     fn a_fault_is_one_line() {
         let path = Path::root().key("parts").index(1).key("kind");
         let fault = Fault::new("configs/x.json", &path, "\"pennyy\"", one_of("pennyy", &["penny", "nickel", "dime"]));
-        let line =
-            r#"configs/x.json: parts[1].kind: found "pennyy", allowed: penny, nickel, dime (did you mean penny?)"#;
+        let line = r#"configs/x.json: parts[1].kind: expected one of penny, nickel, dime (did you mean penny?), found "pennyy""#;
         assert_eq!(fault.to_string(), line);
         let odd = Fault::new("a\nb.json", Path::root().key("we\nird key"), "x\r\n", "y");
-        assert_eq!(odd.to_string(), r#"a\nb.json: ["we\nird key"]: found x\r\n, allowed: y"#);
+        assert_eq!(odd.to_string(), r#"a\nb.json: ["we\nird key"]: expected y, found x\r\n"#);
         assert_eq!(Path::root().to_string(), "$");
+        let unread = Fault::unreadable("l.json", "no such file").named_by("rig r.json: library");
+        assert_eq!(unread.to_string(), "rig r.json: library: cannot read l.json: no such file");
     }
 
     #[test]
     fn only_near_words_are_proposed() {
-        assert_eq!(one_of("toleranc_mm", &["seed", "tolerance_mm"]), "seed, tolerance_mm (did you mean tolerance_mm?)");
-        assert_eq!(one_of("zebra", &["seed", "tolerance_mm"]), "seed, tolerance_mm");
+        assert_eq!(
+            one_of("toleranc_mm", &["seed", "tolerance_mm"]),
+            "one of seed, tolerance_mm (did you mean tolerance_mm?)"
+        );
+        assert_eq!(one_of("zebra", &["seed", "tolerance_mm"]), "one of seed, tolerance_mm");
         assert_eq!(one_of(&"x".repeat(1 << 20), &["seed"]), "seed");
     }
 

@@ -40,9 +40,21 @@ impl Document {
             Self::Job => "a job",
             Self::Rig => "a rig",
             Self::Library => "a COR library",
-            Self::Experiment => "an experiment for `upm simulate`",
+            Self::Experiment => "an experiment",
             Self::Trace => "a trace",
             Self::Daemon => "a daemon's configuration",
+        }
+    }
+
+    /// The command that takes it.
+    pub fn command(self) -> &'static str {
+        match self {
+            Self::Job => "upm run",
+            Self::Rig => "upm calibrate --rig",
+            Self::Library => "upm check",
+            Self::Experiment => "upm simulate",
+            Self::Trace => "upm lab waveform-fit --trace",
+            Self::Daemon => "upm serve --config",
         }
     }
 

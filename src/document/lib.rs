@@ -1,5 +1,5 @@
 //! JSON documents that people write or keep: read against the schema of their type, and every fault told with its file,
-//! its place, what was found and what is allowed.
+//! its place, what is expected and what was found.
 
 mod duplicates;
 mod fault;
@@ -7,6 +7,6 @@ mod kind;
 mod read;
 mod shape;
 
-pub use fault::{Fault, Faults, Path, counted, one_of, quoted, shown};
+pub use fault::{Fault, FaultClass, Faults, Path, counted, listed, nearest, one_of, quoted, shown};
 pub use kind::Document;
-pub use read::{MOST_BYTES, parse, parse_and_build, schema_of, text_of};
+pub use read::{MOST_BYTES, parse, parse_and_build, reason, schema_of, text_of};

@@ -1,12 +1,12 @@
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, ErrorKind, Read};
 use std::path::Path as FilePath;
 
 use schemars::{JsonSchema, schema_for};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-use super::fault::{Fault, Faults, Path};
+use super::fault::{Fault, Faults, Path, nearest};
 use super::{Document, duplicates, shape};
 
 /// Largest file read, bytes: 1 MiB.
@@ -20,7 +20,7 @@ pub fn schema_of<T: JsonSchema>() -> Value {
 /// The text of the file at `path`, or the one fault that keeps it from being read.
 pub fn text_of(path: &FilePath) -> Result<String, Fault> {
     let fault = |found: String, allowed: &str| Fault::new(&path.display().to_string(), Path::root(), found, allowed);
-    let bytes = bytes_of(path).map_err(|error| fault(error.to_string(), "a file that can be read"))?;
+    let bytes = bytes_of(path).map_err(|error| unreadable(path, &error))?;
     if bytes.len() as u64 > MOST_BYTES {
         return Err(fault("a larger file".to_owned(), "up to 1 MiB (1048576 bytes)"));
     }
@@ -28,6 +28,39 @@ pub fn text_of(path: &FilePath) -> Result<String, Fault> {
         let valid = error.utf8_error().valid_up_to();
         fault(format!("a byte that is not UTF-8 at offset {valid}"), "UTF-8 text")
     })
+}
+
+/// The fault of a file that cannot be read, with the file beside it that was probably meant.
+fn unreadable(path: &FilePath, error: &io::Error) -> Fault {
+    let meant = (error.kind() == ErrorKind::NotFound).then(|| sibling(path)).flatten();
+    let meant = meant.map(|name| format!(" (did you mean {}?)", path.with_file_name(name).display()));
+    Fault::unreadable(&path.display().to_string(), reason(error) + &meant.unwrap_or_default())
+}
+
+/// The name in the folder of `path` that is nearest to its own.
+fn sibling(path: &FilePath) -> Option<String> {
+    const MOST_NAMES: usize = 1000;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(FilePath::new("."));
+    let entries = std::fs::read_dir(folder).ok()?.take(MOST_NAMES).filter_map(Result::ok);
+    let mut names: Vec<String> = entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
+    names.sort();
+    nearest(path.file_name()?.to_str()?, names.iter().map(String::as_str)).map(str::to_owned)
+}
+
+/// What the system says of `error`, in a person's words and without its number.
+pub fn reason(error: &io::Error) -> String {
+    match error.kind() {
+        ErrorKind::NotFound => "no such file".to_owned(),
+        ErrorKind::PermissionDenied => "permission denied".to_owned(),
+        ErrorKind::IsADirectory => "it is a folder".to_owned(),
+        ErrorKind::NotADirectory => "a part of its path is not a folder".to_owned(),
+        ErrorKind::StorageFull => "the disk is full".to_owned(),
+        _ => {
+            let text = error.to_string();
+            let number = error.raw_os_error().map(|number| format!(" (os error {number})")).unwrap_or_default();
+            text.strip_suffix(&number).unwrap_or(&text).to_lowercase()
+        }
+    }
 }
 
 /// At most one byte more than is allowed, so that endless files end here too.
@@ -55,14 +88,13 @@ pub fn parse<T: DeserializeOwned + JsonSchema>(text: &str, file: &str) -> Result
     let mut faults = Faults::of(file);
     let value: Value = match serde_json::from_str(text) {
         Ok(value) => value,
-        Err(error) => {
-            faults.push(Path::root(), error.to_string(), "JSON, nested at most 127 deep, numbers within 64 bits");
-            return Err(faults.into_list());
-        }
+        Err(error) => return Err(vec![Fault::syntax(file, error)]),
     };
     let schema = schema_of::<T>();
     match Document::mistaken(&value, &schema) {
-        Some((wanted, found)) => faults.push(Path::root(), found.name(), wanted.name()),
+        Some((wanted, found)) => {
+            faults.push(Path::root(), format!("{}, for `{}`", found.name(), found.command()), wanted.name());
+        }
         None => {
             duplicates::check(text, &mut faults);
             shape::check(&value, &schema, &Path::root(), &mut faults);

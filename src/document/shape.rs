@@ -1,6 +1,6 @@
 use serde_json::{Map, Value};
 
-use super::fault::{Faults, Path, one_of, quoted, shown};
+use super::fault::{Faults, Path, listed, one_of, quoted, shown};
 
 /// Holds `value` against the JSON Schema that serde's types were turned into, and lists everything that does not
 /// fit: unknown and missing keys, wrong types, unknown words, numbers out of range. Knows the keywords
@@ -126,12 +126,12 @@ impl<'a> Walker<'a> {
         };
         let words = words(schema);
         if !words.is_empty() {
-            return words.join(", ");
+            return listed(&words);
         }
         if let Some(variants) = alternatives(schema) {
             let tags: Vec<&str> = variants.iter().filter_map(tag).collect();
             if tags.len() == variants.len() {
-                return format!("an object with type {}", tags.join(", "));
+                return format!("an object with type {}", tags.join(" or "));
             }
             let names: Vec<String> = variants.iter().map(|variant| self.allowed(variant)).collect();
             return names.join(" or ");
@@ -222,12 +222,16 @@ fn has_length(length: usize, schema: &Value, min: &str, max: &str) -> bool {
     limit(min).is_none_or(|min| length as u64 >= min) && limit(max).is_none_or(|max| length as u64 <= max)
 }
 
-/// ` from 0 to 1`, ` above 0 to 9`; nothing where there is no limit.
+/// ` from 0 to 1`, ` above 0, up to 9`; nothing where there is no limit.
 fn range(schema: &Value) -> String {
     let limit = |key| schema.get(key).and_then(Value::as_f64);
     let low = limit("minimum").map(|x| format!("from {x}")).or(limit("exclusiveMinimum").map(|x| format!("above {x}")));
     let high = limit("maximum").map(|x| format!("to {x}"));
-    [low, high].into_iter().flatten().map(|text| format!(" {text}")).collect()
+    let comma = if schema.get("minimum").is_none() && low.is_some() { ", up" } else { "" };
+    match (low, high) {
+        (Some(low), Some(high)) => format!(" {low}{comma} {high}"),
+        (low, high) => low.or(high).map(|text| format!(" {text}")).unwrap_or_default(),
+    }
 }
 
 fn lengths(schema: &Value, min: &str, max: &str, of: &str) -> String {

@@ -3,6 +3,7 @@
 use std::str::FromStr;
 
 use super::LabFault;
+use upm_document::one_of;
 
 /// A parameter of machine `M`, in the unit that its key names.
 #[derive(Clone, Copy, Debug)]
@@ -122,7 +123,7 @@ pub(super) fn find<'a, M>(settings: &'a [Setting<M>], key: &str) -> Result<&'a S
         if keys.is_empty() {
             return LabFault::Setting(format!("this experiment has no settings, found {key:?}"));
         }
-        LabFault::Setting(format!("expected one of {}, found {key:?}", keys.join(", ")))
+        LabFault::Setting(format!("expected {}, found {key:?}", one_of(key, &keys)))
     })
 }
 
@@ -177,7 +178,7 @@ mod tests {
             ("stroke_mm=0.4", "stroke_mm: expected 0.5 to 20, found 0.4"),
             ("stroke_mm=NaN", "stroke_mm: expected 0.5 to 20, found NaN"),
             ("blows=2.5", "blows: expected a whole number from 1 to 9, found 2.5"),
-            ("strokes=3", "expected one of stroke_mm, blows, found \"strokes\""),
+            ("strokes=3", "expected one of stroke_mm, blows (did you mean stroke_mm?), found \"strokes\""),
             ("blows", "expected KEY=NUMBER, found \"blows\""),
             ("blows=two", "expected KEY=NUMBER, found \"blows=two\""),
         ] {

@@ -140,16 +140,16 @@ fn values_no_rig_has_are_told() {
     };
     type Change = fn(&mut FieldResponse);
     let cases: [(Change, &str); 5] = [
-        (|f| f.base_radps = TAU * 0.5, "l: fields.base_hz: found 0.5, allowed: a number from 1 to 10000"),
-        (|f| f.rest_s = -1.0, "l: fields.rest_s: found -1.0, allowed: a number from 0 to 100"),
-        (|f| f.limit_counts = 0.0, "l: fields.limit_counts: found 0.0, allowed: a number from 1 to 1000000"),
+        (|f| f.base_radps = TAU * 0.5, "l: fields.base_hz: expected a number from 1 to 10000, found 0.5"),
+        (|f| f.rest_s = -1.0, "l: fields.rest_s: expected a number from 0 to 100, found -1.0"),
+        (|f| f.limit_counts = 0.0, "l: fields.limit_counts: expected a number from 1 to 1000000, found 0.0"),
         (
             |f| f.twist_from_counts.clear(),
-            "l: fields.twist_from_counts: found a list of 0, allowed: a list of 1 or more items (a list of 3 items (a list of 3 items (a list of 2 items (a number from -100000 to 100000 each) each) each) each)",
+            "l: fields.twist_from_counts: expected a list of 1 or more items (a list of 3 items (a list of 3 items (a list of 2 items (a number from -100000 to 100000 each) each) each) each), found a list of 0",
         ),
         (
             |f| f.twist_from_counts[1][(2, 2)] = Complex::new(0.0, -2e5),
-            "l: fields.twist_from_counts[1][2][2][1]: found -200000.0, allowed: a number from -100000 to 100000",
+            "l: fields.twist_from_counts[1][2][2][1]: expected a number from -100000 to 100000, found -200000.0",
         ),
     ];
     for (change, line) in cases {
@@ -157,10 +157,10 @@ fn values_no_rig_has_are_told() {
     }
     let singular = told(&|f| f.twist_from_counts[2].fill_column(1, Complex::new(0.0, 0.0)));
     let allowed = "forces on x, y and spin that move the plate independently";
-    assert_eq!(singular, [format!("l: fields.twist_from_counts[2]: found a singular matrix, allowed: {allowed}")]);
+    assert_eq!(singular, [format!("l: fields.twist_from_counts[2]: expected {allowed}, found a singular matrix")]);
     let text = good().to_json().replacen("  \"limit_counts\": 2047.0,\n", "", 1);
     let faults = Library::from_json(&text, "l").unwrap_err();
-    assert_eq!(faults[0].to_string(), "l: fields.limit_counts: found nothing, allowed: a number from 1 to 1000000");
+    assert_eq!(faults[0].to_string(), "l: fields.limit_counts: expected a number from 1 to 1000000, found nothing");
 }
 
 #[test]
@@ -189,8 +189,8 @@ fn fields_of_another_rig_are_refused() {
     let strong = RigFacts { count_limit: 4095.0, ..rig };
     assert_eq!(told(&library, strong), ["fields.limit_counts: 4095, as the rig has it"]);
     let none = RigFacts { fields: None, ..rig };
-    assert_eq!(told(&library, none), ["fields: nothing: the rig has no fields, calibrate again"]);
+    assert_eq!(told(&library, none), ["fields: nothing (the rig has no fields: run `upm calibrate`)"]);
     let bare = Library { fields: None, ..library.clone() };
-    assert_eq!(told(&bare, rig), ["fields: the response to the rig's fields: run `upm calibrate`"]);
+    assert_eq!(told(&bare, rig), ["fields: the response to the rig's fields (run `upm calibrate`)"]);
     assert_eq!(told(&bare, none), [""; 0]);
 }

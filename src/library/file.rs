@@ -4,7 +4,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::{Library, RawFieldResponse, RawLibrary};
-use upm_document::{Fault, parse};
+use upm_document::{Fault, parse, text_of};
 
 impl Library {
     /// The file form: JSON, millimetres, one entry and one row of the displacement a line.
@@ -58,10 +58,8 @@ impl Library {
 
     /// Reads and validates the library at `path`; all faults are told.
     pub fn load(path: &Path) -> Result<Self, Vec<Fault>> {
-        let file = path.display().to_string();
-        let text =
-            std::fs::read_to_string(path).map_err(|error| vec![Fault::new(&file, "$", error, "a readable file")])?;
-        Self::from_json(&text, &file)
+        let text = text_of(path).map_err(|fault| vec![fault])?;
+        Self::from_json(&text, &path.display().to_string())
     }
 }
 
@@ -160,9 +158,9 @@ mod tests {
         assert_eq!(
             told,
             [
-                "l.json: entries[1]: found a plate that does not move, allowed: a velocity or a spin",
-                "l.json: displacement.speed_mm_s[1]: found 100 after 500, allowed: rising numbers above 0",
-                "l.json: displacement.sd_mm: found 1 row, allowed: 2, one for each speed",
+                "l.json: entries[1]: expected a velocity or a spin, found a plate that does not move",
+                "l.json: displacement.speed_mm_s[1]: expected rising numbers above 0, found 100 after 500",
+                "l.json: displacement.sd_mm: expected 2, one for each speed, found 1 row",
             ]
         );
     }
@@ -171,56 +169,59 @@ mod tests {
     fn foreign_keys_and_types_are_told_with_their_path() {
         let text = library(three()).to_json();
         let wrong = text.replacen("\"spin_rad_s\":8.0", "\"spin_rad_s\":\"fast\"", 1);
-        assert_eq!(told(&wrong), ["entries[2].spin_rad_s: found \"fast\", allowed: a number from -10000 to 10000"]);
+        assert_eq!(told(&wrong), ["entries[2].spin_rad_s: expected a number from -10000 to 10000, found \"fast\""]);
         for (from, to, line) in [
             (
                 "\"rest_s\"",
                 "\"color\": 1, \"rest_s\"",
-                "color: found unknown key \"color\", allowed: accelerometer_gain, attack_s, base_hz, displacement, entries, fields, fingerprint, plate, plate_side_mm, rest_s, rig, shapes",
+                "color: expected one of accelerometer_gain, attack_s, base_hz, displacement, entries, fields, fingerprint, plate, plate_side_mm, rest_s, rig, shapes, found unknown key \"color\"",
             ),
-            ("\"rest_s\": 0.03,", "", "rest_s: found nothing, allowed: a number from 0 to 100"),
+            ("\"rest_s\": 0.03,", "", "rest_s: expected a number from 0 to 100, found nothing"),
             (
                 "\"rest_s\"",
                 "\"rig\": \"b\", \"rest_s\"",
-                "rig: found the key \"rig\" a second time, allowed: each key once",
+                "rig: expected each key once, found the key \"rig\" a second time",
             ),
-            (",\"spin_rad_s\":8.0", "", "entries[2].spin_rad_s: found nothing, allowed: a number from -10000 to 10000"),
+            (",\"spin_rad_s\":8.0", "", "entries[2].spin_rad_s: expected a number from -10000 to 10000, found nothing"),
             (
                 "  \"speed_mm_s\": [100.0,500.0],",
                 "",
-                "displacement.speed_mm_s: found nothing, allowed: a list of 2 or more items (a number from 0 to 100000 each)",
+                "displacement.speed_mm_s: expected a list of 2 or more items (a number from 0 to 100000 each), found nothing",
             ),
             (
                 "[100,",
                 "[3000000000,",
-                "entries[0].amplitudes[0]: found 3000000000, allowed: a whole number from -1000000 to 1000000",
+                "entries[0].amplitudes[0]: expected a whole number from -1000000 to 1000000, found 3000000000",
             ),
-            ("[100,", "[0.5,", "entries[0].amplitudes[0]: found 0.5, allowed: a whole number from -1000000 to 1000000"),
+            ("[100,", "[0.5,", "entries[0].amplitudes[0]: expected a whole number from -1000000 to 1000000, found 0.5"),
             (
                 "[100,-100,0,0]",
                 "[100,-100,0]",
-                "entries[0].amplitudes: found a list of 3, allowed: a list of 4 items (a whole number from -1000000 to 1000000 each)",
+                "entries[0].amplitudes: expected a list of 4 items (a whole number from -1000000 to 1000000 each), found a list of 3",
             ),
             (
                 "[100,-100,0,0]",
                 "[100,-100,0,0,0]",
-                "entries[0].amplitudes: found a list of 5, allowed: a list of 4 items (a whole number from -1000000 to 1000000 each)",
+                "entries[0].amplitudes: expected a list of 4 items (a whole number from -1000000 to 1000000 each), found a list of 5",
             ),
             (
                 "[100,-100,0,0]",
                 "{}",
-                "entries[0].amplitudes: found an object, allowed: a list of 4 items (a whole number from -1000000 to 1000000 each)",
+                "entries[0].amplitudes: expected a list of 4 items (a whole number from -1000000 to 1000000 each), found an object",
             ),
-            ("0.03", "null", "rest_s: found null, allowed: a number from 0 to 100"),
-            ("0.03", "[]", "rest_s: found [], allowed: a number from 0 to 100"),
+            ("0.03", "null", "rest_s: expected a number from 0 to 100, found null"),
+            ("0.03", "[]", "rest_s: expected a number from 0 to 100, found []"),
         ] {
             let changed = text.replacen(from, to, 1);
             assert_ne!(changed, text, "{from}");
             assert_eq!(told(&changed), [line]);
         }
-        assert!(told("[]")[0].starts_with("$: found "), "{:?}", told("[]"));
-        assert!(told("{")[0].starts_with("$: found EOF while parsing an object at line 1"), "{:?}", told("{"));
-        assert!(told(&format!("{text} x"))[0].starts_with("$: found trailing characters"), "only one document a file");
+        assert!(told("[]")[0].starts_with("expected "), "{:?}", told("[]"));
+        assert!(told("{")[0].starts_with("not valid JSON: EOF while parsing an object at line 1"), "{:?}", told("{"));
+        assert!(
+            told(&format!("{text} x"))[0].starts_with("not valid JSON: trailing characters"),
+            "only one document a file"
+        );
     }
 
     #[test]
@@ -285,38 +286,38 @@ mod tests {
         };
         type Change = fn(&mut Library);
         let cases: [(Change, &str); 12] = [
-            (|l| l.shapes[2].0[1].sin = 1e300, "shapes.spin[1][1]: found 1e+300, allowed: a number from -1000 to 1000"),
-            (|l| l.base_radps = TAU * 20_000.0, "base_hz: found 20000.0, allowed: a number from 1 to 10000"),
-            (|l| l.plate_side_m = 0.0, "plate_side_mm: found 0.0, allowed: a number from 1 to 10000"),
-            (|l| l.accelerometer_gain[2] = 3.0, "accelerometer_gain[2]: found 3.0, allowed: a number from 0.5 to 2"),
-            (|l| l.attack_s = 101.0, "attack_s: found 101.0, allowed: a number from 0 to 100"),
+            (|l| l.shapes[2].0[1].sin = 1e300, "shapes.spin[1][1]: expected a number from -1000 to 1000, found 1e+300"),
+            (|l| l.base_radps = TAU * 20_000.0, "base_hz: expected a number from 1 to 10000, found 20000.0"),
+            (|l| l.plate_side_m = 0.0, "plate_side_mm: expected a number from 1 to 10000, found 0.0"),
+            (|l| l.accelerometer_gain[2] = 3.0, "accelerometer_gain[2]: expected a number from 0.5 to 2, found 3.0"),
+            (|l| l.attack_s = 101.0, "attack_s: expected a number from 0 to 100, found 101.0"),
             (
                 |l| l.entries[1].amplitudes[2] = -1_000_001,
-                "entries[1].amplitudes[2]: found -1000001, allowed: a whole number from -1000000 to 1000000",
+                "entries[1].amplitudes[2]: expected a whole number from -1000000 to 1000000, found -1000001",
             ),
             (
                 |l| l.entries[0].amplitudes = [0; 4],
-                "entries[0].amplitudes: found [0, 0, 0, 0], allowed: four that make a force or a torque, not all the same",
+                "entries[0].amplitudes: expected four that make a force or a torque, not all the same, found [0, 0, 0, 0]",
             ),
             (
                 |l| l.entries[0].amplitudes = [7; 4],
-                "entries[0].amplitudes: found [7, 7, 7, 7], allowed: four that make a force or a torque, not all the same",
+                "entries[0].amplitudes: expected four that make a force or a torque, not all the same, found [7, 7, 7, 7]",
             ),
             (
                 |l| l.entries[2].pump = Twist::new(0.0, 101.0, 0.0),
-                "entries[2].velocity_mm_s[1]: found 101000.0, allowed: a number from -100000 to 100000",
+                "entries[2].velocity_mm_s[1]: expected a number from -100000 to 100000, found 101000.0",
             ),
             (
                 |l| l.entries[2].pump = Twist::new(0.1, 0.0, -10_001.0),
-                "entries[2].spin_rad_s: found -10001.0, allowed: a number from -10000 to 10000",
+                "entries[2].spin_rad_s: expected a number from -10000 to 10000, found -10001.0",
             ),
             (
                 |l| l.displacement.distance_m[1][2] = 1.5,
-                "displacement.distance_mm[1][2]: found 1500.0, allowed: a number from 0 to 1000",
+                "displacement.distance_mm[1][2]: expected a number from 0 to 1000, found 1500.0",
             ),
             (
                 |l| l.displacement.sustain_s[2] = 200.0,
-                "displacement.sustain_s[2]: found 200.0, allowed: a number from 0 to 100",
+                "displacement.sustain_s[2]: expected a number from 0 to 100, found 200.0",
             ),
         ];
         for (change, line) in cases {
@@ -333,6 +334,7 @@ mod tests {
         assert_eq!(read, Library::from_json(&library(three()).to_json(), "l.json").unwrap());
         assert_eq!(read.entries.len(), 3);
         let missing = Library::load(&folder.path().join("none.json")).unwrap_err();
-        assert_eq!(missing[0].allowed, "a readable file");
+        let file = folder.path().join("none.json");
+        assert_eq!(missing[0].to_string(), format!("cannot read {}: no such file", file.display()));
     }
 }

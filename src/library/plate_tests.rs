@@ -65,24 +65,24 @@ fn values_out_of_range_are_rejected_with_their_path() {
     };
     assert_eq!(
         with(&|plate| plate.natural_radps[1] = 0.0),
-        ["l: plate.natural_hz.y: found 0, allowed: a number from 0.1 to 10000"]
+        ["l: plate.natural_hz.y: expected a number from 0.1 to 10000, found 0"]
     );
     assert_eq!(
         with(&|plate| plate.damping_ratio[2] = -0.1),
-        ["l: plate.damping_ratio.spin: found -0.1, allowed: a number from 0 to 10"]
+        ["l: plate.damping_ratio.spin: expected a number from 0 to 10, found -0.1"]
     );
     let text = library(Some(PLATE)).to_json();
     for (from, to, line) in [
-        (",\"spin\":7.0", "", "l: plate.natural_hz.spin: found nothing, allowed: a number"),
-        ("\"x\":5.0", "\"x\":\"low\"", "l: plate.natural_hz.x: found \"low\", allowed: a number"),
+        (",\"spin\":7.0", "", "l: plate.natural_hz.spin: expected a number, found nothing"),
+        ("\"x\":5.0", "\"x\":\"low\"", "l: plate.natural_hz.x: expected a number, found \"low\""),
     ] {
         assert_eq!(rejected(&text.replacen(from, to, 1)), [line]);
     }
     assert_eq!(
         rejected(&text.replacen("\"natural_hz\"", "\"hz\"", 1)),
         [
-            "l: plate.hz: found unknown key \"hz\", allowed: damping_ratio, natural_hz",
-            "l: plate.natural_hz: found nothing, allowed: an object",
+            "l: plate.hz: expected one of damping_ratio, natural_hz, found unknown key \"hz\"",
+            "l: plate.natural_hz: expected an object, found nothing",
         ]
     );
 }

@@ -76,12 +76,12 @@ impl Library {
     /// drive only. A library of a rig of another name is one fault, for all others follow from it.
     pub fn check_fits(&self, rig: &RigFacts<'_>) -> Vec<Fault> {
         if self.rig != rig.name {
-            let allowed = format!("{:?}, the rig given", rig.name);
+            let allowed = format!("{:?} (run `upm calibrate` for this rig)", rig.name);
             return vec![Fault::new("", "rig", format!("{:?}", self.rig), allowed)];
         }
         let mut faults = Vec::new();
         if self.fingerprint != rig.fingerprint {
-            let allowed = format!("{:?}: the rig's file has changed, calibrate again", rig.fingerprint);
+            let allowed = format!("{:?} (the rig's file has changed: run `upm calibrate`)", rig.fingerprint);
             faults.push(Fault::new("", "fingerprint", format!("{:?}", self.fingerprint), allowed));
         }
         faults.extend(differences([
@@ -124,11 +124,11 @@ fn field_faults(response: Option<&FieldResponse>, rig: &RigFacts<'_>) -> Vec<Fau
         (None, None) => return Vec::new(),
         (Some(response), Some(fields)) => (response, fields),
         (None, Some(_)) => {
-            let allowed = "the response to the rig's fields: run `upm calibrate`";
+            let allowed = "the response to the rig's fields (run `upm calibrate`)";
             return vec![Fault::missing("", "fields", allowed)];
         }
         (Some(_), None) => {
-            let allowed = "nothing: the rig has no fields, calibrate again";
+            let allowed = "nothing (the rig has no fields: run `upm calibrate`)";
             return vec![Fault::new("", "fields", "a response", allowed)];
         }
     };

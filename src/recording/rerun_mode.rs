@@ -20,7 +20,7 @@ pub enum RerunMode {
 
 /// Not a [`RerunMode`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is not one of off, save, connect, connect=URL, spawn")]
+#[error("expected one of off, save, connect, connect=URL, spawn, found {0:?}")]
 pub struct BadRerunMode(String);
 
 impl FromStr for RerunMode {

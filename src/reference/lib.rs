@@ -35,7 +35,7 @@ const MOST_PIXELS: usize = 16_000_000;
 pub enum ReferenceFault {
     /// The picture is too small, too large, or its size disagrees with its pixels.
     #[error(
-        "picture: found {width} x {height} px, allowed: {LEAST_SIZE} px or more a side and {MOST_PIXELS} px in all"
+        "picture: expected {LEAST_SIZE} px or more a side and {MOST_PIXELS} px in all, found {width} x {height} px"
     )]
     BadSize {
         /// Columns.

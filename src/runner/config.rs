@@ -1,14 +1,14 @@
 //! Raw files to validated specs: what a person writes, held against a schema, its defaults written out, in SI.
 //!
-//! Every fault of a file is told, one line each: file, JSON path, what was found, what is allowed. Keys, types and ranges
+//! Every fault of a file is told, one line each: file, JSON path, what is expected, what was found. Keys, types and ranges
 //! come first; once those are right, what the values must be to one another. Files are JSON, up to 1 MiB, without unknown
 //! keys. Serde types stay in this room.
 //!
 //! ```
 //! use upm_runner::config::{Origin, RigSpec};
 //! let faults = RigSpec::from_json(r#"{"nam": "upm-3"}"#, &Origin::of_request("rig.json")).unwrap_err();
-//! let line = "rig.json: nam: found unknown key \"nam\", allowed: accelerometers, camera, drive, fields, friction, kinds, \
-//!             library, motors, name, plate, simulation (did you mean name?)";
+//! let line = "rig.json: nam: expected one of accelerometers, camera, drive, fields, friction, kinds, library, motors, \
+//!             name, plate, simulation (did you mean name?), found unknown key \"nam\"";
 //! assert_eq!(faults[0].to_string(), line);
 //! ```
 
@@ -65,4 +65,4 @@ pub use schema::{schema, schema_names};
 pub use simulate::{PulseSpec, SimulateSpec};
 pub use task::TaskSpec;
 pub use trace::{load_trace, trace_from_json, trace_to_json};
-pub use upm_document::{Document, Fault, MOST_BYTES, Path};
+pub use upm_document::{Document, Fault, FaultClass, MOST_BYTES, Path, listed, nearest, one_of, reason};

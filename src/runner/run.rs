@@ -35,7 +35,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::config::JobSpec;
+use crate::config::{JobSpec, reason};
 use upm_control::{self as control, Devices, Ending, EventLevel, Finish, Sink};
 use upm_core::rig::{Interlock, Rig};
 use upm_core::time::{Clock, PlateTime};
@@ -56,7 +56,7 @@ pub use calibrate::{calibrate, calibration_params};
 pub use coverage::{Coverage, Gap, Place};
 pub use error::RunError;
 pub use folder::{FolderState, RunFolder};
-pub use library::{check_job, check_places, job_library, library_faults};
+pub use library::{check_job, check_places, fitting_library, job_library, library_faults};
 pub use library_output::{LibraryOutput, LibraryOutputFault};
 pub use links::{ExternalStop, Links};
 pub use pace_check::{PaceCheck, check_pace};
@@ -204,8 +204,9 @@ impl Session<'_> {
         let mut sinks = Fanout::new().with(&mut journal).with(&mut tally).with(watcher);
         tell_recording(&options.keeping.recording, &mut sinks, bench.now());
         let written = journal.finish().and_then(Scribe::finish);
-        let written = written.map_err(|error| folder.write_error("journal.jsonl", &error));
-        let written = written.and(truth_log.finish().map_err(|error| folder.write_error(folder::TRUTH_FILE, &error)));
+        let written = written.map_err(|error| folder.write_error("journal.jsonl", &reason(&error)));
+        let written =
+            written.and(truth_log.finish().map_err(|error| folder.write_error(folder::TRUTH_FILE, &reason(&error))));
         let mut ending = ending(job, Some(bench), finish, wall_time_s);
         ending.bound_s = first_look.time_figure_s(job, library, &bench.params);
         ending.deadlines = options.real_time.then(|| Deadlines {

@@ -55,7 +55,7 @@ impl FromStr for Family {
 
     fn from_str(name: &str) -> Result<Self, String> {
         let found = Self::ALL.into_iter().find(|family| family.name() == name);
-        found.ok_or_else(|| format!("found {name:?}, allowed: {}", Self::ALL.map(Self::name).join(", ")))
+        found.ok_or_else(|| format!("expected one of {}, found {name:?}", Self::ALL.map(Self::name).join(", ")))
     }
 }
 
@@ -278,6 +278,9 @@ mod tests {
         for family in Family::ALL {
             assert_eq!(family.to_string().parse(), Ok(family));
         }
-        assert_eq!("dirty".parse::<Family>(), Err("found \"dirty\", allowed: clean, rough, hard, papers".into()));
+        assert_eq!(
+            "dirty".parse::<Family>(),
+            Err("expected one of clean, rough, hard, papers, found \"dirty\"".into())
+        );
     }
 }

@@ -65,7 +65,9 @@ pub struct Trajectories {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OpenLoopError {
     /// The generator cannot play the pulse.
-    #[error("pulses[{pulse}]: found a peak of {peak_counts:.0} counts at a motor, allowed: {limit_counts:.0} or less")]
+    #[error(
+        "pulses[{pulse}]: expected up to {limit_counts:.0} counts at each motor, found a peak of {peak_counts:.0}; make it slower"
+    )]
     TooManyCounts {
         /// Index of the pulse.
         pulse: usize,
@@ -75,7 +77,9 @@ pub enum OpenLoopError {
         limit_counts: f64,
     },
     /// A coil cannot give the force.
-    #[error("pulses[{pulse}]: found a peak of {peak_n:.1} N at a motor, allowed: {limit_n:.1} or less")]
+    #[error(
+        "pulses[{pulse}]: expected up to {limit_n:.1} N at each motor, found a peak of {peak_n:.1}; make it slower"
+    )]
     TooMuchForce {
         /// Index of the pulse.
         pulse: usize,

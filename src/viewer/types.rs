@@ -72,7 +72,7 @@ pub enum RecordingError {
         reason: String,
     },
     /// This build has no Rerun.
-    #[error("found {mode}, allowed: off, as this build was made without the feature `rerun`")]
+    #[error("expected off (this build has no feature `rerun`), found {mode}")]
     NotBuiltIn {
         /// What was asked for.
         mode: RerunMode,

@@ -45,7 +45,7 @@ fn a_library_of_another_rig_is_refused() {
     assert!(stdout.is_empty(), "{stdout}");
     assert_eq!(
         stderr.trim(),
-        "upm: assets/libraries/upm-1.json: rig: found \"upm-1\", allowed: \"upm-2\", the rig given"
+        "upm: assets/libraries/upm-1.json: rig: expected \"upm-2\" (run `upm calibrate` for this rig), found \"upm-1\""
     );
     let folder = TempDir::new().unwrap();
     let text = fs::read_to_string(root().join("configs/rigs/upm-1.json")).unwrap();
@@ -56,7 +56,7 @@ fn a_library_of_another_rig_is_refused() {
     fs::write(&heavier, rig.to_string()).unwrap();
     let args = ["check", "assets/libraries/upm-1.json", "--rig", heavier.to_str().unwrap()];
     let (_, stderr) = status(&args, 2);
-    assert!(stderr.contains("upm-1.json: fingerprint: found ") && stderr.contains(", allowed: "), "{stderr}");
+    assert!(stderr.contains("upm-1.json: fingerprint: expected ") && stderr.contains(", found "), "{stderr}");
     status(&["check", "assets/libraries/upm-1.json", "--rig", "no/such/rig.json"], 2);
 }
 
@@ -78,7 +78,7 @@ fn coverage_is_drawn_for_one_library() {
     ] {
         let (stdout, stderr) = status(args, 2);
         assert!(stdout.is_empty() && stderr.trim().lines().count() == 1, "{stdout}{stderr}");
-        assert!(stderr.contains("--picture: found ") && stderr.contains(", allowed: "), "{stderr}");
+        assert!(stderr.contains("--picture: expected ") && stderr.contains(", found "), "{stderr}");
         assert!(!Path::new(map).exists());
     }
     let nowhere = folder.path().join("no/such/folder/map.svg");
@@ -115,8 +115,8 @@ fn calibration_output_that_is_a_folder_is_refused_before_anything_is_measured() 
     let out = folder.path().to_str().unwrap();
     let (stdout, stderr) = status(&["calibrate", "--rig", "configs/rigs/upm-1.json", "--out", out], 2);
     assert_eq!(stdout, "");
-    assert_eq!(stderr.trim_end(), format!("upm: {out}: found no plain file, allowed: the path of a file"));
+    assert_eq!(stderr.trim_end(), format!("upm: {out}: expected the path of a file, found a folder or device"));
     let nowhere = folder.path().join("none/library.json");
     let (_, stderr) = status(&["calibrate", "--rig", "configs/rigs/upm-1.json", "--out", nowhere.to_str().unwrap()], 1);
-    assert!(stderr.contains("cannot be written"), "{stderr}");
+    assert!(stderr.contains("cannot write "), "{stderr}");
 }

@@ -20,7 +20,13 @@ fn the_experiments_are_listed() {
     assert_eq!(stdout.lines().filter_map(|line| line.split_whitespace().next()).collect::<Vec<_>>(), names);
     let (stdout, stderr) = status(&["lab", "waveform-fir"], 2);
     assert!(stdout.is_empty());
-    assert_eq!(stderr, format!("upm: lab: found \"waveform-fir\", allowed: {}\n", names.join(", ")));
+    assert_eq!(
+        stderr,
+        format!(
+            "upm: lab: expected one of {} (did you mean waveform-fit?), found \"waveform-fir\"\n",
+            names.join(", ")
+        )
+    );
 }
 
 #[test]
@@ -114,8 +120,8 @@ fn a_recorded_trace_gives_the_centre_it_turned_about() {
 fn a_spoiled_trace_gives_the_reason_and_no_centre() {
     let folder = TempDir::new().unwrap();
     for (value, reason) in [
-        (json!(null), "counts.y1: found 1 missing, allowed: none"),
-        (json!(32767), "counts.y1: found 1 clipped at 32767, allowed: none"),
+        (json!(null), "counts.y1: expected no missing sample among those read, found 1"),
+        (json!(32767), "counts.y1: expected no clipped sample among those read, found 1 at 32767"),
     ] {
         let file = trace(folder.path(), |trace| trace["counts"]["y1"][450] = value);
         let file = file.to_str().unwrap();
@@ -134,16 +140,16 @@ fn a_malformed_trace_and_a_misplaced_one_are_refused() {
     let folder = TempDir::new().unwrap();
     type Change = fn(&mut Value);
     let cases: [(&str, Change); 4] = [
-        ("counts.y2: found ", |trace| trace["counts"]["y2"] = json!([1, 2, 3])),
-        ("counts.x1[7]: found \"a\"", |trace| trace["counts"]["x1"][7] = json!("a")),
-        ("sample_hz: found 100", |trace| trace["sample_hz"] = json!(100)),
-        ("gains: found unknown key", |trace| trace["gains"] = json!([1, 1, 1, 1])),
+        ("counts.y2: expected ", |trace| trace["counts"]["y2"] = json!([1, 2, 3])),
+        ("counts.x1[7]: expected ", |trace| trace["counts"]["x1"][7] = json!("a")),
+        ("sample_hz: expected ", |trace| trace["sample_hz"] = json!(100)),
+        ("gains: expected one of ", |trace| trace["gains"] = json!([1, 1, 1, 1])),
     ];
     for (fault, change) in cases {
         let file = trace(folder.path(), change);
         for args in [&["check"][..], &["lab", "waveform-fit", "--trace"]] {
             let (_, stderr) = status(&[args, &[file.to_str().unwrap()]].concat(), 2);
-            assert!(stderr.contains(&format!("trace.json: {fault}")) && stderr.contains(", allowed: "), "{stderr}");
+            assert!(stderr.contains(&format!("trace.json: {fault}")) && stderr.contains(", found "), "{stderr}");
             assert_eq!(stderr.lines().count(), 1, "{stderr}");
         }
     }
@@ -181,7 +187,7 @@ fn the_eyes_are_judged_in_as_many_scenes_as_asked_for() {
     let (text, _) = status(&["lab", "vision", "--scenes", "1", "--seed", "4", "--out", out], 0);
     assert!(text.contains("clean: worst centre: ") && text.contains(", seed 4\n"), "{text}");
     let (_, stderr) = status(&["lab", "waveform-fit", "--scenes", "3"], 2);
-    assert_eq!(stderr, "upm: --scenes: found experiment \"waveform-fit\", allowed: vision\n");
+    assert_eq!(stderr, "upm: --scenes: expected the experiment vision, found \"waveform-fit\"\n");
     status(&["lab", "vision", "--scenes", "0"], 2);
 }
 
@@ -212,7 +218,7 @@ fn a_drawn_scene_is_located_with_the_rig_file_it_comes_with() {
         assert!(found.iter().any(|one| near(&one)), "{part}");
     }
     let (_, stderr) = status(&["render", "--scene", "dirty", "--out", &picture], 2);
-    assert_eq!(stderr, "upm: --scene: found \"dirty\", allowed: clean, rough, hard, papers\n");
+    assert_eq!(stderr, "upm: --scene: expected one of clean, rough, hard, papers, found \"dirty\"\n");
     status(&["render", "--out", &picture], 2);
     status(&["render", "configs/plus-sign.json", "--scene", "hard", "--out", &picture], 2);
     status(&["render", "configs/plus-sign.json", "--out", &picture, "--rig-out", &rig], 2);
@@ -224,7 +230,7 @@ fn an_experiment_is_not_recorded_without_rerun() {
     for mode in ["save", "spawn", "connect"] {
         let (stdout, stderr) = status(&["lab", "waveform-fit", "--rerun", mode], 2);
         assert!(stdout.is_empty());
-        assert_eq!(stderr, format!("upm: --rerun: found {mode}, allowed: off, as this build has no Rerun\n"));
+        assert_eq!(stderr, format!("upm: --rerun: expected off (this build has no feature `rerun`), found {mode}\n"));
     }
 }
 
@@ -292,7 +298,7 @@ fn settings_that_are_not_allowed_are_refused_in_one_line() {
         (&["feeder", "--set", "accel_mps2=5"], "lab feeder: accel_mps2: expected more than 9.807 "),
         (&["feeder", "--sweep", "duty=0:1"], "--sweep: expected KEY=FROM:TO:POINTS with 2 to 10000 points, found "),
         (&["feeder", "--sweep", "speed=0:1:3"], "lab feeder: expected one of accel_mps2, "),
-        (&["all", "--set", "friction=1"], "--set: found experiment \"all\", allowed: the name of one experiment"),
+        (&["all", "--set", "friction=1"], "--set: expected the name of one experiment, found \"all\""),
         (&["rock", "--set", "from=0.1"], "lab rock: from, to: expected tilts between which"),
         (&["vision", "--set", "friction=1"], "lab vision: this experiment has no settings, found \"friction\""),
     ] {

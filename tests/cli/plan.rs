@@ -134,8 +134,11 @@ fn tolerance_finer_than_can_be_held_is_a_warning_and_its_run_ends_soon() {
     let path = file.to_str().unwrap();
     let (said, warned) = status(&["check", path], 0);
     assert!(said.contains(": ok, job arrange-4"), "{said}");
-    assert!(warned.contains("warning: ") && warned.contains("tolerance_mm: found 0.001 mm"), "{warned}");
-    assert!(warned.contains("allowed: 0.29 mm or more with synthesized_field"), "{warned}");
+    assert!(
+        warned.contains("warning: ") && warned.contains("tolerance_mm: expected ") && warned.contains("found 0.001 mm"),
+        "{warned}"
+    );
+    assert!(warned.contains("expected 0.29 mm or more with synthesized_field"), "{warned}");
     let (rows, _) = status(&["check", path, "--json"], 0);
     let rows: Value = serde_json::from_str(&rows).unwrap();
     assert_eq!((&rows[0]["valid"], rows[0]["warnings"].as_array().map(Vec::len)), (&json!(true), Some(1)));
@@ -161,7 +164,7 @@ fn only_jobs_are_planned_and_faulty_ones_refused() {
     let folder = TempDir::new().unwrap();
     for other in ["configs/rigs/upm-1.json", "assets/libraries/upm-1.json"] {
         let (stdout, stderr) = status(&["check", other, "--plan"], 2);
-        assert!(stdout.is_empty() && stderr.contains("--plan: found ") && stderr.contains("allowed: jobs"), "{stderr}");
+        assert!(stdout.is_empty() && stderr.contains("--plan: expected jobs alone, found "), "{stderr}");
     }
     let file = job(folder.path(), |job| job["tolerance_mm"] = json!(0));
     let (stdout, stderr) = status(&["check", file.to_str().unwrap(), "--plan"], 2);
@@ -183,7 +186,7 @@ fn the_predicted_ways_are_drawn() {
     }
     fs::remove_file(picture).unwrap();
     let (_, stderr) = status(&["check", "configs/trajectories.json", "--picture", picture], 2);
-    assert!(stderr.contains("--picture: found ") && !Path::new(picture).exists(), "{stderr}");
+    assert!(stderr.contains("--picture: expected ") && !Path::new(picture).exists(), "{stderr}");
     let hopeless = hardly_along_y(folder.path());
     status(&["check", hopeless.to_str().unwrap(), "--plan", "--picture", picture], 1);
     assert!(fs::read_to_string(picture).unwrap().contains("cannot be done"));

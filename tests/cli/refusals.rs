@@ -76,7 +76,7 @@ fn what_clashes_is_told_before_anything_runs() {
             "bowtie-3",
             |job| job["task"]["paths"][2]["speed_mm_s"] = json!(9),
             "task.paths[2].speed_mm_s",
-            &["found 9, allowed: 8", "in_phase"],
+            &["expected 8", "found 9", "in_phase"],
         ),
         (
             "bowtie-3",
@@ -93,7 +93,7 @@ fn what_clashes_is_told_before_anything_runs() {
             let (stdout, stderr) = status(&[args, &[file.to_str().unwrap()]].concat(), 2);
             assert!(stdout.is_empty(), "{path}: {stdout}");
             assert_eq!(stderr.trim_end().lines().count(), 1, "{path}: {stderr}");
-            assert!(stderr.contains(&format!("job.json: {path}: found ")), "{path}: {stderr}");
+            assert!(stderr.contains(&format!("job.json: {path}: expected ")), "{path}: {stderr}");
             assert!(said.iter().all(|words| stderr.contains(words)), "{path}: {stderr}");
         }
         assert!(!runs.exists(), "{path}: a refused job leaves no run folder");
@@ -135,6 +135,6 @@ proptest! {
         // a tolerance finer than the rig can hold is warned of
         let is_refused = stderr.lines().any(|line| !line.starts_with("upm: warning: "));
         prop_assert_eq!(output.status.code() == Some(2), is_refused, "{}", stderr);
-        prop_assert!(stderr.lines().all(|line| line.contains(": found ") && line.contains(", allowed: ")), "{stderr}");
+        prop_assert!(stderr.lines().all(|line| line.contains(": expected ") && line.contains(", found ")), "{stderr}");
     }
 }

@@ -66,7 +66,7 @@ fn what_is_wrong_is_told_in_a_line_each_under_the_name_of_the_file() {
         assert!(stdout.is_empty(), "{stdout}");
         assert_eq!(stderr.lines().count(), said.len(), "{stderr}");
         for (line, said) in stderr.lines().zip(said) {
-            assert!(line.starts_with(&format!("upm: {job}: {said}: found ")) && line.contains(", allowed: "), "{line}");
+            assert!(line.starts_with(&format!("upm: {job}: {said}: expected ")) && line.contains(", found "), "{line}");
         }
     };
     refused(&bad, Some("upm-2.json"), &[], &["seed"]);

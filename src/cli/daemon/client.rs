@@ -103,7 +103,7 @@ impl Client {
             uri.is_some_and(|uri| uri.scheme_str() == Some("http") && uri.host().is_some_and(|h| !h.is_empty()));
         let is_plain = base.bytes().all(|b| b.is_ascii_graphic()) && !base.contains(['?', '#', '@']);
         if !(is_http && is_plain) {
-            return Err(Failure::bad_input(format!("--url: found {url:?}, allowed: http://HOST:PORT")));
+            return Err(Failure::bad_input(format!("--url: expected http://HOST:PORT, found {url:?}")));
         }
         Ok(Self { base: base.to_owned(), bearer: None })
     }
@@ -188,10 +188,10 @@ fn bearer_of(file: &Path) -> Result<String, Failure> {
     let fault = |what: String| Failure::bad_input(format!("{}: {what}", file.display()));
     let mut text = String::new();
     let read = File::open(file).and_then(|open| open.take(MOST_TOKEN_BYTES).read_to_string(&mut text));
-    read.map_err(|error| fault(format!("cannot be read: {error}")))?;
+    read.map_err(|error| Failure::unread(file, &error))?;
     let token = text.trim();
     if token.is_empty() || !token.bytes().all(|b| b.is_ascii_graphic()) {
-        return Err(fault("holds no token: one word of visible ASCII characters".to_owned()));
+        return Err(fault("expected a token, one word of visible ASCII characters".to_owned()));
     }
     Ok(format!("Bearer {token}"))
 }
@@ -199,12 +199,12 @@ fn bearer_of(file: &Path) -> Result<String, Failure> {
 /// Path of a job of the API; what is no id never gets into an address.
 pub(super) fn job_path(id: &str) -> Result<String, Failure> {
     let is_id = id.len() == 32 && id.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
-    let wrong = || Failure::bad_input(format!("ID: found {id:?}, allowed: 32 hex digits, as `upm jobs` lists them"));
+    let wrong = || Failure::bad_input(format!("ID: expected 32 hex digits, as `upm jobs` lists them, found {id:?}"));
     is_id.then(|| format!("/v1/jobs/{id}")).ok_or_else(wrong)
 }
 
 /// Path of a plate of the API.
 pub(super) fn plate_path(name: &str) -> Result<String, Failure> {
-    let wrong = || Failure::bad_input(format!("PLATE: found {name:?}, allowed: a plate, as `upm plates` lists them"));
+    let wrong = || Failure::bad_input(format!("PLATE: expected a plate, as `upm plates` lists them, found {name:?}"));
     is_plain_name(name).then(|| format!("/v1/plates/{name}")).ok_or_else(wrong)
 }

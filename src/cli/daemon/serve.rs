@@ -134,7 +134,7 @@ fn service_manager() -> Result<ServiceManager, Failure> {
 }
 
 fn spec_of(args: &ServeArgs) -> Result<DaemonSpec, Failure> {
-    let mut spec = DaemonSpec::load(&args.config).map_err(Failure::faults)?;
+    let mut spec = DaemonSpec::load(&args.config).map_err(Failure::of_files)?;
     if let Some(listen) = args.listen {
         spec.listen = listen;
     }

@@ -167,7 +167,7 @@ pub(super) fn reset(args: &ResetArgs, common: Common) -> Result<u8, Failure> {
     let path = plate_path(&args.plate)?;
     let request = ResetRequest { operator: args.operator.clone(), reason: args.reason.clone() };
     if let Some((member, found, allowed)) = request.fault() {
-        return Err(Failure::bad_input(format!("--{member}: found {found}, allowed: {allowed}")));
+        return Err(Failure::bad_input(format!("--{member}: expected {allowed}, found {found}")));
     }
     let body = serde_json::to_string(&request).map_err(Failure::failed)?;
     tell_plate(&Client::new(&args.daemon)?.post(&format!("{path}/reset"), &body, &[])?, common)

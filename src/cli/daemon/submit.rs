@@ -9,7 +9,7 @@ use crate::cli::client_args::SubmitArgs;
 use crate::cli::output::{Failure, print_json};
 use upm_core::job::Pace;
 use upm_library::Library;
-use upm_runner::config::{JobSpec, LibrarySource, MOST_BYTES, Origin, RawJob, RawRig, RigSource};
+use upm_runner::config::{FaultClass, JobSpec, LibrarySource, MOST_BYTES, Origin, RawJob, RawRig, RigSource};
 use upm_server::service::Job;
 
 pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
@@ -66,12 +66,12 @@ fn checked_job(file: &Path) -> Result<RawJob, Failure> {
     match JobSpec::load(file) {
         Ok(job) => serde_json::from_value(job.effective()).map_err(|error| unread(&error)),
         // a job for whatever rig the plate has: the daemon, which knows it, checks the rest
-        Err(faults) if faults.iter().all(|fault| fault.path == "rig" && fault.is_missing) => {
+        Err(faults) if faults.iter().all(|fault| fault.path == "rig" && fault.class == FaultClass::Missing) => {
             let text = std::fs::read_to_string(file).map_err(|error| unread(&error))?;
             let job: RawJob = serde_json::from_str(&text).map_err(|error| unread(&error))?;
             job.with_drawings_written_out(&Origin::of_file(file)).map_err(Failure::faults)
         }
-        Err(faults) => Err(Failure::faults(faults)),
+        Err(faults) => Err(Failure::of_files(faults)),
     }
 }
 
@@ -79,8 +79,7 @@ fn body_of(job: &RawJob, file: &Path) -> Result<String, Failure> {
     let body = serde_json::to_string(job).map_err(Failure::failed)?;
     if body.len() as u64 > MOST_BYTES {
         let (file, bytes) = (file.display(), body.len());
-        let fault =
-            format!("{file}: $: found {bytes} bytes with rig and library, allowed: up to 1 MiB (1048576 bytes)");
+        let fault = format!("{file}: expected up to 1 MiB (1048576 bytes), found {bytes} bytes with rig and library");
         return Err(Failure::bad_input(fault));
     }
     Ok(body)
@@ -88,7 +87,7 @@ fn body_of(job: &RawJob, file: &Path) -> Result<String, Failure> {
 
 fn checked(key: &str) -> Result<&str, Failure> {
     let is_key = (1..=255).contains(&key.len()) && key.bytes().all(|b| b.is_ascii_graphic());
-    let wrong = || Failure::bad_input(format!("--key: found {key:?}, allowed: 1 to 255 visible ASCII characters"));
+    let wrong = || Failure::bad_input(format!("--key: expected 1 to 255 visible ASCII characters, found {key:?}"));
     is_key.then_some(key).ok_or_else(wrong)
 }
 

@@ -55,7 +55,7 @@ fn save(folder: &Path, panels: Vec<Panel>) -> Result<Vec<PathBuf>, Failure> {
     std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
     let write = |(name, panel): Panel| {
         let path = folder.join(name);
-        panel.save(&path).map_err(|error| Failure::write(&path, error)).map(|()| path)
+        panel.save(&path).map_err(|error| Failure::write_picture(&path, error)).map(|()| path)
     };
     panels.into_iter().map(write).collect()
 }

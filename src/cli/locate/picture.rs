@@ -30,11 +30,11 @@ pub(super) struct Picture {
 
 pub(super) fn read(path: &Path) -> Result<Picture, Failure> {
     let refuse = |found: String| {
-        Failure::bad_input(format!("{}: found {found}, allowed: a picture, PNG, JPEG, PNM or TIFF", path.display()))
+        Failure::bad_input(format!("{}: expected a picture (PNG, JPEG, PNM or TIFF), found {found}", path.display()))
     };
     let mut bytes = Vec::new();
-    let file = File::open(path).map_err(|error| refuse(error.to_string()))?;
-    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|error| refuse(error.to_string()))?;
+    let file = File::open(path).map_err(|error| Failure::unread(path, &error))?;
+    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|error| Failure::unread(path, &error))?;
     if bytes.len() as u64 > MOST_BYTES {
         return Err(refuse(format!("a file larger than {} MB", MOST_BYTES >> 20)));
     }
@@ -45,7 +45,7 @@ pub(super) fn read(path: &Path) -> Result<Picture, Failure> {
 /// one that is too large.
 pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(no_picture)?;
-    let format = reader.format().ok_or(if bytes.is_empty() { "an empty file" } else { "no picture" })?;
+    let format = reader.format().ok_or(if bytes.is_empty() { "an empty file" } else { "none of these" })?;
     if format == ImageFormat::Jpeg && !is_whole_jpeg(bytes) {
         return Err("a JPEG picture that ends too early".into());
     }

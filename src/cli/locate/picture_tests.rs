@@ -150,8 +150,8 @@ fn what_is_no_picture_is_told_in_a_line() {
     let float = DynamicImage::ImageRgb32F(ramp().to_rgb32f());
     let cases = [
         (b"".to_vec(), "an empty file"),
-        (b"{\"name\": 1}".to_vec(), "no picture"),
-        (b"GIF89a".to_vec(), "no picture"),
+        (b"{\"name\": 1}".to_vec(), "none of these"),
+        (b"GIF89a".to_vec(), "none of these"),
         (wide.into_bytes(), "20000x20000 px, more than 64 million pixels"),
         (written(&float, ImageFormat::Tiff), "levels of 32 bits, more than 16"),
     ];

@@ -6,7 +6,7 @@ use upm_core::geometry::{Lens, Vec2};
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 use upm_core::units::{INCH_M, m_from_mm};
-use upm_runner::config::{KindSpec, RigSpec};
+use upm_runner::config::{KindSpec, RigSpec, one_of};
 
 /// Longest side of a plate, mm.
 const MOST_SIDE_MM: f64 = 1e5;
@@ -30,7 +30,7 @@ impl Setting {
     /// As the rig file has it, or else the papers' table as changed by the options.
     pub(super) fn of(args: &LocateArgs) -> Result<Self, Failure> {
         let Some(path) = &args.rig else { return Self::without_rig(args) };
-        let RigSpec { model, kinds, .. } = RigSpec::load(path).map_err(Failure::faults)?;
+        let RigSpec { model, kinds, .. } = RigSpec::load(path).map_err(Failure::of_files)?;
         Ok(Self {
             plate_side_m: model.plate_side_m,
             kinds: chosen(&args.kinds, &kinds)?,
@@ -45,7 +45,7 @@ impl Setting {
             Some(side_mm) if side_mm > 0.0 && side_mm <= MOST_SIDE_MM => m_from_mm(side_mm),
             Some(side_mm) => {
                 let allowed = format!("a length above 0, up to {MOST_SIDE_MM} mm");
-                return Err(Failure::bad_input(format!("--plate-side-mm: found {side_mm}, allowed: {allowed}")));
+                return Err(Failure::bad_input(format!("--plate-side-mm: expected {allowed}, found {side_mm}")));
             }
         };
         let coins = RigSpec::upm_1().map_err(Failure::faults)?.kinds;
@@ -69,7 +69,7 @@ impl Setting {
         let [width, height] = camera.frame_size_px;
         if [frame.width, frame.height] != [width, height] {
             let (found, rig) = (format!("{}x{} px", frame.width, frame.height), &camera.rig);
-            return Err(format!("found {found}, allowed: {width}x{height} px, what the camera of rig {rig} gives"));
+            return Err(format!("expected {width}x{height} px from the camera of rig {rig}, found {found}"));
         }
         Ok(camera.lens)
     }
@@ -81,7 +81,7 @@ fn chosen(names: &[String], kinds: &[KindSpec]) -> Result<Vec<PartKind>, Failure
     for name in names {
         if seen().all(|kind| kind.name != *name) {
             let allowed: Vec<&str> = seen().map(|kind| kind.name.as_str()).collect();
-            return Err(Failure::bad_input(format!("--kinds: found {name:?}, allowed: {}", allowed.join(", "))));
+            return Err(Failure::bad_input(format!("--kinds: expected {}, found {name:?}", one_of(name, &allowed))));
         }
     }
     Ok(seen().filter(|kind| names.is_empty() || names.contains(&kind.name)).cloned().collect())

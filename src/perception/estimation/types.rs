@@ -104,7 +104,7 @@ pub struct PumpQuality {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FitFault {
     /// Too short a time at full height.
-    #[error("sustain: found {found_s:.3} s at full height, allowed: {needed_s:.3} s or more (one period of the drive)")]
+    #[error("sustain: expected {needed_s:.3} s or more (one period of the drive), found {found_s:.3} s at full height")]
     TooShort {
         /// What there is, s.
         found_s: f64,
@@ -112,7 +112,7 @@ pub enum FitFault {
         needed_s: f64,
     },
     /// The trace ends before the pulse's sustain does.
-    #[error("trace: found its end at {found_s:.3} s, allowed: {needed_s:.3} s or later (the end of the sustain)")]
+    #[error("trace: expected an end at {needed_s:.3} s or later (that of the sustain), found {found_s:.3} s")]
     CutShort {
         /// Time of the last sample after the start of the pulse, s.
         found_s: f64,
@@ -121,7 +121,7 @@ pub enum FitFault {
     },
     /// Samples at the converter's limit.
     #[error(
-        "counts.{}: found {samples} clipped at {limit}, allowed: none among the samples read",
+        "counts.{}: expected no clipped sample among those read, found {samples} at {limit}",
         CHANNEL_NAMES.get(*channel).unwrap_or(&"?")
     )]
     Clipped {
@@ -134,7 +134,7 @@ pub enum FitFault {
     },
     /// Samples that never arrived.
     #[error(
-        "counts.{}: found {samples} missing, allowed: none among the samples read",
+        "counts.{}: expected no missing sample among those read, found {samples}",
         CHANNEL_NAMES.get(*channel).unwrap_or(&"?")
     )]
     Missing {
@@ -144,7 +144,7 @@ pub enum FitFault {
         samples: usize,
     },
     /// The plate hardly moved.
-    #[error("motion: found {found_mps2:.3} m/s², allowed: {needed_mps2:.3} m/s² or more to be read")]
+    #[error("motion: expected {needed_mps2:.3} m/s² or more to be read, found {found_mps2:.3} m/s²")]
     TooWeak {
         /// Largest amplitude found, m/s².
         found_mps2: f64,
@@ -152,7 +152,7 @@ pub enum FitFault {
         needed_mps2: f64,
     },
     /// The lines of a spectrum do not fix an axis's resonance.
-    #[error("resonance: found a standard deviation of {found_sd:.3}, allowed: {needed_sd} or less")]
+    #[error("resonance: expected a standard deviation of {needed_sd} or less, found {found_sd:.3}")]
     Undetermined {
         /// Larger one of natural frequency, as a part of it, and damping ratio.
         found_sd: f64,

@@ -72,8 +72,8 @@ impl Scene<'_> {
         .map(mm_from_m);
         let found = format!("{width:.3} x {height:.3} mm with room for {room} of {diameter:.3} mm");
         let allowed = format!(
-            "room for {count}, the parts of its kinds, with {gap:.3} mm between rims, {border:.3} mm to the border and \
-             {edge:.3} mm to the plate's edge"
+            "room for {count}, the parts of its kinds (with {gap:.3} mm between rims, {border:.3} mm to the border and \
+             {edge:.3} mm to the plate's edge)"
         );
         faults.demand(room >= count, at, found, allowed);
     }

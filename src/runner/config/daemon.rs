@@ -62,6 +62,8 @@ pub struct PlateSpec {
     pub rig: RigSpec,
     /// Its COR library: the plate's own, else the rig's.
     pub library: PathBuf,
+    /// The key that names the library's file, for faults.
+    pub library_key: String,
     /// Port of its live stream; `None` for any free one.
     pub live_port: Option<u16>,
     /// The job that runs whenever its queue is empty.
@@ -179,7 +181,7 @@ impl DaemonSpec {
 fn listen_of(text: &str, faults: &mut Faults) -> Option<SocketAddr> {
     let address = text.parse().ok();
     let found = quoted(text);
-    let allowed = "an IP address and a port, as 127.0.0.1:8750 or [::1]:8750";
+    let allowed = "an IP address and a port like 127.0.0.1:8750 or [::1]:8750";
     faults.demand(address.is_some(), Path::root().key("listen"), found, allowed);
     address
 }
@@ -199,11 +201,15 @@ fn plates_of(raw: &[RawServedPlate], origin: &Origin, faults: &mut Faults) -> Op
             Some(library) => library?,
             None => library_of_rig(&rig, &at, faults)?,
         };
+        let library_key = match &plate.library {
+            Some(_) => format!("{}: {}", origin.file, at.key("library")),
+            None => rig.library_key.clone(),
+        };
         let standing = match &plate.standing_job {
             Some(job) => Some(standing_of(job, plate, &rig, origin, &at.key("standing_job"), faults)?),
             None => None,
         };
-        Some(PlateSpec { name: plate.name.clone(), rig, library, live_port: plate.live_port, standing })
+        Some(PlateSpec { name: plate.name.clone(), rig, library, library_key, live_port: plate.live_port, standing })
     };
     let plates: Vec<Option<PlateSpec>> = raw.iter().enumerate().map(plate_of).collect();
     plates.into_iter().collect()
@@ -219,14 +225,13 @@ fn standing_of(
     faults: &mut Faults,
 ) -> Option<StandingSpec> {
     let path = origin.named_file(&raw.job, &at.key("job"), faults)?;
-    let found = || quoted(&raw.job);
-    let unread = |fault: Fault| faults.push(at.key("job"), found(), format!("a job file ({})", fault.found));
-    let text = text_of(&path).map_err(unread).ok()?;
-    let job = JobSpec::from_json(&text, &Origin::of_file(&path), Some(rig));
-    let job = job.map_err(|others| faults.append(others)).ok()?;
+    let text = text_of(&path).map_err(|fault| vec![fault]);
+    let job = text.and_then(|text| JobSpec::from_json(&text, &Origin::of_file(&path), Some(rig)));
+    let named_by = format!("{}: {}", origin.file, at.key("job"));
+    let job = job.map_err(|others| faults.append_named(others, &named_by)).ok()?;
     let mut of_job = Faults::of(&job.file);
     check_standing(&job, plate, rig, &mut of_job);
-    faults.append(of_job.into_list());
+    faults.append_named(of_job.into_list(), &named_by);
     Some(StandingSpec { job, starts_paused: raw.start == RawStart::Paused })
 }
 
@@ -236,16 +241,16 @@ fn check_standing(job: &JobSpec, plate: &RawServedPlate, rig: &RigSpec, faults: 
     let allowed = format!("the rig of plate {name}, or nothing");
     faults.demand(rig.is_as_in(&job.rig.raw), root.key("rig"), "another rig", allowed);
     let asked = job.plate.as_deref().unwrap_or(name);
-    let allowed = format!("{name}, whose standing job this is, or nothing");
+    let allowed = format!("{name} or nothing (it is the standing job of that plate)");
     faults.demand(asked == name, root.key("plate"), quoted(asked), allowed);
-    let allowed = format!("the library itself, or nothing: that of plate {name} applies");
+    let allowed = format!("the library itself, or nothing (that of plate {name} applies)");
     faults.demand(!job.names_library_file(), root.key("library"), "a path", allowed);
 }
 
 /// A plate serves many jobs, which seldom bring a library of their own.
 fn library_of_rig(rig: &RigSpec, at: &Path, faults: &mut Faults) -> Option<PathBuf> {
     if rig.library.is_none() {
-        let allowed = format!("a path: rig {} names no library", rig.model.name);
+        let allowed = format!("a path (rig {} names no library)", rig.model.name);
         faults.push_missing(at.key("library"), allowed);
     }
     rig.library.clone()
@@ -273,7 +278,7 @@ fn default_plate_of(raw: &RawDaemon, faults: &mut Faults) -> Option<String> {
 fn hosts_of(raw: &[String], faults: &mut Faults) -> Vec<String> {
     for (i, host) in raw.iter().enumerate() {
         let at = Path::root().key("hosts").index(i);
-        let allowed = "a host name or IP address without a port, as lab.example.org";
+        let allowed = "a host name or IP address without a port like lab.example.org";
         faults.demand(is_host(host), &at, quoted(host), allowed);
     }
     raw.iter().map(|host| canonical(host)).collect()

@@ -19,16 +19,16 @@ pub(super) fn check_in_phase(paths: &[PartPath], radii_m: &[f64], ids: &[String]
     for (PartPath { at, shape_at, params, .. }, lap) in
         paths.iter().zip(&laps).skip(1).filter(|(path, _)| path.at != first.at)
     {
-        let named = format!("of {} (in_phase)", first.at);
+        let named = format!("of {}, in_phase", first.at);
         let same = (lap.length_m - first_lap.length_m).abs() <= SAME_LENGTH * first_lap.length_m + ROUNDING_M;
         let found = format!("a lap of {:.3} mm", mm_from_m(lap.length_m));
-        let allowed = format!("{:.3} mm, that {named}, within 1 %", mm_from_m(first_lap.length_m));
+        let allowed = format!("{:.3} mm within 1 % (that {named})", mm_from_m(first_lap.length_m));
         faults.demand(same, shape_at, found, allowed);
         let [found, allowed] = [params, &first.params].map(|path| mm_from_m(path.speed_mps));
         let same = (params.speed_mps - first.params.speed_mps).abs() <= 1e-9 * first.params.speed_mps;
-        faults.demand(same, at.key("speed_mm_s"), found, format!("{allowed}, that {named}"));
+        faults.demand(same, at.key("speed_mm_s"), found, format!("{allowed} (that {named})"));
         let (found, allowed) = (params.repeat, first.params.repeat);
-        faults.demand(found == allowed, at.key("repeat"), found, format!("{allowed}, that {named}"));
+        faults.demand(found == allowed, at.key("repeat"), found, format!("{allowed} (that {named})"));
     }
     if faults.len() == before {
         check_on_the_way(paths, &laps, radii_m, ids, faults);

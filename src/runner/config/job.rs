@@ -112,6 +112,14 @@ impl JobSpec {
         })
     }
 
+    /// As [`Self::load`], on `rig` in place of the one that the file names.
+    pub fn load_on(path: &std::path::Path, rig: &RigSpec) -> Result<Self, Vec<Fault>> {
+        let (text, origin) = (text_of(path).map_err(|fault| vec![fault])?, Origin::of_file(path));
+        parse_and_build(&text, &origin.file, |raw: RawJob, faults| {
+            Self::build(RawJob { rig: None, ..raw }, &origin, Some(rig), faults)
+        })
+    }
+
     /// True when the task has no end of its own: the plate time limit completes it.
     pub fn is_endless(&self) -> bool {
         self.task.is_endless(self.plate_time_limit_s)
@@ -120,6 +128,11 @@ impl JobSpec {
     /// True when the job itself names a library file; its rig may name another.
     pub(super) fn names_library_file(&self) -> bool {
         matches!(self.raw.library, Some(LibrarySource::File(_)))
+    }
+
+    /// The key that names the library: the job's own or its rig's.
+    pub fn library_key(&self) -> String {
+        if self.names_library_file() { format!("{}: library", self.file) } else { self.rig.library_key.clone() }
     }
 
     /// Seed of everything random.
@@ -186,7 +199,7 @@ fn library_of(raw: &RawJob, origin: &Origin, faults: &mut Faults) -> Option<Libr
             let path = origin.resolve(named);
             let at = Path::root().key("library");
             let found = quoted(named);
-            faults.demand(path.is_some(), &at, found, "the library itself: files cannot be named here");
+            faults.demand(path.is_some(), &at, found, "the library itself (files cannot be named here)");
             path.map(LibraryRef::File)
         }
     }

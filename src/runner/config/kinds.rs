@@ -61,6 +61,9 @@ pub(super) fn kinds_of(raw: &RawRig, at: &Path, faults: &mut Faults) -> Vec<Kind
         faults.demand(is_plain_name(name), &at, format!("{name:?}"), NAMES);
         let known = COINS.iter().any(|(coin, ..)| coin == name);
         faults.demand(!known, &at, format!("{name:?}"), "a name other than penny, nickel, dime, quarter");
+        let side_mm = raw.plate.side_mm;
+        let allowed = format!("up to {side_mm} (the plate's side)");
+        faults.demand(kind.diameter_mm <= side_mm, at.key("diameter_mm"), kind.diameter_mm, allowed);
         kinds.push(disc(name, kind.diameter_mm, kind.mass_g, kind.thickness_mm, kind.friction.unwrap_or(friction)));
     }
     kinds

@@ -32,7 +32,7 @@ impl Origin {
     /// The file that the document calls `named`, else a fault at `at`.
     pub(super) fn named_file(&self, named: &str, at: &Path, faults: &mut Faults) -> Option<PathBuf> {
         let path = self.resolve(named);
-        faults.demand(path.is_some(), at, quoted(named), "nothing: files cannot be named here");
+        faults.demand(path.is_some(), at, quoted(named), "nothing (files cannot be named here)");
         path
     }
 }

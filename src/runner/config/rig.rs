@@ -27,6 +27,8 @@ pub struct RigSpec {
     pub kinds: Vec<KindSpec>,
     /// Its COR library, if it names one.
     pub library: Option<PathBuf>,
+    /// The key that names it, for faults: `rig upm-1.json: library`.
+    pub library_key: String,
     /// First 16 hex digits of SHA-256 over the parts of the rig that a COR library depends on; see [`fingerprint`].
     pub fingerprint: String,
 }
@@ -67,16 +69,11 @@ impl RigSpec {
             RigSource::File(named) => named,
         };
         let Some(path) = origin.resolve(&named) else {
-            faults.push(at, quoted(&named), "the rig itself: files cannot be named here");
+            faults.push(at, quoted(&named), "the rig itself (files cannot be named here)");
             return None;
         };
-        match text_of(&path).map_err(|fault| faults.push(at, quoted(&named), format!("a rig file ({})", fault.found))) {
-            Ok(text) => Self::from_json(&text, &Origin::of_file(&path))
-                .map(|rig| rig.rebased_from(&named))
-                .map_err(|others| faults.append(others))
-                .ok(),
-            Err(()) => None,
-        }
+        let rig = Self::load(&path).map(|rig| rig.rebased_from(&named));
+        rig.map_err(|others| faults.append_named(others, &format!("{}: {at}", origin.file))).ok()
     }
 
     /// The same rig as part of a file that calls it `named`: paths in it become relative to that file.
@@ -96,11 +93,14 @@ impl RigSpec {
         rig_checks::check(&raw, &sim, at, faults);
         let library = raw.library.as_ref().map(|named| (named, origin.resolve(named)));
         if let Some((named, None)) = &library {
-            faults.push(at.key("library"), quoted(named), "nothing: files cannot be named here");
+            faults.push(at.key("library"), quoted(named), "nothing (files cannot be named here)");
         }
         let library = library.and_then(|(_, path)| path);
+        let is_whole = *at == Path::root();
+        let library_key =
+            if is_whole { format!("rig {}: library", origin.file) } else { format!("{}: {at}.library", origin.file) };
         let (model, fingerprint) = (model_of(&raw, &sim), fingerprint(&raw));
-        (faults.len() == before).then_some(Self { raw, model, sim, kinds, library, fingerprint })
+        (faults.len() == before).then_some(Self { raw, model, sim, kinds, library, library_key, fingerprint })
     }
 
     /// True when `raw`, defaults written out, is this rig but for the library it names.

@@ -1,7 +1,7 @@
 use super::raw_rig::{RawLevels, RawRig};
 use super::read::{NAMES, is_plain_name};
 use super::view;
-use upm_core::units::mm_from_m;
+use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 use upm_document::{Faults, Path};
 use upm_sim::SimParams;
 
@@ -56,12 +56,27 @@ fn check_motors(raw: &RawRig, at: &Path, faults: &mut Faults) {
         low_pass,
         format!("above {} (the second harmonic must pass) and below {top} (half the sample rate)", 2.0 * base_hz),
     );
+    check_force(raw, &at, faults);
     faults.demand(
         motors.newtons_per_count <= motors.force_limit_n,
         at.key("newtons_per_count"),
         motors.newtons_per_count,
         format!("up to force_limit_n, {}", motors.force_limit_n),
     );
+}
+
+/// The two coils of an axis at their limit must shake the plate harder than friction holds a part, or nothing ever slides.
+fn check_force(raw: &RawRig, at: &Path, faults: &mut Faults) {
+    let (motors, plate_kg) = (&raw.motors, raw.plate.mass_kg);
+    let hold_mps2 = raw.friction.coefficient * GRAVITY_MPS2;
+    let (least_n, full_counts) = (0.5 * plate_kg * hold_mps2, f64::from(motors.count_limit));
+    let rounded_up = |newtons: f64| (newtons * 1e6).ceil() / 1e6;
+    let why = format!("less does not slide a part: two coils on {plate_kg} kg against friction of {hold_mps2:.2} m/s²");
+    let allowed = format!("{} or more ({why})", rounded_up(least_n / full_counts));
+    let is_strong = motors.newtons_per_count * full_counts >= least_n;
+    faults.demand(is_strong, at.key("newtons_per_count"), motors.newtons_per_count, allowed);
+    let allowed = format!("{} or more ({why})", rounded_up(least_n));
+    faults.demand(motors.force_limit_n >= least_n, at.key("force_limit_n"), motors.force_limit_n, allowed);
 }
 
 fn check_drive(raw: &RawRig, at: &Path, faults: &mut Faults) {
@@ -129,17 +144,26 @@ fn check_camera(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Faults) {
     let least_px = view::FRAME_MARGIN * camera.size_px[1] as f64;
     match view::margin_px(&sim.camera, sim.plate.side_m) {
         Some(margin) if margin >= least_px => {}
-        Some(margin) => faults.push(
-            &at,
-            format!("the plate's outline {margin:.1} px inside the frame"),
-            format!("{least_px:.1} px or more: the whole plate in view"),
-        ),
-        None => faults.push(&at, "a plate not in front of the camera", "the whole plate in view"),
+        Some(margin) => {
+            let side = if margin < 0.0 { "outside" } else { "inside" };
+            let found = format!("its outline {:.1} px {side} the frame's edge", margin.abs());
+            faults.push(&at, found, whole_plate_in_view(sim, least_px));
+        }
+        None => faults.push(&at, "a plate that is not in front of the camera", whole_plate_in_view(sim, least_px)),
     }
     if !view::is_one_to_one(&sim.camera, sim.plate.side_m) {
         let allowed = format!("a distortion that is one-to-one over the plate of {} mm", mm_from_m(sim.plate.side_m));
         faults.push(at.key("radial"), "a lens that folds the picture", allowed);
     }
+}
+
+/// What a camera must see, with the height from which it would.
+fn whole_plate_in_view(sim: &SimParams, least_px: f64) -> String {
+    let height = match view::least_height_m(&sim.camera, sim.plate.side_m, least_px) {
+        Some(height_m) => format!("raise it: position_mm[2] of {:.0} would do", mm_from_m(height_m).ceil()),
+        None => "no height would do: move or turn it, or take a shorter focal_px".to_owned(),
+    };
+    format!("the whole plate in view, {least_px:.1} px or more inside the frame ({height})")
 }
 
 /// What vision needs of the gray levels. The finder takes a part for one from 20 % of the plate's level, at most 255, up;

@@ -30,7 +30,7 @@ pub(super) fn check_size(kind: usize, rig: &RigSpec, at_random: bool, at: &Path,
     let (least, most) = (mm_from_m(2.0 * LEAST_SEEN_RADIUS_M), mm_from_m(rig.model.plate_side_m - 2.0 * margin_m));
     let (is_seen, fits) = (rig.kinds.get(kind).is_none_or(KindSpec::can_be_seen), found <= most);
     faults.demand(fits, at, format!("a part of {found:.3} mm"), format!("up to {most:.3} mm on this plate"));
-    let allowed = format!("{least} mm or more (the camera cannot see it; upm simulate takes it)");
+    let allowed = format!("{least} mm or more (the camera cannot see less; `upm simulate` takes it)");
     faults.demand(is_seen, at, format!("a part of {found:.3} mm"), allowed);
     is_seen && fits
 }
@@ -88,7 +88,7 @@ pub(super) fn apart_allowed(least_m: f64, gap_m: f64) -> String {
         0.0 => "parts cannot overlap".to_owned(),
         _ => format!("both radii and {:.3} mm between the rims", mm_from_m(gap_m)),
     };
-    format!("{:.3} mm or more: {why}", mm_from_m(least_m))
+    format!("{:.3} mm or more ({why})", mm_from_m(least_m))
 }
 
 /// A fault where the parts cannot all lie on the plate, by two bounds that no arrangement beats.

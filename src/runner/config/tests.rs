@@ -50,5 +50,5 @@ fn rig(document: &Value) -> Result<RigSpec, Vec<Fault>> {
 
 /// Each fault without its file.
 fn lines(faults: Vec<Fault>) -> Vec<String> {
-    faults.into_iter().map(|f| format!("{}: found {}, allowed: {}", f.path, f.found, f.allowed)).collect()
+    faults.into_iter().map(|f| format!("{}: expected {}, found {}", f.path, f.allowed, f.found)).collect()
 }

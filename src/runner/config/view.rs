@@ -43,6 +43,28 @@ pub fn margin_px(camera: &CameraParams, side_m: f64) -> Option<f64> {
     least.is_finite().then_some(least)
 }
 
+/// The least height above the present one at which the plate's outline is `least_px` or more inside the frame; `None` where
+/// none up to ten times as high does.
+pub fn least_height_m(camera: &CameraParams, side_m: f64, least_px: f64) -> Option<f64> {
+    const HIGHEST: f64 = 10.0;
+    const HALVINGS: usize = 40;
+    let is_seen = |height_m: f64| {
+        let [x_m, y_m, _] = camera.position_m.into();
+        let raised = CameraParams { position_m: Vector3::new(x_m, y_m, height_m), ..*camera };
+        margin_px(&raised, side_m).is_some_and(|margin_px| margin_px >= least_px)
+    };
+    let mut low_m = camera.position_m.z.max(0.5 * side_m);
+    let mut high_m = HIGHEST * low_m;
+    if !is_seen(high_m) {
+        return None;
+    }
+    for _ in 0..HALVINGS {
+        let middle_m = 0.5 * (low_m + high_m);
+        if is_seen(middle_m) { high_m = middle_m } else { low_m = middle_m }
+    }
+    Some(high_m)
+}
+
 /// True when distortion keeps different points of the plate apart: the lens's map does not fold anywhere between the
 /// principal point and the plate's outline.
 pub fn is_one_to_one(camera: &CameraParams, side_m: f64) -> bool {
@@ -104,6 +126,21 @@ mod tests {
         // 2 px/mm, centre at (299.5, 199.5): 100 mm reach 100 px either way
         assert!((margin_px(&camera([0.0; 3]), 0.1).unwrap() - 100.0).abs() < 1e-9);
         assert!(margin_px(&camera([0.0; 3]), 0.3).unwrap() < 0.0);
+    }
+
+    #[test]
+    fn least_height_is_the_lowest_from_which_the_whole_plate_is_seen() {
+        let camera = camera([0.03, -0.02, 0.1]);
+        let height_m = least_height_m(&camera, 0.3, 5.0).unwrap();
+        let margin_at = |height_m: f64| {
+            let mut raised = camera;
+            raised.position_m.z = height_m;
+            margin_px(&raised, 0.3).unwrap()
+        };
+        assert!(margin_at(height_m) >= 5.0 && margin_at(0.999 * height_m) < 5.0, "{height_m} m");
+        let mut aside = camera;
+        aside.tilt_rad = [0.0, 0.6, 0.0];
+        assert_eq!(least_height_m(&aside, 0.3, 5.0), None);
     }
 
     #[test]

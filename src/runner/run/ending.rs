@@ -133,9 +133,9 @@ mod tests {
             (ending.cause, ending.outcome, ending.reason)
         };
         let (failed, cancelled) = (Outcome::Failed, Outcome::Cancelled);
-        let lost = "penny-1 is lost; journal.jsonl: cannot be written: no space";
+        let lost = "penny-1 is lost; cannot write journal.jsonl: no space";
         assert_eq!(ended(Some(StopCause::PartLost), failed), (Some(StopCause::PartLost), failed, lost.into()));
-        let stopped = "stopped; journal.jsonl: cannot be written: no space";
+        let stopped = "stopped; cannot write journal.jsonl: no space";
         assert_eq!(ended(Some(StopCause::Estop), cancelled), (Some(StopCause::Estop), cancelled, stopped.into()));
         for cause in [None, Some(StopCause::Stopped), Some(StopCause::TimeLimit)] {
             let (named, outcome, reason) = ended(cause, cancelled);

@@ -11,7 +11,7 @@ pub enum RunError {
     #[error("{}", one_a_line(.0))]
     Library(Vec<Fault>),
     /// A file of the run folder could not be written.
-    #[error("{path}: cannot be written: {reason}")]
+    #[error("cannot write {path}: {reason}")]
     Write {
         /// Which.
         path: String,

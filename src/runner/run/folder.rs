@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::bench::Bench;
 use super::error::RunError;
-use crate::config::JobSpec;
+use crate::config::{JobSpec, reason};
 use upm_control::{FrameFacts, Sink};
 use upm_core::files::{sync_folder, write_whole};
 use upm_core::ground_truth::{GroundTruthHandle, PartTruth};
@@ -45,14 +45,14 @@ impl RunFolder {
     pub fn create(out: &Path, job: &JobSpec, started_utc: &str) -> Result<Self, RunError> {
         let plain = format!("{}-{}-{started_utc}", job.name, job.seed());
         let failed = |path: &Path, reason: String| RunError::Write { path: path.display().to_string(), reason };
-        fs::create_dir_all(out).map_err(|error| failed(out, error.to_string()))?;
+        fs::create_dir_all(out).map_err(|error| failed(out, reason(&error)))?;
         for number in 1..MOST_NAMESAKES {
             let name = if number == 1 { plain.clone() } else { format!("{plain}-{number}") };
             let path = out.join(name);
             match fs::create_dir(&path) {
                 Ok(()) => return Ok(Self(path)),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-                Err(error) => return Err(failed(&path, error.to_string())),
+                Err(error) => return Err(failed(&path, reason(&error))),
             }
         }
         Err(failed(&out.join(plain), "too many runs of this name in this second".into()))
@@ -104,7 +104,7 @@ impl RunFolder {
                 self.sync_names();
                 Scribe::start(file, keeping.journal_overflow, keeping.has_clock, keeping.clock, keeping.journal.clone())
             })
-            .map_err(|error| self.write_error("journal.jsonl", &error))
+            .map_err(|error| self.write_error("journal.jsonl", &reason(&error)))
     }
 
     /// Makes the names in it outlive a power cut, on a disk that can.
@@ -118,7 +118,7 @@ impl RunFolder {
         let draft = self.0.join(format!("{name}.part"));
         File::create(&draft)
             .and_then(|file| write_whole(file, &draft, &self.0.join(name), (text + "\n").as_bytes()))
-            .map_err(|error| self.write_error(name, &error))?;
+            .map_err(|error| self.write_error(name, &reason(&error)))?;
         self.sync_names();
         Ok(())
     }
@@ -138,8 +138,8 @@ impl TruthLog {
         if bench.faults.is_empty() {
             return Ok(Self::default());
         }
-        let file =
-            File::create(folder.path().join(TRUTH_FILE)).map_err(|error| folder.write_error(TRUTH_FILE, &error))?;
+        let file = File::create(folder.path().join(TRUTH_FILE))
+            .map_err(|error| folder.write_error(TRUTH_FILE, &reason(&error)))?;
         Ok(Self { to: Some((bench.truth(), BufWriter::new(file))), broken: None })
     }
 

@@ -1,3 +1,4 @@
+use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::Value;
@@ -9,7 +10,7 @@ use upm_library::{FieldFacts, Library, RigFacts};
 /// The COR library a job runs with, checked against its rig.
 pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Fault>> {
     let library = match &job.library {
-        Some(LibraryRef::File(path)) => Library::load(path)?,
+        Some(LibraryRef::File(path)) => return fitting_library(path, &job.library_key(), &job.rig).map(Arc::new),
         Some(LibraryRef::Inline(members)) => {
             Library::from_json(&Value::Object(members.clone()).to_string(), &format!("{}: library", job.file))?
         }
@@ -20,6 +21,15 @@ pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Fault>> {
     };
     let faults = library_faults(&library, &file_of(job), &job.rig);
     if faults.is_empty() { Ok(Arc::new(library)) } else { Err(faults) }
+}
+
+/// The COR library in the file at `path`, checked against `rig`; its faults carry the key that names the file.
+pub fn fitting_library(path: &Path, named_by: &str, rig: &RigSpec) -> Result<Library, Vec<Fault>> {
+    let library = Library::load(path).and_then(|library| {
+        let faults = library_faults(&library, &path.display().to_string(), rig);
+        if faults.is_empty() { Ok(library) } else { Err(faults) }
+    });
+    library.map_err(|faults| faults.into_iter().map(|fault| fault.named_by(named_by)).collect())
 }
 
 /// What keeps `job` from being run with `library`: a library of another rig, parts that find no places. It looks at no

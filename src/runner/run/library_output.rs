@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::library_faults;
 use crate::config::RigSpec;
 use upm_core::files::write_whole;
-use upm_document::Fault;
+use upm_document::{Fault, reason};
 use upm_library::Library;
 
 /// The file that a library which is still to be measured will replace.
@@ -22,13 +22,13 @@ pub struct LibraryOutput {
 #[derive(Debug, thiserror::Error)]
 pub enum LibraryOutputFault {
     /// A folder or a device has that name.
-    #[error("{}: found no plain file, allowed: the path of a file", path.display())]
+    #[error("{}: expected the path of a file, found a folder or device", path.display())]
     NotAFile {
         /// The path.
         path: PathBuf,
     },
     /// The folder or the disk does not take it.
-    #[error("{}: cannot be written: {error}", path.display())]
+    #[error("cannot write {}: {}", path.display(), reason(error))]
     Write {
         /// The path.
         path: PathBuf,

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::{Bench, NamedTruth, RunError, job_library, play};
-use crate::config::{Fault, JobSpec, Origin};
+use crate::config::{Fault, JobSpec, Origin, reason};
 use upm_control::{FrameFacts, Sink};
 use upm_core::job::{RecordingEnd, StopCause, legacy};
 use upm_core::time::StoppedClock;
@@ -94,19 +94,22 @@ impl Sink for Until<'_> {
 }
 
 fn read(path: &Path) -> Result<String, VerifyError> {
-    fs::read_to_string(path)
-        .map_err(|error| VerifyError::Read { path: path.display().to_string(), reason: not_of_a_run(&error) })
+    let unread = |error: io::Error| {
+        let reason = format!("{} (expected a run folder, as `upm run` leaves it)", reason(&error));
+        VerifyError::Job(vec![Fault::unreadable(&path.display().to_string(), reason)])
+    };
+    fs::read_to_string(path).map_err(unread)
 }
 
 fn not_of_a_run(found: &dyn std::fmt::Display) -> String {
-    format!("$: found {found}, allowed: what `upm run` left in a run folder")
+    format!("expected what `upm run` left in a run folder, found {found}")
 }
 
 fn effective_job(text: &str, path: &Path) -> Result<JobSpec, VerifyError> {
     let file = path.display().to_string();
     let no_job = |reason: String| VerifyError::Read { path: file.clone(), reason };
     let effective: Value = serde_json::from_str(text).map_err(|error| no_job(not_of_a_run(&error)))?;
-    let job = effective.get("job").ok_or_else(|| no_job("job: found nothing, allowed: the job".into()))?;
+    let job = effective.get("job").ok_or_else(|| no_job("job: expected the job that ran, found nothing".into()))?;
     JobSpec::from_json(&job.to_string(), &Origin::of_file(path), None).map_err(VerifyError::Job)
 }
 

@@ -13,8 +13,8 @@ use crate::service::{Scope, Tokens};
 use upm_core::priority::go_first;
 use upm_core::time::Clock;
 use upm_library::Library;
-use upm_runner::config::{DaemonSpec, Fault, PlateSpec};
-use upm_runner::run::{PaceCheck, check_pace, library_faults};
+use upm_runner::config::{DaemonSpec, Fault, PlateSpec, reason};
+use upm_runner::run::{PaceCheck, check_pace, fitting_library as library_of_rig};
 
 /// Largest token file that is read, bytes.
 const LONGEST_TOKEN_FILE: u64 = 4096;
@@ -119,7 +119,7 @@ pub(super) fn tokens_of(spec: &DaemonSpec, faults: &mut Vec<Fault>) -> Tokens {
 
 /// The token in a file. What is wrong with it is told without any of it.
 fn secret_in(file: &Path) -> Result<String, String> {
-    let meta = fs::metadata(file).map_err(|error| error.to_string())?;
+    let meta = fs::metadata(file).map_err(|error| reason(&error))?;
     if !meta.is_file() || meta.len() > LONGEST_TOKEN_FILE {
         return Err("no plain file, or too large".to_owned());
     }
@@ -130,7 +130,7 @@ fn secret_in(file: &Path) -> Result<String, String> {
             tracing::warn!("{}: others on this machine may read this token", file.display());
         }
     }
-    let text = fs::read_to_string(file).map_err(|error| error.to_string())?;
+    let text = fs::read_to_string(file).map_err(|error| reason(&error))?;
     Ok(text.trim_end().to_owned())
 }
 
@@ -144,9 +144,7 @@ fn fitted_library(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Fault>> {
 }
 
 fn library_of(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Fault>> {
-    let library = Library::load(&plate.library)?;
-    let faults = library_faults(&library, &plate.library.display().to_string(), &plate.rig);
-    if faults.is_empty() { Ok(Arc::new(library)) } else { Err(faults) }
+    library_of_rig(&plate.library, &plate.library_key, &plate.rig).map(Arc::new)
 }
 
 /// The data folder is one that this process may write in, or can be made.

@@ -122,11 +122,11 @@ fn send(address: &SocketAddr, message: &str) -> io::Result<()> {
 
 /// A path, or `@` and a name that is no file.
 fn address_of(socket: &OsStr) -> Result<SocketAddr, String> {
-    let bad = |why: &dyn std::fmt::Display| format!("NOTIFY_SOCKET: found {}, {why}", socket.display());
+    let bad = |why: &dyn std::fmt::Display| format!("NOTIFY_SOCKET: {why}, found {}", socket.display());
     match socket.as_bytes() {
         [b'@', name @ ..] => abstract_address(name).map_err(|error| bad(&error)),
         [b'/', ..] => SocketAddr::from_pathname(socket).map_err(|error| bad(&error)),
-        _ => Err(bad(&"allowed: a path, or @ and a name")),
+        _ => Err(bad(&"expected a path, or @ and a name")),
     }
 }
 
@@ -143,7 +143,7 @@ fn abstract_address(_: &[u8]) -> io::Result<SocketAddr> {
 
 fn patience_of(usec: &str) -> Result<Duration, String> {
     let usec_of = |text: &str| text.parse().ok().filter(|usec| *usec > 0).map(Duration::from_micros);
-    usec_of(usec).ok_or_else(|| format!("WATCHDOG_USEC: found {usec}, allowed: a number of microseconds above 0"))
+    usec_of(usec).ok_or_else(|| format!("WATCHDOG_USEC: expected a number of microseconds above 0, found {usec}"))
 }
 
 /// A line feed would begin another message.
@@ -248,9 +248,9 @@ mod tests {
         assert_eq!(made(Some("3000000"), Some("7")).unwrap().patience, Some(Duration::from_secs(3)));
         assert_eq!(made(Some("3000000"), Some("8")).unwrap().patience, None);
         for bad in ["", "0", "-1", "x"] {
-            assert!(made(Some(bad), None).unwrap_err().starts_with("WATCHDOG_USEC: found "), "{bad}");
+            assert!(made(Some(bad), None).unwrap_err().starts_with("WATCHDOG_USEC: expected "), "{bad}");
         }
         let odd = Notice { socket: Some(OsStr::new("notify")), ..Notice::default() };
-        assert!(ServiceManager::new(odd, 7).unwrap_err().starts_with("NOTIFY_SOCKET: found notify"));
+        assert!(ServiceManager::new(odd, 7).unwrap_err().ends_with(", found notify"));
     }
 }

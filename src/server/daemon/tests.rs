@@ -163,7 +163,7 @@ fn a_job_goes_where_it_asks_to_or_where_its_rig_is() {
         other => vec![format!("{other:?}")],
     };
     let nowhere = lines(running.submit(&on("upm-3")).unwrap_err());
-    assert_eq!(nowhere, [r#"job: plate: found "upm-3", allowed: one of upm-1, upm-2, upm-2-evening"#]);
+    assert_eq!(nowhere, [r#"job: plate: expected one of upm-1, upm-2, upm-2-evening, found "upm-3""#]);
     assert!(matches!(running.submit("{"), Err(Refusal::Malformed(faults)) if faults.len() == 1));
     assert!(matches!(running.submit("[]"), Err(Refusal::Invalid(_))));
 }

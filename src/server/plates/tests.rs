@@ -357,5 +357,5 @@ fn a_job_whose_journal_cannot_be_written_is_stopped_and_says_so() {
     assert!(text.starts_with("the journal cannot be written: No space left"), "{text}");
     assert_eq!(next(&told, "finished")["state"], "failed");
     let reason = house.row(&id).reason;
-    assert!(reason.contains("journal.jsonl: cannot be written: No space left"), "{reason}");
+    assert!(reason.contains("journal.jsonl: the disk is full"), "{reason}");
 }

@@ -56,7 +56,7 @@ pub(super) fn validated(rules: &JobRules, text: &str, pace: Pace, key: Option<St
     if !rules.allow_faults && !job.faults.is_empty() {
         let count = job.faults.len();
         let found = format!("{count} fault{}", if count == 1 { "" } else { "s" });
-        let allowed = "none, unless the daemon's file says \"allow_faults\": true";
+        let allowed = "none (unless the daemon's file says \"allow_faults\": true)";
         return Err(vec![Fault::new(REQUEST, Path::root().key("faults"), found, allowed)]);
     }
     let library = fitting_library(&job, &rules.library)?;

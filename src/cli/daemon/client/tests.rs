@@ -40,8 +40,8 @@ fn faults_come_one_a_line_under_the_name_of_the_file() {
     let failure = refused(&server).into_failure("job.json");
     assert_eq!(failure.status, 2);
     let lines = [
-        "parts[0].kind: found \"pennyy\", allowed: penny, dime",
-        "seed: found a\\nb\\u{1b}[2J, allowed: a whole number",
+        "parts[0].kind: expected penny, dime, found \"pennyy\"",
+        "seed: expected a whole number, found a\\nb\\u{1b}[2J",
     ];
     assert_eq!(failure.lines, lines.map(|line| format!("job.json: {line}")));
 }

@@ -21,23 +21,23 @@ fn every_fault_of_a_bad_job_is_listed() {
 
 #[test]
 fn a_file_of_another_kind_is_one_fault() {
-    for (file, found) in [("daemon.json", "a daemon's configuration"), ("rigs/upm-1.json", "a rig")] {
-        assert_eq!(listing(&value_of(file).to_string()), format!("bad.json: $: found {found}, allowed: a job\n"));
+    for (file, found) in [
+        ("daemon.json", "a daemon's configuration, for `upm serve --config`"),
+        ("rigs/upm-1.json", "a rig, for `upm calibrate --rig`"),
+    ] {
+        assert_eq!(listing(&value_of(file).to_string()), format!("bad.json: expected a job, found {found}\n"));
     }
     let rig = RigSpec::from_json(&value_of("plus-sign.json").to_string(), &Origin::of_request("x"));
-    assert_eq!(lines(rig.unwrap_err()), ["$: found a job, allowed: a rig"]);
+    assert_eq!(lines(rig.unwrap_err()), ["$: expected a rig, found a job, for `upm run`"]);
     let mut strange = value_of("plus-sign.json");
     strange["plates"] = json!([]);
-    assert!(
-        listing(&strange.to_string()).starts_with("bad.json: plates: found unknown key"),
-        "it is a job all the same"
-    );
+    assert!(listing(&strange.to_string()).ends_with(", found unknown key \"plates\"\n"), "it is a job all the same");
 }
 
 #[test]
 fn syntax_tells_line_and_column() {
     let line = listing("{\n  \"name\": \"x\",,\n}");
-    assert!(line.starts_with("bad.json: $: found key must be a string at line 2 column 15"), "{line}");
+    assert!(line.starts_with("bad.json: not valid JSON: key must be a string at line 2 column 15"), "{line}");
     for (text, word) in [
         ("", "EOF"),
         ("{} x", "trailing"),
@@ -53,7 +53,11 @@ fn syntax_tells_line_and_column() {
 #[test]
 fn a_key_that_stands_twice_is_a_fault() {
     let text = value_of("plus-sign.json").to_string().replacen('{', "{\"seed\": 3, ", 1);
-    assert!(listing(&text).contains("seed: found the key \"seed\" a second time"), "{}", listing(&text));
+    assert!(
+        listing(&text).contains("seed: expected each key once, found the key \"seed\" a second time"),
+        "{}",
+        listing(&text)
+    );
 }
 
 #[test]
@@ -65,10 +69,16 @@ fn files_that_cannot_be_read_are_one_fault() {
         assert_eq!(faults.len(), 1);
         faults[0].to_string()
     };
-    assert!(fault(&path).contains("x.json: $: found No such file or directory"), "{}", fault(&path));
-    assert!(fault(folder.path()).contains("Is a directory"), "{}", fault(folder.path()));
+    assert_eq!(fault(&path), format!("cannot read {}: no such file", path.display()));
+    assert_eq!(fault(folder.path()), format!("cannot read {}: it is a folder", folder.path().display()));
+    let near = folder.path().join("y.json");
+    std::fs::write(&near, "{}").unwrap();
+    assert_eq!(
+        fault(&path),
+        format!("cannot read {}: no such file (did you mean {}?)", path.display(), near.display())
+    );
     std::fs::write(&path, b"{\"name\": \"\xff\"}").unwrap();
-    assert!(fault(&path).ends_with("found a byte that is not UTF-8 at offset 10, allowed: UTF-8 text"));
+    assert!(fault(&path).ends_with("expected UTF-8 text, found a byte that is not UTF-8 at offset 10"));
     let mut file = std::fs::File::create(&path).unwrap();
     file.write_all(&vec![b' '; MOST_BYTES as usize + 1]).unwrap();
     assert!(fault(&path).contains("up to 1 MiB"), "{}", fault(&path));
@@ -78,9 +88,14 @@ fn files_that_cannot_be_read_are_one_fault() {
 fn a_rig_that_is_not_there_is_a_fault_of_the_job() {
     let mut document = value_of("plus-sign.json");
     set(&mut document, "/rig", json!("rigs/upm-9.json"));
-    let faults = lines(job(&document).unwrap_err());
+    let faults = job(&document).unwrap_err();
     assert_eq!(faults.len(), 1);
-    assert!(faults[0].starts_with("rig: found \"rigs/upm-9.json\", allowed: a rig file (No such file"), "{faults:?}");
+    let line = faults[0].to_string();
+    let (named, read) = line.split_once(": cannot read ").unwrap();
+    assert!(
+        named.ends_with("test.json: rig") && read.contains("rigs/upm-9.json: no such file (did you mean "),
+        "{line}"
+    );
 }
 
 #[test]
@@ -95,8 +110,8 @@ fn a_request_names_no_files() {
     document.as_object_mut().unwrap().remove("library");
     let text = document.to_string();
     assert_eq!(
-        lines(JobSpec::from_json(&text, &origin, None).unwrap_err())[0].split(',').next(),
-        Some("rig: found nothing")
+        lines(JobSpec::from_json(&text, &origin, None).unwrap_err()).first().map(String::as_str),
+        Some("rig: expected a path or a rig object, found nothing")
     );
     let rig = RigSpec::load(&super::shipped("rigs/upm-2.json")).unwrap();
     assert_eq!(JobSpec::from_json(&text, &origin, Some(&rig)).unwrap().rig, rig);

@@ -77,11 +77,11 @@ fn targets_and_parts_go_one_to_one() {
     let three = json!([[0, 0], [40, 0], [80, 0]]);
     assert_eq!(
         arrange(&pennies(2), three.clone()).unwrap_err(),
-        ["task.targets_mm: found 3 targets, allowed: 2, one for each part"]
+        ["task.targets_mm: expected 2, one for each part, found 3 targets"]
     );
     assert_eq!(
         arrange(&pennies(4), three.clone()).unwrap_err(),
-        ["task.targets_mm: found 3 targets, allowed: 4, one for each part"]
+        ["task.targets_mm: expected 4, one for each part, found 3 targets"]
     );
     assert!(arrange(&pennies(3), three).is_ok());
 }
@@ -92,8 +92,9 @@ fn targets_lie_as_far_apart_as_parts_need() {
     // (19.05 + 24.26) / 2 + 2 = 23.655
     assert_eq!(
         arrange(&mixed, json!([[0, 0], [0, 22.6]])).unwrap_err(),
-        ["task.targets_mm[1]: found 22.600 mm from task.targets_mm[0], \
-          allowed: 23.655 mm or more: both radii and 2.000 mm between the rims"]
+        [
+            "task.targets_mm[1]: expected 23.655 mm or more (both radii and 2.000 mm between the rims), found 22.600 mm from task.targets_mm[0]"
+        ]
     );
     assert!(arrange(&mixed, json!([[0, 0], [0, 23.66]])).is_ok());
     let fixed = json!({"type": "arrange", "targets_mm": [[0, 0], [0, 30]], "assignment": "fixed"});
@@ -105,8 +106,7 @@ fn targets_lie_where_the_planner_takes_parts() {
     // 152.4 - 9.525 - 1 = 141.875
     let line = |found: &str| {
         format!(
-            "task.targets_mm[0][1]: found {found}, \
-             allowed: from -141.875 to 141.875 (the whole part on the plate, 1.000 mm inside its edge)"
+            "task.targets_mm[0][1]: expected from -141.875 to 141.875 (the whole part on the plate, 1.000 mm inside its edge), found {found}"
         )
     };
     assert_eq!(arrange(&pennies(1), json!([[0, 142]])).unwrap_err(), [line("142.000")]);
@@ -123,16 +123,16 @@ fn bins_have_room_for_their_parts() {
     assert!(sort(&six, &[bin(&kinds, corner, [wide, high])]).is_ok());
     assert_eq!(
         sort(&six, &[bin(&kinds, corner, [wide - 0.01, high])]).unwrap_err(),
-        ["task.bins[0].region_mm: found 78.770 x 52.520 mm with room for 4 of 24.260 mm, \
-          allowed: room for 6, the parts of its kinds, with 2.000 mm between rims, 1.000 mm to the border and \
-          1.000 mm to the plate's edge"]
+        [
+            "task.bins[0].region_mm: expected room for 6, the parts of its kinds (with 2.000 mm between rims, 1.000 mm to the border and 1.000 mm to the plate's edge), found 78.770 x 52.520 mm with room for 4 of 24.260 mm"
+        ]
     );
     assert!(sort(&six, &[bin(&["penny"], corner, [64.0, 22.0]), bin(&["quarter"], [0.0, 30.0], [79.0, 57.0])]).is_ok());
     let faults = sort(&pennies(1), &[bin(&["penny"], [132.4, 0.0], [152.4, 20.1])]).unwrap_err();
     assert!(faults[0].contains("20.000 x 20.100 mm with room for 0 of 19.050 mm"), "{faults:?}");
     assert_eq!(
         sort(&pennies(1), &[bin(&["penny"], [60.0, 0.0], [0.0, 60.0])]).unwrap_err(),
-        ["task.bins[0].region_mm: found [60.000, 0.000] to [0.000, 60.000], allowed: min below max along x and y"]
+        ["task.bins[0].region_mm: expected min below max along x and y, found [60.000, 0.000] to [0.000, 60.000]"]
     );
 }
 
@@ -141,8 +141,9 @@ fn bins_do_not_overlap() {
     let (left, right) = (bin(&["penny"], [-60.0, 0.0], [0.0, 60.0]), bin(&["dime"], [-10.0, 50.0], [50.0, 100.0]));
     assert_eq!(
         sort(&pennies(2), &[left.clone(), right]).unwrap_err(),
-        ["task.bins[1].region_mm: found [-10.000, 50.000] to [50.000, 100.000] over task.bins[0], \
-          [-60.000, 0.000] to [0.000, 60.000], allowed: bins that do not overlap"]
+        [
+            "task.bins[1].region_mm: expected bins that do not overlap, found [-10.000, 50.000] to [50.000, 100.000] over task.bins[0], [-60.000, 0.000] to [0.000, 60.000]"
+        ]
     );
     let beside = bin(&["dime"], [0.0, 0.0], [60.0, 60.0]);
     assert!(sort(&pennies(2), &[left, beside]).is_ok(), "a common border, and a bin without parts");
@@ -155,25 +156,25 @@ fn every_kind_has_one_bin() {
     let bins = |one: &[&str], two: &[&str]| [bin(one, here[0], here[1]), bin(two, there[0], there[1])];
     assert_eq!(
         sort(&mixed, &bins(&["penny"], &["quarter"])).unwrap_err(),
-        ["task.bins: found no bin for dime, 3 of them on the plate, allowed: a bin for every kind of part"]
+        ["task.bins: expected a bin for every kind of part, found no bin for dime, 3 of them on the plate"]
     );
-    let twice = "task.bins[1].kinds[1]: found \"penny\" a second time, allowed: each kind in one bin";
+    let twice = "task.bins[1].kinds[1]: expected each kind in one bin, found \"penny\" a second time";
     assert_eq!(sort(&mixed, &bins(&["penny"], &["dime", "penny"])).unwrap_err(), [twice]);
-    let twice = "task.bins[1].kinds[1]: found \"dime\" a second time, allowed: each kind in one bin";
+    let twice = "task.bins[1].kinds[1]: expected each kind in one bin, found \"dime\" a second time";
     assert_eq!(sort(&mixed, &bins(&["penny"], &["dime", "dime"])).unwrap_err(), [twice]);
 }
 
 #[test]
 fn paths_start_and_end_apart() {
     let one = path(&[[0.0, 0.0], [60.0, 0.0]], 8.0, 1);
-    let allowed = "allowed: 21.050 mm or more: both radii and 2.000 mm between the rims";
+    let expected = "expected 21.050 mm or more (both radii and 2.000 mm between the rims)";
     assert_eq!(
         follow(&[one.clone(), path(&[[0.0, 20.0], [60.0, 30.0]], 8.0, 1)], false).unwrap_err(),
-        [format!("task.paths[1].waypoints_mm[0]: found 20.000 mm from task.paths[0].waypoints_mm[0], {allowed}")]
+        [format!("task.paths[1].waypoints_mm[0]: {expected}, found 20.000 mm from task.paths[0].waypoints_mm[0]")]
     );
     assert_eq!(
         follow(&[one.clone(), path(&[[0.0, 30.0], [20.0, 9.0], [60.0, 12.0]], 9.0, 3)], false).unwrap_err(),
-        [format!("task.paths[1].waypoints_mm[2]: found 12.000 mm from task.paths[0].waypoints_mm[1], {allowed}")]
+        [format!("task.paths[1].waypoints_mm[2]: {expected}, found 12.000 mm from task.paths[0].waypoints_mm[1]")]
     );
     assert!(follow(&[one, path(&[[0.0, 30.0], [60.0, 12.0]], 8.0, 0)], false).is_ok(), "it never ends");
 }
@@ -186,14 +187,15 @@ fn paths_in_phase_are_equally_long_and_fast() {
     assert!(follow(&[there.clone(), beside(30.0, 5.0, 9)], false).is_ok(), "out of phase anything goes");
     assert_eq!(
         follow(&[there.clone(), beside(51.1, 8.0, 2)], true).unwrap_err(),
-        ["task.paths[1].waypoints_mm: found a lap of 202.200 mm, \
-          allowed: 200.000 mm, that of task.paths[0] (in_phase), within 1 %"]
+        [
+            "task.paths[1].waypoints_mm: expected 200.000 mm within 1 % (that of task.paths[0], in_phase), found a lap of 202.200 mm"
+        ]
     );
     assert_eq!(
         follow(&[there.clone(), beside(50.0, 8.5, 3)], true).unwrap_err(),
         [
-            "task.paths[1].speed_mm_s: found 8.5, allowed: 8, that of task.paths[0] (in_phase)",
-            "task.paths[1].repeat: found 3, allowed: 2, that of task.paths[0] (in_phase)"
+            "task.paths[1].speed_mm_s: expected 8 (that of task.paths[0], in_phase), found 8.5",
+            "task.paths[1].repeat: expected 2 (that of task.paths[0], in_phase), found 3"
         ]
     );
     // in phase they meet half-way along the first side, 10 mm apart
@@ -201,8 +203,9 @@ fn paths_in_phase_are_equally_long_and_fast() {
     assert!(follow(&[there.clone(), towards.clone()], false).is_ok(), "out of phase they may wait for each other");
     assert_eq!(
         follow(&[there, towards], true).unwrap_err(),
-        ["task.paths[1].waypoints_mm: found 10.000 mm from the part of task.paths[0] at 25.0 % of the lap, \
-          allowed: 21.050 mm or more: both radii and 2.000 mm between the rims"]
+        [
+            "task.paths[1].waypoints_mm: expected 21.050 mm or more (both radii and 2.000 mm between the rims), found 10.000 mm from the part of task.paths[0] at 25.0 % of the lap"
+        ]
     );
 }
 

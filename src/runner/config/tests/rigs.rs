@@ -117,7 +117,8 @@ fn impossible_rigs_are_faults() {
         let mut document = value_of("rigs/upm-1.json");
         set(&mut document, pointer, value);
         let faults = lines(rig(&document).unwrap_err());
-        let found = faults.iter().any(|fault| fault.starts_with(&format!("{at}: found ")) && fault.contains(allowed));
+        let found =
+            faults.iter().any(|fault| fault.starts_with(&format!("{at}: expected ")) && fault.contains(allowed));
         assert!(found, "{pointer}: {faults:?}");
     }
 }
@@ -154,7 +155,8 @@ fn synthesised_motions_are_checked_and_part_of_the_fingerprint() {
         let mut document = base.clone();
         set(&mut document, pointer, value);
         let faults = lines(rig(&document).unwrap_err());
-        let found = faults.iter().any(|fault| fault.starts_with(&format!("{at}: found ")) && fault.contains(allowed));
+        let found =
+            faults.iter().any(|fault| fault.starts_with(&format!("{at}: expected ")) && fault.contains(allowed));
         assert!(found, "{pointer}: {faults:?}");
     }
 }

@@ -60,7 +60,7 @@ fn job_with_faults_is_refused_unless_the_file_allows_them() {
     let plates = house.open(None);
     let text = TWO_COINS.replace("\"seed\"", r#""faults": [{"component": "camera", "kind": "freeze"}], "seed""#);
     let refused = plates.get("one").unwrap().validate(&text, Pace::Max, None).unwrap_err();
-    let line = "job: faults: found 1 fault, allowed: none, unless the daemon's file says \"allow_faults\": true";
+    let line = "job: faults: expected none (unless the daemon's file says \"allow_faults\": true), found 1 fault";
     assert_eq!(refused.iter().map(ToString::to_string).collect::<Vec<_>>(), [line]);
 }
 

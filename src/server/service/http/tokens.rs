@@ -59,7 +59,7 @@ impl Tokens {
     pub fn add(&mut self, name: &str, secret: &str, scope: Scope) -> Result<(), String> {
         if secret.len() < SHORTEST_TOKEN || !secret.bytes().all(|b| b.is_ascii_graphic()) {
             return Err(format!(
-                "token {name}: found {} bytes, allowed: at least {SHORTEST_TOKEN} visible ASCII characters",
+                "token {name}: expected at least {SHORTEST_TOKEN} visible ASCII characters, found {} bytes",
                 secret.len()
             ));
         }

@@ -1,0 +1,297 @@
+//! Sample output and figures in README.md and docs, held against what the program prints. Commands whose figures depend on
+//! the computer (times, speeds) are left out, and so are series of runs that take minutes.
+
+use std::fs;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use super::{root, status};
+
+/// Figures of an experiment of the lab by name.
+struct Figures(Value);
+
+impl Figures {
+    /// As `upm lab` with these arguments measures them.
+    fn of(args: &[&str]) -> Self {
+        let out = TempDir::new().unwrap();
+        let args = [&["lab", "--json", "--out", out.path().to_str().unwrap()], args].concat();
+        Self(serde_json::from_str(&status(&args, 0).0).unwrap())
+    }
+
+    /// What was measured under `name`, as a multiple of `unit`.
+    fn get(&self, name: &str, unit: f64) -> f64 {
+        let figure = self.all().find(|figure| figure["name"] == name).unwrap_or_else(|| panic!("no figure {name:?}"));
+        let value = figure["measured"].as_f64().unwrap() / unit;
+        // no -0.0
+        if value == 0.0 { 0.0 } else { value }
+    }
+
+    /// `|measured - reference|` of that figure as part of the reference.
+    fn error(&self, name: &str) -> f64 {
+        let figure = self.all().find(|figure| figure["name"] == name).unwrap_or_else(|| panic!("no figure {name:?}"));
+        figure["relative_error"].as_f64().unwrap().abs()
+    }
+
+    fn all(&self) -> impl Iterator<Item = &Value> {
+        self.0["figures"].as_array().unwrap().iter()
+    }
+
+    /// Least and largest of those whose name begins so.
+    fn range(&self, begin: &str) -> [f64; 2] {
+        let named = self.all().filter(|figure| figure["name"].as_str().unwrap().starts_with(begin));
+        let values = named.map(|figure| figure["measured"].as_f64().unwrap());
+        values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
+    }
+
+    /// Largest `|measured - reference|` over those whose name holds `part`, as part of the reference where `relative`.
+    fn largest_error(&self, part: &str, relative: bool) -> f64 {
+        let named = self.all().filter(|figure| figure["name"].as_str().unwrap().contains(part));
+        let errors = named.filter_map(|figure| {
+            let (measured, reference) = (figure["measured"].as_f64()?, figure["reference"].as_f64()?);
+            Some((measured - reference).abs() / if relative { reference } else { 1.0 })
+        });
+        errors.fold(0.0, f64::max)
+    }
+}
+
+/// A bound with so many decimals that holds `value`.
+fn at_most(value: f64, decimals: usize) -> String {
+    let scale = 10_f64.powi(decimals as i32);
+    format!("{:.decimals$}", (value * scale).ceil() / scale)
+}
+
+fn text_of(document: &str) -> String {
+    fs::read_to_string(root().join(document)).unwrap()
+}
+
+/// The document has each of these passages; all that it lacks are told.
+fn assert_says(document: &str, passages: &[String]) {
+    let text = text_of(document);
+    let lacking: Vec<&String> = passages.iter().filter(|passage| !text.contains(passage.as_str())).collect();
+    assert!(lacking.is_empty(), "{document} does not say what the program measures:\n{lacking:#?}");
+}
+
+/// `line` without the times that the computer took.
+fn timeless(line: &str) -> &str {
+    line.split_once(", run in ").map_or(line, |(before, _)| before)
+}
+
+#[test]
+fn sample_of_a_run_is_what_the_program_prints() {
+    let readme = text_of("README.md");
+    let sample = readme.split_once("```text\n").unwrap().1.split_once("```").unwrap().0;
+    let out = TempDir::new().unwrap();
+    let args = ["run", "configs/plus-sign.json", "--quiet", "--rerun", "off", "--out", out.path().to_str().unwrap()];
+    let (stdout, _) = status(&args, 0);
+    // where it goes depends on the hour
+    let printed = stdout.lines().filter(|line| !line.trim_start().starts_with("run folder "));
+    let (printed, sample): (Vec<&str>, Vec<&str>) =
+        (printed.map(timeless).collect(), sample.lines().map(timeless).collect());
+    assert_eq!(sample, printed);
+}
+
+#[test]
+fn run_of_the_strong_rig_has_the_figures_of_the_readme() {
+    let out = TempDir::new().unwrap();
+    let out = out.path().to_str().unwrap();
+    let args = ["run", "configs/plus-sign-upm-2.json", "--quiet", "--json", "--rerun", "off", "--out", out];
+    let report: Value = serde_json::from_str(&status(&args, 0).0).unwrap();
+    let [track_mm, time_s] = ["cross_track_rms_mm", "plate_time_s"].map(|key| report[key].as_f64().unwrap());
+    let row =
+        format!("| `upm-2`, plus-sign, one lap | {track_mm:.2} mm rms cross-track in {time_s:.0} s of plate time |");
+    assert_says("README.md", &[row]);
+}
+
+#[test]
+fn centres_of_rotation_have_the_figures_of_the_documents() {
+    let (steering, map) = (Figures::of(&["cor-steering"]), Figures::of(&["cor-map"]));
+    let [low, high] = steering.range("step ");
+    let inside_mm = map.get("read-out inside, rms", 1.0);
+    assert_says(
+        "README.md",
+        &[
+            format!(
+                "every centre within {:.3} in of Eq. 15, steps {low:.2} to {high:.2} in (paper: 2.48 to 3.14)",
+                steering.get("worst COR", 1.0)
+            ),
+            format!(
+                "inside {inside_mm:.2} mm rms, outside {:.1} % of distance at worst",
+                map.get("read-out outside, worst", 1.0)
+            ),
+        ],
+    );
+    let axis = |name: &str| steering.get(name, 1.0);
+    assert_says(
+        "docs/lab.md",
+        &[
+            format!("| {low:.2} to {high:.2} in | 2.48 to 3.14 in; Eq. 15: 2.67 |"),
+            format!(
+                "| the two axes | {:.2} and {:.2} in |",
+                axis("axis y: step by 256 of X1 - X2"),
+                axis("axis x: step by 256 of Y2 - Y1")
+            ),
+            format!("| ratio {:.2} | ratio 1.12 |", axis("axis y over axis x, X coils stronger")),
+            format!("| {:.3} in at most | on them |", axis("COR off the perpendiculars, largest")),
+            format!("| read-out of the centres of a calibrated library inside the plate | {inside_mm:.2} mm rms |"),
+        ],
+    );
+}
+
+#[test]
+fn read_out_of_pulses_has_the_figures_of_the_documents() {
+    let weak = Figures::of(&["waveform-fit"]);
+    let strong = Figures::of(&["waveform-fit", "--rig", "configs/rigs/upm-2.json"]);
+    let rigs = [&weak, &strong];
+    let largest = |part: &str, relative: bool| {
+        rigs.iter().map(|figures| figures.largest_error(part, relative)).fold(0.0, f64::max)
+    };
+    let wrong = weak.get("force signs wrong, of 10000", 1.0);
+    assert_says(
+        "README.md",
+        &[
+            format!(
+                "natural frequencies within {} %, damping ratios within {} of the rig file's",
+                at_most(100.0 * largest("resonance: natural", true), 1),
+                at_most(largest("resonance: damping", false), 3)
+            ),
+            format!("within {} % on every channel", at_most(100.0 * largest("FFT amplitude at", true), 1)),
+            format!("| {wrong:.0} wrong | `upm lab waveform-fit` |"),
+        ],
+    );
+    let [low, high] = ["x", "y", "spin"]
+        .map(|axis| weak.get(&format!("axis {axis}, pre-compensated: second over first"), 1.0))
+        .into_iter()
+        .fold([f64::INFINITY, 0.0], |[low, high], ratio| [low.min(ratio), high.max(ratio)]);
+    assert!(low >= 0.4995 && high < 0.5005, "docs/lab.md says 0.500 of every axis: {low} to {high}");
+    let velocity_mmps = weak.get("velocity integral off Eq. 13, largest", 1e-3);
+    assert_says(
+        "docs/lab.md",
+        &[
+            format!("| {velocity_mmps:.2} mm/s rms, of 40 mm/s |"),
+            format!("| force signs wrong, of 10,000 random drives (Eq. 14) | {wrong:.0} | 0 |"),
+        ],
+    );
+}
+
+#[test]
+fn forces_and_pulses_have_the_figures_of_the_documents() {
+    let (force, law) = (Figures::of(&["force-curve"]), Figures::of(&["pulse-law"]));
+    let weak = Figures::of(&["pulse-law", "--rig", "configs/rigs/upm-1.json"]);
+    let disc = force.range("relative deviation of a disc's ")[1];
+    let wave = force.get("deviation of the general wave's equilibrium speed, largest", 1.0);
+    assert_says(
+        "README.md",
+        &[
+            format!(
+                "| within {} %; within {} % of the closed form |",
+                at_most(100.0 * force.get("relative deviation of the mean force, largest", 1.0), 1),
+                at_most(100.0 * force.error("time to 1 - 1/e of A/2"), 2)
+            ),
+            format!("| within {} % | same |", at_most(100.0 * disc, 3)),
+        ],
+    );
+    let scale = |figures: &Figures, plate: &str| {
+        let [low, high] =
+            ["from", "up to"].map(|end| figures.get(&format!("{plate}: within 10 % of that {end} S"), 1.0));
+        (low, high, figures.get(&format!("{plate}: displacement over S², largest"), 1.0))
+    };
+    let (fast, strong, slow) = (scale(&law, "fast plate"), scale(&law, "this rig"), scale(&weak, "this rig"));
+    assert_says(
+        "docs/lab.md",
+        &[
+            format!("| {:.4} μ m g | 0.24 (closed form 0.2386) |", force.get("mean force on a part at rest, f0", 1.0)),
+            format!("| within {} of A | b sin φ |", at_most(wave, 4)),
+            format!("| {:.1} ms | the paper prints 35", force.get("initial time constant 1/k2", 1.0)),
+            format!("| {:.3} μ g |", force.get("plate acceleration A w from which this rig's part slides", 1.0)),
+            format!("| {:.3} m/s² | ½ f0 (1 + f0) μ g = 0.435 m/s² |", fast.2),
+            format!("| {:.0} to {:.0} ms, all | proportional to S² |", fast.0, fast.1),
+            format!("| {:.0} to {:.0} ms, {:.3} m/s² | |", strong.0, strong.1, strong.2),
+            format!("| {:.0} to {:.0} ms, {:.3} m/s² | speed gained must stay negligible |", slow.0, slow.1, slow.2),
+        ],
+    );
+}
+
+#[test]
+fn coins_of_the_paper_have_the_figures_of_the_lab_page() {
+    let (track, two, vision) = (Figures::of(&["race-track"]), Figures::of(&["two-parts"]), Figures::of(&["vision"]));
+    let arc = |coin: &str| track.get(&format!("{coin} coin: arc"), 1.0);
+    let reference = |name: &str| {
+        let figure = two.all().find(|figure| figure["name"] == name).unwrap();
+        figure["reference"].as_f64().unwrap()
+    };
+    let [two_looks, four, eight] = [2, 4, 8].map(|looks| reference(&format!("E of {looks} looks, strong plate")));
+    assert_says(
+        "docs/lab.md",
+        &[
+            format!("| {:.0}, {:.0}, {:.0} mm | equal in the ideal field |", arc("inner"), arc("middle"), arc("outer")),
+            format!(
+                "| {:.1}, {two_looks:.1}, {four:.1}, {eight:.1} mm | no figure printed",
+                two.get("E of 1 look, ideal field", 1.0)
+            ),
+            format!(
+                "| centres of coins in rendered pictures, easy and rough | {:.3}, {:.3} px rms |",
+                vision.get("clean: centre rms", 1.0),
+                vision.get("rough: centre rms", 1.0)
+            ),
+        ],
+    );
+}
+
+#[test]
+fn other_machines_have_the_figures_of_the_lab_page() {
+    let (feeder, topple, rock) = (Figures::of(&["feeder"]), Figures::of(&["topple"]), Figures::of(&["rock"]));
+    let force = |duty: &str| {
+        let slope = feeder.get(&format!("slope of force over rate, K, at d = {duty}, ±15 dyn"), 1.0);
+        let at_rest = feeder.get(&format!("force at rate zero, -K ν, at d = {duty}, ±15 dyn"), 1.0);
+        format!("| {slope:.3} dyn s/cm, {at_rest:.3} dyn |")
+    };
+    let ratio = "ratio of the speeds of b x b(1 + δ): coefficient of δ";
+    let peg = |name: &str| topple.get(name, 1.0);
+    let blocks = |after: &str| (peg(after) * 100.0).round();
+    let rocked = |name: &str| rock.get(name, 1.0);
+    // the last of that name, of the way to toppling
+    let strokes = rock.all().filter(|figure| figure["name"] == "stroke of the table for it");
+    let stroke_mm = strokes.last().unwrap()["measured"].as_f64().unwrap();
+    assert_says(
+        "docs/lab.md",
+        &[
+            force("0.548"),
+            force("0.586"),
+            format!("| {:.3} cm | 0.25 cm |", feeder.get("half stroke of the plate, the paper's x_max", 1.0)),
+            format!("| {:.2} cm/s with a stroke of ", feeder.get("rate of the two harmonics cos wt - ½ cos 2wt", 1.0)),
+            format!("| 1 + {:.3} δ + {:.3} δ² |", peg(ratio), peg("the same: coefficient of δ²")),
+            format!(
+                "| none fall at {:.1} mm/s, all at {:.1}; the middle {:.2} % below Eq. 2.3, band {:.1} % |",
+                peg("highest speed at which none fell"),
+                peg("lowest speed at which all fell"),
+                100.0 * topple.error("middle of these two"),
+                peg("their distance over their middle")
+            ),
+            format!(
+                "| {:.0} %, {:.0} %, {:.0} % | a cascade orients a batch |",
+                blocks("blocks 8 x 12 x 18 mm on their largest face at first"),
+                blocks("the same after ledge 1 at 443 mm/s"),
+                blocks("the same after ledge 2 at 412 mm/s")
+            ),
+            format!("| {:.0} found; ", rocked("steady orbits found, of random blocks")),
+            format!(
+                "| first peak {:.3} of the level, second {:.3}, flat after {:.2} s |",
+                rocked("start 6 % high: first peak"),
+                rocked("start 6 % high: second peak"),
+                rocked("start 6 % high: lies flat after")
+            ),
+            format!(
+                "| {:.3} rad, within 10 % of it after {:.2} s |",
+                rocked("ramped wave: start at 0.30 rad comes to"),
+                rocked("within 10 % of that after")
+            ),
+            format!(
+                "| {:.3} and {:.3} rad after the impact |",
+                rocked("20 x 22 mm, standing: peak after the impact"),
+                rocked("the same block, lying")
+            ),
+            format!("table's stroke {stroke_mm:.0} mm |"),
+        ],
+    );
+}

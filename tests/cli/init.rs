@@ -1,0 +1,153 @@
+//! The first minute: `upm init`, the list of jobs, and the examples that are written.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use super::{root, upm};
+
+/// Runs `upm` in `folder`; exit status, stdout, stderr.
+fn run_in(folder: &Path, args: &[&str]) -> (Option<i32>, String, String) {
+    let output = upm().args(args).current_dir(folder).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+/// JSON files below `folder`, as paths from `base`, sorted.
+fn json_files(base: &Path, folder: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(base.join(folder)).unwrap() {
+        let name = format!("{folder}/{}", entry.unwrap().file_name().to_str().unwrap());
+        if base.join(&name).is_dir() {
+            found.extend(json_files(base, &name));
+        } else if name.ends_with(".json") {
+            found.push(name);
+        }
+    }
+    found.sort();
+    found
+}
+
+/// `upm init` in a new folder.
+fn begun() -> TempDir {
+    let folder = TempDir::new().unwrap();
+    let (code, stdout, stderr) = run_in(folder.path(), &["init", "."]);
+    assert_eq!(code, Some(0), "{stdout}{stderr}");
+    folder
+}
+
+#[test]
+fn init_writes_every_shipped_file_and_each_is_valid_there() {
+    let folder = TempDir::new().unwrap();
+    let (code, stdout, _) = run_in(folder.path(), &["init"]);
+    assert!(code == Some(0) && stdout.contains("cd upm-jobs") && stdout.contains("upm run configs/"), "{stdout}");
+    let made = folder.path().join("upm-jobs");
+    for shipped in ["configs", "assets/libraries"] {
+        let names = json_files(&root(), shipped);
+        assert_eq!(json_files(&made, shipped), names);
+        for name in names {
+            assert_eq!(fs::read(made.join(&name)).unwrap(), fs::read(root().join(&name)).unwrap(), "{name}");
+            let (code, _, stderr) = run_in(&made, &["check", &name]);
+            assert_eq!(code, Some(0), "{name}: {stderr}");
+        }
+    }
+}
+
+#[test]
+fn changed_file_is_kept_until_force() {
+    let folder = begun();
+    let job = folder.path().join("configs/plus-sign.json");
+    fs::write(&job, "mine").unwrap();
+    fs::remove_file(folder.path().join("configs/hold-4.json")).unwrap();
+    let (code, stdout, _) = run_in(folder.path(), &["init", ".", "--json"]);
+    let said: Value = serde_json::from_str(&stdout).unwrap();
+    assert_eq!(code, Some(0));
+    assert_eq!(
+        (&said["kept"][0], &said["written"][0]),
+        (&"configs/plus-sign.json".into(), &"configs/hold-4.json".into())
+    );
+    assert_eq!(fs::read_to_string(&job).unwrap(), "mine");
+    let (_, stdout, _) = run_in(folder.path(), &["init", "."]);
+    assert!(stdout.contains("--force") && stdout.contains("configs/plus-sign.json"), "{stdout}");
+    run_in(folder.path(), &["init", ".", "--force"]);
+    assert_eq!(fs::read(&job).unwrap(), fs::read(root().join("configs/plus-sign.json")).unwrap());
+}
+
+#[test]
+fn init_where_a_file_is_in_the_way_says_which() {
+    let folder = TempDir::new().unwrap();
+    fs::write(folder.path().join("configs"), "a file").unwrap();
+    let (code, _, stderr) = run_in(folder.path(), &["init", "."]);
+    assert!(code == Some(1) && stderr.contains("cannot write ./configs") && stderr.lines().count() == 1, "{stderr}");
+}
+
+#[test]
+fn run_without_a_file_lists_the_jobs_there_are() {
+    let folder = begun();
+    fs::copy(folder.path().join("configs/ring-6.json"), folder.path().join("mine.json")).unwrap();
+    fs::write(folder.path().join("configs/broken.json"), "{\"task\": {}, \"name\": 7}").unwrap();
+    let (code, stdout, stderr) = run_in(folder.path(), &["run"]);
+    assert!(code == Some(2) && stdout.is_empty(), "{stdout}");
+    let line = |of: &str| stderr.lines().find(|line| line.contains(of)).unwrap_or_else(|| panic!("{of}: {stderr}"));
+    let row = line("configs/sort-8.json");
+    assert!(["4 penny, 4 quarter", "sort into 2 bins", "at most 600 s"].iter().all(|word| row.contains(word)), "{row}");
+    assert!(line("configs/hold-4.json").ends_with("  10 s"), "{stderr}");
+    assert!(line("configs/plus-sign-endless.json").contains("no end"), "{stderr}");
+    assert!(line("configs/broken.json").contains("faults: `upm check`"), "{stderr}");
+    assert!(line("upm run mine.json").contains("fault"), "its rig is elsewhere: {stderr}");
+    assert!(!stderr.contains("daemon.json") && !stderr.contains("simulate/"), "{stderr}");
+    let (code, stdout, _) = run_in(folder.path(), &["run", "--json"]);
+    let listed: Value = serde_json::from_str(&stdout).unwrap();
+    let jobs = listed.as_array().unwrap();
+    assert_eq!(code, Some(2));
+    let shipped = |job: &&Value| job["file"] == "configs/arrange-16.json" && job["parts"] == "16 penny";
+    assert_eq!((jobs.iter().filter(shipped).count(), jobs.len()), (1, stderr.matches("  upm run ").count()));
+}
+
+#[test]
+fn run_in_an_empty_folder_tells_of_init() {
+    let folder = TempDir::new().unwrap();
+    let (code, _, stderr) = run_in(folder.path(), &["run"]);
+    assert!(code == Some(2) && stderr.contains("`upm init`") && stderr.lines().count() == 1, "{stderr}");
+    let (_, _, stderr) = run_in(folder.path(), &["run", "configs/plus-sign.json"]);
+    assert!(stderr.contains("no such file") && stderr.contains("`upm init` writes it"), "{stderr}");
+}
+
+#[test]
+fn shipped_experiments_move_their_parts_as_they_say() {
+    let folder = begun();
+    let ends = |name: &str| {
+        let (code, stdout, stderr) = run_in(folder.path(), &["simulate", name, "--json"]);
+        assert_eq!(code, Some(0), "{stderr}");
+        let result: Value = serde_json::from_str(&stdout).unwrap();
+        let moved = |part: &Value, key: &str| {
+            let values = part[key].as_array().unwrap();
+            values.last().unwrap().as_f64().unwrap() - values[0].as_f64().unwrap()
+        };
+        let parts = result["parts"].as_array().unwrap();
+        parts.iter().map(|part| [moved(part, "x_mm"), moved(part, "y_mm")]).collect::<Vec<_>>()
+    };
+    // counter-clockwise about the centre, then clockwise about the second penny
+    let [right, top, left] = ends("configs/simulate/rotation.json")[..] else { panic!("three parts") };
+    assert!(right[1] > 1.0 && left[1] < -1.0, "{right:?} {left:?}");
+    assert!(top[0] < -1.0, "{top:?}");
+    let [left, right] = ends("configs/simulate/wave.json")[..] else { panic!("two parts") };
+    assert!(left[1] > 1.0 && right[1] > 1.0, "the translation carries both up: {left:?} {right:?}");
+}
+
+#[test]
+#[cfg(feature = "lab")]
+fn shipped_trace_is_what_the_lab_records_and_reads_back() {
+    let folder = begun();
+    let trace = "configs/traces/upm-1.json";
+    let (code, stdout, stderr) = run_in(folder.path(), &["lab", "waveform-fit", "--json", "--trace", trace]);
+    assert_eq!(code, Some(0), "{stderr}");
+    let result: Value = serde_json::from_str(&stdout).unwrap();
+    let figures = result["figures"].as_array().unwrap();
+    let measured = |name: &str| figures.iter().find(|figure| figure["name"] == name).unwrap()["measured"].as_f64();
+    let [x_mm, y_mm] = ["COR along x", "COR along y"].map(|name| measured(name).unwrap());
+    // the pulse of the lab is about (136.8, 68.1) mm
+    assert!((x_mm - 136.8).abs() < 0.5 && (y_mm - 68.1).abs() < 0.5, "{x_mm} {y_mm}");
+}

@@ -1,0 +1,92 @@
+//! Rigs from the outside: their libraries, the rig given with `--rig`, and what a camera must see.
+
+use std::fs;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use super::{root, status};
+
+/// The shipped rig `name` with its library's path made absolute, changed, in a file of its own.
+fn rig(folder: &TempDir, name: &str, change: impl FnOnce(&mut Value)) -> String {
+    let text = fs::read_to_string(root().join(format!("configs/rigs/{name}.json"))).unwrap();
+    let mut rig: Value = serde_json::from_str(&text).unwrap();
+    rig["library"] = json!(root().join(format!("assets/libraries/{name}.json")));
+    change(&mut rig);
+    let path = folder.path().join("my-rig.json");
+    fs::write(&path, rig.to_string()).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn checked_rig_is_held_against_its_library() {
+    let folder = TempDir::new().unwrap();
+    let (stdout, _) = status(&["check", &rig(&folder, "upm-1", |_| {})], 0);
+    assert!(stdout.contains("library of 337 motions"), "{stdout}");
+    let none = rig(&folder, "upm-1", |rig| drop(rig.as_object_mut().unwrap().remove("library")));
+    assert!(status(&["check", &none], 0).0.contains("no library (`upm calibrate` makes one)"));
+    let copy = rig(&folder, "upm-1", |rig| rig["name"] = json!("upm-1-copy"));
+    for args in [&["check", &copy][..], &["check", "configs/plus-sign.json", "--rig", &copy]] {
+        let (_, stderr) = status(args, 2);
+        assert!(stderr.starts_with(&format!("upm: rig {copy}: library: ")), "{stderr}");
+        assert!(stderr.contains("\"upm-1-copy\" (run `upm calibrate` for this rig), found \"upm-1\""), "{stderr}");
+        assert_eq!(stderr.lines().count(), 1, "{stderr}");
+    }
+}
+
+#[test]
+fn job_is_checked_on_the_rig_given() {
+    let says = |args: &[&str]| status(&[&["check", "configs/arrange-4.json"], args].concat(), 0).0;
+    assert!(says(&[]).contains("on upm-2,"));
+    assert!(says(&["--rig", "configs/rigs/upm-2-evening.json"]).contains("on upm-2-evening,"));
+    // targets that lie on the larger plate alone
+    let (_, stderr) = status(&["check", "configs/arrange-8.json", "--rig", "configs/rigs/upm-1.json"], 2);
+    assert!(stderr.lines().all(|line| line.contains("arrange-8.json: task.targets_mm")), "{stderr}");
+}
+
+/// The height that the fault of a rig's camera names, mm.
+fn height_mm(stderr: &str) -> f64 {
+    assert!(stderr.lines().count() == 1 && stderr.contains("camera: expected the whole plate in view"), "{stderr}");
+    let (_, said) = stderr.split_once("position_mm[2] of ").unwrap();
+    said.split_once(' ').unwrap().0.parse().unwrap()
+}
+
+#[test]
+fn camera_at_the_height_that_is_named_sees_the_whole_plate() {
+    for (name, place_mm, tilt_deg) in [
+        ("upm-1", [12.0, -24.0, 600.0], [1.5, -1.0, 2.0]),
+        ("upm-1", [60.0, 30.0, 700.0], [0.0, 0.0, 30.0]),
+        ("upm-2", [0.0, 0.0, 500.0], [-3.0, 2.0, 10.0]),
+        ("upm-2", [15.0, -35.0, 1250.0], [1.5, -0.8, 44.0]),
+    ] {
+        let folder = TempDir::new().unwrap();
+        let at = |height_mm: f64| {
+            rig(&folder, name, |rig| {
+                rig["camera"]["position_mm"] = json!([place_mm[0], place_mm[1], height_mm]);
+                rig["camera"]["tilt_deg"] = json!(tilt_deg);
+            })
+        };
+        let named_mm = height_mm(&status(&["check", &at(place_mm[2])], 2).1);
+        assert!(named_mm > place_mm[2]);
+        status(&["check", &at(named_mm)], 0);
+        assert!(height_mm(&status(&["check", &at(named_mm - 2.0)], 2).1) <= named_mm, "the least that would do");
+    }
+}
+
+#[test]
+fn rig_too_weak_to_slide_a_part_is_refused_with_the_least_force() {
+    let folder = TempDir::new().unwrap();
+    let weak = |newtons: f64| {
+        rig(&folder, "upm-1", |rig| {
+            rig["motors"]["newtons_per_count"] = json!(newtons);
+            drop(rig.as_object_mut().unwrap().remove("library"));
+        })
+    };
+    let (_, stderr) = status(&["check", &weak(0.0001)], 2);
+    let (_, said) = stderr.split_once("motors.newtons_per_count: expected ").unwrap();
+    let least: f64 = said.split_once(' ').unwrap().0.parse().unwrap();
+    // two coils of 512 counts on 0.35 kg against 0.3 g
+    assert!((least * 2.0 * 512.0 / 0.35 - 0.3 * 9.806_65).abs() < 0.01, "{stderr}");
+    status(&["check", &weak(1.001 * least)], 0);
+    status(&["check", &weak(0.99 * least)], 2);
+}
