@@ -121,7 +121,7 @@ impl Condition {
     }
 
     /// For people: the remedy, which is what they can change about the job or the rig.
-    pub(super) fn remedy(self) -> &'static str {
+    pub fn remedy(self) -> &'static str {
         match self {
             Self::StepsMeetEdge => "targets farther from the edge help",
             Self::StepsMeetParts => "more room between the targets helps, or another order of arrival",

@@ -53,7 +53,8 @@ impl Conditions {
             None => {
                 let reason = reason();
                 let text = format!("{reason}; {}", condition.remedy());
-                sink.condition(&ConditionFacts { at, condition, change: ConditionChange::Began, text: &text });
+                let change = ConditionChange::Began;
+                sink.condition(&ConditionFacts { at, condition, change, reason: &reason, text: &text });
                 self.active.push(Active { condition, reason, began_at: at, last_at: at, last_cycle: cycle, times: 1 });
             }
         }
@@ -79,7 +80,7 @@ impl Conditions {
             let cycles = if times == 1 { "cycle" } else { "cycles" };
             let text = format!("{until}: {reason} (in {times} {cycles} over {lasted_s:.1} s)");
             let change = ConditionChange::Ended { times, lasted_s };
-            sink.condition(&ConditionFacts { at, condition, change, text: &text });
+            sink.condition(&ConditionFacts { at, condition, change, reason: &reason, text: &text });
         }
     }
 }

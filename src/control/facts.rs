@@ -120,6 +120,8 @@ pub struct ConditionFacts<'a> {
     pub condition: Condition,
     /// Whether it began or ended.
     pub change: ConditionChange,
+    /// For people: the reason alone.
+    pub reason: &'a str,
     /// For people: the reason and a remedy at its begin, the reason and how often it held at its end.
     pub text: &'a str,
 }

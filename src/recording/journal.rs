@@ -171,7 +171,8 @@ mod tests {
     fn conditions_are_events_with_a_code() {
         let text = written(|journal| {
             let condition = Condition::PartSlow { part: 1 };
-            let facts = |change, text| ConditionFacts { at: PlateTime::from_secs(2.0), condition, change, text };
+            let (at, reason) = (PlateTime::from_secs(2.0), "slow");
+            let facts = |change, text| ConditionFacts { at, condition, change, reason, text };
             journal.condition(&facts(ConditionChange::Began, "slow"));
             journal.condition(&facts(ConditionChange::Ended { times: 3, lasted_s: 1.5 }, "no longer"));
         });

@@ -7,9 +7,9 @@ mod api;
 mod http;
 
 pub use api::{
-    AppParts, Asset, Desk, EStopped, Event, Feed, JOB_OVER, Job, JobsPage, JobsQuery, Opening, Order, PauseCause,
-    Picture, Plate, Plates, Promise, Recording, Refusal, Replayed, Reply, Requests, ResetRequest, StandingJob,
-    Submitted, Traffic, app, kept, promise,
+    AppParts, Asset, Checked, Desk, EStopped, Event, Feed, JOB_OVER, Job, JobsPage, JobsQuery, Layout, LayoutPart,
+    LayoutPath, Opening, Order, PauseCause, Picture, Plate, PlateCondition, Plates, Promise, Recording, Refusal,
+    Replayed, Reply, Requests, ResetRequest, StandingJob, Submitted, Traffic, app, kept, promise,
 };
 
 pub use crate::states::{JobState, PlateState, RecordingStatus, StandingState};

@@ -50,8 +50,8 @@ pub use open::Opened;
 pub use options::{Limits, RepairRecording};
 pub use run_file::{RunFileFault, open_run_file};
 pub use types::{
-    Accepted, AuditEntry, AuditRow, Cancelled, Claimed, FINISHED, JobEnd, JobPage, JobRow, Mended, NewEvent, NewJob,
-    Page, Recovery, Replay, StoreFault, StoreHealth, StoredEvent,
+    Accepted, AuditEntry, AuditRow, Cancelled, Claimed, Deleted, FINISHED, JobEnd, JobPage, JobRow, Mended, NewEvent,
+    NewJob, Page, Recovery, Replay, StoreFault, StoreHealth, StoredEvent,
 };
 
 pub use crate::states::{JobState, RecordingStatus};

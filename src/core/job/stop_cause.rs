@@ -101,14 +101,15 @@ impl StopCause {
             }
             Self::PartStuck => "check that the part lies flat and free, and clean it",
             Self::PartAstray => "check the order of the coils and of the picture's axes; calibrate again",
+            Self::DeadlineMissed | Self::LeaseExpired => {
+                "end other programs on this computer, or run fewer plates on it at a time"
+            }
             Self::Hung => "restart the program, and report it",
             Self::NoPartSeen => "check the parts, the light and the camera",
             Self::EventsBlocked | Self::JournalBlocked | Self::JournalLost => "check the disk",
             Self::GaveWay
             | Self::NoFeasibleStep
             | Self::Uncontrollable
-            | Self::DeadlineMissed
-            | Self::LeaseExpired
             | Self::Watchdog
             | Self::Stopped
             | Self::Interrupted

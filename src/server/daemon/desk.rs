@@ -5,8 +5,8 @@ use std::sync::atomic::Ordering;
 use super::state::{DaemonState, no_job};
 use super::{answers, data_watch, files, health, metrics, page, stops, submit};
 use crate::service::{
-    Asset, Caller, Desk, EStopped, Feed, Job, JobsPage, JobsQuery, Opening, Order, Picture, Plate, Promise, Reason,
-    Recording, Replayed, Reply, ResetRequest, Submitted, kept, promise,
+    Asset, Caller, Checked, Desk, EStopped, Feed, Job, JobsPage, JobsQuery, Layout, Opening, Order, Picture, Plate,
+    Promise, Reason, Recording, Replayed, Reply, ResetRequest, Submitted, kept, promise,
 };
 use crate::store::{JobId, JobRow, Page};
 use upm_core::background::WorkerPool;
@@ -75,6 +75,17 @@ impl Desk for FrontDesk {
         })
     }
 
+    fn check(&self, order: Order) -> Promise<Checked> {
+        promise(|reply| {
+            let state = Arc::clone(&self.state);
+            self.checkers.submit(move || {
+                if reply.is_awaited() {
+                    reply.send(state.examined(&order.text));
+                }
+            });
+        })
+    }
+
     fn job(&self, id: &str) -> Promise<Job> {
         promise(|reply| self.with_job(id, reply, |_, row, reply| reply.send(Ok(answers::job(&row)))))
     }
@@ -95,6 +106,10 @@ impl Desk for FrontDesk {
 
     fn cancel(&self, id: &str, caller: Caller) -> Promise<Job> {
         promise(|reply| stops::cancel(&self.state, id, &caller, reply))
+    }
+
+    fn delete(&self, id: &str, caller: Caller) -> Promise<()> {
+        promise(|reply| stops::delete(&self.state, id, &caller, reply))
     }
 
     fn plates(&self) -> Promise<crate::service::Plates> {
@@ -192,6 +207,12 @@ impl Desk for FrontDesk {
     fn frame(&self, id: &str) -> Promise<Picture> {
         promise(|reply| {
             self.with_job(id, reply, |state, row, reply| reply.send(files::picture(&state.plates, &row)));
+        })
+    }
+
+    fn layout(&self, id: &str) -> Promise<Layout> {
+        promise(|reply| {
+            self.with_job(id, reply, |state, row, reply| reply.send(files::layout(&state.plates, &row)));
         })
     }
 

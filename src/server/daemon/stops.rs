@@ -4,7 +4,7 @@ use super::answers;
 use super::state::{DaemonState, no_job};
 use crate::plates::{self, Held, Plate, ResetFault};
 use crate::service::{Caller, EStopped, Job, Refusal, Reply, ResetRequest};
-use crate::store::{Cancelled, JobId, JobState};
+use crate::store::{Cancelled, Deleted, JobId, JobState};
 
 /// Writes down an emergency stop that has been made, and sees how it went.
 pub(super) fn see_through(state: &DaemonState, name: &str, caller: &Caller) -> Result<EStopped, Refusal> {
@@ -75,6 +75,26 @@ pub(super) fn cancel(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply:
                     Refusal::Conflict(if running { "the run of the job is over".to_owned() } else { ended })
                 };
                 told.then(|| answers::job(&row)).ok_or_else(too_late)
+            }
+        });
+    });
+}
+
+/// Deletes a job that does not run, and tells those who watch it that it has ended.
+pub(super) fn delete(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply: Reply<()>) {
+    let Some(id) = JobId::parse(id) else { return reply.send(Err(no_job())) };
+    tracing::info!(job = %id, caller = caller.name, "delete");
+    let then = Arc::clone(state);
+    state.store.delete(&id, move |deleted| {
+        reply.send(match deleted {
+            Err(fault) => Err(answers::refusal(fault)),
+            Ok(Deleted::Unknown) => Err(no_job()),
+            Ok(Deleted::Not(_)) => Err(Refusal::Conflict("the job runs: cancel it first".to_owned())),
+            Ok(Deleted::Now(row, finished)) => {
+                if let (Some(plate), Some(finished)) = (then.plates.get(&row.plate), finished) {
+                    plate.announce_end(row.id, finished);
+                }
+                Ok(())
             }
         });
     });

@@ -12,7 +12,7 @@ use sha2::{Digest, Sha256};
 use super::answers;
 use super::state::DaemonState;
 use crate::plates::Plate;
-use crate::service::{Order, Refusal, Reply, Submitted};
+use crate::service::{Checked, Order, Refusal, Reply, Submitted};
 use crate::store::{Accepted, Cancelled, JobRow, NewJob, Pace, StoreFault};
 use upm_core::background::WorkerPool;
 use upm_core::time::{Clock, MonotonicClock};
@@ -192,6 +192,12 @@ fn submitted(accepted: Accepted) -> Result<Submitted, Refusal> {
     }
 }
 
+/// What is wrong with the text of a job.
+fn faulty(text: &str, faults: Vec<Fault>) -> Refusal {
+    let is_json = serde_json::from_str::<IgnoredAny>(text).is_ok();
+    if is_json { Refusal::Invalid(faults) } else { Refusal::Malformed(faults) }
+}
+
 impl DaemonState {
     /// The plate that a job asks for. One that asks for none goes to the default plate, or, when it brings a rig, to one
     /// with a rig of that name. What is no job goes to any plate: that will tell what is wrong with it.
@@ -220,11 +226,16 @@ impl DaemonState {
     fn checked(&self, plate: &Plate, asked: &Asked) -> Result<NewJob, Refusal> {
         let order = &asked.order;
         let pace = order.pace.unwrap_or(self.spec.pace);
-        let job = plate.validate(&order.text, pace, order.key.clone()).map_err(|faults| {
-            let is_json = serde_json::from_str::<IgnoredAny>(&order.text).is_ok();
-            if is_json { Refusal::Invalid(faults) } else { Refusal::Malformed(faults) }
-        })?;
+        let job = plate.validate(&order.text, pace, order.key.clone());
+        let job = job.map_err(|faults| faulty(&order.text, faults))?;
         Ok(NewJob { body_sha256: asked.sha256(), ..job })
+    }
+
+    /// A job that would be queued as it is, were there nothing against its plate. Takes milliseconds.
+    pub(super) fn examined(&self, text: &str) -> Result<Checked, Refusal> {
+        let plate = self.plate_of(text)?;
+        let (name, layout) = plate.check(text).map_err(|faults| faulty(text, faults))?;
+        Ok(Checked { name, plate: plate.name().to_owned(), layout: answers::layout(&layout) })
     }
 
     /// What keeps `plate` from taking any job.

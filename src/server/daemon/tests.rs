@@ -1,3 +1,5 @@
+mod jobs;
+
 use std::future::Future;
 use std::path::Path;
 use std::pin::pin;

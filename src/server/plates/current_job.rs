@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use parking_lot::Mutex;
 
-use super::LastObservation;
 use super::watchdog::{Deadlines, Vitals};
+use super::{JobLayout, LastObservation};
 use crate::store::JobId;
 use upm_core::job::StopCause;
 use upm_recording::{RecordingSwitch, ScribeWatch};
@@ -25,6 +25,7 @@ pub(super) struct CurrentJob {
     strict: AtomicBool,
     pub pacing: Arc<PacingStats>,
     seen: Mutex<Seen>,
+    layout: Mutex<Option<Arc<JobLayout>>>,
 }
 
 /// The present job of the plate, and the ones before and after it that matter.
@@ -59,6 +60,7 @@ impl CurrentJob {
     /// A job comes onto the plate; to end at once when it was cancelled before.
     pub fn begin(&self, job: JobId, standing: bool, recording: RecordingSwitch, journal: ScribeWatch) {
         *self.seen.lock() = Seen::default();
+        *self.layout.lock() = None;
         self.vitals.clear();
         let mut turn = self.turn.lock();
         let cause = (turn.unwanted.take() == Some(job)).then(cancelled);
@@ -66,6 +68,17 @@ impl CurrentJob {
             self.end_run.store(true, Ordering::SeqCst);
         }
         turn.running = Some(Running { job, standing, recording, journal, cause });
+    }
+
+    /// Its layout, once its text has been read.
+    pub fn lay_out(&self, layout: JobLayout) {
+        *self.layout.lock() = Some(Arc::new(layout));
+    }
+
+    /// The layout of `job`, while it is on the plate.
+    pub fn layout(&self, job: &JobId) -> Option<Arc<JobLayout>> {
+        let is_on_plate = self.running().is_some_and(|running| running.job == *job);
+        self.layout.lock().clone().filter(|_| is_on_plate)
     }
 
     /// The pace and the deadlines of its run.

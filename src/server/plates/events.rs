@@ -171,6 +171,7 @@ mod tests {
             targets_m: vec![Vec2::zeros()],
             progress: 0.5,
             phase: "a \"phase\"".into(),
+            ..LastObservation::default()
         };
         let look = EventDraft::look(&sight, Duration::from_millis(8200));
         assert!(!look.durable && look.kind == "look");

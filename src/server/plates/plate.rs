@@ -5,8 +5,8 @@ use std::time::Duration;
 use super::events::{EventSubscriber, JobEvent};
 use super::latch::Held;
 use super::shared::Shared;
-use super::validate::validated;
-use super::{Pause, Picture, PlateSnapshot, ResetFault};
+use super::validate::{laid_out, validated};
+use super::{JobLayout, Pause, Picture, PlateSnapshot, ResetFault};
 use crate::store::{AuditEntry, JobId, NewJob, Pace, StoredEvent};
 use upm_core::rig::StopTimes;
 use upm_core::time::{Clock, MonotonicClock};
@@ -195,9 +195,19 @@ impl Plate {
         Some((picture, age))
     }
 
+    /// The layout of the job, while that is on the plate.
+    pub fn layout(&self, id: &JobId) -> Option<Arc<JobLayout>> {
+        self.shared.job.layout(id)
+    }
+
     /// A job as it may be queued, or everything that is wrong with it.
     pub fn validate(&self, text: &str, pace: Pace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
         validated(&self.shared.rules, text, pace, key)
+    }
+
+    /// Name and layout of a job that may be queued, or everything that is wrong with it. Queues nothing.
+    pub fn check(&self, text: &str) -> Result<(String, JobLayout), Vec<Fault>> {
+        laid_out(&self.shared.rules, text)
     }
 
     /// Notes what was done to it: in the log at once, in the audit log as soon as the store takes it.

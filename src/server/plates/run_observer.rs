@@ -3,10 +3,14 @@ use std::time::Duration;
 use super::draw::Mark;
 use super::event_publisher::Outgoing;
 use super::events::EventDraft;
+use super::lag::Lag;
 use super::shared::Shared;
-use crate::plates::LastObservation;
+use crate::plates::{LastObservation, PlateCondition};
 use crate::store::JobId;
-use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts, Sink};
+use upm_control::{
+    Condition, ConditionChange, ConditionFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone,
+    MilestoneFacts, Sink,
+};
 use upm_core::background::{OverflowPolicy, Queue, Unsent};
 use upm_core::time::{Clock, PlateTime};
 use upm_perception::vision::{Table, Track};
@@ -25,6 +29,8 @@ pub(super) struct RunObserver<'a> {
     table: Option<Table>,
     looked_at: Option<Duration>,
     left_out: u64,
+    lag: Lag,
+    holding: Vec<Condition>,
 }
 
 impl<'a> RunObserver<'a> {
@@ -37,7 +43,18 @@ impl<'a> RunObserver<'a> {
     ) -> Self {
         let sight = LastObservation { radii_m, ..LastObservation::default() };
         let publisher = publisher.with(OverflowPolicy::GiveUp);
-        Self { shared, clock, publisher, job, sight, table: None, looked_at: None, left_out: 0 }
+        Self {
+            shared,
+            clock,
+            publisher,
+            job,
+            sight,
+            table: None,
+            looked_at: None,
+            left_out: 0,
+            lag: Lag::default(),
+            holding: Vec::new(),
+        }
     }
 
     fn tell(&mut self, news: EventDraft) {
@@ -56,6 +73,7 @@ impl<'a> RunObserver<'a> {
     }
 
     fn show(&mut self, now: Duration) {
+        self.sight.is_late = self.lag.grows(now, self.shared.job.pacing.behind());
         self.shared.job.saw(&self.sight, now);
         if self.looked_at.is_none_or(|before| now >= before + LOOKS_APART) {
             self.looked_at = Some(now);
@@ -114,6 +132,20 @@ impl Sink for RunObserver<'_> {
         if level != EventLevel::Info {
             self.tell(EventDraft::warning(at, level, text));
         }
+    }
+
+    fn condition(&mut self, facts: &ConditionFacts<'_>) {
+        let ConditionFacts { condition, reason, .. } = *facts;
+        if let Some(known) = self.holding.iter().position(|held| *held == condition) {
+            self.holding.remove(known);
+            self.sight.conditions.remove(known);
+        }
+        if facts.change == ConditionChange::Began {
+            let (code, remedy) = (condition.code(), condition.remedy().to_owned());
+            self.holding.push(condition);
+            self.sight.conditions.push(PlateCondition { code, reason: reason.to_owned(), remedy });
+        }
+        self.event(facts.at, EventLevel::Warning, facts.text);
     }
 
     fn milestone(&mut self, facts: &MilestoneFacts<'_>) {

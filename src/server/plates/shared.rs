@@ -10,7 +10,7 @@ use super::events::Subscribers;
 use super::frames::Window;
 use super::standing::Standing;
 use super::validate::JobRules;
-use super::{Pause, PlateSnapshot, PlateState};
+use super::{LayoutPart, Pause, PlateSnapshot, PlateState};
 use crate::store::{JobId, Ledger};
 use upm_core::job::StopCause;
 use upm_core::rig::Trip;
@@ -96,6 +96,7 @@ impl Shared {
         PlateSnapshot {
             name: self.name.clone(),
             side_m: self.rules.rig.model.plate_side_m,
+            kinds: self.rules.rig.kinds.iter().map(LayoutPart::of).collect(),
             state,
             why,
             pause,

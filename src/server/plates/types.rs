@@ -1,5 +1,6 @@
 use std::time::Duration;
 
+use super::LayoutPart;
 use crate::states::{PlateState, StandingState};
 use crate::store::{JobId, StoreFault};
 use upm_core::geometry::Vec2;
@@ -34,6 +35,17 @@ impl Pause {
     }
 }
 
+/// A state of the run on a plate that lasts, and that an operator should know of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PlateCondition {
+    /// A name for programs that never changes.
+    pub code: &'static str,
+    /// The condition in words.
+    pub reason: String,
+    /// What to check or change.
+    pub remedy: String,
+}
+
 /// The newest that is known of the parts on a plate.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LastObservation {
@@ -49,6 +61,10 @@ pub struct LastObservation {
     pub progress: f64,
     /// What is being done, in words.
     pub phase: String,
+    /// What holds at present that an operator should know of, the oldest first.
+    pub conditions: Vec<PlateCondition>,
+    /// True while plate time falls behind the clock: this computer is too slow.
+    pub is_late: bool,
 }
 
 /// A standing job at one moment.
@@ -69,6 +85,8 @@ pub struct PlateSnapshot {
     pub name: String,
     /// Side of the square plate, m.
     pub side_m: f64,
+    /// The kinds of parts that its rig knows.
+    pub kinds: Vec<LayoutPart>,
     /// What it is doing.
     pub state: PlateState,
     /// Why it does nothing; empty when it does something or could.

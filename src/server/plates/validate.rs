@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use sha2::{Digest, Sha256};
 
-use super::PlateSetup;
+use super::{JobLayout, PlateSetup};
 use crate::store::{NewJob, Pace};
 use upm_library::Library;
 use upm_runner::config::{Fault, JobSpec, LibraryRef, Origin, Path, RigSpec};
@@ -52,17 +52,7 @@ fn sha256_hex(library: &Library) -> String {
 
 /// The job of a request, checked as a whole: its text, the library it is to run with and whether its parts find room.
 pub(super) fn validated(rules: &JobRules, text: &str, pace: Pace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
-    let job = JobSpec::from_json(text, &Origin::of_request(REQUEST), Some(&rules.rig))?;
-    if !rules.allow_faults && !job.faults.is_empty() {
-        let count = job.faults.len();
-        let found = format!("{count} fault{}", if count == 1 { "" } else { "s" });
-        let allowed = "none (unless the daemon's file says \"allow_faults\": true)";
-        return Err(vec![Fault::new(REQUEST, Path::root().key("faults"), found, allowed)]);
-    }
-    let library = fitting_library(&job, &rules.library)?;
-    if !rules.allow_inline_libraries {
-        agreeing(&job, &library, &rules.library).map_err(|fault| vec![fault])?;
-    }
+    let (job, library) = checked(rules, text)?;
     Ok(NewJob {
         name: job.name.clone(),
         plate: rules.plate.clone(),
@@ -74,6 +64,27 @@ pub(super) fn validated(rules: &JobRules, text: &str, pace: Pace, key: Option<St
         body_sha256: Sha256::digest(text.as_bytes()).into(),
         key,
     })
+}
+
+/// Name and layout of the job of a request that [`validated`] would take.
+pub(super) fn laid_out(rules: &JobRules, text: &str) -> Result<(String, JobLayout), Vec<Fault>> {
+    let (job, _) = checked(rules, text)?;
+    Ok((job.name.clone(), JobLayout::of(&job)))
+}
+
+fn checked(rules: &JobRules, text: &str) -> Result<(JobSpec, Arc<Library>), Vec<Fault>> {
+    let job = JobSpec::from_json(text, &Origin::of_request(REQUEST), Some(&rules.rig))?;
+    if !rules.allow_faults && !job.faults.is_empty() {
+        let count = job.faults.len();
+        let found = format!("{count} fault{}", if count == 1 { "" } else { "s" });
+        let allowed = "none (unless the daemon's file says \"allow_faults\": true)";
+        return Err(vec![Fault::new(REQUEST, Path::root().key("faults"), found, allowed)]);
+    }
+    let library = fitting_library(&job, &rules.library)?;
+    if !rules.allow_inline_libraries {
+        agreeing(&job, &library, &rules.library).map_err(|fault| vec![fault])?;
+    }
+    Ok((job, library))
 }
 
 /// The library of `job` on a plate whose own is `of_plate`, checked together with the places of the parts.

@@ -7,7 +7,6 @@ use std::sync::mpsc::sync_channel;
 use std::thread;
 use std::time::Duration;
 
-use super::Pause;
 use super::disk::{Disk, Rates};
 use super::event_publisher::Outgoing;
 use super::events::{EventDraft, JobEvent};
@@ -15,6 +14,7 @@ use super::run_observer::RunObserver;
 use super::shared::Shared;
 use super::standing::Standing;
 use super::validate::library_for;
+use super::{JobLayout, Pause};
 use crate::store::{Claimed, JobEnd, JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault, StoredEvent};
 use upm_control::EventLevel;
 use upm_core::background::{OverflowPolicy, Queue};
@@ -162,6 +162,7 @@ impl Worker {
         if row.rig_fingerprint != shared.rules.rig.fingerprint {
             return Err(vec!["the plate has another rig than when the job was accepted".to_owned()]);
         }
+        shared.job.lay_out(JobLayout::of(&job));
         let library = library_for(&job, &shared.rules.library).map_err(lines)?;
         let folder = RunFolder::reopen(folder).ok_or_else(|| vec!["its run folder is gone".to_owned()])?;
         if folder.state() != FolderState::default() {

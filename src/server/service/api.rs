@@ -11,6 +11,7 @@ mod events;
 mod feed;
 mod files;
 mod jobs;
+mod layout;
 mod openapi;
 mod operation;
 mod plates;
@@ -28,9 +29,10 @@ use request::Api;
 pub use desk::{Asset, Desk, Order, Picture, Promise, Recording, Refusal, Reply, Submitted, kept, promise};
 pub use events::JOB_OVER;
 pub use feed::{Event, Feed, Opening, Replayed};
+pub use layout::{Checked, Layout, LayoutPart, LayoutPath};
 pub use query::JobsQuery;
 pub use traffic::{Requests, Traffic};
-pub use types::{EStopped, Job, JobsPage, PauseCause, Plate, Plates, ResetRequest, StandingJob};
+pub use types::{EStopped, Job, JobsPage, PauseCause, Plate, PlateCondition, Plates, ResetRequest, StandingJob};
 
 /// Parts of the API.
 pub struct AppParts {

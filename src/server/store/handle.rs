@@ -13,8 +13,8 @@ use super::retention::{Retention, StartLock};
 use super::write_queue::{WriteQueue, task};
 use super::write_tx::WriteTx;
 use super::{
-    Accepted, AuditEntry, Cancelled, Claimed, Displaced, HeldPath, JobEnd, JobId, JobPage, JobRow, JobState, Ledger,
-    MakeFolder, NewEvent, NewJob, Page, Publish, Replay, StoreFault, StoreHealth, StoredEvent, history, jobs,
+    Accepted, AuditEntry, Cancelled, Claimed, Deleted, Displaced, HeldPath, JobEnd, JobId, JobPage, JobRow, JobState,
+    Ledger, MakeFolder, NewEvent, NewJob, Page, Publish, Replay, StoreFault, StoreHealth, StoredEvent, history, jobs,
 };
 use upm_core::files::sync_folder;
 
@@ -60,6 +60,18 @@ impl Store {
     pub fn cancel_queued(&self, id: &JobId, done: impl FnOnce(Result<Cancelled, StoreFault>) + Send + 'static) {
         let id = *id;
         self.queue.write(task(true, move |tx: &WriteTx<'_>| tx.cancel_queued(&id), done));
+    }
+
+    /// Deletes a job that does not run; its run folder is removed soon after.
+    pub fn delete(&self, id: &JobId, done: impl FnOnce(Result<Deleted, StoreFault>) + Send + 'static) {
+        let (id, discards) = (*id, self.retention.discards());
+        let deleted = move |outcome: Result<Deleted, StoreFault>| {
+            if let Ok(Deleted::Now(row, _)) = &outcome {
+                row.folder.iter().for_each(|folder| discards.add(folder));
+            }
+            done(outcome);
+        };
+        self.queue.write(task(true, move |tx: &WriteTx<'_>| tx.delete(&id), deleted));
     }
 
     pub fn job(&self, id: &JobId, done: impl FnOnce(Result<Option<JobRow>, StoreFault>) + Send + 'static) {

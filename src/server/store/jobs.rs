@@ -2,7 +2,9 @@ use rusqlite::{Connection, OptionalExtension, params};
 
 use super::columns::{JOB, Micros, job_of, rows, sql_limit};
 use super::write_tx::WriteTx;
-use super::{Accepted, Cancelled, Claimed, JobEnd, JobId, JobPage, JobRow, JobState, NewJob, Page, StoredEvent};
+use super::{
+    Accepted, Cancelled, Claimed, Deleted, JobEnd, JobId, JobPage, JobRow, JobState, NewJob, Page, StoredEvent,
+};
 
 /// Ended runs of standing jobs except the newest of each plate.
 const SURPLUS_STANDING: &str = "
@@ -64,7 +66,12 @@ impl WriteTx<'_> {
         let known =
             self.connection.query_row(sql, params![key, oldest], |row| Ok((row.get::<_, [u8; 32]>(0)?, row.get(1)?)));
         let seen = |(body, id)| if body == job.body_sha256 { Seen::Same(id) } else { Seen::Other };
-        Ok(known.optional()?.map(seen))
+        if let Some(known) = known.optional()? {
+            return Ok(Some(seen(known)));
+        }
+        let sql = "SELECT EXISTS (SELECT 1 FROM spent_keys WHERE key = ?1 AND uptime >= ?2)";
+        let is_spent = self.connection.query_row(sql, params![key, oldest], |row| row.get::<_, bool>(0))?;
+        Ok(is_spent.then_some(Seen::Other))
     }
 
     /// Remembers a key, in place of one that came too long ago.
@@ -76,7 +83,8 @@ impl WriteTx<'_> {
     /// Forgets keys that came too long ago.
     pub fn forget_keys(&self) -> rusqlite::Result<()> {
         let oldest = self.ages.cutoff(self.limits.keys_kept);
-        self.connection.execute("DELETE FROM keys WHERE uptime < ?1", [oldest]).map(|_| ())
+        self.connection.execute("DELETE FROM keys WHERE uptime < ?1", [oldest])?;
+        self.connection.execute("DELETE FROM spent_keys WHERE uptime < ?1", [oldest]).map(|_| ())
     }
 
     fn queued(&self, plate: &str) -> rusqlite::Result<usize> {
@@ -160,6 +168,19 @@ impl WriteTx<'_> {
             (Some(row), Some(told)) => Cancelled::Now(row, told),
             (Some(row), None) => Cancelled::Not(row),
         })
+    }
+
+    /// Deletes a job that does not run, with its events. Its key stays spent: the same request sent again is not run again.
+    pub fn delete(&self, id: &JobId) -> rusqlite::Result<Deleted> {
+        let told = self.end(id, JobState::Queued, &JobEnd::before_it_began())?;
+        let Some(row) = self.find(id)? else { return Ok(Deleted::Unknown) };
+        if row.state == JobState::Running {
+            return Ok(Deleted::Not(row));
+        }
+        let sql = "INSERT OR REPLACE INTO spent_keys (key, uptime) SELECT key, uptime FROM keys WHERE job = ?1";
+        self.connection.execute(sql, [id])?;
+        self.connection.execute("DELETE FROM jobs WHERE id = ?1", [id])?;
+        Ok(Deleted::Now(row, told))
     }
 
     /// Deletes the text of an ended job when its run folder has a copy, and when the job never began. Otherwise the text

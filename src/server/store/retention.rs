@@ -8,7 +8,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-use parking_lot::RwLock;
+use parking_lot::{Mutex, RwLock};
 
 use jiff::Timestamp;
 
@@ -37,10 +37,29 @@ pub(super) struct Swept {
 /// Gets the report of a sweep; `None` when no caller waits for one.
 type Asked = Option<SyncSender<Result<Swept, StoreFault>>>;
 
+/// Names of run folders whose jobs were deleted.
+type Discarded = Arc<Mutex<Vec<String>>>;
+
+/// Has run folders removed whose jobs were deleted.
+#[derive(Clone, Debug)]
+pub(super) struct Discards {
+    asked: SyncSender<Asked>,
+    discarded: Discarded,
+}
+
+impl Discards {
+    /// Has the run folder of that name removed.
+    pub fn add(&self, folder: &str) {
+        self.discarded.lock().push(folder.to_owned());
+        let _ = self.asked.try_send(None);
+    }
+}
+
 /// The thread that deletes run folders. It ends with the store.
 #[derive(Debug)]
 pub(super) struct Retention {
     asked: SyncSender<Asked>,
+    discarded: Discarded,
     /// Bytes of run folders when they were counted last; `u64::MAX` before.
     bytes: Arc<AtomicU64>,
 }
@@ -48,17 +67,22 @@ pub(super) struct Retention {
 impl Retention {
     pub fn start(sweeper: Sweeper) -> io::Result<Self> {
         let (sender, asked) = sync_channel(1);
-        let bytes = Arc::clone(&sweeper.bytes);
+        let (bytes, discarded) = (Arc::clone(&sweeper.bytes), Arc::clone(&sweeper.discarded));
         thread::Builder::new().name("store-sweep".into()).spawn(move || {
             step_back();
             sweeper.run(&asked);
         })?;
-        Ok(Self { asked: sender, bytes })
+        Ok(Self { asked: sender, discarded, bytes })
     }
 
     /// Asks for a sweep; one that is asked for already will do.
     pub fn notify(&self) {
         let _ = self.asked.try_send(None);
+    }
+
+    /// Takes the run folders of deleted jobs.
+    pub fn discards(&self) -> Discards {
+        Discards { asked: self.asked.clone(), discarded: Arc::clone(&self.discarded) }
     }
 
     /// Bytes of run folders when they were counted last.
@@ -92,6 +116,13 @@ struct RunFolder {
     bytes: u64,
 }
 
+impl RunFolder {
+    /// One that goes whatever its age and size.
+    fn at_once(name: String, job: Option<JobId>) -> Self {
+        Self { name, job, ended: Ended { uptime: Uptime::MIN, at: Timestamp::MIN }, bytes: 0 }
+    }
+}
+
 /// Deletes run folders that are too old or too many.
 #[derive(Debug)]
 pub(super) struct Sweeper {
@@ -100,6 +131,7 @@ pub(super) struct Sweeper {
     ages: Arc<AgeClock>,
     queue: WriteQueue,
     start_lock: StartLock,
+    discarded: Discarded,
     /// Uptime at which each folder without a job was first seen since the start.
     orphans: BTreeMap<String, Uptime>,
     /// Sizes of the folders of jobs that have ended.
@@ -110,8 +142,8 @@ pub(super) struct Sweeper {
 impl Sweeper {
     pub fn new(dir: DataDir, limits: Limits, ages: Arc<AgeClock>, queue: WriteQueue, start_lock: StartLock) -> Self {
         let bytes = Arc::new(AtomicU64::new(u64::MAX));
-        let (orphans, sizes) = (BTreeMap::new(), BTreeMap::new());
-        Self { dir, limits, ages, queue, start_lock, orphans, sizes, bytes }
+        let (orphans, sizes, discarded) = (BTreeMap::new(), BTreeMap::new(), Discarded::default());
+        Self { dir, limits, ages, queue, start_lock, discarded, orphans, sizes, bytes }
     }
 
     fn run(mut self, asked: &Receiver<Asked>) {
@@ -142,6 +174,7 @@ impl Sweeper {
     /// A folder that cannot be deleted is in no other's way.
     fn delete_folders(&mut self) -> Result<Swept, StoreFault> {
         let (mut deleted, mut faults) = (Vec::new(), Vec::new());
+        self.delete_discarded(&mut deleted, &mut faults)?;
         self.delete_standing(&mut deleted, &mut faults)?;
         let (folders, mut bytes) = self.folders()?;
         let oldest = self.ages.ages().cutoff(self.limits.runs_age);
@@ -161,17 +194,23 @@ impl Sweeper {
         Ok(Swept { deleted, bytes })
     }
 
+    /// Removes the run folders of deleted jobs. One that stays is without a job, and removed with age.
+    fn delete_discarded(&mut self, deleted: &mut Vec<String>, faults: &mut Vec<String>) -> Result<(), StoreFault> {
+        let discarded = std::mem::take(&mut *self.discarded.lock());
+        for name in discarded {
+            if self.delete(&RunFolder::at_once(name.clone(), None), faults)? {
+                deleted.push(name);
+            }
+        }
+        Ok(())
+    }
+
     /// Deletes and forgets runs of standing jobs beyond those that are remembered: a plate that is never idle would fill
     /// the disk, and push the runs of other jobs out.
     fn delete_standing(&mut self, deleted: &mut Vec<String>, faults: &mut Vec<String>) -> Result<(), StoreFault> {
         for (id, folder) in self.queue.written(true, |tx| tx.surplus_standing())? {
             if let Some(name) = folder {
-                let kept = RunFolder {
-                    name,
-                    job: Some(id),
-                    ended: Ended { uptime: Uptime::MIN, at: Timestamp::MIN },
-                    bytes: 0,
-                };
+                let kept = RunFolder::at_once(name, Some(id));
                 if !self.delete(&kept, faults)? {
                     continue;
                 }

@@ -14,7 +14,7 @@ pub(super) const APPLICATION_ID: i32 = 0x7570_6d31;
 pub(super) const OLDEST: i32 = 1;
 
 /// The change from each version to the next, beginning at [`OLDEST`].
-pub(super) const MIGRATIONS: &[&str] = &[STANDING, UPTIME];
+pub(super) const MIGRATIONS: &[&str] = &[STANDING, UPTIME, SPENT_KEYS];
 
 /// Version of the tables that this release makes and uses.
 pub(super) const VERSION: i32 = OLDEST + MIGRATIONS.len() as i32;
@@ -33,6 +33,11 @@ DROP INDEX keys_by_age;
 CREATE INDEX keys_by_uptime ON keys (uptime);
 CREATE TABLE clock (only INTEGER PRIMARY KEY CHECK (only = 1), uptime INTEGER NOT NULL) STRICT;
 INSERT INTO clock VALUES (1, 0);
+";
+
+/// From version 3 to 4: idempotency keys of deleted jobs, so that a request sent again is not run again.
+const SPENT_KEYS: &str = "
+CREATE TABLE spent_keys (key TEXT NOT NULL PRIMARY KEY, uptime INTEGER NOT NULL) STRICT, WITHOUT ROWID;
 ";
 
 /// Tables of version 1 without those of [`STATE`]; the migrations are applied to them.

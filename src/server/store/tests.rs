@@ -1,5 +1,6 @@
 mod crashes;
 mod damage;
+mod deletion;
 mod events;
 mod forgotten;
 mod full_disk;

@@ -211,6 +211,16 @@ pub enum Cancelled {
     Unknown,
 }
 
+/// Outcome of deleting a job.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Deleted {
+    /// The store has no trace of it but its key. The event that ended it, when it was queued.
+    Now(JobRow, Option<StoredEvent>),
+    /// It runs, and stays.
+    Not(JobRow),
+    Unknown,
+}
+
 /// Which jobs to list: newest first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Page {

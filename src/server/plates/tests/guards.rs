@@ -90,3 +90,30 @@ fn an_end_by_a_guard_stops_the_plate_for_a_person_to_look() {
     assert!(plate.resume(who("ann")));
     next(&told, "finished");
 }
+
+#[test]
+fn condition_of_the_run_is_shown_while_it_holds_with_a_remedy() {
+    let house = House { allow_faults: true, ..House::new() };
+    let plates = house.open(None);
+    let plate = plates.get("one").unwrap();
+    let told = listen(plate);
+    let fault = r#""faults": [{"component": "camera", "kind": "dark", "from_s": 0.5, "to_s": 2.0}], "seed""#;
+    house.submit(plate, &HOLD.replace("\"seed\"", fault), Pace::RealTime);
+    next(&told, "look");
+    let shown = || plate.snapshot().sight.conditions;
+    assert_eq!(shown(), [], "all is well at first");
+    let began = next(&told, "warning");
+    let held = loop {
+        next(&told, "look");
+        if let [held] = &shown()[..] {
+            break held.clone();
+        }
+    };
+    assert_eq!(held.code, "camera_dark");
+    assert_eq!(began["text"], format!("{}; {}", held.reason, held.remedy));
+    assert!(next(&told, "warning")["text"].as_str().unwrap().starts_with("no longer"));
+    next(&told, "look");
+    next(&told, "look");
+    assert_eq!(shown(), [], "and again in the end");
+    plates.shutdown(LONG);
+}

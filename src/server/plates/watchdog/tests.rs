@@ -35,10 +35,8 @@ fn first_found(
 
 /// What is found of a run that is too slow for strict deadlines.
 fn slow(at_ms: u64, what: &str) -> Option<(u64, ExternalStop)> {
-    let reason = format!(
-        "{what}; this computer was too busy: `--pace max` would do, or `\"deadlines\": \"relaxed\"` in the job"
-    );
-    Some((at_ms, ExternalStop { cause: StopCause::DeadlineMissed, reason }))
+    let advice = "this computer was too busy: `--pace max` would do, or `\"deadlines\": \"relaxed\"` in the job";
+    fault(at_ms, StopCause::DeadlineMissed, &format!("{what}; {advice}"))
 }
 
 /// What is found of a run that has another fault.
@@ -73,7 +71,8 @@ fn frames_that_stay_away_are_told() {
     let (found_ms, ExternalStop { cause, reason }) = found.unwrap();
     assert_eq!((found_ms, cause), (7010, StopCause::DeadlineMissed), "as fast as the machine works");
     let would_do = "this computer was too busy: `\"deadlines\": \"relaxed\"` in the job would do";
-    assert_eq!(reason, format!("no frame came for 5.0 s; {would_do}"));
+    let remedy = StopCause::DeadlineMissed.remedy().unwrap();
+    assert_eq!(reason, format!("no frame came for 5.0 s; {would_do}; {remedy}"));
 }
 
 #[test]

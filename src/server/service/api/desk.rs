@@ -7,6 +7,7 @@ use bytes::Bytes;
 use tokio::sync::oneshot;
 
 use super::feed::{Feed, Opening, Replayed};
+use super::layout::{Checked, Layout};
 use super::query::JobsQuery;
 use super::types::{EStopped, Job, JobsPage, Plate, Plates, ResetRequest};
 use crate::service::http::{Caller, Problem, ProblemKind, Reason};
@@ -24,6 +25,9 @@ pub trait Desk: Send + Sync {
     /// Checks a job and queues it. The promise is kept once the job is on the disk.
     fn submit(&self, order: Order) -> Promise<Submitted>;
 
+    /// Checks a job as if it were to be queued. Queues nothing.
+    fn check(&self, order: Order) -> Promise<Checked>;
+
     /// A job.
     fn job(&self, id: &str) -> Promise<Job>;
 
@@ -32,6 +36,9 @@ pub trait Desk: Send + Sync {
 
     /// Takes a job out of the queue, or has its plate stop it.
     fn cancel(&self, id: &str, caller: Caller) -> Promise<Job>;
+
+    /// Deletes a job that does not run, with its events and its run folder.
+    fn delete(&self, id: &str, caller: Caller) -> Promise<()>;
 
     /// All plates, with their queues counted now. The promise may wait for the store.
     fn plates(&self) -> Promise<Plates>;
@@ -65,6 +72,9 @@ pub trait Desk: Send + Sync {
 
     /// The latest picture of the job; [`Refusal::Busy`] while no recent one is ready.
     fn frame(&self, id: &str) -> Promise<Picture>;
+
+    /// The layout of the job, while it is on its plate; [`Refusal::Busy`] while its text is being read.
+    fn layout(&self, id: &str) -> Promise<Layout>;
 
     /// The job's recording, opened for reading.
     fn recording(&self, id: &str) -> Promise<Recording>;
@@ -135,7 +145,7 @@ pub enum Refusal {
     Malformed(Vec<Fault>),
     /// The body is not a valid job: 422.
     Invalid(Vec<Fault>),
-    /// The idempotency key came before with another body: 422.
+    /// The idempotency key came before, with another body or for a job that was deleted: 422.
     KeyReused,
     /// The state of plate or job does not allow it: 409.
     Conflict(String),
@@ -176,7 +186,10 @@ impl From<Refusal> for Problem {
             Refusal::Unknown(what) => Self::new(ProblemKind::NotFound, what),
             Refusal::Malformed(faults) => Self::new(ProblemKind::Malformed, counted(&faults)).with_faults(faults),
             Refusal::Invalid(faults) => Self::new(ProblemKind::Invalid, counted(&faults)).with_faults(faults),
-            Refusal::KeyReused => Self::new(ProblemKind::Invalid, "the Idempotency-Key came before with another body"),
+            Refusal::KeyReused => Self::new(
+                ProblemKind::Invalid,
+                "the Idempotency-Key came before with another body, or its job was deleted",
+            ),
             Refusal::Conflict(why) => Self::new(ProblemKind::Conflict, why),
             Refusal::QueueFull { queued, retry_after_s } => {
                 Self::new(ProblemKind::QueueFull, format!("{queued} jobs wait for this plate"))

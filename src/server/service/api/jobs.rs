@@ -20,6 +20,11 @@ pub(super) async fn submit(call: Call) -> Result<Response, Problem> {
     Ok((StatusCode::CREATED, location, replayed, Json(submitted.job)).into_response())
 }
 
+pub(super) async fn check(call: Call) -> Result<Response, Problem> {
+    let order = Order { text: call.text()?.to_owned(), pace: None, key: None, caller: call.caller };
+    Ok(Json(call.desk.check(order).await?).into_response())
+}
+
 pub(super) async fn list(call: Call) -> Result<Response, Problem> {
     Ok(Json(call.desk.jobs(JobsQuery::of(&call.query)?).await?).into_response())
 }
@@ -28,8 +33,17 @@ pub(super) async fn show(call: Call) -> Result<Response, Problem> {
     Ok(Json(call.desk.job(call.job_id()?).await?).into_response())
 }
 
+pub(super) async fn layout(call: Call) -> Result<Response, Problem> {
+    Ok(Json(call.desk.layout(call.job_id()?).await?).into_response())
+}
+
 pub(super) async fn cancel(call: Call) -> Result<Response, Problem> {
     Ok(Json(call.desk.cancel(call.job_id()?, call.caller.clone()).await?).into_response())
+}
+
+pub(super) async fn delete(call: Call) -> Result<Response, Problem> {
+    call.desk.delete(call.job_id()?, call.caller.clone()).await?;
+    Ok(StatusCode::NO_CONTENT.into_response())
 }
 
 fn key_of(headers: &HeaderMap) -> Result<Option<String>, Problem> {

@@ -1,5 +1,6 @@
 use serde_json::json;
 
+use super::layout::{Checked, Layout};
 use super::operation::{Answer, Content, Handler, Method, Operation, Param, ParamIn, schema_of};
 use super::types::{EStopped, Job, JobsPage, Plate, Plates, ResetRequest, Well};
 use super::{events, files, jobs, plates};
@@ -16,6 +17,10 @@ pub(super) fn operations() -> Vec<Operation> {
 fn job_operations() -> Vec<Operation> {
     const JOBS: &[Answer] = &[answer(200, "A page of jobs.", Content::Json(schema_of::<JobsPage>))];
     const JOB: &[Answer] = &[answer(200, "The job.", Content::Json(schema_of::<Job>))];
+    const LAYOUT: &[Answer] = &[answer(200, "The layout.", Content::Json(schema_of::<Layout>))];
+    const CHECKED: &[Answer] = &[answer(200, "It may be queued.", Content::Json(schema_of::<Checked>))];
+    const DELETED: &[Answer] = &[answer(204, "The job is deleted.", Content::Nothing)];
+    let layout = "Parts, targets, bins and paths of a job that is on its plate";
     vec![
         Operation {
             params: SUBMIT_PARAMS,
@@ -28,11 +33,22 @@ fn job_operations() -> Vec<Operation> {
             ],
             ..post("submit", "/v1/jobs", "Queue a job", SUBMIT_ANSWERS, jobs::submit)
         },
+        Operation {
+            body: Some(schema_of::<RawJob>),
+            problems: &[ProblemKind::Invalid],
+            ..post("check", "/v1/check", "Check a job without queueing it", CHECKED, jobs::check)
+        },
         Operation { params: LIST_PARAMS, ..get("jobs", "/v1/jobs", "List jobs, newest first", JOBS, jobs::list) },
         get("job", "/v1/jobs/{id}", "A job and its report", JOB, jobs::show),
+        get("layout", "/v1/jobs/{id}/layout", layout, LAYOUT, jobs::layout),
         Operation {
             problems: &[ProblemKind::Conflict, ProblemKind::InsufficientStorage],
             ..post("cancel", "/v1/jobs/{id}/cancel", "Take a job out of the queue, or stop it", JOB, jobs::cancel)
+        },
+        Operation {
+            method: Method::Delete,
+            problems: &[ProblemKind::Conflict, ProblemKind::InsufficientStorage],
+            ..post("delete", "/v1/jobs/{id}", "Delete a queued or ended job and its run folder", DELETED, jobs::delete)
         },
     ]
 }

@@ -2,6 +2,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use super::layout::LayoutPart;
 use crate::states::{JobState, PlateState, RecordingStatus, StandingState};
 use upm_core::job::Pace;
 
@@ -74,6 +75,17 @@ pub struct PauseCause {
     pub remedy: String,
 }
 
+/// A state of the run on a plate that lasts, and that an operator should know of.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct PlateCondition {
+    /// A name for programs: the code of a condition of the run, or `computer_busy` while plate time falls behind the clock.
+    pub code: String,
+    /// The condition in words.
+    pub reason: String,
+    /// What to check or change.
+    pub remedy: String,
+}
+
 /// A plate at one moment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Plate {
@@ -86,6 +98,9 @@ pub struct Plate {
     /// The cause of its pause; null unless it is paused.
     #[serde(default)]
     pub pause: Option<PauseCause>,
+    /// What holds in the run on it that an operator should know of.
+    #[serde(default)]
+    pub conditions: Vec<PlateCondition>,
     /// Id of the job it has.
     pub job: Option<String>,
     /// The job that runs whenever its queue is empty; null when it has none.
@@ -98,6 +113,9 @@ pub struct Plate {
     pub age_s: Option<f64>,
     /// Side of the square plate, mm. Its centre is the origin of all places.
     pub side_mm: f64,
+    /// The kinds of parts that its rig knows.
+    #[serde(default)]
+    pub kinds: Vec<LayoutPart>,
     /// Where each part is, mm.
     pub positions_mm: Vec<[f64; 2]>,
     /// Radius of each part, mm.
@@ -113,6 +131,9 @@ pub struct Plate {
     pub deadline_misses: u64,
     /// How far plate time fell behind the clock in the present or last run, s: this computer was too slow.
     pub behind_s: f64,
+    /// Size of the recording that is being written, MB; null while none is.
+    #[serde(default)]
+    pub recording_mb: Option<f64>,
     /// Where a Rerun viewer on this machine connects to; null where there is no live stream.
     pub live: Option<String>,
 }

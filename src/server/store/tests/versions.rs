@@ -14,6 +14,7 @@ const UNDO: [&str; MIGRATIONS.len()] = [
     "DROP INDEX jobs_standing; ALTER TABLE jobs DROP COLUMN standing;",
     "DROP TABLE clock; DROP INDEX keys_by_uptime; CREATE INDEX keys_by_age ON keys (at);
      ALTER TABLE keys DROP COLUMN uptime; ALTER TABLE jobs DROP COLUMN ended_uptime;",
+    "DROP TABLE spent_keys;",
 ];
 
 /// Makes a closed store one of an older version.

@@ -15,7 +15,7 @@ fn path_of(operation: &Operation) -> String {
 
 fn body_of(operation: &Operation) -> &'static str {
     match operation.id {
-        "submit" => HOLD,
+        "submit" | "check" => HOLD,
         "reset" => r#"{"operator": "A. Person", "reason": "looked at it"}"#,
         _ => "",
     }
@@ -76,7 +76,13 @@ async fn tokens_open_what_their_scope_says() {
 async fn other_methods_are_refused_and_the_right_ones_named() {
     let asked = Asked::new();
     for operation in routes::operations() {
+        let knows = |method: Method| {
+            routes::operations().iter().any(|other| other.path == operation.path && other.method == method)
+        };
         for method in ["DELETE", "PUT", "PATCH", "OPTIONS", "TRACE", "BREW"] {
+            if method == "DELETE" && knows(Method::Delete) {
+                continue;
+            }
             let seen = asked.ask(request(method, &path_of(&operation), &[], "")).await;
             assert_eq!(seen.status, 405, "{method} {}", operation.path);
             let name = operation.method.name().to_uppercase();
@@ -84,7 +90,7 @@ async fn other_methods_are_refused_and_the_right_ones_named() {
         }
         let head = request("HEAD", &path_of(&operation), &[], "");
         let (status, ..) = asked.open(head).await;
-        let wanted = if operation.method == Method::Get || operation.path == "/v1/jobs" { 200 } else { 405 };
+        let wanted = if knows(Method::Get) { 200 } else { 405 };
         assert_eq!(status, wanted, "HEAD {}", operation.path);
     }
     for path in ["/v1", "/v1/jobs/", "/v2/jobs", "/V1/jobs", "//v1/jobs", "/v1/plates/left", "/..%2f..%2fetc/passwd"] {

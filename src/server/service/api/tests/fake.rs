@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::service::api::*;
 use crate::service::http::{Caller, Reason};
-use upm_runner::config::{JobSpec, Origin, RigSpec};
+use upm_runner::config::{Fault, JobSpec, Origin, Path, RigSpec};
 
 /// A job there is, one there is not, a plate there is.
 pub(super) const JOB: &str = "019a0000000070008000000000000001";
@@ -73,6 +73,7 @@ fn plate() -> Plate {
         name: PLATE.to_owned(),
         state: PlateState::Idle,
         pause: None,
+        conditions: Vec::new(),
         why: String::new(),
         job: None,
         standing_job: None,
@@ -80,6 +81,7 @@ fn plate() -> Plate {
         at_s: 0.0,
         age_s: None,
         side_mm: 203.2,
+        kinds: Vec::new(),
         positions_mm: vec![[1.0, 2.0]],
         radii_mm: vec![9.525],
         targets_mm: Vec::new(),
@@ -87,6 +89,7 @@ fn plate() -> Plate {
         phase: String::new(),
         deadline_misses: 0,
         behind_s: 0.0,
+        recording_mb: None,
         live: None,
     }
 }
@@ -104,6 +107,15 @@ impl Desk for FakeDesk {
         self.say(format!("submit {:?}", order.pace), true, Submitted { job: job(), replayed })
     }
 
+    fn check(&self, order: Order) -> Promise<Checked> {
+        let is_json = serde_json::from_str::<Value>(&order.text).is_ok();
+        let fault = || Fault::new("job", Path::root(), "no JSON", "a job");
+        match is_json {
+            true => self.say("check".to_owned(), true, Checked::default()),
+            false => kept(Err(Refusal::Malformed(vec![fault()]))),
+        }
+    }
+
     fn job(&self, id: &str) -> Promise<Job> {
         self.say(format!("job {id}"), id == JOB, job())
     }
@@ -114,6 +126,10 @@ impl Desk for FakeDesk {
 
     fn cancel(&self, id: &str, caller: Caller) -> Promise<Job> {
         self.say(format!("cancel {id} by {}", caller.name), id == JOB, job())
+    }
+
+    fn delete(&self, id: &str, caller: Caller) -> Promise<()> {
+        self.say(format!("delete {id} by {}", caller.name), id == JOB, ())
     }
 
     fn plates(&self) -> Promise<Plates> {
@@ -180,6 +196,10 @@ impl Desk for FakeDesk {
     fn frame(&self, id: &str) -> Promise<Picture> {
         let picture = Picture { png: Bytes::from_static(b"\x89PNG"), age: Duration::from_micros(12_900) };
         self.say(format!("frame {id}"), id == JOB, picture)
+    }
+
+    fn layout(&self, id: &str) -> Promise<Layout> {
+        self.say(format!("layout {id}"), id == JOB, Layout::default())
     }
 
     fn recording(&self, id: &str) -> Promise<Recording> {

@@ -1,0 +1,52 @@
+use std::time::Duration;
+
+/// Time over which the lag is measured.
+const WINDOW: Duration = Duration::from_secs(5);
+/// Growth of the lag within a window from which on the computer is too slow.
+const TOLERATED: Duration = Duration::from_millis(100);
+
+/// Measures whether plate time falls behind the clock at present, window after window.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Lag {
+    /// Begin of the present window and how far plate time was behind then.
+    window: Option<(Duration, Duration)>,
+    grows: bool,
+}
+
+impl Lag {
+    /// Takes how far plate time is `behind` at `now`; true while it fell behind in the last whole window.
+    pub fn grows(&mut self, now: Duration, behind: Duration) -> bool {
+        let (began, before) = *self.window.get_or_insert((now, behind));
+        if now.saturating_sub(began) >= WINDOW {
+            self.grows = behind.saturating_sub(before) > TOLERATED;
+            self.window = Some((now, behind));
+        }
+        self.grows
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lag_is_told_while_it_grows_and_no_longer() {
+        let mut lag = Lag::default();
+        let mut told = Vec::new();
+        for tenths in 0..250_u64 {
+            let now = Duration::from_millis(100 * tenths);
+            // 10 ms a frame lost from 5 to 12 s
+            let behind = Duration::from_millis(10 * tenths.clamp(50, 120));
+            told.push(lag.grows(now, behind));
+        }
+        let first = told.iter().position(|grows| *grows);
+        assert_eq!((first, told.iter().rposition(|grows| *grows)), (Some(100), Some(199)));
+    }
+
+    #[test]
+    fn one_short_stall_is_no_busy_computer() {
+        let mut lag = Lag::default();
+        let behind = |tenths: u64| Duration::from_millis(if tenths > 30 { 90 } else { 0 });
+        assert!((0..200).all(|tenths| !lag.grows(Duration::from_millis(100 * tenths), behind(tenths))));
+    }
+}

@@ -1,0 +1,128 @@
+use upm_core::geometry::Vec2;
+use upm_runner::config::{JobSpec, KindSpec, TaskSpec};
+
+/// The layout of a job on its plate as its file has it: parts, targets, bins and wanted paths. It never changes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct JobLayout {
+    /// The parts, in the order of the job.
+    pub parts: Vec<LayoutPart>,
+    /// Where parts shall end, m; empty for a task that names no places.
+    pub targets_m: Vec<Vec2>,
+    /// The bins.
+    pub bins: Vec<LayoutBin>,
+    /// The paths to be followed.
+    pub paths: Vec<LayoutPath>,
+    /// True for a job that only its plate time limit ends.
+    pub endless: bool,
+}
+
+/// A part of a layout: what its kind says of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LayoutPart {
+    /// Name of its kind.
+    pub kind: String,
+    /// Its radius, m.
+    pub radius_m: f64,
+}
+
+/// A rectangle in which the rims of some kinds must lie.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LayoutBin {
+    /// Names of the kinds that belong here.
+    pub kinds: Vec<String>,
+    /// Lower left corner, m.
+    pub min_m: Vec2,
+    /// Upper right corner, m.
+    pub max_m: Vec2,
+}
+
+/// A path that a part shall follow.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LayoutPath {
+    /// Its corners, m.
+    pub waypoints_m: Vec<Vec2>,
+    /// True where it leads from the last corner back to the first.
+    pub closed: bool,
+}
+
+impl LayoutPart {
+    /// A part of the kind `spec`.
+    pub(super) fn of(spec: &KindSpec) -> Self {
+        Self { kind: spec.kind.name.clone(), radius_m: spec.kind.radius_m }
+    }
+}
+
+impl JobLayout {
+    /// That of `job`.
+    pub fn of(job: &JobSpec) -> Self {
+        let parts: Vec<LayoutPart> =
+            job.kinds_of_parts().into_iter().filter_map(|kind| job.kind(kind)).map(LayoutPart::of).collect();
+        let mut layout = Self { endless: job.is_endless(), ..Self::default() };
+        match &job.task {
+            TaskSpec::PlusSign { edge_margin_m, .. } => {
+                let radius_m = parts.first().map_or(0.0, |part| part.radius_m);
+                let reach_m = 0.5 * job.rig.model.plate_side_m - edge_margin_m - radius_m;
+                layout.paths = plus_sign(reach_m);
+            }
+            TaskSpec::Trajectories { paths, .. } => {
+                let path = |waypoints_m: &Vec<Vec2>, repeat| LayoutPath {
+                    waypoints_m: waypoints_m.clone(),
+                    closed: repeat != 1,
+                };
+                layout.paths = paths.iter().map(|wanted| path(&wanted.waypoints_m, wanted.repeat)).collect();
+            }
+            TaskSpec::Arrange { targets_m, .. } => layout.targets_m.clone_from(targets_m),
+            TaskSpec::Sort { bins } => {
+                let name = |kind: &usize| job.kind(*kind).map(|spec| spec.kind.name.clone());
+                let names = |kinds: &[usize]| kinds.iter().filter_map(name).collect();
+                let bins = bins.iter();
+                let bins = bins.map(|bin| LayoutBin { kinds: names(&bin.kinds), min_m: bin.min_m, max_m: bin.max_m });
+                layout.bins = bins.collect();
+            }
+            TaskSpec::Hold { .. } => {}
+        }
+        Self { parts, ..layout }
+    }
+}
+
+/// The two bars of a plus sign whose branches are `reach_m` long.
+fn plus_sign(reach_m: f64) -> Vec<LayoutPath> {
+    let bar = |along: Vec2| LayoutPath { waypoints_m: vec![-along, along], closed: false };
+    vec![bar(Vec2::new(reach_m, 0.0)), bar(Vec2::new(0.0, reach_m))]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn layout(job: &str) -> JobLayout {
+        let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs")).join(job);
+        JobLayout::of(&JobSpec::load(&path).unwrap())
+    }
+
+    #[test]
+    fn sort_has_a_bin_for_every_kind_on_the_plate() {
+        let sort = layout("sort-8.json");
+        assert_eq!((sort.parts.len(), sort.paths.len(), sort.targets_m.len(), sort.endless), (8, 0, 0, false));
+        for part in &sort.parts {
+            let bins = sort.bins.iter().filter(|bin| bin.kinds.contains(&part.kind)).count();
+            assert_eq!(bins, 1, "{}", part.kind);
+            assert!(part.radius_m > 5e-3 && part.radius_m < 20e-3);
+        }
+        assert!(sort.bins.iter().all(|bin| bin.min_m < bin.max_m), "{:?}", sort.bins);
+    }
+
+    #[test]
+    fn tasks_lay_out_their_targets_and_paths() {
+        assert_eq!(layout("arrange-4.json").targets_m.len(), 4);
+        let trajectories = layout("trajectories.json");
+        assert_eq!(trajectories.paths.len(), trajectories.parts.len());
+        assert!(trajectories.paths.iter().all(|path| path.waypoints_m.len() > 1), "{:?}", trajectories.paths);
+        let plus = layout("plus-sign-endless.json");
+        assert!(plus.endless && plus.paths.len() == 2);
+        let reach_m = plus.paths[0].waypoints_m[1].x;
+        assert!((0.0635..0.1016).contains(&reach_m), "{reach_m}");
+        assert_eq!(layout("hold-4.json").parts.len(), 4);
+    }
+}

@@ -1,0 +1,76 @@
+//! Jobs that a person deletes.
+
+use super::*;
+use crate::store::Deleted;
+
+fn delete(store: &Store, id: JobId) -> Deleted {
+    ask(|done| store.delete(&id, done)).unwrap()
+}
+
+#[test]
+fn ended_job_is_deleted_with_its_events_and_its_run_folder() {
+    let (folder, store) = new_store(limits());
+    let [gone, kept] = ["gone", "kept"].map(|name| begin(&store, name, "a").row.id);
+    for id in [gone, kept] {
+        tell(&store, id, "{}").unwrap();
+        store.ended(&id, end(JobState::Completed)).unwrap();
+    }
+    assert!(matches!(delete(&store, gone), Deleted::Now(row, None) if row.id == gone));
+    assert_eq!(all_jobs(&store).iter().map(|row| row.id).collect::<Vec<_>>(), [kept]);
+    assert!(ask(|done| store.replay(&gone, 0, 10, done)).unwrap().is_none());
+    store.sweep().unwrap();
+    assert!(!store.runs().join("gone").exists() && store.runs().join("kept").exists());
+    assert_eq!(std::fs::read_dir(folder.path().join(".trash")).unwrap().count(), 0);
+    assert_eq!(delete(&store, gone), Deleted::Unknown);
+}
+
+#[test]
+fn queued_job_that_is_deleted_never_runs_and_tells_its_end() {
+    let (_folder, store) = new_store(limits());
+    let [first, second] = ["first", "second"].map(|name| queue(&store, name, "a").id);
+    let Deleted::Now(row, Some(told)) = delete(&store, first) else { panic!("not deleted") };
+    assert_eq!((row.id, row.state, told.kind.as_str()), (first, JobState::Cancelled, FINISHED));
+    assert_eq!(store.claim("a", &super::folder(&store)).unwrap().unwrap().row.id, second);
+}
+
+#[test]
+fn running_job_is_not_deleted() {
+    let (_folder, store) = new_store(limits());
+    let id = begin(&store, "runs", "a").row.id;
+    assert!(matches!(delete(&store, id), Deleted::Not(row) if row.state == JobState::Running));
+    store.sweep().unwrap();
+    assert!(store.runs().join("runs").exists());
+    store.ended(&id, end(JobState::Completed)).unwrap();
+    assert!(matches!(delete(&store, id), Deleted::Now(..)));
+}
+
+#[test]
+fn request_of_a_deleted_job_is_not_run_again_when_it_is_repeated() {
+    let (folder, store) = new_store(limits());
+    let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
+    let Ok(Accepted::New(row)) = accept(&store, keyed()) else { panic!("not accepted") };
+    assert!(matches!(delete(&store, row.id), Deleted::Now(..)));
+    assert_eq!(accept(&store, keyed()), Ok(Accepted::KeyReused));
+    assert!(store.close(PATIENCE));
+    drop(store);
+    let store = open(folder.path(), limits()).store;
+    assert_eq!(accept(&store, keyed()), Ok(Accepted::KeyReused), "after a restart, too");
+    assert!(matches!(accept(&store, new_job("one", "a")), Ok(Accepted::New(_))));
+}
+
+#[test]
+fn key_of_a_deleted_job_is_forgotten_with_age() {
+    static HOURS: AtomicI64 = AtomicI64::new(0);
+    let folder = tempfile::tempdir().unwrap();
+    let wall = || noon() + Duration::from_secs(3600 * HOURS.load(Ordering::SeqCst).unsigned_abs());
+    let store =
+        Store::open(folder.path(), &plates(), limits(), Clocks::new(wall, Hours(&HOURS)), &repair).unwrap().store;
+    let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
+    let Ok(Accepted::New(row)) = accept(&store, keyed()) else { panic!("not accepted") };
+    delete(&store, row.id);
+    HOURS.store(23, Ordering::SeqCst);
+    assert_eq!(accept(&store, keyed()), Ok(Accepted::KeyReused));
+    HOURS.store(25, Ordering::SeqCst);
+    store.sweep().unwrap();
+    assert!(matches!(accept(&store, keyed()), Ok(Accepted::New(_))));
+}
