@@ -122,7 +122,7 @@ impl Daemon {
             runs: store.runs().to_owned(),
             latches: spec.data.join("latch"),
             clock,
-            record: true,
+            record: upm_viewer::BUILT_IN,
             watchdog: spec.watchdog,
             min_free_bytes: spec.min_free_bytes,
             live_history_bytes: live_history_of(&spec),
