@@ -36,6 +36,7 @@ class Daemon:
             plate["rig"] = str(ROOT / "configs" / plate["rig"])
         spec["live"] = {"rerun": False}
         spec["queue"] = 300
+        spec["allow_faults"] = True
         if token:
             (self.folder / "token").write_text(token + "\n")
             (self.folder / "token").chmod(0o600)
@@ -64,6 +65,11 @@ class Daemon:
         data = json.dumps(body).encode() if body is not None else None
         with urllib.request.urlopen(urllib.request.Request(self.url.rstrip("/") + path, data, headers), timeout=10) as answer:
             return answer.read().decode()
+
+    def records(self):
+        """False for a build that makes no recordings."""
+        version = subprocess.run([self.upm, "--version"], stdout=subprocess.PIPE, text=True, check=True).stdout
+        return "rerun" not in version
 
     def streams(self):
         """Event streams that are open."""

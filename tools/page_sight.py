@@ -67,3 +67,41 @@ CONTRAST_JS = """() => {
   }
   return dim;
 }"""
+
+# Numbers of a plate's parts that are on a coin, by how much, mm.
+LABELS_JS = """(plate) => {
+  const card = document.querySelector(`article[aria-label="Plate ${plate}"]`);
+  const coins = [...card.querySelectorAll('.part')].map((part) => {
+    const [x, y] = part.getAttribute('transform').match(/-?[\\d.]+/g).map(Number);
+    return [x, y, Number(part.querySelector('circle').getAttribute('r'))];
+  });
+  const met = [];
+  for (const text of card.querySelectorAll('.number.beside')) {
+    const { x, y, width, height } = text.getBBox();
+    for (const [cx, cy, r] of coins) {
+      const apart = Math.hypot(Math.max(x - cx, cx - x - width, 0), Math.max(y - cy, cy - y - height, 0));
+      if (r - apart > 0.2) met.push(`${text.textContent}: ${(r - apart).toFixed(2)}`);
+    }
+  }
+  return met;
+}"""
+
+# Elements whose content is wider than they are, or that stand out of the page or of their card.
+OVERFLOW_JS = """() => {
+  const over = [];
+  const wide = document.documentElement.scrollWidth - innerWidth;
+  if (wide > 0) over.push(`page: ${wide} px`);
+  for (const element of document.querySelectorAll('body *')) {
+    if (!element.checkVisibility() || element.closest('svg, textarea, .page, .unseen-text')) continue;
+    const style = getComputedStyle(element);
+    const name = `${element.tagName.toLowerCase()}.${element.className}: ${element.textContent.slice(0, 25)}`;
+    const more = element.scrollWidth - element.clientWidth;
+    const scrolls = ['auto', 'scroll'].includes(style.overflowX) || style.textOverflow === 'ellipsis';
+    if (element.clientWidth > 0 && style.display !== 'inline' && more > 1 && !scrolls) over.push(`${name} by ${more} px`);
+    const box = element.getBoundingClientRect();
+    if (box.right > innerWidth + 1 || box.left < -1) over.push(`${name} leaves the page`);
+    const card = element.closest('.card')?.getBoundingClientRect();
+    if (card && (box.right > card.right + 1 || box.left < card.left - 1)) over.push(`${name} leaves its card`);
+  }
+  return over;
+}"""

@@ -2,9 +2,11 @@
 
 import { NoAnswer, Problem, json, useToken, whenAsked } from './api.js';
 import { STALE_S, moment, since, span } from './age.js';
+import { STOP_KEYS, STOP_SHORTCUT, isTouched } from './device.js';
 import { el, hold, say, show } from './dom.js';
 import { Stops } from './estop.js';
 import { Jobs } from './jobs.js';
+import { Pen } from './pen.js';
 import { PlateCard } from './plate.js';
 import { Order } from './submit.js';
 
@@ -35,6 +37,12 @@ const order = new Order(part('order'), (job, open) => {
   if (open) jobs.open(job.id);
 });
 
+const pen = new Pen(part('pen'), {
+  write: (text) => order.write(text),
+  check: () => order.check(),
+  plate: () => order.plate.value,
+});
+
 function takePlates(plates, asked) {
   heard = asked;
   trouble = '';
@@ -49,6 +57,7 @@ function takePlates(plates, asked) {
   [...cards.keys()].filter((name) => !names.includes(name)).forEach((name) => cards.delete(name));
   hold(part('cards'), plates.map((plate) => cards.get(plate.name).root));
   order.offer(names);
+  if (part('draw').open) pen.offer(plates);
   stops.heard(plates);
   jobs.heard(plates);
   const now = JSON.stringify(plates.map(({ state, job, queued }) => [state, job, queued]));
@@ -94,6 +103,7 @@ async function refreshJobs() {
     const [queued, running] = await Promise.all([listed('queued'), listed('running')]);
     if (asked !== askedForJobs) return;
     const inTurn = queued.found.reverse();
+    jobs.wait(inTurn, queued.all);
     for (const card of cards.values()) {
       card.wait(inTurn, queued.all);
       running.found.forEach((job) => card.runs(job));
@@ -152,6 +162,11 @@ part('token').addEventListener('submit', (event) => {
   say(part('token-why'), '');
 });
 
+if (!isTouched()) {
+  const keys = STOP_KEYS.flatMap((key) => [el('kbd', {}, key), ' ']);
+  part('estop-keys').replaceChildren(...keys, 'stops from anywhere');
+  part('estop').setAttribute('aria-keyshortcuts', STOP_SHORTCUT);
+}
 setInterval(tick, 100);
 watchPlates();
 watchReadiness();

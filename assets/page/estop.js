@@ -2,6 +2,7 @@
 
 import { NoAnswer, json, makeWay, ofPlate } from './api.js';
 import { moment, since, span } from './age.js';
+import { stopKeysHeld } from './device.js';
 import { el, hold, say } from './dom.js';
 
 const PATIENCE_MS = 2000;
@@ -75,12 +76,12 @@ export class Stops {
     window.addEventListener('keydown', (event) => this.key(event), { capture: true });
   }
 
-  /** Ctrl+Alt+S, whatever has the focus and whatever the layout has on that key. */
+  /** The keys of `device.js`, whatever has the focus and whatever the layout has on that key. */
   key(event) {
     const isS = event.code === 'KeyS' || event.key?.toLowerCase() === 's';
     // Windows takes Ctrl+Alt for AltGr: where that makes a letter of the key, neither Ctrl nor Alt is told
     const isAltGr = event.code === 'KeyS' && event.getModifierState?.('AltGraph');
-    if (!(event.ctrlKey && event.altKey && isS) && !isAltGr) return;
+    if (!(stopKeysHeld(event) && isS) && !isAltGr) return;
     event.preventDefault();
     event.stopImmediatePropagation();
     if (!event.repeat) this.all();

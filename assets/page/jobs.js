@@ -20,7 +20,9 @@ class Row {
     this.reason = el('span', { class: 'reason' });
     this.recording = el('a', { href: ofJob(job.id, '/recording'), download: '', click: (e) => this.download(e) }, 'Recording');
     this.cancel = twice('Cancel', 'Really?', () => list.cancel(this.job.id));
-    const actions = el('span', { class: 'row-actions' }, this.recording, this.cancel);
+    this.remove = twice('Delete', 'Really?', () => list.remove(this.job.id));
+    this.writing = el('span', { class: 'writing' });
+    const actions = el('span', { class: 'row-actions' }, this.recording, this.writing, this.cancel, this.remove);
     const line = el('div', { class: 'row' });
     line.append(this.state, this.name, this.plate, this.time, this.took, this.reason, actions);
     this.root = el('li', {}, line);
@@ -31,8 +33,7 @@ class Row {
     this.job = job;
     this.root.dataset.job = job.id;
     this.state.dataset.state = job.state;
-    const share = job.state === 'running' && !job.standing ? ` ${Math.floor(job.progress * 100)} %` : '';
-    say(this.state, job.state + share);
+    this.tellState();
     say(this.name, job.name);
     say(this.plate, job.standing ? `${job.plate}, standing job` : job.plate);
     this.time.dateTime = job.submitted_at;
@@ -44,6 +45,9 @@ class Row {
     say(this.reason, [job.state === 'completed' ? '' : job.reason, lost].filter(Boolean).join(' · '));
     show(this.recording, KEPT.includes(job.recording));
     this.recording.setAttribute('aria-label', `Recording of ${job.name}`);
+    show(this.remove, ENDED.includes(job.state));
+    this.remove.setAttribute('aria-label', `Delete ${job.name}`);
+    if (job.state !== 'running') this.runs({ progress: 0, recording_mb: null });
     show(this.cancel, !ENDED.includes(job.state));
     this.cancel.setAttribute('aria-label', `Cancel ${job.name}`);
     this.watched?.take(job);
@@ -67,8 +71,19 @@ class Row {
   }
 
   /** Its plate tells how far it is more often than the list is asked for. */
-  runs(progress) {
+  runs({ progress, recording_mb: mb = null }) {
     if (this.job.state === 'running' && !this.job.standing) say(this.state, `running ${Math.floor(progress * 100)} %`);
+    show(this.writing, mb !== null);
+    say(this.writing, mb === null ? '' : `recording, ${mb.toFixed(1)} MB`);
+  }
+
+  /** The state with the share that is done, or with its place among those that wait for its plate. */
+  tellState() {
+    const { id, state, standing, progress } = this.job;
+    const turn = this.list.turns.get(id);
+    if (state === 'running' && !standing) say(this.state, `running ${Math.floor(progress * 100)} %`);
+    else if (state === 'queued' && turn) say(this.state, `queued, ${turn === 1 ? 'next' : `no. ${turn}`}`);
+    else say(this.state, state);
   }
 
   open(options) {
@@ -97,6 +112,8 @@ export class Jobs {
     this.changed = changed;
     this.cursors = [null];
     this.rows = new Map();
+    /** Places of queued jobs among those that wait for their plate; 1 runs next. */
+    this.turns = new Map();
     this.opened = null;
     this.turning = false;
     this.only.addEventListener('change', () => this.turn([null]));
@@ -197,7 +214,29 @@ export class Jobs {
   }
 
   heard(plates) {
-    for (const { job, progress } of plates) if (job) this.rows.get(job)?.runs(progress);
+    for (const plate of plates) if (plate.job) this.rows.get(plate.job)?.runs(plate);
+  }
+
+  /** What waits, in turn; `all` when there are no others. */
+  wait(queued, all) {
+    const ofPlate = new Map();
+    this.turns.clear();
+    for (const { id, plate } of all ? queued : []) {
+      ofPlate.set(plate, (ofPlate.get(plate) ?? 0) + 1);
+      this.turns.set(id, ofPlate.get(plate));
+    }
+    for (const row of this.rows.values()) if (row.job.state === 'queued') row.tellState();
+  }
+
+  async remove(id) {
+    try {
+      await send('DELETE', ofJob(id), {}, () => undefined);
+      if (this.opened === id) this.toggle(id);
+      this.tell('');
+    } catch (error) {
+      this.tell(error.message);
+    }
+    this.changed();
   }
 
   async cancel(id) {

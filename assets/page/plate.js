@@ -1,12 +1,18 @@
 // The card of one plate: what it looks like, how old that is, what it does, what waits, and what a person may do.
 
-import { json, ofJob, ofPlate } from './api.js';
+import { Problem, json, ofJob, ofPlate } from './api.js';
 import { STALE_S, moment, since, span } from './age.js';
+import { Camera } from './camera.js';
+import { copy } from './device.js';
 import { el, hold, say, show, speak, twice } from './dom.js';
+import { legend } from './kinds.js';
+import { TimeLeft, about } from './left.js';
 import { ResetForm } from './reset.js';
 import { View } from './view.js';
 
 const QUEUE_SHOWN = 5;
+/** The layout of a job is asked for again after this while there is none yet. */
+const LAYOUT_MS = 300;
 /** For so long a missed deadline stands out, s. */
 const LATE_S = 60;
 /** A plate that is less behind real time than this is not reported as behind, s. */
@@ -20,6 +26,7 @@ export class PlateCard {
     this.refresh = refresh;
     this.plate = null;
     this.view = new View(name);
+    this.timeLeft = new TimeLeft();
     this.build(stop);
   }
 
@@ -29,15 +36,21 @@ export class PlateCard {
     this.stopButton.setAttribute('aria-label', `Emergency stop: ${this.name}`);
     this.age = el('p', { class: 'age' });
     this.why = el('p', { class: 'plate-why' });
+    this.remedy = el('p', { class: 'remedy' });
+    this.conditions = el('ul', { class: 'conditions', 'aria-label': `Conditions on ${this.name}` });
     this.job = el('button', { type: 'button', class: 'link job-name', click: () => this.open(this.plate.job) });
     this.phase = el('span', { class: 'phase' });
     this.bar = el('progress', { max: 1, 'aria-label': `Progress on ${this.name}` });
     this.share = el('span', { class: 'share' });
-    this.barBox = el('div', { class: 'bar' }, this.bar, this.share);
+    this.left = el('span', { class: 'left' });
+    this.barBox = el('div', { class: 'bar' }, this.bar, this.share, this.left);
     this.doing = el('div', { class: 'doing' }, this.job, this.phase, this.barBox);
     this.standing = el('p', { class: 'standing' });
     this.queue = el('ol', { class: 'queue' });
     this.facts = el('p', { class: 'facts' });
+    this.liveLink = el('a');
+    const copyLive = el('button', { type: 'button', click: () => copy(this.plate.live, copyLive, this.liveLink) }, 'Copy');
+    this.live = el('p', { class: 'live', hidden: true }, 'Rerun: ', this.liveLink, ' ', copyLive);
     this.says = el('p', { class: 'why', role: 'alert' });
     this.resume = el('button', { type: 'button', class: 'go', click: () => this.act('resume') }, 'Resume');
     this.cancel = this.cancelOf(null);
@@ -45,10 +58,13 @@ export class PlateCard {
     this.reset = new ResetForm(this.name, () => this.refresh());
     const title = el('div', { class: 'card-title' }, el('h2', {}, this.name), this.state);
     const head = el('div', { class: 'card-head' }, title, this.stopButton);
-    const drawing = el('div', { class: 'drawing' }, this.view.root, this.age);
-    const says = [this.says, this.standing, this.facts];
-    const rest = [this.why, this.doing, this.reset.root, this.queue, this.actions, ...says];
-    this.root = el('article', { class: 'card', 'aria-label': `Plate ${this.name}` }, head, drawing, ...rest);
+    this.legend = el('ul', { class: 'legend', 'aria-label': `Marks on ${this.name}` });
+    this.camera = new Camera(`Camera of ${this.name}`);
+    const drawing = el('div', { class: 'drawing' }, this.view.root, this.age, this.legend);
+    const sights = el('div', { class: 'sights' }, drawing, this.camera.root);
+    const says = [this.says, this.standing, this.facts, this.live];
+    const rest = [this.why, this.remedy, this.conditions, this.doing, this.reset.root, this.queue, this.actions, ...says];
+    this.root = el('article', { class: 'card', 'aria-label': `Plate ${this.name}` }, head, sights, ...rest);
   }
 
   /** Takes what the daemon told of the plate in a request that left at `asked`. */
@@ -61,14 +77,14 @@ export class PlateCard {
     if (before && before.state !== plate.state) {
       speak(`${this.name} is ${plate.state}${plate.why ? `: ${plate.why}` : ''}`);
     }
-    if (plate.job !== before?.job) this.meet(plate.job);
+    if (!before || plate.job !== before.job) this.meet(plate.job);
     show(this.doing, plate.job !== null);
     this.bar.value = plate.progress;
     say(this.share, `${Math.floor(plate.progress * 100)} %`);
     say(this.phase, plate.phase || 'getting ready');
     this.takeStanding(plate);
-    show(this.why, plate.why !== '' && plate.state !== 'running');
-    say(this.why, plate.why);
+    this.takeCauses(plate);
+    this.takeTimeLeft(plate);
     this.reset.show(plate.state === 'stopped');
     const startsStanding = plate.state === 'idle' && plate.standing_job?.state === 'paused';
     show(this.resume, plate.state === 'paused' || startsStanding);
@@ -80,10 +96,42 @@ export class PlateCard {
     const misses = plate.deadline_misses;
     const late = misses === 0 ? 'No deadline missed' : misses === 1 ? '1 deadline missed' : `${misses} deadlines missed`;
     const behind = plate.behind_s < LEAST_BEHIND_S ? '' : ` · ${plate.behind_s.toFixed(1)} s behind real time`;
-    say(this.facts, `${late}${behind} · plate time ${plate.at_s.toFixed(1)} s${plate.live ? ` · Rerun: ${plate.live}` : ''}`);
+    say(this.facts, `${late}${behind} · plate time ${plate.at_s.toFixed(1)} s`);
+    this.takeLive(plate.live);
     if (before && misses > before.deadline_misses) this.lateAt = moment();
     this.facts.classList.toggle('late', misses > 0 && this.lateAt !== undefined && since(this.lateAt) < LATE_S);
     this.tick();
+  }
+
+  /** Why the plate does nothing, what holds in its run, and what to do about either: all as the daemon has it. */
+  takeCauses({ why, state, pause, conditions = [] }) {
+    show(this.why, why !== '' && state !== 'running');
+    say(this.why, why);
+    // the end of a job names its remedy itself
+    const remedy = pause && !why.includes(pause.remedy) ? pause.remedy : '';
+    show(this.remedy, remedy !== '');
+    say(this.remedy, `What to do: ${remedy}`);
+    const text = JSON.stringify(conditions);
+    if (this.conditions.dataset.told === text) return;
+    this.conditions.dataset.told = text;
+    show(this.conditions, conditions.length > 0);
+    const line = ({ reason, remedy: todo }) => el('li', {}, el('strong', {}, reason), ' ', el('span', {}, todo));
+    this.conditions.replaceChildren(...conditions.map(line));
+    if (conditions.length) speak(`${this.name}: ${conditions.at(-1).reason}`);
+  }
+
+  /** Nothing is said of a job that goes on until it is told to end. */
+  takeTimeLeft(plate) {
+    const seconds = this.timeLeft.take(plate, performance.now() / 1000, this.layout?.targets_mm.length > 0);
+    const ends = plate.state === 'running' && this.layout?.endless === false;
+    say(this.left, ends ? about(seconds) : '');
+  }
+
+  takeLive(live) {
+    show(this.live, live !== null);
+    if (live === null || this.liveLink.textContent === live) return;
+    say(this.liveLink, live);
+    this.liveLink.href = live;
   }
 
   /** The job that runs whenever nothing is queued. A run of it has no end to be measured against. */
@@ -99,9 +147,33 @@ export class PlateCard {
   /** Another job came on the plate: its name is learned later, and what was pressed was meant for the one before. */
   meet(job) {
     say(this.job, 'job');
+    if (job === null) return this.camera.off('No picture: no job runs');
+    this.learnLayout(job);
+    this.camera.watch(job, () => this.plate.job !== job);
     const cancel = this.cancelOf(job);
     this.cancel.replaceWith(cancel);
     this.cancel = cancel;
+  }
+
+  /** Asks for bins, kinds and paths of the job until they are told, or the job is another one. */
+  async learnLayout(job) {
+    this.layOut(null);
+    while (this.plate.job === job) {
+      try {
+        const layout = await json('GET', ofJob(job, '/layout'));
+        if (this.plate.job === job) this.layOut(layout);
+        return;
+      } catch (error) {
+        if (error instanceof Problem && error.status === 404) return;
+      }
+      await new Promise((done) => setTimeout(done, LAYOUT_MS));
+    }
+  }
+
+  layOut(layout) {
+    this.layout = layout;
+    this.view.layOut(layout);
+    this.legend.replaceChildren(...(layout ? legend(layout, this.view.colours) : []));
   }
 
   /** A look at the plate that came between two answers. It is drawn, but nothing counts as younger for it. */
@@ -114,6 +186,7 @@ export class PlateCard {
   /** The age goes on whether or not the daemon answers. */
   tick() {
     if (!this.plate) return;
+    this.camera.tick();
     const silence = since(this.asked);
     const unheard = silence > STALE_S;
     const { state, age_s: told } = this.plate;

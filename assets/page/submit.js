@@ -8,6 +8,20 @@ import { withMember } from './places.js';
 /** The same text sent again within this time is a slip: a double click, a key held down. */
 const AGAIN_MS = 1500;
 
+/** Largest file that is read as a job; the daemon takes no larger ones. */
+const MOST_BYTES = 1 << 20;
+
+/** Members of a job's text that name files, with their values. */
+function filesIn(text) {
+  try {
+    const job = JSON.parse(text);
+    const isNamed = (name) => typeof job[name] === 'string' && job[name] !== '';
+    return ['rig', 'library'].filter(isNamed).map((name) => ({ name, value: job[name] }));
+  } catch {
+    return [];
+  }
+}
+
 export class Order {
   /** `queued(job)` is told of a job that was taken. */
   constructor(form, queued) {
@@ -17,6 +31,7 @@ export class Order {
     this.plate = form.querySelector('#order-plate');
     this.pace = form.querySelector('#pace');
     this.button = form.querySelector('#order-send');
+    this.file = form.querySelector('#job-file');
     this.says = form.querySelector('#order-says');
     this.editor = new Editor(form.querySelector('#editor'), () => this.edited());
     this.examples = [];
@@ -27,6 +42,8 @@ export class Order {
     this.example.addEventListener('change', () => this.take());
     this.plate.addEventListener('change', () => this.direct(this.plate.value));
     this.pace.addEventListener('change', () => this.forget());
+    this.file.addEventListener('change', () => this.takeFile());
+    form.querySelector('#order-check').addEventListener('click', () => this.check());
     form.addEventListener('submit', (event) => {
       event.preventDefault();
       this.send();
@@ -67,6 +84,53 @@ export class Order {
     this.editor.text = withMember(example.text, 'plate', fits);
     this.forget();
     this.follow();
+  }
+
+  /** Takes a job file and has it checked. The files that it names stay behind: a plate has its rig and its library. */
+  async takeFile() {
+    const [file] = this.file.files;
+    if (!file) return;
+    // the same file may be chosen again once it is mended
+    this.file.value = '';
+    if (file.size > MOST_BYTES) return this.tell('bad', `Not taken: ${file.name} has more than 1 MiB.`);
+    let text;
+    try {
+      text = await file.text();
+    } catch {
+      return this.tell('bad', `Not taken: ${file.name} cannot be read.`);
+    }
+    const named = filesIn(text);
+    for (const member of named) text = withMember(text, member.name, '');
+    this.write(text);
+    const left = named.map(({ name, value }) => `${name} ${value}`).join(' and ');
+    await this.check(left && `Left out: ${left}; the plate has its own. `);
+  }
+
+  /** A text from elsewhere than the keyboard. */
+  write(text) {
+    this.editor.faults = [];
+    this.editor.text = text;
+    this.edited();
+  }
+
+  /** Has the daemon check the text as it stands; its faults, or null without an answer. */
+  async check(before = '') {
+    const text = this.editor.text;
+    this.tell('', 'Checking');
+    try {
+      const { name, plate, layout } = await json('POST', '/v1/check', { body: text });
+      // written on meanwhile: what is said is of another text
+      if (this.editor.text !== text) return null;
+      this.editor.blame([]);
+      const parts = layout.parts.length === 1 ? '1 part' : `${layout.parts.length} parts`;
+      this.tell('good', `${before}No fault: ${name} may be queued on ${plate}, with ${parts}.`);
+      return [];
+    } catch (error) {
+      if (!(error instanceof Problem) && !(error instanceof NoAnswer)) throw error;
+      if (this.editor.text !== text) return null;
+      this.refused(error, `${before}Checked`);
+      return error instanceof Problem ? error.faults : null;
+    }
   }
 
   direct(plate) {
@@ -127,9 +191,10 @@ export class Order {
     this.button.removeAttribute('aria-disabled');
   }
 
-  refused(error) {
+  refused(error, what = 'Not queued') {
     if (error instanceof NoAnswer) {
-      this.tell('bad', 'No answer: it may or may not be queued. Send it again unchanged; it is queued once.');
+      const unsure = 'No answer: it may or may not be queued. Send it again unchanged; it is queued once.';
+      this.tell('bad', what === 'Not queued' ? unsure : 'No answer: it is not checked.');
       return;
     }
     if (!(error instanceof Problem)) throw error;
@@ -138,7 +203,7 @@ export class Order {
     this.editor.blame(error.faults);
     const count = error.faults.length;
     const later = error.retryAfter ? ` Try again in ${error.retryAfter} s.` : '';
-    if (count) this.tell('bad', `Not queued: ${count === 1 ? '1 fault, beside its line' : `${count} faults, each beside its line`}.`);
-    else this.tell('bad', `Not queued: ${error.message}.${later}`);
+    if (count) this.tell('bad', `${what}: ${count === 1 ? '1 fault, beside its line' : `${count} faults, each beside its line`}.`);
+    else this.tell('bad', `${what}: ${error.message}.${later}`);
   }
 }

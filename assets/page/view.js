@@ -1,6 +1,8 @@
 // The plate from above, as the camera's table frame has it: origin at the centre, x right, y up, mm.
 
 import { hold, svg } from './dom.js';
+import { colours } from './kinds.js';
+import { place } from './labels.js';
 
 const TRAIL_S = 6;
 const BANDS = 3;
@@ -10,34 +12,72 @@ const JUMP_MM = 25;
 /** A penny's, where the daemon does not tell, mm. */
 const RADIUS_MM = 9.525;
 const MARGIN_MM = 8;
+/** From so many parts on their numbers are beside them. */
+const MANY = 8;
+/** Height of numbers and of the names of bins, as a share of half the plate's side. */
+const NUMBER = 0.078;
+const NAME = 0.066;
+const TARGET_MM = 5;
+/** Numbers beside parts are placed anew when one has gone so far, mm. */
+const MOVED_MM = 0.7;
 
 const fixed = (mm) => Number(mm.toFixed(2));
+const point = ([x, y]) => `${fixed(x)} ${fixed(-y)}`;
+const NO_LAYOUT = { parts: [], targets_mm: [], bins: [], paths: [] };
 
 export class View {
   constructor(name) {
     this.name = name;
-    this.grid = svg('g', { class: 'grid' });
+    const group = (kind) => svg('g', { class: kind });
+    [this.grid, this.bins, this.paths, this.trails, this.targets, this.parts, this.numbers] =
+      ['grid', 'bins', 'paths', 'trails', 'targets', 'parts', 'numbers'].map(group);
     this.ways = svg('path', { class: 'ways' });
-    this.trails = Array.from({ length: BANDS }, (_, i) => svg('path', { class: `trail trail-${i}` }));
-    this.targets = svg('g');
-    this.parts = svg('g');
     this.root = svg('svg', { class: 'view', role: 'img' });
-    this.root.append(this.grid, this.ways, ...this.trails, this.targets, this.parts);
-    this.marks = [];
-    this.coins = [];
-    this.past = [];
+    this.root.append(this.grid, this.bins, this.paths, this.ways, this.trails, this.targets, this.parts, this.numbers);
+    [this.marks, this.coins, this.texts, this.past, this.places] = [[], [], [], [], []];
     this.half = 0;
+    this.layOut(NO_LAYOUT);
+  }
+
+  /** Draws bins and wanted paths; from now on parts are in the colours of their kinds. */
+  layOut(layout) {
+    this.layout = layout ?? NO_LAYOUT;
+    this.colours = colours(this.layout.parts.map(({ kind }) => kind));
+    this.bins.replaceChildren(...this.layout.bins.flatMap((bin) => this.bin(bin)));
+    this.paths.replaceChildren(
+      ...this.layout.paths.map(({ waypoints_mm: corners, closed }) =>
+        svg('path', { class: 'wanted', d: `M${corners.map(point).join('L')}${closed ? 'Z' : ''}` })),
+    );
+  }
+
+  bin({ kinds, region_mm: { min, max } }) {
+    const colour = kinds.length === 1 ? (this.colours.get(kinds[0]) ?? '') : '';
+    const [width, height] = [max[0] - min[0], max[1] - min[1]];
+    const box = svg('rect', { class: `bin ${colour}`, x: min[0], y: -max[1], width, height, rx: 2 });
+    // above the bin, or below its top where the plate ends
+    const size = fixed(NAME * (this.half || 150));
+    const above = !this.half || max[1] + size + 3 < this.half;
+    const name = svg('text', { class: 'bin-name', x: min[0] + 1, y: above ? -max[1] - 3 : -max[1] + size, 'font-size': size });
+    name.textContent = kinds.join(', ');
+    return [box, name];
+  }
+
+  colourOf(part) {
+    return this.colours.get(this.layout.parts[part]?.kind) ?? '';
   }
 
   /** Draws what was seen; `at` is when, in s of any steady clock. */
-  draw({ job, positions_mm: positions, targets_mm: targets, side_mm: side, radii_mm: radii }, at) {
+  draw({ job, positions_mm: positions, targets_mm: targets, side_mm: side, radii_mm: radii = [] }, at) {
     this.frame(side, [...positions, ...targets]);
     this.remember(job, positions, at);
     this.drawTrails(at);
     this.drawTargets(positions, targets);
-    this.drawParts(positions, radii ?? []);
+    this.drawParts(positions, radii);
+    this.drawNumbers(positions.map(([x, y], i) => [x, -y, radii[i] ?? RADIUS_MM]), targets);
     const count = (n, what) => `${n} ${what}${n === 1 ? '' : 's'}`;
-    const label = `${this.name} from above: ${count(positions.length, 'part')}, ${count(targets.length, 'target')}`;
+    const seen = `${count(positions.length, 'part')}, ${count(targets.length, 'target')}`;
+    const bins = this.layout.bins.length ? `, ${count(this.layout.bins.length, 'bin')}` : '';
+    const label = `${this.name} from above: ${seen}${bins}`;
     if (this.root.getAttribute('aria-label') !== label) this.root.setAttribute('aria-label', label);
   }
 
@@ -59,6 +99,7 @@ export class View {
     const size = svg('text', { class: 'scale', x: half - 4, y: half - 5, 'text-anchor': 'end', 'font-size': half * 0.07 });
     size.textContent = side ? `${Math.round(side * 10) / 10} mm` : 'lines every 50 mm';
     this.grid.replaceChildren(plate, ...lines, size);
+    this.layOut(this.layout);
   }
 
   remember(job, positions, at) {
@@ -68,18 +109,26 @@ export class View {
     this.past = this.past.filter((look) => at - look.at <= TRAIL_S);
   }
 
+  /** Each part's trail in its own colour, the older the fainter. */
   drawTrails(at) {
-    const lines = Array.from({ length: BANDS }, () => []);
+    const lines = new Map();
     for (let i = 1; i < this.past.length; i += 1) {
       const [from, to] = [this.past[i - 1], this.past[i]];
       const band = Math.min(Math.floor(((at - to.at) / TRAIL_S) * BANDS), BANDS - 1);
       to.positions.forEach(([x, y], part) => {
         const [x0, y0] = from.positions[part];
         const way = Math.hypot(x - x0, y - y0);
-        if (way > 0.05 && way < JUMP_MM) lines[band].push(`M${fixed(x0)} ${fixed(-y0)}L${fixed(x)} ${fixed(-y)}`);
+        if (way <= 0.05 || way >= JUMP_MM) return;
+        const look = `trail trail-${band} ${this.colourOf(part)}`;
+        lines.set(look, `${lines.get(look) ?? ''}M${point([x0, y0])}L${point([x, y])}`);
       });
     }
-    this.trails.forEach((trail, band) => trail.setAttribute('d', lines[band].join('')));
+    while (this.trails.children.length > lines.size) this.trails.lastElementChild.remove();
+    while (this.trails.children.length < lines.size) this.trails.append(svg('path'));
+    [...lines].forEach(([look, d], i) => {
+      this.trails.children[i].setAttribute('class', look);
+      this.trails.children[i].setAttribute('d', d);
+    });
   }
 
   drawTargets(positions, targets) {
@@ -88,23 +137,45 @@ export class View {
     }
     this.marks.length = targets.length;
     hold(this.targets, this.marks);
-    targets.forEach(([x, y], i) => this.marks[i].setAttribute('transform', `translate(${fixed(x)} ${fixed(-y)})`));
+    targets.forEach((target, i) => this.marks[i].setAttribute('transform', `translate(${point(target)})`));
     const pairs = positions.length === targets.length ? targets : [];
-    const way = ([x, y], i) => `M${fixed(positions[i][0])} ${fixed(-positions[i][1])}L${fixed(x)} ${fixed(-y)}`;
-    this.ways.setAttribute('d', pairs.map(way).join(''));
+    this.ways.setAttribute('d', pairs.map((target, i) => `M${point(positions[i])}L${point(target)}`).join(''));
   }
 
   drawParts(positions, radii) {
-    while (this.coins.length < positions.length) {
-      const number = svg('text', { class: 'number', 'text-anchor': 'middle', dy: '0.35em' });
-      number.textContent = String(this.coins.length + 1);
-      this.coins.push(svg('g', { class: 'part' }, svg('circle', { r: RADIUS_MM }), number));
-    }
+    while (this.coins.length < positions.length) this.coins.push(svg('g', {}, svg('circle', { r: RADIUS_MM })));
     this.coins.length = positions.length;
     hold(this.parts, this.coins);
-    positions.forEach(([x, y], i) => {
-      this.coins[i].setAttribute('transform', `translate(${fixed(x)} ${fixed(-y)})`);
+    positions.forEach((position, i) => {
+      this.coins[i].setAttribute('class', `part ${this.colourOf(i)}`);
+      this.coins[i].setAttribute('transform', `translate(${point(position)})`);
       this.coins[i].firstChild.setAttribute('r', String(radii[i] ?? RADIUS_MM));
+    });
+  }
+
+  /** `coins` are `[x, y, radius]` as drawn. Few numbers are on their coins, many beside them. */
+  drawNumbers(coins, targets) {
+    while (this.texts.length < coins.length) {
+      const number = svg('text', { 'text-anchor': 'middle', dy: '0.35em' });
+      number.textContent = String(this.texts.length + 1);
+      this.texts.push(number);
+    }
+    this.texts.length = coins.length;
+    hold(this.numbers, this.texts);
+    const beside = coins.length >= MANY;
+    const size = fixed(NUMBER * this.half);
+    const moved = ([x, y], i) => Math.hypot(x - (this.labelled?.[i]?.[0] ?? 1e9), y - this.labelled?.[i]?.[1]) > MOVED_MM;
+    if (beside && (this.places.length !== coins.length || coins.some(moved))) {
+      const marks = targets.map(([x, y]) => [x, -y, TARGET_MM]);
+      this.places = place(coins, marks, this.half, size, this.places);
+      this.labelled = coins;
+    }
+    this.texts.forEach((text, i) => {
+      const [x, y] = beside ? this.places[i].at : coins[i];
+      text.setAttribute('font-size', String(size));
+      text.setAttribute('class', beside ? 'number beside' : 'number');
+      text.setAttribute('x', String(fixed(x)));
+      text.setAttribute('y', String(fixed(y)));
     });
   }
 }

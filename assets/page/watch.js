@@ -1,13 +1,10 @@
 // One job in full: its figures, what happened, its picture. There is one stream of events, that of the open job.
 
-import { send, ofJob, whole } from './api.js';
-import { STALE_S, moment, since, span } from './age.js';
-import { el, inSight, say, show } from './dom.js';
+import { Camera } from './camera.js';
+import { el, say } from './dom.js';
 import { watch } from './events.js';
 
 const LINES = 200;
-/** A new picture comes before the one shown is stale. */
-const PICTURE_MS = 700;
 
 export class Watched {
   /** `look(job, look)` hears of every look at the parts; `changed()` when the job's state did. */
@@ -18,13 +15,10 @@ export class Watched {
     this.facts = el('dl', { class: 'report' });
     this.cycle = el('p', { class: 'cycle' });
     this.log = el('ol', { class: 'log', 'aria-label': 'What happened' });
-    this.picture = el('img', { alt: `Camera frame of ${job.name}`, hidden: true });
-    this.pictureSays = el('figcaption');
+    this.camera = new Camera(`Camera frame of ${job.name}`, `${job.name}.png`);
     this.pictureButton = el('button', { type: 'button', 'aria-pressed': 'false', click: () => this.toggle() }, 'Camera frame');
-    // leads to what is shown, not to the daemon: a link carries no token
-    this.pictureLink = el('a', { download: `${job.name}.png`, title: 'Keep this picture' }, this.picture);
-    const figure = el('figure', {}, this.pictureLink, this.pictureSays);
-    this.root = el('div', { class: 'watched' }, this.facts, this.cycle, this.says, this.log, this.pictureButton, figure);
+    const parts = [this.facts, this.cycle, this.says, this.log, this.pictureButton, this.camera.root];
+    this.root = el('div', { class: 'watched' }, ...parts);
     this.take(job);
     const on = (kind, body) => {
       if (kind === 'look') look(job.id, body);
@@ -45,6 +39,8 @@ export class Watched {
       pace: job.pace === 'max' ? 'as fast as it can' : 'real time',
       recording: job.recording,
       reason: job.reason || undefined,
+      'what to do': todo(job, report.stop),
+      guards: guards(report.guards),
       'worst error': number('max_error_mm', ' mm'),
       'RMS error': number('rms_error_mm', ' mm'),
       'plate time': number('plate_time_s', ' s', 1),
@@ -89,58 +85,23 @@ export class Watched {
   toggle() {
     const on = this.pictureButton.getAttribute('aria-pressed') !== 'true';
     this.pictureButton.setAttribute('aria-pressed', String(on));
-    clearTimeout(this.timer);
-    if (on) this.look();
-    else this.hide('');
-  }
-
-  hide(text) {
-    show(this.picture, false);
-    say(this.pictureSays, text);
-  }
-
-  /** Shows the latest picture, and the next one while the job runs. */
-  async look() {
-    await inSight();
-    const asked = moment();
-    const take = async (response) => {
-      const told = Number(response.headers.get('Upm-Age-Ms')) / 1000;
-      this.put(await whole(response.blob()));
-      this.seen = { asked, told };
-    };
-    try {
-      await send('GET', ofJob(this.job.id, '/frame.png'), { signal: this.control.signal }, take);
-    } catch (error) {
-      if (this.control.signal.aborted) return;
-      if (this.picture.hidden) say(this.pictureSays, error.message);
-      // of a job that has ended there comes no other picture
-      if (this.job.finished_at !== null) return;
-    }
-    if (this.pictureButton.getAttribute('aria-pressed') === 'true') {
-      this.timer = setTimeout(() => this.look(), PICTURE_MS);
-    }
-  }
-
-  put(picture) {
-    const before = this.picture.src;
-    this.picture.src = URL.createObjectURL(picture);
-    this.pictureLink.href = this.picture.src;
-    if (before) URL.revokeObjectURL(before);
-    show(this.picture, true);
+    if (on) this.camera.watch(this.job.id, () => this.job.finished_at !== null);
+    else this.camera.off('');
   }
 
   tick() {
-    if (this.picture.hidden || !this.seen) return;
-    const age = this.seen.told + since(this.seen.asked);
-    this.picture.classList.toggle('stale', age > STALE_S);
-    say(this.pictureSays, `Seen ${span(age)} ago`);
+    this.camera.tick();
   }
 
   end() {
     this.control.abort();
-    clearTimeout(this.timer);
-    if (this.picture.src) URL.revokeObjectURL(this.picture.src);
+    this.camera.end();
   }
 }
+
+/** The remedy for the end of a job, where its reason does not name it already. */
+const todo = (job, stop) => (stop?.remedy && !job.reason.includes(stop.remedy) ? stop.remedy : undefined);
+
+const guards = (found = []) => found.map(({ at_s: at, text }) => `at ${at.toFixed(1)} s ${text}`).join(' · ') || undefined;
 
 const and = (reason) => (reason ? `: ${reason}` : '');

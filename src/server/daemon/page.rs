@@ -23,11 +23,12 @@ macro_rules! page {
 /// The files of the page, as they are checked in.
 const FILES: &[(&str, &str, &str)] = page! {
     HTML "index.html"
-    STYLE "style.css" STYLE "plates.css" STYLE "jobs.css"
+    STYLE "style.css" STYLE "plates.css" STYLE "jobs.css" STYLE "pen.css"
     PICTURE "icon.svg"
-    SCRIPT "age.js" SCRIPT "api.js" SCRIPT "app.js" SCRIPT "dom.js" SCRIPT "editor.js" SCRIPT "estop.js"
-    SCRIPT "events.js" SCRIPT "jobs.js" SCRIPT "places.js" SCRIPT "plate.js" SCRIPT "reset.js" SCRIPT "submit.js"
-    SCRIPT "view.js" SCRIPT "watch.js"
+    SCRIPT "age.js" SCRIPT "api.js" SCRIPT "app.js" SCRIPT "camera.js" SCRIPT "device.js" SCRIPT "dom.js"
+    SCRIPT "drawn.js" SCRIPT "editor.js" SCRIPT "estop.js" SCRIPT "events.js" SCRIPT "jobs.js" SCRIPT "kinds.js"
+    SCRIPT "labels.js" SCRIPT "left.js" SCRIPT "pen.js" SCRIPT "places.js" SCRIPT "plate.js" SCRIPT "reset.js"
+    SCRIPT "submit.js" SCRIPT "view.js" SCRIPT "watch.js"
 };
 
 macro_rules! shipped {
