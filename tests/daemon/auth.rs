@@ -14,7 +14,7 @@ const OPERATE: &str = "operate-0123456789abcdef0123456789abcdef";
 const READ: &str = "readonly-0123456789abcdef0123456789abcdef";
 
 /// Method, path, and whether any token, one to read or one to operate is asked for.
-const ROUTES: [(&str, &str, Needs); 15] = [
+const ROUTES: [(&str, &str, Needs); 18] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/readyz", Needs::Nothing),
     ("GET", "/", Needs::Nothing),
@@ -23,12 +23,15 @@ const ROUTES: [(&str, &str, Needs); 15] = [
     ("GET", "/v1/jobs/ID/events", Needs::Read),
     ("GET", "/v1/jobs/ID/recording", Needs::Read),
     ("GET", "/v1/jobs/ID/frame.png", Needs::Read),
+    ("GET", "/v1/jobs/ID/layout", Needs::Read),
     ("GET", "/v1/plates", Needs::Read),
     ("GET", "/metrics", Needs::Read),
     ("GET", "/openapi.json", Needs::Read),
     ("POST", "/v1/plates/nowhere/estop", Needs::Read),
     ("POST", "/v1/jobs", Needs::Operate),
+    ("POST", "/v1/check", Needs::Operate),
     ("POST", "/v1/jobs/ID/cancel", Needs::Operate),
+    ("DELETE", "/v1/jobs/ID", Needs::Operate),
     ("POST", "/v1/plates/nowhere/resume", Needs::Operate),
 ];
 

@@ -100,7 +100,7 @@ fn addresses(served: &Served, id: &str) {
     let get = |path: &str| served.ask("GET", path, &[], "");
     let unknown = "0".repeat(32);
     for id in [unknown.as_str(), "x", "..", "%2e%2e", "..%2f..%2fetc%2fpasswd", "%00", &"a".repeat(2000), "%ff"] {
-        for tail in ["", "/events", "/recording", "/frame.png"] {
+        for tail in ["", "/events", "/recording", "/frame.png", "/layout"] {
             get(&format!("/v1/jobs/{id}{tail}")).is_problem(404);
         }
         served.ask("POST", &format!("/v1/plates/{id}/estop"), &[], "").is_problem(404);
