@@ -92,7 +92,9 @@ impl<'a> Walker<'a> {
         for (key, value) in members {
             match (member_of(key), schema.get("additionalProperties")) {
                 (None, Some(Value::Bool(false))) => {
-                    let keys: Vec<&str> = known.into_iter().flat_map(Map::keys).map(String::as_str).collect();
+                    // `$schema` says nothing about the job or rig: a mistyped key was meant to be another
+                    let keys = known.into_iter().flat_map(Map::keys).map(String::as_str);
+                    let keys: Vec<&str> = keys.filter(|key| !key.starts_with('$')).collect();
                     let found = format!("unknown key {}", quoted(key));
                     self.faults.push(at.key(key), found, one_of(key, &keys));
                 }

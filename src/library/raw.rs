@@ -8,6 +8,7 @@ use super::{AxisShape, DisplacementModel, Entry, FieldResponse, Library, PlateRe
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{CHANNELS, Harmonic};
 use upm_core::units::{m_from_mm, mm_from_m};
+use upm_document::SchemaKey;
 
 /// Bounds that no plate a person could build exceeds; numbers beyond are slips of the unit.
 const PLATE_SIDE_MM: (f64, f64) = (1.0, 1e4);
@@ -36,6 +37,9 @@ type RawMatrix = [[[f64; 2]; 3]; 3];
 #[serde(deny_unknown_fields)]
 #[schemars(title = "library")]
 pub struct RawLibrary {
+    /// Path or address of this file's schema, for editors. Nothing else reads it.
+    #[serde(rename = "$schema", default, skip_serializing)]
+    pub schema: SchemaKey,
     /// Name of the rig it was measured on.
     pub rig: String,
     /// Fingerprint of that rig's file.
@@ -203,6 +207,7 @@ impl From<&Library> for RawLibrary {
     fn from(library: &Library) -> Self {
         let [x, y, spin] = library.shapes.each_ref().map(raw_shape);
         Self {
+            schema: SchemaKey,
             rig: library.rig.clone(),
             fingerprint: library.fingerprint.clone(),
             plate_side_mm: rounded(mm_from_m(library.plate_side_m), 6),

@@ -3,12 +3,16 @@ use serde::{Deserialize, Serialize};
 use upm_core::job::Pace;
 
 use super::raw_rig::RigSource;
+use upm_document::SchemaKey;
 
 /// What `upm serve` runs: plates, and how much it takes on and keeps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "daemon")]
 pub struct RawDaemon {
+    /// Path or address of this file's schema, for editors. Nothing else reads it.
+    #[serde(rename = "$schema", default, skip_serializing)]
+    pub schema: SchemaKey,
     /// Address and port to listen on, as `127.0.0.1:8750`; port 0 is any free one. An address that others can reach asks
     /// for a token.
     #[serde(default = "listen")]

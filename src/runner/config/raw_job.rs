@@ -5,12 +5,16 @@ use serde_json::{Map, Value};
 use super::faults::RawFaults;
 use super::raw_rig::RigSource;
 use super::raw_shapes::{RawCircle, RawLissajous, RawSvg, RawTargets};
+use upm_document::SchemaKey;
 
 /// A job: which rig, which parts, and what to do with them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "job")]
 pub struct RawJob {
+    /// Path or address of this file's schema, for editors. Nothing else reads it.
+    #[serde(rename = "$schema", default, skip_serializing)]
+    pub schema: SchemaKey,
     /// Name of the job and of its run folder: 1 to 64 letters, digits, `.`, `_` and `-`.
     #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
     pub name: String,

@@ -4,12 +4,16 @@ use std::fmt;
 use schemars::JsonSchema;
 use serde::de::{Error, MapAccess, Visitor, value::MapAccessDeserializer};
 use serde::{Deserialize, Deserializer, Serialize};
+use upm_document::SchemaKey;
 
 /// A rig: a square plate on springs, four voice coils, two accelerometers, a camera above.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "rig")]
 pub struct RawRig {
+    /// Path or address of this file's schema, for editors. Nothing else reads it.
+    #[serde(rename = "$schema", default, skip_serializing)]
+    pub schema: SchemaKey,
     /// Name of the rig, for reports and libraries: letters, digits, `.`, `_` and `-`.
     #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
     pub name: String,

@@ -2,12 +2,16 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::raw_rig::RigSource;
+use upm_document::SchemaKey;
 
 /// An open-loop experiment: given pulses on given parts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "simulate")]
 pub struct RawSimulate {
+    /// Path or address of this file's schema, for editors. Nothing else reads it.
+    #[serde(rename = "$schema", default, skip_serializing)]
+    pub schema: SchemaKey,
     /// The rig: a path relative to this file, or the object itself.
     pub rig: RigSource,
     /// How the plate moves.

@@ -1,11 +1,15 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use upm_document::SchemaKey;
 
 /// A trace: what the accelerometers saw during one pulse on any rig, and what is needed to read it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "trace")]
 pub struct RawTrace {
+    /// Path or address of this file's schema, for editors. Nothing else reads it.
+    #[serde(rename = "$schema", default, skip_serializing)]
+    pub schema: SchemaKey,
     /// Samples a second in every channel; 16 or more to a period of `base_hz`.
     #[schemars(range(min = 16.0, max = 1e6))]
     pub sample_hz: f64,

@@ -6,7 +6,7 @@ use super::raw_trace::{RawCounts, RawTrace};
 use super::read::point_m;
 use upm_core::signal::{AccelTrace, Envelope, MISSING_SAMPLE, RecordedPulse};
 use upm_core::units::mm_from_m;
-use upm_document::{Fault, Faults, Path, counted, parse_and_build, text_of};
+use upm_document::{Fault, Faults, Path, SchemaKey, counted, parse_and_build, text_of};
 
 /// Fewest samples to a base period that a fit can read.
 const LEAST_SAMPLES: f64 = 16.0;
@@ -92,6 +92,7 @@ fn raw_of(pulse: &RecordedPulse) -> RawTrace {
         .each_ref()
         .map(|channel| channel.iter().map(|&count| (count != MISSING_SAMPLE).then_some(count)).collect());
     RawTrace {
+        schema: SchemaKey,
         sample_hz: trace.sample_hz,
         first_sample_s: trace.first_sample_s,
         mps2_per_count: trace.mps2_per_count,

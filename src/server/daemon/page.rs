@@ -70,14 +70,14 @@ struct Example {
     what: String,
     /// Name of the rig that it was made for.
     rig: String,
-    /// The file without its rig, laid out as it was.
+    /// The file without the files that it names, laid out as it was.
     text: String,
 }
 
 fn examples() -> Vec<Example> {
     let example = |(name, text): &(&'static str, &str)| {
         let job: Value = serde_json::from_str(text).ok()?;
-        Some(Example { name, what: what(&job)?, rig: rig(&job), text: without_rig(text) })
+        Some(Example { name, what: what(&job)?, rig: rig(&job), text: without_files(text) })
     };
     JOBS.iter().filter_map(example).collect()
 }
@@ -96,9 +96,10 @@ fn rig(job: &Value) -> String {
     file.rsplit('/').next().unwrap_or_default().trim_end_matches(".json").to_owned()
 }
 
-/// The text without the lines of `rig` and `library`: a job that is sent names no files.
-fn without_rig(text: &str) -> String {
-    let names_file = |line: &&str| ["  \"rig\": \"", "  \"library\": \""].iter().any(|start| line.starts_with(start));
+/// The text without the lines of `$schema`, `rig` and `library`: a job that is sent names no files.
+fn without_files(text: &str) -> String {
+    let keys = ["$schema", "rig", "library"];
+    let names_file = |line: &&str| keys.iter().any(|key| line.starts_with(&format!("  \"{key}\": \"")));
     text.split_inclusive('\n').filter(|line| !names_file(line)).collect()
 }
 
