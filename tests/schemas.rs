@@ -99,7 +99,7 @@ fn one_of_each() -> Vec<Value> {
         read(&root().join("assets/libraries/upm-1.json")),
         json!({
             "rig": rig, "parts": [{"kind": "penny", "position_mm": [40, 0]}],
-            "pulses": [{"direction_deg": 90, "speed_mps": 0.05, "sustain_s": 0.1}],
+            "pulses": [{"direction_deg": 90, "speed_mps": 0.02, "sustain_s": 0.1}],
         }),
         json!({
             "sample_hz": 1000, "mps2_per_count": 0.05, "count_limit": 511, "base_hz": 50, "attack_s": 0.02,

@@ -43,6 +43,7 @@ mod trace;
 mod view;
 
 pub use daemon::{DaemonSpec, KeepSpec, PlateSpec, StandingSpec, WatchdogSpec};
+pub use faults::{DrawnFaults, RawFault, RawFaults, RawValue};
 pub use job::{JobSpec, LibraryRef};
 pub use kinds::{KindSpec, PartGroup};
 pub use place::{PlacedPart, place_parts};
@@ -52,8 +53,8 @@ pub use raw_job::{
     RawTask,
 };
 pub use raw_rig::{
-    RawAccelerometers, RawCamera, RawDamping, RawDrive, RawFriction, RawKind, RawLevels, RawMotors, RawPlate,
-    RawResonance, RawRig, RawSimulation, RigSource,
+    RawAccelerometers, RawCamera, RawDamping, RawDrive, RawFields, RawFriction, RawKind, RawLevels, RawMotors,
+    RawPlate, RawResonance, RawRig, RawSimulation, RigSource,
 };
 pub use raw_shapes::{RawCircle, RawGrid, RawLine, RawLissajous, RawSvg, RawTargets, RawText};
 pub use raw_simulate::{PlateMode, RawHarmonic, RawPlaced, RawPulse, RawSimulate};

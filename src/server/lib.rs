@@ -1,7 +1,7 @@
-//! The daemon: a job `store`, [`plates`] that run jobs, the HTTP [`service`], and the [`daemon`] that joins them.
+//! The daemon: a job [`store`], [`plates`] that run jobs, the HTTP [`service`], and the [`daemon`] that joins them.
 
 pub mod daemon;
 pub mod plates;
 pub mod service;
 pub mod states;
-mod store;
+pub mod store;

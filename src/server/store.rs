@@ -38,9 +38,7 @@ mod writer;
 
 pub use ages::Clocks;
 pub use handle::Store;
-#[cfg(test)]
-pub use held::Found;
-pub use held::{Displaced, HeldPath};
+pub use held::{Displaced, Found, HeldPath};
 pub use ids::JobId;
 pub use inspect::{PeekMost, Peeked, peek};
 pub use ledger::{Ledger, MakeFolder, Publish};

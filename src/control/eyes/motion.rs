@@ -19,7 +19,7 @@ const LEAP_M: f64 = 0.04;
 impl Eyes {
     /// Announces a pulse at `at` that should carry the parts to `forecast_m` and swing the plate by `swing`; `None` where the
     /// library does not give them.
-    pub fn expect_pulse(&mut self, at: PlateTime, forecast_m: Option<&[Vec2]>, swing: Option<Swing>) {
+    pub(crate) fn expect_pulse(&mut self, at: PlateTime, forecast_m: Option<&[Vec2]>, swing: Option<Swing>) {
         let places_m = self.positions_m();
         self.expected_m = match forecast_m {
             Some(forecast_m) => {
@@ -40,7 +40,7 @@ impl Eyes {
     }
 
     /// How the frames of the last pulse show the plate's planned swing.
-    pub fn swing_seen(&self) -> SwingSeen {
+    pub(crate) fn swing_seen(&self) -> SwingSeen {
         self.delay.swing_seen()
     }
 
@@ -55,7 +55,7 @@ impl Eyes {
     }
 
     /// Delay of the frames, once it is certain; to be called after a pulse that moved the plate as planned.
-    pub fn late(&mut self) -> Option<Late> {
+    pub(crate) fn late(&mut self) -> Option<Late> {
         self.delay.end().filter(|_| self.guards.has(Condition::CameraLate))
     }
 

@@ -74,6 +74,7 @@ impl Store {
         self.queue.write(task(true, move |tx: &WriteTx<'_>| tx.delete(&id), deleted));
     }
 
+    /// The job with that identifier; `None` when there is none.
     pub fn job(&self, id: &JobId, done: impl FnOnce(Result<Option<JobRow>, StoreFault>) + Send + 'static) {
         let id = *id;
         self.readers.ask(move |connection| jobs::find(connection, &id), done);
@@ -111,6 +112,7 @@ impl Store {
         self.retention.bytes()
     }
 
+    /// The folder of run folders.
     pub fn runs(&self) -> &Path {
         &self.runs
     }
@@ -121,6 +123,7 @@ impl Store {
         self.held.iter().try_for_each(HeldPath::check)
     }
 
+    /// Whether the store still does its work.
     pub fn health(&self) -> StoreHealth {
         let reserve = self.queue.status.reserve.load(Ordering::Relaxed);
         let fault = if self.queue.status.closed.load(Ordering::SeqCst) {

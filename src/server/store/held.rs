@@ -14,6 +14,7 @@ pub struct HeldPath {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}: expected the file that the daemon holds open, found {found}", path.display())]
 pub struct Displaced {
+    /// The path.
     pub path: PathBuf,
     /// The thing it names now.
     pub found: Found,

@@ -10,6 +10,7 @@ use super::{AuditRow, JobId, JobRow, JobState, Page, StoreFault, StoredEvent, hi
 pub struct PeekMost {
     /// Newest jobs, at most [`Page::MOST`].
     pub jobs: usize,
+    /// Newest events.
     pub events: usize,
     /// Last lines of the audit log.
     pub audit: usize,

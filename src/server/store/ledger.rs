@@ -20,8 +20,9 @@ pub trait Ledger: Send + Sync + fmt::Debug {
     /// plate. A job that is queued after this returns finds the run begun.
     fn begin_standing(&self, job: &NewJob, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault>;
 
-    /// Says how a running job ended, and tells its [`FINISHED`] event; `None` when it had ended before, which is no
-    /// fault. Waits for the disk. On a fault the caller asks again later, and leaves its plate alone until then.
+    /// Says how a running job ended, and tells its [`FINISHED`](super::FINISHED) event; `None` when it had ended before,
+    /// which is no fault. Waits for the disk. On a fault the caller asks again later, and leaves its plate alone until
+    /// then.
     fn ended(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault>;
 
     /// Keeps an event; never waits. False when too many are waiting already: the event is lost, `published` not called.

@@ -33,6 +33,7 @@ struct Entry {
 }
 
 impl MemoryLedger {
+    /// An empty one whose times are those of `now`.
     pub fn new(now: fn() -> Timestamp) -> Self {
         let (jobs, audit) = Default::default();
         Self { now, kept: Mutex::new(Kept { ids: Ids::above(None), jobs, audit, fault: None }) }
@@ -59,6 +60,7 @@ impl MemoryLedger {
         }
     }
 
+    /// The job with that identifier; `None` when there is none.
     pub fn job(&self, id: &JobId) -> Option<JobRow> {
         self.kept.lock().jobs.get(id).map(|entry| entry.row.clone())
     }

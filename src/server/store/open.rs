@@ -28,7 +28,9 @@ use upm_core::time::MonotonicClock;
 /// An open store with the report of its opening.
 #[derive(Debug)]
 pub struct Opened {
+    /// The store.
     pub store: Store,
+    /// What was found and put in order.
     pub recovery: Recovery,
 }
 

@@ -16,9 +16,13 @@ pub const FINISHED: &str = "finished";
 /// A validated job that asks to be queued.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewJob {
+    /// Name, fit for a folder.
     pub name: String,
+    /// Plate that it is for.
     pub plate: String,
+    /// Seed of everything random in its run.
     pub seed: u64,
+    /// How fast plate time passes.
     pub pace: Pace,
     /// The job as JSON, every default written out, the rig left out.
     pub spec_json: String,
@@ -61,16 +65,23 @@ impl NewJob {
 /// A job in the store, without its text (see [`Claimed`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobRow {
+    /// Identifier, by which jobs are listed in the order in which they came.
     pub id: JobId,
+    /// Name, fit for a folder.
     pub name: String,
+    /// Plate that it is for.
     pub plate: String,
+    /// Where it is between the queue and its end.
     pub state: JobState,
+    /// Seed of everything random in its run.
     pub seed: u64,
+    /// How fast plate time passes.
     pub pace: Pace,
     /// Fingerprint of the rig it was checked against.
     pub rig_fingerprint: String,
     /// SHA-256 of the library it was checked against, in hex.
     pub library_sha256: String,
+    /// When it was accepted.
     pub submitted_at: Timestamp,
     /// When its plate took it; not before `submitted_at`.
     pub started_at: Option<Timestamp>,
@@ -81,9 +92,11 @@ pub struct JobRow {
     pub progress: f64,
     /// Why it ended as it did; empty until then.
     pub reason: String,
+    /// `report.json` of its run; `None` until there is one.
     pub report_json: Option<String>,
     /// Name of its run folder within the folder of runs; never a path.
     pub folder: Option<String>,
+    /// Whether it has a recording, and how whole that is.
     pub recording: RecordingStatus,
     /// Sequence number of its last event; 0 before the first.
     pub last_event: u64,
@@ -118,7 +131,9 @@ pub struct JobEnd {
     pub stop: Option<StopCause>,
     /// Why, in words.
     pub reason: String,
+    /// `report.json` of its run; `None` where it left none.
     pub report_json: Option<String>,
+    /// Whether it has a recording, and how whole that is.
     pub recording: RecordingStatus,
 }
 
@@ -182,6 +197,7 @@ pub struct StoredEvent {
     pub at: Timestamp,
     /// When, of the plate's own time.
     pub plate_time: PlateTime,
+    /// Kind: `state`, `cycle`, `warning`, `recording`, [`FINISHED`].
     pub kind: String,
     /// JSON.
     pub body: Arc<str>,
@@ -196,7 +212,9 @@ pub enum Accepted {
     Replayed(JobRow),
     /// The same key came before with another body.
     KeyReused,
+    /// As many jobs wait for the plate as may.
     QueueFull {
+        /// How many wait.
         queued: usize,
     },
 }
@@ -208,6 +226,7 @@ pub enum Cancelled {
     Now(JobRow, StoredEvent),
     /// It is in another state, and stays so.
     Not(JobRow),
+    /// There is no such job.
     Unknown,
 }
 
@@ -224,6 +243,7 @@ pub enum Deleted {
 /// Which jobs to list: newest first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Page {
+    /// Only jobs in this state; `None` for all.
     pub state: Option<JobState>,
     /// Most jobs in the answer; at least 1 and at most [`Page::MOST`] are given.
     pub limit: usize,
@@ -239,6 +259,7 @@ impl Page {
 /// Jobs, newest first.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct JobPage {
+    /// The jobs.
     pub rows: Vec<JobRow>,
     /// Cursor of the next page; `None` on the last.
     pub next: Option<JobId>,
@@ -251,17 +272,22 @@ pub struct Replay {
     pub oldest: u64,
     /// Number of the newest event ever told; 0 before the first.
     pub last: u64,
+    /// The events, oldest first.
     pub events: Vec<StoredEvent>,
 }
 
 /// One act for the audit log.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct AuditEntry {
+    /// Plate that it was done to; `None` for an act on the daemon.
     pub plate: Option<String>,
     /// The act: `estop`, `reset`, `resume`.
     pub act: String,
+    /// Name that the caller gave.
     pub operator: String,
+    /// Reason that the caller gave.
     pub reason: String,
+    /// Address that the request came from.
     pub remote: String,
     /// Name of the token it came with, never the token.
     pub token_name: String,
@@ -270,31 +296,40 @@ pub struct AuditEntry {
 /// One line of the audit log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AuditRow {
+    /// Its number, in the order of the log.
     pub id: i64,
+    /// When it was done.
     pub at: Timestamp,
+    /// The act.
     pub entry: AuditEntry,
 }
 
 /// Why the store did not do what it was asked.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StoreFault {
+    /// Nothing more fits on the disk.
     #[error("the disk of the job store is full")]
     Full,
     /// More is waiting for the disk than is allowed to: ask again later.
     #[error("the job store is busy")]
     Busy,
+    /// The disk or SQLite failed, in its words.
     #[error("the job store cannot be read or written: {0}")]
     Io(String),
+    /// The database is not what the store wrote.
     #[error("the job store is damaged: {0}")]
     Corrupt(String),
     /// A newer release wrote the store.
     #[error("{file}: found a job store of version {found}, expected version {known} or older: start a newer release")]
     Newer {
+        /// The database.
         file: String,
+        /// Its version.
         found: i32,
         /// The newest version that this release knows.
         known: i32,
     },
+    /// The store was closed; nothing is read or written any more.
     #[error("the job store is closed")]
     Closed,
 }
@@ -302,6 +337,7 @@ pub enum StoreFault {
 /// Repair of a recording that had not been closed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mended {
+    /// Messages that the recording holds now.
     pub messages: u64,
     /// Bytes at its end that could not be kept.
     pub cut_bytes: u64,
