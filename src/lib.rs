@@ -1,11 +1,61 @@
-//! A Universal Planar Manipulator: one flat plate, shaken sideways by four voice coils, moves many coins on it
-//! independently, closed over a camera. See `ARCHITECTURE.md` for the crates and who may import whom.
+//! A Universal Planar Manipulator as a library: one flat plate, shaken sideways by four voice coils, moves many coins
+//! on it independently, while a camera closes the loop.
+//!
+//! The crate finds table and coins in pictures, measures what a plate can do, plans motions that carry every coin its
+//! own way, and runs whole jobs closed loop on a simulated rig. A task or a rig of your own is a type that implements
+//! [`goal::Goal`] or [`rig::Rig`]. Time and random numbers are passed in: equal jobs, seeds and builds give equal
+//! results to the last bit.
+//!
+//! | purpose | module and first item |
+//! |---|---|
+//! | read and check jobs, rigs and other files | [`config`]: `JobSpec::load`, `RigSpec::load` |
+//! | run, rehearse and verify jobs, calibrate rigs | [`run`]: `InMemoryRun`, `run`, `rehearse`, `verify`, `calibrate` |
+//! | find the table and the coins in a picture, follow them | [`vision`]: `locate_table`, `CoinFinder`, `Tracker` |
+//! | read the plate's motion from its accelerometers | [`estimation`]: `fit_twist`, `fit_wave` |
+//! | plan motions for many parts | [`planner`]: `FieldPlanner`, `RotationPlanner` |
+//! | look up what a plate was measured to do | [`library`]: `Library` |
+//! | say where parts should go | [`goal`]: the trait `Goal`, and the tasks of job files |
+//! | close the loop over any rig | [`control`]: `run`, the trait `Sink` |
+//! | stand in for a rig | [`rig`]: the trait `Rig`; [`sim`]: `SimRig`; [`ground_truth`]: `GroundTruthHandle` |
+//! | keep a run | [`recording`]: `Journal`, `Tally`, `Report`; [`viewer`]: recordings for Rerun |
+//! | render pictures whose truth is known | `scene`: `Scene`, with the feature `lab` |
+//! | repeat the papers' experiments, draw charts | `lab`, with the feature `lab`; [`chart`] |
+//! | serve plates over HTTP | `daemon`, `plates`, `service`, with the feature `daemon` |
+//! | speak of space, time and signals | [`geometry`], [`units`], [`time`], [`signal`], [`random`], [`job`] |
+//!
+//! A job in memory, from its text to its report:
+//!
+//! ```
+//! use std::path::Path;
+//!
+//! use upm::config::{JobSpec, Origin};
+//! use upm::job::Outcome;
+//! use upm::run::{InMemoryRun, RunError};
+//!
+//! # fn main() -> Result<(), RunError> {
+//! let text = r#"{
+//!     "name": "nudge",
+//!     "rig": "rigs/upm-2.json",
+//!     "parts": [{"kind": "penny", "position_mm": [0, 0]}],
+//!     "task": {"type": "arrange", "targets_mm": [[6, 3]]}
+//! }"#;
+//! // files that a job names are looked for beside it
+//! let job = JobSpec::from_json(text, &Origin::of_file(Path::new("configs/nudge.json")), None)?;
+//! let report = InMemoryRun::new(&job)?.run();
+//! assert_eq!(report.outcome, Outcome::Completed);
+//! assert!(report.max_error_mm < Some(0.6), "{:?}", report.max_error_mm);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! `docs/library.md` explains the programs in `examples/`. `ARCHITECTURE.md` says which crate and room of the code does
+//! what.
 
 pub mod cli;
 
 pub use upm_chart as chart;
 pub use upm_control as control;
-pub use upm_core::{geometry, ground_truth, priority, random, rig, signal, time, units};
+pub use upm_core::{geometry, ground_truth, job, priority, random, rig, signal, time, units};
 pub use upm_goal as goal;
 #[cfg(feature = "lab")]
 pub use upm_lab as lab;
@@ -17,6 +67,6 @@ pub use upm_runner::{config, run};
 #[cfg(feature = "lab")]
 pub use upm_scene as scene;
 #[cfg(feature = "daemon")]
-pub use upm_server::{daemon, plates, service};
+pub use upm_server::{daemon, plates, service, states, store};
 pub use upm_sim as sim;
 pub use upm_viewer as viewer;

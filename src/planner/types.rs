@@ -1,5 +1,6 @@
 use upm_core::geometry::Vec2;
-use upm_core::signal::TwistWave;
+use upm_core::signal::{Drive, TwistWave};
+use upm_library::Library;
 
 /// One part as the planner sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,6 +61,16 @@ impl PlannedPulse {
         match self {
             Self::Rotation(rotation) => rotation.sustain_s,
             Self::Field(field) => field.sustain_s,
+        }
+    }
+
+    /// The drive that plays it on the library's rig; `None` where the library cannot drive it.
+    pub fn drive(&self, library: &Library) -> Option<Drive> {
+        match self {
+            Self::Rotation(rotation) => library
+                .drive_with_rest(rotation.entry, rotation.sustain_s, rotation.rest_s)
+                .map(|drive| drive.scaled(rotation.amplitude.copysign(rotation.distance_m))),
+            Self::Field(field) => library.field_drive(&field.wave, field.sustain_s),
         }
     }
 }

@@ -11,6 +11,7 @@ mod error;
 #[cfg(test)]
 mod fault_tests;
 mod folder;
+mod in_memory;
 mod library;
 mod library_output;
 mod links;
@@ -51,12 +52,13 @@ use folder::TruthLog;
 use paced::{Pace, Paced};
 use time_figure::FirstLook;
 
-pub use bench::{Bench, NamedTruth};
+pub use bench::{Bench, NamedTruth, planner_params};
 pub use calibrate::{calibrate, calibration_params};
 pub use coverage::{Coverage, Gap, Place};
 pub use error::RunError;
 pub use folder::{FolderState, RunFolder};
-pub use library::{check_job, check_places, fitting_library, job_library, library_faults};
+pub use in_memory::InMemoryRun;
+pub use library::{check_job, check_places, fitting_library, job_library, library_faults, rig_library};
 pub use library_output::{LibraryOutput, LibraryOutputFault};
 pub use links::{ExternalStop, Links};
 pub use pace_check::{PaceCheck, check_pace};

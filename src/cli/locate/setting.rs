@@ -2,7 +2,7 @@
 
 use crate::cli::args::LocateArgs;
 use crate::cli::output::Failure;
-use upm_core::geometry::{Lens, Vec2};
+use upm_core::geometry::Lens;
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 use upm_core::units::{INCH_M, m_from_mm};
@@ -59,12 +59,10 @@ impl Setting {
         self.kinds.get(kind).map_or("?", |kind| kind.name.as_str())
     }
 
-    /// The lens that `frame` was taken through. Without a rig it distorts nothing and is so long that parts are seen from
-    /// straight above.
+    /// The lens that `frame` was taken through; [`Lens::long`] without a rig.
     pub(super) fn lens(&self, frame: &Frame) -> Result<Lens, String> {
         let Some(camera) = &self.camera else {
-            let size = Vec2::new(frame.width as f64, frame.height as f64);
-            return Ok(Lens::ideal(4.0 * size.max(), (size - Vec2::repeat(1.0)) / 2.0));
+            return Ok(Lens::long([frame.width, frame.height]));
         };
         let [width, height] = camera.frame_size_px;
         if [frame.width, frame.height] != [width, height] {

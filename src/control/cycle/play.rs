@@ -201,15 +201,12 @@ impl Cycle<'_> {
 
 /// What the motors are sent for a pulse; `Err` in words where the library cannot drive it.
 fn drive_of(library: &Library, planned: &PlannedPulse) -> Result<Drive, String> {
-    match planned {
-        PlannedPulse::Rotation(rotation) => library
-            .drive_with_rest(rotation.entry, rotation.sustain_s, rotation.rest_s)
-            .map(|drive| drive.scaled(rotation.amplitude.copysign(rotation.distance_m)))
-            .ok_or_else(|| format!("library has no entry {}", rotation.entry)),
-        PlannedPulse::Field(field) => library
-            .field_drive(&field.wave, field.sustain_s)
-            .ok_or_else(|| format!("library cannot drive a field of {} harmonics", field.wave.harmonics.len())),
-    }
+    planned.drive(library).ok_or_else(|| match planned {
+        PlannedPulse::Rotation(rotation) => format!("library has no entry {}", rotation.entry),
+        PlannedPulse::Field(field) => {
+            format!("library cannot drive a field of {} harmonics", field.wave.harmonics.len())
+        }
+    })
 }
 
 /// The plate's motion by the accelerometers, for as many harmonics as the pulse has.

@@ -23,6 +23,13 @@ impl Lens {
         Self { focal_px, principal_px, radial: [0.0; 2], tangential: [0.0; 2] }
     }
 
+    /// The lens of a picture whose camera is not known, by its columns and rows. It distorts nothing and is so long that
+    /// parts are seen from straight above.
+    pub fn long(size_px: [usize; 2]) -> Self {
+        let size = Vec2::from(size_px.map(|size| size as f64));
+        Self::ideal(4.0 * size.max(), (size - Vec2::repeat(1.0)) / 2.0)
+    }
+
     /// True when distortion moves nothing.
     #[inline]
     pub fn is_ideal(&self) -> bool {

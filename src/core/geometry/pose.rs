@@ -13,7 +13,13 @@ pub struct Pose {
 
 impl Pose {
     /// The parent frame itself.
-    pub const IDENTITY: Self = Self { position_m: Vec2::new(0.0, 0.0), heading_rad: 0.0 };
+    pub const IDENTITY: Self = Self::at(Vec2::new(0.0, 0.0));
+
+    /// A body at `position_m` that is not turned.
+    #[inline]
+    pub const fn at(position_m: Vec2) -> Self {
+        Self { position_m, heading_rad: 0.0 }
+    }
 
     /// A body point in the parent frame.
     #[inline]

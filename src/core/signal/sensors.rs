@@ -26,6 +26,12 @@ impl Frame {
         Self { width, height, pixels: vec![0; width * height], index: 0, exposed_at: PlateTime::ZERO }
     }
 
+    /// A picture that came from elsewhere, its gray levels row by row; `None` when there are not `width * height` of them.
+    pub fn of_picture(width: usize, height: usize, pixels: Vec<u8>) -> Option<Self> {
+        let is_whole = width.checked_mul(height) == Some(pixels.len());
+        is_whole.then_some(Self { width, height, pixels, index: 0, exposed_at: PlateTime::ZERO })
+    }
+
     /// Row `y` from the top.
     #[inline]
     pub fn row(&self, y: usize) -> &[u8] {

@@ -31,10 +31,12 @@ const LEAD_M: f64 = 4e-3;
 /// Seconds at rest without a part after which it is lost.
 const LOST_AFTER_S: f64 = 0.4;
 
-/// A job's simulated rig, its goal and all that control needs.
-pub struct Bench {
+/// A job's rig, its goal and all that control needs.
+pub struct Bench<R = SimRig> {
     /// The rig.
-    pub rig: SimRig,
+    pub rig: R,
+    /// Where its parts truly are.
+    pub truth: GroundTruthHandle,
     /// What control knows of it.
     pub model: RigModel,
     /// What the job wants.
@@ -66,15 +68,23 @@ impl Bench {
             tolerance_m: job.tolerance_m,
             lost_after_frames: lost_after_frames(model.frame_hz),
             method: PlannerSelection::of(job).method,
-            planner: planner_params(job, job.without_guard.as_deref()),
+            planner: planner_params_without(&model, job.without_guard.as_deref()),
             guards: job.without_guard.as_deref().map_or_else(Guards::default, Guards::without),
             kinds,
         };
         let goal = goal(job, library, &placed);
         let (faults, streams) = (job.faults.clone(), Streams::new(job.seed()));
-        Ok(Self { rig, model, goal, params, placed, faults, streams })
+        Ok(Self { truth: rig.probe(), rig, model, goal, params, placed, faults, streams })
     }
 
+    /// The same with the rig that `make` makes of the simulated one.
+    pub fn with_rig<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> Bench<R> {
+        let Self { rig, truth, model, goal, params, placed, faults, streams } = self;
+        Bench { rig: make(rig), truth, model, goal, params, placed, faults, streams }
+    }
+}
+
+impl<R: Rig> Bench<R> {
     /// Plate time now.
     pub fn now(&self) -> PlateTime {
         self.rig.now()
@@ -82,7 +92,7 @@ impl Bench {
 
     /// A window on the truth.
     pub fn truth(&self) -> GroundTruthHandle {
-        self.rig.probe()
+        self.truth.clone()
     }
 
     /// How the parts are drawn.
@@ -108,7 +118,7 @@ fn lost_after_frames(frame_hz: f64) -> u32 {
 pub(super) fn simulated_rig(job: &JobSpec) -> Result<(SimRig, Vec<PlacedPart>), Fault> {
     let streams = Streams::new(job.seed());
     let placed = place_parts(job, streams)?;
-    let poses = placed.iter().map(|part| (part.params, Pose { position_m: part.position_m, heading_rad: 0.0 }));
+    let poses = placed.iter().map(|part| (part.params, Pose::at(part.position_m)));
     let rig = SimRig::new(job.rig.model.clone(), job.rig.sim.clone(), poses.collect(), streams);
     Ok((rig, placed))
 }
@@ -128,18 +138,27 @@ fn given_positions(job: &JobSpec) -> impl Iterator<Item = bool> {
     job.parts.iter().flat_map(|group| std::iter::repeat_n(group.position_m.is_some(), group.count))
 }
 
-fn planner_params(job: &JobSpec, without: Option<&str>) -> PlannerParams {
-    let model = &job.rig.model;
-    // a limit that sleeps lies where no part gets
-    let kept = |code: &str, limit_m: f64| if without == Some(code) { -model.plate_side_m } else { limit_m };
+/// Limits and weights of the planner in every run on a rig.
+pub fn planner_params(model: &RigModel) -> PlannerParams {
     PlannerParams {
         half_side_m: 0.5 * model.plate_side_m,
-        edge_margin_m: kept("edge_limit", REST_MARGIN_M),
-        separation_m: kept("separation", REST_GAP_M),
+        edge_margin_m: REST_MARGIN_M,
+        separation_m: REST_GAP_M,
         min_distance_m: MIN_DISTANCE_M,
         frame_s: 1.0 / model.frame_hz,
         exposure_s: model.exposure_s,
         max_sustain_s: model.max_sustain_s,
+    }
+}
+
+/// The same with the limit that the guard called `without` keeps where no part gets.
+fn planner_params_without(model: &RigModel, without: Option<&str>) -> PlannerParams {
+    let all = planner_params(model);
+    let kept = |code: &str, limit_m: f64| if without == Some(code) { -model.plate_side_m } else { limit_m };
+    PlannerParams {
+        edge_margin_m: kept("edge_limit", all.edge_margin_m),
+        separation_m: kept("separation", all.separation_m),
+        ..all
     }
 }
 

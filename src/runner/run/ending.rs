@@ -4,6 +4,7 @@ use super::{Bench, PlannerSelection, RunError};
 use crate::config::{Assignment, JobSpec, TaskSpec};
 use upm_control::{ExpectedPart, Finish};
 use upm_core::job::{Outcome, StopCause};
+use upm_core::rig::Rig;
 use upm_core::time::PlateTime;
 use upm_core::units::mm_from_m;
 use upm_recording::{Ending, FaultReport, PartEnding, PartReport, Report, Verdict};
@@ -13,9 +14,9 @@ use upm_sim::faults::FaultSpec;
 const SENSING_MM: f64 = 0.1;
 
 /// The ending of a run; without a bench of one that never had a plate.
-pub(super) fn ending(job: &JobSpec, bench: Option<&Bench>, finish: Finish, wall_time_s: f64) -> Ending {
+pub(super) fn ending<R: Rig>(job: &JobSpec, bench: Option<&Bench<R>>, finish: Finish, wall_time_s: f64) -> Ending {
     let Finish { ending, wanted, measured_m, lost } = finish;
-    let part_ending = |(i, part): (usize, &ExpectedPart), bench: &Bench| PartEnding {
+    let part_ending = |(i, part): (usize, &ExpectedPart), bench: &Bench<R>| PartEnding {
         id: part.id.clone(),
         kind: bench.params.kinds.get(part.kind).map(|kind| kind.name.clone()).unwrap_or_default(),
         target_m: wanted.as_ref().and_then(|wanted| wanted.targets_m.get(i).copied()),
@@ -57,7 +58,7 @@ pub(super) fn unwritten_ending(ending: &mut Ending, error: &RunError) {
 }
 
 /// The faults that have begun by now.
-fn faults_within(bench: &Bench) -> Vec<FaultReport> {
+fn faults_within<R: Rig>(bench: &Bench<R>) -> Vec<FaultReport> {
     let now = bench.now();
     let begun = bench.faults.iter().filter(|fault| fault.from <= now);
     let report = |fault: &FaultSpec| FaultReport {

@@ -4,6 +4,9 @@ use upm_document::Fault;
 /// Why a job was not run, or its run not written down.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
+    /// A file is not valid, or not there.
+    #[error("{}", one_a_line(.0))]
+    Document(Vec<Fault>),
     /// The job cannot be run.
     #[error("{0}")]
     Job(Fault),
@@ -26,7 +29,13 @@ pub enum RunError {
     Recording(String),
     /// The rig is not there for this run.
     #[error("rig: {0}")]
-    Rig(RigFault),
+    Rig(#[from] RigFault),
+}
+
+impl From<Vec<Fault>> for RunError {
+    fn from(faults: Vec<Fault>) -> Self {
+        Self::Document(faults)
+    }
 }
 
 impl RunError {
@@ -37,7 +46,7 @@ impl RunError {
 
     /// True when the fault lies in what was given, not in the machine.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Job(_) | Self::Library(_) | Self::RerunMode(_))
+        matches!(self, Self::Document(_) | Self::Job(_) | Self::Library(_) | Self::RerunMode(_))
     }
 }
 

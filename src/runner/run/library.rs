@@ -19,7 +19,20 @@ pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Fault>> {
             return Err(vec![Fault::new(&job.file, "library", found, "a COR library, made by `upm calibrate`")]);
         }
     };
-    let faults = library_faults(&library, &file_of(job), &job.rig);
+    fitting(library, &file_of(job), &job.rig)
+}
+
+/// The COR library that `rig` names, checked against it.
+pub fn rig_library(rig: &RigSpec) -> Result<Arc<Library>, Vec<Fault>> {
+    let Some(path) = &rig.library else {
+        return Err(vec![Fault::new(&rig.model.name, "library", "nothing", "a COR library, made by `upm calibrate`")]);
+    };
+    fitting(Library::load(path)?, &path.display().to_string(), rig)
+}
+
+/// `library`, read from `file`, if it fits the rig.
+fn fitting(library: Library, file: &str, rig: &RigSpec) -> Result<Arc<Library>, Vec<Fault>> {
+    let faults = library_faults(&library, file, rig);
     if faults.is_empty() { Ok(Arc::new(library)) } else { Err(faults) }
 }
 
@@ -73,4 +86,23 @@ pub fn library_faults(library: &Library, file: &str, rig: &RigSpec) -> Vec<Fault
     };
     let faults = library.check_fits(&facts).into_iter();
     faults.map(|fault| fault.in_file(file)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn library_of_a_rig_is_read_only_where_it_fits() {
+        let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/rigs/upm-2.json"));
+        let rig = RigSpec::load(file).unwrap();
+        assert_eq!(rig_library(&rig).unwrap().rig, "upm-2");
+        let unnamed = rig_library(&RigSpec::upm_2().unwrap()).unwrap_err();
+        assert_eq!(unnamed[0].path, "library");
+        let other = RigSpec { fingerprint: "0000000000000000".into(), ..rig };
+        let unfit = rig_library(&other).unwrap_err();
+        assert!(unfit.iter().any(|fault| fault.path == "fingerprint"), "{unfit:?}");
+    }
 }

@@ -9,8 +9,7 @@ use upm_sim::{self as sim, OpenLoopError, OpenPulse, PlateMode, Trajectories};
 
 /// Plays the pulses of an experiment on its parts, open loop.
 pub fn simulate(spec: &SimulateSpec) -> Result<Trajectories, OpenLoopError> {
-    let at_rest = |position_m| Pose { position_m, heading_rad: 0.0 };
-    let parts: Vec<_> = spec.parts.iter().map(|part| (part.params, at_rest(part.position_m))).collect();
+    let parts: Vec<_> = spec.parts.iter().map(|part| (part.params, Pose::at(part.position_m))).collect();
     sim::simulate(&spec.rig.sim, mode(spec), &parts, &pulses(spec), spec.base_radps, spec.sample_hz)
 }
 

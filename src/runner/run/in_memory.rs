@@ -1,0 +1,227 @@
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use super::bench::{Bench, NamedTruth};
+use super::ending::{ending, verdict};
+use super::error::RunError;
+use super::library::job_library;
+use super::play;
+use super::time_figure::FirstLook;
+use crate::config::{Fault, JobSpec};
+use upm_control::{self as control, ControlParams, Devices, Finish, Sink};
+use upm_core::rig::Rig;
+use upm_core::time::StoppedClock;
+use upm_goal::Goal;
+use upm_library::Library;
+use upm_recording::{Ending, Fanout, Report, Tally};
+use upm_sim::SimRig;
+
+/// A run that leaves no files: a job with its simulated rig, its goal and its library, put together in memory.
+///
+/// It reads no clock and starts no thread, so equal jobs have equal reports; wall times in them are zero.
+pub struct InMemoryRun<'a> {
+    job: &'a JobSpec,
+    library: Arc<Library>,
+    bench: Bench,
+    watcher: Option<&'a mut dyn Sink>,
+    has_own_goal: bool,
+}
+
+impl<'a> InMemoryRun<'a> {
+    /// Reads the library of `job` and places its parts.
+    ///
+    /// # Errors
+    /// When there is no library of its rig, or the parts find no places.
+    pub fn new(job: &'a JobSpec) -> Result<Self, RunError> {
+        let library = job_library(job).map_err(RunError::Library)?;
+        let bench = Bench::new(job, &library).map_err(RunError::Job)?;
+        Ok(Self { job, library, bench, watcher: None, has_own_goal: false })
+    }
+
+    /// Tells `sink` everything that happens, besides the report.
+    pub fn watched_by(mut self, sink: &'a mut dyn Sink) -> Self {
+        self.watcher = Some(sink);
+        self
+    }
+
+    /// Pursues `goal` in place of the task that the job names. It is told the parts in the order of the job and ends the
+    /// run by [`done`](upm_goal::Wanted::done). The report has no verdict, which would rest on the task.
+    pub fn with_goal(mut self, goal: impl Goal + 'static) -> Self {
+        self.bench.goal = Box::new(goal);
+        self.bench.params.endless = false;
+        self.has_own_goal = true;
+        self
+    }
+
+    /// The library it plans with.
+    pub fn library(&self) -> &Arc<Library> {
+        &self.library
+    }
+
+    /// Parts, tolerance and limits, as control has them.
+    pub fn params(&self) -> &ControlParams {
+        &self.bench.params
+    }
+
+    /// Runs to the end on the simulated rig, with the faults that the job gives it.
+    pub fn run(self) -> Report {
+        let Self { job, library, mut bench, watcher, has_own_goal } = self;
+        let mut notes = Notes::of(&bench);
+        let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
+        let finish = play(&mut bench, &library, None, &mut notes.sinks(watcher), &StoppedClock, &stop, &give_way);
+        notes.report(job, &library, &bench, finish, has_own_goal)
+    }
+
+    /// Runs to the end on the rig that `make` makes of the simulated one, and returns that rig with the report: a rig
+    /// that logs, delays or checks what passes through it. Truth in the report is the simulated rig's.
+    ///
+    /// # Errors
+    /// When the job names faults: those are for the simulated rig alone.
+    pub fn run_on<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> Result<(Report, R), RunError> {
+        let Self { job, library, bench, watcher, has_own_goal } = self;
+        if !bench.faults.is_empty() {
+            let found = format!("{} faults", bench.faults.len());
+            return Err(RunError::Job(Fault::new(&job.file, "faults", found, "none on a rig of the caller's")));
+        }
+        let (mut notes, mut bench) = (Notes::of(&bench), bench.with_rig(make));
+        let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
+        let Bench { rig, model, goal, params, .. } = &mut bench;
+        let mut sinks = notes.sinks(watcher);
+        let clock = &StoppedClock;
+        let devices = Devices { rig, model, sink: &mut sinks, clock, stop: &stop, give_way: &give_way };
+        let finish = control::run(devices, &library, goal.as_mut(), params);
+        let report = notes.report(job, &library, &bench, finish, has_own_goal);
+        Ok((report, bench.rig))
+    }
+}
+
+/// The sinks that a report rests on.
+struct Notes {
+    named: NamedTruth,
+    first_look: FirstLook,
+    tally: Tally,
+}
+
+impl Notes {
+    fn of(bench: &Bench) -> Self {
+        let (named, tally) = (NamedTruth::new(bench.truth()), Tally::new(Some(bench.truth())));
+        Self { named, first_look: FirstLook::default(), tally }
+    }
+
+    fn sinks<'s, 'w>(&'s mut self, watcher: Option<&'s mut (dyn Sink + 'w)>) -> Fanout<'s> {
+        let sinks = Fanout::new().with(&mut self.named).with(&mut self.first_look).with(&mut self.tally);
+        match watcher {
+            Some(watcher) => sinks.with(watcher),
+            None => sinks,
+        }
+    }
+
+    fn report<R: Rig>(
+        &self,
+        job: &JobSpec,
+        library: &Arc<Library>,
+        bench: &Bench<R>,
+        finish: Finish,
+        has_own_goal: bool,
+    ) -> Report {
+        let ending = ending(job, Some(bench), finish, 0.0);
+        if has_own_goal {
+            return self.tally.report(ending);
+        }
+        let bound_s = self.first_look.time_figure_s(job, library, &bench.params);
+        let report = self.tally.report(Ending { bound_s, ..ending });
+        Report { verdict: verdict(job, &report), ..report }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::config::Origin;
+    use crate::run::{PacingStats, RunOptions, run};
+    use upm_core::geometry::Vec2;
+    use upm_core::job::Outcome;
+    use upm_core::time::{MonotonicClock, PlateTime};
+    use upm_goal::Wanted;
+    use upm_recording::{Keeping, MemorySink, RerunMode};
+
+    fn job(faults: Value) -> JobSpec {
+        let text = json!({
+            "name": "made", "seed": 11, "rig": "rigs/upm-2.json", "faults": faults,
+            "parts": [{"kind": "penny", "position_mm": [-30, 0]}, {"kind": "dime", "position_mm": [30, 0]}],
+            "task": {"type": "arrange", "targets_mm": [[-24, 6], [28, -3]]},
+        });
+        let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json");
+        JobSpec::from_json(&text.to_string(), &Origin::of_file(&file), None).unwrap()
+    }
+
+    fn dropped_frames() -> Value {
+        json!([{"component": "camera", "kind": "drop", "value": 0.3, "from_s": 0.2}])
+    }
+
+    /// What a run with a folder reports of the job, no clock running.
+    fn written(job: &JobSpec) -> Report {
+        let out = tempfile::TempDir::new().unwrap();
+        let options = RunOptions {
+            out: out.path().to_owned(),
+            started_utc: "20260101T000000Z".into(),
+            rerun: RerunMode::Off,
+            real_time: false,
+            keeping: Keeping::patient(MonotonicClock::new()),
+            live: None,
+        };
+        let mut sink = MemorySink::default();
+        let stop = AtomicBool::new(false);
+        run(job, &options, &StoppedClock, &stop, &PacingStats::default(), &mut sink).unwrap().report
+    }
+
+    #[test]
+    fn report_of_a_run_in_memory_is_that_of_a_run_with_a_folder() {
+        for job in [job(json!([])), job(dropped_frames())] {
+            let report = InMemoryRun::new(&job).unwrap().run();
+            assert_eq!(report.outcome, Outcome::Completed, "{}", report.reason);
+            assert_eq!(report, written(&job));
+        }
+    }
+
+    #[test]
+    fn run_on_the_simulated_rig_itself_is_the_same_run() {
+        let job = job(json!([]));
+        let mut sink = MemorySink::default();
+        let (report, rig) = InMemoryRun::new(&job).unwrap().watched_by(&mut sink).run_on(|rig| rig).unwrap();
+        assert_eq!(report, InMemoryRun::new(&job).unwrap().run());
+        assert!((rig.now().secs() - report.plate_time_s).abs() < 1e-4, "{} s", rig.now().secs());
+        assert_eq!(sink.pulses.len() as u64, report.pulses);
+    }
+
+    #[test]
+    fn job_with_faults_is_not_run_on_a_rig_of_the_callers() {
+        let job = job(dropped_frames());
+        let error = InMemoryRun::new(&job).unwrap().run_on(|rig| rig).map(|_| ()).unwrap_err();
+        assert!(error.to_string().contains("faults: found 1 faults, allowed: none"), "{error}");
+    }
+
+    /// Has every part stay, for so many looks.
+    struct Looks(u32);
+
+    impl Goal for Looks {
+        fn next(&mut self, _: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+            self.0 = self.0.saturating_sub(1);
+            let (subgoals_m, targets_m) = (parts_in_table_m.to_vec(), parts_in_table_m.to_vec());
+            Wanted { subgoals_m, targets_m, phase: "looking".into(), done: self.0 == 0, ..Wanted::default() }
+        }
+    }
+
+    #[test]
+    fn own_goal_replaces_the_task_and_has_no_verdict() {
+        let job = job(json!([]));
+        let report = InMemoryRun::new(&job).unwrap().with_goal(Looks(3)).run();
+        // the probe is every run's first pulse
+        assert_eq!((report.outcome, report.pulses), (Outcome::Completed, 1), "{}", report.reason);
+        assert_eq!((report.verdict, report.bound_s), (None, None));
+    }
+}
