@@ -27,7 +27,7 @@ pub fn rig_library(rig: &RigSpec) -> Result<Arc<Library>, Vec<Fault>> {
     let Some(path) = &rig.library else {
         return Err(vec![Fault::new(&rig.model.name, "library", "nothing", "a COR library, made by `upm calibrate`")]);
     };
-    fitting(Library::load(path)?, &path.display().to_string(), rig)
+    fitting_library(path, &format!("rig {}: library", rig.model.name), rig).map(Arc::new)
 }
 
 /// `library`, read from `file`, if it fits the rig.
