@@ -92,7 +92,7 @@ fn sample_of_a_run_is_what_the_program_prints() {
 }
 
 #[test]
-fn run_of_the_strong_rig_has_the_figures_of_the_readme() {
+fn run_of_the_strong_rig_has_the_figures_of_the_documents() {
     let out = TempDir::new().unwrap();
     let out = out.path().to_str().unwrap();
     let args = ["run", "configs/plus-sign-upm-2.json", "--quiet", "--json", "--rerun", "off", "--out", out];
@@ -100,7 +100,7 @@ fn run_of_the_strong_rig_has_the_figures_of_the_readme() {
     let [track_mm, time_s] = ["cross_track_rms_mm", "plate_time_s"].map(|key| report[key].as_f64().unwrap());
     let row =
         format!("| `upm-2`, plus-sign, one lap | {track_mm:.2} mm rms cross-track in {time_s:.0} s of plate time |");
-    assert_says("README.md", &[row]);
+    assert_says("docs/results.md", &[row]);
 }
 
 #[test]
@@ -109,7 +109,7 @@ fn centres_of_rotation_have_the_figures_of_the_documents() {
     let [low, high] = steering.range("step ");
     let inside_mm = map.get("read-out inside, rms", 1.0);
     assert_says(
-        "README.md",
+        "docs/results.md",
         &[
             format!(
                 "every centre within {:.3} in of Eq. 15, steps {low:.2} to {high:.2} in (paper: 2.48 to 3.14)",
@@ -148,7 +148,7 @@ fn read_out_of_pulses_has_the_figures_of_the_documents() {
     };
     let wrong = weak.get("force signs wrong, of 10000", 1.0);
     assert_says(
-        "README.md",
+        "docs/results.md",
         &[
             format!(
                 "natural frequencies within {} %, damping ratios within {} of the rig file's",
@@ -181,7 +181,7 @@ fn forces_and_pulses_have_the_figures_of_the_documents() {
     let disc = force.range("relative deviation of a disc's ")[1];
     let wave = force.get("deviation of the general wave's equilibrium speed, largest", 1.0);
     assert_says(
-        "README.md",
+        "docs/results.md",
         &[
             format!(
                 "| within {} %; within {} % of the closed form |",

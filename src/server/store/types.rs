@@ -237,6 +237,7 @@ pub enum Deleted {
     Now(JobRow, Option<StoredEvent>),
     /// It runs, and stays.
     Not(JobRow),
+    /// There is no such job.
     Unknown,
 }
 
