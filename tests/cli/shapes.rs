@@ -33,7 +33,7 @@ fn plan_and_its_picture_have_the_places_of_a_rule() {
             assert!((found.as_f64().unwrap() - expected).abs() < 1e-3, "{rows}");
         }
     }
-    assert!(fs::read_to_string(picture).unwrap().contains(">target<"), "the picture marks them");
+    assert!(fs::read_to_string(picture).unwrap().contains("target"), "the picture marks them");
 }
 
 #[test]

@@ -127,7 +127,7 @@ pub enum RawTask {
         targets_mm: Option<Vec<[f64; 2]>>,
         /// A rule that makes the places.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        targets: Option<RawTargets>,
+        targets: Option<Box<RawTargets>>,
         /// Who goes where.
         #[serde(default)]
         assignment: Assignment,

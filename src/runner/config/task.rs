@@ -61,7 +61,7 @@ pub(super) fn build(raw: &RawTask, groups: &[PartGroup], rig: &RigSpec, faults: 
         RawTask::PlusSign { laps, edge_margin_mm } => scene.plus_sign(*laps, *edge_margin_mm, faults),
         RawTask::Trajectories { paths, in_phase } => scene.trajectories(paths, *in_phase, faults),
         RawTask::Arrange { targets_mm, targets, assignment } => {
-            let targets_m = scene.targets(targets_mm.as_deref(), targets.as_ref(), faults)?;
+            let targets_m = scene.targets(targets_mm.as_deref(), targets.as_deref(), faults)?;
             Some(TaskSpec::Arrange { targets_m, assignment: *assignment })
         }
         RawTask::Sort { bins } => scene.sort(bins, faults),
