@@ -127,6 +127,8 @@ def check_size(checks, page, width, height, endless):
         where = f"{width} px, {scheme}"
         left = one.locator(".left")
         checks.soon(f"{where}: time left is told", lambda: left.is_visible() and left.inner_text().startswith("about "), 30)
+        if width != SIZES[0][0]:
+            one.locator(".camera").scroll_into_view_if_needed()
         checks.soon(f"{where}: so is the camera's view", lambda: one.locator(".camera img:not(.stale)").is_visible(), 5)
         seen = {what: one.locator(what).first.is_visible() for what in [".bins .bin", ".legend circle", ".part", ".target"]}
         checks.that(f"{where}: bins, kinds, parts and targets, too", all(seen.values()), seen)
