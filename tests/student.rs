@@ -1,0 +1,115 @@
+//! `docs/student.md` shows what the program does: its commands run in order and print what the page says, and its pictures
+//! are those that the named commands draw. `UPM_REMAKE_GOLDEN=1` writes the pictures anew.
+#![cfg(all(feature = "lab", target_os = "linux"))]
+#![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
+
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+
+use tempfile::TempDir;
+
+#[path = "../examples/draw_principle.rs"]
+#[allow(dead_code)] // its main
+mod draw_principle;
+
+/// Figures of the wall clock follow this.
+const WALL_TIME: &str = ", run in ";
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A folder that looks like the repository's to a reader who types commands there.
+fn workplace() -> TempDir {
+    let folder = TempDir::new().unwrap();
+    for name in ["configs", "assets"] {
+        symlink(root().join(name), folder.path().join(name)).unwrap();
+    }
+    folder
+}
+
+/// The fenced blocks of the page: language and text.
+fn blocks(page: &str) -> Vec<(&str, &str)> {
+    let fences = page.split("\n```").skip(1).step_by(2);
+    fences.map(|block| block.split_once('\n').unwrap()).collect()
+}
+
+/// Runs `script` in `folder` with `upm` as the program under test: its exit status, and all that it prints.
+fn typed(folder: &Path, script: &str) -> (i32, String) {
+    let script = format!("exec 2>&1\nupm() {{ '{}' \"$@\"; }}\n{script}\n", env!("CARGO_BIN_EXE_upm"));
+    let output = Command::new("bash").args(["-c", &script]).current_dir(folder).output().unwrap();
+    (output.status.code().unwrap(), String::from_utf8(output.stdout).unwrap())
+}
+
+/// The line as it is on the page and in any run: up to an ellipsis or to figures of the wall clock.
+fn lasting(line: &str) -> &str {
+    let line = line.split('…').next().unwrap();
+    line.split(WALL_TIME).next().unwrap()
+}
+
+#[test]
+fn commands_of_the_page_print_what_it_says() {
+    let page = fs::read_to_string(root().join("docs/student.md")).unwrap();
+    let (folder, mut printed, mut status, mut ran) = (workplace(), String::new(), 0, 0);
+    for (language, text) in blocks(&page) {
+        match language {
+            "sh" if text.starts_with("upm()") => {}
+            "sh" => {
+                (status, printed) = typed(folder.path(), text);
+                ran += 1;
+                assert!(status < 2 && !printed.is_empty(), "{text}\n{status}: {printed}");
+            }
+            "text" => {
+                for line in text.lines().map(lasting).filter(|line| !line.trim().is_empty()) {
+                    assert!(printed.lines().any(|shown| shown.starts_with(line)), "expected: {line}\nfound: {printed}");
+                }
+                assert_eq!(status, i32::from(text.contains(": failed:")), "{text}");
+            }
+            other => panic!("a block in an unknown language: {other}"),
+        }
+    }
+    assert!(ran >= 10, "the page has commands: {ran}");
+}
+
+/// Pictures of the page, the command that draws each, and the file that it writes.
+const PICTURES: &[(&str, &str, &str)] = &[
+    ("force-curve.svg", "upm lab force-curve", "runs/lab/force-curve.svg"),
+    ("pulse-law-wave.svg", "upm lab pulse-law", "runs/lab/pulse-law-wave.svg"),
+    ("pulse-law-slow-plate.svg", "upm lab pulse-law", "runs/lab/pulse-law-slow-plate.svg"),
+    ("race-track.svg", "upm lab race-track", "runs/lab/race-track.svg"),
+    ("two-parts-ideal.svg", "upm lab two-parts", "runs/lab/two-parts-ideal.svg"),
+    ("plan-arrange-4-cor.svg", "upm check configs/arrange-4-cor.json --plan --picture plan.svg", "plan.svg"),
+    ("plan-arrange-8.svg", "upm check configs/arrange-8.json --plan --picture plan.svg", "plan.svg"),
+];
+
+fn holds(shipped: &Path, drawn: &str) {
+    if std::env::var_os("UPM_REMAKE_GOLDEN").is_some() {
+        fs::write(shipped, drawn).unwrap();
+    }
+    assert!(drawn.len() < 60_000, "{}: {} bytes", shipped.display(), drawn.len());
+    assert!(fs::read_to_string(shipped).unwrap() == drawn, "{} is drawn differently now", shipped.display());
+}
+
+#[test]
+fn pictures_of_the_page_are_those_that_the_program_draws() {
+    let folder = workplace();
+    for (picture, command, file) in PICTURES {
+        let (status, printed) = typed(folder.path(), command);
+        assert_eq!(status, 0, "{printed}");
+        let drawn = fs::read_to_string(folder.path().join(file)).unwrap();
+        holds(&root().join("assets/student").join(picture), &drawn);
+    }
+    let shown: Vec<PathBuf> =
+        fs::read_dir(root().join("assets/student")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    assert_eq!(shown.len(), PICTURES.len(), "{shown:?}");
+}
+
+#[test]
+fn diagram_of_the_principle_is_the_one_that_its_example_draws() {
+    let library = upm::library::Library::load(&root().join("assets/libraries/upm-2.json")).unwrap();
+    let drawn = draw_principle::picture(&Arc::new(library)).unwrap();
+    holds(&root().join("assets/principle.svg"), &drawn);
+}
