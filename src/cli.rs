@@ -14,6 +14,7 @@ macro_rules! complain {
 }
 
 mod args;
+mod batch;
 mod calibrate;
 mod check;
 mod client_args;
@@ -79,7 +80,10 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
     let common = cli.common;
     match cli.command {
         Command::Init(args) => init::init(&args, common),
-        Command::Run(args) => run::run(&args, common),
+        Command::Run(args) => match (&args.seeds, &args.job) {
+            (Some(seeds), Some(file)) => batch::batch(file, seeds, &args, common),
+            _ => run::run(&args, common),
+        },
         Command::Calibrate(args) => calibrate::calibrate(&args, common),
         Command::Render(args) => render::render(&args, common),
         Command::Locate(args) => locate::locate(&args, common),

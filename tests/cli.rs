@@ -8,6 +8,8 @@ use assert_cmd::Command;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+#[path = "cli/batch.rs"]
+mod batch;
 #[path = "cli/coverage.rs"]
 mod coverage;
 #[cfg(feature = "lab")]

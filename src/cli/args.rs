@@ -105,15 +105,20 @@ pub struct RunArgs {
     /// Seed in place of the job's
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
-    /// Folder that run folders are made in
-    #[arg(long, value_name = "DIR", default_value = "runs")]
-    pub out: PathBuf,
+    /// Run the job with each of these seeds, on all cores, and print the figures of all: 1..20 (both ends included), 1,5,9
+    #[arg(long, value_name = "SEEDS", conflicts_with = "seed", requires = "job")]
+    pub seeds: Option<String>,
+    /// Folder that run folders are made in; a batch's summary.json and plate-time.svg go there, too, and replace those of an
+    /// earlier batch [default: runs; with --seeds a new folder in it]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
     /// As fast as possible, or no faster than the clock
     #[arg(long, value_parser = pace(), default_value = "max")]
     pub pace: Pace,
-    /// What becomes of the Rerun recording: off, save, connect[=URL] or spawn
-    #[arg(long, value_name = "MODE", default_value = default_rerun())]
-    pub rerun: String,
+    /// What becomes of the Rerun recording: off, save, connect[=URL] or spawn [default: save where this build can record;
+    /// with --seeds off, since a recording for each run is a lot]
+    #[arg(long, value_name = "MODE")]
+    pub rerun: Option<String>,
     /// Faults of the simulated rig besides the job's, for example coil0:reversed@1.2 or camera:shift=3;0@0.5-2; several by
     /// comma or again
     #[arg(long, value_name = "COMPONENT:KIND[=VALUE][@FROM_S[-TO_S]]")]
@@ -174,10 +179,6 @@ pub struct ManArgs {
     /// Folder for a page of every command; left out, the program's own page goes to stdout
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-}
-
-fn default_rerun() -> &'static str {
-    if upm_viewer::BUILT_IN { "save" } else { "off" }
 }
 
 /// `upm calibrate`.

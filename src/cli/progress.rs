@@ -127,6 +127,14 @@ impl<C: Clock> LateProgress<C> {
         Some(format!("{:3.0} %  {}", 100.0 * done, message()))
     }
 
+    /// Writes to stderr without the bar in between.
+    pub fn suspend(&self, write: impl FnOnce()) {
+        match &self.bar {
+            Some(bar) => bar.suspend(write),
+            None => write(),
+        }
+    }
+
     pub fn finish(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();

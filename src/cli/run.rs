@@ -9,24 +9,24 @@ use super::shipped::is_shipped;
 use super::summary::print_summary;
 use upm_core::job::{Outcome, Pace};
 use upm_core::time::MonotonicClock;
-use upm_recording::{Keeping, Verdict};
+use upm_recording::{Keeping, Report, Verdict};
 use upm_runner::config::{Fault, FaultClass, JobSpec};
 use upm_runner::run::{PacingStats, RunError, RunOptions, run as run_job};
 
+/// Folder that run folders are made in, unless another is named.
+pub(super) const USUAL_OUT: &str = "runs";
+
+/// Where the recording of a single run goes, unless told.
+const USUAL_RERUN: &str = if upm_viewer::BUILT_IN { "save" } else { "off" };
+
 pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let Some(file) = &args.job else { return job_list::list(common) };
-    let rerun = recording::mode(&args.rerun)?;
-    let mut job = JobSpec::load(file).map_err(|faults| unread(file, faults))?;
-    if let Some(seed) = args.seed {
-        job = job.with_seed(seed);
-    }
-    job = job.with_faults(&args.faults).map_err(Failure::faults)?;
-    #[cfg(feature = "mutants")]
-    job.without_guard.clone_from(&args.without_guard);
+    let rerun = recording::mode(args.rerun.as_deref().unwrap_or(USUAL_RERUN))?;
+    let job = load_job(file, args)?;
     let clock = MonotonicClock::new();
     let real_time = args.pace == Pace::RealTime;
     let options = RunOptions {
-        out: args.out.clone(),
+        out: args.out.clone().unwrap_or_else(|| USUAL_OUT.into()),
         started_utc: utc_now(),
         rerun,
         real_time,
@@ -47,13 +47,29 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     } else {
         print_summary(&job, &result)?;
     }
-    let is_false = result.report.verdict == Some(Verdict::FalseSuccess);
-    Ok(match result.report.outcome {
-        Outcome::Completed if is_false => NOT_REACHED,
+    Ok(status_of(&result.report))
+}
+
+/// The job in `file` with what the command line changes in it.
+pub(super) fn load_job(file: &Path, args: &RunArgs) -> Result<JobSpec, Failure> {
+    let mut job = JobSpec::load(file).map_err(|faults| unread(file, faults))?;
+    if let Some(seed) = args.seed {
+        job = job.with_seed(seed);
+    }
+    job = job.with_faults(&args.faults).map_err(Failure::faults)?;
+    #[cfg(feature = "mutants")]
+    job.without_guard.clone_from(&args.without_guard);
+    Ok(job)
+}
+
+/// The exit status of a run with this report.
+pub(super) fn status_of(report: &Report) -> u8 {
+    match report.outcome {
+        Outcome::Completed if report.verdict == Some(Verdict::FalseSuccess) => NOT_REACHED,
         Outcome::Completed => 0,
         Outcome::Failed => NOT_REACHED,
         Outcome::Cancelled => INTERRUPTED,
-    })
+    }
 }
 
 /// The faults of the job in `file`; one that cannot be read is followed by where to look for others.
@@ -72,6 +88,6 @@ pub(super) fn run_failure(error: &RunError) -> Failure {
 }
 
 /// The wall time for a folder's name, `20260101T000000Z`.
-fn utc_now() -> String {
+pub(super) fn utc_now() -> String {
     jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ").to_string()
 }

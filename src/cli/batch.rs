@@ -1,0 +1,134 @@
+//! `upm run --seeds`: one job with many seeds on all cores, and the figures of all runs together.
+
+mod histogram;
+mod seeds;
+mod summary;
+mod table;
+mod workers;
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+
+use super::args::{Common, RunArgs};
+use super::lab;
+use super::output::{Failure, INTERRUPTED, print_json, stop_on_interrupt};
+use super::progress::{LateProgress, ProgressMode};
+use super::recording;
+use super::run::{USUAL_OUT, load_job, utc_now};
+use histogram::Histogram;
+use seeds::Seeds;
+use summary::Summary;
+use upm_control::EventLevel;
+use upm_core::job::Pace;
+use upm_core::time::{Clock, MonotonicClock};
+use upm_recording::RerunMode;
+use upm_runner::run::job_library;
+use workers::{Batch, News};
+
+/// Runs the job in `file` with each of the seeds that `--seeds` names.
+pub(super) fn batch(file: &Path, seeds: &str, args: &RunArgs, common: Common) -> Result<u8, Failure> {
+    let seeds: Seeds = seeds.parse().map_err(|error| Failure::bad_input(format!("--seeds: {error}")))?;
+    let rerun = recording_mode(args)?;
+    check_pace(args.pace)?;
+    let job = load_job(file, args)?;
+    // a library that does not fit is told once, not for every seed
+    job_library(&job).map_err(Failure::faults)?;
+    let (clock, started_utc) = (MonotonicClock::new(), utc_now());
+    let in_usual = || Path::new(USUAL_OUT).join(format!("{}-seeds-{started_utc}", job.name));
+    let out = args.out.clone().unwrap_or_else(in_usual);
+    let interrupted = stop_on_interrupt();
+    let seeds = seeds.as_slice();
+    let runs = {
+        let batch = Batch { job: &job, seeds, out: out.clone(), started_utc, rerun, clock, interrupted: &interrupted };
+        let mut progress = Progress::new(common, clock, seeds.len());
+        let runs = batch.run(|news| progress.show(news));
+        progress.shown.finish();
+        runs
+    };
+    let summary = Summary::new(&job.name, &job.rig.model.name, seeds.len(), clock.elapsed().as_secs_f64(), runs);
+    let files = write(&summary, &out)?;
+    if common.json {
+        print_json(&summary)?;
+    } else {
+        print(&summary, &out, &files)?;
+    }
+    Ok(if interrupted.load(Ordering::Relaxed) { INTERRUPTED } else { summary.status() })
+}
+
+/// Where recordings go: a viewer of many runs at once would show none of them.
+fn recording_mode(args: &RunArgs) -> Result<RerunMode, Failure> {
+    let Some(text) = &args.rerun else { return Ok(RerunMode::Off) };
+    match recording::checked_mode(text)? {
+        mode @ (RerunMode::Off | RerunMode::Save) => Ok(mode),
+        mode => Err(Failure::bad_input(format!("--rerun: found {mode}, allowed with --seeds: off, save"))),
+    }
+}
+
+/// Runs that share the cores keep to no clock.
+fn check_pace(pace: Pace) -> Result<(), Failure> {
+    match pace {
+        Pace::Max => Ok(()),
+        Pace::RealTime => Err(Failure::bad_input(format!("--pace: found {}, allowed with --seeds: max", pace.code()))),
+    }
+}
+
+/// Progress of a batch on stderr, and what its runs say there.
+struct Progress {
+    shown: LateProgress<MonotonicClock>,
+    seeds: usize,
+}
+
+impl Progress {
+    fn new(common: Common, clock: MonotonicClock, seeds: usize) -> Self {
+        let mode = ProgressMode::of(common.quiet, std::io::stderr().is_terminal());
+        Self { shown: LateProgress::new(mode, clock), seeds }
+    }
+
+    fn show(&mut self, news: News) {
+        match news {
+            News::Progress { share, ended } => {
+                let seeds = self.seeds;
+                self.shown.show(share, || format!("{ended} of {seeds} runs have ended"));
+            }
+            News::Note { seed, level, text } => self.shown.suspend(|| match level {
+                EventLevel::Info => tracing::debug!(seed, "{text}"),
+                EventLevel::Warning => tracing::info!(seed, "{text}"),
+                EventLevel::Error => tracing::warn!(seed, "{text}"),
+            }),
+        }
+    }
+}
+
+/// Writes `summary.json`, and where this build can draw, the plate times; the files, in this order.
+fn write(summary: &Summary, out: &Path) -> Result<Vec<PathBuf>, Failure> {
+    std::fs::create_dir_all(out).map_err(|error| Failure::write(out, error))?;
+    let text = serde_json::to_string_pretty(summary).map_err(Failure::failed)? + "\n";
+    let mut files = vec![(out.join("summary.json"), text)];
+    let chart = Histogram::of(&summary.plate_times_s()).and_then(|histogram| {
+        let median_s = summary.figures.get("plate_time_s")?.median;
+        let (name, rig, completed) = (&summary.name, &summary.rig, summary.completed);
+        Some(histogram.chart(&format!("{name} on {rig}: plate time of {completed} completed runs"), median_s))
+    });
+    if let Some(chart) = chart
+        && let Ok(drawn) = lab::svg(&chart)
+    {
+        files.push((out.join(format!("{}.svg", chart.name)), drawn));
+    }
+    for (path, text) in &files {
+        std::fs::write(path, text).map_err(|error| Failure::write(path, error))?;
+    }
+    Ok(files.into_iter().map(|(path, _)| path).collect())
+}
+
+/// Prints the table, on a terminal with a histogram below it, and where the files are.
+fn print(summary: &Summary, out: &Path, files: &[PathBuf]) -> Result<(), Failure> {
+    table::lines(summary).iter().try_for_each(|line| say!("{line}"))?;
+    let histogram = Histogram::of(&summary.plate_times_s()).filter(|_| std::io::stdout().is_terminal());
+    if let Some(histogram) = histogram {
+        say!("  plate time (s)        runs")?;
+        histogram.lines().iter().try_for_each(|line| say!("  {line}"))?;
+    }
+    say!("  {:15} {}", "run folders", out.display())?;
+    files.iter().try_for_each(|path| say!("  {:15} {}", "written", path.display()))
+}

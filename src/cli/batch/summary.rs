@@ -1,0 +1,238 @@
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::Serialize;
+
+use upm_core::job::{Outcome, StopCause};
+use upm_recording::{Report, Verdict};
+
+/// One run of a batch.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct SeedRun {
+    pub seed: u64,
+    pub outcome: Outcome,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
+    /// The cause that ended it, where programs tell it apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub code: Option<StopCause>,
+    pub reason: String,
+    /// `None` for a job that cannot be run with this seed.
+    #[serde(flatten)]
+    pub figures: Option<RunFigures>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub folder: Option<String>,
+    /// Exit status of `upm run` with this seed.
+    pub status: u8,
+}
+
+/// Figures of one run, named as in its report.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct RunFigures {
+    pub plate_time_s: f64,
+    pub wall_time_s: f64,
+    pub cycles: u64,
+    pub pulses: u64,
+    pub collisions: Option<u64>,
+    pub max_error_mm: Option<f64>,
+    pub cross_track_rms_mm: Option<f64>,
+}
+
+impl SeedRun {
+    pub fn of(report: &Report, folder: &Path, status: u8) -> Self {
+        Self {
+            seed: report.seed,
+            outcome: report.outcome,
+            verdict: report.verdict,
+            code: report.stop.as_ref().map(|stop| stop.code),
+            reason: report.reason.clone(),
+            figures: Some(RunFigures {
+                plate_time_s: report.plate_time_s,
+                wall_time_s: report.wall_time_s,
+                cycles: report.cycles,
+                pulses: report.pulses,
+                collisions: report.collisions,
+                max_error_mm: report.max_error_mm,
+                cross_track_rms_mm: report.cross_track_rms_mm,
+            }),
+            folder: Some(folder.display().to_string()),
+            status,
+        }
+    }
+
+    /// A job that could not be run with `seed`, or whose run could not be written.
+    pub fn not_run(seed: u64, reason: String, status: u8) -> Self {
+        let outcome = Outcome::Failed;
+        Self { seed, outcome, verdict: None, code: None, reason, figures: None, folder: None, status }
+    }
+
+    /// True when it completed and the truth does not contradict that.
+    pub fn is_done(&self) -> bool {
+        self.outcome == Outcome::Completed && !self.is_false_success()
+    }
+
+    pub fn is_false_success(&self) -> bool {
+        self.verdict == Some(Verdict::FalseSuccess)
+    }
+}
+
+/// A figure of the completed runs.
+pub(super) struct Figure {
+    /// As in `report.json`.
+    pub key: &'static str,
+    /// For people, with its unit.
+    pub name: &'static str,
+    /// Decimals that people are shown.
+    pub decimals: usize,
+    of: fn(&RunFigures) -> Option<f64>,
+}
+
+/// All figures; of each the smallest is the best.
+pub(super) const FIGURES: [Figure; 5] = [
+    Figure { key: "plate_time_s", name: "plate time (s)", decimals: 1, of: |run| Some(run.plate_time_s) },
+    Figure { key: "cycles", name: "cycles", decimals: 0, of: |run| Some(run.cycles as f64) },
+    Figure { key: "pulses", name: "pulses", decimals: 0, of: |run| Some(run.pulses as f64) },
+    Figure { key: "max_error_mm", name: "final error (mm)", decimals: 2, of: |run| run.max_error_mm },
+    Figure { key: "cross_track_rms_mm", name: "path error (mm rms)", decimals: 2, of: |run| run.cross_track_rms_mm },
+];
+
+/// Median, best and worst of a figure over the completed runs that have it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(super) struct Spread {
+    pub median: f64,
+    pub best: f64,
+    pub best_seed: u64,
+    pub worst: f64,
+    pub worst_seed: u64,
+}
+
+impl Spread {
+    /// Of pairs of value and seed; of equal values the first counts. `None` of nothing.
+    fn of(mut values: Vec<(f64, u64)>) -> Option<Self> {
+        // stable, so that the order of the seeds settles ties
+        values.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let &(best, best_seed) = values.first()?;
+        let &(worst, _) = values.last()?;
+        let worst_seed = values.iter().find(|(value, _)| *value == worst).map_or(best_seed, |&(_, seed)| seed);
+        let middle = values.len() / 2;
+        let upper = values.get(middle)?.0;
+        let median = if values.len() % 2 == 0 { 0.5 * (values.get(middle - 1)?.0 + upper) } else { upper };
+        Some(Self { median, best, best_seed, worst, worst_seed })
+    }
+}
+
+/// `summary.json`.
+#[derive(Debug, Serialize)]
+pub(super) struct Summary {
+    pub name: String,
+    pub rig: String,
+    pub version: &'static str,
+    /// Seeds asked for.
+    pub seeds: usize,
+    pub completed: usize,
+    /// Completed by their report, and the truth says otherwise.
+    pub false_success: usize,
+    pub failed: usize,
+    pub cancelled: usize,
+    /// Seeds whose turn never came.
+    pub not_started: usize,
+    pub wall_time_s: f64,
+    /// Over the completed runs, by the name of the figure.
+    pub figures: BTreeMap<&'static str, Spread>,
+    /// In the order of the seeds.
+    pub runs: Vec<SeedRun>,
+}
+
+impl Summary {
+    /// Of a batch of `seeds` seeds, of which `runs` began.
+    pub fn new(name: &str, rig: &str, seeds: usize, wall_time_s: f64, runs: Vec<SeedRun>) -> Self {
+        let count = |is: fn(&SeedRun) -> bool| runs.iter().filter(|&run| is(run)).count();
+        let spread = |figure: &Figure| Some((figure.key, Spread::of(values(&runs, figure))?));
+        Self {
+            name: name.to_owned(),
+            rig: rig.to_owned(),
+            version: env!("CARGO_PKG_VERSION"),
+            seeds,
+            completed: count(SeedRun::is_done),
+            false_success: count(SeedRun::is_false_success),
+            failed: count(|run| run.outcome == Outcome::Failed),
+            cancelled: count(|run| run.outcome == Outcome::Cancelled),
+            not_started: seeds - runs.len(),
+            wall_time_s,
+            figures: FIGURES.iter().filter_map(spread).collect(),
+            runs,
+        }
+    }
+
+    /// Plate times of the completed runs, s, in the order of the seeds.
+    pub fn plate_times_s(&self) -> Vec<f64> {
+        values(&self.runs, &FIGURES[0]).into_iter().map(|(time_s, _)| time_s).collect()
+    }
+
+    /// The status of the first run that did not complete, `0` where all did.
+    pub fn status(&self) -> u8 {
+        self.runs.iter().map(|run| run.status).find(|&status| status != 0).unwrap_or(0)
+    }
+}
+
+/// Value and seed of each completed run that has the figure.
+fn values(runs: &[SeedRun], figure: &Figure) -> Vec<(f64, u64)> {
+    let done = runs.iter().filter(|run| run.is_done());
+    done.filter_map(|run| Some(((figure.of)(run.figures.as_ref()?)?, run.seed))).collect()
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// A run as its report would have it.
+    pub fn run(seed: u64, outcome: Outcome, plate_time_s: f64) -> SeedRun {
+        let figures = RunFigures {
+            plate_time_s,
+            wall_time_s: 1.0,
+            cycles: 10 * seed,
+            pulses: 3,
+            collisions: Some(0),
+            max_error_mm: (seed % 2 == 0).then_some(0.1 * seed as f64),
+            cross_track_rms_mm: None,
+        };
+        let (reason, figures) = (format!("as seed {seed} has it"), Some(figures));
+        let status = u8::from(outcome != Outcome::Completed);
+        SeedRun { seed, outcome, verdict: None, code: None, reason, figures, folder: None, status }
+    }
+
+    pub fn summary(runs: Vec<SeedRun>) -> Summary {
+        Summary::new("ring", "upm-2", runs.len() + 1, 2.0, runs)
+    }
+
+    #[test]
+    fn spread_names_the_first_seed_of_equal_values() {
+        assert_eq!(Spread::of(Vec::new()), None);
+        let odd = Spread::of(vec![(3.0, 1), (1.0, 2), (3.0, 3), (2.0, 4), (1.0, 5)]).unwrap();
+        assert_eq!(odd, Spread { median: 2.0, best: 1.0, best_seed: 2, worst: 3.0, worst_seed: 1 });
+        let even = Spread::of(vec![(4.0, 1), (1.0, 2)]).unwrap();
+        assert_eq!((even.median, even.best_seed, even.worst_seed), (2.5, 2, 1));
+        let one = Spread::of(vec![(4.0, 9)]).unwrap();
+        assert_eq!((one.median, one.best_seed, one.worst_seed), (4.0, 9, 9));
+    }
+
+    #[test]
+    fn figures_are_of_completed_runs_alone_and_false_success_is_not_one() {
+        let mut believed = run(5, Outcome::Completed, 1.0);
+        (believed.verdict, believed.status) = (Some(Verdict::FalseSuccess), 1);
+        let summary = summary(vec![
+            run(2, Outcome::Completed, 30.0),
+            run(3, Outcome::Failed, 600.0),
+            run(4, Outcome::Completed, 20.0),
+            believed,
+            run(6, Outcome::Cancelled, 5.0),
+        ]);
+        let counts = [summary.completed, summary.false_success, summary.failed, summary.cancelled, summary.not_started];
+        assert_eq!(counts, [2, 1, 1, 1, 1]);
+        assert_eq!(summary.plate_times_s(), [30.0, 20.0]);
+        assert_eq!(summary.figures["plate_time_s"].median, 25.0);
+        assert_eq!(summary.figures["max_error_mm"].worst_seed, 4);
+        assert!(!summary.figures.contains_key("cross_track_rms_mm"), "no run has one");
+        assert_eq!(summary.status(), 1);
+    }
+}

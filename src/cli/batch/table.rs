@@ -1,0 +1,89 @@
+use super::summary::{FIGURES, SeedRun, Summary};
+use upm_core::job::Outcome;
+
+/// Lines of the batch for people: counts, figures, and a line for each run that did not complete.
+pub(super) fn lines(summary: &Summary) -> Vec<String> {
+    let mut lines = vec![headline(summary)];
+    lines.extend(figures(summary));
+    lines.extend(summary.runs.iter().filter(|run| !run.is_done()).map(failure));
+    lines
+}
+
+fn headline(summary: &Summary) -> String {
+    let Summary { name, rig, seeds, completed, .. } = summary;
+    let others = [
+        (summary.failed, "failed"),
+        (summary.false_success, "completed only as measured"),
+        (summary.cancelled, "stopped"),
+        (summary.not_started, "not started"),
+    ];
+    let others = others.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!(", {count} {what}"));
+    let noun = if *seeds == 1 { "seed" } else { "seeds" };
+    format!("{name} on {rig}, {seeds} {noun}: {completed} completed{}", others.collect::<String>())
+}
+
+fn figures(summary: &Summary) -> Vec<String> {
+    if summary.figures.is_empty() {
+        return Vec::new();
+    }
+    let heads = format!("  {:20} {:>9} {:>9}  {:12} {:>9}  {}", "of the completed", "median", "best", "", "worst", "");
+    let row = |figure: &super::summary::Figure| {
+        let spread = summary.figures.get(figure.key)?;
+        let shown = |value: f64| format!("{value:.*}", figure.decimals);
+        let [median, best, worst] = [spread.median, spread.best, spread.worst].map(shown);
+        let [best_seed, worst_seed] = [spread.best_seed, spread.worst_seed].map(|seed| format!("seed {seed}"));
+        Some(format!("  {:20} {median:>9} {best:>9}  {best_seed:12} {worst:>9}  {worst_seed}", figure.name))
+    };
+    std::iter::once(heads.trim_end().to_owned()).chain(FIGURES.iter().filter_map(row)).collect()
+}
+
+fn failure(run: &SeedRun) -> String {
+    let SeedRun { seed, reason, .. } = run;
+    match run.outcome {
+        Outcome::Completed => {
+            format!("  seed {seed} is a false success: the truth says that a part is not at its place")
+        }
+        outcome => format!("  seed {seed} {}: {reason}", outcome.code()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::summary::tests::{run, summary};
+    use super::*;
+    use upm_recording::Verdict;
+
+    #[test]
+    fn table_has_counts_figures_and_a_line_for_each_failure() {
+        let mut believed = run(8, Outcome::Completed, 12.0);
+        believed.verdict = Some(Verdict::FalseSuccess);
+        let runs = vec![
+            run(2, Outcome::Completed, 30.04),
+            run(3, Outcome::Failed, 600.0),
+            run(4, Outcome::Completed, 20.0),
+            believed,
+        ];
+        assert_eq!(
+            lines(&summary(runs)),
+            [
+                "ring on upm-2, 5 seeds: 2 completed, 1 failed, 1 completed only as measured, 1 not started",
+                "  of the completed        median      best                   worst",
+                "  plate time (s)            25.0      20.0  seed 4            30.0  seed 2",
+                "  cycles                      30        20  seed 2              40  seed 4",
+                "  pulses                       3         3  seed 2               3  seed 2",
+                "  final error (mm)          0.30      0.20  seed 2            0.40  seed 4",
+                "  seed 3 failed: as seed 3 has it",
+                "  seed 8 is a false success: the truth says that a part is not at its place",
+            ]
+        );
+    }
+
+    #[test]
+    fn batch_without_a_completed_run_has_no_figures() {
+        let lines = lines(&summary(vec![run(1, Outcome::Failed, 1.0)]));
+        assert_eq!(
+            lines,
+            ["ring on upm-2, 2 seeds: 0 completed, 1 failed, 1 not started", "  seed 1 failed: as seed 1 has it"]
+        );
+    }
+}

@@ -1,0 +1,166 @@
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+use super::summary::SeedRun;
+use crate::cli::output::NOT_REACHED;
+use crate::cli::progress::FULL;
+use crate::cli::run::{run_failure, status_of};
+use upm_control::{CycleFacts, EventLevel, FrameFacts, Sink};
+use upm_core::time::{MonotonicClock, PlateTime};
+use upm_recording::{Keeping, RerunMode};
+use upm_runner::config::JobSpec;
+use upm_runner::run::{PacingStats, RunOptions, run as run_job};
+
+/// News that wait to be shown; a worker waits while there are more.
+const WAITING: usize = 64;
+
+/// How often progress is looked at.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// The runs of one job with several seeds.
+pub(super) struct Batch<'a> {
+    pub job: &'a JobSpec,
+    pub seeds: &'a [u64],
+    pub out: PathBuf,
+    /// The wall time for the names of the run folders.
+    pub started_utc: String,
+    pub rerun: RerunMode,
+    pub clock: MonotonicClock,
+    /// Set by Ctrl-C: runs in progress end, no other begins.
+    pub interrupted: &'a AtomicBool,
+}
+
+/// News of a batch.
+pub(super) enum News {
+    /// The share of all work that is done, and how many runs have ended.
+    Progress { share: f64, ended: usize },
+    /// A line about the run with this seed.
+    Note { seed: u64, level: EventLevel, text: String },
+}
+
+/// A message of a worker.
+enum Message {
+    Note { seed: u64, level: EventLevel, text: String },
+    Ended { index: usize, run: Box<SeedRun> },
+}
+
+impl Batch<'_> {
+    /// Runs every seed on its turn, on all cores, and tells `show` on this thread; the runs that began, in the order of the
+    /// seeds.
+    pub fn run(&self, mut show: impl FnMut(News)) -> Vec<SeedRun> {
+        let turns = Turns { next: AtomicUsize::new(0), shares: self.seeds.iter().map(|_| AtomicU64::new(0)).collect() };
+        let threads = thread::available_parallelism().map_or(1, |cores| cores.get()).min(self.seeds.len());
+        let (sender, receiver) = sync_channel(WAITING);
+        let mut runs = thread::scope(|scope| {
+            for _ in 0..threads {
+                let (sender, turns) = (sender.clone(), &turns);
+                scope.spawn(move || self.take_turns(turns, &sender));
+            }
+            drop(sender);
+            collect(&receiver, &turns, &mut show)
+        });
+        runs.sort_by_key(|(index, _)| *index);
+        runs.into_iter().map(|(_, run)| run).collect()
+    }
+
+    fn take_turns(&self, turns: &Turns, sender: &SyncSender<Message>) {
+        while !self.interrupted.load(Ordering::Relaxed) {
+            let index = turns.next.fetch_add(1, Ordering::Relaxed);
+            let (Some(&seed), Some(share)) = (self.seeds.get(index), turns.shares.get(index)) else { break };
+            let run = Box::new(self.run_one(seed, share, sender));
+            share.store(FULL, Ordering::Relaxed);
+            if sender.send(Message::Ended { index, run }).is_err() {
+                break;
+            }
+        }
+    }
+
+    /// What `upm run --seed SEED` does.
+    fn run_one(&self, seed: u64, share: &AtomicU64, sender: &SyncSender<Message>) -> SeedRun {
+        let options = RunOptions {
+            out: self.out.clone(),
+            started_utc: self.started_utc.clone(),
+            rerun: self.rerun.clone(),
+            real_time: false,
+            keeping: Keeping::patient(self.clock),
+            live: None,
+        };
+        let stop = AtomicBool::new(false);
+        let mut watcher = Watcher { seed, interrupted: self.interrupted, stop: &stop, share, sender };
+        let job = self.job.clone().with_seed(seed);
+        match run_job(&job, &options, &self.clock, &stop, &PacingStats::default(), &mut watcher) {
+            Ok(result) => {
+                result.warnings.iter().for_each(|warning| watcher.note(EventLevel::Error, warning));
+                SeedRun::of(&result.report, &result.folder, status_of(&result.report))
+            }
+            Err(error) => {
+                let failure = run_failure(&error);
+                SeedRun::not_run(seed, failure.lines.join("; "), failure.status.max(NOT_REACHED))
+            }
+        }
+    }
+}
+
+/// Whose turn it is, and how far each run is, in thousandths.
+struct Turns {
+    next: AtomicUsize,
+    shares: Vec<AtomicU64>,
+}
+
+impl Turns {
+    fn share(&self) -> f64 {
+        let done: u64 = self.shares.iter().map(|share| share.load(Ordering::Relaxed)).sum();
+        done as f64 / (FULL * self.shares.len().max(1) as u64) as f64
+    }
+}
+
+/// Shows what workers say until all have ended.
+fn collect(receiver: &Receiver<Message>, turns: &Turns, show: &mut impl FnMut(News)) -> Vec<(usize, SeedRun)> {
+    let mut runs = Vec::new();
+    loop {
+        match receiver.recv_timeout(LOOK) {
+            Ok(Message::Note { seed, level, text }) => show(News::Note { seed, level, text }),
+            Ok(Message::Ended { index, run }) => runs.push((index, *run)),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return runs,
+        }
+        show(News::Progress { share: turns.share(), ended: runs.len() });
+    }
+}
+
+/// Hands on what happens in one run, and Ctrl-C into it.
+struct Watcher<'a> {
+    seed: u64,
+    interrupted: &'a AtomicBool,
+    stop: &'a AtomicBool,
+    share: &'a AtomicU64,
+    sender: &'a SyncSender<Message>,
+}
+
+impl Watcher<'_> {
+    fn note(&self, level: EventLevel, text: &str) {
+        self.sender.send(Message::Note { seed: self.seed, level, text: text.to_owned() }).ok();
+    }
+}
+
+impl Sink for Watcher<'_> {
+    fn frame(&mut self, _: &FrameFacts<'_>) {
+        if self.interrupted.load(Ordering::Relaxed) {
+            self.stop.store(true, Ordering::SeqCst);
+        }
+    }
+
+    fn cycle(&mut self, facts: &CycleFacts<'_>) {
+        self.share.store((facts.wanted.progress.clamp(0.0, 1.0) * FULL as f64) as u64, Ordering::Relaxed);
+    }
+
+    fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
+        // the ends of runs are in the table
+        if level != EventLevel::Error {
+            self.note(level, &format!("plate {at}: {text}"));
+        }
+    }
+}
