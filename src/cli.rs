@@ -23,6 +23,7 @@ mod daemon;
 #[cfg(not(feature = "daemon"))]
 #[path = "cli/without_daemon.rs"]
 mod daemon;
+mod export;
 mod features;
 mod init;
 mod job_list;
@@ -44,6 +45,8 @@ mod recording;
 mod render;
 mod replay;
 mod run;
+mod run_args;
+mod schema;
 mod shipped;
 mod simulate;
 mod summary;
@@ -91,9 +94,10 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Lab(args) => lab::lab(&args, common),
         Command::Replay(args) => replay::replay(&args),
         Command::Verify(args) => verify::verify(&args, common),
+        Command::Export(args) => export::export(&args, common),
         Command::Serve(args) => daemon::serve(&args, common),
         Command::Check(args) => check::check(&args, common),
-        Command::Schema(args) => check::schema(&args),
+        Command::Schema(args) => schema::schema(&args),
         Command::Client(command) => daemon::client_command(&command, common),
         Command::SupportBundle(args) => daemon::support_bundle(&args, common),
         Command::Man(args) => man::man(&args),

@@ -214,6 +214,8 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("prometheus_client", &["src/server/daemon"]),
     ("tar", &["src/server/daemon"]),
     ("ureq", &["src/cli"]),
+    ("csv", &["src/cli/export"]),
+    ("parquet", &["src/cli/export"]),
     ("nix", &["src/cli/daemon"]),
     ("libc", &["src/main"]),
     ("clap_mangen", &["src/cli"]),

@@ -15,6 +15,8 @@ mod coverage;
 #[cfg(feature = "lab")]
 #[path = "cli/documents.rs"]
 mod documents;
+#[path = "cli/export.rs"]
+mod export;
 #[path = "cli/init.rs"]
 mod init;
 #[path = "cli/lab.rs"]
@@ -196,7 +198,7 @@ fn tasks_without_end_are_done_at_their_plate_time_limit() {
 
 #[test]
 fn schemas_and_completions_are_printed() {
-    for name in ["job", "rig", "simulate", "library", "trace", "daemon"] {
+    for name in ["job", "rig", "simulate", "library", "trace", "daemon", "report"] {
         let (stdout, _) = status(&["schema", name], 0);
         let schema: Value = serde_json::from_str(&stdout).unwrap();
         assert!(schema["properties"].is_object(), "{name}");

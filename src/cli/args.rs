@@ -5,6 +5,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::client_args::{ClientCommand, pace};
 use super::features::{HELP, VERSION};
+use super::run_args::{ExportArgs, RunFolderArgs};
 use upm_core::job::Pace;
 
 /// One flat plate, shaken sideways, moves many coins on it independently, closed over a camera.
@@ -56,6 +57,8 @@ pub enum Command {
     Replay(RunFolderArgs),
     /// Run a job again from its run folder alone and compare the journals byte for byte
     Verify(RunFolderArgs),
+    /// Write a run as tables: positions, targets, pulses, timings
+    Export(ExportArgs),
     /// The daemon: jobs over HTTP, several plates, an operator page
     #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Serve(ServeArgs),
@@ -314,14 +317,6 @@ pub struct LabArgs {
     pub rerun: String,
 }
 
-/// Commands on a finished run.
-#[derive(Args, Debug)]
-pub struct RunFolderArgs {
-    /// Run folder, as `upm run` leaves it
-    #[arg(value_name = "RUN")]
-    pub run: PathBuf,
-}
-
 /// `upm check`.
 #[derive(Args, Debug)]
 #[command(
@@ -348,7 +343,7 @@ pub struct CheckArgs {
 /// `upm schema`.
 #[derive(Args, Debug)]
 pub struct SchemaArgs {
-    /// job, rig, simulate, library, trace or daemon
+    /// job, rig, simulate, library, trace or daemon; of a run folder journal (a line of it) or report
     #[arg(value_name = "NAME")]
     pub name: String,
 }

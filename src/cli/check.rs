@@ -7,7 +7,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::args::{CheckArgs, Common, SchemaArgs};
+use super::args::{CheckArgs, Common};
 use super::lab;
 use super::output::{BAD_INPUT, Failure, NOT_REACHED, print_json};
 use super::progress::ProgressMode;
@@ -245,13 +245,4 @@ fn check_library(path: &Path, rig: Option<&RigSpec>) -> Finding {
 
 fn lines<F: std::fmt::Display>(faults: Vec<F>) -> Vec<String> {
     faults.iter().map(ToString::to_string).collect()
-}
-
-pub(super) fn schema(args: &SchemaArgs) -> Result<u8, Failure> {
-    let Some(schema) = config::schema(&args.name) else {
-        let names = config::one_of(&args.name, config::schema_names());
-        return Err(Failure::bad_input(format!("schema: expected {names}, found {:?}", args.name)));
-    };
-    print_json(&schema)?;
-    Ok(0)
 }

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-#[cfg(not(all(feature = "daemon", feature = "lab")))]
+#[cfg(not(all(feature = "daemon", feature = "lab", feature = "parquet")))]
 use super::output::Failure;
 
 /// The daemon and the commands that talk to one.
@@ -28,7 +28,7 @@ pub(super) static HELP: LazyLock<String> = LazyLock::new(|| match missing() {
     missing => format!("Built without {missing}. `cargo install --path .` builds everything."),
 });
 
-#[cfg(not(all(feature = "daemon", feature = "lab")))]
+#[cfg(not(all(feature = "daemon", feature = "lab", feature = "parquet")))]
 /// The failure of `command`, which needs a part that this build lacks.
 pub(super) fn lacking(feature: &str, command: &str) -> Failure {
     Failure::bad_input(format!(

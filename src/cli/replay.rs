@@ -1,8 +1,8 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use super::args::RunFolderArgs;
 use super::output::Failure;
+use super::run_args::RunFolderArgs;
 use upm_viewer::repair_recording;
 
 /// The viewer that reads this version's recordings.

@@ -1,9 +1,10 @@
 use serde_json::{Value, json};
 
-use super::args::{Common, RunFolderArgs};
+use super::args::Common;
 use super::output::{Failure, INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
 use super::progress::RunProgress;
 use super::run::run_failure;
+use super::run_args::RunFolderArgs;
 use upm_runner::run::{PacingStats, Verdict, VerifyError, verify as verify_run};
 
 /// Characters of a differing line that are shown.

@@ -9,7 +9,7 @@ pub use stop_cause::StopCause;
 
 coded_enum! {
     /// How a run ended. A lost coin or a missing table is an outcome, not an error.
-    #[derive(Default)]
+    #[derive(Default, schemars::JsonSchema)]
     pub enum Outcome {
         /// The goal was reached.
         Completed = "completed",
@@ -23,6 +23,7 @@ coded_enum! {
 
 coded_enum! {
     /// How a recording ended that does not hold its whole run.
+    #[derive(schemars::JsonSchema)]
     pub enum RecordingEnd {
         /// Stopped on request, for example for disk space: the file is closed, and whole as far as it goes.
         RecordingStopped = "recording_stopped",

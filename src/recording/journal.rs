@@ -1,6 +1,7 @@
 mod fixed;
 mod lines;
 mod located;
+mod schema;
 
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -12,6 +13,8 @@ use upm_control::{
 };
 use upm_core::time::PlateTime;
 use upm_library::Library;
+
+pub use schema::journal_schema;
 
 /// Writes `journal.jsonl`: one JSON object a line, each with a `type`.
 ///

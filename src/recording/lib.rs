@@ -24,7 +24,7 @@ mod timings;
 mod wave;
 
 pub use fanout::Fanout;
-pub use journal::Journal;
+pub use journal::{Journal, journal_schema};
 pub use keeping::{Keeping, ScribeWatch};
 pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
 #[cfg(any(test, feature = "testing"))]
@@ -33,7 +33,7 @@ pub use motion::Motion;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 pub use report::{
     CycleError, FaultReport, GuardReport, PartReport, PlannerReport, PredictionError, RecordingReport, Report,
-    SelectedBy, StopReport, Verdict,
+    SelectedBy, StopReport, Verdict, report_schema,
 };
 pub use rerun_mode::{BadRerunMode, RerunMode};
 pub use roomy_file::RoomyFile;

@@ -1,10 +1,13 @@
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::timings::TimingsReport;
 use upm_core::job::{Outcome, RecordingEnd, StopCause};
+use upm_document::schema_of;
 
 /// `report.json`. Lengths in mm, to 1e-4.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Report {
     /// Name of the job.
     pub name: String,
@@ -95,8 +98,13 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
+/// The JSON Schema (draft 2020-12) of `report.json`.
+pub fn report_schema() -> Value {
+    schema_of::<Report>()
+}
+
 /// The end of a recording that does not hold the whole run.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct RecordingReport {
     /// Stable code.
     pub code: RecordingEnd,
@@ -117,7 +125,7 @@ impl RecordingReport {
 }
 
 /// What the truth says of an outcome.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// The outcome is true.
@@ -128,7 +136,7 @@ pub enum Verdict {
 }
 
 /// A guard that fired.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GuardReport {
     /// Stable code.
     pub code: String,
@@ -139,7 +147,7 @@ pub struct GuardReport {
 }
 
 /// A fault of the simulated rig.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FaultReport {
     /// Where.
     pub component: String,
@@ -155,7 +163,7 @@ pub struct FaultReport {
 }
 
 /// The planner of a run.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PlannerReport {
     /// Its name in a job file.
     pub name: String,
@@ -170,7 +178,7 @@ pub struct PlannerReport {
 }
 
 /// Who named the planner of a run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SelectedBy {
     /// The program, for a job that leaves it open or says `auto`.
@@ -180,7 +188,7 @@ pub enum SelectedBy {
 }
 
 /// Distances of forecast places from measured ones over every pulse and part, root mean square, mm.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PredictionError {
     /// Forecast by the library alone.
     pub library: f64,
@@ -190,7 +198,7 @@ pub struct PredictionError {
 
 /// Error E of the UPM paper (Eq. 3) over the cycles: the mean distance of all parts, as measured after a cycle, from the
 /// subgoals of that cycle, mm.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CycleError {
     /// Mean of the cycles.
     pub mean: f64,
@@ -199,7 +207,7 @@ pub struct CycleError {
 }
 
 /// One part at the end of a run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PartReport {
     /// Name in this run: `penny-1`.
     pub id: String,
@@ -216,7 +224,7 @@ pub struct PartReport {
 }
 
 /// The cause that ended a run: a code for programs, a text for people.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct StopReport {
     /// Stable code.
     pub code: StopCause,

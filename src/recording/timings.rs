@@ -1,3 +1,4 @@
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Values kept of each duration before every other one is let go.
@@ -78,7 +79,7 @@ impl Durations {
 }
 
 /// `timing_us` of `report.json`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TimingsReport {
     /// Searches of a whole frame.
     pub localise: Quantiles,
@@ -97,7 +98,7 @@ pub struct TimingsReport {
 }
 
 /// How long something takes, µs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Quantiles {
     /// Median.
     pub p50: f64,

@@ -117,7 +117,8 @@ impl Spread {
         let middle = values.len() / 2;
         let upper = values.get(middle)?.0;
         let median = if values.len() % 2 == 0 { 0.5 * (values.get(middle - 1)?.0 + upper) } else { upper };
-        Some(Self { median, best, best_seed, worst, worst_seed })
+        // reports have four decimals, so a mean of two has five
+        Some(Self { median: (median * 1e5).round() / 1e5, best, best_seed, worst, worst_seed })
     }
 }
 

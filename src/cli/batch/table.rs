@@ -30,7 +30,9 @@ fn figures(summary: &Summary) -> Vec<String> {
     let row = |figure: &super::summary::Figure| {
         let spread = summary.figures.get(figure.key)?;
         let shown = |value: f64| format!("{value:.*}", figure.decimals);
-        let [median, best, worst] = [spread.median, spread.best, spread.worst].map(shown);
+        let [best, worst] = [spread.best, spread.worst].map(shown);
+        let is_half = figure.decimals == 0 && spread.median.fract() != 0.0;
+        let median = if is_half { format!("{:.1}", spread.median) } else { shown(spread.median) };
         let [best_seed, worst_seed] = [spread.best_seed, spread.worst_seed].map(|seed| format!("seed {seed}"));
         Some(format!("  {:20} {median:>9} {best:>9}  {best_seed:12} {worst:>9}  {worst_seed}", figure.name))
     };

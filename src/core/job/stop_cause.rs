@@ -2,6 +2,7 @@ use crate::coded_enum;
 
 coded_enum! {
     /// Cause of the end of a run that did not reach its goal.
+    #[derive(schemars::JsonSchema)]
     pub enum StopCause {
         /// A request to give way to another job: the run ended between two cycles, motors at zero, parts at rest.
         GaveWay = "gave_way",

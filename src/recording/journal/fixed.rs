@@ -1,6 +1,9 @@
 //! Numbers of the journal, rounded to fixed decimals before they are written, so that the text is short and does not hang
 //! on the last bits of a sum.
 
+use std::borrow::Cow;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Serialize, Serializer};
 
 use upm_core::geometry::Vec2;
@@ -16,6 +19,20 @@ impl<const DECIMALS: i32> Serialize for Fixed<DECIMALS> {
         let scale = 10_f64.powi(DECIMALS);
         let rounded = (self.0 * scale).round() / scale;
         serializer.serialize_f64(if rounded.is_finite() { rounded + 0.0 } else { self.0 })
+    }
+}
+
+impl<const DECIMALS: i32> JsonSchema for Fixed<DECIMALS> {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        format!("Fixed{DECIMALS}").into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": ["number", "null"] })
     }
 }
 

@@ -1,5 +1,6 @@
 //! The lines of the journal as serde sees them.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::fixed::{Fixed, Mm, PointMm, Seconds, fixed_pair, mm, point_mm, points_mm, seconds};
@@ -14,25 +15,37 @@ use upm_library::Library;
 use upm_perception::estimation::PlateFit;
 use upm_planner::{Limit, PlanStatus, PlannedPulse};
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case")]
+/// A line of `journal.jsonl`. Lengths are millimetres in the table frame, times seconds of plate time; a number that was
+/// not finite is null.
 pub(super) enum Line<'a> {
+    /// Table and parts as found from nothing.
     Localised(LocalisedLine),
+    /// The same where they were tracked, before a goal counts as reached.
     Confirmed(ConfirmedLine),
+    /// A cycle: observed, wanted, planned, sent, read back, predicted and measured.
     Cycle(CycleLine<'a>),
+    /// Pulses of a cycle that never ended.
     UnfinishedCycle(UnfinishedLine<'a>),
+    /// Something worth a line, a condition that began or ended, or the end of the run.
     Event(EventLine<'a>),
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub(super) struct CycleLine<'a> {
+    /// From 0.
     cycle: u64,
+    /// When the look was taken that the plan rests on.
     observed_at_s: Seconds,
+    /// A point for each part, in the order of the job.
     observed_mm: Vec<PointMm>,
     wanted: WantedPart<'a>,
     plan: PlanPart<'a>,
     sent: &'a [SentLine],
+    /// Where the plan ends; null without a plan.
     predicted_mm: Option<Vec<PointMm>>,
+    /// When the next look was taken.
     ended_at_s: Seconds,
     result_mm: Vec<PointMm>,
 }
@@ -53,9 +66,10 @@ impl<'a> CycleLine<'a> {
     }
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct WantedPart<'a> {
     phase: &'a str,
+    /// From 0 to 1.
     progress: Fixed<6>,
     laps: u32,
     subgoals_mm: Vec<PointMm>,
@@ -77,7 +91,7 @@ impl<'a> WantedPart<'a> {
     }
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct PlanPart<'a> {
     #[serde(flatten)]
     status: StatusPart<'a>,
@@ -88,7 +102,7 @@ struct PlanPart<'a> {
     pulses: Vec<PlannedPart>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 #[serde(tag = "status", rename_all = "snake_case")]
 enum StatusPart<'a> {
     Solved,
@@ -97,7 +111,7 @@ enum StatusPart<'a> {
     SolverFailed { reason: &'a str },
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 #[serde(untagged)]
 enum PlannedPart {
     Rotation {
@@ -138,7 +152,7 @@ impl PlannedPart {
 }
 
 /// One harmonic of the plate's velocity: its centre's and its spin.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct HarmonicPart {
     cos_mm_s: [Fixed<3>; 2],
     sin_mm_s: [Fixed<3>; 2],
@@ -160,7 +174,7 @@ fn hz(radps: f64) -> Fixed<4> {
     Fixed(radps / std::f64::consts::TAU)
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 #[serde(untagged)]
 enum MotionPart {
     About { cor_mm: PointMm, rotation: i8 },
@@ -200,7 +214,7 @@ impl<'a> PlanPart<'a> {
 }
 
 /// One pulse as it was sent and what the accelerometers read of it.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct SentLine {
     started_at_s: Seconds,
     /// The small pulse at the beginning of a run, which is to move no part.
@@ -215,7 +229,7 @@ pub(super) struct SentLine {
     read: ReadPart,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 #[serde(untagged)]
 enum ReadPart {
     Fit {
@@ -271,22 +285,23 @@ impl SentLine {
     }
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub(super) struct UnfinishedLine<'a> {
     pub(super) cycle: u64,
     pub(super) sent: &'a [SentLine],
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub(super) struct EventLine<'a> {
     at_s: Seconds,
+    #[schemars(extend("enum" = ["info", "warning", "error"]))]
     level: &'static str,
     text: &'a str,
     #[serde(flatten)]
     detail: Option<DetailPart>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 #[serde(untagged)]
 enum DetailPart {
     Condition(ConditionPart),
@@ -301,10 +316,12 @@ enum DetailPart {
 }
 
 /// A lasting condition that began or ended.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct ConditionPart {
     code: &'static str,
+    #[schemars(extend("enum" = ["began", "ended"]))]
     change: &'static str,
+    /// Cycles in which it held.
     #[serde(skip_serializing_if = "Option::is_none")]
     times: Option<u64>,
 }

@@ -1,11 +1,12 @@
 //! Journal lines of table and parts located from nothing.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::fixed::{Fixed, Mm, PointMm, Seconds, fixed_pair, mm, point_mm, points_mm, seconds};
 use upm_control::{ConfirmedFacts, LocalisedFacts};
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub(super) struct LocalisedLine {
     at_s: Seconds,
     corners_px: [[Fixed<3>; 2]; 4],
@@ -14,7 +15,7 @@ pub(super) struct LocalisedLine {
     parts: Vec<FoundPart>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct FoundPart {
     kind: usize,
     center_px: [Fixed<3>; 2],
@@ -42,7 +43,7 @@ impl LocalisedLine {
     }
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub(super) struct ConfirmedLine {
     at_s: Seconds,
     corner_px: Fixed<3>,

@@ -1,0 +1,183 @@
+//! `upm export`: a run as tables, for programs that read no journals.
+
+mod journal;
+#[cfg(feature = "parquet")]
+mod parquet_file;
+mod table;
+mod tables;
+
+use std::fs::{self, File};
+use std::io::{self, BufReader};
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::args::Common;
+use super::output::{Failure, print};
+use super::run_args::ExportArgs;
+use journal::{JournalFault, Line, Lines};
+use table::{Cell, CsvFile, Table, TableFile};
+use tables::{POSITIONS, PULSES, Parts, TABLES, TARGETS, TIMINGS};
+use upm_recording::Report;
+
+/// Largest report that is read, bytes: one of a thousand parts fits many times.
+const MOST_REPORT_BYTES: u64 = 16 << 20;
+
+/// Endings of the files, one for each form of table.
+const CSV: &str = "csv";
+const PARQUET: &str = "parquet";
+
+/// Writes the tables of a run folder.
+pub(super) fn export(args: &ExportArgs, common: Common) -> Result<u8, Failure> {
+    let run = &args.run.run;
+    let report = report_of(run)?;
+    let folder = args.to.clone().unwrap_or_else(|| beside(run));
+    let forms = [(args.csv, CSV), (args.parquet, PARQUET)];
+    let journal = run.join("journal.jsonl");
+    let lines = open_journal(&journal)?;
+    let mut written = Written::create(&folder, forms.iter().filter(|(asked, _)| *asked).map(|(_, ending)| *ending))?;
+    let parts = report.as_ref().map_or(&[][..], |report| &report.parts);
+    write_journal(&journal, lines, &Parts(parts), &mut written)?;
+    match &report {
+        Some(report) => tables::timings(&report.timing_us).try_for_each(|row| written.row(&TIMINGS, &row))?,
+        None => tracing::warn!("{}: no report.json: no names of parts and no timings", run.display()),
+    }
+    let files = written.finish()?;
+    let rows = files.iter().map(|(path, rows)| json!({ "file": path.display().to_string(), "rows": rows }));
+    let result = json!({ "folder": folder.display().to_string(), "files": rows.collect::<Vec<Value>>() });
+    print(common.json, &result, || files.iter().try_for_each(|(path, rows)| say!("{}: {rows} rows", path.display())))
+}
+
+/// The folder beside the run folder `run`, named after it.
+fn beside(run: &Path) -> PathBuf {
+    // a name, also of `.`
+    let run = run.canonicalize().unwrap_or_else(|_| run.to_owned());
+    let mut name = run.file_name().unwrap_or_default().to_owned();
+    name.push("-tables");
+    run.with_file_name(name)
+}
+
+/// The report of the run, `None` for a run that never ended.
+fn report_of(run: &Path) -> Result<Option<Report>, Failure> {
+    let path = run.join("report.json");
+    let wrong = |found: &dyn std::fmt::Display| {
+        Failure::bad_input(format!(
+            "{}: $: found {found}, allowed: what `upm run` left in a run folder",
+            path.display()
+        ))
+    };
+    let file = match File::open(&path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        opened => opened.map_err(|error| wrong(&error))?,
+    };
+    let report = serde_json::from_reader(BufReader::new(io::Read::take(file, MOST_REPORT_BYTES)));
+    report.map(Some).map_err(|error| wrong(&error))
+}
+
+fn open_journal(path: &Path) -> Result<Lines<BufReader<File>>, Failure> {
+    let file = File::open(path).map_err(|error| unread(path, JournalFault::File(error)))?;
+    Ok(Lines::of(BufReader::new(file)))
+}
+
+fn unread(path: &Path, fault: JournalFault) -> Failure {
+    let (path, allowed) = (path.display(), "what `upm run` left in a run folder");
+    Failure::bad_input(match fault {
+        JournalFault::File(error) => format!("{path}: $: found {error}, allowed: {allowed}"),
+        JournalFault::Line(number, error) => format!("{path}: line {number}: found {error}, allowed: {allowed}"),
+    })
+}
+
+/// Writes the rows of every line of the journal at `path`.
+fn write_journal(
+    path: &Path,
+    mut lines: Lines<BufReader<File>>,
+    parts: &Parts<'_>,
+    written: &mut Written,
+) -> Result<(), Failure> {
+    while let Some(line) = lines.next().map_err(|fault| unread(path, fault))? {
+        match line {
+            Line::Cycle(cycle) => {
+                tables::positions(&cycle, parts).try_for_each(|row| written.row(&POSITIONS, &row))?;
+                tables::targets(&cycle, parts).try_for_each(|row| written.row(&TARGETS, &row))?;
+                tables::pulses(cycle.cycle, &cycle.sent).try_for_each(|row| written.row(&PULSES, &row))?;
+            }
+            Line::UnfinishedCycle(unfinished) => {
+                tables::pulses(unfinished.cycle, &unfinished.sent).try_for_each(|row| written.row(&PULSES, &row))?;
+            }
+            Line::Other => {}
+        }
+    }
+    if lines.cut_short {
+        tracing::warn!("{}: ends in half a line: the run was killed", path.display());
+    }
+    Ok(())
+}
+
+/// The files that are being written.
+struct Written(Vec<Open>);
+
+struct Open {
+    table: &'static str,
+    path: PathBuf,
+    file: Box<dyn TableFile>,
+    rows: u64,
+}
+
+impl Written {
+    /// A file of every table in each of the forms with these `endings`.
+    fn create(folder: &Path, endings: impl Iterator<Item = &'static str> + Clone) -> Result<Self, Failure> {
+        if endings.clone().any(|ending| ending == PARQUET) {
+            check_parquet()?;
+        }
+        fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
+        let open = |table: &Table, ending| {
+            let path = folder.join(format!("{}.{ending}", table.name));
+            let file = if ending == CSV { create_csv(&path, table) } else { create_parquet(&path, table) };
+            let file = file.map_err(|error| Failure::write(&path, error))?;
+            Ok(Open { table: table.name, path, file, rows: 0 })
+        };
+        let files = endings.flat_map(|ending| TABLES.map(|table| open(table, ending)));
+        files.collect::<Result<_, _>>().map(Self)
+    }
+
+    fn row(&mut self, table: &Table, row: &[Cell<'_>]) -> Result<(), Failure> {
+        for open in self.0.iter_mut().filter(|open| open.table == table.name) {
+            open.file.row(row).map_err(|error| Failure::write(&open.path, error))?;
+            open.rows += 1;
+        }
+        Ok(())
+    }
+
+    /// The files with their numbers of rows.
+    fn finish(self) -> Result<Vec<(PathBuf, u64)>, Failure> {
+        let finish = |Open { path, file, rows, .. }: Open| match file.finish() {
+            Ok(()) => Ok((path, rows)),
+            Err(error) => Err(Failure::write(&path, error)),
+        };
+        self.0.into_iter().map(finish).collect()
+    }
+}
+
+fn create_csv(path: &Path, table: &Table) -> io::Result<Box<dyn TableFile>> {
+    Ok(Box::new(CsvFile::create(path, table)?))
+}
+
+#[cfg(feature = "parquet")]
+fn create_parquet(path: &Path, table: &Table) -> io::Result<Box<dyn TableFile>> {
+    Ok(Box::new(parquet_file::ParquetFile::create(path, table)?))
+}
+
+#[cfg(feature = "parquet")]
+fn check_parquet() -> Result<(), Failure> {
+    Ok(())
+}
+
+#[cfg(not(feature = "parquet"))]
+fn create_parquet(_: &Path, _: &Table) -> io::Result<Box<dyn TableFile>> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+#[cfg(not(feature = "parquet"))]
+fn check_parquet() -> Result<(), Failure> {
+    Err(super::features::lacking(PARQUET, "upm export --parquet"))
+}

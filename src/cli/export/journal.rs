@@ -1,0 +1,155 @@
+//! The part of a journal's lines that the tables show. Members that are not named here are passed over.
+
+use std::io::{self, BufRead};
+
+use serde::Deserialize;
+
+/// Longest line that is read, bytes: a cycle of some hundred pulses fits many times.
+const LONGEST_LINE: u64 = 16 << 20;
+
+/// A point in millimetres; a coordinate that was not a number is `None`.
+pub(super) type PointMm = [Option<f64>; 2];
+
+#[derive(Debug, Deserialize)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub(super) enum Line {
+    Cycle(Box<Cycle>),
+    UnfinishedCycle(Unfinished),
+    #[serde(other)]
+    Other,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Cycle {
+    pub cycle: u64,
+    pub observed_at_s: f64,
+    pub observed_mm: Vec<PointMm>,
+    pub wanted: Wanted,
+    pub sent: Vec<Sent>,
+    pub predicted_mm: Option<Vec<PointMm>>,
+    pub ended_at_s: f64,
+    pub result_mm: Vec<PointMm>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Wanted {
+    pub phase: String,
+    pub subgoals_mm: Vec<PointMm>,
+    pub targets_mm: Vec<PointMm>,
+    pub cross_track_mm: Vec<Option<f64>>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Unfinished {
+    pub cycle: u64,
+    pub sent: Vec<Sent>,
+}
+
+/// A pulse that was sent to the motors.
+#[derive(Debug, Deserialize)]
+pub(super) struct Sent {
+    pub started_at_s: f64,
+    #[serde(default)]
+    pub probe: bool,
+    pub base_hz: f64,
+    pub attack_s: f64,
+    pub sustain_s: f64,
+    pub rest_s: f64,
+    pub read: Read,
+}
+
+/// What the accelerometers read of a pulse.
+#[derive(Debug, Deserialize)]
+pub(super) struct Read {
+    pub pump_mm_s: Option<[Option<f64>; 2]>,
+    pub pump_rad_s: Option<f64>,
+    pub cor_mm: Option<PointMm>,
+    pub rotation: Option<i64>,
+    pub direction: Option<[Option<f64>; 2]>,
+    pub residual_m_s2: Option<f64>,
+    pub off_asked: Option<f64>,
+    pub fault: Option<String>,
+}
+
+/// Why a journal cannot be read.
+#[derive(Debug)]
+pub(super) enum JournalFault {
+    File(io::Error),
+    /// A line, from 1, that is none of a journal.
+    Line(usize, String),
+}
+
+/// Reads a journal line by line. A last line without an end, as a killed run leaves one, ends it.
+pub(super) struct Lines<R> {
+    journal: R,
+    number: usize,
+    bytes: Vec<u8>,
+    /// True when the journal ended in half a line.
+    pub cut_short: bool,
+}
+
+impl<R: BufRead> Lines<R> {
+    pub fn of(journal: R) -> Self {
+        Self { journal, number: 0, bytes: Vec::new(), cut_short: false }
+    }
+
+    /// The next whole line.
+    pub fn next(&mut self) -> Result<Option<Line>, JournalFault> {
+        self.bytes.clear();
+        self.number += 1;
+        let read = io::Read::take(&mut self.journal, LONGEST_LINE).read_until(b'\n', &mut self.bytes);
+        if read.map_err(JournalFault::File)? == 0 {
+            return Ok(None);
+        }
+        let is_long = self.bytes.len() as u64 == LONGEST_LINE;
+        if self.bytes.pop() != Some(b'\n') {
+            self.cut_short = true;
+            let too_long = || JournalFault::Line(self.number, format!("more than {LONGEST_LINE} bytes"));
+            return if is_long { Err(too_long()) } else { Ok(None) };
+        }
+        let line = serde_json::from_slice(&self.bytes);
+        line.map(Some).map_err(|error| JournalFault::Line(self.number, error.to_string()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn journal_that_ends_in_half_a_line_is_read_up_to_there() {
+        let text =
+            "{\"type\":\"event\",\"text\":\"x\"}\n{\"type\":\"unfinished_cycle\",\"cycle\":3,\"sent\":[]}\n{\"type";
+        let mut lines = Lines::of(text.as_bytes());
+        assert!(matches!(lines.next().unwrap(), Some(Line::Other)));
+        assert!(matches!(lines.next().unwrap(), Some(Line::UnfinishedCycle(Unfinished { cycle: 3, .. }))));
+        assert!(lines.next().unwrap().is_none() && lines.cut_short);
+    }
+
+    #[test]
+    fn line_that_is_no_journal_line_is_named_by_its_number() {
+        for text in
+            ["{\"type\":\"event\"}\nnonsense\n", "{\"type\":\"event\"}\n\n", "{}\n{\"type\":\"cycle\",\"cycle\":0}\n"]
+        {
+            let mut lines = Lines::of(text.as_bytes());
+            let fault = loop {
+                match lines.next() {
+                    Ok(Some(_)) => {}
+                    found => break found,
+                }
+            };
+            let number = if text.starts_with("{}") { 1 } else { 2 };
+            assert!(matches!(fault, Err(JournalFault::Line(at, _)) if at == number), "{text}: {fault:?}");
+        }
+    }
+
+    #[test]
+    fn coordinate_that_was_not_a_number_is_none() {
+        let text = r#"{"type":"cycle","cycle":1,"observed_at_s":0.5,"observed_mm":[[1.5,null]],"wanted":{"phase":"p",
+            "subgoals_mm":[],"targets_mm":[],"cross_track_mm":[]},"sent":[],"predicted_mm":null,"ended_at_s":1,
+            "result_mm":[]}"#;
+        let one_line = text.replace('\n', "") + "\n";
+        let Some(Line::Cycle(cycle)) = Lines::of(one_line.as_bytes()).next().unwrap() else { panic!("no cycle") };
+        assert_eq!(cycle.observed_mm, [[Some(1.5), None]]);
+    }
+}

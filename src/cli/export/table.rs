@@ -1,0 +1,74 @@
+use std::fs::File;
+use std::io;
+use std::path::Path;
+
+/// Values of a column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Whole,
+    Real,
+    Flag,
+    Text,
+}
+
+/// Name, with the unit where there is one, and kind of the values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Column(pub &'static str, pub Kind);
+
+/// A table of a run.
+#[derive(Debug)]
+pub(super) struct Table {
+    /// Stem of its file.
+    pub name: &'static str,
+    pub columns: &'static [Column],
+}
+
+/// A value; of the kind of its column, or empty.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Cell<'a> {
+    Empty,
+    Whole(i64),
+    Real(f64),
+    Flag(bool),
+    Text(&'a str),
+}
+
+/// A file that a table is written into.
+pub(super) trait TableFile {
+    /// Adds a row, a cell for each column.
+    fn row(&mut self, cells: &[Cell<'_>]) -> io::Result<()>;
+    /// Writes out what is pending.
+    fn finish(self: Box<Self>) -> io::Result<()>;
+}
+
+/// Comma-separated values, as in RFC 4180, below a row with the names of the columns.
+pub(super) struct CsvFile(csv::Writer<File>);
+
+impl CsvFile {
+    pub fn create(path: &Path, table: &Table) -> io::Result<Self> {
+        let mut file = csv::Writer::from_writer(File::create(path)?);
+        file.write_record(table.columns.iter().map(|Column(name, _)| name))?;
+        Ok(Self(file))
+    }
+}
+
+impl TableFile for CsvFile {
+    fn row(&mut self, cells: &[Cell<'_>]) -> io::Result<()> {
+        for cell in cells {
+            match cell {
+                Cell::Empty => self.0.write_field("")?,
+                // as short as reads back to the same number
+                Cell::Real(number) => self.0.write_field(number.to_string())?,
+                Cell::Whole(number) => self.0.write_field(number.to_string())?,
+                Cell::Flag(flag) => self.0.write_field(flag.to_string())?,
+                Cell::Text(text) => self.0.write_field(text)?,
+            }
+        }
+        self.0.write_record(None::<&[u8]>)?;
+        Ok(())
+    }
+
+    fn finish(mut self: Box<Self>) -> io::Result<()> {
+        self.0.flush()
+    }
+}

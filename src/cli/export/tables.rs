@@ -1,0 +1,173 @@
+//! The tables of a run: their columns, and the rows that a journal line or a report adds to them.
+
+use super::journal::{Cycle, PointMm, Sent};
+use super::table::{Cell, Column, Kind, Table};
+use upm_recording::{PartReport, Quantiles, TimingsReport};
+
+use Kind::{Flag, Real, Text, Whole};
+
+/// Where each part was before and after each cycle, and where the plan said it would be.
+pub(super) const POSITIONS: Table = Table {
+    name: "positions",
+    columns: &[
+        Column("cycle", Whole),
+        Column("part", Whole),
+        Column("id", Text),
+        Column("kind", Text),
+        Column("observed_at_s", Real),
+        Column("observed_x_mm", Real),
+        Column("observed_y_mm", Real),
+        Column("predicted_x_mm", Real),
+        Column("predicted_y_mm", Real),
+        Column("ended_at_s", Real),
+        Column("result_x_mm", Real),
+        Column("result_y_mm", Real),
+    ],
+};
+
+/// Where each part was wanted in each cycle.
+pub(super) const TARGETS: Table = Table {
+    name: "targets",
+    columns: &[
+        Column("cycle", Whole),
+        Column("at_s", Real),
+        Column("phase", Text),
+        Column("part", Whole),
+        Column("id", Text),
+        Column("kind", Text),
+        Column("subgoal_x_mm", Real),
+        Column("subgoal_y_mm", Real),
+        Column("target_x_mm", Real),
+        Column("target_y_mm", Real),
+        Column("cross_track_mm", Real),
+    ],
+};
+
+/// Each pulse as it was sent, and what the accelerometers read of it.
+pub(super) const PULSES: Table = Table {
+    name: "pulses",
+    columns: &[
+        Column("cycle", Whole),
+        Column("pulse", Whole),
+        Column("started_at_s", Real),
+        Column("probe", Flag),
+        Column("base_hz", Real),
+        Column("attack_s", Real),
+        Column("sustain_s", Real),
+        Column("rest_s", Real),
+        Column("read_pump_x_mm_s", Real),
+        Column("read_pump_y_mm_s", Real),
+        Column("read_pump_rad_s", Real),
+        Column("read_cor_x_mm", Real),
+        Column("read_cor_y_mm", Real),
+        Column("read_rotation", Whole),
+        Column("read_direction_x", Real),
+        Column("read_direction_y", Real),
+        Column("read_residual_m_s2", Real),
+        Column("read_off_asked", Real),
+        Column("read_fault", Text),
+    ],
+};
+
+/// Wall times of the run's steps, out of its report.
+pub(super) const TIMINGS: Table = Table {
+    name: "timings",
+    columns: &[Column("step", Text), Column("p50_us", Real), Column("p99_us", Real), Column("max_us", Real)],
+};
+
+/// All of them, in the order in which they are written.
+pub(super) const TABLES: [&Table; 4] = [&POSITIONS, &TARGETS, &PULSES, &TIMINGS];
+
+/// Names of the parts, by their number in the journal; none for a run without a report.
+pub(super) struct Parts<'a>(pub &'a [PartReport]);
+
+impl Parts<'_> {
+    /// Number from 1, id and kind.
+    fn cells(&self, index: usize) -> [Cell<'_>; 3] {
+        let part = self.0.get(index);
+        let text = |of: fn(&PartReport) -> &String| part.map_or(Cell::Empty, |part| Cell::Text(of(part)));
+        [whole(index as u64 + 1), text(|part| &part.id), text(|part| &part.kind)]
+    }
+}
+
+/// Rows of [`POSITIONS`].
+pub(super) fn positions<'a>(cycle: &'a Cycle, parts: &'a Parts<'a>) -> impl Iterator<Item = Vec<Cell<'a>>> {
+    (0..cycle.observed_mm.len()).map(move |index| {
+        let predicted_mm = cycle.predicted_mm.as_deref().unwrap_or_default();
+        let mut row = vec![whole(cycle.cycle)];
+        row.extend(parts.cells(index));
+        row.push(Cell::Real(cycle.observed_at_s));
+        row.extend(point(cycle.observed_mm.get(index)));
+        row.extend(point(predicted_mm.get(index)));
+        row.push(Cell::Real(cycle.ended_at_s));
+        row.extend(point(cycle.result_mm.get(index)));
+        row
+    })
+}
+
+/// Rows of [`TARGETS`].
+pub(super) fn targets<'a>(cycle: &'a Cycle, parts: &'a Parts<'a>) -> impl Iterator<Item = Vec<Cell<'a>>> {
+    let wanted = &cycle.wanted;
+    let count = wanted.subgoals_mm.len().max(wanted.targets_mm.len());
+    (0..count).map(move |index| {
+        let mut row = vec![whole(cycle.cycle), Cell::Real(cycle.observed_at_s), Cell::Text(&wanted.phase)];
+        row.extend(parts.cells(index));
+        row.extend(point(wanted.subgoals_mm.get(index)));
+        row.extend(point(wanted.targets_mm.get(index)));
+        row.push(real(wanted.cross_track_mm.get(index).copied().flatten()));
+        row
+    })
+}
+
+/// Rows of [`PULSES`], the pulses of one cycle.
+pub(super) fn pulses(cycle: u64, sent: &[Sent]) -> impl Iterator<Item = Vec<Cell<'_>>> {
+    sent.iter().zip(1..).map(move |(pulse, number)| {
+        let read = &pulse.read;
+        let mut row = vec![
+            whole(cycle),
+            whole(number),
+            Cell::Real(pulse.started_at_s),
+            Cell::Flag(pulse.probe),
+            Cell::Real(pulse.base_hz),
+            Cell::Real(pulse.attack_s),
+            Cell::Real(pulse.sustain_s),
+            Cell::Real(pulse.rest_s),
+        ];
+        row.extend(point(read.pump_mm_s.as_ref()));
+        row.push(real(read.pump_rad_s));
+        row.extend(point(read.cor_mm.as_ref()));
+        row.push(read.rotation.map_or(Cell::Empty, Cell::Whole));
+        row.extend(point(read.direction.as_ref()));
+        row.extend([real(read.residual_m_s2), real(read.off_asked)]);
+        row.push(read.fault.as_deref().map_or(Cell::Empty, Cell::Text));
+        row
+    })
+}
+
+/// Rows of [`TIMINGS`].
+pub(super) fn timings(report: &TimingsReport) -> impl Iterator<Item = Vec<Cell<'static>>> + use<> {
+    let TimingsReport { localise, track, plan, plan_new, plan_correction, cycle } = *report;
+    let steps = [
+        ("localise", localise),
+        ("track", track),
+        ("plan", plan),
+        ("plan_new", plan_new),
+        ("plan_correction", plan_correction),
+        ("cycle", cycle),
+    ];
+    steps.into_iter().map(|(step, Quantiles { p50, p99, max })| {
+        vec![Cell::Text(step), Cell::Real(p50), Cell::Real(p99), Cell::Real(max)]
+    })
+}
+
+fn whole(number: u64) -> Cell<'static> {
+    i64::try_from(number).map_or(Cell::Empty, Cell::Whole)
+}
+
+fn real(number: Option<f64>) -> Cell<'static> {
+    number.map_or(Cell::Empty, Cell::Real)
+}
+
+fn point(point: Option<&PointMm>) -> [Cell<'static>; 2] {
+    point.copied().unwrap_or([None; 2]).map(real)
+}

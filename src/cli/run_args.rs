@@ -1,0 +1,33 @@
+//! Arguments of the commands on run folders.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+/// A run folder.
+#[derive(Args, Debug)]
+pub struct RunFolderArgs {
+    /// Run folder, as `upm run` leaves it
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+}
+
+/// `upm export`.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Tables: positions, targets and pulses out of the journal, timings out of the report. Columns carry \
+                        their unit; a value that the run does not have is empty."
+)]
+pub struct ExportArgs {
+    #[command(flatten)]
+    pub run: RunFolderArgs,
+    /// Write each table as comma-separated values: positions.csv, targets.csv, pulses.csv, timings.csv
+    #[arg(long, required_unless_present = "parquet")]
+    pub csv: bool,
+    /// Write each table as Apache Parquet: positions.parquet and so on
+    #[arg(long)]
+    pub parquet: bool,
+    /// Folder that the tables go into [default: RUN-tables beside the run folder]
+    #[arg(long, value_name = "DIR")]
+    pub to: Option<PathBuf>,
+}
