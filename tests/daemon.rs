@@ -11,6 +11,8 @@ mod bad_input;
 mod client;
 #[path = "daemon/fail_safe.rs"]
 mod fail_safe;
+#[path = "daemon/ids.rs"]
+mod ids;
 #[path = "daemon/keys.rs"]
 mod keys;
 #[path = "daemon/local_stop.rs"]

@@ -122,7 +122,7 @@ pub struct JobsArgs {
 /// Commands on one job.
 #[derive(Args, Debug)]
 pub struct JobArgs {
-    /// Id of the job, as `upm submit` and `upm jobs` print it
+    /// Id of the job, as `upm submit` and `upm jobs` print it; the beginning of one job's id will do, and last
     #[arg(value_name = "ID")]
     pub id: String,
     #[command(flatten)]

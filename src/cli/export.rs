@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 use super::args::Common;
 use super::output::{Failure, print};
 use super::run_args::ExportArgs;
+use super::run_folder::run_folder;
 use journal::{JournalFault, Line, Lines};
 use table::{Cell, CsvFile, Table, TableFile};
 use tables::{POSITIONS, PULSES, Parts, TABLES, TARGETS, TIMINGS};
@@ -29,7 +30,7 @@ const PARQUET: &str = "parquet";
 
 /// Writes the tables of a run folder.
 pub(super) fn export(args: &ExportArgs, common: Common) -> Result<u8, Failure> {
-    let run = &args.run.run;
+    let run = &run_folder(&args.run)?;
     let report = report_of(run)?;
     let folder = args.to.clone().unwrap_or_else(|| beside(run));
     let forms = [(args.csv, CSV), (args.parquet, PARQUET)];

@@ -3,15 +3,17 @@ use std::process::{Command, Stdio};
 
 use super::output::Failure;
 use super::run_args::RunFolderArgs;
+use super::run_folder::run_folder;
 use upm_viewer::repair_recording;
 
 /// The viewer that reads this version's recordings.
 const VIEWER: &str = "0.36.3";
 
 pub(super) fn replay(args: &RunFolderArgs) -> Result<u8, Failure> {
-    let recording = if args.run.is_dir() { args.run.join("run.rrd") } else { args.run.clone() };
-    if args.run.is_dir() && !recording.exists() {
-        recover(&args.run.join("run.rrd.part"), &recording)?;
+    let run = run_folder(args)?;
+    let recording = if run.is_dir() { run.join("run.rrd") } else { run.clone() };
+    if run.is_dir() && !recording.exists() {
+        recover(&run.join("run.rrd.part"), &recording)?;
     }
     if !recording.is_file() {
         return Err(Failure::bad_input(format!(

@@ -7,9 +7,12 @@ use clap::Args;
 /// A run folder.
 #[derive(Args, Debug)]
 pub struct RunFolderArgs {
-    /// Run folder, as `upm run` leaves it
+    /// Run folder, as `upm run` leaves it; the beginning of one run's name will do, and last for the newest
     #[arg(value_name = "RUN")]
     pub run: PathBuf,
+    /// Folder that runs are looked for in by name
+    #[arg(long, value_name = "DIR", default_value = "runs")]
+    pub out: PathBuf,
 }
 
 /// `upm export`.

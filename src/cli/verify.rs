@@ -1,3 +1,5 @@
+use std::path::Path;
+
 use serde_json::{Value, json};
 
 use super::args::Common;
@@ -5,17 +7,19 @@ use super::output::{Failure, INTERRUPTED, NOT_REACHED, print_json, stop_on_inter
 use super::progress::RunProgress;
 use super::run::run_failure;
 use super::run_args::RunFolderArgs;
+use super::run_folder::run_folder;
 use upm_runner::run::{PacingStats, Verdict, VerifyError, verify as verify_run};
 
 /// Characters of a differing line that are shown.
 const SHOWN: usize = 160;
 
 pub(super) fn verify(args: &RunFolderArgs, common: Common) -> Result<u8, Failure> {
+    let run = run_folder(args)?;
     let stop = stop_on_interrupt();
     // as fast as it can: there is no clock to keep to
     let pacing = PacingStats::default();
     let mut progress = RunProgress::new(common, &pacing);
-    let verdict = verify_run(&args.run, &stop, &mut progress);
+    let verdict = verify_run(&run, &stop, &mut progress);
     progress.finish();
     if stop.load(std::sync::atomic::Ordering::Relaxed) {
         return Ok(INTERRUPTED);
@@ -24,7 +28,7 @@ pub(super) fn verify(args: &RunFolderArgs, common: Common) -> Result<u8, Failure
     if common.json {
         print_json(&as_json(&verdict))?
     } else {
-        print_verdict(args, &verdict)?
+        print_verdict(&run, &verdict)?
     }
     Ok(if matches!(verdict, Verdict::Differs { .. }) { NOT_REACHED } else { 0 })
 }
@@ -38,8 +42,8 @@ fn as_json(verdict: &Verdict) -> Value {
     }
 }
 
-fn print_verdict(args: &RunFolderArgs, verdict: &Verdict) -> Result<(), Failure> {
-    let run = args.run.display();
+fn print_verdict(run: &Path, verdict: &Verdict) -> Result<(), Failure> {
+    let run = run.display();
     match verdict {
         Verdict::Equal { lines, stopped: false } => {
             say!("{run}: the repetition's journal is equal byte for byte, {lines} lines")

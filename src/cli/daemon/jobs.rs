@@ -1,4 +1,6 @@
 use super::client::{Client, job_path, on_one_line};
+use super::job_id::job_id;
+use super::listing::list;
 use crate::cli::args::Common;
 use crate::cli::client_args::{JobArgs, JobsArgs, PlatesArgs};
 use crate::cli::output::{Failure, print};
@@ -6,11 +8,8 @@ use crate::cli::progress::behind;
 use crate::cli::summary;
 use upm_recording::Report;
 use upm_server::service::{
-    Job, JobState, JobsPage, Pace, Plate, PlateState, Plates, RecordingStatus, StandingJob, StandingState,
+    Job, JobState, Pace, Plate, PlateState, Plates, RecordingStatus, StandingJob, StandingState,
 };
-
-/// Most jobs that the daemon lists at once.
-const PAGE: u32 = 200;
 
 pub(super) fn jobs(args: &JobsArgs, common: Common) -> Result<u8, Failure> {
     let client = Client::new(&args.daemon)?;
@@ -25,23 +24,6 @@ pub(super) fn jobs(args: &JobsArgs, common: Common) -> Result<u8, Failure> {
     })
 }
 
-/// The newest jobs, `most` of them, page by page.
-pub(super) fn list(client: &Client, state: Option<&str>, most: u32) -> Result<JobsPage, Failure> {
-    let mut all = JobsPage::default();
-    loop {
-        let left = most - u32::try_from(all.jobs.len()).unwrap_or(most);
-        let state = state.map(|state| format!("&state={state}")).unwrap_or_default();
-        let cursor = all.next.iter().map(|cursor| format!("&cursor={cursor}")).collect::<String>();
-        let page: JobsPage = client.get(&format!("/v1/jobs?limit={}{state}{cursor}", left.min(PAGE)))?;
-        let is_last = page.next.is_none() || page.jobs.is_empty() || page.next == all.next;
-        all.jobs.extend(page.jobs);
-        all.next = page.next;
-        if is_last || all.jobs.len() as u64 >= u64::from(most) {
-            return Ok(all);
-        }
-    }
-}
-
 fn print_line(job: &Job) -> Result<(), Failure> {
     let Job { id, name, plate, submitted_at, .. } = job;
     let (state, percent) = (job.state.code(), 100.0 * job.progress);
@@ -51,14 +33,15 @@ fn print_line(job: &Job) -> Result<(), Failure> {
 }
 
 pub(super) fn show(args: &JobArgs, common: Common) -> Result<u8, Failure> {
-    let path = job_path(&args.id)?;
-    let job: Job = Client::new(&args.daemon)?.get(&path)?;
+    let client = Client::new(&args.daemon)?;
+    let job: Job = client.get(&job_path(&job_id(&client, &args.id)?)?)?;
     print(common.json, &job, || print_job(&job))
 }
 
 pub(super) fn cancel(args: &JobArgs, common: Common) -> Result<u8, Failure> {
-    let path = job_path(&args.id)?;
-    let job: Job = Client::new(&args.daemon)?.post(&format!("{path}/cancel"), "", &[])?;
+    let client = Client::new(&args.daemon)?;
+    let path = job_path(&job_id(&client, &args.id)?)?;
+    let job: Job = client.post(&format!("{path}/cancel"), "", &[])?;
     let state = if job.state == JobState::Running { "is being stopped" } else { job.state.code() };
     print(common.json, &job, || say!("{}: {state}", job.id))
 }

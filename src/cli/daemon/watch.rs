@@ -10,6 +10,7 @@ use std::thread;
 use std::time::Duration;
 
 use super::client::{Client, job_path};
+use super::job_id::job_id;
 use crate::cli::args::Common;
 use crate::cli::client_args::JobArgs;
 use crate::cli::output::{Failure, INTERRUPTED, NOT_REACHED, stop_on_interrupt};
@@ -24,7 +25,8 @@ const WAITING: usize = 64;
 const LOOK: Duration = Duration::from_millis(100);
 
 pub(super) fn watch(args: &JobArgs, common: Common) -> Result<u8, Failure> {
-    follow(&Client::new(&args.daemon)?, &args.id, None, common)
+    let client = Client::new(&args.daemon)?;
+    follow(&client, &job_id(&client, &args.id)?, None, common)
 }
 
 /// Shows what happens to a job until it ends, what comes after the event `after` first. The exit status is the job's.

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::testing::{Canned, JOB, Server, answer, job, json as said, problem, stopped};
 use super::{Client, Refusal, bearer_of, job_path, plate_path};
-use crate::cli::daemon::jobs::list;
+use crate::cli::daemon::listing::list;
 use crate::cli::daemon::stop::stop_all;
 use crate::cli::daemon::submit::queue;
 use upm_server::service::{Job, JobState, JobsPage};

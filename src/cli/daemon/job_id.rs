@@ -1,0 +1,38 @@
+use super::client::Client;
+use super::listing::list;
+use crate::cli::output::Failure;
+use crate::cli::prefix::{LAST, Match, in_one_line, match_prefix};
+use upm_server::service::Job;
+
+/// Digits of an id.
+const DIGITS: usize = 32;
+
+/// The id that `text` names: an id, the beginning of one job's, or `last` for the job that was submitted last.
+pub(super) fn job_id(client: &Client, text: &str) -> Result<String, Failure> {
+    let wrong = |found: &str| {
+        let allowed = "32 hex digits, as `upm jobs` lists them, the beginning of one job's, or last";
+        Failure::bad_input(format!("ID: found {found}, allowed: {allowed}"))
+    };
+    if text == LAST {
+        let newest = list(client, None, 1)?.jobs.into_iter().next();
+        return newest.map(|job| job.id).ok_or_else(|| wrong("no jobs"));
+    }
+    let is_hex = text.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
+    if !is_hex || !(1..=DIGITS).contains(&text.len()) {
+        return Err(wrong(&format!("{text:?}")));
+    }
+    if text.len() == DIGITS {
+        return Ok(text.to_owned());
+    }
+    let jobs = list(client, None, u32::MAX)?.jobs;
+    match match_prefix(text, jobs.iter().map(|job| job.id.as_str())) {
+        Match::One(index) => jobs.get(index).map(|job| job.id.clone()).ok_or_else(|| wrong(&format!("{text:?}"))),
+        Match::None => Err(wrong(&format!("{text:?}, which no job's id begins with"))),
+        Match::Several(found) => {
+            let candidate = |job: &Job| format!("{} ({}, {})", job.id, job.name, job.state.code());
+            let candidates: Vec<String> = found.iter().filter_map(|&index| jobs.get(index)).map(candidate).collect();
+            let (count, candidates) = (candidates.len(), in_one_line(&candidates));
+            Err(Failure::bad_input(format!("ID: found {text:?}, allowed: more digits of one of {count}: {candidates}")))
+        }
+    }
+}

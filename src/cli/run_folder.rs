@@ -1,0 +1,132 @@
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use super::output::Failure;
+use super::prefix::{LAST, Match, in_one_line, match_prefix};
+use super::run_args::RunFolderArgs;
+
+/// Written into a run folder when the run begins.
+const FIRST_FILE: &str = "effective.json";
+
+/// The run folder that `args` name: a path, `last`, or the beginning of the name of one of those in `--out`.
+pub(super) fn run_folder(args: &RunFolderArgs) -> Result<PathBuf, Failure> {
+    let RunFolderArgs { run, out } = args;
+    let text = run.to_string_lossy();
+    // a path that leads nowhere is told by the command that looks there
+    if run.exists() || run.components().count() != 1 {
+        return Ok(run.clone());
+    }
+    let mut runs = runs_in(out);
+    let (shown_out, allowed) = (out.display(), "a run folder, last, or the beginning of the name of one");
+    if text == LAST {
+        let newest = runs.into_iter().max_by(|a, b| (a.began_at, &a.name).cmp(&(b.began_at, &b.name)));
+        return newest.map(|run| run.path).ok_or_else(|| {
+            Failure::bad_input(format!("RUN: found no runs in {shown_out}, allowed: {allowed} (--out DIR)"))
+        });
+    }
+    runs.sort_by(|a, b| a.name.cmp(&b.name));
+    match match_prefix(&text, runs.iter().map(|run| run.name.as_str())) {
+        Match::One(index) => Ok(runs.swap_remove(index).path),
+        Match::None => {
+            Err(Failure::bad_input(format!("RUN: found {text:?}, allowed: {allowed} in {shown_out} (--out DIR)")))
+        }
+        Match::Several(found) => {
+            let names: Vec<String> = found.iter().filter_map(|&index| Some(runs.get(index)?.name.clone())).collect();
+            let (count, names) = (names.len(), in_one_line(&names));
+            Err(Failure::bad_input(format!(
+                "RUN: found {text:?}, allowed: more of the name of one of {count}: {names}"
+            )))
+        }
+    }
+}
+
+struct Run {
+    name: String,
+    path: PathBuf,
+    began_at: SystemTime,
+}
+
+/// The run folders in `out`, and in the folders of batches in it.
+fn runs_in(out: &Path) -> Vec<Run> {
+    let mut runs = Vec::new();
+    for folder in folders_in(out) {
+        match run_at(&folder) {
+            Some(run) => runs.push(run),
+            None => runs.extend(folders_in(&folder).iter().filter_map(|folder| run_at(folder))),
+        }
+    }
+    runs
+}
+
+fn folders_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir())).map(|entry| entry.path()).collect()
+}
+
+/// The run in `folder`, if there is one.
+fn run_at(folder: &Path) -> Option<Run> {
+    let began_at = fs::metadata(folder.join(FIRST_FILE)).ok()?.modified().ok()?;
+    let name = folder.file_name()?.to_string_lossy().into_owned();
+    Some(Run { name, path: folder.to_owned(), began_at })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+    use std::time::Duration;
+
+    use tempfile::TempDir;
+
+    use super::*;
+
+    /// A folder with runs that began in this order.
+    fn out_of(runs: &[&str]) -> TempDir {
+        let out = TempDir::new().unwrap();
+        for (begun, run) in runs.iter().enumerate() {
+            let folder = out.path().join(run);
+            fs::create_dir_all(&folder).unwrap();
+            let file = File::create(folder.join(FIRST_FILE)).unwrap();
+            file.set_modified(SystemTime::UNIX_EPOCH + Duration::from_secs(begun as u64)).unwrap();
+        }
+        out
+    }
+
+    fn found(out: &Path, run: &str) -> Result<PathBuf, String> {
+        let args = RunFolderArgs { run: run.into(), out: out.to_owned() };
+        let found = run_folder(&args).map_err(|failure| failure.lines.join("\n"))?;
+        Ok(found.strip_prefix(out).map_or(found.clone(), Path::to_owned))
+    }
+
+    #[test]
+    fn last_is_the_run_that_began_last_also_in_a_batch() {
+        let out = out_of(&["zebra-1", "ring-seeds-x/ring-9", "arrange-2"]);
+        assert_eq!(found(out.path(), "last"), Ok("arrange-2".into()));
+        let out = out_of(&["zebra-1", "arrange-2", "ring-seeds-x/ring-9"]);
+        assert_eq!(found(out.path(), "last"), Ok("ring-seeds-x/ring-9".into()));
+        let none = found(&out.path().join("zebra-1"), "last").unwrap_err();
+        assert!(none.starts_with("RUN: found no runs in "), "{none}");
+    }
+
+    #[test]
+    fn unique_beginning_is_enough_and_candidates_of_another_are_listed() {
+        let out = out_of(&["plus-sign-7-a", "plus-sign-7-b", "hold-4-1", "batch/plus-sign-9"]);
+        fs::create_dir(out.path().join("hold-4-1-tables")).unwrap();
+        assert_eq!(found(out.path(), "hold"), Ok("hold-4-1".into()));
+        assert_eq!(found(out.path(), "plus-sign-9"), Ok("batch/plus-sign-9".into()));
+        let said =
+            "RUN: found \"plus\", allowed: more of the name of one of 3: plus-sign-7-a, plus-sign-7-b, plus-sign-9";
+        assert_eq!(found(out.path(), "plus"), Err(said.into()));
+        assert!(
+            found(out.path(), "arrange").unwrap_err().contains("found \"arrange\", allowed: a run folder, last, or")
+        );
+    }
+
+    #[test]
+    fn path_is_left_as_it_is() {
+        let out = out_of(&["a-1"]);
+        let path = out.path().join("a-1");
+        assert_eq!(found(out.path(), path.to_str().unwrap()), Ok("a-1".into()));
+        assert_eq!(found(out.path(), "no/such/run"), Ok("no/such/run".into()));
+    }
+}
