@@ -52,6 +52,7 @@ mod schema;
 mod shipped;
 mod simulate;
 mod summary;
+mod token;
 mod usage;
 mod verify;
 
@@ -102,6 +103,7 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Schema(args) => schema::schema(&args),
         Command::Client(command) => daemon::client_command(&command, common),
         Command::SupportBundle(args) => daemon::support_bundle(&args, common),
+        Command::Token(args) => token::token(&args, common),
         Command::Man(args) => man::man(&args),
         Command::Completions(args) => {
             let mut script = Vec::new();

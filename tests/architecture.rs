@@ -214,6 +214,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("prometheus_client", &["src/server/daemon"]),
     ("tar", &["src/server/daemon"]),
     ("ureq", &["src/cli"]),
+    ("getrandom", &["src/cli/token"]),
     ("csv", &["src/cli/export"]),
     ("parquet", &["src/cli/export"]),
     ("nix", &["src/cli/daemon"]),

@@ -34,6 +34,8 @@ mod refusals;
 mod rigs;
 #[path = "cli/shapes.rs"]
 mod shapes;
+#[path = "cli/token.rs"]
+mod token;
 
 fn upm() -> Command {
     let mut command = Command::cargo_bin("upm").unwrap();

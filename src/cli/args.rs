@@ -5,7 +5,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::client_args::{ClientCommand, pace};
 use super::features::{HELP, VERSION};
-use super::run_args::{ExportArgs, RunFolderArgs};
+use super::run_args::{ExportArgs, RunFolderArgs, TokenArgs};
 use upm_core::job::Pace;
 
 /// One flat plate, shaken sideways, moves many coins on it independently, closed over a camera.
@@ -72,6 +72,9 @@ pub enum Command {
     /// Put together what somebody who helps with a daemon needs to see, without its secrets
     #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     SupportBundle(BundleArgs),
+    /// Daemon: make a token file, for the daemon and its clients; never overwrites one
+    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
+    Token(TokenArgs),
     /// Print completions for a shell
     Completions(CompletionsArgs),
     /// Print the manual page, or write all of them into a folder

@@ -16,8 +16,8 @@ pub(super) fn names() -> impl Iterator<Item = &'static str> {
 /// Prints the JSON Schema of a file.
 pub(super) fn schema(args: &SchemaArgs) -> Result<u8, Failure> {
     let Some(schema) = named(&args.name) else {
-        let names = names().collect::<Vec<_>>().join(", ");
-        return Err(Failure::bad_input(format!("schema: found {:?}, allowed: {names}", args.name)));
+        let names = config::one_of(&args.name, &names().collect::<Vec<_>>());
+        return Err(Failure::bad_input(format!("schema: expected {names}, found {:?}", args.name)));
     };
     print_json(&schema)?;
     Ok(0)
