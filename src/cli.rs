@@ -38,6 +38,7 @@ mod log_page;
 mod log_writer;
 mod logs;
 mod man;
+mod offered;
 mod output;
 mod panics;
 mod prefix;

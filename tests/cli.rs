@@ -212,6 +212,27 @@ fn schemas_and_completions_are_printed() {
 }
 
 #[test]
+fn shells_offer_the_names_that_commands_take() {
+    let mut names = vec!["journal", "daemon", "save", "spawn", "real-time"];
+    if cfg!(feature = "lab") {
+        names.extend(["waveform-fit", "topple", "rough", "papers"]);
+    }
+    for shell in ["bash", "zsh"] {
+        let (script, _) = status(&["completions", shell], 0);
+        let words: std::collections::BTreeSet<&str> =
+            script.split(|c: char| !(c.is_alphanumeric() || c == '-')).collect();
+        for name in &names {
+            assert!(words.contains(name), "{shell}: {name}");
+        }
+    }
+    // what a shell offers is not all that a command takes, and a wrong name is refused in the command's own line
+    for args in [&["schema", "jobs"][..], &["run", "configs/arrange-2.json", "--rerun", "saved"]] {
+        let (_, stderr) = status(args, 2);
+        assert!(stderr.lines().count() == 1 && stderr.starts_with("upm: "), "{stderr}");
+    }
+}
+
+#[test]
 #[cfg(target_os = "linux")]
 fn a_reader_that_goes_away_is_no_panic_and_a_full_disk_is_told() {
     for args in [&["completions", "bash"][..], &["schema", "job"], &["check", "configs/plus-sign.json"]] {

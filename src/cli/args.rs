@@ -5,6 +5,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::client_args::{ClientCommand, pace};
 use super::features::{HELP, VERSION};
+use super::offered::{experiments, rerun_modes, scenes, schemas};
 use super::run_args::{ExportArgs, RunFolderArgs, TokenArgs};
 use upm_core::job::Pace;
 
@@ -27,7 +28,7 @@ pub struct Common {
     /// Print the machine-readable result alone on stdout
     #[arg(long, global = true)]
     pub json: bool,
-    /// Say more on stderr (-vv: each cycle and its times)
+    /// Say more on stderr (-vv: each cycle and its times; -vvv: libraries' messages, too)
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
     /// Say nothing on stderr but errors
@@ -123,7 +124,7 @@ pub struct RunArgs {
     pub pace: Pace,
     /// What becomes of the Rerun recording: off, save, connect[=URL] or spawn [default: save where this build can record;
     /// with --seeds off, since a recording for each run is a lot]
-    #[arg(long, value_name = "MODE")]
+    #[arg(long, value_name = "MODE", value_parser = rerun_modes(), hide_possible_values = true)]
     pub rerun: Option<String>,
     /// Faults of the simulated rig besides the job's, for example coil0:reversed@1.2 or camera:shift=3;0@0.5-2; several by
     /// comma or again
@@ -208,7 +209,7 @@ pub struct RenderArgs {
     #[arg(value_name = "JOB.json", required_unless_present = "scene")]
     pub job: Option<PathBuf>,
     /// In place of a job: a drawn scene of this family (clean, rough, hard, papers)
-    #[arg(long, value_name = "FAMILY", conflicts_with = "job")]
+    #[arg(long, value_name = "FAMILY", conflicts_with = "job", value_parser = scenes(), hide_possible_values = true)]
     pub scene: Option<String>,
     /// Where the picture goes (png, jpg, pgm, tiff)
     #[arg(long, value_name = "FRAME.png")]
@@ -255,7 +256,7 @@ pub struct LocateArgs {
     #[arg(long, value_name = "DIR")]
     pub stages: Option<PathBuf>,
     /// What becomes of Rerun recordings, one of each picture: off, save, connect[=URL] or spawn
-    #[arg(long, value_name = "MODE", default_value = "off")]
+    #[arg(long, value_name = "MODE", default_value = "off", value_parser = rerun_modes(), hide_possible_values = true)]
     pub rerun: String,
     /// Folder that recordings go into
     #[arg(long, value_name = "DIR", default_value = "runs/locate")]
@@ -285,7 +286,7 @@ pub struct SimulateArgs {
 #[derive(Args, Debug)]
 pub struct LabArgs {
     /// Which one, or `all` of them; left out, they are listed
-    #[arg(value_name = "EXPERIMENT")]
+    #[arg(value_name = "EXPERIMENT", value_parser = experiments(), hide_possible_values = true)]
     pub experiment: Option<String>,
     /// Rig file; without it the shipped upm-1, or upm-2 where the weak upm-1 cannot show it
     #[arg(long, value_name = "RIG.json")]
@@ -316,7 +317,7 @@ pub struct LabArgs {
     pub plot: Option<PathBuf>,
     /// What becomes of a Rerun recording: off, save, connect[=URL] or spawn. Off unless asked for: table and plots tell
     /// most of it
-    #[arg(long, value_name = "MODE", default_value = "off")]
+    #[arg(long, value_name = "MODE", default_value = "off", value_parser = rerun_modes(), hide_possible_values = true)]
     pub rerun: String,
 }
 
@@ -347,7 +348,7 @@ pub struct CheckArgs {
 #[derive(Args, Debug)]
 pub struct SchemaArgs {
     /// job, rig, simulate, library, trace or daemon; of a run folder journal (a line of it) or report
-    #[arg(value_name = "NAME")]
+    #[arg(value_name = "NAME", value_parser = schemas(), hide_possible_values = true)]
     pub name: String,
 }
 

@@ -81,8 +81,7 @@ struct Progress {
 
 impl Progress {
     fn new(common: Common, clock: MonotonicClock, seeds: usize) -> Self {
-        let mode = ProgressMode::of(common.quiet, std::io::stderr().is_terminal());
-        Self { shown: LateProgress::new(mode, clock), seeds }
+        Self { shown: LateProgress::new(ProgressMode::on_stderr(common), clock), seeds }
     }
 
     fn show(&mut self, news: News) {

@@ -1,10 +1,10 @@
-use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::args::{CalibrateArgs, Common};
 use super::output::{Failure, INTERRUPTED, NOT_REACHED, print, stop_on_interrupt};
-use super::progress::{FULL, bar, is_hidden};
+use super::progress::LateProgress;
 use upm_control::calibration::{CalibrationFault, CalibrationProgress};
+use upm_core::time::MonotonicClock;
 use upm_core::units::mm_from_m;
 use upm_library::Library;
 use upm_runner::config::RigSpec;
@@ -15,10 +15,10 @@ pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Fail
     // found out before a long measurement, not after it
     let output = LibraryOutput::check(&args.out).map_err(not_written)?;
     let stop = stop_on_interrupt();
-    let bar = bar(is_hidden(common));
+    let mut progress = LateProgress::at_once(common);
     let params = calibration_params(&rig);
-    let library = calibrate_rig(&rig, args.seed, &params, &stop, &mut |step| show(&bar, step));
-    bar.finish_and_clear();
+    let library = calibrate_rig(&rig, args.seed, &params, &stop, &mut |step| show(&mut progress, step));
+    progress.finish();
     let library = match library {
         Ok(library) => library,
         Err(CalibrationFault::Stopped) => return Ok(INTERRUPTED),
@@ -32,10 +32,10 @@ pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Fail
     })
 }
 
-fn show(bar: &ProgressBar, progress: CalibrationProgress) {
+fn show(shown: &mut LateProgress<MonotonicClock>, progress: CalibrationProgress) {
     let CalibrationProgress { stage, done, total, plate_time_s } = progress;
-    bar.set_position(FULL * done as u64 / total.max(1) as u64);
-    bar.set_message(format!("plate {plate_time_s:6.1} s  {stage} {done} of {total}"));
+    let share = done as f64 / total.max(1) as f64;
+    shown.show(share, || format!("plate {plate_time_s:6.1} s  {stage} {done} of {total}"));
 }
 
 fn not_written(fault: LibraryOutputFault) -> Failure {

@@ -6,12 +6,12 @@ mod track_speed;
 
 use serde_json::{Value, json};
 use std::fs;
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use super::args::{Common, LabArgs};
 use super::output::{Failure, print, print_json};
-use super::progress::{FULL, bar};
+use super::progress::LateProgress;
 use super::recording;
 use upm_chart::Chart;
 use upm_lab::{
@@ -207,13 +207,21 @@ fn measure(name: &str, args: &LabArgs, common: Common) -> Result<(String, Outcom
         return Err(Failure::bad_input(format!("--scenes: expected the experiment {VISION}, found {name:?}")));
     }
     let rig = rig_for(experiment, args)?;
-    let progress = bar(common.quiet || !std::io::stderr().is_terminal());
-    progress.set_message(experiment.about);
+    let progress = Mutex::new(LateProgress::at_once(common));
+    let show = |share: f64| {
+        // a thread that panicked ends the experiment anyway
+        if let Ok(mut progress) = progress.lock() {
+            progress.show(share, || experiment.about.to_owned());
+        }
+    };
+    show(0.0);
     let outcome = match args.scenes {
         Some(scenes) => Ok(vision_of(rig.seed, scenes as usize)),
-        None => experiment.method.run(&rig, &request, &|share| progress.set_position((share * FULL as f64) as u64)),
+        None => experiment.method.run(&rig, &request, &show),
     };
-    progress.finish_and_clear();
+    if let Ok(progress) = progress.lock() {
+        progress.finish();
+    }
     let outcome = outcome.map_err(|fault| match fault {
         LabFault::Setting(fault) => Failure::bad_input(format!("lab {name}: {fault}")),
         fault => Failure::failed(format!("{name} on {}: {fault}", rig.model.name)),

@@ -101,10 +101,10 @@ where
     }
 }
 
-/// All up to `level`, except the messages of Rerun's server about itself: its address is not the one that viewers go to.
+/// Our own messages up to `level`; of other libraries' what they warn of, and all of theirs only where everything is wanted.
 fn wanted(level: LevelFilter) -> Targets {
-    let of_server = if level == LevelFilter::INFO { LevelFilter::WARN } else { level };
-    Targets::new().with_default(level).with_target("re_grpc_server", of_server)
+    let of_others = if level == LevelFilter::TRACE { level } else { level.min(LevelFilter::WARN) };
+    Targets::new().with_default(of_others).with_target("upm", level)
 }
 
 /// Each line begins with its level as a number in pointed brackets, as sd-daemon(3) has it.
@@ -142,6 +142,8 @@ mod tests {
             tracing::warn!(plate = "left", "deadline missed by {} frames", 2);
             tracing::debug!("not \"told\"");
             tracing::info!(target: "re_grpc_server", "listening where nobody shall go");
+            tracing::debug!(target: "ureq::pool", "internals");
+            tracing::warn!(target: "ureq::pool", "a warning of another library");
         });
         page.text()
     }
@@ -149,7 +151,18 @@ mod tests {
     #[test]
     fn other_commands_log_as_before() {
         let text = logged(None, LevelFilter::WARN, true);
-        assert_eq!(text, " WARN upm::cli::logs::tests: deadline missed by 2 frames plate=\"left\"\n");
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[0], " WARN upm::cli::logs::tests: deadline missed by 2 frames plate=\"left\"");
+        assert_eq!(lines[1..], [" WARN ureq::pool: a warning of another library"]);
+    }
+
+    #[test]
+    fn internals_of_other_libraries_are_told_only_where_everything_is() {
+        let text = |level| logged(None, level, false);
+        assert!(text(LevelFilter::DEBUG).contains("not \"told\""));
+        assert!(!text(LevelFilter::DEBUG).contains("internals") && !text(LevelFilter::DEBUG).contains("listening"));
+        assert!(text(LevelFilter::TRACE).contains("internals") && text(LevelFilter::TRACE).contains("listening"));
+        assert_eq!(text(LevelFilter::ERROR), "");
     }
 
     #[test]
@@ -157,10 +170,11 @@ mod tests {
         let text = logged(Some(LogFormat::Text), LevelFilter::INFO, false);
         let (time, rest) = text.split_once(' ').unwrap();
         assert!(time.parse::<jiff::Timestamp>().is_ok(), "{text}");
-        assert_eq!(rest.trim_start(), "WARN upm::cli::logs::tests: deadline missed by 2 frames plate=\"left\"\n");
+        let first = rest.lines().next().unwrap();
+        assert_eq!(first.trim_start(), "WARN upm::cli::logs::tests: deadline missed by 2 frames plate=\"left\"");
         let journal = logged(Some(LogFormat::Text), LevelFilter::DEBUG, true);
         let lines: Vec<&str> = journal.lines().collect();
-        assert_eq!(lines.len(), 3, "with more said the server is heard, too");
+        assert_eq!(lines.len(), 3, "{journal}");
         assert!(lines[0].starts_with("<4> WARN ") && lines[1].starts_with("<7>DEBUG "), "{journal}");
     }
 

@@ -4,8 +4,8 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::args::Common;
-use upm_control::{CycleFacts, EventLevel, LocalisedFacts, Sink};
-use upm_core::time::{Clock, PlateTime};
+use upm_control::{Condition, ConditionChange, ConditionFacts, CycleFacts, EventLevel, LocalisedFacts, Sink};
+use upm_core::time::{Clock, MonotonicClock, PlateTime};
 use upm_runner::run::PacingStats;
 
 /// Thousandths, so that a bar can stand for any fraction.
@@ -14,46 +14,60 @@ pub(super) const FULL: u64 = 1000;
 /// A plate that is less than this behind real time is not reported as behind, s.
 const LEAST_BEHIND_S: f64 = 0.1;
 
-/// Work that takes no longer than this shows no progress; lines are this far apart.
+/// Work that takes no longer than this shows no progress.
 const LATE: Duration = Duration::from_secs(2);
 
-/// Shows a run as a bar on stderr; silent without a terminal.
+/// Lines of progress are this far apart.
+const BETWEEN_LINES: Duration = Duration::from_secs(5);
+
+/// Shows a run on stderr: a bar on a terminal, elsewhere a line now and then.
 pub(super) struct RunProgress<'a> {
-    bar: ProgressBar,
+    shown: LateProgress<MonotonicClock>,
     pacing: &'a PacingStats,
+    /// Conditions that have been warned of.
+    warned: Vec<Condition>,
 }
 
 impl<'a> RunProgress<'a> {
     /// `pacing` is that of the run.
     pub fn new(common: Common, pacing: &'a PacingStats) -> Self {
-        Self { bar: bar(is_hidden(common)), pacing }
+        Self { shown: LateProgress::at_once(common), pacing, warned: Vec::new() }
     }
 
     pub fn finish(&self) {
-        self.bar.finish_and_clear();
+        self.shown.finish();
     }
 }
 
 impl Sink for RunProgress<'_> {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
-        self.bar.set_message(format!("table found, {} parts", facts.detections.len()));
+        self.shown.show(0.0, || format!("table found, {} parts", facts.detections.len()));
     }
 
     fn cycle(&mut self, facts: &CycleFacts<'_>) {
-        self.bar.set_position((facts.wanted.progress * FULL as f64) as u64);
         let behind = behind(self.pacing.behind().as_secs_f64());
-        self.bar.set_message(format!("plate {:6.1} s{behind}  {}", facts.ended_at.secs(), facts.wanted.phase));
+        let message = || format!("plate {:6.1} s{behind}  {}", facts.ended_at.secs(), facts.wanted.phase);
+        self.shown.show(facts.wanted.progress, message);
         let CycleFacts { index: cycle, plan_us, cycle_us, .. } = facts;
         let (pulses, continues) = (facts.plan.pulses.len(), facts.plan.continues);
-        self.bar.suspend(|| tracing::debug!(cycle, pulses, continues, plan_us, cycle_us, "planned and played"));
+        self.shown.suspend(|| tracing::debug!(cycle, pulses, continues, plan_us, cycle_us, "planned and played"));
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
         match level {
-            EventLevel::Info => self.bar.suspend(|| tracing::info!("plate {at}: {text}")),
-            EventLevel::Warning => self.bar.suspend(|| tracing::warn!("plate {at}: {text}")),
-            EventLevel::Error => self.bar.suspend(|| tracing::error!("plate {at}: {text}")),
+            EventLevel::Info => self.shown.suspend(|| tracing::info!("plate {at}: {text}")),
+            EventLevel::Warning => self.shown.suspend(|| tracing::warn!("plate {at}: {text}")),
+            EventLevel::Error => self.shown.suspend(|| tracing::error!("plate {at}: {text}")),
         }
+    }
+
+    /// Warns of a condition when it begins for the first time; its end, and all that follows, is information.
+    fn condition(&mut self, facts: &ConditionFacts<'_>) {
+        let is_new = facts.change == ConditionChange::Began && !self.warned.contains(&facts.condition);
+        if is_new {
+            self.warned.push(facts.condition);
+        }
+        self.event(facts.at, if is_new { EventLevel::Warning } else { EventLevel::Info }, facts.text);
     }
 }
 
@@ -74,6 +88,11 @@ pub(super) enum ProgressMode {
 }
 
 impl ProgressMode {
+    /// On the stderr of this process.
+    pub fn on_stderr(common: Common) -> Self {
+        Self::of(common.quiet, std::io::stderr().is_terminal())
+    }
+
     pub fn of(quiet: bool, is_terminal: bool) -> Self {
         match (quiet, is_terminal) {
             (true, _) => Self::Hidden,
@@ -88,14 +107,23 @@ pub(super) struct LateProgress<C> {
     clock: C,
     mode: ProgressMode,
     bar: Option<ProgressBar>,
-    /// When the last line was written.
-    line_at: Duration,
+    /// When the next line may be written.
+    line_from: Duration,
+}
+
+impl LateProgress<MonotonicClock> {
+    /// On stderr, with the bar from the beginning where there is one.
+    pub fn at_once(common: Common) -> Self {
+        let mode = ProgressMode::on_stderr(common);
+        let bar = (mode == ProgressMode::Bar).then(|| bar(false));
+        Self { bar, ..Self::new(mode, MonotonicClock::new()) }
+    }
 }
 
 impl<C: Clock> LateProgress<C> {
     pub fn new(mode: ProgressMode, clock: C) -> Self {
-        let line_at = clock.elapsed();
-        Self { clock, mode, bar: None, line_at }
+        let line_from = clock.elapsed() + LATE;
+        Self { clock, mode, bar: None, line_from }
     }
 
     pub fn show(&mut self, done: f64, message: impl FnOnce() -> String) {
@@ -120,10 +148,10 @@ impl<C: Clock> LateProgress<C> {
     /// The line to write now; `None` while the last one is recent.
     fn line(&mut self, done: f64, message: impl FnOnce() -> String) -> Option<String> {
         let now = self.clock.elapsed();
-        if now < self.line_at + LATE {
+        if now < self.line_from {
             return None;
         }
-        self.line_at = now;
+        self.line_from = now + BETWEEN_LINES;
         Some(format!("{:3.0} %  {}", 100.0 * done, message()))
     }
 
@@ -142,11 +170,6 @@ impl<C: Clock> LateProgress<C> {
     }
 }
 
-/// True where a bar shall not be drawn.
-pub(super) fn is_hidden(common: Common) -> bool {
-    common.quiet || !std::io::stderr().is_terminal()
-}
-
 /// A bar from 0 to [`FULL`] on stderr.
 pub(super) fn bar(quiet: bool) -> ProgressBar {
     let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) };
@@ -162,6 +185,9 @@ pub(super) fn bar(quiet: bool) -> ProgressBar {
 mod tests {
     use std::cell::Cell;
 
+    use tracing::level_filters::LevelFilter;
+
+    use super::super::log_page::Page;
     use super::*;
 
     struct Hand<'a>(&'a Cell<u64>);
@@ -173,15 +199,39 @@ mod tests {
     }
 
     #[test]
-    fn long_work_without_a_terminal_gets_a_line_every_two_seconds() {
+    fn long_work_without_a_terminal_gets_a_line_after_two_seconds_and_then_every_five() {
         let now_ms = Cell::new(500);
         let mut progress = LateProgress::new(ProgressMode::of(false, false), Hand(&now_ms));
         let mut lines = Vec::new();
-        for at_ms in (500..=7000).step_by(100) {
+        for at_ms in (500..=9000).step_by(100) {
             now_ms.set(at_ms);
             lines.extend(progress.line(at_ms as f64 / 1e4, || format!("at {at_ms} ms")));
         }
-        assert_eq!(lines, [" 25 %  at 2500 ms", " 45 %  at 4500 ms", " 65 %  at 6500 ms"]);
+        assert_eq!(lines, [" 25 %  at 2500 ms", " 75 %  at 7500 ms"]);
+    }
+
+    #[test]
+    fn condition_is_warned_of_once_and_its_end_is_information() {
+        let page = Page::default();
+        let writer = page.clone();
+        let log = tracing_subscriber::fmt().with_max_level(LevelFilter::INFO).with_ansi(false).without_time();
+        tracing::subscriber::with_default(log.with_writer(move || writer.clone()).finish(), || {
+            let pacing = PacingStats::default();
+            let mut progress = RunProgress::new(Common { json: false, verbose: 0, quiet: true }, &pacing);
+            let ended = ConditionChange::Ended { times: 2, lasted_s: 0.5 };
+            for (part, change, text) in [
+                (0, ConditionChange::Began, "part 0 is slow"),
+                (0, ended, "no longer"),
+                (1, ConditionChange::Began, "part 1 is slow"),
+                (0, ConditionChange::Began, "part 0 is slow again"),
+            ] {
+                let (at, condition) = (PlateTime::from_secs(1.0), Condition::PartSlow { part });
+                progress.condition(&ConditionFacts { at, condition, change, text });
+            }
+        });
+        let lines = page.lines();
+        let levels: Vec<&str> = lines.iter().filter_map(|line| line.split_whitespace().next()).collect();
+        assert_eq!(levels, ["WARN", "INFO", "WARN", "INFO"], "{lines:?}");
     }
 
     #[test]

@@ -1,22 +1,15 @@
 use serde_json::Value;
 
 use super::args::SchemaArgs;
+use super::offered::schemas;
 use super::output::{Failure, print_json};
 use upm_recording::{journal_schema, report_schema};
 use upm_runner::config;
 
-/// The files of a run folder that have a schema; the journal's is that of a line.
-const OF_RUNS: [&str; 2] = ["journal", "report"];
-
-/// Every name that `upm schema` knows.
-pub(super) fn names() -> impl Iterator<Item = &'static str> {
-    config::schema_names().iter().copied().chain(OF_RUNS)
-}
-
 /// Prints the JSON Schema of a file.
 pub(super) fn schema(args: &SchemaArgs) -> Result<u8, Failure> {
     let Some(schema) = named(&args.name) else {
-        let names = config::one_of(&args.name, &names().collect::<Vec<_>>());
+        let names = config::one_of(&args.name, &schemas().names());
         return Err(Failure::bad_input(format!("schema: expected {names}, found {:?}", args.name)));
     };
     print_json(&schema)?;

@@ -36,7 +36,7 @@ fn an_experiment_leaves_its_files_and_its_figures() {
     // from a folder without any files of the project
     let run = |args: &[&str]| {
         let mut command = Command::cargo_bin("upm").unwrap();
-        let output = command.current_dir(folder.path()).arg("lab").args(args).output().unwrap();
+        let output = command.current_dir(folder.path()).args(["lab", "-q"]).args(args).output().unwrap();
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
         assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).unwrap()
