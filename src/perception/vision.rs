@@ -21,6 +21,9 @@ mod response;
 mod rim;
 mod sampling;
 mod shading;
+mod survey;
+#[cfg(test)]
+mod survey_tests;
 mod table;
 #[cfg(test)]
 mod table_tests;
@@ -36,6 +39,7 @@ pub use coins::CoinFinder;
 pub use locate::{TableFault, locate_table, locate_table_in_stages};
 pub use plate_watch::{ForeignPart, PlateSight, PlateWatch};
 pub use response::ResponseMethod;
+pub use survey::{seen_radius_m, survey};
 pub use table_watch::{TableMotion, TableWatch};
 pub use tracking::Tracker;
-pub use types::{Detection, HoughArray, Plane, Stages, Table, Track};
+pub use types::{Detection, Disc, HoughArray, Plane, Stages, Survey, Table, Track};

@@ -7,8 +7,8 @@
 //! `max(0, e r + δ·u)` beyond the foot in direction u. That is taken off every crossing, and a circle fitted
 //! to the rest is the foot itself.
 
-mod map;
-mod ring;
+pub(super) mod map;
+pub(super) mod ring;
 
 use nalgebra::Matrix2;
 

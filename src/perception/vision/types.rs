@@ -40,6 +40,38 @@ pub struct Detection {
     pub covariance_px2: Matrix2<f64>,
 }
 
+/// A round thing on the plate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Disc {
+    /// Middle and radius of its outline, px.
+    pub center_px: Vec2,
+    /// Radius of the outline, px.
+    pub radius_px: f64,
+    /// Middle of the outline on the plate, m; the disc is taken as flat.
+    pub at_m: Vec2,
+    /// Radius of the outline on the plate, m.
+    pub radius_m: f64,
+    /// Share of the outline that is a sharp edge, 0 to 1; where neighbours touch and at the plate's edge is left out.
+    pub outline_share: f64,
+    /// How sharp that edge is, 0 to 1: low where a soft shadow, a glow or a blur hides the rim.
+    pub crispness: f64,
+    /// Gray level of its face as a part of the bare plate's there.
+    pub level: f64,
+    /// Covariance of the middle, px².
+    pub covariance_px2: Matrix2<f64>,
+}
+
+/// Everything round on a plate, and how much its darkest and its lightest places stand out.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Survey {
+    /// From the top of the picture to the bottom.
+    pub discs: Vec<Disc>,
+    /// Level of the darkest place of a small disc's size, as a part of the bare plate's.
+    pub darkest: f64,
+    /// Of the lightest.
+    pub lightest: f64,
+}
+
 /// A part followed from frame to frame; it keeps its place in the list.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {

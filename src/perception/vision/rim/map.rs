@@ -4,8 +4,8 @@ use super::super::Table;
 use upm_core::geometry::Vec2;
 
 /// The picture around a part to second order: `origin + J d + ½ dᵀ H d`, d in radii.
-pub(super) struct LocalMap {
-    pub(super) origin: Vec2,
+pub(in super::super) struct LocalMap {
+    pub(in super::super) origin: Vec2,
     x: Vec2,
     y: Vec2,
     xx: Vec2,
@@ -15,7 +15,7 @@ pub(super) struct LocalMap {
 
 impl LocalMap {
     /// About a point of the plate, m; `None` where the picture is no number.
-    pub(super) fn new(table: &Table, origin_m: Vec2, radius_m: f64) -> Option<Self> {
+    pub(in super::super) fn new(table: &Table, origin_m: Vec2, radius_m: f64) -> Option<Self> {
         let at = |x: f64, y: f64| table.image_from_table(origin_m + Vec2::new(x, y) * radius_m);
         let origin = at(0.0, 0.0);
         let (right, left, up, down) = (at(1.0, 0.0), at(-1.0, 0.0), at(0.0, 1.0), at(0.0, -1.0));
@@ -31,18 +31,18 @@ impl LocalMap {
     }
 
     /// Pixels of one radius: the square root of the magnification of areas.
-    pub(super) fn radius_px(&self) -> f64 {
+    pub(in super::super) fn radius_px(&self) -> f64 {
         (self.x.x * self.y.y - self.x.y * self.y.x).abs().sqrt()
     }
 
     /// Linear and quadratic term along a ray.
-    pub(super) fn along(&self, u: Vec2) -> (Vec2, Vec2) {
+    pub(in super::super) fn along(&self, u: Vec2) -> (Vec2, Vec2) {
         (self.x * u.x + self.y * u.y, self.xx * (u.x * u.x) + self.xy * (u.x * u.y) + self.yy * (u.y * u.y))
     }
 
     /// Centre of the area of the image of a circle, which is not the image of its centre: with q the map's quadratic part
     /// in radii, it is the mean over the disk of `q + u (∂q/∂u)`. For a perspective picture the ellipse's centre.
-    pub(super) fn middle_of_circle(&self, center: Vec2, radius: f64) -> Vec2 {
+    pub(in super::super) fn middle_of_circle(&self, center: Vec2, radius: f64) -> Vec2 {
         let (linear, square) = self.along(center);
         let across = self.x.x * self.y.y - self.x.y * self.y.x;
         let in_radii = |v: Vec2| Vec2::new(v.x * self.y.y - v.y * self.y.x, self.x.x * v.y - self.x.y * v.x) / across;
@@ -53,7 +53,7 @@ impl LocalMap {
     }
 
     /// A covariance in radii², as it is in the picture, px².
-    pub(super) fn covariance_px2(&self, covariance: Matrix2<f64>) -> Matrix2<f64> {
+    pub(in super::super) fn covariance_px2(&self, covariance: Matrix2<f64>) -> Matrix2<f64> {
         let jacobian = Matrix2::from_columns(&[self.x, self.y]);
         jacobian * covariance * jacobian.transpose()
     }
@@ -61,7 +61,7 @@ impl LocalMap {
 
 /// Middle and extra radius of the circle that fits the hull of a unit disc and of its copy moved by `shift` and
 /// swollen by `growth`: mean and first harmonic of `max(0, growth + shift cos θ)`.
-pub(super) fn outline(shift: Vec2, growth: f64) -> (Vec2, f64) {
+pub(in super::super) fn outline(shift: Vec2, growth: f64) -> (Vec2, f64) {
     let size = shift.norm();
     if size <= growth {
         return (shift, growth);

@@ -13,51 +13,51 @@ const LANES: usize = 4;
 const NEAR: f32 = 15.0;
 
 /// One number for each ray.
-pub(super) type PerRay = [f32; RAYS];
+pub(in super::super) type PerRay = [f32; RAYS];
 
 /// Directions of the rays.
-pub(super) struct Rays {
-    pub(super) directions: [Vec2; RAYS],
+pub(in super::super) struct Rays {
+    pub(in super::super) directions: [Vec2; RAYS],
     cos: PerRay,
     sin: PerRay,
 }
 
 /// `constant + slope·u` around a ring, u the direction: light, and a circle off the rays' centre.
 #[derive(Clone, Copy)]
-pub(super) struct Harmonic {
-    pub(super) constant: f32,
-    pub(super) slope: [f32; 2],
+pub(in super::super) struct Harmonic {
+    pub(in super::super) constant: f32,
+    pub(in super::super) slope: [f32; 2],
     /// Of the slope, for values of unit variance.
     covariance: Matrix2<f64>,
 }
 
 /// A circle through crossings, in radii of the guess.
-pub(super) struct Circle {
-    pub(super) center: Vec2,
-    pub(super) radius: f64,
+pub(in super::super) struct Circle {
+    pub(in super::super) center: Vec2,
+    pub(in super::super) radius: f64,
     /// Of one crossing about the circle.
-    pub(super) variance: f64,
+    pub(in super::super) variance: f64,
     /// Of the centre, for crossings of unit variance.
-    pub(super) covariance: Matrix2<f64>,
-    pub(super) agreeing: usize,
+    pub(in super::super) covariance: Matrix2<f64>,
+    pub(in super::super) agreeing: usize,
     /// A bit for each ray, set where the crossing comes near the circle.
-    pub(super) near: u64,
+    pub(in super::super) near: u64,
 }
 
 /// Of ray `k`.
-pub(super) fn direction(k: usize) -> Vec2 {
+pub(in super::super) fn direction(k: usize) -> Vec2 {
     let (sin, cos) = ((k as f64 + 0.5) / RAYS as f64 * std::f64::consts::TAU).sin_cos();
     Vec2::new(cos, sin)
 }
 
 impl Rays {
-    pub(super) fn new() -> Self {
+    pub(in super::super) fn new() -> Self {
         let directions: [Vec2; RAYS] = std::array::from_fn(direction);
         Self { directions, cos: directions.map(|u| u.x as f32), sin: directions.map(|u| u.y as f32) }
     }
 
     /// Least squares; `None` below `least` weight or where the rays tell too little.
-    pub(super) fn fit(&self, values: &PerRay, weights: &PerRay, least: f64) -> Option<Harmonic> {
+    pub(in super::super) fn fit(&self, values: &PerRay, weights: &PerRay, least: f64) -> Option<Harmonic> {
         let wx: PerRay = std::array::from_fn(|k| weights[k] * self.cos[k]);
         let wy: PerRay = std::array::from_fn(|k| weights[k] * self.sin[k]);
         let (n, x, y) = (sum(|k| weights[k]), sum(|k| wx[k]), sum(|k| wy[k]));
@@ -79,14 +79,20 @@ impl Rays {
     }
 
     /// A harmonic at every ray.
-    pub(super) fn values(&self, harmonic: &Harmonic) -> PerRay {
+    pub(in super::super) fn values(&self, harmonic: &Harmonic) -> PerRay {
         let Harmonic { constant, slope: [x, y], .. } = *harmonic;
         std::array::from_fn(|k| constant + x * self.cos[k] + y * self.sin[k])
     }
 
     /// Robust circle through crossings at `radii` on the rays that have one (`present` 1, else 0):
     /// `ρ_k + (c × u_k)² / 2 = R + c·u_k`, by least squares with Tukey's biweights.
-    pub(super) fn circle(&self, radii: &PerRay, present: &PerRay, start: Vec2, least_sd: f32) -> Option<Circle> {
+    pub(in super::super) fn circle(
+        &self,
+        radii: &PerRay,
+        present: &PerRay,
+        start: Vec2,
+        least_sd: f32,
+    ) -> Option<Circle> {
         const ROUNDS: usize = 3;
         const CALM: f32 = 0.3;
         let count = present.iter().filter(|&&p| p > 0.0).count();
@@ -136,7 +142,7 @@ fn agreed(fit: &Harmonic, residuals: &PerRay, (weights, present): (&PerRay, &Per
 }
 
 /// Sum over all rays.
-pub(super) fn sum(value: impl Fn(usize) -> f32) -> f64 {
+pub(in super::super) fn sum(value: impl Fn(usize) -> f32) -> f64 {
     let mut lanes = [0.0f32; LANES];
     for first in (0..RAYS).step_by(LANES) {
         for (lane, total) in lanes.iter_mut().enumerate() {
@@ -154,7 +160,7 @@ fn median_size(values: &PerRay, present: &PerRay, count: usize) -> f32 {
 }
 
 /// The value below which the share `q` of the `present` values lies; `None` of too few.
-pub(super) fn ring_quantile(values: &PerRay, present: &PerRay, q: f32) -> Option<f32> {
+pub(in super::super) fn ring_quantile(values: &PerRay, present: &PerRay, q: f32) -> Option<f32> {
     let mut kept = [0.0f32; RAYS];
     let mut n = 0;
     for k in (0..RAYS).filter(|&k| present[k] > 0.0) {

@@ -1,0 +1,143 @@
+//! Round things on the plate, of whatever size and tone: what [`CoinFinder`](super::CoinFinder) does not look for.
+//!
+//! Edges of the averaged picture vote for centres along their gradient, to both sides; of a likely centre and radius the
+//! outline is then measured in the frame by its sharpest edges. A soft shadow has none, and a rim counts whether the disc
+//! is darker than what is beside it or lighter. Made for pictures that people bring; the control loop does not use it.
+
+mod circle;
+mod relative;
+mod seeds;
+
+use self::circle::OutlineGauge;
+use self::relative::Relative;
+use self::seeds::{Seed, Votes};
+use super::coarse::Coarse;
+use super::outline::PlateCells;
+use super::rim::map::outline;
+use super::sampling::Sampler;
+use super::{Detection, Disc, Survey, Table};
+use upm_core::geometry::Vec2;
+use upm_core::rig::PartKind;
+use upm_core::signal::Frame;
+
+/// The picture is averaged until the plate has no more cells along a side.
+const CELLS: f64 = 300.0;
+/// Share of its outline that a disc must show: one looked for, and one that was found before by other means.
+const LEAST_SHARE: f64 = 0.5;
+const LEAST_SHARE_OF_KNOWN: f64 = 0.3;
+/// Edges of a disc that shows this much are explained; those of another one may be a better one's.
+const SURE_SHARE: f64 = 0.65;
+/// One whose outline shows less is a disc all the same where its face differs from the plate by this.
+const FAINT_CONTRAST: f64 = 0.15;
+/// Two discs nearer than this share of their radii's sum are one.
+const APART: f64 = 0.85;
+/// Of two that are one the larger is taken where it shows this much of the other's share: coins have rings in them.
+const AS_WELL: f64 = 0.75;
+/// How far a radius may be from a seed's and from a known part's, as a part of it.
+const SEED_WINDOW: f64 = 0.2;
+const KNOWN_WINDOW: f64 = 0.1;
+/// Most places looked at, and most discs.
+const MOST_SEEDS: usize = 150;
+const MOST_DISCS: usize = 256;
+
+/// Looks for discs of any size on the plate of `frame`; parts `known` already are measured where they are.
+pub fn survey(frame: &Frame, table: &Table, known: &[Detection]) -> Survey {
+    let Some(sampler) = Sampler::new(frame) else { return Survey::default() };
+    let bin = (table.side_px / CELLS).ceil().clamp(1.0, 256.0) as usize;
+    let plate = PlateCells::new(table, [frame.width, frame.height], bin, 2.0 + 0.75 * bin as f64);
+    let picture = Coarse::part_of(frame, bin, plate.corner, plate.size);
+    if picture.width == 0 || picture.height == 0 {
+        return Survey::default();
+    }
+    let levels = Relative::of(&picture, &plate);
+    let surveyor = Surveyor { table, gauge: OutlineGauge::new(&sampler, table), picture: &picture, levels: &levels };
+    let found = surveyor.search(known);
+    let mut discs = surveyor.gauge.seen_past_each_other(apart(found));
+    for disc in &mut discs {
+        let (cell, radius_cells) = surveyor.in_cells(disc);
+        disc.level = levels.under(cell, 0.8 * radius_cells);
+    }
+    discs.retain(|disc| disc.outline_share >= LEAST_SHARE_OF_KNOWN);
+    discs.sort_by(|a, b| a.center_px.y.total_cmp(&b.center_px.y).then(a.center_px.x.total_cmp(&b.center_px.x)));
+    let [darkest, lightest] = levels.extremes();
+    Survey { discs, darkest, lightest }
+}
+
+/// One picture in which discs are looked for.
+struct Surveyor<'a> {
+    table: &'a Table,
+    gauge: OutlineGauge<'a>,
+    picture: &'a Coarse,
+    levels: &'a Relative,
+}
+
+impl Surveyor<'_> {
+    /// Discs where parts are known and where edges vote for them; some of them may be one.
+    fn search(&self, known: &[Detection]) -> Vec<Disc> {
+        let mut votes = Votes::of(self.levels);
+        let mut found: Vec<Disc> = known.iter().filter_map(|part| self.known(part)).collect();
+        for (cell, radius_cells) in found.iter().map(|disc| self.in_cells(disc)) {
+            votes.withdraw(cell, radius_cells);
+        }
+        let mut faint: Vec<Disc> = Vec::new();
+        for _ in 0..MOST_SEEDS {
+            let Some(seed) = votes.next_seed() else { break };
+            match self.at_seed(&seed) {
+                Some(disc) if disc.outline_share >= LEAST_SHARE && found.len() < MOST_DISCS => {
+                    if disc.outline_share >= SURE_SHARE {
+                        let (cell, radius_cells) = self.in_cells(&disc);
+                        votes.withdraw(cell, radius_cells);
+                    }
+                    found.push(disc);
+                }
+                Some(disc) if self.has_other_tone(&seed) => faint.push(disc),
+                _ => {}
+            }
+        }
+        // of what has no clear outline, yet another tone than the plate, the best at each place
+        found.extend(apart(faint));
+        found
+    }
+
+    fn known(&self, part: &Detection) -> Option<Disc> {
+        let at_m = self.table.table_from_image(part.center_px);
+        let disc = self.gauge.measure(at_m, part.radius_px / self.table.px_per_m_at(at_m), KNOWN_WINDOW)?;
+        (disc.outline_share >= LEAST_SHARE_OF_KNOWN).then_some(disc)
+    }
+
+    fn at_seed(&self, &Seed { cell, radius_cells }: &Seed) -> Option<Disc> {
+        let at_m = self.table.table_from_image(self.picture.frame_from_cell(cell));
+        let radius_m = radius_cells * self.picture.bin as f64 / self.table.px_per_m_at(at_m);
+        self.gauge.measure(at_m, radius_m, SEED_WINDOW)
+    }
+
+    fn has_other_tone(&self, seed: &Seed) -> bool {
+        (self.levels.under(seed.cell, 0.7 * seed.radius_cells) - 1.0).abs() > FAINT_CONTRAST
+    }
+
+    /// Middle and radius of a disc, cells of the averaged picture.
+    fn in_cells(&self, disc: &Disc) -> (Vec2, f64) {
+        let bin = self.picture.bin as f64;
+        ((disc.center_px - self.picture.frame_from_cell(Vec2::zeros())) / bin, disc.radius_px / bin)
+    }
+}
+
+/// Radius, m, of the outline that a part of `kind` shows at `at_m`: of foot and top together.
+pub fn seen_radius_m(table: &Table, at_m: Vec2, kind: &PartKind) -> f64 {
+    let (shift, growth) = table.parallax(at_m, kind.thickness_m);
+    kind.radius_m * (1.0 + outline(shift / kind.radius_m, growth).1)
+}
+
+/// Of discs that are one the best.
+fn apart(mut found: Vec<Disc>) -> Vec<Disc> {
+    let worth = |disc: &Disc| (disc.outline_share / AS_WELL).min(1.0) * disc.radius_m;
+    found.sort_by(|a, b| worth(b).total_cmp(&worth(a)).then(a.center_px.y.total_cmp(&b.center_px.y)));
+    let mut kept: Vec<Disc> = Vec::with_capacity(found.len());
+    for disc in found {
+        let same = |other: &Disc| (other.at_m - disc.at_m).norm() < APART * (other.radius_m + disc.radius_m);
+        if !kept.iter().any(same) {
+            kept.push(disc);
+        }
+    }
+    kept
+}
