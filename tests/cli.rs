@@ -10,6 +10,10 @@ use tempfile::TempDir;
 
 #[path = "cli/batch.rs"]
 mod batch;
+#[path = "cli/coin_pictures.rs"]
+mod coin_pictures;
+#[path = "cli/coin_scenes.rs"]
+mod coin_scenes;
 #[path = "cli/coverage.rs"]
 mod coverage;
 #[cfg(feature = "lab")]
@@ -26,6 +30,10 @@ mod locate;
 #[cfg(all(feature = "daemon", feature = "lab"))]
 #[path = "cli/mistakes.rs"]
 mod mistakes;
+#[path = "cli/locate_doubts.rs"]
+mod locate_doubts;
+#[path = "cli/mixed_coins.rs"]
+mod mixed_coins;
 #[path = "cli/plan.rs"]
 mod plan;
 #[path = "cli/refusals.rs"]

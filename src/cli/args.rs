@@ -231,14 +231,13 @@ pub struct LocateArgs {
     /// Pictures: PNG, JPEG, PNM or TIFF, gray or colour, 8 or 16 bits
     #[arg(value_name = "IMAGE", required = true)]
     pub images: Vec<PathBuf>,
-    /// Rig file; without it an 8x8 in table, pennies, no lens distortion
+    /// Rig file; without it coins on a table of any size, no lens distortion
     #[arg(long, value_name = "RIG.json")]
     pub rig: Option<PathBuf>,
-    /// Kinds to look for: penny, nickel, dime, quarter or the rig's own. Without it all of the rig's, pennies without a
-    /// rig
+    /// Kinds to look for: penny, nickel, dime, quarter or the rig's own. Without it all of them
     #[arg(long, value_name = "KIND,...", value_delimiter = ',')]
     pub kinds: Vec<String>,
-    /// Side of the square plate, mm [default: 203.2]
+    /// Side of the square plate, mm [default: what the sizes of two kinds of coins tell, else 203.2]
     #[arg(long, value_name = "MM", conflicts_with = "rig", allow_negative_numbers = true)]
     pub plate_side_mm: Option<f64>,
     /// Parts are lighter than the plate, as white ones on black

@@ -1,25 +1,29 @@
 //! `upm locate`: table and parts in picture files.
 
 mod canvas;
+mod doubts;
+mod naming;
 mod panels;
 mod picture;
 #[cfg(feature = "lab")]
 mod reference;
 mod report;
+mod scale;
+mod search;
 mod setting;
+mod tone;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use super::args::{Common, LocateArgs, ResponseArg};
+use super::args::{Common, LocateArgs};
 use super::output::{Failure, print_json};
 use super::recording;
-use report::{Located, Method, TimeUs};
+use report::Located;
+use search::look;
 use setting::Setting;
-use upm_core::time::{Clock, MonotonicClock};
-use upm_perception::vision::{CoinFinder, ResponseMethod, Stages, locate_table, locate_table_in_stages};
 use upm_recording::{LocalisedRecord, RerunMode};
 
 /// Exit status: 0 when all pictures show what was looked for, else the worst of any.
@@ -63,51 +67,6 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     Ok(worst)
 }
 
-/// Reads the picture at `image`, finds the table and the parts on it, and keeps the stages if they are to be `shown`. Where
-/// no table is found those it came to are drawn nevertheless.
-fn look(image: &Path, name: &str, args: &LocateArgs, setting: &Setting, shown: bool) -> Result<Located, Failure> {
-    let clock = MonotonicClock::new();
-    let picture = picture::read(image)?;
-    let decode = clock.elapsed();
-    if let Some(bits) = picture.bits {
-        tracing::info!("{}: levels of 16 bits, taken as {bits} bits", image.display());
-    }
-    let frame = picture.frame;
-    let lens = setting.lens(&frame).map_err(|fault| Failure::bad_input(format!("{}: {fault}", image.display())))?;
-    let begun = clock.elapsed();
-    let mut stages = Stages::default();
-    let table = if shown {
-        locate_table_in_stages(&frame, &lens, setting.plate_side_m, &mut stages)
-    } else {
-        locate_table(&frame, &lens, setting.plate_side_m)
-    };
-    if let (Err(_), Some(folder)) = (&table, &args.stages) {
-        panels::write_begun(&folder_of(folder, name, args), &frame, &stages)?;
-    }
-    let table = table.map_err(|fault| Failure::failed(format!("{}: {fault}", image.display())))?;
-    let found = clock.elapsed();
-    let size = [frame.width, frame.height];
-    let wanted = match args.response {
-        ResponseArg::Auto => ResponseMethod::Auto,
-        ResponseArg::Chords => ResponseMethod::Chords,
-        ResponseArg::Fft => ResponseMethod::Fft,
-    };
-    let mut finder = CoinFinder::with_response(&table, size, &setting.kinds, setting.dark_parts, wanted);
-    let used = finder.response_method();
-    if wanted != ResponseMethod::Auto && used != wanted {
-        let allowed = "fft or auto (a disk of these kinds is too large for the chords' sums)";
-        return Err(Failure::bad_input(format!("--response: expected {allowed}, found chords")));
-    }
-    let detections = finder.find(&frame);
-    let done = clock.elapsed();
-    if shown {
-        stages.disk_response = finder.response();
-    }
-    let time_us = TimeUs::of(decode, [begun, found, done]);
-    let found = LocalisedRecord { frame, table, detections, stages, localise_us: time_us.localise };
-    Ok(Located { found, method: Method::Fast(used), time_us })
-}
-
 #[cfg(feature = "lab")]
 use reference::look_by_reference;
 
@@ -119,7 +78,7 @@ fn look_by_reference(_: &Path, _: &Setting) -> Result<Located, Failure> {
 /// Draws the stages if `args` ask for it; the files.
 fn draw(found: &LocalisedRecord, name: &str, args: &LocateArgs) -> Result<Vec<PathBuf>, Failure> {
     match &args.stages {
-        Some(folder) => panels::write(&folder_of(folder, name, args), found),
+        Some(folder) => panels::write(&panels::folder_of(folder, name, args), found),
         None => Ok(Vec::new()),
     }
 }
@@ -135,11 +94,6 @@ fn names_of(images: &[PathBuf]) -> Vec<String> {
         name
     };
     images.iter().map(&mut free).collect()
-}
-
-/// Pictures have a folder each where there are several.
-fn folder_of(folder: &Path, name: &str, args: &LocateArgs) -> PathBuf {
-    if args.images.len() > 1 { folder.join(name) } else { folder.to_owned() }
 }
 
 /// Makes the recording called `name` that `rerun` asks for; its file.

@@ -84,12 +84,16 @@ fn the_result_is_as_the_contract_has_it() {
     let folder = TempDir::new().unwrap();
     let found = located(&[&saved(&folder, "plate.png", papers_plate())]);
     assert_found(&found);
-    assert_eq!(keys(&found), ["method", "parts", "response", "table", "time_us"]);
+    assert_eq!(keys(&found), ["contrast", "method", "others", "parts", "plate", "response", "table", "time_us"]);
     assert_eq!((&found["method"], &found["response"]), (&json!("fast"), &json!("chords")));
     assert_eq!(keys(&found["table"]), ["corners_px", "rotation_deg", "side_px"]);
-    assert_eq!(keys(&found["time_us"]), ["decode", "parts", "table"]);
+    assert_eq!(keys(&found["time_us"]), ["decode", "parts", "survey", "table"]);
+    assert_eq!(keys(&found["plate"]), ["candidates", "side_mm", "source"]);
+    assert_eq!(keys(&found["contrast"]), ["darkest", "lightest"]);
     let part = &found["parts"][0];
-    assert_eq!(keys(part), ["center_px", "covariance_px2", "kind", "position_mm", "radius_px", "score"]);
+    let expected =
+        ["center_px", "covariance_px2", "diameter_mm", "doubts", "kind", "position_mm", "radius_px", "score"];
+    assert_eq!(keys(part), expected);
     let covariance = |row: usize, column: usize| part["covariance_px2"][row][column].as_f64().unwrap();
     assert!(covariance(0, 0) > 0.0 && covariance(1, 1) > 0.0);
     assert_eq!(covariance(0, 1), covariance(1, 0));

@@ -6,6 +6,7 @@ use image::imageops::{FilterType, resize};
 use image::{DynamicImage, GrayImage, RgbImage};
 
 use super::canvas::Canvas;
+use crate::cli::args::LocateArgs;
 use crate::cli::output::Failure;
 use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
@@ -23,6 +24,11 @@ const PEAK: [u8; 3] = [30, 130, 255];
 /// Of parts, by kind: seen on black and on white.
 const KINDS: [[u8; 3]; 6] =
     [[70, 160, 255], [255, 150, 30], [190, 110, 255], [255, 75, 110], [0, 190, 190], [200, 170, 0]];
+
+/// Pictures have a folder each where there are several.
+pub(super) fn folder_of(folder: &Path, name: &str, args: &LocateArgs) -> PathBuf {
+    if args.images.len() > 1 { folder.join(name) } else { folder.to_owned() }
+}
 
 /// Writes the panels into `folder`; their files.
 pub(super) fn write(folder: &Path, found: &LocalisedRecord) -> Result<Vec<PathBuf>, Failure> {

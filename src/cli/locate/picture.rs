@@ -6,7 +6,7 @@ use std::io::{Cursor, Read};
 use std::path::Path;
 
 use image::metadata::Orientation;
-use image::{ColorType, DynamicImage, GrayImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use image::{ColorType, DynamicImage, GrayImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
 
 use crate::cli::output::Failure;
 use upm_core::signal::Frame;
@@ -26,6 +26,8 @@ pub(super) struct Picture {
     pub frame: Frame,
     /// Of a picture with 16 bits a level, the bits its levels were taken to have.
     pub bits: Option<u32>,
+    /// Its colours, where it has any.
+    pub colors: Option<RgbImage>,
 }
 
 pub(super) fn read(path: &Path) -> Result<Picture, Failure> {
@@ -61,14 +63,18 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
         return Err("levels of 32 bits, more than 16".into());
     }
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-    let (gray, bits) = gray(DynamicImage::from_decoder(decoder).map_err(no_picture)?)?;
-    let mut upright = DynamicImage::ImageLuma8(gray);
-    upright.apply_orientation(orientation);
-    let gray = upright.into_luma8();
+    let picture = DynamicImage::from_decoder(decoder).map_err(no_picture)?;
+    let turned = |mut picture: DynamicImage| {
+        picture.apply_orientation(orientation);
+        picture
+    };
+    let colors = colors(&picture).map(|colors| turned(DynamicImage::ImageRgb8(colors)).into_rgb8());
+    let (gray, bits) = gray(picture)?;
+    let gray = turned(DynamicImage::ImageLuma8(gray)).into_luma8();
     let mut frame = Frame::new(0, 0);
     (frame.width, frame.height) = (gray.width() as usize, gray.height() as usize);
     frame.pixels = gray.into_raw();
-    Ok(Picture { frame, bits })
+    Ok(Picture { frame, bits, colors })
 }
 
 /// True when the JPEG picture that `bytes` begin with is not truncated: the decoder fills what is missing with gray and
@@ -108,6 +114,18 @@ fn beyond_scan(data: &[u8]) -> &[u8] {
 
 fn no_picture(error: impl Display) -> String {
     format!("no picture that can be read ({error})")
+}
+
+/// The colours of a picture that is not gray all over: noise of a few levels is no colour.
+fn colors(picture: &DynamicImage) -> Option<RgbImage> {
+    const EVERY: usize = 61;
+    const COLORFUL: u8 = 32;
+    const LEAST_SHARE: usize = 500;
+    let colors = picture.color().has_color().then(|| picture.to_rgb8())?;
+    let spread = |rgb: &[u8; 3]| rgb.iter().max().zip(rgb.iter().min()).map_or(0, |(most, least)| most - least);
+    let (pixels, _) = colors.as_raw().as_chunks::<3>();
+    let colorful = pixels.iter().step_by(EVERY).filter(|rgb| spread(rgb) >= COLORFUL).count();
+    (colorful > pixels.len() / EVERY / LEAST_SHARE).then_some(colors)
 }
 
 /// Luminance in 8 bits; what is transparent is black, as the ground around a plate.

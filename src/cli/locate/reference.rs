@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
+use super::naming::NamedPart;
 use super::picture;
 use super::report::{Located, Method, TimeUs};
+use super::scale::{PlateSide, SideSource};
 use super::setting::Setting;
 use crate::cli::output::Failure;
 use upm_core::time::{Clock, MonotonicClock};
-use upm_perception::vision::Stages;
+use upm_perception::vision::{Detection, Stages, Survey};
 use upm_recording::LocalisedRecord;
 use upm_reference::{find_parts, locate_table};
 
@@ -16,15 +18,24 @@ pub(super) fn look_by_reference(image: &Path, setting: &Setting) -> Result<Locat
     let clock = MonotonicClock::new();
     let frame = picture::read(image)?.frame;
     let decode = clock.elapsed();
-    let lens = setting.lens(&frame).map_err(|fault| Failure::bad_input(format!("{}: {fault}", image.display())))?;
+    let lenses = setting.lenses(&frame).map_err(|fault| Failure::bad_input(format!("{}: {fault}", image.display())))?;
     let begun = clock.elapsed();
-    let view = locate_table(&frame, &lens, setting.plate_side_m)
+    let side_m = setting.assumed_side_m();
+    let first = lenses.first().ok_or_else(|| Failure::bad_input("no lens"))?;
+    let view = locate_table(&frame, first, side_m)
         .map_err(|fault| Failure::failed(format!("{}: {fault}", image.display())))?;
     let found = clock.elapsed();
     let detections = find_parts(&view, &setting.kinds, setting.dark_parts);
     let done = clock.elapsed();
     let time_us = TimeUs::of(decode, [begun, found, done]);
     let (table, stages, localise_us) = (view.table, Stages::default(), time_us.localise);
+    let part = |part: &Detection| {
+        let diameter_m = 2.0 * part.radius_px / table.px_per_m_at(part.position_m);
+        NamedPart { part: part.clone(), diameter_m, doubts: Vec::new() }
+    };
+    let parts = detections.iter().map(part).collect();
+    let (side_m, source) = setting.plate_side.unwrap_or((side_m, SideSource::Assumed));
+    let (side, survey) = (PlateSide::known(side_m, source), Survey::default());
     let found = LocalisedRecord { frame, table, detections, stages, localise_us };
-    Ok(Located { found, method: Method::Reference, time_us })
+    Ok(Located { found, method: Method::Reference, time_us, parts, others: Vec::new(), survey, side })
 }

@@ -5,10 +5,13 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
+use super::doubts::{about_nothing, about_others, about_side, suggestion};
+use super::naming::{NamedPart, OtherDisc, Unnamed};
+use super::scale::PlateSide;
 use super::setting::Setting;
 use crate::cli::output::Failure;
 use upm_core::units::mm_from_m;
-use upm_perception::vision::ResponseMethod;
+use upm_perception::vision::{ResponseMethod, Survey};
 use upm_recording::LocalisedRecord;
 
 /// Table and parts found in a picture.
@@ -16,6 +19,12 @@ pub(super) struct Located {
     pub found: LocalisedRecord,
     pub method: Method,
     pub time_us: TimeUs,
+    /// The parts of `found` with what speaks against them.
+    pub parts: Vec<NamedPart>,
+    /// Discs that are no parts.
+    pub others: Vec<OtherDisc>,
+    pub survey: Survey,
+    pub side: PlateSide,
 }
 
 /// How a picture was searched.
@@ -38,30 +47,27 @@ pub(super) struct TimeUs {
     pub parts: f64,
     /// Finding both.
     pub localise: f64,
+    /// Looking for discs of any size, measuring outlines and naming; none by the reference method.
+    pub survey: Option<f64>,
 }
 
 impl TimeUs {
     /// Of decoding, and of the instants before the table, between the two and after the parts.
     pub fn of(decode: Duration, [begun, found, done]: [Duration; 3]) -> Self {
         let us = |time: Duration| 1e6 * time.as_secs_f64();
-        Self { decode: us(decode), table: us(found - begun), parts: us(done - found), localise: us(done - begun) }
+        let [table, parts, localise] = [found - begun, done - found, done - begun].map(us);
+        Self { decode: us(decode), table, parts, localise, survey: None }
     }
 }
 
 pub(super) fn as_json(located: &Located, setting: &Setting) -> Value {
-    let Located { found: LocalisedRecord { table, detections: parts, .. }, method, time_us } = located;
-    let parts = parts.iter().map(|part| {
-        let [[xx, xy], [_, yy]] = part.covariance_px2.into();
-        json!({
-            "kind": setting.kind_name(part.kind),
-            "center_px": [part.center_px.x, part.center_px.y],
-            "radius_px": part.radius_px,
-            "position_mm": [mm_from_m(part.position_m.x), mm_from_m(part.position_m.y)],
-            "score": part.score,
-            "covariance_px2": [[xx, xy], [xy, yy]],
-        })
-    });
+    let Located { found: LocalisedRecord { table, .. }, method, time_us, side, survey, .. } = located;
     let (method, response) = named(*method);
+    let parts: Vec<Value> = located.parts.iter().map(|named| part_json(named, setting)).collect();
+    let others: Vec<Value> = located.others.iter().map(|other| other_json(other, setting)).collect();
+    let candidates = side.candidates.iter().map(
+        |candidate| json!({ "side_mm": mm_from_m(candidate.side_m), "kinds": setting.known_names(&candidate.kinds) }),
+    );
     json!({
         "method": method,
         "response": response,
@@ -70,8 +76,54 @@ pub(super) fn as_json(located: &Located, setting: &Setting) -> Value {
             "side_px": table.side_px,
             "rotation_deg": table.rotation_rad.to_degrees(),
         },
-        "parts": parts.collect::<Vec<_>>(),
-        "time_us": { "decode": time_us.decode, "table": time_us.table, "parts": time_us.parts },
+        "plate": {
+            "side_mm": mm_from_m(side.side_m),
+            "source": side.source.name(),
+            "candidates": candidates.collect::<Vec<_>>(),
+        },
+        "parts": parts,
+        "others": others,
+        "contrast": { "darkest": survey.darkest, "lightest": survey.lightest },
+        "time_us": {
+            "decode": time_us.decode,
+            "table": time_us.table,
+            "parts": time_us.parts,
+            "survey": time_us.survey,
+        },
+    })
+}
+
+fn part_json(NamedPart { part, diameter_m, doubts }: &NamedPart, setting: &Setting) -> Value {
+    let [[xx, xy], [_, yy]] = part.covariance_px2.into();
+    json!({
+        "kind": setting.kind_name(part.kind),
+        "center_px": [part.center_px.x, part.center_px.y],
+        "radius_px": part.radius_px,
+        "position_mm": [mm_from_m(part.position_m.x), mm_from_m(part.position_m.y)],
+        "diameter_mm": mm_from_m(*diameter_m),
+        "score": part.score,
+        "doubts": doubts,
+        "covariance_px2": [[xx, xy], [xy, yy]],
+    })
+}
+
+fn other_json(OtherDisc { disc, why }: &OtherDisc, setting: &Setting) -> Value {
+    let (why_code, kind) = match why {
+        Unnamed::NotLookedFor { kind } => ("not_looked_for", Some(kind)),
+        Unnamed::OtherPolarity { kind } => ("other_polarity", kind.as_ref()),
+        Unnamed::Unclear { kind } => ("unclear", Some(kind)),
+        Unnamed::UnknownSize => ("unknown_size", None),
+    };
+    json!({
+        "diameter_mm": 2.0 * mm_from_m(disc.radius_m),
+        "center_px": [disc.center_px.x, disc.center_px.y],
+        "radius_px": disc.radius_px,
+        "position_mm": [mm_from_m(disc.at_m.x), mm_from_m(disc.at_m.y)],
+        "level": disc.level,
+        "outline_share": disc.outline_share,
+        "reason": why_code,
+        "like": kind,
+        "option": suggestion(why, setting),
     })
 }
 
@@ -95,26 +147,41 @@ pub(super) fn say_line(image: &Path, value: Value) -> Result<(), Failure> {
 }
 
 pub(super) fn say_located(located: &Located, setting: &Setting) -> Result<(), Failure> {
-    let Located { found: LocalisedRecord { table, detections: parts, .. }, method, time_us } = located;
-    if let ("reference", _) = named(*method) {
+    let Located { found: LocalisedRecord { table, .. }, method, time_us, parts, .. } = located;
+    let is_reference = matches!(named(*method), ("reference", _));
+    if is_reference {
         say!("method: reference (Canny, Hough and template matching of imageproc)")?;
     }
     say!("table: side {:.1} px, turned {:.2} deg", table.side_px, table.rotation_rad.to_degrees())?;
     for (name, corner) in ["top left", "top right", "bottom right", "bottom left"].iter().zip(table.corners_px) {
         say!("  {name:12} ({:8.2}, {:8.2}) px", corner.x, corner.y)?;
     }
+    about_side(&located.side, setting).into_iter().try_for_each(|line| say!("{line}"))?;
     say!("parts: {}", parts.len())?;
-    for part in parts {
+    for NamedPart { part, doubts, .. } in parts {
         let (name, at) = (setting.kind_name(part.kind), part.position_m * 1e3);
         let (radius, score) = (part.radius_px, part.score);
-        say!("  {name:12} ({:8.2}, {:8.2}) mm   radius {radius:.2} px   score {score:.3}", at.x, at.y)?;
+        let doubts = if doubts.is_empty() { String::new() } else { format!(": {}", doubts.join(", ")) };
+        say!("  {name:12} ({:8.2}, {:8.2}) mm   radius {radius:.2} px   score {score:.3}{doubts}", at.x, at.y)?;
     }
-    let TimeUs { decode, table, parts, .. } = *time_us;
+    if !is_reference {
+        if parts.is_empty() {
+            say!("{}", about_nothing(&located.others, &located.survey, setting))?;
+        }
+        about_others(&located.others, setting).into_iter().try_for_each(|line| say!("{line}"))?;
+    }
+    say_times(located, setting, *time_us)
+}
+
+fn say_times(located: &Located, setting: &Setting, time_us: TimeUs) -> Result<(), Failure> {
+    let TimeUs { decode, table, parts, survey, .. } = time_us;
     let [decode, table, parts] = [decode, table, parts].map(|us| us / 1e3);
+    let survey_ms = survey.unwrap_or(0.0) / 1e3;
+    let survey = survey.map_or(String::new(), |_| format!(", survey {survey_ms:.1}"));
     say!(
-        "found: {} in {:.1} ms (table {table:.1}, parts {parts:.1}); decoded in {decode:.1} ms",
+        "found: {} in {:.1} ms (table {table:.1}, parts {parts:.1}{survey}); decoded in {decode:.1} ms",
         counted(located, setting),
-        table + parts
+        table + parts + survey_ms
     )
 }
 

@@ -1,8 +1,9 @@
 //! Plate, parts and camera that pictures are searched for.
 
+use super::scale::SideSource;
 use crate::cli::args::LocateArgs;
 use crate::cli::output::Failure;
-use upm_core::geometry::Lens;
+use upm_core::geometry::{Lens, Vec2};
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 use upm_core::units::{INCH_M, m_from_mm};
@@ -11,10 +12,20 @@ use upm_runner::config::{KindSpec, RigSpec, one_of};
 /// Longest side of a plate, mm.
 const MOST_SIDE_MM: f64 = 1e5;
 
+/// Side of the papers' plate.
+const PAPERS_SIDE_M: f64 = 8.0 * INCH_M;
+/// Focal lengths tried without a rig, picture widths: from far above, where parts are seen from straight above, to a
+/// telephone's.
+const FOCAL_WIDTHS: [f64; 4] = [4.0, 2.0, 1.2, 0.8];
+
 /// Plate, parts and camera.
 pub(super) struct Setting {
-    pub plate_side_m: f64,
+    /// The plate's side, m, and where it is from; `None` where nothing tells it.
+    pub plate_side: Option<(f64, SideSource)>,
+    /// Looked for.
     pub kinds: Vec<PartKind>,
+    /// All that have a name.
+    pub known: Vec<PartKind>,
     pub dark_parts: bool,
     camera: Option<RigCamera>,
 }
@@ -32,26 +43,45 @@ impl Setting {
         let Some(path) = &args.rig else { return Self::without_rig(args) };
         let RigSpec { model, kinds, .. } = RigSpec::load(path).map_err(Failure::of_files)?;
         Ok(Self {
-            plate_side_m: model.plate_side_m,
+            plate_side: Some((model.plate_side_m, SideSource::Rig)),
             kinds: chosen(&args.kinds, &kinds)?,
+            known: chosen(&[], &kinds)?,
             dark_parts: model.dark_parts,
             camera: Some(RigCamera { rig: model.name, frame_size_px: model.frame_size_px, lens: model.lens }),
         })
     }
 
     fn without_rig(args: &LocateArgs) -> Result<Self, Failure> {
-        let plate_side_m = match args.plate_side_mm {
-            None => 8.0 * INCH_M,
-            Some(side_mm) if side_mm > 0.0 && side_mm <= MOST_SIDE_MM => m_from_mm(side_mm),
+        let plate_side = match args.plate_side_mm {
+            None => None,
+            Some(side_mm) if side_mm > 0.0 && side_mm <= MOST_SIDE_MM => Some((m_from_mm(side_mm), SideSource::Given)),
             Some(side_mm) => {
                 let allowed = format!("a length above 0, up to {MOST_SIDE_MM} mm");
                 return Err(Failure::bad_input(format!("--plate-side-mm: expected {allowed}, found {side_mm}")));
             }
         };
         let coins = RigSpec::upm_1().map_err(Failure::faults)?.kinds;
-        let pennies = ["penny".to_owned()];
-        let kinds = chosen(if args.kinds.is_empty() { &pennies } else { &args.kinds }, &coins)?;
-        Ok(Self { plate_side_m, kinds, dark_parts: !args.light_parts, camera: None })
+        let (kinds, known) = (chosen(&args.kinds, &coins)?, chosen(&[], &coins)?);
+        Ok(Self { plate_side, kinds, known, dark_parts: !args.light_parts, camera: None })
+    }
+
+    pub(super) fn has_rig(&self) -> bool {
+        self.camera.is_some()
+    }
+
+    /// True when a penny is a coin: a rig's parts may be painted.
+    pub(super) fn has_metals(&self) -> bool {
+        !self.has_rig()
+    }
+
+    /// Names of some of the known kinds.
+    pub(super) fn known_names(&self, kinds: &[usize]) -> Vec<&str> {
+        kinds.iter().filter_map(|&kind| self.known.get(kind)).map(|kind| kind.name.as_str()).collect()
+    }
+
+    /// The plate's side, the papers' where nothing tells it, m.
+    pub(super) fn assumed_side_m(&self) -> f64 {
+        self.plate_side.map_or(PAPERS_SIDE_M, |(side_m, _)| side_m)
     }
 
     /// Name of that kind.
@@ -59,17 +89,19 @@ impl Setting {
         self.kinds.get(kind).map_or("?", |kind| kind.name.as_str())
     }
 
-    /// The lens that `frame` was taken through; [`Lens::long`] without a rig.
-    pub(super) fn lens(&self, frame: &Frame) -> Result<Lens, String> {
+    /// Lenses that `frame` may have been taken through, the likeliest first: the rig's, or ideal ones.
+    pub(super) fn lenses(&self, frame: &Frame) -> Result<Vec<Lens>, String> {
         let Some(camera) = &self.camera else {
-            return Ok(Lens::long([frame.width, frame.height]));
+            let size = Vec2::new(frame.width as f64, frame.height as f64);
+            let lens = |widths: f64| Lens::ideal(widths * size.max(), (size - Vec2::repeat(1.0)) / 2.0);
+            return Ok(FOCAL_WIDTHS.map(lens).into());
         };
         let [width, height] = camera.frame_size_px;
         if [frame.width, frame.height] != [width, height] {
             let (found, rig) = (format!("{}x{} px", frame.width, frame.height), &camera.rig);
             return Err(format!("expected {width}x{height} px from the camera of rig {rig}, found {found}"));
         }
-        Ok(camera.lens)
+        Ok(vec![camera.lens])
     }
 }
 

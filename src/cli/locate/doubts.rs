@@ -1,0 +1,135 @@
+//! Sentences about what was found and is no part, and about what is missing.
+
+use super::naming::{OtherDisc, Unnamed};
+use super::scale::{PlateSide, SideSource};
+use super::setting::Setting;
+use upm_core::signal::Frame;
+use upm_core::units::mm_from_m;
+use upm_perception::vision::{Survey, TableFault};
+
+/// Discs of one group differ by less than this.
+const ONE_SIZE: f64 = 0.03;
+
+/// A line for each group of discs alike that are no parts.
+pub(super) fn about_others(others: &[OtherDisc], setting: &Setting) -> Vec<String> {
+    let mut sorted: Vec<&OtherDisc> = others.iter().collect();
+    sorted.sort_by(|a, b| a.disc.radius_m.total_cmp(&b.disc.radius_m));
+    let alike = |a: &&OtherDisc, b: &&OtherDisc| a.why == b.why && b.disc.radius_m / a.disc.radius_m - 1.0 < ONE_SIZE;
+    sorted.chunk_by(alike).filter_map(|group| about(group, setting)).collect()
+}
+
+fn about(group: &[&OtherDisc], setting: &Setting) -> Option<String> {
+    let middle = group.get(group.len() / 2)?;
+    let discs = if group.len() == 1 { "1 disc".to_owned() } else { format!("{} discs", group.len()) };
+    let size = format!("{discs} of {:.1} mm", 2.0 * mm_from_m(middle.disc.radius_m));
+    Some(match (&middle.why, suggestion(&middle.why, setting)) {
+        (Unnamed::NotLookedFor { kind }, Some(option)) => format!("{size}: {kind}? use {option}"),
+        (Unnamed::Unclear { kind }, _) => format!("{size}: {kind}? size, rim or tone do not fit well enough to say"),
+        (Unnamed::OtherPolarity { kind }, option) => {
+            let tone = if setting.dark_parts { "lighter" } else { "darker" };
+            let kind = kind.as_ref().map_or(String::new(), |kind| format!(": {kind}?"));
+            let option = option.map_or(String::new(), |option| format!("; use {option}"));
+            format!("{size}, {tone} than the plate{kind}{option}")
+        }
+        _ => format!("{size}: no known kind ({})", known_sizes(setting)),
+    })
+}
+
+/// The option that would name such a disc.
+pub(super) fn suggestion(why: &Unnamed, setting: &Setting) -> Option<String> {
+    match why {
+        Unnamed::NotLookedFor { kind } => {
+            let names: Vec<&str> = setting.kinds.iter().map(|kind| kind.name.as_str()).chain([kind.as_str()]).collect();
+            Some(format!("--kinds {}", names.join(",")))
+        }
+        Unnamed::OtherPolarity { .. } if setting.has_rig() => None,
+        Unnamed::OtherPolarity { .. } if setting.dark_parts => Some("--light-parts".to_owned()),
+        Unnamed::OtherPolarity { .. } => Some("no --light-parts".to_owned()),
+        Unnamed::Unclear { .. } | Unnamed::UnknownSize => None,
+    }
+}
+
+fn known_sizes(setting: &Setting) -> String {
+    let size = |kind: &upm_core::rig::PartKind| format!("{} {:.2}", kind.name, 2.0 * mm_from_m(kind.radius_m));
+    setting.known.iter().map(size).collect::<Vec<_>>().join(", ")
+}
+
+/// How the plate's side is known, where neither a person nor a rig tells it.
+pub(super) fn about_side(side: &PlateSide, setting: &Setting) -> Option<String> {
+    let side_mm = mm_from_m(side.side_m);
+    match side.source {
+        SideSource::Given | SideSource::Rig => None,
+        SideSource::Parts | SideSource::TwoKinds => {
+            Some(format!("plate: {side_mm:.1} mm, from the ratio of the parts' sizes"))
+        }
+        SideSource::Assumed if side.candidates.is_empty() => {
+            Some(format!("plate: {side_mm:.1} mm assumed; --plate-side-mm tells it"))
+        }
+        SideSource::Assumed => {
+            let names =
+                |kinds: &[usize]| kinds.iter().map(|&kind| setting.kind_name(kind)).collect::<Vec<_>>().join(" and ");
+            let fits: Vec<String> = side
+                .candidates
+                .iter()
+                .map(|candidate| format!("{:.0} mm for {}", mm_from_m(candidate.side_m), names(&candidate.kinds)))
+                .collect();
+            Some(format!(
+                "plate: {side_mm:.1} mm assumed; the sizes allow {}; --plate-side-mm tells it",
+                fits.join(", ")
+            ))
+        }
+    }
+}
+
+/// What there is to see where no part was found.
+pub(super) fn about_nothing(others: &[OtherDisc], survey: &Survey, setting: &Setting) -> String {
+    let seen = match others {
+        [] => "nothing round stands out".to_owned(),
+        [_] => "1 disc stands out".to_owned(),
+        several => format!("{} discs stand out", several.len()),
+    };
+    let [darker, lighter] = [1.0 - survey.darkest, survey.lightest - 1.0].map(|share| 100.0 * share.max(0.0));
+    let remedy = match () {
+        () if !others.is_empty() => "",
+        () if setting.dark_parts && lighter > 2.0 * darker.max(5.0) && !setting.has_rig() => {
+            "; --light-parts looks for parts lighter than the plate"
+        }
+        () if darker.max(lighter) < 10.0 => "; the plate looks bare",
+        () => "; --stages DIR draws what was looked at",
+    };
+    format!(
+        "no parts: the table was found, {seen}; darkest place {darker:.0} % darker than the plate, lightest {lighter:.0} % \
+         lighter{remedy}"
+    )
+}
+
+/// A fault of the table with what to do about it.
+pub(super) fn about_table(fault: &TableFault, frame: &Frame) -> String {
+    let remedy = match fault {
+        TableFault::NoEdges => {
+            let level = |share: f64| quantile(&frame.pixels, share);
+            format!("levels {} to {}: plate and ground need to differ", level(0.01), level(0.99))
+        }
+        TableFault::TooFewLines { .. } | TableFault::NotASquare => {
+            "the plate's four sides need to stand out from the ground; --stages DIR draws the edges found".to_owned()
+        }
+        TableFault::CutByFrame => "the whole plate has to be in the picture".to_owned(),
+        TableFault::SideHidden { .. } => "that side has to be in view".to_owned(),
+        TableFault::MoreThanOne => "crop the picture to one".to_owned(),
+        _ => return fault.to_string(),
+    };
+    format!("{fault}; {remedy}")
+}
+
+/// The level below which that share of the pixels is.
+fn quantile(pixels: &[u8], share: f64) -> usize {
+    let mut counts = [0usize; 256];
+    pixels.iter().for_each(|&level| counts[usize::from(level)] += 1);
+    let wanted = (share * pixels.len() as f64) as usize;
+    let mut seen = 0;
+    let reached = |count: &usize| {
+        seen += count;
+        seen > wanted
+    };
+    counts.iter().position(reached).unwrap_or(255)
+}

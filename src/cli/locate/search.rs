@@ -1,0 +1,120 @@
+//! Table, parts and other discs of one picture.
+
+use std::path::Path;
+
+use super::doubts::about_table;
+use super::naming::named;
+use super::report::{Located, Method, TimeUs};
+use super::scale::{PlateSide, SideSource};
+use super::setting::Setting;
+use super::{panels, picture};
+use crate::cli::args::{LocateArgs, ResponseArg};
+use crate::cli::output::Failure;
+use upm_core::signal::Frame;
+use upm_core::time::{Clock, MonotonicClock};
+use upm_perception::vision::{
+    CoinFinder, Detection, Disc, ResponseMethod, Stages, Survey, Table, TableFault, locate_table,
+    locate_table_in_stages, survey,
+};
+use upm_recording::LocalisedRecord;
+
+/// Reads the picture at `image`, finds the table and the discs on it, names them, and keeps the stages if they are to be
+/// `shown`. Where no table is found those it came to are drawn nevertheless.
+pub(super) fn look(
+    image: &Path,
+    name: &str,
+    args: &LocateArgs,
+    setting: &Setting,
+    shown: bool,
+) -> Result<Located, Failure> {
+    let clock = MonotonicClock::new();
+    let picture = picture::read(image)?;
+    let decode = clock.elapsed();
+    if let Some(bits) = picture.bits {
+        tracing::info!("{}: levels of 16 bits, taken as {bits} bits", image.display());
+    }
+    let (frame, colors) = (picture.frame, picture.colors);
+    let begun = clock.elapsed();
+    let mut stages = Stages::default();
+    let table = find_table(&frame, setting, shown.then_some(&mut stages))
+        .map_err(|fault| Failure::bad_input(format!("{}: {fault}", image.display())))?;
+    if let (Err(_), Some(folder)) = (&table, &args.stages) {
+        panels::write_begun(&panels::folder_of(folder, name, args), &frame, &stages)?;
+    }
+    let table =
+        table.map_err(|fault| Failure::failed(format!("{}: {}", image.display(), about_table(&fault, &frame))))?;
+    let found = clock.elapsed();
+    let (table, side, surveyed) = scaled(table, &frame, setting);
+    let scaled = clock.elapsed();
+    let mut finder = finder(&table, &frame, args, setting)?;
+    let detections = finder.find(&frame);
+    let done = clock.elapsed();
+    // what the part finder alone has seen is measured as well
+    let near = |part: &Detection, disc: &Disc| (disc.center_px - part.center_px).norm() < 0.5 * part.radius_px;
+    let is_whole = detections.iter().all(|part| surveyed.discs.iter().any(|disc| near(part, disc)));
+    let survey = if is_whole { surveyed } else { survey(&frame, &table, &detections) };
+    let (parts, others) = named(detections, &survey, &table, setting, side.source, colors.as_ref());
+    if shown {
+        stages.disk_response = finder.response();
+    }
+    let survey_time = clock.elapsed() - done + (scaled - found);
+    let times = [begun, found, found + (done - scaled)];
+    let time_us = TimeUs { survey: Some(1e6 * survey_time.as_secs_f64()), ..TimeUs::of(decode, times) };
+    let detections = parts.iter().map(|named| named.part.clone()).collect();
+    let record = LocalisedRecord { frame, table, detections, stages, localise_us: time_us.localise };
+    let method = Method::Fast(finder.response_method());
+    Ok(Located { found: record, method, time_us, parts, others, survey, side })
+}
+
+/// The table, or why there is none. Through the rig's lens; else through the first of several that makes it a square.
+fn find_table(
+    frame: &Frame,
+    setting: &Setting,
+    mut stages: Option<&mut Stages>,
+) -> Result<Result<Table, TableFault>, String> {
+    let mut first = None;
+    for lens in setting.lenses(frame)? {
+        let table = match &mut stages {
+            Some(stages) => locate_table_in_stages(frame, &lens, setting.assumed_side_m(), stages),
+            None => locate_table(frame, &lens, setting.assumed_side_m()),
+        };
+        match table {
+            Err(fault @ TableFault::NotASquare) => first = first.or(Some(fault)),
+            table => return Ok(table),
+        }
+    }
+    Ok(Err(first.unwrap_or(TableFault::NotASquare)))
+}
+
+/// The table with its side as given, or as the discs on it tell, and those discs.
+fn scaled(table: Table, frame: &Frame, setting: &Setting) -> (Table, PlateSide, Survey) {
+    let mut survey = survey(frame, &table, &[]);
+    if let Some((side_m, source)) = setting.plate_side {
+        return (table, PlateSide::known(side_m, source), survey);
+    }
+    let side = PlateSide::from_discs(&survey.discs, table.side_m, &setting.known);
+    let factor = side.side_m / table.side_m;
+    let corners = table.corners_px.map(|corner| table.lens.ideal_from_image(corner));
+    let Some(table) = Table::from_ideal_corners(corners, side.side_m, &table.lens) else {
+        return (table.clone(), PlateSide::known(table.side_m, SideSource::Assumed), survey);
+    };
+    for disc in &mut survey.discs {
+        (disc.at_m, disc.radius_m) = (disc.at_m * factor, disc.radius_m * factor);
+    }
+    (table, side, survey)
+}
+
+fn finder(table: &Table, frame: &Frame, args: &LocateArgs, setting: &Setting) -> Result<CoinFinder, Failure> {
+    let wanted = match args.response {
+        ResponseArg::Auto => ResponseMethod::Auto,
+        ResponseArg::Chords => ResponseMethod::Chords,
+        ResponseArg::Fft => ResponseMethod::Fft,
+    };
+    let size = [frame.width, frame.height];
+    let finder = CoinFinder::with_response(table, size, &setting.kinds, setting.dark_parts, wanted);
+    if wanted != ResponseMethod::Auto && finder.response_method() != wanted {
+        let allowed = "fft or auto: a disk of these kinds is too large for the chords' sums";
+        return Err(Failure::bad_input(format!("--response: found chords, allowed: {allowed}")));
+    }
+    Ok(finder)
+}

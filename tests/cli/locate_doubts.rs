@@ -1,0 +1,150 @@
+//! What `upm locate` says of discs that it does not name, and how far it trusts the names it gives.
+
+use image::{DynamicImage, GrayImage, Luma};
+use serde_json::Value;
+use tempfile::TempDir;
+
+use super::coin_pictures::{Coin, CoinPicture, Metal};
+use super::coin_scenes::{DIME, PENNY, QUARTER, coin, plain};
+use super::status;
+
+fn saved(folder: &TempDir, picture: &CoinPicture) -> String {
+    written(folder, DynamicImage::from(picture.drawn()).into_luma8())
+}
+
+fn written(folder: &TempDir, picture: GrayImage) -> String {
+    let path = folder.path().join("picture.png");
+    picture.save(&path).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+fn said(path: &str, options: &[&str]) -> String {
+    status(&[&["locate", path], options].concat(), 0).0
+}
+
+fn located(path: &str, options: &[&str]) -> Value {
+    serde_json::from_str(&said(path, &[&["--json"], options].concat())).unwrap()
+}
+
+/// Score of the part nearest to a place on the plate, mm; 0 where none is.
+fn score_at(found: &Value, at_mm: [f64; 2]) -> f64 {
+    let off = |part: &Value| {
+        let [x, y] = [0, 1].map(|i| part["position_mm"][i].as_f64().unwrap() - at_mm[i]);
+        x.hypot(y)
+    };
+    let parts = found["parts"].as_array().unwrap();
+    parts.iter().find(|part| off(part) < 2.0).map_or(0.0, |part| part["score"].as_f64().unwrap())
+}
+
+const SIDE: [&str; 2] = ["--plate-side-mm", "203.2"];
+const PLACES: [[f64; 2]; 5] = [[-60.0, 50.0], [0.0, 55.0], [60.0, 40.0], [-50.0, -40.0], [40.0, -45.0]];
+
+#[test]
+fn discs_of_a_kind_not_asked_for_are_reported_in_one_line_with_the_option() {
+    let folder = TempDir::new().unwrap();
+    let coins = [QUARTER, QUARTER, QUARTER, PENNY, PENNY];
+    let picture = saved(&folder, &plain(203.2, &coins.into_iter().zip(PLACES).collect::<Vec<_>>()));
+    let text = said(&picture, &["--kinds", "penny"]);
+    let line = text.lines().find(|line| line.contains("quarter?")).unwrap_or_else(|| panic!("{text}"));
+    assert!(line.starts_with("3 discs of 24.") && line.ends_with(" mm: quarter? use --kinds penny,quarter"), "{line}");
+    let found = located(&picture, &["--kinds", "penny"]);
+    assert_eq!((found["parts"].as_array().unwrap().len(), found["others"].as_array().unwrap().len()), (2, 3));
+    assert_eq!(found["others"][0]["option"], "--kinds penny,quarter");
+    assert_eq!(located(&picture, &[])["others"].as_array().unwrap().len(), 0, "all kinds are looked for");
+}
+
+#[test]
+fn disc_of_no_known_size_is_reported() {
+    let folder = TempDir::new().unwrap();
+    let token = coin(None, 30.0, 2.0, Metal::Silver);
+    let picture = saved(&folder, &plain(203.2, &[(token, PLACES[0]), (PENNY, PLACES[1]), (DIME, PLACES[3])]));
+    let text = said(&picture, &SIDE);
+    assert!(text.lines().any(|line| line.starts_with("1 disc of 30.") && line.contains("no known kind")), "{text}");
+}
+
+#[test]
+fn score_falls_where_the_rim_is_off_or_half_hidden() {
+    let folder = TempDir::new().unwrap();
+    let larger = Coin { diameter_mm: 1.045 * PENNY.diameter_mm, ..PENNY };
+    let picture = plain(203.2, &[(PENNY, PLACES[0]), (larger, PLACES[2]), (PENNY, PLACES[3])]);
+    let mut pixels = DynamicImage::from(picture.drawn()).into_luma8();
+    // a card as white as the plate over the left third of the last
+    let [x, y] = picture.centers_px()[2];
+    let radius_px = 0.85 * 640.0 / 203.2 * PENNY.diameter_mm / 2.0;
+    let plate = pixels.get_pixel((x - 1.4 * radius_px) as u32, y as u32).0[0];
+    for (column, row, pixel) in pixels.enumerate_pixels_mut() {
+        let off = [f64::from(column) - x, f64::from(row) - y];
+        if off[0] < -0.3 * radius_px && off[0].hypot(off[1]) < 1.2 * radius_px {
+            *pixel = Luma([plate]);
+        }
+    }
+    let found = located(&written(&folder, pixels), &[&SIDE[..], &["--kinds", "penny"]].concat());
+    let [whole, off, hidden] = [PLACES[0], PLACES[2], PLACES[3]].map(|at| score_at(&found, at));
+    assert!(whole > 0.9 && off < 0.6 && hidden < 0.85, "{whole} {off} {hidden}\n{found}");
+}
+
+#[test]
+fn score_falls_where_the_level_is_another_metals() {
+    let folder = TempDir::new().unwrap();
+    let silver = Coin { metal: Metal::Silver, ..PENNY };
+    let coins = [PENNY, PENNY, silver, QUARTER, QUARTER];
+    let picture = plain(203.2, &coins.into_iter().zip(PLACES).collect::<Vec<_>>());
+    for gray in [true, false] {
+        let found = located(&saved_as(&folder, &picture, gray), &SIDE);
+        let [copper, silver] = [PLACES[0], PLACES[2]].map(|at| score_at(&found, at));
+        assert!(copper > 0.9 && silver < 0.65, "gray {gray}: {copper} {silver}");
+    }
+}
+
+fn saved_as(folder: &TempDir, picture: &CoinPicture, gray: bool) -> String {
+    let picture = CoinPicture { gray, ..picture.clone() };
+    if gray {
+        return saved(folder, &picture);
+    }
+    let path = folder.path().join("colours.png");
+    picture.drawn().save(&path).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn picture_without_parts_says_what_stands_out() {
+    let folder = TempDir::new().unwrap();
+    let bare = said(&saved(&folder, &plain(203.2, &[])), &[]);
+    assert!(bare.contains("no parts: the table was found, nothing round stands out"), "{bare}");
+    assert!(bare.contains("the plate looks bare"), "{bare}");
+    // white discs on a dark plate on a light ground
+    let inverted = |picture: &CoinPicture| {
+        let mut pixels = DynamicImage::from(picture.drawn()).into_luma8();
+        image::imageops::invert(&mut pixels);
+        written(&folder, pixels)
+    };
+    let light = inverted(&plain(203.2, &[(PENNY, PLACES[0]), (PENNY, PLACES[3])]));
+    let text = said(&light, &[]);
+    assert!(text.contains("no parts: the table was found, 2 discs stand out"), "{text}");
+    assert!(text.lines().any(|line| line.contains("2 discs of 19.") && line.contains("use --light-parts")), "{text}");
+    assert_eq!(located(&light, &["--light-parts"])["parts"].as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn side_of_the_plate_is_told_by_two_kinds_and_not_by_one() {
+    let folder = TempDir::new().unwrap();
+    let two = saved(&folder, &plain(260.0, &[(PENNY, PLACES[0]), (QUARTER, PLACES[1]), (PENNY, PLACES[2])]));
+    let found = located(&two, &[]);
+    let side_mm = found["plate"]["side_mm"].as_f64().unwrap();
+    assert!((side_mm / 260.0 - 1.0).abs() < 0.02 && found["plate"]["source"] == "two_kinds", "{found}");
+    assert!(said(&two, &[]).contains("from the ratio of the parts' sizes"));
+    let one = saved(&folder, &plain(260.0, &[(QUARTER, PLACES[0]), (QUARTER, PLACES[1]), (QUARTER, PLACES[2])]));
+    let text = said(&one, &[]);
+    assert!(text.contains("plate: 203.2 mm assumed; the sizes allow") && text.contains("mm for quarter"), "{text}");
+    let found = located(&one, &["--plate-side-mm", "260"]);
+    assert_eq!((&found["plate"]["source"], &found["parts"][0]["kind"]), (&"given".into(), &"quarter".into()));
+}
+
+#[test]
+fn picture_without_a_table_says_what_to_do() {
+    let folder = TempDir::new().unwrap();
+    let even = written(&folder, GrayImage::from_pixel(640, 480, Luma([180])));
+    let (_, stderr) = status(&["locate", &even], 1);
+    assert!(stderr.contains("no edges stand out") && stderr.contains("levels 180 to 180"), "{stderr}");
+    assert_eq!(stderr.lines().count(), 1);
+}
