@@ -27,11 +27,11 @@ mod init;
 mod lab;
 #[path = "cli/locate.rs"]
 mod locate;
+#[path = "cli/locate_doubts.rs"]
+mod locate_doubts;
 #[cfg(all(feature = "daemon", feature = "lab"))]
 #[path = "cli/mistakes.rs"]
 mod mistakes;
-#[path = "cli/locate_doubts.rs"]
-mod locate_doubts;
 #[path = "cli/mixed_coins.rs"]
 mod mixed_coins;
 #[path = "cli/plan.rs"]

@@ -62,10 +62,7 @@ fn beside(run: &Path) -> PathBuf {
 fn report_of(run: &Path) -> Result<Option<Report>, Failure> {
     let path = run.join("report.json");
     let wrong = |found: &dyn std::fmt::Display| {
-        Failure::bad_input(format!(
-            "{}: $: found {found}, allowed: what `upm run` left in a run folder",
-            path.display()
-        ))
+        Failure::bad_input(format!("{}: expected what `upm run` left in a run folder, found {found}", path.display()))
     };
     let file = match File::open(&path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -83,8 +80,8 @@ fn open_journal(path: &Path) -> Result<Lines<BufReader<File>>, Failure> {
 fn unread(path: &Path, fault: JournalFault) -> Failure {
     let (path, allowed) = (path.display(), "what `upm run` left in a run folder");
     Failure::bad_input(match fault {
-        JournalFault::File(error) => format!("{path}: $: found {error}, allowed: {allowed}"),
-        JournalFault::Line(number, error) => format!("{path}: line {number}: found {error}, allowed: {allowed}"),
+        JournalFault::File(error) => format!("{path}: expected {allowed}, found {error}"),
+        JournalFault::Line(number, error) => format!("{path}: line {number}: expected {allowed}, found {error}"),
     })
 }
 

@@ -22,20 +22,20 @@ pub(super) fn run_folder(args: &RunFolderArgs) -> Result<PathBuf, Failure> {
     if text == LAST {
         let newest = runs.into_iter().max_by(|a, b| (a.began_at, &a.name).cmp(&(b.began_at, &b.name)));
         return newest.map(|run| run.path).ok_or_else(|| {
-            Failure::bad_input(format!("RUN: found no runs in {shown_out}, allowed: {allowed} (--out DIR)"))
+            Failure::bad_input(format!("RUN: expected {allowed} (--out DIR), found no runs in {shown_out}"))
         });
     }
     runs.sort_by(|a, b| a.name.cmp(&b.name));
     match match_prefix(&text, runs.iter().map(|run| run.name.as_str())) {
         Match::One(index) => Ok(runs.swap_remove(index).path),
         Match::None => {
-            Err(Failure::bad_input(format!("RUN: found {text:?}, allowed: {allowed} in {shown_out} (--out DIR)")))
+            Err(Failure::bad_input(format!("RUN: expected {allowed} in {shown_out} (--out DIR), found {text:?}")))
         }
         Match::Several(found) => {
             let names: Vec<String> = found.iter().filter_map(|&index| Some(runs.get(index)?.name.clone())).collect();
             let (count, names) = (names.len(), in_one_line(&names));
             Err(Failure::bad_input(format!(
-                "RUN: found {text:?}, allowed: more of the name of one of {count}: {names}"
+                "RUN: expected more of the name of one of {count}: {names}; found {text:?}"
             )))
         }
     }
@@ -115,11 +115,9 @@ mod tests {
         assert_eq!(found(out.path(), "hold"), Ok("hold-4-1".into()));
         assert_eq!(found(out.path(), "plus-sign-9"), Ok("batch/plus-sign-9".into()));
         let said =
-            "RUN: found \"plus\", allowed: more of the name of one of 3: plus-sign-7-a, plus-sign-7-b, plus-sign-9";
+            "RUN: expected more of the name of one of 3: plus-sign-7-a, plus-sign-7-b, plus-sign-9; found \"plus\"";
         assert_eq!(found(out.path(), "plus"), Err(said.into()));
-        assert!(
-            found(out.path(), "arrange").unwrap_err().contains("found \"arrange\", allowed: a run folder, last, or")
-        );
+        assert!(found(out.path(), "arrange").unwrap_err().contains("expected a run folder, last, or"));
     }
 
     #[test]

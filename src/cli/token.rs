@@ -21,7 +21,7 @@ pub(super) fn token(args: &TokenArgs, common: Common) -> Result<u8, Failure> {
     write(file, &token).map_err(|error| match error.kind() {
         io::ErrorKind::AlreadyExists => {
             let file = file.display();
-            Failure::bad_input(format!("{file}: found a file, allowed: a new one; a token is never overwritten"))
+            Failure::bad_input(format!("{file}: expected no file, found one; a token is never overwritten"))
         }
         _ => Failure::write(file, error),
     })?;

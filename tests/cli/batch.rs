@@ -87,9 +87,12 @@ fn batch_that_cannot_be_run_is_refused_in_one_line_and_leaves_nothing() {
     let file = to_the_middle(folder.path(), |_| {});
     let out = folder.path().join("out");
     for (args, said) in [
-        (&["--seeds", "20..1"][..], "upm: --seeds: found \"20..1\", allowed: FIRST..LAST or seeds by comma"),
-        (&["--seeds", "0..10000"], "upm: --seeds: found \"0..10000\", more than 10000 seeds"),
-        (&["--seeds", "4,4"], "upm: --seeds: found 4 twice"),
+        (&["--seeds", "20..1"][..], "upm: --seeds: expected FIRST..LAST or seeds by comma"),
+        (
+            &["--seeds", "0..10000"],
+            "upm: --seeds: expected FIRST..LAST or seeds by comma, 10000 at most, found more than 10000 seeds",
+        ),
+        (&["--seeds", "4,4"], "upm: --seeds: expected each seed once, found 4 twice"),
         (&["--seeds", "1..2", "--rerun", "nowhere"], "upm: --rerun: "),
         (&["--seeds", "1..2", "--pace", "real-time"], "upm: --pace: found real-time, allowed with --seeds: max"),
         (&["--seeds", "1..2", "--faults", "coil9:dead"], "upm: --faults"),

@@ -187,7 +187,7 @@ fn what_is_no_run_is_refused_in_one_line_and_no_table_is_begun() {
         text.map(|text| fs::write(run.join(name), text).unwrap());
         let (_, stderr) = status(&["export", run.to_str().unwrap(), "--csv", "--to", to.to_str().unwrap()], 2);
         assert_eq!(stderr.lines().count(), 1, "{stderr}");
-        assert!(stderr.contains(name) && stderr.contains(", allowed: what `upm run` left"), "{stderr}");
+        assert!(stderr.contains(name) && stderr.contains("expected what `upm run` left"), "{stderr}");
     };
     refused("journal.jsonl", None);
     refused("report.json", Some("{\"name\": 3}"));

@@ -21,16 +21,16 @@ impl FromStr for Seeds {
         let allowed = format!("FIRST..LAST or seeds by comma, {MOST_SEEDS} at most");
         let mut seeds = Vec::new();
         for piece in text.split(',') {
-            let (first, last) = ends(piece).ok_or_else(|| format!("found {text:?}, allowed: {allowed}"))?;
+            let (first, last) = ends(piece).ok_or_else(|| format!("expected {allowed}, found {text:?}"))?;
             let more = last - first;
             if more >= MOST_SEEDS - seeds.len() as u64 {
-                return Err(format!("found {text:?}, more than {MOST_SEEDS} seeds, allowed: {allowed}"));
+                return Err(format!("expected {allowed}, found more than {MOST_SEEDS} seeds in {text:?}"));
             }
             seeds.extend(first..=last);
         }
         let mut seen = HashSet::new();
         match seeds.iter().find(|&&seed| !seen.insert(seed)) {
-            Some(twice) => Err(format!("found {twice} twice in {text:?}, allowed: each seed once")),
+            Some(twice) => Err(format!("expected each seed once, found {twice} twice in {text:?}")),
             None => Ok(Self(seeds)),
         }
     }
@@ -66,7 +66,10 @@ mod tests {
     fn text_that_names_no_seeds_is_refused_with_itself_in_the_message() {
         for text in ["", ",", "1,", "x", "-1", "1.5", "4..1", "1..", "..4", "1...4", "1..=4", "18446744073709551616"] {
             let message = text.parse::<Seeds>().unwrap_err();
-            assert!(message.starts_with(&format!("found {text:?}, allowed: FIRST..LAST")), "{message}");
+            assert!(
+                message.starts_with("expected FIRST..LAST") && message.ends_with(&format!("{text:?}")),
+                "{message}"
+            );
         }
     }
 
@@ -79,6 +82,6 @@ mod tests {
 
     #[test]
     fn seed_named_twice_is_refused() {
-        assert_eq!("1..3,2".parse::<Seeds>().unwrap_err(), r#"found 2 twice in "1..3,2", allowed: each seed once"#);
+        assert_eq!("1..3,2".parse::<Seeds>().unwrap_err(), r#"expected each seed once, found 2 twice in "1..3,2""#);
     }
 }

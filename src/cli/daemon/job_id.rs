@@ -11,7 +11,7 @@ const DIGITS: usize = 32;
 pub(super) fn job_id(client: &Client, text: &str) -> Result<String, Failure> {
     let wrong = |found: &str| {
         let allowed = "32 hex digits, as `upm jobs` lists them, the beginning of one job's, or last";
-        Failure::bad_input(format!("ID: found {found}, allowed: {allowed}"))
+        Failure::bad_input(format!("ID: expected {allowed}, found {found}"))
     };
     if text == LAST {
         let newest = list(client, None, 1)?.jobs.into_iter().next();
@@ -32,7 +32,7 @@ pub(super) fn job_id(client: &Client, text: &str) -> Result<String, Failure> {
             let candidate = |job: &Job| format!("{} ({}, {})", job.id, job.name, job.state.code());
             let candidates: Vec<String> = found.iter().filter_map(|&index| jobs.get(index)).map(candidate).collect();
             let (count, candidates) = (candidates.len(), in_one_line(&candidates));
-            Err(Failure::bad_input(format!("ID: found {text:?}, allowed: more digits of one of {count}: {candidates}")))
+            Err(Failure::bad_input(format!("ID: expected more digits of one of {count}: {candidates}; found {text:?}")))
         }
     }
 }

@@ -114,7 +114,7 @@ fn finder(table: &Table, frame: &Frame, args: &LocateArgs, setting: &Setting) ->
     let finder = CoinFinder::with_response(table, size, &setting.kinds, setting.dark_parts, wanted);
     if wanted != ResponseMethod::Auto && finder.response_method() != wanted {
         let allowed = "fft or auto: a disk of these kinds is too large for the chords' sums";
-        return Err(Failure::bad_input(format!("--response: found chords, allowed: {allowed}")));
+        return Err(Failure::bad_input(format!("--response: expected {allowed}, found chords")));
     }
     Ok(finder)
 }

@@ -202,7 +202,7 @@ mod tests {
     fn job_with_faults_is_not_run_on_a_rig_of_the_callers() {
         let job = job(dropped_frames());
         let error = InMemoryRun::new(&job).unwrap().run_on(|rig| rig).map(|_| ()).unwrap_err();
-        assert!(error.to_string().contains("faults: found 1 faults, allowed: none"), "{error}");
+        assert!(error.to_string().contains("faults: expected none, found 1 faults"), "{error}");
     }
 
     /// Has every part stay, for so many looks.
