@@ -61,7 +61,7 @@ fn recording_mode(args: &RunArgs) -> Result<RerunMode, Failure> {
     let Some(text) = &args.rerun else { return Ok(RerunMode::Off) };
     match recording::checked_mode(text)? {
         mode @ (RerunMode::Off | RerunMode::Save) => Ok(mode),
-        mode => Err(Failure::bad_input(format!("--rerun: found {mode}, allowed with --seeds: off, save"))),
+        mode => Err(Failure::bad_input(format!("--rerun: expected off or save (with --seeds), found {mode}"))),
     }
 }
 
@@ -69,7 +69,7 @@ fn recording_mode(args: &RunArgs) -> Result<RerunMode, Failure> {
 fn check_pace(pace: Pace) -> Result<(), Failure> {
     match pace {
         Pace::Max => Ok(()),
-        Pace::RealTime => Err(Failure::bad_input(format!("--pace: found {}, allowed with --seeds: max", pace.code()))),
+        Pace::RealTime => Err(Failure::bad_input(format!("--pace: expected max (with --seeds), found {}", pace.code()))),
     }
 }
 

@@ -21,7 +21,6 @@ use serde_json::json;
 use super::args::{Common, LocateArgs};
 use super::output::{Failure, print_json};
 use super::recording;
-use report::Located;
 use search::look;
 use setting::Setting;
 use upm_recording::{LocalisedRecord, RerunMode};

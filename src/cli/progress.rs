@@ -226,7 +226,7 @@ mod tests {
                 (0, ConditionChange::Began, "part 0 is slow again"),
             ] {
                 let (at, condition) = (PlateTime::from_secs(1.0), Condition::PartSlow { part });
-                progress.condition(&ConditionFacts { at, condition, change, text });
+                progress.condition(&ConditionFacts { at, condition, change, reason: text, text });
             }
         });
         let lines = page.lines();

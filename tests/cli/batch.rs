@@ -94,7 +94,7 @@ fn batch_that_cannot_be_run_is_refused_in_one_line_and_leaves_nothing() {
         ),
         (&["--seeds", "4,4"], "upm: --seeds: expected each seed once, found 4 twice"),
         (&["--seeds", "1..2", "--rerun", "nowhere"], "upm: --rerun: "),
-        (&["--seeds", "1..2", "--pace", "real-time"], "upm: --pace: found real-time, allowed with --seeds: max"),
+        (&["--seeds", "1..2", "--pace", "real-time"], "upm: --pace: expected max (with --seeds), found real-time"),
         (&["--seeds", "1..2", "--faults", "coil9:dead"], "upm: --faults"),
     ] {
         let (stdout, stderr) = batch(&file, &out, args, 2);
