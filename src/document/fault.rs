@@ -32,7 +32,7 @@ pub struct Fault {
     pub class: FaultClass,
     /// The key of another file that names this one: `rig upm-1.json: library`.
     #[serde(skip)]
-    pub named_by: Option<String>,
+    pub named_by: Option<Box<str>>,
 }
 
 /// What is wrong at the place of a fault.
@@ -79,7 +79,7 @@ impl Fault {
 
     /// The same with the key that names its file, as `rig upm-1.json: library`.
     pub fn named_by(self, key: &str) -> Self {
-        Self { named_by: Some(key.to_owned()), ..self }
+        Self { named_by: Some(key.into()), ..self }
     }
 }
 
