@@ -184,7 +184,9 @@ fn what_is_no_run_is_refused_in_one_line_and_no_table_is_begun() {
     let (run, to) = (folder.path().join("run"), folder.path().join("tables"));
     fs::create_dir(&run).unwrap();
     let refused = |name: &str, text: Option<&str>| {
-        text.map(|text| fs::write(run.join(name), text).unwrap());
+        if let Some(text) = text {
+            fs::write(run.join(name), text).unwrap();
+        }
         let (_, stderr) = status(&["export", run.to_str().unwrap(), "--csv", "--to", to.to_str().unwrap()], 2);
         assert_eq!(stderr.lines().count(), 1, "{stderr}");
         assert!(stderr.contains(name) && stderr.contains("expected what `upm run` left"), "{stderr}");

@@ -23,7 +23,11 @@ impl Histogram {
         let start = (least / width).floor() * width;
         let bar = |value: f64| ((value - start) / width) as usize;
         let mut counts = vec![0; bar(most) + 1];
-        values.iter().filter_map(|&value| counts.get_mut(bar(value)).map(|count| *count += 1)).count();
+        for &value in values {
+            if let Some(count) = counts.get_mut(bar(value)) {
+                *count += 1;
+            }
+        }
         Some(Self { start, width, counts })
     }
 
