@@ -69,7 +69,9 @@ fn recording_mode(args: &RunArgs) -> Result<RerunMode, Failure> {
 fn check_pace(pace: Pace) -> Result<(), Failure> {
     match pace {
         Pace::Max => Ok(()),
-        Pace::RealTime => Err(Failure::bad_input(format!("--pace: expected max (with --seeds), found {}", pace.code()))),
+        Pace::RealTime => {
+            Err(Failure::bad_input(format!("--pace: expected max (with --seeds), found {}", pace.code())))
+        }
     }
 }
 

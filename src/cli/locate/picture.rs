@@ -47,7 +47,8 @@ pub(super) fn read(path: &Path) -> Result<Picture, Failure> {
 /// one that is too large.
 pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(no_picture)?;
-    let format = reader.format().ok_or(if bytes.is_empty() { "an empty file" } else { "none of these" })?;
+    let format = reader.format().filter(ImageFormat::reading_enabled);
+    let format = format.ok_or(if bytes.is_empty() { "an empty file" } else { "none of these" })?;
     if format == ImageFormat::Jpeg && !is_whole_jpeg(bytes) {
         return Err("a JPEG picture that ends too early".into());
     }
