@@ -1,4 +1,4 @@
-//! Synthesised fields: one periodic motion of many harmonics brings every part its own step at once (equation sheet,
+//! Synthesised fields: one periodic motion of many harmonics gives every part its own step at once (equation sheet,
 //! section 5).
 
 mod aim;

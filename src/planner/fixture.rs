@@ -1,4 +1,4 @@
-//! A library without a rig for tests: what physics.md section 1 says of belts, in closed form.
+//! A library without a rig, for tests: the belt model of physics.md section 1 in closed form.
 
 use std::f64::consts::{FRAC_2_PI, PI, TAU};
 use std::sync::{Arc, LazyLock};
@@ -23,7 +23,7 @@ fn mean_force(ratio: f64) -> f64 {
     FRAC_2_PI * ((1.0 - (3.0 - 4.0 * ratio.min(0.5)).sqrt()) / 2.0).acos() - 1.0
 }
 
-/// Distance in one pulse on a belt of amplitude `speed_mps`: pumped for S + 2A, then coasting to rest.
+/// Distance travelled in one pulse on a belt of amplitude `speed_mps`, m: pumped for S + 2A, then coasting to rest.
 fn belt_distance(speed_mps: f64, sustain_s: f64) -> f64 {
     if speed_mps * BASE_RADPS < 0.57 * FRICTION_MPS2 {
         return 0.0;
@@ -99,14 +99,15 @@ pub(super) fn scene(count: usize, reach_m: f64, seed: u64) -> Vec<PartState> {
     places.into_iter().map(|p| penny(p, reach_m * Vec2::new(2.0 * draw() - 1.0, 2.0 * draw() - 1.0))).collect()
 }
 
-/// How any planner ends where there is nothing to move, or nothing worth a pulse, or a part that is nowhere.
+/// Checks the status of any planner with nothing to move, steps below a pulse, or a part with a position that is not
+/// finite.
 pub(super) fn ends_without_a_plan(plan: impl Fn(&[PartState]) -> PlanStatus) {
     assert_eq!(plan(&[]), PlanStatus::NothingToDo);
     assert_eq!(plan(&[penny(mm(1.0, 2.0), mm(0.05, 0.0))]), PlanStatus::NothingToDo);
     assert!(matches!(plan(&[penny(mm(f64::NAN, 2.0), mm(1.0, 0.0))]), PlanStatus::SolverFailed(_)));
 }
 
-/// `count` places on the plate, rims at least a radius apart.
+/// `count` positions on the plate, rims at least a radius apart.
 pub(super) fn scatter(count: usize, draw: &mut impl FnMut() -> f64) -> Vec<Vec2> {
     let half = HALF_SIDE_M - 2.0 * PENNY_M;
     'again: loop {
@@ -133,7 +134,7 @@ fn belts_follow_the_sheet() {
     assert!((fast / sheet - 1.0).abs() < 0.01, "{fast} against {sheet}");
 }
 
-/// The pulses of a plan that has rotations alone.
+/// The pulses of a plan that consists of rotations only.
 pub(super) fn rotations(plan: &Plan) -> impl Iterator<Item = &Rotation> {
     plan.pulses.iter().map(|pulse| match pulse {
         PlannedPulse::Rotation(rotation) => rotation,

@@ -1,33 +1,33 @@
-//! How many pulses a step of all parts takes, at a first guess: what goes with the flows of the library takes few.
+//! Estimate of the number of pulses for a step of all parts: a step along the library's flows needs few.
 
 use nalgebra::{DMatrix, DVector};
 
 use upm_core::geometry::{Twist, Vec2, perp};
 use upm_library::Library;
 
-/// Way of the pulses that are counted on a typical belt, m: what sequences are made of.
+/// Distance carried by the counted pulses on a typical belt, m: the usual length in sequences.
 const PULSE_M: f64 = 2e-3;
 /// Entries slower than this part of the fastest are not counted.
 const STRONG: f64 = 0.35;
-/// Most motions that are counted: of more, every second, third and so on, for they overlap.
+/// Largest number of motions counted: of more, every second, third and so on, since they overlap.
 const MOST: usize = 180;
-/// Directions in which all flows together do less than this part of the mean count as if they did so much.
+/// Ridge: least effect of all flows together in any direction, relative to the mean.
 const RIDGE: f64 = 1e-3;
 /// Nodes of belt speed.
 const SPEEDS: usize = 64;
 
-/// The least sum of squares of pulses of one length that makes a step, over all motions of a library at once. On random places
-/// and steps its root goes with the time of the least-time program: a correlation of 0.95 for 2 and 4 parts, 0.88 for 8.
+/// Least sum of squares of equally long pulses, over all motions of a library, that makes a step. On random positions
+/// and steps its root correlates with the time of the least-time program: 0.95 for 2 and 4 parts, 0.88 for 8.
 #[derive(Clone, Debug)]
 pub struct FlowEffort {
     twists: Vec<Twist>,
     speed_step_mps: f64,
-    /// Way of the pulse over the belt's speed, m.
+    /// Distance carried by the pulse, over the belt's speed, m.
     ways_m: [f64; SPEEDS],
 }
 
 impl FlowEffort {
-    /// With the flows of `library`.
+    /// The estimate with the flows of `library`.
     pub fn new(library: &Library) -> Self {
         let half_side_m = 0.5 * library.plate_side_m;
         let fastest =
@@ -45,8 +45,8 @@ impl FlowEffort {
         Self { twists, speed_step_mps, ways_m }
     }
 
-    /// Pulses for `steps_m` of parts at `places_m`, as the sum of their squares; adds its slopes by place and by step, 1/m, to
-    /// `slopes`. Infinite where places are no numbers.
+    /// Squared number of pulses for `steps_m` of parts at `places_m`, a sum of squares over the motions; adds its
+    /// slopes by position and by step, 1/m, to `slopes`. Infinite where positions are not finite.
     pub fn squared(&self, places_m: &[Vec2], steps_m: &[Vec2], slopes: Option<(&mut [Vec2], &mut [Vec2])>) -> f64 {
         let rows = 2 * places_m.len().min(steps_m.len());
         if rows == 0 {
@@ -100,7 +100,7 @@ impl FlowEffort {
     }
 }
 
-/// A pulse at one place: the way g(|v|) v on a belt of velocity v.
+/// Flow at one position: displacement g(|v|) v by a pulse on a belt of velocity v.
 struct Flow {
     belt_mps: Vec2,
     way_m: Vec2,
@@ -111,7 +111,7 @@ struct Flow {
 }
 
 impl Flow {
-    /// Slope by place of the way's worth at `price`.
+    /// Slope by position of the displacement times `price`.
     fn slope(&self, twist: &Twist, price: Vec2) -> Vec2 {
         let by_belt = price * self.by_belt_s + self.belt_mps * (self.by_speed * price.dot(&self.belt_mps));
         -perp(by_belt) * twist.spin_radps
@@ -166,7 +166,7 @@ mod tests {
                     };
                     (at(1e-7) - at(-1e-7)) / 2e-7
                 };
-                // the ridge's own slope is left out
+                // the derivative of the ridge is neglected
                 assert!((by_place[i][axis] - difference(true)).abs() < 0.02 * scale, "{seed} {i}");
                 assert!((by_step[i][axis] - difference(false)).abs() < 1e-3 * scale, "{seed} {i}");
             }

@@ -1,15 +1,15 @@
-//! The friction of the calibration's coins, out of how far they went.
+//! Friction of the calibration's coins, derived from the measured distances.
 
 use super::pump::{Discs, LANES, Pump};
 use upm_library::Library;
 
-/// Friction is looked for between these.
+/// Range in which friction is searched.
 const RANGE: (f64, f64) = (0.02, 2.0);
-/// Times the range shrinks to two ninths.
+/// Iterations, each of which shrinks the range to two ninths.
 const ROUNDS: usize = 9;
 
-/// The Coulomb friction with which coins would have gone as far as was measured in translations: median over the faster half
-/// of the table's speeds and the middle of its sustains. `None` where nothing moved.
+/// The Coulomb friction that reproduces the measured distances of translations: median over the faster half of the
+/// table's speeds and the middle of its sustains. `None` where nothing moved.
 pub(crate) fn friction_of(library: &Library) -> Option<f64> {
     let model = &library.displacement;
     let (speeds, sustains) = (model.speed_mps.len(), model.sustain_s.len());
@@ -18,7 +18,7 @@ pub(crate) fn friction_of(library: &Library) -> Option<f64> {
     for row in speeds / 2..speeds {
         for column in [sustains / 3, sustains / 2, 2 * sustains / 3] {
             let (&speed_mps, &sustain_s) = (model.speed_mps.get(row)?, model.sustain_s.get(column)?);
-            // the table of the pump has whole steps of the sustain alone
+            // the pump's table holds whole sustain steps only
             let steps = (sustain_s / pump.sustain_step_s()).round() as usize;
             let distance_m = model.distance(speed_mps, steps as f64 * pump.sustain_step_s());
             found.extend(friction_that_goes(&pump, speed_mps, steps, distance_m));

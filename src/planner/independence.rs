@@ -4,25 +4,25 @@ use super::FieldPlanner;
 use upm_core::geometry::Vec2;
 use upm_library::Library;
 
-/// Flows that move none of the parts as far as this part of the largest step there is are left out: they leave parts where
-/// they are, whatever their direction.
+/// Flows that move no part by at least this fraction of the largest step there is are left out: they leave parts at
+/// rest, in whatever direction they point.
 const GENTLE: f64 = 0.05;
 
-/// How far parts can be moved independently of each other where they are: the singular values of their flows together.
+/// Independence of the parts' motions at given positions: the singular values of their flows together.
 ///
-/// A column of the `2N × M` matrix is one flow at all parts, for one metre of the part that goes farthest: that of an entry as
-/// measured for its longest pulse, which is the matrix of the planner's program, or that of a synthesised field.
+/// A column of the `2N × M` matrix is one flow at all parts, for one metre of the part that moves farthest: the
+/// measured flow of an entry's longest pulse, as in the planner's program, or that of a synthesised field.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Independence {
-    /// All `2N` of them, largest first. Zero: some joint motion of the parts cannot be made at all.
+    /// All `2N` singular values, largest first. Zero: some joint motion of the parts is impossible.
     pub singular_values: Vec<f64>,
-    /// Of the joint motion that is hardest to make, the part that goes farthest in it and which way, a unit vector.
+    /// In the joint motion that is hardest to make, the part that moves farthest and its direction, a unit vector.
     /// `None` without parts.
     pub weakest: Option<(usize, Vec2)>,
 }
 
 impl Independence {
-    /// Of parts at `positions_m` under the rotations of `library`.
+    /// Independence of parts at `positions_m` under the rotations of `library`.
     pub fn of_rotations(library: &Library, positions_m: &[Vec2]) -> Self {
         let model = &library.displacement;
         let longest_s = model.sustain_s.last().copied().unwrap_or(0.0);
@@ -31,12 +31,12 @@ impl Independence {
         Self::of(positions_m.len(), (0..library.entries.len()).map(flow), GENTLE * best_m)
     }
 
-    /// Of parts at `positions_m` under synthesised fields.
+    /// Independence of parts at `positions_m` under synthesised fields.
     pub fn of_fields(planner: &FieldPlanner, positions_m: &[Vec2]) -> Self {
         Self::of(positions_m.len(), planner.pushes(positions_m), GENTLE)
     }
 
-    /// Of `parts` parts under `flows`, those left out that move none of them by `gentle` or more.
+    /// Independence of `parts` parts under `flows`, without the flows that move no part by `gentle` or more.
     fn of(parts: usize, flows: impl Iterator<Item = Vec<Vec2>>, gentle: f64) -> Self {
         let rows = 2 * parts;
         let mut product = DMatrix::<f64>::zeros(rows, rows);
@@ -61,7 +61,7 @@ impl Independence {
         Self { singular_values, weakest }
     }
 
-    /// The smallest singular value as a part of the largest, 0 to 1; 0 when there is none.
+    /// The smallest singular value relative to the largest, 0 to 1; 0 when there are no singular values.
     pub fn share(&self) -> f64 {
         match (self.singular_values.first(), self.singular_values.last()) {
             (Some(&largest), Some(&smallest)) if largest > 0.0 => smallest / largest,

@@ -1,5 +1,5 @@
-//! From wanted steps to pulses: candidate CORs out of the library, the QP for the d_j, the sequence; or one synthesised
-//! motion for all parts.
+//! Planners: from wanted steps to pulses. Either candidate CORs of the library, a quadratic program for the d_j and a
+//! sequence of rotations; or one synthesised motion for all parts.
 
 mod fields;
 mod flow_effort;

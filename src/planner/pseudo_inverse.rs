@@ -8,38 +8,40 @@ use super::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rot
 use upm_core::geometry::Vec2;
 use upm_library::{Entry, Library};
 
-/// Longest step of a part and longest single rotation in one cycle, m: the field is straight only over a short way.
+/// Longest step of a part and longest single rotation in one cycle, m: the field is straight only over a short
+/// distance.
 const LONGEST_M: f64 = 4e-3;
 
-/// An entry counts as strong from this part of the spin that nine in ten on the plate stay below.
+/// An entry counts as strong from this fraction of the 90th percentile of spin on the plate.
 const STRONG: f64 = 0.4;
 
 /// Singular values below this part of the largest count as zero.
 const RANK: f64 = 1e-6;
 
 /// The manipulation algorithm as published (Reznik, Moshkovich, Canny: Building a Universal Planar Manipulator, section
-/// 2.1): N parts, 2N centres chosen beforehand, `ΔP = Φ d` with the ideal unit field `τ_j(P_i)` in column j, whatever a
-/// part's distance from the centre; `d = Φ⁺ ΔP`, all rotations one after another. It knows no edge, no other part and
-/// nothing that was measured but the sustain that belongs to a distance.
+/// 2.1): N parts, 2N centres chosen beforehand, `ΔP = Φ d` with the ideal unit field `τ_j(P_i)` in column j, at any
+/// distance of the part from the centre; `d = Φ⁺ ΔP`, all rotations one after another. It ignores the edge, other parts
+/// and all measurements except the sustain for a distance.
 ///
-/// There are two sets of centres, one of strong motions and one of gentle ones for what is too short for those.
+/// There are two sets of centres: strong motions, and gentle ones for distances too short for those.
 #[derive(Clone, Debug)]
 pub struct PseudoInverse {
     library: Arc<Library>,
     params: PlannerParams,
-    /// Strong and gentle.
+    /// Indices of the strong and of the gentle entries.
     gears: [Vec<usize>; 2],
     planned_for: Option<usize>,
 }
 
 impl PseudoInverse {
-    /// A planner for one rig's library. Of `params` it heeds the side of the plate and the smallest distance.
+    /// A planner for one rig's library. Of `params` it uses the plate's side and the smallest distance.
     pub fn new(library: Arc<Library>, params: PlannerParams) -> Self {
         Self { library, params, gears: Default::default(), planned_for: None }
     }
 
-    /// Plans one cycle: the rotations that to first order bring every part its step, all steps shortened alike where the
-    /// longest is too long, and each rotation cut where it is. The prediction is that of the ideal field.
+    /// Plans one cycle: the rotations that to first order give every part its step. All steps are shortened by the same
+    /// factor where the longest is too long, and so is each rotation that is too long. The prediction uses the ideal
+    /// field.
     pub fn plan(&mut self, parts: &[PartState]) -> Plan {
         if parts.iter().any(|part| !part.position_m.iter().chain(&part.step_m).all(|v| v.is_finite())) {
             return ended(PlanStatus::SolverFailed("a part is not where numbers are".into()), &[]);
@@ -64,7 +66,8 @@ impl PseudoInverse {
         plan
     }
 
-    /// `Φ⁺ ΔP`, the distance about each of the centres, m; all steps shortened alike where the longest is too long.
+    /// `Φ⁺ ΔP`, the distance about each of the centres, m; all steps are shortened by the same factor where the longest
+    /// is too long.
     fn distances_m(&self, centers: &[usize], parts: &[PartState]) -> Result<Vec<f64>, String> {
         let unit_field = |row: usize, j: usize| {
             let entry = centers.get(j).and_then(|&entry| self.library.entries.get(entry));
@@ -81,7 +84,8 @@ impl PseudoInverse {
         Ok(svd.solve(&steps_m, least)?.as_slice().to_vec())
     }
 
-    /// The rotations one after another, each as long as the library can make it; those too short for a pulse left out.
+    /// The rotations in sequence, each limited to the library's longest pulse; those too short for a pulse are left
+    /// out.
     fn sequence(&self, centers: &[usize], parts: &[PartState], distances_m: &[f64]) -> Plan {
         let mut at_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         let mut plan = ended(PlanStatus::Solved, centers);
@@ -101,7 +105,8 @@ impl PseudoInverse {
         plan
     }
 
-    /// Length, m, and sustain, s, of the pulse about `entry` nearest to `wanted_m`; `None` where none is nearer.
+    /// Length, m, and sustain, s, of the pulse about `entry` closest to `wanted_m`; `None` where no pulse is closer
+    /// than no motion.
     fn pulse(&self, entry: &Entry, at_m: &[Vec2], wanted_m: f64) -> Option<(f64, f64)> {
         let model = &self.library.displacement;
         let speed = at_m.iter().map(|&p| entry.speed_at(p)).fold(0.0, f64::max);
@@ -117,12 +122,12 @@ fn ended(status: PlanStatus, centers: &[usize]) -> Plan {
     Plan { status, pulses: Vec::new(), candidates: centers.to_vec(), predicted_m: Vec::new(), continues: false }
 }
 
-/// Where parts are after `distance_m` along the ideal field of `entry`, whatever their distance from its centre.
+/// Positions after `distance_m` along the ideal field of `entry`, at any distance from its centre.
 fn after(entry: &Entry, distance_m: f64, at_m: &[Vec2]) -> Vec<Vec2> {
     at_m.iter().map(|&p| p + entry.pump.direction_at(p) * distance_m).collect()
 }
 
-/// `count` each of the library's strong and gentle rotations about centres on the plate, where there are so many.
+/// Up to `count` each of the library's strong and gentle rotations about centres on the plate.
 fn fixed_centers(library: &Library, half_side_m: f64, count: usize) -> [Vec<usize>; 2] {
     let center_of = |(number, entry): (usize, &Entry)| Some((number, entry.center_m()?, entry.pump.spin_radps.abs()));
     let on_plate: Vec<(usize, Vec2, f64)> =
@@ -203,7 +208,7 @@ mod tests {
         assert!(gentle.iter().all(|entry| entry % 2 == 1), "{gentle:?}");
         let mut planner = PseudoInverse::new(mixed.into(), PlannerParams { min_distance_m: 2e-5, ..params() });
         assert_eq!(planner.plan(&scene(2, 3e-3, 1)).candidates, strong[..4]);
-        // along the field of the strong centre in the middle, less than half as far as its shortest pulse goes
+        // along the field of the strong centre in the middle, less than half the distance of its shortest pulse
         let plan = planner.plan(&[penny(mm(40.0, -40.0), mm(0.1, 0.1))]);
         assert_eq!((plan.status, plan.candidates), (PlanStatus::Solved, gentle[..2].to_vec()));
     }
@@ -220,8 +225,9 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(96))]
 
-        /// On the ideal field each rotation starts off by what those before it moved, at most `Σ|d|`; a unit field
-        /// about a centre ρ away turns by `δ/ρ` over a way δ. Hence the error is at most `½ (Σ|d|)² / (ρ - Σ|d|)`.
+        /// On the ideal field each rotation starts with an offset by those before it of at most `Σ|d|`; a unit field
+        /// about a centre ρ away turns by `δ/ρ` over a displacement δ. Hence the error is at most
+        /// `½ (Σ|d|)² / (ρ - Σ|d|)`.
         #[test]
         fn one_step_is_right_to_second_order(count in 1usize..7, seed: u64) {
             let parts = scene(count, 1e-6, seed);

@@ -1,4 +1,4 @@
-//! A disc at rest under one pulse of the pump wave about a centre of rotation, in the frame of its belt.
+//! Model of a disc at rest under one pulse of the pump wave about a centre of rotation, in the frame of its belt.
 //!
 //! ```text
 //!   y ▲            x along the flow where the disc starts, y to its left, the origin where it starts
@@ -7,10 +7,11 @@
 //! ```
 //!
 //! a and ω are the amplitudes of the belt's speed and of the plate's spin, f = d/dt (env X) the displacement wave
-//! `X' = sin wt + ½ cos 2wt` under the envelope: the UPM paper's pump (Eqs. 5 and 9) with flanks that leave the plate where
-//! it was. The motors' low-pass delays the envelope against the wave, whose phase is compensated. F and T are those of
-//! [`DiscFriction`], the disc's moment of inertia is m R²/2. About a near centre, where the plate turns under the disc as fast
-//! as it slides, the disc is soon turned along and then carried half as far again as one that would not turn.
+//! `X' = sin wt + ½ cos 2wt` under the envelope: the UPM paper's pump (Eqs. 5 and 9) with flanks that return the plate
+//! to its rest position. The motors' low-pass delays the envelope against the wave, whose phase is compensated. F and T
+//! are those of [`DiscFriction`], the disc's moment of inertia is m R²/2. About a near centre, where the plate turns
+//! under the disc as fast as it slides, the disc soon turns with the plate and is then carried half as far again as one
+//! that does not turn.
 
 use std::f64::consts::TAU;
 
@@ -21,37 +22,37 @@ use upm_core::signal::Envelope;
 use upm_core::units::GRAVITY_MPS2;
 use upm_library::Library;
 
-/// Discs that are moved side by side.
+/// SIMD lanes: discs integrated side by side.
 pub(crate) const LANES: usize = 8;
 /// Steps in a period of the drive.
 const STEPS: usize = 60;
 /// Steps from one sustain of the table to the next.
 const BETWEEN: usize = STEPS / 12;
-/// Steps of the pulse in one of the coasting after it, and the most of these.
+/// Length of a coasting step in steps of the pulse, and the largest number of coasting steps.
 const COASTING: f64 = 4.0;
 const MOST_COASTING: usize = 400;
 
-/// Up to eight discs on belts of their own.
+/// Up to eight discs, each with its belt.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Discs {
-    /// a, m/s.
+    /// Amplitude a of the belt's speed, m/s.
     pub speed_mps: [f64; LANES],
-    /// ω, rad/s.
+    /// Amplitude ω of the plate's spin, rad/s.
     pub spin_radps: [f64; LANES],
-    /// μ.
+    /// Coefficient of friction μ.
     pub friction: [f64; LANES],
-    /// R, m.
+    /// Radius R of the discs, m.
     pub radius_m: f64,
 }
 
-/// How far a pulse carries a disc.
+/// Displacement of a disc by one pulse.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Travel {
-    /// Along the flow where it started, m.
+    /// Component along the flow at its start, m.
     pub along_m: f64,
-    /// To the left of it for a counter-clockwise plate, m.
+    /// Component to the left of the flow for a counter-clockwise plate, m.
     pub across_m: f64,
-    /// Time from the end of the pulse until it stands, s.
+    /// Time from the end of the pulse until it is at rest, s.
     pub coasts_s: f64,
 }
 
@@ -64,7 +65,7 @@ pub(crate) struct Pump {
     step_s: f64,
 }
 
-/// Place and velocity, m and m/s, and the speed at which the rim goes round the disc's centre, m/s.
+/// Position and velocity, m and m/s, and speed of the rim about the disc's centre, m/s.
 #[derive(Clone, Copy, Debug, Default)]
 struct State {
     x: Lanes,
@@ -81,13 +82,13 @@ impl Pump {
         Self { base_radps, attack_s, delay_s: library.envelope_delay_s(), step_s: TAU / base_radps / STEPS as f64 }
     }
 
-    /// Time from one sustain to the next, s. The phase in which a pulse ends makes up to a tenth of the distance: a twelfth
-    /// of a period follows that.
+    /// Time from one sustain to the next, s. The phase in which a pulse ends changes the distance by up to a tenth; a
+    /// twelfth of a period resolves that.
     pub fn sustain_step_s(&self) -> f64 {
         self.step_s * BETWEEN as f64
     }
 
-    /// Where each of `sets` ends after pulses of `count` sustains 0, 1, 2, … steps: `[set][sustain][disc]`.
+    /// Displacements of each of `sets` by pulses with `count` sustains of 0, 1, 2, … steps: `[set][sustain][disc]`.
     pub fn travels(&self, sets: &[Discs], count: usize) -> Vec<Vec<[Travel; LANES]>> {
         let rise = self.shapes(0, self.flank() + count.saturating_sub(1) * BETWEEN, count * BETWEEN);
         let falls: Vec<Vec<f64>> = (0..count).map(|k| self.fall(k * BETWEEN)).collect();
@@ -105,7 +106,7 @@ impl Pump {
         sets.iter().map(ends).collect()
     }
 
-    /// Where `discs` end after a pulse with a sustain of this many steps of the table.
+    /// Displacements of `discs` by a pulse with a sustain of this many steps of the table.
     pub fn travel(&self, discs: &Discs, sustain: usize) -> [Travel; LANES] {
         let (belts, sustain) = (Belts::of(discs, self.step_s), sustain * BETWEEN);
         let state = belts.played(State::default(), &self.shapes(0, self.flank() + sustain, sustain));
@@ -123,7 +124,7 @@ impl Pump {
         self.shapes(from, from + self.flank(), sustain)
     }
 
-    /// f before, between and after steps `from` to `to` of a pulse with a sustain of so many.
+    /// f before, between and after steps `from` to `to` of a pulse with a sustain of `sustain` steps.
     fn shapes(&self, from: usize, to: usize, sustain: usize) -> Vec<f64> {
         let sustain_s = sustain as f64 * self.step_s;
         let envelope = Envelope { attack_s: self.attack_s, sustain_s, rest_s: 0.0 };
@@ -145,9 +146,9 @@ impl Pump {
 struct Belts {
     speed: Lanes,
     spin: Lanes,
-    /// Amplitude of the speed at which the plate turns under the rim.
+    /// Amplitude of the rim speed due to the plate's spin, m/s.
     rim: Lanes,
-    /// What friction takes of a speed in a second.
+    /// Deceleration by friction, m/s².
     friction_mps2: [f64; LANES],
     dt: f64,
     friction: &'static DiscFriction,
@@ -206,7 +207,7 @@ impl Belts {
         }
     }
 
-    /// Where the discs come to rest on the plate at rest.
+    /// Displacements once the discs have come to rest on the resting plate.
     fn rest(&self, mut state: State) -> [Travel; LANES] {
         let dt = COASTING * self.dt;
         let mut coasts_s = Lanes::ZERO;
@@ -217,7 +218,7 @@ impl Belts {
                 break;
             }
             let next = self.dragged(state, [(Lanes::ZERO, Lanes::ZERO, Lanes::ZERO); 2], dt);
-            // in the step in which it comes to rest it does so after a part of it
+            // in the step in which it comes to rest, it does so after a fraction of the step
             let stops = (next.u * next.u + next.v * next.v).simd_le(Lanes::ZERO);
             let needed = speed / Lanes::from(self.friction_mps2);
             let time = moves.select(stops.select(needed.min(Lanes::splat(dt)), Lanes::splat(dt)), Lanes::ZERO);

@@ -1,39 +1,40 @@
 use upm_core::geometry::Vec2;
 use upm_library::{DisplacementModel, Entry, Library};
 
-/// How well a library moves a part at one place.
+/// Reach of a library at one position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reach {
-    /// Singular values of the flows of all entries there, larger first; an entry counts 1 where its belt
-    /// is as good as the best measured, 0 where it moves nothing.
+    /// Singular values of the flows of all entries there, larger first; an entry counts 1 where its belt is as good as
+    /// the best measured, 0 where it moves nothing.
     pub singular_values: [f64; 2],
-    /// Unit vector in which the best single entry does least.
+    /// Direction in which the best single entry does least, a unit vector.
     pub weakest_direction: Vec2,
-    /// What the best single entry does along it, 0 to 1; 0: that direction cannot be reached.
+    /// Displacement along it by the best single entry, relative to the best belt, 0 to 1; 0: that direction cannot be
+    /// reached.
     pub weakest_projection: f64,
-    /// What the longest pulse of that entry does along it, m.
+    /// Displacement along it by the longest pulse of that entry, m.
     pub longest_step_m: f64,
     /// Standard deviation of such a step, m.
     pub longest_sd_m: f64,
-    /// The least that a pulse of an entry for this direction does along it, m: of one that flows within 30 degrees of it
-    /// and makes at least a twentieth of the longest step there. `None` when there is no such entry.
+    /// Smallest displacement along it by a pulse of a suitable entry, m: one that flows within 30 degrees of it and
+    /// makes at least a twentieth of the longest step there. `None` when there is no such entry.
     pub shortest_step_m: Option<f64>,
-    /// Entries that do most along some direction, rising.
+    /// Indices of the entries that do most along some direction, rising.
     pub strongest: Vec<usize>,
 }
 
-/// Directions looked at over half a turn.
+/// Directions sampled over half a turn.
 const DIRECTIONS: usize = 180;
 
-/// Cosine of the angle up to which an entry is one for a direction.
+/// Cosine of the largest angle between a direction and the flow of an entry that serves it.
 const ALONG: f64 = 0.866;
 
-/// Least part of the longest step of an entry that is one for short steps; one that does less turns a part or leaves
-/// it where it is.
+/// Least fraction of the longest step for an entry that serves short steps; one below it turns a part or leaves it at
+/// rest.
 const GENTLE: f64 = 0.05;
 
 impl Reach {
-    /// How well `library` moves a part at `position_m` in every direction, with its longest pulse.
+    /// Reach of `library` at `position_m` in every direction, with its longest pulse.
     pub fn of(library: &Library, position_m: Vec2) -> Self {
         let Library { displacement: model, entries, .. } = library;
         let best_m = best_step(model);
@@ -71,7 +72,7 @@ impl Reach {
     }
 }
 
-/// What the longest pulse does on the fastest belt that was measured, m.
+/// Displacement by the longest pulse on the fastest measured belt, m.
 fn best_step(model: &DisplacementModel) -> f64 {
     model.speed_mps.last().map_or(0.0, |&fastest| model.max_distance(fastest))
 }
@@ -83,14 +84,15 @@ fn directions() -> impl Iterator<Item = Vec2> {
     })
 }
 
-/// The most that one of `flows` does along `direction`, and which; none when all do nothing.
+/// The largest displacement along `direction` by one of `flows`, and its index; `None` when all are zero.
 fn strongest_along(flows: &[Vec2], direction: Vec2) -> (f64, Option<usize>) {
     flows.iter().map(|flow| flow.dot(&direction).abs()).enumerate().fold((0.0, None), |best, (entry, projection)| {
         if projection > best.0 { (projection, Some(entry)) } else { best }
     })
 }
 
-/// The least that an entry for `direction` does along it, of those whose longest is at least `least_m` and not nothing.
+/// The smallest displacement along `direction` by an entry that serves it, of those whose longest is positive and at
+/// least `least_m`, m.
 fn shortest_step(library: &Library, position_m: Vec2, direction: Vec2, least_m: f64) -> Option<f64> {
     let model = &library.displacement;
     let shortest = |entry: &Entry| {
@@ -103,7 +105,7 @@ fn shortest_step(library: &Library, position_m: Vec2, direction: Vec2, least_m: 
     library.entries.iter().filter_map(shortest).reduce(f64::min)
 }
 
-/// Of the 2 × M matrix of `flows`, from the eigenvalues of its 2 × 2 product with itself.
+/// Singular values of the 2 × M matrix of `flows`, from the eigenvalues of its 2 × 2 product with itself.
 fn singular_values(flows: &[Vec2]) -> [f64; 2] {
     let (xx, xy, yy) =
         flows.iter().fold((0.0, 0.0, 0.0), |(xx, xy, yy), f| (xx + f.x * f.x, xy + f.x * f.y, yy + f.y * f.y));

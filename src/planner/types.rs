@@ -2,20 +2,20 @@ use upm_core::geometry::Vec2;
 use upm_core::signal::{Drive, TwistWave};
 use upm_library::Library;
 
-/// One part as the planner sees it.
+/// State of one part as the planner sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartState {
-    /// Where it is, m.
+    /// Position of its centre, m.
     pub position_m: Vec2,
-    /// The step it should make in this cycle, m.
+    /// Displacement wanted in this cycle, m.
     pub step_m: Vec2,
-    /// Its outline, m.
+    /// Radius of its outline, m.
     pub radius_m: f64,
-    /// Measured over predicted distance of this part so far; 1 when nothing is known.
+    /// Ratio of measured to predicted distance of this part so far; 1 when nothing is known.
     pub gain: f64,
 }
 
-/// How motions are found.
+/// Method by which motions are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
     /// Sequences of rotations: [`RotationPlanner`](super::RotationPlanner).
@@ -23,16 +23,16 @@ pub enum Method {
     CorSequence,
     /// The papers' plain method, for comparison: [`PseudoInverse`](super::PseudoInverse).
     PseudoInverse,
-    /// One motion of many harmonics for each cycle, made for the steps that are wanted in it.
+    /// One motion of many harmonics per cycle, synthesised for the steps wanted in it.
     SynthesizedField,
 }
 
-/// What the planner may and wants to do.
+/// Limits and wishes that the planner observes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlannerParams {
     /// Half the plate's side, m.
     pub half_side_m: f64,
-    /// How far a part's rim stays from the plate's edge, m; negative lets it stand over.
+    /// Distance of a part's rim from the plate's edge, m; negative lets it overhang.
     pub edge_margin_m: f64,
     /// Gap kept between rims, m.
     pub separation_m: f64,
@@ -40,7 +40,7 @@ pub struct PlannerParams {
     pub min_distance_m: f64,
     /// Time from one camera frame to the next, s: parts are seen at rest in the first whole frame after a pulse.
     pub frame_s: f64,
-    /// Time the shutter is open, s.
+    /// Exposure time of the camera, s.
     pub exposure_s: f64,
     /// Longest sustain, s.
     pub max_sustain_s: f64,
@@ -51,12 +51,12 @@ pub struct PlannerParams {
 pub enum PlannedPulse {
     /// A rotation about one centre, out of the library.
     Rotation(Rotation),
-    /// A motion that moves every part its own way at once.
+    /// A synthesised motion that gives every part its own displacement at once.
     Field(FieldPulse),
 }
 
 impl PlannedPulse {
-    /// How long it is held at full height, s.
+    /// Time at full height, s.
     pub fn sustain_s(&self) -> f64 {
         match self {
             Self::Rotation(rotation) => rotation.sustain_s,
@@ -64,7 +64,7 @@ impl PlannedPulse {
         }
     }
 
-    /// The drive that plays it on the library's rig; `None` where the library cannot drive it.
+    /// The drive that plays the pulse on the library's rig; `None` where the library cannot drive it.
     pub fn drive(&self, library: &Library) -> Option<Drive> {
         match self {
             Self::Rotation(rotation) => library
@@ -80,13 +80,14 @@ impl PlannedPulse {
 pub struct Rotation {
     /// Index into the library's entries.
     pub entry: usize,
-    /// The rotation d_j, m: how far it moves a part on the entry's typical belt; negative runs the drive in reverse.
+    /// The rotation d_j, m: distance that it carries a part on the entry's typical belt; negative runs the drive in
+    /// reverse.
     pub distance_m: f64,
-    /// Part of the entry's full amplitude, 0 to 1.
+    /// Fraction of the entry's full amplitude, 0 to 1.
     pub amplitude: f64,
     /// Sustain, s.
     pub sustain_s: f64,
-    /// Rest after it, until all parts are forecast to stand, s.
+    /// Rest after it, until all parts are forecast to be at rest, s.
     pub rest_s: f64,
 }
 
@@ -116,31 +117,31 @@ pub enum Limit {
     Unreachable,
 }
 
-/// How planning ended.
+/// Outcome of planning.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum PlanStatus {
-    /// The pulses do what was wanted, to first order.
+    /// The pulses make the wanted steps, to first order.
     Solved,
     /// All steps are smaller than the smallest pulse can make.
     #[default]
     NothingToDo,
-    /// Nothing found within the limits; the one that stopped it.
+    /// No plan within the limits; carries the limit that prevented it.
     Infeasible(Limit),
-    /// The solver gave up, in its own words.
+    /// The solver failed; carries its own message.
     SolverFailed(String),
 }
 
-/// What to play this cycle and what should come of it.
+/// Pulses for this cycle and their predicted effect.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
-    /// How planning ended.
+    /// Outcome of planning.
     pub status: PlanStatus,
     /// The sequence, first to last; empty unless solved.
     pub pulses: Vec<PlannedPulse>,
-    /// Entries that were considered.
+    /// Indices of the entries that were considered.
     pub candidates: Vec<usize>,
-    /// Where each part is predicted to be after each pulse, m: `predicted_m[pulse][part]`.
+    /// Predicted position of each part after each pulse, m: `predicted_m[pulse][part]`.
     pub predicted_m: Vec<Vec<Vec2>>,
-    /// True when it plays on a sequence that was begun in an earlier cycle: only its end need bring the parts nearer.
+    /// True when it continues a sequence begun in an earlier cycle: only its end need bring the parts nearer.
     pub continues: bool,
 }

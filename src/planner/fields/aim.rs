@@ -1,12 +1,11 @@
-//! The search for a motion whose pulse brings every part its step.
+//! Search for a motion whose pulse gives every part its step.
 //!
-//! Damped least squares on where the parts end (Levenberg, Marquardt), with two things of its own. A change of the
-//! motion is measured by the counts it asks of the motors, and none is larger than a share of the motion itself. After
-//! every change the motion is made as strong as the motors allow: strong motions carry parts fast and hardly brake
-//! moving ones.
+//! Damped least squares on the parts' final positions (Levenberg, Marquardt), with two additions. A change of the
+//! motion is measured by the motor counts it requires, and no change exceeds a fixed share of the motion. After every
+//! change the motion is scaled up to the motors' limit: strong motions carry parts fast and hardly brake moving ones.
 //!
-//! What goes astray counts with its square, so a part far from its end may go a little sideways if the parts as a whole
-//! get on faster. Aimed at ends that can be reached, nothing is left of that.
+//! Errors count with their squares, so a part far from its end may drift a little sideways if that advances the parts
+//! as a whole. With reachable ends the drift vanishes as the search converges.
 
 use std::cell::RefCell;
 
@@ -18,37 +17,39 @@ use super::strength::Strength;
 use super::waves::Waves;
 use upm_core::signal::Envelope;
 
-/// Longest change of a motion at first, as a part of the motion; how that changes after a success and a failure.
+/// Trust region: longest change of a motion, relative to the motion, at first; its factors after a success and a
+/// failure, and its bounds.
 const REACH: f64 = 0.3;
 const WIDER: f64 = 1.6;
 const WIDEST: f64 = 0.8;
 const NARROWER: f64 = 0.35;
 const NARROWEST: f64 = 0.01;
-/// Least damping, as a part of the mean eigenvalue; steps in which it is raised; how often at first, and at most.
+/// Levenberg-Marquardt damping: least value relative to the mean eigenvalue, factor of each raise, number of raises at
+/// first and at most.
 const DAMPING: f64 = 1e-5;
 const MORE_DAMPING: f64 = 3.0;
 const RAISED: i32 = 6;
 const MOST_RAISED: i32 = 64;
-/// A start that should go less far than this part of its way is softened.
+/// A start is softened when its best scale factor is below this.
 const SOFTEN: f64 = 0.8;
-/// Part of the steps that may be left when the search ends early.
+/// Relative remaining error at which the search ends early.
 const GOOD: f64 = 0.02;
 
-/// What is aimed with and at.
+/// Problem of the search: the motions, the parts and their steps.
 #[derive(Clone, Copy)]
 pub(super) struct Range<'a> {
     pub waves: &'a Waves,
     pub strength: &'a Strength,
     pub discs: &'a [Disc],
-    /// Step of every part, x and y in turn, m.
+    /// Wanted step of every part, x and y in turn, m.
     pub steps_m: &'a DVector<f64>,
     pub envelope: &'a Envelope,
-    /// Directions in which parts must get away.
+    /// Directions in which parts must keep their distance.
     pub guards: &'a [Guard],
     pub spare: &'a Spare,
 }
 
-/// Courses that are done with: large pieces of memory, used again.
+/// Pool of courses no longer in use, kept to reuse their large buffers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Spare(RefCell<Vec<Course>>);
 
@@ -62,25 +63,25 @@ impl Spare {
     }
 }
 
-/// A motion and what becomes of the parts.
+/// A motion and its effect on the parts.
 #[derive(Clone, Debug)]
 pub(super) struct Shot {
     pub coefficients: Vec<f64>,
     pub course: Course,
     went_m: DVector<f64>,
-    /// Sum of the squares of what is left of the steps, guards included, m².
+    /// Sum of the squared remaining steps, guards included, m².
     cost: f64,
 }
 
 impl Shot {
-    /// Part of the steps that is left, root of the sums of squares.
+    /// Remaining part of the steps: ratio of the root sums of squares.
     pub fn left(&self, steps_m: &DVector<f64>) -> f64 {
         (steps_m - &self.went_m).norm() / steps_m.norm()
     }
 }
 
 impl Range<'_> {
-    /// The shot that `start` makes, as strong as can be.
+    /// Shot of `start` scaled to the motors' limit.
     pub fn shot(&self, start: &[f64]) -> Shot {
         let mut coefficients = start.to_vec();
         self.strength.fill(self.waves, &mut coefficients);
@@ -93,9 +94,9 @@ impl Range<'_> {
         Shot { coefficients, course, cost: missing_m.norm_squared() + guarded, went_m }
     }
 
-    /// The shot of `start`, softened where it goes too far or the wrong way. A motion without even harmonics runs back in
-    /// the second half of a period as it went in the first, and carries parts nowhere; so parts go about as far as the
-    /// even harmonics are large.
+    /// Shot of `start`, softened where it carries parts too far or backwards. A motion without even harmonics retraces
+    /// in the second half of a period its path of the first and carries parts nowhere; net displacement is therefore
+    /// roughly proportional to the even harmonics.
     pub fn softened_shot(&self, start: &[f64]) -> Shot {
         let shot = self.shot(start);
         let share = shot.went_m.dot(self.steps_m) / shot.went_m.norm_squared();
@@ -114,7 +115,7 @@ impl Range<'_> {
         cheaper
     }
 
-    /// `shot`, bettered in at most `rounds`.
+    /// Improves `shot` in at most `rounds` rounds.
     pub fn better(&self, mut shot: Shot, rounds: usize) -> Shot {
         let good = (GOOD * self.steps_m.norm()).powi(2);
         let mut reach = REACH;
@@ -139,7 +140,7 @@ impl Range<'_> {
         shot
     }
 
-    /// Slopes of what is missing, guards included, by the motors' counts: a column for each.
+    /// Slopes of the remaining error, guards included, by motor counts, one column for each.
     fn slopes(&self, shot: &Shot) -> DMatrix<f64> {
         let (n, ends) = (self.waves.len(), self.steps_m.len());
         let mut slopes = shot.course.slopes(self.waves).resize_horizontally(ends + self.guards.len(), 0.0);
@@ -153,8 +154,8 @@ impl Range<'_> {
         slopes
     }
 
-    /// The least damped change of the motion that the slopes ask for and that is no longer than `reach` of it. `raised`
-    /// tells how often damping was raised, from the last change on to this one.
+    /// The least damped change of the motion that follows the slopes and is no longer than `reach` times the motion.
+    /// `raised` is the number of times damping was raised, carried over from the previous change.
     fn change(&self, slopes: &DMatrix<f64>, shot: &Shot, reach: f64, raised: &mut i32) -> Option<Vec<f64>> {
         let missing_m = self.steps_m - &shot.went_m;
         let guarded = self.guards.iter().map(|guard| guard.missing(shot.went_m.as_slice()));

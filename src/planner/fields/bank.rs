@@ -1,7 +1,8 @@
-//! Motions to start from: a few hundred random ones, each with its mean friction over the plate as a table.
+//! Bank of start motions: a few hundred random ones, each with a table of its mean friction over the plate.
 //!
-//! A plate that is turned by a quarter or seen in a mirror gives as many more motions with the same tables, and each
-//! motion run the other way pushes the other way. Among these thousands the best for the present parts is looked up.
+//! Rotating the plate by quarter turns and mirroring it give further motions with the same tables, and a motion run
+//! backwards pushes in the opposite direction. The search starts from the best of these thousands for the present
+//! parts.
 
 use std::cmp::Ordering;
 
@@ -10,19 +11,20 @@ use upm_core::random::Streams;
 
 use super::waves::{Lanes, PlateInstant, Waves};
 
-/// Motions with a table of their own, eight at a time.
+/// Motions that have a table, eight at a time.
 const MOTIONS: usize = 8 * EIGHTS;
 const EIGHTS: usize = 24;
 /// Nodes of a table along a side of the plate.
 const NODES: usize = 17;
-/// Phases of a period that a mean is taken over, eight at a time.
+/// Phases of a period over which a mean is taken, eight at a time.
 const PHASES: usize = 96;
-/// Speed under which friction is not at its full, as a part of the motion's, squared: mean fields are asked of parts at rest.
+/// Squared speed below which friction fades, relative to the motion's mean square: mean fields are evaluated for parts
+/// at rest.
 const SOFT: f64 = 1e-4;
-/// Price of what goes astray against what goes right.
+/// Price of a displacement across the wanted step, relative to one along it.
 const ASTRAY: f64 = 0.3;
 
-/// One of the eight ways to lay a square on itself.
+/// One of the eight symmetries of a square.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Symmetry {
     quarters: usize,
@@ -36,7 +38,7 @@ impl Symmetry {
         Self { quarters: i % 4, mirrored: i >= 4 }
     }
 
-    /// Mirrored (x changes its sign), then turned.
+    /// Image of `v`: mirrored first (x changes sign), then turned.
     fn onto(self, v: Vec2) -> Vec2 {
         let v = if self.mirrored { Vec2::new(-v.x, v.y) } else { v };
         (0..self.quarters).fold(v, |v, _| Vec2::new(-v.y, v.x))
@@ -48,16 +50,16 @@ impl Symmetry {
     }
 }
 
-/// Random motions and what they do to parts at rest.
+/// Random motions and their mean push on parts at rest.
 #[derive(Clone, Debug)]
 pub(super) struct Bank {
     half_side_m: f64,
     motions: Vec<Vec<f64>>,
-    /// `pushes[row * NODES + column]`: mean of the slip's direction, x and y, for eight motions at a time.
+    /// `pushes[row * NODES + column]`: mean direction of the slip, x and y, for eight motions at a time.
     pushes: Vec<[[Lanes; 2]; EIGHTS]>,
 }
 
-/// One way to run a motion of the bank, and what it promises.
+/// A motion of the bank under one symmetry and direction, with its expected score.
 struct Promise {
     score: f64,
     motion: usize,
@@ -72,7 +74,7 @@ impl Promise {
 }
 
 impl Bank {
-    /// The same motions for the same harmonics, always.
+    /// The bank for these harmonics; deterministic, equal for equal harmonics.
     pub fn new(waves: &Waves, half_side_m: f64) -> Self {
         let mut rng = Streams::new(0).stream("field bank");
         let mut draw = || {
@@ -91,7 +93,7 @@ impl Bank {
         Self { half_side_m, motions, pushes: (0..NODES * NODES).map(pushes).collect() }
     }
 
-    /// The `count` motions that promise most of `steps_m` of parts at `positions_m`, best first.
+    /// The `count` motions with the highest score for `steps_m` of parts at `positions_m`, best first.
     pub fn best(&self, waves: &Waves, positions_m: &[Vec2], steps_m: &[Vec2], count: usize) -> Vec<Vec<f64>> {
         let mut promises = Vec::with_capacity(MOTIONS * Symmetry::COUNT);
         for symmetry in (0..Symmetry::COUNT).map(Symmetry::number) {
@@ -107,7 +109,7 @@ impl Bank {
         promises.iter().map(|promise| self.laid(waves, promise)).collect()
     }
 
-    /// What each motion promises on a plate laid by `symmetry`.
+    /// Scores of all motions under `symmetry`.
     fn promises(&self, symmetry: Symmetry, positions_m: &[Vec2], steps_m: &[Vec2]) -> impl Iterator<Item = Promise> {
         let length_m = steps_m.iter().map(|s| s.norm_squared()).sum::<f64>().sqrt();
         let mut sums = [[Lanes::ZERO; 2]; EIGHTS];
@@ -132,7 +134,7 @@ impl Bank {
         sums.into_iter().enumerate().flat_map(scored)
     }
 
-    /// What every motion, laid every way on the plate, does to parts at rest at `positions_m`: means of the slip's direction.
+    /// Pushes of every motion under every symmetry on parts at rest at `positions_m`: mean directions of the slip.
     pub fn all_pushes(&self, positions_m: &[Vec2]) -> impl Iterator<Item = Vec<Vec2>> {
         (0..Symmetry::COUNT).map(Symmetry::number).flat_map(move |symmetry| {
             let at: Vec<Vec<[Lanes; 2]>> =
@@ -147,7 +149,7 @@ impl Bank {
         })
     }
 
-    /// Pushes of all motions, as they lie in the tables, at `p_m`.
+    /// Pushes of all motions at `p_m`, in the order of the tables.
     fn pushes_at(&self, p_m: Vec2) -> impl Iterator<Item = [Lanes; 2]> {
         let (node, place) = self.node(p_m);
         let corners = [node, node + 1, node + NODES, node + NODES + 1].map(|node| &self.pushes[node]);
@@ -161,7 +163,7 @@ impl Bank {
         })
     }
 
-    /// The motion as it was promised.
+    /// Coefficients of the motion with its symmetry and direction applied.
     fn laid(&self, waves: &Waves, &Promise { motion, symmetry, reverse, .. }: &Promise) -> Vec<f64> {
         let n = waves.per_axis();
         let mut laid = self.motions[motion].clone();
@@ -174,7 +176,7 @@ impl Bank {
         laid
     }
 
-    /// The table's cell at `p_m`: its first node and the place in it, 0 to 1 each way.
+    /// The table's cell at `p_m`: its first node and the position in it, 0 to 1 on each axis.
     fn node(&self, p_m: Vec2) -> (usize, Vec2) {
         let cells = (NODES - 1) as f64;
         let along = (p_m / (2.0 * self.half_side_m)).map(|v| (v + 0.5).clamp(0.0, 1.0) * cells);

@@ -1,4 +1,4 @@
-//! Where parts go under a motion, and how that changes with the motion.
+//! Paths of the parts under a motion, and their slopes by the motion.
 //!
 //! ```text
 //!   slip  s = u(p, t) - v        u: the plate's velocity under the part, v: the part's
@@ -11,7 +11,8 @@
 //! the slope finite. When the motors are silent a part coasts on for `v²/(2 μ g)`.
 //!
 //! The slopes of all ends by all coefficients come from the same equations run backwards (the adjoint), at about twice
-//! the work of one course; how the plate's offset from its place changes with them is left out, 1 to 3 % of a slope.
+//! the cost of one course. They leave out that the plate's offset also changes with the coefficients, 1 to 3 % of a
+//! slope.
 
 use nalgebra::DMatrix;
 
@@ -20,67 +21,67 @@ use upm_core::geometry::Vec2;
 use upm_core::signal::Envelope;
 use upm_core::units::GRAVITY_MPS2;
 
-/// See the module: `f(1) = 1/sqrt(1 + κ) = 8/(3π)`.
+/// κ, see the module: `f(1) = 1/sqrt(1 + κ) = 8/(3π)`.
 const KAPPA: f64 = 0.388;
-/// Slip at which friction is told from none, m/s.
+/// ε, slip below which friction is smoothed to zero, m/s.
 const EPSILON_MPS: f64 = 1e-3;
-/// Parts that are moved side by side in vector code.
+/// SIMD lanes: parts integrated side by side.
 const LANES: usize = 8;
 
-/// A part that lies at rest.
+/// A part at rest before the pulse.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Disc {
     pub position_m: Vec2,
     pub radius_m: f64,
-    /// Coulomb friction against the plate.
+    /// Coefficient of Coulomb friction against the plate.
     pub friction: f64,
 }
 
-/// What became of every part in a pulse; the steps are kept for the way back.
+/// Courses of all parts in a pulse; the steps are kept for the adjoint.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Course {
     steps: Vec<Step>,
     groups: Vec<Group>,
-    /// Where the parts come to rest, m.
+    /// Positions where the parts come to rest, m.
     pub ends_m: Vec<Vec2>,
 }
 
-/// What drives the parts in a step.
+/// Motion of the plate during one time step.
 #[derive(Clone, Copy, Debug)]
 struct Step {
     phase: usize,
-    /// Of the envelope.
+    /// Height of the envelope.
     height: f64,
     plate: PlateInstant,
 }
 
-/// Up to eight parts side by side; vectors are their x and their y.
+/// State of up to eight parts, one per lane; vectors are stored as x and y.
 #[derive(Clone, Debug, Default)]
 struct Group {
-    /// Speed that full friction gives in a step, `μ g dt`, m/s.
+    /// Change of speed by full friction in a step, `μ g dt`, m/s.
     pull_mps: Lanes,
     /// `κ R²`, m².
     turning_m2: Lanes,
     /// `1/(2 μ g)`, s²/m.
     coasting: Lanes,
-    /// In every step.
+    /// State before every step.
     states: Vec<State>,
-    /// When the motors fall silent, m/s.
+    /// Velocity when the motors fall silent, m/s.
     last_mps: [Lanes; 2],
 }
 
 #[derive(Clone, Copy, Debug)]
 struct State {
-    /// From the plate's centre, m.
+    /// Position from the plate's centre, m.
     arm_m: [Lanes; 2],
-    /// Friction on its way to the full: `s / sqrt(|s|² + κ R² ω² + ε²)`.
+    /// Fraction of full friction, a vector: `s / sqrt(|s|² + κ R² ω² + ε²)`.
     pull: [Lanes; 2],
     /// `1 / sqrt(|s|² + κ R² ω² + ε²)`, s/m.
     inverse: Lanes,
 }
 
 impl Course {
-    /// Plays `coefficients` of `waves` under `envelope` on `discs`.
+    /// Computes the course of `discs` under the motion `coefficients` of `waves` and `envelope`.
     pub fn run(&mut self, waves: &Waves, coefficients: &[f64], envelope: &Envelope, discs: &[Disc]) {
         let motion = waves.motion(coefficients);
         let dt = waves.step_s();
@@ -98,7 +99,7 @@ impl Course {
         }
     }
 
-    /// Places of all parts through the course, every `every` steps, and at its end.
+    /// Positions of all parts along the course, every `every` steps, and at its end.
     pub fn places_m(&self, every: usize) -> impl Iterator<Item = Vec<Vec2>> + '_ {
         let at = move |step: usize| {
             let offset_m = self.steps[step].plate.offset_m;
@@ -130,7 +131,7 @@ impl Course {
 }
 
 impl Group {
-    /// Moves `discs` from rest through `steps` until they have coasted to rest; where that is, m.
+    /// Moves `discs` from rest through `steps` until they have coasted to rest; returns their final positions, m.
     fn play(&mut self, steps: &[Step], dt: f64, discs: &[Disc]) -> [Lanes; 2] {
         let each = |of: fn(&Disc) -> f64, idle: f64| {
             Lanes::from(std::array::from_fn::<f64, LANES, _>(|lane| discs.get(lane).map_or(idle, of)))
@@ -182,10 +183,10 @@ impl Group {
         }
     }
 
-    /// Slope of the way coasted along `axis`, `v |v| / (2 μ g)`, by the velocity.
+    /// Slope of the distance coasted along `axis`, `v |v| / (2 μ g)`, by the velocity.
     fn coasting_slope(&self, axis: usize) -> [Lanes; 2] {
         let [vx, vy] = self.last_mps;
-        // a part at rest does not coast: whatever its direction
+        // avoids 0/0 for a part at rest: it does not coast in any direction
         let speed = (vx * vx + vy * vy).sqrt().max(Lanes::splat(f64::MIN_POSITIVE));
         let mut slope = [vx, vy].map(|v| v * self.last_mps[axis] / speed);
         slope[axis] += speed;

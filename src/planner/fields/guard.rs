@@ -1,16 +1,16 @@
-//! Directions in which parts must get away: from each other, from the edge.
+//! Guards: directions in which parts must move away from each other or from the edge.
 
 use crate::{Limit, PartState};
 use upm_core::geometry::Vec2;
 
-/// How much more a guarded direction counts than any other.
+/// Weight of a guarded direction, relative to any other.
 const WEIGHT: f64 = 4.0;
 
-/// How far a part should get away from another or from the edge.
+/// Distance that a part should gain from another or from the edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Guard {
     pub limit: Limit,
-    /// Away.
+    /// Unit vector away from the other part or the edge.
     normal: Vec2,
     part: usize,
     other: Option<usize>,
@@ -18,7 +18,8 @@ pub(super) struct Guard {
 }
 
 impl Guard {
-    /// For `limit` as the parts lie: they get away as far as their steps say. `None` for a limit without a direction.
+    /// Guard of `limit` at the parts' present positions; it asks for the distance that their steps make. `None` for a
+    /// limit without a direction.
     pub fn of_limit(limit: Limit, parts: &[PartState], steps_m: &[f64]) -> Option<Self> {
         let (normal, part, other) = match limit {
             Limit::Edge { part } => {
@@ -35,7 +36,7 @@ impl Guard {
         Some(Self { aim_m: free.along(steps_m), ..free })
     }
 
-    /// For every two parts that lie nearer to each other than `separation_m`: they get that far apart at least.
+    /// Guards of every pair of parts with a gap below `separation_m`; each asks for at least the missing distance.
     pub fn of_near(parts: &[PartState], separation_m: f64, steps_m: &[f64]) -> Vec<Self> {
         let pairs = (0..parts.len()).flat_map(|a| (a + 1..parts.len()).map(move |b| [a, b]));
         let near = pairs.filter_map(|pair| {
@@ -47,13 +48,13 @@ impl Guard {
         near.collect()
     }
 
-    /// They shall get away by `by_m` farther, and not nearer in any case.
+    /// Raises the distance asked for by `by_m`, and to no less than `by_m`.
     #[inline]
     pub fn push(&mut self, by_m: f64) {
         self.aim_m = self.aim_m.max(0.0) + by_m;
     }
 
-    /// Its factors of the flat vector x, y of every part.
+    /// Indices and factors of the flat vector (x, y of every part) in this guard's residual.
     #[inline]
     pub fn terms(&self) -> impl Iterator<Item = (usize, f64)> {
         let of = |part: usize, sign: f64| {
@@ -63,13 +64,13 @@ impl Guard {
         of(self.part, 1.0).into_iter().chain(self.other.map(|other| of(other, -1.0)).into_iter().flatten())
     }
 
-    /// What is missing after steps of `went_m`, weighted.
+    /// Weighted distance still missing after displacements of `went_m`, m.
     #[inline]
     pub fn missing(&self, went_m: &[f64]) -> f64 {
         WEIGHT * (self.aim_m - self.along(went_m))
     }
 
-    /// How far the flat steps get away, m.
+    /// Distance gained by flat displacements, m.
     #[inline]
     fn along(&self, flat_m: &[f64]) -> f64 {
         self.terms().map(|(i, factor)| flat_m.get(i).map_or(0.0, |v| v * factor / WEIGHT)).sum()

@@ -1,4 +1,5 @@
-//! The plate's edge and the parts' rims on the way of a synthesised field: linear for the steps, exact for a forecast.
+//! Limits of a synthesised field at the plate's edge and between the parts' rims: linear for the steps, exact for a
+//! forecast.
 
 use crate::{Limit, PartState, PlannerParams};
 use upm_core::geometry::{Segment, Vec2};
@@ -12,14 +13,14 @@ pub(super) struct HalfSpace {
     normal: Vec2,
     part: usize,
     other: Option<usize>,
-    /// Never negative: a limit that is broken already may stay as it is but not get worse.
+    /// Right-hand side, m; never negative: a limit that is already broken may stay so but not get worse.
     pub room_m: f64,
-    /// What it stands for.
+    /// The limit that this is linearised from.
     pub limit: Limit,
 }
 
 impl HalfSpace {
-    /// How far flat steps `u` overstep it, m; negative when they keep it.
+    /// Distance by which flat steps `u` break the limit, m; negative when they keep it.
     pub fn excess_m(&self, steps_m: &[f64]) -> f64 {
         let of = |part: usize| self.normal.x * steps_m[2 * part] + self.normal.y * steps_m[2 * part + 1];
         of(self.part) - self.other.map_or(0.0, of) - self.room_m
@@ -28,7 +29,7 @@ impl HalfSpace {
 
 /// The linear limits around `parts` that steps of up to `reach_m` can meet.
 ///
-/// `tighter_m` is kept on top of what the parameters ask, for what linearisation leaves out.
+/// `tighter_m` is kept on top of the parameters' distances, as an allowance for the error of linearisation.
 pub(super) fn half_spaces(parts: &[PartState], params: &PlannerParams, reach_m: f64, tighter_m: f64) -> Vec<HalfSpace> {
     let mut found = Vec::new();
     for (i, part) in parts.iter().enumerate() {
@@ -56,7 +57,7 @@ pub(super) fn half_spaces(parts: &[PartState], params: &PlannerParams, reach_m: 
     found
 }
 
-/// The limit that the wanted steps overstep most; `None` when they keep all.
+/// The limit that the wanted steps break most; `None` when they keep all.
 pub(super) fn most_violated(half_spaces: &[HalfSpace], steps_m: &[f64]) -> Option<Limit> {
     let worst = half_spaces.iter().map(|h| (h.excess_m(steps_m), h.limit)).fold(None, |worst, (excess, limit)| {
         let beaten = worst.is_some_and(|(most, _)| excess <= most);
@@ -69,25 +70,27 @@ fn edge_bound_m(part: &PartState, params: &PlannerParams) -> f64 {
     params.half_side_m - part.radius_m - params.edge_margin_m
 }
 
-/// The part of edge margin and separation that a sequence may use up on its way; the plan as a whole keeps all of it.
+/// Fraction of edge margin and separation that a sequence may use up along its path; the plan as a whole keeps all of
+/// both.
 pub(super) const ON_THE_WAY: f64 = 0.5;
 
-/// What a forecast may be off, as a part of the step it is for.
+/// Assumed error of a forecast, relative to its step.
 const UNSURE: f64 = 0.05;
 
-/// The limits a whole sequence keeps, each as it was set or as it stood at the start where that was worse.
+/// The limits that a whole sequence keeps: each as configured, or the value at the start where that was worse.
 #[derive(Clone, Debug)]
 pub(super) struct Clearances {
-    /// For each part the largest |x| or |y| asked for, m.
+    /// For each part the configured largest |x| or |y|, m.
     asked_bound_m: Vec<f64>,
-    /// The same or as it stood at the start, m.
+    /// For each part the larger of that and its value at the start, m.
     bound_m: Vec<f64>,
-    /// For each pair i < j, row by row, the smallest distance of centres asked for, and that or the one at the start, m.
+    /// For each pair i < j, row by row, the configured smallest distance of centres, and the smaller of that and the
+    /// one at the start, m.
     distance_m: Vec<(f64, f64)>,
 }
 
 impl Clearances {
-    /// Of parts as they lie.
+    /// Limits for parts at their present positions.
     pub fn of(parts: &[PartState], params: &PlannerParams) -> Self {
         let spare_m = ON_THE_WAY * params.edge_margin_m.max(0.0);
         let asked_bound_m: Vec<f64> = parts.iter().map(|p| edge_bound_m(p, params) + spare_m).collect();
@@ -101,10 +104,10 @@ impl Clearances {
         Self { bound_m: bound_m.collect(), distance_m: pairs.collect(), asked_bound_m }
     }
 
-    /// The first limit that is broken while all parts go in straight lines from `before` to `after`, in step: a piece of a
-    /// forecast way that began at `start_m`. A limit is kept with room for what the forecast may be off, which grows all the
-    /// way, unless the parts go away from it. Where it is broken at the start it may be broken by `sway_m` more: shaken
-    /// parts sway.
+    /// The first limit broken while all parts move in straight lines from `before` to `after`, in step: a piece of a
+    /// forecast path that began at `start_m`. A limit is kept with an allowance for the forecast's error, which grows
+    /// along the path, unless the parts move away from it. A limit that is broken at the start may be broken by
+    /// `sway_m` more, because shaken parts sway.
     pub fn broken_after(&self, start_m: &[Vec2], before_m: &[Vec2], after_m: &[Vec2], sway_m: f64) -> Option<Limit> {
         let unsure_m: Vec<f64> = start_m.iter().zip(after_m).map(|(s, a)| UNSURE * (a - s).norm()).collect();
         for (part, (start, after)) in start_m.iter().zip(after_m).enumerate() {

@@ -15,36 +15,35 @@ use upm_core::geometry::Vec2;
 use upm_core::signal::Envelope;
 use upm_library::Library;
 
-/// Motions out of the bank that are tried, beside the last one; rounds of bettering each, and the best of them.
+/// Motions of the bank that are tried beside the last one; rounds of improvement of each, and of the best of them.
 const STARTS: usize = 1;
 const FIRST_ROUNDS: usize = 4;
 const ROUNDS: usize = 5;
-/// Rounds after a guard is put up or told to push; how often that is done; by how much it then pushes, m.
+/// Rounds of improvement after a guard is added or raised; attempts at that; distance added by each, m.
 const GUARDED_ROUNDS: usize = 2;
 const MOST_GUARDED: usize = 4;
 const PUSH_M: f64 = 2e-3;
 /// Attempts at a plan; each after the first asks for half the steps, or starts from other motions.
 const ATTEMPTS: usize = 5;
-/// A promise is broken when what the last plan was off by is more than this part of what is left.
+/// The last plan failed when its error exceeds this fraction of the remaining steps.
 const BROKEN_PROMISE: f64 = 0.5;
-/// Motions of the bank after which the best come round again.
+/// Skipped motions of the bank after which the best are tried again.
 const MOST_PASSED_OVER: usize = 64 * STARTS;
-/// Root mean square of the steps that a pulse of full length is aimed at: at first, at least, at most.
+/// Root mean square of the steps aimed at with a pulse of full length: at first and at least, and at most.
 const REACH_M: f64 = 20e-3;
 const MOST_REACH_M: f64 = 40e-3;
-/// The least steps for which a pulse is made as long as it may be: parts in each other's way need long pulses for
-/// little steps.
+/// Least steps for which a pulse has full length: parts that obstruct each other need long pulses for small steps.
 const LEAST_NEAR_M: f64 = 10e-3;
-/// No part is asked for more than this many times the root mean square.
+/// Largest step asked of any part, relative to the root mean square.
 const LONGEST: f64 = 1.8;
-/// Part of the flanks that counts like sustain.
+/// Sustain equivalent to both flanks, in attack times.
 const FLANK: f64 = 1.2;
-/// How far a shaken part sways about its way, m.
+/// Amplitude of a shaken part's sway about its path, m.
 const SWAY_M: f64 = 0.25e-3;
-/// Instants of a period at which limits are looked at.
+/// Instants per period at which the limits are checked.
 const LOOKS: usize = 4;
 
-/// Finds one motion a cycle that brings every part its step at once (equation sheet, section 5).
+/// Finds, for each cycle, one motion that gives every part its step at once (equation sheet, section 5).
 #[derive(Clone, Debug)]
 pub struct FieldPlanner {
     params: PlannerParams,
@@ -54,27 +53,27 @@ pub struct FieldPlanner {
     strength: Strength,
     bank: Bank,
     friction: f64,
-    /// Largest steps that are aimed at, root mean square.
+    /// Largest root mean square of the steps aimed at, m.
     reach_m: f64,
-    /// Steps for which a pulse is made as long as it may be.
+    /// Root mean square of the steps from which a pulse has full length, m.
     near_m: f64,
     last: Option<Vec<f64>>,
-    /// Ends that the last plan promised, m; empty when there was none.
+    /// Final positions forecast by the last plan, m; empty when there was none.
     promised_m: Vec<Vec2>,
-    /// Motions of the bank that are passed over.
+    /// Number of the bank's best motions that are skipped.
     passed_over: usize,
     spare: Spare,
 }
 
-/// An attempt that came to nothing.
+/// Failed attempt at a plan.
 struct Stopped {
     by: Limit,
-    /// What it would have been without limits.
+    /// The motion found before limits were applied, a start for the next attempt.
     motion: Vec<f64>,
 }
 
 impl FieldPlanner {
-    /// A planner for one rig's library; `None` where the library knows no synthesised motions or no friction.
+    /// A planner for one rig's library; `None` where the library has no synthesised motions or no friction.
     pub fn new(library: &Arc<Library>, params: PlannerParams) -> Option<Self> {
         let fields = library.fields.as_ref()?;
         let half_side_m = params.half_side_m;
@@ -100,7 +99,7 @@ impl FieldPlanner {
         })
     }
 
-    /// Plans one cycle: a pulse that brings every part as much of its step as one pulse can.
+    /// Plans one cycle: a pulse that gives every part as much of its step as one pulse can.
     pub fn plan(&mut self, parts: &[PartState]) -> Plan {
         let finite = |p: &PartState| {
             let numbers = [p.position_m.x, p.position_m.y, p.step_m.x, p.step_m.y, p.radius_m, p.gain];
@@ -127,8 +126,9 @@ impl FieldPlanner {
         ended(PlanStatus::Infeasible(stopped_by))
     }
 
-    /// The last motion is good to start from unless most of what is left to do is what it was off by: small steps come to
-    /// a stand where a motion does not do what it promises, and would be planned again and again.
+    /// Decides whether the last motion is a good start: not when most of the remaining distance is that motion's own
+    /// error. Small steps would stall with a motion that does not move the parts as forecast, because it would be
+    /// planned again and again.
     fn judge_last(&mut self, parts: &[PartState], rms_m: f64) {
         let promised = std::mem::take(&mut self.promised_m);
         if promised.len() != parts.len() {
@@ -142,19 +142,19 @@ impl FieldPlanner {
         }
     }
 
-    /// Starts from other motions of the bank than the last time.
+    /// Drops the last motion and advances to the next start motions of the bank.
     fn look_elsewhere(&mut self) {
         self.last = None;
         self.passed_over = (self.passed_over + STARTS) % MOST_PASSED_OVER;
     }
 
-    /// How the motions that are started from push parts at rest at `positions_m`: each as the mean direction of its slip, at
-    /// most 1 long.
+    /// Pushes of all start motions on parts at rest at `positions_m`: for each motion the mean direction of the slip, a
+    /// vector of length at most 1.
     pub fn pushes(&self, positions_m: &[Vec2]) -> impl Iterator<Item = Vec<Vec2>> {
         self.bank.all_pushes(positions_m)
     }
 
-    /// Where `parts` are forecast to be after `pulse`, m.
+    /// Forecast positions of `parts` after `pulse`, m.
     pub fn forecast(&self, parts: &[PartState], pulse: &FieldPulse) -> Vec<Vec2> {
         let mut course = Course::default();
         let coefficients = self.waves.coefficients(&pulse.wave);
@@ -162,8 +162,8 @@ impl FieldPlanner {
         course.ends_m
     }
 
-    /// A pulse for steps of `wanted_m` root mean square that keeps the limits, found from `again` or from scratch; else what
-    /// stops it.
+    /// A pulse for steps of `wanted_m` root mean square that keeps the limits, found from `again` or from scratch; else
+    /// the limit that prevents it.
     fn attempt(
         &mut self,
         parts: &[PartState],
@@ -210,7 +210,7 @@ impl FieldPlanner {
         })
     }
 
-    /// `shot`, changed so that it keeps the limits, with guards where it has to be.
+    /// `shot`, changed until it keeps the limits, with guards where necessary.
     fn cleared(&self, mut shot: Shot, free: &Range<'_>, parts: &[PartState]) -> Result<Shot, Limit> {
         let clearances = Clearances::of(parts, &self.params);
         let mut guards = free.guards.to_vec();
@@ -229,7 +229,7 @@ impl FieldPlanner {
         if shot.left(free.steps_m) < 1.0 {
             return Ok(shot);
         }
-        // a detour is worth its while only on the way to something that may be
+        // a detour is acceptable only when the destination itself is allowed
         let largest_m = free.steps_m.as_slice().chunks_exact(2).map(|step| step[0].hypot(step[1])).fold(0.0, f64::max);
         let nearby = half_spaces(parts, &self.params, largest_m + self.params.separation_m, 0.0);
         match most_violated(&nearby, free.steps_m.as_slice()) {
@@ -239,7 +239,7 @@ impl FieldPlanner {
         }
     }
 
-    /// The best of the last motion and a few out of the bank, bettered.
+    /// Improves the last motion and a few of the bank, then the best of them further.
     fn best_shot(&self, range: &Range<'_>, parts: &[PartState], steps: &[Vec2]) -> Shot {
         let positions: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         let starts = self.bank.best(&self.waves, &positions, steps, self.passed_over + STARTS);
@@ -254,7 +254,7 @@ impl FieldPlanner {
         range.better(best.unwrap_or_else(|| range.shot(&vec![0.0; self.waves.len()])), ROUNDS)
     }
 
-    /// The first limit that is broken on the way, or at its end, where no part sways any more.
+    /// The first limit broken along the course, or at its end, where sway no longer applies.
     fn broken(&self, clearances: &Clearances, course: &Course, parts: &[PartState]) -> Option<Limit> {
         let start_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         let mut before_m = start_m.clone();
@@ -268,15 +268,15 @@ impl FieldPlanner {
         clearances.broken_after(&start_m, &course.ends_m, &course.ends_m, 0.0)
     }
 
-    /// Sustain for steps of `wanted_m`: distance goes with the square of the time.
+    /// Sustain for steps of `wanted_m`, s: distance grows with the square of the time.
     fn sustain_s(&self, wanted_m: f64) -> f64 {
         let flanks_s = FLANK * self.attack_s;
         let longest_s = self.params.max_sustain_s;
         ((longest_s + flanks_s) * (wanted_m / self.near_m).min(1.0).sqrt() - flanks_s).clamp(0.0, longest_s)
     }
 
-    /// Aims farther after pulses that did nearly all, nearer after those that left much; where the goal is near, makes
-    /// pulses shorter or longer instead.
+    /// Adapts the reach: farther after pulses that made nearly the whole step, nearer after those that left much of it.
+    /// Close to the goal it adapts the pulse length instead.
     fn learn_reach(&mut self, wanted_m: f64, left: f64) {
         if wanted_m >= self.reach_m {
             let factor = if left < 0.3 {

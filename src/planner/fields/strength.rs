@@ -1,4 +1,4 @@
-//! How strong a motion may be: what the motors have to play for it.
+//! Strength of a motion: the motor counts needed to play it.
 
 use nalgebra::{Complex, Matrix3, Vector3};
 use wide::f64x4;
@@ -7,17 +7,17 @@ use super::waves::{Lanes, Waves};
 use upm_core::signal::Envelope;
 use upm_library::{FieldResponse, motor_harmonics};
 
-/// Part of the motors' limit that a motion fills. Samples are looked at 32 times in the period of the highest harmonic or
-/// oftener: between two of them one rises by half a percent at most.
+/// Fraction of the motors' limit that a motion fills. The peak is sampled at least 32 times in the period of the
+/// highest harmonic; between two samples it rises by half a percent at most.
 const EFFORT: f64 = 0.99;
 
-/// Counts at every motor, per m/s of every coefficient.
+/// Motor counts per m/s of every coefficient.
 #[derive(Clone, Debug)]
 pub(super) struct Strength {
     /// Axis amplitudes (counts) from velocity phasors (m/s; spin as the speed half a side out), for each harmonic.
     counts_from_motion: Vec<Matrix3<Complex<f64>>>,
     limit_counts: f64,
-    /// Of every pulse, however long it is held.
+    /// Envelope of a pulse; its flanks are the same for every sustain.
     envelope: Envelope,
     /// Price of a coefficient: the square of the counts it asks for, per (m/s)².
     pub weights: Vec<f64>,
@@ -48,7 +48,7 @@ impl Strength {
         coefficients.iter().zip(&self.weights).map(|(c, w)| w * c * c).sum::<f64>().sqrt()
     }
 
-    /// Makes the motion as strong as the motors allow.
+    /// Scales the motion to its share of the motors' limit.
     #[inline]
     pub fn fill(&self, waves: &Waves, coefficients: &mut [f64]) {
         let peak = self.peak_counts(waves, coefficients);
@@ -76,11 +76,12 @@ impl Strength {
         waves.sums(&factors).into_iter().fold(0.0, |peak, sums| self.higher_peak(peak, sums))
     }
 
-    /// `peak`, or what a sample with these four forces and four momenta makes of it, if that is more.
+    /// The larger of `peak` and the highest count that a sample with these four forces and four momenta can reach,
+    /// counts.
     fn higher_peak(&self, peak: f64, forces_and_momenta: Lanes) -> f64 {
         let [a, b, c, d, e, f, g, h] = forces_and_momenta.to_array();
         let (forces, momenta) = ([a, b, c, d], [e, f, g, h]);
-        // no flank makes more than this bound of a sample, which spares most of them the exact look
+        // upper bound over all flanks, which spares most samples the exact evaluation
         let force = f64x4::from(forces).abs();
         let momentum = f64x4::from(momenta).abs() / self.envelope.attack_s;
         let bound = (force + momentum).max(0.5 * force + 2.0 * momentum);

@@ -76,8 +76,8 @@ fn ends(waves: &Waves, coefficients: &[f64], envelope: &Envelope, discs: &[Disc]
 /// Steps of the slow reference, s.
 const FINE_S: f64 = 10e-6;
 
-/// Where a point at `position_m` comes to rest by Coulomb's law as it stands: friction of `μ m g` against the slip, none
-/// but what it takes to stay at the plate's speed when that is less. The plate's centre is summed up step by step.
+/// Position where a point started at `position_m` comes to rest under Coulomb's law: friction of `μ m g` against the
+/// slip, or just enough to stay at the plate's speed when that is less. The plate's offset is integrated step by step.
 fn point_end(wave: &TwistWave, envelope: &Envelope, position_m: Vec2, friction: f64) -> Vec2 {
     let most_mps = friction * GRAVITY_MPS2 * FINE_S;
     let (mut p, mut v, mut center) = (position_m, Vec2::zeros(), Vec2::zeros());

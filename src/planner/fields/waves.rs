@@ -1,4 +1,4 @@
-//! The motions that are searched: sums of harmonics on x, y and spin, sampled over one period.
+//! Motions that are searched: sums of harmonics on x, y and spin, sampled over one period.
 
 use std::f64::consts::TAU;
 use std::ops::Mul;
@@ -12,8 +12,8 @@ use upm_core::signal::{TwistHarmonic, TwistWave};
 const STEPS: usize = 8;
 /// Fewest steps of a base period.
 const FEWEST: usize = 48;
-/// Sampled phases from one step to the next. A period is no whole number of steps: the next one is met at other
-/// phases, so that over a pulse the instants at which slip turns round are seen as if sampled this much finer.
+/// Sampled phases from one step to the next. A period is not a whole number of steps: the next one is sampled at other
+/// phases, so that over a pulse the reversals of slip are resolved as if sampled this much finer.
 const STRIDE: usize = 4;
 
 /// Harmonics of one base frequency, sampled over one period.
@@ -32,12 +32,12 @@ pub(super) struct Waves {
     table: Vec<[f64; 2]>,
 }
 
-/// The plate at one instant.
+/// Velocity and offset of the plate at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct PlateInstant {
     pub velocity_mps: Vec2,
     pub spin_radps: f64,
-    /// Of its centre from its place at rest, m.
+    /// Offset of its centre from the rest position, m.
     pub offset_m: Vec2,
 }
 
@@ -86,7 +86,7 @@ impl Waves {
         TAU / self.base_radps * STRIDE as f64 / self.samples as f64
     }
 
-    /// The phase of every step, from the first on.
+    /// Index of the phase at every step, from the first on.
     #[inline]
     pub fn phases(&self) -> impl Iterator<Item = usize> {
         let next = |phase: &usize| {
@@ -101,7 +101,7 @@ impl Waves {
         coefficient % self.per_axis() / 2 + 1
     }
 
-    /// The plate in every phase of a period.
+    /// The plate's velocity and offset in every phase of a period.
     pub fn motion(&self, coefficients: &[f64]) -> Vec<PlateInstant> {
         let [x, y, spin] = self.axes(coefficients);
         let factors = |k: usize| {
@@ -121,14 +121,15 @@ impl Waves {
         self.sums(&factors).into_iter().map(instant).collect()
     }
 
-    /// What harmonic `k` with these parts of cos and sin adds up to over time.
+    /// Coefficients of the time integral of harmonic `k` with coefficients `cos` and `sin`.
     #[inline]
     pub fn integral(&self, [cos, sin]: [f64; 2], k: usize) -> [f64; 2] {
         let radps = k as f64 * self.base_radps;
         [-sin / radps, cos / radps]
     }
 
-    /// Eight sums of harmonics in every phase of a period: `factors[k - 1]` are those of cos and sin of harmonic k.
+    /// Eight sums of harmonics in every phase of a period: `factors[k - 1]` are the coefficients of cos and sin of
+    /// harmonic k.
     pub fn sums(&self, factors: &[[Lanes; 2]]) -> Vec<Lanes> {
         let mut sums = vec![Lanes::ZERO; self.samples];
         for (q, waves) in self.table.chunks_exact(self.harmonics).enumerate() {
@@ -143,7 +144,8 @@ impl Waves {
         sums
     }
 
-    /// The other way round: of eight series over a period the sums of products with cos and sin of each harmonic.
+    /// The transpose of [`Self::sums`]: for eight series over a period, the sums of products with cos and sin of each
+    /// harmonic.
     pub fn projections(&self, series: &[Lanes]) -> Vec<[Lanes; 2]> {
         let folded = |q: usize| {
             let (there, back) = (series[q], series[self.mirrored(q)]);
@@ -160,8 +162,8 @@ impl Waves {
         (0..self.harmonics).map(projection).collect()
     }
 
-    /// Slopes by the coefficients of eight parts' quantity, from its slopes by the plate's velocity (x, y, spin) in every
-    /// phase.
+    /// Slopes, by the coefficients, of one quantity of each of eight parts, from its slopes by the plate's velocity (x,
+    /// y, spin) in every phase.
     #[inline]
     pub fn slopes(&self, by_motion: &[Vec<Lanes>; 3]) -> impl Iterator<Item = Lanes> {
         let scales = [1.0, 1.0, 1.0 / self.half_side_m];
@@ -172,13 +174,13 @@ impl Waves {
             .flat_map(|(axis, scale)| axis.into_iter().flatten().map(move |slope| slope * Lanes::splat(scale)))
     }
 
-    /// The phase in which cosines are as in phase `q` and sines the opposite.
+    /// Index of the phase in which cosines equal those of phase `q` and sines are opposite.
     #[inline]
     fn mirrored(&self, q: usize) -> usize {
         (self.samples - q) % self.samples
     }
 
-    /// The motion in plain terms.
+    /// The motion as a [`TwistWave`].
     #[inline]
     pub fn wave(&self, coefficients: &[f64]) -> TwistWave {
         let [x, y, spin] = self.axes(coefficients);

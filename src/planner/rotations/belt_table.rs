@@ -1,4 +1,4 @@
-//! How far a part goes on a belt: what friction says, corrected by what calibration measured.
+//! Distance carried on a belt: computed from friction, corrected by the calibration's measurements.
 
 use upm_library::Library;
 
@@ -7,19 +7,20 @@ use crate::pump::{Discs, LANES, Pump, Travel};
 
 /// Nodes of belt speed, evenly spaced in its logarithm.
 const SPEEDS: usize = 40;
-/// Nodes of spin, as parts of the largest in the library.
+/// Nodes of spin, relative to the largest in the library.
 const SPINS: [f64; LANES] = [0.0, 0.06, 0.12, 0.25, 0.4, 0.6, 0.8, 1.0];
-/// Outline of the coin that the table is for, m; it counts on slow belts about near centres alone.
+/// Radius of the disc that the table is computed for, m; it matters only on slow belts about near centres.
 const RADIUS_M: f64 = 10e-3;
-/// A belt carries nothing below about this part of the speed at which friction accelerates as the plate does.
+/// Slowest useful belt, relative to the speed at which the plate's acceleration equals that of friction; below about
+/// this nothing is carried.
 const SLOWEST: f64 = 0.55;
-/// Friction where the library shows none.
+/// Coefficient of friction where the library yields none.
 const USUAL_FRICTION: f64 = 0.3;
-/// Distances below which measured and computed are not compared, m, and the most that they may differ by.
+/// Distances below which measured and computed values are not compared, m, and bounds of their ratio.
 const COMPARED_M: f64 = 0.3e-3;
 const CORRECTION: (f64, f64) = (0.6, 1.6);
 
-/// Travel of a part from rest over the speed amplitude of the belt under it, the plate's spin and the sustain.
+/// Displacements of a part from rest by the speed amplitude of its belt, the plate's spin and the sustain.
 #[derive(Clone, Debug)]
 pub(super) struct BeltTable {
     first_ln: f64,
@@ -31,7 +32,7 @@ pub(super) struct BeltTable {
     travels: Vec<[Travel; LANES]>,
 }
 
-/// The table at one spin and one sustain.
+/// The table at one spin and one sustain, by belt speed.
 #[derive(Clone, Debug)]
 pub(super) struct BeltSlice {
     first_ln: f64,
@@ -40,7 +41,7 @@ pub(super) struct BeltSlice {
 }
 
 impl BeltTable {
-    /// For the motions of `library`, with sustains of up to `longest_s`.
+    /// Table for the motions of `library`, with sustains of up to `longest_s`.
     pub fn new(library: &Library, longest_s: f64) -> Self {
         let pump = Pump::of(library);
         let friction = friction_of(library).unwrap_or(USUAL_FRICTION);
@@ -67,7 +68,7 @@ impl BeltTable {
         table
     }
 
-    /// Scales the table to what was measured: a factor for each speed, over all sustains.
+    /// Scales the table to the measurements: one factor for each speed, over all sustains.
     fn correct(&mut self, library: &Library) {
         let model = &library.displacement;
         let factor = |&speed_mps: &f64| {
@@ -95,7 +96,7 @@ impl BeltTable {
         self.sustain_step_s
     }
 
-    /// Sustains in the table; they begin at 0.
+    /// Number of sustains in the table, from 0.
     pub fn sustains(&self) -> usize {
         self.sustains
     }
@@ -105,7 +106,7 @@ impl BeltTable {
         self.first_ln.exp()
     }
 
-    /// The table at this spin (its sign does not count) and this sustain.
+    /// The table at this spin (its sign has no effect) and this sustain.
     pub fn slice(&self, spin_radps: f64, sustain_s: f64) -> BeltSlice {
         let spin = spin_radps.abs().min(self.spin_radps[LANES - 1]);
         let q = self.spin_radps[1..LANES - 1].partition_point(|&node| node <= spin);
@@ -132,7 +133,7 @@ impl BeltTable {
 }
 
 impl BeltSlice {
-    /// Travel on a belt of this speed; below the table it falls in a straight line to nothing.
+    /// Displacement on a belt of this speed; below the table it falls linearly to zero.
     #[inline]
     pub fn at(&self, speed_mps: f64) -> Travel {
         let place = (speed_mps.max(1e-9).ln() - self.first_ln) * self.per_ln;
@@ -153,7 +154,7 @@ impl BeltSlice {
     }
 }
 
-/// Between points of rising x, the nearest beyond them; 1 without any.
+/// Linear interpolation between points of rising x, constant beyond them; 1 without points.
 fn interpolated(points: &[(f64, f64)], x: f64) -> f64 {
     let above = points.partition_point(|point| point.0 <= x);
     match (above.checked_sub(1).and_then(|below| points.get(below)), points.get(above)) {

@@ -1,4 +1,5 @@
-//! The library's motions with a dial each: how strong and how long a pulse is that goes a given way, and where it puts parts.
+//! The library's motions, each with a dial: amplitude and sustain of a pulse for a given distance, and its displacement
+//! of any part.
 
 use std::sync::Arc;
 
@@ -7,39 +8,40 @@ use crate::PlannerParams;
 use upm_core::geometry::{Twist, Vec2, perp};
 use upm_library::Library;
 
-/// Rows and columns of places on the plate that make an entry's typical belt, and how far out they reach.
+/// Rows and columns of sample positions that define an entry's typical belt, and their largest distance from the
+/// centre.
 const PLACES: i32 = 9;
 const REACH: f64 = 0.85;
 /// Amplitudes of the dial below the full one.
 const AMPLITUDES: usize = 24;
-/// Settings between two neighbours of the dial: from the strongest belt that more strength helps without sustain to full
-/// strength with some, the way is far from straight in both.
+/// Settings between two neighbours of the dial: from the strongest belt that gains by amplitude without sustain to full
+/// amplitude with some, the distance is far from linear in both.
 const BETWEEN: u32 = 4;
-/// Entries whose typical belt is slower than this part of the fastest are not looked at: the dial makes short steps.
+/// Entries whose typical belt is slower than this fraction of the fastest are not used: the dial makes short steps.
 const STRONG: f64 = 0.35;
-/// Time that parts are left to stand beyond what is forecast, and the least rest after a pulse, s.
+/// Margin added to the forecast coasting time, and the least rest after a pulse, s.
 const STANDING_S: f64 = 3e-3;
 const LEAST_REST_S: f64 = 8e-3;
 
-/// One pulse: which motion, and the way it goes on the motion's typical belt.
+/// One pulse: a motion and the distance that it carries on the motion's typical belt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pulse {
     /// Index into the belts.
     pub belt: usize,
-    /// Signed way on the typical belt, m; negative runs the drive in reverse.
+    /// Signed distance on the typical belt, m; negative runs the drive in reverse.
     pub way_m: f64,
 }
 
-/// How a pulse is played.
+/// Amplitude and sustain of a pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Setting {
-    /// Part of the full amplitude, 0 to 1.
+    /// Fraction of the full amplitude, 0 to 1.
     pub amplitude: f64,
     pub sustain_s: f64,
 }
 
 impl Setting {
-    /// This one and `part` of the way to `other`.
+    /// Linear interpolation from this setting towards `other`.
     fn towards(self, other: Self, part: f64) -> Self {
         Self {
             amplitude: self.amplitude + part * (other.amplitude - self.amplitude),
@@ -48,11 +50,11 @@ impl Setting {
     }
 }
 
-/// A pulse ready to be forecast.
+/// A pulse prepared for forecasts.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
     pub setting: Setting,
-    /// Amplitude of the plate's twist, reversed where the pulse is.
+    /// Amplitude of the plate's twist, reversed for a reversed pulse.
     twist: Twist,
     slice: BeltSlice,
 }
@@ -63,7 +65,7 @@ pub(super) struct Belt {
     /// Index into the library.
     pub entry: usize,
     pub twist: Twist,
-    /// Ways on the typical belt, rising, m, with the setting that goes it.
+    /// Distances on the typical belt, rising, m, each with its setting.
     dial: Vec<(f64, Setting)>,
 }
 
@@ -94,7 +96,7 @@ impl Belts {
         Self { table, belts, attack_s: library.attack_s, frame_s, exposure_s }
     }
 
-    /// Shortest and longest way of a belt, m.
+    /// Shortest and longest distance of a belt's pulses, m.
     pub fn range_m(&self, belt: usize) -> (f64, f64) {
         let dial = &self.belts[belt].dial;
         (dial.first().map_or(0.0, |d| d.0), dial.last().map_or(0.0, |d| d.0))
@@ -114,7 +116,7 @@ impl Belts {
         }
     }
 
-    /// `pulse`, ready to be forecast.
+    /// `pulse`, prepared for forecasts.
     pub fn motion(&self, pulse: Pulse) -> Motion {
         self.motion_of(&self.belts[pulse.belt].twist, self.setting(pulse), pulse.way_m < 0.0)
     }
@@ -126,18 +128,18 @@ impl Belts {
         Motion { setting, twist, slice: self.table.slice(twist.spin_radps, setting.sustain_s) }
     }
 
-    /// Rest after a pulse whose slowest part stands after `coasts_s`, s.
+    /// Rest after a pulse whose slowest part is at rest after `coasts_s`, s.
     pub fn rest_s(&self, coasts_s: f64) -> f64 {
         (coasts_s + STANDING_S).max(LEAST_REST_S)
     }
 
-    /// Time that a pulse takes until the camera has seen the parts at rest, s: whole frames.
+    /// Time from the start of a pulse until the camera has seen the parts at rest, s: whole frames.
     pub fn price_s(&self, setting: Setting, coasts_s: f64) -> f64 {
         let all_s = 2.0 * self.attack_s + setting.sustain_s + self.rest_s(coasts_s) + self.exposure_s;
         (all_s / self.frame_s - 1e-6).ceil() * self.frame_s
     }
 
-    /// Belts whose centre is more than `nearest` radii from every one of these discs (place and outline, m).
+    /// Belts with a centre more than `nearest` radii from every one of these discs (position and radius, m).
     pub fn usable(&self, discs: impl Iterator<Item = (Vec2, f64)> + Clone, nearest: f64) -> Vec<usize> {
         let carries = |belt: &Belt| {
             discs.clone().all(|(p, radius_m)| {
@@ -149,7 +151,7 @@ impl Belts {
 }
 
 impl Motion {
-    /// Where a part at `p` that goes `gain` times as far as was measured ends, m, and how long it coasts, s.
+    /// Final position, m, and coasting time, s, of a part at `p` that moves `gain` times as far as measured.
     #[inline]
     pub fn carry(&self, p: Vec2, gain: f64) -> (Vec2, f64) {
         let belt = self.twist.velocity_at(p);
@@ -198,7 +200,7 @@ fn dial(table: &BeltTable, twist: &Twist, typical_mps: f64) -> Vec<(f64, Setting
     dial
 }
 
-/// Adds a setting that goes farther than those before.
+/// Adds a setting if it carries farther than those before.
 fn push_longer(dial: &mut Vec<(f64, Setting)>, way_m: f64, setting: Setting) {
     if way_m > dial.last().map_or(0.0, |last| last.0) + 1e-7 {
         dial.push((way_m, setting));

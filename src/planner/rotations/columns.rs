@@ -1,10 +1,10 @@
-//! Candidate pulses: what each does to every part, and what time it takes.
+//! Candidate pulses: their displacements of every part and their times.
 
 use super::belts::{Belts, Pulse};
 use crate::PartState;
 use upm_core::geometry::Vec2;
 
-/// Ways of candidate pulses on their typical belts, m.
+/// Distances of candidate pulses on their typical belts, m.
 const LEVELS_M: [f64; 13] =
     [25e-3, 16e-3, 10e-3, 7e-3, 5e-3, 3.5e-3, 2.5e-3, 1.7e-3, 1.2e-3, 0.8e-3, 0.55e-3, 0.35e-3, 0.24e-3];
 
@@ -19,8 +19,8 @@ pub(super) enum PulseScale {
 }
 
 impl PulseScale {
-    /// Candidates are at most this many times as long as the root mean square of the steps: long pulses span little more
-    /// than rigid motions, and what cancels of them costs more than it moves.
+    /// Longest candidates, relative to the root mean square of the steps: long pulses span little more than rigid
+    /// motions, and the parts of them that cancel cost more than they move.
     fn longest(self) -> f64 {
         match self {
             Self::Coarse => 1.4,
@@ -28,7 +28,7 @@ impl PulseScale {
         }
     }
 
-    /// Shortest candidates, and those that are offered whatever the steps, m.
+    /// Shortest candidates, and the length up to which candidates are always offered, m.
     fn shortest_m(self) -> (f64, f64) {
         match self {
             Self::Coarse => (0.7e-3, 1.3e-3),
@@ -36,7 +36,7 @@ impl PulseScale {
         }
     }
 
-    /// Centres are no nearer to a part than this many radii: a nearer one spins it more than it moves it.
+    /// Least distance of a centre from a part, in radii: a nearer one spins the part more than it moves it.
     fn nearest_radii(self) -> f64 {
         match self {
             Self::Coarse => 0.8,
@@ -56,7 +56,7 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// Every usable belt both ways at every length that suits steps of `rms_m`.
+    /// Every usable belt in both directions at every length suited to steps of `rms_m`.
     pub fn all(belts: &Belts, parts: &[PartState], rms_m: f64, scale: PulseScale) -> Self {
         let discs = parts.iter().map(|part| (part.position_m, part.radius_m));
         let usable = belts.usable(discs, scale.nearest_radii());
@@ -75,7 +75,7 @@ impl Columns {
         columns
     }
 
-    /// These pulses.
+    /// Columns of `pulses`.
     pub fn of(belts: &Belts, parts: &[PartState], pulses: impl Iterator<Item = Pulse>) -> Self {
         let mut columns = Self { rows: 2 * parts.len(), ..Self::default() };
         pulses.for_each(|pulse| columns.push(belts, parts, pulse));
@@ -104,7 +104,7 @@ impl Columns {
         &self.values_mm[j * self.rows..][..self.rows]
     }
 
-    /// Worth of column `j` at `prices` (s/mm) for each second that it takes.
+    /// Value of column `j` at `prices` (s/mm), per second of its time.
     pub fn pay(&self, j: usize, prices: &[f64]) -> f64 {
         self.column(j).iter().zip(prices).map(|(d, y)| d * y).sum::<f64>() / self.price_s[j]
     }

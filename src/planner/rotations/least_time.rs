@@ -1,33 +1,33 @@
-//! The relaxed program: how many of which pulses bring the steps in the least plate time.
+//! Relaxed program: real-valued counts of the pulses that make the steps in the least plate time.
 //!
 //! ```text
 //!   minimise    c · n            c_j: plate time of pulse j
 //!   subject to  n >= 0,   |e - Φ n| <= leave       Φ_j: its exact displacement of all parts
 //! ```
 //!
-//! The steps may be missed by `leave`: their hardest part costs most of the time of all. More is left only where the columns
-//! cannot do it, at a price above all others. Solved by column generation: over
-//! the columns that pay at the last prices, then over those too that pay at the new ones.
+//! The steps may be missed by `leave`, because the hardest part of them would cost most of the time. A larger residual
+//! is allowed only where the columns cannot avoid it, at a price above all others. Solved by column generation: first
+//! over the columns that pay at the last prices, then adding those that pay at the new ones.
 
 use std::collections::BTreeSet;
 
 use super::columns::Columns;
 use upm_qp::{ColumnWriter, Cone, Minimiser, Program};
 
-/// Columns of the first program and of each addition, for each coordinate.
+/// Columns of the first program and of each addition, per coordinate.
 const FIRST: usize = 6;
 const MORE: usize = 5;
-/// Columns for each coordinate and direction where there are no prices yet.
+/// Columns per coordinate and direction while there are no prices.
 const SPANNING: usize = 3;
-/// Programs until the prices are taken as they are.
+/// Largest number of programs before the prices are accepted.
 const ROUNDS: usize = 8;
-/// A column is added when it pays more than this for its time, and dropped when it pays less than that.
+/// A column is added when its value exceeds its time by this factor, and dropped below the second one.
 const PAYS: f64 = 1.02;
 const WORTH_KEEPING: f64 = 0.5;
-/// Price of leaving more than may be left, s/mm.
+/// Price of a residual beyond `leave`, s/mm.
 const BEYOND_S_PER_MM: f64 = 30.0;
 
-/// Counts of pulses, and what a millimetre of each step is worth.
+/// Solution: counts of pulses, and the price of a millimetre of each step.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LeastTime {
     /// n, for each column.
@@ -41,7 +41,7 @@ pub(super) struct LeastTime {
 }
 
 impl LeastTime {
-    /// The program over all of `columns`; `last` are prices to begin with. `None` where the solver fails.
+    /// Solves the program over all of `columns`, starting from the prices `last`. `None` where the solver fails.
     pub fn solve(columns: &Columns, steps_mm: &[f64], leave_mm: f64, last: &[f64]) -> Option<Self> {
         let rows = steps_mm.len();
         let mut chosen: BTreeSet<usize> = if last.len() == rows {
@@ -62,7 +62,7 @@ impl LeastTime {
         Self::over(columns, &chosen, steps_mm, leave_mm)
     }
 
-    /// The program over these of `columns` alone; the counts of the others are 0.
+    /// Solves the program over a subset of `columns`; the other counts are 0.
     pub fn over<'a>(
         columns: &Columns,
         chosen: impl IntoIterator<Item = &'a usize>,
@@ -79,7 +79,7 @@ impl LeastTime {
             }
             constraints.end_column();
         }
-        // the last variable is what has to be left beyond `leave`
+        // the last variable is the residual beyond `leave`
         constraints.put(count, -1.0);
         constraints.put(count + 1, -1.0);
         constraints.end_column();
@@ -116,7 +116,7 @@ pub(super) fn best_paying(columns: &Columns, prices: &[f64], most: usize, least:
     paying.into_iter().map(|(_, j)| j).collect()
 }
 
-/// Columns along the steps, and a few for each coordinate both ways that move the others little.
+/// Columns along the steps, and for each coordinate and sign a few that move the other coordinates little.
 fn spanning(columns: &Columns, steps_mm: &[f64]) -> BTreeSet<usize> {
     let rows = steps_mm.len();
     let mut chosen: BTreeSet<usize> = best_paying(columns, steps_mm, FIRST * rows, 0.0).into_iter().collect();

@@ -1,15 +1,15 @@
-//! The order in which pulses are played.
+//! Order in which pulses are played.
 
 use super::belts::Motion;
 use super::subgoals::Room;
 use crate::PartState;
 use upm_core::geometry::Vec2;
 
-/// What a broken limit costs against distance from the straight way.
+/// Weight of a broken limit against the distance from the straight path.
 const LIMIT: f64 = 20.0;
 
-/// Next always the pulse after which the parts are nearest to their share of the straight way by `steps_m`; a broken limit
-/// costs most.
+/// Greedy order: the next pulse is the one after which the parts are nearest to their share of the straight path by
+/// `steps_m`; a broken limit costs most.
 pub(super) fn order(motions: &[Motion], parts: &[PartState], steps_m: &[Vec2], room: &Room) -> Vec<usize> {
     let start_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
     let mut at_m = start_m.clone();

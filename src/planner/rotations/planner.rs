@@ -11,35 +11,36 @@ use crate::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rot
 use upm_core::geometry::Vec2;
 use upm_library::Library;
 
-/// Pulses that are played before the parts are looked at and the rest is corrected.
+/// Pulses played before the parts are observed and the rest is corrected.
 const CHUNK: usize = 4;
-/// Longest way of a part in one sequence, m: this over the number of parts, within bounds.
+/// Longest displacement of a part in one sequence, m: this over the number of parts, within bounds.
 const WAY_M: f64 = 160e-3;
 const WAYS_M: (f64, f64) = (16e-3, 40e-3);
 const LEAST_WAY_M: f64 = 2e-3;
-/// Part of the steps that a sequence may leave, for one part and for several.
+/// Fraction of the steps that a sequence may leave, for one part and for several.
 const LEAVE_ALONE: f64 = 0.05;
 const LEAVE: f64 = 0.3;
-/// What may be left near the goal, root mean square, m.
+/// Residual allowed near the goal, root mean square, m, for one part and for several.
 const NEAR_ALONE_M: f64 = 0.02e-3;
 const NEAR_M: f64 = 0.15e-3;
-/// Near the goal a sequence may leave up to this part.
+/// Largest fraction of the steps that a sequence near the goal may leave.
 const NEAREST: f64 = 0.5;
-/// The program leaves less than the sequence may, since ordering and rounding add to it.
+/// Factor of the program's residual to the sequence's, since ordering and rounding add to it.
 const TIGHTER: f64 = 0.8;
-/// Sequences tried in one cycle: the second of finer pulses, the others also for half the way of the one before, or where the
-/// steps are small, root mean square, each leaving less of them.
+/// Sequences tried in one cycle. The second has finer pulses; each further one goes half as far as the one before or,
+/// where the steps are small (root mean square), leaves less of them.
 const ATTEMPTS: usize = 5;
 const SMALL_M: f64 = 2e-3;
 const TIGHTEN: f64 = 0.4;
-/// A sequence that leaves more than this part is tried again, of finer pulses or for less of the way.
+/// A sequence that leaves more than this fraction is tried again, with finer pulses or over a shorter distance.
 const POOR: f64 = 0.55;
-/// Ways grow and shrink by these, with what sequences leave.
+/// Factors by which the distance of a sequence grows and shrinks, each with the residual below or above which it
+/// applies.
 const GROW: (f64, f64) = (0.3, 1.15);
 const SHRINK: (f64, f64) = (0.4, 0.85);
 const SHRINK_FAILED: f64 = 0.8;
-/// The rest of a sequence is played on while it leaves less than this many times what was promised, and at least so much, m;
-/// and while no limit is broken by more.
+/// The rest of a sequence is played while its residual is below this multiple of the forecast one, or below the length
+/// in m, and no limit is broken by more than the last.
 const KEPT: f64 = 1.4;
 const KEPT_M: f64 = 0.25e-3;
 const BROKEN_M: f64 = 0.5e-3;
@@ -47,31 +48,32 @@ const BROKEN_M: f64 = 0.5e-3;
 const NEW_ROUNDS: usize = 6;
 const PRUNED_ROUNDS: usize = 2;
 const REST_ROUNDS: usize = 4;
-/// Rounds over more pulses than this in all are fewer, down to one.
+/// Pulses times rounds of refinement, at most: longer sequences get fewer rounds, down to one.
 const NEW_PULSES: usize = 400;
 const REST_PULSES: usize = 160;
-/// Times pulses are dropped, over more pulses than this in all fewer: this part of them at first, then ever fewer.
+/// Rounds of dropping pulses, their product with the number of pulses at most, and the first share dropped, 1 over
+/// this.
 const PRUNED: usize = 6;
 const PRUNED_PULSES: usize = 160;
 const PRUNED_SHARE: usize = 8;
 /// Pulses shorter than this on their typical belts are dropped, m.
 const SHORT_M: f64 = 0.03e-3;
-/// Halvings that find how short a pulse is.
+/// Bisections for the length of a shortened pulse.
 const HALVINGS: usize = 10;
-/// Targets that moved less than this part of the steps move the subgoals; others end the sequence.
+/// Targets that moved by less than this fraction of the steps shift the subgoals; larger moves end the sequence.
 const MOVED: f64 = 0.5;
-/// What the time figure leaves of the steps, root mean square, mm.
+/// Residual in the estimate of the least time, root mean square, mm.
 const FIGURE_LEFT_MM: f64 = 0.4;
 
-/// Plans sequences of rotations that bring every part its step, and corrects them as they are played.
+/// Plans sequences of rotations that give every part its step, and corrects them while they are played.
 #[derive(Clone, Debug)]
 pub struct RotationPlanner {
     library: Arc<Library>,
     params: PlannerParams,
     pub(super) belts: Arc<Belts>,
-    /// Of the last program, s/mm.
+    /// Prices of the last program, s/mm.
     prices: Vec<f64>,
-    /// Longest way of a part in the next sequence, m.
+    /// Longest displacement of a part in the next sequence, m.
     way_m: Option<f64>,
     running: Option<Running>,
 }
@@ -79,22 +81,22 @@ pub struct RotationPlanner {
 /// A sequence that is being played.
 #[derive(Clone, Debug)]
 struct Running {
-    /// What is left to play.
+    /// Pulses not yet played.
     pulses: Vec<Pulse>,
     subgoals_m: Vec<Vec2>,
     targets_m: Vec<Vec2>,
-    /// What it may leave, root mean square, m.
+    /// Allowed residual, root mean square, m.
     want_m: f64,
 }
 
 /// A sequence that could be played.
 struct Candidate {
     refined: Refined,
-    /// Pulses that keep the limits, from the first.
+    /// Number of pulses from the first that keep the limits.
     safe: usize,
     subgoals_m: Vec<Vec2>,
     want_m: f64,
-    /// Way towards the targets for each second, m/s.
+    /// Distance gained towards the targets per second, m/s.
     gain_mps: f64,
 }
 
@@ -105,7 +107,7 @@ impl RotationPlanner {
         Self { library, params, belts, prices: Vec::new(), way_m: None, running: None }
     }
 
-    /// Longest way of a part in one sequence for so many parts, m.
+    /// Longest displacement of a part in one sequence with `parts` parts, m.
     pub fn longest_way_m(parts: usize) -> f64 {
         (WAY_M / parts.max(1) as f64).clamp(WAYS_M.0, WAYS_M.1)
     }
@@ -135,7 +137,7 @@ impl RotationPlanner {
         }
     }
 
-    /// Where `parts` are forecast to be after `pulse`, m.
+    /// Forecast positions of `parts` after `pulse`, m.
     pub fn forecast(&self, parts: &[PartState], pulse: &Rotation) -> Vec<Vec2> {
         let Some(entry) = self.library.entries.get(pulse.entry) else {
             return parts.iter().map(|part| part.position_m).collect();
@@ -145,8 +147,8 @@ impl RotationPlanner {
         parts.iter().map(|part| motion.carry(part.position_m, part.gain).0).collect()
     }
 
-    /// The least plate time of all steps by the relaxed program, s: every pulse as if from where the parts are now. No strict
-    /// bound, since flows change on the way. `None` where the library cannot make the steps.
+    /// Least plate time of all steps by the relaxed program, s, with the flows at the parts' present positions. Not a
+    /// strict bound, since flows change along the path. `None` where the library cannot make the steps.
     pub fn least_time_s(&self, parts: &[PartState]) -> Option<f64> {
         let steps_mm = steps_mm(parts.iter().map(|part| part.step_m));
         let columns = Columns::all(&self.belts, parts, f64::INFINITY, PulseScale::Coarse);
@@ -158,7 +160,7 @@ impl RotationPlanner {
         (found.beyond_mm < leave_mm).then_some(found.time_s)
     }
 
-    /// The rest of the running sequence, corrected; `None` where it no longer does what it promised.
+    /// The rest of the running sequence, corrected; `None` where it no longer does what was forecast.
     fn rest(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Room) -> Option<Candidate> {
         let mut running = self.running.take()?;
         if running.pulses.is_empty() || running.targets_m.len() != parts.len() {
@@ -184,7 +186,7 @@ impl RotationPlanner {
         (kept && safe > 0).then_some(Candidate { refined, safe, subgoals_m, want_m, gain_mps: 0.0 })
     }
 
-    /// A new sequence towards `targets_m`: for all of the way that one sequence goes, or for less where that is no good.
+    /// A new sequence towards `targets_m`, over the full distance of a sequence or, where that fails, a shorter one.
     fn new_sequence(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Room) -> Result<Candidate, Limit> {
         let usual_m = Self::longest_way_m(parts.len());
         let mut way_m = self.way_m.unwrap_or(usual_m);
@@ -229,7 +231,7 @@ impl RotationPlanner {
         best.filter(|best| best.gain_mps > 0.0).ok_or(limit)
     }
 
-    /// A sequence to `subgoals_m`: program, order, refinement, and pulses that can be spared dropped.
+    /// A sequence to `subgoals_m`: program, order, refinement, and removal of dispensable pulses.
     fn sequence(
         &mut self,
         parts: &[PartState],
@@ -247,7 +249,7 @@ impl RotationPlanner {
         let pulses = order(&motions, parts, &steps_m, room).into_iter().map(|k| pulses[k]).collect();
         let first = Refined::of(&self.belts, pulses, parts, &subgoals_m, room);
         let rounds = (NEW_PULSES / first.pulses.len().max(1)).clamp(1, NEW_ROUNDS);
-        // one part can go where it should exactly, by the pulses that it has
+        // a single part can reach its subgoal exactly with its present pulses
         let aim_m = if alone { near_m } else { want_m };
         let refined = first.refined(&self.belts, parts, &subgoals_m, room, (rounds, aim_m));
         let refined = self.pruned(refined, parts, &subgoals_m, room, want_m);
@@ -260,8 +262,8 @@ impl RotationPlanner {
         Some(Candidate { refined, safe, subgoals_m, want_m: want_m.max(left_m), gain_mps })
     }
 
-    /// Pulses that make `steps_m` in the least time: the relaxed program, its counts made whole, and once more over the pulses
-    /// that came of it.
+    /// Pulses that make `steps_m` in the least time: the relaxed program and its rounding to whole pulses, then both
+    /// once more over the resulting pulses.
     fn program(&mut self, parts: &[PartState], steps_m: &[Vec2], want_m: f64, scale: PulseScale) -> Option<Vec<Pulse>> {
         let rms_m = rms_m(steps_m.iter().copied());
         let steps_mm = steps_mm(steps_m.iter().copied());
@@ -282,7 +284,8 @@ impl RotationPlanner {
         (!pulses.is_empty()).then_some(pulses)
     }
 
-    /// Whole pulses for relaxed counts: less than one is a shorter pulse, more are several alike, never one longer.
+    /// Whole pulses for relaxed counts: a count below one becomes a shorter pulse, a larger one several equal pulses,
+    /// never a longer one.
     fn whole(&self, parts: &[PartState], columns: &Columns, counts: &[f64]) -> (Vec<Pulse>, Vec<usize>) {
         let used = counts.iter().enumerate().filter(|(_, count)| **count > 0.02);
         let whole = used.map(|(j, &count)| {
@@ -292,8 +295,8 @@ impl RotationPlanner {
         whole.unzip()
     }
 
-    /// The pulse of column `j`, shortened until its displacement projects to `share` of the column. Its way is no measure of
-    /// that, since parts on the slowest belts of a weak pulse stick.
+    /// The pulse of column `j`, shortened until its displacement projects to `share` of the column. Its length on the
+    /// typical belt is no measure of that, since parts on the slowest belts of a weak pulse stick.
     fn shortened(&self, parts: &[PartState], columns: &Columns, j: usize, share: f64) -> Pulse {
         let (pulse, column) = (columns.pulses[j], columns.column(j));
         let with_way = |way_m: f64| Pulse { way_m: way_m.copysign(pulse.way_m), ..pulse };
@@ -343,7 +346,7 @@ impl RotationPlanner {
         best
     }
 
-    /// Way of all parts together towards their targets for each second of the pulses that can be played, m/s.
+    /// Distance that all parts together gain towards their targets, per second of the playable pulses, m/s.
     fn gain_mps(&self, refined: &Refined, safe: usize, parts: &[PartState], targets_m: &[Vec2]) -> f64 {
         let away_m = |places_m: &[Vec2]| -> f64 {
             places_m.iter().zip(targets_m).map(|(p, target)| (target - p).norm_squared()).sum::<f64>().sqrt()
@@ -354,7 +357,7 @@ impl RotationPlanner {
         if safe == 0 { -1.0 } else { (away_m(&before_m) - away_m(refined.rollout.at(safe))) / time_s }
     }
 
-    /// The plan of the first pulses of `candidate`; the rest is kept.
+    /// Plan of the first pulses of `candidate`; keeps the rest.
     fn play(&mut self, candidate: Candidate, targets_m: Vec<Vec2>, continues: bool) -> Plan {
         let Candidate { refined, safe, subgoals_m, want_m, .. } = candidate;
         let count = if 2 * safe > 3 * CHUNK { CHUNK } else { safe };
@@ -377,7 +380,7 @@ impl RotationPlanner {
     }
 }
 
-/// Pulses from the first that keep the limits.
+/// Number of pulses from the first that keep the limits.
 fn safe(refined: &Refined, room: &Room) -> usize {
     let (rollout, played): (&Rollout, Room) = (&refined.rollout, room.for_playing());
     let breaks = |k: &usize| played.shortfall(rollout.at(*k), rollout.at(k + 1)).is_some();

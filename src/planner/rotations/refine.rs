@@ -1,4 +1,5 @@
-//! A sequence bettered on its exact end: damped Gauss-Newton steps, each a quadratic program with the limits at every stage.
+//! Refinement of a sequence for its exact end: damped Gauss-Newton steps, each a quadratic program with the limits at
+//! every stage.
 //!
 //! ```text
 //!   minimise    |r - J δ|² + λ tr(JᵀJ)/K Σ δ_k² / (ε + |d_k|) + price Σ |d_k + δ_k| + penalty s
@@ -13,37 +14,39 @@ use crate::PartState;
 use upm_core::geometry::Vec2;
 use upm_qp::{ColumnWriter, Cone, Program};
 
-/// Merit of a metre of a limit that is broken by more than this, against a metre of error.
+/// Weight of a metre by which a limit is broken against a metre of error, and the excess below which it is tolerated,
+/// m.
 const BROKEN: f64 = 8.0;
 const TOLERATED_M: f64 = 0.2e-3;
-/// Damping at first, at most, and how it changes.
+/// Damping at first, at least and at most.
 const DAMPING: f64 = 0.03;
 const LEAST_DAMPING: f64 = 1e-5;
 const MOST_DAMPING: f64 = 100.0;
-/// Ways count for the damping between these, mm.
+/// Bounds of a pulse's length in the damping term, mm.
 const STIFF_MM: (f64, f64) = (0.3, 3.0);
-/// Price of a millimetre of way, and of a limit broken by the linear forecast.
+/// Price of a millimetre of pulse length, and of a millimetre by which the linear forecast breaks a limit.
 const PRICE: f64 = 2e-3;
 const PENALTY: f64 = 3.0;
-/// Limits are looked at when they are nearer than this, m, and kept with so much to spare; the tightest of each stage's
-/// are enough, so many for each part.
+/// Limits become constraints when nearer than this, m, and are kept with the spare distance; only the tightest of each
+/// stage are used, this many per part.
 const NEAR_M: f64 = 3e-3;
 const SPARE_M: f64 = 0.2e-3;
 const ROWS_PER_PART: usize = 3;
-/// A sequence whose parts end this near their subgoals, root mean square, is good enough, m.
+/// Error at which a sequence is good enough, root mean square over the parts, m.
 const ENOUGH_M: f64 = 0.08e-3;
-/// Rounds that gain less than this part end it.
+/// A round is slow when it leaves more than this fraction of the merit; three slow rounds in succession end the
+/// refinement.
 const SLOW: f64 = 0.97;
 
-/// A sequence and what it is forecast to do.
+/// A sequence and its forecast.
 #[derive(Clone, Debug)]
 pub(super) struct Refined {
     pub pulses: Vec<Pulse>,
     pub motions: Vec<Motion>,
     pub rollout: Rollout,
-    /// What the end leaves of the way to the subgoals: root of the sum of squares over the parts, m.
+    /// Distance left to the subgoals at the end: root of the sum of squares over the parts, m.
     pub left_m: f64,
-    /// The limit broken most on the way.
+    /// The limit broken most along the path.
     pub shortfall: Option<Shortfall>,
 }
 
@@ -60,17 +63,18 @@ impl Refined {
         Self { pulses, motions, rollout, left_m, shortfall }
     }
 
-    /// By how much the limit broken most is broken, m.
+    /// Excess over the limit that is broken most, m.
     pub fn broken_m(&self) -> f64 {
         self.shortfall.map_or(0.0, |shortfall| shortfall.by_m)
     }
 
-    /// What is left and what is broken, as one length, m: less is better.
+    /// Residual and broken limits as one length, m: less is better.
     pub fn merit_m(&self) -> f64 {
         self.left_m + BROKEN * (self.broken_m() - TOLERATED_M).max(0.0)
     }
 
-    /// Bettered in up to `rounds` programs, or until it leaves `want_m` (root mean square).
+    /// Refines the sequence in up to `rounds` programs, or until its merit is below 0.8 `want_m` (root mean square over
+    /// the parts).
     pub fn refined(
         self,
         belts: &Belts,
@@ -109,15 +113,15 @@ impl Refined {
     }
 }
 
-/// The sequence made linear: errors and limits in mm, by mm of each way.
+/// Linearised sequence: errors and limits in mm, per mm of each pulse's length.
 struct Linear {
-    /// What each way does to the end of every part: `[pulse][coordinate]`.
+    /// Slopes of every part's end by each pulse's length: `[pulse][coordinate]`.
     slopes: Vec<f64>,
-    /// What is left of the way to the subgoals.
+    /// Remaining displacement to the subgoals, mm.
     left_mm: Vec<f64>,
-    /// Sum of the squares of all slopes over the number of pulses.
+    /// Sum of the squares of all slopes, over the number of pulses.
     stiffness: f64,
-    /// Limits: what each way before its stage does to it, and the room, mm.
+    /// Limits: slopes by each pulse before its stage, and the room, mm.
     limits: Vec<(Vec<f64>, f64)>,
 }
 
@@ -132,10 +136,10 @@ impl Linear {
         Self { slopes, left_mm, stiffness, limits: limits(now, &by_stage, parts.len(), room) }
     }
 
-    /// The best changes of the ways at this damping, mm; `None` where the solver finds none.
+    /// The best changes of the pulses' lengths at this damping, mm; `None` where the solver finds none.
     ///
-    /// Variables are the changes, what they leave of the way to the subgoals, and the slack of the limits. Rows are the
-    /// definition of what is left, longest and shortest ways, the slack's sign, and the limits.
+    /// Variables are the changes, the residuals they leave to the subgoals, and the slack of the limits. Rows are the
+    /// definition of the residuals, the longest and shortest lengths, the slack's sign, and the limits.
     fn step(&self, belts: &Belts, pulses: &[Pulse], damping: f64) -> Option<Vec<f64>> {
         let (n, m) = (pulses.len(), self.left_mm.len());
         let (first_bound, slack_row, first_limit) = (m, m + 2 * n, m + 2 * n + 1);

@@ -1,4 +1,4 @@
-//! Where a sequence of pulses puts every part, after each of its pulses, and how that changes with each pulse.
+//! Forecast of all positions after each pulse of a sequence, and its slopes by each pulse.
 
 use nalgebra::Matrix2;
 
@@ -6,23 +6,23 @@ use super::belts::{Belts, Motion, Pulse};
 use crate::PartState;
 use upm_core::geometry::Vec2;
 
-/// Shift of a place for the slope by it, m.
+/// Finite difference of a position, m.
 const SHIFT_M: f64 = 1e-4;
-/// Change of a way for the slope by it: this part of it, and at least so much, m.
+/// Finite difference of a pulse's length: relative, and at least this many m.
 const CHANGE: f64 = 0.02;
 const LEAST_CHANGE_M: f64 = 2e-5;
 
-/// Places of all parts before the first pulse and after each.
+/// Positions of all parts before the first pulse and after each.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rollout {
     parts: usize,
     places_m: Vec<Vec2>,
-    /// Longest time that a part coasts after each pulse, s.
+    /// Longest coasting time of a part after each pulse, s.
     pub coasts_s: Vec<f64>,
 }
 
 impl Rollout {
-    /// Plays `motions` on `parts`.
+    /// Forecast of `motions` on `parts`.
     pub fn of(motions: &[Motion], parts: &[PartState]) -> Self {
         let mut rollout = Self { parts: parts.len(), ..Self::default() };
         rollout.places_m.reserve((motions.len() + 1) * parts.len());
@@ -39,12 +39,12 @@ impl Rollout {
         rollout
     }
 
-    /// Places after `stage` pulses, m.
+    /// Positions after `stage` pulses, m.
     pub fn at(&self, stage: usize) -> &[Vec2] {
         &self.places_m[stage * self.parts..][..self.parts]
     }
 
-    /// Places after all pulses, m.
+    /// Positions after all pulses, m.
     pub fn end(&self) -> &[Vec2] {
         self.at(self.pulses())
     }
@@ -54,7 +54,7 @@ impl Rollout {
     }
 }
 
-/// Slopes of the places at every stage by the way of every pulse before it.
+/// Slopes of the positions at every stage by the length of every pulse before it.
 #[derive(Clone, Debug)]
 pub(super) struct Slopes {
     parts: usize,
@@ -85,7 +85,7 @@ impl Slopes {
         Self { parts: n, pulses: count, values }
     }
 
-    /// Slopes of all parts' places after `stage` pulses (1 or more) by the way of `pulse`.
+    /// Slopes of all parts' positions after `stage` pulses (1 or more) by the length of `pulse`.
     pub fn at(&self, stage: usize, pulse: usize) -> &[Vec2] {
         &self.values[((stage - 1) * self.pulses + pulse) * self.parts..][..self.parts]
     }

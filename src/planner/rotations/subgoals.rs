@@ -1,29 +1,29 @@
-//! The places that the next sequence is for, and the room that parts keep on their way there.
+//! Subgoals of the next sequence, and the clearance that parts keep on their paths there.
 
 use crate::{Limit, PartState, PlannerParams};
 use upm_core::geometry::{Segment, Vec2};
 
-/// Room kept to the edge on the way, m: a pulse's arc bulges past the straight line between its ends.
+/// Clearance from the edge along the path, m: a pulse's arc bulges past the straight line between its ends.
 const EDGE_M: f64 = 2.5e-3;
-/// Rounds in which subgoals are pushed apart.
+/// Iterations in which subgoals are pushed apart.
 const ROUNDS: usize = 60;
-/// Subgoals keep this many times the room of the way.
+/// Clearance at a subgoal, relative to that along the path.
 const SUBGOAL_ROOM: f64 = 1.5;
-/// Parts of the room to others and to the edge that a pulse about to be played may use up.
+/// Fractions of the clearance from others and from the edge that a pulse about to be played must still keep.
 const PLAYED_GAP: f64 = 0.6;
 const PLAYED_EDGE: f64 = 0.5;
 
-/// How near parts may come to each other and to the edge.
+/// Clearances of parts from each other and from the edge.
 #[derive(Clone, Debug)]
 pub(super) struct Room {
     half_side_m: f64,
     radii_m: Vec<f64>,
     gap_m: f64,
-    /// For each part the room that it keeps to the edge, m: less where its target has less.
+    /// Clearance of each part from the edge, m: less where its target has less.
     edge_m: Vec<f64>,
 }
 
-/// A limit on the way, and by how much it is broken, m.
+/// A limit on the path, and the excess over it, m.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shortfall {
     pub by_m: f64,
@@ -31,7 +31,7 @@ pub(super) struct Shortfall {
 }
 
 impl Room {
-    /// Of parts on their way to `targets_m`.
+    /// Clearances for parts on their paths to `targets_m`.
     pub fn of(parts: &[PartState], targets_m: &[Vec2], params: &PlannerParams) -> Self {
         let edge_m = |(part, target): (&PartState, &Vec2)| {
             let at_target_m = params.half_side_m - part.radius_m - target.amax();
@@ -55,14 +55,14 @@ impl Room {
         self.radii_m[i] + self.radii_m[j] + self.gap_m
     }
 
-    /// The room that a pulse about to be played may use up to.
+    /// The reduced clearance for a pulse about to be played.
     pub fn for_playing(&self) -> Self {
         let edge_m = self.edge_m.iter().map(|edge_m| PLAYED_EDGE * edge_m).collect();
         Self { gap_m: PLAYED_GAP * self.gap_m, edge_m, radii_m: self.radii_m.clone(), ..*self }
     }
 
-    /// The limit that is broken most while all parts go straight from `before_m` to `after_m`, in step. What is broken
-    /// before counts only where it gets worse.
+    /// The limit broken most while all parts move straight from `before_m` to `after_m`, in step. A limit that is
+    /// broken before counts only where it gets worse.
     pub fn shortfall(&self, before_m: &[Vec2], after_m: &[Vec2]) -> Option<Shortfall> {
         let mut worst: Option<Shortfall> = None;
         let mut note = |by_m: f64, limit: Limit| {
@@ -88,7 +88,7 @@ impl Room {
         worst
     }
 
-    /// Moves `places_m` apart and off the edge until they have room to spare.
+    /// Moves `places_m` apart and off the edge until they have clearance to spare.
     pub fn spread_out(&self, places_m: &mut [Vec2], targets_m: &[Vec2]) {
         for _ in 0..ROUNDS {
             let mut moved = false;

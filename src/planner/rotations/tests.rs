@@ -10,7 +10,7 @@ use super::RotationPlanner;
 use super::belts::Belts;
 use crate::fixture::{library, params};
 
-/// A planner for the fixture's library; the belt table is made once.
+/// A planner for the fixture's library; the belt table is computed once.
 fn planner() -> RotationPlanner {
     static MADE: LazyLock<RotationPlanner> = LazyLock::new(|| RotationPlanner::new(library(), params()));
     MADE.clone()

@@ -8,7 +8,7 @@ use crate::{Limit, PartState};
 
 const FRICTION: f64 = 0.3;
 
-/// A few coins, what is wanted of them and a motion to start from.
+/// A few coins, their wanted steps and a motion to start from.
 #[derive(Clone, Debug)]
 struct Scene {
     discs: Vec<Disc>,
@@ -30,7 +30,7 @@ fn went(shot: &Shot, discs: &[Disc]) -> DVector<f64> {
     DVector::from_iterator(2 * discs.len(), went)
 }
 
-/// What the search makes smaller, from the ends alone.
+/// The cost that the search minimises, computed from the ends alone.
 fn cost(range: &Range<'_>, shot: &Shot) -> f64 {
     let missing = range.steps_m - went(shot, range.discs);
     let went_m = went(shot, range.discs);
@@ -75,8 +75,8 @@ proptest! {
         prop_assert!(before < at_first, "ten rounds better something");
     }
 
-    /// From a fifth of the motion away, or nearer where that misses more than a third of the steps, down to the 2 % at which the
-    /// search ends.
+    /// Starts a fifth of the motion away, or nearer where that misses more than a third of the steps, and converges to
+    /// the 2 % at which the search ends.
     #[test]
     fn ends_of_a_known_motion_are_met_from_nearby(scene in scene(8), off in motion(8), sustain_s in 0.0..0.2f64) {
         let waves = upm_2_waves();
@@ -100,8 +100,8 @@ proptest! {
     }
 }
 
-/// After a search that minds no guards a few rounds that do bring what they guard nearer; steps and guards are weighed against
-/// each other, so it need not be so in every single scene.
+/// After a search without guards, a few rounds with guards on the parts that came nearer. Steps and guards are weighed
+/// against each other, so single scenes may deviate; only the sum over all is checked.
 #[test]
 fn guards_hold_what_they_guard() {
     use rand::RngExt as _;
@@ -142,7 +142,8 @@ fn guards_hold_what_they_guard() {
     assert!(sum_with < 0.7 * sum_without, "{sum_with} {sum_without}");
 }
 
-/// Away from the edge next to a part and along the line of two, the second one's share counted the other way.
+/// Away from the edge beside a part; along the line between two parts, with the second part's displacement counted
+/// negative.
 #[test]
 fn guards_stand_across_what_they_guard() {
     let discs = [coin(Vec2::new(0.02, -0.13), FRICTION), coin(Vec2::new(0.05, -0.09), FRICTION)];

@@ -6,9 +6,9 @@ use super::*;
 
 /// Nodes along a side of the bank's tables.
 const NODES: usize = 17;
-/// Price of what goes astray against what goes right.
+/// Price of a displacement across the wanted step, relative to one along it.
 const ASTRAY: f64 = 0.3;
-/// Ways to lay a square on itself.
+/// Symmetries of a square.
 const SYMMETRIES: usize = 8;
 
 fn waves() -> Waves {
@@ -29,7 +29,7 @@ fn push(samples: &[PlateInstant], p: Vec2) -> Vec2 {
     samples.iter().map(direction).sum::<Vec2>() / samples.len() as f64
 }
 
-/// What the motion promises, from its mean pushes: what goes along the steps less a share of what goes astray.
+/// The motion's score from its mean pushes: displacement along the steps less a share of the displacement across them.
 fn promise(pushes: &[Vec2], steps_m: &[Vec2]) -> f64 {
     let length = steps_m.iter().map(Vec2::norm_squared).sum::<f64>().sqrt();
     let along = pushes.iter().zip(steps_m).map(|(push, step)| push.dot(step)).sum::<f64>() / length;
@@ -37,7 +37,7 @@ fn promise(pushes: &[Vec2], steps_m: &[Vec2]) -> f64 {
     along - ASTRAY * (square - along * along).max(0.0).sqrt()
 }
 
-/// What each of `motions` promises.
+/// Scores of `motions`.
 fn promises(waves: &Waves, motions: &[Vec<f64>], positions_m: &[Vec2], steps_m: &[Vec2]) -> Vec<f64> {
     let of = |motion: &Vec<f64>| {
         let samples = waves.motion(motion);
@@ -47,7 +47,7 @@ fn promises(waves: &Waves, motions: &[Vec<f64>], positions_m: &[Vec2], steps_m: 
     motions.iter().map(of).collect()
 }
 
-/// How far a later one promises more than an earlier one, at most.
+/// Largest amount by which a later score exceeds an earlier one.
 fn disorder(promises: &[f64]) -> f64 {
     let fold = |(worst, least): (f64, f64), &p: &f64| (worst.max(p - least), least.min(p));
     promises.iter().fold((0.0, f64::INFINITY), fold).0
@@ -65,9 +65,9 @@ fn step() -> impl Strategy<Value = Vec2> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(8))]
 
-    /// Each motion that is laid some way on the plate, and run the way it should, is judged by its own mean pushes: the
-    /// order is theirs, but for what a table's fewer phases (at nodes) and the interpolation (between them) make. The
-    /// best and the worst are 0.35 apart or more.
+    /// Each motion, with its symmetry and direction applied, is scored by its own mean pushes: the order agrees up to
+    /// the error of the tables' fewer phases (at nodes) and of interpolation (between them). The best and the worst are
+    /// 0.35 apart or more.
     #[test]
     fn the_order_is_that_of_the_laid_motions(
         at_nodes in proptest::collection::vec((node(), step()), 1..5),
@@ -83,7 +83,7 @@ proptest! {
         }
     }
 
-    /// What is told of all motions is what the laid ones do, run the way they should.
+    /// The reported pushes equal those of the motions with their symmetry and direction applied.
     #[test]
     fn all_pushes_are_those_of_the_laid_motions(scene in proptest::collection::vec((node(), step()), 1..4)) {
         let waves = waves();
@@ -114,8 +114,8 @@ proptest! {
     }
 }
 
-/// A motion turned by a quarter, or seen in a mirror, is in the bank too, one way round or the other; so is each of the
-/// eight once only.
+/// A motion turned by a quarter or mirrored is in the bank too, forwards or backwards, and each of the eight images
+/// only once.
 #[test]
 fn the_bank_is_closed_under_the_symmetries_of_the_square() {
     let waves = waves();
@@ -144,7 +144,7 @@ fn the_bank_is_closed_under_the_symmetries_of_the_square() {
     }
 }
 
-/// The other way round is the same motion backwards in sign, promised the same.
+/// Opposite steps select the same motion with opposite sign and the same score.
 #[test]
 fn opposite_steps_get_opposite_motions() {
     let waves = waves();

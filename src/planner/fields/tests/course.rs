@@ -11,14 +11,14 @@ fn point(position_m: Vec2) -> Disc {
     Disc { position_m, radius_m: 0.0, friction: FRICTION }
 }
 
-/// As strong as upm-2's motors allow.
+/// Coefficients scaled to the limit of upm-2's motors.
 fn full(waves: &Waves, coefficients: &[f64]) -> Vec<f64> {
     let mut filled = coefficients.to_vec();
     upm_2_strength(waves).fill(waves, &mut filled);
     filled
 }
 
-/// The pump `A (cos w(t - t0) - ½ cos 2w(t - t0))` along x, with t0 as a part of the period.
+/// The pump `A (cos w(t - t0) - ½ cos 2w(t - t0))` along x, with t0 as a fraction of the period.
 fn pump(waves: &Waves, amplitude_mps: f64, late: f64) -> Vec<f64> {
     let mut coefficients = vec![0.0; waves.len()];
     for (k, share) in [(1, 1.0), (2, -0.5)] {
@@ -63,7 +63,7 @@ fn coins() -> impl Strategy<Value = Vec<Disc>> {
     proptest::collection::vec((place(), 0.1..0.6f64).prop_map(|(p, friction)| coin(p, friction)), 1..4)
 }
 
-/// More than are moved side by side.
+/// More coins than there are SIMD lanes.
 fn many_coins() -> impl Strategy<Value = Vec<Disc>> {
     proptest::collection::vec((place(), 0.1..0.6f64).prop_map(|(p, friction)| coin(p, friction)), 1..20)
 }
@@ -71,7 +71,7 @@ fn many_coins() -> impl Strategy<Value = Vec<Disc>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Without spin it does not count where the plate's centre is, so the slopes are exact.
+    /// Without spin the position of the plate's centre has no effect, so the slopes are exact.
     #[test]
     fn slopes_under_translations_are_central_differences(
         mut coefficients in motion(8), discs in coins(), sustain_s in 0.0..0.3f64,
@@ -82,7 +82,7 @@ proptest! {
         prop_assert!(error < 1e-5, "{error:.1e}");
     }
 
-    /// Under spin alone the centre does not move, whatever the spin.
+    /// Under spin alone the centre does not move, so the slopes are exact.
     #[test]
     fn slopes_by_spin_under_spin_are_central_differences(
         mut coefficients in motion(8), discs in coins(), sustain_s in 0.0..0.3f64,
@@ -93,8 +93,8 @@ proptest! {
         prop_assert!(error < 3e-5, "{error:.1e}");
     }
 
-    /// The slopes leave out that a change of the motion also changes where the plate's centre is, from which spin pushes:
-    /// up to 3 % of the largest.
+    /// The slopes leave out that a change of the motion also moves the plate's centre, about which spin acts: an error
+    /// of up to 3 % of the largest slope.
     #[test]
     fn slopes_are_central_differences_but_for_the_centre(
         coefficients in motion(8), discs in coins(), sustain_s in 0.0..0.3f64,
@@ -104,7 +104,7 @@ proptest! {
         prop_assert!(error < 0.05, "{error}");
     }
 
-    /// No part knows of the others, wherever it stands among them.
+    /// A part's course does not depend on the other parts or on its index.
     #[test]
     fn each_part_goes_as_if_alone(coefficients in motion(8), discs in many_coins(), sustain_s in 0.0..0.2f64) {
         let waves = upm_2_waves();
@@ -152,8 +152,8 @@ proptest! {
         }
     }
 
-    /// Twice the friction under twice the speeds on a plate twice as large is the same course twice as large, but for
-    /// the slip at which friction is told from none.
+    /// Twice the friction under twice the speeds on a plate twice as large gives the same course twice as large, except
+    /// for the fixed slip ε of the friction law.
     #[test]
     fn frictions_scale(coefficients in motion(8), p in place(), sustain_s in 0.0..0.2f64, scale in 0.5..2.0f64) {
         let small = upm_2_waves();
@@ -193,8 +193,8 @@ fn points_end_where_coulombs_law_in_fine_steps_says() {
     assert!(off < 0.012 && worst_m < 0.3e-3, "{off} of the way, at worst {worst_m} m");
 }
 
-/// Equation sheet, section 1: mean force `0.2386 μ m g` on a part at rest, then coasting, which adds 24 %. Whole periods
-/// of a belt far faster than the part; the mean over starts in all phases leaves the force's mean alone.
+/// Equation sheet, section 1: mean force `0.2386 μ m g` on a part at rest, then coasting, which adds 24 %. Whole
+/// periods on a belt far faster than the part; averaging over all start phases leaves only the mean force.
 #[test]
 fn a_short_pulse_carries_by_the_pump_of_the_sheet() {
     const STARTS: usize = 16;
@@ -219,7 +219,8 @@ fn the_belt_ends_up_at_half_its_amplitude() {
     assert!((speed_mps / (0.5 * AMPLITUDE_MPS) - 1.0).abs() < 0.015, "{speed_mps}");
 }
 
-/// The speed at the end is told by the next step's place; without flanks a longer pulse begins with the shorter one.
+/// The final speed follows from the next step's position; without flanks a longer pulse begins exactly like the shorter
+/// one.
 #[test]
 fn parts_coast_by_the_square_of_their_speed() {
     let waves = upm_2_waves();

@@ -8,8 +8,8 @@ use upm_library::DisplacementModel;
 const BASE_RADPS: f64 = TAU * 60.0;
 const ATTACK_S: f64 = 1.0 / 60.0;
 
-/// Where Coulomb's law in steps of 10 µs puts a point on a belt whose displacement, `sin 2wt / 4w - cos wt / w` times its
-/// speed, follows the envelope.
+/// Distance travelled by a point under Coulomb's law in steps of 10 µs, on a belt whose displacement,
+/// `sin 2wt / 4w - cos wt / w` times its speed, follows the envelope.
 fn distance(speed_mps: f64, sustain_s: f64, friction: f64) -> f64 {
     const STEP_S: f64 = 1e-5;
     let envelope = Envelope { attack_s: ATTACK_S, sustain_s, rest_s: 0.0 };
@@ -28,7 +28,7 @@ fn distance(speed_mps: f64, sustain_s: f64, friction: f64) -> f64 {
     x + v * v.abs() / (2.0 * friction * 9.81)
 }
 
-/// A library whose table is what that says of points.
+/// A library whose table holds [`distance`] for points of this friction.
 fn library_of(friction: f64) -> Library {
     let distance = |speed_mps: f64, sustain_s: f64| distance(speed_mps, sustain_s, friction).max(0.0);
     let speed_mps = upm_2().displacement.speed_mps.clone();
@@ -41,7 +41,8 @@ fn library_of(friction: f64) -> Library {
     Library { base_radps: BASE_RADPS, attack_s: ATTACK_S, shapes, displacement, ..Library::clone(&fixture::library()) }
 }
 
-/// To a percent at the rigs' friction. Elsewhere the steps and the slip at which friction is told from none make 3 %.
+/// Within a percent at the rigs' friction. Elsewhere the time steps and the smoothed friction at small slip cause up to
+/// 3 %.
 #[test]
 fn a_table_made_with_a_friction_gives_it_back() {
     for (friction, off) in [(0.15, 0.035), (0.22, 0.03), (0.3, 0.012), (0.4, 0.015), (0.5, 0.01)] {
@@ -50,8 +51,8 @@ fn a_table_made_with_a_friction_gives_it_back() {
     }
 }
 
-/// Its rig file says 0.3 with a spread of a tenth from coin to coin: the mean of the calibration's seven coins has a standard
-/// deviation of 3.8 %.
+/// The rig file gives 0.3 with a spread of a tenth from coin to coin: the mean of the calibration's seven coins has a
+/// standard deviation of 3.8 %.
 #[test]
 fn the_shipped_library_knows_its_friction() {
     let found = friction_of(&upm_2()).unwrap();

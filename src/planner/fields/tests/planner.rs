@@ -7,7 +7,7 @@ use crate::fixture::{self, mm, penny};
 use crate::friction::friction_of;
 use crate::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
 
-/// Looks a period at which the planner holds a course to the limits.
+/// Instants per period at which the planner checks the limits.
 const LOOKS: usize = 4;
 const SWAY_M: f64 = 0.25e-3;
 
@@ -15,7 +15,7 @@ fn params() -> PlannerParams {
     PlannerParams { half_side_m: HALF_SIDE_M, edge_margin_m: 0.0015, separation_m: 0.002, ..fixture::params() }
 }
 
-/// A planner for upm-2; the library is read once, its motions are drawn once a thread.
+/// A planner for upm-2; the library is read once per process, its motions are drawn once per thread.
 fn planner() -> FieldPlanner {
     thread_local! {
         static MADE: FieldPlanner = FieldPlanner::new(&upm_2(), params()).unwrap();
@@ -32,7 +32,7 @@ fn pulse(plan: &Plan) -> Option<&FieldPulse> {
     }
 }
 
-/// Places of all parts at every `every`-th step of the forecast course.
+/// Positions of all parts at every `every`-th step of the forecast course.
 fn course(parts: &[PartState], pulse: &FieldPulse, every: usize) -> Vec<Vec<Vec2>> {
     let friction = friction_of(&upm_2()).unwrap();
     let disc = |part: &PartState| Disc {
@@ -64,7 +64,7 @@ fn least_gaps_m(parts: &[PartState], places_m: &[Vec2]) -> (f64, f64) {
     (rims_m, edge_m)
 }
 
-/// Up to 12 pennies anywhere on the plate that keep every limit, some barely, with steps of any length within it.
+/// Up to 12 pennies anywhere on the plate that keep every limit, some barely, with steps to anywhere within it.
 fn scene() -> impl Strategy<Value = Vec<PartState>> {
     let part = (-0.14..0.14f64, -0.14..0.14f64, -0.14..0.14f64, -0.14..0.14f64, 0.8..1.25f64);
     (proptest::collection::vec(part, 1..13), 0.01..1.0f64).prop_map(|(drawn, nearness)| {
@@ -81,12 +81,12 @@ fn scene() -> impl Strategy<Value = Vec<PartState>> {
     })
 }
 
-/// The least of many gaps.
+/// Componentwise minimum of two pairs of gaps.
 fn least(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     (a.0.min(b.0), a.1.min(b.1))
 }
 
-/// Plans for `parts` and holds the plan to all that a solved one promises.
+/// Plans for `parts` and checks every guarantee of a solved plan.
 fn kept_plan(planner: &mut FieldPlanner, parts: &[PartState]) -> Plan {
     let (library, limits, waves) = (upm_2(), params(), upm_2_waves());
     let mut twin = planner.clone();
@@ -114,7 +114,7 @@ fn kept_plan(planner: &mut FieldPlanner, parts: &[PartState]) -> Plan {
         assert_eq!(clearances.broken_after(&start_m, &before_m, &places_m, SWAY_M), None);
         before_m = places_m;
     }
-    // Half the separation and half the margin are left on the way, or what there was at first but for the sway.
+    // Half the separation and half the margin are left on the path, or the gap at the start less the sway.
     let gaps_m = course(parts, pulse, 1).iter().map(|places_m| least_gaps_m(parts, places_m)).reduce(least).unwrap();
     let at_first_m = least_gaps_m(parts, &start_m);
     let sway = |asked_m: f64, first_m: f64| if first_m < asked_m { SWAY_M + 0.1e-3 } else { 0.1e-3 };
@@ -127,7 +127,7 @@ fn kept_plan(planner: &mut FieldPlanner, parts: &[PartState]) -> Plan {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Wherever all limits are kept at the start a way to go on is found, also by a planner that has moved others before.
+    /// When all limits are kept at the start a plan is found, also by a planner with state from other parts.
     #[test]
     fn plans_keep_their_promises(scenes in proptest::collection::vec(scene(), 1..4)) {
         let mut planner = planner();
@@ -181,7 +181,7 @@ fn at(x_mm: f64, y_mm: f64, step_x_mm: f64, step_y_mm: f64) -> PartState {
     penny(mm(x_mm, y_mm), mm(step_x_mm, step_y_mm))
 }
 
-/// Single pennies and points within the limits get where they should, as near as the search goes on for.
+/// Single pennies and points within the limits arrive within the tolerance at which the search ends.
 #[test]
 fn one_part_alone_gets_there() {
     for step_m in [mm(5.0, 0.0), mm(0.0, -8.0), mm(-9.0, 4.0)] {
@@ -205,12 +205,12 @@ fn parts_that_cannot_go_on_stop_the_plan() {
     let onto_each_other = [at(0.0, 0.0, 5.0, 0.0), at(19.05, 0.0, -5.0, 0.0)];
     let status = kept_plan(&mut planner(), &onto_each_other).status;
     assert_eq!(status, PlanStatus::Infeasible(Limit::Separation { parts: [0, 1] }));
-    // At one place with opposite steps: no motion tells them apart.
+    // Two parts at the same position with opposite steps: no motion can separate them.
     let one_place = [at(10.0, 0.0, -5.0, 0.0), at(10.0, 0.0, 5.0, 0.0)];
     assert!(matches!(kept_plan(&mut planner(), &one_place).status, PlanStatus::Infeasible(_)));
 }
 
-/// However the parts lie, a plan is found that keeps its promises, or none.
+/// For any positions the plan keeps its guarantees or there is none.
 #[test]
 fn odd_scenes_end_in_a_status() {
     let touching = 1e3 * (HALF_SIDE_M - PENNY_M);
@@ -237,7 +237,7 @@ fn a_library_without_fields_or_friction_has_no_planner() {
     assert!(FieldPlanner::new(&Arc::new(without_friction), params()).is_none());
 }
 
-/// Parts that did not move at all, though a plan promised it, are not told the same again.
+/// When the parts did not move although a plan predicted it, the same plan is not made again.
 #[test]
 fn a_broken_promise_is_not_made_again() {
     let parts = [at(-30.0, 10.0, 0.4, -0.3), at(40.0, -20.0, -0.2, 0.5), at(0.0, 60.0, 0.3, 0.3)];

@@ -6,7 +6,7 @@ use super::*;
 use upm_core::signal::Drive;
 use upm_library::Library;
 
-/// Part of the motors' limit that a motion fills.
+/// Fraction of the motors' limit that a motion fills.
 const EFFORT: f64 = 0.99;
 
 fn drive(waves: &Waves, coefficients: &[f64], sustain_s: f64) -> Drive {
@@ -20,8 +20,7 @@ fn limit_counts() -> f64 {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Whatever it was before and however steep the flanks, the strongest sample is the motion's share of the limit by the
-    /// drive's own account.
+    /// For any initial scale and any flanks, the strongest sample of the drive equals the motion's share of the limit.
     #[test]
     fn a_filled_motion_plays_up_to_its_share_of_the_limit(
         coefficients in motion(8), before in -3.0..3.0f64, periods in 0.5..3.0f64,

@@ -41,7 +41,7 @@ proptest! {
         prop_assert_eq!(wave.base_radps, BASE_RADPS);
         let back = waves.coefficients(&wave);
         prop_assert!(back.iter().zip(&coefficients).all(|(a, b)| (a - b).abs() < 1e-15));
-        // Of a wave with more harmonics those searched are kept, of one with fewer the rest is zero.
+        // The searched harmonics of a longer wave are kept; those missing from a shorter one are zero.
         let other = self::waves(fewer);
         let kept = other.wave(&other.coefficients(&wave));
         for (k, harmonic) in kept.harmonics.iter().enumerate() {
@@ -72,7 +72,7 @@ proptest! {
         prop_assert!((forth - back).to_array().iter().all(|off| off.abs() < 1e-9), "{forth} {back}");
     }
 
-    /// Differences between instants are the velocity summed up between them; the mean over a period is nothing.
+    /// Differences of offsets equal the integral of the velocity between them; the mean over a period is zero.
     #[test]
     fn offsets_are_the_velocity_summed_up((harmonics, coefficients) in any_motion()) {
         const FINER: usize = 64;

@@ -1,4 +1,4 @@
-//! Whole tasks closed over the planner: parts go as forecast with a friction of their own that nobody tells it, and scatter.
+//! Closed-loop tasks: parts move as forecast, with scatter and with a friction that the planner does not know.
 
 use std::f64::consts::PI;
 
@@ -10,7 +10,7 @@ use crate::{PartState, PlanStatus};
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
 
-/// Spread of friction, scatter of one pulse and of the camera.
+/// Standard deviations of friction, of one pulse and of the camera.
 const FRICTION_SD: f64 = 0.03;
 const PULSE_SD: f64 = 0.02;
 const CAMERA_SD_M: f64 = 0.02e-3;
@@ -31,8 +31,8 @@ fn arrives(count: usize, seed: u64) -> usize {
     arrives_at(places_m, starts_m, rng)
 }
 
-/// From `starts_m` to these places (nearest first), to 0.5 mm: every cycle has a plan, gaps stay open, and the parts are
-/// nearer after every twenty cycles. Number of pulses.
+/// Runs from `starts_m` to these positions (nearest first), to 0.5 mm, and returns the number of pulses. Every cycle
+/// has a plan, gaps stay open, and the parts are nearer after every twenty cycles.
 fn arrives_at(mut places_m: Vec<Vec2>, starts_m: Vec<Vec2>, mut rng: Rng) -> usize {
     let (count, mut at_m) = (starts_m.len(), starts_m);
     let targets_m: Vec<Vec2> = at_m
@@ -88,7 +88,7 @@ fn eight_parts_arrive() {
     eprintln!("8 parts: {pulses:?} pulses");
 }
 
-/// Places with 5 mm between pennies, in a row and on a hexagon, where sequences of long pulses stalled.
+/// Positions with 5 mm between pennies, in a row and on a hexagon, where sequences of long pulses stalled.
 #[test]
 fn dense_places_are_reached() {
     let row = |k: usize| Vec2::new(24e-3 * (k as f64 - 2.5), 0.02);

@@ -1,4 +1,4 @@
-//! The forecast of a pulse against closed forms, and its slopes against differences.
+//! Forecast of a pulse against closed forms, and its slopes against finite differences.
 
 use proptest::prelude::*;
 
@@ -10,14 +10,14 @@ use crate::rotations::belts::{Motion, Pulse, Setting};
 use crate::rotations::rollout::{Rollout, Slopes};
 use upm_core::geometry::{Twist, Vec2};
 
-/// Travel of a point on belts of these speeds after a sustain of `steps`, m.
+/// Displacement of a point on belts of these speeds after a sustain of `steps`, m.
 fn travels_m(speed_mps: [f64; LANES], steps: usize) -> [f64; LANES] {
     let discs = Discs { speed_mps, spin_radps: [0.0; LANES], friction: [0.3; LANES], radius_m: 0.0 };
     Pump::of(&library()).travel(&discs, steps).map(|travel| travel.along_m)
 }
 
 /// While the part is slow against the belt, d = ½ · 0.2386 · 1.2386 · μ g (S + 2A)² (equation sheet, section 1): a long
-/// pulse on a very fast belt, where the phase in which it starts and ends hardly counts.
+/// pulse on a very fast belt, where the phases of start and end hardly matter.
 #[test]
 fn a_fast_belt_carries_with_the_square_of_the_time() {
     let pump = Pump::of(&library());
@@ -29,7 +29,7 @@ fn a_fast_belt_carries_with_the_square_of_the_time() {
     }
 }
 
-/// In the end a part goes along with the belt at half its amplitude.
+/// In the limit a part moves with the belt at half its amplitude.
 #[test]
 fn a_slow_belt_carries_at_half_its_amplitude() {
     let pump = Pump::of(&library());
@@ -68,7 +68,7 @@ fn motion(twist: Twist, amplitude: f64, sustain_s: f64, reversed: bool) -> Motio
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// A slow belt carries a part along its circle; the way back ends where it began.
+    /// A slow belt carries a part along its circle; the reversed pulse returns it to its start.
     #[test]
     fn a_slow_belt_carries_round_its_center_and_back(
         x in -60.0..60.0f64, y in -60.0..60.0f64, angle in 0.0..6.3f64, sustain_s in 0.0..0.05f64,
@@ -84,7 +84,7 @@ proptest! {
         prop_assert!((back - start).norm() < 0.02 * way_m);
     }
 
-    /// The dial goes the way that it is set to on the typical belt: a translation has no other.
+    /// The dial gives the set distance on the typical belt, which for a translation is every belt.
     #[test]
     fn a_translation_goes_the_way_it_is_set_to(way_mm in 0.05..20.0f64, k in 0usize..16, forwards: bool) {
         let belts = belts();
@@ -112,7 +112,8 @@ proptest! {
         let (motions, rollout) = play(&pulses);
         let slopes = Slopes::of(&belts, &pulses, &motions, &rollout, &parts);
         let mut other = pulses.clone();
-        // the dial and the phase in which a pulse ends bend the curve: the slope is that of a little more of the same
+        // the dial and the phase in which a pulse ends bend the curve: compare with the slope of a small extension of
+        // the same
         let change_m = 0.02 * other[changed].way_m;
         other[changed].way_m += change_m;
         let moved = play(&other).1;
@@ -131,6 +132,6 @@ fn a_part_that_goes_farther_by_its_gain_is_forecast_so() {
     let translation = Twist::new(0.8, 0.0, 0.0);
     let part = penny(mm(10.0, 5.0), Vec2::zeros());
     let way_m = |gain: f64| (motion(translation, 1.0, 0.05, false).carry(part.position_m, gain).0 - part.position_m).x;
-    // a belt much faster than the part: the way is in proportion to friction
+    // a belt much faster than the part: the distance is proportional to friction
     assert!((way_m(1.2) / way_m(1.0) - 1.2).abs() < 0.03, "{}", way_m(1.2) / way_m(1.0));
 }

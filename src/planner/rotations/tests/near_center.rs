@@ -1,4 +1,5 @@
-//! Forecast of a disc near a centre of rotation against a slow reference: a disc of patches with Coulomb friction on each.
+//! Forecast of a disc near a centre of rotation against a slow reference: a disc of patches with Coulomb friction on
+//! each.
 
 use std::f64::consts::TAU;
 
@@ -14,12 +15,12 @@ const RADIUS_M: f64 = 9.53e-3;
 /// Rings of the disc, and patches in each.
 const RINGS: usize = 8;
 const PATCHES: usize = 24;
-/// Step of the integration, s; slip below which friction fades, m/s; and time that the disc is left to come to rest, s.
+/// Step of the integration, s; slip below which friction fades, m/s; and time allowed for the disc to come to rest, s.
 const STEP_S: f64 = 2e-6;
 const FADES_MPS: f64 = 2e-4;
 const REST_S: f64 = 0.06;
 
-/// Patches of equal area, in the middle of theirs, m.
+/// Centres of patches of equal area, m.
 fn patches() -> Vec<Vec2> {
     let ring_m = |ring: usize| RADIUS_M * ((ring as f64 + 0.5) / RINGS as f64).sqrt();
     let patch = |k: usize| {
@@ -29,7 +30,8 @@ fn patches() -> Vec<Vec2> {
     (0..RINGS * PATCHES).map(patch).collect()
 }
 
-/// Where the disc ends that starts at the origin of a belt of `speed_mps` along x on a plate that spins at `spin_radps`, m.
+/// End, m, of the disc that starts at the origin of a belt of `speed_mps` along x on a plate that spins at
+/// `spin_radps`.
 fn end_in_belt(library: &Library, (speed_mps, spin_radps): (f64, f64), sustain_s: f64) -> Vec2 {
     let (radps, delay_s) = (library.base_radps, library.envelope_delay_s());
     let envelope = Envelope { attack_s: library.attack_s, sustain_s, rest_s: 0.0 };
@@ -57,7 +59,7 @@ fn end_in_belt(library: &Library, (speed_mps, spin_radps): (f64, f64), sustain_s
     at
 }
 
-/// Centres from under the rim to 1 m away, short and long pulses: within 1 % of the travel and 5 µm.
+/// Centres from under the rim to 1 m away, short and long pulses: within 1 % of the displacement and 5 µm.
 #[test]
 fn disc_near_a_center_travels_as_its_patches_do() {
     let library = library();

@@ -1,4 +1,4 @@
-//! What every plan of rotations keeps.
+//! Invariants of every plan of rotations.
 
 use proptest::prelude::*;
 
@@ -7,7 +7,7 @@ use crate::fixture::{HALF_SIDE_M, PENNY_M, ends_without_a_plan, library, mm, par
 use crate::{Limit, PartState, Plan, PlanStatus, RotationPlanner};
 use upm_core::geometry::Vec2;
 
-/// What each pulse is forecast to do, its setting, and the limits on the way.
+/// Checks the forecast of each pulse, its setting, and the limits along the path.
 fn keeps_its_promises(parts: &[PartState], plan: &Plan) -> Result<(), TestCaseError> {
     let (planner, params) = (planner(), params());
     prop_assert_eq!(plan.pulses.len(), plan.predicted_m.len());
@@ -35,7 +35,7 @@ fn keeps_its_promises(parts: &[PartState], plan: &Plan) -> Result<(), TestCaseEr
     Ok(())
 }
 
-/// Root of the sum of the squared ways that are left after the plan, m.
+/// Root of the sum of the squared distances left after the plan, m.
 fn left_m(parts: &[PartState], plan: &Plan) -> f64 {
     let end = plan.predicted_m.last().cloned().unwrap_or_else(|| parts.iter().map(|part| part.position_m).collect());
     end.iter().zip(parts).map(|(end, part)| (part.position_m + part.step_m - end).norm_squared()).sum::<f64>().sqrt()

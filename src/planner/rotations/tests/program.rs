@@ -1,4 +1,4 @@
-//! The relaxed program and the refinement against what they promise.
+//! Guarantees of the relaxed program and of the refinement.
 
 use proptest::prelude::*;
 
@@ -63,7 +63,7 @@ proptest! {
 #[test]
 fn what_the_columns_cannot_do_is_left_beyond() {
     let (belts, parts) = (belts(), scene(2, 4e-3, 1));
-    // one pulse for four wanted numbers
+    // one pulse for four wanted coordinates
     let one = [Columns::all(&belts, &parts, 4e-3, PulseScale::Coarse).pulses[0]];
     let columns = Columns::of(&belts, &parts, one.into_iter());
     let found = LeastTime::solve(&columns, &steps_mm(&parts), 0.01, &[]).unwrap();
