@@ -3,7 +3,7 @@ use super::{Disc, Goal, Wanted};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
-/// Every part goes to a place.
+/// Parameters of an arrangement: every part goes to a target.
 #[derive(Clone, Debug)]
 pub struct ArrangeParams {
     /// Half the plate's side, m.
@@ -12,15 +12,15 @@ pub struct ArrangeParams {
     pub motions: Motions,
     /// The parts.
     pub discs: Vec<Disc>,
-    /// One place for each part, m. A part beyond them stays where it was first seen.
+    /// Target of each part, m. Parts beyond the list stay where they were first seen.
     pub targets_m: Vec<Vec2>,
-    /// True when parts of one kind may exchange their places.
+    /// True when parts of one kind may exchange their targets.
     pub exchange: bool,
-    /// How near to its place a part is there, m.
+    /// Distance from its target within which a part has arrived, m.
     pub arrive_m: f64,
 }
 
-/// [`ArrangeParams`] at work. It is done when every part is at its place at the same time.
+/// Goal that arranges parts by [`ArrangeParams`]. It is done when every part is at its target at the same time.
 #[derive(Clone, Debug)]
 pub struct Arrange {
     params: ArrangeParams,
@@ -28,13 +28,13 @@ pub struct Arrange {
 }
 
 impl Arrange {
-    /// A task at its beginning.
+    /// A new task with these parameters.
     pub fn new(params: ArrangeParams) -> Self {
         Self { params, steering: None }
     }
 }
 
-/// Parts of equal kind have equal numbers when they may exchange, else every part has one of its own.
+/// Group numbers: parts of one kind share one when they may exchange, otherwise each part has its own.
 fn groups(discs: &[Disc], exchange: bool) -> Vec<usize> {
     discs.iter().enumerate().map(|(i, disc)| if exchange { disc.kind } else { i }).collect()
 }

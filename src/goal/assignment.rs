@@ -1,11 +1,11 @@
 use pathfinding::prelude::{Matrix, kuhn_munkres_min};
 
-/// Cost of a pair that must not be, µm²: more than all others together, little enough for 64 of them to be added.
+/// Cost of a forbidden pair, µm²: more than all others together, but small enough to add 64 of them.
 const NEVER_UM2: i64 = 1 << 56;
 
-/// Gives every part a place of its own so that the sum of costs is least: the place's index for each part.
-/// `cost_m2` says what place `.1` costs for part `.0`, m²; infinite where it must not be. There are as many places
-/// as parts, or more.
+/// Assignment of parts to places with the least sum of costs: the index of the place for each part, all different.
+/// `cost_m2` returns the cost of place `.1` for part `.0`, m²; infinite where the pair is forbidden. There are at least
+/// as many places as parts.
 pub(super) fn assign(parts: usize, places: usize, cost_m2: impl Fn(usize, usize) -> f64) -> Vec<usize> {
     if parts == 0 || places < parts {
         return (0..parts).collect();
@@ -20,7 +20,7 @@ mod tests {
     use proptest::prelude::*;
     use upm_core::geometry::Vec2;
 
-    /// Least sum over every permutation of `left` behind the parts `done` already.
+    /// Least sum over every permutation of `left` after the parts assigned so far.
     fn least(cost: &dyn Fn(usize, usize) -> f64, part: usize, left: &mut Vec<usize>) -> f64 {
         if part == 0 {
             return 0.0;

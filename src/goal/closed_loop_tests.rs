@@ -1,4 +1,5 @@
-//! Parts that do what they are told but for a few percent, from look to look, until the task is done.
+//! Closed-loop tests: parts that follow their subgoals within a few percent, from cycle to cycle, until the task is
+//! done.
 
 mod rotations;
 
@@ -13,10 +14,10 @@ use upm_core::time::PlateTime;
 
 const HALF_SIDE_M: f64 = 0.1524;
 const ARRIVE_M: f64 = 0.00045;
-/// Longest way of a part in one cycle, m.
+/// Longest displacement of a part in one cycle, m.
 const STRIDE_M: f64 = 0.012;
 
-/// How a run went.
+/// Result of a run.
 #[derive(Debug)]
 struct Course {
     cycles: usize,
@@ -27,7 +28,7 @@ struct Course {
     boxed_in: Vec<usize>,
 }
 
-/// All parts make the same part of their ways, at most a stride; each strays from it by `noise` of it.
+/// All parts move the same fraction of their displacements, at most a stride; each strays from it by `noise` of it.
 fn step(parts_m: &[Vec2], subgoals_m: &[Vec2], noise: f64, rng: &mut Rng) -> Vec<Vec2> {
     let longest_m = parts_m.iter().zip(subgoals_m).map(|(from, to)| (to - from).norm()).fold(0.0, f64::max);
     let share = (STRIDE_M / longest_m).min(1.0);
@@ -36,7 +37,7 @@ fn step(parts_m: &[Vec2], subgoals_m: &[Vec2], noise: f64, rng: &mut Rng) -> Vec
     parts_m.iter().zip(subgoals_m).map(go).collect()
 }
 
-/// Least gap between rims on the straight way in step.
+/// Least gap between rims while all move straight and in step, m.
 fn least_gap_m(discs: &[Disc], from_m: &[Vec2], to_m: &[Vec2]) -> f64 {
     let mut least_m = f64::INFINITY;
     for k in 0..=8 {
@@ -89,14 +90,14 @@ fn pennies(count: usize) -> Vec<Disc> {
     vec![Disc { kind: 0, radius_m: PENNY_M }; count]
 }
 
-/// Places on a circle, rims `gap_m` apart; `turn` is in places.
+/// Positions on a circle, rims `gap_m` apart; `turn` is in positions.
 fn ring(count: usize, gap_m: f64, turn: f64) -> Vec<Vec2> {
     let radius_m = (PENNY_M + 0.5 * gap_m) / (0.5 * TAU / count as f64).sin();
     let at = |i: usize| TAU * (i as f64 + turn) / count as f64;
     (0..count).map(|i| radius_m * Vec2::new(at(i).cos(), at(i).sin())).collect()
 }
 
-/// Places drawn at random, rims `gap_m` apart and `margin_m` inside the edge.
+/// Random positions, rims `gap_m` apart and `margin_m` inside the edge.
 fn scattered(radii_m: &[f64], gap_m: f64, margin_m: f64, rng: &mut Rng) -> Vec<Vec2> {
     loop {
         let mut places_m: Vec<Vec2> = Vec::new();
@@ -111,7 +112,7 @@ fn scattered(radii_m: &[f64], gap_m: f64, margin_m: f64, rng: &mut Rng) -> Vec<V
     }
 }
 
-/// Coins at random places, and random targets for them.
+/// Coins at random positions, and random targets for them.
 fn scene(seed: u64, count: usize, kinds: usize) -> (Vec<Disc>, Vec<Vec2>, Vec<Vec2>) {
     let mut rng = Streams::new(seed).stream("scene");
     let discs = coins(count, kinds);
@@ -142,7 +143,8 @@ fn rings_turn_by_one_place() {
 
 #[test]
 fn who_cannot_pass_is_named_and_the_others_arrive() {
-    // the largest disc leaves 24.8 mm beside it at most, wherever it goes; part 1 has 30 mm and belongs across
+    // the largest disc leaves 24.8 mm beside it at most, wherever it goes; part 1 has a diameter of 30 mm and its
+    // target on the far side
     let radii_m = [0.14, 0.015, 0.009];
     let discs: Vec<Disc> = radii_m.iter().zip(0..).map(|(&radius_m, kind)| Disc { kind, radius_m }).collect();
     let starts_m = [Vec2::zeros(), Vec2::new(-0.13, -0.13), Vec2::new(0.14, -0.12)];
@@ -187,7 +189,7 @@ fn sorted(discs: &[Disc], starts_m: &[Vec2], bins: Vec<BinParams>) -> Course {
     run(&mut goal, discs, starts_m, 0.03, 150)
 }
 
-/// Coins of `kinds` kinds in turn.
+/// `count` coins of kinds 0 to `kinds` - 1 in turn.
 fn coins(count: usize, kinds: usize) -> Vec<Disc> {
     (0..count).map(|i| Disc { kind: i % kinds, radius_m: [PENNY_M, 0.01213, 0.008955][i % kinds] }).collect()
 }

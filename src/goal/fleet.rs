@@ -1,13 +1,13 @@
 use super::Disc;
 use upm_core::geometry::{Segment, Vec2};
 
-/// Rounding that is no approach, m.
+/// Rounding error that does not count as an approach, m.
 pub(super) const ROUNDING_M: f64 = 1e-9;
 
-/// Gap between rims and the plate's edge, m. A part that is nearer to it already may stay as near.
+/// Gap between rims and the plate's edge, m. A part that is already nearer may stay as near.
 const EDGE_GAP_M: f64 = 1.5e-3;
 
-/// A part that moves in a straight line while others do so too, all in step.
+/// Straight motion of one part while the others move straight too, all in step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Step {
     pub(super) from_m: Vec2,
@@ -15,12 +15,12 @@ pub(super) struct Step {
 }
 
 impl Step {
-    /// Staying at a place.
+    /// A part at rest at `at_m`.
     pub(super) fn rest(at_m: Vec2) -> Self {
         Self { from_m: at_m, to_m: at_m }
     }
 
-    /// Least distance of the centres on the way, m.
+    /// Least distance of the centres during the motion, m.
     pub(super) fn nearest_m(&self, other: &Step) -> f64 {
         Segment { from: self.from_m - other.from_m, to: self.to_m - other.to_m }.distance(Vec2::zeros())
     }
@@ -43,7 +43,7 @@ impl Step {
     }
 }
 
-/// Discs on a square plate, each with the place it is to reach.
+/// Discs on a square plate, each with its target.
 #[derive(Clone, Debug)]
 pub(super) struct Fleet {
     discs: Vec<Disc>,
@@ -69,18 +69,19 @@ impl Fleet {
         &self.targets_m
     }
 
-    /// How near the centres of two parts may come with `gap_m` between rims: nearer where their places ask for it, m.
+    /// Least allowed distance of the centres of two parts with `gap_m` between rims, m; less where their targets
+    /// require it.
     pub(super) fn least_m(&self, a: usize, b: usize, gap_m: f64) -> f64 {
         let side_by_side_m = self.discs[a].radius_m + self.discs[b].radius_m + gap_m;
         side_by_side_m.min((self.targets_m[a] - self.targets_m[b]).norm())
     }
 
-    /// How far from the plate's centre a part's may be along x and along y, m.
+    /// Largest allowed |x| and |y| of a part's centre, m.
     pub(super) fn reach_m(&self, part: usize) -> f64 {
         (self.half_side_m - self.discs[part].radius_m - EDGE_GAP_M).max(0.0)
     }
 
-    /// Pairs of parts that come nearer than `gap_m`, and than they are, when all move in step.
+    /// Pairs of parts that come nearer than `gap_m`, and nearer than they are, when all move in step.
     pub(super) fn conflicts<'a>(
         &'a self,
         from_m: &'a [Vec2],

@@ -3,23 +3,24 @@ use super::{Disc, Goal, Wanted};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
-/// A part that drifted is brought back to within this part of what counts as drifted.
+/// A part that drifted is brought back to within this fraction of the tolerance.
 const BROUGHT_BACK: f64 = 0.5;
 
-/// Every part stays where it was first seen.
+/// Parameters of holding: every part stays where it was first seen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HoldParams {
     /// Half the plate's side, m.
     pub half_side_m: f64,
     /// The parts.
     pub discs: Vec<Disc>,
-    /// How long, in plate time, s.
+    /// Duration in plate time, s.
     pub duration_s: f64,
-    /// A part further off than this is brought back, m.
+    /// Distance from which a part is brought back, m.
     pub arrive_m: f64,
 }
 
-/// [`HoldParams`] at work. While no part has drifted, every subgoal is exactly where the part was seen.
+/// Goal that holds parts by [`HoldParams`]. While no part has drifted, every subgoal equals the part's observed
+/// position.
 #[derive(Clone, Debug)]
 pub struct Hold {
     params: HoldParams,
@@ -30,7 +31,7 @@ pub struct Hold {
 }
 
 impl Hold {
-    /// A task at its beginning.
+    /// A new task with these parameters.
     pub fn new(params: HoldParams) -> Self {
         Self { params, steering: None, since: None, correcting: false }
     }

@@ -3,14 +3,14 @@ use super::{Disc, Goal, Wanted};
 use upm_core::geometry::{Polyline, Vec2};
 use upm_core::time::PlateTime;
 
-/// Length of a cycle before any was seen, s.
+/// Assumed length of a cycle before the first was measured, s.
 const FIRST_CYCLE_S: f64 = 0.5;
 
-/// How far from the reference a part is looked for along its loop, in leads and strides: nearer than the other pass
-/// through a crossing.
+/// Half width of the search for a part along its loop, around the reference, in leads and strides: narrow enough to
+/// exclude the other pass through a crossing.
 const SEARCHED: f64 = 2.0;
 
-/// Parts on closed loops that keep step: each as far round its loop as the others round theirs.
+/// Parameters of parts on closed loops in phase: all have completed the same fraction of their loops.
 #[derive(Clone, Debug)]
 pub struct InPhaseParams {
     /// Half the plate's side, m.
@@ -19,46 +19,46 @@ pub struct InPhaseParams {
     pub motions: Motions,
     /// The parts.
     pub discs: Vec<Disc>,
-    /// For each part the corners of its loop, m, from where it begins; the last leads straight back to the first. A
-    /// part without stays where it was first seen.
+    /// Corners of each part's loop, m, from its beginning; the last is joined straight to the first. A part without
+    /// corners stays where it was first seen.
     pub loops_m: Vec<Vec<Vec2>>,
     /// Time of one lap, s.
     pub period_s: f64,
-    /// Laps; 0 for going on without end.
+    /// Number of laps; 0 for an endless task.
     pub laps: u32,
-    /// The common reference waits when it is further than this ahead of a part, m.
+    /// Lead of the common reference over a part, beyond which it waits, m.
     pub lead_m: f64,
-    /// How far ahead of a part its subgoal is at most, m.
+    /// Largest distance from a part to its subgoal ahead, m.
     pub stride_m: f64,
-    /// How near to the first corner is there, m.
+    /// Distance from the first corner within which a part has arrived, m.
     pub arrive_m: f64,
 }
 
-/// [`InPhaseParams`] at work. First all parts go to the first corners of their loops; from then on one reference
-/// phase advances for all. A subgoal is where the reference will be when the cycle ends.
+/// Goal that follows [`InPhaseParams`]. First all parts go to the first corners of their loops; from then on one
+/// reference phase advances for all. A subgoal is the reference's position at the end of the cycle.
 #[derive(Clone, Debug)]
 pub struct InPhase {
     params: InPhaseParams,
     loops: Vec<Polyline>,
     approach: Option<Steering>,
-    /// Laps of the reference since all were at their first corners.
+    /// Laps of the reference since all parts were at their first corners.
     reference: Option<f64>,
     looked_at: Option<PlateTime>,
-    /// Length of a cycle as it was of late, s.
+    /// Running mean of the length of a cycle, s.
     cycle_s: f64,
 }
 
-/// A part beside its loop.
+/// Position of a part relative to its loop.
 #[derive(Clone, Copy, Debug, Default)]
 struct Place {
-    /// Laps behind it; `None` where there is no loop.
+    /// Laps completed by the part; `None` where there is no loop.
     phase: Option<f64>,
     /// Distance from the loop, m.
     off_m: f64,
 }
 
 impl InPhase {
-    /// A task at its beginning.
+    /// A new task with these parameters.
     pub fn new(params: InPhaseParams) -> Self {
         Self { params, loops: Vec::new(), approach: None, reference: None, looked_at: None, cycle_s: FIRST_CYCLE_S }
     }
@@ -75,12 +75,12 @@ impl InPhase {
         (loops, Steering::new(motions, discs, *half_side_m, &firsts_m, each_its_own, parts_in_table_m))
     }
 
-    /// The shortest loop with any length, m: a lead is the greatest part of a lap on it.
+    /// Length of the shortest loop, ignoring those without length, m: on it a lead is the largest fraction of a lap.
     fn shortest_m(&self) -> f64 {
         self.loops.iter().map(Polyline::length_m).filter(|length_m| *length_m > 0.0).fold(f64::INFINITY, f64::min)
     }
 
-    /// Where a part is on its loop, looked for near the reference.
+    /// Position of a part on its loop, searched near the reference.
     fn place(&self, part: usize, part_m: Vec2, reference: f64) -> Place {
         let lap = &self.loops[part];
         let length_m = lap.length_m();
@@ -98,18 +98,18 @@ impl InPhase {
         lap.at(phase.rem_euclid(1.0) * lap.length_m())
     }
 
-    /// Laps at the end; without end when there are none.
+    /// Phase at the end of the task, laps; infinite for an endless one.
     fn end(&self) -> f64 {
         if self.params.laps == 0 { f64::INFINITY } else { f64::from(self.params.laps) }
     }
 
-    /// To the first corners.
+    /// Goal while parts are on their way to the first corners.
     fn approach(&self, steering: &Steering) -> Wanted {
         let there = steering.distances_m().filter(|distance_m| *distance_m <= self.params.arrive_m).count();
         Wanted { progress: 0.0, ..steering.wanted("to the first corners", there) }
     }
 
-    /// On the loops, `elapsed_s` after the look before.
+    /// Goal on the loops, `elapsed_s` after the previous observation.
     fn go_round(&mut self, seen_m: &[Vec2], elapsed_s: f64, reference: f64) -> Wanted {
         let InPhaseParams { period_s, lead_m, stride_m, arrive_m, laps, .. } = self.params;
         let places: Vec<Place> =
@@ -186,7 +186,7 @@ mod tests {
 
     const CORNERS: usize = 60;
 
-    /// A figure eight that begins the given part of its corners on.
+    /// A figure eight that starts at fraction `turn` of its corners.
     fn eight(turn: f64) -> Vec<Vec2> {
         let at = |i: usize| TAU * (i as f64 / CORNERS as f64 + turn);
         (0..CORNERS).map(|i| Vec2::new(0.08 * at(i).sin(), 0.04 * (2.0 * at(i)).sin())).collect()
@@ -206,7 +206,7 @@ mod tests {
         }
     }
 
-    /// What a run on the loops came to.
+    /// Result of a run on the loops.
     #[derive(Debug, Default)]
     struct Course {
         took_s: f64,
@@ -217,7 +217,7 @@ mod tests {
         gap_m: f64,
     }
 
-    /// Parts that make `gain` of their ways give or take a few percent, in cycles of changing length.
+    /// Parts that make `gain` of their displacements within a few percent, in cycles of changing length.
     fn run(params: InPhaseParams, mut gain: impl FnMut(usize, f64) -> f64) -> Course {
         let mut rng = Streams::new(3).stream("strays");
         let mut parts = vec![Vec2::new(-0.1, -0.1), Vec2::new(0.1, -0.1), Vec2::new(0.0, 0.1)];
@@ -273,7 +273,7 @@ mod tests {
         let mut goal = InPhase::new(InPhaseParams { loops_m: vec![eight(0.0)], ..three_on_one_eight(0) });
         let firsts = [Vec2::zeros(), Vec2::new(0.1, 0.1), Vec2::new(-0.1, 0.1)];
         goal.next(PlateTime::ZERO, &firsts);
-        // half a lap on the loop passes the same place again
+        // half a lap on, the loop passes the same position again
         for (look, x) in (1..).zip([0.001, -0.001, 0.0005]) {
             let seen = [Vec2::new(x, -x), firsts[1], firsts[2]];
             let wanted = goal.next(PlateTime::from_secs(0.01 * f64::from(look)), &seen);

@@ -1,12 +1,12 @@
-//! Ways of least effort: the stages of a way are moved until going from each to the next takes least in all.
+//! Paths of least effort: the intermediate stages of a path are moved until the total effort between them is least.
 //!
 //! ```text
 //!   minimise  K Σ_k e_k' M((x_k + x_k+1) / 2) e_k + penalties      e_k = x_k+1 - x_k
 //! ```
 //!
-//! `x_k` are the places of all parts at stage k, `M` the effort of a step there, squared. The least sum of squares is a way
-//! along which the effort is spread evenly and its sum is least (a geodesic). Parts too near to each other or to the edge pay
-//! with the square of what is missing.
+//! `x_k` are the positions of all parts at stage k, `M` the squared effort of a step there. The least sum of squares is
+//! a path with evenly spread and least total effort (a geodesic). Parts too near to each other or to the edge pay the
+//! square of the missing distance.
 
 use std::collections::VecDeque;
 
@@ -14,34 +14,34 @@ use super::fleet::Fleet;
 use super::routes::PLANNED_GAP_M;
 use upm_core::geometry::Vec2;
 
-/// Room in addition to that of planned ways, to other parts and to the edge, m: sequences of rotations stray by some
-/// millimetres from the straight way between two stages, and are cut short where they break a limit.
+/// Clearance in addition to that of planned paths, to other parts and to the edge, m: sequences of rotations stray by
+/// some millimetres from the straight path between two stages, and are cut short where they break a limit.
 const SPARE_M: f64 = 2e-3;
 const EDGE_SPARE_M: f64 = 10e-3;
-/// Price of what is missing, for each square metre: 1 mm counts like 5 pulses.
+/// Price of missing clearance, per square metre: 1 mm counts like 5 pulses.
 const PENALTY: f64 = 25e6;
-/// Rounds of a search that ends when one gains less than this part of what is left; a rough one only ranks ways.
+/// Rounds of a search, which ends when one gains less than this fraction of the rest; a rough search only ranks paths.
 pub(super) const ROUNDS: usize = 40;
 pub(super) const ROUGH_ROUNDS: usize = 6;
 const WORTH: f64 = 2e-3;
-/// Length of the first step of a search and longest of any, for one coordinate, m.
+/// Length of the first step of a search and longest of any, per coordinate, m.
 const FIRST_M: f64 = 2e-3;
 const MOST_M: f64 = 15e-3;
-/// Steps that curvature is learned from, and halvings of one.
+/// Steps kept as curvature information (L-BFGS), and halvings of one step.
 const MEMORY: usize = 6;
 const HALVINGS: usize = 8;
 
-/// How hard it is to move all parts at once.
+/// Effort of moving all parts at once.
 pub trait Effort: std::fmt::Debug + Send + Sync {
-    /// The effort of steps of parts at these places, in pulses, squared; adds its slopes (by place, by step; 1/m) to `slopes`.
-    /// Infinite where it cannot be.
+    /// Squared effort of steps of parts at these positions, in pulses squared; adds its slopes (by position, by step;
+    /// 1/m) to `slopes`. Infinite where the step is impossible.
     fn squared(&self, places_m: &[Vec2], steps_m: &[Vec2], slopes: Option<(&mut [Vec2], &mut [Vec2])>) -> f64;
 }
 
-/// Places of all parts at the stages of a way, the first and the last of which stay.
+/// Path of all parts: their positions at every stage; the first and last stages are fixed.
 pub(super) type Way = Vec<Vec<Vec2>>;
 
-/// The effort of a way, in pulses.
+/// Effort of a path, in pulses.
 pub(super) fn effort_of(way_m: &[Vec<Vec2>], effort: &dyn Effort) -> f64 {
     let of = |pair: &[Vec<Vec2>]| {
         let (middle_m, step_m) = middle_and_step(&pair[0], &pair[1]);
@@ -50,7 +50,8 @@ pub(super) fn effort_of(way_m: &[Vec<Vec2>], effort: &dyn Effort) -> f64 {
     way_m.windows(2).map(of).sum()
 }
 
-/// `way_m`, its stages moved in up to `rounds` to where it takes least, and the square of that with all penalties.
+/// `way_m` with its stages moved, in up to `rounds` rounds, to the least effort; and its cost: squared effort with all
+/// penalties.
 pub(super) fn eased(way_m: Way, fleet: &Fleet, effort: &dyn Effort, rounds: usize) -> (Way, f64) {
     let mut now = Descent::at(way_m, fleet, effort);
     let mut known: VecDeque<(Vec<f64>, Vec<f64>)> = VecDeque::new();
@@ -89,7 +90,7 @@ pub(super) fn eased(way_m: Way, fleet: &Fleet, effort: &dyn Effort, rounds: usiz
     (now.way_m, now.cost)
 }
 
-/// A way, its cost and its slopes by every coordinate of the stages between the first and the last.
+/// State of the descent: a path, its cost and its slopes by every coordinate of the inner stages.
 struct Descent {
     way_m: Way,
     cost: f64,
@@ -113,7 +114,7 @@ impl Descent {
         for (stage, places_m) in way_m.iter().enumerate().take(legs).skip(1) {
             let (first_m, last_m) = (&way_m[0], &way_m[legs]);
             let share = stage as f64 / legs as f64;
-            // a way that begins or ends near the edge may lead along it
+            // a path that begins or ends near the edge may run along it
             let bounds_m = (0..parts).map(|i| {
                 let along_m = first_m[i].abs().lerp(&last_m[i].abs(), share);
                 along_m.map(|x| x.clamp(fleet.reach_m(i) - EDGE_SPARE_M, fleet.reach_m(i).max(0.0)))
@@ -126,7 +127,7 @@ impl Descent {
         Self { way_m, cost, slopes }
     }
 
-    /// Downhill, by what earlier steps taught of the curvature (L-BFGS: Nocedal 1980).
+    /// Descent direction by L-BFGS (Nocedal 1980), from the curvature along earlier steps.
     fn direction(&self, known: &VecDeque<(Vec<f64>, Vec<f64>)>) -> Vec<f64> {
         let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         let mut direction: Vec<f64> = self.slopes.iter().map(|slope| -slope).collect();
@@ -158,7 +159,7 @@ impl Descent {
     }
 }
 
-/// Penalty of parts that are too near to each other or to the edge; adds its slopes.
+/// Penalty of parts that are too near to each other or to the edge; adds its slopes to `slopes`.
 fn crowding((places_m, bounds_m): (&[Vec2], &[Vec2]), fleet: &Fleet, slopes: &mut [Vec2]) -> f64 {
     let mut cost = 0.0;
     for i in 0..places_m.len() {

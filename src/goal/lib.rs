@@ -1,4 +1,4 @@
-//! Where the parts should go, said without a word about plates.
+//! Goals: where the parts should go, in the table's frame, independent of plates and motors.
 
 mod arrange;
 mod assignment;
@@ -30,46 +30,47 @@ pub use trajectories::{PathParams, Trajectories};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
-/// A part as a goal knows it: a disc.
+/// A part as goals see it: a disc.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Disc {
-    /// Parts of equal kind are equal.
+    /// Kind number; parts of one kind are interchangeable.
     pub kind: usize,
-    /// Its outline, m.
+    /// Radius of its outline, m.
     pub radius_m: f64,
 }
 
-/// What a goal wants of the parts just now.
+/// Output of a goal for one cycle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Wanted {
-    /// For each part where it should go next, m. It may be further than one cycle reaches: while all parts go straight
-    /// there and in step, each the same part of its way, arranged parts keep apart and on the plate.
+    /// Next position of each part, m. It may be further than one cycle reaches: while all parts go straight there and
+    /// in step, each the same fraction of its displacement, arranged parts keep apart and on the plate.
     pub subgoals_m: Vec<Vec2>,
-    /// For each part where it shall end, m; on endless tasks the end of the present stretch.
+    /// Final position of each part, m; on endless tasks the end of the present stretch.
     pub targets_m: Vec<Vec2>,
-    /// What is being done, in words: `lap 2 of 3: branch +x, outwards`.
+    /// Present activity, in words: `lap 2 of 3: branch +x, outwards`.
     pub phase: String,
-    /// Part of the whole task that is done, 0 to 1; stays 0 on endless paths.
+    /// Completed fraction of the whole task, 0 to 1; stays 0 on endless paths.
     pub progress: f64,
     /// Laps completed.
     pub laps: u32,
     /// For each part the distance from its path, m; 0 where there is no path.
     pub cross_track_m: Vec<f64>,
-    /// Indices of the parts that have no way to their targets as things stand.
+    /// Indices of the parts without a path to their targets at present.
     pub boxed_in: Vec<usize>,
-    /// For each part how far along its path it is off the common reference, as a part of a period; empty where
-    /// parts need not keep step.
+    /// Phase of each part along its path relative to the common reference, as a fraction of a period; empty where parts
+    /// need not keep in phase.
     pub phase_error: Vec<f64>,
-    /// True when nothing is left to do.
+    /// True when the task is complete.
     pub done: bool,
 }
 
 /// A task as a source of subgoals.
 pub trait Goal {
-    /// Takes where the parts were found at the very first look, however long it takes until the first [`Goal::next`].
+    /// Records the parts' positions at the very first observation, however long it takes until the first
+    /// [`Goal::next`].
     fn first_seen(&mut self, _parts_in_table_m: &[Vec2]) {}
 
-    /// Looks at where the parts are and says what is wanted next. Called once a cycle, in order of time.
+    /// Returns the output for the parts' present positions. Called once per cycle, in order of time.
     fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted;
 }
 

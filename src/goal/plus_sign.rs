@@ -2,25 +2,25 @@ use super::{Goal, Wanted};
 use upm_core::geometry::{Vec2, cross};
 use upm_core::time::PlateTime;
 
-/// The paper's first task (section 3.4, Fig. 13): one part goes to the centre by translations along x, then y, and then
-/// follows the branches of a plus sign clockwise: out to the edge, back to the centre, next branch.
+/// Parameters of the paper's first task (section 3.4, Fig. 13): one part goes to the centre by translations along x,
+/// then y, and then follows the branches of a plus sign clockwise: out to the edge, back to the centre, next branch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlusSignParams {
     /// Half the plate's side, m.
     pub half_side_m: f64,
-    /// The part's outline, m.
+    /// Radius of the part's outline, m.
     pub part_radius_m: f64,
     /// Distance of the part's rim from the plate's edge at the end of a branch, m.
     pub edge_margin_m: f64,
-    /// Laps of four branches; 0 for going on without end.
+    /// Laps of four branches; 0 for an endless task.
     pub laps: u32,
-    /// How near to the end of a stretch is there, m.
+    /// Distance from the end of a stretch within which the part has arrived, m.
     pub arrive_m: f64,
-    /// How far ahead of the part the subgoal is at most, m.
+    /// Largest distance from the part to its subgoal ahead, m.
     pub stride_m: f64,
 }
 
-/// Ways of the branches, clockwise from -x.
+/// Directions of the branches, clockwise from -x.
 const BRANCHES: [(Vec2, &str); 4] = [
     (Vec2::new(-1.0, 0.0), "-x"),
     (Vec2::new(0.0, 1.0), "+y"),
@@ -37,7 +37,7 @@ enum Stage {
     Done,
 }
 
-/// A straight way to go.
+/// Straight section of the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Stretch {
     from_m: Vec2,
@@ -54,47 +54,47 @@ impl Stretch {
         (self.to_m - self.from_m).try_normalize(0.0).unwrap_or_default()
     }
 
-    /// How far along `p_m` is, m: negative before the start, more than the length past the end.
+    /// Distance of `p_m` along it, m: negative before the start, more than the length past the end.
     fn along_m(&self, p_m: Vec2) -> f64 {
         (p_m - self.from_m).dot(&self.direction())
     }
 
-    /// The point `stride_m` ahead of the foot of `p_m`, the end at most.
+    /// The point `stride_m` ahead of the foot of `p_m`, at most the end.
     fn carrot_m(&self, p_m: Vec2, stride_m: f64) -> Vec2 {
         let foot_m = self.along_m(p_m).clamp(0.0, self.length_m());
         self.from_m + self.direction() * (foot_m + stride_m).min(self.length_m())
     }
 }
 
-/// [`PlusSignParams`] at work. It steers the first part; others are told to stay where they were first seen.
+/// Goal that follows [`PlusSignParams`]. It steers the first part; others keep their first position as subgoal.
 #[derive(Clone, Debug)]
 pub struct PlusSign {
     params: PlusSignParams,
     stage: Stage,
     stretch: Stretch,
-    /// Where each part was last seen.
+    /// Latest position of each part, m.
     seen_m: Vec<Vec2>,
-    /// Where each part was first seen.
+    /// First position of each part, m.
     first_seen_m: Vec<Vec2>,
-    /// Furthest along the present stretch so far, as a part of its length.
+    /// Furthest progress along the present stretch, as a fraction of its length.
     furthest: f64,
 }
 
 impl PlusSign {
-    /// A task at its beginning. A branch too short for the part has no length.
+    /// A new task with these parameters. A branch too short for the part has no length.
     pub fn new(params: PlusSignParams) -> Self {
         let nowhere = Stretch { from_m: Vec2::zeros(), to_m: Vec2::zeros() };
         let (seen_m, first_seen_m) = (Vec::new(), Vec::new());
         Self { params, stage: Stage::CentreAlongX, stretch: nowhere, seen_m, first_seen_m, furthest: 0.0 }
     }
 
-    /// Distance of the part's centre from the plate's at the end of a branch, m.
+    /// Distance of the part's centre from the plate's centre at the end of a branch, m.
     pub fn reach_m(&self) -> f64 {
         let PlusSignParams { half_side_m, part_radius_m, edge_margin_m, .. } = self.params;
         (half_side_m - part_radius_m - edge_margin_m).max(0.0)
     }
 
-    /// Takes note of where parts are; a position that is not a number leaves a part where it was.
+    /// Records the parts' positions; a part keeps its last one when the new one is not finite.
     fn look(&mut self, parts_in_table_m: &[Vec2]) {
         let begins = self.first_seen_m.is_empty();
         self.seen_m.resize(parts_in_table_m.len(), Vec2::zeros());
@@ -199,7 +199,7 @@ impl Goal for PlusSign {
         let Some(part_m) = self.seen_m.first().copied() else {
             return Wanted { phase: "no part".into(), ..Wanted::default() };
         };
-        // From anywhere at most both centring stretches and one stretch more are over at once.
+        // From any position at most both centring stretches and one more stretch are over at once.
         for _ in 0..3 {
             if self.arrived(part_m) {
                 self.advance(part_m);
@@ -241,7 +241,7 @@ mod tests {
         stride_m: 0.008,
     };
 
-    /// Follows a plus sign until it is done; says where each stretch of a branch ended and how many cycles it took.
+    /// Follows a plus sign until it is done; returns the ends of the branches' stretches and the number of cycles.
     fn follow(params: PlusSignParams, start_m: Vec2, mut step: impl FnMut(Vec2, Vec2) -> Vec2) -> (Vec<Vec2>, usize) {
         let (mut goal, mut part_m, mut ends) = (PlusSign::new(params), start_m, Vec::new());
         let (mut stage, mut progress) = (goal.stage, 0.0);

@@ -5,39 +5,39 @@ use super::search::{Obstacle, Query};
 use upm_core::geometry::Vec2;
 use upm_core::random::Rng;
 
-/// Gap between rims that ways are planned with, m.
+/// Gap between rims for which routes are planned, m.
 pub(super) const PLANNED_GAP_M: f64 = 3e-3;
 
-/// How ways are looked for, in one order of precedence after another: longest move along x or y from one moment to
-/// the next, m, and the moments for which those whose way is still to be found are not driven from where they are.
-/// In a crowd they need time to make room, and short moves.
+/// Settings of the search, used in turn for successive orders of precedence: the longest move along x or y from one
+/// moment to the next, m, and the number of moments for which parts without a route yet count as obstacles at their
+/// starts. In a crowd parts need time to make room, and short moves.
 const MANNERS: [(f64, usize); 4] = [(7e-3, 0), (7e-3, 4), (5e-3, 4), (5e-3, 8)];
 
 /// Orders of precedence tried before a part counts as boxed in.
 const ORDERS: usize = 24;
 
-/// Places and moments looked at for one part's way, and for all ways in all orders.
+/// Search nodes (position and moment) for one part's route, and for all routes in all orders.
 const EFFORT: (usize, usize) = (5_000, 30_000);
 
-/// Ways of all parts: `ways_m[i][k]` is where part i is at moment k. From one moment to the next all move in
-/// straight lines, in step.
+/// Routes of all parts: `ways_m[i][k]` is the position of part i at moment k. From one moment to the next all parts
+/// move in straight lines, in step.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Routes {
     pub(super) ways_m: Vec<Vec<Vec2>>,
-    /// Parts that found no way; theirs ends where it begins.
+    /// Parts without a route; theirs ends where it begins.
     pub(super) boxed_in: Vec<usize>,
 }
 
-/// Finds ways from starts to the fleet's targets on which nobody comes too near to another. Parts are given ways one
-/// after another; one that finds none comes first in the next order (prioritised planning, Erdmann and Lozano-Pérez
-/// 1987, with the restarts of Bennewitz et al. 2002).
+/// Search for routes from the starts to the fleet's targets on which no two parts come too near to each other. Routes
+/// are assigned one part after another; a part that finds none comes first in the next order (prioritised planning,
+/// Erdmann and Lozano-Pérez 1987, with the restarts of Bennewitz et al. 2002).
 pub(super) struct Search<'a> {
     fleet: &'a Fleet,
     starts_m: &'a [Vec2],
-    /// Places and moments that may still be looked at.
+    /// Search nodes left.
     effort: usize,
     boxed_in: Vec<usize>,
-    /// Parts that have found no way in some order.
+    /// Parts that failed to find a route in some order.
     failed: Vec<bool>,
 }
 
@@ -46,7 +46,7 @@ impl<'a> Search<'a> {
         Self { fleet, starts_m, effort: EFFORT.1, boxed_in: Vec::new(), failed: vec![false; fleet.len()] }
     }
 
-    /// Ways of all parts; those of parts that have none end where they begin.
+    /// Routes of all parts; those of boxed-in parts end where they begin.
     pub(super) fn routes(&mut self, rng: &mut Rng) -> Routes {
         loop {
             if let Some(routes) = self.try_orders(self.first_order(), rng) {
@@ -56,14 +56,14 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Other ways, if there are any: found in an order of precedence that is drawn.
+    /// Alternative routes, if any, found in a random order of precedence.
     pub(super) fn other_routes(&mut self, rng: &mut Rng) -> Option<Routes> {
         let mut order = self.first_order();
         order.shuffle(rng);
         if self.boxed_in.is_empty() { self.try_orders(order, rng) } else { None }
     }
 
-    /// Ways of all parts but those boxed in, which stay where they are.
+    /// Routes of all parts except those boxed in, which stay at rest.
     fn try_orders(&mut self, mut order: Vec<usize>, rng: &mut Rng) -> Option<Routes> {
         for manner in MANNERS.iter().cycle().take(ORDERS) {
             if self.effort == 0 {
@@ -84,7 +84,7 @@ impl<'a> Search<'a> {
         None
     }
 
-    /// Those whose straight way is free come first and keep it.
+    /// Order of precedence with the fewest conflicts of straight routes first, so that parts with a free one keep it.
     fn first_order(&self) -> Vec<usize> {
         let mut conflicts = vec![0; self.fleet.len()];
         for (a, b) in self.fleet.conflicts(self.starts_m, self.fleet.targets_m(), PLANNED_GAP_M) {
@@ -96,7 +96,7 @@ impl<'a> Search<'a> {
         order
     }
 
-    /// Ways in this order of precedence, or the first part that has none.
+    /// Routes in this order of precedence, or the first part that has none.
     fn ways(&mut self, order: &[usize], (pitch_m, grace): (f64, usize)) -> Result<Vec<Vec<Vec2>>, usize> {
         let mut ways_m: Vec<Vec<Vec2>> = vec![Vec::new(); self.fleet.len()];
         for &part in &self.boxed_in {
@@ -136,13 +136,13 @@ impl<'a> Search<'a> {
         Ok(ways_m)
     }
 
-    /// Moments that the longest straight way takes.
+    /// Moments that the longest straight route takes.
     fn moments(&self, pitch_m: f64) -> usize {
         let ways = self.starts_m.iter().zip(self.fleet.targets_m()).map(|(start, target)| (target - start).norm());
         (ways.fold(0.0, f64::max) / pitch_m).ceil() as usize
     }
 
-    /// Of the parts that found no way the one furthest from its target stays where it is from now on.
+    /// Declares a part boxed in: of those that failed to find a route, the one furthest from its target.
     fn give_one_up(&mut self) {
         let way_m = |part: usize| (self.fleet.targets_m()[part] - self.starts_m[part]).norm();
         let left = (0..self.fleet.len()).filter(|part| !self.boxed_in.contains(part));

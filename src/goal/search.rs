@@ -10,15 +10,15 @@ const DIAGONAL: u32 = 14;
 /// Cost of a wait.
 const WAIT: u32 = 5;
 
-/// The way's estimate counts this much more than what lies behind, in tenths: not the shortest way, found sooner.
+/// Weight of the estimate of the remaining cost, in tenths: a larger one finds a route sooner, but not the shortest.
 const HASTE_TENTHS: u32 = 18;
 
-/// A part whose way is known: where it is at every moment, at its last place for ever after.
+/// A part whose route is known: its position at every moment, constant after the last.
 pub(super) struct Obstacle<'a> {
     pub(super) way_m: &'a [Vec2],
-    /// How near its centre may come, m.
+    /// Least distance of the centres, m.
     pub(super) least_m: f64,
-    /// Moment from which on it is in nobody's way: it will make room.
+    /// Moment from which the obstacle is ignored, because it will have made room.
     pub(super) gone_from: usize,
 }
 
@@ -29,11 +29,11 @@ impl Obstacle<'_> {
     }
 }
 
-/// What one part's way has to keep to.
+/// Constraints on one part's route.
 pub(super) struct Query<'a> {
     pub(super) start_m: Vec2,
     pub(super) target_m: Vec2,
-    /// How far from the plate's centre the part may be along x and along y, m.
+    /// Largest allowed |x| and |y| of the part's centre, m.
     pub(super) reach_m: f64,
     pub(super) obstacles: &'a [Obstacle<'a>],
     /// Longest move along x or y from one moment to the next, m.
@@ -42,11 +42,11 @@ pub(super) struct Query<'a> {
     pub(super) horizon: usize,
 }
 
-/// A place of the lattice about the target; `None` is the start, which is on no lattice.
+/// Node of the lattice about the target; `None` is the start, which is not on the lattice.
 type Cell = Option<(i16, i16)>;
 
 impl Query<'_> {
-    /// The straight way in `moments` equal steps, begun after `wait` moments, if it is free.
+    /// The straight route in `moments` equal steps, begun after `wait` moments, if it is free.
     pub(super) fn straight(&self, wait: usize, moments: usize) -> Option<Vec<Vec2>> {
         let share = |k: usize| (k.saturating_sub(wait) as f64 / moments.max(1) as f64).min(1.0);
         let at = |k: usize| self.start_m.lerp(&self.target_m, share(k));
@@ -55,8 +55,8 @@ impl Query<'_> {
         (free && end >= self.free_from()).then(|| (0..=end).map(at).collect())
     }
 
-    /// A way from start to target and where it is at every moment, found by A* over places and moments. Takes
-    /// what it looks at off `effort` and finds nothing more when that is used up.
+    /// A route from start to target, its position at every moment, found by A* over positions and moments. Each
+    /// expanded node is subtracted from `effort`; the search fails when that is used up.
     pub(super) fn way(&self, effort: &mut usize) -> Option<Vec<Vec2>> {
         let free_from = self.free_from();
         let successors = |&(cell, moment): &(Cell, usize)| {
@@ -69,7 +69,7 @@ impl Query<'_> {
         Some(way.into_iter().map(|(cell, _)| self.place_m(cell)).collect())
     }
 
-    /// First moment from which on nobody comes near the target any more.
+    /// First moment from which no obstacle comes near the target.
     fn free_from(&self) -> usize {
         let rest = Step::rest(self.target_m);
         let free_from = |obstacle: &Obstacle<'_>| {
@@ -102,7 +102,7 @@ impl Query<'_> {
             .collect()
     }
 
-    /// No further out than allowed, or than the part is already, or than its target.
+    /// True when the move ends no further out than allowed, or than the part already is, or than its target.
     fn is_on_plate(&self, from_m: Vec2, to_m: Vec2) -> bool {
         let reach_m = self.reach_m.max(self.target_m.amax());
         to_m.iter().zip(from_m.iter()).all(|(to, from)| to.abs() <= reach_m.max(from.abs()))
@@ -112,7 +112,7 @@ impl Query<'_> {
         cell.map_or(self.start_m, |(x, y)| self.target_m + self.pitch_m * Vec2::new(f64::from(x), f64::from(y)))
     }
 
-    /// The lattice's place next to the start.
+    /// The node of the lattice nearest to the start.
     fn nearest(&self) -> (i16, i16) {
         let off = (self.start_m - self.target_m) / self.pitch_m;
         (off.x.round() as i16, off.y.round() as i16)
@@ -147,7 +147,7 @@ mod tests {
         way_m.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
     }
 
-    /// Discs that stand all round a place, `apart_m` from each other and `out_m` from it.
+    /// Discs all round a position, `apart_m` from each other and `out_m` from it.
     fn wall(about_m: Vec2, out_m: f64, apart_m: f64) -> Vec<[Vec2; 1]> {
         let count = (std::f64::consts::TAU * out_m / apart_m) as usize;
         let at = |i: usize| std::f64::consts::TAU * i as f64 / count as f64;

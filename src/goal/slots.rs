@@ -1,23 +1,23 @@
 use upm_core::geometry::Vec2;
 
-/// A pattern's stretch is found by this many halvings.
+/// Bisections that find a pattern's stretch.
 const HALVINGS: usize = 20;
 
-/// Distance from the middle that is none, m.
+/// Distance from the middle that counts as zero, m.
 const ROUNDING_M: f64 = 1e-9;
 
-/// Places for discs in a rectangle.
+/// Slots for discs in a rectangle.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Slots {
     /// Centres from the rectangle's middle, m, in the order of the radii.
     pub(super) centers_m: Vec<Vec2>,
-    /// Least gap between rims, or twice that between a rim and a side where it is less, m; negative where there is
-    /// no room.
+    /// Least gap between rims, or twice that between a rim and a side where it is less, m; negative where there is not
+    /// enough room.
     pub(super) gap_m: f64,
 }
 
 impl Slots {
-    /// Places in rows or columns, as loosely spaced as these can be, symmetric about the middle for equal discs.
+    /// Slots in rows or columns with the largest possible gap, symmetric about the middle for equal discs.
     pub(super) fn new(size_m: Vec2, radii_m: &[f64]) -> Self {
         let mut best = Self { centers_m: vec![Vec2::zeros(); radii_m.len()], gap_m: f64::NEG_INFINITY };
         for rows in 1..=radii_m.len() {
@@ -37,7 +37,7 @@ impl Slots {
     }
 }
 
-/// Numbers of discs in each row: as even as can be, symmetric, the longer rows outside.
+/// Numbers of discs in each row: as even as possible, symmetric, the longer rows outside.
 fn counts(discs: usize, rows: usize) -> Vec<usize> {
     let (each, longer) = (discs / rows, discs % rows);
     let mut counts = vec![each; rows];
@@ -49,8 +49,8 @@ fn counts(discs: usize, rows: usize) -> Vec<usize> {
     counts
 }
 
-/// Discs row by row from below. Every disc has a share of the width that exceeds its diameter by as much as that of the
-/// others in the row exceeds theirs, or, with a common pitch, as in the longest row; rows share the height likewise.
+/// Centres of discs row by row from below, m. Within a row every disc's share of the width exceeds its diameter by the
+/// same amount; with a common pitch it is the longest row's amount in all rows. Rows share the height likewise.
 fn in_rows(size_m: Vec2, radii_m: &[f64], rows: usize, common_pitch: bool) -> Vec<Vec2> {
     let mut left = radii_m;
     let rows: Vec<&[f64]> = counts(radii_m.len(), rows)
@@ -74,7 +74,7 @@ fn in_rows(size_m: Vec2, radii_m: &[f64], rows: usize, common_pitch: bool) -> Ve
     centers_m
 }
 
-/// Middles of discs side by side with `gap_m` between rims, about the middle of all.
+/// Centres of discs side by side with `gap_m` between rims, about the middle of the row.
 fn side_by_side(radii_m: &[f64], gap_m: f64) -> impl Iterator<Item = f64> {
     let whole_m: f64 = radii_m.iter().map(|radius_m| 2.0 * radius_m + gap_m).sum();
     let mut edge_m = -0.5 * whole_m;
@@ -85,7 +85,7 @@ fn side_by_side(radii_m: &[f64], gap_m: f64) -> impl Iterator<Item = f64> {
     })
 }
 
-/// Stretches a pattern until its discs have as much room between them as twice that to the sides.
+/// Stretches a pattern until the gaps between discs equal twice those to the sides.
 fn spread(size_m: Vec2, radii_m: &[f64], centers_m: &mut [Vec2]) {
     let pattern_m = centers_m.to_vec();
     let (mut least_m, mut most_m) = (0.0, 0.5 * size_m.min());

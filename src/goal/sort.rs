@@ -5,16 +5,16 @@ use super::{Disc, Goal, Wanted};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
-/// Gap between rims in a bin with which parts get in and past each other, m.
+/// Gap between rims in a bin that lets parts enter and pass each other, m.
 const COMFORT_M: f64 = 4e-3;
 
-/// Spare slots tried so that parts that lie in their bin already may stay.
+/// Extra slots tried so that parts already in their bin may stay.
 const SPARE_SLOTS: usize = 4;
 
-/// A rectangle in which the rims of some kinds must lie.
+/// A rectangle for the parts of some kinds, rims included.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BinParams {
-    /// Kinds that belong here.
+    /// Kinds that belong in this bin.
     pub kinds: Vec<usize>,
     /// Lower left corner, m.
     pub min_m: Vec2,
@@ -23,7 +23,7 @@ pub struct BinParams {
 }
 
 impl BinParams {
-    /// Gap between a part's rim and the nearest side, m; negative where it is not inside.
+    /// Gap between a part's rim and the nearest side, m; negative where the part is not inside.
     fn inside_m(&self, center_m: Vec2, radius_m: f64) -> f64 {
         (center_m - self.min_m).min().min((self.max_m - center_m).min()) - radius_m
     }
@@ -36,7 +36,7 @@ impl BinParams {
     }
 }
 
-/// Every part goes into its kind's bin.
+/// Parameters of sorting: every part goes into its kind's bin.
 #[derive(Clone, Debug)]
 pub struct SortParams {
     /// Half the plate's side, m.
@@ -45,15 +45,15 @@ pub struct SortParams {
     pub motions: Motions,
     /// The parts.
     pub discs: Vec<Disc>,
-    /// The bins. A part whose kind has none stays where it was first seen.
+    /// The bins. A part of a kind without a bin stays where it was first seen.
     pub bins: Vec<BinParams>,
-    /// How far inside its bin a part's rim must be seen, m.
+    /// Required distance of a part's observed rim inside its bin, m.
     pub margin_m: f64,
 }
 
 impl SortParams {
-    /// For each bin the least gap between rims, or twice that between a rim and a side, that its slots leave, m;
-    /// negative where no slots were found for its parts.
+    /// Gap left by the slots of each bin, m: the least between rims, or twice that between a rim and a side where it is
+    /// less; negative where no slots were found for its parts.
     pub fn gaps_m(&self) -> Vec<f64> {
         let gap_m = |(number, bin): (usize, &BinParams)| {
             let radii_m: Vec<f64> = self.parts_of(number).map(|part| self.discs[part].radius_m).collect();
@@ -63,7 +63,7 @@ impl SortParams {
         self.bins.iter().enumerate().map(gap_m).collect()
     }
 
-    /// Number of the bin where a part belongs.
+    /// Index of the bin for a part.
     fn bin_of(&self, part: usize) -> Option<usize> {
         let kind = self.discs.get(part)?.kind;
         self.bins.iter().position(|bin| bin.kinds.contains(&kind))
@@ -73,13 +73,13 @@ impl SortParams {
         (0..self.discs.len()).filter(move |&part| self.bin_of(part) == Some(bin))
     }
 
-    /// How far inside its bin a part's rim is, m; `None` when it has no bin.
+    /// Distance of a part's rim inside its bin, m; `None` when it has no bin.
     fn inside_m(&self, part: usize, center_m: Vec2) -> Option<f64> {
         Some(self.bins[self.bin_of(part)?].inside_m(center_m, self.discs[part].radius_m))
     }
 }
 
-/// [`SortParams`] at work. It is done as soon as every part's rim lies inside its bin.
+/// Goal that sorts parts by [`SortParams`]. It is done as soon as every part's rim is inside its bin.
 #[derive(Clone, Debug)]
 pub struct Sort {
     params: SortParams,
@@ -87,7 +87,7 @@ pub struct Sort {
 }
 
 impl Sort {
-    /// A task at its beginning.
+    /// A new task with these parameters.
     pub fn new(params: SortParams) -> Self {
         Self { params, steering: None }
     }
@@ -103,22 +103,22 @@ impl Sort {
     }
 }
 
-/// A place for each part, and who may exchange it with whom.
+/// Place of each part, and the groups within which places may be exchanged.
 struct Places {
     at_m: Vec<Vec2>,
     groups: Vec<usize>,
-    /// Numbers below belong to groups that there are.
+    /// Smallest unused group number.
     next_group: usize,
 }
 
 impl Places {
-    /// Every part stays where it is.
+    /// Every part's place is its present position.
     fn new(parts_in_table_m: &[Vec2]) -> Self {
         let parts = parts_in_table_m.len();
         Self { at_m: parts_in_table_m.to_vec(), groups: (0..parts).collect(), next_group: parts }
     }
 
-    /// Gives `parts` places in `bin`; those that lie well inside stay if that leaves room for the others.
+    /// Assigns `parts` places in `bin`; those well inside stay if that leaves room for the others.
     fn fill(&mut self, bin: &BinParams, parts: Vec<usize>, discs: &[Disc], seen_m: &[Vec2]) {
         let radius_m = |part: &usize| discs[*part].radius_m;
         let largest_m = parts.iter().map(radius_m).fold(0.0, f64::max);
@@ -153,8 +153,8 @@ impl Places {
         self.take(&by_size, &slots.centers_m, seen_m, may);
     }
 
-    /// Gives each of `parts` one of the slots that it may have, so that ways are short; who may have another's slot
-    /// may exchange with it.
+    /// Assigns each of `parts` a slot that it may have, with short displacements; parts that may have each other's
+    /// slots may exchange them.
     fn take(&mut self, parts: &[usize], slots_m: &[Vec2], seen_m: &[Vec2], may: impl Fn(usize, usize) -> bool) {
         let cost_m2 = |part: usize, slot: usize| {
             if may(part, slot) { (seen_m[parts[part]] - slots_m[slot]).norm_squared() } else { f64::INFINITY }
@@ -218,7 +218,7 @@ mod tests {
 
     #[test]
     fn parts_in_the_way_take_slots_too() {
-        // room for two side by side, one lies in the middle
+        // room for two side by side; one is in the middle
         let params = penny_bin((0.0, -0.015), (0.05, 0.015), 2);
         let wanted = Sort::new(params).next(PlateTime::ZERO, &[Vec2::new(0.025, 0.0), Vec2::new(-0.05, 0.0)]);
         let mut xs = wanted.targets_m.iter().map(|target| target.x).collect::<Vec<_>>();

@@ -3,27 +3,28 @@ use super::routes::{PLANNED_GAP_M, Routes, Search};
 use upm_core::geometry::Vec2;
 use upm_core::random::Rng;
 
-/// What one more stage costs: as much as a way of this length, m.
+/// Cost of one more stage, as an equivalent length, m.
 const STAGE_M: f64 = 5e-3;
 
-/// Ways found before the best of them is taken.
+/// Number of routes found before the best is taken.
 const TRIES: usize = 4;
 
-/// How all parts get to their targets.
+/// Paths of all parts to their targets.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Stages {
-    /// Where all are one after another, m; from each to the next they go straight and in step.
+    /// Positions of all parts at successive stages, m; from each to the next they move straight and in step.
     pub(super) places_m: Vec<Vec<Vec2>>,
-    /// Parts that find no way and stay where they are.
+    /// Parts without a route, which stay at rest.
     pub(super) boxed_in: Vec<usize>,
     /// True where the parts cannot all go straight.
     pub(super) round: bool,
-    /// Their cost: the effort of rotations in pulses, or the sum over the stages of the longest way and a constant, m.
+    /// Cost: the effort of rotations in pulses, or the sum over the stages of the longest displacement and a constant,
+    /// m.
     pub(super) cost: f64,
 }
 
-/// The stages from `starts_m` to the fleet's targets: one where all can go straight, else the best of a few ways
-/// round each other.
+/// The stages from `starts_m` to the fleet's targets: a single one where all can go straight, else the best of a few
+/// routes round each other.
 pub(super) fn find_stages(fleet: &Fleet, starts_m: &[Vec2], rng: &mut Rng) -> Stages {
     if fleet.is_clear(starts_m, fleet.targets_m(), PLANNED_GAP_M) {
         return Stages { places_m: vec![fleet.targets_m().to_vec()], ..Stages::default() };
@@ -40,7 +41,8 @@ pub(super) fn find_stages(fleet: &Fleet, starts_m: &[Vec2], rng: &mut Rng) -> St
     best
 }
 
-/// Shortens ways: wherever a part can go straight between two moments without coming too near to another, it does.
+/// Shortens routes: replaces a part's route between two moments by a straight line wherever that is clear of the other
+/// parts.
 pub(super) fn straighten(fleet: &Fleet, routes: &mut Routes) {
     let last = routes.ways_m.first().map_or(0, |way_m| way_m.len().saturating_sub(1));
     let mut span = last;
@@ -77,8 +79,7 @@ fn straighten_between(fleet: &Fleet, routes: &mut Routes, part: usize, from: usi
     }
 }
 
-/// Where all parts are, on ways made straight, at those moments between which they can go straight and in step at the
-/// least cost.
+/// Stages on straightened routes: the moments between which all parts can move straight and in step at the least cost.
 fn stages(fleet: &Fleet, mut routes: Routes) -> Stages {
     straighten(fleet, &mut routes);
     let moments = routes.ways_m.first().map_or(0, Vec::len);
@@ -88,7 +89,7 @@ fn stages(fleet: &Fleet, mut routes: Routes) -> Stages {
         let longest_m = all[from].iter().zip(&all[to]).map(|(a, b)| (b - a).norm()).fold(0.0, f64::max);
         longest_m + STAGE_M
     };
-    // for each moment the least cost up to it and the stage before
+    // for each moment the least cost up to it, and the previous stage
     let mut best = vec![(0.0, 0); moments.min(1)];
     for to in 1..moments {
         let (mut least_m, mut before) = (best[to - 1].0 + cost_m(to - 1, to), to - 1);

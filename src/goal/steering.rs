@@ -9,72 +9,73 @@ use std::sync::Arc;
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
 
-/// The present assignment stands until another costs less than this part of it: what follows positions with noise
-/// would else go to and fro.
+/// The assignment changes only when another costs less than this fraction of it; otherwise noise in the positions would
+/// make it alternate.
 const CLEARLY_BETTER: f64 = 0.8;
 
-/// Gap between rims with which a way once chosen is kept, m: less than it was planned with, for parts stray from it.
+/// Gap between rims for which a chosen route is kept, m: less than the planned one, since parts stray from it.
 const KEPT_GAP_M: f64 = 2.5e-3;
 
-/// A stage of the ways is reached when every part is this near, m.
+/// Distance within which every part has reached a stage, m.
 const STAGE_REACHED_M: f64 = 1e-3;
 
-/// Looks after which a way is looked for again while a part is boxed in.
+/// Cycles after which a new route is searched while a part is boxed in.
 const PATIENCE: usize = 16;
 
-/// Rotations leave their hardest part of a stage: the next one begins when no more than this part is left of it.
+/// Fraction of a stage's initial distance at which the next stage begins, for rotations: they leave the hardest part of
+/// it.
 const STAGE_LEFT: f64 = 0.4;
 
 /// Other assignments tried for parts that are boxed in.
 const EXCHANGES: usize = 3;
 
-/// The kind of motion that moves the parts; it decides which ways are short.
+/// The kind of motion that moves the parts; it determines which paths are short.
 #[derive(Clone, Debug, Default)]
 pub enum Motions {
-    /// Every part goes its own way whatever the others do, as synthesised fields have it: ways are short as lengths are.
+    /// Every part moves independently of the others, as with synthesised fields: the cost of a path is its length.
     #[default]
     Independent,
-    /// Rotations: what all parts do together is nearly free, and what they do against each other dear.
+    /// Rotations: joint motions of all parts cost little, relative motions much.
     Rotations {
-        /// Longest way of a part in one sequence of rotations, m.
+        /// Longest displacement of a part in one sequence of rotations, m.
         stride_m: f64,
-        /// How hard steps are.
+        /// Effort of steps.
         effort: Arc<dyn Effort>,
     },
 }
 
-/// Brings every part to a place: who goes where, and by what way.
+/// Steers every part to a place: assigns the places and finds the paths.
 #[derive(Clone, Debug)]
 pub(super) struct Steering {
     motions: Motions,
     discs: Vec<Disc>,
     half_side_m: f64,
     places_m: Vec<Vec2>,
-    /// Parts and places with the same number may be put together.
+    /// Group of each part; parts of one group may exchange their places.
     groups: Vec<usize>,
-    /// The place of each part.
+    /// Index of each part's place.
     place_of: Vec<usize>,
-    /// Where each part was last seen, m.
+    /// Latest position of each part, m.
     seen_m: Vec<Vec2>,
-    /// Where all parts shall be one after another; from each to the next they go straight and in step.
+    /// Remaining stages, m: positions of all parts; from each to the next they move straight and in step.
     stages_m: Vec<Vec<Vec2>>,
-    /// Distance of the parts from the present stage when it became that, root mean square, m.
+    /// Distance of the parts from the present stage when it became the present one, root mean square, m.
     begun_m: f64,
-    /// True while the ways lead round each other.
+    /// True while the routes lead round each other.
     round: bool,
     boxed_in: Vec<usize>,
-    /// Looks since a way was looked for.
+    /// Cycles since the last search for a route.
     looks: usize,
     rng: Rng,
-    /// Sum of the parts' distances from their places at first, m.
+    /// Sum of the parts' initial distances from their places, m.
     at_first_m: f64,
-    /// Furthest so far, 0 to 1.
+    /// Largest progress so far, 0 to 1.
     progress: f64,
 }
 
 impl Steering {
-    /// One place for each part; those with the same number in `groups` may be exchanged. A part without a place
-    /// stays where it is seen first.
+    /// Steering to one place for each part; parts with the same number in `groups` may exchange them. A part without a
+    /// place stays where it is first seen.
     pub(super) fn new(
         motions: &Motions,
         discs: &[Disc],
@@ -113,7 +114,7 @@ impl Steering {
         steering
     }
 
-    /// Takes note of where parts are, m; a position that is not a number leaves a part where it was.
+    /// Records the parts' positions, m; a part keeps its last one when the new one is not finite.
     pub(super) fn see(&mut self, parts_in_table_m: &[Vec2]) {
         for (seen, part) in self.seen_m.iter_mut().zip(parts_in_table_m) {
             if is_finite(*part) {
@@ -122,7 +123,7 @@ impl Steering {
         }
     }
 
-    /// Takes note of where parts are, m, and settles where they go.
+    /// Records the parts' positions, m, and updates assignment and route.
     pub(super) fn look(&mut self, parts_in_table_m: &[Vec2]) {
         self.see(parts_in_table_m);
         if matches!(self.motions, Motions::Independent) {
@@ -141,17 +142,17 @@ impl Steering {
         }
     }
 
-    /// The place of each part as things stand, m.
+    /// The place assigned to each part at present, m.
     pub(super) fn targets_m(&self) -> Vec<Vec2> {
         self.place_of.iter().map(|&place| self.places_m[place]).collect()
     }
 
-    /// Where each part should go next, m: straight there and all in step they keep apart.
+    /// Next position of each part, m: while all go straight there and in step they keep apart.
     pub(super) fn subgoals_m(&self) -> Vec<Vec2> {
         self.stages_m.first().unwrap_or(&self.seen_m).clone()
     }
 
-    /// Wanted places of parts of which `there` have arrived; `to` names their destination in words.
+    /// Output for the cycle when `there` parts have arrived; `to` names their destination in words.
     pub(super) fn wanted(&self, to: &str, there: usize) -> Wanted {
         Wanted {
             subgoals_m: self.subgoals_m(),
@@ -164,8 +165,8 @@ impl Steering {
         }
     }
 
-    /// What is being done, in words: where to, by what way and how many are there. Parts are told by their number
-    /// in the order of the job, from 1.
+    /// Present activity in words: destination, kind of path and number of arrived parts. Parts are numbered in the
+    /// order of the job, from 1.
     fn phase(&self, to: &str, there: usize) -> String {
         let of = self.seen_m.len();
         let numbers: Vec<String> = self.boxed_in.iter().map(|part| (part + 1).to_string()).collect();
@@ -179,7 +180,7 @@ impl Steering {
         }
     }
 
-    /// Where each part was last seen, m.
+    /// Latest position of each part, m.
     pub(super) fn seen_m(&self) -> &[Vec2] {
         &self.seen_m
     }
@@ -189,7 +190,7 @@ impl Steering {
         self.seen_m.iter().zip(&self.place_of).map(|(seen_m, &place)| (seen_m - self.places_m[place]).norm())
     }
 
-    /// The least sum of squared ways from `starts_m`.
+    /// Assignment with the least sum of squared distances from `starts_m`.
     fn best_assignment(&self, starts_m: &[Vec2], never: &[(usize, usize)]) -> Vec<usize> {
         assign(starts_m.len(), self.places_m.len(), |part, place| {
             if self.may((part, &place), never) {
@@ -213,8 +214,8 @@ impl Steering {
         Fleet::new(self.discs.clone(), self.half_side_m, targets_m)
     }
 
-    /// Takes a clearly better assignment; on a way round only when it is straight from there, so that
-    /// exchanges come to an end.
+    /// Adopts a clearly better assignment; on a route round other parts only when the new one can be reached straight,
+    /// so that exchanges terminate.
     fn exchange_places(&mut self) {
         let better = self.best_assignment(&self.seen_m, &[]);
         if self.cost_m2(&better) >= CLEARLY_BETTER * self.cost_m2(&self.place_of) {
@@ -227,7 +228,7 @@ impl Steering {
         }
     }
 
-    /// Goes on to the last stage that can be reached straight; false when there is none.
+    /// Advances to the last stage that can be reached straight; false when there is none.
     fn keep_way(&mut self) -> bool {
         if !self.boxed_in.is_empty() && self.looks > PATIENCE {
             return false;
@@ -242,8 +243,8 @@ impl Steering {
         self.stages_m.len() == 1 || !self.stages_m.first().is_some_and(reached)
     }
 
-    /// Goes on along a way of rotations: to the present stage until little of it is left, then to one a stride further on.
-    /// False where the way is no longer clear.
+    /// Advances along a path of rotations: keeps the present stage until little of it is left, then takes one a stride
+    /// further on. False where the path is no longer clear.
     fn keep_turning_way(&mut self, stride_m: f64) -> bool {
         if !self.boxed_in.is_empty() && self.looks > PATIENCE {
             return false;
@@ -256,8 +257,8 @@ impl Steering {
         !on_it && self.go_on(1, stride_m)
     }
 
-    /// Makes the stage a stride from where the parts are the present one, or the furthest before it that can be reached
-    /// straight; false where none can.
+    /// Advances to the stage a stride from the parts, or to the furthest before it that can be reached straight; false
+    /// where there is none.
     fn go_on(&mut self, from: usize, stride_m: f64) -> bool {
         let longest_m = |stage_m: &Vec<Vec2>| {
             stage_m.iter().zip(&self.seen_m).map(|(to, seen)| (to - seen).norm()).fold(0.0, f64::max)
@@ -284,7 +285,7 @@ impl Steering {
         Task { fleet: &fleet, starts_m: &self.seen_m, effort }.assignment(&self.places_m, assign)
     }
 
-    /// Finds a turning way anew, and places that take clearly less effort to reach.
+    /// Finds a new path for rotations, and adopts an assignment that takes clearly less effort.
     fn find_turning_way(&mut self, stride_m: f64, effort: &dyn Effort) {
         let better = self.turning_assignment(effort);
         let cost = |place_of: &[usize]| {
@@ -309,7 +310,7 @@ impl Steering {
         }
     }
 
-    /// Finds a way anew. Where it leaves parts boxed in, others of their kind may take their places.
+    /// Finds a new path. Where it leaves parts boxed in, others of their kind may take their places.
     fn find_way(&mut self) {
         self.looks = 0;
         let mut best = self.stages(&self.place_of.clone());

@@ -5,17 +5,17 @@ use upm_core::time::PlateTime;
 /// The path of one part.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PathParams {
-    /// Corners, m. A part with none stays where it was first seen.
+    /// Corners, m. A part without corners stays where it was first seen.
     pub waypoints_m: Vec<Vec2>,
     /// Speed along the path, m/s.
     pub speed_mps: f64,
-    /// How often the waypoints are gone through, from the last straight back to the first, ending at the last;
-    /// 0 for going on without end.
+    /// Number of passes through the waypoints, from the last straight back to the first, ending at the last; 0 for an
+    /// endless path.
     pub repeat: u32,
 }
 
-/// Every part on a path of its own at a speed of its own. A reference point runs ahead on each path; it waits
-/// at the first waypoint until the part is there, and wherever the part has fallen behind by more than the lead.
+/// Goal that moves every part on its own path at its own speed. A reference point runs ahead on each path; it waits at
+/// the first waypoint until the part has arrived, and wherever the part lags by more than the lead.
 #[derive(Clone, Debug)]
 pub struct Trajectories {
     paths: Vec<PathParams>,
@@ -26,12 +26,13 @@ pub struct Trajectories {
 }
 
 impl Trajectories {
-    /// Path `i` for part `i`. `lead_m` is how far a reference may be from its part, `arrive_m` how near is there.
+    /// Goal with path `i` for part `i`. `lead_m` is the largest distance from a part to its reference, `arrive_m` the
+    /// distance within which a part has arrived.
     pub fn new(paths: Vec<PathParams>, lead_m: f64, arrive_m: f64) -> Self {
         Self { paths, lead_m, arrive_m, followers: Vec::new(), looked_at: None }
     }
 
-    /// Parts without a path get one without waypoints.
+    /// Creates the followers at the first observation; parts without a path get one without waypoints.
     fn meet(&mut self, parts_in_table_m: &[Vec2]) {
         self.followers.truncate(parts_in_table_m.len());
         for (i, part_m) in parts_in_table_m.iter().enumerate().skip(self.followers.len()) {
@@ -53,7 +54,7 @@ impl Trajectories {
         }
     }
 
-    /// Laps that every part has behind it.
+    /// Laps completed by every part.
     fn laps(&self) -> u32 {
         self.followers.iter().map(|f| f.laps(self.arrive_m)).min().unwrap_or(0)
     }
@@ -94,27 +95,27 @@ impl Goal for Trajectories {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Leg {
-    /// From where the part was first seen to the first waypoint.
+    /// From the part's first position to the first waypoint.
     Approach,
     /// On the path itself.
     Path,
 }
 
-/// One part and the reference point it is to follow.
+/// One part and its reference point.
 #[derive(Clone, Debug)]
 struct Follower {
     path: PathParams,
     approach: Polyline,
     /// One lap: the waypoints and back to the first.
     lap: Polyline,
-    /// How far along the lap the last waypoint is, m.
+    /// Distance of the last waypoint along the lap, m.
     last_waypoint_at_m: f64,
     leg: Leg,
     /// Laps the reference has completed.
     laps_run: u32,
-    /// How far along its leg the reference is, m.
+    /// Distance of the reference along its leg, m.
     reference_at_m: f64,
-    /// Where the part was last seen.
+    /// Latest position of the part, m.
     part_m: Vec2,
 }
 
@@ -140,7 +141,7 @@ impl Follower {
         }
     }
 
-    /// A position that is not a number leaves the part where it was.
+    /// Records the part's position; the part keeps its last one when the new one is not finite.
     fn look(&mut self, part_m: Vec2) {
         if is_finite(part_m) {
             self.part_m = part_m;
@@ -148,7 +149,7 @@ impl Follower {
     }
 
     fn advance(&mut self, elapsed_s: f64, lead_m: f64, arrive_m: f64) {
-        // The reference cannot get further from the part than it moves along the path.
+        // The distance from reference to part cannot grow by more than the reference moves along the path.
         let slack_m = lead_m - (self.reference_m() - self.part_m).norm();
         let mut ahead_m = (self.path.speed_mps * elapsed_s).min(slack_m).max(0.0);
         if self.leg == Leg::Approach {
@@ -163,7 +164,7 @@ impl Follower {
         self.run(ahead_m);
     }
 
-    /// Moves the reference along the laps, to the last waypoint of the last one at most.
+    /// Moves the reference along the laps, at most to the last waypoint of the last one.
     fn run(&mut self, ahead_m: f64) {
         let length_m = self.lap.length_m();
         if length_m == 0.0 {
@@ -185,7 +186,7 @@ impl Follower {
         self.lap.length_m() == 0.0 || self.laps_run.checked_add(1) == Some(self.path.repeat)
     }
 
-    /// True when the reference is at the last waypoint of the last lap and the part is there too.
+    /// True when reference and part are at the last waypoint of the last lap.
     fn finished(&self, arrive_m: f64) -> bool {
         self.path.repeat > 0
             && self.leg == Leg::Path
@@ -213,7 +214,7 @@ impl Follower {
         }
     }
 
-    /// Share of approach and laps the reference has behind it.
+    /// Fraction of approach and laps that the reference has completed.
     fn progress(&self) -> f64 {
         let (approach_m, lap_m) = (self.approach.length_m(), self.lap.length_m());
         let total_m = approach_m + f64::from(self.path.repeat.saturating_sub(1)) * lap_m + self.last_waypoint_at_m;
@@ -224,7 +225,7 @@ impl Follower {
         if total_m > 0.0 { (done_m / total_m).min(1.0) } else { 0.0 }
     }
 
-    /// Distance from the stretch the part should be on: what lies up to twice the lead behind the reference.
+    /// Distance from the relevant section of the path, m: up to twice the lead behind the reference.
     fn cross_track_m(&self, lead_m: f64) -> f64 {
         if self.leg == Leg::Approach || self.path.waypoints_m.is_empty() {
             return 0.0;
@@ -259,7 +260,7 @@ mod tests {
         [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| Vec2::new(x, y) * side_m).to_vec()
     }
 
-    /// Runs a task to its end, parts moving as `step` says; gives the time it took, s.
+    /// Runs a task to its end, with parts moving as `step` returns; returns the time it took, s.
     fn run(paths: Vec<PathParams>, starts: Vec<Vec2>, mut step: impl FnMut(usize, Vec2, Vec2) -> Vec2) -> f64 {
         let (mut goal, mut parts, mut progress) = (Trajectories::new(paths, LEAD_M, ARRIVE_M), starts, 0.0);
         let mut cycle = 0;
@@ -355,7 +356,7 @@ mod tests {
                 let noise = Vec2::new(rng.random_range(-0.0003..0.0003), rng.random_range(-0.0003..0.0003));
                 part + rng.random_range(0.7..1.2) * (subgoal - part) + noise
             });
-            // No reference is faster than its speed.
+            // No reference exceeds its speed.
             for path in &paths {
                 let follower = Follower::new(path.clone(), path.waypoints_m[0]);
                 let length_m = f64::from(path.repeat - 1) * follower.lap.length_m() + follower.last_waypoint_at_m;

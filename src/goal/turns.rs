@@ -1,8 +1,8 @@
-//! Ways for rotations: on them all parts turn and shift together as far as they can, and each goes its own way for the rest.
+//! Paths for rotations: all parts turn and shift together as far as possible, and each moves individually for the rest.
 //!
-//! A motion about a centre carries all parts alike, nearly as a rigid body; what parts do against each other takes many
-//! pulses about many centres. So ways are looked for in a frame that moves with the parts: the rigid motion nearest to
-//! that of all parts together.
+//! A rotation about a centre carries all parts alike, nearly as a rigid body; relative motions take many pulses about
+//! many centres. Paths are therefore searched in a frame that moves with the parts: the rigid motion nearest to that of
+//! all parts together.
 
 use super::fleet::Fleet;
 use super::least_effort::{Effort, ROUGH_ROUNDS, ROUNDS, Way, eased, effort_of};
@@ -11,25 +11,25 @@ use super::stages::{Stages, straighten};
 use upm_core::geometry::Vec2;
 use upm_core::random::Rng;
 
-/// Longest way of a part from one stage to the next, m.
+/// Longest displacement of a part from one stage to the next, m.
 const FINE_M: f64 = 8e-3;
-/// Length of a stage while a way is eased, m, and the least and greatest number of stages.
+/// Length of a stage during optimisation, m, and the least and greatest number of stages.
 const COARSE_M: f64 = 15e-3;
 const LEAST_STAGES: f64 = 2.0;
 const MOST_STAGES: f64 = 16.0;
-/// Ways looked for in one frame that parts cannot cross straight.
+/// Searches in one frame that parts cannot cross straight.
 const TRIES: usize = 2;
-/// Of the ways that are best once they are roughly eased, so many on which parts keep apart are eased to the end.
+/// Number of collision-free paths, best first after rough optimisation, that are optimised to the end.
 const FINISHED: usize = 2;
-/// A frame that turns further than this may as well turn the other way round, rad.
+/// Angle of a frame's turn beyond which the opposite direction is tried too, rad.
 const EITHER_WAY_RAD: f64 = 1.2;
-/// Angles from which assignments are looked for, and how often the frame is fitted anew to each.
+/// Angles from which assignments are searched, and number of times the frame is refitted to each.
 const ANGLES: usize = 12;
 const REFITS: usize = 3;
-/// Gap between rims on a way that may be taken, m: a little less than ways in the frame keep.
+/// Gap between rims on an acceptable path, m: slightly less than that of routes in the frame.
 const LEAST_GAP_M: f64 = PLANNED_GAP_M - 0.3e-3;
 
-/// Where parts go, and what moves them there.
+/// Motion task for rotations: parts, targets and effort.
 #[derive(Clone, Copy)]
 pub(super) struct Task<'a> {
     pub(super) fleet: &'a Fleet,
@@ -37,7 +37,7 @@ pub(super) struct Task<'a> {
     pub(super) effort: &'a dyn Effort,
 }
 
-/// A rigid motion of the plane, done evenly.
+/// Rigid motion of the plane at uniform rate.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Turn {
     center_m: Vec2,
@@ -46,7 +46,7 @@ pub(super) struct Turn {
 }
 
 impl Turn {
-    /// The one that brings `from_m` nearest to `to_m`: the least sum of squares (Procrustes, in closed form).
+    /// The motion that brings `from_m` nearest to `to_m`: the least sum of squares (Procrustes, in closed form).
     pub(super) fn between(from_m: &[Vec2], to_m: &[Vec2]) -> Self {
         let count = from_m.len().max(1) as f64;
         let center_m = from_m.iter().sum::<Vec2>() / count;
@@ -61,26 +61,26 @@ impl Turn {
         Self { center_m, shift_m: end_m - center_m, angle_rad }
     }
 
-    /// The one with the same end that turns the other way round.
+    /// The motion with the same end in the opposite direction of rotation.
     fn other_way_round(self) -> Self {
         Self { angle_rad: self.angle_rad - std::f64::consts::TAU.copysign(self.angle_rad), ..self }
     }
 
-    /// Where this part of the motion brings `p`.
+    /// Image of `p` after a fraction `share` of the motion.
     pub(super) fn carry(&self, p: Vec2, share: f64) -> Vec2 {
         let (sin, cos) = (self.angle_rad * share).sin_cos();
         let arm = p - self.center_m;
         self.center_m + self.shift_m * share + Vec2::new(cos * arm.x - sin * arm.y, sin * arm.x + cos * arm.y)
     }
 
-    /// Bound of the way of a part that goes from `from_m` to `to_m` in the moving frame while one of `legs` of the motion is
-    /// done, m.
+    /// Upper bound of the displacement, m, of a part that goes from `from_m` to `to_m` in the moving frame during one
+    /// of `legs` of the motion.
     fn way_m(&self, from_m: Vec2, to_m: Vec2, legs: usize) -> f64 {
         let arm_m = (from_m - self.center_m).norm().max((to_m - self.center_m).norm());
         (to_m - from_m).norm() + (self.angle_rad.abs() * arm_m + self.shift_m.norm()) / legs as f64
     }
 
-    /// Place that the whole motion carries to `p`.
+    /// Preimage of `p` under the whole motion.
     pub(super) fn undo(&self, p: Vec2) -> Vec2 {
         let (sin, cos) = self.angle_rad.sin_cos();
         let arm = p - self.center_m - self.shift_m;
@@ -89,8 +89,8 @@ impl Turn {
 }
 
 impl Task<'_> {
-    /// Stages a few millimetres apart to the fleet's targets: of the ways in a few frames, straight and round each other, the
-    /// one that takes least effort once it is eased.
+    /// Stages a few millimetres apart to the fleet's targets: of the paths in a few frames, straight and round each
+    /// other, the one with the least effort after optimisation.
     pub(super) fn stages(&self, rng: &mut Rng) -> Stages {
         let still = Turn::default();
         let nearest = Turn::between(self.starts_m, self.fleet.targets_m());
@@ -120,7 +120,7 @@ impl Task<'_> {
         })
     }
 
-    /// The stages of a way once it is eased, if parts keep apart on it.
+    /// The stages of a path after optimisation, if parts keep apart on it.
     fn eased(&self, way_m: Way, round: bool) -> Option<Stages> {
         let (way_m, _) = eased(way_m, self.fleet, self.effort, ROUNDS);
         let clear = way_m.windows(2).all(|pair| self.fleet.is_clear(&pair[0], &pair[1], LEAST_GAP_M));
@@ -128,14 +128,14 @@ impl Task<'_> {
         Some(Stages { cost, places_m: fine(&way_m), boxed_in: Vec::new(), round })
     }
 
-    /// Effort of straight ways in the frame of all parts, with no regard to other parts.
+    /// Effort of straight paths in the frame of all parts, ignoring collisions.
     pub(super) fn straight_effort(&self) -> f64 {
         let frame = Turn::between(self.starts_m, self.fleet.targets_m());
         effort_of(&self.straight_in(&frame), self.effort)
     }
 
-    /// Assignment to `places_m` with the least effort of straight ways. Candidates are the nearest places (least sum of squares,
-    /// by `assign`) of parts that are turned by one of a few angles and shifted over the places.
+    /// Assignment to `places_m` with the least effort of straight paths. Candidates are the nearest places (least sum
+    /// of squares, by `assign`) of parts that are turned by one of a few angles and shifted over the places.
     pub(super) fn assignment(&self, places_m: &[Vec2], assign: impl Fn(&[Vec2]) -> Vec<usize>) -> Vec<usize> {
         let chosen_m = |place_of: &[usize]| -> Vec<Vec2> { place_of.iter().map(|&place| places_m[place]).collect() };
         let effort = |place_of: &[usize]| {
@@ -171,7 +171,7 @@ impl Task<'_> {
         self.in_table(frame, &ways_m)
     }
 
-    /// Ways round each other in a frame that cannot be crossed straight.
+    /// Paths round each other in a frame that cannot be crossed straight.
     fn round_each_other_in(&self, frame: &Turn, rng: &mut Rng) -> Vec<Way> {
         let ends_m = self.fleet.targets_m().iter().map(|&target| frame.undo(target)).collect();
         let framed = self.fleet.with_targets(ends_m);
@@ -190,7 +190,7 @@ impl Task<'_> {
         found
     }
 
-    /// A way in the table's frame of ways in a moving one, some centimetres from stage to stage, on the plate.
+    /// Path in the table's frame for routes in a moving one, some centimetres from stage to stage, on the plate.
     fn in_table(&self, frame: &Turn, ways_m: &[Vec<Vec2>]) -> Way {
         let legs = ways_m.first().map_or(0, |way_m| way_m.len().saturating_sub(1));
         let length_m =
@@ -214,7 +214,7 @@ impl Task<'_> {
     }
 }
 
-/// The stages of a way after its first, and more between them where they are far apart.
+/// The stages of a path after its first, with more between them where they are far apart.
 fn fine(way_m: &[Vec<Vec2>]) -> Vec<Vec<Vec2>> {
     let mut places_m = Vec::new();
     for pair in way_m.windows(2) {

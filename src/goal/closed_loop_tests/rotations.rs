@@ -1,4 +1,4 @@
-//! The same parts moved by rotations: what all do together is nearly free.
+//! Closed-loop tests with rotations: joint motions of all parts cost little.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use crate::fleet::Fleet;
 use crate::least_effort::{ROUNDS, Way, eased, effort_of};
 use crate::turns::{Task, Turn};
 
-/// A shift of all parts is nearly free, all else is dear; the dearer the further out.
+/// Toy effort: a shift of all parts costs little, any other motion much, and more the further out.
 #[derive(Debug)]
 pub struct Toy;
 
@@ -77,7 +77,7 @@ fn a_set_that_is_turned_goes_round_as_one() {
     assert!(!stages.round && out < 0.0025, "{out}");
 }
 
-/// Nothing but what is no motion of all together counts.
+/// Effort that counts only the deviation from a rigid motion of all parts.
 #[derive(Debug)]
 struct Rigid;
 
@@ -111,7 +111,7 @@ proptest! {
     fn eased_ways_keep_their_ends_and_take_no_more(seed in 0u64..10_000, count in 2usize..=8) {
         let mut rng = Streams::new(seed).stream("scene");
         let discs = pennies(count);
-        // so far apart that no straight way is crowded
+        // so far apart that no straight path is crowded
         let starts_m = scattered(&radii_m(&discs), 0.01, 0.02, &mut rng);
         let targets_m: Vec<Vec2> = starts_m.iter().map(|start| start * 0.9 + Vec2::new(0.002, -0.003)).collect();
         let fleet = Fleet::new(discs, HALF_SIDE_M, targets_m.clone());
@@ -120,7 +120,7 @@ proptest! {
         prop_assert_eq!((&after[0], after.last()), (&starts_m, Some(&targets_m)));
         prop_assert!(cost <= eased(before, &fleet, &Toy, 0).1);
         let effort_after = effort_of(&after, &Toy);
-        // the square of the effort is the cost where it is spread evenly, and never more
+        // the square of the effort equals the cost where it is spread evenly, and never exceeds it
         prop_assert!(effort_after * effort_after <= cost * (1.0 + 1e-9));
     }
 
