@@ -7,7 +7,7 @@ use super::plate::PlateMotion;
 use upm_core::random::{Rng, Streams};
 use upm_core::signal::{AccelTrace, CHANNELS};
 
-/// The sensors, with an offset and a gain error for each channel, and the trace of the last pulse.
+/// The sensors, with an offset and a gain error per channel, and the trace of the last pulse.
 #[derive(Clone, Debug)]
 pub struct Accelerometers {
     params: AccelerometerParams,
@@ -15,7 +15,7 @@ pub struct Accelerometers {
     gain: [f64; CHANNELS],
     noise: Rng,
     trace: AccelTrace,
-    /// Samples still to come in this pulse.
+    /// Samples not yet taken in this pulse.
     pending: usize,
 }
 
@@ -41,7 +41,7 @@ impl Accelerometers {
         }
     }
 
-    /// A new pulse that sounds for `sounding_s` begins: forgets the last trace.
+    /// Begins a new pulse that sounds for `sounding_s`; discards the last trace.
     pub fn start(&mut self, sounding_s: f64) {
         self.pending = (sounding_s * self.params.sample_hz).floor() as usize + 1;
         for channel in &mut self.trace.counts {
@@ -50,13 +50,13 @@ impl Accelerometers {
         }
     }
 
-    /// Records no more of this pulse.
+    /// Ends the recording of this pulse.
     pub fn stop(&mut self) {
         self.pending = 0;
     }
 
-    /// Takes the samples due between `from_s` and `to_s` after the pulse's start, when the plate moved as `from`
-    /// and `to`; between the two instants acceleration runs straight.
+    /// Takes the samples due between `from_s` and `to_s` after the pulse's start, when the plate moved as `from` and
+    /// `to`; acceleration is interpolated linearly between the two instants.
     pub fn observe(&mut self, from_s: f64, from: &PlateMotion, to_s: f64, to: &PlateMotion) {
         const ROUNDING: f64 = 1e-9;
         while self.pending > 0 {
@@ -112,7 +112,7 @@ mod tests {
         PlateMotion { acceleration: Twist::new(x, y, spin), ..Default::default() }
     }
 
-    /// A whole trace of an acceleration that grows by 10 m/s² and 10 rad/s² a second.
+    /// A whole trace of an acceleration that grows by 10 m/s² and 10 rad/s² per second.
     fn ramp(params: &AccelerometerParams, step_s: f64, length_s: f64) -> AccelTrace {
         let mut sensors = Accelerometers::new(params, &Streams::new(3));
         sensors.start(length_s);

@@ -1,4 +1,4 @@
-//! The synthetic camera: what a pinhole camera with a real lens sees of plate and parts.
+//! Synthetic camera: the image of plate and parts through a pinhole and a real lens.
 //!
 //! ```text
 //!              ◇ camera at position_m
@@ -11,30 +11,33 @@
 //!                  foot ╲ the top's shadow on the plate's plane
 //! ```
 //!
-//! Not tilted, the image's x runs along the table's x and its y against the table's y. `tilt_rad` turns the camera about
-//! the image's own x and y axes and the optical axis, in that order, each right-handed (x right, y down, axis away from
-//! the camera). A part's outline is the hull of its foot and of its top as projected from the camera on the plate's plane.
+//! Without tilt the image's x runs along the table's x and its y against the table's y. `tilt_rad` turns the camera
+//! about the image's own x and y axes and the optical axis, in that order, each right-handed (x right, y down, axis
+//! away from the camera). A part's outline is the hull of its foot and of its top as projected from the camera on the
+//! plate's plane.
 //!
-//! Before noise a pixel's gray level is `light · (bg + (part - bg)·c)`, `bg = ground + (plate - ground)·b`, with b and c
-//! the shares of the pixel's blurred footprint on plate and parts; parts that touch add up. `light` falls off evenly
-//! along `shading_direction_rad`, from 1 at the near corner to `1 - shading` at the far one. The footprint is the lens's
-//! Gaussian and the pixel's square, taken together as one Gaussian of variance `blur² + 1/12` (fourth moments differ:
-//! edges are exact at their half level and within 0.2 % of their step elsewhere for a blur of 0.5 px or more, 4 % without
-//! blur). Shares are worked out analytically from signed distances on the plate's plane, each divided by the footprint's
-//! standard deviation there along the edge's normal, which carries tilt and distortion. Where a rim crosses the plate's
-//! edge the two shares multiply as if independent, which is wrong in the few pixels within the blur of both.
-//! An exposure is cut into glimpses (`exposure.rs`) that differ from the mean of the snapshots by less than 0.2 % of
-//! an edge's step, by 0.6 % in the plate's corners. Each side of the plate has separate glimpses (`side.rs`), by how
-//! far it moves across; where two sides are near, as in corners, those of the whole plate are taken.
+//! Before noise a pixel's gray level is `light · (bg + (part - bg)·c)`, `bg = ground + (plate - ground)·b`, with b and
+//! c the shares of the pixel's blurred footprint on plate and parts; parts that touch add up. `light` falls off evenly
+//! along `shading_direction_rad`, from 1 at the near corner to `1 - shading` at the far one. The footprint is the
+//! lens's Gaussian and the pixel's square, approximated together by one Gaussian of variance `blur² + 1/12` (fourth
+//! moments differ: edges are exact at their half level and within 0.2 % of their step elsewhere for a blur of 0.5 px or
+//! more, 4 % without blur). Shares are computed analytically from signed distances on the plate's plane, each divided
+//! by the footprint's standard deviation there along the edge's normal, which includes tilt and distortion. Where a rim
+//! crosses the plate's edge the two shares multiply as if independent, which is wrong in the few pixels within the blur
+//! of both.
+//! An exposure is cut into glimpses (`exposure.rs`) that differ from the mean of the snapshots by less than 0.2 % of an
+//! edge's step, by 0.6 % in the plate's corners. Each side of the plate has separate glimpses (`side.rs`), chosen by
+//! its motion across itself; where two sides are near, as in corners, those of the whole plate are used.
 //!
-//! Parts whose centre is off the plate at the middle of the exposure have fallen: dark on dark ground, they are not drawn.
+//! Parts whose centre is off the plate at the middle of the exposure have fallen: dark on dark ground, they are not
+//! drawn.
 //!
-//! The clean picture is kept from frame to frame in 16 × 16 tiles. It depends on the exposure alone: a frame repaints
-//! the tiles that something moved in, now or since the frame before, and of their 4 × 4 blocks those that an edge
-//! reaches, now or then, or that one thing has left to another. Noise then goes over the whole frame in one pass.
+//! The clean picture is kept from frame to frame in 16 × 16 tiles. It depends on the exposure alone. A frame repaints
+//! the tiles in which something moved, now or since the previous frame, and only those of their 4 × 4 blocks that an
+//! edge reaches, now or then, or whose even cover changed. Noise is then added to the whole frame in one pass.
 //!
-//! Code that runs over pixels is compiled for AVX2 as well and chosen at run time: wider vectors of the same operations in the
-//! same order, no fused ones, so that pictures are the same to the bit with and without.
+//! Code that runs over pixels is compiled for AVX2 as well and chosen at run time: wider vectors of the same operations
+//! in the same order, no fused ones, so that pictures are bit-identical with and without.
 
 mod disc;
 mod edge;
@@ -67,16 +70,16 @@ use view::View;
 
 pub use disc::DiscShape;
 
-/// One instant of an exposure.
+/// Scene at one instant of an exposure.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Snapshot {
-    /// The plate against its place at rest.
+    /// Pose of the plate relative to its rest position.
     pub plate_in_table: Pose,
-    /// Every part, in the order of the camera's shapes; `None` for one that fell off the plate, wherever that swings.
+    /// Pose of every part, in the order of the camera's shapes; `None` for one that fell off the plate.
     pub parts_in_table: Vec<Option<Pose>>,
 }
 
-/// The synthetic camera. Frames follow from its parameters, its generator and the calls made, nothing else.
+/// Synthetic camera. Frames depend only on its parameters, its generator and the sequence of calls.
 #[derive(Clone, Debug)]
 pub struct Camera {
     params: CameraParams,
@@ -88,7 +91,7 @@ pub struct Camera {
     plate: PlateOutline,
     parts: Vec<DiscOutline>,
     stale: Stale,
-    /// Shares of plate and parts each block of each tile was last painted with; not numbers where its pixels differ.
+    /// Shares of plate and parts with which each block of each tile was last painted; NaN where its pixels differ.
     painted: Vec<[[f32; 2]; LANES]>,
     /// Shares of plate and parts in the tile being painted.
     shares: [Shares; 2],
@@ -100,8 +103,8 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera above a square plate of `plate_side_m` and parts of the given shapes; all noise comes from `noise`.
-    /// It has to hang above plate and parts.
+    /// A camera above a square plate of `plate_side_m` and parts of the given shapes; all noise comes from `noise`. Its
+    /// position must be above plate and parts.
     pub fn new(params: CameraParams, plate_side_m: f64, discs: Vec<DiscShape>, noise: Rng) -> Self {
         let view = View::new(&params);
         let grid = Grid::new(&view, params.size_px);
@@ -130,7 +133,7 @@ impl Camera {
         camera
     }
 
-    /// Its parameters.
+    /// Parameters with which the camera was built.
     pub fn params(&self) -> &CameraParams {
         &self.params
     }
@@ -140,13 +143,14 @@ impl Camera {
         self.parts.get(index).map(DiscOutline::shape)
     }
 
-    /// True projection of a table point `height_m` above the plate, px; lens distortion included.
+    /// True projection of a table point `height_m` above the plate, px; includes lens distortion.
     pub fn image_from_table(&self, p_m: Vec2, height_m: f64) -> Vec2 {
         self.view.image_from_table(p_m, height_m)
     }
 
-    /// Renders the mean over `exposure`, snapshots evenly spread over the open shutter, into `frame.pixels`; the frame
-    /// is made to fit, its index and time are the caller's. No snapshot: the plate as before, no parts.
+    /// Renders the mean over `exposure`, snapshots evenly spread over the open shutter, into `frame.pixels`. The frame
+    /// is resized to fit; its index and time are left to the caller. An empty exposure keeps the plate and draws no
+    /// parts.
     pub fn render(&mut self, exposure: &[Snapshot], frame: &mut Frame) {
         self.mark_changes(exposure);
         self.paint_stale();
@@ -176,7 +180,7 @@ impl Camera {
         }
     }
 
-    /// Paints the blocks of a tile that look otherwise than they did.
+    /// Repaints the blocks of a tile whose shares changed.
     fn paint(&mut self, index: usize) {
         let (column, row) = (index % self.grid.columns, index / self.grid.columns);
         let (Some(tile), Some(painted)) = (self.grid.tiles.get(index), self.painted.get_mut(index)) else { return };
@@ -191,7 +195,7 @@ impl Camera {
         let stride = self.grid.stride();
         for (block, painted) in painted.iter_mut().enumerate() {
             let before = std::mem::replace(painted, [on_plate.even(block), on_parts.even(block)]);
-            // What is not a number is equal to nothing.
+            // NaN equals nothing, so blocks with an edge are always repainted.
             if *painted == before {
                 continue;
             }
@@ -223,8 +227,8 @@ impl Camera {
     }
 }
 
-/// Gray levels of one block, in the units of the clean picture, from the shares of plate and parts. On its own it
-/// becomes vector code; melted into what reads its pixels one by one it does not.
+/// Gray levels of one block, in the units of the clean picture, from the shares of plate and parts. A separate
+/// function, because inlined into the code that reads single pixels it is not vectorised.
 #[inline(never)]
 fn compose_block(
     [ground, plate, part]: [f32; 3],
@@ -243,7 +247,7 @@ fn compose_block(
     let mut clean = [0; LANES];
     for (clean, lit) in clean.iter_mut().zip(&lit) {
         let units = (lit.clamp(0.0, WHITE) + ROUND).to_bits().wrapping_sub(ROUND.to_bits()).cast_signed();
-        // Clamped to what it fits in anyway, it is packed by a single instruction.
+        // The clamp changes no value, but lets the compiler pack with a single instruction.
         *clean = (units.clamp(i16::MIN.into(), i16::MAX.into()) as i16).wrapping_add(noise::HALF);
     }
     clean
@@ -272,7 +276,7 @@ impl Light {
     }
 }
 
-/// The tiles to be painted again, each once.
+/// Queue of the tiles to be repainted, each once.
 #[derive(Clone, Debug)]
 struct Stale {
     marked: Vec<bool>,

@@ -1,27 +1,27 @@
-//! Parts meet rim to rim: an impulse with restitution along the line of centres, Coulomb friction across it,
-//! both rigid and at once. The step that brought the rims into each other is taken back to the instant of touch, and
-//! gone again with the new velocities, so that momentum, angular momentum and energy are exact; only an overlap that
-//! was there before is pushed apart.
+//! Contacts of parts, rim to rim: an impulse with restitution along the line of centres, Coulomb friction across it,
+//! both rigid and instantaneous. The step in which the rims overlapped is taken back to the instant of touch and
+//! repeated with the new velocities, so that momentum, angular momentum and energy are exact; only an overlap that
+//! existed before is pushed apart.
 
 use super::ContactParams;
 use super::parts::Body;
 use upm_core::geometry::{Vec2, perp};
 
-/// A pair that has touched is in contact until its rims are this far apart, m.
+/// Gap from which a pair that has touched is no longer in contact, m.
 const RELEASE_GAP_M: f64 = 5e-5;
-/// Gaps are measured no farther than this, m.
+/// Largest gap that is measured, m.
 const HORIZON_M: f64 = 2e-3;
-/// Overlap that is let be, m.
+/// Tolerated overlap, m.
 const SLOP_M: f64 = 1e-7;
 
-/// Which pairs are in contact, how many touches there were, and how long nothing can touch.
+/// Pairs in contact, number of touches, and the distance for which nothing can touch.
 #[derive(Clone, Debug)]
 pub(super) struct Contacts {
     params: ContactParams,
     step_s: f64,
     in_contact: Vec<bool>,
     touches: u64,
-    /// No gap is smaller than this now, m.
+    /// Lower bound of all gaps, m.
     clearance_m: f64,
 }
 
@@ -36,7 +36,7 @@ impl Contacts {
         self.touches
     }
 
-    /// After a step in which no part moved farther than `moved_m`: resolves contacts, if any gap can have closed.
+    /// Resolves contacts, if any gap can have closed, after a step in which no part moved farther than `moved_m`.
     #[inline]
     pub fn step(&mut self, bodies: &mut [Body], moved_m: f64) {
         self.clearance_m -= 2.0 * moved_m;
@@ -45,7 +45,7 @@ impl Contacts {
         }
     }
 
-    /// One pass over all pairs; the smallest gap left, zero while any pair is in contact.
+    /// One pass over all pairs; returns the smallest gap left, zero while any pair is in contact.
     fn resolve(&mut self, bodies: &mut [Body]) -> f64 {
         let mut clearance_m = HORIZON_M;
         let mut pairs = self.in_contact.iter_mut();
@@ -87,7 +87,7 @@ fn is_point(a: &Body, b: &Body) -> bool {
     a.radius_m == 0.0 || b.radius_m == 0.0
 }
 
-/// Two discs that overlap: an impulse if they approach, else their separation.
+/// Resolves two overlapping discs: by an impulse if they approach, else by separating them.
 fn meet(params: &ContactParams, step_s: f64, a: &mut Body, b: &mut Body) {
     let apart = b.motion.part_in_table.position_m - a.motion.part_in_table.position_m;
     let approach = b.motion.velocity_mps - a.motion.velocity_mps;
@@ -126,7 +126,7 @@ fn bounce(params: &ContactParams, a: &mut Body, b: &mut Body, normal: Vec2, appr
     b.motion.spin_radps -= 2.0 * rub * b.inverse_mass / b.radius_m;
 }
 
-/// Moves both for `time_s` as they go.
+/// Moves both for `time_s` at their velocities.
 fn carry(a: &mut Body, b: &mut Body, time_s: f64) {
     for motion in [&mut a.motion, &mut b.motion] {
         motion.part_in_table.position_m += motion.velocity_mps * time_s;
@@ -134,7 +134,7 @@ fn carry(a: &mut Body, b: &mut Body, time_s: f64) {
     }
 }
 
-/// Pushes discs rim to rim, the lighter the farther.
+/// Pushes discs apart rim to rim, the lighter one farther.
 fn separate(a: &mut Body, b: &mut Body, apart: Vec2, reach_m: f64) {
     let overlap_m = reach_m - apart.norm();
     if overlap_m <= SLOP_M {

@@ -1,5 +1,5 @@
-//! Faults that begin and end within a run: what wires and cameras do is laid over any rig by [`Faulty`], what only a plant
-//! can have is set on the simulated one through [`FaultyPlant`]. A run without faults is the run it was before.
+//! Faults that begin and end within a run. [`Faulty`] adds faults of wiring and cameras to any rig; faults of the plant
+//! itself are set on the simulated rig through [`FaultyPlant`]. A run without faults is unchanged.
 
 mod draw;
 mod faulty;

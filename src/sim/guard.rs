@@ -1,7 +1,7 @@
 use upm_core::rig::{Fitted, Interlock, RigFault, Trip};
 use upm_core::time::PlateTime;
 
-/// The rig's side of its interlock. A rig without one is never stopped from outside.
+/// The rig's side of its interlock. A rig without an interlock is never stopped from outside.
 #[derive(Debug, Default)]
 pub(super) struct Guard {
     fitted: Option<Fitted>,
@@ -22,12 +22,12 @@ impl Guard {
         self.fitted.as_ref().and_then(|fitted| fitted.tripped())
     }
 
-    /// `Err` once tripped.
+    /// Returns `Err` once tripped.
     pub(super) fn check(&self) -> Result<(), RigFault> {
         self.tripped().map_or(Ok(()), |trip| Err(RigFault::Stopped(trip)))
     }
 
-    /// A pulse starts; refused once tripped.
+    /// Marks the start of a pulse; refused once tripped.
     pub(super) fn sound(&mut self) -> Result<(), RigFault> {
         self.fitted.as_ref().map_or(Ok(()), |fitted| fitted.sound()).map_err(RigFault::Stopped)?;
         self.sounding = true;
@@ -38,14 +38,14 @@ impl Guard {
         self.sounding
     }
 
-    /// Before a step at `now`: true when the motors have to be cut in it.
+    /// Reports a step at `now` to the interlock; true when the motors must be cut in it.
     #[inline]
     pub(super) fn cuts(&mut self, now: PlateTime) -> bool {
         let tripped = self.fitted.as_ref().is_some_and(|fitted| fitted.step(now).is_some());
         tripped && !std::mem::replace(&mut self.cut, true)
     }
 
-    /// The lease ran out at `now`: trips as if an operator had pressed.
+    /// Trips because the lease expired at `now`; an earlier trip stays in force.
     pub(super) fn lease_ran_out(&mut self, now: PlateTime) -> Trip {
         self.cut = true;
         let Some(fitted) = &self.fitted else { return Trip::Lease };
@@ -54,7 +54,7 @@ impl Guard {
         fitted.tripped().unwrap_or(Trip::Lease)
     }
 
-    /// Motors are at zero from `now` on.
+    /// Reports that the motors are at zero from `now` on.
     pub(super) fn silent(&mut self, now: PlateTime) {
         if std::mem::take(&mut self.sounding)
             && let Some(fitted) = &self.fitted

@@ -1,4 +1,4 @@
-//! The simulated rig, the only owner of ground truth.
+//! Simulated rig, the only owner of ground truth.
 
 mod accelerometers;
 mod camera;

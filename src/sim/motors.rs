@@ -1,5 +1,5 @@
-//! From the drive's counts to the forces on the plate: waveform generator (whole counts, held between samples), low-pass,
-//! voice coils, and how their pulls add up on the plate (UPM paper, sections 3.1 and 3.2, Eq. 7).
+//! From the drive's counts to the forces on the plate: waveform generator (whole counts, held between samples),
+//! low-pass, voice coils, and the sum of their forces on the plate (UPM paper, sections 3.1 and 3.2, Eq. 7).
 
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
@@ -22,18 +22,18 @@ pub struct Motors {
     held_sample: Option<u64>,
     held_counts: [f64; MOTORS],
     faults: CoilFaults,
-    /// Coils whose amplifier has a further low-pass.
+    /// Coils whose amplifier has an additional low-pass.
     slow: [Option<SlowCoil>; MOTORS],
 }
 
-/// A further low-pass of one coil, and what it lets through at present.
+/// An additional low-pass of one coil, and its present output.
 #[derive(Clone, Copy, Debug)]
 struct SlowCoil {
     low_pass: LowPass,
     filtered: Motion,
 }
 
-/// A Butterworth filter of two poles.
+/// A second-order Butterworth filter.
 #[derive(Clone, Copy, Debug)]
 struct LowPass {
     oscillator: Oscillator,
@@ -53,7 +53,7 @@ impl LowPass {
 }
 
 impl Motors {
-    /// Silent motors that will be stepped by `step_s`.
+    /// Silent motors for steps of `step_s`.
     pub fn new(params: &MotorParams, step_s: f64) -> Self {
         Self {
             params: *params,
@@ -69,7 +69,7 @@ impl Motors {
         }
     }
 
-    /// From now on this is wrong with the coils, and nothing else.
+    /// Replaces all faults of the coils by `faults`.
     pub fn set_faults(&mut self, faults: &CoilFaults) {
         for (slow, corner_hz) in self.slow.iter_mut().zip(faults.low_pass_hz) {
             let slow_coil = || SlowCoil { low_pass: LowPass::new(corner_hz, self.step_s), filtered: Motion::default() };
@@ -77,13 +77,14 @@ impl Motors {
         }
         let was_stuck = std::mem::replace(&mut self.faults, *faults).stuck;
         if self.drive.is_none() {
-            // the amplifiers are sent zero all the time; while a drive sounds its next sample comes
+            // without a drive the amplifiers receive zero, so a freed coil returns to it; under a drive the next sample
+            // sets it
             let freed = was_stuck.iter().zip(faults.stuck).map(|(was, is)| *was && !is);
             self.held_counts.iter_mut().zip(freed).filter(|(_, freed)| *freed).for_each(|(held, _)| *held = 0.0);
         }
     }
 
-    /// Starts `drive` now, in place of any other.
+    /// Starts `drive` now, replacing any other.
     pub fn start(&mut self, drive: Drive) {
         self.drive = Some(drive);
         self.steps = 0;
@@ -98,14 +99,14 @@ impl Motors {
         self.slow.iter_mut().flatten().for_each(|slow| slow.filtered = Motion::default());
     }
 
-    /// True when no drive sounds and the coils' last force has died away (below a thousandth of a count).
+    /// True when no drive sounds and the coils' last force has decayed (below a thousandth of a count).
     pub fn is_silent(&self) -> bool {
         let rate = self.low_pass.gain.sqrt();
         let faint = |m: &Motion| m.position.abs() < 1e-3 && m.velocity.abs() < 1e-3 * rate;
         self.drive.is_none() && self.filtered.iter().all(faint)
     }
 
-    /// One step on; the wrench at its end. A sample of the generator acts on a step when it is the one held at the
+    /// Advances one step and returns the wrench at its end. A step uses the generator's sample that is held at the
     /// step's middle, which is exact when steps divide samples.
     pub fn step(&mut self) -> Wrench {
         self.hold_sample();
@@ -140,7 +141,7 @@ impl Motors {
         self.hold(|motor| played[motor]);
     }
 
-    /// Holds what `counts` says of each motor from now on; a coil that is stuck keeps what it has.
+    /// Sets each motor to its `counts` from now on; a stuck coil keeps its own.
     fn hold(&mut self, counts: impl Fn(usize) -> f64) {
         let CoilFaults { source, stuck, .. } = self.faults;
         for ((held, source), stuck) in self.held_counts.iter_mut().zip(source).zip(stuck) {
@@ -150,7 +151,7 @@ impl Motors {
         }
     }
 
-    /// The wrench of the coils on the plate now.
+    /// The present wrench of the coils on the plate.
     pub fn wrench(&self) -> Wrench {
         let params = &self.params;
         let mut forces_n = [0.0; MOTORS];
@@ -168,7 +169,7 @@ pub fn wrench_of_forces([x1, x2, y1, y2]: [f64; MOTORS], lever_arm_m: f64) -> Wr
     Wrench { force_n: Vec2::new(x1 - x2, y1 - y2), torque_nm: lever_arm_m * ((y1 + y2) - (x1 + x2)) }
 }
 
-/// The weakest forces with the given wrench: Eq. 7 turned round.
+/// The weakest forces with the given wrench: the inverse of Eq. 7.
 pub fn forces_of_wrench(wrench: Wrench, lever_arm_m: f64) -> [f64; MOTORS] {
     let (half, turn) = (wrench.force_n * 0.5, wrench.torque_nm / (4.0 * lever_arm_m));
     [half.x - turn, -half.x - turn, half.y + turn, -half.y + turn]

@@ -1,4 +1,4 @@
-//! Open loop: given pulses on given parts, true trajectories out.
+//! Open loop: true trajectories of given parts under given pulses.
 
 use super::motors::forces_of_wrench;
 use super::{PartParams, Parts, Plant, PlateMotion, SimParams, Wrench};
@@ -9,14 +9,14 @@ use upm_core::signal::{Drive, Envelope, Harmonic, MOTORS, TwistHarmonic, TwistWa
 /// Actuation of the plate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlateMode {
-    /// The plate's velocity is exactly the one wanted; parts feel that field where they are on the table.
+    /// The plate's velocity is exactly the requested one; parts move in that field at their positions on the table.
     Kinematic,
-    /// The motors get the forces that would give a free mass the velocity wanted; rods, low-pass, whole counts
-    /// and the parts' own weight then do as they do.
+    /// The motors play the forces that would give a free mass the requested velocity; rods, low-pass, whole counts and
+    /// the parts' reaction act on the plate.
     Dynamic,
 }
 
-/// Most harmonics of a pulse: as many as [`Drive::peak_counts`] answers for.
+/// Largest number of harmonics of a pulse, the limit of [`Drive::peak_counts`].
 const MOST_HARMONICS: usize = 16;
 
 /// One pulse: plate velocity `env(t) · Σ (cos_k cos kwt + sin_k sin kwt)`, t from the pulse's start.
@@ -24,24 +24,24 @@ const MOST_HARMONICS: usize = 16;
 pub struct OpenPulse {
     /// Harmonic `k` of the base frequency w at index `k - 1`.
     pub harmonics: Vec<TwistHarmonic>,
-    /// Outline.
+    /// Envelope of the velocity.
     pub envelope: Envelope,
 }
 
 impl OpenPulse {
-    /// `amplitude · (cos wt - ½ cos 2wt)`: parts are pumped along the field of `amplitude`; a translation is one
-    /// without spin.
+    /// `amplitude · (cos wt - ½ cos 2wt)`: parts are pumped along the field of `amplitude`; a twist without spin gives
+    /// a translation.
     pub fn pump(amplitude: Twist, envelope: Envelope) -> Self {
         Self { harmonics: TwistHarmonic::pump(amplitude).to_vec(), envelope }
     }
 
-    /// Rotation about `cor_m` at `spin_radps`, counter-clockwise when that is positive.
+    /// Pump rotation about `cor_m` at `spin_radps`, counter-clockwise when positive.
     pub fn about(cor_m: Vec2, spin_radps: f64, envelope: Envelope) -> Self {
         Self::pump(Twist::about(cor_m, spin_radps), envelope)
     }
 }
 
-/// Where one part truly was, in the table frame.
+/// True trajectory of one part in the table frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PartTrajectory {
     /// Position along x, m.
@@ -52,16 +52,16 @@ pub struct PartTrajectory {
     pub theta_rad: Vec<f64>,
 }
 
-/// Where all parts were at common instants.
+/// True trajectories of all parts at common instants.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trajectories {
     /// Instants, s, from zero at the sampling rate to the end of the last pulse's rest.
     pub t_s: Vec<f64>,
-    /// For each part as many places as there are instants.
+    /// Trajectory of each part, with one position per instant.
     pub parts: Vec<PartTrajectory>,
 }
 
-/// Why an experiment was not run.
+/// Reason why an experiment was refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OpenLoopError {
     /// The generator cannot play the pulse.
@@ -76,7 +76,7 @@ pub enum OpenLoopError {
         /// Limit, counts.
         limit_counts: f64,
     },
-    /// A coil cannot give the force.
+    /// A coil cannot produce the force.
     #[error(
         "pulses[{pulse}]: expected up to {limit_n:.1} N at each motor, found a peak of {peak_n:.1}; make it slower"
     )]
@@ -88,7 +88,7 @@ pub enum OpenLoopError {
         /// Limit, N.
         limit_n: f64,
     },
-    /// Not a number, negative or without end.
+    /// Not a number, negative or infinite.
     #[error("pulses[{pulse}]: {what}")]
     BadPulse {
         /// Index of the pulse.
@@ -101,7 +101,7 @@ pub enum OpenLoopError {
     BadFrequency,
 }
 
-/// Refuses pulses that [`simulate`] would refuse.
+/// Checks `pulses`; refuses those that [`simulate`] would refuse.
 pub fn check_pulses(
     params: &SimParams,
     mode: PlateMode,
@@ -117,7 +117,7 @@ pub fn check_pulses(
     Ok(())
 }
 
-/// Plays `pulses` one after another, each with its rest, on `parts` at rest. No randomness enters.
+/// Plays `pulses` one after another, each with its rest, on `parts` at rest. Deterministic.
 pub fn simulate(
     params: &SimParams,
     mode: PlateMode,
@@ -206,7 +206,7 @@ fn dynamic(
 }
 
 /// The drive whose forces give a free mass the pulse's velocity, `f = m dv/dt` on each axis, shared evenly among the
-/// motors. Spring and damper are left out.
+/// motors. Spring and damper are ignored.
 pub(super) fn ideal_drive(
     params: &SimParams,
     pulse: usize,
@@ -245,7 +245,7 @@ fn counts_of_acceleration(params: &SimParams, acceleration: Twist) -> [f64; MOTO
     forces_of_wrench(wrench, motors.lever_arm_m).map(|n| n / motors.newtons_per_count)
 }
 
-/// Samples trajectories at exact instants out of steps of another length.
+/// Samples trajectories at exact instants from steps of another length.
 struct Recorder {
     sample_hz: f64,
     done: Trajectories,
@@ -257,7 +257,7 @@ impl Recorder {
         Self { sample_hz, done }
     }
 
-    /// Takes all samples due up to `now_s`, the time of `parts`, none older than a step.
+    /// Takes all samples due up to `now_s`, the time of `parts`, none older than one step.
     fn take_until(&mut self, now_s: f64, step_s: f64, parts: &Parts) {
         const ROUNDING_S: f64 = 1e-9;
         loop {

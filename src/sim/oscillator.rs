@@ -1,5 +1,5 @@
-//! The driven oscillator `q̈ + 2ζw0 q̇ + w0² q = u`, stepped without error for u constant over a step
-//! (zero-order hold). One formula serves the plate's axes (Eq. 33) and the amplifiers' low-pass.
+//! Driven oscillator `q̈ + 2ζw0 q̇ + w0² q = u`, stepped without error for u constant over a step (zero-order hold).
+//! The same formula serves the plate's axes (Eq. 33) and the amplifiers' low-pass.
 
 /// Position and velocity of an oscillator.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -8,7 +8,7 @@ pub(super) struct Motion {
     pub velocity: f64,
 }
 
-/// The exact step of one oscillator.
+/// Exact step of one oscillator.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Oscillator {
     stiffness: f64,
@@ -18,8 +18,8 @@ pub(super) struct Oscillator {
 }
 
 impl Oscillator {
-    /// From the undamped natural frequency w0 (rad/s; zero for a free mass), the damping ratio ζ
-    /// (any, 1 and more included) and the step, s.
+    /// From the undamped natural frequency w0 (rad/s; zero for a free mass), the damping ratio ζ (any, 1 and more
+    /// included) and the step, s.
     pub fn new(natural_radps: f64, damping_ratio: f64, step_s: f64) -> Self {
         let (stiffness, decay) = (natural_radps * natural_radps, damping_ratio * natural_radps);
         let damping = 2.0 * decay;
@@ -36,7 +36,7 @@ impl Oscillator {
         let fade = (-decay * step_s).exp();
         let (even, odd) = (fade * cos, fade * sin_over_beat);
         let stays = even + decay * odd;
-        // ∫ of the impulse response; its series where the closed form would lose its digits.
+        // ∫ of the impulse response; its series where the closed form would lose precision.
         let step_response = if stiffness * step_s * step_s > 1e-8 {
             (1.0 - stays) / stiffness
         } else {
@@ -51,7 +51,7 @@ impl Oscillator {
         }
     }
 
-    /// One step on under `input`.
+    /// Motion one step later under `input`.
     #[inline]
     pub fn step(&self, from: Motion, input: f64) -> Motion {
         let ([qq, qv, qu], [vq, vv, vu]) = (self.position_from, self.velocity_from);
@@ -73,7 +73,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The same step by many small ones of the classical Runge-Kutta method.
+    /// Reference: the same step in many small steps of the classical Runge-Kutta method.
     fn runge_kutta(oscillator: &Oscillator, from: Motion, input: f64, step_s: f64) -> Motion {
         const PARTS: usize = 2000;
         let h = step_s / PARTS as f64;
@@ -104,7 +104,7 @@ mod tests {
             let scale = 1e-9 * (1.0 + w);
             prop_assert!((exact.position - small.position).abs() < 1e-9);
             prop_assert!((exact.velocity - small.velocity).abs() < scale);
-            // the input's own share, against the free mass's h²/2 and h
+            // the response to the input alone, against the free mass's h²/2 and h
             let (kick, small) = (oscillator.step(Motion::default(), 1.0), runge_kutta(&oscillator, Motion::default(), 1.0, step_s));
             prop_assert!((kick.position / small.position - 1.0).abs() < 1e-7);
             prop_assert!((kick.velocity - small.velocity).abs() < 1e-9 * step_s);

@@ -15,7 +15,7 @@ pub struct SimParams {
     pub accelerometers: AccelerometerParams,
     /// The camera.
     pub camera: CameraParams,
-    /// How parts meet each other.
+    /// Contact between parts.
     pub contact: ContactParams,
 }
 
@@ -34,16 +34,16 @@ pub struct PlateParams {
     pub damping_ratio: [f64; 3],
 }
 
-/// From counts to newtons.
+/// Parameters from counts to newtons.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotorParams {
     /// Distance of the lines of action from the centre, m.
     pub lever_arm_m: f64,
     /// Force of one count, N.
     pub newtons_per_count: f64,
-    /// Error of each motor's force, as a part of it.
+    /// Relative error of each motor's force.
     pub gain_error: [f64; 4],
-    /// Samples a second of the waveform generator.
+    /// Sampling rate of the waveform generator, Hz.
     pub sample_hz: f64,
     /// Largest sample, counts; rounding is to whole counts.
     pub count_limit: f64,
@@ -56,15 +56,15 @@ pub struct MotorParams {
 /// Two 2-axis accelerometers under opposite corners.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AccelerometerParams {
-    /// Place of number 1 on the plate, m; number 2 is opposite.
+    /// Position of number 1 on the plate, m; number 2 is opposite.
     pub position_m: Vec2,
-    /// Samples a second.
+    /// Sampling rate, Hz.
     pub sample_hz: f64,
     /// Bits of the converter, sign included.
     pub bits: u32,
-    /// Largest acceleration shown, m/s².
+    /// Largest measurable acceleration, m/s².
     pub range_mps2: f64,
-    /// White noise, m/s² a sample.
+    /// White noise per sample, m/s².
     pub noise_mps2: f64,
     /// Standard deviation of each channel's constant offset, m/s².
     pub bias_sd_mps2: f64,
@@ -77,13 +77,13 @@ pub struct AccelerometerParams {
 pub struct CameraParams {
     /// Columns and rows, px.
     pub size_px: [usize; 2],
-    /// Frames a second.
+    /// Frame rate, Hz.
     pub frame_hz: f64,
-    /// Time the shutter is open, s.
+    /// Exposure time, s.
     pub exposure_s: f64,
     /// The lens.
     pub lens: Lens,
-    /// Where the camera's centre is, m, in the table frame; it looks down.
+    /// Position of the camera's centre in the table frame, m; the camera faces down.
     pub position_m: Vector3<f64>,
     /// Rotation about the image's x and y axes and about the optical axis, rad.
     pub tilt_rad: [f64; 3],
@@ -91,35 +91,35 @@ pub struct CameraParams {
     pub blur_px: f64,
     /// Gray levels of ground, plate and parts in full light.
     pub levels: [f64; 3],
-    /// How much darker the light's far corner is than its near one, 0 to 1.
+    /// Relative loss of light from the near to the far corner, 0 to 1.
     pub shading: f64,
-    /// Direction in which light falls off, rad, in the image.
+    /// Direction in the image in which light falls off, rad.
     pub shading_direction_rad: f64,
-    /// Electrons at gray level 255: sets the shot noise. Infinite for none.
+    /// Electrons at gray level 255, which determine the shot noise. Infinite for none.
     pub full_well_e: f64,
     /// Read noise, gray levels.
     pub read_noise: f64,
 }
 
-/// How parts meet each other.
+/// Contact between parts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactParams {
-    /// Restitution between parts.
+    /// Coefficient of restitution between parts.
     pub restitution: f64,
-    /// Coulomb friction between rims.
+    /// Coefficient of Coulomb friction between rims.
     pub rim_friction: f64,
 }
 
 /// One part: a disc.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartParams {
-    /// Outline, m.
+    /// Radius of its outline, m.
     pub radius_m: f64,
     /// Height, m.
     pub thickness_m: f64,
     /// Mass, kg.
     pub mass_kg: f64,
-    /// Coulomb friction against the plate.
+    /// Coefficient of Coulomb friction against the plate.
     pub friction: f64,
 }
 

@@ -1,4 +1,4 @@
-//! The parts on the plate: discs dragged by friction, meeting each other, falling off the edge.
+//! Parts on the plate: discs driven by friction, colliding with each other, falling off the edge.
 //!
 //! Inputs: the plate's motion at the middle of a step. States: pose, velocity and spin of each part in the table
 //! frame. Output: the wrench that the parts exert on the plate. Semi-implicit steps: friction changes the velocity,
@@ -16,7 +16,7 @@ use upm_core::geometry::{Pose, Vec2, cross};
 pub(super) use body::Body;
 pub use body::PartMotion;
 
-/// Where parts go that are taken off the plate, m: far out of every view.
+/// Position of parts that are taken off the plate, m: far outside every view.
 const AWAY_M: f64 = 100.0;
 
 /// Factor on the friction of part `part` at `arm_m` from the plate's centre.
@@ -39,8 +39,8 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// Parts at rest on a square plate; they will be stepped by `step_s`.
-    /// A part of radius zero is a point: it slides by Coulomb's law and neither spins nor touches others.
+    /// Parts at rest on a square plate, for steps of `step_s`. A part of radius zero is a point: it slides by Coulomb's
+    /// law and neither spins nor touches others.
     pub fn new(parts: &[(PartParams, Pose)], contact: &ContactParams, plate_side_m: f64, step_s: f64) -> Self {
         Self {
             bodies: parts.iter().map(|(params, pose)| Body::new(params, *pose, step_s)).collect(),
@@ -53,8 +53,8 @@ impl Parts {
         }
     }
 
-    /// One step on, over a plate that moves as `plate` at the middle of the step.
-    /// Returns what the parts' friction exerts on the plate, about the plate's centre.
+    /// Advances one step over a plate that moves as `plate` at the middle of the step. Returns the wrench of the parts'
+    /// friction on the plate, about the plate's centre.
     pub fn step(&mut self, plate: &PlateMotion) -> Wrench {
         let (center, tilt) = (plate.plate_in_table.position_m, plate.plate_in_table.heading_rad);
         let (mut impulse, mut turn, mut liveliest) = (Vec2::zeros(), 0.0, 0.0f64);
@@ -88,24 +88,24 @@ impl Parts {
         self.bodies.len()
     }
 
-    /// True when there is none.
+    /// True when there are no parts.
     pub fn is_empty(&self) -> bool {
         self.bodies.is_empty()
     }
 
-    /// Every part's state, in the order they were given.
+    /// State of every part, in the order of [`Self::new`].
     pub fn motions(&self) -> impl ExactSizeIterator<Item = &PartMotion> {
         self.bodies.iter().map(|body| &body.motion)
     }
 
-    /// Sets part `part` moving; nothing happens when there is no such part.
+    /// Sets the velocity and spin of part `part`; no effect when there is no such part.
     pub fn push(&mut self, part: usize, velocity_mps: Vec2, spin_radps: f64) {
         if let Some(body) = self.bodies.get_mut(part) {
             (body.motion.velocity_mps, body.motion.spin_radps) = (velocity_mps, spin_radps);
         }
     }
 
-    /// Touches between parts so far.
+    /// Number of touches between parts so far.
     pub fn collisions(&self) -> u64 {
         self.contacts.touches()
     }
@@ -115,7 +115,7 @@ impl Parts {
         self.fastest_mps
     }
 
-    /// Stops every part where it is.
+    /// Stops every part at its position.
     pub fn settle(&mut self) {
         for body in &mut self.bodies {
             body.motion.velocity_mps = Vec2::zeros();
@@ -124,7 +124,7 @@ impl Parts {
         self.fastest_mps = 0.0;
     }
 
-    /// From now on this is wrong, and nothing else: parts that are taken off go, those that were come back.
+    /// Replaces all present faults by `faults`: parts that are taken off vanish, those put back return.
     pub fn set_faults(&mut self, faults: &PlantFaults) {
         for (part, body) in self.bodies.iter_mut().enumerate() {
             match (faults.removed.contains(&part), body.taken_from) {
@@ -143,14 +143,14 @@ impl Parts {
         self.faults = faults.clone();
     }
 
-    /// Moves part `part` by `by_m` by hand; off the plate is where it then falls.
+    /// Moves part `part` by `by_m` by hand; a part that ends off the plate falls.
     pub fn shift(&mut self, part: usize, by_m: Vec2) {
         if let Some(body) = self.bodies.get_mut(part).filter(|body| body.motion.on_plate) {
             body.motion.part_in_table.position_m += by_m;
         }
     }
 
-    /// Two parts exchange their places.
+    /// Exchanges the positions of two parts.
     pub fn exchange(&mut self, [a, b]: [usize; 2]) {
         if let (Some(first), Some(second)) = (self.bodies.get(a), self.bodies.get(b)) {
             let (first, second) = (first.motion, second.motion);
@@ -176,7 +176,7 @@ mod tests {
         parts
     }
 
-    /// Steps on a still plate until the part rests; the time, s, and the slip ratio before the last step.
+    /// Steps on a resting plate until the part rests; returns the time, s, and the slip ratio before the last step.
     fn coast(parts: &mut Parts) -> (f64, f64) {
         let (mut ratio, mut time_s) = (f64::NAN, 0.0);
         loop {
@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn sliding_and_spinning_end_together() {
-        // Farkas et al.: whatever the start, v/(R w) is drawn to 0.653, and both end at once.
+        // Farkas et al.: from any start, v/(R w) tends to 0.653, and both motions end at once.
         for start in [0.3, 0.5, 0.653, 0.9, 2.0, 6.0] {
             let speed = 0.4;
             let (_, ratio) = coast(&mut one(PENNY, Vec2::new(0.0, speed), speed / (start * PENNY.radius_m)));
@@ -222,7 +222,7 @@ mod tests {
         }
     }
 
-    /// The same part as 400 patches under Coulomb's law, nothing tabulated, in steps a hundred times finer.
+    /// The same part as 400 patches under Coulomb's law, without tables, in steps a hundred times finer.
     #[test]
     fn a_shaken_disc_moves_as_its_patches_do() {
         const PATCHES: usize = 400;

@@ -1,4 +1,4 @@
-//! Everything that moves, stepped together: motors, plate, parts, accelerometers. No camera.
+//! Everything that moves, stepped together: motors, plate, parts, accelerometers. The camera is separate.
 
 use super::accelerometers::Accelerometers;
 use super::faults::{PlantChange, PlantFaults};
@@ -12,13 +12,13 @@ use upm_core::random::Streams;
 use upm_core::signal::{AccelTrace, Drive};
 use upm_core::time::PlateTime;
 
-/// Below these everything counts as standing still: a tenth of a micrometre, ten micrometres a second.
+/// Thresholds below which everything counts as at rest: a tenth of a micrometre, ten micrometres per second.
 const STILL_M: f64 = 1e-7;
 const STILL_MPS: f64 = 1e-5;
 
-/// The moving half of the simulated rig. Time goes in whole steps of whole nanoseconds.
+/// The moving half of the simulated rig. Time advances in whole steps of whole nanoseconds.
 ///
-/// The parts' friction acts back on the plate, one step late: exact enough, since friction never exceeds μ m g.
+/// The parts' friction acts on the plate one step late: accurate enough, since friction never exceeds μ m g.
 #[derive(Clone, Debug)]
 pub struct Plant {
     step_ns: u64,
@@ -36,7 +36,7 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// At rest, with `parts` on the plate.
+    /// A plant at rest, with `parts` on the plate.
     pub fn new(params: &SimParams, parts: &[(PartParams, Pose)], streams: &Streams) -> Self {
         let step_ns = PlateTime::from_secs(params.step_s).nanos().max(1);
         let step_s = step_ns as f64 * 1e-9;
@@ -56,12 +56,12 @@ impl Plant {
         }
     }
 
-    /// Time up to which everything has been stepped.
+    /// Time up to which the plant has been stepped.
     pub fn now(&self) -> PlateTime {
         PlateTime::from_nanos(self.now_ns)
     }
 
-    /// Starts `drive` now, in place of any other.
+    /// Starts `drive` now, replacing any other.
     pub fn play(&mut self, drive: Drive) {
         self.accelerometers.start(drive.envelope.sounding_s());
         self.motors.start(drive);
@@ -69,14 +69,14 @@ impl Plant {
         self.still = false;
     }
 
-    /// Motors to zero, now.
+    /// Sets all motors to zero now.
     pub fn stop(&mut self) {
         self.motors.stop();
         self.accelerometers.stop();
     }
 
-    /// Steps on to the first step's end that is not before `time`; skips what stands still. `guard` is asked before
-    /// every step whether motors have to be cut in it, and told when they are silent.
+    /// Advances to the end of the first step that is not before `time`; skips time at rest. `guard` is asked before
+    /// every step whether to cut the motors in it, and notified when they are silent.
     pub(super) fn advance_to(&mut self, time: PlateTime, guard: &mut Guard) {
         while self.now_ns < time.nanos() {
             let cut = guard.cuts(self.now());
@@ -94,7 +94,7 @@ impl Plant {
         }
     }
 
-    /// One step on.
+    /// Advances one step.
     pub fn step(&mut self) {
         self.plate.step(self.motors.step() + self.reaction);
         let before = std::mem::replace(&mut self.motion, self.plate.motion());
@@ -108,22 +108,22 @@ impl Plant {
         }
     }
 
-    /// True when nothing moves and nothing will.
+    /// True when nothing moves or will move without a new command.
     pub fn is_still(&self) -> bool {
         self.still
     }
 
-    /// The plate's motion now.
+    /// The plate's present motion.
     pub fn plate(&self) -> &PlateMotion {
         &self.motion
     }
 
-    /// The parts now.
+    /// The parts' present state.
     pub fn parts(&self) -> &Parts {
         &self.parts
     }
 
-    /// From now on this is wrong, and nothing else.
+    /// Replaces all present faults by `faults`.
     pub fn set_faults(&mut self, faults: &PlantFaults) {
         self.motors.set_faults(&faults.coils);
         self.plate.detune(if faults.resonance > 0.0 { faults.resonance } else { 1.0 });
@@ -131,7 +131,7 @@ impl Plant {
         self.still = false;
     }
 
-    /// This happens now.
+    /// Applies a sudden change now.
     pub fn change(&mut self, change: PlantChange) {
         match change {
             PlantChange::Moved { part, by_m } => self.parts.shift(part, by_m),
@@ -146,7 +146,7 @@ impl Plant {
         self.accelerometers.trace()
     }
 
-    /// Poses at `time`, which lies within the last step.
+    /// Poses at `time`, which must be within the last step.
     pub fn snapshot_at(&self, time: PlateTime, snapshot: &mut Snapshot) {
         let before_s = self.now().secs_since(time).min(self.step_s);
         snapshot.plate_in_table = self.motion.pose_before(before_s);
@@ -191,7 +191,7 @@ mod tests {
         Plant::new(params, &[(penny, Pose { position_m: Vec2::new(0.05, 0.02), heading_rad: 0.0 })], &Streams::new(1))
     }
 
-    /// All axes at once, 0.12 s long.
+    /// A drive on all axes, 0.12 s long.
     fn drive() -> Drive {
         let wave = |counts: f64| vec![Harmonic { cos: 0.0, sin: -counts }, Harmonic { cos: 0.0, sin: counts }];
         Drive {

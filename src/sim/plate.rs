@@ -41,7 +41,7 @@ impl Mul<f64> for Wrench {
 /// The plate's motion at one instant, in the table frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlateMotion {
-    /// Where the plate is against its place at rest.
+    /// Pose relative to the rest position.
     pub plate_in_table: Pose,
     /// Velocity of its centre and its spin.
     pub twist: Twist,
@@ -50,7 +50,7 @@ pub struct PlateMotion {
 }
 
 impl PlateMotion {
-    /// Halfway between two motions one step apart.
+    /// Mean of two motions one step apart.
     pub fn midway(&self, later: &Self) -> Self {
         let (a, b) = (&self.plate_in_table, &later.plate_in_table);
         Self {
@@ -63,7 +63,7 @@ impl PlateMotion {
         }
     }
 
-    /// The pose `before_s` earlier, good to the third order in it.
+    /// The pose `before_s` earlier, accurate to third order in `before_s`.
     pub fn pose_before(&self, before_s: f64) -> Pose {
         let moved = self.twist * -before_s + self.acceleration * (0.5 * before_s * before_s);
         Pose {
@@ -72,8 +72,8 @@ impl PlateMotion {
         }
     }
 
-    /// Proper acceleration of a sensor fixed to the plate at `p_plate_m` along the plate's axes, m/s²:
-    /// the centre's acceleration, the spin's, and the pull towards the centre.
+    /// Proper acceleration of a sensor fixed to the plate at `p_plate_m`, along the plate's axes, m/s²: the centre's
+    /// acceleration, that of the spin, and the centripetal part.
     pub fn acceleration_felt_at(&self, p_plate_m: Vec2) -> Vec2 {
         let (sin, cos) = self.plate_in_table.heading_rad.sin_cos();
         let center = self.acceleration.velocity_mps;
@@ -95,7 +95,7 @@ pub struct Plate {
 }
 
 impl Plate {
-    /// At rest; it will be stepped by `step_s`.
+    /// A plate at rest, for steps of `step_s`.
     pub fn new(params: &PlateParams, step_s: f64) -> Self {
         let inverse_mass = params.mass_kg.recip();
         Self {
@@ -108,18 +108,18 @@ impl Plate {
         }
     }
 
-    /// From now on its natural frequencies are `factor` times those it was built with.
+    /// Sets the natural frequencies to `factor` times those at construction.
     pub fn detune(&mut self, factor: f64) {
         self.axes = axes(&self.params, self.step_s, factor);
     }
 
-    /// Pushed out of its place by `by_m`, now.
+    /// Displaces the plate by `by_m` now.
     pub fn bump(&mut self, by_m: Vec2) {
         self.motions[0].position += by_m.x;
         self.motions[1].position += by_m.y;
     }
 
-    /// One step on. `wrench` is that at the step's end; over the step its mean with the last one acts.
+    /// Advances one step. `wrench` is that at the step's end; over the step its mean with the previous one acts.
     pub fn step(&mut self, wrench: Wrench) {
         let mean = self.inputs((self.wrench + wrench) * 0.5);
         for ((axis, motion), input) in self.axes.iter().zip(&mut self.motions).zip(mean) {
@@ -128,7 +128,7 @@ impl Plate {
         self.wrench = wrench;
     }
 
-    /// Where the plate is, how it moves and what accelerates it now.
+    /// Present pose, twist and acceleration.
     pub fn motion(&self) -> PlateMotion {
         let [x, y, spin] = self.motions;
         let inputs = self.inputs(self.wrench);
@@ -140,7 +140,7 @@ impl Plate {
         }
     }
 
-    /// Puts the plate at rest in its place.
+    /// Sets the plate to its rest position, at rest.
     pub fn settle(&mut self) {
         self.motions = [Motion::default(); 3];
         self.wrench = Wrench::default();

@@ -1,4 +1,4 @@
-//! The Coulomb pump and its relatives against closed forms and published figures.
+//! The Coulomb pump and its variants against closed forms and published figures.
 
 use std::f64::consts::{PI, TAU};
 
@@ -12,7 +12,7 @@ const PENNY: PartParams = PartParams { friction: MU, ..PartParams::PENNY };
 const POINT: PartParams = PartParams { radius_m: 0.0, ..PENNY };
 const W: f64 = TAU * 60.0;
 
-/// A rig with everything in it: a plate of 8 in on soft rods, strong coils.
+/// Parameters of a complete rig: a plate of 8 in on soft rods, strong coils.
 pub(super) fn rig_params() -> SimParams {
     SimParams {
         step_s: 5e-5,
@@ -111,8 +111,8 @@ fn mean_force_of_the_pump_falls_with_the_parts_speed_as_in_closed_form() {
 
 #[test]
 fn a_pumped_part_gains_speed_as_on_a_viscous_belt() {
-    // Way against time: the closed-form force integrated. The belt's k2 = 0.48 μ g/A is that force's start, 2 f0;
-    // the force hangs above the straight line, so 63 % of the belt's speed are reached somewhat sooner.
+    // Displacement over time: the closed-form force integrated. The belt's k2 = 0.48 μ g/A is that force's initial
+    // value, 2 f0; the force is above the straight line, so 63 % of the belt's speed are reached somewhat sooner.
     let (amplitude, step_s) = (1.0, 1e-5);
     let time_constant = amplitude / (0.48 * MU * GRAVITY_MPS2);
     let length = envelope(0.0, 3.0 * time_constant);
@@ -158,7 +158,8 @@ fn weak_pulses_move_parts_with_the_square_of_their_length() {
 
 #[test]
 fn displacement_falls_towards_the_centre_of_rotation() {
-    // Where in the wave's period a pulse ends shifts single figures by 5 %: mean over lengths spread over a period.
+    // The phase in the wave's period at which a pulse ends shifts single figures by 5 %: mean over lengths spread over
+    // a period.
     const LENGTHS: usize = 8;
     let (attack_s, radii) = (0.01, [0.01, 0.02, 0.04, 0.1]);
     let pump = 0.5 * 0.2386 * 1.2386 * MU * GRAVITY_MPS2;
@@ -201,7 +202,7 @@ fn nothing_drifts_below_the_sticking_threshold() {
     assert!(moved > 1e-3, "{moved}");
 }
 
-/// Twenty rotations to and fro about scattered centres.
+/// Twenty rotations in both directions about scattered centres.
 fn twenty_pulses() -> Vec<OpenPulse> {
     (0..20)
         .map(|i| {
@@ -227,7 +228,7 @@ fn halving_the_step_changes_little() {
         };
         let (coarse, fine) = (run(5e-5), run(2.5e-5));
         for (a, b) in coarse.parts.iter().zip(&fine.parts) {
-            // the way the part made, pulse by pulse
+            // displacement of the part, pulse by pulse
             let marks = pulses.iter().scan(0.0, |t, p| {
                 *t += p.envelope.total_s();
                 Some((*t * 200.0) as usize)
@@ -242,7 +243,8 @@ fn halving_the_step_changes_little() {
 
 #[test]
 fn motors_and_rods_come_near_the_prescribed_motion() {
-    // Attacks of several periods: a short one leaves the plate a drift, for the force's envelope is not the velocity's.
+    // Attacks of several periods: a short one leaves the plate with a drift, because the force's envelope differs from
+    // the velocity's.
     let pulse = OpenPulse::about(Vec2::new(0.03, 0.02), 8.0, envelope(0.05, 0.05));
     check_motors_against_prescribed(&rig_params(), PENNY, &pulse);
 }
@@ -258,8 +260,9 @@ fn check_motors_against_prescribed(params: &SimParams, part: PartParams, pulse: 
     }
 }
 
-/// The mean force of such a wave is what is left of much that cancels. Rods, uneven coils and the drift that whole counts
-/// give a plate without rods change it by up to a fifth; without them it is the one wanted, in short flanks too.
+/// The mean force of such a wave is a small difference of large contributions. Rods, uneven coils and the drift that
+/// whole counts give a plate without rods change it by up to a fifth; without them it is the intended one, in short
+/// flanks too.
 #[test]
 fn even_motors_on_a_plate_without_rods_play_a_free_wave() {
     let mut params = rig_params();
@@ -318,7 +321,7 @@ fn motors_give_a_free_plate_the_slope_of_the_wave() {
     }
 }
 
-/// The remaining motion swings on at the rods' frequency and carries parts with it into the next pulse.
+/// Otherwise the remaining motion oscillates at the rods' frequency and carries parts with it into the next pulse.
 #[test]
 fn flanks_of_two_periods_leave_the_rods_at_rest() {
     let plate = PlateParams { resonance_hz: [5.0, 6.0, 7.0], damping_ratio: [0.2; 3], ..rig_params().plate };
@@ -360,7 +363,7 @@ fn pulses_beyond_the_rig_are_refused() {
 
 #[test]
 fn a_heavy_load_slows_the_plate() {
-    // Glued-down load (friction without bound): the plate answers as one of plate and parts together.
+    // Glued-down load (infinite friction): the response is that of plate and parts as one body.
     let glued = PartParams { mass_kg: 0.1, friction: 1e3, ..POINT };
     let params = SimParams { plate: PlateParams { resonance_hz: [0.0; 3], ..rig_params().plate }, ..rig_params() };
     let swing = |parts: &[(PartParams, Pose)]| {

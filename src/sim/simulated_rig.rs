@@ -1,4 +1,4 @@
-//! The simulated rig behind the hardware boundary: the plant under a camera, its truth shown through a probe alone.
+//! The simulated rig behind the hardware boundary: the plant under a camera, its truth visible only through a probe.
 
 mod exposure;
 mod faults;
@@ -13,11 +13,11 @@ use upm_core::rig::{Interlock, Rig, RigFault, RigModel};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
 
-/// No pulse, its rest included, is longer than this, s.
+/// Longest pulse, its rest included, s.
 const LONGEST_PULSE_S: f64 = 600.0;
 
-/// A [`Rig`] made of equations. Time passes only in [`Rig::capture`] and [`Rig::pass`], and stops on whole simulation
-/// steps. Once its interlock tripped it takes no more frames and plays no more pulses.
+/// A [`Rig`] made of equations. Time advances only in [`Rig::capture`] and [`Rig::pass`], and stops on whole simulation
+/// steps. After its interlock has tripped it takes no more frames and plays no more pulses.
 #[derive(Debug)]
 pub struct SimRig {
     model: RigModel,
@@ -25,7 +25,7 @@ pub struct SimRig {
     camera: Camera,
     probe: GroundTruthHandle,
     exposure: [Snapshot; EXPOSURE_SNAPSHOTS],
-    /// How many times as long the shutter is open as it should be.
+    /// Factor on the exposure time, 1 without a fault.
     exposure_factor: f64,
     last_frame: u64,
     quiet_at: PlateTime,
@@ -34,7 +34,7 @@ pub struct SimRig {
 }
 
 impl SimRig {
-    /// A rig at rest with `parts` lying on its plate. `model` is what control is told of it, `params` how it is.
+    /// A rig at rest with `parts` on its plate. Control sees `model`; the simulation uses `params`.
     pub fn new(model: RigModel, params: SimParams, parts: Vec<(PartParams, Pose)>, streams: Streams) -> Self {
         let discs = parts
             .iter()
@@ -56,22 +56,22 @@ impl SimRig {
         rig
     }
 
-    /// Puts motors under `interlock` for as long as this rig is there; see [`Interlock`] for who owns it.
+    /// Puts the motors under `interlock` for the lifetime of this rig; see [`Interlock`] for its ownership.
     pub fn fit(&mut self, interlock: Interlock) -> Result<(), RigFault> {
         self.guard.fit(&interlock, self.now())
     }
 
-    /// The camera as it truly is, for those who publish truth.
+    /// The true camera, for publishing ground truth.
     pub fn camera(&self) -> &Camera {
         &self.camera
     }
 
-    /// A window on the truth; it shows the middle of the last exposure.
+    /// A handle on the ground truth at the middle of the last exposure.
     pub fn probe(&self) -> GroundTruthHandle {
         self.probe.clone()
     }
 
-    /// Motors to zero and `Err` once the interlock tripped.
+    /// Sets the motors to zero and returns `Err` once the interlock has tripped.
     fn obey(&mut self) -> Result<(), RigFault> {
         let checked = self.guard.check();
         if checked.is_err() {
@@ -84,7 +84,7 @@ impl SimRig {
         self.plant.advance_to(time, &mut self.guard);
     }
 
-    /// Shows the world of `before_s` ago, at most one step, as the truth at `at`.
+    /// Publishes the state `before_s` ago, at most one step, as the truth at `at`.
     fn publish(&self, at: PlateTime, before_s: f64) {
         self.probe.update(|truth| {
             truth.at = at;
@@ -242,7 +242,7 @@ mod tests {
         SimRig::new(model(&params), params, vec![(penny, at(0.05, 0.02)), (penny, at(-0.04, 0.0))], Streams::new(seed))
     }
 
-    /// Spin about the plate's centre, both harmonics.
+    /// A drive of spin about the plate's centre, both harmonics.
     pub(super) fn drive(counts: f64) -> Drive {
         let wave = |sign: f64| {
             let first = Harmonic { cos: 0.0, sin: -sign * counts };

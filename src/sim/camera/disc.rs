@@ -8,16 +8,16 @@ use super::tiles::{Grid, LANES, Lanes, Pixels, Tile, TileBox};
 use super::view::View;
 use upm_core::geometry::{Pose, Vec2, cross};
 
-/// A part as the camera sees it.
+/// Shape of a part as the camera sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DiscShape {
-    /// Outline, m.
+    /// Radius of its outline, m.
     pub radius_m: f64,
-    /// Height, m.
+    /// Height above the plate, m.
     pub thickness_m: f64,
 }
 
-/// One part's outline as the exposure saw it.
+/// One part's outline during an exposure.
 #[derive(Clone, Debug)]
 pub(super) struct DiscOutline {
     shape: DiscShape,
@@ -53,7 +53,7 @@ struct Silhouette {
 }
 
 impl DiscOutline {
-    /// A part that is nowhere yet.
+    /// Outline of a part that has no position yet.
     pub(super) fn new(shape: DiscShape) -> Self {
         let (shown, next, silhouettes) = (Vec::new(), Vec::new(), Vec::new());
         Self { shape, shown, next, silhouettes, tiles: TileBox::default() }
@@ -63,8 +63,8 @@ impl DiscOutline {
         self.shape
     }
 
-    /// Takes the part's positions of a new exposure, none when it is not to be seen. Calls `stale` with every tile
-    /// whose picture may change.
+    /// Sets the part's positions for a new exposure, none when it is hidden. Calls `stale` with every tile whose
+    /// picture may change.
     pub(super) fn show(
         &mut self,
         positions_m: impl ExactSizeIterator<Item = Vec2> + Clone,
@@ -85,7 +85,7 @@ impl DiscOutline {
         self.tiles.indices(grid.columns).for_each(&mut stale);
     }
 
-    /// True when the part may be seen in the tile.
+    /// True when the part may be visible in the tile.
     pub(super) fn touches(&self, column: usize, row: usize) -> bool {
         self.tiles.contains(column, row)
     }
@@ -169,7 +169,7 @@ fn cover_within(rim: &Rim, weight: f32, pixels: &Pixels, blur: &Blur, shares: &m
     }
 }
 
-/// A silhouette ready for vector code, with the blur of one tile.
+/// A silhouette prepared for vector code, with the blur of one tile.
 struct Rim {
     foot: [f32; 2],
     lean: [f32; 2],
@@ -178,7 +178,7 @@ struct Rim {
     across: [f32; 2],
     radius: f32,
     growth: f32,
-    /// How far blur moves the half level inwards on the arcs and on the straight flanks.
+    /// Inward shift of the half level by blur, on the arcs and on the straight flanks.
     inwards: [f32; 2],
     /// xx, twice xy, yy.
     covariance: [f32; 3],
@@ -206,11 +206,11 @@ impl Rim {
         }
     }
 
-    /// How far inside the outline points of the table are, in standard deviations of the blur.
-    /// With w = p - c(t), the edge's normal is w/|w| and the blur along it has the variance wᵀCw/|w|².
+    /// Depths of table points inside the outline, in standard deviations of the blur. With w = p - c(t), the edge's
+    /// normal is w/|w| and the blur along it has the variance wᵀCw/|w|².
     #[inline(always)]
     fn depths(&self, x_m: &Lanes, y_m: &Lanes) -> Lanes {
-        // Keeps the circle's very centre from being 0/0; far below what is seen.
+        // Avoids 0/0 at the circle's centre; far below the visible range.
         const TINY_M2: f32 = 1e-14;
         let mut depths = [0.0; LANES];
         for ((depth, x), y) in depths.iter_mut().zip(x_m).zip(y_m) {

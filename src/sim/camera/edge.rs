@@ -6,24 +6,25 @@ use nalgebra::Matrix2;
 use super::super::CameraParams;
 use super::tiles::Tile;
 
-/// Standard deviations from an edge behind which nothing of its blur is left (1e-5 of the step).
+/// Distance from an edge, in standard deviations, beyond which its blur is negligible (1e-5 of the step).
 pub(super) const REACH: f64 = 4.2;
 
 /// Variance of a point spread over one pixel, px².
 pub(super) const PIXEL_VARIANCE_PX2: f64 = 1.0 / 12.0;
 
-/// The footprint of a pixel: the lens's blur and the pixel's square.
+/// Footprint of a pixel: the lens's blur and the pixel's square.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Blur {
     variance_px2: f64,
-    /// Standard deviations from an edge at which a block's centre has no pixel left that the edge reaches.
+    /// Distance of a block's centre from an edge, in standard deviations, beyond which the edge reaches none of its
+    /// pixels.
     pub(super) block_reach: f32,
 }
 
 impl Blur {
     pub(super) fn new(params: &CameraParams) -> Self {
         let variance_px2 = params.blur_px * params.blur_px + PIXEL_VARIANCE_PX2;
-        // From the centre to the farthest pixel's are 1.5·√2 px, and a little for the uneven scale.
+        // The farthest pixel is 1.5·√2 px from the centre; 10 % more for the uneven scale.
         let block_radius_px = 1.5 * 1.1 * SQRT_2;
         Self { variance_px2, block_reach: (REACH + block_radius_px / variance_px2.sqrt()) as f32 }
     }
@@ -32,7 +33,7 @@ impl Blur {
         self.variance_px2.sqrt()
     }
 
-    /// At least the footprint's standard deviation in any direction on the table.
+    /// Upper bound of the footprint's standard deviation in any direction on the table, m.
     pub(super) fn bound_m(&self, tile: &Tile) -> f64 {
         let c = &tile.px_covariance_m2;
         ((c.m11.max(c.m22) + c.m12.abs()) * self.variance_px2).sqrt()
@@ -43,9 +44,9 @@ impl Blur {
     }
 }
 
-/// Share of a half-plane blurred by a Gaussian that is seen `z` standard deviations inside its edge: the normal
-/// distribution function, by Hastings' formula for the error function (Abramowitz, Stegun, 7.1.28), within 3e-7.
-/// No branch and no table, so that loops over it become vector code.
+/// Visible share of a half-plane blurred by a Gaussian, `z` standard deviations inside its edge: the normal
+/// distribution function, by Hastings' formula for the error function (Abramowitz, Stegun, 7.1.28), within 3e-7. No
+/// branch and no table, so that loops over it become vector code.
 #[inline(always)]
 pub(super) fn edge_spread(z: f32) -> f32 {
     const A: [f32; 6] = [0.070_523_08, 0.042_282_01, 0.009_270_527, 0.000_152_014_3, 0.000_276_567_2, 0.000_043_063_8];
@@ -58,8 +59,8 @@ pub(super) fn edge_spread(z: f32) -> f32 {
     if z < 0.0 { tail } else { 1.0 - tail }
 }
 
-/// `1/sqrt(x)` within 5e-6 of itself: a first guess that halves the exponent, refined twice by Newton's method
-/// (Lomont, 2003). Vector code on every machine, which roots and quotients are not.
+/// `1/sqrt(x)` to a relative error of 5e-6: a first guess that halves the exponent, refined twice by Newton's method
+/// (Lomont, 2003). Vectorised on every machine, unlike square root and division.
 #[inline(always)]
 pub(super) fn inverse_sqrt(x: f32) -> f32 {
     let refined = |y: f32| y * (1.5 - 0.5 * x * y * y);

@@ -2,7 +2,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use upm_core::geometry::{Pose, Vec2};
 
-/// A stretch of the exposure so short that the body's picture is that of its mean pose, blurred by how far it moved.
+/// Section of the exposure short enough to be pictured as the body's mean pose, blurred by the spread of its motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Glimpse {
     /// The mean pose.
@@ -13,26 +13,26 @@ pub(super) struct Glimpse {
     pub(super) weight: f64,
 }
 
-/// The lengths by which an exposure is cut into glimpses.
+/// Lengths that determine how an exposure is cut into glimpses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Grain {
     /// Standard deviation of the blur, as a length on the table, m.
     pub(super) blur_m: f64,
-    /// How far from a body's origin its heading is felt, m.
+    /// Distance from a body's origin at which its heading matters, m.
     pub(super) arm_m: f64,
 }
 
 impl Grain {
-    /// Snapshots times their spacing in one glimpse, in standard deviations of the blur. n snapshots s apart have the
-    /// fourth cumulant κ₄ = -(n⁴ - 1) s⁴/120, and a step's blurred edge differs from that of a Gaussian of equal
-    /// variance by at most κ₄/24 · 0.55 of its height: 0.14 %.
+    /// Extent of one glimpse (number of snapshots times their spacing), in standard deviations of the blur. n snapshots
+    /// s apart have the fourth cumulant κ₄ = -(n⁴ - 1) s⁴/120, and a step's blurred edge differs from that of a
+    /// Gaussian of equal variance by at most κ₄/24 · 0.55 of its height: 0.14 %.
     const MERGED: f64 = 1.64;
-    /// Poses are rounded to this part of the blur: what rests in the picture then rests exactly.
+    /// Rounding of poses, relative to the blur: a body at rest in the picture then has an exactly constant pose.
     const ROUNDING: f64 = 1e-3;
-    /// A spread this small beside the blur is none.
+    /// Spread below which a motion counts as none, relative to the blur.
     const STILL: f64 = 1e-2;
 
-    /// Cuts evenly spaced poses of one body into as few glimpses as show the same picture.
+    /// Cuts evenly spaced poses of one body into the fewest glimpses that give the same picture.
     pub(super) fn glimpses(&self, poses: impl ExactSizeIterator<Item = Pose> + Clone, out: &mut Vec<Glimpse>) {
         out.clear();
         let count = poses.len();
@@ -49,12 +49,12 @@ impl Grain {
         }
     }
 
-    /// How many of `count` snapshots, at most `step_m` apart, are one glimpse.
+    /// Number of the `count` snapshots, at most `step_m` apart, that one glimpse holds.
     pub(super) fn together(&self, step_m: f64, count: usize) -> usize {
         ((Self::MERGED * self.blur_m / step_m) as usize).clamp(1, count.max(1))
     }
 
-    /// True when motion of this variance is not seen.
+    /// True when motion of this variance is invisible.
     pub(super) fn is_still(&self, variance_m2: f64) -> bool {
         variance_m2 < (Self::STILL * self.blur_m).powi(2)
     }
@@ -83,7 +83,7 @@ impl Grain {
     }
 }
 
-/// Mean and covariance.
+/// Mean and covariance of `samples`.
 pub(super) fn moments(samples: impl ExactSizeIterator<Item = Vector3<f64>> + Clone) -> (Vector3<f64>, Matrix3<f64>) {
     let share = 1.0 / samples.len() as f64;
     let mean = samples.clone().fold(Vector3::zeros(), |sum, sample| sum + share * sample);

@@ -12,22 +12,22 @@ pub(super) const HALF: i16 = 64;
 
 /// Counts of one standard deviation in the bank; its samples end at ±5.4 of them.
 const BANK_SD: f64 = 6000.0;
-/// Distinct starts in the bank.
+/// Number of possible start positions in the bank.
 const BANK: usize = 1 << 19;
-/// Pixels developed at once.
+/// Pixels processed at once.
 const STRIP: usize = 32;
-/// Gray levels the table of standard deviations tells apart, a level.
+/// Steps per gray level in the table of standard deviations.
 const SD_STEPS: usize = 4;
 
 /// Read and shot noise: a level L has the variance `read_noise² + L · 255/full_well`.
 ///
-/// A bank of normal samples is drawn once. Every row of every frame starts at another place in it, so that noise
-/// costs one product a pixel, `noise = (sd · 2^shift · sample) >> 16` in units of 1/128 level. Rounding down there
-/// leaves the last rounding, to the nearest level, as it would be without it.
+/// A bank of normal samples is drawn once. Every row of every frame starts at another position in it, so that noise
+/// costs one product per pixel, `noise = (sd · 2^shift · sample) >> 16` in units of 1/128 level. Its rounding down does
+/// not change the final rounding to the nearest level.
 #[derive(Clone, Debug)]
 pub(super) struct Noise {
     rng: Rng,
-    /// `BANK` samples, then the first ones once more, a row's width of them.
+    /// `BANK` samples, then the first ones repeated over the width of a row.
     bank: Vec<i16>,
     /// Standard deviation of each quarter level, in the counts of the product above.
     sd_of_level: [u8; 256 * SD_STEPS],
@@ -40,7 +40,7 @@ impl Noise {
         const LARGEST_SHIFT: u32 = 7;
         let counts_at =
             |level: f64| COUNTS_PER_LEVEL * (params.read_noise.powi(2) + level * 255.0 / params.full_well_e).sqrt();
-        // The finest scale at which the strongest noise still fits; noise beyond 23 levels is cut.
+        // The finest scale at which the strongest noise still fits; noise beyond 23 levels is clipped.
         let fits = |&shift: &u32| counts_at(255.0) <= f64::from(255 << shift);
         let shift = (0..LARGEST_SHIFT).find(fits).unwrap_or(LARGEST_SHIFT);
         let sd_of_step = |k: usize| counts_at((k as f64 + 0.5) / SD_STEPS as f64) / f64::from(1 << shift);
@@ -56,7 +56,7 @@ impl Noise {
         })
     }
 
-    /// One row of the noisy picture: `clean` in units of 1/128 level plus [`HALF`].
+    /// Adds noise to one row: `clean` is in units of 1/128 level plus [`HALF`].
     pub(super) fn develop_row(&mut self, clean: &[i16], sd: &[u8], out: &mut [u8]) {
         let start = self.rng.next_u64() as usize % BANK;
         let samples = self.bank.get(start..).unwrap_or_default();
@@ -78,7 +78,7 @@ fn develop(clean: &[i16], (sd, shift): (&[u8], u32), samples: &[i16], out: &mut 
     }
 }
 
-/// A few pixels at once, step by step, so that every step fills whole vectors.
+/// Processes a few pixels at once, step by step, so that every step fills whole vectors.
 #[inline(always)]
 fn develop_strip<const N: usize>(
     clean: &[i16; N],
@@ -96,7 +96,7 @@ fn develop_strip<const N: usize>(
     }
 }
 
-/// Half the samples are the others' negatives, so that the bank's mean is zero exactly.
+/// Normal samples; half of them are the negatives of the others, so that the bank's mean is exactly zero.
 fn normal_bank(rng: &mut Rng, width: usize) -> Vec<i16> {
     let mut bank: Vec<i16> = Vec::with_capacity(BANK + width);
     for _ in 0..BANK / 2 {
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
     use upm_core::random::Streams;
 
-    /// Mean, variance, skewness and excess kurtosis of a flat picture, before rounding would hide them.
+    /// Mean, variance, skewness and excess kurtosis of a flat picture, at a level at which rounding does not hide them.
     fn moments(level: f64, read_noise: f64, full_well_e: f64) -> [f64; 4] {
         let mut params = scenes::full();
         (params.read_noise, params.full_well_e) = (read_noise, full_well_e);

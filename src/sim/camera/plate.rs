@@ -9,12 +9,11 @@ use super::tiles::{LANES, Pixels, Tile};
 use super::view::View;
 use upm_core::geometry::{Pose, Vec2, perp};
 
-/// The plate's square outline as the exposure saw it.
+/// The plate's square outline during an exposure.
 ///
-/// A side is a straight line on the table. Along its normal n the blur of the image has the table variance
-/// nᵀ C n, C the tile's covariance of the blur; the plate's motion within a glimpse adds its own.
-/// Where one side alone is near, the glimpses are that side's own. Corners are products of two sides, in glimpses in
-/// which the whole plate hardly moves.
+/// A side is a straight line on the table. Along its normal n the blur of the image has the table variance nᵀ C n, C
+/// the tile's covariance of the blur; the plate's motion within a glimpse adds its own. Where only one side is near,
+/// that side's glimpses are used. Corners are products of two sides, in glimpses in which the whole plate hardly moves.
 #[derive(Clone, Debug)]
 pub(super) struct PlateOutline {
     half_side_m: f64,
@@ -25,10 +24,11 @@ pub(super) struct PlateOutline {
     tiles: Vec<TileAtRest>,
 }
 
-/// Where a tile is when the plate rests: all that most tiles are ever asked for.
+/// Position of a tile relative to the resting plate; most tiles need nothing else.
 #[derive(Clone, Copy, Debug)]
 struct TileAtRest {
-    /// How far the plate's outline is beyond the reach of its blur in the tile, m; negative when it is seen there.
+    /// Distance from the tile to the plate's outline, beyond the reach of its blur, m; negative when the outline is
+    /// visible in it.
     clear_m: f64,
     /// Distance from the plate's centre, m.
     arm_m: f64,
@@ -42,16 +42,17 @@ impl TileAtRest {
     }
 }
 
-/// How far a glimpse moves the reach of a side's blur at most: everywhere, m, and more for every metre from the
-/// resting plate's centre.
+/// Upper bound by which a glimpse extends the reach of a side's blur: a constant, m, and a slope by the distance from
+/// the resting plate's centre.
 fn glimpse_reach(&Glimpse { pose, spread, .. }: &Glimpse) -> [f64; 2] {
-    // Standard deviations add up to no less than the root of the sum of their squares, which the blur's is.
+    // The sum of standard deviations is at least the root of the sum of their squares, which is the blur's.
     let [shift_m, turn_rad] = spread_bound(&spread);
     let turn_rad = pose.heading_rad.abs() + REACH * turn_rad;
     [pose.position_m.amax() + REACH * shift_m + turn_rad * pose.position_m.norm(), turn_rad]
 }
 
-/// Bounds of the motion's standard deviation in any direction: at the centre, m, and more for every metre from it.
+/// Upper bounds of the motion's standard deviation in any direction: at the centre, m, and its slope by the distance
+/// from it.
 fn spread_bound(spread: &Matrix3<f64>) -> [f64; 2] {
     [(spread[(0, 0)] + spread[(1, 1)]).sqrt(), spread[(2, 2)].sqrt()]
 }
@@ -94,8 +95,8 @@ impl PlateOutline {
         p.x.abs() <= self.half_side_m && p.y.abs() <= self.half_side_m
     }
 
-    /// Takes the plate's poses of a new exposure (none: as before) and calls `stale` with every tile
-    /// whose picture may change.
+    /// Sets the plate's poses for a new exposure (none: unchanged) and calls `stale` with every tile whose picture may
+    /// change.
     pub(super) fn show(
         &mut self,
         poses: impl ExactSizeIterator<Item = Pose> + Clone,
@@ -186,7 +187,7 @@ impl PlateOutline {
     }
 }
 
-/// Where a tile is.
+/// Position of a tile relative to a square.
 enum Near {
     /// Beyond a side.
     Outside,

@@ -1,5 +1,5 @@
-//! The picture by brute force: rays against solid cylinders and the square, 16 × 16 to the pixel, convolved with the
-//! Gaussian and the pixel's square; and how far the camera is from it.
+//! Reference picture by brute force: rays against solid cylinders and the square, 16 × 16 per pixel, convolved with the
+//! Gaussian and the pixel's square; and the camera's deviation from it.
 
 use super::scenes::{self, PENNY, PLATE_M};
 use super::*;
@@ -38,8 +38,8 @@ impl Camera {
     }
 }
 
-/// Surface that the ray through an image point hits. It passes over the plate's plane from `low` to where it is `thickness`
-/// high; it hits a cylinder when that stretch comes within a radius of the axis.
+/// Gray level of the surface that the ray through an image point hits. The ray passes over the plate's plane from `low`
+/// to the point where it is `thickness` high; it hits a cylinder when that section comes within a radius of the axis.
 fn level_hit(camera: &Camera, discs: &[DiscShape], snapshot: &Snapshot, px: Vec2) -> f64 {
     let [ground, plate, part] = camera.params.levels;
     let Some(low) = camera.view.table_from_image(px) else { return ground };
@@ -56,7 +56,7 @@ fn level_hit(camera: &Camera, discs: &[DiscShape], snapshot: &Snapshot, px: Vec2
     if hit { part } else { background }
 }
 
-/// Weights of the samples of a row or column in the pixel in the middle of them.
+/// Weights of the samples of a row or column for the pixel in their middle.
 fn footprint(blur_px: f64) -> Vec<f64> {
     let count = (2 * MARGIN + 1) * RAYS;
     let offset = |k: usize, part: f64| ((k as f64 + part) / count as f64 - 0.5) * (2 * MARGIN + 1) as f64;
@@ -97,7 +97,7 @@ impl Picture {
         self.levels.iter().zip(&other.levels).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     }
 
-    /// Centroid of what is darker than `level`, px.
+    /// Centroid of all pixels darker than `level`, px.
     fn centroid_below(&self, level: f64) -> Vec2 {
         let (mut sum, mut moment) = (0.0, Vec2::zeros());
         for (k, value) in self.levels.iter().enumerate() {
@@ -108,7 +108,8 @@ impl Picture {
         moment / sum
     }
 
-    /// Where rows pass through `level` by at least `step` a pixel, by cubic interpolation: row and column.
+    /// Positions where rows cross `level` with a slope of at least `step` per pixel, by cubic interpolation: row and
+    /// column.
     fn crossings(&self, level: f64, step: f64) -> Vec<(usize, f64)> {
         let mut found = Vec::new();
         for (y, row) in self.levels.chunks_exact(self.width).enumerate() {

@@ -6,13 +6,13 @@ use proptest::prelude::*;
 use super::{CameraParams, DiscShape};
 use upm_core::geometry::{Lens, Vec2};
 
-/// Side of the plate everywhere, m.
+/// Side of the plate in all scenes, m.
 pub(super) const PLATE_M: f64 = 0.2032;
 
 /// A US penny.
 pub(super) const PENNY: DiscShape = DiscShape { radius_m: 9.525e-3, thickness_m: 1.52e-3 };
 
-/// The whole plate in 1280 × 1024, 4.4 px a millimetre.
+/// The whole plate in 1280 × 1024, 4.4 px per millimetre.
 pub(super) fn full() -> CameraParams {
     CameraParams {
         size_px: [1280, 1024],
@@ -51,7 +51,7 @@ pub(super) fn small() -> CameraParams {
     }
 }
 
-/// Small pictures of a corner of the plate or of nothing, from looking straight down to looking over the horizon.
+/// Small pictures of a corner of the plate or of empty ground, from vertical views to views across the horizon.
 pub(super) fn any() -> impl Strategy<Value = CameraParams> {
     let tilt = || prop_oneof![-0.1..0.1f64, -1.7..1.7f64];
     let radial = || prop_oneof![Just(0.0), -0.3..0.3f64];

@@ -1,11 +1,11 @@
 use super::tiles::{LANES, Lanes, Patch};
 
-/// How much of every pixel of a tile something covers. Most blocks are covered evenly: one number does for them.
+/// Covered share of every pixel of a tile. Most blocks are covered evenly and need a single number.
 #[derive(Clone, Debug)]
 pub(super) struct Shares {
-    /// Share of each block that is covered evenly, NaN for the others.
+    /// Share of each evenly covered block, NaN for the others.
     even: Lanes,
-    /// Shares of the pixels of the others.
+    /// Shares of the pixels of the other blocks.
     each: Patch,
 }
 
@@ -15,7 +15,7 @@ impl Shares {
         Self { even: [0.0; LANES], each: [[0.0; LANES]; LANES] }
     }
 
-    /// Covers nothing any more.
+    /// Resets all shares to zero.
     pub(super) fn clear(&mut self) {
         self.even = [0.0; LANES];
     }
@@ -33,7 +33,7 @@ impl Shares {
         self.even[block] += share;
     }
 
-    /// The pixels of a block, for shares of their own to be added.
+    /// The pixels of a block, to be added to individually.
     pub(super) fn uneven(&mut self, block: usize) -> &mut Lanes {
         let even = std::mem::replace(&mut self.even[block], f32::NAN);
         if !even.is_nan() {
@@ -42,7 +42,7 @@ impl Shares {
         &mut self.each[block]
     }
 
-    /// Share of a block that is covered evenly; NaN if its pixels differ.
+    /// Share of an evenly covered block; NaN if its pixels differ.
     pub(super) fn even(&self, block: usize) -> f32 {
         self.even[block]
     }

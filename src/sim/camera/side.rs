@@ -8,11 +8,11 @@ use super::tiles::{LANES, Lanes, Pixels, Tile};
 use super::view::View;
 use upm_core::geometry::{Pose, Vec2, perp};
 
-/// One side of the plate as the exposure saw it.
+/// One side of the plate during an exposure.
 ///
-/// A side that moves along itself looks as it did, so it is cut into separate glimpses, by how far it moves across.
-/// The line's equation is averaged over a glimpse: a point's depth inside the side is linear in it, so that the
-/// depth's mean and variance follow exactly, wherever the point is.
+/// Motion of a side along itself does not change the picture, so a side has separate glimpses, chosen by its motion
+/// across itself. The line's equation is averaged over a glimpse: a point's depth inside the side is linear in it, so
+/// that the depth's mean and variance follow exactly at any point.
 #[derive(Clone, Debug)]
 pub(super) struct SideOutline {
     half_side_m: f64,
@@ -22,7 +22,7 @@ pub(super) struct SideOutline {
     next: Vec<Line>,
 }
 
-/// A glimpse of a side. A point (x, y) of the table is `mean · (1, x, y)` inside it.
+/// A glimpse of a side. A table point (x, y) has the depth `mean · (1, x, y)` inside it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Line {
     mean: Vector3<f64>,
@@ -42,7 +42,7 @@ impl SideOutline {
         Self { half_side_m, outwards, shown: vec![line], next: Vec::new() }
     }
 
-    /// Takes the plate's poses of a new exposure; true if they look otherwise than what is shown.
+    /// Sets the plate's poses for a new exposure; true if its picture differs from the one shown.
     pub(super) fn take(&mut self, poses: impl ExactSizeIterator<Item = Pose> + Clone, grain: &Grain) -> bool {
         let outwards = self.outwards;
         let lines = poses.map(move |pose| moved(outwards, &pose));
@@ -66,7 +66,7 @@ impl SideOutline {
         self.next != self.shown
     }
 
-    /// Shows what was taken last.
+    /// Shows the exposure taken last.
     pub(super) fn swap(&mut self) {
         std::mem::swap(&mut self.shown, &mut self.next);
     }
@@ -80,8 +80,8 @@ impl SideOutline {
         Line { mean: self.rest() + off, spread, sd: spread.diagonal().map(f64::sqrt), weight }
     }
 
-    /// How far the reach of its blur is moved at most, now or by what was taken last: everywhere, m, and more for
-    /// every metre from the resting plate's centre.
+    /// Upper bound by which the reach of the side's blur is extended, in the shown and in the next exposure: a
+    /// constant, m, and a slope by the distance from the resting plate's centre.
     pub(super) fn reach(&self) -> [f64; 2] {
         let rest = self.rest();
         self.shown.iter().chain(&self.next).fold([0.0, 0.0], |[shift_m, turn_rad], line| {
@@ -90,7 +90,8 @@ impl SideOutline {
         })
     }
 
-    /// Bounds of how deep inside a point is at any time of the exposure, motion within glimpses with its reach, m.
+    /// Bounds of a point's depth inside the side during the exposure, motion within glimpses with its reach included,
+    /// m.
     pub(super) fn depths_m(&self, p_m: Vec2) -> [f64; 2] {
         let point = at(p_m);
         self.shown.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], line| {
@@ -99,7 +100,7 @@ impl SideOutline {
         })
     }
 
-    /// Adds what is inside this side of a tile that no other side is near to.
+    /// Adds the share inside this side of a tile that no other side is near.
     pub(super) fn cover(&self, (tile, view): (&Tile, &View), blur: &Blur, shares: &mut Shares) {
         let (blur_m2, center, pixels) = (blur.covariance_m2(tile), at(tile.center_m), tile.pixels(view));
         let mut whole = 0.0;
@@ -118,26 +119,26 @@ impl SideOutline {
     }
 }
 
-/// How the coordinates of a side's line differ from those at rest.
+/// Difference of the line's coordinates from those at rest.
 fn moved(outwards: Vec2, pose: &Pose) -> Vector3<f64> {
     let turned = Rotation2::new(pose.heading_rad) * outwards;
     Vector3::new(turned.dot(&pose.position_m), outwards.x - turned.x, outwards.y - turned.y)
 }
 
-/// A point of the table, to be multiplied by a line.
+/// Homogeneous coordinates of a table point, to be multiplied by a line.
 fn at(p_m: Vec2) -> Vector3<f64> {
     Vector3::new(1.0, p_m.x, p_m.y)
 }
 
 impl Line {
-    /// Standard deviation across the line of the blur and of the motion at a point.
+    /// Standard deviation, across the line, of the blur and of the motion at a point, m.
     fn sd_m(&self, point: &Vector3<f64>, blur_m2: &Matrix2<f64>) -> f64 {
         let normal = self.mean.yz();
         (normal.dot(&(blur_m2 * normal)) + point.dot(&(self.spread * point))).sqrt()
     }
 }
 
-/// A side in the blur of one tile: `z = zx·x + zy·y + z0` standard deviations inside it.
+/// A side in the blur of one tile: points are `z = zx·x + zy·y + z0` standard deviations inside it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Side {
     z0: f32,
@@ -146,7 +147,7 @@ pub(super) struct Side {
 }
 
 impl Side {
-    /// From a line that has (x, y) `line · (1, x, y)` inside.
+    /// From a line with depth `line · (1, x, y)` at (x, y), and its standard deviation there.
     pub(super) fn new(line: &Vector3<f64>, sd_m: f64) -> Self {
         let [z0, zx, zy] = [line.x, line.y, line.z].map(|coordinate| (coordinate / sd_m) as f32);
         Self { z0, zx, zy }
@@ -234,7 +235,7 @@ mod tests {
             let ours_square = side.shown.iter().map(|line| line.weight * around(line)).sum::<f64>();
             prop_assert!((ours - mean).abs() < 1.5e-3 * GRAIN.blur_m, "{ours} {mean}");
             prop_assert!((ours_square - square).abs() < 2e-3 * GRAIN.blur_m * (square.sqrt() + GRAIN.blur_m));
-            // Motion too small to be seen is left out.
+            // Motion too small to be visible is left out.
             let [least, most] = side.depths_m(p);
             let unseen = 0.02 * GRAIN.blur_m;
             for depth in poses.iter().map(|pose| HALF_M - pose.apply_inverse(p).x) {

@@ -14,7 +14,7 @@ pub(super) const BLOCK_SIDE: usize = 4;
 /// Blocks of a tile, and pixels of a block.
 pub(super) const LANES: usize = BLOCK_SIDE * BLOCK_SIDE;
 
-/// One number for every pixel of a block, or for every block of a tile, row by row: what vector code works on.
+/// One number for every pixel of a block, or for every block of a tile, row by row: the unit of vector code.
 pub(super) type Lanes = [f32; LANES];
 /// One number for every pixel of a tile, block by block.
 pub(super) type Patch = [Lanes; LANES];
@@ -24,21 +24,21 @@ pub(super) const LANE_X: Lanes = [0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0, 0.0, 1
 /// Row of every lane.
 pub(super) const LANE_Y: Lanes = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0];
 
-/// Where a pixel looks that sees no table: far beyond every edge.
+/// Table coordinates of a pixel above the horizon, m: far beyond every edge.
 const NOWHERE_M: f64 = 1e3;
 
-/// A square of pixels and the part of the plate's plane that it sees.
+/// A square of pixels and the area of the plate's plane that it images.
 #[derive(Clone, Debug)]
 pub(super) struct Tile {
     first_px: Vec2,
     /// Table coordinates of the tile's centre, m.
     pub(super) center_m: Vec2,
-    /// No pixel is farther from the centre, m; infinite where little is known.
+    /// Upper bound of the distance of its pixels from the centre, m; infinite where none is known.
     radius_bound_m: f64,
     /// Covariance on the table of a point that has unit variance in the image, m²/px²: J Jᵀ with
     /// J the Jacobian of table by image coordinates.
     pub(super) px_covariance_m2: Matrix2<f64>,
-    /// Worked out when an edge first comes near, which to most tiles none ever does.
+    /// Computed when an edge first comes near, which for most tiles never happens.
     pixels: OnceLock<Box<Pixels>>,
 }
 
@@ -63,24 +63,24 @@ impl Tile {
         self.pixels.get_or_init(|| Box::new(Pixels::new(view, self.first_px, self.center_m)))
     }
 
-    /// Forgets the bound, so that every decision takes the pixels themselves.
+    /// Discards the bound, so that every decision uses the pixels themselves.
     #[cfg(test)]
     pub(super) fn unbind(&mut self) {
         self.radius_bound_m = f64::INFINITY;
     }
 
-    /// True once its pixels were worked out.
+    /// True once its pixels were computed.
     #[cfg(test)]
     pub(super) fn is_known(&self) -> bool {
         self.pixels.get().is_some()
     }
 
-    /// Not less than the distance of the farthest pixel from the centre, m.
+    /// Upper bound of the distance of the farthest pixel from the centre, m.
     pub(super) fn radius_bound_m(&self) -> f64 {
         self.radius_bound_m
     }
 
-    /// The distance of the farthest pixel from the centre, m, or a bound of it that is below `enough_m` as well.
+    /// The distance of the farthest pixel from the centre, m, or an upper bound of it that is also below `enough_m`.
     pub(super) fn radius_m(&self, view: &View, enough_m: f64) -> f64 {
         if self.radius_bound_m < enough_m { self.radius_bound_m } else { self.pixels(view).radius_m }
     }
@@ -90,12 +90,13 @@ fn looks_at(view: &View, px: Vec2) -> Vec2 {
     view.table_from_image(px).unwrap_or(Vec2::repeat(NOWHERE_M))
 }
 
-/// Bounds the distance of a tile's pixels from its centre by what is seen there and half a pixel before and behind it
-/// along both axes. The map to the table is all but linear in a tile; where it bends, near the horizon, there is no bound.
+/// Upper bound of the distance of a tile's pixels from its centre, from the table points half a pixel before and behind
+/// it along both axes. The map to the table is nearly linear in a tile; where it is curved, near the horizon, there is
+/// no bound.
 fn radius_bound_m(center_m: Vec2, around_m: &[[Vec2; 2]; 2]) -> f64 {
-    /// Change of slope in a pixel, as a part of the slope: over half a tile this is a tenth.
+    /// Largest relative change of slope per pixel: a tenth over half a tile.
     const MOST_BENT: f64 = 0.1 / (SIDE as f64 / 2.0);
-    /// A tenth for what bends, and a tenth on top.
+    /// A tenth for the curvature, and a tenth as a margin.
     const MARGIN: f64 = 1.2;
     let slopes = around_m.map(|[before, behind]| behind - before);
     let bent = |[before, behind]: &[Vec2; 2]| 4.0 * (before + behind - 2.0 * center_m).norm();
@@ -142,7 +143,7 @@ impl Pixels {
     }
 }
 
-/// The whole image cut into tiles, which may stand over its right and lower sides.
+/// The whole image cut into tiles, which may extend beyond its right and lower sides.
 #[derive(Clone, Debug)]
 pub(super) struct Grid {
     pub(super) columns: usize,

@@ -3,7 +3,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use super::super::CameraParams;
 use upm_core::geometry::{Lens, Vec2};
 
-/// Where the camera is and how it projects: table to image and, on the plate's plane, back.
+/// Pose and projection of the camera: table to image and, on the plate's plane, back.
 #[derive(Clone, Debug)]
 pub(super) struct View {
     lens: Lens,
@@ -64,15 +64,15 @@ impl View {
         }
     }
 
-    /// Where the line of sight through a point at `height_m` above the plate meets the plate's plane, and
-    /// how much larger a level figure at that height looks there.
+    /// Intersection with the plate's plane, m, of the line of sight through a point at `height_m` above the plate, and
+    /// the magnification there of a level figure at that height.
     pub(super) fn shadow(&self, p_m: Vec2, height_m: f64) -> (Vec2, f64) {
         let magnification = self.position_m.z / (self.position_m.z - height_m);
         let foot = self.position_m.xy();
         (foot + magnification * (p_m - foot), magnification)
     }
 
-    /// Metres of the plate in one pixel near the optical axis.
+    /// Metres of the plate per pixel near the optical axis.
     pub(super) fn m_per_px(&self) -> f64 {
         self.position_m.z / self.lens.focal_px
     }

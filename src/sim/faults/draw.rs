@@ -1,4 +1,4 @@
-//! Faults drawn by seed, for campaigns.
+//! Random faults by seed, for campaigns.
 
 use rand_pcg::rand_core::Rng as _;
 
@@ -9,16 +9,16 @@ use upm_core::time::PlateTime;
 
 /// Share of the draws without a fault.
 const NONE: f64 = 0.2;
-/// Share of the faults that stay for good.
+/// Share of the faults that never end.
 const FOR_GOOD: f64 = 0.5;
 /// Most faults at once.
 const MOST: usize = 5;
-/// Onsets and lengths, s.
+/// Ranges of onsets and of lengths, s.
 const ONSET_S: [f64; 2] = [0.01, 20.0];
 const LENGTH_S: [f64; 2] = [0.02, 20.0];
 
-/// The faults of `seed` for a rig with `parts` parts: a fifth of all seeds has none, the others one to five, out of a random
-/// half of the vocabulary. Onset, length and size are spread evenly over their logarithms.
+/// The faults of `seed` for a rig with `parts` parts: a fifth of all seeds has none, the others one to five, from a
+/// random half of the vocabulary. Onset, length and size are distributed evenly over their logarithms.
 pub fn drawn_faults(seed: u64, parts: usize) -> Vec<FaultSpec> {
     let mut draw = Draw(Streams::new(seed).stream("drawn faults"));
     if draw.share() < NONE {
@@ -52,12 +52,12 @@ fn components(parts: usize) -> impl Iterator<Item = Component> {
 struct Draw(Rng);
 
 impl Draw {
-    /// 0 to 1.
+    /// Uniform from 0 to 1.
     fn share(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 * 2f64.powi(-53)
     }
 
-    /// A whole number below `count`.
+    /// Uniform whole number below `count`.
     fn below(&mut self, count: usize) -> usize {
         ((self.share() * count as f64) as usize).min(count.saturating_sub(1))
     }
@@ -66,13 +66,13 @@ impl Draw {
         least * (most / least).powf(self.share())
     }
 
-    /// Either sign.
+    /// Value in `range` with a random sign.
     fn signed(&mut self, range: [f64; 2]) -> f64 {
         let size = self.log_uniform(range);
         if self.share() < 0.5 { -size } else { size }
     }
 
-    /// Values that make sense, to three digits behind the point.
+    /// Plausible values, to three decimals.
     fn values(&mut self, kind: FaultKind, component: Component, parts: usize) -> [f64; 3] {
         let values = match kind {
             FaultKind::Late => [self.log_uniform([1.0, 30.0]).round(), 0.0, 0.0],

@@ -13,40 +13,40 @@ use upm_core::signal::{AccelTrace, Drive, Frame, MOTORS};
 use upm_core::time::PlateTime;
 use upm_core::units::{GRAVITY_MPS2, m_from_mm};
 
-/// Frames lost in a row after which the camera counts as gone.
+/// Consecutive lost frames after which the camera counts as disconnected.
 const MOST_LOST: usize = 600;
-/// Friction of a glued part, of one on ice and of an oily spot, as a factor.
+/// Factors on the friction of a glued part, of one on ice and of an oily spot.
 const GLUED: f64 = 1000.0;
 const ICE: f64 = 0.001;
 const OIL: f64 = 0.1;
-/// Part of the light by which it flickers.
+/// Relative amplitude of flicker.
 const FLICKER: f64 = 0.3;
 
-/// A rig with faults. All that is random about them comes from a stream of their own.
+/// A rig with faults. All their randomness comes from a separate stream.
 ///
-/// Onsets are seen where time passes: a fault of the plant begins with the first frame or pulse at or after its time, one of
+/// Faults take effect where time passes: one of the plant with the first frame or pulse at or after its onset, one of
 /// the camera with the first exposure, one of an accelerometer with the first sample.
 pub struct Faulty<'a, R> {
     rig: &'a mut R,
     faults: Vec<FaultSpec>,
-    /// True for a fault that has happened and does so once.
+    /// True for a one-time fault that has happened.
     done: Vec<bool>,
     streams: Streams,
     noise: Rng,
-    /// How a hang is waited out.
+    /// Wait function for a hang, by wall time.
     nap: &'a dyn Fn(Duration),
     plant: PlantFaults,
     started_at: PlateTime,
-    /// Pictures as they were taken, newest last, for those that come late.
+    /// Pictures before delay, newest last, for the fault `late`.
     taken: VecDeque<Vec<u8>>,
     longest_lag: usize,
-    /// The picture that was handed on last, where one may freeze.
+    /// The last delivered picture, kept for the fault `freeze`.
     shown: Vec<u8>,
     frozen: bool,
 }
 
 impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
-    /// `rig` with `faults`; `nap` lets wall time pass.
+    /// `rig` with `faults`; `nap` waits for the given wall time.
     pub fn new(rig: &'a mut R, faults: &[FaultSpec], streams: Streams, nap: &'a dyn Fn(Duration)) -> Self {
         let lag = |fault: &FaultSpec| {
             let is_late = fault.component == Component::Camera && fault.kind == FaultKind::Late;
@@ -68,22 +68,22 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
         }
     }
 
-    /// The faults that hold at `now`.
+    /// The faults present at `now`.
     fn held(&self, now: PlateTime) -> impl Iterator<Item = &FaultSpec> {
         self.faults.iter().filter(move |fault| fault.holds(now))
     }
 
-    /// The fault of `kind` at `component` that holds at `now`.
+    /// The fault of `kind` at `component` present at `now`.
     fn find(&self, now: PlateTime, component: Component, kind: FaultKind) -> Option<FaultSpec> {
         self.held(now).find(|fault| fault.component == component && fault.kind == kind).copied()
     }
 
-    /// Random, 0 to 1.
+    /// Uniform from 0 to 1.
     fn draw(&mut self) -> f64 {
         (self.noise.next_u64() >> 11) as f64 * 2f64.powi(-53)
     }
 
-    /// Lets happen to the plant what is due.
+    /// Applies the faults of the plant that are due.
     fn settle_plant(&mut self) {
         let now = self.rig.now();
         for i in 0..self.faults.len() {
@@ -108,7 +108,7 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
         }
     }
 
-    /// Waits out a hang, once.
+    /// Waits for the length of a hang that is due, once.
     fn hang(&mut self) {
         let now = self.rig.now();
         for i in 0..self.faults.len() {
@@ -131,7 +131,7 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
         lost > 0.0 && self.draw() < lost
     }
 
-    /// From the scene to the picture that arrives.
+    /// Applies all picture faults, from the scene to the delivered picture.
     fn spoil(&mut self, frame: &mut Frame) {
         let at = frame.exposed_at;
         let held: Vec<FaultSpec> = self.held(at).copied().collect();
@@ -176,7 +176,7 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
         }
     }
 
-    /// Pictures that come late, and the one that comes again and again.
+    /// Applies delayed and frozen pictures.
     fn deliver(&mut self, frame: &mut Frame, held: &[FaultSpec]) {
         let with = |kind| held.iter().find(|fault| fault.component == Component::Camera && fault.kind == kind);
         if self.longest_lag > 0 {
@@ -258,12 +258,12 @@ impl<R: Rig + FaultyPlant> Rig for Faulty<'_, R> {
     }
 }
 
-/// The first two values as a place or a way, m.
+/// The first two values as a position or a displacement, m.
 fn place_m(fault: &FaultSpec) -> Vec2 {
     Vec2::new(m_from_mm(fault.values[0]), m_from_mm(fault.values[1]))
 }
 
-/// The sudden change that `fault` makes, if it is of that kind.
+/// The sudden change that `fault` makes; `None` for faults of another kind.
 fn change_of(fault: &FaultSpec) -> Option<PlantChange> {
     match (fault.component, fault.kind) {
         (Component::Part(part), FaultKind::Moved) => Some(PlantChange::Moved { part, by_m: place_m(fault) }),
@@ -281,7 +281,7 @@ fn coils_of(component: Component) -> std::ops::Range<usize> {
     }
 }
 
-/// All that is wrong with a plant of `parts` parts.
+/// All present faults of a plant with `parts` parts.
 fn plant_faults<'f>(held: impl Iterator<Item = &'f FaultSpec>, parts: usize) -> PlantFaults {
     let mut plant = PlantFaults { friction: vec![1.0; parts], ..PlantFaults::default() };
     for fault in held {

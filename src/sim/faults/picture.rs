@@ -10,18 +10,18 @@ use upm_core::signal::Frame;
 /// Gray level of a hand.
 const HAND: u8 = 120;
 
-/// A hand covers `share` of the view, from the left.
+/// Covers `share` of the view with a hand, from the left.
 pub(super) fn cover(frame: &mut Frame, share: f64) {
     let columns = ((share * frame.width as f64).round() as usize).min(frame.width);
     for (y, row) in frame.pixels.chunks_exact_mut(frame.width.max(1)).enumerate() {
         for (x, pixel) in row.iter_mut().take(columns).enumerate() {
-            // skin is not even
+            // skin is not uniform
             *pixel = HAND + ((x * 7 + y * 13) % 16) as u8;
         }
     }
 }
 
-/// A disc is painted over the scene, its rim as soft as one pixel.
+/// Paints a disc over the scene, with a rim as soft as one pixel.
 pub(super) fn paint(frame: &mut Frame, disc: SeenDisc) {
     let reach = disc.radius_px + 1.0;
     let range = |middle: f64, size: usize| {
@@ -39,7 +39,7 @@ pub(super) fn paint(frame: &mut Frame, disc: SeenDisc) {
     }
 }
 
-/// Shifted by `shift_px` and turned by `turn_rad` about the middle; what was outside is the nearest border.
+/// Shifts by `shift_px` and turns by `turn_rad` about the middle; pixels from outside take the nearest border's level.
 pub(super) fn knock(frame: &mut Frame, shift_px: Vec2, turn_rad: f64) {
     let (width, height) = (frame.width, frame.height);
     if width < 2 || height < 2 {
@@ -62,23 +62,23 @@ pub(super) fn knock(frame: &mut Frame, shift_px: Vec2, turn_rad: f64) {
     }
 }
 
-/// Left becomes right.
+/// Exchanges left and right.
 pub(super) fn mirror(frame: &mut Frame) {
     frame.pixels.chunks_exact_mut(frame.width.max(1)).for_each(<[u8]>::reverse);
 }
 
-/// All levels times `gain`, up to white.
+/// Multiplies all levels by `gain`, up to white.
 pub(super) fn light(frame: &mut Frame, gain: f64) {
     let table: [u8; 256] = std::array::from_fn(|level| (level as f64 * gain).round().clamp(0.0, 255.0) as u8);
     frame.pixels.iter_mut().for_each(|pixel| *pixel = table[usize::from(*pixel)]);
 }
 
-/// Nothing but read noise.
+/// Leaves only read noise.
 pub(super) fn darken(frame: &mut Frame, noise: &mut Rng) {
     scatter(frame, noise, 0x03);
 }
 
-/// Nothing that was there before.
+/// Replaces the whole picture by noise.
 pub(super) fn garble(frame: &mut Frame, noise: &mut Rng) {
     scatter(frame, noise, 0xff);
 }

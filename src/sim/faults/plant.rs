@@ -4,32 +4,32 @@ use upm_core::signal::MOTORS;
 /// All present faults of the plant. The default has none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlantFaults {
-    /// The coils.
+    /// Faults of the coils.
     pub coils: CoilFaults,
-    /// Factor on the friction of each part; parts behind its end have 1.
+    /// Factor on the friction of each part; parts beyond its end have 1.
     pub friction: Vec<f64>,
     /// Acceleration of parts by the plate's tilt, m/s².
     pub pull_mps2: Vec2,
-    /// Factor on the plate's natural frequencies; 0 stands for 1.
+    /// Factor on the plate's natural frequencies; 0 means 1.
     pub resonance: f64,
-    /// Factor on the camera's exposure time; 0 stands for 1.
+    /// Factor on the camera's exposure time; 0 means 1.
     pub exposure: f64,
-    /// A slippery spot.
+    /// Slippery spot, if any.
     pub oil: Option<Oil>,
-    /// Parts that are taken off, by index.
+    /// Indices of parts that are taken off the plate.
     pub removed: Vec<usize>,
 }
 
 /// Present faults of the coils.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoilFaults {
-    /// Factor on the force of each.
+    /// Factor on each coil's force.
     pub gain: [f64; MOTORS],
-    /// The motor whose counts each plays.
+    /// For each coil the index of the motor whose counts it plays.
     pub source: [usize; MOTORS],
-    /// True for one whose last sample stays.
+    /// True for each coil that holds its last sample.
     pub stuck: [bool; MOTORS],
-    /// Corner of a further low-pass, Hz; infinite for none.
+    /// Corner of an additional low-pass of each coil, Hz; infinite for none.
     pub low_pass_hz: [f64; MOTORS],
 }
 
@@ -47,7 +47,7 @@ impl Default for CoilFaults {
 /// A slippery spot on the plate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Oil {
-    /// Its middle, m.
+    /// Position of its centre, m.
     pub center_m: Vec2,
     /// Its radius, m.
     pub radius_m: f64,
@@ -58,23 +58,23 @@ pub struct Oil {
 /// A sudden change of the plant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PlantChange {
-    /// A part is moved by hand, by so much, m.
+    /// A part is moved by hand.
     Moved {
-        /// Which.
+        /// Index of the part.
         part: usize,
-        /// By how much.
+        /// Displacement, m.
         by_m: Vec2,
     },
-    /// Two parts exchange their places.
+    /// Two parts, by index, exchange their positions.
     Swapped([usize; 2]),
-    /// The plate is pushed out of its place, m.
+    /// The plate is pushed out of its rest position, m.
     Bumped(Vec2),
 }
 
 /// A disc as the camera sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeenDisc {
-    /// Its middle, px.
+    /// Position of its centre, px.
     pub center_px: Vec2,
     /// Its radius, px.
     pub radius_px: f64,
@@ -84,13 +84,13 @@ pub struct SeenDisc {
 
 /// A plant that can be made to fail: the simulated rig.
 pub trait FaultyPlant {
-    /// From now on this is wrong, and nothing else.
+    /// Replaces all present faults by `faults`.
     fn set_faults(&mut self, faults: &PlantFaults);
 
-    /// This happens now.
+    /// Applies a sudden change now.
     fn change(&mut self, change: PlantChange);
 
-    /// A part of the first kind at `place_m`, as the camera would see it; `None` without parts.
+    /// Image of a part of the first kind at `place_m`; `None` without parts.
     fn seen_disc(&self, place_m: Vec2) -> Option<SeenDisc>;
 
     /// Number of parts.

@@ -1,8 +1,8 @@
-//! The vocabulary of faults, and one fault as data.
+//! Vocabulary of faults, and the data of one fault.
 
 use upm_core::time::PlateTime;
 
-/// A component of the rig, with its number where there are several.
+/// A component of the rig, with its index where there are several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Component {
     /// The camera and its cable.
@@ -30,11 +30,11 @@ pub enum Component {
 }
 
 impl Component {
-    /// Those without a number.
+    /// Components without an index.
     pub(super) const SINGLE: [Self; 8] =
         [Self::Camera, Self::Light, Self::View, Self::Coils, Self::Parts, Self::Plate, Self::Device, Self::Clock];
 
-    /// The component called `name`: `camera`, `coil0`, `part12`.
+    /// The component named `name`: `camera`, `coil0`, `part12`.
     pub fn named(name: &str) -> Option<Self> {
         let digits = name.trim_start_matches(|c: char| c.is_ascii_lowercase());
         let number = || digits.parse::<usize>().ok().filter(|_| digits.len() < 4);
@@ -57,7 +57,7 @@ impl Component {
         }
     }
 
-    /// The name without a number: components of one class have the same kinds of faults.
+    /// The name without an index: components of one class have the same kinds of faults.
     pub fn class(self) -> &'static str {
         match self {
             Self::Camera => "camera",
@@ -74,25 +74,25 @@ impl Component {
         }
     }
 
-    /// The kinds of faults it can have.
+    /// The kinds of faults that the component can have.
     pub fn kinds(self) -> impl Iterator<Item = FaultKind> {
         let class = self.class();
         FaultKind::ALL.into_iter().filter(move |kind| kind.classes().contains(&class))
     }
 }
 
-/// Range of one value of a fault, and what stands in where it is left out.
+/// Range of one value of a fault, and its default.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ValueRange {
-    /// Its unit: `px`, `a coil`.
+    /// Unit or meaning: `px`, `a coil`.
     pub name: &'static str,
-    /// Least.
+    /// Least value allowed.
     pub min: f64,
-    /// Largest.
+    /// Largest value allowed.
     pub max: f64,
-    /// Taken where there is no value; `None` where there must be one.
+    /// Value when it is left out; `None` where it is required.
     pub default: Option<f64>,
-    /// True when only whole numbers are.
+    /// True when only whole numbers are allowed.
     pub whole: bool,
 }
 
@@ -104,14 +104,14 @@ const fn whole(name: &'static str, max: f64) -> ValueRange {
     ValueRange { name, min: 0.0, max, default: None, whole: true }
 }
 
-/// Kinds of faults. The names in files are those of [`FaultKind::name`].
+/// Kinds of faults. [`FaultKind::name`] gives their names in files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultKind {
-    /// The same picture again and again, with fresh stamps.
+    /// The picture no longer changes, but its time stamps do.
     Freeze,
-    /// Pictures of so many frames ago, with fresh stamps; samples of so many ago.
+    /// Pictures delayed by this many frames, with fresh stamps; samples delayed by this many.
     Late,
-    /// Frames that are lost, with this probability each.
+    /// Frames are lost, each with this probability.
     Drop,
     /// Black pictures.
     Dark,
@@ -123,35 +123,35 @@ pub enum FaultKind {
     Rotate,
     /// The picture is mirrored.
     Mirror,
-    /// The shutter is open this many times as long: the picture is as much brighter, and smeared.
+    /// The exposure is this many times as long: the picture is brighter by the same factor, and smeared.
     Exposure,
-    /// Too much or too little, by this factor.
+    /// Light, force or reading multiplied by this factor.
     Gain,
-    /// Light that goes up and down by 30 %, Hz.
+    /// The light's level varies by ±30 % at this frequency, Hz.
     Flicker,
     /// A hand covers this share of the view.
     Hand,
-    /// A coin that is not there, at this place, mm.
+    /// A coin appears in the picture where none is, at this position, mm.
     Ghost,
-    /// Nothing comes out.
+    /// No output.
     Dead,
-    /// Wired the wrong way round.
+    /// Wired with the wrong polarity.
     Reversed,
-    /// The last value stays.
+    /// The output holds its last value.
     Stuck,
-    /// Two have changed places.
+    /// Two components have changed places.
     Swapped,
     /// A slow amplifier: two poles at this frequency, Hz.
     LowPass,
-    /// A loose contact: without current in this share of the frames.
+    /// A loose contact: no current in this share of the frames.
     Chatter,
-    /// The sign is wrong.
+    /// The reading has the wrong sign.
     Flip,
-    /// Clipped at this acceleration, m/s².
+    /// The reading is clipped at this acceleration, m/s².
     Clipped,
     /// Moved by hand, mm.
     Moved,
-    /// Taken off the plate; put back where it was at the end.
+    /// Taken off the plate; at the end of the fault put back where it was.
     Removed,
     /// Friction times 1000.
     Glued,
@@ -159,28 +159,28 @@ pub enum FaultKind {
     Ice,
     /// Friction times this factor.
     Friction,
-    /// The plate is pushed out of its place and swings back, mm.
+    /// The plate is pushed out of its rest position, mm, and swings back.
     Bumped,
-    /// The plate is not level, degrees about y.
+    /// The plate is not level: tilt, degrees about y.
     Tilt,
     /// Natural frequencies times this factor.
     Resonance,
-    /// A spot with a tenth of the friction: place and radius, mm.
+    /// A spot with a tenth of the friction: position and radius, mm.
     Oil,
-    /// Refuses pulses as if one still sounded.
+    /// The controller refuses pulses as if one still sounded.
     Busy,
-    /// Fails.
+    /// Pulses and frames fail with a device error.
     Error,
-    /// Stands still once, for so long on the wall, s.
+    /// The controller hangs once, for this wall time, s.
     Hang,
-    /// Does not obey when told to stop.
+    /// The controller ignores a stop.
     Deaf,
-    /// Stamps that are off, s.
+    /// The camera's time stamps are off by this time, s.
     Skew,
 }
 
 impl FaultKind {
-    /// All of them.
+    /// All kinds, in the order of the variants.
     pub const ALL: [Self; KINDS.len()] = {
         let mut all = [Self::Freeze; KINDS.len()];
         let mut i = 0;
@@ -196,17 +196,17 @@ impl FaultKind {
         KINDS[self as usize].1
     }
 
-    /// The classes of components that can have it, by [`Component::class`].
+    /// Classes of components that can have the fault, see [`Component::class`].
     pub fn classes(self) -> &'static [&'static str] {
         KINDS[self as usize].2
     }
 
-    /// Its values.
+    /// Ranges of its values, in order; at most three.
     pub fn values(self) -> &'static [ValueRange] {
         KINDS[self as usize].3
     }
 
-    /// The kind called `name`.
+    /// The kind named `name`.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
@@ -262,23 +262,23 @@ const KINDS: [(FaultKind, &str, &[&str], &[ValueRange]); 35] = [
     (FaultKind::Skew, "skew", &["clock"], &[any("s", -10.0, 10.0)]),
 ];
 
-/// One fault: what, how much, from when to when.
+/// One fault: component, kind, values and time span.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaultSpec {
-    /// Component at fault.
+    /// Component that fails.
     pub component: Component,
-    /// Kind.
+    /// Kind of the fault.
     pub kind: FaultKind,
-    /// How much, as [`FaultKind::values`] says; zeros behind.
+    /// Values in the order of [`FaultKind::values`]; the rest is zero.
     pub values: [f64; 3],
-    /// From when.
+    /// Onset.
     pub from: PlateTime,
-    /// Until when; `None` for good.
+    /// End; `None` for a fault that never ends.
     pub to: Option<PlateTime>,
 }
 
 impl FaultSpec {
-    /// True when it is there at `now`.
+    /// True when the fault is present at `now`.
     pub fn holds(&self, now: PlateTime) -> bool {
         now >= self.from && self.to.is_none_or(|to| now < to)
     }

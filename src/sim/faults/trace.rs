@@ -7,7 +7,7 @@ use upm_core::random::Rng;
 use upm_core::signal::AccelTrace;
 use upm_core::time::PlateTime;
 
-/// Lays `fault` over the samples of `channel` that fall into it; the pulse began at `started_at`.
+/// Applies `fault` to the samples of `channel` in its time span; the pulse began at `started_at`.
 pub(super) fn spoil(trace: &mut AccelTrace, fault: &FaultSpec, channel: usize, started_at: PlateTime, noise: &mut Rng) {
     let holds = |i: usize| fault.holds(started_at + trace.time_s(i).max(0.0));
     let first = (0..trace.len()).find(|&i| holds(i));

@@ -1,33 +1,33 @@
-//! One part: what it is and how it moves.
+//! One part: constants and state.
 
 use crate::PartParams;
 use upm_core::disc_friction::DiscFriction;
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::units::GRAVITY_MPS2;
 
-/// How far from the plate's edge a fallen part's rim comes to lie, m: clear of the plate however it shakes.
+/// Distance of a fallen part's rim from the plate's edge, m: clear of the plate under any shaking.
 const FALLEN_CLEARANCE_M: f64 = 5e-3;
 
 /// State of one part in the table frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartMotion {
-    /// Where it is.
+    /// Pose of the part in the table frame.
     pub part_in_table: Pose,
     /// Its velocity, m/s.
     pub velocity_mps: Vec2,
     /// Its spin, rad/s, counter-clockwise.
     pub spin_radps: f64,
-    /// False once its centre has left the plate; it then lies still beside the plate for good.
+    /// False once its centre has left the plate; it then rests beside the plate permanently.
     pub on_plate: bool,
 }
 
 impl PartMotion {
-    /// At rest on the plate.
+    /// A part at rest on the plate.
     pub fn at_rest(part_in_table: Pose) -> Self {
         Self { part_in_table, velocity_mps: Vec2::zeros(), spin_radps: 0.0, on_plate: true }
     }
 
-    /// The pose `before_s` earlier, no more than one step.
+    /// The pose `before_s` earlier, at most one step.
     pub fn pose_before(&self, before_s: f64) -> Pose {
         Pose {
             position_m: self.part_in_table.position_m - self.velocity_mps * before_s,
@@ -43,14 +43,14 @@ pub struct Body {
     pub radius_m: f64,
     pub inverse_mass: f64,
     pub mass_kg: f64,
-    /// Speed that friction can take away in one step, μ g h, m/s.
+    /// Largest change of speed by friction in one step, μ g h, m/s.
     pub reach_mps: f64,
-    /// Where it lay before it was taken off.
+    /// Its pose before it was taken off the plate.
     pub taken_from: Option<Pose>,
 }
 
 impl Body {
-    /// At rest on the plate.
+    /// A part at rest on the plate.
     pub fn new(params: &PartParams, part_in_table: Pose, step_s: f64) -> Self {
         Self {
             motion: PartMotion::at_rest(part_in_table),
@@ -67,7 +67,7 @@ impl Body {
         0.5 * self.mass_kg * self.radius_m * self.radius_m
     }
 
-    /// Friction of one step against a plate that moves at `surface_mps` here and spins at `surface_radps`.
+    /// Friction of one step against a plate that moves at `surface_mps` at the part and spins at `surface_radps`.
     /// Returns the changes of velocity and spin.
     #[inline]
     pub fn drag(
@@ -87,12 +87,13 @@ impl Body {
         change
     }
 
-    /// Speed of the fastest point of the rim or less, squared.
+    /// Lower bound of the squared speed of the rim's fastest point, m²/s².
     pub fn liveliness(&self) -> f64 {
         self.motion.velocity_mps.norm_squared() + (self.radius_m * self.motion.spin_radps).powi(2)
     }
 
-    /// The part tips over the edge that it passed at `arm_m` from the plate's centre and comes to rest beside the plate.
+    /// Lets the part tip over the edge that it passed at `arm_m` from the plate's centre and come to rest beside the
+    /// plate.
     #[cold]
     pub fn fall(&mut self, arm_m: Vec2, half_side_m: f64) {
         let clear = half_side_m + self.radius_m + FALLEN_CLEARANCE_M;

@@ -1,14 +1,14 @@
 use crate::CameraParams;
 use upm_core::time::PlateTime;
 
-/// Pictures of a moving scene within one exposure; odd, so that one lies at its middle.
+/// Snapshots of a moving scene within one exposure; odd, so that one is at its middle.
 pub(super) const EXPOSURE_SNAPSHOTS: usize = 5;
 pub(super) const MIDDLE: usize = EXPOSURE_SNAPSHOTS / 2;
 
-/// Share of a frame in which the shutter is open at most.
+/// Largest exposure time, as a share of a frame.
 const LONGEST: f64 = 0.9;
 
-/// When the shutter opens and closes around the middle of frame `index`.
+/// Instants at which the shutter opens and closes around the middle of frame `index`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Exposure {
     pub(super) index: u64,
@@ -18,7 +18,7 @@ pub(super) struct Exposure {
 }
 
 impl Exposure {
-    /// The first exposure that opens at `now` or later, after frame `last`; it lasts `factor` times as long as it should,
+    /// The first exposure after frame `last` that opens at `now` or later; it lasts `factor` times the configured time,
     /// at most nearly a frame.
     pub(super) fn next(params: &CameraParams, factor: f64, now: PlateTime, last: u64) -> Self {
         let longest_s = params.exposure_s.max(LONGEST / params.frame_hz);

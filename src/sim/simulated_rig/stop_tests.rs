@@ -13,7 +13,7 @@ fn long_drive() -> Drive {
     Drive { envelope: LONG, ..drive(300.0) }
 }
 
-/// A rig under an interlock, a long pulse just started.
+/// A rig under an interlock, shortly after the start of a long pulse.
 fn sounding() -> (SimRig, Interlock) {
     let (mut rig, interlock) = (rig(1), Interlock::default());
     rig.fit(interlock.clone()).unwrap();
@@ -121,7 +121,7 @@ fn another_thread_stops_a_pulse_that_is_being_captured() {
     let answer = interlock.answer().unwrap();
     assert!(answer.requested_at.secs() >= 0.03 - STEP_S, "{answer:?}");
     assert!(answer.requested_at <= answer.silent_at, "{answer:?}");
-    // the step under way when the trip was set, and one whose start the other thread had not seen yet; the scheduler
+    // the step in progress when the trip was set, and one whose start the other thread had not seen yet; the scheduler
     // may let any number of steps pass between the request and the trip
     assert!(answer.silent_at - tripped_by <= 2.0 * STEP_S + 1e-12, "{answer:?} {tripped_by:?}");
     assert_eq!(rig.plant.motors().wrench(), Wrench::default());
