@@ -1,5 +1,5 @@
-//! Do two libraries say the same of one rig? The measure for a library that comes from elsewhere: a fingerprint is a
-//! text that can be copied, predictions can be compared.
+//! Comparison of two libraries of one rig, as the check of a library from elsewhere: a fingerprint is a text that can
+//! be copied, while predictions can be compared.
 
 use nalgebra::{Complex, Matrix3, Vector3};
 
@@ -7,30 +7,32 @@ use super::{AxisShape, Entry, FieldResponse, Library, PlateResponse};
 use upm_core::units::mm_from_m;
 use upm_document::Fault;
 
-/// Standard deviations by which two measurements of the same may differ, the scatter of both counted.
+/// Largest difference of two measurements of the same quantity, in standard deviations, the scatter of both included.
 const SIGMAS: f64 = 3.0 * std::f64::consts::SQRT_2;
-/// Parts of friction, and of the plate's speed, whose steps are taken for the same. A node of the grid may have been
-/// measured by a single coin: at a spread of 10 % from coin to coin, which rig files have, the ends are three standard
-/// deviations of the difference of two. The standard deviations in a library know nothing of it: two calibrations of
-/// one rig with other coins differ by up to 70 % at slow nodes, and by 20 % at the fastest.
+/// Factors of friction, and of the plate's speed, whose steps count as equal. A node of the grid may have been measured
+/// by a single coin: at a spread of 10 % from coin to coin, as in the rig files, the ends are three standard deviations
+/// of the difference of two coins. The standard deviations in a library do not include this spread: two calibrations of
+/// one rig with different coins differ by up to 70 % at slow nodes, and by 20 % at the fastest.
 const PARTS: [f64; 5] = [0.58, 0.79, 1.0, 1.21, 1.42];
-/// Part of a figure by which two calibrations differ beyond their scatter: grids, temperature, wear.
+/// Relative difference of two calibrations beyond their scatter: grids, temperature, wear.
 const SHARE: f64 = 0.05;
-/// Steps this near to each other are the same, m: shorter ones count as no motion in calibration.
+/// Difference below which two steps are equal, m: shorter steps count as no motion in calibration.
 const STEP_M: f64 = 0.2e-3;
-/// Difference of two natural frequencies, as a part of them, and of two damping ratios.
+/// Largest difference of two natural frequencies, relative, and of two damping ratios.
 const RESONANCE: f64 = 0.1;
-/// Difference of two channels' gains.
+/// Largest difference of two channels' gains.
 const GAIN: f64 = 0.02;
-/// Singular values of the motors' answer below this part of the largest say nothing.
+/// Fraction of the largest singular value of the motors' response below which one carries no information.
 const SINGULAR: f64 = 1e-6;
 
 impl Library {
-    /// The first prediction of this library that `own`, measured on the same rig, contradicts: the waveforms, the
-    /// plate's velocity for the counts of each entry, the steps of parts, the answer to synthesised motions. `None`
-    /// when each is within 3 standard deviations of both measurements, and 5 %, of what `own` predicts; for steps, of
-    /// what it predicts for coins of 42 % more or less friction, which is as far apart as two single coins are, or for
-    /// as much of the speed. Standard deviations are those of `own` alone; another library may not widen them.
+    /// The first prediction of this library that `own`, measured on the same rig, contradicts: accelerometer gains,
+    /// waveforms, resonances, the plate's velocity for the counts of each entry, the steps of parts, the response to
+    /// synthesised motions. `None` when each is close enough to the prediction of `own`: gains within 2 %, resonances
+    /// within 10 %, the others within 5 % plus, where the scatter is known, 3 standard deviations of both measurements.
+    /// Steps may also be those that `own` predicts for coins of up to 42 % more or less friction, which is as far apart
+    /// as two single coins are, or for a plate speed changed as much. Standard deviations are those of `own` alone, so
+    /// that another library cannot widen them.
     pub fn disagreement(&self, own: &Self) -> Option<Fault> {
         self.other_gain(own)
             .or_else(|| self.other_shape(own))
@@ -61,7 +63,7 @@ impl Library {
         let (i, entry, expected) = entries.find_map(|(i, entry)| {
             let expected = answer.velocity(entry);
             let off = (velocity(entry, answer.reach_m) - expected).norm();
-            // written so that not-a-number is refused too
+            // written so that NaN is refused too
             let agrees = off <= SIGMAS * answer.scatter_mps + SHARE * expected.norm();
             (!agrees).then_some((i, entry, expected))
         })?;
@@ -72,8 +74,8 @@ impl Library {
         Some(beside_own(format!("entries[{i}]"), shown(velocity(entry, answer.reach_m)), shown(expected)))
     }
 
-    /// At every node of this library's grid, and at those of `own` that lie within it: a coarse grid says something
-    /// between its nodes, too.
+    /// Compares steps at every node of this library's grid, and at those of `own` within it: a coarse grid also
+    /// predicts between its nodes.
     fn other_step(&self, own: &Self) -> Option<Fault> {
         let (mine, its) = (&self.displacement, &own.displacement);
         let other = |speed_mps: f64, sustain_s: f64| {
@@ -85,7 +87,7 @@ impl Library {
             let (least_m, most_m) =
                 steps_m.fold((own_m, own_m), |(least, most), step_m| (step_m.min(least), step_m.max(most)));
             let scatter_m = SIGMAS * its.sd(speed_mps, sustain_s) + SHARE * own_m + STEP_M;
-            // written so that not-a-number is refused too
+            // written so that NaN is refused too
             let agrees = (least_m - scatter_m..=most_m + scatter_m).contains(&found_m);
             (!agrees).then(|| [found_m, own_m].map(|m| format!("{:.3} mm", mm_from_m(m))))
         };
@@ -111,18 +113,18 @@ impl Library {
     }
 }
 
-/// How the plate answers motor amplitudes, by the entries of one library.
+/// Response of the plate to motor amplitudes, fitted to the entries of one library.
 struct MotorAnswer {
-    /// Velocity (m/s; spin at `reach_m`) from the axis amplitudes of Eq. 7, counts.
+    /// Velocity (m/s; spin at `reach_m`) per axis amplitude of Eq. 7, counts.
     velocity_from_counts: Matrix3<f64>,
-    /// Standard deviation of an entry about that, m/s.
+    /// Standard deviation of an entry about that fit, m/s.
     scatter_mps: f64,
-    /// Radius at which spin counts as much as velocity, m.
+    /// Radius at which spin counts like velocity, m.
     reach_m: f64,
 }
 
 impl MotorAnswer {
-    /// Least squares over all entries. Directions in which none moves the plate are taken for no motion.
+    /// Least squares over all entries. Directions in which no entry moves the plate count as no motion.
     fn of(library: &Library) -> Self {
         let reach_m = 0.5 * library.plate_side_m;
         let (mut products, mut normal) = (Matrix3::zeros(), Matrix3::zeros());
@@ -178,7 +180,7 @@ fn other_plate(found: Option<&PlateResponse>, own: Option<&PlateResponse>) -> Op
     })
 }
 
-/// Answers of each axis, harmonic by harmonic.
+/// Compares the responses of each axis, harmonic by harmonic.
 fn other_field(found: Option<&FieldResponse>, own: Option<&FieldResponse>) -> Option<Fault> {
     let (Some(found), Some(own)) = (found, own) else { return None };
     let rows = |matrix: &Matrix3<Complex<f64>>, row: usize| -> Vec<f64> {
@@ -193,13 +195,13 @@ fn other_field(found: Option<&FieldResponse>, own: Option<&FieldResponse>) -> Op
     Some(Fault::new("", path, format!("{:.0} % off the plate's own", 100.0 * off), format!("{} %", 100.0 * SHARE)))
 }
 
-/// Written so that not-a-number differs from everything.
+/// Written so that NaN differs from everything.
 fn differ(found: f64, own: f64, allowed: f64) -> bool {
     let agree = (found - own).abs() <= allowed;
     !agree
 }
 
-/// By more than [`SHARE`] of `own`, as vectors.
+/// True when the vectors differ by more than [`SHARE`] of `own`.
 fn differ_much(found: &[f64], own: &[f64]) -> bool {
     let off = found.iter().zip(own).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
     let size = own.iter().map(|part| part * part).sum::<f64>().sqrt();

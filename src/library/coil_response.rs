@@ -1,29 +1,29 @@
-//! The plate's answer to each voice coil by itself, for both kinds of pulse.
+//! Response of the plate to each voice coil separately, for both kinds of pulse.
 
 use nalgebra::{Complex, Matrix3, Vector3};
 
 use super::Library;
 use upm_core::signal::{MOTORS, TwistHarmonic};
 
-/// Velocity phasors of the pump wave `cos wt' - ½ cos 2wt'`, `wt' = wt - π/2`, that the waveforms of x, y and spin
-/// make: that of a free mass under `cos wt - sin 2wt` (Eq. 5 and 8).
+/// Velocity phasors of the pump wave `cos wt' - ½ cos 2wt'`, `wt' = wt - π/2`, which the waveforms of x, y and spin
+/// produce: that of a free mass under `cos wt - sin 2wt` (Eq. 5 and 8).
 const PUMP_PHASORS: [Complex<f64>; 2] = [Complex::new(0.0, -1.0), Complex::new(0.5, 0.0)];
 
 /// Axis amplitudes fx, fy and s of one count of the motors X1, X2, Y1, Y2 (Eq. 7).
 const AXES_FROM_MOTOR: [[f64; 3]; MOTORS] = [[1.0, 0.0, -1.0], [-1.0, 0.0, -1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]];
 
-/// For each voice coil and harmonic k, at index `k - 1`: the plate's steady velocity under one count of `cos kwt` of
+/// For each voice coil and harmonic k, at index `k - 1`: the plate's steady velocity under one count of `cos kwt` on
 /// that coil alone, times from the start of the pulse.
 pub type CoilResponse = [Vec<TwistHarmonic>; MOTORS];
 
 impl Library {
-    /// The plate's answer to each coil in a synthesised motion; `None` where the rig has none.
+    /// Response of the plate to each coil in a synthesised motion; `None` where the rig has no synthesised motions.
     pub fn field_coils(&self) -> Option<CoilResponse> {
         self.fields.as_ref().map(|fields| coil_response(&fields.twist_from_counts))
     }
 
-    /// The plate's answer to each coil in a rotation, by least squares over the entries' pumps and with the axes'
-    /// waveforms taken out; `None` where the entries do not move every axis.
+    /// Response of the plate to each coil in a rotation, by least squares over the entries' pumps and with the axes'
+    /// waveforms removed; `None` where the entries do not move every axis.
     pub fn rotation_coils(&self) -> Option<CoilResponse> {
         let (mut normal, mut projected) = (Matrix3::zeros(), Matrix3::zeros());
         for entry in &self.entries {
@@ -90,7 +90,7 @@ mod tests {
         }
     }
 
-    /// The velocity at `t_s` of full height that all coils of `drive` make together.
+    /// The velocity at `t_s` and full height under all coils of `drive` together.
     fn together(drive: &Drive, coils: &CoilResponse, t_s: f64) -> Twist {
         let coils = coils.iter().zip(&drive.motors).flat_map(|(coil, counts)| (1..).zip(coil).zip(counts));
         coils.fold(Twist::ZERO, |sum, ((k, answer), counts)| {
@@ -129,7 +129,7 @@ mod tests {
         #[test]
         fn coils_of_a_rotation_add_up_to_the_pump_of_its_entry(entry in 0..AMPLITUDES.len(), t_s in 0.0..0.1f64) {
             let plate = Matrix3::new(1e-3, 1e-5, 0.0, -2e-5, 1.1e-3, 0.0, 3e-5, 0.0, 6e-3);
-            // one axis late as the other: only then is the sum of the three a pump wave whatever the crosstalk
+            // all axes equally late: only then is the sum of the three a pump wave for any crosstalk
             let shapes = [shape(0.98, -0.05, -0.19, -0.97); 3];
             let library = library(&plate, shapes, &AMPLITUDES);
             let drive = drive_for(AMPLITUDES[entry], &shapes, &PlateResponse::default(), BASE_RADPS, ENVELOPE);

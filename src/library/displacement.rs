@@ -1,14 +1,15 @@
 use super::{DisplacementModel, Library};
 use upm_core::geometry::Vec2;
 
-/// Distances this little beyond the ends of what was measured count as the ends, m.
+/// Tolerance beyond the ends of the measured distances, clamped to the ends, m.
 const SLACK_M: f64 = 1e-9;
 
 impl DisplacementModel {
-    /// How far a part flows on a belt of speed amplitude `speed_mps` held for `sustain_s`, m: bilinear in the grid.
+    /// Distance that a part flows on a belt of speed amplitude `speed_mps` held for `sustain_s`, m: bilinear in the
+    /// grid.
     ///
-    /// Beyond the grid the value at its end holds, but for speeds below the first of the grid: from there the distance
-    /// falls in a straight line to zero on a plate at rest. Zero for an empty grid.
+    /// Beyond the grid the value at its end holds, except for speeds below the first of the grid: from there the
+    /// distance falls linearly to zero for a plate at rest. Zero for an empty grid.
     pub fn distance(&self, speed_mps: f64, sustain_s: f64) -> f64 {
         self.bilinear(&self.distance_m, speed_mps, sustain_s)
     }
@@ -28,8 +29,8 @@ impl DisplacementModel {
         self.sustain_s.last().map_or(0.0, |&longest| self.distance(speed_mps, longest))
     }
 
-    /// The shortest sustain that moves a part `distance_m` at this speed, s: the inverse of [`Self::distance`].
-    /// `None` outside [`Self::min_distance`] to [`Self::max_distance`]; those two are the clamps to report.
+    /// The shortest sustain that moves a part `distance_m` at this speed, s: the inverse of [`Self::distance`]. `None`
+    /// outside [`Self::min_distance`] to [`Self::max_distance`]; those two are the clamps to report.
     pub fn sustain_for(&self, speed_mps: f64, distance_m: f64) -> Option<f64> {
         let (row, weight) = self.row_at(speed_mps)?;
         let at = |k: usize| self.in_column(&self.distance_m, row, weight, k);
@@ -71,7 +72,8 @@ impl DisplacementModel {
         if weight == 0.0 { low } else { low + weight * (value(row + 1) - low) }
     }
 
-    /// Row below `speed_mps` and the way to the next; below the grid row 0 and the missing part of its speed, negative.
+    /// Row below `speed_mps` and the fraction to the next; below the grid row 0 and the missing fraction of its speed,
+    /// negative.
     fn row_at(&self, speed_mps: f64) -> Option<(usize, f64)> {
         let slowest = *self.speed_mps.first()?;
         self.sustain_s.first()?;
@@ -82,7 +84,7 @@ impl DisplacementModel {
     }
 }
 
-/// Index of the last grid point not above `x` and the way to the next, 0..1; clamped at both ends.
+/// Index of the last grid point not above `x` and the fraction to the next, 0 to 1; clamped at both ends.
 fn bracket(grid: &[f64], x: f64) -> Option<(usize, f64)> {
     let last = grid.len().checked_sub(1)?;
     let above = grid.partition_point(|&g| g <= x);
@@ -97,8 +99,8 @@ fn bracket(grid: &[f64], x: f64) -> Option<(usize, f64)> {
 }
 
 impl Library {
-    /// Where a part at `p_m` is carried by entry number `entry` held for `sustain_s`, m: along the flow, as far as
-    /// measured for the plate's speed there. Zero when there is no such entry.
+    /// Displacement of a part at `p_m` by entry number `entry` held for `sustain_s`, m: along the flow, over the
+    /// distance measured for the plate's speed there. Zero when there is no such entry.
     pub fn displacement_at(&self, entry: usize, p_m: Vec2, sustain_s: f64) -> Vec2 {
         self.entries.get(entry).map_or_else(Vec2::zeros, |entry| {
             entry.pump.direction_at(p_m) * self.displacement.distance(entry.speed_at(p_m), sustain_s)

@@ -3,16 +3,15 @@ use nalgebra::{Complex, Matrix3, Vector3};
 use super::{AxisShape, FieldResponse, Library, PlateResponse};
 use upm_core::signal::{Drive, Envelope, Harmonic, MOTORS, Shaping, TwistHarmonic, TwistWave};
 
-/// Relative difference between two base frequencies that are the same.
+/// Relative difference below which two base frequencies are equal.
 const SAME: f64 = 1e-6;
 
-/// The drive that plays the motor amplitudes X1, X2, Y1, Y2 (counts) with the waveforms of x, y and spin, so that the
-/// displacement of a plate that answers as `plate` follows the envelope ([`Shaping::Displacement`]).
+/// The drive that plays the motor amplitudes X1, X2, Y1, Y2 (counts) with the waveforms of x, y and spin, such that the
+/// displacement of a plate with the response `plate` follows the envelope ([`Shaping::Displacement`]).
 ///
-/// The four amplitudes are three axis amplitudes (Eq. 7), `f_x = X1 - X2`, `f_y = Y1 - Y2`,
-/// `S = (Y1 + Y2) - (X1 + X2)` (torque over lever arm), and a fourth part `X1 + X2 + Y1 + Y2` that only squeezes the
-/// plate and makes no net force or torque. Each axis plays its own waveform; the squeeze is dropped, so that no motor
-/// spends counts on it.
+/// The four amplitudes are three axis amplitudes (Eq. 7), `f_x = X1 - X2`, `f_y = Y1 - Y2`, `S = (Y1 + Y2) - (X1 + X2)`
+/// (torque over lever arm), and a fourth combination `X1 + X2 + Y1 + Y2` that only squeezes the plate and makes no net
+/// force or torque. Each axis plays its own waveform; the squeeze is dropped, so that no motor spends counts on it.
 pub fn drive_for(
     amplitudes: [i32; 4],
     shapes: &[AxisShape; 3],
@@ -42,8 +41,8 @@ pub fn drive_for(
 }
 
 impl PlateResponse {
-    /// With Z(s) = s² + 2ζω₀s + ω₀² of `axis` at `s = j rate`: Z'(s)/Z(s) and 1/Z(s). Times the phasor of a steady force they
-    /// are what slope and curvature of the envelope are multiplied by.
+    /// With Z(s) = s² + 2ζω₀s + ω₀² of `axis` at `s = j rate`: Z'(s)/Z(s) and 1/Z(s). Multiplied by the phasor of a
+    /// steady force they are the factors of the envelope's slope and curvature.
     pub(crate) fn flank_factors(&self, axis: usize, rate_radps: f64) -> [Complex<f64>; 2] {
         let (natural_radps, ratio) = (self.natural_radps[axis], self.damping_ratio[axis]);
         let s = Complex::new(0.0, rate_radps);
@@ -55,7 +54,7 @@ impl PlateResponse {
 
 impl Library {
     /// The drive of entry number `entry` at full strength held for `sustain_s`; `None` when there is no such entry.
-    /// [`Drive::reversed`] makes parts flow the other way, [`Drive::scaled`] makes it weaker.
+    /// [`Drive::reversed`] reverses the flow of parts, [`Drive::scaled`] weakens it.
     pub fn drive(&self, entry: usize, sustain_s: f64) -> Option<Drive> {
         self.drive_with_rest(entry, sustain_s, self.rest_after(sustain_s))
     }
@@ -68,9 +67,9 @@ impl Library {
         Some(drive_for(entry.amplitudes, &self.shapes, &plate, self.base_radps, envelope))
     }
 
-    /// The drive that moves the plate by `wave` at full height, held for `sustain_s`: velocity `env(t) · wave(t)`, times
-    /// from the start of the pulse. `None` without a field response, with more harmonics than were measured or another
-    /// base frequency. Whether the motors can play it is told by [`Drive::peak_counts`].
+    /// The drive that moves the plate by `wave` at full height, held for `sustain_s`: velocity `env(t) · wave(t)`,
+    /// times from the start of the pulse. `None` without a field response, with more harmonics than were measured or
+    /// another base frequency. [`Drive::peak_counts`] determines whether the motors can play it.
     pub fn field_drive(&self, wave: &TwistWave, sustain_s: f64) -> Option<Drive> {
         let fields = self.fields.as_ref()?;
         let FieldResponse { base_radps, attack_s, rest_s, .. } = *fields;
@@ -89,13 +88,13 @@ impl Library {
         Some(Drive { base_radps, motors, shaping: Shaping::Velocity, envelope })
     }
 
-    /// By how much the envelope of a pulse reaches the plate late against its wave, s: the delay of the motors, which the
-    /// waveforms of x, y and spin make up for in the phases of both harmonics and the envelope does not. Read from the
-    /// second harmonic, where the plate is nearest to a free mass.
+    /// Delay of a pulse's envelope on the plate against its wave, s: the delay of the motors. The waveforms of x, y and
+    /// spin compensate it in the phases of both harmonics, but not in the envelope. Derived from the second harmonic,
+    /// where the plate is closest to a free mass.
     pub fn envelope_delay_s(&self) -> f64 {
         let rate_radps = 2.0 * self.base_radps;
         let lead_rad = |axis: usize| {
-            // force over that of a free mass, -sin 2wt, and the plate's own part of that
+            // force over that of a free mass, -sin 2wt, and the plate's own contribution to it
             let force = self.shapes[axis].0[1].phasor() / Complex::i();
             let plate = self.plate.unwrap_or_default().flank_factors(axis, rate_radps)[1].inv();
             (force / (plate * -(rate_radps * rate_radps).recip())).arg()
@@ -104,9 +103,9 @@ impl Library {
         (mean_rad / rate_radps).clamp(0.0, 0.25 * self.attack_s)
     }
 
-    /// Rest after a pulse held for `sustain_s`, s. The longer the pulse, the faster the parts and the longer they coast:
-    /// from half of [`Self::rest_s`] after the shortest it rises in a straight line to all of it after the longest
-    /// that was measured.
+    /// Rest after a pulse held for `sustain_s`, s. The longer the pulse, the faster the parts and the longer they
+    /// coast: it rises linearly from half of [`Self::rest_s`] after the shortest pulse to all of it after the longest
+    /// measured one.
     pub fn rest_after(&self, sustain_s: f64) -> f64 {
         let longest_s = self.displacement.sustain_s.last().copied().unwrap_or(0.0);
         let part = if longest_s > 0.0 { (sustain_s / longest_s).clamp(0.0, 1.0) } else { 1.0 };
@@ -114,12 +113,12 @@ impl Library {
     }
 }
 
-/// Phasors of the axis amplitudes fx, fy and s, counts, whose answer is `velocity`; `None` for a singular response.
+/// Phasors of the axis amplitudes fx, fy and s, counts, whose response is `velocity`; `None` for a singular response.
 fn axis_counts(twist_from_counts: &Matrix3<Complex<f64>>, velocity: &TwistHarmonic) -> Option<Vector3<Complex<f64>>> {
     twist_from_counts.lu().solve(&velocity.phasor())
 }
 
-/// Amplitudes of the motors X1, X2, Y1, Y2 for these axis amplitudes; opposite ones share the work (Eq. 7).
+/// Amplitudes of the motors X1, X2, Y1, Y2 for these axis amplitudes; opposite motors share the force equally (Eq. 7).
 pub fn motor_harmonics(axis_counts: &Vector3<Complex<f64>>) -> [Harmonic; MOTORS] {
     let (x, y, turn) = (axis_counts.x * 0.5, axis_counts.y * 0.5, axis_counts.z * 0.25);
     [x - turn, -x - turn, y + turn, -y + turn].map(Harmonic::from_phasor)

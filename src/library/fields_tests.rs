@@ -38,7 +38,8 @@ fn library(twist_from_counts: Vec<Matrix3<Complex<f64>>>) -> Library {
     }
 }
 
-/// A free mass a little late and a little crosswise: `1/(jkw)`, turned by `late_rad`, other axes mixed in by `cross`.
+/// Response of a free mass with a small delay and crosstalk: `1/(jkw)`, turned by `late_rad`, other axes mixed in by
+/// `cross`.
 fn response(k: usize, late_rad: f64, cross: [f64; 6]) -> Matrix3<Complex<f64>> {
     let [a, b, c, d, e, f] = cross;
     let mixed = Matrix3::new(1.0, a, b, c, 1.0, d, e, f, 1.0);
@@ -56,7 +57,8 @@ fn harmonic() -> impl Strategy<Value = TwistHarmonic> {
     (twist(), twist()).prop_map(|(cos, sin)| TwistHarmonic { cos, sin })
 }
 
-/// The plate's velocity at `t_s` of full height: axis forces of Eq. 7, each harmonic answered by its matrix.
+/// The plate's velocity at `t_s` and full height: axis forces of Eq. 7, each harmonic multiplied by its response
+/// matrix.
 fn answer(drive: &Drive, responses: &[Matrix3<Complex<f64>>], t_s: f64) -> Vector3<f64> {
     let velocity = |(i, matrix): (usize, &Matrix3<Complex<f64>>)| {
         let part = |motor: usize| drive.motors[motor].get(i).copied().unwrap_or_default();

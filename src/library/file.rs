@@ -7,9 +7,9 @@ use super::{Library, RawFieldResponse, RawLibrary};
 use upm_document::{Fault, parse, text_of};
 
 impl Library {
-    /// The file form: JSON, millimetres, one entry and one row of the displacement a line.
+    /// The file format: JSON, millimetres, one line per entry and per row of the displacement.
     ///
-    /// Numbers are rounded to what can be measured; what is read back is written out the same again, byte for byte.
+    /// Numbers are rounded to the resolution of the measurement; a file that was read is written back byte for byte.
     pub fn to_json(&self) -> String {
         let raw = RawLibrary::from(self);
         let mut out = String::from("{\n");
@@ -44,8 +44,8 @@ impl Library {
         out + "\n}\n"
     }
 
-    /// Reads [`Self::to_json`]; `file` is named in the faults. Keys, types and ranges that are wrong are told together; once
-    /// those are right, every value that does not go with the others.
+    /// Reads [`Self::to_json`]; the faults name `file`. All wrong keys, types and ranges are reported together; once
+    /// those are right, all values that are inconsistent with others.
     pub fn from_json(text: &str, file: &str) -> Result<Self, Vec<Fault>> {
         let raw: RawLibrary = parse(text, file)?;
         Self::try_from(raw).map_err(|faults| faults.into_iter().map(|fault| fault.in_file(file)).collect())
@@ -56,19 +56,19 @@ impl Library {
         std::fs::write(path, self.to_json())
     }
 
-    /// Reads and validates the library at `path`; all faults are told.
+    /// Reads and validates the library at `path`; reports all faults.
     pub fn load(path: &Path) -> Result<Self, Vec<Fault>> {
         let text = text_of(path).map_err(|fault| vec![fault])?;
         Self::from_json(&text, &path.display().to_string())
     }
 }
 
-/// JSON of plain data; these types have no way to fail.
+/// JSON of plain data; serialising these types cannot fail.
 fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }
 
-/// One harmonic of the response a line.
+/// JSON of the response, one line per harmonic.
 fn fields_json(fields: &RawFieldResponse) -> String {
     let mut out = String::from("  \"fields\": {\n");
     let numbers = [

@@ -1,4 +1,4 @@
-//! The COR library: what a rig was measured to be able to do, and how far parts go when it does.
+//! The COR library: measured motions of a rig, and measured distances of parts under them.
 
 mod agreement;
 mod coil_response;

@@ -1,4 +1,4 @@
-//! The probe: a small pulse that moves no part and tests every coil and accelerometer.
+//! Probe: a small pulse that moves no part and tests every coil and accelerometer.
 
 use nalgebra::{Complex, Vector3};
 
@@ -8,21 +8,21 @@ use upm_core::signal::{Drive, Envelope, MOTORS, Shaping};
 
 /// Force phasors of x, y and spin. The spin is a quarter period ahead, so that all coils play equal amplitudes.
 const AXES: [Complex<f64>; 3] = [Complex::new(1.0, 0.0), Complex::new(1.0, 0.0), Complex::new(0.0, 2.0)];
-/// Greatest acceleration of a corner, m/s².
+/// Largest acceleration of a corner, m/s².
 const CORNER_MPS2: f64 = 16.0;
-/// Largest share of the strongest drive in the library.
+/// Largest fraction of the strongest drive in the library.
 const MOST_DRIVE: f64 = 0.5;
 /// Least sustain, in base periods and in s.
 const PERIODS: f64 = 3.2;
 const LEAST_SUSTAIN_S: f64 = 0.1;
-/// Instants of a period at which the corners' acceleration is taken.
+/// Instants per period at which the corners' acceleration is sampled.
 const INSTANTS: usize = 24;
 
 impl Library {
-    /// A pulse of one harmonic along x, y and spin at once that loads all coils equally, and the plate's answer to each
-    /// coil. With a single harmonic the plate's velocity repeats with the opposite sign after half a period, and so does
-    /// friction (equation sheet, section 5): the mean displacement of a part is zero, also when a coil is dead, reversed
-    /// or exchanged. `None` where the library does not determine the answer of every coil.
+    /// A pulse of one harmonic along x, y and spin at once that loads all coils equally, and the plate's response to
+    /// each coil. With a single harmonic the plate's velocity repeats with the opposite sign after half a period, and
+    /// so does friction (equation sheet, section 5): the mean displacement of a part is zero, also when a coil is dead,
+    /// reversed or exchanged. `None` where the library does not determine the response to every coil.
     pub fn probe(&self) -> Option<(Drive, CoilResponse)> {
         let (coils, base_radps, attack_s, rest_s, limit_counts) = match &self.fields {
             Some(fields) => {
@@ -55,7 +55,7 @@ impl Library {
         Some((drive, coils))
     }
 
-    /// Greatest acceleration of a corner of the plate under phasors of one harmonic on each coil, m/s².
+    /// Largest acceleration of a corner of the plate under phasors of one harmonic on each coil, m/s².
     fn corner_mps2(&self, coils: &CoilResponse, base_radps: f64, counts: &[Complex<f64>; MOTORS]) -> Option<f64> {
         let mut sum = Vector3::<Complex<f64>>::zeros();
         for (coil, counts) in coils.iter().zip(counts) {
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
     use std::path::Path;
 
-    /// The libraries that ship, one with fields and one without.
+    /// The shipped libraries, one with fields and one without.
     fn shipped() -> [Library; 2] {
         ["upm-1", "upm-2"].map(|rig| {
             let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/libraries");

@@ -10,7 +10,7 @@ use upm_core::signal::{CHANNELS, Harmonic};
 use upm_core::units::{m_from_mm, mm_from_m};
 use upm_document::SchemaKey;
 
-/// Bounds that no plate a person could build exceeds; numbers beyond are slips of the unit.
+/// Wide bounds of real plates, in this and the following constants; a number outside them is a mistake of unit.
 const PLATE_SIDE_MM: (f64, f64) = (1.0, 1e4);
 const GAIN: (f64, f64) = (0.5, 2.0);
 const BASE_HZ: (f64, f64) = (1.0, 10_000.0);
@@ -20,11 +20,11 @@ const MOST_SHAPE: f64 = 1e3;
 const MOST_SPEED_MM_S: f64 = 1e5;
 const MOST_SPIN_RAD_S: f64 = 1e4;
 const MOST_DISTANCE_MM: f64 = 1e3;
-/// Counts that a waveform generator may have.
+/// Range of the count limit of a waveform generator.
 const LIMIT_COUNTS: (f64, f64) = (1.0, 1e6);
 /// Largest speed (mm/s) or spin (rad/s) of one count.
 const MOST_RESPONSE: f64 = 1e5;
-/// Natural frequencies of a plate on springs; the drive's base frequency has to be higher and ends at 10 kHz.
+/// Natural frequencies of a plate on springs, Hz; the drive's base frequency must be higher and is at most 10 kHz.
 pub(super) const NATURAL_HZ: (f64, f64) = (0.1, 10_000.0);
 /// Damping ratios from undamped to far beyond critical.
 pub(super) const DAMPING_RATIO: (f64, f64) = (0.0, 10.0);
@@ -165,7 +165,7 @@ pub struct RawAxes {
     pub spin: f64,
 }
 
-/// Rounded to `decimals`, so that files stay small and a saved library loads to the same bytes again.
+/// `value` rounded to `decimals`, so that files stay small and a saved library loads to the same bytes again.
 fn rounded(value: f64, decimals: i32) -> f64 {
     let scale = 10f64.powi(decimals);
     let rounded = (value * scale).round() / scale;
@@ -245,7 +245,7 @@ impl From<&DisplacementModel> for RawDisplacement {
 }
 
 impl RawLibrary {
-    /// The same in SI, nothing checked.
+    /// The library in SI units, without validation.
     pub(super) fn into_library(self) -> Library {
         let table = |rows: &[Vec<f64>]| rows.iter().map(|row| all_m(row)).collect();
         let entry = |raw: &RawEntry| {
@@ -290,7 +290,7 @@ impl From<&FieldResponse> for RawFieldResponse {
 }
 
 impl RawFieldResponse {
-    /// The same in SI, nothing checked.
+    /// The response in SI units, without validation.
     fn response(&self) -> FieldResponse {
         FieldResponse {
             base_radps: TAU * self.base_hz,
@@ -322,7 +322,7 @@ impl From<&PlateResponse> for RawPlateResponse {
 }
 
 impl RawPlateResponse {
-    /// The same in SI, nothing checked.
+    /// The response in SI units, without validation.
     fn response(&self) -> PlateResponse {
         PlateResponse {
             natural_radps: self.natural_hz.values().map(|hz| TAU * hz),

@@ -1,11 +1,11 @@
-//! A library without a rig for tests: few belts, and the fields that a test is not about.
+//! A library without a rig, for tests: few belts, and neutral values elsewhere.
 
 use std::f64::consts::TAU;
 
 use super::{AxisShape, DisplacementModel, Entry, Library};
 use upm_core::geometry::Twist;
 
-/// Belts `pumps` of one pair of coils at 60 Hz, on a plate of 0.2 m; nothing is known of distances and of the plate.
+/// Belts `pumps` of one pair of coils at 60 Hz, on a plate of 0.2 m; distances and the plate's response are unknown.
 pub fn library(pumps: impl IntoIterator<Item = Twist>) -> Library {
     Library {
         rig: "bench".into(),

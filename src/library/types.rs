@@ -3,7 +3,7 @@ use nalgebra::{Complex, Matrix3};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{CHANNELS, Harmonic};
 
-/// One motion the rig can make.
+/// One motion of the rig.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     /// Amplitudes sent to the motors X1, X2, Y1, Y2, counts.
@@ -13,7 +13,7 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Centre of rotation, m; `None` for a translation that is one to the last bit.
+    /// Centre of rotation, m; `None` for a translation, with a spin of exactly zero.
     pub fn center_m(&self) -> Option<Vec2> {
         self.pump.center_of_rotation()
     }
@@ -24,19 +24,19 @@ impl Entry {
     }
 }
 
-/// The force waveform of one axis (x, y or spin) for one unit of that axis's amplitude: harmonics 1 and 2, with
-/// the pre-compensation that calibration found for the plate's response not being exactly 1/w.
+/// Force waveform of one axis (x, y or spin) for one unit of that axis's amplitude: harmonics 1 and 2, pre-compensated
+/// for the calibrated deviation of the plate's response from 1/w.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisShape(pub [Harmonic; 2]);
 
 impl AxisShape {
-    /// `cos wt - sin 2wt` (Eq. 8): right for a plate that is a free mass.
+    /// `cos wt - sin 2wt` (Eq. 8): exact for a plate that is a free mass.
     pub const FREE_MASS: Self = Self([Harmonic { cos: 1.0, sin: 0.0 }, Harmonic { cos: 0.0, sin: -1.0 }]);
 }
 
-/// How far a part goes in one pulse, measured: a grid over the plate's speed amplitude under the part and the
-/// pulse's sustain. For a rotation the speed is spin times radius, so this is d(radius, sustain) of
-/// every entry at once, whatever spin the motors reach there.
+/// Measured distance of a part in one pulse: a grid over the plate's speed amplitude under the part and the pulse's
+/// sustain. For a rotation the speed is spin times radius, so this is d(radius, sustain) of every entry at once, at any
+/// spin.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DisplacementModel {
     /// Grid of speed amplitudes, m/s, rising.
@@ -49,7 +49,7 @@ pub struct DisplacementModel {
     pub sd_m: Vec<Vec<f64>>,
 }
 
-/// What `upm calibrate` writes and the planner looks up.
+/// Calibration of a rig: written by `upm calibrate`, used by the planner.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Library {
     /// Name of the rig it was measured on.
@@ -64,18 +64,18 @@ pub struct Library {
     pub attack_s: f64,
     /// Rest after the longest pulse, s; see [`Library::rest_after`].
     pub rest_s: f64,
-    /// What each accelerometer channel shows for a true 1, against the others.
+    /// Reading of each accelerometer channel for a true 1, relative to the others.
     pub accelerometer_gain: [f64; CHANNELS],
     /// Force waveforms of x, y and spin.
     pub shapes: [AxisShape; 3],
-    /// Every motion, in a fixed order.
+    /// All motions, in a fixed order.
     pub entries: Vec<Entry>,
-    /// How far parts go.
+    /// Measured distances of parts.
     pub displacement: DisplacementModel,
-    /// How the plate answers to synthesised motions; `None` where the rig has none.
+    /// Response of the plate to synthesised motions; `None` where the rig has none.
     pub fields: Option<FieldResponse>,
     /// Resonances of the plate's axes; `None` in libraries written before they were measured, and where the rig's
-    /// longest sustain is too short to tell them.
+    /// longest sustain is too short to determine them.
     pub plate: Option<PlateResponse>,
 }
 
@@ -89,7 +89,7 @@ pub struct PlateResponse {
     pub damping_ratio: [f64; 3],
 }
 
-/// How the plate answers to each harmonic of the synthesised motions' base frequency.
+/// Response of the plate to each harmonic of the synthesised motions' base frequency.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FieldResponse {
     /// Base frequency w, rad/s.
@@ -98,7 +98,7 @@ pub struct FieldResponse {
     pub attack_s: f64,
     /// Rest after every pulse, s.
     pub rest_s: f64,
-    /// Largest sample a motor may be told to play, counts.
+    /// Largest sample that a motor may play, counts.
     pub limit_counts: f64,
     /// For harmonic k at index `k - 1` the velocity phasors of x (m/s), y (m/s) and spin (rad/s), row by row, for one
     /// count of each axis amplitude `fx = X1-X2`, `fy = Y1-Y2`, `s = (Y1+Y2)-(X1+X2)`, column by column: a force

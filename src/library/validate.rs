@@ -6,13 +6,13 @@ use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 use upm_document::{Fault, Faults};
 
-/// Fewest entries that can steer a part.
+/// Fewest entries with which a part can be steered.
 const MIN_ENTRIES: usize = 3;
 
-/// Two directions count as two when the flows at the centre spread by more than about 6 degrees.
+/// Least spread of the flows at the centre: directions more than about 6 degrees apart count as two.
 const MIN_SPREAD: f64 = 0.01;
 
-/// Relative difference between two numbers that are the same.
+/// Relative difference below which two numbers are equal.
 const SAME: f64 = 1e-6;
 
 /// Largest error of a number rounded to the file's six decimals, mm, Hz or s.
@@ -21,7 +21,7 @@ const FILE_ROUNDING: f64 = 0.501e-6;
 impl TryFrom<RawLibrary> for Library {
     type Error = Vec<Fault>;
 
-    /// Validates what a schema cannot say; every fault is listed, with its file still blank.
+    /// Validates the rules that a schema cannot express; lists every fault, with its file left blank.
     fn try_from(raw: RawLibrary) -> Result<Self, Self::Error> {
         let mut faults = Faults::of("");
         check_head(&raw, &mut faults);
@@ -37,12 +37,12 @@ impl TryFrom<RawLibrary> for Library {
     }
 }
 
-/// What a library must agree on with the rig it is used on.
+/// Properties of a rig that a library must agree with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigFacts<'a> {
-    /// Name in its file.
+    /// The rig's name in its file.
     pub name: &'a str,
-    /// Fingerprint of its file.
+    /// Fingerprint of the rig's file.
     pub fingerprint: &'a str,
     /// Base frequency of its drive, rad/s.
     pub base_radps: f64,
@@ -54,16 +54,16 @@ pub struct RigFacts<'a> {
     pub rest_s: f64,
     /// Largest sample a motor may be told to play, counts.
     pub count_limit: f64,
-    /// Its synthesised motions, if it makes any.
+    /// Synthesised motions of the rig, if any.
     pub fields: Option<FieldFacts>,
 }
 
-/// What a library's response to synthesised motions must agree on with the rig.
+/// Properties of a rig's synthesised motions that a library's response must agree with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldFacts {
     /// Base frequency of the motions, rad/s.
     pub base_radps: f64,
-    /// Harmonics of it.
+    /// Number of harmonics.
     pub harmonics: usize,
     /// Attack of every pulse, s.
     pub attack_s: f64,
@@ -72,8 +72,8 @@ pub struct FieldFacts {
 }
 
 impl Library {
-    /// Everything that keeps the library from being used on `rig`: distances and centres hold for one rig and its
-    /// drive only. A library of a rig of another name is one fault, for all others follow from it.
+    /// All reasons why the library cannot be used on `rig`: distances and centres hold for one rig and its drive only.
+    /// A library of a rig with another name is a single fault, since all others follow from it.
     pub fn check_fits(&self, rig: &RigFacts<'_>) -> Vec<Fault> {
         if self.rig != rig.name {
             let allowed = format!("{:?} (run `upm calibrate` for this rig)", rig.name);
@@ -95,7 +95,7 @@ impl Library {
         faults
     }
 
-    /// Entries that the rig's motors cannot reach: their waveforms peak above `count_limit`.
+    /// Faults for entries that the rig's motors cannot play: their waveforms peak above `count_limit`.
     pub fn unreachable_entries(&self, count_limit: f64) -> Vec<Fault> {
         let peak = |entry: usize| self.drive(entry, 0.0).map_or(0.0, |drive| drive.peak_counts());
         let fault = |(entry, peak): (usize, f64)| {
@@ -107,7 +107,7 @@ impl Library {
     }
 }
 
-/// A fault for every number of the library, with its path, that is not the rig's.
+/// A fault for every number of the library that differs from the rig's, with its path.
 fn differences<'a>(numbers: impl IntoIterator<Item = (&'a str, f64, f64)>) -> impl Iterator<Item = Fault> {
     let others = numbers.into_iter().filter(|(_, found, its)| (found - its).abs() > SAME * its.abs() + FILE_ROUNDING);
     let faults: Vec<_> = others
@@ -150,7 +150,7 @@ fn spread_at_center(library: &Library) -> f64 {
     0.5 * (xx + yy) - (0.5 * (xx - yy)).hypot(xy)
 }
 
-/// `1 row`, `2 rows`.
+/// Number with its noun: `1 row`, `2 rows`.
 fn counted(number: usize, one: &str, many: &str) -> String {
     format!("{number} {}", if number == 1 { one } else { many })
 }
