@@ -1,4 +1,4 @@
-//! Convex quadratic programs, and the only place that names clarabel.
+//! Convex quadratic programs, and the only crate that uses clarabel.
 //!
 //! ```text
 //!   minimise    ½ xᵀ P x + qᵀ x
@@ -6,8 +6,8 @@
 //!   subject to  A x + s = b,   s in a product of cones: s_i = 0, s_i >= 0, or s_1 >= |(s_2, …)|
 //! ```
 //!
-//! The solver is compiled here once, not in the crates that state programs. Equal programs give equal answers to the last
-//! bit: one thread, the built-in LDL factorisation, no time limit, no presolve.
+//! The solver is compiled here once, not in the crates that state programs. Equal programs give bit-identical answers:
+//! one thread, the built-in LDL factorisation, no time limit, no presolve.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
@@ -15,7 +15,7 @@ use clarabel::solver::{
     SupportedConeT, ZeroConeT,
 };
 
-/// A sparse matrix, compressed by columns.
+/// Sparse matrix, compressed by columns.
 pub struct Matrix(CscMatrix<f64>);
 
 /// Writes a sparse matrix column by column, the rows of each in rising order.
@@ -38,7 +38,7 @@ impl ColumnWriter {
         self.ends.push(self.rows.len());
     }
 
-    /// The matrix with this number of rows and as many columns as were ended.
+    /// Returns the matrix with `rows` rows and the columns ended so far.
     pub fn finish(self, rows: usize) -> Matrix {
         let columns = self.ends.len();
         let starts = std::iter::once(0).chain(self.ends).collect();
@@ -46,7 +46,7 @@ impl ColumnWriter {
     }
 }
 
-/// The numbers of one program.
+/// Data of one program; see the module for the symbols.
 pub struct Program {
     /// P, n × n, upper triangle.
     pub hessian: Matrix,
@@ -60,7 +60,7 @@ pub struct Program {
     pub cones: Vec<Cone>,
 }
 
-/// A cone of this many rows.
+/// Cone of the given number of rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cone {
     /// Every s is 0: equalities.
@@ -75,7 +75,7 @@ pub enum Cone {
 pub struct Minimiser {
     /// x, n numbers.
     pub x: Vec<f64>,
-    /// Multipliers of the m rows.
+    /// Multipliers of the m rows of constraints.
     pub multipliers: Vec<f64>,
 }
 
@@ -132,7 +132,8 @@ mod tests {
         writer.finish(values.len())
     }
 
-    /// The nearest point of the line x + y = 1 with x <= 0.2 to the origin, by hand: (0.2, 0.8), multipliers -0.8 and 0.6.
+    /// The nearest point of the line x + y = 1 with x <= 0.2 to the origin, by hand: (0.2, 0.8), multipliers -0.8 and
+    /// 0.6.
     #[test]
     fn a_small_program_has_the_minimiser_found_by_hand() {
         let mut constraints = ColumnWriter::default();
