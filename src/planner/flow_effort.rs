@@ -7,7 +7,7 @@ use upm_library::Library;
 
 /// Distance carried by the counted pulses on a typical belt, m: the usual length in sequences.
 const PULSE_M: f64 = 2e-3;
-/// Entries slower than this part of the fastest are not counted.
+/// Entries slower than this fraction of the fastest are not counted.
 const STRONG: f64 = 0.35;
 /// Largest number of motions counted: of more, every second, third and so on, since they overlap.
 const MOST: usize = 180;

@@ -24,7 +24,7 @@ pub(crate) fn friction_of(library: &Library) -> Option<f64> {
             found.extend(friction_that_goes(&pump, speed_mps, steps, distance_m));
         }
     }
-    // few coins were measured at the fastest speeds
+    // the median, because few coins were measured at the fastest speeds
     found.sort_by(f64::total_cmp);
     found.get(found.len() / 2).copied()
 }

@@ -15,7 +15,7 @@ const LONGEST_M: f64 = 4e-3;
 /// An entry counts as strong from this fraction of the 90th percentile of spin on the plate.
 const STRONG: f64 = 0.4;
 
-/// Singular values below this part of the largest count as zero.
+/// Singular values below this fraction of the largest count as zero.
 const RANK: f64 = 1e-6;
 
 /// The manipulation algorithm as published (Reznik, Moshkovich, Canny: Building a Universal Planar Manipulator, section

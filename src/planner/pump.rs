@@ -118,7 +118,7 @@ impl Pump {
         ((self.attack_s + self.delay_s) / self.step_s).ceil() as usize
     }
 
-    /// f from the end of the sustain to the end of the pulse.
+    /// Values of f from the end of the sustain to the end of the pulse.
     fn fall(&self, sustain: usize) -> Vec<f64> {
         let from = self.flank() + sustain;
         self.shapes(from, from + self.flank(), sustain)

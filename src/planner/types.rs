@@ -113,7 +113,7 @@ pub enum Limit {
         /// Indices of the parts.
         parts: [usize; 2],
     },
-    /// No entry of the library moves every part that should move.
+    /// No motion of the library gives the wanted steps.
     Unreachable,
 }
 

@@ -24,7 +24,7 @@ pub(super) struct Strength {
 }
 
 impl Strength {
-    /// `None` when a harmonic moves the plate along fewer than three axes.
+    /// Strength under the response `fields`; `None` when a harmonic moves the plate along fewer than three axes.
     pub fn new(waves: &Waves, fields: &FieldResponse, half_side_m: f64) -> Option<Self> {
         let scaled = |response: &Matrix3<Complex<f64>>| {
             let mut response = *response;

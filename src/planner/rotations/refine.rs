@@ -4,7 +4,7 @@
 //! ```text
 //!   minimise    |r - J δ|² + λ tr(JᵀJ)/K Σ δ_k² / (ε + |d_k|) + price Σ |d_k + δ_k| + penalty s
 //!   subject to  shortest <= |d_k + δ_k| <= longest, no sign changes
-//!               what each δ does to a gap or to the way to the edge, at each stage <= its room + s,   s >= 0
+//!               effect of all δ on a gap or on the distance to the edge, at each stage <= its room + s,   s >= 0
 //! ```
 
 use super::belts::{Belts, Motion, Pulse};
