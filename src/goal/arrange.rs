@@ -10,7 +10,7 @@ pub struct ArrangeParams {
     pub half_side_m: f64,
     /// The kind of motion that moves the parts.
     pub motions: Motions,
-    /// The parts.
+    /// Discs of the parts, in the order of the positions given to [`Goal::next`].
     pub discs: Vec<Disc>,
     /// Target of each part, m. Parts beyond the list stay where they were first seen.
     pub targets_m: Vec<Vec2>,

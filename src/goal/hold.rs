@@ -11,7 +11,7 @@ const BROUGHT_BACK: f64 = 0.5;
 pub struct HoldParams {
     /// Half the plate's side, m.
     pub half_side_m: f64,
-    /// The parts.
+    /// Discs of the parts, in the order of the positions given to [`Goal::next`].
     pub discs: Vec<Disc>,
     /// Duration in plate time, s.
     pub duration_s: f64,

@@ -17,7 +17,7 @@ pub struct InPhaseParams {
     pub half_side_m: f64,
     /// The kind of motion that moves the parts.
     pub motions: Motions,
-    /// The parts.
+    /// Discs of the parts, in the order of the positions given to [`Goal::next`].
     pub discs: Vec<Disc>,
     /// Corners of each part's loop, m, from its beginning; the last is joined straight to the first. A part without
     /// corners stays where it was first seen.

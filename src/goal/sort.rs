@@ -43,7 +43,7 @@ pub struct SortParams {
     pub half_side_m: f64,
     /// The kind of motion that moves the parts.
     pub motions: Motions,
-    /// The parts.
+    /// Discs of the parts, in the order of the positions given to [`Goal::next`].
     pub discs: Vec<Disc>,
     /// The bins. A part of a kind without a bin stays where it was first seen.
     pub bins: Vec<BinParams>,
