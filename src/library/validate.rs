@@ -52,7 +52,7 @@ pub struct RigFacts<'a> {
     pub attack_s: f64,
     /// Rest after every pulse, s.
     pub rest_s: f64,
-    /// Largest sample a motor may be told to play, counts.
+    /// Largest sample that a motor may play, counts.
     pub count_limit: f64,
     /// Synthesised motions of the rig, if any.
     pub fields: Option<FieldFacts>,
