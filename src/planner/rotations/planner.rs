@@ -34,8 +34,7 @@ const SMALL_M: f64 = 2e-3;
 const TIGHTEN: f64 = 0.4;
 /// A sequence that leaves more than this fraction is tried again, with finer pulses or over a shorter distance.
 const POOR: f64 = 0.55;
-/// Factors by which the distance of a sequence grows and shrinks, each with the residual below or above which it
-/// applies.
+/// Factors by which a sequence's distance grows or shrinks, and the residuals below and above which they apply.
 const GROW: (f64, f64) = (0.3, 1.15);
 const SHRINK: (f64, f64) = (0.4, 0.85);
 const SHRINK_FAILED: f64 = 0.8;
@@ -51,8 +50,7 @@ const REST_ROUNDS: usize = 4;
 /// Pulses times rounds of refinement, at most: longer sequences get fewer rounds, down to one.
 const NEW_PULSES: usize = 400;
 const REST_PULSES: usize = 160;
-/// Rounds of dropping pulses, their product with the number of pulses at most, and the first share dropped, 1 over
-/// this.
+/// Rounds of dropping pulses, their largest product with the number of pulses, and divisor of the first number dropped.
 const PRUNED: usize = 6;
 const PRUNED_PULSES: usize = 160;
 const PRUNED_SHARE: usize = 8;
@@ -262,8 +260,8 @@ impl RotationPlanner {
         Some(Candidate { refined, safe, subgoals_m, want_m: want_m.max(left_m), gain_mps })
     }
 
-    /// Pulses that make `steps_m` in the least time: the relaxed program and its rounding to whole pulses, then both
-    /// once more over the resulting pulses.
+    /// Pulses that make `steps_m` in the least time: the relaxed program rounded to whole pulses, then both again over
+    /// these and the half-length pulses that pay best.
     fn program(&mut self, parts: &[PartState], steps_m: &[Vec2], want_m: f64, scale: PulseScale) -> Option<Vec<Pulse>> {
         let rms_m = rms_m(steps_m.iter().copied());
         let steps_mm = steps_mm(steps_m.iter().copied());
@@ -284,8 +282,7 @@ impl RotationPlanner {
         (!pulses.is_empty()).then_some(pulses)
     }
 
-    /// Whole pulses for relaxed counts: a count below one becomes a shorter pulse, a larger one several equal pulses,
-    /// never a longer one.
+    /// Whole pulses for relaxed counts: below one a shorter pulse, above it several equal pulses, never a longer one.
     fn whole(&self, parts: &[PartState], columns: &Columns, counts: &[f64]) -> (Vec<Pulse>, Vec<usize>) {
         let used = counts.iter().enumerate().filter(|(_, count)| **count > 0.02);
         let whole = used.map(|(j, &count)| {
