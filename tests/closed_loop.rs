@@ -188,7 +188,7 @@ fn motions_out_of_the_motors_reach_are_refused() {
     let output = Command::cargo_bin("upm").unwrap().args(["run", file.to_str().unwrap()]).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
     let stderr = String::from_utf8(output.stderr).unwrap();
-    assert!(stderr.contains("library.json: entries[3].amplitudes: found"), "{stderr}");
+    assert!(stderr.contains("library.json: entries[3].amplitudes: expected amplitudes"), "{stderr}");
 }
 
 #[test]

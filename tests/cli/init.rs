@@ -49,8 +49,10 @@ fn init_writes_every_shipped_file_and_each_is_valid_there() {
         assert_eq!(json_files(&made, shipped), names);
         for name in names {
             assert_eq!(fs::read(made.join(&name)).unwrap(), fs::read(root().join(&name)).unwrap(), "{name}");
-            let (code, _, stderr) = run_in(&made, &["check", &name]);
-            assert_eq!(code, Some(0), "{name}: {stderr}");
+            if !name.contains("schemas/") {
+                let (code, _, stderr) = run_in(&made, &["check", &name]);
+                assert_eq!(code, Some(0), "{name}: {stderr}");
+            }
         }
     }
 }
@@ -92,7 +94,7 @@ fn run_without_a_file_lists_the_jobs_there_are() {
     assert!(code == Some(2) && stdout.is_empty(), "{stdout}");
     let line = |of: &str| stderr.lines().find(|line| line.contains(of)).unwrap_or_else(|| panic!("{of}: {stderr}"));
     let row = line("configs/sort-8.json");
-    assert!(["4 penny, 4 quarter", "sort into 2 bins", "at most 600 s"].iter().all(|word| row.contains(word)), "{row}");
+    assert!(["4 penny, 4 quarter", "sort into 2 bins", "at most 300 s"].iter().all(|word| row.contains(word)), "{row}");
     assert!(line("configs/hold-4.json").ends_with("  10 s"), "{stderr}");
     assert!(line("configs/plus-sign-endless.json").contains("no end"), "{stderr}");
     assert!(line("configs/broken.json").contains("faults: `upm check`"), "{stderr}");

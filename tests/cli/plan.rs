@@ -168,7 +168,7 @@ fn only_jobs_are_planned_and_faulty_ones_refused() {
     }
     let file = job(folder.path(), |job| job["tolerance_mm"] = json!(0));
     let (stdout, stderr) = status(&["check", file.to_str().unwrap(), "--plan"], 2);
-    assert!(stdout.is_empty() && stderr.contains("tolerance_mm: found"), "{stderr}");
+    assert!(stdout.is_empty() && stderr.contains("tolerance_mm: expected a number above 0"), "{stderr}");
 }
 
 #[test]

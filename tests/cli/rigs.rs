@@ -36,9 +36,9 @@ fn checked_rig_is_held_against_its_library() {
 
 #[test]
 fn job_is_checked_on_the_rig_given() {
-    let says = |args: &[&str]| status(&[&["check", "configs/arrange-4.json"], args].concat(), 0).0;
+    let says = |args: &[&str]| status(&[&["check", "configs/plus-sign-upm-2.json"], args].concat(), 0).0;
     assert!(says(&[]).contains("on upm-2,"));
-    assert!(says(&["--rig", "configs/rigs/upm-2-evening.json"]).contains("on upm-2-evening,"));
+    assert!(says(&["--rig", "configs/rigs/upm-1.json"]).contains("on upm-1,"));
     // targets that lie on the larger plate alone
     let (_, stderr) = status(&["check", "configs/arrange-8.json", "--rig", "configs/rigs/upm-1.json"], 2);
     assert!(stderr.lines().all(|line| line.contains("arrange-8.json: task.targets_mm")), "{stderr}");

@@ -73,8 +73,9 @@ fn letters_that_do_not_fit_are_one_line_with_the_height_that_does() {
     };
     let (_, stderr) = status(&["check", text(60.0).to_str().unwrap()], 2);
     assert_eq!(stderr.lines().count(), 1, "{stderr}");
-    assert!(stderr.contains("task.targets.text: found penny-") && stderr.contains(" 15.000 mm apart"), "{stderr}");
-    assert!(stderr.trim_end().ends_with("height_mm of at least 84.2 mm"), "{stderr}");
+    assert!(stderr.contains("task.targets.text: expected 21.050 mm or more"), "{stderr}");
+    assert!(stderr.contains("height_mm of at least 84.2 mm, found penny-"), "{stderr}");
+    assert!(stderr.trim_end().ends_with(" 15.000 mm apart"), "{stderr}");
     status(&["check", text(84.2).to_str().unwrap()], 0);
     status(&["check", text(84.1).to_str().unwrap()], 2);
 }

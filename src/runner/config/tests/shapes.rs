@@ -81,7 +81,7 @@ fn exactly_one_rule_is_allowed() {
 
 #[test]
 fn parts_that_would_touch_are_named_with_the_size_that_fits() {
-    let apart = "expected 21.050 mm or more: both radii and 2.000 mm between the rims";
+    let apart = "expected 21.050 mm or more (both radii and 2.000 mm between the rims)";
     let fault = refused(16, &json!({"text": {"string": "HI", "height_mm": 80}}));
     let found = "found penny-1 and penny-2 20.000 mm apart";
     assert_eq!(fault, format!("task.targets.text: {apart}; height_mm of at least 84.2 mm, {found}"));
