@@ -1,5 +1,5 @@
-//! The daemon put together: store, plates and the service in front of them, and what a machine that runs it day and
-//! night needs beside: figures, readiness, the operator page, a bundle for those who help.
+//! The daemon's assembly: store, plates and the HTTP service in front of them, plus the parts for unattended operation:
+//! metrics, readiness, the operator page and the support bundle.
 
 mod answers;
 mod bundle;

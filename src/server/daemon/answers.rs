@@ -11,7 +11,7 @@ use upm_core::units::{mm_from_m, places_mm};
 use upm_recording::RecordingState;
 use upm_runner::config::{RawBin, RawRegion};
 
-/// A job as it is answered.
+/// A job in the API's form.
 pub(super) fn job(row: &JobRow) -> Job {
     Job {
         id: row.id.to_string(),
@@ -38,7 +38,7 @@ fn report(text: &str) -> Option<Map<String, Value>> {
     }
 }
 
-/// A plate as it is answered, with the number of jobs that wait for it.
+/// A plate in the API's form, with the number of jobs `queued` for it.
 pub(super) fn plate(snapshot: &PlateSnapshot, queued: u64) -> Plate {
     let sight = &snapshot.sight;
     Plate {
@@ -72,7 +72,7 @@ pub(super) fn plate(snapshot: &PlateSnapshot, queued: u64) -> Plate {
     }
 }
 
-/// The conditions of the run on a plate; none of a run that has ended.
+/// The conditions of the run on a plate; empty once the run has ended.
 fn conditions(snapshot: &PlateSnapshot) -> Vec<PlateCondition> {
     if snapshot.job.is_none() {
         return Vec::new();
@@ -101,7 +101,7 @@ fn part(part: &plates::LayoutPart) -> LayoutPart {
     LayoutPart { kind: part.kind.clone(), radius_mm: mm_from_m(part.radius_m) }
 }
 
-/// A layout as it is answered.
+/// A layout in the API's form, mm.
 pub(super) fn layout(layout: &JobLayout) -> Layout {
     let corner_mm = |corner_m: Vec2| [corner_m.x, corner_m.y].map(mm_from_m);
     let bin = |bin: &plates::LayoutBin| RawBin {
@@ -119,12 +119,12 @@ pub(super) fn layout(layout: &JobLayout) -> Layout {
     }
 }
 
-/// A kept event as it is sent.
+/// A stored event in the API's form.
 pub(super) fn event(stored: &StoredEvent) -> Event {
     Event::new(Some(stored.seq), &stored.kind, &stored.body)
 }
 
-/// What a fault of the store means to who only reads: that takes no room, so a full disk is no answer.
+/// The refusal of a read for a fault of the store. Reads need no space, so a full disk becomes [`Refusal::Busy`].
 pub(super) fn unread(fault: StoreFault) -> Refusal {
     match fault {
         StoreFault::Full => Refusal::Busy { why: fault.to_string(), retry_after_s: 1 },
@@ -132,7 +132,7 @@ pub(super) fn unread(fault: StoreFault) -> Refusal {
     }
 }
 
-/// What a fault of the store means to who asked.
+/// The refusal of a request for a fault of the store.
 pub(super) fn refusal(fault: StoreFault) -> Refusal {
     match fault {
         StoreFault::Full => Refusal::DiskFull(fault.to_string()),

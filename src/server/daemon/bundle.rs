@@ -1,5 +1,5 @@
-//! What somebody who helps from afar needs to see, in one tar archive: made beside a daemon that runs or one that does
-//! not, without disturbing it, and without anything that should not leave the machine.
+//! The support bundle: one tar archive for remote diagnosis. It is made with or without a running daemon, does not
+//! disturb it, and holds no secrets.
 
 mod folder;
 mod redact;
@@ -18,12 +18,12 @@ use self::folder::{Run, latches, listed, runs, tail};
 use crate::store::{JobId, PeekMost, peek};
 use upm_runner::config::{DaemonSpec, Fault};
 
-/// Folder that the files of a bundle are in.
+/// Folder within the archive.
 const ROOT: &str = "upm-support";
 
 const MOST: PeekMost = PeekMost { jobs: 200, events: 1000, audit: 200 };
 
-/// Run folders that are listed, the newest, and those whose journals are looked into.
+/// Newest run folders that are listed, and those of them whose journals are included.
 const LISTED_RUNS: usize = 200;
 const SHOWN_RUNS: usize = 5;
 
@@ -48,33 +48,33 @@ Logs are not in here. Under systemd they are had by
 and otherwise they went to stderr of `upm serve`.
 ";
 
-/// What a bundle is made from.
+/// Inputs of a bundle.
 #[derive(Clone, Copy, Debug)]
 pub struct BundleSources<'a> {
     /// The program's version.
     pub version: &'a str,
-    /// What it was built for, as `x86_64-linux`.
+    /// Build target, as `x86_64-linux`.
     pub target: &'a str,
-    /// The time.
+    /// Time the bundle is made.
     pub now: Timestamp,
-    /// The configuration, or what is wrong with it.
+    /// The configuration, or its faults.
     pub config: Result<&'a DaemonSpec, &'a [Fault]>,
-    /// The data folder, where it is known.
+    /// The data folder; `None` where it is unknown.
     pub data: Option<&'a Path>,
 }
 
-/// A bundle.
+/// A support bundle.
 #[derive(Clone, Debug)]
 pub struct Bundle {
-    /// The archive.
+    /// The tar archive.
     pub tar: Vec<u8>,
     /// Names of the files in it.
     pub files: Vec<String>,
-    /// What could not be read, a sentence each.
+    /// Sources that could not be read, a sentence each.
     pub missing: Vec<String>,
 }
 
-/// Makes a bundle. What cannot be read is told in it. Nothing is written, no lock of the daemon's is taken.
+/// Makes a bundle. Sources that cannot be read are listed in it. Writes nothing and takes none of the daemon's locks.
 pub fn bundle(sources: &BundleSources<'_>) -> io::Result<Bundle> {
     let mut made = Making { tar: Builder::new(Vec::new()), at: sources.now, files: Vec::new(), missing: Vec::new() };
     made.add("README.txt", README.as_bytes())?;
@@ -130,7 +130,7 @@ impl Making {
         self.add_json("about.json", &about)
     }
 
-    /// Of a configuration that cannot be used, what was found is not shown: it may be anything.
+    /// Adds the configuration. The faults of an invalid one are listed without the values found, which may be secrets.
     fn add_config(&mut self, config: Result<&DaemonSpec, &[Fault]>) -> io::Result<()> {
         match config {
             Ok(spec) => self.add_json("config.json", &redact::configuration(spec.effective())),
@@ -143,7 +143,7 @@ impl Making {
         }
     }
 
-    /// Adds what the store knows; the jobs in it.
+    /// Adds the contents of the store; returns the ids of its jobs.
     fn add_store(&mut self, data: &Path) -> io::Result<Vec<JobId>> {
         let peeked = match peek(data, MOST) {
             Ok(peeked) => peeked,
@@ -183,7 +183,7 @@ impl Making {
         self.add_json("runs.json", &json!({"count": count, "bytes": bytes, "newest": listed}))
     }
 
-    /// What was read, or nothing and why.
+    /// The value that was read; on an error the default, with the error noted as missing.
     fn read<T: Default>(&mut self, what: &str, read: io::Result<T>) -> T {
         read.unwrap_or_else(|error| {
             self.missing.push(format!("{what}: {error}"));

@@ -1,5 +1,5 @@
-//! Watches that the data folder and its files are the ones that the daemon holds open. What is written to deleted files
-//! is lost at the next start, and none of the writes fails.
+//! Checks that the paths of the data folder and its files still name the ones that the daemon holds open. Writes to
+//! deleted files succeed, but their data is lost at the next start.
 
 use std::io;
 use std::thread;
@@ -14,21 +14,21 @@ use upm_core::priority::step_back;
 /// Time between two comparisons.
 const EVERY: Duration = Duration::from_secs(1);
 
-/// What the last comparison found.
+/// Result of the last comparison.
 #[derive(Debug, Default)]
 pub(super) struct DataWatch {
     found: Mutex<Option<Displaced>>,
-    /// Held during a comparison: what one finds never goes over what a later one found.
+    /// Held during a comparison, so that an older result never overwrites a newer one.
     comparing: Mutex<()>,
 }
 
 impl DataWatch {
-    /// The path that is displaced, if one is.
+    /// The displaced path; `None` while all are in place.
     pub fn displaced(&self) -> Option<Displaced> {
         self.found.lock().clone()
     }
 
-    /// Compares, and notes what was found; logs it when that changes. True when a path is displaced.
+    /// Compares and stores the result, and logs a change of it. True when a path is displaced.
     pub fn compare(&self, compare: impl FnOnce() -> Result<(), Displaced>) -> bool {
         let _alone = self.comparing.lock();
         let found = compare().err();
@@ -43,12 +43,12 @@ impl DataWatch {
     }
 }
 
-/// A displaced path as a reason.
+/// The reason code and sentence for a displaced path.
 pub(super) fn reason(displaced: &Displaced) -> Reason {
     Reason::new(ReasonCode::DataDisplaced, displaced.to_string())
 }
 
-/// Calls `compare` once a second until it answers false: on its own thread, since a dead disk holds up its caller.
+/// Calls `compare` once a second until it returns false. Runs on its own thread, since a hung disk blocks the caller.
 pub(super) fn watch(mut compare: impl FnMut() -> bool + Send + 'static) -> io::Result<()> {
     thread::Builder::new().name("data-watch".into()).spawn(move || {
         step_back();

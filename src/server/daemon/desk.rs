@@ -11,20 +11,20 @@ use crate::service::{
 use crate::store::{JobId, JobRow, Page};
 use upm_core::background::WorkerPool;
 
-/// Threads that check jobs, and the jobs that may wait for them: one of every connection there can be.
+/// Threads that check jobs, and the jobs that may wait for them: one for every connection that is allowed.
 const CHECKERS: usize = 2;
 const CHECKS_WAITING: usize = 1280;
-/// Threads that confirm emergency stops, which are made by then, and how many may wait for them.
+/// Threads that confirm emergency stops already made, and the number of confirmations that may wait for them.
 const STOP_THREADS: usize = 2;
 const STOPS_WAITING: usize = 256;
-/// Resets that may wait: each is written down before it takes place.
+/// Resets that may wait: each is stored in the audit log before it takes effect.
 const RESETS_WAITING: usize = 16;
 
-/// Threads that open files, which a dead disk holds up, and how many may wait for them.
+/// Threads that open files, which a hung disk blocks, and the requests that may wait for them.
 const FILE_OPENERS: usize = 2;
 const FILES_WAITING: usize = 64;
 
-/// Answers the API out of store and plates.
+/// The API's [`Desk`], backed by store and plates.
 #[derive(Debug)]
 pub(super) struct FrontDesk {
     pub state: Arc<DaemonState>,
@@ -35,7 +35,7 @@ pub(super) struct FrontDesk {
 }
 
 impl FrontDesk {
-    /// A desk in front of store and plates, and the thread that watches the data folder.
+    /// Opens the desk in front of store and plates and starts the thread that watches the data folder.
     pub fn open(state: DaemonState) -> io::Result<Self> {
         let state = Arc::new(state);
         let watched = Arc::downgrade(&state);
@@ -50,7 +50,7 @@ impl FrontDesk {
         Ok(Self { state, checkers, stops, resets, files })
     }
 
-    /// The job of that id, handed on to `then` with the reply it is for.
+    /// Looks up the job of that id and passes it to `then` with the reply to fulfil.
     fn with_job<T: Send + 'static>(
         &self,
         id: &str,
@@ -132,7 +132,7 @@ impl Desk for FrontDesk {
     }
 
     fn reset(&self, plate: &str, request: ResetRequest, caller: Caller) -> Promise<Plate> {
-        // found before it waits its turn: a stop that comes meanwhile is another one
+        // determined before the reset waits its turn: a stop that comes in between is a different one
         let may = |at| self.state.intact().map(|()| at);
         let held = match self.state.plate(plate).and_then(may).and_then(stops::held) {
             Ok(held) => held,
@@ -141,7 +141,7 @@ impl Desk for FrontDesk {
         let (state, plate) = (Arc::clone(&self.state), plate.to_owned());
         promise(|reply| {
             self.resets.submit(move || {
-                // a client that gave up finds the plate stopped, and nothing of this in the audit log
+                // a client that gave up finds the plate stopped, and the audit log has no entry for the reset
                 if !reply.is_awaited() {
                     return;
                 }
@@ -181,7 +181,8 @@ impl Desk for FrontDesk {
                 if let Some(wire) = state.wires.get(&row.plate) {
                     wire.lead(row.id, feed);
                 }
-                // read again behind the wire: what was told between the first look and the wire is in the store by now
+                // read again once the wire is connected: events published between the first read and that are in the
+                // store by now
                 let again = Arc::clone(state);
                 state.store.job(&row.id, move |found| {
                     let row = found.map_err(answers::unread).and_then(|found| found.ok_or_else(no_job));

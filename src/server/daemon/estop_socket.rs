@@ -1,6 +1,6 @@
-//! Emergency stops past HTTP: a Unix socket in the data folder that only the daemon's user may write to.
+//! Emergency stops without HTTP: a Unix socket in the data folder that only the daemon's user may write to.
 //!
-//! A client sends one line of JSON, [`LocalStopRequest`]; an empty line stops every plate. It is answered with one line,
+//! A client sends one line of JSON, [`LocalStopRequest`]; an empty line stops every plate. The reply is one line,
 //! [`LocalStopAnswer`]. `echo | socat - UNIX-CONNECT:DATA/estop.sock` is enough.
 
 use std::fs::{self, Permissions};
@@ -23,73 +23,74 @@ use upm_core::time::{Clock, MonotonicClock};
 /// Name of the socket in the data folder.
 pub const ESTOP_SOCKET: &str = "estop.sock";
 
-/// Threads that take stops: a client that says nothing keeps one of them for [`ASKED_WITHIN`].
+/// Threads that accept stops. A client that sends nothing occupies one of them for [`ASKED_WITHIN`].
 const THREADS: usize = 4;
 
-/// Longest request and longest answer, bytes.
+/// Longest request and longest reply, bytes.
 const MOST_REQUEST: usize = 4 << 10;
 const MOST_ANSWER: usize = 64 << 10;
 
-/// Most plates of a request.
+/// Most plates in one request.
 const MOST_PLATES: usize = 64;
 
-/// Time for a request to come in whole, for its answer to be taken, and for the answer to come.
+/// Longest time for a request to arrive in full, for the client to take the reply, and for the reply to arrive.
 const ASKED_WITHIN: Duration = Duration::from_millis(500);
 const TAKEN_WITHIN: Duration = Duration::from_millis(500);
 const ANSWERED_WITHIN: Duration = Duration::from_millis(1500);
 
-/// Rest after the machine had no room for one more connection.
+/// Pause after the system could not accept one more connection.
 const NO_ROOM_PAUSE: Duration = Duration::from_millis(20);
 
-/// The socket, as the audit log names it.
+/// Caller name of the socket in the audit log.
 const BY_SOCKET: &str = "estop.sock";
 
-/// What the socket is asked.
+/// A request on the socket.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LocalStopRequest {
-    /// Plates to stop; none for all.
+    /// Plates to stop; empty for all.
     pub plates: Vec<String>,
-    /// Only the daemon that listens on this port is meant.
+    /// HTTP port of the daemon that is meant; a daemon on another port refuses. `None` for any.
     pub port: Option<u16>,
 }
 
-/// What it answers.
+/// The reply on the socket.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LocalStopAnswer {
-    /// How the stop of each plate went.
+    /// Result of the stop of each plate.
     pub stops: Vec<LocalStop>,
-    /// Why nothing was stopped.
+    /// Why no plate was stopped; `None` when the request was accepted.
     pub error: Option<String>,
 }
 
-/// How the stop of one plate went: the answer, or why there is none.
+/// Result of the stop of one plate: the answer, or why there is none.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LocalStop {
     /// The plate.
     pub plate: String,
-    /// As HTTP answers it.
+    /// The answer, the same as over HTTP.
     pub answer: Option<EStopped>,
-    /// Why it was not stopped.
+    /// Why the plate was not stopped.
     pub error: Option<String>,
 }
 
-/// Stops plates from wherever in the process that is asked for. Copies stop the same.
+/// Emergency stops of the daemon's plates from any thread of the process. Copies share the daemon.
 #[derive(Clone, Debug)]
 pub struct EmergencyStops(pub(super) Arc<DaemonState>);
 
 impl EmergencyStops {
-    /// Stops every plate. `by` is who asks, for the audit log. All have been told before the first is waited for.
+    /// Stops every plate. `by` is the caller's name for the audit log. All plates are stopped before the first
+    /// confirmation is awaited.
     pub fn stop_all(&self, by: &str) -> Vec<LocalStop> {
         self.stop(&self.0.spec.plate_names(), by)
     }
 
-    /// Stops these plates.
+    /// Stops the plates called `names`.
     pub(super) fn stop(&self, names: &[String], by: &str) -> Vec<LocalStop> {
         for plate in names.iter().filter_map(|name| self.0.plates.get(name)) {
             plate.estop();
         }
-        // beside each other: a frozen disk keeps each of them for most of a second
+        // in parallel: on a frozen disk each takes most of a second
         let see = |name: &str| self.see_through(name, by);
         thread::scope(|scope| {
             let start = |name| thread::Builder::new().spawn_scoped(scope, move || see(name)).ok();
@@ -111,7 +112,7 @@ impl EmergencyStops {
     }
 }
 
-/// The socket. It is removed when this is dropped.
+/// The listening socket. Dropping it removes the socket file.
 #[derive(Debug)]
 pub(super) struct EStopSocket {
     path: PathBuf,
@@ -119,8 +120,8 @@ pub(super) struct EStopSocket {
 }
 
 impl EStopSocket {
-    /// Listens in `data`, in place of a socket that an earlier daemon left; `port` is the one of HTTP. The folder's lock
-    /// must be held.
+    /// Listens in `data`, replacing a socket left by an earlier daemon; `port` is the HTTP port. The caller must hold
+    /// the folder's lock.
     pub fn open(data: &Path, port: u16, stop: &EmergencyStops) -> io::Result<Self> {
         let path = data.join(ESTOP_SOCKET);
         match fs::remove_file(&path) {
@@ -141,7 +142,7 @@ impl EStopSocket {
 impl Drop for EStopSocket {
     fn drop(&mut self) {
         self.ending.store(true, Ordering::SeqCst);
-        // wakes the threads, which then see it; not joined: one may be waiting for a client
+        // wakes the threads, which then see the flag; not joined, since one may be waiting for a client
         for _ in 0..THREADS {
             UnixStream::connect(&self.path).ok();
         }
@@ -190,7 +191,8 @@ fn request_in(line: &[u8], port: u16) -> Result<LocalStopRequest, String> {
     }
 }
 
-/// Asks the daemon whose data folder is `data` for a stop. An error when there is none, or no whole answer in time.
+/// Sends a stop to the daemon whose data folder is `data`. An error when no daemon listens there, or no complete reply
+/// arrives in time.
 pub fn stop_locally(data: &Path, request: &LocalStopRequest) -> io::Result<LocalStopAnswer> {
     let daemon = UnixStream::connect(data.join(ESTOP_SOCKET))?;
     daemon.set_write_timeout(Some(TAKEN_WITHIN))?;
@@ -205,7 +207,8 @@ fn send(mut to: &UnixStream, value: &impl Serialize) -> io::Result<()> {
     to.write_all(&line)
 }
 
-/// A line of at most `most` bytes that comes `within` this time; `None` when the other end closes and says nothing.
+/// A line of at most `most` bytes that arrives `within` this time; `None` when the other end closes without sending
+/// any.
 fn line_of(mut from: &UnixStream, most: usize, within: Duration) -> io::Result<Option<Vec<u8>>> {
     let (clock, mut line) = (MonotonicClock::new(), Vec::new());
     let mut piece = [0; 1 << 10];

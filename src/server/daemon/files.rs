@@ -33,7 +33,7 @@ pub(super) fn recording(runs: &Path, row: &JobRow) -> Result<Recording, Refusal>
         (_, RecordingStatus::None) => none("the job was not recorded"),
         (_, RecordingStatus::Partial) => none("the recording was not closed and could not be repaired"),
         (_, RecordingStatus::Pruned) => none("the recording was deleted to make room"),
-        // what was written before it failed may be there, closed
+        // the part written before the failure may be there, closed
         (_, RecordingStatus::Failed) => open(runs, row, "the recording could not be written"),
         (_, RecordingStatus::Whole | RecordingStatus::Recovered | RecordingStatus::Stopped) => {
             open(runs, row, "the recording is gone")
@@ -41,7 +41,7 @@ pub(super) fn recording(runs: &Path, row: &JobRow) -> Result<Recording, Refusal>
     }
 }
 
-/// The file, opened; `none` says why there is none.
+/// The opened file; a missing one is refused with `none` as the sentence.
 fn open(runs: &Path, row: &JobRow, none: &str) -> Result<Recording, Refusal> {
     let opened = || {
         let folder = row.folder.as_deref().ok_or(RunFileFault::Missing)?;

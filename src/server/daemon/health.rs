@@ -1,5 +1,5 @@
-//! What keeps the daemon from working, and what keeps it from taking jobs: codes for programs and sentences for a person,
-//! made of what is observed and of nothing else.
+//! Health and readiness of the daemon: reason codes for programs and sentences for people, derived from [`Observed`]
+//! alone.
 
 use std::time::Duration;
 
@@ -8,10 +8,10 @@ use super::observed::Observed;
 use crate::plates::PlateState;
 use crate::service::{Reason, ReasonCode};
 
-/// A store that has been silent for longer hangs: it goes round four times a second, and questions are short.
+/// Longest silence of a healthy store: its writer completes a loop four times a second, and reads are short.
 const LONGEST_SILENCE: Duration = Duration::from_secs(5);
 
-/// What keeps it from working at all; nothing when it is well.
+/// Reasons why the daemon does not work at all; empty when it is healthy.
 pub(super) fn ailments(observed: &Observed) -> Vec<Reason> {
     let mut ailments = Vec::new();
     if observed.store.heartbeat > LONGEST_SILENCE {
@@ -29,7 +29,7 @@ pub(super) fn ailments(observed: &Observed) -> Vec<Reason> {
     ailments
 }
 
-/// What keeps it from taking jobs; nothing when it is ready.
+/// Reasons why it takes no jobs; empty when it is ready.
 pub(super) fn obstacles(observed: &Observed) -> Vec<Reason> {
     let mut obstacles = ailments(observed);
     if observed.is_stopping {

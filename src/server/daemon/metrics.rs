@@ -1,5 +1,5 @@
-//! The daemon's figures for Prometheus, as OpenMetrics text. Their names, types and units are a contract with whoever
-//! has drawn a graph of them.
+//! The daemon's metrics for Prometheus, as OpenMetrics text. Their names, types and units are a stable interface:
+//! dashboards and alerts depend on them.
 
 mod family;
 #[cfg(test)]
@@ -18,7 +18,7 @@ const PLATE_STATES: [PlateState; 4] = [PlateState::Idle, PlateState::Running, Pl
 
 const RECORDING_STATES: [&str; 5] = ["off", "writing", "stopped", "failed", "whole"];
 
-/// All figures as OpenMetrics text.
+/// All metrics as OpenMetrics text.
 pub(super) fn text(observed: &Observed) -> String {
     let families =
         [own(observed), of_plates(&observed.plates), of_jobs(observed), of_store(observed), of_http(observed)];
@@ -125,7 +125,7 @@ fn of_http(observed: &Observed) -> Vec<Family> {
     ]
 }
 
-/// One sample for each state, 1 for the one that is.
+/// One sample for each state: 1 for the current state, 0 for the others.
 fn one_of<const N: usize>(plate: &str, states: [(&'static str, bool); N]) -> [Sample; N] {
     states.map(|(state, is)| {
         Sample::new(vec![("plate", plate.to_owned()), ("state", state.to_owned())], f64::from(u8::from(is)))

@@ -5,32 +5,33 @@ use crate::service::Requests;
 use crate::store::{Displaced, JobState, StoreHealth};
 use upm_recording::RecordingState;
 
-/// The daemon at one moment: what figures and readiness are made of. Taken without waiting for anybody.
+/// The daemon at one moment: the source of metrics and readiness. Taken without blocking.
 #[derive(Clone, Debug)]
 pub(super) struct Observed {
     /// The program's version.
     pub version: &'static str,
     /// Time since the daemon started.
     pub uptime: Duration,
-    /// True once it has been told to end.
+    /// True once the daemon is shutting down.
     pub is_stopping: bool,
-    /// Damage found at start that nobody has taken note of yet, as a sentence.
+    /// Damage found at start and not acknowledged yet, as a sentence.
     pub damage: Option<String>,
-    /// The path of the data folder that names another file than the one held open.
+    /// The displaced path of the data folder: it names another file than the one held open. `None` while all are in
+    /// place.
     pub displaced: Option<Displaced>,
-    /// What of the plates' threads works no more.
+    /// `Err` names the plate threads that have died or hang.
     pub plates_alive: Result<(), String>,
     /// The plates, in the order of the configuration.
     pub plates: Vec<PlateObserved>,
-    /// How many jobs the store knows of each plate in each state.
+    /// Number of jobs of each plate in each state, as last counted.
     pub jobs: Vec<(String, JobState, u64)>,
     /// The job store.
     pub store: StoreHealth,
-    /// Room on the disk.
+    /// Space on the disk.
     pub disk: DiskObserved,
-    /// Requests answered so far.
+    /// Number of requests answered so far.
     pub requests: Vec<Requests>,
-    /// Event streams that are open.
+    /// Number of open event streams.
     pub event_streams: u64,
 }
 
@@ -57,20 +58,20 @@ pub(super) struct PlateObserved {
     pub recording: RecordingState,
 }
 
-/// Room on the disk of the data folder.
+/// Space on the disk of the data folder.
 #[derive(Clone, Debug, Default)]
 pub(super) struct DiskObserved {
-    /// Bytes left; `None` when it does not say.
+    /// Free bytes; `None` when the disk does not respond.
     pub free_bytes: Option<u64>,
-    /// With fewer left no job is taken.
+    /// Fewest free bytes with which jobs are accepted.
     pub reserve_bytes: u64,
-    /// Bytes in run folders; `None` before they were counted.
+    /// Bytes in run folders; `None` until they have been counted.
     pub runs_bytes: Option<u64>,
 }
 
 #[cfg(test)]
 impl Observed {
-    /// Two plates, all well: one runs a job, one rests.
+    /// Two healthy plates: one runs a job, one is idle.
     pub fn well() -> Self {
         let plate = |name: &str, state| PlateObserved {
             name: name.to_owned(),

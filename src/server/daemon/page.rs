@@ -20,7 +20,7 @@ macro_rules! page {
     };
 }
 
-/// The files of the page, as they are checked in.
+/// The files of the page, compiled in.
 const FILES: &[(&str, &str, &str)] = page! {
     HTML "index.html"
     STYLE "style.css" STYLE "plates.css" STYLE "jobs.css" STYLE "pen.css"
@@ -62,15 +62,15 @@ fn of(media: &'static str, bytes: Bytes) -> Asset {
     Asset { media, bytes, etag }
 }
 
-/// A shipped job, ready to be sent to a daemon.
+/// A shipped job in the form in which clients submit it.
 #[derive(Debug, Serialize)]
 struct Example {
     name: &'static str,
-    /// Task and number of parts, in words.
+    /// Task and number of parts, as text.
     what: String,
     /// Name of the rig that it was made for.
     rig: String,
-    /// The file without the files that it names, laid out as it was.
+    /// The file with its layout kept and without the members that name other files.
     text: String,
 }
 
@@ -96,7 +96,7 @@ fn rig(job: &Value) -> String {
     file.rsplit('/').next().unwrap_or_default().trim_end_matches(".json").to_owned()
 }
 
-/// The text without the lines of `$schema`, `rig` and `library`: a job that is sent names no files.
+/// The text without the lines of `$schema`, `rig` and `library`: a submitted job names no files.
 fn without_files(text: &str) -> String {
     let keys = ["$schema", "rig", "library"];
     let names_file = |line: &&str| keys.iter().any(|key| line.starts_with(&format!("  \"{key}\": \"")));

@@ -19,23 +19,23 @@ use upm_runner::run::{PaceCheck, check_pace, fitting_library as library_of_rig};
 /// Largest token file that is read, bytes.
 const LONGEST_TOKEN_FILE: u64 = 4096;
 
-/// How long the check of the pace lasts.
+/// Duration of the pace check.
 const PACE_CHECKED_FOR: Duration = Duration::from_secs(2);
 
-/// What a daemon needs for its start, most of it out of the files that its configuration names.
+/// Inputs of a daemon's start, most of them read from the files that its configuration names.
 #[derive(Debug)]
 pub struct Prepared {
-    /// True once it is to end. A start then repairs no more recordings: those are repaired the next time.
+    /// Set when the daemon is to end. A start then skips the remaining repairs of recordings; the next start does them.
     pub told_to_end: Arc<AtomicBool>,
-    /// What the network must show.
+    /// Tokens that network clients must present.
     pub(super) tokens: Tokens,
-    /// The library of each plate, in their order.
+    /// The library of each plate, in the order of the configuration.
     pub(super) libraries: Vec<Arc<Library>>,
 }
 
 impl Prepared {
-    /// Measures how this computer keeps up with each plate of `spec` while all of them run in real time, about two
-    /// seconds; names and results in the order of the configuration. Writes nothing.
+    /// Measures how well this computer keeps up with each plate of `spec` while all of them run in real time; takes
+    /// about two seconds. Returns names and results in the order of the configuration. Writes nothing.
     pub fn check_pace(
         &self,
         spec: &DaemonSpec,
@@ -57,14 +57,14 @@ impl Prepared {
     }
 }
 
-/// From now on the files that this process makes are its user's alone: folders 0700, files 0600. Those that are there
-/// already in a data folder become so when its store is opened.
+/// From now on files created by this process are accessible to its user alone: folders 0700, files 0600. Existing files
+/// of a data folder become so when its store is opened.
 pub fn keep_files_private() {
     umask(Mode::RWXG | Mode::RWXO);
 }
 
-/// Reads the files that `spec` names, and checks all that can be checked before anything starts: every fault is told.
-/// Starts and changes nothing.
+/// Reads the files that `spec` names and checks everything that can be checked before anything starts. Returns every
+/// fault found. Starts and changes nothing.
 pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Fault>> {
     let mut faults = Vec::new();
     let tokens = tokens_of(spec, &mut faults);
@@ -86,7 +86,7 @@ pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Fault>> {
     Ok(Prepared { told_to_end: Arc::default(), tokens, libraries })
 }
 
-/// Once there is any token, what needs one that may operate is refused to all others.
+/// True when there is a read token but no operator token: every request that needs the operate scope would be refused.
 fn nobody_operates(spec: &DaemonSpec) -> bool {
     spec.token_file.is_none() && spec.read_token_file.is_some()
 }
@@ -99,7 +99,7 @@ fn taken<T>(made: Result<T, Vec<Fault>>, faults: &mut Vec<Fault>) -> Option<T> {
     made.map_err(|found| faults.extend(found)).ok()
 }
 
-/// The tokens in the files that `spec` names; what is wrong with them goes to `faults`.
+/// The tokens in the files that `spec` names; their faults are added to `faults`.
 pub(super) fn tokens_of(spec: &DaemonSpec, faults: &mut Vec<Fault>) -> Tokens {
     let mut tokens = Tokens::default();
     let files = [
@@ -117,7 +117,7 @@ pub(super) fn tokens_of(spec: &DaemonSpec, faults: &mut Vec<Fault>) -> Tokens {
     tokens
 }
 
-/// The token in a file. What is wrong with it is told without any of it.
+/// The token in a file. Error messages contain no part of it.
 fn secret_in(file: &Path) -> Result<String, String> {
     let meta = fs::metadata(file).map_err(|error| reason(&error))?;
     if !meta.is_file() || meta.len() > LONGEST_TOKEN_FILE {
@@ -134,7 +134,7 @@ fn secret_in(file: &Path) -> Result<String, String> {
     Ok(text.trim_end().to_owned())
 }
 
-/// The library of a plate; its standing job must be one that can be run with it.
+/// The library of a plate; its standing job must be able to run with it.
 fn fitted_library(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Fault>> {
     let library = library_of(plate)?;
     if let Some(standing) = &plate.standing {
@@ -147,7 +147,7 @@ fn library_of(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Fault>> {
     library_of_rig(&plate.library, &plate.library_key, &plate.rig).map(Arc::new)
 }
 
-/// The data folder is one that this process may write in, or can be made.
+/// The fault of a data folder that this process cannot write to or create; `None` for a usable one.
 fn data_fault(spec: &DaemonSpec) -> Option<Fault> {
     let there = spec.data.ancestors().find(|folder| folder.exists() || folder.as_os_str().is_empty())?;
     let there = if there.as_os_str().is_empty() { Path::new(".") } else { there };

@@ -1,10 +1,10 @@
-//! What a start found of the daemon before it, for those who must know.
+//! Report on the state that a start found left by the previous daemon: log entries and causes of pauses.
 
 use crate::plates::Pause;
 use crate::store::{JobRow, Recovery, Store};
 use upm_recording::Report;
 
-/// Says in the log what the last daemon left.
+/// Logs the state that the previous daemon left.
 pub(super) fn tell(recovery: &Recovery) {
     let Recovery { interrupted, ended, paused, moved_aside, damage, clean, orphans, repaired, .. } = recovery;
     if let Some(damage) = damage {
@@ -28,7 +28,7 @@ pub(super) fn tell(recovery: &Recovery) {
     }
 }
 
-/// Why `plate` waits for a person after a start: as before it, where the end of a job had paused it.
+/// Cause of `plate`'s pause after a start: the same as before it where the end of a job had paused the plate.
 pub(super) fn why_paused(recovery: &Recovery, plate: &str) -> Pause {
     if recovery.damage.is_none()
         && recovery.clean
@@ -44,13 +44,13 @@ pub(super) fn why_paused(recovery: &Recovery, plate: &str) -> Pause {
     Pause::new(code, &format!("{why}: {remedy}"), remedy)
 }
 
-/// The pause after `job`, which is over; `None` for an end that pauses no plate.
+/// The pause that the end of `job` caused; `None` for an end that pauses no plate.
 fn after(job: &JobRow) -> Option<Pause> {
     let report: Report = serde_json::from_str(job.report_json.as_deref()?).ok()?;
     report.stop.filter(|stop| stop.code.pauses_plate()).map(|stop| Pause::after(Some(&stop), &job.reason))
 }
 
-/// Says in the log what waits for plates that there are no more: it can be cancelled, or the plate be served again.
+/// Logs jobs queued for plates that are no longer configured: they can be cancelled, or the plate configured again.
 pub(super) fn tell_unserved(store: &Store, served: Vec<String>) {
     store.queued(move |counted| {
         for (plate, jobs) in counted.unwrap_or_default() {

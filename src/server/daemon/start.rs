@@ -21,18 +21,18 @@ use crate::store::{self, Clocks, Mended, Opened, Store, StoreFault};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
 
-/// Time for plates to end: motors are at zero at once, recordings take a moment to be closed.
+/// Longest time for plates to end: motors go to zero at once, closing recordings takes a moment.
 const PLATES_WITHIN: Duration = Duration::from_millis(1200);
-/// Time for requests under way to end, beside that.
+/// Longest time for requests under way to end, in parallel with that.
 const REQUESTS_WITHIN: Duration = Duration::from_millis(1300);
-/// Time for the store to write what waits, after both.
+/// Longest time for the store to write its queue, after both.
 const STORE_WITHIN: Duration = Duration::from_millis(400);
-/// How often the number of waiting jobs is looked at when nobody asks.
+/// Interval at which queued jobs are counted when no client asks.
 const TICK: Duration = Duration::from_millis(500);
-/// How many of these go by from one count of all jobs to the next.
+/// Number of these intervals between two counts of all jobs.
 const COUNT_EVERY: u32 = 10;
 
-/// Why a standing job waits whose configuration says `"start": "paused"`.
+/// Reason of a waiting standing job that is configured with `"start": "paused"`.
 const STARTS_PAUSED: &str = "it starts paused, as the configuration says";
 
 /// Why a daemon does not start.
@@ -41,10 +41,10 @@ pub enum StartFault {
     /// Its job store cannot be opened.
     #[error("{0}: {1}")]
     Store(String, StoreFault),
-    /// A newer release wrote its job store, which is left as it is.
+    /// A newer release wrote its job store, which is left unchanged.
     #[error("{0}")]
     NewerStore(StoreFault),
-    /// It cannot listen.
+    /// It cannot listen on its address.
     #[error("{0}: cannot be listened on: {1}")]
     Listen(SocketAddr, io::Error),
     /// Plates or threads cannot be started.
@@ -52,38 +52,38 @@ pub enum StartFault {
     Plates(io::Error),
 }
 
-/// How a daemon ended.
+/// Result of a daemon's shutdown.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ended {
     /// Plates that had not ended in time.
     pub plates_left: Vec<String>,
-    /// Connections that were dropped because they had not.
+    /// Connections dropped because they had not ended in time.
     pub dropped: usize,
-    /// True when all is on the disk; if not the next start is one after a crash.
+    /// True when everything is on the disk; otherwise the next start is a recovery after a crash.
     pub in_order: bool,
 }
 
-/// A daemon whose plates are ready and that listens, and does not answer yet.
+/// A daemon whose plates are ready and that listens, but does not answer requests yet.
 #[derive(Debug)]
 pub struct Daemon {
     pub(super) desk: Arc<FrontDesk>,
     listener: TcpListener,
     tokens: SharedTokens,
-    /// `None` when it could not be made.
+    /// `None` when the socket could not be created.
     estop_socket: Option<EStopSocket>,
 }
 
 impl Daemon {
-    /// Why it could not listen now, on its own address or for a live stream; nothing when it could. Each address is taken
-    /// for a moment.
+    /// Faults of listening now on its own address and on those of the live streams; empty when all are free. Binds each
+    /// address for a moment.
     pub fn refused_addresses(spec: &DaemonSpec) -> Vec<StartFault> {
         let ports = spec.plates.iter().filter_map(|plate| plate.live_port);
         let live = ports.filter(|_| live_history_of(spec).is_some()).map(|port| (Ipv4Addr::LOCALHOST, port).into());
         std::iter::once(spec.listen).chain(live).filter_map(|address| listener_at(address).err()).collect()
     }
 
-    /// Takes its port, opens the store, puts in order what the last daemon left and makes the plates. Requests wait until
-    /// it serves. Nothing moves that a person must let move first.
+    /// Binds the port, opens the store, recovers the state that the previous daemon left and creates the plates.
+    /// Requests wait until [`Self::serve`]. Plates that need an operator's consent stay still.
     pub fn start(
         spec: DaemonSpec,
         prepared: Prepared,
@@ -91,7 +91,7 @@ impl Daemon {
         now: fn() -> Timestamp,
         version: &'static str,
     ) -> Result<Self, StartFault> {
-        // before anything is changed: a port in use is no end of the daemon that had the data before
+        // before anything is changed: a port in use must not disturb the daemon that holds the data
         let listener = listener_at(spec.listen)?;
         let at_store = |fault| match fault {
             StoreFault::Newer { .. } => StartFault::NewerStore(fault),
@@ -139,23 +139,23 @@ impl Daemon {
         Ok(Self { desk, listener, tokens, estop_socket })
     }
 
-    /// Stops its plates, past the network.
+    /// A handle that stops its plates without the network.
     pub fn emergency_stop(&self) -> EmergencyStops {
         EmergencyStops(Arc::clone(&self.desk.state))
     }
 
-    /// Where it listens.
+    /// Address it listens on.
     pub fn address(&self) -> io::Result<SocketAddr> {
         self.listener.local_addr()
     }
 
-    /// Has its tokens read again.
+    /// A handle that makes it read its tokens again.
     pub fn token_reload(&self) -> TokenReload {
         TokenReload { state: Arc::clone(&self.desk.state), tokens: self.tokens.clone() }
     }
 
-    /// Answers until `stop` has something to say, or nobody is left who could; then ends within two seconds, whatever
-    /// clients do: motors to zero first. `manager` is told that it is ready, alive, ending.
+    /// Serves until `stop` receives a message or is disconnected, then shuts down within two seconds, whatever clients
+    /// do; motors go to zero first. `manager` is notified when the daemon is ready, alive and shutting down.
     pub fn serve(mut self, stop: &Receiver<()>, manager: &ServiceManager) -> Ended {
         let (state, estop_socket) = (Arc::clone(&self.desk.state), self.estop_socket.take());
         let alive = show_life(&state, manager);
@@ -169,7 +169,7 @@ impl Daemon {
         ended
     }
 
-    /// Answers on a thread of its own until `flag` is set.
+    /// Serves HTTP on another thread until `flag` is set.
     fn answer(self, flag: StopFlag) -> JoinHandle<io::Result<Served>> {
         let Self { desk, listener, tokens, .. } = self;
         let (spec, traffic, version) = (&desk.state.spec, desk.state.traffic.clone(), desk.state.version);
@@ -189,8 +189,8 @@ pub struct TokenReload {
 }
 
 impl TokenReload {
-    /// From now on the tokens in the files are accepted, and no others. When a file has a fault that is logged, and
-    /// nothing changes.
+    /// Reads the token files again; from then on only their tokens are accepted. When a file has a fault, it is logged
+    /// and nothing changes.
     pub fn reload(&self) {
         let mut faults = Vec::new();
         let tokens = tokens_of(&self.state.spec, &mut faults);
@@ -204,7 +204,7 @@ impl TokenReload {
     }
 }
 
-/// Shows the service manager that the daemon lives for as long as it is well, and what it returns is held.
+/// Sends the service manager signs of life while the daemon is healthy and the returned value is held.
 fn show_life(state: &Arc<DaemonState>, manager: &ServiceManager) -> Option<SignsOfLife> {
     let state = Arc::clone(state);
     let well = move || {
@@ -218,7 +218,7 @@ fn show_life(state: &Arc<DaemonState>, manager: &ServiceManager) -> Option<Signs
     })
 }
 
-/// Counts jobs now and then, and tells of wrong tokens, until it is time to end.
+/// Counts jobs periodically and logs wrong tokens until the daemon is to end.
 fn count_until(
     stop: &Receiver<()>,
     state: &Arc<DaemonState>,
@@ -228,7 +228,7 @@ fn count_until(
     let mut ticks = 0u32;
     while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
         state.count_queued(|_| {});
-        // whoever let the last plate go on has seen it, though nobody asked since
+        // acknowledges the damage once the last plate is resumed, even when no request has asked since
         state.unseen_damage();
         tokens.tell_wrong();
         if ticks.is_multiple_of(COUNT_EVERY) {
@@ -238,7 +238,7 @@ fn count_until(
     }
 }
 
-/// Ends everything, each within its time: plates and requests beside each other, then the store.
+/// Shuts down, each part within its time: plates and requests in parallel, then the store.
 fn end(
     state: &DaemonState,
     stopper: &StopSender,
@@ -248,7 +248,7 @@ fn end(
 ) -> Ended {
     state.ending.store(true, Ordering::SeqCst);
     stopper.stop();
-    // motors to zero before anybody is told: who listens may take a while
+    // motors to zero before anything is reported: logging may take a while
     state.plates.shutdown(Duration::ZERO);
     tracing::info!("ending");
     manager.stopping();
@@ -259,14 +259,14 @@ fn end(
         tracing::error!("the server ended: {error}");
     }
     tracing::debug!("requests have ended");
-    // while the folder is locked: after that it may be the next daemon's
+    // while the folder is locked: after that the socket may be the next daemon's
     drop(estop_socket);
     let in_order = state.store.close(STORE_WITHIN) && plates_left.is_empty();
     tracing::debug!(in_order, "the store is closed");
     Ended { plates_left, dropped: served.map_or(0, |served| served.dropped), in_order }
 }
 
-/// A daemon without this socket is told apart in the log alone: HTTP and SIGUSR1 stop its plates, too.
+/// Opens the socket for emergency stops. A failure is only logged: HTTP and SIGUSR1 stop the plates, too.
 fn estop_socket_of(state: &Arc<DaemonState>, listener: &TcpListener) -> Option<EStopSocket> {
     let stop = EmergencyStops(Arc::clone(state));
     let port = listener.local_addr().map(|address| address.port());
@@ -279,8 +279,8 @@ fn listener_at(address: SocketAddr) -> Result<TcpListener, StartFault> {
     TcpListener::bind(address).map_err(|error| StartFault::Listen(address, error))
 }
 
-/// Bytes that a live stream keeps; `None` for no live streams. One asks nobody who they are, so where others reach the daemon
-/// there is none.
+/// Bytes that a live stream keeps; `None` for no live streams. Live streams have no authentication, so there are none
+/// where other machines reach the daemon.
 fn live_history_of(spec: &DaemonSpec) -> Option<u64> {
     spec.live_history_bytes.filter(|_| spec.listen.ip().is_loopback())
 }
@@ -299,7 +299,7 @@ fn limits_of(spec: &DaemonSpec) -> store::Limits {
     }
 }
 
-/// Repairs a recording, but for a daemon that is to end: nobody waits for it until all are repaired.
+/// Repairs a recording, unless the daemon is to end: a shutdown does not wait for the remaining repairs.
 fn repair_unless(told_to_end: &AtomicBool, part: &Path, whole: &Path) -> Result<Mended, String> {
     if told_to_end.load(Ordering::SeqCst) {
         return Err("the daemon is ending; the next one tries again".to_owned());

@@ -16,39 +16,39 @@ use upm_core::time::{Clock, MonotonicClock};
 use upm_recording::RecordingState;
 use upm_runner::config::DaemonSpec;
 
-/// State from which the API is answered.
+/// State from which the API is served.
 #[derive(Debug)]
 pub(super) struct DaemonState {
     pub spec: DaemonSpec,
     pub store: Arc<Store>,
     pub plates: Arc<Plates>,
     pub clock: MonotonicClock,
-    /// The daemon ends.
+    /// True once the daemon is shutting down.
     pub ending: AtomicBool,
-    /// Events of each plate, on their way to clients.
+    /// Event distribution of each plate, to the clients that watch its jobs.
     pub wires: BTreeMap<String, Arc<Wire>>,
-    /// Jobs, when they were counted last.
+    /// Numbers of jobs at the last count.
     counted: Mutex<Counted>,
     /// Counts of requests and streams.
     pub traffic: Traffic,
     /// Damage found in the store when it was opened.
     pub damage: Damage,
-    /// Whether the data folder is still the one that is held open.
+    /// Whether the paths of the data folder still name the files that are held open.
     pub data: DataWatch,
     pub version: &'static str,
 }
 
-/// How many jobs there are.
+/// Numbers of jobs.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Counted {
-    /// Those that wait for each plate.
+    /// Jobs queued for each plate.
     pub queued: BTreeMap<String, u64>,
-    /// Those of each plate in each state.
+    /// Jobs of each plate in each state.
     pub jobs: Vec<(String, JobState, u64)>,
 }
 
 impl DaemonState {
-    /// That of a daemon whose store was found with `damage`.
+    /// The state of a daemon whose store was found with `damage`.
     pub fn new(
         spec: DaemonSpec,
         store: Arc<Store>,
@@ -81,17 +81,17 @@ impl DaemonState {
         self.plates.get(name).ok_or_else(|| Refusal::Unknown("there is no such plate".to_owned()))
     }
 
-    /// All plates as they are now, with their queues as they were last seen.
+    /// All plates now, with their queues as last counted.
     pub fn all_shown(&self) -> crate::service::Plates {
         crate::service::Plates { plates: self.plates.iter().map(|plate| self.shown(plate)).collect() }
     }
 
-    /// A plate as it is now, with its queue as it was last seen.
+    /// A plate now, with its queue as last counted.
     fn shown(&self, plate: &plates::Plate) -> Plate {
         answers::plate(&plate.snapshot(), self.counted().queued.get(plate.name()).copied().unwrap_or(0))
     }
 
-    /// Looks how many jobs wait, then does `then`; where the store does not say, with the numbers of before.
+    /// Counts queued jobs, then calls `then`; when the store fails, with the previous numbers.
     pub fn count_queued(self: &Arc<Self>, then: impl FnOnce(&Self) + Send + 'static) {
         let state = Arc::clone(self);
         self.store.queued(move |counted| {
@@ -102,7 +102,7 @@ impl DaemonState {
         });
     }
 
-    /// Counts all jobs there are.
+    /// Counts all jobs.
     pub fn count_jobs(self: &Arc<Self>) {
         let state = Arc::clone(self);
         self.store.counts(move |counted| {
@@ -116,20 +116,20 @@ impl DaemonState {
         self.counted.lock()
     }
 
-    /// Answers with the plate as it is after what was done to it.
+    /// Replies with the plate's state after an operation on it.
     pub fn answer_with(self: &Arc<Self>, name: &str, reply: Reply<Plate>) {
         let name = name.to_owned();
         self.count_queued(move |state| reply.send(state.plate(&name).map(|plate| state.shown(plate))));
     }
 
-    /// How a job stands, for one who comes to watch it.
+    /// The state of a job for a client that begins to watch it.
     pub fn opening(&self, row: &JobRow) -> Opening {
         let plate = self.plate(&row.plate).ok().map(|plate| self.shown(plate));
         let snapshot = json!({"job": answers::job(row), "plate": plate}).to_string();
         Opening { snapshot, newest: row.last_event, is_over: row.state.is_final() }
     }
 
-    /// The daemon as it is now. Waits for nobody: what the store must be asked for is as it was last told.
+    /// The daemon now. Never blocks: data from the store is as of the last count.
     pub fn observed(&self) -> Observed {
         let counted = self.counted().clone();
         let snapshots: Vec<PlateSnapshot> = self.plates.iter().map(|plate| plate.snapshot()).collect();
@@ -157,13 +157,13 @@ impl DaemonState {
         }
     }
 
-    /// Damage found at start that nobody has taken note of yet, as a sentence.
+    /// Damage found at start and not acknowledged yet, as a sentence.
     pub fn unseen_damage(&self) -> Option<String> {
         let states: Vec<PlateState> = self.plates.iter().map(|plate| plate.snapshot().state).collect();
         self.damage.unseen(&states)
     }
 
-    /// Compares once, and pauses all plates while a path is displaced. Waits for the disk.
+    /// Compares the paths once, and pauses all plates while one is displaced. Waits for the disk.
     pub fn check_paths(&self) {
         let is_displaced = self.data.compare(|| self.store.check_paths().and_then(|()| self.plates.check_paths()));
         if is_displaced {
@@ -172,7 +172,7 @@ impl DaemonState {
         }
     }
 
-    /// Refuses what would be lost with displaced data.
+    /// Refuses requests whose result would be lost with displaced data.
     pub fn intact(&self) -> Result<(), Refusal> {
         self.data.displaced().map_or(Ok(()), |displaced| Err(Refusal::Unwell(reason(&displaced))))
     }
@@ -182,7 +182,7 @@ pub(super) fn no_job() -> Refusal {
     Refusal::Unknown("there is no such job".to_owned())
 }
 
-/// Damage found in the store when it was opened, as a sentence, until an operator has taken note of it.
+/// Damage found in the store when it was opened, as a sentence, until an operator acknowledges it.
 #[derive(Debug)]
 pub(super) struct Damage(Mutex<Option<String>>);
 
@@ -191,8 +191,8 @@ impl Damage {
         Self(Mutex::new(sentence))
     }
 
-    /// The damage not noted yet. After damage every plate is paused, or stopped: an operator who resumes the last one has seen
-    /// what is wrong. Plates that are paused later are so for other reasons.
+    /// The damage, until acknowledged. After damage every plate is paused or stopped; resuming the last of them counts
+    /// as acknowledgement. A later pause has another cause.
     fn unseen(&self, states: &[PlateState]) -> Option<String> {
         let mut damage = self.0.lock();
         let may_any_move = states.iter().any(|state| *state != PlateState::Stopped);
@@ -203,7 +203,7 @@ impl Damage {
     }
 }
 
-/// Leads what one plate tells to the clients that watch its jobs: written out once, however many they are.
+/// Distributes the events of one plate to the clients that watch its jobs. An event is serialized once for all of them.
 #[derive(Default)]
 pub(super) struct Wire(Mutex<Vec<(JobId, Feed)>>);
 
@@ -214,7 +214,7 @@ impl fmt::Debug for Wire {
 }
 
 impl Wire {
-    /// From now on `feed` is offered what is told of `job`, until its client is gone.
+    /// Offers all further events of `job` to `feed` until its client is gone.
     pub fn lead(&self, job: JobId, feed: Feed) {
         let mut feeds = self.feeds();
         feeds.retain(|(_, feed)| !feed.is_closed());

@@ -6,7 +6,7 @@ use crate::plates::{self, Held, Plate, ResetFault};
 use crate::service::{Caller, EStopped, Job, Refusal, Reply, ResetRequest};
 use crate::store::{Cancelled, Deleted, JobId, JobState};
 
-/// Writes down an emergency stop that has been made, and sees how it went.
+/// Stores an emergency stop already made in the audit log and reports its result.
 pub(super) fn see_through(state: &DaemonState, name: &str, caller: &Caller) -> Result<EStopped, Refusal> {
     let plate = state.plate(name)?;
     plate.wait_until_silent();
@@ -22,12 +22,12 @@ pub(super) fn see_through(state: &DaemonState, name: &str, caller: &Caller) -> R
     })
 }
 
-/// The emergency stop that a reset asked for now would end.
+/// The emergency stop that a reset requested now would end.
 pub(super) fn held(plate: &Plate) -> Result<Held, Refusal> {
     plate.held().map_err(refusal)
 }
 
-/// Ends that emergency stop, unless nobody waits for it any more. Waits for the disk.
+/// Ends that emergency stop, unless its client no longer waits. Waits for the disk.
 pub(super) fn reset(
     plate: &Plate,
     held: Held,
@@ -46,13 +46,13 @@ fn refusal(fault: ResetFault) -> Refusal {
     }
 }
 
-/// Lets a plate go on.
+/// Resumes a plate.
 pub(super) fn resume(plate: &Plate, caller: &Caller) -> Result<(), Refusal> {
     let stopped = || Refusal::Conflict("an emergency stop holds: it must be reset first".to_owned());
     plate.resume(requester(caller)).then_some(()).ok_or_else(stopped)
 }
 
-/// Takes a job out of the queue, or tells its plate to end it.
+/// Takes a job out of the queue, or has its plate end it.
 pub(super) fn cancel(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply: Reply<Job>) {
     let Some(id) = JobId::parse(id) else { return reply.send(Err(no_job())) };
     tracing::info!(job = %id, caller = caller.name, "cancel");
@@ -80,7 +80,7 @@ pub(super) fn cancel(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply:
     });
 }
 
-/// Deletes a job that does not run, and tells those who watch it that it has ended.
+/// Deletes a job that does not run, and notifies its watchers that it has ended.
 pub(super) fn delete(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply: Reply<()>) {
     let Some(id) = JobId::parse(id) else { return reply.send(Err(no_job())) };
     tracing::info!(job = %id, caller = caller.name, "delete");
@@ -100,7 +100,7 @@ pub(super) fn delete(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply:
     });
 }
 
-/// Who asks, as far as the network knows.
+/// The requester, as far as the network identifies it.
 fn requester(caller: &Caller) -> plates::Requester {
     let remote = caller.remote.map(|address| address.to_string()).unwrap_or_default();
     plates::Requester { remote, token_name: caller.name.clone(), ..plates::Requester::default() }

@@ -18,16 +18,16 @@ use upm_core::background::WorkerPool;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::{Fault, PlateSpec};
 
-/// Longest time a job waits to be checked. Who asked is told to come again then, while it still listens.
+/// Longest time a job waits to be checked. After it the client is answered with `Retry-After`, while it still listens.
 const CHECKED_WITHIN: Duration = Duration::from_secs(2);
 
-/// When a place in a full queue may be free: nobody knows; this keeps those who ask again from being a load.
+/// `Retry-After` for a full queue, s. A guess, chosen to keep retries cheap.
 const FULL_RETRY_S: u32 = 5;
 
-/// When jobs that come at once may be fewer.
+/// `Retry-After` while too many jobs arrive at once, s.
 const CROWDED_RETRY_S: u32 = 1;
 
-/// A job as it was sent, and when.
+/// A submission and when it arrived.
 pub(super) struct Asked {
     order: Order,
     at: Duration,
@@ -39,14 +39,14 @@ impl Asked {
         Self { order, at: clock.elapsed(), clock }
     }
 
-    /// What a repeated key must come with again: the body, and the pace as it was asked for. What the daemon makes of
-    /// either is no part of it, and may be another after a restart.
+    /// Fingerprint that a repeated key must match: the body and the requested pace. Values that the daemon derives from
+    /// either are excluded, since they may change with a restart.
     fn sha256(&self) -> [u8; 32] {
         let pace = self.order.pace.map_or("none", Pace::code);
         Sha256::new().chain_update(pace).chain_update("\n").chain_update(&self.order.text).finalize().into()
     }
 
-    /// As much of a job as the store looks at to know a key that came before.
+    /// The members of a job by which the store recognizes a repeated key; the others are empty.
     fn by_key(&self) -> Option<NewJob> {
         let key = self.order.key.clone()?;
         Some(NewJob {
@@ -63,7 +63,8 @@ impl Asked {
     }
 }
 
-/// The answer to an order. Dropped with what it waited for, it says that too much waits, unless that panicked.
+/// The pending reply to a submission. Dropped unsent, it answers [`Refusal::Crowded`]; when a panic drops it, the lost
+/// reply becomes [`Refusal::Busy`].
 struct Answer(Arc<Mutex<Option<Reply<Submitted>>>>);
 
 impl Answer {
@@ -81,7 +82,7 @@ impl Answer {
         self.0.lock().take()
     }
 
-    /// Tells whether the client still waits for it.
+    /// A test of whether the client still waits for the reply.
     fn awaited(&self) -> impl Fn() -> bool + Send + 'static {
         let reply = Arc::downgrade(&self.0);
         move || {
@@ -99,8 +100,8 @@ impl Drop for Answer {
     }
 }
 
-/// Queues a job; the answer comes once it is on the disk. One whose key came before is answered as it was then,
-/// whatever stands against it now; others are checked by `checkers`. Waits for nobody.
+/// Queues a job and replies once it is on the disk. A repeated key gets the earlier reply, whatever now prevents a new
+/// job; all others are checked by `checkers`. Never blocks.
 pub(super) fn submit(state: &Arc<DaemonState>, checkers: &Arc<WorkerPool>, asked: Asked, reply: Reply<Submitted>) {
     let answer = Answer::new(reply);
     let Some(by_key) = asked.by_key() else { return check(state, checkers, asked, answer) };
@@ -117,10 +118,10 @@ fn check(state: &Arc<DaemonState>, checkers: &WorkerPool, asked: Asked, answer: 
     checkers.submit(move || queue(&state, &asked, answer));
 }
 
-/// Checks a job and queues it. Takes milliseconds: not for those who answer.
+/// Checks a job and queues it. Takes milliseconds, too long for the threads that answer requests.
 fn queue(state: &Arc<DaemonState>, asked: &Asked, answer: Answer) {
     let waited = asked.clock.elapsed().saturating_sub(asked.at);
-    // who was told that there is no answer may send it again
+    // a client that was already answered with an error may send the job again
     if !answer.awaited()() {
         return;
     }
@@ -149,14 +150,14 @@ fn queue(state: &Arc<DaemonState>, asked: &Asked, answer: Answer) {
             }
             answer.send(submitted(accepted));
         }
-        // nobody waits for the answer
+        // the client no longer waits
         Ok(None) => {}
         Err(fault) => answer.send(Err(unstored(fault))),
     });
 }
 
-/// Takes a job out of the queue whose client was told, while the disk took it, that there is no answer: the client may
-/// send it again. One with an idempotency key stays: sent again, it is the same job. The plate is not woken for it.
+/// Takes a job out of the queue whose client was answered with an error while the job was being stored: it may send the
+/// job again. A job with an idempotency key stays, since sending it again yields the same job. Does not wake the plate.
 fn withdraw(state: &Arc<DaemonState>, row: JobRow) {
     tracing::warn!(job = %row.id, plate = row.plate, "its client had given up when it was stored: withdrawn");
     let then = Arc::clone(state);
@@ -175,7 +176,7 @@ fn withdraw(state: &Arc<DaemonState>, row: JobRow) {
     });
 }
 
-/// What a fault of the store means to who submits.
+/// The refusal of a submission for a fault of the store.
 fn unstored(fault: StoreFault) -> Refusal {
     match fault {
         StoreFault::Busy => Refusal::Crowded { retry_after_s: CROWDED_RETRY_S },
@@ -192,15 +193,15 @@ fn submitted(accepted: Accepted) -> Result<Submitted, Refusal> {
     }
 }
 
-/// What is wrong with the text of a job.
+/// The refusal of a job's text with its faults.
 fn faulty(text: &str, faults: Vec<Fault>) -> Refusal {
     let is_json = serde_json::from_str::<IgnoredAny>(text).is_ok();
     if is_json { Refusal::Invalid(faults) } else { Refusal::Malformed(faults) }
 }
 
 impl DaemonState {
-    /// The plate that a job asks for. One that asks for none goes to the default plate, or, when it brings a rig, to one
-    /// with a rig of that name. What is no job goes to any plate: that will tell what is wrong with it.
+    /// The plate that a job names. A job that names none goes to the default plate, or, when it brings a rig, to one
+    /// with a rig of that name. Text that is not JSON goes to any plate, whose check then reports the faults.
     fn plate_of(&self, text: &str) -> Result<&Plate, Refusal> {
         let Ok(job) = serde_json::from_str::<Value>(text) else {
             return self.plates.iter().next().ok_or_else(|| self.unaddressed("nothing"));
@@ -231,14 +232,14 @@ impl DaemonState {
         Ok(NewJob { body_sha256: asked.sha256(), ..job })
     }
 
-    /// A job that would be queued as it is, were there nothing against its plate. Takes milliseconds.
+    /// Checks a job as for queueing, regardless of the state of its plate. Takes milliseconds.
     pub(super) fn examined(&self, text: &str) -> Result<Checked, Refusal> {
         let plate = self.plate_of(text)?;
         let (name, layout) = plate.check(text).map_err(|faults| faulty(text, faults))?;
         Ok(Checked { name, plate: plate.name().to_owned(), layout: answers::layout(&layout) })
     }
 
-    /// What keeps `plate` from taking any job.
+    /// The reason why `plate` takes no jobs; `None` when it does.
     fn hindrance(&self, plate: &Plate) -> Option<Refusal> {
         if plate.is_stopped() {
             let why = format!("plate {} is stopped by an emergency stop: it must be reset first", plate.name());

@@ -1,5 +1,5 @@
-//! What the daemon tells the service manager that started it: ready, ending, alive. One datagram a message, as
-//! sd_notify(3) has it. Where nobody listens nothing is sent.
+//! Notifications to the service manager that started the daemon: ready, stopping, alive. One datagram per message, as
+//! in sd_notify(3). Without a service manager nothing is sent.
 
 use std::ffi::OsStr;
 use std::io;
@@ -10,21 +10,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-/// Longest time a message may wait for the service manager to take it.
+/// Longest time that sending a message may block.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
 
-/// What the service manager put into the environment; read there by the command line.
+/// The service manager's variables in the environment; read by the command line.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Notice<'a> {
-    /// `NOTIFY_SOCKET`: where it listens.
+    /// `NOTIFY_SOCKET`: address it listens on.
     pub socket: Option<&'a OsStr>,
-    /// `WATCHDOG_USEC`: how long it waits for a sign of life, µs.
+    /// `WATCHDOG_USEC`: longest time between two signs of life, µs.
     pub watchdog_usec: Option<&'a str>,
-    /// `WATCHDOG_PID`: the process it expects that from.
+    /// `WATCHDOG_PID`: the process that must send them.
     pub watchdog_pid: Option<&'a str>,
 }
 
-/// The service manager, if there is one.
+/// The service manager; without an address, messages are dropped.
 #[derive(Clone, Debug, Default)]
 pub struct ServiceManager {
     address: Option<SocketAddr>,
@@ -32,7 +32,7 @@ pub struct ServiceManager {
 }
 
 impl ServiceManager {
-    /// The one that `notice` tells of, for the process `pid`.
+    /// The service manager that `notice` describes, for the process `pid`.
     pub fn new(notice: Notice<'_>, pid: u32) -> Result<Self, String> {
         let address = notice.socket.map(address_of).transpose()?;
         let is_meant = notice.watchdog_pid.is_none_or(|meant| meant == pid.to_string());
@@ -40,23 +40,23 @@ impl ServiceManager {
         Ok(Self { address, patience })
     }
 
-    /// The daemon answers requests. `status` is shown to who asks how it is.
+    /// Reports that the daemon answers requests. `status` is shown as the service's status.
     pub fn ready(&self, status: &str) {
         self.tell(&format!("READY=1\nSTATUS={}", one_line(status)));
     }
 
-    /// The daemon is ending.
+    /// Reports that the daemon is shutting down.
     pub fn stopping(&self) {
         self.tell("STOPPING=1\nSTATUS=ending");
     }
 
-    /// Starting or ending takes up to `time` from now: give it that much.
+    /// Extends the timeout of a start or stop by `time` from now.
     pub fn extend(&self, time: Duration) {
         self.tell(&format!("EXTEND_TIMEOUT_USEC={}", time.as_micros()));
     }
 
-    /// From now on a thread shows that the daemon lives, twice in the time the service manager waits, and only while
-    /// `well` says so. `None` where nobody waits.
+    /// Starts a thread that sends signs of life, twice in the manager's watchdog interval and only while `well` returns
+    /// `Ok`. `None` where the manager expects none.
     pub fn keep_alive(
         &self,
         well: impl Fn() -> Result<(), String> + Send + 'static,
@@ -88,7 +88,7 @@ impl ServiceManager {
         }
     }
 
-    /// A message that is lost is told in the log: a service manager that does not listen must not stop the daemon.
+    /// Sends a message. A failure is only logged: a service manager that does not listen must not stop the daemon.
     fn tell(&self, message: &str) {
         let Some(address) = &self.address else { return };
         if let Err(error) = send(address, message) {
@@ -97,7 +97,7 @@ impl ServiceManager {
     }
 }
 
-/// Ends the signs of life when it is dropped.
+/// The thread that sends signs of life; dropping it ends them.
 #[derive(Debug)]
 pub struct SignsOfLife {
     ending: Arc<AtomicBool>,
@@ -109,7 +109,7 @@ impl Drop for SignsOfLife {
         self.ending.store(true, Ordering::SeqCst);
         if let Some(thread) = self.thread.take() {
             thread.thread().unpark();
-            // not joined: it may be asking something that hangs
+            // not joined: its check may hang
         }
     }
 }
@@ -120,7 +120,7 @@ fn send(address: &SocketAddr, message: &str) -> io::Result<()> {
     socket.send_to_addr(message.as_bytes(), address).map(|_| ())
 }
 
-/// A path, or `@` and a name that is no file.
+/// The address of a path, or of `@` and an abstract name.
 fn address_of(socket: &OsStr) -> Result<SocketAddr, String> {
     let bad = |why: &dyn std::fmt::Display| format!("NOTIFY_SOCKET: {why}, found {}", socket.display());
     match socket.as_bytes() {
@@ -146,7 +146,7 @@ fn patience_of(usec: &str) -> Result<Duration, String> {
     usec_of(usec).ok_or_else(|| format!("WATCHDOG_USEC: expected a number of microseconds above 0, found {usec}"))
 }
 
-/// A line feed would begin another message.
+/// The text on one line: a line feed would begin another message.
 fn one_line(text: &str) -> String {
     text.replace(char::is_control, " ")
 }

@@ -22,7 +22,7 @@ use upm_runner::config::{DaemonSpec, WatchdogSpec};
 
 const REST: &str = r#""name": "rest", "parts": [{"kind": "penny"}], "task": {"type": "hold", "duration_s": 0.2}"#;
 
-/// Tests share a machine that may be slow: none of this is what they are about.
+/// Watchdog limits that a slow machine does not reach: these tests are not about the watchdog.
 const PATIENT: WatchdogSpec = WatchdogSpec {
     hung: Duration::from_secs(600),
     no_frame: Duration::from_secs(60),
@@ -32,7 +32,7 @@ const PATIENT: WatchdogSpec = WatchdogSpec {
     late_frames: 1000,
     misses_per_s: 1000,
 };
-/// Longest time anything is waited for.
+/// Longest wait of a test.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 struct Unpark(Thread);
@@ -64,7 +64,7 @@ fn spec(data: &Path) -> DaemonSpec {
     spec.live_history_bytes = None;
     spec.queue = 3;
     spec.watchdog = PATIENT;
-    // these tests are about jobs that are sent
+    // these tests are about submitted jobs
     spec.plates.iter_mut().for_each(|plate| plate.standing = None);
     spec
 }
@@ -74,7 +74,7 @@ fn start(spec: DaemonSpec) -> Result<Daemon, StartFault> {
     Daemon::start(spec, prepared, MonotonicClock::new(), Timestamp::now, "1.2.3")
 }
 
-/// A daemon at work that nobody can reach but by its desk.
+/// A running daemon without network, reached only through its desk.
 struct Running {
     desk: Arc<FrontDesk>,
     _data: tempfile::TempDir,
@@ -95,19 +95,19 @@ impl Running {
         self.order(text, Pace::Max, None).map(|submitted| submitted.job)
     }
 
-    /// Stops plate upm-1: what is queued there stays queued.
+    /// Stops plate upm-1, so that its jobs stay queued.
     fn pause(&self) {
         self.stopped();
         assert_eq!(kept(self.reset()).unwrap().state, PlateState::Paused);
     }
 
-    /// Asks for a reset of plate upm-1.
+    /// Requests a reset of plate upm-1.
     fn reset(&self) -> Promise<Plate> {
         let request = ResetRequest { operator: "A. Person".into(), reason: "test".into() };
         self.desk.reset("upm-1", request, caller())
     }
 
-    /// Stops plate upm-1; asks again until motors and disk have been heard of.
+    /// Stops plate upm-1; repeats until motors and disk have confirmed.
     fn stopped(&self) -> EStopped {
         soon("the stop is not seen through", || {
             let stopped = kept(self.desk.estop("upm-1", caller())).unwrap();
@@ -130,7 +130,7 @@ impl Drop for Running {
     }
 }
 
-/// What `look` comes to see, looking again and again.
+/// Calls `look` repeatedly until it returns a value; panics with `otherwise` after [`PATIENCE`].
 fn soon<T>(otherwise: &str, look: impl Fn() -> Option<T>) -> T {
     let clock = MonotonicClock::new();
     while clock.elapsed() < PATIENCE {
@@ -241,13 +241,13 @@ fn a_reset_that_waits_takes_back_no_later_stop_and_none_once_nobody_waits_for_it
     assert!(matches!(kept(running.reset()), Err(Refusal::Conflict(_))), "the plate is not stopped");
 }
 
-/// Sends a job for plate upm-1 that is not waited for yet.
+/// Submits a job for plate upm-1 without waiting for the reply.
 fn sent(running: &Running) -> Promise<Submitted> {
     let (text, pace, key) = (on("upm-1"), Some(Pace::Max), None);
     running.desk.submit(Order { text, pace, key, caller: caller() })
 }
 
-/// Waits until at least so many tasks wait for the store.
+/// Waits until at least `tasks` tasks are queued for the store.
 fn until_waiting(running: &Running, tasks: usize) {
     let waiting = || running.desk.state.store.health().waiting;
     soon("the store is not asked", || (waiting() >= tasks).then_some(()));
@@ -257,7 +257,7 @@ fn all_jobs(running: &Running) -> Vec<Job> {
     kept(running.desk.jobs(JobsQuery { state: None, limit: 100, cursor: None })).unwrap().jobs
 }
 
-/// Keeps all plates from asking for jobs.
+/// Keeps all plates from claiming jobs.
 fn quiet() -> Running {
     let running = Running::new();
     for plate in running.desk.state.plates.iter() {
@@ -285,7 +285,7 @@ fn submission_whose_client_went_while_it_was_stored_is_withdrawn() {
     let store = Arc::clone(&running.desk.state.store);
     let first = store.hold();
     let again = Arc::clone(&store);
-    // the next transaction: this one, which holds up all answers, and the job
+    // the next transaction holds this task, which delays all answers, and the job
     let second = thread::spawn(move || again.hold());
     until_waiting(&running, 1);
     let given_up = sent(&running);

@@ -9,15 +9,15 @@ use super::redact::{REMOVED, scrub, scrubbed};
 use super::rows::folder_name;
 use crate::store::JobId;
 
-/// Of a journal no more than this is read, from its end, bytes.
+/// Longest part of a journal that is read, from its end, bytes.
 const TAIL_BYTES: u64 = 256 << 10;
-/// Nor more lines than this.
+/// Most lines of it that are kept.
 const TAIL_LINES: usize = 50;
 
 /// Folder of the latches in the data folder.
 const LATCHES: &str = "latch";
 
-/// Of a latch no more than this is read, bytes; they are shorter.
+/// Longest part of a latch file that is read, bytes; valid ones are shorter.
 const LATCH_BYTES: u64 = 64;
 
 /// A run folder.
@@ -27,7 +27,7 @@ pub(super) struct Run {
     pub bytes: u64,
     pub files: Vec<Value>,
     pub changed_at: Option<Timestamp>,
-    /// The file of the bundle with its journal.
+    /// Name of the bundle's file with its journal.
     pub journal: Option<String>,
 }
 
@@ -43,13 +43,13 @@ impl Run {
     }
 }
 
-/// Names and sizes of what lies directly in `folder`, by name.
+/// Names and sizes of the entries directly in `folder`, by name.
 pub(super) fn listed(folder: &Path) -> io::Result<Vec<Value>> {
     let entries = entries(folder)?;
     Ok(entries.iter().map(|(name, _, found)| json!({"name": scrub(name), "bytes": bytes_of(found)})).collect())
 }
 
-/// What the latch of each plate says.
+/// The contents of each plate's latch file.
 pub(super) fn latches(data: &Path) -> io::Result<Vec<Value>> {
     let said = |(name, path, _): (String, PathBuf, Metadata)| {
         let mut text = String::new();
@@ -80,7 +80,7 @@ pub(super) fn runs(folder: &Path) -> io::Result<Vec<Run>> {
     Ok(runs)
 }
 
-/// The last lines of a journal. One that is not whole stands as removed.
+/// The last lines of a journal. A line that is not valid JSON, such as a torn last one, is replaced by [`REMOVED`].
 pub(super) fn tail(path: &Path) -> io::Result<Vec<Value>> {
     if !fs::symlink_metadata(path)?.is_file() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is no file"));
@@ -91,13 +91,13 @@ pub(super) fn tail(path: &Path) -> io::Result<Vec<Value>> {
     let mut bytes = Vec::new();
     file.take(TAIL_BYTES).read_to_end(&mut bytes)?;
     let text = String::from_utf8_lossy(&bytes);
-    // the first line began before what was read
+    // the first line began before the part that was read
     let lines: Vec<&str> = text.lines().skip(usize::from(begin > 0)).collect();
     let last = lines.iter().skip(lines.len().saturating_sub(TAIL_LINES));
     Ok(last.map(|line| serde_json::from_str(line).map_or(Value::from(REMOVED), scrubbed)).collect())
 }
 
-/// What lies in a folder, by name; links are not followed.
+/// The entries of a folder, by name; links are not followed.
 fn entries(folder: &Path) -> io::Result<Vec<(String, PathBuf, Metadata)>> {
     let one = |entry: io::Result<DirEntry>| {
         let entry = entry.ok()?;

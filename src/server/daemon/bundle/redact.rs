@@ -1,28 +1,28 @@
-//! What may leave the machine in a bundle. Of the configuration only what is named here; of texts that people and
-//! programs wrote, no paths, no passwords, nothing that looks drawn at random.
+//! Redaction for the bundle. Of the configuration only the members listed here keep their text; texts written by people
+//! or programs lose paths, passwords and words that look random.
 
 use serde_json::{Map, Value};
 
-/// Stands for what was taken out.
+/// Replaces each removed text.
 pub(super) const REMOVED: &str = "[removed]";
 
-/// Members of the configuration whose text is kept. Numbers and flags are, wherever they stand.
+/// Members of the configuration whose text is kept. Numbers and flags are kept everywhere.
 const KEPT: [&str; 5] = ["listen", "pace", "default_plate", "name", "start"];
 
-/// Longest run of letters and digits that is taken for words.
+/// Longest run of letters and digits that passes as a plain word.
 const LONGEST_PLAIN: usize = 20;
 
-/// Longest run with small and large letters and digits all together that is.
+/// The same for a run that mixes digits with small and capital letters.
 const LONGEST_MIXED: usize = 9;
 
-/// Longest run of hex digits, figures and letters both, that is.
+/// The same for a run of hex digits with both digits and letters.
 const LONGEST_HEX: usize = 7;
 
-/// Words after which a secret comes.
+/// Words that announce a secret after them.
 const ANNOUNCE: [&str; 10] =
     ["password", "passwd", "passphrase", "pwd", "secret", "token", "bearer", "authorization", "api-key", "apikey"];
 
-/// A configuration without paths, tokens and what people named.
+/// A configuration without paths, tokens and names given by users.
 pub(super) fn configuration(value: Value) -> Value {
     allowed(value, false)
 }
@@ -40,7 +40,7 @@ fn allowed(value: Value, keep_text: bool) -> Value {
     }
 }
 
-/// JSON with every text in it scrubbed, names of members too.
+/// JSON with every text in it scrubbed, member names included.
 pub(super) fn scrubbed(value: Value) -> Value {
     match value {
         Value::String(text) => Value::String(scrub(&text)),
@@ -56,13 +56,13 @@ pub(super) fn scrubbed(value: Value) -> Value {
     }
 }
 
-/// The name of a member: those the program gives stay, others are texts like any.
+/// The name of a member. Names in the program's style are kept; others are scrubbed like any text.
 fn member(key: &str) -> String {
     let is_ours = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
     if key.chars().all(is_ours) && !key.split('_').any(is_drawn) { key.to_owned() } else { scrub(key) }
 }
 
-/// A text without what may be a secret. What follows a word that announces one is cut off.
+/// A text without possible secrets. Everything after a word that announces one is cut off.
 pub(super) fn scrub(text: &str) -> String {
     let mut kept: Vec<&str> = Vec::new();
     let mut words = text.split(' ').peekable();
@@ -95,7 +95,7 @@ fn is_odd(word: &str) -> bool {
         || word.split(|c: char| !c.is_alphanumeric()).any(is_drawn)
 }
 
-/// True for letters and digits that look drawn at random.
+/// True for a run of letters and digits that looks random.
 fn is_drawn(run: &str) -> bool {
     let has = |of: fn(&char) -> bool| run.chars().any(|c| of(&c));
     let (digit, letter) = (has(char::is_ascii_digit), has(|c| c.is_alphabetic()));

@@ -3,7 +3,7 @@ use serde_json::{Value, json};
 use super::redact::{REMOVED, scrub, scrubbed};
 use crate::store::{AuditRow, JobId, JobRow, Peeked, StoredEvent};
 
-/// Jobs, and how many there are.
+/// The jobs, with the number of jobs of each plate in each state.
 pub(super) fn jobs(peeked: &Peeked) -> Value {
     let counts = peeked
         .counts
@@ -51,13 +51,14 @@ pub(super) fn event(job: &JobId, event: &StoredEvent) -> Value {
     })
 }
 
-/// The name of a run folder. It ends in the job's id, which looks drawn at random, and stays where it is one of `known`.
+/// The name of a run folder, scrubbed. It ends in the job's id, which looks random; it is kept where that id is one of
+/// `known`.
 pub(super) fn folder_name(name: &str, known: &[JobId]) -> String {
     let of_job = name.rsplit_once('-').filter(|(_, id)| known.iter().any(|known| known.to_string() == *id));
     of_job.map_or_else(|| scrub(name), |(name, id)| format!("{}-{id}", scrub(name)))
 }
 
-/// A line of the audit log.
+/// An entry of the audit log, scrubbed.
 pub(super) fn act(row: &AuditRow) -> Value {
     let entry = &row.entry;
     json!({

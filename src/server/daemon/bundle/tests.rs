@@ -29,7 +29,7 @@ fn new_job(name: &str) -> NewJob {
     }
 }
 
-/// A data folder with secrets in every place where somebody may have put one, and a store that is in use.
+/// A data folder with secrets in every place that may hold one, and a store that is in use.
 struct Planted {
     folder: tempfile::TempDir,
     store: Store,
@@ -131,7 +131,7 @@ fn no_planted_secret_is_in_a_bundle() {
     let (made, files) = made_of(Ok(&planted.spec()), Some(&planted.data()));
     assert!(!made.tar.windows(TOKEN.len()).any(|bytes| bytes == TOKEN.as_bytes()));
     assert!(!made.tar.windows(8).any(|bytes| bytes.eq_ignore_ascii_case(&TOKEN.as_bytes()[..8])));
-    // what stands round the secrets is there: they were met
+    // the text around the secrets is included, so the secrets were encountered
     let event: Value = serde_json::from_str(&text_of(&files, "events.jsonl")).unwrap();
     assert_eq!(event["body"], json!({"text": "the token [removed]", "n": 4}));
     let act: Value = serde_json::from_str(&text_of(&files, "audit.jsonl")).unwrap();

@@ -6,12 +6,12 @@ use prometheus_client::encoding::{DescriptorEncoder, MetricEncoder, NoLabelSet};
 use prometheus_client::metrics::MetricType;
 use prometheus_client::registry::{Registry, Unit};
 
-/// Stands before every name.
+/// Prefix of every metric name.
 const PREFIX: &str = "upm";
 
 type Labels = Vec<(&'static str, String)>;
 
-/// One figure under one set of labels.
+/// One value with its labels.
 #[derive(Debug)]
 pub(super) struct Sample {
     labels: Labels,
@@ -28,7 +28,7 @@ impl Sample {
     }
 }
 
-/// All figures of one name. The name stands without prefix, unit and `_total`; those come by themselves.
+/// All samples of one metric. `name` is without prefix, unit and `_total`; the encoder adds those.
 #[derive(Debug)]
 pub(super) struct Family {
     name: &'static str,
@@ -39,17 +39,17 @@ pub(super) struct Family {
 }
 
 impl Family {
-    /// What rises and falls.
+    /// A value that rises and falls.
     pub fn gauge(name: &'static str, help: &'static str) -> Self {
         Self { name, help, unit: None, kind: MetricType::Gauge, samples: Vec::new() }
     }
 
-    /// What only ever rises, until the daemon starts anew.
+    /// A value that only rises until the daemon restarts.
     pub fn counter(name: &'static str, help: &'static str) -> Self {
         Self { kind: MetricType::Counter, ..Self::gauge(name, help) }
     }
 
-    /// What stays the same, told by its labels.
+    /// A constant, carried by its labels.
     pub fn info(name: &'static str, help: &'static str, labels: Labels) -> Self {
         Self { kind: MetricType::Info, samples: vec![Sample::new(labels, 1.0)], ..Self::gauge(name, help) }
     }
@@ -58,7 +58,7 @@ impl Family {
         Self { unit: Some(unit), ..self }
     }
 
-    /// Its only figure.
+    /// The family with its only sample.
     pub fn with(self, value: f64) -> Self {
         self.with_all([Sample::new(Vec::new(), value)])
     }
@@ -101,7 +101,7 @@ pub(super) fn written(families: Vec<Family>) -> String {
     let mut registry = Registry::with_prefix(PREFIX);
     registry.register_collector(Box::new(Families(families)));
     let mut text = String::new();
-    // a string takes all that is written to it
+    // writing to a string never fails
     encode(&mut text, &registry).unwrap_or_default();
     text
 }

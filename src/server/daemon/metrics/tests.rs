@@ -6,7 +6,7 @@ use super::text;
 use crate::daemon::observed::Observed;
 use crate::store::StoreFault;
 
-/// All figures of one name, as a strict reader of OpenMetrics finds them.
+/// All samples of one metric, as a strict OpenMetrics parser reads them.
 #[derive(Debug)]
 struct Read {
     name: String,
@@ -28,7 +28,7 @@ fn is_name(name: &str) -> bool {
     name.starts_with(is_start) && name.chars().all(|c| is_start(c) || c.is_ascii_digit())
 }
 
-/// `k="v",...}` and what comes after it.
+/// Parses `k="v",...}`; returns the labels and the text after them.
 fn labels_of(mut text: &str) -> (Vec<(String, String)>, &str) {
     let mut labels = Vec::new();
     loop {
@@ -70,7 +70,7 @@ fn sample_of(line: &str, family: &Read) -> (Vec<(String, String)>, f64) {
     (labels, value)
 }
 
-/// Reads OpenMetrics text; panics at whatever the standard does not allow.
+/// Parses OpenMetrics text; panics where the standard is violated.
 fn read(text: &str) -> Vec<Read> {
     let body = text.strip_suffix("# EOF\n").expect("the end is marked");
     let mut families: Vec<Read> = Vec::new();
@@ -106,7 +106,7 @@ fn of<'a>(families: &'a [Read], name: &str) -> &'a Read {
     families.iter().find(|family| family.name == name).unwrap_or_else(|| panic!("{name} is missing"))
 }
 
-/// Name, type, unit and labels of every figure. `UPM_REMAKE_GOLDEN=1` writes the file anew.
+/// Name, type, unit and labels of every metric against the golden file. `UPM_REMAKE_GOLDEN=1` rewrites that file.
 #[test]
 fn names_types_units_and_labels_stay() {
     let families = read(&text(&Observed::well()));

@@ -1,4 +1,4 @@
-//! Jobs that are checked, laid out and deleted.
+//! Checks, layouts and deletions of jobs.
 
 use super::*;
 
