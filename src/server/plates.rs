@@ -1,5 +1,6 @@
-//! The plates of the daemon. Each has a thread that runs its jobs one after another and, while none is queued, its standing
-//! job; an emergency stop that waits for nobody; and whoever watches, told without the plate ever waiting for them.
+//! The plates of the daemon. Each has a thread that runs its jobs one after another and its standing job while the
+//! queue is empty, an emergency stop that never blocks, and subscribers, which are notified without the plate waiting
+//! for them.
 //!
 //! ```text
 //!            wake            try_send            tell (after commit)

@@ -12,29 +12,29 @@ use upm_recording::{RecordingSwitch, ScribeWatch};
 use upm_runner::config::DeadlinePolicy;
 use upm_runner::run::{ExternalStop, PacingStats};
 
-/// The job on a plate, and the ways to end it.
+/// The job on a plate, and the ends requested for it.
 #[derive(Debug, Default)]
 pub(super) struct CurrentJob {
     turn: Mutex<Turn>,
-    /// Ends the run.
+    /// Set to end the run.
     pub end_run: Arc<AtomicBool>,
     pub vitals: Vitals,
-    /// True when the run goes by the clock.
+    /// True for a run in real time.
     real_time: AtomicBool,
-    /// True when its deadlines are strict.
+    /// True for strict deadlines.
     strict: AtomicBool,
     pub pacing: Arc<PacingStats>,
     seen: Mutex<Seen>,
     layout: Mutex<Option<Arc<JobLayout>>>,
 }
 
-/// The present job of the plate, and the ones before and after it that matter.
+/// The plate's current job and its neighbours that matter to a cancel.
 #[derive(Debug, Default)]
 struct Turn {
     running: Option<Running>,
-    /// The job before it.
+    /// The previous job.
     last: Option<JobId>,
-    /// A job that was cancelled before it came onto the plate.
+    /// A job that was cancelled before it began on the plate.
     unwanted: Option<JobId>,
 }
 
@@ -45,11 +45,11 @@ pub(super) struct Running {
     pub standing: bool,
     pub recording: RecordingSwitch,
     journal: ScribeWatch,
-    /// Why it was told to end.
+    /// The requested end; `None` while none was requested.
     cause: Option<ExternalStop>,
 }
 
-/// The newest view of the parts, and when it came.
+/// The newest observation of the parts, and when it was made.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Seen {
     pub sight: LastObservation,
@@ -57,7 +57,7 @@ pub(super) struct Seen {
 }
 
 impl CurrentJob {
-    /// A job comes onto the plate; to end at once when it was cancelled before.
+    /// Begins a job on the plate. Its run ends at once when it was cancelled before.
     pub fn begin(&self, job: JobId, standing: bool, recording: RecordingSwitch, journal: ScribeWatch) {
         *self.seen.lock() = Seen::default();
         *self.layout.lock() = None;
@@ -70,7 +70,7 @@ impl CurrentJob {
         turn.running = Some(Running { job, standing, recording, journal, cause });
     }
 
-    /// Its layout, once its text has been read.
+    /// Sets the job's layout, once its text has been read.
     pub fn lay_out(&self, layout: JobLayout) {
         *self.layout.lock() = Some(Arc::new(layout));
     }
@@ -81,7 +81,7 @@ impl CurrentJob {
         self.layout.lock().clone().filter(|_| is_on_plate)
     }
 
-    /// The pace and the deadlines of its run.
+    /// Sets the pace and the deadlines of the run.
     pub fn paced(&self, real_time: bool, is_strict: bool) {
         self.real_time.store(real_time, Ordering::Relaxed);
         self.strict.store(is_strict, Ordering::Relaxed);
@@ -97,19 +97,20 @@ impl CurrentJob {
         self.turn.lock().running.as_ref().map(|running| running.recording.clone())
     }
 
-    /// The job that is driven, and its journal: not one of which only recording, journal and report are still to be written.
+    /// The job whose run is still under control, and its journal. `None` once only recording, journal and report remain
+    /// to be written.
     pub fn driven(&self) -> Option<(JobId, ScribeWatch)> {
         let turn = self.turn.lock();
         let running = turn.running.as_ref().filter(|_| !self.vitals.is_over())?;
         Some((running.job, running.journal.clone()))
     }
 
-    /// Why its run was told to end.
+    /// The requested end of its run.
     pub fn cause(&self) -> Option<ExternalStop> {
         self.turn.lock().running.as_ref()?.cause.clone()
     }
 
-    /// The job is over; why it was told to end, if it was.
+    /// Ends the job; returns the end that was requested, if one was.
     pub fn end(&self) -> Option<ExternalStop> {
         let mut turn = self.turn.lock();
         let running = turn.running.take()?;
@@ -117,8 +118,8 @@ impl CurrentJob {
         running.cause
     }
 
-    /// Ends the run of `job`, which the store has as running: now, or as soon as it comes onto the plate. False when its
-    /// run is over.
+    /// Ends the run of `job`, which is running according to the store: now, or as soon as it begins on the plate. False
+    /// when its run is over.
     pub fn cancel(&self, job: &JobId) -> bool {
         let Turn { running, last, unwanted } = &mut *self.turn.lock();
         match running {
@@ -135,8 +136,8 @@ impl CurrentJob {
         }
     }
 
-    /// Ends the run of `job` because something is wrong with it, and does `cut`, as long as it is driven: a fault that is
-    /// found later is not the next job's, nor of a plate at rest.
+    /// Ends the run of `job` because of a fault and calls `cut`, if the run is still under control. A fault found later
+    /// must not end the next job, nor stop an idle plate.
     pub fn fail(&self, job: &JobId, why: ExternalStop, cut: impl FnOnce()) {
         let mut turn = self.turn.lock();
         let driven = turn.running.as_mut().filter(|running| running.job == *job && !self.vitals.is_over());
@@ -147,7 +148,7 @@ impl CurrentJob {
         }
     }
 
-    /// How the pacing of its run goes.
+    /// Pacing of its run.
     pub fn deadlines(&self) -> Deadlines {
         let is_strict = self.strict.load(Ordering::Relaxed);
         Deadlines {
@@ -158,14 +159,14 @@ impl CurrentJob {
         }
     }
 
-    /// Notes what is seen of the parts; left out while another thread reads it.
+    /// Stores an observation of the parts; skipped while another thread reads the last one.
     pub fn saw(&self, sight: &LastObservation, now: Duration) {
         let Some(mut seen) = self.seen.try_lock() else { return };
         seen.sight.clone_from(sight);
         seen.at = Some(now);
     }
 
-    /// The newest view of the parts.
+    /// The newest observation of the parts.
     pub fn seen(&self) -> Seen {
         self.seen.lock().clone()
     }

@@ -1,5 +1,5 @@
-//! Sees that recordings leave room on the disk: none is begun that might fill it, and the present ones are stopped when
-//! it runs low. The plates go on.
+//! Keeps recordings from filling the disk: a recording that might fill it is not begun, and those under way are stopped
+//! when space runs low. The plates go on.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
@@ -17,35 +17,35 @@ use upm_core::files::free_bytes;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_recording::{RecordingState, RecordingSwitch};
 
-/// How often the disk is looked at.
+/// Interval between two measurements of free space.
 const APART: Duration = Duration::from_secs(1);
-/// What the last look saw holds so long. A look that takes longer hangs.
+/// Time for which a measurement is valid. One that takes longer hangs.
 const HOLDS: Duration = Duration::from_secs(5);
-/// Bytes a second of plate time that a recording is thought to take before there was one. Recordings of the plus sign
-/// take 0.1 MB/s, those of eight coins 0.2 MB/s; this is twice as much.
+/// Estimated bytes per second of plate time of a recording, before any was made. Recordings of the plus sign take 0.1
+/// MB/s, those of eight coins 0.2 MB/s; this is twice as much.
 const FIRST_RATE: f64 = 0.4e6;
-/// Recordings that tell what the next will take.
+/// Newest recordings from which the next one's size is estimated.
 const RATES: usize = 10;
-/// Shorter ones are mostly what every recording begins with, s.
+/// Shortest recording that counts, s: a shorter one is mostly the header that every recording has.
 const SHORTEST_S: f64 = 1.0;
 const UNKNOWN: u64 = u64::MAX;
 
-/// What is known of the room on the disk.
+/// Free space on the disk, and the space promised to recordings.
 #[derive(Debug)]
 pub(super) struct Disk {
     min_free_bytes: u64,
-    /// [`UNKNOWN`] when the disk does not say.
+    /// Free bytes at the last measurement; [`UNKNOWN`] when the disk did not respond.
     free_bytes: AtomicU64,
     looked_ms: AtomicU64,
-    /// True once it was said that the disk does not answer.
+    /// True once it was logged that the disk does not respond.
     told: AtomicBool,
     ending: AtomicBool,
-    /// Recordings of jobs that run, and what each may come to.
+    /// Recordings of running jobs with the bytes promised to each.
     promised: Mutex<BTreeMap<JobId, (RecordingSwitch, u64)>>,
 }
 
 impl Disk {
-    /// Looks for the first time at the disk of `folder`.
+    /// The state of the disk that holds `folder`, measured once.
     pub fn new(folder: &Path, min_free_bytes: u64, clock: &MonotonicClock) -> Self {
         Self {
             min_free_bytes,
@@ -57,20 +57,20 @@ impl Disk {
         }
     }
 
-    /// What is free, in bytes; `None` when the disk does not say.
+    /// Free bytes; `None` when the disk does not respond.
     pub fn free_bytes(&self, now: Duration) -> Option<u64> {
         let free = self.free_bytes.load(Ordering::Relaxed);
         (free != UNKNOWN && !self.hangs(now)).then_some(free)
     }
 
-    /// Why nothing should be begun that can wait: less is free than is to stay free.
+    /// The reason to begin nothing that can wait: less is free than is to stay free. `None` with enough free.
     pub fn is_low(&self, now: Duration) -> Option<String> {
         let free = self.free_bytes(now).filter(|&free| free < self.min_free_bytes)?;
         Some(format!("the disk has only {} left", megabytes(free)))
     }
 
-    /// Lets the recording of a job come to `wanted_bytes`, until [`Self::release`]; why not. Counted in is what other
-    /// recordings may still take. A disk that does not say what is free is trusted.
+    /// Promises `wanted_bytes` to the recording of a job, until [`Self::release`]. `Err` says why not; it counts the
+    /// bytes that other recordings may still take. A disk that does not respond is assumed to have room.
     pub fn promise(
         &self,
         job: JobId,
@@ -91,7 +91,7 @@ impl Disk {
         Ok(())
     }
 
-    /// The recording of this job takes no more.
+    /// Ends the promise to the recording of this job.
     pub fn release(&self, job: &JobId) {
         self.promised().remove(job);
     }
@@ -100,7 +100,7 @@ impl Disk {
         self.promised.lock()
     }
 
-    /// Says it once when the disk does not answer.
+    /// Logs once that the disk does not respond.
     pub fn heed(&self, now: Duration) {
         if self.hangs(now) && !self.told.swap(true, Ordering::Relaxed) {
             tracing::error!("the disk does not say what is free: no answer for {} s", HOLDS.as_secs());
@@ -119,13 +119,13 @@ impl Disk {
         }
     }
 
-    /// No more looks.
+    /// Ends the measurements.
     pub fn end(&self) {
         self.ending.store(true, Ordering::Relaxed);
     }
 }
 
-/// Looks at the disk all the time, on a thread of its own: a dead disk lets whoever asks it wait for good.
+/// Polls free space on its own thread, because `statvfs` on a hung disk can block forever.
 pub(super) struct DiskGuard {
     pub disk: Arc<Disk>,
     pub folder: PathBuf,
@@ -134,7 +134,7 @@ pub(super) struct DiskGuard {
 }
 
 impl DiskGuard {
-    /// Looks until it is told to end.
+    /// Polls until [`Disk::end`].
     pub fn run(self) {
         while !self.disk.ending.load(Ordering::Relaxed) {
             self.saw(free_bytes(&self.folder).ok());
@@ -142,7 +142,7 @@ impl DiskGuard {
         }
     }
 
-    /// Stops every recording when so little is free.
+    /// Takes a measurement; stops every recording when too little is free.
     pub fn saw(&self, free: Option<u64>) {
         self.disk.saw(free, self.clock.elapsed());
         let low = free.filter(|&free| free < self.disk.min_free_bytes);
@@ -154,12 +154,12 @@ impl DiskGuard {
     }
 }
 
-/// What the newest recordings of a plate took, bytes a second of plate time.
+/// Sizes of the newest recordings of a plate, bytes per second of plate time.
 #[derive(Debug, Default)]
 pub(super) struct Rates(VecDeque<f64>);
 
 impl Rates {
-    /// A whole recording of so long took so much.
+    /// Adds a complete recording of this size and length, s.
     pub fn add(&mut self, bytes: u64, plate_time_s: f64) {
         if plate_time_s >= SHORTEST_S {
             self.0.truncate(RATES - 1);
@@ -167,7 +167,7 @@ impl Rates {
         }
     }
 
-    /// What one may take that lasts so long, bytes.
+    /// Estimated size of a recording of this length, bytes.
     pub fn estimate(&self, plate_time_s: f64) -> u64 {
         let mut rates: Vec<f64> = self.0.iter().copied().collect();
         rates.sort_by(f64::total_cmp);
@@ -175,7 +175,7 @@ impl Rates {
     }
 }
 
-/// What a recording may still take of what it was promised.
+/// Bytes that a recording may still take of those promised.
 fn still_to_come(state: &RecordingState, promised_bytes: u64) -> u64 {
     match state {
         RecordingState::Off => promised_bytes,

@@ -13,13 +13,13 @@ const TARGET: Rgb<u8> = Rgb([60, 160, 255]);
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Mark {
     pub center_px: Vec2,
-    /// 0 for a target.
+    /// Radius; 0 for a target.
     pub radius_px: f64,
-    /// False for a part that the frame does not show where it is thought to be.
+    /// False for a part that the frame does not show at its expected position.
     pub seen: bool,
 }
 
-/// `frame` at half its size with `marks` over it, as PNG; `None` for a frame without pixels.
+/// `frame` at half its size with `marks` drawn over it, as PNG; `None` for a frame without pixels.
 pub(super) fn draw(frame: &Frame, marks: &[Mark]) -> Option<Vec<u8>> {
     let (width, height) = (frame.width / 2, frame.height / 2);
     let mut picture = RgbImage::new(u32::try_from(width).ok()?, u32::try_from(height).ok()?);
@@ -43,7 +43,7 @@ pub(super) fn draw(frame: &Frame, marks: &[Mark]) -> Option<Vec<u8>> {
 }
 
 fn mark_in(picture: &mut RgbImage, mark: &Mark) {
-    // between the centres of two pixels of the whole frame lies that of one at half size
+    // the centre of a half-size pixel is midway between the centres of two full-size pixels
     let half = |px: f64| ((px - 0.5) / 2.0).round();
     let (x, y) = (half(mark.center_px.x), half(mark.center_px.y));
     let near = |v: f64, size: u32| v.is_finite() && v > -100.0 && v < f64::from(size) + 100.0;

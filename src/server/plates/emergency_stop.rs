@@ -1,5 +1,6 @@
 //! The emergency stop of one plate: an interlock, which keeps the motors silent, and a latch, which holds the stop over
-//! restarts until a person resets it. Each changes in one atomic step, the pair in two; the states between are states, too.
+//! restarts until an operator resets it. Each changes atomically, but the pair in two steps, so the states between are
+//! states, too.
 //!
 //! | interlock | latch | state | a stop leads to | a reset with the token of the stop leads to |
 //! |---|---|---|---|---|
@@ -8,7 +9,7 @@
 //! | tripped | stopped | [`StopState::Held`] | `Held`, tokens before it void | `Released`; refused while a rig is fitted |
 //! | free | stopped | [`StopState::Resetting`] | `Held`, the reset fails | waits for the one under way |
 //!
-//! An interlock that tripped for another reason counts as free: an emergency stop goes before it.
+//! An interlock that tripped for another reason counts as free: an emergency stop overrides it.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -26,33 +27,33 @@ use upm_runner::run::ExternalStop;
 /// The state of a plate's emergency stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StopState {
-    /// None holds.
+    /// No stop holds.
     Released,
-    /// The motors are cut, and the latch is about to follow.
+    /// The motors are cut, and the latch is about to be set.
     Tripping,
-    /// It holds until a person resets it.
+    /// The stop holds until an operator resets it.
     Held,
-    /// A reset has freed the motors, and the latch is about to follow.
+    /// A reset has freed the motors, and the latch is about to be released.
     Resetting,
 }
 
-/// The emergency stop of one plate. To stop takes no lock and waits for nothing: not for the run, the store or the disk.
+/// The emergency stop of one plate. Stopping takes no lock and never waits for the run, the store or the disk.
 #[derive(Debug)]
 pub struct EmergencyStop {
     interlock: Interlock,
     latch: Latch,
-    /// Brings the latch to the disk.
+    /// Thread that writes the latch to the disk.
     keeper: Thread,
     /// Ends the run on the plate.
     end_run: Arc<AtomicBool>,
-    /// Stops that changed the state since the daemon started.
+    /// Stops since the daemon started that changed the state.
     count: AtomicU64,
-    /// Held by a reset from its begin to its end, and by nothing else.
+    /// Held for the whole of a reset, and by nothing else.
     resetting: Mutex<()>,
 }
 
 impl EmergencyStop {
-    /// The one of a plate whose latch was found as `latch`; a stop that holds trips the interlock.
+    /// The emergency stop of a plate whose latch was found as `latch`; a stop that holds trips the interlock.
     pub fn new(latch: Latch, interlock: Interlock, keeper: Thread, end_run: Arc<AtomicBool>) -> Self {
         if latch.is_stopped() {
             interlock.trip(Trip::EStop);
@@ -60,15 +61,15 @@ impl EmergencyStop {
         Self { interlock, latch, keeper, end_run, count: AtomicU64::new(0), resetting: Mutex::default() }
     }
 
-    /// Guards the motors of the plate's rig.
+    /// The interlock of the motors of the plate's rig.
     pub fn interlock(&self) -> &Interlock {
         &self.interlock
     }
 
-    /// Motors to zero, and nothing moves until a reset. True when no stop held before.
+    /// Sets the motors to zero; nothing moves until a reset. True when no stop held before.
     pub fn stop(&self) -> bool {
         let mut changed = false;
-        // a reset under way may have taken back the trip before it could see the stop: then both once more
+        // a reset under way may have released the trip before it could see the stop: then both steps once more
         loop {
             self.interlock.trip(Trip::EStop);
             changed |= self.latch.stop();
@@ -82,7 +83,7 @@ impl EmergencyStop {
         changed
     }
 
-    /// Its state.
+    /// The state now.
     pub fn state(&self) -> StopState {
         // the latch first: a reset frees it last
         let is_latched = self.latch.is_stopped();
@@ -94,22 +95,22 @@ impl EmergencyStop {
         }
     }
 
-    /// True from a stop to the end of its reset.
+    /// True from a stop until its reset has finished.
     pub fn holds(&self) -> bool {
         self.state() != StopState::Released
     }
 
-    /// Why a run on the plate was told to end, if it was by this.
+    /// The cause of a run's end, if this stop ended it.
     pub fn cause(&self) -> Option<ExternalStop> {
         self.holds().then(|| ExternalStop::of(StopCause::Estop, "emergency stop"))
     }
 
-    /// Stops that changed the state since the daemon started.
+    /// Stops since the daemon started that changed the state.
     pub fn count(&self) -> u64 {
         self.count.load(Ordering::Relaxed)
     }
 
-    /// How the motors answered; `None` without a trip, and while they sound.
+    /// Response times of the motors; `None` without a trip, and until they are silent.
     pub fn times(&self) -> Option<StopTimes> {
         self.interlock.answer()
     }
@@ -120,12 +121,12 @@ impl EmergencyStop {
     }
 
     /// Waits at most `within` until the stop that holds is on the disk. False when it is not by then: it holds all the
-    /// same, and goes to the disk as soon as that takes it.
+    /// same and is written as soon as the disk allows.
     pub fn wait_until_kept(&self, within: Duration) -> bool {
         self.latch.wait_until_kept(within)
     }
 
-    /// The stop that holds: the token for its reset.
+    /// The stop that holds, as the token for its reset.
     pub fn held(&self) -> Result<Held, ResetFault> {
         match self.latch.held() {
             Some(held) => Ok(held),
@@ -134,8 +135,8 @@ impl EmergencyStop {
         }
     }
 
-    /// Takes back the stop `held`, one reset at a time. `allow` may wait and refuse; `pause` keeps the plate still once the
-    /// motors are free. A stop that came since `held` was found holds.
+    /// Takes back the stop `held`, one reset at a time. `allow` may wait and refuse; `pause` keeps the plate still once
+    /// the motors are free. A stop made since `held` was taken holds.
     pub fn reset(
         &self,
         held: Held,
@@ -153,7 +154,7 @@ impl EmergencyStop {
         }
         pause();
         if !self.latch.release(held) {
-            // the stop that came since may have found the interlock tripped still
+            // the newer stop may have found the interlock still tripped
             self.interlock.trip(Trip::EStop);
             return Err(ResetFault::StoppedAgain);
         }

@@ -7,27 +7,27 @@ use super::shared::Shared;
 use crate::store::{JobId, NewEvent};
 use upm_core::background::{Receiver, RecvTimeoutError};
 
-/// How often the publisher looks for a picture to be encoded while no event comes.
+/// Interval at which the publisher encodes a waiting picture while no event arrives.
 const TICK: Duration = Duration::from_millis(100);
 
 /// A message from a plate's thread to its event publisher.
 #[derive(Debug)]
 pub(super) enum Outgoing {
-    /// EventDraft of a job.
+    /// Publish this event of a job.
     Tell(JobId, EventDraft),
-    /// Everything before this is on its way to the store: say so.
+    /// Confirm that everything before this has been passed to the store.
     Pass(SyncSender<()>),
-    /// The last of all.
+    /// End the publisher; always the last message.
     End,
 }
 
-/// Tells what its plate does to the store and to those who watch, and encodes pictures. On a thread of its own, so that
-/// neither disk nor watchers are ever waited for by the plate.
+/// Publishes the plate's events to the store and to subscribers, and encodes pictures. Runs on its own thread, so that
+/// the plate never waits for the disk or for subscribers.
 pub(super) fn publish(shared: &Shared, items: &Receiver<Outgoing>) {
     loop {
         match items.recv_timeout(TICK) {
             Ok(Outgoing::Tell(job, news)) => tell(shared, job, news),
-            // whoever waited may be gone
+            // the waiting thread may be gone
             Ok(Outgoing::Pass(passed)) => drop(passed.try_send(())),
             Ok(Outgoing::End) | Err(RecvTimeoutError::Disconnected) => return,
             Err(RecvTimeoutError::Timeout) => {}
@@ -36,8 +36,8 @@ pub(super) fn publish(shared: &Shared, items: &Receiver<Outgoing>) {
     }
 }
 
-/// Durable events are published once they are on the disk, so that a number a client has seen is never taken back. An event
-/// that the store cannot take is published without a number.
+/// Publishes an event. A durable one is published only once it is on the disk, so that a number a client has seen is
+/// never reused; one that the store cannot take is published without a number.
 fn tell(shared: &Shared, job: JobId, news: EventDraft) {
     let EventDraft { plate_time, kind, body, durable } = news;
     let unnumbered = JobEvent { job, seq: None, kind, body: Arc::clone(&body) };

@@ -11,33 +11,34 @@ use upm_core::time::PlateTime;
 use upm_core::units::places_mm;
 use upm_planner::PlannedPulse;
 
-/// One thing told of a job, to whoever watches it.
+/// An event of a job, as published to subscribers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobEvent {
     /// The job.
     pub job: JobId,
-    /// Its number in the job; `None` for what is not kept: looks, and what the store could not take.
+    /// Number of the event within its job; `None` for events that are not stored: looks, and those the store could not
+    /// take.
     pub seq: Option<u64>,
     /// `state`, `cycle`, `warning`, `recording`, `finished` or `look`.
     pub kind: &'static str,
-    /// What, as JSON.
+    /// Content as JSON.
     pub body: Arc<str>,
 }
 
 impl JobEvent {
-    /// The end of a job, as it is kept.
+    /// The end of a job, as stored.
     pub(super) fn finished(job: JobId, event: StoredEvent) -> Self {
         Self { job, seq: Some(event.seq), kind: FINISHED, body: event.body }
     }
 }
 
-/// Takes what is told. It hands on and returns: nobody waits here.
+/// Receives the events of a plate. Must return at once, since it runs on the publisher's thread.
 pub trait EventSubscriber: Send + Sync {
-    /// Takes one thing.
+    /// Receives one event.
     fn offer(&self, told: &JobEvent);
 }
 
-/// Everybody who watches a plate.
+/// All subscribers of a plate.
 #[derive(Default)]
 pub(super) struct Subscribers(Mutex<Vec<Arc<dyn EventSubscriber>>>);
 
@@ -57,13 +58,13 @@ impl std::fmt::Debug for Subscribers {
     }
 }
 
-/// Something that happened, in words of its own, on its way from the plate to those who watch.
+/// An event on its way from the plate to the publisher, with its own copy of the text.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct EventDraft {
     pub plate_time: PlateTime,
     pub kind: &'static str,
     pub body: Arc<str>,
-    /// True for what is kept and numbered.
+    /// True for events that are stored and numbered.
     pub durable: bool,
 }
 
@@ -116,7 +117,7 @@ impl EventDraft {
         Self::new(at, "state", true, &Body::State { state: state.code(), at_s: at.secs() })
     }
 
-    /// `behind` is how far plate time has fallen behind the clock.
+    /// A planned cycle; `behind` is the lag of plate time behind the clock.
     pub fn cycle(facts: &CycleFacts<'_>, behind: Duration) -> Self {
         let pulses = &facts.plan.pulses;
         let rotations = pulses.iter().filter(|pulse| matches!(pulse, PlannedPulse::Rotation(_))).count();
@@ -143,7 +144,7 @@ impl EventDraft {
         Self::new(at, "recording", true, &Body::Recording { at_s: at.secs(), recording: kept.code(), reason })
     }
 
-    /// `behind` as in [`EventDraft::cycle`].
+    /// An observation; `behind` as in [`EventDraft::cycle`].
     pub fn look(sight: &LastObservation, behind: Duration) -> Self {
         let body = Body::Look {
             at_s: sight.at.secs(),

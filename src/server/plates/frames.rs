@@ -8,19 +8,19 @@ use super::draw::{Mark, draw};
 use super::watchdog::ms;
 use upm_core::signal::Frame;
 
-/// How long a wish for pictures lasts, and the least time from one to the next.
+/// Time for which one request keeps pictures coming, and least time between two pictures.
 const WISH: Duration = Duration::from_secs(5);
 const APART: Duration = Duration::from_millis(500);
 
-/// A picture older than this is none: it would pass for how things are.
+/// Greatest age of a picture that is shown: an older one would pass for the present state.
 const OLDEST: Duration = Duration::from_secs(2);
 
-/// A camera frame with what was seen in it drawn over, encoded once for everybody.
+/// A camera frame with the observed parts drawn over it, encoded once for all viewers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     /// The PNG file.
     pub png: Vec<u8>,
-    /// When it was taken, by the daemon's clock.
+    /// Time of the frame on the daemon's clock.
     pub taken: Duration,
 }
 
@@ -39,11 +39,11 @@ impl Default for Raw {
     }
 }
 
-/// Pictures of one plate for those who ask. The plate gives a frame only while somebody wants one and only when nobody
-/// else is busy with it; whoever is slow sees fewer.
+/// Pictures of one plate for viewers. The plate hands over a frame only while a picture is requested and the lock is
+/// free; a slow encoder means fewer pictures.
 #[derive(Debug, Default)]
 pub(super) struct Window {
-    /// Until when pictures are wanted and when one was given last, ms of the daemon's clock.
+    /// Time until which pictures are requested, and time of the last frame handed over, ms of the daemon's clock.
     wanted_until_ms: AtomicU64,
     given_at_ms: AtomicU64,
     raw: Mutex<Raw>,
@@ -51,14 +51,14 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// The newest picture, unless it is too old; wishes for more.
+    /// The newest picture, unless it is too old; requests further ones.
     pub fn look(&self, now: Duration) -> Option<Arc<Picture>> {
         self.wanted_until_ms.store(ms(now + WISH), Ordering::Relaxed);
         let newest = self.newest.lock().clone();
         newest.filter(|picture| now.saturating_sub(picture.taken) <= OLDEST)
     }
 
-    /// Takes a frame if one is wanted by now. Never waits; costs a copy of the frame when it takes it.
+    /// Takes a frame if one is due. Never waits; costs a copy of the frame when it takes it.
     pub fn offer(&self, frame: &Frame, marks: impl FnOnce() -> Vec<Mark>, now: Duration) {
         let given_ms = self.given_at_ms.load(Ordering::Relaxed);
         let early = given_ms != 0 && ms(now) < given_ms + ms(APART);
@@ -71,7 +71,7 @@ impl Window {
         self.given_at_ms.store(ms(now).max(1), Ordering::Relaxed);
     }
 
-    /// Encodes the frame that was given, if one was. Takes some 10 ms: not for the plate's own thread.
+    /// Encodes the frame handed over, if there is a new one. Takes some 10 ms: not for the plate's own thread.
     pub fn develop(&self) {
         let mut raw = self.raw.lock();
         if !std::mem::take(&mut raw.fresh) {
@@ -82,7 +82,7 @@ impl Window {
         }
     }
 
-    /// Forgets the last job's picture.
+    /// Discards the previous job's picture.
     pub fn clear(&self) {
         *self.newest.lock() = None;
     }

@@ -1,20 +1,20 @@
 use std::time::Duration;
 
-/// Time over which the lag is measured.
+/// Length of a window over which the lag is measured.
 const WINDOW: Duration = Duration::from_secs(5);
-/// Growth of the lag within a window from which on the computer is too slow.
+/// Growth of the lag within a window above which the computer is too slow.
 const TOLERATED: Duration = Duration::from_millis(100);
 
-/// Measures whether plate time falls behind the clock at present, window after window.
+/// Detects whether plate time currently falls behind the clock, window by window.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Lag {
-    /// Begin of the present window and how far plate time was behind then.
+    /// Start of the current window, and the lag at that time.
     window: Option<(Duration, Duration)>,
     grows: bool,
 }
 
 impl Lag {
-    /// Takes how far plate time is `behind` at `now`; true while it fell behind in the last whole window.
+    /// Adds the lag `behind` at time `now`; true while the lag grew too much in the last complete window.
     pub fn grows(&mut self, now: Duration, behind: Duration) -> bool {
         let (began, before) = *self.window.get_or_insert((now, behind));
         if now.saturating_sub(began) >= WINDOW {
@@ -35,7 +35,7 @@ mod tests {
         let mut told = Vec::new();
         for tenths in 0..250_u64 {
             let now = Duration::from_millis(100 * tenths);
-            // 10 ms a frame lost from 5 to 12 s
+            // 10 ms lost per frame from 5 to 12 s
             let behind = Duration::from_millis(10 * tenths.clamp(50, 120));
             told.push(lag.grows(now, behind));
         }

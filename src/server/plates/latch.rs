@@ -1,8 +1,8 @@
-//! What an emergency stop leaves behind: a plate that was stopped stays stopped, over restarts and power cuts too.
+//! The latch of an emergency stop: a stopped plate stays stopped, even over restarts and power cuts.
 //!
-//! Each plate has a small file that is rewritten in place, so that a full disk or a broken job store is in nobody's way.
-//! Stopping is one atomic write; a thread of its own brings it to the disk. A file that cannot be read or makes no
-//! sense counts as stopped, and so does the missing file of a plate that the store knows.
+//! Each plate has a small file that is rewritten in place, so it needs neither free disk space nor the job store.
+//! Stopping is one atomic write to memory; a separate thread writes it to the disk. A file that is unreadable or
+//! invalid counts as stopped, and so does the missing file of a plate that the store knows.
 
 mod file;
 
@@ -18,30 +18,31 @@ use parking_lot::{Condvar, Mutex};
 use self::file::{LatchFile, check_all, make_folder};
 use crate::store::{Displaced, HeldPath};
 
-/// How often a write that failed is tried again, and the longest a change waits for the thread to wake.
+/// Interval at which a failed write is retried, and longest delay of a change before the thread wakes.
 const AGAIN: Duration = Duration::from_millis(50);
 
-/// A word that no latch comes to: what the disk has before anything was persisted.
+/// A word that no latch reaches: the state on the disk is unknown.
 const UNKNOWN: u64 = u64::MAX;
 
 /// One plate's latch. Copies are the same latch.
 #[derive(Clone, Debug)]
 pub struct Latch(Arc<Cell>);
 
-/// A stop that was found to hold, and may be released unless another one comes before that.
+/// A stop that held when it was read. It can be released unless a newer stop was made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Held(Word);
 
 #[derive(Debug)]
 struct Cell {
     word: AtomicU64,
-    /// The word that is on the disk: that much was written, and found to be in the file that the path names.
+    /// The word on the disk: written, and verified to be in the file that the path names.
     kept: AtomicU64,
-    /// For those who wait until a stop is on the disk.
+    /// Signals threads that wait until a stop is on the disk.
     settled: (Mutex<()>, Condvar),
 }
 
-/// The upper half says how often it was stopped, the lower one how often that, or a release, changed it.
+/// State of a latch. The upper half counts the stops; the lower half counts the changes of state and is odd while
+/// stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Word(u64);
 
@@ -56,14 +57,14 @@ impl Word {
         self.changes() % 2 == 1
     }
 
-    /// Stopped once more, which changes it unless it is.
+    /// The word after one more stop; the state changes unless it is stopped already.
     fn stopped(self) -> Self {
         Self(self.0.wrapping_add(Self::ONE_STOP + u64::from(!self.is_stopped())))
     }
 }
 
 impl Latch {
-    /// A latch as it was found, which is not seen to be on the disk yet.
+    /// A latch in the state that was found, not yet confirmed to be on the disk.
     pub(super) fn found(stopped: bool) -> Self {
         let (word, kept) = (AtomicU64::new(u64::from(stopped)), AtomicU64::new(UNKNOWN));
         Self(Arc::new(Cell { word, kept, settled: Default::default() }))
@@ -82,7 +83,7 @@ impl Latch {
         word.is_stopped().then_some(Held(word))
     }
 
-    /// Releases that stop. False when it has been released, or another stop came, since it was found.
+    /// Releases that stop. False when it was released, or another stop was made, in between.
     pub fn release(&self, Held(word): Held) -> bool {
         let released = self.0.word.compare_exchange(word.0, word.0 + 1, Ordering::SeqCst, Ordering::SeqCst).is_ok();
         if released {
@@ -91,7 +92,8 @@ impl Latch {
         released
     }
 
-    /// Waits until the stop that holds is on the disk, at most `within`. False when it is not by then, and without a stop.
+    /// Waits until the stop that holds is on the disk, at most `within`. False when it is not by then, or no stop
+    /// holds.
     pub fn wait_until_kept(&self, within: Duration) -> bool {
         let (lock, condition) = &self.0.settled;
         condition.wait_while_for(&mut lock.lock(), |()| self.is_stopped() && !self.is_kept(), within);
@@ -103,14 +105,14 @@ impl Latch {
         self.0.word().is_stopped()
     }
 
-    /// As the thread that brings it to the disk leaves it.
+    /// Marks the state as on the disk, as the writing thread does.
     #[cfg(test)]
     pub(super) fn keep(&self) {
         self.0.kept.store(self.0.word().0, Ordering::SeqCst);
         self.0.settle();
     }
 
-    /// True when the disk says the same, as seen since the last stop or release.
+    /// True when the disk has the current state, confirmed since the last stop or release.
     pub fn is_kept(&self) -> bool {
         self.0.kept.load(Ordering::SeqCst) == self.0.word().0
     }
@@ -121,7 +123,7 @@ impl Cell {
         Word(self.word.load(Ordering::SeqCst))
     }
 
-    /// Has those look again who wait.
+    /// Wakes the threads that wait for the disk, so that they check again.
     fn settle(&self) {
         let (lock, condition) = &self.settled;
         drop(lock.lock());
@@ -129,20 +131,20 @@ impl Cell {
     }
 }
 
-/// The thread that brings latches to the disk.
+/// The thread that writes latches to the disk.
 #[derive(Debug)]
 pub struct Latches {
     latches: Vec<Latch>,
-    /// The latch files.
+    /// The latch files, held open.
     held: Vec<HeldPath>,
     ending: Arc<AtomicBool>,
-    /// Taken when it is joined.
+    /// `None` once the thread is joined.
     keeper: Option<JoinHandle<()>>,
     thread: Thread,
 }
 
 impl Latches {
-    /// Opens the latch file of every plate in `folder`, making those that are missing. With each name comes whether the
+    /// Opens the latch file of every plate in `folder`, creating missing ones. The flag beside a name is true when the
     /// store knew the plate before this start: then a missing file counts as stopped.
     pub fn open(folder: &Path, plates: &[(String, bool)]) -> io::Result<Self> {
         make_folder(folder)?;
@@ -163,17 +165,18 @@ impl Latches {
         &self.latches
     }
 
-    /// Compares the paths of the latch files with the files held open; the first that is displaced. Waits for the disk.
+    /// Compares the paths of the latch files with the files held open; `Err` is the first that is displaced. Waits for
+    /// the disk.
     pub fn check_paths(&self) -> Result<(), Displaced> {
         check_all(&self.held)
     }
 
-    /// True while changes are brought to the disk.
+    /// True while the writing thread runs.
     pub fn is_alive(&self) -> bool {
         self.keeper.as_ref().is_some_and(|keeper| !keeper.is_finished())
     }
 
-    /// The thread that brings them to the disk: unparked, it does so at once.
+    /// The writing thread; unparking it makes it write at once.
     pub fn keeper(&self) -> Thread {
         self.thread.clone()
     }
@@ -189,8 +192,8 @@ impl Drop for Latches {
     }
 }
 
-/// Brings every change to the disk; one last time when it is to end. A stop of what is stopped already is no change, yet
-/// whoever made it wants to know that the disk has it.
+/// Writes every change to the disk until `ending`, then once more. A stop of a plate that is stopped already changes
+/// nothing, but its caller, too, waits for the disk to be confirmed.
 fn keep(mut files: Vec<LatchFile>, latches: &[Latch], ending: &AtomicBool) {
     loop {
         let last = ending.load(Ordering::SeqCst);

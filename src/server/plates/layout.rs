@@ -1,22 +1,22 @@
 use upm_core::geometry::Vec2;
 use upm_runner::config::{JobSpec, KindSpec, TaskSpec};
 
-/// The layout of a job on its plate as its file has it: parts, targets, bins and wanted paths. It never changes.
+/// The layout of a job on its plate, from its file: parts, targets, bins and wanted paths. It never changes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct JobLayout {
     /// The parts, in the order of the job.
     pub parts: Vec<LayoutPart>,
-    /// Where parts shall end, m; empty for a task that names no places.
+    /// Target position of each part, m; empty for a task without target positions.
     pub targets_m: Vec<Vec2>,
     /// The bins.
     pub bins: Vec<LayoutBin>,
-    /// The paths to be followed.
+    /// Paths that parts shall follow.
     pub paths: Vec<LayoutPath>,
-    /// True for a job that only its plate time limit ends.
+    /// True for a job that ends only at its plate time limit.
     pub endless: bool,
 }
 
-/// A part of a layout: what its kind says of it.
+/// A part of a layout: the properties of its kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayoutPart {
     /// Name of its kind.
@@ -41,7 +41,7 @@ pub struct LayoutBin {
 pub struct LayoutPath {
     /// Its corners, m.
     pub waypoints_m: Vec<Vec2>,
-    /// True where it leads from the last corner back to the first.
+    /// True for a path that leads from the last corner back to the first.
     pub closed: bool,
 }
 
@@ -53,7 +53,7 @@ impl LayoutPart {
 }
 
 impl JobLayout {
-    /// That of `job`.
+    /// The layout of `job`.
     pub fn of(job: &JobSpec) -> Self {
         let parts: Vec<LayoutPart> =
             job.kinds_of_parts().into_iter().filter_map(|kind| job.kind(kind)).map(LayoutPart::of).collect();

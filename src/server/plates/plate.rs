@@ -12,23 +12,23 @@ use upm_core::rig::StopTimes;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::Fault;
 
-/// How long an emergency stop that is waited for is given to silence the motors, and to reach the disk.
+/// Longest waits of an emergency stop for the motors to be silent, and for the disk.
 const SILENT_WITHIN: Duration = Duration::from_millis(400);
 const KEPT_WITHIN: Duration = Duration::from_millis(400);
 
-/// The act of stopping, as the audit log calls it.
+/// Name of an emergency stop in the audit log.
 const ESTOP: &str = "estop";
 
-/// Who asks for something, as far as is known.
+/// The requester of an operation, as far as known.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Requester {
-    /// Who they say they are.
+    /// Name that the requester gave.
     pub operator: String,
-    /// Why they say they do it.
+    /// Reason that the requester gave.
     pub reason: String,
-    /// Address they come from.
+    /// Network address of the requester.
     pub remote: String,
-    /// Name of the token they showed.
+    /// Name of the token presented.
     pub token_name: String,
 }
 
@@ -47,29 +47,29 @@ impl Plate {
         &self.shared.name
     }
 
-    /// Stops it: motors to zero, the job ends, and nothing moves until somebody resets it. Waits for nobody: not for
-    /// the run, not for the store, not for the disk. True when it was not stopped before.
+    /// Stops the plate: motors to zero, the job ends, and nothing moves until an operator resets it. Never waits for
+    /// the run, the store or the disk. True when it was not stopped before.
     pub fn estop(&self) -> bool {
         let changed = self.shared.emergency_stop.stop();
         self.wake();
         changed
     }
 
-    /// Writes down who stopped it, and waits a little for the stop to be on the disk. False when it is not by then:
-    /// it holds all the same, and goes to the disk as soon as that takes it.
+    /// Writes the stop to the audit log, and waits briefly for the stop to be on the disk. False when it is not by
+    /// then: it holds all the same and is written as soon as the disk allows.
     pub fn record_estop(&self, who: Requester) -> bool {
         self.audit(ESTOP, who);
         self.shared.emergency_stop.wait_until_kept(KEPT_WITHIN)
     }
 
-    /// The emergency stop that holds: what a person who asks for a reset now has seen.
+    /// The emergency stop that holds, as seen by an operator who requests a reset now.
     pub fn held(&self) -> Result<Held, ResetFault> {
         self.shared.emergency_stop.held()
     }
 
-    /// Takes back that emergency stop, once this is in the audit log: waits for the disk. The plate is paused then: it
-    /// starts nothing by this. A stop that came since that one was found holds, and so does every stop once `is_awaited`
-    /// says that nobody waits for the reset any more.
+    /// Takes back that emergency stop once the reset is in the audit log: waits for the disk. The plate is then paused,
+    /// so nothing starts. A stop made since `held` was read holds, and so does every stop once `is_awaited` returns
+    /// false.
     pub fn reset(&self, held: Held, who: Requester, is_awaited: impl Fn() -> bool) -> Result<(), ResetFault> {
         let shared = &*self.shared;
         let mut is_written = false;
@@ -93,7 +93,7 @@ impl Plate {
         reset
     }
 
-    /// Lets it take jobs again, and run its standing job. False while an emergency stop holds. Going on twice is going on.
+    /// Lets the plate take jobs again, and run its standing job. False while an emergency stop holds. Idempotent.
     pub fn resume(&self, who: Requester) -> bool {
         if self.is_stopped() {
             return false;
@@ -110,7 +110,7 @@ impl Plate {
         true
     }
 
-    /// Pauses it, unless it is paused already; its standing job gives way.
+    /// Pauses the plate unless it is paused already; its standing job gives way.
     pub(super) fn pause(&self, why: Pause) {
         if self.shared.paused().is_none() {
             self.shared.pause(Some(why));
@@ -120,7 +120,7 @@ impl Plate {
         }
     }
 
-    /// Tells it that a job was queued: a standing job on it gives way.
+    /// Notifies the plate of a queued job: its standing job gives way.
     pub fn job_queued(&self) {
         if let Some(standing) = &self.shared.standing {
             standing.give_way();
@@ -128,12 +128,12 @@ impl Plate {
         self.wake();
     }
 
-    /// Has it look what there is to do.
+    /// Wakes the worker to check for work.
     pub(super) fn wake(&self) {
         self.worker.thread().unpark();
     }
 
-    /// What of it works no more, though it should.
+    /// The threads of the plate that have died; `None` while they all run.
     pub(super) fn dead(&self) -> Option<String> {
         let ended = |what: &str, thread: &JoinHandle<()>| {
             thread.is_finished().then(|| format!("the {what} of plate {} has died", self.name()))
@@ -141,18 +141,18 @@ impl Plate {
         ended("worker", &self.worker).or_else(|| ended("event publisher", &self.publisher))
     }
 
-    /// True once nothing of it works any more.
+    /// True once both threads of the plate have ended.
     pub(super) fn threads_ended(&self) -> bool {
         self.worker.is_finished() && self.publisher.is_finished()
     }
 
-    /// Tells a job to end that the store has as running: it is on the plate, or about to come onto it. False when its
+    /// Ends a job that is running according to the store: it is on the plate, or about to begin on it. False when its
     /// run is over.
     pub fn cancel(&self, id: &JobId) -> bool {
         self.shared.job.cancel(id)
     }
 
-    /// Tells those who watch a job of this plate that it has ended, though not on the plate.
+    /// Notifies subscribers that a job of this plate has ended without running on it.
     pub fn announce_end(&self, id: JobId, finished: StoredEvent) {
         self.shared.subscribers.offer(&JobEvent::finished(id, finished));
     }
@@ -162,32 +162,32 @@ impl Plate {
         self.shared.emergency_stop.holds()
     }
 
-    /// Why it waits for a person to resume it; `None` when it does not.
+    /// The cause of its pause; `None` when it is not paused.
     pub fn paused(&self) -> Option<Pause> {
         self.shared.paused()
     }
 
-    /// How the stop that holds was answered; `None` without one, and while motors still sound.
+    /// Response times of the stop that holds; `None` without one, and until the motors are silent.
     pub fn stop_times(&self) -> Option<StopTimes> {
         self.shared.emergency_stop.times()
     }
 
-    /// The same, once the motors are silent; waits a moment for that.
+    /// The same, once the motors are silent; waits briefly for that.
     pub fn wait_until_silent(&self) -> Option<StopTimes> {
         self.shared.emergency_stop.wait_until_silent(SILENT_WITHIN)
     }
 
-    /// How it is now.
+    /// The state of the plate now.
     pub fn snapshot(&self) -> PlateSnapshot {
         self.shared.snapshot(self.clock.elapsed())
     }
 
-    /// From now on `tap` is told what happens on it.
+    /// Delivers all further events of the plate to `tap`.
     pub fn subscribe(&self, tap: Arc<dyn EventSubscriber>) {
         self.shared.subscribers.add(tap);
     }
 
-    /// The newest picture of the job on it and its age, unless it is too old to be shown; wishes for newer ones.
+    /// The newest picture of the job on the plate and its age, unless it is too old to be shown; requests further ones.
     pub fn picture(&self) -> Option<(Arc<Picture>, Duration)> {
         let now = self.clock.elapsed();
         let picture = self.shared.window.look(now)?;
@@ -195,22 +195,22 @@ impl Plate {
         Some((picture, age))
     }
 
-    /// The layout of the job, while that is on the plate.
+    /// The layout of job `id`, while it is on the plate.
     pub fn layout(&self, id: &JobId) -> Option<Arc<JobLayout>> {
         self.shared.job.layout(id)
     }
 
-    /// A job as it may be queued, or everything that is wrong with it.
+    /// A job ready to be queued, or all of its faults.
     pub fn validate(&self, text: &str, pace: Pace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
         validated(&self.shared.rules, text, pace, key)
     }
 
-    /// Name and layout of a job that may be queued, or everything that is wrong with it. Queues nothing.
+    /// Name and layout of a job that may be queued, or all of its faults. Queues nothing.
     pub fn check(&self, text: &str) -> Result<(String, JobLayout), Vec<Fault>> {
         laid_out(&self.shared.rules, text)
     }
 
-    /// Notes what was done to it: in the log at once, in the audit log as soon as the store takes it.
+    /// Records an operation: in the log at once, in the audit log as soon as the store takes it.
     fn audit(&self, act: &str, who: Requester) {
         let entry = self.told(act, who);
         if !self.shared.ledger.note_act(entry.clone()) {
@@ -218,7 +218,7 @@ impl Plate {
         }
     }
 
-    /// Tells the log what is done to it; the same for the audit log.
+    /// Logs an operation; returns the entry for the audit log.
     fn told(&self, act: &str, who: Requester) -> AuditEntry {
         let Requester { operator, reason, remote, token_name } = who;
         let plate = &self.shared.name;

@@ -15,11 +15,11 @@ use upm_core::background::{OverflowPolicy, Queue, Unsent};
 use upm_core::time::{Clock, PlateTime};
 use upm_perception::vision::{Table, Track};
 
-/// Least wall time from one look that is told to the next.
+/// Least wall time between two published looks.
 const LOOKS_APART: Duration = Duration::from_millis(100);
 
-/// Watches a run for those outside. It is called on the plate's own thread, so it never waits: what does not fit into
-/// the queue, or comes while somebody else holds the lock, is left out and counted.
+/// Observes a run for clients. It is called on the plate's own thread, so it never waits: events that find the queue
+/// full, or the lock held by another thread, are dropped and counted.
 pub(super) struct RunObserver<'a> {
     shared: &'a Shared,
     clock: &'a dyn Clock,
@@ -109,7 +109,7 @@ impl Sink for RunObserver<'_> {
         self.sight.at = facts.frame.exposed_at;
         self.sight.positions_m.clear();
         self.sight.positions_m.extend(facts.tracks.iter().map(|track| track.seen.position_m));
-        // while control waits for sight, it minds by itself that this does not last
+        // while control waits for a part to be seen, it limits that wait itself
         let part_in_sight = facts.blind || facts.tracks.iter().any(|track| track.frames_unseen == 0);
         self.shared.job.vitals.frame(now, facts.frame.exposed_at, part_in_sight, facts.starts_cycle);
         self.show(now);
@@ -125,7 +125,7 @@ impl Sink for RunObserver<'_> {
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
-        // a journal that fails is told as an error, and ends the run
+        // a journal that fails is reported as an error, and ends the run
         if level == EventLevel::Error {
             self.shared.job.vitals.end();
         }

@@ -7,47 +7,47 @@ use upm_core::time::MonotonicClock;
 use upm_library::Library;
 use upm_runner::config::{JobSpec, RigSpec, WatchdogSpec};
 
-/// One plate to be made.
+/// Settings of one plate.
 #[derive(Clone, Debug)]
 pub struct PlateSetup {
-    /// Its name, fit for a file.
+    /// Name of the plate, valid as a file name.
     pub name: String,
-    /// True when the store knew it before this start: a latch file that is missing then counts as stopped.
+    /// True when the store knew it before this start: a missing latch file then counts as stopped.
     pub known: bool,
     /// The simulated rig.
     pub rig: RigSpec,
-    /// The library its jobs use unless they bring their own.
+    /// The library for jobs that bring none.
     pub library: Arc<Library>,
-    /// Why it must not move at first; `None` when it may.
+    /// Cause of an initial pause; `None` to start unpaused.
     pub paused: Option<Pause>,
     /// Port of its live stream; `None` for any free one.
     pub live_port: Option<u16>,
-    /// The job that runs whenever its queue is empty.
+    /// The job that runs whenever the queue is empty.
     pub standing: Option<StandingSetup>,
-    /// True to take jobs that make the simulated rig fail on purpose.
+    /// True to accept jobs that make the simulated rig fail on purpose.
     pub allow_faults: bool,
 }
 
 /// Resources and settings that all plates share.
 #[derive(Clone, Debug)]
 pub struct Surroundings {
-    /// Where jobs come from and go to.
+    /// The store from which jobs are taken and to which they are reported.
     pub ledger: Arc<dyn Ledger>,
     /// Folder of run folders.
     pub runs: PathBuf,
-    /// Folder of the latches.
+    /// Folder of the latch files.
     pub latches: PathBuf,
     /// The daemon's clock.
     pub clock: MonotonicClock,
     /// False to make no recordings.
     pub record: bool,
-    /// When a plate is stopped because something is wrong.
+    /// Limits at which the watchdog stops a plate.
     pub watchdog: WatchdogSpec,
-    /// With fewer bytes than this left on the disk recordings are stopped.
+    /// Recordings are stopped when fewer bytes than this are free on the disk.
     pub min_free_bytes: u64,
-    /// Bytes a live stream keeps for viewers that come later; `None` for no live streams.
+    /// Bytes that a live stream keeps for later viewers; `None` for no live streams.
     pub live_history_bytes: Option<u64>,
-    /// Whether a job may bring a library that does not agree with the plate's own.
+    /// True when a job may bring a library that disagrees with the plate's own.
     pub allow_inline_libraries: bool,
 }
 
@@ -56,8 +56,8 @@ pub struct Surroundings {
 pub struct StandingSetup {
     /// The job, on the plate's rig.
     pub job: JobSpec,
-    /// How fast it runs.
+    /// Pace of its runs.
     pub pace: Pace,
-    /// Why it must not run at first; `None` when it may.
+    /// Reason of an initial pause; `None` to start unpaused.
     pub paused: Option<String>,
 }

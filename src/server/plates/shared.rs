@@ -17,26 +17,26 @@ use upm_core::rig::Trip;
 use upm_runner::run::ExternalStop;
 use upm_viewer::LiveServer;
 
-/// State that the threads of a plate share with those outside.
+/// State shared by the threads of a plate and its callers.
 #[derive(Debug)]
 pub(super) struct Shared {
     pub name: String,
-    /// The rules for its jobs.
+    /// Rules that its jobs are checked against.
     pub rules: JobRules,
     pub ledger: Arc<dyn Ledger>,
     pub emergency_stop: EmergencyStop,
     pub job: CurrentJob,
-    /// The daemon ends.
+    /// True once the daemon is shutting down.
     pub ending: AtomicBool,
     pub window: Window,
     pub subscribers: Arc<Subscribers>,
-    /// Where viewers see its runs.
+    /// The live stream of its runs.
     pub live: Option<LiveServer>,
-    /// Runs whenever nothing is queued.
+    /// The standing job.
     pub standing: Option<Standing>,
-    /// Why the plate must not move until a person resumes it.
+    /// The cause of the plate's pause; `None` when it is not paused.
     pub paused: Mutex<Option<Pause>>,
-    /// Times that its worker has found nothing to do.
+    /// How often its worker has found no work.
     #[cfg(test)]
     pub idled: std::sync::atomic::AtomicU64,
 }
@@ -47,12 +47,12 @@ impl Shared {
         !self.emergency_stop.holds() && !self.ending.load(Ordering::SeqCst) && self.paused.lock().is_none()
     }
 
-    /// Why the plate must not move until a person resumes it.
+    /// The cause of the plate's pause.
     pub fn paused(&self) -> Option<Pause> {
         self.paused.lock().clone()
     }
 
-    /// Pauses the plate, or lets it go on.
+    /// Pauses the plate, or resumes it with `None`.
     pub fn pause(&self, why: Option<Pause>) {
         let paused = why.is_some();
         let before = std::mem::replace(&mut *self.paused.lock(), why);
@@ -61,21 +61,21 @@ impl Shared {
         }
     }
 
-    /// Why the run on the plate was told to end, for its journal and its report.
+    /// The cause for which the run on the plate was ended, for its journal and its report.
     pub fn cause(&self) -> Option<ExternalStop> {
         let shutdown = || ExternalStop::of(StopCause::Shutdown, "the daemon ended");
         let is_ending = self.ending.load(Ordering::SeqCst);
         self.emergency_stop.cause().or_else(|| is_ending.then(shutdown)).or_else(|| self.job.cause())
     }
 
-    /// Ends the run of `job` and cuts the motors because something is wrong with it, as long as it is driven.
+    /// Ends the run of `job` and cuts the motors because of a fault, if the run is still under control.
     pub fn fail_job(&self, job: &JobId, why: ExternalStop) {
         self.job.fail(job, why, || {
             self.emergency_stop.interlock().trip(Trip::Watchdog);
         });
     }
 
-    /// The daemon ends: motors to zero, and the run with them.
+    /// Shuts the plate down: motors to zero, and the run ends.
     pub fn shut_down(&self) {
         self.ending.store(true, Ordering::SeqCst);
         self.emergency_stop.interlock().trip(Trip::Shutdown);

@@ -12,16 +12,16 @@ use crate::store::NewJob;
 #[derive(Debug)]
 pub(super) struct Standing {
     pub job: NewJob,
-    /// Set when a job is queued: the run on the plate ends between two cycles.
+    /// Set when a job is queued: the standing run then ends between two cycles.
     pub give_way: AtomicBool,
-    /// Why it waits for a person.
+    /// Reason of its pause; `None` when it is not paused.
     paused: Mutex<Option<String>>,
-    /// Why it waits for anything else than its turn.
+    /// Reason for which it waits, apart from its turn and a pause.
     held: Mutex<Option<String>>,
 }
 
 impl Standing {
-    /// The standing job of a plate, held against `rules` as a job that is sent to it.
+    /// The standing job of a plate, checked against `rules` like a submitted job.
     pub fn new(setup: &StandingSetup, rules: &JobRules) -> io::Result<Self> {
         let StandingSetup { job, pace, paused } = setup;
         let text = job.effective_without_rig().to_string();
@@ -33,17 +33,17 @@ impl Standing {
         Ok(Self { job, give_way, paused: Mutex::new(paused.clone()), held })
     }
 
-    /// Why it waits for a person.
+    /// Reason of its pause; `None` when it is not paused.
     pub fn paused(&self) -> Option<String> {
         self.paused.lock().clone()
     }
 
-    /// Has it wait for a person, or lets it run again.
+    /// Pauses it, or resumes it with `None`.
     pub fn pause(&self, why: Option<String>) {
         *self.paused.lock() = why;
     }
 
-    /// Notes why it may not begin, apart from its turn. True when that is news.
+    /// Sets the reason for which it may not begin, apart from its turn. True when the reason is new.
     pub fn hold(&self, why: Option<String>) -> bool {
         let mut held = self.held.lock();
         let is_news = *held != why;
@@ -56,7 +56,7 @@ impl Standing {
         self.give_way.store(true, Ordering::SeqCst);
     }
 
-    /// How it is now, on the plate or not.
+    /// The state of the standing job now, on the plate or not.
     pub fn snapshot(&self, is_running: bool) -> StandingSnapshot {
         let (state, why) = match (is_running, self.paused()) {
             (true, _) => (StandingState::Running, None),

@@ -28,7 +28,7 @@ use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::WatchdogSpec;
 use upm_viewer::LiveServer;
 
-/// The watchdog is alive that looked no longer ago than this.
+/// Longest time since the last check of a watchdog that is alive.
 const LOOKS_WITHIN: Duration = Duration::from_secs(1);
 /// Messages that may wait for a plate's event publisher.
 const WAITING: usize = 1024;
@@ -39,15 +39,15 @@ pub struct Plates {
     plates: Vec<Plate>,
     clock: MonotonicClock,
     watchdog: JoinHandle<()>,
-    /// When the watchdog looked last, ms.
+    /// Time of the watchdog's last check, ms.
     looked_ms: Arc<AtomicU64>,
     disk: Arc<Disk>,
-    // dropped after the plates: what they latched last goes to the disk
+    // dropped after the plates, so that their last stops are written to the disk
     latches: Latches,
 }
 
 impl Plates {
-    /// Makes the plates and starts their threads. A plate whose latch is stopped stays stopped.
+    /// Creates the plates and starts their threads. A plate whose latch is stopped stays stopped.
     pub fn start(setups: Vec<PlateSetup>, around: &Surroundings) -> io::Result<Self> {
         let names: Vec<(String, bool)> = setups.iter().map(|setup| (setup.name.clone(), setup.known)).collect();
         let latches = Latches::open(&around.latches, &names)?;
@@ -80,12 +80,12 @@ impl Plates {
         self.plates.iter().find(|plate| plate.name() == name)
     }
 
-    /// All of them, in the order they were set up.
+    /// All plates, in the order of `setups`.
     pub fn iter(&self) -> impl Iterator<Item = &Plate> {
         self.plates.iter()
     }
 
-    /// Whether all that must work does: the watchdog looks, and every plate's threads are there. What does not.
+    /// `Ok` while the watchdog checks and every plate's threads run; otherwise a sentence that says which do not.
     pub fn alive(&self) -> Result<(), String> {
         let unlooked =
             self.clock.elapsed().saturating_sub(Duration::from_millis(self.looked_ms.load(Ordering::Relaxed)));
@@ -98,23 +98,25 @@ impl Plates {
         self.plates.iter().find_map(Plate::dead).map_or(Ok(()), Err)
     }
 
-    /// Compares the paths of the latch files with the files held open; the first that is displaced. Waits for the disk.
+    /// Compares the paths of the latch files with the files held open; `Err` is the first that is displaced. Waits for
+    /// the disk.
     pub fn check_paths(&self) -> Result<(), Displaced> {
         self.latches.check_paths()
     }
 
-    /// Pauses every plate that is not paused. A run of a standing job ends between two cycles, any other at its own end.
+    /// Pauses every plate that is not paused. A run of a standing job ends between two cycles, any other at its own
+    /// end.
     pub fn pause_all(&self, why: &Pause) {
         self.plates.iter().for_each(|plate| plate.pause(why.clone()));
     }
 
-    /// What is free on the disk of the run folders, in bytes; `None` when it does not say.
+    /// Free bytes on the disk of the run folders; `None` when the disk does not respond.
     pub fn free_bytes(&self) -> Option<u64> {
         self.disk.free_bytes(self.clock.elapsed())
     }
 
-    /// Ends everything: motors to zero, runs ended as interrupted, and every thread that is at its end. Names of the
-    /// plates that did not end in time. What was latched last goes to the disk when all of this is dropped.
+    /// Shuts all plates down: motors to zero, runs ended as interrupted, and joins every thread that has ended. Returns
+    /// the names of the plates that did not end in time. The last stops are written to the disk when this is dropped.
     pub fn shutdown(&self, within: Duration) -> Vec<String> {
         self.disk.end();
         for plate in &self.plates {
@@ -164,7 +166,7 @@ impl Watch {
     }
 }
 
-/// The live stream of a plate, if there shall be one. A plate works without it, too.
+/// The live stream of a plate, if one is configured. The plate also works without it.
 fn live(setup: &PlateSetup, around: &Surroundings) -> Option<LiveServer> {
     let history_bytes = around.live_history_bytes?;
     let fault = match LiveServer::start(setup.live_port, history_bytes) {
@@ -179,7 +181,7 @@ fn live(setup: &PlateSetup, around: &Surroundings) -> Option<LiveServer> {
     None
 }
 
-/// A plate as it is set up, without a job of any kind.
+/// The shared state of a plate at its start, without a job.
 fn shared(setup: PlateSetup, latch: Latch, keeper: thread::Thread, around: &Surroundings) -> io::Result<Shared> {
     let rules = JobRules::new(&setup, around.allow_inline_libraries);
     let standing = setup.standing.as_ref().map(|standing| Standing::new(standing, &rules)).transpose()?;

@@ -26,7 +26,7 @@ const TWO_COINS: &str = r#"{ "name": "two", "seed": 3, "parts": [{ "kind": "penn
 const HOLD: &str = r#"{ "name": "hold", "seed": 3, "parts": [{ "kind": "penny", "count": 2 }],
     "task": { "type": "hold", "duration_s": 600 }, "limits": { "plate_time_s": 900 } }"#;
 
-/// Tests share a machine that may be slow.
+/// Watchdog limits for a slow machine.
 const WATCHDOG: WatchdogSpec = WatchdogSpec {
     hung: Duration::from_secs(30),
     no_frame: Duration::from_secs(5),
@@ -37,7 +37,7 @@ const WATCHDOG: WatchdogSpec = WatchdogSpec {
     misses_per_s: 1000,
 };
 
-/// Hands on what it is told.
+/// A subscriber that passes events on to a channel.
 struct Ear(SyncSender<JobEvent>);
 
 impl EventSubscriber for Ear {
@@ -103,7 +103,7 @@ impl House {
         row.id
     }
 
-    /// Has the plate hold its parts in real time, and another job wait behind that: what the plate tells, and both jobs.
+    /// Runs a job that holds its parts in real time and queues another behind it; returns the events and both jobs.
     fn keep_busy(&self, plate: &Plate) -> (Receiver<JobEvent>, [JobId; 2]) {
         let told = listen(plate);
         let jobs = [self.submit(plate, HOLD, Pace::RealTime), self.submit(plate, TWO_COINS, Pace::Max)];
@@ -130,7 +130,7 @@ fn listen(plate: &Plate) -> Receiver<JobEvent> {
     told
 }
 
-/// Waits for something of that kind; the body.
+/// Waits for the next event of that kind; returns its body.
 fn next(told: &Receiver<JobEvent>, kind: &str) -> serde_json::Value {
     loop {
         let each = told.recv_timeout(LONG).unwrap_or_else(|_| panic!("no {kind} was told"));
@@ -140,7 +140,7 @@ fn next(told: &Receiver<JobEvent>, kind: &str) -> serde_json::Value {
     }
 }
 
-/// Returns once the plate's worker has looked for work and found none.
+/// Returns once the plate's worker has checked for work and found none.
 fn idles(plate: &Plate) {
     let idled = || plate.shared.idled.load(std::sync::atomic::Ordering::SeqCst);
     // the first of the two may have begun before this
@@ -227,7 +227,7 @@ fn a_run_that_ends_before_the_latch_knows_was_stopped_all_the_same() {
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     let (told, [first, second]) = house.keep_busy(plate);
-    // what an emergency stop does first
+    // the first step of an emergency stop
     plate.shared.emergency_stop.interlock().trip(Trip::EStop);
     plate.wake();
     assert_eq!(next(&told, "finished")["state"], "cancelled");

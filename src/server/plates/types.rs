@@ -7,19 +7,19 @@ use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 use upm_recording::{RecordingState, StopReport};
 
-/// Why a plate, or its standing job, waits for a person to resume it.
+/// The cause of the pause of a plate or of its standing job, until an operator resumes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pause {
-    /// A name for programs that never changes; that of the report's `stop` where the end of a job is the cause.
+    /// Stable code for programs; that of the report's `stop` where the end of a job is the cause.
     pub code: &'static str,
     /// The cause in words.
     pub why: String,
-    /// What to check or do before the plate goes on.
+    /// The operator's checks or actions before the plate goes on.
     pub remedy: String,
 }
 
 impl Pause {
-    /// A pause that no end of a job is the cause of.
+    /// A pause that no job's end caused.
     pub fn new(code: &'static str, why: &str, remedy: &str) -> Self {
         Self { code, why: why.to_owned(), remedy: remedy.to_owned() }
     }
@@ -35,33 +35,33 @@ impl Pause {
     }
 }
 
-/// A state of the run on a plate that lasts, and that an operator should know of.
+/// A lasting condition of the run on a plate that an operator should know of.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlateCondition {
-    /// A name for programs that never changes.
+    /// Stable code for programs.
     pub code: &'static str,
     /// The condition in words.
     pub reason: String,
-    /// What to check or change.
+    /// The operator's checks or changes.
     pub remedy: String,
 }
 
-/// The newest that is known of the parts on a plate.
+/// The newest observation of the parts on a plate.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LastObservation {
     /// Plate time of the frame, from the start of its job.
     pub at: PlateTime,
-    /// Where each part is, m.
+    /// Position of each part, m.
     pub positions_m: Vec<Vec2>,
-    /// Radius of each part, m, as its kind has it.
+    /// Radius of each part, m, from its kind.
     pub radii_m: Vec<f64>,
-    /// Where each part shall end, m.
+    /// Target position of each part, m.
     pub targets_m: Vec<Vec2>,
     /// Share of the job that is done, 0 to 1.
     pub progress: f64,
-    /// What is being done, in words.
+    /// Current activity, as text.
     pub phase: String,
-    /// What holds at present that an operator should know of, the oldest first.
+    /// Current conditions that an operator should know of, the oldest first.
     pub conditions: Vec<PlateCondition>,
     /// True while plate time falls behind the clock: this computer is too slow.
     pub is_late: bool,
@@ -81,35 +81,35 @@ pub struct StandingSnapshot {
 /// A plate at one moment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlateSnapshot {
-    /// Its name.
+    /// Name of the plate.
     pub name: String,
     /// Side of the square plate, m.
     pub side_m: f64,
     /// The kinds of parts that its rig knows.
     pub kinds: Vec<LayoutPart>,
-    /// What it is doing.
+    /// State of the plate.
     pub state: PlateState,
-    /// Why it does nothing; empty when it does something or could.
+    /// Why it is idle; empty when it runs a job or could.
     pub why: String,
     /// The cause of its pause; `None` unless it is paused.
     pub pause: Option<Pause>,
-    /// The job it has.
+    /// The job on it.
     pub job: Option<JobId>,
     /// Its standing job, if it has one.
     pub standing: Option<StandingSnapshot>,
-    /// How the recording of that job is getting on.
+    /// State of that job's recording.
     pub recording: Option<RecordingState>,
     /// The parts as last seen.
     pub sight: LastObservation,
-    /// Wall time since they were; `None` before anything was.
+    /// Wall time since that observation; `None` before the first.
     pub age: Option<Duration>,
-    /// Where a Rerun viewer finds what happens on it, `rerun+http://127.0.0.1:PORT/proxy`.
+    /// Address of its live stream for a Rerun viewer, `rerun+http://127.0.0.1:PORT/proxy`.
     pub live: Option<String>,
     /// Deadlines missed since the daemon started.
     pub deadline_misses: u64,
-    /// How far plate time fell behind the clock in its present or last run.
+    /// Lag of plate time behind the clock in the present or last run.
     pub behind: Duration,
-    /// Emergency stops since then.
+    /// Emergency stops since the daemon started.
     pub estops: u64,
 }
 
@@ -122,13 +122,13 @@ pub enum ResetFault {
     /// The stopped job has not ended.
     #[error("the plate is still stopping")]
     StillStopping,
-    /// A stop came that is not the one to be taken back.
+    /// A newer stop holds than the one to be reset.
     #[error("the plate was stopped again")]
     StoppedAgain,
     /// The client no longer waits for the answer.
     #[error("the client no longer waits for this reset")]
     NotAwaited,
-    /// The audit log does not take it.
+    /// The audit log could not store the reset.
     #[error("a reset that is not written down does not take place: {0}")]
     Unwritten(StoreFault),
 }

@@ -8,7 +8,7 @@ use upm_library::Library;
 use upm_runner::config::{Fault, JobSpec, LibraryRef, Origin, Path, RigSpec};
 use upm_runner::run::{check_job, check_places, job_library};
 
-/// What faults of a job that came in a request call it.
+/// Name of a submitted job in faults, in place of a file name.
 const REQUEST: &str = "job";
 
 /// Rules that jobs of a plate are checked against before they are queued.
@@ -17,17 +17,17 @@ pub(super) struct JobRules {
     /// The plate's name.
     plate: String,
     pub rig: RigSpec,
-    /// The library of jobs that bring none.
+    /// The library for jobs that bring none.
     pub library: Arc<Library>,
     library_sha256: String,
-    /// Whether jobs may make the simulated rig fail on purpose.
+    /// True when jobs may make the simulated rig fail on purpose.
     allow_faults: bool,
-    /// Whether a job may bring a library that does not agree with the plate's.
+    /// True when a job may bring a library that disagrees with the plate's own.
     allow_inline_libraries: bool,
 }
 
 impl JobRules {
-    /// Those of the plate that is set up by `setup`.
+    /// The rules of the plate that `setup` describes.
     pub fn new(setup: &PlateSetup, allow_inline_libraries: bool) -> Self {
         let PlateSetup { name, rig, library, allow_faults, .. } = setup;
         Self {
@@ -50,7 +50,7 @@ fn sha256_hex(library: &Library) -> String {
     Sha256::digest(library.to_json().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The job of a request, checked as a whole: its text, the library it is to run with and whether its parts find room.
+/// A submitted job, checked completely: its text, its library and whether its parts fit on the plate.
 pub(super) fn validated(rules: &JobRules, text: &str, pace: Pace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
     let (job, library) = checked(rules, text)?;
     Ok(NewJob {
@@ -66,7 +66,7 @@ pub(super) fn validated(rules: &JobRules, text: &str, pace: Pace, key: Option<St
     })
 }
 
-/// Name and layout of the job of a request that [`validated`] would take.
+/// Name and layout of a submitted job that [`validated`] would accept.
 pub(super) fn laid_out(rules: &JobRules, text: &str) -> Result<(String, JobLayout), Vec<Fault>> {
     let (job, _) = checked(rules, text)?;
     Ok((job.name.clone(), JobLayout::of(&job)))
@@ -92,13 +92,13 @@ pub fn fitting_library(job: &JobSpec, of_plate: &Arc<Library>) -> Result<Arc<Lib
     let library = library_for(job, of_plate)?;
     match &job.library {
         Some(LibraryRef::Inline(_)) => check_job(job, &library)?,
-        // the plate's own was held against the rig when the plate was set up, and that takes a while
+        // the plate's own was checked against the rig when the plate was set up, and that check takes a while
         _ => check_places(job).map_err(|fault| vec![fault])?,
     }
     Ok(library)
 }
 
-/// A library that came with a request says the same of the plate as the plate's own.
+/// Checks that a submitted library describes the plate as the plate's own does.
 fn agreeing(job: &JobSpec, library: &Library, of_plate: &Library) -> Result<(), Fault> {
     let disagreement = match &job.library {
         Some(LibraryRef::Inline(_)) => library.disagreement(of_plate),

@@ -1,4 +1,4 @@
-//! The watchdog: sees that the run on a plate is alive, and says what is not.
+//! The watchdog: checks that the run on a plate is alive, and reports what is wrong with it.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
@@ -8,32 +8,32 @@ use upm_core::time::PlateTime;
 use upm_runner::config::{DeadlinePolicy, WatchdogSpec};
 use upm_runner::run::ExternalStop;
 
-/// How often the watchdog looks.
+/// Interval between two checks.
 pub(super) const TICK: Duration = Duration::from_millis(10);
-/// A look later than this after the one before says nothing: the whole program stood still, watchdog and all, and the
-/// run comes to that by itself.
+/// Longest interval between two checks that counts. After a longer one the whole program had stopped, watchdog
+/// included, and the run notices that by itself.
 const STOOD_STILL: Duration = Duration::from_millis(100);
-/// Missed deadlines are counted over this.
+/// Time over which missed deadlines are counted.
 const SECOND: Duration = Duration::from_secs(1);
 
-/// What the plate's thread leaves for the watchdog; writing it waits for nobody.
+/// Signs of life of a run, written by the plate's thread for the watchdog without waiting.
 #[derive(Debug, Default)]
 pub(super) struct Vitals {
     /// Wall time of the newest frame, ms, at least 1; 0 before the first.
     frame_ms: AtomicU64,
-    /// Its plate time, and that of the newest one with a part in sight, ms.
+    /// Plate time of that frame, and of the newest one with a part in sight, ms.
     plate_ms: AtomicU64,
     seen_ms: AtomicU64,
-    /// Wall time since which nothing can be told, ms; 0 while it can.
+    /// Wall time since which no event could be published, ms; 0 while events can.
     untold_ms: AtomicU64,
-    /// True from a frame that a plan starts from until the next one.
+    /// True from a frame that a plan starts from until the next frame.
     planning: AtomicBool,
-    /// True from control's last word on.
+    /// True once control has ended.
     over: AtomicBool,
 }
 
 impl Vitals {
-    /// A run starts.
+    /// Resets the signs for a new run.
     pub fn clear(&self) {
         for each in [&self.frame_ms, &self.plate_ms, &self.seen_ms, &self.untold_ms] {
             each.store(0, Ordering::Relaxed);
@@ -41,17 +41,17 @@ impl Vitals {
         self.over.store(false, Ordering::Release);
     }
 
-    /// Control has said its last word: the plate rests, however long it takes to write down what there was.
+    /// Notes that control has ended: the plate is at rest, however long the files take to write.
     pub fn end(&self) {
         self.over.store(true, Ordering::Release);
     }
 
-    /// True once it has.
+    /// True once control has ended.
     pub fn is_over(&self) -> bool {
         self.over.load(Ordering::Acquire)
     }
 
-    /// A frame came, one that a plan starts from or another.
+    /// Notes a frame; `starts_cycle` for one that a plan starts from.
     pub fn frame(&self, now: Duration, at: PlateTime, part_in_sight: bool, starts_cycle: bool) {
         let plate_ms = at.nanos() / 1_000_000;
         self.plate_ms.store(plate_ms, Ordering::Relaxed);
@@ -63,7 +63,7 @@ impl Vitals {
         self.frame_ms.store(ms(now).max(1), Ordering::Relaxed);
     }
 
-    /// Something could be told, or could not.
+    /// Notes whether an event could be published.
     pub fn could_tell(&self, now: Duration, could: bool) {
         if could {
             self.untold_ms.store(0, Ordering::Relaxed);
@@ -73,7 +73,7 @@ impl Vitals {
     }
 }
 
-/// How the pacing of a run goes.
+/// Pacing of a run.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Deadlines {
     pub policy: DeadlinePolicy,
@@ -82,27 +82,28 @@ pub(super) struct Deadlines {
     pub worst_frames: u64,
 }
 
-/// Watches one plate.
+/// Watchdog of one plate.
 #[derive(Debug)]
 pub(super) struct Watchdog {
     spec: WatchdogSpec,
     memory: Memory,
 }
 
-/// What of one run it looks back to.
+/// The watchdog's memory of one run.
 #[derive(Debug, Default)]
 struct Memory {
     looked_at: Option<Duration>,
-    /// When the program went on after it stood still.
+    /// When the program went on after it had stopped.
     went_on: Duration,
-    /// Begin of the present second, and the misses there were then.
+    /// Start of the current second, and the misses counted then.
     second: (Duration, u64),
     /// The newest frame, as [`Vitals`] has it, and how long the program has run since it was first seen.
     newest: (u64, Duration),
 }
 
 impl Memory {
-    /// The program ran for that long since the last look, with that as its newest frame; how long it has run since then.
+    /// Adds the time `ran` since the last check, with `frame_ms` as the newest frame; returns how long the program has
+    /// run without a new frame.
     fn without_frame(&mut self, ran: Duration, frame_ms: u64) -> Duration {
         let (newest_ms, before) = self.newest;
         let since = if newest_ms == frame_ms { before + ran } else { Duration::ZERO };
@@ -116,10 +117,10 @@ impl Watchdog {
         Self { spec, memory: Memory::default() }
     }
 
-    /// Looks at a run. What is wrong with it, if anything is; nothing before its first frame.
-    /// `unwritten_since` is when the journal began to wait for the disk, if it does.
+    /// Checks a run. Returns its fault, if any; `None` before its first frame. `unwritten_since` is the time since
+    /// which the journal waits for the disk.
     ///
-    /// Under relaxed deadlines a run may be slow: only one that hangs is wrong in wall time.
+    /// Under relaxed deadlines a run may be slow; in wall time only a hung one is a fault.
     pub fn look(
         &mut self,
         now: Duration,
@@ -150,7 +151,7 @@ impl Watchdog {
             .or_else(|| self.unwritten(now, unwritten_since?, blocked))
     }
 
-    /// A run ended, or none is on the plate.
+    /// Forgets the run: it ended, or none is on the plate.
     pub fn rest(&mut self) {
         self.memory = Memory::default();
     }
@@ -168,7 +169,7 @@ impl Watchdog {
         counted.then(|| format!("{misses} deadlines were missed within a second"))
     }
 
-    /// Wall time since then, ms, without that before the program went on.
+    /// Wall time since `then_ms`, without the time before the program went on.
     fn since(&self, now: Duration, then_ms: u64) -> Duration {
         Duration::from_millis(ms(now).saturating_sub(then_ms.max(ms(self.memory.went_on))))
     }
@@ -176,7 +177,7 @@ impl Watchdog {
     fn no_frame(&self, now: Duration, vitals: &Vitals, real_time: bool) -> Option<String> {
         let spec = &self.spec;
         let unframed = self.since(now, vitals.frame_ms.load(Ordering::Relaxed));
-        // without a clock to keep up with, all that happens between two frames may take as long as a plan
+        // without real-time pacing, everything between two frames may take as long as a plan
         let (longest, what) = match (vitals.planning.load(Ordering::Relaxed), real_time) {
             (true, _) => (spec.planning, "no plan came"),
             (false, true) => (spec.no_frame, "no frame came"),
@@ -211,7 +212,7 @@ impl Watchdog {
     }
 }
 
-/// A run that was too slow for strict deadlines.
+/// The stop of a run that was too slow for strict deadlines.
 fn too_busy(what: &str, real_time: bool) -> ExternalStop {
     ExternalStop::of(StopCause::DeadlineMissed, format!("{what}; {}", ExternalStop::too_busy(real_time)))
 }

@@ -26,15 +26,15 @@ use upm_recording::{Keeping, RecordingState, RecordingSwitch, RerunMode, ScribeW
 use upm_runner::config::{DeadlinePolicy, JobSpec, Origin};
 use upm_runner::run::{FolderState, Links, RunFolder, RunOptions, RunResult, run_linked};
 
-/// How long a plate without work waits before it asks again, unless it is woken.
+/// Interval at which an idle plate asks for work, unless it is woken.
 const IDLE: Duration = Duration::from_secs(1);
-/// How long the end of a job waits to be stored again when that failed.
+/// Delay before the end of a job is stored again after a failure.
 const STORED_AGAIN: Duration = Duration::from_millis(250);
 
-/// How long a run without deadlines to meet waits for a recorder that lags: its plate stands still meanwhile.
+/// Longest wait of a run without deadlines for a recorder that lags; the plate is at rest meanwhile.
 const RECORDED_WITHIN: Duration = Duration::from_secs(2);
 
-/// What runs need beside the job.
+/// Resources that runs need besides the job.
 #[derive(Clone, Debug)]
 pub(super) struct Place {
     /// Folder of run folders.
@@ -54,16 +54,16 @@ pub(super) struct Worker {
 }
 
 impl Worker {
-    /// Works until the daemon ends.
+    /// Runs jobs until the daemon ends.
     pub fn work(&mut self) {
         let shared = Arc::clone(&self.shared);
         while !shared.ending.load(Ordering::SeqCst) {
             shared.job.end_run.store(false, Ordering::SeqCst);
-            // before the store is asked: a job that it does not tell of yet sets this again
+            // before the store is asked: a job queued after its answer sets this again
             if let Some(standing) = &shared.standing {
                 standing.give_way.store(false, Ordering::SeqCst);
             }
-            // a stop before this is seen here, one after it by the run
+            // a stop before this is seen here, a later one by the run
             if !shared.may_move() || !self.take_job() {
                 #[cfg(test)]
                 shared.idled.fetch_add(1, Ordering::SeqCst);
@@ -72,8 +72,8 @@ impl Worker {
         }
     }
 
-    /// Runs the next job; false when there is none, and after a standing job that ended by itself: one that is done at
-    /// once shall not begin again and again without a pause.
+    /// Runs the next job. False when there is none, and after a standing job that ended by itself: one that is done at
+    /// once must not begin again without a pause.
     fn take_job(&mut self) -> bool {
         match self.next_job() {
             Ok(Some(claimed)) => {
@@ -89,7 +89,7 @@ impl Worker {
         }
     }
 
-    /// The oldest queued job; without one the standing job, if there is one that may run.
+    /// The oldest queued job, or the standing job when none is queued and it may run.
     fn next_job(&self) -> Result<Option<Claimed>, StoreFault> {
         let folder = |row: &JobRow| make_folder(&self.place.runs, row);
         let ledger = &self.shared.ledger;
@@ -136,7 +136,7 @@ impl Worker {
         }
         end.recording = kept;
         if lost_parts > 0 || stopped_by_guard {
-            // a person puts it back, takes it away, or looks what is wrong
+            // an operator puts the part back, removes it, or checks what is wrong
             self.shared.pause(Some(Pause::after(stop.as_ref(), &end.reason)));
         }
         self.settle_interlock(stop.as_ref(), &end.reason);
@@ -178,8 +178,8 @@ impl Worker {
             started_utc: String::new(),
             rerun: if record { RerunMode::Save } else { RerunMode::Off },
             real_time,
-            // a plate with deadlines to meet waits for no disk: the recording ends and the run goes on; without a
-            // journal it ends
+            // a plate with deadlines to meet does not wait for the disk: without space the recording ends and the run
+            // goes on; without a journal the run ends
             keeping: Keeping {
                 journal_overflow: OverflowPolicy::GiveUp,
                 journal,
@@ -205,7 +205,7 @@ impl Worker {
         run_linked(&job, library, folder, &options, &clock, links, &mut observer).map_err(|error| error.lines())
     }
 
-    /// Whether the disk takes a recording of that job; says it when not.
+    /// True when the disk has room for a recording of that job; a lack of room is logged and published as a warning.
     fn has_room_for(&self, job: &JobSpec, id: JobId, recording: &RecordingSwitch) -> bool {
         let Place { disk, clock, .. } = &self.place;
         let wanted_bytes = self.rates.estimate(job.plate_time_limit_s);
@@ -216,11 +216,11 @@ impl Worker {
         false
     }
 
-    /// How a run ended, and when on the plate.
+    /// The end of a job from the result of its run.
     fn end_of(&self, done: Result<RunResult, Vec<String>>, is_cancelled: bool) -> JobEnd {
         let report = match done {
             Ok(result) => result.report,
-            // whoever stopped it stopped it, even when that could not be written down
+            // the stop is the cause, even when it could not be written to the run's files
             Err(lines) if self.shared.emergency_stop.holds() || is_cancelled => {
                 let stop = if is_cancelled { StopCause::Cancelled } else { StopCause::Estop };
                 let reason = format!("stopped; {}", lines.join("; "));
@@ -243,7 +243,8 @@ impl Worker {
         }
     }
 
-    /// A trip that no person made ends with the run it stopped, and pauses the plate.
+    /// Releases an interlock that tripped for any reason except an emergency stop; it ends with the run it stopped.
+    /// Pauses the plate, except after a shutdown.
     fn settle_interlock(&self, stop: Option<&StopReport>, reason: &str) {
         let shared = &*self.shared;
         match shared.emergency_stop.interlock().tripped() {
@@ -257,7 +258,7 @@ impl Worker {
         }
     }
 
-    /// A standing job that failed, or that was cancelled by request, waits for a person: it would only do so again.
+    /// Pauses the standing job after a failure or a requested cancel: it would only do the same again.
     fn settle_standing(&self, end: &JobEnd, is_cancelled: bool) {
         let Some(standing) = &self.shared.standing else { return };
         if is_cancelled {
@@ -267,7 +268,7 @@ impl Worker {
         }
     }
 
-    /// Waits until the end of a job is on the disk, behind all that was told of it: the plate does nothing else before.
+    /// Waits until the end of a job is on the disk, after all of its events; the plate does nothing else meanwhile.
     /// `None` when the daemon ended first.
     fn store(&self, id: &JobId, end: JobEnd) -> Option<StoredEvent> {
         let mut told = false;
@@ -289,7 +290,7 @@ impl Worker {
         }
     }
 
-    /// Waits until the publisher has handed on all it was given.
+    /// Waits until the publisher has handed on all of its messages.
     fn pass(&self) {
         let (sender, passed) = sync_channel(1);
         if self.publisher.send(Outgoing::Pass(sender)).is_ok() {
@@ -297,7 +298,7 @@ impl Worker {
         }
     }
 
-    /// Between runs the plate rests, and may wait for its publisher.
+    /// Hands an event to the publisher. May wait for it, since the plate is at rest between runs.
     fn tell(&self, id: JobId, news: EventDraft) {
         self.publisher.send(Outgoing::Tell(id, news)).ok();
     }
@@ -313,8 +314,8 @@ fn ended(at: PlateTime, state: JobState, reason: String, report_json: Option<Str
     JobEnd { at, state, stop: None, reason, report_json, recording: RecordingStatus::None }
 }
 
-/// The job's own folder, named after it. Made before the job is taken, so that no job is ever without one. Where it is
-/// there already the job is taken all the same: what lies in it is seen before anything is written.
+/// Creates the job's own folder, named after it, before the job is claimed, so that no job is ever without one. An
+/// existing folder does not prevent the claim: the run checks its contents before anything is written.
 fn make_folder(runs: &Path, row: &JobRow) -> io::Result<String> {
     let name = row.run_folder();
     fs::create_dir_all(runs)?;
@@ -324,7 +325,7 @@ fn make_folder(runs: &Path, row: &JobRow) -> io::Result<String> {
     }
 }
 
-/// What there is of a recording after the run, and why no more.
+/// State of a recording after the run, and why it is not complete.
 fn what_is_kept(state: RecordingState) -> (RecordingStatus, String) {
     match state {
         RecordingState::Off => (RecordingStatus::None, String::new()),

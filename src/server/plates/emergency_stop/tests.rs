@@ -1,4 +1,4 @@
-//! The state table of the module, against a model that knows one stop by its number.
+//! The state table of the module, checked against a model that numbers the stops.
 
 use std::cell::Cell;
 use std::sync::Barrier;
@@ -14,10 +14,10 @@ use upm_core::time::PlateTime;
 #[derive(Clone, Copy, Debug)]
 enum Step {
     Stop,
-    /// The first half of a stop alone.
+    /// Only the first step of a stop.
     Trip,
     TakeToken,
-    /// With the token that was taken so many before the last; whether it is allowed, and when another stop comes in.
+    /// A reset with the token taken so many before the last; whether it is allowed, and when another stop intervenes.
     Reset {
         token: usize,
         allowed: bool,
@@ -54,10 +54,10 @@ fn step() -> impl Strategy<Value = Step> {
 #[derive(Debug)]
 struct Model {
     state: StopState,
-    /// The number of the newest stop or reset.
+    /// Number of the newest stop or reset.
     change: u32,
     kept: bool,
-    /// The state that the next start reads.
+    /// State that the next start reads.
     on_disk: bool,
     fitted: bool,
     pauses: u32,
@@ -75,7 +75,7 @@ impl Model {
         changed
     }
 
-    /// A reset of the stop that was change `token`.
+    /// A reset of the stop numbered `token`.
     fn reset(&mut self, token: u32, allowed: bool, stop: Option<Moment>) -> Result<(), ResetFault> {
         match self.state {
             StopState::Held if token == self.change => {}

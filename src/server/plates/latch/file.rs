@@ -13,14 +13,14 @@ pub(super) const RELEASED: &[u8; 16] = b"upm: released   ";
 pub(super) struct LatchFile {
     file: File,
     held: HeldPath,
-    /// The state that was written last; `None` when that is not known.
+    /// State that was written last; `None` when unknown.
     written: Option<bool>,
 }
 
 impl LatchFile {
-    /// Opens the latch file of `plate` in `folder`, and tells whether it says stopped. A file that cannot be read or
-    /// makes no sense says so, and so does a missing one of a plate that is `known`: its stop may have been lost with it. The
-    /// missing file of a new plate is made and says released.
+    /// Opens the latch file of `plate` in `folder`; the flag is true when it is stopped. An unreadable or invalid file
+    /// counts as stopped, and so does the missing file of a plate that is `known`, since its stop may have been lost
+    /// with it. The missing file of a new plate is created as released.
     pub fn open(folder: &Path, plate: &str, known: bool) -> io::Result<(Self, bool)> {
         let path = folder.join(plate);
         let mut options = OpenOptions::new();
@@ -44,7 +44,7 @@ impl LatchFile {
         } else {
             latch.write(false)?;
         }
-        // a file whose entry a power cut takes away would be a missing one
+        // without this a power cut could remove the file's entry, and it would count as missing
         sync_folder(folder)?;
         Ok((latch, known))
     }
@@ -55,8 +55,8 @@ impl LatchFile {
         whole && text == RELEASED
     }
 
-    /// Brings the state to the disk. True when it is there, in the file that the path names: the next start reads that
-    /// one. Waits for the disk.
+    /// Writes the state to the disk. True when it is there, in the file that the path names, which is the one that the
+    /// next start reads. Waits for the disk.
     pub fn persist(&mut self, stopped: bool) -> bool {
         let is_written = self.written == Some(stopped) || self.write(stopped).is_ok();
         is_written && self.held.check().is_ok()
@@ -71,18 +71,18 @@ impl LatchFile {
         Ok(())
     }
 
-    /// The path of the file and what it must name.
+    /// The path of the file with the file it must name.
     pub fn held(&self) -> &HeldPath {
         &self.held
     }
 }
 
-/// Compares each path with what it must name; the first that is displaced.
+/// Compares each path with the file it must name; `Err` is the first that is displaced.
 pub(super) fn check_all(held: &[HeldPath]) -> Result<(), Displaced> {
     held.iter().try_for_each(HeldPath::check)
 }
 
-/// Makes the folder of the latch files, so that a power cut does not take it away.
+/// Creates the folder of the latch files durably: a power cut does not remove it.
 pub(super) fn make_folder(folder: &Path) -> io::Result<()> {
     if folder.is_dir() {
         return Ok(());

@@ -1,8 +1,8 @@
-//! Ends by a guard: the plate waits for a person, and tells the cause and the remedy.
+//! Ends by a guard: the plate is paused and reports the cause and the remedy.
 
 use super::*;
 
-/// The end of a job with one fault on a plate that is watched: its report, and the pause of the plate.
+/// Runs a job with one fault on a plate with a watchdog; returns its report and the plate's pause.
 fn ended_with(component: &str, kind: &str, from_s: f64, to_s: Option<f64>) -> (serde_json::Value, Option<Pause>) {
     let house = House { allow_faults: true, ..House::new() };
     let plates = house.open(None);

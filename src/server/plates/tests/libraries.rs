@@ -1,4 +1,4 @@
-//! Libraries that come with a job.
+//! Libraries that are submitted with a job.
 
 use serde_json::{Value, json};
 

@@ -1,9 +1,9 @@
-//! Standing jobs: they run on an idle plate and give way to every job that is queued.
+//! Standing jobs: they run on an idle plate and give way to every queued job.
 
 use super::*;
 use upm_runner::config::{JobSpec, Origin};
 
-/// A standing job as fast as it goes, its parts and its task as given.
+/// A standing job at the greatest pace, with the parts and the task given.
 fn setup(task: &str, plate_time_s: f64) -> StandingSetup {
     let text = format!(
         r#"{{ "name": "standing", "rig": "rigs/upm-2.json", "parts": [{{ "kind": "penny", "position_mm": [30, 0] }}],
@@ -17,7 +17,7 @@ fn endless() -> StandingSetup {
     setup(r#"{ "type": "plus_sign", "laps": 0 }"#, 600.0)
 }
 
-/// Plates that end with their test: a standing job never ends by itself.
+/// Plates that are shut down with their test: a standing job never ends by itself.
 struct Ending(Plates);
 
 impl std::ops::Deref for Ending {
@@ -38,14 +38,14 @@ fn house(standing: StandingSetup) -> House {
     House { standing: Some(standing), ..House::new() }
 }
 
-/// What the plate's standing job is doing, and why not more.
+/// State of the plate's standing job, and the reason for it.
 fn standing(plate: &Plate) -> (StandingState, String) {
     let StandingSnapshot { name, state, why } = plate.snapshot().standing.unwrap();
     assert_eq!(name, "standing");
     (state, why)
 }
 
-/// Waits until the standing job is in that state; why it is.
+/// Waits until the standing job is in that state; returns the reason.
 fn until(plate: &Plate, state: StandingState) -> String {
     for _ in 0..6000 {
         let (now, why) = standing(plate);
@@ -57,7 +57,7 @@ fn until(plate: &Plate, state: StandingState) -> String {
     panic!("the standing job is never {state:?}: {:?}", plate.snapshot());
 }
 
-/// Name, state and kind of each job, oldest first.
+/// Name, state and standing flag of each job, oldest first.
 fn jobs(house: &House) -> Vec<(String, JobState, bool)> {
     house.ledger.jobs().into_iter().map(|row| (row.name, row.state, row.standing)).collect()
 }
@@ -186,7 +186,7 @@ fn standing_job_waits_while_the_disk_is_nearly_full() {
     let plates = Ending(house.open_with(None, |around| around.min_free_bytes = u64::MAX / 2));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
-    // other jobs run all the same
+    // other jobs still run
     house.submit(plate, TWO_COINS, Pace::Max);
     assert_eq!(next(&told, "finished")["state"], "completed");
     for _ in 0..6000 {

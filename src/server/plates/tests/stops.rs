@@ -1,4 +1,4 @@
-//! Stops, resets and cancels that come at odd moments.
+//! Stops, resets and cancels at unusual moments.
 
 use std::fmt;
 use std::io;
@@ -15,7 +15,7 @@ use upm_runner::run::ExternalStop;
 
 type Act = Box<dyn FnOnce() + Send>;
 
-/// A ledger that does something, once, when it is told that a plate is paused.
+/// A ledger that calls a closure, once, when a plate is noted as paused.
 struct Meddler {
     ledger: Arc<MemoryLedger>,
     then: Mutex<Option<Act>>,
@@ -71,7 +71,7 @@ impl Ledger for Meddler {
     }
 }
 
-/// True when a stop holds as a whole, false when none does.
+/// True when a stop holds completely, false when none holds.
 fn stopped(plate: &Plate) -> bool {
     let state = plate.shared.emergency_stop.state();
     assert!(matches!(state, StopState::Released | StopState::Held), "half a stop: {state:?}");
@@ -193,7 +193,7 @@ fn a_cancel_is_kept_for_a_job_that_has_yet_to_come_onto_the_plate() {
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
     let id = house.submit(plate, HOLD, Pace::RealTime);
-    // as after its plate took it, and before it says so
+    // as after the plate has claimed it and before it reports the start
     assert!(plate.cancel(&id));
     assert!(plate.resume(who("ann")));
     assert_eq!(next(&told, "finished")["state"], "cancelled");

@@ -1,4 +1,4 @@
-//! Pictures, live streams and those who watch a plate.
+//! Pictures, live streams and subscribers of a plate.
 
 use super::*;
 

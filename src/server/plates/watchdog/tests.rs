@@ -18,7 +18,7 @@ fn at(ms: u64) -> Duration {
     Duration::from_millis(ms)
 }
 
-/// Looks every tick from `from_ms` on; when and what was found first.
+/// Checks every tick from `from_ms` on; the time and the fault of the first that is found.
 fn first_found(
     dog: &mut Watchdog,
     from_ms: u64,
@@ -33,13 +33,13 @@ fn first_found(
     })
 }
 
-/// What is found of a run that is too slow for strict deadlines.
+/// The fault of a run that is too slow for strict deadlines.
 fn slow(at_ms: u64, what: &str) -> Option<(u64, ExternalStop)> {
     let advice = "this computer was too busy: `--pace max` would do, or `\"deadlines\": \"relaxed\"` in the job";
     fault(at_ms, StopCause::DeadlineMissed, &format!("{what}; {advice}"))
 }
 
-/// What is found of a run that has another fault.
+/// Any other fault of a run.
 fn fault(at_ms: u64, cause: StopCause, what: &str) -> Option<(u64, ExternalStop)> {
     let reason = format!("{what}; {}", cause.remedy().unwrap());
     Some((at_ms, ExternalStop { cause, reason }))
@@ -172,7 +172,7 @@ fn a_program_that_stood_still_is_nobodys_fault() {
     assert_eq!(dog.look(at(61_520), &vitals, STRICT, None), None, "a first look only looks");
 }
 
-/// One frame a second, each of them late, and no plan within the limit for one.
+/// One frame a second, each late, and no plan within the limit for one.
 fn crawls(now_ms: u64, vitals: &Vitals) {
     if now_ms.is_multiple_of(20_000) {
         vitals.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-6), true, true);
@@ -205,7 +205,7 @@ fn planner_that_never_returns_is_reported_under_relaxed_deadlines() {
 fn time_in_which_the_program_stood_still_is_no_hang() {
     let (mut dog, vitals) = (Watchdog::new(SPEC), Vitals::default());
     vitals.frame(at(1000), PlateTime::ZERO, true, true);
-    // stopped for a minute, then on a machine so busy that the watchdog itself looks twice a second
+    // suspended for a minute, then on a machine so busy that the watchdog itself checks twice a second
     let looks_ms = [1000, 61_000].into_iter().chain((61_500..).step_by(500).take(280));
     let found = looks_ms.map(|now_ms| dog.look(at(now_ms), &vitals, RELAXED, None)).find(Option::is_some);
     assert_eq!(found, None, "of 500 ms no more than 100 ms are counted");
