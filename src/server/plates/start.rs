@@ -115,7 +115,7 @@ impl Plates {
         self.disk.free_bytes(self.clock.elapsed())
     }
 
-    /// Shuts all plates down: motors to zero, runs ended as interrupted, and joins every thread that has ended. Returns
+    /// Shuts all plates down: motors to zero, runs ended as interrupted, threads ended. Waits at most `within`; returns
     /// the names of the plates that did not end in time. The last stops are written to the disk when this is dropped.
     pub fn shutdown(&self, within: Duration) -> Vec<String> {
         self.disk.end();
