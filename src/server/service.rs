@@ -1,7 +1,7 @@
-//! The HTTP API: the server with its guard and limits, the operations as one table, and the OpenAPI document made from the
-//! same table. The only room that knows tokio; to the outside it is a function that blocks.
+//! The HTTP API: the server with its guard and limits, the table of operations, and the OpenAPI document generated from
+//! the same table. The only module that uses tokio; its callers see a blocking function.
 //!
-//! The trait [`Desk`] is all that the API knows of store and plates.
+//! The API reaches store and plates only through the trait [`Desk`].
 
 mod api;
 mod http;

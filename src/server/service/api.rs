@@ -34,19 +34,19 @@ pub use query::JobsQuery;
 pub use traffic::{Requests, Traffic};
 pub use types::{EStopped, Job, JobsPage, PauseCause, Plate, PlateCondition, Plates, ResetRequest, StandingJob};
 
-/// Parts of the API.
+/// Inputs of the API.
 pub struct AppParts {
     /// The daemon behind it.
     pub desk: Arc<dyn Desk>,
     /// Accepted tokens.
     pub tokens: SharedTokens,
-    /// The names under which it may be called.
+    /// Host names and addresses under which clients may call it.
     pub hosts: Hosts,
-    /// Limits of requests.
+    /// Limits of requests and connections.
     pub limits: Arc<Limits>,
-    /// Ends event streams; the same that ends the server.
+    /// Ends event streams; the same flag that ends the server.
     pub stop: StopFlag,
-    /// Counts what it is asked.
+    /// Counters of requests and event streams.
     pub traffic: Traffic,
     /// The program's version.
     pub version: &'static str,
@@ -58,7 +58,7 @@ impl Default for Traffic {
     }
 }
 
-/// The whole API, layers included. Needs no socket.
+/// The complete API as a router, layers included. Needs no socket.
 pub fn app(parts: AppParts) -> Router {
     let operations = routes::operations();
     let api = Arc::new(Api {

@@ -30,7 +30,7 @@ pub use problem::{Problem, ProblemDocument, ProblemKind, Reason, ReasonCode, joi
 pub use shared_tokens::SharedTokens;
 pub use tokens::{Caller, Scope, Tokens};
 
-/// Puts the layers round `app` that every request passes, the outermost last.
+/// Adds the layers around `app` that every request passes, the outermost last.
 pub(super) fn enclose(app: Router, hosts: Hosts, limits: Arc<Limits>) -> Router {
     app.layer(from_fn_with_state(Arc::new(hosts), guard::guard))
         .layer(from_fn_with_state(limits, limits::limit))
@@ -38,7 +38,7 @@ pub(super) fn enclose(app: Router, hosts: Hosts, limits: Arc<Limits>) -> Router 
         .layer(from_fn(request_id::identify))
 }
 
-/// The answer of a handler that panics: a problem of its own request and of no other.
+/// The answer of a handler that panics: an internal error of this request alone.
 fn panicked(_: Box<dyn Any + Send>) -> Response {
     Problem::new(ProblemKind::Internal, "the handler broke down").into_response()
 }

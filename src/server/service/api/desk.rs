@@ -14,27 +14,28 @@ use crate::service::http::{Caller, Problem, ProblemKind, Reason};
 use upm_core::job::Pace;
 use upm_runner::config::Fault;
 
-/// An answer on its way.
+/// The future of an answer or refusal.
 pub type Promise<T> = Pin<Box<dyn Future<Output = Result<T, Refusal>> + Send>>;
 
-/// The daemon behind the API. The methods return at once; slow work is done on the threads of store and plates and fulfils
-/// the promise, see [`promise`]. A promise may be dropped before that: the client went away, or the answer took too long.
+/// The daemon behind the API. The methods return at once; slow work runs on the threads of store and plates and fulfils
+/// the promise, see [`promise`]. A promise may be dropped before that, when the client disconnects or the answer takes
+/// too long.
 ///
-/// Ids are 32 hex digits and names of plates plain names; the API rejects everything else.
+/// Ids are 32 hex digits and names of plates plain names; the API rejects anything else first.
 pub trait Desk: Send + Sync {
-    /// Checks a job and queues it. The promise is kept once the job is on the disk.
+    /// Checks a job and queues it. The promise is fulfilled once the job is on the disk.
     fn submit(&self, order: Order) -> Promise<Submitted>;
 
-    /// Checks a job as if it were to be queued. Queues nothing.
+    /// Checks a job as for queueing. Queues nothing.
     fn check(&self, order: Order) -> Promise<Checked>;
 
-    /// A job.
+    /// The job with that id.
     fn job(&self, id: &str) -> Promise<Job>;
 
-    /// Some jobs, newest first.
+    /// A page of jobs, newest first.
     fn jobs(&self, query: JobsQuery) -> Promise<JobsPage>;
 
-    /// Takes a job out of the queue, or has its plate stop it.
+    /// Takes a job out of the queue, or has its plate end it.
     fn cancel(&self, id: &str, caller: Caller) -> Promise<Job>;
 
     /// Deletes a job that does not run, with its events and its run folder.
@@ -43,10 +44,10 @@ pub trait Desk: Send + Sync {
     /// All plates, with their queues counted now. The promise may wait for the store.
     fn plates(&self) -> Promise<Plates>;
 
-    /// All plates, with their queues as they were counted last. Never waits.
+    /// All plates, with their queues as last counted. Never waits.
     fn plates_as_counted(&self) -> Plates;
 
-    /// Emergency stop. The plate has been told before this returns; the promise only waits for how it went.
+    /// Emergency stop. The motors have been cut before this returns; the promise only waits for the confirmation.
     fn estop(&self, plate: &str, caller: Caller) -> Promise<EStopped>;
 
     /// Ends an emergency stop; the plate stays paused.
@@ -55,22 +56,22 @@ pub trait Desk: Send + Sync {
     /// Lets a paused plate go on with its queue.
     fn resume(&self, plate: &str, caller: Caller) -> Promise<Plate>;
 
-    /// Reasons why the daemon does not work at all; empty when it is well.
+    /// Reasons why the daemon does not work at all; empty when it is healthy.
     fn ailments(&self) -> Vec<Reason>;
 
     /// Reasons why it takes no jobs; empty when it is ready.
     fn obstacles(&self) -> Vec<Reason>;
 
-    /// Its figures, as OpenMetrics text.
+    /// Its metrics, as OpenMetrics text.
     fn metrics(&self) -> String;
 
-    /// Offers all further events of the job to `feed`; the state of the job now.
+    /// Offers all further events of the job to `feed`; returns the state of the job now.
     fn watch(&self, id: &str, feed: Feed) -> Promise<Opening>;
 
-    /// At most `most` kept events of the job with numbers above `after`, in order.
+    /// At most `most` stored events of the job with numbers above `after`, in order.
     fn replay(&self, id: &str, after: u64, most: usize) -> Promise<Replayed>;
 
-    /// The latest picture of the job; [`Refusal::Busy`] while no recent one is ready.
+    /// The newest picture of the job; [`Refusal::Busy`] while no recent one is ready.
     fn frame(&self, id: &str) -> Promise<Picture>;
 
     /// The layout of the job, while it is on its plate; [`Refusal::Busy`] while its text is being read.
@@ -83,25 +84,25 @@ pub trait Desk: Send + Sync {
     fn asset(&self, name: &str) -> Option<Asset>;
 }
 
-/// A job as it was sent.
+/// A submitted job.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Order {
-    /// The body.
+    /// Body of the request.
     pub text: String,
-    /// How fast it is to run; where that is not said, as the daemon's configuration says.
+    /// Requested pace; `None` for that of the daemon's configuration.
     pub pace: Option<Pace>,
-    /// The idempotency key.
+    /// Idempotency key.
     pub key: Option<String>,
-    /// The sender.
+    /// Sender of the request.
     pub caller: Caller,
 }
 
-/// A job that is queued.
+/// Outcome of a submission.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Submitted {
-    /// The job.
+    /// The queued job.
     pub job: Job,
-    /// True when it had been before, under the same key.
+    /// True when an earlier request with the same key had queued it.
     pub replayed: bool,
 }
 
@@ -114,14 +115,14 @@ pub struct Picture {
     pub age: Duration,
 }
 
-/// A recording that can be read.
+/// An open recording.
 #[derive(Debug)]
 pub struct Recording {
     /// The open file.
     pub file: File,
     /// Its size, bytes.
     pub bytes: u64,
-    /// The name a browser saves it under.
+    /// File name under which browsers save it.
     pub name: String,
 }
 
@@ -136,43 +137,43 @@ pub struct Asset {
     pub etag: String,
 }
 
-/// Why the daemon does not do what it was asked.
+/// Why the daemon does not do what a request asks.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Refusal {
-    /// There is no such job, plate, picture or recording: 404.
+    /// No such job, plate, picture or recording: 404.
     Unknown(String),
     /// The body is not JSON: 400.
     Malformed(Vec<Fault>),
     /// The body is not a valid job: 422.
     Invalid(Vec<Fault>),
-    /// The idempotency key came before, with another body or for a job that was deleted: 422.
+    /// The idempotency key was already used with another body, or for a job that was deleted: 422.
     KeyReused,
-    /// The state of plate or job does not allow it: 409.
+    /// The state of the plate or the job does not allow it: 409.
     Conflict(String),
     /// The plate's queue is full: 429.
     QueueFull {
-        /// Jobs in it.
+        /// Number of jobs in it.
         queued: usize,
-        /// When a place may be free, s.
+        /// Seconds after which to try again.
         retry_after_s: u32,
     },
-    /// More jobs come at once than can be checked and stored: 429.
+    /// More jobs arrive at once than can be checked and stored: 429.
     Crowded {
-        /// When it may be over, s.
+        /// Seconds after which to try again.
         retry_after_s: u32,
     },
-    /// Not now: 503.
+    /// Temporarily unavailable: 503.
     Busy {
-        /// Why.
+        /// The reason, as a sentence.
         why: String,
-        /// When it may be over, s.
+        /// Seconds after which to try again.
         retry_after_s: u32,
     },
-    /// Not before an operator has seen to the daemon: 503.
+    /// Unavailable until an operator has attended to the daemon: 503.
     Unwell(Reason),
     /// The disk is full: 507.
     DiskFull(String),
-    /// The daemon's own fault: 500.
+    /// A fault of the daemon itself: 500.
     Broken(String),
 }
 
@@ -208,12 +209,12 @@ impl From<Refusal> for Problem {
     }
 }
 
-/// Fulfils a promise, from any thread, without waiting.
+/// The sending end of a promise: fulfils it, from any thread, without waiting.
 #[derive(Debug)]
 pub struct Reply<T>(oneshot::Sender<Result<T, Refusal>>);
 
 impl<T> Reply<T> {
-    /// Sends the outcome. A caller that no longer waits is no fault.
+    /// Sends the outcome. It is dropped silently when the caller no longer waits.
     pub fn send(self, outcome: Result<T, Refusal>) {
         let _ = self.0.send(outcome);
     }
@@ -224,7 +225,7 @@ impl<T> Reply<T> {
     }
 }
 
-/// A promise with its reply, which `start` hands to the thread that will fulfil it. A lost reply is [`Refusal::Busy`].
+/// A promise whose [`Reply`] `start` passes to the thread that will fulfil it. A lost reply becomes [`Refusal::Busy`].
 pub fn promise<T: Send + 'static>(start: impl FnOnce(Reply<T>)) -> Promise<T> {
     let (sender, receiver) = oneshot::channel();
     start(Reply(sender));

@@ -17,14 +17,14 @@ use super::traffic::StreamGauge;
 use crate::service::http::{Problem, ProblemKind, StopFlag};
 
 pub(super) const EVENT_STREAM: &str = "text/event-stream";
-/// Code of the `bye` of a job that has ended: its stream is not asked for again.
+/// Code of the `bye` of a job that has ended: clients do not reconnect after it.
 pub const JOB_OVER: &str = "job_over";
 pub(super) const LAST_EVENT_ID: &str = "Last-Event-ID";
 
-/// Events read from the store at once.
+/// Events read from the store at a time.
 const PAGE: usize = 500;
 
-/// Streams the job's events: how it stands, what was missed since the last event seen, what happens. Ends with the
+/// Streams a job's events: its state, the events missed since the last one the client saw, then new ones. Ends with the
 /// job, with the daemon, or with the client.
 pub(super) async fn watch(call: Call) -> Result<Response, Problem> {
     let id = call.job_id()?.to_owned();
@@ -53,14 +53,14 @@ fn last_event_id(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
     is_id.then(|| text.parse().ok()).flatten().map(Some).ok_or_else(bad)
 }
 
-/// One client that watches one job.
+/// The event stream of one client that watches one job.
 struct Watcher {
     desk: Arc<dyn Desk>,
     id: String,
     stop: StopFlag,
     heartbeat: Duration,
     receiver: EventReceiver,
-    /// Number of the last kept event that was sent, or that the client has no need of.
+    /// Number of the last stored event that was sent, or that the client does not need.
     sent: u64,
     is_over: bool,
     stage: Stage,
@@ -71,16 +71,16 @@ struct Watcher {
 enum Stage {
     /// Send the state of the job.
     Opening { opening: Opening, after: Option<u64> },
-    /// Send what is kept, up to this number.
+    /// Send stored events, up to this number.
     Replay { newest: u64 },
-    /// Send what happens.
+    /// Send new events.
     Live,
-    /// Nothing more.
+    /// The stream has ended.
     Ended,
 }
 
 impl Watcher {
-    /// The next piece of the stream; `None` at its end.
+    /// The next part of the stream; `None` at its end.
     async fn next(&mut self) -> Option<Bytes> {
         loop {
             let text = match std::mem::replace(&mut self.stage, Stage::Ended) {
@@ -99,11 +99,12 @@ impl Watcher {
         let mut text = BytesMut::from("retry: 1000\n\n");
         self.is_over = opening.is_over;
         self.sent = after.unwrap_or(before_end(opening)).min(opening.newest);
-        // who comes without a number loses nothing when the stream breaks off before the first event that has one
+        // with this id, a client that came without one misses nothing when the stream breaks before the first numbered
+        // event
         let id = after.is_none().then_some(self.sent);
         text.extend_from_slice(&Event::new(id, "snapshot", &opening.snapshot).text);
         if let Some(after) = after.filter(|after| *after > opening.newest) {
-            // the store of then is gone: those numbers will be given to other events
+            // the store of that time was lost: its numbers above the newest will be reused for other events
             text.extend_from_slice(&gap(opening.newest + 1, after));
         }
         self.stage = if self.sent < opening.newest { Stage::Replay { newest: opening.newest } } else { Stage::Live };
@@ -126,13 +127,13 @@ impl Watcher {
                 let is_done = is_end || self.sent >= newest;
                 self.stage = if is_done { Stage::Live } else { Stage::Replay { newest } };
             }
-            // what is kept can be had later: the client comes back and goes on from what it has
+            // stored events are not lost: the client reconnects and continues after the last one it has
             Err(_) => return bye("store_silent", "the job store does not answer now"),
         }
         text.freeze()
     }
 
-    /// Writes an event that has not been sent.
+    /// Writes an event, unless it has been sent already.
     fn take(&mut self, event: &Event, text: &mut BytesMut) {
         if event.seq.is_some_and(|seq| seq <= self.sent) {
             return;
@@ -166,7 +167,7 @@ impl Watcher {
         }
     }
 
-    /// Restarts a client that was too slow, with the gap and the state of the job now.
+    /// Restarts the stream of a client that was too slow, with the gap and the state of the job now.
     async fn reopen(&mut self) -> Bytes {
         let (feed, receiver) = feed();
         self.receiver = receiver;
@@ -183,18 +184,18 @@ impl Watcher {
     }
 }
 
-/// The newest event that is not told to who comes now: who comes after the end is told of it all the same, and it is
-/// the last event.
+/// Number after which a client without a last event id starts: the newest event, or the one before the last event of an
+/// ended job, so that a late client still receives that one.
 fn before_end(opening: &Opening) -> u64 {
     opening.newest.saturating_sub(opening.is_over.into())
 }
 
-/// Kept events `from` to `to` will not come on this stream.
+/// Notice that the stored events `from` to `to` are missing from this stream.
 fn gap(from: u64, to: u64) -> Bytes {
     Event::new(None, "gap", &format!("{{\"from\":{from},\"to\":{to}}}")).text
 }
 
-/// The last event of a stream: why it ends, for programs and for a person.
+/// The last event of a stream: a code and a sentence for its end.
 fn bye(code: &str, why: &str) -> Bytes {
     Event::new(None, "bye", &format!("{{\"code\":\"{code}\",\"why\":\"{why}\"}}")).text
 }

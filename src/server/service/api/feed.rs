@@ -4,13 +4,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use bytes::Bytes;
 use tokio::sync::mpsc;
 
-/// Events that wait for one client.
+/// Events that may wait for one client.
 const WAITING: usize = 256;
 
-/// One thing told of a job, written out once for all who watch.
+/// An event of a job, serialized once for all watchers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Event {
-    /// Its number in the job; `None` for what is not kept.
+    /// Number within the job; `None` for an event that is not stored.
     pub seq: Option<u64>,
     /// True for the last event of a job.
     pub is_last: bool,
@@ -18,10 +18,10 @@ pub struct Event {
 }
 
 impl Event {
-    /// `json` is one line; `kind` one word: `state`, `cycle`, `warning`, `recording`, `finished` or `look`.
+    /// `json` is JSON text; `kind` is one word: `state`, `cycle`, `warning`, `recording`, `finished` or `look`.
     pub fn new(seq: Option<u64>, kind: &str, json: &str) -> Self {
         let id = seq.map(|seq| format!("id: {seq}\n")).unwrap_or_default();
-        // a line feed would end the field; JSON writes those in strings as \n, so one here is only layout
+        // a line feed would end the field; inside strings JSON writes it as \n, so a literal one is only layout
         let json = json.replace(['\n', '\r'], " ");
         let text = format!("{id}event: {kind}\ndata: {json}\n\n");
         Self { seq, is_last: kind == "finished", text: text.into() }
@@ -33,23 +33,23 @@ impl Event {
 pub struct Opening {
     /// Job and plate, as one JSON object on one line.
     pub snapshot: String,
-    /// Number of the newest event that is kept; 0 before the first.
+    /// Number of the newest stored event; 0 before the first.
     pub newest: u64,
-    /// True when no event will come any more.
+    /// True when the job has ended and no further event follows.
     pub is_over: bool,
 }
 
-/// Kept events of a job from some number on.
+/// Stored events of a job above some number.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Replayed {
-    /// Number of the oldest event that is kept; one past the newest when none is.
+    /// Number of the oldest stored event; one past the newest when none is stored.
     pub oldest: u64,
     /// The events, in order.
     pub events: Vec<Event>,
 }
 
-/// Where the daemon puts what one client is to see: a queue with an end. When it is full the event is not put in and
-/// the client is told of the gap.
+/// The daemon's end of a bounded event queue for one client. An event that finds it full is dropped, and the client is
+/// notified of the gap.
 #[derive(Clone, Debug)]
 pub struct Feed {
     queue: mpsc::Sender<Event>,
@@ -70,7 +70,7 @@ pub(super) fn feed() -> (Feed, EventReceiver) {
 }
 
 impl Feed {
-    /// Puts an event in, without ever waiting. False when the client is gone: offer it nothing more.
+    /// Queues an event without waiting. False when the client is gone: offer it nothing more.
     pub fn offer(&self, event: &Event) -> bool {
         match self.queue.try_send(event.clone()) {
             Ok(()) => true,
@@ -82,7 +82,7 @@ impl Feed {
         }
     }
 
-    /// The client is gone.
+    /// True when the client is gone.
     pub fn is_closed(&self) -> bool {
         self.queue.is_closed()
     }
@@ -94,7 +94,7 @@ impl EventReceiver {
         self.queue.recv().await
     }
 
-    /// True once an event did not fit in. What waits is older than what is missing.
+    /// True once an event was dropped. The queued events are older than the dropped ones.
     pub fn is_overrun(&self) -> bool {
         self.overrun.load(Ordering::Acquire)
     }

@@ -22,24 +22,24 @@ use upm_runner::config::is_plain_name;
 
 pub(super) const RRD: &str = "application/octet-stream";
 
-/// Wall time since a picture was taken, ms.
+/// Header with the wall time since a picture was taken, ms.
 const UPM_AGE_MS: HeaderName = HeaderName::from_static("upm-age-ms");
 
-/// How often a picture that is being made is asked for again, and after what time.
+/// Attempts to get a picture that is still being made, and the pause between two of them.
 const PICTURE_TRIES: usize = 10;
 const PICTURE_AGAIN: Duration = Duration::from_millis(100);
 
-/// Bytes read from a file at once.
+/// Bytes read from a file at a time.
 const CHUNK_BYTES: usize = 64 << 10;
 
-/// Content security policy of the operator page: its own script, images it made, calls to its own daemon.
+/// Content security policy of the operator page: its own script, images it creates, calls to its own daemon.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; \
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 pub(super) async fn frame(call: Call) -> Result<Response, Problem> {
     let id = call.job_id()?;
     let mut picture = call.desk.frame(id).await;
-    // pictures are made for those who ask: the first takes a moment
+    // pictures are only made on request, so the first takes a moment
     for _ in 0..PICTURE_TRIES {
         let Err(Refusal::Busy { .. }) = picture else { break };
         sleep(PICTURE_AGAIN).await;
@@ -74,7 +74,7 @@ fn asset_called(call: &Call, name: &str) -> Result<Response, Problem> {
     Ok((headers, content).into_response())
 }
 
-/// The recording, or the one range of it that was asked for.
+/// The recording, or the requested byte range of it.
 pub(super) async fn recording(call: Call) -> Result<Response, Problem> {
     let id = call.job_id()?;
     let permit = call.api.downloads.clone().try_acquire_owned();
@@ -106,7 +106,8 @@ pub(super) async fn recording(call: Call) -> Result<Response, Problem> {
     })
 }
 
-/// First byte and length of the range asked for. What is not one plain range of bytes asks for the whole file.
+/// First byte and length of the requested range. `None` for the complete file: anything except a single range of bytes
+/// is ignored.
 fn asked(headers: &HeaderMap, etag: &str, bytes: u64) -> Result<Option<(u64, u64)>, Problem> {
     let same = headers.get(IF_RANGE).is_none_or(|tag| tag.as_bytes() == etag.as_bytes());
     let text = headers.get(RANGE).filter(|_| same).and_then(|value| value.to_str().ok());
@@ -131,7 +132,7 @@ fn asked(headers: &HeaderMap, etag: &str, bytes: u64) -> Result<Option<(u64, u64
     Ok(Some((range.0, range.1 - range.0 + 1)))
 }
 
-/// `length` bytes of the file from its position, a chunk at a time, never more than the client takes.
+/// `length` bytes of the file from its position, read chunk by chunk as the client takes them.
 fn body_of(file: File, length: u64, permit: OwnedSemaphorePermit) -> Body {
     let chunks = stream::try_unfold((file, length, permit), |(mut file, left, permit)| async move {
         if left == 0 {

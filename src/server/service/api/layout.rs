@@ -2,27 +2,27 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use upm_runner::config::RawBin;
 
-/// The layout of a job on its plate as its file has it. It never changes.
+/// The layout of a job on its plate, from its file. It never changes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Layout {
     /// The parts, in the order of the job.
     pub parts: Vec<LayoutPart>,
-    /// Where parts shall end, mm; empty for a task that names no places.
+    /// Target position of each part, mm; empty for a task without target positions.
     pub targets_mm: Vec<[f64; 2]>,
-    /// The bins, whose places are in mm from the plate's centre.
+    /// The bins, with positions in mm from the plate's centre.
     pub bins: Vec<RawBin>,
-    /// The paths to be followed.
+    /// Paths that parts shall follow.
     pub paths: Vec<LayoutPath>,
-    /// True for a job that only its plate time limit ends.
+    /// True for a job that ends only at its plate time limit.
     pub endless: bool,
 }
 
-/// A job that may be queued as it is.
+/// A job that is ready to be queued.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Checked {
-    /// Its name.
+    /// Name of the job.
     pub name: String,
-    /// The plate it would go to.
+    /// Plate to which it would go.
     pub plate: String,
     /// Its layout.
     pub layout: Layout,
@@ -42,6 +42,6 @@ pub struct LayoutPart {
 pub struct LayoutPath {
     /// Its corners, mm.
     pub waypoints_mm: Vec<[f64; 2]>,
-    /// True where it leads from the last corner back to the first.
+    /// True for a path that leads from the last corner back to the first.
     pub closed: bool,
 }

@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use super::operation::{Answer, Content, Operation, Param, ParamIn};
 use crate::service::http::{PROBLEM_JSON, ProblemDocument, ProblemKind};
 
-/// The OpenAPI 3.1 document of `operations`. Its schemas are JSON Schema 2020-12, as the types give them.
+/// The OpenAPI 3.1 document of `operations`. Its schemas are JSON Schema 2020-12, generated from the types.
 pub(super) fn document(operations: &[Operation], version: &str) -> Value {
     let settings = SchemaSettings::draft2020_12().with(|settings| {
         settings.definitions_path = "/components/schemas".into();

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::request::Call;
 use crate::service::http::{Problem, ProblemKind, Scope};
 
-/// How an operation is asked for.
+/// HTTP method of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Method {
     Get,
@@ -34,7 +34,7 @@ impl Method {
     }
 }
 
-/// The part of a request that holds a parameter.
+/// Place of a parameter in a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum ParamIn {
@@ -48,18 +48,18 @@ pub(super) struct Param {
     pub name: &'static str,
     pub location: ParamIn,
     pub description: &'static str,
-    /// Its JSON Schema.
+    /// JSON Schema of its value.
     pub schema: fn() -> serde_json::Value,
 }
 
-/// Makes the schema of a type and leaves its parts with the generator.
+/// Generates the schema of a type; schemas of its parts are added to the generator's definitions.
 pub(super) type SchemaOf = fn(&mut SchemaGenerator) -> Schema;
 
 pub(super) fn schema_of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Schema {
     generator.subschema_for::<T>()
 }
 
-/// Content of an answer.
+/// Body of an answer.
 #[derive(Clone, Copy)]
 pub(super) enum Content {
     Nothing,
@@ -68,19 +68,19 @@ pub(super) enum Content {
     Media(&'static str),
 }
 
-/// A good answer of an operation. Bad ones are all problem documents.
+/// A successful answer of an operation. Failures are problem documents.
 pub(super) struct Answer {
     pub status: u16,
     pub description: &'static str,
     pub content: Content,
-    /// Names and meanings of its headers.
+    /// Names and descriptions of its headers.
     pub headers: &'static [(&'static str, &'static str)],
 }
 
-/// An answer on its way.
+/// The future of a response or problem.
 pub(super) type HandlerFuture = Pin<Box<dyn Future<Output = Result<Response, Problem>> + Send>>;
 
-/// Answers the requests of one operation: any function from [`Call`] to a future.
+/// Handler of one operation: any function from [`Call`] to a future.
 pub(super) trait Handler: Send + Sync + 'static {
     fn answer(&self, call: Call) -> HandlerFuture;
 }
@@ -95,26 +95,26 @@ where
     }
 }
 
-/// An operation of the API: the row from which router, document and counters are made.
+/// One row of the API's table, from which router, OpenAPI document and counters are made.
 pub(super) struct Operation {
-    /// Its name in the document.
+    /// `operationId` in the OpenAPI document.
     pub id: &'static str,
     pub method: Method,
     pub path: &'static str,
-    /// Scope that a token needs; `None` for operations without a token.
+    /// Scope that the token needs; `None` for operations without a token.
     pub scope: Option<Scope>,
     pub summary: &'static str,
     pub params: &'static [Param],
-    /// Schema of the JSON body, where there is one.
+    /// Schema of the JSON body, if it takes one.
     pub body: Option<SchemaOf>,
     pub answers: &'static [Answer],
-    /// Problems besides those of the layers.
+    /// Problems in addition to those of the layers.
     pub problems: &'static [ProblemKind],
     pub handler: Box<dyn Handler>,
 }
 
 impl Operation {
-    /// Every problem it can be answered with: its own, and those of what a request passes on its way to the handler.
+    /// Every problem it can answer with: its own, and those of the layers before the handler.
     pub fn all_problems(&self) -> Vec<ProblemKind> {
         use ProblemKind as P;
         let mut kinds = vec![P::Malformed, P::Forbidden, P::UriTooLong, P::HeaderTooLarge, P::Internal, P::Unavailable];
@@ -125,7 +125,7 @@ impl Operation {
         ProblemKind::ALL.into_iter().filter(|kind| kinds.contains(kind)).collect()
     }
 
-    /// Every status it can be answered with.
+    /// Every status it can answer with.
     pub fn statuses(&self) -> Vec<u16> {
         let problems = self.all_problems().into_iter().map(|kind| kind.status().as_u16());
         self.answers.iter().map(|answer| answer.status).chain(problems).collect()

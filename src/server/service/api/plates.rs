@@ -11,17 +11,17 @@ use crate::service::http::{Problem, ProblemKind, Reason, joined};
 
 pub(super) const OPENMETRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
-/// Longest time the list waits for the store to count the queues anew.
+/// Longest wait for the store to count the queues.
 const COUNTED_WITHIN: Duration = Duration::from_millis(100);
 
-/// The list is what an emergency stop of all plates begins with: it comes whatever the store does.
+/// Lists the plates. An emergency stop of all plates begins with this list, so it does not depend on the store.
 pub(super) async fn list(call: Call) -> Result<Response, Problem> {
     let counted = timeout(COUNTED_WITHIN, call.desk.plates()).await;
     let plates = counted.ok().and_then(Result::ok).unwrap_or_else(|| call.desk.plates_as_counted());
     Ok(Json(plates).into_response())
 }
 
-/// The plate is told before anything is waited for.
+/// Stops a plate. The motors are cut before the returned future is polled.
 pub(super) fn estop(call: Call) -> impl Future<Output = Result<Response, Problem>> {
     let stopped = call.plate().map(|plate| call.desk.estop(plate, call.caller.clone()));
     async move { Ok(Json(stopped?.await?).into_response()) }
@@ -55,7 +55,7 @@ fn well(reasons: Vec<Reason>) -> Result<Response, Problem> {
     Err(Problem::new(ProblemKind::Unavailable, joined(&reasons)).with_reasons(reasons))
 }
 
-/// 400 for what is no JSON, 422 for JSON that is no reset.
+/// Parses a reset: 400 for text that is not JSON, 422 for JSON that is not a valid reset.
 fn reset_request(text: &str) -> Result<ResetRequest, Problem> {
     let allowed = "an object with `operator` and `reason`";
     let fault = |path: &str, error: &serde_json::Error| {

@@ -3,11 +3,11 @@ use crate::service::http::{Problem, ProblemKind};
 use crate::states::JobState;
 use upm_core::job::Pace;
 
-/// Jobs on a page when no limit is asked for, and the most there are.
+/// Default and greatest number of jobs on a page.
 const USUAL_LIMIT: usize = 50;
 const MOST_LIMIT: usize = 200;
 
-/// Which jobs to list: newest first.
+/// Selection of jobs to list, newest first.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct JobsQuery {
     /// Only jobs in this state.
@@ -37,17 +37,17 @@ impl JobsQuery {
     }
 }
 
-/// True for what a job's id can be: 32 lower-case hex digits, nothing that means anything to a file system.
+/// True for a possible job id: 32 lower-case hex digits, so nothing that has a meaning in a path.
 pub(super) fn is_job_id(text: &str) -> bool {
     text.len() == 32 && text.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b))
 }
 
-/// The query of a request, each name once and none that the operation does not know.
+/// The query of a request: each name at most once, and only names that the operation knows.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Query(Vec<(String, String)>);
 
 impl Query {
-    /// `known` are the names the operation takes; one that takes none does not look at its query at all.
+    /// `known` are the names that the operation takes; if it takes none, its query is ignored.
     pub fn new(pairs: Vec<(String, String)>, known: &[&str]) -> Result<Self, Problem> {
         if known.is_empty() {
             return Ok(Self::default());

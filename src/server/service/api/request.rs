@@ -11,7 +11,7 @@ use super::traffic::Traffic;
 use crate::service::http::{Caller, Limits, Problem, ProblemKind, SharedTokens, StopFlag};
 use upm_runner::config::is_plain_name;
 
-/// State that all requests share.
+/// State shared by all requests.
 pub(super) struct Api {
     pub desk: Arc<dyn Desk>,
     pub tokens: SharedTokens,
@@ -23,7 +23,7 @@ pub(super) struct Api {
     pub downloads: Arc<Semaphore>,
 }
 
-/// A request that was let in, as its handler gets it.
+/// An admitted request, as its handler receives it.
 pub(super) struct Call {
     pub desk: Arc<dyn Desk>,
     pub api: Arc<Api>,
@@ -35,19 +35,19 @@ pub(super) struct Call {
 }
 
 impl Call {
-    /// The job in the path. What cannot be an id is no job's.
+    /// The job id in the path. Text that cannot be an id is answered like an unknown job.
     pub fn job_id(&self) -> Result<&str, Problem> {
         let id = self.path.get("id").map_or("", String::as_str);
         is_job_id(id).then_some(id).ok_or_else(|| Problem::new(ProblemKind::NotFound, "there is no such job"))
     }
 
-    /// The plate in the path. What cannot be a name is no plate's.
+    /// The plate name in the path. Text that cannot be a name is answered like an unknown plate.
     pub fn plate(&self) -> Result<&str, Problem> {
         let name = self.path.get("name").map_or("", String::as_str);
         is_plain_name(name).then_some(name).ok_or_else(|| Problem::new(ProblemKind::NotFound, "there is no such plate"))
     }
 
-    /// The file of the operator page in the path.
+    /// The file of the operator page named in the path.
     pub fn file(&self) -> &str {
         self.path.get("file").map_or("", String::as_str)
     }

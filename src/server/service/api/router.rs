@@ -48,7 +48,7 @@ impl Operation {
         };
         let path = path_params(&mut parts).await?;
         let query = self.query(&parts)?;
-        // the room is held until the request is answered
+        // the memory is reserved until the request is answered
         let (body, _room) = match self.body {
             Some(_) => {
                 demand_json(&parts.headers)?;
@@ -78,7 +78,7 @@ async fn path_params(parts: &mut Parts) -> Result<BTreeMap<String, String>, Prob
     Ok(params.iter().map(|(name, value)| (name.to_owned(), value.to_owned())).collect())
 }
 
-/// JSON by its content type; forms of other sites cannot be sent under it.
+/// Demands the content type of JSON, since forms of other sites cannot send it.
 fn demand_json(headers: &HeaderMap) -> Result<(), Problem> {
     let mut types = headers.get_all(CONTENT_TYPE).iter();
     let given = match (types.next(), types.next()) {

@@ -168,7 +168,7 @@ fn plate_operations() -> Vec<Operation> {
     ]
 }
 
-/// Operations on the daemon itself, and files that it serves. Those without a scope need no token.
+/// Operations on the daemon itself, and the files it serves. Those without a scope need no token.
 fn own_operations() -> Vec<Operation> {
     const WELL: &[Answer] = &[answer(200, "Yes. Otherwise 503 and why.", Content::Json(schema_of::<Well>))];
     const METRICS: &[Answer] = &[answer(200, "OpenMetrics.", Content::Media(plates::OPENMETRICS))];

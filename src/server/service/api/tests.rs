@@ -24,7 +24,7 @@ use fake::FakeDesk;
 const LOOK: &str = "look-look-look-look-look-look-look";
 const WORK: &str = "work-work-work-work-work-work-work";
 
-/// The API over a made-up desk. Every answer is held against the row of its operation.
+/// The API in front of a fake desk. Every answer is checked against the row of its operation.
 struct Asked {
     app: Router,
     desk: Arc<FakeDesk>,
@@ -108,7 +108,7 @@ fn request(method: &str, path: &str, headers: &[(&str, &str)], body: impl Into<B
     builder.body(body.into()).unwrap()
 }
 
-/// The operation that a request goes to.
+/// The operation that a request is routed to.
 fn operation_of(method: &str, path: &str) -> Option<Operation> {
     let fits = |template: &str| {
         let (wanted, given): (Vec<&str>, Vec<&str>) = (template.split('/').collect(), path.split('/').collect());

@@ -7,23 +7,23 @@ use axum::response::Response;
 
 use crate::service::http::ProblemKind;
 
-/// Name under which requests without an operation are counted.
+/// Operation name of requests that reached no operation.
 const NONE: &str = "none";
 
-/// Counters of requests and event streams, without locks. Copies share them; their number does not depend on what clients
-/// send.
+/// Lock-free counters of requests and event streams, shared by all copies. Their number is fixed and does not depend on
+/// what clients send.
 #[derive(Clone, Debug)]
 pub struct Traffic(Arc<Counters>);
 
-/// Requests that were answered alike.
+/// Number of requests with the same operation and status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Requests {
-    /// The operation's name in the OpenAPI document; `none` for requests refused before it was known, or that asked for
-    /// none.
+    /// Name of the operation in the OpenAPI document; `none` for requests refused before it was known, or that match no
+    /// operation.
     pub operation: &'static str,
-    /// The status; 0 for all that the document does not know of.
+    /// Status of the answers; 0 for every status that the document does not list.
     pub status: u16,
-    /// How many.
+    /// Number of requests.
     pub count: u64,
 }
 
@@ -41,7 +41,7 @@ struct Counter {
 }
 
 impl Traffic {
-    /// Counters for `operations`, each with the statuses that it can be answered with.
+    /// Counters for `operations`, each with the statuses that it can answer with.
     pub(super) fn of(operations: impl IntoIterator<Item = (&'static str, Vec<u16>)>) -> Self {
         let none = (NONE, ProblemKind::ALL.map(|kind| kind.status().as_u16()).to_vec());
         let of_operation = |(operation, statuses): (_, Vec<u16>)| {
@@ -52,7 +52,7 @@ impl Traffic {
         Self(Arc::new(Counters { requests, streams: AtomicU64::new(0) }))
     }
 
-    /// Requests answered so far, for every operation and every status it can be answered with.
+    /// Requests answered so far, for every operation and every status it can answer with.
     pub fn requests(&self) -> Vec<Requests> {
         let requests = |Counter { operation, status, count }: &Counter| {
             let count = count.load(Ordering::Relaxed);
@@ -61,12 +61,12 @@ impl Traffic {
         self.0.requests.iter().map(requests).collect()
     }
 
-    /// Event streams that are open.
+    /// Number of open event streams.
     pub fn event_streams(&self) -> u64 {
         self.0.streams.load(Ordering::Relaxed)
     }
 
-    /// Counts an event stream for as long as the answer is kept.
+    /// Counts an event stream for as long as the returned value is kept.
     pub(super) fn stream(&self) -> StreamGauge {
         self.0.streams.fetch_add(1, Ordering::Relaxed);
         StreamGauge(self.0.clone())
@@ -80,7 +80,7 @@ impl Traffic {
     }
 }
 
-/// An event stream that is counted.
+/// One counted event stream; dropping it ends the count.
 #[derive(Debug)]
 pub(super) struct StreamGauge(Arc<Counters>);
 
@@ -90,13 +90,13 @@ impl Drop for StreamGauge {
     }
 }
 
-/// Left in a request by the layer, filled in by the operation it reaches: so the layer knows it whatever becomes of the
-/// handler.
+/// The operation that a request reached. The counting layer inserts it and the operation fills it in, so the layer
+/// knows the operation even when the handler panics or is dropped.
 #[derive(Clone, Debug, Default)]
 pub(super) struct MatchedOperation(Arc<OnceLock<&'static str>>);
 
 impl MatchedOperation {
-    /// The request has come to `operation`.
+    /// Notes that the request has reached `operation`.
     pub fn note(request: &Request, operation: &'static str) {
         if let Some(Self(reached)) = request.extensions().get() {
             reached.get_or_init(|| operation);
@@ -104,7 +104,7 @@ impl MatchedOperation {
     }
 }
 
-/// The layer outside all others: counts every answer.
+/// The outermost layer: counts every answer.
 pub(super) async fn count(State(traffic): State<Traffic>, mut request: Request, next: Next) -> Response {
     let reached = MatchedOperation::default();
     request.extensions_mut().insert(reached.clone());

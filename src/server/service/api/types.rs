@@ -6,46 +6,46 @@ use super::layout::LayoutPart;
 use crate::states::{JobState, PlateState, RecordingStatus, StandingState};
 use upm_core::job::Pace;
 
-/// A job and what became of it.
+/// A job with its state and result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Job {
-    /// Its id: 32 hex digits that sort by the time it was submitted.
+    /// Id of the job: 32 hex digits, which sort by the time of submission.
     #[schemars(extend("pattern" = "^[0-9a-f]{32}$"))]
     pub id: String,
-    /// Its name; several jobs may have the same.
+    /// Name of the job; several jobs may have the same.
     pub name: String,
-    /// How far it has come.
+    /// State of the job.
     pub state: JobState,
-    /// The plate it goes to.
+    /// Plate on which it runs.
     pub plate: String,
-    /// When it was accepted (UTC).
+    /// Time at which it was accepted (UTC).
     #[schemars(extend("format" = "date-time"))]
     pub submitted_at: String,
-    /// When its plate took it (UTC).
+    /// Time at which its plate took it (UTC).
     #[schemars(extend("format" = "date-time"))]
     pub started_at: Option<String>,
-    /// When it ended, however it did (UTC).
+    /// Time of its end, whatever the outcome (UTC).
     #[schemars(extend("format" = "date-time"))]
     pub finished_at: Option<String>,
-    /// Share of it that is done.
+    /// Share of the job that is done, 0 to 1.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub progress: f64,
     /// Its `report.json`, once it has ended.
     pub report: Option<Map<String, Value>>,
-    /// Why it ended as it did; empty until then.
+    /// Reason of its end; empty until then.
     pub reason: String,
-    /// Its seed.
+    /// Seed of everything random in its run.
     pub seed: u64,
-    /// How fast it runs.
+    /// Pace of its run.
     pub pace: Pace,
-    /// What there is of its recording.
+    /// State of its recording.
     pub recording: RecordingStatus,
     /// True for a run of its plate's standing job, which no client submitted.
     #[serde(default)]
     pub standing: bool,
 }
 
-/// Jobs, newest first.
+/// A page of jobs, newest first.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct JobsPage {
     /// The jobs.
@@ -65,90 +65,91 @@ pub struct StandingJob {
     pub why: String,
 }
 
-/// Why a plate is paused.
+/// Cause of a plate's pause.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PauseCause {
-    /// A name for programs: that of `stop` in the job's report where the end of a job paused the plate, else `reset`,
-    /// `restarted`, `crashed`, `store_damaged`, `data_displaced` or `stopped`.
+    /// Stable code for programs: that of `stop` in the job's report where the end of a job paused the plate, otherwise
+    /// `reset`, `restarted`, `crashed`, `store_damaged`, `data_displaced` or `stopped`.
     pub code: String,
-    /// What to check or do before the plate goes on.
+    /// The operator's checks or actions before the plate goes on.
     pub remedy: String,
 }
 
-/// A state of the run on a plate that lasts, and that an operator should know of.
+/// A lasting condition of the run on a plate that an operator should know of.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PlateCondition {
-    /// A name for programs: the code of a condition of the run, or `computer_busy` while plate time falls behind the clock.
+    /// Stable code for programs: that of a condition of the run, or `computer_busy` while plate time falls behind the
+    /// clock.
     pub code: String,
     /// The condition in words.
     pub reason: String,
-    /// What to check or change.
+    /// The operator's checks or changes.
     pub remedy: String,
 }
 
 /// A plate at one moment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Plate {
-    /// Its name.
+    /// Name of the plate.
     pub name: String,
-    /// What it is doing.
+    /// State of the plate.
     pub state: PlateState,
-    /// Why it does nothing; empty when it does something or could.
+    /// Why it is idle; empty when it runs a job or could.
     pub why: String,
     /// The cause of its pause; null unless it is paused.
     #[serde(default)]
     pub pause: Option<PauseCause>,
-    /// What holds in the run on it that an operator should know of.
+    /// Current conditions of the run on it that an operator should know of.
     #[serde(default)]
     pub conditions: Vec<PlateCondition>,
-    /// Id of the job it has.
+    /// Id of the job on it; null when there is none.
     pub job: Option<String>,
-    /// The job that runs whenever its queue is empty; null when it has none.
+    /// The job that runs whenever its queue is empty; null when none is configured.
     pub standing_job: Option<StandingJob>,
-    /// Jobs that wait for it.
+    /// Number of jobs queued for it.
     pub queued: u64,
-    /// Plate time of what is shown, from the start of its job, s.
+    /// Plate time of the observation shown, from the start of its job, s.
     pub at_s: f64,
-    /// Wall time since that was seen, s; null before anything was.
+    /// Wall time since that observation, s; null before the first.
     pub age_s: Option<f64>,
-    /// Side of the square plate, mm. Its centre is the origin of all places.
+    /// Side of the square plate, mm. Its centre is the origin of all positions.
     pub side_mm: f64,
     /// The kinds of parts that its rig knows.
     #[serde(default)]
     pub kinds: Vec<LayoutPart>,
-    /// Where each part is, mm.
+    /// Position of each part, mm.
     pub positions_mm: Vec<[f64; 2]>,
     /// Radius of each part, mm.
     pub radii_mm: Vec<f64>,
-    /// Where each part shall end, mm.
+    /// Target position of each part, mm.
     pub targets_mm: Vec<[f64; 2]>,
-    /// Share of the job that is done.
+    /// Share of the job that is done, 0 to 1.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub progress: f64,
-    /// What is being done, in words.
+    /// Current activity, as text.
     pub phase: String,
-    /// Frames that came later than one frame, since the daemon started.
+    /// Frames that came more than one frame late, since the daemon started.
     pub deadline_misses: u64,
-    /// How far plate time fell behind the clock in the present or last run, s: this computer was too slow.
+    /// Lag of plate time behind the clock in the present or last run, s: this computer was too slow.
     pub behind_s: f64,
-    /// Size of the recording that is being written, MB; null while none is.
+    /// Size of the recording being written, MB; null while none is.
     #[serde(default)]
     pub recording_mb: Option<f64>,
-    /// Where a Rerun viewer on this machine connects to; null where there is no live stream.
+    /// Address for a Rerun viewer on this machine; null where there is no live stream.
     pub live: Option<String>,
 }
 
 /// All plates.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Plates {
-    /// In the order of the configuration.
+    /// The plates, in the order of the configuration.
     pub plates: Vec<Plate>,
 }
 
-/// An emergency stop, done.
+/// Result of an emergency stop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EStopped {
-    /// The plate.
+    /// Name of the plate.
     pub plate: String,
     /// True once the motors were seen at zero; a plate at rest has nothing to stop.
     pub silent: bool,
@@ -162,20 +163,20 @@ pub struct EStopped {
     pub wall_s: Option<f64>,
 }
 
-/// Who ends an emergency stop, and why.
+/// A request to end an emergency stop.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ResetRequest {
-    /// Who looked at the plate.
+    /// Name of the operator who inspected the plate.
     #[schemars(length(min = 1, max = 200), extend("pattern" = "\\S"))]
     pub operator: String,
-    /// Why it may move again.
+    /// Reason why it may move again.
     #[schemars(length(min = 1, max = 1000), extend("pattern" = "\\S"))]
     pub reason: String,
 }
 
 impl ResetRequest {
-    /// The first member that says nothing or too much: its name, what was found, what is allowed.
+    /// The first member that is empty or too long: its name, the text found, and what is allowed.
     pub fn fault(&self) -> Option<(&'static str, String, String)> {
         let members = [("operator", &self.operator, 200), ("reason", &self.reason, 1000)];
         let is_said = |text: &str, most: usize| !text.trim().is_empty() && text.chars().count() <= most;
@@ -185,7 +186,7 @@ impl ResetRequest {
     }
 }
 
-/// All is well; when it is not the answer is a problem that says why.
+/// Confirmation that all is well; otherwise the answer is a problem with the reasons.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Well {
     /// Always true.

@@ -8,8 +8,8 @@ use tokio::task::AbortHandle;
 
 use super::limits::Limits;
 
-/// The host that connections are counted for: an IPv4 address, or the /64 network of an IPv6 address, all of which one
-/// host may use.
+/// The host that connections are counted for: an IPv4 address, or the /64 network of an IPv6 address, since one host
+/// may use all of that.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct PeerHost(IpAddr);
 
@@ -28,7 +28,7 @@ impl PeerHost {
     }
 }
 
-/// Counts the connections that may ask for everything.
+/// Counter of the common connections, on which every operation is served.
 #[derive(Debug, Default)]
 pub(super) struct CommonConnections(Arc<Mutex<Counts>>);
 
@@ -39,7 +39,7 @@ struct Counts {
 }
 
 impl CommonConnections {
-    /// A place among them; `None` when all are taken, or `peer` has its share.
+    /// A place among the common connections; `None` when all are taken, or `peer` has its share.
     pub(super) fn admit(&self, peer: PeerHost, limits: &Limits) -> Option<CommonPlace> {
         let mut counts = self.0.lock();
         let held = counts.of_peer.get(&peer).copied().unwrap_or(0);
@@ -53,7 +53,7 @@ impl CommonConnections {
     }
 }
 
-/// A place among the common connections; free again when it is dropped.
+/// A place among the common connections, freed on drop.
 #[derive(Debug)]
 pub(super) struct CommonPlace {
     counts: Arc<Mutex<Counts>>,
@@ -71,8 +71,8 @@ impl Drop for CommonPlace {
     }
 }
 
-/// True from a request's complete head until its answer is written: a connection that is busy is never dropped for
-/// another one.
+/// True from a request's complete head until its answer is written: a busy connection is never dropped in favour of
+/// another.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Busy(Arc<AtomicBool>);
 
@@ -86,8 +86,8 @@ impl Busy {
     }
 }
 
-/// The newest connections that found no common place, by the host they come from. They serve e-stop, the list of plates
-/// and health.
+/// The newest connections that found no common place, by host. They serve only the emergency stop, the list of plates
+/// and the health checks.
 #[derive(Debug, Default)]
 pub(super) struct SpareConnections {
     count: usize,
@@ -107,9 +107,9 @@ impl Spare {
 }
 
 impl SpareConnections {
-    /// Makes room for one more among at most `most`: of the host that has most of them, the oldest goes that is not busy.
-    /// A host that opens many pushes out its own, and each of those had time to say what it wants. False when all are
-    /// busy.
+    /// Makes room for one more among at most `most`: drops the oldest connection that is not busy, of the host with the
+    /// most connections. So a host that opens many displaces its own, and each of them has had time to send its
+    /// request. False when all are busy.
     pub(super) fn make_room(&mut self, most: usize) -> bool {
         if self.count < most {
             return true;
@@ -128,7 +128,7 @@ impl SpareConnections {
         true
     }
 
-    /// Notes a connection that was opened.
+    /// Adds a connection that was opened.
     pub(super) fn add(&mut self, peer: PeerHost, task: AbortHandle, busy: Busy) {
         self.of_peer.entry(peer).or_default().push_back(Spare { task, busy });
         self.count += 1;

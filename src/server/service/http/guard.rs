@@ -14,8 +14,8 @@ static SEC_FETCH_MODE: HeaderName = HeaderName::from_static("sec-fetch-mode");
 static SEC_FETCH_DEST: HeaderName = HeaderName::from_static("sec-fetch-dest");
 static RESOURCE_POLICY: HeaderName = HeaderName::from_static("cross-origin-resource-policy");
 
-/// The names under which the daemon may be called. A page of another site that has its name point at this machine
-/// (DNS rebinding) sends that name as Host, and is refused.
+/// The names under which the daemon may be called. A page of another site whose name resolves to this machine (DNS
+/// rebinding) sends that name as Host, and is refused.
 #[derive(Clone, Debug)]
 pub struct Hosts {
     listen: IpAddr,
@@ -23,8 +23,8 @@ pub struct Hosts {
 }
 
 impl Hosts {
-    /// The address listened on, loopback, and the `names` of the configuration (without ports). Where all addresses
-    /// of the machine are listened on, any address will do as well: rebinding needs a name.
+    /// The listening address, loopback, and the `names` of the configuration (without ports). When listening on all
+    /// addresses, any address is accepted as well: rebinding needs a name.
     pub fn new(listen: SocketAddr, names: &[String]) -> Self {
         let names = names.iter().map(|name| name.trim_end_matches('.').to_ascii_lowercase()).collect();
         Self { listen: listen.ip().to_canonical(), names }
@@ -76,8 +76,8 @@ impl Hosts {
     }
 }
 
-/// A page sends its origin with whatever it may not do silently: it must be the host and port that it asks. Under
-/// the same name there may be pages of other services, on other ports.
+/// Checks the Origin header, which pages send with every request that is not plainly harmless: it must name the host
+/// and port of the request. Other services may serve pages under the same name on other ports.
 fn check_origin(headers: &HeaderMap, host: &Authority) -> Result<(), Problem> {
     for value in headers.get_all(ORIGIN) {
         let origin = value.to_str().ok().and_then(Origin::parse);
@@ -92,8 +92,8 @@ fn check_origin(headers: &HeaderMap, host: &Authority) -> Result<(), Problem> {
     Ok(())
 }
 
-/// Browsers say which site a request comes from, for reads as well. Another site's link to the operator page is
-/// welcome, nothing else of another site is.
+/// Checks the site that browsers report for every request, reads included. Another site may only link to the operator
+/// page.
 fn check_site(request: &Request) -> Result<(), Problem> {
     let headers = request.headers();
     let is = |name: &HeaderName, wanted: &str| headers.get(name).is_some_and(|value| value == wanted);
@@ -114,7 +114,7 @@ enum Host {
     Name(String),
 }
 
-/// `host[:port]`, the host without case and without the dot at its end.
+/// `host[:port]`, the host in lower case and without a trailing dot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Authority {
     host: Host,
@@ -167,7 +167,7 @@ impl Origin {
     }
 }
 
-/// The layer: refuses what [`Hosts`] refuses, and keeps every answer from being guessed at, cached or embedded.
+/// The layer that refuses requests by [`Hosts`], and forbids every answer to be sniffed, cached or embedded.
 pub async fn guard(State(hosts): State<Arc<Hosts>>, request: Request, next: Next) -> Response {
     let mut response = match hosts.check(&request) {
         Ok(()) => next.run(request).await,

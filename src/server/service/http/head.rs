@@ -3,11 +3,11 @@ use std::io;
 use bytes::{Bytes, BytesMut};
 use tokio::net::TcpStream;
 
-/// Bytes read at once.
+/// Bytes read at a time.
 const READ: usize = 1 << 10;
 
-/// Reads until the head of a request is complete, and gives back all that was read with it. An error after `most` bytes
-/// without its end, and when the client has no more to say.
+/// Reads until the head of a request is complete, and returns all bytes read. An error when the head exceeds `most`
+/// bytes, and when the client closes before its end.
 pub(super) async fn read_head(stream: &TcpStream, most: usize) -> io::Result<Bytes> {
     let mut read = BytesMut::new();
     loop {
@@ -27,7 +27,7 @@ pub(super) async fn read_head(stream: &TcpStream, most: usize) -> io::Result<Byt
     }
 }
 
-/// Lines end with or without a carriage return.
+/// True after the end of a head; lines end with or without a carriage return.
 fn has_blank_line(bytes: &[u8]) -> bool {
     bytes.windows(3).any(|three| three == b"\n\r\n") || bytes.windows(2).any(|two| two == b"\n\n")
 }
@@ -39,7 +39,7 @@ mod tests {
 
     use super::*;
 
-    /// What is read of a client that says these and then nothing more.
+    /// The result for a client that sends these parts and then closes.
     async fn head_of(words: &[&[u8]]) -> Result<Bytes, io::ErrorKind> {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let mut client = TcpStream::connect(listener.local_addr().unwrap()).await.unwrap();

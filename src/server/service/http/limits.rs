@@ -16,7 +16,7 @@ use tokio::time::timeout;
 use super::{Problem, ProblemKind};
 use upm_runner::config::MOST_BYTES;
 
-/// Most of a body that is too large read off before the answer, so that clients that only then read will see it.
+/// Most bytes of an oversized body read before the answer, for clients that read only after they have sent.
 const DRAINED_BYTES: usize = 64 << 10;
 
 /// Longest time for that.
@@ -25,7 +25,7 @@ const DRAIN_TIME: Duration = Duration::from_millis(500);
 /// Limits of requests and connections.
 #[derive(Clone, Debug)]
 pub struct Limits {
-    /// Longest address, bytes.
+    /// Longest request target, bytes.
     pub uri_bytes: usize,
     /// Largest header, bytes.
     pub header_bytes: usize,
@@ -35,33 +35,34 @@ pub struct Limits {
     pub body_bytes: usize,
     /// Memory for all bodies together.
     pub bodies: BodyRoom,
-    /// Longest time for a header to come in whole, and longest rest of a connection between requests.
+    /// Longest time for a complete header to arrive, and longest idle time of a connection between requests.
     pub header_time: Duration,
-    /// Longest time for a body to come in whole.
+    /// Longest time for a complete body to arrive.
     pub body_time: Duration,
     /// Longest time until an answer starts.
     pub handler_time: Duration,
-    /// Longest time a client may take nothing of what is written to it.
+    /// Longest time for which a client may accept no bytes of an answer.
     pub stalled_time: Duration,
-    /// Most common connections at once. An idle one holds some 20 KiB beside the socket's buffers in the kernel; one
-    /// that sends, a header of at most 32 KiB and then its body.
+    /// Most common connections at once. An idle one takes some 20 KiB besides the socket's buffers in the kernel; a
+    /// sending one also a header of at most 32 KiB and its body.
     pub connections: usize,
-    /// Most of them that one host has. Further ones are spare.
+    /// Most of them for one host. Further ones are spare connections.
     pub peer_connections: usize,
-    /// The same for each address of the loopback: a proxy there speaks for many.
+    /// The same for each loopback address: a proxy there serves many clients.
     pub loopback_connections: usize,
-    /// Most spare connections at once, beside the common ones: kept for e-stop, the list of plates it begins with, and
-    /// health. Under a flood each has as long to send its request as so many further ones take to come.
+    /// Most spare connections at once, besides the common ones: reserved for the emergency stop, the list of plates it
+    /// begins with, and health checks. Under a flood each one has until this many further ones arrive to send its
+    /// request.
     pub spare_connections: usize,
-    /// Longest time for a header to come in whole on a spare connection.
+    /// Longest time for a complete header to arrive on a spare connection.
     pub spare_header_time: Duration,
-    /// Event streams at once.
+    /// Most event streams at once.
     pub watchers: usize,
     /// Longest silence on an event stream.
     pub heartbeat_time: Duration,
-    /// Recordings sent at once.
+    /// Most recordings sent at once.
     pub downloads: usize,
-    /// Longest time for requests under way when the server ends.
+    /// Longest time for requests under way when the server shuts down.
     pub ending_time: Duration,
 }
 
@@ -91,8 +92,8 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// The body, as long as it is within the limits of size, time and memory, and the room it takes: to be held as long
-    /// as the body is.
+    /// Reads the body within the limits of size, time and memory. Returns it with its reservation, which must be held
+    /// as long as the body is.
     pub(in crate::service) async fn read_body(
         &self,
         headers: &HeaderMap,
@@ -101,7 +102,7 @@ impl Limits {
         let mut room = self.bodies.for_one();
         let announced = headers.get(CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
         if announced.is_some_and(|bytes| bytes > self.body_bytes as u64) {
-            // a client that waits for `100 Continue` sends nothing before it is asked to
+            // a client that waits for `100 Continue` sends nothing until asked
             if !headers.contains_key(EXPECT) {
                 let _ = timeout(DRAIN_TIME, collect(body, DRAINED_BYTES, &mut room)).await;
             }
@@ -157,7 +158,7 @@ impl Limits {
     }
 }
 
-/// Marks a request that came over a connection kept for e-stop, the list of plates and health.
+/// Marks a request on a spare connection, which serves only the emergency stop, the list of plates and health checks.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spare;
 
@@ -189,7 +190,7 @@ async fn collect(body: Body, most: usize, room: &mut HeldRoom) -> Result<Bytes, 
         if bytes.len() + data.len() > most {
             return Err(Unread::TooLarge);
         }
-        // while it grows it takes up to twice what is in it
+        // a growing buffer takes up to twice its contents
         if !room.grow_to(2 * (bytes.len() + data.len())) {
             return Err(Unread::NoRoom);
         }
@@ -198,7 +199,7 @@ async fn collect(body: Body, most: usize, room: &mut HeldRoom) -> Result<Bytes, 
     Ok(bytes.freeze())
 }
 
-/// The layer: refuses addresses and headers that are too large.
+/// The layer that refuses request targets and headers that are too large.
 pub async fn limit(State(limits): State<Arc<Limits>>, request: Request, next: Next) -> Response {
     match limits.check_head(&request) {
         Ok(()) => next.run(request).await,
@@ -206,17 +207,17 @@ pub async fn limit(State(limits): State<Arc<Limits>>, request: Request, next: Ne
     }
 }
 
-/// The memory that all request bodies together may take. Copies are the same room.
+/// The memory that all request bodies together may take, shared by all copies.
 #[derive(Clone, Debug)]
 pub struct BodyRoom(Arc<AtomicUsize>);
 
 impl BodyRoom {
-    /// Room for this many bytes.
+    /// A memory limit of `bytes`.
     pub fn of(bytes: usize) -> Self {
         Self(Arc::new(AtomicUsize::new(bytes)))
     }
 
-    /// Room for one body, none of it taken yet.
+    /// An empty reservation for one body.
     fn for_one(&self) -> HeldRoom {
         HeldRoom { room: self.clone(), bytes: 0 }
     }
@@ -230,7 +231,7 @@ pub(in crate::service) struct HeldRoom {
 }
 
 impl HeldRoom {
-    /// Takes `bytes` in all. False when there is not so much: then it keeps what it has.
+    /// Grows the reservation to `bytes` in total. False when that exceeds the memory left: it then stays as it is.
     fn grow_to(&mut self, bytes: usize) -> bool {
         let more = bytes.saturating_sub(self.bytes);
         let take = |left: usize| left.checked_sub(more);

@@ -26,72 +26,72 @@ use super::limits::{Limits, Spare};
 use super::socket::Socket;
 use upm_core::priority::step_back;
 
-/// Threads that answer.
+/// Threads that serve requests on common connections.
 const WORKERS: usize = 2;
 
 /// Most threads that read files.
 const FILE_READERS: usize = 8;
 
-/// Largest header that hyper reads at all, bytes.
+/// Largest header that hyper reads, bytes.
 const READ_BYTES: usize = 32 << 10;
 
-/// Files that may be open beside connections and what they read: store, run folders, live streams.
+/// Open files besides connections and what they read: store, run folders, live streams.
 const OTHER_FILES: u64 = 256;
 
-/// Connections that the kernel may hold before they are accepted.
+/// Connections that the kernel may queue before they are accepted.
 const BACKLOG: i32 = 1024;
 
-/// Dropped connections whose tasks may not have ended yet. More would hold files without bound: then none is accepted.
+/// Most dropped connections whose tasks have not ended. Beyond this none is accepted, since each still holds its files.
 const ENDING: usize = 512;
 
-/// Turns of the loop that accepts before those spare connections have one that have something to say: none of them is
-/// dropped for further ones before it was looked at.
+/// Turns of the accept loop before the tasks of spare connections run: none of them is dropped for newer ones before it
+/// was polled.
 const IN_A_ROW: u32 = 32;
 
-/// Rest after the machine had no room for one more connection.
+/// Pause after the system could not accept one more connection.
 const NO_ROOM_PAUSE: Duration = Duration::from_millis(50);
 
-/// Where a request came from.
+/// Address of the client that sent a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::service) struct Peer(pub SocketAddr);
 
-/// How the server ended.
+/// Result of a server's shutdown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Served {
-    /// Connections that were dropped because they had not ended in time.
+    /// Connections dropped because they had not ended in time.
     pub dropped: usize,
 }
 
-/// Ends the server, from any thread, without waiting.
+/// Shuts the server down, from any thread, without waiting.
 #[derive(Clone, Debug)]
 pub struct StopSender(Arc<watch::Sender<bool>>);
 
 impl StopSender {
-    /// No new connections; requests under way are answered and streams say good-bye, within a bound.
+    /// Refuses new connections, answers requests under way and ends event streams, within a time limit.
     pub fn stop(&self) {
         self.0.send_replace(true);
     }
 }
 
-/// Says whether the server is to end. Without any [`StopSender`] left it is.
+/// True once the server is to shut down, or no [`StopSender`] is left.
 #[derive(Clone, Debug)]
 pub struct StopFlag(watch::Receiver<bool>);
 
 impl StopFlag {
-    /// A flag and what sets it.
+    /// A flag with its sender.
     pub fn new() -> (StopSender, Self) {
         let (sender, receiver) = watch::channel(false);
         (StopSender(Arc::new(sender)), Self(receiver))
     }
 
-    /// Waits until the server is to end.
+    /// Waits until the server is to shut down.
     pub(in crate::service) async fn stopped(&self) {
         let _ = self.0.clone().wait_for(|stop| *stop).await;
     }
 }
 
-/// Answers on `listener` with `app` until `stop` is set, in its own runtimes. Blocks. Returns at the latest
-/// `limits.ending_time` after the flag was set, whatever clients do.
+/// Serves `app` on `listener` until `stop` is set, in its own runtimes. Blocks. Returns within `limits.ending_time`
+/// after the flag was set, whatever clients do.
 pub fn serve(listener: std::net::TcpListener, app: Router, limits: &Limits, stop: &StopFlag) -> io::Result<Served> {
     let connections = limits.connections + limits.spare_connections;
     let wanted = (connections + ENDING + limits.downloads) as u64 + OTHER_FILES;
@@ -101,7 +101,7 @@ pub fn serve(listener: std::net::TcpListener, app: Router, limits: &Limits, stop
     }
     lengthen_backlog(&listener);
     let answering = runtime(WORKERS, step_back)?;
-    // those that accept, read heads from spare connections and answer stops do not step back
+    // threads that accept, read heads from spare connections and answer stops keep their priority
     let urgent = runtime(1, || ())?;
     let accepting = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let handles = Handles { common: answering.handle().clone(), spare: urgent.handle().clone() };
@@ -121,7 +121,7 @@ fn runtime(workers: usize, on_start: fn()) -> io::Result<Runtime> {
         .build()
 }
 
-/// Raises the soft limit of open files and sockets to `wanted`, as far as the hard limit lets it; the limit now.
+/// Raises the soft limit of open files and sockets to `wanted`, as far as the hard limit allows; returns the limit now.
 pub(super) fn raise_fd_limit(wanted: u64) -> u64 {
     use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
@@ -135,13 +135,14 @@ pub(super) fn raise_fd_limit(wanted: u64) -> u64 {
     setrlimit(Resource::Nofile, raised).map_or(present, |()| most)
 }
 
-/// Where requests are answered: those over spare connections apart from all others.
+/// Runtimes that serve requests: those of spare connections are separate from all others.
 struct Handles {
     common: Handle,
     spare: Handle,
 }
 
-/// The standard library asks for 128; when those are taken, a client's next try is a second later.
+/// Lengthens the accept queue. The standard library requests 128 places; when they are taken, a client retries only
+/// after a second.
 fn lengthen_backlog(listener: &std::net::TcpListener) {
     if let Err(error) = SockRef::from(listener).listen(BACKLOG) {
         tracing::warn!("the backlog of connections stays short: {error}");
@@ -176,8 +177,8 @@ async fn accept(listener: std::net::TcpListener, mut connections: Connections<'_
     Ok(connections.end(within).await)
 }
 
-/// The connections that are open. One that finds no common place is spare: it serves e-stop, the list of plates and
-/// health.
+/// The open connections. One that finds no common place is spare: it serves only the emergency stop, the list of plates
+/// and health checks.
 struct Connections<'a> {
     app: Router,
     limits: &'a Limits,
@@ -194,7 +195,7 @@ impl<'a> Connections<'a> {
         Self { app, limits, stop, handles, tasks: JoinSet::new(), common, spare }
     }
 
-    /// False while too many that were dropped have not ended.
+    /// False while too many dropped connections have not ended.
     fn may_open(&self) -> bool {
         self.tasks.len() < self.limits.connections + self.limits.spare_connections + ENDING
     }
@@ -213,7 +214,7 @@ impl<'a> Connections<'a> {
         }
     }
 
-    /// Lets all that are open end by themselves for `within`, then drops the rest.
+    /// Lets all open connections end by themselves for `within`, then drops the rest.
     async fn end(mut self, within: Duration) -> Served {
         tokio::select! {
             biased;
@@ -226,7 +227,7 @@ impl<'a> Connections<'a> {
     }
 }
 
-/// Everything a connection needs to be answered.
+/// Everything needed to serve one connection.
 struct ConnectionTask {
     app: Router,
     limits: Limits,
@@ -235,7 +236,7 @@ struct ConnectionTask {
 }
 
 impl ConnectionTask {
-    /// Answers what comes over a common connection until it ends.
+    /// Serves a common connection until it ends.
     async fn serve_common(self, stream: std::net::TcpStream, place: CommonPlace) {
         let mut builder = http1::Builder::new();
         builder.header_read_timeout(self.limits.header_time);
@@ -243,7 +244,8 @@ impl ConnectionTask {
         drop(place);
     }
 
-    /// Reads the head of the one request of a spare connection, here, and has the request answered by `answering`.
+    /// Reads the head of the only request of a spare connection on this runtime, and has the request answered on
+    /// `answering`.
     async fn serve_spare(self, stream: TcpStream, busy: Busy, answering: Handle) {
         let (within, most) = (self.limits.spare_header_time, self.limits.header_bytes);
         let head = tokio::select! {
@@ -257,11 +259,11 @@ impl ConnectionTask {
         builder.keep_alive(false);
         let mut answer = JoinSet::new();
         answer.spawn_on(async move { self.answer(stream, head, busy, builder).await }, &answering);
-        // dropped with this task
+        // aborted when this task is dropped
         answer.join_next().await;
     }
 
-    /// Answers what comes over `stream`; what was read of it before is in `early`.
+    /// Serves `stream`; `early` holds the bytes read from it before.
     async fn answer(self, stream: std::net::TcpStream, early: Bytes, busy: Busy, mut builder: http1::Builder) {
         let Self { app, limits, stop, peer } = self;
         let Ok(stream) = TcpStream::from_std(stream) else { return };

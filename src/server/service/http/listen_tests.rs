@@ -101,7 +101,7 @@ fn routes(limits: Arc<Limits>) -> Router {
         .route("/read", post(read))
 }
 
-/// The plate `slow` takes a while to stop.
+/// A stop handler that takes a while for the plate `slow`.
 async fn stopped(Path(plate): Path<String>) -> &'static str {
     if plate == "slow" {
         tokio::time::sleep(Duration::from_millis(300)).await;

@@ -10,10 +10,10 @@ use upm_runner::config::Fault;
 /// Media type of problem documents.
 pub(in crate::service) const PROBLEM_JSON: &str = "application/problem+json";
 
-/// Declares [`ProblemKind`] by one row a kind: name, status, word of its address, title.
+/// Declares [`ProblemKind`] with one row per kind: name, status, last word of its URN, title.
 macro_rules! problem_kinds {
     ($($kind:ident $status:ident $word:literal $title:literal;)*) => {
-        /// Every kind of problem that the API answers with, each with its own status.
+        /// Kind of problem that the API answers with, each with its own status.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum ProblemKind {
             $(#[doc = concat!($title, ".")] $kind,)*
@@ -53,62 +53,63 @@ problem_kinds! {
 }
 
 impl ProblemKind {
-    /// The status it is answered with.
+    /// HTTP status of the answer.
     pub fn status(self) -> StatusCode {
         self.row().0
     }
 
-    /// The kind as an address, the same for ever: `urn:upm:problem:queue-full`.
+    /// URN of the kind, which never changes: `urn:upm:problem:queue-full`.
     pub fn address(self) -> String {
         format!("urn:upm:problem:{}", self.row().1)
     }
 
-    /// The kind in a few words.
+    /// Title of the kind, a few words.
     pub fn title(self) -> &'static str {
         self.row().2
     }
 }
 
-/// What keeps the daemon from working or from taking jobs. Codes stay; the sentence beside one may change.
+/// Cause for which the daemon does not work or takes no jobs. Codes are stable; the sentence beside one may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReasonCode {
-    /// The job store has not written, or not answered a question, for too long.
+    /// The job store has not written, or not answered a read, for too long.
     StoreHangs,
     /// A thread that runs, watches or latches the plates has died or hangs.
     PlatesDead,
     /// The data folder, or a file in it that the daemon holds open, was deleted or replaced.
     DataDisplaced,
-    /// The daemon ends.
+    /// The daemon is shutting down.
     Ending,
     /// The job store was found damaged, and no operator has resumed the plates since.
     StoreDamaged,
     /// The last write of the job store failed.
     StoreUnwritable,
-    /// The disk has too little room for a job.
+    /// The disk has too little free space for a job.
     DiskLow,
     /// An emergency stop holds on every plate.
     AllStopped,
 }
 
 impl ReasonCode {
-    /// True for what a restart of the daemon may end. One without its data would forget what it still knows.
+    /// True for causes that a restart may remove. Without its data folder, a restarted daemon would lose the state that
+    /// the running one still has in memory.
     pub fn may_end_by_restart(self) -> bool {
         self != Self::DataDisplaced
     }
 }
 
-/// One thing that keeps the daemon from working or from taking jobs.
+/// A cause for which the daemon does not work or takes no jobs.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Reason {
-    /// What it is, for programs.
+    /// Stable code for programs.
     pub code: ReasonCode,
-    /// The same as a sentence for a person.
+    /// Sentence for people.
     pub detail: String,
 }
 
 impl Reason {
-    /// A reason with its sentence.
+    /// A cause with its sentence.
     pub fn new(code: ReasonCode, detail: impl Into<String>) -> Self {
         Self { code, detail: detail.into() }
     }
@@ -119,31 +120,31 @@ pub fn joined(reasons: &[Reason]) -> String {
     reasons.iter().map(|reason| reason.detail.as_str()).collect::<Vec<_>>().join("; ")
 }
 
-/// A problem document (RFC 9457), as it is sent.
+/// A problem document (RFC 9457).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ProblemDocument {
-    /// The kind of problem, `urn:upm:problem:` and a word.
+    /// Kind of problem, `urn:upm:problem:` and a word.
     #[serde(rename = "type")]
     pub kind: String,
-    /// The kind in a few words.
+    /// Title of the kind.
     pub title: String,
-    /// The status of the answer.
+    /// HTTP status of the answer.
     #[schemars(range(min = 400, max = 599))]
     pub status: u16,
-    /// What happened this time, and what to do.
+    /// Details of this occurrence, with the remedy.
     pub detail: String,
-    /// This request, as in the header `X-Request-Id` and in the log.
+    /// Id of this request, as in the header `X-Request-Id` and in the log.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub instance: Option<String>,
-    /// Every fault of what was sent, when that is what was wrong.
+    /// Every fault of the request, where it was invalid.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<Fault>,
-    /// What is wrong with the daemon, when that is why it answers 503.
+    /// Reasons of the daemon's state, where that causes a 503.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub reasons: Vec<Reason>,
 }
 
-/// A request that failed. Becomes a problem document; the outermost layer adds the request's id.
+/// A failed request. Becomes a problem document; the outermost layer adds the request's id.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
     kind: ProblemKind,
@@ -154,45 +155,45 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// A problem of this kind; `detail` is a sentence for a person.
+    /// A problem of this kind; `detail` is a sentence for people.
     pub fn new(kind: ProblemKind, detail: impl Into<String>) -> Self {
         Self { kind, detail: detail.into(), faults: Vec::new(), reasons: Vec::new(), headers: Vec::new() }
     }
 
-    /// With every fault found.
+    /// Adds faults.
     pub fn with_faults(mut self, faults: impl IntoIterator<Item = Fault>) -> Self {
         self.faults.extend(faults);
         self
     }
 
-    /// With what is wrong with the daemon.
+    /// Adds reasons of the daemon's state.
     pub fn with_reasons(mut self, reasons: impl IntoIterator<Item = Reason>) -> Self {
         self.reasons.extend(reasons);
         self
     }
 
-    /// With one fault at `path`.
+    /// Adds one fault at `path`.
     pub fn with_fault(self, path: &str, found: impl Into<String>, allowed: impl Into<String>) -> Self {
         self.with_faults([Fault::new("", path, found.into(), allowed)])
     }
 
-    /// With the time after which trying again makes sense, s.
+    /// Adds the time after which to try again, s.
     pub fn retry_after(self, seconds: u32) -> Self {
         self.with_header(RETRY_AFTER, HeaderValue::from(seconds))
     }
 
-    /// With one more header.
+    /// Adds a header.
     pub fn with_header(mut self, name: HeaderName, value: HeaderValue) -> Self {
         self.headers.push((name, value));
         self
     }
 
-    /// Its kind.
+    /// Kind of the problem.
     pub fn kind(&self) -> ProblemKind {
         self.kind
     }
 
-    /// The document, for the request called `instance`.
+    /// The document for the request with the id `instance`.
     pub fn document(&self, instance: Option<&str>) -> ProblemDocument {
         ProblemDocument {
             kind: self.kind.address(),

@@ -9,8 +9,8 @@ use super::Problem;
 
 static X_REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
-/// The outermost layer: gives the request an id (32 hex digits that sort by time) and writes it into the answer, its problem
-/// document and the log. An id that the client sends is ignored: clients must not write log lines.
+/// The outermost layer: assigns the request an id (32 hex digits that sort by time) and writes it into the answer, its
+/// problem document and the log. An id sent by the client is ignored: clients must not write log lines.
 pub async fn identify(request: Request, next: Next) -> Response {
     let id = Uuid::now_v7().simple().to_string();
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
@@ -31,7 +31,7 @@ pub async fn identify(request: Request, next: Next) -> Response {
     response
 }
 
-/// True for responses that the log shows as warnings. Probes of an unhealthy daemon do not: they come every few seconds.
+/// True for answers that are logged as warnings. Failed health probes are not, since they come every few seconds.
 fn is_alarming(path: &str, status: u16) -> bool {
     let is_probe = path == "/healthz" || path == "/readyz";
     status >= 500 && !(is_probe && status == 503)

@@ -11,10 +11,10 @@ use super::tokens::{Scope, Tokens};
 use super::{Problem, ProblemKind};
 use upm_core::time::{Clock, MonotonicClock};
 
-/// Least time between two lines of the log about wrong tokens.
+/// Least time between two log entries on wrong tokens.
 const TOLD_EVERY: Duration = Duration::from_secs(60);
 
-/// The tokens that are accepted now, and how often others were shown. Copies are the same.
+/// The accepted tokens, and a count of wrong ones. Copies share both.
 #[derive(Clone, Debug)]
 pub struct SharedTokens(Arc<Held>);
 
@@ -26,18 +26,18 @@ struct Held {
 }
 
 impl SharedTokens {
-    /// Accepts these until they are replaced.
+    /// Accepts `tokens` until they are replaced.
     pub fn new(tokens: Tokens) -> Self {
         let (tokens, clock) = (RwLock::new(tokens), MonotonicClock::new());
         Self(Arc::new(Held { tokens, clock, wrong: Mutex::default() }))
     }
 
-    /// From now on these are accepted, and no others.
+    /// Accepts only `tokens` from now on.
     pub fn replace(&self, tokens: Tokens) {
         *self.0.tokens.write() = tokens;
     }
 
-    /// The caller, if its token lets it do what needs `needed`. A wrong one is logged, at most once a minute.
+    /// The caller, if its token grants `needed`. A wrong token is logged, at most once a minute.
     pub(in crate::service) fn admit(
         &self,
         headers: &HeaderMap,
@@ -52,7 +52,7 @@ impl SharedTokens {
         admitted
     }
 
-    /// Logs the wrong tokens that were not told of yet, once their minute is over.
+    /// Logs wrong tokens that are not logged yet, once a minute has passed.
     pub fn tell_wrong(&self) {
         self.tell(WrongTokens::due);
     }
@@ -66,11 +66,11 @@ impl SharedTokens {
     }
 }
 
-/// Requests with wrong tokens that were not told of yet.
+/// Requests with wrong tokens that are not logged yet.
 #[derive(Debug, Default)]
 struct WrongTokens {
     count: u64,
-    /// Where the last one came from.
+    /// Address of the last one.
     remote: Option<SocketAddr>,
     told_at: Option<Duration>,
 }
@@ -82,7 +82,7 @@ impl WrongTokens {
         self.due(now)
     }
 
-    /// The number to be logged now, and where the last one came from.
+    /// The number to log now, and the address of the last request.
     fn due(&mut self, now: Duration) -> Option<(u64, Option<SocketAddr>)> {
         let is_due = self.told_at.is_none_or(|told_at| now.saturating_sub(told_at) >= TOLD_EVERY);
         if self.count == 0 || !is_due {

@@ -10,21 +10,20 @@ use tokio::time::{Sleep, sleep};
 
 use super::admission::Busy;
 
-/// Longest time and most bytes read off at the end. Closing with bytes unread would reset the connection and take the
-/// answer from a client that is still sending.
+/// Longest time and most bytes read at the end of a connection. Closing with unread bytes would reset the connection
+/// and lose the answer for a client that is still sending.
 const LINGER_TIME: Duration = Duration::from_secs(1);
 const LINGER_BYTES: usize = 4 << 20;
 
-/// A connection on which a write that makes no progress for too long is an error, and which ends without taking back
-/// what was answered.
+/// A connection with a timeout for writes that make no progress. It is closed such that a written answer is not lost.
 pub(super) struct Socket {
     stream: TcpStream,
     patience: Duration,
     stalled: Option<Pin<Box<Sleep>>>,
     linger: Option<Linger>,
-    /// Bytes that were read before.
+    /// Bytes read before the connection was handed over.
     early: Bytes,
-    /// No longer set once the answer is written.
+    /// Cleared once the answer is written.
     busy: Busy,
 }
 
@@ -38,7 +37,7 @@ impl Socket {
         Self { stream, patience, stalled: None, linger: None, early, busy }
     }
 
-    /// Passes on how a write went; one that waits is given `patience`, counted from when it began to wait.
+    /// Passes on the result of a write. One that waits fails after `patience`, counted from when it began to wait.
     fn patient<T>(&mut self, context: &mut Context<'_>, poll: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
         if poll.is_ready() {
             self.stalled = None;
@@ -50,7 +49,7 @@ impl Socket {
         Poll::Ready(Err(io::Error::new(io::ErrorKind::TimedOut, "the client takes nothing")))
     }
 
-    /// Reads off what still comes, within bounds.
+    /// Reads and discards what still arrives, within the limits.
     fn poll_linger(&mut self, context: &mut Context<'_>) -> Poll<()> {
         let linger =
             self.linger.get_or_insert_with(|| Linger { until: Box::pin(sleep(LINGER_TIME)), left_bytes: LINGER_BYTES });

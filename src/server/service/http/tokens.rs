@@ -7,20 +7,20 @@ use subtle::{Choice, ConditionallySelectable, ConstantTimeEq};
 
 use super::{Problem, ProblemKind};
 
-/// Fewest characters of a token.
+/// Shortest token, characters.
 const SHORTEST_TOKEN: usize = 32;
 
 /// Scope of a token; the larger one includes the smaller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Scope {
-    /// Look, and stop a plate in an emergency.
+    /// Read, and stop a plate in an emergency.
     Read,
     /// Submit, cancel, reset, resume.
     Operate,
 }
 
 impl Scope {
-    /// Its name in configuration, document and log.
+    /// Name of the scope in configuration, OpenAPI document and log.
     pub fn name(self) -> &'static str {
         match self {
             Self::Read => "read",
@@ -32,9 +32,9 @@ impl Scope {
 /// Sender of a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Caller {
-    /// Name of the token, `local` where none is asked for, `anonymous` where none was given. Never the token itself.
+    /// Name of the token, `local` where none is required, `anonymous` where none was given. Never the token itself.
     pub name: String,
-    /// Address it came from, where known.
+    /// Network address of the sender, where known.
     pub remote: Option<std::net::SocketAddr>,
 }
 
@@ -44,7 +44,8 @@ struct Token {
     name: String,
 }
 
-/// The bearer tokens that are accepted. Without any, every client that can connect may do everything: for loopback alone.
+/// The accepted bearer tokens. Without any, every client that can connect may do everything, so this is for loopback
+/// alone.
 #[derive(Default)]
 pub struct Tokens(Vec<Token>);
 
@@ -55,7 +56,7 @@ impl fmt::Debug for Tokens {
 }
 
 impl Tokens {
-    /// Accepts `secret` as the token called `name`. It has at least 32 characters, all visible ASCII.
+    /// Accepts `secret` as the token called `name`. It must have at least 32 characters, all visible ASCII.
     pub fn add(&mut self, name: &str, secret: &str, scope: Scope) -> Result<(), String> {
         if secret.len() < SHORTEST_TOKEN || !secret.bytes().all(|b| b.is_ascii_graphic()) {
             return Err(format!(
@@ -67,12 +68,12 @@ impl Tokens {
         Ok(())
     }
 
-    /// No token is asked for.
+    /// True when no token is required.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// The caller, if its token lets it do what needs `needed`.
+    /// The caller's name, if its token grants `needed`.
     pub(in crate::service) fn admit(&self, headers: &HeaderMap, needed: Scope) -> Result<String, Problem> {
         if self.is_empty() {
             return Ok("local".to_owned());
@@ -88,8 +89,8 @@ impl Tokens {
         Ok(token.name.clone())
     }
 
-    /// Looks at all tokens, whichever fits, in a time that depends on their number alone: digests are compared, so
-    /// neither length nor content of what was sent shows in it.
+    /// Finds the token in a time that depends only on the number of tokens: all are compared, by digest, so the time
+    /// reveals neither length nor content of the text that was sent.
     fn find(&self, presented: &[u8]) -> Option<&Token> {
         let digest: [u8; 32] = Sha256::digest(presented).into();
         let (mut found, mut at) = (Choice::from(0), 0u32);

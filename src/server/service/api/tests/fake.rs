@@ -11,16 +11,16 @@ use crate::service::api::*;
 use crate::service::http::{Caller, Reason};
 use upm_runner::config::{Fault, JobSpec, Origin, Path, RigSpec};
 
-/// A job there is, one there is not, a plate there is.
+/// Id of the only job, id of a missing job, and name of the only plate.
 pub(super) const JOB: &str = "019a0000000070008000000000000001";
 pub(super) const NO_JOB: &str = "019a0000000070008000000000000002";
 pub(super) const PLATE: &str = "left";
 
-/// A job that is valid on the made-up desk's plate.
+/// A job that is valid on the fake desk's plate.
 pub(super) const HOLD: &str =
     r#"{"name": "rest", "parts": [{"kind": "penny"}], "task": {"type": "hold", "duration_s": 1}}"#;
 
-/// A desk of one plate and one job. Says `refusal`, once, whatever it is asked.
+/// A desk with one plate and one job. The next request is answered with `refusal`, once.
 #[derive(Default)]
 pub(super) struct FakeDesk {
     pub refusal: Mutex<Option<Refusal>>,
@@ -30,7 +30,7 @@ pub(super) struct FakeDesk {
     pub kept: Mutex<Replayed>,
     pub recording: Mutex<Vec<u8>>,
     pub ailments: Mutex<Vec<Reason>>,
-    /// The store behind it never answers.
+    /// True when the store never answers.
     pub hangs: AtomicBool,
 }
 

@@ -12,7 +12,7 @@ use crate::service::http::{Limits, Served, StopFlag, Tokens, serve};
 
 const HEAD: &str = "retry: 1000\n\nevent: snapshot\ndata: {\"x\":1}\n\n";
 
-/// How a stream begins for who comes without a number: one to come back with.
+/// Start of a stream for a client without a last event id: it carries an id to reconnect with.
 fn head_at(id: u64) -> String {
     HEAD.replace("event: snapshot", &format!("id: {id}\nevent: snapshot"))
 }
@@ -25,7 +25,7 @@ fn text_of(seqs: impl IntoIterator<Item = u64>) -> String {
     seqs.into_iter().map(|seq| format!("id: {seq}\nevent: cycle\ndata: {{}}\n\n")).collect()
 }
 
-/// A desk whose job stands at `newest`, with events kept from `oldest` on.
+/// A desk whose job has `newest` as its newest event, with events stored from `oldest` on.
 fn asked(oldest: u64, newest: u64, is_over: bool) -> Asked {
     let asked = Asked::with(Tokens::default(), |limits| {
         limits.heartbeat_time = Duration::from_millis(30);
@@ -52,7 +52,7 @@ async fn all(body: Body) -> String {
     String::from_utf8(body.collect().await.unwrap().to_bytes().to_vec()).unwrap()
 }
 
-/// The next piece, heartbeats left out.
+/// The next part of the stream, heartbeats skipped.
 async fn next(body: &mut Body) -> String {
     loop {
         let Some(frame) = body.frame().await else { return String::new() };

@@ -2,7 +2,7 @@ use super::fake::{HOLD, JOB};
 use super::*;
 use crate::service::api::{Opening, Traffic};
 
-/// What was counted of it, without what was never asked.
+/// The counters above zero.
 fn counted(traffic: &Traffic) -> Vec<(&'static str, u16, u64)> {
     let requests = traffic.requests().into_iter().filter(|requests| requests.count > 0);
     requests.map(|requests| (requests.operation, requests.status, requests.count)).collect()
