@@ -1,4 +1,4 @@
-//! States of jobs, recordings, plates and standing jobs, as the store keeps them and the network has them.
+//! States of jobs, recordings, plates and standing jobs, as stored in the database and as sent over the network.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,76 +7,76 @@ use upm_core::coded_enum;
 use upm_core::job::{Outcome, StopCause};
 
 coded_enum! {
-    /// How far a job has come.
+    /// State of a job.
     #[derive(JsonSchema)]
     pub enum JobState {
-        /// Waits for its plate.
+        /// Queued for its plate.
         Queued = "queued",
-        /// Is on its plate.
+        /// Running on its plate.
         Running = "running",
-        /// Reached its goal.
+        /// Ended, with its goal reached.
         Completed = "completed",
-        /// Did not.
+        /// Ended without reaching its goal.
         Failed = "failed",
         /// Stopped, or taken out of the queue, on request.
         Cancelled = "cancelled",
-        /// The daemon ended while it ran.
+        /// Ended by a stop, restart or crash of the daemon.
         Interrupted = "interrupted",
     }
 }
 
 impl JobState {
-    /// The state of a job whose run ended so.
+    /// The final state for a run's outcome and the cause of its stop.
     pub fn of_end(outcome: Outcome, stop: Option<StopCause>) -> Self {
         match (outcome, stop) {
             (Outcome::Completed, _) => Self::Completed,
             (Outcome::Failed, _) => Self::Failed,
-            // the daemon's own stops: nobody asked for the end of this run
+            // the daemon's own stops: the end of this run was not requested
             (Outcome::Cancelled, None | Some(StopCause::Stopped | StopCause::Shutdown)) => Self::Interrupted,
             (Outcome::Cancelled, Some(stop)) if stop.is_by_watchdog() => Self::Failed,
             (Outcome::Cancelled, Some(_)) => Self::Cancelled,
         }
     }
 
-    /// True for states that no job leaves again.
+    /// True for final states: a job never leaves them.
     pub fn is_final(self) -> bool {
         !matches!(self, Self::Queued | Self::Running)
     }
 }
 
 coded_enum! {
-    /// What there is of a job's recording.
+    /// State of a job's recording.
     #[derive(JsonSchema)]
     #[schemars(rename = "RecordingState")]
     pub enum RecordingStatus {
-        /// Nothing: there was none, or the job has not begun.
+        /// No recording: none was made, or the job has not begun.
         None = "none",
         /// A file that is being written, or was not closed.
         Partial = "partial",
-        /// A whole file.
+        /// A complete file.
         Whole = "whole",
         /// A file that was not closed and has been repaired.
         Recovered = "recovered",
-        /// A whole file that ends before the run does: the disk ran low.
+        /// A closed file that ends before the run does, because the disk ran low.
         Stopped = "stopped",
-        /// Writing it failed.
+        /// Writing the recording failed.
         Failed = "failed",
-        /// Deleted to make room.
+        /// The recording was deleted to make room.
         Pruned = "pruned",
     }
 }
 
 coded_enum! {
-    /// What a plate is doing.
+    /// State of a plate.
     #[derive(JsonSchema)]
     pub enum PlateState {
-        /// Nothing, and would take a job.
+        /// Idle, and able to take a job.
         Idle = "idle",
-        /// A job.
+        /// Running a job.
         Running = "running",
-        /// Nothing until a person resumes it.
+        /// Paused until an operator resumes it.
         Paused = "paused",
-        /// Nothing: an emergency stop holds until a person resets it.
+        /// Held by an emergency stop until an operator resets it.
         Stopped = "stopped",
     }
 }
@@ -85,11 +85,11 @@ coded_enum! {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StandingState {
-    /// It is on its plate, and gives way to any job that is queued.
+    /// Running on its plate; gives way to any job that is queued.
     Running,
-    /// It runs as soon as its plate may move and nothing is queued.
+    /// Waiting; runs as soon as its plate may move and the queue is empty.
     Waiting,
-    /// It waits for a person to resume the plate.
+    /// Paused until an operator resumes the plate.
     Paused,
 }
 

@@ -1,8 +1,8 @@
 //! The job store: jobs, their events, idempotency keys and the audit log in SQLite, and the run folders beside it.
 //!
-//! One thread writes and answers only after the commit is on the disk; two read. Callers do not wait for the disk: answers
-//! come by callback. Only the calls of a plate's worker before it may move ([`Ledger::claim`]) and after it has stopped
-//! ([`Ledger::ended`]) block. Every queue is bounded.
+//! One thread writes and answers only after the commit is on the disk; two threads read. Callers never wait for the
+//! disk: answers arrive by callback. Only two calls of a plate's worker block, the one before it may move
+//! ([`Ledger::claim`]) and the one after it has stopped ([`Ledger::ended`]). Every queue is bounded.
 
 mod ages;
 mod columns;

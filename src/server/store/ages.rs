@@ -7,10 +7,10 @@ use parking_lot::Mutex;
 
 use upm_core::time::Clock;
 
-/// A wall clock that moves so much more or less than the monotonic clock has jumped.
+/// Least difference between the advances of the wall clock and the monotonic clock that counts as a jump.
 const JUMP: Duration = Duration::from_secs(3600);
 
-/// How long nothing is deleted by age after a jump: an operator may see to it before anything is lost.
+/// Time after a jump during which nothing is deleted by age, so that an operator can act before data is lost.
 const SUSPENDED: Duration = Duration::from_secs(24 * 3600);
 
 /// The clocks of a store.
@@ -18,12 +18,12 @@ const SUSPENDED: Duration = Duration::from_secs(24 * 3600);
 pub struct Clocks {
     /// Wall time, for people. It may jump.
     pub wall: fn() -> Timestamp,
-    /// Time that only advances, for ages.
+    /// Monotonic time, for ages.
     pub monotonic: Arc<dyn Clock + Send + Sync>,
 }
 
 impl Clocks {
-    /// A wall clock beside a monotonic one.
+    /// A wall clock with a monotonic one.
     pub fn new(wall: fn() -> Timestamp, monotonic: impl Clock + Send + Sync + 'static) -> Self {
         Self { wall, monotonic: Arc::new(monotonic) }
     }
@@ -35,16 +35,16 @@ impl fmt::Debug for Clocks {
     }
 }
 
-/// Time that a store has been open, summed over all starts, in whole microseconds. Ages are counted on it: it never
-/// advances faster than the monotonic clock, so no wrong wall clock makes anything old. Time during which no daemon had
-/// the store is left out, since no clock can be trusted for it.
+/// Time that a store has been open, summed over all starts, in whole microseconds. Ages are measured on it: it never
+/// advances faster than the monotonic clock, so a wrong wall clock makes nothing old. Time during which no daemon had
+/// the store open is not counted, since no clock can be trusted for it.
 pub(super) type Uptime = i64;
 
-/// Counts [`Uptime`] and watches the wall clock for jumps.
+/// Measures [`Uptime`] and detects jumps of the wall clock.
 #[derive(Debug)]
 pub(super) struct AgeClock {
     clocks: Clocks,
-    /// Uptime before this start, and the monotonic clock at it.
+    /// Uptime before this start, and the reading of the monotonic clock at the start.
     earlier: Uptime,
     started: Duration,
     watch: Mutex<Watch>,
@@ -54,11 +54,11 @@ pub(super) struct AgeClock {
 struct Watch {
     wall: Timestamp,
     monotonic: Duration,
-    /// On the monotonic clock.
+    /// Reading of the monotonic clock at which the suspension ends.
     suspended_until: Option<Duration>,
 }
 
-/// The age limit at one moment.
+/// Uptime and suspension at one moment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ages {
     /// The uptime now.
@@ -68,7 +68,7 @@ pub(super) struct Ages {
 }
 
 impl Ages {
-    /// Before this uptime things are older than `limit`; nothing is while deletion is suspended.
+    /// The uptime below which things are older than `limit`; while deletion is suspended nothing is.
     pub fn cutoff(self, limit: Duration) -> Uptime {
         let limit = i64::try_from(limit.as_micros()).unwrap_or(i64::MAX);
         if self.suspended { Uptime::MIN } else { self.now.saturating_sub(limit) }
@@ -76,7 +76,7 @@ impl Ages {
 }
 
 impl AgeClock {
-    /// Goes on from the uptime of the starts before this one.
+    /// The clock of a store whose earlier starts add up to `earlier`.
     pub fn after(earlier: Uptime, clocks: Clocks) -> Self {
         let (wall, started) = ((clocks.wall)(), clocks.monotonic.elapsed());
         let watch = Mutex::new(Watch { wall, monotonic: started, suspended_until: None });

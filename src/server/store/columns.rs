@@ -4,7 +4,7 @@ use rusqlite::{Connection, ErrorCode, Params, Row};
 
 use super::{JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault};
 
-/// Columns of [`job_of`], in its order.
+/// Columns that [`job_of`] reads, in its order.
 pub(super) const JOB: &str = "id, name, plate, state, seed, pace, rig, library, submitted_at, started_at, finished_at, \
                               progress, reason, report, folder, recording, last_event, standing";
 
@@ -42,17 +42,17 @@ pub(super) fn rows<T>(
     connection.prepare(sql)?.query_map(params, read)?.collect()
 }
 
-/// A limit or number as SQLite takes it.
+/// A limit or number as SQLite's integer, saturated.
 pub(super) fn sql_limit(most: impl TryInto<i64>) -> i64 {
     most.try_into().unwrap_or(i64::MAX)
 }
 
-/// A time in a column: whole microseconds.
+/// A time in a column, in whole microseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Micros(pub Timestamp);
 
 impl Micros {
-    /// The same time as the store gives it back.
+    /// The time rounded as the store returns it.
     pub fn rounded(time: Timestamp) -> Timestamp {
         Timestamp::from_microsecond(time.as_microsecond()).unwrap_or(time)
     }
@@ -83,12 +83,12 @@ impl FromSql for JobId {
     }
 }
 
-/// A pace, which is kept under its name.
+/// A pace, stored by its name.
 fn pace(value: ValueRef<'_>) -> FromSqlResult<Pace> {
     Pace::of_code(value.as_str()?).ok_or(FromSqlError::InvalidType)
 }
 
-/// Kinds that are kept under their names.
+/// Implements the conversions of kinds that are stored by their names.
 macro_rules! named {
     ($($kind:ty),*) => {$(
         impl ToSql for $kind {

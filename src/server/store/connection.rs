@@ -6,13 +6,13 @@ use rusqlite::{Connection, OpenFlags};
 
 use super::layout::beside;
 
-/// Pages that a connection keeps in memory, in the pragma's own unit of -1024 bytes. The system keeps the file, too.
+/// Page cache of a connection, in the pragma's unit of -1024 bytes. The system caches the file as well.
 const CACHE: &str = "PRAGMA cache_size = -512;";
 
-/// How long a connection waits for another one's lock.
+/// Longest wait of a connection for another one's lock.
 const BUSY: Duration = Duration::from_secs(2);
 
-/// The connection that writes. WAL for readers beside it; FULL because what was answered must outlive a power cut.
+/// The writing connection. WAL allows readers beside it; FULL, because answered writes must survive a power cut.
 pub(super) fn writing(path: &Path) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let connection = Connection::open_with_flags(path, flags)?;
@@ -31,7 +31,7 @@ pub(super) fn writing(path: &Path) -> rusqlite::Result<Connection> {
     Ok(connection)
 }
 
-/// A connection that only reads.
+/// A read-only connection.
 pub(super) fn reading(path: &Path) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let connection = Connection::open_with_flags(path, flags)?;
@@ -42,8 +42,8 @@ pub(super) fn reading(path: &Path) -> rusqlite::Result<Connection> {
     Ok(connection)
 }
 
-/// A connection that only reads and creates no log. An ordinary reader creates a missing log, and the next start could no
-/// longer tell that it had been lost. Without a log the file alone is read.
+/// A read-only connection that creates no log. An ordinary reader would create a missing log, and the next start could
+/// no longer detect that it had been lost. Without a log only the database file is read.
 pub(super) fn inspecting(db: &Path) -> rusqlite::Result<Connection> {
     if beside(db, "-wal").exists() {
         return reading(db);
@@ -62,25 +62,25 @@ fn immutable_uri(db: &Path) -> String {
     for byte in db.as_os_str().as_bytes() {
         match byte {
             b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'/' | b'.' | b'-' | b'_' => address.push(char::from(*byte)),
-            // a string takes all that is written to it
+            // writing to a string never fails
             other => write!(address, "%{other:02x}").unwrap_or_default(),
         }
     }
     address + "?immutable=1"
 }
 
-/// The log stays beside the file, so that its absence after a crash means something.
+/// Makes SQLite keep the log when it closes the database, so that a missing log after a crash is significant.
 fn keep_log(connection: &Connection) -> rusqlite::Result<()> {
     connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true).map(|_| ())
 }
 
-/// Moves all of the log into the file, and leaves none.
+/// Moves the whole log into the database file and truncates it.
 pub(super) fn empty_log(connection: &Connection) -> rusqlite::Result<()> {
     connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()))
 }
 
-/// Moves all of the log into the file; what is written next goes over the old log. So something can be written even
-/// where nothing can grow.
+/// Moves the whole log into the database file; later writes overwrite the log. So writes succeed even where no file can
+/// grow.
 pub(super) fn restart_log(connection: &Connection) -> rusqlite::Result<()> {
     connection.query_row("PRAGMA wal_checkpoint(RESTART)", [], |_| Ok(()))
 }

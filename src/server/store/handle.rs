@@ -18,8 +18,8 @@ use super::{
 };
 use upm_core::files::sync_folder;
 
-/// The job store of one data folder. Callbacks run on its threads, after the commit: they hand on and return, and never
-/// call [`Ledger::claim`] or [`Ledger::ended`].
+/// The job store of one data folder. Callbacks run on its threads, after the commit: they must return at once, and
+/// never call [`Ledger::claim`] or [`Ledger::ended`].
 pub struct Store {
     pub(super) queue: WriteQueue,
     pub(super) readers: Readers,
@@ -39,8 +39,8 @@ impl fmt::Debug for Store {
 }
 
 impl Store {
-    /// Queues a job that is still `wanted` when its turn comes; `None` when it is not: nothing is stored
-    /// then. Whatever the answer says is on the disk.
+    /// Queues a job if `wanted` still returns true when its turn comes; otherwise `None`, and nothing is stored. A job
+    /// in the answer is on the disk.
     pub fn accept_if(
         &self,
         job: NewJob,
@@ -51,7 +51,7 @@ impl Store {
         self.queue.write(task(false, accept, done));
     }
 
-    /// The answer to a job whose key came before; `None` when it did not. Queues nothing.
+    /// The earlier answer to a job with a repeated key; `None` for a new key. Queues nothing.
     pub fn repeated(&self, job: NewJob, done: impl FnOnce(Result<Option<Accepted>, StoreFault>) + Send + 'static) {
         self.queue.write(task(false, move |tx: &WriteTx<'_>| tx.repeated(&job), done));
     }
@@ -74,7 +74,7 @@ impl Store {
         self.queue.write(task(true, move |tx: &WriteTx<'_>| tx.delete(&id), deleted));
     }
 
-    /// The job with that identifier; `None` when there is none.
+    /// The job with that id; `None` when there is none.
     pub fn job(&self, id: &JobId, done: impl FnOnce(Result<Option<JobRow>, StoreFault>) + Send + 'static) {
         let id = *id;
         self.readers.ask(move |connection| jobs::find(connection, &id), done);
@@ -85,12 +85,12 @@ impl Store {
         self.readers.ask(move |connection| jobs::list(connection, &page), done);
     }
 
-    /// How many jobs wait for each plate that any wait for.
+    /// Number of jobs queued for each plate; plates without any are left out.
     pub fn queued(&self, done: impl FnOnce(Result<Vec<(String, u64)>, StoreFault>) + Send + 'static) {
         self.readers.ask(jobs::queued, done);
     }
 
-    /// How many jobs there are of each plate in each state.
+    /// Number of jobs of each plate in each state.
     pub fn counts(&self, done: impl FnOnce(Result<Vec<(String, JobState, u64)>, StoreFault>) + Send + 'static) {
         self.readers.ask(jobs::counts, done);
     }
@@ -107,7 +107,7 @@ impl Store {
         self.readers.ask(move |connection| history::replay(connection, &id, after, most), done);
     }
 
-    /// Bytes of run folders when they were counted last: every minute, and after every job.
+    /// Bytes in run folders at the last count, which takes place every minute and after every job.
     pub fn runs_bytes(&self) -> Option<u64> {
         self.retention.bytes()
     }
@@ -117,13 +117,13 @@ impl Store {
         &self.runs
     }
 
-    /// Compares the paths of the data folder, its lock file, the database and its log with what is held open; the first
-    /// that is displaced. Waits for the disk.
+    /// Compares the paths of the data folder, its lock file, the database and its log with the files held open; `Err`
+    /// is the first that is displaced. Waits for the disk.
     pub fn check_paths(&self) -> Result<(), Displaced> {
         self.held.iter().try_for_each(HeldPath::check)
     }
 
-    /// Whether the store still does its work.
+    /// The state of the store's threads and disk.
     pub fn health(&self) -> StoreHealth {
         let reserve = self.queue.status.reserve.load(Ordering::Relaxed);
         let fault = if self.queue.status.closed.load(Ordering::SeqCst) {
@@ -142,8 +142,8 @@ impl Store {
         }
     }
 
-    /// Writes what waits and notes that all ended in order. False when that took longer than `within`: then the next
-    /// start is one after a crash. What is asked from now on is refused.
+    /// Writes everything queued and records an orderly shutdown. False when that took longer than `within`: then the
+    /// next start recovers as after a crash. Later requests are refused.
     pub fn close(&self, within: Duration) -> bool {
         self.queue.close(within)
     }
@@ -156,17 +156,17 @@ impl Ledger for Store {
             let Some(row) = self.queue.written(false, move |tx| tx.next_queued(&asked))? else {
                 return Ok(None);
             };
-            // a sweep would take a folder without a row for one that was left behind
+            // a sweep would take a folder without a row for an orphan
             let _starting = self.start_lock.read();
             let name = folder(&row)?;
-            // a row must never name a folder that a power cut takes away
+            // a row must never name a folder that a power cut removes
             sync_folder(&self.runs)?;
             let made = name.clone();
             let claimed = self.queue.written(false, move |tx| tx.start(&row.id, &made));
             match claimed {
                 Ok(StartOutcome::Now(claimed)) => return Ok(Some(*claimed)),
                 Ok(StartOutcome::Never) => {}
-                // cancelled meanwhile: the folder is still empty
+                // cancelled in between: the folder is still empty
                 Ok(StartOutcome::Not) => drop(std::fs::remove_dir(self.runs.join(&name))),
                 Err(fault) => {
                     drop(std::fs::remove_dir(self.runs.join(&name)));

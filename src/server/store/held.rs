@@ -3,24 +3,24 @@ use std::io::{self, ErrorKind};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-/// A path together with the file or folder that it must name: the one that the daemon holds open.
+/// A path with the file or folder that it must name: the one that the daemon holds open.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct HeldPath {
     path: PathBuf,
     id: FileId,
 }
 
-/// A path that names another file than the one held open, or none.
+/// A path that does not name the file held open.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}: expected the file that the daemon holds open, found {found}", path.display())]
 pub struct Displaced {
     /// The path.
     pub path: PathBuf,
-    /// The thing it names now.
+    /// What it names now.
     pub found: Found,
 }
 
-/// The thing that a displaced path names.
+/// The object that a displaced path names.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Found {
     /// Nothing: the file was deleted or moved.
@@ -34,7 +34,7 @@ pub enum Found {
     Unknown(String),
 }
 
-/// Device and inode. No other file gets them as long as this one is held open.
+/// Device and inode, which no other file can have while this one is held open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct FileId {
     dev: u64,
@@ -48,12 +48,12 @@ impl FileId {
 }
 
 impl HeldPath {
-    /// `path` for `file`, which the caller holds open.
+    /// `path` with `file`, which the caller holds open.
     pub fn of(path: &Path, file: &File) -> io::Result<Self> {
         Ok(Self { path: path.to_owned(), id: FileId::of(&file.metadata()?) })
     }
 
-    /// `path` for the file it names now, which something else holds open.
+    /// `path` with the file it names now, which other code holds open.
     pub fn named(path: &Path) -> io::Result<Self> {
         Ok(Self { path: path.to_owned(), id: FileId::of(&path.metadata()?) })
     }

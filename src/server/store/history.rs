@@ -8,13 +8,13 @@ use super::write_tx::WriteTx;
 use super::{AuditEntry, AuditRow, JobId, NewEvent, Replay, StoredEvent};
 use upm_core::time::PlateTime;
 
-/// Events written between two counts of them all.
+/// Events written between two counts of all events.
 const COUNT_EVERY: u64 = 256;
 
 const EVENT: &str = "seq, at, plate_ns, kind, body";
 
 impl WriteTx<'_> {
-    /// Keeps an event under the job's next number; `None` when there is no such job.
+    /// Stores an event under the job's next number; `None` when there is no such job.
     pub fn tell(&self, id: &JobId, event: &NewEvent) -> rusqlite::Result<Option<StoredEvent>> {
         let sql = "UPDATE jobs SET last_event = last_event + 1 WHERE id = ?1 RETURNING last_event, first_event";
         let numbers = self.connection.query_row(sql, [id], |row| Ok((row.get::<_, i64>(0)?, row.get::<_, i64>(1)?)));
@@ -36,7 +36,7 @@ impl WriteTx<'_> {
         Ok(Some(StoredEvent { seq: seq.cast_unsigned(), at, plate_time, kind, body: Arc::clone(body) }))
     }
 
-    /// Adds a line; there is no act that changes or removes one.
+    /// Adds an entry to the audit log. No operation changes or removes one.
     pub fn note_act(&self, at: Timestamp, entry: &AuditEntry) -> rusqlite::Result<()> {
         let AuditEntry { plate, act, operator, reason, remote, token_name } = entry;
         let sql = "INSERT INTO audit (at, plate, act, operator, reason, remote, token_name)
@@ -44,13 +44,13 @@ impl WriteTx<'_> {
         self.connection.execute(sql, params![Micros(at), plate, act, operator, reason, remote, token_name]).map(|_| ())
     }
 
-    /// Forgets a job's events below `oldest`.
+    /// Deletes a job's events below `oldest`.
     fn forget_events(&self, id: &JobId, oldest: i64) -> rusqlite::Result<()> {
         self.connection.execute("DELETE FROM events WHERE job = ?1 AND seq < ?2", params![id, oldest])?;
         self.connection.execute("UPDATE jobs SET first_event = ?2 WHERE id = ?1", params![id, oldest]).map(|_| ())
     }
 
-    /// Forgets all events of the oldest jobs that have ended, until no more than the limit are left.
+    /// Deletes all events of the ended jobs, oldest job first, until the limit is met.
     pub fn prune_events(&self) -> rusqlite::Result<()> {
         let kept = "SELECT coalesce(sum(last_event - first_event + 1), 0) FROM jobs WHERE last_event >= first_event";
         let mut kept: i64 = self.connection.query_row(kept, [], |row| row.get(0))?;
@@ -86,7 +86,7 @@ pub(super) fn newest_events(connection: &Connection, most: usize) -> rusqlite::R
     rows(connection, &sql, [sql_limit(most)], |row| Ok((row.get(0)?, event_of(row, 1)?)))
 }
 
-/// The event whose columns begin at `first`.
+/// The event whose columns begin at index `first`.
 fn event_of(row: &Row<'_>, first: usize) -> rusqlite::Result<StoredEvent> {
     Ok(StoredEvent {
         seq: row.get::<_, i64>(first)?.cast_unsigned(),
@@ -97,13 +97,13 @@ fn event_of(row: &Row<'_>, first: usize) -> rusqlite::Result<StoredEvent> {
     })
 }
 
-/// The last `most` lines of the audit log, newest first.
+/// The last `most` entries of the audit log, newest first.
 pub(super) fn audit_tail(connection: &Connection, most: usize) -> rusqlite::Result<Vec<AuditRow>> {
     let sql = "SELECT id, at, plate, act, operator, reason, remote, token_name FROM audit ORDER BY id DESC LIMIT ?1";
     rows(connection, sql, [sql_limit(most)], audit_row_of)
 }
 
-/// The line in a row of `id, at` and what an entry holds.
+/// The audit entry in a row of `id`, `at` and the entry's columns.
 pub(super) fn audit_row_of(row: &Row<'_>) -> rusqlite::Result<AuditRow> {
     let entry = AuditEntry {
         plate: row.get(2)?,

@@ -3,13 +3,13 @@ use std::fmt;
 use jiff::Timestamp;
 use uuid::{ContextV7, Uuid};
 
-/// Name of a job: 32 hex digits that sort by the order in which jobs were accepted. Nothing else that comes in a request
-/// ever names a job or a folder.
+/// Id of a job: 32 hex digits that sort by the order in which jobs were accepted. No other text of a request ever names
+/// a job or a folder.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct JobId([u8; 16]);
 
 impl JobId {
-    /// Reads exactly 32 lower case hex digits.
+    /// Parses exactly 32 lower-case hex digits.
     pub fn parse(text: &str) -> Option<Self> {
         let digit = |byte: u8| matches!(byte, b'0'..=b'9' | b'a'..=b'f');
         let plain = text.len() == 32 && text.bytes().all(digit);
@@ -37,12 +37,12 @@ impl fmt::Debug for JobId {
     }
 }
 
-/// Makes ids that rise, whatever the wall clock does.
+/// Generator of ascending ids, even when the wall clock goes back.
 #[derive(Debug)]
 pub(super) struct Ids(ContextV7);
 
 impl Ids {
-    /// Ids above `last`, the greatest one given so far.
+    /// A generator of ids above `last`, the greatest one given so far.
     pub fn above(last: Option<JobId>) -> Self {
         let ids = Self(ContextV7::new());
         if let Some(JobId([a, b, c, d, e, f, ..])) = last {

@@ -8,18 +8,18 @@ use super::{AuditRow, JobId, JobRow, JobState, Page, StoreFault, StoredEvent, hi
 /// Limits of [`peek`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PeekMost {
-    /// Newest jobs, at most [`Page::MOST`].
+    /// Most jobs, the newest first; at most [`Page::MOST`].
     pub jobs: usize,
-    /// Newest events.
+    /// Most events, the newest first.
     pub events: usize,
-    /// Last lines of the audit log.
+    /// Most entries of the audit log, the newest first.
     pub audit: usize,
 }
 
-/// Contents of a store, read without opening it.
+/// Contents of a store, read beside a daemon that may have it open.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Peeked {
-    /// How many jobs there are of each plate in each state.
+    /// Number of jobs of each plate in each state.
     pub counts: Vec<(String, JobState, u64)>,
     /// Jobs, newest first.
     pub jobs: Vec<JobRow>,
@@ -27,14 +27,14 @@ pub struct Peeked {
     pub events: Vec<(JobId, StoredEvent)>,
     /// The audit log, newest first.
     pub audit: Vec<AuditRow>,
-    /// Plates that are noted as paused, or as not.
+    /// Plates with true where they are noted as paused.
     pub paused: Vec<(String, bool)>,
-    /// True when the store was closed in order; false while a daemon has it, and after a crash.
+    /// True when the store was closed in order; false while a daemon has it open, and after a crash.
     pub is_closed: bool,
 }
 
-/// Reads the store of the data folder `data`, whether a daemon has it open or not. Writes nothing that the next start would
-/// notice, and blocks no writer: each part is read in one short transaction.
+/// Reads the store of the data folder `data`, whether a daemon has it open or not. Writes nothing that the next start
+/// would detect, and blocks no writer: each part is read in one short transaction.
 pub fn peek(data: &Path, most: PeekMost) -> Result<Peeked, StoreFault> {
     let db = data.join("upm.db");
     refuse_newer(&db)?;

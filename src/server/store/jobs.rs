@@ -15,19 +15,19 @@ const SURPLUS_STANDING: &str = "
 
 /// Outcome of [`WriteTx::start`].
 pub(super) enum StartOutcome {
-    /// It runs.
+    /// The job is running.
     Now(Box<Claimed>),
-    /// It is no longer queued, and the folder made for it of no use.
+    /// The job is no longer queued, and the folder made for it is not needed.
     Not,
-    /// The folder is another job's: this one can never begin, and has ended.
+    /// The folder belongs to another job: this job can never begin, and has ended.
     Never,
 }
 
-/// An earlier use of an idempotency key.
+/// Earlier use of an idempotency key.
 enum Seen {
-    /// It came with the same body, for this job.
+    /// Used with the same body, for this job.
     Same(JobId),
-    /// It came with another body.
+    /// Used with another body.
     Other,
 }
 
@@ -49,7 +49,7 @@ impl WriteTx<'_> {
         Ok(Accepted::New(row))
     }
 
-    /// The answer to a job whose key came before; `None` when it did not.
+    /// The earlier answer to a job with a repeated key; `None` for a new key.
     pub fn repeated(&self, job: &NewJob) -> rusqlite::Result<Option<Accepted>> {
         Ok(match self.seen(job)? {
             Some(Seen::Same(id)) => Some(self.find(&id)?.map_or(Accepted::KeyReused, Accepted::Replayed)),
@@ -58,7 +58,7 @@ impl WriteTx<'_> {
         })
     }
 
-    /// Earlier use of a job's key; `None` when it has none, or it came too long ago.
+    /// Earlier use of a job's key; `None` when it has no key, or the use is too old.
     fn seen(&self, job: &NewJob) -> rusqlite::Result<Option<Seen>> {
         let Some(key) = &job.key else { return Ok(None) };
         let sql = "SELECT body_sha256, job FROM keys WHERE key = ?1 AND uptime >= ?2";
@@ -74,13 +74,13 @@ impl WriteTx<'_> {
         Ok(is_spent.then_some(Seen::Other))
     }
 
-    /// Remembers a key, in place of one that came too long ago.
+    /// Stores a key, replacing a use that is too old.
     pub fn remember(&self, key: &str, body_sha256: &[u8; 32], id: &JobId) -> rusqlite::Result<()> {
         let sql = "INSERT OR REPLACE INTO keys (key, body_sha256, job, at, uptime) VALUES (?1, ?2, ?3, ?4, ?5)";
         self.connection.execute(sql, params![key, body_sha256, id, Micros(self.now), self.ages.now]).map(|_| ())
     }
 
-    /// Forgets keys that came too long ago.
+    /// Deletes keys whose use is too old.
     pub fn forget_keys(&self) -> rusqlite::Result<()> {
         let oldest = self.ages.cutoff(self.limits.keys_kept);
         self.connection.execute("DELETE FROM keys WHERE uptime < ?1", [oldest])?;
@@ -100,7 +100,7 @@ impl WriteTx<'_> {
         self.connection.query_row(&sql, [plate], job_of).optional()
     }
 
-    /// Makes a queued job a running one.
+    /// Marks a queued job as running.
     pub fn start(&self, id: &JobId, folder: &str) -> rusqlite::Result<StartOutcome> {
         let taken = "SELECT EXISTS (SELECT 1 FROM jobs WHERE folder = ?1)";
         if self.connection.query_row(taken, [folder], |row| row.get(0))? {
@@ -116,14 +116,14 @@ impl WriteTx<'_> {
         Ok(self.find(id)?.map_or(StartOutcome::Not, |row| StartOutcome::Now(Box::new(Claimed { row, spec_json }))))
     }
 
-    /// A run of the standing job `job` that is about to begin; `None` while a job waits for its plate.
+    /// A run of the standing job `job`, ready to begin; `None` while any job is queued for its plate.
     pub fn next_standing(&self, job: &NewJob) -> rusqlite::Result<Option<JobRow>> {
         let is_free = self.queued(&job.plate)? == 0;
         let row = || JobRow { standing: true, ..job.row(self.ids.next(self.now), Micros::rounded(self.now)) };
         Ok(is_free.then(row))
     }
 
-    /// Begins that run in its folder. False when a job has come meanwhile: that one is first.
+    /// Begins that run in its folder. False when a job was queued in between: that job runs first.
     pub fn start_standing(&self, row: &JobRow, spec_json: &str) -> rusqlite::Result<bool> {
         let is_free = self.queued(&row.plate)? == 0;
         if is_free {
@@ -132,20 +132,20 @@ impl WriteTx<'_> {
         Ok(is_free)
     }
 
-    /// Ended runs of standing jobs beyond those that are remembered, with their run folders.
+    /// Ended runs of standing jobs above the limit, with their run folders.
     pub fn surplus_standing(&self) -> rusqlite::Result<Vec<(JobId, Option<String>)>> {
         let most = sql_limit(self.limits.standing_runs);
         rows(self.connection, SURPLUS_STANDING, [most], |row| Ok((row.get(0)?, row.get(1)?)))
     }
 
-    /// Forgets a run of a standing job that has ended, once its run folder is gone.
+    /// Deletes the row of an ended standing run, once its run folder is gone.
     pub fn forget_standing(&self, id: &JobId) -> rusqlite::Result<()> {
         let sql = "DELETE FROM jobs WHERE id = ?1 AND standing = 1 AND folder IS NULL
                        AND state NOT IN ('queued', 'running')";
         self.connection.execute(sql, [id]).map(|_| ())
     }
 
-    /// Ends a job that is in state `from`; its last event, or `None` when it is in another one, and stays so.
+    /// Ends a job in state `from` and returns its last event; `None`, and no change, when it is in another state.
     pub fn end(&self, id: &JobId, from: JobState, end: &JobEnd) -> rusqlite::Result<Option<StoredEvent>> {
         let JobEnd { state, reason, report_json, recording, .. } = end;
         let sql = "UPDATE jobs SET state = ?3, reason = ?4, report = ?5, recording = ?6,
@@ -170,7 +170,8 @@ impl WriteTx<'_> {
         })
     }
 
-    /// Deletes a job that does not run, with its events. Its key stays spent: the same request sent again is not run again.
+    /// Deletes a job that does not run, with its events. Its key stays spent: repeating the request does not run it
+    /// again.
     pub fn delete(&self, id: &JobId) -> rusqlite::Result<Deleted> {
         let told = self.end(id, JobState::Queued, &JobEnd::before_it_began())?;
         let Some(row) = self.find(id)? else { return Ok(Deleted::Unknown) };
@@ -183,8 +184,8 @@ impl WriteTx<'_> {
         Ok(Deleted::Now(row, told))
     }
 
-    /// Deletes the text of an ended job when its run folder has a copy, and when the job never began. Otherwise the text
-    /// stays as long as the job is remembered.
+    /// Deletes the text of an ended job when its run folder has a copy, and when the job never began. Otherwise the
+    /// text stays as long as the job's row.
     fn drop_spec(&self, id: &JobId) -> rusqlite::Result<()> {
         let sql = "SELECT folder FROM jobs WHERE id = ?1";
         let folder: Option<String> = self.connection.query_row(sql, [id], |row| row.get(0))?;
@@ -194,7 +195,7 @@ impl WriteTx<'_> {
         Ok(())
     }
 
-    /// Notes the share of a running job that is done.
+    /// Stores the share of a running job that is done.
     pub fn progress(&self, id: &JobId, progress: f64) -> rusqlite::Result<()> {
         let share = if progress.is_nan() { 0.0 } else { progress.clamp(0.0, 1.0) };
         self.connection
@@ -202,7 +203,7 @@ impl WriteTx<'_> {
         Ok(())
     }
 
-    /// Notes whether a plate is paused.
+    /// Stores whether a plate is paused.
     pub fn set_paused(&self, plate: &str, paused: bool) -> rusqlite::Result<()> {
         let sql = "INSERT INTO plates VALUES (?1, ?2) ON CONFLICT (name) DO UPDATE SET paused = excluded.paused";
         self.connection.execute(sql, params![plate, paused])?;
@@ -214,7 +215,7 @@ impl WriteTx<'_> {
     }
 }
 
-/// Writes a whole row, and the job's text where there is any.
+/// Writes a complete row, and the job's text, if any.
 pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> rusqlite::Result<()> {
     let sql = format!(
         "INSERT INTO jobs ({JOB}, first_event)
@@ -255,7 +256,7 @@ pub(super) fn find(connection: &Connection, id: &JobId) -> rusqlite::Result<Opti
 pub(super) fn list(connection: &Connection, page: &Page) -> rusqlite::Result<JobPage> {
     let limit = page.limit.clamp(1, Page::MOST);
     let by_state = page.state.map_or("", |_| "state = ?3 AND");
-    // ids are no longer than 16 bytes, so this one is above all
+    // ids have 16 bytes, so this one sorts above all of them
     let below = page.cursor.map_or(vec![0xff; 17], |id| id.as_bytes().to_vec());
     let sql = format!("SELECT {JOB} FROM jobs WHERE {by_state} id < ?1 ORDER BY id DESC LIMIT ?2");
     let most = limit as i64 + 1;
@@ -269,13 +270,13 @@ pub(super) fn list(connection: &Connection, page: &Page) -> rusqlite::Result<Job
     Ok(JobPage { rows, next })
 }
 
-/// How many jobs wait for each plate that any wait for.
+/// Number of jobs queued for each plate; plates without any are left out.
 pub(super) fn queued(connection: &Connection) -> rusqlite::Result<Vec<(String, u64)>> {
     let sql = "SELECT plate, count(*) FROM jobs WHERE state = 'queued' GROUP BY plate";
     rows(connection, sql, [], |row| Ok((row.get(0)?, row.get::<_, i64>(1)?.cast_unsigned())))
 }
 
-/// How many jobs there are of each plate in each state.
+/// Number of jobs of each plate in each state.
 pub(super) fn counts(connection: &Connection) -> rusqlite::Result<Vec<(String, JobState, u64)>> {
     let sql = "SELECT plate, state, count(*) FROM jobs GROUP BY plate, state";
     rows(connection, sql, [], |row| Ok((row.get(0)?, row.get(1)?, row.get::<_, i64>(2)?.cast_unsigned())))

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use super::{HeldPath, StoreFault};
 use upm_core::files::sync_folder;
 
-/// Name of a folder whose contents are being deleted.
+/// Folder whose contents are being deleted.
 const TRASH: &str = ".trash";
 
-/// Endings of the files of a database: itself, its write-ahead log, the log's index.
+/// Endings of a database's files: itself, its write-ahead log, the log's index.
 pub(super) const SQLITE_SUFFIXES: [&str; 3] = ["", "-wal", "-shm"];
 
-/// A data folder held for this process alone, until this is dropped.
+/// The exclusive lock of a data folder, released on drop.
 #[derive(Debug)]
 pub(super) struct Lock {
     pub folder: File,
@@ -22,24 +22,24 @@ pub(super) struct Lock {
 /// Paths in a data folder.
 #[derive(Clone, Debug)]
 pub(super) struct DataDir {
-    /// The folder itself.
+    /// Data folder itself.
     pub data: PathBuf,
     pub db: PathBuf,
     /// The next database while it is being made.
     pub draft: PathBuf,
-    /// The next database when it is whole, and the damaged one has yet to make way.
+    /// The next database when it is complete, until the damaged one is moved away.
     pub next: PathBuf,
     pub runs: PathBuf,
     /// Run folders that are being deleted.
     pub trash: PathBuf,
-    /// The same on the disk of the run folders, where that is another one; made when it is needed.
+    /// The same on the disk of the run folders, where that differs; made when needed.
     pub runs_trash: PathBuf,
     /// The [`SpaceReserve`](super::space_reserve::SpaceReserve).
     pub reserve: PathBuf,
 }
 
 impl DataDir {
-    /// The paths in `data`, which is created where it is missing.
+    /// The paths in `data`, which is created if missing.
     pub fn in_folder(data: &Path) -> Result<Self, StoreFault> {
         let at = |name: &str| data.join(name);
         let dir = Self {
@@ -56,14 +56,14 @@ impl DataDir {
         Ok(dir)
     }
 
-    /// Makes the folders in it.
+    /// Creates the folders in the data folder.
     pub fn make_folders(&self) -> Result<(), StoreFault> {
         let make = |folder: &PathBuf| fs::create_dir_all(folder).map_err(|error| named(folder, error));
         [&self.runs, &self.trash].into_iter().try_for_each(make)
     }
 
-    /// Locks the data folder itself, so that deleting the lock file does not admit a second daemon. Some file systems cannot
-    /// lock folders: there the lock file alone protects it.
+    /// Locks the data folder itself, so that deleting the lock file does not admit a second daemon. Some file systems
+    /// cannot lock folders: there only the lock file protects it.
     pub fn lock_folder(&self) -> Result<File, StoreFault> {
         let folder = File::open(&self.data).map_err(|error| named(&self.data, error))?;
         match folder.try_lock() {
@@ -76,7 +76,7 @@ impl DataDir {
         Ok(folder)
     }
 
-    /// Holds the data folder by the file that other releases lock.
+    /// Locks the lock file, which other releases lock as well.
     pub fn lock_file(&self) -> Result<File, StoreFault> {
         let path = self.lock_path();
         let file = File::options().write(true).create(true).truncate(false).open(&path);
@@ -96,7 +96,7 @@ impl DataDir {
         self.data.join("lock")
     }
 
-    /// The paths that must go on naming what an open store holds: folder, lock file, database and its log.
+    /// The paths that must keep naming the files of an open store: folder, lock file, database and its log.
     pub fn held(&self, lock: &Lock) -> io::Result<Vec<HeldPath>> {
         let log = beside(&self.db, "-wal");
         Ok(vec![
@@ -120,13 +120,13 @@ impl DataDir {
         Ok(names)
     }
 
-    /// Makes renames in the data folder outlive a power cut.
+    /// Makes renames in the data folder survive a power cut.
     pub fn sync(&self) -> io::Result<()> {
         sync_folder(&self.data)
     }
 }
 
-/// The file SQLite keeps beside `db`: `beside(db, "-wal")`.
+/// The path of SQLite's file next to `db`: `beside(db, "-wal")`.
 pub(super) fn beside(db: &Path, ending: &str) -> PathBuf {
     let mut name = OsString::from(db);
     name.push(ending);
@@ -144,7 +144,7 @@ pub(super) fn remove_all(db: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// The fault of an act on `path`.
+/// The fault of an operation on `path`.
 fn named(path: &Path, error: io::Error) -> StoreFault {
     match StoreFault::from(error) {
         StoreFault::Io(reason) => StoreFault::Io(format!("{}: {reason}", path.display())),

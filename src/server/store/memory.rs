@@ -10,7 +10,7 @@ use super::{
     RecordingStatus, StoreFault, StoredEvent,
 };
 
-/// A ledger that forgets everything when it is dropped, for tests of those who need one.
+/// A ledger in memory, for tests of code that needs one.
 #[derive(Debug)]
 pub struct MemoryLedger {
     now: fn() -> Timestamp,
@@ -33,7 +33,7 @@ struct Entry {
 }
 
 impl MemoryLedger {
-    /// An empty one whose times are those of `now`.
+    /// An empty ledger that takes the time from `now`.
     pub fn new(now: fn() -> Timestamp) -> Self {
         let (jobs, audit) = Default::default();
         Self { now, kept: Mutex::new(Kept { ids: Ids::above(None), jobs, audit, fault: None }) }
@@ -60,7 +60,7 @@ impl MemoryLedger {
         }
     }
 
-    /// The job with that identifier; `None` when there is none.
+    /// The job with that id; `None` when there is none.
     pub fn job(&self, id: &JobId) -> Option<JobRow> {
         self.kept.lock().jobs.get(id).map(|entry| entry.row.clone())
     }
@@ -80,7 +80,7 @@ impl MemoryLedger {
         self.kept.lock().audit.clone()
     }
 
-    /// From now on every write fails with `fault`; `None` mends it.
+    /// Makes every further write fail with `fault`; `None` ends that.
     pub fn fail_with(&self, fault: Option<StoreFault>) {
         self.kept.lock().fault = fault;
     }

@@ -25,20 +25,20 @@ use super::{Clocks, JobId, Limits, Recovery, RepairRecording, StoreFault};
 use upm_core::priority::step_back;
 use upm_core::time::MonotonicClock;
 
-/// An open store with the report of its opening.
+/// An open store with the report of its recovery.
 #[derive(Debug)]
 pub struct Opened {
     /// The store.
     pub store: Store,
-    /// What was found and put in order.
+    /// Findings and repairs of the start.
     pub recovery: Recovery,
 }
 
 impl Store {
-    /// Opens the store in the folder `data`, made if need be, and puts in order what a crash left behind. A damaged
-    /// store is moved aside and a new one made of what can be saved; an older one is migrated, after a copy of it was
-    /// made. Fails when another process has it, when the folder cannot be written, when its disk is full, and, with
-    /// nothing changed, when a newer release wrote it.
+    /// Opens the store in the folder `data`, creating it if needed, and recovers the state that a crash left. A damaged
+    /// store is moved aside and a new one made of the readable data; an older one is copied and then migrated. Fails
+    /// when another process has the store open, when the folder is not writable, when its disk is full, and, with
+    /// nothing changed, when a newer release wrote the store.
     pub fn open(
         data: &Path,
         plates: &[String],
@@ -95,14 +95,14 @@ impl Store {
 }
 
 impl OpenOptions<'_> {
-    /// The connection that writes, to a store that is in order.
+    /// The writing connection, to a store that has been recovered.
     fn start(&self, dir: &DataDir) -> Result<(Connection, Recovery), StoreFault> {
         let mut found = self.make_whole(dir)?;
         let made = writing(&dir.db).map_err(StoreFault::from);
         let made = made.and_then(|connection| self.recovered(connection, dir, &mut found));
         match made {
             Ok(connection) => Ok((connection, found)),
-            // hidden from the first look: what a start writes came upon it
+            // damage that the first check missed and that the writes of the start met
             Err(StoreFault::Corrupt(damage)) if found.moved_aside.is_none() => {
                 let mut found = set_aside(dir, (self.clocks.wall)(), &damage)?;
                 let connection = self.recovered(writing(&dir.db)?, dir, &mut found)?;
@@ -112,7 +112,7 @@ impl OpenOptions<'_> {
         }
     }
 
-    /// Sees to it that there is a database, and a sound one.
+    /// Ensures that there is a sound database.
     fn make_whole(&self, dir: &DataDir) -> Result<Recovery, StoreFault> {
         if dir.next.exists() {
             return set_aside(dir, (self.clocks.wall)(), "putting a damaged store aside was cut short");
@@ -128,7 +128,7 @@ impl OpenOptions<'_> {
         if let Some(damage) = damage {
             return set_aside(dir, (self.clocks.wall)(), &damage);
         }
-        // after a crash the log is there; without it the store is as sound as it is old
+        // after a crash there is a log; without it the database is sound but may be outdated
         let lost = !log && !is_clean(&reading(&dir.db)?)?;
         let damage = lost.then(|| "upm.db-wal is missing: what was accepted last may be lost".to_owned());
         damage.iter().for_each(|damage| tracing::error!("{damage}"));
@@ -145,7 +145,7 @@ impl OpenOptions<'_> {
         migrate(&mut connection, dir, MIGRATIONS)?;
         found.clean &= found.damage.is_none() && is_clean(&connection)?;
         recover(&mut connection, dir, self, found)?;
-        // that it is open now must be known without the log, too
+        // writes to the database file itself that the store is open now, in case the log is lost
         restart_log(&connection)?;
         Ok(connection)
     }

@@ -3,10 +3,10 @@ use std::time::Duration;
 
 use super::{Clocks, Mended};
 
-/// Repairs a recording that was not closed, first path, into a whole one, second path.
+/// Repairs the unclosed recording at the first path into a complete one at the second.
 pub type RepairRecording<'a> = &'a dyn Fn(&Path, &Path) -> Result<Mended, String>;
 
-/// Options of [`Store::open`](super::Store::open), the data folder left out.
+/// Options of [`Store::open`](super::Store::open), without the data folder.
 #[derive(Clone, Copy)]
 pub(super) struct OpenOptions<'a> {
     pub plates: &'a [String],
@@ -15,26 +15,27 @@ pub(super) struct OpenOptions<'a> {
     pub repair: RepairRecording<'a>,
 }
 
-/// Limits of what the store keeps.
+/// Limits of the store's contents.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limits {
-    /// Jobs that may wait for one plate.
+    /// Most jobs queued for one plate.
     pub queued: usize,
-    /// Jobs the store remembers; the oldest finished ones go first, none as long as its idempotency key is remembered.
+    /// Most jobs stored. The oldest ended ones are deleted first, but none while its idempotency key is remembered.
     pub jobs: u64,
-    /// Events kept of one job.
+    /// Most events stored of one job.
     pub events_per_job: u64,
-    /// Events kept of all jobs.
+    /// Most events stored of all jobs.
     pub events: u64,
-    /// How long an idempotency key is remembered: time that the store is open, see [`Clocks`](super::Clocks).
+    /// Time for which an idempotency key is remembered, measured while the store is open, see
+    /// [`Clocks`](super::Clocks).
     pub keys_kept: Duration,
     /// Most bytes of run folders.
     pub runs_bytes: u64,
-    /// Longest time a run folder is kept after its job ended, counted like that of keys.
+    /// Longest time that a run folder is kept after its job ended, measured like that of keys.
     pub runs_age: Duration,
-    /// Ended runs of standing jobs that are remembered for each plate, with their folders and events.
+    /// Ended runs of standing jobs that are kept for each plate, with their folders and events.
     pub standing_runs: u64,
-    /// Size of the file that is deleted when the disk is full, bytes; 0 for none.
+    /// Size of the preallocated file that is deleted when the disk is full, bytes; 0 for none.
     pub reserve_bytes: u64,
 }
 

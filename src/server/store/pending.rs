@@ -7,17 +7,17 @@ use parking_lot::Mutex;
 use super::write_tx::WriteTx;
 use super::{AuditEntry, JobId};
 
-/// Most lines of the audit log that wait in memory.
+/// Most audit entries that wait in memory.
 const MOST_ACTS: usize = 1024;
 
 /// Most jobs whose progress waits.
 const MOST_JOBS: usize = 256;
 
-/// Writes that wait in memory until there is time and room. Their callers never block and get no answer.
+/// Writes that wait in memory for time and space. Their callers never block and get no answer.
 #[derive(Debug, Default)]
 pub(super) struct Pending {
     notes: Mutex<Notes>,
-    /// Lines of the audit log that were taken and may come back.
+    /// Audit entries that were taken and may be put back.
     taken: AtomicUsize,
 }
 
@@ -29,7 +29,7 @@ pub(super) struct Notes {
 }
 
 impl Pending {
-    /// A line for the audit log; false when too many wait already.
+    /// Adds an audit entry; false when too many wait already.
     pub fn act(&self, at: Timestamp, entry: AuditEntry) -> bool {
         let acts = &mut self.notes.lock().acts;
         let room = acts.len() + self.taken.load(Ordering::SeqCst) < MOST_ACTS;
@@ -39,13 +39,13 @@ impl Pending {
         room
     }
 
-    /// A plate is paused or resumed.
+    /// Notes that a plate is paused or resumed.
     pub fn paused(&self, plate: &str, paused: bool) {
         self.notes.lock().paused.insert(plate.to_owned(), paused);
     }
 
-    /// Progress of a job; a later call overwrites it. Called by threads that drive a plate in real time, so it is skipped
-    /// while another thread holds the lock.
+    /// Notes the progress of a job; a later call overwrites it. Called by threads that drive a plate in real time, so
+    /// it is skipped while another thread holds the lock.
     pub fn progress(&self, id: &JobId, progress: f64) {
         let Some(mut notes) = self.notes.try_lock() else { return };
         let waiting = &mut notes.progress;
@@ -54,14 +54,14 @@ impl Pending {
         }
     }
 
-    /// Lines of the audit log that wait.
+    /// Number of audit entries that wait.
     pub fn acts_waiting(&self) -> usize {
         let notes = self.notes.lock();
         notes.acts.len() + self.taken.load(Ordering::SeqCst)
     }
 
-    /// All that waits; progress alone only when `progress_too`. What is taken is then [`Self::written`] or
-    /// [`Self::put_back`].
+    /// Takes everything that waits; `None` when that is only progress and `progress_too` is false. The caller reports
+    /// back with [`Self::written`] or [`Self::put_back`].
     pub fn take(&self, progress_too: bool) -> Option<Notes> {
         let mut notes = self.notes.lock();
         let urgent = !notes.acts.is_empty() || !notes.paused.is_empty();
@@ -72,12 +72,12 @@ impl Pending {
         })
     }
 
-    /// The taken writes are on the disk.
+    /// Reports that the notes taken are on the disk.
     pub fn written(&self) {
         self.taken.store(0, Ordering::SeqCst);
     }
 
-    /// Notes that could not be written wait on, before those that came since.
+    /// Puts notes back that could not be written, before those added since.
     pub fn put_back(&self, notes: Notes) {
         let mut now = self.notes.lock();
         self.taken.store(0, Ordering::SeqCst);

@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{CWD, FileType, Mode, OFlags, fchmod, fstat, openat};
 use rustix::process::{Uid, geteuid};
 
-/// Names in a data folder that are the daemon's, besides those of the database.
+/// Names of the daemon's entries in a data folder, besides those of the database.
 const OWN_NAMES: [&str; 5] = [".trash", "latch", "lock", "reserve", "runs"];
 
-/// Makes a data folder and what the daemon has directly in it accessible to the daemon's user alone: earlier releases let
-/// other users read them. Says in the log what it changed.
+/// Restricts a data folder and the daemon's own entries directly in it to the daemon's user: earlier releases let other
+/// users read them. Logs the changes.
 ///
-/// No database may be open in this process: closing a file drops all locks that the process has on it, SQLite's among them.
+/// No database may be open in this process: closing a file drops all locks that the process has on it, including
+/// SQLite's.
 pub(super) fn make_private(data: &Path) {
     let changed = made_private(data, geteuid());
     if !changed.is_empty() {
@@ -21,7 +22,7 @@ pub(super) fn make_private(data: &Path) {
     }
 }
 
-/// The folders and files that were changed. Those of other users than `user` stay as they are.
+/// The folders and files that were changed. Those owned by other users than `user` stay as they are.
 fn made_private(data: &Path, user: Uid) -> Vec<PathBuf> {
     let entries = fs::read_dir(data).into_iter().flatten().flatten();
     let own = entries.filter(|entry| entry.file_name().to_str().is_some_and(is_own)).map(|entry| entry.path());
@@ -38,7 +39,8 @@ fn is_own(name: &str) -> bool {
     name.starts_with("upm.db") || OWN_NAMES.contains(&name)
 }
 
-/// True when other users had access and have none now. Follows no link, and leaves alone what is neither file nor folder.
+/// True when other users had access and have none now. Follows no link, and ignores everything except files and
+/// folders.
 fn removed_access(path: &Path, user: Uid) -> io::Result<bool> {
     let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let Ok(file) = openat(CWD, path, flags, Mode::empty()) else { return Ok(false) };
@@ -67,7 +69,8 @@ mod tests {
         fs::set_permissions(path, Permissions::from_mode(mode)).unwrap();
     }
 
-    /// A data folder as earlier releases made it, with a user's note and links out of it, in a folder of its own.
+    /// A data folder as earlier releases made it, with a user's note and links to the outside, in its own temporary
+    /// folder.
     fn readable_data() -> (tempfile::TempDir, PathBuf) {
         let around = tempfile::tempdir().unwrap();
         let data = around.path().join("data");

@@ -10,11 +10,12 @@ use super::salvage::{from_folders, from_store, have_begun};
 use super::schema::{APPLICATION_ID, OLDEST, VERSION, create, identity};
 use super::{Recovery, StoreFault};
 
-/// Shorter files hold no database. SQLite would take them for a new one, and throw away the log beside them.
+/// Size of the smallest database, bytes. SQLite would take a shorter file for a new database, and discard the log
+/// beside it.
 const LEAST_BYTES: u64 = 512;
 
-/// The damage of the database at `path`; `None` for a sound one. Changes nothing. `Err` when the disk does not let it be
-/// examined.
+/// The damage of the database at `path`; `None` for a sound one. Changes nothing. `Err` when the disk prevents the
+/// check.
 pub(super) fn damage_of(path: &Path) -> Result<Option<String>, StoreFault> {
     if fs::metadata(path)?.len() < LEAST_BYTES {
         return Ok(Some("upm.db has been cut off".to_owned()));
@@ -49,9 +50,9 @@ fn look_at(connection: &Connection) -> rusqlite::Result<Option<String>> {
     Ok(None)
 }
 
-/// Makes a new store of what can be saved from the old one and from the run folders, and moves the old one aside. Cut
-/// short anywhere, the next start takes it up again and nothing is lost: the old one makes way only when the new one is
-/// whole.
+/// Makes a new store of the readable data in the old one and in the run folders, and moves the old one aside. If it is
+/// interrupted at any point, the next start resumes it without loss: the old store is moved only when the new one is
+/// complete.
 pub(super) fn set_aside(dir: &DataDir, now: Timestamp, damage: &str) -> Result<Recovery, StoreFault> {
     tracing::error!("the job store is damaged and moved aside: {damage}");
     if !dir.next.exists() {
@@ -75,7 +76,7 @@ pub(super) fn set_aside(dir: &DataDir, now: Timestamp, damage: &str) -> Result<R
     Ok(Recovery { moved_aside: moved, damage: Some(damage.to_owned()), ..Recovery::default() })
 }
 
-/// Renames the database and what is beside it, together; `None` when there was nothing.
+/// Renames the database together with its log and index; `None` when there was none of them.
 fn move_away(db: &Path, now: Timestamp) -> Result<Option<PathBuf>, StoreFault> {
     let there: Vec<&str> = SQLITE_SUFFIXES.into_iter().filter(|ending| beside(db, ending).exists()).collect();
     if there.is_empty() {

@@ -12,24 +12,24 @@ use super::StoreFault;
 use upm_core::priority::step_back;
 use upm_core::time::Clock;
 
-/// Questions that may wait.
+/// Most reads that may wait.
 const MOST_WAITING: usize = 512;
 
 type Question = Box<dyn FnOnce(Result<&Connection, StoreFault>) + Send>;
 
-/// The threads that read. Every question is one short transaction: a long one would keep the log from being emptied.
+/// The threads that read. Every read is one short transaction: a long one would prevent the log from being emptied.
 pub(super) struct Readers {
     questions: SyncSender<Question>,
     clock: Arc<dyn Clock + Send + Sync>,
     busy: Vec<Arc<Busy>>,
 }
 
-/// When a reader took the question it is at, µs on the clock and at least 1; 0 while it waits for one. A reader that
-/// died at a question stays at it.
+/// Time at which a reader took its current read, µs on the clock and at least 1; 0 while it is idle. A reader that died
+/// keeps the time of its last read.
 type Busy = AtomicU64;
 
 impl Readers {
-    /// One thread for each connection.
+    /// Starts one thread for each connection.
     pub fn start(connections: Vec<Connection>, clock: Arc<dyn Clock + Send + Sync>) -> Result<Self, StoreFault> {
         let (sender, questions) = sync_channel::<Question>(MOST_WAITING);
         let questions = Arc::new(Mutex::new(questions));
@@ -45,14 +45,15 @@ impl Readers {
         Ok(readers)
     }
 
-    /// Longest time that a reader has been at one question.
+    /// Longest time that a reader has spent on its current read.
     pub fn busy(&self) -> Duration {
         let now = self.clock.elapsed();
         let since = self.busy.iter().map(|busy| busy.load(Ordering::Relaxed)).filter(|since| *since > 0).min();
         since.map_or(Duration::ZERO, |since| now.saturating_sub(Duration::from_micros(since)))
     }
 
-    /// Asks `read`, and hands `done` the answer on a reader's thread; at once on this one when too many wait.
+    /// Queues `read`; a reader's thread passes the answer to `done`. When too many reads wait, `done` is called at once
+    /// on this thread.
     pub fn ask<T: 'static>(
         &self,
         read: impl FnOnce(&Connection) -> rusqlite::Result<T> + Send + 'static,

@@ -17,8 +17,8 @@ use super::write_tx::WriteTx;
 use super::{JobRow, JobState, RecordingStatus, Recovery, RunFileFault, StoreFault};
 use unfinished::{end_of, last_write, repair_recording};
 
-/// Recovers the state that the last daemon left: ends of its running jobs, recordings that were not closed, paused plates.
-/// Runs before the store is shared. Idempotent: safe to repeat after a crash at any point.
+/// Recovers the state that the last daemon left: ends of its running jobs, recordings that were not closed, paused
+/// plates. Runs before the store is shared. Idempotent: safe to repeat after a crash at any point.
 pub(super) fn recover(
     connection: &mut Connection,
     dir: &DataDir,
@@ -30,7 +30,7 @@ pub(super) fn recover(
         from_folders(dir, connection)?;
     }
     let left = left_open(connection, dir)?;
-    // whatever the last daemon noted: it did not see to the end of these
+    // whatever the last daemon recorded: it did not complete the end of these
     found.clean &= left.iter().all(|job| job.state != JobState::Running);
     mark_partial(connection, dir, &left)?;
     let mut ends = Vec::new();
@@ -68,7 +68,7 @@ pub(super) fn recover(
     found.paused = pause(&tx, options.plates, found.clean)?;
     let owned = folders_of(&tx)?;
     let orphans = dir.run_names()?.into_iter().filter(|name| !owned.contains(name));
-    // one that is empty was made for a job that did not come to begin
+    // an empty folder was made for a job that did not begin
     let left = orphans.map(|name| dir.runs.join(name)).filter(|folder| fs::remove_dir(folder).is_err());
     found.orphans = left.collect();
     tx.execute("UPDATE meta SET clean_shutdown = 0", [])?;
@@ -77,7 +77,7 @@ pub(super) fn recover(
     Ok(())
 }
 
-/// Frees the room that a journal which was not closed may still have beyond its end. Failure is ignored: the room is
+/// Frees the space that an unclosed journal may still have reserved beyond its end. Errors are ignored: the space is
 /// small.
 fn give_back_room(folder: &Path) {
     let journal = open_run_file_to_write(folder, "journal.jsonl");
@@ -87,7 +87,7 @@ fn give_back_room(folder: &Path) {
     }
 }
 
-/// Jobs that were running, and those of whose recording something is left to repair.
+/// Jobs that were running, and jobs whose recording still needs repair.
 fn left_open(connection: &Connection, dir: &DataDir) -> Result<Vec<JobRow>, StoreFault> {
     let sql =
         format!("SELECT {JOB} FROM jobs WHERE state = 'running' OR recording IN ('partial', 'failed') ORDER BY id");
@@ -96,13 +96,13 @@ fn left_open(connection: &Connection, dir: &DataDir) -> Result<Vec<JobRow>, Stor
     Ok(left)
 }
 
-/// True when a recording that was not closed is in a job's run folder.
+/// True when a job's run folder holds a recording that was not closed.
 fn has_part(dir: &DataDir, job: &JobRow) -> bool {
     let part = |name: &String| dir.runs.join(name).join("run.rrd.part");
     job.folder.as_ref().is_some_and(|name| fs::symlink_metadata(part(name)).is_ok())
 }
 
-/// Notes which recordings are about to be repaired: a start that is killed after a repair must still know of it.
+/// Marks the recordings that are about to be repaired: a start that is killed after a repair must still know of it.
 fn mark_partial(connection: &mut Connection, dir: &DataDir, left: &[JobRow]) -> Result<(), StoreFault> {
     let tx = connection.transaction()?;
     for job in left.iter().filter(|job| has_part(dir, job)) {
@@ -111,17 +111,17 @@ fn mark_partial(connection: &mut Connection, dir: &DataDir, left: &[JobRow]) -> 
     Ok(tx.commit()?)
 }
 
-/// Time that the store has been open before this start.
+/// Time that the store was open before this start.
 pub(super) fn uptime(connection: &Connection) -> rusqlite::Result<Uptime> {
     connection.query_row("SELECT uptime FROM clock", [], |row| row.get(0))
 }
 
-/// Plates that earlier starts were told of.
+/// Plates that earlier starts had configured.
 fn known(tx: &Connection) -> rusqlite::Result<Vec<String>> {
     rows(tx, "SELECT name FROM plates ORDER BY name", [], |row| row.get(0))
 }
 
-/// The newest job that ended on each of `plates` that are paused.
+/// The newest ended job of each of `plates` that are paused.
 fn paused_after(tx: &Connection, plates: &[String]) -> rusqlite::Result<Vec<JobRow>> {
     let sql = format!(
         "SELECT {JOB} FROM jobs WHERE plate = ?1 AND finished_at IS NOT NULL
@@ -132,8 +132,8 @@ fn paused_after(tx: &Connection, plates: &[String]) -> rusqlite::Result<Vec<JobR
     last.filter_map(Result::transpose).collect()
 }
 
-/// Pauses every plate that has work waiting, that was paused, or, after anything but an orderly end, any. Told are
-/// those of `plates`.
+/// Pauses every plate that has queued jobs or was paused already, and after anything except an orderly shutdown every
+/// plate. Returns the paused ones of `plates`.
 fn pause(tx: &Connection, plates: &[String], clean: bool) -> rusqlite::Result<Vec<String>> {
     for plate in plates {
         let sql =

@@ -22,25 +22,26 @@ use upm_core::priority::step_back;
 /// Time between two sweeps.
 const SWEEP_EVERY: Duration = Duration::from_secs(60);
 
-/// A folder without a job may be one that a person is just putting there, until it is this old.
+/// Least age of a folder without a job before it is deleted: a younger one may be one that a user is just copying
+/// there.
 const ORPHAN_AGE: Duration = Duration::from_secs(3600);
 
-/// Report of a sweep.
+/// Result of a sweep.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Swept {
     /// Names of the run folders that were deleted.
     pub deleted: Vec<String>,
-    /// Bytes of those that are left.
+    /// Bytes of the run folders that are left.
     pub bytes: u64,
 }
 
-/// Gets the report of a sweep; `None` when no caller waits for one.
+/// Receiver of a sweep's result; `None` when no caller waits for it.
 type Asked = Option<SyncSender<Result<Swept, StoreFault>>>;
 
 /// Names of run folders whose jobs were deleted.
 type Discarded = Arc<Mutex<Vec<String>>>;
 
-/// Has run folders removed whose jobs were deleted.
+/// Requests the removal of run folders whose jobs were deleted.
 #[derive(Clone, Debug)]
 pub(super) struct Discards {
     asked: SyncSender<Asked>,
@@ -48,7 +49,7 @@ pub(super) struct Discards {
 }
 
 impl Discards {
-    /// Has the run folder of that name removed.
+    /// Requests the removal of the run folder of that name.
     pub fn add(&self, folder: &str) {
         self.discarded.lock().push(folder.to_owned());
         let _ = self.asked.try_send(None);
@@ -60,7 +61,7 @@ impl Discards {
 pub(super) struct Retention {
     asked: SyncSender<Asked>,
     discarded: Discarded,
-    /// Bytes of run folders when they were counted last; `u64::MAX` before.
+    /// Bytes in run folders at the last count; `u64::MAX` before the first.
     bytes: Arc<AtomicU64>,
 }
 
@@ -75,22 +76,22 @@ impl Retention {
         Ok(Self { asked: sender, discarded, bytes })
     }
 
-    /// Asks for a sweep; one that is asked for already will do.
+    /// Requests a sweep, unless one is requested already.
     pub fn notify(&self) {
         let _ = self.asked.try_send(None);
     }
 
-    /// Takes the run folders of deleted jobs.
+    /// A handle for the run folders of deleted jobs.
     pub fn discards(&self) -> Discards {
         Discards { asked: self.asked.clone(), discarded: Arc::clone(&self.discarded) }
     }
 
-    /// Bytes of run folders when they were counted last.
+    /// Bytes in run folders at the last count; `None` before the first.
     pub fn bytes(&self) -> Option<u64> {
         Some(self.bytes.load(Ordering::Relaxed)).filter(|bytes| *bytes != u64::MAX)
     }
 
-    /// Asks for a sweep and waits for it.
+    /// Requests a sweep and waits for it.
     #[cfg(test)]
     pub fn sweep(&self) -> Result<Swept, StoreFault> {
         let (done, swept) = sync_channel(1);
@@ -99,8 +100,8 @@ impl Retention {
     }
 }
 
-/// Held shared from the creation of a run folder until its row names it; held exclusively while folders without a row are
-/// looked for.
+/// Held shared from the creation of a run folder until its row names it; held exclusively while folders without a row
+/// are determined.
 pub(super) type StartLock = Arc<RwLock<()>>;
 
 /// Run folders of jobs by name, with when each job ended.
@@ -110,20 +111,20 @@ type RunFolders = BTreeMap<String, (JobId, Option<Ended>)>;
 #[derive(Clone, Debug, PartialEq)]
 struct RunFolder {
     name: String,
-    /// Its job; `None` for one that belongs to none.
+    /// Its job; `None` for a folder without a job.
     job: Option<JobId>,
     ended: Ended,
     bytes: u64,
 }
 
 impl RunFolder {
-    /// One that goes whatever its age and size.
+    /// A folder that is deleted regardless of age and size.
     fn at_once(name: String, job: Option<JobId>) -> Self {
         Self { name, job, ended: Ended { uptime: Uptime::MIN, at: Timestamp::MIN }, bytes: 0 }
     }
 }
 
-/// Deletes run folders that are too old or too many.
+/// Deletes run folders that are too old, or the oldest while they are too large in total.
 #[derive(Debug)]
 pub(super) struct Sweeper {
     dir: DataDir,
@@ -134,7 +135,7 @@ pub(super) struct Sweeper {
     discarded: Discarded,
     /// Uptime at which each folder without a job was first seen since the start.
     orphans: BTreeMap<String, Uptime>,
-    /// Sizes of the folders of jobs that have ended.
+    /// Sizes of the folders of ended jobs, bytes.
     sizes: BTreeMap<String, u64>,
     bytes: Arc<AtomicU64>,
 }
@@ -162,16 +163,16 @@ impl Sweeper {
         }
     }
 
-    /// Deletes and forgets; whatever becomes of the one, the other is done.
+    /// Deletes run folders, and rows of old keys and jobs; a failure of one does not prevent the other.
     fn sweep(&mut self) -> Result<Swept, StoreFault> {
         let swept = self.delete_folders();
         let forgotten = self.queue.written(true, |tx| tx.forget_keys().and_then(|()| tx.forget_jobs()));
-        // what fails here is told by the store's health, and makes nothing older
+        // a failure shows in the store's health, and makes nothing older
         let _ = self.queue.written(false, |tx| tx.note_uptime());
         forgotten.and(swept)
     }
 
-    /// A folder that cannot be deleted is in no other's way.
+    /// Deletes the run folders that are due. A folder that cannot be deleted does not prevent the deletion of others.
     fn delete_folders(&mut self) -> Result<Swept, StoreFault> {
         let (mut deleted, mut faults) = (Vec::new(), Vec::new());
         self.delete_discarded(&mut deleted, &mut faults)?;
@@ -194,7 +195,7 @@ impl Sweeper {
         Ok(Swept { deleted, bytes })
     }
 
-    /// Removes the run folders of deleted jobs. One that stays is without a job, and removed with age.
+    /// Removes the run folders of deleted jobs. A folder that stays has no job, and is removed by age.
     fn delete_discarded(&mut self, deleted: &mut Vec<String>, faults: &mut Vec<String>) -> Result<(), StoreFault> {
         let discarded = std::mem::take(&mut *self.discarded.lock());
         for name in discarded {
@@ -205,8 +206,8 @@ impl Sweeper {
         Ok(())
     }
 
-    /// Deletes and forgets runs of standing jobs beyond those that are remembered: a plate that is never idle would fill
-    /// the disk, and push the runs of other jobs out.
+    /// Deletes surplus runs of standing jobs with their rows: a plate that is never idle would otherwise fill the disk
+    /// and displace the runs of other jobs.
     fn delete_standing(&mut self, deleted: &mut Vec<String>, faults: &mut Vec<String>) -> Result<(), StoreFault> {
         for (id, folder) in self.queue.written(true, |tx| tx.surplus_standing())? {
             if let Some(name) = folder {
@@ -221,7 +222,7 @@ impl Sweeper {
         Ok(())
     }
 
-    /// The folders that may go, oldest first, and the bytes of all there are.
+    /// The folders that may be deleted, oldest first, and the bytes of all run folders.
     fn folders(&mut self) -> Result<(Vec<RunFolder>, u64), StoreFault> {
         let (names, rows) = self.names_and_rows()?;
         let (mut folders, mut bytes) = (Vec::new(), 0);
@@ -250,14 +251,14 @@ impl Sweeper {
         Ok((folders, bytes))
     }
 
-    /// Names of the run folders, and the rows that name them, with no claim between its folder and its row.
+    /// Names of the run folders and the rows that name them, read while no claim is between its folder and its row.
     fn names_and_rows(&self) -> Result<(Vec<String>, RunFolders), StoreFault> {
         let _no_start = self.start_lock.write();
         Ok((self.dir.run_names()?, self.queue.written(true, |tx| tx.folders())?))
     }
 
-    /// First the row, then the folder: no row ever names a folder that is gone. False when the folder stays, its job's as
-    /// before; what stood in the way is added to `faults`.
+    /// Deletes a folder; its row first, so that no row ever names a folder that is gone. False when the folder stays,
+    /// with its row as before; errors are added to `faults`.
     fn delete(&mut self, kept: &RunFolder, faults: &mut Vec<String>) -> Result<bool, StoreFault> {
         let RunFolder { name, job, .. } = kept;
         let row = match *job {
@@ -271,7 +272,7 @@ impl Sweeper {
             }
         };
         let folder = self.dir.runs.join(name);
-        // what is out of the way and cannot be removed is tried again at the next start
+        // a folder that was moved to the trash and cannot be removed is tried again at the next start
         let removed = self.move_away(&folder, name).and_then(|trash| remove(&trash));
         faults.extend(removed.err().map(|error| format!("{}: {error}", folder.display())));
         if folder.exists() {
@@ -285,7 +286,7 @@ impl Sweeper {
         Ok(true)
     }
 
-    /// Takes a run folder out of the folder of runs, to where it is removed at leisure; where that is.
+    /// Moves a run folder to the trash, where it can be removed without haste; returns its new path.
     fn move_away(&self, folder: &Path, name: &str) -> io::Result<PathBuf> {
         let DataDir { trash, runs_trash, .. } = &self.dir;
         match move_into(trash, folder, name) {
@@ -296,8 +297,8 @@ impl Sweeper {
     }
 }
 
-/// When a folder without a job was found, at uptime `found`; `None` while it may be one that is being made. A folder's own
-/// time is wall time, and says nothing.
+/// The end of a folder without a job that was found at uptime `found`; `None` while it may be one that is being made.
+/// The folder's own time is wall time, which cannot be trusted.
 fn orphaned(found: Uptime, ages: Ages) -> Option<Ended> {
     (found < ages.cutoff(ORPHAN_AGE)).then_some(Ended { uptime: found, at: Timestamp::MIN })
 }
@@ -310,7 +311,8 @@ fn move_into(trash: &Path, folder: &Path, name: &str) -> io::Result<PathBuf> {
     Ok(path)
 }
 
-/// Removes what an earlier sweep had no time for. What cannot be removed now is tried again at the next start.
+/// Removes folders that an earlier sweep left in the trash. Those that cannot be removed are tried again at the next
+/// start.
 pub(super) fn empty_trash(trash: &Path) {
     let Ok(entries) = fs::read_dir(trash) else { return };
     for entry in entries.flatten() {
@@ -327,7 +329,7 @@ fn remove(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Bytes of all files below a folder. Links are not followed; what cannot be read counts nothing.
+/// Bytes of all files below a folder. Links are not followed; unreadable entries count as 0.
 fn size_of(folder: &Path) -> u64 {
     let Ok(entries) = fs::read_dir(folder) else { return 0 };
     let size = |entry: fs::DirEntry| match entry.metadata() {

@@ -8,7 +8,7 @@ use rustix::io::Errno;
 
 use super::columns::Micros;
 
-/// Largest `effective.json` or `report.json` that is read.
+/// Largest `effective.json` or `report.json` that is read, bytes.
 const MOST_BYTES: u64 = 16 << 20;
 
 /// Why a file of a run folder is not opened.
@@ -31,7 +31,7 @@ pub fn open_run_file(folder: &Path, name: &str) -> Result<File, RunFileFault> {
     open_with(OFlags::RDONLY, folder, name)
 }
 
-/// The same for writing into a file that is there.
+/// Opens an existing file for writing, with the same checks.
 pub(super) fn open_run_file_to_write(folder: &Path, name: &str) -> Result<File, RunFileFault> {
     open_with(OFlags::WRONLY, folder, name)
 }
@@ -46,7 +46,7 @@ fn open_with(access: OFlags, folder: &Path, name: &str) -> Result<File, RunFileF
 fn fault(errno: Errno) -> RunFileFault {
     match errno {
         Errno::NOENT => RunFileFault::Missing,
-        // a link, a file where a folder should be or the other way round, a socket or a FIFO that no process reads
+        // a link, a file where a folder should be or the reverse, a socket or a FIFO that no process reads
         Errno::LOOP | Errno::NOTDIR | Errno::ISDIR | Errno::NXIO => RunFileFault::NotRegular,
         other => RunFileFault::Io(other.into()),
     }
@@ -60,7 +60,7 @@ pub(super) fn text_of(path: &Path) -> Option<String> {
     (read as u64 <= MOST_BYTES).then_some(text)
 }
 
-/// Time of the last write to a file, as the store keeps times.
+/// Time of the last write to a file, rounded as in the store.
 pub(super) fn modified(path: &Path) -> Option<Timestamp> {
     let time = fs::metadata(path).and_then(|file| file.modified()).ok()?;
     Timestamp::try_from(time).ok().map(Micros::rounded)

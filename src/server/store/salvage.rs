@@ -13,14 +13,14 @@ use super::layout::DataDir;
 use super::run_file::{modified, text_of};
 use super::{JobId, JobRow, JobState, NewJob, Pace, StoreFault, jobs};
 
-/// Copies what can still be read of the damaged store `old`: jobs, idempotency keys, the audit log. Events stay behind;
-/// their numbers are not given again.
+/// Copies the readable data of the damaged store `old`: jobs, idempotency keys, the audit log. Events are left behind;
+/// their numbers are not reused.
 pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault> {
     let Ok(old) = reading(old) else { return Ok(()) };
     let tx = new.unchecked_transaction()?;
     let (mut seen, mut lines) = (BTreeSet::new(), Vec::new());
     let columns = columns_of(&old);
-    // from both ends, since nothing comes after a page that is broken
+    // from both ends, since nothing is readable after a broken page
     for order in ["", "DESC"] {
         let sql = format!("SELECT {columns} FROM jobs NOT INDEXED ORDER BY rowid {order}");
         for job in readable_rows(&old, &sql, job_of) {
@@ -52,20 +52,20 @@ pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault>
     Ok(tx.commit()?)
 }
 
-/// The columns of [`JOB`]; a store of the first version knows no standing jobs.
+/// The columns of [`JOB`]; a store of version 1 has no standing jobs.
 fn columns_of(old: &Connection) -> String {
     let is_known = old.prepare("SELECT standing FROM jobs").is_ok();
     if is_known { JOB.to_owned() } else { JOB.replace("standing", "0") }
 }
 
-/// The rows up to the first that cannot be read.
+/// The rows before the first unreadable one.
 fn readable_rows<T>(old: &Connection, sql: &str, made: impl Fn(&Row<'_>) -> rusqlite::Result<T>) -> Vec<T> {
     let Ok(mut statement) = old.prepare(sql) else { return Vec::new() };
     let Ok(rows) = statement.query_map([], made) else { return Vec::new() };
     rows.map_while(Result::ok).collect()
 }
 
-/// A queued job without its text cannot run any more.
+/// Copies a job. A queued job without its text cannot run any more.
 fn copy_job(old: &Connection, tx: &Connection, mut job: JobRow) -> rusqlite::Result<()> {
     let sql = "SELECT spec FROM specs WHERE job = ?1";
     let spec: Option<String> = old.query_row(sql, [job.id], |row| row.get(0)).ok();
@@ -82,8 +82,8 @@ fn copy_job(old: &Connection, tx: &Connection, mut job: JobRow) -> rusqlite::Res
     jobs::insert(tx, &job, spec.as_deref())
 }
 
-/// Makes running jobs of those that wait although something is in their run folder: they had begun, and the store has
-/// forgotten it. How they ended is found out as after any crash; they are not run again.
+/// Marks queued jobs with a non-empty run folder as running: they had begun, and the store lost that record. Their end
+/// is determined as after any crash; they are not run again.
 pub(super) fn have_begun(dir: &DataDir, connection: &Connection) -> Result<(), StoreFault> {
     let tx = connection.unchecked_transaction()?;
     let (names, known) = (dir.run_names()?, folders_of(&tx)?);
@@ -94,7 +94,7 @@ pub(super) fn have_begun(dir: &DataDir, connection: &Connection) -> Result<(), S
             continue;
         }
         let started_at = modified(&folder.join("effective.json")).unwrap_or(job.submitted_at).max(job.submitted_at);
-        // another row may have it, which an earlier start made of it
+        // another row may name the folder, made from it by an earlier start
         let folder = (!known.contains(&name)).then_some(name);
         let sql = "UPDATE jobs SET state = 'running', started_at = ?2, folder = ?3 WHERE id = ?1";
         tx.execute(sql, params![job.id, Micros(started_at), folder])?;
@@ -102,12 +102,12 @@ pub(super) fn have_begun(dir: &DataDir, connection: &Connection) -> Result<(), S
     Ok(tx.commit()?)
 }
 
-/// True for a folder that was made for a job which did not come to begin.
+/// True for a folder made for a job that did not begin.
 fn is_empty(folder: &Path) -> bool {
     fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none())
 }
 
-/// Makes jobs of the run folders that belong to none, as running ones: how they ended is found out as after any crash.
+/// Makes running jobs of the run folders without a job: their end is determined as after any crash.
 pub(super) fn from_folders(dir: &DataDir, new: &Connection) -> Result<(), StoreFault> {
     let tx = new.unchecked_transaction()?;
     let known = folders_of(&tx)?;
@@ -132,7 +132,7 @@ pub(super) fn folders_of(connection: &Connection) -> rusqlite::Result<BTreeSet<S
     Ok(rows(connection, sql, [], |row| row.get(0))?.into_iter().collect())
 }
 
-/// The job whose `effective.json` is in a run folder.
+/// The job of the `effective.json` in a run folder.
 fn job_in(folder: &Path, name: String) -> Option<JobRow> {
     let effective = folder.join("effective.json");
     let started_at = modified(&effective)?;

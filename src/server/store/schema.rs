@@ -7,16 +7,16 @@ use super::StoreFault;
 use super::connection::{empty_log, inspecting, writing};
 use super::layout::{DataDir, beside, remove_all};
 
-/// `upm1`: says in the file's header whose it is.
+/// SQLite application id, `upm1`: identifies the file as a job store.
 pub(super) const APPLICATION_ID: i32 = 0x7570_6d31;
 
 /// Oldest version that can be migrated.
 pub(super) const OLDEST: i32 = 1;
 
-/// The change from each version to the next, beginning at [`OLDEST`].
+/// Migration from each version to the next, beginning at [`OLDEST`].
 pub(super) const MIGRATIONS: &[&str] = &[STANDING, UPTIME, SPENT_KEYS];
 
-/// Version of the tables that this release makes and uses.
+/// Schema version of this release.
 pub(super) const VERSION: i32 = OLDEST + MIGRATIONS.len() as i32;
 
 /// From version 1 to 2: standing jobs.
@@ -25,7 +25,7 @@ ALTER TABLE jobs ADD COLUMN standing INTEGER NOT NULL DEFAULT 0 CHECK (standing 
 CREATE INDEX jobs_standing ON jobs (plate, id) WHERE standing = 1;
 ";
 
-/// From version 2 to 3: ages are counted on the time that the store is open. What is there already begins to age now.
+/// From version 2 to 3: ages are measured on the time that the store is open. Existing rows begin to age now.
 const UPTIME: &str = "
 ALTER TABLE jobs ADD COLUMN ended_uptime INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE keys ADD COLUMN uptime INTEGER NOT NULL DEFAULT 0;
@@ -35,16 +35,16 @@ CREATE TABLE clock (only INTEGER PRIMARY KEY CHECK (only = 1), uptime INTEGER NO
 INSERT INTO clock VALUES (1, 0);
 ";
 
-/// From version 3 to 4: idempotency keys of deleted jobs, so that a request sent again is not run again.
+/// From version 3 to 4: idempotency keys of deleted jobs, so that repeating a request does not run it again.
 const SPENT_KEYS: &str = "
 CREATE TABLE spent_keys (key TEXT NOT NULL PRIMARY KEY, uptime INTEGER NOT NULL) STRICT, WITHOUT ROWID;
 ";
 
 /// Tables of version 1 without those of [`STATE`]; the migrations are applied to them.
 ///
-/// Times are whole microseconds of Unix time. An event's number never comes twice in a job: what is pruned moves
-/// `first_event` up. A job's text has its own table, since it is long and the rest changes often; it goes when the job ends and
-/// its run folder has it.
+/// Times are whole microseconds of Unix time. An event's number is never reused within a job: pruning events raises
+/// `first_event`. A job's text has its own table, since it is long and the other columns change often; it is deleted
+/// when the job ends and its run folder has a copy.
 const TABLES: &str = "
 CREATE TABLE jobs (
     id BLOB NOT NULL PRIMARY KEY CHECK (length(id) = 16),
@@ -108,15 +108,15 @@ CREATE TRIGGER audit_stays BEFORE UPDATE ON audit BEGIN SELECT RAISE(ABORT, 'the
 CREATE TRIGGER audit_keeps BEFORE DELETE ON audit BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;
 ";
 
-/// State of plates and store. Its tables come last: an index without entries at the end of the file would hide that the
-/// last byte is cut off.
+/// State of plates and store. Its tables must be the last: an index without entries at the end of the file would hide
+/// that the last byte is cut off.
 const STATE: &str = "
 CREATE TABLE plates (name TEXT NOT NULL PRIMARY KEY, paused INTEGER NOT NULL) STRICT, WITHOUT ROWID;
 CREATE TABLE meta (only INTEGER PRIMARY KEY CHECK (only = 1), clean_shutdown INTEGER NOT NULL) STRICT;
 INSERT INTO meta VALUES (1, 1);
 ";
 
-/// Makes a new store at `path`, whole in one file: closed and on the disk when this returns.
+/// Makes a new store at `path`, in one file that is closed and on the disk when this returns.
 pub(super) fn create(path: &Path) -> rusqlite::Result<()> {
     let connection = writing(path)?;
     let migrations = MIGRATIONS.concat();
@@ -128,7 +128,7 @@ pub(super) fn create(path: &Path) -> rusqlite::Result<()> {
     connection.close().map_err(|(_, error)| error)
 }
 
-/// Makes a new store under one name and gives it another when it is whole.
+/// Makes a new store at `draft` and renames it to `path` when it is complete.
 pub(super) fn create_as(draft: &Path, path: &Path) -> Result<(), StoreFault> {
     remove_all(draft)?;
     create(draft)?;
@@ -136,7 +136,7 @@ pub(super) fn create_as(draft: &Path, path: &Path) -> Result<(), StoreFault> {
     Ok(remove_all(draft)?)
 }
 
-/// Kind (see [`APPLICATION_ID`]) and version of a database.
+/// Application id (see [`APPLICATION_ID`]) and version of a database.
 pub(super) fn identity(connection: &Connection) -> rusqlite::Result<(i32, i32)> {
     let number = |name: &str| connection.pragma_query_value(None, name, |row| row.get(0));
     Ok((number("application_id")?, number("user_version")?))
@@ -147,8 +147,8 @@ pub(super) fn is_clean(connection: &Connection) -> rusqlite::Result<bool> {
     connection.query_row("SELECT clean_shutdown FROM meta", [], |row| row.get(0))
 }
 
-/// Refuses a database of a newer version: it is sound, but this release cannot use it. Changes nothing. A file that cannot
-/// be read as a store passes: the check for damage comes later.
+/// Refuses a database of a newer version: it is sound, but this release cannot use it. Changes nothing. A file that is
+/// not readable as a store passes: the check for damage follows later.
 pub(super) fn refuse_newer(db: &Path) -> Result<(), StoreFault> {
     match inspecting(db).and_then(|connection| identity(&connection)) {
         Ok((APPLICATION_ID, found)) if found > VERSION => {
@@ -158,8 +158,8 @@ pub(super) fn refuse_newer(db: &Path) -> Result<(), StoreFault> {
     }
 }
 
-/// Migrates a sound store to the version after the last of `migrations`, in one transaction; the path of the copy that was
-/// made before. `None` for a store of that version.
+/// Migrates a sound store to the version after the last of `migrations`, in one transaction. Returns the path of the
+/// copy made before; `None` for a store that has that version already.
 pub(super) fn migrate(
     connection: &mut Connection,
     dir: &DataDir,
@@ -178,7 +178,8 @@ pub(super) fn migrate(
     Ok(Some(copy))
 }
 
-/// Copies the store, its log included, to `upm.db.v1` beside it, 1 being its version; over an earlier copy of that version.
+/// Copies the store with its log to `upm.db.v1` beside it, 1 being its version; overwrites an earlier copy of that
+/// version.
 fn copied(connection: &Connection, dir: &DataDir, version: i32) -> Result<PathBuf, StoreFault> {
     let copy = beside(&dir.db, &format!(".v{version}"));
     let draft = beside(&copy, ".draft");

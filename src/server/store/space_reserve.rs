@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use upm_core::files::{self, Length, free_bytes};
 
-/// Time between two tries to acquire a released reserve again.
+/// Time between two attempts to acquire a released reserve again.
 const TRY_EVERY: Duration = Duration::from_secs(2);
 
 /// A preallocated file, deleted when the disk is full so that vital writes still succeed.
@@ -18,14 +18,14 @@ pub(super) struct SpaceReserve {
 }
 
 impl SpaceReserve {
-    /// The reserve at `path`, made if there is room for it.
+    /// The reserve at `path`, allocated if there is space for it.
     pub fn at(path: &Path, bytes: u64) -> Self {
         let mut reserve = Self { path: path.to_owned(), bytes, held: false, tried_at: Duration::ZERO };
         reserve.acquire();
         reserve
     }
 
-    /// True while the file is there to be released; always for a reserve of 0 bytes.
+    /// True while the file can be released; always for a reserve of 0 bytes.
     pub fn is_held(&self) -> bool {
         self.held
     }
@@ -37,7 +37,7 @@ impl SpaceReserve {
         released
     }
 
-    /// Acquires a released reserve again, where there is room and [`TRY_EVERY`] has passed.
+    /// Acquires a released reserve again, if there is space and [`TRY_EVERY`] has passed.
     pub fn retry(&mut self, now: Duration) {
         if !self.held && now.saturating_sub(self.tried_at) >= TRY_EVERY {
             self.tried_at = now;
@@ -49,19 +49,19 @@ impl SpaceReserve {
         let there = fs::metadata(&self.path).is_ok_and(|file| file.len() == self.bytes);
         self.held = self.bytes == 0 || there || self.has_room() && self.fill().is_ok();
         if !self.held {
-            // a part of it frees too little
+            // a part of the file would free too little
             let _ = fs::remove_file(&self.path);
         }
     }
 
-    /// True when the disk has twice the size free.
+    /// True when the disk has twice the reserve's size free.
     fn has_room(&self) -> bool {
         let folder = self.path.parent().unwrap_or(&self.path);
         free_bytes(folder).is_ok_and(|free| free >= 2 * self.bytes)
     }
 
-    /// Allocates the blocks. Zeros are written only on file systems that cannot allocate at once, because the writer waits
-    /// for this.
+    /// Allocates the blocks. Zeros are written only on file systems that cannot allocate at once, because the writer
+    /// waits for this.
     fn fill(&self) -> io::Result<()> {
         let mut file = File::create(&self.path)?;
         match files::reserve(&file, self.bytes, Length::Extended) {
@@ -72,7 +72,7 @@ impl SpaceReserve {
     }
 }
 
-/// Writes so many zeros.
+/// Writes `bytes` zeros.
 fn write_out(file: &mut File, bytes: u64) -> io::Result<()> {
     let block = [0; 64 << 10];
     let mut left = bytes;

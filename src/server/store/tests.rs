@@ -32,13 +32,13 @@ use upm_core::time::{Clock, MonotonicClock, PlateTime};
 const PATIENCE: Duration = Duration::from_secs(60);
 
 impl Store {
-    /// Queues a job. Whatever the answer says is on the disk.
+    /// Queues a job. A job in the answer is on the disk.
     pub(crate) fn accept(&self, job: NewJob, done: impl FnOnce(Result<Accepted, StoreFault>) + Send + 'static) {
         let done = |accepted: Result<Option<_>, _>| done(accepted.and_then(|new| new.ok_or(StoreFault::Closed)));
         self.accept_if(job, || true, done);
     }
 
-    /// Keeps it from writing until what this returns is dropped.
+    /// Blocks the writer until the returned sender is dropped.
     pub(crate) fn hold(&self) -> SyncSender<()> {
         let ((let_go, gate), (stop, stopped)) = (sync_channel(0), sync_channel(0));
         self.queue.write(wish(move |_| {
@@ -58,7 +58,7 @@ impl Store {
         self.readers.ask(move |connection| history::newest_events(connection, most), done);
     }
 
-    /// The last lines of the audit log, newest first.
+    /// The last entries of the audit log, newest first.
     pub(crate) fn audit_tail(
         &self,
         most: usize,
@@ -67,7 +67,7 @@ impl Store {
         self.readers.ask(move |connection| history::audit_tail(connection, most), done);
     }
 
-    /// Deletes run folders that are too old or too many, and waits for it.
+    /// Deletes run folders that are too old or too large in total, and waits for that.
     fn sweep(&self) -> Result<Swept, StoreFault> {
         self.retention.sweep()
     }
@@ -78,7 +78,7 @@ fn wish(done: impl FnOnce(Result<(), StoreFault>) + Send + 'static) -> Box<dyn T
     task(true, |_| Ok(()), done)
 }
 
-/// The result of `act`, which runs on another thread: a test of something that hangs fails in the end.
+/// The result of `act`, run on another thread, so that a test of code that hangs fails after a while.
 #[cfg(target_os = "linux")]
 fn in_time<T: Send + 'static>(act: impl FnOnce() -> T + Send + 'static) -> T {
     let (sender, done) = sync_channel(1);
@@ -86,7 +86,7 @@ fn in_time<T: Send + 'static>(act: impl FnOnce() -> T + Send + 'static) -> T {
     done.recv_timeout(PATIENCE).unwrap()
 }
 
-/// Notes whether a plate is paused, and waits until that is on the disk.
+/// Stores whether a plate is paused, and waits until that is on the disk.
 fn set_paused(store: &Store, plate: &'static str, paused: bool) {
     store.queue.written(true, move |tx| tx.set_paused(plate, paused)).unwrap();
 }
@@ -95,12 +95,12 @@ fn noon() -> Timestamp {
     Timestamp::from_second(1_800_000_000).unwrap()
 }
 
-/// A wall clock that a test has in hand, beside the machine's monotonic clock.
+/// Clocks with a wall clock that the test controls and the machine's monotonic clock.
 fn still(wall: fn() -> Timestamp) -> Clocks {
     Clocks::new(wall, MonotonicClock::new())
 }
 
-/// A monotonic clock that a test turns, in hours.
+/// A monotonic clock that a test sets, in hours.
 struct Hours(&'static AtomicI64);
 
 impl Clock for Hours {
@@ -117,7 +117,7 @@ fn plates() -> Vec<String> {
     ["a", "b"].map(String::from).to_vec()
 }
 
-/// A repair that finds every recording cut.
+/// A repair that reports every recording as truncated.
 fn repair(part: &Path, whole: &Path) -> Result<Mended, String> {
     std::fs::rename(part, whole).map_err(|error| error.to_string())?;
     Ok(Mended { messages: 3, cut_bytes: 7, was_whole: false })
@@ -127,7 +127,7 @@ fn try_open(data: &Path, limits: Limits) -> Result<Opened, StoreFault> {
     Store::open(data, &plates(), limits, still(noon), &repair)
 }
 
-/// Opens a store that a test before this may be about to leave.
+/// Opens a store that an earlier opener may still be closing.
 fn open(data: &Path, limits: Limits) -> Opened {
     for _ in 0..1000 {
         match try_open(data, limits.clone()) {
@@ -140,7 +140,7 @@ fn open(data: &Path, limits: Limits) -> Opened {
     panic!("the store stays locked");
 }
 
-/// A store of its own in a folder of its own.
+/// A new store in a new folder.
 fn new_store(limits: Limits) -> (tempfile::TempDir, Store) {
     let folder = tempfile::tempdir().unwrap();
     let Opened { store, recovery } = open(folder.path(), limits);
@@ -173,7 +173,7 @@ fn accept(store: &Store, job: NewJob) -> Result<Accepted, StoreFault> {
     ask(|done| store.accept(job, done))
 }
 
-/// Queues a job that must be taken.
+/// Queues a job that must be accepted.
 fn queue(store: &Store, name: &str, plate: &str) -> JobRow {
     match accept(store, new_job(name, plate)) {
         Ok(Accepted::New(row)) => row,
@@ -197,7 +197,7 @@ fn all_jobs(store: &Store) -> Vec<JobRow> {
     }
 }
 
-/// Makes a run folder as a plate does.
+/// Creates a run folder like a plate does.
 fn folder(store: &Store) -> impl Fn(&JobRow) -> io::Result<String> {
     let runs = store.runs().to_owned();
     move |row| {
@@ -206,7 +206,7 @@ fn folder(store: &Store) -> impl Fn(&JobRow) -> io::Result<String> {
     }
 }
 
-/// Queues a job and has its plate take it.
+/// Queues a job and claims it for its plate.
 fn begin(store: &Store, name: &str, plate: &str) -> Claimed {
     queue(store, name, plate);
     store.claim(plate, &folder(store)).unwrap().unwrap()
@@ -222,7 +222,7 @@ fn event(kind: &'static str, body: &str) -> NewEvent {
     NewEvent { plate_time: PlateTime::from_secs(1.5), kind, body: Arc::from(body) }
 }
 
-/// Tells an event and gives its number.
+/// Stores an event and returns its number.
 fn tell(store: &Store, id: JobId, body: &str) -> Result<u64, StoreFault> {
     ask(|done| assert!(store.tell(&id, event("cycle", body), done))).map(|stored| stored.seq)
 }
@@ -231,7 +231,7 @@ fn act(operator: &str) -> AuditEntry {
     AuditEntry { plate: Some("a".into()), act: "reset".into(), operator: operator.into(), ..AuditEntry::default() }
 }
 
-/// A copy of all that is on the disk, as a kill at this moment would leave it.
+/// A copy of all files on the disk, as a kill at this moment would leave them.
 fn snapshot(data: &Path) -> tempfile::TempDir {
     let copy = tempfile::tempdir().unwrap();
     copy_folder(data, copy.path());

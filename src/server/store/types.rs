@@ -10,19 +10,19 @@ use crate::states::{JobState, RecordingStatus};
 use upm_core::job::{Pace, StopCause};
 use upm_core::time::PlateTime;
 
-/// Kind of the event that a job ends with: it is kept in one with the end, so that a job which has ended has it.
+/// Kind of a job's last event. It is stored in one transaction with the end, so every ended job has it.
 pub const FINISHED: &str = "finished";
 
-/// A validated job that asks to be queued.
+/// A validated job to be queued.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewJob {
-    /// Name, fit for a folder.
+    /// Name, valid as a folder name.
     pub name: String,
-    /// Plate that it is for.
+    /// Plate on which it is to run.
     pub plate: String,
     /// Seed of everything random in its run.
     pub seed: u64,
-    /// How fast plate time passes.
+    /// Pace of its run.
     pub pace: Pace,
     /// The job as JSON, every default written out, the rig left out.
     pub spec_json: String,
@@ -30,7 +30,7 @@ pub struct NewJob {
     pub rig_fingerprint: String,
     /// SHA-256 of the library it was checked against, in hex.
     pub library_sha256: String,
-    /// SHA-256 of the request's body: what a repeated key must come with again.
+    /// SHA-256 of the request's body, which a repeated key must match.
     pub body_sha256: [u8; 32],
     /// The request's idempotency key.
     pub key: Option<String>,
@@ -65,38 +65,38 @@ impl NewJob {
 /// A job in the store, without its text (see [`Claimed`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobRow {
-    /// Identifier, by which jobs are listed in the order in which they came.
+    /// Id; ids sort by the order in which jobs were accepted.
     pub id: JobId,
-    /// Name, fit for a folder.
+    /// Name, valid as a folder name.
     pub name: String,
-    /// Plate that it is for.
+    /// Plate on which it runs.
     pub plate: String,
-    /// Where it is between the queue and its end.
+    /// State between queue and end.
     pub state: JobState,
     /// Seed of everything random in its run.
     pub seed: u64,
-    /// How fast plate time passes.
+    /// Pace of its run.
     pub pace: Pace,
     /// Fingerprint of the rig it was checked against.
     pub rig_fingerprint: String,
     /// SHA-256 of the library it was checked against, in hex.
     pub library_sha256: String,
-    /// When it was accepted.
+    /// Time at which it was accepted.
     pub submitted_at: Timestamp,
-    /// When its plate took it; not before `submitted_at`.
+    /// Time at which its plate took it; not before `submitted_at`.
     pub started_at: Option<Timestamp>,
-    /// When it ended, however it did. Never before it was submitted or began: where the wall clock was set back
-    /// meanwhile, the same as that.
+    /// Time of its end, whatever the outcome. Never before it was submitted or began: where the wall clock was set back
+    /// in between, it equals that time.
     pub finished_at: Option<Timestamp>,
-    /// Share of it that is done, 0 to 1.
+    /// Share of the job that is done, 0 to 1.
     pub progress: f64,
-    /// Why it ended as it did; empty until then.
+    /// Reason of its end; empty until then.
     pub reason: String,
     /// `report.json` of its run; `None` until there is one.
     pub report_json: Option<String>,
     /// Name of its run folder within the folder of runs; never a path.
     pub folder: Option<String>,
-    /// Whether it has a recording, and how whole that is.
+    /// State of its recording.
     pub recording: RecordingStatus,
     /// Sequence number of its last event; 0 before the first.
     pub last_event: u64,
@@ -105,13 +105,13 @@ pub struct JobRow {
 }
 
 impl JobRow {
-    /// Name of the run folder this job gets when it begins; no other job's is called so.
+    /// Name of the run folder that this job gets when it begins, unique to the job.
     pub fn run_folder(&self) -> String {
         format!("{}-{}", self.name, self.id)
     }
 }
 
-/// A job whose plate has taken it.
+/// A job that its plate has claimed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Claimed {
     /// The job, `running`, with its run folder.
@@ -120,25 +120,25 @@ pub struct Claimed {
     pub spec_json: String,
 }
 
-/// How a job ended.
+/// The end of a job.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobEnd {
-    /// When, of the plate's own time; zero when it was not on the plate.
+    /// Plate time of the end; zero when it was not on the plate.
     pub at: PlateTime,
     /// A final state.
     pub state: JobState,
-    /// Its cause; `None` where the state says it all.
+    /// Cause of the stop; `None` where the state says it all.
     pub stop: Option<StopCause>,
-    /// Why, in words.
+    /// Reason, as text.
     pub reason: String,
     /// `report.json` of its run; `None` where it left none.
     pub report_json: Option<String>,
-    /// Whether it has a recording, and how whole that is.
+    /// State of its recording.
     pub recording: RecordingStatus,
 }
 
 impl JobEnd {
-    /// The last event of the job that ended so.
+    /// The last event of a job with this end.
     pub(super) fn event(&self) -> NewEvent {
         #[derive(Serialize)]
         struct Finished<'a> {
@@ -154,7 +154,7 @@ impl JobEnd {
         NewEvent { plate_time: self.at, kind: FINISHED, body: body.into() }
     }
 
-    /// That of a job which was taken out of the queue.
+    /// The end of a job that was taken out of the queue.
     pub(super) fn before_it_began() -> Self {
         Self {
             at: PlateTime::ZERO,
@@ -166,7 +166,7 @@ impl JobEnd {
         }
     }
 
-    /// That of a job whose run folder is another one's.
+    /// The end of a job whose run folder belongs to another job.
     pub(super) fn without_a_folder() -> Self {
         Self {
             state: JobState::Interrupted,
@@ -177,44 +177,44 @@ impl JobEnd {
     }
 }
 
-/// Something that happened to a job, to be kept for those who come later.
+/// An event of a job, to be stored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewEvent {
-    /// When, of the plate's own time.
+    /// Plate time of the event.
     pub plate_time: PlateTime,
     /// Kind: `state`, `cycle`, `warning`, `recording`.
     pub kind: &'static str,
-    /// JSON.
+    /// Content as JSON.
     pub body: Arc<str>,
 }
 
-/// An event that is on the disk.
+/// An event on the disk.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredEvent {
-    /// Its number in its job, from 1 on without a gap.
+    /// Number within its job, from 1 on without a gap.
     pub seq: u64,
-    /// When it was told.
+    /// Wall time at which it was stored.
     pub at: Timestamp,
-    /// When, of the plate's own time.
+    /// Plate time of the event.
     pub plate_time: PlateTime,
     /// Kind: `state`, `cycle`, `warning`, `recording`, [`FINISHED`].
     pub kind: String,
-    /// JSON.
+    /// Content as JSON.
     pub body: Arc<str>,
 }
 
 /// Outcome of a submission.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Accepted {
-    /// It is queued, and on the disk.
+    /// The job is queued, and on the disk.
     New(JobRow),
-    /// The same key and body came before: the job of then, as it is now.
+    /// The same key and body were used before: the job of that request, in its present state.
     Replayed(JobRow),
-    /// The same key came before with another body.
+    /// The same key was used before with another body.
     KeyReused,
-    /// As many jobs wait for the plate as may.
+    /// The plate's queue is full.
     QueueFull {
-        /// How many wait.
+        /// Number of jobs in it.
         queued: usize,
     },
 }
@@ -222,9 +222,9 @@ pub enum Accepted {
 /// Outcome of taking a job out of the queue.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cancelled {
-    /// It was queued and is cancelled; its last event says so.
+    /// The job was queued and is cancelled; with its last event.
     Now(JobRow, StoredEvent),
-    /// It is in another state, and stays so.
+    /// The job is in another state, and stays so.
     Not(JobRow),
     /// There is no such job.
     Unknown,
@@ -233,20 +233,20 @@ pub enum Cancelled {
 /// Outcome of deleting a job.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Deleted {
-    /// The store has no trace of it but its key. The event that ended it, when it was queued.
+    /// The store has no trace of the job except its key. The event that ended it, if it was queued.
     Now(JobRow, Option<StoredEvent>),
-    /// It runs, and stays.
+    /// The job runs, and stays.
     Not(JobRow),
     /// There is no such job.
     Unknown,
 }
 
-/// Which jobs to list: newest first.
+/// Selection of jobs to list, newest first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Page {
     /// Only jobs in this state; `None` for all.
     pub state: Option<JobState>,
-    /// Most jobs in the answer; at least 1 and at most [`Page::MOST`] are given.
+    /// Most jobs in the answer; clamped to 1 to [`Page::MOST`].
     pub limit: usize,
     /// Only jobs older than this one, which need not exist.
     pub cursor: Option<JobId>,
@@ -257,7 +257,7 @@ impl Page {
     pub const MOST: usize = 200;
 }
 
-/// Jobs, newest first.
+/// A page of jobs, newest first.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct JobPage {
     /// The jobs.
@@ -266,58 +266,58 @@ pub struct JobPage {
     pub next: Option<JobId>,
 }
 
-/// Events of a job from some number on.
+/// Events of a job above some number.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Replay {
-    /// Number of the oldest event still kept; one past `last` when none is.
+    /// Number of the oldest event still stored; one past `last` when none is.
     pub oldest: u64,
-    /// Number of the newest event ever told; 0 before the first.
+    /// Number of the newest event ever stored; 0 before the first.
     pub last: u64,
     /// The events, oldest first.
     pub events: Vec<StoredEvent>,
 }
 
-/// One act for the audit log.
+/// An entry for the audit log.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct AuditEntry {
-    /// Plate that it was done to; `None` for an act on the daemon.
+    /// Plate that the operation was applied to; `None` for one on the daemon.
     pub plate: Option<String>,
-    /// The act: `estop`, `reset`, `resume`.
+    /// Name of the operation: `estop`, `reset`, `resume`.
     pub act: String,
     /// Name that the caller gave.
     pub operator: String,
     /// Reason that the caller gave.
     pub reason: String,
-    /// Address that the request came from.
+    /// Address from which the request came.
     pub remote: String,
-    /// Name of the token it came with, never the token.
+    /// Name of the token presented, never the token itself.
     pub token_name: String,
 }
 
-/// One line of the audit log.
+/// A stored entry of the audit log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AuditRow {
-    /// Its number, in the order of the log.
+    /// Number of the entry, in the order of the log.
     pub id: i64,
-    /// When it was done.
+    /// Wall time of the operation.
     pub at: Timestamp,
-    /// The act.
+    /// The entry.
     pub entry: AuditEntry,
 }
 
-/// Why the store did not do what it was asked.
+/// Why the store did not fulfil a request.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StoreFault {
-    /// Nothing more fits on the disk.
+    /// The disk is full.
     #[error("the disk of the job store is full")]
     Full,
-    /// More is waiting for the disk than is allowed to: ask again later.
+    /// Too many requests wait for the disk: try again later.
     #[error("the job store is busy")]
     Busy,
-    /// The disk or SQLite failed, in its words.
+    /// The disk or SQLite failed, with its message.
     #[error("the job store cannot be read or written: {0}")]
     Io(String),
-    /// The database is not what the store wrote.
+    /// The database is damaged.
     #[error("the job store is damaged: {0}")]
     Corrupt(String),
     /// A newer release wrote the store.
@@ -330,23 +330,23 @@ pub enum StoreFault {
         /// The newest version that this release knows.
         known: i32,
     },
-    /// The store was closed; nothing is read or written any more.
+    /// The store was closed; it no longer reads or writes.
     #[error("the job store is closed")]
     Closed,
 }
 
-/// Repair of a recording that had not been closed.
+/// Result of the repair of an unclosed recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mended {
-    /// Messages that the recording holds now.
+    /// Messages in the repaired recording.
     pub messages: u64,
     /// Bytes at its end that could not be kept.
     pub cut_bytes: u64,
-    /// True when nothing was wrong with it but its name.
+    /// True when the recording was complete and only had to be renamed.
     pub was_whole: bool,
 }
 
-/// Report of a start.
+/// Report of a store's recovery at start.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recovery {
     /// Jobs that were running and are interrupted now.
@@ -355,37 +355,37 @@ pub struct Recovery {
     pub ended: Vec<JobId>,
     /// Plates that the store knew before this start; all of them when it was damaged, since it may have known them.
     pub known: Vec<String>,
-    /// Plates that must not move until a person resumes them.
+    /// Plates that must not move until an operator resumes them.
     pub paused: Vec<String>,
-    /// The newest job that had ended on each of those that were paused already.
+    /// The newest ended job of each plate that was paused already.
     pub paused_after: Vec<JobRow>,
     /// Where a damaged store was moved to.
     pub moved_aside: Option<PathBuf>,
-    /// Why it was.
+    /// The damage found.
     pub damage: Option<String>,
     /// True when the daemon had been shut down in order, and had left no job on a plate.
     pub clean: bool,
     /// Run folders that belong to no job.
     pub orphans: Vec<PathBuf>,
-    /// Recordings that had not been closed, and what became of them.
+    /// Recordings that had not been closed, with the result of the repair.
     pub repaired: Vec<(PathBuf, Result<Mended, String>)>,
 }
 
-/// How the store is.
+/// Health of the store.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoreHealth {
-    /// Time since the writing thread last went round its loop.
+    /// Time since the writing thread last completed a round of its loop.
     pub heartbeat: Duration,
-    /// Why the last commit failed; `None` when it did not.
+    /// Fault of the last commit; `None` when it succeeded.
     pub fault: Option<StoreFault>,
-    /// Commands that wait to be written.
+    /// Tasks that wait to be written.
     pub waiting: usize,
-    /// Lines of the audit log that wait to be written.
+    /// Audit entries that wait to be written.
     pub audit_waiting: usize,
     /// False while the reserve is released because the disk is full.
     pub reserve: bool,
-    /// Longest time that a reading thread has been at one question.
+    /// Longest time that a reading thread has spent on its current read.
     pub reader_busy: Duration,
-    /// True while nothing is deleted by age, since the wall clock has jumped.
+    /// True while nothing is deleted by age, because the wall clock has jumped.
     pub deletion_suspended: bool,
 }

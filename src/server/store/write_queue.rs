@@ -15,18 +15,18 @@ use upm_core::time::{Clock, MonotonicClock};
 /// Tasks that may wait for the writer.
 pub(super) const MOST_WAITING: usize = 1024;
 
-/// Time between two tries to have a busy writer close.
+/// Time between two attempts to send a busy writer the command to close.
 const CLOSE_AGAIN: Duration = Duration::from_millis(2);
 
 /// A write and the callback that gets its result.
 pub(super) trait Task: Send {
-    /// Does its part of a transaction; again from the start when that was rolled back.
+    /// Performs its part of a transaction. Called again from the start after a rollback.
     fn run(&mut self, tx: &WriteTx<'_>) -> rusqlite::Result<()>;
 
-    /// Tells how the transaction ended, once.
+    /// Reports the result of the transaction, once.
     fn answer(self: Box<Self>, stored: Result<(), StoreFault>);
 
-    /// True for what must get through on a full disk: how jobs end, who stopped what.
+    /// True for writes that must succeed on a full disk: the ends of jobs, and the audit log.
     fn is_vital(&self) -> bool;
 }
 
@@ -65,7 +65,7 @@ where
     }
 }
 
-/// Runs `run` in a transaction, then `done` with what it made.
+/// A task that runs `run` in a transaction, then passes the result to `done`.
 pub(super) fn task<T: Send + 'static>(
     vital: bool,
     run: impl FnMut(&WriteTx<'_>) -> rusqlite::Result<T> + Send + 'static,
@@ -79,9 +79,9 @@ pub(super) fn task<T: Send + 'static>(
 pub(super) enum Command {
     /// Run this task in a transaction.
     Write(Box<dyn Task>),
-    /// Something is pending.
+    /// Check for pending writes.
     Wake,
-    /// Write what waits, note that all ended in order, end, and tell whether that was so.
+    /// Write everything queued, record an orderly shutdown, end, and report whether that succeeded.
     Close(SyncSender<bool>),
 }
 
@@ -110,13 +110,13 @@ impl WriterStatus {
         }
     }
 
-    /// Time since the loop last went round.
+    /// Time since the loop last completed a round.
     pub fn heartbeat(&self) -> Duration {
         let beat = Duration::from_nanos(self.beat_ns.load(Ordering::Relaxed));
         self.clock.elapsed().saturating_sub(beat)
     }
 
-    /// Why the last commit failed.
+    /// Fault of the last commit.
     pub fn fault(&self) -> Option<StoreFault> {
         self.fault.lock().clone()
     }
@@ -138,14 +138,14 @@ pub(super) struct WriteQueue {
 }
 
 impl WriteQueue {
-    /// Hands a task to the writer, or answers it at once.
+    /// Queues a task for the writer; answers it at once when that is not possible.
     pub fn write(&self, task: Box<dyn Task>) {
         if let Err((task, fault)) = self.offer(task) {
             task.answer(Err(fault));
         }
     }
 
-    /// Hands a task to the writer, or gives it back.
+    /// Queues a task for the writer; on a fault returns it.
     pub fn offer(&self, task: Box<dyn Task>) -> Result<(), (Box<dyn Task>, StoreFault)> {
         self.status.waiting.fetch_add(1, Ordering::Relaxed);
         let refused = match self.sender.try_send(Command::Write(task)) {
@@ -160,7 +160,7 @@ impl WriteQueue {
         }
     }
 
-    /// Has the writer do something, and waits for it.
+    /// Runs `run` in a transaction of the writer, and waits for the result.
     pub fn written<T: Send + 'static>(
         &self,
         vital: bool,
@@ -177,12 +177,12 @@ impl WriteQueue {
         answer.recv().unwrap_or(Err(StoreFault::Closed))
     }
 
-    /// Says that something is pending. A full queue is no harm: then the writer is awake.
+    /// Notifies the writer of a pending write. A full queue does no harm: then the writer is awake.
     pub fn wake(&self) {
         let _ = self.sender.try_send(Command::Wake);
     }
 
-    /// Has the writer end; true when it has, in order, `within` that time.
+    /// Ends the writer; true when it has ended in order `within` that time.
     pub fn close(&self, within: Duration) -> bool {
         let (done, closed) = sync_channel(1);
         let until = self.status.clock.elapsed() + within;

@@ -10,26 +10,27 @@ use super::columns::{Micros, rows, sql_limit};
 use super::ids::Ids;
 use super::{JobId, Limits, RecordingStatus};
 
-/// When a job ended, or a folder without a job was found: what ended earlier has the lesser one.
+/// Sort key for the age of run folders: when a job ended, or when a folder without a job was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Ended {
     pub uptime: Uptime,
-    /// Wall time, for what is of the same uptime: all that an older release has left.
+    /// Wall time, to sort those with the same uptime: all that an older release has left.
     pub at: Timestamp,
 }
 
-/// A writing transaction with its context. Statements on jobs, events and the audit log are methods in the files of those.
+/// A writing transaction with its context. Statements on jobs, events and the audit log are methods in the files for
+/// those.
 pub(super) struct WriteTx<'a> {
-    /// The connection within the transaction.
+    /// Connection within the transaction.
     pub connection: &'a Connection,
     pub ids: &'a Ids,
     pub limits: &'a Limits,
     pub runs: &'a Path,
-    /// When this transaction began.
+    /// Wall time at which this transaction began.
     pub now: Timestamp,
     /// Ages at that time.
     pub ages: Ages,
-    /// Events written since they were last counted.
+    /// Events written since the last count of all events.
     pub uncounted: &'a Cell<u64>,
 }
 
@@ -44,13 +45,13 @@ impl WriteTx<'_> {
         Ok(rows(self.connection, sql, [], folder)?.into_iter().collect())
     }
 
-    /// Notes how long the store has been open, for the next start.
+    /// Stores how long the store has been open, for the next start.
     pub fn note_uptime(&self) -> rusqlite::Result<()> {
         self.connection.execute("UPDATE clock SET uptime = max(uptime, ?1)", [self.ages.now]).map(|_| ())
     }
 
-    /// Notes that a job's run folder goes; what there was of its recording. `None` when the folder is not that job's,
-    /// or the job has not ended.
+    /// Removes a job's run folder from its row; returns the former state of its recording. `None` when the row names
+    /// another folder, or the job has not ended.
     pub fn prune(&self, id: &JobId, folder: &str) -> rusqlite::Result<Option<RecordingStatus>> {
         let sql = "SELECT recording FROM jobs WHERE id = ?1 AND folder = ?2 AND state NOT IN ('queued', 'running')";
         let kept = self.connection.query_row(sql, params![id, folder], |row| row.get(0)).optional()?;
@@ -60,14 +61,14 @@ impl WriteTx<'_> {
         Ok(kept)
     }
 
-    /// Notes that a run folder which was to go has stayed, with what there is of the recording.
+    /// Restores the row of a job whose run folder could not be deleted.
     pub fn give_back(&self, id: &JobId, folder: &str, recording: RecordingStatus) -> rusqlite::Result<()> {
         let sql = "UPDATE jobs SET folder = ?2, recording = ?3 WHERE id = ?1 AND folder IS NULL";
         self.connection.execute(sql, params![id, folder, recording]).map(|_| ())
     }
 
-    /// Forgets the oldest jobs that have ended and have no run folder any more, until no more than the limit are left.
-    /// A job stays while its key is remembered: a repeated key must be answered with it, never run again.
+    /// Deletes the oldest ended jobs without a run folder, until the limit is met. A job stays while its key is
+    /// remembered: a repeated key must be answered with it, never run again.
     pub fn forget_jobs(&self) -> rusqlite::Result<()> {
         let sql = "DELETE FROM jobs WHERE id IN (
                        SELECT id FROM jobs WHERE folder IS NULL AND state NOT IN ('queued', 'running')

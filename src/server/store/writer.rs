@@ -22,23 +22,24 @@ use upm_core::time::Clock;
 /// Most tasks of one transaction.
 const MOST_TOGETHER: usize = 256;
 
-/// Longest time between two rounds of the loop.
+/// Longest duration of a round of the loop without work.
 const ROUND: Duration = Duration::from_millis(250);
 
 /// Time between two writes of progress alone.
 const PROGRESS_EVERY: Duration = Duration::from_secs(1);
 
-/// Time between two tries to write after a fault.
+/// Time between two attempts to write after a fault.
 const TRY_EVERY: Duration = Duration::from_secs(2);
 
 /// The writer's next step after a round.
 enum Then {
     GoOn,
-    /// Ends; who waits for that is told.
+    /// End, and report to the sender, if a caller waits for it.
     End(Option<SyncSender<bool>>),
 }
 
-/// The thread that writes: one transaction, and so one wait for the disk, for all that came while the last one ran.
+/// The thread that writes: all tasks that arrived during one transaction share the next, and with it one wait for the
+/// disk.
 pub(super) struct Writer {
     pub connection: Connection,
     pub queue: Receiver<Command>,
@@ -50,7 +51,7 @@ pub(super) struct Writer {
     pub ages: Arc<AgeClock>,
     pub reserve: SpaceReserve,
     pub uncounted: Cell<u64>,
-    /// Held as long as anything is written.
+    /// Held as long as the writer may write.
     pub lock: Lock,
 }
 
@@ -63,7 +64,7 @@ impl Writer {
             let (batch, then) = self.collect();
             self.status.beat();
             let now = self.status.clock.elapsed();
-            // a jump of the wall clock is seen soon, whether anything is written or not
+            // detects a jump of the wall clock soon, even when nothing is written
             self.ages.ages();
             let due =
                 now.saturating_sub(progress_at) >= PROGRESS_EVERY || !batch.is_empty() || matches!(then, Then::End(_));
@@ -76,7 +77,7 @@ impl Writer {
             self.write(notes, batch);
             if now.saturating_sub(tried_at) >= TRY_EVERY && self.status.fault().is_some() {
                 tried_at = now;
-                // whether it is over is told by a write
+                // only a write shows whether the fault is over
                 let _ = self.commit_alone(false, |tx| {
                     tx.connection.execute("UPDATE meta SET clean_shutdown = 0", []).map(|_| ())
                 });
@@ -104,14 +105,14 @@ impl Writer {
             }
             match self.queue.try_recv() {
                 Ok(next) => command = Ok(next),
-                // the next round finds out that every sender is gone
+                // the next round detects that every sender is gone
                 Err(_) => return (batch, Then::GoOn),
             }
         }
     }
 
-    /// All together, and what was noted before a task was given before it; where that fails the notes and each task
-    /// alone, so that one's fault is no other's.
+    /// Writes notes and tasks in one transaction, the notes first, since they were added before. If that fails, writes
+    /// the notes and each task alone, so that a fault of one does not affect the others.
     fn write(&mut self, notes: Option<Notes>, mut batch: Vec<Box<dyn Task>>) {
         self.status.waiting.fetch_sub(batch.len(), Ordering::Relaxed);
         if usize::from(notes.is_some()) + batch.len() > 1 && self.reserve.is_held() {
@@ -134,7 +135,7 @@ impl Writer {
         }
     }
 
-    /// Notes that could not be written wait on.
+    /// Writes the notes alone; on a fault they are put back.
     fn write_notes(&mut self, notes: Notes) {
         match self.commit_alone(true, |tx| notes.write(tx)) {
             Ok(()) => self.status.pending.written(),
@@ -142,7 +143,7 @@ impl Writer {
         }
     }
 
-    /// On a full disk only vital things are written, and the reserve makes room for them.
+    /// Commits one write. On a full disk only vital writes are made, and the reserve is released for them.
     fn commit_alone(
         &mut self,
         vital: bool,
@@ -178,14 +179,15 @@ impl Writer {
         };
         act(&write)?;
         tx.commit()?;
-        // reading alone says nothing about the disk
+        // a transaction that only read says nothing about the disk
         if self.connection.total_changes() > before {
             self.status.note(None);
         }
         Ok(())
     }
 
-    /// Ends; in order only when a caller waits for that. Later commands are answered with [`StoreFault::Closed`].
+    /// Ends the writer; in order only when a caller waits for that. Later commands are answered with
+    /// [`StoreFault::Closed`].
     fn finish(mut self, closing: Option<SyncSender<bool>>) {
         self.status.closed.store(true, Ordering::SeqCst);
         let stored = closing.as_ref().map(|_| self.note_clean());

@@ -13,11 +13,11 @@ use crate::store::{
 use upm_core::job::{Outcome, RecordingEnd, StopCause, legacy};
 use upm_core::time::PlateTime;
 
-/// Bytes of a journal that are looked through at a time.
+/// Bytes of a journal that are searched at a time.
 const BLOCK_BYTES: u64 = 1 << 20;
 
-/// Repairs the recording in a run folder where that is needed, and tells what there is of it now. One that is no regular
-/// file stays as it is.
+/// Repairs the recording in a run folder if needed, and returns its state now. A recording that is not a regular file
+/// stays as it is.
 pub(super) fn repair_recording(
     folder: &Path,
     job: &JobRow,
@@ -29,7 +29,7 @@ pub(super) fn repair_recording(
         Err(RunFileFault::Missing) if whole.exists() => return closed(folder, job.recording),
         Err(RunFileFault::Missing) => return RecordingStatus::None,
         Err(fault) => Err(format!("run.rrd.part: {fault}")),
-        // what reads damaged files may stumble over them; a start must not
+        // code that reads damaged files may panic; a start must not
         Ok(()) => catch_unwind(AssertUnwindSafe(|| repair(&part, &whole)))
             .unwrap_or_else(|_| Err("the repair failed on it".to_owned())),
     };
@@ -39,25 +39,25 @@ pub(super) fn repair_recording(
         Err(_) => RecordingStatus::Partial,
     };
     if repaired.is_ok() && part.exists() {
-        // repaired into another file; one that stays is repaired once more
+        // repaired into another file; if this one stays, it is repaired again
         let _ = fs::remove_file(&part);
     }
     found.repaired.push((whole, repaired));
     kept
 }
 
-/// State of a recording that was closed, from the state known before this start.
+/// State of a closed recording, from the state known before this start.
 fn closed(folder: &Path, known: RecordingStatus) -> RecordingStatus {
     match known {
         RecordingStatus::None if ends_early(folder) => RecordingStatus::Stopped,
         RecordingStatus::None => RecordingStatus::Whole,
-        // a start that was killed may have given it that end
+        // a start that was killed may have closed it
         RecordingStatus::Partial | RecordingStatus::Failed => RecordingStatus::Recovered,
         kept => kept,
     }
 }
 
-/// True when the report, or the journal of a run that came to none, tells that the recording ended before the run did.
+/// True when the report, or the journal of a run without a report, says that the recording ended before the run did.
 fn ends_early(folder: &Path) -> bool {
     let Some(report) = text_of(&folder.join("report.json")) else { return journal_tells(folder) };
     let report: Value = serde_json::from_str(&report).unwrap_or_default();
@@ -65,7 +65,8 @@ fn ends_early(folder: &Path) -> bool {
     report["recording"].is_object() || report["warnings"].as_array().is_some_and(|texts| texts.iter().any(of_0_1_0))
 }
 
-/// A journal may be long. One that cannot be read tells nothing.
+/// Searches a journal for the end of its recording, block by block, since it may be long. False for an unreadable
+/// journal.
 fn journal_tells(folder: &Path) -> bool {
     let Ok(mut file) = open_run_file(folder, "journal.jsonl") else { return false };
     let coded = |end: RecordingEnd| format!("\"code\":\"{}\"", end.code());
@@ -74,7 +75,7 @@ fn journal_tells(folder: &Path) -> bool {
     let longest = signs.iter().map(String::len).max().unwrap_or(0);
     let mut seen = Vec::new();
     loop {
-        // a sign may cross two blocks
+        // a match may cross two blocks
         seen.drain(..seen.len().saturating_sub(longest));
         match (&mut file).take(BLOCK_BYTES).read_to_end(&mut seen) {
             Ok(0) | Err(_) => return false,
@@ -86,7 +87,7 @@ fn journal_tells(folder: &Path) -> bool {
     }
 }
 
-/// End of a run in its report; reports of 0.1.0 have no code for a stop from outside.
+/// The end of a run in its report. Reports of release 0.1.0 have no code for a stop from outside.
 #[derive(Deserialize)]
 struct ReportedEnd {
     outcome: Outcome,
@@ -114,7 +115,7 @@ impl ReportedEnd {
     }
 }
 
-/// How a job ended that was running: as its report says, if it had come so far.
+/// The end of a job that was running: as in its report, if the run wrote one.
 pub(super) fn end_of(folder: Option<&Path>, recording: RecordingStatus) -> JobEnd {
     let report_json = folder.and_then(|folder| text_of(&folder.join("report.json")));
     let report: Option<ReportedEnd> = report_json.as_deref().and_then(|text| serde_json::from_str(text).ok());
@@ -135,7 +136,7 @@ pub(super) fn end_of(folder: Option<&Path>, recording: RecordingStatus) -> JobEn
     }
 }
 
-/// When a run last wrote anything that is known to come late.
+/// Time of the last write to the latest file of a run: its report, otherwise its journal, otherwise `effective.json`.
 pub(super) fn last_write(folder: &Path) -> Option<jiff::Timestamp> {
     ["report.json", "journal.jsonl", "effective.json"].iter().find_map(|name| modified(&folder.join(name)))
 }

@@ -2,7 +2,7 @@ use std::fs;
 
 use super::*;
 
-/// A store that is killed now: what it had answered, on the disk.
+/// A store killed now and opened again: everything it had answered is on the disk.
 pub(super) fn killed(data: &Path) -> (tempfile::TempDir, Opened) {
     let copy = snapshot(data);
     let opened = open(copy.path(), limits());
@@ -29,7 +29,7 @@ fn nothing_that_was_answered_is_lost() {
     assert_eq!(told.iter().map(|event| (event.seq, event.kind.as_str())).collect::<Vec<_>>(), [(2, FINISHED)]);
     assert!(told[0].body.contains(r#""state":"interrupted""#), "{told:?}");
     assert_eq!(tell(&again, running, "{}"), Ok(3));
-    // the queued one runs once it is wanted, the other never again
+    // the queued job runs on demand, the other never again
     assert_eq!(again.claim("a", &super::folder(&again)).unwrap().unwrap().row.id, waiting);
     assert_eq!(again.claim("a", &super::folder(&again)), Ok(None));
 }
@@ -237,7 +237,7 @@ fn a_journal_that_was_not_closed_gives_back_its_room() {
     let copy = snapshot(folder.path());
     let path = copy.path().join("runs/one/journal.jsonl");
     let taken_bytes = || fs::metadata(&path).unwrap().blocks() * 512;
-    // a disk that sets no room aside has none to give back
+    // on a disk without preallocation there is no space to give back
     if fallocate(fs::File::options().append(true).open(&path).unwrap(), FallocateFlags::KEEP_SIZE, 0, 1 << 20).is_ok() {
         assert!(taken_bytes() >= 1 << 20);
     }

@@ -3,7 +3,7 @@ use std::path::PathBuf;
 
 use super::*;
 
-/// A store with a queued, a running and a finished job, a used key and an audit line, as a kill leaves it.
+/// A store with a queued, a running and an ended job, a used key and an audit entry, as a kill leaves it.
 fn left_behind() -> (tempfile::TempDir, [JobId; 3]) {
     let (folder, store) = new_store(limits());
     let done = begin(&store, "done", "a").row.id;
@@ -32,12 +32,12 @@ fn states(store: &Store) -> Vec<(String, JobState)> {
     states
 }
 
-/// What the run folders alone tell.
+/// The jobs and states that can be recovered from the run folders alone.
 fn told_by_folders() -> [(String, JobState); 2] {
     [("done".to_owned(), JobState::Completed), ("running".to_owned(), JobState::Interrupted)]
 }
 
-/// Moved into one file, so that a test can break it.
+/// Moves the log into the database file, so that a test can damage it.
 fn into_one_file(data: &Path) {
     let connection = crate::store::connection::writing(&data.join("upm.db")).unwrap();
     crate::store::connection::empty_log(&connection).unwrap();
@@ -146,7 +146,7 @@ fn jobs_lost_with_the_log_are_recovered_from_their_folders() {
     for ending in ["-wal", "-shm"] {
         fs::remove_file(data.path().join(format!("upm.db{ending}"))).unwrap();
     }
-    // as old as its start: nothing but the tables
+    // as old as its creation: only the tables
     let Opened { store, recovery } = open(data.path(), limits());
     assert_eq!(recovery.paused, plates());
     assert_eq!(states(&store), told_by_folders());

@@ -1,4 +1,4 @@
-//! Jobs that a person deletes.
+//! Deletion of jobs on request.
 
 use super::*;
 use crate::store::Deleted;

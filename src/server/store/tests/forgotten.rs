@@ -1,4 +1,4 @@
-//! Jobs that ran, and of which the store has forgotten that they did.
+//! Jobs that ran, although the store has lost the record of it.
 
 use std::fs;
 
@@ -14,7 +14,7 @@ fn run_of(store: &Store, row: &JobRow) -> std::path::PathBuf {
     folder
 }
 
-/// The texts that are kept.
+/// The job texts in the store.
 fn texts(store: &Store) -> Vec<String> {
     let read = |tx: &crate::store::write_tx::WriteTx<'_>| {
         let mut statement = tx.connection.prepare("SELECT spec FROM specs ORDER BY job")?;

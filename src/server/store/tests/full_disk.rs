@@ -4,7 +4,7 @@ use std::process::Command;
 
 use super::*;
 
-/// A disk of its own, small; gone with its owner.
+/// A small mounted file system, unmounted on drop.
 struct SmallDisk(tempfile::TempDir);
 
 impl SmallDisk {
@@ -16,7 +16,7 @@ impl SmallDisk {
         made.is_ok_and(|made| made.status.success()).then_some(Self(folder))
     }
 
-    /// Writes until nothing more goes in.
+    /// Writes until the disk is full.
     fn fill(&self) {
         let mut file = File::create(self.0.path().join("filler")).unwrap();
         for block in [1 << 16, 1 << 12, 1] {
@@ -35,7 +35,7 @@ impl Drop for SmallDisk {
     }
 }
 
-/// Hands in jobs until one is refused; gives the number that was not.
+/// Submits jobs until one is refused; returns how many were accepted.
 fn accept_until_refused(store: &Store) -> usize {
     let mut accepted = 0;
     loop {
@@ -63,9 +63,9 @@ fn on_a_full_disk_jobs_are_refused_and_what_matters_is_written() {
     disk.fill();
     let accepted = accept_until_refused(&store);
     assert_eq!(store.health().fault, Some(StoreFault::Full));
-    // an event is lost, and that is told
+    // an event is lost, and its publisher is notified
     assert_eq!(tell(&store, running, &"x".repeat(10_000)), Err(StoreFault::Full));
-    // how it went on is kept
+    // the further course is stored
     store.note_act(act("ann"));
     store.ended(&running, end(JobState::Completed)).unwrap();
     ask(|done| store.cancel_queued(&waiting, done)).unwrap();

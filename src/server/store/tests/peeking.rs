@@ -10,7 +10,7 @@ fn names(folder: &Path) -> BTreeSet<String> {
     fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
 }
 
-/// Two jobs, the second with four events and one act.
+/// Two jobs, the second with four events and one audit entry; returns the second.
 fn filled(store: &Store) -> JobId {
     queue(store, "one", "a");
     let id = begin(store, "two", "b").row.id;
@@ -56,7 +56,7 @@ fn peek_after_a_crash_sees_the_log_and_leaves_it() {
     assert_eq!(open(left.path(), limits()).recovery.interrupted, [id]);
 }
 
-/// A log that is missing means something to the next start.
+/// Peeking must not create a log: the next start treats a missing log as a loss.
 #[test]
 fn no_log_is_made() {
     let (folder, store) = new_store(limits());

@@ -151,7 +151,7 @@ fn a_repeated_key_gives_the_first_job_again() {
     let new = answers.iter().filter(|answer| matches!(answer, Accepted::New(_))).count();
     let replayed = answers.iter().filter(|answer| matches!(answer, Accepted::Replayed(_))).count();
     assert_eq!((new, replayed, all_jobs(&store).len()), (1, 19, 2));
-    // a full queue refuses what is new, and repeats what is not
+    // a full queue refuses new jobs, and answers repeated keys
     assert_eq!(accept(&store, keyed("new", 1)), Ok(Accepted::QueueFull { queued: 2 }));
     ask(|done| store.cancel_queued(&first.id, done)).unwrap();
     assert!(store.close(PATIENCE));

@@ -1,4 +1,4 @@
-//! Recordings that a daemon left.
+//! Recordings left unclosed by a daemon.
 
 use std::fs;
 

@@ -1,4 +1,4 @@
-//! Runs of standing jobs: they are never queued, and few of them are kept.
+//! Runs of standing jobs: they are never queued, and only a few of them are kept.
 
 use std::fs;
 

@@ -3,7 +3,7 @@ use std::fs;
 use super::*;
 use crate::store::retention::Swept;
 
-/// Clocks that a test turns together: hours since noon.
+/// A wall clock and a monotonic clock that a test sets together, in hours since noon.
 macro_rules! turned_clocks {
     ($hours:ident, $clocks:ident) => {
         static $hours: AtomicI64 = AtomicI64::new(0);
@@ -16,7 +16,7 @@ fn opened(data: &Path, limits: Limits, clocks: Clocks) -> Store {
     Store::open(data, &plates(), limits, clocks, &repair).unwrap().store
 }
 
-/// Runs a job whose folder holds that many bytes, in two levels.
+/// Begins a job whose folder holds that many bytes, on two levels.
 fn begin_with(store: &Store, name: &str, bytes: usize) -> JobId {
     let id = begin(store, name, "a").row.id;
     let folder = store.runs().join(name);
@@ -51,7 +51,7 @@ fn the_oldest_ended_go_first_when_there_is_too_much() {
     let row = job(&store, ids[1]);
     assert_eq!((row.folder, row.recording, row.report_json), (None, RecordingStatus::Pruned, Some("{}".into())));
     assert_eq!(fs::read_dir(data.path().join(".trash")).unwrap().count(), 0);
-    // what runs stays, however large
+    // a running job's folder stays, however large
     fs::write(store.runs().join("running/run.rrd"), vec![0; 100_000]).unwrap();
     assert_eq!(store.sweep().unwrap().deleted, ["one", "four", "three"]);
     assert_eq!((names(&store), job(&store, running).folder), (vec!["running".to_owned()], Some("running".into())));
@@ -69,7 +69,7 @@ fn expired_run_folders_are_deleted() {
         store.ended(&id, end(JobState::Failed)).unwrap();
     }
     begin_with(&store, "running", 10);
-    // what the ends asked for is done before the clock is turned
+    // the sweeps requested by the ends of jobs are done before the clock is advanced
     assert_eq!(store.sweep().unwrap().deleted, [""; 0]);
     HOURS.store(11, Ordering::SeqCst);
     assert_eq!(store.sweep().unwrap().deleted, ["one"]);
@@ -105,7 +105,7 @@ fn a_folder_whose_job_is_just_beginning_stays() {
         let name = make(row)?;
         let (store, done) = (Arc::clone(&store), done.clone());
         std::thread::spawn(move || done.send(store.sweep()).unwrap());
-        // time enough for a sweep that does not wait
+        // enough time for a sweep that does not wait
         swept.recv_timeout(Duration::from_millis(500)).expect_err("swept while a job begins");
         Ok(name)
     };
@@ -128,7 +128,7 @@ fn a_sweep_that_was_cut_short_is_ended_at_the_next_start() {
 fn undeletable_folder_stays_with_its_job_and_does_not_stop_the_sweep() {
     let data = tempfile::tempdir().unwrap();
     let store = opened(data.path(), Limits { jobs: 1, runs_bytes: 0, ..limits() }, still(noon));
-    // no folder can be moved to where that lies
+    // no folder can be moved to a path that a file occupies
     let in_the_way = data.path().join(".trash/two");
     fs::write(&in_the_way, "not a folder").unwrap();
     let ids = ["one", "two", "three"].map(|name| {
@@ -164,7 +164,7 @@ fn run_folders_on_another_disk_go_too() {
     store.sweep().unwrap();
     assert!(!store.runs().join("one").exists());
     assert_eq!(job(&store, id).recording, RecordingStatus::Pruned);
-    // and nothing of it is a run folder, nor outlives a start
+    // no part of it counts as a run folder, or survives a start
     let half = store.runs().join(".trash/half");
     fs::create_dir_all(&half).unwrap();
     fs::write(half.join("run.rrd"), "x").unwrap();
@@ -231,7 +231,7 @@ fn wall_clock_that_jumps_makes_nothing_old() {
         assert!(store.health().deletion_suspended);
         assert!(matches!(accept(&store, keyed()), Ok(Accepted::Replayed(row)) if row.id == first.id), "{days} days");
     }
-    // by the hour: a wall clock that stands still for longer has jumped, too
+    // hour by hour: a wall clock that does not advance for longer counts as a jump, too
     let pass_days = |days| {
         (0..24 * days).for_each(|_| {
             HOURS.fetch_add(1, Ordering::SeqCst);

@@ -17,7 +17,7 @@ const UNDO: [&str; MIGRATIONS.len()] = [
     "DROP TABLE spent_keys;",
 ];
 
-/// Makes a closed store one of an older version.
+/// Turns a closed store into one of an older version.
 fn make_older(data: &Path, version: i32) {
     let connection = writing(&data.join("upm.db")).unwrap();
     let undo = UNDO.iter().skip((version - OLDEST) as usize).rev();
@@ -25,8 +25,8 @@ fn make_older(data: &Path, version: i32) {
     connection.pragma_update(None, "user_version", version).unwrap();
 }
 
-/// All files below a folder with their contents, but for SQLite's index of the log, which holds no data and which every
-/// reader takes part in.
+/// All files below a folder with their contents, except SQLite's index of the log, which holds no data and which every
+/// reader changes.
 fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
     for entry in fs::read_dir(folder).unwrap() {
