@@ -8,7 +8,6 @@ use upm_recording::RecordingState;
 /// The daemon at one moment: the source of metrics and readiness. Taken without blocking.
 #[derive(Clone, Debug)]
 pub(super) struct Observed {
-    /// The program's version.
     pub version: &'static str,
     /// Time since the daemon started.
     pub uptime: Duration,
@@ -25,7 +24,6 @@ pub(super) struct Observed {
     pub plates: Vec<PlateObserved>,
     /// Number of jobs of each plate in each state, as last counted.
     pub jobs: Vec<(String, JobState, u64)>,
-    /// The job store.
     pub store: StoreHealth,
     /// Space on the disk.
     pub disk: DiskObserved,
@@ -38,9 +36,8 @@ pub(super) struct Observed {
 /// A plate at one moment.
 #[derive(Clone, Debug)]
 pub(super) struct PlateObserved {
-    /// Its name.
     pub name: String,
-    /// What it is doing.
+    /// State of the plate.
     pub state: PlateState,
     /// Jobs that wait for it.
     pub queued: u64,

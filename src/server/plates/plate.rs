@@ -42,7 +42,7 @@ pub struct Plate {
 }
 
 impl Plate {
-    /// Its name.
+    /// Name of the plate, as in the configuration.
     pub fn name(&self) -> &str {
         &self.shared.name
     }

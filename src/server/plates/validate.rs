@@ -14,7 +14,6 @@ const REQUEST: &str = "job";
 /// Rules that jobs of a plate are checked against before they are queued.
 #[derive(Debug)]
 pub(super) struct JobRules {
-    /// The plate's name.
     plate: String,
     pub rig: RigSpec,
     /// The library for jobs that bring none.

@@ -69,7 +69,7 @@ fn immutable_uri(db: &Path) -> String {
     address + "?immutable=1"
 }
 
-/// Makes SQLite keep the log when it closes the database, so that a missing log after a crash is significant.
+/// Makes SQLite keep the log when it closes the database, so that a missing log after a crash is a sign of its loss.
 fn keep_log(connection: &Connection) -> rusqlite::Result<()> {
     connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true).map(|_| ())
 }

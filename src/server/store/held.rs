@@ -16,7 +16,7 @@ pub struct HeldPath {
 pub struct Displaced {
     /// The path.
     pub path: PathBuf,
-    /// What it names now.
+    /// Object that the path names now.
     pub found: Found,
 }
 

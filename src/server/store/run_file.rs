@@ -25,8 +25,8 @@ pub enum RunFileFault {
     Io(#[from] io::Error),
 }
 
-/// Opens the regular file `name` in a run folder for reading. Follows no link, so it never leaves the folder. Never waits for
-/// the other end of a FIFO, but blocks on a dead disk.
+/// Opens the regular file `name` in a run folder for reading. Follows no link, so it never leaves the folder. Never
+/// waits for the other end of a FIFO, but blocks on a hung disk.
 pub fn open_run_file(folder: &Path, name: &str) -> Result<File, RunFileFault> {
     open_with(OFlags::RDONLY, folder, name)
 }

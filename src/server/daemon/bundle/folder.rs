@@ -20,7 +20,6 @@ const LATCHES: &str = "latch";
 /// Longest part of a latch file that is read, bytes; valid ones are shorter.
 const LATCH_BYTES: u64 = 64;
 
-/// A run folder.
 #[derive(Debug)]
 pub(super) struct Run {
     pub path: PathBuf,
