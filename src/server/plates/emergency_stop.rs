@@ -6,7 +6,7 @@
 //! |---|---|---|---|---|
 //! | free | released | [`StopState::Released`] | `Held` | refused: `NotStopped` |
 //! | tripped | released | [`StopState::Tripping`] | `Held` | refused: `StillStopping` |
-//! | tripped | stopped | [`StopState::Held`] | `Held`, tokens before it void | `Released`; refused while a rig is fitted |
+//! | tripped | stopped | [`StopState::Held`] | `Held`, older tokens void | `Released`; refused while a rig is fitted |
 //! | free | stopped | [`StopState::Resetting`] | `Held`, the reset fails | waits for the one under way |
 //!
 //! An interlock that tripped for another reason counts as free: an emergency stop overrides it.
