@@ -178,8 +178,8 @@ impl Worker {
             started_utc: String::new(),
             rerun: if record { RerunMode::Save } else { RerunMode::Off },
             real_time,
-            // a plate with deadlines to meet does not wait for the disk: without space the recording ends and the run
-            // goes on; without a journal the run ends
+            // a plate with deadlines to meet does not wait for a slow disk: its recording ends and the run goes on;
+            // when the journal cannot keep up, the run ends
             keeping: Keeping {
                 journal_overflow: OverflowPolicy::GiveUp,
                 journal,
