@@ -7,7 +7,7 @@ use super::error::RunError;
 use super::library::job_library;
 use super::play;
 use super::time_figure::FirstLook;
-use crate::config::{Fault, JobSpec};
+use crate::config::{Fault, JobSpec, counted};
 use upm_control::{self as control, ControlParams, Devices, Finish, Sink};
 use upm_core::rig::Rig;
 use upm_core::time::StoppedClock;
@@ -80,7 +80,7 @@ impl<'a> InMemoryRun<'a> {
     pub fn run_on<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> Result<(Report, R), RunError> {
         let Self { job, library, bench, watcher, has_own_goal } = self;
         if !bench.faults.is_empty() {
-            let found = format!("{} faults", bench.faults.len());
+            let found = counted(bench.faults.len(), "fault");
             return Err(RunError::Job(Fault::new(&job.file, "faults", found, "none on a rig of the caller's")));
         }
         let (mut notes, mut bench) = (Notes::of(&bench), bench.with_rig(make));
@@ -202,7 +202,7 @@ mod tests {
     fn job_with_faults_is_not_run_on_a_rig_of_the_callers() {
         let job = job(dropped_frames());
         let error = InMemoryRun::new(&job).unwrap().run_on(|rig| rig).map(|_| ()).unwrap_err();
-        assert!(error.to_string().contains("faults: expected none, found 1 faults"), "{error}");
+        assert!(error.to_string().contains("faults: expected none on a rig of the caller's, found 1 fault"), "{error}");
     }
 
     /// Has every part stay, for so many looks.

@@ -64,8 +64,7 @@ fn every_fault_is_told_with_its_place() {
         "disk": {"min_free_mb": 20},
         "keep": {"events": 5000},
     });
-    let wanted =
-        "listen: expected an IP address and a port, like 127.0.0.1:8750 or [::1]:8750, found \"localhost:8750\"
+    let wanted = "listen: expected an IP address and a port like 127.0.0.1:8750 or [::1]:8750, found \"localhost:8750\"
 plates[0].name: expected 1 to 64 letters, digits, `.`, `_`, `-`, other than `.` and `..`, found \"..\"
 $: expected a file that can be read, found no such file (did you mean RIGS/upm-1.json?)
 plates[1].library: expected a path (rig upm-2 names no library), found nothing
@@ -94,7 +93,7 @@ fn keys_types_and_ranges_are_told_first() {
         ("/keep/runs_gb", json!(0), ["keep.runs_gb: expected ", ", found 0"]),
         ("/plates/1/rig", json!(7), ["plates[1].rig: expected ", ", found 7"]),
         ("/token_file", json!(""), ["token_file: expected ", ", found \"\""]),
-        ("/plates/0/name", json!("a b"), ["plates[0].name: expected 1 to 64 letters", ", found a b"]),
+        ("/plates/0/name", json!("a b"), ["plates[0].name: expected 1 to 64 letters", ", found \"a b\""]),
         ("/plates/0/live_port", json!(8750), ["plates[0].live_port: expected a port that ", ", found 8750"]),
     ] {
         let (faults, [begin, end]) = (changed(pointer, value), told);

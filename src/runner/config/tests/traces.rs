@@ -72,7 +72,11 @@ fn every_fault_of_a_trace_is_told_with_its_place() {
         ("/counts/y1", json!([]), "counts.y1: expected a list of 1 or more items"),
         ("/count_limit", json!(40000), "count_limit: expected a whole number from 1 to 32767, found 40000"),
         ("/channel_gain", json!([1, 1, 0, 1]), "channel_gain[2]: expected a number from 0.1 to 10, found 0"),
-        ("/counts/z1", json!([1]), "counts.z1: expected one of x1, x2, y1, y2, found unknown key \"z1\""),
+        (
+            "/counts/z1",
+            json!([1]),
+            "counts.z1: expected one of x1, x2, y1, y2 (did you mean x1?), found unknown key \"z1\"",
+        ),
         ("/base_hz", json!(null), "base_hz: expected a number from 1 to 1000, found null"),
     ] {
         let mut document = trace();
