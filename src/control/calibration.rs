@@ -1,19 +1,21 @@
-//! Calibration: what can this rig do, and how far do parts go when it does? (UPM paper, sections 3.2 and 4.1.)
+//! Calibration of a rig: how its axes answer and how far its pulses carry parts (UPM paper, sections 3.2 and 4.1).
 //!
-//! 1. Axes: pulses along x, y and spin; that the plate is rigid gives the accelerometers' gains against each other, the
-//!    response of both harmonics the pre-compensation of every axis and the gain matrix from motor amplitudes to the
-//!    plate's twist.
-//! 2. Displacement: a few motions, pulses of rising length, the camera measures how far the coins go. This comes
-//!    before the many pulses of the next step carry the coins off the plate.
-//! 3. Steering: centres of rotation over and around the plate and translations, each played both ways at the
-//!    strongest the motors allow and read back through the accelerometers.
-//! 4. Fields: where the rig makes synthesised motions, each of their harmonics on each axis, read back likewise: the
-//!    plate's answer in amplitude and phase.
-//! 5. Resonances: a multisine on each axis; natural frequency and damping ratio from the accelerometers' spectra, by FFT.
-//! 6. Closing: the last pulses of the axes again, the same drives. A coil or a channel that changed in between shows.
+//! 1. Axes: pulses along x, y and spin. The plate's rigidity gives the accelerometers' gains relative to each other;
+//!    the response of both harmonics gives the pre-compensation of every axis and the gain matrix from motor amplitudes
+//!    to the plate's twist.
+//! 2. Displacement: a few motions, played as pulses of rising length; the camera measures how far the coins move. This
+//!    step precedes the next one, whose many pulses carry the coins off the plate.
+//! 3. Steering: centres of rotation on and around the plate and translations, each played in both directions as
+//!    strongly as the motors allow and read back through the accelerometers.
+//! 4. Fields, where the rig makes synthesised motions: each of their harmonics on each axis, read back likewise, gives
+//!    the plate's response in amplitude and phase.
+//! 5. Resonances: a multisine on each axis; natural frequency and damping ratio from the accelerometers' spectra, by
+//!    FFT.
+//! 6. Closing: the last pulses of the axes again, with the same drives, to detect a coil or channel that has changed.
 //!
-//! Nothing that is measured is believed: channels must agree with the plate's rigidity, coils with the rig's data sheet
-//! and with each other, the end with the beginning. What does not is refused by name ([`CalibrationFault`]).
+//! No measurement is accepted unchecked: channels must agree with the plate's rigidity, coils with the rig's data sheet
+//! and with each other, and the closing pulses with the opening ones. A mismatch is refused with the component's name
+//! ([`CalibrationFault`]).
 
 mod axes;
 mod axis_pulse;
@@ -39,10 +41,10 @@ pub use fault::{CalibrationFault, ChannelFault, CoilFault, Component};
 pub use params::{CalibrationParams, CalibrationProgress};
 pub use resonance::AxisResonance;
 
-/// A rig this many times faster than the gentle speed needs gentle motions of their own.
+/// A rig whose fastest motion exceeds the gentle speed by this factor also gets separate gentle motions.
 const STRONG: f64 = 2.0;
 
-/// Measures how the axes of `rig` answer, by its accelerometers alone. Motors are at zero when this returns.
+/// Measures the response of the axes of `rig` with the accelerometers alone. Motors are at zero when this returns.
 pub fn measure_axes(
     rig: &mut dyn Rig,
     model: &RigModel,
@@ -53,8 +55,8 @@ pub fn measure_axes(
     Workbench::new(rig, model, stop, progress).work(|bench| axes::measure(bench, params))
 }
 
-/// What the accelerometers alone can measure of a library: the axes, then every motion as strong as the motors
-/// allow. Motors are at zero when this returns.
+/// The part of a library that needs accelerometers only: the axes, then every motion as strong as the motors allow.
+/// Motors are at zero when this returns.
 pub fn steer(
     rig: &mut dyn Rig,
     model: &RigModel,
@@ -69,8 +71,8 @@ pub fn steer(
     })
 }
 
-/// Measures how the plate answers to the synthesised motions of `rig`, by its accelerometers alone; `None` where it
-/// makes none. Motors are at zero when this returns.
+/// Measures the plate's response to the synthesised motions of `rig` with the accelerometers alone; `None` where the
+/// rig makes none. Motors are at zero when this returns.
 pub fn measure_fields(
     rig: &mut dyn Rig,
     model: &RigModel,
@@ -84,8 +86,8 @@ pub fn measure_fields(
     })
 }
 
-/// Measures the resonances of `rig`'s axes x, y and spin, by its accelerometers alone; `None` where its longest sustain
-/// is too short to tell them. Motors are at zero when this returns.
+/// Measures the resonances of `rig`'s axes x, y and spin with the accelerometers alone; `None` where its longest
+/// sustain is too short to resolve them. Motors are at zero when this returns.
 pub fn measure_resonances(
     rig: &mut dyn Rig,
     model: &RigModel,
@@ -99,7 +101,7 @@ pub fn measure_resonances(
     })
 }
 
-/// Measures `rig` and returns its library. Motors are at zero when this returns.
+/// Runs the full calibration of `rig` and returns its library. Motors are at zero when this returns.
 pub fn calibrate(
     rig: &mut dyn Rig,
     model: &RigModel,

@@ -1,23 +1,23 @@
 use upm_core::job::StopCause;
 use upm_planner::{Limit, Method, PlanStatus};
 
-/// A state of a run that may last over many cycles and that an operator should know of.
+/// A state of a run that may last over many cycles and that an operator should know about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Condition {
     /// The whole steps of a cycle would take a part over the edge margin.
     StepsMeetEdge,
     /// The whole steps of a cycle would bring two parts closer than the gap they must keep.
     StepsMeetParts,
-    /// No motion is found that moves every part that should move.
+    /// No motion was found that moves every part that should move.
     StepsUnreachable,
-    /// The solver of the planner gives up.
+    /// The planner's solver gave up.
     SolverFails,
-    /// No way leads the part to its target, as the others are placed.
+    /// No path leads the part to its target past the other parts.
     PartBlocked {
         /// Index of the part.
         part: usize,
     },
-    /// The part goes much less far than calibration has it.
+    /// The part moves much less far than calibration predicts.
     PartSlow {
         /// Index of the part.
         part: usize,
@@ -26,28 +26,28 @@ pub enum Condition {
     TableMissing,
     /// The camera sends the same pictures again and again.
     CameraFrozen,
-    /// Numbers or stamps of the camera's frames do not fit the present.
+    /// Frame numbers or time stamps of the camera do not fit the present.
     CameraStale,
-    /// The camera's frames show no plate: dark, or garbage.
+    /// The camera's frames show no plate: they are dark or garbage.
     CameraDark,
-    /// The plate is not where it was in the picture: the camera was knocked, or the plate.
+    /// The plate's place in the picture has changed: the camera or the plate was knocked.
     CameraMoved,
-    /// The plate moves later in the pictures than it is driven.
+    /// The plate's motion in the pictures lags behind the drive.
     CameraLate,
     /// Something large hides part of the plate.
     ViewHidden,
-    /// Something of a part's size lies on the plate that is no part of the job.
+    /// An object of a part's size lies on the plate that does not belong to the job.
     ForeignPart,
-    /// Parts are not where they can have got to.
+    /// Parts are where no motion since the last frame can have taken them.
     PartsJumped,
-    /// A voice coil does not do what it is sent.
+    /// A voice coil does not follow its signal.
     CoilFault {
         /// Index of the coil.
         coil: usize,
     },
-    /// An accelerometer channel does not show how the plate moves.
+    /// An accelerometer channel does not follow the plate's motion.
     AccelerometerFault {
-        /// Index of the channel; `None` where it is not known which.
+        /// Index of the channel; `None` where the faulty one is unknown.
         channel: Option<usize>,
     },
     /// The plate does not move as planned.
@@ -57,7 +57,7 @@ pub enum Condition {
         /// Index of the part.
         part: usize,
     },
-    /// The part goes the other way than pulses should carry it.
+    /// The part moves against the direction in which pulses should carry it.
     PartAstray {
         /// Index of the part.
         part: usize,
@@ -65,7 +65,7 @@ pub enum Condition {
 }
 
 impl Condition {
-    /// A name for programs that never changes.
+    /// A stable name for programs.
     pub fn code(self) -> &'static str {
         match self {
             Self::StepsMeetEdge => "steps_meet_edge",
@@ -78,12 +78,12 @@ impl Condition {
         }
     }
 
-    /// True for what a guard finds: rig or scene are not what they should be.
+    /// True for a finding of a guard: rig or scene are not as they should be.
     pub fn is_guard(self) -> bool {
         self.stop_cause().is_some()
     }
 
-    /// The cause of a run's end by this condition; `None` for one that ends no run.
+    /// The cause with which this condition ends a run; `None` for one that ends no run.
     pub fn stop_cause(self) -> Option<StopCause> {
         Some(match self {
             Self::TableMissing => StopCause::TableMissing,
@@ -109,7 +109,7 @@ impl Condition {
         })
     }
 
-    /// The condition that a plan without pulses stands for; `None` for a plan that can be played.
+    /// The condition behind a plan without pulses; `None` for a plan that can be played.
     pub(super) fn of_plan(status: &PlanStatus) -> Option<Self> {
         match status {
             PlanStatus::Solved | PlanStatus::NothingToDo => None,
@@ -120,7 +120,7 @@ impl Condition {
         }
     }
 
-    /// For people: the remedy, which is what they can change about the job or the rig.
+    /// The remedy, for people: a change they can make to the job or the rig.
     pub fn remedy(self) -> &'static str {
         match self {
             Self::StepsMeetEdge => "targets farther from the edge help",
@@ -136,7 +136,7 @@ impl Condition {
     }
 }
 
-/// For people: why a plan has no pulses. `id` names a part.
+/// The reason, for people, that a plan has no pulses. `id` names a part.
 pub(super) fn why_not<'a>(status: &PlanStatus, method: Method, id: impl Fn(usize) -> &'a str) -> String {
     match (status, method) {
         (PlanStatus::Solved, _) => "it has pulses".into(),
@@ -155,14 +155,14 @@ pub(super) fn why_not<'a>(status: &PlanStatus, method: Method, id: impl Fn(usize
     }
 }
 
-/// The change of a condition.
+/// Begin or end of a condition.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ConditionChange {
-    /// It holds from now on.
+    /// It began in this cycle.
     Began,
     /// It no longer holds, or the run has ended.
     Ended {
-        /// Cycles in which it held.
+        /// Number of cycles in which it held.
         times: u64,
         /// Plate time from its beginning to the last cycle in which it held, s.
         lasted_s: f64,

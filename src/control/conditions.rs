@@ -1,12 +1,14 @@
-//! Conditions that last: each is reported once when it begins and once when it ends, with how often it held in between.
+//! Lasting conditions: each is reported once when it begins and once when it ends, with the number of cycles in which
+//! it held.
 
 use super::condition::{Condition, ConditionChange};
 use super::{ConditionFacts, Sink};
 use upm_core::time::PlateTime;
 
-/// Cycles in a row without a condition after which it has ended: a plan that fails every other cycle is one condition.
+/// Number of consecutive cycles without a condition after which it has ended: a plan that fails every other cycle is
+/// one condition.
 const QUIET_CYCLES: u64 = 20;
-/// Time without a condition of sight after which it has ended, s.
+/// Time after which a condition of the camera that no longer holds has ended, s.
 const QUIET_S: f64 = 0.5;
 
 /// The conditions of a run that hold at present.
@@ -19,7 +21,7 @@ pub(super) struct Conditions {
 #[derive(Clone, Debug)]
 struct Active {
     condition: Condition,
-    /// The sentence that told of its beginning, without the remedy.
+    /// The reason reported at its beginning, without the remedy.
     reason: String,
     began_at: PlateTime,
     last_at: PlateTime,
@@ -28,7 +30,7 @@ struct Active {
 }
 
 impl Active {
-    /// True for a condition of sight that has ended: while it holds it is noted with every frame.
+    /// True for a condition of the camera that has ended; while it holds, every frame notes it.
     fn is_back_in_sight(&self, at: PlateTime) -> bool {
         let is_of_sight = matches!(
             self.condition,
@@ -44,7 +46,8 @@ impl Conditions {
         self.active.iter().any(|active| active.condition == condition)
     }
 
-    /// Notes that `condition` holds in the present cycle. Tells `sink` if it has just begun, with `reason` and its remedy.
+    /// Notes that `condition` holds in the present cycle. If it has just begun, reports it to `sink` with `reason` and
+    /// its remedy.
     pub fn note(&mut self, at: PlateTime, condition: Condition, reason: impl FnOnce() -> String, sink: &mut dyn Sink) {
         let cycle = self.cycle;
         match self.active.iter_mut().find(|active| active.condition == condition) {
@@ -60,7 +63,7 @@ impl Conditions {
         }
     }
 
-    /// Ends the present cycle. Tells `sink` of conditions that have not held for a while.
+    /// Ends the present cycle. Reports to `sink` the conditions that have not held for a while as ended.
     pub fn end_cycle(&mut self, at: PlateTime, sink: &mut dyn Sink) {
         let cycle = self.cycle;
         let is_over = |active: &Active| active.last_cycle + QUIET_CYCLES <= cycle || active.is_back_in_sight(at);
@@ -68,7 +71,7 @@ impl Conditions {
         self.cycle += 1;
     }
 
-    /// Ends the run. Tells `sink` of every condition that held until now.
+    /// Ends the run. Reports to `sink` every condition that held until now as ended.
     pub fn end_run(&mut self, at: PlateTime, sink: &mut dyn Sink) {
         self.end(at, "no longer", sink, |active| active.is_back_in_sight(at));
         self.end(at, "until the end", sink, |_| true);
@@ -89,7 +92,7 @@ impl Conditions {
 mod tests {
     use super::*;
 
-    /// Keeps what is told.
+    /// A sink that keeps the reported changes.
     #[derive(Default)]
     struct Told(Vec<(f64, &'static str, ConditionChange, String)>);
 
@@ -99,7 +102,7 @@ mod tests {
         }
     }
 
-    /// Runs cycles of 1 s; `holds` tells what holds in each.
+    /// Runs cycles of 1 s; `holds` gives the conditions that hold in each.
     fn told(cycles: u32, holds: impl Fn(u32) -> Vec<Condition>) -> Told {
         let (mut conditions, mut told) = (Conditions::default(), Told::default());
         for cycle in 0..cycles {

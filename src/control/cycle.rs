@@ -23,44 +23,46 @@ use upm_goal::{Goal, Wanted};
 use upm_library::Library;
 use upm_planner::Plan;
 
-/// Share of the wanted steps that is taken while coils or accelerometers are in doubt, and the length that steps keep, m.
+/// Factor for the wanted steps while coils or accelerometers are in doubt, and the length, m, below which steps are not
+/// shortened.
 const CAUTIOUS_SHARE: f64 = 0.5;
 const CAUTIOUS_STEP_M: f64 = 2e-3;
 
-/// A part that goes less than this part of the way the library has it is slow, and no longer slow from the second on.
+/// A part that moves less than the first share of the distance the library predicts is slow; from the second share on
+/// it no longer is.
 const SLOW: f64 = 0.7;
 const NOT_SLOW: f64 = 0.75;
 
-/// What a run plays on and tells to.
+/// The devices and flags that a run works with.
 pub struct Devices<'a> {
     /// The plate.
     pub rig: &'a mut dyn Rig,
-    /// What is known of it.
+    /// The rig's nominal figures.
     pub model: &'a RigModel,
-    /// Takes the facts.
+    /// Receives the facts.
     pub sink: &'a mut dyn Sink,
-    /// For timings only.
+    /// Wall clock, for timings only.
     pub clock: &'a dyn Clock,
-    /// Set from outside to stop.
+    /// Flag set from outside to stop the run at once.
     pub stop: &'a AtomicBool,
-    /// Set from outside to end the run between two cycles.
+    /// Flag set from outside to end the run between two cycles.
     pub give_way: &'a AtomicBool,
 }
 
-/// How a run ended and where things stood then.
+/// Ending of a run and the state of its parts then.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Finish {
-    /// How and why.
+    /// Outcome, cause and reason.
     pub ending: Ending,
-    /// What the goal last wanted; `None` when it was never asked.
+    /// The goal's last request; `None` when it was never asked.
     pub wanted: Option<Wanted>,
-    /// Where the parts were last seen, m; empty when they never were.
+    /// Last seen positions of the parts, m; empty when they were never seen.
     pub measured_m: Vec<Vec2>,
     /// Indices of the parts that are lost.
     pub lost: Vec<usize>,
 }
 
-/// Runs `goal` to its end. Motors are at zero when this returns, whatever happened.
+/// Runs `goal` to its end. Motors are at zero when this returns, also after an error.
 pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, params: &ControlParams) -> Finish {
     let Devices { rig, model, sink, clock, stop, give_way } = devices;
     let mut open = || {
@@ -121,18 +123,19 @@ struct Cycle<'a> {
     eyes: Eyes,
     planning: Planning<'a>,
     conditions: Conditions,
-    /// True when the last cycle had pulses and began something: the rest of a sequence may lead away before it leads near.
+    /// True when the last cycle had pulses and began a new sequence: the rest of a sequence may lead away before it
+    /// leads near.
     played: bool,
     wanted: Option<Wanted>,
-    /// Progress when a cycle without a pulse last got further.
+    /// Progress at the last cycle without a pulse that advanced.
     furthest: f64,
     index: u64,
     coil_responses: CoilResponses,
     motion: MotionGuard,
     steps: StepGuard,
-    /// Times the goal seemed reached and a second look said no.
+    /// Number of times the goal seemed reached and a second look contradicted.
     unconfirmed: u32,
-    /// True once a fault of a coil or an accelerometer was found that the run bears: steps are shorter from then on.
+    /// True once a tolerable fault of a coil or an accelerometer was found: steps are shorter from then on.
     is_cautious: bool,
 }
 
@@ -143,7 +146,7 @@ impl Cycle<'_> {
         let mut look = self.look_at_rest();
         let ending = loop {
             look = match look {
-                // here the last cycle is over, its parts seen at rest
+                // the last cycle is over here, its parts seen at rest
                 Continue(_) if self.give_way.load(Ordering::Relaxed) => {
                     break Ending::gave_way(self.params.endless && self.is_getting_on());
                 }
@@ -151,7 +154,7 @@ impl Cycle<'_> {
                 Break(ending) => break ending,
             };
         };
-        // a stopped run ends in the middle: its repetition goes on, and tells of no end there
+        // a stopped run ends in the middle: its repetition goes on, and reports no end there
         if !ending.is_external() {
             self.conditions.end_run(self.rig.now(), self.sink);
             self.eyes.end_run(self.rig.now(), self.sink);
@@ -160,7 +163,7 @@ impl Cycle<'_> {
         Finish { ending, wanted: self.wanted.take(), measured_m: self.eyes.positions_m(), lost }
     }
 
-    /// One cycle from a look at rest to the next, whose positions it returns.
+    /// One cycle, from a look at rest to the next, whose positions it returns.
     fn once(&mut self, observed: Vec<Vec2>, last_pulse_at: &mut PlateTime) -> Flow<Vec<Vec2>> {
         if self.eyes.take_relocated() {
             // a mirrored or late picture may look like a knock: the probe tells them apart
@@ -202,11 +205,11 @@ impl Cycle<'_> {
                 break;
             }
         }
-        // the last frame of a pulse shows all at rest: it starts the next cycle, unless a part is missing in it
+        // the last frame of a pulse shows everything at rest: it starts the next cycle, unless a part is missing in it
         let seen = !plan.pulses.is_empty() && self.eyes.missing_for() == 0;
         let result = if seen { self.eyes.positions_m() } else { self.look_at_rest()? };
         if plan.pulses.is_empty() {
-            // a goal that gets on by time alone asks for no pulse
+            // a goal that advances by time alone asks for no pulse
             if wanted.progress > self.furthest {
                 (self.furthest, *last_pulse_at) = (wanted.progress, self.rig.now());
             }
@@ -233,7 +236,7 @@ impl Cycle<'_> {
         Continue(result)
     }
 
-    /// Plans the wanted steps, or what of them can be made.
+    /// Plans the wanted steps, or the feasible share of them.
     fn plan(&mut self, observed: &[Vec2], wanted: &Wanted) -> Flow<Plan> {
         self.check_stop()?;
         let whole = self.planning.states(observed, wanted, |step_m| self.cautious(step_m));
@@ -250,7 +253,7 @@ impl Cycle<'_> {
         })
     }
 
-    /// The step to take where `step_m` is wanted: a fault that grows worse carries parts less far before it is seen.
+    /// The step to take where `step_m` is wanted: a worsening fault then carries parts less far before it is detected.
     fn cautious(&self, step_m: Vec2) -> Vec2 {
         let length_m = step_m.norm();
         if !self.is_cautious || length_m <= CAUTIOUS_STEP_M {
@@ -259,7 +262,7 @@ impl Cycle<'_> {
         step_m * CAUTIOUS_SHARE.max(CAUTIOUS_STEP_M / length_m)
     }
 
-    /// Notes the parts that no way leads to their targets.
+    /// Notes the parts whose targets no path reaches.
     fn warn_of_blocked(&mut self, blocked: &[usize]) {
         for &part in blocked {
             let reason = format!("{} is boxed in: no way to its target is free", self.params.id(part));
@@ -267,7 +270,7 @@ impl Cycle<'_> {
         }
     }
 
-    /// Notes each part that goes much less far than calibration has it.
+    /// Notes each part that moves much less far than calibration predicts.
     fn tell_slow_parts(&mut self) {
         for part in 0..self.params.parts.len() {
             let (condition, gain) = (Condition::PartSlow { part }, self.planning.gains.of_part(part));
@@ -288,7 +291,7 @@ impl Cycle<'_> {
         check_stop(self.stop)
     }
 
-    /// Nothing more is played while a part that was not seen for long may be lost.
+    /// Waits for a part that was not seen for long and may be lost, without playing anything meanwhile.
     fn look_for_missing(&mut self) -> Flow {
         if self.eyes.missing_for() > self.params.lost_after_frames && !self.eyes.silenced_pulse() {
             self.look_at_rest()?;
@@ -296,7 +299,7 @@ impl Cycle<'_> {
         Continue(())
     }
 
-    /// Looks until a frame taken at rest shows every part; a part that stays away is lost.
+    /// Captures frames until one at rest shows every part; a part that stays missing is lost.
     fn look_at_rest(&mut self) -> Flow<Vec<Vec2>> {
         loop {
             self.check_stop()?;
@@ -306,7 +309,7 @@ impl Cycle<'_> {
             }
             self.check_lost()?;
             if at_rest && self.is_part_lost() {
-                // the guard sleeps: the run goes on from where the part was last seen
+                // the guard is off: the run goes on from the part's last seen position
                 return Continue(self.eyes.positions_m());
             }
         }

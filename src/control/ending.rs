@@ -5,17 +5,17 @@ use super::condition::Condition;
 use upm_core::job::{Outcome, StopCause};
 use upm_core::rig::{RigFault, Trip};
 
-/// The run goes on with a value, or comes to its end.
+/// A value to go on with, or the ending of the run.
 pub(super) type Flow<T = ()> = ControlFlow<Ending, T>;
 
 /// Outcome, cause and reason of the end of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ending {
-    /// How.
+    /// Outcome.
     pub outcome: Outcome,
     /// Its cause; `None` where the outcome says it all.
     pub cause: Option<StopCause>,
-    /// Why, one line for people.
+    /// The reason, one line for people.
     pub reason: String,
 }
 
@@ -30,7 +30,7 @@ impl Ending {
         Self { outcome: Outcome::Failed, reason: reason.into(), ..Self::default() }
     }
 
-    /// The goal is out of reach for a cause that programs tell apart; `reason` is followed by the remedy.
+    /// The goal is out of reach for a cause with a code; `reason` is followed by the remedy.
     pub fn failed_because(cause: StopCause, reason: impl std::fmt::Display) -> Self {
         let reason = cause.remedy().map_or_else(|| reason.to_string(), |remedy| format!("{reason}; {remedy}"));
         Self { cause: Some(cause), ..Self::failed(reason) }
@@ -54,14 +54,14 @@ impl Ending {
         Self::cancelled(StopCause::Stopped, "stopped from outside, motors at zero")
     }
 
-    /// Ended between two cycles to make room for another run. A task without an end that gets on is `completed` by that;
-    /// any other has not reached its goal.
+    /// Ended between two cycles to make room for another run. A task without an end that makes progress is `completed`
+    /// then; any other has not reached its goal.
     pub fn gave_way(completed: bool) -> Self {
         let outcome = if completed { Outcome::Completed } else { Outcome::Cancelled };
         Self { outcome, cause: Some(StopCause::GaveWay), reason: "gave way to another job".to_owned() }
     }
 
-    /// True where nothing in the run itself ended it.
+    /// True when the run was ended from outside.
     pub fn is_external(&self) -> bool {
         self.cause.is_some_and(StopCause::is_external)
     }
@@ -78,7 +78,7 @@ impl From<RigFault> for Ending {
     }
 }
 
-/// Goes on with what a fallible step gives; a fault of the rig ends the run.
+/// Unwraps the result of a fallible step; a fault of the rig ends the run.
 pub(super) fn flow<T>(result: Result<T, RigFault>) -> Flow<T> {
     match result {
         Ok(value) => ControlFlow::Continue(value),
@@ -86,7 +86,7 @@ pub(super) fn flow<T>(result: Result<T, RigFault>) -> Flow<T> {
     }
 }
 
-/// What `flow` goes on with, or the ending as an error: for calibration, which no run is part of.
+/// The value of `flow`, or the ending as an error: for calibration, which is not part of a run.
 pub(super) fn into_result<T>(flow: Flow<T>) -> Result<T, Ending> {
     match flow {
         ControlFlow::Continue(value) => Ok(value),
@@ -94,7 +94,7 @@ pub(super) fn into_result<T>(flow: Flow<T>) -> Result<T, Ending> {
     }
 }
 
-/// True for a run that something outside it has ended.
+/// True for a run that was ended from outside.
 pub(super) fn is_stopped<T>(flow: &Flow<T>) -> bool {
     matches!(flow, ControlFlow::Break(ending) if ending.is_external())
 }

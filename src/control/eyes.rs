@@ -23,36 +23,39 @@ use upm_perception::vision::{CoinFinder, Table, Track, Tracker};
 
 pub use self::naming::ExpectedPart;
 
-/// Looks for the table at rest, once it was found, before it counts as missing.
+/// Number of looks at rest without the table, once it was found, before it counts as missing.
 const TABLE_LOOKS: usize = 5;
-/// Frames without sight before the motors are silenced and it is said, at least, and at most this long, s.
+/// Number of frames without sight after which the motors are silenced and the condition is reported, and the limit for
+/// that time where frames are slow, s.
 const BLIND_FRAMES: f64 = 3.0;
 const BLIND_S: f64 = 0.1;
-/// Looks at rest in a row that show something foreign before it is believed.
+/// Number of consecutive looks at rest that must show a foreign object.
 const FOREIGN: u32 = 2;
-/// Frames that must lack a part before those that never came count, too.
+/// Number of frames that must lack a part before frames that never arrived count, too.
 const LEAST_LOOKS: u32 = 5;
-/// Distance beyond the edge from which on a part's centre is off the plate, m: more than the plate swings.
+/// Distance beyond the edge from which on a part's centre is off the plate, m: more than the plate's swing.
 const EDGE_M: f64 = 1e-3;
-/// After a pulse that was cut short it may take longer, s: the plate is seen to swing by more than this, px.
+/// Longest time that a plate may swing on after a pulse that was cut short, s, and the displacement above which it is
+/// seen to swing, px.
 const LONGEST_SWING_S: f64 = 2.0;
 const SWINGS_PX: f64 = 0.4;
-/// Time for which it must not be seen to, s: half of the slowest swing.
+/// Time without such a displacement after which it is still, s: half of the slowest swing.
 const QUIET_SWING_S: f64 = 0.12;
 
-/// How far a part may lie from where it should be, m, whatever its way.
+/// Tolerance for a part's place, m, independent of its displacement.
 const REACH_M: f64 = 3e-3;
 
-/// What a frame is taken for.
+/// Purpose of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moment {
-    /// To follow the parts while a pulse sounds.
+    /// To track the parts during a pulse.
     Pulse,
-    /// To start the next cycle from, as soon as everything rests.
+    /// To start the next cycle as soon as everything is at rest.
     Cycle,
 }
 
-/// The camera's frames turned into part positions: the table once, then every part in every frame, and doubts about both.
+/// Turns the camera's frames into part positions: locates the table once, tracks every part in every frame, and checks
+/// both.
 pub struct Eyes {
     frame: Frame,
     table: Table,
@@ -64,26 +67,26 @@ pub struct Eyes {
     dark_parts: bool,
     half_exposure_s: f64,
     blind_after_s: f64,
-    /// Since when nothing can be seen, and why.
+    /// Time since which nothing can be seen, and the reason.
     blind: Option<(PlateTime, Blind)>,
-    /// The pulse that sounds was silenced.
+    /// True when the current pulse was silenced.
     silenced: bool,
-    /// When the plate has swung out after a pulse that was silenced, and at the latest.
+    /// Time at which the plate is expected to have swung out after a silenced pulse, and the latest such time.
     still_from: PlateTime,
     still_by: PlateTime,
     displaced: u32,
     displaced_px: f64,
     foreign: u32,
-    /// For how many frames the plate of the present was seen without a part, those that never came included, and how many
-    /// of them came.
+    /// Number of frames of the present that showed the plate without a part, those that never arrived included, and the
+    /// number of those that did arrive.
     missing: (f64, u32),
     looked_at: PlateTime,
     frame_hz: f64,
-    /// Frames in a row that show a part off the plate.
+    /// Number of consecutive frames that show a part off the plate.
     off_plate: u32,
-    /// The table was located anew since the last pulse began.
+    /// True when the table was located anew since the last pulse began.
     relocated: bool,
-    /// Where each part should be when it is next seen at rest, and how far from there it may be, m.
+    /// Expected place of each part when it is next seen at rest, and the tolerance, m.
     expected_m: Vec<(Vec2, f64)>,
     delay: DelayGuard,
     stillness: StillnessGuard,
@@ -91,8 +94,9 @@ pub struct Eyes {
 }
 
 impl Eyes {
-    /// Captures frames until the table is found, for as long as a hand or the dark may hide it, finds the parts and names them.
-    #[allow(clippy::too_many_arguments)] // what a rig is, and what a run tells and obeys
+    /// Captures frames until the table is found, waiting while a hand or darkness may hide it, then finds the parts and
+    /// names them.
+    #[allow(clippy::too_many_arguments)] // the rig with its figures, and the run's sink and flags
     pub fn open(
         rig: &mut dyn Rig,
         model: &RigModel,
@@ -152,11 +156,11 @@ impl Eyes {
         })
     }
 
-    /// Captures the next frame and tracks every part in it. Returns true when it was taken at rest and can be relied on:
-    /// it is of the present, nothing hides the plate, and the plate is where it was.
+    /// Captures the next frame and tracks every part in it. Returns true when it was taken at rest and is reliable: it
+    /// is of the present, nothing hides the plate, and the plate is where it was.
     ///
     /// # Errors
-    /// The ending of a run that cannot see any more.
+    /// The ending of a run whose view stays lost.
     pub fn look(&mut self, rig: &mut dyn Rig, moment: Moment, sink: &mut dyn Sink, clock: &dyn Clock) -> Flow<bool> {
         flow(rig.capture(&mut self.frame))?;
         let swing_px = self.scene.swing_px(&self.frame);
@@ -196,7 +200,7 @@ impl Eyes {
         self.off_plate =
             if self.tracker.tracks().iter().any(|track| self.is_off_plate(track)) { self.off_plate + 1 } else { 0 };
         let frames = self.frame.exposed_at.secs_since(self.looked_at) * self.frame_hz;
-        // a stamp in the future must not stop the count
+        // a time stamp in the future must not stop the count
         self.looked_at = self.looked_at.max(self.frame.exposed_at.min(rig.now()));
         self.missing = match (self.missing_for(), swing_px) {
             (0, _) => (0.0, 0),
@@ -210,23 +214,23 @@ impl Eyes {
         Continue(is_plain)
     }
 
-    /// What a frame at rest shows besides the parts.
+    /// The view and the plate's place in a frame at rest.
     fn examine(&mut self) -> (Option<Blind>, Place) {
         let seen = self.scene.examine(&self.frame, self.tracker.tracks());
         let blind = seen.blind.filter(|blind| self.guards.has(blind.condition()));
-        // while a part is missing, what lies there may be that part
+        // while a part is missing, an object on the plate may be that part
         let is_foreign = seen.foreign_m.is_some() && self.missing_for() == 0 && self.guards.has(Condition::ForeignPart);
         self.foreign = if is_foreign && blind.is_none() { self.foreign + 1 } else { 0 };
         let place = if self.guards.has(Condition::CameraMoved) { seen.place } else { Place::Same };
         (blind, place)
     }
 
-    /// Waits while nothing can be seen, with motors at zero; for so long and no longer.
+    /// Waits with motors at zero while nothing can be seen, up to the limit of the cause.
     fn settle_blind(&mut self, blind: Option<Blind>, rig: &mut dyn Rig, sink: &mut dyn Sink) -> Flow {
         let now = rig.now();
         let Some(why) = blind else {
             if let Some((_, Blind::Dark | Blind::Hidden)) = self.blind.take() {
-                // what the plate was seen to be like behind a hand is not to be relied on
+                // the plate's appearance behind a hand is unreliable
                 self.scene.forget_plate(&self.table, &self.frame, &self.kinds, self.dark_parts);
                 self.foreign = 0;
             }
@@ -259,7 +263,7 @@ impl Eyes {
         }
     }
 
-    /// Ends the pulse that sounds, if one does; the plate swings for a while longer.
+    /// Ends the current pulse, if any; the plate swings on for a while.
     pub fn silence(&mut self, rig: &mut dyn Rig) {
         if rig.quiet_at() > rig.now() && !self.silenced && self.guards.has_code("silence") {
             rig.stop();
@@ -268,7 +272,7 @@ impl Eyes {
         }
     }
 
-    /// True when the last pulse was silenced: nothing, or not every part, could be seen.
+    /// True when the last pulse was silenced because the view, or a part, was lost.
     pub fn silenced_pulse(&self) -> bool {
         self.silenced
     }
@@ -278,7 +282,7 @@ impl Eyes {
         (self.silenced || self.relocated) && self.guards.has_code("stale_plan")
     }
 
-    /// Tells `sink` of every condition of the camera that held until now.
+    /// Reports the end of every condition of the camera that held until now to `sink`.
     pub fn end_run(&mut self, at: PlateTime, sink: &mut dyn Sink) {
         self.conditions.end_run(at, sink);
     }
@@ -288,35 +292,37 @@ impl Eyes {
         self.conditions.end_cycle(at, sink);
     }
 
-    /// Where the parts were last seen, m, in the order of the job.
+    /// Last seen positions of the parts, m, in the order of the job.
     pub fn positions_m(&self) -> Vec<Vec2> {
         self.tracker.tracks().iter().map(|track| track.seen.position_m).collect()
     }
 
-    /// The parts that the newest frame does not show on the plate.
+    /// Indices of the parts that the newest frame does not show on the plate.
     pub fn unseen(&self) -> Vec<usize> {
         let tracks = self.tracker.tracks().iter().enumerate();
         let is_unseen = |track: &Track| track.frames_unseen > 0 || self.is_off_plate(track);
         tracks.filter(|(_, track)| is_unseen(track)).map(|(part, _)| part).collect()
     }
 
-    /// Frames for which the longest missing part has been missing; 0 when the newest frame shows all on the plate.
+    /// Number of frames for which the longest missing part has been missing; 0 when the newest frame shows all on the
+    /// plate.
     pub fn missing_for(&self) -> u32 {
         self.tracker.tracks().iter().map(|track| track.frames_unseen).fold(self.off_plate, u32::max)
     }
 
-    /// True for a part with its centre beyond the edge: it has fallen, or is about to.
+    /// True for a part whose centre is beyond the edge: it has fallen, or is about to.
     fn is_off_plate(&self, track: &Track) -> bool {
         track.seen.position_m.amax() > 0.5 * self.table.side_m + EDGE_M
     }
 
-    /// Frames, those that never came included, since all of the present lack a part, nothing hiding the plate.
+    /// Number of frames, those that never arrived included, since frames of the present with an unobstructed view lack
+    /// a part.
     pub fn plainly_missing_for(&self) -> u32 {
         let (frames, came) = self.missing;
         if came < LEAST_LOOKS { came } else { frames.round() as u32 }
     }
 
-    /// When the newest frame was exposed.
+    /// Time of the newest frame's exposure.
     pub fn seen_at(&self) -> PlateTime {
         self.frame.exposed_at
     }

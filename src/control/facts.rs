@@ -8,7 +8,7 @@ use upm_perception::estimation::{FitFault, PlateFit};
 use upm_perception::vision::{Detection, Stages, Table, Track};
 use upm_planner::{Plan, PlannedPulse};
 
-/// The first look: table and parts from nothing.
+/// The first look: table and parts located without prior knowledge.
 #[derive(Clone, Copy, Debug)]
 pub struct LocalisedFacts<'a> {
     /// The frame looked at.
@@ -17,22 +17,23 @@ pub struct LocalisedFacts<'a> {
     pub table: &'a Table,
     /// The parts in it, in the order of the job.
     pub detections: &'a [Detection],
-    /// What the search went through.
+    /// The intermediate stages of the search.
     pub stages: &'a Stages,
     /// Wall time the search took, µs; 0 when no clock runs.
     pub localise_us: f64,
 }
 
-/// A look before a goal counts as reached: table and parts located from nothing, and found where they were tracked.
+/// A look before a goal counts as reached: table and parts located without prior knowledge, at the places where they
+/// were tracked.
 #[derive(Clone, Copy, Debug)]
 pub struct ConfirmedFacts<'a> {
-    /// When the frame was exposed.
+    /// Exposure time of the frame.
     pub at: PlateTime,
     /// Largest distance between the table's corners as located and as tracked, px.
     pub corner_px: f64,
-    /// The same for the parts, m.
+    /// Largest such distance for the parts, m.
     pub part_m: f64,
-    /// Where the parts were located, m, in the order of the job.
+    /// Positions located in the frame, m, in the order of the job.
     pub parts_m: &'a [Vec2],
 }
 
@@ -45,46 +46,46 @@ pub struct FrameFacts<'a> {
     pub tracks: &'a [Track],
     /// True while the plate vibrates or parts may still coast.
     pub sounding: bool,
-    /// True while nothing can be relied on in the pictures, and control waits for that to end; it ends the run itself when
-    /// it has waited for too long.
+    /// True while the pictures are unreliable and control waits for that to end; control ends the run when it has
+    /// waited for too long.
     pub blind: bool,
-    /// True for the frame a cycle starts from, taken with everything at rest.
+    /// True for the frame that starts a cycle, taken with everything at rest.
     pub starts_cycle: bool,
     /// Wall time tracking took, µs; 0 when no clock runs.
     pub track_us: f64,
 }
 
-/// One pulse, after it was played.
+/// One pulse after it was played.
 #[derive(Clone, Copy, Debug)]
 pub struct PulseFacts<'a> {
     /// Number of the cycle.
     pub cycle: u64,
-    /// When it started.
+    /// Time of its start.
     pub started_at: PlateTime,
-    /// What was planned.
+    /// The pulse as planned.
     pub planned: &'a PlannedPulse,
-    /// True for the small pulse at the beginning, which is to move no part.
+    /// True for the small probe at the beginning, which moves no part.
     pub is_probe: bool,
-    /// What was sent to the motors.
+    /// The signal sent to the motors.
     pub drive: &'a Drive,
-    /// What the accelerometers saw.
+    /// The accelerometers' trace.
     pub trace: &'a AccelTrace,
-    /// What they say of the plate's motion.
+    /// The plate's motion fitted to the trace.
     pub fit: &'a Result<PlateFit, FitFault>,
-    /// What it did to the parts; `None` when one of them was out of sight.
+    /// The measured displacements of the parts; `None` when one of them was out of sight.
     pub carried: Option<Carried<'a>>,
 }
 
-/// What a pulse did to the parts, as the camera saw it, beside what was forecast. Each m, in the order of the job.
+/// Positions of the parts before and after a pulse, by the camera and by forecast. Each m, in the order of the job.
 #[derive(Clone, Copy, Debug)]
 pub struct Carried<'a> {
-    /// Before it.
+    /// Positions before the pulse.
     pub before_m: &'a [Vec2],
-    /// After it.
+    /// Measured positions after it.
     pub after_m: &'a [Vec2],
-    /// After it by the library alone.
+    /// Positions after it as forecast by the library alone.
     pub by_library_m: &'a [Vec2],
-    /// After it by the library and what the run had learned until then.
+    /// After it by the library and the gains learned until then.
     pub by_learning_m: &'a [Vec2],
 }
 
@@ -93,17 +94,17 @@ pub struct Carried<'a> {
 pub struct CycleFacts<'a> {
     /// Number of the cycle, from 0.
     pub index: u64,
-    /// When the look was taken that the plan rests on.
+    /// Time of the look that the plan is based on.
     pub observed_at: PlateTime,
-    /// Measured positions then, m.
+    /// Positions measured then, m.
     pub observed_m: &'a [Vec2],
-    /// What the goal wanted.
+    /// The goal's request.
     pub wanted: &'a Wanted,
-    /// What was planned.
+    /// The plan.
     pub plan: &'a Plan,
-    /// When the next look was taken.
+    /// Time of the next look.
     pub ended_at: PlateTime,
-    /// Measured positions then, m.
+    /// Positions measured then, m.
     pub result_m: &'a [Vec2],
     /// Wall time planning took, µs; 0 when no clock runs.
     pub plan_us: f64,
@@ -116,56 +117,57 @@ pub struct CycleFacts<'a> {
 pub struct ConditionFacts<'a> {
     /// Plate time.
     pub at: PlateTime,
-    /// Which.
+    /// The condition.
     pub condition: Condition,
-    /// Whether it began or ended.
+    /// Begin or end.
     pub change: ConditionChange,
-    /// For people: the reason alone.
+    /// The reason alone, for people.
     pub reason: &'a str,
-    /// For people: the reason and a remedy at its begin, the reason and how often it held at its end.
+    /// For people: the reason and a remedy at its beginning, the reason and the number of cycles in which it held at
+    /// its end.
     pub text: &'a str,
 }
 
-/// The run, or its recording, came to its end.
+/// The end of the run or of its recording.
 #[derive(Clone, Copy, Debug)]
 pub struct MilestoneFacts<'a> {
     /// Plate time.
     pub at: PlateTime,
-    /// How loud.
+    /// Severity.
     pub level: EventLevel,
-    /// Which, for programs.
+    /// The event, for programs.
     pub milestone: Milestone,
     /// The same for people.
     pub text: &'a str,
 }
 
-/// An event that programs tell from others.
+/// An event with a meaning for programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Milestone {
-    /// The run ended. A run that was stopped may have a second one, with the cause of the stop.
+    /// The run ended. A stopped run may have a second such event, with the cause of the stop.
     RunEnded {
-        /// How.
+        /// The outcome.
         outcome: Outcome,
-        /// By what; `None` where the outcome says it all.
+        /// The cause; `None` where the outcome says it all.
         cause: Option<StopCause>,
     },
     /// The recording ended before the run did.
     RecordingEnded(RecordingEnd),
 }
 
-/// How loud an event is.
+/// Severity of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EventLevel {
     /// The run goes on as it should.
     Info,
-    /// Something was mended.
+    /// Something was corrected.
     Warning,
     /// The run ends because of it.
     Error,
 }
 
 impl EventLevel {
-    /// Its name in files and on the network.
+    /// The name in files and on the network.
     pub fn name(self) -> &'static str {
         match self {
             Self::Info => "info",
@@ -175,7 +177,8 @@ impl EventLevel {
     }
 }
 
-/// Takes what the control loop tells. A sink changes nothing: runs with and without it are the same.
+/// Receives the facts that the control loop reports. A sink has no effect on the run: runs with and without it are
+/// equal.
 pub trait Sink {
     /// Table and parts were found.
     fn localised(&mut self, _facts: &LocalisedFacts<'_>) {}
@@ -187,13 +190,13 @@ pub trait Sink {
     fn pulse(&mut self, _facts: &PulseFacts<'_>) {}
     /// A cycle ended.
     fn cycle(&mut self, _facts: &CycleFacts<'_>) {}
-    /// Something worth a line happened.
+    /// An event worth a line in the log.
     fn event(&mut self, _at: PlateTime, _level: EventLevel, _text: &str) {}
-    /// The run, or its recording, came to its end. A sink that does not tell it from others gets it as an event.
+    /// The run, or its recording, ended. A sink without its own handling gets it as an event.
     fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
         self.event(facts.at, facts.level, facts.text);
     }
-    /// A lasting condition began or ended. A sink that does not tell them apart gets them as warnings.
+    /// A lasting condition began or ended. A sink without its own handling gets it as a warning.
     fn condition(&mut self, facts: &ConditionFacts<'_>) {
         self.event(facts.at, EventLevel::Warning, facts.text);
     }

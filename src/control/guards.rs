@@ -1,5 +1,5 @@
-//! Guards: what is measured is held against what must be so. Each finding is a [`Condition`](super::Condition) with a code;
-//! a run goes on, waits or ends as it deserves.
+//! Guards: checks that compare measurements with what must hold. Each finding is a [`Condition`](super::Condition) with
+//! a code; depending on it the run goes on, waits or ends.
 
 mod delay;
 mod freshness;
@@ -13,14 +13,14 @@ pub(super) use freshness::{Freshness, Stale, StillnessGuard};
 pub(super) use motion::{CoilResponses, Finding, MotionGuard, PulseReading};
 pub(super) use steps::{StepGuard, Unlike, Went, went};
 
-/// Which guards are awake: all, but for the one that a test of the tests puts to sleep.
+/// The active guards: all except one that a test may disable to prove that its absence is noticed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Guards {
     asleep: Option<String>,
 }
 
 impl Guards {
-    /// The codes of all guards that can sleep.
+    /// The codes of all guards that can be disabled.
     pub const CODES: [&str; 26] = [
         "camera_frozen",
         "camera_stale",
@@ -50,17 +50,17 @@ impl Guards {
         "separation",
     ];
 
-    /// All guards but the one with this code: to see that its absence is noticed.
+    /// All guards except the one with this code.
     pub fn without(code: &str) -> Self {
         Self { asleep: Some(code.to_owned()) }
     }
 
-    /// True while the guard for `condition` is awake.
+    /// True while the guard for `condition` is active.
     pub fn has(&self, condition: Condition) -> bool {
         self.has_code(condition.code())
     }
 
-    /// The same for one that is no condition: `two_looks`, `probe`.
+    /// The same for a guard whose code is not a condition's: `two_looks`, `probe`.
     pub fn has_code(&self, code: &str) -> bool {
         self.asleep.as_deref() != Some(code)
     }

@@ -1,9 +1,11 @@
-//! What a run learns of how far parts go: friction differs from part to part, and the plate from place to place.
+//! Gains of the displacements, learned during a run: friction differs from part to part, and the plate from place to
+//! place.
 //!
-//! One model of the gain, `1 + part_i + Σ_c w_c(p) region_c`, by which a forecast is made, with the regions the nodes of a grid over the
-//! plate and w_c their bilinear weights where the part is. Its numbers are estimated by recursive least squares
-//! (a Kalman filter of constants; forecasts are taken as straight in the gain about the one held), so that each is corrected as far as it is uncertain: one slow part is not taken for a
-//! slow corner of the plate once it has been elsewhere.
+//! The gain of part i at p is modelled as `1 + part_i + Σ_c w_c(p) region_c` and scales its forecast steps. The regions
+//! are the nodes of a grid over the plate and w_c their bilinear weights at the part. The parameters are estimated by
+//! recursive least squares (a Kalman filter of constants; forecasts are linearised about the current gain), so that
+//! each is corrected in proportion to its uncertainty: one slow part is not taken for a slow corner of the plate once
+//! it has been elsewhere.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -12,48 +14,49 @@ use upm_planner::PlannedPulse;
 
 /// Nodes of the grid along each side.
 const NODES: usize = 4;
-/// Spread expected of parts and regions before anything is seen.
+/// Prior standard deviation of parts and regions.
 const PART_SD: f64 = 0.1;
 const REGION_SD: f64 = 0.04;
-/// Forecast steps below this say little, m.
+/// Forecast steps below this are not used, m.
 const SHORTEST_STEP_M: f64 = 0.3e-3;
-/// A ratio off by more is a disturbance, not friction.
+/// A ratio that deviates by more is a disturbance, not friction.
 const FARTHEST: f64 = 0.6;
-/// Range of a gain.
+/// Limits of a gain.
 const RANGE: (f64, f64) = (0.4, 2.5);
 
-/// How much more gain the second forecast of a lesson has.
+/// Gain increment of the second forecast of a lesson.
 pub(super) const MORE: f64 = 0.05;
 
-/// What one pulse was forecast to do and did; each m, in the order of the parts.
+/// Forecast and measured effect of one pulse; each m, in the order of the parts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lesson<'a> {
-    /// Positions before it.
+    /// Positions before the pulse.
     pub before_m: &'a [Vec2],
-    /// After it, with the gains held so far.
+    /// Forecast after it with the current gains.
     pub forecast_m: &'a [Vec2],
-    /// After it, with gains larger by [`MORE`].
+    /// Forecast after it with gains larger by [`MORE`].
     pub with_more_m: &'a [Vec2],
-    /// As seen after it.
+    /// Measured after it.
     pub measured_m: &'a [Vec2],
-    /// What a forecast is off by whatever the gains.
+    /// Error of the forecast at the true gains.
     pub scatter: Scatter,
 }
 
-/// What a forecast is off by, with the true gains too.
+/// Standard deviation of a forecast's error that remains at the true gains.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scatter {
-    /// However short the step, m.
+    /// Part independent of the step, m.
     least_m: f64,
-    /// Part of the step that comes on top.
+    /// Additional part, relative to the step.
     of_step: f64,
-    /// Scatter of the ratio itself, however long the step.
+    /// Scatter of the ratio itself, independent of the step.
     of_ratio: f64,
 }
 
 impl Scatter {
-    /// Of `pulse`; the least as measured on the simulated plate. How far a field carries a part is not straight in its
-    /// gain: taken as if it were, long first pulses had parts within 10 % of the usual called slow.
+    /// The scatter of `pulse`; the least part as measured on the simulated plate. The displacement by a field is not
+    /// linear in its gain: when it was taken as linear, parts within 10 % of the usual friction were reported as slow
+    /// after long first pulses.
     pub(super) fn of(pulse: &PlannedPulse) -> Self {
         match pulse {
             PlannedPulse::Rotation(_) => Self { least_m: 0.03e-3, of_step: 0.0, of_ratio: 0.02 },
@@ -67,12 +70,12 @@ impl Scatter {
     }
 }
 
-/// How far each part goes at each place, against what the displacement model says.
+/// Gain of each part at each place, relative to the displacement model.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Gains {
     half_side_m: f64,
     parts: usize,
-    /// Parts, then nodes row by row.
+    /// Parameters: parts, then nodes row by row.
     state: DVector<f64>,
     covariance: DMatrix<f64>,
 }
@@ -85,18 +88,18 @@ impl Gains {
         Self { half_side_m, parts, state: DVector::zeros(size), covariance }
     }
 
-    /// Of `part` at `p_m`; 1 when nothing is known.
+    /// Gain of `part` at `p_m`; 1 before anything is learned.
     pub(super) fn get(&self, part: usize, p_m: Vec2) -> f64 {
         let weighted = |(at, weight): (usize, f64)| self.state.get(at).map_or(0.0, |value| weight * value);
         (1.0 + self.pattern(part, p_m).map(weighted).iter().sum::<f64>()).clamp(RANGE.0, RANGE.1)
     }
 
-    /// Of `part` alone, wherever it is.
+    /// Gain of `part` alone, independent of its place.
     pub(super) fn of_part(&self, part: usize) -> f64 {
         1.0 + if part < self.parts { self.state[part] } else { 0.0 }
     }
 
-    /// Learns from one pulse.
+    /// Updates the gains from one pulse.
     pub(super) fn learn(&mut self, lesson: &Lesson<'_>) {
         let forecasts = lesson.forecast_m.iter().zip(lesson.with_more_m);
         let each = lesson.before_m.iter().zip(forecasts).zip(lesson.measured_m).take(self.parts).enumerate();
@@ -115,7 +118,7 @@ impl Gains {
         }
     }
 
-    /// `off`: how much larger the sum of `pattern` looks than it is held to be.
+    /// Corrects the parameters by one observation: the sum of `pattern` was measured larger by `off` than estimated.
     fn correct(&mut self, pattern: [(usize, f64); 5], off: f64, variance: f64) {
         let mut spread = DVector::zeros(self.state.len());
         for (at, weight) in pattern {
@@ -126,7 +129,7 @@ impl Gains {
         self.covariance.ger(-1.0 / total, &spread, &spread, 1.0);
     }
 
-    /// The numbers that count for `part` at `p_m`, with their weights: its own and the four nodes about it.
+    /// The parameters that act on `part` at `p_m`, with their weights: its own and those of the four nodes around it.
     fn pattern(&self, part: usize, p_m: Vec2) -> [(usize, f64); 5] {
         let along = |x_m: f64| {
             let last = (NODES - 1) as f64;
@@ -156,7 +159,7 @@ mod tests {
     const HALF_M: f64 = 0.15;
     const SCATTER: Scatter = Scatter { least_m: 0.05e-3, of_step: 0.02, of_ratio: 0.06 };
 
-    /// Steps that grow with the gain, as a rotation's do: `steps_m` at gain 1, taken `ratios` times as far.
+    /// Teaches steps that grow with the gain, as a rotation's do: `steps_m` at gain 1, scaled by `ratios`.
     fn teach(gains: &mut Gains, before_m: &[Vec2], steps_m: &[Vec2], ratios: &[f64]) {
         let ends = |gain: &dyn Fn(usize) -> f64| -> Vec<Vec2> {
             before_m.iter().zip(steps_m).enumerate().map(|(i, (p, step))| p + step * gain(i)).collect()
@@ -214,7 +217,7 @@ mod tests {
         let prior = PART_SD * PART_SD + REGION_SD * REGION_SD;
         let (mut held, mut sum, mut certainty) = (1.0, 0.0, 1.0 / prior);
         for ratio in ratios {
-            // the step that is forecast grows with what is held at the time, and its scatter with it
+            // the forecast step grows with the current gain, and its scatter with it
             let scatter_m = SCATTER.least_m + SCATTER.of_step * step.norm() * held;
             let noise = SCATTER.of_ratio.powi(2) + (scatter_m / step.norm()).powi(2);
             sum += (ratio - 1.0) / noise;

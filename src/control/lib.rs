@@ -1,6 +1,6 @@
-//! The cycle: look, ask the goal, plan, play, look again; and the supervisor that ends it in good order.
+//! The control cycle (look, ask the goal, plan, play, look again) and the supervisor that ends a run in good order.
 //!
-//! Nothing here, nor in anything imported from here, can reach ground truth: frames and traces are all there is.
+//! Neither this crate nor anything it imports can reach ground truth: its only inputs are frames and traces.
 
 pub mod calibration;
 mod condition;

@@ -3,7 +3,7 @@ use super::guards::Guards;
 use upm_core::rig::PartKind;
 use upm_planner::{Method, PlannerParams};
 
-/// Parameters of a run beside the rig's model.
+/// Parameters of a run in addition to the rig's model.
 #[derive(Clone, Debug)]
 pub struct ControlParams {
     /// Kinds of parts on the plate.
@@ -14,27 +14,27 @@ pub struct ControlParams {
     pub time_limit_s: f64,
     /// True when the task has no end before the time limit, which then completes it.
     pub endless: bool,
-    /// True when parts follow paths: their subgoals move on as they do.
+    /// True when parts follow paths: their subgoals advance with them.
     pub follows_paths: bool,
-    /// How near to its target a part has arrived, m.
+    /// Distance to its target at which a part has arrived, m.
     pub tolerance_m: f64,
-    /// Frames at rest without a part after which it is lost.
+    /// Number of frames at rest without a part after which it is lost.
     pub lost_after_frames: u32,
-    /// How motions are found.
+    /// The planner's method.
     pub method: Method,
     /// Limits and weights of the planner.
     pub planner: PlannerParams,
-    /// Guards that are awake.
+    /// Active guards.
     pub guards: Guards,
 }
 
 impl ControlParams {
-    /// Name of part `part` for people; `?` for one there is not.
+    /// Name of part `part` for people; `?` for an unknown index.
     pub(super) fn id(&self, part: usize) -> &str {
         self.parts.get(part).map_or("?", |part| part.id.as_str())
     }
 
-    /// Outline of part `part`, m; 0 for one there is not.
+    /// Outline of part `part`, m; 0 for an unknown index.
     pub fn radius_m(&self, part: usize) -> f64 {
         let kind = self.parts.get(part).and_then(|part| self.kinds.get(part.kind));
         kind.map_or(0.0, |kind| kind.radius_m)

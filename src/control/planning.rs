@@ -1,4 +1,4 @@
-//! Planning of one cycle, alike in a run and in its rehearsal.
+//! Planning of one cycle, the same in a run and in its rehearsal.
 
 use std::ops::ControlFlow::{Break, Continue};
 
@@ -16,13 +16,14 @@ use upm_planner::{Independence, Method, PartState, Plan, PlanStatus, PlannedPuls
 
 /// Plate time without a pulse after which a run counts as stalled, s.
 pub(super) const STALLED_S: f64 = 10.0;
-/// Parts of the steps that are tried together.
+/// Shares of the steps that are tried for all parts together.
 const FRACTIONS: [f64; 4] = [1.0, 0.5, 0.25, 0.125];
-/// Least share of the best joint motion of all parts with which the hardest one must be made. The shipped jobs by rotations
-/// have 5e-4 (24 coins) or more; a library that lacks a direction, or has too few centres for the parts, has less than 1e-6.
+/// Least displacement of the hardest joint motion of all parts, as a share of the best one. The shipped jobs by
+/// rotations have 5e-4 (24 coins) or more; a library that lacks a direction, or has too few centres for the parts, has
+/// less than 1e-6.
 const LEAST_SHARE: f64 = 1e-4;
 
-/// The planner of a run with what the run has learned and achieved so far.
+/// The planner of a run together with the gains the run has learned and its progress.
 pub(super) struct Planning<'a> {
     pub params: &'a ControlParams,
     pub library: &'a Library,
@@ -32,7 +33,7 @@ pub(super) struct Planning<'a> {
 }
 
 impl<'a> Planning<'a> {
-    /// At the start of a run on a plate of half side `half_side_m`.
+    /// State at the start of a run on a plate of half side `half_side_m`.
     pub fn new(params: &'a ControlParams, library: &'a Library, planner: Box<dyn Plans>, half_side_m: f64) -> Self {
         let gains = Gains::new(params.parts.len(), half_side_m);
         Self { params, library, planner, gains, watch: ProgressWatch::new(params.follows_paths, params.tolerance_m) }
@@ -50,9 +51,9 @@ impl<'a> Planning<'a> {
         places.map(state).collect()
     }
 
-    /// Plans the steps of cycle `cycle`; where they are infeasible, half of them, and half again; then one part at a time,
-    /// the one with the longest way first, while the others stay. `tried` is told every plan and whether it is for a part of
-    /// the steps, and may end the run.
+    /// Plans the steps of cycle `cycle`; where they are infeasible, half of them, and half again; then one part at a
+    /// time, the one farthest from its subgoal first, while the others stay. `tried` receives every plan, and whether
+    /// it is for a share of the steps only, and may end the run.
     ///
     /// # Errors
     /// The ending of a run without a feasible step.
@@ -80,7 +81,7 @@ impl<'a> Planning<'a> {
         Break(Ending::failed_because(StopCause::NoFeasibleStep, reason))
     }
 
-    /// Where parts at `before_m` are forecast to be after `pulse`, m, each with the gain that `gain` gives it there.
+    /// Forecast positions after `pulse`, m, of parts at `before_m`, each with the gain that `gain` gives it there.
     pub fn forecast(
         &self,
         before_m: &[Vec2],
@@ -96,8 +97,9 @@ impl<'a> Planning<'a> {
         self.planner.forecast(&before_m.iter().enumerate().map(state).collect::<Vec<_>>(), pulse)
     }
 
-    /// An ending where rotations are played, a part is to be moved, and the library cannot move the parts at `seen_m`
-    /// independently. It names the part that goes farthest in the hardest joint motion, its direction there and the bound.
+    /// Ends the run where rotations are played, a part is to be moved, and the library cannot move the parts at
+    /// `seen_m` independently. The ending names the part that moves farthest in the hardest joint motion, its direction
+    /// there and the bound.
     pub fn check_controllable(&self, seen_m: &[Vec2], wanted: &Wanted) -> Flow {
         let by_rotations = match self.params.method {
             Method::CorSequence | Method::PseudoInverse => true,
@@ -128,27 +130,27 @@ impl<'a> Planning<'a> {
         self.watch.ending(wanted, seen_m, self.params.method, |part| self.params.id(part))
     }
 
-    /// For people: the part that is farthest from its place.
+    /// The part that is farthest from its place, for people.
     pub fn held_up(&self, wanted: &Wanted, seen_m: &[Vec2]) -> String {
         self.watch.held_up_in_words(wanted, seen_m, |part| self.params.id(part))
     }
 
-    /// For people: why a plan has no pulses.
+    /// The reason, for people, that a plan has no pulses.
     pub fn why_not(&self, status: &PlanStatus) -> String {
         why_not(status, self.params.method, |part| self.params.id(part))
     }
 }
 
-/// Steps to try.
+/// An attempt at a plan: the steps to try.
 #[derive(Clone, Debug, PartialEq)]
 struct Attempt {
     /// The parts with these steps.
     parts: Vec<PartState>,
-    /// True when only some of what was wanted is tried.
+    /// True when this is a share of the wanted steps only.
     is_part: bool,
 }
 
-/// Everything worth trying, best first; no smaller steps of all parts for a planner that tries them itself.
+/// The attempts in order of preference; without smaller steps of all parts for a planner that tries them itself.
 fn attempts(whole: &[PartState], tries_smaller: bool) -> impl Iterator<Item = Attempt> + '_ {
     let fractions = if tries_smaller { &FRACTIONS[..1] } else { &FRACTIONS };
     let together = fractions.iter().map(|&part| Attempt {

@@ -5,9 +5,9 @@ use upm_core::geometry::Vec2;
 use upm_library::Library;
 use upm_planner::{FieldPlanner, Method, PartState, Plan, PlannedPulse, PlannerParams, PseudoInverse, RotationPlanner};
 
-/// Finds the motions of a cycle and says what they will do.
+/// A planner: finds the motions of a cycle and forecasts their effect.
 pub(super) trait Plans {
-    /// The pulses that bring every part its step.
+    /// The pulses that make every part's step.
     fn plan(&mut self, parts: &[PartState]) -> Plan;
 
     /// True when it tries smaller steps itself where the whole ones are infeasible.
@@ -15,18 +15,19 @@ pub(super) trait Plans {
         false
     }
 
-    /// Where `parts` are forecast to be after `pulse`, m; `None` for a pulse of a kind that it does not plan.
+    /// Forecast positions of `parts` after `pulse`, m; `None` for a pulse of a kind that it does not plan.
     fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>>;
 }
 
-/// An unused planner, or the reason that the library has none. Several rehearsals share one: its tables take a few tenths
-/// of a second.
+/// An unused planner, or the reason that the library has none. Several rehearsals share one because its tables take a
+/// few tenths of a second.
 pub struct FreshPlanner(Result<Planner, Ending>);
 
 #[derive(Clone)]
 enum Planner {
     Rotations(RotationPlanner),
-    /// The papers' method, which knows the ideal field alone; the measured `flows` tell where its rotations lead.
+    /// The papers' method, which knows the ideal field alone; the measured `flows` forecast the displacements of its
+    /// rotations.
     PseudoInverse {
         planner: PseudoInverse,
         flows: RotationPlanner,
@@ -35,7 +36,7 @@ enum Planner {
 }
 
 impl FreshPlanner {
-    /// The one that `method` asks for; none where it cannot work with this library.
+    /// The planner that `method` asks for, or the reason that it cannot work with this library.
     pub fn new(method: Method, library: &Arc<Library>, params: PlannerParams) -> Self {
         let rotations = || RotationPlanner::new(Arc::clone(library), params);
         Self(match method {
@@ -51,7 +52,7 @@ impl FreshPlanner {
         })
     }
 
-    /// One to plan with; else the ending of a run that has none.
+    /// A planner, or the ending of a run without one.
     pub(super) fn plans(&self) -> Result<Box<dyn Plans>, Ending> {
         self.0.clone().map(|planner| Box::new(planner) as Box<dyn Plans>)
     }

@@ -1,4 +1,4 @@
-//! Net progress of a run: a run that plays pulses and brings no part nearer ends instead of going on to its time limit.
+//! Net progress of a run: a run whose pulses bring no part nearer ends instead of going on to its time limit.
 
 use super::condition::why_not;
 use super::ending::Ending;
@@ -7,41 +7,43 @@ use upm_core::job::StopCause;
 use upm_goal::Wanted;
 use upm_planner::{Limit, Method, PlanStatus};
 
-/// Plans with pulses in which some measure of progress must improve; cycles that play on a sequence do not count.
+/// Plans with pulses in which some measure of progress must improve; cycles that continue a sequence do not count.
 const FUTILE_CYCLES: u32 = 20;
-/// The same where every part is within six times the tolerance: each cycle may be the one that brings all of them in, as in a
-/// run of 24 coins after twenty cycles that brought them no nearer.
+/// The same where every part is within `NEAR` times the tolerance: each cycle may be the one that brings all of them
+/// in, as in a run of 24 coins after twenty cycles that brought them no nearer.
 const NEAR_CYCLES: u32 = 100;
 const NEAR: f64 = 6.0;
-/// Cycles with pulses in which the parts must come nearer to their targets: ways round each other lead away for a while.
+/// Cycles with pulses in which the parts must come nearer to their targets: detours around each other lead away for a
+/// while.
 const DETOUR_CYCLES: u32 = 200;
-/// Part of the distance by which it must fall to count as an improvement.
+/// Relative decrease of a distance that counts as an improvement.
 const SHARE: f64 = 0.01;
-/// The same for a single part that is not at its target yet: dense sets go on part by part, some of them back for a while.
+/// The same for a single part that is not at its target yet: dense sets advance part by part, some of them back for a
+/// while.
 const PART_SHARE: f64 = 0.05;
-/// Subgoals that moved farther than this are new ones, m.
+/// Displacement above which a subgoal counts as a new one, m.
 const NEW_M: f64 = 1e-3;
-/// A part that was carried on by less than this, m, and by less than this part of the steps asked for meanwhile, creeps.
+/// A part creeps that advanced by less than this, m, and by less than this share of the steps asked for meanwhile.
 const CREEP_M: f64 = 1e-3;
 const CREEP_SHARE: f64 = 0.1;
 
 /// Watches the progress of a run over its cycles with pulses.
 ///
 /// The measures are the distances of all parts from the goal's targets and from its subgoals, each the root of a sum of
-/// squares, and the least distance of each part from its target. Parts on paths have progressed when one of them was carried
-/// on: a reference waits for its part, and its target may be a whole lap ahead.
+/// squares, and the least distance of each part from its target. Parts on paths have progressed when one of them has
+/// advanced: a reference waits for its part, and its target may be a whole lap ahead.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ProgressWatch {
     follows_paths: bool,
     tolerance_m: f64,
     targets_m: Vec<Vec2>,
     subgoals_m: Vec<Vec2>,
-    /// The least distances so far, m.
+    /// Least distances of all parts from targets and from subgoals so far, m.
     from_targets_m: f64,
     from_subgoals_m: f64,
     /// For each part the least distance from its target so far, m.
     of_each_m: Vec<f64>,
-    /// Cycles with pulses since any measure improved, and since the distance from the targets did.
+    /// Number of cycles with pulses since any measure improved, and since the distance from the targets did.
     futile: u32,
     detour: u32,
     creep: Creep,
@@ -49,10 +51,10 @@ pub(super) struct ProgressWatch {
     limit: Option<Limit>,
 }
 
-/// Counts the cycles in which no part is carried on.
+/// Counts the cycles in which no part advances.
 #[derive(Clone, Debug, Default)]
 struct Creep {
-    /// Where the parts lay when one was last carried on, m.
+    /// Positions of the parts when one last advanced, m.
     from_m: Vec<Vec2>,
     /// The sum of the longest steps asked for in each cycle since, m.
     asked_m: f64,
@@ -61,7 +63,7 @@ struct Creep {
 }
 
 impl Creep {
-    /// Takes a look at rest, after pulses if `played`, from which a step of `step_m` is asked for.
+    /// Takes a look at rest, after pulses if `played`, at which a step of `step_m` is asked for.
     fn look(&mut self, seen_m: &[Vec2], step_m: f64, played: bool) {
         let begins = self.from_m.len() != seen_m.len();
         if begins || farthest_m(&self.from_m, seen_m) > CREEP_M.max(CREEP_SHARE * self.asked_m) {
@@ -73,32 +75,33 @@ impl Creep {
     }
 }
 
-/// A part that is held up: the farthest from where it should be.
+/// The part that hinders progress: the farthest from where it should be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct HeldUp {
     /// Index of the part.
     part: usize,
-    /// Its way to its target, or on a path to its subgoal, m.
+    /// Vector to its target, or on a path to its subgoal, m.
     way_m: Vec2,
 }
 
 impl ProgressWatch {
-    /// A watch at the beginning of a run.
+    /// Watch at the beginning of a run.
     pub fn new(follows_paths: bool, tolerance_m: f64) -> Self {
         Self { follows_paths, tolerance_m, ..Self::default() }
     }
 
-    /// Notes why a plan could not be made.
+    /// Notes the reason for an infeasible plan.
     pub fn note(&mut self, status: &PlanStatus) {
         if let PlanStatus::Infeasible(limit) = status {
             self.limit = Some(*limit);
         }
     }
 
-    /// Takes a look at rest; `played` says whether pulses came before it. True when the run makes no progress any more.
+    /// Takes a look at rest; `played` is true when pulses came before it. Returns true when the run no longer makes
+    /// progress.
     pub fn look(&mut self, wanted: &Wanted, seen_m: &[Vec2], played: bool) -> bool {
         if distance_m(seen_m, &wanted.subgoals_m) == 0.0 {
-            // every part is let be: a hold that holds
+            // no part has a target: a hold that succeeds
             *self = Self::new(self.follows_paths, self.tolerance_m);
             return false;
         }
@@ -107,7 +110,7 @@ impl ProgressWatch {
             (distance_m(seen_m, &wanted.targets_m), distance_m(seen_m, &wanted.subgoals_m));
         let begins = self.subgoals_m.len() != wanted.subgoals_m.len();
         let moved = begins || farthest_m(&self.subgoals_m, &wanted.subgoals_m) > NEW_M;
-        // what is new is no progress by itself: targets may be exchanged and ways looked for again, over and over
+        // new targets are not progress by themselves: they may be exchanged and paths searched again, over and over
         if begins || self.targets_m != wanted.targets_m {
             self.targets_m.clone_from(&wanted.targets_m);
             self.from_targets_m = from_targets_m;
@@ -123,7 +126,7 @@ impl ProgressWatch {
         let gets_on = improves(&mut self.from_subgoals_m, from_subgoals_m) || is_carried_on;
         let one_gets_on = self.one_is_nearer(seen_m);
         self.detour = if nearer || self.follows_paths { 0 } else { detour };
-        // on a path a part that creeps comes nearer to the end of its lap, too
+        // on a path a creeping part comes nearer to the end of its lap, too
         let by_targets = (nearer || one_gets_on) && !self.follows_paths;
         self.futile = if gets_on || by_targets { 0 } else { futile };
         if self.futile == 0 {
@@ -133,12 +136,12 @@ impl ProgressWatch {
         self.futile >= if is_near { NEAR_CYCLES } else { FUTILE_CYCLES } || self.detour >= DETOUR_CYCLES
     }
 
-    /// True unless the last cycles brought nothing, or nothing to speak of.
+    /// True unless the last cycles brought no, or only negligible, progress.
     pub fn is_getting_on(&self) -> bool {
         self.futile.max(self.creep.cycles) < FUTILE_CYCLES / 4
     }
 
-    /// True when a part that is not there yet is clearly nearer to its target than ever.
+    /// True when a part that is not there yet is clearly nearer to its target than before.
     fn one_is_nearer(&mut self, seen_m: &[Vec2]) -> bool {
         let mut any = false;
         for (least_m, now_m) in self.of_each_m.iter_mut().zip(distances_m(seen_m, &self.targets_m)) {
@@ -149,7 +152,8 @@ impl ProgressWatch {
         any
     }
 
-    /// The ending of a run that makes no progress: the part that is held up, its way, and the limit that stopped plans.
+    /// The ending of a run without progress: the part that hinders it, its vector to the target, and the limit that
+    /// made plans infeasible.
     pub fn ending<'a>(
         &self,
         wanted: &Wanted,
@@ -166,7 +170,7 @@ impl ProgressWatch {
         Ending::failed_because(StopCause::NoProgress, reason)
     }
 
-    /// For people: the part that is held up, how far from its place and in which direction.
+    /// For people: the part that hinders progress, its distance from its place and the direction.
     pub fn held_up_in_words<'a>(&self, wanted: &Wanted, seen_m: &[Vec2], id: impl Fn(usize) -> &'a str) -> String {
         let Some(HeldUp { part, way_m }) = self.held_up(wanted, seen_m) else { return "there are no parts".into() };
         let direction_deg = way_m.y.atan2(way_m.x).to_degrees();
@@ -175,7 +179,8 @@ impl ProgressWatch {
         format!("{} is {way_mm:.2} mm from its place, which is towards {direction_deg:.0} deg{boxed_in}", id(part))
     }
 
-    /// The part that is farthest from where it should be, of those that are boxed in if there are any; `None` without parts.
+    /// The part that is farthest from where it should be, among those that are boxed in if there are any; `None`
+    /// without parts.
     fn held_up(&self, wanted: &Wanted, seen_m: &[Vec2]) -> Option<HeldUp> {
         let ends_m = if self.follows_paths { &wanted.subgoals_m } else { &wanted.targets_m };
         let ways = seen_m.iter().zip(ends_m).enumerate().map(|(part, (seen, end))| HeldUp { part, way_m: end - seen });
@@ -198,7 +203,7 @@ fn distances_m(from_m: &[Vec2], to_m: &[Vec2]) -> impl Iterator<Item = f64> {
     from_m.iter().zip(to_m).map(|(from, to)| (to - from).norm())
 }
 
-/// True when `now_m` is clearly less than `least_m`, which it then becomes.
+/// True when `now_m` is clearly less than `least_m`, which is then set to it.
 fn improves(least_m: &mut f64, now_m: f64) -> bool {
     let better = now_m < (1.0 - SHARE) * *least_m;
     if better {
@@ -221,7 +226,7 @@ mod tests {
         Vec2::new(x_m, 0.0)
     }
 
-    /// Looks until a run of one part is ended; `at` gives wanted and where the part is in each cycle.
+    /// Feeds looks until a run of one part is ended; `at` gives the request and the part's position in each cycle.
     fn ended_at(paths: bool, cycles: u32, at: impl Fn(u32) -> (Wanted, Vec2)) -> Option<u32> {
         let mut watch = ProgressWatch::new(paths, TOLERANCE_M);
         (0..cycles).find(|&cycle| {
@@ -246,7 +251,7 @@ mod tests {
         let targets_m = vec![x(0.0), x(0.1)];
         let wanted = Wanted { subgoals_m: targets_m.clone(), targets_m, ..Wanted::default() };
         let mut watch = ProgressWatch::new(false, TOLERANCE_M);
-        // the first comes nearer step by step while the second goes away by as much and more
+        // the first comes nearer step by step while the second moves away by as much or more
         let ended = (0..300).find(|&cycle| {
             let at_m = 0.02 * 0.99_f64.powi(cycle);
             watch.look(&wanted, &[x(at_m), x(0.1 + 0.05 - at_m)], cycle > 0)
@@ -297,7 +302,7 @@ mod tests {
 
     #[test]
     fn part_that_creeps_is_not_getting_on() {
-        // the reference stays 4 mm ahead of a part that gets on by 0.2 mm, and of one by 1 mm, in each cycle
+        // the reference stays 4 mm ahead of the part, which advances by 0.2 mm or by 1 mm in each cycle
         let creeps = |step_m: f64| {
             move |cycle: u32| {
                 let at_m = step_m * f64::from(cycle);

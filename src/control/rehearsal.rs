@@ -1,8 +1,8 @@
-//! A job played on the library's displacement model alone, before anything moves: no rig, no camera, no truth.
+//! Rehearsal of a job on the library's displacement model, before anything moves: without rig, camera or ground truth.
 //!
-//! The loop is that of a run: ask the goal, plan, play, look again, learn the parts' gains. Parts go exactly where the
-//! run's planner forecasts them with a friction that it does not know, on a plate that makes each motion a little off
-//! what it is asked for, as plates do in runs. Looks are perfect, and parts that meet only push each other aside.
+//! The loop is that of a run: ask the goal, plan, play, look again, learn the parts' gains. Parts move exactly as the
+//! run's planner forecasts, with a friction unknown to it, on a plate whose motions deviate slightly from the commanded
+//! ones, as in runs. Looks are exact, and parts that meet only push each other aside.
 
 mod disturbance;
 mod stage;
@@ -29,20 +29,20 @@ use upm_planner::{Method, Plan, PlanStatus, PlannedPulse};
 
 pub use types::{LimitMet, Nearest, Rehearsal, RehearsalParams};
 
-/// Planning and playing a synthesised field, for each group of parts and second of the pulse, ms on one core of the
+/// Planning and playing a synthesised field, ms per group of parts and second of the pulse, on one core of the
 /// reference machine: 24 parts take 2.7 ms a cycle, 8 take 1.1 ms, 3 with short pulses 0.3 ms.
 const FIELD_MS: f64 = 3.5;
 /// Parts that the field planner moves in one vector.
 const GROUP: usize = 8;
-/// Planning a cycle of rotations and playing it, ms, and the part that grows with the square of the number of parts: most
-/// cycles correct a sequence, some plan a new one. 8 parts take 10 ms a cycle in the mean, 16 take 40 ms.
+/// Planning and playing a cycle of rotations, ms, and the part that grows with the square of the number of parts: most
+/// cycles correct a sequence, some plan a new one. On average 8 parts take 10 ms a cycle, 16 take 40 ms.
 const CYCLE_MS: f64 = 2.5;
 const SQUARE_MS: f64 = 0.15;
-/// A look, ms.
+/// Evaluating a look, ms.
 const LOOK_MS: f64 = 0.02;
 
-/// Plays `goal` to its end by `planner` on the displacement model of `library`. `watch` is told the plate time and the goal's
-/// progress, 0 to 1, once a look.
+/// Plays `goal` to its end by `planner` on the displacement model of `library`. `watch` receives the plate time and the
+/// goal's progress, 0 to 1, once per look.
 pub fn rehearse(
     library: &Arc<Library>,
     planner: &FreshPlanner,
@@ -71,7 +71,7 @@ pub fn rehearse(
     let (end, wanted) = player.until_end(goal, watch);
     let left_off = end.is_none();
     let played_s = player.stage.now().secs();
-    // a job without an end goes on as it did until its limit
+    // a job without an end is assumed to go on at its pace until its limit
     let goes_on =
         if left_off && params.endless && played_s > 0.0 { (params.time_limit_s / played_s).max(1.0) } else { 1.0 };
     let in_all = |count: u64| (count as f64 * goes_on).round() as u64;
@@ -120,12 +120,12 @@ struct Player<'a> {
     work_ms: f64,
     most_work_ms: f64,
     limits_met: Vec<LimitMet>,
-    /// True when the last plan played on a sequence.
+    /// True when the last plan continued a sequence.
     continues: bool,
 }
 
 impl Player<'_> {
-    /// How it ended, `None` when it is left off, and what the goal wanted last.
+    /// The ending, `None` when the rehearsal is broken off, and the goal's last request.
     fn until_end(&mut self, goal: &mut dyn Goal, watch: &mut dyn FnMut(PlateTime, f64)) -> (Option<Ending>, Wanted) {
         let (mut went_on_at, mut furthest) = (self.stage.now(), 0.0);
         let (mut looked, mut played) = (false, false);
@@ -166,9 +166,9 @@ impl Player<'_> {
         }
     }
 
-    /// The ending of a rehearsal that is left off. A job without an end has done what it can by then.
+    /// The ending of a rehearsal that is broken off. A job without an end counts as completed.
     fn left_off(&self, wanted: &Wanted) -> Ending {
-        // rounded down: what is left off is never all of the way
+        // rounded down: a rehearsal that is broken off is never at 100 %
         let (plate_s, percent) = (self.stage.now().secs(), (100.0 * wanted.progress).floor());
         if self.params.endless {
             let limit_s = self.params.time_limit_s;
@@ -232,13 +232,13 @@ impl Player<'_> {
         }
     }
 
-    /// Plans the wanted steps, or what of them can be made, as a run does.
+    /// Plans the wanted steps, or the feasible share of them, as a run does.
     fn plan(&mut self, wanted: &Wanted) -> Flow<Plan> {
         let whole = self.planning.states(&self.stage.positions_m, wanted, |step_m| step_m);
         let (params, library, limits_met) = (self.params, self.planning.library, &mut self.limits_met);
         self.planning.plan(self.cycles, wanted, &whole, |plan, _| {
             let ControlParams { method, planner, parts, .. } = params;
-            // the check for nothing to do comes first in every planner
+            // every planner checks first whether there is anything to do
             if plan.status != PlanStatus::NothingToDo {
                 self.work_ms += attempt_ms(library, *method, planner.max_sustain_s, plan, parts.len());
             }
@@ -250,8 +250,8 @@ impl Player<'_> {
     }
 }
 
-/// Modelled time of one attempt at a plan for `parts` parts, and of playing it, ms: the clock would give equal jobs
-/// different rehearsals. A plan without pulses has taken the planner as long as one for the longest pulse.
+/// Modelled time of one attempt at a plan for `parts` parts and of playing it, ms: a real clock would give equal jobs
+/// different rehearsals. A plan without pulses counts as one for the longest pulse.
 fn attempt_ms(library: &Library, method: Method, longest_s: f64, plan: &Plan, parts: usize) -> f64 {
     match method {
         Method::SynthesizedField => {
@@ -263,7 +263,7 @@ fn attempt_ms(library: &Library, method: Method, longest_s: f64, plan: &Plan, pa
     }
 }
 
-/// Counts one more plan that `limit` kept from being made.
+/// Counts one more plan that `limit` made infeasible.
 fn note(limits_met: &mut Vec<LimitMet>, limit: String) {
     match limits_met.iter_mut().find(|met| met.limit == limit) {
         Some(met) => met.times += 1,

@@ -13,31 +13,31 @@ use upm_core::signal::{CHANNELS, Harmonic};
 use upm_library::AxisShape;
 use upm_perception::estimation::{AxisPhasors, Coefficients, check_channels, relative_gains};
 
-/// Times the pre-compensation is measured and mended; the last pass only confirms.
+/// Number of passes that measure and correct the pre-compensation; the last one only confirms.
 const PASSES: usize = 3;
 /// Peak of `cos a - sin 2a`.
 const WAVE_PEAK: f64 = 1.7602;
-/// Amplitude that a waveform's peak is tried with.
+/// Amplitude, in counts, at which a waveform's peak is computed.
 const TRIAL_COUNTS: i32 = 10_000;
-/// Part of the count limit the axis pulses use; leaves room for the mended waveform's higher peak.
+/// Share of the count limit that the axis pulses use; the rest is room for the corrected waveform's higher peak.
 const EFFORT: f64 = 0.75;
-/// A channel that shows less of the strongest one than this is dead: every channel sees one whole axis at least.
+/// A channel that reads less than this share of the strongest one is dead: every channel sees at least one whole axis.
 const DEAD_CHANNEL: f64 = 0.1;
-/// Least and most that a channel may show for the others' 1.
+/// Least and largest gain of a channel relative to the others.
 const CHANNEL_GAIN: (f64, f64) = (0.8, 1.25);
-/// Part of the readings that may not be those of a rigid plate.
+/// Largest share of the readings that may contradict a rigid plate.
 const CHANNEL_MISFIT: f64 = 0.05;
 
-/// How the three axes answer.
+/// Measured response of the three axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axes {
-    /// Waveforms that make every axis move as `A (sin wt + ½ cos 2wt)`, A per count that of a free mass.
+    /// Waveforms that make every axis move as `A (sin wt + ½ cos 2wt)`, A per count equal to that of a free mass.
     pub shapes: [AxisShape; 3],
     /// Twist (m/s, m/s, rad/s) from axis amplitudes `fx = X1-X2`, `fy = Y1-Y2`, `s = (Y1+Y2)-(X1+X2)` in counts.
     pub twist_from_counts: Matrix3<f64>,
-    /// What each accelerometer channel shows for a true 1, against the others.
+    /// Gain of each accelerometer channel relative to the others: its reading for a true 1.
     pub accelerometer_gain: [f64; CHANNELS],
-    /// The last pulse of each axis, what the closing pulses are held against.
+    /// The last pulse of each axis; the closing pulses are compared with it.
     pub(super) opening: [AxisPulse; 3],
 }
 
@@ -88,8 +88,8 @@ pub(super) fn measure(bench: &mut Workbench<'_>, params: &CalibrationParams) -> 
     Ok(Axes { shapes, twist_from_counts, accelerometer_gain: bench.sensors.gain, opening: pulses })
 }
 
-/// Refuses channels and coils that cannot be as the rig file says. Channels first, for coils are judged by them; a
-/// resonance that is too high spoils the size of coils, but not what names one that is dead, reversed or exchanged.
+/// Refuses channels and coils that contradict the rig file. Channels are checked first because they measure the coils.
+/// A resonance that is too high distorts the coils' gains, but not the detection of dead, reversed or exchanged ones.
 fn check(
     bench: &Workbench<'_>,
     pulses: &[AxisPulse; 3],
@@ -105,7 +105,8 @@ fn check(
     second.check_gains(&first)
 }
 
-/// Refuses the first channel that one pulse of x, y and spin each shows dead, reversed or off.
+/// Refuses a channel that one pulse each of x, y and spin shows to be dead, reversed or off in gain, the worst first,
+/// and readings that fit no rigid plate.
 fn check_channels_alike(
     shown: &[[Coefficients; CHANNELS]],
     accelerometer_in_plate_m: Vec2,
@@ -125,7 +126,7 @@ fn check_channels_alike(
     fault(channel, if gain < 0.0 { ChannelFault::Reversed { gain } } else { ChannelFault::Gain { gain } })
 }
 
-/// Index and value of the worst of those that are `bad`.
+/// Index and value of the `bad` channel for which `how` is largest.
 fn worst(values: [f64; CHANNELS], bad: impl Fn(f64) -> bool, how: impl Fn(f64) -> f64) -> Option<(usize, f64)> {
     values.into_iter().enumerate().filter(|(_, value)| bad(*value)).max_by(|a, b| how(a.1).total_cmp(&how(b.1)))
 }
@@ -156,8 +157,8 @@ fn refuse_resonance(
     Err(CalibrationFault::Resonance { axis: NAMES[axis], lag_deg, base_hz: model.base_radps / TAU })
 }
 
-/// The waveform that makes the axis answer as `A (sin wt + ½ cos 2wt)`, phasors -jA and A/2, from how it answered
-/// (velocity phasors per count) to `shape`. With A that of a free mass Eq. 15 holds for the amplitudes sent.
+/// The waveform that makes the axis answer as `A (sin wt + ½ cos 2wt)`, phasors -jA and A/2, from its measured response
+/// to `shape` (velocity phasors per count). A is that of a free mass, so that Eq. 15 holds for the amplitudes sent.
 fn mended(shape: AxisShape, response: &AxisPhasors, speed: f64) -> AxisShape {
     let AxisShape([old_first, old_second]) = shape;
     let force_first = -Complex::i() * speed * old_first.phasor() / response.first;

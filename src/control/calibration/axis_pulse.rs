@@ -6,16 +6,16 @@ use upm_perception::estimation::{Coefficients, FitFault, TwistFit};
 /// Names of the axes in faults.
 pub(super) const NAMES: [&str; 3] = ["axis x", "axis y", "axis spin"];
 
-/// A pulse of one axis, played both ways.
+/// A pulse of one axis, played in both directions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct AxisPulse {
     pub drive: Drive,
-    /// Readings of the channels, half the difference of both ways, m/s², with their gains in it.
+    /// Readings of the channels, m/s²: half the difference between the two directions, the channels' gains included.
     pub shown: [Coefficients; CHANNELS],
 }
 
 impl AxisPulse {
-    /// Plays `drive` both ways; the pulse and both readings.
+    /// Plays `drive` in both directions; the pulse and both readings.
     pub fn play(
         bench: &mut Workbench<'_>,
         axis: usize,
@@ -36,7 +36,8 @@ impl AxisPulse {
     }
 }
 
-/// Readings of the channels with their gains put back in, without all that does not turn round with the drive.
+/// Half the difference of the readings, with the channels' gains put back in: leaves out everything that does not
+/// change sign with the drive.
 fn half_difference(there: &TwistFit, back: &TwistFit, gain: &[f64; CHANNELS]) -> [Coefficients; CHANNELS] {
     let (there, back) = (&there.accel_mps2, &back.accel_mps2);
     std::array::from_fn(|c| std::array::from_fn(|k| 0.5 * (there[c][k] - back[c][k]) * gain[c]))

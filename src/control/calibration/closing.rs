@@ -6,12 +6,11 @@ use super::{CalibrationFault, Component};
 use upm_core::signal::CHANNELS;
 use upm_perception::estimation::Coefficients;
 
-/// Largest change of a reading between the opening and the closing pulse, as a part of it. Noise makes a thousandth and
-/// coins that lie elsewhere up to a hundredth; a coil that lost a tenth of its force, or a channel of its gain, is
-/// found.
+/// Largest change of a reading between the opening and the closing pulse, relative. Noise causes 0.001 and coins at
+/// other places up to 0.01; a coil or a channel that lost a tenth of its gain exceeds it.
 const ALLOWED: f64 = 0.03;
 
-/// Plays the opening pulses again and refuses whatever changed since.
+/// Plays the opening pulses again and refuses a rig that has changed since.
 pub(super) fn check(bench: &mut Workbench<'_>, axes: &Axes) -> Result<(), CalibrationFault> {
     let mut closing: [AxisPulse; 3] = Default::default();
     for (axis, opening) in axes.opening.iter().enumerate() {
@@ -32,7 +31,7 @@ pub(super) fn check(bench: &mut Workbench<'_>, axes: &Axes) -> Result<(), Calibr
     Err(CalibrationFault::Changed { component, change, allowed: ALLOWED })
 }
 
-/// The only channel that changed, and by how much.
+/// The channel that changed and its relative change, if it is the only one.
 fn channel(opening: &[AxisPulse; 3], closing: &[AxisPulse; 3]) -> Option<(usize, f64)> {
     let all = |pulses: &[AxisPulse; 3], channel: usize| pulses.each_ref().map(|pulse| pulse.shown[channel]);
     let change = |channel: usize| {
@@ -44,7 +43,7 @@ fn channel(opening: &[AxisPulse; 3], closing: &[AxisPulse; 3]) -> Option<(usize,
     found.filter(|_| changed.next().is_none())
 }
 
-/// The only coil that changed, and by how much.
+/// The coil that changed and its relative change, if it is the only one.
 fn coil(bench: &Workbench<'_>, opening: &[AxisPulse; 3], closing: &[AxisPulse; 3]) -> Option<(Component, f64)> {
     let [before, now] = [opening, closing].map(|pulses| Coils::read(pulses, &bench.sensors, bench.model));
     now[1].changed_since(&before[1], ALLOWED).map(|(coil, change)| (Component::Coil(coil), change))

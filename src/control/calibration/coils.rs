@@ -1,9 +1,9 @@
-//! Single coils, seen through pulses that drive two or four of them.
+//! Gains of the single coils, from pulses that drive two or four of them.
 //!
 //! A pulse of x drives X1 and X2 against each other (Eq. 7): their sum moves the plate along x and their difference
-//! turns it. A pulse of y does the same with Y1 and Y2, and one of spin shows both differences along x and y and the
-//! sum of all four. So three pulses make nine answers for four gains, and what no four gains explain is a fault of
-//! another kind.
+//! turns it. A pulse of y does the same with Y1 and Y2. A pulse of spin shows both differences along x and y and the
+//! sum of all four. Three pulses thus give nine equations for four gains; a residual that no gains explain is a fault
+//! of another kind.
 
 use nalgebra::{Complex, Matrix3, Matrix3x4, Matrix4, Matrix4x3};
 
@@ -14,18 +14,19 @@ use upm_core::rig::RigModel;
 use upm_core::signal::{MOTORS, Motor};
 use upm_perception::estimation::{AccelerometerPair, twist_from_corners};
 
-/// A coil of less than this part of its nominal force is dead.
+/// A coil below this share of its nominal force is dead.
 const DEAD: f64 = 0.2;
-/// Least and most force of a coil as a part of its nominal one.
+/// Least and largest force of a coil, relative to its nominal one.
 const GAIN: (f64, f64) = (0.7, 1.3);
-/// How far a coil may be from the mean of the four, as a part of it.
+/// Largest deviation of a coil from the mean of the four, relative.
 const UNLIKE: f64 = 0.15;
-/// Part of the answer that the coils' gains need not explain: resonances below the drive make up to half of it.
+/// Largest share of the response that the coils' gains may leave unexplained: resonances below the drive make up to
+/// half of it.
 const MISFIT: f64 = 0.25;
-/// Part that two exchanged coils need not explain.
+/// The same for two exchanged coils.
 const SWAPPED_MISFIT: f64 = 0.15;
 
-/// Motors whose force has the sign of the pulse: X1 in one of x, Y1 in those of y and spin.
+/// Motors whose force has the sign of the pulse: X1 for x, Y1 for y and spin.
 const X1: usize = 0;
 const Y1: usize = 2;
 /// Motor forces, in counts, of the three pulses.
@@ -33,20 +34,20 @@ const PLAYED: Matrix4x3<f64> = Matrix4x3::new(1.0, 0.0, -1.0, -1.0, 0.0, -1.0, 0
 /// Wrench of the motors along x, along y and about the centre (over the lever arm), in counts (Eq. 7).
 const WRENCH: Matrix3x4<f64> = Matrix3x4::new(1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0, -1.0, -1.0, 1.0, 1.0);
 
-/// The coils as one harmonic of three pulses shows them.
+/// The coils' gains as one harmonic of three pulses shows them.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Coils {
     /// Wrench on a free plate for one count of each pulse, in counts: rows x, y, spin; columns the pulses.
     wrench: Matrix3<f64>,
     /// Gain of each coil, as a multiple of the nominal one.
     gain: [f64; MOTORS],
-    /// Part of `wrench`, root mean square, that these gains do not explain.
+    /// Share of `wrench`, root mean square, that these gains leave unexplained.
     misfit: f64,
 }
 
 impl Coils {
-    /// From the first and from the second harmonic of `pulses`. The second says more: there the plate is nearer to a
-    /// free mass.
+    /// The gains from the first and from the second harmonic of `pulses`. The second is the more reliable one: at its
+    /// frequency the plate is closer to a free mass.
     pub fn read(pulses: &[AxisPulse; 3], sensors: &AccelerometerPair, model: &RigModel) -> [Self; 2] {
         [0, 1].map(|harmonic| {
             let columns = [(0, X1), (1, Y1), (2, Y1)];
@@ -61,7 +62,7 @@ impl Coils {
         Self { wrench, gain, misfit: part_left(&wrench, &explained) }
     }
 
-    /// Refuses two coils that are exchanged, and coils that are dead or reversed, where that explains what was read.
+    /// Refuses two exchanged coils, and dead or reversed ones, where that explains the readings.
     pub fn check_working(&self) -> Result<(), CalibrationFault> {
         let (swap, misfit) = self.swapped();
         if misfit < SWAPPED_MISFIT && misfit < 0.5 * self.misfit {
@@ -76,8 +77,8 @@ impl Coils {
         Err(CalibrationFault::Coil { coil, fault })
     }
 
-    /// Refuses gains that are not the rig file's, or not alike. `first` is the same of the first harmonic: resonances
-    /// raise that one, a low-pass lowers the second, and a coil that is off is off in both.
+    /// Refuses gains that contradict the rig file or each other. `first` holds those of the first harmonic: resonances
+    /// raise them and a low-pass lowers those of the second, so a faulty coil is one that is off in both.
     pub fn check_gains(&self, first: &Self) -> Result<(), CalibrationFault> {
         if self.misfit > MISFIT {
             return Err(CalibrationFault::Coupled { misfit: self.misfit });
@@ -98,8 +99,8 @@ impl Coils {
         Ok(())
     }
 
-    /// The coil whose gain is no longer what it is in `before`, by which part of it; `None` where gains do not explain
-    /// the answers or more than one differs by more than `allowed`.
+    /// The coil whose gain has changed since `before`, and its relative change; `None` where gains do not explain the
+    /// response or more than one differs by more than `allowed`.
     pub fn changed_since(&self, before: &Self, allowed: f64) -> Option<(Motor, f64)> {
         let change = |coil: usize| (self.gain[coil] / before.gain[coil] - 1.0).abs();
         let mut off = (0..MOTORS).map(|coil| (Motor::ALL[coil], change(coil))).filter(|(_, change)| *change > allowed);
@@ -112,7 +113,7 @@ impl Coils {
         gains.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((Motor::X1, f64::NAN))
     }
 
-    /// The two coils whose exchange explains most of the answer, and the part that it does not explain.
+    /// The two coils whose exchange explains most of the response, and the share left unexplained.
     fn swapped(&self) -> ([Motor; 2], f64) {
         let pairs = (0..MOTORS).flat_map(|a| (a + 1..MOTORS).map(move |b| [a, b]));
         let of_pair = |[a, b]: [usize; 2]| {
@@ -140,8 +141,7 @@ fn gains_of(wrench: &Matrix3<f64>) -> [f64; MOTORS] {
     [of_x - differ_x, of_x + differ_x, of_y + differ_y, of_y - differ_y].map(|twice| 0.5 * twice)
 }
 
-/// Wrench on a free plate that makes it answer `pulse` as the channels showed, for one count of its `motor`, in
-/// counts.
+/// Wrench on a free plate that explains the channels' readings of `pulse`, for one count of its `motor`, in counts.
 fn answer(
     pulse: &AxisPulse,
     harmonic: usize,
@@ -163,7 +163,7 @@ fn answer(
     std::array::from_fn(|row| Complex::new(cos[row], -sin[row]) / force)
 }
 
-/// The answers without the delay that all share: the motors' low-pass turns a harmonic by less than 90°.
+/// The response without the delay common to all: the motors' low-pass turns a harmonic by less than 90°.
 fn real_part(answers: &Matrix3<Complex<f64>>) -> Matrix3<f64> {
     let turned_rad = 0.5 * answers.iter().map(|answer| answer * answer).sum::<Complex<f64>>().arg();
     answers.map(|answer| (answer * Complex::from_polar(1.0, -turned_rad)).re)

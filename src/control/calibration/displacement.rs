@@ -14,34 +14,34 @@ use upm_core::time::StoppedClock;
 use upm_core::units::mm_from_m;
 use upm_library::{DisplacementModel, Entry, Library};
 
-/// Speed nodes of the model.
+/// Number of speed nodes of the model.
 const SPEEDS: usize = 14;
-/// Strength of the pull towards straight lines between nodes; settles nodes that no coin passed.
+/// Weight of the penalty on curvature between nodes; it determines nodes that no coin passed.
 const SMOOTHING: f64 = 0.02;
-/// Speeds at which the gentle motions are measured, as parts of the library's gentle speed: the model needs both
-/// sides of it.
+/// Speeds at which the gentle motions are measured, as multiples of the library's gentle speed: the model needs nodes
+/// on both sides of it.
 const GENTLE_STEPS: [f64; 3] = [0.6, 1.2, 4.0];
 /// The plate's edge keeps this distance from a coin's rim, m.
 const EDGE_M: f64 = 4e-3;
-/// A pulse carries coins no farther than this many times the longest displacement wanted.
+/// Limit for the displacement of a pulse, as a multiple of the longest displacement wanted.
 const FARTHEST: f64 = 1.5;
 /// Displacement below which the strongest pulse counts as no motion, m.
 const STILL_M: f64 = 0.2e-3;
 
-/// Opening and closing steps may differ by so many standard deviations of their mean.
+/// Largest difference between opening and closing steps, in standard deviations of their mean.
 const CLOSING_SIGMAS: f64 = 3.0;
-/// And by this part of the step: each coin has a friction of its own, and lies elsewhere at the end.
+/// The share of the step allowed on top: coins differ in friction and have moved by the end.
 const CLOSING_SHARE: f64 = 0.1;
 
-/// Sustains measured in one period of the drive. Where in the period a pulse ends decides over the parts' last push: their
-/// distance rises in steps, one a period, of up to a tenth.
+/// Sustains measured per period of the drive. The phase at which a pulse ends decides the parts' last push: their
+/// distance rises in steps, one per period, of up to a tenth.
 const SUSTAINS_A_PERIOD: f64 = 6.0;
-/// With many sustains every motion is measured with one in so many of them only.
+/// With [`MANY`] sustains, every motion is measured with only one in this many of them.
 const TURNS: usize = 3;
-/// From this many sustains on.
+/// Number of sustains from which that applies.
 const MANY: usize = 24;
 
-/// One coin in one pulse.
+/// Measurement of one coin in one pulse.
 struct Sample {
     speed_mps: f64,
     sustain: usize,
@@ -51,7 +51,8 @@ struct Sample {
 struct Quiet;
 impl Sink for Quiet {}
 
-/// Sends the coins to and fro with every entry of `library` and fits the displacement model to what the camera saw.
+/// Moves the coins to and fro with every entry of `library` and fits the displacement model to the camera's
+/// measurements.
 pub(super) fn measure(
     bench: &mut Workbench<'_>,
     library: &Library,
@@ -78,8 +79,8 @@ pub(super) fn measure(
     Ok(model)
 }
 
-/// Refuses steps of the opening pulses, which chose the longest sustain, that are not those of the closing ones: the
-/// pulses of that sustain come last.
+/// Refuses a rig whose opening pulses, which chose the longest sustain, carried coins differently than the closing
+/// ones; the pulses of that sustain come last.
 fn check_closing(opening: &[Sample], model: &DisplacementModel) -> Result<(), CalibrationFault> {
     let Some(&longest_s) = model.sustain_s.last().filter(|_| !opening.is_empty()) else { return Ok(()) };
     let count = opening.len() as f64;
@@ -95,8 +96,8 @@ fn check_closing(opening: &[Sample], model: &DisplacementModel) -> Result<(), Ca
     Err(CalibrationFault::StepChanged { opening_mm, closing_mm, allowed_mm })
 }
 
-/// Motions that show coins anywhere many speeds in many directions: centres across the plate and outside it,
-/// translations; each as strong as the motors allow, and gently.
+/// Motions that give coins all over the plate many speeds in many directions: centres on the plate and outside it, and
+/// translations, each as strong as the motors allow and gently.
 pub(super) fn motions(half_side_m: f64, gentle_mps: f64) -> Vec<Motion> {
     const CENTERS: [[f64; 2]; 8] =
         [[0.0, 0.0], [-0.6, -0.3], [0.3, 0.6], [0.6, -0.6], [-0.3, 0.3], [1.5, 0.7], [-1.2, 1.5], [-0.6, -2.0]];
@@ -113,8 +114,8 @@ pub(super) fn motions(half_side_m: f64, gentle_mps: f64) -> Vec<Motion> {
     strong.chain(gentle).collect()
 }
 
-/// Lengthens the pulse until a coin goes as far as shall be measured; sustains evenly up to there, and the steps in the
-/// longest of those pulses.
+/// Lengthens the pulse until a coin moves as far as the model must cover. Returns sustains spaced evenly up to there,
+/// and the steps in the longest of those pulses.
 fn choose_sustains(
     bench: &mut Workbench<'_>,
     eyes: &mut Eyes,
@@ -149,7 +150,7 @@ fn choose_sustains(
     Ok(((0..=last as usize).map(|k| top_s * k as f64 / last).collect(), steps))
 }
 
-/// Plays one pulse and measures every coin; nothing is played that could carry one over the edge.
+/// Plays one pulse and measures every coin. Plays nothing, and has no samples, where a coin could go over the edge.
 fn pulse(
     bench: &mut Workbench<'_>,
     eyes: &mut Eyes,
@@ -200,7 +201,7 @@ fn fit(samples: &[Sample], sustain_s: Vec<f64>) -> DisplacementModel {
     let mut moving: Vec<f64> = samples.iter().filter(|s| s.distance_m > 0.05e-3).map(|s| s.speed_mps).collect();
     moving.sort_unstable_by(f64::total_cmp);
     let fastest = samples.iter().map(|s| s.speed_mps).fold(0.0, f64::max);
-    // One in a hundred may be a slip: a coin beside the centre that something else moved.
+    // One in a hundred may be an outlier: a coin near the centre of rotation that something else moved.
     let first = 0.8 * moving.get(moving.len() / 100).map_or(fastest, |&slowest| slowest);
     let ratio = (fastest / first).powf(1.0 / (SPEEDS - 1) as f64);
     let speed_mps: Vec<f64> = (0..SPEEDS as i32).map(|i| first * ratio.powi(i)).collect();
@@ -222,7 +223,7 @@ fn fit(samples: &[Sample], sustain_s: Vec<f64>) -> DisplacementModel {
     DisplacementModel { speed_mps, sustain_s, distance_m, sd_m }
 }
 
-/// Node values and the scatter about them of one sustain's samples.
+/// Node values, and the scatter about them, of one sustain's samples.
 fn fit_curve(samples: &[&Sample], speed_mps: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let nodes = speed_mps.len();
     let mut normal = DMatrix::<f64>::identity(nodes, nodes) * 1e-9;
@@ -257,7 +258,7 @@ fn fit_curve(samples: &[&Sample], speed_mps: &[f64]) -> (Vec<f64>, Vec<f64>) {
     (values.iter().copied().collect(), scatter.iter().map(|(sum, weight)| (sum / weight).sqrt()).collect())
 }
 
-/// The node at or below `speed` and the part of the way to the next one, clamped to the grid.
+/// The node at or below `speed` and the fraction of the interval to the next one, clamped to the grid.
 fn place(speed_mps: &[f64], speed: f64) -> (usize, f64) {
     let i = speed_mps.partition_point(|&node| node <= speed).clamp(1, speed_mps.len() - 1) - 1;
     let part = (speed - speed_mps[i]) / (speed_mps[i + 1] - speed_mps[i]);

@@ -7,17 +7,17 @@ use upm_core::signal::{CHANNEL_NAMES, Motor};
 use upm_core::units::GRAVITY_MPS2;
 use upm_perception::estimation::FitFault;
 
-/// Velocity lags force by 90° on a free mass, by nothing at resonance; an axis nearer to that than this is refused.
+/// Least velocity lag, degrees. Velocity lags force by 90° on a free mass and by 0° at resonance.
 pub(super) const LEAST_LAG_DEG: f64 = 45.0;
 
-/// A part of the rig that calibration can tell from the others.
+/// A part of the rig that calibration can tell apart from the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Component {
     /// A voice coil, with its amplifier and cable.
     Coil(Motor),
     /// A channel of the accelerometers, index into [`CHANNEL_NAMES`].
     Channel(usize),
-    /// An axis of the plate, where no single coil explains it.
+    /// An axis of the plate, where no single coil explains the fault.
     Axis(&'static str),
 }
 
@@ -33,22 +33,22 @@ impl fmt::Display for Component {
     }
 }
 
-/// What is wrong with a coil. Gains are multiples of the rig file's.
+/// Fault of a coil. Gains are multiples of the rig file's.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum CoilFault {
-    /// It gives no force.
+    /// The coil gives no force.
     #[error("found {gain:.2} of its nominal force, allowed: 0.7 to 1.3 (dead: check its cable, fuse and amplifier)")]
     Dead {
-        /// Its gain.
+        /// Measured gain.
         gain: f64,
     },
-    /// It pulls where it should push.
+    /// The force has the wrong sign.
     #[error("found {gain:.2} of its nominal force, allowed: 0.7 to 1.3 (reversed: exchange its two wires)")]
     Reversed {
-        /// Its gain, negative.
+        /// Measured gain, negative.
         gain: f64,
     },
-    /// It plays what another coil is told to play, and the other way round.
+    /// The coil plays another coil's signal, and the other plays its signal.
     #[error(
         "found it exchanged with coil {other:?}, allowed: each coil on its own amplifier (check the plugs of both)"
     )]
@@ -56,50 +56,50 @@ pub enum CoilFault {
         /// The other coil.
         other: Motor,
     },
-    /// Too weak or too strong for its data sheet.
+    /// Too weak or too strong compared with the data sheet.
     #[error(
         "found {gain:.2} of its nominal force, allowed: 0.7 to 1.3 (check its amplifier, and mass, inertia and \
          newtons_per_count in the rig file)"
     )]
     Gain {
-        /// Its gain.
+        /// Measured gain.
         gain: f64,
     },
-    /// Too weak or too strong for one of four alike.
+    /// Too weak or too strong compared with the other three coils.
     #[error(
         "found {ratio:.2} times the mean force of the four coils, allowed: 0.85 to 1.15 (check this coil and its \
          amplifier)"
     )]
     Unlike {
-        /// Its gain as a multiple of the mean.
+        /// Its gain, as a multiple of the mean.
         ratio: f64,
     },
 }
 
-/// What is wrong with an accelerometer channel. Gains are multiples of the channels' median.
+/// Fault of an accelerometer channel. Gains are multiples of the channels' median.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ChannelFault {
-    /// It shows nothing.
+    /// The channel gives no signal.
     #[error("found {share:.2} of what the strongest channel shows, allowed: 0.1 or more (dead: check its cable)")]
     Dead {
-        /// Its root mean square as a part of the strongest channel's.
+        /// Its root mean square as a share of the strongest channel's.
         share: f64,
     },
-    /// Its sign is reversed.
+    /// The sign is reversed.
     #[error("found a gain of {gain:.2} against the others, allowed: 0.8 to 1.25 (reversed: check how it is mounted)")]
     Reversed {
-        /// Its gain, negative.
+        /// Measured gain, negative.
         gain: f64,
     },
-    /// Its gain is not that of the others.
+    /// The gain differs from that of the others.
     #[error("found a gain of {gain:.2} against the others, allowed: 0.8 to 1.25 (check its sensor and its range)")]
     Gain {
-        /// Its gain.
+        /// Measured gain.
         gain: f64,
     },
 }
 
-/// Why there is no library.
+/// Reason for which a calibration yields no library.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CalibrationFault {
     /// The rig refused or failed.
@@ -111,59 +111,59 @@ pub enum CalibrationFault {
     /// A trace could not be read.
     #[error("{what}: {fault}")]
     Trace {
-        /// What was played.
+        /// Name of the measurement.
         what: String,
-        /// Why it could not be read.
+        /// The reason.
         fault: FitFault,
     },
-    /// A coil does not do what the rig file says.
+    /// A coil contradicts the rig file.
     #[error("{}: {fault}", Component::Coil(*coil))]
     Coil {
-        /// Which.
+        /// The coil.
         coil: Motor,
-        /// What is wrong with it.
+        /// Its fault.
         fault: CoilFault,
     },
-    /// An accelerometer channel does not show what the others do.
+    /// An accelerometer channel contradicts the others.
     #[error("{}: {fault}", Component::Channel(*channel))]
     Channel {
         /// Index into [`CHANNEL_NAMES`].
         channel: usize,
-        /// What is wrong with it.
+        /// Its fault.
         fault: ChannelFault,
     },
-    /// The four channels do not show the motion of one rigid plate.
+    /// The readings of the four channels do not fit one rigid plate.
     #[error(
         "accelerometers: found {misfit:.2} of their readings not those of a rigid plate, allowed: 0.05 or less (check \
          their mounting, their channels' order and `position_mm` in the rig file)"
     )]
     NotRigid {
-        /// Part of the readings, root mean square, that no gains explain.
+        /// Share of the readings, root mean square, that no gains explain.
         misfit: f64,
     },
-    /// A drive of one axis does not move the plate.
+    /// The strongest drive of an axis does not move the plate.
     #[error(
         "{axis}: found {found_mps2:.2} m/s² in its strongest pulse, allowed: {needed_mps2:.2} m/s² or more (check \
          power, emergency stop and the cables of its coils)"
     )]
     Still {
-        /// Which.
+        /// The axis.
         axis: &'static str,
         /// Largest acceleration, m/s².
         found_mps2: f64,
-        /// What can be read, m/s².
+        /// Least acceleration that can be read, m/s².
         needed_mps2: f64,
     },
-    /// The plate answers as no four coils of any gains would make it.
+    /// The plate's response does not fit four coils with any gains.
     #[error(
         "motors: found {misfit:.2} of the plate's answer not that of four coils, allowed: 0.25 or less (check the \
          coils' order and mounting, and mass, inertia and `lever_arm_mm` in the rig file)"
     )]
     Coupled {
-        /// Part of the answer, root mean square, that no gains of the coils explain.
+        /// Share of the response, root mean square, that no gains of the coils explain.
         misfit: f64,
     },
-    /// The closing pulse is not the opening one: a coil or a channel changed while the rig was calibrated.
+    /// The closing pulse differs from the opening one: a coil or a channel changed during calibration.
     #[error(
         "{component}: found the closing pulse {:.1} % off the opening one, allowed: {:.1} % (it changed while the rig \
          was calibrated: check it, and calibrate again)",
@@ -171,14 +171,14 @@ pub enum CalibrationFault {
         100.0 * allowed
     )]
     Changed {
-        /// What changed.
+        /// The coil, channel or axis that changed.
         component: Component,
-        /// By which part of what it did at first.
+        /// Relative change since the opening pulse.
         change: f64,
-        /// Largest change that is accepted.
+        /// Largest change that is accepted, relative.
         allowed: f64,
     },
-    /// The same pulse carries parts another way at the end of their measurement than at its start.
+    /// The closing pulses carry parts differently than the opening pulses with the same drive.
     #[error(
         "camera: found steps of {closing_mm:.2} mm in closing pulses that were {opening_mm:.2} mm in the opening ones, \
          allowed: {allowed_mm:.2} mm of difference (check camera, plate and coins, and calibrate again)"
@@ -203,20 +203,20 @@ pub enum CalibrationFault {
     TooWeak {
         /// Largest displacement seen, mm.
         moved_mm: f64,
-        /// What counts as a displacement, mm.
+        /// Least distance that counts as a displacement, mm.
         needed_mm: f64,
         /// Largest acceleration of the plate in that pulse, m/s².
         peak_mps2: f64,
     },
-    /// An axis answers ahead of what a mass would: its resonance is not below the drive's frequency.
+    /// An axis leads the phase of a free mass: its resonance is not below the drive's frequency.
     #[error(
         "{axis}: found a velocity {lag_deg:.0}° behind the force at {base_hz:.1} Hz, allowed: {LEAST_LAG_DEG}° or more (the \
          resonance must lie below the drive's frequency, where velocity is the force's integral, 90° behind it)"
     )]
     Resonance {
-        /// Which.
+        /// The axis.
         axis: &'static str,
-        /// By how much velocity lags force at the base frequency, degrees.
+        /// Lag of velocity behind force at the base frequency, degrees.
         lag_deg: f64,
         /// The drive's base frequency, Hz.
         base_hz: f64,

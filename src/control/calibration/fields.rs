@@ -7,15 +7,15 @@ use upm_core::signal::{Drive, Envelope, Harmonic};
 use upm_library::{FieldResponse, motor_harmonics};
 use upm_perception::estimation::{MAX_PERIODS, TwistFit};
 
-/// Part of the count limit that a harmonic is played with: less than the axis pulses, which the accelerometers could
-/// read, so that the pull to the centre of the slower base frequency has room too.
+/// Share of the count limit at which a harmonic is played: less than that of the axis pulses, whose signals the
+/// accelerometers resolved, because the restoring force at the slower base frequency needs room too.
 const EFFORT: f64 = 0.5;
-/// Time at full height, s: what the flank sets off has died down before the last periods are read.
+/// Time at full height, s: long enough for the transient of the flank to decay before the last periods are read.
 const SUSTAIN_S: f64 = 0.2;
 const NAMES: [&str; 3] = ["field x", "field y", "field spin"];
 
-/// Plays every harmonic of the rig's synthesised motions on every axis, both ways, and reads the plate's answer on all
-/// three; `None` where it makes none.
+/// Plays every harmonic of the rig's synthesised motions on every axis, in both directions, and reads the plate's
+/// response on all three; `None` where the rig makes none.
 pub(super) fn measure(bench: &mut Workbench<'_>) -> Result<Option<FieldResponse>, CalibrationFault> {
     let Some(fields) = bench.model.fields else { return Ok(None) };
     let mut twist_from_counts = Vec::with_capacity(fields.harmonics);
@@ -54,8 +54,8 @@ fn answer(
     Ok(Vector3::from_fn(|moved, _| (read(&there, moved) - read(&back, moved)) / Complex::from(2.0 * counts)))
 }
 
-/// `counts · cos kwt` on one axis. Written as the second harmonic of half its frequency: so the read-out of two
-/// harmonics sees twice the periods and needs but eight samples in each. The first would have too long a period.
+/// `counts · cos kwt` on one axis, written as the second harmonic of half its frequency: the read-out of two harmonics
+/// then sees twice the periods and needs only eight samples in each. As a first harmonic its period would be too long.
 fn pulse(bench: &Workbench<'_>, fields: &FieldDriveModel, k: usize, axis: usize, counts: f64) -> Drive {
     let read_s = std::f64::consts::TAU * MAX_PERIODS as f64 / fields.base_radps;
     let sustain_s = SUSTAIN_S.max(read_s).min(bench.model.max_sustain_s);

@@ -4,38 +4,38 @@ use upm_core::rig::PartKind;
 /// Settings of a calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CalibrationParams {
-    /// Rows and columns of the grid of centres over the plate.
+    /// Rows and columns of the grid of centres on the plate.
     pub grid: usize,
-    /// Half the grid's side as a part of half the plate's.
+    /// Half the grid's side as a share of half the plate's side.
     pub grid_reach: f64,
-    /// Radii of the rings of centres outside the plate, as parts of half the plate's side.
+    /// Radii of the rings of centres outside the plate, as multiples of half the plate's side.
     pub rings: Vec<f64>,
-    /// Centres on each ring.
+    /// Number of centres on each ring.
     pub ring_centers: usize,
-    /// Directions of translation.
+    /// Number of directions of translation.
     pub translations: usize,
-    /// Plate speed amplitude of the gentle motions, m/s; they make the shortest steps.
+    /// Plate speed amplitude of the gentle motions, m/s; these make the shortest steps.
     pub gentle_mps: f64,
     /// Rows and columns of the gentle motions' grid of centres.
     pub gentle_grid: usize,
-    /// Directions of gentle translation.
+    /// Number of directions of gentle translation.
     pub gentle_translations: usize,
-    /// Part of the motors' limit that is used.
+    /// Share of the motors' limit that is used.
     pub effort: f64,
     /// Sustain of the pulses that are read through the accelerometers, s.
     pub read_sustain_s: f64,
     /// Longest displacement to be measured, m.
     pub longest_m: f64,
-    /// Most sustains measured.
+    /// Largest number of sustains measured.
     pub sustains: usize,
-    /// The kind of coin on the plate.
+    /// The kind of coin used for the measurement.
     pub kinds: Vec<PartKind>,
-    /// The coins.
+    /// The coins on the plate.
     pub coins: Vec<ExpectedPart>,
 }
 
 impl CalibrationParams {
-    /// The full library with these coins on the plate.
+    /// Settings for the full library, measured with these coins on the plate.
     pub fn full(kinds: Vec<PartKind>, coins: Vec<ExpectedPart>) -> Self {
         Self {
             grid: 15,
@@ -56,14 +56,14 @@ impl CalibrationParams {
     }
 }
 
-/// How far calibration has come.
+/// Progress of a calibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CalibrationProgress {
-    /// The measurement under way.
+    /// Name of the current measurement.
     pub stage: &'static str,
-    /// Measurements done in this stage.
+    /// Number of finished measurements in this stage.
     pub done: usize,
-    /// Measurements in this stage.
+    /// Number of measurements in this stage.
     pub total: usize,
     /// Plate time so far, s.
     pub plate_time_s: f64,

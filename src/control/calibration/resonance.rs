@@ -1,5 +1,5 @@
-//! Resonance search: each axis is driven by a multisine and its mass-spring-damper fitted to the accelerometers' spectrum
-//! (UPM paper, Eq. 33).
+//! Resonance search: each axis is driven by a multisine and its mass-spring-damper fitted to the accelerometers'
+//! spectrum (UPM paper, Eq. 33).
 
 use std::f64::consts::{PI, TAU};
 
@@ -14,32 +14,32 @@ use upm_perception::estimation::{FitFault, OscillatorFit, axis_lines, fit_oscill
 
 /// Longest period of the multisine, s: its first line is at 3.3 Hz, below the resonances of plates on springs.
 const PERIOD_S: f64 = 0.3;
-/// Lines of the multisine; a drive's peak is known exactly enough for up to 16.
+/// Number of lines of the multisine. A drive's peak is found accurately enough for up to 16 harmonics.
 const LINES: usize = 16;
-/// Part of the count limit the multisine may use.
+/// Share of the count limit that the multisine may use.
 const EFFORT: f64 = 0.8;
-/// Travel of a free plate, its lines added up, m. A resonance multiplies the share of the lines next to it.
+/// Travel of a free plate, summed over the lines, m. A resonance multiplies the share of the lines next to it.
 const TRAVEL_M: f64 = 2e-3;
-/// Part of the accelerometers' range that a free plate's acceleration may use, its lines added up.
+/// Share of the accelerometers' range that a free plate's acceleration may use, summed over the lines.
 const RANGE_SHARE: f64 = 0.7;
-/// Pulses of either sign whose spectra are averaged.
+/// Number of pulses of either sign whose spectra are averaged.
 const REPEATS: usize = 4;
-/// Times the strength is halved when a resonance drives the accelerometers to their limit.
+/// How often the strength is halved when a resonance drives the accelerometers to their limit.
 const HALVINGS: usize = 3;
 const NAMES: [&str; 3] = ["resonance x", "resonance y", "resonance spin"];
 
-/// One axis's frequency response and the oscillator fitted to it.
+/// Frequency response of one axis and the oscillator fitted to it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AxisResonance {
     /// The oscillator; force in counts of the axis amplitude.
     pub fit: OscillatorFit,
-    /// Acceleration per count (m/s² or rad/s²) as a phasor at each line, with the line's frequency in rad/s. The free
-    /// decay of the attack is in it; the fit takes it out.
+    /// Acceleration per count (m/s² or rad/s²) as a phasor at each line, with the line's frequency in rad/s. Contains
+    /// the free decay of the attack, which the fit removes.
     pub lines: Vec<(f64, Complex<f64>)>,
 }
 
 impl AxisResonance {
-    /// The library's form of x, y and spin.
+    /// The resonances of x, y and spin in the form a library stores.
     pub(super) fn plate_response(axes: &[Self; 3]) -> PlateResponse {
         PlateResponse {
             natural_radps: axes.each_ref().map(|axis| axis.fit.natural_radps),
@@ -49,7 +49,7 @@ impl AxisResonance {
 }
 
 /// Finds the resonances of x, y and spin; the accelerometers' gains must be known. `None` where the rig's longest
-/// sustain holds too little of a period to tell them.
+/// sustain holds too few periods to resolve them.
 pub(super) fn measure(bench: &mut Workbench<'_>) -> Result<Option<[AxisResonance; 3]>, CalibrationFault> {
     let mut found = Vec::with_capacity(3);
     for axis in 0..3 {
@@ -73,7 +73,8 @@ fn measure_axis(bench: &mut Workbench<'_>, axis: usize) -> Result<AxisResonance,
     average(bench, axis, &drive)
 }
 
-/// Plays `drive` both ways [`REPEATS`] times; half the difference leaves out all that does not turn round with it.
+/// Plays `drive` in both directions [`REPEATS`] times; half the difference removes everything that does not change sign
+/// with it.
 fn average(bench: &mut Workbench<'_>, axis: usize, drive: &Drive) -> Result<AxisResonance, CalibrationFault> {
     let fault = |fault| CalibrationFault::Trace { what: NAMES[axis].to_owned(), fault };
     let mut accel = vec![Complex::default(); LINES];
@@ -93,14 +94,14 @@ fn average(bench: &mut Workbench<'_>, axis: usize, drive: &Drive) -> Result<Axis
     Ok(AxisResonance { fit, lines })
 }
 
-/// As strong as counts, accelerometers and travel allow. Force grows with frequency, so that every line of a free plate
-/// has the same speed: slow lines stay within the travel, fast ones keep friction and rounding from acting on slow
-/// ones. Phases are Schroeder's (IEEE Trans. Inf. Theory 16, 1970), which keep the peak low.
+/// The multisine, as strong as counts, accelerometers and travel allow. Force grows with frequency, so that every line
+/// of a free plate has the same speed: slow lines stay within the travel, fast ones keep friction and rounding from
+/// acting on slow ones. Phases are Schroeder's (IEEE Trans. Inf. Theory 16, 1970), which keep the peak low.
 fn multisine(bench: &Workbench<'_>, axis: usize) -> Drive {
     let model = bench.model;
     let trace = bench.rig.trace();
     let base_radps = base_radps(PERIOD_S.min(model.max_sustain_s), trace.sample_hz);
-    // a flank as long as a period: short ones would need more force than the sustain
+    // a flank as long as a period: shorter ones would need more force than the sustain
     let envelope = Envelope {
         attack_s: TAU / base_radps,
         sustain_s: (TAU / base_radps).min(model.max_sustain_s),
@@ -125,7 +126,7 @@ fn multisine(bench: &Workbench<'_>, axis: usize) -> Drive {
     unit.scaled(scale)
 }
 
-/// Base frequency whose period is the longest of whole samples within `period_s`.
+/// Base frequency whose period is the longest whole number of samples within `period_s`.
 fn base_radps(period_s: f64, sample_hz: f64) -> f64 {
     TAU * sample_hz / (period_s * sample_hz + 1e-6).floor().max(1.0)
 }

@@ -11,19 +11,19 @@ use upm_library::Entry;
 /// A motion to be measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Motion {
-    /// Its field, any scale.
+    /// Its velocity field, at any scale.
     pub direction: Twist,
-    /// Plate speed amplitude that it shall not exceed anywhere on the plate, m/s; infinite for all that the motors give.
+    /// Limit for the plate's speed amplitude anywhere on the plate, m/s; infinite where only the motors limit it.
     pub top_mps: f64,
 }
 
-/// Size of the amplitudes a drive's peak is first tried with; large, so that rounding does not show.
+/// Size of the amplitudes at which a drive's peak is computed; large, so that rounding is negligible.
 const TRIAL_COUNTS: f64 = 1e4;
 
-/// A miss of the wanted centre above this part of its distance from the plate's middle is corrected once.
+/// A deviation from the wanted centre above this share of its distance from the plate's middle is corrected once.
 const MISS: f64 = 0.01;
 
-/// Plays every wanted motion as strongly as the motors allow and writes down what the plate really did.
+/// Plays every wanted motion as strongly as the motors allow and records the plate's measured twist.
 pub(super) fn measure(
     bench: &mut Workbench<'_>,
     axes: &Axes,
@@ -46,8 +46,8 @@ pub(super) fn measure(
     Ok(entries)
 }
 
-/// Plays axis amplitudes `counts` (any scale) as strongly as motors and `top_mps` allow, both ways, and reads the
-/// plate's twist.
+/// Plays axis amplitudes `counts` (any scale) as strongly as motors and `top_mps` allow, in both directions, and reads
+/// the plate's twist.
 fn play(
     bench: &mut Workbench<'_>,
     axes: &Axes,
@@ -74,8 +74,8 @@ fn amplitudes(axis_counts: Vector3<f64>) -> [i32; 4] {
     [fx / 2.0 - s / 4.0, -fx / 2.0 - s / 4.0, fy / 2.0 + s / 4.0, -fy / 2.0 + s / 4.0].map(|a| a.round() as i32)
 }
 
-/// How far `found` is from the direction `wanted`, both scaled alike, as a twist vector. Spin counts by what it
-/// moves at `reach_m`.
+/// Deviation of `found` from the direction `wanted`, both scaled alike, as a twist vector. Spin is weighted by the
+/// speed it causes at `reach_m`.
 fn miss(found: &Twist, wanted: &Twist, reach_m: f64) -> Vector3<f64> {
     let weight = Vector3::new(1.0, 1.0, reach_m);
     let found = found.vector().component_mul(&weight);
@@ -84,7 +84,7 @@ fn miss(found: &Twist, wanted: &Twist, reach_m: f64) -> Vector3<f64> {
     (found * scale - wanted).component_div(&weight)
 }
 
-/// As strong as the motors allow: a grid of centres, rings outside the plate, translations.
+/// The strong motions: a grid of centres, rings of centres outside the plate, and translations.
 pub(super) fn strong_motions(half_side_m: f64, params: &CalibrationParams) -> Vec<Motion> {
     let rings = params.rings.iter().enumerate().flat_map(|(k, radius)| {
         (0..params.ring_centers).map(move |i| {
@@ -98,7 +98,7 @@ pub(super) fn strong_motions(half_side_m: f64, params: &CalibrationParams) -> Ve
     directions.map(|direction| Motion { direction, top_mps: f64::INFINITY }).collect()
 }
 
-/// A coarser grid and translations, gently: for steps shorter than a strong pulse can make.
+/// The gentle motions: a coarser grid of centres and translations, for steps shorter than a strong pulse can make.
 pub(super) fn gentle_motions(half_side_m: f64, params: &CalibrationParams) -> Vec<Motion> {
     let directions = grid(params.gentle_grid, params.grid_reach * half_side_m);
     let directions = directions.chain(translations(params.gentle_translations));
@@ -110,7 +110,7 @@ fn grid(n: usize, reach_m: f64) -> impl Iterator<Item = Twist> {
     (0..n * n).map(move |i| Twist::about(Vec2::new(at(i % n), at(i / n)), 1.0))
 }
 
-/// Both ways along a line are one entry, so half a turn is enough.
+/// Translations in `n` directions over half a turn: both directions along a line are one entry.
 fn translations(n: usize) -> impl Iterator<Item = Twist> {
     (0..n).map(move |i| {
         let angle = 0.5 * TAU * i as f64 / n as f64;

@@ -6,20 +6,20 @@ use upm_core::signal::{AccelTrace, Drive, Envelope, Frame, MISSING_SAMPLE};
 use upm_library::{AxisShape, PlateResponse, drive_for};
 use upm_perception::estimation::{AccelerometerPair, TwistFit, fit_twist};
 
-/// The rig with what every measurement needs.
+/// The rig together with everything a measurement needs.
 pub(super) struct Workbench<'a> {
     pub rig: &'a mut dyn Rig,
     pub model: &'a RigModel,
-    /// The accelerometers as far as they are known by now.
+    /// The accelerometers as calibrated so far.
     pub sensors: AccelerometerPair,
-    /// The plate as far as it is known by now.
+    /// The plate's response as measured so far.
     pub plate: PlateResponse,
     pub stop: &'a AtomicBool,
     pub progress: &'a mut dyn FnMut(CalibrationProgress),
 }
 
 impl<'a> Workbench<'a> {
-    /// With accelerometers as their data sheet has them.
+    /// With the accelerometers' gains from their data sheet.
     pub fn new(
         rig: &'a mut dyn Rig,
         model: &'a RigModel,
@@ -30,7 +30,7 @@ impl<'a> Workbench<'a> {
         Self { rig, model, sensors, plate: PlateResponse::default(), stop, progress }
     }
 
-    /// Measures, and leaves the motors at zero however that ends.
+    /// Runs a measurement and sets the motors to zero at its end, also after an error.
     pub fn work<T>(
         mut self,
         measure: impl FnOnce(&mut Self) -> Result<T, CalibrationFault>,
@@ -45,13 +45,13 @@ impl<'a> Workbench<'a> {
         (self.progress)(CalibrationProgress { stage, done, total, plate_time_s });
     }
 
-    /// The pulse of these amplitudes.
+    /// The pulse with these motor amplitudes in counts.
     pub fn drive(&self, amplitudes: [i32; 4], shapes: &[AxisShape; 3], sustain_s: f64) -> Drive {
         let envelope = Envelope { attack_s: self.model.attack_s, sustain_s, rest_s: self.model.rest_s };
         drive_for(amplitudes, shapes, &self.plate, self.model.base_radps, envelope)
     }
 
-    /// How many times stronger than `amplitudes` a pulse may be until a motor is at its limit.
+    /// Factor by which `amplitudes` may be scaled before a motor reaches its limit.
     pub fn headroom(&self, amplitudes: [i32; 4], shapes: &[AxisShape; 3]) -> f64 {
         self.model.count_limit / self.drive(amplitudes, shapes, 0.0).peak_counts().max(f64::MIN_POSITIVE)
     }
@@ -67,14 +67,14 @@ impl<'a> Workbench<'a> {
         f64::from(shown.map(|count| count.unsigned_abs()).max().unwrap_or(0)) * trace.mps2_per_count
     }
 
-    /// Plays a pulse to the end of its rest and reads its motion from the accelerometers.
+    /// Plays a pulse to the end of its rest and reads the plate's twist from the accelerometers.
     pub fn read_twist(&mut self, what: &str, drive: &Drive) -> Result<TwistFit, CalibrationFault> {
         let trace = self.play(drive)?;
         fit_twist(&trace, &drive.envelope, drive.base_radps, &self.sensors)
             .map_err(|fault| CalibrationFault::Trace { what: what.to_owned(), fault })
     }
 
-    /// Plays a pulse to the end of its rest: the accelerometers' trace of it.
+    /// Plays a pulse to the end of its rest and returns the accelerometers' trace.
     pub fn play(&mut self, drive: &Drive) -> Result<AccelTrace, CalibrationFault> {
         let [width, height] = self.model.frame_size_px;
         let mut frame = Frame::new(width, height);

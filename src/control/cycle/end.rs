@@ -1,4 +1,4 @@
-//! How a run ends: its limits, the second look before its goal counts as reached, lost parts.
+//! The end of a run: its limits, the confirmation of a reached goal, and lost parts.
 
 use std::ops::ControlFlow::{Break, Continue};
 
@@ -8,7 +8,7 @@ use crate::ending::{Ending, Flow};
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
 
-/// Times that a goal may seem reached without a second look agreeing.
+/// How often a goal may seem reached without a second look confirming it.
 const MOST_UNCONFIRMED: u32 = 5;
 
 impl Cycle<'_> {
@@ -32,7 +32,8 @@ impl Cycle<'_> {
         self.planning.watch.is_getting_on() || !self.params.guards.has_code("endless_progress")
     }
 
-    /// `ending` of a task without an end, if two more looks with the table located anew agree with what was tracked.
+    /// Returns `ending` of a task without an end if two more looks, with the table located anew, agree with the
+    /// tracking.
     fn confirmed(&mut self, ending: Ending) -> Ending {
         match self.looks_agree() {
             Continue(true) => ending,
@@ -49,11 +50,12 @@ impl Cycle<'_> {
         Continue(!looks_twice || self.eyes.confirm(self.rig, self.sink, self.clock, self.stop)?)
     }
 
-    /// The goal is reached if two more looks, with the table located anew, say so too; else the run goes on from what they show.
+    /// Ends the run as completed if two more looks, with the table located anew, confirm the goal; otherwise the run
+    /// goes on from the positions these looks show.
     pub(super) fn finish(&mut self, reason: String) -> Flow<Vec<Vec2>> {
         self.check_limits()?;
         if self.looks_agree()? {
-            // what parts do while the plate swings out counts, too
+            // motion of parts while the plate swings out counts, too
             let (at, places_m) = (self.eyes.seen_at(), self.eyes.positions_m());
             if self.goal.next(at, &places_m).done {
                 return Break(Ending::completed(reason));

@@ -1,4 +1,4 @@
-//! One pulse: sent to the motors, followed by the eyes, read from the accelerometers, learned from.
+//! Playing of one pulse: the signal to the motors, tracking by the camera, reading of the accelerometers, learning.
 
 use std::ops::ControlFlow::{Break, Continue};
 
@@ -17,7 +17,8 @@ use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twis
 use upm_planner::PlannedPulse;
 
 impl Cycle<'_> {
-    /// Plays one pulse and follows the parts until a frame shows everything at rest; `moment` says what that frame is for.
+    /// Plays one pulse and tracks the parts until a frame shows everything at rest; `moment` gives the purpose of that
+    /// frame.
     pub(super) fn play(&mut self, planned: &PlannedPulse, moment: Moment) -> Flow {
         let drive = match drive_of(self.library, planned) {
             Ok(drive) => drive,
@@ -56,7 +57,7 @@ impl Cycle<'_> {
             });
         }
         if let Break(ending) = followed {
-            // a plate that did not move as planned explains parts that are not where they should be
+            // a plate that did not move as planned explains parts at unexpected places
             let is_doubt = ending.cause == Some(StopCause::PartsJumped);
             let reading = self.reading(&fit, &sensors, None);
             let cause = if is_doubt { self.doubt_motion(planned, &drive, &reading).break_value() } else { None };
@@ -79,7 +80,7 @@ impl Cycle<'_> {
         self.doubt(planned, &drive, &fit, &sensors, steps)
     }
 
-    /// Follows the parts until a frame shows everything at rest.
+    /// Tracks the parts until a frame shows everything at rest.
     pub(super) fn follow(&mut self, moment: Moment) -> Flow {
         loop {
             let at_rest = self.eyes.look(self.rig, moment, self.sink, self.clock)?;
@@ -89,14 +90,14 @@ impl Cycle<'_> {
             self.check_stop()?;
             self.check_lost()?;
             if 2 * self.eyes.plainly_missing_for() > self.params.lost_after_frames {
-                // a part that the motion blurs is seen once the plate is still
+                // a part blurred by motion becomes visible once the plate is still
                 self.eyes.silence(self.rig);
             }
         }
     }
 
-    /// Holds a pulse against its plan: the plate's motion, the parts' steps, the pictures' time. `steps` are places before
-    /// it, forecast and seen after it, where all were seen.
+    /// Compares a pulse with its plan: the plate's motion, the parts' steps, the pictures' timing. `steps` are the
+    /// places before it, forecast and measured after it, where all parts were seen.
     fn doubt(
         &mut self,
         planned: &PlannedPulse,
@@ -130,7 +131,7 @@ impl Cycle<'_> {
         self.report(found)
     }
 
-    /// Accelerometers and camera on one pulse.
+    /// Readings of accelerometers and camera for one pulse.
     pub(super) fn reading<'a>(
         &self,
         fit: &'a Result<PlateFit, FitFault>,
@@ -160,7 +161,8 @@ impl Cycle<'_> {
         Continue(!ends)
     }
 
-    /// Ends a run whose pictures are late, after a pulse; one that moved the plate off its plan tells nothing of them.
+    /// Ends a run whose pictures are late. To be called after a pulse; one in which the plate moved off its plan is no
+    /// evidence.
     pub(super) fn doubt_delay(&mut self, is_as_planned: bool) -> Flow {
         let Some(late) = (if is_as_planned { self.eyes.late() } else { None }) else { return Continue(()) };
         let reason = match late {
@@ -175,12 +177,12 @@ impl Cycle<'_> {
         AccelerometerPair { position_m: self.model.accelerometer_in_plate_m, gain: self.library.accelerometer_gain }
     }
 
-    /// How the plate should swing in a pulse; `None` where the library does not tell.
+    /// Expected swing of the plate in a pulse; `None` where the library does not give it.
     fn swing(&self, planned: &PlannedPulse, drive: &Drive) -> Option<Swing> {
         Some(self.swing_of(self.coil_responses.expected(planned, drive)?.wave(), drive))
     }
 
-    /// How the plate should swing in a pulse of this velocity at full height.
+    /// Expected swing of the plate in a pulse with this velocity at full height.
     pub(super) fn swing_of(&self, wave: TwistWave, drive: &Drive) -> Swing {
         Swing {
             wave,
@@ -190,8 +192,8 @@ impl Cycle<'_> {
         }
     }
 
-    /// Where parts at `before_m` should be after a pulse: by the library alone, with what was learned, and with
-    /// [`MORE`] gain than that.
+    /// Forecast places, after a pulse, of parts at `before_m`: by the library alone, with the learned gains, and with
+    /// gains larger by [`MORE`].
     fn forecasts(&self, before_m: &[Vec2], pulse: &PlannedPulse) -> Option<[Vec<Vec2>; 3]> {
         let with = |gain: &dyn Fn(usize, Vec2) -> f64| self.planning.forecast(before_m, pulse, gain);
         let learned = |part: usize, at_m: Vec2| self.planning.gains.get(part, at_m);
@@ -199,7 +201,7 @@ impl Cycle<'_> {
     }
 }
 
-/// What the motors are sent for a pulse; `Err` in words where the library cannot drive it.
+/// The drive of the motors for a pulse; `Err` with the reason where the library cannot drive it.
 fn drive_of(library: &Library, planned: &PlannedPulse) -> Result<Drive, String> {
     planned.drive(library).ok_or_else(|| match planned {
         PlannedPulse::Rotation(rotation) => format!("library has no entry {}", rotation.entry),
@@ -209,7 +211,7 @@ fn drive_of(library: &Library, planned: &PlannedPulse) -> Result<Drive, String> 
     })
 }
 
-/// The plate's motion by the accelerometers, for as many harmonics as the pulse has.
+/// The plate's motion from the accelerometers, for as many harmonics as the pulse has.
 fn read(
     planned: &PlannedPulse,
     drive: &Drive,

@@ -1,5 +1,5 @@
-//! The probe: a small pulse that moves no part and tests every coil and accelerometer. It is played first in a run, and after
-//! the table was located anew.
+//! The probe: a small pulse that moves no part and tests every coil and accelerometer. It is the first pulse of a run
+//! and is played again after the table was located anew.
 
 use std::ops::ControlFlow::{Break, Continue};
 
@@ -12,11 +12,11 @@ use crate::guards::Finding;
 use upm_perception::estimation::{ExpectedMotion, FitFault, PlateFit, fit_wave};
 use upm_planner::{FieldPulse, PlannedPulse};
 
-/// Probes in a row, at most, until one is seen to its end.
+/// Largest number of probes in a row until one is tracked to its end.
 const MOST_PROBES: usize = 3;
 
 impl Cycle<'_> {
-    /// Plays the probe, if the library has one, until one is seen to its end, and judges it.
+    /// Plays the probe, if the library has one, until one is tracked to its end, and judges it.
     pub(super) fn probe(&mut self) -> Flow {
         let probe = self.library.probe().filter(|_| self.params.guards.has_code("probe"));
         let Some((mut drive, coils)) = probe else { return Continue(()) };
@@ -28,7 +28,7 @@ impl Cycle<'_> {
                 return self.judge_probe(&expected, &fit);
             }
             if !self.eyes.silenced_pulse() {
-                // what the camera saw of the swing is gone, what coils and channels did is not
+                // the camera's view of the swing is lost; the readings of coils and channels are not
                 let found = self.read_probe(&expected, &fit).filter(|found| found.condition != Condition::MotionOff);
                 self.report(found)?;
             }

@@ -1,4 +1,4 @@
-//! The first look: the table found from nothing, for as long as a hand or the dark may hide it.
+//! The first look: locates the table without prior knowledge, waiting while a hand or darkness may hide it.
 
 use std::ops::ControlFlow::{Break, Continue};
 use std::sync::atomic::AtomicBool;
@@ -15,12 +15,13 @@ use upm_core::signal::Frame;
 use upm_core::time::Clock;
 use upm_perception::vision::{Stages, Table, locate_table_in_stages};
 
-/// Places across the plate at which its exposure is looked at.
+/// Sampling points across the plate for the check of the exposure.
 const ACROSS: usize = 24;
-/// Distance of the ground that is looked at from the middle of the plate, in half sides.
+/// Distance from the plate's middle at which the ground beside it is sampled, in half sides.
 const BESIDE: f64 = 1.06;
 
-/// Captures frames until one shows the table. Returns it with what the search went through and when that began.
+/// Captures frames until one shows the table. Returns the table, the stages of the search and the time at which it
+/// began.
 pub(super) fn find_table(
     rig: &mut dyn Rig,
     model: &RigModel,
@@ -52,8 +53,8 @@ pub(super) fn find_table(
     Break(Ending::guarded(Condition::TableMissing, format!("no table found in {HAND_S:.0} s: {why}")))
 }
 
-/// True when most of the plate, or of the ground beside it, is as light as the camera can tell: its sides are then seen up
-/// to half a pixel too far out, or in.
+/// True when most of the plate, or of the ground beside it, is saturated: the plate's sides then appear up to half a
+/// pixel too far out, or in.
 fn is_overexposed(frame: &Frame, table: &Table) -> bool {
     let half_m = 0.5 * table.side_m;
     let steps = || (0..ACROSS).map(|i| (2.0 * (i as f64 + 0.5) / ACROSS as f64 - 1.0) * half_m);
@@ -82,7 +83,7 @@ mod tests {
     use super::*;
     use upm_core::geometry::Lens;
 
-    /// A square of 200 px in the middle of a picture of 300.
+    /// A square of 200 px in the middle of a picture of 300 px.
     fn pictured(plate: u8, ground: u8) -> (Frame, Table) {
         let mut frame = Frame::new(300, 300);
         for (i, pixel) in frame.pixels.iter_mut().enumerate() {

@@ -11,14 +11,15 @@ use crate::guards::{Late, Stale, Swing, SwingSeen};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
-/// Part of the way that a pulse should carry it by which it may be off.
+/// Additional tolerance for a part's place after a pulse, as a share of its forecast displacement.
 const REACH_OF_WAY: f64 = 0.7;
-/// Beyond that, not even a hand that pushes a part takes it so far from one look to the next, m: it is another disc.
+/// Distance beyond the tolerance, m, from which on the detection is another disc: not even a hand pushes a part that
+/// far from one look to the next.
 const LEAP_M: f64 = 0.04;
 
 impl Eyes {
-    /// Announces a pulse at `at` that should carry the parts to `forecast_m` and swing the plate by `swing`; `None` where the
-    /// library does not give them.
+    /// Announces a pulse at `at` that should carry the parts to `forecast_m` and swing the plate by `swing`; `None`
+    /// where the library gives no forecast.
     pub(crate) fn expect_pulse(&mut self, at: PlateTime, forecast_m: Option<&[Vec2]>, swing: Option<Swing>) {
         let places_m = self.positions_m();
         self.expected_m = match forecast_m {
@@ -34,17 +35,17 @@ impl Eyes {
         (self.silenced, self.relocated) = (false, false);
     }
 
-    /// Pixels of a metre on the plate.
+    /// Pixels per metre on the plate.
     pub fn px_per_m(&self) -> f64 {
         self.table.mean_px_per_m()
     }
 
-    /// How the frames of the last pulse show the plate's planned swing.
+    /// How the frames of the last pulse show the planned swing of the plate.
     pub(crate) fn swing_seen(&self) -> SwingSeen {
         self.delay.swing_seen()
     }
 
-    /// True when the table was located anew since the last pulse began: its frames tell nothing sure of that pulse.
+    /// True when the table was located anew since the last pulse began: its frames are no evidence about that pulse.
     pub fn is_relocated(&self) -> bool {
         self.relocated
     }
@@ -54,7 +55,7 @@ impl Eyes {
         std::mem::take(&mut self.relocated)
     }
 
-    /// Delay of the frames, once it is certain; to be called after a pulse that moved the plate as planned.
+    /// Delay of the frames, once it is certain. To be called after a pulse that moved the plate as planned.
     pub(crate) fn late(&mut self) -> Option<Late> {
         self.delay.end().filter(|_| self.guards.has(Condition::CameraLate))
     }
@@ -64,8 +65,8 @@ impl Eyes {
         self.scene.has_changed()
     }
 
-    /// Reason why the newest frame, which arrived at `now` and shows the plate `swing_px` from its place, is not of the present;
-    /// `None` for a frame of the present.
+    /// Reason for which the newest frame, which arrived at `now` and shows the plate `swing_px` from its place, is not
+    /// of the present; `None` for a frame of the present.
     pub(super) fn stale(&mut self, now: PlateTime, swing_px: Option<f64>) -> Option<Blind> {
         let stale = self.scene.stale(&self.frame, now);
         let expected_px = self.delay.expected_px(self.frame.exposed_at.secs());
@@ -81,7 +82,7 @@ impl Eyes {
         covered.filter(|blind| self.guards.has(blind.condition()))
     }
 
-    /// Most parts cannot have got farther than the last pulse carries them: the picture is another one.
+    /// Ends the run when most parts are farther away than the last pulse carries them: the picture is another one.
     pub(super) fn check_jumps(&mut self, sink: &mut dyn Sink) -> Flow {
         let places_m = self.positions_m();
         let is_far = |(place_m, (expected_m, reach_m)): (&Vec2, &(Vec2, f64))| (place_m - expected_m).norm() > *reach_m;

@@ -1,4 +1,4 @@
-//! Which detection is which part of the job.
+//! Assignment of detections to the parts of the job.
 
 use std::ops::ControlFlow::{Break, Continue};
 
@@ -8,14 +8,14 @@ use upm_core::job::StopCause;
 use upm_core::rig::PartKind;
 use upm_perception::vision::Detection;
 
-/// A part the job says is on the plate.
+/// A part that the job expects on the plate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExpectedPart {
     /// Name for people: `penny-1`.
     pub id: String,
     /// Index into the kinds.
     pub kind: usize,
-    /// Where the job says it lies, m; `None` when it may lie anywhere.
+    /// The place the job gives, m; `None` when it may be anywhere.
     pub expected_m: Option<Vec2>,
 }
 
@@ -68,8 +68,8 @@ fn count_parts(found: &[Detection], kinds: &[PartKind], parts: &[ExpectedPart]) 
     Continue(())
 }
 
-/// Gives each part the detection of its kind that is nearest to where it was, each detection to one part; `None` when
-/// the numbers differ. With it the longest way from there, m.
+/// Gives each part the detection of its kind that is nearest to its former place, each detection to one part; `None`
+/// when the numbers differ. Also returns the longest such distance, m.
 pub(super) fn match_parts(mut found: Vec<Detection>, before: &[Detection]) -> Option<(Vec<Detection>, f64)> {
     if found.len() != before.len() {
         return None;

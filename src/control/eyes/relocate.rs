@@ -1,4 +1,4 @@
-//! Table and parts located anew: after a knock, and before a goal counts as reached.
+//! Repeated localisation of table and parts: after a knock, and before a goal counts as reached.
 
 use std::ops::ControlFlow::{Break, Continue};
 use std::sync::atomic::AtomicBool;
@@ -14,22 +14,23 @@ use upm_core::rig::Rig;
 use upm_core::time::Clock;
 use upm_perception::vision::{CoinFinder, Detection, Stages, Table, Tracker, locate_table_in_stages};
 
-/// Distances between corners may change by so much where the table is located anew, px, and by this part of its way.
+/// Allowed change of the distances between corners where the table is located anew: px, plus this share of the corners'
+/// displacement.
 const SHAPE_PX: f64 = 0.5;
 const SHAPE_OF_WAY: f64 = 0.02;
-/// Looks at rest in a row that must show the plate elsewhere: a swing of 5 Hz goes from end to end in this time.
+/// Consecutive looks at rest that must show the plate elsewhere: a swing of 5 Hz goes from end to end in this time.
 const MOVED: u32 = 6;
-/// Looks that show a corner displaced alike, px.
+/// Largest difference between looks that show the same displacement of a corner, px.
 const SAME_PLACE_PX: f64 = 0.3;
-/// Looks with the table located anew before a goal counts as reached.
+/// Number of looks with the table located anew before a goal counts as reached.
 const CONFIRMING_LOOKS: usize = 2;
-/// Looks in a row that show a plate lie still before these.
+/// Number of consecutive looks at a still plate before these.
 const STILL_LOOKS: usize = 2;
-/// Between such looks corners and parts may differ by this much.
+/// Largest differences of corners and parts between such looks.
 const SAME_CORNER_PX: f64 = 0.7;
 const SAME_PART_M: f64 = 0.2e-3;
 
-/// Table and parts of one frame, from nothing.
+/// Table and parts of one frame, located without prior knowledge.
 pub(super) struct Located {
     table: Table,
     found: Vec<Detection>,
@@ -37,17 +38,17 @@ pub(super) struct Located {
     localise_us: f64,
 }
 
-/// Why table and parts are located anew.
+/// Reason for a repeated localisation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Relocation {
-    /// The plate was seen elsewhere; it may still swing.
+    /// The plate was seen elsewhere and may still swing.
     Knocked,
     /// The plate has swung out since.
     SwungOut,
 }
 
-/// True when the corners of `table` are as far from each other as those of `before`: knocks of camera or plate keep that, but
-/// for perspective, and a hand at a corner does not.
+/// True when the corners of `table` are as far apart as those of `before`. Knocks of camera or plate preserve these
+/// distances up to perspective; a hand at a corner does not.
 fn has_shape_of(table: &Table, before: &Table) -> bool {
     let moved = table.corners_px.iter().zip(&before.corners_px).map(|(now, before)| (now - before).norm());
     let allowed_px = SHAPE_PX + SHAPE_OF_WAY * moved.fold(0.0, f64::max);
@@ -57,7 +58,7 @@ fn has_shape_of(table: &Table, before: &Table) -> bool {
 }
 
 impl Eyes {
-    /// Table and parts of the newest frame, from nothing; otherwise why not.
+    /// Table and parts of the newest frame, located without prior knowledge; otherwise the reason for the failure.
     fn locate(&self, clock: &dyn Clock) -> Result<Located, String> {
         let (mut stages, started) = (Stages::default(), clock.elapsed());
         let table = locate_table_in_stages(&self.frame, &self.lens, self.table.side_m, &mut stages);
@@ -75,7 +76,7 @@ impl Eyes {
         Ok(Located { table, found, stages, localise_us })
     }
 
-    /// Locates table and parts anew once the plate is seen elsewhere for long enough.
+    /// Locates table and parts anew once the plate has been seen elsewhere for long enough.
     pub(super) fn settle_place(&mut self, place: &Place, sink: &mut dyn Sink, clock: &dyn Clock) -> Flow {
         let corner_px = match *place {
             Place::Elsewhere { corner_px } => corner_px,
@@ -86,10 +87,10 @@ impl Eyes {
             }
         };
         if self.delay.looks_late() && self.guards.has(Condition::CameraLate) {
-            // late pictures show a plate that has come to rest still swinging
+            // late pictures show a plate at rest as still swinging
             return Continue(());
         }
-        // a plate that still swings in the picture is soon at another place
+        // a plate that still swings in the picture is soon elsewhere
         let agrees = (corner_px - self.displaced_px).abs() < SAME_PLACE_PX || corner_px == self.displaced_px;
         (self.displaced, self.displaced_px) =
             if agrees { (self.displaced + 1, self.displaced_px) } else { (1, corner_px) };
@@ -109,7 +110,7 @@ impl Eyes {
         }
     }
 
-    /// Locates table and parts once more when the plate has swung out from the knock that it was located after.
+    /// Locates table and parts once more when the plate has swung out from the knock that caused the last localisation.
     fn locate_swung_out(&mut self, sink: &mut dyn Sink, clock: &dyn Clock) -> Flow {
         self.displaced = 0;
         match self.locate(clock) {
@@ -118,7 +119,7 @@ impl Eyes {
         }
     }
 
-    /// Goes on from a table that was located anew.
+    /// Continues with a table that was located anew.
     fn relocate(&mut self, located: Located, after: Relocation, sink: &mut dyn Sink) -> Flow {
         let Located { table, found, stages, localise_us } = located;
         let count = found.len();
@@ -154,8 +155,8 @@ impl Eyes {
         Continue(())
     }
 
-    /// Looks twice more with table and parts located from nothing; true when both looks agree with what was tracked. Where
-    /// they do not, what was located anew holds from now on.
+    /// Takes two more looks with table and parts located without prior knowledge; true when both agree with the
+    /// tracking. Where they do not, the new localisation replaces the tracked one.
     ///
     /// # Errors
     /// As [`Eyes::look`].
@@ -187,10 +188,10 @@ impl Eyes {
         Continue(true)
     }
 
-    /// Looks until the plate lies still in the picture, for as long as it takes a plate that was not knocked.
+    /// Waits until the plate is still in the picture, for at most the time a plate that was not knocked takes.
     fn let_swing_out(&mut self, rig: &mut dyn Rig, sink: &mut dyn Sink, clock: &dyn Clock, stop: &AtomicBool) -> Flow {
         let until = rig.quiet_at().max(self.frame.exposed_at) + SWING_S;
-        // a plate that swings is for a moment where it rests
+        // a swinging plate passes its rest position for a moment
         let mut still = 0;
         while rig.now() < until && still < STILL_LOOKS {
             check_stop(stop)?;

@@ -1,5 +1,5 @@
-//! What a frame says besides where the parts are: whether it is of the present, whether the plate can be seen, whether it
-//! is where it was, and whether something lies on it.
+//! Checks of a frame beyond the parts' positions: whether it is of the present, whether the plate is visible, whether
+//! it is where it was, and whether a foreign object is on it.
 
 use crate::condition::Condition;
 use crate::guards::{Freshness, Stale};
@@ -9,40 +9,40 @@ use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
 use upm_perception::vision::{PlateWatch, Table, TableMotion, TableWatch, Track};
 
-/// Displacements of a plate, of a corner and as a whole, that are still taken for its swing after a pulse, px. Frames at rest
-/// that show more start no cycle.
+/// Largest displacements of a corner and of the plate as a whole that are attributed to the swing after a pulse, px.
+/// Frames at rest with larger ones start no cycle.
 const SWING_CORNER_PX: f64 = 0.95;
 const SWING_SHIFT_PX: f64 = 0.7;
-/// The same once it has swung out.
+/// The same for a corner once the plate has swung out.
 const STILL_PX: f64 = 0.25;
-/// A shift from one look to the next from which on the plate still swings, px, and how long it must be still before it has
-/// swung out, s: half of the slowest swing.
+/// Shift between two looks from which on the plate still swings, px, and the time without one after which it has swung
+/// out, s: half of the slowest swing.
 const SWINGS_PX: f64 = 0.1;
 const STILL_S: f64 = 0.12;
 /// Time in which a plate swings out, s.
 pub(super) const SWING_S: f64 = 0.4;
-/// Time after which a run ends, s: of stale frames, without a plate in them, behind a hand.
+/// Durations after which a run ends, s: of stale frames, of frames without a plate, and of a hand in view.
 const STALE_S: f64 = 2.0;
 const DARK_S: f64 = 5.0;
 pub(super) const HAND_S: f64 = 10.0;
-/// A share of the plate below this counts as in view.
+/// Hidden share of the plate below which it counts as in view.
 const HIDDEN: f64 = 0.02;
 /// The same while the plate moves and shows its ground at the sides.
 const COVERED: f64 = 0.06;
 
-/// Why a frame shows nothing to go by.
+/// Reason for which a frame is unusable.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Blind {
-    /// It is not of the present.
+    /// The frame is not of the present.
     Stale(Stale),
-    /// It shows no plate.
+    /// The frame shows no plate.
     Dark,
     /// Something hides part of the plate.
     Hidden,
 }
 
 impl Blind {
-    /// The condition that it is.
+    /// The condition to report.
     pub(super) fn condition(self) -> Condition {
         match self {
             Self::Stale(Stale::Repeated) => Condition::CameraFrozen,
@@ -52,7 +52,7 @@ impl Blind {
         }
     }
 
-    /// Time for which a run waits for its end, s.
+    /// Time for which a run waits for it to end, s.
     pub(super) fn longest_s(self) -> f64 {
         match self {
             Self::Stale(_) => STALE_S,
@@ -61,7 +61,7 @@ impl Blind {
         }
     }
 
-    /// For people.
+    /// The reason for people.
     pub(super) fn reason(self) -> String {
         match self {
             Self::Stale(Stale::Repeated) => "the camera sends the same picture again".into(),
@@ -74,44 +74,45 @@ impl Blind {
     }
 }
 
-/// Where the plate is in the picture.
+/// The plate's place in the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Place {
-    /// Where it was.
+    /// The place where it was.
     Same,
-    /// There, too, but it may still swing: it was elsewhere a moment ago, or was knocked before the table was located.
+    /// The same place, but it may still swing: it was elsewhere a moment ago, or was knocked before the table was
+    /// located.
     Swinging,
-    /// There, and it no longer swings: the table can be located as exactly as at first.
+    /// The same place, and it no longer swings: the table can be located as accurately as at first.
     SwungOut,
-    /// Elsewhere, by this much at a corner, px; infinite where it cannot be told.
+    /// Elsewhere, by this much at a corner, px; infinite where the displacement is unknown.
     Elsewhere {
-        /// px.
+        /// Displacement, px.
         corner_px: f64,
     },
-    /// The frame does not tell.
+    /// The frame does not show it.
     Unknown,
 }
 
-/// What a frame at rest shows.
+/// Findings in a frame at rest.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
     pub(super) blind: Option<Blind>,
     pub(super) place: Place,
-    /// Something that is no part of the job, m.
+    /// Place of an object that does not belong to the job, m.
     pub(super) foreign_m: Option<Vec2>,
 }
 
-/// Follows what should not change.
+/// Monitors everything in the scene that should not change.
 pub(super) struct Scene {
     freshness: Freshness,
     table: TableWatch,
     plate: PlateWatch,
     foreign_m: Option<Vec2>,
-    /// Since a table was located anew: when the plate will have swung out, to be measured from there.
+    /// Time from which the plate will have swung out and can be measured, after a table was located anew.
     rest_from: Option<PlateTime>,
-    /// When a plate that was seen elsewhere at rest has swung through where it lies, and back.
+    /// Time by which a plate that was seen elsewhere at rest has swung through its rest position and back.
     settled_from: PlateTime,
-    /// How far the plate had shifted in the last look at it since the table was located, px.
+    /// Shift of the plate since the table was located, as of the last look, px.
     shift_px: Vec2,
 }
 
@@ -128,7 +129,7 @@ impl Scene {
         }
     }
 
-    /// The first frame, in which the table was located: what later ones are compared with.
+    /// The first frame, in which the table was located; later frames are compared with it.
     pub(super) fn see_first(&mut self, frame: &Frame, now: PlateTime) {
         self.freshness.check(frame, now);
         self.table.set_rest(frame);
@@ -139,12 +140,12 @@ impl Scene {
         self.freshness.has_changed()
     }
 
-    /// Why `frame`, which arrived at `now`, is not of the present, if it is not.
+    /// The reason for which `frame`, which arrived at `now`, is not of the present; `None` for one that is.
     pub(super) fn stale(&mut self, frame: &Frame, now: PlateTime) -> Option<Blind> {
         self.freshness.check(frame, now).map(Blind::Stale)
     }
 
-    /// Looks at a frame taken at rest, in which `tracks` were followed.
+    /// Examines a frame taken at rest, in which `tracks` were followed.
     pub(super) fn examine(&mut self, frame: &Frame, tracks: &[Track]) -> Seen {
         let motion = self.table.check(frame);
         let place = match motion {
@@ -158,13 +159,13 @@ impl Scene {
             TableMotion::Hidden => Place::Unknown,
         };
         if let Place::Elsewhere { .. } = place {
-            // what lies on a plate that has moved is seen once it is located anew
+            // objects on a plate that has moved are detected once it is located anew
             self.foreign_m = None;
             self.settled_from = frame.exposed_at + STILL_S;
             return Seen { blind: None, place, foreign_m: None };
         }
         let sight = self.plate.check(frame, tracks);
-        // a hand shows; where nothing does and the sides are gone, there is no picture of the plate
+        // a hand is visible; where nothing hides the plate and its sides are gone, the picture shows no plate
         let is_hidden = sight.hidden_share > HIDDEN;
         let is_dark = sight.dark || (place == Place::Unknown && !is_hidden);
         let blind = if is_dark { Some(Blind::Dark) } else { is_hidden.then_some(Blind::Hidden) };
@@ -175,14 +176,14 @@ impl Scene {
     /// Obstruction of the view in a frame in which the plate may move; `None` when the camera was knocked.
     pub(super) fn covered(&mut self, frame: &Frame, tracks: &[Track]) -> Option<Blind> {
         if self.table.check(frame) == TableMotion::Displaced {
-            // the camera was knocked: what lies there is found once the plate rests
+            // the camera was knocked: foreign objects are detected once the plate is at rest
             return None;
         }
         let sight = self.plate.check(frame, tracks);
         if sight.dark { Some(Blind::Dark) } else { (sight.hidden_share > COVERED).then_some(Blind::Hidden) }
     }
 
-    /// Where a plate is that is seen where it should be, shifted by `shift_px`.
+    /// The place of a plate that is seen where it should be, shifted by `shift_px`.
     fn settle(&mut self, frame: &Frame, shift_px: Vec2) -> Place {
         let since_last_px = (shift_px - std::mem::replace(&mut self.shift_px, shift_px)).norm();
         if since_last_px > SWINGS_PX {
@@ -201,22 +202,22 @@ impl Scene {
         }
     }
 
-    /// True when the plate lies where it was to a fraction of a pixel: it no longer swings, and nobody knocked it.
+    /// True when the plate is where it was to a fraction of a pixel: it no longer swings and was not knocked.
     pub(super) fn is_still(&self, frame: &Frame) -> bool {
         self.table.check(frame).corner_px().is_some_and(|corner_px| corner_px < STILL_PX)
     }
 
-    /// How far the plate's corners are from where they were when the table was located, px, at most; `None` where it is not seen.
+    /// Largest displacement of the plate's corners since the table was located, px; `None` where it is not visible.
     pub(super) fn swing_px(&self, frame: &Frame) -> Option<f64> {
         self.table.check(frame).corner_px()
     }
 
-    /// Where something foreign lies in the newest frame, m.
+    /// Place of a foreign object in the newest frame, m.
     pub(super) fn foreign_m(&self) -> Option<Vec2> {
         self.foreign_m
     }
 
-    /// The table was located anew, in `frame`, on a plate that may swing.
+    /// Takes over the table that was located anew in `frame`, on a plate that may swing.
     pub(super) fn relocate(
         &mut self,
         table: &Table,
@@ -234,7 +235,7 @@ impl Scene {
         self.forget_plate(table, frame, kinds, dark_parts);
     }
 
-    /// Looks at the plate as for the first time.
+    /// Forgets the plate's appearance and learns it again from `frame`.
     pub(super) fn forget_plate(&mut self, table: &Table, frame: &Frame, kinds: &[PartKind], dark_parts: bool) {
         self.plate = PlateWatch::new(table, [frame.width, frame.height], kinds, dark_parts);
     }

@@ -3,95 +3,102 @@ use std::collections::VecDeque;
 use upm_core::geometry::{Twist, Vec2, perp};
 use upm_core::signal::{Envelope, TwistWave};
 
-/// Longest delay that is looked for, frames.
+/// Longest delay considered, frames.
 const LONGEST: usize = 30;
-/// From this delay on pictures are late, frames.
+/// Delay from which on pictures are late, frames.
 const LATE: usize = 2;
-/// Pulses in a row that must be late.
+/// Number of consecutive pulses that must be late.
 const IN_A_ROW: u32 = 2;
-/// Frames that are looked at together at most, besides those that may be late.
+/// Largest number of frames judged together, besides those that may be late.
 const WINDOW: usize = 48;
-/// The plate must swing so far in them, root of the sum of squares, px; frames before a weak pulse are looked at, too.
+/// Least planned swing of the plate in these frames, root of the sum of squares, px; for a weak pulse the window
+/// includes frames before it.
 const LEAST_SWING_PX: f64 = 0.6;
-/// Frames of which less than this share is left over without a delay are in time.
+/// Residual without a delay, as a share of the squares, below which frames are in time.
 const IN_TIME: f64 = 0.06;
-/// A delay must explain the frames so much better than none: part of the squares that it leaves.
+/// Largest residual with a delay, relative to the residual without one, for the delay to count.
 const BETTER: f64 = 0.35;
-/// And leave no more than this part of what was seen.
+/// Largest residual with a delay, as a share of the observed squares.
 const LEFT: f64 = 0.15;
-/// Share of the squares by which a delay may be worse than the best and still explain the frames; the shortest is taken.
+/// Share of the squares by which a delay may be worse than the best one and still explain the frames; the shortest is
+/// taken.
 const ALIKE: f64 = 0.02;
-/// The same where two pulses are held against each other: a delay that explains both is that of the camera.
+/// The same for comparing two pulses: a delay that explains both is that of the camera.
 const AGREES: f64 = 0.06;
-/// Share of the squares that frames in time may leave over without a delay; with more they say neither.
+/// Residual without a delay, as a share of the squares, above which frames neither confirm nor refute that they are in
+/// time.
 const UNCLEAR: f64 = 0.2;
-/// One pulse suffices where the delay leaves less than the second share of the squares and none leaves more than the first.
+/// One pulse suffices where the residual with the delay is below the second share of the squares and the one without is
+/// above the first.
 const SURE_UNDELAYED: f64 = 0.5;
 const SURE_LEFT: f64 = 0.05;
-/// A plate seen to swing less than this share of the planned squares stands still in the frames.
+/// A plate that shows less than this share of the planned squares is still in the frames.
 const STILL: f64 = 0.03;
-/// Share of the squares that no delay explains from which on frames contradict the drive, and the least swing for that, px.
-/// Quick pulses that beat with the suspension leave up to 0.45.
+/// Residual, as a share of the squares, from which on frames contradict the drive when no delay explains them, and the
+/// least swing for that, px. Quick pulses that beat with the suspension leave up to 0.45.
 const UNLIKE: f64 = 0.47;
 const UNLIKE_SWING_PX: f64 = 1.0;
-/// Largest share of the squares left over by frames that show the planned swing: a swing a fifth larger leaves this much.
+/// Largest residual, as a share of the squares, of frames that show the planned swing: a swing larger by a fifth leaves
+/// this much.
 const AS_DRIVEN: f64 = 0.04;
-/// Share from which on they show another one: a swing by half larger or smaller leaves this much.
+/// Residual from which on they show another swing: one larger or smaller by half leaves this much.
 const OTHERWISE: f64 = 0.25;
-/// A plate seen to swing farther than it was driven to by this factor and so many pixels was pushed by something else.
+/// A plate displaced by more than this factor times the drive's displacement plus so many pixels was pushed by
+/// something else.
 const PUSHED: f64 = 1.3;
 const PUSHED_PX: f64 = 0.3;
-/// Share of the squares up to which frames show the expected swing in all but its height, and the share that they leave
-/// without a delay.
+/// Largest residual, as a share of the squares, of frames that show the expected swing up to its height, and the
+/// residual without a delay.
 const ALIKE_IN_SHAPE: Shape = Shape { left: 0.1, undelayed: 0.4 };
-/// The same for a swing of another shape, of a coil that stutters: one whose pictures are in time leaves up to 0.35.
+/// The same for a swing of another shape, as of a stuttering coil: one whose pictures are in time leaves up to 0.35.
 const ROUGHLY_ALIKE: Shape = Shape { left: 0.3, undelayed: 0.6 };
-/// Displacements above this are not told apart, px.
+/// Larger displacements are clamped to this, px.
 const FARTHEST_PX: f64 = 6.0;
 
-/// How alike swings must be in shape to be told late: the most that a delay may leave, the least that none leaves.
+/// Limits for the comparison of swings in shape alone: the largest residual with a delay and the least without one.
 #[derive(Clone, Copy, Debug)]
 struct Shape {
     left: f64,
     undelayed: f64,
 }
 
-/// Measures how late pictures come: how far the plate's corners swing in each frame, held against how far they should.
+/// Measures the delay of the pictures from the displacement of the plate's corners in each frame, compared with the
+/// planned one.
 #[derive(Clone, Debug)]
 pub struct DelayGuard {
     frame_s: f64,
-    /// The last frames, oldest first; frames that never came have their place.
+    /// The last frames, oldest first; frames that never arrived keep their place.
     frames: VecDeque<Swung>,
     /// Number of the newest frame.
     newest: u64,
-    /// The last two pulses, by when they began, s of plate time.
+    /// The last two pulses with the time of their beginning, s of plate time.
     pulses: VecDeque<(f64, Swing)>,
-    /// Delays that explain the last pulse that was late, and pulses in a row that were.
+    /// Delays that explain the last late pulse, and the number of consecutive late pulses.
     last: Delays,
     late: u32,
 }
 
-/// How pictures lag behind the drive.
+/// Lag of the pictures behind the drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Late {
-    /// By so many frames.
+    /// By this number of frames.
     By(usize),
-    /// They contradict the drive, and no delay explains them.
+    /// The pictures contradict the drive, and no delay explains them.
     Unseen,
 }
 
-/// Planned swing of a pulse as its frames show it.
+/// The planned swing of a pulse as its frames show it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SwingSeen {
-    /// That swing.
+    /// The frames show that swing.
     AsDriven,
-    /// Another one.
+    /// The frames show another swing.
     Otherwise,
-    /// Too little to tell.
+    /// Too small to judge.
     Unclear,
 }
 
-/// How far the corners were from their places in one frame, px.
+/// Displacement of the corners in one frame, px.
 #[derive(Clone, Copy, Debug)]
 struct Swung {
     seen: Option<f64>,
@@ -108,19 +115,19 @@ enum Timing {
     Unclear,
     Late {
         late: Late,
-        /// All delays that explain the frames about as well.
+        /// All delays that explain the frames about equally well.
         delays: Delays,
         is_sure: bool,
     },
 }
 
 impl Timing {
-    /// Frames that no delay explains.
+    /// Verdict on frames that no delay explains.
     fn contradiction() -> Self {
         Self::Late { late: Late::Unseen, delays: Delays::default(), is_sure: false }
     }
 
-    /// Frames that one delay explains, not beyond doubt.
+    /// Verdict on frames that one delay explains, though not with certainty.
     fn late_by(frames: usize) -> Self {
         Self::Late { late: Late::By(frames), delays: Delays::of([frames].into_iter()), is_sure: false }
     }
@@ -135,13 +142,14 @@ impl Delays {
         Self(delays.fold(0, |set, delay| set | 1 << delay))
     }
 
-    /// True when one delay, give or take a frame, belongs to both, or one of them is empty: pictures that no delay explains.
+    /// True when one delay, give or take a frame, is in both sets, or one set is empty: pictures that no delay
+    /// explains.
     fn agrees_with(self, other: Self) -> bool {
         self.0 == 0 || other.0 == 0 || (self.0 | self.0 << 1 | self.0 >> 1) & other.0 != 0
     }
 }
 
-/// How the plate swings in a pulse.
+/// Planned swing of the plate in a pulse.
 #[derive(Clone, Debug)]
 pub struct Swing {
     /// Its velocity at full height, times from the start of the pulse.
@@ -150,12 +158,12 @@ pub struct Swing {
     pub envelope: Envelope,
     /// Distance of the corners from the plate's axes, m.
     pub half_side_m: f64,
-    /// Pixels of a metre on the plate.
+    /// Pixels per metre on the plate.
     pub px_per_m: f64,
 }
 
 impl DelayGuard {
-    /// For a camera of this rate.
+    /// A guard for a camera of this frame rate.
     pub fn new(frame_hz: f64) -> Self {
         Self {
             frame_s: frame_hz.recip(),
@@ -167,7 +175,7 @@ impl DelayGuard {
         }
     }
 
-    /// A pulse begins at `at_s` of plate time, in which the plate should swing as `swing`.
+    /// A pulse begins at `at_s` of plate time; the plate should swing as `swing`.
     pub fn begin(&mut self, at_s: f64, swing: Swing) {
         if self.pulses.len() == 2 {
             self.pulses.pop_front();
@@ -175,8 +183,8 @@ impl DelayGuard {
         self.pulses.push_back((at_s, swing));
     }
 
-    /// A frame exposed at `at_s` of plate time, with the plate's corners up to `corner_px` from their places; `None` where
-    /// that is not seen.
+    /// A frame exposed at `at_s` of plate time that shows the plate's corners up to `corner_px` from their places;
+    /// `None` where that is not visible.
     pub fn frame(&mut self, at_s: f64, corner_px: Option<f64>) {
         let number = (at_s / self.frame_s).round() as u64;
         let missed = number.saturating_sub(self.newest).saturating_sub(1).min((WINDOW + LONGEST) as u64);
@@ -195,23 +203,23 @@ impl DelayGuard {
         self.frames.push_back(Swung { seen, expected });
     }
 
-    /// The corners' places were wrong until now: nothing is known of how far they were from them.
+    /// Discards the observed displacements because the corners' places were wrong until now.
     pub fn forget_seen(&mut self) {
         self.frames.iter_mut().for_each(|frame| frame.seen = None);
     }
 
-    /// How far the plate's corners should be from their places at `at_s` of plate time, px.
+    /// Expected displacement of the plate's corners at `at_s` of plate time, px.
     pub fn expected_px(&self, at_s: f64) -> f64 {
         let pulse = self.pulses.iter().rev().find(|(begin_s, _)| *begin_s <= at_s);
         pulse.map_or(0.0, |(begin_s, swing)| swing.corner_px(at_s - begin_s))
     }
 
-    /// True while the frames of the newest pulse look late: they may show a plate at rest still swinging.
+    /// True while the frames of the newest pulse appear late: they may show a plate at rest as still swinging.
     pub fn looks_late(&self) -> bool {
         matches!(self.newest_pulse(), Timing::Late { late: Late::By(_), .. })
     }
 
-    /// How the frames since the newest pulse began show its planned swing.
+    /// Verdict on the planned swing in the frames since the newest pulse began.
     pub fn swing_seen(&self) -> SwingSeen {
         let Some((begin_s, _)) = self.pulses.back() else { return SwingSeen::Unclear };
         let (first, _) = self.window(*begin_s);
@@ -228,7 +236,7 @@ impl DelayGuard {
 
     /// Ends a pulse. Returns the delay of the frames once it is certain.
     pub fn end(&mut self) -> Option<Late> {
-        // equal pulses at equal distances hide a delay of one period: two of them are judged together
+        // equal pulses at equal intervals hide a delay of one period: two of them are judged together
         let timing = match self.newest_pulse() {
             Timing::InTime | Timing::Unclear => self.both_pulses(),
             timing => timing,
@@ -256,7 +264,7 @@ impl DelayGuard {
         self.timing_since(self.pulses.front())
     }
 
-    /// The delay that explains the frames since a pulse began best, where one does clearly better than none.
+    /// The delay that best explains the frames since a pulse began, where one is clearly better than none.
     fn timing_since(&self, pulse: Option<&(f64, Swing)>) -> Timing {
         let Some((begin_s, _)) = pulse else { return Timing::Weak };
         let (first, expected) = self.window(*begin_s);
@@ -274,13 +282,13 @@ impl DelayGuard {
         };
         let undelayed = left(0);
         let least = (1..=LONGEST).map(left).fold(undelayed, f64::min);
-        // equal pulses at equal distances are explained by a delay and by that plus one period
+        // equal pulses at equal intervals are explained by a delay and by that delay plus one period
         let delay = (0..=LONGEST).find(|&delay| left(delay) <= least + ALIKE * all).unwrap_or(0);
         let is_explained = least < BETTER * undelayed && least < LEFT * all;
         let tells = expected > UNLIKE_SWING_PX * UNLIKE_SWING_PX;
         if !is_explained && tells && undelayed > UNLIKE * expected.max(all) {
-            // pictures show more of a swing than the drive made where something pushed the plate, or where their stamps are
-            // off by a part of a frame, which shows another phase of it
+            // pictures show a larger swing than the drive's where something pushed the plate, or where their stamps are
+            // off by a fraction of a frame and thus show another phase
             if self.shows_push(first) {
                 return self.delay_at_any_scale(first, ALIKE_IN_SHAPE).map_or(Timing::Weak, Timing::late_by);
             }
@@ -293,8 +301,8 @@ impl DelayGuard {
         if undelayed < IN_TIME * all || delay < LATE || !is_explained {
             return Timing::InTime;
         }
-        // equal pulses at equal distances are explained by a delay of all but a frame of that, too, where the plate swings a
-        // little before its plan; no picture comes early
+        // equal pulses at equal intervals are also explained by a delay of all but one frame of the interval, where the
+        // plate swings slightly before its plan; no picture comes early
         let next = |i: usize| self.frames.get(i + 1).map_or(0.0, |frame| frame.expected);
         let early: f64 = seen().map(|(i, px)| (px - next(i)).powi(2)).sum();
         if early <= least + ALIKE * all {
@@ -305,24 +313,24 @@ impl DelayGuard {
         Timing::Late { late: Late::By(delay), delays, is_sure }
     }
 
-    /// True when frames from `first` on show the plate farther from its place than the drive has taken it in all frames
-    /// that are remembered.
+    /// True when frames from `first` on show the plate farther from its place than the drive has moved it in any
+    /// remembered frame.
     fn shows_push(&self, first: usize) -> bool {
         let seen = self.frames.iter().skip(first).filter_map(|frame| frame.seen).fold(0.0, f64::max);
         let driven = self.frames.iter().map(|frame| frame.expected).fold(0.0, f64::max);
         seen > PUSHED * driven + PUSHED_PX
     }
 
-    /// The delay by which the frames from `first` on show the expected swing, larger or smaller by one factor; `None` where
-    /// they are not so much `alike`, or show it in time.
+    /// The delay with which the frames from `first` on show the expected swing, scaled by one factor; `None` where they
+    /// are not `alike` enough, or in time.
     fn delay_at_any_scale(&self, first: usize, alike: Shape) -> Option<usize> {
         let left = |delay| self.left_at_any_scale(first, delay);
         let best = (LATE..=LONGEST).min_by(|&a, &b| left(a).total_cmp(&left(b)))?;
         (left(best) < alike.left && left(0) > alike.undelayed).then_some(best)
     }
 
-    /// Share of the squares that the expected swing, `delay` frames later and at its best height, leaves over in the frames
-    /// from `first` on: one minus the squared correlation.
+    /// Residual of the frames from `first` on, as a share of the squares, after fitting the expected swing `delay`
+    /// frames later at its best height: one minus the squared correlation.
     fn left_at_any_scale(&self, first: usize, delay: usize) -> f64 {
         let shifted = self.frames.iter().skip(first.saturating_sub(delay)).map(|frame| frame.expected);
         let seen = self.frames.iter().skip(first.max(delay)).map(|frame| frame.seen);
@@ -351,7 +359,7 @@ impl DelayGuard {
 }
 
 impl Swing {
-    /// How far the corners are from their places, px, at most.
+    /// Largest displacement of the corners from their places, px.
     fn corner_px(&self, t_s: f64) -> f64 {
         let height = self.envelope.at(t_s);
         if height == 0.0 {
@@ -361,7 +369,7 @@ impl Swing {
     }
 }
 
-/// How far the corners of a plate that moves as `wave` are from their places at `t_s`, at most, m.
+/// Largest displacement at `t_s` of the corners of a plate that moves as `wave`, m.
 fn corner_m(wave: &TwistWave, half_side_m: f64, t_s: f64) -> f64 {
     let place = (1..).zip(&wave.harmonics).fold(Twist::ZERO, |place, (k, harmonic)| {
         let rate = f64::from(k) * wave.base_radps;

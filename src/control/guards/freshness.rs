@@ -1,38 +1,39 @@
 use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
 
-/// Bands of a frame that are told apart: one of them may stop while the others go on.
+/// Number of bands of a frame that are checked separately: one of them may freeze while the others go on.
 const BANDS: usize = 4;
-/// One row of so many is looked at.
+/// One row in this many is hashed.
 const ROW_STEP: usize = 8;
-/// Hashes that are computed side by side.
+/// Number of hashes computed side by side.
 const LANES: usize = 4;
-/// Pictures that are remembered: a camera may play the same few again and again.
+/// Number of pictures remembered: a camera may repeat the same few in turn.
 const REMEMBERED: usize = 8;
-/// Noise is seen where a larger part than this of a row's pixels differs from one frame to the next: a plate that moves changes
-/// the pixels along its sides.
+/// Share of a row's pixels above which a difference between two frames is noise: a moving plate changes the pixels
+/// along its sides only.
 const NOISY_SHARE: f64 = 0.2;
-/// A stamp may be older than the present by so many frames.
+/// Largest age of a time stamp, frames.
 const OLDEST_FRAMES: f64 = 3.0;
 
-/// Frames in a row, after the first, that show the plate at exactly the same place.
+/// Number of frames in a row, after the first, that show the plate at exactly the same place.
 const STILL_FRAMES: u32 = 3;
-/// Difference of the displacements that the plate should have in them, px.
+/// Difference between the displacements the plate should have in them, px.
 const SWING_PX: f64 = 0.3;
 
-/// Why a frame does not show the present.
+/// Reason for which a frame does not show the present.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Stale {
-    /// It is one of the last pictures again, or part of it is. Read noise makes every picture of a living camera another one.
+    /// The frame, or part of it, repeats one of the last pictures. Read noise makes every picture of a working camera
+    /// unique.
     Repeated,
-    /// Its number or its stamp does not fit the present: the stamp is this much older, s.
+    /// Its number or its time stamp does not fit the present.
     Stamp {
-        /// Negative for a stamp in the future.
+        /// Age of the time stamp, s; negative for one in the future.
         older_s: f64,
     },
 }
 
-/// Tells frames of the present from old ones.
+/// Distinguishes frames of the present from old ones.
 #[derive(Clone, Debug)]
 pub struct Freshness {
     frame_s: f64,
@@ -40,17 +41,17 @@ pub struct Freshness {
     last: Option<(u64, PlateTime)>,
     /// For each band the hashes of its last pictures; `None` where all pixels were equal.
     seen: [Vec<Option<u64>>; BANDS],
-    /// Bands in which noise was seen: they differed in the first two frames, which show the same scene, or all over later.
+    /// Bands with visible noise: they differed in the first two frames, which show the same scene, or as a whole later.
     noisy: [bool; BANDS],
     /// The row in the middle of each band in the last frame.
     middle: [Vec<u8>; BANDS],
-    /// A frame has differed from the first.
+    /// True once a frame has differed from the first.
     changed: bool,
     frames: u64,
 }
 
 impl Freshness {
-    /// For a camera of this rate and exposure.
+    /// A check for a camera of this frame rate and exposure.
     pub fn new(frame_hz: f64, exposure_s: f64) -> Self {
         let seen = std::array::from_fn(|_| Vec::with_capacity(REMEMBERED));
         Self {
@@ -65,7 +66,7 @@ impl Freshness {
         }
     }
 
-    /// Takes `frame`, which arrived at `now`; `Some` where it does not show the present.
+    /// Checks `frame`, which arrived at `now`; `Some` where it does not show the present.
     pub fn check(&mut self, frame: &Frame, now: PlateTime) -> Option<Stale> {
         let stamp = self.check_stamp(frame, now);
         let repeated = self.check_picture(frame);
@@ -112,20 +113,20 @@ impl Freshness {
     }
 }
 
-/// Row `y`; nothing below the frame.
+/// Row `y`; empty below the frame.
 fn row(frame: &Frame, y: usize) -> &[u8] {
     frame.pixels.get(y * frame.width..(y + 1) * frame.width).unwrap_or_default()
 }
 
-/// True when noise shows between two pictures of a row.
+/// True when two pictures of a row differ by noise.
 fn differ(row: &[u8], before: &[u8]) -> bool {
     let count = row.iter().zip(before).filter(|(pixel, before)| pixel != before).count();
     count as f64 > NOISY_SHARE * row.len() as f64
 }
 
-/// Of some rows between `rows`; `None` where all their pixels are equal: black or white shows no noise.
+/// Hash of some of the `rows`; `None` where all their pixels are equal: black or white shows no noise.
 fn hash(frame: &Frame, rows: std::ops::Range<usize>) -> Option<u64> {
-    // lanes that do not wait for each other's products
+    // lanes are independent, so that their products overlap
     let mut lanes = [0xcbf2_9ce4_8422_2325u64; LANES];
     let first = frame.pixels.get(rows.start * frame.width)?;
     let mut is_uniform = true;
@@ -147,19 +148,19 @@ fn mixed(hash: u64, word: u64) -> u64 {
     (hash.rotate_left(5) ^ word).wrapping_mul(0x0100_0000_01b3_9e3d)
 }
 
-/// Notices a picture that stands still while the plate is swung, whether or not the camera is known to have noise.
+/// Detects a picture that freezes while the plate is swung, whether or not the camera is known to have noise.
 #[derive(Clone, Debug, Default)]
 pub struct StillnessGuard {
     seen: Option<f64>,
     frames: u32,
-    /// Least and largest displacement that was expected in these frames, px.
+    /// Least and largest displacement expected in these frames, px.
     expected: (f64, f64),
     is_still: bool,
 }
 
 impl StillnessGuard {
-    /// Takes the largest displacement of a corner as seen and as expected, px; true from where the picture stands still on,
-    /// until it changes.
+    /// Takes the largest displacement of a corner as seen and as expected, px. True from the frame at which the picture
+    /// counts as frozen until it changes.
     pub fn check(&mut self, seen: Option<f64>, expected: f64) -> bool {
         let seen = seen.filter(|px| px.is_finite());
         if seen.is_none() || seen != self.seen {
@@ -177,7 +178,7 @@ impl StillnessGuard {
 mod tests {
     use super::*;
 
-    /// Frame `index` at 60/s with noise of `seed`.
+    /// Frame `index` at 60 per second with noise of `seed`.
     fn frame(index: u64, seed: u64) -> Frame {
         let mut frame = Frame::new(40, 64);
         let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;

@@ -10,25 +10,25 @@ use upm_planner::PlannedPulse;
 
 /// Names of the voice coils.
 const COILS: [&str; 4] = ["x1", "x2", "y1", "y2"];
-/// A coil whose gain lies within this range is made up for by the next look.
+/// Gains of a coil that the next look compensates for.
 const BEARABLE_GAIN: (f64, f64) = (0.7, 1.4);
-/// A motion that differs from the plan by more than this part of it ends a run.
+/// Relative deviation of a motion from its plan above which the run ends.
 const FAR_OFF: f64 = 0.25;
-/// Pulses in a row that are off by less before it is said.
+/// Number of consecutive pulses with a smaller deviation before it is reported.
 const OFF_IN_A_ROW: u32 = 2;
 
-/// What a pulse tells of coils and accelerometers.
+/// A finding on coils or accelerometers from one pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
-    /// What is wrong.
+    /// The condition found.
     pub condition: Condition,
-    /// For people.
+    /// The reason for people.
     pub reason: String,
-    /// True when nothing more may be played.
+    /// True when no more pulses may be played.
     pub ends: bool,
 }
 
-/// The plate's answers to each coil, for both kinds of pulse.
+/// The plate's responses to each coil, for both kinds of pulse.
 #[derive(Clone, Debug)]
 pub struct CoilResponses {
     field: Option<CoilResponse>,
@@ -36,12 +36,12 @@ pub struct CoilResponses {
 }
 
 impl CoilResponses {
-    /// Those of `library`.
+    /// The responses in `library`.
     pub fn new(library: &Library) -> Self {
         Self { field: library.field_coils(), rotation: library.rotation_coils() }
     }
 
-    /// The motion that a pulse should make; `None` where the library does not give it.
+    /// The expected motion of a pulse; `None` where the library does not give it.
     pub fn expected<'a>(&'a self, planned: &PlannedPulse, drive: &'a Drive) -> Option<ExpectedMotion<'a>> {
         let coils = match planned {
             PlannedPulse::Field(_) => self.field.as_ref()?,
@@ -51,16 +51,16 @@ impl CoilResponses {
     }
 }
 
-/// Measurements of one pulse: by the accelerometers, and by the camera.
+/// Measurements of one pulse by the accelerometers and the camera.
 #[derive(Clone, Copy, Debug)]
 pub struct PulseReading<'a> {
     /// The plate's motion, fitted to the accelerometers' trace.
     pub fit: &'a Result<PlateFit, FitFault>,
     /// Places and gains of the accelerometers.
     pub sensors: &'a AccelerometerPair,
-    /// How the camera saw most parts go; `None` where it could not tell.
+    /// How most parts moved, by the camera; `None` where it could not tell.
     pub went: Option<Went>,
-    /// How the camera saw the plate swing.
+    /// How the plate swung, by the camera.
     pub swing: SwingSeen,
 }
 
@@ -68,16 +68,16 @@ pub struct PulseReading<'a> {
 #[derive(Clone, Debug, Default)]
 pub struct MotionGuard {
     off: u32,
-    /// An earlier pulse has shown that the accelerometers are at fault.
+    /// True when an earlier pulse has shown that the accelerometers are at fault.
     doubts_sensors: bool,
-    /// It has named a channel, or shown that the channels do not agree.
+    /// True when it has named a channel, or shown that the channels disagree.
     knows_fault: bool,
-    /// An earlier pulse carried parts as forecast while the accelerometers read another motion of the plate.
+    /// True when an earlier pulse carried parts as forecast while the accelerometers read another motion of the plate.
     contradicted: bool,
 }
 
 impl MotionGuard {
-    /// Judges one pulse.
+    /// Judges the motion of one pulse; `None` without a finding.
     pub fn check(&mut self, expected: &ExpectedMotion<'_>, reading: &PulseReading<'_>) -> Option<Finding> {
         let judged = judge(expected, reading.fit.as_ref(), reading.sensors);
         let off = judged.mismatch.map_or(0.0, |mismatch| mismatch.relative);
@@ -87,18 +87,18 @@ impl MotionGuard {
     fn finding(&mut self, verdict: MotionVerdict, off: f64, went: Option<Went>, swing: SwingSeen) -> Option<Finding> {
         let saw_it_go = matches!(went, Some(Went::There | Went::About));
         let shows_drive = swing == SwingSeen::AsDriven;
-        // a pulse that fails half way, or one weak coil of two, still carries parts about where they should go
+        // a pulse that fails half way, or with one weak coil of two, still carries parts about where they should go
         let saw_it_all = saw_it_go && shows_drive || went == Some(Went::There) && self.doubts_sensors;
         let is_unread = matches!(verdict, MotionVerdict::Unreadable { strong: true });
         if is_unread && (saw_it_go || shows_drive) {
-            // by its parts alone a single pulse tells little: one that fails half way carries them about there
+            // the parts alone are weak evidence for a single pulse: one that fails half way carries them about there
             self.contradicted |= shows_drive || self.doubts_sensors;
             self.doubts_sensors = true;
         }
-        // a pulse too small to tell by its parts is judged by the plate's swing, or as the last one that told
+        // a pulse too small for its parts to show it is judged by the plate's swing, or as the last one with evidence
         let is_as_known = went.is_none() && (self.contradicted || self.doubts_sensors && shows_drive);
         let is_sensors = (saw_it_all || is_as_known) && swing != SwingSeen::Otherwise;
-        // a channel that is known to be at fault hides a small motion: nothing speaks of another one
+        // a channel known to be at fault hides a small motion: there is no evidence of another one
         let is_hidden = self.knows_fault && went.is_none() && swing != SwingSeen::Otherwise;
         self.knows_fault |= matches!(verdict, MotionVerdict::Channel { .. } | MotionVerdict::Channels);
         self.doubts_sensors |= self.knows_fault;

@@ -1,31 +1,32 @@
 use upm_core::geometry::Vec2;
 
-/// Forecast steps below this say little, m: among many parts forecasts of synthesised fields are off by up to 1 mm.
+/// Forecast steps below this are no evidence, m: among many parts forecasts of synthesised fields are off by up to 1
+/// mm.
 const SHORTEST_M: f64 = 2e-3;
-/// The same among more than eight parts: one motion for 24 leaves some of them where they are for five pulses that should carry
-/// them by up to 2.4 mm.
+/// The same among more than eight parts: one motion for 24 parts leaves some of them in place during five pulses that
+/// should carry them by up to 2.4 mm.
 const SHORTEST_OF_MANY_M: f64 = 3e-3;
 const MANY: usize = 8;
-/// A part that goes less than this part of its forecast step hardly moves.
+/// A part that moves less than this share of its forecast step hardly moves.
 const STUCK: f64 = 0.2;
-/// Pulses in a row.
+/// Number of such pulses in a row that makes a finding.
 const IN_A_ROW: u32 = 4;
-/// Part of the forecast step, along it, from which on a part went as forecast; across it, up to which.
+/// Least share of the forecast step along it, and largest across it, with which a part moved as forecast.
 const AS_FORECAST: f64 = 0.5;
-/// A part is where the forecast has it up to this distance, m, and this part of its step.
+/// Largest deviation from the forecast place with which a part is there: m, plus this share of its step.
 const NEAR_M: f64 = 5e-4;
 const NEAR_OF_STEP: f64 = 0.15;
 
-/// How a part goes unlike its forecasts.
+/// Deviation of a part from its forecasts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unlike {
     /// It hardly moves.
     Stuck,
-    /// It goes the other way.
+    /// It moves against its forecast.
     Astray,
 }
 
-/// Holds the measured step of each part against its forecast.
+/// Compares the measured step of each part with its forecast.
 #[derive(Clone, Debug, Default)]
 pub struct StepGuard {
     stuck: Vec<u32>,
@@ -33,7 +34,8 @@ pub struct StepGuard {
 }
 
 impl StepGuard {
-    /// Takes what one pulse did; the first part that has gone unlike its forecasts four times in a row, and how.
+    /// Takes the steps of one pulse. Returns the first part that has deviated from its forecasts four times in a row,
+    /// and how.
     pub fn check(&mut self, before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<(usize, Unlike)> {
         self.stuck.resize(before_m.len(), 0);
         self.astray.resize(before_m.len(), 0);
@@ -60,18 +62,18 @@ impl StepGuard {
     }
 }
 
-/// How most parts that should go somewhere went.
+/// Where most parts with a forecast displacement ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Went {
-    /// There, as near as forecasts are of the plate moving as planned.
+    /// At the forecast places, within the accuracy of forecasts for a plate that moves as planned.
     There,
-    /// About there, as under a plate that moves a little off its plan, too.
+    /// Near them, as on a plate that moves slightly off its plan.
     About,
     /// Elsewhere.
     Elsewhere,
 }
 
-/// How most parts went in a pulse; `None` when none should go far enough to tell.
+/// Verdict on most parts in a pulse; `None` when no part should move far enough to judge.
 pub fn went(before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<Went> {
     let steps = before_m.iter().zip(forecast_m).zip(after_m).map(|((a, b), c)| (b - a, c - a));
     let far: Vec<(Vec2, Vec2)> = steps.filter(|(wanted, _)| wanted.norm() >= SHORTEST_M).collect();
@@ -96,7 +98,7 @@ pub fn went(before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<
 mod tests {
     use super::*;
 
-    /// What is found in each of some pulses that should carry two parts 4 mm along x; the second goes `share` of it.
+    /// Findings in each of several pulses that should carry two parts 4 mm along x; the second moves `share` of it.
     fn found(shares: &[f64]) -> Vec<Option<(usize, Unlike)>> {
         let (mut guard, start) = (StepGuard::default(), [Vec2::zeros(); 2]);
         let step = Vec2::new(4e-3, 0.0);

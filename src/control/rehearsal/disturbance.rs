@@ -10,21 +10,21 @@ use upm_core::signal::{TwistHarmonic, TwistWave};
 use upm_library::Library;
 use upm_planner::{FieldPulse, PlannedPulse};
 
-/// How far the plate is off each harmonic asked of it, along each axis, relative: in runs of the shipped jobs the
-/// accelerometers read motions that are 0.9 to 1.4 % off what was asked, in the median over pulses.
+/// Relative error of the plate's motion in each harmonic, along each axis: in runs of the shipped jobs the motions read
+/// by the accelerometers deviate by 0.9 to 1.4 % from the commanded ones, in the median over pulses.
 pub(super) const PLATE_OFF: f64 = 0.014;
-/// How far a rotation's steps are off in length and, across, in direction, relative: the same in every pulse of an entry.
-/// With it rotations end off their learned forecasts as in runs, by 1 % of the way.
+/// Relative error of a rotation's steps in length and, across, in direction; the same in every pulse of an entry. With
+/// it rotations end off their learned forecasts by 1 % of the displacement, as in runs.
 pub(super) const ENTRY_OFF: f64 = 0.01;
-/// How far parts are off at random after a pulse of either kind, m: the standard deviation.
+/// Standard deviation of the random error of a part's position after a pulse of either kind, m.
 pub(super) const FIELD_SD_M: f64 = 0.05e-3;
 pub(super) const ROTATION_SD_M: f64 = 0.03e-3;
 
 /// Errors of forecasts for parts whose friction is known.
 ///
-/// Most of them repeat: the plate does not quite make the motion it is asked for, and equal pulses carry parts equally. In
-/// runs the errors of successive small steps correlate by 0.4 to 0.9, so parts settle; errors drawn anew for each pulse
-/// would let parts wander about their targets.
+/// Most of the error repeats: the plate's motion deviates from the commanded one, and equal pulses carry parts equally.
+/// In runs the errors of successive small steps correlate by 0.4 to 0.9, so parts settle; independent errors for each
+/// pulse would let parts wander about their targets.
 pub(super) struct Disturbance {
     /// For each harmonic the factors of x, y and spin.
     plate: Vec<[Complex<f64>; 3]>,
@@ -34,7 +34,7 @@ pub(super) struct Disturbance {
 }
 
 impl Disturbance {
-    /// The disturbance of one rehearsal.
+    /// Draws the disturbance of one rehearsal.
     pub fn new(library: &Library, rehearsal: &RehearsalParams) -> Self {
         let RehearsalParams { streams, number, .. } = rehearsal;
         let mut rng = streams.numbered("rehearsal plate", *number);
@@ -44,7 +44,7 @@ impl Disturbance {
         Self { plate, entries, rng: streams.numbered("rehearsal scatter", *number) }
     }
 
-    /// The pulse that the plate makes of `asked`.
+    /// The actual pulse of the plate for the commanded pulse `asked`.
     pub fn made(&self, asked: &PlannedPulse) -> PlannedPulse {
         match asked {
             PlannedPulse::Rotation(_) => asked.clone(),
@@ -53,7 +53,7 @@ impl Disturbance {
                 let harmonics = field.wave.harmonics.iter().zip(factors);
                 let harmonics = harmonics
                     .map(|(harmonic, factors)| {
-                        // each axis is off by itself
+                        // the error of each axis is independent
                         TwistHarmonic::from_phasor(&harmonic.phasor().component_mul(&Vector3::from(factors)))
                     })
                     .collect();
@@ -63,7 +63,8 @@ impl Disturbance {
         }
     }
 
-    /// Where a part ends that was at `from_m` and is forecast to be at `forecast_m` after the pulse `made`, m.
+    /// Final position, m, of a part that was at `from_m` and is forecast to be at `forecast_m` after the actual pulse
+    /// `made`.
     pub fn end_m(&mut self, made: &PlannedPulse, from_m: Vec2, forecast_m: Vec2) -> Vec2 {
         let step_m = forecast_m - from_m;
         let (step_m, sd_m) = match made {
@@ -79,13 +80,13 @@ impl Disturbance {
     }
 }
 
-/// 1 and a complex number of standard deviation `off`.
+/// 1 plus a complex normal number of standard deviation `off`.
 fn factor(off: f64, rng: &mut Rng) -> Complex<f64> {
     let part = FRAC_1_SQRT_2 * off;
     Complex::new(1.0 + part * normal(rng), part * normal(rng))
 }
 
-/// A draw of the standard normal distribution.
+/// A draw from the standard normal distribution.
 pub(super) fn normal(rng: &mut Rng) -> f64 {
     StandardNormal.sample(rng)
 }

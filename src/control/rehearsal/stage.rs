@@ -9,29 +9,29 @@ use upm_core::time::PlateTime;
 use upm_library::Library;
 use upm_planner::{FieldPulse, PartState, PlannedPulse, Rotation};
 
-/// Friction is cut at so many standard deviations, and at this part of the usual at least.
+/// Limit for the deviation of friction, in standard deviations, and its least value relative to the usual one.
 const FRICTION_CUT: f64 = 3.0;
 const LEAST_FRICTION: f64 = 0.1;
 
-/// Frames that open the eyes before the first cycle: one for the table, one to start from.
+/// Frames captured before the first cycle: one for the table, one to start from.
 pub(super) const OPENING_FRAMES: u64 = 2;
 
-/// Rounds in which parts push each other; one that is pushed may touch the next.
+/// Number of passes of the overlap resolution: a part that is pushed may touch the next.
 const PUSHES: usize = 8;
 
-/// A pulse that ends this little into a frame ends with it, in frames.
+/// A pulse that ends less than this after a frame ends with that frame, in frames.
 const ROUNDING: f64 = 1e-6;
 
-/// Parts on a plate that is only a displacement model.
+/// Parts on a plate that is reduced to a displacement model.
 pub(super) struct Stage {
-    /// Where the parts are, m.
+    /// Positions of the parts, m.
     pub positions_m: Vec<Vec2>,
-    /// Their outlines, m.
+    /// Outlines of the parts, m.
     pub radii_m: Vec<f64>,
     /// The least gap so far.
     pub nearest: Option<Nearest>,
     library: Arc<Library>,
-    /// For each part how far it goes against what was measured.
+    /// Displacement of each part relative to the measured one.
     friction: Vec<f64>,
     disturbance: Disturbance,
     frame_hz: f64,
@@ -39,7 +39,7 @@ pub(super) struct Stage {
 }
 
 impl Stage {
-    /// Parts where they start, with the friction drawn for each.
+    /// Parts at their starting positions, each with a drawn friction.
     pub fn new(library: Arc<Library>, params: &ControlParams, rehearsal: &RehearsalParams) -> Self {
         let RehearsalParams { starts_m, frame_hz, .. } = rehearsal;
         let disturbance = Disturbance::new(&library, rehearsal);
@@ -57,7 +57,7 @@ impl Stage {
         stage
     }
 
-    /// Plate time now: that of the newest frame.
+    /// Plate time of the newest frame.
     pub fn now(&self) -> PlateTime {
         PlateTime::from_secs(self.frames as f64 / self.frame_hz)
     }
@@ -79,8 +79,8 @@ impl Stage {
         places.map(state).collect()
     }
 
-    /// Plays a pulse to the first frame after its end: parts go where `plans` forecasts them with their own friction, on a
-    /// plate that is a little off what it is asked for.
+    /// Plays a pulse to the first frame after its end: parts move as `plans` forecasts them with their own friction, on
+    /// a plate that deviates slightly from the commanded motion.
     pub fn play(&mut self, pulse: &PlannedPulse, plans: &dyn Plans) {
         self.frames += (self.length_s(pulse) * self.frame_hz - ROUNDING).ceil().max(1.0) as u64;
         let before_m = self.positions_m.clone();
@@ -105,7 +105,7 @@ impl Stage {
         }
     }
 
-    /// Parts that would lie in one another push each other away, half the way each.
+    /// Separates overlapping parts; each moves by half the overlap.
     fn push_apart(&mut self) {
         for _ in 0..PUSHES {
             let mut pushed = false;
@@ -127,7 +127,7 @@ impl Stage {
         }
     }
 
-    /// Takes note of the least gap while all parts go straight from `before_m` to where they are, in step.
+    /// Records the least gap while all parts move straight and in step from `before_m` to their present positions.
     fn note_gaps(&mut self, before_m: &[Vec2]) {
         let at_s = self.now().secs();
         for i in 0..self.positions_m.len() {
@@ -142,8 +142,8 @@ impl Stage {
     }
 }
 
-/// How far each part goes against what was measured. Pairs of opposite draws keep the middle of a few rehearsals near
-/// the middle of all.
+/// Displacement of each part relative to the measured one. Pairs of opposite draws keep the mean of a few rehearsals
+/// near the mean of all.
 pub(super) fn friction(rehearsal: &RehearsalParams) -> Vec<f64> {
     let RehearsalParams { starts_m, friction_spread, streams, number, .. } = rehearsal;
     let mut draws = streams.numbered("rehearsal friction", number.div_ceil(2));

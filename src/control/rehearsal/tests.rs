@@ -17,11 +17,11 @@ const ARRIVE_M: f64 = 0.5e-3;
 const FRAME_HZ: f64 = 50.0;
 const ATTACK_S: f64 = 0.02;
 const REST_S: f64 = 0.05;
-/// Pace of a pulse on the fastest belt, m for each second of sustain, and its longest, s.
+/// Displacement speed of a pulse on the fastest belt, m per second of sustain, and its longest sustain, s.
 const PACE_MPS: f64 = 0.1;
 const LONGEST_S: f64 = 0.2;
 
-/// Distances in proportion to sustain and to the belt's speed up to 0.5 m/s, of these motions.
+/// A library of these motions with displacements proportional to sustain and to the belt's speed up to 0.5 m/s.
 fn library(pumps: impl IntoIterator<Item = Twist>, relative_sd: f64) -> Arc<Library> {
     let distance_m = vec![vec![0.0, 0.2 * PACE_MPS * LONGEST_S], vec![0.0, PACE_MPS * LONGEST_S]];
     Arc::new(Library {
@@ -45,7 +45,7 @@ fn library(pumps: impl IntoIterator<Item = Twist>, relative_sd: f64) -> Arc<Libr
     })
 }
 
-/// Ways over the plate as a whole, in 16 directions.
+/// Translations of the plate in 16 directions.
 fn translations() -> impl Iterator<Item = Twist> {
     (0..16).map(|k| PI * f64::from(k) / 16.0).map(|angle| Twist::new(0.5 * angle.cos(), 0.5 * angle.sin(), 0.0))
 }
@@ -88,7 +88,7 @@ fn rehearsal(starts_m: &[Vec2], number: u64) -> RehearsalParams {
     }
 }
 
-/// Each part straight to its place.
+/// Trajectories of each part straight to its target.
 fn to(targets_m: &[Vec2]) -> Trajectories {
     let path = |&target_m: &Vec2| PathParams { waypoints_m: vec![target_m], speed_mps: 0.1, repeat: 1 };
     Trajectories::new(targets_m.iter().map(path).collect(), 0.008, ARRIVE_M)
@@ -98,7 +98,7 @@ fn play(library: &Arc<Library>, goal: &mut dyn Goal, params: &ControlParams, how
     rehearse(library, &FreshPlanner::new(params.method, library, params.planner), goal, params, how, &mut |_, _| ())
 }
 
-/// Wants parts to stay where they are; done after a time, or never.
+/// A goal that wants parts to stay where they are; done after a time, or never.
 struct Stay {
     until_s: Option<f64>,
 }
@@ -117,7 +117,7 @@ impl Goal for Stay {
     }
 }
 
-/// Wants the first part in one place at once.
+/// A goal that wants the first part in one place at once.
 struct There(Vec2);
 
 impl Goal for There {
@@ -240,7 +240,7 @@ fn the_least_gap_is_told_with_its_parts() {
 #[test]
 fn parts_that_meet_push_each_other_aside() {
     let made = library([Twist::about(Vec2::zeros(), 20.0)], 0.0);
-    // friction is drawn so wide that one goes much farther than the other and runs into it
+    // the drawn friction varies so much that one part moves much farther than the other and runs into it
     let starts_m = [Vec2::new(0.05, 0.0), Vec2::new(0.05, 0.021)];
     let mut met = 0;
     for number in 1..20 {
@@ -263,7 +263,7 @@ fn parts_that_meet_push_each_other_aside() {
     assert!(met > 3, "{met}");
 }
 
-/// Forecasts that every field carries parts by so much at gain 1.
+/// A planner that forecasts the same displacement by every field at gain 1.
 struct Along(Vec2);
 
 impl Plans for Along {
@@ -305,7 +305,7 @@ fn a_field_carries_parts_as_forecast_with_their_own_friction() {
     assert!((square - 1.0).abs() < 4.0 / n.sqrt(), "{square}: four standard deviations, that of one square is 1");
 }
 
-/// Carries parts by the first harmonic of the wave that is played, 1 s long.
+/// A planner that forecasts displacements by the first harmonic of the wave that is played, 1 s long.
 struct ByWave;
 
 impl Plans for ByWave {
@@ -340,7 +340,7 @@ fn plate_is_off_what_it_is_asked_by_the_same_share_in_every_pulse() {
             stage.play(&pulse(x), &ByWave);
             (stage.positions_m[0].x - before) / x - 1.0
         };
-        // metres, against which the scatter of single pulses is nothing
+        // metres, compared with which the scatter of single pulses is negligible
         let (long, short) = (share(1.0), share(-0.5));
         assert!((long - short).abs() < 1e-3, "{long} {short}");
         squares += long * long;

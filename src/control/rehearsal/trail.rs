@@ -1,25 +1,25 @@
 use upm_core::geometry::Vec2;
 
-/// Most points kept of one trail.
+/// Largest number of points kept of one trail.
 pub(super) const MOST_POINTS: usize = 2000;
 
-/// Where a part went, thinned out evenly as it grows.
+/// Path of a part, thinned out evenly as it grows.
 #[derive(Clone, Debug)]
 pub(super) struct Trail {
     kept_m: Vec<Vec2>,
     last_m: Vec2,
-    /// Every how many points one is kept, and how many came after the last kept.
+    /// Interval of the points that are kept, and the number that came since the last kept one.
     every: usize,
     since: usize,
 }
 
 impl Trail {
-    /// A trail that begins there.
+    /// A trail that begins at `start_m`.
     pub fn from(start_m: Vec2) -> Self {
         Self { kept_m: vec![start_m], last_m: start_m, every: 1, since: 0 }
     }
 
-    /// Adds where the part is now.
+    /// Appends the part's present position.
     pub fn push(&mut self, position_m: Vec2) {
         self.last_m = position_m;
         self.since += 1;
@@ -34,7 +34,7 @@ impl Trail {
         self.since = 0;
     }
 
-    /// From its start to its end.
+    /// The points from start to end.
     pub fn into_points(mut self) -> Vec<Vec2> {
         if self.since > 0 {
             self.kept_m.push(self.last_m);

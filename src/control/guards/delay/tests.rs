@@ -4,7 +4,7 @@ use upm_core::signal::TwistHarmonic;
 const FRAME_HZ: f64 = 60.0;
 const FRAME_S: f64 = 1.0 / FRAME_HZ;
 
-/// A pulse of a rotation or of a synthesised motion, s at full height.
+/// A pulse of a rotation or of a synthesised motion, `sustain_s` at full height.
 fn swing(speed_mps: f64, base_hz: f64, attack_s: f64, sustain_s: f64) -> Swing {
     let harmonic = |share: f64| TwistHarmonic {
         cos: Twist::new(speed_mps, 0.0, speed_mps) * share,
@@ -18,12 +18,12 @@ fn swing(speed_mps: f64, base_hz: f64, attack_s: f64, sustain_s: f64) -> Swing {
     }
 }
 
-/// From one pulse to the next.
+/// Number of frames from one pulse to the next.
 fn frames(swing: &Swing) -> u32 {
     (swing.envelope.total_s() / FRAME_S).ceil() as u32 + 1
 }
 
-/// Findings in four pulses of `swing`, each straight after the one before, in frames that are `late` frames late.
+/// Findings in four consecutive pulses of `swing`, in frames that are `late` frames late.
 fn found(late: u32, swing: &Swing) -> [Option<Late>; 4] {
     let frames = frames(swing);
     let mut guard = DelayGuard::new(FRAME_HZ);
@@ -48,9 +48,9 @@ fn delay_is_measured_to_the_frame_by_the_third_pulse() {
         for late in [2, 3, 6, 12, 20, 30] {
             let (found, period) = (found(late, &pulse), frames(&pulse) as usize);
             let named = found[..3].iter().flatten().next();
-            // two pulses may be over before one is seen
+            // two pulses may be over before one is visible
             let delay = found.iter().flatten().find(|&&late| late != Late::Unseen);
-            // pulses at equal distances look alike from one to the next
+            // pulses at equal intervals look alike
             let is_right =
                 |&late_by: &Late| matches!(late_by, Late::By(by) if by.abs_diff(late as usize) % period == 0);
             assert!(named.is_some() && delay.is_some_and(is_right), "{late}: {found:?}");
@@ -69,7 +69,7 @@ fn a_push_that_swings_the_plate_farther_than_its_drive_is_no_sign_of_late_pictur
                 guard.begin(begin_s, pulse.clone());
                 for frame in 1..=frames(&pulse) {
                     let age_s = f64::from(frame) * FRAME_S;
-                    // what a push leaves behind swings at the suspension's frequency, not at the drive's
+                    // the swing that follows a push has the suspension's frequency, not the drive's
                     let push_px = pushed_px * (std::f64::consts::TAU * 11.0 * age_s).sin().abs();
                     guard.frame(begin_s + age_s, Some(push_px));
                 }
@@ -159,8 +159,8 @@ fn equal_pulses_in_which_the_plate_swings_before_its_plan_are_in_time() {
     }
 }
 
-/// Findings in pulses that begin at these frames, in pictures `late` frames late; `height` is how far the plate swings in a
-/// frame, as a multiple of its plan.
+/// Findings in pulses that begin at these frames, in pictures `late` frames late; `height` is the displacement of the
+/// plate in a frame as a multiple of the planned one.
 fn found_in(begins: &[u32], pulse: &Swing, late: u32, height: impl Fn(u32) -> f64) -> Vec<Option<Late>> {
     let mut guard = DelayGuard::new(FRAME_HZ);
     let begin_s = |frame: u32| f64::from(frame) * FRAME_S + 0.001;
@@ -193,7 +193,7 @@ fn short_pulses_whose_frames_fit_several_delays_agree_on_the_one_that_explains_a
 #[test]
 fn pulse_that_says_neither_does_not_begin_the_count_of_late_ones_again() {
     let pulse = swing(0.05, 60.0, 1.0 / 60.0, 0.1);
-    // the plate hangs on for a while in the second pulse
+    // in the second pulse the plate's displacement is irregular for a while
     let height = |frame: u32| if (49..62).contains(&frame) { 0.5 + f64::from(frame % 3) } else { 1.0 };
     let late = found_in(&[20, 49, 78], &pulse, 6, height);
     assert!(late[1].is_none() && late[2] == Some(Late::By(6)), "{late:?}");
