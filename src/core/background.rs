@@ -1,5 +1,5 @@
-//! Work in the background: queues with a bound and a stated choice for when they are full, threads whose result is waited for
-//! but not for good, and pools of threads for tasks.
+//! Background work: bounded queues with an overflow policy, threads whose result is awaited with a time limit, and
+//! thread pools for tasks.
 
 use std::fmt;
 use std::io;
@@ -14,15 +14,15 @@ use crossbeam_channel::{SendTimeoutError, Sender, TrySendError, bounded};
 
 use crate::priority::step_back;
 
-/// A sender's choice when its queue is full.
+/// Behaviour of a sender whose queue is full.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OverflowPolicy {
-    /// It waits.
+    /// The sender waits.
     #[default]
     Wait,
-    /// It waits this long, then gives up as below.
+    /// The sender waits for this time, then gives up as below.
     WaitAtMost(Duration),
-    /// It never waits: the item is lost, and counted.
+    /// The sender never waits: the item is lost and counted.
     GiveUp,
 }
 
@@ -33,12 +33,12 @@ pub struct Queue<T> {
     lost: Arc<AtomicU64>,
 }
 
-/// An item that did not get into its queue.
+/// An item that was not queued.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unsent<T> {
-    /// There was no room.
+    /// The queue was full.
     Full(T),
-    /// The receiving end is gone.
+    /// The receiving end was dropped.
     Closed(T),
 }
 
@@ -55,18 +55,18 @@ impl<T> Clone for Queue<T> {
 }
 
 impl<T> Queue<T> {
-    /// A queue with room for so many items, and its receiving end.
+    /// A queue of capacity `room`, and its receiving end.
     pub fn bounded(room: usize, overflow: OverflowPolicy) -> (Self, Receiver<T>) {
         let (items, receiver) = bounded(room);
         (Self { items, overflow, lost: Arc::default() }, receiver)
     }
 
-    /// The same queue with another choice for its sender.
+    /// The same queue with another overflow policy for this sender.
     pub fn with(&self, overflow: OverflowPolicy) -> Self {
         Self { overflow, ..self.clone() }
     }
 
-    /// Sends `item`, by the queue's choice where it is full.
+    /// Sends `item`; when the queue is full, its overflow policy applies.
     pub fn send(&self, item: T) -> Result<(), Unsent<T>> {
         match self.overflow {
             OverflowPolicy::Wait => {
@@ -80,7 +80,7 @@ impl<T> Queue<T> {
         }
     }
 
-    /// Sends `item` once there is room, within `longest`; an item given back is not counted as lost.
+    /// Sends `item`, waiting for room for at most `longest`; a returned item is not counted as lost.
     pub fn send_within(&self, item: T, longest: Duration) -> Result<(), Unsent<T>> {
         self.items.send_timeout(item, longest).map_err(|unsent| match unsent {
             SendTimeoutError::Timeout(item) => Unsent::Full(item),
@@ -88,7 +88,7 @@ impl<T> Queue<T> {
         })
     }
 
-    /// Items lost since the queue was made.
+    /// Number of items lost since the queue was made.
     pub fn lost(&self) -> u64 {
         self.lost.load(Ordering::Relaxed)
     }
@@ -100,21 +100,21 @@ impl<T> Queue<T> {
     }
 }
 
-/// A thread that makes one result.
+/// A thread that computes one result.
 #[derive(Debug)]
 pub struct Worker<T>(Receiver<T>);
 
-/// Why there is no result of a thread.
+/// Reason for which a thread has no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unfinished {
-    /// It did not end in time; it is left behind.
+    /// The thread did not end in time and is abandoned.
     Hangs,
-    /// It panicked.
+    /// The thread panicked.
     Died,
 }
 
 impl<T: Send + 'static> Worker<T> {
-    /// Starts the thread `name`; lets other threads go before it where it `steps_back`.
+    /// Starts the thread `name`, at lower priority if `steps_back`.
     pub fn start(name: &str, steps_back: bool, work: impl FnOnce() -> T + Send + 'static) -> io::Result<Self> {
         let (report, done) = bounded(1);
         thread::Builder::new().name(name.to_owned()).spawn(move || {
@@ -131,7 +131,7 @@ impl<T: Send + 'static> Worker<T> {
         self.0.recv().map_err(|_| Unfinished::Died)
     }
 
-    /// Waits for its result, at most so long.
+    /// Waits for its result for at most `longest`.
     pub fn wait_within(&self, longest: Duration) -> Result<T, Unfinished> {
         self.0.recv_timeout(longest).map_err(|fault| match fault {
             RecvTimeoutError::Timeout => Unfinished::Hangs,
@@ -142,13 +142,13 @@ impl<T: Send + 'static> Worker<T> {
 
 type Task = Box<dyn FnOnce() + Send>;
 
-/// A few threads for tasks that take time and must hold up no caller. They end when the pool is dropped and the tasks that
-/// wait are done.
+/// A few threads for slow tasks that must not delay their caller. They end when the pool is dropped and the queued
+/// tasks are done.
 #[derive(Debug)]
 pub struct WorkerPool(Queue<Task>);
 
 impl WorkerPool {
-    /// `count` threads called `name`, with room for `waiting` tasks; other threads go before them where they `step_back`.
+    /// Starts `count` threads called `name` with a queue of `waiting` tasks, at lower priority if `step_back`.
     pub fn start(name: &str, count: usize, waiting: usize, steps_back: bool) -> io::Result<Self> {
         let (queue, tasks) = Queue::<Task>::bounded(waiting, OverflowPolicy::GiveUp);
         for _ in 0..count {
@@ -158,7 +158,7 @@ impl WorkerPool {
                     step_back();
                 }
                 for task in tasks {
-                    // the reply that it held is gone, so no caller waits; the tasks after it need this thread
+                    // the reply held by the task is gone, so no caller waits; the tasks after it need this thread
                     catch_unwind(AssertUnwindSafe(task)).ok();
                 }
             })?;
@@ -166,7 +166,7 @@ impl WorkerPool {
         Ok(Self(queue))
     }
 
-    /// Has `task` done, unless too many wait: then it is dropped, and with it the reply that it holds.
+    /// Queues `task`. When the queue is full, the task is dropped together with the reply it holds.
     pub fn submit(&self, task: impl FnOnce() + Send + 'static) {
         self.0.send(Box::new(task)).ok();
     }

@@ -13,7 +13,7 @@
 //! e > 1:  f = 4/(3π) [(e²+1) E(1/e) - (e²-1) K(1/e)]    t = 4e/(9π) [(4-2e²) E(1/e) + (2e²-5+3/e²) K(1/e)]
 //! ```
 //!
-//! Valid for flat contact with uniform pressure: the couple of inertia about the rim of a thin coin is left out.
+//! Valid for flat contact with uniform pressure: the moment of inertia about the rim of a thin coin is neglected.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::LazyLock;
@@ -24,7 +24,7 @@ const CELLS: usize = 256;
 const QUARTER_POINTS: usize = 256;
 /// Slip, in steps of free deceleration, below which a step is solved implicitly.
 const IMPLICIT_BELOW: f64 = 4.0;
-/// `f² + (3t/2)²` is nowhere smaller on the limit curve: a demand inside this ellipse is met by sticking.
+/// Least value of `f² + (3t/2)²` on the limit curve: a demand inside this ellipse is met by sticking.
 const INSIDE_LIMIT_CURVE: f64 = 0.87;
 
 static SHARED: LazyLock<DiscFriction> = LazyLock::new(DiscFriction::new);
@@ -70,12 +70,12 @@ impl DiscFriction {
         [force * slide_mps / total, torque * rim_mps / total]
     }
 
-    /// What friction leaves of sliding and of spinning after one step, each in 0..=1, for a disc of moment of
-    /// inertia mR²/2. Slip is that which the step would end with if there were no friction; `reach_mps = μ g h`
-    /// is the speed friction can take away in one step.
+    /// Shares of sliding and spinning that remain after one step with friction, each in 0..=1, for a disc of moment of
+    /// inertia mR²/2. The arguments are the slip at the end of the step without friction; `reach_mps = μ g h` is the
+    /// speed that friction can remove in one step.
     ///
-    /// Small slip is solved implicitly: the step ends with the slip that friction of that very slip explains, and
-    /// with none at all (the disc sticks) when friction can take away all of it, force and torque together.
+    /// Small slip is solved implicitly: the slip at the end of the step is the one whose own friction explains it, and
+    /// zero (the disc sticks) when friction can remove all of it, force and torque together.
     #[inline]
     pub fn kept(&self, slide_mps: f64, rim_mps: f64, reach_mps: f64) -> [f64; 2] {
         let total = slide_mps + rim_mps;
@@ -108,8 +108,8 @@ impl DiscFriction {
         [share(x, slide), share(1.0 - x, rim)]
     }
 
-    /// `x = s₁/(s₁+r₁)`: root of a function that runs from `slide` at 0 to `-rim` at 1, by regula falsi, the end that
-    /// stays put weighing half (Illinois). With it force and torque there.
+    /// `x = s₁/(s₁+r₁)`: root of a function that runs from `slide` at 0 to `-rim` at 1, by regula falsi in which the
+    /// retained end is weighted by half (Illinois). Also returns force and torque there.
     fn share_of_sliding_left(&self, slide: f64, rim: f64) -> (f64, [f64; 2]) {
         const TOLERANCE: f64 = 1e-7;
         let pull_at = |x: f64| (x, self.at_share_of_sliding(x));
@@ -131,7 +131,7 @@ impl DiscFriction {
         pull_at(0.5 * (low.0 + high.0))
     }
 
-    /// [`Self::force_and_torque`] where `x = v/(v + R|w|)`.
+    /// [`Self::force_and_torque`] at `x = v/(v + R|w|)`.
     #[inline]
     fn at_share_of_sliding(&self, x: f64) -> [f64; 2] {
         let [force, torque] = self.reduced(x, 1.0 - x, 1.0);
@@ -150,7 +150,7 @@ impl DiscFriction {
     }
 }
 
-/// A slip ratio, written so that the number is in 0..=1.
+/// A slip ratio, stored so that the number is in 0..=1.
 #[derive(Clone, Copy)]
 enum Ratio {
     /// e ≤ 1: e itself.
@@ -223,7 +223,7 @@ mod tests {
         }
     }
 
-    /// Coulomb's law summed over the face: polar midpoints about the disc's centre, nothing else assumed.
+    /// Coulomb's law summed over the face at polar midpoints about the disc's centre, without further assumptions.
     fn face_sum(e: f64) -> [f64; 2] {
         const RINGS: usize = 300;
         const SPOKES: usize = 600;
@@ -250,7 +250,7 @@ mod tests {
         let (mut worst, mut count) = (0.0f64, 0);
         for e in slip_ratios() {
             let table = DiscFriction::shared().force_and_torque(e, 1.0);
-            // Cancellation leaves the closed form few digits at the ends; the series take over there.
+            // Cancellation leaves the closed form few digits at the ends, so the series replace it there.
             let exact = match e {
                 e if e < 0.01 => [e - e.powi(3) / 8.0, 2.0 / 3.0 - e * e / 2.0],
                 e if e > 100.0 => [1.0 - 1.0 / (8.0 * e * e), 1.0 / (4.0 * e) + 1.0 / (48.0 * e.powi(3))],
@@ -284,7 +284,7 @@ mod tests {
         let [force, torque] = friction.force_and_torque(1.0, 1.0);
         assert!((force - 8.0 / (3.0 * PI)).abs() < 1e-9 && (torque - 8.0 / (9.0 * PI)).abs() < 1e-9);
         assert_eq!(friction.force_and_torque(0.0, 0.0), [0.0, 0.0]);
-        // A disc coming to rest slides and spins at the ratio that keeps itself, f/(2t) = e: 0.653 (Farkas et al.).
+        // A disc that comes to rest slides and spins at the stationary ratio, f/(2t) = e: 0.653 (Farkas et al.).
         let [force, torque] = friction.force_and_torque(0.653, 1.0);
         assert!((force / (2.0 * torque) - 0.653).abs() < 2e-4);
     }

@@ -1,10 +1,10 @@
-//! Files that outlive a power cut: written beside their name and renamed, folders synced, room reserved ahead.
+//! Files that survive a power cut: written under a draft name and renamed, with folders synced and room preallocated.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Writes `bytes` into `file`, which is the new file `draft`, and gives it the name `path` in the same folder once they are on
+/// Writes `bytes` into `file`, the new file at `draft`, and renames it to `path` in the same folder once they are on
 /// the disk. Until then the old file remains.
 pub fn write_whole(mut file: File, draft: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
     file.write_all(bytes)?;
@@ -12,25 +12,25 @@ pub fn write_whole(mut file: File, draft: &Path, path: &Path, bytes: &[u8]) -> i
     fs::rename(draft, path)
 }
 
-/// Makes the names in `folder` outlive a power cut; an empty path is the present folder.
+/// Syncs `folder` so that the names in it survive a power cut; an empty path is the current folder.
 #[cfg(unix)]
 pub fn sync_folder(folder: &Path) -> io::Result<()> {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     File::open(folder)?.sync_all()
 }
 
-/// Elsewhere a folder is no file.
+/// Does nothing: on other systems a folder cannot be opened as a file.
 #[cfg(not(unix))]
 pub fn sync_folder(_: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Length of a file after room was reserved for it.
+/// Length of a file after room was preallocated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
-    /// The length it had.
+    /// The length stays as it was.
     Kept,
-    /// That of the room.
+    /// The length becomes that of the preallocated room.
     Extended,
 }
 
@@ -53,20 +53,20 @@ pub fn reserve(file: &File, bytes: u64, length: Length) -> io::Result<()> {
     })
 }
 
-/// Elsewhere no disk can.
+/// Always unsupported: only Linux has the system call.
 #[cfg(not(target_os = "linux"))]
 pub fn reserve(_: &File, _: u64, _: Length) -> io::Result<()> {
     Err(io::ErrorKind::Unsupported.into())
 }
 
-/// Bytes that others than the superuser may still write on the disk of `folder`.
+/// Free bytes on the disk of `folder` available to users other than the superuser.
 #[cfg(unix)]
 pub fn free_bytes(folder: &Path) -> io::Result<u64> {
     let disk = rustix::fs::statvfs(folder)?;
     Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
 }
 
-/// Elsewhere it is not known.
+/// Always unsupported: free space is known on Unix only.
 #[cfg(not(unix))]
 pub fn free_bytes(_: &Path) -> io::Result<u64> {
     Err(io::ErrorKind::Unsupported.into())

@@ -1,9 +1,9 @@
-//! Frames, poses, planar twists and the pinhole camera's geometry.
+//! Coordinate frames, poses, planar twists and the geometry of the pinhole camera.
 //!
 //! Frames are part of every name. `table` is fixed to the plate at rest: origin at its centre, x right and
 //! y up as the camera sees it, z towards the camera, angles counter-clockwise. `plate` is fixed to the vibrating plate.
 //! `image` is in pixels: (0, 0) is the centre of the top-left pixel, x right, y down.
-//! `table_from_image` takes image coordinates to table coordinates.
+//! `table_from_image` converts image coordinates to table coordinates.
 
 mod homography;
 mod lens;
@@ -28,7 +28,7 @@ pub fn perp(a: Vec2) -> Vec2 {
     Vec2::new(-a.y, a.x)
 }
 
-/// The z component of the cross product, positive when `b` lies counter-clockwise of `a`.
+/// The z component of the cross product, positive when `b` is counter-clockwise of `a`.
 #[inline]
 pub fn cross(a: Vec2, b: Vec2) -> f64 {
     a.x * b.y - a.y * b.x

@@ -1,5 +1,5 @@
-//! Where everything truly is, as plain data. Only the simulator writes it; recordings and reports read it. Control and all that
-//! it imports never name this module.
+//! Ground truth: the true state of all bodies, as plain data. Only the simulator writes it; recordings and reports read
+//! it. Control and everything it imports never name this module.
 
 use std::sync::Arc;
 
@@ -8,27 +8,27 @@ use parking_lot::{Mutex, MutexGuard};
 use crate::geometry::{Pose, Vec2};
 use crate::time::PlateTime;
 
-/// Where one part truly is.
+/// True state of one part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartTruth {
-    /// Its pose on the table, x right, y up.
+    /// Pose on the table, x right, y up.
     pub part_in_table: Pose,
-    /// Its velocity, m/s.
+    /// Velocity, m/s.
     pub velocity_mps: Vec2,
     /// False once its centre has left the plate.
     pub on_plate: bool,
 }
 
-/// The true state at the middle of an exposure.
+/// True state of the scene at the middle of an exposure.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GroundTruth {
-    /// When.
+    /// Time of the exposure's middle.
     pub at: PlateTime,
     /// Every part, in the order of the job.
     pub parts: Vec<PartTruth>,
-    /// The vibrating plate against its place at rest.
+    /// Pose of the vibrating plate relative to its place at rest.
     pub plate_in_table: Pose,
-    /// Touches between parts so far, each counted once when it begins.
+    /// Contacts between parts so far, each counted once when it begins.
     pub collisions: u64,
 }
 
@@ -39,7 +39,7 @@ pub struct GroundTruthHandle(Arc<Mutex<Shared>>);
 #[derive(Debug, Default)]
 struct Shared {
     truth: GroundTruth,
-    /// The rig's part at each place of what is read; the rig's own order while empty.
+    /// Maps each place of the list that is read to the rig's own index; the rig's order while empty.
     order: Vec<usize>,
 }
 
@@ -54,8 +54,8 @@ impl GroundTruthHandle {
         truth
     }
 
-    /// From now on lists the parts as `seen_m` does: each next to the place where it was seen, m. Equal parts have no
-    /// names of their own on a plate, so whoever finds them names them.
+    /// Reorders the parts to match `seen_m`: each next to the place where it was seen, m. Equal parts cannot be told
+    /// apart on a plate, so the vision system that finds them names them.
     pub fn order_by(&self, seen_m: &[Vec2]) {
         let mut shared = self.lock();
         let mut left: Vec<usize> = (0..shared.truth.parts.len()).collect();
@@ -70,7 +70,7 @@ impl GroundTruthHandle {
         shared.order = order;
     }
 
-    /// Changes the shared truth, parts in the rig's own order. For the simulator, which owns it.
+    /// Changes the shared truth, with parts in the rig's own order. For the simulator, which owns it.
     pub fn update(&self, change: impl FnOnce(&mut GroundTruth)) {
         change(&mut self.lock().truth);
     }

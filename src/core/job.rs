@@ -1,4 +1,4 @@
-//! The words for a run and its end that every room shares: how it ended, and what ended it.
+//! Vocabulary of runs that all crates share: outcomes, causes, recordings and pace.
 
 pub mod legacy;
 mod stop_cause;

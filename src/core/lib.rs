@@ -1,5 +1,5 @@
-//! Foundations of every other crate of `upm`: units, plate time, seeded random streams, planar geometry, the friction of a
-//! disc, the plain data that crosses the hardware boundary, and that boundary itself, the trait [`rig::Rig`].
+//! Foundations of every other crate of `upm`: units, plate time, seeded random streams, planar geometry, the friction
+//! of a disc, the plain data that crosses the hardware boundary, and the trait [`rig::Rig`] that is this boundary.
 
 pub mod background;
 mod coded_enum;

@@ -1,22 +1,24 @@
-//! Which threads go first when there are more of them than cores: those that drive a plate.
+//! Scheduling priorities of threads: those that drive a plate precede all others when there are more threads than
+//! cores.
 //!
-//! All is against the niceness that the process was started with, which its first thread keeps. Only on Linux a thread has
-//! one of its own; elsewhere, and where it may not be set, a thread stays as it is.
+//! Niceness is relative to that of the process, which its first thread keeps. Only Linux has a niceness per thread;
+//! elsewhere, and where it may not be set, the priority is unchanged.
 
-/// What threads have more of that wait for others.
+/// Niceness added for background threads.
 const BACK: i32 = 5;
 
-/// What a thread has less of that has a clock to keep up with.
+/// Niceness added (negative) for threads that drive a plate in real time.
 const FIRST: i32 = -10;
 
-/// Lets the threads that drive plates go before this one, and before those that it starts.
+/// Lowers the priority of this thread, and of those it starts, below that of threads that drive plates.
 pub fn step_back() {
     put(BACK);
 }
 
-/// Lets this thread, which drives a plate, go before all others of the machine while it has a clock to keep up with; without
-/// one it would keep those who answer from the processor. Mostly that takes a right that the daemon has only where the service
-/// manager gives it (`LimitNICE`, `CAP_SYS_NICE`); without it the thread stays as it is.
+/// Raises this thread, which drives a plate, above all others of the machine if it `has_clock`. Without a clock it gets
+/// the process's priority, because it runs unthrottled and would keep other threads from the processor. Raising usually
+/// requires a privilege that the daemon has only if the service manager grants it (`LimitNICE`, `CAP_SYS_NICE`);
+/// without it the priority is unchanged.
 pub fn go_first(has_clock: bool) {
     put(if has_clock { FIRST } else { 0 });
 }
@@ -45,7 +47,7 @@ mod tests {
             let mine = || getpriority_process(None).unwrap();
             step_back();
             assert_eq!(mine(), (started_with + BACK).min(19));
-            // a second time is no further back
+            // the second call does not lower it further
             step_back();
             assert_eq!(mine(), (started_with + BACK).min(19));
             std::thread::spawn(step_back).join().unwrap();

@@ -1,10 +1,10 @@
-//! Random numbers by name. One seed a run; every consumer draws from a stream of its own,
-//! so that one more draw in the camera changes nothing in the friction.
+//! Named random streams. Each run has one seed, and every consumer draws from its own stream, so that an additional
+//! draw in the camera does not change the friction.
 
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::SeedableRng;
 
-/// The generator used everywhere: its output is fixed by its definition, not by a library's version.
+/// The generator used everywhere: its output is specified by the algorithm, independent of a library's version.
 pub type Rng = Pcg64;
 
 /// All random streams of one run.
@@ -14,7 +14,7 @@ pub struct Streams {
 }
 
 impl Streams {
-    /// The streams of `seed`.
+    /// The streams for `seed`.
     pub fn new(seed: u64) -> Self {
         Self { seed }
     }
@@ -24,7 +24,7 @@ impl Streams {
         Rng::seed_from_u64(splitmix(self.seed ^ fnv1a(name)))
     }
 
-    /// A family of streams below `name`, for things that come in numbers.
+    /// The streams below `name`, for numbered consumers.
     pub fn numbered(&self, name: &str, number: u64) -> Rng {
         Rng::seed_from_u64(splitmix(splitmix(self.seed ^ fnv1a(name)).wrapping_add(number)))
     }
@@ -55,7 +55,7 @@ mod tests {
         assert_eq!(draws, GOLDEN, "the generator's output is part of every journal");
     }
 
-    /// Written down once; a change here changes every recorded run.
+    /// Recorded values; changing them changes every recorded run.
     const GOLDEN: [u64; 2] = [5_841_741_068_360_979_714, 4_750_037_569_847_884_715];
 
     #[test]

@@ -1,6 +1,6 @@
-//! The hardware boundary. Control talks to a [`Rig`] and knows of it only what a [`RigModel`] says:
-//! figures a person can measure with a ruler or read off a data sheet. How the rig really behaves
-//! (friction, resonance, where the camera hangs) is found out by vision, estimation and calibration.
+//! The hardware boundary. Control talks to a [`Rig`] and knows of it only the figures of a [`RigModel`], which are
+//! measured with a ruler or read off a data sheet. The rig's actual behaviour (friction, resonance, position of the
+//! camera) is determined by vision, estimation and calibration.
 
 mod interlock;
 
@@ -10,18 +10,18 @@ use crate::time::PlateTime;
 
 pub use interlock::{Fitted, Interlock, StopTimes, Trip};
 
-/// A kind of part.
+/// A kind of part, such as a denomination of coins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PartKind {
     /// Name in job files: `penny`.
     pub name: String,
-    /// Outline, m.
+    /// Radius of the outline, m.
     pub radius_m: f64,
-    /// Height, m.
+    /// Thickness, m.
     pub thickness_m: f64,
 }
 
-/// What is known of a rig before anything is measured.
+/// Nominal figures of a rig, known before anything is measured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigModel {
     /// Name in its file.
@@ -30,13 +30,13 @@ pub struct RigModel {
     pub plate_side_m: f64,
     /// Distance of the motors' lines of action from the plate's centre, m (r in Eq. 7).
     pub lever_arm_m: f64,
-    /// Mass of the moving plate, kg, from the scales.
+    /// Mass of the moving plate, kg, as weighed.
     pub plate_mass_kg: f64,
     /// Moment of inertia of the moving plate about its centre, kg m², from its drawing.
     pub plate_inertia_kgm2: f64,
     /// Force of one count at a motor, N.
     pub newtons_per_count: f64,
-    /// Largest sample a motor may be told to play, counts.
+    /// Largest sample that a motor may play, counts.
     pub count_limit: f64,
     /// Base frequency of the drive, rad/s.
     pub base_radps: f64,
@@ -46,28 +46,28 @@ pub struct RigModel {
     pub rest_s: f64,
     /// Longest sustain the rig allows, s.
     pub max_sustain_s: f64,
-    /// Synthesised motions; `None` where the rig shall make none.
+    /// Synthesised motions; `None` where the rig makes none.
     pub fields: Option<FieldDriveModel>,
     /// Position of accelerometer 1 on the plate, m; number 2 is opposite.
     pub accelerometer_in_plate_m: Vec2,
     /// Frame width and height, px.
     pub frame_size_px: [usize; 2],
-    /// Frames a second.
+    /// Frames per second.
     pub frame_hz: f64,
-    /// Time the shutter is open, s.
+    /// Exposure time, s.
     pub exposure_s: f64,
-    /// The lens as its calibration sheet has it.
+    /// The lens according to its calibration sheet.
     pub lens: Lens,
     /// True when parts are darker than the plate.
     pub dark_parts: bool,
 }
 
-/// Synthesised motions: periodic ones of many harmonics under an envelope of their own.
+/// Synthesised motions: periodic ones of many harmonics under a separate envelope.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldDriveModel {
     /// Base frequency, rad/s.
     pub base_radps: f64,
-    /// Harmonics of it.
+    /// Number of harmonics.
     pub harmonics: usize,
     /// Attack and decay of every pulse, s.
     pub attack_s: f64,
@@ -75,21 +75,21 @@ pub struct FieldDriveModel {
     pub rest_s: f64,
 }
 
-/// Why a rig did not do what it was told.
+/// Reason for which a rig refused or failed to act.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RigFault {
-    /// The drive asks for more than the motors may give.
+    /// The drive exceeds the motors' limit.
     #[error("drive peaks at {peak_counts:.0} counts, the rig allows {limit_counts:.0}")]
     DriveTooStrong {
-        /// What was asked, counts.
+        /// Peak of the drive, counts.
         peak_counts: f64,
-        /// What is allowed, counts.
+        /// Limit, counts.
         limit_counts: f64,
     },
-    /// A pulse is still sounding.
+    /// A pulse is still being played.
     #[error("a pulse is still sounding until {0}")]
     Busy(PlateTime),
-    /// The drive is not a drive: not a number, negative lengths, longer than allowed.
+    /// The drive is invalid: not a number, negative lengths, or longer than allowed.
     #[error("bad drive: {0}")]
     BadDrive(String),
     /// The device failed.
@@ -105,23 +105,23 @@ pub trait Rig {
     /// Plate time now.
     fn now(&self) -> PlateTime;
 
-    /// Starts a pulse now and returns at once; it sounds while frames are captured.
+    /// Starts a pulse and returns at once; the pulse plays while frames are captured.
     fn play(&mut self, drive: &Drive) -> Result<(), RigFault>;
 
-    /// When the last pulse, its rest included, is over; not later than [`Rig::now`] when nothing sounds.
+    /// End of the last pulse, its rest included; not later than [`Rig::now`] when no pulse is playing.
     fn quiet_at(&self) -> PlateTime;
 
-    /// Waits for the camera's next exposure and reads it out into `frame`, which is made to fit.
+    /// Waits for the camera's next exposure and reads it out into `frame`, which is resized as needed.
     fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault>;
 
-    /// What the accelerometers saw of the last pulse, up to now.
+    /// The accelerometers' trace of the last pulse, up to now.
     fn trace(&self) -> AccelTrace;
 
-    /// Motors to zero, at once. Always safe to call.
+    /// Sets the motors to zero at once. Always safe to call.
     fn stop(&mut self);
 
-    /// Lets time pass until `until` in which nobody drives the rig: what time does to hardware by itself. Motors that
-    /// sound meanwhile fall silent after [`Interlock::LEASE_S`], which is [`RigFault::Stopped`].
+    /// Lets plate time pass until `until` without driving the rig, for effects of time on the hardware. Motors that are
+    /// playing fall silent after [`Interlock::LEASE_S`], which is [`RigFault::Stopped`].
     fn pass(&mut self, _until: PlateTime) -> Result<(), RigFault> {
         Ok(())
     }

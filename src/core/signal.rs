@@ -1,4 +1,4 @@
-//! Plain data that crosses the hardware boundary: frames and traces one way, drives the other.
+//! Plain data that crosses the hardware boundary: frames and traces in, drives out.
 
 mod drive;
 mod envelope;

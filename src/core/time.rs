@@ -1,11 +1,11 @@
-//! Two kinds of time, kept apart. [`PlateTime`] is the experiment's own time, the only one the core reads:
-//! it comes from the rig. Wall time is for reports on speed alone and comes from a [`Clock`] that is passed in.
+//! Plate time and wall time, kept apart. [`PlateTime`] is the experiment's own time, which the rig provides; the core
+//! reads no other. Wall time serves reports on speed only and comes from a [`Clock`] that is passed in.
 
 use std::fmt;
 use std::ops::{Add, Sub};
 use std::time::Duration;
 
-/// Time since the rig was switched on, whole nanoseconds, so that sums are exact and journals are equal.
+/// Time since the rig was switched on, in whole nanoseconds, so that sums are exact and journals are reproducible.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PlateTime(u64);
 
@@ -13,31 +13,31 @@ impl PlateTime {
     /// The moment the rig was switched on.
     pub const ZERO: Self = Self(0);
 
-    /// From whole nanoseconds.
+    /// Plate time from whole nanoseconds.
     #[inline]
     pub const fn from_nanos(nanos: u64) -> Self {
         Self(nanos)
     }
 
-    /// From seconds, rounded to the nanosecond. Negative and not-a-number become zero.
+    /// Plate time from seconds, rounded to the nanosecond. Negative numbers and not-a-number become zero.
     #[inline]
     pub fn from_secs(seconds: f64) -> Self {
         Self((seconds * 1e9).round() as u64)
     }
 
-    /// Whole nanoseconds.
+    /// Plate time in whole nanoseconds.
     #[inline]
     pub const fn nanos(self) -> u64 {
         self.0
     }
 
-    /// Seconds.
+    /// Plate time in seconds.
     #[inline]
     pub fn secs(self) -> f64 {
         self.0 as f64 * 1e-9
     }
 
-    /// Seconds from `earlier` to here; zero when `earlier` is the later one.
+    /// Seconds elapsed since `earlier`; zero when `earlier` is the later one.
     #[inline]
     pub fn secs_since(self, earlier: Self) -> f64 {
         self.0.saturating_sub(earlier.0) as f64 * 1e-9
@@ -66,9 +66,9 @@ impl fmt::Display for PlateTime {
     }
 }
 
-/// Source of wall time. The core never looks at a clock of its own, so a test can hold time still.
+/// Source of wall time. The core never reads the system clock itself, so that a test can stop time.
 pub trait Clock {
-    /// Time since some fixed moment, never falling.
+    /// Time since a fixed moment; never decreases.
     fn elapsed(&self) -> Duration;
 }
 
@@ -77,7 +77,7 @@ pub trait Clock {
 pub struct MonotonicClock(std::time::Instant);
 
 impl MonotonicClock {
-    /// Starts at zero now.
+    /// A clock that reads zero now.
     #[allow(clippy::disallowed_methods, clippy::new_without_default)] // the one place that reads the clock
     #[inline]
     pub fn new() -> Self {
@@ -92,7 +92,7 @@ impl Clock for MonotonicClock {
     }
 }
 
-/// A clock that stands still, for runs in which wall time must not appear.
+/// A clock that always reads zero, for runs in which wall time must not appear.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StoppedClock;
 

@@ -1,4 +1,4 @@
-//! Conversions at the person's edge. Inside the program every quantity is SI and says so in its name.
+//! Unit conversions at the user interface. Inside the program every quantity is SI and its name has the unit.
 
 use crate::geometry::Vec2;
 
@@ -20,7 +20,7 @@ pub fn mm_from_m(m: f64) -> f64 {
     m * 1e3
 }
 
-/// Places in millimetres from places in metres, to the micrometre: finer than anything is seen.
+/// Positions in millimetres from positions in metres, rounded to the micrometre, which is finer than any measurement.
 #[inline]
 pub fn places_mm(places_m: &[Vec2]) -> Vec<[f64; 2]> {
     let rounded = |m: f64| (mm_from_m(m) * 1e3).round() / 1e3;

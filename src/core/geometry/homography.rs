@@ -7,13 +7,13 @@ use super::Vec2;
 pub struct Homography(Matrix3<f64>);
 
 impl Homography {
-    /// From its matrix, any scale.
+    /// The map with this matrix, at any scale.
     #[inline]
     pub fn new(matrix: Matrix3<f64>) -> Self {
         Self(matrix)
     }
 
-    /// The map that takes four points to four points, `None` when three of either lie on a line.
+    /// The map from four points to four points, `None` when three of either are collinear.
     pub fn from_corners(from: [Vec2; 4], to: [Vec2; 4]) -> Option<Self> {
         let mut a = SMatrix::<f64, 8, 8>::zeros();
         let mut b = SVector::<f64, 8>::zeros();
@@ -36,7 +36,7 @@ impl Homography {
         Vec2::new(q.x / q.z, q.y / q.z)
     }
 
-    /// How the image of `p` moves when `p` does.
+    /// Jacobian of the map at `p`.
     #[inline]
     pub fn jacobian_at(&self, p: Vec2) -> nalgebra::Matrix2<f64> {
         let q = self.0 * Vector3::new(p.x, p.y, 1.0);
@@ -46,13 +46,13 @@ impl Homography {
         (top - image * bottom) / q.z
     }
 
-    /// The map back, `None` when there is none.
+    /// The inverse map; `None` for a singular matrix.
     #[inline]
     pub fn inverse(&self) -> Option<Self> {
         self.0.try_inverse().map(Self)
     }
 
-    /// Its matrix.
+    /// The matrix of the map.
     #[inline]
     pub fn matrix(&self) -> &Matrix3<f64> {
         &self.0

@@ -2,17 +2,17 @@ use nalgebra::Matrix2;
 
 use super::Vec2;
 
-/// A pinhole camera's inner geometry with radial and tangential distortion (Brown, 1966; the five-number
-/// form that calibration tools print). `ideal` image coordinates are those of the same camera without distortion.
+/// Intrinsic geometry of a pinhole camera with radial and tangential distortion (Brown, 1966; the five-number form that
+/// calibration tools print). `ideal` image coordinates are those of the same camera without distortion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
     /// Focal length, px; pixels are square.
     pub focal_px: f64,
-    /// Where the optical axis meets the image, px.
+    /// Principal point, where the optical axis meets the image, px.
     pub principal_px: Vec2,
-    /// Radial terms of r² and r⁴, r in units of the focal length.
+    /// Coefficients of r² and r⁴, r in units of the focal length.
     pub radial: [f64; 2],
-    /// Tangential terms.
+    /// Coefficients of the tangential distortion.
     pub tangential: [f64; 2],
 }
 
@@ -23,14 +23,14 @@ impl Lens {
         Self { focal_px, principal_px, radial: [0.0; 2], tangential: [0.0; 2] }
     }
 
-    /// The lens of a picture whose camera is not known, by its columns and rows. It distorts nothing and is so long that
-    /// parts are seen from straight above.
+    /// The lens assumed for a picture of these columns and rows from an unknown camera. It has no distortion and so
+    /// long a focal length that parts are seen from straight above.
     pub fn long(size_px: [usize; 2]) -> Self {
         let size = Vec2::from(size_px.map(|size| size as f64));
         Self::ideal(4.0 * size.max(), (size - Vec2::repeat(1.0)) / 2.0)
     }
 
-    /// True when distortion moves nothing.
+    /// True without distortion.
     #[inline]
     pub fn is_ideal(&self) -> bool {
         self.radial == [0.0; 2] && self.tangential == [0.0; 2]
@@ -58,7 +58,7 @@ impl Lens {
         self.principal_px + self.focal_px * n
     }
 
-    /// How an image point moves when its ideal point does.
+    /// Jacobian of the distortion: motion of the image point with its ideal point.
     #[inline]
     pub fn jacobian_at_ideal(&self, ideal_px: Vec2) -> Matrix2<f64> {
         self.distortion_jacobian((ideal_px - self.principal_px) / self.focal_px)

@@ -1,15 +1,15 @@
 use super::{Segment, Vec2};
 
-/// A chain of straight segments, measured along its length.
+/// A chain of straight segments, parametrised by arc length.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Polyline {
     points_m: Vec<Vec2>,
-    /// Length up to each point, m.
+    /// Arc length at each point, m.
     reached_m: Vec<f64>,
 }
 
 impl Polyline {
-    /// Through `points_m` in turn.
+    /// The polyline through `points_m` in this order.
     pub fn new(points_m: Vec<Vec2>) -> Self {
         let mut length_m = 0.0;
         let mut reached_m = Vec::with_capacity(points_m.len());
@@ -20,17 +20,17 @@ impl Polyline {
         Self { points_m, reached_m }
     }
 
-    /// Its corners, m.
+    /// Corners, m.
     pub fn points_m(&self) -> &[Vec2] {
         &self.points_m
     }
 
-    /// Its whole length, m.
+    /// Total length, m.
     pub fn length_m(&self) -> f64 {
         self.reached_m.last().copied().unwrap_or(0.0)
     }
 
-    /// The point `s_m` along, held to the ends; the origin when there are no points.
+    /// The point at arc length `s_m`, clamped to the ends; the origin when there are no points.
     pub fn at(&self, s_m: f64) -> Vec2 {
         let next = self.reached_m.partition_point(|&reached| reached <= s_m);
         match (next.checked_sub(1).and_then(|i| self.points_m.get(i)), self.points_m.get(next)) {
@@ -43,13 +43,13 @@ impl Polyline {
         }
     }
 
-    /// Distance of `p_m` from the stretch between `from_m` and `to_m` along, m.
+    /// Distance of `p_m` from the stretch between arc lengths `from_m` and `to_m`, m.
     pub fn distance_m(&self, p_m: Vec2, from_m: f64, to_m: f64) -> f64 {
         self.nearest(p_m, from_m, to_m).1
     }
 
-    /// How far along the point nearest to `p_m` is, m, and how far off `p_m` is from it, m. Only the stretch between
-    /// `from_m` and `to_m` counts.
+    /// Arc length of the point nearest to `p_m`, m, and its distance from `p_m`, m. Only the stretch between `from_m`
+    /// and `to_m` is searched.
     pub fn nearest(&self, p_m: Vec2, from_m: f64, to_m: f64) -> (f64, f64) {
         let (mut a, mut a_at_m) = (self.at(from_m), from_m.clamp(0.0, self.length_m()));
         let mut nearest = (a_at_m, (p_m - a).norm());
@@ -66,8 +66,8 @@ impl Polyline {
         nearest
     }
 
-    /// The same on a closed line that goes round and round, within `reach_m` of what is `at_m` along; counted on from
-    /// lap to lap.
+    /// The same on a closed line, searched within `reach_m` of arc length `at_m`; the arc length keeps growing from lap
+    /// to lap.
     pub fn nearest_around(&self, p_m: Vec2, at_m: f64, reach_m: f64) -> (f64, f64) {
         let length_m = self.length_m();
         let (first, last) = ((at_m - reach_m) / length_m, (at_m + reach_m) / length_m);

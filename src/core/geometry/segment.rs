@@ -2,8 +2,8 @@ use super::Vec2;
 
 /// A straight line segment between two points.
 ///
-/// Two points that go straight and in step are as near to each other at any time as the segment between their first and
-/// their last difference is to the origin.
+/// Two points that move straight and in step have their least distance where the segment from their first to their last
+/// difference is nearest to the origin.
 ///
 /// ```
 /// use upm_core::geometry::{Segment, Vec2};
@@ -20,8 +20,8 @@ pub struct Segment {
 }
 
 impl Segment {
-    /// Position of the point nearest to `p` as a share of the length, from 0 at the start to 1 at the end; 0 where both ends
-    /// are one point.
+    /// Position of the point nearest to `p` as a share of the length, from 0 at the start to 1 at the end; 0 where both
+    /// ends are one point.
     #[inline]
     pub fn nearest_share(&self, p: Vec2) -> f64 {
         let along = self.to - self.from;

@@ -7,8 +7,7 @@ use super::{Vec2, perp};
 /// A planar velocity: the velocity of the frame's origin and the spin.
 /// `v(p) = velocity + spin · p^⊥` (UPM paper, section 3.1).
 ///
-/// A rotation has a finite centre, a translation is the same thing with its centre far away;
-/// nothing here treats it apart.
+/// A rotation has a finite centre; a translation is a rotation about a distant centre, and no code special-cases it.
 ///
 /// ```
 /// use upm_core::geometry::{Twist, Vec2};
@@ -25,10 +24,10 @@ pub struct Twist {
 }
 
 impl Twist {
-    /// No motion.
+    /// The twist without motion.
     pub const ZERO: Self = Self { velocity_mps: Vec2::new(0.0, 0.0), spin_radps: 0.0 };
 
-    /// From the velocity of the origin (m/s) and the spin (rad/s).
+    /// The twist with this velocity of the origin (m/s) and spin (rad/s).
     #[inline]
     pub fn new(vx_mps: f64, vy_mps: f64, spin_radps: f64) -> Self {
         Self { velocity_mps: Vec2::new(vx_mps, vy_mps), spin_radps }
@@ -58,14 +57,14 @@ impl Twist {
         self.velocity_mps + self.spin_radps * perp(p_m)
     }
 
-    /// Where the velocity is zero, `C = (-v_y, v_x)/ω` (Eq. 6); `None` for a pure translation.
+    /// The point with zero velocity, `C = (-v_y, v_x)/ω` (Eq. 6); `None` for a pure translation.
     #[inline]
     pub fn center_of_rotation(&self) -> Option<Vec2> {
         let center = perp(self.velocity_mps) / self.spin_radps;
         (center.x.is_finite() && center.y.is_finite()).then_some(center)
     }
 
-    /// The unit field `τ(p)`: the direction in which a part at `p_m` flows; zero at the centre itself.
+    /// The unit field `τ(p)`: the direction of flow of a part at `p_m`; zero at the centre of rotation.
     #[inline]
     pub fn direction_at(&self, p_m: Vec2) -> Vec2 {
         let velocity = self.velocity_at(p_m);

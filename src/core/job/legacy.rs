@@ -1,5 +1,5 @@
-//! Sentences of files from 0.1.0 that have a code in later files. Only readers of old files use them; no file is written with
-//! them.
+//! Sentences in files of version 0.1.0 that later files replace by codes. Only readers of old files use them; no file
+//! is written with them.
 
 /// Beginning of the event, and of the warning in the report, about a recording that ended before its run.
 pub const RECORDING_ENDS_EARLY: &str = "the recording ends early: ";
@@ -7,7 +7,7 @@ pub const RECORDING_ENDS_EARLY: &str = "the recording ends early: ";
 /// Reason in the report of a run that was stopped because the daemon ended.
 pub const DAEMON_ENDED: &str = "the daemon ended";
 
-/// Events of runs that something outside them ended.
+/// Events of runs that were ended from outside.
 const EXTERNAL_STOPS: [&str; 6] = [
     "stopped from outside, motors at zero",
     "gave way to another job",
@@ -17,7 +17,7 @@ const EXTERNAL_STOPS: [&str; 6] = [
     "the rig stopped: the program ends",
 ];
 
-/// True for the text of an event by which something outside the run ended it.
+/// True for the text of an event that reports a stop from outside the run.
 pub fn is_external_stop(text: &str) -> bool {
     EXTERNAL_STOPS.contains(&text)
 }

@@ -24,29 +24,29 @@ coded_enum! {
         TableMissing = "table_missing",
         /// The camera sends the same pictures again and again.
         CameraFrozen = "camera_frozen",
-        /// Numbers or stamps of the camera's frames do not fit the present.
+        /// Frame numbers or time stamps of the camera do not fit the present.
         CameraStale = "camera_stale",
-        /// The camera's frames show no plate: dark, or garbage.
+        /// The camera's frames show no plate: they are dark or garbage.
         CameraDark = "camera_dark",
-        /// The plate is not where it was in the picture: the camera was knocked, or the plate.
+        /// The plate's place in the picture has changed: the camera or the plate was knocked.
         CameraMoved = "camera_moved",
-        /// The plate moves later in the pictures than it is driven.
+        /// The plate's motion in the pictures lags behind the drive.
         CameraLate = "camera_late",
         /// Something large hides part of the plate.
         ViewHidden = "view_hidden",
-        /// Something of a part's size lies on the plate that is no part of the job.
+        /// An object of a part's size lies on the plate that does not belong to the job.
         ForeignPart = "foreign_part",
-        /// Parts are not where they can have got to.
+        /// Parts are where no motion since the last frame can have taken them.
         PartsJumped = "parts_jumped",
-        /// A voice coil does not do what it is sent.
+        /// A voice coil does not follow its signal.
         CoilFault = "coil_fault",
-        /// An accelerometer channel does not show how the plate moves.
+        /// An accelerometer channel does not follow the plate's motion.
         AccelerometerFault = "accelerometer_fault",
         /// The plate does not move as planned.
         MotionOff = "motion_off",
         /// A part hardly moves although pulses should carry it.
         PartStuck = "part_stuck",
-        /// A part goes the other way than pulses should carry it.
+        /// A part moves against the direction in which pulses should carry it.
         PartAstray = "part_astray",
         /// The flag that ends a run was set by an unknown caller.
         Stopped = "stopped",
@@ -78,7 +78,7 @@ coded_enum! {
 }
 
 impl StopCause {
-    /// For people: what the operator should check or change; `None` where there is nothing.
+    /// Advice for the operator on what to check or change; `None` without advice.
     pub fn remedy(self) -> Option<&'static str> {
         Some(match self {
             Self::NoProgress => "check that the parts lie flat and free, and that the targets can be reached",
@@ -125,7 +125,7 @@ impl StopCause {
         self.is_by_watchdog() || self.is_by_request() || self == Self::JournalLost
     }
 
-    /// True for a stop that a person or another job asked for, or that came with the end of the program.
+    /// True for a stop that a person or another job asked for, or that the end of the program caused.
     fn is_by_request(self) -> bool {
         matches!(
             self,
@@ -133,7 +133,7 @@ impl StopCause {
         )
     }
 
-    /// True for a stop by a watchdog: something was wrong that the run did not see itself.
+    /// True for a stop by a watchdog, which detects faults that the run itself cannot.
     pub fn is_by_watchdog(self) -> bool {
         matches!(
             self,
@@ -147,7 +147,7 @@ impl StopCause {
         )
     }
 
-    /// True for an end by a guard, a watchdog or the time limit: a person looks what is wrong before the plate takes
+    /// True for an end by a guard, a watchdog or the time limit: the operator has to check the plate before it takes
     /// another job.
     pub fn pauses_plate(self) -> bool {
         let is_of_the_job = matches!(self, Self::NoFeasibleStep | Self::Uncontrollable | Self::JournalLost);

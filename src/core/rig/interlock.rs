@@ -10,21 +10,21 @@ use parking_lot::{Condvar, Mutex};
 use crate::job::StopCause;
 use crate::time::{Clock, PlateTime};
 
-/// Why an interlock tripped.
+/// Cause of an interlock's trip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Trip {
-    /// A person pressed stop.
+    /// An operator pressed the emergency stop.
     EStop,
-    /// Nobody drove the rig for [`Interlock::LEASE_S`] of plate time while its motors sounded.
+    /// The rig was not driven for [`Interlock::LEASE_S`] of plate time while its motors were playing.
     Lease,
-    /// Whoever watches the plate saw that something is wrong.
+    /// The plate's watchdog detected a fault.
     Watchdog,
-    /// The program ends.
+    /// The program is ending.
     Shutdown,
 }
 
 impl Trip {
-    /// All of them.
+    /// All causes.
     pub const ALL: [Self; 4] = [Self::EStop, Self::Lease, Self::Watchdog, Self::Shutdown];
 }
 
@@ -50,27 +50,28 @@ impl From<Trip> for StopCause {
     }
 }
 
-/// When motors fell silent that were told to.
+/// Times of a stop request and of the motors' silence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StopTimes {
     /// Plate time of the request.
     pub requested_at: PlateTime,
     /// Plate time from which on the motors' force is zero; that of the request where they were silent already.
     pub silent_at: PlateTime,
-    /// What lies between on the wall; zero for an interlock without a clock.
+    /// Wall time between the two; zero for an interlock without a clock.
     pub wall: Duration,
 }
 
-/// Keeps motors silent. Any thread trips it, at any time, past everything else; the rig it is fitted to asks it
-/// before every step and cuts its motors within that step.
+/// Keeps motors silent once tripped. Any thread can trip it at any time, without going through other layers; the rig it
+/// is fitted to checks it before every step and cuts its motors within that step.
 ///
-/// Tripping takes no lock and never waits for the rig, nor the rig for who trips it. The one lock is for those who wait for
-/// silence: they hold it while they look, the rig for a moment once its motors have fallen silent after a trip.
+/// Tripping takes no lock and never waits for the rig, nor the rig for the tripping thread. The one lock is for threads
+/// that wait for silence: they hold it while they check, the rig for a moment once its motors have fallen silent after
+/// a trip.
 ///
-/// An interlock belongs to a plate, not to a run. Whoever owns the plate makes one, keeps it for life and fits it to
-/// the rig of each run in turn; a run on its own makes one for itself. A rig holds it ([`Fitted`]) from
+/// An interlock belongs to a plate, not to a run. The owner of the plate creates it, keeps it for life and fits it to
+/// the rig of each run in turn; a run without a plate creates one for itself. A rig holds it ([`Fitted`]) from
 /// [`Interlock::fit`] until the rig is dropped. A trip stays while a rig is fitted: a run that was stopped can only
-/// end. After that [`Interlock::release`] takes the trip back, or the next rig finds it tripped and plays nothing.
+/// end. After that [`Interlock::release`] clears the trip; otherwise the next rig finds it tripped and plays nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Interlock(Arc<Shared>);
 
@@ -87,7 +88,7 @@ struct Shared {
     clock: Option<Arc<dyn Clock + Send + Sync>>,
 }
 
-/// The parts of [`Shared::word`].
+/// The fields of [`Shared::word`].
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Word(u64);
 
@@ -96,7 +97,7 @@ impl Word {
     const SOUNDING: u64 = 1 << 62;
     const TRIP_SHIFT: u32 = 59;
     const TRIP: u64 = 0b111 << Self::TRIP_SHIFT;
-    /// Nanoseconds for eighteen years.
+    /// Mask of the plate time, ns: room for eighteen years.
     const TIME: u64 = (1 << Self::TRIP_SHIFT) - 1;
 
     #[inline]
@@ -133,26 +134,27 @@ impl Word {
 }
 
 impl Interlock {
-    /// Plate time for which motors sound on when nobody drives them any more, s.
+    /// Plate time for which motors play on when the rig is no longer driven, s.
     pub const LEASE_S: f64 = 0.1;
 
-    /// One that also measures on the wall how fast motors fall silent.
+    /// An interlock that also measures the wall time in which motors fall silent.
     #[inline]
     pub fn timed(clock: Arc<dyn Clock + Send + Sync>) -> Self {
         Self(Arc::new(Shared { clock: Some(clock), ..Shared::default() }))
     }
 
-    /// Trips it. True when that changed anything: the first trip stands, but an emergency stop goes before others.
+    /// Trips the interlock. True when that changed anything: the first trip remains, but an emergency stop replaces
+    /// others.
     ///
-    /// It waits for nobody: another try is only needed when a pulse starts or ends, a rig comes or goes, or somebody
-    /// else trips it in this very moment.
+    /// Never blocks: it retries only when a pulse starts or ends, a rig is fitted or dropped, or another thread trips
+    /// it at the same moment.
     pub fn trip(&self, why: Trip) -> bool {
         let shared = &*self.0;
         let asked_at_ns = shared.wall_ns();
         let changed = shared.change(|word| {
             let stands = word.trip().is_some_and(|earlier| earlier == why || why != Trip::EStop);
             (!stands).then(|| {
-                // before the trip can be seen, so that the silence after it never comes earlier
+                // set before the trip becomes visible, so that the silence after it is never earlier
                 shared.requested_wall_ns.store(asked_at_ns, Ordering::Relaxed);
                 word.tripped(why, shared.now_ns.load(Ordering::Relaxed))
             })
@@ -163,26 +165,26 @@ impl Interlock {
         changed.is_ok()
     }
 
-    /// Why it is tripped, if it is.
+    /// The cause of the trip, if it is tripped.
     #[inline]
     pub fn tripped(&self) -> Option<Trip> {
         self.0.word(Ordering::Acquire).trip()
     }
 
-    /// The plate time of the rig it is fitted to, or of the last one.
+    /// The plate time of the rig it is fitted to, or of the last such rig.
     #[inline]
     pub fn now(&self) -> PlateTime {
         PlateTime::from_nanos(self.0.now_ns.load(Ordering::Relaxed))
     }
 
-    /// Takes back a trip for `why`. False while a rig is fitted, and when it is not tripped for that reason.
+    /// Clears a trip for `why`. False while a rig is fitted, and when it is not tripped for that cause.
     #[inline]
     pub fn release(&self, why: Trip) -> bool {
         let free = |word: Word| !word.has(Word::FITTED) && word.trip() == Some(why);
         self.0.change(|word| free(word).then(|| word.released())).is_ok()
     }
 
-    /// Fits it to a rig whose time is `now` and whose motors are silent; `None` while it is fitted to another.
+    /// Fits it to a rig whose time is `now` and whose motors are silent; `None` while it is fitted to another rig.
     #[inline]
     pub fn fit(&self, now: PlateTime) -> Option<Fitted> {
         let shared = &*self.0;
@@ -192,27 +194,28 @@ impl Interlock {
         Some(Fitted(self.clone()))
     }
 
-    /// The calling thread drives the rig: a trip wakes it when it is parked. The first thread that says so is the one.
+    /// Registers the calling thread as the one that drives the rig: a trip wakes it when it is parked. Only the first
+    /// call counts.
     #[inline]
     pub fn driven_from_here(&self) {
         self.0.driver.get_or_init(thread::current);
     }
 
-    /// The rig is about to sound; refused once tripped.
+    /// Announces that the rig is about to play; refused once tripped.
     #[inline]
     pub fn sound(&self) -> Result<(), Trip> {
         let sounding = |word: Word| word.trip().is_none().then_some(Word(word.0 | Word::SOUNDING));
         self.0.change(sounding).map_err(|word| word.trip().unwrap_or(Trip::EStop))
     }
 
-    /// The rig calls this before every step: notes its time, and tells whether motors have to be silent in that step.
+    /// Records the rig's time before every step; `Some` when motors have to be silent in that step.
     #[inline]
     pub fn step(&self, now: PlateTime) -> Option<Trip> {
         self.0.now_ns.store(now.nanos(), Ordering::Relaxed);
         self.0.word(Ordering::Relaxed).trip()
     }
 
-    /// The rig says that its motors are at zero from `at` on.
+    /// Records that the rig's motors are at zero from `at` on.
     pub fn silent(&self, at: PlateTime) {
         let shared = &*self.0;
         let word = shared.word(Ordering::Acquire);
@@ -231,7 +234,7 @@ impl Interlock {
         }
     }
 
-    /// Waits until the motors have answered the trip, at most `within`: how, as [`Self::answer`] has it.
+    /// Waits for at most `within` until the motors have answered the trip; returns [`Self::answer`].
     pub fn wait_for_answer(&self, within: Duration) -> Option<StopTimes> {
         let (lock, condition) = &self.0.silence;
         let is_sounding = |_: &mut ()| {
@@ -242,7 +245,7 @@ impl Interlock {
         self.answer()
     }
 
-    /// How the trip was answered; `None` without a trip, and while motors still sound.
+    /// Times of the motors' answer to the trip; `None` without a trip, and while motors still play.
     pub fn answer(&self) -> Option<StopTimes> {
         let shared = &*self.0;
         let word = shared.word(Ordering::Acquire);
@@ -250,7 +253,7 @@ impl Interlock {
             return None;
         }
         let silent_at = PlateTime::from_nanos(shared.silent_at_ns.load(Ordering::Relaxed));
-        // motors that fell silent before anybody asked were silent when asked
+        // motors that fell silent before the request were silent at the request
         let from_ns = shared.requested_wall_ns.load(Ordering::Relaxed);
         let wall_ns = shared.silent_wall_ns.load(Ordering::Relaxed).saturating_sub(from_ns);
         let requested_at = word.requested_at();
@@ -265,7 +268,7 @@ impl Shared {
         Word(self.word.load(order))
     }
 
-    /// Puts `next` of the word in its place; `Err` with the word for which there is none.
+    /// Replaces the word by `next` of it; `Err` with the current word when `next` gives `None`.
     #[inline]
     fn change(&self, next: impl Fn(Word) -> Option<Word>) -> Result<(), Word> {
         let put = |word| next(Word(word)).map(|word| word.0);
@@ -290,7 +293,7 @@ impl fmt::Debug for Shared {
     }
 }
 
-/// An [`Interlock`] as a rig holds it. Dropped with the rig, whose motors are then gone and silent.
+/// An [`Interlock`] held by a rig. It is dropped with the rig, whose motors are then gone and silent.
 #[derive(Debug)]
 pub struct Fitted(Interlock);
 

@@ -19,7 +19,7 @@ pub enum Motor {
 }
 
 impl Motor {
-    /// All four, in order.
+    /// All four coils, in order.
     pub const ALL: [Self; MOTORS] = [Self::X1, Self::X2, Self::Y1, Self::Y2];
 }
 
@@ -46,24 +46,24 @@ impl Harmonic {
     }
 }
 
-/// The quantity that follows a pulse's envelope, which decides the forces on the flanks.
+/// The quantity that follows a pulse's envelope; it determines the forces on the flanks.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Shaping {
-    /// The velocity of a free mass: with `p = ∫ f` the motors play `d/dt (env p) = env f + env' p`. A flank of two periods
-    /// leaves no offset behind; a shorter one does, and the rods swing it off.
+    /// The velocity of a free mass: with `p = ∫ f` the motors play `d/dt (env p) = env f + env' p`. A flank of two
+    /// periods leaves no offset behind; a shorter one does, which decays in a swing on the rods.
     #[default]
     Velocity,
     /// The displacement of the plate on its rods. With Z(s) = m s² + b s + k (UPM paper, Eq. 33) and the steady
     /// displacement x under f the motors play `Z(d/dt)(env x) = env f + env' g + env'' c`, with g = Z'(d/dt) x and
-    /// c = m x: for each motor the harmonics of g (counts·s) and of c (counts·s²). The plate is at rest after the pulse,
-    /// however short the flank.
+    /// `c = m x`: for each motor the harmonics of g (counts·s) and of c (counts·s²). The plate is at rest after the
+    /// pulse, however short the flank.
     Displacement([[Vec<Harmonic>; 2]; MOTORS]),
 }
 
-/// What the waveform generator is told to play: harmonics for each motor and a common envelope.
+/// Signal for the waveform generator: harmonics for each motor and a common envelope.
 ///
-/// At full height the motors play `f(t) = Σ c cos kwt + s sin kwt`; [`Shaping`] says what they play on the flanks. The
-/// generator rounds every sample to whole counts.
+/// At full height the motors play `f(t) = Σ c cos kwt + s sin kwt`; [`Shaping`] determines the flanks. The generator
+/// rounds every sample to whole counts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Drive {
     /// Base frequency w, rad/s.
@@ -114,8 +114,8 @@ impl Drive {
         momentum.sum::<f64>() / self.base_radps
     }
 
-    /// Bound on the samples any motor plays, however long the sustain and wherever in the period it ends, counts;
-    /// found to better than 0.1 % for up to 16 harmonics.
+    /// Upper bound of the samples of any motor for every sustain and every phase at its end, counts; within 0.1 % for
+    /// up to 16 harmonics.
     pub fn peak_counts(&self) -> f64 {
         const STEPS: usize = 720;
         let period_s = std::f64::consts::TAU / self.base_radps;
@@ -130,7 +130,7 @@ impl Drive {
         (1..=STEPS).map(largest).fold(0.0, f64::max)
     }
 
-    /// The same pulse `factor` times as strong; a negative factor reverses every force, and parts flow the other way.
+    /// The same pulse `factor` times as strong; a negative factor reverses every force and the flow of parts.
     #[inline]
     pub fn scaled(mut self, factor: f64) -> Self {
         let scale = |harmonic: &mut Harmonic| {
@@ -143,7 +143,7 @@ impl Drive {
         self
     }
 
-    /// The same pulse with every force reversed: parts flow the other way.
+    /// The same pulse with every force reversed, which reverses the flow of parts.
     #[inline]
     pub fn reversed(self) -> Self {
         self.scaled(-1.0)
@@ -205,7 +205,7 @@ mod tests {
     }
 
     proptest! {
-        /// Summed up in small steps what is played is the envelope times the sum of the same wave without end.
+        /// Integrated in small steps, the drive is the envelope times the integral of the same wave without end.
         #[test]
         fn the_momentum_follows_the_envelope(drive in drive(), stop in 0.0..1.0f64) {
             const STEPS: i32 = 20_000;

@@ -1,17 +1,17 @@
-/// The outline of a shaped pulse: attack, sustain, decay as long as the attack, then rest until parts stand
-/// still (UPM paper, section 3.3 and Fig. 9).
+/// The outline of a shaped pulse: attack, sustain, decay as long as the attack, then rest until parts are at rest (UPM
+/// paper, section 3.3 and Fig. 9).
 ///
-/// The flanks are two parabolas, their slope a triangle: the moving average over half the flank of a straight flank
-/// half as long. When half the flank is a whole period of the drive, both averages leave nothing of any harmonic. A
-/// flank of two periods therefore brings the plate to full height, and back to rest, without setting it swinging on
-/// its rods; what is left falls with the square of resonance over drive frequency.
+/// The flanks are two parabolas, their slope a triangle: the moving average, over half the flank, of a straight flank
+/// half as long. When half the flank is a whole period of the drive, both averages cancel every harmonic. A flank of
+/// two periods therefore brings the plate to full height, and back to rest, without setting it swinging on its rods;
+/// the residual falls with the square of resonance over drive frequency.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Envelope {
     /// Length of the attack and of the decay, s.
     pub attack_s: f64,
     /// Length at full height, s.
     pub sustain_s: f64,
-    /// Silence after the decay, s.
+    /// Time without drive after the decay, s.
     pub rest_s: f64,
 }
 
@@ -29,7 +29,7 @@ impl Envelope {
         if to_full > 0.5 { 2.0 * (1.0 - to_full) * (1.0 - to_full) } else { 1.0 - 2.0 * to_full * to_full }
     }
 
-    /// How fast the height changes at `t_s` after the start, 1/s.
+    /// First derivative of the height at `t_s` after the start, 1/s.
     #[inline]
     pub fn slope(&self, t_s: f64) -> f64 {
         let to_end_s = self.sounding_s() - t_s;
@@ -52,14 +52,14 @@ impl Envelope {
         if from_edge < 0.5 * self.attack_s { steepness } else { -steepness }
     }
 
-    /// The largest of `|h f + h' g + h'' c|` over all heights h of the flanks and the sustain, with their first and second
-    /// derivatives; the length of the sustain makes no difference.
+    /// Maximum of `|h f + h' g + h'' c|` over all heights h of the flanks and the sustain, with their first and second
+    /// derivatives; independent of the sustain's length.
     pub fn largest(&self, f: f64, g: f64, c: f64) -> f64 {
         if self.attack_s == 0.0 {
             return f.abs();
         }
         let (g, c) = (4.0 * g / self.attack_s, 4.0 * c / (self.attack_s * self.attack_s));
-        // z, 0 to ½, is the way from the foot of a flank, or from its top: h = 2z² or 1 - 2z², |h'| = 4z/attack
+        // z, 0 to ½, is the fraction of a flank from its foot or from its top: h = 2z² or 1 - 2z², |h'| = 4z/attack
         let most = |square: f64, linear: f64, constant: f64| {
             let at = |z: f64| ((square * z + linear) * z + constant).abs();
             let vertex = -0.5 * linear / square;
@@ -70,7 +70,7 @@ impl Envelope {
         halves(g).max(halves(-g)).max(f.abs())
     }
 
-    /// Time in which the motors move, s.
+    /// Time during which the motors move, s.
     #[inline]
     pub fn sounding_s(&self) -> f64 {
         2.0 * self.attack_s + self.sustain_s
@@ -127,8 +127,8 @@ mod tests {
             prop_assert!(found <= bound + 1e-12 && found > 0.998 * bound - 1e-9, "{found} {bound}");
         }
 
-        /// A wave of whole periods in half the flank leaves neither momentum nor displacement behind: against the
-        /// steady wave's own, both integrals of `d/dt (env p)` at full height, summed in small steps.
+        /// A wave of whole periods in half the flank leaves neither momentum nor displacement behind: relative to the
+        /// steady wave's, both integrals of `d/dt (env p)` vanish at full height, summed in small steps.
         #[test]
         fn a_flank_of_two_periods_averages_every_harmonic_away(k in 1..6i32, phase_rad in 0.0..TAU) {
             const STEPS: i32 = 4000;

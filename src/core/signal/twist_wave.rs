@@ -12,7 +12,8 @@ pub struct TwistHarmonic {
 }
 
 impl TwistHarmonic {
-    /// The two of `amplitude · (cos wt - ½ cos 2wt)`, which pumps parts along the field of `amplitude` (Eq. 5).
+    /// The two harmonics of `amplitude · (cos wt - ½ cos 2wt)`, which pumps parts along the field of `amplitude` (Eq.
+    /// 5).
     #[inline]
     pub fn pump(amplitude: Twist) -> [Self; 2] {
         [1.0, -0.5].map(|share| Self { cos: amplitude * share, sin: Twist::ZERO })
@@ -31,8 +32,8 @@ impl TwistHarmonic {
     }
 }
 
-/// A periodic planar velocity of the plate: harmonics `k = 1, 2, …` of one base frequency on x, y and spin.
-/// A rotation about a centre is its two-harmonic special case.
+/// A periodic planar velocity of the plate: harmonics `k = 1, 2, …` of one base frequency on x, y and spin. The
+/// two-harmonic wave of a rotation about a centre is a special case.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TwistWave {
     /// Base frequency w, rad/s.

@@ -10,7 +10,7 @@ fn at(steps: u64) -> PlateTime {
     PlateTime::from_nanos(steps * STEP_NS)
 }
 
-/// Moved by hand.
+/// A clock that is set by the test.
 #[derive(Default)]
 struct HandClock(AtomicU64);
 
