@@ -1,4 +1,4 @@
-//! Keys that stand twice in one object, which a parsed value no longer shows.
+//! Detection of duplicate keys in an object, which a parsed value no longer shows.
 
 use std::collections::HashSet;
 use std::fmt;
@@ -7,10 +7,10 @@ use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visi
 
 use super::fault::{Faults, Path};
 
-/// Adds a fault for each key of `text`, which is JSON, that its object has already.
+/// Adds a fault for each key of the JSON in `text` that its object already has.
 pub(super) fn check(text: &str, faults: &mut Faults) {
     let walk = Walk { at: Path::root(), faults };
-    // what is no JSON has been told before
+    // invalid JSON has been reported before
     let _ = walk.deserialize(&mut serde_json::Deserializer::from_str(text));
 }
 

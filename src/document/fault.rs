@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// Most faults listed for one file; a file with more has one thing wrong with it many times.
+/// Largest number of faults listed for one file; a file with more usually repeats one mistake.
 const MOST_FAULTS: usize = 200;
 
 /// The path of a whole document.
@@ -13,21 +13,21 @@ const WHOLE: &str = "$";
 /// Longest value shown in a fault, characters.
 const LONGEST_SHOWN: usize = 60;
 
-/// One thing wrong with one file. Displays as one line:
-/// `configs/x.json: parts[1].kind: expected one of penny, nickel, dime, quarter (did you mean penny?), found "pennyy"`.
+/// A fault in a file. Displays as one line: `configs/x.json: parts[1].kind: expected one of penny, nickel, dime,
+/// quarter (did you mean penny?), found "pennyy"`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "ProblemFault")]
 pub struct Fault {
-    /// The file as the person named it; on the network it is the request.
+    /// The file as the user named it; on the network it is the request.
     #[serde(skip)]
     pub file: String,
-    /// Where in it: `parts[1].position_mm[0]`, `$` for the whole.
+    /// Its place in the file: `parts[1].position_mm[0]`, `$` for the whole.
     pub path: String,
-    /// What stands there.
+    /// The value found there.
     pub found: String,
-    /// What may stand there.
+    /// The values allowed there.
     pub allowed: String,
-    /// What is wrong there.
+    /// Kind of the fault.
     #[serde(skip)]
     pub class: FaultClass,
     /// The key of another file that names this one: `rig upm-1.json: library`.
@@ -35,49 +35,49 @@ pub struct Fault {
     pub named_by: Option<Box<str>>,
 }
 
-/// What is wrong at the place of a fault.
+/// Kind of a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FaultClass {
-    /// Another value than those allowed.
+    /// A value that is not allowed.
     #[default]
     Value,
-    /// Nothing where a value must be.
+    /// A required value is missing.
     Missing,
     /// The file cannot be read.
     Unreadable,
-    /// The text is no JSON.
+    /// The text is not valid JSON.
     Syntax,
 }
 
 impl Fault {
-    /// Puts the four together.
+    /// A fault of class [`FaultClass::Value`].
     pub fn new(file: &str, path: impl fmt::Display, found: impl fmt::Display, allowed: impl Into<String>) -> Self {
         let (file, path, found) = (file.to_owned(), path.to_string(), found.to_string());
         Self { file, path, found, allowed: allowed.into(), class: FaultClass::Value, named_by: None }
     }
 
-    /// The same in the file `file`.
+    /// The same fault in the file `file`.
     pub fn in_file(self, file: &str) -> Self {
         Self { file: file.to_owned(), ..self }
     }
 
-    /// The member at `path` is missing.
+    /// The fault of the missing member at `path`.
     pub fn missing(file: &str, path: impl fmt::Display, allowed: impl Into<String>) -> Self {
         Self { class: FaultClass::Missing, ..Self::new(file, path, "nothing", allowed) }
     }
 
-    /// The file cannot be read, for this reason.
+    /// The fault of a file that cannot be read, for this reason.
     pub fn unreadable(file: &str, reason: impl fmt::Display) -> Self {
         Self { class: FaultClass::Unreadable, ..Self::new(file, Path::root(), reason, "a file that can be read") }
     }
 
-    /// The text is no JSON, for this reason.
+    /// The fault of a text that is not valid JSON, for this reason.
     pub fn syntax(file: &str, reason: impl fmt::Display) -> Self {
         let allowed = "JSON, nested at most 127 deep, with numbers within 64 bits";
         Self { class: FaultClass::Syntax, ..Self::new(file, Path::root(), reason, allowed) }
     }
 
-    /// The same with the key that names its file, as `rig upm-1.json: library`.
+    /// The same fault with the key that names its file: `rig upm-1.json: library`.
     pub fn named_by(self, key: &str) -> Self {
         Self { named_by: Some(key.into()), ..self }
     }
@@ -104,17 +104,17 @@ impl fmt::Display for Fault {
 
 impl std::error::Error for Fault {}
 
-/// A place in a JSON document.
+/// Path of a value in a JSON document.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Path(String);
 
 impl Path {
-    /// The whole document.
+    /// The path of the whole document.
     pub fn root() -> Self {
         Self::default()
     }
 
-    /// The member `key` of the object here.
+    /// The path of member `key` of this object.
     pub fn key(&self, key: &str) -> Self {
         let plain = !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c));
         match (plain, self.0.is_empty()) {
@@ -124,7 +124,7 @@ impl Path {
         }
     }
 
-    /// Item `i` of the list here.
+    /// The path of item `i` of this list.
     pub fn index(&self, i: usize) -> Self {
         Self(format!("{}[{i}]", self.0))
     }
@@ -144,7 +144,7 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// None yet of the file `file`.
+    /// An empty list for the file `file`.
     pub fn of(file: &str) -> Self {
         Self { file: file.to_owned(), list: Vec::new() }
     }
@@ -155,24 +155,24 @@ impl Faults {
         self.append(vec![fault]);
     }
 
-    /// Adds that the member at `path` is missing.
+    /// Adds a fault for the missing member at `path`.
     pub fn push_missing(&mut self, path: impl fmt::Display, allowed: impl Into<String>) {
         let fault = Fault::missing(&self.file, path, allowed);
         self.append(vec![fault]);
     }
 
-    /// Takes over what was found in another file.
+    /// Appends the faults found in another file.
     pub fn append(&mut self, others: Vec<Fault>) {
         self.list.extend(others);
         self.list.truncate(MOST_FAULTS);
     }
 
-    /// The same of a file that the key `named_by` names.
+    /// Appends the faults of a file that the key `named_by` names.
     pub fn append_named(&mut self, others: Vec<Fault>, named_by: &str) {
         self.append(others.into_iter().map(|fault| fault.named_by(named_by)).collect());
     }
 
-    /// A fault at `path` unless `holds`.
+    /// Adds a fault at `path` unless `holds`.
     pub fn demand(
         &mut self,
         holds: bool,
@@ -185,17 +185,17 @@ impl Faults {
         }
     }
 
-    /// How many there are.
+    /// Number of faults.
     pub fn len(&self) -> usize {
         self.list.len()
     }
 
-    /// True while nothing was found wrong.
+    /// True without faults.
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }
 
-    /// `made` when nothing was wrong, else every fault.
+    /// `made` when there are no faults, otherwise all faults.
     pub fn into_result<T>(self, made: Option<T>) -> Result<T, Vec<Fault>> {
         match made {
             Some(made) if self.list.is_empty() => Ok(made),
@@ -203,13 +203,13 @@ impl Faults {
         }
     }
 
-    /// All of them.
+    /// All faults, in the order in which they were found.
     pub fn into_list(self) -> Vec<Fault> {
         self.list
     }
 }
 
-/// A value in a few characters.
+/// A JSON value as shown in a fault, shortened to 60 characters.
 pub fn shown(value: &Value) -> String {
     let text = value.to_string();
     match value {
@@ -220,17 +220,17 @@ pub fn shown(value: &Value) -> String {
     }
 }
 
-/// A text as a fault shows it, see [`shown`].
+/// A text as a fault shows it; see [`shown`].
 pub fn quoted(text: &str) -> String {
     shown(&Value::from(text))
 }
 
-/// `1 part`, `2 parts`.
+/// A number with its noun: `1 part`, `2 parts`.
 pub fn counted(number: usize, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
-/// `one of a, b, c`, with the one that `found` was probably meant to be.
+/// `one of a, b, c`, followed by the choice that `found` was probably meant to be.
 pub fn one_of(found: &str, choices: &[&str]) -> String {
     match nearest(found, choices.iter().copied()) {
         Some(meant) => format!("{} (did you mean {meant}?)", listed(choices)),

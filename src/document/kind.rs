@@ -1,40 +1,39 @@
 use serde_json::Value;
 
-/// What a file that people write or keep is.
+/// Kind of a JSON document that users write or keep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Document {
-    /// What is to be done, for `upm run` and the daemon.
+    /// A task for `upm run` and the daemon.
     Job,
-    /// A machine.
+    /// Nominal figures of a rig.
     Rig,
-    /// What a machine's plate does, as measured.
+    /// Measured response of a rig's plate.
     Library,
     /// Given pulses on given parts, for `upm simulate`.
     Experiment,
-    /// Samples of the accelerometers.
+    /// Samples of the accelerometers during a pulse.
     Trace,
     /// The daemon's configuration.
     Daemon,
 }
 
 impl Document {
-    /// All of them.
+    /// All kinds, in the order in which [`Document::of`] tests for them.
     pub const ALL: [Self; 6] = [Self::Library, Self::Experiment, Self::Trace, Self::Daemon, Self::Rig, Self::Job];
 
-    /// What `value` is meant to be, by its keys.
+    /// The kind of `value`, judged by its keys.
     pub fn of(value: &Value) -> Option<Self> {
         Self::ALL.into_iter().find(|document| value.get(document.key()).is_some())
     }
 
-    /// What `value` was asked to be by `schema`, and what it is instead. `None` where nothing says that it is something
-    /// else.
+    /// The kind that `schema` asks of `value`, and the kind it is instead. `None` without evidence of another kind.
     pub(crate) fn mistaken(value: &Value, schema: &Value) -> Option<(Self, Self)> {
         let wanted = Self::of(schema.get("properties")?)?;
         let is_wanted = value.get(wanted.key()).is_some();
         Self::of(value).filter(|_| !is_wanted).map(|found| (wanted, found))
     }
 
-    /// With its article.
+    /// The kind's name with its article.
     pub fn name(self) -> &'static str {
         match self {
             Self::Job => "a job",
@@ -46,7 +45,7 @@ impl Document {
         }
     }
 
-    /// The command that takes it.
+    /// The command that takes this kind of document.
     pub fn command(self) -> &'static str {
         match self {
             Self::Job => "upm run",
@@ -58,7 +57,7 @@ impl Document {
         }
     }
 
-    /// A key that this must have, and nothing else has.
+    /// The key that this kind requires and no other kind has.
     pub fn key(self) -> &'static str {
         match self {
             Self::Job => "task",

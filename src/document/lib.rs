@@ -1,5 +1,5 @@
-//! JSON documents that people write or keep: read against the schema of their type, and every fault told with its file,
-//! its place, what is expected and what was found.
+//! JSON documents that users write or keep. They are checked against the schema of their type, and every fault is
+//! reported with its file, its place, the expected and the found value.
 
 mod duplicates;
 mod fault;

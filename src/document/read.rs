@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::fault::{Fault, Faults, Path, nearest};
 use super::{Document, duplicates, shape};
 
-/// Largest file read, bytes: 1 MiB.
+/// Largest file that is read, bytes: 1 MiB.
 pub const MOST_BYTES: u64 = 1 << 20;
 
 /// The JSON Schema (draft 2020-12) of `T`.
@@ -17,7 +17,7 @@ pub fn schema_of<T: JsonSchema>() -> Value {
     schema_for!(T).to_value()
 }
 
-/// The text of the file at `path`, or the one fault that keeps it from being read.
+/// The text of the file at `path`, or the reason that it cannot be read.
 pub fn text_of(path: &FilePath) -> Result<String, Fault> {
     let fault = |found: String, allowed: &str| Fault::new(&path.display().to_string(), Path::root(), found, allowed);
     let bytes = bytes_of(path).map_err(|error| unreadable(path, &error))?;
@@ -30,7 +30,7 @@ pub fn text_of(path: &FilePath) -> Result<String, Fault> {
     })
 }
 
-/// The fault of a file that cannot be read, with the file beside it that was probably meant.
+/// The fault of an unreadable file, with the file in the same folder that was probably meant.
 fn unreadable(path: &FilePath, error: &io::Error) -> Fault {
     let meant = (error.kind() == ErrorKind::NotFound).then(|| sibling(path)).flatten();
     let meant = meant.map(|name| format!(" (did you mean {}?)", path.with_file_name(name).display()));
@@ -47,7 +47,7 @@ fn sibling(path: &FilePath) -> Option<String> {
     nearest(path.file_name()?.to_str()?, names.iter().map(String::as_str)).map(str::to_owned)
 }
 
-/// What the system says of `error`, in a person's words and without its number.
+/// The reason in `error` as reported by the system, in plain words and without its number.
 pub fn reason(error: &io::Error) -> String {
     match error.kind() {
         ErrorKind::NotFound => "no such file".to_owned(),
@@ -63,14 +63,14 @@ pub fn reason(error: &io::Error) -> String {
     }
 }
 
-/// At most one byte more than is allowed, so that endless files end here too.
+/// Reads at most one byte more than is allowed, so that endless files end here too.
 fn bytes_of(path: &FilePath) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)?.take(MOST_BYTES + 1).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
-/// Built by `build` from the document in `text`; every fault is told, those of [`parse`] first.
+/// Builds the result of `build` from the document in `text`; reports every fault, those of [`parse`] first.
 pub fn parse_and_build<Raw: DeserializeOwned + JsonSchema, Made>(
     text: &str,
     file: &str,
@@ -82,8 +82,8 @@ pub fn parse_and_build<Raw: DeserializeOwned + JsonSchema, Made>(
     faults.into_result(made)
 }
 
-/// The document in `text`: held against its schema for all faults of keys, types and ranges at once, then read
-/// by serde for what a schema cannot say. A file of another kind has that one fault.
+/// Parses the document in `text`. It is checked against its schema for all faults of keys, types and ranges at once,
+/// then read by serde for rules that a schema cannot express. A document of another kind yields that single fault.
 pub fn parse<T: DeserializeOwned + JsonSchema>(text: &str, file: &str) -> Result<T, Vec<Fault>> {
     let mut faults = Faults::of(file);
     let value: Value = match serde_json::from_str(text) {

@@ -3,8 +3,9 @@ use std::borrow::Cow;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer};
 
-/// The key `$schema` of a document, by which an editor finds the schema to complete and check the file with. It is read
-/// and forgotten: a document with it equals the same without it, and neither fingerprints nor `effective.json` have it.
+/// The key `$schema` of a document, by which an editor finds the schema for completion and checks. Its value is
+/// discarded: a document with it equals the same one without it, and neither fingerprints nor `effective.json` contain
+/// it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SchemaKey;
 

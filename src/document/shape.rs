@@ -2,9 +2,8 @@ use serde_json::{Map, Value};
 
 use super::fault::{Faults, Path, listed, one_of, quoted, shown};
 
-/// Holds `value` against the JSON Schema that serde's types were turned into, and lists everything that does not
-/// fit: unknown and missing keys, wrong types, unknown words, numbers out of range. Knows the keywords
-/// those schemas use, and no more.
+/// Checks `value` against the JSON Schema of a serde type and lists every deviation: unknown and missing keys, wrong
+/// types, unknown words, numbers out of range. Supports exactly the keywords those schemas use.
 pub(super) fn check(value: &Value, schema: &Value, at: &Path, faults: &mut Faults) {
     Walker { root: schema, faults }.visit(value, schema, at);
 }
@@ -42,7 +41,7 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// Follows `$ref` to where the definition stands.
+    /// Follows `$ref` to its definition.
     fn resolve(&self, schema: &'a Value) -> &'a Value {
         let target = schema.get("$ref").and_then(Value::as_str).and_then(|path| path.strip_prefix('#'));
         target.and_then(|pointer| self.root.pointer(pointer)).unwrap_or(schema)
@@ -55,7 +54,7 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// Among alternatives the one meant: by its tag where all have one, else by its type.
+    /// The alternative that is meant: by its tag where all have one, otherwise by its type.
     fn choose(&self, value: &Value, variants: &[&'a Value]) -> Option<&'a Value> {
         let tagged = variants.iter().all(|variant| tag(variant).is_some());
         let found = value.get("type").and_then(Value::as_str);
@@ -63,7 +62,7 @@ impl<'a> Walker<'a> {
         variants.iter().find(meant).copied()
     }
 
-    /// True when the type of `value` is one that `schema` has.
+    /// True when `schema` allows the type of `value`.
     fn accepts(&self, schema: &'a Value, value: &Value) -> bool {
         match alternatives(schema) {
             Some(variants) => variants.iter().any(|variant| self.accepts(self.resolve(variant), value)),
@@ -71,7 +70,7 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// The fault of a value that is none of the alternatives.
+    /// Adds the fault of a value that matches none of the alternatives.
     fn blame(&mut self, value: &Value, variants: &[&'a Value], schema: &'a Value, at: &Path) {
         let tags: Vec<&str> = variants.iter().filter_map(|variant| tag(variant)).collect();
         if value.is_object() && tags.len() == variants.len() {
@@ -92,7 +91,7 @@ impl<'a> Walker<'a> {
         for (key, value) in members {
             match (member_of(key), schema.get("additionalProperties")) {
                 (None, Some(Value::Bool(false))) => {
-                    // `$schema` says nothing about the job or rig: a mistyped key was meant to be another
+                    // `$schema` is no part of a job or rig: a mistyped key was meant to be another one
                     let keys = known.into_iter().flat_map(Map::keys).map(String::as_str);
                     let keys: Vec<&str> = keys.filter(|key| !key.starts_with('$')).collect();
                     let found = format!("unknown key {}", quoted(key));
@@ -120,7 +119,7 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// What fits `schema`, in words.
+    /// The values that fit `schema`, in words.
     fn allowed(&self, schema: &Value) -> String {
         let schema = match schema.get("$ref") {
             Some(Value::String(path)) => self.root.pointer(path.trim_start_matches('#')).unwrap_or(schema),
@@ -179,7 +178,7 @@ fn alternatives(schema: &Value) -> Option<&Vec<Value>> {
     schema.get("oneOf").or_else(|| schema.get("anyOf")).and_then(Value::as_array)
 }
 
-/// The constant under `type` that tells one alternative from the others.
+/// The constant under `type` that distinguishes one alternative from the others.
 fn tag(schema: &Value) -> Option<&str> {
     schema.pointer("/properties/type/const").and_then(Value::as_str)
 }
@@ -224,7 +223,7 @@ fn has_length(length: usize, schema: &Value, min: &str, max: &str) -> bool {
     limit(min).is_none_or(|min| length as u64 >= min) && limit(max).is_none_or(|max| length as u64 <= max)
 }
 
-/// ` from 0 to 1`, ` above 0, up to 9`; nothing where there is no limit.
+/// ` from 0 to 1`, ` above 0, up to 9`; empty without limits.
 fn range(schema: &Value) -> String {
     let limit = |key| schema.get(key).and_then(Value::as_f64);
     let low = limit("minimum").map(|x| format!("from {x}")).or(limit("exclusiveMinimum").map(|x| format!("above {x}")));
