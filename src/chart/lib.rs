@@ -1,4 +1,5 @@
-//! Charts as plain data: what is drawn, not how. With the feature `svg` the function of that name draws one as a picture.
+//! Charts as plain data: their content, independent of how they are drawn. With the feature `svg`, the function `svg`
+//! draws one as a picture.
 
 #[cfg(feature = "svg")]
 mod svg;
@@ -6,30 +7,30 @@ mod svg;
 #[cfg(feature = "svg")]
 pub use svg::{svg, svg_page};
 
-/// One picture: layers over a pair of axes.
+/// A chart: layers over a pair of axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chart {
-    /// Stem of the file it goes into: `cor-steering`.
+    /// Stem of its file name: `cor-steering`.
     pub name: String,
-    /// One line above it.
+    /// Title, one line above the chart.
     pub title: String,
     /// Horizontal axis.
     pub x: Axis,
     /// Vertical axis.
     pub y: Axis,
-    /// True for a map: one unit is as long along x as along y.
+    /// True for a map, whose units are equally long along x and y.
     pub map: bool,
-    /// Drawn one over the other, in order.
+    /// Layers, drawn one over the other in this order.
     pub layers: Vec<Layer>,
 }
 
 impl Chart {
-    /// A plot of one quantity over another, each with its unit; the axes show what the layers need.
+    /// A plot of one quantity over another, each with its unit; the axes fit the layers.
     pub fn plot(name: impl Into<String>, title: impl Into<String>, [x, y]: [&str; 2], layers: Vec<Layer>) -> Self {
         Self { name: name.into(), title: title.into(), x: Axis::new(x), y: Axis::new(y), map: false, layers }
     }
 
-    /// A map of a plate from above, in millimetres: up to `reach` from its middle, or what the layers need.
+    /// A map of a plate from above, in millimetres: `reach` from its middle to each side, or the range of the layers.
     pub fn plate_map(
         name: impl Into<String>,
         title: impl Into<String>,
@@ -41,89 +42,89 @@ impl Chart {
     }
 }
 
-/// An axis and the range it shows.
+/// An axis of a chart and its range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
     /// Quantity with its unit: `speed (mm/s)`.
     pub label: String,
-    /// From and to; `None` for what the layers need.
+    /// Range, from and to; `None` to fit the layers.
     pub range: Option<[f64; 2]>,
 }
 
 impl Axis {
-    /// An axis that shows all there is.
+    /// An axis that fits the layers.
     pub fn new(label: &str) -> Self {
         Self { label: label.to_owned(), range: None }
     }
 }
 
-/// Points and how they are drawn, in the axes' units.
+/// Points in the axes' units, with their mark and colour.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
     /// Name in the legend; empty for none.
     pub label: String,
-    /// The points.
+    /// The points, in the axes' units.
     pub points: Vec<[f64; 2]>,
-    /// How they are drawn.
+    /// Mark drawn for the points.
     pub mark: Mark,
-    /// In which colour.
+    /// Colour of the marks.
     pub color: Color,
 }
 
-/// How a layer's points are drawn.
+/// Mark that a layer's points are drawn with.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Mark {
-    /// A line from each to the next.
+    /// A solid line from each to the next.
     Line,
-    /// A broken line from each to the next.
+    /// A dashed line from each to the next.
     Dashes,
     /// A dot at each.
     Dots,
     /// A cross at each.
     Crosses,
-    /// A circle's outline about each, radius in the axes' unit; round on a map.
+    /// A circle's outline around each; round on a map.
     Circles {
-        /// Radius.
+        /// Radius, in the axes' unit.
         radius: f64,
     },
-    /// An arrow from each, as long as given for each.
+    /// An arrow from each, with a given vector.
     Arrows {
-        /// From the point to the arrow's head.
+        /// Vector from each point to the arrow's head, in the axes' unit.
         vectors: Vec<[f64; 2]>,
     },
-    /// A filled square about each, shaded by a value from 0 (light) to 1 (full colour).
+    /// A filled square around each, shaded by a value from 0 (light) to 1 (full colour).
     Cells {
         /// Side, in the axes' unit.
         side: f64,
-        /// One for each point.
+        /// Value of each point, 0 to 1.
         values: Vec<f64>,
     },
-    /// Words beside each, off the line from each point to the next.
+    /// A text beside each, placed clear of the line from each point to the next.
     Labels {
-        /// One for each point.
+        /// Text of each point.
         texts: Vec<String>,
     },
 }
 
-/// Colours that are told apart by people with any colour sight (Okabe and Ito, 2008).
+/// Colours that can be distinguished with any type of colour vision (Okabe and Ito, 2008).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Color {
-    /// For frames, references and everything that is only there to compare with.
+    /// For frames, references and other context.
     Gray,
-    /// First choice.
+    /// First colour of a series.
     Blue,
-    /// Second.
+    /// Second colour of a series.
     Orange,
-    /// Third.
+    /// Third colour of a series.
     Green,
-    /// Fourth.
+    /// Fourth colour of a series.
     Purple,
-    /// For what is wrong or missed.
+    /// For faults and missed targets.
     Red,
 }
 
 impl Color {
-    /// Red, green, blue.
+    /// Red, green and blue, 0 to 255.
     pub fn rgb(self) -> [u8; 3] {
         match self {
             Self::Gray => [120, 120, 120],
@@ -135,14 +136,14 @@ impl Color {
         }
     }
 
-    /// One for each of several things, in order; they repeat after four.
+    /// The colour of item `i` of a series; colours repeat after four.
     pub fn nth(i: usize) -> Self {
         [Self::Blue, Self::Orange, Self::Green, Self::Purple][i % 4]
     }
 }
 
 impl Layer {
-    /// A layer of `points`.
+    /// A layer of `points` drawn with `mark` in `color`.
     pub fn new(label: &str, mark: Mark, color: Color, points: impl IntoIterator<Item = [f64; 2]>) -> Self {
         Self { label: label.to_owned(), points: points.into_iter().collect(), mark, color }
     }
@@ -154,24 +155,24 @@ impl Layer {
     }
 }
 
-/// Parts moving on a plate over plate time, to be played back.
+/// Motion of parts on a plate over plate time, for playback.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Playback {
     /// Half the plate's side, m.
     pub half_side_m: f64,
-    /// Instants, s.
+    /// Times of the positions, s.
     pub t_s: Vec<f64>,
-    /// Parts.
+    /// Tracks of the parts.
     pub tracks: Vec<PlaybackTrack>,
 }
 
 /// The path of one part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlaybackTrack {
-    /// Name.
+    /// Name of the part.
     pub label: String,
-    /// Radius, m.
+    /// Radius of the part, m.
     pub radius_m: f64,
-    /// Position at each instant, m, table frame.
+    /// Position at each time, m, table frame.
     pub positions_m: Vec<[f64; 2]>,
 }

@@ -21,26 +21,26 @@ use sheet::{Drawn, LABEL_PX, Sheet, TICK_PX, TITLE_PX, fine, font, plain_text, t
 const WIDTH_PX: f64 = 900.0;
 /// Space around everything, px.
 const MARGIN_PX: f64 = 16.0;
-/// From one line of text to the next, in sizes.
+/// Distance of text lines, in letter sizes.
 const LINE: f64 = 1.4;
 /// Height of the numbers and the label below the x axis, px.
 const BELOW_PX: f64 = 48.0;
-/// From there to the legend, px.
+/// Gap from there to the legend, px.
 const GAP_PX: f64 = 8.0;
-/// Height of a plot that is no map, over its width.
+/// Height over width of a plot that is not a map.
 const USUAL: f64 = 0.55;
-/// Most numbers along an axis.
+/// Largest number of ticks along an axis.
 const MOST_TICKS: usize = 9;
 
 /// The chart as an SVG document, 900 px wide and as tall as it needs.
 ///
-/// Points that are not numbers are left out, lines end at the rim of the plot. Labels of layers stand below it.
+/// Points that are not finite are left out; lines end at the rim of the plot. The legend is below it.
 pub fn svg(chart: &Chart) -> String {
     let layout = Layout::of(chart);
     let (width, height) = (fine(WIDTH_PX) as u32, fine(layout.height_px()) as u32);
     let mut document = String::new();
     let sheet = SVGBackend::with_string(&mut document, (width, height)).into_drawing_area();
-    // writing into a string has no way to fail
+    // writing into a string cannot fail
     layout.draw(chart, &sheet).and_then(|()| sheet.present()).ok();
     drop(sheet);
     let shown = format!("width=\"{WIDTH_PX}\" height=\"{}\"", layout.height_px());
@@ -58,7 +58,7 @@ pub fn svg_page(charts: &[Chart]) -> String {
     open + &page + "</svg>\n"
 }
 
-/// The scale over `range` with as many numbers as stand side by side in `width_px`.
+/// The scale over `range` with as many ticks as fit in `width_px` side by side.
 fn scale_across(range: [f64; 2], width_px: f64) -> Scale {
     let scales = (3..=MOST_TICKS).rev().map(|most| (most, Scale::over(range, most)));
     let mut fitting = scales.filter(|(most, scale)| *most as f64 * (scale.width_px(TICK_PX) + TICK_PX) <= width_px);
@@ -123,7 +123,7 @@ impl Layout {
         self.legend.draw(sheet, MARGIN_PX, self.legend_top_px())
     }
 
-    /// Axes, grid and labels; gives back where the marks go.
+    /// Draws axes, grid and labels; returns the frame for the marks.
     fn draw_axes(&self, chart: &Chart, sheet: &Sheet<'_>) -> Result<Frame, DrawingAreaErrorKind<std::io::Error>> {
         let mut plot = ChartBuilder::on(sheet)
             .margin_top(fine(self.plot_top_px()))

@@ -1,6 +1,7 @@
-//! Clipping of shapes at the plot: lines are cut off at its rim, never bent.
+//! Clipping of shapes to the plot: lines are cut off at its rim, never bent.
 
-/// The part of the segment from `a` to `b` within ranges `x` and `y`; `None` when it is outside (Liang and Barsky, 1984).
+/// The part of the segment from `a` to `b` within ranges `x` and `y`; `None` when it is outside (Liang and Barsky,
+/// 1984).
 pub(super) fn segment(a: [f64; 2], b: [f64; 2], x: [f64; 2], y: [f64; 2]) -> Option<[[f64; 2]; 2]> {
     let (mut from, mut to) = (0.0f64, 1.0f64);
     for (axis, [low, high]) in [x, y].into_iter().enumerate() {
@@ -23,7 +24,8 @@ pub(super) fn segment(a: [f64; 2], b: [f64; 2], x: [f64; 2], y: [f64; 2]) -> Opt
     (from <= to).then(|| [at(from), at(to)])
 }
 
-/// The runs of the line through `points` within ranges `x` and `y`. A point that is not `drawable` breaks the line.
+/// The stretches of the line through `points` within ranges `x` and `y`. A point that is not `drawable` breaks the
+/// line.
 pub(super) fn runs(
     points: impl IntoIterator<Item = [f64; 2]>,
     x: [f64; 2],
@@ -32,7 +34,7 @@ pub(super) fn runs(
 ) -> Vec<Vec<[f64; 2]>> {
     let mut runs: Vec<Vec<[f64; 2]>> = Vec::new();
     let mut before: Option<[f64; 2]> = None;
-    // where the run that is being made ends, if it can go on
+    // end of the current stretch, if it can be continued
     let mut open: Option<[f64; 2]> = None;
     for point in points {
         if !point.iter().all(|&value| drawable(value)) {

@@ -8,9 +8,9 @@ use crate::{Color, Layer, Mark};
 const ROW_PX: f64 = 22.0;
 /// Width of a sample of a mark, px.
 const SAMPLE_PX: f64 = 30.0;
-/// From a sample to its label, px.
+/// Gap from a sample to its label, px.
 const GAP_PX: f64 = 7.0;
-/// From one label to the next sample, px.
+/// Gap from one label to the next sample, px.
 const APART_PX: f64 = 20.0;
 
 /// Legend: samples and labels of the marks in rows below the plot.
@@ -57,7 +57,7 @@ impl Legend {
         ROW_PX * self.rows as f64
     }
 
-    /// Draws it with its upper left corner there.
+    /// Draws it with its upper left corner at `left_px`, `top_px`.
     pub fn draw(&self, sheet: &Sheet<'_>, left_px: f64, top_px: f64) -> Drawn {
         for item in &self.items {
             let left_px = left_px + item.left_px;
@@ -72,12 +72,12 @@ impl Legend {
     }
 }
 
-/// The first row that no item takes.
+/// Number of the first row without an item.
 fn next_row(items: &[Item]) -> usize {
     items.iter().map(|item| item.row + item.lines.len()).max().unwrap_or(0)
 }
 
-/// How a layer's marks look, between `left` and `right`.
+/// Draws a sample of a layer's marks between `left` and `right`.
 fn sample(sheet: &Sheet<'_>, mark: &Mark, color: Color, [left, right]: [i32; 2], y: i32) -> Drawn {
     let center: Px = ((left + right) / 2, y);
     match mark {

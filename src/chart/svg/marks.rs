@@ -18,20 +18,20 @@ const DOT_PX: f64 = 2.6;
 const CROSS_PX: f64 = 4.0;
 /// Dash and the gap after it, in the backend's pixels.
 const FINE_DASH: [f64; 2] = [8.0 * FINE, 5.0 * FINE];
-/// Longest head of an arrow, px, and as a part of the arrow.
+/// Largest head of an arrow: px, and as a share of the arrow.
 const HEAD_PX: f64 = 9.0;
 const HEAD: f64 = 0.45;
 /// Half the width of a head over its length.
 const HEAD_WIDTH: f64 = 0.42;
-/// Corners of a circle.
+/// Number of corners of the polygon that draws a circle.
 const CORNERS: u32 = 72;
-/// By this much a cell reaches under the next to the right and below, px: no seam shows between them.
+/// Overlap of a cell with its neighbours to the right and below, px, so that no seam shows between them.
 const UNDERLAP_PX: f64 = 0.5;
-/// Size of words beside points, px.
+/// Size of text beside points, px.
 const WORD_PX: f64 = 13.0;
-/// From a point to the words beside it: across to their end, and up or down to their middle, px.
+/// Distance of the text from its point: across to its end, and up or down to its middle, px.
 const BESIDE_PX: [f64; 2] = [9.0, 10.0];
-/// Words are this much darker than marks, to be read over lines.
+/// Factor by which text is darker than marks, so that it is legible over lines.
 const DARKER: f64 = 0.7;
 /// Share of the full colour at value 0.
 const LIGHTEST: f64 = 0.06;
@@ -39,13 +39,13 @@ const LIGHTEST: f64 = 0.06;
 /// Place on the sheet, in the backend's pixels.
 pub(super) type Px = (i32, i32);
 
-/// Where a plot is on the sheet and what it shows.
+/// Place of a plot on the sheet, and its ranges.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame {
-    /// Range of x and y.
+    /// Ranges of x and y.
     pub x: [f64; 2],
     pub y: [f64; 2],
-    /// Pixels of the left and right, the upper and lower rim.
+    /// Pixels of the left and right, and of the upper and lower rim.
     pub across: [i32; 2],
     pub down: [i32; 2],
 }
@@ -66,7 +66,7 @@ impl Frame {
         clip::runs(points, self.x, self.y, drawable).into_iter().map(px).collect()
     }
 
-    /// Upper left and lower right corner of what of a square lies within the frame.
+    /// Upper left and lower right corner of the part of a square that is within the frame.
     fn square(&self, center: [f64; 2], half: f64) -> Option<[Px; 2]> {
         if !center.iter().chain([&half]).all(|&value| drawable(value)) {
             return None;
@@ -79,7 +79,7 @@ impl Frame {
         Some([self.px([left, top]), self.px([right, bottom])])
     }
 
-    /// Whether right of point `i` and above it is free of the lines to the points before and after it.
+    /// Whether the sides right of point `i` and above it are free of the lines to its neighbours.
     fn free_side(&self, points: &[[f64; 2]], i: usize) -> [bool; 2] {
         const EVEN: f64 = 1e-6;
         let length = |[from, to]: [i32; 2], [low, high]: [f64; 2]| f64::from((to - from).abs()) / (high - low);
@@ -94,7 +94,7 @@ impl Frame {
     }
 }
 
-/// Draws what of `layer` lies within the frame.
+/// Draws the part of `layer` that is within the frame.
 pub(super) fn draw(layer: &Layer, frame: &Frame, sheet: &Sheet<'_>) -> Drawn {
     let Layer { points, mark, color, .. } = layer;
     let seen = || points.iter().copied().filter(|&point| frame.holds(point)).map(|point| frame.px(point));
@@ -201,7 +201,7 @@ pub(super) fn arrow(sheet: &Sheet<'_>, from: Px, to: Px, ends_here: bool, color:
     sheet.draw(&Polygon::new(vec![to, corner(1.0), corner(-1.0)], paint(color)))
 }
 
-/// Words beside a point, on its right and above where `free` says so; not where they would leave the plot.
+/// Draws text beside a point, on its right and above where `free` says so; omitted where it would leave the plot.
 fn beside(sheet: &Sheet<'_>, frame: &Frame, ((x, y), free): (Px, [bool; 2]), words: &str, color: Color) -> Drawn {
     let [across, up] = BESIDE_PX.map(fine);
     let wide = across + fine(text_width_px(words, WORD_PX));

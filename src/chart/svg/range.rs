@@ -1,14 +1,14 @@
 use crate::{Axis, Layer, Mark};
 
-/// Numbers beyond this are left out like those that are none: nothing measured is so large.
+/// Numbers beyond this are left out like those that are not finite: no measurement is so large.
 const MOST: f64 = 1e100;
-/// Empty space at each end of a range that the layers ask for, as a part of it.
+/// Margin at each end of a range that fits the layers, as a share of it.
 const MARGIN: f64 = 0.04;
-/// Narrowest range, as a part of its larger end: narrower, and neighbouring numbers are the same.
+/// Narrowest range, relative to its larger end: in a narrower one neighbouring ticks would have the same text.
 const NARROWEST: f64 = 1e-9;
 /// Narrowest range around zero.
 const NARROWEST_AT_ZERO: f64 = 1e-12;
-/// Heights of a map over its width that fit a page.
+/// Least and largest ratio of a map's height to its width that fit a page.
 const ASPECTS: [f64; 2] = [0.3, 1.05];
 
 /// True for a number that can be drawn.
@@ -16,7 +16,7 @@ pub(super) fn drawable(value: f64) -> bool {
     value.abs() <= MOST
 }
 
-/// The range that `axis`, number 0 or 1, shows: its own where it is one, else what `layers` need.
+/// The range of `axis`, number 0 or 1: its fixed range if valid, otherwise the one that fits `layers`.
 pub(super) fn shown(axis: &Axis, layers: &[Layer], number: usize) -> [f64; 2] {
     let own = axis.range.filter(|ends| ends.iter().all(|&end| drawable(end)) && ends[0] < ends[1]);
     if let Some([low, high]) = own {
@@ -33,14 +33,14 @@ pub(super) fn shown(axis: &Axis, layers: &[Layer], number: usize) -> [f64; 2] {
     if margin > 0.0 { widened(low - margin, high + margin) } else { widened(low - 0.5, high + 0.5) }
 }
 
-/// At least as wide as numbers of this size need.
+/// The range, widened to the least width for numbers of this size.
 fn widened(low: f64, high: f64) -> [f64; 2] {
     let least = (NARROWEST * low.abs().max(high.abs())).max(NARROWEST_AT_ZERO);
     let missing = 0.5 * (least - (high - low)).max(0.0);
     [low - missing, high + missing]
 }
 
-/// Widens one of the ranges of a map so that its plot, with one unit as long along x as along y, fits a page.
+/// Widens one range of a map so that its plot fits a page, with one unit as long along x as along y.
 pub(super) fn make_fit(x: &mut [f64; 2], y: &mut [f64; 2]) {
     let [flattest, tallest] = ASPECTS;
     widen_to(y, flattest * (x[1] - x[0]));
@@ -52,7 +52,7 @@ fn widen_to(range: &mut [f64; 2], width: f64) {
     *range = [range[0] - missing, range[1] + missing];
 }
 
-/// From and to along one axis of everything in `layer` that can be drawn.
+/// The extent along one axis of each drawable item in `layer`, from and to.
 fn extents(layer: &Layer, number: usize) -> impl Iterator<Item = [f64; 2]> {
     let reach = move |i: usize| match &layer.mark {
         Mark::Circles { radius } => [-radius.abs(), radius.abs()],

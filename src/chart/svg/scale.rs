@@ -4,24 +4,25 @@ use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, Value
 
 use super::sheet::text_width_px;
 
-/// An axis: what it shows, the round numbers along it and how they are written.
+/// The scale of an axis: its range, ticks and number format.
 #[derive(Clone, Debug)]
 pub(super) struct Scale {
-    /// From and to.
+    /// Range of the axis, from and to.
     pub range: [f64; 2],
-    /// The numbers, rising.
+    /// Values of the ticks, ascending.
     ticks: Vec<f64>,
-    /// Digits after the point.
+    /// Digits after the decimal point.
     digits: usize,
-    /// True where the numbers are written with a power of ten.
+    /// True where numbers have a power of ten.
     power: bool,
 }
 
-/// Sizes of numbers that are written without a power of ten.
+/// Magnitudes of numbers that are written without a power of ten.
 const PLAIN: Range<f64> = 1e-4..1e6;
 
 impl Scale {
-    /// Over `range`, wider than nothing, with at most `most` multiples of 1, 2 or 5 times a power of ten.
+    /// A scale over `range`, which is not empty, with at most `most` ticks at multiples of 1, 2 or 5 times a power of
+    /// ten.
     pub fn over([low, high]: [f64; 2], most: usize) -> Self {
         let roughly = (high - low) / most.max(2) as f64;
         let decade = 10f64.powi(roughly.log10().floor() as i32);
@@ -37,7 +38,7 @@ impl Scale {
         Self { range: [low, high], ticks, digits: digits.max(0.0) as usize, power }
     }
 
-    /// A number as it stands on the axis.
+    /// A number as it is written on the axis.
     pub fn text(&self, value: f64) -> String {
         let digits = self.digits;
         let written = match self.power {
@@ -49,7 +50,7 @@ impl Scale {
         if is_zero { written.replacen('-', "", 1) } else { written }
     }
 
-    /// Width of the longest, px, in letters of size `size_px`.
+    /// Width of the longest tick label, px, in letters of size `size_px`.
     pub fn width_px(&self, size_px: f64) -> f64 {
         self.ticks.iter().map(|&value| text_width_px(&self.text(value), size_px)).fold(0.0, f64::max)
     }

@@ -8,7 +8,7 @@ fn chart(map: bool, layers: Vec<Layer>) -> Chart {
     Chart { name: "test".into(), title: "A title".into(), x, y, map, layers }
 }
 
-/// Every mark, at these points.
+/// A layer with each mark, at these points.
 fn every_mark(points: &[[f64; 2]]) -> Vec<Layer> {
     let marks = [
         Mark::Line,
@@ -59,7 +59,7 @@ fn attribute<'a>(tag: &'a str, name: &str) -> &'a str {
     tag.split_once(&format!(" {name}=\"")).unwrap().1.split('"').next().unwrap()
 }
 
-/// Points of the polylines in the colour of `color`, in the document's own unit.
+/// Points of the polylines in `color`, in the document's unit.
 fn polylines(document: &str, color: Color) -> Vec<Vec<[f64; 2]>> {
     let [r, g, b] = color.rgb();
     let stroke = format!("stroke=\"#{r:02X}{g:02X}{b:02X}\"");
