@@ -4,29 +4,29 @@ use upm_control::{
 };
 use upm_core::time::PlateTime;
 
-/// Several sinks as one: each is told everything, in order.
+/// Several sinks as one: each receives every fact, in order.
 #[derive(Default)]
 pub struct Fanout<'a> {
     sinks: Vec<&'a mut dyn Sink>,
     after_frame: Option<&'a mut AfterFrame<'a>>,
 }
 
-/// A look at what comes from outside the run, with the sinks to be told of it and the frame's time.
+/// A check for events from outside the run. Receives the sinks to report to and the frame's time.
 type AfterFrame<'a> = dyn FnMut(&mut dyn Sink, PlateTime) + 'a;
 
 impl<'a> Fanout<'a> {
-    /// No sinks.
+    /// A fanout without sinks.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Tells `sink` as well.
+    /// Adds `sink`, which receives every fact after those added before it.
     pub fn with(mut self, sink: &'a mut dyn Sink) -> Self {
         self.sinks.push(sink);
         self
     }
 
-    /// Calls `look` after each frame.
+    /// Calls `look` after each frame, once all sinks have received it.
     pub fn after_frame(self, look: &'a mut AfterFrame<'a>) -> Self {
         Self { after_frame: Some(look), ..self }
     }

@@ -16,17 +16,17 @@ use upm_library::Library;
 
 pub use schema::journal_schema;
 
-/// Writes `journal.jsonl`: one JSON object a line, each with a `type`.
+/// Writes `journal.jsonl`: one JSON object per line, each with a `type`.
 ///
-/// `localised`: table and parts as found from nothing. `confirmed`: the same where they were tracked, and how far they
-/// differ, before a goal counts as reached. `cycle`: what was observed, wanted, planned, sent to the motors, read
-/// back from the accelerometers, predicted and measured. `event`: level and text, of a
-/// lasting condition its code, too, and whether it began or ended; of the end of the run its outcome and the code of its
-/// cause, of a recording that ended early a code. `unfinished_cycle`: pulses sent in a
-/// cycle that never ended. Lengths are millimetres to 1e-4, times seconds to 1e-6, counts to 1e-3. Nothing
-/// depends on wall time, so equal seeds give equal bytes.
+/// `localised`: table and parts located without prior knowledge. `confirmed`: the same at the places where they were
+/// tracked, with the differences, before a goal counts as reached. `cycle`: observed, wanted, planned, sent to the
+/// motors, read back from the accelerometers, predicted and measured. `event`: level and text; for a lasting condition
+/// also its code and whether it began or ended; for the end of the run its outcome and the code of its cause; for a
+/// recording that ended early a code. `unfinished_cycle`: pulses sent in a cycle that never ended. Lengths are
+/// millimetres to 1e-4, times seconds to 1e-6, counts to 1e-3. Wall time does not enter, so equal seeds give equal
+/// bytes.
 ///
-/// The first write that fails is kept and told by [`Journal::finish`]; nothing is written after it.
+/// The first failed write is kept and returned by [`Journal::finish`]; nothing is written after it.
 #[derive(Debug)]
 pub struct Journal<W: Write> {
     out: W,
@@ -38,13 +38,12 @@ pub struct Journal<W: Write> {
 }
 
 impl<W: Write> Journal<W> {
-    /// Writes to `out`, a line a write; `library` names the centres of rotation.
+    /// A journal that writes to `out`, one line per write; `library` gives the centres of rotation.
     pub fn new(out: W, library: Arc<Library>) -> Self {
         Self { out, library, sent: Vec::new(), sent_in_cycle: 0, line: Vec::new(), fault: None }
     }
 
-    /// Writes out what is pending, flushes and hands the writer back. `Err` with the first write that failed during the
-    /// run.
+    /// Writes the pending lines, flushes and returns the writer. `Err` with the first write that failed during the run.
     pub fn finish(mut self) -> io::Result<W> {
         self.put_unfinished();
         match self.fault {
@@ -65,7 +64,7 @@ impl<W: Write> Journal<W> {
         self.fault = written.err();
     }
 
-    /// Pulses of a cycle that was broken off still get their line.
+    /// Writes the line for the pulses of a cycle that was broken off.
     fn put_unfinished(&mut self) {
         if !self.sent.is_empty() {
             let sent = std::mem::take(&mut self.sent);
@@ -130,7 +129,7 @@ mod tests {
         String::from_utf8(bytes).unwrap()
     }
 
-    /// `UPM_REMAKE_GOLDEN=1` writes the file anew.
+    /// `UPM_REMAKE_GOLDEN=1` rewrites the file.
     #[test]
     fn golden_bytes() {
         let text = written(|journal| {

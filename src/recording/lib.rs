@@ -1,9 +1,9 @@
-//! What is kept of a run. Every recorder is a [`Sink`](upm_control::Sink): the control loop tells it facts and
-//! gets nothing back, so a run is the same with and without it.
+//! Records of a run. Every recorder is a [`Sink`](upm_control::Sink): the control loop reports facts to it and gets
+//! nothing back, so a run is the same with and without it.
 //!
-//! [`Journal`] writes the run down line by line and holds no wall time, so equal seeds give equal bytes. [`Tally`]
-//! counts, compares what was measured with the simulated truth and ends as a [`Report`].
-//! [`Fanout`] makes one sink of several. [`Scribe`] writes lines on a background thread.
+//! [`Journal`] writes one line per fact without wall time, so equal seeds give equal bytes. [`Tally`] counts, compares
+//! measurements with the simulated truth and yields a [`Report`]. [`Fanout`] combines several sinks. [`Scribe`] writes
+//! lines on a background thread.
 
 mod fanout;
 mod journal;

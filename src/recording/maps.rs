@@ -1,4 +1,4 @@
-//! The stages of localisation as pictures, the same in recordings and in files.
+//! The stages of localisation as pictures, shared by recordings and files.
 
 use std::ops::RangeInclusive;
 
@@ -7,8 +7,8 @@ use image::{GrayImage, RgbImage};
 use upm_core::geometry::Vec2;
 use upm_perception::vision::{HoughArray, Plane, Table};
 
-/// Edges in gray over a frame of `frame_size` (columns, rows), the frame shrunk by a whole factor. A tenth of the edges,
-/// the strongest, are white.
+/// Edges in gray over a frame of `frame_size` (columns, rows), the frame shrunk by a whole factor. A tenth of the
+/// edges, the strongest, are white.
 pub fn edge_map(edges: &Plane, frame_size: [usize; 2], shrink: usize) -> GrayImage {
     let map = laid_over(edges, frame_size, shrink);
     let strong = quantile(&map.values, 0.9);
@@ -24,21 +24,21 @@ pub fn response_map(response: &Plane, frame_size: [usize; 2], shrink: usize) -> 
 /// Hough votes in heat colours, angles to the right and distances down.
 #[derive(Clone, Debug)]
 pub struct VoteMap {
-    /// Rows beyond the farthest line are left out.
+    /// The votes; rows beyond the farthest line are omitted.
     pub picture: RgbImage,
-    /// Middles of the peaks' cells; the first pixel covers 0 to 1.
+    /// Centres of the peaks' cells, px; the first pixel covers 0 to 1.
     pub peaks: Vec<[f32; 2]>,
 }
 
-/// Hough votes, shrunk to no more than `most` px. The first column is an eighth of a turn before angle 0, so that the four
-/// lines of an upright table stand well inside.
+/// Hough votes, shrunk to at most `most` px. The first column is an eighth of a turn before angle 0, so that the four
+/// lines of an upright table are well inside.
 pub fn vote_map(hough: &HoughArray, most: [usize; 2]) -> VoteMap {
     let last = hough.votes.iter().rposition(|&votes| votes > 0.0).unwrap_or(0);
     let rows = (last / hough.angles.max(1) + 1).min(hough.distances);
     let eighth = hough.angles / 8;
     let mut votes = Plane { width: hough.angles, height: rows, values: hough.votes.clone() };
     votes.values.chunks_exact_mut(hough.angles.max(1)).for_each(|row| row.rotate_right(eighth));
-    // the logarithm, so that four strong lines do not hide the rest
+    // logarithmic, so that four strong lines do not hide the rest
     votes.values.iter_mut().for_each(|votes| *votes = votes.max(0.0).ln_1p());
     let shrink = [votes.width.div_ceil(most[0].max(1)).max(1), votes.height.div_ceil(most[1].max(1)).max(1)];
     let map = pooled(&votes, shrink);
@@ -50,7 +50,7 @@ pub fn vote_map(hough: &HoughArray, most: [usize; 2]) -> VoteMap {
     VoteMap { picture: heat_map(&map, top), peaks: hough.peaks.iter().map(shown).collect() }
 }
 
-/// The table's rim in the picture, closed. Its sides are curved where the lens bends them.
+/// The table's rim in the picture as a closed line, px. Its sides are curved where the lens bends them.
 pub fn outline_px(table: &Table) -> impl Iterator<Item = Vec2> {
     const STEPS: usize = 16;
     let h = table.side_m / 2.0;
@@ -62,14 +62,14 @@ pub fn outline_px(table: &Table) -> impl Iterator<Item = Vec2> {
     })
 }
 
-/// `plane` over a frame of that size, shrunk to the largest value of every cell. One value of it may stand for a square of
+/// `plane` over a frame of that size, shrunk to the largest value of every cell. One value of it may cover a square of
 /// the frame's pixels.
 fn laid_over(plane: &Plane, [width, height]: [usize; 2], shrink: usize) -> Plane {
     if plane.width == 0 || plane.height == 0 {
         return Plane { width: 0, height: 0, values: Vec::new() };
     }
     let (square, shrink) = ((width / plane.width).max(1), shrink.max(1));
-    // values that show in each cell of `shrink` pixels along a side
+    // range of values that are visible in each cell of `shrink` pixels along a side
     let cells = |pixels: usize, values: usize| -> Vec<RangeInclusive<usize>> {
         let value = |pixel: usize| (pixel.min(pixels - 1) / square).min(values - 1);
         (0..pixels).step_by(shrink).map(|first| value(first)..=value(first + shrink - 1)).collect()
@@ -83,7 +83,7 @@ fn laid_over(plane: &Plane, [width, height]: [usize; 2], shrink: usize) -> Plane
     Plane { width: across.len(), height: down.len(), values }
 }
 
-/// The largest value of every cell of so many columns and rows, so that thin lines and sharp peaks survive shrinking.
+/// The largest value of every cell of this many columns and rows, so that thin lines and sharp peaks survive shrinking.
 fn pooled(plane: &Plane, [columns, rows]: [usize; 2]) -> Plane {
     let (columns, rows) = (columns.max(1), rows.max(1));
     let (width, height) = (plane.width.div_ceil(columns), plane.height.div_ceil(rows));
@@ -97,7 +97,7 @@ fn pooled(plane: &Plane, [columns, rows]: [usize; 2]) -> Plane {
     Plane { width, height, values }
 }
 
-/// Values from 0 to `top` from black over red and yellow to white.
+/// Values from 0 to `top` in colours from black over red and yellow to white.
 fn heat_map(map: &Plane, top: f32) -> RgbImage {
     let pixels = map.values.iter().flat_map(|&value| heat(share(value, top))).collect();
     RgbImage::from_raw(map.width as u32, map.height as u32, pixels).unwrap_or_default()
@@ -107,7 +107,7 @@ fn share(value: f32, top: f32) -> f32 {
     if top > 0.0 { (value / top).clamp(0.0, 1.0) } else { 0.0 }
 }
 
-/// Straight between five colours of matplotlib's `inferno`.
+/// Linear interpolation between five colours of matplotlib's `inferno`.
 fn heat(share: f32) -> [u8; 3] {
     const STOPS: [[f32; 3]; 5] =
         [[0.0, 0.0, 4.0], [87.0, 16.0, 110.0], [188.0, 55.0, 84.0], [249.0, 142.0, 9.0], [252.0, 255.0, 164.0]];
@@ -117,7 +117,7 @@ fn heat(share: f32) -> [u8; 3] {
     std::array::from_fn(|c| (STOPS[stop][c] * (1.0 - t) + STOPS[stop + 1][c] * t) as u8)
 }
 
-/// The value that `q` of all positive values stay below; 0 when there are none.
+/// The `q` quantile of all positive values; 0 when there are none.
 fn quantile(values: &[f32], q: f64) -> f32 {
     let mut positive: Vec<f32> = values.iter().copied().filter(|&value| value > 0.0).collect();
     let rank = (positive.len() as f64 * q) as usize;
@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn a_coarse_plane_covers_its_frame() {
-        // 2 x 2 pixels a value, the last column and row of the frame beyond them
+        // 2 x 2 pixels per value; the last column and row of the frame are beyond them
         let over = laid_over(&plane(2, 1), [5, 3], 1);
         assert_eq!((over.width, over.height), (5, 3));
         assert_eq!(over.values, [0.0, 0.0, 1.0, 1.0, 1.0].repeat(3));

@@ -2,12 +2,12 @@ use super::records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, MilestoneFacts, PulseFacts, Sink};
 use upm_core::time::PlateTime;
 
-/// Keeps everything but the pictures, for tests.
+/// A sink that keeps everything except the pictures, for tests.
 #[derive(Clone, Debug, Default)]
 pub struct MemorySink {
     /// Every localisation.
     pub localised: Vec<LocalisedRecord>,
-    /// Frames tracked.
+    /// Number of frames tracked.
     pub frames: u64,
     /// Every pulse.
     pub pulses: Vec<PulseRecord>,

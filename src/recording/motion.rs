@@ -1,10 +1,10 @@
 use upm_core::geometry::{Twist, Vec2};
 
-/// A centre of rotation farther off than this is told as a direction, m: across a plate of 0.3 m such a field
-/// turns by less than 3.5°.
+/// Distance of the centre of rotation beyond which a motion is named by its direction, m: across a plate of 0.3 m such
+/// a field turns by less than 3.5°.
 const FAR_M: f64 = 5.0;
 
-/// How a person would name the motion of a library entry.
+/// Motion of a library entry as described to people.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
     /// A rotation.
@@ -14,7 +14,7 @@ pub enum Motion {
         /// True when a positive distance turns parts counter-clockwise.
         counter_clockwise: bool,
     },
-    /// As good as a translation.
+    /// Approximately a translation.
     Along {
         /// Its direction at the plate's centre, of length 1.
         direction: Vec2,
@@ -22,7 +22,7 @@ pub enum Motion {
 }
 
 impl Motion {
-    /// The name of the flow along `pump`; `None` where nothing moves.
+    /// The description of the flow along `pump`; `None` for zero motion.
     pub fn of(pump: &Twist) -> Option<Self> {
         match pump.center_of_rotation() {
             Some(center_m) if center_m.norm() <= FAR_M => {

@@ -7,7 +7,7 @@ use upm_perception::estimation::{FitFault, PlateFit};
 use upm_perception::vision::{Detection, Stages, Table};
 use upm_planner::{Plan, PlannedPulse};
 
-/// [`LocalisedFacts`], owned.
+/// An owned copy of [`LocalisedFacts`].
 #[derive(Clone, Debug)]
 pub struct LocalisedRecord {
     /// The frame looked at.
@@ -16,7 +16,7 @@ pub struct LocalisedRecord {
     pub table: Table,
     /// The parts in it.
     pub detections: Vec<Detection>,
-    /// What the search went through.
+    /// The intermediate stages of the search.
     pub stages: Stages,
     /// Wall time the search took, µs.
     pub localise_us: f64,
@@ -34,20 +34,20 @@ impl From<&LocalisedFacts<'_>> for LocalisedRecord {
     }
 }
 
-/// [`PulseFacts`], owned.
+/// An owned copy of [`PulseFacts`].
 #[derive(Clone, Debug)]
 pub struct PulseRecord {
     /// Number of the cycle.
     pub cycle: u64,
-    /// When it started.
+    /// Time of its start.
     pub started_at: PlateTime,
-    /// What was planned.
+    /// The pulse as planned.
     pub planned: PlannedPulse,
-    /// What was sent to the motors.
+    /// The signal sent to the motors.
     pub drive: Drive,
-    /// What the accelerometers saw.
+    /// The accelerometers' trace.
     pub trace: AccelTrace,
-    /// What they say of the plate's motion.
+    /// The plate's motion fitted to the trace.
     pub fit: Result<PlateFit, FitFault>,
 }
 
@@ -64,22 +64,22 @@ impl From<&PulseFacts<'_>> for PulseRecord {
     }
 }
 
-/// [`CycleFacts`], owned.
+/// An owned copy of [`CycleFacts`].
 #[derive(Clone, Debug)]
 pub struct CycleRecord {
     /// Number of the cycle, from 0.
     pub index: u64,
-    /// When the look was taken that the plan rests on.
+    /// Time of the look that the plan is based on.
     pub observed_at: PlateTime,
-    /// Measured positions then, m.
+    /// Positions measured then, m.
     pub observed_m: Vec<Vec2>,
-    /// What the goal wanted.
+    /// The goal's request.
     pub wanted: Wanted,
-    /// What was planned.
+    /// The plan.
     pub plan: Plan,
-    /// When the next look was taken.
+    /// Time of the next look.
     pub ended_at: PlateTime,
-    /// Measured positions then, m.
+    /// Positions measured then, m.
     pub result_m: Vec<Vec2>,
     /// Wall time planning took, µs.
     pub plan_us: f64,
@@ -103,21 +103,21 @@ impl From<&CycleFacts<'_>> for CycleRecord {
     }
 }
 
-/// One event.
+/// An event of a run with its time and severity.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EventRecord {
-    /// When.
+    /// Plate time.
     pub at: PlateTime,
-    /// How loud.
+    /// Severity.
     pub level: EventLevel,
-    /// In words.
+    /// The message.
     pub text: String,
-    /// End of the run or of its recording that it reports, if any.
+    /// The end of the run or of its recording, if the event reports one.
     pub milestone: Option<Milestone>,
 }
 
 impl EventRecord {
-    /// An event that programs need not tell from others.
+    /// An event without a meaning for programs.
     pub fn new(at: PlateTime, level: EventLevel, text: &str) -> Self {
         Self { at, level, text: text.to_owned(), milestone: None }
     }

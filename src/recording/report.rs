@@ -15,7 +15,7 @@ pub struct Report {
     pub seed: u64,
     /// Version of this program.
     pub version: String,
-    /// The planner that ran and why; `None` in reports from before it was told.
+    /// The planner that ran and why; `None` in reports of versions that did not record it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub planner: Option<PlannerReport>,
     /// How the run ended.
@@ -25,16 +25,16 @@ pub struct Report {
     /// Whether the truth agrees that the goal was reached; only on a simulated rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
-    /// The cause that ended it, where programs tell it apart.
+    /// The cause of its end, where it has a code.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stop: Option<StopReport>,
     /// The experiment's own time, s.
     pub plate_time_s: f64,
-    /// Least plate time by rotations, s: the relaxed program over the library at the flows of the start, no strict bound.
-    /// `None` for tasks without final targets, for more than 16 parts and for runs without a pulse.
+    /// Least plate time by rotations, s: the relaxed program over the library at the flows of the start, no strict
+    /// bound. `None` for tasks without final targets, for more than 16 parts and for runs without a pulse.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bound_s: Option<f64>,
-    /// Time on the wall, s.
+    /// Wall time, s.
     pub wall_time_s: f64,
     /// Frames tracked.
     pub frames: u64,
@@ -44,18 +44,18 @@ pub struct Report {
     pub pulses: u64,
     /// Laps completed.
     pub laps: u32,
-    /// Touches between parts; `None` on a rig that does not tell.
+    /// Contacts between parts; `None` on a rig without ground truth.
     pub collisions: Option<u64>,
     /// Parts lost.
     pub lost_parts: usize,
     /// Deadlines missed; only where plate time kept to the clock.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub deadline_misses: Option<u64>,
-    /// Whole frames by which the worst of them was missed.
+    /// Largest lateness, whole frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub worst_late_frames: Option<u64>,
-    /// How far plate time fell behind the clock in all, s: a plate that waited for this computer. Only where plate time
-    /// kept to the clock; `None` in reports from before it was measured.
+    /// Total lag of plate time behind the clock, s: the plate waited for this computer. Only where plate time kept to
+    /// the clock; `None` in reports of versions that did not measure it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub behind_s: Option<f64>,
     /// Largest distance of a part from its target at the end, from truth where there is one; `None` without targets.
@@ -68,21 +68,24 @@ pub struct Report {
     /// The same error of each cycle; `None` without a cycle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cycle_error_mm: Option<CycleError>,
-    /// Measured against true positions over every frame that shows the part, root mean square; `None` without truth.
+    /// Root mean square distance of measured from true positions over every frame that shows the part; `None` without
+    /// truth.
     pub sensing_rms_error_mm: Option<f64>,
     /// The same over frames taken at rest alone.
     pub sensing_rms_error_at_rest_mm: Option<f64>,
-    /// Measured distance from the path over all cycles in which a part had one, root mean square; `None` without paths.
+    /// Root mean square distance of measured positions from the path over all cycles in which a part had one; `None`
+    /// without paths.
     pub cross_track_rms_mm: Option<f64>,
     /// Its maximum.
     pub cross_track_max_mm: Option<f64>,
-    /// Largest difference of a part's phase from the common one, as a part of a period; `None` without phases to keep.
+    /// Largest difference of a part's phase from the common one, as a fraction of a period; `None` without phases to
+    /// keep.
     pub phase_error_max: Option<f64>,
-    /// Where pulses were forecast to carry parts against where they did; `None` without a pulse.
+    /// Distances of measured from forecast positions after pulses; `None` without a pulse.
     pub prediction_error_mm: Option<PredictionError>,
     /// Every part, in the order of the job.
     pub parts: Vec<PartReport>,
-    /// How long things took, µs of wall time.
+    /// Durations, µs of wall time.
     pub timing_us: TimingsReport,
     /// Guards that fired, in the order in which they did.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -90,10 +93,10 @@ pub struct Report {
     /// Faults of the simulated rig that began within the run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultReport>,
-    /// How its recording ended, where that does not hold the whole run.
+    /// How its recording ended, unless it holds the whole run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recording: Option<RecordingReport>,
-    /// What went wrong beside the run itself: a recording that does not hold all of it.
+    /// Problems beside the run itself: a recording that does not hold all of it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
 }
@@ -113,25 +116,25 @@ pub struct RecordingReport {
 }
 
 impl RecordingReport {
-    /// Something could not be recorded.
+    /// The report of a recording that failed for this reason.
     pub fn failed(reason: &str) -> Self {
         Self { code: RecordingEnd::RecordingFailed, text: format!("the recording ends early: {reason}") }
     }
 
-    /// Somebody stopped it.
+    /// The report of a recording that was stopped on request.
     pub fn stopped(reason: &str) -> Self {
         Self { code: RecordingEnd::RecordingStopped, text: format!("the recording ends early: stopped, {reason}") }
     }
 }
 
-/// What the truth says of an outcome.
+/// Verdict of the ground truth on an outcome.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// The outcome is true.
+    /// The truth confirms the outcome.
     True,
-    /// The run counts as completed, and a part is farther from its target, or from where it is believed to be on a path
-    /// without a last place, than the tolerance and 0.1 mm.
+    /// The run counts as completed, but a part is farther from its target, or from its tracked position on a path
+    /// without end, than the tolerance and 0.1 mm.
     FalseSuccess,
 }
 
@@ -140,25 +143,25 @@ pub enum Verdict {
 pub struct GuardReport {
     /// Stable code.
     pub code: String,
-    /// When, s of plate time.
+    /// Plate time, s.
     pub at_s: f64,
-    /// What it found and what to check.
+    /// The finding and what to check.
     pub text: String,
 }
 
 /// A fault of the simulated rig.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FaultReport {
-    /// Where.
+    /// The faulty component.
     pub component: String,
-    /// What.
+    /// Kind of fault.
     pub kind: String,
-    /// How much.
+    /// Size of the fault.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub value: Vec<f64>,
     /// From when, s of plate time.
     pub from_s: f64,
-    /// Until when, s; `None` for good.
+    /// Plate time of its end, s; `None` for a permanent fault.
     pub to_s: Option<f64>,
 }
 
@@ -167,17 +170,17 @@ pub struct FaultReport {
 pub struct PlannerReport {
     /// Its name in a job file.
     pub name: String,
-    /// Who named it.
+    /// Origin of the choice.
     pub chosen: SelectedBy,
-    /// Why it was this one, for programs.
+    /// The reason, for programs.
     pub code: String,
-    /// The same for people.
+    /// The reason, for people.
     pub why: String,
-    /// The others that the rig could run, by their names in a job file.
+    /// The other planners that the rig could run, by their names in a job file.
     pub alternatives: Vec<String>,
 }
 
-/// Who named the planner of a run.
+/// Origin of the choice of a planner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SelectedBy {
@@ -187,22 +190,22 @@ pub enum SelectedBy {
     Job,
 }
 
-/// Distances of forecast places from measured ones over every pulse and part, root mean square, mm.
+/// Root mean square distances between forecast and measured positions over every pulse and part, mm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PredictionError {
     /// Forecast by the library alone.
     pub library: f64,
-    /// Forecast with what the run had learned of friction and regions until then.
+    /// Forecast with the gains of friction and regions that the run had learned until then.
     pub learned: f64,
 }
 
-/// Error E of the UPM paper (Eq. 3) over the cycles: the mean distance of all parts, as measured after a cycle, from the
-/// subgoals of that cycle, mm.
+/// Error E of the UPM paper (Eq. 3) over the cycles: the mean distance of all parts, as measured after a cycle, from
+/// the subgoals of that cycle, mm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CycleError {
-    /// Mean of the cycles.
+    /// Mean over the cycles.
     pub mean: f64,
-    /// The largest.
+    /// Largest of the cycles.
     pub max: f64,
 }
 
@@ -213,11 +216,11 @@ pub struct PartReport {
     pub id: String,
     /// Its kind.
     pub kind: String,
-    /// Where it should be; `None` when nothing was wanted of it.
+    /// Target; `None` when the part had none.
     pub target_mm: Option<[f64; 2]>,
-    /// Where it was last seen; `None` when it never was.
+    /// Last seen position; `None` when it was never seen.
     pub measured_mm: Option<[f64; 2]>,
-    /// Where it truly is; `None` on a rig that does not tell.
+    /// True position; `None` on a rig without ground truth.
     pub true_mm: Option<[f64; 2]>,
     /// Distance to the target, from truth where there is one.
     pub error_mm: Option<f64>,
@@ -230,13 +233,13 @@ pub struct StopReport {
     pub code: StopCause,
     /// The same in words, with the remedy.
     pub text: String,
-    /// Advice on what to check or change; `None` where there is nothing, and in reports without it.
+    /// Advice on what to check or change; `None` without advice, and in reports of versions that gave none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub remedy: Option<String>,
 }
 
 impl StopReport {
-    /// The report of an end by `cause`, for the reason `text`.
+    /// The report of an end by `cause` for the reason `text`.
     pub fn of(cause: StopCause, text: &str) -> Self {
         Self { code: cause, text: text.to_owned(), remedy: cause.remedy().map(str::to_owned) }
     }

@@ -1,24 +1,24 @@
 use std::fmt;
 use std::str::FromStr;
 
-/// Where the Rerun recording of a run goes: `off`, `save`, `connect`, `connect=URL` or `spawn`.
+/// Destination of a run's Rerun recording: `off`, `save`, `connect`, `connect=URL` or `spawn`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum RerunMode {
-    /// Nowhere.
+    /// No recording.
     Off,
     /// Into the run folder.
     #[default]
     Save,
     /// Into the run folder and to a running viewer.
     Connect {
-        /// Its address, `rerun+http://HOST:PORT/proxy`; `None` for a viewer on this machine.
+        /// The viewer's address, `rerun+http://HOST:PORT/proxy`; `None` for a viewer on this machine.
         url: Option<String>,
     },
     /// Into the run folder and to a viewer started for it.
     Spawn,
 }
 
-/// Not a [`RerunMode`].
+/// A text that is not a [`RerunMode`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected one of off, save, connect, connect=URL, spawn, found {0:?}")]
 pub struct BadRerunMode(String);

@@ -5,21 +5,21 @@ use std::path::Path;
 use super::scribe::Durable;
 use upm_core::files::{Length, reserve};
 
-/// Room kept beyond the end, bytes: a journal of one part fills that in some minutes.
+/// Room preallocated beyond the end, bytes: a journal of one part fills that in some minutes.
 const AHEAD_BYTES: u64 = 1 << 20;
 
-/// A file that only grows, with room set aside beyond its end, so that others who fill the disk end no run that has begun.
-/// Where room cannot be set aside the file grows as files do. What was not needed is given back when it is dropped.
+/// An append-only file with room preallocated beyond its end, so that another process filling the disk does not end a
+/// run. Where the file system cannot preallocate, the file grows as usual. Unused room is released when it is dropped.
 #[derive(Debug)]
 pub struct RoomyFile {
     file: File,
     bytes: u64,
-    /// What is set aside, from the file's beginning.
+    /// Bytes preallocated, counted from the file's beginning.
     room_bytes: u64,
 }
 
 impl RoomyFile {
-    /// An empty file at `path`, whatever stood there.
+    /// Creates an empty file at `path`, replacing an existing one.
     pub fn create(path: &Path) -> io::Result<Self> {
         let mut made = Self { file: File::create(path)?, bytes: 0, room_bytes: 0 };
         made.make_room();
@@ -55,7 +55,7 @@ impl Durable for RoomyFile {
 
 impl Drop for RoomyFile {
     fn drop(&mut self) {
-        // to the length it has: that gives back what lies beyond
+        // truncates to the present length, which releases the room beyond it
         self.file.set_len(self.bytes).ok();
     }
 }
@@ -74,7 +74,7 @@ mod tests {
         let room_bytes = || fs::metadata(&path).unwrap().blocks() * 512;
         let mut file = RoomyFile::create(&path).unwrap();
         if reserve(&file.file, AHEAD_BYTES, Length::Kept).is_err() {
-            return; // a file system that cannot
+            return; // a file system without preallocation
         }
         assert!(room_bytes() >= AHEAD_BYTES);
         for _ in 0..30 {

@@ -6,25 +6,24 @@ use super::keeping::ScribeWatch;
 use upm_core::background::{OverflowPolicy, Queue, Receiver, RecvTimeoutError, Unfinished, Unsent, Worker};
 use upm_core::time::Clock;
 
-/// Lines that may wait to be written.
+/// Capacity of the queue, lines.
 const QUEUE: usize = 256;
 
-/// Lines are gathered no longer than this before they are written.
+/// Longest time for which lines are gathered before they are written.
 const GATHER: Duration = Duration::from_millis(250);
 
-/// Nor more bytes than this.
+/// Most bytes gathered before they are written.
 const MOST_GATHERED_BYTES: usize = 1 << 16;
 
-/// What was written is committed when so much time has gone since the last commit. Looked at every [`GATHER`], so a
-/// commit is never later than a second.
+/// Time after a commit at which the next one is due. Checked every [`GATHER`], so lines are committed within 1 s.
 const COMMIT: Duration = Duration::from_millis(750);
 
-/// How long [`OverflowPolicy::GiveUp`] waits at the end for a disk that lags.
+/// Time for which [`OverflowPolicy::GiveUp`] waits at the end for a disk that lags.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// A writer whose bytes can be brought to the disk, so that they outlive a loss of power.
+/// A writer that can commit its bytes to the disk, so that they survive a loss of power.
 pub trait Durable: Write {
-    /// Returns when all that was written is on the disk.
+    /// Returns when all bytes written so far are on the disk.
     fn commit(&mut self) -> io::Result<()>;
 }
 
@@ -34,13 +33,13 @@ impl Durable for File {
     }
 }
 
-/// Writes lines on a background thread, so that a slow disk does not hold up the run.
+/// Writes lines on a background thread, so that a slow disk does not delay the run.
 ///
-/// Every `write` is one line. Lines are written within 0.25 s and committed within 1 s, always whole ones. What the
-/// thread meets comes out of the next `write`, or of [`Scribe::finish`]; nothing is written after the first fault.
+/// Every `write` is one line. Lines are written within 0.25 s and committed within 1 s, always whole ones. A fault of
+/// the thread is returned by the next `write` or by [`Scribe::finish`]; nothing is written after the first fault.
 #[derive(Debug)]
 pub struct Scribe {
-    /// `None` once it ends.
+    /// `None` after the end.
     lines: Option<Queue<Vec<u8>>>,
     thread: Worker<io::Result<()>>,
     overflow: OverflowPolicy,
@@ -49,7 +48,7 @@ pub struct Scribe {
 }
 
 impl Scribe {
-    /// Starts the thread that writes to `out`, and lets others go before it where it `steps_back`; `watch` tells of it.
+    /// Starts the thread that writes to `out`, at lower priority if `steps_back`; `watch` receives its status.
     pub fn start(
         mut out: impl Durable + Send + 'static,
         overflow: OverflowPolicy,
@@ -76,7 +75,7 @@ impl Scribe {
         }
     }
 
-    /// Lets the thread write what waits and waits for it, as long as the mode allows.
+    /// Lets the thread write the queued lines and waits for it, as long as the overflow policy allows.
     fn end(&mut self) -> io::Result<()> {
         if self.lines.take().is_none() {
             return Ok(());
@@ -116,7 +115,7 @@ impl Write for Scribe {
         }
     }
 
-    /// Lines find their way without it; [`Scribe::finish`] waits for them.
+    /// Does nothing: the thread writes lines without it, and [`Scribe::finish`] waits for them.
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }
@@ -130,7 +129,7 @@ impl Drop for Scribe {
     }
 }
 
-/// The thread: writes and commits `lines` until their sender is gone.
+/// Body of the thread: writes and commits `lines` until their sender is gone.
 fn transcribe(
     out: &mut impl Durable,
     lines: &Receiver<Vec<u8>>,
@@ -177,14 +176,14 @@ mod tests {
     use super::*;
     use upm_core::time::{MonotonicClock, StoppedClock};
 
-    /// What a made-up disk was told, in order.
+    /// Calls of a simulated disk, in order.
     #[derive(Clone, Debug, PartialEq, Eq)]
     enum Told {
         Written(String),
         Committed,
     }
 
-    /// Remembers what it is told; waits at a gate first, and is full after so many bytes.
+    /// A simulated disk that records its calls. It blocks at a gate first, and is full after a given number of bytes.
     #[derive(Clone, Default)]
     struct Disk {
         told: Arc<Mutex<Vec<Told>>>,
@@ -225,7 +224,7 @@ mod tests {
         }
     }
 
-    /// Goes on by so many ms whenever it is read.
+    /// A clock that advances by a fixed number of ms whenever it is read.
     struct Steps(AtomicU64, u64);
 
     impl Clock for Steps {

@@ -5,26 +5,26 @@ use super::report::RecordingReport;
 use upm_control::{EventLevel, Milestone, MilestoneFacts, Sink};
 use upm_core::time::PlateTime;
 
-/// What has become of a recording.
+/// State of a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RecordingState {
-    /// There is none, or not yet.
+    /// There is no recording, or it has not begun.
     Off,
-    /// It is being written.
+    /// The recording is being written.
     Writing {
-        /// What is in the file by now.
+        /// Bytes in the file so far.
         bytes: u64,
     },
-    /// It was stopped for this reason; the file is closed and whole as far as it goes.
+    /// It was stopped for this reason; the file is closed and complete up to that point.
     Stopped(String),
-    /// Something could not be recorded, for this reason.
+    /// A part of the run could not be recorded, for this reason.
     Failed(String),
     /// The file is closed and holds the whole run.
     Whole,
 }
 
-/// Tells how the recording of one run is getting on, and stops it while the run goes on. Clones are the same switch.
-/// No call ever waits.
+/// Status of the recording of one run, and the request to stop it while the run goes on. Clones share one switch. No
+/// call ever blocks.
 #[derive(Clone, Debug, Default)]
 pub struct RecordingSwitch(Arc<Shared>);
 
@@ -33,18 +33,18 @@ struct Shared {
     begun: AtomicBool,
     bytes: AtomicU64,
     wanted_stop: OnceLock<String>,
-    /// What it ended as, the first thing that counts.
+    /// The first final state; later ones are ignored.
     end: OnceLock<RecordingState>,
     told: AtomicBool,
 }
 
 impl RecordingSwitch {
-    /// Has the recording closed soon, whole as far as it goes. The first `reason` counts.
+    /// Asks for the recording to be closed soon; the file remains complete up to that point. The first `reason` counts.
     pub fn stop(&self, reason: &str) {
         self.0.wanted_stop.set(reason.to_owned()).ok();
     }
 
-    /// What has become of the recording.
+    /// The present state of the recording.
     pub fn state(&self) -> RecordingState {
         match self.0.end.get() {
             Some(end) => end.clone(),
@@ -53,18 +53,18 @@ impl RecordingSwitch {
         }
     }
 
-    /// What is in the file by now.
+    /// Bytes in the file so far.
     pub fn bytes(&self) -> u64 {
         self.0.bytes.load(Ordering::Relaxed)
     }
 
-    /// Tells, once, that the recording has ended before the run did.
+    /// Returns, once, the report of a recording that ended before its run.
     pub fn news(&self) -> Option<RecordingReport> {
         let end = self.ended_early()?;
         (!self.0.told.swap(true, Ordering::AcqRel)).then_some(end)
     }
 
-    /// How the recording ended, where it does not hold the whole run.
+    /// The report of a recording that does not hold the whole run.
     pub fn ended_early(&self) -> Option<RecordingReport> {
         match self.0.end.get() {
             Some(RecordingState::Failed(reason)) => Some(RecordingReport::failed(reason)),
@@ -75,34 +75,34 @@ impl RecordingSwitch {
 }
 
 impl RecordingSwitch {
-    /// A file is there.
+    /// The file has been created.
     pub fn begin(&self) {
         self.0.begun.store(true, Ordering::Release);
     }
 
-    /// So many bytes more are in it.
+    /// This many more bytes are in the file.
     pub fn wrote(&self, bytes: u64) {
         self.0.bytes.fetch_add(bytes, Ordering::Relaxed);
     }
 
-    /// Why it is to be stopped.
+    /// The reason of a request to stop.
     pub fn wanted_stop(&self) -> Option<&str> {
         self.0.wanted_stop.get().map(String::as_str)
     }
 
-    /// Something could not be recorded. Counts if nothing has ended the recording yet.
+    /// Ends the recording as failed, unless it has already ended.
     pub fn fail(&self, reason: impl Into<String>) {
         self.0.end.set(RecordingState::Failed(reason.into())).ok();
     }
 
-    /// The file is closed and whole. Counts if nothing has ended the recording yet.
+    /// Ends the recording as whole, its file closed, unless it has already ended.
     pub fn close(&self) {
         let end = self.wanted_stop().map_or(RecordingState::Whole, |reason| RecordingState::Stopped(reason.to_owned()));
         self.0.end.set(end).ok();
     }
 }
 
-/// Tells `sinks`, once, when a recording has ended before its run did.
+/// Reports to `sinks`, once, that a recording has ended before its run.
 pub fn tell_recording(recording: &RecordingSwitch, sinks: &mut dyn Sink, at: PlateTime) {
     if let Some(RecordingReport { code, text }) = recording.news() {
         let milestone = Milestone::RecordingEnded(code);

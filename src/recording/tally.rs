@@ -11,13 +11,13 @@ use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::job::{Outcome, StopCause};
 use upm_core::time::PlateTime;
 
-/// A look and the truth belong together when they are no farther apart than this, s: a part at 0.1 m/s moves 0.1 µm.
+/// Largest time difference between a look and the truth it is compared with, s: a part at 0.1 m/s moves 0.1 µm.
 const SAME_MOMENT_S: f64 = 1e-6;
 
-/// Most guards that are reported: one that comes and goes is told each time.
+/// Largest number of reported guards: one that comes and goes is reported each time.
 const MOST_GUARDS: usize = 100;
 
-/// Counts what happens and compares what is measured with the truth, as far as the rig tells it.
+/// Counts events and compares measurements with the truth, where the rig provides it.
 #[derive(Debug, Default)]
 pub struct Tally {
     truth: Option<GroundTruthHandle>,
@@ -35,32 +35,32 @@ pub struct Tally {
     timings: Timings,
 }
 
-/// How a run ended, as far as a sink cannot know it.
+/// Facts about the end of a run that a sink cannot know.
 #[derive(Clone, Debug, Default)]
 pub struct Ending {
     /// Name of the job.
     pub name: String,
     /// Its seed.
     pub seed: u64,
-    /// Its planner and why; `None` where that is not known.
+    /// Its planner and the reason; `None` where that is unknown.
     pub planner: Option<PlannerReport>,
-    /// How.
+    /// Outcome.
     pub outcome: Outcome,
-    /// Why, in words.
+    /// The reason, for people.
     pub reason: String,
     /// The cause that ended it; `None` where the outcome says it all.
     pub cause: Option<StopCause>,
-    /// The experiment's own time.
+    /// Plate time at the end.
     pub plate_time: PlateTime,
-    /// Least plate time by rotations, s; `None` where there is no such figure.
+    /// Least plate time by rotations, s; `None` where it was not computed.
     pub bound_s: Option<f64>,
-    /// Time on the wall, s.
+    /// Wall time, s.
     pub wall_time_s: f64,
-    /// What was late; `None` where plate time did not keep to the clock.
+    /// Missed deadlines; `None` where plate time did not keep to the clock.
     pub deadlines: Option<Deadlines>,
-    /// Laps completed.
+    /// Number of completed laps.
     pub laps: u32,
-    /// Parts lost.
+    /// Number of lost parts.
     pub lost_parts: usize,
     /// Every part, in the order of the job.
     pub parts: Vec<PartEnding>,
@@ -71,34 +71,34 @@ pub struct Ending {
 /// Deadlines of a run in real time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Deadlines {
-    /// How many were missed.
+    /// Number of missed deadlines.
     pub misses: u64,
-    /// Whole frames by which the worst one was.
+    /// Largest lateness, whole frames.
     pub worst_frames: u64,
-    /// How far plate time fell behind the clock in all.
+    /// Total lag of plate time behind the clock.
     pub behind: Duration,
 }
 
-/// Where one part ended, as control knows it.
+/// State of one part at the end, as known to control.
 #[derive(Clone, Debug)]
 pub struct PartEnding {
     /// Name in this run.
     pub id: String,
     /// Its kind.
     pub kind: String,
-    /// Where it should be, m.
+    /// Target, m.
     pub target_m: Option<Vec2>,
-    /// Where it was last seen, m.
+    /// Last seen position, m.
     pub measured_m: Option<Vec2>,
 }
 
 impl Tally {
-    /// Compares with `truth` where there is one.
+    /// A tally that compares with `truth`, if given.
     pub fn new(truth: Option<GroundTruthHandle>) -> Self {
         Self { truth, ..Self::default() }
     }
 
-    /// Pulses played so far.
+    /// Number of pulses played so far.
     pub fn pulses(&self) -> u64 {
         self.pulses
     }
@@ -108,7 +108,7 @@ impl Tally {
         &self.timings
     }
 
-    /// The whole report. GroundTruth is read now, so call it before the rig goes on.
+    /// The whole report. It reads the ground truth now, so call it before the rig goes on.
     pub fn report(&self, ending: Ending) -> Report {
         let truth = self.truth.as_ref().map(GroundTruthHandle::read);
         let mut errors = Lengths::default();
@@ -227,7 +227,7 @@ impl Sink for Tally {
         let steps = facts.result_m.iter().zip(&facts.wanted.subgoals_m);
         steps.for_each(|(at_m, subgoal_m)| off.push((at_m - subgoal_m).norm()));
         off.mean_m().into_iter().for_each(|error_m| self.cycle_errors.push(error_m));
-        // 0 stands for a part that has no path just now
+        // 0 marks a part without a path at present
         let off_path = facts.wanted.cross_track_m.iter().filter(|&&off_m| off_m != 0.0);
         off_path.for_each(|off_m| self.cross_track.push(off_m.abs()));
         for error in &facts.wanted.phase_error {

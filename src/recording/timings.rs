@@ -1,28 +1,28 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Values kept of each duration before every other one is let go.
+/// Number of values kept of each duration before every other one is dropped.
 const KEPT: usize = 4096;
 
-/// Wall times of a run, µs. Memory stays bounded however long the run.
+/// Wall times of a run, µs. Memory is bounded for any length of the run.
 #[derive(Clone, Debug, Default)]
 pub struct Timings {
     /// Searches of a whole frame.
     pub localise: Durations,
     /// Tracking of one frame.
     pub track: Durations,
-    /// Plans.
+    /// Planning of one cycle.
     pub plan: Durations,
-    /// Of them those that begin a sequence of pulses.
+    /// Plans among these that begin a sequence of pulses.
     pub plan_new: Durations,
-    /// Those that correct one that is being played.
+    /// Plans among these that correct the current sequence.
     pub plan_correction: Durations,
     /// Whole cycles.
     pub cycle: Durations,
 }
 
 impl Timings {
-    /// The figures of all of them.
+    /// The quantiles of all durations.
     pub fn report(&self) -> TimingsReport {
         TimingsReport {
             localise: self.localise.quantiles(),
@@ -39,14 +39,14 @@ impl Timings {
 #[derive(Clone, Debug, Default)]
 pub struct Durations {
     kept_us: Vec<f64>,
-    /// One in `2^halvings` is kept.
+    /// One duration in `2^halvings` is kept.
     halvings: u32,
     seen: u64,
     max_us: f64,
 }
 
 impl Durations {
-    /// Takes one duration, µs.
+    /// Adds one duration, µs.
     pub fn push(&mut self, us: f64) {
         self.max_us = self.max_us.max(us);
         if self.seen.trailing_zeros() >= self.halvings {
@@ -65,7 +65,7 @@ impl Durations {
         self.seen += 1;
     }
 
-    /// Median, 99th percentile (both by nearest rank over the sample) and maximum; zeros when nothing was seen.
+    /// Median, 99th percentile (both by nearest rank over the sample) and maximum; zeros without a duration.
     pub fn quantiles(&self) -> Quantiles {
         let mut sorted = self.kept_us.clone();
         sorted.sort_by(f64::total_cmp);
@@ -85,19 +85,19 @@ pub struct TimingsReport {
     pub localise: Quantiles,
     /// Tracking of one frame.
     pub track: Quantiles,
-    /// Plans.
+    /// Planning of one cycle.
     pub plan: Quantiles,
-    /// Of them those that begin a sequence of pulses.
+    /// Plans among these that begin a sequence of pulses.
     #[serde(default)]
     pub plan_new: Quantiles,
-    /// Those that correct a sequence that is being played; zeros where the planner makes no sequences.
+    /// Plans among these that correct the current sequence; zeros for planners without sequences.
     #[serde(default)]
     pub plan_correction: Quantiles,
     /// Whole cycles.
     pub cycle: Quantiles,
 }
 
-/// How long something takes, µs.
+/// Quantiles of a duration, µs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Quantiles {
     /// Median.

@@ -1,7 +1,8 @@
 use upm_core::geometry::Twist;
 use upm_core::signal::{TwistHarmonic, TwistWave};
 
-/// Root mean square over plate and period of the speed by which `measured` is off `asked`, as a part of that of `asked`.
+/// Root mean square, over plate and period, of the speed difference between `measured` and `asked`, relative to
+/// `asked`.
 pub(super) fn off_part(measured: &TwistWave, asked: &TwistWave, side_m: f64) -> f64 {
     let at = |wave: &TwistWave, k: usize| wave.harmonics.get(k).copied().unwrap_or_default();
     let count = measured.harmonics.len().max(asked.harmonics.len());
@@ -36,7 +37,7 @@ mod tests {
     }
 
     proptest! {
-        /// Against sums over a grid of points and moments.
+        /// Compares with sums over a grid of points and moments.
         #[test]
         fn it_is_that_of_the_whole_plate(asked in numbers(), measured in numbers()) {
             let (asked, measured, side_m) = (wave(&asked), wave(&measured), 0.24);

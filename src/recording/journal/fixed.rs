@@ -1,5 +1,5 @@
-//! Numbers of the journal, rounded to fixed decimals before they are written, so that the text is short and does not hang
-//! on the last bits of a sum.
+//! Numbers of the journal, rounded to fixed decimals before they are written, so that the text is short and independent
+//! of the last bits of a sum.
 
 use std::borrow::Cow;
 
@@ -10,7 +10,7 @@ use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 use upm_core::units::mm_from_m;
 
-/// A number with `DECIMALS` decimals; not a number is written as null.
+/// A number with `DECIMALS` decimals; not-a-number is written as null.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fixed<const DECIMALS: i32>(pub(super) f64);
 

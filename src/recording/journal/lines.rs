@@ -1,4 +1,4 @@
-//! The lines of the journal as serde sees them.
+//! The lines of the journal as serialised by serde.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -17,12 +17,12 @@ use upm_planner::{Limit, PlanStatus, PlannedPulse};
 
 #[derive(Serialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case")]
-/// A line of `journal.jsonl`. Lengths are millimetres in the table frame, times seconds of plate time; a number that was
-/// not finite is null.
+/// A line of `journal.jsonl`. Lengths are millimetres in the table frame, times seconds of plate time; null replaces a
+/// number that is not finite.
 pub(super) enum Line<'a> {
-    /// Table and parts as found from nothing.
+    /// Table and parts located without prior knowledge.
     Localised(LocalisedLine),
-    /// The same where they were tracked, before a goal counts as reached.
+    /// The same at the places where they were tracked, before a goal counts as reached.
     Confirmed(ConfirmedLine),
     /// A cycle: observed, wanted, planned, sent, read back, predicted and measured.
     Cycle(CycleLine<'a>),
@@ -36,16 +36,16 @@ pub(super) enum Line<'a> {
 pub(super) struct CycleLine<'a> {
     /// From 0.
     cycle: u64,
-    /// When the look was taken that the plan rests on.
+    /// Time of the look that the plan is based on.
     observed_at_s: Seconds,
     /// A point for each part, in the order of the job.
     observed_mm: Vec<PointMm>,
     wanted: WantedPart<'a>,
     plan: PlanPart<'a>,
     sent: &'a [SentLine],
-    /// Where the plan ends; null without a plan.
+    /// Predicted positions at the end of the plan; null without a plan.
     predicted_mm: Option<Vec<PointMm>>,
-    /// When the next look was taken.
+    /// Time of the next look.
     ended_at_s: Seconds,
     result_mm: Vec<PointMm>,
 }
@@ -151,7 +151,7 @@ impl PlannedPart {
     }
 }
 
-/// One harmonic of the plate's velocity: its centre's and its spin.
+/// One harmonic of the plate's velocity: that of its centre and its spin.
 #[derive(Debug, Serialize, JsonSchema)]
 struct HarmonicPart {
     cos_mm_s: [Fixed<3>; 2],
@@ -217,14 +217,14 @@ impl<'a> PlanPart<'a> {
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct SentLine {
     started_at_s: Seconds,
-    /// The small pulse at the beginning of a run, which is to move no part.
+    /// True for the small probe at the beginning of a run, which moves no part.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     probe: bool,
     base_hz: Fixed<4>,
     attack_s: Seconds,
     sustain_s: Seconds,
     rest_s: Seconds,
-    /// For each motor, for each harmonic: cos and sin, counts.
+    /// For each motor and each harmonic: cos and sin, counts.
     counts: [Vec<[Fixed<3>; 2]>; MOTORS],
     read: ReadPart,
 }
@@ -243,7 +243,8 @@ enum ReadPart {
     Wave {
         harmonics: Vec<HarmonicPart>,
         residual_m_s2: Fixed<4>,
-        /// How far the wave read is from the one asked for, over plate and period, as a part of that.
+        /// Root mean square difference between the measured and the commanded wave over plate and period, relative to
+        /// the latter.
         off_asked: Option<Fixed<4>>,
     },
     Fault {

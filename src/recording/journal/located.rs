@@ -1,4 +1,4 @@
-//! Journal lines of table and parts located from nothing.
+//! Journal lines for table and parts located without prior knowledge.
 
 use schemars::JsonSchema;
 use serde::Serialize;

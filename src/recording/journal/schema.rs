@@ -5,7 +5,7 @@ use super::lines::Line;
 
 /// The JSON Schema (draft 2020-12) of one line of `journal.jsonl`.
 pub fn journal_schema() -> Value {
-    // of what is written: nothing reads a line back into these types
+    // a schema for serialisation: nothing reads a line back into these types
     let generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
     generator.into_root_schema_for::<Line<'static>>().to_value()
 }
