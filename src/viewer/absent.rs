@@ -1,4 +1,4 @@
-//! The interface of this crate in a build without Rerun.
+//! Stand-ins with the interface of this crate, for a build without Rerun.
 
 use std::io;
 use std::path::Path;
@@ -9,7 +9,7 @@ use upm_recording::{Keeping, LocalisedRecord, RerunMode};
 use crate::types::Experiment;
 use crate::types::{RecordingError, RecordingStats, Repaired, RunContext};
 
-/// In place of a recording: takes everything, keeps nothing.
+/// Stand-in for a recording: accepts every fact and keeps none.
 pub struct RerunSink(());
 
 impl RerunSink {
@@ -18,7 +18,7 @@ impl RerunSink {
         refuse(mode).map(|_| ())
     }
 
-    /// Starts nothing. Refuses every mode but [`RerunMode::Off`].
+    /// Starts no recording. Refuses every mode but [`RerunMode::Off`].
     pub fn start(
         mode: &RerunMode,
         _path: &Path,
@@ -29,7 +29,7 @@ impl RerunSink {
         refuse(mode).map(|_| Self(()))
     }
 
-    /// Closes nothing.
+    /// Returns empty statistics.
     pub fn finish(self) -> Result<RecordingStats, RecordingError> {
         Ok(RecordingStats::default())
     }
@@ -37,12 +37,12 @@ impl RerunSink {
 
 impl Sink for RerunSink {}
 
-/// In place of a live stream; there is no value of this type.
+/// Stand-in for a live stream, without values.
 #[derive(Clone, Debug)]
 pub enum LiveServer {}
 
 impl LiveServer {
-    /// `Err` with [`io::ErrorKind::Unsupported`].
+    /// Always fails with [`io::ErrorKind::Unsupported`].
     pub fn start(_port: Option<u16>, _history_bytes: u64) -> io::Result<Self> {
         Err(io::Error::new(io::ErrorKind::Unsupported, "this build was made without the feature `rerun`"))
     }
@@ -78,7 +78,7 @@ pub fn record_located(
     refuse(mode)
 }
 
-/// Repairs nothing; `part` stays as it is.
+/// Always fails; `part` stays as it is.
 pub fn repair_recording(part: &Path, _out: &Path) -> Result<Repaired, RecordingError> {
     let reason = "this build was made without the feature `rerun`".to_owned();
     Err(RecordingError::Repair { path: part.to_owned(), reason })

@@ -1,7 +1,7 @@
-//! The Rerun viewer's side of a run: recordings in files and live streams.
+//! Recordings of runs for the Rerun viewer, in files and as live streams.
 //!
-//! The feature `rerun` brings the Rerun SDK. Without it this crate has the same interface and makes no recordings;
-//! [`BUILT_IN`] tells which it is. Nothing outside this crate asks for the feature.
+//! The feature `rerun` adds the Rerun SDK. Without it this crate has the same interface and makes no recordings;
+//! [`BUILT_IN`] reports which it is. No code outside this crate checks the feature.
 
 #[cfg(not(feature = "rerun"))]
 mod absent;
@@ -16,5 +16,5 @@ pub use absent::{LiveServer, RerunSink, record_experiment, record_located, repai
 #[cfg(feature = "rerun")]
 pub use rerun::{LiveServer, RerunSink, record_experiment, record_located, repair_recording};
 
-/// True where this build makes recordings.
+/// True if this build can make recordings.
 pub const BUILT_IN: bool = cfg!(feature = "rerun");

@@ -1,14 +1,14 @@
-//! Streams a run to Rerun: into a file and, if asked, to a viewer as well.
+//! Streaming of a run to Rerun: into a file and, if asked, to a viewer as well.
 //!
 //! Facts are copied into owned messages and go through a bounded queue to a recorder thread, which encodes and logs
-//! them. The file never loses anything: when the queue is full the control loop waits, or else the recording ends there
-//! as a failed one. It has its name only once it is closed and is `NAME.part` before. A viewer gets a copy of
-//! what goes into the file from a thread and a queue of its own; when it falls behind or is not there, messages to
-//! it are dropped and counted, and nobody waits. A [`LiveServer`] is where viewers come by themselves.
+//! them. The file never has gaps: when the queue is full, either the control loop waits or the recording ends there as
+//! failed. The file is called `NAME.part` until it is closed. A viewer gets a copy of the file's messages through a
+//! separate thread and queue; when it lags or is absent, messages to it are dropped and counted, and the run never
+//! waits. Viewers that connect by themselves are served by a [`LiveServer`].
 //!
-//! Timelines: `plate_time` and `cycle`. What a person sees, by entity path: `camera` (what each cycle started from),
-//! `vision` (how table and parts were found), `table` (from above, mm), `plan`, `motors`, `accelerometers`,
-//! `errors`, `timing`, `log`. Rerun's 2D views have y down; `table` is logged with y negated, so up is up.
+//! Timelines: `plate_time` and `cycle`. Entity paths: `camera` (the frame that starts each cycle), `vision` (the
+//! localisation of table and parts), `table` (from above, mm), `plan`, `motors`, `accelerometers`, `errors`, `timing`,
+//! `log`. Rerun's 2D views have y down; `table` is logged with y negated, so that y is up.
 
 mod blueprint;
 mod camera;

@@ -8,26 +8,26 @@ use upm_library::Library;
 use upm_planner::Method;
 use upm_recording::RerunMode;
 
-/// What a recording should know of its run.
+/// Data about a run for its recording.
 #[derive(Clone, Debug)]
 pub struct RunContext {
     /// Name of the job.
     pub name: String,
     /// Its seed.
     pub seed: u64,
-    /// Names the centres of rotation.
+    /// Gives the centres of rotation.
     pub library: Arc<Library>,
     /// The rig.
     pub model: RigModel,
-    /// How cycles are planned.
+    /// Method of planning.
     pub method: Method,
     /// Every part, in the order of the job.
     pub parts: Vec<PartLook>,
-    /// Where everything truly is, where the rig tells.
+    /// Ground truth; `None` on a rig without it.
     pub truth: Option<GroundTruthHandle>,
 }
 
-/// How a part is drawn.
+/// Appearance of a part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PartLook {
     /// Name in this run: `penny-1`.
@@ -38,88 +38,88 @@ pub struct PartLook {
     pub radius_m: f64,
 }
 
-/// Why a recording could not be made or is not whole.
+/// Reason that a recording could not be made or is incomplete.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
-    /// The file could not be made.
+    /// The file could not be created.
     #[error("cannot create {path}: {reason}")]
     Create {
-        /// Where.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Reason given by the system.
         reason: String,
     },
-    /// The address is not one of a viewer.
+    /// The address is not that of a viewer.
     #[error("`{url}` is no viewer's address, like rerun+http://127.0.0.1:9876/proxy: {reason}")]
     Address {
-        /// What was given.
+        /// The address given.
         url: String,
-        /// What is wrong with it.
+        /// The fault in it.
         reason: String,
     },
-    /// No viewer could be started.
+    /// The viewer could not be started.
     #[error("cannot start the Rerun viewer (`pip install rerun-sdk==0.36.3` brings one): {0}")]
     Spawn(String),
-    /// A thread could not be started, or died.
+    /// A thread could not be started, or panicked.
     #[error("recorder thread: {0}")]
     Thread(String),
-    /// It could not be made whole again; it stands as it was.
+    /// The recording could not be repaired and is unchanged.
     #[error("recording {path} cannot be repaired: {reason}")]
     Repair {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// This build has no Rerun.
+    /// This build does not include Rerun.
     #[error("expected off (this build has no feature `rerun`), found {mode}")]
     NotBuiltIn {
-        /// What was asked for.
+        /// The mode requested.
         mode: RerunMode,
     },
-    /// Something could not be encoded or written; the file ends before it.
+    /// Data could not be encoded or written; the file ends before them.
     #[error("recording {path} is not whole: {reason}")]
     Write {
         /// The file.
         path: PathBuf,
-        /// What failed first.
+        /// The first failure.
         reason: String,
     },
 }
 
-/// What a finished recording holds.
+/// Statistics of a finished recording.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RecordingStats {
     /// Size of the file, bytes.
     pub file_bytes: u64,
-    /// Messages in it.
+    /// Number of messages in it.
     pub messages: u64,
-    /// Messages a viewer missed because it lagged.
+    /// Number of messages that a viewer missed because it lagged.
     pub viewer_missed: u64,
-    /// True when a viewer was fed and took all that was left at the end.
+    /// True when a viewer was fed and received all remaining messages at the end.
     pub viewer_caught_up: bool,
 }
 
-/// What was done to a recording.
+/// Result of a repair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Repaired {
-    /// Messages in it.
+    /// Number of messages in the repaired recording.
     pub messages: u64,
-    /// Bytes behind the last whole message, which were left out.
+    /// Bytes after the last complete message, which were omitted.
     pub cut_bytes: u64,
-    /// True when nothing was wrong with it but its name.
+    /// True when the recording was complete and only renamed.
     pub was_whole: bool,
 }
 
-/// One experiment as a page of the viewer.
+/// An experiment as shown on a page of the viewer.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Experiment {
-    /// Names the recording.
+    /// Title, the name of the recording.
     pub title: String,
     /// The table of figures, Markdown.
     pub figures: String,
     /// Its charts.
     pub charts: Vec<Chart>,
-    /// The motion of each part.
+    /// Motion of the parts, for playback.
     pub motion: Option<Playback>,
 }

@@ -1,7 +1,7 @@
-//! The layout that comes with a recording: four pages, the whole run on the first.
+//! The layout of a recording: four pages, the whole run on the first.
 //!
-//! Rerun's Rust builder has no setters for the bounds of a 2D view or the time span of a plot. They are properties of a
-//! view like any other, so they are logged into the blueprint's own store next to what the builder writes.
+//! Rerun's Rust builder has no setters for the bounds of a 2D view or the time span of a plot. They are ordinary
+//! properties of a view, so they are logged into the blueprint's store next to the builder's output.
 
 use std::collections::BTreeMap;
 
@@ -52,8 +52,8 @@ pub(super) fn send(stream: &RecordingStream, context: &RunContext) -> Result<(),
     Ok(())
 }
 
-/// Layouts that were made, by what they depend on. Making one takes three streams into memory, and those are never given
-/// back (rerun 0.36: each holds itself): a daemon would grow by them with every job.
+/// Cache of layouts by their [`key`]. Making one takes three in-memory streams, which are never freed (rerun 0.36: each
+/// holds itself), so a daemon would grow by them with every job.
 static MADE: Mutex<BTreeMap<String, Written>> = Mutex::new(BTreeMap::new());
 const MOST_MADE: usize = 64;
 
@@ -61,7 +61,7 @@ fn made() -> MutexGuard<'static, BTreeMap<String, Written>> {
     MADE.lock()
 }
 
-/// A layout as messages.
+/// A layout, encoded as messages.
 #[derive(Clone)]
 struct Written {
     messages: Vec<LogMsg>,
@@ -74,7 +74,7 @@ impl Written {
     }
 }
 
-/// All that the layout depends on.
+/// Everything that the layout depends on, as one text.
 pub(super) fn key(context: &RunContext) -> String {
     let RunContext { model, method, .. } = context;
     format!("{method:?}, frame {:?} px, plate {} m", model.frame_size_px, model.plate_side_m)
@@ -102,7 +102,7 @@ fn run(layout: &mut Layout, context: &RunContext) -> ContainerLike {
     Vertical::new([above.into(), below.into()]).with_row_shares([2.0, 1.0]).with_name("Run").into()
 }
 
-/// What a plan is made of: one bar a rotation, or one a harmonic of a field.
+/// The view of a plan: one bar per rotation, or one per harmonic of a field.
 fn plan(method: Method) -> ContainerLike {
     let (name, origin) = match method {
         Method::SynthesizedField => ("Harmonics, mm/s", "plan/harmonics_mm_s"),
@@ -111,7 +111,7 @@ fn plan(method: Method) -> ContainerLike {
     BarChartView::new(name).with_origin(origin).into()
 }
 
-/// How table and parts were found in a frame of that size.
+/// The page of the localisation of table and parts in a frame of that size.
 pub(super) fn vision(layout: &mut Layout, frame_size_px: [usize; 2]) -> ContainerLike {
     let [width, height] = frame_size_px.map(|side| side as f64);
     let frame = layout.image("Table and parts as found", "vision/frame", width, height);
@@ -149,7 +149,7 @@ fn errors(layout: &mut Layout, method: Method) -> ContainerLike {
     Grid::new(views).with_grid_columns(3).with_name("Errors and timing").into()
 }
 
-/// Collects properties of views on the way.
+/// Collects properties of views while they are built.
 #[derive(Default)]
 pub(super) struct Layout {
     properties: Vec<(String, Vec<SerializedComponentBatch>)>,
@@ -171,7 +171,7 @@ impl Layout {
         self.bounded(Spatial2DView::new(name).with_origin(origin), [0.0, width], [0.0, height])
     }
 
-    /// A view that shows just this stretch of x and y.
+    /// A view of just this range of x and y.
     pub(super) fn bounded(&mut self, view: Spatial2DView, x: [f64; 2], y: [f64; 2]) -> ContainerLike {
         let range = datatypes::Range2D { x_range: datatypes::Range1D(x), y_range: datatypes::Range1D(y) };
         let view = view.into();
@@ -192,7 +192,7 @@ impl Layout {
         view
     }
 
-    /// Time, level and words; every line comes from the same entity.
+    /// The log view with time, level and text; all lines come from one entity.
     fn log(&mut self) -> ContainerLike {
         let view = TextLogView::new("Log").with_origin("log").into();
         let shown = [TextLogColumnKind::LogLevel, TextLogColumnKind::Body];

@@ -10,7 +10,7 @@ use upm_perception::vision::{Table, Track};
 use upm_recording::CycleRecord;
 use upm_recording::outline_px;
 
-/// What each cycle started from: the frame at half its size and what was found in it.
+/// The camera's view at the start of each cycle: the frame at half its size with the detections.
 pub(super) struct CameraView {
     ids: Vec<String>,
     table: Option<Table>,
@@ -47,7 +47,7 @@ impl CameraView {
         tape.log("camera/trails", &paint::lines(self.trails.strips(in_half_frame), paint::MEASURED, 0.75))
     }
 
-    /// Where the parts should go, in the picture.
+    /// Logs the targets of the parts in the picture.
     pub(super) fn wanted(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
         let Some(table) = &self.table else { return Ok(()) };
         let place = |&p_m: &Vec2| in_half_frame(table.lens.image_from_ideal(table.ideal_from_table.apply(p_m)));

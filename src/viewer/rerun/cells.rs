@@ -1,16 +1,16 @@
 /// Pixels along a cell's side.
 const FINE: f64 = 8.0;
 
-/// Most pixels along a side of the picture.
+/// Largest number of pixels along a side of the picture.
 const MOST_PX: f64 = 2048.0;
 
-/// Opacity of a cell of value 0 and of 1.
+/// Opacity of a cell of value 0 and of one of value 1, out of 255.
 const OPACITY: [f64; 2] = [30.0, 255.0];
 
-/// Shaded squares as a picture, wherever they lie.
+/// A picture of shaded squares at arbitrary places.
 #[derive(Debug)]
 pub(super) struct Raster {
-    /// Where its top left corner is, in the squares' unit, y up.
+    /// Its top left corner, in the squares' unit, y up.
     pub(super) top_left: [f64; 2],
     /// Side of a pixel in that unit.
     pub(super) pixel: f64,
@@ -21,7 +21,7 @@ pub(super) struct Raster {
 }
 
 impl Raster {
-    /// Squares of this side about points, each shaded by its value from 0 to 1; `None` where there is nothing to see.
+    /// Squares of this side around points, each shaded by its value from 0 to 1; `None` where nothing is visible.
     pub(super) fn of(cells: &[([f64; 2], f64)], side: f64, rgb: [u8; 3]) -> Option<Self> {
         let seen = || cells.iter().filter(|([x, y], value)| x.is_finite() && y.is_finite() && value.is_finite());
         let [x, y] = [0, 1].map(|axis| {

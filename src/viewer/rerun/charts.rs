@@ -1,5 +1,5 @@
-//! Charts in 2D views. A map keeps the units of its axes; a curve is drawn in a box with ticks of its own, since a 2D
-//! view has no axes and a plot over time takes nothing but time along x. Views have y down, so y is negated.
+//! Charts in 2D views. A map keeps the units of its axes. A curve is drawn in a box with its ticks, because a 2D view
+//! has no axes and Rerun's plots allow only time along x. Views have y down, so y is negated.
 
 use rerun::{Arrows2D, Color, Ellipses2D, Image, LineStrips2D, Points2D, Transform3D};
 
@@ -11,19 +11,19 @@ use upm_chart::{self as chart, Chart, Layer, Mark};
 /// Width and height of the box that a curve is drawn in.
 const BOX: [f64; 2] = [160.0, 100.0];
 
-/// Room around the picture for ticks and words, in hundredths of its height: left and right, below and above.
+/// Margins around the picture for ticks and text, in hundredths of its height: left and right, below and above.
 const MARGIN: [[f64; 2]; 2] = [[18.0, 8.0], [24.0, 32.0]];
 
-/// Ticks along an axis, about.
+/// Approximate number of ticks along an axis.
 const TICKS: f64 = 5.0;
 
-/// Words are drawn over all layers, which are drawn in their order.
+/// Draw order of texts, which are above all layers; layers are drawn in their order.
 const WORDS: f32 = 1e3;
 
-/// A chart and where it lies in its view.
+/// A chart and its placement in its view.
 pub(super) struct ChartView<'a> {
     chart: &'a Chart,
-    /// From and to of x and y, in the axes' units.
+    /// Ranges of x and y, in the axes' units.
     range: [[f64; 2]; 2],
     /// Length in the view of one unit of x and of y.
     scale: [f64; 2],
@@ -39,7 +39,7 @@ impl<'a> ChartView<'a> {
         Self { chart, range, scale, unit }
     }
 
-    /// What the view shall show: from and to along x and down y.
+    /// Bounds of the view, from and to: along x, then down y.
     pub(super) fn bounds(&self) -> [[f64; 2]; 2] {
         let [[left, right], [below, above]] = MARGIN.map(|margin| margin.map(|share| share * self.unit));
         let [x, y] = [0, 1].map(|axis| self.range[axis].map(|value| value * self.scale[axis]));
@@ -61,7 +61,7 @@ impl<'a> ChartView<'a> {
         [(x * self.scale[0]) as f32, (-y * self.scale[1]) as f32]
     }
 
-    /// A point of the view, so many units to the right of and below another.
+    /// The point of the view this many units to the right of and below another.
     fn beside(&self, at: [f64; 2], right: f64, below: f64) -> [f32; 2] {
         let [x, y] = self.place(at);
         [x + (right * self.unit) as f32, y + (below * self.unit) as f32]
@@ -114,7 +114,7 @@ impl<'a> ChartView<'a> {
         }
     }
 
-    /// Cells as one picture: boxes have no filling.
+    /// Logs the cells as one picture, because boxes cannot be filled.
     fn log_cells(&self, tape: &Tape, path: &str, layer: &Layer, (side, values): (f64, &[f64]), order: f32) -> Logged {
         let cells: Vec<([f64; 2], f64)> = layer.points.iter().copied().zip(values.iter().copied()).collect();
         let Some(raster) = Raster::of(&cells, side, layer.color.rgb()) else { return Ok(()) };
@@ -125,13 +125,13 @@ impl<'a> ChartView<'a> {
         tape.log_static(path, &Image::from_rgba32(raster.rgba, raster.size_px).with_draw_order(order))
     }
 
-    /// Lines through the points, broken where one is no number.
+    /// Lines through the points, broken at points that are not finite.
     fn lines(&self, points: &[[f64; 2]]) -> Vec<Vec<[f32; 2]>> {
         let stretches = points.split(|point| !is_finite(point)).filter(|stretch| !stretch.is_empty());
         stretches.map(|stretch| stretch.iter().map(|&point| self.place(point)).collect()).collect()
     }
 
-    /// Frame, ticks and what is along them.
+    /// Logs frame, ticks and axis labels.
     fn log_axes(&self, tape: &Tape, path: &str) -> Logged {
         let [[left, right], [below, above]] = self.range;
         let frame = [[left, below], [right, below], [right, above], [left, above], [left, below]];
@@ -146,7 +146,7 @@ impl<'a> ChartView<'a> {
         }
         for (tick, text) in ticks(self.range[1]) {
             strips.push(vec![self.place([left, tick]), self.beside([left, tick], -1.5, 0.0)]);
-            // names hang below their point
+            // labels are below their point
             words.push((self.beside([left, tick], -7.0, -3.0), text));
         }
         let gray = paint::color(paint::FAINT);
@@ -155,7 +155,7 @@ impl<'a> ChartView<'a> {
         tape.log_static(&format!("{path}/words"), &written(words).with_colors([gray]))
     }
 
-    /// The layers' names above the picture, in their colours.
+    /// Logs the layers' names above the picture, in their colours.
     fn log_legend(&self, tape: &Tape, path: &str) -> Logged {
         let named: Vec<&Layer> = self.chart.layers.iter().filter(|layer| !layer.label.is_empty()).collect();
         let ([left, right], above) = (self.range[0], self.range[1][1]);
@@ -169,13 +169,13 @@ impl<'a> ChartView<'a> {
     }
 }
 
-/// Words, each hanging from a point.
+/// Texts, each hanging from a point.
 fn written(words: Vec<([f32; 2], String)>) -> Points2D {
     let (places, words): (Vec<_>, Vec<_>) = words.into_iter().unzip();
     Points2D::new(places).with_labels(words).with_show_labels(true).with_radii([thin(0.1)]).with_draw_order(WORDS)
 }
 
-/// The chart's colour, a little lighter: views are dark.
+/// The chart's colour, slightly lighter because views are dark.
 fn color(of: chart::Color) -> Color {
     let [r, g, b] = of.rgb().map(|part| part + (255 - part) / 4);
     Color::from_rgb(r, g, b)
@@ -185,7 +185,7 @@ fn is_finite(point: &[f64; 2]) -> bool {
     point.iter().all(|value| value.is_finite())
 }
 
-/// From and to of everything drawn along an axis, with a little room; 0 to 1 where nothing is.
+/// Range of all items along an axis, with a margin; 0 to 1 without items.
 fn extent(chart: &Chart, axis: usize) -> [f64; 2] {
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for layer in &chart.layers {
@@ -203,7 +203,7 @@ fn extent(chart: &Chart, axis: usize) -> [f64; 2] {
     }
     match high - low {
         span if span > 0.0 => [low - 0.04 * span, high + 0.04 * span],
-        // one value alone
+        // a single value
         0.0 => [low - 0.5 * low.abs().max(1.0), high + 0.5 * high.abs().max(1.0)],
         _ => [0.0, 1.0],
     }
@@ -257,7 +257,7 @@ fn dashes(line: &[[f32; 2]], length: f32) -> Vec<Vec<[f32; 2]>> {
     all
 }
 
-/// A line that is long against its picture ends unbroken.
+/// Largest number of dashes; the rest of a longer line is drawn unbroken.
 const MOST_DASHES: usize = 2000;
 
 #[cfg(test)]

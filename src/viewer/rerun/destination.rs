@@ -14,10 +14,10 @@ use crate::types::RecordingError;
 use upm_recording::RecordingSwitch;
 use upm_recording::RerunMode;
 
-/// Where a spawned viewer listens.
+/// Address on which a spawned viewer listens.
 const LOOPBACK: Ipv4Addr = Ipv4Addr::LOCALHOST;
 
-/// Where a recording goes: a file, and what feeds viewers.
+/// Destination of a recording: a file, and feeds of viewers.
 pub(super) struct Destination {
     out: Option<Box<dyn Write + Send>>,
     draft: Option<Draft>,
@@ -27,7 +27,7 @@ pub(super) struct Destination {
 }
 
 impl Destination {
-    /// Opens a draft of the file at `path`, unless `mode` is off, and the viewer of `mode`, if there is one.
+    /// Opens a draft of the file at `path`, unless `mode` is off, and the viewer of `mode`, if it has one.
     pub(super) fn open(mode: &RerunMode, path: &Path) -> Result<Self, RecordingError> {
         let live = viewer_address(mode)?.map(Live::start).transpose().map_err(thread_fault)?;
         let (viewer, feed) = live.unzip();
@@ -40,7 +40,7 @@ impl Destination {
         Ok(Self { out: Some(Box::new(file)), path: draft.part().to_owned(), draft: Some(draft), viewer, feeds })
     }
 
-    /// The same, and to `live` as well; all that the layout depends on is in `layout`.
+    /// Adds `live` as a destination; `layout` gives everything that the layout depends on.
     pub(super) fn and_live(mut self, live: Option<&LiveServer>, layout: impl FnOnce() -> String) -> Self {
         self.feeds.extend(live.map(|live| live.feed(layout())));
         self
@@ -51,7 +51,7 @@ impl Destination {
         self.out.is_some()
     }
 
-    /// Whatever is behind `wrap` of a draft of the file at `path`.
+    /// A destination whose file is a draft at `path` behind `wrap`.
     #[cfg(test)]
     pub(super) fn wrapped<W: Write + Send + 'static>(path: &Path, wrap: impl FnOnce(File) -> W) -> Self {
         let (draft, file) = Draft::create(path).unwrap();
@@ -59,7 +59,7 @@ impl Destination {
         Self { out: Some(Box::new(wrap(file))), path, draft: Some(draft), viewer: None, feeds: Vec::new() }
     }
 
-    /// Starts the file. Its name in errors and what feeds the viewer come with it.
+    /// Starts the file. Also returns its path for errors and the feeder of the viewer.
     pub(super) fn start(self, switch: RecordingSwitch) -> Result<(RrdFile, PathBuf, Option<Live>), RecordingError> {
         let Self { out, draft, path, viewer, feeds } = self;
         match RrdFile::new(out, draft, feeds, switch) {
@@ -73,7 +73,7 @@ pub(super) fn thread_fault(fault: std::io::Error) -> RecordingError {
     RecordingError::Thread(fault.to_string())
 }
 
-/// Where the viewer of `mode` listens; starts it for [`RerunMode::Spawn`].
+/// Address of the viewer of `mode`; starts one for [`RerunMode::Spawn`].
 fn viewer_address(mode: &RerunMode) -> Result<Option<ProxyUri>, RecordingError> {
     let url = match mode {
         RerunMode::Off | RerunMode::Save => return Ok(None),
@@ -87,7 +87,7 @@ fn viewer_address(mode: &RerunMode) -> Result<Option<ProxyUri>, RecordingError> 
     parse_address(url).map(Some)
 }
 
-/// A viewer that this machine alone can reach: the viewer's own default is to listen on every interface.
+/// Options for a viewer that is reachable from this machine only: by default it listens on every interface.
 fn loopback_viewer() -> SpawnOptions {
     let extra_args = vec!["--bind".to_owned(), LOOPBACK.to_string()];
     SpawnOptions { hide_welcome_screen: true, extra_args, ..Default::default() }
@@ -98,7 +98,7 @@ pub(super) fn parse_address(url: String) -> Result<ProxyUri, RecordingError> {
     address.map_err(|reason| RecordingError::Address { url, reason })
 }
 
-/// Rerun's words for a missing viewer go on over a dozen lines, with the whole search path among them.
+/// The first line of Rerun's message for a missing viewer, which runs over a dozen lines with the whole search path.
 fn first_line(text: &str) -> String {
     text.lines().next().unwrap_or_default().trim_end().to_owned()
 }

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use upm_core::files::sync_folder;
 
-/// A file that gets its name only once it is whole. Until then it is `NAME.part`, locked against others, and what a
-/// killed process leaves is told from what is whole by its name alone.
+/// A file that gets its name only once it is complete. Until then it is `NAME.part`, locked against other processes, so
+/// that the remains of a killed process are recognised by name.
 pub(super) struct Draft {
     part: PathBuf,
     path: PathBuf,
@@ -27,22 +27,23 @@ impl Draft {
         let file = open_regular(&part, OpenOptions::new().write(true).create(true).truncate(false))?;
         lock(&file)?;
         file.set_len(0)?;
-        // what is synced while it is written shall have a name after a power cut; a disk that cannot do it says so at the end
+        // syncs the name of the draft, so that its synced data survive a power cut; a disk that fails here reports it
+        // at the end
         sync_parent(&part).ok();
         Ok((Self { part, path: path.to_owned() }, file))
     }
 
-    /// Where it is for now.
+    /// Its present path.
     pub(super) fn part(&self) -> &Path {
         &self.part
     }
 
-    /// The file once more, for who only brings it to the disk: this holds no lock longer than who writes.
+    /// A second handle for syncing only. It holds no lock, so that the file is unlocked once its writer is gone.
     pub(super) fn to_sync(&self) -> io::Result<File> {
         open_regular(&self.part, OpenOptions::new().write(true))
     }
 
-    /// Gives the file its name, once all of it is on the disk.
+    /// Renames the file to its final name, once all of it is on the disk.
     pub(super) fn keep(&self) -> io::Result<()> {
         keep(&self.part, &self.path)
     }
@@ -56,7 +57,7 @@ fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Refuses a file that somebody else is writing. A file system without locks is taken as it is.
+/// Refuses a file that another process is writing. On a file system without locks every file is accepted.
 pub(super) fn lock(file: &File) -> io::Result<()> {
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => Err(io::Error::new(ErrorKind::WouldBlock, "somebody else is writing it")),
@@ -64,8 +65,7 @@ pub(super) fn lock(file: &File) -> io::Result<()> {
     }
 }
 
-/// Opens the regular file at `path` as `options` say. Follows no link in place of the file, and never waits for the
-/// other end of a FIFO.
+/// Opens the regular file at `path` with `options`. Follows no symbolic link and never blocks on a FIFO.
 pub(super) fn open_regular(path: &Path, options: &mut OpenOptions) -> io::Result<File> {
     #[cfg(unix)]
     {
@@ -76,13 +76,13 @@ pub(super) fn open_regular(path: &Path, options: &mut OpenOptions) -> io::Result
     }
     match options.open(path) {
         Ok(file) if file.metadata()?.is_file() => Ok(file),
-        // the system's own words for a link or a FIFO name neither
+        // the system's message for a link or a FIFO mentions neither
         Err(error) if fs::symlink_metadata(path).map_or(true, |found| found.is_file()) => Err(error),
         _ => Err(io::Error::new(ErrorKind::InvalidInput, "expected a regular file, found something else")),
     }
 }
 
-/// Renames `part` to `path`, both on the disk when this returns.
+/// Renames `part` to `path`; both names are synced when this returns.
 pub(super) fn keep(part: &Path, path: &Path) -> io::Result<()> {
     open_regular(part, OpenOptions::new().read(true))?.sync_all()?;
     fs::rename(part, path)?;

@@ -18,10 +18,10 @@ use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 use upm_recording::RerunMode;
 
-/// What is shown around a plate, as a part of its half side.
+/// Half the side of the view, in half sides of the plate.
 const REACH: f64 = 1.15;
 
-/// Records `experiment` into the file at `path` and to the viewer of `mode`. With [`RerunMode::Off`] does nothing.
+/// Records `experiment` into the file at `path` and to the viewer of `mode`. Does nothing with [`RerunMode::Off`].
 pub fn record_experiment(
     mode: &RerunMode,
     path: &Path,
@@ -38,7 +38,7 @@ fn log(file: RrdFile, experiment: &Experiment) -> Logged {
         let page = page(&mut layout, experiment, &charts);
         layout.send(stream, vec![page])
     })?;
-    // at a time, so that the time panel has its timeline even where nothing moves
+    // logged at a time, so that the time panel has its timeline even where nothing moves
     let figures = TextDocument::new(experiment.figures.as_str()).with_media_type(MediaType::markdown());
     tape.log_columns("figures", [0], figures.columns_of_unit_batches().map_err(|e| e.to_string())?)?;
     for (path, chart) in &charts {
@@ -50,7 +50,7 @@ fn log(file: RrdFile, experiment: &Experiment) -> Logged {
     tape.flush()
 }
 
-/// What moves and the charts above, the figures below.
+/// The page: motion and charts above, figures below.
 fn page(layout: &mut Layout, experiment: &Experiment, charts: &[(String, ChartView)]) -> ContainerLike {
     let mut views: Vec<ContainerLike> = Vec::new();
     if let Some(motion) = &experiment.motion {
@@ -71,7 +71,7 @@ fn page(layout: &mut Layout, experiment: &Experiment, charts: &[(String, ChartVi
     page.with_name("Experiment").into()
 }
 
-/// Parts as circles over plate time, the ways they go, the plate.
+/// Logs the parts as circles over plate time, their paths and the plate.
 fn log_motion(tape: &Tape, motion: &Playback) -> Logged {
     let (h, tracks) = (motion.half_side_m, &motion.tracks);
     let rim = [[-h, -h], [h, -h], [h, h], [-h, h], [-h, -h]].map(place);
@@ -100,7 +100,7 @@ fn log_motion(tape: &Tape, motion: &Playback) -> Logged {
     tape.log_columns("motion/names", times_ns(), below.columns(rows()).map_err(|e| e.to_string())?)
 }
 
-/// Instant by instant a point for each track, so far below its centre.
+/// For each instant, a point for each track, `below_m` its centre.
 fn places(tracks: &[PlaybackTrack], instants: usize, below_m: impl Fn(&PlaybackTrack) -> f64) -> Vec<[f32; 2]> {
     let at = |i: usize| tracks.iter().filter_map(move |track| Some((track, *track.positions_m.get(i)?)));
     (0..instants).flat_map(at).map(|(track, [x, y])| place([x, y - below_m(track)])).collect()

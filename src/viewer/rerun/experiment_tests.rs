@@ -8,7 +8,7 @@ use crate::{RecordingError, RecordingStats};
 use upm_chart::{Axis, Chart, Color, Layer, Mark, Playback, PlaybackTrack};
 use upm_recording::RerunMode;
 
-/// A map and a curve with every mark there is, and two parts on their way.
+/// A map and a curve with every kind of mark, and two moving parts.
 fn experiment() -> Experiment {
     let grid = || (0..49).map(|i| [f64::from(i % 7) * 20.0 - 60.0, f64::from(i / 7) * 20.0 - 60.0]);
     let turn = |p: [f64; 2]| [-0.12 * p[1], 0.12 * p[0]];

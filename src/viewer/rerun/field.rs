@@ -1,11 +1,11 @@
-//! What a person sees and reads of a synthesised motion.
+//! Figures for the display of a synthesised motion.
 
 use std::f64::consts::TAU;
 
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::TwistWave;
 
-/// Moments of a base period that are looked at: 16 to a period of the highest harmonic there is.
+/// Number of moments sampled in a base period: 16 per period of the highest possible harmonic.
 const MOMENTS: usize = 256;
 
 /// The plate's velocity at moments spread evenly over one base period.
@@ -14,8 +14,8 @@ pub(super) fn over_a_period(wave: &TwistWave) -> impl Iterator<Item = Twist> + '
     (0..MOMENTS).map(move |i| wave.at(step_s * i as f64))
 }
 
-/// Largest speed anywhere on a square plate of half side `half_side_m`, m/s: of a corner, for speed has no largest value
-/// inside.
+/// Largest speed anywhere on a square plate of half side `half_side_m`, m/s. It occurs at a corner, since speed has no
+/// maximum inside.
 pub(super) fn strongest_speed_mps(wave: &TwistWave, half_side_m: f64) -> f64 {
     let corners = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)].map(|(x, y)| Vec2::new(x, y) * half_side_m);
     let fastest = |twist: Twist| corners.map(|corner| twist.velocity_at(corner).norm()).into_iter().fold(0.0, f64::max);

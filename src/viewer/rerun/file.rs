@@ -16,16 +16,16 @@ use super::live::Feed;
 use syncing::Syncing;
 use upm_recording::RecordingSwitch;
 
-/// The `.rrd` file as Rerun's log sink, or viewers alone. Unlike Rerun's own file sink it keeps the first write that fails,
-/// tells it at once on its switch, and can be closed with a result. Every message is one write, so a killed process leaves
-/// all that was written so far; a power cut takes the last second or so of it.
+/// The `.rrd` file as Rerun's log sink, or viewers alone. Unlike Rerun's file sink it keeps the first failed write,
+/// reports it at once on its switch, and returns a result when it is closed. Every message is one write, so a killed
+/// process loses nothing written so far; a power cut loses about the last second.
 #[derive(Clone)]
 pub(super) struct RrdFile(Arc<Mutex<State>>, RecordingSwitch);
 
 struct State {
     encoder: Option<Encoder<Counted>>,
     draft: Option<Draft>,
-    /// As long as the file is written.
+    /// `Some` while the file is written.
     syncing: Option<Syncing>,
     fault: Option<String>,
     messages: u64,
@@ -33,8 +33,8 @@ struct State {
 }
 
 impl RrdFile {
-    /// Writes to `out`, unbuffered, and gives `draft` its name when that is closed; what is written goes to all `feeds`
-    /// as well.
+    /// A sink that writes to `out`, unbuffered, and gives `draft` its name when it is closed; every message also goes
+    /// to all `feeds`.
     pub(super) fn new(
         out: Option<Box<dyn Write + Send>>,
         draft: Option<Draft>,
@@ -42,30 +42,30 @@ impl RrdFile {
         switch: RecordingSwitch,
     ) -> Result<Self, String> {
         let encoder = out.map(|out| encoder(out, &switch)).transpose()?;
-        // without it the disk has the last of it later
+        // without it the end of the file reaches the disk later
         let file = draft.as_ref().and_then(|draft| draft.to_sync().ok());
         let syncing = file.and_then(|file| Syncing::start(move || file.sync_data(), switch.clone()).ok());
         let state = State { encoder, draft, syncing, fault: None, messages: 0, feeds };
         Ok(Self(Arc::new(Mutex::new(state)), switch))
     }
 
-    /// How the recording is getting on.
+    /// Status of the recording.
     pub(super) fn switch(&self) -> &RecordingSwitch {
         &self.1
     }
 
-    /// True while a viewer gets what is logged.
+    /// True while a viewer is fed.
     pub(super) fn has_viewer(&self) -> bool {
         !self.state().feeds.is_empty()
     }
 
-    /// Lets go of all viewers.
+    /// Disconnects all viewers.
     pub(super) fn hang_up(&self) {
         self.state().feeds.clear();
     }
 
-    /// Writes the footer, closes the file and gives it its name; a viewer goes on being told. Bytes and messages
-    /// written, or the first write that failed.
+    /// Writes the footer, closes the file and gives it its name; viewers are still fed. Returns bytes and messages
+    /// written, or the first failed write.
     pub(super) fn close(&self) -> Result<(u64, u64), String> {
         let mut state = self.state();
         state.syncing = None;
@@ -87,7 +87,7 @@ impl RrdFile {
         }
     }
 
-    /// Nothing more is written, no footer neither: it would stand behind half a message.
+    /// Ends writing without a footer, which would follow an incomplete message.
     fn fail(&self, state: &mut State, fault: String) {
         state.encoder.take().map(Encoder::into_inner);
         state.syncing = None;
@@ -114,7 +114,7 @@ impl LogSink for RrdFile {
     }
 
     fn flush_blocking(&self, _timeout: Duration) -> Result<(), SinkFlushError> {
-        Ok(()) // what failed is told by the switch and by `close`
+        Ok(()) // the switch and `close` report a failure
     }
 
     fn defers_finalization_to_shutdown(&self) -> bool {
@@ -122,7 +122,7 @@ impl LogSink for RrdFile {
     }
 }
 
-/// What writes messages to `out`, the header first.
+/// An encoder that writes messages to `out`, the header first.
 fn encoder(out: Box<dyn Write + Send>, switch: &RecordingSwitch) -> Result<Encoder<Counted>, String> {
     switch.begin();
     let out = Counted { out, switch: switch.clone() };
@@ -130,7 +130,7 @@ fn encoder(out: Box<dyn Write + Send>, switch: &RecordingSwitch) -> Result<Encod
     encoder.map_err(|e| e.to_string()).inspect_err(|fault| switch.fail(fault.as_str()))
 }
 
-/// Counts what passes.
+/// Counts the bytes that pass through.
 struct Counted {
     out: Box<dyn Write + Send>,
     switch: RecordingSwitch,

@@ -6,17 +6,17 @@ use rerun::sink::{GrpcSink, LogSink};
 
 use upm_core::background::{OverflowPolicy, Queue, Worker};
 
-/// Messages that may wait for a viewer.
+/// Capacity of a viewer's queue, messages.
 pub(super) const VIEWER_QUEUE: usize = 512;
 
-/// How long the end of a run waits for the viewer to take what is left.
+/// Time for which the end of a run waits for the viewer to take the remaining messages.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// Passes messages of a recording on to viewers. Never waits.
+/// A function that passes messages of a recording on to viewers. Never blocks.
 pub(super) type Feed = Box<dyn FnMut(LogMsg) + Send>;
 
-/// The thread that feeds a viewer. A gRPC sink blocks for good when its viewer is frozen or absent, so it stands behind a
-/// queue that loses what finds no room.
+/// The thread that feeds a viewer. A gRPC sink blocks forever when its viewer is frozen or absent, so it is fed through
+/// a queue that drops messages when it is full.
 pub(super) struct Live {
     thread: Worker<bool>,
     queue: Queue<LogMsg>,
@@ -36,8 +36,8 @@ impl Live {
         Ok((Self { thread, queue }, feed))
     }
 
-    /// Waits a little for the viewer to take the rest; a stuck thread is left behind. Call when every
-    /// [`Feed`] is gone. Messages lost, and whether the viewer has all others.
+    /// Waits briefly for the viewer to take the remaining messages; a stuck thread is abandoned. To be called when
+    /// every [`Feed`] is dropped. Returns the number of lost messages, and whether the viewer has all others.
     pub(super) fn finish(self) -> (u64, bool) {
         let Self { thread, queue } = self;
         let lost = queue.lost();

@@ -22,34 +22,37 @@ use super::viewer_proxy::ViewerProxy;
 use upm_core::background::{OverflowPolicy, Queue, Receiver};
 use upm_core::priority::step_back;
 
-/// Messages that the server may have before it has taken them in. Its own bound is 128 MiB.
+/// Largest number of messages that the server has not yet taken in. Its own bound is 128 MiB.
 const MOST_AHEAD: usize = 64;
 
-/// Runs that one server of Rerun's is told of, unless viewers are there. It never forgets that there was a run, and what
-/// holds for the whole of one goes after all that changes: in the end its history would be of old runs alone.
+/// Number of runs after which one of Rerun's servers is replaced, unless viewers are connected. It never forgets a run,
+/// and it drops static data, which hold for a whole run, after all temporal data: eventually its history would hold old
+/// runs only.
 const RUNS_EACH: u32 = 16;
 
-/// Bytes of memory that a history takes for each that the server counts in it. Measured: 1.3 after fifty short runs, 2.1
+/// Bytes of memory used by a history per byte that the server counts in it. Measured: 1.3 after fifty short runs, 2.1
 /// after some hundred.
 const TAKEN_PER_COUNTED: u64 = 2;
 
-/// Least history of a server, counted bytes: with none at all it blocks whoever sends.
+/// Least history of a server, counted bytes: with an empty history it blocks the sender.
 const LEAST_HISTORY_BYTES: u64 = 1 << 20;
 
-/// Lowest port of a server behind the gate, and how many addresses are tried for it.
+/// Lowest port of a server behind the gate, and the number of addresses that are tried.
 const FIRST_PORT: u16 = 1024;
 const ADDRESSES_TRIED: usize = 64;
 
-/// How often and how far apart it is tried whether a new server answers.
+/// Number and interval of the attempts to reach a new server.
 const KNOCKS: usize = 200;
 const KNOCKS_APART: Duration = Duration::from_millis(10);
 
-/// Where Rerun viewers on this machine see the runs of one plate, each run as a recording of its own. It lives as long
-/// as the plate; clones are the same server. Who comes sees the last runs, the present one among them.
+/// A server for Rerun viewers on this machine that shows the runs of one plate, each run as a separate recording. It
+/// lives as long as the plate; clones are the same server. New viewers see the most recent runs, including the current
+/// one.
 ///
-/// A viewer that lags or is frozen costs the runs nothing: what it does not take is dropped, for all viewers, until it is
-/// let go after half a minute. Any program on this machine may connect, without a password. Pages in a browser are refused:
-/// they cannot speak HTTP/2 without TLS. Rerun's server behind would answer them; its address is random.
+/// A viewer that lags or is frozen does not delay the runs: the messages it does not take are dropped, for all viewers,
+/// until it is disconnected after half a minute. Any local program may connect, without a password. Pages in a browser
+/// are refused, because they cannot speak HTTP/2 without TLS. The Rerun server behind the gate would answer them, so
+/// its address is random.
 #[derive(Clone)]
 pub struct LiveServer(Arc<Serving>);
 
@@ -66,8 +69,8 @@ struct OnShow {
 }
 
 impl LiveServer {
-    /// Starts to listen on `port` of the loopback, any free one without it. The newest messages are kept for
-    /// viewers that come later, as many as take about `history_bytes` of memory.
+    /// Starts listening on `port` of the loopback, or on any free one. The newest messages are kept for later viewers,
+    /// within about `history_bytes` of memory.
     pub fn start(port: Option<u16>, history_bytes: u64) -> io::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port.unwrap_or(0)))?;
         let (stage, address) = Stage::start(history_bytes)?;
@@ -77,18 +80,18 @@ impl LiveServer {
         Ok(Self(Arc::new(Serving { uri, proxy, history_bytes, on_show })))
     }
 
-    /// What a viewer connects to, `rerun+http://127.0.0.1:PORT/proxy`.
+    /// Address for viewers, `rerun+http://127.0.0.1:PORT/proxy`.
     pub fn uri(&self) -> &str {
         &self.0.uri
     }
 
-    /// Messages that the present server lost because a viewer lagged.
+    /// Number of messages that the present server lost because a viewer lagged.
     #[cfg(test)]
     pub(super) fn lost(&self) -> u64 {
         lock(&self.0.on_show).stage.queue.lost()
     }
 
-    /// What feeds it during one run, whose layout depends on nothing but `layout`.
+    /// The feed for one run whose layout depends on `layout` alone.
     pub(super) fn feed(&self, layout: String) -> Feed {
         let mut feed = RunFeed { stage: self.0.stage_of_a_run(), layout, layout_whole: true };
         Box::new(move |message| feed.offer(message))
@@ -116,27 +119,27 @@ impl Serving {
     }
 }
 
-/// One server of Rerun's, and the way to it. It ends with its last run.
+/// One of Rerun's servers and the queue to it. It ends with its last run.
 struct Stage {
     queue: Queue<LogMsg>,
     layouts: Mutex<Layouts>,
 }
 
-/// Layouts that the server has, by what they depend on. It forgets none, so one for each run would fill the memory.
+/// Layouts that the server has, by their key. It never forgets one, so a layout for each run would fill the memory.
 #[derive(Default)]
 struct Layouts {
     told: HashMap<String, BlueprintActivationCommand>,
-    /// The one that viewers show.
+    /// Key of the layout that viewers show.
     shown: Option<String>,
 }
 
 impl Stage {
-    /// Starts a server and waits until it answers; where it does comes with it.
+    /// Starts a server and waits until it answers; also returns its address.
     fn start(history_bytes: u64) -> io::Result<(Arc<Self>, SocketAddr)> {
         let (queue, messages) = Queue::bounded(VIEWER_QUEUE, OverflowPolicy::GiveUp);
         let (told, started) = sync_channel(1);
         thread::Builder::new().name("live".into()).spawn(move || {
-            // the server's own threads are what this one is
+            // the server's threads inherit this priority
             step_back();
             let sink = sink(history_bytes);
             let address =
@@ -152,7 +155,7 @@ impl Stage {
     }
 }
 
-/// A server of Rerun's where nobody expects it, and where that is.
+/// One of Rerun's servers at an unpredictable address, and that address.
 fn sink(history_bytes: u64) -> io::Result<(GrpcServerSink, SocketAddr)> {
     let address = hidden_address()?;
     let options = ServerOptions {
@@ -164,9 +167,8 @@ fn sink(history_bytes: u64) -> io::Result<(GrpcServerSink, SocketAddr)> {
     Ok((sink, address))
 }
 
-/// A free address that a page in a browser cannot guess: the server there answers pages, whichever name they use for it.
-/// On Linux every address of 127.0.0.0/8 is this machine's; that and the port are some 40 bits. Elsewhere it is the port
-/// alone.
+/// A free address that a page in a browser cannot guess: the server there would answer pages under any host name. On
+/// Linux all of 127.0.0.0/8 is this machine; address and port give some 40 bits. Elsewhere only the port varies.
 fn hidden_address() -> io::Result<SocketAddr> {
     let mut free = Err(io::ErrorKind::AddrInUse.into());
     for _ in 0..ADDRESSES_TRIED {
@@ -186,7 +188,7 @@ fn hidden_address() -> io::Result<SocketAddr> {
 struct RunFeed {
     stage: Arc<Stage>,
     layout: String,
-    /// False when some of the layout was dropped.
+    /// False when a part of the layout was dropped.
     layout_whole: bool,
 }
 
@@ -199,7 +201,7 @@ impl RunFeed {
         }
     }
 
-    /// A layout goes to the server once; after that it is only shown again.
+    /// Sends a layout to the server once; after that it is only selected again.
     fn offer_layout(&mut self, message: LogMsg) {
         let Stage { queue, layouts } = &*self.stage;
         let mut layouts = lock(layouts);
@@ -227,8 +229,8 @@ fn lock<T>(held: &Mutex<T>) -> MutexGuard<'_, T> {
     held.lock()
 }
 
-/// Hands on what comes until nobody sends any more. When the sink is dropped here it waits for the slowest viewer, so
-/// nobody waits for this thread.
+/// Passes messages on until all senders are gone. Dropping the sink waits for the slowest viewer, so this thread is
+/// never waited for.
 fn serve(sink: &GrpcServerSink, messages: &Receiver<LogMsg>) {
     let mut ahead = 0;
     while let Ok(message) = messages.recv() {

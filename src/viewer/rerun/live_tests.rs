@@ -1,4 +1,4 @@
-//! A live stream as viewers and runs meet it. The viewers here speak just enough HTTP/2 to ask for it.
+//! Tests of a live stream with viewers and runs. The viewers here speak just enough HTTP/2 to request it.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -15,7 +15,7 @@ use upm_fixtures::synthetic_run::SyntheticRun;
 use upm_recording::{Keeping, RecordingState, RerunMode};
 
 const HISTORY_BYTES: u64 = 16 << 20;
-/// The widest window of HTTP/2, bytes.
+/// Largest window of HTTP/2, bytes.
 const WIDEST: u32 = 0x7fff_ffff;
 
 fn address(server: &LiveServer) -> SocketAddr {
@@ -34,9 +34,9 @@ fn record(server: &LiveServer, mode: &RerunMode, path: &Path, fields: bool) -> R
     sink.finish()
 }
 
-/// A connection that has asked for everything the server has, and takes it.
+/// A connection that has requested everything the server has and reads it.
 fn viewer(server: &LiveServer) -> TcpStream {
-    // windows as large as they go, or nothing would come after 64 KiB
+    // with the largest windows, as otherwise the stream would end after 64 KiB
     let mut stream = frozen_viewer(server);
     stream.write_all(&frame(4, 0, 0, &[&[0, 4][..], &WIDEST.to_be_bytes()].concat())).unwrap();
     stream.write_all(&frame(8, 0, 0, &(WIDEST - 65_535).to_be_bytes())).unwrap();
@@ -48,7 +48,7 @@ fn frame(kind: u8, flags: u8, stream: u8, payload: &[u8]) -> Vec<u8> {
     [&length[1..], &[kind, flags, 0, 0, 0, stream], payload].concat()
 }
 
-/// A connection that has asked for everything, and takes no more than 64 KiB of it.
+/// A connection that has requested everything and reads at most 64 KiB of it.
 fn frozen_viewer(server: &LiveServer) -> TcpStream {
     let names = [
         (":method", "POST"),
@@ -72,12 +72,12 @@ fn frozen_viewer(server: &LiveServer) -> TcpStream {
     stream
 }
 
-/// True once `stream` has brought `text`.
+/// True once `stream` has delivered `text`.
 fn brings(stream: &mut TcpStream, text: &str) -> bool {
     brought_with(stream, text).is_some()
 }
 
-/// All that `stream` has brought once `text` is among it.
+/// Everything that `stream` has delivered once `text` is in it.
 fn brought_with(stream: &mut TcpStream, text: &str) -> Option<Vec<u8>> {
     stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
     let mut seen = Vec::new();
@@ -90,7 +90,7 @@ fn brought_with(stream: &mut TcpStream, text: &str) -> Option<Vec<u8>> {
     }
 }
 
-/// What the next frame brings of data, which may be nothing.
+/// Data in the next frame, possibly empty.
 fn payload(stream: &mut TcpStream) -> io::Result<Vec<u8>> {
     let mut head = [0; 9];
     stream.read_exact(&mut head)?;
@@ -104,7 +104,7 @@ fn has(bytes: &[u8], text: &str) -> bool {
     bytes.windows(text.len()).any(|window| window == text.as_bytes())
 }
 
-/// Name of the recording in the file at `path`, new for every run.
+/// Name of the recording in the file at `path`; each run has a new one.
 fn recording_id(path: &Path) -> String {
     stores(path).0.id().recording_id().to_string()
 }
@@ -139,7 +139,7 @@ fn who_comes_after_many_runs_sees_the_last_ones_and_who_stays_sees_all() {
     let mut late = viewer(&server);
     let seen = brought_with(&mut late, &ids[19]).unwrap();
     assert_eq!(ids.iter().filter(|id| has(&seen, id)).count(), 4, "16 of one server are gone");
-    // as long as somebody looks, no run is taken away from before them
+    // while a viewer is connected, no run is removed from its history
     let more: Vec<String> = (0..20).map(|_| run()).collect();
     assert!(brings(&mut late, &more[19]));
     let seen = brought_with(&mut viewer(&server), &more[19]).unwrap();

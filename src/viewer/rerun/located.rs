@@ -1,4 +1,4 @@
-//! A single picture with what was found in it, on the page that runs have for their first frame.
+//! A recording of a single picture with its detections, on the page that shows the first frame of a run.
 
 use std::path::Path;
 
@@ -11,8 +11,8 @@ use crate::types::{RecordingError, RecordingStats};
 use upm_recording::LocalisedRecord;
 use upm_recording::RerunMode;
 
-/// Records what was `found` in a picture, parts by their `names`, into the file at `path` and to the viewer of `mode`;
-/// `title` names the recording. With [`RerunMode::Off`] does nothing.
+/// Records the findings `found` in a picture, with the parts' `names`, into the file at `path` and to the viewer of
+/// `mode`; `title` names the recording. Does nothing with [`RerunMode::Off`].
 pub fn record_located(
     mode: &RerunMode,
     path: &Path,

@@ -3,14 +3,14 @@ use upm_core::ground_truth::GroundTruth;
 use upm_core::time::PlateTime;
 use upm_perception::vision::Track;
 
-/// Some looks in a row, thinned out. Every list but `at` has `parts` values a look.
+/// Consecutive looks, thinned out. Every list but `at` has `parts` values per look.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Looks {
     parts: usize,
     pub(super) at: Vec<PlateTime>,
     pub(super) measured_m: Vec<Vec2>,
     pub(super) image_px: Vec<Vec2>,
-    /// Empty when the rig tells no truth.
+    /// True positions, m; empty on a rig without ground truth.
     pub(super) true_m: Vec<Vec2>,
     frames: u32,
     track_us: f64,
@@ -34,12 +34,12 @@ impl Looks {
         self.track_us += us;
     }
 
-    /// Frames tracked, and how long that took altogether, µs.
+    /// Number of frames tracked, and the total time of tracking, µs.
     pub(super) fn tracked(&self) -> (u32, f64) {
         (self.frames, self.track_us)
     }
 
-    /// Takes one look; one that shows other parts than the run has is left out.
+    /// Adds one look; a look with another number of parts is ignored.
     pub(super) fn push(&mut self, at: PlateTime, tracks: &[Track], truth: Option<&GroundTruth>) {
         if tracks.len() != self.parts || truth.is_some_and(|truth| truth.parts.len() != self.parts) {
             return;

@@ -1,4 +1,4 @@
-//! Colours and coordinates that every view shares.
+//! Colours and coordinates shared by all views.
 
 use rerun::{Arrows2D, Color, Ellipses2D, LineStrip2D, LineStrips2D, Points2D, Radius};
 
@@ -8,22 +8,22 @@ use upm_core::units::mm_from_m;
 /// Red, green and blue.
 pub(super) type Rgb = (u8, u8, u8);
 
-/// What was measured.
+/// Colour of measurements.
 pub(super) const MEASURED: Rgb = (80, 165, 255);
-/// What is true.
+/// Colour of the ground truth.
 pub(super) const TRUE: Rgb = (90, 225, 120);
-/// Where parts shall end.
+/// Colour of targets.
 pub(super) const TARGET: Rgb = (255, 165, 40);
-/// Where parts should go next.
+/// Colour of subgoals.
 pub(super) const SUBGOAL: Rgb = (255, 225, 120);
-/// What was predicted.
+/// Colour of predictions.
 pub(super) const PREDICTED: Rgb = (200, 130, 255);
-/// Chosen centres of rotation.
+/// Colour of chosen centres of rotation.
 pub(super) const CENTER: Rgb = (255, 80, 110);
-/// Things in the background.
+/// Colour of the background.
 pub(super) const FAINT: Rgb = (135, 140, 155);
 
-/// Colours of things that come in numbers.
+/// Colours of numbered items.
 const SERIES: [Rgb; 8] = [
     (80, 165, 255),
     (255, 165, 40),
@@ -39,12 +39,12 @@ pub(super) fn color((r, g, b): Rgb) -> Color {
     Color::from_rgb(r, g, b)
 }
 
-/// Colours of `count` series.
+/// Colours of `count` series, repeated as needed.
 pub(super) fn series(count: usize) -> Vec<Color> {
     SERIES.into_iter().cycle().take(count).map(color).collect()
 }
 
-/// A line's width that stays the same at any zoom, half of it, in points of the screen.
+/// Radius (half the width) of a line whose width is constant at any zoom, in points of the screen.
 pub(super) fn thin(points: f32) -> Radius {
     Radius::new_ui_points(points)
 }

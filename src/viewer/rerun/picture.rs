@@ -1,4 +1,4 @@
-//! Pictures small enough for a recording.
+//! Encoding of pictures that keeps recordings small.
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, GrayImage, ImageEncoder, RgbImage};
@@ -13,7 +13,7 @@ pub(super) fn jpeg(frame: &Frame) -> Result<EncodedImage, String> {
     encode_jpeg(&frame.pixels, frame.width, frame.height)
 }
 
-/// `frame` at half its size, each pixel the mean of four, as JPEG. `halved` is working space.
+/// `frame` at half its size, each pixel the mean of four, as JPEG. `halved` is a scratch buffer.
 pub(super) fn jpeg_at_half_size(frame: &Frame, halved: &mut Vec<u8>) -> Result<EncodedImage, String> {
     let (width, height) = (frame.width / 2, frame.height / 2);
     let mut columns: Vec<u16> = Vec::with_capacity(frame.width);
@@ -38,12 +38,12 @@ fn encode_jpeg(pixels: &[u8], width: usize, height: usize) -> Result<EncodedImag
     Ok(EncodedImage::new(bytes).with_media_type("image/jpeg"))
 }
 
-/// Shades of gray as PNG.
+/// A gray picture as PNG.
 pub(super) fn gray_png(map: &GrayImage) -> Result<EncodedImage, String> {
     encode_png(map.as_raw(), map.dimensions(), ExtendedColorType::L8)
 }
 
-/// Colours as PNG.
+/// A colour picture as PNG.
 pub(super) fn color_png(map: &RgbImage) -> Result<EncodedImage, String> {
     encode_png(map.as_raw(), map.dimensions(), ExtendedColorType::Rgb8)
 }

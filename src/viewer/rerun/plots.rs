@@ -24,13 +24,13 @@ const SINGLE: [&str; 5] = ["plan/total_mm", "plan/pulses", "timing/track_us", "t
 
 /// The plan of each cycle, errors and wall times as curves.
 pub(super) struct Plots {
-    /// Frames tracked in this cycle, and the time that took, µs.
+    /// Frames tracked in this cycle, and the total time of tracking, µs.
     tracked: (u32, f64),
     half_side_m: f64,
 }
 
 impl Plots {
-    /// Logs names and colours.
+    /// Logs names and colours of the series.
     pub(super) fn start(tape: &Tape, context: &RunContext) -> Result<Self, String> {
         for path in BY_PART {
             let names = context.parts.iter().map(|part| part.id.as_str());
@@ -44,7 +44,7 @@ impl Plots {
         Ok(Self { tracked: (0, 0.0), half_side_m: 0.5 * context.model.plate_side_m })
     }
 
-    /// How far measured and true positions are apart.
+    /// Logs the distance of measured from true positions.
     pub(super) fn looks(&mut self, tape: &Tape, looks: &Looks) -> Logged {
         let (frames, track_us) = looks.tracked();
         self.tracked = (self.tracked.0 + frames, self.tracked.1 + track_us);
@@ -57,7 +57,7 @@ impl Plots {
         tape.log_columns("errors/sensing_mm", looks.at.iter().copied().map(nanos), columns)
     }
 
-    /// What the look of a cycle says, and its plan.
+    /// Logs the errors at the look that starts a cycle, and its plan.
     pub(super) fn planned(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
         log_each(tape, "errors/to_target_mm", distances_mm(&cycle.observed_m, &cycle.wanted.targets_m))?;
         log_each(tape, "errors/cross_track_mm", cycle.wanted.cross_track_m.iter().map(|&off_m| mm_from_m(off_m)))?;
@@ -82,7 +82,7 @@ impl Plots {
         mm_from_m((square(harmonic.cos) + square(harmonic.sin)).sqrt())
     }
 
-    /// What came of it, and how long it took.
+    /// Logs the result of a cycle and its timing.
     pub(super) fn ended(&mut self, tape: &Tape, cycle: &CycleRecord) -> Logged {
         log_each(tape, "errors/to_subgoal_mm", distances_mm(&cycle.result_m, &cycle.wanted.subgoals_m))?;
         if let Some(predicted_m) = cycle.plan.predicted_m.last() {
@@ -95,7 +95,7 @@ impl Plots {
     }
 }
 
-/// Bars numbered from 1.
+/// Logs bars numbered from 1.
 fn log_bars(tape: &Tape, path: &str, heights: Vec<f64>) -> Logged {
     let numbers: Vec<f64> = (1..=heights.len()).map(|j| j as f64).collect();
     tape.log(path, &BarChart::new(heights).with_abscissa(numbers).with_color(paint::color(paint::CENTER)))

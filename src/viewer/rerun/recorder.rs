@@ -19,16 +19,16 @@ use upm_perception::vision::Track;
 use upm_recording::RecordingReport;
 use upm_recording::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 
-/// What was logged is sent on into the file this often. Rerun's own rhythm fails beside large images: whenever one
-/// series is sent because it is large, all others have to wait for another [`GATHER`](super::tape::GATHER), and so on without end. With a
-/// run that waits for its recorder the recorder waits until it is there, so that nothing piles up on the way; with one that
-/// does not, Rerun holds what a disk that hangs does not take.
+/// Interval at which logged data are flushed to the file. Rerun's batching alone fails beside large images: whenever
+/// one series is sent because it is large, all others wait for another [`GATHER`](super::tape::GATHER), and so on
+/// without end. With a run that waits for its recorder, the recorder waits for each flush, so that no data pile up on
+/// the way; with any other run, Rerun holds the data that a hanging disk does not take.
 const FLUSH: Duration = Duration::from_millis(200);
 
-/// How long the recorder waits for a message before it looks at the clock.
+/// Time for which the recorder waits for a message before it checks the clock.
 const LISTEN: Duration = Duration::from_millis(50);
 
-/// What the control loop's thread hands over.
+/// A message from the control loop's thread.
 pub(super) enum Message {
     Localised(Box<LocalisedRecord>),
     Looks(Looks),
@@ -38,18 +38,18 @@ pub(super) enum Message {
     Event(EventRecord),
 }
 
-/// What lies before the recorder.
+/// Inputs of the recorder thread.
 pub(super) struct Desk {
     pub(super) messages: Receiver<Message>,
-    /// Where pixels go when they are used up.
+    /// Queue that returns pixel buffers for reuse.
     pub(super) pixels_back: Queue<Vec<u8>>,
     pub(super) clock: MonotonicClock,
     pub(super) file: RrdFile,
-    /// True when the run waits for what cannot be recorded as fast as it is told.
+    /// True when the run waits for a recorder that lags.
     pub(super) run_waits: bool,
 }
 
-/// The thread that turns facts into what a person sees.
+/// The state of the thread that turns facts into log entries.
 pub(super) struct Recorder {
     tape: Tape,
     cycle: u64,
@@ -59,12 +59,12 @@ pub(super) struct Recorder {
     plots: Plots,
     words: Words,
     context: RunContext,
-    /// True when it was logged that the recording ends early.
+    /// True when the early end of the recording was logged.
     end_told: bool,
 }
 
 impl Recorder {
-    /// Opens the stream into `file` and logs what never changes.
+    /// Opens the stream into `file` and logs the static data.
     pub(super) fn start(file: RrdFile, context: RunContext) -> Result<Self, String> {
         let name = format!("{}, seed {}", context.name, context.seed);
         let tape = Tape::start(file, name, |stream| blueprint::send(stream, &context))?;
@@ -75,8 +75,8 @@ impl Recorder {
         Ok(Self { tape, cycle: 0, camera, table, signals, plots, words: Words::default(), context, end_told: false })
     }
 
-    /// Logs every message until the sender is gone, or the recording is stopped and nobody watches. After a fault the
-    /// rest is thrown away, so nobody waits.
+    /// Logs every message until the sender is gone, or until the recording is stopped and no viewer is connected. After
+    /// a fault the remaining messages are discarded, so that the sender never blocks.
     pub(super) fn run(mut self, desk: &Desk) -> Logged {
         let Desk { messages, clock, file, .. } = desk;
         let mut recorded = Ok(());
@@ -100,7 +100,7 @@ impl Recorder {
             if let (Some(reason), false) = (file.switch().wanted_stop(), stopped) {
                 stopped = true;
                 recorded = recorded.and_then(|()| self.last_words(RecordingReport::stopped(reason).text));
-                file.close().ok(); // what fails is told by the switch
+                file.close().ok(); // the switch reports a failure
             }
             if stopped && !file.has_viewer() {
                 break;
@@ -113,7 +113,7 @@ impl Recorder {
         recorded.and(flushed)
     }
 
-    /// Why there is nothing after this, and all that was logged into the file.
+    /// Logs the reason for the end of the recording, and flushes everything logged into the file.
     fn last_words(&mut self, text: String) -> Logged {
         if !self.end_told {
             self.end_told = true;

@@ -1,4 +1,4 @@
-//! Makes a whole recording of what a killed process left.
+//! Repair of the recording that a killed process left.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufReader, ErrorKind, Read, Seek};
@@ -15,12 +15,12 @@ use rerun::log::LogMsg;
 use super::draft::{Draft, keep, lock, open_regular};
 use crate::types::{RecordingError, Repaired};
 
-/// No message of a recording is longer, packed or unpacked. What says it is, is broken.
+/// Largest length of a message in a recording, packed or unpacked, bytes. A message with a larger length is broken.
 const LONGEST_BYTES: u64 = 64 << 20;
 
-/// Makes the whole recording `out` of `part`, which may end anywhere: every message up to the first broken one, and the
-/// footer. A `part` that is whole is only renamed; in any case it is gone afterwards. It may be done again after being
-/// broken off. Refuses a `part` that is still being written, that is no regular file, and what is no recording.
+/// Makes a complete recording `out` from `part`, which may end anywhere: every message up to the first broken one, and
+/// the footer. A complete `part` is only renamed; in any case it is gone afterwards. Safe to repeat after an
+/// interruption. Refuses a `part` that is still being written, that is not a regular file, or that is not a recording.
 pub fn repair_recording(part: &Path, out: &Path) -> Result<Repaired, RecordingError> {
     repair(part, out).map_err(|reason| RecordingError::Repair { path: part.to_owned(), reason })
 }
@@ -38,7 +38,7 @@ fn repair(part: &Path, out: &Path) -> Result<Repaired, String> {
     let messages = frames.copy_into(copy).inspect_err(|_| {
         fs::remove_file(draft.part()).ok(); // a full disk needs the room
     })?;
-    // first in the place of the broken one, so that two of them never stand side by side
+    // moved to the place of the broken one first, so that two of them never exist side by side
     keep(draft.part(), part).and_then(|()| keep(part, out)).map_err(words)?;
     Ok(Repaired { messages, cut_bytes: frames.size - frames.at, was_whole: false })
 }
@@ -47,16 +47,16 @@ fn words(fault: impl std::fmt::Display) -> String {
     fault.to_string()
 }
 
-/// A recording as a row of framed messages, one of them in memory at a time. A frame is only believed when it ends
-/// within the file: Rerun's own decoder would take memory for any length it reads.
+/// A recording as a sequence of framed messages, one of them in memory at a time. A frame is accepted only when it ends
+/// within the file: Rerun's decoder would allocate any length it reads.
 struct Frames {
     file: BufReader<File>,
     size: u64,
-    /// Where the next frame begins.
+    /// Offset of the next frame, bytes.
     at: u64,
-    /// What the file begins with.
+    /// Header of the file.
     head: Vec<u8>,
-    /// The frame read last, its header first.
+    /// The last frame read, its header included.
     frame: Vec<u8>,
 }
 
@@ -71,7 +71,7 @@ impl Frames {
         Ok(frames)
     }
 
-    /// To the first message. What is too short for one holds none; anything but a recording is a fault.
+    /// Seeks to the first message. A file too short for the header has none; one that is not a recording is an error.
     fn rewind(&mut self) -> io::Result<()> {
         self.file.rewind()?;
         self.at = 0;
@@ -84,7 +84,7 @@ impl Frames {
         Ok(())
     }
 
-    /// Reads so many bytes more of the frame, or tells that the file is too short for that.
+    /// Appends `bytes` bytes to the frame; false when the file is too short.
     fn read(&mut self, bytes: u64) -> io::Result<bool> {
         if bytes > LONGEST_BYTES || self.at.checked_add(bytes).is_none_or(|end| end > self.size) {
             return Ok(false);
@@ -94,7 +94,7 @@ impl Frames {
         Ok(read == bytes)
     }
 
-    /// The kind of the next frame, which is in memory then; `None` when it is broken or there is none.
+    /// Reads the next frame into memory and returns its kind; `None` when it is broken or the file ends.
     fn next(&mut self) -> io::Result<Option<MessageKind>> {
         self.frame.clear();
         if !self.read(HEADER_BYTES as u64)? {
@@ -104,7 +104,7 @@ impl Frames {
         Ok(self.read(len)?.then_some(kind))
     }
 
-    /// The number of messages in a recording that was closed, from its footer to the last byte.
+    /// The number of messages in a recording that was closed properly, whose footer is valid and ends with the file.
     fn whole(&mut self) -> io::Result<Option<u64>> {
         let mut messages = 0;
         loop {
@@ -126,8 +126,8 @@ impl Frames {
         Ok(is_its_footer.then_some(messages))
     }
 
-    /// Copies every message up to the first broken one into a recording of its own and closes that. Stands behind the
-    /// last one copied then. How many there were.
+    /// Copies every message up to the first broken one into a new recording and closes it. Afterwards the position is
+    /// after the last message copied. Returns the number of messages.
     fn copy_into(&mut self, out: File) -> Result<u64, String> {
         let mut encoder =
             Encoder::new_eager(CrateVersion::LOCAL, EncodingOptions::PROTOBUF_COMPRESSED, out).map_err(words)?;
@@ -146,28 +146,28 @@ impl Frames {
     }
 }
 
-/// Rerun's reader of footers relies on it.
+/// Rerun's footer reader assumes it.
 fn has_one_entry(footer: &[u8]) -> bool {
     footer.ends_with(&1_u32.to_le_bytes())
 }
 
-/// Makes messages of frames.
+/// Decodes frames into messages.
 struct Unpacker {
     decoder: DecoderTransport,
     apps: CachingApplicationIdInjector,
 }
 
 impl Unpacker {
-    /// For a recording that begins with `head`.
+    /// An unpacker for a recording that begins with `head`.
     fn new(head: Vec<u8>) -> Self {
         let mut decoder = DecoderTransport::new();
         decoder.push_byte_chunk(head);
         Self { decoder, apps: CachingApplicationIdInjector::default() }
     }
 
-    /// The message in `frame`, unless it is broken; nothing comes after that.
+    /// The message in `frame`; `None` when it is broken, in which case no message after it is valid.
     fn unpack(&mut self, frame: &[u8]) -> Option<LogMsg> {
-        // what reads the formats underneath is not ours: should it panic over broken bytes, they are just broken
+        // the decoders underneath are third-party code: if one panics on broken bytes, the frame counts as broken
         let unpacked = catch_unwind(AssertUnwindSafe(|| {
             self.decoder.push_byte_chunk(frame.to_vec());
             let message = self.decoder.try_read().ok()??;

@@ -13,7 +13,7 @@ use crate::{RecordingError, Repaired};
 use upm_fixtures::synthetic_run::SyntheticRun;
 use upm_recording::RerunMode;
 
-/// A recording of two cycles, and where each of its messages ends.
+/// A recording of two cycles, and the end of each of its messages, bytes.
 fn recording() -> &'static (Vec<u8>, Vec<usize>) {
     static RECORDING: OnceLock<(Vec<u8>, Vec<usize>)> = OnceLock::new();
     RECORDING.get_or_init(|| {
@@ -42,7 +42,7 @@ fn messages(path: &Path) -> Vec<LogMsg> {
     messages.map(Result::unwrap).collect()
 }
 
-/// Repairs `bytes`: what was done, and what came of it.
+/// Repairs `bytes`: the folder, the path and the result.
 fn repaired(bytes: &[u8]) -> (tempfile::TempDir, PathBuf, Result<Repaired, RecordingError>) {
     let folder = tempfile::tempdir().unwrap();
     let (part, path) = (folder.path().join("run.rrd.part"), folder.path().join("run.rrd"));
@@ -51,7 +51,7 @@ fn repaired(bytes: &[u8]) -> (tempfile::TempDir, PathBuf, Result<Repaired, Recor
     (folder, path, done)
 }
 
-/// Whole messages in the first `cut` bytes, and where they end.
+/// Number of complete messages in the first `cut` bytes, and their end, bytes.
 fn whole_up_to(cut: usize) -> (u64, usize) {
     let ends = recording().1.iter().take_while(|&&end| end <= cut);
     let end = recording().1.iter().rev().find(|&&end| end <= cut);
@@ -77,7 +77,7 @@ fn cut_anywhere_a_recording_opens_again_with_every_whole_message() {
         assert_eq!(done.unwrap(), expected, "cut at {cut}");
         let left: Vec<_> = fs::read_dir(path.parent().unwrap()).unwrap().map(|entry| entry.unwrap().path()).collect();
         assert_eq!(left, std::slice::from_ref(&path), "nothing else is left");
-        // whole now: its footer stands where it should
+        // complete now: its footer is in the right place
         let again = repair_recording(&path, &path).unwrap();
         assert_eq!(again, Repaired { messages, cut_bytes: 0, was_whole: true }, "cut at {cut}");
     }
@@ -160,7 +160,7 @@ proptest! {
         cut in 0.0..1.0f64, garbage in prop::collection::vec(any::<u8>(), 20..300), zeros in any::<bool>(),
     ) {
         let (bytes, ends) = recording();
-        // behind the first message, so that it stays a recording; and inside a message or just behind one
+        // after the first message, so that it remains a recording; inside a message or just after one
         let cut = ends[0] + ((ends[ends.len() - 1] - ends[0]) as f64 * cut) as usize;
         let garbage = if zeros { vec![0; garbage.len()] } else { garbage };
         let (messages, end) = whole_up_to(cut);

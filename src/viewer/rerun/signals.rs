@@ -6,23 +6,23 @@ use upm_core::signal::{AccelTrace, Drive, MISSING_SAMPLE, MOTORS};
 use upm_perception::estimation::PlateFit;
 use upm_recording::PulseRecord;
 
-/// Samples of a motor's waveform a second, at least; and for each period of its highest harmonic.
+/// Least number of samples of a motor's waveform per second, and per period of its highest harmonic.
 const MOTOR_HZ: f64 = 1000.0;
 const MOTOR_SAMPLES_A_PERIOD: f64 = 8.0;
 
-/// Base periods of the traces that are kept, in the middle of the sustain.
+/// Number of base periods of a trace that are recorded, in the middle of the sustain.
 const TRACE_PERIODS: f64 = 4.0;
-/// Samples of a trace a second, at most.
+/// Largest number of samples of a trace per second.
 const TRACE_HZ: f64 = 2500.0;
 
 /// Entities of the two accelerometers; each has x and y.
 const ACCELEROMETERS: [&str; 2] = ["accelerometers/1", "accelerometers/2"];
 
-/// What was sent to the motors and what the accelerometers saw of it.
+/// The signals of each pulse: the drive of the motors and the accelerometers' trace.
 pub(super) struct Signals;
 
 impl Signals {
-    /// Logs names and colours.
+    /// Logs names and colours of the series.
     pub(super) fn start(tape: &Tape) -> Result<Self, String> {
         let names = ["X1", "X2", "Y1", "Y2"];
         let lines = SeriesLines::new().with_names(names).with_colors(paint::series(MOTORS)).with_widths([1.0]);
@@ -51,7 +51,7 @@ impl Signals {
             log_scalars(tape, &format!("{entity}/measured"), start_ns, &times_s, values, 2)?;
         }
         let Ok(fit) = &pulse.fit else { return Ok(()) };
-        // a last sample that is no number ends the line, so that it does not run on to the next pulse
+        // a last sample that is not a number ends the line, so that it is not connected to the next pulse
         let end_s = times_s.last().map_or(0.0, |last| last + 1.0 / pulse.trace.sample_hz);
         for (entity, channels) in ACCELEROMETERS.into_iter().zip([[0, 1], [2, 3]]) {
             let fitted =
@@ -86,7 +86,7 @@ fn interleaved(pair: [Vec<f64>; 2]) -> impl Iterator<Item = f64> {
     first.into_iter().zip(second).flat_map(|(a, b)| [a, b])
 }
 
-/// Times after the start, s, and whole counts, motor by motor, from silence to silence.
+/// Times after the start, s, and whole counts, for each motor, from silence to silence.
 fn motor_samples(drive: &Drive) -> (Vec<f64>, Vec<f64>) {
     let harmonics = drive.motors.iter().map(Vec::len).max().unwrap_or(0) as f64;
     let top_hz = harmonics * drive.base_radps / std::f64::consts::TAU;
@@ -99,7 +99,7 @@ fn motor_samples(drive: &Drive) -> (Vec<f64>, Vec<f64>) {
     (times_s, counts)
 }
 
-/// Samples in the middle of the sustain, thinned out.
+/// Indices of the samples in the middle of the sustain, thinned out.
 fn trace_window(drive: &Drive, trace: &AccelTrace) -> Vec<usize> {
     let half_s = (0.5 * TRACE_PERIODS * std::f64::consts::TAU / drive.base_radps).min(0.5 * drive.envelope.sustain_s);
     let middle_s = drive.envelope.attack_s + 0.5 * drive.envelope.sustain_s;
@@ -115,7 +115,7 @@ fn measured_mps2(trace: &AccelTrace, channel: usize, i: usize) -> f64 {
     }
 }
 
-/// `c1 cos wt + s1 sin wt + c2 cos 2wt + s2 sin 2wt` (Eq. 12), and so on for as many harmonics as were fitted.
+/// `c1 cos wt + s1 sin wt + c2 cos 2wt + s2 sin 2wt` (Eq. 12), continued for as many harmonics as were fitted.
 fn fitted_mps2(fit: &PlateFit, channel: usize, t_s: f64) -> f64 {
     let (coefficients, base_radps) = match fit {
         PlateFit::Twist(fit) => (fit.accel_mps2[channel].as_chunks().0, fit.wave.base_radps),

@@ -19,38 +19,39 @@ use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
 use upm_recording::{EventRecord, Keeping, RecordingState, RecordingSwitch, RerunMode};
 
-/// Messages that may wait for the recorder; at most so many frames are held.
+/// Capacity of the queue to the recorder, messages; it also limits the number of frames held.
 const QUEUE: usize = 32;
 
-/// The same where the run waits when there are more: a part of a second of plate time, so that a kill costs little.
+/// The same where the run waits for the recorder: a fraction of a second of plate time, so that a kill loses little.
 const QUEUE_OF_WAITING: usize = 8;
 
-/// How often a run that waits for a recorder that lags looks whether it is told to stop.
+/// Interval at which a run that waits for its recorder checks for a request to stop.
 const STOP_LOOKED_AT: Duration = Duration::from_millis(10);
 
-/// The longest wait of a run that is told to stop: time enough for a recorder that works.
+/// Longest such wait of a run that was asked to stop: enough for a recorder that works.
 const STOPPED_WITHIN: Duration = Duration::from_millis(100);
 
-/// How long [`OverflowPolicy::GiveUp`] waits at the end for a disk that lags.
+/// Time for which [`OverflowPolicy::GiveUp`] waits at the end for a disk that lags.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Looks kept for trails, a second of plate time.
+/// Number of looks kept for trails per second of plate time.
 const LOOKS_HZ: f64 = 15.0;
 
-/// Looks are gathered no longer than this, s of plate time.
+/// Longest time for which looks are gathered, s of plate time.
 const GATHER_S: f64 = 0.2;
 
-/// Streams a run to Rerun. Dropping it closes the file as well, but only [`RerunSink::finish`] tells of faults.
+/// A sink that streams a run to Rerun. Dropping it closes the file as well, but only [`RerunSink::finish`] reports
+/// faults.
 pub struct RerunSink(Option<Running>);
 
 struct Running {
     path: PathBuf,
     /// True when there is a file.
     is_kept: bool,
-    /// `None` once the recorder was given up.
+    /// `None` once the recorder was abandoned.
     queue: Option<Queue<Message>>,
     overflow: OverflowPolicy,
-    /// The run is told to end.
+    /// Set when the run was asked to end.
     stop: Arc<AtomicBool>,
     spare_pixels: Receiver<Vec<u8>>,
     recorder: Worker<Closed>,
@@ -62,7 +63,7 @@ struct Running {
 }
 
 impl RerunSink {
-    /// Refuses a mode with an address that is none, before anything is started.
+    /// Refuses a mode with an invalid address, before anything is started.
     pub fn check(mode: &RerunMode) -> Result<(), RecordingError> {
         match mode {
             RerunMode::Connect { url: Some(url) } => parse_address(url.clone()).map(|_| ()),
@@ -70,8 +71,8 @@ impl RerunSink {
         }
     }
 
-    /// Starts recording into `path`, which is `path.part` until it is closed, and to `live`. With [`RerunMode::Off`] there
-    /// is no file; without a live stream either, this sink does nothing.
+    /// Starts recording into `path`, which is `path.part` until it is closed, and to `live`. With [`RerunMode::Off`]
+    /// there is no file; without a live stream as well, this sink does nothing.
     pub fn start(
         mode: &RerunMode,
         path: &Path,
@@ -86,7 +87,7 @@ impl RerunSink {
         Self::into_destination(to, context, keeping)
     }
 
-    /// Records into `to`.
+    /// Starts recording into `to`.
     pub(super) fn into_destination(
         to: Destination,
         context: RunContext,
@@ -125,8 +126,8 @@ impl RerunSink {
         Ok(Self(Some(running)))
     }
 
-    /// Waits until everything is written and closes the file. `Err` with the first fault of the whole run. A recording
-    /// that was stopped is none.
+    /// Waits until everything is written and closes the file. `Err` with the first fault of the whole run; a stop of
+    /// the recording is not a fault.
     pub fn finish(mut self) -> Result<RecordingStats, RecordingError> {
         self.0.take().map_or(Ok(RecordingStats::default()), Running::close)
     }
@@ -166,7 +167,8 @@ impl Running {
         stats(&self.path, self.live, closed.and_then(|written| lagged.map(|()| written)))
     }
 
-    /// Waits when the recorder lags, or gives it up. A dead recorder is told of by `close`.
+    /// Sends a message; waits when the recorder lags, or abandons it. The fault of a dead recorder is reported by
+    /// `close`.
     fn send(&mut self, message: Message) {
         let Some(queue) = &self.queue else { return };
         let mut waited = Duration::ZERO;
@@ -261,8 +263,8 @@ impl Sink for RerunSink {
     }
 }
 
-/// Makes a whole recording at once by `log`, into the file at `path` and to the viewer of `mode`. With
-/// [`RerunMode::Off`] does nothing.
+/// Makes a complete recording by `log`, in the file at `path` and for the viewer of `mode`. Does nothing with
+/// [`RerunMode::Off`].
 pub(super) fn record(
     mode: &RerunMode,
     path: &Path,
@@ -276,11 +278,10 @@ pub(super) fn record(
     stats(&path, live, close(&file, recorded))
 }
 
-/// Bytes and messages in a file, or why it is not whole.
+/// Bytes and messages in a complete file, or the reason that it is incomplete.
 type Closed = Result<(u64, u64), String>;
 
-/// Closes `file` in any case and lets go of its viewer. `Err` with the first fault of writing it or of what was
-/// `recorded`.
+/// Closes `file` in any case and disconnects its viewer. `Err` with the first fault of writing it or of `recorded`.
 fn close(file: &RrdFile, recorded: Logged) -> Closed {
     if let Err(fault) = &recorded {
         file.switch().fail(fault.as_str());
@@ -290,7 +291,7 @@ fn close(file: &RrdFile, recorded: Logged) -> Closed {
     closed.and_then(|written| recorded.map(|()| written))
 }
 
-/// Lets the viewer take what is left of the recording called `path`.
+/// Waits for the viewer to take the remaining messages and returns the statistics of the recording called `path`.
 fn stats(path: &Path, live: Option<Live>, closed: Closed) -> Result<RecordingStats, RecordingError> {
     let (viewer_missed, viewer_caught_up) = live.map_or((0, false), Live::finish);
     closed

@@ -1,4 +1,4 @@
-//! What a recording holds when nobody gets to close it.
+//! Tests of recordings whose process never closes them.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -23,7 +23,7 @@ use upm_core::time::{Clock, MonotonicClock};
 use upm_fixtures::synthetic_run::SyntheticRun;
 use upm_recording::{Fanout, Keeping, MemorySink, RecordingState, RerunMode, tell_recording};
 
-/// A folder, the recording in it, and the same before it is closed.
+/// A folder, the path of the recording in it, and its path before it is closed.
 fn places() -> (tempfile::TempDir, PathBuf, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.rrd");
@@ -31,7 +31,7 @@ fn places() -> (tempfile::TempDir, PathBuf, PathBuf) {
     (folder, path, part)
 }
 
-/// The newest moment of every series in the file at `path`, which may still be written, s.
+/// The newest time of every series in the file at `path`, which may still be written, s.
 fn newest_s(path: &Path) -> BTreeMap<String, f64> {
     let mut newest = BTreeMap::new();
     for message in DecoderApp::decode_lazy(BufReader::new(File::open(path).unwrap())) {
@@ -46,8 +46,8 @@ fn newest_s(path: &Path) -> BTreeMap<String, f64> {
     newest
 }
 
-/// Runs `frame` 60 times a second for 2.5 s and reads the growing file at `path` all along. The age of the oldest of
-/// these series in it, s: the middle one of all readings.
+/// Runs `frame` 60 times a second for 2.5 s and reads the growing file at `path` meanwhile. Returns the age of the
+/// oldest of these series in it, s: the median of all readings.
 fn age_in_file_s(path: &Path, series: &[&str], mut frame: impl FnMut() -> f64) -> f64 {
     let clock = MonotonicClock::new();
     let mut ages_s = Vec::new();
@@ -70,7 +70,7 @@ fn images_at_60_hz_keep_no_other_series_out_of_the_file() {
     let mut run = SyntheticRun::new(2);
     run.snow();
     let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &keeping()).unwrap();
-    // so large that Rerun sends them on by themselves, and puts off everything else for them
+    // so large that Rerun sends them at once and defers everything else
     let age_s = age_in_file_s(&part, &["/log", "/errors/sensing_mm", "/table/measured"], || {
         run.look(&mut sink, false, true);
         sink.event(run.now(), EventLevel::Info, "a frame");
@@ -107,7 +107,7 @@ fn a_recording_has_its_name_only_once_it_is_closed() {
     assert_eq!((keeping.recording.state(), keeping.recording.news()), (RecordingState::Whole, None));
 }
 
-/// Plays cycles until `done`, and tells of the recording as a run does.
+/// Plays cycles until `done`, and reports the recording as a run does.
 fn cycles_until(run: &mut SyntheticRun, sink: &mut RerunSink, keeping: &Keeping, done: RecordingState) -> MemorySink {
     let mut seen = MemorySink::default();
     let mut tell = |sinks: &mut dyn Sink, at| tell_recording(&keeping.recording, sinks, at);
@@ -198,7 +198,7 @@ fn a_run_that_is_told_to_stop_does_not_wait_for_a_disk_that_hangs() {
     let hanging = gate.lock().unwrap();
     let stopper = thread::spawn({
         let stop = Arc::clone(&keeping.stop);
-        // in the middle of the wait, mostly
+        // usually in the middle of the wait
         move || {
             thread::sleep(Duration::from_millis(300));
             stop.store(true, Ordering::Relaxed);

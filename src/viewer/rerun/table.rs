@@ -13,13 +13,13 @@ use upm_perception::estimation::PlateFit;
 use upm_planner::{PlannedPulse, Rotation};
 use upm_recording::{CycleRecord, Motion, PulseRecord};
 
-/// Centres of rotation farther out are drawn at the rim of a window this much larger than the plate.
+/// Centres of rotation farther out are drawn at the rim of a window larger than the plate by this factor.
 pub(super) const WINDOW: f64 = 1.25;
 
-/// Arrows of the field along each side of the plate.
+/// Number of arrows of the field along each side of the plate.
 const FIELD: usize = 11;
 
-/// The table from above, mm.
+/// The view of the table from above, mm.
 pub(super) struct TableView {
     half_side_m: f64,
     ids: Vec<String>,
@@ -30,7 +30,7 @@ pub(super) struct TableView {
 }
 
 impl TableView {
-    /// Logs what never changes: the plate, the library's centres of rotation, how parts look.
+    /// Logs the static data: the plate, the library's centres of rotation, sizes and colours of the parts.
     pub(super) fn start(tape: &Tape, context: &RunContext) -> Result<Self, String> {
         let half_side_m = context.model.plate_side_m / 2.0;
         let h = half_side_m;
@@ -42,7 +42,7 @@ impl TableView {
         let sizes = || context.parts.iter().map(|part| [mm_from_m(part.radius_m) as f32; 2]);
         let measured = Ellipses2D::update_fields().with_half_sizes(sizes()).with_line_radii([thin(1.75)]);
         tape.log_static("table/measured", &measured.with_colors([paint::color(paint::MEASURED)]))?;
-        // a thinner line over that of the measured one, so that both are seen where they agree
+        // thinner than the line of the measured one, so that both are visible where they agree
         let truth =
             Ellipses2D::update_fields().with_half_sizes(sizes()).with_line_radii([thin(0.6)]).with_draw_order(50.0);
         if context.truth.is_some() {
@@ -72,7 +72,7 @@ impl TableView {
         Ok(())
     }
 
-    /// Where the parts have been up to now.
+    /// Logs the trails of the parts up to now.
     pub(super) fn trails(&self, tape: &Tape) -> Logged {
         for (path, trails, paint) in [
             ("table/trails/measured", &self.measured, paint::MEASURED),
@@ -108,8 +108,8 @@ impl TableView {
         tape.log("table/read_centers", &points.with_draw_order(40.0))
     }
 
-    /// What each field of this cycle is forecast to do: an arrow from where it finds a part to where it leaves it. For
-    /// rotations the centres say it.
+    /// Logs the forecast of each field of this cycle: an arrow from the start to the end of each part's displacement.
+    /// For rotations the centres show it.
     fn log_forecast(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
         let steps_m = forecast_steps(cycle);
         if steps_m.is_empty() {
@@ -133,7 +133,7 @@ impl TableView {
         tape.log("table/wanted/steps", &paint::arrows(steps, paint::SUBGOAL, 1.25))
     }
 
-    /// This cycle's centres of rotation, numbered in the order they are played.
+    /// Logs this cycle's centres of rotation, numbered in playing order.
     fn log_centers(&self, tape: &Tape, pulses: &[PlannedPulse], library: &Library) -> Logged {
         let window_m = WINDOW * self.half_side_m;
         let chosen = pulses.iter().enumerate().filter_map(|(j, pulse)| {
@@ -152,8 +152,8 @@ impl TableView {
         tape.log("table/centers", &points)
     }
 
-    /// The sum of the sequence's fields, to first order, or the mean pull of friction in a synthesised one; the longest
-    /// arrow spans the grid's pitch.
+    /// Logs the sum of the sequence's fields, to first order, or the mean direction of friction in a synthesised one;
+    /// the longest arrow spans the grid's pitch.
     fn log_field(&self, tape: &Tape, pulses: &[PlannedPulse], library: &Library) -> Logged {
         let pitch_m = 2.0 * self.half_side_m / FIELD as f64;
         let middle = (FIELD as f64 - 1.0) / 2.0;
@@ -172,7 +172,7 @@ impl TableView {
     }
 }
 
-/// From where to where each field of a cycle is forecast to carry each part, m.
+/// Start and end of the forecast displacement of each part by each field of a cycle, m.
 fn forecast_steps(cycle: &CycleRecord) -> Vec<(Vec2, Vec2)> {
     let before_m = std::iter::once(&cycle.observed_m).chain(&cycle.plan.predicted_m);
     let stages = cycle.plan.pulses.iter().zip(before_m.zip(&cycle.plan.predicted_m));
@@ -180,11 +180,11 @@ fn forecast_steps(cycle: &CycleRecord) -> Vec<(Vec2, Vec2)> {
     of_fields.flat_map(|(_, (from_m, to_m))| from_m.iter().copied().zip(to_m.iter().copied())).collect()
 }
 
-/// Which way a pulse carries parts, and how far against the plan's others of its kind.
+/// Field of directions of a pulse, with its weight relative to the plan's others of the same kind.
 enum Flow {
-    /// `d τ(p)`, m.
+    /// A rotation: `d τ(p)`, m.
     Rotation { pump: Twist, distance_m: f64 },
-    /// The mean direction of the plate's velocity over this period of it.
+    /// The mean direction of the plate's velocity over this period.
     Field(Vec<Twist>),
 }
 
@@ -207,11 +207,11 @@ impl Flow {
     }
 }
 
-/// The centre of rotation of `pump`, drawn in to the rim of a square of half side `window_m`.
+/// The centre of rotation of `pump`, clamped to the rim of a square of half side `window_m`.
 fn place_of(pump: &Twist, window_m: f64) -> Option<Vec2> {
     let center = match Motion::of(pump)? {
         Motion::About { center_m, .. } => center_m,
-        // v = ω (p - C)^⊥ puts the centre to the left of the flow of a counter-clockwise turn
+        // v = ω (p - C)^⊥ puts the centre to the left of the flow of a counter-clockwise rotation
         Motion::Along { direction } => perp(direction) * 1e3,
     };
     let reach = center.amax() / window_m;

@@ -1,4 +1,4 @@
-//! The recording stream of a run, in its two timelines.
+//! The recording stream of a run with its two timelines.
 
 use std::time::Duration;
 
@@ -10,24 +10,24 @@ use rerun::{
 use super::file::RrdFile;
 use upm_core::time::PlateTime;
 
-/// Timeline of the experiment's own time.
+/// Name of the timeline of plate time.
 pub(super) const PLATE_TIME: &str = "plate_time";
-/// Timeline of cycles.
+/// Name of the timeline of cycles.
 const CYCLE: &str = "cycle";
 
 /// Name of the application in the viewer.
 pub(super) const APPLICATION: &str = "upm";
 
-/// How long chunks are gathered before they are written.
+/// Time for which Rerun gathers chunks before they are written.
 pub(super) const GATHER: Duration = Duration::from_millis(500);
 
 /// Bytes that may wait inside Rerun for the disk. Each of its two queues gets half.
 const MOST_WAITING_BYTES: u64 = 16 << 20;
 
-/// A recording stream whose faults are words, in the two timelines of a run.
+/// A recording stream with the two timelines of a run, whose errors are texts.
 pub(super) struct Tape(RecordingStream);
 
-/// Done, or what could not be logged.
+/// Result of logging, with the error as text.
 pub(super) type Logged = Result<(), String>;
 
 impl Tape {
@@ -53,17 +53,17 @@ impl Tape {
         Ok(Self(stream))
     }
 
-    /// Waits until all that was logged is in the file.
+    /// Waits until everything logged so far is in the file.
     pub(super) fn flush(&self) -> Logged {
         self.0.flush_blocking().map_err(|e| e.to_string())
     }
 
-    /// Sends all that was logged on its way into the file, without waiting.
+    /// Starts the writing of everything logged so far, without waiting.
     pub(super) fn send_on(&self) -> Logged {
         self.0.flush_async().map_err(|e| e.to_string())
     }
 
-    /// All that is logged next belongs to this moment.
+    /// Sets the time of everything logged from now on.
     pub(super) fn at(&self, at: PlateTime, cycle: u64) {
         self.0.set_time(PLATE_TIME, TimeCell::from_duration_nanos(nanos(at)));
         self.0.set_time_sequence(CYCLE, i64::try_from(cycle).unwrap_or(i64::MAX));
@@ -73,12 +73,12 @@ impl Tape {
         self.0.log(path, what).map_err(|e| format!("{path}: {e}"))
     }
 
-    /// Logs something that holds for the whole run.
+    /// Logs data that hold for the whole run.
     pub(super) fn log_static(&self, path: &str, what: &impl AsComponents) -> Logged {
         self.0.log_static(path, what).map_err(|e| format!("{path}: {e}"))
     }
 
-    /// Logs many moments at once, in plate time alone.
+    /// Logs data of many times at once, on the timeline of plate time alone.
     pub(super) fn log_columns(
         &self,
         path: &str,
@@ -90,7 +90,7 @@ impl Tape {
     }
 }
 
-/// Plate time as Rerun counts it, ns.
+/// Plate time on Rerun's timeline, ns.
 pub(super) fn nanos(at: PlateTime) -> i64 {
     i64::try_from(at.nanos()).unwrap_or(i64::MAX)
 }

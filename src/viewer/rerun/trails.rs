@@ -2,24 +2,24 @@ use std::collections::VecDeque;
 
 use upm_core::geometry::Vec2;
 
-/// Points kept of each trail.
+/// Number of points kept of each trail.
 const POINTS: usize = 600;
 
-/// Where several things have been of late.
+/// Recent paths of several items.
 #[derive(Clone, Debug)]
 pub(super) struct Trails {
     paths: Vec<VecDeque<Vec2>>,
-    /// Shorter moves are not kept, in the unit of the points.
+    /// Displacements shorter than this are not kept, in the unit of the points.
     step: f64,
 }
 
 impl Trails {
-    /// Of `count` things, a point every `step`.
+    /// Empty trails of `count` items, with a point every `step`.
     pub(super) fn new(count: usize, step: f64) -> Self {
         Self { paths: vec![VecDeque::with_capacity(POINTS); count], step }
     }
 
-    /// Takes the newest position of each.
+    /// Appends the newest position of each item.
     pub(super) fn push(&mut self, points: &[Vec2]) {
         for (path, &point) in self.paths.iter_mut().zip(points) {
             if path.back().is_none_or(|last| (point - last).norm() >= self.step) {
@@ -31,7 +31,7 @@ impl Trails {
         }
     }
 
-    /// Each trail, oldest point first, every point put through `place`.
+    /// Each trail, oldest point first, with every point mapped by `place`.
     pub(super) fn strips(&self, place: impl Fn(Vec2) -> [f32; 2]) -> Vec<Vec<[f32; 2]>> {
         self.paths.iter().map(|path| path.iter().map(|&point| place(point)).collect()).collect()
     }

@@ -9,33 +9,33 @@ use parking_lot::Mutex;
 use upm_core::priority::step_back;
 use upm_core::time::{Clock, MonotonicClock};
 
-/// Viewers at a time.
+/// Largest number of viewers at a time.
 const MOST_VIEWERS: usize = 16;
 
-/// Connections at a time that have not shown yet that they are viewers.
+/// Largest number of connections that have not yet been identified as viewers.
 const MOST_PENDING: usize = 64;
 
-/// The first bytes of every client that speaks HTTP/2. A viewer does; a page in a browser cannot, without TLS it is given
-/// HTTP/1. The server behind would answer pages, whichever name of this machine they use.
+/// The HTTP/2 connection preface. Browsers only speak HTTP/1 without TLS, so requiring it keeps web pages out. The
+/// server behind the proxy would answer pages, under any host name of this machine.
 const PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 
-/// Time to send it.
+/// Time within which a client has to send the preface.
 const PREFACE_WITHIN: Duration = Duration::from_secs(5);
 
-/// A viewer that takes nothing for so long is disconnected.
+/// Time after which a viewer that reads nothing is disconnected.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(30);
 
-/// Time that the server behind has to accept a connection.
+/// Time within which the server behind the proxy has to accept a connection.
 const CONNECT_WITHIN: Duration = Duration::from_secs(1);
 
-/// Pause before the next viewer when one could not be taken.
+/// Pause before the next viewer is accepted after a failure.
 const RETRY_AFTER: Duration = Duration::from_millis(20);
 
-/// Bytes passed on at once.
+/// Size of the buffer for copying, bytes.
 const COPY_BUFFER: usize = 16 << 10;
 
-/// One address for viewers, whichever server stands behind it: keeps browsers out and viewers to a number. A server may
-/// take another's place while there are no viewers.
+/// A fixed address for viewers in front of a replaceable server. It keeps browsers out and limits the number of
+/// viewers. The server can be replaced while no viewer is connected.
 #[derive(Debug)]
 pub(super) struct ViewerProxy {
     address: SocketAddr,
@@ -50,7 +50,7 @@ struct ProxyState {
     closed: bool,
 }
 
-/// A number of permits; each is free again when it is dropped.
+/// A number of permits; dropping one makes it available again.
 #[derive(Debug)]
 struct Permits {
     taken: Arc<()>,
@@ -73,14 +73,14 @@ impl Permits {
 }
 
 impl ViewerProxy {
-    /// Passes viewers that come to `listener` on to `server`.
+    /// Starts passing viewers that connect to `listener` on to `server`.
     pub(super) fn start(listener: TcpListener, server: SocketAddr) -> io::Result<Self> {
         let address = listener.local_addr()?;
         let (viewers, pending) = (Permits::new(MOST_VIEWERS), Permits::new(MOST_PENDING));
         let state = Arc::new(Mutex::new(ProxyState { server, viewers, pending, closed: false }));
         let accepted = Arc::clone(&state);
         thread::Builder::new().name("live-proxy".into()).spawn(move || {
-            // the threads that pass bytes on inherit this
+            // the relay threads inherit this
             step_back();
             accept_loop(&listener, &accepted);
         })?;
@@ -92,8 +92,8 @@ impl ViewerProxy {
         self.address
     }
 
-    /// Passes viewers on to the server that `start` makes, from now on; `None` while there are viewers, and `start` is not
-    /// called. Viewers that come meanwhile wait.
+    /// Replaces the server by the one that `start` makes. Returns `None`, without calling `start`, while viewers are
+    /// connected. Viewers that connect meanwhile wait.
     pub(super) fn replace_when_alone<T>(
         &self,
         start: impl FnOnce() -> io::Result<(T, SocketAddr)>,
@@ -111,7 +111,7 @@ impl ViewerProxy {
 impl Drop for ViewerProxy {
     fn drop(&mut self) {
         self.state.lock().closed = true;
-        // wakes the accepting thread, which then sees it
+        // wakes the accepting thread, which then checks the flag
         TcpStream::connect(self.address).ok();
     }
 }
@@ -132,7 +132,7 @@ fn refused(fault: &io::Error) {
     tracing::warn!("a viewer of the live stream was not let in: {fault}");
 }
 
-/// Serves the client on its own thread, once it has shown that it is a viewer.
+/// Serves the client on a new thread, once it has proved to be a viewer.
 fn accept(client: TcpStream, state: &Arc<Mutex<ProxyState>>) -> io::Result<()> {
     let pending = state.lock().pending.take("wait that have said nothing")?;
     let state = Arc::clone(state);
@@ -147,7 +147,7 @@ fn accept(client: TcpStream, state: &Arc<Mutex<ProxyState>>) -> io::Result<()> {
     thread::Builder::new().name("live-in".into()).spawn(serve).map(drop)
 }
 
-/// Reads [`PREFACE`] from the client, `within` this time, and nothing after it.
+/// Reads [`PREFACE`] from the client, `within` this time, and no byte more.
 fn read_preface(mut client: &TcpStream, within: Duration) -> io::Result<()> {
     let clock = MonotonicClock::new();
     let (mut read, mut count) = ([0; PREFACE.len()], 0);
@@ -163,11 +163,11 @@ fn read_preface(mut client: &TcpStream, within: Duration) -> io::Result<()> {
     client.set_read_timeout(None)
 }
 
-/// Passes bytes on both ways until one of the two is gone.
+/// Relays bytes in both directions until one side is gone.
 fn relay(viewer: &TcpStream, state: &Mutex<ProxyState>) -> io::Result<()> {
     let (permit, address) = {
         let state = state.lock();
-        // one permit for both ways
+        // one permit for both directions
         (Arc::new(state.viewers.take("are there already")?), state.server)
     };
     let mut server = TcpStream::connect_timeout(&address, CONNECT_WITHIN)?;
@@ -185,7 +185,7 @@ fn relay(viewer: &TcpStream, state: &Mutex<ProxyState>) -> io::Result<()> {
     Ok(())
 }
 
-/// Copies bytes until one end is gone, then closes both.
+/// Copies bytes until one side is gone, then closes both.
 fn copy(mut from: &TcpStream, mut to: &TcpStream) {
     let mut bytes = [0; COPY_BUFFER];
     while let Ok(count @ 1..) = from.read(&mut bytes) {
@@ -202,7 +202,7 @@ fn copy(mut from: &TcpStream, mut to: &TcpStream) {
 mod tests {
     use super::*;
 
-    /// A server that says `word` to everyone and then listens.
+    /// A server that sends `word` to every client and then listens.
     fn speaker(word: &'static [u8]) -> SocketAddr {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
@@ -219,7 +219,7 @@ mod tests {
         ViewerProxy::start(TcpListener::bind("127.0.0.1:0").unwrap(), speaker(word)).unwrap()
     }
 
-    /// A viewer, and the word it was told; empty when it was sent away.
+    /// A viewer and the word it received; empty when it was refused.
     fn viewer(proxy: &ViewerProxy) -> (TcpStream, Vec<u8>) {
         let mut stream = TcpStream::connect(proxy.address()).unwrap();
         stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
@@ -272,7 +272,7 @@ mod tests {
             page.write_all(words).unwrap();
             page.shutdown(Shutdown::Write).unwrap();
             let mut heard = Vec::new();
-            // it is sent away, politely or not
+            // the proxy refuses it, with or without an answer
             page.read_to_end(&mut heard).ok();
             assert_eq!(heard, b"", "{words:?}");
         }
@@ -286,7 +286,7 @@ mod tests {
             ViewerProxy::start(TcpListener::bind("127.0.0.1:0").unwrap(), server.local_addr().unwrap()).unwrap();
         let mut viewer = TcpStream::connect(proxy.address()).unwrap();
         let said = [PREFACE, b"and more"].concat();
-        // byte by byte, as a network may bring it
+        // byte by byte, as a network may deliver it
         said.iter().for_each(|byte| viewer.write_all(&[*byte]).unwrap());
         let mut heard = vec![0; said.len()];
         server.accept().unwrap().0.read_exact(&mut heard).unwrap();

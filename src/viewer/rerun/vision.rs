@@ -7,11 +7,11 @@ use upm_perception::vision::{HoughArray, Plane, Stages};
 use upm_recording::LocalisedRecord;
 use upm_recording::{edge_map, outline_px, response_map, vote_map};
 
-/// The map of votes is shrunk to no more than this, px: its peaks are small, and the view is wide.
+/// Largest size of the map of votes, px: its peaks are small, and the view is wide.
 const VOTES_PX: [usize; 2] = [720, 410];
 
-/// How table and parts were found: the frame at full size, edges, Hough votes and disk response, each with what was
-/// read off it. `names` are those of the parts.
+/// Logs the localisation of table and parts: the frame at full size, edges, Hough votes and disk response, each with
+/// its findings. `names` are those of the parts.
 pub(super) fn log(tape: &Tape, found: &LocalisedRecord, names: &[&str]) -> Logged {
     let Stages { edges, hough, disk_response } = &found.stages;
     log_frame(tape, found, names)?;
@@ -34,7 +34,7 @@ fn log_frame(tape: &Tape, found: &LocalisedRecord, names: &[&str]) -> Logged {
     tape.log("vision/frame/table", &paint::lines([outline], paint::TRUE, 1.0))?;
     let corners = paint::dots(found.table.corners_px.map(in_frame), paint::TRUE, 4.0);
     tape.log("vision/frame/corners", &corners.with_labels(["1", "2", "3", "4"]))?;
-    // scores stand in the view of the disk response: one word a part leaves many parts legible
+    // scores are in the view of the disk response: with one text per part, many parts remain legible
     let labels: Vec<String> =
         (0..found.detections.len()).map(|i| (*names.get(i).unwrap_or(&"part")).to_owned()).collect();
     let below = found.detections.iter().map(|part| in_frame(part.center_px + Vec2::y() * part.radius_px));

@@ -10,7 +10,7 @@ use upm_planner::{FieldPulse, PlanStatus, PlannedPulse, Rotation};
 use upm_recording::Motion;
 use upm_recording::{CycleRecord, EventRecord, LocalisedRecord};
 
-/// The run in words.
+/// The log of a run as text.
 #[derive(Default)]
 pub(super) struct Words {
     phase: String,
@@ -53,7 +53,7 @@ impl Words {
         say(tape, level, event.text.clone())
     }
 
-    /// A warning, at the last moment told of.
+    /// Logs a warning at the time of the last fact.
     pub(super) fn warn(&self, tape: &Tape, text: String) -> Logged {
         say(tape, TextLogLevel::WARN, text)
     }
@@ -63,7 +63,7 @@ fn say(tape: &Tape, level: &str, text: String) -> Logged {
     tape.log("log", &TextLog::new(text).with_level(level))
 }
 
-/// The pulses in the order they are played.
+/// The pulses in playing order, as text.
 fn sequence(pulses: &[PlannedPulse], context: &RunContext) -> String {
     let words = pulses.iter().map(|pulse| match pulse {
         PlannedPulse::Rotation(pulse) => rotation(pulse, &context.library),
@@ -72,7 +72,7 @@ fn sequence(pulses: &[PlannedPulse], context: &RunContext) -> String {
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// `4.0 mm about (10, -35)` or `-2.1 mm along (0.00, 1.00)`.
+/// A rotation as text: `4.0 mm about (10, -35)` or `-2.1 mm along (0.00, 1.00)`.
 fn rotation(pulse: &Rotation, library: &Library) -> String {
     let distance_mm = mm_from_m(pulse.distance_m);
     match library.entries.get(pulse.entry).and_then(|entry| Motion::of(&entry.pump)) {
@@ -86,7 +86,7 @@ fn rotation(pulse: &Rotation, library: &Library) -> String {
     }
 }
 
-/// `a field of 8 harmonics of 30.0 Hz for 120 ms, up to 0.85 m/s`.
+/// A synthesised motion as text: `a field of 8 harmonics of 30.0 Hz for 120 ms, up to 0.85 m/s`.
 fn field(pulse: &FieldPulse, half_side_m: f64) -> String {
     format!(
         "a field of {} harmonics of {:.1} Hz for {:.0} ms, up to {:.2} m/s",

@@ -9,15 +9,15 @@ use upm_recording::RecordingSwitch;
 /// Time from the end of one sync to the next.
 const EVERY: Duration = Duration::from_secs(1);
 
-/// A thread that brings a file to the disk while others write it: they never wait for that. It ends when this is dropped,
-/// and nobody waits for its end.
+/// A thread that syncs a file to the disk while others write it without waiting for that. It ends when this is dropped,
+/// without being waited for.
 pub(super) struct Syncing {
     _alive: SyncSender<()>,
 }
 
 impl Syncing {
-    /// Calls `sync` about once a second, as long as the recording of `switch` grows. When it fails the recording ends
-    /// as a failed one.
+    /// Calls `sync` about once a second while the recording of `switch` grows. When `sync` fails, the recording ends as
+    /// failed.
     pub(super) fn start(
         sync: impl FnMut() -> io::Result<()> + Send + 'static,
         switch: RecordingSwitch,
@@ -31,7 +31,7 @@ impl Syncing {
     }
 }
 
-/// Syncs `every` so often what is new, until nobody is left at the other end of `ended`.
+/// Syncs new data `every` so often, until `ended` is disconnected.
 fn run(mut sync: impl FnMut() -> io::Result<()>, ended: &Receiver<()>, every: Duration, switch: &RecordingSwitch) {
     let mut synced_bytes = 0;
     while ended.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
@@ -41,7 +41,7 @@ fn run(mut sync: impl FnMut() -> io::Result<()>, ended: &Receiver<()>, every: Du
         }
         synced_bytes = bytes;
         if let Err(fault) = sync() {
-            // the disk tells it once: a later sync would find nothing wrong
+            // the disk reports it once: a later sync would succeed
             let reason = format!("it cannot be brought to the disk: {fault}");
             switch.fail(reason.as_str());
             switch.stop(&reason);
